@@ -1,0 +1,1 @@
+"""Learning specifications from demonstrations, and asking the learned models causal questions."""

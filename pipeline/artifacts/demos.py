@@ -1,0 +1,97 @@
+"""Demonstrations and queries as stages exchange them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pipeline.artifacts.files import read_arrays, read_table, write_arrays, write_table
+from pipeline.params import InputError
+
+DEMO_COLUMNS = [
+    "seed",
+    "user",
+    "scene",
+    "demo",
+    "z_x",
+    "z_y",
+    "valid",
+    "residual_m",
+    "poor_fit",
+    "duration_s",
+    "samples",
+]
+DEMO_KEY = ["seed", "user", "scene", "demo"]
+
+
+@dataclass(frozen=True)
+class Queries:
+    """Paths to be judged in a pool of scenes: z (scene, query, 2) [m], valid: user -> (scene, query) bool."""
+
+    z: np.ndarray
+    valid: dict[str, np.ndarray]
+
+
+def write_demos(out_dir: Path, demos: pd.DataFrame, samples: np.ndarray, offsets: np.ndarray) -> None:
+    """Write demos.parquet and, row for row, recordings.npz (samples (total, 4): t [s], x, y, z [m])."""
+    if len(offsets) != len(demos) + 1 or offsets[-1] != len(samples):
+        raise ValueError(
+            f"{len(demos)} demonstrations do not match {len(offsets)} offsets into {len(samples)} samples"
+        )
+    write_table(out_dir / "demos.parquet", demos[DEMO_COLUMNS])
+    write_arrays(
+        out_dir / "recordings.npz",
+        {"samples": samples.astype(np.float32), "offsets": offsets.astype(np.int64)},
+    )
+
+
+def read_demos(directory: Path) -> pd.DataFrame:
+    """One row a demonstration, sorted by seed, user, scene, demo."""
+    demos = read_table(directory / "demos.parquet", DEMO_COLUMNS)
+    if not np.isfinite(demos[["z_x", "z_y"]].to_numpy()).all():
+        raise InputError(f"{directory}/demos.parquet: a z_theta is not finite; run the demos stage again")
+    return demos
+
+
+def read_recordings(directory: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Samples (total, 4) and offsets (demonstration + 1), in the row order of `read_demos`."""
+    arrays = read_arrays(directory / "recordings.npz")
+    return arrays["samples"], arrays["offsets"]
+
+
+def demo_arrays(demos: pd.DataFrame, seed: int, user: str, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """The first `n` demonstrations of each scene: z (scene, n, 2) [m], valid (scene, n)."""
+    rows = demos[(demos["seed"] == seed) & (demos["user"] == user) & (demos["demo"] < n)].sort_values(
+        ["scene", "demo"]
+    )
+    scenes = rows["scene"].nunique()
+    if scenes == 0 or len(rows) != scenes * n:
+        raise InputError(
+            f"{len(rows)} demonstrations of user {user}, seed {seed}: expected {n} in each scene; "
+            "run the demos stage again"
+        )
+    z = rows[["z_x", "z_y"]].to_numpy().reshape(scenes, n, 2)
+    return z, rows["valid"].to_numpy(dtype=bool).reshape(scenes, n)
+
+
+def write_queries(out_dir: Path, queries: dict[str, Queries]) -> None:
+    """Write queries.npz: `{pool}/z` and `{pool}/{user}`."""
+    arrays = {}
+    for pool, q in queries.items():
+        arrays[f"{pool}/z"] = q.z.astype(np.float64)
+        arrays |= {f"{pool}/{user}": valid for user, valid in q.valid.items()}
+    write_arrays(out_dir / "queries.npz", arrays)
+
+
+def read_queries(directory: Path) -> dict[str, Queries]:
+    """Queries by pool."""
+    arrays = read_arrays(directory / "queries.npz")
+    pools: dict[str, Queries] = {}
+    for name in (name for name in arrays if name.endswith("/z")):
+        pool = name.removesuffix("/z")
+        valid = {
+            k.removeprefix(f"{pool}/"): v for k, v in arrays.items() if k.startswith(f"{pool}/") and k != name
+        }
+        pools[pool] = Queries(arrays[name], valid)
+    return pools

@@ -1,0 +1,83 @@
+"""Files written whole or not at all, and with the same bytes for the same contents."""
+
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pipeline.params import InputError
+
+
+def write_whole(path: Path, write: Callable[[Path], object]) -> None:
+    """Call `write` on a temporary name beside `path`, then move it into place."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".part-{path.name}")
+    try:
+        write(temporary)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_table(path: Path, table: pd.DataFrame) -> None:
+    """A data frame as parquet (`.parquet`) or as csv (`.csv`, 6 significant digits)."""
+    if path.suffix == ".csv":
+        write_whole(path, lambda p: table.to_csv(p, index=False, float_format="%.6g", lineterminator="\n"))
+    else:
+        write_whole(path, lambda p: table.to_parquet(p, index=False, compression="zstd"))
+
+
+def read_table(path: Path, columns: Sequence[str] | None = None) -> pd.DataFrame:
+    """A table written by `write_table`; InputError if it is missing, unreadable or lacks a column."""
+    if not path.is_file():
+        raise InputError(f"{path} is missing: run `make repro` (or the stage that writes it) first")
+    try:
+        table = pd.read_csv(path) if path.suffix == ".csv" else pd.read_parquet(path)
+    except Exception as error:
+        raise InputError(f"{path} cannot be read ({error}): delete it and run its stage again") from error
+    missing = [c for c in columns or () if c not in table.columns]
+    if missing:
+        raise InputError(
+            f"{path} has columns {list(table.columns)}: expected also {missing}; run its stage again"
+        )
+    return table if columns is None else table[list(columns)]
+
+
+def write_json(path: Path, content: Mapping) -> None:
+    """JSON with sorted keys; NaN and infinity are refused (ValueError)."""
+    text = json.dumps(content, indent=2, sort_keys=True, allow_nan=False) + "\n"
+    write_whole(path, lambda p: p.write_text(text))
+
+
+def read_json(path: Path) -> dict:
+    """A JSON object; InputError if it is missing or no JSON."""
+    if not path.is_file():
+        raise InputError(f"{path} is missing: run `make repro` (or the stage that writes it) first")
+    try:
+        return json.loads(path.read_text())
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path} is no JSON ({error}): run its stage again") from error
+
+
+def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
+    """Named arrays as an uncompressed npz, in the order given."""
+
+    def write(temporary: Path) -> None:
+        with temporary.open("wb") as file:
+            np.savez(file, allow_pickle=False, **arrays)  # pyright: ignore[reportArgumentType]
+
+    write_whole(path, write)
+
+
+def read_arrays(path: Path) -> dict[str, np.ndarray]:
+    """Every array of an npz; InputError if it is missing or truncated."""
+    if not path.is_file():
+        raise InputError(f"{path} is missing: run `make repro` (or the stage that writes it) first")
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return {name: file[name] for name in file.files}
+    except Exception as error:
+        raise InputError(f"{path} cannot be read ({error}): delete it and run its stage again") from error

@@ -1,0 +1,33 @@
+"""Independent jobs over processes of one torch thread each."""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from typing import TypeVar
+
+import torch
+from tqdm import tqdm
+
+Job = TypeVar("Job")
+Result = TypeVar("Result")
+
+
+def map_jobs(function: Callable[[Job], Result], jobs: Sequence[Job], workers: int, desc: str) -> list[Result]:
+    """`[function(job) for job in jobs]` over `workers` fresh processes, with a progress bar.
+
+    `function` and its jobs must pickle. Results come in the order of the jobs and, since every process has
+    one torch thread, do not depend on `workers`. The first error ends the rest.
+    """
+    if workers == 1 or len(jobs) <= 1:
+        _one_thread()
+        return [function(job) for job in tqdm(jobs, desc=desc)]
+    with ProcessPoolExecutor(min(workers, len(jobs)), get_context("spawn"), initializer=_one_thread) as pool:
+        try:
+            return list(tqdm(pool.map(function, jobs), total=len(jobs), desc=desc))
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _one_thread() -> None:
+    torch.set_num_threads(1)

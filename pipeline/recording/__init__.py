@@ -1,0 +1,1 @@
+"""Rerun recordings: the only place that imports rerun."""

@@ -1,0 +1,1 @@
+"""Specification models, their losses and training, the IRL baseline, and repair by gradient."""

@@ -1,0 +1,53 @@
+"""The interface every specification model answers to: P(valid | image, path) for one user."""
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+from torch import Tensor, nn
+
+Array = np.ndarray
+SCENES_PER_BATCH = 256  # bounds the memory of a forward pass; results do not depend on it
+
+
+def to_tensor(images: UInt8[Array, "scene 100 100 3"]) -> Float[Tensor, "scene 3 100 100"]:
+    """Images as the networks take them: [0, 1], channels first, stored channels last."""
+    return (
+        torch.from_numpy(images)
+        .permute(0, 3, 1, 2)
+        .float()
+        .div(255)
+        .contiguous(memory_format=torch.channels_last)
+    )
+
+
+class Specification(nn.Module, ABC):
+    """One user's specification C_s: what it keeps of a scene, and how valid it finds a path there."""
+
+    @abstractmethod
+    def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Tensor:
+        """What the model keeps of each scene (first axis: scene), whatever the path."""
+
+    @abstractmethod
+    def logit(self, percept: Tensor, z_theta: Float[Tensor, "scene path 2"]) -> Float[Tensor, "scene path"]:
+        """Log-odds that each path [m] is valid; differentiable in `z_theta`."""
+
+    def forward(
+        self, images: Float[Tensor, "scene 3 100 100"], z_theta: Float[Tensor, "scene path 2"]
+    ) -> Float[Tensor, "scene path"]:
+        """Log-odds of validity from the images themselves."""
+        return self.logit(self.perceive(images), z_theta)
+
+    @torch.no_grad()
+    def probability(
+        self, images: UInt8[Array, "scene 100 100 3"], z_theta: Float[Array, "scene path 2"]
+    ) -> Float[Array, "scene path"]:
+        """P(valid) of each path [m], as float32; `eval()` mode, no gradient."""
+        self.eval()
+        z = torch.as_tensor(np.asarray(z_theta, dtype=np.float32))
+        parts = [
+            torch.sigmoid(self(to_tensor(images[i : i + SCENES_PER_BATCH]), z[i : i + SCENES_PER_BATCH]))
+            for i in range(0, len(images), SCENES_PER_BATCH)
+        ]
+        return torch.cat(parts).numpy()

@@ -1,0 +1,51 @@
+"""The users' rules: the truth of the simulated world, and the only place that knows it.
+
+A user keeps a margin [m] from the footprint of each symbol it cares about (Section "Dataset").
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray as Array
+
+from pipeline.table.bezier import curve
+from pipeline.table.layout import SYMBOLS, Layouts, point_segment_distance
+
+Margins = Mapping[str, float | None]  # symbol -> margin [m]; None: the user does not care
+SAMPLES = 65  # points along a Bezier path; halving the spacing moves no clearance by more than 0.2 mm
+
+
+def point_clearance(
+    layouts: Layouts, points: Float[Array, "scene path point 2"]
+) -> Float[Array, "scene path slot"]:
+    """Least distance [m] from each polyline's points to each footprint; inf where a slot is empty."""
+    ends = layouts.ends
+    out = np.full((*points.shape[:2], layouts.symbol.shape[1]), np.inf)
+    for slot in range(layouts.symbol.shape[1]):
+        a, b = ends[:, slot, 0, :][:, None, None], ends[:, slot, 1, :][:, None, None]
+        distance = point_segment_distance(points, a, b).min(-1) - layouts.radius[:, slot, None]
+        out[:, :, slot] = np.where(layouts.present[:, slot, None], distance, np.inf)
+    return out
+
+
+def clearance(layouts: Layouts, z_theta: Float[Array, "scene path 2"]) -> Float[Array, "scene path slot"]:
+    """Least distance [m] from each Bezier path to each footprint; negative inside, inf if empty."""
+    return point_clearance(layouts, curve(z_theta, SAMPLES))
+
+
+def slack(
+    layouts: Layouts, clearances: Float[Array, "scene path slot"], margins: Margins
+) -> Float[Array, "scene path"]:
+    """How far [m] each path stays outside the user's margins; inf if nothing matters to the user."""
+    margin = np.array([np.inf if margins[s] is None else margins[s] for s in SYMBOLS] + [np.inf])
+    wanted = np.where(layouts.present, margin[layouts.symbol], np.inf)[:, None, :]
+    cares = np.isfinite(wanted)
+    return np.where(cares, clearances - np.where(cares, wanted, 0.0), np.inf).min(-1)
+
+
+def valid(
+    layouts: Layouts, z_theta: Float[Array, "scene path 2"], margins: Margins
+) -> Bool[Array, "scene path"]:
+    """Whether each path satisfies the user: v of the paper."""
+    return slack(layouts, clearance(layouts, z_theta), margins) > 0
