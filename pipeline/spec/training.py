@@ -1,0 +1,91 @@
+"""Fits one user's model to its labelled demonstrations by full-batch gradient descent on Eq. 1."""
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, UInt8
+from numpy import ndarray as Array
+
+from pipeline.spec.losses import Terms, Weights, equation_1
+from pipeline.spec.specification import to_tensor
+from pipeline.spec.vae import VaeSpecification
+
+CURVE = ("step", "reconstruction", "kl", "classification", "total")  # columns of a learning curve
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """How long and how fast (conf/train): one step sees every demonstration once."""
+
+    steps: int
+    rate: float  # AdamW's peak learning rate; OneCycle warms up to it and anneals to nearly 0
+    weight_decay: float
+    curve_every: int  # steps between two points of the learning curve
+
+    def __post_init__(self):
+        for name in ("steps", "rate", "curve_every"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"train.{name} is {getattr(self, name)}: it must be positive")
+        if not self.weight_decay >= 0:
+            raise ValueError(f"train.weight_decay is {self.weight_decay}: it must be 0 or more")
+
+
+def job_seed(*names: str | int) -> int:
+    """A 63-bit seed of its own for each job, from what names it: e.g. (seed, user, n, variant)."""
+    digest = hashlib.sha256("/".join(map(str, names)).encode()).digest()
+    return int.from_bytes(digest[:8], "big") >> 1
+
+
+def laplace(valid: Bool[Array, "*demo"]) -> float:
+    """Laplace's rule of succession: P(the next path is valid) = (valid + 1) / (all + 2)."""
+    return (int(valid.sum()) + 1) / (valid.size + 2)
+
+
+def fit(
+    model: VaeSpecification,
+    images: UInt8[Array, "scene 100 100 3"],
+    z_theta: Float[Array, "scene n 2"],
+    valid: Bool[Array, "scene n"],
+    weights: Weights,
+    schedule: Schedule,
+    seed: int,
+) -> Float[Array, "point 5"]:
+    """Train `model` in place on n demonstrations [m] a scene; returns the learning curve (`CURVE`).
+
+    Demonstrations that are all valid (or all invalid) say nothing about what an image or a path changes: such
+    a user's model keeps its untrained encoder and gets a constant head instead, at Laplace's probability.
+    `seed` draws the latent noise; torch's global generator is left alone.
+    """
+    if valid.all() or not valid.any():
+        model.set_constant_head(laplace(valid))
+        model.eval()
+        loss = weights.gamma * -np.log(max(laplace(valid), 1 - laplace(valid)))
+        return np.array([[0, 0, 0, loss, loss]])
+    return _descend(model, images, z_theta, valid, weights, schedule, seed)
+
+
+def _descend(model, images, z_theta, valid, weights, schedule, seed) -> Float[Array, "point 5"]:
+    """The gradient descent itself; a point of the curve is the loss before that many updates."""
+    x = to_tensor(images)
+    z = torch.from_numpy(z_theta.astype(np.float32))  # (scene, n, 2)
+    labels = torch.from_numpy(valid.astype(np.float32))  # (scene, n)
+    generator = torch.Generator().manual_seed(seed)
+    optimiser = torch.optim.AdamW(
+        model.parameters(), lr=schedule.rate, weight_decay=schedule.weight_decay, fused=True
+    )
+    cycle = torch.optim.lr_scheduler.OneCycleLR(optimiser, schedule.rate, total_steps=schedule.steps)
+    curve: list[tuple[int, Terms]] = []
+    model.train()
+    for step in range(schedule.steps):
+        noise = torch.randn(len(x), model.latent, generator=generator)
+        terms = equation_1(model, x, z, labels, weights, noise)
+        optimiser.zero_grad()
+        terms.total.backward()
+        optimiser.step()
+        cycle.step()
+        if step % schedule.curve_every == 0 or step == schedule.steps - 1:
+            curve.append((step, Terms(*(term.detach() for term in terms))))
+    model.eval()
+    return np.array([[step, *map(float, terms), float(terms.total)] for step, terms in curve])
