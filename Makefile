@@ -1,0 +1,61 @@
+# Every target a person needs; `make` alone lists them.
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DEFAULT_GOAL := help
+PYTHON ?= python3
+VENV := .venv
+export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
+export PYTHONHASHSEED := 0
+READY := $(VENV)/.ready
+RUN ?=
+
+.PHONY: help venv repro test smoke bench review lint lock deps data clean
+
+help:  ## list the targets
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 10
+
+venv: $(READY)  ## create .venv from the pinned lock
+
+$(READY): requirements.lock requirements-dev.lock
+	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(0 if v >= (3, 11) else f"error: Python {v.major}.{v.minor} found, 3.11 or newer needed: make PYTHON=python3.11")'
+	$(PYTHON) -m venv $(VENV)
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check -r requirements-dev.lock
+	@touch $@
+
+repro: $(READY)  ## the whole experiment: data from the store, every stage, the report
+	dvc pull --allow-missing --quiet data.dvc
+	dvc repro
+	python -m pipeline.report.terminal
+
+test: $(READY)  ## ruff, pyright, the test suite (it includes the smoke run)
+	dvc pull --allow-missing --quiet data.dvc
+	ruff check . && ruff format --check .
+	pyright
+	python -m pytest -n 2 --dist loadfile
+
+smoke: $(READY)  ## the whole real graph, tiny, in a throwaway clone
+	bash tests/smoke.sh
+
+bench: $(READY)  ## benchmarks, each against a named baseline in the same run
+	python -m pytest bench --benchmark-only
+
+review: $(READY)  ## open one recording: make review RUN=full-careful-s0
+	python -m pipeline.recording.review $(RUN)
+
+lint: $(READY)  ## format and lint in place
+	ruff format . && ruff check --fix . && pyright
+
+lock: $(READY)  ## pin requirements*.in anew
+	pip-compile --quiet --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-trusted-host -o requirements.lock requirements.in
+	pip-compile --quiet --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-trusted-host -o requirements-dev.lock requirements-dev.in
+	sed -i 's/^torch==\([0-9.]*\)+cpu/torch==\1/' requirements.lock requirements-dev.lock  # either build will do
+
+deps: $(READY)  ## write each stage's import closure into dvc.yaml
+	python -m pipeline.audit --write
+
+data: $(READY)  ## draw data/ anew and put it into the store
+	python -m drawing
+	dvc add data && dvc push data.dvc
+
+clean:  ## remove the environment and DVC's cache
+	rm -rf $(VENV) .dvc/cache .dvc/tmp
