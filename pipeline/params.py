@@ -53,14 +53,14 @@ def load(path: Path, overrides: Sequence[str] = ()) -> DictConfig:
     try:
         cfg = OmegaConf.create(path.read_text())
         if not isinstance(cfg, DictConfig):
-            raise InputError("it holds no mapping")
+            raise InputError(f"{path} holds no mapping: run `python -m pipeline.params` to write it anew")
         cfg.merge_with_dotlist(list(overrides))
         OmegaConf.resolve(cfg)
-    except (yaml.YAMLError, OmegaConfBaseException, InputError) as error:
+        validate(cfg)
+    except (yaml.YAMLError, OmegaConfBaseException) as error:
         raise InputError(
             f"{path} with {list(overrides)} is not parameters ({error}): run `python -m pipeline.params`"
         ) from error
-    validate(cfg)
     return cfg
 
 
@@ -73,7 +73,7 @@ def validate(cfg: DictConfig) -> None:
                 f"parameter {name} is {got!r}: expected {expected}; change it in conf/ or on the command line"
             )
 
-    def whole(value: object, low: int, high: float = float("inf")) -> bool:
+    def whole(value: object, low: int, high: int = sys.maxsize) -> bool:
         return isinstance(value, int) and not isinstance(value, bool) and low <= value <= high
 
     for name in ("seeds", "validation_seeds"):

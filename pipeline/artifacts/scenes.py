@@ -78,7 +78,7 @@ def read_scenes(directory: Path) -> SceneSet:
         ):
             raise InputError(
                 f"{directory}: pool {pool} holds {array.dtype} images {array.shape}, "
-                f"{len(look_by_pool[pool])} scenes; expected uint8 (scene, 100, 100, 3); run the scenes stage again"
+                f"{len(look_by_pool[pool])} scenes; expected uint8 (scene, 100, 100, 3); run its stage again"
             )
     layouts = {pool: _layouts(by_pool[pool], len(images[pool]), slots + 1) for pool in images}
     return SceneSet(images, layouts, look_by_pool)

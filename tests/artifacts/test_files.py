@@ -1,0 +1,78 @@
+"""Artefacts are written whole, read back as they were, and refused with a reason when damaged."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline.artifacts.files import (
+    read_arrays,
+    read_json,
+    read_table,
+    write_arrays,
+    write_json,
+    write_table,
+    write_whole,
+)
+from pipeline.params import InputError
+
+
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path):
+    path = tmp_path / "a.txt"
+    path.write_text("old")
+
+    def half(temporary: Path) -> None:
+        temporary.write_text("ne")
+        raise RuntimeError("killed")
+
+    with pytest.raises(RuntimeError):
+        write_whole(path, half)
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("name", ["t.parquet", "t.csv"])
+def test_a_table_comes_back_and_its_bytes_repeat(tmp_path: Path, name: str):
+    table = pd.DataFrame({"seed": [0, 1], "p": [0.25, 0.5]})
+    write_table(tmp_path / name, table)
+    first = (tmp_path / name).read_bytes()
+    write_table(tmp_path / name, table)
+    assert (tmp_path / name).read_bytes() == first
+    pd.testing.assert_frame_equal(read_table(tmp_path / name, ["seed", "p"]), table)
+
+
+def test_arrays_come_back_and_their_bytes_repeat(tmp_path: Path):
+    arrays = {"b": np.arange(6).reshape(2, 3), "a": np.array([0.5], dtype=np.float32)}
+    write_arrays(tmp_path / "a.npz", arrays)
+    first = (tmp_path / "a.npz").read_bytes()
+    write_arrays(tmp_path / "a.npz", arrays)
+    assert (tmp_path / "a.npz").read_bytes() == first
+    back = read_arrays(tmp_path / "a.npz")
+    assert list(back) == ["b", "a"]
+    for name, array in arrays.items():
+        np.testing.assert_array_equal(back[name], array)
+        assert back[name].dtype == array.dtype
+
+
+@pytest.mark.parametrize(
+    ("name", "read"), [("x.npz", read_arrays), ("x.parquet", read_table), ("x.json", read_json)]
+)
+def test_a_missing_or_truncated_file_says_what_to_do(tmp_path: Path, name: str, read):
+    with pytest.raises(InputError, match=r"missing.*make repro"):
+        read(tmp_path / name)
+    (tmp_path / name).write_bytes(b"PK\x03\x04 half")
+    with pytest.raises(InputError, match="again"):
+        read(tmp_path / name)
+
+
+def test_a_table_without_a_wanted_column_is_refused(tmp_path: Path):
+    write_table(tmp_path / "t.parquet", pd.DataFrame({"seed": [0]}))
+    with pytest.raises(InputError, match="expected also \\['user'\\]"):
+        read_table(tmp_path / "t.parquet", ["seed", "user"])
+
+
+def test_json_refuses_numbers_that_are_none(tmp_path: Path):
+    with pytest.raises(ValueError):
+        write_json(tmp_path / "x.json", {"accuracy": float("nan")})
+    assert not (tmp_path / "x.json").exists()

@@ -1,0 +1,81 @@
+"""params.yaml is what conf/ composes, and no parameter out of its range gets past the door."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from dvc.utils.hydra import compose_and_dump
+from omegaconf import OmegaConf
+
+from pipeline.params import CONF, InputError, compose, load, render
+
+ROOT = CONF.parent
+
+
+def test_params_yaml_is_what_conf_composes():
+    assert (ROOT / "params.yaml").read_text() == render(compose())
+
+
+def test_dvc_composes_the_same_bytes(tmp_path: Path):
+    compose_and_dump(tmp_path / "params.yaml", str(CONF), None, "config", str(ROOT / "plugins"), [])
+    assert (tmp_path / "params.yaml").read_text() == render(compose())
+
+
+def test_every_profile_and_protocol_composes():
+    for group in ("profile", "protocol"):
+        for file in sorted((CONF / group).glob("*.yaml")):
+            compose([f"{group}={file.stem}"])
+
+
+@pytest.mark.parametrize(
+    ("override", "says"),
+    [
+        ("n=[0]", "parameter n is 0"),
+        ("n=[11]", "parameter n is 11"),
+        ("n=[1,3]", "study_n is 9"),
+        ("seeds=[]", "at least one seed"),
+        ("seeds=[1,1]", "every seed once"),
+        ("seeds=[100]", "none of `seeds`"),
+        ("users.careful.glass=-0.01", "users.careful.glass is -0.01"),
+        ("variant=fulll", "parameter variant is 'fulll'"),
+        ("seed=55", "parameter seed is 55"),
+        ("workers=0", "workers is 0"),
+        ("scenes.shared=0", "scenes.shared is 0"),
+        ("profile=none", "does not compose"),
+        ("no_such_key=1", "does not compose"),
+    ],
+)
+def test_a_parameter_out_of_range_is_named(override: str, says: str):
+    with pytest.raises(InputError, match=says):
+        compose([override])
+
+
+def test_an_unknown_user_needs_a_margin_for_each_symbol():
+    with pytest.raises(InputError, match=r"users\.hasty"):
+        compose(["+users.hasty={glass: 0.01}"])
+
+
+def test_a_stage_refuses_bad_parameters_before_any_work(tmp_path: Path):
+    bad = OmegaConf.create((ROOT / "params.yaml").read_text())
+    bad.n = [0]
+    (tmp_path / "params.yaml").write_text(OmegaConf.to_yaml(bad))
+    with pytest.raises(InputError, match="parameter n is 0"):
+        load(tmp_path / "params.yaml")
+    command = [sys.executable, "-m", "pipeline.stages.train", "--params", str(tmp_path / "params.yaml")]
+    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert run.returncode == 2
+    assert run.stderr.strip().startswith("error: parameter n is 0")
+    assert "Traceback" not in run.stderr
+
+
+@pytest.mark.parametrize("text", ["", "- 1\n", "seeds: [1", "a: ${b}\n"])
+def test_a_file_that_is_no_parameters_is_refused(tmp_path: Path, text: str):
+    (tmp_path / "params.yaml").write_text(text)
+    with pytest.raises(InputError, match=r"params\.yaml"):
+        load(tmp_path / "params.yaml")
+
+
+def test_a_missing_file_says_how_to_make_it(tmp_path: Path):
+    with pytest.raises(InputError, match=r"python -m pipeline\.params"):
+        load(tmp_path / "params.yaml")
