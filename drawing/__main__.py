@@ -1,0 +1,70 @@
+"""Write data/ anew, or a contact sheet of what it holds.
+
+python -m drawing                              data/items.csv, textures.csv and every picture
+python -m drawing --contact-sheet sheet.png    the items on table tops, symbol by symbol
+"""
+
+import argparse
+from pathlib import Path
+
+import pandas as pd
+from PIL import Image
+from tqdm import tqdm
+
+from drawing.designs import designs, surfaces
+from drawing.shading import SIDE
+
+SURFACE_WIDTH_M = 1.0  # a table top's picture measures this
+PROVENANCE = {"source": "drawn by python -m drawing", "licence": "MIT"}
+
+
+def write_data(directory: Path) -> None:
+    """Draw every item and table top into `directory` with their two catalogues."""
+    for folder in ("items", "textures"):
+        (directory / folder).mkdir(parents=True, exist_ok=True)
+    items = []
+    for design in tqdm(designs(), desc="items"):
+        file = f"items/{design.name}.png"
+        Image.fromarray(design.draw()).save(directory / file, optimize=True)
+        items.append(
+            {
+                "name": design.name, "symbol": design.symbol, "split": design.split,
+                "width_m": round(design.width_m, 4), "shape": design.shape, "radius_m": design.radius_m,
+                "half_length_m": design.half_length_m, "file": file, **PROVENANCE,
+            }
+        )  # fmt: skip
+    tops = []
+    for name, (split, draw) in tqdm(surfaces().items(), desc="table tops"):
+        file = f"textures/{name}.png"
+        Image.fromarray(draw()).save(directory / file, optimize=True)
+        tops.append({"name": name, "split": split, "width_m": SURFACE_WIDTH_M, "file": file, **PROVENANCE})
+    pd.DataFrame(items).to_csv(directory / "items.csv", index=False, lineterminator="\n")
+    pd.DataFrame(tops).to_csv(directory / "textures.csv", index=False, lineterminator="\n")
+
+
+def contact_sheet(directory: Path, columns: int = 15) -> Image.Image:
+    """Every item of `directory` on its table tops, a row a symbol: training, unseen, validation."""
+    items = pd.read_csv(directory / "items.csv")
+    tops = pd.read_csv(directory / "textures.csv")
+    cell = SIDE // 2
+    sheet = Image.new("RGB", (columns * cell, -(-len(items) // columns) * cell))
+    for i, file in enumerate(items["file"]):
+        top = Image.open(directory / tops["file"][i % len(tops)]).crop((0, 0, cell, cell))
+        item = Image.open(directory / file).resize((cell - 20, cell - 20), Image.Resampling.LANCZOS)
+        top.paste(item, (10, 10), item)
+        sheet.paste(top, (i % columns * cell, i // columns * cell))
+    return sheet
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(
+        prog="python -m drawing", description="Draw data/ or show what it holds."
+    )
+    parser.add_argument(
+        "--contact-sheet", type=Path, metavar="PNG", help="write a picture of every item instead"
+    )
+    sheet = parser.parse_args().contact_sheet
+    if sheet:
+        contact_sheet(Path("data")).save(sheet)
+    else:
+        write_data(Path("data"))

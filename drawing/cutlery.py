@@ -1,0 +1,90 @@
+"""Forks, knives and spoons lying along x: silhouettes, rounded metal, handles of several materials."""
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import UInt8
+from numpy import ndarray as Array
+from scipy.ndimage import distance_transform_edt
+
+from drawing.shading import FINE, finish, grid, mix, noise, plain, smoothstep
+
+Colour = tuple[float, float, float]
+HALF_WIDTH = 0.013  # of every piece's widest part [m]
+
+
+def cutlery(
+    seed: int, kind: str, length: float, metal: Colour, handle: Colour | None, slim: float
+) -> UInt8[Array, "side side 4"]:
+    """A piece `length` metres long: `kind` fork, knife, spoon or spork; `handle` None for all metal."""
+    x, y = grid()
+    along, across = (x + 1) / 2 * length, y / 2 * length  # metres from the handle's end, from the axis
+    profile, hole = PIECES[kind]
+    half = profile(along / length, slim) * HALF_WIDTH
+    solid = (np.abs(across) < half) & ~hole(along / length, across / HALF_WIDTH)
+    depth = distance_transform_edt(solid) * length / FINE  # metres from the nearest edge
+    alpha = np.clip(depth / (length / FINE), 0, 1)
+    round_ = 1 - np.exp(-depth / 0.0022)  # the metal's rounded edge
+    colour = plain(metal) * (0.52 + 0.48 * round_)[..., None]
+    streak = np.exp(-(((across - 0.25 * half) / np.maximum(0.22 * half, 1e-4)) ** 2))
+    colour += (0.34 * streak * round_)[..., None]
+    if kind in ("spoon", "spork"):
+        bowl = np.hypot((along / length - 0.845) / 0.13, across / HALF_WIDTH / 0.9)
+        colour *= (1 - 0.34 * (1 - smoothstep(0.35, 0.95, bowl)))[..., None]
+        colour += (0.25 * np.exp(-(((bowl - 0.55) / 0.18) ** 2)) * (across < 0))[..., None]
+    if kind == "knife":
+        edge = smoothstep(0.45, 0.6, along / length) * (across < -0.35 * half)
+        colour += 0.12 * edge[..., None]
+    if handle is not None:
+        grain = 0.06 * noise(np.random.default_rng(seed), 0.004, 0.08)
+        material = plain(handle) * (0.62 + 0.38 * round_ + grain)[..., None]
+        colour = mix(colour, material, 1 - smoothstep(0.50, 0.512, along / length))
+    return finish(colour, alpha)
+
+
+def _handle(s: Array, slim: float) -> Array:
+    """Half-width of the handle over the first half, a neck after it (in HALF_WIDTH)."""
+    end = np.sqrt(np.clip(1 - ((0.06 - s) / 0.06).clip(0, 1) ** 2, 0, 1))
+    return end * (slim + (0.22 - slim) * smoothstep(0.30, 0.60, s))
+
+
+def _oval(s: Array, centre: float, half: float) -> Array:
+    return np.sqrt(np.clip(1 - ((s - centre) / half) ** 2, 0, 1))
+
+
+def _spoon(s: Array, slim: float) -> Array:
+    return np.maximum(_handle(s, slim) * (s < 0.8), _oval(s, 0.845, 0.150))
+
+
+def _fork(s: Array, slim: float) -> Array:
+    head = smoothstep(0.62, 0.74, s) * (0.95 - 0.22 * smoothstep(0.8, 1.0, s)) * (s < 0.995)
+    return np.maximum(_handle(s, slim) * (s < 0.75), head)
+
+
+def _knife(s: Array, slim: float) -> Array:
+    blade = smoothstep(0.50, 0.54, s) * np.sqrt(np.clip((0.995 - s) / 0.12, 0, 1).clip(0, 1))
+    return np.maximum(_handle(s, slim) * (s < 0.55), 0.80 * blade)
+
+
+def _tines(gaps: int, start: float) -> Callable[[Array, Array], Array]:
+    """Slots between the tines, from `start` of the length to the tip."""
+
+    def hole(s: Array, across: Array) -> Array:
+        pitch = 1.5 / (gaps + 1)
+        centres = (np.arange(gaps) - (gaps - 1) / 2) * pitch
+        nearest = np.min([np.abs(across - c) for c in centres], axis=0)
+        return (nearest < 0.30 * pitch) & (s > start)
+
+    return hole
+
+
+def _none(s: Array, across: Array) -> Array:
+    return np.zeros(s.shape, dtype=bool)
+
+
+PIECES = {
+    "spoon": (_spoon, _none),
+    "fork": (_fork, _tines(3, 0.76)),
+    "knife": (_knife, _none),
+    "spork": (_spoon, _tines(2, 0.90)),
+}
