@@ -70,9 +70,7 @@ def pigeonhole(
     return np.einsum("...rc,rc->...r", w_seed @ effects, w_scene)
 
 
-def sign_flip(
-    values: Float[Array, "*cell unit"], rng: np.random.Generator, flips: int
-) -> Float[Array, "*cell"]:
+def sign_flip(values: Float[Array, "*cell unit"], rng: np.random.Generator, flips: int) -> Float[Array, "*cell"]:
     """Two-sided p-value of a mean of zero, the units' signs being exchangeable under the null.
 
     Exact up to EXACT_UNITS units (with 10 the smallest p is 2/1024); beyond, `flips` random patterns of
@@ -96,14 +94,10 @@ def paired_wilcoxon(a: Float[Array, "seed"], b: Float[Array, "seed"]) -> float:
     """
     a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
     if a.shape != b.shape or a.ndim != 1 or not np.isfinite([a, b]).all():
-        raise ValueError(
-            f"pairs of shapes {a.shape} and {b.shape}: expected two finite vectors, a value a seed"
-        )
+        raise ValueError(f"pairs of shapes {a.shape} and {b.shape}: expected two finite vectors, a value a seed")
     difference = a - b
     difference = difference[~np.isclose(difference, 0.0, rtol=0, atol=1e-12)]
-    ranks = np.rint(2 * rankdata(np.abs(difference).round(12))).astype(
-        int
-    )  # doubled, so that half ranks are whole
+    ranks = np.rint(2 * rankdata(np.abs(difference).round(12))).astype(int)  # doubled, so that half ranks are whole
     ways = np.ones(1)  # ways[w]: sign patterns whose positive doubled ranks sum to w
     for rank in ranks:
         ways = np.pad(ways, (0, rank)) + np.pad(ways, (rank, 0))
@@ -113,7 +107,7 @@ def paired_wilcoxon(a: Float[Array, "seed"], b: Float[Array, "seed"]) -> float:
 
 def holm(p: Float[Array, "test"]) -> Float[Array, "test"]:
     """Holm's adjusted p-values of one family of tests."""
-    return multipletests(np.asarray(p, dtype=np.float64), method="holm")[1]
+    return np.asarray(multipletests(np.asarray(p, dtype=np.float64), method="holm")[1])
 
 
 def verdict(effect: float, p_holm: float, ci90_low: float, ci90_high: float) -> str:
