@@ -1,0 +1,188 @@
+"""Stage demos: records demonstrations of every user, fits them by Bezier paths, draws the paths to be judged."""
+
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy import ndarray as Array
+from omegaconf import DictConfig
+from tqdm import tqdm
+
+from pipeline.artifacts.demos import DEMO_KEY, Queries, write_demos, write_queries
+from pipeline.artifacts.files import read_table, write_json
+from pipeline.artifacts.scenes import read_scenes, train_pool
+from pipeline.launch import launch
+from pipeline.params import InputError
+from pipeline.table.bezier import random_z_theta
+from pipeline.table.fit import fit
+from pipeline.table.layout import Layouts
+from pipeline.table.recordings import Hand, check, join, polylines, simulate
+from pipeline.table.rules import Margins, point_clearance, slack, valid
+
+Key = tuple[int, str, int, int]  # seed, user, scene, demo
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """Recordings one after the other, in the order of their keys, and where each begins."""
+
+    keys: pd.DataFrame
+    samples: Array  # (total, 4) t [s], x, y, z [m], rounded to the float32 that is stored
+    offsets: Array  # (recording + 1,)
+
+
+def main(cfg: DictConfig, out_dir: Path) -> None:
+    """Write demos.parquet, recordings.npz, queries.npz and metrics.json."""
+    _validate(cfg)
+    layouts = read_scenes(Path(cfg.paths.scenes)).layouts
+    recorded = _record(cfg, layouts)
+    fits = fit(recorded.samples[:, 1:3], recorded.offsets, cfg.demos.poor_above_m)
+    demos = recorded.keys.assign(
+        z_x=fits.z_theta[:, 0],
+        z_y=fits.z_theta[:, 1],
+        valid=_judge(cfg, layouts, recorded),
+        residual_m=fits.residual_m,
+        poor_fit=fits.poor,
+        duration_s=recorded.samples[recorded.offsets[1:] - 1, 0] - recorded.samples[recorded.offsets[:-1], 0],
+        samples=np.diff(recorded.offsets),
+    )
+    queries = {pool: _queries(cfg, pool, layouts[pool]) for pool in sorted(layouts)}
+    shared = [pool for pool in queries if pool not in _training_pools(cfg)]
+    metrics = _metrics(demos, _judge_fits(cfg, layouts, demos), {pool: queries[pool] for pool in shared})
+    write_demos(out_dir, demos, recorded.samples, recorded.offsets)
+    write_queries(out_dir, queries)
+    write_json(out_dir / "metrics.json", metrics)
+
+
+def _record(cfg: DictConfig, layouts: dict[str, Layouts]) -> Recorded:
+    """Simulated recordings, or the real ones of `demos.recorded` where it has them; each is checked."""
+    hand = Hand(**{**cfg.demos.hand, "tremor_hz": tuple(cfg.demos.hand.tremor_hz)})
+    keys = [
+        (seed, user, scene, demo)
+        for seed in sorted([*cfg.seeds, *cfg.validation_seeds])
+        for user in sorted(cfg.users)
+        for scene in range(len(_training(layouts, seed)))
+        for demo in range(cfg.demos.per_scene)
+    ]
+    real = _real(cfg.demos.recorded, set(keys))
+    recordings = []
+    for key in tqdm(keys, desc="demos"):
+        recording = real.get(key)
+        if recording is None:
+            rng = _generator(cfg, "recording", *key)
+            recording = simulate(rng, random_z_theta(rng), hand)
+        check(recording, "seed {} user {} scene {} demo {}".format(*key), cfg.demos.ends_within_m)
+        recordings.append(recording.astype(np.float32).astype(float))
+    return Recorded(pd.DataFrame(keys, columns=DEMO_KEY), *join(recordings))
+
+
+def _real(path: str | None, keys: set[Key]) -> dict[Key, Array]:
+    """Recordings of a csv by their keys, unchecked; InputError for one that no demonstration asks for."""
+    if path is None:
+        return {}
+    columns = ["t", "x", "y", "z"]
+    table = read_table(Path(path), [*DEMO_KEY, *columns])
+    real = {key: rows[columns].to_numpy() for key, rows in table.groupby(DEMO_KEY, sort=False, dropna=False)}
+    unknown = [key for key in real if key not in keys]
+    if unknown:
+        raise InputError(
+            f"{path}: recording {dict(zip(DEMO_KEY, unknown[0], strict=True))} belongs to no demonstration; "
+            "expected a seed, user, scene and demo of conf/; correct or remove it"
+        )
+    return real
+
+
+def _judge(cfg: DictConfig, layouts: dict[str, Layouts], recorded: Recorded) -> Array:
+    """Whether each recorded line keeps the user's margins (recording,)."""
+    out = np.zeros(len(recorded.keys), dtype=bool)
+    for (seed, user), rows, shape in _sets(recorded.keys, layouts):
+        first, last = recorded.offsets[rows[0]], recorded.offsets[rows[-1] + 1]
+        offsets = recorded.offsets[rows[0] : rows[-1] + 2] - first
+        lines = polylines(recorded.samples[first:last], offsets)
+        scenes = layouts[train_pool(seed)]
+        room = slack(scenes, point_clearance(scenes, lines.reshape(*shape, -1, 2)), _margins(cfg, user))
+        out[rows] = (room > 0).ravel()
+    return out
+
+
+def _judge_fits(cfg: DictConfig, layouts: dict[str, Layouts], demos: pd.DataFrame) -> Array:
+    """Whether each fitted path keeps the user's margins (recording,)."""
+    out = np.zeros(len(demos), dtype=bool)
+    for (seed, user), rows, shape in _sets(demos, layouts):
+        z = demos[["z_x", "z_y"]].to_numpy()[rows].reshape(*shape, 2)
+        out[rows] = valid(layouts[train_pool(seed)], z, _margins(cfg, user)).ravel()
+    return out
+
+
+def _sets(keys: pd.DataFrame, layouts: dict[str, Layouts]):
+    """Each training set: (seed, user), its consecutive rows, and their shape (scene, demo)."""
+    for (seed, user), rows in keys.groupby(["seed", "user"]).indices.items():
+        scenes = len(layouts[train_pool(seed)])
+        yield (seed, user), rows, (scenes, len(rows) // scenes)
+
+
+def _queries(cfg: DictConfig, pool: str, layouts: Layouts) -> Queries:
+    """Random paths through a pool's scenes, and their truth for every user."""
+    count = cfg.demos.queries_seen if pool in _training_pools(cfg) else cfg.demos.queries_new
+    z = random_z_theta(_generator(cfg, "queries", pool), len(layouts), count)
+    return Queries(z, {user: valid(layouts, z, _margins(cfg, user)) for user in cfg.users})
+
+
+def _metrics(demos: pd.DataFrame, fitted_valid: Array, queries: dict[str, Queries]) -> dict:
+    """What `dvc metrics show` prints of the demonstrations."""
+    residual = np.quantile(demos["residual_m"], [0.25, 0.5, 0.75, 1.0])
+    agree = demos.assign(agree=demos["valid"] == fitted_valid).groupby("user")["agree"].mean()
+    by_user = demos.groupby("user")
+    return {
+        "demonstrations": len(demos),
+        "samples": int(demos["samples"].sum()),
+        "duration_s": float(demos["duration_s"].mean()),
+        "residual_m": dict(zip(("q1", "median", "q3", "max"), residual.tolist(), strict=True)),
+        "poor_fits": {user: int(n) for user, n in by_user["poor_fit"].sum().items()},
+        "valid": {user: float(p) for user, p in by_user["valid"].mean().items()},
+        "label_agreement": {user: float(p) for user, p in agree.items()},
+        "queries": {
+            pool: {user: float(v.mean()) for user, v in q.valid.items()} | {"count": int(q.z[..., 0].size)}
+            for pool, q in queries.items()
+        },
+    }
+
+
+def _validate(cfg: DictConfig) -> None:
+    """Raise InputError for the first parameter of this stage out of its range."""
+    for name in ("queries_seen", "queries_new"):
+        if not isinstance(cfg.demos[name], int) or cfg.demos[name] < 1:
+            raise InputError(
+                f"parameter demos.{name} is {cfg.demos[name]!r}: expected a whole number from 1; change it in conf/"
+            )
+    for name in ("ends_within_m", "poor_above_m"):
+        if not cfg.demos[name] > 0:
+            raise InputError(
+                f"parameter demos.{name} is {cfg.demos[name]!r}: expected a length above 0 [m]; change it in conf/"
+            )
+
+
+def _training_pools(cfg: DictConfig) -> list[str]:
+    return [train_pool(seed) for seed in (*cfg.seeds, *cfg.validation_seeds)]
+
+
+def _training(layouts: dict[str, Layouts], seed: int) -> Layouts:
+    """A seed's own scenes; InputError if the scenes stage has not drawn them."""
+    if train_pool(seed) not in layouts:
+        raise InputError(f"no scenes {train_pool(seed)} among {sorted(layouts)}: run the scenes stage with seed {seed}")
+    return layouts[train_pool(seed)]
+
+
+def _margins(cfg: DictConfig, user: str) -> Margins:
+    return dict(cfg.users[user])
+
+
+def _generator(cfg: DictConfig, *names: object) -> np.random.Generator:
+    """A stream of its own for whatever `names` name, however many others there are."""
+    return np.random.default_rng([cfg.demos.generator, *(zlib.crc32(str(name).encode()) for name in names)])
+
+
+if __name__ == "__main__":
+    launch(main, "demos")
