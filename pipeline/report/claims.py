@@ -1,0 +1,115 @@
+"""The paper's claims, one by one: its number, ours, what it takes without looking, and whether it holds here."""
+
+import pandas as pd
+
+from pipeline.report import paper
+from pipeline.report.results import Results
+from pipeline.report.table import Table, table
+from pipeline.report.wording import NONE, counted, listed, percent, percent_spread
+from pipeline.table.layout import SYMBOLS
+
+SEEN, NEW, UNSEEN = "seen_scenes", "new_scenes", "new_items"
+HELD, PARTLY, FAILED, VACUOUS = "reproduced", "in part", "not reproduced", "vacuous"
+
+
+def claims(results: Results) -> Table:
+    """What the abstract and its tables say, and what became of it."""
+    rows = [*_accuracy(results), *_rivals(results), *_repairs(results), _causes(results)]
+    caption = (
+        f"The paper's claims and what became of them: {counted(len(results.seeds), 'seed')}, model as in the paper. "
+        f"An accuracy or "
+        "success rate is reproduced if our mean reaches the paper's (its lower quartile where it gives one); an "
+        "advantage, "
+        "if every test fixed in advance finds it; the causes, if every verdict is the true one. In part: in the "
+        "training "
+        "scenes only, or in some of the tests. Null: a method that never looks at the image."
+    )
+    header = ["Claim", "Paper", "Here", "Null", "Verdict"]
+    return table("claims", caption, header, [list(row) for row in rows])
+
+
+def tested(results: Results, against: list[str], n: int | None = None) -> pd.DataFrame:
+    """The tests of the paper's model against others, all of them or those at one n."""
+    rows = results.comparisons[results.comparisons["variant"] == results.main]
+    rows = rows[rows["against"].isin(against)]
+    return rows if n is None else rows[rows["n"] == n]
+
+
+def wins(rows: pd.DataFrame) -> pd.DataFrame:
+    """The tests the paper's model wins."""
+    return rows[rows["significant"] & (rows["difference"] > 0)]
+
+
+def reaches(results: Results, split: str, n: int) -> bool:
+    """Whether our mean accuracy is at least the paper's lower quartile."""
+    return results.evaluation["accuracy"][results.main][split][f"n{n}"]["mean"] >= paper.ACCURACY[n].q1
+
+
+def _accuracy(results: Results) -> list[tuple[str, ...]]:
+    rows = []
+    ours = results.evaluation["accuracy"][results.main]
+    null = results.evaluation["accuracy"]["null_position"]
+    for n in sorted(set(results.ns) & set(paper.ACCURACY), reverse=True):
+        held = [reaches(results, split, n) for split in (SEEN, NEW, UNSEEN) if split in ours]
+        here = (
+            f"{percent_spread(ours[SEEN][f'n{n}'])} in training scenes, {percent_spread(ours[UNSEEN][f'n{n}'])} "
+            "with unseen items"
+        )
+        verdict = HELD if all(held) else PARTLY if any(held) else FAILED
+        name = f"Valid paths are told from invalid ones, {counted(n, 'demonstration')} a scene"
+        rows.append(
+            (name, percent_spread(paper.ACCURACY[n]._asdict()), here, percent(null[UNSEEN][f"n{n}"]["mean"]), verdict)
+        )
+    return rows
+
+
+def _rivals(results: Results) -> list[tuple[str, ...]]:
+    """Claims of one model over another; only tests that were fixed in advance count."""
+    rows = []
+    rivals = {
+        "An autoencoder helps (full over classifier only)": ["classifier"],
+        "It outperforms inverse reinforcement learning": [v for v in results.variants if v.startswith("irl")],
+    }
+    for name, against in rivals.items():
+        tests = tested(results, against)
+        if tests.empty:
+            continue
+        won, lost = len(wins(tests)), int((tests["significant"] & (tests["difference"] < 0)).sum())
+        verdict = HELD if won == len(tests) else PARTLY if won else FAILED
+        rows.append((name, "yes", f"better in {won}, worse in {lost} of {counted(len(tests), 'test')}", NONE, verdict))
+    return rows
+
+
+def _repairs(results: Results) -> list[tuple[str, ...]]:
+    rows = []
+    for user in results.users:
+        c, quoted = results.repair[results.main][user], paper.REPAIR.get(user)
+        if quoted is None:
+            continue
+        name = f"Gradient steps repair invalid paths, {user} user"
+        if c["success"] is None:
+            rows.append((name, percent(quoted, 0), "no path is invalid", NONE, VACUOUS))
+            continue
+        here = percent_spread(c, "success", "success_q1", "success_q3")
+        verdict = HELD if c["success"] >= quoted else FAILED
+        rows.append((name, percent(quoted, 0), here, f"{percent(c['null_constant'])} (constant detour)", verdict))
+    return rows
+
+
+def free_right(results: Results) -> int:
+    """Verdicts a model gets right that ignores the image: every cell whose true effect is none."""
+    cells = results.intervention["interventions"][results.main]
+    return sum(c["truth_verdict"] == "no effect" for by_symbol in cells.values() for c in by_symbol.values())
+
+
+def _causes(results: Results) -> tuple[str, ...]:
+    tally = results.intervention["verdicts"][results.main]
+    bold = [f"{u} {s}" for u in results.users for s in SYMBOLS if (u, s) in paper.BOLD]
+    by_user = {u: [s for s in SYMBOLS if (u, s) in paper.BOLD] for u in results.users}
+    quoted = f"{counted(len(bold), 'effect')}: " + listed(
+        [f"{u} ({'all four' if len(s) == len(SYMBOLS) else listed(s)})" for u, s in by_user.items() if s]
+    )
+    here = f"{tally['right']} of {tally['cells']} verdicts right"
+    verdict = HELD if tally["right"] == tally["cells"] else PARTLY if tally["right"] > free_right(results) else FAILED
+    null = f"{free_right(results)} of {tally['cells']}"
+    return ("Interventions reveal which symbols matter to whom", quoted, here, null, verdict)

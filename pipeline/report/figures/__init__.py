@@ -1,0 +1,1 @@
+"""One figure a file: arrays and frames in, a matplotlib figure out."""

@@ -1,0 +1,42 @@
+"""The page a reader opens: one HTML file with everything inside it."""
+
+from collections.abc import Mapping
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from pipeline.report import findings
+from pipeline.report.pictures import Picture
+from pipeline.report.results import Results
+from pipeline.report.style import inline
+from pipeline.report.table import Table, to_html
+from pipeline.report.wording import counted, listed, variant_label
+
+LARGEST = 8 * 2**20  # bytes a page may have
+
+
+def render(
+    results: Results, tables: Mapping[str, Table], pictures: Mapping[str, Picture], facts: Mapping[str, object]
+) -> str:
+    """index.html; ValueError if it would be larger than LARGEST.
+
+    facts: what the text says of the setting (margins, the numbers of scenes and steps).
+    """
+    environment = Environment(
+        loader=PackageLoader("pipeline.report"), undefined=StrictUndefined, autoescape=True, trim_blocks=True,
+        lstrip_blocks=True,
+    )  # fmt: skip
+    environment.globals |= {
+        "table": lambda name: Markup(to_html(tables[name])),
+        "svg": lambda text, name: Markup(inline(text, name)),
+        "listed": listed,
+        "counted": counted,
+        "variant_label": variant_label,
+    }
+    html = environment.get_template("page.html.j2").render(r=results, facts=facts, pictures=pictures, findings=findings)
+    if len(html.encode()) > LARGEST:
+        raise ValueError(
+            f"the report has {len(html.encode()):,} bytes: expected at most {LARGEST:,}; draw fewer scenes "
+            f"(conf/report.yaml)"
+        )
+    return html

@@ -1,0 +1,114 @@
+"""Everything the report tabulates and says, in one place, and the check that nothing of it is missing."""
+
+from dataclasses import dataclass
+
+import pandas as pd
+
+from pipeline.params import InputError
+from pipeline.table.layout import SYMBOLS
+
+NULLS = ("null_nearest", "null_position")
+
+
+@dataclass(frozen=True)
+class Results:
+    """The stages' numbers as they come; `splits` maps split to pool (None: each seed's own scenes)."""
+
+    users: list[str]
+    variants: list[str]
+    seeds: list[int]
+    ns: list[int]
+    study_n: int
+    splits: dict[str, str | None]
+    judged_users: list[str]  # users that accuracies are averaged over
+    world: dict  # stage scenes
+    demos: pd.DataFrame
+    accuracy: pd.DataFrame  # stage evaluate, one row per variant, user, n, seed, split
+    comparisons: pd.DataFrame
+    calibration: pd.DataFrame
+    evaluation: dict
+    repairs: pd.DataFrame
+    repair: dict  # variant -> user -> numbers
+    effects: pd.DataFrame
+    intervention: dict
+    curves: dict[str, pd.DataFrame]  # by variant
+
+    @property
+    def main(self) -> str:
+        """The paper's own model."""
+        return self.variants[0]
+
+
+def check(results: Results) -> None:
+    """Raise InputError naming the first variant, user, seed, n, split or symbol without its results."""
+    _check_accuracy(results)
+    for variant in results.variants:
+        for user in results.users:
+            _check_repair(results, variant, user)
+            cells = results.intervention.get("interventions", {}).get(variant, {}).get(user, {})
+            lacking = [s for s in SYMBOLS if s not in cells]
+            if lacking:
+                raise _missing(f"interventions of {variant} for user {user} with {lacking}", "intervene")
+        _check_rows(results.effects, results, variant, list(results.users), "effects", "intervene")
+        if variant not in results.curves or results.curves[variant].empty:
+            raise _missing(f"learning curves of {variant}", "train or irl")
+        _check_rows(
+            results.curves[variant].assign(variant=variant),
+            results, variant, list(results.users), "learning curves", "train or irl",
+        )  # fmt: skip
+    for user in results.users:
+        lacking = {"none", *SYMBOLS} - set(results.world.get("p_valid", {}).get(user, {}))
+        if lacking:
+            raise _missing(f"the world's P(valid) of user {user} with {sorted(lacking)}", "scenes")
+        have = set(results.demos.loc[results.demos["user"] == user, "seed"])
+        if set(results.seeds) - have:
+            raise _missing(f"demonstrations of user {user}, seeds {sorted(set(results.seeds) - have)}", "demos")
+
+
+def _missing(what: str, stage: str) -> InputError:
+    return InputError(f"the report lacks {what}: run stage {stage} with the same parameters, or `dvc repro`")
+
+
+def _check_accuracy(results: Results) -> None:
+    columns = ["variant", "user", "n", "seed", "split"]
+    have = set(results.accuracy[columns].itertuples(index=False, name=None))
+    for variant in [*results.variants, *NULLS]:
+        for user in results.users:
+            for n in results.ns:
+                for seed in results.seeds:
+                    for split, pool in results.splits.items():
+                        if variant == "null_nearest" and pool is not None:
+                            continue
+                        if (variant, user, n, seed, split) not in have:
+                            what = f"the accuracy of {variant}, user {user}, n {n}, seed {seed}, split {split}"
+                            raise _missing(what, "evaluate")
+        for split, pool in results.splits.items():
+            if variant == "null_nearest" and pool is not None:
+                continue
+            for table in ("accuracy", "accuracy_all_users"):
+                cells = results.evaluation.get(table, {}).get(variant, {}).get(split, {})
+                lacking = [n for n in results.ns if f"n{n}" not in cells]
+                if lacking:
+                    raise _missing(f"{table} of {variant}, split {split}, n {lacking}", "evaluate")
+
+
+def _check_repair(results: Results, variant: str, user: str) -> None:
+    cell = results.repair.get(variant, {}).get(user)
+    if cell is None:
+        raise _missing(f"repairs of {variant} for user {user}", "repair")
+    if cell["seeds"] != len(results.seeds):
+        what = f"repairs of {variant} for user {user} by {len(results.seeds)} seeds (found {cell['seeds']})"
+        raise _missing(what, "repair")
+    if cell["success"] is not None:
+        for method in (variant, "null_constant", "null_random", "oracle"):
+            rows = results.repairs.assign(variant=results.repairs["method"])
+            _check_rows(rows, results, method, [user], "repairs", "repair")
+
+
+def _check_rows(rows: pd.DataFrame, results: Results, variant: str, users: list[str], what: str, stage: str) -> None:
+    """Every (user, seed) of a variant has at least one row."""
+    have = set(rows.loc[rows["variant"] == variant, ["user", "seed"]].itertuples(index=False, name=None))
+    for user in users:
+        for seed in results.seeds:
+            if (user, seed) not in have:
+                raise _missing(f"{what} of {variant}, user {user}, seed {seed}", stage)

@@ -1,0 +1,96 @@
+"""How names and numbers are written for a reader: one word for one thing, one format for one kind of number."""
+
+from collections.abc import Sequence
+
+VARIANTS = {
+    "full": "Full model (paper)",
+    "ae": "Autoencoder (β = 0)",
+    "classifier": "Classifier only",
+    "irl_maxent": "IRL, maximum entropy",
+    "irl_ranked": "IRL, ranking",
+    "null_nearest": "Null: nearest demonstration",
+    "null_position": "Null: position only",
+    "null_constant": "Null: constant detour",
+    "null_random": "Null: random path",
+    "oracle": "Oracle: nearest valid path",
+}
+SPLITS = {
+    "seen_scenes": "Training scenes, new paths",
+    "new_scenes": "New scenes, training items",
+    "new_items": "New scenes, unseen items",
+}
+SPLIT_PHRASES = {
+    "seen_scenes": "new paths in the training scenes",
+    "new_scenes": "new scenes with the training items",
+    "new_items": "new scenes with unseen items",
+}
+NONE = "–"  # where a number does not exist
+
+
+def variant_label(name: str) -> str:
+    """A variant, null or oracle as a reader meets it."""
+    return VARIANTS.get(name, name.replace("_", " "))
+
+
+def variant_phrase(name: str) -> str:
+    """A variant inside a sentence: no capital unless it is an abbreviation, always with an article."""
+    label = variant_label(name).removesuffix(" (paper)").removeprefix("Null: ")
+    label = label if label[:2].isupper() else label[0].lower() + label[1:]
+    return {
+        "null_nearest": "the nearest-demonstration null",
+        "null_position": "the position-only null",
+        "null_constant": "the constant detour",
+        "null_random": "a random path",
+    }.get(name, f"the {label}")
+
+
+def split_label(name: str) -> str:
+    """A split as a heading."""
+    return SPLITS.get(name, name.replace("_", " ").capitalize())
+
+
+def split_phrase(name: str) -> str:
+    """A split inside a sentence."""
+    return SPLIT_PHRASES.get(name, name.replace("_", " "))
+
+
+def percent(share: float | None, digits: int = 1) -> str:
+    """A share of 1 as a percentage, with a non-breaking space; a dash for none."""
+    return NONE if share is None or share != share else f"{100 * share:.{digits}f}\u00a0%"
+
+
+def percent_spread(cell: dict, name: str = "mean", low: str = "q1", high: str = "q3") -> str:
+    """Mean and quartiles as the paper writes them: 99.0 % [97.8–99.8]."""
+    if cell.get(name) is None:
+        return NONE
+    return f"{percent(cell[name])} [{100 * cell[low]:.1f}–{100 * cell[high]:.1f}]"
+
+
+def points(difference: float) -> str:
+    """A difference of shares in percentage points, without its sign."""
+    amount = f"{abs(100 * difference):.1f}"
+    return f"{amount} percentage point" + ("" if amount == "1.0" else "s")
+
+
+def signed(value: float, digits: int = 3) -> str:
+    """A number with its sign, by a real minus; zero has none."""
+    text = f"{abs(value):.{digits}f}"
+    if float(text) == 0:
+        return text
+    return ("+" if value > 0 else "−") + text
+
+
+def p_value(p: float) -> str:
+    """A p-value with three digits, never 0."""
+    return "p < 0.001" if p < 0.001 else f"p = {p:.3f}"
+
+
+def listed(words: Sequence[str]) -> str:
+    """a; a and b; a, b and c."""
+    words = list(words)
+    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1] if words else "none"
+
+
+def counted(count: int, thing: str) -> str:
+    """1 seed, 2 seeds, no seeds."""
+    return f"{count or 'no'} {thing}" + ("" if count == 1 else "s")

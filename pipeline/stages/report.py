@@ -1,0 +1,286 @@
+"""Stage report: reads what every stage wrote, draws, tabulates and says it; reports/ is what a reader opens."""
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from omegaconf import DictConfig
+
+from pipeline.artifacts.demos import demo_arrays, read_demos
+from pipeline.artifacts.files import read_arrays, read_json, read_table, write_json, write_whole
+from pipeline.artifacts.models import load_model, model_dir
+from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
+from pipeline.causal.statistics import SMALLEST_EFFECT
+from pipeline.launch import launch
+from pipeline.params import InputError
+from pipeline.report.claims import claims
+from pipeline.report.figures import overview
+from pipeline.report.figures.latent import liveliest
+from pipeline.report.figures.maps import Maps
+from pipeline.report.figures.overview import UserRow
+from pipeline.report.figures.repairs import Repair
+from pipeline.report.page import render
+from pipeline.report.pictures import Drawn, all_pictures
+from pipeline.report.results import Results, check
+from pipeline.report.style import png, svg
+from pipeline.report.table import to_csv, to_markdown, to_tex, to_text
+from pipeline.report.tables import all_tables, backprop, interventions
+from pipeline.report.wording import listed, split_phrase, variant_label
+from pipeline.spec.vae import VaeSpecification
+from pipeline.table.bezier import lattice
+from pipeline.table.layout import SYMBOLS
+from pipeline.table.rules import valid
+
+FEW = 5  # seeds below which the page says that its numbers mean nothing
+FORMS = {"csv": to_csv, "md": to_markdown, "tex": to_tex}
+OVERVIEW_DPI = 160
+
+
+def main(cfg: DictConfig, out_dir: Path) -> None:
+    """index.html, tables/, figures/ and metrics.json; the paper's two tables on the terminal."""
+    _check_settings(cfg)
+    results = _results(cfg)
+    check(results)
+    summary = read_table(Path(cfg.paths.evaluate) / "accuracy.csv")
+    scenes = read_scenes(Path(cfg.paths.scenes))
+    drawn = _drawn(cfg, results, scenes)
+    tables = {t.name: t for t in [claims(results), *all_tables(results)]}
+    pictures = all_pictures(results, summary, drawn)
+    page = render(results, tables, pictures, _facts(cfg, results))
+    hero = partial(_overview, cfg, results, drawn)
+
+    files = {f"tables/{t.name}.{form}": write(t) for t in tables.values() for form, write in FORMS.items()}
+    files |= {f"figures/{p.name}.svg": p.wide for p in pictures.values()}
+    files |= {"figures/overview.svg": svg(hero), "index.html": page}
+    image = png(hero, OVERVIEW_DPI)
+    for name, text in files.items():
+        write_whole(out_dir / name, lambda path, text=text: path.write_text(text, encoding="utf-8"))
+    write_whole(out_dir / "figures" / "overview.png", lambda path: path.write_bytes(image))
+    write_json(out_dir / "metrics.json", _metrics(results))
+    print(f"\n{to_text(backprop(results))}\n\n{to_text(interventions(results))}\n")
+    print(f"The report: {out_dir / 'index.html'}")
+
+
+def _check_settings(cfg: DictConfig) -> None:
+    """Raise InputError if conf/report.yaml asks for what cannot be drawn."""
+    r = cfg.report
+    unknown = [v for v in r.shown if v not in cfg.variants]
+    if unknown or not r.shown:
+        raise InputError(f"report.shown is {list(r.shown)}: expected some of {', '.join(cfg.variants)}")
+    for name in ("scenes", "map_side", "reconstructed", "dimensions"):
+        if not (isinstance(r[name], int) and r[name] >= 1):
+            raise InputError(f"report.{name} is {r[name]!r}: expected a whole number from 1")
+    if not r["values"]:
+        raise InputError("report.values is empty: give at least one value for a dimension of z_image")
+
+
+def _results(cfg: DictConfig) -> Results:
+    """Everything that is tabulated or said, from each stage's own files."""
+    evaluate, repair, intervene = (Path(cfg.paths[s]) for s in ("evaluate", "repair", "intervene"))
+    curves = {v: read_table(model_dir(cfg, v) / "curves.parquet") for v in cfg.variants}
+    return Results(
+        users=list(cfg.users),
+        variants=list(cfg.variants),
+        seeds=list(cfg.protocol.seeds),
+        ns=list(cfg.n),
+        study_n=cfg.study_n,
+        splits=dict(cfg.protocol.splits),
+        judged_users=list(cfg.evaluate.users),
+        world=read_json(Path(cfg.paths.scenes) / "metrics.json"),
+        demos=read_demos(Path(cfg.paths.demos)),
+        accuracy=read_table(evaluate / "accuracy.parquet"),
+        comparisons=read_table(evaluate / "comparisons.csv"),
+        calibration=read_table(evaluate / "calibration.parquet"),
+        evaluation=read_json(evaluate / "metrics.json"),
+        repairs=read_table(repair / "repairs.parquet"),
+        repair=read_json(repair / "metrics.json"),
+        effects=read_table(intervene / "effects.parquet"),
+        intervention=read_json(intervene / "metrics.json"),
+        curves={v: frame[frame["n"] == cfg.study_n] for v, frame in curves.items()},
+    )
+
+
+def _metrics(results: Results) -> dict:
+    """reports/metrics.json: the stages' own numbers under the names that the design fixes."""
+    return {
+        "world": results.world,
+        **{name: results.evaluation[name] for name in ("accuracy", "accuracy_all_users", "calibration")},
+        "repair": results.repair,
+        **{name: results.intervention[name] for name in ("interventions", "specifications", "verdicts")},
+    }
+
+
+def _facts(cfg: DictConfig, results: Results) -> dict[str, object]:
+    """What the page says of the setting."""
+    margins = []
+    for user, by_symbol in cfg.users.items():
+        kept = {f"{100 * m:.1f} cm from {s}": m for s, m in by_symbol.items() if m is not None}
+        same = len(kept) == len(SYMBOLS) and len(set(kept.values())) == 1
+        said = (
+            f"{100 * next(iter(kept.values())):.1f} cm from everything"
+            if same
+            else listed(list(kept))
+            if kept
+            else "none"
+        )
+        margins.append(f"{user}, {said}")
+    return {
+        "profile": cfg.profile,
+        "few": len(results.seeds) < FEW,
+        "per_seed": cfg.scenes.per_seed,
+        "per_scene": max(cfg.n),
+        "shared": cfg.scenes.shared,
+        "margins": "; ".join(margins),
+        "smallest": SMALLEST_EFFECT,
+    }
+
+
+def _drawn(cfg: DictConfig, results: Results, scenes: SceneSet) -> Drawn:
+    """The arrays behind the pictures: the first seed's."""
+    seed, n = results.seeds[0], cfg.study_n
+    training, pool = train_pool(seed), _pool(cfg, cfg.repair.split)
+    user = next((u for u in results.users if results.repair[results.main][u]["success"] is not None), results.users[0])
+    model = load_model(cfg, results.main, user, seed, n)
+    if not isinstance(model, VaeSpecification):
+        raise InputError(f"variant {results.main} rebuilds no image: the first variant must be of kind vae")
+    count = cfg.report.reconstructed
+    originals = np.concatenate([scenes.images[training][:count], scenes.images[_pool(cfg, "new_items")][:count]])
+    traversal = model.traverse(scenes.images[training][0], np.array(cfg.report["values"], dtype=float))
+    added = read_arrays(Path(cfg.paths.intervene) / "images.npz")["images"]
+    to = scenes.images[_pool(cfg, cfg.intervene.split)]
+    return Drawn(
+        seed=seed,
+        scenes=scenes.images[training][: cfg.report.scenes],
+        demos={u: _first(demo_arrays(results.demos, seed, u, n), cfg.report.scenes) for u in results.users},
+        maps={u: _maps(cfg, scenes, u, seed) for u in results.users},
+        pool=scenes.images[pool],
+        layouts=scenes.layouts[pool],
+        repairs=_repairs(cfg, results, seed),
+        rebuilt=model.reconstruct(originals),
+        originals=originals,
+        trained_on=min(count, len(scenes.images[training])),
+        traversal=traversal,
+        dimensions=liveliest(traversal, cfg.report.dimensions),
+        values=list(cfg.report["values"]),
+        added_to=to[0],
+        added=added[:, 0, 0],
+        added_texts=_added_texts(results, seed, user),
+        added_user=user,
+        smallest=SMALLEST_EFFECT,
+    )
+
+
+def _pool(cfg: DictConfig, split: str) -> str:
+    """The pool of a split that all seeds share."""
+    pool = cfg.protocol.splits.get(split)
+    if pool is None:
+        raise InputError(f"split {split} has no pool of its own: expected new_scenes or new_items")
+    return pool
+
+
+def _first(arrays: tuple[np.ndarray, np.ndarray], count: int) -> tuple[np.ndarray, np.ndarray]:
+    return arrays[0][:count], arrays[1][:count]
+
+
+def _maps(cfg: DictConfig, scenes: SceneSet, user: str, seed: int) -> Maps:
+    """Truth and models over the lattice: in one training scene, then in scenes of unseen items."""
+    side, new = cfg.report.map_side, _pool(cfg, "new_items")
+    count = max(1, cfg.report.scenes - 1)
+    parts = [(train_pool(seed), slice(0, 1)), (new, slice(0, count))]
+    images = np.concatenate([scenes.images[pool][at] for pool, at in parts])
+    z = lattice(side)
+    truth = [
+        valid(scenes.layouts[pool][at], np.broadcast_to(z, (len(scenes.images[pool][at]), *z.shape)), cfg.users[user])
+        for pool, at in parts
+    ]
+    everywhere = np.broadcast_to(z, (len(images), *z.shape))
+    models = {
+        _short(v): load_model(cfg, v, user, seed, cfg.study_n).probability(images, everywhere) for v in cfg.report.shown
+    }
+    names = ["trained on", *["unseen items"] * (len(images) - 1)]
+    shape = (len(images), side, side)
+    return Maps(
+        names,
+        images,
+        np.concatenate(truth).reshape(shape).astype(float),
+        {k: p.reshape(shape) for k, p in models.items()},
+    )
+
+
+def _short(variant: str) -> str:
+    """A variant's name above a small picture."""
+    return {"full": "Full (paper)", "irl_ranked": "IRL, ranking", "irl_maxent": "IRL, MaxEnt"}.get(
+        variant, variant_label(variant)
+    )
+
+
+def _repairs(cfg: DictConfig, results: Results, seed: int) -> dict[str, dict[str, list[Repair | None]]]:
+    """The first scenes with a start that is invalid to every user who has invalid paths, and its repairs."""
+    paths = read_arrays(Path(cfg.paths.repair) / "paths.npz")
+    needy = [u for u in results.users if results.repair[results.main][u]["success"] is not None]
+    frame = results.repairs[results.repairs["seed"] == seed]
+    keys = {
+        u: set(
+            frame.loc[(frame["user"] == u) & (frame["method"] == results.main), ["scene", "start"]].itertuples(
+                index=False, name=None
+            )
+        )
+        for u in needy
+    }
+    common = sorted(set.intersection(*keys.values())) if keys else []
+    first = {scene: (scene, start) for scene, start in reversed(common)}
+    chosen = [first[scene] for scene in sorted(first)[: cfg.report.scenes]]
+    if not chosen:
+        raise InputError(
+            f"no start is invalid to all of {listed(needy)} on {split_phrase(cfg.repair.split)}: raise repair.starts"
+        )
+    return {
+        variant: {
+            user: _user_repairs(frame, paths, variant, user, seed, chosen) if user in needy else [None] * len(chosen)
+            for user in results.users
+        }
+        for variant in cfg.report.shown
+    }
+
+
+def _user_repairs(frame: pd.DataFrame, paths: dict, variant: str, user: str, seed: int, chosen: list) -> list:
+    """Rows of paths.npz are those of repairs.parquet, in its order."""
+    rows = frame[(frame["user"] == user) & (frame["method"] == variant)].reset_index(drop=True)
+    key = f"{variant}-{user}-s{seed}"
+    if key not in paths or len(paths[key]) != len(rows):
+        raise InputError(f"paths.npz does not hold the {len(rows)} repairs of {key}: run the repair stage again")
+    at = {(r.scene, r.start): r.Index for r in rows.itertuples()}
+    found = [at[where] for where in chosen]
+    return [
+        Repair(int(rows["scene"][i]), paths[key][i], bool(rows["valid_end"][i]), bool(rows["accepted"][i]))
+        for i in found
+    ]
+
+
+def _added_texts(results: Results, seed: int, user: str) -> list[str]:
+    """True and learned mean validity of the first scene, as it is and with each symbol's first placement."""
+    e = results.effects
+    e = e[(e["variant"] == results.main) & (e["seed"] == seed) & (e["user"] == user) & (e["scene"] == 0)]
+    e = e[e["placement"] == 0].set_index("symbol")
+    pairs = [(e["true_baseline"].iloc[0], e["baseline"].iloc[0])]
+    pairs += [(e["true_intervened"][s], e["intervened"][s]) for s in SYMBOLS]
+    return [f"truth {true:.2f}\nmodel {model:.2f}" for true, model in pairs]
+
+
+def _overview(cfg: DictConfig, results: Results, drawn: Drawn):
+    """The README's picture: the paper's model, users with something to avoid."""
+    cells, main = results.intervention["interventions"], results.main
+    rows = []
+    for user in [u for u in results.users if results.repair[main][u]["success"] is not None]:
+        maps, (z, labels) = drawn.maps[user], drawn.demos[user]
+        learned, repair = maps.models[_short(cfg.report.shown[0])], drawn.repairs[cfg.report.shown[0]][user][0]
+        if repair is not None:
+            by_variant = {v: cells[v][user] for v in cfg.report.shown}
+            rows.append(UserRow(user, drawn.scenes[0], z[0], labels[0], maps.truth[0], learned[0], repair, by_variant))
+    label = variant_label(cfg.report.shown[0]).removesuffix(" (paper)").lower()
+    return overview.draw(rows, drawn.pool, drawn.layouts, label, SMALLEST_EFFECT)
+
+
+if __name__ == "__main__":
+    launch(main, "reports")
