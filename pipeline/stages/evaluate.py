@@ -1,0 +1,249 @@
+"""Stage evaluate: scores every variant and the image-free nulls on every query, and compares variants."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from omegaconf import DictConfig
+from tqdm import tqdm
+
+from pipeline.artifacts.demos import Queries, demo_arrays, read_demos, read_queries
+from pipeline.artifacts.files import read_table, write_json, write_table
+from pipeline.artifacts.models import PREDICTION_COLUMNS, model_dir
+from pipeline.artifacts.scenes import read_position_prior, train_pool
+from pipeline.causal.statistics import LEVEL, holm, paired_wilcoxon, quartiles
+from pipeline.launch import launch
+from pipeline.params import InputError
+from pipeline.spec import nulls
+from pipeline.spec.metrics import accuracy, auroc, brier, expected_calibration_error, reliability
+
+MOST_TESTS = 25  # of 10 seeds the smallest p is 2/1024: Holm over more tests could never find anything
+NULLS = ("null_nearest", "null_position")
+CALIBRATION_COLUMNS = ["variant", "split", "low", "high", "count", "confidence", "frequency"]
+KEY = ["user", "n", "seed", "split"]
+Key = tuple[str, int, int, str]  # user, n, seed, split
+Cells = dict[tuple[str, str, int], np.ndarray]  # (variant, split, n) -> accuracy of each seed
+Judged = dict[str, dict[Key, np.ndarray]]  # variant -> key -> p of every query, scene by scene
+
+
+def main(cfg: DictConfig, out_dir: Path) -> None:
+    """accuracy.parquet, accuracy.csv, calibration.parquet, comparisons.csv and metrics.json."""
+    _check(cfg)
+    queries = read_queries(Path(cfg.paths.demos))
+    truth = _truth(cfg, queries)
+    judged: Judged = {v: _predictions(cfg, v, truth) for v in tqdm(list(cfg.variants), desc="predictions")}
+    judged |= _nulls(cfg, queries, truth)
+
+    scores = _scores(judged, truth, cfg.evaluate.bins)
+    averaged = _over_users(cfg, scores, list(cfg.evaluate.users))
+    calibration, errors = _calibration(cfg, judged, truth)
+    comparisons = _comparisons(cfg, averaged)
+    metrics = {
+        "accuracy": _summary(averaged),
+        "accuracy_all_users": _summary(_over_users(cfg, scores, list(cfg.users))),
+        "calibration": errors,
+    }
+    write_table(out_dir / "accuracy.parquet", scores)
+    write_table(out_dir / "accuracy.csv", _curve(averaged))
+    write_table(out_dir / "calibration.parquet", calibration)
+    write_table(out_dir / "comparisons.csv", comparisons)
+    write_json(out_dir / "metrics.json", metrics)
+
+
+def _check(cfg: DictConfig) -> None:
+    """Raise InputError if conf/evaluate.yaml names what does not exist, or too many tests."""
+    unknown = sorted(set(cfg.evaluate.users) - set(cfg.users))
+    if unknown or not cfg.evaluate.users:
+        raise InputError(f"evaluate.users is {list(cfg.evaluate.users)}: expected some of {', '.join(cfg.users)}")
+    if not (isinstance(cfg.evaluate.bins, int) and cfg.evaluate.bins >= 1):
+        raise InputError(f"evaluate.bins is {cfg.evaluate.bins!r}: expected a whole number from 1")
+    tests = _tests(cfg)
+    if len(tests) > MOST_TESTS:
+        raise InputError(
+            f"evaluate.comparisons asks for {len(tests)} tests: expected at most {MOST_TESTS}, "
+            "or Holm's correction leaves nothing to be found"
+        )
+    for variant, against, split, _ in tests:
+        for name in (variant, against):
+            if name not in cfg.variants and name not in NULLS:
+                raise InputError(
+                    f"evaluate.comparisons names {name!r}: expected one of {', '.join([*cfg.variants, *NULLS])}"
+                )
+        nearest_elsewhere = NULLS[0] in (variant, against) and cfg.protocol.splits.get(split) is not None
+        if split not in cfg.protocol.splits or nearest_elsewhere:
+            raise InputError(
+                f"evaluate.comparisons names {variant} against {against} on {split!r}: expected one of "
+                f"{', '.join(cfg.protocol.splits)}; {NULLS[0]} has demonstrations only in seen scenes"
+            )
+
+
+def _keys(cfg: DictConfig) -> list[Key]:
+    """Every (user, n, seed, split) that must have been predicted."""
+    return [
+        (user, n, seed, split)
+        for user in cfg.users
+        for n in cfg.n
+        for seed in cfg.protocol.seeds
+        for split in cfg.protocol.splits
+    ]
+
+
+def _pool(cfg: DictConfig, seed: int, split: str) -> str:
+    """The pool of scenes a split stands for."""
+    return cfg.protocol.splits[split] or train_pool(seed)
+
+
+def _truth(cfg: DictConfig, queries: dict[str, Queries]) -> dict[Key, np.ndarray]:
+    """The label (scene, query) of every query by key."""
+    truth = {}
+    for user, n, seed, split in _keys(cfg):
+        pool = _pool(cfg, seed, split)
+        if pool not in queries or user not in queries[pool].valid:
+            raise InputError(
+                f"no queries of pool {pool} for user {user}: run the demos stage with these seeds and users"
+            )
+        truth[user, n, seed, split] = queries[pool].valid[user]
+    return truth
+
+
+def _predictions(cfg: DictConfig, variant: str, truth: dict[Key, np.ndarray]) -> dict[Key, np.ndarray]:
+    """A variant's p (scene, query) by key; InputError names the first key that is missing or other than asked."""
+    path = model_dir(cfg, variant) / "predictions.parquet"
+    table = read_table(path, PREDICTION_COLUMNS)
+    rows = dict(table.groupby(KEY).indices)  # (user, n, seed, split) -> row numbers
+    columns = {name: table[name].to_numpy() for name in ("scene", "query", "p", "valid")}
+    again = f"run stage {cfg.variants[variant].stage} for {variant} again ({path})"
+    out = {}
+    for key, valid in truth.items():
+        name = "user {}, n {}, seed {}, split {}".format(*key)
+        if key not in rows:
+            raise InputError(f"{variant} has no predictions for {name}: {again}")
+        part = {column: values[rows[key]] for column, values in columns.items()}
+        at = part["scene"], part["query"]
+        if len(at[0]) != valid.size or max(at[0]) >= len(valid) or max(at[1]) >= valid.shape[1]:
+            raise InputError(
+                f"{variant} has {len(at[0])} predictions for {name}: expected {valid.size} "
+                f"({valid.shape[0]} scenes of {valid.shape[1]} paths); {again}"
+            )
+        p = np.full(valid.shape, np.nan)
+        p[at] = part["p"]
+        if not ((p >= 0) & (p <= 1)).all() or not np.array_equal(valid[at], part["valid"]):
+            raise InputError(
+                f"{variant} predicts other paths, or no probabilities, for {name}: expected one p in "
+                f"[0, 1] for every query of the demos stage; {again}"
+            )
+        out[key] = p
+    return out
+
+
+def _nulls(cfg: DictConfig, queries: dict[str, Queries], truth: dict[Key, np.ndarray]) -> Judged:
+    """What both nulls answer; only scenes with demonstrations have a nearest one."""
+    demos = read_demos(Path(cfg.paths.demos))
+    prior = read_position_prior(Path(cfg.paths.scenes))
+    near, place = {}, {}
+    for key in truth:
+        user, n, seed, split = key
+        if user not in prior:
+            raise InputError(f"position_prior.npz knows no user {user}: run the scenes stage again")
+        z = queries[_pool(cfg, seed, split)].z
+        place[key] = nulls.position(prior[user], z)
+        if cfg.protocol.splits[split] is None:
+            near[key] = nulls.nearest(*demo_arrays(demos, seed, user, n), z)
+    return dict(zip(NULLS, (near, place), strict=True))
+
+
+def _scores(judged: Judged, truth: dict[Key, np.ndarray], bins: int) -> pd.DataFrame:
+    """One row per variant, user, n, seed and split; auroc is NaN where all paths are valid."""
+    rows = [
+        (
+            variant,
+            *key,
+            accuracy(p, v),
+            auroc(p, v),
+            brier(p, v),
+            expected_calibration_error(p, v, bins),
+            p.size,
+        )
+        for variant, by_key in tqdm(judged.items(), desc="scores")
+        for key, p, v in ((key, p.ravel(), truth[key].ravel()) for key, p in by_key.items())
+    ]
+    return pd.DataFrame(rows, columns=["variant", *KEY, "accuracy", "auroc", "brier", "ece", "count"])
+
+
+def _over_users(cfg: DictConfig, scores: pd.DataFrame, users: list[str]) -> Cells:
+    """Each seed's accuracy, the mean over `users`, in the order of the protocol's seeds."""
+    score = dict(zip(scores[["variant", *KEY]].itertuples(index=False, name=None), scores["accuracy"], strict=True))
+    return {
+        (variant, split, n): np.array(
+            [np.mean([score[variant, user, n, seed, split] for user in users]) for seed in cfg.protocol.seeds]
+        )
+        for variant in dict.fromkeys(scores["variant"])
+        for split in cfg.protocol.splits
+        if (variant, users[0], cfg.n[0], cfg.protocol.seeds[0], split) in score  # null_nearest: seen scenes only
+        for n in cfg.n
+    }
+
+
+def _summary(averaged: Cells) -> dict:
+    """variant -> split -> n<N> -> mean and quartiles over seeds."""
+    out: dict = {}
+    for (variant, split, n), by_seed in averaged.items():
+        out.setdefault(variant, {}).setdefault(split, {})[f"n{n}"] = quartiles(by_seed) | {"seeds": len(by_seed)}
+    return out
+
+
+def _curve(averaged: Cells) -> pd.DataFrame:
+    """Accuracy against n: one row per variant, split and n."""
+    cells = [
+        {"variant": variant, "split": split, "n": n} | quartiles(by_seed)
+        for (variant, split, n), by_seed in averaged.items()
+    ]
+    return pd.DataFrame(cells, columns=["variant", "split", "n", "mean", "q1", "q3"])
+
+
+def _calibration(cfg: DictConfig, judged: Judged, truth: dict[Key, np.ndarray]) -> tuple[pd.DataFrame, dict[str, dict]]:
+    """Reliability bins and errors of each variant and split at study_n, seeds and `evaluate.users` pooled."""
+    tables, errors = [], {}
+    for variant, by_key in judged.items():
+        for split in cfg.protocol.splits:
+            keys = [k for k in by_key if k[0] in cfg.evaluate.users and k[1] == cfg.study_n and k[3] == split]
+            if not keys:  # null_nearest beyond the seen scenes
+                continue
+            p = np.concatenate([by_key[k].ravel() for k in keys])
+            valid = np.concatenate([truth[k].ravel() for k in keys])
+            bins = pd.DataFrame(vars(reliability(p, valid, cfg.evaluate.bins)))
+            tables.append(bins.assign(variant=variant, split=split)[CALIBRATION_COLUMNS])
+            errors.setdefault(variant, {})[split] = {
+                "ece": expected_calibration_error(p, valid, cfg.evaluate.bins),
+                "brier": brier(p, valid),
+            }
+    table = pd.concat(tables, ignore_index=True)
+    return table.query("count > 0"), errors
+
+
+def _tests(cfg: DictConfig) -> list[tuple[str, str, str, int]]:
+    """The tests fixed in advance: (variant, against, split, n)."""
+    return [
+        (group.variant, against, split, cfg.study_n if group.n is None else group.n)
+        for group in cfg.evaluate.comparisons
+        for against in group.against
+        for split in group.splits
+        if group.n is None or group.n in cfg.n
+    ]
+
+
+def _comparisons(cfg: DictConfig, averaged: Cells) -> pd.DataFrame:
+    """Exact paired Wilcoxon over seeds for every test, and Holm's correction over all of them."""
+    rows = []
+    for variant, against, split, n in _tests(cfg):
+        a, b = averaged[variant, split, n], averaged[against, split, n]
+        p = paired_wilcoxon(a, b)
+        rows.append((variant, against, split, n, a.mean(), b.mean(), (a - b).mean(), p, len(a)))
+    columns = ["variant", "against", "split", "n", "mean", "mean_against", "difference", "p", "seeds"]
+    table = pd.DataFrame(rows, columns=columns)
+    table["p_holm"] = holm(table["p"].to_numpy()) if len(table) else table["p"]
+    return table.assign(significant=table["p_holm"] < LEVEL)
+
+
+if __name__ == "__main__":
+    launch(main, "evaluate")

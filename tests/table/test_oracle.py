@@ -1,0 +1,62 @@
+"""The oracle's paths are truly valid and, as far as its lattice goes, the nearest."""
+
+import numpy as np
+import pytest
+
+from pipeline.table.bezier import lattice, random_z_theta
+from pipeline.table.layout import Items, LayoutRules, Layouts, empty, random_layouts
+from pipeline.table.oracle import constant_detour, nearest_valid
+from pipeline.table.rules import valid
+
+CAREFUL = {"bowl": 0.045, "plate": 0.045, "cutlery": 0.045, "glass": 0.045}
+NORMAL = {"bowl": None, "plate": None, "cutlery": None, "glass": 0.038}
+ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.075, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
+RULES = LayoutRules((2, 3), (0.05, 0.35, 0.40, 0.20), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)
+
+
+@pytest.fixture(scope="module")
+def layouts() -> Layouts:
+    return random_layouts(np.random.default_rng(0), 6, ITEMS, np.arange(4), RULES)
+
+
+@pytest.fixture(scope="module")
+def starts() -> np.ndarray:
+    return random_z_theta(np.random.default_rng(1), 6, 8)
+
+
+@pytest.mark.parametrize("margins", [CAREFUL, NORMAL])
+def test_every_end_is_valid_and_no_point_of_the_lattice_is_nearer(layouts, starts, margins):
+    ends = nearest_valid(layouts, starts, margins, 28, 2)
+    assert valid(layouts, ends, margins).all()
+    points = np.broadcast_to(lattice(28), (6, 28 * 28, 2))
+    distance = np.linalg.norm(points[:, None] - starts[:, :, None], axis=-1)  # (scene, start, point)
+    distance[~np.broadcast_to(valid(layouts, points, margins)[:, None], distance.shape)] = np.inf
+    assert (np.linalg.norm(ends - starts, axis=-1) <= distance.min(-1) + 1e-12).all()
+
+
+def test_coarse_to_fine_comes_within_its_resolution_of_a_fine_search(layouts, starts):
+    few = layouts[:2]
+    coarse_to_fine = np.linalg.norm(nearest_valid(few, starts[:2], CAREFUL, 56, 2) - starts[:2], axis=-1)
+    fine = np.linalg.norm(nearest_valid(few, starts[:2], CAREFUL, 280, 0) - starts[:2], axis=-1)
+    longer = coarse_to_fine - fine
+    assert longer.max() < 0.004 and longer.min() > -0.0071  # a fine point is up to 5 mm x sqrt 2 off its best
+
+
+def test_a_valid_start_and_a_hopeless_one_stay_where_they_are(layouts, starts):
+    anywhere = dict.fromkeys(CAREFUL)
+    np.testing.assert_array_equal(nearest_valid(layouts, starts, anywhere, 14, 1), starts)
+    nowhere = dict.fromkeys(CAREFUL, 0.9)
+    np.testing.assert_array_equal(nearest_valid(layouts, starts, nowhere, 14, 1), starts)
+
+
+def test_the_constant_detour_is_valid_in_as_many_scenes_as_any_other(layouts):
+    z = constant_detour(layouts, CAREFUL, 28)
+    share = valid(layouts, np.broadcast_to(lattice(28), (6, 784, 2)), CAREFUL).mean(0)
+    assert valid(layouts, np.broadcast_to(z, (6, 1, 2)), CAREFUL).mean() == share.max()
+
+
+def test_among_equals_the_constant_detour_keeps_the_most_room():
+    one = empty(1, 1)
+    one.symbol[:], one.item[:], one.centre[:], one.radius[:] = 3, 3, (0.5, 0.5), 0.04
+    z = constant_detour(one, NORMAL, 28)
+    assert np.abs(z[0] - z[1]) > 0.3  # well off the straight line through the glass
