@@ -1,166 +1,23 @@
 """Stage train: fits one variant of the paper's model for every seed, user and n; predicts every query."""
 
-from dataclasses import dataclass
-from functools import lru_cache
+from functools import partial
 from pathlib import Path
 
-import numpy as np
-import pandas as pd
-import torch
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
-from pipeline.artifacts.demos import Queries, demo_arrays, read_demos, read_queries
-from pipeline.artifacts.files import write_json, write_table
-from pipeline.artifacts.models import PREDICTION_COLUMNS, save_model
-from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
+from pipeline.fitting import fit_variant, variant_settings
 from pipeline.launch import launch
-from pipeline.parallel import map_jobs
-from pipeline.params import InputError
 from pipeline.spec.losses import Weights
-from pipeline.spec.registry import build
-from pipeline.spec.training import CURVE, Schedule, fit, job_seed
-
-KEY = ["seed", "user", "n"]
-
-
-@dataclass(frozen=True)
-class Job:
-    """One model to fit; what it needs besides is read once per process (`_inputs`)."""
-
-    seed: int
-    user: str
-    n: int
-    variant: str
-    settings: dict  # conf/variants/<variant>
-    schedule: Schedule
-    pools: dict[str, str]  # split -> pool of scenes that judges it
-    scenes_dir: str
-    demos_dir: str
-
-
-@dataclass(frozen=True)
-class Fitted:
-    """What a job hands back, as arrays: weights, learning curve and the predictions of each split."""
-
-    job: Job
-    weights: dict[str, np.ndarray]
-    curve: np.ndarray  # (point, column of CURVE)
-    predictions: dict[str, np.ndarray]  # split -> (scene, query)
+from pipeline.spec.training import CURVE, Schedule, fit
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Weights, predictions.parquet, curves.parquet, curves.csv and metrics.json of `cfg.variant`."""
-    jobs = _jobs(cfg)
-    queries = _check_inputs(jobs)
-    fitted = map_jobs(_fit, jobs, cfg.workers, f"train {cfg.variant}")
-    predictions = pd.concat([_prediction_rows(f, queries) for f in fitted], ignore_index=True)
-    curves = pd.concat([_curve_rows(f) for f in fitted], ignore_index=True)
-    for f in fitted:
-        model = build(f.job.settings)
-        model.load_state_dict({name: torch.from_numpy(value) for name, value in f.weights.items()})
-        save_model(out_dir, model, f.job.user, f.job.seed, f.job.n)
-    write_table(out_dir / "predictions.parquet", predictions)
-    write_table(out_dir / "curves.parquet", curves)
-    means = curves.groupby(["user", "n", "step"], as_index=False)[list(CURVE[1:])].mean()
-    write_table(out_dir / "curves.csv", means)
-    write_json(out_dir / "metrics.json", {"accuracy": {cfg.variant: accuracy(predictions)}})
-
-
-def accuracy(predictions: pd.DataFrame) -> dict[str, dict[str, dict[str, float]]]:
-    """user -> split -> n -> the share of queries judged rightly (p > .5), mean over seeds."""
-    right = (predictions["p"] > 0.5) == predictions["valid"]
-    by_seed = right.groupby([predictions[c] for c in ("user", "split", "n", "seed")]).mean()
-    table: dict[str, dict[str, dict[str, float]]] = {}
-    for (user, split, n), value in by_seed.groupby(level=["user", "split", "n"]).mean().items():  # pyright: ignore
-        table.setdefault(user, {}).setdefault(split, {})[f"n{n}"] = round(float(value), 4)
-    return table
-
-
-def _jobs(cfg: DictConfig) -> list[Job]:
-    """Every model this run fits; InputError if `variant` belongs to another stage."""
-    settings = OmegaConf.to_container(cfg.variants[cfg.variant], resolve=True)
-    if not isinstance(settings, dict) or settings["stage"] != "train":
-        own = [name for name, v in cfg.variants.items() if v.stage == "train"]
-        raise InputError(
-            f"variant {cfg.variant} is not fitted by stage train: expected one of {', '.join(own)}"
-        )
-    _weights(settings)
-    schedule = Schedule(cfg.train.steps, cfg.train.rate, cfg.train.weight_decay, cfg.train.curve_every)
-    seeds = list(cfg.protocol.seeds) if cfg.seed is None else [cfg.seed]
-    return [
-        Job(
-            seed, user, n, cfg.variant, {str(k): v for k, v in settings.items()}, schedule,
-            {split: pool or train_pool(seed) for split, pool in cfg.protocol.splits.items()},
-            cfg.paths.scenes, cfg.paths.demos,
-        )
-        for seed in seeds for user in cfg.users for n in cfg.n
-    ]  # fmt: skip
-
-
-def _check_inputs(jobs: list[Job]) -> dict[str, Queries]:
-    """Every pool a job needs is there before the first one starts; the queries come back."""
-    scenes, demos, queries = _inputs(jobs[0].scenes_dir, jobs[0].demos_dir)
-    for job in jobs:
-        for pool in (train_pool(job.seed), *job.pools.values()):
-            if pool not in scenes.images:
-                raise InputError(
-                    f"no scenes {pool}: there are {', '.join(scenes.images)}; run `dvc repro scenes`"
-                )
-        for pool in job.pools.values():
-            if pool not in queries or job.user not in queries[pool].valid:
-                raise InputError(f"no queries of {job.user} in {pool}: run `dvc repro demos`")
-        z, _ = demo_arrays(demos, job.seed, job.user, job.n)
-        if len(z) != len(scenes.images[train_pool(job.seed)]):
-            raise InputError(
-                f"{len(z)} scenes with demonstrations of {job.user}, seed {job.seed}: expected "
-                f"{len(scenes.images[train_pool(job.seed)])}; run `dvc repro demos`"
-            )
-    return queries
-
-
-@lru_cache(maxsize=1)
-def _inputs(scenes_dir: str, demos_dir: str) -> tuple[SceneSet, pd.DataFrame, dict[str, Queries]]:
-    """The stage's inputs, read once per process."""
-    return read_scenes(Path(scenes_dir)), read_demos(Path(demos_dir)), read_queries(Path(demos_dir))
-
-
-def _weights(settings: dict) -> Weights:
-    return Weights(settings["alpha"], settings["beta"], settings["gamma"])
-
-
-def _fit(job: Job) -> Fitted:
-    """One job, in a process of its own: fit, then judge the queries of every split."""
-    scenes, demos, queries = _inputs(job.scenes_dir, job.demos_dir)
-    z, valid = demo_arrays(demos, job.seed, job.user, job.n)
-    seed = job_seed(job.seed, job.user, job.n, job.variant)
-    model = build(job.settings, seed)
-    images = scenes.images[train_pool(job.seed)]
-    curve = fit(model, images, z, valid, _weights(job.settings), job.schedule, seed)
-    predictions = {
-        split: model.probability(scenes.images[pool], queries[pool].z) for split, pool in job.pools.items()
-    }
-    return Fitted(job, {k: v.numpy() for k, v in model.state_dict().items()}, curve, predictions)
-
-
-def _prediction_rows(fitted: Fitted, queries: dict[str, Queries]) -> pd.DataFrame:
-    """One row per query of every split, beside the truth."""
-    parts = []
-    for split, p in fitted.predictions.items():
-        scene, query = np.indices(p.shape)
-        truth = queries[fitted.job.pools[split]].valid[fitted.job.user]
-        columns = {"scene": scene.ravel(), "query": query.ravel(), "p": p.ravel(), "valid": truth.ravel()}
-        parts.append(pd.DataFrame(columns).assign(split=split))
-    return _keyed(pd.concat(parts, ignore_index=True), fitted.job)[PREDICTION_COLUMNS]
-
-
-def _curve_rows(fitted: Fitted) -> pd.DataFrame:
-    """One row per point of the learning curve."""
-    curve = pd.DataFrame(fitted.curve, columns=list(CURVE)).astype({"step": int})
-    return _keyed(curve, fitted.job)[KEY + list(CURVE)]
-
-
-def _keyed(rows: pd.DataFrame, job: Job) -> pd.DataFrame:
-    return rows.assign(seed=job.seed, user=job.user, n=job.n)
+    settings = variant_settings(cfg, "train")
+    weights = Weights(*(float(settings[name]) for name in ("alpha", "beta", "gamma")))
+    t = cfg.train
+    schedule = Schedule(t.steps, float(t.rate), float(t.weight_decay), t.curve_every)
+    fit_variant(cfg, out_dir, settings, partial(fit, weights=weights, schedule=schedule), CURVE)
 
 
 if __name__ == "__main__":

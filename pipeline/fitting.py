@@ -1,0 +1,162 @@
+"""What the stages that fit models share: one job for every (seed, user, n), its predictions, and the files written.
+
+A job is a model built from the variant's settings, a `fit` that trains it in place, and its judgement of the queries.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import torch
+from omegaconf import DictConfig, OmegaConf
+
+from pipeline.artifacts.demos import Queries, demo_arrays, read_demos, read_queries
+from pipeline.artifacts.files import write_json, write_table
+from pipeline.artifacts.models import PREDICTION_COLUMNS, save_model
+from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
+from pipeline.parallel import map_jobs
+from pipeline.params import InputError
+from pipeline.spec.registry import build
+from pipeline.spec.training import job_seed
+
+KEY = ["seed", "user", "n"]
+Fit = Callable[..., np.ndarray]  # (model, images, z_theta, valid, seed=) -> learning curve (point, column); picklable
+
+
+@dataclass(frozen=True)
+class Job:
+    """One model to fit; what it needs besides is read once per process (`_inputs`)."""
+
+    seed: int
+    user: str
+    n: int
+    variant: str
+    settings: dict  # conf/variants/<variant>
+    fit: Fit
+    pools: dict[str, str]  # split -> pool of scenes that judges it
+    scenes_dir: str
+    demos_dir: str
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """What a job hands back, as arrays: weights, learning curve and the predictions of each split."""
+
+    job: Job
+    weights: dict[str, np.ndarray]
+    curve: np.ndarray  # (point, column)
+    predictions: dict[str, np.ndarray]  # split -> (scene, query)
+
+
+def variant_settings(cfg: DictConfig, stage: str) -> dict:
+    """The settings of `cfg.variant`; InputError if another stage fits it."""
+    settings = OmegaConf.to_container(cfg.variants[cfg.variant], resolve=True)
+    if not isinstance(settings, dict) or settings["stage"] != stage:
+        own = [name for name, v in cfg.variants.items() if v.stage == stage]
+        raise InputError(f"variant {cfg.variant} is not fitted by stage {stage}: expected one of {', '.join(own)}")
+    return {str(name): value for name, value in settings.items()}
+
+
+def fit_variant(cfg: DictConfig, out_dir: Path, settings: dict, fit: Fit, columns: Sequence[str]) -> None:
+    """Fit `cfg.variant` for every seed, user and n, and write its files under `out_dir` once all are done.
+
+    `columns`: of the learning curves, the first one `step`. Files: weights/, predictions.parquet, curves.parquet,
+    curves.csv (mean over seeds) and metrics.json.
+    """
+    jobs = _jobs(cfg, settings, fit)
+    queries = _check_inputs(jobs)
+    fitted = map_jobs(_run, jobs, cfg.workers, f"fit {cfg.variant}")
+    predictions = pd.concat([_prediction_rows(f, queries) for f in fitted], ignore_index=True)
+    curves = pd.concat([_curve_rows(f, columns) for f in fitted], ignore_index=True)
+    for f in fitted:
+        model = build(f.job.settings)
+        model.load_state_dict({name: torch.from_numpy(value) for name, value in f.weights.items()})
+        save_model(out_dir, model, f.job.user, f.job.seed, f.job.n)
+    write_table(out_dir / "predictions.parquet", predictions)
+    write_table(out_dir / "curves.parquet", curves)
+    means = curves.groupby(["user", "n", "step"], as_index=False)[list(columns[1:])].mean()
+    write_table(out_dir / "curves.csv", means)
+    write_json(out_dir / "metrics.json", {"accuracy": {cfg.variant: accuracy(predictions)}})
+
+
+def accuracy(predictions: pd.DataFrame) -> dict[str, dict[str, dict[str, float]]]:
+    """user -> split -> n -> the share of queries judged rightly (p > .5), mean over seeds."""
+    right = (predictions["p"] > 0.5) == predictions["valid"]
+    by_seed = right.groupby([predictions[c] for c in ("user", "split", "n", "seed")]).mean()
+    table: dict[str, dict[str, dict[str, float]]] = {}
+    for (user, split, n), value in by_seed.groupby(level=["user", "split", "n"]).mean().items():  # pyright: ignore
+        table.setdefault(user, {}).setdefault(split, {})[f"n{n}"] = round(float(value), 4)
+    return table
+
+
+def _jobs(cfg: DictConfig, settings: dict, fit: Fit) -> list[Job]:
+    """Every model this run fits."""
+    seeds = list(cfg.protocol.seeds) if cfg.seed is None else [cfg.seed]
+    return [
+        Job(
+            seed, user, n, cfg.variant, settings, fit,
+            {split: pool or train_pool(seed) for split, pool in cfg.protocol.splits.items()},
+            cfg.paths.scenes, cfg.paths.demos,
+        )
+        for seed in seeds for user in cfg.users for n in cfg.n
+    ]  # fmt: skip
+
+
+def _check_inputs(jobs: list[Job]) -> dict[str, Queries]:
+    """Every pool a job needs is there before the first one starts; the queries come back."""
+    scenes, demos, queries = _inputs(jobs[0].scenes_dir, jobs[0].demos_dir)
+    for job in jobs:
+        for pool in (train_pool(job.seed), *job.pools.values()):
+            if pool not in scenes.images:
+                raise InputError(f"no scenes {pool}: there are {', '.join(scenes.images)}; run `dvc repro scenes`")
+        for pool in job.pools.values():
+            if pool not in queries or job.user not in queries[pool].valid:
+                raise InputError(f"no queries of {job.user} in {pool}: run `dvc repro demos`")
+        z, _ = demo_arrays(demos, job.seed, job.user, job.n)
+        if len(z) != len(scenes.images[train_pool(job.seed)]):
+            raise InputError(
+                f"{len(z)} scenes with demonstrations of {job.user}, seed {job.seed}: expected "
+                f"{len(scenes.images[train_pool(job.seed)])}; run `dvc repro demos`"
+            )
+    return queries
+
+
+@lru_cache(maxsize=1)
+def _inputs(scenes_dir: str, demos_dir: str) -> tuple[SceneSet, pd.DataFrame, dict[str, Queries]]:
+    """The stage's inputs, read once per process."""
+    return read_scenes(Path(scenes_dir)), read_demos(Path(demos_dir)), read_queries(Path(demos_dir))
+
+
+def _run(job: Job) -> Fitted:
+    """One job, in a process of its own: fit, then judge the queries of every split."""
+    scenes, demos, queries = _inputs(job.scenes_dir, job.demos_dir)
+    z, valid = demo_arrays(demos, job.seed, job.user, job.n)
+    seed = job_seed(job.seed, job.user, job.n, job.variant)
+    model = build(job.settings, seed)
+    curve = job.fit(model, scenes.images[train_pool(job.seed)], z, valid, seed=seed)
+    predictions = {split: model.probability(scenes.images[pool], queries[pool].z) for split, pool in job.pools.items()}
+    return Fitted(job, {k: v.numpy() for k, v in model.state_dict().items()}, curve, predictions)
+
+
+def _prediction_rows(fitted: Fitted, queries: dict[str, Queries]) -> pd.DataFrame:
+    """One row per query of every split, beside the truth."""
+    parts = []
+    for split, p in fitted.predictions.items():
+        scene, query = np.indices(p.shape)
+        truth = queries[fitted.job.pools[split]].valid[fitted.job.user]
+        columns = {"scene": scene.ravel(), "query": query.ravel(), "p": p.ravel(), "valid": truth.ravel()}
+        parts.append(pd.DataFrame(columns).assign(split=split))
+    return _keyed(pd.concat(parts, ignore_index=True), fitted.job)[PREDICTION_COLUMNS]
+
+
+def _curve_rows(fitted: Fitted, columns: Sequence[str]) -> pd.DataFrame:
+    """One row per point of the learning curve."""
+    curve = pd.DataFrame(fitted.curve, columns=list(columns)).astype({"step": int})
+    return _keyed(curve, fitted.job)[KEY + list(columns)]
+
+
+def _keyed(rows: pd.DataFrame, job: Job) -> pd.DataFrame:
+    return rows.assign(seed=job.seed, user=job.user, n=job.n)

@@ -1,0 +1,184 @@
+"""Inverse reinforcement learning of a reward map, in two forms, and the acceptance rule fitted afterwards.
+
+`maxent`: maximum entropy IRL on the valid demonstrations alone, as a baseline without negative examples has it
+(Ziebart et al., 2008); z_theta is two-dimensional, so the partition function is a sum over a lattice, not a sample.
+`ranked`: every valid demonstration is preferred to every invalid one (Bradley and Terry, 1952), which uses the same
+information as the specification model. Both then turn soft regret into P(valid) by a logistic fit on all labels.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from jaxtyping import Bool, Float, UInt8
+from numpy import ndarray as Array
+from torch import Tensor
+
+from pipeline.spec.jitter import Jitter, blobs, new_looks
+from pipeline.spec.reward import SYMMETRIES, RewardMap, against_table, contrast, transform, untransform
+from pipeline.spec.specification import to_tensor
+from pipeline.spec.training import laplace
+
+OBJECTIVES = ("maxent", "ranked")
+CURVE = ("step", "total")  # columns of a learning curve
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """How a reward map is trained (conf/irl)."""
+
+    steps: int
+    rate: float  # AdamW's peak learning rate; OneCycle warms up to it and anneals to nearly 0
+    weight_decay: float
+    scenes_per_step: int  # drawn without replacement; more than there are: all
+    copies: int  # repainted copies of each training scene, drawn once, then picked from at random
+    curve_every: int  # steps between two points of the learning curve
+    sparsity: float  # weight of the mean absolute reward: no reward where nothing speaks for one
+    across: bool  # rank over all scenes (soft regrets compare) or only within each
+    jitter: Jitter
+
+    def __post_init__(self):
+        for name in ("steps", "rate", "scenes_per_step", "copies", "curve_every"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"irl.{name} is {getattr(self, name)}: it must be positive")
+
+
+def maxent(
+    regret: Float[Tensor, "scene path"], valid: Bool[Tensor, "scene path"]
+) -> Float[Tensor, ""]:
+    """-log p(z_theta | I) of the valid demonstrations [nat], relative to uniform: mean over them.
+
+    p is proportional to exp(return), so its logarithm is the soft regret: the lattice's sum is the partition.
+    """
+    return -regret[valid].mean()
+
+
+def ranked(regret: Float[Tensor, "scene path"], valid: Bool[Tensor, "scene path"], across: bool) -> Float[Tensor, ""]:
+    """-log sigmoid(valid's regret - invalid's) [nat]: mean over pairs of a scene, or of all scenes if `across`."""
+    if across:
+        margin = regret[valid][:, None] - regret[~valid][None, :]
+        return F.softplus(-margin).mean()
+    margin = regret[:, :, None] - regret[:, None, :]  # (scene, better, worse)
+    pairs = valid[:, :, None] & ~valid[:, None, :]
+    return F.softplus(-margin[pairs]).mean()
+
+
+def fit(
+    model: RewardMap,
+    images: UInt8[Array, "scene 100 100 3"],
+    z_theta: Float[Array, "scene n 2"],
+    valid: Bool[Array, "scene n"],
+    objective: str,
+    schedule: Schedule,
+    seed: int,
+) -> Float[Array, "point 2"]:
+    """Train `model` in place on n demonstrations [m] a scene; the learning curve (columns `CURVE`) comes back.
+
+    Demonstrations that are all valid, or all invalid, leave nothing to rank and no threshold to fit: the model then
+    stays untrained and accepts with Laplace's probability (N valid + 1) / (N + 2), whatever the image and path.
+    """
+    if objective not in OBJECTIVES:
+        raise ValueError(f"objective {objective!r} of a reward variant: expected one of {', '.join(OBJECTIVES)}")
+    if valid.all() or not valid.any():
+        p = laplace(valid)
+        accept(model, 0.0, float(np.log(p / (1 - p))))
+        return np.array([[0.0, 0.0]])
+    rng = np.random.default_rng(seed)
+    copies = _copies(rng, images, schedule)
+    curve = _descend(model, rng, copies, z_theta, valid, objective, schedule)
+    accept(model, *logistic(_regrets(model, copies, z_theta), valid[None].repeat(schedule.copies, 0)))
+    return curve
+
+
+def _copies(rng, images, schedule) -> Float[Tensor, "copy scene 4 100 100"]:
+    """Every training scene's contrast in `copies` looks; the first one is the scene as it is."""
+    plain, whitening = against_table(to_tensor(images))
+    copies = [contrast(plain, whitening)]
+    labels = blobs(copies[0][:, 0].sinh().numpy())
+    for _ in range(schedule.copies - 1):
+        looks, table = new_looks(rng, plain.numpy(), labels, schedule.jitter)
+        copies.append(contrast(torch.from_numpy(looks), whitening[torch.from_numpy(table)]))
+    return torch.stack(copies)
+
+
+def _descend(model, rng, copies, z_theta, valid, objective, schedule) -> Float[Array, "point 2"]:
+    """The gradient descent: each step sees some scenes, each in one repainting, all under one symmetry."""
+    z = torch.from_numpy(z_theta.astype(np.float32))
+    labels = torch.from_numpy(valid)
+    optimiser = torch.optim.AdamW(
+        model.parameters(), lr=schedule.rate, weight_decay=schedule.weight_decay, fused=True
+    )
+    cycle = torch.optim.lr_scheduler.OneCycleLR(optimiser, schedule.rate, total_steps=schedule.steps)
+    curve = []
+    model.train()
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(int(rng.integers(2**62)))  # dropout draws from torch's global generator
+        for step in range(schedule.steps):
+            scene = torch.from_numpy(rng.permutation(len(z))[: schedule.scenes_per_step])
+            copy = torch.from_numpy(rng.integers(len(copies), size=len(scene)))
+            symmetry = int(rng.integers(SYMMETRIES))
+            batch = transform(copies[copy, scene], symmetry).contiguous(memory_format=torch.channels_last)
+            reward = untransform(model.reward(batch), symmetry)
+            regret = model.soft_regret(reward, z[scene])
+            loss = _loss(objective, regret, labels[scene], schedule.across)
+            if loss is not None:
+                optimiser.zero_grad()
+                (loss + schedule.sparsity * reward.abs().mean()).backward()
+                optimiser.step()
+            cycle.step()
+            if loss is not None and (step % schedule.curve_every == 0 or step == schedule.steps - 1):
+                curve.append((step, float(loss.detach())))
+    model.eval()
+    return np.array(curve)
+
+
+def _loss(objective, regret, valid, across) -> Tensor | None:
+    """The objective on a batch; None if the batch holds nothing it could learn from."""
+    if objective == "maxent":
+        return maxent(regret, valid) if valid.any() else None
+    pairs = valid.any() and not valid.all() if across else (valid.any(1) & ~valid.all(1)).any()
+    return ranked(regret, valid, across) if pairs else None
+
+
+@torch.no_grad()
+def _regrets(model, copies, z_theta) -> Float[Array, "copy scene n"]:
+    """Soft regret of the training demonstrations in every repainting of their scenes, as the trained model sees them."""
+    z = torch.from_numpy(z_theta.astype(np.float32))
+    accept(model, 1.0, 0.0)
+    return torch.stack([model.logit(model.look(x), z) for x in copies]).numpy()
+
+
+def accept(model: RewardMap, scale: float, offset: float) -> None:
+    """Set the acceptance rule: log-odds = scale * soft regret + offset."""
+    model.scale.fill_(scale)
+    model.offset.fill_(offset)
+
+
+def logistic(regret: Float[Array, "*demo"], valid: Bool[Array, "*demo"]) -> tuple[float, float]:
+    """Scale (at least 0) and offset of P(valid) = sigmoid(scale * regret + offset) by maximum likelihood.
+
+    The targets are Platt's (1999), a little inside 0 and 1, so that separable labels give a finite scale. Newton's
+    method on standardised regret, damped until the likelihood rises; concave, so it ends at the maximum.
+    """
+    x, y = regret.ravel().astype(np.float64), valid.ravel()
+    target = np.where(y, (y.sum() + 1) / (y.sum() + 2), 1 / ((~y).sum() + 2))
+    mean, spread = x.mean(), max(x.std(), 1e-9)
+    design = np.stack([(x - mean) / spread, np.ones_like(x)], axis=1)  # (demo, 2)
+    w = np.zeros(2)
+
+    def loss(w: Array) -> float:
+        return float((np.logaddexp(0, design @ w) - target * (design @ w)).sum())
+
+    for _ in range(100):
+        p = 1 / (1 + np.exp(-design @ w))
+        gradient = design.T @ (p - target)
+        hessian = (design * (p * (1 - p))[:, None]).T @ design + 1e-9 * np.eye(2)
+        step = np.linalg.solve(hessian, gradient)
+        while loss(w - step) > loss(w) and np.abs(step).max() > 1e-12:
+            step /= 2
+        w = w - step
+        if np.abs(step).max() < 1e-10:
+            break
+    scale = max(w[0], 0.0) / spread
+    return scale, float(w[1] - scale * mean) if w[0] > 0 else float(np.log(target.mean() / (1 - target.mean())))

@@ -1,0 +1,31 @@
+"""Stage irl: fits one form of the IRL baseline for every seed, user and n; predicts every query."""
+
+from functools import partial
+from pathlib import Path
+
+from omegaconf import DictConfig
+
+from pipeline.fitting import fit_variant, variant_settings
+from pipeline.launch import launch
+from pipeline.spec.irl import CURVE, Schedule, fit
+from pipeline.spec.jitter import Jitter
+
+
+def main(cfg: DictConfig, out_dir: Path) -> None:
+    """Weights, predictions.parquet, curves.parquet, curves.csv and metrics.json of `cfg.variant`."""
+    settings = variant_settings(cfg, "irl")
+    train = partial(fit, objective=settings["objective"], schedule=schedule(cfg))
+    fit_variant(cfg, out_dir, settings, train, CURVE)
+
+
+def schedule(cfg: DictConfig) -> Schedule:
+    """conf/irl as the library takes it; ValueError for a value out of range."""
+    s = cfg.irl
+    jitter = Jitter(**{name: float(value) for name, value in s.jitter.items()})
+    return Schedule(
+        s.steps, float(s.rate), float(s.weight_decay), s.scenes_per_step, s.copies, s.curve_every, s.sparsity, s.across, jitter
+    )
+
+
+if __name__ == "__main__":
+    launch(main, "irl")
