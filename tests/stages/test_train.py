@@ -1,0 +1,131 @@
+"""Facts about stage train: what it writes, that it repeats byte for byte, and what it refuses."""
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline.artifacts.demos import DEMO_COLUMNS, Queries, read_queries, write_demos, write_queries
+from pipeline.artifacts.files import read_json, read_table
+from pipeline.artifacts.models import PREDICTION_COLUMNS, load_model
+from pipeline.artifacts.scenes import SceneSet, read_scenes, write_scenes
+from pipeline.params import InputError, compose
+from pipeline.stages.train import main
+from pipeline.table.layout import empty
+
+POOLS = {"train-s0": 3, "train-s1": 3, "new_scenes": 2, "new_items": 2}
+SMALL = ["seeds=[0,1]", "n=[1,2]", "study_n=2", "train.steps=4", "train.curve_every=2", "workers=1"]
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory) -> Path:
+    """A tiny world: noise for images, labels by the side of the table; aggressive accepts everything."""
+    root, rng = tmp_path_factory.mktemp("inputs"), np.random.default_rng(0)
+    images, layouts, looks, queries, rows = {}, {}, {}, {}, []
+    for pool, scenes in POOLS.items():
+        images[pool] = rng.integers(0, 256, (scenes, 100, 100, 3), dtype=np.uint8)
+        layouts[pool] = empty(scenes, 2)
+        layouts[pool].symbol[:, 0] = layouts[pool].item[:, 0] = 0
+        looks[pool] = pd.DataFrame({"texture": "oak", "render_seed": range(scenes)})
+        z = rng.uniform(-0.2, 1.2, (scenes, 4, 2))
+        queries[pool] = Queries(z, {user: _label(z, user) for user in ("careful", "normal", "aggressive")})
+    for seed in (0, 1):
+        for user in ("aggressive", "careful", "normal"):
+            z = np.stack(np.meshgrid([0.1, 0.9, 0.2], [0.1, 0.9]), -1).transpose(1, 0, 2) + 0.01 * seed
+            valid = _label(z, user)
+            for scene, demo in np.ndindex(3, 2):
+                rows.append((seed, user, scene, demo, *z[scene, demo], valid[scene, demo], 0.0, False, 1.0, 3))
+    write_scenes(root / "scenes", SceneSet(images, layouts, looks))
+    demos = pd.DataFrame(rows, columns=DEMO_COLUMNS)
+    write_demos(root / "demos", demos, np.zeros((3 * len(rows), 4)), np.arange(len(rows) + 1) * 3)
+    write_queries(root / "demos", queries)
+    return root
+
+
+def _label(z: np.ndarray, user: str) -> np.ndarray:
+    return (z[..., 0] < 0.5) | (user == "aggressive")
+
+
+def config(inputs: Path, out: Path, *overrides: str):
+    paths = [f"paths.scenes={inputs}/scenes", f"paths.demos={inputs}/demos", f"paths.train={out}"]
+    return compose([*paths, *SMALL, *overrides])
+
+
+@pytest.fixture(scope="module")
+def run(inputs, tmp_path_factory) -> Path:
+    """One run of variant full."""
+    out = tmp_path_factory.mktemp("train")
+    main(config(inputs, out), out / "full")
+    return out
+
+
+def test_every_query_of_every_model_gets_one_prediction(run):
+    predictions = read_table(run / "full" / "predictions.parquet", PREDICTION_COLUMNS)
+    models = 2 * 3 * 2  # seeds, users, n
+    assert len(predictions) == models * (3 + 2 + 2) * 4
+    assert not predictions.duplicated(["seed", "user", "n", "split", "scene", "query"]).any()
+    assert predictions["p"].dtype == np.float32 and predictions["p"].between(0, 1).all()
+
+
+def test_saved_weights_give_the_predictions_that_were_written(run, inputs):
+    cfg = config(inputs, run)
+    scenes, queries = read_scenes(inputs / "scenes"), read_queries(inputs / "demos")
+    predictions = read_table(run / "full" / "predictions.parquet")
+    for split, pool in (("seen_scenes", "train-s1"), ("new_items", "new_items")):
+        p = load_model(cfg, "full", "careful", 1, 2).probability(scenes.images[pool], queries[pool].z)
+        rows = predictions.query(f"seed == 1 and user == 'careful' and n == 2 and split == '{split}'")
+        np.testing.assert_allclose(rows["p"].to_numpy().reshape(p.shape), p, rtol=1e-6)
+        assert np.array_equal(rows["valid"].to_numpy().reshape(p.shape), queries[pool].valid["careful"])
+
+
+def test_a_user_without_invalid_demonstrations_gets_laplaces_constant(run):
+    predictions = read_table(run / "full" / "predictions.parquet").query("user == 'aggressive' and n == 2")
+    np.testing.assert_allclose(predictions["p"], 7 / 8, rtol=1e-6)  # 3 scenes x 2 demonstrations, all valid
+
+
+def test_curves_and_metrics_name_every_user_and_n(run):
+    curves = read_table(run / "full" / "curves.csv")
+    assert set(map(tuple, curves[["user", "n"]].to_numpy())) == {
+        (user, n) for user in ("careful", "normal", "aggressive") for n in (1, 2)
+    }
+    accuracy = read_json(run / "full" / "metrics.json")["accuracy"]["full"]
+    assert accuracy["aggressive"]["new_items"] == {"n1": 1.0, "n2": 1.0}
+    assert set(accuracy["careful"]) == {"seen_scenes", "new_scenes", "new_items"}
+
+
+def test_two_processes_write_the_bytes_of_one(run, inputs, tmp_path):
+    main(config(inputs, tmp_path, "workers=2"), tmp_path / "full")
+    assert _digests(tmp_path) == _digests(run)
+
+
+def test_one_seed_alone_is_that_seed_of_the_whole_run(run, inputs, tmp_path):
+    main(config(inputs, tmp_path, "seed=1"), tmp_path / "full")
+    alone, whole = _digests(tmp_path / "full" / "weights"), _digests(run / "full" / "weights")
+    assert len(alone) == 6 and alone.items() <= whole.items()
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("variant=irl_ranked", "not fitted by stage train: expected one of full, ae, classifier"),
+        ("variants.full.beta=-1", "beta is -1.0"),
+        ("train.steps=0", "train.steps is 0"),
+        ("seeds=[0,7]", "no scenes train-s7"),
+    ],
+)
+def test_bad_input_ends_before_anything_is_written(inputs, tmp_path, override, message):
+    with pytest.raises(ValueError, match=message):
+        main(config(inputs, tmp_path, override), tmp_path / "full")
+    assert not (tmp_path / "full").exists()
+
+
+def test_more_demonstrations_than_there_are_is_refused(inputs, tmp_path):
+    with pytest.raises(InputError, match="expected 9 in each scene"):
+        main(config(inputs, tmp_path, "n=[9]", "study_n=9"), tmp_path)
+
+
+def _digests(root: Path) -> dict[str, str]:
+    files = sorted(path for path in root.rglob("*") if path.is_file())
+    return {str(path.relative_to(root)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
