@@ -5,6 +5,7 @@ from typing import Any
 
 import torch
 
+from pipeline.spec.reward import RewardMap
 from pipeline.spec.specification import Specification
 from pipeline.spec.vae import VaeSpecification
 
@@ -23,10 +24,6 @@ def build(variant: Mapping[str, Any], seed: int = 0) -> Specification:
             case "vae":
                 return VaeSpecification(**shape).eval()
             case "reward":
-                from pipeline.spec.reward import RewardMap
-
                 return RewardMap(**shape).eval()
             case kind:
-                raise ValueError(
-                    f"kind {kind!r} of variant: expected one of {', '.join(KINDS)}; see conf/variants"
-                )
+                raise ValueError(f"kind {kind!r} of variant: expected one of {', '.join(KINDS)}; see conf/variants")

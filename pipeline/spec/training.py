@@ -72,9 +72,7 @@ def _descend(model, images, z_theta, valid, weights, schedule, seed) -> Float[Ar
     z = torch.from_numpy(z_theta.astype(np.float32))  # (scene, n, 2)
     labels = torch.from_numpy(valid.astype(np.float32))  # (scene, n)
     generator = torch.Generator().manual_seed(seed)
-    optimiser = torch.optim.AdamW(
-        model.parameters(), lr=schedule.rate, weight_decay=schedule.weight_decay, fused=True
-    )
+    optimiser = torch.optim.AdamW(model.parameters(), lr=schedule.rate, weight_decay=schedule.weight_decay, fused=True)
     cycle = torch.optim.lr_scheduler.OneCycleLR(optimiser, schedule.rate, total_steps=schedule.steps)
     curve: list[tuple[int, Terms]] = []
     model.train()

@@ -76,6 +76,7 @@ class VaeSpecification(Specification):
     def set_constant_head(self, probability: float) -> None:
         """Answer `probability` whatever the image and the path: last layer's weight 0, bias its log-odds."""
         head = self.classifier[-1]
+        assert isinstance(head, nn.Linear)
         head.weight.zero_()
         head.bias.fill_(math.log(probability) - math.log1p(-probability))
 
