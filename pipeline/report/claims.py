@@ -58,7 +58,13 @@ def _accuracy(results: Results) -> list[tuple[str, ...]]:
         verdict = HELD if all(held) else PARTLY if any(held) else FAILED
         name = f"Valid paths are told from invalid ones, {counted(n, 'demonstration')} a scene"
         rows.append(
-            (name, percent_spread(paper.ACCURACY[n]._asdict()), here, percent(null[UNSEEN][f"n{n}"]["mean"]), verdict)
+            (
+                name,
+                percent_spread(paper.ACCURACY[n]._asdict()),
+                here,
+                f"{percent(null[UNSEEN][f'n{n}']['mean'])} (position only, unseen items)",
+                verdict,
+            )
         )
     return rows
 

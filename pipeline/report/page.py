@@ -5,13 +5,17 @@ from collections.abc import Mapping
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from pipeline.report import findings
+from pipeline.report.findings.accuracy import accuracy, calibration
+from pipeline.report.findings.causes import interventions, specifications
+from pipeline.report.findings.repair import repair
+from pipeline.report.findings.summary import summary, world
 from pipeline.report.pictures import Picture
 from pipeline.report.results import Results
 from pipeline.report.style import inline
 from pipeline.report.table import Table, to_html
 from pipeline.report.wording import counted, listed, variant_label
 
+SAYS = {f.__name__: f for f in (summary, world, accuracy, calibration, repair, interventions, specifications)}
 LARGEST = 8 * 2**20  # bytes a page may have
 
 
@@ -26,14 +30,15 @@ def render(
         loader=PackageLoader("pipeline.report"), undefined=StrictUndefined, autoescape=True, trim_blocks=True,
         lstrip_blocks=True,
     )  # fmt: skip
+    environment.filters["curly"] = lambda text: text.replace("'", "’")
     environment.globals |= {
-        "table": lambda name: Markup(to_html(tables[name])),
+        "table": lambda name: Markup(to_html(tables[name]).replace("&#x27;", "’")),
         "svg": lambda text, name: Markup(inline(text, name)),
         "listed": listed,
         "counted": counted,
         "variant_label": variant_label,
     }
-    html = environment.get_template("page.html.j2").render(r=results, facts=facts, pictures=pictures, findings=findings)
+    html = environment.get_template("page.html.j2").render(r=results, facts=facts, pictures=pictures, findings=SAYS)
     if len(html.encode()) > LARGEST:
         raise ValueError(
             f"the report has {len(html.encode()):,} bytes: expected at most {LARGEST:,}; draw fewer scenes "

@@ -81,7 +81,8 @@ def _demonstrations(results: Results, drawn: Drawn) -> Picture:
     shares = [f"{percent(valid.mean(), 0)} for {user}" for user, (_, valid) in drawn.demos.items()]
     alt = f"The same training scenes with each user's demonstrations; valid among those drawn: {listed(shares)}."
     caption = (
-        f"Training scenes of seed {drawn.seed} with every demonstration of each user. Paths run from the circle to "
+        f"Training scenes of seed {drawn.seed}, the fullest ones, with every demonstration of each user that the "
+        f"models are given. Paths run from the circle to "
         f"the square; "
         "whole blue lines are valid to that user, broken orange ones are not."
     )
@@ -149,7 +150,7 @@ def _repair(results: Results, drawn: Drawn, variant: str) -> Picture:
 
 
 def _interventions(results: Results, drawn: Drawn) -> Picture:
-    cells = results.intervention["interventions"]
+    cells = {v: results.intervention["interventions"][v] for v in results.variants}
     parts = []
     for variant in results.variants:
         t = results.intervention["verdicts"][variant]
@@ -158,7 +159,7 @@ def _interventions(results: Results, drawn: Drawn) -> Picture:
     caption = (
         "What one more item does to mean validity: each variant's average causal effect with its 95 % interval (seeds "
         "and scenes "
-        f"resampled), the truth as black bars, effects smaller than {drawn.smallest} in the grey band. Filled marks: "
+        f"resampled), the truth as upright bars, effects smaller than {drawn.smallest} in the grey band. Filled marks: "
         f"verdict “effect”."
     )
     wide, narrow = (

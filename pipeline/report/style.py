@@ -3,6 +3,7 @@
 import io
 import re
 from collections.abc import Callable
+from typing import Any
 
 import matplotlib
 from matplotlib.figure import Figure
@@ -23,7 +24,7 @@ _COLOURS = {
 _MARKERS = {"full": "o", "ae": "s", "classifier": "^", "irl_maxent": "v", "irl_ranked": "D"}
 _LINES = {"null_nearest": (0, (1.2, 1.6)), "null_position": (0, (5, 2.5))}
 _OTHER = "#b8609a"  # Okabe and Ito's purple: a variant this file does not know
-RC = {
+RC: dict[Any, Any] = {
     "svg.hashsalt": "causal-specifications",
     "svg.fonttype": "path",
     "font.family": "DejaVu Sans",

@@ -1,4 +1,4 @@
-"""A table of short texts, and its forms: csv, Markdown, LaTeX, HTML and a terminal's."""
+"""A table of short texts, and its forms: csv, Markdown (which a terminal shows as well), LaTeX and HTML."""
 
 import csv
 import io
@@ -7,6 +7,8 @@ from html import escape
 
 _TEX = {"%": r"\%", "&": r"\&", "_": r"\_", "#": r"\#", "−": r"$-$", "–": "--", "\u00a0": "~", "β": r"$\beta$"}
 _TEX |= {"<": r"$<$", ">": r"$>$", "±": r"$\pm$", "≥": r"$\geq$", "→": r"$\to$"}
+
+_FIRST = ' class="first"'  # of a group of rows
 
 
 @dataclass(frozen=True)
@@ -51,14 +53,18 @@ def to_csv(t: Table) -> str:
 
 
 def to_markdown(t: Table) -> str:
-    """A pipe table with its caption above."""
-    lines = [t.caption, "", _pipes(t.header), _pipes(["---"] * len(t.header))]
-    lines += [_pipes([f"**{c.text}**" if c.bold else c.text for c in row]) for row in t.rows]
+    """A pipe table under its caption, padded so that a terminal shows it as well."""
+    texts = [list(t.header)] + [[f"**{c.text}**" if c.bold else c.text for c in row] for row in t.rows]
+    texts = [[x.replace("|", r"\|") for x in row] for row in texts]
+    widths = [max(3, *(len(row[i]) for row in texts)) for i in range(len(t.header))]
+
+    def aligned(row: list[str]) -> str:
+        pairs = enumerate(zip(row, widths, strict=True))
+        return "| " + " | ".join(x.ljust(w) if i < t.labels else x.rjust(w) for i, (x, w) in pairs) + " |"
+
+    marks = ["-" * w if i < t.labels else "-" * (w - 1) + ":" for i, w in enumerate(widths)]
+    lines = [t.caption, "", aligned(texts[0]), aligned(marks), *map(aligned, texts[1:])]
     return "\n".join(lines).replace("\u00a0", " ") + "\n"
-
-
-def _pipes(cells) -> str:
-    return "| " + " | ".join(str(c).replace("|", r"\|") for c in cells) + " |"
 
 
 def to_tex(t: Table) -> str:
@@ -82,33 +88,30 @@ def _tex(text: str) -> str:
 
 
 def to_html(t: Table) -> str:
-    """A real table: caption, column and row headings in scope; equal row headings are written once."""
-    head = "".join(f'<th scope="col">{escape(h)}</th>' for h in t.header)
-    lines = [f'<div class="scroll" tabindex="0" role="group" aria-label="{escape(t.name)} table"><table>']
-    lines += [f"<caption>{escape(t.caption)}</caption>", f"<thead><tr>{head}</tr></thead>", "<tbody>"]
+    """A real table: caption, column and row headings in scope; a repeated first heading is muted.
+
+    Roles and labels are spelled out, since a narrow page may show the rows as blocks (templates/page.css).
+    """
+    kinds = ["" if i < t.labels else ' class="value"' for i in range(len(t.header))]
+    head = "".join(
+        f'<th scope="col" role="columnheader"{k}>{escape(h)}</th>' for h, k in zip(t.header, kinds, strict=True)
+    )
+    name = escape(t.name.replace("_", " "))
+    lines = [f'<div class="scroll" tabindex="0" role="group" aria-label="Table: {name}"><table role="table">']
+    lines.append(f"<caption><span>{escape(t.caption)}</span></caption>")
+    lines += [f'<thead role="rowgroup"><tr role="row">{head}</tr></thead>', '<tbody role="rowgroup">']
     before: tuple[Cell, ...] | None = None
     for row in t.rows:
         first = t.labels > 1 and (before is None or before[0] != row[0])
-        cells = []
-        for column, cell in enumerate(row):
-            repeated = column == 0 and t.labels > 1 and not first
-            text = f"<strong>{escape(cell.text)}</strong>" if cell.bold else escape(cell.text)
-            text = f'<span class="again">{text}</span>' if repeated else text
-            cells.append(f'<th scope="row">{text}</th>' if column < t.labels else f"<td>{text}</td>")
-        opening = '<tr class="first">' if first and before else "<tr>"
-        lines.append(opening + "".join(cells) + "</tr>")
+        cells = "".join(_html_cell(t, i, c, repeated=t.labels > 1 and not first) for i, c in enumerate(row))
+        lines.append(f'<tr role="row"{_FIRST if first and before else ""}>{cells}</tr>')
         before = row
     return "\n".join([*lines, "</tbody></table></div>"])
 
 
-def to_text(t: Table) -> str:
-    """For a terminal: aligned columns, bold as *text*."""
-    texts = [list(t.header)] + [[f"*{c.text}*" if c.bold else c.text for c in row] for row in t.rows]
-    widths = [max(len(row[i]) for row in texts) for i in range(len(t.header))]
-
-    def aligned(row: list[str]) -> str:
-        pairs = enumerate(zip(row, widths, strict=True))
-        return "  ".join(x.ljust(w) if i < t.labels else x.rjust(w) for i, (x, w) in pairs).rstrip()
-
-    rule = "-" * (sum(widths) + 2 * (len(widths) - 1))
-    return "\n".join([t.caption, rule, aligned(texts[0]), rule, *map(aligned, texts[1:]), rule])
+def _html_cell(t: Table, column: int, cell: Cell, repeated: bool) -> str:
+    text = f"<strong>{escape(cell.text)}</strong>" if cell.bold else escape(cell.text)
+    if column >= t.labels:
+        return f'<td role="cell" data-label="{escape(t.header[column])}">{text}</td>'
+    text = f'<span class="again">{text}</span>' if repeated and column == 0 else text
+    return f'<th scope="row" role="rowheader">{text}</th>'

@@ -22,7 +22,7 @@ def all_tables(results: Results) -> list[Table]:
     return [
         world(results), accuracy(results), comparisons(results), by_user(results), calibration(results),
         backprop(results), repair_detail(results),
-        interventions(results), intervention_detail(results), specifications(results),
+        interventions(results), verdicts(results), intervention_detail(results), specifications(results),
     ]  # fmt: skip
 
 
@@ -111,6 +111,31 @@ def interventions(results: Results) -> Table:
     return table("interventions", caption, header, rows, labels=2)
 
 
+def verdicts(results: Results) -> Table:
+    """How many verdicts of each variant are right, and in which way the others are wrong."""
+    cells = results.intervention["interventions"]
+    total = len(results.users) * len(SYMBOLS)
+    true = sum(c["truth_verdict"] == "effect" for by in cells[results.main].values() for c in by.values())
+    far = [abs(c["truth"]) for by in cells[results.main].values() for c in by.values()]
+    rows: list[list[str | Cell]] = [
+        ["Null: image ignored", str(total - true), "0", str(true), "0", f"{sum(far) / total:.3f}"]
+    ]
+    for variant in results.variants:
+        t = results.intervention["verdicts"][variant]
+        far = [abs(c["effect"] - c["truth"]) for by in cells[variant].values() for c in by.values()]
+        counts = [str(t[k]) for k in ("right", "false_causes", "missed_causes", "inconclusive")]
+        rows.append([variant_label(variant), *counts, f"{sum(far) / total:.3f}"])
+    caption = (
+        f"Verdicts on the {total} cells, {true} of them true effects, over {counted(len(results.seeds), 'seed')}. "
+        f"False cause: an "
+        "effect that is not there or has the other sign. Missed: “no effect” where there is one. Distance: mean "
+        "absolute "
+        "difference between a cell's effect and the true one."
+    )
+    header = ["Variant", "Right", "False causes", "Missed causes", "Inconclusive", "Distance"]
+    return table("verdicts", caption, header, rows)
+
+
 def intervention_detail(results: Results) -> Table:
     """Every cell's effect with its interval, p-value and verdict, beside the true effect."""
     rows: list[list[str | Cell]] = []
@@ -138,9 +163,11 @@ def intervention_detail(results: Results) -> Table:
 def specifications(results: Results) -> Table:
     """do(S := s): what changes if another user's model judges the same scenes and paths."""
     rows: list[list[str | Cell]] = []
-    for variant, by_user in results.intervention["specifications"].items():
-        for user, by_other in by_user.items():
-            for other, c in by_other.items():
+    for variant in results.variants:
+        by_user = results.intervention["specifications"][variant]
+        for user in results.users:
+            for other in (u for u in results.users if u != user):
+                c = by_user[user][other]
                 rows.append(
                     [
                         variant_label(variant), f"{user} → {other}", f"{c['baseline']:.2f}", f"{c['intervened']:.2f}",
@@ -162,8 +189,8 @@ def accuracy(results: Results) -> Table:
     quoted = [percent_spread(paper.ACCURACY[n]._asdict()) if n in paper.ACCURACY else NONE for n in results.ns]
     rows: list[list[str | Cell]] = [["Paper", "“unseen trajectories”", *quoted]]
     for variant in [*results.variants, *NULLS]:
-        for split, cells in summary[variant].items():
-            shown = [percent_spread(cells[f"n{n}"]) for n in results.ns]
+        for split in (s for s in results.splits if s in summary[variant]):
+            shown = [percent_spread(summary[variant][split][f"n{n}"]) for n in results.ns]
             rows.append([variant_label(variant), split_label(split), *shown])
     caption = (
         f"Accuracy by demonstrations per scene (n), users {listed(results.judged_users)}: mean [quartiles] over "
@@ -217,7 +244,8 @@ def comparisons(results: Results) -> Table:
 def calibration(results: Results) -> Table:
     """Expected calibration error and Brier score at study_n."""
     rows: list[list[str | Cell]] = []
-    for variant, by_split in results.evaluation["calibration"].items():
+    for variant in [*results.variants, *NULLS]:
+        by_split = results.evaluation["calibration"][variant]
         cells = [by_split.get(s) for s in results.splits]
         shown = [f"{c[k]:.3f}" if c else NONE for c in cells for k in ("ece", "brier")]
         rows.append([variant_label(variant), *shown])

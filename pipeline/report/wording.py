@@ -33,15 +33,18 @@ def variant_label(name: str) -> str:
 
 
 def variant_phrase(name: str) -> str:
-    """A variant inside a sentence: no capital unless it is an abbreviation, always with an article."""
-    label = variant_label(name).removesuffix(" (paper)").removeprefix("Null: ")
-    label = label if label[:2].isupper() else label[0].lower() + label[1:]
+    """A variant inside a sentence."""
     return {
+        "full": "the full model",
+        "ae": "the autoencoder (β = 0)",
+        "classifier": "the classifier alone",
+        "irl_maxent": "maximum-entropy IRL",
+        "irl_ranked": "ranking IRL",
         "null_nearest": "the nearest-demonstration null",
         "null_position": "the position-only null",
         "null_constant": "the constant detour",
         "null_random": "a random path",
-    }.get(name, f"the {label}")
+    }.get(name, f"the {variant_label(name)}")
 
 
 def split_label(name: str) -> str:

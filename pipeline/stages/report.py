@@ -23,9 +23,9 @@ from pipeline.report.figures.repairs import Repair
 from pipeline.report.page import render
 from pipeline.report.pictures import Drawn, all_pictures
 from pipeline.report.results import Results, check
-from pipeline.report.style import png, svg
-from pipeline.report.table import to_csv, to_markdown, to_tex, to_text
-from pipeline.report.tables import all_tables, backprop, interventions
+from pipeline.report.style import png
+from pipeline.report.table import to_csv, to_markdown, to_tex
+from pipeline.report.tables import all_tables
 from pipeline.report.wording import listed, split_phrase, variant_label
 from pipeline.spec.vae import VaeSpecification
 from pipeline.table.bezier import lattice
@@ -38,7 +38,7 @@ OVERVIEW_DPI = 160
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """index.html, tables/, figures/ and metrics.json; the paper's two tables on the terminal."""
+    """index.html, tables/, figures/ and metrics.json."""
     _check_settings(cfg)
     results = _results(cfg)
     check(results)
@@ -52,14 +52,12 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
     files = {f"tables/{t.name}.{form}": write(t) for t in tables.values() for form, write in FORMS.items()}
     files |= {f"figures/{p.name}.svg": p.wide for p in pictures.values()}
-    files |= {"figures/overview.svg": svg(hero), "index.html": page}
+    files["index.html"] = page
     image = png(hero, OVERVIEW_DPI)
     for name, text in files.items():
         write_whole(out_dir / name, lambda path, text=text: path.write_text(text, encoding="utf-8"))
     write_whole(out_dir / "figures" / "overview.png", lambda path: path.write_bytes(image))
     write_json(out_dir / "metrics.json", _metrics(results))
-    print(f"\n{to_text(backprop(results))}\n\n{to_text(interventions(results))}\n")
-    print(f"The report: {out_dir / 'index.html'}")
 
 
 def _check_settings(cfg: DictConfig) -> None:
@@ -144,6 +142,7 @@ def _drawn(cfg: DictConfig, results: Results, scenes: SceneSet) -> Drawn:
     model = load_model(cfg, results.main, user, seed, n)
     if not isinstance(model, VaeSpecification):
         raise InputError(f"variant {results.main} rebuilds no image: the first variant must be of kind vae")
+    fullest = _fullest(scenes, training, cfg.report.scenes)
     count = cfg.report.reconstructed
     originals = np.concatenate([scenes.images[training][:count], scenes.images[_pool(cfg, "new_items")][:count]])
     traversal = model.traverse(scenes.images[training][0], np.array(cfg.report["values"], dtype=float))
@@ -151,9 +150,9 @@ def _drawn(cfg: DictConfig, results: Results, scenes: SceneSet) -> Drawn:
     to = scenes.images[_pool(cfg, cfg.intervene.split)]
     return Drawn(
         seed=seed,
-        scenes=scenes.images[training][: cfg.report.scenes],
-        demos={u: _first(demo_arrays(results.demos, seed, u, n), cfg.report.scenes) for u in results.users},
-        maps={u: _maps(cfg, scenes, u, seed) for u in results.users},
+        scenes=scenes.images[training][fullest],
+        demos={u: _chosen(demo_arrays(results.demos, seed, u, n), fullest) for u in results.users},
+        maps={u: _maps(cfg, scenes, u, seed, int(fullest[0])) for u in results.users},
         pool=scenes.images[pool],
         layouts=scenes.layouts[pool],
         repairs=_repairs(cfg, results, seed),
@@ -179,15 +178,20 @@ def _pool(cfg: DictConfig, split: str) -> str:
     return pool
 
 
-def _first(arrays: tuple[np.ndarray, np.ndarray], count: int) -> tuple[np.ndarray, np.ndarray]:
-    return arrays[0][:count], arrays[1][:count]
+def _chosen(arrays: tuple[np.ndarray, np.ndarray], scenes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return arrays[0][scenes], arrays[1][scenes]
 
 
-def _maps(cfg: DictConfig, scenes: SceneSet, user: str, seed: int) -> Maps:
-    """Truth and models over the lattice: in one training scene, then in scenes of unseen items."""
+def _fullest(scenes: SceneSet, pool: str, count: int) -> np.ndarray:
+    """The `count` scenes of a pool with the most items, the first ones if tied."""
+    return np.argsort(-scenes.layouts[pool].present.sum(1), kind="stable")[:count]
+
+
+def _maps(cfg: DictConfig, scenes: SceneSet, user: str, seed: int, trained_on: int) -> Maps:
+    """Truth and models over the lattice: in a training scene, then in the first scenes of unseen items."""
     side, new = cfg.report.map_side, _pool(cfg, "new_items")
     count = max(1, cfg.report.scenes - 1)
-    parts = [(train_pool(seed), slice(0, 1)), (new, slice(0, count))]
+    parts = [(train_pool(seed), slice(trained_on, trained_on + 1)), (new, slice(0, count))]
     images = np.concatenate([scenes.images[pool][at] for pool, at in parts])
     z = lattice(side)
     truth = [

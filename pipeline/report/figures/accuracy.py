@@ -15,7 +15,7 @@ def draw(summary: pd.DataFrame, splits: list[str], columns: int) -> Figure:
     summary: variant, split, n, mean, q1, q3 (shares of 1). Paper: its mean and quartiles at n = 1 and 9.
     """
     rows = -(-len(splits) // columns)
-    key_height = 0.75 if columns > 1 else 1.25
+    key_height = 0.6 if columns > 1 else 1.25
     size = (3.1 * columns, 2.75 * rows + key_height) if columns > 1 else (4.2, 2.7 * rows + key_height)
     figure = Figure(size, layout="constrained")
     figure.get_layout_engine().set(rect=(0, key_height / size[1], 1, 1 - key_height / size[1]))  # pyright: ignore

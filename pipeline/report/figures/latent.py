@@ -1,7 +1,7 @@
 """What the paper's model keeps of a scene: reconstructions, and one dimension of z_image moved at a time."""
 
 import numpy as np
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Int, UInt8
 from matplotlib.figure import Figure
 from numpy import ndarray as Array
 
@@ -33,7 +33,7 @@ def liveliest(traversal: UInt8[Array, "latent value 100 100 3"], count: int) -> 
 
 
 def draw_traversals(
-    traversal: UInt8[Array, "latent value 100 100 3"], dimensions: Int[Array, "row"], values: Float[Array, "value"]
+    traversal: UInt8[Array, "latent value 100 100 3"], dimensions: Int[Array, "row"], values: list[float]
 ) -> Figure:
     """Rows: dimensions of z_image; columns: the value each is set to, the others left alone."""
     figure = Figure((0.95 * len(values) + 0.3, 0.95 * len(dimensions) + 0.3), layout="constrained")

@@ -13,6 +13,8 @@ from pipeline.report.figures.tabletop import draw_demonstration, draw_map, draw_
 from pipeline.report.style import INK, MUTED
 from pipeline.table.layout import Layouts
 
+WIDER = 1.2  # width of the plot of effects, in pictures
+
 
 @dataclass(frozen=True)
 class UserRow:
@@ -32,10 +34,10 @@ def draw(
     rows: list[UserRow], images: UInt8[Array, "scene 100 100 3"], layouts: Layouts, label: str, smallest: float
 ) -> Figure:
     """One row a user; `images` and `layouts` are those of the repairs, `label` the model that is drawn."""
-    figure = Figure((12.4, 2.55 * len(rows) + 0.85))
+    figure = Figure((12.4, 2.4 * len(rows) + 0.85))
     grid = GridSpec(
-        len(rows), 5, figure=figure, width_ratios=(1, 1, 1, 1, 1.35), left=0.028, right=0.988,
-        top=0.895, bottom=0.105, wspace=0.09, hspace=0.10,
+        len(rows), 5, figure=figure, width_ratios=(1, 1, 1, 1, WIDER), left=0.028, right=0.945,
+        top=0.945, bottom=0.125, wspace=0.07, hspace=0.10,
     )  # fmt: skip
     titles = (
         "1  Demonstrations",
@@ -44,6 +46,10 @@ def draw(
         "4  Gradient repair",
         "5  An added item’s effect",
     )
+    ends = [
+        c[k] for row in rows for by in row.cells.values() for c in by.values() for k in ("ci_low", "ci_high", "truth")
+    ]
+    reach = min(-2 * smallest, *ends) - 0.02, max(2 * smallest, *ends) + 0.02
     for i, row in enumerate(rows):
         axes = [figure.add_subplot(grid[i, j]) for j in range(5)]
         draw_scene(axes[0], row.image)
@@ -54,6 +60,10 @@ def draw(
         draw_repair(axes[3], images, layouts, row.repair)
         forest(axes[4], row.cells, smallest)
         axes[4].yaxis.tick_right()
+        axes[4].set_box_aspect(1 / WIDER)
+        axes[4].spines["left"].set_visible(False)
+        axes[4].set_xlim(*reach)
+        axes[4].tick_params(axis="x", labelbottom=i == len(rows) - 1)
         axes[0].set_ylabel(f"{row.user.capitalize()} user", fontsize=11, color=INK, labelpad=6)
         if i == 0:
             for ax, title in zip(axes, titles, strict=True):

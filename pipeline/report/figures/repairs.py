@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, UInt8
 from matplotlib import colormaps
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from numpy import ndarray as Array
 
@@ -53,7 +54,7 @@ def draw_repair(ax, images, layouts: Layouts, repair: Repair) -> None:
     draw_footprints(ax, layouts, repair.scene)
     steps = np.linspace(0, len(repair.z) - 1, DRAWN).round().astype(int)
     for i, step in enumerate(steps):
-        shade = colormaps[SHADES](0.02 + 0.78 * i / (len(steps) - 1))
+        shade = to_hex(colormaps[SHADES](0.02 + 0.78 * i / (len(steps) - 1)))
         edge = i in (0, len(steps) - 1)
         draw_path(ax, repair.z[step], shade, width=1.9 if edge else 0.9, halo=edge)
 

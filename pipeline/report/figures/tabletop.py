@@ -12,6 +12,7 @@ from pipeline.table.bezier import P_F, P_INIT, Z_HIGH, Z_LOW, curve
 from pipeline.table.layout import Layouts
 
 SAMPLES = 33  # points drawn along a path
+DASHES = (0.0, (2.6, 1.8))  # of an invalid path
 MAP = "cividis"  # of probabilities: even in lightness, and the same to the colour-blind
 
 
@@ -38,7 +39,7 @@ def draw_path(axes: Axes, z_theta: Float[Array, "2"], colour: str, *, width=1.2,
     """One Bezier path from its control point [m], with a light rim so that it shows on any table."""
     points = curve(np.asarray(z_theta, dtype=float), SAMPLES)
     effects = [Stroke(linewidth=width + 1.1, foreground=CHALK, alpha=0.75), Normal()] if halo else None
-    style = (0, (2.6, 1.8)) if dashed else "-"
+    style = DASHES if dashed else "-"
     axes.plot(
         points[:, 0], points[:, 1], color=colour, lw=width, ls=style, path_effects=effects, zorder=3,
         dash_capstyle="butt", solid_capstyle="round",

@@ -5,15 +5,16 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy import ndarray as Array
 
-from pipeline.report.figures.tabletop import draw_demonstration, draw_scene
+from pipeline.report.figures.tabletop import DASHES, draw_demonstration, draw_scene
 from pipeline.report.style import INK, INVALID, MUTED, VALID
+from pipeline.table.layout import SYMBOLS
 
 TOLERANCE = 0.03  # how near to the paper's number each true one is meant to be
 
 
 def draw_calibration(p_valid: dict[str, dict[str, dict]], users: list[str]) -> Figure:
     """One row per user and intervention: the paper's number and the world's true one."""
-    cells = [(u, s, p_valid[u][s]) for u in users for s in p_valid[users[0]]]
+    cells = [(u, s, p_valid[u][s]) for u in users for s in ("none", *SYMBOLS)]
     figure = Figure((5.2, 0.2 * len(cells) + 0.95), layout="constrained")
     ax = figure.subplots()
     for y, (_, _, cell) in enumerate(cells):
@@ -50,6 +51,6 @@ def draw_demonstrations(
             for path, label in zip(z[row], valid[row], strict=True):
                 draw_demonstration(axes[row, column], path, bool(label))
         axes[0, column].set_title(user.capitalize())
-    handles = [Line2D([], [], color=VALID, lw=1.5), Line2D([], [], color=INVALID, lw=1.5, ls=(0, (2.6, 1.8)))]
+    handles = [Line2D([], [], color=VALID, lw=1.5), Line2D([], [], color=INVALID, lw=1.5, ls=DASHES)]
     figure.legend(handles, ["valid", "invalid"], loc="outside lower center", ncols=2, handlelength=3)
     return figure

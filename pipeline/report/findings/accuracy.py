@@ -1,0 +1,134 @@
+"""What the paper's model knows, against the paper, the nulls and its rivals."""
+
+from pipeline.report import paper
+from pipeline.report.claims import (
+    NEW,
+    SEEN,
+    UNSEEN,
+    reaches,
+    tested,
+    wins,
+)
+from pipeline.report.results import Results
+from pipeline.report.wording import (
+    counted,
+    listed,
+    p_value,
+    percent,
+    percent_spread,
+    points,
+    split_phrase,
+    variant_phrase,
+)
+
+CLEAR = 0.10  # a gap in accuracy that a sentence calls large
+SLIGHT = 0.05  # one that it calls small
+
+
+def accuracy(results: Results) -> list[str]:
+    """What the paper's model knows, against the paper, the nulls and its rivals."""
+    return [*_against_paper(results), *_against_nulls(results), *_against_rivals(results)]
+
+
+def _against_paper(results: Results) -> list[str]:
+    ours, out = results.evaluation["accuracy"][results.main], []
+    for n in sorted(set(results.ns) & set(paper.ACCURACY), reverse=True):
+        key = f"n{n}"
+        parts = [f"{percent_spread(ours[s][key])} on {split_phrase(s)}" for s in results.splits]
+        gap = paper.ACCURACY[n].mean - ours[SEEN][key]["mean"]
+        if reaches(results, SEEN, n):
+            close = "In the training scenes that meets the paper's figure"
+            close += "." if reaches(results, UNSEEN, n) else "; with unseen items it does not."
+        else:
+            close = f"Even in the training scenes that is {points(gap)} short of the paper."
+        quoted = percent_spread(paper.ACCURACY[n]._asdict())
+        out.append(
+            f"With {counted(n, 'demonstration')} a scene the paper reports {quoted}. The same architecture, fitted to "
+            f"{counted(len(results.seeds), 'training set')}, reaches {listed(parts)} (mean [quartiles over seeds], "
+            f"{listed(results.judged_users)} users). {close}"
+        )
+    return out
+
+
+def _against_nulls(results: Results) -> list[str]:
+    out = [_versus(results, null, split) for null, split in (("null_nearest", SEEN), ("null_position", UNSEEN))]
+    key = f"n{results.study_n}"
+    ours, null = (results.evaluation["accuracy"][v] for v in (results.main, "null_position"))
+    drop = ours[SEEN][key]["mean"] - ours[NEW][key]["mean"]
+    above = ours[NEW][key]["mean"] - null[NEW][key]["mean"]
+    if drop > CLEAR and above < SLIGHT:
+        out.append(
+            f"From its training scenes to new ones with the very same items it loses {points(drop)}, and what is left "
+            f"is "
+            f"within {points(SLIGHT)} of the null or below it: the architecture mostly remembers its training scenes. "
+            "Nothing ties a place in the picture to a place on the path, so each scene is learned by heart."
+        )
+    elif above > CLEAR:
+        out.append(
+            f"In new scenes it stays {points(above)} above the position-only null: it sees something of the scene."
+        )
+    return [x for x in out if x]
+
+
+def _versus(results: Results, against: str, split: str) -> str:
+    """One test fixed in advance, as a sentence; empty if it was not among them."""
+    rows = tested(results, [against], results.study_n)
+    rows = rows[rows["split"] == split]
+    if rows.empty:
+        return ""
+    r = rows.iloc[0]
+    lead = (
+        f"On {split_phrase(split)}, {variant_phrase(against)} is right about {percent(r['mean_against'])} of the paths "
+        f"without seeing the image, the paper's model about {percent(r['mean'])}: "
+    )
+    if not r["significant"]:
+        return lead + f"not told apart by {counted(int(r['seeds']), 'seed')} ({p_value(r['p_holm'])} after Holm)."
+    side = "better" if r["difference"] > 0 else "worse"
+    return (
+        lead
+        + f"{points(r['difference'])} {side} ({p_value(r['p_holm'])} after Holm, {counted(int(r['seeds']), 'seed')})."
+    )
+
+
+def _against_rivals(results: Results) -> list[str]:
+    out = []
+    leads = {
+        "ae": "The paper's ablation says that the whole of its loss helps.",
+        "classifier": "It says above all that an autoencoder helps, most with few demonstrations.",
+        **{v: "" for v in results.variants if v.startswith("irl")},
+    }
+    for against, lead in leads.items():
+        tests = tested(results, [against])
+        if tests.empty:
+            continue
+        won = wins(tests)
+        lost = tests[tests["significant"] & (tests["difference"] < 0)]
+        if not len(won) + len(lost):
+            out.append(
+                f"{lead} Against {variant_phrase(against)} the full model is not told apart in any of "
+                f"{counted(len(tests), 'test')}.".strip()
+            )
+            continue
+        same = len(tests) - len(won) - len(lost)
+        parts = []
+        for rows, word in ((won, "better"), (lost, "worse")):
+            if len(rows):
+                where = [f"{points(r.difference)} on {split_phrase(r.split)} at n = {r.n}" for r in rows.itertuples()]
+                parts.append(f"{word} in {len(rows)} ({listed(where)})")
+        if same:
+            parts.append(f"not told apart in {same}")
+        text = f"Against {variant_phrase(against)}, in {counted(len(tests), 'test')} the full model is {listed(parts)}."
+        out.append(f"{lead} {text}".strip())
+    return out
+
+
+def calibration(results: Results) -> str:
+    """Whether a probability of .9 means nine in ten."""
+    errors = results.evaluation["calibration"]
+    parts = [f"{variant_phrase(v)} {errors[v][UNSEEN]['ece']:.3f}" for v in results.variants]
+    return (
+        f"A probability is worth something if paths given 0.9 are valid nine times in ten. With unseen items, at n = "
+        f"{results.study_n}, "
+        f"the mean gap between the two (expected calibration error, 0 is ideal) is: {listed(parts)}; for "
+        f"{variant_phrase('null_position')} {errors['null_position'][UNSEEN]['ece']:.3f}."
+    )
