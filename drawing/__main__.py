@@ -57,12 +57,8 @@ def contact_sheet(directory: Path, columns: int = 15) -> Image.Image:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(
-        prog="python -m drawing", description="Draw data/ or show what it holds."
-    )
-    parser.add_argument(
-        "--contact-sheet", type=Path, metavar="PNG", help="write a picture of every item instead"
-    )
+    parser = argparse.ArgumentParser(prog="python -m drawing", description="Draw data/ or show what it holds.")
+    parser.add_argument("--contact-sheet", type=Path, metavar="PNG", help="write a picture of every item instead")
     sheet = parser.parse_args().contact_sheet
     if sheet:
         contact_sheet(Path("data")).save(sheet)

@@ -72,9 +72,7 @@ def _painted(seed: int, colour: Array, accent: Colour, pattern: str, low: float,
         arc = (bearing / (2 * np.pi) * 20) % 1 - 0.5
         share = 1 - smoothstep(0.035, 0.05, np.hypot(arc * 2 * np.pi * middle / 20, r - middle))
     elif pattern == "checks":
-        share = band * (
-            0.5 + 0.5 * np.tanh(np.sin(bearing * 14) * np.sin((r - low) * 2 * np.pi / 0.2) / 0.15)
-        )
+        share = band * (0.5 + 0.5 * np.tanh(np.sin(bearing * 14) * np.sin((r - low) * 2 * np.pi / 0.2) / 0.15))
     elif pattern == "speckles":
         share = smoothstep(1.9, 2.2, noise(rng, 0.006, 0.006))
     elif pattern == "glaze":

@@ -22,19 +22,9 @@ def surface(seed: int, kind: str, light: Colour, dark: Colour) -> UInt8[Array, "
         seam = np.abs((np.arange(FINE) * 6 / FINE) % 1 - 0.5)[None, :] > 0.49
         share = 0.45 + tone + 0.10 * noise(rng, 0.12, 0.003) + 0.5 * seam
     elif kind == "linen":
-        share = (
-            0.5
-            + 0.12 * noise(rng, 0.002, 0.03)
-            + 0.12 * noise(rng, 0.03, 0.002)
-            + 0.05 * noise(rng, 0.1, 0.1)
-        )
+        share = 0.5 + 0.12 * noise(rng, 0.002, 0.03) + 0.12 * noise(rng, 0.03, 0.002) + 0.05 * noise(rng, 0.1, 0.1)
     elif kind == "stone":
-        share = (
-            0.5
-            + 0.12 * noise(rng, 0.1, 0.1)
-            + 0.12 * noise(rng, 0.012, 0.012)
-            + 0.08 * noise(rng, 0.003, 0.003)
-        )
+        share = 0.5 + 0.12 * noise(rng, 0.1, 0.1) + 0.12 * noise(rng, 0.012, 0.012) + 0.08 * noise(rng, 0.003, 0.003)
     elif kind == "marble":
         vein = np.abs(noise(rng, 0.10, 0.06) + 0.25 * noise(rng, 0.02, 0.02))
         share = 0.75 * (1 - smoothstep(0.0, 0.22, vein)) + 0.08 * noise(rng, 0.08, 0.08)

@@ -36,9 +36,7 @@ class Queries:
 def write_demos(out_dir: Path, demos: pd.DataFrame, samples: np.ndarray, offsets: np.ndarray) -> None:
     """Write demos.parquet and, row for row, recordings.npz (samples (total, 4): t [s], x, y, z [m])."""
     if len(offsets) != len(demos) + 1 or offsets[-1] != len(samples):
-        raise ValueError(
-            f"{len(demos)} demonstrations do not match {len(offsets)} offsets into {len(samples)} samples"
-        )
+        raise ValueError(f"{len(demos)} demonstrations do not match {len(offsets)} offsets into {len(samples)} samples")
     write_table(out_dir / "demos.parquet", demos[DEMO_COLUMNS])
     write_arrays(
         out_dir / "recordings.npz",
@@ -62,9 +60,7 @@ def read_recordings(directory: Path) -> tuple[np.ndarray, np.ndarray]:
 
 def demo_arrays(demos: pd.DataFrame, seed: int, user: str, n: int) -> tuple[np.ndarray, np.ndarray]:
     """The first `n` demonstrations of each scene: z (scene, n, 2) [m], valid (scene, n)."""
-    rows = demos[(demos["seed"] == seed) & (demos["user"] == user) & (demos["demo"] < n)].sort_values(
-        ["scene", "demo"]
-    )
+    rows = demos[(demos["seed"] == seed) & (demos["user"] == user) & (demos["demo"] < n)].sort_values(["scene", "demo"])
     scenes = rows["scene"].nunique()
     if scenes == 0 or len(rows) != scenes * n:
         raise InputError(
@@ -90,8 +86,6 @@ def read_queries(directory: Path) -> dict[str, Queries]:
     pools: dict[str, Queries] = {}
     for name in (name for name in arrays if name.endswith("/z")):
         pool = name.removesuffix("/z")
-        valid = {
-            k.removeprefix(f"{pool}/"): v for k, v in arrays.items() if k.startswith(f"{pool}/") and k != name
-        }
+        valid = {k.removeprefix(f"{pool}/"): v for k, v in arrays.items() if k.startswith(f"{pool}/") and k != name}
         pools[pool] = Queries(arrays[name], valid)
     return pools

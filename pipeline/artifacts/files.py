@@ -40,9 +40,7 @@ def read_table(path: Path, columns: Sequence[str] | None = None) -> pd.DataFrame
         raise InputError(f"{path} cannot be read ({error}): delete it and run its stage again") from error
     missing = [c for c in columns or () if c not in table.columns]
     if missing:
-        raise InputError(
-            f"{path} has columns {list(table.columns)}: expected also {missing}; run its stage again"
-        )
+        raise InputError(f"{path} has columns {list(table.columns)}: expected also {missing}; run its stage again")
     return table if columns is None else table[list(columns)]
 
 

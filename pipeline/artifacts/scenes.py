@@ -47,12 +47,8 @@ def train_pool(seed: int) -> str:
 def write_scenes(out_dir: Path, scenes: SceneSet) -> None:
     """Write images.npz, layouts.parquet and looks.parquet."""
     write_arrays(out_dir / "images.npz", scenes.images)
-    write_table(
-        out_dir / "layouts.parquet", pd.concat([layout_table(p, x) for p, x in scenes.layouts.items()])
-    )
-    looks = [
-        look.assign(pool=pool, scene=range(len(look)))[LOOK_COLUMNS] for pool, look in scenes.looks.items()
-    ]
+    write_table(out_dir / "layouts.parquet", pd.concat([layout_table(p, x) for p, x in scenes.layouts.items()]))
+    looks = [look.assign(pool=pool, scene=range(len(look)))[LOOK_COLUMNS] for pool, look in scenes.looks.items()]
     write_table(out_dir / "looks.parquet", pd.concat(looks))
 
 
@@ -67,15 +63,9 @@ def read_scenes(directory: Path) -> SceneSet:
         pool: part[["texture", "render_seed"]].reset_index(drop=True) for pool, part in looks.groupby("pool")
     }
     if set(by_pool) != set(images) or set(look_by_pool) != set(images):
-        raise InputError(
-            f"{directory}: images, layouts and looks name different pools; run the scenes stage again"
-        )
+        raise InputError(f"{directory}: images, layouts and looks name different pools; run the scenes stage again")
     for pool, array in images.items():
-        if (
-            array.dtype != np.uint8
-            or array.shape[1:] != (100, 100, 3)
-            or len(array) != len(look_by_pool[pool])
-        ):
+        if array.dtype != np.uint8 or array.shape[1:] != (100, 100, 3) or len(array) != len(look_by_pool[pool]):
             raise InputError(
                 f"{directory}: pool {pool} holds {array.dtype} images {array.shape}, "
                 f"{len(look_by_pool[pool])} scenes; expected uint8 (scene, 100, 100, 3); run its stage again"

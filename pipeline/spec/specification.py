@@ -13,13 +13,7 @@ SCENES_PER_BATCH = 256  # bounds the memory of a forward pass; results do not de
 
 def to_tensor(images: UInt8[Array, "scene 100 100 3"]) -> Float[Tensor, "scene 3 100 100"]:
     """Images as the networks take them: [0, 1], channels first, stored channels last."""
-    return (
-        torch.from_numpy(images)
-        .permute(0, 3, 1, 2)
-        .float()
-        .div(255)
-        .contiguous(memory_format=torch.channels_last)
-    )
+    return torch.from_numpy(images).permute(0, 3, 1, 2).float().div(255).contiguous(memory_format=torch.channels_last)
 
 
 class Specification(nn.Module, ABC):

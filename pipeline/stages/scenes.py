@@ -36,9 +36,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         layouts[pool] = random_layouts(rng, count, catalogue.footprints, catalogue.pool(split), rules)
         textures = rng.choice(catalogue.texture_names("train"), count)
         looks[pool] = pd.DataFrame({"texture": textures, "render_seed": rng.integers(2**31, size=count)})
-        images[pool] = render_scenes(
-            layouts[pool], list(textures), looks[pool]["render_seed"].tolist(), palette
-        )
+        images[pool] = render_scenes(layouts[pool], list(textures), looks[pool]["render_seed"].tolist(), palette)
     calibration = random_layouts(
         _generator(cfg, "calibration"),
         cfg.scenes.calibration,
@@ -108,9 +106,7 @@ def _p_valid(cfg: DictConfig, layouts: Layouts, catalogue: Catalogue, rules: Lay
             truth, paper = count / (z.shape[0] * z.shape[1]), PAPER_P_VALID.get(user, {}).get(world)
             gap = None if paper is None else round(truth - paper, 4)
             cells[user][world] = {"truth": round(truth, 4), "paper": paper, "difference": gap}
-    gaps = [
-        abs(c["difference"]) for row in cells.values() for c in row.values() if c["difference"] is not None
-    ]
+    gaps = [abs(c["difference"]) for row in cells.values() for c in row.values() if c["difference"] is not None]
     return {"p_valid": cells, "largest_difference": max(gaps), "layouts": len(layouts), "paths": z.shape[1]}
 
 

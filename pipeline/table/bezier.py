@@ -29,7 +29,7 @@ def random_z_theta(rng: np.random.Generator, *shape: int) -> Float[Array, "*shap
     return rng.uniform(Z_LOW, Z_HIGH, (*shape, 2))
 
 
-def lattice(side: int) -> Float[Array, "side*side 2"]:
+def lattice(side: int) -> Float[Array, "cell 2"]:
     """Centres [m] of a `side` x `side` partition of the z_theta square; x varies fastest."""
     step = (Z_HIGH - Z_LOW) / side
     axis = Z_LOW + step * (np.arange(side) + 0.5)

@@ -93,7 +93,9 @@ def read_catalogue(data_dir: Path) -> Catalogue:
     for split in SPLITS:
         lacking = set(SYMBOLS) - set(items.loc[items["split"] == split, "symbol"])
         if lacking:
-            raise CatalogueError(f"items.csv has no {split} item for {sorted(lacking)}: add at least one of each symbol")
+            raise CatalogueError(
+                f"items.csv has no {split} item for {sorted(lacking)}: add at least one of each symbol"
+            )
     if not (textures["split"] == "train").any():
         raise CatalogueError("textures.csv has no train texture: add at least one")
     cutouts = [_read_cutout(data_dir / f) for f in items["file"]]
@@ -116,7 +118,7 @@ def _read_table(path: Path, schema: pa.DataFrameSchema) -> pd.DataFrame:
 def _first_failure(errors: pandera.errors.SchemaErrors) -> str:
     """The first failure in words: which line, what came, what was expected."""
     cases = errors.failure_cases
-    case = cases.iloc[0]
+    case = cases.sort_values("schema_context", kind="stable").iloc[0]  # a Column's own failure explains the row's
     more = f" (and {len(cases) - 1} more)" if len(cases) > 1 else ""
     if case["check"] == "column_in_dataframe":
         return f"column {case['failure_case']!r} is missing: add it{more}"
@@ -124,7 +126,9 @@ def _first_failure(errors: pandera.errors.SchemaErrors) -> str:
         return f"column {case['failure_case']!r} is unknown: remove it{more}"
     line = "" if pd.isna(case["index"]) else f"line {int(case['index']) + 2}, "
     column = case["column"] if case["schema_context"] == "Column" else "row"
-    expected = {"field_uniqueness": "a name no other line has", "not_nullable": "a value"}.get(case["check"], case["check"])
+    expected = {"field_uniqueness": "a name no other line has", "not_nullable": "a value"}.get(
+        case["check"], case["check"]
+    )
     return f"{line}{column}: got {case['failure_case']!r}, expected {expected}; correct this line{more}"
 
 
@@ -143,7 +147,9 @@ def _open(path: Path) -> Image.Image:
 def _read_cutout(path: Path) -> UInt8[Array, "side side 4"]:
     picture = _open(path)
     if picture.mode not in ("RGBA", "LA", "PA") and "transparency" not in picture.info:
-        raise CatalogueError(f"{path} is {picture.mode}, without an alpha channel: cut the item out and save it as RGBA")
+        raise CatalogueError(
+            f"{path} is {picture.mode}, without an alpha channel: cut the item out and save it as RGBA"
+        )
     width, height = picture.size
     if width != height or width < LEAST_PIXELS:
         raise CatalogueError(

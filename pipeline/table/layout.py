@@ -51,16 +51,16 @@ class Layouts:
 
 
 def point_segment_distance(
-    p: Float[Array, "*b 2"], a: Float[Array, "*b 2"], b: Float[Array, "*b 2"]
-) -> Float[Array, "*b"]:
+    p: Float[Array, "*#b 2"], a: Float[Array, "*#b 2"], b: Float[Array, "*#b 2"]
+) -> Float[Array, "*b_all"]:
     """Distance [m] from each point `p` to the segment from `a` to `b` (broadcasting)."""
     ab, ap = b - a, p - a
     length2 = np.maximum((ab * ab).sum(-1), 1e-18)
     t = np.clip((ap * ab).sum(-1) / length2, 0.0, 1.0)
-    return np.linalg.norm(ap - t[..., None] * ab, axis=-1)
+    return np.asarray(np.linalg.norm(ap - t[..., None] * ab, axis=-1))
 
 
-def segment_distance(a: Float[Array, "*s 2 2"], b: Float[Array, "*s 2 2"]) -> Float[Array, "*s"]:
+def segment_distance(a: Float[Array, "*#s 2 2"], b: Float[Array, "*#s 2 2"]) -> Float[Array, "*s_all"]:
     """Distance [m] between segments given by their two ends (broadcasting); 0 where they cross."""
     a, b = np.broadcast_arrays(a, b)
     ends = [
@@ -77,10 +77,10 @@ def _cross(a: Array, b: Array) -> Array:
 
     def side(p: Array, q: Array, r: Array) -> Array:
         u, v = q - p, r - p
-        return u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]
+        return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
 
     a0, a1, b0, b1 = a[..., 0, :], a[..., 1, :], b[..., 0, :], b[..., 1, :]
-    return (side(a0, a1, b0) * side(a0, a1, b1) < 0) & (side(b0, b1, a0) * side(b0, b1, a1) < 0)
+    return np.asarray((side(a0, a1, b0) * side(a0, a1, b1) < 0) & (side(b0, b1, a0) * side(b0, b1, a1) < 0))
 
 
 @dataclass(frozen=True)
@@ -126,9 +126,7 @@ def random_layouts(
             glasses = min(count, int(rng.choice(len(rules.glasses_chance), p=rules.glasses_chance)))
             others = rng.choice([i for i in range(len(SYMBOLS)) if i != glass], count - glasses)
             symbols = np.concatenate([np.full(glasses, glass), others]).astype(int)
-            if all(
-                _place(rng, layouts, scene, slot, s, items, pool, rules) for slot, s in enumerate(symbols)
-            ):
+            if all(_place(rng, layouts, scene, slot, s, items, pool, rules) for slot, s in enumerate(symbols)):
                 break
             layouts.symbol[scene] = EMPTY
             layouts.item[scene] = EMPTY

@@ -81,17 +81,13 @@ def render_scenes(
     return pictures
 
 
-def render(
-    layouts: Layouts, scene: int, texture: str, seed: int, palette: Palette
-) -> UInt8[Array, "100 100 3"]:
+def render(layouts: Layouts, scene: int, texture: str, seed: int, palette: Palette) -> UInt8[Array, "100 100 3"]:
     """Picture of one scene; raises ValueError if the texture or an item is not in the palette."""
     if texture not in palette.surfaces:
         raise ValueError(f"unknown texture {texture!r}: the catalogue has {sorted(palette.surfaces)}")
     light = draw_light(seed)
     picture = _table_top(light, palette.surfaces[texture], palette.surface_widths[texture])
-    stamps = [
-        _stamp(layouts, scene, int(slot), light, palette) for slot in np.flatnonzero(layouts.present[scene])
-    ]
+    stamps = [_stamp(layouts, scene, int(slot), light, palette) for slot in np.flatnonzero(layouts.present[scene])]
     for stamp in stamps:
         stamp.shade(picture, light)
     for stamp in stamps:
@@ -115,9 +111,7 @@ def _table_top(light: Light, surface: Array, width: float) -> Float32[Array, "si
     rows = (s * (x - 0.5) + c * (y - 0.5)) * scale[0] + light.offset[0] * surface.shape[0]
     columns = (c * (x - 0.5) - s * (y - 0.5)) * scale[1] + light.offset[1] * surface.shape[1]
     where = np.stack([rows, columns])
-    return np.stack(
-        [map_coordinates(surface[..., k], where, order=1, mode="reflect") for k in range(3)], axis=-1
-    )
+    return np.stack([map_coordinates(surface[..., k], where, order=1, mode="reflect") for k in range(3)], axis=-1)
 
 
 def _illumination(light: Light) -> Float32[Array, "side side 3"]:
@@ -183,16 +177,11 @@ def _stamp(layouts: Layouts, scene: int, slot: int, light: Light, palette: Palet
     """Turn, scale and place one item: samples on a grid of SAMPLES per pixel, averaged over each pixel."""
     index = int(layouts.item[scene, slot])
     if not 0 <= index < len(palette.cutouts):
-        raise ValueError(
-            f"item {index} is not in the catalogue of {len(palette.cutouts)} items: rerun stage scenes"
-        )
+        raise ValueError(f"item {index} is not in the catalogue of {len(palette.cutouts)} items: rerun stage scenes")
     symbol = SYMBOLS[layouts.symbol[scene, slot]]
     centre, angle, scale = layouts.centre[scene, slot], layouts.angle[scene, slot], layouts.scale[scene, slot]
     levels, width = palette.cutouts[index].levels, palette.cutouts[index].width * scale
-    half = (
-        np.abs([np.cos(angle), np.sin(angle)]) * layouts.half_length[scene, slot]
-        + layouts.radius[scene, slot]
-    )
+    half = np.abs([np.cos(angle), np.sin(angle)]) * layouts.half_length[scene, slot] + layouts.radius[scene, slot]
     half = half + REACH_M
     rows, columns = _window(centre, half)
     fine = (np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5
@@ -208,10 +197,7 @@ def _stamp(layouts: Layouts, scene: int, slot: int, light: Light, palette: Palet
     where = np.stack(np.broadcast_arrays(v, u))
     shape = (rows.stop - rows.start, SAMPLES, columns.stop - columns.start, SAMPLES)
     rgba = np.stack(
-        [
-            map_coordinates(level[..., k], where, order=1, mode="constant").reshape(shape).mean((1, 3))
-            for k in range(4)
-        ],
+        [map_coordinates(level[..., k], where, order=1, mode="constant").reshape(shape).mean((1, 3)) for k in range(4)],
         axis=-1,
     )
     return _Stamp(rows, columns, _lit(rgba, rows, columns, centre, half - REACH_M, symbol, light), symbol)
@@ -229,15 +215,11 @@ def _window(centre: Array, half: Array) -> tuple[slice, slice]:
 
 def _lit(rgba, rows, columns, centre, half, symbol, light) -> Float32[Array, "rows columns 4"]:
     """Directional light on the evenly lit cutout: concave things are brighter away from the light, edges catch it."""
-    x, y = _pixel_centres(
-        np.arange(columns.start, columns.stop)[None, :], np.arange(rows.start, rows.stop)[:, None]
-    )
+    x, y = _pixel_centres(np.arange(columns.start, columns.stop)[None, :], np.arange(rows.start, rows.stop)[:, None])
     towards = ((x - centre[0]) * light.direction[0] + (y - centre[1]) * light.direction[1]) / half.max()
     alpha = rgba[..., 3]
     slope_rows, slope_columns = np.gradient(alpha)
-    edge = (
-        slope_rows * light.direction[1] - slope_columns * light.direction[0]
-    )  # > 0: the edge faces the light
+    edge = slope_rows * light.direction[1] - slope_columns * light.direction[0]  # > 0: the edge faces the light
     shade = 1 - BOWED[symbol] * np.clip(towards, -1, 1) + 0.25 * edge
     lit = rgba.copy()
     lit[..., :3] = np.clip(rgba[..., :3] * shade[..., None], 0, alpha[..., None])
@@ -248,7 +230,7 @@ def _lit(rgba, rows, columns, centre, half, symbol, light) -> Float32[Array, "ro
 class _Mipmap:
     """A cutout, premultiplied by its alpha and halved again and again."""
 
-    levels: list[Float32[Array, "side side 4"]]
+    levels: list[Array]  # float32 (side, side, 4), each half as fine as the one before
     width: float  # [m]
 
 
