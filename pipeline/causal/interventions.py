@@ -22,7 +22,7 @@ DIGITS = 6  # of every reported number
 
 def expected_validity(p: Float[Array, "*b path"]) -> Float[Array, "*b"]:
     """E[V] over the paths: V is 1 with probability p, so its expectation is the mean p (Table 2)."""
-    return np.asarray(p, dtype=np.float64).mean(-1)
+    return np.asarray(np.mean(p, axis=-1, dtype=np.float64))
 
 
 def over_placements(intervened: Float[Array, "*b symbol placement scene"]) -> Float[Array, "*b symbol scene"]:

@@ -156,7 +156,7 @@ def _ask(job: Job) -> Answers:
 
 def _true_answers(tables: Tables, margins: DictConfig) -> np.ndarray:
     """The world's own E[V], (table, scene), over the same paths."""
-    return np.stack([expected_validity(valid(x, tables.z_theta, margins)) for x in tables.layouts])
+    return np.stack([expected_validity(valid(x, tables.z_theta, margins).astype(float)) for x in tables.layouts])
 
 
 def _fold(cfg: DictConfig, expected: np.ndarray) -> Answers:
