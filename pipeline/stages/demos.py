@@ -1,8 +1,10 @@
 """Stage demos: records demonstrations of every user, fits them by Bezier paths, draws the paths to be judged."""
 
 import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pandas as pd
@@ -84,13 +86,14 @@ def _real(path: str | None, keys: set[Key]) -> dict[Key, Array]:
         return {}
     columns = ["t", "x", "y", "z"]
     table = read_table(Path(path), [*DEMO_KEY, *columns])
-    real = {key: rows[columns].to_numpy() for key, rows in table.groupby(DEMO_KEY, sort=False, dropna=False)}
-    unknown = [key for key in real if key not in keys]
-    if unknown:
-        raise InputError(
-            f"{path}: recording {dict(zip(DEMO_KEY, unknown[0], strict=True))} belongs to no demonstration; "
-            "expected a seed, user, scene and demo of conf/; correct or remove it"
-        )
+    real: dict[Key, Array] = {}
+    for key, rows in table.groupby(DEMO_KEY, sort=False, dropna=False).indices.items():
+        if key not in keys:
+            raise InputError(
+                f"{path}: recording (seed, user, scene, demo) = {key} belongs to no demonstration; expected seeds, "
+                "users, scenes and demos of conf/; correct or remove it"
+            )
+        real[key] = table[columns].to_numpy()[rows]
     return real
 
 
@@ -116,9 +119,10 @@ def _judge_fits(cfg: DictConfig, layouts: dict[str, Layouts], demos: pd.DataFram
     return out
 
 
-def _sets(keys: pd.DataFrame, layouts: dict[str, Layouts]):
+def _sets(keys: pd.DataFrame, layouts: dict[str, Layouts]) -> Iterator[tuple[tuple[int, str], Array, tuple[int, int]]]:
     """Each training set: (seed, user), its consecutive rows, and their shape (scene, demo)."""
-    for (seed, user), rows in keys.groupby(["seed", "user"]).indices.items():
+    for key, rows in keys.groupby(["seed", "user"]).indices.items():
+        seed, user = cast(tuple[int, str], key)
         scenes = len(layouts[train_pool(seed)])
         yield (seed, user), rows, (scenes, len(rows) // scenes)
 
@@ -132,17 +136,17 @@ def _queries(cfg: DictConfig, pool: str, layouts: Layouts) -> Queries:
 
 def _metrics(demos: pd.DataFrame, fitted_valid: Array, queries: dict[str, Queries]) -> dict:
     """What `dvc metrics show` prints of the demonstrations."""
-    residual = np.quantile(demos["residual_m"], [0.25, 0.5, 0.75, 1.0])
-    agree = demos.assign(agree=demos["valid"] == fitted_valid).groupby("user")["agree"].mean()
-    by_user = demos.groupby("user")
+    kept, poor = demos["valid"].to_numpy(), demos["poor_fit"].to_numpy()
+    residual = np.quantile(demos["residual_m"].to_numpy(), [0.25, 0.5, 0.75, 1.0])
+    users = {user: (demos["user"] == user).to_numpy() for user in sorted(set(demos["user"]))}
     return {
         "demonstrations": len(demos),
-        "samples": int(demos["samples"].sum()),
-        "duration_s": float(demos["duration_s"].mean()),
+        "samples": int(demos["samples"].to_numpy().sum()),
+        "duration_s": float(demos["duration_s"].to_numpy().mean()),
         "residual_m": dict(zip(("q1", "median", "q3", "max"), residual.tolist(), strict=True)),
-        "poor_fits": {user: int(n) for user, n in by_user["poor_fit"].sum().items()},
-        "valid": {user: float(p) for user, p in by_user["valid"].mean().items()},
-        "label_agreement": {user: float(p) for user, p in agree.items()},
+        "poor_fits": {user: int(poor[rows].sum()) for user, rows in users.items()},
+        "valid": {user: float(kept[rows].mean()) for user, rows in users.items()},
+        "label_agreement": {user: float((kept == fitted_valid)[rows].mean()) for user, rows in users.items()},
         "queries": {
             pool: {user: float(v.mean()) for user, v in q.valid.items()} | {"count": int(q.z[..., 0].size)}
             for pool, q in queries.items()

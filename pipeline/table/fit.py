@@ -18,12 +18,13 @@ from numpy import ndarray as Array
 
 from pipeline.table.bezier import P_F, P_INIT
 
-ROWS = 64  # recordings per batch: its arrays stay in a core's cache
-STEPS = 200  # at the most; a hand's recordings take about six
+ROWS = 256  # recordings per batch: fewer calls against arrays that still fit a cache
+STEPS = 200  # at the most; a hand's recordings take about eight
 ROUNDS = 10  # of looking for samples that the wrong branch of a folded path holds; one or two do
-TOLERANCE = 1e-9  # of E: a recording is done when a step promises to lower E by less
-ANCHOR = 1e-5  # weight of |z - z_0|^2 against each sample's squared distance
+TOLERANCE = 1e-8  # of E: a recording is done when a step promises to lower E by less
+ANCHOR = 1e-6  # weight of |z - z_0|^2 against each sample's squared distance
 MATCHES = 10  # rounds of matching lengths behind z_0; paths that turn back on themselves need them
+STRIDE = 4  # every fourth sample is enough to match lengths
 FINE = 65  # parameters at which a path's length is summed
 GRID = 9  # parameters tried when the nearest point of a path is looked for afresh
 
@@ -90,23 +91,16 @@ class _Batch:
 
     def matched_lengths(self) -> Array:
         """z_0 (row, 2): the fit whose samples lie at the same share of its length as of the recorded length."""
-        steps = np.hypot(np.diff(self.x, axis=1), np.diff(self.y, axis=1))
-        share = _shares(steps)
-        z, grid = self.closed_form(share), np.linspace(0.0, 1.0, FINE)
+        share = _shares(np.hypot(np.diff(self.x, axis=1), np.diff(self.y, axis=1)))[:, ::STRIDE]
+        x, y, weight = (values[:, ::STRIDE] for values in (self.x, self.y, self.weight))
+        z, grid = _closed_form(x, y, weight, self.end, share), np.linspace(0.0, 1.0, FINE)
         row = 2.0 * np.arange(len(z))[:, None]  # keeps the rows apart in one call of interp
         for _ in range(MATCHES):
             speed = [2 * z[:, i, None] * (1 - 2 * grid) + 2 * self.end[:, i, None] * grid for i in (0, 1)]
             fitted = _shares(np.hypot(*speed)[:, 1:])
             u = np.interp((share + row).ravel(), (fitted + row).ravel(), np.tile(grid, len(z)))
-            z = self.closed_form(u.reshape(share.shape))
+            z = _closed_form(x, y, weight, self.end, u.reshape(share.shape))
         return z
-
-    def closed_form(self, u: Array) -> Array:
-        """The z (row, 2) that minimises the distances at fixed parameters."""
-        b1, b2 = 2 * u * (1 - u) * self.weight, u * u
-        norm = np.maximum((b1 * 2 * u * (1 - u)).sum(1), 1e-12)
-        rest = (self.x - b2 * self.end[:, :1], self.y - b2 * self.end[:, 1:])
-        return np.stack([(b1 * r).sum(1) / norm for r in rest], 1)
 
     def descend(self, z: Array, u: Array) -> tuple[Array, Array]:
         """Damped Newton on E from z: the minimum's z (row, 2) and parameters (row, sample)."""
@@ -202,3 +196,12 @@ def _shares(steps: Array) -> Array:
     """Share of the whole length passed before each step and at the end: (row, step) -> (row, step + 1)."""
     passed = np.concatenate([np.zeros((len(steps), 1)), np.cumsum(steps, 1)], 1)
     return passed / np.maximum(passed[:, -1:], 1e-12)
+
+
+def _closed_form(x: Array, y: Array, weight: Array, end: Array, u: Array) -> Array:
+    """The z (row, 2) that minimises the distances of samples at fixed parameters `u` (row, sample)."""
+    b1, b2 = 2 * u * (1 - u), u * u
+    weighted = b1 * weight
+    norm = np.maximum((weighted * b1).sum(1), 1e-12)
+    rest = (x - b2 * end[:, :1], y - b2 * end[:, 1:])
+    return np.stack([(weighted * r).sum(1) / norm for r in rest], 1)
