@@ -5,7 +5,7 @@ sources of chance, another training set and other scenes, and both are resampled
 Nothing here knows what an effect is of.
 
 Each sign-flip sees one source. Where both add alike to the variance of the mean, even the larger p-value is too
-small (a true null falls below .05 about one time in eight; simulated in the tests), so read it with the interval and
+small (a true null falls below .05 about one time in nine; simulated in the tests), so read it with the interval and
 the smallest effect of interest, as the verdict does, and not alone.
 """
 
