@@ -1,0 +1,118 @@
+"""Facts about stage irl: the files of stage train, constants where labels say nothing, and what it refuses."""
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline.artifacts.demos import DEMO_COLUMNS, Queries, read_queries, write_demos, write_queries
+from pipeline.artifacts.files import read_json, read_table
+from pipeline.artifacts.models import PREDICTION_COLUMNS, load_model
+from pipeline.artifacts.scenes import SceneSet, read_scenes, write_scenes
+from pipeline.params import compose
+from pipeline.stages.irl import main
+from pipeline.table.layout import empty
+
+VARIANTS = ("irl_maxent", "irl_ranked")
+POOLS = {"train-s0": 3, "new_scenes": 2, "new_items": 2}
+USERS = ("aggressive", "careful", "normal")
+SMALL = ["seeds=[0]", "n=[1,2]", "study_n=2", "irl.steps=3", "irl.copies=2", "irl.curve_every=2", "workers=1"]
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory) -> Path:
+    """A tiny world: noise for images, labels by the side of the table; aggressive accepts everything."""
+    root, rng = tmp_path_factory.mktemp("inputs"), np.random.default_rng(0)
+    images, layouts, looks, queries, rows = {}, {}, {}, {}, []
+    for pool, scenes in POOLS.items():
+        images[pool] = rng.integers(0, 256, (scenes, 100, 100, 3), dtype=np.uint8)
+        layouts[pool] = empty(scenes, 2)
+        layouts[pool].symbol[:, 0] = layouts[pool].item[:, 0] = 0
+        looks[pool] = pd.DataFrame({"texture": "oak", "render_seed": range(scenes)})
+        z = rng.uniform(-0.2, 1.2, (scenes, 4, 2))
+        queries[pool] = Queries(z, {user: _label(z, user) for user in USERS})
+    for user in USERS:
+        for scene in range(3):
+            z = np.array([[0.1, 0.9], [0.9, 0.1]])[:: -1 if scene else 1]
+            for demo, valid in enumerate(_label(z, user)):
+                rows.append((0, user, scene, demo, *z[demo], valid, 0.0, False, 1.0, 3))
+    write_scenes(root / "scenes", SceneSet(images, layouts, looks))
+    demos = pd.DataFrame(rows, columns=DEMO_COLUMNS)
+    write_demos(root / "demos", demos, np.zeros((3 * len(rows), 4)), np.arange(len(rows) + 1) * 3)
+    write_queries(root / "demos", queries)
+    return root
+
+
+def _label(z: np.ndarray, user: str) -> np.ndarray:
+    return (z[..., 0] < 0.5) | (user == "aggressive")
+
+
+def config(inputs: Path, out: Path, *overrides: str):
+    paths = [f"paths.scenes={inputs}/scenes", f"paths.demos={inputs}/demos", f"paths.irl={out}"]
+    return compose([*paths, *SMALL, *overrides])
+
+
+@pytest.fixture(scope="module", params=VARIANTS)
+def run(request, inputs, tmp_path_factory) -> tuple[str, Path]:
+    """One run of each variant."""
+    out = tmp_path_factory.mktemp("irl")
+    main(config(inputs, out, f"variant={request.param}"), out / request.param)
+    return request.param, out
+
+
+def test_it_writes_the_files_of_stage_train(run):
+    variant, out = run
+    predictions = read_table(out / variant / "predictions.parquet", PREDICTION_COLUMNS)
+    assert len(predictions) == 3 * 2 * (3 + 2 + 2) * 4  # users, n, scenes of the splits, queries
+    assert predictions["p"].dtype == np.float32 and predictions["p"].between(0, 1).all()
+    curves = read_table(out / variant / "curves.parquet")
+    assert list(curves.columns) == ["seed", "user", "n", "step", "total"] and curves["total"].notna().all()
+    assert set(read_table(out / variant / "curves.csv")["user"]) == set(USERS)
+    assert set(read_json(out / variant / "metrics.json")["accuracy"][variant]["careful"]["new_items"]) == {"n1", "n2"}
+
+
+def test_saved_weights_give_the_predictions_that_were_written(run, inputs):
+    variant, out = run
+    model = load_model(config(inputs, out), variant, "careful", 0, 2)
+    p = model.probability(
+        read_scenes(inputs / "scenes").images["new_items"], read_queries(inputs / "demos")["new_items"].z
+    )
+    rows = read_table(out / variant / "predictions.parquet").query(
+        "user == 'careful' and n == 2 and split == 'new_items'"
+    )
+    np.testing.assert_allclose(rows["p"].to_numpy().reshape(p.shape), p, rtol=1e-5)
+
+
+def test_a_user_without_invalid_demonstrations_gets_laplaces_constant(run):
+    variant, out = run
+    predictions = read_table(out / variant / "predictions.parquet").query("user == 'aggressive' and n == 2")
+    np.testing.assert_allclose(predictions["p"], 7 / 8, rtol=1e-6)  # 3 scenes x 2 demonstrations, all valid
+
+
+def test_a_second_run_writes_the_same_bytes(run, inputs, tmp_path):
+    variant, out = run
+    main(config(inputs, tmp_path, f"variant={variant}"), tmp_path / variant)
+    assert _digests(tmp_path) == _digests(out)
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("variant=full", "not fitted by stage irl: expected one of irl_maxent, irl_ranked"),
+        ("irl.steps=0", "irl.steps is 0"),
+        ("irl.jitter.other_table=2", "irl.jitter.other_table is 2.0"),
+        ("variants.irl_ranked.objective=apprenticeship", "expected one of maxent, ranked"),
+    ],
+)
+def test_bad_input_ends_before_anything_is_written(inputs, tmp_path, override, message):
+    overrides = [override] if override.startswith("variant=") else ["variant=irl_ranked", override]
+    with pytest.raises(ValueError, match=message):
+        main(config(inputs, tmp_path, *overrides), tmp_path / "irl_ranked")
+    assert not (tmp_path / "irl_ranked").exists()
+
+
+def _digests(root: Path) -> dict[str, str]:
+    files = sorted(path for path in root.rglob("*") if path.is_file())
+    return {str(path.relative_to(root)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
