@@ -117,10 +117,10 @@ def test_training_sets_valid_paths_above_invalid_ones(objective, least):
 def test_labels_that_are_all_alike_give_a_constant_by_laplaces_rule(objective):
     images, z, _ = world()
     model = drawn(0)
-    before = model.layers[0].weight.clone()
+    before = {name: value.clone() for name, value in model.layers.state_dict().items()}
     fit(model, images, z, np.ones(z.shape[:2], bool), objective, schedule(), 0)
     np.testing.assert_allclose(model.probability(images, z), (24 + 1) / (24 + 2), rtol=1e-6)
-    assert torch.equal(model.layers[0].weight, before)
+    assert all(torch.equal(value, before[name]) for name, value in model.layers.state_dict().items())
 
 
 def test_an_unknown_objective_and_impossible_schedules_are_refused():
