@@ -32,14 +32,14 @@ class Drawn:
     """The arrays behind the pictures, all of one seed."""
 
     seed: int
-    scenes: UInt8[Array, "scene 100 100 3"]  # training scenes whose demonstrations are drawn
-    demos: dict[str, tuple[Float[Array, "scene n 2"], Bool[Array, "scene n"]]]  # by user
+    scenes: UInt8[Array, "shown 100 100 3"]  # training scenes whose demonstrations are drawn
+    demos: dict[str, tuple[Float[Array, "shown n 2"], Bool[Array, "shown n"]]]  # by user
     maps: dict[str, Maps]  # by user
     pool: UInt8[Array, "scene 100 100 3"]  # scenes that were repaired in
     layouts: Layouts
     repairs: dict[str, dict[str, list[Repair | None]]]  # by variant and user
-    rebuilt: UInt8[Array, "scene 100 100 3"]
-    originals: UInt8[Array, "scene 100 100 3"]
+    rebuilt: UInt8[Array, "picture 100 100 3"]
+    originals: UInt8[Array, "picture 100 100 3"]
     trained_on: int  # of the originals, the first ones
     traversal: UInt8[Array, "latent value 100 100 3"]
     dimensions: Int[Array, "row"]

@@ -40,7 +40,7 @@ OVERVIEW_DPI = 160
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """index.html, tables/, figures/ and metrics.json."""
     _check_settings(cfg)
-    results = _results(cfg)
+    results = read_results(cfg)
     check(results)
     summary = read_table(Path(cfg.paths.evaluate) / "accuracy.csv")
     scenes = read_scenes(Path(cfg.paths.scenes))
@@ -73,7 +73,7 @@ def _check_settings(cfg: DictConfig) -> None:
         raise InputError("report.values is empty: give at least one value for a dimension of z_image")
 
 
-def _results(cfg: DictConfig) -> Results:
+def read_results(cfg: DictConfig) -> Results:
     """Everything that is tabulated or said, from each stage's own files."""
     evaluate, repair, intervene = (Path(cfg.paths[s]) for s in ("evaluate", "repair", "intervene"))
     curves = {v: read_table(model_dir(cfg, v) / "curves.parquet") for v in cfg.variants}
@@ -161,7 +161,7 @@ def _drawn(cfg: DictConfig, results: Results, scenes: SceneSet) -> Drawn:
         trained_on=min(count, len(scenes.images[training])),
         traversal=traversal,
         dimensions=liveliest(traversal, cfg.report.dimensions),
-        values=list(cfg.report["values"]),
+        values=[float(value) for value in cfg.report["values"]],
         added_to=to[0],
         added=added[:, 0, 0],
         added_texts=_added_texts(results, seed, user),

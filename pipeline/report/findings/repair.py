@@ -39,7 +39,8 @@ def _user_repair(results: Results, user: str) -> str:
     )
     if quoted is not None and quoted <= c["null_constant"] + SLIGHT:
         text += (
-            f" The paper's rate is at most {100 * SLIGHT:.0f} points above the detour's, so a success rate alone does not show "
+            f" The paper's rate is at most {100 * SLIGHT:.0f} points above the detour's, so a success rate alone does "
+            f"not show "
             "that the image was used."
         )
     text += (

@@ -1,0 +1,86 @@
+"""Sentences and claims follow the numbers: change the numbers and the words change."""
+
+import copy
+from dataclasses import replace
+
+import pytest
+
+from pipeline.report.claims import claims
+from pipeline.report.findings.accuracy import accuracy
+from pipeline.report.findings.causes import interventions
+from pipeline.report.findings.repair import repair
+from pipeline.report.results import Results
+from pipeline.table.layout import SYMBOLS
+
+
+def with_accuracy(results: Results, **by_split: float) -> Results:
+    """The paper's model at these accuracies, whatever n."""
+    evaluation = copy.deepcopy(results.evaluation)
+    for split, value in by_split.items():
+        for cell in evaluation["accuracy"]["full"][split].values():
+            cell |= {"mean": value, "q1": value, "q3": value}
+    return replace(results, evaluation=evaluation)
+
+
+def verdict(results: Results, claim: str) -> str:
+    return next(row[-1].text for row in claims(results).rows if claim in row[0].text)
+
+
+def test_a_model_that_reaches_the_paper_everywhere_reproduces_it(results: Results):
+    high = with_accuracy(results, seen_scenes=0.985, new_scenes=0.985, new_items=0.985)
+    assert verdict(high, "9 demonstrations") == "reproduced"
+    assert any("meets the paper's figure." in s for s in accuracy(high))
+
+
+def test_one_that_reaches_it_in_its_training_scenes_only_does_so_in_part(results: Results):
+    half = with_accuracy(results, seen_scenes=0.985, new_scenes=0.6, new_items=0.6)
+    assert verdict(half, "9 demonstrations") == "in part"
+    assert any("with unseen items it does not" in s for s in accuracy(half))
+
+
+def test_memory_is_claimed_only_where_new_scenes_fall_to_the_null(results: Results):
+    null = results.evaluation["accuracy"]["null_position"]["new_scenes"]["n9"]["mean"]
+    remembers = with_accuracy(results, seen_scenes=null + 0.3, new_scenes=null + 0.01)
+    sees = with_accuracy(results, seen_scenes=null + 0.3, new_scenes=null + 0.25)
+    assert any("remembers its training scenes" in s for s in accuracy(remembers))
+    assert not any("remembers" in s for s in accuracy(sees))
+
+
+def test_a_test_that_is_not_significant_tells_nothing_apart(results: Results):
+    even = replace(results, comparisons=results.comparisons.assign(significant=False, p_holm=0.4))
+    assert verdict(even, "autoencoder") == "not reproduced"
+    assert any("not told apart by 2 seeds" in s for s in accuracy(even))
+    assert verdict(results, "autoencoder") == "reproduced"
+
+
+def test_a_significant_loss_is_no_win(results: Results):
+    worse = replace(results, comparisons=results.comparisons.assign(difference=-0.1))
+    assert verdict(worse, "inverse reinforcement") == "not reproduced"
+    assert any("10.0 percentage points worse" in s for s in accuracy(worse))
+
+
+def test_a_user_without_invalid_paths_makes_repair_vacuous(results: Results):
+    assert verdict(results, "aggressive") == "vacuous"
+    assert any("met by doing nothing" in s for s in repair(results))
+
+
+@pytest.mark.parametrize(("detour", "said"), [(0.9, True), (0.5, False)])
+def test_success_is_called_weak_only_if_the_detour_rivals_the_paper(results: Results, detour: float, said: bool):
+    cells = copy.deepcopy(results.repair)
+    for by_user in cells.values():
+        by_user["careful"]["null_constant"] = detour
+    sentence = repair(replace(results, repair=cells))[0]
+    assert ("does not show that the image was used" in " ".join(sentence.split())) is said
+
+
+def test_the_same_effects_as_the_paper_are_said_only_if_they_are_the_same(results: Results):
+    found = copy.deepcopy(results.intervention)
+    for by_user in found["interventions"].values():
+        for user, by_symbol in by_user.items():
+            for symbol in SYMBOLS:
+                true = user == "careful" or (user, symbol) == ("normal", "glass")
+                by_symbol[symbol]["truth_verdict"] = "effect" if true else "no effect"
+    same = replace(results, intervention=found)
+    assert "the very cells that the paper prints in bold" in interventions(same)[0]
+    found["interventions"]["full"]["normal"]["glass"]["truth_verdict"] = "no effect"
+    assert "The paper prints 5 in bold, 4 of them among these" in interventions(same)[0]

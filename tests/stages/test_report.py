@@ -1,0 +1,176 @@
+"""The report holds everything in itself, is the same twice, and is never written from half the results."""
+
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+from omegaconf import DictConfig
+
+from pipeline.artifacts.files import read_arrays, read_json, read_table, write_arrays, write_json, write_table
+from pipeline.params import InputError
+from pipeline.report.page import LARGEST
+from pipeline.report.terminal import shown
+from pipeline.stages.report import main
+from tests.report_artefacts import write_all
+
+
+@pytest.fixture(scope="module")
+def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
+    return write_all(tmp_path_factory.mktemp("artefacts"))
+
+
+@pytest.fixture(scope="module")
+def reports(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("reports")
+    main(cfg, folder)
+    return folder
+
+
+def test_a_second_run_writes_the_same_bytes(cfg: DictConfig, reports: Path, tmp_path: Path):
+    main(cfg, tmp_path)
+    files = sorted(p.relative_to(reports) for p in reports.rglob("*") if p.is_file())
+    assert files == sorted(p.relative_to(tmp_path) for p in tmp_path.rglob("*") if p.is_file())
+    assert [f for f in files if (reports / f).read_bytes() != (tmp_path / f).read_bytes()] == []
+
+
+def test_the_page_needs_nothing_else(reports: Path):
+    page = (reports / "index.html").read_text(encoding="utf-8")
+    assert len(page.encode()) < LARGEST
+    fetched = re.findall(r'(?:src|href)="([^"]*)"', page)
+    outside = {x for x in fetched if not x.startswith(("#", "data:"))}
+    assert outside == {"metrics.json"}, "a link to the numbers is all that leaves the page"
+    assert "@import" not in page and "<script" not in page
+
+
+def test_the_page_is_well_formed_and_its_ids_are_unique(reports: Path):
+    outline = Outline()
+    outline.feed((reports / "index.html").read_text(encoding="utf-8"))
+    assert outline.open == []
+    assert len(outline.ids) == len(set(outline.ids))
+    assert outline.levels[0] == 1 and outline.levels.count(1) == 1
+    assert all(after <= before + 1 for before, after in zip(outline.levels, outline.levels[1:], strict=False))
+    assert outline.unnamed == 0, "every picture has a text for those who cannot see it"
+    assert outline.tables == outline.captions > 5
+
+
+def test_pictures_without_text_alternatives_would_be_noticed():
+    outline = Outline()
+    outline.feed('<div role="img"></div>')
+    assert outline.unnamed == 1
+
+
+def test_the_numbers_keep_their_names(cfg: DictConfig, reports: Path):
+    metrics = json.loads((reports / "metrics.json").read_text())
+    assert metrics["world"]["p_valid"]["careful"]["none"] == {"truth": 0.44, "paper": 0.43, "difference": 0.01}
+    assert set(metrics["accuracy"]["full"]["new_items"]["n9"]) == {"mean", "q1", "q3", "seeds"}
+    assert set(metrics["calibration"]["full"]["new_items"]) == {"ece", "brier"}
+    assert {"success", "displacement_m", "displacement_ratio", "fooled", "abstained", "null_constant"} <= set(
+        metrics["repair"]["full"]["careful"]
+    )
+    assert {
+        "baseline",
+        "intervened",
+        "effect",
+        "ci_low",
+        "ci_high",
+        "p_holm",
+        "truth",
+        "verdict",
+        "truth_verdict",
+    } <= set(metrics["interventions"]["full"]["normal"]["glass"])
+    assert set(metrics["accuracy_all_users"]) == {*cfg.variants, "null_nearest", "null_position"}
+
+
+def test_every_table_comes_in_three_forms_and_the_terminal_shows_two(reports: Path):
+    names = {p.stem for p in (reports / "tables").iterdir()}
+    assert {"claims", "backprop", "interventions", "accuracy", "comparisons"} <= names
+    assert {p.name for p in (reports / "tables").iterdir()} == {f"{n}.{x}" for n in names for x in ("csv", "md", "tex")}
+    text = shown(reports)
+    assert "Success of repairing" in text and "No intervention" in text and str(reports / "index.html") in text
+
+
+def test_the_terminal_says_when_there_is_no_report(tmp_path: Path):
+    with pytest.raises(FileNotFoundError, match="run `make repro`"):
+        shown(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("file", "drop"),
+    [
+        ("evaluate/accuracy.parquet", {"variant": "irl_ranked"}),
+        ("evaluate/accuracy.parquet", {"seed": 1}),
+        ("evaluate/accuracy.parquet", {"user": "normal", "split": "new_items"}),
+        ("repair/repairs.parquet", {"method": "null_constant"}),
+        ("repair/repairs.parquet", {"seed": 0, "user": "careful"}),
+        ("intervene/effects.parquet", {"variant": "full", "user": "aggressive"}),
+        ("train/ae/curves.parquet", {"seed": 1}),
+    ],
+)
+def test_a_gap_in_the_results_is_named_and_nothing_is_written(cfg: DictConfig, tmp_path: Path, file: str, drop: dict):
+    path = Path(cfg.paths.evaluate).parent / file
+    whole = read_table(path)
+    gone = (whole[list(drop)] == list(drop.values())).all(axis=1)
+    write_table(path, whole[~gone])
+    try:
+        with pytest.raises(InputError, match="the report lacks") as error:
+            main(cfg, tmp_path)
+    finally:
+        write_table(path, whole)
+    named = [str(value) for name, value in drop.items() if name != "split"]
+    assert all(value in str(error.value) for value in named)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_missing_file_and_a_missing_cell_are_named(cfg: DictConfig, tmp_path: Path):
+    path = Path(cfg.paths.intervene) / "metrics.json"
+    whole = read_json(path)
+    lacking = json.loads(json.dumps(whole))
+    del lacking["interventions"]["ae"]["normal"]["glass"]
+    write_json(path, lacking)
+    with pytest.raises(InputError, match=r"interventions of ae for user normal with \['glass'\]"):
+        main(cfg, tmp_path)
+    path.unlink()
+    with pytest.raises(InputError, match=r"metrics\.json is missing"):
+        main(cfg, tmp_path)
+    write_json(path, whole)
+
+
+def test_paths_that_do_not_fit_their_rows_are_refused(cfg: DictConfig, tmp_path: Path):
+    path = Path(cfg.paths.repair) / "paths.npz"
+    whole = read_arrays(path)
+    write_arrays(path, whole | {"full-careful-s0": whole["full-careful-s0"][:-1]})
+    with pytest.raises(InputError, match="repairs of full-careful-s0"):
+        main(cfg, tmp_path)
+    write_arrays(path, whole)
+
+
+class Outline(HTMLParser):
+    """What a screen reader goes by: headings, ids, pictures' names, captions."""
+
+    VOID = frozenset({"meta", "link", "br"})
+
+    def __init__(self):
+        super().__init__()
+        self.open: list[str] = []
+        self.ids: list[str] = []
+        self.levels: list[int] = []
+        self.unnamed = self.tables = self.captions = 0
+
+    def handle_starttag(self, tag, attrs):
+        attributes = dict(attrs)
+        if tag not in self.VOID:
+            self.open.append(tag)
+        self.ids += [value or "" for name, value in attrs if name == "id"]
+        if re.fullmatch("h[1-6]", tag):
+            self.levels.append(int(tag[1]))
+        self.unnamed += attributes.get("role") == "img" and not attributes.get("aria-label")
+        self.tables += tag == "table"
+        self.captions += tag == "caption"
+
+    def handle_startendtag(self, tag, attrs):
+        self.ids += [value or "" for name, value in attrs if name == "id"]
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
