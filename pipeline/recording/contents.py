@@ -1,0 +1,63 @@
+"""What one recording shows: plain arrays of one model, its training data and its repairs."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from jaxtyping import Bool, Float, UInt8
+from numpy import ndarray as Array
+
+from pipeline.table.layout import Layouts
+
+
+@dataclass(frozen=True)
+class Demonstrations:
+    """A training scene and what one user showed in it.
+
+    image: row 0 at the far edge; layout: this one scene; z: the fitted paths [m];
+    samples: per demonstration the raw recording (sample, 4) as t [s], x, y, z [m].
+    """
+
+    scene: int
+    image: UInt8[Array, "100 100 3"]
+    layout: Layouts
+    z: Float[Array, "demo 2"]
+    valid: Bool[Array, "demo"]
+    samples: tuple[Array, ...]
+
+
+@dataclass(frozen=True)
+class Repairs:
+    """A scene the model has never seen, what it and the truth say there, and its repairs.
+
+    predicted: P(valid) on `bezier.lattice(side)` as [y, x]; truth: the user's rule on the same lattice;
+    z: each repair's path [m] over its steps, step 0 being the invalid start; p: P(valid) at each of them;
+    start: the start's number in the scene; ends_valid: whether the last step is valid by the truth.
+    """
+
+    scene: int
+    image: UInt8[Array, "100 100 3"]
+    layout: Layouts
+    predicted: Float[Array, "side side"]
+    truth: Bool[Array, "side side"]
+    start: tuple[int, ...]
+    z: Float[Array, "repair step 2"]
+    p: Float[Array, "repair step"]
+    ends_valid: Bool[Array, "repair"]
+
+
+@dataclass(frozen=True)
+class Run:
+    """One model: who it was fitted to and on what, and the scenes to look at."""
+
+    variant: str
+    user: str
+    seed: int
+    n: int
+    margins: Mapping[str, float | None]  # what the user keeps clear of each symbol [m]; None: does not care
+    demonstrations: tuple[Demonstrations, ...]
+    repairs: tuple[Repairs, ...]
+
+    @property
+    def name(self) -> str:
+        """`{variant}-{user}-s{seed}`: the recording's file and id."""
+        return f"{self.variant}-{self.user}-s{self.seed}"

@@ -1,0 +1,58 @@
+"""A digest of what a recording holds, whatever bytes the file has.
+
+Rerun's files differ from run to run (row ids, chunk ids, the blueprint's ids, how rows fell into chunks), so
+the contents are read back with Rerun's own reader and hashed in an order of their own. The blueprint is left out.
+"""
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+from rerun.chunk import Chunk, RrdReader
+
+Cell = tuple[str, str, tuple[tuple[str, int], ...], bytes]  # entity, component, times, value
+
+
+def digest(path: Path) -> str:
+    """sha256 (hexadecimal) of every value in the recording at `path`, with its entity, component and times."""
+    cells = [cell for chunk in RrdReader(path).stream().to_chunks() for cell in _cells(chunk)]
+    hashed = hashlib.sha256()
+    for entity, component, times, value in sorted(cells):
+        for part in (entity.encode(), component.encode(), repr(times).encode(), value):
+            hashed.update(len(part).to_bytes(8, "little") + part)
+    return hashed.hexdigest()
+
+
+def _cells(chunk: Chunk) -> list[Cell]:
+    """One cell a row and component; absent values are left out, since chunking decides where they appear."""
+    batch = chunk.to_record_batch()
+    timelines = sorted(chunk.timeline_names)
+    times = {name: _column(batch, name).cast(pa.int64()).to_pylist() for name in timelines}
+    cells = []
+    for i, field in enumerate(batch.schema):
+        metadata = {k.decode(): v.decode() for k, v in (field.metadata or {}).items()}
+        if metadata.get("rerun:kind", "data") != "data":
+            continue
+        for row, value in enumerate(batch.column(i)):
+            if value.is_valid:
+                at = tuple((name, times[name][row]) for name in timelines)
+                cells.append((str(chunk.entity_path), field.name, at, _canonical(value.values)))
+    return cells
+
+
+def _column(batch: pa.RecordBatch, name: str) -> pa.Array:
+    return batch.column(batch.schema.get_field_index(name))
+
+
+def _canonical(array: pa.Array) -> bytes:
+    """An Arrow array's type, length, absences and values, without its buffers' offsets and padding."""
+    head = f"{array.type}|{len(array)}|".encode() + np.packbits(array.is_valid().to_numpy(False)).tobytes()
+    if pa.types.is_fixed_size_list(array.type) or pa.types.is_list(array.type) or pa.types.is_large_list(array.type):
+        lengths = np.array(array.value_lengths().fill_null(0).to_pylist(), dtype="<i8")
+        return head + lengths.tobytes() + _canonical(array.flatten())
+    if pa.types.is_struct(array.type):
+        return head + b"".join(_canonical(child) for child in array.flatten())
+    if pa.types.is_integer(array.type) or pa.types.is_floating(array.type):
+        return head + array.fill_null(0).to_numpy(False).tobytes()
+    return head + repr(array.to_pylist()).encode()

@@ -1,0 +1,208 @@
+"""One model's recording, written as a Rerun file: scenes, demonstrations, latent maps, repairs.
+
+Entities (coordinates: see `geometry`):
+
+    readme                                        what one sees, in words
+    fixed/{ends,table_edge}                       start and goal on the table; the table in a latent map
+    training/scene_XXX/{image,items,kept_clear}   a training scene
+    training/scene_XXX/{valid,invalid}/{recorded,fitted,marks}   the user's demonstrations in it
+    new_items/scene_XXX/table/{image,items,kept_clear}           a scene with items never seen in training
+    new_items/scene_XXX/table/repair/{first,path,ends_valid,ends_invalid}   the paths
+    new_items/scene_XXX/latent/{predicted,truth}/map             P(valid) over z_theta: the model's, the user's
+    new_items/scene_XXX/latent/predicted/boundary                where the truth changes
+    new_items/scene_XXX/latent/{predicted,truth}/repair/{trail,z_theta,ends_valid,ends_invalid}   the z_theta
+    new_items/scene_XXX/p_valid/{repairs,even_odds}              the model's P(valid)
+
+What changes with a repair's steps lies on the time line `repair_step`, a row a step, one instance a repair.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+
+from pipeline.recording.blueprint import layout_of
+from pipeline.recording.contents import Demonstrations, Repairs, Run
+from pipeline.recording.geometry import boundary, crosses, footprints, kept_clear, map_image, on_map, on_table
+from pipeline.recording.readme import page
+from pipeline.table.bezier import P_F, P_INIT, curve
+from pipeline.table.layout import Layouts
+
+Array = np.ndarray
+APPLICATION = "causal-specifications"
+TIMELINE = "repair_step"
+ABOVE, TOP = 40.0, 50.0  # draw orders of moving paths and of marks; Rerun's own end at 30 (points)
+POINTS = 41  # drawn along a Bezier path
+MARK, MARK_ON_MAP = 1.5, 0.7  # middle to rim of a verdict's mark, in pixels and in cells
+
+# Okabe and Ito's colours, which people with any colour vision tell apart.
+VALID, INVALID = (0, 158, 255), (230, 97, 0)
+REPAIRS = ((240, 228, 66), (86, 220, 160), (204, 121, 167), (120, 160, 255))
+ITEM, KEPT_CLEAR, FIRST = (255, 255, 255), (255, 255, 255, 110), (230, 97, 0, 140)
+BOUNDARY, TABLE_EDGE, RECORDED = (213, 0, 120), (128, 128, 128), (10, 10, 10)
+
+
+def write_run(path: Path, run: Run) -> None:
+    """Write `run` to `path` with a blueprint saved inside; the process holds no recording afterwards."""
+    recording = rr.RecordingStream(APPLICATION, recording_id=run.name, send_properties=False)
+    recording.set_log_time_enabled(False)
+    recording.set_log_tick_enabled(False)
+    recording.save(path, default_blueprint=layout_of(run, TIMELINE))
+    recording.send_recording_name(run.name)
+    _static(recording, "readme", rr.TextDocument(page(run), media_type=rr.MediaType.MARKDOWN))
+    _fixed(recording, run)
+    for shown in run.demonstrations:
+        _demonstrations(recording, shown, run)
+    for shown in run.repairs:
+        _repairs(recording, shown, run)
+    recording.flush()
+    recording.disconnect()
+
+
+def _static(recording: rr.RecordingStream, entity: str, what: rr.AsComponents) -> None:
+    recording.log(entity, what, static=True)
+
+
+def _fixed(recording: rr.RecordingStream, run: Run) -> None:
+    """What is the same in every scene: both ends of every path, and where the table lies in a latent map."""
+    ends = on_table(np.stack([P_INIT, P_F]))
+    _static(
+        recording,
+        "fixed/ends",
+        rr.Points2D(ends, labels=["start", "goal"], colors=ITEM, radii=1.2),
+    )
+    if run.repairs:
+        corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]], dtype=float)
+        edge = on_map(corners, len(run.repairs[0].truth))
+        _static(
+            recording,
+            "fixed/table_edge",
+            rr.LineStrips2D([edge], colors=TABLE_EDGE, radii=0.12),
+        )
+
+
+def _scene(recording: rr.RecordingStream, entity: str, image: Array, layout: Layouts, run: Run) -> None:
+    """The image, what stands on it and the room this user wants around it."""
+    _static(recording, f"{entity}/image", rr.Image(image))
+    items = footprints(layout)
+    _static(
+        recording,
+        f"{entity}/items",
+        rr.LineStrips2D(
+            [on_table(outline) for _, outline in items],
+            labels=[symbol for symbol, _ in items],
+            colors=ITEM,
+            radii=0.25,
+        ),
+    )
+    room = [on_table(outline) for _, outline in kept_clear(layout, run.margins)]
+    if room:
+        _static(
+            recording,
+            f"{entity}/kept_clear",
+            rr.LineStrips2D(room, colors=KEPT_CLEAR, radii=0.12),
+        )
+
+
+def _demonstrations(recording: rr.RecordingStream, shown: Demonstrations, run: Run) -> None:
+    """Valid paths are thick and carry a disc, invalid ones are thin and crossed out."""
+    entity = f"training/scene_{shown.scene:03d}"
+    _scene(recording, entity, shown.image, shown.layout, run)
+    for verdict, colour, radius in ((True, VALID, 0.45), (False, INVALID, 0.2)):
+        chosen = np.flatnonzero(shown.valid == verdict)
+        if len(chosen) == 0:
+            continue
+        under = f"{entity}/{'valid' if verdict else 'invalid'}"
+        raw = [on_table(shown.samples[i][:, 1:3]) for i in chosen]
+        fitted = on_table(curve(shown.z[chosen], POINTS))
+        _static(
+            recording,
+            f"{under}/recorded",
+            rr.LineStrips2D(raw, colors=RECORDED, radii=0.08, draw_order=ABOVE),
+        )
+        _static(recording, f"{under}/fitted", rr.LineStrips2D(fitted, colors=colour, radii=radius))
+        _static(recording, f"{under}/marks", _mark(fitted[:, POINTS // 2], verdict, MARK))
+
+
+def _mark(centres: Array, verdict: bool, size: float) -> rr.AsComponents:
+    """A disc for valid, a cross for invalid, `size` from middle to rim."""
+    if verdict:
+        return rr.Points2D(centres, colors=VALID, radii=size, draw_order=TOP)
+    return rr.LineStrips2D(crosses(centres, size), colors=INVALID, radii=0.3 * size, draw_order=TOP)
+
+
+def _repairs(recording: rr.RecordingStream, shown: Repairs, run: Run) -> None:
+    """The scene, both latent maps and every repair in it over its steps."""
+    entity = f"new_items/scene_{shown.scene:03d}"
+    _scene(recording, f"{entity}/table", shown.image, shown.layout, run)
+    for name, values in (("predicted", shown.predicted), ("truth", shown.truth)):
+        # Values stay as they are: the viewer maps [0, 1] to black .. white and shows them under the pointer.
+        image = rr.Image(map_image(values).astype(np.float32))
+        _static(recording, f"{entity}/latent/{name}/map", image)
+    edges = boundary(shown.truth)
+    if len(edges):
+        line = rr.LineStrips2D(edges, colors=BOUNDARY, radii=0.15)
+        _static(recording, f"{entity}/latent/predicted/boundary", line)
+    if shown.start:
+        _repairs_on_table(recording, f"{entity}/table/repair", shown)
+        for name in ("predicted", "truth"):
+            _repairs_on_map(recording, f"{entity}/latent/{name}/repair", shown)
+        _series(recording, f"{entity}/p_valid", shown)
+
+
+def _repairs_on_table(recording: rr.RecordingStream, entity: str, shown: Repairs) -> None:
+    """Every path at each step; the first ones stay in view, marks say what the truth makes of the last."""
+    paths = on_table(curve(shown.z, POINTS)).swapaxes(0, 1)  # (step, repair, POINTS, 2)
+    colours = _colours(shown)
+    _static(recording, f"{entity}/first", rr.LineStrips2D(paths[0], colors=FIRST, radii=0.15))
+    _static(recording, f"{entity}/path", rr.LineStrips2D.from_fields(colors=colours, radii=0.5, draw_order=ABOVE))
+    strips = rr.LineStrips2D.columns(strips=list(paths.reshape(-1, POINTS, 2)))
+    recording.send_columns(f"{entity}/path", [_steps(shown)], strips.partition([len(colours)] * len(paths)))
+    _verdicts(recording, entity, paths[-1, :, POINTS // 2], shown, MARK)
+
+
+def _repairs_on_map(recording: rr.RecordingStream, entity: str, shown: Repairs) -> None:
+    """Every z_theta at each step, on the trail of all its steps."""
+    z = on_map(shown.z, len(shown.truth))  # (repair, step, 2)
+    colours, names = _colours(shown), [str(start) for start in shown.start]
+    _static(recording, f"{entity}/trail", rr.LineStrips2D(z, colors=colours, radii=0.15))
+    _static(
+        recording,
+        f"{entity}/z_theta",
+        rr.Points2D.from_fields(colors=colours, labels=names, radii=0.7, draw_order=ABOVE),
+    )
+    positions = rr.Points2D.columns(positions=z.swapaxes(0, 1).reshape(-1, 2))
+    recording.send_columns(f"{entity}/z_theta", [_steps(shown)], positions.partition([len(names)] * z.shape[1]))
+    _verdicts(recording, entity, z[:, -1], shown, MARK_ON_MAP)
+
+
+def _verdicts(recording: rr.RecordingStream, entity: str, ends: Array, shown: Repairs, size: float) -> None:
+    """Marks that appear with the last step, in the colour and the shape of what the truth says."""
+    recording.set_time(TIMELINE, sequence=shown.z.shape[1] - 1)
+    for verdict, name in ((True, "ends_valid"), (False, "ends_invalid")):
+        chosen = shown.ends_valid == verdict
+        if chosen.any():
+            recording.log(f"{entity}/{name}", _mark(ends[chosen], verdict, size))
+    recording.reset_time()
+
+
+def _series(recording: rr.RecordingStream, entity: str, shown: Repairs) -> None:
+    """P(valid) of every repair over its steps, and the line at 1/2 above which the model accepts."""
+    steps, count = _steps(shown), shown.z.shape[1]
+    names = [f"start {start}" for start in shown.start]
+    style = rr.SeriesLines(names=names, colors=_colours(shown), widths=2)
+    _static(recording, f"{entity}/repairs", style)
+    scalars = rr.Scalars.columns(scalars=shown.p.T.astype(np.float64).ravel())
+    recording.send_columns(f"{entity}/repairs", [steps], scalars.partition([len(names)] * count))
+    _static(recording, f"{entity}/even_odds", rr.SeriesLines(names="even odds", colors=TABLE_EDGE, widths=1))
+    even = rr.Scalars.columns(scalars=np.full(count, 0.5))
+    recording.send_columns(f"{entity}/even_odds", [steps], even)
+
+
+def _steps(shown: Repairs) -> rr.TimeColumn:
+    return rr.TimeColumn(TIMELINE, sequence=np.arange(shown.z.shape[1]))
+
+
+def _colours(shown: Repairs) -> list[tuple[int, int, int]]:
+    """A colour a repair, the same in every view."""
+    return [REPAIRS[i % len(REPAIRS)] for i in range(len(shown.start))]

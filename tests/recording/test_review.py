@@ -1,0 +1,52 @@
+"""Reviewing a recording: found, verified, or a message that says what to do."""
+
+from pathlib import Path
+
+import pytest
+
+from pipeline.params import InputError
+from pipeline.recording.digest import digest
+from pipeline.recording.review import check, find
+from pipeline.recording.run import write_run
+from tests.recording.example import a_run
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("record")
+    (folder / "runs").mkdir()
+    run = a_run(repairs=1)
+    write_run(folder / "runs" / f"{run.name}.rrd", run)
+    contents = digest(folder / "runs" / f"{run.name}.rrd")
+    (folder / "recordings.csv").write_text(f"run,sha256\n{run.name},{contents}\n")
+    return folder
+
+
+def test_a_recording_that_holds_what_was_written_passes(folder: Path) -> None:
+    check(folder, "full-careful-s3")
+
+
+def test_an_unknown_run_is_answered_with_examples(folder: Path) -> None:
+    with pytest.raises(InputError, match=r"'full-careful-s99'.*such as full-careful-s3"):
+        find(folder, "full-careful-s99")
+
+
+def test_without_recordings_one_is_told_to_make_them(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="run `make repro` first"):
+        find(tmp_path, "full-careful-s0")
+
+
+def test_other_contents_than_those_listed_are_refused(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "runs").symlink_to(folder / "runs")
+    (tmp_path / "recordings.csv").write_text("run,sha256\nfull-careful-s3,0123\n")
+    with pytest.raises(InputError, match="says 0123"):
+        check(tmp_path, "full-careful-s3")
+
+
+def test_a_truncated_file_is_refused(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "runs").mkdir()
+    whole = (folder / "runs" / "full-careful-s3.rrd").read_bytes()
+    (tmp_path / "runs" / "full-careful-s3.rrd").write_bytes(whole[: len(whole) // 2])
+    (tmp_path / "recordings.csv").write_text((folder / "recordings.csv").read_text())
+    with pytest.raises(InputError, match="make repro"):
+        check(tmp_path, "full-careful-s3")

@@ -1,0 +1,157 @@
+"""The record stage shows what the stages before it wrote, the same each time."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from omegaconf import DictConfig, OmegaConf
+from rerun.chunk import RrdReader
+
+from pipeline.artifacts.demos import write_demos
+from pipeline.artifacts.files import read_table, write_arrays, write_table
+from pipeline.artifacts.models import load_model, model_dir, save_model, weights_path
+from pipeline.artifacts.scenes import SceneSet, read_scenes, write_scenes
+from pipeline.params import InputError, compose
+from pipeline.spec.registry import build
+from pipeline.stages.record import main
+from pipeline.table.bezier import curve, lattice, random_z_theta
+from pipeline.table.layout import SYMBOLS, Layouts, empty
+from pipeline.table.rules import valid
+
+SCENES, STARTS, STEPS, SAMPLES = 4, 2, 5, 20
+
+
+@pytest.fixture
+def cfg(tmp_path: Path) -> DictConfig:
+    """Two variants of three users and one seed, untrained, on made-up scenes; aggressive has no repairs."""
+    cfg = compose(["profile=smoke", "seeds=[0]", "record.map_side=9"])
+    cfg.variants = {variant: cfg.variants[variant] for variant in ("full", "classifier")}
+    for stage in ("scenes", "demos", "train", "irl", "repair"):
+        OmegaConf.update(cfg, f"paths.{stage}", str(tmp_path / stage))
+    rng = np.random.default_rng(0)
+    pools = ("train-s0", "new_items")
+    write_scenes(
+        tmp_path / "scenes",
+        SceneSet(
+            {pool: rng.integers(0, 256, (SCENES, 100, 100, 3), dtype=np.uint8) for pool in pools},
+            {pool: _layouts(rng) for pool in pools},
+            {pool: pd.DataFrame({"texture": ["oak"] * SCENES, "render_seed": range(SCENES)}) for pool in pools},
+        ),
+    )
+    _write_demos(tmp_path / "demos", rng, cfg)
+    _write_repairs(tmp_path / "repair", rng, cfg)
+    for variant in cfg.variants:
+        for seed, user in enumerate(cfg.users):
+            model = build(cfg.variants[variant], seed)
+            save_model(model_dir(cfg, variant), model, user, 0, cfg.study_n)
+    return cfg
+
+
+def _layouts(rng: np.random.Generator) -> Layouts:
+    layouts = empty(SCENES, 4)
+    layouts.symbol[:, 0], layouts.item[:, 0] = SYMBOLS.index("glass"), 0
+    layouts.centre[:, 0] = rng.uniform(0.3, 0.7, (SCENES, 2))
+    layouts.radius[:, 0], layouts.scale[:, 0] = 0.05, 1.0
+    return layouts
+
+
+def _write_demos(directory: Path, rng: np.random.Generator, cfg: DictConfig) -> None:
+    index = pd.MultiIndex.from_product(
+        [[0], sorted(cfg.users), range(SCENES), range(10)], names=["seed", "user", "scene", "demo"]
+    )
+    demos = index.to_frame(index=False)
+    z = random_z_theta(rng, len(demos))
+    demos = demos.assign(z_x=z[:, 0], z_y=z[:, 1], valid=rng.random(len(demos)) < 0.5, residual_m=0.0)
+    demos = demos.assign(poor_fit=False, duration_s=1.0, samples=SAMPLES)
+    time = np.broadcast_to(np.linspace(0, 1, SAMPLES)[None, :, None], (len(demos), SAMPLES, 1))
+    samples = np.concatenate([time, curve(z, SAMPLES), 0 * time], axis=-1).reshape(-1, 4)
+    write_demos(directory, demos, samples, SAMPLES * np.arange(len(demos) + 1))
+
+
+def _write_repairs(directory: Path, rng: np.random.Generator, cfg: DictConfig) -> None:
+    tables, paths = [], {}
+    for variant in cfg.variants:
+        for user in cfg.users:
+            count = 0 if user == "aggressive" else SCENES * STARTS
+            scene, start = np.divmod(np.arange(count), STARTS)
+            paths[f"{variant}-{user}-s0"] = random_z_theta(rng, count, STEPS + 1).astype(np.float32)
+            row = {"method": variant, "seed": 0, "user": user, "scene": scene, "start": start}
+            tables.append(pd.DataFrame(row | {"valid_end": rng.random(count) < 0.5}))
+    write_table(directory / "repairs.parquet", pd.concat(tables))
+    write_arrays(directory / "paths.npz", paths)
+
+
+def _value(path: Path, entity: str, component: str) -> list:
+    chunks = RrdReader(path).stream().filter(content=f"/{entity}").to_chunks()
+    batches = [chunk.to_record_batch() for chunk in chunks]
+    (column,) = [b[component].to_pylist() for b in batches if component in b.schema.names]
+    return column
+
+
+def test_a_recording_a_model_holds_what_the_model_says(cfg: DictConfig, tmp_path: Path) -> None:
+    main(cfg, tmp_path / "record")
+    names = [f"{variant}-{user}-s0" for variant in cfg.variants for user in cfg.users]
+    assert sorted(p.stem for p in (tmp_path / "record" / "runs").iterdir()) == sorted(names)
+    assert list(read_table(tmp_path / "record" / "recordings.csv")["run"]) == names
+
+    scenes, scene = read_scenes(tmp_path / "scenes"), 1
+    path = tmp_path / "record" / "runs" / "full-careful-s0.rrd"
+    model = load_model(cfg, "full", "careful", 0, cfg.study_n)
+    image, layout = scenes.images["new_items"][scene], scenes.layouts["new_items"][scene : scene + 1]
+    entity = f"new_items/scene_{scene:03d}"
+
+    z = dict(np.load(tmp_path / "repair" / "paths.npz"))["full-careful-s0"].reshape(SCENES, STARTS, STEPS + 1, 2)
+    p = np.array(_value(path, f"{entity}/p_valid/repairs", "Scalars:scalars"))  # (step, start)
+    expected = model.probability(image[None], z[scene].reshape(1, -1, 2)).reshape(STARTS, STEPS + 1)
+    assert np.allclose(p.T, expected, atol=1e-6)
+
+    cells = lattice(9)[None]
+    for name, values in (
+        ("predicted", model.probability(image[None], cells)),
+        ("truth", valid(layout, cells, cfg.users["careful"])),
+    ):
+        ((buffer,),) = _value(path, f"{entity}/latent/{name}/map", "Image:buffer")
+        shown = np.array(buffer, np.uint8).view(np.float32).reshape(9, 9)[::-1]
+        assert np.allclose(shown, values.reshape(9, 9), atol=1e-6)
+
+
+def test_demonstrations_are_the_ones_the_model_was_fitted_to(cfg: DictConfig, tmp_path: Path) -> None:
+    main(cfg, tmp_path / "record")
+    demos = read_table(tmp_path / "demos" / "demos.parquet")
+    rows = demos[(demos["user"] == "normal") & (demos["scene"] == 2) & (demos["demo"] < cfg.study_n)]
+    z = rows.loc[rows["valid"], ["z_x", "z_y"]].to_numpy()
+    path = tmp_path / "record" / "runs" / "full-normal-s0.rrd"
+    (raw,) = _value(path, "training/scene_002/valid/recorded", "LineStrips2D:strips")
+    metres = np.array(raw) / 100 * [1, -1] + [0, 1]
+    assert np.allclose(metres, curve(z, SAMPLES), atol=1e-5)
+
+
+def test_a_second_run_has_the_same_digests(cfg: DictConfig, tmp_path: Path) -> None:
+    for out in ("first", "second"):
+        main(cfg, tmp_path / out)
+    first, second = (tmp_path / out / "recordings.csv" for out in ("first", "second"))
+    assert first.read_bytes() == second.read_bytes()
+    assert read_table(first)["sha256"].is_unique
+
+
+def test_nothing_is_written_when_a_model_is_missing(cfg: DictConfig, tmp_path: Path) -> None:
+    weights_path(model_dir(cfg, "classifier"), "normal", 0, cfg.study_n).unlink()
+    with pytest.raises(InputError, match="run stage train for variant classifier"):
+        main(cfg, tmp_path / "record")
+    assert not (tmp_path / "record").exists()
+
+
+def test_paths_that_do_not_match_the_repairs_are_refused(cfg: DictConfig, tmp_path: Path) -> None:
+    paths = dict(np.load(tmp_path / "repair" / "paths.npz"))
+    paths["full-normal-s0"] = paths["full-normal-s0"][:-1]
+    write_arrays(tmp_path / "repair" / "paths.npz", paths)
+    with pytest.raises(InputError, match="8 repairs of full-normal-s0, 7 paths"):
+        main(cfg, tmp_path / "record")
+
+
+@pytest.mark.parametrize("name", ["scenes", "repairs", "training_scenes", "map_side"])
+def test_zero_of_anything_is_refused(cfg: DictConfig, tmp_path: Path, name: str) -> None:
+    cfg.record[name] = 0
+    with pytest.raises(InputError, match=f"record.{name} is 0"):
+        main(cfg, tmp_path / "record")
