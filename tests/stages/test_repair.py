@@ -1,0 +1,139 @@
+"""The repair stage holds every model's ends against the truth, the nulls and the oracle."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from omegaconf import DictConfig, OmegaConf
+
+from pipeline.artifacts.files import read_arrays, read_table
+from pipeline.artifacts.models import model_dir, save_model, weights_path
+from pipeline.artifacts.scenes import SceneSet, write_scenes
+from pipeline.params import InputError, compose
+from pipeline.spec.registry import build
+from pipeline.stages.repair import main
+from pipeline.table.layout import Items, LayoutRules, random_layouts
+
+ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.075, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
+RULES = LayoutRules((2, 3), (0.05, 0.35, 0.40, 0.20), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)
+SCENES = 3
+
+
+@pytest.fixture(scope="module")
+def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
+    """Untrained models of two variants, one seed, in three scenes."""
+    folder = tmp_path_factory.mktemp("inputs")
+    cfg = compose(["profile=smoke", "seeds=[0]", "workers=1", "repair.steps=4", "repair.lattice_side=14"])
+    OmegaConf.set_struct(cfg, False)
+    for name in ("ae", "classifier", "irl_maxent"):
+        del cfg.variants[name]
+    for stage in ("scenes", "train", "irl"):
+        OmegaConf.update(cfg, f"paths.{stage}", str(folder / stage))
+    rng = np.random.default_rng(0)
+    pools = ("train-s0", "new_items")
+    look = pd.DataFrame({"texture": ["oak"] * SCENES, "render_seed": range(SCENES)})
+    scenes = SceneSet(
+        {pool: rng.integers(0, 256, (SCENES, 100, 100, 3), dtype=np.uint8) for pool in pools},
+        {pool: random_layouts(rng, SCENES, ITEMS, np.arange(4), RULES) for pool in pools},
+        dict.fromkeys(pools, look),
+    )
+    write_scenes(folder / "scenes", scenes)
+    for variant in cfg.variants:
+        for user in cfg.users:
+            save_model(model_dir(cfg, variant), build(cfg.variants[variant]), user, 0, cfg.study_n)
+    return cfg
+
+
+@pytest.fixture(scope="module")
+def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("repair")
+    main(cfg, out)
+    return out
+
+
+def test_every_method_repairs_the_same_invalid_starts(out: Path):
+    table = read_table(out / "repairs.parquet")
+    key = ["scene", "start", "z0_x", "z0_y", "oracle_displacement_m"]
+    for _, of_user in table.groupby("user"):
+        starts = [part[key].to_numpy() for _, part in of_user.groupby("method")]
+        assert len(starts) == 5
+        for other in starts[1:]:
+            np.testing.assert_array_equal(starts[0], other)
+
+
+def test_paths_go_from_the_starts_to_the_ends_of_the_table(out: Path):
+    paths = read_arrays(out / "paths.npz")
+    table = read_table(out / "repairs.parquet")
+    for (variant, user), rows in table[table["p_end"].notna()].groupby(["method", "user"]):
+        z = paths[f"{variant}-{user}-s0"]
+        assert z.shape == (len(rows), 5, 2) and z.dtype == np.float32
+        np.testing.assert_allclose(z[:, 0], rows[["z0_x", "z0_y"]], atol=1e-6)
+        np.testing.assert_allclose(z[:, -1], rows[["z_x", "z_y"]], atol=1e-6)
+    assert paths["full-aggressive-s0"].shape == (0, 5, 2)
+
+
+def test_the_oracle_always_succeeds_and_no_success_is_shorter(out: Path):
+    table = read_table(out / "repairs.parquet")
+    assert table[table["method"] == "oracle"]["valid_end"].all()
+    others = table[table["valid_end"] & (table["method"] != "oracle")]
+    coarse = 1.4 / 14  # what the oracle's lattice can overlook
+    assert (others["displacement_m"] >= others["oracle_displacement_m"] - coarse).all()
+
+
+def test_correct_fooled_and_abstained_share_out_all_starts(out: Path):
+    metrics = json.loads((out / "metrics.json").read_text())
+    for by_user in metrics.values():
+        for user in ("careful", "normal"):
+            cell = by_user[user]
+            assert cell["correct"] + cell["fooled"] + cell["abstained"] == pytest.approx(1)
+            assert cell["correct"] <= cell["success"] <= cell["correct"] + cell["abstained"]
+            assert cell["oracle"] == 1 and cell["oracle_displacement_ratio"] == pytest.approx(1)
+
+
+def test_the_table_and_the_metrics_say_the_same(out: Path):
+    cell = json.loads((out / "metrics.json").read_text())["full"]["careful"]
+    rows = read_table(out / "repairs.parquet").query("method == 'full' and user == 'careful'")
+    assert cell["starts"] == len(rows)
+    assert cell["success"] == pytest.approx(rows["valid_end"].mean())
+    assert cell["fooled"] == pytest.approx((rows["accepted"].astype(bool) & ~rows["valid_end"]).mean())
+    assert ((rows["clearance_m"] > 0) == rows["valid_end"]).all()
+
+
+def test_a_user_whom_everything_suits_has_nothing_to_repair(out: Path):
+    cell = json.loads((out / "metrics.json").read_text())["full"]["aggressive"]
+    assert cell["vacuous"] and cell["starts"] == 0
+    assert cell["success"] is cell["null_constant"] is cell["oracle"] is None
+
+
+def test_the_same_inputs_give_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
+    main(cfg, tmp_path)
+    for path in out.iterdir():
+        assert path.read_bytes() == (tmp_path / path.name).read_bytes()
+
+
+def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
+    cfg = cfg.copy()
+    OmegaConf.update(cfg, "study_n", 1)
+    name = weights_path(model_dir(cfg, "full"), "careful", 0, 1).name
+    with pytest.raises(InputError, match=f"{name} is missing: run stage train"):
+        main(cfg, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("repair.steps", 0, "repair.steps is 0"),
+        ("repair.starts", 0, "repair.starts is 0"),
+        ("repair.split", "seen_scenes", "expected one of new_scenes, new_items"),
+        ("repair.split", "new_scenes", "no scenes new_scenes"),
+        ("repair.optimiser", "newton", "expected one of gradient"),
+    ],
+)
+def test_settings_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name: str, value, message: str):
+    cfg = cfg.copy()
+    OmegaConf.update(cfg, name, value)
+    with pytest.raises(ValueError, match=message):
+        main(cfg, tmp_path / "out")
