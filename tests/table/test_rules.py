@@ -84,7 +84,7 @@ def test_clearance_from_a_disc_is_the_exact_one_within_a_fifth_of_a_millimetre(s
     measured = clearance(layouts, z)
     for scene, slot in zip(*np.nonzero(layouts.present & (layouts.half_length == 0)), strict=True):
         for path in range(z.shape[1]):
-            exact = exact_clearance(z[scene, path], layouts.centre[scene, slot], layouts.radius[scene, slot])
+            exact = exact_clearance(z[scene, path], layouts.centre[scene, slot], float(layouts.radius[scene, slot]))
             assert abs(measured[scene, path, slot] - exact) < 2e-4 or exact < -0.9 * layouts.radius[scene, slot]
 
 
