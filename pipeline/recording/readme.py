@@ -32,7 +32,7 @@ Its items were never seen in training.
   repairs start from. Strong: the paths at this step, each in a colour of its own, the same in every view.
 - **Latent map, model.** z_theta from -0.2 m to 1.2 m; white: p = 1, black: p = 0.
   Magenta: where the truth changes. Discs: each repair's z_theta at this step, on the trail of all its steps.
-- **Latent map, truth.** White: valid, black: invalid. Grey in both maps: the table's edge.
+- **Latent map, truth.** White: valid, black: invalid. Teal in both maps: the table's edge.
 - **Below:** p over the repair's steps.
 
 At the last step a **blue disc** says valid, an **orange cross** invalid, by the truth.

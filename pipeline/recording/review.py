@@ -5,6 +5,7 @@ with the one in recordings.csv.
 """
 
 import csv
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -48,6 +49,16 @@ def check(folder: Path, run: str) -> None:
         )
 
 
+def show(path: Path) -> int:
+    """Open the viewer, for this machine alone, until its window is closed; its exit code."""
+    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise InputError(
+            f"no display to open a window on: copy {path} to a machine that has one and run `rerun {path.name}` "
+            "there, or verify it here with --check"
+        )
+    return subprocess.run([sys.executable, "-m", "rerun", "--bind", "127.0.0.1", str(path)]).returncode
+
+
 def _main(argv: list[str]) -> int:
     runs = [a for a in argv if a != "--check"]
     if len(runs) != 1 or runs[0].startswith("-"):
@@ -57,7 +68,7 @@ def _main(argv: list[str]) -> int:
         check(folder, runs[0])
         print(f"{runs[0]}: readable, and its digest is the one recorded")
         return 0
-    return subprocess.run([sys.executable, "-m", "rerun", str(find(folder, runs[0]))]).returncode
+    return show(find(folder, runs[0]))
 
 
 if __name__ == "__main__":

@@ -39,7 +39,7 @@ MARK, MARK_ON_MAP = 1.5, 0.7  # middle to rim of a verdict's mark, in pixels and
 VALID, INVALID = (0, 158, 255), (230, 97, 0)
 REPAIRS = ((240, 228, 66), (86, 220, 160), (204, 121, 167), (120, 160, 255))
 ITEM, KEPT_CLEAR, FIRST = (255, 255, 255), (255, 255, 255, 110), (230, 97, 0, 140)
-BOUNDARY, TABLE_EDGE, RECORDED = (213, 0, 120), (128, 128, 128), (10, 10, 10)
+BOUNDARY, TABLE_EDGE, EVEN_ODDS, RECORDED = (213, 0, 120), (0, 150, 170), (128, 128, 128), (10, 10, 10)
 
 
 def write_run(path: Path, run: Run) -> None:
@@ -194,7 +194,7 @@ def _series(recording: rr.RecordingStream, entity: str, shown: Repairs) -> None:
     _static(recording, f"{entity}/repairs", style)
     scalars = rr.Scalars.columns(scalars=shown.p.T.astype(np.float64).ravel())
     recording.send_columns(f"{entity}/repairs", [steps], scalars.partition([len(names)] * count))
-    _static(recording, f"{entity}/even_odds", rr.SeriesLines(names="even odds", colors=TABLE_EDGE, widths=1))
+    _static(recording, f"{entity}/even_odds", rr.SeriesLines(names="even odds", colors=EVEN_ODDS, widths=1))
     even = rr.Scalars.columns(scalars=np.full(count, 0.5))
     recording.send_columns(f"{entity}/even_odds", [steps], even)
 

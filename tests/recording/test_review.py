@@ -6,7 +6,7 @@ import pytest
 
 from pipeline.params import InputError
 from pipeline.recording.digest import digest
-from pipeline.recording.review import check, find
+from pipeline.recording.review import check, find, show
 from pipeline.recording.run import write_run
 from tests.recording.example import a_run
 
@@ -50,3 +50,11 @@ def test_a_truncated_file_is_refused(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "recordings.csv").write_text((folder / "recordings.csv").read_text())
     with pytest.raises(InputError, match="make repro"):
         check(tmp_path, "full-careful-s3")
+
+
+def test_without_a_display_one_is_told_where_to_look(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.platform", "linux")
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    with pytest.raises(InputError, match="no display"):
+        show(find(folder, "full-careful-s3"))
