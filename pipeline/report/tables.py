@@ -226,7 +226,8 @@ def comparisons(results: Results) -> Table:
     """The tests between variants that were fixed in advance."""
     rows: list[list[str | Cell]] = [
         [
-            f"{variant_label(r.variant).removesuffix(' (paper)')} vs {variant_label(r.against)}", split_label(r.split), str(r.n),
+            f"{variant_label(r.variant).removesuffix(' (paper)')} vs {variant_label(r.against)}",
+            split_label(r.split), str(r.n),
             percent(r.mean), percent(r.mean_against), signed(100 * r.difference, 1),
             p_value(r.p_holm).removeprefix("p = "),
             Cell("effect", True) if r.significant else "not told apart",
