@@ -60,7 +60,9 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 def _record(cfg: DictConfig, layouts: dict[str, Layouts]) -> Recorded:
     """Simulated recordings, or the real ones of `demos.recorded` where it has them; each is checked."""
-    hand = Hand(**{**cfg.demos.hand, "tremor_hz": tuple(cfg.demos.hand.tremor_hz)})
+    low, high = cfg.demos.hand.tremor_hz
+    numbers = {name: float(v) for name, v in cfg.demos.hand.items() if name != "tremor_hz"}
+    hand = Hand(**numbers, tremor_hz=(float(low), float(high)))
     keys = [
         (seed, user, scene, demo)
         for seed in sorted([*cfg.seeds, *cfg.validation_seeds])

@@ -26,7 +26,9 @@ ANCHOR = 1e-6  # weight of |z - z_0|^2 against each sample's squared distance
 MATCHES = 10  # rounds of matching lengths behind z_0; paths that turn back on themselves need them
 STRIDE = 4  # every fourth sample is enough to match lengths
 FINE = 65  # parameters at which a path's length is summed
-GRID = 9  # parameters tried when the nearest point of a path is looked for afresh
+LONGEST = 0.1  # of a parameter's steps: beside a turning point Newton's would leave the branch
+BRANCHES = (0.0, 0.5, 1.0)  # parameters from which the nearest point of a path is looked for afresh
+NEAR = 6  # Newton steps from each
 
 
 @dataclass(frozen=True)
@@ -40,10 +42,10 @@ class Fits:
 
 def fit(
     points: Float[Array, "total 2"],
-    offsets: Int[Array, "recording+1"],
+    offsets: Int[Array, "bound"],
     poor_above_m: float,
-    p_init: Float[Array, "*recording 2"] = P_INIT,
-    p_f: Float[Array, "*recording 2"] = P_F,
+    p_init: Float[Array, "*recording_or_all 2"] = P_INIT,
+    p_f: Float[Array, "*recording_or_all 2"] = P_F,
 ) -> Fits:
     """Fit a path to each recording: `points[offsets[i]:offsets[i + 1]]` [m], in the order they were passed.
 
@@ -80,12 +82,14 @@ class _Batch:
     def solve(self) -> tuple[Array, Array]:
         """Control points (row, 2) and root mean square distances (row,) at the minimum of E."""
         z, u = self.descend(self.anchor.copy(), self.nearest(self.anchor, np.full_like(self.x, 0.5)))
+        rows = np.arange(len(z))
         for _ in range(ROUNDS):
-            nearest = self.nearest(z, u)
-            wrong = (nearest != u).any(1)
+            nearest = self[rows].nearest(z[rows], u[rows])
+            wrong = (nearest != u[rows]).any(1)
             if not wrong.any():
                 break  # every sample is held by the nearest branch of its path
-            z[wrong], u[wrong] = self[wrong].descend(z[wrong], nearest[wrong])
+            rows = rows[wrong]
+            z[rows], u[rows] = self[rows].descend(z[rows], nearest[wrong])
         rx, ry = self.residual(z, u)
         return z, np.sqrt((self.weight * (rx * rx + ry * ry)).sum(1) / self.count)
 
@@ -173,22 +177,19 @@ class _Batch:
         floor = 1e-3 * (k4 + abs(k3) + 1e-12)
         for _ in range(steps):
             slope = ((4 * k4 * u + 3 * k3) * u + 2 * k2) * u + k1
-            bend = np.maximum((12 * k4 * u + 6 * k3) * u + 2 * k2, floor)
-            u = np.clip(u - slope / bend, 0.0, 1.0)
+            bend = np.maximum(abs((12 * k4 * u + 6 * k3) * u + 2 * k2), floor)
+            u = np.clip(u - np.clip(slope / bend, -LONGEST, LONGEST), 0.0, 1.0)
         return u
 
     def nearest(self, z: Array, u: Array) -> Array:
-        """`u`, but the nearest of GRID parameters where that is nearer: another branch of the path."""
+        """`u`, but the parameter of a nearer branch of the path where there is one: a cubic has two minima at most."""
         k4, k3, k2, k1 = self.quartic(z)
-
-        def distance(u: Array | float) -> Array:
-            return (((k4 * u + k3) * u + k2) * u + k1) * u
-
-        best, least = u, distance(u) - 1e-12
-        for other in np.linspace(0.0, 1.0, GRID):
-            d = distance(other)
-            nearer = (d < least) & (self.weight > 0)
-            best, least = np.where(nearer, other, best), np.where(nearer, d, least)
+        best = u
+        for start in BRANCHES:
+            other = self.foot_points(z, np.full_like(u, start), steps=NEAR)
+            distance, present = ((((k4 * v + k3) * v + k2) * v + k1) * v for v in (other, best))
+            nearer = (distance < present - 1e-12) & (self.weight > 0)
+            best = np.where(nearer, other, best)
         return best
 
 

@@ -118,14 +118,14 @@ def check(recording: Array, name: str, ends_within_m: float) -> None:
         need(away <= ends_within_m, f"{which} {away:.3g} m away from the task's end", place)
 
 
-def join(recordings: Sequence[Float[Array, "sample 4"]]) -> tuple[Float[Array, "total 4"], Int[Array, "recording+1"]]:
+def join(recordings: Sequence[Float[Array, "_ 4"]]) -> tuple[Float[Array, "total 4"], Int[Array, "bound"]]:
     """Recordings one after the other, and the offsets at which each begins."""
     offsets = np.concatenate([[0], np.cumsum([len(r) for r in recordings])]).astype(np.int64)
     return np.concatenate(recordings) if len(recordings) else np.empty((0, 4)), offsets
 
 
 def polylines(
-    samples: Float[Array, "total 4"], offsets: Int[Array, "recording+1"], between: int = 3
+    samples: Float[Array, "total 4"], offsets: Int[Array, "bound"], between: int = 3
 ) -> Float[Array, "recording point 2"]:
     """The recorded lines as points [m], `between` of them put between two samples; the last one repeated to pad."""
     lengths = np.diff(offsets)
