@@ -1,0 +1,148 @@
+"""The stage demos: complete, honest about its labels, the same bytes twice, and no word lost on bad recordings."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from omegaconf import DictConfig, OmegaConf
+
+from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries, read_recordings
+from pipeline.artifacts.scenes import SceneSet, read_scenes, write_scenes
+from pipeline.params import InputError, compose
+from pipeline.stages.demos import main
+from pipeline.table.layout import SYMBOLS, Layouts
+from pipeline.table.rules import valid
+
+SCENES = {"train-s0": 3, "train-s1": 3, "train-s100": 3, "new_scenes": 4, "new_items": 4}
+FILES = ("demos.parquet", "recordings.npz", "queries.npz", "metrics.json")
+
+
+def layouts(rng: np.random.Generator, scenes: int) -> Layouts:
+    """Two round items a scene, of any symbol."""
+    shape = (scenes, 2)
+    zero, symbol = np.zeros(shape), rng.integers(len(SYMBOLS), size=shape)
+    return Layouts(symbol, symbol, rng.uniform(0.3, 0.7, (*shape, 2)), zero, zero + 1.0, zero, zero + 0.05)
+
+
+@pytest.fixture
+def cfg(tmp_path: Path) -> DictConfig:
+    cfg = compose(["profile=smoke"])
+    OmegaConf.update(cfg, "paths.scenes", str(tmp_path / "scenes"))
+    rng = np.random.default_rng(0)
+    blank = {pool: np.zeros((n, 100, 100, 3), np.uint8) for pool, n in SCENES.items()}
+    looks = {pool: pd.DataFrame({"texture": "oak", "render_seed": range(n)}) for pool, n in SCENES.items()}
+    write_scenes(tmp_path / "scenes", SceneSet(blank, {p: layouts(rng, n) for p, n in SCENES.items()}, looks))
+    return cfg
+
+
+@pytest.fixture
+def out(cfg: DictConfig, tmp_path: Path) -> Path:
+    main(cfg, tmp_path / "demos")
+    return tmp_path / "demos"
+
+
+def real_csv(path: Path, out: Path, **changes: object) -> Path:
+    """The first recording of seed 0's careful user as a person's file would hold it, moved 5 mm aside midway."""
+    samples, offsets = read_recordings(out)
+    first = int(np.flatnonzero((read_demos(out)[["seed", "user"]] == (0, "careful")).all(axis=1))[0])
+    table = pd.DataFrame(samples[offsets[first] : offsets[first + 1]].astype(float), columns=list("txyz"))
+    table["x"] += 0.005 * np.sin(np.linspace(0, np.pi, len(table)))
+    table = table.assign(seed=0, user="careful", scene=0, demo=0)
+    for name, value in changes.items():
+        table.loc[20, name] = value
+    table.to_csv(path, index=False)
+    return path
+
+
+def test_every_seed_user_and_scene_has_its_demonstrations(cfg: DictConfig, out: Path):
+    demos = read_demos(out)
+    assert len(demos) == 3 * 3 * 3 * 10
+    assert not demos.duplicated(["seed", "user", "scene", "demo"]).any()
+    for seed in (0, 1, 100):
+        for user in cfg.users:
+            z, labels = demo_arrays(demos, seed, user, 10)
+            assert z.shape == (3, 10, 2) and labels.shape == (3, 10)
+
+
+def test_recordings_lie_in_the_order_of_the_demonstrations(out: Path):
+    demos, (samples, offsets) = read_demos(out), read_recordings(out)
+    np.testing.assert_array_equal(np.diff(offsets), demos["samples"])
+    np.testing.assert_allclose(samples[offsets[1:] - 1, 0], demos["duration_s"], rtol=1e-6)
+    key = ["seed", "user", "scene", "demo"]
+    pd.testing.assert_frame_equal(demos[key], demos[key].sort_values(key, ignore_index=True))
+
+
+def test_labels_agree_with_those_of_the_fitted_paths_but_for_a_few(out: Path):
+    metrics = json.loads((out / "metrics.json").read_text())
+    assert metrics["valid"]["aggressive"] == 1.0
+    assert 0 < metrics["valid"]["careful"] < metrics["valid"]["normal"] < 1.0
+    assert all(share > 0.95 for share in metrics["label_agreement"].values())
+    assert sum(metrics["poor_fits"].values()) == read_demos(out)["poor_fit"].sum()
+
+
+def test_queries_are_labelled_by_the_truth_and_unseen_by_training(cfg: DictConfig, out: Path, tmp_path: Path):
+    scenes, queries = read_scenes(tmp_path / "scenes"), read_queries(out)
+    assert set(queries) == set(SCENES)
+    assert queries["train-s0"].z.shape == (3, cfg.demos.queries_seen, 2)
+    assert queries["new_items"].z.shape == (4, cfg.demos.queries_new, 2)
+    for pool, q in queries.items():
+        for user, margins in cfg.users.items():
+            np.testing.assert_array_equal(q.valid[user], valid(scenes.layouts[pool], q.z, dict(margins)))
+    seen = read_demos(out)[["z_x", "z_y"]].to_numpy()
+    paths = queries["train-s0"].z.reshape(-1, 2)
+    assert np.linalg.norm(seen[:, None] - paths, axis=-1).min() > 0
+
+
+def test_the_stage_run_twice_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
+    main(cfg, tmp_path / "again")
+    for name in FILES:
+        assert (out / name).read_bytes() == (tmp_path / "again" / name).read_bytes()
+
+
+def test_fewer_seeds_or_demonstrations_leave_the_recordings_as_they_are(cfg: DictConfig, out: Path, tmp_path: Path):
+    OmegaConf.update(cfg, "seeds", [1])
+    main(cfg, tmp_path / "fewer")
+    kept = read_demos(out)
+    kept = kept[kept["seed"].isin([1, 100])].reset_index(drop=True)
+    pd.testing.assert_frame_equal(read_demos(tmp_path / "fewer"), kept, atol=1e-3)
+
+
+def test_real_recordings_take_the_place_of_simulated_ones(cfg: DictConfig, out: Path, tmp_path: Path):
+    OmegaConf.update(cfg, "demos.recorded", str(real_csv(tmp_path / "real.csv", out)))
+    main(cfg, tmp_path / "real")
+    before, after = read_demos(out), read_demos(tmp_path / "real")
+    moved = np.linalg.norm(after[["z_x", "z_y"]].to_numpy() - before[["z_x", "z_y"]].to_numpy(), axis=1) > 1e-3
+    assert moved.sum() == 1
+    assert after.loc[moved, ["seed", "user", "scene", "demo"]].iloc[0].tolist() == [0, "careful", 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"y": np.nan}, "recording seed 0 user careful scene 0 demo 0: sample 20 has y = nan"),
+        ({"t": 0.0}, "recording seed 0 user careful scene 0 demo 0: time goes from"),
+        ({"scene": 99}, r"\(0, 'careful', 99(\.0)?, 0\) belongs to no demonstration"),
+    ],
+)
+def test_a_bad_recording_ends_the_stage_before_anything_is_written(
+    cfg: DictConfig, out: Path, tmp_path: Path, changes: dict, says: str
+):
+    OmegaConf.update(cfg, "demos.recorded", str(real_csv(tmp_path / "real.csv", out, **changes)))
+    with pytest.raises(ValueError, match=says):
+        main(cfg, tmp_path / "bad")
+    assert not (tmp_path / "bad").exists()
+
+
+@pytest.mark.parametrize(("name", "value"), [("queries_new", 0), ("poor_above_m", -1.0), ("hand.tremor_m", -1.0)])
+def test_a_parameter_out_of_range_is_named(cfg: DictConfig, tmp_path: Path, name: str, value: float):
+    OmegaConf.update(cfg, f"demos.{name}", value)
+    with pytest.raises(ValueError, match=f"demos.{name}"):
+        main(cfg, tmp_path / "bad")
+
+
+def test_missing_scenes_of_a_seed_are_named(cfg: DictConfig, tmp_path: Path):
+    OmegaConf.update(cfg, "seeds", [7])
+    with pytest.raises(InputError, match="no scenes train-s7"):
+        main(cfg, tmp_path / "bad")
