@@ -21,7 +21,7 @@ def glass(tint: Colour, body: float, base: float, facets: int, thick: float) -> 
     inner = _ring(r, 0.965 - 1.7 * thick, 0.35 * thick)
     foot = _ring(r, base, 0.035)
     wall = smoothstep(base, 0.95, r)
-    alpha = body * (0.55 + 0.75 * wall) + 0.50 * rim + 0.22 * inner + 0.30 * foot
+    alpha = body * (0.75 + 0.85 * wall) + 0.60 * rim + 0.25 * inner + 0.32 * foot
     colour = plain(tint) * (0.78 + 0.30 * wall)[..., None]
     colour = mix(colour, (0.16, 0.20, 0.22), 0.55 * _ring(r, 0.975 - 1.25 * thick, 0.4 * thick) + 0.25 * foot)
     lit = _arc(bearing, 2.2, 0.75) * rim + 0.8 * _arc(bearing, -0.9, 0.5) * inner

@@ -1,4 +1,8 @@
-"""Table tops: a metre of wood, linen, stone or laminate."""
+"""Table tops: a metre of wood, linen, stone or laminate.
+
+A camera pixel covers a centimetre of table: grain, weave and crystals are finer than that, so little of their
+contrast is left. What remains is broad and faint.
+"""
 
 import numpy as np
 from jaxtyping import UInt8
@@ -15,16 +19,16 @@ def surface(seed: int, kind: str, light: Colour, dark: Colour) -> UInt8[Array, "
     rng = np.random.default_rng(seed)
     if kind == "wood":
         rings = np.sin(9 * noise(rng, 0.30, 0.02) + 2 * noise(rng, 0.2, 0.2))
-        share = 0.5 + 0.28 * rings + 0.12 * noise(rng, 0.06, 0.001)
+        share = 0.5 + 0.12 * rings + 0.06 * noise(rng, 0.06, 0.002)
     elif kind == "planks":
         board = (np.arange(FINE) * 6 // FINE)[None, :] * np.ones((FINE, 1))
-        tone = rng.uniform(-0.25, 0.25, 6)[board.astype(int)]
+        tone = rng.uniform(-0.15, 0.15, 6)[board.astype(int)]
         seam = np.abs((np.arange(FINE) * 6 / FINE) % 1 - 0.5)[None, :] > 0.49
-        share = 0.45 + tone + 0.10 * noise(rng, 0.12, 0.003) + 0.5 * seam
+        share = 0.45 + tone + 0.05 * noise(rng, 0.12, 0.003) + 0.25 * seam
     elif kind == "linen":
-        share = 0.5 + 0.12 * noise(rng, 0.002, 0.03) + 0.12 * noise(rng, 0.03, 0.002) + 0.05 * noise(rng, 0.1, 0.1)
+        share = 0.5 + 0.08 * noise(rng, 0.002, 0.03) + 0.08 * noise(rng, 0.03, 0.002) + 0.04 * noise(rng, 0.1, 0.1)
     elif kind == "stone":
-        share = 0.5 + 0.12 * noise(rng, 0.1, 0.1) + 0.12 * noise(rng, 0.012, 0.012) + 0.08 * noise(rng, 0.003, 0.003)
+        share = 0.5 + 0.08 * noise(rng, 0.1, 0.1) + 0.05 * noise(rng, 0.012, 0.012) + 0.06 * noise(rng, 0.003, 0.003)
     elif kind == "marble":
         vein = np.abs(noise(rng, 0.10, 0.06) + 0.25 * noise(rng, 0.02, 0.02))
         share = 0.75 * (1 - smoothstep(0.0, 0.22, vein)) + 0.08 * noise(rng, 0.08, 0.08)

@@ -32,13 +32,8 @@ def differences(dvc_yaml: Mapping, closures: Mapping[str, list[str]]) -> list[st
     lines = []
     for stage, closure in closures.items():
         listed = {d for d in dvc_yaml["stages"][stage]["deps"] if _is_code(d)}
-        lines += [
-            f"{stage}: imports {path}, which dvc.yaml does not list" for path in sorted(set(closure) - listed)
-        ]
-        lines += [
-            f"{stage}: dvc.yaml lists {path}, which it does not import"
-            for path in sorted(listed - set(closure))
-        ]
+        lines += [f"{stage}: imports {path}, which dvc.yaml does not list" for path in sorted(set(closure) - listed)]
+        lines += [f"{stage}: dvc.yaml lists {path}, which it does not import" for path in sorted(listed - set(closure))]
     return lines
 
 

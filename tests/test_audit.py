@@ -45,9 +45,7 @@ def test_arrows_point_one_way():
     }  # fmt: skip
     for importer in rooms:
         for imported in set(rooms) - {importer} - allowed[importer]:
-            chains = graph.find_shortest_chains(
-                f"pipeline.{importer}", f"pipeline.{imported}", as_packages=True
-            )
+            chains = graph.find_shortest_chains(f"pipeline.{importer}", f"pipeline.{imported}", as_packages=True)
             direct = [c for c in chains if len(c) == 2]
             assert not direct, f"{importer} imports {imported}: {direct}"
 

@@ -32,7 +32,7 @@ class Schedule:
     rate: float  # AdamW's peak learning rate; OneCycle warms up to it and anneals to nearly 0
     weight_decay: float
     scenes_per_step: int  # drawn without replacement; more than there are: all
-    copies: int  # repainted copies of each training scene, drawn once, then picked from at random
+    copies: int  # looks of each training scene, drawn once, then picked from at random
     curve_every: int  # steps between two points of the learning curve
     sparsity: float  # weight of the mean absolute reward: no reward where nothing speaks for one
     across: bool  # rank over all scenes (soft regrets compare) or only within each
@@ -44,9 +44,7 @@ class Schedule:
                 raise ValueError(f"irl.{name} is {getattr(self, name)}: it must be positive")
 
 
-def maxent(
-    regret: Float[Tensor, "scene path"], valid: Bool[Tensor, "scene path"]
-) -> Float[Tensor, ""]:
+def maxent(regret: Float[Tensor, "scene path"], valid: Bool[Tensor, "scene path"]) -> Float[Tensor, ""]:
     """-log p(z_theta | I) of the valid demonstrations [nat], relative to uniform: mean over them.
 
     p is proportional to exp(return), so its logarithm is the soft regret: the lattice's sum is the partition.
@@ -103,12 +101,10 @@ def _copies(rng, images, schedule) -> Float[Tensor, "copy scene 4 100 100"]:
 
 
 def _descend(model, rng, copies, z_theta, valid, objective, schedule) -> Float[Array, "point 2"]:
-    """The gradient descent: each step sees some scenes, each in one repainting, all under one symmetry."""
+    """The gradient descent: each step sees some scenes, each in one look, all under one symmetry."""
     z = torch.from_numpy(z_theta.astype(np.float32))
-    labels = torch.from_numpy(valid)
-    optimiser = torch.optim.AdamW(
-        model.parameters(), lr=schedule.rate, weight_decay=schedule.weight_decay, fused=True
-    )
+    labels = torch.tensor(valid)
+    optimiser = torch.optim.AdamW(model.parameters(), lr=schedule.rate, weight_decay=schedule.weight_decay, fused=True)
     cycle = torch.optim.lr_scheduler.OneCycleLR(optimiser, schedule.rate, total_steps=schedule.steps)
     curve = []
     model.train()
@@ -143,7 +139,7 @@ def _loss(objective, regret, valid, across) -> Tensor | None:
 
 @torch.no_grad()
 def _regrets(model, copies, z_theta) -> Float[Array, "copy scene n"]:
-    """Soft regret of the training demonstrations in every repainting of their scenes, as the trained model sees them."""
+    """Soft regret of the training demonstrations in every look of their scenes, by the trained model."""
     z = torch.from_numpy(z_theta.astype(np.float32))
     accept(model, 1.0, 0.0)
     return torch.stack([model.logit(model.look(x), z) for x in copies]).numpy()

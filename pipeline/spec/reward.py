@@ -119,10 +119,10 @@ def against_table(
 def contrast(
     plain: Float[Tensor, "scene 3 100 100"], whitening: Float[Tensor, "scene 3 3"]
 ) -> Float[Tensor, "scene 4 100 100"]:
-    """What the network sees of the smoothed difference from the table: size and mean over the colours, whitened and plain.
+    """What the network sees of the smoothed difference from the table: its size and mean, whitened and plain.
 
-    Whitening measures a difference in units of how much the table varies in that direction of colour: a glass stands out
-    from wood whose grain varies more, but along another line. Sizes and means carry no hue, which tells no symbol.
+    Whitening measures a difference in units of how much the table varies in that direction of colour: a glass stands
+    out from wood whose grain varies more, but along another line. Sizes and means carry no hue, which tells no symbol.
     """
     taps = torch.tensor([1.0, 4.0, 6.0, 4.0, 1.0]).to(plain) / 16
     kernel = (taps[:, None] * taps).expand(3, 1, 5, 5).contiguous()

@@ -114,7 +114,7 @@ def _set_tables(cfg: DictConfig) -> Tables:
         raise InputError(f"no scenes {pool}: there are {', '.join(scenes.images)}; run the scenes stage again")
     catalogue = read_catalogue(Path(cfg.paths.data))
     layouts, looks = scenes.layouts[pool], scenes.looks[pool]
-    rules = _layout_rules(cfg)
+    rules = LayoutRules.of(cfg.scenes.layout)
     choices = catalogue.pool(_items_split(catalogue, layouts, pool))
     rng, palette = _rng(cfg, PLACEMENTS), Palette(catalogue)
     added = [
@@ -125,13 +125,6 @@ def _set_tables(cfg: DictConfig) -> Tables:
     pictures = [render_scenes(x, list(looks["texture"]), list(looks["render_seed"]), palette) for x in added]
     z_theta = random_z_theta(_rng(cfg, PATHS), len(layouts), cfg.intervene.paths)
     return Tables([layouts, *added], np.stack([scenes.images[pool], *pictures]), z_theta)
-
-
-def _layout_rules(cfg: DictConfig) -> LayoutRules:
-    values = dict(cfg.scenes.layout)
-    for name in ("items_per_scene", "glasses_chance"):
-        values[name] = tuple(values[name])
-    return LayoutRules(**values)
 
 
 def _items_split(catalogue: Catalogue, layouts: Layouts, pool: str) -> str:

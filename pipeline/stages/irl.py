@@ -23,8 +23,9 @@ def schedule(cfg: DictConfig) -> Schedule:
     s = cfg.irl
     jitter = Jitter(**{name: float(value) for name, value in s.jitter.items()})
     return Schedule(
-        s.steps, float(s.rate), float(s.weight_decay), s.scenes_per_step, s.copies, s.curve_every, s.sparsity, s.across, jitter
-    )
+        s.steps, float(s.rate), float(s.weight_decay), s.scenes_per_step, s.copies, s.curve_every,
+        float(s.sparsity), s.across, jitter,
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

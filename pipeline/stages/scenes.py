@@ -22,13 +22,13 @@ PAPER_P_VALID = {  # Table 2 of the paper: the true world is calibrated to it
     "normal": {"none": 0.62, "bowl": 0.62, "plate": 0.63, "cutlery": 0.62, "glass": 0.48},
     "aggressive": {"none": 1.0, "bowl": 1.0, "plate": 1.0, "cutlery": 1.0, "glass": 1.0},
 }
-CHUNK = 100  # scenes judged at once: bounds memory
+CHUNK = 10  # scenes judged at once: their distances stay in the cache
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write images, layouts, looks, position_prior.npz and metrics.json."""
     catalogue = read_catalogue(Path(cfg.paths.data))
-    rules = layout_rules(cfg)
+    rules = LayoutRules.of(cfg.scenes.layout)
     palette = Palette(catalogue)
     images, layouts, looks = {}, {}, {}
     for pool, (count, split) in tqdm(_pools(cfg).items(), desc="scenes"):
@@ -49,14 +49,6 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     write_scenes(out_dir, SceneSet(images, layouts, looks))
     write_arrays(out_dir / "position_prior.npz", prior)
     write_json(out_dir / "metrics.json", metrics)
-
-
-def layout_rules(cfg: DictConfig) -> LayoutRules:
-    """`scenes.layout` of conf/ as the library takes it."""
-    values = dict(cfg.scenes.layout)
-    values["items_per_scene"] = tuple(values["items_per_scene"])
-    values["glasses_chance"] = tuple(values["glasses_chance"])
-    return LayoutRules(**values)
 
 
 def _pools(cfg: DictConfig) -> dict[str, tuple[int, str]]:

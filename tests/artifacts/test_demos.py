@@ -68,9 +68,7 @@ def test_a_z_theta_that_is_not_finite_is_refused(tmp_path: Path):
 def test_queries_come_back_by_pool_and_user(tmp_path: Path):
     rng = np.random.default_rng(0)
     queries = {
-        pool: Queries(
-            rng.random((2, 3, 2)), {user: rng.random((2, 3)) > 0.5 for user in ("careful", "normal")}
-        )
+        pool: Queries(rng.random((2, 3, 2)), {user: rng.random((2, 3)) > 0.5 for user in ("careful", "normal")})
         for pool in ("train-s0", "new_items")
     }
     write_queries(tmp_path, queries)

@@ -55,9 +55,7 @@ def test_arrays_come_back_and_their_bytes_repeat(tmp_path: Path):
         assert back[name].dtype == array.dtype
 
 
-@pytest.mark.parametrize(
-    ("name", "read"), [("x.npz", read_arrays), ("x.parquet", read_table), ("x.json", read_json)]
-)
+@pytest.mark.parametrize(("name", "read"), [("x.npz", read_arrays), ("x.parquet", read_table), ("x.json", read_json)])
 def test_a_missing_or_truncated_file_says_what_to_do(tmp_path: Path, name: str, read):
     with pytest.raises(InputError, match=r"missing.*make repro"):
         read(tmp_path / name)
