@@ -9,7 +9,7 @@ export PYTHONHASHSEED := 0
 READY := $(VENV)/.ready
 RUN ?=
 
-.PHONY: help venv repro test smoke bench review lint lock deps data clean
+.PHONY: help venv repro test smoke bench review readme lint lock deps data clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 10
@@ -49,6 +49,9 @@ lock: $(READY)  ## pin requirements*.in anew
 	pip-compile --quiet --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-trusted-host -o requirements.lock requirements.in
 	pip-compile --quiet --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-trusted-host -o requirements-dev.lock requirements-dev.in
 	sed -i 's/^torch==\([0-9.]*\)+cpu/torch==\1/' requirements.lock requirements-dev.lock  # either build will do
+
+readme: $(READY)  ## put the report's table of claims into the README
+	python -m pipeline.report.readme
 
 deps: $(READY)  ## write each stage's import closure into dvc.yaml
 	python -m pipeline.audit --write

@@ -27,11 +27,6 @@ MEASURES = (
     "success", "correct", "fooled", "abstained", "displacement_m", "displacement_ratio", "oracle_displacement_m",
 )  # fmt: skip
 Tables = dict[tuple[str, str, int], pd.DataFrame]  # (method, user, seed) -> a row per start
-REFERENCES = ("null_random", "null_constant", "oracle")
-MEASURES = (
-    "success", "correct", "fooled", "abstained", "displacement_m", "displacement_ratio", "oracle_displacement_m",
-)  # fmt: skip
-Tables = dict[tuple[str, str, int], pd.DataFrame]  # (method, user, seed) -> a row per start
 COLUMNS = [
     "method", "seed", "user", "scene", "start", "z0_x", "z0_y", "z_x", "z_y", "p_start", "p_end", "valid_end",
     "accepted", "displacement_m", "oracle_displacement_m", "clearance_m",
