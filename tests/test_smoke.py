@@ -61,6 +61,12 @@ def test_a_stage_run_twice_writes_the_same_bytes(clone: Path, tmp_path: Path, st
         assert path.read_bytes() == first.read_bytes(), f"{path.relative_to(tmp_path)} differs on a second run"
 
 
+def test_recordings_written_twice_have_the_same_digests(clone: Path, tmp_path: Path):
+    run(clone, sys.executable, "-m", "pipeline.stages.record", "--params", "params.yaml", f"paths.record={tmp_path}")
+    first = clone / "outputs" / "record" / "recordings.csv"
+    assert (tmp_path / "recordings.csv").read_bytes() == first.read_bytes()
+
+
 def test_a_hydra_multirun_fits_what_dvc_fits(clone: Path, tmp_path: Path):
     sweep = ["--multirun", "seed=0,1", "variant=classifier,ae", "profile=smoke", "n=[9]", f"hydra.sweep.dir={tmp_path}"]
     run(clone, sys.executable, "-m", "pipeline.stages.train", *sweep)
