@@ -46,7 +46,8 @@ def out(cfg: DictConfig, tmp_path: Path) -> Path:
 def real_csv(path: Path, out: Path, **changes: object) -> Path:
     """The first recording of seed 0's careful user as a person's file would hold it, moved 5 mm aside midway."""
     samples, offsets = read_recordings(out)
-    first = int(np.flatnonzero((read_demos(out)[["seed", "user"]] == (0, "careful")).all(axis=1))[0])
+    demos = read_demos(out)
+    first = int(np.flatnonzero((demos["seed"] == 0) & (demos["user"] == "careful"))[0])
     table = pd.DataFrame(samples[offsets[first] : offsets[first + 1]].astype(float), columns=list("txyz"))
     table["x"] += 0.005 * np.sin(np.linspace(0, np.pi, len(table)))
     table = table.assign(seed=0, user="careful", scene=0, demo=0)
