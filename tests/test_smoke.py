@@ -1,8 +1,11 @@
 """The whole real graph runs at profile=smoke in a throwaway clone, and what DVC and Hydra promise holds there."""
 
 import json
+import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -65,6 +68,22 @@ def test_recordings_written_twice_have_the_same_digests(clone: Path, tmp_path: P
     run(clone, sys.executable, "-m", "pipeline.stages.record", "--params", "params.yaml", f"paths.record={tmp_path}")
     first = clone / "outputs" / "record" / "recordings.csv"
     assert (tmp_path / "recordings.csv").read_bytes() == first.read_bytes()
+
+
+def test_a_run_killed_in_the_middle_is_made_good_by_the_next(clone: Path):
+    stage = clone / "outputs" / "train" / "classifier"
+    before = {p.relative_to(stage): p.read_bytes() for p in stage.rglob("*") if p.is_file()}
+    command = ["dvc", "repro", "--force", "--single-item", "train@classifier"]
+    killed = subprocess.Popen(command, cwd=clone, start_new_session=True, stdout=subprocess.DEVNULL)
+    while (stage / "predictions.parquet").exists():  # DVC removes a stage's outputs before it runs it
+        assert killed.poll() is None, "the stage ended before it could be killed"
+        time.sleep(0.02)
+    os.killpg(killed.pid, signal.SIGKILL)
+    killed.wait()
+    assert not (stage / "predictions.parquet").exists()
+    run(clone, "dvc", "repro")
+    assert {p.relative_to(stage): p.read_bytes() for p in stage.rglob("*") if p.is_file()} == before
+    assert "Data and pipelines are up to date" in run(clone, "dvc", "repro")
 
 
 def test_a_hydra_multirun_fits_what_dvc_fits(clone: Path, tmp_path: Path):
