@@ -14,7 +14,6 @@ from drawing.surface import surface
 from pipeline.table.layout import SYMBOLS
 
 DATA = Path("data")
-needs_data = pytest.mark.skipif(not DATA.is_dir(), reason="data/ is not pulled")
 ONE_OF_EACH = {design.symbol: design for design in designs()}
 
 
@@ -23,7 +22,6 @@ def test_an_item_drawn_twice_is_the_same_to_the_last_bit(symbol):
     np.testing.assert_array_equal(ONE_OF_EACH[symbol].draw(), ONE_OF_EACH[symbol].draw())
 
 
-@needs_data
 @pytest.mark.parametrize("symbol", SYMBOLS)
 def test_data_holds_what_the_script_draws(symbol):
     """To one grey level: libm may round otherwise on another machine."""
@@ -32,7 +30,6 @@ def test_data_holds_what_the_script_draws(symbol):
     assert np.abs(stored - design.draw()).max() <= 1
 
 
-@needs_data
 def test_the_catalogue_lists_the_designs_in_their_order():
     table = pd.read_csv(DATA / "items.csv")
     assert table["name"].tolist() == [design.name for design in designs()]
@@ -49,7 +46,6 @@ def test_a_bowl_is_deeper_in_the_middle_than_at_its_rim():
     assert rgba[r < 0.3][:, :3].mean() < 0.85 * rgba[(r > 0.85) & (r < 0.95)][:, :3].mean()
 
 
-@needs_data
 def test_the_contact_sheet_shows_every_item():
     sheet = contact_sheet(DATA)
     columns = 15

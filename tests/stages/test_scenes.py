@@ -16,7 +16,6 @@ from pipeline.table.layout import SYMBOLS
 from pipeline.table.rules import clearance, slack
 
 DATA = Path("data")
-pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="data/ is not pulled")
 SPLIT = {"new_items": "unseen", "val_items": "validation"}  # of the items in a pool; train in the others
 
 
