@@ -4,22 +4,23 @@ import numpy as np
 from jaxtyping import UInt8
 from numpy import ndarray as Array
 
+from drawing.outline import ROUND, Outline
 from drawing.shading import finish, grid, inside, mix, noise, plain, sky_light, smoothstep
 
 Colour = tuple[float, float, float]
 
 
 def bowl(
-    seed: int, inner: Colour, rim: Colour, accent: Colour, pattern: str, wall: float
+    seed: int, inner: Colour, rim: Colour, accent: Colour, pattern: str, wall: float, outline: Outline = ROUND
 ) -> UInt8[Array, "side side 4"]:
     """A deep bowl: thick rim, inner wall falling over `wall` of the radius to a flat bottom."""
     x, y = grid()
-    r = np.hypot(x, y)
+    r = outline(x, y)
     lip = 0.90  # the rim's crest
     bottom = lip - wall
     height = 0.62 * smoothstep(bottom * 0.55, lip, r) - 0.5 * smoothstep(lip, 1.02, r)
     colour = mix(
-        _painted(seed, plain(inner), accent, pattern, 0.3, lip - 0.07),
+        _painted(seed, plain(inner), accent, pattern, r, 0.3, lip - 0.07),
         rim,
         smoothstep(lip - 0.07, lip - 0.04, r),
     )
@@ -30,13 +31,15 @@ def bowl(
     return finish(colour, inside(r - 0.995))
 
 
-def plate(seed: int, base: Colour, accent: Colour, pattern: str, well: float) -> UInt8[Array, "side side 4"]:
+def plate(
+    seed: int, base: Colour, accent: Colour, pattern: str, well: float, outline: Outline = ROUND
+) -> UInt8[Array, "side side 4"]:
     """A flat plate: a broad rim outside a shallow well of radius `well`."""
     x, y = grid()
-    r = np.hypot(x, y)
+    r = outline(x, y)
     height = 0.10 * smoothstep(well - 0.05, well + 0.06, r) + 0.05 * smoothstep(well, 1.0, r)
     height = height - 0.12 * smoothstep(0.965, 1.02, r)
-    colour = _painted(seed, plain(base), accent, pattern, well + 0.08, 0.97)
+    colour = _painted(seed, plain(base), accent, pattern, r, well + 0.08, 0.97)
     edge = 0.10 * np.exp(-(((r - 0.96) / 0.015) ** 2)) - 0.16 * np.exp(-(((r - well) / 0.028) ** 2))
     colour = colour * (sky_light(height, 0.5) + edge)[..., None]
     colour += 0.08 * _gloss(x, y, -0.25, 0.28, 0.24)[..., None]
@@ -48,11 +51,11 @@ def _gloss(x: Array, y: Array, x0: float, y0: float, size: float) -> Array:
     return np.exp(-((((x - x0) / size) ** 2 + ((y - y0) / (0.6 * size)) ** 2) ** 2))
 
 
-def _painted(seed: int, colour: Array, accent: Colour, pattern: str, low: float, high: float) -> Array:
-    """Decoration between the radii `low` and `high`; ValueError if the pattern is unknown."""
+def _painted(seed: int, colour: Array, accent: Colour, pattern: str, r: Array, low: float, high: float) -> Array:
+    """Decoration where the gauge `r` is between `low` and `high`; ValueError if the pattern is unknown."""
     rng = np.random.default_rng(seed)
     x, y = grid()
-    r, bearing = np.hypot(x, y), np.arctan2(y, x)
+    bearing = np.arctan2(y, x)
     band = smoothstep(low - 0.01, low + 0.01, r) * (1 - smoothstep(high - 0.01, high + 0.01, r))
     middle = (low + high) / 2
     soft = 0.012
