@@ -16,10 +16,10 @@ HALF_WIDTH = 0.013  # of every piece's widest part [m]
 def cutlery(
     seed: int, kind: str, length: float, metal: Colour, handle: Colour | None, slim: float
 ) -> UInt8[Array, "side side 4"]:
-    """A piece `length` metres long: `kind` fork, knife, spoon or spork; `handle` None for all metal."""
+    """A piece `length` metres long: `kind` one of PIECES; `handle` None for all metal."""
     x, y = grid()
     along, across = (x + 1) / 2 * length, y / 2 * length  # metres from the handle's end, from the axis
-    profile, hole = PIECES[kind]
+    profile, hole, hollow = PIECES[kind]
     half = profile(along / length, slim) * HALF_WIDTH
     solid = (np.abs(across) < half) & ~hole(along / length, across / HALF_WIDTH)
     depth = distance_transform_edt(solid) * length / FINE  # metres from the nearest edge
@@ -28,11 +28,12 @@ def cutlery(
     colour = plain(metal) * (0.52 + 0.48 * round_)[..., None]
     streak = np.exp(-(((across - 0.25 * half) / np.maximum(0.22 * half, 1e-4)) ** 2))
     colour += (0.34 * streak * round_)[..., None]
-    if kind in ("spoon", "spork"):
-        bowl = np.hypot((along / length - 0.845) / 0.13, across / HALF_WIDTH / 0.9)
+    if hollow is not None:
+        centre, reach = hollow
+        bowl = np.hypot((along / length - centre) / reach, across / HALF_WIDTH / 0.9)
         colour *= (1 - 0.34 * (1 - smoothstep(0.35, 0.95, bowl)))[..., None]
         colour += (0.25 * np.exp(-(((bowl - 0.55) / 0.18) ** 2)) * (across < 0))[..., None]
-    if kind == "knife":
+    if kind in BLADES:
         edge = smoothstep(0.45, 0.6, along / length) * (across < -0.35 * half)
         colour += 0.12 * edge[..., None]
     if handle is not None:
@@ -52,6 +53,11 @@ def _oval(s: Array, centre: float, half: float) -> Array:
     return np.sqrt(np.clip(1 - ((s - centre) / half) ** 2, 0, 1))
 
 
+def _ends(s: Array, reach: float = 0.08) -> Array:
+    """1, but for round ends `reach` long: with the default no piece leaves its capsule."""
+    return _oval(np.maximum(np.abs(s - 0.5) - (0.5 - reach), 0), 0.0, reach)
+
+
 def _spoon(s: Array, slim: float) -> Array:
     return np.maximum(_handle(s, slim) * (s < 0.8), _oval(s, 0.845, 0.150))
 
@@ -66,6 +72,31 @@ def _knife(s: Array, slim: float) -> Array:
     return np.maximum(_handle(s, slim) * (s < 0.55), 0.80 * blade)
 
 
+def _cake_fork(s: Array, slim: float) -> Array:
+    """A broad head from the middle on."""
+    return np.maximum(_handle(s, slim) * (s < 0.6), smoothstep(0.52, 0.60, s) * _ends(s))
+
+
+def _spreader(s: Array, slim: float) -> Array:
+    """A broad blade, round at the tip, on a short handle."""
+    return np.maximum(_handle(s, slim) * (s < 0.45), smoothstep(0.36, 0.46, s) * _ends(s, 0.14))
+
+
+def _server(s: Array, slim: float) -> Array:
+    """A leaf, broadest in its middle and pointed."""
+    return np.maximum(_handle(s, slim) * (s < 0.6), np.sin(np.pi * ((s - 0.44) / 0.56).clip(0, 1)) ** 0.8)
+
+
+def _ladle(s: Array, slim: float) -> Array:
+    """A round head on a long thin rod."""
+    return np.maximum(slim * _ends(s) * (s < 0.9), _oval(s, 0.92, 0.08))
+
+
+def _pair(s: Array, slim: float) -> Array:
+    """Two sticks side by side, the slot between them left to the hole; a little closer at their tips."""
+    return _ends(s) * (1 - (1 - slim) * s)
+
+
 def _tines(gaps: int, start: float) -> Callable[[Array, Array], Array]:
     """Slots between the tines, from `start` of the length to the tip."""
 
@@ -78,13 +109,26 @@ def _tines(gaps: int, start: float) -> Callable[[Array, Array], Array]:
     return hole
 
 
+def _gap(half: float, start: float) -> Callable[[Array, Array], Array]:
+    """One broad slot `half` of the half-width to either side of the axis, from `start` of the length on."""
+    return lambda s, across: (np.abs(across) < half) & (s > start)
+
+
 def _none(s: Array, across: Array) -> Array:
     return np.zeros(s.shape, dtype=bool)
 
 
-PIECES = {
-    "spoon": (_spoon, _none),
-    "fork": (_fork, _tines(3, 0.76)),
-    "knife": (_knife, _none),
-    "spork": (_spoon, _tines(2, 0.90)),
+BLADES = ("knife", "spreader", "server")
+PIECES = {  # profile, holes, and where it is hollow: centre and half-length as shares of the length
+    "spoon": (_spoon, _none, (0.845, 0.13)),
+    "fork": (_fork, _tines(3, 0.76), None),
+    "knife": (_knife, _none, None),
+    "spork": (_spoon, _tines(2, 0.90), (0.845, 0.13)),
+    "cake fork": (_cake_fork, _gap(0.22, 0.70), None),
+    "fish fork": (_server, _tines(2, 0.70), None),
+    "spreader": (_spreader, _none, None),
+    "server": (_server, _none, None),
+    "ladle": (_ladle, _none, (0.92, 0.075)),
+    "chopsticks": (_pair, _gap(0.38, 0.0), None),
+    "tongs": (_pair, _gap(0.50, 0.10), None),
 }

@@ -4,26 +4,25 @@ import numpy as np
 from jaxtyping import UInt8
 from numpy import ndarray as Array
 
+from drawing.outline import ROUND, Outline
 from drawing.shading import finish, grid, inside, mix, plain, smoothstep
 
 Colour = tuple[float, float, float]
 
 
-def glass(tint: Colour, body: float, base: float, facets: int, thick: float) -> UInt8[Array, "side side 4"]:
-    """A tumbler: its wall's opacity, its foot's radius, the facets cut into it (0: round), its rim's thickness."""
+def glass(
+    tint: Colour, body: float, base: float, thick: float, outline: Outline = ROUND, mouth: float = 1.0
+) -> UInt8[Array, "side side 4"]:
+    """A tumbler: its wall's opacity, its foot's radius, its rim's thickness; or a wine glass, narrow at the mouth."""
     x, y = grid()
-    r, bearing = np.hypot(x, y), np.arctan2(y, x)
-    if facets:
-        sector = np.pi / facets
-        r = r * np.cos((bearing + sector) % (2 * sector) - sector) / np.cos(sector) ** 0.5
-        r = np.maximum(r, np.hypot(x, y) * 0.97)
-    rim = _ring(r, 0.975 - thick / 2, thick)
-    inner = _ring(r, 0.965 - 1.7 * thick, 0.35 * thick)
+    r, bearing = outline(x, y), np.arctan2(y, x)
+    rim = _ring(r, 0.975 * mouth - thick / 2, thick)
+    inner = _ring(r, 0.965 * mouth - 1.7 * thick, 0.35 * thick)
     foot = _ring(r, base, 0.035)
     wall = smoothstep(base, 0.95, r)
     alpha = body * (0.75 + 0.85 * wall) + 0.60 * rim + 0.25 * inner + 0.32 * foot
     colour = plain(tint) * (0.78 + 0.30 * wall)[..., None]
-    colour = mix(colour, (0.16, 0.20, 0.22), 0.55 * _ring(r, 0.975 - 1.25 * thick, 0.4 * thick) + 0.25 * foot)
+    colour = mix(colour, (0.16, 0.20, 0.22), 0.55 * _ring(r, 0.975 * mouth - 1.25 * thick, 0.4 * thick) + 0.25 * foot)
     lit = _arc(bearing, 2.2, 0.75) * rim + 0.8 * _arc(bearing, -0.9, 0.5) * inner
     lit += 0.55 * np.exp(-(((np.hypot(x + 0.22, y - 0.26)) / 0.16) ** 2))
     caustic = 0.35 * _arc(bearing, -0.8, 0.9) * _ring(r, 0.62 * base, 0.10)

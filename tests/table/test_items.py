@@ -7,11 +7,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from PIL import Image
+from scipy.ndimage import binary_erosion
 
 from pipeline.table.items import LEAST_PIXELS, SPLITS, CatalogueError, read_catalogue
 from pipeline.table.layout import SYMBOLS
 
 DATA = Path("data")
+VISIBLE = 20  # least alpha of what belongs to an item; a thin glass has 27
 pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="data/ is not pulled")
 
 
@@ -51,31 +53,64 @@ def test_cutouts_are_large_and_no_two_are_alike(catalogue):
 
 
 def test_cutouts_are_cropped_tightly(catalogue):
-    """So that width_m is the item's own width, within 5 % (facets lie inside the circle of their corners)."""
+    """So that width_m is the item's own length, within 5 % (facets lie inside the circle of their corners)."""
     for name, cutout in zip(catalogue.items["name"], catalogue.cutouts, strict=True):
         rows, columns = np.nonzero(cutout[..., 3] > 25)
         assert max(np.ptp(rows), np.ptp(columns)) + 1 > 0.95 * len(cutout), name
 
 
+def off_the_footprint(row, cutout: np.ndarray) -> np.ndarray:
+    """Signed distance [m] of each pixel of a cutout from the capsule that the rules know, negative inside."""
+    axis = ((np.arange(len(cutout)) + 0.5) / len(cutout) - 0.5) * row.width_m
+    x, y = np.meshgrid(axis, axis)
+    return np.hypot(np.maximum(np.abs(x) - row.half_length_m, 0), y) - row.radius_m
+
+
 def test_every_visible_pixel_lies_on_the_footprint(catalogue):
     """Nothing of an item is drawn further than 2 mm outside the capsule that the rules know."""
     for row, cutout in zip(catalogue.items.itertuples(), catalogue.cutouts, strict=True):
-        v, u = np.nonzero(cutout[..., 3] > 128)
-        x = ((u + 0.5) / len(cutout) - 0.5) * row.width_m
-        y = ((v + 0.5) / len(cutout) - 0.5) * row.width_m
-        outside = np.hypot(np.maximum(np.abs(x) - row.half_length_m, 0), y) - row.radius_m
-        assert outside.max() < 0.002, row.name
+        assert off_the_footprint(row, cutout)[cutout[..., 3] > 128].max() < 0.002, row.name
+
+
+def test_new_outlines_keep_to_their_footprint_within_a_pixel_of_the_cutout(catalogue):
+    for row, cutout in zip(catalogue.items.itertuples(), catalogue.cutouts, strict=True):
+        if row.split != "train":
+            assert off_the_footprint(row, cutout)[cutout[..., 3] > 0].max() < row.width_m / len(cutout), row.name
+
+
+def test_outlines_fill_their_footprint(catalogue):
+    """Crockery and glasses by area; cutlery, slender between its ends, by the width of its widest part."""
+    for row, cutout in zip(catalogue.items.itertuples(), catalogue.cutouts, strict=True):
+        drawn, footprint = cutout[..., 3] > VISIBLE, off_the_footprint(row, cutout) < 0
+        if row.symbol == "cutlery":
+            breadth = np.ptp(np.nonzero(drawn)[0]) + 1
+            assert breadth * row.width_m / len(cutout) > 0.78 * 2 * row.radius_m, row.name
+        else:
+            assert (drawn & footprint).sum() > 0.85 * footprint.sum(), row.name
+
+
+@pytest.mark.parametrize("symbol", SYMBOLS)
+@pytest.mark.parametrize("split", ["unseen", "validation"])
+def test_new_items_differ_from_the_training_items_in_outline(catalogue, symbol, split):
+    """Of the new items of a symbol at least half, drawn equally long, overlap no training item by more than 0.9."""
+    table = catalogue.items
+    own = table["symbol"] == symbol
+    drawn = [c[..., 3] > VISIBLE for c in catalogue.cutouts]
+    known = [drawn[i] for i in np.flatnonzero(own & (table["split"] == "train"))]
+    new = [drawn[i] for i in np.flatnonzero(own & (table["split"] == split))]
+    overlap = np.array([max((a & b).sum() / (a | b).sum() for b in known) for a in new])
+    assert (overlap < 0.9).mean() >= 0.5, overlap
 
 
 def test_the_table_shows_through_glasses_and_nothing_else(catalogue):
     for row, cutout in zip(catalogue.items.itertuples(), catalogue.cutouts, strict=True):
-        axis = (np.arange(len(cutout)) + 0.5) / len(cutout) * 2 - 1
-        inside = np.hypot(*np.meshgrid(axis, axis)) < 0.85
         alpha = cutout[..., 3] / 255
         if row.symbol == "glass":
+            inside = off_the_footprint(row, cutout) < -0.15 * row.radius_m
             assert np.median(alpha[inside]) < 0.4, row.name
             assert alpha.max() > 0.5, f"{row.name} has no rim or highlight"
-        elif row.shape == "disc":
+        else:
+            inside = binary_erosion(alpha > 0, iterations=4)
             assert alpha[inside].min() == 1.0, row.name
 
 
