@@ -41,7 +41,7 @@ class Schedule:
     def __post_init__(self):
         for name in ("steps", "rate", "scenes_per_step", "copies", "curve_every"):
             if not getattr(self, name) > 0:
-                raise ValueError(f"irl.{name} is {getattr(self, name)}: it must be positive")
+                raise ValueError(f"{name} is {getattr(self, name)}: it must be positive (conf/irl, conf/variants)")
 
 
 def maxent(regret: Float[Tensor, "scene path"], valid: Bool[Tensor, "scene path"]) -> Float[Tensor, ""]:

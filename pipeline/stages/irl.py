@@ -14,16 +14,16 @@ from pipeline.spec.jitter import Jitter
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Weights, predictions.parquet, curves.parquet, curves.csv and metrics.json of `cfg.variant`."""
     settings = variant_settings(cfg, "irl")
-    train = partial(fit, objective=settings["objective"], schedule=schedule(cfg))
+    train = partial(fit, objective=settings["objective"], schedule=schedule(cfg, settings["steps"]))
     fit_variant(cfg, out_dir, settings, train, CURVE)
 
 
-def schedule(cfg: DictConfig) -> Schedule:
-    """conf/irl as the library takes it; ValueError for a value out of range."""
+def schedule(cfg: DictConfig, steps: int) -> Schedule:
+    """conf/irl, and the variant's steps, as the library takes them; ValueError for a value out of range."""
     s = cfg.irl
     jitter = Jitter(**{name: float(value) for name, value in s.jitter.items()})
     return Schedule(
-        s.steps, float(s.rate), float(s.weight_decay), s.scenes_per_step, s.copies, s.curve_every,
+        steps, float(s.rate), float(s.weight_decay), s.scenes_per_step, s.copies, s.curve_every,
         float(s.sparsity), s.across, jitter,
     )  # fmt: skip
 

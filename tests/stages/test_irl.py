@@ -18,7 +18,8 @@ from pipeline.table.layout import empty
 VARIANTS = ("irl_maxent", "irl_ranked")
 POOLS = {"train-s0": 3, "new_scenes": 2, "new_items": 2}
 USERS = ("aggressive", "careful", "normal")
-SMALL = ["seeds=[0]", "n=[1,2]", "study_n=2", "irl.steps=3", "irl.copies=2", "irl.curve_every=2", "workers=1"]
+SMALL = ["seeds=[0]", "n=[1,2]", "study_n=2", "irl.copies=2", "irl.curve_every=2", "workers=1"]
+SMALL += [f"variants.{variant}.steps=3" for variant in VARIANTS]
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +102,7 @@ def test_a_second_run_writes_the_same_bytes(run, inputs, tmp_path):
     ("override", "message"),
     [
         ("variant=full", "not fitted by stage irl: expected one of irl_maxent, irl_ranked"),
-        ("irl.steps=0", "irl.steps is 0"),
+        ("variants.irl_ranked.steps=0", "steps is 0"),
         ("irl.jitter.other_table=2", "irl.jitter.other_table is 2.0"),
         ("variants.irl_ranked.objective=apprenticeship", "expected one of maxent, ranked"),
     ],
