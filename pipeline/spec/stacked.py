@@ -1,0 +1,312 @@
+"""Fits several users' models at once, one in each SIMD lane (pipeline.spec.lanes): `training.fit` for a stack.
+
+The models of a stack share their weights of Eq. 1, number of demonstrations and schedule; images, demonstrations
+and seeds are each model's own. What a model becomes does not depend, to the last bit, on the others. Against
+`training.fit` sums are taken in another order, so trained weights differ by amplified rounding.
+
+A layer reads one array and writes the next. On the way back it finds there the loss's gradient, adds to that of its
+weights and overwrites what it had read with the gradient of that. Planes have a border of zeros; dense layers read
+and write them border and all, for the border's weights are 0 and stay so.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, UInt8
+from numpy import ndarray as Array
+from scipy.special import expit, log_expit
+from torch import nn
+
+from pipeline.spec import lanes
+from pipeline.spec.lanes import GATE, LANES, PUT, RELU
+from pipeline.spec.losses import Weights
+from pipeline.spec.training import Schedule
+from pipeline.spec.vae import SIDE, Z_CENTRE, Z_SCALE, VaeSpecification
+
+SCENES_AT_ONCE = 5  # few enough for a pass's activations to stay in the cache, enough to share a dense layer's weights
+
+
+def allocate(*shape: int) -> Float[Array, "*shape lane"]:
+    """Zeros, aligned to cache lines: a vector across two of them takes twice as long."""
+    size = math.prod(shape) * LANES
+    buffer = np.zeros(size + 16, np.float32)
+    start = -buffer.ctypes.data // 4 % 16
+    return buffer[start : start + size].reshape(*shape, LANES)
+
+
+NO_BIAS = allocate(1)
+
+
+class Parameter:
+    """A layer's weights or biases, and what AdamW keeps of them: arrays (..., lane)."""
+
+    def __init__(self, *shape: int):
+        self.value, self.gradient, self.mean, self.square = (allocate(*shape) for _ in range(4))
+
+
+class Layer:
+    """From array `x` to array `y`; the same for every kind."""
+
+    x: Array
+    y: Array
+    weight: Parameter
+    bias: Parameter
+
+    def forward(self) -> None:
+        """Write y."""
+        raise NotImplementedError
+
+    def backward(self) -> None:
+        """Take y as its own gradient: add to that of weight and bias, overwrite x with that of x."""
+        raise NotImplementedError
+
+    def as_torch(self, weight: Array, bias: Array) -> tuple[Array, Array]:
+        """Views of arrays like the parameters': torch's order of axes, lanes last, without borders."""
+        raise NotImplementedError
+
+
+class Convolution(Layer):
+    """nn.Conv2d and nn.ReLU; `first`: x are the images, whose gradient nobody asks for."""
+
+    def __init__(self, module: nn.Conv2d, x: Float[Array, "scene row column channel lane"], first: bool):
+        self.x, self.first = x, first
+        side = (x.shape[1] - 1) // 2  # half of the side without border, rounded up
+        self.y = allocate(len(x), side + 2, side + 2, module.out_channels)
+        self.weight = Parameter(3, 3, module.in_channels, module.out_channels)
+        self.bias = Parameter(module.out_channels)
+
+    def forward(self):
+        lanes.gather(self.x, self.weight.value, self.bias.value, self.y, RELU)
+
+    def backward(self):
+        lanes.correlate(self.x, self.y, self.weight.gradient)
+        lanes.total(self.y.reshape(-1, *self.y.shape[2:]), self.bias.gradient)
+        if not self.first:
+            lanes.scatter(self.y, self.weight.value, NO_BIAS, self.x, GATE)
+
+    def as_torch(self, weight, bias):
+        return weight.transpose(3, 2, 0, 1, 4), bias
+
+
+class Transposed(Layer):
+    """nn.ConvTranspose2d, and nn.ReLU unless it is the last."""
+
+    def __init__(self, module: nn.ConvTranspose2d, x: Float[Array, "scene row column channel lane"], mode: int):
+        self.x, self.mode = x, mode
+        side = 2 * (x.shape[1] - 2) - 1 + module.output_padding[0]
+        self.y = allocate(len(x), side + 2, side + 2, module.out_channels)
+        self.weight = Parameter(3, 3, module.out_channels, module.in_channels)
+        self.bias = Parameter(module.out_channels)
+
+    def forward(self):
+        lanes.scatter(self.x, self.weight.value, self.bias.value, self.y, self.mode)
+
+    def backward(self):
+        lanes.correlate(self.y, self.x, self.weight.gradient)
+        lanes.total(self.y.reshape(-1, *self.y.shape[2:]), self.bias.gradient)
+        lanes.gather(self.y, self.weight.value, NO_BIAS, self.x, GATE)
+
+    def as_torch(self, weight, bias):
+        return weight.transpose(3, 2, 0, 1, 4), bias
+
+
+class Dense(Layer):
+    """nn.Linear between arrays (row, *feature, lane); `back` is GATE if x has been rectified, PUT if not."""
+
+    def __init__(self, x: Float[Array, "row *feature lane"], y: Float[Array, "row *feature lane"], mode: int, back: int):
+        self.x, self.y, self.mode, self.back = x, y, mode, back
+        inputs, outputs = (math.prod(array.shape[1:-1]) for array in (x, y))
+        self.weight, self.bias = Parameter(inputs, outputs), Parameter(outputs)
+        self.rows_x, self.rows_y = x.reshape(len(x), inputs, LANES), y.reshape(len(y), outputs, LANES)
+
+    def forward(self):
+        lanes.dense(self.rows_x, self.weight.value, self.bias.value, self.rows_y, self.mode)
+
+    def backward(self):
+        lanes.dense_weights(self.rows_x, self.rows_y, self.weight.gradient)
+        lanes.total(self.rows_y[None], self.bias.gradient)
+        lanes.dense_backward(self.rows_y, self.weight.value, self.rows_x, self.back)
+
+    def as_torch(self, weight, bias):
+        inputs, outputs = self.x.shape[1:-1], self.y.shape[1:-1]
+        weight = _channels_first(weight.reshape(*inputs, *outputs, LANES), 0, len(inputs))
+        weight = _channels_first(weight, len(inputs), len(outputs))
+        weight = np.moveaxis(weight, range(len(inputs)), range(len(outputs), len(outputs) + len(inputs)))
+        return weight, _channels_first(bias.reshape(*outputs, LANES), 0, len(outputs))
+
+
+def _channels_first(values: Array, axis: int, axes: int) -> Array:
+    """Of `axes` axes from `axis` on, (row, column, channel) become (channel, row, column) without border."""
+    if axes == 1:
+        return values
+    inside = (*[slice(None)] * axis, slice(1, -1), slice(1, -1))
+    return np.moveaxis(values[inside], axis + 2, axis)
+
+
+class Stack:
+    """`LANES` models of one shape, as layers that take `scenes` scenes at a time with n paths each."""
+
+    def __init__(self, model: VaeSpecification, weights: Weights, scenes: int, n: int):
+        self.weights, self.n = weights, n
+        names = {module: name for name, module in model.named_modules()}
+        self.layers: dict[tuple[str, ...], Layer] = {}  # by the modules whose weights they hold
+
+        def add(chain: list[Layer], layer: Layer, *modules: nn.Module) -> Array:
+            self.layers[tuple(names[module] for module in modules)] = layer
+            chain.append(layer)
+            return layer.y
+
+        self.encoder: list[Layer] = []
+        self.images = planes = allocate(scenes, SIDE + 2, SIDE + 2, 3)
+        for module in model.features:
+            if isinstance(module, nn.Conv2d):
+                planes = add(self.encoder, Convolution(module, planes, first=planes is self.images), module)
+        heads = [model.mean, model.log_variance] if weights.beta else [model.mean]
+        self.code = allocate(scenes, len(heads) * model.latent)  # mean of z_image, then its log-variance
+        add(self.encoder, Dense(planes, self.code, PUT, GATE), *heads)
+
+        self.decoder: list[Layer] = []
+        self.z_image = allocate(scenes, model.latent)
+        if weights.alpha:
+            linear, *_, last = (m for m in model.decode if isinstance(m, nn.Linear | nn.ConvTranspose2d))
+            planes = add(self.decoder, Dense(self.z_image, allocate(*planes.shape[:-1]), RELU, PUT), linear)
+            for module in model.decode:
+                if isinstance(module, nn.ConvTranspose2d):
+                    planes = add(self.decoder, Transposed(module, planes, PUT if module is last else RELU), module)
+        self.decoded = planes  # as log-odds
+
+        self.classifier: list[Layer] = []
+        self.demos = rows = allocate(scenes * n, model.latent + 2)  # z_image, z_theta
+        linears = [module for module in model.classifier if isinstance(module, nn.Linear)]
+        for module in linears:
+            mode, back = PUT if module is linears[-1] else RELU, PUT if rows is self.demos else GATE
+            y = allocate(len(rows), module.out_features)
+            rows = add(self.classifier, Dense(rows, y, mode, back), module)
+        self.logits = rows
+
+    def tensors(self, kind: str) -> Iterator[tuple[str, Float[Array, "*shape lane"]]]:
+        """Every trained tensor's name and its `kind` (an attribute of Parameter): a view in torch's order of axes."""
+        for names, layer in self.layers.items():
+            weight, bias = layer.as_torch(getattr(layer.weight, kind), getattr(layer.bias, kind))
+            for name, w, b in zip(names, np.split(weight, len(names)), np.split(bias, len(names)), strict=True):
+                yield f"{name}.weight", w
+                yield f"{name}.bias", b
+
+    def parameters(self) -> Iterator[Parameter]:
+        """Every layer's."""
+        for layer in self.layers.values():
+            yield from (layer.weight, layer.bias)
+
+    def gradient(
+        self,
+        images: UInt8[Array, "scene 100 100 3 lane"],
+        z_theta: Float[Array, "scene n 2 lane"],
+        valid: Float[Array, "scene n lane"],
+        noise: Float[Array, "scene latent lane"],
+    ) -> Float[Array, "3 lane"]:
+        """The terms of Eq. 1 as they enter the sum; its gradient is left in the parameters."""
+        for parameter in self.parameters():
+            parameter.gradient.fill(0)
+        at_once = len(self.images)
+        terms = np.zeros((3, LANES), np.float32)
+        for start in range(0, len(images), at_once):
+            some = slice(start, start + at_once)
+            terms += self._scenes(images[some], z_theta[some], valid[some], noise[some], len(images))
+        return terms
+
+    def _scenes(self, images, z_theta, valid, noise, scenes: int) -> Float[Array, "3 lane"]:
+        """What some of `scenes` scenes add to the terms and to the gradient."""
+        alpha, beta, gamma = self.weights.alpha, self.weights.beta, self.weights.gamma
+        latent, terms = self.z_image.shape[1], allocate(3)
+        lanes.unpack(images, self.images)
+        _forward(self.encoder)
+        mean, log_variance = self.code[:, :latent], self.code[:, latent:]
+        deviation = np.exp(0.5 * log_variance) if beta else 0
+        self.z_image[:] = mean + noise * deviation
+        demos = self.demos.reshape(len(images), self.n, -1, LANES)
+        demos[:, :, :latent], demos[:, :, latent:] = self.z_image[:, None], z_theta
+
+        _forward(self.classifier)
+        logits, labels = self.logits, valid.reshape(self.logits.shape)
+        share = gamma / (scenes * self.n)
+        terms[2] = -share * np.where(labels, log_expit(logits), log_expit(-logits)).sum((0, 1))
+        logits[:] = share * (expit(logits) - labels)
+        _backward(self.classifier)
+        slope = demos[:, :, :latent].sum(1)  # with respect to z_image
+
+        if alpha:
+            _forward(self.decoder)
+            share = alpha / (scenes * 3 * SIDE**2)
+            lanes.squared_error(self.decoded, self.images, 2 * share, terms[:1])
+            terms[0] *= share
+            _backward(self.decoder)
+            slope += self.z_image
+
+        if beta:
+            share = beta / scenes
+            variance = deviation**2
+            terms[1] = 0.5 * share * (mean**2 + variance - log_variance - 1).sum((0, 1))
+            log_variance[:] = 0.5 * (slope * noise * deviation + share * (variance - 1))
+            slope += share * mean
+        mean[:] = slope
+        _backward(self.encoder)
+        return terms
+
+
+def _forward(layers: Sequence[Layer]) -> None:
+    for layer in layers:
+        layer.forward()
+
+
+def _backward(layers: Sequence[Layer]) -> None:
+    for layer in reversed(layers):
+        layer.backward()
+
+
+def fit_stack(
+    models: Sequence[VaeSpecification],
+    images: Sequence[UInt8[Array, "scene 100 100 3"]],
+    z_theta: Sequence[Float[Array, "scene n 2"]],
+    valid: Sequence[Bool[Array, "scene n"]],
+    weights: Weights,
+    schedule: Schedule,
+    seeds: Sequence[int],
+) -> list[Float[Array, "point 5"]]:
+    """Train up to `LANES` models in place, each on its demonstrations [m]; returns their learning curves (`CURVE`).
+
+    As `training.fit`, model by model, but for demonstrations that vary: those all valid or all invalid need no stack.
+    """
+    own = np.arange(LANES) % len(models)  # lanes to spare do somebody's work again
+    pixels = np.stack([images[i] for i in own], -1)
+    theta = ((np.stack([z_theta[i] for i in own], -1).astype(np.float32) - Z_CENTRE) / Z_SCALE)
+    labels = np.stack([valid[i] for i in own], -1).astype(np.float32)
+    scenes, n, _ = labels.shape
+    at_once = max(divisor for divisor in range(1, SCENES_AT_ONCE + 1) if scenes % divisor == 0)
+    stack = Stack(models[0], weights, at_once, n)
+    for name, view in stack.tensors("value"):
+        for lane, i in enumerate(own):
+            view[..., lane] = models[i].get_parameter(name).detach().numpy().reshape(view.shape[:-1])
+
+    generators = [torch.Generator().manual_seed(seed) for seed in seeds]
+    pace = torch.optim.AdamW([torch.zeros(1)], lr=schedule.rate, weight_decay=schedule.weight_decay)
+    cycle = torch.optim.lr_scheduler.OneCycleLR(pace, schedule.rate, total_steps=schedule.steps)
+    curve: list[tuple[int, Array]] = []
+    for step in range(schedule.steps):
+        noise = [torch.randn(scenes, models[0].latent, generator=g).numpy() for g in generators]
+        terms = stack.gradient(pixels, theta, labels, np.stack([noise[i] for i in own], -1))
+        now = pace.param_groups[0]
+        for p in stack.parameters():
+            arrays = (array.reshape(-1) for array in (p.value, p.gradient, p.mean, p.square))
+            lanes.adamw(*arrays, now["lr"], now["weight_decay"], *now["betas"], now["eps"], step + 1)
+        pace.step()
+        cycle.step()
+        if step % schedule.curve_every == 0 or step == schedule.steps - 1:
+            curve.append((step, terms))
+    with torch.no_grad():
+        for name, view in stack.tensors("value"):
+            for lane, model in enumerate(models):
+                parameter = model.get_parameter(name)
+                parameter.copy_(torch.from_numpy(view[..., lane]).reshape(parameter.shape))
+    return [np.array([[step, *t[:, lane], t[:, lane].sum()] for step, t in curve]) for lane in range(len(models))]
