@@ -146,7 +146,8 @@ def _sigmoid(builder, x):
     def constant(value):
         return ir.Constant(VECTOR, [value] * LANES)
 
-    x = _call(builder, "maxnum", _call(builder, "minnum", builder.fneg(x), constant(87.0)), constant(-87.0))
+    x = builder.select(builder.fcmp_ordered(">", x, constant(87.0)), constant(87.0), x)  # a NaN passes through
+    x = builder.fneg(builder.select(builder.fcmp_ordered("<", x, constant(-87.0)), constant(-87.0), x))
     power = _call(builder, "rint", builder.fmul(x, constant(1.44269504)))  # exp(x) = 2**power * exp(rest)
     rest = _call(builder, "fma", power, constant(-0.693359375), x)
     rest = _call(builder, "fma", power, constant(2.12194440e-4), rest)
@@ -311,27 +312,32 @@ def correlate(big, small, weights):
     narrow = small.shape[3]
     pitch, small_pitch = width * wide, small.shape[2] * narrow
     x, y, w = big.reshape(-1), small.reshape(-1), weights.reshape(-1)
-    zero = np.zeros(LANES, np.float32)
+    zero, part = np.zeros(LANES, np.float32), np.empty_like(w)
     steps = _sum((1, 1, small.shape[2] - 2), (0, 0, 2 * wide), (0, 0, narrow))
     for scene in range(scenes):
+        part[:] = 0
         for row in range(small.shape[1] - 2):
             b = (y, (scene * small.shape[1] + row + 1) * small_pitch + narrow, 1)
             for tap in range(3):
-                out = (w, tap * 3 * wide * narrow, narrow)
+                out = (part, tap * 3 * wide * narrow, narrow)
                 a = (x, (scene * height + 2 * row + tap) * pitch, 1)
                 product(3 * wide, narrow, out, a, b, (zero, 0, 0), steps, ADD)
+        w += part
 
 
 @compiled
 def total(values, sums):
-    """Add to `sums` (channel, lane) the values (row, column, channel, lane) of each channel, row by row."""
-    rows, columns, channels, _ = values.shape
+    """Add to `sums` (channel, lane) the values (scene, row, column, channel, lane) of each channel."""
+    scenes, rows, columns, channels, _ = values.shape
     x, y = values.reshape(-1), sums.reshape(-1)
-    zero, one = np.zeros(LANES, np.float32), np.ones(LANES, np.float32)
+    zero, one, part = np.zeros(LANES, np.float32), np.ones(LANES, np.float32), np.empty_like(y)
     steps = _sum((1, 1, columns), (0, 0, 0), (0, 0, channels))
-    for row in range(rows):
-        b = (x, row * columns * channels, 1)
-        product(1, channels, (y, 0, 0), (one, 0, 0), b, (zero, 0, 0), steps, ADD)
+    for scene in range(scenes):
+        part[:] = 0
+        for row in range(rows):
+            b = (x, (scene * rows + row) * columns * channels, 1)
+            product(1, channels, (part, 0, 0), (one, 0, 0), b, (zero, 0, 0), steps, ADD)
+        y += part
 
 
 @compiled
@@ -367,9 +373,10 @@ def unpack(images, planes):
     scenes, height, width, channels, _ = images.shape
     for scene in range(scenes):
         for row in range(height):
-            source, target = images[scene, row].reshape(-1), planes[scene, row + 1].reshape(-1)
+            source = images[scene, row].reshape(-1)
+            inside = planes[scene, row + 1].reshape(-1)[channels * LANES :]
             for i in range(source.size):
-                target[channels * LANES + i] = source[i] / np.float32(255)
+                inside[i] = np.float32(source[i]) / np.float32(255)
 
 
 @compiled

@@ -25,7 +25,7 @@ from pipeline.spec.losses import Weights
 from pipeline.spec.training import Schedule
 from pipeline.spec.vae import SIDE, Z_CENTRE, Z_SCALE, VaeSpecification
 
-SCENES_AT_ONCE = 5  # few enough for a pass's activations to stay in the cache, enough to share a dense layer's weights
+SCENES_AT_ONCE = 1  # few enough for a pass's activations to stay in the cache, enough to share a dense layer's weights
 
 
 def allocate(*shape: int) -> Float[Array, "*shape lane"]:
@@ -82,7 +82,7 @@ class Convolution(Layer):
 
     def backward(self):
         lanes.correlate(self.x, self.y, self.weight.gradient)
-        lanes.total(self.y.reshape(-1, *self.y.shape[2:]), self.bias.gradient)
+        lanes.total(self.y, self.bias.gradient)
         if not self.first:
             lanes.scatter(self.y, self.weight.value, NO_BIAS, self.x, GATE)
 
@@ -105,7 +105,7 @@ class Transposed(Layer):
 
     def backward(self):
         lanes.correlate(self.y, self.x, self.weight.gradient)
-        lanes.total(self.y.reshape(-1, *self.y.shape[2:]), self.bias.gradient)
+        lanes.total(self.y, self.bias.gradient)
         lanes.gather(self.y, self.weight.value, NO_BIAS, self.x, GATE)
 
     def as_torch(self, weight, bias):
@@ -126,7 +126,7 @@ class Dense(Layer):
 
     def backward(self):
         lanes.dense_weights(self.rows_x, self.rows_y, self.weight.gradient)
-        lanes.total(self.rows_y[None], self.bias.gradient)
+        lanes.total(self.rows_y[None, None], self.bias.gradient)
         lanes.dense_backward(self.rows_y, self.weight.value, self.rows_x, self.back)
 
     def as_torch(self, weight, bias):
