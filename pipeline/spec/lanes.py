@@ -8,8 +8,11 @@ All that is compiled stands in this file: Numba compiles a cached function anew 
 looks at no other.
 """
 
+import inspect
+
 import numpy as np
 from llvmlite import ir
+from llvmlite.binding import get_host_cpu_features
 from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, register_model
@@ -17,10 +20,26 @@ from numba.extending import intrinsic, models, register_model
 LANES = 8
 VECTOR = ir.VectorType(ir.FloatType(), LANES)
 INTEGERS = ir.VectorType(ir.IntType(32), LANES)
-PUT, ADD, RELU, GATE = range(4)  # what a product does to its output: see `_write`
+PUT, ADD, RELU, GATE = range(4)  # what becomes of a product: see `_put` and its neighbours
+TALL = 5 if get_host_cpu_features().get("avx512vl") else 3  # rows of a tile: 32 registers, or 16
 
-compiled = njit(cache=True, error_model="numpy")
-inlined = njit(forceinline=True, error_model="numpy")
+OFFSETS = types.intp[::1]
+FLAT, MATRIX, ROWS = types.float32[::1], types.float32[:, ::1], types.float32[:, :, ::1]
+PLANES = KERNEL = types.float32[:, :, :, :, ::1]
+PIXELS = types.uint8[:, :, :, :, ::1]
+
+
+def compiled(*arguments, returns=types.void):
+    """Compile for these types on import, unless the cache has it: what imports this module is ready to run."""
+    return _bare(njit(returns(*arguments), cache=True, error_model="numpy"))
+
+
+def _bare(decorator):
+    """`decorator` of the function itself, without the checks of its arguments that tests wrap it in."""
+    return lambda function: decorator(inspect.unwrap(function))
+
+
+inlined = _bare(njit(forceinline=True, error_model="numpy"))
 
 
 class Tile(types.Type):
@@ -107,23 +126,22 @@ def outer(typingctx, tile, left, i, i_step, right, j, j_step):
 
 
 def _writer(combine):
-    """An intrinsic: array[index + row_step * row + step * column] = combine(builder, the tile's entry, what was there)."""
+    """An intrinsic that makes array[index + row_step * row + column] combine(builder, tile[row, column], itself)."""
 
     @intrinsic
-    def write(typingctx, tile, array, index, row_step, step):
+    def write(typingctx, tile, array, index, row_step):
         def generate(context, builder, sig, args):
-            value, data, first, row_stride, stride = args
+            value, data, place, stride = args
             for row in range(tile.rows):
-                place = first
                 for column in range(tile.columns):
-                    pointer = _pointer(context, builder, array, data, place)
+                    at = builder.add(place, ir.Constant(place.type, column))
+                    pointer = _pointer(context, builder, array, data, at)
                     new = builder.extract_value(value, row * tile.columns + column)
                     builder.store(combine(builder, new, _load(builder, pointer)), pointer).align = 4
-                    place = builder.add(place, stride)
-                first = builder.add(first, row_stride)
+                place = builder.add(place, stride)
             return context.get_dummy_value()
 
-        return types.void(tile, array, types.intp, types.intp, types.intp), generate
+        return types.void(tile, array, types.intp, types.intp), generate
 
     return write
 
@@ -185,69 +203,63 @@ def _block(tile, out, a, b, bias, steps, mode):
     for a_step, b_step in zip(*steps):
         tile = outer(tile, a[0], a[1] + a_step, a[2], b[0], b[1] + b_step, b[2])
     if mode == PUT:
-        _put(tile, *out, 1)
+        _put(tile, *out)
     elif mode == ADD:
-        _add(tile, *out, 1)
+        _add(tile, *out)
     elif mode == RELU:
-        _relu(tile, *out, 1)
+        _relu(tile, *out)
     else:
-        _gate(tile, *out, 1)
+        _gate(tile, *out)
 
 
 @inlined
 def _strip(tiles, rows, out, a, b, bias, steps, mode):
-    """All rows of `product`, as many columns as the tiles have."""
-    five, four, three, two, one = tiles
-    row = 0
-    while row < rows:
-        here = out[0], out[1] + row * out[2], out[2]
-        left = a[0], a[1] + row * a[2], a[2]
-        rest = rows - row
-        if rest >= 5:
-            _block(five, here, left, b, bias, steps, mode)
-        elif rest == 4:
+    """Every row of `product`, in as many columns as the tiles have."""
+    tall, four, three, two, one = tiles
+    for row in range(0, rows, TALL):
+        here, left = (out[0], out[1] + row * out[2], out[2]), (a[0], a[1] + row * a[2], a[2])
+        if rows - row >= TALL:
+            _block(tall, here, left, b, bias, steps, mode)
+        elif rows - row == 4:
             _block(four, here, left, b, bias, steps, mode)
-        elif rest == 3:
+        elif rows - row == 3:
             _block(three, here, left, b, bias, steps, mode)
-        elif rest == 2:
+        elif rows - row == 2:
             _block(two, here, left, b, bias, steps, mode)
         else:
             _block(one, here, left, b, bias, steps, mode)
-        row += 5
 
 
-_OPERAND = types.Tuple((types.float32[::1], types.intp, types.intp))
-_PRODUCT = types.void(*[types.intp] * 2, *[_OPERAND] * 4, types.UniTuple(types.intp[::1], 2), types.intp)
+OPERAND = types.Tuple((FLAT, types.intp, types.intp))
 
 
-@njit(_PRODUCT, cache=True, error_model="numpy")  # a signature, lest every constant make another
+@compiled(*[types.intp] * 2, *[OPERAND] * 4, types.UniTuple(OFFSETS, 2), types.intp)
 def product(rows, columns, out, a, b, bias, steps, mode):
-    """out[row, column] = bias[column] + sum over steps of a[row, step] * b[step, column], then `mode`.
+    """out[row, column] = bias[column] + sum over k of a[row, k] * b[k, column], or what `mode` makes of that.
 
-    Operands are (flat array, first vector, strides in vectors): out of rows and columns, a of rows, b and bias of
-    columns. `steps`: of each term of the sum, its offset in a and in b [vectors].
+    Operands: (flat array, first vector, stride [vectors]), the stride that of out's and a's rows, of b's and the
+    bias's columns. `steps`: offsets [vectors] of each k, in a and in b.
     """
     column = 0
     while column < columns:
         here = out[0], out[1] + column, out[2]
         right = b[0], b[1] + column * b[2], b[2]
         start = bias[0], bias[1] + column * bias[2], bias[2]
-        left = columns - column
-        if left >= 4:
-            tiles = zeros(5, 4), zeros(4, 4), zeros(3, 4), zeros(2, 4), zeros(1, 4)
-            _strip(tiles, rows, here, a, right, start, steps, mode)
+        if columns - column >= 4:
+            by_4 = zeros(TALL, 4), zeros(4, 4), zeros(3, 4), zeros(2, 4), zeros(1, 4)
+            _strip(by_4, rows, here, a, right, start, steps, mode)
             column += 4
-        elif left == 3:
-            tiles3 = zeros(5, 3), zeros(4, 3), zeros(3, 3), zeros(2, 3), zeros(1, 3)
-            _strip(tiles3, rows, here, a, right, start, steps, mode)
+        elif columns - column == 3:
+            by_3 = zeros(TALL, 3), zeros(4, 3), zeros(3, 3), zeros(2, 3), zeros(1, 3)
+            _strip(by_3, rows, here, a, right, start, steps, mode)
             column += 3
         else:
-            tiles1 = zeros(5, 1), zeros(4, 1), zeros(3, 1), zeros(2, 1), zeros(1, 1)
-            _strip(tiles1, rows, here, a, right, start, steps, mode)
+            by_1 = zeros(TALL, 1), zeros(4, 1), zeros(3, 1), zeros(2, 1), zeros(1, 1)
+            _strip(by_1, rows, here, a, right, start, steps, mode)
             column += 1
 
 
-@compiled
+@compiled(*[types.UniTuple(types.intp, 3)] * 3, returns=types.UniTuple(OFFSETS, 2))
 def _sum(counts, a_strides, b_strides):
     """Offsets in a and in b that three nested loops visit, outermost first: the steps of a `product`."""
     a_steps = np.empty(counts[0] * counts[1] * counts[2], np.intp)
@@ -259,7 +271,7 @@ def _sum(counts, a_strides, b_strides):
     return a_steps, b_steps
 
 
-@compiled
+@compiled(PLANES, KERNEL, MATRIX, PLANES, types.intp)
 def gather(big, weights, bias, small, mode):
     """Stride-2 3x3 convolution from planes `big` to planes `small`, or the gradient of `scatter`.
 
@@ -278,7 +290,7 @@ def gather(big, weights, bias, small, mode):
             product(small.shape[2] - 2, narrow, out, a, (w, 0, 1), (c, 0, len(bias) > 1), steps, mode)
 
 
-@compiled
+@compiled(PLANES, KERNEL, MATRIX, PLANES, types.intp)
 def scatter(small, weights, bias, big, mode):
     """Transposed convolution from planes `small` to planes `big`, or the gradient of `gather`; arrays as there.
 
@@ -305,7 +317,7 @@ def scatter(small, weights, bias, big, mode):
                 product(columns, wide, out, a, b, (c, 0, len(bias) > 1), steps[odd][odd_column], mode)
 
 
-@compiled
+@compiled(PLANES, PLANES, KERNEL)
 def correlate(big, small, weights):
     """Add to `weights` the gradient of `gather` and `scatter` with respect to theirs; one of the planes is a gradient."""
     scenes, height, width, wide, _ = big.shape
@@ -325,7 +337,7 @@ def correlate(big, small, weights):
         w += part
 
 
-@compiled
+@compiled(PLANES, MATRIX)
 def total(values, sums):
     """Add to `sums` (channel, lane) the values (scene, row, column, channel, lane) of each channel."""
     scenes, rows, columns, channels, _ = values.shape
@@ -340,7 +352,7 @@ def total(values, sums):
         y += part
 
 
-@compiled
+@compiled(ROWS, ROWS, MATRIX, ROWS, types.intp)
 def dense(x, weights, bias, y, mode):
     """y (row, output, lane) = bias + x (row, input, lane) weights (input, output, lane)."""
     rows, outputs, _ = y.shape
@@ -349,7 +361,7 @@ def dense(x, weights, bias, y, mode):
     product(rows, outputs, out, a, b, (bias.reshape(-1), 0, 1), steps, mode)
 
 
-@compiled
+@compiled(ROWS, ROWS, ROWS, types.intp)
 def dense_backward(dy, weights, x, mode):
     """The gradient of `dense` with respect to x overwrites x."""
     rows, inputs, _ = x.shape
@@ -358,7 +370,7 @@ def dense_backward(dy, weights, x, mode):
     product(rows, inputs, out, a, b, (np.zeros(LANES, np.float32), 0, 0), steps, mode)
 
 
-@compiled
+@compiled(ROWS, ROWS, ROWS)
 def dense_weights(x, dy, weights):
     """Add to `weights` the gradient of `dense` with respect to its weights."""
     inputs, outputs, _ = weights.shape
@@ -367,7 +379,7 @@ def dense_weights(x, dy, weights):
     product(inputs, outputs, out, a, b, (np.zeros(LANES, np.float32), 0, 0), steps, ADD)
 
 
-@compiled
+@compiled(PIXELS, PLANES)
 def unpack(images, planes):
     """8-bit images (scene, row, column, channel, lane) as intensities in [0, 1], inside the planes' border."""
     scenes, height, width, channels, _ = images.shape
@@ -379,7 +391,7 @@ def unpack(images, planes):
                 inside[i] = np.float32(source[i]) / np.float32(255)
 
 
-@compiled
+@compiled(PLANES, PLANES, types.float32, MATRIX)
 def squared_error(logits, images, scale, error):
     """Add to `error` (1, lane) the squared error of sigmoid(logits) to the images; its gradient, times scale / 2,
     overwrites the logits. Both are planes."""
@@ -391,18 +403,4 @@ def squared_error(logits, images, scale, error):
             tile = zeros(1, 1)
             for i in range(first, first + (width - 2) * channels):
                 tile = _squared_error(tile, x, y, i, scale)
-            _add(tile, sums, 0, 0, 0)
-
-
-@compiled
-def adamw(values, gradients, means, squares, rate, decay, beta1, beta2, epsilon, step):
-    """One step of torch's AdamW on flat arrays; `step` counts from 1."""
-    shrink = np.float32(rate * decay)
-    c1, c2, b2 = np.float32(1 - beta1), np.float32(1 - beta2), np.float32(beta2)
-    stride = np.float32(rate / (1 - beta1**step))
-    root, e = np.float32(np.sqrt(1 - beta2**step)), np.float32(epsilon)
-    for i in range(values.size):
-        g = gradients[i]
-        means[i] += c1 * (g - means[i])
-        squares[i] = b2 * squares[i] + c2 * g * g
-        values[i] = values[i] - shrink * values[i] - stride * means[i] / (np.sqrt(squares[i]) / root + e)
+            _add(tile, sums, 0, 0)

@@ -6,7 +6,8 @@ and seeds are each model's own. What a model becomes does not depend, to the las
 
 A layer reads one array and writes the next. On the way back it finds there the loss's gradient, adds to that of its
 weights and overwrites what it had read with the gradient of that. Planes have a border of zeros; dense layers read
-and write them border and all, for the border's weights are 0 and stay so.
+and write them border and all, for the border's weights are 0 and stay so. One scene goes forth and back at a time:
+its activations stay in the cache.
 """
 
 import math
@@ -22,10 +23,8 @@ from torch import nn
 from pipeline.spec import lanes
 from pipeline.spec.lanes import GATE, LANES, PUT, RELU
 from pipeline.spec.losses import Weights
-from pipeline.spec.training import Schedule
+from pipeline.spec.training import Schedule, fit, never_varies
 from pipeline.spec.vae import SIDE, Z_CENTRE, Z_SCALE, VaeSpecification
-
-SCENES_AT_ONCE = 1  # few enough for a pass's activations to stay in the cache, enough to share a dense layer's weights
 
 
 def allocate(*shape: int) -> Float[Array, "*shape lane"]:
@@ -39,11 +38,17 @@ def allocate(*shape: int) -> Float[Array, "*shape lane"]:
 NO_BIAS = allocate(1)
 
 
-class Parameter:
-    """A layer's weights or biases, and what AdamW keeps of them: arrays (..., lane)."""
+class Parameter(nn.Parameter):
+    """A layer's weights or biases (..., lane) as torch's optimisers take them; `value` and `gradient` are its memory."""
 
-    def __init__(self, *shape: int):
-        self.value, self.gradient, self.mean, self.square = (allocate(*shape) for _ in range(4))
+    value: Array
+    gradient: Array
+
+    def __new__(cls, *shape: int):
+        value, gradient = allocate(*shape), allocate(*shape)
+        self = super().__new__(cls, torch.from_numpy(value))
+        self.value, self.gradient, self.grad = value, gradient, torch.from_numpy(gradient)
+        return self
 
 
 class Layer:
@@ -113,9 +118,9 @@ class Transposed(Layer):
 
 
 class Dense(Layer):
-    """nn.Linear between arrays (row, *feature, lane); `back` is GATE if x has been rectified, PUT if not."""
+    """nn.Linear between rows of features or planes; `back` is GATE if x has been rectified, PUT if not."""
 
-    def __init__(self, x: Float[Array, "row *feature lane"], y: Float[Array, "row *feature lane"], mode: int, back: int):
+    def __init__(self, x: Float[Array, "row *input lane"], y: Float[Array, "row *output lane"], mode: int, back: int):
         self.x, self.y, self.mode, self.back = x, y, mode, back
         inputs, outputs = (math.prod(array.shape[1:-1]) for array in (x, y))
         self.weight, self.bias = Parameter(inputs, outputs), Parameter(outputs)
@@ -146,10 +151,10 @@ def _channels_first(values: Array, axis: int, axes: int) -> Array:
 
 
 class Stack:
-    """`LANES` models of one shape, as layers that take `scenes` scenes at a time with n paths each."""
+    """`LANES` models of one shape, as layers that take one scene at a time with its n paths."""
 
-    def __init__(self, model: VaeSpecification, weights: Weights, scenes: int, n: int):
-        self.weights, self.n = weights, n
+    def __init__(self, models: Sequence[VaeSpecification], weights: Weights, n: int):
+        self.weights, model = weights, models[0]
         names = {module: name for name, module in model.named_modules()}
         self.layers: dict[tuple[str, ...], Layer] = {}  # by the modules whose weights they hold
 
@@ -159,16 +164,16 @@ class Stack:
             return layer.y
 
         self.encoder: list[Layer] = []
-        self.images = planes = allocate(scenes, SIDE + 2, SIDE + 2, 3)
+        self.images = planes = allocate(1, SIDE + 2, SIDE + 2, 3)
         for module in model.features:
             if isinstance(module, nn.Conv2d):
                 planes = add(self.encoder, Convolution(module, planes, first=planes is self.images), module)
         heads = [model.mean, model.log_variance] if weights.beta else [model.mean]
-        self.code = allocate(scenes, len(heads) * model.latent)  # mean of z_image, then its log-variance
+        self.code = allocate(1, len(heads) * model.latent)  # mean of z_image, then its log-variance
         add(self.encoder, Dense(planes, self.code, PUT, GATE), *heads)
 
         self.decoder: list[Layer] = []
-        self.z_image = allocate(scenes, model.latent)
+        self.z_image = allocate(1, model.latent)
         if weights.alpha:
             linear, *_, last = (m for m in model.decode if isinstance(m, nn.Linear | nn.ConvTranspose2d))
             planes = add(self.decoder, Dense(self.z_image, allocate(*planes.shape[:-1]), RELU, PUT), linear)
@@ -178,13 +183,17 @@ class Stack:
         self.decoded = planes  # as log-odds
 
         self.classifier: list[Layer] = []
-        self.demos = rows = allocate(scenes * n, model.latent + 2)  # z_image, z_theta
+        self.demos = rows = allocate(n, model.latent + 2)  # z_image, z_theta
         linears = [module for module in model.classifier if isinstance(module, nn.Linear)]
         for module in linears:
             mode, back = PUT if module is linears[-1] else RELU, PUT if rows is self.demos else GATE
             y = allocate(len(rows), module.out_features)
             rows = add(self.classifier, Dense(rows, y, mode, back), module)
         self.logits = rows
+
+        for name, tensor in self.tensors("value"):
+            for lane, model in enumerate(models):
+                tensor[..., lane] = model.get_parameter(name).detach().reshape(tensor.shape[:-1])
 
     def tensors(self, kind: str) -> Iterator[tuple[str, Float[Array, "*shape lane"]]]:
         """Every trained tensor's name and its `kind` (an attribute of Parameter): a view in torch's order of axes."""
@@ -203,53 +212,48 @@ class Stack:
         self,
         images: UInt8[Array, "scene 100 100 3 lane"],
         z_theta: Float[Array, "scene n 2 lane"],
-        valid: Float[Array, "scene n lane"],
+        valid: Bool[Array, "scene n lane"],
         noise: Float[Array, "scene latent lane"],
     ) -> Float[Array, "3 lane"]:
         """The terms of Eq. 1 as they enter the sum; its gradient is left in the parameters."""
         for parameter in self.parameters():
             parameter.gradient.fill(0)
-        at_once = len(self.images)
         terms = np.zeros((3, LANES), np.float32)
-        for start in range(0, len(images), at_once):
-            some = slice(start, start + at_once)
-            terms += self._scenes(images[some], z_theta[some], valid[some], noise[some], len(images))
+        for scene in zip(images, z_theta, valid, noise, strict=True):
+            terms += self._scene(*scene, share=1 / len(images))
         return terms
 
-    def _scenes(self, images, z_theta, valid, noise, scenes: int) -> Float[Array, "3 lane"]:
-        """What some of `scenes` scenes add to the terms and to the gradient."""
-        alpha, beta, gamma = self.weights.alpha, self.weights.beta, self.weights.gamma
+    def _scene(self, image, z_theta, valid, noise, share: float) -> Float[Array, "3 lane"]:
+        """What one scene, weighted by its `share` of all, adds to the terms and to the gradient."""
+        alpha, beta, gamma = (share * weight for weight in (self.weights.alpha, self.weights.beta, self.weights.gamma))
         latent, terms = self.z_image.shape[1], allocate(3)
-        lanes.unpack(images, self.images)
+        lanes.unpack(image[None], self.images)
         _forward(self.encoder)
-        mean, log_variance = self.code[:, :latent], self.code[:, latent:]
-        deviation = np.exp(0.5 * log_variance) if beta else 0
-        self.z_image[:] = mean + noise * deviation
-        demos = self.demos.reshape(len(images), self.n, -1, LANES)
-        demos[:, :, :latent], demos[:, :, latent:] = self.z_image[:, None], z_theta
+        mean, log_variance = self.code[0, :latent], self.code[0, latent:]
+        deviation = np.exp(0.5 * log_variance) if beta else np.float32(0)
+        self.z_image[0] = mean + noise * deviation
+        self.demos[:, :latent], self.demos[:, latent:] = self.z_image, z_theta
 
         _forward(self.classifier)
-        logits, labels = self.logits, valid.reshape(self.logits.shape)
-        share = gamma / (scenes * self.n)
-        terms[2] = -share * np.where(labels, log_expit(logits), log_expit(-logits)).sum((0, 1))
-        logits[:] = share * (expit(logits) - labels)
+        gamma /= len(valid)
+        logits = self.logits[:, 0]
+        terms[2] = -gamma * np.where(valid, log_expit(logits), log_expit(-logits)).sum(0)
+        logits[:] = gamma * (expit(logits) - valid)
         _backward(self.classifier)
-        slope = demos[:, :, :latent].sum(1)  # with respect to z_image
+        slope = self.demos[:, :latent].sum(0)  # with respect to z_image
 
         if alpha:
+            alpha /= image.size // LANES
             _forward(self.decoder)
-            share = alpha / (scenes * 3 * SIDE**2)
-            lanes.squared_error(self.decoded, self.images, 2 * share, terms[:1])
-            terms[0] *= share
+            lanes.squared_error(self.decoded, self.images, 2 * alpha, terms[:1])
+            terms[0] *= alpha
             _backward(self.decoder)
-            slope += self.z_image
+            slope += self.z_image[0]
 
         if beta:
-            share = beta / scenes
-            variance = deviation**2
-            terms[1] = 0.5 * share * (mean**2 + variance - log_variance - 1).sum((0, 1))
-            log_variance[:] = 0.5 * (slope * noise * deviation + share * (variance - 1))
-            slope += share * mean
+            terms[1] = 0.5 * beta * (mean**2 + deviation**2 - log_variance - 1).sum(0)
+            log_variance[:] = 0.5 * (slope * noise * deviation + beta * (deviation**2 - 1))
+            slope += beta * mean
         mean[:] = slope
         _backward(self.encoder)
         return terms
@@ -274,39 +278,47 @@ def fit_stack(
     schedule: Schedule,
     seeds: Sequence[int],
 ) -> list[Float[Array, "point 5"]]:
-    """Train up to `LANES` models in place, each on its demonstrations [m]; returns their learning curves (`CURVE`).
+    """Train models in place, `LANES` at a time, each on its demonstrations [m]; their learning curves (`CURVE`).
 
-    As `training.fit`, model by model, but for demonstrations that vary: those all valid or all invalid need no stack.
+    Model by model what `training.fit` does, which also sees to demonstrations that are all valid or all invalid.
     """
-    own = np.arange(LANES) % len(models)  # lanes to spare do somebody's work again
-    pixels = np.stack([images[i] for i in own], -1)
-    theta = ((np.stack([z_theta[i] for i in own], -1).astype(np.float32) - Z_CENTRE) / Z_SCALE)
-    labels = np.stack([valid[i] for i in own], -1).astype(np.float32)
-    scenes, n, _ = labels.shape
-    at_once = max(divisor for divisor in range(1, SCENES_AT_ONCE + 1) if scenes % divisor == 0)
-    stack = Stack(models[0], weights, at_once, n)
-    for name, view in stack.tensors("value"):
-        for lane, i in enumerate(own):
-            view[..., lane] = models[i].get_parameter(name).detach().numpy().reshape(view.shape[:-1])
+    curves: dict[int, Array] = {}
+    varied = []
+    for i, labels in enumerate(valid):
+        if never_varies(labels):
+            curves[i] = fit(models[i], images[i], z_theta[i], labels, weights, schedule, seeds[i])
+        else:
+            varied.append(i)
+    for start in range(0, len(varied), LANES):
+        some = varied[start : start + LANES]
+        chosen = ([argument[i] for i in some] for argument in (models, images, z_theta, valid, seeds))
+        curves.update(zip(some, _descend(*chosen, weights, schedule), strict=True))
+    return [curves[i] for i in range(len(models))]
 
+
+def _descend(models, images, z_theta, valid, seeds, weights: Weights, schedule: Schedule) -> list[Array]:
+    """The gradient descent of one stack; a point of a curve is the loss before that many updates."""
+    spare = [0] * (LANES - len(models))  # lanes without a model of their own do the first one's work again
+    own = [*range(len(models)), *spare]
+    pixels = np.stack([images[i] for i in own], -1)
+    paths = (np.stack([z_theta[i] for i in own], -1).astype(np.float32) - Z_CENTRE) / Z_SCALE
+    labels = np.stack([valid[i] for i in own], -1)
+    scenes, n, _ = labels.shape
+    stack = Stack([models[i] for i in own], weights, n)
     generators = [torch.Generator().manual_seed(seed) for seed in seeds]
-    pace = torch.optim.AdamW([torch.zeros(1)], lr=schedule.rate, weight_decay=schedule.weight_decay)
-    cycle = torch.optim.lr_scheduler.OneCycleLR(pace, schedule.rate, total_steps=schedule.steps)
-    curve: list[tuple[int, Array]] = []
+    optimiser, cycle = schedule.optimiser(stack.parameters())
+    curve = []
     for step in range(schedule.steps):
-        noise = [torch.randn(scenes, models[0].latent, generator=g).numpy() for g in generators]
-        terms = stack.gradient(pixels, theta, labels, np.stack([noise[i] for i in own], -1))
-        now = pace.param_groups[0]
-        for p in stack.parameters():
-            arrays = (array.reshape(-1) for array in (p.value, p.gradient, p.mean, p.square))
-            lanes.adamw(*arrays, now["lr"], now["weight_decay"], *now["betas"], now["eps"], step + 1)
-        pace.step()
+        noise = [torch.randn(scenes, models[0].latent, generator=generator).numpy() for generator in generators]
+        terms = stack.gradient(pixels, paths, labels, np.stack([noise[i] for i in own], -1))
+        optimiser.step()
         cycle.step()
         if step % schedule.curve_every == 0 or step == schedule.steps - 1:
-            curve.append((step, terms))
+            curve.append(np.vstack([np.full(LANES, step), terms, terms.sum(0)]))
+
     with torch.no_grad():
-        for name, view in stack.tensors("value"):
+        for name, tensor in stack.tensors("value"):
             for lane, model in enumerate(models):
                 parameter = model.get_parameter(name)
-                parameter.copy_(torch.from_numpy(view[..., lane]).reshape(parameter.shape))
-    return [np.array([[step, *t[:, lane], t[:, lane].sum()] for step, t in curve]) for lane in range(len(models))]
+                parameter.copy_(torch.from_numpy(tensor[..., lane]).reshape(parameter.shape))
+    return list(np.stack(curve)[..., : len(models)].transpose(2, 0, 1).astype(np.float64))
