@@ -8,6 +8,9 @@ All that is compiled stands in this file: Numba compiles a cached function anew 
 looks at no other.
 """
 
+# pyright: reportCallIssue=false
+# An intrinsic's first argument is Numba's own.
+
 import inspect
 
 import numpy as np
@@ -191,7 +194,8 @@ def _squared_error(typingctx, total, logits, images, index, scale):
         error = builder.fsub(p, image)
         slope = builder.fmul(p, builder.fsub(ir.Constant(VECTOR, [1.0] * LANES), p))
         builder.store(builder.fmul(builder.fmul(factor, error), slope), pointer).align = 4
-        return _each(builder, total, lambda r, c: _call(builder, "fma", error, error, builder.extract_value(args[0], 0)))
+        before = builder.extract_value(args[0], 0)
+        return _each(builder, total, lambda r, c: _call(builder, "fma", error, error, before))
 
     return total(total, logits, images, types.intp, types.float32), generate
 
@@ -200,7 +204,7 @@ def _squared_error(typingctx, total, logits, images, index, scale):
 def _block(tile, out, a, b, bias, steps, mode):
     """One tile of `product`."""
     tile = repeat(tile, *bias)
-    for a_step, b_step in zip(*steps):
+    for a_step, b_step in zip(*steps):  # noqa: B905 - unknown to Numba
         tile = outer(tile, a[0], a[1] + a_step, a[2], b[0], b[1] + b_step, b[2])
     if mode == PUT:
         _put(tile, *out)
@@ -319,7 +323,7 @@ def scatter(small, weights, bias, big, mode):
 
 @compiled(PLANES, PLANES, KERNEL)
 def correlate(big, small, weights):
-    """Add to `weights` the gradient of `gather` and `scatter` with respect to theirs; one of the planes is a gradient."""
+    """Add to `weights` the gradient of `gather` and `scatter` with respect to theirs, from values and a gradient."""
     scenes, height, width, wide, _ = big.shape
     narrow = small.shape[3]
     pitch, small_pitch = width * wide, small.shape[2] * narrow
@@ -382,7 +386,7 @@ def dense_weights(x, dy, weights):
 @compiled(PIXELS, PLANES)
 def unpack(images, planes):
     """8-bit images (scene, row, column, channel, lane) as intensities in [0, 1], inside the planes' border."""
-    scenes, height, width, channels, _ = images.shape
+    scenes, height, _, channels, _ = images.shape
     for scene in range(scenes):
         for row in range(height):
             source = images[scene, row].reshape(-1)
@@ -393,8 +397,10 @@ def unpack(images, planes):
 
 @compiled(PLANES, PLANES, types.float32, MATRIX)
 def squared_error(logits, images, scale, error):
-    """Add to `error` (1, lane) the squared error of sigmoid(logits) to the images; its gradient, times scale / 2,
-    overwrites the logits. Both are planes."""
+    """Add to `error` (1, lane) the squared error of sigmoid(logits) as images, both planes.
+
+    Its gradient, times scale / 2, overwrites the logits.
+    """
     scenes, height, width, channels, _ = logits.shape
     x, y, sums = logits.reshape(-1), images.reshape(-1), error.reshape(-1)
     for scene in range(scenes):

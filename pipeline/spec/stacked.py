@@ -11,6 +11,7 @@ its activations stay in the cache.
 """
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -38,101 +39,89 @@ def allocate(*shape: int) -> Float[Array, "*shape lane"]:
 NO_BIAS = allocate(1)
 
 
-class Parameter(nn.Parameter):
-    """A layer's weights or biases (..., lane) as torch's optimisers take them; `value` and `gradient` are its memory."""
+class Parameter:
+    """A layer's weights or biases and their gradient (..., lane); `tensor` is the same memory as optimisers take it."""
 
-    value: Array
-    gradient: Array
-
-    def __new__(cls, *shape: int):
-        value, gradient = allocate(*shape), allocate(*shape)
-        self = super().__new__(cls, torch.from_numpy(value))
-        self.value, self.gradient, self.grad = value, gradient, torch.from_numpy(gradient)
-        return self
+    def __init__(self, *shape: int):
+        self.value, self.gradient = allocate(*shape), allocate(*shape)
+        self.tensor = nn.Parameter(torch.from_numpy(self.value))
+        self.tensor.grad = torch.from_numpy(self.gradient)
 
 
-class Layer:
-    """From array `x` to array `y`; the same for every kind."""
+class Layer(ABC):
+    """From array `x` to array `y`; `mode` is what `lanes` does to y, `back` what it does to the gradient of x."""
 
     x: Array
     y: Array
     weight: Parameter
     bias: Parameter
 
+    @abstractmethod
     def forward(self) -> None:
         """Write y."""
-        raise NotImplementedError
 
+    @abstractmethod
     def backward(self) -> None:
-        """Take y as its own gradient: add to that of weight and bias, overwrite x with that of x."""
-        raise NotImplementedError
+        """y holds its gradient: add to that of weight and bias, overwrite x with that of x."""
 
+    @abstractmethod
     def as_torch(self, weight: Array, bias: Array) -> tuple[Array, Array]:
-        """Views of arrays like the parameters': torch's order of axes, lanes last, without borders."""
-        raise NotImplementedError
+        """Views of arrays of the parameters' shape: torch's order of axes, lanes last, borders cut off."""
 
 
 class Convolution(Layer):
-    """nn.Conv2d and nn.ReLU; `first`: x are the images, whose gradient nobody asks for."""
+    """nn.Conv2d that halves the side, or nn.ConvTranspose2d that doubles it; x has been rectified, or is the images."""
 
-    def __init__(self, module: nn.Conv2d, x: Float[Array, "scene row column channel lane"], first: bool):
-        self.x, self.first = x, first
-        side = (x.shape[1] - 1) // 2  # half of the side without border, rounded up
-        self.y = allocate(len(x), side + 2, side + 2, module.out_channels)
-        self.weight = Parameter(3, 3, module.in_channels, module.out_channels)
+    def __init__(
+        self,
+        module: nn.Conv2d | nn.ConvTranspose2d,
+        x: Float[Array, "scene row column channel lane"],
+        mode: int,
+        back: int | None,
+    ):
+        self.halves = isinstance(module, nn.Conv2d)
+        side = x.shape[1] - 2
+        side = (side + 1) // 2 if self.halves else 2 * side - 1 + int(module.output_padding[0])
+        self.x, self.y, self.mode, self.back = x, allocate(len(x), side + 2, side + 2, module.out_channels), mode, back
+        self.big, self.small = (self.x, self.y) if self.halves else (self.y, self.x)
+        self.weight = Parameter(3, 3, self.big.shape[3], self.small.shape[3])
         self.bias = Parameter(module.out_channels)
 
     def forward(self):
-        lanes.gather(self.x, self.weight.value, self.bias.value, self.y, RELU)
+        self._convolve(self.halves, self.bias.value, self.mode)
 
     def backward(self):
-        lanes.correlate(self.x, self.y, self.weight.gradient)
+        lanes.correlate(self.big, self.small, self.weight.gradient)
         lanes.total(self.y, self.bias.gradient)
-        if not self.first:
-            lanes.scatter(self.y, self.weight.value, NO_BIAS, self.x, GATE)
+        if self.back is not None:
+            self._convolve(not self.halves, NO_BIAS, self.back)
 
-    def as_torch(self, weight, bias):
-        return weight.transpose(3, 2, 0, 1, 4), bias
-
-
-class Transposed(Layer):
-    """nn.ConvTranspose2d, and nn.ReLU unless it is the last."""
-
-    def __init__(self, module: nn.ConvTranspose2d, x: Float[Array, "scene row column channel lane"], mode: int):
-        self.x, self.mode = x, mode
-        side = 2 * (x.shape[1] - 2) - 1 + module.output_padding[0]
-        self.y = allocate(len(x), side + 2, side + 2, module.out_channels)
-        self.weight = Parameter(3, 3, module.out_channels, module.in_channels)
-        self.bias = Parameter(module.out_channels)
-
-    def forward(self):
-        lanes.scatter(self.x, self.weight.value, self.bias.value, self.y, self.mode)
-
-    def backward(self):
-        lanes.correlate(self.y, self.x, self.weight.gradient)
-        lanes.total(self.y, self.bias.gradient)
-        lanes.gather(self.y, self.weight.value, NO_BIAS, self.x, GATE)
+    def _convolve(self, halves: bool, bias: Array, mode: int) -> None:
+        if halves:
+            lanes.gather(self.big, self.weight.value, bias, self.small, mode)
+        else:
+            lanes.scatter(self.small, self.weight.value, bias, self.big, mode)
 
     def as_torch(self, weight, bias):
         return weight.transpose(3, 2, 0, 1, 4), bias
 
 
 class Dense(Layer):
-    """nn.Linear between rows of features or planes; `back` is GATE if x has been rectified, PUT if not."""
+    """nn.Linear from rows of features, or of planes, to rows of either."""
 
     def __init__(self, x: Float[Array, "row *input lane"], y: Float[Array, "row *output lane"], mode: int, back: int):
         self.x, self.y, self.mode, self.back = x, y, mode, back
-        inputs, outputs = (math.prod(array.shape[1:-1]) for array in (x, y))
-        self.weight, self.bias = Parameter(inputs, outputs), Parameter(outputs)
-        self.rows_x, self.rows_y = x.reshape(len(x), inputs, LANES), y.reshape(len(y), outputs, LANES)
+        self.inputs, self.outputs = (array.reshape(len(array), -1, LANES) for array in (x, y))
+        self.weight = Parameter(self.inputs.shape[1], self.outputs.shape[1])
+        self.bias = Parameter(self.outputs.shape[1])
 
     def forward(self):
-        lanes.dense(self.rows_x, self.weight.value, self.bias.value, self.rows_y, self.mode)
+        lanes.dense(self.inputs, self.weight.value, self.bias.value, self.outputs, self.mode)
 
     def backward(self):
-        lanes.dense_weights(self.rows_x, self.rows_y, self.weight.gradient)
-        lanes.total(self.rows_y[None, None], self.bias.gradient)
-        lanes.dense_backward(self.rows_y, self.weight.value, self.rows_x, self.back)
+        lanes.dense_weights(self.inputs, self.outputs, self.weight.gradient)
+        lanes.total(self.outputs[None, None], self.bias.gradient)
+        lanes.dense_backward(self.outputs, self.weight.value, self.inputs, self.back)
 
     def as_torch(self, weight, bias):
         inputs, outputs = self.x.shape[1:-1], self.y.shape[1:-1]
@@ -167,7 +156,9 @@ class Stack:
         self.images = planes = allocate(1, SIDE + 2, SIDE + 2, 3)
         for module in model.features:
             if isinstance(module, nn.Conv2d):
-                planes = add(self.encoder, Convolution(module, planes, first=planes is self.images), module)
+                planes = add(
+                    self.encoder, Convolution(module, planes, RELU, None if planes is self.images else GATE), module
+                )
         heads = [model.mean, model.log_variance] if weights.beta else [model.mean]
         self.code = allocate(1, len(heads) * model.latent)  # mean of z_image, then its log-variance
         add(self.encoder, Dense(planes, self.code, PUT, GATE), *heads)
@@ -179,7 +170,8 @@ class Stack:
             planes = add(self.decoder, Dense(self.z_image, allocate(*planes.shape[:-1]), RELU, PUT), linear)
             for module in model.decode:
                 if isinstance(module, nn.ConvTranspose2d):
-                    planes = add(self.decoder, Transposed(module, planes, PUT if module is last else RELU), module)
+                    mode = PUT if module is last else RELU
+                    planes = add(self.decoder, Convolution(module, planes, mode, GATE), module)
         self.decoded = planes  # as log-odds
 
         self.classifier: list[Layer] = []
@@ -203,10 +195,9 @@ class Stack:
                 yield f"{name}.weight", w
                 yield f"{name}.bias", b
 
-    def parameters(self) -> Iterator[Parameter]:
+    def parameters(self) -> list[Parameter]:
         """Every layer's."""
-        for layer in self.layers.values():
-            yield from (layer.weight, layer.bias)
+        return [parameter for layer in self.layers.values() for parameter in (layer.weight, layer.bias)]
 
     def gradient(
         self,
@@ -283,21 +274,20 @@ def fit_stack(
     Model by model what `training.fit` does, which also sees to demonstrations that are all valid or all invalid.
     """
     curves: dict[int, Array] = {}
-    varied = []
     for i, labels in enumerate(valid):
         if never_varies(labels):
             curves[i] = fit(models[i], images[i], z_theta[i], labels, weights, schedule, seeds[i])
-        else:
-            varied.append(i)
+    varied = [i for i in range(len(models)) if i not in curves]
     for start in range(0, len(varied), LANES):
         some = varied[start : start + LANES]
-        chosen = ([argument[i] for i in some] for argument in (models, images, z_theta, valid, seeds))
-        curves.update(zip(some, _descend(*chosen, weights, schedule), strict=True))
+        of_some = zip(*((models[i], images[i], z_theta[i], valid[i], seeds[i]) for i in some), strict=True)
+        curves.update(zip(some, _descend(tuple(of_some), weights, schedule), strict=True))
     return [curves[i] for i in range(len(models))]
 
 
-def _descend(models, images, z_theta, valid, seeds, weights: Weights, schedule: Schedule) -> list[Array]:
+def _descend(stacked: tuple[tuple, ...], weights: Weights, schedule: Schedule) -> list[Float[Array, "point 5"]]:
     """The gradient descent of one stack; a point of a curve is the loss before that many updates."""
+    models, images, z_theta, valid, seeds = stacked
     spare = [0] * (LANES - len(models))  # lanes without a model of their own do the first one's work again
     own = [*range(len(models)), *spare]
     pixels = np.stack([images[i] for i in own], -1)
@@ -306,7 +296,7 @@ def _descend(models, images, z_theta, valid, seeds, weights: Weights, schedule: 
     scenes, n, _ = labels.shape
     stack = Stack([models[i] for i in own], weights, n)
     generators = [torch.Generator().manual_seed(seed) for seed in seeds]
-    optimiser, cycle = schedule.optimiser(stack.parameters())
+    optimiser, cycle = schedule.optimiser([parameter.tensor for parameter in stack.parameters()])
     curve = []
     for step in range(schedule.steps):
         noise = [torch.randn(scenes, models[0].latent, generator=generator).numpy() for generator in generators]

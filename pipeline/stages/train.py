@@ -5,7 +5,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from pipeline.fitting import fit_variant, variant_settings
+from pipeline.fitting import fit_variant, one_by_one, variant_settings
 from pipeline.launch import launch
 from pipeline.spec.losses import Weights
 from pipeline.spec.training import CURVE, Schedule, fit
@@ -17,7 +17,16 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     weights = Weights(*(float(settings[name]) for name in ("alpha", "beta", "gamma")))
     t = cfg.train
     schedule = Schedule(t.steps, float(t.rate), float(t.weight_decay), t.curve_every)
-    fit_variant(cfg, out_dir, settings, partial(fit, weights=weights, schedule=schedule), CURVE)
+    match t.engine:
+        case "stacked":
+            from pipeline.spec.stacked import LANES, fit_stack  # compiles on its first import
+
+            train, at_once = partial(fit_stack, weights=weights, schedule=schedule), LANES
+        case "reference":
+            train, at_once = partial(one_by_one, partial(fit, weights=weights, schedule=schedule)), 1
+        case engine:
+            raise ValueError(f"train.engine is {engine!r}: expected stacked or reference")
+    fit_variant(cfg, out_dir, settings, train, CURVE, at_once)
 
 
 if __name__ == "__main__":

@@ -42,7 +42,7 @@ def drawn(seed: int, shape: str = "paper") -> VaeSpecification:
 
 
 def data(seed: int, scenes: int = 3, n: int = 4):
-    """Dark noise for images (the gradients of grey ones cancel); one path in four is valid, among them the second and not the first."""
+    """Dark noise for images, for the gradients of grey cancel; one path in four is valid, the first is not."""
     rng = np.random.default_rng(seed)
     valid = rng.random((scenes, n)) < 0.25
     valid[0, :2] = False, True
@@ -84,7 +84,8 @@ def test_gradient_is_that_of_equation_1_in_double_precision(variant, shape):
 def test_a_step_is_that_of_the_reference():
     once = Schedule(steps=4, rate=2e-3, weight_decay=0.01, curve_every=1)
     ours, theirs = drawn(1), drawn(1)
-    curve = fit_stack([ours], *([a] for a in data(1)), VARIANTS["full"], once, [7])[0]
+    images, z_theta, valid = data(1)
+    (curve,) = fit_stack([ours], [images], [z_theta], [valid], VARIANTS["full"], once, [7])
     np.testing.assert_allclose(curve, fit(theirs, *data(1), VARIANTS["full"], once, 7), rtol=1e-4, atol=1e-7)
     for name, value in theirs.state_dict().items():
         torch.testing.assert_close(ours.state_dict()[name], value, rtol=0, atol=2e-4)  # rate x steps is 8e-3
