@@ -24,7 +24,7 @@ LANES = 8
 VECTOR = ir.VectorType(ir.FloatType(), LANES)
 INTEGERS = ir.VectorType(ir.IntType(32), LANES)
 PUT, ADD, RELU, GATE = range(4)  # what becomes of a product: see `_put` and its neighbours
-TALL = 5 if get_host_cpu_features().get("avx512vl") else 3  # rows of a tile: 32 registers, or 16
+TALL = 5 if get_host_cpu_features().get("avx512vl") else 2  # rows of a tile: what 32 registers hold, or 16
 
 OFFSETS = types.intp[::1]
 FLAT, MATRIX, ROWS = types.float32[::1], types.float32[:, ::1], types.float32[:, :, ::1]
