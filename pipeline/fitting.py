@@ -1,6 +1,7 @@
 """What the stages that fit models share: one job for every (seed, user, n), its predictions, and the files written.
 
 A job is a model built from the variant's settings, a `fit` that trains it in place, and its judgement of the queries.
+A `fit` may take several jobs at once, alike in n and all with something to learn.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,11 +20,11 @@ from pipeline.artifacts.models import PREDICTION_COLUMNS, save_model
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.parallel import map_jobs
 from pipeline.params import InputError
-from pipeline.spec.registry import build
-from pipeline.spec.training import job_seed
+from pipeline.spec.specification import Specification, untrained
+from pipeline.spec.training import job_seed, never_varies
 
 KEY = ["seed", "user", "n"]
-Fit = Callable[..., np.ndarray]  # (model, images, z_theta, valid, seed=) -> learning curve (point, column); picklable
+Fit = Callable[..., list[np.ndarray]]  # (models, images, z_theta, valid, seeds=) -> their learning curves; picklable
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,7 @@ class Job:
     n: int
     variant: str
     settings: dict  # conf/variants/<variant>
+    kind: type[Specification]
     fit: Fit
     pools: dict[str, str]  # split -> pool of scenes that judges it
     scenes_dir: str
@@ -60,19 +62,35 @@ def variant_settings(cfg: DictConfig, stage: str) -> dict:
     return {str(name): value for name, value in settings.items()}
 
 
-def fit_variant(cfg: DictConfig, out_dir: Path, settings: dict, fit: Fit, columns: Sequence[str]) -> None:
-    """Fit `cfg.variant` for every seed, user and n, and write its files under `out_dir` once all are done.
+def one_by_one(fit: Callable[..., np.ndarray], models, images, z_theta, valid, seeds) -> list[np.ndarray]:
+    """A `fit` of one model at a time (model, images, z_theta, valid, seed=), for several."""
+    jobs = zip(models, images, z_theta, valid, seeds, strict=True)
+    return [fit(*arguments, seed=seed) for *arguments, seed in jobs]
+
+
+def fit_variant(
+    cfg: DictConfig,
+    out_dir: Path,
+    settings: dict,
+    kind: type[Specification],
+    fit: Fit,
+    columns: Sequence[str],
+    at_once: int = 1,
+) -> None:
+    """Fit `cfg.variant` for every seed, user and n, `at_once` together, and write its files under `out_dir` at the end.
 
     `columns`: of the learning curves, the first one `step`. Files: weights/, predictions.parquet, curves.parquet,
     curves.csv (mean over seeds) and metrics.json.
     """
-    jobs = _jobs(cfg, settings, fit)
+    jobs = _jobs(cfg, settings, kind, fit)
     queries = _check_inputs(jobs)
-    fitted = map_jobs(_run, jobs, cfg.workers, f"fit {cfg.variant}")
+    batches = map_jobs(_run, _batches(jobs, at_once), cfg.workers, f"fit {cfg.variant}")
+    by_key = {_key(f.job): f for batch in batches for f in batch}
+    fitted = [by_key[_key(job)] for job in jobs]
     predictions = pd.concat([_prediction_rows(f, queries) for f in fitted], ignore_index=True)
     curves = pd.concat([_curve_rows(f, columns) for f in fitted], ignore_index=True)
     for f in fitted:
-        model = build(f.job.settings)
+        model = untrained(kind, settings["model"], f.job.seed)
         model.load_state_dict({name: torch.from_numpy(value) for name, value in f.weights.items()})
         save_model(out_dir, model, f.job.user, f.job.seed, f.job.n)
     write_table(out_dir / "predictions.parquet", predictions)
@@ -92,12 +110,12 @@ def accuracy(predictions: pd.DataFrame) -> dict[str, dict[str, dict[str, float]]
     return table
 
 
-def _jobs(cfg: DictConfig, settings: dict, fit: Fit) -> list[Job]:
+def _jobs(cfg: DictConfig, settings: dict, kind: type[Specification], fit: Fit) -> list[Job]:
     """Every model this run fits."""
     seeds = list(cfg.protocol.seeds) if cfg.seed is None else [cfg.seed]
     return [
         Job(
-            seed, user, n, cfg.variant, settings, fit,
+            seed, user, n, cfg.variant, settings, kind, fit,
             {split: pool or train_pool(seed) for split, pool in cfg.protocol.splits.items()},
             cfg.paths.scenes, cfg.paths.demos,
         )
@@ -130,15 +148,28 @@ def _inputs(scenes_dir: str, demos_dir: str) -> tuple[SceneSet, pd.DataFrame, di
     return read_scenes(Path(scenes_dir)), read_demos(Path(demos_dir)), read_queries(Path(demos_dir))
 
 
-def _run(job: Job) -> Fitted:
-    """One job, in a process of its own: fit, then judge the queries of every split."""
-    scenes, demos, queries = _inputs(job.scenes_dir, job.demos_dir)
-    z, valid = demo_arrays(demos, job.seed, job.user, job.n)
-    seed = job_seed(job.seed, job.user, job.n, job.variant)
-    model = build(job.settings, seed)
-    curve = job.fit(model, scenes.images[train_pool(job.seed)], z, valid, seed=seed)
-    predictions = {split: model.probability(scenes.images[pool], queries[pool].z) for split, pool in job.pools.items()}
-    return Fitted(job, {k: v.numpy() for k, v in model.state_dict().items()}, curve, predictions)
+def _batches(jobs: list[Job], at_once: int) -> list[list[Job]]:
+    """Jobs to fit together; those whose labels never vary cost nothing and would take the place of others."""
+    alike: dict[tuple[int, bool], list[Job]] = {}
+    for job in jobs:
+        _, valid = demo_arrays(_inputs(job.scenes_dir, job.demos_dir)[1], job.seed, job.user, job.n)
+        alike.setdefault((job.n, never_varies(valid)), []).append(job)
+    return [group[i : i + at_once] for group in alike.values() for i in range(0, len(group), at_once)]
+
+
+def _run(batch: list[Job]) -> list[Fitted]:
+    """One batch, in a process of its own: fit, then judge the queries of every split."""
+    scenes, demos, queries = _inputs(batch[0].scenes_dir, batch[0].demos_dir)
+    seeds = [job_seed(job.seed, job.user, job.n, job.variant) for job in batch]
+    models = [untrained(job.kind, job.settings["model"], seed) for job, seed in zip(batch, seeds, strict=True)]
+    images = [scenes.images[train_pool(job.seed)] for job in batch]
+    z, valid = zip(*(demo_arrays(demos, job.seed, job.user, job.n) for job in batch), strict=True)
+    curves = batch[0].fit(models, images, z, valid, seeds=seeds)
+    fitted = []
+    for job, model, curve in zip(batch, models, curves, strict=True):
+        judged = {split: model.probability(scenes.images[pool], queries[pool].z) for split, pool in job.pools.items()}
+        fitted.append(Fitted(job, {k: v.numpy() for k, v in model.state_dict().items()}, curve, judged))
+    return fitted
 
 
 def _prediction_rows(fitted: Fitted, queries: dict[str, Queries]) -> pd.DataFrame:
@@ -156,6 +187,10 @@ def _curve_rows(fitted: Fitted, columns: Sequence[str]) -> pd.DataFrame:
     """One row per point of the learning curve."""
     curve = pd.DataFrame(fitted.curve, columns=list(columns)).astype({"step": int})
     return _keyed(curve, fitted.job)[KEY + list(columns)]
+
+
+def _key(job: Job) -> tuple[int, str, int]:
+    return job.seed, job.user, job.n
 
 
 def _keyed(rows: pd.DataFrame, job: Job) -> pd.DataFrame:

@@ -1,29 +1,21 @@
-"""From a variant's settings (conf/variants) to an untrained model."""
+"""From a variant's settings (conf/variants) to an untrained model.
+
+The stages that fit models name their kind themselves: a change of one kind leaves the others' results fresh.
+"""
 
 from collections.abc import Mapping
 from typing import Any
 
-import torch
-
 from pipeline.spec.reward import RewardMap
-from pipeline.spec.specification import Specification
+from pipeline.spec.specification import Specification, untrained
 from pipeline.spec.vae import VaeSpecification
 
-KINDS = ("vae", "reward")
+KINDS: dict[str, type[Specification]] = {"vae": VaeSpecification, "reward": RewardMap}
 
 
 def build(variant: Mapping[str, Any], seed: int = 0) -> Specification:
-    """The model of `variant.kind`, made of `variant.model`, its weights drawn from `seed` alone.
-
-    In eval mode; torch's global generator is left as it was. Raises ValueError for an unknown kind.
-    """
-    shape = dict(variant.get("model") or {})
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed)
-        match variant["kind"]:
-            case "vae":
-                return VaeSpecification(**shape).eval()
-            case "reward":
-                return RewardMap(**shape).eval()
-            case kind:
-                raise ValueError(f"kind {kind!r} of variant: expected one of {', '.join(KINDS)}; see conf/variants")
+    """The untrained model of `variant.kind`, made of `variant.model`. Raises ValueError for an unknown kind."""
+    kind = variant["kind"]
+    if kind not in KINDS:
+        raise ValueError(f"kind {kind!r} of variant: expected one of {', '.join(KINDS)}; see conf/variants")
+    return untrained(KINDS[kind], variant.get("model"), seed)

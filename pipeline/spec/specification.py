@@ -1,6 +1,8 @@
 """The interface every specification model answers to: P(valid | image, path) for one user."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import torch
@@ -45,3 +47,13 @@ class Specification(nn.Module, ABC):
             for i in range(0, len(images), SCENES_PER_BATCH)
         ]
         return torch.cat(parts).numpy()
+
+
+def untrained(kind: type[Specification], shape: Mapping[str, Any] | None, seed: int) -> Specification:
+    """A `kind` of that `shape` (its keyword arguments), its weights drawn from `seed` alone.
+
+    In eval mode; torch's global generator is left as it was.
+    """
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        return kind(**(shape or {})).eval()

@@ -1,12 +1,16 @@
 """Fits one user's model to its labelled demonstrations by full-batch gradient descent on Eq. 1."""
 
 import hashlib
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
+from torch import nn
+from torch.optim import AdamW
+from torch.optim.lr_scheduler import OneCycleLR
 
 from pipeline.spec.losses import Terms, Weights, equation_1
 from pipeline.spec.specification import to_tensor
@@ -31,11 +35,21 @@ class Schedule:
         if not self.weight_decay >= 0:
             raise ValueError(f"train.weight_decay is {self.weight_decay}: it must be 0 or more")
 
+    def optimiser(self, parameters: Iterable[nn.Parameter]) -> tuple[AdamW, OneCycleLR]:
+        """AdamW of `parameters`, and what paces it: both take a step after every gradient."""
+        optimiser = AdamW(parameters, lr=self.rate, weight_decay=self.weight_decay, fused=True)
+        return optimiser, OneCycleLR(optimiser, self.rate, total_steps=self.steps)
+
 
 def job_seed(*names: str | int) -> int:
     """A 63-bit seed of its own for each job, from what names it: e.g. (seed, user, n, variant)."""
     digest = hashlib.sha256("/".join(map(str, names)).encode()).digest()
     return int.from_bytes(digest[:8], "big") >> 1
+
+
+def never_varies(valid: Bool[Array, "*demo"]) -> bool:
+    """Whether demonstrations are all valid or all invalid: they say nothing about what changes validity."""
+    return bool(valid.all() or not valid.any())
 
 
 def laplace(valid: Bool[Array, "*demo"]) -> float:
@@ -54,11 +68,11 @@ def fit(
 ) -> Float[Array, "point 5"]:
     """Train `model` in place on n demonstrations [m] a scene; returns the learning curve (`CURVE`).
 
-    Demonstrations that are all valid (or all invalid) say nothing about what an image or a path changes: such
-    a user's model keeps its untrained encoder and gets a constant head instead, at Laplace's probability.
+    Where the demonstrations never vary, the model keeps its untrained encoder and gets a constant head instead, at
+    Laplace's probability.
     `seed` draws the latent noise; torch's global generator is left alone.
     """
-    if valid.all() or not valid.any():
+    if never_varies(valid):
         model.set_constant_head(laplace(valid))
         model.eval()
         loss = weights.gamma * -np.log(max(laplace(valid), 1 - laplace(valid)))
@@ -72,8 +86,7 @@ def _descend(model, images, z_theta, valid, weights, schedule, seed) -> Float[Ar
     z = torch.from_numpy(z_theta.astype(np.float32))  # (scene, n, 2)
     labels = torch.from_numpy(valid.astype(np.float32))  # (scene, n)
     generator = torch.Generator().manual_seed(seed)
-    optimiser = torch.optim.AdamW(model.parameters(), lr=schedule.rate, weight_decay=schedule.weight_decay, fused=True)
-    cycle = torch.optim.lr_scheduler.OneCycleLR(optimiser, schedule.rate, total_steps=schedule.steps)
+    optimiser, cycle = schedule.optimiser(model.parameters())
     curve: list[tuple[int, Terms]] = []
     model.train()
     for step in range(schedule.steps):

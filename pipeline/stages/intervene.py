@@ -8,8 +8,9 @@ import pandas as pd
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import write_arrays, write_json, write_table
-from pipeline.artifacts.models import load_model, model_dir, weights_path
+from pipeline.artifacts.models import model_dir, weights_path
 from pipeline.artifacts.scenes import layout_table, read_scenes
+from pipeline.artifacts.trained import load_model
 from pipeline.causal.interventions import expected_validity, ordered_pairs, over_placements, study, tally
 from pipeline.causal.scm import PARENTS
 from pipeline.launch import launch

@@ -5,17 +5,18 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from pipeline.fitting import fit_variant, variant_settings
+from pipeline.fitting import fit_variant, one_by_one, variant_settings
 from pipeline.launch import launch
 from pipeline.spec.irl import CURVE, Schedule, fit
 from pipeline.spec.jitter import Jitter
+from pipeline.spec.reward import RewardMap
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Weights, predictions.parquet, curves.parquet, curves.csv and metrics.json of `cfg.variant`."""
     settings = variant_settings(cfg, "irl")
     train = partial(fit, objective=settings["objective"], schedule=schedule(cfg, settings["steps"]))
-    fit_variant(cfg, out_dir, settings, train, CURVE)
+    fit_variant(cfg, out_dir, settings, RewardMap, partial(one_by_one, train), CURVE)
 
 
 def schedule(cfg: DictConfig, steps: int) -> Schedule:

@@ -10,8 +10,9 @@ from tqdm import tqdm
 
 from pipeline.artifacts.demos import DEMO_KEY, demo_arrays, read_demos, read_recordings
 from pipeline.artifacts.files import read_arrays, read_table, write_table, write_whole
-from pipeline.artifacts.models import load_model, model_dir, weights_path
+from pipeline.artifacts.models import model_dir, weights_path
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
+from pipeline.artifacts.trained import load_model
 from pipeline.launch import launch
 from pipeline.parallel import map_jobs
 from pipeline.params import InputError

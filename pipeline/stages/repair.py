@@ -8,8 +8,9 @@ import pandas as pd
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import write_arrays, write_json, write_table
-from pipeline.artifacts.models import load_model, model_dir, weights_path
+from pipeline.artifacts.models import model_dir, weights_path
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
+from pipeline.artifacts.trained import load_model
 from pipeline.causal.statistics import quartiles
 from pipeline.launch import launch
 from pipeline.parallel import map_jobs

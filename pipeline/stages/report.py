@@ -9,8 +9,9 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.demos import demo_arrays, read_demos
 from pipeline.artifacts.files import read_arrays, read_json, read_table, write_json, write_whole
-from pipeline.artifacts.models import load_model, model_dir
+from pipeline.artifacts.models import model_dir
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
+from pipeline.artifacts.trained import load_model
 from pipeline.causal.statistics import SMALLEST_EFFECT
 from pipeline.launch import launch
 from pipeline.params import InputError

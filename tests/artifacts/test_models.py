@@ -7,7 +7,8 @@ import pytest
 import torch
 from omegaconf import DictConfig, OmegaConf
 
-from pipeline.artifacts.models import load_model, model_dir, save_model, weights_path
+from pipeline.artifacts.models import model_dir, save_model, weights_path
+from pipeline.artifacts.trained import load_model
 from pipeline.params import InputError, compose
 from pipeline.spec.registry import build
 

@@ -9,8 +9,9 @@ import torch
 from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.files import read_arrays, read_json, read_table
-from pipeline.artifacts.models import load_model, model_dir, save_model, weights_path
+from pipeline.artifacts.models import model_dir, save_model, weights_path
 from pipeline.artifacts.scenes import SceneSet, read_scenes, write_scenes
+from pipeline.artifacts.trained import load_model
 from pipeline.params import InputError, compose
 from pipeline.spec.registry import build
 from pipeline.stages import intervene

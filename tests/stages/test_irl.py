@@ -9,8 +9,9 @@ import pytest
 
 from pipeline.artifacts.demos import DEMO_COLUMNS, Queries, read_queries, write_demos, write_queries
 from pipeline.artifacts.files import read_json, read_table
-from pipeline.artifacts.models import PREDICTION_COLUMNS, load_model
+from pipeline.artifacts.models import PREDICTION_COLUMNS
 from pipeline.artifacts.scenes import SceneSet, read_scenes, write_scenes
+from pipeline.artifacts.trained import load_model
 from pipeline.params import compose
 from pipeline.stages.irl import main
 from pipeline.table.layout import empty

@@ -10,8 +10,9 @@ from rerun.chunk import RrdReader
 
 from pipeline.artifacts.demos import write_demos
 from pipeline.artifacts.files import read_table, write_arrays, write_table
-from pipeline.artifacts.models import load_model, model_dir, save_model, weights_path
+from pipeline.artifacts.models import model_dir, save_model, weights_path
 from pipeline.artifacts.scenes import SceneSet, read_scenes, write_scenes
+from pipeline.artifacts.trained import load_model
 from pipeline.params import InputError, compose
 from pipeline.spec.registry import build
 from pipeline.stages.record import main

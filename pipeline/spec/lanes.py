@@ -1,0 +1,412 @@
+"""Kernels that train eight models at once, one in each SIMD lane of a float32 vector, compiled by Numba.
+
+Every array ends in an axis of `LANES`: entry [..., lane] belongs to model `lane`, and no operation mixes lanes, so
+a model's bits depend neither on its neighbours nor on its place. Convolutions and dense layers alike are strided
+matrix products, and those are sums of outer products on a `Tile` of vectors that stays in registers (`_block`).
+
+All that is compiled stands in this file: Numba compiles a cached function anew when its own file has changed, and
+looks at no other.
+"""
+
+# pyright: reportCallIssue=false
+# An intrinsic's first argument is Numba's own.
+
+import inspect
+
+import numpy as np
+from llvmlite import ir
+from llvmlite.binding import get_host_cpu_features
+from numba import njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic, models, register_model
+
+LANES = 8
+VECTOR = ir.VectorType(ir.FloatType(), LANES)
+INTEGERS = ir.VectorType(ir.IntType(32), LANES)
+PUT, ADD, RELU, GATE = range(4)  # what becomes of a product: see `_put` and its neighbours
+TALL = 5 if get_host_cpu_features().get("avx512vl") else 2  # rows of a tile: what 32 registers hold, or 16
+
+OFFSETS = types.intp[::1]
+FLAT, MATRIX, ROWS = types.float32[::1], types.float32[:, ::1], types.float32[:, :, ::1]
+PLANES = KERNEL = types.float32[:, :, :, :, ::1]
+PIXELS = types.uint8[:, :, :, :, ::1]
+
+
+def compiled(*arguments, returns=types.void):
+    """Compile for these types on import, unless the cache has it: what imports this module is ready to run."""
+    return _bare(njit(returns(*arguments), cache=True, error_model="numpy"))
+
+
+def _bare(decorator):
+    """`decorator` of the function itself, without the checks of its arguments that tests wrap it in."""
+    return lambda function: decorator(inspect.unwrap(function))
+
+
+inlined = _bare(njit(forceinline=True, error_model="numpy"))
+
+
+class Tile(types.Type):
+    """rows x columns vectors in registers: an ordinary local variable of a compiled function."""
+
+    def __init__(self, rows: int, columns: int):
+        self.rows, self.columns = rows, columns
+        super().__init__(f"Tile({rows}, {columns})")
+
+
+@register_model(Tile)
+class _TileModel(models.PrimitiveModel):
+    def __init__(self, manager, tile):
+        super().__init__(manager, tile, ir.ArrayType(VECTOR, tile.rows * tile.columns))
+
+
+def _pointer(context, builder, kind, array, index):
+    """Address of the index-th vector of a contiguous array."""
+    data = context.make_array(kind)(context, builder, array).data
+    return builder.gep(builder.bitcast(data, VECTOR.as_pointer()), [index])
+
+
+def _load(builder, pointer):
+    vector = builder.load(pointer)
+    vector.align = 4
+    return vector
+
+
+def _call(builder, name, *arguments):
+    """LLVM's own `name` on vectors."""
+    kind = ir.FunctionType(VECTOR, [VECTOR] * len(arguments))
+    return builder.call(cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{LANES}f32"), arguments)
+
+
+def _each(builder, tile, function):
+    """The tile whose entries are function(row, column) -> vector."""
+    value = ir.Constant(ir.ArrayType(VECTOR, tile.rows * tile.columns), ir.Undefined)
+    for row in range(tile.rows):
+        for column in range(tile.columns):
+            value = builder.insert_value(value, function(row, column), row * tile.columns + column)
+    return value
+
+
+@intrinsic(prefer_literal=True)
+def zeros(typingctx, rows, columns):
+    """A tile of zeros."""
+    tile = Tile(rows.literal_value, columns.literal_value)
+    return tile(rows, columns), lambda context, builder, sig, args: ir.Constant(context.get_value_type(tile), None)
+
+
+@intrinsic
+def repeat(typingctx, tile, array, index, step):
+    """The tile whose every row is array[index + step * column]."""
+
+    def generate(context, builder, sig, args):
+        _, data, first, stride = args
+        row = []
+        for _ in range(tile.columns):
+            row.append(_load(builder, _pointer(context, builder, array, data, first)))
+            first = builder.add(first, stride)
+        return _each(builder, tile, lambda r, c: row[c])
+
+    return tile(tile, array, types.intp, types.intp), generate
+
+
+@intrinsic
+def outer(typingctx, tile, left, i, i_step, right, j, j_step):
+    """tile[row, column] + left[i + i_step * row] * right[j + j_step * column], rounded once."""
+
+    def generate(context, builder, sig, args):
+        def vectors(kind, data, first, stride, count):
+            for _ in range(count):
+                yield _load(builder, _pointer(context, builder, kind, data, first))
+                first = builder.add(first, stride)
+
+        a = list(vectors(left, *args[1:4], tile.rows))
+        b = list(vectors(right, *args[4:7], tile.columns))
+        return _each(
+            builder, tile,
+            lambda r, c: _call(builder, "fma", a[r], b[c], builder.extract_value(args[0], r * tile.columns + c)),
+        )  # fmt: skip
+
+    return tile(tile, left, types.intp, types.intp, right, types.intp, types.intp), generate
+
+
+def _writer(combine):
+    """An intrinsic that makes array[index + row_step * row + column] combine(builder, tile[row, column], itself)."""
+
+    @intrinsic
+    def write(typingctx, tile, array, index, row_step):
+        def generate(context, builder, sig, args):
+            value, data, place, stride = args
+            for row in range(tile.rows):
+                for column in range(tile.columns):
+                    at = builder.add(place, ir.Constant(place.type, column))
+                    pointer = _pointer(context, builder, array, data, at)
+                    new = builder.extract_value(value, row * tile.columns + column)
+                    builder.store(combine(builder, new, _load(builder, pointer)), pointer).align = 4
+                place = builder.add(place, stride)
+            return context.get_dummy_value()
+
+        return types.void(tile, array, types.intp, types.intp), generate
+
+    return write
+
+
+def _rectified(builder, sign, vector):
+    """`vector` where `sign` is positive, else 0; not-a-number passes through."""
+    zero = ir.Constant(VECTOR, None)
+    return builder.select(builder.fcmp_ordered("<=", sign, zero), zero, vector)
+
+
+_put = _writer(lambda builder, new, old: new)
+_add = _writer(lambda builder, new, old: builder.fadd(old, new))
+_relu = _writer(lambda builder, new, old: _rectified(builder, new, new))
+_gate = _writer(lambda builder, new, old: _rectified(builder, old, new))
+
+
+def _sigmoid(builder, x):
+    """1 / (1 + exp(-x)) by Cephes' polynomial for exp, within 2 units in the last place."""
+
+    def constant(value):
+        return ir.Constant(VECTOR, [value] * LANES)
+
+    x = builder.select(builder.fcmp_ordered(">", x, constant(87.0)), constant(87.0), x)  # a NaN passes through
+    x = builder.fneg(builder.select(builder.fcmp_ordered("<", x, constant(-87.0)), constant(-87.0), x))
+    power = _call(builder, "rint", builder.fmul(x, constant(1.44269504)))  # exp(x) = 2**power * exp(rest)
+    rest = _call(builder, "fma", power, constant(-0.693359375), x)
+    rest = _call(builder, "fma", power, constant(2.12194440e-4), rest)
+    series = constant(1.9875691500e-4)
+    for coefficient in (1.3981999507e-3, 8.3334519073e-3, 4.1665795894e-2, 1.6666665459e-1, 5.0000001201e-1, 1.0, 1.0):
+        series = _call(builder, "fma", series, rest, constant(coefficient))
+    exponent = builder.add(builder.fptosi(power, INTEGERS), ir.Constant(INTEGERS, [127] * LANES))
+    scale = builder.bitcast(builder.shl(exponent, ir.Constant(INTEGERS, [23] * LANES)), VECTOR)
+    return builder.fdiv(constant(1.0), _call(builder, "fma", series, scale, constant(1.0)))
+
+
+@intrinsic
+def _squared_error(typingctx, total, logits, images, index, scale):
+    """total + d**2, where d = sigmoid(logits[index]) - images[index]; scale * d(d**2)/2 overwrites the logits."""
+
+    def generate(context, builder, sig, args):
+        pointer = _pointer(context, builder, logits, args[1], args[3])
+        image = _load(builder, _pointer(context, builder, images, args[2], args[3]))
+        factor = ir.Constant(VECTOR, ir.Undefined)
+        for lane in range(LANES):
+            factor = builder.insert_element(factor, args[4], ir.Constant(ir.IntType(32), lane))
+        p = _sigmoid(builder, _load(builder, pointer))
+        error = builder.fsub(p, image)
+        slope = builder.fmul(p, builder.fsub(ir.Constant(VECTOR, [1.0] * LANES), p))
+        builder.store(builder.fmul(builder.fmul(factor, error), slope), pointer).align = 4
+        before = builder.extract_value(args[0], 0)
+        return _each(builder, total, lambda r, c: _call(builder, "fma", error, error, before))
+
+    return total(total, logits, images, types.intp, types.float32), generate
+
+
+@inlined
+def _block(tile, out, a, b, bias, steps, mode):
+    """One tile of `product`."""
+    tile = repeat(tile, *bias)
+    for a_step, b_step in zip(*steps):  # noqa: B905 - unknown to Numba
+        tile = outer(tile, a[0], a[1] + a_step, a[2], b[0], b[1] + b_step, b[2])
+    if mode == PUT:
+        _put(tile, *out)
+    elif mode == ADD:
+        _add(tile, *out)
+    elif mode == RELU:
+        _relu(tile, *out)
+    else:
+        _gate(tile, *out)
+
+
+@inlined
+def _strip(tiles, rows, out, a, b, bias, steps, mode):
+    """Every row of `product`, in as many columns as the tiles have."""
+    tall, four, three, two, one = tiles
+    for row in range(0, rows, TALL):
+        here, left = (out[0], out[1] + row * out[2], out[2]), (a[0], a[1] + row * a[2], a[2])
+        if rows - row >= TALL:
+            _block(tall, here, left, b, bias, steps, mode)
+        elif rows - row == 4:
+            _block(four, here, left, b, bias, steps, mode)
+        elif rows - row == 3:
+            _block(three, here, left, b, bias, steps, mode)
+        elif rows - row == 2:
+            _block(two, here, left, b, bias, steps, mode)
+        else:
+            _block(one, here, left, b, bias, steps, mode)
+
+
+OPERAND = types.Tuple((FLAT, types.intp, types.intp))
+
+
+@compiled(*[types.intp] * 2, *[OPERAND] * 4, types.UniTuple(OFFSETS, 2), types.intp)
+def product(rows, columns, out, a, b, bias, steps, mode):
+    """out[row, column] = bias[column] + sum over k of a[row, k] * b[k, column], or what `mode` makes of that.
+
+    Operands: (flat array, first vector, stride [vectors]), the stride that of out's and a's rows, of b's and the
+    bias's columns. `steps`: offsets [vectors] of each k, in a and in b.
+    """
+    column = 0
+    while column < columns:
+        here = out[0], out[1] + column, out[2]
+        right = b[0], b[1] + column * b[2], b[2]
+        start = bias[0], bias[1] + column * bias[2], bias[2]
+        if columns - column >= 4:
+            by_4 = zeros(TALL, 4), zeros(4, 4), zeros(3, 4), zeros(2, 4), zeros(1, 4)
+            _strip(by_4, rows, here, a, right, start, steps, mode)
+            column += 4
+        elif columns - column == 3:
+            by_3 = zeros(TALL, 3), zeros(4, 3), zeros(3, 3), zeros(2, 3), zeros(1, 3)
+            _strip(by_3, rows, here, a, right, start, steps, mode)
+            column += 3
+        else:
+            by_1 = zeros(TALL, 1), zeros(4, 1), zeros(3, 1), zeros(2, 1), zeros(1, 1)
+            _strip(by_1, rows, here, a, right, start, steps, mode)
+            column += 1
+
+
+@compiled(*[types.UniTuple(types.intp, 3)] * 3, returns=types.UniTuple(OFFSETS, 2))
+def _sum(counts, a_strides, b_strides):
+    """Offsets in a and in b that three nested loops visit, outermost first: the steps of a `product`."""
+    a_steps = np.empty(counts[0] * counts[1] * counts[2], np.intp)
+    b_steps = np.empty_like(a_steps)
+    for step in range(a_steps.size):
+        i, j, k = step // (counts[1] * counts[2]), step // counts[2] % counts[1], step % counts[2]
+        a_steps[step] = i * a_strides[0] + j * a_strides[1] + k * a_strides[2]
+        b_steps[step] = i * b_strides[0] + j * b_strides[1] + k * b_strides[2]
+    return a_steps, b_steps
+
+
+@compiled(PLANES, KERNEL, MATRIX, PLANES, types.intp)
+def gather(big, weights, bias, small, mode):
+    """Stride-2 3x3 convolution from planes `big` to planes `small`, or the gradient of `scatter`.
+
+    Planes: (scene, 1 + row + 1, 1 + column + 1, channel, lane), their border zero. Weights: (3, 3, big channel, small
+    channel, lane). Bias: (small channel, lane), or one vector for all.
+    """
+    scenes, height, width, wide, _ = big.shape
+    narrow = small.shape[3]
+    pitch, small_pitch = width * wide, small.shape[2] * narrow
+    x, w, c, y = big.reshape(-1), weights.reshape(-1), bias.reshape(-1), small.reshape(-1)
+    steps = _sum((1, 3, 3 * wide), (0, pitch, 1), (0, 3 * wide * narrow, narrow))
+    for scene in range(scenes):
+        for row in range(small.shape[1] - 2):
+            out = (y, (scene * small.shape[1] + row + 1) * small_pitch + narrow, narrow)
+            a = (x, (scene * height + 2 * row) * pitch, 2 * wide)
+            product(small.shape[2] - 2, narrow, out, a, (w, 0, 1), (c, 0, len(bias) > 1), steps, mode)
+
+
+@compiled(PLANES, KERNEL, MATRIX, PLANES, types.intp)
+def scatter(small, weights, bias, big, mode):
+    """Transposed convolution from planes `small` to planes `big`, or the gradient of `gather`; arrays as there.
+
+    An even row of `big` lies under one row of `small`, an odd one under two; columns likewise.
+    """
+    scenes, height, width, wide, _ = big.shape
+    narrow = small.shape[3]
+    pitch, small_pitch = width * wide, small.shape[2] * narrow
+    x, w, c, y = small.reshape(-1), weights.reshape(-1), bias.reshape(-1), big.reshape(-1)
+    tap = wide * narrow
+    a_strides, b_strides = (small_pitch, narrow, 1), (-6 * tap, -2 * tap, 1)
+    steps = (
+        (_sum((1, 1, narrow), a_strides, b_strides), _sum((1, 2, narrow), a_strides, b_strides)),
+        (_sum((2, 1, narrow), a_strides, b_strides), _sum((2, 2, narrow), a_strides, b_strides)),
+    )  # [odd row][odd column]
+    for scene in range(scenes):
+        for row in range(height - 2):
+            odd = row % 2
+            a = (x, (scene * small.shape[1] + row // 2 + 1) * small_pitch + narrow, narrow)
+            for odd_column in range(2):
+                out = (y, (scene * height + row + 1) * pitch + (1 + odd_column) * wide, 2 * wide)
+                b = (w, (1 + odd) * 3 * tap + (1 + odd_column) * tap, narrow)
+                columns = (width - 1 - odd_column) // 2
+                product(columns, wide, out, a, b, (c, 0, len(bias) > 1), steps[odd][odd_column], mode)
+
+
+@compiled(PLANES, PLANES, KERNEL)
+def correlate(big, small, weights):
+    """Add to `weights` the gradient of `gather` and `scatter` with respect to theirs, from values and a gradient."""
+    scenes, height, width, wide, _ = big.shape
+    narrow = small.shape[3]
+    pitch, small_pitch = width * wide, small.shape[2] * narrow
+    x, y, w = big.reshape(-1), small.reshape(-1), weights.reshape(-1)
+    zero, part = np.zeros(LANES, np.float32), np.empty_like(w)
+    steps = _sum((1, 1, small.shape[2] - 2), (0, 0, 2 * wide), (0, 0, narrow))
+    for scene in range(scenes):
+        part[:] = 0
+        for row in range(small.shape[1] - 2):
+            b = (y, (scene * small.shape[1] + row + 1) * small_pitch + narrow, 1)
+            for tap in range(3):
+                out = (part, tap * 3 * wide * narrow, narrow)
+                a = (x, (scene * height + 2 * row + tap) * pitch, 1)
+                product(3 * wide, narrow, out, a, b, (zero, 0, 0), steps, ADD)
+        w += part
+
+
+@compiled(PLANES, MATRIX)
+def total(values, sums):
+    """Add to `sums` (channel, lane) the values (scene, row, column, channel, lane) of each channel."""
+    scenes, rows, columns, channels, _ = values.shape
+    x, y = values.reshape(-1), sums.reshape(-1)
+    zero, one, part = np.zeros(LANES, np.float32), np.ones(LANES, np.float32), np.empty_like(y)
+    steps = _sum((1, 1, columns), (0, 0, 0), (0, 0, channels))
+    for scene in range(scenes):
+        part[:] = 0
+        for row in range(rows):
+            b = (x, (scene * rows + row) * columns * channels, 1)
+            product(1, channels, (part, 0, 0), (one, 0, 0), b, (zero, 0, 0), steps, ADD)
+        y += part
+
+
+@compiled(ROWS, ROWS, MATRIX, ROWS, types.intp)
+def dense(x, weights, bias, y, mode):
+    """y (row, output, lane) = bias + x (row, input, lane) weights (input, output, lane)."""
+    rows, outputs, _ = y.shape
+    out, a, b = (y.reshape(-1), 0, outputs), (x.reshape(-1), 0, x.shape[1]), (weights.reshape(-1), 0, 1)
+    steps = _sum((1, 1, x.shape[1]), (0, 0, 1), (0, 0, outputs))
+    product(rows, outputs, out, a, b, (bias.reshape(-1), 0, 1), steps, mode)
+
+
+@compiled(ROWS, ROWS, ROWS, types.intp)
+def dense_backward(dy, weights, x, mode):
+    """The gradient of `dense` with respect to x overwrites x."""
+    rows, inputs, _ = x.shape
+    out, a, b = (x.reshape(-1), 0, inputs), (dy.reshape(-1), 0, dy.shape[1]), (weights.reshape(-1), 0, dy.shape[1])
+    steps = _sum((1, 1, dy.shape[1]), (0, 0, 1), (0, 0, 1))
+    product(rows, inputs, out, a, b, (np.zeros(LANES, np.float32), 0, 0), steps, mode)
+
+
+@compiled(ROWS, ROWS, ROWS)
+def dense_weights(x, dy, weights):
+    """Add to `weights` the gradient of `dense` with respect to its weights."""
+    inputs, outputs, _ = weights.shape
+    out, a, b = (weights.reshape(-1), 0, outputs), (x.reshape(-1), 0, 1), (dy.reshape(-1), 0, 1)
+    steps = _sum((1, 1, len(x)), (0, 0, inputs), (0, 0, outputs))
+    product(inputs, outputs, out, a, b, (np.zeros(LANES, np.float32), 0, 0), steps, ADD)
+
+
+@compiled(PIXELS, PLANES)
+def unpack(images, planes):
+    """8-bit images (scene, row, column, channel, lane) as intensities in [0, 1], inside the planes' border."""
+    scenes, height, _, channels, _ = images.shape
+    for scene in range(scenes):
+        for row in range(height):
+            source = images[scene, row].reshape(-1)
+            inside = planes[scene, row + 1].reshape(-1)[channels * LANES :]
+            for i in range(source.size):
+                inside[i] = np.float32(source[i]) / np.float32(255)
+
+
+@compiled(PLANES, PLANES, types.float32, MATRIX)
+def squared_error(logits, images, scale, error):
+    """Add to `error` (1, lane) the squared error of sigmoid(logits) as images, both planes.
+
+    Its gradient, times scale / 2, overwrites the logits.
+    """
+    scenes, height, width, channels, _ = logits.shape
+    x, y, sums = logits.reshape(-1), images.reshape(-1), error.reshape(-1)
+    for scene in range(scenes):
+        for row in range(1, height - 1):
+            first = ((scene * height + row) * width + 1) * channels
+            tile = zeros(1, 1)
+            for i in range(first, first + (width - 2) * channels):
+                tile = _squared_error(tile, x, y, i, scale)
+            _add(tile, sums, 0, 0)

@@ -1,0 +1,314 @@
+"""Fits several users' models at once, one in each SIMD lane (pipeline.spec.lanes): `training.fit` for a stack.
+
+The models of a stack share their weights of Eq. 1, number of demonstrations and schedule; images, demonstrations
+and seeds are each model's own. What a model becomes does not depend, to the last bit, on the others. Against
+`training.fit` sums are taken in another order, so trained weights differ by amplified rounding.
+
+A layer reads one array and writes the next. On the way back it finds there the loss's gradient, adds to that of its
+weights and overwrites what it had read with the gradient of that. Planes have a border of zeros; dense layers read
+and write them border and all, for the border's weights are 0 and stay so. One scene goes forth and back at a time:
+its activations stay in the cache.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, UInt8
+from numpy import ndarray as Array
+from scipy.special import expit, log_expit
+from torch import nn
+
+from pipeline.spec import lanes
+from pipeline.spec.lanes import GATE, LANES, PUT, RELU
+from pipeline.spec.losses import Weights
+from pipeline.spec.training import Schedule, fit, never_varies
+from pipeline.spec.vae import SIDE, Z_CENTRE, Z_SCALE, VaeSpecification
+
+
+def allocate(*shape: int) -> Float[Array, "*shape lane"]:
+    """Zeros, aligned to cache lines: a vector across two of them takes twice as long."""
+    size = math.prod(shape) * LANES
+    buffer = np.zeros(size + 16, np.float32)
+    start = -buffer.ctypes.data // 4 % 16
+    return buffer[start : start + size].reshape(*shape, LANES)
+
+
+NO_BIAS = allocate(1)
+
+
+class Parameter:
+    """A layer's weights or biases and their gradient (..., lane); `tensor` is the same memory as optimisers take it."""
+
+    def __init__(self, *shape: int):
+        self.value, self.gradient = allocate(*shape), allocate(*shape)
+        self.tensor = nn.Parameter(torch.from_numpy(self.value))
+        self.tensor.grad = torch.from_numpy(self.gradient)
+
+
+class Layer(ABC):
+    """From array `x` to array `y`; `mode` is what `lanes` does to y, `back` what it does to the gradient of x."""
+
+    x: Array
+    y: Array
+    weight: Parameter
+    bias: Parameter
+
+    @abstractmethod
+    def forward(self) -> None:
+        """Write y."""
+
+    @abstractmethod
+    def backward(self) -> None:
+        """y holds its gradient: add to that of weight and bias, overwrite x with that of x."""
+
+    @abstractmethod
+    def as_torch(self, weight: Array, bias: Array) -> tuple[Array, Array]:
+        """Views of arrays of the parameters' shape: torch's order of axes, lanes last, borders cut off."""
+
+
+class Convolution(Layer):
+    """nn.Conv2d that halves the side, or nn.ConvTranspose2d that doubles it; x has been rectified, or is the images."""
+
+    def __init__(
+        self,
+        module: nn.Conv2d | nn.ConvTranspose2d,
+        x: Float[Array, "scene row column channel lane"],
+        mode: int,
+        back: int | None,
+    ):
+        self.halves = isinstance(module, nn.Conv2d)
+        side = x.shape[1] - 2
+        side = (side + 1) // 2 if self.halves else 2 * side - 1 + int(module.output_padding[0])
+        self.x, self.y, self.mode, self.back = x, allocate(len(x), side + 2, side + 2, module.out_channels), mode, back
+        self.big, self.small = (self.x, self.y) if self.halves else (self.y, self.x)
+        self.weight = Parameter(3, 3, self.big.shape[3], self.small.shape[3])
+        self.bias = Parameter(module.out_channels)
+
+    def forward(self):
+        self._convolve(self.halves, self.bias.value, self.mode)
+
+    def backward(self):
+        lanes.correlate(self.big, self.small, self.weight.gradient)
+        lanes.total(self.y, self.bias.gradient)
+        if self.back is not None:
+            self._convolve(not self.halves, NO_BIAS, self.back)
+
+    def _convolve(self, halves: bool, bias: Array, mode: int) -> None:
+        if halves:
+            lanes.gather(self.big, self.weight.value, bias, self.small, mode)
+        else:
+            lanes.scatter(self.small, self.weight.value, bias, self.big, mode)
+
+    def as_torch(self, weight, bias):
+        return weight.transpose(3, 2, 0, 1, 4), bias
+
+
+class Dense(Layer):
+    """nn.Linear from rows of features, or of planes, to rows of either."""
+
+    def __init__(self, x: Float[Array, "row *input lane"], y: Float[Array, "row *output lane"], mode: int, back: int):
+        self.x, self.y, self.mode, self.back = x, y, mode, back
+        self.inputs, self.outputs = (array.reshape(len(array), -1, LANES) for array in (x, y))
+        self.weight = Parameter(self.inputs.shape[1], self.outputs.shape[1])
+        self.bias = Parameter(self.outputs.shape[1])
+
+    def forward(self):
+        lanes.dense(self.inputs, self.weight.value, self.bias.value, self.outputs, self.mode)
+
+    def backward(self):
+        lanes.dense_weights(self.inputs, self.outputs, self.weight.gradient)
+        lanes.total(self.outputs[None, None], self.bias.gradient)
+        lanes.dense_backward(self.outputs, self.weight.value, self.inputs, self.back)
+
+    def as_torch(self, weight, bias):
+        inputs, outputs = self.x.shape[1:-1], self.y.shape[1:-1]
+        weight = _channels_first(weight.reshape(*inputs, *outputs, LANES), 0, len(inputs))
+        weight = _channels_first(weight, len(inputs), len(outputs))
+        weight = np.moveaxis(weight, range(len(inputs)), range(len(outputs), len(outputs) + len(inputs)))
+        return weight, _channels_first(bias.reshape(*outputs, LANES), 0, len(outputs))
+
+
+def _channels_first(values: Array, axis: int, axes: int) -> Array:
+    """Of `axes` axes from `axis` on, (row, column, channel) become (channel, row, column) without border."""
+    if axes == 1:
+        return values
+    inside = (*[slice(None)] * axis, slice(1, -1), slice(1, -1))
+    return np.moveaxis(values[inside], axis + 2, axis)
+
+
+class Stack:
+    """`LANES` models of one shape, as layers that take one scene at a time with its n paths."""
+
+    def __init__(self, models: Sequence[VaeSpecification], weights: Weights, n: int):
+        self.weights, model = weights, models[0]
+        names = {module: name for name, module in model.named_modules()}
+        self.layers: dict[tuple[str, ...], Layer] = {}  # by the modules whose weights they hold
+
+        def add(chain: list[Layer], layer: Layer, *modules: nn.Module) -> Array:
+            self.layers[tuple(names[module] for module in modules)] = layer
+            chain.append(layer)
+            return layer.y
+
+        self.encoder: list[Layer] = []
+        self.images = planes = allocate(1, SIDE + 2, SIDE + 2, 3)
+        for module in model.features:
+            if isinstance(module, nn.Conv2d):
+                planes = add(
+                    self.encoder, Convolution(module, planes, RELU, None if planes is self.images else GATE), module
+                )
+        heads = [model.mean, model.log_variance] if weights.beta else [model.mean]
+        self.code = allocate(1, len(heads) * model.latent)  # mean of z_image, then its log-variance
+        add(self.encoder, Dense(planes, self.code, PUT, GATE), *heads)
+
+        self.decoder: list[Layer] = []
+        self.z_image = allocate(1, model.latent)
+        if weights.alpha:
+            linear, *_, last = (m for m in model.decode if isinstance(m, nn.Linear | nn.ConvTranspose2d))
+            planes = add(self.decoder, Dense(self.z_image, allocate(*planes.shape[:-1]), RELU, PUT), linear)
+            for module in model.decode:
+                if isinstance(module, nn.ConvTranspose2d):
+                    mode = PUT if module is last else RELU
+                    planes = add(self.decoder, Convolution(module, planes, mode, GATE), module)
+        self.decoded = planes  # as log-odds
+
+        self.classifier: list[Layer] = []
+        self.demos = rows = allocate(n, model.latent + 2)  # z_image, z_theta
+        linears = [module for module in model.classifier if isinstance(module, nn.Linear)]
+        for module in linears:
+            mode, back = PUT if module is linears[-1] else RELU, PUT if rows is self.demos else GATE
+            y = allocate(len(rows), module.out_features)
+            rows = add(self.classifier, Dense(rows, y, mode, back), module)
+        self.logits = rows
+
+        for name, tensor in self.tensors("value"):
+            for lane, model in enumerate(models):
+                tensor[..., lane] = model.get_parameter(name).detach().reshape(tensor.shape[:-1])
+
+    def tensors(self, kind: str) -> Iterator[tuple[str, Float[Array, "*shape lane"]]]:
+        """Every trained tensor's name and its `kind` (an attribute of Parameter): a view in torch's order of axes."""
+        for names, layer in self.layers.items():
+            weight, bias = layer.as_torch(getattr(layer.weight, kind), getattr(layer.bias, kind))
+            for name, w, b in zip(names, np.split(weight, len(names)), np.split(bias, len(names)), strict=True):
+                yield f"{name}.weight", w
+                yield f"{name}.bias", b
+
+    def parameters(self) -> list[Parameter]:
+        """Every layer's."""
+        return [parameter for layer in self.layers.values() for parameter in (layer.weight, layer.bias)]
+
+    def gradient(
+        self,
+        images: UInt8[Array, "scene 100 100 3 lane"],
+        z_theta: Float[Array, "scene n 2 lane"],
+        valid: Bool[Array, "scene n lane"],
+        noise: Float[Array, "scene latent lane"],
+    ) -> Float[Array, "3 lane"]:
+        """The terms of Eq. 1 as they enter the sum; its gradient is left in the parameters."""
+        for parameter in self.parameters():
+            parameter.gradient.fill(0)
+        terms = np.zeros((3, LANES), np.float32)
+        for scene in zip(images, z_theta, valid, noise, strict=True):
+            terms += self._scene(*scene, share=1 / len(images))
+        return terms
+
+    def _scene(self, image, z_theta, valid, noise, share: float) -> Float[Array, "3 lane"]:
+        """What one scene, weighted by its `share` of all, adds to the terms and to the gradient."""
+        alpha, beta, gamma = (share * weight for weight in (self.weights.alpha, self.weights.beta, self.weights.gamma))
+        latent, terms = self.z_image.shape[1], allocate(3)
+        lanes.unpack(image[None], self.images)
+        _forward(self.encoder)
+        mean, log_variance = self.code[0, :latent], self.code[0, latent:]
+        deviation = np.exp(0.5 * log_variance) if beta else np.float32(0)
+        self.z_image[0] = mean + noise * deviation
+        self.demos[:, :latent], self.demos[:, latent:] = self.z_image, z_theta
+
+        _forward(self.classifier)
+        gamma /= len(valid)
+        logits = self.logits[:, 0]
+        terms[2] = -gamma * np.where(valid, log_expit(logits), log_expit(-logits)).sum(0)
+        logits[:] = gamma * (expit(logits) - valid)
+        _backward(self.classifier)
+        slope = self.demos[:, :latent].sum(0)  # with respect to z_image
+
+        if alpha:
+            alpha /= image.size // LANES
+            _forward(self.decoder)
+            lanes.squared_error(self.decoded, self.images, 2 * alpha, terms[:1])
+            terms[0] *= alpha
+            _backward(self.decoder)
+            slope += self.z_image[0]
+
+        if beta:
+            terms[1] = 0.5 * beta * (mean**2 + deviation**2 - log_variance - 1).sum(0)
+            log_variance[:] = 0.5 * (slope * noise * deviation + beta * (deviation**2 - 1))
+            slope += beta * mean
+        mean[:] = slope
+        _backward(self.encoder)
+        return terms
+
+
+def _forward(layers: Sequence[Layer]) -> None:
+    for layer in layers:
+        layer.forward()
+
+
+def _backward(layers: Sequence[Layer]) -> None:
+    for layer in reversed(layers):
+        layer.backward()
+
+
+def fit_stack(
+    models: Sequence[VaeSpecification],
+    images: Sequence[UInt8[Array, "scene 100 100 3"]],
+    z_theta: Sequence[Float[Array, "scene n 2"]],
+    valid: Sequence[Bool[Array, "scene n"]],
+    weights: Weights,
+    schedule: Schedule,
+    seeds: Sequence[int],
+) -> list[Float[Array, "point 5"]]:
+    """Train models in place, `LANES` at a time, each on its demonstrations [m]; their learning curves (`CURVE`).
+
+    Model by model what `training.fit` does, which also sees to demonstrations that are all valid or all invalid.
+    """
+    curves: dict[int, Array] = {}
+    for i, labels in enumerate(valid):
+        if never_varies(labels):
+            curves[i] = fit(models[i], images[i], z_theta[i], labels, weights, schedule, seeds[i])
+    varied = [i for i in range(len(models)) if i not in curves]
+    for start in range(0, len(varied), LANES):
+        some = varied[start : start + LANES]
+        of_some = zip(*((models[i], images[i], z_theta[i], valid[i], seeds[i]) for i in some), strict=True)
+        curves.update(zip(some, _descend(tuple(of_some), weights, schedule), strict=True))
+    return [curves[i] for i in range(len(models))]
+
+
+def _descend(stacked: tuple[tuple, ...], weights: Weights, schedule: Schedule) -> list[Float[Array, "point 5"]]:
+    """The gradient descent of one stack; a point of a curve is the loss before that many updates."""
+    models, images, z_theta, valid, seeds = stacked
+    spare = [0] * (LANES - len(models))  # lanes without a model of their own do the first one's work again
+    own = [*range(len(models)), *spare]
+    pixels = np.stack([images[i] for i in own], -1)
+    paths = (np.stack([z_theta[i] for i in own], -1).astype(np.float32) - Z_CENTRE) / Z_SCALE
+    labels = np.stack([valid[i] for i in own], -1)
+    scenes, n, _ = labels.shape
+    stack = Stack([models[i] for i in own], weights, n)
+    generators = [torch.Generator().manual_seed(seed) for seed in seeds]
+    optimiser, cycle = schedule.optimiser([parameter.tensor for parameter in stack.parameters()])
+    curve = []
+    for step in range(schedule.steps):
+        noise = [torch.randn(scenes, models[0].latent, generator=generator).numpy() for generator in generators]
+        terms = stack.gradient(pixels, paths, labels, np.stack([noise[i] for i in own], -1))
+        optimiser.step()
+        cycle.step()
+        if step % schedule.curve_every == 0 or step == schedule.steps - 1:
+            curve.append(np.vstack([np.full(LANES, step), terms, terms.sum(0)]))
+
+    with torch.no_grad():
+        for name, tensor in stack.tensors("value"):
+            for lane, model in enumerate(models):
+                parameter = model.get_parameter(name)
+                parameter.copy_(torch.from_numpy(tensor[..., lane]).reshape(parameter.shape))
+    return list(np.stack(curve)[..., : len(models)].transpose(2, 0, 1).astype(np.float64))

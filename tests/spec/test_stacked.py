@@ -1,0 +1,122 @@
+"""Facts about training in lanes: the gradient of Eq. 1, and the same bits whatever else is in the stack."""
+
+import copy
+import subprocess
+import sys
+from hashlib import sha256
+
+import numpy as np
+import pytest
+import torch
+
+from pipeline.spec.lanes import LANES
+from pipeline.spec.losses import Weights, equation_1
+from pipeline.spec.registry import build
+from pipeline.spec.stacked import Stack, fit_stack
+from pipeline.spec.training import Schedule, fit
+from pipeline.spec.vae import Z_CENTRE, Z_SCALE, VaeSpecification
+
+VARIANTS = {
+    "full": Weights(alpha=10.0, beta=0.005, gamma=1.0),
+    "ae": Weights(alpha=10.0, beta=0.0, gamma=1.0),
+    "classifier": Weights(alpha=0.0, beta=0.0, gamma=1.0),
+}
+SHORT = Schedule(steps=6, rate=2e-3, weight_decay=0.01, curve_every=4)
+SHAPES = {"paper": {}, "other": {"latent": 5, "channels": [6, 7], "hidden": 9}}
+
+
+@pytest.fixture(autouse=True, scope="module")
+def one_thread():
+    """As in the stage's processes."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+def drawn(seed: int, shape: str = "paper") -> VaeSpecification:
+    """An untrained model."""
+    model = build({"kind": "vae", "model": SHAPES[shape]}, seed)
+    assert isinstance(model, VaeSpecification)
+    return model
+
+
+def data(seed: int, scenes: int = 3, n: int = 4):
+    """Dark noise for images, for the gradients of grey cancel; one path in four is valid, the first is not."""
+    rng = np.random.default_rng(seed)
+    valid = rng.random((scenes, n)) < 0.25
+    valid[0, :2] = False, True
+    return rng.integers(0, 128, (scenes, 100, 100, 3), dtype=np.uint8), rng.uniform(-0.2, 1.2, (scenes, n, 2)), valid
+
+
+def stacked(seeds, variant: str = "full"):
+    """A model for each of the seeds, trained together, and their learning curves."""
+    models = [drawn(seed) for seed in seeds]
+    images, z_theta, valid = zip(*map(data, seeds), strict=True)
+    return models, fit_stack(models, images, z_theta, valid, VARIANTS[variant], SHORT, seeds)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_gradient_is_that_of_equation_1_in_double_precision(variant, shape):
+    models = [drawn(seed, shape) for seed in range(LANES)]
+    images, z_theta, valid = (np.stack(a, -1) for a in zip(*(data(lane, 20, 9) for lane in range(LANES)), strict=True))
+    noise = np.random.default_rng(0).standard_normal((20, models[0].latent, LANES)).astype(np.float32)
+    stack = Stack(models, VARIANTS[variant], n=9)
+    terms = stack.gradient(images, ((z_theta - Z_CENTRE) / Z_SCALE).astype(np.float32), valid, noise)
+    gradients = dict(stack.tensors("gradient"))
+    for lane, model in list(enumerate(models))[::3]:
+        exact = copy.deepcopy(model).double()
+        x = torch.from_numpy(images[..., lane]).permute(0, 3, 1, 2).double() / 255
+        z, labels, own_noise = (torch.from_numpy(a[..., lane]).double() for a in (z_theta, valid, noise))
+        loss = equation_1(exact, x, z, labels, VARIANTS[variant], own_noise)
+        loss.total.backward()
+        np.testing.assert_allclose(terms[:, lane], [float(term.detach()) for term in loss], rtol=2e-6, atol=1e-9)
+        for name, parameter in exact.named_parameters():
+            if parameter.grad is None:
+                assert name not in gradients
+            else:
+                wanted = parameter.grad.numpy().reshape(gradients[name].shape[:-1])
+                error = np.linalg.norm(gradients[name][..., lane] - wanted) / np.linalg.norm(wanted)
+                assert error < 1e-6, f"{name} of lane {lane}: {error:.1e}"
+
+
+def test_a_step_is_that_of_the_reference():
+    once = Schedule(steps=4, rate=2e-3, weight_decay=0.01, curve_every=1)
+    ours, theirs = drawn(1), drawn(1)
+    images, z_theta, valid = data(1)
+    (curve,) = fit_stack([ours], [images], [z_theta], [valid], VARIANTS["full"], once, [7])
+    np.testing.assert_allclose(curve, fit(theirs, *data(1), VARIANTS["full"], once, 7), rtol=1e-4, atol=1e-7)
+    for name, value in theirs.state_dict().items():
+        torch.testing.assert_close(ours.state_dict()[name], value, rtol=0, atol=2e-4)  # rate x steps is 8e-3
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_a_model_is_the_same_bits_whatever_else_is_in_the_stack(variant):
+    seeds = list(range(LANES + 1))
+    alone, (curve,) = stacked([3], variant)
+    some, curves = stacked([5, 3], variant)
+    many, more_curves = stacked(seeds[::-1], variant)
+    for other, its_curve in ((some[1], curves[1]), (many[-4], more_curves[-4])):
+        assert digest(other) == digest(alone[0])
+        assert np.array_equal(its_curve, curve)
+    assert digest(many[0]) != digest(many[1])
+
+
+def test_another_process_gives_the_same_bits():
+    code = "from tests.spec.test_stacked import *; print(digest(stacked([3])[0][0]))"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert result.stdout.strip() == digest(stacked([4, 3])[0][1])
+
+
+def test_demonstrations_that_never_vary_get_the_constant_head_of_the_reference():
+    models = [drawn(0), drawn(1)]
+    images, z_theta, valid = zip(data(0), data(1), strict=True)
+    curves = fit_stack(models, images, z_theta, [valid[0], np.ones_like(valid[1])], VARIANTS["full"], SHORT, [0, 1])
+    assert [curve.shape for curve in curves] == [(3, 5), (1, 5)]
+    np.testing.assert_allclose(models[1].probability(images[1], z_theta[1]), 13 / 14, rtol=1e-5)
+
+
+def digest(model: VaeSpecification) -> str:
+    """Of every weight's bits."""
+    return sha256(b"".join(value.numpy().tobytes() for value in model.state_dict().values())).hexdigest()
