@@ -62,7 +62,7 @@ def _operations(stack: Stack) -> float:
 
 @njit
 def _multiply_and_add(times, x, y):
-    tile = zeros(5, 4)
+    tile = zeros(5, 4)  # pyright: ignore[reportCallIssue]
     for _ in range(times):
         tile = outer(tile, x, 0, 0, x, 0, 0)
     _add(tile, y, 0, 4)

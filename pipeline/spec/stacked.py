@@ -281,13 +281,12 @@ def fit_stack(
     for start in range(0, len(varied), LANES):
         some = varied[start : start + LANES]
         of_some = zip(*((models[i], images[i], z_theta[i], valid[i], seeds[i]) for i in some), strict=True)
-        curves.update(zip(some, _descend(tuple(of_some), weights, schedule), strict=True))
+        curves.update(zip(some, _descend(*of_some, weights=weights, schedule=schedule), strict=True))
     return [curves[i] for i in range(len(models))]
 
 
-def _descend(stacked: tuple[tuple, ...], weights: Weights, schedule: Schedule) -> list[Float[Array, "point 5"]]:
+def _descend(models, images, z_theta, valid, seeds, *, weights, schedule) -> list[Float[Array, "point 5"]]:
     """The gradient descent of one stack; a point of a curve is the loss before that many updates."""
-    models, images, z_theta, valid, seeds = stacked
     spare = [0] * (LANES - len(models))  # lanes without a model of their own do the first one's work again
     own = [*range(len(models)), *spare]
     pixels = np.stack([images[i] for i in own], -1)
@@ -311,4 +310,6 @@ def _descend(stacked: tuple[tuple, ...], weights: Weights, schedule: Schedule) -
             for lane, model in enumerate(models):
                 parameter = model.get_parameter(name)
                 parameter.copy_(torch.from_numpy(tensor[..., lane]).reshape(parameter.shape))
+    for model in models:
+        model.eval()
     return list(np.stack(curve)[..., : len(models)].transpose(2, 0, 1).astype(np.float64))
