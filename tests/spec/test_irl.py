@@ -126,7 +126,7 @@ def test_labels_that_are_all_alike_give_a_constant_by_laplaces_rule(objective):
 def test_an_unknown_objective_and_impossible_schedules_are_refused():
     with pytest.raises(ValueError, match="expected one of maxent, ranked"):
         fit(drawn(), *world(), "apprenticeship", schedule(), 0)
-    with pytest.raises(ValueError, match=r"irl\.steps is 0"):
+    with pytest.raises(ValueError, match=r"steps is 0"):
         schedule(steps=0)
     with pytest.raises(ValueError, match=r"irl\.jitter\.gain is -1"):
         Jitter(0.1, -1.0, 0.0, 0.0, 0.0)

@@ -74,12 +74,13 @@ def test_paths_go_from_the_starts_to_the_ends_of_the_table(out: Path):
     assert paths["full-aggressive-s0"].shape == (0, 5, 2)
 
 
-def test_the_oracle_always_succeeds_and_no_success_is_shorter(out: Path):
+def test_the_oracle_always_succeeds_and_no_success_with_room_is_shorter(out: Path):
     table = read_table(out / "repairs.parquet")
     assert table[table["method"] == "oracle"]["valid_end"].all()
-    others = table[table["valid_end"] & (table["method"] != "oracle")]
-    coarse = 1.4 / 14  # what the oracle's lattice can overlook
-    assert (others["displacement_m"] >= others["oracle_displacement_m"] - coarse).all()
+    off = 1.4 / 14 / 2**0.5  # [m]: no z is further from the oracle's coarse lattice; its path moves half as far at most
+    others = table[(table["clearance_m"] > off / 2) & (table["method"] != "oracle")]
+    assert len(others) > 0
+    assert (others["displacement_m"] >= others["oracle_displacement_m"] - off).all()
 
 
 def test_correct_fooled_and_abstained_share_out_all_starts(out: Path):
