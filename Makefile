@@ -36,8 +36,12 @@ test: $(READY)  ## ruff, pyright, the test suite (it includes the smoke run)
 smoke: $(READY)  ## the whole real graph, tiny, in a throwaway clone
 	bash tests/smoke.sh
 
-bench: $(READY)  ## benchmarks, each against a named baseline in the same run
-	python -m pytest bench --benchmark-only
+bench: $(READY)  ## every benchmark, the whole graph among them; writes bench/README.md
+	mkdir -p .benchmarks
+	dvc pull --allow-missing --quiet data.dvc
+	python -m pytest bench --benchmark-only --benchmark-json=.benchmarks/latest.json
+	python -m bench.repro .benchmarks/repro.json
+	python -m bench.page .benchmarks/latest.json .benchmarks/repro.json
 
 review: $(READY)  ## open one recording: make review RUN=full-careful-s0
 	python -m pipeline.recording.review $(RUN)

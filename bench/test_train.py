@@ -1,98 +1,43 @@
-"""A training step of `full` at n = 9: every scene encoded once, against a row per (image, trajectory).
+"""A training pass at n = 9: eight models in lanes, against eager torch and against a row per (image, trajectory)."""
 
-Both ways take the same full-batch step on the same loss (tests/spec/test_losses.py holds them equal), on one
-thread with the same allocator settings; pytest-benchmark's table gives the ratio in brackets.
-"""
-
-import time
-from collections.abc import Callable
-
-import numpy as np
 import pytest
-import torch
-from torch.utils.data import DataLoader, TensorDataset
 
-from pipeline.parallel import map_jobs
-from pipeline.spec.losses import Weights, equation_1
-from pipeline.spec.registry import build
-from pipeline.spec.specification import to_tensor
-from pipeline.spec.training import Schedule, fit
-from pipeline.spec.vae import VaeSpecification
-
-SCENES, N, STEPS = 20, 9, 10
-FULL = Weights(alpha=10.0, beta=0.005, gamma=1.0)
-RATE = 2e-3
+from bench.passes import STEPS, VARIANTS, WAYS, fastest, memory, operations, peak
+from pipeline.spec.lanes import LANES
 
 
-def data():
-    """Images, paths and labels of a training set's size; what is in them does not matter to the clock."""
-    rng = np.random.default_rng(0)
-    images = rng.integers(0, 256, (SCENES, 100, 100, 3), dtype=np.uint8)
-    return images, rng.uniform(-0.2, 1.2, (SCENES, N, 2)), rng.random((SCENES, N)) < 0.4
+@pytest.mark.benchmark(group="training pass, n = 9")
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_a_pass_in_three_ways(benchmark, variant):
+    weights = VARIANTS[variant]
+    way, passes = WAYS["stacked"]
+    benchmark.pedantic(way(weights), rounds=5, warmup_rounds=1)
+    seconds = {"stacked": benchmark.stats.stats.min / passes}
+    seconds |= {name: fastest(WAYS[name][0](weights), 3) / WAYS[name][1] for name in ("eager", "rows")}
+    rate, limit = operations(weights) / seconds["stacked"], peak()
+    suffix = "" if variant == "full" else f"_{variant}"
+    results = {f"train_ms_{name}": value * 1e3 for name, value in seconds.items()}
+    results |= {f"train_gib_{name}": memory(name, variant) / (LANES if name == "stacked" else 1) for name in WAYS}
+    results |= {
+        "train_speedup_rows": seconds["rows"] / seconds["stacked"],
+        "train_speedup_best_eager": seconds["eager"] / seconds["stacked"],
+        "train_gflops": rate / 1e9,
+        "fma_peak_gflops": limit / 1e9,
+        "fma_peak_share": rate / limit,
+    }
+    benchmark.extra_info["results"] = {name + suffix: value for name, value in results.items()}
+    assert results["train_speedup_rows"] > 10 and results["train_speedup_best_eager"] > 1.5, results
 
 
-def shared_encoding() -> Callable[[], object]:
-    """The stage's own loop: `STEPS` steps."""
-    model, schedule = _model(), Schedule(STEPS, RATE, 0.01, STEPS)
-    images, z_theta, valid = data()
-    return lambda: fit(model, images, z_theta, valid, FULL, schedule, seed=0)
-
-
-def row_by_row() -> Callable[[], object]:
-    """The usual loop: a DataLoader hands out rows (image, path, label), an image encoded for every path."""
-    model = _model().to(memory_format=torch.contiguous_format)  # pyright: ignore[reportCallIssue]
-    images, z_theta, valid = data()
-    rows = TensorDataset(
-        to_tensor(images).contiguous().repeat_interleave(N, 0),
-        torch.from_numpy(z_theta).float().reshape(-1, 1, 2),
-        torch.from_numpy(valid).reshape(-1, 1),
-    )
-    optimiser = torch.optim.AdamW(model.parameters(), lr=RATE)
-    loader = DataLoader(rows, batch_size=SCENES * N, shuffle=True)
-
-    def steps() -> None:
-        for _ in range(STEPS):
-            for x, z, v in loader:
-                noise = torch.randn(len(x), model.latent)
-                optimiser.zero_grad()
-                equation_1(model, x, z, v, FULL, noise).total.backward()
-                optimiser.step()
-
-    return steps
-
-
-WAYS = {"shared_encoding": shared_encoding, "row_by_row": row_by_row}
-
-
-@pytest.fixture(autouse=True)
-def one_thread():
-    """One torch thread and the workers' allocator settings, as in the stage."""
-    threads = torch.get_num_threads()
-    map_jobs(abs, [0], workers=1, desc="settings")
-    yield
-    torch.set_num_threads(threads)
-
-
-@pytest.mark.benchmark(group=f"{STEPS} training steps, full, n = {N}")
-@pytest.mark.parametrize("way", WAYS)
-def test_training_steps(benchmark, way):
-    steps = WAYS[way]()
-    benchmark.pedantic(steps, rounds=5, warmup_rounds=1)
-
-
-@pytest.mark.benchmark(group=f"{STEPS} training steps, full, n = {N}: the ratio")
-def test_shared_encoding_is_several_times_faster(benchmark):
-    fast, slow = shared_encoding(), row_by_row()
-    benchmark.pedantic(fast, rounds=5, warmup_rounds=1)
-    slow()
-    start = time.perf_counter()
-    slow()
-    ratio = (time.perf_counter() - start) / benchmark.stats.stats.min
-    benchmark.extra_info["times_faster"] = round(ratio, 1)
-    assert ratio > 5, f"{ratio:.1f} times a row per (image, trajectory): the aim is 10"
-
-
-def _model() -> VaeSpecification:
-    model = build({"kind": "vae"}, seed=0)
-    assert isinstance(model, VaeSpecification)
-    return model
+@pytest.mark.benchmark(group="growth of a training pass")
+@pytest.mark.parametrize(
+    ("axis", "values"), [("n", [1, 3, 5, 7, 9]), ("scenes", [5, 10, 20, 40]), ("models", [8, 16, 24, 32])]
+)
+def test_how_the_cost_grows(benchmark, axis, values):
+    """Milliseconds of one step of all models together; one point takes as long as the last is linear."""
+    way = WAYS["stacked"][0]
+    points = {value: fastest(way(VARIANTS["full"], **{axis: value}), 2) / STEPS * 1e3 for value in values}
+    benchmark.pedantic(way(VARIANTS["full"], **{axis: values[-1]}), rounds=1)
+    benchmark.extra_info["growth"] = {axis: points}
+    first, last = points[values[0]], points[values[-1]]
+    assert last / first < 1.2 * values[-1] / values[0], f"{axis}: worse than linear, {points}"

@@ -1,8 +1,8 @@
 # ruff: noqa: E501  (the tables below read best a line an item)
 """Every item and table top of the world: what it looks like and how large it is.
 
-Unseen and validation items share neither colours nor patterns nor, but for a few, outlines with the training ones,
-whose bowls, plates and glasses are round; what makes a symbol (a bowl's depth, a plate's well, a piece's slenderness,
+Unseen and validation items share no pattern, no colour but white and steel and, but for a few, no outline with the
+training ones, whose bowls, plates and glasses are round or nearly; what makes a symbol (a bowl's depth, a plate's well, a piece's slenderness,
 a glass's translucency) they share.
 """
 
@@ -136,8 +136,8 @@ SURFACES = [
 def designs() -> list[Design]:
     """Every item, in the catalogue's order: symbol by symbol, training items first."""
     return [
-        *(_turned("bowl", n, s, r, partial(bowl, i, *look)) for i, (n, s, r, *look) in enumerate(BOWLS)),
-        *(_turned("plate", n, s, r, partial(plate, i, *look)) for i, (n, s, r, *look) in enumerate(PLATES)),
+        *(_as_outlined("bowl", n, s, r, partial(bowl, i, *look)) for i, (n, s, r, *look) in enumerate(BOWLS)),
+        *(_as_outlined("plate", n, s, r, partial(plate, i, *look)) for i, (n, s, r, *look) in enumerate(PLATES)),
         *(
             Design(
                 n, "cutlery", s, HALF_WIDTH, round(length / 2 - HALF_WIDTH, 4),
@@ -145,11 +145,11 @@ def designs() -> list[Design]:
             )
             for i, (n, s, length, kind, *look) in enumerate(PIECES)
         ),
-        *(_turned("glass", n, s, r, partial(glass, *look)) for n, s, r, *look in GLASSES),
+        *(_as_outlined("glass", n, s, r, partial(glass, *look)) for n, s, r, *look in GLASSES),
     ]  # fmt: skip
 
 
-def _turned(symbol: str, name: str, split: str, radius: float, draw: partial) -> Design:
+def _as_outlined(symbol: str, name: str, split: str, radius: float, draw: partial) -> Design:
     """An item as long as its outline says."""
     outline = next((value for value in draw.args if isinstance(value, Outline)), ROUND)
     return Design(name, symbol, split, radius, round(radius * outline.stretch, 4), draw)

@@ -4,6 +4,7 @@ import copy
 import subprocess
 import sys
 from hashlib import sha256
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ VARIANTS = {
     "classifier": Weights(alpha=0.0, beta=0.0, gamma=1.0),
 }
 SHORT = Schedule(steps=6, rate=2e-3, weight_decay=0.01, curve_every=4)
+ROOT = Path(__file__).resolve().parents[2]
 SHAPES = {"paper": {}, "other": {"latent": 5, "channels": [6, 7], "hidden": 9}}
 
 
@@ -104,8 +106,8 @@ def test_a_model_is_the_same_bits_whatever_else_is_in_the_stack(variant):
 
 
 def test_another_process_gives_the_same_bits():
-    code = "from tests.spec.test_stacked import *; print(digest(stacked([3])[0][0]))"
-    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    code = "from tests.spec.test_stacked import *; torch.set_num_threads(1); print(digest(stacked([3])[0][0]))"
+    result = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert result.stdout.strip() == digest(stacked([4, 3])[0][1])
 
 

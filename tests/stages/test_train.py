@@ -12,7 +12,9 @@ from pipeline.artifacts.files import read_json, read_table
 from pipeline.artifacts.models import PREDICTION_COLUMNS
 from pipeline.artifacts.scenes import SceneSet, read_scenes, write_scenes
 from pipeline.artifacts.trained import load_model
+from pipeline.fitting import _batches, _jobs, _key
 from pipeline.params import InputError, compose
+from pipeline.spec.vae import VaeSpecification
 from pipeline.stages.train import main
 from pipeline.table.layout import empty
 
@@ -107,12 +109,30 @@ def test_one_seed_alone_is_that_seed_of_the_whole_run(run, inputs, tmp_path):
     assert len(alone) == 6 and alone.items() <= whole.items()
 
 
+def test_both_engines_learn_the_same(run, inputs, tmp_path):
+    main(config(inputs, tmp_path, "train.engine=reference"), tmp_path / "full")
+    ours, theirs = (read_table(root / "full" / "predictions.parquet") for root in (run, tmp_path))
+    pd.testing.assert_frame_equal(ours.drop(columns="p"), theirs.drop(columns="p"))
+    np.testing.assert_allclose(ours["p"], theirs["p"], atol=1e-3)  # 4 steps; later on rounding is amplified
+
+
+def test_jobs_fitted_together_are_alike_and_none_is_left_out(inputs, tmp_path):
+    cfg = config(inputs, tmp_path)
+    jobs = _jobs(cfg, {}, VaeSpecification, lambda *data, seeds: [])
+    batches = _batches(jobs, at_once=3)
+    assert sorted(_key(job) for batch in batches for job in batch) == sorted(map(_key, jobs))
+    for batch in batches:
+        assert 1 <= len(batch) <= 3 and len({job.n for job in batch}) == 1
+        assert len({job.user == "aggressive" for job in batch}) == 1  # its labels never vary
+
+
 @pytest.mark.parametrize(
     ("override", "message"),
     [
         ("variant=irl_ranked", "not fitted by stage train: expected one of full, ae, classifier"),
         ("variants.full.beta=-1", "beta is -1.0"),
         ("train.steps=0", "train.steps is 0"),
+        ("train.engine=eager", "expected one of stacked, reference"),
         ("seeds=[0,7]", "no scenes train-s7"),
     ],
 )

@@ -1,0 +1,111 @@
+"""bench/results.json, bench/README.md and its two figures, from what the benchmarks measured.
+
+python -m bench.page BENCHMARKS.json REPRO.json
+"""
+
+import json
+import os
+import platform
+import sys
+from pathlib import Path
+
+import torch
+from jinja2 import Environment, StrictUndefined
+from matplotlib.figure import Figure
+
+HERE = Path(__file__).resolve().parent
+AIMS = {  # figure: (what it is, aim)
+    "train_speedup_rows": ("one pass, full, n = 9: times a row per (image, trajectory)", "at least 30"),
+    "train_speedup_best_eager": ("times the best eager form", "at least 3"),
+    "fma_peak_share": ("share of what one core can multiply and add", "at least .60"),
+    "fit_speedup_scipy": ("fitting demonstrations: times one scipy call per recording", "at least 100"),
+    "scenes_per_second": ("scenes rendered a second", ""),
+    "repro_minutes": ("the whole graph from an empty cache [min]", "at most 30"),
+    "repro_peak_gib": ("most memory its processes hold [GiB]", "at most 4"),
+}
+WAYS = {
+    "rows": "a row per (image, trajectory), eager",
+    "eager": "each scene encoded once, eager",
+    "stacked": "eight models in lanes",
+}
+UNITS = {"n": "demonstrations a scene", "scenes": "training scenes", "models": "models (seeds x users)"}
+
+
+def main(benchmarks: Path, repro: Path) -> None:
+    """Compose everything from the benchmarks' json and, if it is there, the timing of the graph."""
+    runs = json.loads(benchmarks.read_text())["benchmarks"]
+    results: dict = {}
+    growth: dict = {}
+    for run in runs:
+        results |= run["extra_info"].get("results", {})
+        growth |= run["extra_info"].get("growth", {})
+    if repro.is_file():
+        results |= json.loads(repro.read_text())
+    results = {"machine": machine(), "growth": growth} | results
+    (HERE / "results.json").write_text(json.dumps(_rounded(results), indent=2, sort_keys=True) + "\n")
+    _growth(growth).savefig(HERE / "growth.svg")
+    if "repro_stage_minutes" in results:
+        _stages(results["repro_stage_minutes"]).savefig(HERE / "repro.svg")
+    (HERE / "README.md").write_text(page(results))
+
+
+def machine() -> dict[str, str | int]:
+    """What the figures were measured on."""
+    lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
+    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    flags = next((line for line in lines if line.startswith("flags")), "")
+    return {
+        "processor": names[0] if names else platform.processor(),
+        "cores": os.cpu_count() or 0,
+        "vectors": "AVX-512" if "avx512f" in flags else "AVX2" if "avx2" in flags else "unknown",
+        "python": platform.python_version(),
+        "torch": torch.__version__,
+    }
+
+
+def page(results: dict) -> str:
+    """The README of this folder."""
+    environment = Environment(
+        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
+    )
+    environment.filters["number"] = _number
+    template = environment.from_string((HERE / "page.md.j2").read_text())
+    return template.render(results=results, aims=AIMS, ways=WAYS)
+
+
+def _growth(growth: dict) -> Figure:
+    figure = Figure((9, 2.8), layout="constrained")
+    for ax, (axis, points) in zip(figure.subplots(1, len(growth), squeeze=False)[0], growth.items(), strict=True):
+        x, y = [float(value) for value in points], list(points.values())
+        ax.plot(x, y, "o-", color="#0072B2")
+        ax.plot(x, [y[0] * value / x[0] for value in x], "--", color="0.5", lw=1)
+        ax.set(xlabel=UNITS[axis], xlim=(0, None), ylim=(0, 1.15 * max(y)), xticks=x)
+        ax.set_title(f"growth with {axis}", loc="left", fontsize=10)
+    figure.axes[0].set_ylabel("ms a step, all models")
+    return figure
+
+
+def _stages(minutes: dict[str, float]) -> Figure:
+    figure = Figure((7, 0.32 * len(minutes) + 0.8), layout="constrained")
+    ax = figure.subplots()
+    bars = ax.barh(list(minutes), list(minutes.values()), color="#0072B2")
+    ax.bar_label(bars, fmt="%.1f", padding=3)
+    ax.invert_yaxis()
+    ax.set_xlabel("minutes, two processes of one thread")
+    ax.spines[["top", "right"]].set_visible(False)
+    return figure
+
+
+def _number(value: float) -> str:
+    """Three significant digits, as a person writes them."""
+    return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
+
+
+def _rounded(value):
+    if isinstance(value, dict):
+        return {str(name): _rounded(part) for name, part in value.items()}
+    return float(f"{value:.4g}") if isinstance(value, float) else value
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), Path(sys.argv[2]))

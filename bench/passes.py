@@ -1,0 +1,132 @@
+"""One pass over a training set (a gradient step of one model), in three ways; what it costs in time and memory.
+
+rows: the usual loop, a DataLoader handing out rows (image, trajectory), an image encoded for every path, eager torch.
+eager: `training.fit`, each scene encoded once, channels last, fused AdamW. stacked: `stacked.fit_stack`, eight models.
+All take the same full-batch step on the same loss (tests/spec hold them equal), optimiser included, on one thread.
+"""
+
+import multiprocessing
+import resource
+import time
+from collections.abc import Callable
+
+import numpy as np
+import torch
+from numba import njit
+from torch.utils.data import DataLoader, TensorDataset
+
+from pipeline.parallel import map_jobs
+from pipeline.spec.lanes import LANES, _add, outer, zeros
+from pipeline.spec.losses import Weights, equation_1
+from pipeline.spec.registry import build
+from pipeline.spec.specification import to_tensor
+from pipeline.spec.stacked import Convolution, Stack, allocate, fit_stack
+from pipeline.spec.training import Schedule, fit
+from pipeline.spec.vae import VaeSpecification
+
+SCENES, N, STEPS = 20, 9, 10
+VARIANTS = {"full": Weights(10.0, 0.005, 1.0), "classifier": Weights(0.0, 0.0, 1.0)}
+SCHEDULE = Schedule(STEPS, 2e-3, 0.01, STEPS)
+GIB = 2**30
+
+
+def training_set(scenes: int = SCENES, n: int = N):
+    """Images, paths [m] and labels; what is in them does not matter to the clock."""
+    rng = np.random.default_rng(0)
+    images = rng.integers(0, 256, (scenes, 100, 100, 3), dtype=np.uint8)
+    return images, rng.uniform(-0.2, 1.2, (scenes, n, 2)), np.arange(scenes * n).reshape(scenes, n) % 2 == 0
+
+
+def untrained(seed: int = 0) -> VaeSpecification:
+    model = build({"kind": "vae"}, seed)
+    assert isinstance(model, VaeSpecification)
+    return model
+
+
+def rows(weights: Weights, scenes: int = SCENES, n: int = N) -> Callable[[], None]:
+    """One pass of one model."""
+    model = untrained().to(memory_format=torch.contiguous_format)  # pyright: ignore[reportCallIssue]
+    images, z_theta, valid = training_set(scenes, n)
+    table = TensorDataset(
+        to_tensor(images).contiguous().repeat_interleave(n, 0),
+        torch.from_numpy(z_theta).float().reshape(-1, 1, 2),
+        torch.from_numpy(valid).reshape(-1, 1),
+    )
+    optimiser = torch.optim.AdamW(model.parameters(), lr=SCHEDULE.rate)
+    loader = DataLoader(table, batch_size=scenes * n, shuffle=True)
+
+    def one_pass() -> None:
+        for x, z, v in loader:
+            noise = torch.randn(len(x), model.latent)
+            optimiser.zero_grad()
+            equation_1(model, x, z, v, weights, noise).total.backward()
+            optimiser.step()
+
+    return one_pass
+
+
+def eager(weights: Weights, scenes: int = SCENES, n: int = N) -> Callable[[], object]:
+    """STEPS passes of one model."""
+    model, (images, z_theta, valid) = untrained(), training_set(scenes, n)
+    return lambda: fit(model, images, z_theta, valid, weights, SCHEDULE, seed=0)
+
+
+def stacked(weights: Weights, scenes: int = SCENES, n: int = N, models: int = LANES) -> Callable[[], object]:
+    """STEPS passes of each of several models."""
+    stack = [untrained(seed) for seed in range(models)]
+    images, z_theta, valid = ([array] * models for array in training_set(scenes, n))
+    return lambda: fit_stack(stack, images, z_theta, valid, weights, SCHEDULE, range(models))
+
+
+WAYS: dict[str, tuple[Callable[..., Callable[[], object]], int]] = {  # how, and passes a call
+    "rows": (rows, 1), "eager": (eager, STEPS), "stacked": (stacked, STEPS * LANES),
+}  # fmt: skip
+
+
+def fastest(action: Callable[[], object], rounds: int) -> float:
+    """Seconds of the fastest of some rounds after one to warm up: what the machine can do, undisturbed."""
+    seconds = []
+    for _ in range(rounds + 1):
+        start = time.perf_counter()
+        action()
+        seconds.append(time.perf_counter() - start)
+    return min(seconds[1:])
+
+
+def operations(weights: Weights) -> int:
+    """Multiplications and additions of one pass, counted layer by layer; the optimiser's are not worth counting."""
+    stack, count = Stack([untrained()] * LANES, weights, N), 0
+    for layer in stack.layers.values():
+        size = layer.weight.value[..., 0].size
+        if isinstance(layer, Convolution):
+            count += size * (layer.small.shape[1] - 2) ** 2 * (2 if layer.back is None else 3)
+        else:
+            count += size * len(layer.x) * 3
+    return 2 * SCENES * count
+
+
+@njit
+def _multiply_and_add(times, x, y):
+    tile = zeros(3, 4)  # pyright: ignore[reportCallIssue]  # 12 sums hide the latency, and fit 16 registers
+    for _ in range(times):
+        tile = outer(tile, x, 0, 0, x, 0, 0)
+    _add(tile, y, 0, 4)
+
+
+def peak() -> float:
+    """Operations a second of one core that does nothing but multiply and add in registers."""
+    x, y, times = allocate(1).reshape(-1), allocate(12).reshape(-1), 1_000_000
+    return 2 * 12 * LANES * times / fastest(lambda: _multiply_and_add(times, x, y), 20)
+
+
+def memory(way: str, variant: str) -> float:
+    """GiB a process of its own grows by while it trains that way (models, data and activations)."""
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        return pool.apply(_growth, (way, variant))
+
+
+def _growth(way: str, variant: str) -> float:
+    map_jobs(abs, [0], workers=1, desc="settings")
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    WAYS[way][0](VARIANTS[variant])()
+    return (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024 / GIB
