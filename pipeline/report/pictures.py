@@ -81,7 +81,7 @@ def _demonstrations(results: Results, drawn: Drawn) -> Picture:
     shares = [f"{percent(valid.mean(), 0)} for {user}" for user, (_, valid) in drawn.demos.items()]
     alt = f"The same training scenes with each user's demonstrations; valid among those drawn: {listed(shares)}."
     caption = (
-        f"Training scenes of seed {drawn.seed}, the fullest ones, with every demonstration of each user that the "
+        f"Training scenes of seed {drawn.seed}, the most varied ones, with every demonstration of each user that the "
         f"models are given. Paths run from the circle to "
         f"the square; "
         "whole blue lines are valid to that user, broken orange ones are not."

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import re
 from dataclasses import dataclass
 from html import escape
 
@@ -9,6 +10,7 @@ _TEX = {"%": r"\%", "&": r"\&", "_": r"\_", "#": r"\#", "−": r"$-$", "–": "-
 _TEX |= {"<": r"$<$", ">": r"$>$", "±": r"$\pm$", "≥": r"$\geq$", "→": r"$\to$"}
 
 _FIRST = ' class="first"'  # of a group of rows
+_SPREAD = re.compile(r"^([^\[]+) (\[[^\]]+\])$")  # a mean and its quartiles: a crowded row may break between them
 
 
 @dataclass(frozen=True)
@@ -112,6 +114,7 @@ def to_html(t: Table) -> str:
 def _html_cell(t: Table, column: int, cell: Cell, repeated: bool) -> str:
     text = f"<strong>{escape(cell.text)}</strong>" if cell.bold else escape(cell.text)
     if column >= t.labels:
+        text = _SPREAD.sub(r"<span>\1</span> <span>\2</span>", text)
         return f'<td role="cell" data-label="{escape(t.header[column])}">{text}</td>'
     text = f'<span class="again">{text}</span>' if repeated and column == 0 else text
     return f'<th scope="row" role="rowheader">{text}</th>'

@@ -143,7 +143,7 @@ def _drawn(cfg: DictConfig, results: Results, scenes: SceneSet) -> Drawn:
     model = load_model(cfg, results.main, user, seed, n)
     if not isinstance(model, VaeSpecification):
         raise InputError(f"variant {results.main} rebuilds no image: the first variant must be of kind vae")
-    fullest = _fullest(scenes, training, cfg.report.scenes)
+    most_varied = _most_varied(scenes, training, cfg.report.scenes)
     count = cfg.report.reconstructed
     originals = np.concatenate([scenes.images[training][:count], scenes.images[_pool(cfg, "new_items")][:count]])
     traversal = model.traverse(scenes.images[training][0], np.array(cfg.report["values"], dtype=float))
@@ -151,9 +151,9 @@ def _drawn(cfg: DictConfig, results: Results, scenes: SceneSet) -> Drawn:
     to = scenes.images[_pool(cfg, cfg.intervene.split)]
     return Drawn(
         seed=seed,
-        scenes=scenes.images[training][fullest],
-        demos={u: _chosen(demo_arrays(results.demos, seed, u, n), fullest) for u in results.users},
-        maps={u: _maps(cfg, scenes, u, seed, int(fullest[0])) for u in results.users},
+        scenes=scenes.images[training][most_varied],
+        demos={u: _chosen(demo_arrays(results.demos, seed, u, n), most_varied) for u in results.users},
+        maps={u: _maps(cfg, scenes, u, seed, int(most_varied[0])) for u in results.users},
         pool=scenes.images[pool],
         layouts=scenes.layouts[pool],
         repairs=_repairs(cfg, results, seed),
@@ -183,9 +183,11 @@ def _chosen(arrays: tuple[np.ndarray, np.ndarray], scenes: np.ndarray) -> tuple[
     return arrays[0][scenes], arrays[1][scenes]
 
 
-def _fullest(scenes: SceneSet, pool: str, count: int) -> np.ndarray:
-    """The `count` scenes of a pool with the most items, the first ones if tied."""
-    return np.argsort(-scenes.layouts[pool].present.sum(1), kind="stable")[:count]
+def _most_varied(scenes: SceneSet, pool: str, count: int) -> np.ndarray:
+    """The `count` scenes of a pool with the most symbols, then the most items; the first ones if tied."""
+    layouts = scenes.layouts[pool]
+    there = (layouts.symbol[..., None] == np.arange(len(SYMBOLS))) & layouts.present[..., None]  # (scene, slot, symbol)
+    return np.lexsort((-layouts.present.sum(1), -there.any(1).sum(1)))[:count]
 
 
 def _maps(cfg: DictConfig, scenes: SceneSet, user: str, seed: int, trained_on: int) -> Maps:
