@@ -32,7 +32,6 @@ from pipeline.recording.scene import (
     log_fixed,
     log_map,
     log_page,
-    log_static,
     log_table,
     recording_at,
 )
@@ -59,6 +58,10 @@ def write_run(path: Path, run: Run) -> None:
             _repairs(recording, shown, run)
 
 
+def _static(recording: rr.RecordingStream, entity: str, what: rr.AsComponents) -> None:
+    recording.log(entity, what, static=True)
+
+
 def _demonstrations(recording: rr.RecordingStream, shown: Demonstrations, run: Run) -> None:
     """Valid paths are thick and carry a disc, invalid ones are thin and crossed out."""
     entity = f"training/scene_{shown.scene:03d}"
@@ -70,13 +73,13 @@ def _demonstrations(recording: rr.RecordingStream, shown: Demonstrations, run: R
         under = f"{entity}/{'valid' if verdict else 'invalid'}"
         raw = [on_table(shown.samples[i][:, 1:3]) for i in chosen]
         fitted = on_table(curve(shown.z[chosen], POINTS))
-        log_static(
+        _static(
             recording,
             f"{under}/recorded",
             rr.LineStrips2D(raw, colors=RECORDED, radii=0.08, draw_order=ABOVE),
         )
-        log_static(recording, f"{under}/fitted", rr.LineStrips2D(fitted, colors=colour, radii=radius))
-        log_static(recording, f"{under}/marks", _mark(fitted[:, POINTS // 2], verdict, MARK))
+        _static(recording, f"{under}/fitted", rr.LineStrips2D(fitted, colors=colour, radii=radius))
+        _static(recording, f"{under}/marks", _mark(fitted[:, POINTS // 2], verdict, MARK))
 
 
 def _mark(centres: Array, verdict: bool, size: float) -> rr.AsComponents:
@@ -104,8 +107,8 @@ def _repairs_on_table(recording: rr.RecordingStream, entity: str, shown: Repairs
     """Every path at each step; the first ones stay in view, marks say what the truth makes of the last."""
     paths = on_table(curve(shown.z, POINTS)).swapaxes(0, 1)  # (step, repair, POINTS, 2)
     colours = _colours(shown)
-    log_static(recording, f"{entity}/first", rr.LineStrips2D(paths[0], colors=FIRST, radii=0.15))
-    log_static(recording, f"{entity}/path", rr.LineStrips2D.from_fields(colors=colours, radii=0.5, draw_order=ABOVE))
+    _static(recording, f"{entity}/first", rr.LineStrips2D(paths[0], colors=FIRST, radii=0.15))
+    _static(recording, f"{entity}/path", rr.LineStrips2D.from_fields(colors=colours, radii=0.5, draw_order=ABOVE))
     strips = rr.LineStrips2D.columns(strips=list(paths.reshape(-1, POINTS, 2)))
     recording.send_columns(f"{entity}/path", [_steps(shown)], strips.partition([len(colours)] * len(paths)))
     _verdicts(recording, entity, paths[-1, :, POINTS // 2], shown, MARK)
@@ -115,8 +118,8 @@ def _repairs_on_map(recording: rr.RecordingStream, entity: str, shown: Repairs) 
     """Every z_theta at each step, on the trail of all its steps."""
     z = on_map(shown.z, len(shown.truth))  # (repair, step, 2)
     colours, names = _colours(shown), [str(start) for start in shown.start]
-    log_static(recording, f"{entity}/trail", rr.LineStrips2D(z, colors=colours, radii=0.15))
-    log_static(
+    _static(recording, f"{entity}/trail", rr.LineStrips2D(z, colors=colours, radii=0.15))
+    _static(
         recording,
         f"{entity}/z_theta",
         rr.Points2D.from_fields(colors=colours, labels=names, radii=0.7, draw_order=ABOVE),
@@ -141,10 +144,10 @@ def _series(recording: rr.RecordingStream, entity: str, shown: Repairs) -> None:
     steps, count = _steps(shown), shown.z.shape[1]
     names = [f"start {start}" for start in shown.start]
     style = rr.SeriesLines(names=names, colors=_colours(shown), widths=2)
-    log_static(recording, f"{entity}/repairs", style)
+    _static(recording, f"{entity}/repairs", style)
     scalars = rr.Scalars.columns(scalars=shown.p.T.astype(np.float64).ravel())
     recording.send_columns(f"{entity}/repairs", [steps], scalars.partition([len(names)] * count))
-    log_static(recording, f"{entity}/even_odds", rr.SeriesLines(names="even odds", colors=EVEN_ODDS, widths=1))
+    _static(recording, f"{entity}/even_odds", rr.SeriesLines(names="even odds", colors=EVEN_ODDS, widths=1))
     even = rr.Scalars.columns(scalars=np.full(count, 0.5))
     recording.send_columns(f"{entity}/even_odds", [steps], even)
 

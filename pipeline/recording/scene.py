@@ -1,4 +1,7 @@
-"""What every recording is made of: the file itself, a scene on the table, a map over z_theta."""
+"""What every recording is made of: the file itself, a scene on the table, a map over z_theta.
+
+A scene and its maps are logged at the time that is set, or for all times if none is.
+"""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -7,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, UInt8
 from numpy import ndarray as Array
 
 from pipeline.recording.geometry import boundary, footprints, kept_clear, map_image, on_map, on_table
@@ -35,23 +38,18 @@ def recording_at(path: Path, name: str, blueprint: rrb.Blueprint) -> Iterator[rr
     recording.disconnect()
 
 
-def log_static(recording: rr.RecordingStream, entity: str, what: rr.AsComponents) -> None:
-    """Log what holds at every time."""
-    recording.log(entity, what, static=True)
-
-
 def log_page(recording: rr.RecordingStream, markdown: str) -> None:
     """The page beside the views."""
-    log_static(recording, "readme", rr.TextDocument(markdown, media_type=rr.MediaType.MARKDOWN))
+    recording.log("readme", rr.TextDocument(markdown, media_type=rr.MediaType.MARKDOWN), static=True)
 
 
 def log_fixed(recording: rr.RecordingStream, side: int) -> None:
     """What is the same in every scene: both ends of every path, and where the table lies in a map of `side` cells."""
     ends = on_table(np.stack([P_INIT, P_F]))
-    log_static(recording, "fixed/ends", rr.Points2D(ends, labels=["start", "goal"], colors=ITEM, radii=1.2))
+    recording.log("fixed/ends", rr.Points2D(ends, labels=["start", "goal"], colors=ITEM, radii=1.2), static=True)
     corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]], dtype=float)
     edge = on_map(corners, side)
-    log_static(recording, "fixed/table_edge", rr.LineStrips2D([edge], colors=TABLE_EDGE, radii=0.12))
+    recording.log("fixed/table_edge", rr.LineStrips2D([edge], colors=TABLE_EDGE, radii=0.12), static=True)
 
 
 def log_table(
@@ -62,10 +60,9 @@ def log_table(
     margins: Mapping[str, float | None],
 ) -> None:
     """The image of the one scene in `layout`, what stands on it and the room [m] a user wants around it."""
-    log_static(recording, f"{entity}/image", rr.Image(image))
+    recording.log(f"{entity}/image", rr.Image(image))
     items = footprints(layout)
-    log_static(
-        recording,
+    recording.log(
         f"{entity}/items",
         rr.LineStrips2D(
             [on_table(outline) for _, outline in items],
@@ -75,17 +72,14 @@ def log_table(
         ),
     )
     room = [on_table(outline) for _, outline in kept_clear(layout, margins)]
-    if room:
-        log_static(recording, f"{entity}/kept_clear", rr.LineStrips2D(room, colors=KEPT_CLEAR, radii=0.12))
+    recording.log(f"{entity}/kept_clear", rr.LineStrips2D(room, colors=KEPT_CLEAR, radii=0.12))
 
 
 def log_map(recording: rr.RecordingStream, entity: str, values: Array) -> None:
     """P(valid) or validity [y, x]. Kept as it is: the viewer shows 0 black, 1 white and the value at the pointer."""
-    log_static(recording, f"{entity}/map", rr.Image(map_image(values).astype(np.float32)))
+    recording.log(f"{entity}/map", rr.Image(map_image(values).astype(np.float32)))
 
 
 def log_boundary(recording: rr.RecordingStream, entity: str, truth: Bool[Array, "side side"]) -> None:
     """Where the truth changes, over a map."""
-    edges: Float[Array, "edge 2 2"] = boundary(truth)
-    if len(edges):
-        log_static(recording, f"{entity}/boundary", rr.LineStrips2D(edges, colors=BOUNDARY, radii=0.15))
+    recording.log(f"{entity}/boundary", rr.LineStrips2D(boundary(truth), colors=BOUNDARY, radii=0.15))
