@@ -83,6 +83,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     # In this process: Rerun has hung beside processes of torch, and starting them costs more than they save.
     beliefs = map_jobs(believe, jobs, 1, "latent maps")
     truths = {user: _truth(cfg, scenes, pool, user) for user in cfg.users}
+    users = _compared_users(cfg)
     rows, compared = [], []
     for job, belief in zip(tqdm(jobs, desc="recordings"), beliefs, strict=True):
         content = Run(
@@ -97,7 +98,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         path = out_dir / "runs" / f"{content.name}.rrd"
         write_whole(path, lambda part, content=content: write_run(part, content))
         rows.append({"run": content.name, "sha256": digest(path), "agreement": content.agreement})
-        if job.seed == cfg.protocol.seeds[0] and any(margin is not None for margin in content.margins.values()):
+        if job.seed == cfg.protocol.seeds[0] and job.user in users:
             compared.append(content)
     path = out_dir / "overview.rrd"
     write_whole(path, lambda part: write_overview(part, compared))
@@ -131,6 +132,12 @@ def _check(cfg: DictConfig) -> None:
                 if not path.is_file():
                     stage = cfg.variants[variant].stage
                     raise InputError(f"{path} is missing: run stage {stage} for variant {variant} first")
+
+
+def _compared_users(cfg: DictConfig) -> list[str]:
+    """The users of the overview: whoever keeps clear of something, since all is valid to the others."""
+    caring = [user for user, margins in cfg.users.items() if any(margin is not None for margin in margins.values())]
+    return caring or list(cfg.users)
 
 
 def _pool(cfg: DictConfig, scenes: SceneSet) -> str:

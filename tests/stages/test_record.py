@@ -130,6 +130,13 @@ def test_the_overview_lists_every_variant_of_the_users_who_care(cfg: DictConfig,
     assert shown == {f"{user}/errors/{variant}/map" for user in ("careful", "normal") for variant in cfg.variants}
 
 
+def test_with_no_user_who_cares_the_overview_shows_them_all(cfg: DictConfig, tmp_path: Path) -> None:
+    cfg.users = {"aggressive": cfg.users["aggressive"]}
+    main(cfg, tmp_path / "record")
+    chunks = RrdReader(tmp_path / "record" / "overview.rrd").stream().to_chunks()
+    assert "/aggressive/errors/full/map" in {str(chunk.entity_path) for chunk in chunks}
+
+
 def test_demonstrations_are_the_ones_the_model_was_fitted_to(cfg: DictConfig, tmp_path: Path) -> None:
     main(cfg, tmp_path / "record")
     demos = read_table(tmp_path / "demos" / "demos.parquet")
