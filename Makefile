@@ -8,6 +8,7 @@ export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 export PYTHONHASHSEED := 0
 READY := $(VENV)/.ready
 RUN ?=
+WORST ?=
 
 .PHONY: help venv repro test smoke bench review readme lint lock deps data clean
 
@@ -43,8 +44,8 @@ bench: $(READY)  ## every benchmark, the whole graph among them; writes bench/RE
 	python -m bench.repro .benchmarks/repro.json
 	python -m bench.page .benchmarks/latest.json .benchmarks/repro.json
 
-review: $(READY)  ## open one recording: make review RUN=full-careful-s0
-	python -m pipeline.recording.review $(RUN)
+review: $(READY)  ## open the overview of the recordings, or one of them: RUN=full-careful-s0, or WORST=1
+	python -m pipeline.recording.review $(RUN) $(if $(WORST),--worst)
 
 lint: $(READY)  ## format and lint in place
 	ruff format . && ruff check --fix . && pyright

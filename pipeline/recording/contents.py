@@ -1,12 +1,15 @@
 """What one recording shows: plain arrays of one model, its training data and its repairs."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
 
 from pipeline.table.layout import Layouts
+
+RIGHT, FALSELY_VALID, FALSELY_INVALID = 0, 1, 2  # what a cell of `Repairs.errors` holds
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,12 @@ class Repairs:
     p: Float[Array, "repair step"]
     ends_valid: Bool[Array, "repair"]
 
+    @property
+    def errors(self) -> UInt8[Array, "side side"]:
+        """What becomes of each cell of the map if the model calls it valid at p > 0.5."""
+        called = self.predicted > 0.5
+        return np.where(called == self.truth, RIGHT, np.where(called, FALSELY_VALID, FALSELY_INVALID)).astype(np.uint8)
+
 
 @dataclass(frozen=True)
 class Run:
@@ -61,3 +70,13 @@ class Run:
     def name(self) -> str:
         """`{variant}-{user}-s{seed}`: the recording's file and id."""
         return f"{self.variant}-{self.user}-s{self.seed}"
+
+    @property
+    def agreement(self) -> float:
+        """Share of the cells of all latent maps shown on which the model and the truth agree."""
+        return float(np.mean([shown.errors == RIGHT for shown in self.repairs]))
+
+
+def by_user(runs: Sequence[Run]) -> dict[str, list[Run]]:
+    """The runs of each user, users and runs in the order they come in."""
+    return {user: [run for run in runs if run.user == user] for user in dict.fromkeys(run.user for run in runs)}

@@ -1,11 +1,12 @@
 """The page beside the views: what a recording shows, in words."""
 
-from pipeline.recording.contents import Run
+from collections.abc import Sequence
+
+from pipeline.recording.contents import Run, by_user
 
 
 def page(run: Run) -> str:
     """Markdown for one who has only read the paper's abstract."""
-    cares = [f"{symbol} {margin * 100:.1f} cm" for symbol, margin in run.margins.items() if margin is not None]
     repairs = [(shown.ends_valid, shown.p[:, -1] > 0.5) for shown in run.repairs]
     count = sum(len(truth) for truth, _ in repairs)
     good = sum(int(truth.sum()) for truth, _ in repairs)
@@ -21,7 +22,7 @@ def page(run: Run) -> str:
 
 Model **{run.variant}** of user **{run.user}**, seed {run.seed}, {run.n} demonstrations a scene.
 
-**The user keeps clear of:** {", ".join(cares) if cares else "nothing"}.
+**The user keeps clear of:** {_kept_clear_of(run)}.
 
 A path runs from *start* to *goal*; its middle control point is z_theta. The model gives every z_theta a
 probability p that the user would call the path valid.
@@ -45,3 +46,45 @@ thread: the hand as recorded. In colour: the Bezier path fitted to it.
 
 Press play, or drag the time line `repair_step`.
 """
+
+
+def overview_page(runs: Sequence[Run]) -> str:
+    """Markdown beside the overview of `runs`: what one sees, and each variant's agreement with the truth by user."""
+    users = by_user(runs)
+    agreement = [
+        f"| {variant} | " + " | ".join(f"{run.agreement:.1%}" for run in of_variant) + " |"
+        for variant in dict.fromkeys(run.variant for run in runs)
+        for of_variant in [[run for run in runs if run.variant == variant]]
+    ]
+    cares = "\n".join(f"- **{user}**: {_kept_clear_of(of_user[0])}" for user, of_user in users.items())
+    return f"""# Every variant beside the truth
+
+Scenes of items never seen in training. Models of seed {runs[0].seed}, {runs[0].n} demonstrations a scene.
+
+A path runs from *start* to *goal*; its middle control point is z_theta. A map shows the validity of every z_theta
+from -0.2 m to 1.2 m, the table's far edge on top.
+
+## Agreement with the truth
+Share of the cells of the {len(runs[0].repairs)} maps of a user in which the model (valid: p > 0.5) and the truth agree.
+
+| variant | {" | ".join(users)} |
+| --- |{" ---: |" * len(users)}
+{chr(10).join(agreement)}
+
+## A tab a user
+The time line `scene` below goes from scene to scene: drag it, or press play.
+- **Table.** White: the items, and thinner the room the user wants around them.
+- **Truth.** White: valid, black: invalid.
+- **p(valid), a column a variant.** White: p = 1, black: p = 0.
+- **Below it, its errors.** Grey: as the truth. **Orange: invalid, the model says valid. Blue: valid, the model says
+  invalid.**
+- In every map magenta: where the truth changes; teal: the table's edge.
+
+## What the users keep clear of
+{cares}
+"""
+
+
+def _kept_clear_of(run: Run) -> str:
+    cares = [f"{symbol} {margin * 100:.1f} cm" for symbol, margin in run.margins.items() if margin is not None]
+    return ", ".join(cares) or "nothing"

@@ -23,91 +23,49 @@ import rerun as rr
 
 from pipeline.recording.blueprint import layout_of
 from pipeline.recording.contents import Demonstrations, Repairs, Run
-from pipeline.recording.geometry import boundary, crosses, footprints, kept_clear, map_image, on_map, on_table
+from pipeline.recording.geometry import crosses, on_map, on_table
 from pipeline.recording.readme import page
-from pipeline.table.bezier import P_F, P_INIT, curve
-from pipeline.table.layout import Layouts
+from pipeline.recording.scene import (
+    INVALID,
+    VALID,
+    log_boundary,
+    log_fixed,
+    log_map,
+    log_page,
+    log_table,
+    recording_at,
+)
+from pipeline.table.bezier import curve
 
 Array = np.ndarray
-APPLICATION = "causal-specifications"
 TIMELINE = "repair_step"
 ABOVE, TOP = 40.0, 50.0  # draw orders of moving paths and of marks; Rerun's own end at 30 (points)
 POINTS = 41  # drawn along a Bezier path
 MARK, MARK_ON_MAP = 1.5, 0.7  # middle to rim of a verdict's mark, in pixels and in cells
 
-# Okabe and Ito's colours, which people with any colour vision tell apart.
-VALID, INVALID = (0, 158, 255), (230, 97, 0)
 REPAIRS = ((240, 228, 66), (86, 220, 160), (204, 121, 167), (120, 160, 255))
-ITEM, KEPT_CLEAR, FIRST = (255, 255, 255), (255, 255, 255, 110), (230, 97, 0, 140)
-BOUNDARY, TABLE_EDGE, EVEN_ODDS, RECORDED = (213, 0, 120), (0, 150, 170), (128, 128, 128), (10, 10, 10)
+FIRST, EVEN_ODDS, RECORDED = (230, 97, 0, 140), (128, 128, 128), (10, 10, 10)
 
 
 def write_run(path: Path, run: Run) -> None:
-    """Write `run` to `path` with a blueprint saved inside; the process holds no recording afterwards."""
-    recording = rr.RecordingStream(APPLICATION, recording_id=run.name, send_properties=False)
-    recording.set_log_time_enabled(False)
-    recording.set_log_tick_enabled(False)
-    recording.save(path, default_blueprint=layout_of(run, TIMELINE))
-    recording.send_recording_name(run.name)
-    _static(recording, "readme", rr.TextDocument(page(run), media_type=rr.MediaType.MARKDOWN))
-    _fixed(recording, run)
-    for shown in run.demonstrations:
-        _demonstrations(recording, shown, run)
-    for shown in run.repairs:
-        _repairs(recording, shown, run)
-    recording.flush()
-    recording.disconnect()
+    """Write `run`, which shows one new scene at least, to `path` with a blueprint saved inside."""
+    with recording_at(path, run.name, layout_of(run, TIMELINE)) as recording:
+        log_page(recording, page(run))
+        log_fixed(recording, len(run.repairs[0].truth))
+        for shown in run.demonstrations:
+            _demonstrations(recording, shown, run)
+        for shown in run.repairs:
+            _repairs(recording, shown, run)
 
 
 def _static(recording: rr.RecordingStream, entity: str, what: rr.AsComponents) -> None:
     recording.log(entity, what, static=True)
 
 
-def _fixed(recording: rr.RecordingStream, run: Run) -> None:
-    """What is the same in every scene: both ends of every path, and where the table lies in a latent map."""
-    ends = on_table(np.stack([P_INIT, P_F]))
-    _static(
-        recording,
-        "fixed/ends",
-        rr.Points2D(ends, labels=["start", "goal"], colors=ITEM, radii=1.2),
-    )
-    if run.repairs:
-        corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]], dtype=float)
-        edge = on_map(corners, len(run.repairs[0].truth))
-        _static(
-            recording,
-            "fixed/table_edge",
-            rr.LineStrips2D([edge], colors=TABLE_EDGE, radii=0.12),
-        )
-
-
-def _scene(recording: rr.RecordingStream, entity: str, image: Array, layout: Layouts, run: Run) -> None:
-    """The image, what stands on it and the room this user wants around it."""
-    _static(recording, f"{entity}/image", rr.Image(image))
-    items = footprints(layout)
-    _static(
-        recording,
-        f"{entity}/items",
-        rr.LineStrips2D(
-            [on_table(outline) for _, outline in items],
-            labels=[symbol for symbol, _ in items],
-            colors=ITEM,
-            radii=0.25,
-        ),
-    )
-    room = [on_table(outline) for _, outline in kept_clear(layout, run.margins)]
-    if room:
-        _static(
-            recording,
-            f"{entity}/kept_clear",
-            rr.LineStrips2D(room, colors=KEPT_CLEAR, radii=0.12),
-        )
-
-
 def _demonstrations(recording: rr.RecordingStream, shown: Demonstrations, run: Run) -> None:
     """Valid paths are thick and carry a disc, invalid ones are thin and crossed out."""
     entity = f"training/scene_{shown.scene:03d}"
-    _scene(recording, entity, shown.image, shown.layout, run)
+    log_table(recording, entity, shown.image, shown.layout, run.margins)
     for verdict, colour, radius in ((True, VALID, 0.45), (False, INVALID, 0.2)):
         chosen = np.flatnonzero(shown.valid == verdict)
         if len(chosen) == 0:
@@ -134,15 +92,10 @@ def _mark(centres: Array, verdict: bool, size: float) -> rr.AsComponents:
 def _repairs(recording: rr.RecordingStream, shown: Repairs, run: Run) -> None:
     """The scene, both latent maps and every repair in it over its steps."""
     entity = f"new_items/scene_{shown.scene:03d}"
-    _scene(recording, f"{entity}/table", shown.image, shown.layout, run)
+    log_table(recording, f"{entity}/table", shown.image, shown.layout, run.margins)
     for name, values in (("predicted", shown.predicted), ("truth", shown.truth)):
-        # Values stay as they are: the viewer maps [0, 1] to black .. white and shows them under the pointer.
-        image = rr.Image(map_image(values).astype(np.float32))
-        _static(recording, f"{entity}/latent/{name}/map", image)
-    edges = boundary(shown.truth)
-    if len(edges):
-        line = rr.LineStrips2D(edges, colors=BOUNDARY, radii=0.15)
-        _static(recording, f"{entity}/latent/predicted/boundary", line)
+        log_map(recording, f"{entity}/latent/{name}", values)
+    log_boundary(recording, f"{entity}/latent/predicted", shown.truth)
     if shown.start:
         _repairs_on_table(recording, f"{entity}/table/repair", shown)
         for name in ("predicted", "truth"):

@@ -1,4 +1,4 @@
-"""Stage record: one Rerun recording per variant, user and seed, and a digest of what each one holds."""
+"""Stage record: a Rerun recording per variant, user and seed, an overview of them, and a digest of what each holds."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +18,7 @@ from pipeline.parallel import map_jobs
 from pipeline.params import InputError
 from pipeline.recording.contents import Demonstrations, Repairs, Run
 from pipeline.recording.digest import digest
+from pipeline.recording.overview import write_overview
 from pipeline.recording.run import write_run
 from pipeline.table.bezier import lattice
 from pipeline.table.rules import valid
@@ -70,7 +71,10 @@ class Demos:
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """runs/{variant}-{user}-s{seed}.rrd of every model at study_n, and recordings.csv with their digests."""
+    """runs/{variant}-{user}-s{seed}.rrd of every model at study_n, overview.rrd of the first seed's, recordings.csv.
+
+    recordings.csv has each recording's digest and, of a run, the share of its latent maps that agrees with the truth.
+    """
     _check(cfg)
     scenes = read_scenes(Path(cfg.paths.scenes))
     pool = _pool(cfg, scenes)
@@ -79,7 +83,8 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     # In this process: Rerun has hung beside processes of torch, and starting them costs more than they save.
     beliefs = map_jobs(believe, jobs, 1, "latent maps")
     truths = {user: _truth(cfg, scenes, pool, user) for user in cfg.users}
-    rows = []
+    users = _compared_users(cfg)
+    rows, compared = [], []
     for job, belief in zip(tqdm(jobs, desc="recordings"), beliefs, strict=True):
         content = Run(
             variant=job.variant,
@@ -92,7 +97,12 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         )
         path = out_dir / "runs" / f"{content.name}.rrd"
         write_whole(path, lambda part, content=content: write_run(part, content))
-        rows.append({"run": content.name, "sha256": digest(path)})
+        rows.append({"run": content.name, "sha256": digest(path), "agreement": content.agreement})
+        if job.seed == cfg.protocol.seeds[0] and job.user in users:
+            compared.append(content)
+    path = out_dir / "overview.rrd"
+    write_whole(path, lambda part: write_overview(part, compared))
+    rows.append({"run": "overview", "sha256": digest(path)})
     write_table(out_dir / "recordings.csv", pd.DataFrame(rows))
 
 
@@ -122,6 +132,12 @@ def _check(cfg: DictConfig) -> None:
                 if not path.is_file():
                     stage = cfg.variants[variant].stage
                     raise InputError(f"{path} is missing: run stage {stage} for variant {variant} first")
+
+
+def _compared_users(cfg: DictConfig) -> list[str]:
+    """The users of the overview: whoever keeps clear of something, since all is valid to the others."""
+    caring = [user for user, margins in cfg.users.items() if any(margin is not None for margin in margins.values())]
+    return caring or list(cfg.users)
 
 
 def _pool(cfg: DictConfig, scenes: SceneSet) -> str:

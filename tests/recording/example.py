@@ -1,6 +1,10 @@
 """A made-up run, as large as the stage makes them, for the tests of recordings."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
+from rerun.chunk import RrdReader
 
 from pipeline.recording.contents import Demonstrations, Repairs, Run
 from pipeline.table.bezier import curve, lattice, random_z_theta
@@ -54,3 +58,33 @@ def a_run(repairs: int = 4) -> Run:
             )
         )
     return Run("full", "careful", 3, 9, MARGINS, tuple(demonstrations), tuple(repaired))
+
+
+def some_runs() -> list[Run]:
+    """Two variants of two users in the same scenes; the second user cares for no item in them."""
+    rng = np.random.default_rng(1)
+    whole, none = a_run(repairs=1), dict.fromkeys(MARGINS) | {"glass": 0.042}
+    runs = []
+    for variant in ("full", "ae"):
+        for user, margins in (("careful", MARGINS), ("normal", none)):
+            repairs = tuple(
+                replace(
+                    shown,
+                    predicted=rng.random((SIDE, SIDE), dtype=np.float32),
+                    truth=shown.truth if user == "careful" else np.ones_like(shown.truth),
+                )
+                for shown in whole.repairs
+            )
+            runs.append(replace(whole, variant=variant, user=user, margins=margins, repairs=repairs))
+    return runs
+
+
+def read(path: Path, entity: str, component: str) -> list:
+    """The rows of one component, in the order of the time line where there is one."""
+    rows = []
+    for chunk in RrdReader(path).stream().filter(content=f"/{entity}").to_chunks():
+        batch = chunk.to_record_batch()
+        if component in batch.schema.names:
+            times = batch[chunk.timeline_names[0]].to_pylist() if chunk.timeline_names else [-1]
+            rows += zip(times, batch[component].to_pylist(), strict=True)
+    return [value for _, value in sorted(rows, key=lambda row: row[0])]

@@ -6,7 +6,7 @@ import pytest
 
 from pipeline.params import InputError
 from pipeline.recording.digest import digest
-from pipeline.recording.review import check, find, show
+from pipeline.recording.review import check, find, show, worst
 from pipeline.recording.run import write_run
 from tests.recording.example import a_run
 
@@ -18,7 +18,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     run = a_run(repairs=1)
     write_run(folder / "runs" / f"{run.name}.rrd", run)
     contents = digest(folder / "runs" / f"{run.name}.rrd")
-    (folder / "recordings.csv").write_text(f"run,sha256\n{run.name},{contents}\n")
+    (folder / "recordings.csv").write_text(f"run,sha256,agreement\n{run.name},{contents},0.5\n")
     return folder
 
 
@@ -36,9 +36,39 @@ def test_without_recordings_one_is_told_to_make_them(tmp_path: Path) -> None:
         find(tmp_path, "full-careful-s0")
 
 
+def test_the_overview_is_found_beside_the_runs(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"no overview in .*run `make repro` first"):
+        find(folder, "overview")
+    (tmp_path / "runs").symlink_to(folder / "runs")
+    (tmp_path / "overview.rrd").touch()
+    assert find(tmp_path, "overview") == tmp_path / "overview.rrd"
+
+
+def test_the_worst_run_is_the_one_that_agrees_least(tmp_path: Path) -> None:
+    rows = [
+        "run,sha256,agreement",
+        "full-careful-s0,a,0.61",
+        "full-normal-s1,b,0.425",
+        "ae-careful-s0,c,1",
+        "overview,d,",
+    ]
+    (tmp_path / "recordings.csv").write_text("\n".join(rows) + "\n")
+    run, why = worst(tmp_path)
+    assert run == "full-normal-s1"
+    assert "42.5%" in why and "of 3 runs" in why
+
+
+@pytest.mark.parametrize("text", [None, "", "run,sha256\nfull-careful-s0,a\n"])
+def test_without_agreements_there_is_no_worst(tmp_path: Path, text: str | None) -> None:
+    if text is not None:
+        (tmp_path / "recordings.csv").write_text(text)
+    with pytest.raises(InputError, match=r"recordings.csv .*run `make repro` first"):
+        worst(tmp_path)
+
+
 def test_other_contents_than_those_listed_are_refused(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "runs").symlink_to(folder / "runs")
-    (tmp_path / "recordings.csv").write_text("run,sha256\nfull-careful-s3,0123\n")
+    (tmp_path / "recordings.csv").write_text("run,sha256,agreement\nfull-careful-s3,0123,0.5\n")
     with pytest.raises(InputError, match="says 0123"):
         check(tmp_path, "full-careful-s3")
 

@@ -14,7 +14,7 @@ from pipeline.recording.digest import digest
 from pipeline.recording.geometry import boundary, footprints, map_image, on_map, on_table
 from pipeline.recording.run import POINTS, write_run
 from pipeline.table.bezier import P_F, P_INIT, curve
-from tests.recording.example import MARGINS, SIDE, STEPS, a_run
+from tests.recording.example import MARGINS, SIDE, STEPS, a_run, read
 
 
 @pytest.fixture(scope="module")
@@ -27,17 +27,6 @@ def recording(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("runs") / f"{run.name}.rrd"
     write_run(path, run)
     return path
-
-
-def read(path: Path, entity: str, component: str) -> list:
-    """The rows of one component, in the order of `repair_step` where there is one."""
-    rows = []
-    for chunk in RrdReader(path).stream().filter(content=f"/{entity}").to_chunks():
-        batch = chunk.to_record_batch()
-        if component in batch.schema.names:
-            steps = batch["repair_step"].to_pylist() if "repair_step" in batch.schema.names else [-1]
-            rows += zip(steps, batch[component].to_pylist(), strict=True)
-    return [value for _, value in sorted(rows, key=lambda row: row[0])]
 
 
 def test_images_are_the_scenes(run: Run, recording: Path) -> None:

@@ -94,7 +94,8 @@ def test_a_recording_a_model_holds_what_the_model_says(cfg: DictConfig, tmp_path
     main(cfg, tmp_path / "record")
     names = [f"{variant}-{user}-s0" for variant in cfg.variants for user in cfg.users]
     assert sorted(p.stem for p in (tmp_path / "record" / "runs").iterdir()) == sorted(names)
-    assert list(read_table(tmp_path / "record" / "recordings.csv")["run"]) == names
+    listed = read_table(tmp_path / "record" / "recordings.csv").set_index("run")
+    assert list(listed.index) == [*names, "overview"]
 
     scenes, scene = read_scenes(tmp_path / "scenes"), 1
     path = tmp_path / "record" / "runs" / "full-careful-s0.rrd"
@@ -115,6 +116,25 @@ def test_a_recording_a_model_holds_what_the_model_says(cfg: DictConfig, tmp_path
         ((buffer,),) = _value(path, f"{entity}/latent/{name}/map", "Image:buffer")
         shown = np.array(buffer, np.uint8).view(np.float32).reshape(9, 9)[::-1]
         assert np.allclose(shown, values.reshape(9, 9), atol=1e-6)
+
+    everything = np.broadcast_to(cells, (cfg.record.scenes, *cells.shape[1:]))
+    predicted = model.probability(scenes.images["new_items"][: cfg.record.scenes], everything) > 0.5
+    truth = valid(scenes.layouts["new_items"][: cfg.record.scenes], everything, cfg.users["careful"])
+    assert listed.loc["full-careful-s0", "agreement"] == pytest.approx((predicted == truth).mean(), abs=1e-6)
+
+
+def test_the_overview_lists_every_variant_of_the_users_who_care(cfg: DictConfig, tmp_path: Path) -> None:
+    main(cfg, tmp_path / "record")
+    chunks = RrdReader(tmp_path / "record" / "overview.rrd").stream().to_chunks()
+    shown = {entity.strip("/") for chunk in chunks if "/errors/" in (entity := str(chunk.entity_path))}
+    assert shown == {f"{user}/errors/{variant}/map" for user in ("careful", "normal") for variant in cfg.variants}
+
+
+def test_with_no_user_who_cares_the_overview_shows_them_all(cfg: DictConfig, tmp_path: Path) -> None:
+    cfg.users = {"aggressive": cfg.users["aggressive"]}
+    main(cfg, tmp_path / "record")
+    chunks = RrdReader(tmp_path / "record" / "overview.rrd").stream().to_chunks()
+    assert "/aggressive/errors/full/map" in {str(chunk.entity_path) for chunk in chunks}
 
 
 def test_demonstrations_are_the_ones_the_model_was_fitted_to(cfg: DictConfig, tmp_path: Path) -> None:
