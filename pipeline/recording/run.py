@@ -4,14 +4,14 @@ Entities (coordinates: see `geometry`):
 
     readme                                        what one sees, in words
     fixed/{ends,table_edge}                       start and goal on the table; the table in a latent map
-    training/scene_XXX/{image,items,kept_clear}   a training scene
-    training/scene_XXX/{valid,invalid}/{recorded,fitted,marks}   the user's demonstrations in it
-    new_items/scene_XXX/table/{image,items,kept_clear}           a scene with items never seen in training
-    new_items/scene_XXX/table/repair/{first,path,ends_valid,ends_invalid}   the paths
-    new_items/scene_XXX/latent/{predicted,truth}/map             P(valid) over z_theta: the model's, the user's
-    new_items/scene_XXX/latent/predicted/boundary                where the truth changes
-    new_items/scene_XXX/latent/{predicted,truth}/repair/{trail,z_theta,ends_valid,ends_invalid}   the z_theta
-    new_items/scene_XXX/p_valid/{repairs,even_odds}              the model's P(valid)
+    training/scene_000/{image,items,kept_clear}   a training scene
+    training/scene_000/{valid,invalid}/{recorded,fitted,marks}   the user's demonstrations in it
+    new_items/scene_000/table/{image,items,kept_clear}           a scene with items never seen in training
+    new_items/scene_000/table/repair/{first,path,ends_valid,ends_invalid}   the paths
+    new_items/scene_000/latent/{predicted,truth}/map             P(valid) over z_theta: the model's, the user's
+    new_items/scene_000/latent/predicted/boundary                where the truth changes
+    new_items/scene_000/latent/{predicted,truth}/repair/{trail,z_theta,ends_valid,ends_invalid}   the z_theta
+    new_items/scene_000/p_valid/{repairs,even_odds}              the model's P(valid)
 
 What changes with a repair's steps lies on the time line `repair_step`, a row a step, one instance a repair.
 """

@@ -4,63 +4,32 @@ import hashlib
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from pipeline.artifacts.demos import DEMO_COLUMNS, Queries, read_queries, write_demos, write_queries
+from pipeline.artifacts.demos import read_queries
 from pipeline.artifacts.files import read_json, read_table
 from pipeline.artifacts.models import PREDICTION_COLUMNS
-from pipeline.artifacts.scenes import SceneSet, read_scenes, write_scenes
+from pipeline.artifacts.scenes import read_scenes
 from pipeline.artifacts.trained import load_model
 from pipeline.params import compose
 from pipeline.stages.irl import main
-from pipeline.table.layout import empty
 
 VARIANTS = ("irl_maxent", "irl_ranked")
-POOLS = {"train-s0": 3, "new_scenes": 2, "new_items": 2}
 USERS = ("aggressive", "careful", "normal")
 SMALL = ["seeds=[0]", "n=[1,2]", "study_n=2", "irl.copies=2", "irl.curve_every=2", "workers=1"]
 SMALL += [f"variants.{variant}.steps=3" for variant in VARIANTS]
 
 
-@pytest.fixture(scope="module")
-def inputs(tmp_path_factory) -> Path:
-    """A tiny world: noise for images, labels by the side of the table; aggressive accepts everything."""
-    root, rng = tmp_path_factory.mktemp("inputs"), np.random.default_rng(0)
-    images, layouts, looks, queries, rows = {}, {}, {}, {}, []
-    for pool, scenes in POOLS.items():
-        images[pool] = rng.integers(0, 256, (scenes, 100, 100, 3), dtype=np.uint8)
-        layouts[pool] = empty(scenes, 2)
-        layouts[pool].symbol[:, 0] = layouts[pool].item[:, 0] = 0
-        looks[pool] = pd.DataFrame({"texture": "oak", "render_seed": range(scenes)})
-        z = rng.uniform(-0.2, 1.2, (scenes, 4, 2))
-        queries[pool] = Queries(z, {user: _label(z, user) for user in USERS})
-    for user in USERS:
-        for scene in range(3):
-            z = np.array([[0.1, 0.9], [0.9, 0.1]])[:: -1 if scene else 1]
-            for demo, valid in enumerate(_label(z, user)):
-                rows.append((0, user, scene, demo, *z[demo], valid, 0.0, False, 1.0, 3))
-    write_scenes(root / "scenes", SceneSet(images, layouts, looks))
-    demos = pd.DataFrame(rows, columns=DEMO_COLUMNS)
-    write_demos(root / "demos", demos, np.zeros((3 * len(rows), 4)), np.arange(len(rows) + 1) * 3)
-    write_queries(root / "demos", queries)
-    return root
-
-
-def _label(z: np.ndarray, user: str) -> np.ndarray:
-    return (z[..., 0] < 0.5) | (user == "aggressive")
-
-
-def config(inputs: Path, out: Path, *overrides: str):
-    paths = [f"paths.scenes={inputs}/scenes", f"paths.demos={inputs}/demos", f"paths.irl={out}"]
+def config(small_world: Path, out: Path, *overrides: str):
+    paths = [f"paths.scenes={small_world}/scenes", f"paths.demos={small_world}/demos", f"paths.irl={out}"]
     return compose([*paths, *SMALL, *overrides])
 
 
 @pytest.fixture(scope="module", params=VARIANTS)
-def run(request, inputs, tmp_path_factory) -> tuple[str, Path]:
+def run(request, small_world, tmp_path_factory) -> tuple[str, Path]:
     """One run of each variant."""
     out = tmp_path_factory.mktemp("irl")
-    main(config(inputs, out, f"variant={request.param}"), out / request.param)
+    main(config(small_world, out, f"variant={request.param}"), out / request.param)
     return request.param, out
 
 
@@ -75,11 +44,11 @@ def test_it_writes_the_files_of_stage_train(run):
     assert set(read_json(out / variant / "metrics.json")["accuracy"][variant]["careful"]["new_items"]) == {"n1", "n2"}
 
 
-def test_saved_weights_give_the_predictions_that_were_written(run, inputs):
+def test_saved_weights_give_the_predictions_that_were_written(run, small_world):
     variant, out = run
-    model = load_model(config(inputs, out), variant, "careful", 0, 2)
+    model = load_model(config(small_world, out), variant, "careful", 0, 2)
     p = model.probability(
-        read_scenes(inputs / "scenes").images["new_items"], read_queries(inputs / "demos")["new_items"].z
+        read_scenes(small_world / "scenes").images["new_items"], read_queries(small_world / "demos")["new_items"].z
     )
     rows = read_table(out / variant / "predictions.parquet").query(
         "user == 'careful' and n == 2 and split == 'new_items'"
@@ -93,9 +62,9 @@ def test_a_user_without_invalid_demonstrations_gets_laplaces_constant(run):
     np.testing.assert_allclose(predictions["p"], 7 / 8, rtol=1e-6)  # 3 scenes x 2 demonstrations, all valid
 
 
-def test_a_second_run_writes_the_same_bytes(run, inputs, tmp_path):
+def test_a_second_run_writes_the_same_bytes(run, small_world, tmp_path):
     variant, out = run
-    main(config(inputs, tmp_path, f"variant={variant}"), tmp_path / variant)
+    main(config(small_world, tmp_path, f"variant={variant}"), tmp_path / variant)
     assert _digests(tmp_path) == _digests(out)
 
 
@@ -108,10 +77,10 @@ def test_a_second_run_writes_the_same_bytes(run, inputs, tmp_path):
         ("variants.irl_ranked.objective=apprenticeship", "expected one of maxent, ranked"),
     ],
 )
-def test_bad_input_ends_before_anything_is_written(inputs, tmp_path, override, message):
+def test_bad_input_ends_before_anything_is_written(small_world, tmp_path, override, message):
     overrides = [override] if override.startswith("variant=") else ["variant=irl_ranked", override]
     with pytest.raises(ValueError, match=message):
-        main(config(inputs, tmp_path, *overrides), tmp_path / "irl_ranked")
+        main(config(small_world, tmp_path, *overrides), tmp_path / "irl_ranked")
     assert not (tmp_path / "irl_ranked").exists()
 
 

@@ -7,60 +7,29 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.artifacts.demos import DEMO_COLUMNS, Queries, read_queries, write_demos, write_queries
+from pipeline.artifacts.demos import read_queries
 from pipeline.artifacts.files import read_json, read_table
 from pipeline.artifacts.models import PREDICTION_COLUMNS
-from pipeline.artifacts.scenes import SceneSet, read_scenes, write_scenes
+from pipeline.artifacts.scenes import read_scenes
 from pipeline.artifacts.trained import load_model
 from pipeline.fitting import _batches, _jobs, _key
 from pipeline.params import InputError, compose
 from pipeline.spec.vae import VaeSpecification
 from pipeline.stages.train import main
-from pipeline.table.layout import empty
 
-POOLS = {"train-s0": 3, "train-s1": 3, "new_scenes": 2, "new_items": 2}
 SMALL = ["seeds=[0,1]", "n=[1,2]", "study_n=2", "train.steps=4", "train.curve_every=2", "workers=1"]
 
 
-@pytest.fixture(scope="module")
-def inputs(tmp_path_factory) -> Path:
-    """A tiny world: noise for images, labels by the side of the table; aggressive accepts everything."""
-    root, rng = tmp_path_factory.mktemp("inputs"), np.random.default_rng(0)
-    images, layouts, looks, queries, rows = {}, {}, {}, {}, []
-    for pool, scenes in POOLS.items():
-        images[pool] = rng.integers(0, 256, (scenes, 100, 100, 3), dtype=np.uint8)
-        layouts[pool] = empty(scenes, 2)
-        layouts[pool].symbol[:, 0] = layouts[pool].item[:, 0] = 0
-        looks[pool] = pd.DataFrame({"texture": "oak", "render_seed": range(scenes)})
-        z = rng.uniform(-0.2, 1.2, (scenes, 4, 2))
-        queries[pool] = Queries(z, {user: _label(z, user) for user in ("careful", "normal", "aggressive")})
-    for seed in (0, 1):
-        for user in ("aggressive", "careful", "normal"):
-            z = np.stack(np.meshgrid([0.1, 0.9, 0.2], [0.1, 0.9]), -1).transpose(1, 0, 2) + 0.01 * seed
-            valid = _label(z, user)
-            for scene, demo in np.ndindex(3, 2):
-                rows.append((seed, user, scene, demo, *z[scene, demo], valid[scene, demo], 0.0, False, 1.0, 3))
-    write_scenes(root / "scenes", SceneSet(images, layouts, looks))
-    demos = pd.DataFrame(rows, columns=DEMO_COLUMNS)
-    write_demos(root / "demos", demos, np.zeros((3 * len(rows), 4)), np.arange(len(rows) + 1) * 3)
-    write_queries(root / "demos", queries)
-    return root
-
-
-def _label(z: np.ndarray, user: str) -> np.ndarray:
-    return (z[..., 0] < 0.5) | (user == "aggressive")
-
-
-def config(inputs: Path, out: Path, *overrides: str):
-    paths = [f"paths.scenes={inputs}/scenes", f"paths.demos={inputs}/demos", f"paths.train={out}"]
+def config(small_world: Path, out: Path, *overrides: str):
+    paths = [f"paths.scenes={small_world}/scenes", f"paths.demos={small_world}/demos", f"paths.train={out}"]
     return compose([*paths, *SMALL, *overrides])
 
 
 @pytest.fixture(scope="module")
-def run(inputs, tmp_path_factory) -> Path:
+def run(small_world, tmp_path_factory) -> Path:
     """One run of variant full."""
     out = tmp_path_factory.mktemp("train")
-    main(config(inputs, out), out / "full")
+    main(config(small_world, out), out / "full")
     return out
 
 
@@ -72,9 +41,9 @@ def test_every_query_of_every_model_gets_one_prediction(run):
     assert predictions["p"].dtype == np.float32 and predictions["p"].between(0, 1).all()
 
 
-def test_saved_weights_give_the_predictions_that_were_written(run, inputs):
-    cfg = config(inputs, run)
-    scenes, queries = read_scenes(inputs / "scenes"), read_queries(inputs / "demos")
+def test_saved_weights_give_the_predictions_that_were_written(run, small_world):
+    cfg = config(small_world, run)
+    scenes, queries = read_scenes(small_world / "scenes"), read_queries(small_world / "demos")
     predictions = read_table(run / "full" / "predictions.parquet")
     for split, pool in (("seen_scenes", "train-s1"), ("new_items", "new_items")):
         p = load_model(cfg, "full", "careful", 1, 2).probability(scenes.images[pool], queries[pool].z)
@@ -98,26 +67,26 @@ def test_curves_and_metrics_name_every_user_and_n(run):
     assert set(accuracy["careful"]) == {"seen_scenes", "new_scenes", "new_items"}
 
 
-def test_two_processes_write_the_bytes_of_one(run, inputs, tmp_path):
-    main(config(inputs, tmp_path, "workers=2"), tmp_path / "full")
+def test_two_processes_write_the_bytes_of_one(run, small_world, tmp_path):
+    main(config(small_world, tmp_path, "workers=2"), tmp_path / "full")
     assert _digests(tmp_path) == _digests(run)
 
 
-def test_one_seed_alone_is_that_seed_of_the_whole_run(run, inputs, tmp_path):
-    main(config(inputs, tmp_path, "seed=1"), tmp_path / "full")
+def test_one_seed_alone_is_that_seed_of_the_whole_run(run, small_world, tmp_path):
+    main(config(small_world, tmp_path, "seed=1"), tmp_path / "full")
     alone, whole = _digests(tmp_path / "full" / "weights"), _digests(run / "full" / "weights")
     assert len(alone) == 6 and alone.items() <= whole.items()
 
 
-def test_both_engines_learn_the_same(run, inputs, tmp_path):
-    main(config(inputs, tmp_path, "train.engine=reference"), tmp_path / "full")
+def test_both_engines_learn_the_same(run, small_world, tmp_path):
+    main(config(small_world, tmp_path, "train.engine=reference"), tmp_path / "full")
     ours, theirs = (read_table(root / "full" / "predictions.parquet") for root in (run, tmp_path))
     pd.testing.assert_frame_equal(ours.drop(columns="p"), theirs.drop(columns="p"))
     np.testing.assert_allclose(ours["p"], theirs["p"], atol=1e-3)  # 4 steps; later on rounding is amplified
 
 
-def test_jobs_fitted_together_are_alike_and_none_is_left_out(inputs, tmp_path):
-    cfg = config(inputs, tmp_path)
+def test_jobs_fitted_together_are_alike_and_none_is_left_out(small_world, tmp_path):
+    cfg = config(small_world, tmp_path)
     jobs = _jobs(cfg, {}, VaeSpecification, lambda *data, seeds: [])
     batches = _batches(jobs, at_once=3)
     assert sorted(_key(job) for batch in batches for job in batch) == sorted(map(_key, jobs))
@@ -136,15 +105,15 @@ def test_jobs_fitted_together_are_alike_and_none_is_left_out(inputs, tmp_path):
         ("seeds=[0,7]", "no scenes train-s7"),
     ],
 )
-def test_bad_input_ends_before_anything_is_written(inputs, tmp_path, override, message):
+def test_bad_input_ends_before_anything_is_written(small_world, tmp_path, override, message):
     with pytest.raises(ValueError, match=message):
-        main(config(inputs, tmp_path, override), tmp_path / "full")
+        main(config(small_world, tmp_path, override), tmp_path / "full")
     assert not (tmp_path / "full").exists()
 
 
-def test_more_demonstrations_than_there_are_is_refused(inputs, tmp_path):
+def test_more_demonstrations_than_there_are_is_refused(small_world, tmp_path):
     with pytest.raises(InputError, match="expected 9 in each scene"):
-        main(config(inputs, tmp_path, "n=[9]", "study_n=9"), tmp_path)
+        main(config(small_world, tmp_path, "n=[9]", "study_n=9"), tmp_path)
 
 
 def _digests(root: Path) -> dict[str, str]:

@@ -14,7 +14,6 @@ from pipeline.table.layout import SYMBOLS
 
 DATA = Path("data")
 VISIBLE = 20  # least alpha of what belongs to an item; a thin glass has 27
-pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="data/ is not pulled")
 
 
 @pytest.fixture(scope="module")
