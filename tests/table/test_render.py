@@ -11,7 +11,6 @@ from pipeline.table.layout import SYMBOLS, Layouts, empty
 from pipeline.table.render import REACH_M, SIDE, Palette, render, render_scenes
 
 DATA = Path("data")
-needs_data = pytest.mark.skipif(not DATA.is_dir(), reason="data/ is not pulled")
 
 
 def disc_catalogue(colour: tuple[int, int, int, int] = (255, 0, 0, 255)) -> Catalogue:
@@ -99,7 +98,6 @@ def test_half_transparent_items_let_the_table_show():
     assert abs(seen[middle].mean() - bare[middle].mean()) < abs(solid[middle].mean() - bare[middle].mean()) / 2
 
 
-@needs_data
 @pytest.mark.parametrize("symbol", SYMBOLS)
 def test_an_added_item_leaves_every_pixel_away_from_it_as_it_was(symbol):
     catalogue = read_catalogue(DATA)
@@ -117,7 +115,6 @@ def test_an_added_item_leaves_every_pixel_away_from_it_as_it_was(symbol):
         assert away.max() < reach
 
 
-@needs_data
 def test_the_same_seed_gives_the_same_picture_and_another_seed_another():
     catalogue = read_catalogue(DATA)
     palette = Palette(catalogue)
@@ -127,7 +124,6 @@ def test_the_same_seed_gives_the_same_picture_and_another_seed_another():
     assert (one != other).mean() > 0.5
 
 
-@needs_data
 def test_a_scene_does_not_depend_on_the_others_in_its_batch():
     catalogue = read_catalogue(DATA)
     palette = Palette(catalogue)
@@ -136,7 +132,6 @@ def test_a_scene_does_not_depend_on_the_others_in_its_batch():
     np.testing.assert_array_equal(batch[1], render(layouts, 1, "walnut", 4, palette))
 
 
-@needs_data
 def test_every_item_stands_out_from_some_table_top_it_is_laid_on():
     """Each item of the catalogue changes the picture by more than the sensor's noise does."""
     catalogue = read_catalogue(DATA)
