@@ -38,7 +38,13 @@ def find(folder: Path, run: str) -> Path:
 
 def worst(folder: Path) -> tuple[str, str]:
     """The run whose latent maps agree least with the truth, the first of equals, and a sentence that says so."""
-    agreement = {row["run"]: float(row["agreement"]) for row in _listed(folder) if row["run"] != OVERVIEW}
+    rows = [row for row in _listed(folder) if row["run"] != OVERVIEW]
+    try:
+        agreement = {row["run"]: float(row["agreement"]) for row in rows}
+    except (TypeError, ValueError):  # cut off, or no number
+        agreement = {}
+    if not agreement or not all(0 <= share <= 1 for share in agreement.values()):
+        raise InputError(f"{folder / 'recordings.csv'} gives no agreement from 0 to 1 for every run: run `make repro`")
     run = min(agreement, key=agreement.__getitem__)
     return run, (
         f"{run}: its latent maps agree with the truth in {agreement[run]:.1%} of their cells, "

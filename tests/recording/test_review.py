@@ -66,6 +66,13 @@ def test_without_agreements_there_is_no_worst(tmp_path: Path, text: str | None) 
         worst(tmp_path)
 
 
+@pytest.mark.parametrize("row", ["full-careful-s0,a", "full-careful-s0,a,half", "full-careful-s0,a,nan", "overview,d,"])
+def test_an_agreement_that_is_no_share_is_refused(tmp_path: Path, row: str) -> None:
+    (tmp_path / "recordings.csv").write_text(f"run,sha256,agreement\n{row}\n")
+    with pytest.raises(InputError, match="no agreement from 0 to 1"):
+        worst(tmp_path)
+
+
 def test_other_contents_than_those_listed_are_refused(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "runs").symlink_to(folder / "runs")
     (tmp_path / "recordings.csv").write_text("run,sha256,agreement\nfull-careful-s3,0123,0.5\n")
