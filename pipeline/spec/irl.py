@@ -104,6 +104,7 @@ def _descend(model, rng, copies, z_theta, valid, objective, schedule) -> Float[A
     """The gradient descent: each step sees some scenes, each in one look, all under one symmetry."""
     z = torch.from_numpy(z_theta.astype(np.float32))
     labels = torch.tensor(valid)
+    looks = copies.flatten(0, 1).permute(0, 2, 3, 1).contiguous()  # (copy and scene, row, column, 4): quick to pick
     optimiser = torch.optim.AdamW(model.parameters(), lr=schedule.rate, weight_decay=schedule.weight_decay, fused=True)
     cycle = torch.optim.lr_scheduler.OneCycleLR(optimiser, schedule.rate, total_steps=schedule.steps)
     curve = []
@@ -114,7 +115,8 @@ def _descend(model, rng, copies, z_theta, valid, objective, schedule) -> Float[A
             scene = torch.from_numpy(rng.permutation(len(z))[: schedule.scenes_per_step])
             copy = torch.from_numpy(rng.integers(len(copies), size=len(scene)))
             symmetry = int(rng.integers(SYMMETRIES))
-            batch = transform(copies[copy, scene], symmetry).contiguous(memory_format=torch.channels_last)
+            seen = looks.index_select(0, copy * len(z) + scene).permute(0, 3, 1, 2)
+            batch = transform(seen, symmetry).contiguous(memory_format=torch.channels_last)
             reward = untransform(model.reward(batch), symmetry)
             regret = model.soft_regret(reward, z[scene])
             loss = _loss(objective, regret, labels[scene], schedule.across)

@@ -33,24 +33,31 @@ class RewardMap(Specification):
     paths: Tensor
 
     def __init__(
-        self, channels: int, gain: float, dropout: float, lattice_side: int, symmetric: bool, ceiling: bool
+        self,
+        channels: int,
+        dilated: int,
+        gain: float,
+        dropout: float,
+        lattice_side: int,
+        symmetric: bool,
+        ceiling: bool,
     ) -> None:
-        """`channels`: of the 25 x 25 layers; `gain`: multiplies the map; `ceiling`: rewards are at most 0."""
+        """`channels`: of the 25 x 25 layers, of which `dilated` follow the first; `gain`: multiplies the map.
+
+        `ceiling`: rewards are at most 0.
+        """
         super().__init__()
         self.gain, self.symmetric, self.ceiling = gain, symmetric, ceiling
-        self.layers = nn.Sequential(
-            nn.Conv2d(4, channels // 2, 5, stride=2, padding=2),  # (scene, channels / 2, 50, 50)
+        layers = [
+            nn.Conv2d(4, channels // 2, 3, stride=2, padding=1),  # (scene, channels / 2, 50, 50)
             nn.ReLU(),
             nn.Conv2d(channels // 2, channels, 3, stride=2, padding=1),  # (scene, channels, 25, 25)
             nn.ReLU(),
-            nn.Conv2d(channels, channels, 3, padding=2, dilation=2),
-            nn.ReLU(),
-            nn.Dropout2d(dropout),
-            nn.Conv2d(channels, channels, 3, padding=2, dilation=2),
-            nn.ReLU(),
-            nn.Conv2d(channels, 4, 1),
-            nn.PixelShuffle(2),  # (scene, 1, 50, 50)
-        )
+        ]
+        for _ in range(dilated):
+            layers += [nn.Conv2d(channels, channels, 3, padding=2, dilation=2), nn.ReLU()]
+        layers.insert(-2, nn.Dropout2d(dropout))
+        self.layers = nn.Sequential(*layers, nn.Conv2d(channels, 4, 1), nn.PixelShuffle(2))  # (scene, 1, 50, 50)
         self.side = PICTURE // 2
         weights = path_weights(torch.from_numpy(lattice(lattice_side)).float(), self.side)
         self.register_buffer("paths", weights, persistent=False)  # (lattice, side * side)

@@ -9,7 +9,15 @@ from pipeline.spec.jitter import Jitter, blobs, new_looks, repaint
 from pipeline.spec.registry import build
 from pipeline.spec.reward import RewardMap
 
-SHAPE = {"channels": 8, "gain": 10.0, "dropout": 0.1, "lattice_side": 10, "symmetric": True, "ceiling": True}
+SHAPE = {
+    "channels": 8,
+    "dilated": 2,
+    "gain": 10.0,
+    "dropout": 0.1,
+    "lattice_side": 10,
+    "symmetric": True,
+    "ceiling": True,
+}
 JITTER = Jitter(hue=0.3, gain=0.15, shift=0.01, scene_gain=0.1, other_table=0.5)
 
 

@@ -18,7 +18,15 @@ from pipeline.spec.reward import (
 from pipeline.spec.specification import to_tensor
 from pipeline.table.bezier import curve, lattice
 
-SHAPE = {"channels": 8, "gain": 10.0, "dropout": 0.0, "lattice_side": 12, "symmetric": True, "ceiling": True}
+SHAPE = {
+    "channels": 8,
+    "dilated": 2,
+    "gain": 10.0,
+    "dropout": 0.0,
+    "lattice_side": 12,
+    "symmetric": True,
+    "ceiling": True,
+}
 
 
 def drawn(seed: int = 0, **changes) -> RewardMap:
