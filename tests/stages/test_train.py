@@ -111,6 +111,13 @@ def test_bad_input_ends_before_anything_is_written(small_world, tmp_path, overri
     assert not (tmp_path / "full").exists()
 
 
+def test_without_numba_the_stacked_engine_is_refused_not_replaced(small_world, tmp_path, monkeypatch):
+    monkeypatch.setattr("pipeline.stages.train.find_spec", lambda name: None)
+    with pytest.raises(InputError, match=r"needs Numba.*train\.engine=reference"):
+        main(config(small_world, tmp_path), tmp_path / "full")
+    assert not (tmp_path / "full").exists()
+
+
 def test_more_demonstrations_than_there_are_is_refused(small_world, tmp_path):
     with pytest.raises(InputError, match="expected 9 in each scene"):
         main(config(small_world, tmp_path, "n=[9]", "study_n=9"), tmp_path)
