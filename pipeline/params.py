@@ -12,7 +12,7 @@ from pathlib import Path
 
 import yaml
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
+from omegaconf.errors import ConfigAttributeError, OmegaConfBaseException
 
 from pipeline.table.layout import SYMBOLS
 
@@ -54,9 +54,15 @@ def load(path: Path, overrides: Sequence[str] = ()) -> DictConfig:
         cfg = OmegaConf.create(path.read_text())
         if not isinstance(cfg, DictConfig):
             raise InputError(f"{path} holds no mapping: run `python -m pipeline.params` to write it anew")
+        OmegaConf.set_struct(cfg, True)
         cfg.merge_with_dotlist(list(overrides))
         OmegaConf.resolve(cfg)
         validate(cfg)
+    except ConfigAttributeError as error:
+        raise InputError(
+            f"{path} with {list(overrides)} has no parameter {error.full_key}: conf/ names them all, and "
+            "`python -m pipeline.params` writes them anew"
+        ) from error
     except (yaml.YAMLError, OmegaConfBaseException) as error:
         raise InputError(
             f"{path} with {list(overrides)} is not parameters ({error}): run `python -m pipeline.params`"

@@ -79,3 +79,16 @@ def test_a_file_that_is_no_parameters_is_refused(tmp_path: Path, text: str):
 def test_a_missing_file_says_how_to_make_it(tmp_path: Path):
     with pytest.raises(InputError, match=r"python -m pipeline\.params"):
         load(tmp_path / "params.yaml")
+
+
+@pytest.mark.parametrize("key", ["irl.steps", "varaint", "variants.full.delta", "seed.first"])
+def test_an_override_of_no_parameter_is_refused_by_name(key: str):
+    with pytest.raises(InputError, match=f"has no parameter {key}:"):
+        load(ROOT / "params.yaml", [f"{key}=3"])
+
+
+def test_every_kind_of_parameter_can_be_overridden():
+    overrides = ["seed=3", "n=[3,9]", "variant=ae", "variants.full.beta=0.5", "users.careful.glass=null"]
+    cfg = load(ROOT / "params.yaml", overrides)
+    assert (cfg.seed, cfg.n, cfg.variant, cfg.variants.full.beta) == (3, [3, 9], "ae", 0.5)
+    assert cfg.users.careful.glass is None and load(ROOT / "params.yaml", ["seed=null"]).seed is None
