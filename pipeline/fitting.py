@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
@@ -53,13 +54,19 @@ class Fitted:
     predictions: dict[str, np.ndarray]  # split -> (scene, query)
 
 
-def variant_settings(cfg: DictConfig, stage: str) -> dict:
-    """The settings of `cfg.variant`; InputError if another stage fits it."""
-    settings = OmegaConf.to_container(cfg.variants[cfg.variant], resolve=True)
-    if not isinstance(settings, dict) or settings["stage"] != stage:
+def variant_settings(cfg: DictConfig, stage: str, names: Sequence[str]) -> dict[str, Any]:
+    """The settings of `cfg.variant`; InputError if another stage fits it, or one of `names` is not among them."""
+    variant = cfg.variants[cfg.variant]
+    if variant.stage != stage:
         own = [name for name, v in cfg.variants.items() if v.stage == stage]
         raise InputError(f"variant {cfg.variant} is not fitted by stage {stage}: expected one of {', '.join(own)}")
-    return {str(name): value for name, value in settings.items()}
+    missing = [name for name in names if variant.get(name) is None]
+    if missing:
+        raise InputError(
+            f"variant {cfg.variant} has no {', '.join(missing)}: stage {stage} expects each of {', '.join(names)}; "
+            "see conf/variants"
+        )
+    return cast(dict[str, Any], OmegaConf.to_container(variant, resolve=True))
 
 
 def one_by_one(fit: Callable[..., np.ndarray], models, images, z_theta, valid, seeds) -> list[np.ndarray]:

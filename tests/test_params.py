@@ -8,7 +8,8 @@ import pytest
 from dvc.utils.hydra import compose_and_dump
 from omegaconf import OmegaConf
 
-from pipeline.params import CONF, InputError, compose, load, render
+from pipeline.params import CONF, FITTED_BY, InputError, compose, load, render
+from pipeline.spec.registry import KINDS
 
 ROOT = CONF.parent
 
@@ -39,6 +40,10 @@ def test_every_profile_and_protocol_composes():
         ("seeds=[100]", "none of `seeds`"),
         ("users.careful.glass=-0.01", "users.careful.glass is -0.01"),
         ("variant=fulll", "parameter variant is 'fulll'"),
+        ("variants.full.kind=reward", "variants.full.stage is 'train': expected irl, which fits kind reward"),
+        ("variants.irl_ranked.stage=train", "variants.irl_ranked.stage is 'train': expected irl"),
+        ("variants.full.kind=tree", "variants.full.kind is 'tree': expected one of vae, reward"),
+        ("+variants.new={stage: irl}", "variants.new.kind is None"),
         ("seed=55", "parameter seed is 55"),
         ("workers=0", "workers is 0"),
         ("scenes.shared=0", "scenes.shared is 0"),
@@ -49,6 +54,10 @@ def test_every_profile_and_protocol_composes():
 def test_a_parameter_out_of_range_is_named(override: str, says: str):
     with pytest.raises(InputError, match=says):
         compose([override])
+
+
+def test_every_kind_of_model_has_a_stage_that_fits_it():
+    assert set(FITTED_BY) == set(KINDS)
 
 
 def test_an_unknown_user_needs_a_margin_for_each_symbol():

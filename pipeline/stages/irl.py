@@ -14,7 +14,7 @@ from pipeline.spec.reward import RewardMap
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Weights, predictions.parquet, curves.parquet, curves.csv and metrics.json of `cfg.variant`."""
-    settings = variant_settings(cfg, "irl")
+    settings = variant_settings(cfg, "irl", ("objective", "steps", "model"))
     train = partial(fit, objective=settings["objective"], schedule=schedule(cfg, settings["steps"]))
     fit_variant(cfg, out_dir, settings, RewardMap, partial(one_by_one, train), CURVE)
 

@@ -18,7 +18,7 @@ ENGINES = ("stacked", "reference")
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Weights, predictions.parquet, curves.parquet, curves.csv and metrics.json of `cfg.variant`."""
-    settings = variant_settings(cfg, "train")
+    settings = variant_settings(cfg, "train", ("alpha", "beta", "gamma", "model"))
     weights = Weights(*(float(settings[name]) for name in ("alpha", "beta", "gamma")))
     t = cfg.train
     schedule = Schedule(t.steps, float(t.rate), float(t.weight_decay), t.curve_every)
