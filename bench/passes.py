@@ -39,7 +39,7 @@ def training_set(scenes: int = SCENES, n: int = N):
 
 
 def untrained(seed: int = 0) -> VaeSpecification:
-    model = build({"kind": "vae"}, seed)
+    model = build({"kind": "vae", "model": {}}, seed)
     assert isinstance(model, VaeSpecification)
     return model
 

@@ -1,7 +1,7 @@
 """What the stages that fit models share: one job for every (seed, user, n), its predictions, and the files written.
 
 A job is a model built from the variant's settings, a `fit` that trains it in place, and its judgement of the queries.
-A `fit` may take several jobs at once, alike in n and all with something to learn.
+A `fit` takes a batch of jobs: either every one's labels vary, or none's do.
 """
 
 from collections.abc import Callable, Sequence

@@ -21,24 +21,31 @@ CURVE = ("step", "reconstruction", "kl", "classification", "total")  # columns o
 
 @dataclass(frozen=True)
 class Schedule:
-    """How long and how fast (conf/train): one step sees every demonstration once."""
+    """How long and how fast (conf/train; conf/irl has more)."""
 
-    steps: int
+    steps: int  # one of the VAE's sees every demonstration once
     rate: float  # AdamW's peak learning rate; OneCycle warms up to it and anneals to nearly 0
     weight_decay: float
     curve_every: int  # steps between two points of the learning curve
 
     def __post_init__(self):
-        for name in ("steps", "rate", "curve_every"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"train.{name} is {getattr(self, name)}: it must be positive")
+        require_positive(self, "steps", "rate", "curve_every")
         if not self.weight_decay >= 0:
-            raise ValueError(f"train.weight_decay is {self.weight_decay}: it must be 0 or more")
+            raise ValueError(f"weight_decay is {self.weight_decay}: it must be 0 or more (conf/train, conf/irl)")
 
     def optimiser(self, parameters: Iterable[nn.Parameter]) -> tuple[AdamW, OneCycleLR]:
         """AdamW of `parameters`, and what paces it: both take a step after every gradient."""
         optimiser = AdamW(parameters, lr=self.rate, weight_decay=self.weight_decay, fused=True)
         return optimiser, OneCycleLR(optimiser, self.rate, total_steps=self.steps)
+
+
+def require_positive(schedule: Schedule, *names: str) -> None:
+    """ValueError for the first of these fields that is not above 0."""
+    for name in names:
+        if not getattr(schedule, name) > 0:
+            raise ValueError(
+                f"{name} is {getattr(schedule, name)}: it must be positive (conf/train, conf/irl, conf/variants)"
+            )
 
 
 def job_seed(*names: str | int) -> int:

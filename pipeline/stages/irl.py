@@ -24,7 +24,7 @@ def schedule(cfg: DictConfig, steps: int) -> Schedule:
     s = cfg.irl
     jitter = Jitter(**{name: float(value) for name, value in s.jitter.items()})
     return Schedule(
-        steps, float(s.rate), float(s.weight_decay), s.scenes_per_step, s.copies, s.curve_every,
+        steps, float(s.rate), float(s.weight_decay), s.curve_every, s.scenes_per_step, s.copies,
         float(s.sparsity), s.across, jitter,
     )  # fmt: skip
 

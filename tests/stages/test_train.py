@@ -102,7 +102,7 @@ def test_jobs_fitted_together_are_alike_and_none_is_left_out(small_world, tmp_pa
         ("variants.full.alpha=null", "full has no alpha: stage train expects each of alpha, beta, gamma, model"),
         ("~variants.full.model", "variant full has no model"),
         ("variants.full.beta=-1", "beta is -1.0"),
-        ("train.steps=0", "train.steps is 0"),
+        ("train.steps=0", "steps is 0"),
         ("train.engine=eager", "expected one of stacked, reference"),
         ("seeds=[0,7]", "no scenes train-s7"),
     ],
