@@ -156,12 +156,13 @@ def _inputs(scenes_dir: str, demos_dir: str) -> tuple[SceneSet, pd.DataFrame, di
 
 
 def _batches(jobs: list[Job], at_once: int) -> list[list[Job]]:
-    """Jobs to fit together; those whose labels never vary cost nothing and would take the place of others."""
-    alike: dict[tuple[int, bool], list[Job]] = {}
-    for job in jobs:
+    """Jobs to fit together, of about the same n; those whose labels never vary cost nothing, apart."""
+    varied: list[Job] = []
+    constant: list[Job] = []
+    for job in sorted(jobs, key=lambda job: job.n):
         _, valid = demo_arrays(_inputs(job.scenes_dir, job.demos_dir)[1], job.seed, job.user, job.n)
-        alike.setdefault((job.n, never_varies(valid)), []).append(job)
-    return [group[i : i + at_once] for group in alike.values() for i in range(0, len(group), at_once)]
+        (constant if never_varies(valid) else varied).append(job)
+    return [group[i : i + at_once] for group in (varied, constant) for i in range(0, len(group), at_once)]
 
 
 def _run(batch: list[Job]) -> list[Fitted]:

@@ -1,7 +1,7 @@
 """Fits one user's model to its labelled demonstrations by full-batch gradient descent on Eq. 1."""
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,6 +85,28 @@ def fit(
         loss = weights.gamma * -np.log(max(laplace(valid), 1 - laplace(valid)))
         return np.array([[0, 0, 0, loss, loss]])
     return _descend(model, images, z_theta, valid, weights, schedule, seed)
+
+
+def fit_varied(descend, models, images, z_theta, valid, weights, schedule, seeds) -> list[Float[Array, "point 5"]]:
+    """`fit` of several models by one `descend`, with its arguments, but for those whose labels never vary."""
+    jobs = list(zip(models, images, z_theta, valid, seeds, strict=True))
+    varied = [i for i, labels in enumerate(valid) if not never_varies(labels)]
+    curves = {i: fit(*job, weights, schedule, seed) for i, (*job, seed) in enumerate(jobs) if i not in varied}
+    if varied:
+        *of_varied, own_seeds = zip(*(jobs[i] for i in varied), strict=True)
+        curves |= zip(varied, descend(*of_varied, weights, schedule, own_seeds), strict=True)
+    return [curves[i] for i in range(len(jobs))]
+
+
+def padded(demos: Sequence[Array]) -> list[Array]:
+    """Demonstrations (scene, n, ...) of several models in as many rows: a scene's first one again in those to spare."""
+    rows = max(of_model.shape[1] for of_model in demos)
+    return [np.concatenate([d, d[:, :1].repeat(rows - d.shape[1], 1)], 1) for d in demos]
+
+
+def shares(n: Sequence[int]) -> Float[Array, "row model"]:
+    """What each row of `padded` demonstrations counts in its scene's mean: 1 / n, or 0 to spare."""
+    return np.where(np.arange(max(n))[:, None] < n, 1 / np.array(n), 0)
 
 
 def _descend(model, images, z_theta, valid, weights, schedule, seed) -> Float[Array, "point 5"]:
