@@ -80,7 +80,13 @@ def stacked(weights: Weights, scenes: int = SCENES, n: int = N, models: int = LA
     def fit_all() -> None:
         for start in range(0, models, LANES):
             some = stack[start : start + LANES]
-            fit_stack(some, *([array] * len(some) for array in data), weights, SCHEDULE, range(len(some)))
+            fit_stack(
+                some,
+                *([array] * len(some) for array in data),
+                weights=weights,
+                schedule=SCHEDULE,
+                seeds=range(len(some)),
+            )
 
     return fit_all
 

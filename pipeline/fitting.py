@@ -69,10 +69,10 @@ def variant_settings(cfg: DictConfig, stage: str, names: Sequence[str]) -> dict[
     return cast(dict[str, Any], OmegaConf.to_container(variant, resolve=True))
 
 
-def one_by_one(fit: Callable[..., np.ndarray], models, images, z_theta, valid, seeds) -> list[np.ndarray]:
-    """A `fit` of one model at a time (model, images, z_theta, valid, seed=), for several."""
+def one_by_one(fit: Callable[..., np.ndarray], models, images, z_theta, valid, seeds, **settings) -> list[np.ndarray]:
+    """A `fit` of one model at a time (model, images, z_theta, valid, seed=, **settings), for several."""
     jobs = zip(models, images, z_theta, valid, seeds, strict=True)
-    return [fit(*arguments, seed=seed) for *arguments, seed in jobs]
+    return [fit(*arguments, seed=seed, **settings) for *arguments, seed in jobs]
 
 
 def fit_variant(

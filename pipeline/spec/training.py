@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
-from torch import nn
+from torch import Tensor
 from torch.optim import AdamW
 from torch.optim.lr_scheduler import OneCycleLR
 
@@ -33,7 +33,7 @@ class Schedule:
         if not self.weight_decay >= 0:
             raise ValueError(f"weight_decay is {self.weight_decay}: it must be 0 or more (conf/train, conf/irl)")
 
-    def optimiser(self, parameters: Iterable[nn.Parameter]) -> tuple[AdamW, OneCycleLR]:
+    def optimiser(self, parameters: Iterable[Tensor]) -> tuple[AdamW, OneCycleLR]:
         """AdamW of `parameters`, and what paces it: both take a step after every gradient."""
         optimiser = AdamW(parameters, lr=self.rate, weight_decay=self.weight_decay, fused=True)
         return optimiser, OneCycleLR(optimiser, self.rate, total_steps=self.steps)
@@ -91,7 +91,11 @@ def fit_varied(descend, models, images, z_theta, valid, weights, schedule, seeds
     """`fit` of several models by one `descend`, with its arguments, but for those whose labels never vary."""
     jobs = list(zip(models, images, z_theta, valid, seeds, strict=True))
     varied = [i for i, labels in enumerate(valid) if not never_varies(labels)]
-    curves = {i: fit(*job, weights, schedule, seed) for i, (*job, seed) in enumerate(jobs) if i not in varied}
+    curves = {
+        i: fit(*job, weights=weights, schedule=schedule, seed=seed)
+        for i, (*job, seed) in enumerate(jobs)
+        if i not in varied
+    }
     if varied:
         *of_varied, own_seeds = zip(*(jobs[i] for i in varied), strict=True)
         curves |= zip(varied, descend(*of_varied, weights, schedule, own_seeds), strict=True)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 
 from pipeline.artifacts.demos import read_queries
 from pipeline.artifacts.files import read_json, read_table
@@ -18,6 +19,7 @@ from pipeline.spec.vae import VaeSpecification
 from pipeline.stages.train import main
 
 SMALL = ["seeds=[0,1]", "n=[1,2]", "study_n=2", "train.steps=4", "train.curve_every=2", "workers=1"]
+SMALL += ["train.engine=stacked"]
 
 
 def config(small_world: Path, out: Path, *overrides: str):
@@ -78,11 +80,19 @@ def test_one_seed_alone_is_that_seed_of_the_whole_run(run, small_world, tmp_path
     assert len(alone) == 6 and alone.items() <= whole.items()
 
 
-def test_both_engines_learn_the_same(run, small_world, tmp_path):
-    main(config(small_world, tmp_path, "train.engine=reference"), tmp_path / "full")
+@pytest.mark.parametrize("engine", ["reference", "batched"])
+def test_every_engine_learns_the_same_and_is_named(run, small_world, tmp_path, capsys, engine):
+    main(config(small_world, tmp_path, f"train.engine={engine}"), tmp_path / "full")
+    assert f"engine {engine} on " in capsys.readouterr().out
     ours, theirs = (read_table(root / "full" / "predictions.parquet") for root in (run, tmp_path))
     pd.testing.assert_frame_equal(ours.drop(columns="p"), theirs.drop(columns="p"))
     np.testing.assert_allclose(ours["p"], theirs["p"], atol=1e-3)  # 4 steps; later on rounding is amplified
+
+
+def test_auto_is_batched_where_there_is_cuda_and_stacked_elsewhere(small_world, tmp_path, capsys):
+    main(config(small_world, tmp_path, "train.engine=auto", "train.steps=1"), tmp_path / "full")
+    expected = "engine batched on cuda" if torch.cuda.is_available() else "engine stacked on cpu"
+    assert expected in capsys.readouterr().out
 
 
 def test_jobs_fitted_together_are_of_like_n_and_none_is_left_out(small_world, tmp_path):
@@ -104,7 +114,7 @@ def test_jobs_fitted_together_are_of_like_n_and_none_is_left_out(small_world, tm
         ("~variants.full.model", "variant full has no model"),
         ("variants.full.beta=-1", "beta is -1.0"),
         ("train.steps=0", "steps is 0"),
-        ("train.engine=eager", "expected one of stacked, reference"),
+        ("train.engine=eager", "expected one of auto, stacked, batched, reference"),
         ("seeds=[0,7]", "no scenes train-s7"),
     ],
 )
