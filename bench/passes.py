@@ -39,7 +39,7 @@ def training_set(scenes: int = SCENES, n: int = N):
 
 
 def untrained(seed: int = 0) -> VaeSpecification:
-    model = build({"kind": "vae"}, seed)
+    model = build({"kind": "vae", "model": {}}, seed)
     assert isinstance(model, VaeSpecification)
     return model
 
@@ -75,8 +75,20 @@ def eager(weights: Weights, scenes: int = SCENES, n: int = N) -> Callable[[], ob
 def stacked(weights: Weights, scenes: int = SCENES, n: int = N, models: int = LANES) -> Callable[[], object]:
     """STEPS passes of each of several models."""
     stack = [untrained(seed) for seed in range(models)]
-    images, z_theta, valid = ([array] * models for array in training_set(scenes, n))
-    return lambda: fit_stack(stack, images, z_theta, valid, weights, SCHEDULE, range(models))
+    data = training_set(scenes, n)
+
+    def fit_all() -> None:
+        for start in range(0, models, LANES):
+            some = stack[start : start + LANES]
+            fit_stack(
+                some,
+                *([array] * len(some) for array in data),
+                weights=weights,
+                schedule=SCHEDULE,
+                seeds=range(len(some)),
+            )
+
+    return fit_all
 
 
 WAYS: dict[str, tuple[Callable[..., Callable[[], object]], int]] = {  # how, and passes a call
@@ -96,7 +108,7 @@ def fastest(action: Callable[[], object], rounds: int) -> float:
 
 def operations(weights: Weights) -> int:
     """Multiplications and additions of one pass, counted layer by layer; the optimiser's are not worth counting."""
-    stack, count = Stack([untrained()] * LANES, weights, N), 0
+    stack, count = Stack([untrained()] * LANES, weights, [N] * LANES), 0
     for layer in stack.layers.values():
         size = layer.weight.value[..., 0].size
         if isinstance(layer, Convolution):

@@ -1,13 +1,14 @@
 """What the stages that fit models share: one job for every (seed, user, n), its predictions, and the files written.
 
 A job is a model built from the variant's settings, a `fit` that trains it in place, and its judgement of the queries.
-A `fit` may take several jobs at once, alike in n and all with something to learn.
+A `fit` takes a batch of jobs: either every one's labels vary, or none's do.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
@@ -53,19 +54,25 @@ class Fitted:
     predictions: dict[str, np.ndarray]  # split -> (scene, query)
 
 
-def variant_settings(cfg: DictConfig, stage: str) -> dict:
-    """The settings of `cfg.variant`; InputError if another stage fits it."""
-    settings = OmegaConf.to_container(cfg.variants[cfg.variant], resolve=True)
-    if not isinstance(settings, dict) or settings["stage"] != stage:
+def variant_settings(cfg: DictConfig, stage: str, names: Sequence[str]) -> dict[str, Any]:
+    """The settings of `cfg.variant`; InputError if another stage fits it, or one of `names` is not among them."""
+    variant = cfg.variants[cfg.variant]
+    if variant.stage != stage:
         own = [name for name, v in cfg.variants.items() if v.stage == stage]
         raise InputError(f"variant {cfg.variant} is not fitted by stage {stage}: expected one of {', '.join(own)}")
-    return {str(name): value for name, value in settings.items()}
+    missing = [name for name in names if variant.get(name) is None]
+    if missing:
+        raise InputError(
+            f"variant {cfg.variant} has no {', '.join(missing)}: stage {stage} expects each of {', '.join(names)}; "
+            "see conf/variants"
+        )
+    return cast(dict[str, Any], OmegaConf.to_container(variant, resolve=True))
 
 
-def one_by_one(fit: Callable[..., np.ndarray], models, images, z_theta, valid, seeds) -> list[np.ndarray]:
-    """A `fit` of one model at a time (model, images, z_theta, valid, seed=), for several."""
+def one_by_one(fit: Callable[..., np.ndarray], models, images, z_theta, valid, seeds, **settings) -> list[np.ndarray]:
+    """A `fit` of one model at a time (model, images, z_theta, valid, seed=, **settings), for several."""
     jobs = zip(models, images, z_theta, valid, seeds, strict=True)
-    return [fit(*arguments, seed=seed) for *arguments, seed in jobs]
+    return [fit(*arguments, seed=seed, **settings) for *arguments, seed in jobs]
 
 
 def fit_variant(
@@ -149,12 +156,13 @@ def _inputs(scenes_dir: str, demos_dir: str) -> tuple[SceneSet, pd.DataFrame, di
 
 
 def _batches(jobs: list[Job], at_once: int) -> list[list[Job]]:
-    """Jobs to fit together; those whose labels never vary cost nothing and would take the place of others."""
-    alike: dict[tuple[int, bool], list[Job]] = {}
-    for job in jobs:
+    """Jobs to fit together, of about the same n; those whose labels never vary cost nothing, apart."""
+    varied: list[Job] = []
+    constant: list[Job] = []
+    for job in sorted(jobs, key=lambda job: job.n):
         _, valid = demo_arrays(_inputs(job.scenes_dir, job.demos_dir)[1], job.seed, job.user, job.n)
-        alike.setdefault((job.n, never_varies(valid)), []).append(job)
-    return [group[i : i + at_once] for group in alike.values() for i in range(0, len(group), at_once)]
+        (constant if never_varies(valid) else varied).append(job)
+    return [group[i : i + at_once] for group in (varied, constant) for i in range(0, len(group), at_once)]
 
 
 def _run(batch: list[Job]) -> list[Fitted]:

@@ -12,12 +12,13 @@ from pathlib import Path
 
 import yaml
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
+from omegaconf.errors import ConfigAttributeError, OmegaConfBaseException
 
 from pipeline.table.layout import SYMBOLS
 
 CONF = Path(__file__).resolve().parent.parent / "conf"
 PARAMS = Path("params.yaml")
+FITTED_BY = {"vae": "train", "reward": "irl"}  # a variant's kind -> the stage that fits it
 MAX_N = 10  # demonstrations a scene has at the most (paper: 10)
 
 
@@ -54,9 +55,15 @@ def load(path: Path, overrides: Sequence[str] = ()) -> DictConfig:
         cfg = OmegaConf.create(path.read_text())
         if not isinstance(cfg, DictConfig):
             raise InputError(f"{path} holds no mapping: run `python -m pipeline.params` to write it anew")
+        OmegaConf.set_struct(cfg, True)
         cfg.merge_with_dotlist(list(overrides))
         OmegaConf.resolve(cfg)
         validate(cfg)
+    except ConfigAttributeError as error:
+        raise InputError(
+            f"{path} with {list(overrides)} has no parameter {error.full_key}: conf/ names them all, and "
+            "`python -m pipeline.params` writes them anew"
+        ) from error
     except (yaml.YAMLError, OmegaConfBaseException) as error:
         raise InputError(
             f"{path} with {list(overrides)} is not parameters ({error}): run `python -m pipeline.params`"
@@ -94,6 +101,11 @@ def validate(cfg: DictConfig) -> None:
         f"a whole number from max(n) = {max(cfg.n)} to {MAX_N}",
     )
     need(cfg.variant in cfg.variants, "variant", cfg.variant, f"one of {', '.join(cfg.variants)}")
+    for name, variant in cfg.variants.items():
+        kind = variant.get("kind")
+        need(kind in FITTED_BY, f"variants.{name}.kind", kind, f"one of {', '.join(FITTED_BY)}")
+        stage = variant.get("stage")
+        need(stage == FITTED_BY[kind], f"variants.{name}.stage", stage, f"{FITTED_BY[kind]}, which fits kind {kind}")
     need(cfg.seed is None or whole(cfg.seed, 0), "seed", cfg.seed, "null or a whole number from 0")
     known = [*cfg.seeds, *cfg.validation_seeds]
     need(cfg.seed is None or cfg.seed in known, "seed", cfg.seed, f"null or one of {known}")

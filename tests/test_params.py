@@ -8,7 +8,8 @@ import pytest
 from dvc.utils.hydra import compose_and_dump
 from omegaconf import OmegaConf
 
-from pipeline.params import CONF, InputError, compose, load, render
+from pipeline.params import CONF, FITTED_BY, InputError, compose, load, render
+from pipeline.spec.registry import KINDS
 
 ROOT = CONF.parent
 
@@ -39,6 +40,10 @@ def test_every_profile_and_protocol_composes():
         ("seeds=[100]", "none of `seeds`"),
         ("users.careful.glass=-0.01", "users.careful.glass is -0.01"),
         ("variant=fulll", "parameter variant is 'fulll'"),
+        ("variants.full.kind=reward", "variants.full.stage is 'train': expected irl, which fits kind reward"),
+        ("variants.irl_ranked.stage=train", "variants.irl_ranked.stage is 'train': expected irl"),
+        ("variants.full.kind=tree", "variants.full.kind is 'tree': expected one of vae, reward"),
+        ("+variants.new={stage: irl}", "variants.new.kind is None"),
         ("seed=55", "parameter seed is 55"),
         ("workers=0", "workers is 0"),
         ("scenes.shared=0", "scenes.shared is 0"),
@@ -49,6 +54,10 @@ def test_every_profile_and_protocol_composes():
 def test_a_parameter_out_of_range_is_named(override: str, says: str):
     with pytest.raises(InputError, match=says):
         compose([override])
+
+
+def test_every_kind_of_model_has_a_stage_that_fits_it():
+    assert set(FITTED_BY) == set(KINDS)
 
 
 def test_an_unknown_user_needs_a_margin_for_each_symbol():
@@ -79,3 +88,16 @@ def test_a_file_that_is_no_parameters_is_refused(tmp_path: Path, text: str):
 def test_a_missing_file_says_how_to_make_it(tmp_path: Path):
     with pytest.raises(InputError, match=r"python -m pipeline\.params"):
         load(tmp_path / "params.yaml")
+
+
+@pytest.mark.parametrize("key", ["irl.steps", "varaint", "variants.full.delta", "seed.first"])
+def test_an_override_of_no_parameter_is_refused_by_name(key: str):
+    with pytest.raises(InputError, match=f"has no parameter {key}:"):
+        load(ROOT / "params.yaml", [f"{key}=3"])
+
+
+def test_every_kind_of_parameter_can_be_overridden():
+    overrides = ["seed=3", "n=[3,9]", "variant=ae", "variants.full.beta=0.5", "users.careful.glass=null"]
+    cfg = load(ROOT / "params.yaml", overrides)
+    assert (cfg.seed, cfg.n, cfg.variant, cfg.variants.full.beta) == (3, [3, 9], "ae", 0.5)
+    assert cfg.users.careful.glass is None and load(ROOT / "params.yaml", ["seed=null"]).seed is None

@@ -15,33 +15,29 @@ from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
 from torch import Tensor
 
+from pipeline.spec import training
 from pipeline.spec.jitter import Jitter, blobs, new_looks
 from pipeline.spec.reward import SYMMETRIES, RewardMap, against_table, contrast, transform, untransform
 from pipeline.spec.specification import to_tensor
-from pipeline.spec.training import laplace
+from pipeline.spec.training import laplace, never_varies, require_positive
 
 OBJECTIVES = ("maxent", "ranked")
 CURVE = ("step", "total")  # columns of a learning curve
 
 
 @dataclass(frozen=True)
-class Schedule:
+class Schedule(training.Schedule):
     """How a reward map is trained (conf/irl)."""
 
-    steps: int
-    rate: float  # AdamW's peak learning rate; OneCycle warms up to it and anneals to nearly 0
-    weight_decay: float
     scenes_per_step: int  # drawn without replacement; more than there are: all
     copies: int  # looks of each training scene, drawn once, then picked from at random
-    curve_every: int  # steps between two points of the learning curve
     sparsity: float  # weight of the mean absolute reward: no reward where nothing speaks for one
     across: bool  # rank over all scenes (soft regrets compare) or only within each
     jitter: Jitter
 
     def __post_init__(self):
-        for name in ("steps", "rate", "scenes_per_step", "copies", "curve_every"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} is {getattr(self, name)}: it must be positive (conf/irl, conf/variants)")
+        super().__post_init__()
+        require_positive(self, "scenes_per_step", "copies")
 
 
 def maxent(regret: Float[Tensor, "scene path"], valid: Bool[Tensor, "scene path"]) -> Float[Tensor, ""]:
@@ -78,7 +74,7 @@ def fit(
     """
     if objective not in OBJECTIVES:
         raise ValueError(f"objective {objective!r} of a reward variant: expected one of {', '.join(OBJECTIVES)}")
-    if valid.all() or not valid.any():
+    if never_varies(valid):
         p = laplace(valid)
         accept(model, 0.0, float(np.log(p / (1 - p))))
         return np.array([[0.0, 0.0]])
@@ -105,8 +101,7 @@ def _descend(model, rng, copies, z_theta, valid, objective, schedule) -> Float[A
     z = torch.from_numpy(z_theta.astype(np.float32))
     labels = torch.tensor(valid)
     looks = copies.flatten(0, 1).permute(0, 2, 3, 1).contiguous()  # (copy and scene, row, column, 4): quick to pick
-    optimiser = torch.optim.AdamW(model.parameters(), lr=schedule.rate, weight_decay=schedule.weight_decay, fused=True)
-    cycle = torch.optim.lr_scheduler.OneCycleLR(optimiser, schedule.rate, total_steps=schedule.steps)
+    optimiser, cycle = schedule.optimiser(model.parameters())
     curve = []
     model.train()
     with torch.random.fork_rng(devices=[]):

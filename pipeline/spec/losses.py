@@ -53,10 +53,15 @@ def kl(mean: Float[Tensor, "scene latent"], log_variance: Float[Tensor, "scene l
 
 
 def classification(
-    logits: Float[Tensor, "scene path"], valid: Bool[Tensor, "scene path"] | Float[Tensor, "scene path"]
+    logits: Float[Tensor, "scene path"],
+    valid: Bool[Tensor, "scene path"] | Float[Tensor, "scene path"],
+    share: Float[Tensor, "path"] | None = None,
 ) -> Float[Tensor, ""]:
-    """Binary cross-entropy of the demonstrations' validity [nat]: mean over all demonstrations."""
-    return F.binary_cross_entropy_with_logits(logits, valid.to(logits.dtype))
+    """Binary cross-entropy of the demonstrations' validity [nat]: mean over all, or by their `share` of a scene."""
+    if share is None:
+        return F.binary_cross_entropy_with_logits(logits, valid.to(logits.dtype))
+    each = F.binary_cross_entropy_with_logits(logits, valid.to(logits.dtype), reduction="none")
+    return (each * share).sum(1).mean()
 
 
 def equation_1(
@@ -66,6 +71,7 @@ def equation_1(
     valid: Bool[Tensor, "scene path"] | Float[Tensor, "scene path"],
     weights: Weights,
     noise: Float[Tensor, "scene latent"],
+    share: Float[Tensor, "path"] | None = None,
 ) -> Terms:
     """The loss over demonstrations of `scene` scenes, each encoded once and shared by all of its paths.
 
@@ -82,4 +88,4 @@ def equation_1(
         divergence = weights.beta * kl(mean, log_variance)
     if weights.alpha:
         error = weights.alpha * reconstruction(model.decode(z_image), images)
-    return Terms(error, divergence, weights.gamma * classification(model.logit(z_image, z_theta), valid))
+    return Terms(error, divergence, weights.gamma * classification(model.logit(z_image, z_theta), valid, share))

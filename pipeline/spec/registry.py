@@ -18,4 +18,4 @@ def build(variant: Mapping[str, Any], seed: int = 0) -> Specification:
     kind = variant["kind"]
     if kind not in KINDS:
         raise ValueError(f"kind {kind!r} of variant: expected one of {', '.join(KINDS)}; see conf/variants")
-    return untrained(KINDS[kind], variant.get("model"), seed)
+    return untrained(KINDS[kind], variant["model"], seed)

@@ -49,11 +49,11 @@ class Specification(nn.Module, ABC):
         return torch.cat(parts).numpy()
 
 
-def untrained(kind: type[Specification], shape: Mapping[str, Any] | None, seed: int) -> Specification:
+def untrained(kind: type[Specification], shape: Mapping[str, Any], seed: int) -> Specification:
     """A `kind` of that `shape` (its keyword arguments), its weights drawn from `seed` alone.
 
     In eval mode; torch's global generator is left as it was.
     """
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        return kind(**(shape or {})).eval()
+        return kind(**shape).eval()

@@ -1,8 +1,8 @@
 """Fits several users' models at once, one in each SIMD lane (pipeline.spec.lanes): `training.fit` for a stack.
 
-The models of a stack share their weights of Eq. 1, number of demonstrations and schedule; images, demonstrations
-and seeds are each model's own. What a model becomes does not depend, to the last bit, on the others. Against
-`training.fit` sums are taken in another order, so trained weights differ by amplified rounding.
+The models of a stack share their weights of Eq. 1, number of scenes and schedule; images, demonstrations (as many as
+there are) and seeds are each model's own. What a model becomes does not depend, to the last bit, on the others.
+Against `training.fit` sums are taken in another order, so trained weights differ by amplified rounding.
 
 A layer reads one array and writes the next. On the way back it finds there the loss's gradient, adds to that of its
 weights and overwrites what it had read with the gradient of that. Planes have a border of zeros; dense layers read
@@ -24,7 +24,7 @@ from torch import nn
 from pipeline.spec import lanes
 from pipeline.spec.lanes import GATE, LANES, PUT, RELU
 from pipeline.spec.losses import Weights
-from pipeline.spec.training import Schedule, fit, never_varies
+from pipeline.spec.training import Schedule, fit_varied, padded, shares
 from pipeline.spec.vae import SIDE, Z_CENTRE, Z_SCALE, VaeSpecification
 
 
@@ -140,10 +140,14 @@ def _channels_first(values: Array, axis: int, axes: int) -> Array:
 
 
 class Stack:
-    """`LANES` models of one shape, as layers that take one scene at a time with its n paths."""
+    """`LANES` models of one shape, as layers that take one scene at a time with its paths: n of each model's own.
 
-    def __init__(self, models: Sequence[VaeSpecification], weights: Weights, n: int):
+    A model with fewer than the most has rows to spare after its own. They weigh 0: all they add to a sum is a zero.
+    """
+
+    def __init__(self, models: Sequence[VaeSpecification], weights: Weights, n: Sequence[int]):
         self.weights, model = weights, models[0]
+        self.share = shares(n)  # (row, lane)
         names = {module: name for name, module in model.named_modules()}
         self.layers: dict[tuple[str, ...], Layer] = {}  # by the modules whose weights they hold
 
@@ -175,7 +179,7 @@ class Stack:
         self.decoded = planes  # as log-odds
 
         self.classifier: list[Layer] = []
-        self.demos = rows = allocate(n, model.latent + 2)  # z_image, z_theta
+        self.demos = rows = allocate(max(n), model.latent + 2)  # z_image, z_theta
         linears = [module for module in model.classifier if isinstance(module, nn.Linear)]
         for module in linears:
             mode, back = PUT if module is linears[-1] else RELU, PUT if rows is self.demos else GATE
@@ -202,8 +206,8 @@ class Stack:
     def gradient(
         self,
         images: UInt8[Array, "scene 100 100 3 lane"],
-        z_theta: Float[Array, "scene n 2 lane"],
-        valid: Bool[Array, "scene n lane"],
+        z_theta: Float[Array, "scene row 2 lane"],
+        valid: Bool[Array, "scene row lane"],
         noise: Float[Array, "scene latent lane"],
     ) -> Float[Array, "3 lane"]:
         """The terms of Eq. 1 as they enter the sum; its gradient is left in the parameters."""
@@ -226,9 +230,9 @@ class Stack:
         self.demos[:, :latent], self.demos[:, latent:] = self.z_image, z_theta
 
         _forward(self.classifier)
-        gamma /= len(valid)
+        gamma = np.float32(gamma * self.share)  # (row, lane)
         logits = self.logits[:, 0]
-        terms[2] = -gamma * np.where(valid, log_expit(logits), log_expit(-logits)).sum(0)
+        terms[2] = -(gamma * np.where(valid, log_expit(logits), log_expit(-logits))).sum(0)
         logits[:] = gamma * (expit(logits) - valid)
         _backward(self.classifier)
         slope = self.demos[:, :latent].sum(0)  # with respect to z_image
@@ -263,42 +267,35 @@ def _backward(layers: Sequence[Layer]) -> None:
 def fit_stack(
     models: Sequence[VaeSpecification],
     images: Sequence[UInt8[Array, "scene 100 100 3"]],
-    z_theta: Sequence[Float[Array, "scene n 2"]],
-    valid: Sequence[Bool[Array, "scene n"]],
+    z_theta: Sequence[Float[Array, "scene _ 2"]],
+    valid: Sequence[Bool[Array, "scene _"]],
     weights: Weights,
     schedule: Schedule,
     seeds: Sequence[int],
 ) -> list[Float[Array, "point 5"]]:
-    """Train models in place, `LANES` at a time, each on its demonstrations [m]; their learning curves (`CURVE`).
+    """Train up to `LANES` models in place, each on its demonstrations [m]; their learning curves (`CURVE`).
 
     Model by model what `training.fit` does, which also sees to demonstrations that are all valid or all invalid.
     """
-    curves: dict[int, Array] = {}
-    for i, labels in enumerate(valid):
-        if never_varies(labels):
-            curves[i] = fit(models[i], images[i], z_theta[i], labels, weights, schedule, seeds[i])
-    varied = [i for i in range(len(models)) if i not in curves]
-    for start in range(0, len(varied), LANES):
-        some = varied[start : start + LANES]
-        of_some = zip(*((models[i], images[i], z_theta[i], valid[i], seeds[i]) for i in some), strict=True)
-        curves.update(zip(some, _descend(*of_some, weights=weights, schedule=schedule), strict=True))
-    return [curves[i] for i in range(len(models))]
+    if len(models) > LANES:
+        raise ValueError(f"{len(models)} models for a stack: it holds {LANES}")
+    return fit_varied(_descend, models, images, z_theta, valid, weights, schedule, seeds)
 
 
-def _descend(models, images, z_theta, valid, seeds, *, weights, schedule) -> list[Float[Array, "point 5"]]:
+def _descend(models, images, z_theta, valid, weights, schedule, seeds) -> list[Float[Array, "point 5"]]:
     """The gradient descent of one stack; a point of a curve is the loss before that many updates."""
     spare = [0] * (LANES - len(models))  # lanes without a model of their own do the first one's work again
     own = [*range(len(models)), *spare]
+    n = [valid[i].shape[1] for i in own]
     pixels = np.stack([images[i] for i in own], -1)
-    paths = (np.stack([z_theta[i] for i in own], -1).astype(np.float32) - Z_CENTRE) / Z_SCALE
-    labels = np.stack([valid[i] for i in own], -1)
-    scenes, n, _ = labels.shape
+    paths, labels = (np.stack([demos[i] for i in own], -1) for demos in map(padded, (z_theta, valid)))
+    paths = (paths.astype(np.float32) - Z_CENTRE) / Z_SCALE
     stack = Stack([models[i] for i in own], weights, n)
     generators = [torch.Generator().manual_seed(seed) for seed in seeds]
     optimiser, cycle = schedule.optimiser([parameter.tensor for parameter in stack.parameters()])
     curve = []
     for step in range(schedule.steps):
-        noise = [torch.randn(scenes, models[0].latent, generator=generator).numpy() for generator in generators]
+        noise = [torch.randn(len(pixels), models[0].latent, generator=generator).numpy() for generator in generators]
         terms = stack.gradient(pixels, paths, labels, np.stack([noise[i] for i in own], -1))
         optimiser.step()
         cycle.step()

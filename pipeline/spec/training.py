@@ -1,14 +1,14 @@
 """Fits one user's model to its labelled demonstrations by full-batch gradient descent on Eq. 1."""
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
-from torch import nn
+from torch import Tensor
 from torch.optim import AdamW
 from torch.optim.lr_scheduler import OneCycleLR
 
@@ -21,24 +21,31 @@ CURVE = ("step", "reconstruction", "kl", "classification", "total")  # columns o
 
 @dataclass(frozen=True)
 class Schedule:
-    """How long and how fast (conf/train): one step sees every demonstration once."""
+    """How long and how fast (conf/train; conf/irl has more)."""
 
-    steps: int
+    steps: int  # one of the VAE's sees every demonstration once
     rate: float  # AdamW's peak learning rate; OneCycle warms up to it and anneals to nearly 0
     weight_decay: float
     curve_every: int  # steps between two points of the learning curve
 
     def __post_init__(self):
-        for name in ("steps", "rate", "curve_every"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"train.{name} is {getattr(self, name)}: it must be positive")
+        require_positive(self, "steps", "rate", "curve_every")
         if not self.weight_decay >= 0:
-            raise ValueError(f"train.weight_decay is {self.weight_decay}: it must be 0 or more")
+            raise ValueError(f"weight_decay is {self.weight_decay}: it must be 0 or more (conf/train, conf/irl)")
 
-    def optimiser(self, parameters: Iterable[nn.Parameter]) -> tuple[AdamW, OneCycleLR]:
+    def optimiser(self, parameters: Iterable[Tensor]) -> tuple[AdamW, OneCycleLR]:
         """AdamW of `parameters`, and what paces it: both take a step after every gradient."""
         optimiser = AdamW(parameters, lr=self.rate, weight_decay=self.weight_decay, fused=True)
         return optimiser, OneCycleLR(optimiser, self.rate, total_steps=self.steps)
+
+
+def require_positive(schedule: Schedule, *names: str) -> None:
+    """ValueError for the first of these fields that is not above 0."""
+    for name in names:
+        if not getattr(schedule, name) > 0:
+            raise ValueError(
+                f"{name} is {getattr(schedule, name)}: it must be positive (conf/train, conf/irl, conf/variants)"
+            )
 
 
 def job_seed(*names: str | int) -> int:
@@ -78,6 +85,32 @@ def fit(
         loss = weights.gamma * -np.log(max(laplace(valid), 1 - laplace(valid)))
         return np.array([[0, 0, 0, loss, loss]])
     return _descend(model, images, z_theta, valid, weights, schedule, seed)
+
+
+def fit_varied(descend, models, images, z_theta, valid, weights, schedule, seeds) -> list[Float[Array, "point 5"]]:
+    """`fit` of several models by one `descend`, with its arguments, but for those whose labels never vary."""
+    jobs = list(zip(models, images, z_theta, valid, seeds, strict=True))
+    varied = [i for i, labels in enumerate(valid) if not never_varies(labels)]
+    curves = {
+        i: fit(*job, weights=weights, schedule=schedule, seed=seed)
+        for i, (*job, seed) in enumerate(jobs)
+        if i not in varied
+    }
+    if varied:
+        *of_varied, own_seeds = zip(*(jobs[i] for i in varied), strict=True)
+        curves |= zip(varied, descend(*of_varied, weights, schedule, own_seeds), strict=True)
+    return [curves[i] for i in range(len(jobs))]
+
+
+def padded(demos: Sequence[Array]) -> list[Array]:
+    """Demonstrations (scene, n, ...) of several models in as many rows: a scene's first one again in those to spare."""
+    rows = max(of_model.shape[1] for of_model in demos)
+    return [np.concatenate([d, d[:, :1].repeat(rows - d.shape[1], 1)], 1) for d in demos]
+
+
+def shares(n: Sequence[int]) -> Float[Array, "row model"]:
+    """What each row of `padded` demonstrations counts in its scene's mean: 1 / n, or 0 to spare."""
+    return np.where(np.arange(max(n))[:, None] < n, 1 / np.array(n), 0)
 
 
 def _descend(model, images, z_theta, valid, weights, schedule, seed) -> Float[Array, "point 5"]:

@@ -14,7 +14,7 @@ from pipeline.spec.reward import RewardMap
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Weights, predictions.parquet, curves.parquet, curves.csv and metrics.json of `cfg.variant`."""
-    settings = variant_settings(cfg, "irl")
+    settings = variant_settings(cfg, "irl", ("objective", "steps", "model"))
     train = partial(fit, objective=settings["objective"], schedule=schedule(cfg, settings["steps"]))
     fit_variant(cfg, out_dir, settings, RewardMap, partial(one_by_one, train), CURVE)
 
@@ -24,7 +24,7 @@ def schedule(cfg: DictConfig, steps: int) -> Schedule:
     s = cfg.irl
     jitter = Jitter(**{name: float(value) for name, value in s.jitter.items()})
     return Schedule(
-        steps, float(s.rate), float(s.weight_decay), s.scenes_per_step, s.copies, s.curve_every,
+        steps, float(s.rate), float(s.weight_decay), s.curve_every, s.scenes_per_step, s.copies,
         float(s.sparsity), s.across, jitter,
     )  # fmt: skip
 

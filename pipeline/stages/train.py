@@ -1,37 +1,52 @@
 """Stage train: fits one variant of the paper's model for every seed, user and n; predicts every query."""
 
+from collections.abc import Callable
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
+import numpy as np
+import torch
 from omegaconf import DictConfig
 
 from pipeline.fitting import fit_variant, one_by_one, variant_settings
 from pipeline.launch import launch
+from pipeline.params import InputError
+from pipeline.spec import batched
 from pipeline.spec.losses import Weights
 from pipeline.spec.training import CURVE, Schedule, fit
 from pipeline.spec.vae import VaeSpecification
 
-ENGINES = ("stacked", "reference")
+ENGINES = ("auto", "stacked", "batched", "reference")
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Weights, predictions.parquet, curves.parquet, curves.csv and metrics.json of `cfg.variant`."""
-    settings = variant_settings(cfg, "train")
+    settings = variant_settings(cfg, "train", ("alpha", "beta", "gamma", "model"))
     weights = Weights(*(float(settings[name]) for name in ("alpha", "beta", "gamma")))
     t = cfg.train
     schedule = Schedule(t.steps, float(t.rate), float(t.weight_decay), t.curve_every)
-    if t.engine not in ENGINES:
-        raise ValueError(f"train.engine is {t.engine!r}: expected one of {', '.join(ENGINES)}")
-    if t.engine == "stacked" and find_spec("numba"):
+    train, at_once = _engine(t.engine)
+    train = partial(train, weights=weights, schedule=schedule)
+    fit_variant(cfg, out_dir, settings, VaeSpecification, train, CURVE, at_once)
+
+
+def _engine(name: str) -> tuple[Callable[..., list[np.ndarray]], int]:
+    """What fits several models (conf/train), and how many at once; says on stdout which it is."""
+    if name not in ENGINES:
+        raise InputError(f"train.engine is {name!r}: expected one of {', '.join(ENGINES)}")
+    if name == "auto":
+        name = "batched" if torch.cuda.is_available() else "stacked"
+    if name == "stacked" and not find_spec("numba"):
+        raise InputError("train.engine=stacked needs Numba: install it, or choose train.engine=reference (slower)")
+    print(f"engine {name} on {batched.device() if name == 'batched' else 'cpu'}", flush=True)
+    if name == "batched":
+        return batched.fit_batch, batched.AT_ONCE
+    if name == "stacked":
         from pipeline.spec.stacked import LANES, fit_stack  # compiles on its first import
 
-        train, at_once = partial(fit_stack, weights=weights, schedule=schedule), LANES
-    else:
-        if t.engine == "stacked":
-            print("Numba is not installed: the reference engine trains, several times slower and rounded otherwise.")
-        train, at_once = partial(one_by_one, partial(fit, weights=weights, schedule=schedule)), 1
-    fit_variant(cfg, out_dir, settings, VaeSpecification, train, CURVE, at_once)
+        return fit_stack, LANES
+    return partial(one_by_one, fit), 1
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ VARIANTS = {"full": FULL, "ae": AE, "classifier": CLASSIFIER}
 
 def drawn() -> VaeSpecification:
     """An untrained model of the paper's size."""
-    model = build({"kind": "vae"}, seed=3)
+    model = build({"kind": "vae", "model": {}}, seed=3)
     assert isinstance(model, VaeSpecification)
     return model
 

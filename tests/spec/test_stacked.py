@@ -3,18 +3,21 @@
 import copy
 import subprocess
 import sys
+from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
 from pipeline.spec.lanes import LANES
 from pipeline.spec.losses import Weights, equation_1
 from pipeline.spec.registry import build
 from pipeline.spec.stacked import Stack, fit_stack
-from pipeline.spec.training import Schedule, fit
+from pipeline.spec.training import Schedule, fit, padded
 from pipeline.spec.vae import Z_CENTRE, Z_SCALE, VaeSpecification
 
 VARIANTS = {
@@ -47,30 +50,33 @@ def data(seed: int, scenes: int = 3, n: int = 4):
     """Dark noise for images, for the gradients of grey cancel; one path in four is valid, the first is not."""
     rng = np.random.default_rng(seed)
     valid = rng.random((scenes, n)) < 0.25
-    valid[0, :2] = False, True
+    valid.flat[:2] = False, True
     return rng.integers(0, 128, (scenes, 100, 100, 3), dtype=np.uint8), rng.uniform(-0.2, 1.2, (scenes, n, 2)), valid
 
 
-def stacked(seeds, variant: str = "full"):
-    """A model for each of the seeds, trained together, and their learning curves."""
+def stacked(seeds, variant: str = "full", n: Sequence[int] = (4,) * LANES):
+    """A model for each of the seeds, on its n, trained together; and their learning curves."""
     models = [drawn(seed) for seed in seeds]
-    images, z_theta, valid = zip(*map(data, seeds), strict=True)
+    images, z_theta, valid = zip(*(data(seed, n=own) for seed, own in zip(seeds, n, strict=False)), strict=True)
     return models, fit_stack(models, images, z_theta, valid, VARIANTS[variant], SHORT, seeds)
 
 
+@pytest.mark.parametrize("n", [[9] * LANES, [9, 1, 7, 3, 5, 2, 9, 1]], ids=["one n", "mixed n"])
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_gradient_is_that_of_equation_1_in_double_precision(variant, shape):
+def test_gradient_is_that_of_equation_1_in_double_precision(variant, shape, n):
     models = [drawn(seed, shape) for seed in range(LANES)]
-    images, z_theta, valid = (np.stack(a, -1) for a in zip(*(data(lane, 20, 9) for lane in range(LANES)), strict=True))
+    images, z_theta, valid = zip(*(data(lane, 20, n[lane]) for lane in range(LANES)), strict=True)
+    images, z_theta, valid = (np.stack(a, -1) for a in (images, padded(z_theta), padded(valid)))
     noise = np.random.default_rng(0).standard_normal((20, models[0].latent, LANES)).astype(np.float32)
-    stack = Stack(models, VARIANTS[variant], n=9)
+    stack = Stack(models, VARIANTS[variant], n)
     terms = stack.gradient(images, ((z_theta - Z_CENTRE) / Z_SCALE).astype(np.float32), valid, noise)
     gradients = dict(stack.tensors("gradient"))
     for lane, model in list(enumerate(models))[::3]:
         exact = copy.deepcopy(model).double()
         x = torch.from_numpy(images[..., lane]).permute(0, 3, 1, 2).double() / 255
-        z, labels, own_noise = (torch.from_numpy(a[..., lane]).double() for a in (z_theta, valid, noise))
+        own = (z_theta[:, : n[lane], :, lane], valid[:, : n[lane], lane], noise[..., lane])
+        z, labels, own_noise = (torch.from_numpy(array).double() for array in own)
         loss = equation_1(exact, x, z, labels, VARIANTS[variant], own_noise)
         loss.total.backward()
         np.testing.assert_allclose(terms[:, lane], [float(term.detach()) for term in loss], rtol=2e-6, atol=1e-9)
@@ -95,14 +101,25 @@ def test_a_step_is_that_of_the_reference():
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_a_model_is_the_same_bits_whatever_else_is_in_the_stack(variant):
-    seeds = list(range(LANES + 1))
     alone, (curve,) = stacked([3], variant)
     some, curves = stacked([5, 3], variant)
-    many, more_curves = stacked(seeds[::-1], variant)
+    many, more_curves = stacked(list(range(LANES))[::-1], variant)
     for other, its_curve in ((some[1], curves[1]), (many[-4], more_curves[-4])):
         assert digest(other) == digest(alone[0])
         assert np.array_equal(its_curve, curve)
     assert digest(many[0]) != digest(many[1])
+
+
+@settings(max_examples=12, deadline=None)
+@given(st.sampled_from(list(VARIANTS)), st.integers(1, 9), st.lists(st.integers(1, 9), max_size=LANES - 1))
+@example("full", 3, [3, 3])
+@example("full", 3, [9, 9])
+@example("full", 1, [9] * (LANES - 1))
+def test_a_model_is_the_same_bits_whatever_the_n_of_the_others(variant, n, others):
+    alone, (curve,) = stacked([3], variant, [n])
+    models, curves = stacked([3, *range(10, 10 + len(others))], variant, [n, *others])
+    assert digest(models[0]) == digest(alone[0])
+    assert curves[0].tobytes() == curve.tobytes()
 
 
 def test_another_process_gives_the_same_bits():
@@ -117,6 +134,11 @@ def test_demonstrations_that_never_vary_get_the_constant_head_of_the_reference()
     curves = fit_stack(models, images, z_theta, [valid[0], np.ones_like(valid[1])], VARIANTS["full"], SHORT, [0, 1])
     assert [curve.shape for curve in curves] == [(3, 5), (1, 5)]
     np.testing.assert_allclose(models[1].probability(images[1], z_theta[1]), 13 / 14, rtol=1e-5)
+
+
+def test_a_stack_holds_as_many_models_as_there_are_lanes():
+    with pytest.raises(ValueError, match=f"{LANES + 1} models for a stack: it holds {LANES}"):
+        stacked(range(LANES + 1), n=[4] * (LANES + 1))
 
 
 def digest(model: VaeSpecification) -> str:

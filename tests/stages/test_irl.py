@@ -72,6 +72,8 @@ def test_a_second_run_writes_the_same_bytes(run, small_world, tmp_path):
     ("override", "message"),
     [
         ("variant=full", "not fitted by stage irl: expected one of irl_maxent, irl_ranked"),
+        ("~variants.irl_ranked.objective", "has no objective: stage irl expects each of objective, steps, model"),
+        ("variants.irl_ranked.steps=null", "variant irl_ranked has no steps"),
         ("variants.irl_ranked.steps=0", "steps is 0"),
         ("irl.jitter.other_table=2", "irl.jitter.other_table is 2.0"),
         ("variants.irl_ranked.objective=apprenticeship", "expected one of maxent, ranked"),

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 
 from pipeline.artifacts.demos import read_queries
 from pipeline.artifacts.files import read_json, read_table
@@ -18,6 +19,7 @@ from pipeline.spec.vae import VaeSpecification
 from pipeline.stages.train import main
 
 SMALL = ["seeds=[0,1]", "n=[1,2]", "study_n=2", "train.steps=4", "train.curve_every=2", "workers=1"]
+SMALL += ["train.engine=stacked"]
 
 
 def config(small_world: Path, out: Path, *overrides: str):
@@ -78,36 +80,54 @@ def test_one_seed_alone_is_that_seed_of_the_whole_run(run, small_world, tmp_path
     assert len(alone) == 6 and alone.items() <= whole.items()
 
 
-def test_both_engines_learn_the_same(run, small_world, tmp_path):
-    main(config(small_world, tmp_path, "train.engine=reference"), tmp_path / "full")
+@pytest.mark.parametrize("engine", ["reference", "batched"])
+def test_every_engine_learns_the_same_and_is_named(run, small_world, tmp_path, capsys, engine):
+    main(config(small_world, tmp_path, f"train.engine={engine}"), tmp_path / "full")
+    assert f"engine {engine} on " in capsys.readouterr().out
     ours, theirs = (read_table(root / "full" / "predictions.parquet") for root in (run, tmp_path))
     pd.testing.assert_frame_equal(ours.drop(columns="p"), theirs.drop(columns="p"))
     np.testing.assert_allclose(ours["p"], theirs["p"], atol=1e-3)  # 4 steps; later on rounding is amplified
 
 
-def test_jobs_fitted_together_are_alike_and_none_is_left_out(small_world, tmp_path):
-    cfg = config(small_world, tmp_path)
-    jobs = _jobs(cfg, {}, VaeSpecification, lambda *data, seeds: [])
+def test_auto_is_batched_where_there_is_cuda_and_stacked_elsewhere(small_world, tmp_path, capsys):
+    main(config(small_world, tmp_path, "train.engine=auto", "train.steps=1"), tmp_path / "full")
+    expected = "engine batched on cuda" if torch.cuda.is_available() else "engine stacked on cpu"
+    assert expected in capsys.readouterr().out
+
+
+def test_jobs_fitted_together_are_of_like_n_and_none_is_left_out(small_world, tmp_path):
+    jobs = _jobs(config(small_world, tmp_path), {}, VaeSpecification, lambda *data, seeds: [])
     batches = _batches(jobs, at_once=3)
     assert sorted(_key(job) for batch in batches for job in batch) == sorted(map(_key, jobs))
-    for batch in batches:
-        assert 1 <= len(batch) <= 3 and len({job.n for job in batch}) == 1
-        assert len({job.user == "aggressive" for job in batch}) == 1  # its labels never vary
+    learning = [batch for batch in batches if batch[0].user != "aggressive"]  # its labels never vary
+    assert [len(batch) for batch in learning] == [3, 3, 2]  # 2 seeds, 2 users, 2 n
+    assert all(job.user != "aggressive" for batch in learning for job in batch)
+    ns = [job.n for batch in learning for job in batch]
+    assert ns == sorted(ns)
 
 
 @pytest.mark.parametrize(
     ("override", "message"),
     [
         ("variant=irl_ranked", "not fitted by stage train: expected one of full, ae, classifier"),
+        ("variants.full.alpha=null", "full has no alpha: stage train expects each of alpha, beta, gamma, model"),
+        ("~variants.full.model", "variant full has no model"),
         ("variants.full.beta=-1", "beta is -1.0"),
-        ("train.steps=0", "train.steps is 0"),
-        ("train.engine=eager", "expected one of stacked, reference"),
+        ("train.steps=0", "steps is 0"),
+        ("train.engine=eager", "expected one of auto, stacked, batched, reference"),
         ("seeds=[0,7]", "no scenes train-s7"),
     ],
 )
 def test_bad_input_ends_before_anything_is_written(small_world, tmp_path, override, message):
     with pytest.raises(ValueError, match=message):
         main(config(small_world, tmp_path, override), tmp_path / "full")
+    assert not (tmp_path / "full").exists()
+
+
+def test_without_numba_the_stacked_engine_is_refused_not_replaced(small_world, tmp_path, monkeypatch):
+    monkeypatch.setattr("pipeline.stages.train.find_spec", lambda name: None)
+    with pytest.raises(InputError, match=r"needs Numba.*train\.engine=reference"):
+        main(config(small_world, tmp_path), tmp_path / "full")
     assert not (tmp_path / "full").exists()
 
 
