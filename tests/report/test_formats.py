@@ -31,6 +31,29 @@ def test_what_a_form_reads_as_code_is_escaped():
     assert "&lt;c&gt;" in to_html(TINY) and "<c>" not in to_html(TINY)
 
 
+def test_latex_is_balanced_and_ruled_by_booktabs(results: Results):
+    for t in all_tables(results):
+        tex = re.sub(r"\\[{}\\]", "", to_tex(t))
+        assert tex.count("{") == tex.count("}") and tex.count(r"\begin") == tex.count(r"\end")
+        assert re.findall(r"\\\w+rule", tex) == [r"\toprule", r"\midrule", r"\bottomrule"]
+
+
+@given(st.text("\\{}$~^_#%& a[", min_size=1))
+def test_latex_reads_no_letter_as_code(text: str):
+    tex = to_tex(table("t", text, ["a"], [[text]]))
+    caption = re.search(r"\\caption\{(.*)\}\n", tex)[1]  # pyright: ignore[reportOptionalSubscript]
+    commands = r"\\textbackslash\{\}|\\textasciitilde\{\}|\\\^\{\}|\\[{}$_#%&]|\{\[\}"
+    assert set(re.sub(commands, "", caption)) <= {" ", "a"}
+    assert len(re.findall(commands, caption)) == len(text) - text.count(" ") - text.count("a")
+
+
+def test_latex_breaks_lines_only_where_a_table_is_too_wide():
+    words = "ten words of which a narrow column must hold some"
+    narrow, wide = to_tex(table("t", "c", ["a"], [[words]])), to_tex(table("t", "c", list("abcd"), [[words] * 4]))
+    assert words in narrow and words not in wide
+    assert r"\begin{tabular}[t]{@{}l@{}}ten words" in wide
+
+
 def test_a_table_without_rows_or_with_ragged_ones_is_refused():
     with pytest.raises(ValueError, match="has no rows"):
         table("t", "c", ["a"], [])
