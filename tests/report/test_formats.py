@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from pipeline.report.figures.tabletop import capsule
 from pipeline.report.results import Results
-from pipeline.report.style import INK, inline, svg
+from pipeline.report.style import INK, inline, pdf, svg
 from pipeline.report.table import Cell, table, to_csv, to_html, to_markdown, to_tex
 from pipeline.report.tables import all_tables
 from pipeline.report.wording import listed, percent, percent_spread, points, signed
@@ -88,8 +88,8 @@ def drawing() -> Figure:
 
 
 def test_a_figure_has_the_same_bytes_twice_and_no_date():
-    assert svg(drawing) == svg(drawing)
-    assert "<dc:date>" not in svg(drawing)
+    assert svg(drawing) == svg(drawing) and pdf(drawing) == pdf(drawing)
+    assert "<dc:date>" not in svg(drawing) and b"Date" not in pdf(drawing)
 
 
 def test_an_inlined_figure_follows_the_page_and_keeps_its_ids_apart():
