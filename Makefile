@@ -10,10 +10,10 @@ READY := $(VENV)/.ready
 RUN ?=
 WORST ?=
 
-.PHONY: help venv repro test smoke bench review readme lint lock deps data clean
+.PHONY: help venv repro test test-browser test-latex smoke bench review readme lint lock deps data clean
 
 help:  ## list the targets
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 10
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
 
 venv: $(READY)  ## create .venv from the pinned lock
 
@@ -33,6 +33,14 @@ test: $(READY)  ## ruff, pyright, the test suite (it includes the smoke run)
 	ruff check . && ruff format --check .
 	pyright
 	python -m pytest -n 2 --dist loadfile
+
+test-browser: $(READY)  ## the report in headless Chromium: keyboard, accessibility, phone, print
+	@command -v chromium > /dev/null || { echo "error: chromium is missing: apt-get install chromium" >&2; exit 1; }
+	python -m pytest tests/browser
+
+test-latex: $(READY)  ## the report's LaTeX tables, compiled
+	@command -v pdflatex > /dev/null || { echo "error: pdflatex is missing: apt-get install texlive-latex-recommended" >&2; exit 1; }
+	python -m pytest tests/latex
 
 smoke: $(READY)  ## the whole real graph, tiny, in a throwaway clone
 	bash tests/smoke.sh

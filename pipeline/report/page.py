@@ -1,5 +1,6 @@
 """The page a reader opens: one HTML file with everything inside it."""
 
+import re
 from collections.abc import Mapping
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -30,9 +31,9 @@ def render(
         loader=PackageLoader("pipeline.report"), undefined=StrictUndefined, autoescape=True, trim_blocks=True,
         lstrip_blocks=True,
     )  # fmt: skip
-    environment.filters["curly"] = lambda text: text.replace("'", "’")
+    environment.filters["typeset"] = _typeset
     environment.globals |= {
-        "table": lambda name: Markup(to_html(tables[name]).replace("&#x27;", "’")),
+        "table": lambda name: Markup(_typeset(to_html(tables[name]).replace("&#x27;", "'"))),
         "svg": lambda text, name: Markup(inline(text, name)),
         "listed": listed,
         "counted": counted,
@@ -45,3 +46,8 @@ def render(
             f"(conf/report.yaml)"
         )
     return html
+
+
+def _typeset(text: str) -> str:
+    """Curly apostrophes; a number stays on the line of its sign, its unit and its name."""
+    return re.sub(r"(?<=[=±]) (?=\d)|(?<=\d) (?=%)|(?<=\b\w) (?==)", "\u00a0", text.replace("'", "’"))

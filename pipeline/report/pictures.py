@@ -1,9 +1,11 @@
 """The report's figures with their captions, and texts for those who cannot see them that state the finding."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
 from jaxtyping import Bool, Float, Int, UInt8
+from matplotlib.figure import Figure
 from numpy import ndarray as Array
 
 from pipeline.report.claims import SEEN, UNSEEN
@@ -11,20 +13,21 @@ from pipeline.report.figures import accuracy, curves, interventions, latent, map
 from pipeline.report.figures.maps import Maps
 from pipeline.report.figures.repairs import Repair
 from pipeline.report.results import NULLS, Results
-from pipeline.report.style import svg
+from pipeline.report.style import pdf, svg
 from pipeline.report.wording import counted, listed, percent, variant_label, variant_phrase
 from pipeline.table.layout import SYMBOLS, Layouts
 
 
 @dataclass(frozen=True)
 class Picture:
-    """One figure: SVG for a wide page, maybe another for a narrow one, its caption and its alternative text."""
+    """One figure: SVG for a wide page, maybe another for a narrow one, PDF for a paper, and its two texts."""
 
     name: str
     caption: str
     alt: str
     wide: str
-    narrow: str | None = None
+    narrow: str | None
+    pdf: bytes
 
 
 @dataclass(frozen=True)
@@ -37,7 +40,7 @@ class Drawn:
     maps: dict[str, Maps]  # by user
     pool: UInt8[Array, "scene 100 100 3"]  # scenes that were repaired in
     layouts: Layouts
-    repairs: dict[str, dict[str, list[Repair | None]]]  # by variant and user
+    repairs: dict[str, dict[str, list[Repair]]]  # by variant, and user with something invalid
     rebuilt: UInt8[Array, "picture 100 100 3"]
     originals: UInt8[Array, "picture 100 100 3"]
     trained_on: int  # of the originals, the first ones
@@ -63,6 +66,10 @@ def all_pictures(results: Results, summary, drawn: Drawn) -> dict[str, Picture]:
     return {picture.name: picture for picture in pictures}
 
 
+def _picture(name: str, caption: str, alt: str, wide: Callable[[], Figure], narrow: Callable | None = None) -> Picture:
+    return Picture(name, caption, alt, svg(wide), svg(narrow) if narrow else None, pdf(wide))
+
+
 def _world(results: Results) -> Picture:
     cells = [c for by in results.world["p_valid"].values() for c in by.values() if c.get("paper") is not None]
     gap = max((abs(c["truth"] - c["paper"]) for c in cells), default=0.0)
@@ -74,7 +81,7 @@ def _world(results: Results) -> Picture:
         "The world beside the paper's Table 2: dots are the simulated truth, stars the paper, grey bars ± 0.03 "
         "around it."
     )
-    return Picture("world", caption, alt, svg(partial(world.draw_calibration, results.world["p_valid"], results.users)))
+    return _picture("world", caption, alt, partial(world.draw_calibration, results.world["p_valid"], results.users))
 
 
 def _demonstrations(results: Results, drawn: Drawn) -> Picture:
@@ -86,7 +93,7 @@ def _demonstrations(results: Results, drawn: Drawn) -> Picture:
         f"the square; "
         "whole blue lines are valid to that user, broken orange ones are not."
     )
-    return Picture("demonstrations", caption, alt, svg(partial(world.draw_demonstrations, drawn.scenes, drawn.demos)))
+    return _picture("demonstrations", caption, alt, partial(world.draw_demonstrations, drawn.scenes, drawn.demos))
 
 
 def _accuracy(results: Results, summary) -> Picture:
@@ -112,7 +119,7 @@ def _accuracy(results: Results, summary) -> Picture:
     )
     kept = summary[summary["variant"].isin([*results.variants, *NULLS])]
     wide, narrow = (partial(accuracy.draw, kept, list(results.splits), c) for c in (3, 1))
-    return Picture("accuracy", caption, alt, svg(wide), svg(narrow))
+    return _picture("accuracy", caption, alt, wide, narrow)
 
 
 def _map(results: Results, drawn: Drawn, user: str) -> Picture:
@@ -130,14 +137,14 @@ def _map(results: Results, drawn: Drawn, user: str) -> Picture:
         f"table. "
         f"Agreement with the truth in these maps: {listed(parts)}."
     )
-    return Picture(f"map-{user}", caption, alt, svg(partial(maps.draw, found)))
+    return _picture(f"map-{user}", caption, alt, partial(maps.draw, found))
 
 
 def _repair(results: Results, drawn: Drawn, variant: str) -> Picture:
-    ends = {u: [r.valid for r in found if r is not None] for u, found in drawn.repairs[variant].items()}
-    parts = [f"{sum(v)} of {len(v)} for {u}" for u, v in ends.items() if v]
+    ends = {u: [r.valid for r in found] for u, found in drawn.repairs[variant].items()}
+    parts = [f"{sum(v)} of {len(v)} for {u}" for u, v in ends.items()]
     alt = f"Repairs by {variant_phrase(variant)}; end valid in truth: {listed(parts)}."
-    steps = max(len(r.z) - 1 for found in drawn.repairs[variant].values() for r in found if r is not None)
+    steps = max(len(r.z) - 1 for found in drawn.repairs[variant].values() for r in found)
     caption = (
         f"{variant_label(variant)}: {counted(steps, 'gradient step')} from the same invalid start for each user, dark "
         f"to light; "
@@ -146,7 +153,7 @@ def _repair(results: Results, drawn: Drawn, variant: str) -> Picture:
         f"invalid to every user that has invalid paths, seed {drawn.seed}; not chosen by their outcome."
     )
     draw = partial(repairs.draw, drawn.pool, drawn.layouts, drawn.repairs[variant])
-    return Picture(f"repair-{variant}", caption, alt, svg(draw))
+    return _picture(f"repair-{variant}", caption, alt, draw)
 
 
 def _interventions(results: Results, drawn: Drawn) -> Picture:
@@ -165,7 +172,7 @@ def _interventions(results: Results, drawn: Drawn) -> Picture:
     wide, narrow = (
         partial(interventions.draw, cells, results.users, drawn.smallest, c) for c in (len(results.users), 1)
     )
-    return Picture("interventions", caption, alt, svg(wide), svg(narrow))
+    return _picture("interventions", caption, alt, wide, narrow)
 
 
 def _added(drawn: Drawn) -> Picture:
@@ -181,8 +188,10 @@ def _added(drawn: Drawn) -> Picture:
     alt = (
         f"One scene with one more item of each symbol; mean validity for the {drawn.added_user} user: {listed(truths)}."
     )
-    draw = partial(interventions.draw_added, drawn.added_to, drawn.added, drawn.added_texts)
-    return Picture("added", caption, alt, svg(draw))
+    wide, narrow = (
+        partial(interventions.draw_added, drawn.added_to, drawn.added, drawn.added_texts, columns) for columns in (5, 3)
+    )
+    return _picture("added", caption, alt, wide, narrow)
 
 
 def _reconstructions(drawn: Drawn) -> Picture:
@@ -196,7 +205,7 @@ def _reconstructions(drawn: Drawn) -> Picture:
         f"seed {drawn.seed}): {numbers}."
     )
     draw = partial(latent.draw_reconstructions, drawn.originals, drawn.rebuilt, drawn.trained_on)
-    return Picture("reconstructions", caption, f"Scenes and their reconstructions: {numbers}.", svg(draw))
+    return _picture("reconstructions", caption, f"Scenes and their reconstructions: {numbers}.", draw)
 
 
 def _traversals(drawn: Drawn) -> Picture:
@@ -212,7 +221,7 @@ def _traversals(drawn: Drawn) -> Picture:
         f"white = 1), the last one shown by {change[-1]:.3f}."
     )
     draw = partial(latent.draw_traversals, drawn.traversal, drawn.dimensions, drawn.values)
-    return Picture("traversals", caption, alt, svg(draw))
+    return _picture("traversals", caption, alt, draw)
 
 
 def _reliability(results: Results) -> Picture:
@@ -225,7 +234,7 @@ def _reliability(results: Results) -> Picture:
         f"diagonal a model means what it says. Bins with fewer than {reliability.FEWEST} paths are left out."
     )
     wide, narrow = (partial(reliability.draw, results.calibration, list(results.splits), c) for c in (3, 1))
-    return Picture("reliability", caption, alt, svg(wide), svg(narrow))
+    return _picture("reliability", caption, alt, wide, narrow)
 
 
 def _curves(results: Results) -> Picture:
@@ -241,4 +250,4 @@ def _curves(results: Results) -> Picture:
     )
     alt = f"Learning curves, users {listed(results.judged_users)}: {listed(parts)}."
     wide, narrow = (partial(curves.draw, results.curves, results.users, c) for c in (3, 1))
-    return Picture("curves", caption, alt, svg(wide), svg(narrow))
+    return _picture("curves", caption, alt, wide, narrow)

@@ -5,9 +5,15 @@ import io
 import re
 from dataclasses import dataclass
 from html import escape
+from textwrap import wrap
 
 _TEX = {"%": r"\%", "&": r"\&", "_": r"\_", "#": r"\#", "−": r"$-$", "–": "--", "\u00a0": "~", "β": r"$\beta$"}
+_TEX |= {"\\": r"\textbackslash{}", "{": r"\{", "}": r"\}", "$": r"\$", "~": r"\textasciitilde{}", "^": r"\^{}"}
+_TEX |= {"[": "{[}"}  # after \\ it would be read as a length
 _TEX |= {"<": r"$<$", ">": r"$>$", "±": r"$\pm$", "≥": r"$\geq$", "→": r"$\to$"}
+
+_LINE = 117  # letters of a row, two between columns, that fit 6.5 in at \footnotesize
+_HEADING = 14  # letters of a heading's line
 
 _FIRST = ' class="first"'  # of a group of rows
 _SPREAD = re.compile(r"^([^\[]+) (\[[^\]]+\])$")  # a mean and its quartiles: a crowded row may break between them
@@ -70,19 +76,49 @@ def to_markdown(t: Table) -> str:
 
 
 def to_tex(t: Table) -> str:
-    """A booktabs table."""
-    columns = "l" * t.labels + "r" * (len(t.header) - t.labels)
+    """A booktabs table for a page 6.5 in wide: cells break their lines where the table would be too wide."""
+    sides = "l" * t.labels + "r" * (len(t.header) - t.labels)
+    header, *rows = _fitted(t)
+    head = " & ".join(_tex_cell(lines, side, "b") for lines, side in zip(header, sides, strict=True)) + r" \\"
     body = [
-        " & ".join(rf"\textbf{{{_tex(c.text)}}}" if c.bold else _tex(c.text) for c in row) + r" \\" for row in t.rows
+        " & ".join(_tex_cell(x, side, "t", c.bold) for x, side, c in zip(lines, sides, row, strict=True)) + r" \\"
+        for lines, row in zip(rows, t.rows, strict=True)
     ]
     return "\n".join(
         [
-            r"\begin{table}", rf"\caption{{{_tex(t.caption)}}}", rf"\label{{table:{t.name}}}",
-            rf"\begin{{tabular}}{{@{{}}{columns}@{{}}}}", r"\toprule",
-            " & ".join(_tex(h) for h in t.header) + r" \\", r"\midrule", *body,
-            r"\bottomrule", r"\end{tabular}", r"\end{table}", "",
+            r"\begin{table}", r"\centering", r"\footnotesize", r"\setlength{\tabcolsep}{4pt}",
+            rf"\caption{{{_tex(t.caption)}}}", rf"\label{{table:{t.name}}}", rf"\begin{{tabular}}{{@{{}}{sides}@{{}}}}",
+            r"\toprule", head, r"\midrule", *body, r"\bottomrule", r"\end{tabular}", r"\end{table}", "",
         ]
     )  # fmt: skip
+
+
+def _fitted(t: Table) -> list[list[list[str]]]:
+    """Every cell's lines, the header's row first, broken as little as lets the rows fit the page."""
+    attempts = (_broken(t, width) for width in range(_LINE, 0, -1))
+    return next((rows for rows in attempts if _letters(rows) <= _LINE), _broken(t, 1))
+
+
+def _broken(t: Table, width: int) -> list[list[list[str]]]:
+    header = [_lines(h, min(width, _HEADING)) for h in t.header]
+    return [header, *([_lines(c.text, width) for c in row] for row in t.rows)]
+
+
+def _lines(text: str, width: int) -> list[str]:
+    return wrap(text, width, break_long_words=False, break_on_hyphens=False) or [""]
+
+
+def _letters(rows: list[list[list[str]]]) -> int:
+    columns = zip(*rows, strict=True)
+    return sum(2 + max(len(line) for lines in column for line in lines) for column in columns) - 2
+
+
+def _tex_cell(lines: list[str], side: str, at: str, bold: bool = False) -> str:
+    """Lines aligned at their left or right `side`, level with the row `at` their top or bottom line."""
+    texts = [rf"\textbf{{{_tex(x)}}}" if bold else _tex(x) for x in lines]
+    if len(texts) == 1:
+        return texts[0]
+    return rf"\begin{{tabular}}[{at}]{{@{{}}{side}@{{}}}}" + r" \\ ".join(texts) + r"\end{tabular}"
 
 
 def _tex(text: str) -> str:

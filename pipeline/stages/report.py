@@ -24,7 +24,7 @@ from pipeline.report.figures.repairs import Repair
 from pipeline.report.page import render
 from pipeline.report.pictures import Drawn, all_pictures
 from pipeline.report.results import Results, check
-from pipeline.report.style import png
+from pipeline.report.style import pdf, png
 from pipeline.report.table import to_csv, to_markdown, to_tex
 from pipeline.report.tables import all_tables
 from pipeline.report.wording import listed, split_phrase, variant_label
@@ -39,7 +39,7 @@ OVERVIEW_DPI = 160
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """index.html, tables/, figures/ and metrics.json."""
+    """index.html, tables/ (csv, md, tex), figures/ (svg, pdf, the overview as png) and metrics.json."""
     _check_settings(cfg)
     results = read_results(cfg)
     check(results)
@@ -53,11 +53,12 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
     files = {f"tables/{t.name}.{form}": write(t) for t in tables.values() for form, write in FORMS.items()}
     files |= {f"figures/{p.name}.svg": p.wide for p in pictures.values()}
-    files["index.html"] = page
-    image = png(hero, OVERVIEW_DPI)
-    for name, text in files.items():
-        write_whole(out_dir / name, lambda path, text=text: path.write_text(text, encoding="utf-8"))
-    write_whole(out_dir / "figures" / "overview.png", lambda path: path.write_bytes(image))
+    files |= {"index.html": page}
+    contents = {name: text.encode() for name, text in files.items()}
+    contents |= {f"figures/{p.name}.pdf": p.pdf for p in pictures.values()}
+    contents |= {"figures/overview.png": png(hero, OVERVIEW_DPI), "figures/overview.pdf": pdf(hero)}
+    for name, content in contents.items():
+        write_whole(out_dir / name, lambda path, content=content: path.write_bytes(content))
     write_json(out_dir / "metrics.json", _metrics(results))
 
 
@@ -222,7 +223,7 @@ def _short(variant: str) -> str:
     )
 
 
-def _repairs(cfg: DictConfig, results: Results, seed: int) -> dict[str, dict[str, list[Repair | None]]]:
+def _repairs(cfg: DictConfig, results: Results, seed: int) -> dict[str, dict[str, list[Repair]]]:
     """The first scenes with a start that is invalid to every user who has invalid paths, and its repairs."""
     paths = read_arrays(Path(cfg.paths.repair) / "paths.npz")
     needy = [u for u in results.users if results.repair[results.main][u]["success"] is not None]
@@ -243,10 +244,7 @@ def _repairs(cfg: DictConfig, results: Results, seed: int) -> dict[str, dict[str
             f"no start is invalid to all of {listed(needy)} on {split_phrase(cfg.repair.split)}: raise repair.starts"
         )
     return {
-        variant: {
-            user: _user_repairs(frame, paths, variant, user, seed, chosen) if user in needy else [None] * len(chosen)
-            for user in results.users
-        }
+        variant: {user: _user_repairs(frame, paths, variant, user, seed, chosen) for user in needy}
         for variant in cfg.report.shown
     }
 
@@ -277,14 +275,12 @@ def _added_texts(results: Results, seed: int, user: str) -> list[str]:
 
 def _overview(cfg: DictConfig, results: Results, drawn: Drawn):
     """The README's picture: the paper's model, users with something to avoid."""
-    cells, main = results.intervention["interventions"], results.main
+    cells = results.intervention["interventions"]
     rows = []
-    for user in [u for u in results.users if results.repair[main][u]["success"] is not None]:
+    for user, (repair, *_) in drawn.repairs[cfg.report.shown[0]].items():
         maps, (z, labels) = drawn.maps[user], drawn.demos[user]
-        learned, repair = maps.models[_short(cfg.report.shown[0])], drawn.repairs[cfg.report.shown[0]][user][0]
-        if repair is not None:
-            by_variant = {v: cells[v][user] for v in cfg.report.shown}
-            rows.append(UserRow(user, drawn.scenes[0], z[0], labels[0], maps.truth[0], learned[0], repair, by_variant))
+        learned, by_variant = maps.models[_short(cfg.report.shown[0])], {v: cells[v][user] for v in cfg.report.shown}
+        rows.append(UserRow(user, drawn.scenes[0], z[0], labels[0], maps.truth[0], learned[0], repair, by_variant))
     label = variant_label(cfg.report.shown[0]).removesuffix(" (paper)").lower()
     return overview.draw(rows, drawn.pool, drawn.layouts, label, SMALLEST_EFFECT)
 

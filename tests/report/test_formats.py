@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from pipeline.report.figures.tabletop import capsule
 from pipeline.report.results import Results
-from pipeline.report.style import INK, inline, svg
+from pipeline.report.style import INK, inline, pdf, svg
 from pipeline.report.table import Cell, table, to_csv, to_html, to_markdown, to_tex
 from pipeline.report.tables import all_tables
 from pipeline.report.wording import listed, percent, percent_spread, points, signed
@@ -29,6 +29,29 @@ def test_bold_survives_every_form():
 def test_what_a_form_reads_as_code_is_escaped():
     assert r"50 \% \& more" in to_tex(TINY) and r"a\_b" in to_tex(TINY)
     assert "&lt;c&gt;" in to_html(TINY) and "<c>" not in to_html(TINY)
+
+
+def test_latex_is_balanced_and_ruled_by_booktabs(results: Results):
+    for t in all_tables(results):
+        tex = re.sub(r"\\[{}\\]", "", to_tex(t))
+        assert tex.count("{") == tex.count("}") and tex.count(r"\begin") == tex.count(r"\end")
+        assert re.findall(r"\\\w+rule", tex) == [r"\toprule", r"\midrule", r"\bottomrule"]
+
+
+@given(st.text("\\{}$~^_#%& a[", min_size=1))
+def test_latex_reads_no_letter_as_code(text: str):
+    tex = to_tex(table("t", text, ["a"], [[text]]))
+    caption = re.search(r"\\caption\{(.*)\}\n", tex)[1]  # pyright: ignore[reportOptionalSubscript]
+    commands = r"\\textbackslash\{\}|\\textasciitilde\{\}|\\\^\{\}|\\[{}$_#%&]|\{\[\}"
+    assert set(re.sub(commands, "", caption)) <= {" ", "a"}
+    assert len(re.findall(commands, caption)) == len(text) - text.count(" ") - text.count("a")
+
+
+def test_latex_breaks_lines_only_where_a_table_is_too_wide():
+    words = "ten words of which a narrow column must hold some"
+    narrow, wide = to_tex(table("t", "c", ["a"], [[words]])), to_tex(table("t", "c", list("abcd"), [[words] * 4]))
+    assert words in narrow and words not in wide
+    assert r"\begin{tabular}[t]{@{}l@{}}ten words" in wide
 
 
 def test_a_table_without_rows_or_with_ragged_ones_is_refused():
@@ -65,8 +88,8 @@ def drawing() -> Figure:
 
 
 def test_a_figure_has_the_same_bytes_twice_and_no_date():
-    assert svg(drawing) == svg(drawing)
-    assert "<dc:date>" not in svg(drawing)
+    assert svg(drawing) == svg(drawing) and pdf(drawing) == pdf(drawing)
+    assert "<dc:date>" not in svg(drawing) and b"Date" not in pdf(drawing)
 
 
 def test_an_inlined_figure_follows_the_page_and_keeps_its_ids_apart():

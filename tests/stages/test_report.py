@@ -91,6 +91,12 @@ def test_every_table_comes_in_three_forms_and_the_terminal_shows_two(reports: Pa
     assert "Success of repairing" in text and "No intervention" in text and str(reports / "index.html") in text
 
 
+def test_every_figure_is_there_for_a_page_and_for_a_paper(reports: Path):
+    names = {form: {p.stem for p in (reports / "figures").glob(f"*.{form}")} for form in ("svg", "pdf")}
+    assert names["pdf"] == names["svg"] | {"overview"} and "accuracy" in names["svg"]
+    assert all(p.read_bytes().startswith(b"%PDF") for p in (reports / "figures").glob("*.pdf"))
+
+
 def test_the_terminal_says_when_there_is_no_report(tmp_path: Path):
     with pytest.raises(FileNotFoundError, match="run `make repro`"):
         shown(tmp_path)

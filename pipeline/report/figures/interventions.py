@@ -59,12 +59,17 @@ def key(variants: list[str]) -> tuple[list, list[str]]:
     return handles, ["truth", *(variant_label(v) for v in variants), "hollow: no verdict “effect”"]
 
 
-def draw_added(scene: UInt8[Array, "100 100 3"], added: UInt8[Array, "symbol 100 100 3"], texts: list[str]) -> Figure:
+def draw_added(
+    scene: UInt8[Array, "100 100 3"], added: UInt8[Array, "symbol 100 100 3"], texts: list[str], columns: int
+) -> Figure:
     """One scene as it is and with one more item of each symbol; `texts` go below."""
-    figure = Figure((1.25 * (1 + len(added)), 1.85), layout="constrained")
-    axes = figure.subplots(1, 1 + len(added))
+    rows = -(-(1 + len(added)) // columns)
+    figure = Figure((1.25 * columns, 1.85 * rows), layout="constrained")
+    axes = figure.subplots(rows, columns).ravel()
     names = ["as it is", *(f"+ {s}" for s in SYMBOLS)]
-    for ax, image, name, text in zip(axes, [scene, *added], names, texts, strict=True):
+    for ax in axes[len(names) :]:
+        ax.set_visible(False)
+    for ax, image, name, text in zip(axes, [scene, *added], names, texts, strict=False):
         draw_scene(ax, image, ends=False)
         ax.set_title(name)
         ax.set_xlabel(text, fontsize=8)

@@ -13,14 +13,15 @@ def draw_reconstructions(
 ) -> Figure:
     """Scenes above, their reconstructions below; the first `seen` scenes were trained on."""
     count = len(images)
-    figure = Figure((0.95 * count + 0.3, 2.3), layout="constrained")
+    figure = Figure((0.7 * count + 0.3, 1.8), layout="constrained")
     axes = figure.subplots(2, count, squeeze=False)
     for i in range(count):
         axes[0, i].imshow(images[i], interpolation="none")
         axes[1, i].imshow(decoded[i], interpolation="none")
-        axes[0, i].set_title("trained on" if i < seen else "unseen items", fontsize=8)
     for ax in axes.ravel():
         bare(ax)
+    for first, group in ((0, "trained on"), (seen, "unseen items")):
+        axes[0, first].set_title(group, loc="left", fontsize=8)
     row_label(axes[0, 0], "scene")
     row_label(axes[1, 0], "rebuilt")
     return figure
@@ -36,7 +37,7 @@ def draw_traversals(
     traversal: UInt8[Array, "latent value 100 100 3"], dimensions: Int[Array, "row"], values: list[float]
 ) -> Figure:
     """Rows: dimensions of z_image; columns: the value each is set to, the others left alone."""
-    figure = Figure((0.95 * len(values) + 0.3, 0.95 * len(dimensions) + 0.3), layout="constrained")
+    figure = Figure((0.8 * len(values) + 0.3, 0.8 * len(dimensions) + 0.3), layout="constrained")
     axes = figure.subplots(len(dimensions), len(values), squeeze=False)
     for row, dimension in zip(axes, dimensions, strict=True):
         for ax, picture in zip(row, traversal[dimension], strict=True):

@@ -9,8 +9,7 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from numpy import ndarray as Array
 
-from pipeline.report.figures.tabletop import bare, draw_footprints, draw_path, draw_scene
-from pipeline.report.style import MUTED
+from pipeline.report.figures.tabletop import draw_footprints, draw_path, draw_scene
 from pipeline.table.layout import Layouts
 
 DRAWN = 7  # of the steps' paths, the first and the last among them
@@ -27,8 +26,8 @@ class Repair:
     accepted: bool  # the end, by the model
 
 
-def draw(images: UInt8[Array, "scene 100 100 3"], layouts: Layouts, repairs: dict[str, list[Repair | None]]) -> Figure:
-    """Rows: scenes; columns: users; None where nothing is invalid to a user."""
+def draw(images: UInt8[Array, "scene 100 100 3"], layouts: Layouts, repairs: dict[str, list[Repair]]) -> Figure:
+    """Rows: scenes; columns: users."""
     users = list(repairs)
     rows = len(repairs[users[0]])
     figure = Figure((1.75 * len(users), 1.92 * rows + 0.25), layout="constrained")
@@ -36,13 +35,8 @@ def draw(images: UInt8[Array, "scene 100 100 3"], layouts: Layouts, repairs: dic
     for column, user in enumerate(users):
         for row, found in enumerate(repairs[user]):
             ax = axes[row, column]
-            if found is None:
-                ax.text(0.5, 0.5, "no path is\ninvalid here", ha="center", va="center", fontsize=8, color=MUTED)
-                ax.set(xlim=(0, 1), ylim=(0, 1), aspect="equal")
-                bare(ax)
-            else:
-                draw_repair(ax, images, layouts, found)
-                ax.set_xlabel(_outcome(found), fontsize=8, labelpad=2)
+            draw_repair(ax, images, layouts, found)
+            ax.set_xlabel(_outcome(found), fontsize=8, labelpad=2)
             if row == 0:
                 ax.set_title(user.capitalize())
     return figure

@@ -15,7 +15,7 @@ TOLERANCE = 0.03  # how near to the paper's number each true one is meant to be
 def draw_calibration(p_valid: dict[str, dict[str, dict]], users: list[str]) -> Figure:
     """One row per user and intervention: the paper's number and the world's true one."""
     cells = [(u, s, p_valid[u][s]) for u in users for s in ("none", *SYMBOLS)]
-    figure = Figure((5.2, 0.2 * len(cells) + 0.95), layout="constrained")
+    figure = Figure((4.2, 0.2 * len(cells) + 0.95), layout="constrained")
     ax = figure.subplots()
     for y, (_, _, cell) in enumerate(cells):
         if cell.get("paper") is not None:
