@@ -9,7 +9,7 @@ from omegaconf import DictConfig, OmegaConf
 from pipeline.params import CONF, load, validate
 
 Main = Callable[[DictConfig, Path], None]
-PER_VARIANT = ("train", "irl")  # stages DVC runs once per variant, each in a folder of its own
+PER_VARIANT = ("train", "irl", "path")  # stages DVC runs once per variant, each in a folder of its own
 
 
 def launch(main: Main, stage: str) -> None:

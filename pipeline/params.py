@@ -18,7 +18,7 @@ from pipeline.table.layout import SYMBOLS
 
 CONF = Path(__file__).resolve().parent.parent / "conf"
 PARAMS = Path("params.yaml")
-FITTED_BY = {"vae": "train", "reward": "irl"}  # a variant's kind -> the stage that fits it
+FITTED_BY = {"vae": "train", "reward": "irl", "clearance": "path"}  # a variant's kind -> the stage that fits it
 MAX_N = 10  # demonstrations a scene has at the most (paper: 10)
 
 

@@ -6,11 +6,12 @@ The stages that fit models name their kind themselves: a change of one kind leav
 from collections.abc import Mapping
 from typing import Any
 
+from pipeline.spec.clearance import ClearanceModel
 from pipeline.spec.reward import RewardMap
 from pipeline.spec.specification import Specification, untrained
 from pipeline.spec.vae import VaeSpecification
 
-KINDS: dict[str, type[Specification]] = {"vae": VaeSpecification, "reward": RewardMap}
+KINDS: dict[str, type[Specification]] = {"vae": VaeSpecification, "reward": RewardMap, "clearance": ClearanceModel}
 
 
 def build(variant: Mapping[str, Any], seed: int = 0) -> Specification:

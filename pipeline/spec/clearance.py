@@ -1,0 +1,158 @@
+"""A specification that sees the path: how close it comes to each thing on the table, and which things matter.
+
+Every thing found in the picture (pipeline.spec.things) has a relevance, the chance that this user keeps away from things
+that look like it, and every path a clearance from it. A path is valid if it comes too close to no thing that matters.
+Turning or reflecting table and path together changes neither, so the task's symmetries hold exactly.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, UInt8
+from numpy import ndarray as Array
+from torch import Tensor, nn
+
+from pipeline.spec import training
+from pipeline.spec.specification import Specification, to_tensor
+from pipeline.spec.things import FEATURES, find
+from pipeline.spec.training import laplace, never_varies
+from pipeline.table.bezier import P_F, P_INIT, basis
+
+SAMPLES = 96  # points along a path: 1.4 cm apart on the longest, so that a clearance is right within half a millimetre
+UNIT = 0.03  # metres: a margin's unit as it is trained, so that one rate suits all parameters
+SHARPEST = 0.003  # metres: a third of a pixel, as exactly as a picture of 1 cm pixels shows where a thing ends
+CURVE = ("step", "total")  # columns of a learning curve
+
+
+@dataclass(frozen=True)
+class Schedule(training.Schedule):
+    """How it is trained (conf/path)."""
+
+    prior: float  # standard deviation of the normal prior of each weight of relevance
+
+    def __post_init__(self):
+        super().__post_init__()
+        training.require_positive(self, "prior")
+
+
+class ClearanceModel(Specification):
+    """Several members' opinions of one user, averaged: P(valid) = ceiling * mean over members of
+
+    product over things of (1 - relevance * closeness), where relevance is the logistic function of a quadratic in the
+    thing's features and closeness falls from 1 to 0 around the margin, as Student's t with 2 degrees of freedom does:
+    with heavy tails, since an outline is at times far off.
+    """
+
+    centre: Tensor
+    spread: Tensor
+    ceiling: Tensor
+
+    def __init__(self, members: int):
+        super().__init__()
+        self.weight = nn.Parameter(0.3 * torch.randn(members, 1 + 2 * len(FEATURES)))  # of a thing's features
+        self.margin = nn.Parameter(torch.zeros(members))  # [UNIT]; things' own outlines to start with
+        self.width = nn.Parameter(torch.full((members,), float(np.log(0.01))))  # logarithm of [m]
+        self.register_buffer("centre", torch.zeros(len(FEATURES)))  # of the training things' features
+        self.register_buffer("spread", torch.ones(len(FEATURES)))
+        self.register_buffer("ceiling", torch.tensor(1.0))
+
+    def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene thing 10"]:
+        """Each thing's two ends [m], radius [m], features, and 1 if it is there."""
+        things = find(images)
+        parts = (
+            things.ends.reshape(*things.radius.shape, 4), things.radius[..., None],
+            things.features, things.present[..., None],
+        )  # fmt: skip
+        return torch.from_numpy(np.concatenate(parts, -1, dtype=np.float32))
+
+    def logit(
+        self, percept: Float[Tensor, "scene thing 10"], z_theta: Float[Tensor, "scene path 2"]
+    ) -> Float[Tensor, "scene path"]:
+        """Log-odds of validity; differentiable in `z_theta` [m]."""
+        by_member = self.log_valid(percept, clearance(percept, z_theta))
+        log_p = by_member.logsumexp(0) - float(np.log(len(by_member))) + self.ceiling.log()
+        log_p = log_p.clamp(max=-1e-6)
+        return log_p - torch.log(-torch.expm1(log_p))
+
+    def log_valid(
+        self, percept: Float[Tensor, "scene thing 10"], clearances: Float[Tensor, "scene path thing"]
+    ) -> Float[Tensor, "member scene path"]:
+        """log P(valid) by each member's opinion, from the paths' clearances [m]."""
+        x = (UNIT * self.margin[:, None, None, None] - clearances) / (self.width.exp() + SHARPEST)[:, None, None, None]
+        closeness = 0.5 + 0.5 * x / torch.sqrt(1 + x * x)
+        threat = self.relevance(percept)[:, :, None, : clearances.shape[-1]] * closeness
+        return torch.log1p(-threat.clamp(max=1 - 1e-6)).sum(-1)
+
+    def relevance(self, percept: Float[Tensor, "scene thing 10"]) -> Float[Tensor, "member scene thing"]:
+        """The chance that the user keeps away from each thing, by each member's opinion; 0 where there is none."""
+        x = (percept[..., 5:-1] - self.centre) / self.spread
+        terms = torch.cat([torch.ones_like(x[..., :1]), x, x * x - 1], -1)
+        return torch.einsum("stf,mf->mst", terms, self.weight).sigmoid() * percept[..., -1]
+
+
+def clearance(
+    percept: Float[Tensor, "scene thing 10"], z_theta: Float[Tensor, "scene path 2"]
+) -> Float[Tensor, "scene path thing"]:
+    """Distance [m] of each path from each thing's outline, negative inside; without slots that are empty everywhere."""
+    b = basis(np.linspace(0.0, 1.0, SAMPLES))
+    ends = torch.from_numpy(b[:, :1] * P_INIT + b[:, 2:] * P_F).to(z_theta)  # (sample, 2)
+    points = ends + torch.from_numpy(b[:, 1:2]).to(z_theta) * z_theta[..., None, :]  # (scene, path, sample, 2)
+    distances = []
+    for thing in percept[:, : max(1, int(percept[..., -1].sum(1).max()))].unbind(1):
+        start, along = thing[:, None, None, :2], (thing[:, 2:4] - thing[:, :2])[:, None, None]
+        from_start = points - start
+        share = (from_start * along).sum(-1) / along.square().sum(-1).clamp(min=1e-12)
+        nearest = (from_start - share.clamp(0, 1)[..., None] * along).square().sum(-1).amin(-1)
+        distances.append(nearest.clamp(min=1e-12).sqrt() - thing[:, None, 4])
+    return torch.stack(distances, -1)
+
+
+def fit(
+    model: ClearanceModel,
+    images: UInt8[Array, "scene 100 100 3"],
+    z_theta: Float[Array, "scene n 2"],
+    valid: Bool[Array, "scene n"],
+    schedule: Schedule,
+    seed: int,
+) -> Float[Array, "point 2"]:
+    """Train `model` in place on n demonstrations [m] a scene; the learning curve (columns `CURVE`) comes back.
+
+    Each member maximises its posterior under weights of its own on the scenes, the Bayesian bootstrap's (Rubin, 1981).
+    Demonstrations that never vary teach nothing: the model then answers Laplace's probability, whatever it sees.
+    """
+    if never_varies(valid):
+        with torch.no_grad():
+            model.weight.zero_()
+            model.weight[:, 0] = -1e4  # nothing matters
+            model.ceiling.fill_(laplace(valid))
+        return np.array([[0.0, 0.0]])
+    percept = model.perceive(to_tensor(images))
+    present = percept[..., -1] > 0
+    if present.sum() > 1:
+        features = percept[present][:, 5:-1]
+        model.centre.copy_(features.mean(0))
+        model.spread.copy_(features.std(0).clamp(min=1e-3))
+    return _ascend(model, percept, torch.from_numpy(z_theta).float(), torch.from_numpy(valid), schedule, seed)
+
+
+def _ascend(model, percept, z, valid, schedule, seed) -> Float[Array, "point 2"]:
+    """Every member's ascent of its posterior, all at once."""
+    members, n = len(model.margin), valid.numel()
+    clearances = clearance(percept, z)
+    generator = torch.Generator().manual_seed(seed)
+    share = torch.empty(members, len(z), 1).exponential_(generator=generator)  # of each scene
+    optimiser, cycle = schedule.optimiser(model.parameters())
+    curve = []
+    for step in range(schedule.steps):
+        log_valid = model.log_valid(percept, clearances).clamp(max=-1e-6)
+        surprise = -torch.where(valid, log_valid, torch.log(-torch.expm1(log_valid)))  # (member, scene, path)
+        prior = model.weight.square().sum(1) / (2 * schedule.prior**2 * n)
+        loss = (share * surprise).mean((1, 2)) + prior
+        optimiser.zero_grad()
+        loss.sum().backward()
+        optimiser.step()
+        cycle.step()
+        if step % schedule.curve_every == 0 or step == schedule.steps - 1:
+            curve.append((step, float(loss.mean().detach())))
+    return np.array(curve)
