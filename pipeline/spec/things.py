@@ -68,7 +68,6 @@ def _found(picture: bytes) -> list[tuple[Array, float, Array]]:
     standing_out, edge, plain = contrasts(image)
     found = []
     for mask, corner in _outlines(standing_out, edge):
-        row, column = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
         rows, columns = np.nonzero(mask)
         y, x = corner[0] + (rows + 0.5) / FINER, corner[1] + (columns + 0.5) / FINER
         centre, along, radius, area, elongation = capsule(np.stack([x, SIDE - y], -1) / SIDE)
