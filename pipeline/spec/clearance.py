@@ -1,7 +1,8 @@
 """A specification that sees the path: how close it comes to each thing on the table, and which things matter.
 
-Every thing found in the picture (pipeline.spec.things) has a relevance, the chance that this user keeps away from things
-that look like it, and every path a clearance from it. A path is valid if it comes too close to no thing that matters.
+Every thing found in the picture (pipeline.spec.things) has a relevance, the chance that this user keeps away from
+things that look like it, and every path a clearance from it. A path is valid if it comes too close to no thing that
+matters, and to none that was not found.
 Turning or reflecting table and path together changes neither, so the task's symmetries hold exactly.
 """
 
@@ -9,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+import torch.nn.functional as F
 from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
 from torch import Tensor, nn
@@ -19,9 +21,9 @@ from pipeline.spec.things import FEATURES, find
 from pipeline.spec.training import laplace, never_varies
 from pipeline.table.bezier import P_F, P_INIT, basis
 
-SAMPLES = 96  # points along a path: 1.4 cm apart on the longest, so that a clearance is right within half a millimetre
+SAMPLES = 160  # points along a path: 1 cm apart on the longest, so that a clearance is right within half a millimetre
 UNIT = 0.03  # metres: a margin's unit as it is trained, so that one rate suits all parameters
-SHARPEST = 0.003  # metres: a third of a pixel, as exactly as a picture of 1 cm pixels shows where a thing ends
+SHARPEST = 0.003  # metres: a third of a pixel, no more exactly does a picture show where a thing ends
 CURVE = ("step", "total")  # columns of a learning curve
 
 
@@ -37,25 +39,25 @@ class Schedule(training.Schedule):
 
 
 class ClearanceModel(Specification):
-    """Several members' opinions of one user, averaged: P(valid) = ceiling * mean over members of
+    """Several members' opinions of one user, averaged. P(valid) of each: clear * product over things of
+    (1 - relevance * closeness).
 
-    product over things of (1 - relevance * closeness), where relevance is the logistic function of a quadratic in the
-    thing's features and closeness falls from 1 to 0 around the margin, as Student's t with 2 degrees of freedom does:
-    with heavy tails, since an outline is at times far off.
+    `clear` is the chance that nothing that was not found stands in the way. Relevance is the logistic function of the
+    thing's features, and of their squares, bounded so that things unlike the training ones stay near them. Closeness
+    falls from 1 to 0 around the margin as Student's t with 2 degrees of freedom does: outlines are at times far off.
     """
 
     centre: Tensor
     spread: Tensor
-    ceiling: Tensor
 
     def __init__(self, members: int):
         super().__init__()
         self.weight = nn.Parameter(0.3 * torch.randn(members, 1 + 2 * len(FEATURES)))  # of a thing's features
         self.margin = nn.Parameter(torch.zeros(members))  # [UNIT]; things' own outlines to start with
         self.width = nn.Parameter(torch.full((members,), float(np.log(0.01))))  # logarithm of [m]
+        self.clear = nn.Parameter(torch.full((members,), 4.0))  # log-odds
         self.register_buffer("centre", torch.zeros(len(FEATURES)))  # of the training things' features
         self.register_buffer("spread", torch.ones(len(FEATURES)))
-        self.register_buffer("ceiling", torch.tensor(1.0))
 
     def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene thing 10"]:
         """Each thing's two ends [m], radius [m], features, and 1 if it is there."""
@@ -71,29 +73,28 @@ class ClearanceModel(Specification):
     ) -> Float[Tensor, "scene path"]:
         """Log-odds of validity; differentiable in `z_theta` [m]."""
         by_member = self.log_valid(percept, clearance(percept, z_theta))
-        log_p = by_member.logsumexp(0) - float(np.log(len(by_member))) + self.ceiling.log()
-        log_p = log_p.clamp(max=-1e-6)
+        log_p = (by_member.logsumexp(0) - float(np.log(len(by_member)))).clamp(max=-1e-6)
         return log_p - torch.log(-torch.expm1(log_p))
 
     def log_valid(
-        self, percept: Float[Tensor, "scene thing 10"], clearances: Float[Tensor, "scene path thing"]
+        self, percept: Float[Tensor, "scene thing 10"], clearances: Float[Tensor, "scene path near"]
     ) -> Float[Tensor, "member scene path"]:
         """log P(valid) by each member's opinion, from the paths' clearances [m]."""
         x = (UNIT * self.margin[:, None, None, None] - clearances) / (self.width.exp() + SHARPEST)[:, None, None, None]
         closeness = 0.5 + 0.5 * x / torch.sqrt(1 + x * x)
         threat = self.relevance(percept)[:, :, None, : clearances.shape[-1]] * closeness
-        return torch.log1p(-threat.clamp(max=1 - 1e-6)).sum(-1)
+        return torch.log1p(-threat.clamp(max=1 - 1e-6)).sum(-1) + F.logsigmoid(self.clear)[:, None, None]
 
     def relevance(self, percept: Float[Tensor, "scene thing 10"]) -> Float[Tensor, "member scene thing"]:
         """The chance that the user keeps away from each thing, by each member's opinion; 0 where there is none."""
         x = (percept[..., 5:-1] - self.centre) / self.spread
-        terms = torch.cat([torch.ones_like(x[..., :1]), x, x * x - 1], -1)
+        terms = torch.cat([torch.ones_like(x[..., :1]), x, x.tanh().square()], -1)
         return torch.einsum("stf,mf->mst", terms, self.weight).sigmoid() * percept[..., -1]
 
 
 def clearance(
     percept: Float[Tensor, "scene thing 10"], z_theta: Float[Tensor, "scene path 2"]
-) -> Float[Tensor, "scene path thing"]:
+) -> Float[Tensor, "scene path near"]:
     """Distance [m] of each path from each thing's outline, negative inside; without slots that are empty everywhere."""
     b = basis(np.linspace(0.0, 1.0, SAMPLES))
     ends = torch.from_numpy(b[:, :1] * P_INIT + b[:, 2:] * P_F).to(z_theta)  # (sample, 2)
@@ -125,7 +126,7 @@ def fit(
         with torch.no_grad():
             model.weight.zero_()
             model.weight[:, 0] = -1e4  # nothing matters
-            model.ceiling.fill_(laplace(valid))
+            model.clear.fill_(float(np.log(laplace(valid) / (1 - laplace(valid)))))
         return np.array([[0.0, 0.0]])
     percept = model.perceive(to_tensor(images))
     present = percept[..., -1] > 0
@@ -133,7 +134,7 @@ def fit(
         features = percept[present][:, 5:-1]
         model.centre.copy_(features.mean(0))
         model.spread.copy_(features.std(0).clamp(min=1e-3))
-    return _ascend(model, percept, torch.from_numpy(z_theta).float(), torch.from_numpy(valid), schedule, seed)
+    return _ascend(model, percept, torch.tensor(z_theta).float(), torch.tensor(valid), schedule, seed)
 
 
 def _ascend(model, percept, z, valid, schedule, seed) -> Float[Array, "point 2"]:

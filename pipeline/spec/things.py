@@ -17,7 +17,7 @@ from torch import Tensor
 from pipeline.spec.reward import against_table
 
 FEATURES = ("area", "elongation", "contrast", "plain contrast")  # logarithms all
-SIDE = 100  # pixels along an edge of an image, of the 1 m table
+SIDE = 100  # pixels along an edge of a picture of the 1 m table
 MOST = 12  # things kept of a scene, the largest
 BLOCK, WINDOW = (
     4,

@@ -1,0 +1,87 @@
+"""What is found in pictures, against things drawn where we know them to be."""
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.spec.specification import to_tensor
+from pipeline.spec.things import FINER, MOST, SIDE, capsule, find
+
+
+def picture(*discs, seed=0, grain=0.02):
+    """A table of its own grain, with discs (x, y, radius [m], colour) on it."""
+    rng = np.random.default_rng(seed)
+    image = 0.5 + grain * rng.standard_normal((SIDE, SIDE, 3))
+    y, x = np.mgrid[:SIDE, :SIDE] + 0.5
+    for at_x, at_y, radius, colour in discs:
+        image[np.hypot(x - SIDE * at_x, SIDE * (1 - at_y) - y) < SIDE * radius] = colour
+    return (255 * image.clip(0, 1)).round().astype(np.uint8)
+
+
+RED, WHITE = (0.8, 0.2, 0.2), (0.9, 0.9, 0.9)
+DISCS = (0.3, 0.7, 0.08, RED), (0.75, 0.4, 0.045, WHITE)
+
+
+@given(
+    st.floats(0.02, 0.08), st.floats(0.0, 0.1), st.floats(-1.5, 1.5), st.floats(0.3, 0.7), st.floats(0.3, 0.7)
+)  # radius, half-length [m], angle [rad], centre [m]
+@settings(max_examples=50, deadline=None)
+def test_a_capsule_is_recovered_from_its_points(radius, half_length, angle, x, y):
+    fine = FINER * SIDE
+    grid = (np.mgrid[:fine, :fine].reshape(2, -1).T[:, ::-1] + 0.5) / fine
+    along = np.array([np.cos(angle), np.sin(angle)])
+    offset = grid - (x, y)
+    share = np.clip(offset @ along, -half_length, half_length)
+    points = grid[np.linalg.norm(offset - share[:, None] * along, axis=1) < radius]
+    centre, half, found, area, elongation = capsule(points)
+    assert centre == pytest.approx((x, y), abs=1e-3)
+    assert found == pytest.approx(radius, abs=2e-3)
+    if half_length < radius / 2:  # which way a nearly round thing points is anyone's guess
+        assert np.linalg.norm(half) < half_length + 5e-3
+    else:
+        assert abs(half @ along) == pytest.approx(half_length, abs=5e-3)
+    assert area == pytest.approx(np.pi * radius**2 + 4 * half_length * radius, rel=0.05)
+    assert elongation >= 1
+
+
+def test_discs_are_found_where_they_are_largest_first():
+    things = find(to_tensor(picture(*DISCS)[None]))
+    assert things.present[0].sum() == 2
+    for i, (x, y, radius, _) in enumerate(DISCS):
+        assert things.ends[0, i].mean(0) == pytest.approx((x, y), abs=3e-3)
+        assert radius < things.radius[0, i] < radius + 0.01  # smoothing moves outlines out by less than a pixel
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_nothing_is_found_on_an_empty_table(seed):
+    assert not find(to_tensor(picture(seed=seed)[None])).present.any()
+
+
+def test_a_faint_light_does_not_move_things():
+    lit = picture(*DISCS) * np.linspace(0.9, 1.0, SIDE)[None, :, None]
+    things = find(to_tensor(lit.astype(np.uint8)[None]))
+    assert things.present[0].sum() == 2
+    assert things.ends[0, 0].mean(0) == pytest.approx(DISCS[0][:2], abs=3e-3)
+
+
+def test_a_picture_on_its_side_has_its_things_on_their_side():
+    upright = picture(*DISCS)
+    here, turned = (find(to_tensor(np.ascontiguousarray(p)[None])) for p in (upright, np.rot90(upright)))
+    x, y = here.ends[0, :2].mean(1).T
+    np.testing.assert_allclose(turned.ends[0, :2].mean(1), np.stack([1 - y, x], 1), atol=2e-3)
+    np.testing.assert_allclose(turned.radius[0], here.radius[0], atol=2e-3)
+
+
+def test_a_picture_does_not_see_its_neighbours():
+    pictures = np.stack([picture(*DISCS), picture(DISCS[0], seed=1), picture(seed=2)])
+    together, alone = find(to_tensor(pictures)), find(to_tensor(pictures[1:2]))
+    for name in ("ends", "radius", "features", "present"):
+        np.testing.assert_array_equal(getattr(together, name)[1:2], getattr(alone, name))
+    assert together.present.shape == (3, MOST)
+
+
+def test_pictures_may_need_gradients():
+    assert find(to_tensor(picture(*DISCS)[None]).requires_grad_()).present.any()
+    assert torch.is_grad_enabled()
