@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 INK, MUTED, RULE, PAPER = "#1b1f24", "#666e78", "#d4d8dd", "#ffffff"
 CHALK = "#fefefe"  # white on a photograph; never turned dark
+SOOT = "#111417"  # black on a photograph; never turned light
 VALID, INVALID = "#0072b2", "#d55e00"  # Okabe and Ito's blue and vermilion
 THEME = {INK: "var(--ink)", MUTED: "var(--muted)", RULE: "var(--rule)", PAPER: "var(--paper)"}
 _COLOURS = {

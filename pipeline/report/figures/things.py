@@ -13,7 +13,7 @@ from matplotlib.patheffects import Normal, Stroke
 from numpy import ndarray as Array
 
 from pipeline.report.figures.tabletop import capsule, draw_footprints, draw_scene
-from pipeline.report.style import CHALK, INK, INVALID, VALID
+from pipeline.report.style import CHALK, INVALID, SOOT, VALID
 from pipeline.table.layout import Layouts, point_segment_distance
 
 MATTERS = LinearSegmentedColormap.from_list("matters", [VALID, "#d9d9d9", INVALID])
@@ -72,12 +72,12 @@ def draw(images: UInt8[Array, "scene 100 100 3"], layouts: Layouts, things: Thin
 def _draw_thing(ax: Axes, things: Things, scene: int, thing: int, relevance: float) -> None:
     """One outline in its colour, its relevance below or, at the table's edge, above."""
     outline = capsule(things.ends[scene, thing], float(things.radius[scene, thing]))
-    rim = [Stroke(linewidth=3.4, foreground=INK), Normal()]
+    rim = [Stroke(linewidth=3.4, foreground=SOOT), Normal()]
     colour = MATTERS(relevance)
     ax.add_patch(Polygon(outline, fill=False, edgecolor=colour, lw=2.2, zorder=1.5, path_effects=rim))
     x, low, high = things.ends[scene, thing, :, 0].mean(), outline[:, 1].min(), outline[:, 1].max()
     below = low > ROOM
-    halo = [Stroke(linewidth=2.2, foreground=INK), Normal()]
+    halo = [Stroke(linewidth=2.2, foreground=SOOT), Normal()]
     ax.text(
         x, low - 0.02 if below else high + 0.02, f"{relevance:.2f}", color=CHALK, fontsize=7, ha="center",
         va="top" if below else "bottom", zorder=6, path_effects=halo,
