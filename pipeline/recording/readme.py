@@ -4,6 +4,15 @@ from collections.abc import Sequence
 
 from pipeline.recording.contents import Run, by_user
 
+VARIANTS = {
+    "full": "the paper's model, the whole of its loss",
+    "ae": "the same without a prior on z_image",
+    "classifier": "the same, its classifier alone",
+    "irl_maxent": "maximum-entropy inverse reinforcement learning, of valid demonstrations",
+    "irl_ranked": "inverse reinforcement learning that ranks valid above invalid demonstrations",
+    "path": "finds what stands out from the table; learns what of it matters and how near a path may come",
+}
+
 
 def page(run: Run) -> str:
     """Markdown for one who has only read the paper's abstract."""
@@ -56,6 +65,8 @@ def overview_page(runs: Sequence[Run]) -> str:
         for variant in dict.fromkeys(run.variant for run in runs)
         for of_variant in [[run for run in runs if run.variant == variant]]
     ]
+    shown = dict.fromkeys(run.variant for run in runs)
+    described = "\n".join(f"- **{variant}**: {VARIANTS.get(variant, variant)}" for variant in shown)
     cares = "\n".join(f"- **{user}**: {_kept_clear_of(of_user[0])}" for user, of_user in users.items())
     return f"""# Every variant beside the truth
 
@@ -70,6 +81,9 @@ Share of the cells of the {len(runs[0].repairs)} maps of a user in which the mod
 | variant | {" | ".join(users)} |
 | --- |{" ---: |" * len(users)}
 {chr(10).join(agreement)}
+
+## The variants
+{described}
 
 ## A tab a user
 The time line `scene` below goes from scene to scene: drag it, or press play.

@@ -28,15 +28,15 @@ def claims(results: Results) -> Table:
     return table("claims", caption, header, [list(row) for row in rows])
 
 
-def tested(results: Results, against: list[str], n: int | None = None) -> pd.DataFrame:
-    """The tests of the paper's model against others, all of them or those at one n."""
-    rows = results.comparisons[results.comparisons["variant"] == results.main]
+def tested(results: Results, against: list[str], n: int | None = None, variant: str | None = None) -> pd.DataFrame:
+    """The tests of a variant (None: the paper's model) against others, all of them or those at one n."""
+    rows = results.comparisons[results.comparisons["variant"] == (variant or results.main)]
     rows = rows[rows["against"].isin(against)]
     return rows if n is None else rows[rows["n"] == n]
 
 
 def wins(rows: pd.DataFrame) -> pd.DataFrame:
-    """The tests the paper's model wins."""
+    """The tests won by the variant they are about."""
     return rows[rows["significant"] & (rows["difference"] > 0)]
 
 

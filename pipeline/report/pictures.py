@@ -9,9 +9,10 @@ from matplotlib.figure import Figure
 from numpy import ndarray as Array
 
 from pipeline.report.claims import SEEN, UNSEEN
-from pipeline.report.figures import accuracy, curves, interventions, latent, maps, reliability, repairs, world
+from pipeline.report.figures import accuracy, curves, interventions, latent, maps, reliability, repairs, things, world
 from pipeline.report.figures.maps import Maps
 from pipeline.report.figures.repairs import Repair
+from pipeline.report.figures.things import Seen, Things, lies_on
 from pipeline.report.results import NULLS, Results
 from pipeline.report.style import pdf, svg
 from pipeline.report.wording import counted, listed, percent, variant_label, variant_phrase
@@ -52,6 +53,10 @@ class Drawn:
     added_texts: list[str]  # below the scene as it is and each added item
     added_user: str
     smallest: float  # smallest effect of interest
+    things: Things  # found in `unseen`
+    unseen: UInt8[Array, "scene 100 100 3"]
+    unseen_layouts: Layouts
+    seen: dict[str, Seen]  # by user with something invalid; empty without a variant that finds things
 
 
 def all_pictures(results: Results, summary, drawn: Drawn) -> dict[str, Picture]:
@@ -61,7 +66,7 @@ def all_pictures(results: Results, summary, drawn: Drawn) -> dict[str, Picture]:
         *(_map(results, drawn, user) for user in results.users),
         *(_repair(results, drawn, variant) for variant in drawn.repairs),
         _interventions(results, drawn), _added(drawn), _reconstructions(drawn), _traversals(drawn),
-        _reliability(results), _curves(results),
+        _reliability(results), _curves(results), *([_things(drawn)] if drawn.seen else []),
     ]  # fmt: skip
     return {picture.name: picture for picture in pictures}
 
@@ -251,3 +256,28 @@ def _curves(results: Results) -> Picture:
     alt = f"Learning curves, users {listed(results.judged_users)}: {listed(parts)}."
     wide, narrow = (partial(curves.draw, results.curves, results.users, c) for c in (3, 1))
     return _picture("curves", caption, alt, wide, narrow)
+
+
+def _things(drawn: Drawn) -> Picture:
+    on, present = lies_on(drawn.things, drawn.unseen_layouts), drawn.unseen_layouts.present
+    parts = []
+    for user, seen in drawn.seen.items():
+        means = []
+        for i, symbol in enumerate(SYMBOLS):
+            of_symbol = (on & (drawn.unseen_layouts.symbol == i)[:, None]).any(2)
+            if of_symbol.any():
+                means.append(f"{symbol} {seen.relevance[of_symbol].mean():.2f}")
+        parts.append(f"{user}: {listed(means)}")
+    strays = int((drawn.things.present & ~on.any(2)).sum())
+    numbers = (
+        f"In the {counted(len(drawn.unseen), 'scene')} it finds {int(on.any(1).sum())} of {int(present.sum())} items, "
+        f"and {counted(strays, 'thing')} whose middle lies on none. Mean learned relevance of things on items of each "
+        f"kind, {'; '.join(parts)}."
+    )
+    caption = (
+        "What the path model finds in new scenes with unseen items, coloured and labelled by the learned chance that "
+        f"the user keeps away from it (seed {drawn.seed}); thin white lines are the true footprints. The first scenes, "
+        f"and in the last column the one scene of all in which the model's map errs most. {numbers}"
+    )
+    draw = partial(things.draw, drawn.unseen, drawn.unseen_layouts, drawn.things, drawn.seen)
+    return _picture("things", caption, f"Things found in new scenes, outlined. {numbers}", draw)

@@ -51,10 +51,10 @@ def check(results: Results) -> None:
                 raise _missing(f"interventions of {variant} for user {user} with {lacking}", "intervene")
         _check_rows(results.effects, results, variant, list(results.users), "effects", "intervene")
         if variant not in results.curves or results.curves[variant].empty:
-            raise _missing(f"learning curves of {variant}", "train or irl")
+            raise _missing(f"learning curves of {variant}", "train, irl or path")
         _check_rows(
             results.curves[variant].assign(variant=variant),
-            results, variant, list(results.users), "learning curves", "train or irl",
+            results, variant, list(results.users), "learning curves", "train, irl or path",
         )  # fmt: skip
     for user in results.users:
         lacking = {"none", *SYMBOLS} - set(results.world.get("p_valid", {}).get(user, {}))

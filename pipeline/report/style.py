@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 INK, MUTED, RULE, PAPER = "#1b1f24", "#666e78", "#d4d8dd", "#ffffff"
 CHALK = "#fefefe"  # white on a photograph; never turned dark
+SOOT = "#111417"  # black on a photograph; never turned light
 VALID, INVALID = "#0072b2", "#d55e00"  # Okabe and Ito's blue and vermilion
 THEME = {INK: "var(--ink)", MUTED: "var(--muted)", RULE: "var(--rule)", PAPER: "var(--paper)"}
 _COLOURS = {
@@ -18,12 +19,13 @@ _COLOURS = {
     "classifier": "#009e73",
     "irl_maxent": "#d99000",
     "irl_ranked": "#d55e00",
+    "path": "#b8609a",  # Okabe and Ito's purple, darkened
     "null_nearest": MUTED,
     "null_position": MUTED,
 }
-_MARKERS = {"full": "o", "ae": "s", "classifier": "^", "irl_maxent": "v", "irl_ranked": "D"}
+_MARKERS = {"full": "o", "ae": "s", "classifier": "^", "irl_maxent": "v", "irl_ranked": "D", "path": ">"}
 _LINES = {"null_nearest": (0, (1.2, 1.6)), "null_position": (0, (5, 2.5))}
-_OTHER = "#b8609a"  # Okabe and Ito's purple: a variant this file does not know
+_OTHER = "#8a6d3b"  # brown: a variant this file does not know
 RC: dict[Any, Any] = {
     "svg.hashsalt": "causal-specifications",
     "svg.fonttype": "path",
@@ -62,7 +64,7 @@ def colour(variant: str) -> str:
 
 def marker(variant: str) -> str:
     """A variant's marker, so that colour is never alone."""
-    return _MARKERS.get(variant, "P")
+    return _MARKERS.get(variant, "X")
 
 
 def line(variant: str):

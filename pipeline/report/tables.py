@@ -224,6 +224,8 @@ def by_user(results: Results) -> Table:
 
 def comparisons(results: Results) -> Table:
     """The tests between variants that were fixed in advance."""
+    sizes = results.comparisons.groupby("family", sort=False).size()
+    families = [f"{family}: {counted(int(size), 'test')}" for family, size in sizes.items()]
     rows: list[list[str | Cell]] = [
         [
             f"{variant_label(r.variant).removesuffix(' (paper)')} vs {variant_label(r.against)}",
@@ -236,7 +238,8 @@ def comparisons(results: Results) -> Table:
     ]  # fmt: skip
     caption = (
         f"Variant against variant: exact paired Wilcoxon test over {counted(len(results.seeds), 'seed')}, p after "
-        f"Holm over {counted(len(rows), 'test')}, all fixed before results were seen. Difference in percentage points."
+        f"Holm within each family of tests ({listed(families)}), each fixed before the results of the variant it is "
+        "about were seen. Difference in percentage points."
     )
     header = ["Compared", "Judged on", "n", "Mean", "Against", "Difference", "p", "Verdict"]
     return table("comparisons", caption, header, rows, labels=2)

@@ -8,6 +8,7 @@ VARIANTS = {
     "classifier": "Classifier only",
     "irl_maxent": "IRL, maximum entropy",
     "irl_ranked": "IRL, ranking",
+    "path": "Path model",
     "null_nearest": "Null: nearest demonstration",
     "null_position": "Null: position only",
     "null_constant": "Null: constant detour",
@@ -40,11 +41,20 @@ def variant_phrase(name: str) -> str:
         "classifier": "the classifier alone",
         "irl_maxent": "maximum-entropy IRL",
         "irl_ranked": "ranking IRL",
+        "path": "the path model",
         "null_nearest": "the nearest-demonstration null",
         "null_position": "the position-only null",
         "null_constant": "the constant detour",
         "null_random": "a random path",
     }.get(name, f"the {variant_label(name)}")
+
+
+def variant_does(name: str) -> str:
+    """How a variant that the paper does not have goes about it, as a clause after its name; empty for the others."""
+    return {
+        "path": "which finds, without labels, what stands out from the table and learns how much each such thing "
+        "matters and how near to it a path may come",
+    }.get(name, "")
 
 
 def split_label(name: str) -> str:

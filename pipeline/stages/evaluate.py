@@ -1,5 +1,6 @@
 """Stage evaluate: scores every variant and the image-free nulls on every query, and compares variants."""
 
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -58,12 +59,13 @@ def _check(cfg: DictConfig) -> None:
     if not (isinstance(cfg.evaluate.bins, int) and cfg.evaluate.bins >= 1):
         raise InputError(f"evaluate.bins is {cfg.evaluate.bins!r}: expected a whole number from 1")
     tests = _tests(cfg)
-    if len(tests) > MOST_TESTS:
-        raise InputError(
-            f"evaluate.comparisons asks for {len(tests)} tests: expected at most {MOST_TESTS}, "
-            "or Holm's correction leaves nothing to be found"
-        )
-    for variant, against, split, _ in tests:
+    for family, count in Counter(test[0] for test in tests).items():
+        if count > MOST_TESTS:
+            raise InputError(
+                f"evaluate.comparisons asks for {count} tests in family {family!r}: expected at most {MOST_TESTS}, "
+                "or Holm's correction leaves nothing to be found"
+            )
+    for _, variant, against, split, _ in tests:
         for name in (variant, against):
             if name not in cfg.variants and name not in NULLS:
                 raise InputError(
@@ -221,10 +223,10 @@ def _calibration(cfg: DictConfig, judged: Judged, truth: dict[Key, np.ndarray]) 
     return table.query("count > 0"), errors
 
 
-def _tests(cfg: DictConfig) -> list[tuple[str, str, str, int]]:
-    """The tests fixed in advance: (variant, against, split, n)."""
+def _tests(cfg: DictConfig) -> list[tuple[str, str, str, str, int]]:
+    """The tests fixed in advance: (family, variant, against, split, n)."""
     return [
-        (group.variant, against, split, cfg.study_n if group.n is None else group.n)
+        (group.family, group.variant, against, split, cfg.study_n if group.n is None else group.n)
         for group in cfg.evaluate.comparisons
         for against in group.against
         for split in group.splits
@@ -233,15 +235,17 @@ def _tests(cfg: DictConfig) -> list[tuple[str, str, str, int]]:
 
 
 def _comparisons(cfg: DictConfig, averaged: Cells) -> pd.DataFrame:
-    """Exact paired Wilcoxon over seeds for every test, and Holm's correction over all of them."""
+    """Exact paired Wilcoxon over seeds for every test, and Holm's correction within each family."""
     rows = []
-    for variant, against, split, n in _tests(cfg):
+    for family, variant, against, split, n in _tests(cfg):
         a, b = averaged[variant, split, n], averaged[against, split, n]
         p = paired_wilcoxon(a, b)
-        rows.append((variant, against, split, n, a.mean(), b.mean(), (a - b).mean(), p, len(a)))
-    columns = ["variant", "against", "split", "n", "mean", "mean_against", "difference", "p", "seeds"]
+        rows.append((family, variant, against, split, n, a.mean(), b.mean(), (a - b).mean(), p, len(a)))
+    columns = ["family", "variant", "against", "split", "n", "mean", "mean_against", "difference", "p", "seeds"]
     table = pd.DataFrame(rows, columns=columns)
-    table["p_holm"] = holm(table["p"].to_numpy()) if len(table) else table["p"]
+    table["p_holm"] = table["p"]
+    for rows_of in table.groupby("family").indices.values():
+        table.loc[rows_of, "p_holm"] = holm(table["p"].to_numpy()[rows_of])
     return table.assign(significant=table["p_holm"] < LEVEL)
 
 

@@ -100,6 +100,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         rows.append({"run": content.name, "sha256": digest(path), "agreement": content.agreement})
         if job.seed == cfg.protocol.seeds[0] and job.user in users:
             compared.append(content)
+    compared.sort(key=lambda run: (*cfg.record.first, run.variant).index(run.variant))
     path = out_dir / "overview.rrd"
     write_whole(path, lambda part: write_overview(part, compared))
     rows.append({"run": "overview", "sha256": digest(path)})
@@ -125,6 +126,9 @@ def _check(cfg: DictConfig) -> None:
         value = cfg.record[name]
         if not (isinstance(value, int) and value >= low):
             raise InputError(f"record.{name} is {value!r}: expected a whole number from {low}")
+    unknown = [variant for variant in cfg.record.first if variant not in cfg.variants]
+    if unknown:
+        raise InputError(f"record.first names {unknown[0]!r}: expected some of {', '.join(cfg.variants)}")
     for variant in cfg.variants:
         for user in cfg.users:
             for seed in cfg.protocol.seeds:

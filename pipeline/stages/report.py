@@ -21,6 +21,7 @@ from pipeline.report.figures.latent import liveliest
 from pipeline.report.figures.maps import Maps
 from pipeline.report.figures.overview import UserRow
 from pipeline.report.figures.repairs import Repair
+from pipeline.report.figures.things import Seen, Things
 from pipeline.report.page import render
 from pipeline.report.pictures import Drawn, all_pictures
 from pipeline.report.results import Results, check
@@ -28,6 +29,10 @@ from pipeline.report.style import pdf, png
 from pipeline.report.table import to_csv, to_markdown, to_tex
 from pipeline.report.tables import all_tables
 from pipeline.report.wording import listed, split_phrase, variant_label
+from pipeline.spec.clearance import ClearanceModel
+from pipeline.spec.metrics import DECISION
+from pipeline.spec.specification import to_tensor
+from pipeline.spec.things import find
 from pipeline.spec.vae import VaeSpecification
 from pipeline.table.bezier import lattice
 from pipeline.table.layout import SYMBOLS
@@ -36,6 +41,7 @@ from pipeline.table.rules import valid
 FEW = 5  # seeds below which the page says that its numbers mean nothing
 FORMS = {"csv": to_csv, "md": to_markdown, "tex": to_tex}
 OVERVIEW_DPI = 160
+JUDGED_SIDE = 24  # lattice over z_theta by which the worst scene is found, per side
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
@@ -150,6 +156,8 @@ def _drawn(cfg: DictConfig, results: Results, scenes: SceneSet) -> Drawn:
     traversal = model.traverse(scenes.images[training][0], np.array(cfg.report["values"], dtype=float))
     added = read_arrays(Path(cfg.paths.intervene) / "images.npz")["images"]
     to = scenes.images[_pool(cfg, cfg.intervene.split)]
+    unseen = _pool(cfg, "new_items")
+    found = find(to_tensor(scenes.images[unseen]))
     return Drawn(
         seed=seed,
         scenes=scenes.images[training][most_varied],
@@ -169,7 +177,31 @@ def _drawn(cfg: DictConfig, results: Results, scenes: SceneSet) -> Drawn:
         added_texts=_added_texts(results, seed, user),
         added_user=user,
         smallest=SMALLEST_EFFECT,
+        things=Things(found.ends, found.radius, found.present),
+        unseen=scenes.images[unseen],
+        unseen_layouts=scenes.layouts[unseen],
+        seen=_seen(cfg, results, scenes, unseen, seed),
     )
+
+
+def _seen(cfg: DictConfig, results: Results, scenes: SceneSet, pool: str, seed: int) -> dict[str, Seen]:
+    """What the first variant that finds things makes of them, by user with something invalid."""
+    finders = [v for v in results.variants if cfg.variants[v].kind == "clearance"]
+    users = [u for u in results.users if results.repair[results.main][u]["success"] is not None]
+    images, layouts = scenes.images[pool], scenes.layouts[pool]
+    z = lattice(JUDGED_SIDE)
+    everywhere = np.broadcast_to(z, (len(images), *z.shape))
+    out = {}
+    for user in users if finders else []:
+        model = load_model(cfg, finders[0], user, seed, cfg.study_n)
+        if not isinstance(model, ClearanceModel):
+            raise InputError(f"variant {finders[0]} finds nothing: expected a model of kind clearance")
+        right = (model.probability(images, everywhere) > DECISION) == valid(layouts, everywhere, cfg.users[user])
+        agreement = right.mean(1)
+        shown = [*range(min(cfg.report.scenes, len(images))), int(agreement.argmin())]
+        relevance = model.relevance(model.perceive(to_tensor(images))).mean(0).detach().numpy()
+        out[user] = Seen(shown, relevance, agreement)
+    return out
 
 
 def _pool(cfg: DictConfig, split: str) -> str:
@@ -218,9 +250,12 @@ def _maps(cfg: DictConfig, scenes: SceneSet, user: str, seed: int, trained_on: i
 
 def _short(variant: str) -> str:
     """A variant's name above a small picture."""
-    return {"full": "Full (paper)", "irl_ranked": "IRL, ranking", "irl_maxent": "IRL, MaxEnt"}.get(
-        variant, variant_label(variant)
-    )
+    return {
+        "full": "Full (paper)",
+        "irl_ranked": "IRL, ranking",
+        "irl_maxent": "IRL, MaxEnt",
+        "path": "Path model",
+    }.get(variant, variant_label(variant))
 
 
 def _repairs(cfg: DictConfig, results: Results, seed: int) -> dict[str, dict[str, list[Repair]]]:

@@ -9,6 +9,7 @@ from pipeline.report.claims import claims
 from pipeline.report.findings.accuracy import accuracy
 from pipeline.report.findings.causes import interventions
 from pipeline.report.findings.repair import repair
+from pipeline.report.findings.summary import summary
 from pipeline.report.results import Results
 from pipeline.table.layout import SYMBOLS
 
@@ -84,3 +85,26 @@ def test_the_same_effects_as_the_paper_are_said_only_if_they_are_the_same(result
     assert "the very cells that the paper prints in bold" in interventions(same)[0]
     found["interventions"]["full"]["normal"]["glass"]["truth_verdict"] = "no effect"
     assert "The paper prints 5 in bold, 4 of them among these" in interventions(same)[0]
+
+
+def test_a_better_model_is_spoken_of_only_if_there_is_one_and_by_its_own_numbers(results: Results):
+    evaluation = copy.deepcopy(results.evaluation)
+    for split in evaluation["accuracy"]["path"].values():
+        for cell in split.values():
+            cell["mean"] = 0.957
+    better = summary(replace(results, evaluation=evaluation))
+    assert any(
+        "the path model, which finds" in s and "95.7\u00a0% at n = 9 and 95.7\u00a0% at n = 1" in s for s in better
+    )
+    assert any("turns 70.0\u00a0% of invalid paths" in s and "1.5 times as far" in s for s in better)
+    ours = with_accuracy(results, seen_scenes=0.985, new_scenes=0.985, new_items=0.985)
+    assert not any("path model" in s for s in summary(ours))
+
+
+def test_a_variant_has_its_own_tests_and_a_loss_is_called_one(results: Results):
+    said = "Against ranking IRL, in 3 tests the path model is better in 3"
+    assert any(said in s for s in accuracy(results))
+    rows = results.comparisons
+    worse = rows.assign(difference=rows["difference"].where(rows["variant"] != "path", -0.1))
+    assert any(said.replace("better", "worse") in s for s in accuracy(replace(results, comparisons=worse)))
+    assert verdict(replace(results, comparisons=worse), "inverse reinforcement") == "reproduced"

@@ -22,7 +22,7 @@ SCENES, QUERIES = 3, 8
 def cfg(tmp_path: Path) -> DictConfig:
     """Two seeds and two n; `full` is always right, `ae` always wrong, the others know nothing."""
     cfg = compose(["profile=smoke"])
-    for stage in ("scenes", "demos", "train", "irl"):
+    for stage in ("scenes", "demos", "train", "irl", "path"):
         OmegaConf.update(cfg, f"paths.{stage}", str(tmp_path / stage))
     rng = np.random.default_rng(0)
     pools = [*(f"train-s{seed}" for seed in cfg.seeds), "new_scenes", "new_items"]
@@ -105,11 +105,20 @@ def test_users_are_averaged_as_configured(cfg: DictConfig, tmp_path: Path):
 def test_the_tests_are_those_fixed_in_advance_and_corrected_together(cfg: DictConfig, tmp_path: Path):
     main(cfg, tmp_path / "out")
     table = read_table(tmp_path / "out" / "comparisons.csv")
-    assert len(table) == 18 and not table.duplicated(["variant", "against", "split", "n"]).any()
+    assert dict(table.groupby("family").size()) == {"paper": 18, "path": 9}
+    assert not table.duplicated(["variant", "against", "split", "n"]).any()
     assert (table["p_holm"] >= table["p"]).all()
     assert not table["significant"].any()  # two seeds cannot show anything
     row = table.query("against == 'ae' and split == 'new_items'").iloc[0]
     assert row["difference"] == 1 and row["p"] == 0.5
+
+
+def test_a_family_of_tests_leaves_the_others_as_they_are(cfg: DictConfig, tmp_path: Path):
+    main(cfg, tmp_path / "both")
+    cfg.evaluate.comparisons = [group for group in cfg.evaluate.comparisons if group.family == "paper"]
+    main(cfg, tmp_path / "one")
+    both, one = (read_table(tmp_path / name / "comparisons.csv") for name in ("both", "one"))
+    pd.testing.assert_frame_equal(both[both["family"] == "paper"].reset_index(drop=True), one, check_dtype=False)
 
 
 def test_the_same_inputs_give_the_same_bytes(cfg: DictConfig, tmp_path: Path):

@@ -28,7 +28,8 @@ def cfg(tmp_path: Path) -> DictConfig:
     """Two variants of three users and one seed, untrained, on made-up scenes; aggressive has no repairs."""
     cfg = compose(["profile=smoke", "seeds=[0]", "record.map_side=9"])
     cfg.variants = {variant: cfg.variants[variant] for variant in ("full", "classifier")}
-    for stage in ("scenes", "demos", "train", "irl", "repair"):
+    cfg.record.first = ["classifier"]
+    for stage in ("scenes", "demos", "train", "irl", "path", "repair"):
         OmegaConf.update(cfg, f"paths.{stage}", str(tmp_path / stage))
     rng = np.random.default_rng(0)
     pools = ("train-s0", "new_items")
@@ -128,6 +129,12 @@ def test_the_overview_lists_every_variant_of_the_users_who_care(cfg: DictConfig,
     chunks = RrdReader(tmp_path / "record" / "overview.rrd").stream().to_chunks()
     shown = {entity.strip("/") for chunk in chunks if "/errors/" in (entity := str(chunk.entity_path))}
     assert shown == {f"{user}/errors/{variant}/map" for user in ("careful", "normal") for variant in cfg.variants}
+
+
+def test_a_variant_to_be_shown_first_must_exist(cfg: DictConfig, tmp_path: Path) -> None:
+    cfg.record.first = ["classifier", "unknown"]
+    with pytest.raises(InputError, match=r"record\.first names 'unknown': expected some of full, classifier"):
+        main(cfg, tmp_path / "record")
 
 
 def test_with_no_user_who_cares_the_overview_shows_them_all(cfg: DictConfig, tmp_path: Path) -> None:

@@ -27,9 +27,9 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     folder = tmp_path_factory.mktemp("inputs")
     cfg = compose(["profile=smoke", "seeds=[0]", "workers=1", "repair.steps=4", "repair.lattice_side=14"])
     OmegaConf.set_struct(cfg, False)
-    for name in ("ae", "classifier", "irl_maxent"):
+    for name in ("ae", "classifier", "irl_maxent", "path"):
         del cfg.variants[name]
-    for stage in ("scenes", "train", "irl"):
+    for stage in ("scenes", "train", "irl", "path"):
         OmegaConf.update(cfg, f"paths.{stage}", str(folder / stage))
     rng = np.random.default_rng(0)
     pools = ("train-s0", "new_items")

@@ -10,7 +10,7 @@ from pipeline.report.style import INK, MUTED, PAPER, colour, marker
 from pipeline.report.wording import variant_label
 from pipeline.table.layout import SYMBOLS
 
-STEP = 0.15  # distance between two variants' marks
+STEP = 0.12  # distance between two variants' marks
 
 
 def draw(cells: dict[str, dict[str, dict[str, dict]]], users: list[str], smallest: float, columns: int) -> Figure:

@@ -17,6 +17,7 @@ from pipeline.report.wording import (
     percent,
     percent_spread,
     points,
+    signed,
     split_phrase,
     variant_phrase,
 )
@@ -27,7 +28,7 @@ SLIGHT = 0.05  # one that it calls small
 
 def accuracy(results: Results) -> list[str]:
     """What the paper's model knows, against the paper, the nulls and its rivals."""
-    return [*_against_paper(results), *_against_nulls(results), *_against_rivals(results)]
+    return [*_against_paper(results), *_against_nulls(results), *_against_rivals(results), *_beyond(results)]
 
 
 def _against_paper(results: Results) -> list[str]:
@@ -91,35 +92,57 @@ def _versus(results: Results, against: str, split: str) -> str:
 
 
 def _against_rivals(results: Results) -> list[str]:
-    out = []
     leads = {
         "ae": "The paper's ablation says that the whole of its loss helps.",
         "classifier": "It says above all that an autoencoder helps, most with few demonstrations.",
         **{v: "" for v in results.variants if v.startswith("irl")},
     }
-    for against, lead in leads.items():
-        tests = tested(results, [against])
-        if tests.empty:
-            continue
-        won = wins(tests)
-        lost = tests[tests["significant"] & (tests["difference"] < 0)]
-        if not len(won) + len(lost):
-            out.append(
-                f"{lead} Against {variant_phrase(against)} the full model is not told apart in any of "
-                f"{counted(len(tests), 'test')}.".strip()
+    texts = [(lead, _tests(results, results.main, against)) for against, lead in leads.items()]
+    return [f"{lead} {text}".strip() for lead, text in texts if text]
+
+
+def _beyond(results: Results) -> list[str]:
+    """Tests of variants that the paper does not have, and what new scenes and unseen items cost them."""
+    out, key = [], f"n{results.study_n}"
+    for variant in [v for v in results.variants if v != results.main]:
+        texts = [_tests(results, variant, against) for against in results.variants if against != variant]
+        texts = [text for text in texts if text]
+        if texts:
+            cells = results.evaluation["accuracy"][variant]
+            drops = [f"{signed(100 * (cells[s][key]['mean'] - cells[SEEN][key]['mean']), 1)} on {split_phrase(s)}"
+                     for s in results.splits if s != SEEN]  # fmt: skip
+            texts.append(
+                f"From its {percent(cells[SEEN][key]['mean'])} on {split_phrase(SEEN)} its accuracy changes, in "
+                f"percentage points, by {listed(drops)}."
             )
-            continue
-        same = len(tests) - len(won) - len(lost)
-        parts = []
-        for rows, word in ((won, "better"), (lost, "worse")):
-            if len(rows):
-                where = [f"{points(r.difference)} on {split_phrase(r.split)} at n = {r.n}" for r in rows.itertuples()]
-                parts.append(f"{word} in {len(rows)} ({listed(where)})")
-        if same:
-            parts.append(f"not told apart in {same}")
-        text = f"Against {variant_phrase(against)}, in {counted(len(tests), 'test')} the full model is {listed(parts)}."
-        out.append(f"{lead} {text}".strip())
+            out.append(" ".join(texts))
     return out
+
+
+def _tests(results: Results, variant: str, against: str) -> str:
+    """The tests of one variant against another, as a sentence; empty if none was fixed."""
+    tests = tested(results, [against], variant=variant)
+    if tests.empty:
+        return ""
+    won = wins(tests)
+    lost = tests[tests["significant"] & (tests["difference"] < 0)]
+    if not len(won) + len(lost):
+        return (
+            f"Against {variant_phrase(against)} {variant_phrase(variant)} is not told apart in any of "
+            f"{counted(len(tests), 'test')}."
+        )
+    same = len(tests) - len(won) - len(lost)
+    parts = []
+    for rows, word in ((won, "better"), (lost, "worse")):
+        if len(rows):
+            where = [f"{points(r.difference)} on {split_phrase(r.split)} at n = {r.n}" for r in rows.itertuples()]
+            parts.append(f"{word} in {len(rows)} ({listed(where)})")
+    if same:
+        parts.append(f"not told apart in {same}")
+    return (
+        f"Against {variant_phrase(against)}, in {counted(len(tests), 'test')} {variant_phrase(variant)} is "
+        f"{listed(parts)}."
+    )
 
 
 def calibration(results: Results) -> str:

@@ -31,8 +31,9 @@ def interventions(results: Results) -> list[str]:
         f"{listed([f'{u} and {s}' for u, s in true])}. {agree} A model that ignores the image shows no effect anywhere "
         f"and so gets {free_right(results)} of {total} verdicts right; that is the null here."
     ]  # fmt: skip
-    best = max(results.variants, key=lambda v: results.intervention["verdicts"][v]["right"])
-    out += [_tally(results, variant, true) for variant in dict.fromkeys([results.main, best])]
+    right = {v: results.intervention["verdicts"][v]["right"] for v in results.variants}
+    best = [v for v in results.variants if right[v] == max(right.values())]
+    out += [_tally(results, variant, true) for variant in dict.fromkeys([results.main, *best])]
     free = [u for u in results.users if results.demos.loc[results.demos["user"] == u, "valid"].all()]
     silent = [u for u in free if all(c["verdict"] == "no effect" for v in cells.values() for c in v[u].values())]
     if silent:

@@ -16,9 +16,11 @@ from pipeline.report.wording import (
     listed,
     percent,
     percent_spread,
+    variant_does,
     variant_phrase,
 )
 
+FEW = 3  # demonstrations a scene that someone might well give
 CLOSE = 0.05  # largest difference from the paper at which the worlds are called alike
 VERDICTS = (HELD, PARTLY, FAILED, VACUOUS)
 
@@ -31,7 +33,6 @@ def summary(results: Results) -> list[str]:
     scores = {v: results.evaluation["accuracy"][v] for v in (*results.variants, "null_position")}
     ours, best = scores[results.main], max(results.variants, key=lambda v: scores[v][UNSEEN][key]["mean"])
     tally = results.intervention["verdicts"][results.main]
-    top = max(results.variants, key=lambda v: results.intervention["verdicts"][v]["right"])
     out = [
         f"Of the paper's {len(verdicts)} claims below, {listed(counts)} in this simulated world.",
         f"The paper's model judges {percent_spread(ours[SEEN][key])} of new paths rightly in scenes it was trained "
@@ -45,13 +46,41 @@ def summary(results: Results) -> list[str]:
         f"ignoring the image altogether gives {free_right(results)}.",
     ]
     if best != results.main:
-        right = results.intervention["verdicts"][top]["right"]
-        out.append(
-            f"The task itself can be learned from the same demonstrations as far as this: {variant_phrase(best)} "
-            f"reaches "
-            f"{percent_spread(scores[best][UNSEEN][key])} with unseen items, and {variant_phrase(top)} the most true "
-            f"verdicts, {right} of {tally['cells']}."
-        )
+        out += _better(results, best)
+    return out
+
+
+def _better(results: Results, best: str) -> list[str]:
+    """What the variant that judges unseen items best reaches, beside the paper's model, the others and the null."""
+    scores, key = results.evaluation["accuracy"], f"n{results.study_n}"
+    does = f", {variant_does(best)}," if variant_does(best) else ""
+    ns = sorted({results.study_n, min(results.ns), FEW} & set(results.ns), reverse=True)
+    by_n = [f"{percent(scores[best][UNSEEN][f'n{n}']['mean'])} at n = {n}" for n in ns]
+    others = [results.main, *(v for v in results.variants if v.startswith("irl") and v != best)]
+    beside = [f"{variant_phrase(v)} {percent(scores[v][UNSEEN][key]['mean'])}" for v in (*others, "null_position")]
+    verdicts = {
+        v: f"{results.intervention['verdicts'][v]['right']} of {results.intervention['verdicts'][v]['cells']}"
+        for v in results.variants
+    }
+    top = max(results.variants, key=lambda v: (results.intervention["verdicts"][v]["right"], v == best))
+    out = [
+        f"More can be learned from the same demonstrations: {variant_phrase(best)}{does} is right about "
+        f"{listed(by_n)} of the paths in scenes with unseen items. Beside it, at n = {results.study_n}: "
+        f"{listed(beside)}.",
+        f"Asked what an added item would change, it gives the true verdict in {verdicts[best]} cells"
+        + (f"; the most are those of {variant_phrase(top)}, {verdicts[top]}." if top != best else "."),
+    ]
+    for user in results.users:
+        c, ours = results.repair[best][user], results.repair[results.main][user]
+        if c["success"] is not None:
+            detour = c["null_constant_displacement_ratio"]
+            out.append(
+                f"For the {user} user its gradient turns {percent(c['success'])} of invalid paths into truly valid "
+                f"ones (the paper's model {percent(ours['success'])}, the constant detour "
+                f"{percent(c['null_constant'])}), moving the control point {c['displacement_ratio']:.1f} times as far "
+                f"as the nearest valid path would ask ({ours['displacement_ratio']:.1f} and {detour:.1f} times); in "
+                f"{percent(c['fooled'])} it calls an invalid end valid ({percent(ours['fooled'])})."
+            )
     return out
 
 
