@@ -14,7 +14,6 @@ from pipeline.artifacts.scenes import SceneSet, write_scenes
 from pipeline.causal.interventions import study
 from pipeline.params import compose
 from pipeline.spec.registry import build
-from pipeline.spec.things import MOST
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.layout import SYMBOLS, Items, LayoutRules, random_layouts
 
@@ -58,14 +57,10 @@ def _scenes(cfg: DictConfig, rng: np.random.Generator) -> None:
 
 
 def _pictures(rng: np.random.Generator) -> np.ndarray:
-    """Grey tables with as many squares as the path model keeps things of a scene.
-
-    With fewer, `pipeline.spec.clearance.clearance` leaves out slots that its annotations promise (jaxtyping refuses).
-    """
+    """Grey tables with four squares each, for the path model to find."""
     pictures = rng.integers(110, 130, (SCENES, 100, 100, 3), dtype=np.uint8)
-    for i in range(MOST):
-        row, column = 12 + 30 * (i // 4), 8 + 24 * (i % 4)
-        pictures[:, row : row + 9, column : column + 9] = (200, 40, 20 * i)
+    for i in range(4):
+        pictures[:, 40:49, 8 + 24 * i : 17 + 24 * i] = (200, 40, 60 * i)
     return pictures
 
 

@@ -38,7 +38,7 @@ def test_a_second_repro_has_nothing_to_do(clone: Path):
 
 
 def test_one_recording_a_variant_user_and_seed(clone: Path):
-    assert len(list((clone / "outputs/record/runs").glob("*.rrd"))) >= 5 * 3 * 2
+    assert len(list((clone / "outputs/record/runs").glob("*.rrd"))) >= 6 * 3 * 2
 
 
 @pytest.mark.parametrize(
@@ -48,6 +48,7 @@ def test_one_recording_a_variant_user_and_seed(clone: Path):
         ("demos", []),
         ("train", ["variant=full"]),
         ("irl", ["variant=irl_ranked"]),
+        ("path", ["variant=path"]),
         ("evaluate", []),
         ("repair", []),
         ("intervene", []),

@@ -20,16 +20,16 @@ from pipeline.table.layout import SYMBOLS, LayoutRules, random_layouts
 from pipeline.table.render import Palette, render_scenes
 
 SCENES, PATHS, PLACEMENTS = 4, 6, 2
-VARIANTS = ("full", "irl_ranked")
+VARIANTS = ("full", "irl_ranked", "path")
 KEPT = ("effects.parquet", "specifications.parquet", "images.npz", "layouts.parquet", "table.csv", "metrics.json")
 
 
 @pytest.fixture(scope="module")
 def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
-    """Four scenes with unseen items, and untrained models of two variants and two seeds."""
+    """Four scenes with unseen items, and untrained models of three variants and two seeds."""
     root = tmp_path_factory.mktemp("intervene")
     cfg = compose(["profile=smoke", "workers=1"])
-    for name in ("scenes", "train", "irl"):
+    for name in ("scenes", "train", "irl", "path"):
         OmegaConf.update(cfg, f"paths.{name}", str(root / name))
     cfg.variants = {variant: cfg.variants[variant] for variant in VARIANTS}
     cfg.intervene.update(paths=PATHS, placements=PLACEMENTS, resamples=50, flips=99)

@@ -1,4 +1,4 @@
-"""Facts about stage irl: the files of stage train, constants where labels say nothing, and what it refuses."""
+"""Facts about stages irl and path: files like stage train's, constants where labels say nothing, what they refuse."""
 
 import hashlib
 from pathlib import Path
@@ -12,24 +12,25 @@ from pipeline.artifacts.models import PREDICTION_COLUMNS
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.artifacts.trained import load_model
 from pipeline.params import compose
-from pipeline.stages.irl import main
+from pipeline.stages import irl, path
 
-VARIANTS = ("irl_maxent", "irl_ranked")
+STAGES = {"irl_maxent": irl.main, "irl_ranked": irl.main, "path": path.main}  # by variant
 USERS = ("aggressive", "careful", "normal")
 SMALL = ["seeds=[0]", "n=[1,2]", "study_n=2", "irl.copies=2", "irl.curve_every=2", "workers=1"]
-SMALL += [f"variants.{variant}.steps=3" for variant in VARIANTS]
+SMALL += ["variants.irl_maxent.steps=3", "variants.irl_ranked.steps=3", "path.steps=3", "path.curve_every=2"]
 
 
 def config(small_world: Path, out: Path, *overrides: str):
-    paths = [f"paths.scenes={small_world}/scenes", f"paths.demos={small_world}/demos", f"paths.irl={out}"]
+    paths = [f"paths.scenes={small_world}/scenes", f"paths.demos={small_world}/demos"]
+    paths += [f"paths.irl={out}", f"paths.path={out}"]
     return compose([*paths, *SMALL, *overrides])
 
 
-@pytest.fixture(scope="module", params=VARIANTS)
+@pytest.fixture(scope="module", params=STAGES)
 def run(request, small_world, tmp_path_factory) -> tuple[str, Path]:
     """One run of each variant."""
-    out = tmp_path_factory.mktemp("irl")
-    main(config(small_world, out, f"variant={request.param}"), out / request.param)
+    out = tmp_path_factory.mktemp("fitted")
+    STAGES[request.param](config(small_world, out, f"variant={request.param}"), out / request.param)
     return request.param, out
 
 
@@ -64,26 +65,30 @@ def test_a_user_without_invalid_demonstrations_gets_laplaces_constant(run):
 
 def test_a_second_run_writes_the_same_bytes(run, small_world, tmp_path):
     variant, out = run
-    main(config(small_world, tmp_path, f"variant={variant}"), tmp_path / variant)
+    STAGES[variant](config(small_world, tmp_path, f"variant={variant}"), tmp_path / variant)
     assert _digests(tmp_path) == _digests(out)
 
 
 @pytest.mark.parametrize(
-    ("override", "message"),
+    ("fitted", "override", "message"),
     [
-        ("variant=full", "not fitted by stage irl: expected one of irl_maxent, irl_ranked"),
-        ("~variants.irl_ranked.objective", "has no objective: stage irl expects each of objective, steps, model"),
-        ("variants.irl_ranked.steps=null", "variant irl_ranked has no steps"),
-        ("variants.irl_ranked.steps=0", "steps is 0"),
-        ("irl.jitter.other_table=2", "irl.jitter.other_table is 2.0"),
-        ("variants.irl_ranked.objective=apprenticeship", "expected one of maxent, ranked"),
+        ("irl_ranked", "variant=full", "not fitted by stage irl: expected one of irl_maxent, irl_ranked"),
+        ("irl_ranked", "~variants.irl_ranked.objective", "has no objective: stage irl expects each of objective,"),
+        ("irl_ranked", "variants.irl_ranked.steps=null", "variant irl_ranked has no steps"),
+        ("irl_ranked", "variants.irl_ranked.steps=0", "steps is 0"),
+        ("irl_ranked", "irl.jitter.other_table=2", "irl.jitter.other_table is 2.0"),
+        ("irl_ranked", "variants.irl_ranked.objective=apprenticeship", "expected one of maxent, ranked"),
+        ("path", "variant=irl_ranked", "not fitted by stage path: expected one of path"),
+        ("path", "path.steps=0", "steps is 0"),
+        ("path", "path.prior=0", "prior is 0"),
+        ("path", "~variants.path.model", "has no model: stage path expects each of model"),
     ],
 )
-def test_bad_input_ends_before_anything_is_written(small_world, tmp_path, override, message):
-    overrides = [override] if override.startswith("variant=") else ["variant=irl_ranked", override]
+def test_bad_input_ends_before_anything_is_written(small_world, tmp_path, fitted, override, message):
+    overrides = [override] if override.startswith("variant=") else [f"variant={fitted}", override]
     with pytest.raises(ValueError, match=message):
-        main(config(small_world, tmp_path, *overrides), tmp_path / "irl_ranked")
-    assert not (tmp_path / "irl_ranked").exists()
+        STAGES[fitted](config(small_world, tmp_path, *overrides), tmp_path / fitted)
+    assert not (tmp_path / fitted).exists()
 
 
 def _digests(root: Path) -> dict[str, str]:
