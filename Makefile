@@ -63,7 +63,7 @@ lock: $(READY)  ## pin requirements*.in anew
 	pip-compile --quiet --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-trusted-host -o requirements-dev.lock requirements-dev.in
 	sed -i 's/^torch==\([0-9.]*\)+cpu/torch==\1/' requirements.lock requirements-dev.lock  # either build will do
 
-readme: $(READY)  ## put the report's table of claims into the README
+readme: $(READY)  ## put two of the report's tables into the README
 	python -m pipeline.report.readme
 
 deps: $(READY)  ## write each stage's import closure into dvc.yaml

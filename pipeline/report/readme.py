@@ -1,30 +1,37 @@
-"""The README's headline table is the report's table of claims: python -m pipeline.report.readme [--check]"""
+"""The README shows two of the report's tables: python -m pipeline.report.readme [--check]"""
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
-START, END = "<!-- headline: reports/tables/claims.md -->\n", "<!-- /headline -->"
+TABLES = ("reports/tables/claims.md", "reports/tables/models.md")
+END = "<!-- /table -->"
 
 
-def with_headline(readme: str, table: str) -> str:
-    """`readme` with `table` between its two marks; ValueError if it lacks them."""
-    if readme.count(START) != 1 or readme.count(END) != 1:
-        raise ValueError(f"README.md needs the marks {START.strip()!r} and {END!r}, each once")
-    before, rest = readme.split(START)
-    return f"{before}{START}\n{table.strip()}\n\n{END}{rest.split(END)[1]}"
+def with_tables(readme: str, tables: Mapping[str, str]) -> str:
+    """`readme` with each table between the marks that name it; ValueError if it lacks them."""
+    for name, table in tables.items():
+        start = f"<!-- table: {name} -->\n"
+        before, found, rest = readme.partition(start)
+        _, ended, after = rest.partition(END)
+        if not (found and ended) or start in after:
+            raise ValueError(f"README.md needs the marks {start.strip()!r}, once, and {END!r} after it")
+        readme = f"{before}{start}\n{table.strip()}\n\n{END}{after}"
+    return readme
 
 
 def _main(check: bool) -> int:
-    readme, table = Path("README.md"), Path("reports/tables/claims.md")
-    if not table.is_file():
-        print(f"error: {table} is missing: run `make repro` first", file=sys.stderr)
+    readme = Path("README.md")
+    lacking = [name for name in TABLES if not Path(name).is_file()]
+    if lacking:
+        print(f"error: {', '.join(lacking)} missing: run `make repro` first", file=sys.stderr)
         return 2
-    text = with_headline(readme.read_text(), table.read_text())
+    text = with_tables(readme.read_text(), {name: Path(name).read_text() for name in TABLES})
     if not check:
         readme.write_text(text)
         return 0
     if text != readme.read_text():
-        print(f"error: README.md does not show {table}: run `make readme`", file=sys.stderr)
+        print(f"error: README.md does not show {' and '.join(TABLES)}: run `make readme`", file=sys.stderr)
         return 1
     return 0
 

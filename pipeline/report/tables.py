@@ -20,10 +20,45 @@ from pipeline.table.layout import SYMBOLS
 def all_tables(results: Results) -> list[Table]:
     """Every table, in the order of the report."""
     return [
-        world(results), accuracy(results), comparisons(results), by_user(results), calibration(results),
+        models(results), world(results),
+        accuracy(results), comparisons(results), by_user(results), calibration(results),
         backprop(results), repair_detail(results),
         interventions(results), verdicts(results), intervention_detail(results), specifications(results),
     ]  # fmt: skip
+
+
+def models(results: Results) -> Table:
+    """Every model at a glance: what it knows of new scenes, what its repairs and its verdicts are worth."""
+    scores, anchor = results.evaluation["accuracy"], results.repair[results.main]
+    few, many = f"n{min(results.ns)}", f"n{results.study_n}"
+    repaired = [u for u in results.users if anchor[u]["success"] is not None]
+    rows: list[list[str | Cell]] = []
+    for v in results.variants:
+        known, tally = scores[v]["new_items"], results.intervention["verdicts"][v]
+        repairs = [results.repair[v][u] for u in repaired]
+        rows.append(
+            [
+                variant_label(v), percent(known[few]["mean"]), percent(known[many]["mean"]),
+                *(f"{percent(c['success'])} ({c['displacement_ratio']:.1f})" for c in repairs),
+                f"{tally['right']} of {tally['cells']}",
+            ]
+        )  # fmt: skip
+    known, nothing = scores["null_position"]["new_items"], [NONE for _ in repaired]
+    rows.append(
+        [variant_label("null_position"), percent(known[few]["mean"]), percent(known[many]["mean"]), *nothing, NONE]
+    )
+    detours = [anchor[u] for u in repaired]
+    moved = [f"{percent(c['null_constant'])} ({c['null_constant_displacement_ratio']:.1f})" for c in detours]
+    rows.append([variant_label("null_constant"), NONE, NONE, *moved, NONE])
+    caption = (
+        "Every model in new scenes with unseen items: accuracy (mean of the users "
+        f"{listed(results.judged_users)}), success of repairs (in brackets how far they move, over the least that "
+        f"would do) and causal verdicts that are right; means over {counted(len(results.seeds), 'seed')}, "
+        f"n = {results.study_n} unless said. The last rows never look at the image."
+    )
+    header = ["Model", f"Accuracy, n = {few[1:]}", f"Accuracy, n = {many[1:]}"]
+    header += [f"Repaired, {u}" for u in repaired] + ["Verdicts right"]
+    return table("models", caption, header, rows)
 
 
 def backprop(results: Results) -> Table:
