@@ -137,6 +137,11 @@ def _repair(cfg: DictConfig, rng: np.random.Generator) -> None:
     write_table(Path(cfg.paths.repair) / "repairs.parquet", pd.concat(tables))
     write_arrays(Path(cfg.paths.repair) / "paths.npz", paths)
     write_json(Path(cfg.paths.repair) / "metrics.json", metrics)
+    near = {name: cell[name] for name in ("success", "success_q1", "success_q3", "fooled", "abstained")}
+    near |= {"displacement_ratio": 1.4, "starts": STARTS}
+    users = [u for u in cfg.users if u != "aggressive"]
+    found = {model: {u: {"probe": near} for u in users} for model in (*cfg.variants, "truth")}
+    write_json(Path(cfg.paths.search) / "metrics.json", found)
 
 
 def _intervene(cfg: DictConfig, rng: np.random.Generator) -> None:

@@ -51,6 +51,7 @@ def test_one_recording_a_variant_user_and_seed(clone: Path):
         ("path", ["variant=path"]),
         ("evaluate", []),
         ("repair", []),
+        ("search", []),
         ("intervene", []),
     ],
 )

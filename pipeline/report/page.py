@@ -8,7 +8,7 @@ from markupsafe import Markup
 
 from pipeline.report.findings.accuracy import accuracy, calibration
 from pipeline.report.findings.causes import interventions, specifications
-from pipeline.report.findings.repair import repair
+from pipeline.report.findings.repair import repair, searches
 from pipeline.report.findings.summary import summary, world
 from pipeline.report.pictures import Picture
 from pipeline.report.results import Results
@@ -16,7 +16,7 @@ from pipeline.report.style import inline
 from pipeline.report.table import Table, to_html
 from pipeline.report.wording import counted, listed, variant_label
 
-SAYS = {f.__name__: f for f in (summary, world, accuracy, calibration, repair, interventions, specifications)}
+SAYS = {f.__name__: f for f in (summary, world, accuracy, calibration, repair, searches, interventions, specifications)}
 LARGEST = 8 * 2**20  # bytes a page may have
 
 

@@ -29,6 +29,7 @@ class Results:
     evaluation: dict
     repairs: pd.DataFrame
     repair: dict  # variant -> user -> numbers
+    search: dict  # variant, or "truth" -> user with something invalid -> method -> numbers
     effects: pd.DataFrame
     intervention: dict
     curves: dict[str, pd.DataFrame]  # by variant
@@ -45,6 +46,8 @@ def check(results: Results) -> None:
     for variant in results.variants:
         for user in results.users:
             _check_repair(results, variant, user)
+            if results.repair[variant][user]["success"] is not None and not results.search.get(variant, {}).get(user):
+                raise _missing(f"searches of {variant} for user {user}", "search")
             cells = results.intervention.get("interventions", {}).get(variant, {}).get(user, {})
             lacking = [s for s in SYMBOLS if s not in cells]
             if lacking:

@@ -7,6 +7,7 @@ from pipeline.report.wording import (
     NONE,
     counted,
     listed,
+    method_label,
     p_value,
     percent,
     percent_spread,
@@ -22,7 +23,7 @@ def all_tables(results: Results) -> list[Table]:
     return [
         models(results), world(results),
         accuracy(results), comparisons(results), by_user(results), calibration(results),
-        backprop(results), repair_detail(results),
+        backprop(results), repair_detail(results), searches(results),
         interventions(results), verdicts(results), intervention_detail(results), specifications(results),
     ]  # fmt: skip
 
@@ -113,6 +114,28 @@ def repair_detail(results: Results) -> Table:
     )
     header = ["User", "Method", "Success", "Fooled", "Abstained", "Moved [m]", "Ratio"]
     return table("repair_detail", caption, header, rows, labels=2)
+
+
+def searches(results: Results) -> Table:
+    """Repairs that stay near: every model by the same search, the rivals of that search, and the truth told."""
+    rows: list[list[str | Cell]] = []
+    for user in results.users:
+        for model in [*results.variants, "truth"]:
+            for method, c in results.search.get(model, {}).get(user, {}).items():
+                rows.append(
+                    [
+                        user.capitalize(), variant_label(model), method_label(method), f"{c['starts']:,}",
+                        percent(c["success"]), percent(c["fooled"]), percent(c["abstained"]),
+                        f"{c['displacement_ratio']:.2f}",
+                    ]
+                )  # fmt: skip
+    caption = (
+        "Repairs that stay near their start: each search asks the model equally often and weighs P(valid) against "
+        "displacement. Fooled, abstained and ratio as above; the last row of a user was told the footprints and the "
+        f"user's margins, which leaves what the search itself costs. Means over {counted(len(results.seeds), 'seed')}."
+    )
+    header = ["User", "Model", "Search", "Starts", "Success", "Fooled", "Abstained", "Ratio"]
+    return table("searches", caption, header, rows, labels=3)
 
 
 def interventions(results: Results) -> Table:

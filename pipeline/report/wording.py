@@ -14,6 +14,7 @@ VARIANTS = {
     "null_constant": "Null: constant detour",
     "null_random": "Null: random path",
     "oracle": "Oracle: nearest valid path",
+    "truth": "Told the truth",
 }
 SPLITS = {
     "seen_scenes": "Training scenes, new paths",
@@ -55,6 +56,13 @@ def variant_does(name: str) -> str:
         "path": "which finds, without labels, what stands out from the table and learns how much each such thing "
         "matters and how near to it a path may come",
     }.get(name, "")
+
+
+def method_label(name: str) -> str:
+    """A search as a reader meets it."""
+    return {
+        "probe": "Probes, then climb", "multistart": "Multi-start", "cem": "Cross-entropy", "lbfgs": "L-BFGS-B",
+    }.get(name, name)  # fmt: skip
 
 
 def split_label(name: str) -> str:

@@ -101,6 +101,7 @@ def read_results(cfg: DictConfig) -> Results:
         evaluation=read_json(evaluate / "metrics.json"),
         repairs=read_table(repair / "repairs.parquet"),
         repair=read_json(repair / "metrics.json"),
+        search=read_json(Path(cfg.paths.search) / "metrics.json"),
         effects=read_table(intervene / "effects.parquet"),
         intervention=read_json(intervene / "metrics.json"),
         curves={v: frame[frame["n"] == cfg.study_n] for v, frame in curves.items()},
@@ -113,6 +114,7 @@ def _metrics(results: Results) -> dict:
         "world": results.world,
         **{name: results.evaluation[name] for name in ("accuracy", "accuracy_all_users", "calibration")},
         "repair": results.repair,
+        "search": results.search,
         **{name: results.intervention[name] for name in ("interventions", "specifications", "verdicts")},
     }
 
@@ -139,6 +141,7 @@ def _facts(cfg: DictConfig, results: Results) -> dict[str, object]:
         "shared": cfg.scenes.shared,
         "margins": "; ".join(margins),
         "smallest": SMALLEST_EFFECT,
+        "evaluations": cfg.search.evaluations,
     }
 
 

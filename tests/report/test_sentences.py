@@ -8,7 +8,7 @@ import pytest
 from pipeline.report.claims import claims
 from pipeline.report.findings.accuracy import accuracy
 from pipeline.report.findings.causes import interventions
-from pipeline.report.findings.repair import repair
+from pipeline.report.findings.repair import repair, searches
 from pipeline.report.findings.summary import summary
 from pipeline.report.results import Results
 from pipeline.table.layout import SYMBOLS
@@ -58,6 +58,15 @@ def test_a_significant_loss_is_no_win(results: Results):
     worse = replace(results, comparisons=results.comparisons.assign(difference=-0.1))
     assert verdict(worse, "inverse reinforcement") == "not reproduced"
     assert any("10.0 percentage points worse" in s for s in accuracy(worse))
+
+
+def test_the_search_that_succeeds_most_is_named_beside_the_truth(results: Results):
+    found = copy.deepcopy(results.search)
+    found["irl_ranked"]["careful"]["probe"] |= {"success": 0.93, "displacement_ratio": 1.23}
+    found["truth"]["careful"]["probe"] |= {"success": 0.99}
+    careful, _ = searches(replace(results, search=found))
+    assert careful.startswith("Careful: ranking IRL ends 93.0") and "at 1.23 times the least" in careful
+    assert "Told the truth, the same search reaches 99.0" in careful
 
 
 def test_a_user_without_invalid_paths_makes_repair_vacuous(results: Results):

@@ -27,6 +27,33 @@ def repair(results: Results) -> list[str]:
     return out
 
 
+def searches(results: Results) -> list[str]:
+    """What a search that stays near the start achieves with each model, and what it costs by itself."""
+    out = []
+    for user in results.users:
+        found = {model: by_user[user]["probe"] for model, by_user in results.search.items() if user in by_user}
+        if not found:
+            continue
+        told, anchor = found.pop("truth"), results.repair[results.main][user]
+        best = max(found, key=lambda v: found[v]["success"])
+        b, ours = found[best], found[results.main]
+        success = percent_spread(b, "success", "success_q1", "success_q3")
+        out.append(
+            f"{user.capitalize()}: {variant_phrase(best)} ends {success} of {b['starts']:,} invalid starts in a truly "
+            f"valid path, at {b['displacement_ratio']:.2f} times the least displacement; it calls "
+            f"{percent(b['fooled'])} of the ends valid that are not, and gives up {percent(b['abstained'])}"
+            + (
+                f". The paper's model ends {percent(ours['success'])} so, at {ours['displacement_ratio']:.2f} times"
+                if best != results.main
+                else ""
+            )
+            + f"; the constant detour needs {anchor['null_constant_displacement_ratio']:.1f} times for "
+            f"{percent(anchor['null_constant'])}. Told the truth, the same search reaches "
+            f"{percent(told['success'])} at {told['displacement_ratio']:.2f} times."
+        )
+    return out
+
+
 def _user_repair(results: Results, user: str) -> str:
     c, quoted = results.repair[results.main][user], paper.REPAIR.get(user)
     success = percent_spread(c, "success", "success_q1", "success_q3")

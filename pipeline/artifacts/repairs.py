@@ -1,0 +1,123 @@
+"""Repairs, judged by the truth: the starts that stages repair and search share, and the table of where they end."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from omegaconf import DictConfig
+
+from pipeline.artifacts.models import model_dir, weights_path
+from pipeline.artifacts.scenes import SceneSet, train_pool
+from pipeline.params import InputError
+from pipeline.spec.metrics import DECISION
+from pipeline.spec.training import job_seed
+from pipeline.table.bezier import random_z_theta
+from pipeline.table.layout import Layouts
+from pipeline.table.oracle import nearest_valid
+from pipeline.table.rules import Margins, clearance, slack, valid
+
+MEASURES = (
+    "success", "correct", "fooled", "abstained", "displacement_m", "displacement_ratio", "oracle_displacement_m",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Starts:
+    """One user's invalid paths in the pool, the same for all seeds and variants, and the nearest valid ones."""
+
+    user: str
+    margins: Margins
+    layouts: Layouts
+    at: tuple[np.ndarray, np.ndarray]  # scene and start of each
+    z: np.ndarray  # (start, 2) [m]
+    nearest: np.ndarray  # (start, 2) [m]: the oracle's
+
+    def first(self, count: int | None) -> "Starts":
+        """The first of them; None: all."""
+        few = slice(count)
+        return replace(self, at=(self.at[0][few], self.at[1][few]), z=self.z[few], nearest=self.nearest[few])
+
+
+def check_pool(cfg: DictConfig, scenes: SceneSet) -> str:
+    """The pool to repair in; InputError if conf/repair or the scenes stage does not provide it."""
+    for name in ("starts", "lattice_side"):
+        if not (isinstance(cfg.repair[name], int) and cfg.repair[name] >= 1):
+            raise InputError(f"repair.{name} is {cfg.repair[name]!r}: expected a whole number from 1")
+    pool = cfg.protocol.splits.get(cfg.repair.split)
+    if pool is None:
+        shared = [split for split, p in cfg.protocol.splits.items() if p is not None]
+        raise InputError(f"repair.split is {cfg.repair.split!r}: expected one of {', '.join(shared)}")
+    for name in (pool, *(train_pool(seed) for seed in cfg.protocol.seeds)):
+        if name not in scenes.layouts:
+            raise InputError(f"no scenes {name}: there are {', '.join(scenes.layouts)}; run the scenes stage")
+    return pool
+
+
+def draw_starts(cfg: DictConfig, scenes: SceneSet) -> tuple[np.ndarray, dict[str, Starts]]:
+    """Random z_theta (scene, start, 2) [m] in the pool's scenes; of them each user's invalid ones."""
+    layouts = scenes.layouts[check_pool(cfg, scenes)]
+    rng = np.random.default_rng(job_seed(cfg.scenes.generator, "repair", "starts"))
+    candidates = random_z_theta(rng, len(layouts), cfg.repair.starts)
+    return candidates, {user: _starts(cfg, user, layouts, candidates) for user in cfg.users}
+
+
+def _starts(cfg: DictConfig, user: str, layouts: Layouts, candidates: np.ndarray) -> Starts:
+    """The candidates that are invalid to a user, and the oracle's answer to each."""
+    margins = cfg.users[user]
+    scene, start = np.nonzero(~valid(layouts, candidates, margins))
+    nearest = nearest_valid(layouts, candidates, margins, cfg.repair.lattice_side, cfg.repair.refinements)
+    return Starts(user, margins, layouts, (scene, start), candidates[scene, start], nearest[scene, start])
+
+
+def check_weights(cfg: DictConfig) -> None:
+    """Raise InputError for the first model at study_n that is missing, before any is repaired with."""
+    for variant in cfg.variants:
+        for user in cfg.users:
+            for seed in cfg.protocol.seeds:
+                path = weights_path(model_dir(cfg, variant), user, seed, cfg.study_n)
+                if not path.is_file():
+                    stage = cfg.variants[variant].stage
+                    raise InputError(f"{path} is missing: run stage {stage} for variant {variant} first")
+
+
+def rows(starts: Starts, method: str, seed: int, z: np.ndarray, p: np.ndarray | None) -> pd.DataFrame:
+    """One row per start: where it ended, what the model made of it (`p`, None without one), what is true."""
+    scene, start = starts.at
+    z = z.astype(np.float64)
+    layouts = starts.layouts[scene]  # each row in its own scene
+    room = slack(layouts, clearance(layouts, z[:, None]), starts.margins)[:, 0]
+    return pd.DataFrame(
+        {
+            "method": method,
+            "seed": seed,
+            "user": starts.user,
+            "scene": scene,
+            "start": start,
+            "z0_x": starts.z[:, 0],
+            "z0_y": starts.z[:, 1],
+            "z_x": z[:, 0],
+            "z_y": z[:, 1],
+            "p_start": np.nan if p is None else p[:, 0],
+            "p_end": np.nan if p is None else p[:, -1],
+            "valid_end": room > 0,
+            "accepted": pd.array([None] * len(z) if p is None else p[:, -1] > DECISION, dtype="boolean"),
+            "displacement_m": np.linalg.norm(z - starts.z, axis=-1),
+            "oracle_displacement_m": np.linalg.norm(starts.nearest - starts.z, axis=-1),
+            "clearance_m": room,
+        }
+    )
+
+
+def measures(rows: pd.DataFrame) -> dict[str, float]:
+    """MEASURES of one method, user and seed.
+
+    success: the share of ends that are truly valid, accepted or not. An end is accepted (p > .5) and correct,
+    accepted and fooled, or abstained from: the three sum to 1 (a reference accepts nothing itself: NaN).
+    displacement_ratio: the mean displacement over the oracle's mean, both over all starts, so that no start
+    close to the boundary blows it up.
+    """
+    right = rows["valid_end"].to_numpy(dtype=float)
+    accepted = rows["accepted"].to_numpy(dtype=float, na_value=np.nan)
+    moved, least = (rows[name].to_numpy().mean() for name in ("displacement_m", "oracle_displacement_m"))
+    values = (right, accepted * right, accepted * (1 - right), 1 - accepted, moved, moved / least, least)
+    return {name: float(np.mean(value)) for name, value in zip(MEASURES, values, strict=True)}

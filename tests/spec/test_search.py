@@ -1,0 +1,118 @@
+"""Searches stay near: they find the known optima of objectives whose shape is known, within their budget."""
+
+import numpy as np
+import pytest
+import torch
+from scipy.optimize import minimize
+from torch import Tensor
+
+from pipeline.spec.search import METHODS, Near, Objective, search
+from pipeline.spec.specification import Specification
+from pipeline.table.bezier import Z_HIGH, Z_LOW, random_z_theta
+
+STARTS = random_z_theta(np.random.default_rng(0), 3, 20)
+PERCEPT = torch.zeros(3, 1)
+NEAR = Near(30, 1.0, 18, 1.2, 0.05)
+
+
+class Disc(Specification):
+    """Paths whose z lies in a disc about the middle are invalid, all others valid: log-odds grow with the distance."""
+
+    radius = 0.3
+
+    def perceive(self, images: Tensor) -> Tensor:
+        return torch.zeros(len(images), 1)
+
+    def logit(self, percept: Tensor, z_theta: Tensor) -> Tensor:
+        return 60 * ((z_theta - 0.5).norm(dim=-1) - self.radius)
+
+
+class Blind(Disc):
+    """Log-odds that do not depend on the path."""
+
+    def logit(self, percept: Tensor, z_theta: Tensor) -> Tensor:
+        return 0 * z_theta.sum(-1) - 1
+
+
+def least(start: np.ndarray, weight: float) -> float:
+    """The optimum of one start, along the ray from the middle on which it lies by symmetry."""
+    offset = float(np.linalg.norm(start - 0.5))
+
+    def cost(r):
+        return np.logaddexp(0, -60 * (r - Disc.radius)) + weight * abs(r - offset)
+
+    return -min(minimize(cost, x, method="Nelder-Mead").fun for x in (offset, Disc.radius + 0.1))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_no_search_ends_worse_than_it_started_or_better_than_the_optimum(method: str):
+    found = search(Disc(), PERCEPT, STARTS, method, NEAR, 0)
+    value = np.log(found.p) - NEAR.weight * np.linalg.norm(found.z - STARTS, axis=-1)
+    optimum = np.array([[least(z, NEAR.weight) for z in scene] for scene in STARTS])
+    assert (value <= optimum + 1e-4).all()
+    offset = np.linalg.norm(STARTS - 0.5, axis=-1)
+    if method != "cem":  # which does not look at the start itself
+        assert (value >= -np.logaddexp(0, -60 * (offset - Disc.radius)) - 1e-4).all()
+
+
+def test_probes_and_a_climb_come_within_a_few_centimetres_of_the_optimum():
+    found = search(Disc(), PERCEPT, STARTS, "probe", NEAR, 0)
+    value = np.log(found.p) - NEAR.weight * np.linalg.norm(found.z - STARTS, axis=-1)
+    optimum = np.array([[least(z, NEAR.weight) for z in scene] for scene in STARTS])
+    assert (optimum - value).max() < 0.05
+    assert (found.p > 0.5).all()
+
+
+def test_what_a_valid_path_would_gain_by_moving_costs_more_than_it_brings():
+    far = np.linalg.norm(STARTS - 0.5, axis=-1) > Disc.radius + 0.15
+    found = search(Disc(), PERCEPT, STARTS, "probe", NEAR, 0)
+    assert far.any()
+    np.testing.assert_allclose(found.z[far], STARTS[far], atol=1e-6)
+
+
+@pytest.mark.parametrize("method", ["probe", "multistart", "cem"])
+def test_a_search_spends_what_it_may(method: str):
+    objective = Objective(Disc(), PERCEPT, torch.tensor(STARTS).float(), NEAR.weight)
+    METHODS[method](objective, NEAR, np.random.default_rng(0))
+    assert objective.evaluations == NEAR.evaluations
+
+
+def test_lbfgs_spends_no_more_than_it_may(monkeypatch: pytest.MonkeyPatch):
+    asked = []
+    logit = Disc.logit
+    monkeypatch.setattr(Disc, "logit", lambda self, percept, z: asked.append(1) or logit(self, percept, z))
+    search(Disc(), PERCEPT[:1], STARTS[:1, :1], "lbfgs", NEAR, 0)
+    assert 1 < len(asked) <= NEAR.evaluations
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_no_start_sees_another(method: str):
+    if method in ("multistart", "cem"):
+        pytest.skip("draws depend on how many starts there are")
+    together = search(Disc(), PERCEPT, STARTS, method, NEAR, 0)
+    alone = search(Disc(), PERCEPT[1:2], STARTS[1:2, 3:4], method, NEAR, 0)
+    np.testing.assert_allclose(alone.z[0, 0], together.z[1, 3], atol=1e-6)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_ends_lie_in_the_square_of_z_theta_and_p_is_the_models(method: str):
+    found = search(Disc(), PERCEPT, STARTS, method, NEAR, 0)
+    assert (found.z >= Z_LOW).all() and (found.z <= Z_HIGH).all()
+    with torch.no_grad():
+        p = Disc().logit(PERCEPT, torch.tensor(found.z)).sigmoid()
+    np.testing.assert_allclose(found.p, p, atol=1e-5)
+
+
+@pytest.mark.parametrize("method", ["probe", "lbfgs"])
+def test_a_model_that_ignores_the_path_moves_nothing(method: str):
+    found = search(Blind(), PERCEPT, STARTS, method, NEAR, 0)
+    np.testing.assert_allclose(found.z, STARTS, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"), [({"weight": 0.0}, "weight is 0"), ({"reach": -1.0}, "reach is"), ({"probes": 30}, "fewer")]
+)
+def test_settings_out_of_range_are_refused(change: dict, says: str):
+    values = {"evaluations": 30, "weight": 1.0, "probes": 18, "reach": 1.2, "step": 0.05}
+    with pytest.raises(ValueError, match=says):
+        Near(**(values | change))

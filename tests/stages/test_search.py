@@ -1,0 +1,131 @@
+"""The search stage: every model and rival from the same invalid starts, and the truth beside them."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+from omegaconf import DictConfig, OmegaConf
+
+from pipeline.artifacts.files import read_table
+from pipeline.artifacts.models import model_dir, save_model, weights_path
+from pipeline.artifacts.scenes import SceneSet, write_scenes
+from pipeline.params import InputError, compose
+from pipeline.spec.registry import build
+from pipeline.stages.search import main, told
+from pipeline.table.bezier import random_z_theta
+from pipeline.table.layout import Items, LayoutRules, random_layouts
+from pipeline.table.rules import clearance, slack
+
+ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.075, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
+RULES = LayoutRules((2, 3), (0.05, 0.35, 0.40, 0.20), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)
+SCENES = 3
+
+
+@pytest.fixture(scope="module")
+def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
+    """Untrained models of three variants, two seeds, in three scenes."""
+    folder = tmp_path_factory.mktemp("inputs")
+    cfg = compose(["profile=smoke", "seeds=[0,1]", "workers=1", "repair.lattice_side=14"])
+    OmegaConf.set_struct(cfg, False)
+    for name in ("ae", "classifier", "irl_maxent"):
+        del cfg.variants[name]
+    for stage in ("scenes", "train", "irl", "path"):
+        OmegaConf.update(cfg, f"paths.{stage}", str(folder / stage))
+    rng = np.random.default_rng(0)
+    pools = ("train-s0", "train-s1", "new_items")
+    look = pd.DataFrame({"texture": ["oak"] * SCENES, "render_seed": range(SCENES)})
+    scenes = SceneSet(
+        {pool: rng.integers(0, 256, (SCENES, 100, 100, 3), dtype=np.uint8) for pool in pools},
+        {pool: random_layouts(rng, SCENES, ITEMS, np.arange(4), RULES) for pool in pools},
+        dict.fromkeys(pools, look),
+    )
+    write_scenes(folder / "scenes", scenes)
+    for variant in cfg.variants:
+        for user in cfg.users:
+            for seed in cfg.seeds:
+                save_model(model_dir(cfg, variant), build(cfg.variants[variant]), user, seed, cfg.study_n)
+    return cfg
+
+
+@pytest.fixture(scope="module")
+def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("search")
+    main(cfg, out)
+    return out
+
+
+def test_every_model_searches_from_the_same_starts_and_the_path_model_by_every_method(out: Path):
+    table = read_table(out / "searches.parquet")
+    assert set(table["user"]) == {"careful", "normal"}
+    for _, of_user in table.groupby("user"):
+        probes = of_user[of_user["search"] == "probe"]
+        key = ["scene", "start", "z0_x", "z0_y", "oracle_displacement_m"]
+        starts = [part[key].to_numpy() for _, part in probes.groupby(["method", "seed"])]
+        assert len(starts) == 3 * 2 + 1  # three variants of two seeds, and the truth
+        for other in starts[1:]:
+            np.testing.assert_array_equal(starts[0], other)
+        assert set(of_user.loc[of_user["method"] == "path", "search"]) == {"probe", "multistart", "cem", "lbfgs"}
+        assert (of_user[of_user["search"] == "lbfgs"].groupby("seed").size() == 2).all()
+
+
+def test_who_is_told_the_truth_succeeds_nearly_always_and_moves_little(out: Path):
+    cells = json.loads((out / "metrics.json").read_text())["truth"]
+    for user in ("careful", "normal"):
+        assert cells[user]["probe"]["success"] > 0.9
+        assert cells[user]["probe"]["displacement_ratio"] < 2
+
+
+def test_the_told_model_calls_valid_what_the_rules_call_valid(cfg: DictConfig):
+    rng = np.random.default_rng(1)
+    layouts = random_layouts(rng, 20, ITEMS, np.arange(4), RULES)
+    z = random_z_theta(rng, 20, 50)
+    for user in ("careful", "normal", "aggressive"):
+        model, percept = told(layouts, cfg.users[user])
+        with torch.no_grad():
+            log_odds = model.logit(percept, torch.tensor(z).float()).numpy()
+        room = slack(layouts, clearance(layouts, z), cfg.users[user])
+        clear = np.abs(room) > 0.003
+        assert ((log_odds > 0) == (room > 0))[clear].all()
+
+
+def test_correct_fooled_and_abstained_share_out_all_starts(out: Path):
+    table = read_table(out / "searches.parquet")
+    cell = json.loads((out / "metrics.json").read_text())["path"]["careful"]["probe"]
+    assert cell["correct"] + cell["fooled"] + cell["abstained"] == pytest.approx(1)
+    assert cell["seeds"] == 2
+    rows = table.query("method == 'path' and user == 'careful' and search == 'probe'")
+    assert cell["success"] == pytest.approx(rows.groupby("seed")["valid_end"].mean().mean())
+
+
+def test_the_same_inputs_give_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
+    main(cfg, tmp_path)
+    for path in out.iterdir():
+        assert path.read_bytes() == (tmp_path / path.name).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("search.rivals", {"newton": None}, "search.rivals names newton: expected some of multistart"),
+        ("search.rivals_of", "fulll", "search.rivals_of is 'fulll'"),
+        ("search.probes", 30, "search.probes is 30"),
+        ("repair.starts", 0, "repair.starts is 0"),
+    ],
+)
+def test_settings_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name: str, value, message: str):
+    cfg = cfg.copy()
+    OmegaConf.update(cfg, name, value, merge=False)
+    with pytest.raises(ValueError, match=message):
+        main(cfg, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
+    cfg = cfg.copy()
+    OmegaConf.update(cfg, "study_n", 1)
+    name = weights_path(model_dir(cfg, "full"), "careful", 0, 1).name
+    with pytest.raises(InputError, match=f"{name} is missing: run stage train"):
+        main(cfg, tmp_path / "out")
