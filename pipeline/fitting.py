@@ -156,10 +156,13 @@ def _inputs(scenes_dir: str, demos_dir: str) -> tuple[SceneSet, pd.DataFrame, di
 
 
 def _batches(jobs: list[Job], at_once: int) -> list[list[Job]]:
-    """Jobs to fit together, of about the same n; those whose labels never vary cost nothing, apart."""
+    """Jobs to fit together, of about the same n; those whose labels never vary cost nothing, apart.
+
+    Jobs fitted alone keep their order, seed by seed: what models of a seed share then stays cached.
+    """
     varied: list[Job] = []
     constant: list[Job] = []
-    for job in sorted(jobs, key=lambda job: job.n):
+    for job in sorted(jobs, key=lambda job: job.n if at_once > 1 else 0):
         _, valid = demo_arrays(_inputs(job.scenes_dir, job.demos_dir)[1], job.seed, job.user, job.n)
         (constant if never_varies(valid) else varied).append(job)
     return [group[i : i + at_once] for group in (varied, constant) for i in range(0, len(group), at_once)]

@@ -7,6 +7,8 @@ information as the specification model. Both then turn soft regret into P(valid)
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
+from zlib import crc32
 
 import numpy as np
 import torch
@@ -17,7 +19,7 @@ from torch import Tensor
 
 from pipeline.spec import training
 from pipeline.spec.jitter import Jitter, blobs, new_looks
-from pipeline.spec.reward import SYMMETRIES, RewardMap, against_table, contrast, transform, untransform
+from pipeline.spec.reward import PICTURE, SYMMETRIES, RewardMap, against_table, contrast, transform, untransform
 from pipeline.spec.specification import to_tensor
 from pipeline.spec.training import laplace, never_varies, require_positive
 
@@ -78,29 +80,31 @@ def fit(
         p = laplace(valid)
         accept(model, 0.0, float(np.log(p / (1 - p))))
         return np.array([[0.0, 0.0]])
-    rng = np.random.default_rng(seed)
-    copies = _copies(rng, images, schedule)
-    curve = _descend(model, rng, copies, z_theta, valid, objective, schedule)
-    accept(model, *logistic(_regrets(model, copies, z_theta), valid[None].repeat(schedule.copies, 0)))
+    looks = _looks(images.tobytes(), schedule.copies, schedule.jitter)
+    curve = _descend(model, np.random.default_rng(seed), looks, z_theta, valid, objective, schedule)
+    regrets = _regrets(model, looks[::2], z_theta)  # half the looks fix the rule as well (docs/choices.md, "IRL")
+    accept(model, *logistic(regrets, np.broadcast_to(valid, regrets.shape)))
     return curve
 
 
-def _copies(rng, images, schedule) -> Float[Tensor, "copy scene 4 100 100"]:
-    """Every training scene's contrast in `copies` looks; the first one is the scene as it is."""
-    plain, whitening = against_table(to_tensor(images))
-    copies = [contrast(plain, whitening)]
-    labels = blobs(copies[0][:, 0].sinh().numpy())
-    for _ in range(schedule.copies - 1):
-        looks, table = new_looks(rng, plain.numpy(), labels, schedule.jitter)
-        copies.append(contrast(torch.from_numpy(looks), whitening[torch.from_numpy(table)]))
-    return torch.stack(copies)
+@lru_cache(maxsize=1)  # all models of a training set see the same looks
+def _looks(images: bytes, copies: int, jitter: Jitter) -> Float[Tensor, "copy scene 100 100 4"]:
+    """Contrast of the training scenes, drawn from their pixels alone, in `copies` looks; the first is as they are."""
+    rng = np.random.default_rng(crc32(images))
+    scenes = np.frombuffer(images, np.uint8).reshape(-1, PICTURE, PICTURE, 3)
+    plain, whitening = against_table(to_tensor(scenes.copy()))
+    looks = [contrast(plain, whitening)]
+    labels = blobs(looks[0][:, 0].sinh().numpy())
+    for _ in range(copies - 1):
+        painted, table = new_looks(rng, plain.numpy(), labels, jitter)
+        looks.append(contrast(torch.from_numpy(painted), whitening[torch.from_numpy(table)]))
+    return torch.stack(looks).permute(0, 1, 3, 4, 2).contiguous()  # colours last: quick to pick
 
 
-def _descend(model, rng, copies, z_theta, valid, objective, schedule) -> Float[Array, "point 2"]:
+def _descend(model, rng, looks, z_theta, valid, objective, schedule) -> Float[Array, "point 2"]:
     """The gradient descent: each step sees some scenes, each in one look, all under one symmetry."""
     z = torch.from_numpy(z_theta.astype(np.float32))
     labels = torch.tensor(valid)
-    looks = copies.flatten(0, 1).permute(0, 2, 3, 1).contiguous()  # (copy and scene, row, column, 4): quick to pick
     optimiser, cycle = schedule.optimiser(model.parameters())
     curve = []
     model.train()
@@ -108,9 +112,9 @@ def _descend(model, rng, copies, z_theta, valid, objective, schedule) -> Float[A
         torch.manual_seed(int(rng.integers(2**62)))  # dropout draws from torch's global generator
         for step in range(schedule.steps):
             scene = torch.from_numpy(rng.permutation(len(z))[: schedule.scenes_per_step])
-            copy = torch.from_numpy(rng.integers(len(copies), size=len(scene)))
+            copy = torch.from_numpy(rng.integers(len(looks), size=len(scene)))
             symmetry = int(rng.integers(SYMMETRIES))
-            seen = looks.index_select(0, copy * len(z) + scene).permute(0, 3, 1, 2)
+            seen = looks.flatten(0, 1).index_select(0, copy * len(z) + scene).permute(0, 3, 1, 2)
             batch = transform(seen, symmetry).contiguous(memory_format=torch.channels_last)
             reward = untransform(model.reward(batch), symmetry)
             regret = model.soft_regret(reward, z[scene])
@@ -135,11 +139,11 @@ def _loss(objective, regret, valid, across) -> Tensor | None:
 
 
 @torch.no_grad()
-def _regrets(model, copies, z_theta) -> Float[Array, "copy scene n"]:
-    """Soft regret of the training demonstrations in every look of their scenes, by the trained model."""
+def _regrets(model, looks, z_theta) -> Float[Array, "copy scene n"]:
+    """Soft regret of the training demonstrations in these looks of their scenes, by the trained model."""
     z = torch.from_numpy(z_theta.astype(np.float32))
     accept(model, 1.0, 0.0)
-    return torch.stack([model.logit(model.look(x), z) for x in copies]).numpy()
+    return torch.stack([model.logit(model.look(x.permute(0, 3, 1, 2)), z) for x in looks]).numpy()
 
 
 def accept(model: RewardMap, scale: float, offset: float) -> None:

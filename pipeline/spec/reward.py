@@ -135,7 +135,8 @@ def contrast(
     kernel = (taps[:, None] * taps).expand(3, 1, 5, 5).contiguous()
     smooth = F.conv2d(plain, kernel, padding=2, groups=3)
     whitened = (whitening @ smooth.flatten(2)).unflatten(-1, plain.shape[-2:])
-    parts = (whitened.norm(dim=1).asinh(), whitened.mean(1).asinh(), 8 * smooth.norm(dim=1), 8 * smooth.mean(1))
+    size, whitened_size = (x.square().sum(1).sqrt() for x in (smooth, whitened))  # `norm` takes 10 times as long
+    parts = (whitened_size.asinh(), whitened.mean(1).asinh(), 8 * size, 8 * smooth.mean(1))
     return torch.stack(parts, dim=1)
 
 
@@ -184,12 +185,16 @@ def path_weights(z_theta: Float[Tensor, "path 2"], side: int) -> Float[Tensor, "
 
 
 def transform(pictures: Float[Tensor, "*batch row column"], symmetry: int) -> Float[Tensor, "*batch row column"]:
-    """Symmetry 0..7 of the square: `symmetry // 2` quarter turns, after a transposition if it is odd."""
-    pictures = pictures.mT if symmetry % 2 else pictures
-    return torch.rot90(pictures, symmetry // 2, (-2, -1))
+    """Symmetry 0..7 of the square: its bits 2 and 4 reflect rows and columns, then 1 transposes."""
+    pictures = _reflected(pictures, symmetry)
+    return pictures.mT if symmetry & 1 else pictures
 
 
 def untransform(pictures: Float[Tensor, "*batch row column"], symmetry: int) -> Float[Tensor, "*batch row column"]:
     """The inverse of `transform`."""
-    pictures = torch.rot90(pictures, -(symmetry // 2), (-2, -1))
-    return pictures.mT if symmetry % 2 else pictures
+    return _reflected(pictures.mT if symmetry & 1 else pictures, symmetry)
+
+
+def _reflected(pictures, symmetry):
+    axes = [axis for axis, bit in ((-2, 2), (-1, 4)) if symmetry & bit]
+    return pictures.flip(axes) if axes else pictures  # copies, and keeps the order in memory

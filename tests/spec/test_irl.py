@@ -111,6 +111,16 @@ def test_the_same_seed_gives_the_same_bits_and_another_does_not(objective):
     assert all(np.array_equal(weights[k], same[k]) for k in weights)
 
 
+def test_a_model_does_not_depend_on_those_fitted_before_it():
+    results = []
+    for scenes in (5, 5, 4, 5):  # its training scenes' looks drawn, at hand, replaced by others', drawn again
+        model = drawn(1)
+        on_one_thread(model, *world(scenes), "ranked", schedule(), 1)
+        results.append([value.numpy() for value in model.state_dict().values()])
+    for again in (results[1], results[3]):
+        assert all(np.array_equal(x, y) for x, y in zip(results[0], again, strict=True))
+
+
 @pytest.mark.parametrize(("objective", "least"), [("maxent", 0.7), ("ranked", 0.9)])
 def test_training_sets_valid_paths_above_invalid_ones(objective, least):
     images, z, valid = world(12, 9)

@@ -63,9 +63,9 @@ def test_a_user_without_invalid_demonstrations_gets_laplaces_constant(run):
     np.testing.assert_allclose(predictions["p"], 7 / 8, rtol=1e-6)  # 3 scenes x 2 demonstrations, all valid
 
 
-def test_a_second_run_writes_the_same_bytes(run, small_world, tmp_path):
+def test_a_second_run_by_two_processes_writes_the_same_bytes(run, small_world, tmp_path):
     variant, out = run
-    STAGES[variant](config(small_world, tmp_path, f"variant={variant}"), tmp_path / variant)
+    STAGES[variant](config(small_world, tmp_path, f"variant={variant}", "workers=2"), tmp_path / variant)
     assert _digests(tmp_path) == _digests(out)
 
 
