@@ -349,7 +349,7 @@ def _panel_scene(
     everywhere = np.broadcast_to(cells, (len(images), *cells.shape))
     maps = {u: {v: model.probability(images, everywhere) for v, model in own.items()} for u, own in models.items()}
     repairs = {
-        u: {v: _ascents(models[u][v], *mine, scene, images[:1]) for v, mine in own.items()}
+        u: {v: _ascents(models[u][v], rows, z, scene, images[:1]) for v, (rows, z) in own.items()}
         for u, own in repaired.items()
     }
     return Scene(name, list(SYMBOLS[: len(images) - 1]), images, layouts, maps, repairs)
