@@ -240,6 +240,14 @@ def test_what_is_not_there_cannot_be_chosen(page: Page, data: dict):
     for name in ("Added item", "Repair from"):
         assert page.get_by_role("combobox", name=name).is_disabled()
     assert page.get_by_role("slider", name="Step of the repair").is_disabled()
+    choose(page, "split", 2)
+    for i, scene in enumerate(data["splits"][2]["scenes"]):
+        for user, repairs in enumerate(scene["repairs"]):
+            choose(page, "scene", i)
+            choose(page, "user", user)
+            offered = page.locator("#panel-start option").all_inner_texts()
+            assert offered == ["nowhere", *(f"start {start + 1}" for start in repairs["starts"])]
+            assert page.get_by_role("combobox", name="Repair from").is_disabled() is (repairs["starts"] == [])
 
 
 @pytest.mark.parametrize("width", [PHONE, DESK])
@@ -286,6 +294,7 @@ def test_on_paper_a_sentence_stands_in(page: Page):
     assert section.locator("form").is_visible() and not in_print.is_visible()
     page.emulate_media(media="print")
     assert not section.locator("form").is_visible() and in_print.is_visible()
+    assert section.locator("p:visible").count() == 1
 
 
 def test_touch_moves_the_control_point(browser: Browser, data: dict):
