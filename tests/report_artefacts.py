@@ -10,14 +10,18 @@ from omegaconf import DictConfig, OmegaConf
 from pipeline.artifacts.demos import write_demos
 from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.artifacts.models import model_dir, save_model
-from pipeline.artifacts.scenes import SceneSet, write_scenes
+from pipeline.artifacts.scenes import SceneSet, layout_table, write_scenes
 from pipeline.causal.interventions import study
 from pipeline.params import compose
 from pipeline.spec.registry import build
 from pipeline.table.bezier import random_z_theta
-from pipeline.table.layout import SYMBOLS, Items, LayoutRules, random_layouts
+from pipeline.table.layout import SYMBOLS, Items, LayoutRules, Layouts, add_item, random_layouts
 
 SCENES, STARTS, STEPS = 4, 6, 5
+SMALL = [
+    "profile=smoke", "report.map_side=10", "report.scenes=2", "report.reconstructed=2", "report.panel_scenes=2",
+    "report.panel_side=8",
+]  # fmt: skip
 NULLS = ("null_nearest", "null_position")
 RULES = LayoutRules((2, 3), (0.05, 0.35, 0.40, 0.20), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)
 ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.09, 0.0]), np.array([0.06, 0.07, 0.013, 0.045]))
@@ -25,26 +29,26 @@ ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.09, 0.0]), np.array([0.06, 0.0
 
 def write_all(folder: Path) -> DictConfig:
     """Write every artefact below `folder`; the parameters that find them come back."""
-    cfg = compose(["profile=smoke", "report.map_side=10", "report.scenes=2", "report.reconstructed=2"])
+    cfg = compose(SMALL)
     for stage in cfg.paths:
         OmegaConf.update(cfg, f"paths.{stage}", str(folder / stage))
     rng = np.random.default_rng(0)
-    _scenes(cfg, rng)
+    layouts = _scenes(cfg, rng)
     _demos(cfg, rng)
     _evaluate(cfg, rng)
     _repair(cfg, rng)
-    _intervene(cfg, rng)
+    _intervene(cfg, rng, layouts[cfg.protocol.splits[cfg.intervene.split]])
     for variant in cfg.variants:
         steps = pd.DataFrame({"step": [0, 10, 20], "total": [0.7, 0.5, 0.3]})
         keys = product(cfg.seeds, cfg.users, cfg.n)
         curves = [steps.assign(seed=seed, user=user, n=n) for seed, user, n in keys]
         write_table(model_dir(cfg, variant) / "curves.parquet", pd.concat(curves))
-    for variant, user in product(cfg.report.shown, cfg.users):
+    for variant, user in product(cfg.variants, cfg.users):
         save_model(model_dir(cfg, variant), build(cfg.variants[variant]), user, cfg.seeds[0], cfg.study_n)
     return cfg
 
 
-def _scenes(cfg: DictConfig, rng: np.random.Generator) -> None:
+def _scenes(cfg: DictConfig, rng: np.random.Generator) -> dict[str, Layouts]:
     pools = [*(f"train-s{seed}" for seed in cfg.seeds), "new_scenes", "new_items"]
     layouts = {pool: random_layouts(rng, SCENES, ITEMS, np.arange(4), RULES) for pool in pools}
     images = {pool: _pictures(rng) for pool in pools}
@@ -54,6 +58,7 @@ def _scenes(cfg: DictConfig, rng: np.random.Generator) -> None:
     p_valid = {user: dict.fromkeys(("none", *SYMBOLS), cell) for user in cfg.users}
     metrics = {"p_valid": p_valid, "largest_difference": 0.01, "layouts": 100, "paths": 50}
     write_json(Path(cfg.paths.scenes) / "metrics.json", metrics)
+    return layouts
 
 
 def _pictures(rng: np.random.Generator) -> np.ndarray:
@@ -144,7 +149,7 @@ def _repair(cfg: DictConfig, rng: np.random.Generator) -> None:
     write_json(Path(cfg.paths.search) / "metrics.json", found)
 
 
-def _intervene(cfg: DictConfig, rng: np.random.Generator) -> None:
+def _intervene(cfg: DictConfig, rng: np.random.Generator, layouts: Layouts) -> None:
     folder, users = Path(cfg.paths.intervene), list(cfg.users)
     keys = product(cfg.variants, cfg.seeds, users, range(SCENES), SYMBOLS, [0])
     rows = pd.DataFrame(list(keys), columns=["variant", "seed", "user", "scene", "symbol", "placement"])
@@ -153,6 +158,9 @@ def _intervene(cfg: DictConfig, rng: np.random.Generator) -> None:
     write_table(folder / "effects.parquet", rows)
     added = rng.integers(0, 255, (len(SYMBOLS), 1, SCENES, 100, 100, 3), dtype=np.uint8)
     write_arrays(folder / "images.npz", {"images": added})
+    with_items = [add_item(rng, layouts, symbol, ITEMS, np.arange(4), RULES) for symbol in range(4)]
+    tables = [layout_table(f"{symbol}-0", x) for symbol, x in zip(SYMBOLS, with_items, strict=True)]
+    write_table(folder / "layouts.parquet", pd.concat(tables, ignore_index=True))
 
     def cells(count: int) -> list[dict]:
         truth = np.where(np.arange(count) < count // 2, 0.3, 0.5)[:, None].repeat(SCENES, 1)

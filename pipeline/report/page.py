@@ -10,6 +10,7 @@ from pipeline.report.findings.accuracy import accuracy, calibration
 from pipeline.report.findings.causes import interventions, specifications
 from pipeline.report.findings.repair import repair, searches
 from pipeline.report.findings.summary import summary, world
+from pipeline.report.panel import script_json
 from pipeline.report.pictures import Picture
 from pipeline.report.results import Results
 from pipeline.report.style import inline
@@ -21,11 +22,15 @@ LARGEST = 8 * 2**20  # bytes a page may have
 
 
 def render(
-    results: Results, tables: Mapping[str, Table], pictures: Mapping[str, Picture], facts: Mapping[str, object]
+    results: Results,
+    tables: Mapping[str, Table],
+    pictures: Mapping[str, Picture],
+    facts: Mapping[str, object],
+    panel: Mapping[str, object],
 ) -> str:
     """index.html; ValueError if it would be larger than LARGEST.
 
-    facts: what the text says of the setting (margins, the numbers of scenes and steps).
+    facts: what the text says of the setting (margins, the numbers of scenes and steps); panel: the panel's data.
     """
     environment = Environment(
         loader=PackageLoader("pipeline.report"), undefined=StrictUndefined, autoescape=True, trim_blocks=True,
@@ -39,7 +44,9 @@ def render(
         "counted": counted,
         "variant_label": variant_label,
     }
-    html = environment.get_template("page.html.j2").render(r=results, facts=facts, pictures=pictures, findings=SAYS)
+    html = environment.get_template("page.html.j2").render(
+        r=results, facts=facts, pictures=pictures, findings=SAYS, panel=panel, panel_json=Markup(script_json(panel))
+    )
     if len(html.encode()) > LARGEST:
         raise ValueError(
             f"the report has {len(html.encode()):,} bytes: expected at most {LARGEST:,}; draw fewer scenes "

@@ -1,5 +1,7 @@
 """Stage report: reads what every stage wrote, draws, tabulates and says it; reports/ is what a reader opens."""
 
+from collections.abc import Mapping
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
 
@@ -7,6 +9,7 @@ import numpy as np
 import pandas as pd
 from omegaconf import DictConfig
 
+from pipeline.artifacts.added import Added, read_added
 from pipeline.artifacts.demos import demo_arrays, read_demos
 from pipeline.artifacts.files import read_arrays, read_json, read_table, write_json, write_whole
 from pipeline.artifacts.models import model_dir
@@ -23,6 +26,7 @@ from pipeline.report.figures.overview import UserRow
 from pipeline.report.figures.repairs import Repair
 from pipeline.report.figures.things import Seen, Things
 from pipeline.report.page import render
+from pipeline.report.panel import Ascents, Scene, panel
 from pipeline.report.pictures import Drawn, all_pictures
 from pipeline.report.results import Results, check
 from pipeline.report.style import pdf, png
@@ -31,11 +35,11 @@ from pipeline.report.tables import all_tables
 from pipeline.report.wording import listed, split_phrase, variant_label
 from pipeline.spec.clearance import ClearanceModel
 from pipeline.spec.metrics import DECISION
-from pipeline.spec.specification import to_tensor
+from pipeline.spec.specification import Specification, to_tensor
 from pipeline.spec.things import find
 from pipeline.spec.vae import VaeSpecification
 from pipeline.table.bezier import lattice
-from pipeline.table.layout import SYMBOLS
+from pipeline.table.layout import SYMBOLS, Layouts
 from pipeline.table.rules import valid
 
 FEW = 5  # seeds below which the page says that its numbers mean nothing
@@ -51,10 +55,11 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     check(results)
     summary = read_table(Path(cfg.paths.evaluate) / "accuracy.csv")
     scenes = read_scenes(Path(cfg.paths.scenes))
-    drawn = _drawn(cfg, results, scenes)
+    added = read_added(Path(cfg.paths.intervene), scenes.layouts[_pool(cfg, cfg.intervene.split)].symbol.shape[1])
+    drawn = _drawn(cfg, results, scenes, added)
     tables = {t.name: t for t in [claims(results), *all_tables(results)]}
     pictures = all_pictures(results, summary, drawn)
-    page = render(results, tables, pictures, _facts(cfg, results))
+    page = render(results, tables, pictures, _facts(cfg, results), _panel(cfg, results, scenes, added, drawn.seen))
     hero = partial(_overview, cfg, results, drawn)
 
     files = {f"tables/{t.name}.{form}": write(t) for t in tables.values() for form, write in FORMS.items()}
@@ -74,7 +79,7 @@ def _check_settings(cfg: DictConfig) -> None:
     unknown = [v for v in r.shown if v not in cfg.variants]
     if unknown or not r.shown:
         raise InputError(f"report.shown is {list(r.shown)}: expected some of {', '.join(cfg.variants)}")
-    for name in ("scenes", "map_side", "reconstructed", "dimensions"):
+    for name in ("scenes", "map_side", "reconstructed", "dimensions", "panel_scenes", "panel_side"):
         if not (isinstance(r[name], int) and r[name] >= 1):
             raise InputError(f"report.{name} is {r[name]!r}: expected a whole number from 1")
     if not r["values"]:
@@ -140,16 +145,17 @@ def _facts(cfg: DictConfig, results: Results) -> dict[str, object]:
         "per_scene": max(cfg.n),
         "shared": cfg.scenes.shared,
         "margins": "; ".join(margins),
+        "panel_scenes": cfg.report.panel_scenes,
         "smallest": SMALLEST_EFFECT,
         "evaluations": cfg.search.evaluations,
     }
 
 
-def _drawn(cfg: DictConfig, results: Results, scenes: SceneSet) -> Drawn:
+def _drawn(cfg: DictConfig, results: Results, scenes: SceneSet, added: Added) -> Drawn:
     """The arrays behind the pictures: the first seed's."""
     seed, n = results.seeds[0], cfg.study_n
     training, pool = train_pool(seed), _pool(cfg, cfg.repair.split)
-    user = next((u for u in results.users if results.repair[results.main][u]["success"] is not None), results.users[0])
+    user = next(iter(_particular(results)), results.users[0])
     model = load_model(cfg, results.main, user, seed, n)
     if not isinstance(model, VaeSpecification):
         raise InputError(f"variant {results.main} rebuilds no image: the first variant must be of kind vae")
@@ -157,7 +163,6 @@ def _drawn(cfg: DictConfig, results: Results, scenes: SceneSet) -> Drawn:
     count = cfg.report.reconstructed
     originals = np.concatenate([scenes.images[training][:count], scenes.images[_pool(cfg, "new_items")][:count]])
     traversal = model.traverse(scenes.images[training][0], np.array(cfg.report["values"], dtype=float))
-    added = read_arrays(Path(cfg.paths.intervene) / "images.npz")["images"]
     to = scenes.images[_pool(cfg, cfg.intervene.split)]
     unseen = _pool(cfg, "new_items")
     found = find(to_tensor(scenes.images[unseen]))
@@ -176,7 +181,7 @@ def _drawn(cfg: DictConfig, results: Results, scenes: SceneSet) -> Drawn:
         dimensions=liveliest(traversal, cfg.report.dimensions),
         values=[float(value) for value in cfg.report["values"]],
         added_to=to[0],
-        added=added[:, 0, 0],
+        added=added.images[:, 0],
         added_texts=_added_texts(results, seed, user),
         added_user=user,
         smallest=SMALLEST_EFFECT,
@@ -190,7 +195,7 @@ def _drawn(cfg: DictConfig, results: Results, scenes: SceneSet) -> Drawn:
 def _seen(cfg: DictConfig, results: Results, scenes: SceneSet, pool: str, seed: int) -> dict[str, Seen]:
     """What the first variant that finds things makes of them, by user with something invalid."""
     finders = [v for v in results.variants if cfg.variants[v].kind == "clearance"]
-    users = [u for u in results.users if results.repair[results.main][u]["success"] is not None]
+    users = _particular(results)
     images, layouts = scenes.images[pool], scenes.layouts[pool]
     z = lattice(JUDGED_SIDE)
     everywhere = np.broadcast_to(z, (len(images), *z.shape))
@@ -205,6 +210,11 @@ def _seen(cfg: DictConfig, results: Results, scenes: SceneSet, pool: str, seed: 
         relevance = model.relevance(model.perceive(to_tensor(images))).mean(0).detach().numpy()
         out[user] = Seen(shown, relevance, agreement)
     return out
+
+
+def _particular(results: Results) -> list[str]:
+    """The users to whom some path is invalid."""
+    return [u for u in results.users if results.repair[results.main][u]["success"] is not None]
 
 
 def _pool(cfg: DictConfig, split: str) -> str:
@@ -264,7 +274,7 @@ def _short(variant: str) -> str:
 def _repairs(cfg: DictConfig, results: Results, seed: int) -> dict[str, dict[str, list[Repair]]]:
     """The first scenes with a start that is invalid to every user who has invalid paths, and its repairs."""
     paths = read_arrays(Path(cfg.paths.repair) / "paths.npz")
-    needy = [u for u in results.users if results.repair[results.main][u]["success"] is not None]
+    needy = _particular(results)
     frame = results.repairs[results.repairs["seed"] == seed]
     keys = {
         u: set(
@@ -288,17 +298,80 @@ def _repairs(cfg: DictConfig, results: Results, seed: int) -> dict[str, dict[str
 
 
 def _user_repairs(frame: pd.DataFrame, paths: dict, variant: str, user: str, seed: int, chosen: list) -> list:
-    """Rows of paths.npz are those of repairs.parquet, in its order."""
+    rows, z = _repaired(frame, paths, variant, user, seed)
+    at = {(r.scene, r.start): r.Index for r in rows.itertuples()}
+    found = [at[where] for where in chosen]
+    return [Repair(int(rows["scene"][i]), z[i], bool(rows["valid_end"][i]), bool(rows["accepted"][i])) for i in found]
+
+
+def _repaired(frame: pd.DataFrame, paths: dict, variant: str, user: str, seed: int) -> tuple[pd.DataFrame, np.ndarray]:
+    """A model's rows of repairs.parquet and of paths.npz, (start, point, 2) [m], which have the same order."""
     rows = frame[(frame["user"] == user) & (frame["method"] == variant)].reset_index(drop=True)
     key = f"{variant}-{user}-s{seed}"
     if key not in paths or len(paths[key]) != len(rows):
         raise InputError(f"paths.npz does not hold the {len(rows)} repairs of {key}: run the repair stage again")
-    at = {(r.scene, r.start): r.Index for r in rows.itertuples()}
-    found = [at[where] for where in chosen]
-    return [
-        Repair(int(rows["scene"][i]), paths[key][i], bool(rows["valid_end"][i]), bool(rows["accepted"][i]))
-        for i in found
-    ]
+    return rows, paths[key]
+
+
+def _panel(cfg: DictConfig, results: Results, scenes: SceneSet, added: Added, seen: Mapping[str, Seen]) -> dict:
+    """What a reader can try: every model of the first seed, of users to whom some path is invalid."""
+    seed = results.seeds[0]
+    users = {user: cfg.users[user] for user in _particular(results)}
+    models = {u: {v: load_model(cfg, v, u, seed, cfg.study_n) for v in results.variants} for u in users}
+    frame = results.repairs[results.repairs["seed"] == seed]
+    paths = read_arrays(Path(cfg.paths.repair) / "paths.npz")
+    repaired = {u: {v: _repaired(frame, paths, v, u, seed) for v in results.variants} for u in users}
+    splits = {}
+    for split, shared in results.splits.items():
+        pool = shared or train_pool(seed)
+        images, layouts = scenes.images[pool], scenes.layouts[pool]
+        further = added if split == cfg.intervene.split else None
+        here = repaired if split == cfg.repair.split else {}
+        splits[split] = [
+            _panel_scene(cfg, name, scene, *_tables(images[scene], layouts[[scene]], scene, further), models, here)
+            for scene, name in _chosen_scenes(cfg, split, len(images), seen).items()
+        ]
+    return panel(splits, users, results.variants, cfg.report.panel_side)
+
+
+def _chosen_scenes(cfg: DictConfig, split: str, count: int, seen: Mapping[str, Seen]) -> dict[int, str]:
+    """Names of a split's first scenes and, among unseen items, of each user's worst, which is the last in `seen`."""
+    worst = {user: s.scenes[-1] for user, s in seen.items()} if split == "new_items" else {}
+    names = {}
+    for scene in sorted({*range(min(cfg.report.panel_scenes, count)), *worst.values()}):
+        users = [user for user in worst if worst[user] == scene]
+        names[scene] = f"Scene {scene + 1}" + (f", worst for {listed(users)}" if users else "")
+    return names
+
+
+def _panel_scene(
+    cfg: DictConfig, name: str, scene: int, images: np.ndarray, layouts: Layouts, models: dict, repaired: dict
+) -> Scene:
+    """What every model (by user and variant) believes of a scene's tables, and its repairs there, if there are any."""
+    cells = lattice(cfg.report.panel_side)
+    everywhere = np.broadcast_to(cells, (len(images), *cells.shape))
+    maps = {u: {v: model.probability(images, everywhere) for v, model in own.items()} for u, own in models.items()}
+    repairs = {
+        u: {v: _ascents(models[u][v], rows, z, scene, images[:1]) for v, (rows, z) in own.items()}
+        for u, own in repaired.items()
+    }
+    return Scene(name, list(SYMBOLS[: len(images) - 1]), images, layouts, maps, repairs)
+
+
+def _tables(image: np.ndarray, layout: Layouts, scene: int, added: Added | None) -> tuple[np.ndarray, Layouts]:
+    """Pictures and layouts of a scene as it is, then with each added item."""
+    if added is None:
+        return image[None], layout
+    parts = [layout, *(with_item[[scene]] for with_item in added.layouts)]
+    layouts = Layouts(*(np.concatenate([getattr(x, f.name) for x in parts]) for f in fields(Layouts)))
+    return np.concatenate([image[None], added.images[:, scene]]), layouts
+
+
+def _ascents(model: Specification, rows: pd.DataFrame, z: np.ndarray, scene: int, image: np.ndarray) -> Ascents:
+    """One scene's repairs by a model, and what it makes of every step."""
+    at = np.flatnonzero(rows["scene"] == scene)
+    p = model.probability(image, z[at].reshape(1, -1, 2)).reshape(z[at].shape[:2])
+    return Ascents(rows["start"].to_numpy()[at], z[at], p)
 
 
 def _added_texts(results: Results, seed: int, user: str) -> list[str]:

@@ -71,7 +71,7 @@ def test_the_numbers_are_a_link_away(opened: Opened, use: str):
 
 def test_the_keyboard_reaches_every_control_in_order_and_shows_where_it_is(opened: Opened):
     page = opened(unfolded=True)
-    controls = page.locator("a, summary, [tabindex='0']")
+    controls = page.locator("a, summary, select:enabled, input:enabled, [tabindex='0']")
     for i in range(controls.count()):
         page.keyboard.press("Tab")
         assert controls.nth(i).evaluate("one => one === document.activeElement")

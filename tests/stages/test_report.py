@@ -1,18 +1,23 @@
 """The report holds everything in itself, is the same twice, and is never written from half the results."""
 
+import base64
 import json
 import re
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_arrays, read_json, read_table, write_arrays, write_json, write_table
+from pipeline.artifacts.scenes import read_scenes
+from pipeline.artifacts.trained import load_model
 from pipeline.params import InputError
 from pipeline.report.page import LARGEST
 from pipeline.report.terminal import shown
 from pipeline.stages.report import main
+from pipeline.table.bezier import lattice
 from tests.report_artefacts import write_all
 
 
@@ -41,7 +46,26 @@ def test_the_page_needs_nothing_else(reports: Path):
     fetched = re.findall(r'(?:src|href)="([^"]*)"', page)
     outside = {x for x in fetched if not x.startswith(("#", "data:"))}
     assert outside == {"metrics.json"}, "a link to the numbers is all that leaves the page"
-    assert "@import" not in page and "<script" not in page
+    assert "@import" not in page and "import(" not in page and "<script src" not in page
+
+
+def test_the_panel_shows_what_the_models_say_of_the_first_scenes(cfg: DictConfig, reports: Path):
+    page = (reports / "index.html").read_text(encoding="utf-8")
+    data = json.loads(re.findall(r'<script type="application/json" id="panel-data">(.*?)</script>', page)[0])
+    scenes = read_scenes(Path(cfg.paths.scenes))
+    assert [user["name"] for user in data["users"]] == ["careful", "normal"], "to the aggressive user all is valid"
+    z = lattice(data["side"])[None]
+    for split, pool in zip(data["splits"], ("train-s0", "new_scenes", "new_items"), strict=True):
+        assert [scene["label"].split(",")[0] for scene in split["scenes"]][:2] == ["Scene 1", "Scene 2"]
+        further = 4 * (pool == "new_items")
+        assert {len(scene["tables"]) for scene in split["scenes"]} == {1 + further}
+        assert {len(scene["repairs"]) for scene in split["scenes"]} == {2 if further else 0}
+        for u, user in enumerate(("careful", "normal")):
+            for v, variant in enumerate(cfg.variants):
+                model = load_model(cfg, variant, user, 0, cfg.study_n)
+                shown = base64.b64decode(split["scenes"][1]["tables"][0]["maps"][u][v])
+                believed = model.probability(scenes.images[pool][1:2], z)[0]
+                np.testing.assert_allclose(np.frombuffer(shown, np.uint8) / 255, believed, atol=0.5 / 255 + 1e-5)
 
 
 def test_the_page_is_well_formed_and_its_ids_are_unique(reports: Path):
@@ -155,7 +179,7 @@ def test_paths_that_do_not_fit_their_rows_are_refused(cfg: DictConfig, tmp_path:
 class Outline(HTMLParser):
     """What a screen reader goes by: headings, ids, pictures' names, captions."""
 
-    VOID = frozenset({"meta", "link", "br"})
+    VOID = frozenset({"meta", "link", "br", "input"})
 
     def __init__(self):
         super().__init__()
@@ -171,7 +195,7 @@ class Outline(HTMLParser):
         self.ids += [value or "" for name, value in attrs if name == "id"]
         if re.fullmatch("h[1-6]", tag):
             self.levels.append(int(tag[1]))
-        self.unnamed += attributes.get("role") == "img" and not attributes.get("aria-label")
+        self.unnamed += attributes.get("role") == "img" and not attributes.keys() & {"aria-label", "aria-labelledby"}
         self.tables += tag == "table"
         self.captions += tag == "caption"
 

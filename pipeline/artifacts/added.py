@@ -1,0 +1,42 @@
+"""Scenes with one more item in them, as stage intervene draws them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from jaxtyping import UInt8
+from numpy import ndarray as Array
+
+from pipeline.artifacts.files import read_arrays, read_table
+from pipeline.artifacts.scenes import LAYOUT_COLUMNS
+from pipeline.params import InputError
+from pipeline.table.layout import SYMBOLS, Layouts, empty
+
+
+@dataclass(frozen=True)
+class Added:
+    """The first placement of each symbol in every scene of the pool that was intervened on."""
+
+    images: UInt8[Array, "symbol scene 100 100 3"]
+    layouts: list[Layouts]  # by symbol; the added item stands in the last slot taken
+
+
+def read_added(directory: Path, slots: int) -> Added:
+    """What stage intervene wrote, its layouts padded to `slots`; InputError if pictures and layouts disagree."""
+    images = read_arrays(directory / "images.npz")["images"][:, 0]
+    rows = read_table(directory / "layouts.parquet", LAYOUT_COLUMNS)
+    layouts = []
+    for symbol in SYMBOLS:
+        placed = rows[rows["pool"] == f"{symbol}-0"]
+        layout = empty(images.shape[1], slots)
+        if set(placed["scene"]) != set(range(len(layout))) or placed["slot"].max() >= slots:
+            raise InputError(
+                f"{directory}: {images.shape[1]} pictures of scenes with one more {symbol}, layouts of "
+                f"{placed['scene'].nunique()} with up to {slots} items; run the intervene stage again"
+            )
+        at = placed["scene"].to_numpy(), placed["slot"].to_numpy()
+        layout.item[at], layout.symbol[at] = placed["item"], placed["symbol"]
+        layout.centre[at] = placed[["x_m", "y_m"]].to_numpy()
+        layout.angle[at], layout.scale[at] = placed["angle_rad"], placed["scale"]
+        layout.half_length[at], layout.radius[at] = placed["half_length_m"], placed["radius_m"]
+        layouts.append(layout)
+    return Added(images, layouts)

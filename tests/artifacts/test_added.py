@@ -1,0 +1,47 @@
+"""Tables with an added item come back as stage intervene wrote them, or not at all."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline.artifacts.added import read_added
+from pipeline.artifacts.files import write_arrays, write_table
+from pipeline.artifacts.scenes import layout_table
+from pipeline.params import InputError
+from pipeline.table.layout import SYMBOLS, Layouts, add_item, random_layouts
+from tests.report_artefacts import ITEMS, RULES
+
+SCENES = 3
+
+
+@pytest.fixture
+def written(tmp_path: Path) -> tuple[Path, list[Layouts]]:
+    rng = np.random.default_rng(0)
+    bare = random_layouts(rng, SCENES, ITEMS, np.arange(4), RULES)
+    added = [add_item(rng, bare, symbol, ITEMS, np.arange(4), RULES) for symbol in range(4)]
+    tables = [layout_table(f"{symbol}-0", x) for symbol, x in zip(SYMBOLS, added, strict=True)]
+    write_table(tmp_path / "layouts.parquet", pd.concat(tables, ignore_index=True))
+    images = np.arange(4 * SCENES, dtype=np.uint8).reshape(4, 1, SCENES, 1, 1, 1) * np.ones((100, 100, 3), np.uint8)
+    write_arrays(tmp_path / "images.npz", {"images": images})
+    return tmp_path, added
+
+
+def test_layouts_and_pictures_come_back(written: tuple[Path, list[Layouts]]):
+    folder, layouts = written
+    added = read_added(folder, RULES.slots)
+    for read, wrote in zip(added.layouts, layouts, strict=True):
+        np.testing.assert_array_equal(read.symbol, wrote.symbol)
+        np.testing.assert_array_equal(read.ends, wrote.ends)
+        np.testing.assert_array_equal(read.radius, wrote.radius)
+    assert added.images[2, 1, 0, 0, 0] == 2 * SCENES + 1
+
+
+def test_too_few_slots_or_scenes_are_refused(written: tuple[Path, list[Layouts]]):
+    folder, _ = written
+    with pytest.raises(InputError, match="run the intervene stage again"):
+        read_added(folder, 2)
+    write_arrays(folder / "images.npz", {"images": np.zeros((4, 1, SCENES + 1, 100, 100, 3), np.uint8)})
+    with pytest.raises(InputError, match="4 pictures of scenes with one more bowl, layouts of 3"):
+        read_added(folder, RULES.slots)
