@@ -165,7 +165,7 @@ def _intervene(cfg: DictConfig, rng: np.random.Generator, layouts: Layouts) -> N
     def cells(count: int) -> list[dict]:
         truth = np.where(np.arange(count) < count // 2, 0.3, 0.5)[:, None].repeat(SCENES, 1)
         before = np.full((count, len(cfg.seeds), SCENES), 0.5)
-        return study(before, before - 0.01 * rng.random(before.shape), truth * 0 + 0.5, truth, rng, 50, 50)
+        return study(before, before - 0.01 * rng.random(before.shape), truth * 0 + 0.5, truth)
 
     effects: dict = {}
     exchanges: dict = {}
@@ -176,3 +176,10 @@ def _intervene(cfg: DictConfig, rng: np.random.Generator, layouts: Layouts) -> N
     tally = {"cells": 12, "right": 6, "false_causes": 0, "missed_causes": 6, "inconclusive": 0}
     metrics = {"interventions": effects, "specifications": exchanges, "verdicts": dict.fromkeys(cfg.variants, tally)}
     write_json(folder / "metrics.json", metrics | {"scenes": SCENES, "paths": 16, "placements": 1, "seeds": 2})
+    said = {"effect": 0.9, "no effect": 0.0, "inconclusive": 0.1}
+    regime = {"by_seed": 0.01, "by_scene": 0.1, "rest": 0.1, "skewed": False, "family_wise_error": 0.04}
+    regime |= {"false_causes": 0.01, "coverage": 0.95, "power": {"0.05": dict.fromkeys(said, 1 / 3), "0.1": said}}
+    size = {"families": 20, "cells": 12, "seeds": len(cfg.seeds), "scenes": SCENES, "level": 0.05}
+    size |= {"measured": ["full", "path"]}
+    regimes = {name: regime for name in ("full", "path", "both alike")}
+    write_json(Path(cfg.paths.selftest) / "metrics.json", size | {"regimes": regimes})

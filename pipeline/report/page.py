@@ -7,7 +7,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from pipeline.report.findings.accuracy import accuracy, calibration
-from pipeline.report.findings.causes import interventions, specifications
+from pipeline.report.findings.causes import interventions, selftest, specifications
 from pipeline.report.findings.repair import repair, searches
 from pipeline.report.findings.summary import summary, world
 from pipeline.report.panel import script_json
@@ -17,7 +17,10 @@ from pipeline.report.style import inline
 from pipeline.report.table import Table, to_html
 from pipeline.report.wording import counted, listed, variant_label
 
-SAYS = {f.__name__: f for f in (summary, world, accuracy, calibration, repair, searches, interventions, specifications)}
+SAYS = {
+    f.__name__: f
+    for f in (summary, world, accuracy, calibration, repair, searches, interventions, specifications, selftest)
+}
 LARGEST = 8 * 2**20  # bytes a page may have
 
 

@@ -9,12 +9,24 @@ from matplotlib.figure import Figure
 from numpy import ndarray as Array
 
 from pipeline.report.claims import SEEN, UNSEEN
-from pipeline.report.figures import accuracy, curves, interventions, latent, maps, reliability, repairs, things, world
+from pipeline.report.figures import (
+    accuracy,
+    curves,
+    interventions,
+    latent,
+    maps,
+    power,
+    reliability,
+    repairs,
+    things,
+    world,
+)
 from pipeline.report.figures.maps import Maps
 from pipeline.report.figures.repairs import Repair
 from pipeline.report.figures.things import Seen, Things, lies_on
 from pipeline.report.results import NULLS, Results
 from pipeline.report.style import pdf, svg
+from pipeline.report.tables import TWICE
 from pipeline.report.wording import counted, listed, percent, variant_label, variant_phrase
 from pipeline.table.layout import SYMBOLS, Layouts
 
@@ -65,7 +77,8 @@ def all_pictures(results: Results, summary, drawn: Drawn) -> dict[str, Picture]:
         _world(results), _demonstrations(results, drawn), _accuracy(results, summary),
         *(_map(results, drawn, user) for user in results.users),
         *(_repair(results, drawn, variant) for variant in drawn.repairs),
-        _interventions(results, drawn), _added(drawn), _reconstructions(drawn), _traversals(drawn),
+        _interventions(results, drawn), _power(results, drawn), _added(drawn),
+        _reconstructions(drawn), _traversals(drawn),
         _reliability(results), _curves(results), *([_things(drawn)] if drawn.seen else []),
     ]  # fmt: skip
     return {picture.name: picture for picture in pictures}
@@ -169,9 +182,9 @@ def _interventions(results: Results, drawn: Drawn) -> Picture:
         parts.append(f"{variant_phrase(variant)} {t['right']} of {t['cells']}")
     alt = f"Effects of an added item with 95 % intervals beside the true ones. Right verdicts: {listed(parts)}."
     caption = (
-        "What one more item does to mean validity: each variant's average causal effect with its 95 % interval (seeds "
-        "and scenes "
-        f"resampled), the truth as upright bars, effects smaller than {drawn.smallest} in the grey band. Filled marks: "
+        "What one more item does to mean validity: each variant's average causal effect with its 95 % interval (over "
+        f"seeds and scenes), the truth as upright bars, effects smaller than {drawn.smallest} in the grey band. "
+        "Filled marks: "
         f"verdict “effect”."
     )
     wide, narrow = (
@@ -197,6 +210,21 @@ def _added(drawn: Drawn) -> Picture:
         partial(interventions.draw_added, drawn.added_to, drawn.added, drawn.added_texts, columns) for columns in (5, 3)
     )
     return _picture("added", caption, alt, wide, narrow)
+
+
+def _power(results: Results, drawn: Drawn) -> Picture:
+    t = results.selftest
+    parts = [f"{variant_phrase(v)} {percent(t['regimes'][v]['power'][TWICE]['effect'], 0)}" for v in t["measured"]]
+    alt = f"Share of families in which an effect of {TWICE} is called one, with chance as in: {listed(parts)}."
+    caption = (
+        f"What the procedure says of one true effect among {t['cells'] - 1} null cells, {t['families']:,} "
+        "simulated families "
+        "a point, with the chance of each variant's own effects (whole lines) or stylised (broken). The "
+        "upright line is the "
+        f"smallest effect of interest, {drawn.smallest}; the rest of the verdicts is “inconclusive”."
+    )
+    wide, narrow = (partial(power.draw, results.regimes, t["measured"], drawn.smallest, columns) for columns in (2, 1))
+    return _picture("power", caption, alt, wide, narrow)
 
 
 def _reconstructions(drawn: Drawn) -> Picture:

@@ -32,12 +32,19 @@ class Results:
     search: dict  # variant, or "truth" -> user with something invalid -> method -> numbers
     effects: pd.DataFrame
     intervention: dict
+    selftest: dict  # what the causal procedure makes of simulated families
     curves: dict[str, pd.DataFrame]  # by variant
 
     @property
     def main(self) -> str:
         """The paper's own model."""
         return self.variants[0]
+
+    @property
+    def regimes(self) -> dict[str, dict]:
+        """The self-test's regimes by name, the variants' own first."""
+        found = self.selftest["regimes"]
+        return {name: found[name] for name in dict.fromkeys([*self.selftest["measured"], *found])}
 
 
 def check(results: Results) -> None:

@@ -22,7 +22,7 @@ from pipeline.table.layout import SYMBOLS, LayoutRules, Layouts, add_item
 from pipeline.table.render import Palette, render_scenes
 from pipeline.table.rules import valid
 
-PATHS, PLACEMENTS, RESAMPLES = range(3)  # streams of random numbers, each of its own
+PATHS, PLACEMENTS = range(2)  # streams of random numbers, each of its own
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 def _check_models(cfg: DictConfig) -> None:
     """Raise InputError before any work if a parameter is out of range or a model is missing."""
-    for name in ("paths", "placements", "resamples", "flips"):
+    for name in ("paths", "placements"):
         value = cfg.intervene[name]
         if not isinstance(value, int) or value < 1:
             raise InputError(f"parameter intervene.{name} is {value!r}: expected a whole number from 1")
@@ -216,8 +216,8 @@ def _with_effects(rows: pd.DataFrame) -> pd.DataFrame:
 def _metrics(cfg: DictConfig, users: list[str], answers: dict[str, Answers], truth: Answers) -> dict:
     """Every cell's statistics, a family per variant and inequality; the verdicts' tally; the graph."""
     symbols, pairs = list(SYMBOLS), ordered_pairs(users)
-    influence = {v: _symbol_study(cfg, a, truth) for v, a in answers.items()}
-    differences = {v: _user_study(cfg, users, a, truth) for v, a in answers.items()}
+    influence = {v: _symbol_study(a, truth) for v, a in answers.items()}
+    differences = {v: _user_study(users, a, truth) for v, a in answers.items()}
     return {
         "interventions": {
             v: {u: dict(zip(symbols, cells[i * 4 : i * 4 + 4], strict=True)) for i, u in enumerate(users)}
@@ -236,37 +236,23 @@ def _metrics(cfg: DictConfig, users: list[str], answers: dict[str, Answers], tru
     }
 
 
-def _symbol_study(cfg: DictConfig, model: Answers, truth: Answers) -> list[dict]:
+def _symbol_study(model: Answers, truth: Answers) -> list[dict]:
     """The second inequality: do(Z_I := E(I + o)), a cell per (user, symbol)."""
     after = np.moveaxis(over_placements(model.intervened), 2, 1)  # (user, symbol, seed, scene)
     true_after = over_placements(truth.intervened)  # (user, symbol, scene)
     before = np.broadcast_to(model.baseline[:, None], after.shape)
     true_before = np.broadcast_to(truth.baseline[:, None], true_after.shape)
-    return _family(cfg, *(_cells(a) for a in (before, after, true_before, true_after)))
+    return study(*(_cells(a) for a in (before, after, true_before, true_after)))
 
 
-def _user_study(cfg: DictConfig, users: list[str], model: Answers, truth: Answers) -> list[dict]:
+def _user_study(users: list[str], model: Answers, truth: Answers) -> list[dict]:
     """The first inequality: do(S := s'), a cell per ordered pair of users."""
     here, there = np.array([[users.index(u), users.index(o)] for u, o in ordered_pairs(users)]).T
-    return _family(cfg, model.baseline[here], model.baseline[there], truth.baseline[here], truth.baseline[there])
+    return study(model.baseline[here], model.baseline[there], truth.baseline[here], truth.baseline[there])
 
 
 def _cells(values: np.ndarray) -> np.ndarray:
     return values.reshape(-1, *values.shape[2:])  # (user * symbol, ...)
-
-
-def _family(
-    cfg: DictConfig, before: np.ndarray, after: np.ndarray, true_before: np.ndarray, true_after: np.ndarray
-) -> list[dict]:
-    return study(
-        before,
-        after,
-        true_before,
-        true_after,
-        _rng(cfg, RESAMPLES),
-        cfg.intervene.resamples,
-        cfg.intervene.flips,
-    )
 
 
 if __name__ == "__main__":

@@ -109,6 +109,7 @@ def read_results(cfg: DictConfig) -> Results:
         search=read_json(Path(cfg.paths.search) / "metrics.json"),
         effects=read_table(intervene / "effects.parquet"),
         intervention=read_json(intervene / "metrics.json"),
+        selftest=read_json(Path(cfg.paths.selftest) / "metrics.json"),
         curves={v: frame[frame["n"] == cfg.study_n] for v, frame in curves.items()},
     )
 
@@ -121,6 +122,7 @@ def _metrics(results: Results) -> dict:
         "repair": results.repair,
         "search": results.search,
         **{name: results.intervention[name] for name in ("interventions", "specifications", "verdicts")},
+        "selftest": results.selftest,
     }
 
 

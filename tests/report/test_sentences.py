@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.report.claims import claims
 from pipeline.report.findings.accuracy import accuracy
-from pipeline.report.findings.causes import interventions
+from pipeline.report.findings.causes import interventions, selftest
 from pipeline.report.findings.repair import repair, searches
 from pipeline.report.findings.summary import summary
 from pipeline.report.results import Results
@@ -69,6 +69,15 @@ def test_the_search_that_succeeds_most_is_named_beside_the_truth(results: Result
     assert "Told the truth, the same search reaches 99.0" in careful
 
 
+def test_the_self_test_owns_up_to_a_level_it_does_not_keep(results: Results):
+    assert not any("exceeded" in s for s in selftest(results))
+    found = copy.deepcopy(results.selftest)
+    found["regimes"]["both alike"] |= {"family_wise_error": 0.4}
+    said = selftest(replace(results, selftest=found))
+    assert "at most 40.0\u00a0% (with chance as in “both alike”)" in said[0]
+    assert "is exceeded" in said[1] and said[1].endswith("as in “both alike”.")
+
+
 def test_a_user_without_invalid_paths_makes_repair_vacuous(results: Results):
     assert verdict(results, "aggressive") == "vacuous"
     assert any("met by doing nothing" in s for s in repair(results))
@@ -105,7 +114,7 @@ def test_a_better_model_is_spoken_of_only_if_there_is_one_and_by_its_own_numbers
     assert any(
         "the path model, which finds" in s and "95.7\u00a0% at n = 9 and 95.7\u00a0% at n = 1" in s for s in better
     )
-    assert any("turns 70.0\u00a0% of invalid paths" in s and "1.5 times as far" in s for s in better)
+    assert any("turns 70.0\u00a0% of invalid paths" in s and "1.4 times as far" in s for s in better)
     ours = with_accuracy(results, seen_scenes=0.985, new_scenes=0.985, new_items=0.985)
     assert not any("path model" in s for s in summary(ours))
 

@@ -32,7 +32,7 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     for name in ("scenes", "train", "irl", "path"):
         OmegaConf.update(cfg, f"paths.{name}", str(root / name))
     cfg.variants = {variant: cfg.variants[variant] for variant in VARIANTS}
-    cfg.intervene.update(paths=PATHS, placements=PLACEMENTS, resamples=50, flips=99)
+    cfg.intervene.update(paths=PATHS, placements=PLACEMENTS)
     _write_scenes(cfg)
     for variant in VARIANTS:
         for user in cfg.users:

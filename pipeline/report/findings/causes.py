@@ -10,6 +10,7 @@ from pipeline.report.results import Results
 from pipeline.report.wording import (
     counted,
     listed,
+    percent,
     variant_phrase,
 )
 from pipeline.table.layout import SYMBOLS
@@ -67,6 +68,43 @@ def _tally(results: Results, variant: str, true: list[tuple[str, str]]) -> str:
 
 def _start(text: str) -> str:
     return text[0].upper() + text[1:]
+
+
+def selftest(results: Results) -> list[str]:
+    """How far the procedure itself can be trusted."""
+    t = results.selftest
+    covered = [r["coverage"] for r in t["regimes"].values()]
+    worst = max(t["regimes"], key=lambda name: t["regimes"][name]["family_wise_error"])
+    most = t["regimes"][worst]["family_wise_error"]
+    named = max(r["false_causes"] for r in t["regimes"].values())
+    out = [
+        f"In {t['families']:,} simulated families of {t['cells']} null cells a regime, Holm rejects anything in at "
+        f"most {percent(most)} (with chance as in {_regime(t, worst)}), and at most {percent(named)} hold a verdict "
+        "“effect”. "
+        f"The 95 % intervals hold the truth in {percent(min(covered))} to {percent(max(covered))}."
+    ]
+    level = t["level"]
+    error = (level * (1 - level) / t["families"]) ** 0.5
+    beyond = [n for n, r in t["regimes"].items() if r["family_wise_error"] > level + 3 * error]
+    if beyond:
+        out.append(
+            f"The level of {percent(level, 0)} is exceeded, by more than simulation error, with chance as in "
+            f"{listed([_regime(t, n) for n in beyond])}."
+        )
+    strong = {v: _found_from(t["regimes"][v]) for v in t["measured"]}
+    parts = [f"{variant_phrase(v)} {'none of those tried' if s is None else s}" for v, s in strong.items()]
+    out.append(
+        f"The smallest effect tried that is found in at least 80 % of the families, with chance as in: {listed(parts)}."
+    )
+    return out
+
+
+def _regime(selftest: dict, name: str) -> str:
+    return variant_phrase(name) if name in selftest["measured"] else f"“{name}”"
+
+
+def _found_from(regime: dict) -> str | None:
+    return min((e for e, by in regime["power"].items() if by["effect"] >= 0.8), key=float, default=None)
 
 
 def specifications(results: Results) -> str:

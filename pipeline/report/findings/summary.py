@@ -71,14 +71,16 @@ def _better(results: Results, best: str) -> list[str]:
         + (f"; the most are those of {variant_phrase(top)}, {verdicts[top]}." if top != best else "."),
     ]
     for user in results.users:
-        c, ours = results.repair[best][user], results.repair[results.main][user]
-        if c["success"] is not None:
-            detour = c["null_constant_displacement_ratio"]
+        null = results.repair[results.main][user]
+        if null["success"] is not None:
+            c, ours = results.search[best][user]["probe"], results.search[results.main][user]["probe"]
+            detour = null["null_constant_displacement_ratio"]
             out.append(
-                f"For the {user} user its gradient turns {percent(c['success'])} of invalid paths into truly valid "
-                f"ones (the paper's model {percent(ours['success'])}, the constant detour "
-                f"{percent(c['null_constant'])}), moving the control point {c['displacement_ratio']:.1f} times as far "
-                f"as the nearest valid path would ask ({ours['displacement_ratio']:.1f} and {detour:.1f} times); in "
+                f"For the {user} user a search near the start turns {percent(c['success'])} of invalid paths into "
+                f"truly valid ones by it (by the paper's model {percent(ours['success'])}; the constant detour "
+                f"{percent(null['null_constant'])}), moving the control point {c['displacement_ratio']:.1f} "
+                f"times as far as the nearest valid path would ask ({ours['displacement_ratio']:.1f} and "
+                f"{detour:.1f} times); in "
                 f"{percent(c['fooled'])} it calls an invalid end valid ({percent(ours['fooled'])})."
             )
     return out

@@ -1,0 +1,63 @@
+"""The self-test stage takes its regimes from the measured effects."""
+
+import json
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from omegaconf import DictConfig, OmegaConf
+
+from pipeline.artifacts.files import write_table
+from pipeline.params import compose
+from pipeline.stages.selftest import main
+
+BY_SCENE = 0.1
+
+
+@pytest.fixture(scope="module")
+def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
+    """Effects of every variant that differ by scene alone."""
+    cfg = compose(["profile=smoke", "workers=1", f"paths.intervene={tmp_path_factory.mktemp('intervene')}"])
+    OmegaConf.set_struct(cfg, False)
+    keys = product(cfg.variants, cfg.seeds, cfg.users, ("bowl", "glass"), range(200), [0, 1])
+    rows = pd.DataFrame(list(keys), columns=["variant", "seed", "user", "symbol", "scene", "placement"])
+    by_scene = np.random.default_rng(0).normal(0, BY_SCENE, 200)
+    rows = rows.assign(effect=by_scene[rows["scene"]] + np.where(rows["placement"] == 0, 0.01, -0.01))
+    write_table(Path(cfg.paths.intervene) / "effects.parquet", rows.sample(frac=1, random_state=0))
+    return cfg
+
+
+def test_the_regime_of_a_variant_is_that_of_its_effects(cfg: DictConfig, tmp_path: Path):
+    main(cfg, tmp_path)
+    found = json.loads((tmp_path / "metrics.json").read_text())
+    assert (found["seeds"], found["scenes"], found["families"]) == (2, 200, 20)
+    assert found["measured"] == list(cfg.selftest.variants)
+    assert set(found["regimes"]) == {*cfg.selftest.variants, *cfg.selftest.stylised}
+    path = found["regimes"]["path"]
+    assert path["by_scene"] == pytest.approx(BY_SCENE, rel=0.15)
+    assert path["by_seed"] == pytest.approx(0, abs=1e-9) and path["rest"] == pytest.approx(0, abs=1e-9)
+    assert set(path["power"]) == {str(effect) for effect in cfg.selftest.effects}
+
+
+def test_a_second_run_and_more_workers_write_the_same_bytes(cfg: DictConfig, tmp_path: Path):
+    main(cfg, tmp_path / "one")
+    more = cfg.copy()
+    OmegaConf.update(more, "workers", 2)
+    main(more, tmp_path / "two")
+    assert (tmp_path / "one/metrics.json").read_bytes() == (tmp_path / "two/metrics.json").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("selftest.families", 0, "selftest.families is 0"),
+        ("selftest.variants", ["fulll"], "selftest.variants names fulll"),
+    ],
+)
+def test_settings_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name: str, value, message: str):
+    cfg = cfg.copy()
+    OmegaConf.update(cfg, name, value)
+    with pytest.raises(ValueError, match=message):
+        main(cfg, tmp_path / "out")
