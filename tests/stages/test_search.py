@@ -4,50 +4,23 @@ import json
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 import torch
 from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.files import read_table
-from pipeline.artifacts.models import model_dir, save_model, weights_path
-from pipeline.artifacts.scenes import SceneSet, write_scenes
-from pipeline.params import InputError, compose
-from pipeline.spec.registry import build
+from pipeline.artifacts.models import model_dir, weights_path
+from pipeline.params import InputError
 from pipeline.stages.search import main, told
 from pipeline.table.bezier import random_z_theta
-from pipeline.table.layout import Items, LayoutRules, random_layouts
+from pipeline.table.layout import random_layouts
 from pipeline.table.rules import clearance, slack
-
-ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.075, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
-RULES = LayoutRules((2, 3), (0.05, 0.35, 0.40, 0.20), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)
-SCENES = 3
+from tests.stages.inputs import ITEMS, RULES, untrained_models
 
 
 @pytest.fixture(scope="module")
 def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
-    """Untrained models of three variants, two seeds, in three scenes."""
-    folder = tmp_path_factory.mktemp("inputs")
-    cfg = compose(["profile=smoke", "seeds=[0,1]", "workers=1", "repair.lattice_side=14"])
-    OmegaConf.set_struct(cfg, False)
-    for name in ("ae", "classifier", "irl_maxent"):
-        del cfg.variants[name]
-    for stage in ("scenes", "train", "irl", "path"):
-        OmegaConf.update(cfg, f"paths.{stage}", str(folder / stage))
-    rng = np.random.default_rng(0)
-    pools = ("train-s0", "train-s1", "new_items")
-    look = pd.DataFrame({"texture": ["oak"] * SCENES, "render_seed": range(SCENES)})
-    scenes = SceneSet(
-        {pool: rng.integers(0, 256, (SCENES, 100, 100, 3), dtype=np.uint8) for pool in pools},
-        {pool: random_layouts(rng, SCENES, ITEMS, np.arange(4), RULES) for pool in pools},
-        dict.fromkeys(pools, look),
-    )
-    write_scenes(folder / "scenes", scenes)
-    for variant in cfg.variants:
-        for user in cfg.users:
-            for seed in cfg.seeds:
-                save_model(model_dir(cfg, variant), build(cfg.variants[variant]), user, seed, cfg.study_n)
-    return cfg
+    return untrained_models(tmp_path_factory.mktemp("inputs"), [0, 1])
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,42 @@
+"""What stages that ask trained models read: a few scenes, and untrained models of three kinds."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from omegaconf import DictConfig, OmegaConf
+
+from pipeline.artifacts.models import model_dir, save_model
+from pipeline.artifacts.scenes import SceneSet, train_pool, write_scenes
+from pipeline.params import compose
+from pipeline.spec.registry import build
+from pipeline.table.layout import Items, LayoutRules, random_layouts
+
+ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.075, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
+RULES = LayoutRules((2, 3), (0.05, 0.35, 0.40, 0.20), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)
+SCENES = 3
+
+
+def untrained_models(folder: Path, seeds: list[int], *overrides: str) -> DictConfig:
+    """The configuration of three variants whose scenes and models, of every user and seed, lie under `folder`."""
+    few = ["workers=1", "repair.starts=8", "repair.lattice_side=14"]  # starts: some invalid to each user, however drawn
+    cfg = compose(["profile=smoke", f"seeds={seeds}", *few, *overrides])
+    OmegaConf.set_struct(cfg, False)
+    for name in ("ae", "classifier", "irl_maxent"):
+        del cfg.variants[name]
+    for stage in ("scenes", "train", "irl", "path"):
+        OmegaConf.update(cfg, f"paths.{stage}", str(folder / stage))
+    rng = np.random.default_rng(0)
+    pools = [*map(train_pool, seeds), "new_items"]
+    look = pd.DataFrame({"texture": ["oak"] * SCENES, "render_seed": range(SCENES)})
+    scenes = SceneSet(
+        {pool: rng.integers(0, 256, (SCENES, 100, 100, 3), dtype=np.uint8) for pool in pools},
+        {pool: random_layouts(rng, SCENES, ITEMS, np.arange(4), RULES) for pool in pools},
+        dict.fromkeys(pools, look),
+    )
+    write_scenes(folder / "scenes", scenes)
+    for variant in cfg.variants:
+        for user in cfg.users:
+            for seed in seeds:
+                save_model(model_dir(cfg, variant), build(cfg.variants[variant]), user, seed, cfg.study_n)
+    return cfg
