@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 from omegaconf import DictConfig
 
-from pipeline.artifacts.models import model_dir, weights_path
 from pipeline.artifacts.scenes import SceneSet, train_pool
 from pipeline.params import InputError
 from pipeline.spec.metrics import DECISION
@@ -67,17 +66,6 @@ def _starts(cfg: DictConfig, user: str, layouts: Layouts, candidates: np.ndarray
     scene, start = np.nonzero(~valid(layouts, candidates, margins))
     nearest = nearest_valid(layouts, candidates, margins, cfg.repair.lattice_side, cfg.repair.refinements)
     return Starts(user, margins, layouts, (scene, start), candidates[scene, start], nearest[scene, start])
-
-
-def check_weights(cfg: DictConfig) -> None:
-    """Raise InputError for the first model at study_n that is missing, before any is repaired with."""
-    for variant in cfg.variants:
-        for user in cfg.users:
-            for seed in cfg.protocol.seeds:
-                path = weights_path(model_dir(cfg, variant), user, seed, cfg.study_n)
-                if not path.is_file():
-                    stage = cfg.variants[variant].stage
-                    raise InputError(f"{path} is missing: run stage {stage} for variant {variant} first")
 
 
 def rows(starts: Starts, method: str, seed: int, z: np.ndarray, p: np.ndarray | None) -> pd.DataFrame:

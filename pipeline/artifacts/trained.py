@@ -1,10 +1,17 @@
-"""Trained models of any kind, as the stages that ask them read them."""
+"""Trained models of any kind, as the stages that ask them read them, and their answers to given pictures and paths."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, UInt8
+from numpy import ndarray as Array
 from omegaconf import DictConfig
 from safetensors import SafetensorError
 from safetensors.torch import load_file
 
 from pipeline.artifacts.models import model_dir, weights_path
+from pipeline.parallel import map_jobs
 from pipeline.params import InputError
 from pipeline.spec.registry import build
 from pipeline.spec.specification import Specification
@@ -21,3 +28,43 @@ def load_model(cfg: DictConfig, variant: str, user: str, seed: int, n: int) -> S
     except (SafetensorError, RuntimeError) as error:
         raise InputError(f"{path} is not a {variant} model ({error}): delete it and fit it again") from error
     return model.eval()
+
+
+def check_weights(cfg: DictConfig) -> None:
+    """Raise InputError for the first model at study_n that is missing, before any is asked."""
+    for variant in cfg.variants:
+        for user in cfg.users:
+            for seed in cfg.protocol.seeds:
+                path = weights_path(model_dir(cfg, variant), user, seed, cfg.study_n)
+                if not path.is_file():
+                    stage = cfg.variants[variant].stage
+                    raise InputError(f"{path} is missing: run stage {stage} for variant {variant} first")
+
+
+@dataclass(frozen=True)
+class _Question:
+    cfg: DictConfig
+    variant: str
+    user: str
+    images: Array
+    z_theta: Array
+
+
+def ask(
+    cfg: DictConfig,
+    users: Sequence[str],
+    images: UInt8[Array, "picture 100 100 3"],
+    z_theta: Float[Array, "picture path 2"],
+    desc: str,
+) -> dict[str, Float[Array, "user seed picture path"]]:
+    """P(valid) of every path [m] in its picture, by every variant's models of these users at study_n, every seed."""
+    variants = list(cfg.variants)
+    questions = [_Question(cfg, variant, user, images, z_theta) for variant in variants for user in users]
+    answers = map_jobs(_answer, questions, cfg.workers, desc)
+    return {v: np.stack(answers[i * len(users) : (i + 1) * len(users)]) for i, v in enumerate(variants)}
+
+
+def _answer(q: _Question) -> Float[Array, "seed picture path"]:
+    seeds = q.cfg.protocol.seeds
+    models = (load_model(q.cfg, q.variant, q.user, seed, q.cfg.study_n) for seed in seeds)
+    return np.stack([model.probability(q.images, q.z_theta) for model in models])

@@ -8,13 +8,11 @@ import pandas as pd
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import write_arrays, write_json, write_table
-from pipeline.artifacts.models import model_dir, weights_path
 from pipeline.artifacts.scenes import layout_table, read_scenes
-from pipeline.artifacts.trained import load_model
+from pipeline.artifacts.trained import ask, check_weights
 from pipeline.causal.interventions import expected_validity, ordered_pairs, over_placements, study, tally
 from pipeline.causal.scm import PARENTS
 from pipeline.launch import launch
-from pipeline.parallel import map_jobs
 from pipeline.params import InputError
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.items import Catalogue, read_catalogue
@@ -45,25 +43,14 @@ class Answers:
     intervened: np.ndarray
 
 
-@dataclass(frozen=True)
-class Job:
-    """One user's models of one variant, every seed, asked about the same tables."""
-
-    cfg: DictConfig
-    variant: str
-    user: str
-    tables: Tables
-
-
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """effects.parquet, specifications.parquet, images.npz, layouts.parquet, table.csv and metrics.json."""
-    users, variants, seeds = list(cfg.users), list(cfg.variants), list(cfg.protocol.seeds)
-    _check_models(cfg)
+    users, seeds = list(cfg.users), list(cfg.protocol.seeds)
+    _check_settings(cfg)
+    check_weights(cfg)
     tables = _set_tables(cfg)
-    truth = _stack([_fold(cfg, _true_answers(tables, cfg.users[user])) for user in users])
-    jobs = [Job(cfg, variant, user, tables) for variant in variants for user in users]
-    asked = map_jobs(_ask, jobs, cfg.workers, "intervene")
-    answers = {v: _stack(asked[i * len(users) : (i + 1) * len(users)]) for i, v in enumerate(variants)}
+    truth = _fold(cfg, np.stack([_true_answers(tables, cfg.users[user]) for user in users]))
+    answers = _model_answers(cfg, tables)
     effects = [_effect_rows(v, users, seeds, a, truth) for v, a in answers.items()]
     specifications = [_specification_rows(v, users, seeds, a, truth) for v, a in answers.items()]
     metrics = _metrics(cfg, users, answers, truth)
@@ -84,8 +71,8 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     write_json(out_dir / "metrics.json", metrics)
 
 
-def _check_models(cfg: DictConfig) -> None:
-    """Raise InputError before any work if a parameter is out of range or a model is missing."""
+def _check_settings(cfg: DictConfig) -> None:
+    """Raise InputError before any work if a parameter is out of range."""
     for name in ("paths", "placements"):
         value = cfg.intervene[name]
         if not isinstance(value, int) or value < 1:
@@ -96,12 +83,6 @@ def _check_models(cfg: DictConfig) -> None:
             f"parameter intervene.split is {cfg.intervene.split!r}: expected a split that all seeds share, "
             f"one of {', '.join(shared)}"
         )
-    for variant in cfg.variants:
-        for user in cfg.users:
-            for seed in cfg.protocol.seeds:
-                path = weights_path(model_dir(cfg, variant), user, seed, cfg.study_n)
-                if not path.is_file():
-                    raise InputError(f"{path} is missing: run `make repro` (or the stage that fits {variant}) first")
 
 
 def _rng(cfg: DictConfig, stream: int) -> np.random.Generator:
@@ -136,16 +117,17 @@ def _items_split(catalogue: Catalogue, layouts: Layouts, pool: str) -> str:
     return splits.pop()
 
 
-def _ask(job: Job) -> Answers:
-    """E[V] of each seed's model: baseline (seed, scene), intervened (seed, symbol, placement, scene)."""
-    cfg, tables = job.cfg, job.tables
+def _model_answers(cfg: DictConfig, tables: Tables) -> dict[str, Answers]:
+    """E[V] by variant: baseline (user, seed, scene), intervened (user, seed, symbol, placement, scene)."""
     images = tables.images.reshape(-1, *tables.images.shape[2:])  # (table * scene, 100, 100, 3)
     z = np.tile(tables.z_theta, (len(tables.images), 1, 1))  # (table * scene, path, 2)
-    by_seed = []
-    for seed in cfg.protocol.seeds:
-        p = load_model(cfg, job.variant, job.user, seed, cfg.study_n).probability(images, z)
-        by_seed.append(_fold(cfg, expected_validity(p).reshape(len(tables.images), -1)))
-    return _stack(by_seed)
+    asked = ask(cfg, list(cfg.users), images, z, "intervene")
+    return {v: _fold(cfg, _by_table(expected_validity(p), len(tables.images))) for v, p in asked.items()}
+
+
+def _by_table(values: np.ndarray, tables: int) -> np.ndarray:
+    """(..., table * scene) into (..., table, scene)."""
+    return values.reshape(*values.shape[:-1], tables, -1)
 
 
 def _true_answers(tables: Tables, margins: DictConfig) -> np.ndarray:
@@ -154,12 +136,9 @@ def _true_answers(tables: Tables, margins: DictConfig) -> np.ndarray:
 
 
 def _fold(cfg: DictConfig, expected: np.ndarray) -> Answers:
-    """(1 + symbol * placement, scene) into the scenes as they are and the added items."""
-    return Answers(expected[0], expected[1:].reshape(len(SYMBOLS), cfg.intervene.placements, -1))
-
-
-def _stack(answers: list[Answers]) -> Answers:
-    return Answers(np.stack([a.baseline for a in answers]), np.stack([a.intervened for a in answers]))
+    """(..., 1 + symbol * placement, scene) into the scenes as they are and the added items."""
+    before, after = expected[..., 0, :], expected[..., 1:, :]
+    return Answers(before, after.reshape(*before.shape[:-1], len(SYMBOLS), cfg.intervene.placements, before.shape[-1]))
 
 
 def _effect_rows(variant: str, users: list[str], seeds: list[int], model: Answers, truth: Answers) -> pd.DataFrame:

@@ -10,9 +10,8 @@ from tqdm import tqdm
 
 from pipeline.artifacts.demos import DEMO_KEY, demo_arrays, read_demos, read_recordings
 from pipeline.artifacts.files import read_arrays, read_table, write_table, write_whole
-from pipeline.artifacts.models import model_dir, weights_path
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
-from pipeline.artifacts.trained import load_model
+from pipeline.artifacts.trained import check_weights, load_model
 from pipeline.launch import launch
 from pipeline.parallel import map_jobs
 from pipeline.params import InputError
@@ -129,13 +128,7 @@ def _check(cfg: DictConfig) -> None:
     unknown = [variant for variant in cfg.record.first if variant not in cfg.variants]
     if unknown:
         raise InputError(f"record.first names {unknown[0]!r}: expected some of {', '.join(cfg.variants)}")
-    for variant in cfg.variants:
-        for user in cfg.users:
-            for seed in cfg.protocol.seeds:
-                path = weights_path(model_dir(cfg, variant), user, seed, cfg.study_n)
-                if not path.is_file():
-                    stage = cfg.variants[variant].stage
-                    raise InputError(f"{path} is missing: run stage {stage} for variant {variant} first")
+    check_weights(cfg)
 
 
 def _compared_users(cfg: DictConfig) -> list[str]:

@@ -8,9 +8,9 @@ import pandas as pd
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import write_arrays, write_json, write_table
-from pipeline.artifacts.repairs import MEASURES, Starts, check_pool, check_weights, draw_starts, measures, rows
+from pipeline.artifacts.repairs import MEASURES, Starts, check_pool, draw_starts, measures, rows
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
-from pipeline.artifacts.trained import load_model
+from pipeline.artifacts.trained import check_weights, load_model
 from pipeline.causal.statistics import quartiles
 from pipeline.launch import launch
 from pipeline.parallel import map_jobs

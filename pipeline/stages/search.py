@@ -9,9 +9,9 @@ import torch
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import write_json, write_table
-from pipeline.artifacts.repairs import MEASURES, Starts, check_pool, check_weights, draw_starts, measures, rows
+from pipeline.artifacts.repairs import MEASURES, Starts, check_pool, draw_starts, measures, rows
 from pipeline.artifacts.scenes import read_scenes
-from pipeline.artifacts.trained import load_model
+from pipeline.artifacts.trained import check_weights, load_model
 from pipeline.causal.statistics import quartiles
 from pipeline.launch import launch
 from pipeline.parallel import map_jobs
