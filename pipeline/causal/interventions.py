@@ -35,38 +35,45 @@ def ordered_pairs(users: Sequence[str]) -> list[tuple[str, str]]:
     return list(permutations(users, 2))
 
 
+def judge(effects: Float[Array, "cell seed scene"]) -> list[dict]:
+    """One family of cells: each one's mean effect, how sure we are (Holm over the family), and the verdict."""
+    e = estimate(effects)
+    adjusted = holm(e.p)
+    return [
+        _rounded(
+            effect=e.effect[i], q1=e.q1[i], q3=e.q3[i], ci_low=e.ci_low[i], ci_high=e.ci_high[i],
+            ci90_low=e.ci90_low[i], ci90_high=e.ci90_high[i], p_holm=p_holm,
+        )
+        | {"verdict": verdict(e.effect[i], p_holm, e.ci90_low[i], e.ci90_high[i])}
+        for i, p_holm in enumerate(adjusted)
+    ]  # fmt: skip
+
+
 def study(
     baseline: Float[Array, "cell seed scene"],
     intervened: Float[Array, "cell seed scene"],
     true_baseline: Float[Array, "cell scene"],
     true_intervened: Float[Array, "cell scene"],
 ) -> list[dict]:
-    """One family of cells: each one's effect, how sure we are (Holm over the family), and the truth.
+    """`judge` of the effects, and the truth beside each cell.
 
     `right`: the verdict is the true one and, for an effect, of the true sign.
     """
-    e = estimate(intervened - baseline)
-    adjusted = holm(e.p)
+    cells = judge(intervened - baseline)
     truth = (true_intervened - true_baseline).mean(-1)
-    cells = []
-    for i, p_holm in enumerate(adjusted):
-        numbers = {
-            "baseline": baseline[i].mean(), "intervened": intervened[i].mean(), "effect": e.effect[i],
-            "q1": e.q1[i], "q3": e.q3[i],
-            "ci_low": e.ci_low[i], "ci_high": e.ci_high[i],
-            "ci90_low": e.ci90_low[i], "ci90_high": e.ci90_high[i],
-            "p_holm": p_holm,
-            "truth": truth[i],
-            "truth_baseline": true_baseline[i].mean(), "truth_intervened": true_intervened[i].mean(),
-        }  # fmt: skip
-        found = verdict(e.effect[i], p_holm, e.ci90_low[i], e.ci90_high[i])
-        deserved = true_verdict(truth[i])
-        right = found == deserved and (found == "no effect" or np.sign(e.effect[i]) == np.sign(truth[i]))
-        cells.append(
-            {name: round(float(value), DIGITS) + 0.0 for name, value in numbers.items()}  # + 0.0: never -0.0
-            | {"verdict": found, "truth_verdict": deserved, "right": bool(right)}
-        )
+    for i, cell in enumerate(cells):
+        deserved, found = true_verdict(truth[i]), cell["verdict"]
+        same_sign = np.sign(cell["effect"]) == np.sign(truth[i])
+        cell |= _rounded(
+            baseline=baseline[i].mean(), intervened=intervened[i].mean(), truth=truth[i],
+            truth_baseline=true_baseline[i].mean(), truth_intervened=true_intervened[i].mean(),
+        )  # fmt: skip
+        cell |= {"truth_verdict": deserved, "right": bool(found == deserved and (found == "no effect" or same_sign))}
     return cells
+
+
+def _rounded(**numbers: float) -> dict[str, float]:
+    return {name: round(float(value), DIGITS) + 0.0 for name, value in numbers.items()}  # + 0.0: never -0.0
 
 
 def tally(cells: Sequence[dict]) -> dict[str, int]:

@@ -11,7 +11,7 @@ from pipeline.report.findings.causes import interventions, selftest, specificati
 from pipeline.report.findings.repair import repair, searches
 from pipeline.report.findings.summary import summary, world
 from pipeline.report.panel import script_json
-from pipeline.report.pictures import Picture
+from pipeline.report.pictures.picture import Picture
 from pipeline.report.results import Results
 from pipeline.report.style import inline
 from pipeline.report.table import Table, to_html

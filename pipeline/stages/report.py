@@ -27,7 +27,8 @@ from pipeline.report.figures.repairs import Repair
 from pipeline.report.figures.things import Seen, Things
 from pipeline.report.page import render
 from pipeline.report.panel import Ascents, Scene, panel
-from pipeline.report.pictures import Drawn, all_pictures
+from pipeline.report.pictures import all_pictures
+from pipeline.report.pictures.picture import Drawn
 from pipeline.report.results import Results, check
 from pipeline.report.style import pdf, png
 from pipeline.report.table import to_csv, to_markdown, to_tex

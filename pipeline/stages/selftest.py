@@ -1,23 +1,20 @@
-"""Stage selftest: how often the causal procedure errs where the truth is simulated, in regimes like the "
-"measured ones."""
+"""Stage selftest: how often the causal procedure errs on simulated effects, in regimes like the measured ones."""
 
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 from omegaconf import DictConfig
 
-from pipeline.artifacts.files import read_table, write_json
+from pipeline.artifacts.effects import read_effects
+from pipeline.artifacts.files import write_json
 from pipeline.causal.selftest import Regime, check, observed
 from pipeline.causal.statistics import LEVEL
 from pipeline.launch import launch
 from pipeline.parallel import map_jobs
 from pipeline.params import InputError
 from pipeline.spec.training import job_seed
-
-COLUMNS = ["variant", "seed", "user", "scene", "symbol", "effect"]
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
@@ -28,11 +25,10 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
             raise InputError(f"selftest.{name} is {s[name]!r}: expected a whole number from 1")
     if unknown := set(s.variants) - set(cfg.variants):
         raise InputError(f"selftest.variants names {', '.join(sorted(unknown))}: expected some of {list(cfg.variants)}")
-    table = read_table(Path(cfg.paths.intervene) / "effects.parquet", COLUMNS)
-    measured = {v: _effects(table, v, list(cfg.evaluate.users)) for v in s.variants}
+    measured = read_effects(Path(cfg.paths.intervene), s.variants, cfg.evaluate.users)
     regimes = {v: observed(effects) for v, effects in measured.items()}
     regimes |= {name: Regime(**r) for name, r in s.stylised.items()}
-    seeds, scenes = table["seed"].nunique(), table["scene"].nunique()
+    seeds, scenes = next(iter(measured.values())).shape[1:]
     ask = partial(_check, families=s.families, cells=s.cells, seeds=seeds, scenes=scenes, effects=list(s.effects))
     found = map_jobs(ask, list(regimes.items()), cfg.workers, "selftest")
     size = {"families": s.families, "cells": s.cells, "seeds": seeds, "scenes": scenes, "level": LEVEL}
@@ -43,13 +39,6 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 def _check(job: tuple[str, Regime], **size) -> dict:
     name, regime = job
     return check(np.random.default_rng(job_seed("selftest", name)), regime, **size)
-
-
-def _effects(table: pd.DataFrame, variant: str, users: list[str]) -> np.ndarray:
-    """(cell, seed, scene): one variant's effects of every user and symbol, placements averaged."""
-    rows = table[(table["variant"] == variant) & table["user"].isin(users)]
-    wide = rows.pivot_table(index=["user", "symbol"], columns=["seed", "scene"], values="effect")
-    return wide.to_numpy().reshape(len(wide), table["seed"].nunique(), -1)
 
 
 if __name__ == "__main__":

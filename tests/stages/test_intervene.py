@@ -3,21 +3,19 @@
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 import torch
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_arrays, read_json, read_table
-from pipeline.artifacts.models import model_dir, save_model, weights_path
-from pipeline.artifacts.scenes import SceneSet, read_scenes, write_scenes
+from pipeline.artifacts.models import model_dir, weights_path
+from pipeline.artifacts.scenes import read_scenes
 from pipeline.artifacts.trained import load_model
-from pipeline.params import InputError, compose
-from pipeline.spec.registry import build
+from pipeline.params import InputError
 from pipeline.stages import intervene
 from pipeline.table.items import read_catalogue
-from pipeline.table.layout import SYMBOLS, LayoutRules, random_layouts
-from pipeline.table.render import Palette, render_scenes
+from pipeline.table.layout import SYMBOLS
+from tests.stages.inputs import pictured_models
 
 SCENES, PATHS, PLACEMENTS = 4, 6, 2
 VARIANTS = ("full", "irl_ranked", "path")
@@ -26,33 +24,8 @@ KEPT = ("effects.parquet", "specifications.parquet", "images.npz", "layouts.parq
 
 @pytest.fixture(scope="module")
 def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
-    """Four scenes with unseen items, and untrained models of three variants and two seeds."""
-    root = tmp_path_factory.mktemp("intervene")
-    cfg = compose(["profile=smoke", "workers=1"])
-    for name in ("scenes", "train", "irl", "path"):
-        OmegaConf.update(cfg, f"paths.{name}", str(root / name))
-    cfg.variants = {variant: cfg.variants[variant] for variant in VARIANTS}
-    cfg.intervene.update(paths=PATHS, placements=PLACEMENTS)
-    _write_scenes(cfg)
-    for variant in VARIANTS:
-        for user in cfg.users:
-            for seed in cfg.protocol.seeds:
-                model = build(cfg.variants[variant], seed)
-                save_model(model_dir(cfg, variant), model, user, seed, cfg.study_n)
-    return cfg
-
-
-def _write_scenes(cfg: DictConfig) -> None:
-    catalogue, rng = read_catalogue(Path(cfg.paths.data)), np.random.default_rng(0)
-    rules = LayoutRules((2, 3), (0.2, 0.4, 0.4), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)
-    layouts = random_layouts(rng, SCENES, catalogue.footprints, catalogue.pool("unseen"), rules)
-    names = [catalogue.texture_names("train")[0]] * SCENES
-    images = render_scenes(layouts, names, range(SCENES), Palette(catalogue))
-    looks = pd.DataFrame({"texture": names, "render_seed": range(SCENES)})
-    write_scenes(
-        Path(cfg.paths.scenes),
-        SceneSet({"new_items": images}, {"new_items": layouts}, {"new_items": looks}),
-    )
+    settings = [f"intervene.paths={PATHS}", f"intervene.placements={PLACEMENTS}"]
+    return pictured_models(tmp_path_factory.mktemp("intervene"), VARIANTS, SCENES, *settings)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,25 @@
+"""The effects that stage intervene measured, as arrays."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray as Array
+
+from pipeline.artifacts.files import read_table
+
+COLUMNS = ["variant", "seed", "user", "scene", "symbol", "effect"]
+
+
+def read_effects(
+    directory: Path, variants: Sequence[str], users: Sequence[str]
+) -> dict[str, Float[Array, "cell seed scene"]]:
+    """Each variant's effects of every user and symbol (cells in alphabetical order), placements averaged."""
+    table = read_table(directory / "effects.parquet", COLUMNS)
+    seeds, out = table["seed"].nunique(), {}
+    for variant in variants:
+        rows = table[(table["variant"] == variant) & table["user"].isin(list(users))]
+        wide = rows.pivot_table(index=["user", "symbol"], columns=["seed", "scene"], values="effect")
+        out[variant] = np.asarray(wide).reshape(len(wide), seeds, -1)
+    return out

@@ -1,0 +1,16 @@
+"""The report's tables: the paper's two, with its numbers, the nulls and the truth beside ours, and the rest."""
+
+from pipeline.report.results import Results
+from pipeline.report.table import Table
+from pipeline.report.tables import accuracy, causes, repair, summary
+
+
+def all_tables(results: Results) -> list[Table]:
+    """Every table, in the order of the report."""
+    makers = [
+        summary.models, summary.world,
+        accuracy.accuracy, accuracy.comparisons, accuracy.by_user, accuracy.calibration,
+        repair.backprop, repair.repair_detail, repair.searches,
+        causes.interventions, causes.verdicts, causes.intervention_detail, causes.specifications, causes.selftest,
+    ]  # fmt: skip
+    return [make(results) for make in makers]

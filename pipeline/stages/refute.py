@@ -1,0 +1,140 @@
+"""Stage refute: asks the models questions whose true answer is "nothing", and sees what the procedure makes of it."""
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray as Array
+from omegaconf import DictConfig
+
+from pipeline.artifacts.added import Added, read_added
+from pipeline.artifacts.effects import read_effects
+from pipeline.artifacts.files import read_arrays, write_arrays, write_json
+from pipeline.artifacts.scenes import SceneSet, read_scenes
+from pipeline.artifacts.trained import ask, check_weights
+from pipeline.causal.interventions import DIGITS, expected_validity, judge
+from pipeline.causal.refuters import halves, mean_over, placebo
+from pipeline.causal.statistics import VERDICTS
+from pipeline.launch import launch
+from pipeline.params import InputError
+from pipeline.spec.registry import build
+from pipeline.spec.training import job_seed
+from pipeline.table.items import read_catalogue
+from pipeline.table.layout import SYMBOLS, Layouts
+from pipeline.table.render import Palette, render_scenes
+from pipeline.table.rules import clearance
+
+Effects = Float[Array, "user symbol seed scene"]
+
+
+def main(cfg: DictConfig, out_dir: Path) -> None:
+    """metrics.json, and placebos.npz (symbol, scene, 100, 100, 3): an item's pixels, shuffled."""
+    _check_settings(cfg)
+    check_weights(cfg)
+    directory, pool, few = Path(cfg.paths.intervene), cfg.protocol.splits[cfg.intervene.split], slice(cfg.refute.scenes)
+    scenes = read_scenes(Path(cfg.paths.scenes))
+    added = read_added(directory, scenes.layouts[pool].symbol.shape[1])
+    z = read_arrays(directory / "images.npz")["z_theta"][few]
+    here = np.concatenate([scenes.images[pool][None, few], added.images[:, few]])  # (1 + symbol, scene, ...)
+    rng = np.random.default_rng(job_seed(cfg.refute.generator, "placebo"))
+    patched = np.stack([placebo(rng, here[0], with_item) for with_item in here[1:]])
+    far = np.stack([_clear_of_added(layouts[few], z) > cfg.refute.far_m for layouts in added.layouts])
+
+    users = list(cfg.evaluate.users)
+    pictures = np.concatenate([here, patched, _elsewhere(cfg, scenes, pool, added)])
+    images, everywhere = pictures.reshape(-1, *pictures.shape[2:]), np.tile(z, (len(pictures), 1, 1))
+    found = {}
+    for variant, p in ask(cfg, users, images, everywhere, "refute").items():
+        p = p.reshape(*p.shape[:2], *pictures.shape[:2], -1)  # (user, seed, table, scene, path)
+        now, patch, other = np.split(p, [len(here), len(here) + len(patched)], axis=2)
+        near_nothing = mean_over(now[:, :, 1:], far) - mean_over(now[:, :, :1], far)
+        found[variant] = {
+            "untrained": _effects(_untrained(cfg, variant, users, here, z)),
+            "placebo": _effects(np.concatenate([now[:, :, :1], patch], axis=2)),
+            "far": np.moveaxis(near_nothing[..., np.isfinite(near_nothing).all((0, 1, 2))], 2, 1),
+            "other_table": _effects(other) - _effects(now),
+        }
+    write_arrays(out_dir / "placebos.npz", {"images": patched})
+    write_json(out_dir / "metrics.json", _metrics(cfg, users, found))
+
+
+def _check_settings(cfg: DictConfig) -> None:
+    """Raise InputError before any work if a parameter is out of range."""
+    for name in ("scenes", "halves"):
+        value = cfg.refute[name]
+        if not isinstance(value, int) or value < 2:
+            raise InputError(f"parameter refute.{name} is {value!r}: expected a whole number from 2")
+    widest = max((m for margins in cfg.users.values() for m in margins.values() if m is not None), default=0.0)
+    if cfg.refute.far_m <= widest:
+        raise InputError(
+            f"parameter refute.far_m is {cfg.refute.far_m}: expected more than the widest margin, {widest} m"
+        )
+
+
+def _clear_of_added(layouts: Layouts, z_theta: Float[Array, "scene path 2"]) -> Float[Array, "scene path"]:
+    """Each path's clearance [m] from the item that was added, which stands in the last slot taken."""
+    last = layouts.present.sum(1) - 1
+    return np.take_along_axis(clearance(layouts, z_theta), last[:, None, None], axis=2)[..., 0]
+
+
+def _elsewhere(cfg: DictConfig, scenes: SceneSet, pool: str, added: Added) -> np.ndarray:
+    """The scenes as they are, then with each added item, on other table tops: (1 + symbol, scene, 100, 100, 3)."""
+    catalogue = read_catalogue(Path(cfg.paths.data))
+    names, few = catalogue.texture_names(cfg.refute.tables), slice(cfg.refute.scenes)
+    if not names:
+        splits = sorted(set(catalogue.textures["split"]))
+        raise InputError(f"parameter refute.tables is {cfg.refute.tables!r}: expected one of {', '.join(splits)}")
+    palette, tables = Palette(catalogue), [scenes.layouts[pool][few], *(x[few] for x in added.layouts)]
+    rng = np.random.default_rng(job_seed(cfg.refute.generator, "tables"))
+    textures, lights = rng.choice(names, len(tables[0])), rng.integers(2**31, size=len(tables[0])).tolist()
+    return np.stack([render_scenes(layouts, list(textures), lights, palette) for layouts in tables])
+
+
+def _untrained(cfg: DictConfig, variant: str, users: list[str], tables: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """P(valid) by models as they are initialised, (user, seed, table, scene, path)."""
+    images, everywhere = tables.reshape(-1, *tables.shape[2:]), np.tile(z, (len(tables), 1, 1))
+    names = [[job_seed(seed, user, "untrained", variant) for seed in cfg.protocol.seeds] for user in users]
+    models = [[build(cfg.variants[variant], name) for name in of_user] for of_user in names]
+    p = np.stack([[model.probability(images, everywhere) for model in of_user] for of_user in models])
+    return p.reshape(*p.shape[:2], *tables.shape[:2], -1)
+
+
+def _effects(p: Float[Array, "user seed table scene path"]) -> Effects:
+    """What each added item (tables 1, 2, ...) changes of the mean validity in table 0."""
+    expected = expected_validity(p)
+    return np.moveaxis(expected[:, :, 1:] - expected[:, :, :1], 2, 1)
+
+
+def _metrics(cfg: DictConfig, users: list[str], found: dict[str, dict[str, Effects]]) -> dict:
+    """Cells by refuter, variant, user and symbol, a family per refuter and variant; tallies; halves of the scenes."""
+    refuted, tallies = {}, {}
+    for variant, by_refuter in found.items():
+        for name, effects in by_refuter.items():
+            cells = judge(effects.reshape(-1, *effects.shape[2:]))
+            rows = [dict(zip(SYMBOLS, cells[i * 4 : i * 4 + 4], strict=True)) for i in range(len(users))]
+            refuted.setdefault(name, {})[variant] = dict(zip(users, rows, strict=True))
+            count = Counter(c["verdict"] for c in cells)
+            scenes = {"cells": len(cells), "scenes": effects.shape[-1]}
+            tallies.setdefault(name, {})[variant] = {v: count[v] for v in VERDICTS} | scenes
+    pooled = {v: judge(by_refuter["placebo"].mean(1)) for v, by_refuter in found.items()}
+    measured = read_effects(Path(cfg.paths.intervene), list(found), users)
+    return {
+        "refuters": refuted,
+        "tallies": tallies,
+        "placebo": {v: dict(zip(users, cells, strict=True)) for v, cells in pooled.items()},
+        "halves": {v: _halves(cfg, v, e) for v, e in measured.items()},
+        "seeds": len(cfg.protocol.seeds),
+    }
+
+
+def _halves(cfg: DictConfig, variant: str, effects: Float[Array, "cell seed scene"]) -> dict[str, float]:
+    """The whole's verdicts that its halves share: on average, and in the cell where fewest do."""
+    rng = np.random.default_rng(job_seed(cfg.refute.generator, "halves", variant))
+    shared, spread = halves(rng, effects, cfg.refute.halves)
+    numbers = {"same": shared.mean(), "least": shared.min(), "spread": spread.mean()}
+    return {name: round(float(value), DIGITS) for name, value in numbers.items()} | {"scenes": effects.shape[-1]}
+
+
+if __name__ == "__main__":
+    launch(main, "refute")

@@ -1,0 +1,93 @@
+"""The refute stage asks the same models other questions, whose true answer is nothing."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from omegaconf import DictConfig
+
+from pipeline.artifacts.files import read_arrays, read_json
+from pipeline.artifacts.models import model_dir, weights_path
+from pipeline.params import InputError
+from pipeline.stages import intervene, refute
+from pipeline.table.layout import SYMBOLS
+from tests.stages.inputs import pictured_models
+
+SCENES, VARIANTS = 5, ("full", "path")
+
+
+@pytest.fixture(scope="module")
+def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
+    settings = ["intervene.paths=40", "refute.scenes=4"]
+    cfg = pictured_models(tmp_path_factory.mktemp("refute"), VARIANTS, SCENES, *settings)
+    intervene.main(cfg, Path(cfg.paths.intervene))
+    return cfg
+
+
+@pytest.fixture(scope="module")
+def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    directory = tmp_path_factory.mktemp("out")
+    refute.main(cfg, directory)
+    return directory
+
+
+def test_every_refuter_has_a_verdict_on_every_symbol_and_judged_user(cfg: DictConfig, out: Path):
+    found = read_json(out / "metrics.json")
+    for name in ("untrained", "placebo", "far", "other_table"):
+        for variant in VARIANTS:
+            assert set(found["refuters"][name][variant]) == set(cfg.evaluate.users)
+            assert all(set(by_symbol) == set(SYMBOLS) for by_symbol in found["refuters"][name][variant].values())
+            tally = found["tallies"][name][variant]
+            assert tally["effect"] + tally["no effect"] + tally["inconclusive"] == tally["cells"] == 8
+    assert set(found["placebo"]["path"]) == set(cfg.evaluate.users)
+    assert found["halves"]["path"]["scenes"] == SCENES
+
+
+def test_an_untrained_path_model_already_keeps_away_from_whatever_lies_there_but_not_from_afar(out: Path):
+    """Its prior opinion: anything may matter, by its distance. So a placebo is a thing to it as well."""
+    found = read_json(out / "metrics.json")["refuters"]
+    effect = {
+        name: np.mean([cell["effect"] for by_symbol in found[name]["path"].values() for cell in by_symbol.values()])
+        for name in ("untrained", "placebo", "far")
+    }
+    assert effect["untrained"] < -0.02 and effect["placebo"] < -0.02
+    assert abs(effect["far"]) < 0.5 * abs(effect["untrained"])
+
+
+def test_a_placebo_is_pictured_for_every_symbol_and_scene(out: Path):
+    assert read_arrays(out / "placebos.npz")["images"].shape == (len(SYMBOLS), 4, 100, 100, 3)
+
+
+def test_a_second_run_on_two_workers_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
+    again = cfg.copy()
+    again.workers = 2
+    refute.main(again, tmp_path)
+    for path in out.iterdir():
+        assert path.read_bytes() == (tmp_path / path.name).read_bytes(), path.name
+
+
+def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
+    path = weights_path(model_dir(cfg, "path"), "careful", 1, cfg.study_n)
+    hidden = path.rename(path.with_suffix(".away"))
+    try:
+        with pytest.raises(InputError, match=r"careful-s1-n9\.safetensors is missing"):
+            refute.main(cfg, tmp_path)
+    finally:
+        hidden.rename(path)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("scenes", 1, "refute.scenes is 1: expected a whole number from 2"),
+        ("far_m", 0.04, "refute.far_m is 0.04: expected more than the widest margin, 0.045 m"),
+        ("tables", "glass", "refute.tables is 'glass': expected one of train, unseen"),
+    ],
+)
+def test_settings_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name: str, value, message: str):
+    changed = cfg.copy()
+    changed.refute[name] = value
+    with pytest.raises(InputError, match=message):
+        refute.main(changed, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
