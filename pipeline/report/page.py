@@ -8,6 +8,7 @@ from markupsafe import Markup
 
 from pipeline.report.findings.accuracy import accuracy, calibration
 from pipeline.report.findings.causes import interventions, selftest, specifications
+from pipeline.report.findings.refutation import refutation
 from pipeline.report.findings.repair import repair, searches
 from pipeline.report.findings.summary import summary, world
 from pipeline.report.panel import script_json
@@ -17,10 +18,7 @@ from pipeline.report.style import inline
 from pipeline.report.table import Table, to_html
 from pipeline.report.wording import counted, listed, variant_label
 
-SAYS = {
-    f.__name__: f
-    for f in (summary, world, accuracy, calibration, repair, searches, interventions, specifications, selftest)
-}
+_SAY = (summary, world, accuracy, calibration, repair, searches, interventions, specifications, refutation, selftest)
 LARGEST = 8 * 2**20  # bytes a page may have
 
 
@@ -48,7 +46,12 @@ def render(
         "variant_label": variant_label,
     }
     html = environment.get_template("page.html.j2").render(
-        r=results, facts=facts, pictures=pictures, findings=SAYS, panel=panel, panel_json=Markup(script_json(panel))
+        r=results,
+        facts=facts,
+        pictures=pictures,
+        findings={f.__name__: f for f in _SAY},
+        panel=panel,
+        panel_json=Markup(script_json(panel)),
     )
     if len(html.encode()) > LARGEST:
         raise ValueError(

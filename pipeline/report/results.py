@@ -32,6 +32,7 @@ class Results:
     search: dict  # variant, or "truth" -> user with something invalid -> method -> numbers
     effects: pd.DataFrame
     intervention: dict
+    refutation: dict  # questions whose true answer is "nothing"
     selftest: dict  # what the causal procedure makes of simulated families
     curves: dict[str, pd.DataFrame]  # by variant
 

@@ -65,6 +65,14 @@ def method_label(name: str) -> str:
     }.get(name, name)  # fmt: skip
 
 
+def refuter_label(name: str) -> str:
+    """An attempt to refute as a reader meets it."""
+    return {
+        "permuted": "Permuted labels", "untrained": "Untrained model", "placebo": "Placebo patch",
+        "far": "Item far away", "other_table": "Other table",
+    }.get(name, name)  # fmt: skip
+
+
 def split_label(name: str) -> str:
     """A split as a heading."""
     return SPLITS.get(name, name.replace("_", " ").capitalize())

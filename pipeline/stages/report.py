@@ -110,6 +110,7 @@ def read_results(cfg: DictConfig) -> Results:
         search=read_json(Path(cfg.paths.search) / "metrics.json"),
         effects=read_table(intervene / "effects.parquet"),
         intervention=read_json(intervene / "metrics.json"),
+        refutation=read_json(Path(cfg.paths.refute) / "metrics.json"),
         selftest=read_json(Path(cfg.paths.selftest) / "metrics.json"),
         curves={v: frame[frame["n"] == cfg.study_n] for v, frame in curves.items()},
     )
@@ -123,6 +124,7 @@ def _metrics(results: Results) -> dict:
         "repair": results.repair,
         "search": results.search,
         **{name: results.intervention[name] for name in ("interventions", "specifications", "verdicts")},
+        **{name: results.refutation[name] for name in ("refuters", "placebo", "halves")},
         "selftest": results.selftest,
     }
 
@@ -185,6 +187,7 @@ def _drawn(cfg: DictConfig, results: Results, scenes: SceneSet, added: Added) ->
         values=[float(value) for value in cfg.report["values"]],
         added_to=to[0],
         added=added.images[:, 0],
+        placebos=read_arrays(Path(cfg.paths.refute) / "placebos.npz")["images"][:, 0],
         added_texts=_added_texts(results, seed, user),
         added_user=user,
         smallest=SMALLEST_EFFECT,

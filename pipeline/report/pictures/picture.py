@@ -45,6 +45,7 @@ class Drawn:
     values: list[float]
     added_to: UInt8[Array, "100 100 3"]
     added: UInt8[Array, "symbol 100 100 3"]
+    placebos: UInt8[Array, "symbol 100 100 3"]
     added_texts: list[str]  # below the scene as it is and each added item
     added_user: str
     smallest: float  # smallest effect of interest

@@ -2,7 +2,7 @@
 
 from pipeline.report.results import Results
 from pipeline.report.table import Table
-from pipeline.report.tables import accuracy, causes, repair, summary
+from pipeline.report.tables import accuracy, causes, refutation, repair, summary
 
 
 def all_tables(results: Results) -> list[Table]:
@@ -11,6 +11,7 @@ def all_tables(results: Results) -> list[Table]:
         summary.models, summary.world,
         accuracy.accuracy, accuracy.comparisons, accuracy.by_user, accuracy.calibration,
         repair.backprop, repair.repair_detail, repair.searches,
-        causes.interventions, causes.verdicts, causes.intervention_detail, causes.specifications, causes.selftest,
+        causes.interventions, causes.verdicts, causes.intervention_detail, causes.specifications,
+        refutation.refuters, refutation.refuted, causes.selftest,
     ]  # fmt: skip
     return [make(results) for make in makers]

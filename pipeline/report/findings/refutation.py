@@ -1,0 +1,51 @@
+"""Whether attempts to refute the effects succeeded."""
+
+from pipeline.causal.refuters import EFFECT, MACHINERY, REFUTERS
+from pipeline.report.results import Results
+from pipeline.report.wording import counted, listed, percent, refuter_label, signed, variant_phrase
+
+
+def refutation(results: Results) -> list[str]:
+    """Two answers kept apart: is the machinery sound, and do the effects survive."""
+    return [_answer(results, MACHINERY), _answer(results, EFFECT), *_worst_placebo(results), _halves(results)]
+
+
+def _answer(results: Results, question: str) -> str:
+    found = {n: by for n, by in results.refutation["tallies"].items() if REFUTERS[n].asks == question}
+    parts = []
+    for name, by_variant in found.items():
+        some = [f"{variant_phrase(v)} in {t['effect']} of {t['cells']}" for v, t in by_variant.items() if t["effect"]]
+        parts.append(f"{refuter_label(name).lower()}: {listed(some) if some else 'no variant'}")
+    start = "Is the machinery sound?" if question == MACHINERY else "Do the effects survive?"
+    return f"{start} Cells with an effect where in truth there is none, by refuter: {'; '.join(parts)}."
+
+
+def _worst_placebo(results: Results) -> list[str]:
+    """The variants that take a patch of pixels for an item, by the pooled effect of all symbols' placebos."""
+    fooled = {
+        variant: {u: c for u, c in by_user.items() if c["verdict"] == "effect"}
+        for variant, by_user in results.refutation["placebo"].items()
+    }
+    said = []
+    for variant, cells in fooled.items():
+        by_user = [f"{user} {signed(c['effect'])}" for user, c in cells.items()]
+        said += [f"{variant_phrase(variant)} ({listed(by_user)})"] * bool(cells)
+    if not said:
+        return []
+    return [
+        f"A patch of an item's pixels without its shape still moves {listed(said)}, all symbols' placebos taken "
+        "together. Such a model has learned that something lying there matters, and would mind a stain or a pattern "
+        "as well; its effects hold for tables on which whatever stands out is an item."
+    ]
+
+
+def _halves(results: Results) -> str:
+    halves = results.refutation["halves"]
+    shaky = min(halves, key=lambda v: halves[v]["least"])
+    count = next(iter(halves.values()))["scenes"]
+    return (
+        f"Halves of the {counted(count, 'scene')}, drawn at random, lead to the verdict of all of them in "
+        f"{percent(min(h['same'] for h in halves.values()))} to {percent(max(h['same'] for h in halves.values()))} of "
+        f"the cases, by variant; least often, {percent(halves[shaky]['least'], 0)}, in a cell of "
+        f"{variant_phrase(shaky)}."
+    )

@@ -1,0 +1,37 @@
+"""Pictures of the attempts to refute."""
+
+from functools import partial
+
+from pipeline.report.figures import refuters
+from pipeline.report.pictures.picture import Drawn, Picture, picture
+from pipeline.report.results import Results
+from pipeline.report.wording import listed, refuter_label, variant_phrase
+
+
+def refuted_effects(results: Results, drawn: Drawn) -> Picture:
+    """Every effect that should not be there."""
+    found = results.refutation
+    parts = []
+    for name, by_variant in found["tallies"].items():
+        some = [f"{t['effect']} for {variant_phrase(v)}" for v, t in by_variant.items() if t["effect"]]
+        parts.append(f"{refuter_label(name).lower()}: {listed(some)}")
+    alt = f"Effects where there is none. Verdicts “effect” by refuter: {'; '.join(parts)}."
+    caption = (
+        "Effects under each refuter, with 95 % intervals (over seeds and scenes), a mark for each user and symbol. "
+        f"Each should lie in the grey band, which ends at the smallest effect of interest, {drawn.smallest}."
+    )
+    wide, narrow = (
+        partial(refuters.draw, found["refuters"], results.variants, results.judged_users, drawn.smallest, columns)
+        for columns in (3, 1)
+    )
+    return picture("refuted", caption, alt, wide, narrow)
+
+
+def placebo_patches(drawn: Drawn) -> Picture:
+    """What a placebo looks like."""
+    caption = (
+        "An added item and its placebo: the same pixels, shuffled within the same outline. Nothing stands there, so in "
+        "truth a placebo changes no path's validity."
+    )
+    alt = "A scene with a bowl, a plate, cutlery or a glass added, and below each the same patch with its pixels mixed."
+    return picture("placebos", caption, alt, partial(refuters.draw_placebos, drawn.added, drawn.placebos))

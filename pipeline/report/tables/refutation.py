@@ -1,0 +1,42 @@
+"""Attempts to refute: what each does and asks, and how often it found something."""
+
+from pipeline.causal.refuters import REFUTERS
+from pipeline.report.results import Results
+from pipeline.report.table import Cell, Table, table
+from pipeline.report.wording import NONE, counted, percent, refuter_label, variant_label
+
+
+def refuters(results: Results) -> Table:
+    """What each refuter does, which question it serves, and how to read it."""
+    rows: list[list[str | Cell]] = [
+        [refuter_label(name), f"{r.done.capitalize()}.", f"{r.asks.capitalize()}?", r.null, r.reading]
+        for name, r in REFUTERS.items()
+        if name in results.refutation["refuters"]
+    ]
+    caption = "What should have no effect, the question it serves, and how to read it."
+    return table("refuters", caption, ["Refuter", "What is done", "Question", "Null hypothesis", "p"], rows, labels=1)
+
+
+def refuted(results: Results) -> Table:
+    """Cells in which a refuter found an effect, by variant; and what halves of the scenes would have said."""
+    found = results.refutation
+    rows: list[list[str | Cell]] = []
+    for variant in results.variants:
+        shown = []
+        for by_variant in found["tallies"].values():
+            t = by_variant.get(variant)
+            shown.append(NONE if t is None else f"{t['effect']} of {t['cells']}")
+        half = found["halves"][variant]
+        rows.append([variant_label(variant), *shown, f"{percent(half['same'])} ({percent(half['least'], 0)})"])
+    caption = (
+        "Verdicts “effect” under each refuter, where in truth there is none, a cell being a user and a symbol "
+        f"({counted(found['seeds'], 'seed')}, the first {counted(_scenes(results), 'scene')}). Last: how often a "
+        "random half of the scenes leads to the verdict of all of them, on average over the cells (and in the cell "
+        "where it does least often)."
+    )
+    header = ["Variant", *(refuter_label(name) for name in found["tallies"]), "Half of the scenes"]
+    return table("refuted", caption, header, rows)
+
+
+def _scenes(results: Results) -> int:
+    return max(t["scenes"] for by_variant in results.refutation["tallies"].values() for t in by_variant.values())
