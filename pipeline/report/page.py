@@ -52,7 +52,7 @@ def render(
         findings={f.__name__: f for f in _SAY},
         panel=panel,
         panel_json=Markup(script_json(panel)),
-    )
+    )  # fmt: skip
     if len(html.encode()) > LARGEST:
         raise ValueError(
             f"the report has {len(html.encode()):,} bytes: expected at most {LARGEST:,}; draw fewer scenes "
