@@ -1,0 +1,227 @@
+"""Stage envelope: how far from each symbol validity flips, by every model, beside the true margins and put to use."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+import yaml
+from omegaconf import DictConfig
+
+from pipeline.artifacts.added import Added, read_added
+from pipeline.artifacts.files import write_json, write_whole
+from pipeline.artifacts.scenes import read_scenes
+from pipeline.artifacts.trained import ask, check_weights
+from pipeline.causal.envelope import dose_grid, paths_at_doses, planning, study
+from pipeline.launch import launch
+from pipeline.params import InputError
+from pipeline.table.bezier import random_z_theta
+from pipeline.table.layout import SYMBOLS, Layouts
+from pipeline.table.rules import Margins, clearance, slack, valid
+
+BLOCK = 512  # paths
+HEADER = """\
+# Safety envelopes learned from labelled demonstrations by the model `{variant}`: user -> symbol. Lengths in metres.
+# keep_clear_m: least distance a path of this user should keep from the item's outline, the interval's upper end;
+#   null: nothing was found that this user keeps away from.
+# radius_m, ci_low_m, ci_high_m: clearance at which half of the item's effect is gone, and its 95 % interval.
+# drop_at_contact: what touching the item takes from the chance that a path which is clear of the others is valid.
+# verdict: whether that is an effect; an envelope is drawn around no other.
+"""
+
+
+@dataclass(frozen=True)
+class Tables:
+    """The scenes as they are and with each symbol added, and random paths in them; images are uint8."""
+
+    images: np.ndarray  # (scene, 100, 100, 3)
+    layouts: Layouts
+    added: Added
+    z_theta: np.ndarray  # (scene, candidate, 2) [m]
+    clearances: np.ndarray  # (scene, candidate, slot) [m] from the scenes' own items
+    to_added: np.ndarray  # (symbol, scene, candidate) [m]
+
+
+def main(cfg: DictConfig, out_dir: Path) -> None:
+    """metrics.json and specification.yaml."""
+    _check_settings(cfg)
+    check_weights(cfg)
+    tables = _set_tables(cfg)
+    grid, chosen = _choose_paths(cfg, tables)
+    truth = _true_drops(cfg, tables, chosen)
+    drops = _model_drops(cfg, tables, chosen)
+    margins = [cfg.users[user][symbol] for user in cfg.users for symbol in SYMBOLS]
+    true_drop = truth[:, 0].reshape(-1, *truth.shape[-2:])  # (user * symbol, scene, dose)
+    studies = {v: study(_cells(d), true_drop, margins, grid) for v, d in {**drops, "truth": truth}.items()}
+    envelopes = {v: _by_user(cfg, cells) for v, (cells, _) in studies.items()}
+    write_json(
+        out_dir / "metrics.json",
+        {
+            "oracle": envelopes.pop("truth"),
+            "envelope": envelopes,
+            "curves": {v: _by_user(cfg, studies[v][1]) for v in envelopes},
+            "planning": {v: _plan(cfg, tables, _keep_clear(by_user)) for v, by_user in envelopes.items()},
+            "planning_flips": {v: _plan(cfg, tables, _keep_clear(e, flips=True)) for v, e in envelopes.items()},
+            "planning_nulls": {
+                "no_envelope": _plan(cfg, tables, {user: dict.fromkeys(SYMBOLS) for user in cfg.users}),
+                "true_margins": _plan(cfg, tables, cfg.users),
+            },
+            "candidates": cfg.envelope.candidates,
+            "scenes": len(tables.layouts),
+            "seeds": len(cfg.protocol.seeds),
+        },
+    )
+    _write_specification(out_dir / "specification.yaml", cfg.envelope.planner, envelopes[cfg.envelope.planner])
+
+
+def _check_settings(cfg: DictConfig) -> None:
+    """Raise InputError before any work if a parameter is out of range."""
+    e = cfg.envelope
+    for name, least in (("doses", 2), ("paths", 1), ("candidates", 1)):
+        if not isinstance(e[name], int) or e[name] < least:
+            raise InputError(f"parameter envelope.{name} is {e[name]!r}: expected a whole number from {least}")
+    if not e.step > 0:
+        raise InputError(f"parameter envelope.step is {e.step!r}: expected a width above 0 [m]")
+    margins = [margin for user in cfg.users.values() for margin in user.values() if margin is not None]
+    if not e.clear_of_others > (largest := max(margins, default=0.0)):
+        raise InputError(
+            f"parameter envelope.clear_of_others is {e.clear_of_others!r}: expected more than every margin in users, "
+            f"the largest of which is {largest} m, so that no other item decides"
+        )
+    if e.planner not in cfg.variants:
+        raise InputError(f"parameter envelope.planner is {e.planner!r}: expected one of {list(cfg.variants)}")
+
+
+def _set_tables(cfg: DictConfig) -> Tables:
+    """Read the scenes, and draw the candidates."""
+    scenes, pool = read_scenes(Path(cfg.paths.scenes)), cfg.protocol.splits[cfg.intervene.split]
+    images, layouts = scenes.images[pool], scenes.layouts[pool]
+    added = read_added(Path(cfg.paths.intervene), layouts.symbol.shape[1])
+    if added.images.shape[1:] != images.shape:
+        raise InputError(
+            f"{cfg.paths.intervene}: pictures {added.images.shape} of added items, {images.shape} of the scenes of "
+            f"{pool}; run the intervene stage again"
+        )
+    z_theta = random_z_theta(np.random.default_rng(cfg.envelope.generator), len(layouts), cfg.envelope.candidates)
+    to_added = np.stack([_clearance(_last(x), z_theta)[..., 0] for x in added.layouts])
+    return Tables(images, layouts, added, z_theta, _clearance(layouts, z_theta), to_added)
+
+
+def _clearance(layouts: Layouts, z_theta: np.ndarray) -> np.ndarray:
+    """`clearance` in blocks that fit a processor's cache: nearly three times as fast as all at once."""
+    starts = range(0, z_theta.shape[1], BLOCK)
+    one = ((layouts[i : i + 1], z_theta[i : i + 1]) for i in range(len(layouts)))
+    return np.concatenate([np.concatenate([clearance(x, z[:, s : s + BLOCK]) for s in starts], 1) for x, z in one])
+
+
+def _last(layouts: Layouts) -> Layouts:
+    """The added item of each scene by itself, (scene, 1): it stands in the last slot taken."""
+    slot = layouts.present.sum(1) - 1
+    at = np.arange(len(layouts))
+    return Layouts(*(getattr(layouts, f.name)[at, slot][:, None] for f in fields(layouts)))
+
+
+def _choose_paths(cfg: DictConfig, tables: Tables) -> tuple[np.ndarray, np.ndarray]:
+    """The doses (dose,) [m] and each one's candidates (symbol, scene, dose, path), -1 where a scene lacks the dose."""
+    e, others = cfg.envelope, tables.clearances.min(-1)
+    grid = dose_grid(e.step, e.doses)
+    chosen = np.stack([paths_at_doses(own, others, grid, e.clear_of_others, e.paths) for own in tables.to_added])
+    scenes = (chosen[..., 0] >= 0).sum(1)  # (symbol, dose)
+    if scenes.min() < 2:
+        symbol, dose = np.unravel_index(scenes.argmin(), scenes.shape)
+        raise InputError(
+            f"{scenes.min()} scenes have {e.paths} paths {grid[dose]:.4f} m from an added {SYMBOLS[symbol]} and in "
+            "contact: expected at least 2; raise envelope.candidates or lower envelope.doses, envelope.paths or "
+            "envelope.clear_of_others"
+        )
+    return grid, chosen
+
+
+def _paths(tables: Tables, chosen: np.ndarray) -> np.ndarray:
+    """z_theta [m] of the chosen candidates, (symbol, scene, dose * path, 2); of any one where there is none."""
+    flat = chosen.reshape(*chosen.shape[:2], -1)
+    return np.take_along_axis(tables.z_theta[None], flat[..., None], axis=2)
+
+
+def _drop(before: np.ndarray, after: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """(..., symbol, scene, dose): mean over the paths at each dose of what the added item takes from P(valid)."""
+    drop = (before - after).reshape(*before.shape[:-1], *chosen.shape[2:]).mean(-1, dtype=np.float64)
+    return np.where(chosen[..., 0] >= 0, drop, np.nan)
+
+
+def _true_drops(cfg: DictConfig, tables: Tables, chosen: np.ndarray) -> np.ndarray:
+    """The world's own answers, as of one seed: (user, 1, symbol, scene, dose)."""
+    z, pairs = _paths(tables, chosen), range(len(SYMBOLS))
+    before = np.array([[valid(tables.layouts, z[s], m) for s in pairs] for m in cfg.users.values()], float)
+    after = np.array([[valid(tables.added.layouts[s], z[s], m) for s in pairs] for m in cfg.users.values()], float)
+    return _drop(before, after, chosen)[:, None]
+
+
+def _model_drops(cfg: DictConfig, tables: Tables, chosen: np.ndarray) -> dict[str, np.ndarray]:
+    """By variant (user, seed, symbol, scene, dose). A scene as it is is seen once, with the paths of all symbols."""
+    z, users = _paths(tables, chosen), list(cfg.users)  # (symbol, scene, path, 2)
+    at = np.nonzero(chosen[:, :, 0, 0] >= 0)  # symbols and scenes that have a path in contact, hence any
+    before = ask(cfg, users, tables.images, np.concatenate(z, axis=1), "envelope: as it is")
+    after = ask(cfg, users, tables.added.images[at], z[at], "envelope: one more item")
+    drops = {}
+    for v in cfg.variants:
+        p = before[v].reshape(*before[v].shape[:3], *z.shape[:1], -1)  # (user, seed, scene, symbol, path)
+        as_is = np.moveaxis(p, 3, 2)
+        more = np.full_like(as_is, np.nan)
+        more[:, :, *at] = after[v]
+        drops[v] = _drop(as_is, more, chosen)
+    return drops
+
+
+def _cells(drops: np.ndarray) -> np.ndarray:
+    """(user, seed, symbol, scene, dose) to (user * symbol, seed, scene, dose)."""
+    by_symbol = np.moveaxis(drops, 2, 1)
+    return by_symbol.reshape(-1, *by_symbol.shape[2:])
+
+
+def _by_user(cfg: DictConfig, cells: list[dict]) -> dict[str, dict[str, dict]]:
+    n = len(SYMBOLS)
+    return {u: dict(zip(SYMBOLS, cells[i * n : (i + 1) * n], strict=True)) for i, u in enumerate(cfg.users)}
+
+
+def _keep_clear(envelopes: dict, flips: bool = False) -> dict[str, Margins]:
+    """What each user's paths are to keep from each symbol [m], the upper end of the interval.
+
+    flips: only from symbols which, when touched, turn more than half of the valid paths invalid.
+    """
+    return {
+        user: {s: cell["ci_high"] if cell["flips"] or not flips else None for s, cell in by_symbol.items()}
+        for user, by_symbol in envelopes.items()
+    }
+
+
+def _plan(cfg: DictConfig, tables: Tables, keep_clear: Mapping[str, Margins]) -> dict[str, dict]:
+    """By user, over all candidates in the scenes as they are: what paths that keep these distances are worth."""
+    found = {}
+    for user, margins in cfg.users.items():
+        keeps, truly = (slack(tables.layouts, tables.clearances, m) > 0 for m in (keep_clear[user], margins))
+        found[user] = planning(keeps, truly)
+    return found
+
+
+def _write_specification(path: Path, variant: str, envelopes: dict) -> None:
+    content = {
+        user: {
+            symbol: {
+                "keep_clear_m": cell["ci_high"],
+                "radius_m": cell["radius_m"],
+                "ci_low_m": cell["ci_low"],
+                "ci_high_m": cell["ci_high"],
+                "drop_at_contact": cell["drop_at_contact"],
+                "verdict": cell["verdict"],
+            }
+            for symbol, cell in by_symbol.items()
+        }
+        for user, by_symbol in envelopes.items()
+    }
+    text = HEADER.format(variant=variant) + yaml.safe_dump(content, sort_keys=True)
+    write_whole(path, lambda p: p.write_text(text))
+
+
+if __name__ == "__main__":
+    launch(main, "envelope")

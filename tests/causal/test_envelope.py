@@ -1,0 +1,129 @@
+"""An envelope's radius is where half the effect is gone, and its interval holds it as often as it says."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import norm
+
+from pipeline.causal.envelope import dose_grid, paths_at_doses, planning, radius, study
+
+STEP, DOSES = 0.005, 20
+GRID = dose_grid(STEP, DOSES)
+MARGIN = 0.045
+
+
+def rng(seed: int = 0) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+def steps(margin: float, height: float = 1.0) -> np.ndarray:
+    """(2 seeds, 3 scenes, dose): every path nearer than the margin loses `height`, all doses of an interval alike."""
+    below = np.clip((margin - GRID) / STEP + 0.5, 0, 1)  # share of each interval that lies within the margin
+    return np.broadcast_to(height * below, (2, 3, DOSES))
+
+
+def responses(
+    g: np.random.Generator, by_seed: float, by_scene: float, width: float = 0.006, missing: float = 0.3
+) -> np.ndarray:
+    """(10 seeds, 60 scenes, dose): normal curves [m] around margins that differ by seed and scene, with gaps."""
+    dose = GRID + g.uniform(-STEP / 2, STEP / 2, (60, DOSES))
+    margin = MARGIN + by_seed * g.normal(size=(10, 1, 1)) + by_scene * g.normal(size=(1, 60, 1))
+    height = 0.8 + 0.1 * g.uniform(-1, 1, (10, 1, 1)) + 0.1 * g.uniform(-1, 1, (1, 60, 1))
+    drop = height * norm.cdf((margin + 0.003 * g.normal(size=(10, 60, DOSES)) - dose) / width)
+    gone = g.random((60, DOSES)) < missing
+    gone[:, 0] = False
+    return np.where(gone, np.nan, drop)
+
+
+def test_the_first_dose_lies_inside_the_item_and_the_rest_outside():
+    np.testing.assert_allclose(dose_grid(0.01, 3), [-0.005, 0.005, 0.015])
+
+
+def test_paths_are_the_first_that_fit_as_a_search_by_hand_finds_them():
+    own, others = rng().uniform(-0.02, 0.12, (6, 200)), rng(1).uniform(0, 0.1, (6, 200))
+    chosen = paths_at_doses(own, others, GRID, 0.05, 3)
+    for scene in range(6):
+        by_dose = [
+            np.flatnonzero((own[scene] >= c - STEP / 2) & (own[scene] < c + STEP / 2) & (others[scene] >= 0.05))[:3]
+            for c in GRID
+        ]
+        for k in range(DOSES):
+            missing = len(by_dose[k]) < 3 or len(by_dose[0]) < 3
+            np.testing.assert_array_equal(chosen[scene, k], [-1] * 3 if missing else by_dose[k])
+    assert (chosen >= 0).any() and (chosen < 0).any()
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(0.005, 0.09))
+def test_a_step_is_found_within_a_tenth_of_the_doses_distance(margin: float):
+    middle, low, high = radius(steps(margin), GRID)
+    assert abs(middle - margin) < STEP / 10
+    assert low == pytest.approx(middle) and high == pytest.approx(middle)
+
+
+def test_how_strong_an_item_is_says_nothing_of_how_near_it_is():
+    assert radius(steps(MARGIN, 0.2), GRID) == pytest.approx(radius(steps(MARGIN), GRID))
+
+
+def test_a_long_faint_tail_hardly_moves_the_radius():
+    tailed = np.maximum(steps(MARGIN), 0.2)  # the mean tolerance would be a centimetre more
+    assert radius(tailed, GRID)[0] == pytest.approx(MARGIN, abs=STEP / 5)
+
+
+def test_a_normal_curve_gives_its_median():
+    curve = np.broadcast_to(norm.cdf((MARGIN - GRID) / 0.01), (2, 3, DOSES))
+    assert radius(curve, GRID)[0] == pytest.approx(MARGIN, abs=1e-4)
+
+
+def test_a_curve_that_never_falls_by_half_has_a_radius_of_at_least_the_furthest_dose():
+    assert radius(np.ones((2, 3, DOSES)), GRID) == (GRID[-1],) * 3
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 1000))
+def test_the_interval_holds_the_radius_however_ragged_the_curve(seed: int):
+    middle, low, high = radius(rng(seed).normal(0.3, 1, (3, 4, DOSES)), GRID)
+    assert GRID[0] <= low <= middle <= high <= GRID[-1]
+
+
+@pytest.mark.parametrize(("by_seed", "by_scene"), [(0.002, 0.0), (0.0, 0.01), (0.002, 0.01)])
+def test_95_percent_intervals_cover_the_median_as_often(by_seed: float, by_scene: float):
+    g, covered = rng(7), []
+    for _ in range(200):
+        _, low, high = radius(responses(g, by_seed, by_scene), GRID)
+        covered.append(low <= MARGIN <= high)
+    assert 0.91 <= np.mean(covered) <= 0.995  # .95, and nearly three of its own errors either way
+
+
+def test_scenes_without_a_dose_do_not_count_there():
+    drop = responses(rng(3), 0.002, 0.01)
+    spoilt = np.concatenate([drop, np.full((10, 5, DOSES), np.nan)], axis=1)
+    assert radius(spoilt, GRID) == radius(drop, GRID)
+
+
+def test_an_envelope_needs_an_effect_in_contact_that_makes_paths_less_valid():
+    noise = rng(4).normal(0, 0.01, (4, 10, 30, DOSES))
+    heights = np.array([0.9, 0.02, -0.9, 0.9])[:, None, None, None]
+    truth = np.stack([steps(m)[0, [0] * 30] for m in (MARGIN, 0, MARGIN, 0)])  # (cell, scene, dose)
+    cells, curves = study(noise + heights * steps(MARGIN)[0, 0], truth, [MARGIN, None, MARGIN, None], GRID)
+    assert [c["verdict"] for c in cells] == ["effect", "no effect", "effect", "effect"]
+    assert [c["radius_m"] is not None for c in cells] == [True, False, False, True]
+    assert [c["right"] for c in cells] == [True, True, False, False]
+    assert [c["flips"] for c in cells] == [True, False, False, True]
+    assert [c["covered"] for c in cells] == [True, None, None, None]
+    assert cells[0]["error_m"] == pytest.approx(cells[0]["radius_m"] - MARGIN)
+    assert curves[0]["drop"][0] == pytest.approx(0.9, abs=0.01)
+    assert curves[0]["scenes"] == [30] * DOSES
+
+
+def test_a_user_whom_nothing_bothers_has_no_envelope():
+    (cell,), _ = study(np.zeros((1, 10, 30, DOSES)), np.zeros((1, 30, DOSES)), [None], GRID)
+    assert (cell["radius_m"], cell["drop_at_contact"], cell["verdict"]) == (None, 0, "no effect")
+    assert cell["right"]
+
+
+def test_planning_counts_what_is_kept_and_what_is_lost():
+    keeps, valid = np.array([1, 1, 1, 0, 0], bool), np.array([1, 1, 0, 1, 0], bool)
+    assert planning(keeps, valid) == {"kept": 0.6, "valid": pytest.approx(2 / 3, abs=1e-6), "wasted": 0.333333}
+    assert planning(~keeps & keeps, valid) == {"kept": 0, "valid": None, "wasted": 1}
