@@ -1,0 +1,144 @@
+"""Who it was, against Bayes by enumeration; the test that it is none of them, against its exact distribution."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import binom
+
+from pipeline.causal.identify import (
+    STEP,
+    critical_surprise,
+    first_sure,
+    identify,
+    none_of_these,
+    posterior,
+    rejected,
+    telling,
+)
+
+TINY = 1e-9
+
+
+def drawn(seed: int, users: int = 3, seeds: int = 2, scenes: int = 4, draws: int = 5, paths: int = 6):
+    """p (user, seed, scene, draw, path) of models and valid (user, scene, draw, path) of users, unrelated."""
+    rng = np.random.default_rng(seed)
+    return rng.uniform(size=(users, seeds, scenes, draws, paths)), rng.random((users, scenes, draws, paths)) < 0.6
+
+
+@given(st.integers(0, 999))
+def test_the_posterior_is_bayes_rule(seed: int):
+    p, valid = drawn(seed, paths=4)
+    belief = posterior(p, valid[1], TINY)
+    first = np.prod(np.where(valid[1], p, 1 - p)[..., :3], axis=-1)
+    np.testing.assert_allclose(belief[..., 2], first / first.sum(0))
+    np.testing.assert_allclose(belief.sum(0), 1)
+
+
+def test_certainty_that_proved_wrong_is_no_more_than_the_floor_allows():
+    p, no = np.array([[1.0], [0.5]]), np.array([False])
+    np.testing.assert_allclose(posterior(p, no, 0.01)[:, 0], [0.01 / 0.51, 0.5 / 0.51])
+
+
+@given(st.integers(0, 999))
+def test_told_the_truth_it_finds_as_many_users_as_there_are_different_answers(seed: int):
+    valid = drawn(seed, paths=3)[1]
+    right, _ = identify(valid[:, None].astype(float), valid, TINY)
+    for k in (1, 2, 3):
+        answers = [
+            len({tuple(valid[u, scene, draw, :k]) for u in range(3)}) for scene, draw in np.ndindex(valid.shape[1:3])
+        ]
+        np.testing.assert_allclose(right[:, k - 1].mean(), np.mean(answers) / 3)
+
+
+@given(st.integers(0, 999))
+def test_no_observer_finds_more_than_one_who_was_told_the_truth_in_any_scene(seed: int):
+    p, valid = drawn(seed)
+    ideal, _ = identify(valid[:, None].astype(float), valid, TINY)
+    right, _ = identify(p, valid, TINY)
+    assert (right.mean(0) <= ideal.mean(0) + 1e-12).all()
+
+
+def test_users_who_never_differ_share_the_credit_for_ever():
+    same = np.ones((3, 4, 5, 6), dtype=bool)
+    right, sure = identify(np.full((3, 2, 4, 5, 6), 0.9), same, TINY)
+    np.testing.assert_allclose(right, 1 / 3)
+    np.testing.assert_allclose(sure, 1 / 3)
+
+
+def test_a_calibrated_posterior_is_right_as_often_as_it_says():
+    rng = np.random.default_rng(3)
+    p = rng.uniform(size=(3, 1, 400, 20, 5))
+    right, sure = identify(p, rng.random((3, 400, 20, 5)) < p[:, 0], TINY)
+    np.testing.assert_allclose(right.mean((0, 2, 3)), sure.mean((0, 2, 3)), atol=0.01)
+
+
+@given(st.lists(st.tuples(st.integers(0, 12), st.floats(0.01, 1.0)), min_size=1, max_size=6), st.floats(0.01, 0.5))
+def test_the_critical_surprise_is_that_of_the_enumerated_distribution(labels: list, level: float):
+    weight = np.array([w for w, _ in labels])
+    rare = np.array([share / (1 + np.exp(STEP * w)) for w, share in labels])  # as rare as the weight says, or rarer
+    found = critical_surprise(weight, rare, level)
+    for k in range(1, len(labels) + 1):
+        outcomes = np.array(list(product([0, 1], repeat=k)))
+        chance = np.where(outcomes, rare[:k], 1 - rare[:k]).prod(1)
+        surprise = outcomes @ weight[:k]
+        assert chance[surprise >= found[k - 1]].sum() <= level + 1e-9
+        assert chance[surprise >= found[k - 1] - 1].sum() > level - 1e-9
+
+
+def test_a_constant_model_is_rejected_by_the_binomial_tail():
+    p, level, k = 0.9, 0.05, 20
+    for surprises in range(5):
+        labels = np.ones((1, k), dtype=bool)
+        labels[0, :surprises] = False
+        tail = binom.sf(surprises - 1, k, 1 - p)
+        assert rejected(np.full(k, p), labels, TINY, level)[0, -1] == (tail <= level)
+
+
+@pytest.mark.parametrize("spread", [0.3, 1.0, 4.0])
+def test_a_calibrated_model_raises_false_alarms_at_the_level_at_the_most(spread: float):
+    rng = np.random.default_rng(7)
+    p = 1 / (1 + np.exp(-rng.normal(0, spread, (20_000, 12))))
+    alarms = rejected(p, (rng.random(p.shape) < p)[None], TINY, 0.05)[0].mean(0)
+    assert (alarms < 0.05 + 3 * np.sqrt(0.05 * 0.95 / len(p))).all()
+    if spread == 1.0:
+        assert alarms[-1] > 0.04  # and little is given away where labels differ in weight
+
+
+def test_where_a_user_s_model_is_calibrated_none_of_these_comes_out_no_oftener_than_the_level():
+    rng = np.random.default_rng(8)
+    p = rng.beta(0.5, 0.5, (3, 1, 50, 40, 8))
+    none = none_of_these(p, rng.random((3, 50, 40, 8)) < p[:, 0], TINY, 0.1)
+    assert none.mean((2, 3)).max() < 0.1 + 3 * np.sqrt(0.1 * 0.9 / 2000)
+
+
+def test_told_the_truth_a_stranger_is_none_of_these_once_it_contradicts_every_user():
+    valid = np.random.default_rng(9).random((4, 6, 5, 7)) < 0.7  # the stranger last
+    none = none_of_these(valid[:3, None].astype(float), valid, TINY, 0.05)
+    contradicted = (valid[None, :3] != valid[:, None]).cumsum(-1) > 0  # (who, user, scene, draw, path)
+    expected = np.moveaxis(contradicted.all(1).mean(2), -1, 1)[:, :, None]
+    np.testing.assert_allclose(none, expected)
+    assert (none[:3] == 0).all()
+
+
+def test_a_model_that_knows_nothing_never_rejects():
+    labels = np.random.default_rng(0).random((3, 50, 20)) < 0.5
+    assert not rejected(np.full((50, 20), 0.5), labels, TINY, 0.05).any()
+
+
+def test_scenes_tell_if_every_two_users_differ_often_enough():
+    valid = np.ones((3, 3, 10, 20), dtype=bool)
+    differ = 1 - 0.01 ** (1 / 20)  # then 20 paths show no difference with probability 1 %
+    few, enough = int(200 * differ), int(200 * differ) + 1
+    for scene, count in ((0, few), (1, enough)):
+        valid[0, scene].reshape(-1)[:count] = False
+        valid[1, scene].reshape(-1)[-count:] = False
+    assert telling(valid).tolist() == [False, True, False]
+
+
+def test_accuracy_passes_once_it_is_higher_and_not_when_it_is_equal():
+    assert first_sure(np.array([[0.5], [0.99], [0.991], [0.98]])) == 3
+    assert first_sure(np.array([[0.5, 0.3], [1.0, 0.98]])) is None
+    assert first_sure(np.empty((20, 0))) is None  # no scene
