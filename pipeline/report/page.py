@@ -11,6 +11,7 @@ from pipeline.report.findings.causes import interventions, selftest, specificati
 from pipeline.report.findings.refutation import refutation
 from pipeline.report.findings.repair import repair, searches
 from pipeline.report.findings.summary import summary, world
+from pipeline.report.findings.users import envelopes, identification
 from pipeline.report.panel import script_json
 from pipeline.report.pictures.picture import Picture
 from pipeline.report.results import Results
@@ -18,7 +19,10 @@ from pipeline.report.style import inline
 from pipeline.report.table import Table, to_html
 from pipeline.report.wording import counted, listed, variant_label
 
-_SAY = (summary, world, accuracy, calibration, repair, searches, interventions, specifications, refutation, selftest)
+_SAY = (
+    summary, world, accuracy, calibration, repair, searches, interventions, specifications, refutation, envelopes,
+    identification, selftest,
+)  # fmt: skip
 LARGEST = 8 * 2**20  # bytes a page may have
 
 

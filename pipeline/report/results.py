@@ -33,6 +33,9 @@ class Results:
     effects: pd.DataFrame
     intervention: dict
     refutation: dict  # questions whose true answer is "nothing"
+    envelope: dict  # how far from each symbol validity flips
+    identification: dict  # which user labelled a few paths
+    identified: pd.DataFrame  # its rates by variant and number of paths
     selftest: dict  # what the causal procedure makes of simulated families
     curves: dict[str, pd.DataFrame]  # by variant
 

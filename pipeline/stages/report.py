@@ -1,5 +1,6 @@
 """Stage report: reads what every stage wrote, draws, tabulates and says it; reports/ is what a reader opens."""
 
+import shutil
 from collections.abc import Mapping
 from dataclasses import fields
 from functools import partial
@@ -72,6 +73,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     for name, content in contents.items():
         write_whole(out_dir / name, lambda path, content=content: path.write_bytes(content))
     write_json(out_dir / "metrics.json", _metrics(results))
+    shutil.copyfile(Path(cfg.paths.envelope) / "specification.yaml", out_dir / "specification.yaml")
 
 
 def _check_settings(cfg: DictConfig) -> None:
@@ -111,6 +113,9 @@ def read_results(cfg: DictConfig) -> Results:
         effects=read_table(intervene / "effects.parquet"),
         intervention=read_json(intervene / "metrics.json"),
         refutation=read_json(Path(cfg.paths.refute) / "metrics.json"),
+        envelope=read_json(Path(cfg.paths.envelope) / "metrics.json"),
+        identification=read_json(Path(cfg.paths.identify) / "metrics.json"),
+        identified=read_table(Path(cfg.paths.identify) / "curve.csv"),
         selftest=read_json(Path(cfg.paths.selftest) / "metrics.json"),
         curves={v: frame[frame["n"] == cfg.study_n] for v, frame in curves.items()},
     )
@@ -125,6 +130,8 @@ def _metrics(results: Results) -> dict:
         "search": results.search,
         **{name: results.intervention[name] for name in ("interventions", "specifications", "verdicts")},
         **{name: results.refutation[name] for name in ("refuters", "placebo", "halves")},
+        **{name: results.envelope[name] for name in ("envelope", "planning", "planning_flips", "planning_nulls")},
+        **{name: results.identification[name] for name in ("identification", "open_set", "passes_99", "largest_gap")},
         "selftest": results.selftest,
     }
 

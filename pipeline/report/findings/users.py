@@ -1,0 +1,116 @@
+"""What each user asks for in centimetres, and whether a few labelled paths tell which user it was."""
+
+from pipeline.report.results import Results
+from pipeline.report.wording import counted, listed, percent, variant_phrase
+from pipeline.table.layout import SYMBOLS
+
+
+def envelopes(results: Results) -> list[str]:
+    """How near the learned distances come to the true ones, and what planning with them gives."""
+    found = results.envelope
+    silent, out = [], []
+    for variant in results.variants:
+        cells = {(u, s): found["envelope"][variant][u][s] for u in results.users for s in SYMBOLS}
+        drawn = {key: c for key, c in cells.items() if c["radius_m"] is not None}
+        if drawn:
+            out.append(_found(variant, cells, drawn))
+        else:
+            silent.append(variant_phrase(variant))
+    if silent:
+        out.append(f"No envelope at all: {listed(silent)}.")
+    return [*out, _planned(results)]
+
+
+def _found(variant: str, cells: dict, drawn: dict) -> str:
+    true = [key for key, c in cells.items() if c["truth_m"] is not None]
+    right = [key for key in true if key in drawn]
+    text = f"{variant_phrase(variant).capitalize().replace(' irl', ' IRL')} finds {len(right)} of the "
+    text += counted(len(true), "true envelope")
+    if right:
+        errors = [abs(cells[key]["error_m"]) for key in right]
+        covered = sum(cells[key]["covered"] for key in right)
+        text += (
+            f", their radii at most {1000 * max(errors):.1f} mm and on average {1000 * sum(errors) / len(errors):.1f} "
+            f"mm from the true margins; {covered} of the {len(right)} intervals hold the truth"
+        )
+    false = [f"{user} and {symbol}" for user, symbol in drawn if cells[user, symbol]["truth_m"] is None]
+    return text + (f"; it draws one where there is none for {listed(false)}." if false else ".")
+
+
+def _planned(results: Results) -> str:
+    found, best = results.envelope, _best(results)
+    plans, flips = found["planning"][best], found["planning_flips"][best]
+    nothing = found["planning_nulls"]["no_envelope"]
+    parts = [
+        f"for the {user} user {percent(plans[user]['valid'])} are valid ({percent(nothing[user]['valid'])} of all "
+        f"paths are) and {percent(plans[user]['wasted'])} of the valid ones are forbidden"
+        + (
+            f", or {percent(flips[user]['valid'])} and {percent(flips[user]['wasted'])} if only items count whose "
+            "touch makes a path more likely invalid than not"
+            if flips[user] != plans[user]
+            else ""
+        )
+        for user in results.users
+        if nothing[user]["valid"] < 1
+    ]
+    return (
+        f"A planner who keeps the envelopes of {variant_phrase(best)}, by the upper ends of their intervals, is safe to "
+        f"this extent: of random paths that keep them, {'; '.join(parts)}. The envelopes stand in specification.yaml."
+    )
+
+
+def _best(results: Results) -> str:
+    """The variant whose envelopes leave the most valid paths, mean over users."""
+    plans = results.envelope["planning"]
+    return max(results.variants, key=lambda v: sum(plans[v][u]["valid"] for u in results.users))
+
+
+def identification(results: Results) -> list[str]:
+    """Whether a few labelled paths tell who drew them."""
+    found, best = results.identification, _nearest(results)
+    keys = sorted(found["identification"][best], key=lambda key: int(key[1:]))
+    cell, many = found["identification"][best][keys[-1]], keys[-1][1:]
+    gap, passes = found["largest_gap"], found["passes_99"]
+    out = [
+        f"Users agree on many paths, so no one can always tell them apart: an observer who knows the rules names the "
+        f"right one of {len(results.users)} in {percent(cell['ideal'])} after {many} paths (chance "
+        f"{percent(found['chance'])}). {variant_phrase(best).capitalize()} reaches {percent(cell['mean'])} "
+        f"[{100 * cell['ci_low']:.1f}–{100 * cell['ci_high']:.1f}] and stays within {percent(gap[best]['all'])} of "
+        f"that observer at every k.",
+        f"In the {counted(found['telling_scenes'], 'scene')} that tell the users apart, it {_passes(passes[best])}; "
+        f"the observer {_passes(passes['ideal'])}.",
+    ]
+    null = gap["null_position"]["all"]
+    worse = [variant_phrase(v) for v in results.variants if gap[v]["all"] > null]
+    if worse:
+        out.append(
+            f"Farther from the observer than a guess by the paths' position alone ({percent(null)}): {listed(worse)}."
+        )
+    alarmed = {
+        v: found["open_set"][v][keys[-1]]["false_alarms"]
+        for v in results.variants
+        if found["open_set"][v][keys[-1]]["false_alarms"] > found["level"]
+    }
+    strangers = found["open_set"][best][keys[-1]]
+    text = (
+        f"A stranger who minds plates only is called none of these in {percent(strangers['recognised'])} after "
+        f"{many} paths (at best {percent(strangers['ideal_recognised'])}), a known user in "
+        f"{percent(strangers['false_alarms'])}, by {variant_phrase(best)}."
+    )
+    if alarmed:
+        parts = [f"{variant_phrase(v)} {percent(share)}" for v, share in alarmed.items()]
+        text += (
+            f" Known users are called strangers more often than the level of {percent(found['level'], 0)} allows by "
+            f"{listed(parts)}: their probabilities do not mean what they say."
+        )
+    return [*out, text]
+
+
+def _passes(passes: dict) -> str:
+    k = passes["telling"]
+    return "never passes 99 %" if k is None else f"passes 99 % from {counted(k, 'path')} on"
+
+
+def _nearest(results: Results) -> str:
+    gap = results.identification["largest_gap"]
+    return min(results.variants, key=lambda v: gap[v]["all"])
