@@ -53,6 +53,7 @@ def test_one_recording_a_variant_user_and_seed(clone: Path):
         ("repair", []),
         ("search", []),
         ("intervene", []),
+        ("counterfactual", []),
         ("selftest", []),
         ("envelope", []),
         ("identify", []),

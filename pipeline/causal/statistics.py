@@ -48,6 +48,18 @@ def estimate(effects: Float[Array, "cell seed scene"]) -> Estimates:
     return Estimates(mean, mean - wide, mean + wide, mean - narrow, mean + narrow, p, q1, q3)
 
 
+def ratio(parts: Float[Array, "cell seed scene"], wholes: Float[Array, "cell seed scene"]) -> Estimates:
+    """Sum of `parts` over sum of `wholes`: a rate of what not every seed and scene holds equally much of, or any.
+
+    Linearised around the ratio (Cochran, 1977, Chapter 6), its error is a mean's; quartiles are of seeds likewise.
+    """
+    total = wholes.sum((1, 2), keepdims=True)
+    if not (total > 0).all():
+        raise ValueError(f"{(total <= 0).sum()} of {len(total)} cells hold nothing to take a share of: leave them out")
+    rate = parts.sum((1, 2), keepdims=True) / total
+    return estimate(rate + (parts - rate * wholes) / wholes.mean((1, 2), keepdims=True))
+
+
 def mean_squares(
     effects: Float[Array, "cell seed scene"],
 ) -> tuple[Float[Array, "cell"], Float[Array, "cell"], Float[Array, "cell"]]:

@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from pipeline.causal.interventions import expected_validity
-from pipeline.causal.scm import PARENTS, SCM, Node, no_noise, specification_scm
+from pipeline.causal.scm import (
+    PARENTS,
+    SCM,
+    Node,
+    Values,
+    abduce_threshold,
+    chance_of_change,
+    no_noise,
+    specification_scm,
+)
 
 USERS = ("careful", "aggressive")
 UNITS = 4000
@@ -81,6 +90,98 @@ def test_do_on_one_node_leaves_the_others_draws_alone(scm: SCM):
 def test_do_on_an_unknown_node_is_refused(scm: SCM):
     with pytest.raises(ValueError, match=r"do\(\) on \['Z'\]"):
         scm.do(Z=1)
+
+
+@pytest.fixture
+def observed(scm: SCM) -> tuple[Values, Values, Values]:
+    """Careful units: every noise but N_V's on record, what was seen of V, and all values."""
+    careful = scm.do(S="careful")
+    noise = careful.noise(np.random.default_rng(1), UNITS)
+    values = careful.entail(noise)
+    return {name: n for name, n in noise.items() if name != "V"}, {"V": values["V"]}, values
+
+
+@pytest.mark.parametrize(
+    ("v", "c", "c_after"), [(False, 0.3, 0.8), (False, 0.6, 0.2), (True, 0.7, 0.4), (True, 0.2, 0.9)]
+)
+def test_a_counterfactual_is_what_brute_force_finds(v: bool, c: float, c_after: float):
+    """Rejection: of units drawn blindly, those that show v; in them the other answer, decided by the same draw."""
+    n = np.random.default_rng(0).random(200_000)
+    kept = n[(n < c) == v]
+    changed = ((kept < c_after) != v).mean()
+    abduced = abduce_threshold(np.random.default_rng(1), np.full(200_000, v), np.full(200_000, c))
+    assert ((abduced < c) == v).all()
+    assert chance_of_change(v, np.array(c), np.array(c_after)) == pytest.approx(changed, abs=0.005)
+    assert ((abduced < c_after) != v).mean() == pytest.approx(changed, abs=0.005)
+
+
+def test_the_chance_of_a_counterfactual_is_the_formula_unit_by_unit(scm: SCM, observed):
+    """Rejection in the whole model: the units drawn anew whose V came out as seen, answered under do(O := 0)."""
+    recorded, seen, values = observed
+    c = classify(values["S"], values["Z_I"], values["Z_theta"])
+    after = scm.do(S="careful", O=np.zeros(UNITS, int))
+    c_after = classify(values["S"], np.zeros(UNITS), values["Z_theta"])
+    expected = np.where(seen["V"], chance_of_change(True, c, c_after), chance_of_change(False, c, c_after))
+    rng, changed, kept = np.random.default_rng(2), np.zeros(UNITS), np.zeros(UNITS)
+    for _ in range(200):
+        noise = recorded | {"V": rng.random(UNITS)}
+        same = (noise["V"] < c) == seen["V"]
+        kept += same
+        changed += same & (after.entail(noise)["V"] != seen["V"])
+    assert changed.sum() / kept.sum() == pytest.approx(np.average(expected, weights=kept), abs=0.01)
+    careful = scm.do(S="careful")
+    draws = [careful.counterfactual(rng, recorded, seen, O=np.zeros(UNITS, int))["V"] for _ in range(50)]
+    assert (np.array(draws) != seen["V"]).mean() == pytest.approx(expected.mean(), abs=0.01)
+
+
+def test_consistency_what_was_done_anyway_changes_nothing(scm: SCM, observed):
+    recorded, seen, values = observed
+    careful = scm.do(S="careful")
+    for action in ({}, {"O": values["O"]}, {"Z_I": values["Z_I"]}, {"S": "careful"}):
+        again = careful.counterfactual(np.random.default_rng(3), recorded, seen, **action)
+        for node in PARENTS:
+            np.testing.assert_array_equal(again[node], values[node])
+
+
+def test_composition_holding_a_node_at_its_counterfactual_value_changes_nothing(scm: SCM, observed):
+    recorded, seen, _ = observed
+    careful, nothing = scm.do(S="careful"), np.zeros(UNITS, int)
+    once = careful.counterfactual(np.random.default_rng(4), recorded, seen, O=nothing)
+    held = careful.counterfactual(np.random.default_rng(4), recorded, seen, O=nothing, Z_I=once["Z_I"])
+    for node in PARENTS:
+        np.testing.assert_array_equal(once[node], held[node])
+
+
+def test_an_item_taken_away_makes_no_valid_path_invalid(scm: SCM, observed):
+    recorded, seen, values = observed
+    fewer = np.maximum(values["O"] - 1, 0)
+    after = scm.do(S="careful").counterfactual(np.random.default_rng(5), recorded, seen, O=fewer)
+    assert (after["V"] >= seen["V"]).all()
+    assert (after["V"] > seen["V"]).any()
+
+
+def test_certain_answers_leave_nothing_to_chance():
+    before = np.array([0.0, 0.0, 0.0, 0.4])
+    np.testing.assert_array_equal(chance_of_change(False, before, np.array([0.0, 0.3, 1.0, 1.0])), [0, 0.3, 1, 1])
+    np.testing.assert_array_equal(chance_of_change(True, 1 - before, np.array([1.0, 0.25, 0.0, 0.0])), [0, 0.75, 1, 1])
+
+
+def test_what_cannot_have_been_seen_has_no_counterfactual():
+    assert np.isnan(chance_of_change(False, np.array(1.0), np.array(0.5)))
+    assert np.isnan(chance_of_change(True, np.array(0.0), np.array(0.5)))
+    for v, c in ((False, 1.0), (True, 0.0)):
+        with pytest.raises(ValueError, match="1 units show what has probability 0"):
+            abduce_threshold(np.random.default_rng(0), np.array([v]), np.array([c]))
+
+
+def test_a_noise_neither_on_record_nor_to_be_told_is_refused(scm: SCM, observed):
+    recorded, seen, values = observed
+    rng = np.random.default_rng(0)
+    with pytest.raises(ValueError, match=r"noises of .* on record, \[\] seen"):
+        scm.counterfactual(rng, recorded, {}, O=values["O"])
+    without = {name: n for name, n in recorded.items() if name != "I"}
+    with pytest.raises(ValueError, match="I was seen, but its noise cannot be told"):
+        scm.counterfactual(rng, without, seen | {"I": values["I"]}, O=values["O"])
 
 
 def test_sampled_interventions_average_to_the_estimand(scm: SCM):

@@ -18,6 +18,7 @@ from pipeline.causal.statistics import (
     mean_squares,
     paired_wilcoxon,
     quartiles,
+    ratio,
     true_verdict,
     verdict,
 )
@@ -169,3 +170,25 @@ def test_where_scenes_all_agree_it_is_students_test_over_the_seeds():
     e, expected = estimate(np.repeat(by_seed[None, :, None], 100, axis=2)), ttest_1samp(by_seed, 0)
     assert e.p[0] == pytest.approx(expected.pvalue)
     np.testing.assert_allclose([e.ci_low[0], e.ci_high[0]], expected.confidence_interval())
+
+
+def test_a_ratio_over_equal_numbers_is_a_mean():
+    effects = crossed(3, 0.03, 0.1)
+    whole, part = estimate(effects), ratio(4 * effects, np.full_like(effects, 4.0))
+    for name in ("effect", "ci_low", "ci_high", "p"):
+        np.testing.assert_allclose(getattr(part, name), getattr(whole, name))
+
+
+def test_a_ratios_interval_covers_it_where_seeds_and_scenes_hold_unequally_many():
+    g, repeats = rng(8), 1500
+    scene, seed = g.normal(0, 1, (repeats, 1, 60)), g.normal(0, 0.3, (repeats, 10, 1))
+    wholes = g.poisson(np.exp(0.5 + 0.7 * scene), (repeats, 10, 60)).astype(float)  # many cells hold none
+    chance = 1 / (1 + np.exp(-(scene + seed + g.normal(0, 1, (repeats, 1, 60)))))
+    parts = g.binomial(wholes.astype(int), np.broadcast_to(chance, wholes.shape)).astype(float)
+    truth = parts.sum() / wholes.sum()
+    assert 0.92 <= covers(ratio(parts, wholes), truth) <= 0.97
+
+
+def test_a_ratio_of_nothing_is_refused():
+    with pytest.raises(ValueError, match="1 of 2 cells hold nothing"):
+        ratio(np.zeros((2, 3, 4)), np.stack([np.ones((3, 4)), np.zeros((3, 4))]))
