@@ -11,12 +11,12 @@ from pipeline.artifacts.demos import write_demos
 from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.artifacts.models import model_dir, save_model
 from pipeline.artifacts.scenes import SceneSet, layout_table, write_scenes
-from pipeline.causal.interventions import judge, study
-from pipeline.causal.refuters import REFUTERS
+from pipeline.causal.interventions import study
 from pipeline.params import compose
 from pipeline.spec.registry import build
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.layout import SYMBOLS, Items, LayoutRules, Layouts, add_item, random_layouts
+from tests.report_answers import write_answers
 
 SCENES, STARTS, STEPS = 4, 6, 5
 SMALL = [
@@ -39,7 +39,7 @@ def write_all(folder: Path) -> DictConfig:
     _evaluate(cfg, rng)
     _repair(cfg, rng)
     _intervene(cfg, rng, layouts[cfg.protocol.splits[cfg.intervene.split]])
-    _refute(cfg, rng)
+    write_answers(cfg, rng)
     for variant in cfg.variants:
         steps = pd.DataFrame({"step": [0, 10, 20], "total": [0.7, 0.5, 0.3]})
         keys = product(cfg.seeds, cfg.users, cfg.n)
@@ -185,24 +185,3 @@ def _intervene(cfg: DictConfig, rng: np.random.Generator, layouts: Layouts) -> N
     size |= {"measured": ["full", "path"]}
     regimes = {name: regime for name in ("full", "path", "both alike")}
     write_json(Path(cfg.paths.selftest) / "metrics.json", size | {"regimes": regimes})
-
-
-def _refute(cfg: DictConfig, rng: np.random.Generator) -> None:
-    """Noise alone, but for placebos, which move every model."""
-    folder, users = Path(cfg.paths.refute), list(cfg.evaluate.users)
-    refuters: dict = {}
-    for name, variant in product(REFUTERS, cfg.variants):
-        effects = 0.01 * rng.standard_normal((len(users) * len(SYMBOLS), len(cfg.seeds), SCENES))
-        cells = iter(judge(effects - 0.2 * (name == "placebo")))
-        refuters.setdefault(name, {})[variant] = {user: {s: next(cells) for s in SYMBOLS} for user in users}
-    tally = {"effect": 0, "no effect": 8, "inconclusive": 0, "cells": 8, "scenes": SCENES}
-    tallies = {name: dict.fromkeys(cfg.variants, tally) for name in REFUTERS}
-    tallies["placebo"] = dict.fromkeys(cfg.variants, tally | {"effect": 8, "no effect": 0})
-    placebo = {
-        v: {u: by["bowl"] | {"verdict": "effect"} for u, by in c.items()} for v, c in refuters["placebo"].items()
-    }
-    half = {"same": 0.9, "least": 0.6, "spread": 0.01, "scenes": SCENES}
-    halves = dict.fromkeys(cfg.variants, half)
-    metrics = {"refuters": refuters, "tallies": tallies, "placebo": placebo, "halves": halves, "seeds": len(cfg.seeds)}
-    write_json(folder / "metrics.json", metrics)
-    write_arrays(folder / "placebos.npz", {"images": rng.integers(0, 255, (len(SYMBOLS), 1, 100, 100, 3), np.uint8)})

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
+from pipeline.causal.refuters import REFUTERS
 from pipeline.params import InputError
 from pipeline.table.layout import SYMBOLS
 
@@ -33,6 +34,7 @@ class Results:
     effects: pd.DataFrame
     intervention: dict
     refutation: dict  # questions whose true answer is "nothing"
+    counterfactual: dict  # which item is to blame for a rejected path
     envelope: dict  # how far from each symbol validity flips
     identification: dict  # which user labelled a few paths
     identified: pd.DataFrame  # its rates by variant and number of paths
@@ -43,6 +45,21 @@ class Results:
     def main(self) -> str:
         """The paper's own model."""
         return self.variants[0]
+
+    @property
+    def refuters(self) -> list[str]:
+        """The attempts to refute, in the order of the library."""
+        return [name for name in REFUTERS if name in self.refutation["refuters"]]
+
+    @property
+    def best_blamer(self) -> str:
+        """The variant that most often blames the right item for a rejected path, mean over users."""
+        cells = self.counterfactual["counterfactual"]
+
+        def right(variant: str) -> float:
+            return sum(c["blame_right"] or 0.0 for c in cells[variant].values() if c is not None)
+
+        return max(self.variants, key=right)
 
     @property
     def regimes(self) -> dict[str, dict]:
@@ -70,6 +87,7 @@ def check(results: Results) -> None:
             results.curves[variant].assign(variant=variant),
             results, variant, list(results.users), "learning curves", "train, irl or path",
         )  # fmt: skip
+    _check_answers(results)
     for user in results.users:
         lacking = {"none", *SYMBOLS} - set(results.world.get("p_valid", {}).get(user, {}))
         if lacking:
@@ -104,6 +122,20 @@ def _check_accuracy(results: Results) -> None:
                 lacking = [n for n in results.ns if f"n{n}" not in cells]
                 if lacking:
                     raise _missing(f"{table} of {variant}, split {split}, n {lacking}", "evaluate")
+
+
+def _check_answers(results: Results) -> None:
+    """Every variant has its answers to the questions beyond the paper's."""
+    answers = {
+        "refute": results.refutation.get("placebo", {}),
+        "counterfactual": results.counterfactual.get("counterfactual", {}),
+        "envelope": results.envelope.get("envelope", {}),
+        "identify": results.identification.get("identification", {}),
+    }
+    for stage, found in answers.items():
+        lacking = [v for v in results.variants if v not in found]
+        if lacking:
+            raise _missing(f"what stage {stage} says of {', '.join(lacking)}", stage)
 
 
 def _check_repair(results: Results, variant: str, user: str) -> None:

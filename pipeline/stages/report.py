@@ -113,6 +113,7 @@ def read_results(cfg: DictConfig) -> Results:
         effects=read_table(intervene / "effects.parquet"),
         intervention=read_json(intervene / "metrics.json"),
         refutation=read_json(Path(cfg.paths.refute) / "metrics.json"),
+        counterfactual=read_json(Path(cfg.paths.counterfactual) / "metrics.json"),
         envelope=read_json(Path(cfg.paths.envelope) / "metrics.json"),
         identification=read_json(Path(cfg.paths.identify) / "metrics.json"),
         identified=read_table(Path(cfg.paths.identify) / "curve.csv"),
@@ -130,6 +131,7 @@ def _metrics(results: Results) -> dict:
         "search": results.search,
         **{name: results.intervention[name] for name in ("interventions", "specifications", "verdicts")},
         **{name: results.refutation[name] for name in ("refuters", "placebo", "halves")},
+        "counterfactual": results.counterfactual["counterfactual"],
         **{name: results.envelope[name] for name in ("envelope", "planning", "planning_flips", "planning_nulls")},
         **{name: results.identification[name] for name in ("identification", "open_set", "passes_99", "largest_gap")},
         "selftest": results.selftest,
@@ -177,6 +179,7 @@ def _drawn(cfg: DictConfig, results: Results, scenes: SceneSet, added: Added) ->
     traversal = model.traverse(scenes.images[training][0], np.array(cfg.report["values"], dtype=float))
     to = scenes.images[_pool(cfg, cfg.intervene.split)]
     unseen = _pool(cfg, "new_items")
+    examples = read_arrays(Path(cfg.paths.counterfactual) / "examples.npz")
     found = find(to_tensor(scenes.images[unseen]))
     return Drawn(
         seed=seed,
@@ -194,6 +197,8 @@ def _drawn(cfg: DictConfig, results: Results, scenes: SceneSet, added: Added) ->
         values=[float(value) for value in cfg.report["values"]],
         added_to=to[0],
         added=added.images[:, 0],
+        whole=examples["whole"],
+        without=examples["without"],
         placebos=read_arrays(Path(cfg.paths.refute) / "placebos.npz")["images"][:, 0],
         added_texts=_added_texts(results, seed, user),
         added_user=user,

@@ -8,8 +8,11 @@ import pytest
 from pipeline.report.claims import claims
 from pipeline.report.findings.accuracy import accuracy
 from pipeline.report.findings.causes import interventions, selftest
+from pipeline.report.findings.counterfactuals import counterfactuals
+from pipeline.report.findings.refutation import refutation
 from pipeline.report.findings.repair import repair, searches
 from pipeline.report.findings.summary import summary
+from pipeline.report.findings.users import envelopes, identification
 from pipeline.report.results import Results
 from pipeline.table.layout import SYMBOLS
 
@@ -126,3 +129,43 @@ def test_a_variant_has_its_own_tests_and_a_loss_is_called_one(results: Results):
     worse = rows.assign(difference=rows["difference"].where(rows["variant"] != "path", -0.1))
     assert any(said.replace("better", "worse") in s for s in accuracy(replace(results, comparisons=worse)))
     assert verdict(replace(results, comparisons=worse), "inverse reinforcement") == "reproduced"
+
+
+def test_a_refuter_that_finds_nothing_is_said_to_find_nothing(results: Results):
+    machinery, effect, placebo, _ = refutation(results)
+    assert machinery.endswith("permuted labels: no variant; untrained model: no variant.")
+    assert "placebo patch: the full model in 8 of 8" in effect and "item far away: no variant" in effect
+    assert placebo.startswith("A patch of an item's pixels")
+    found = copy.deepcopy(results.refutation)
+    for by_user in found["placebo"].values():
+        for cell in by_user.values():
+            cell["verdict"] = "no effect"
+    assert len(refutation(replace(results, refutation=found))) == 3
+
+
+def test_the_right_blame_is_told_beside_its_nulls_and_a_blind_model_is_called_blind(results: Results):
+    found = copy.deepcopy(results.counterfactual)
+    found["counterfactual"]["path"]["careful"] |= {"blame_right": 0.95, "empty_rejected": 0.0}
+    best, paper, blind, move = counterfactuals(replace(results, counterfactual=found))
+    assert "the path model blames the right one in 95.0" in best and "the full model blames" in paper
+    assert "the full model" in blind and "the path model" not in blind
+    assert "0.4 cm for the careful user" in move
+
+
+def test_envelopes_are_told_with_their_errors_and_the_model_without_any_is_named(results: Results):
+    said = envelopes(results)
+    assert "The path model finds 5 of the 5 true envelopes, their radii at most 1.0 mm" in " ".join(said)
+    assert "No envelope at all: the full model." in said
+    found = copy.deepcopy(results.envelope)
+    found["envelope"]["path"]["normal"]["bowl"] |= {"radius_m": 0.02, "verdict": "effect"}
+    assert any("where there is none for normal and bowl" in s for s in envelopes(replace(results, envelope=found)))
+
+
+def test_a_model_farther_from_the_ideal_observer_than_the_null_is_said_to_be(results: Results):
+    assert not any("Farther" in s for s in identification(results))
+    found = copy.deepcopy(results.identification)
+    found["largest_gap"]["full"]["all"] = 0.3
+    found["open_set"]["full"]["k20"]["false_alarms"] = 0.4
+    said = identification(replace(results, identification=found))
+    assert any(s.startswith("Farther") and s.endswith("the full model.") for s in said)
+    assert "more often than the level of 5" in said[-1] and "the full model 40.0" in said[-1]

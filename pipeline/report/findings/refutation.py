@@ -11,10 +11,11 @@ def refutation(results: Results) -> list[str]:
 
 
 def _answer(results: Results, question: str) -> str:
-    found = {n: by for n, by in results.refutation["tallies"].items() if REFUTERS[n].asks == question}
     parts = []
-    for name, by_variant in found.items():
-        some = [f"{variant_phrase(v)} in {t['effect']} of {t['cells']}" for v, t in by_variant.items() if t["effect"]]
+    for name in (n for n in results.refuters if REFUTERS[n].asks == question):
+        tallies = results.refutation["tallies"][name]
+        effects = {v: tallies[v] for v in results.variants if v in tallies and tallies[v]["effect"]}
+        some = [f"{variant_phrase(v)} in {t['effect']} of {t['cells']}" for v, t in effects.items()]
         parts.append(f"{refuter_label(name).lower()}: {listed(some) if some else 'no variant'}")
     start = "Is the machinery sound?" if question == MACHINERY else "Do the effects survive?"
     return f"{start} Cells with an effect where in truth there is none, by refuter: {'; '.join(parts)}."
@@ -23,8 +24,8 @@ def _answer(results: Results, question: str) -> str:
 def _worst_placebo(results: Results) -> list[str]:
     """The variants that take a patch of pixels for an item, by the pooled effect of all symbols' placebos."""
     fooled = {
-        variant: {u: c for u, c in by_user.items() if c["verdict"] == "effect"}
-        for variant, by_user in results.refutation["placebo"].items()
+        v: {u: c for u, c in results.refutation["placebo"][v].items() if c["verdict"] == "effect"}
+        for v in results.variants
     }
     said = []
     for variant, cells in fooled.items():

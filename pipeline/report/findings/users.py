@@ -54,8 +54,8 @@ def _planned(results: Results) -> str:
         if nothing[user]["valid"] < 1
     ]
     return (
-        f"A planner who keeps the envelopes of {variant_phrase(best)}, by the upper ends of their intervals, is safe to "
-        f"this extent: of random paths that keep them, {'; '.join(parts)}. The envelopes stand in specification.yaml."
+        f"A planner can keep the envelopes of {variant_phrase(best)}, by the upper ends of their intervals: of random "
+        f"paths that do, {'; '.join(parts)}. The envelopes stand in specification.yaml."
     )
 
 

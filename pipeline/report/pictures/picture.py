@@ -45,6 +45,8 @@ class Drawn:
     values: list[float]
     added_to: UInt8[Array, "100 100 3"]
     added: UInt8[Array, "symbol 100 100 3"]
+    whole: UInt8[Array, "example 100 100 3"]  # scenes of the worked counterfactuals
+    without: UInt8[Array, "example slot 100 100 3"]  # ... without each item
     placebos: UInt8[Array, "symbol 100 100 3"]
     added_texts: list[str]  # below the scene as it is and each added item
     added_user: str

@@ -12,16 +12,19 @@ def refuted_effects(results: Results, drawn: Drawn) -> Picture:
     """Every effect that should not be there."""
     found = results.refutation
     parts = []
-    for name, by_variant in found["tallies"].items():
-        some = [f"{t['effect']} for {variant_phrase(v)}" for v, t in by_variant.items() if t["effect"]]
+    for name in results.refuters:
+        tallies = found["tallies"][name]
+        effects = {v: tallies[v]["effect"] for v in results.variants if v in tallies}
+        some = [f"{count} for {variant_phrase(v)}" for v, count in effects.items() if count]
         parts.append(f"{refuter_label(name).lower()}: {listed(some)}")
     alt = f"Effects where there is none. Verdicts “effect” by refuter: {'; '.join(parts)}."
     caption = (
         "Effects under each refuter, with 95 % intervals (over seeds and scenes), a mark for each user and symbol. "
         f"Each should lie in the grey band, which ends at the smallest effect of interest, {drawn.smallest}."
     )
+    ordered = {name: found["refuters"][name] for name in results.refuters}
     wide, narrow = (
-        partial(refuters.draw, found["refuters"], results.variants, results.judged_users, drawn.smallest, columns)
+        partial(refuters.draw, ordered, results.variants, results.judged_users, drawn.smallest, columns)
         for columns in (3, 1)
     )
     return picture("refuted", caption, alt, wide, narrow)

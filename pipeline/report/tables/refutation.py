@@ -10,8 +10,7 @@ def refuters(results: Results) -> Table:
     """What each refuter does, which question it serves, and how to read it."""
     rows: list[list[str | Cell]] = [
         [refuter_label(name), f"{r.done.capitalize()}.", f"{r.asks.capitalize()}?", r.null, r.reading]
-        for name, r in REFUTERS.items()
-        if name in results.refutation["refuters"]
+        for name, r in ((name, REFUTERS[name]) for name in results.refuters)
     ]
     caption = "What should have no effect, the question it serves, and how to read it."
     return table("refuters", caption, ["Refuter", "What is done", "Question", "Null hypothesis", "p"], rows, labels=1)
@@ -23,8 +22,8 @@ def refuted(results: Results) -> Table:
     rows: list[list[str | Cell]] = []
     for variant in results.variants:
         shown = []
-        for by_variant in found["tallies"].values():
-            t = by_variant.get(variant)
+        for name in results.refuters:
+            t = found["tallies"][name].get(variant)
             shown.append(NONE if t is None else f"{t['effect']} of {t['cells']}")
         half = found["halves"][variant]
         rows.append([variant_label(variant), *shown, f"{percent(half['same'])} ({percent(half['least'], 0)})"])
@@ -34,7 +33,7 @@ def refuted(results: Results) -> Table:
         "random half of the scenes leads to the verdict of all of them, on average over the cells (and in the cell "
         "where it does least often)."
     )
-    header = ["Variant", *(refuter_label(name) for name in found["tallies"]), "Half of the scenes"]
+    header = ["Variant", *(refuter_label(name) for name in results.refuters), "Half of the scenes"]
     return table("refuted", caption, header, rows)
 
 

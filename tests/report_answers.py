@@ -1,0 +1,112 @@
+"""Made-up answers to the questions beyond the paper's, under the names of the stages that ask them."""
+
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from omegaconf import DictConfig
+
+from pipeline.artifacts.files import write_arrays, write_json, write_table
+from pipeline.causal.interventions import judge
+from pipeline.causal.refuters import REFUTERS
+from pipeline.table.layout import SYMBOLS
+
+SCENES = 4
+
+
+def write_answers(cfg: DictConfig, rng: np.random.Generator) -> None:
+    """Write what stages refute, counterfactual, envelope and identify would."""
+    _refute(cfg, rng)
+    _counterfactual(cfg, rng)
+    _envelope(cfg)
+    _identify(cfg)
+
+
+def _refute(cfg: DictConfig, rng: np.random.Generator) -> None:
+    """Noise alone, but for placebos, which move every model."""
+    folder, users = Path(cfg.paths.refute), list(cfg.evaluate.users)
+    refuters: dict = {}
+    for name, variant in product(REFUTERS, cfg.variants):
+        effects = 0.01 * rng.standard_normal((len(users) * len(SYMBOLS), len(cfg.seeds), SCENES))
+        cells = iter(judge(effects - 0.2 * (name == "placebo")))
+        refuters.setdefault(name, {})[variant] = {user: {s: next(cells) for s in SYMBOLS} for user in users}
+    tally = {"effect": 0, "no effect": 8, "inconclusive": 0, "cells": 8, "scenes": SCENES}
+    tallies = {name: dict.fromkeys(cfg.variants, tally) for name in REFUTERS}
+    tallies["placebo"] = dict.fromkeys(cfg.variants, tally | {"effect": 8, "no effect": 0})
+    fooled = {user: refuters["placebo"]["full"][user]["bowl"] | {"verdict": "effect"} for user in users}
+    half = {"same": 0.9, "least": 0.6, "spread": 0.01, "scenes": SCENES}
+    metrics = {"refuters": refuters, "tallies": tallies, "seeds": len(cfg.seeds)}
+    metrics |= {"placebo": dict.fromkeys(cfg.variants, fooled), "halves": dict.fromkeys(cfg.variants, half)}
+    write_json(folder / "metrics.json", metrics)
+    write_arrays(folder / "placebos.npz", {"images": _pictures(rng, len(SYMBOLS), 1)})
+
+
+def _counterfactual(cfg: DictConfig, rng: np.random.Generator) -> None:
+    """Every model blames the right item as often; one worked example."""
+    folder = Path(cfg.paths.counterfactual)
+    cell = {"recall": 0.9, "blame_right": 0.8, "ci_low": 0.7, "ci_high": 0.9, "several_right": 0.5}
+    cell |= {"null_random": 0.4, "null_nearest": 0.85, "null_base_rate": 0.5, "empty_rejected": 0.6}
+    cell |= {"pn_error": 0.1, "ps_error": None, "least_move": {"error_m": 0.004, "true_m": 0.05}}
+    by_user = {user: cell if user in cfg.evaluate.users else None for user in cfg.users}
+    answer = {"p": 0.1, "p_without": [0.9, 0.2]}
+    items = [{"symbol": "glass", "slot": k, "clearance_m": 0.02 + 0.1 * k} for k in range(2)]
+    told = {user: dict.fromkeys([*cfg.variants, "truth"], answer) for user in cfg.evaluate.users}
+    example = {"kind": "disagree", "scene": 1, "path": 2, "z_theta": [0.4, 0.6], "items": items, "users": told}
+    metrics = {"counterfactual": dict.fromkeys(cfg.variants, by_user), "examples": [example]}
+    write_json(folder / "metrics.json", metrics | {"scenes": SCENES, "paths": 8, "seeds": len(cfg.seeds)})
+    write_arrays(folder / "examples.npz", {"whole": _pictures(rng, 1), "without": _pictures(rng, 1, 2)})
+
+
+def _envelope(cfg: DictConfig) -> None:
+    """Every true envelope found a millimetre too narrow, and none besides, but by the first variant nothing."""
+    folder, doses = Path(cfg.paths.envelope), [0.0, 0.02, 0.04, 0.06]
+    none = {"radius_m": None, "ci_low": None, "ci_high": None, "error_m": None, "covered": None, "truth_m": None}
+    none |= {"drop_at_contact": 0.0, "verdict": "no effect"}
+    envelopes: dict = {}
+    curves: dict = {}
+    for i, (variant, user, symbol) in enumerate(product(cfg.variants, cfg.users, SYMBOLS)):
+        margin, blind = cfg.users[user][symbol], i < len(cfg.users) * len(SYMBOLS)
+        cell = none | {"truth_m": margin}
+        if margin is not None and not blind:
+            cell |= {"radius_m": margin - 0.001, "ci_low": margin - 0.003, "ci_high": margin + 0.001}
+            cell |= {"error_m": -0.001, "covered": True, "drop_at_contact": 0.9, "verdict": "effect"}
+        envelopes.setdefault(variant, {}).setdefault(user, {})[symbol] = cell
+        drop = [0.9 * float(margin is not None and dose < margin) for dose in doses]
+        curve = {"clearance_m": doses, "drop": drop, "ci_low": drop, "ci_high": drop, "truth": drop}
+        curves.setdefault(variant, {}).setdefault(user, {})[symbol] = curve
+    plan = {user: {"kept": 0.5, "valid": 0.99, "wasted": 0.1} for user in cfg.users}
+    nulls = {
+        name: {user: {"kept": 1.0, "valid": valid, "wasted": 0.0} for user in cfg.users}
+        for name, valid in (("no_envelope", 0.5), ("true_margins", 1.0))
+    }
+    plans = dict.fromkeys(cfg.variants, plan)
+    metrics = {"envelope": envelopes, "curves": curves, "planning": plans, "planning_flips": plans}
+    metrics |= {"planning_nulls": nulls, "scenes": SCENES, "candidates": 64, "seeds": len(cfg.seeds)}
+    write_json(folder / "metrics.json", metrics)
+    (folder / "specification.yaml").write_text("careful: {}\n")
+
+
+def _identify(cfg: DictConfig) -> None:
+    """Models a little worse than whoever knows the rules."""
+    folder, variants = Path(cfg.paths.identify), [*cfg.variants, "null_position"]
+    cell = {"mean": 0.7, "ci_low": 0.65, "ci_high": 0.75, "ideal": 0.75}
+    strangers = {"recognised": 0.1, "false_alarms": 0.02, "ideal_recognised": 0.2, "ideal_false_alarms": 0.0}
+    keys = ("k1", "k5", "k20")
+    metrics = {
+        "identification": dict.fromkeys(variants, dict.fromkeys(keys, cell)),
+        "open_set": dict.fromkeys(variants, dict.fromkeys(keys, strangers)),
+        "largest_gap": {v: {"all": 0.05, "telling": 0.01} for v in variants},
+        "passes_99": {v: {"all": None, "telling": 12} for v in (*variants, "ideal")},
+        "chance": 1 / 3, "level": 0.05, "scenes": SCENES, "telling_scenes": 2, "seeds": len(cfg.seeds),
+    }  # fmt: skip
+    write_json(folder / "metrics.json", metrics)
+    curve = pd.DataFrame(list(product(variants, range(1, 21))), columns=["variant", "k"])
+    for name in ("accuracy", "telling"):
+        numbers = {name: 0.7, f"{name}_low": 0.6, f"{name}_high": 0.8, f"ideal_{name}": 0.75}
+        curve = curve.assign(**numbers)
+    write_table(folder / "curve.csv", curve.assign(**strangers))
+
+
+def _pictures(rng: np.random.Generator, *shape: int) -> np.ndarray:
+    return rng.integers(0, 255, (*shape, 100, 100, 3), dtype=np.uint8)
