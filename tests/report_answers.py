@@ -16,8 +16,9 @@ SCENES = 4
 
 
 def write_answers(cfg: DictConfig, rng: np.random.Generator) -> None:
-    """Write what stages refute, counterfactual, envelope and identify would."""
+    """Write what stages refute, confound, counterfactual, envelope and identify would."""
     _refute(cfg, rng)
+    _confound(cfg, rng)
     _counterfactual(cfg, rng)
     _envelope(cfg)
     _identify(cfg)
@@ -40,6 +41,28 @@ def _refute(cfg: DictConfig, rng: np.random.Generator) -> None:
     metrics |= {"placebo": dict.fromkeys(cfg.variants, fooled), "halves": dict.fromkeys(cfg.variants, half)}
     write_json(folder / "metrics.json", metrics)
     write_arrays(folder / "placebos.npz", {"images": _pictures(rng, len(SYMBOLS), 1)})
+
+
+def _confound(cfg: DictConfig, rng: np.random.Generator) -> None:
+    """Plates go with invalid paths where they stand beside glasses; no model blames them."""
+    folder, users = Path(cfg.paths.confound), list(cfg.confound.users)
+    apart = {"difference": 0.0, "ci_low": -0.1, "ci_high": 0.1, "p_invalid_near": 0.4, "p_invalid_far": 0.4}
+    beside = {"difference": 0.5, "ci_low": 0.4, "ci_high": 0.6, "p_invalid_near": 0.8, "p_invalid_far": 0.3}
+    ordinary = {user: dict.fromkeys(SYMBOLS, apart) for user in users}
+    association = {"ordinary": ordinary, "confounded": {u: ordinary[u] | {"plate": beside} for u in users}}
+    cells = judge(0.01 * rng.standard_normal((len(SYMBOLS), len(cfg.seeds), SCENES)))
+    nothing = {"verdict": "no effect", "truth_verdict": "no effect", "truth": 0.0}
+    told = {symbol: cell | nothing for symbol, cell in zip(SYMBOLS, cells, strict=True)}
+    tally = {"cells": 8, "right": 8, "false_causes": 0, "missed_causes": 0, "inconclusive": 0}
+    fitted = list(cfg.confound.variants)
+    score = {user: {pool: {"mean": 0.9} for pool in ("confounded", "control", "ordinary")} for user in users}
+    common = {"verdicts": dict.fromkeys(fitted, tally)}
+    worlds = dict.fromkeys(
+        cfg.confound.worlds, common | {"accuracy": dict.fromkeys(fitted, score), "things_per_item": 1.0}
+    )
+    effects = {"interventions": {variant: dict.fromkeys(users, told) for variant in fitted}}
+    write_json(folder / "metrics.json", common | effects | {"association": association, "worlds": worlds, "seeds": 2})
+    write_arrays(folder / "examples.npz", {name: _pictures(rng, 2) for name in cfg.confound.worlds})
 
 
 def _counterfactual(cfg: DictConfig, rng: np.random.Generator) -> None:

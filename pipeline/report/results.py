@@ -34,6 +34,7 @@ class Results:
     effects: pd.DataFrame
     intervention: dict
     refutation: dict  # questions whose true answer is "nothing"
+    confounding: dict  # association against intervention where a common cause acts
     counterfactual: dict  # which item is to blame for a rejected path
     envelope: dict  # how far from each symbol validity flips
     identification: dict  # which user labelled a few paths
@@ -126,6 +127,8 @@ def _check_accuracy(results: Results) -> None:
 
 def _check_answers(results: Results) -> None:
     """Every variant has its answers to the questions beyond the paper's."""
+    if not results.confounding.get("interventions"):
+        raise _missing("what stage confound says of any variant", "confound")
     answers = {
         "refute": results.refutation.get("placebo", {}),
         "counterfactual": results.counterfactual.get("counterfactual", {}),

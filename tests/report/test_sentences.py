@@ -8,6 +8,7 @@ import pytest
 from pipeline.report.claims import claims
 from pipeline.report.findings.accuracy import accuracy
 from pipeline.report.findings.causes import interventions, selftest
+from pipeline.report.findings.confounding import confounding
 from pipeline.report.findings.counterfactuals import counterfactuals
 from pipeline.report.findings.refutation import refutation
 from pipeline.report.findings.repair import repair, searches
@@ -169,3 +170,17 @@ def test_a_model_farther_from_the_ideal_observer_than_the_null_is_said_to_be(res
     said = identification(replace(results, identification=found))
     assert any(s.startswith("Farther") and s.endswith("the full model.") for s in said)
     assert "more often than the level of 5" in said[-1] and "the full model 40.0" in said[-1]
+
+
+def test_a_model_is_said_to_have_learned_the_cause_only_if_it_names_no_false_one(results: Results):
+    said = confounding(results)
+    assert "Association blames the plate: near a plate 80.0" in said[0]
+    assert said[-1].endswith("it has learned the cause, not what stands beside it.")
+    found = copy.deepcopy(results.confounding)
+    found["interventions"]["path"]["normal"]["plate"] |= {"verdict": "effect", "effect": -0.1}
+    found["verdicts"]["path"] |= {"false_causes": 1, "right": 7}
+    misled = confounding(replace(results, confounding=found))
+    assert misled[-1].endswith("names 1 false cause: normal and plate (−0.100).")
+    found = copy.deepcopy(results.confounding)
+    found["worlds"]["close"]["verdicts"]["path"] |= {"false_causes": 2, "right": 6}
+    assert "the path model is led astray: 6 of 8" in confounding(replace(results, confounding=found))[-1]

@@ -1,6 +1,16 @@
 """The report's figures with their captions, and texts for those who cannot see them that state the finding."""
 
-from pipeline.report.pictures import causes, counterfactuals, inside, knowledge, refutation, repairs, setting, users
+from pipeline.report.pictures import (
+    causes,
+    confounding,
+    counterfactuals,
+    inside,
+    knowledge,
+    refutation,
+    repairs,
+    setting,
+    users,
+)
 from pipeline.report.pictures.picture import Drawn, Picture
 from pipeline.report.results import Results
 
@@ -14,6 +24,7 @@ def all_pictures(results: Results, summary, drawn: Drawn) -> dict[str, Picture]:
         *(repairs.repairs_of(results, drawn, variant) for variant in drawn.repairs),
         causes.effects(results, drawn), causes.power_curves(results, drawn), causes.added_items(drawn),
         refutation.refuted_effects(results, drawn), refutation.placebo_patches(drawn),
+        confounding.confounded_worlds(drawn), confounding.association(results, drawn),
         counterfactuals.blame(results), counterfactuals.examples(results, drawn),
         users.envelopes(results, list(drawn.repairs)), users.identified(results, list(drawn.repairs)),
         inside.reconstructions(drawn), inside.traversals(drawn),

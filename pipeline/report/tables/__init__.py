@@ -2,7 +2,7 @@
 
 from pipeline.report.results import Results
 from pipeline.report.table import Table
-from pipeline.report.tables import accuracy, causes, counterfactuals, refutation, repair, summary, users
+from pipeline.report.tables import accuracy, causes, confounding, counterfactuals, refutation, repair, summary, users
 
 
 def all_tables(results: Results) -> list[Table]:
@@ -13,6 +13,7 @@ def all_tables(results: Results) -> list[Table]:
         repair.backprop, repair.repair_detail, repair.searches,
         causes.interventions, causes.verdicts, causes.intervention_detail, causes.specifications,
         refutation.refuters, refutation.refuted,
+        confounding.association, confounding.worlds,
         counterfactuals.blame, users.envelopes, users.planning, users.identification, causes.selftest,
     ]  # fmt: skip
     return [make(results) for make in makers]

@@ -1,0 +1,73 @@
+"""Whether a model learns the cause or what only stands beside it."""
+
+from pipeline.report.results import Results
+from pipeline.report.wording import counted, listed, percent, signed, variant_phrase
+from pipeline.table.layout import SYMBOLS
+
+
+def confounding(results: Results) -> list[str]:
+    """What association says of the confounded world, and what interventions on its models say."""
+    found = results.confounding
+    out = [_misled(results, user) for user in found["association"]["confounded"] if _innocent(results, user)]
+    for variant in (v for v in results.variants if v in found["verdicts"]):
+        t = found["verdicts"][variant]
+        blamed = [
+            f"{user} and {symbol} ({signed(c['effect'])})"
+            for user, by_symbol in found["interventions"][variant].items()
+            for symbol, c in by_symbol.items()
+            if c["verdict"] == "effect" and c["truth_verdict"] != "effect"
+        ]
+        text = (
+            f"Fitted to the confounded world and asked what an added item changes, {variant_phrase(variant)} gives "
+            f"{t['right']} of {t['cells']} true verdicts"
+        )
+        if blamed:
+            text += f" and names {counted(len(blamed), 'false cause')}: {listed(blamed)}."
+        elif t["missed_causes"]:
+            text += (
+                f", with no false cause but {counted(t['missed_causes'], 'missed one')}: it blames no plate because it "
+                "blames nothing."
+            )
+        else:
+            text += ": it has learned the cause, not what stands beside it."
+        out.append(text)
+    return [*out, *_other_worlds(results)]
+
+
+def _other_worlds(results: Results) -> list[str]:
+    """Worlds in which a model that is right in the confounded one is led astray."""
+    found, out = results.confounding, []
+    for name, world in found["worlds"].items():
+        for variant in (v for v in results.variants if v in world["verdicts"]):
+            t = world["verdicts"][variant]
+            if t["false_causes"] and not found["verdicts"][variant]["false_causes"]:
+                out.append(
+                    f"In the world “{name}”, whose pictures show it {world['things_per_item']:.2f} things an item, "
+                    f"{variant_phrase(variant)} is led astray: {t['right']} of {t['cells']} verdicts are right, "
+                    f"{counted(t['false_causes'], 'false cause')} among the others."
+                )
+    return out
+
+
+def _innocent(results: Results, user: str) -> list[str]:
+    """Symbols without a true effect whose association with invalidity the common cause alone makes."""
+    found = results.confounding
+    cells = next(iter(found["interventions"].values()))[user]
+    confounded, ordinary = (found["association"][world][user] for world in ("confounded", "ordinary"))
+    return [
+        s
+        for s in SYMBOLS
+        if cells[s]["truth_verdict"] == "no effect" and confounded[s]["ci_low"] > max(0.0, ordinary[s]["ci_high"])
+    ]
+
+
+def _misled(results: Results, user: str) -> str:
+    found = results.confounding["association"]
+    parts = [
+        f"near a {s} {percent(found['confounded'][user][s]['p_invalid_near'])} of the {user} user's demonstrations are "
+        f"invalid, away from it {percent(found['confounded'][user][s]['p_invalid_far'])} (in ordinary scenes the "
+        f"difference is {signed(100 * found['ordinary'][user][s]['difference'], 1)} points)"
+        for s in _innocent(results, user)
+    ]
+    names = listed(_innocent(results, user))
+    return f"Association blames the {names}: {listed(parts)}. In truth this user does not mind it at all."
