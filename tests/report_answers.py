@@ -1,5 +1,6 @@
 """Made-up answers to the questions beyond the paper's, under the names of the stages that ask them."""
 
+from dataclasses import asdict
 from itertools import product
 from pathlib import Path
 
@@ -37,7 +38,8 @@ def _refute(cfg: DictConfig, rng: np.random.Generator) -> None:
     tallies["placebo"] = dict.fromkeys(cfg.variants, tally | {"effect": 8, "no effect": 0})
     fooled = {user: refuters["placebo"]["full"][user]["bowl"] | {"verdict": "effect"} for user in users}
     half = {"same": 0.9, "least": 0.6, "spread": 0.01, "scenes": SCENES}
-    metrics = {"refuters": refuters, "tallies": tallies, "seeds": len(cfg.seeds)}
+    said = {name: asdict(refuter) for name, refuter in REFUTERS.items()}
+    metrics = {"order": list(REFUTERS), "said": said, "refuters": refuters, "tallies": tallies, "seeds": len(cfg.seeds)}
     metrics |= {"placebo": dict.fromkeys(cfg.variants, fooled), "halves": dict.fromkeys(cfg.variants, half)}
     write_json(folder / "metrics.json", metrics)
     write_arrays(folder / "placebos.npz", {"images": _pictures(rng, len(SYMBOLS), 1)})

@@ -55,6 +55,7 @@ def test_one_recording_a_variant_user_and_seed(clone: Path):
         ("intervene", []),
         ("counterfactual", []),
         ("selftest", []),
+        ("refute", []),
         ("envelope", []),
         ("identify", []),
         ("confound", []),

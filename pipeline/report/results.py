@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from pipeline.causal.refuters import REFUTERS
 from pipeline.params import InputError
 from pipeline.table.layout import SYMBOLS
 
@@ -49,8 +48,8 @@ class Results:
 
     @property
     def refuters(self) -> list[str]:
-        """The attempts to refute, in the order of the library."""
-        return [name for name in REFUTERS if name in self.refutation["refuters"]]
+        """The attempts to refute, in their order."""
+        return list(self.refutation["order"])
 
     @property
     def best_blamer(self) -> str:

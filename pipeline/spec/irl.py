@@ -15,6 +15,7 @@ import torch
 import torch.nn.functional as F
 from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
+from scipy.special import expit
 from torch import Tensor
 
 from pipeline.spec import training
@@ -168,7 +169,7 @@ def logistic(regret: Float[Array, "*demo"], valid: Bool[Array, "*demo"]) -> tupl
         return float((np.logaddexp(0, design @ w) - target * (design @ w)).sum())
 
     for _ in range(100):
-        p = 1 / (1 + np.exp(-design @ w))
+        p = expit(design @ w)
         gradient = design.T @ (p - target)
         hessian = (design * (p * (1 - p))[:, None]).T @ design + 1e-9 * np.eye(2)
         step = np.linalg.solve(hessian, gradient)

@@ -18,13 +18,14 @@ from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.causal.confound import association, before_and_after, passes_near, shift
 from pipeline.causal.interventions import DIGITS, study, tally
 from pipeline.causal.statistics import quartiles
-from pipeline.confounding import FITTED, Draw, Pupil, Scenes, demonstrations, draw_all, fit_and_ask
+from pipeline.confounding import Draw, Scenes, demonstrations, draw_all
 from pipeline.launch import launch
 from pipeline.params import InputError
 from pipeline.spec.metrics import accuracy
 from pipeline.table.items import read_catalogue
 from pipeline.table.layout import SYMBOLS, Layouts
 from pipeline.table.rules import valid
+from pipeline.trainers import FITTED, Lesson, fit_and_ask
 
 CONFOUNDED, CONTROL = "confounded", "control"  # the world the results are about, and the one without a common cause
 POOLS = ("ordinary", CONFOUNDED, CONTROL)  # new scenes in which models are judged
@@ -110,11 +111,16 @@ def _tables(cfg: DictConfig, scenes: SceneSet, own: list[Scenes]) -> tuple[list[
 def _answers(cfg: DictConfig, worlds: dict[str, list[Scenes]], images: np.ndarray, z: np.ndarray) -> dict[str, dict]:
     """variant -> world -> P(valid) (user, seed, table, scene, path) by models fitted there."""
     c, seeds = cfg.confound, cfg.protocol.seeds
-    pupils = {
-        variant: [Pupil(u, s, own) for w in of for u in c.users for s, own in zip(seeds, worlds[w], strict=True)]
+
+    def lesson(user: str, seed: int, own: Scenes) -> Lesson:
+        return Lesson(user, seed, own.images, *demonstrations(cfg, own.layouts, user, seed))
+
+    lessons = {
+        variant: [lesson(u, s, own) for w in of for u in c.users for s, own in zip(seeds, worlds[w], strict=True)]
         for variant, of in c.variants.items()
     }
-    found = fit_and_ask(cfg, pupils, images.reshape(-1, *images.shape[2:]), np.tile(z, (len(images), 1, 1)))
+    pictures, everywhere = images.reshape(-1, *images.shape[2:]), np.tile(z, (len(images), 1, 1))
+    found = fit_and_ask(cfg, lessons, pictures, everywhere, "confound")
     shape = (len(c.users), len(seeds), *images.shape[:2], z.shape[1])
     return {v: dict(zip(of, found[v].reshape(len(of), *shape), strict=True)) for v, of in c.variants.items()}
 

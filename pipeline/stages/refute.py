@@ -1,6 +1,7 @@
 """Stage refute: asks the models questions whose true answer is "nothing", and sees what the procedure makes of it."""
 
 from collections import Counter
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -9,12 +10,13 @@ from numpy import ndarray as Array
 from omegaconf import DictConfig
 
 from pipeline.artifacts.added import Added, read_added
+from pipeline.artifacts.demos import demo_arrays, read_demos
 from pipeline.artifacts.effects import read_effects
 from pipeline.artifacts.files import read_arrays, write_arrays, write_json
-from pipeline.artifacts.scenes import SceneSet, read_scenes
+from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.artifacts.trained import ask, check_weights
 from pipeline.causal.interventions import DIGITS, expected_validity, judge
-from pipeline.causal.refuters import halves, mean_over, placebo
+from pipeline.causal.refuters import REFUTERS, halves, mean_over, placebo
 from pipeline.causal.statistics import VERDICTS
 from pipeline.launch import launch
 from pipeline.params import InputError
@@ -24,6 +26,7 @@ from pipeline.table.items import read_catalogue
 from pipeline.table.layout import SYMBOLS, Layouts
 from pipeline.table.render import Palette, render_scenes
 from pipeline.table.rules import clearance
+from pipeline.trainers import FITTED, Lesson, fit_and_ask
 
 Effects = Float[Array, "user symbol seed scene"]
 
@@ -44,12 +47,14 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     users = list(cfg.evaluate.users)
     pictures = np.concatenate([here, patched, _elsewhere(cfg, scenes, pool, added)])
     images, everywhere = pictures.reshape(-1, *pictures.shape[2:]), np.tile(z, (len(pictures), 1, 1))
+    permuted = _permuted(cfg, users, here, z)
     found = {}
     for variant, p in ask(cfg, users, images, everywhere, "refute").items():
         p = p.reshape(*p.shape[:2], *pictures.shape[:2], -1)  # (user, seed, table, scene, path)
         now, patch, other = np.split(p, [len(here), len(here) + len(patched)], axis=2)
         near_nothing = mean_over(now[:, :, 1:], far) - mean_over(now[:, :, :1], far)
         found[variant] = {
+            **({"permuted": _effects(permuted[variant])} if variant in permuted else {}),
             "untrained": _effects(_untrained(cfg, variant, users, here, z)),
             "placebo": _effects(np.concatenate([now[:, :, :1], patch], axis=2)),
             "far": np.moveaxis(near_nothing[..., np.isfinite(near_nothing).all((0, 1, 2))], 2, 1),
@@ -65,6 +70,11 @@ def _check_settings(cfg: DictConfig) -> None:
         value = cfg.refute[name]
         if not isinstance(value, int) or value < 2:
             raise InputError(f"parameter refute.{name} is {value!r}: expected a whole number from 2")
+    known = [name for name, v in cfg.variants.items() if v.stage in FITTED]
+    if unknown := set(cfg.refute.permuted) - set(known):
+        raise InputError(
+            f"parameter refute.permuted names {', '.join(sorted(unknown))}: expected some of {', '.join(known)}"
+        )
     widest = max((m for margins in cfg.users.values() for m in margins.values() if m is not None), default=0.0)
     if cfg.refute.far_m <= widest:
         raise InputError(
@@ -89,6 +99,23 @@ def _elsewhere(cfg: DictConfig, scenes: SceneSet, pool: str, added: Added) -> np
     rng = np.random.default_rng(job_seed(cfg.refute.generator, "tables"))
     textures, lights = rng.choice(names, len(tables[0])), rng.integers(2**31, size=len(tables[0])).tolist()
     return np.stack([render_scenes(layouts, list(textures), lights, palette) for layouts in tables])
+
+
+def _permuted(cfg: DictConfig, users: list[str], tables: np.ndarray, z: np.ndarray) -> dict[str, np.ndarray]:
+    """P(valid) by models trained on permuted labels, variant -> (user, seed, table, scene, path)."""
+    demos, scenes = read_demos(Path(cfg.paths.demos)), read_scenes(Path(cfg.paths.scenes))
+
+    def lesson(user: str, seed: int) -> Lesson:
+        paths, labels = demo_arrays(demos, seed, user, cfg.study_n)
+        rng = np.random.default_rng(job_seed(cfg.refute.generator, "permuted", user, seed))
+        permuted = rng.permutation(labels.ravel()).reshape(labels.shape)
+        return Lesson(user, seed, scenes.images[train_pool(seed)], paths, permuted)
+
+    lessons = [lesson(user, seed) for user in users for seed in cfg.protocol.seeds]
+    images, everywhere = tables.reshape(-1, *tables.shape[2:]), np.tile(z, (len(tables), 1, 1))
+    found = fit_and_ask(cfg, dict.fromkeys(cfg.refute.permuted, lessons), images, everywhere, "permuted labels")
+    shape = (len(users), len(cfg.protocol.seeds), *tables.shape[:2], -1)
+    return {variant: p.reshape(shape) for variant, p in found.items()}
 
 
 def _untrained(cfg: DictConfig, variant: str, users: list[str], tables: np.ndarray, z: np.ndarray) -> np.ndarray:
@@ -120,6 +147,8 @@ def _metrics(cfg: DictConfig, users: list[str], found: dict[str, dict[str, Effec
     pooled = {v: judge(by_refuter["placebo"].mean(1)) for v, by_refuter in found.items()}
     measured = read_effects(Path(cfg.paths.intervene), list(found), users)
     return {
+        "order": list(REFUTERS),
+        "said": {name: asdict(refuter) for name, refuter in REFUTERS.items()},
         "refuters": refuted,
         "tallies": tallies,
         "placebo": {v: dict(zip(users, cells, strict=True)) for v, cells in pooled.items()},

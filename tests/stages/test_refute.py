@@ -1,15 +1,20 @@
 """The refute stage asks the same models other questions, whose true answer is nothing."""
 
+from itertools import product
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from omegaconf import DictConfig
 
+from pipeline.artifacts.demos import DEMO_COLUMNS, DEMO_KEY, write_demos
 from pipeline.artifacts.files import read_arrays, read_json
 from pipeline.artifacts.models import model_dir, weights_path
+from pipeline.artifacts.scenes import read_scenes, train_pool, write_scenes
 from pipeline.params import InputError
 from pipeline.stages import intervene, refute
+from pipeline.table.bezier import random_z_theta
 from pipeline.table.layout import SYMBOLS
 from tests.stages.inputs import pictured_models
 
@@ -18,10 +23,27 @@ SCENES, VARIANTS = 5, ("full", "path")
 
 @pytest.fixture(scope="module")
 def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
-    settings = ["intervene.paths=40", "refute.scenes=4"]
-    cfg = pictured_models(tmp_path_factory.mktemp("refute"), VARIANTS, SCENES, *settings)
+    folder = tmp_path_factory.mktemp("refute")
+    settings = ["intervene.paths=40", "refute.scenes=4", "refute.permuted=[path]", f"paths.demos={folder / 'demos'}"]
+    cfg = pictured_models(folder, VARIANTS, SCENES, *settings)
     intervene.main(cfg, Path(cfg.paths.intervene))
+    _write_training(cfg)
     return cfg
+
+
+def _write_training(cfg: DictConfig) -> None:
+    """The test scenes as every seed's training scenes, and demonstrations in them."""
+    directory = Path(cfg.paths.scenes)
+    scenes = read_scenes(directory)
+    for part in (scenes.images, scenes.layouts, scenes.looks):
+        part |= {train_pool(seed): part["new_items"] for seed in cfg.seeds}
+    write_scenes(directory, scenes)
+    rows = list(product(cfg.seeds, sorted(cfg.users), range(SCENES), range(10)))
+    demos = pd.DataFrame(rows, columns=DEMO_KEY)
+    z = random_z_theta(np.random.default_rng(0), len(demos))
+    demos = demos.assign(z_x=z[:, 0], z_y=z[:, 1], valid=(demos["demo"] % 3 > 0) | (demos["user"] == "aggressive"))
+    demos = demos.reindex(columns=DEMO_COLUMNS, fill_value=0)
+    write_demos(Path(cfg.paths.demos), demos, np.zeros((0, 4)), np.zeros(len(demos) + 1))
 
 
 @pytest.fixture(scope="module")
@@ -33,6 +55,7 @@ def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_every_refuter_has_a_verdict_on_every_symbol_and_judged_user(cfg: DictConfig, out: Path):
     found = read_json(out / "metrics.json")
+    assert set(found["refuters"]["permuted"]) == {"path"}
     for name in ("untrained", "placebo", "far", "other_table"):
         for variant in VARIANTS:
             assert set(found["refuters"][name][variant]) == set(cfg.evaluate.users)
@@ -82,6 +105,7 @@ def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Pat
     [
         ("scenes", 1, "refute.scenes is 1: expected a whole number from 2"),
         ("far_m", 0.04, "refute.far_m is 0.04: expected more than the widest margin, 0.045 m"),
+        ("permuted", ["irl_ranked"], "refute.permuted names irl_ranked: expected some of full, path"),
         ("tables", "glass", "refute.tables is 'glass': expected one of train, unseen"),
     ],
 )

@@ -1,24 +1,25 @@
 """Whether attempts to refute the effects succeeded."""
 
-from pipeline.causal.refuters import EFFECT, MACHINERY, REFUTERS
 from pipeline.report.results import Results
 from pipeline.report.wording import counted, listed, percent, refuter_label, signed, variant_phrase
 
 
 def refutation(results: Results) -> list[str]:
-    """Two answers kept apart: is the machinery sound, and do the effects survive."""
-    return [_answer(results, MACHINERY), _answer(results, EFFECT), *_worst_placebo(results), _halves(results)]
+    """Answers kept apart: is the machinery sound, and does the effect survive; then placebos and halves."""
+    questions = dict.fromkeys(results.refutation["said"][name]["asks"] for name in results.refuters)
+    return [*(_answer(results, q) for q in questions), *_worst_placebo(results), _halves(results)]
 
 
 def _answer(results: Results, question: str) -> str:
     parts = []
-    for name in (n for n in results.refuters if REFUTERS[n].asks == question):
+    for name in (n for n in results.refuters if results.refutation["said"][n]["asks"] == question):
         tallies = results.refutation["tallies"][name]
         effects = {v: tallies[v] for v in results.variants if v in tallies and tallies[v]["effect"]}
         some = [f"{variant_phrase(v)} in {t['effect']} of {t['cells']}" for v, t in effects.items()]
         parts.append(f"{refuter_label(name).lower()}: {listed(some) if some else 'no variant'}")
-    start = "Is the machinery sound?" if question == MACHINERY else "Do the effects survive?"
-    return f"{start} Cells with an effect where in truth there is none, by refuter: {'; '.join(parts)}."
+    return (
+        f"{question.capitalize()}? Cells with an effect where in truth there is none, by refuter: {'; '.join(parts)}."
+    )
 
 
 def _worst_placebo(results: Results) -> list[str]:

@@ -45,7 +45,7 @@ class Drawn:
     values: list[float]
     added_to: UInt8[Array, "100 100 3"]
     added: UInt8[Array, "symbol 100 100 3"]
-    worlds: dict[str, UInt8[Array, "scene 100 100 3"]]  # training scenes of the confounded world and others
+    worlds: dict[str, UInt8[Array, "training 100 100 3"]]  # training scenes of the confounded world and others
     whole: UInt8[Array, "example 100 100 3"]  # scenes of the worked counterfactuals
     without: UInt8[Array, "example slot 100 100 3"]  # ... without each item
     placebos: UInt8[Array, "symbol 100 100 3"]

@@ -1,6 +1,5 @@
 """Attempts to refute: what each does and asks, and how often it found something."""
 
-from pipeline.causal.refuters import REFUTERS
 from pipeline.report.results import Results
 from pipeline.report.table import Cell, Table, table
 from pipeline.report.wording import NONE, counted, percent, refuter_label, variant_label
@@ -9,8 +8,14 @@ from pipeline.report.wording import NONE, counted, percent, refuter_label, varia
 def refuters(results: Results) -> Table:
     """What each refuter does, which question it serves, and how to read it."""
     rows: list[list[str | Cell]] = [
-        [refuter_label(name), f"{r.done.capitalize()}.", f"{r.asks.capitalize()}?", r.null, r.reading]
-        for name, r in ((name, REFUTERS[name]) for name in results.refuters)
+        [
+            refuter_label(name),
+            f"{r['done'].capitalize()}.",
+            f"{r['asks'].capitalize()}?",
+            r["null"],
+            r["reading"],
+        ]
+        for name, r in ((name, results.refutation["said"][name]) for name in results.refuters)
     ]
     caption = "What should have no effect, the question it serves, and how to read it."
     return table("refuters", caption, ["Refuter", "What is done", "Question", "Null hypothesis", "p"], rows, labels=1)

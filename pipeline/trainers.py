@@ -1,0 +1,74 @@
+"""Models fitted by stages that only want their answers: as their own stage fits them, to other demonstrations.
+
+VAEs are fitted by the stacked engine, whatever `train.engine` is.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from jaxtyping import Bool, Float, Float32, UInt8
+from numpy import ndarray as Array
+from omegaconf import DictConfig
+
+from pipeline.fitting import Fit, one_by_one
+from pipeline.parallel import map_jobs
+from pipeline.spec import clearance
+from pipeline.spec.losses import Weights
+from pipeline.spec.specification import Specification, untrained
+from pipeline.spec.stacked import LANES, fit_stack
+from pipeline.spec.training import Schedule, job_seed
+from pipeline.spec.vae import VaeSpecification
+
+FITTED = ("train", "path")  # the stages whose variants can be fitted here
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """What one model is fitted to: a user's demonstrations in a seed's scenes."""
+
+    user: str
+    seed: int
+    images: UInt8[Array, "scene 100 100 3"]
+    z_theta: Float[Array, "scene n 2"]  # [m]
+    valid: Bool[Array, "scene n"]
+
+
+def fit_and_ask(
+    cfg: DictConfig,
+    lessons: Mapping[str, Sequence[Lesson]],
+    images: UInt8[Array, "picture 100 100 3"],
+    z_theta: Float[Array, "picture path 2"],
+    desc: str,
+) -> dict[str, Float32[Array, "lesson picture path"]]:
+    """Fit every variant's models; P(valid) of every path [m] in its picture by each of them."""
+    at_once = {v: LANES if cfg.variants[v].stage == "train" else len(cfg.protocol.seeds) for v in lessons}
+    batches = [(v, of[i : i + at_once[v]]) for v, of in lessons.items() for i in range(0, len(of), at_once[v])]
+    answers = map_jobs(partial(_answer, cfg, images, z_theta), batches, cfg.workers, desc)
+    found = list(zip(batches, answers, strict=True))
+    return {v: np.concatenate([p for (variant, _), p in found if variant == v]) for v in lessons}
+
+
+def _answer(
+    cfg: DictConfig, images: Array, z_theta: Array, batch: tuple[str, Sequence[Lesson]]
+) -> Float32[Array, "lesson picture path"]:
+    """Fit one batch of models of a variant, each begun as its own stage begins it, and ask them."""
+    variant, lessons = batch
+    kind, fit = _trainer(cfg, variant)
+    seeds = [job_seed(lesson.seed, lesson.user, cfg.study_n, variant) for lesson in lessons]
+    models = [untrained(kind, cfg.variants[variant].model, seed) for seed in seeds]
+    taught = [(lesson.images, lesson.z_theta, lesson.valid) for lesson in lessons]
+    fit(models, *map(list, zip(*taught, strict=True)), seeds=seeds)
+    return np.stack([model.probability(images, z_theta) for model in models])
+
+
+def _trainer(cfg: DictConfig, variant: str) -> tuple[type[Specification], Fit]:
+    """What stage train or path fits of a variant, and how."""
+    v, t, p = cfg.variants[variant], cfg.train, cfg.path
+    if v.stage == "train":
+        weights = Weights(float(v.alpha), float(v.beta), float(v.gamma))
+        schedule = Schedule(t.steps, float(t.rate), float(t.weight_decay), t.curve_every)
+        return VaeSpecification, partial(fit_stack, weights=weights, schedule=schedule)
+    schedule = clearance.Schedule(p.steps, float(p.rate), float(p.weight_decay), p.curve_every, float(p.prior))
+    return clearance.ClearanceModel, partial(one_by_one, clearance.fit, schedule=schedule)
