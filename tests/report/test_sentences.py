@@ -184,3 +184,16 @@ def test_a_model_is_said_to_have_learned_the_cause_only_if_it_names_no_false_one
     found = copy.deepcopy(results.confounding)
     found["worlds"]["close"]["verdicts"]["path"] |= {"false_causes": 2, "right": 6}
     assert "the path model is led astray: 6 of 8" in confounding(replace(results, confounding=found))[-1]
+
+
+def test_the_summary_says_what_speaks_for_the_better_model_and_what_against_it(results: Results):
+    evaluation = copy.deepcopy(results.evaluation)
+    for cell in evaluation["accuracy"]["path"]["new_items"].values():
+        cell["mean"] = 0.96
+    better = replace(results, evaluation=evaluation)
+    said = summary(better)
+    assert any("within 1.0 mm in 5 of 5 cells" in s for s in said)
+    assert said[-1].endswith("under placebo patch (8 of 8 cells).")
+    found = copy.deepcopy(results.refutation)
+    found["tallies"]["placebo"]["path"] |= {"effect": 0}
+    assert not any(s.startswith("Against it") for s in summary(replace(better, refutation=found)))

@@ -16,6 +16,7 @@ from pipeline.report.wording import (
     listed,
     percent,
     percent_spread,
+    refuter_label,
     variant_does,
     variant_phrase,
 )
@@ -46,7 +47,7 @@ def summary(results: Results) -> list[str]:
         f"ignoring the image altogether gives {free_right(results)}.",
     ]
     if best != results.main:
-        out += _better(results, best)
+        out += [*_better(results, best), _trusted(results, best), *_doubted(results, best)]
     return out
 
 
@@ -84,6 +85,33 @@ def _better(results: Results, best: str) -> list[str]:
                 f"{percent(c['fooled'])} it calls an invalid end valid ({percent(ours['fooled'])})."
             )
     return out
+
+
+def _trusted(results: Results, best: str) -> str:
+    """What speaks for the best model's reasons, one by one."""
+    blame = results.counterfactual["counterfactual"][best]
+    right = [f"{percent(c['blame_right'])} ({u})" for u, c in blame.items() if c and c["blame_right"] is not None]
+    cells = [c for by in results.envelope["envelope"][best].values() for c in by.values() if c["truth_m"] is not None]
+    errors = [1000 * abs(c["error_m"]) for c in cells if c["error_m"] is not None]
+    reach = f"within {max(errors):.1f} mm" if errors else "nowhere"
+    gap = results.identification["largest_gap"][best]["all"]
+    return (
+        f"Of its reasons: where a single item forbids a path it blames the right one in {listed(right)}; the distances "
+        f"it asks for meet the true margins {reach} in {len(errors)} of {len(cells)} cells; and a few labelled paths "
+        f"tell it whose they are within {percent(gap)} of an observer who knows the rules."
+    )
+
+
+def _doubted(results: Results, best: str) -> list[str]:
+    """What speaks against it: refuters that found an effect."""
+    tallies = results.refutation["tallies"]
+    fooled = {name: tallies[name][best] for name in results.refuters if best in tallies[name]}
+    said = [
+        f"{refuter_label(n).lower()} ({t['effect']} of {t['cells']} cells)" for n, t in fooled.items() if t["effect"]
+    ]
+    if not said:
+        return []
+    return [f"Against it: it reacts where in truth there is nothing to react to, under {listed(said)}."]
 
 
 def world(results: Results) -> list[str]:
