@@ -30,11 +30,14 @@ def _refute(cfg: DictConfig, rng: np.random.Generator) -> None:
     folder, users = Path(cfg.paths.refute), list(cfg.evaluate.users)
     refuters: dict = {}
     for name, variant in product(REFUTERS, cfg.variants):
+        if name == "permuted" and variant not in cfg.refute.permuted:
+            continue
         effects = 0.01 * rng.standard_normal((len(users) * len(SYMBOLS), len(cfg.seeds), SCENES))
         cells = iter(judge(effects - 0.2 * (name == "placebo")))
         refuters.setdefault(name, {})[variant] = {user: {s: next(cells) for s in SYMBOLS} for user in users}
     tally = {"effect": 0, "no effect": 8, "inconclusive": 0, "cells": 8, "scenes": SCENES}
     tallies = {name: dict.fromkeys(cfg.variants, tally) for name in REFUTERS}
+    tallies["permuted"] = dict.fromkeys(cfg.refute.permuted, tally)
     tallies["placebo"] = dict.fromkeys(cfg.variants, tally | {"effect": 8, "no effect": 0})
     fooled = {user: refuters["placebo"]["full"][user]["bowl"] | {"verdict": "effect"} for user in users}
     half = {"same": 0.9, "least": 0.6, "spread": 0.01, "scenes": SCENES}

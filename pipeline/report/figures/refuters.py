@@ -31,9 +31,9 @@ def draw(
         ax.axvspan(-smallest, smallest, color=MUTED, alpha=0.15, lw=0)
         ax.axvline(0, color=MUTED, lw=0.6)
         for y, by_variant in enumerate(refuters.values()):
-            cells = [(i, by_variant[variant][u][s]) for i, u in enumerate(users) for s in SYMBOLS] * (
-                variant in by_variant
-            )
+            if variant not in by_variant:
+                continue
+            cells = [(i, by_variant[variant][u][s]) for i, u in enumerate(users) for s in SYMBOLS]
             for at, (user, c) in zip(y + np.linspace(-SPREAD / 2, SPREAD / 2, len(cells)), cells, strict=True):
                 face = colour(variant) if c["verdict"] == "effect" else PAPER
                 ax.plot([c["ci_low"], c["ci_high"]], [at, at], color=colour(variant), lw=0.8)
