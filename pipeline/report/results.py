@@ -52,6 +52,12 @@ class Results:
         return list(self.refutation["order"])
 
     @property
+    def rejecting(self) -> list[str]:
+        """Users of whom some variant rejects a path rightly, so that there is someone to blame."""
+        cells = self.counterfactual["counterfactual"].values()
+        return [u for u in self.users if any(by_user[u] is not None for by_user in cells)]
+
+    @property
     def best_blamer(self) -> str:
         """The variant that most often blames the right item for a rejected path, mean over users."""
         cells = self.counterfactual["counterfactual"]

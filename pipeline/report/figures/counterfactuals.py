@@ -28,6 +28,8 @@ def draw_blame(cells: Mapping[str, dict], variants: list[str], users: list[str],
     for ax, user in zip(axes, users, strict=False):
         for y, variant in enumerate(variants):
             c, shade = cells[variant][user], colour(variant)
+            if c is None:
+                continue
             for name, (_, style) in NULLS.items():
                 ax.plot([c[name]] * 2, [y - 0.4, y + 0.4], color=MUTED, lw=1.2, ls=style)
             if c["ci_low"] is not None:

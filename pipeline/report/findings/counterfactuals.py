@@ -7,19 +7,19 @@ from pipeline.report.wording import listed, percent, variant_phrase
 def counterfactuals(results: Results) -> list[str]:
     """Blame by model and user, beside its nulls; what the probabilities and the least moves are worth."""
     cells = results.counterfactual["counterfactual"]
-    users = [u for u in results.users if cells[results.main][u] is not None]
+    users = results.rejecting
     best = results.best_blamer
     out = [_blame(cells[best], best, users)]
     if best != results.main:
         out.append(_blame(cells[results.main], results.main, users))
-    empty = {v: [cells[v][u]["empty_rejected"] for u in users] for v in results.variants}
-    blind = [variant_phrase(v) for v, shares in empty.items() if all(s is not None and s > 0.5 for s in shares)]
+    empty = {v: [c["empty_rejected"] for u in users if (c := cells[v][u])] for v in results.variants}
+    blind = [variant_phrase(v) for v, shares in empty.items() if shares and min(shares) > 0.5]
     if blind:
         out.append(
             f"On an empty table {listed(blind)} would reject more than half of these paths as well: no item is the "
             "reason, so asking which one is to blame has no answer."
         )
-    moves = {u: cells[best][u]["least_move"] for u in users}
+    moves = {u: c["least_move"] for u in users if (c := cells[best][u])}
     said = [
         f"{100 * m['error_m']:.1f} cm for the {u} user (where it is {100 * m['true_m']:.1f} cm on average)"
         for u, m in moves.items()
@@ -37,7 +37,7 @@ def _blame(cells: dict, variant: str, users: list[str]) -> str:
     parts = []
     for user in users:
         c = cells[user]
-        if c["blame_right"] is None:
+        if c is None or c["blame_right"] is None:
             continue
         spread = "" if c["ci_low"] is None else f" [{100 * c['ci_low']:.1f}–{100 * c['ci_high']:.1f}]"
         parts.append(

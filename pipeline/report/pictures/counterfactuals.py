@@ -11,10 +11,10 @@ from pipeline.report.wording import listed, percent, variant_phrase
 def blame(results: Results) -> Picture:
     """How often the right item is blamed."""
     cells = results.counterfactual["counterfactual"]
-    users = [u for u in results.users if cells[results.main][u] is not None]
-    parts = [
-        f"{variant_phrase(v)} {listed([percent(cells[v][u]['blame_right']) for u in users])}" for v in results.variants
-    ]
+    users = results.rejecting
+    rows = {v: [cells[v][u] for u in users] for v in results.variants}
+    shares = {v: listed([percent(c and c["blame_right"]) for c in row]) for v, row in rows.items()}
+    parts = [f"{variant_phrase(v)} {said}" for v, said in shares.items()]
     alt = f"How often the right item is blamed, {listed(users)} user: {'; '.join(parts)}."
     caption = (
         "Of the paths that a model rejects, rightly, and that a single item forbids: how often the model's largest "
@@ -22,7 +22,7 @@ def blame(results: Results) -> Picture:
         "one of the symbol most often to blame, or the one nearest to the path; the nulls differ as each model "
         "rejects other paths."
     )
-    wide, narrow = (partial(counterfactuals.draw_blame, cells, results.variants, users, c) for c in (2, 1))
+    wide, narrow = (partial(counterfactuals.draw_blame, cells, results.variants, users, c) for c in (len(users), 1))
     return picture("blame", caption, alt, wide, narrow)
 
 

@@ -2,7 +2,7 @@
 
 from pipeline.report.results import Results
 from pipeline.report.table import Cell, Table, table
-from pipeline.report.wording import NONE, counted, percent, percent_spread, variant_label
+from pipeline.report.wording import NONE, counted, percent, percent_spread, signed, variant_label
 from pipeline.table.layout import SYMBOLS
 
 
@@ -21,7 +21,7 @@ def envelopes(results: Results) -> Table:
                 covered = NONE if c["covered"] is None else "yes" if c["covered"] else "no"
                 rows.append(
                     [
-                        variant_label(variant), user.capitalize(), symbol, f"{c['drop_at_contact']:.2f}",
+                        variant_label(variant), user.capitalize(), symbol, signed(c["drop_at_contact"], 2),
                         Cell(c["verdict"], c["verdict"] == "effect"), radius, _cm(c["truth_m"]), covered,
                     ]
                 )  # fmt: skip
