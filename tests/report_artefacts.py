@@ -177,7 +177,9 @@ def _intervene(cfg: DictConfig, rng: np.random.Generator, layouts: Layouts) -> N
         exchanges[variant] = {user: {other: next(pairs) for other in users if other != user} for user in users}
     tally = {"cells": 12, "right": 6, "false_causes": 0, "missed_causes": 6, "inconclusive": 0}
     metrics = {"interventions": effects, "specifications": exchanges, "verdicts": dict.fromkeys(cfg.variants, tally)}
-    write_json(folder / "metrics.json", metrics | {"scenes": SCENES, "paths": 16, "placements": 1, "seeds": 2})
+    graph = {"S": [], "O": [], "Z_theta": [], "I": ["O"], "Z_I": ["I"], "V": ["S", "Z_I", "Z_theta"]}
+    size = {"scenes": SCENES, "paths": 16, "placements": 1, "seeds": 2, "scm": graph}
+    write_json(folder / "metrics.json", metrics | size)
     said = {"effect": 0.9, "no effect": 0.0, "inconclusive": 0.1}
     regime = {"by_seed": 0.01, "by_scene": 0.1, "rest": 0.1, "skewed": False, "family_wise_error": 0.04}
     regime |= {"false_causes": 0.01, "coverage": 0.95, "power": {"0.05": dict.fromkeys(said, 1 / 3), "0.1": said}}

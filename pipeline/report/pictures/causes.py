@@ -3,6 +3,7 @@
 from functools import partial
 
 from pipeline.report.figures import (
+    graph,
     interventions,
     power,
 )
@@ -11,6 +12,18 @@ from pipeline.report.results import Results
 from pipeline.report.tables.causes import TWICE
 from pipeline.report.wording import listed, percent, variant_phrase
 from pipeline.table.layout import SYMBOLS
+
+
+def causal_graph(results: Results) -> Picture:
+    """The graph that the questions are asked of."""
+    parents = results.intervention["scm"]
+    arrows = [f"{cause} to {node}" for node in parents for cause in parents[node]]
+    caption = (
+        "The causal graph that every question is asked of: large circles are its variables, small ones their noises. "
+        "Adding an item acts on O, exchanging the user on S; which path is asked about is drawn, not caused."
+    )
+    draw = partial(graph.draw, parents)
+    return picture("graph", caption, f"Causal graph with arrows {listed(arrows)}.", draw)
 
 
 def effects(results: Results, drawn: Drawn) -> Picture:
