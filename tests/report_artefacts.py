@@ -24,6 +24,7 @@ SMALL = [
     "report.panel_side=8",
 ]  # fmt: skip
 NULLS = ("null_nearest", "null_position")
+FINE = {"detectable": 0.04, "scenes": 300}  # how finely an effect is known
 RULES = LayoutRules((2, 3), (0.05, 0.35, 0.40, 0.20), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)
 ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.09, 0.0]), np.array([0.06, 0.07, 0.013, 0.045]))
 
@@ -185,5 +186,7 @@ def _intervene(cfg: DictConfig, rng: np.random.Generator, layouts: Layouts) -> N
     regime |= {"false_causes": 0.01, "coverage": 0.95, "power": {"0.05": dict.fromkeys(said, 1 / 3), "0.1": said}}
     size = {"families": 20, "cells": 12, "seeds": len(cfg.seeds), "scenes": SCENES, "level": 0.05}
     size |= {"measured": ["full", "path"]}
+    known = {user: dict.fromkeys(SYMBOLS, FINE) for user in users}
+    size |= {"precision": {v: {"cells": known, "seed_by_seed": {"right": 20, "of": 24}} for v in cfg.variants}}
     regimes = {name: regime for name in ("full", "path", "both alike")}
     write_json(Path(cfg.paths.selftest) / "metrics.json", size | {"regimes": regimes})

@@ -9,17 +9,20 @@ from numpy import ndarray as Array
 
 from pipeline.artifacts.files import read_table
 
-COLUMNS = ["variant", "seed", "user", "scene", "symbol", "effect"]
+COLUMNS = ["variant", "seed", "user", "scene", "symbol", "effect", "true_effect"]
 
 
 def read_effects(
-    directory: Path, variants: Sequence[str], users: Sequence[str]
+    directory: Path, variants: Sequence[str], users: Sequence[str], column: str = "effect"
 ) -> dict[str, Float[Array, "cell seed scene"]]:
-    """Each variant's effects of every user and symbol (cells in alphabetical order), placements averaged."""
+    """Each variant's effects of every user and symbol (cells in alphabetical order), placements averaged.
+
+    column: `effect`, or `true_effect`, which no seed changes.
+    """
     table = read_table(directory / "effects.parquet", COLUMNS)
     seeds, out = table["seed"].nunique(), {}
     for variant in variants:
         rows = table[(table["variant"] == variant) & table["user"].isin(list(users))]
-        wide = rows.pivot_table(index=["user", "symbol"], columns=["seed", "scene"], values="effect")
+        wide = rows.pivot_table(index=["user", "symbol"], columns=["seed", "scene"], values=column)
         out[variant] = np.asarray(wide).reshape(len(wide), seeds, -1)
     return out

@@ -197,3 +197,13 @@ def test_the_summary_says_what_speaks_for_the_better_model_and_what_against_it(r
     found = copy.deepcopy(results.refutation)
     found["tallies"]["placebo"]["path"] |= {"effect": 0}
     assert not any(s.startswith("Against it") for s in summary(replace(better, refutation=found)))
+
+
+def test_an_inconclusive_cell_is_told_with_what_would_settle_it(results: Results):
+    assert not any(s.startswith("Left open") for s in interventions(results))
+    found = copy.deepcopy(results.intervention)
+    found["interventions"]["path"]["normal"]["glass"] |= {"verdict": "inconclusive", "effect": -0.06}
+    said = interventions(replace(results, intervention=found))
+    assert any(
+        s.startswith("Left open: normal and glass by the path model (−0.060;") and "300 scenes" in s for s in said
+    )

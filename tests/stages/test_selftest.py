@@ -12,6 +12,7 @@ from omegaconf import DictConfig, OmegaConf
 from pipeline.artifacts.files import write_table
 from pipeline.params import compose
 from pipeline.stages.selftest import main
+from pipeline.table.layout import SYMBOLS
 
 BY_SCENE = 0.1
 
@@ -21,10 +22,11 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     """Effects of every variant that differ by scene alone."""
     cfg = compose(["profile=smoke", "workers=1", f"paths.intervene={tmp_path_factory.mktemp('intervene')}"])
     OmegaConf.set_struct(cfg, False)
-    keys = product(cfg.variants, cfg.seeds, cfg.users, ("bowl", "glass"), range(200), [0, 1])
+    keys = product(cfg.variants, cfg.seeds, cfg.users, SYMBOLS, range(200), [0, 1])
     rows = pd.DataFrame(list(keys), columns=["variant", "seed", "user", "symbol", "scene", "placement"])
     by_scene = np.random.default_rng(0).normal(0, BY_SCENE, 200)
-    rows = rows.assign(effect=by_scene[rows["scene"]] + np.where(rows["placement"] == 0, 0.01, -0.01))
+    effect = by_scene[rows["scene"]] + np.where(rows["placement"] == 0, 0.01, -0.01)
+    rows = rows.assign(effect=effect, true_effect=0.0)
     write_table(Path(cfg.paths.intervene) / "effects.parquet", rows.sample(frac=1, random_state=0))
     return cfg
 
@@ -39,6 +41,16 @@ def test_the_regime_of_a_variant_is_that_of_its_effects(cfg: DictConfig, tmp_pat
     assert path["by_scene"] == pytest.approx(BY_SCENE, rel=0.15)
     assert path["by_seed"] == pytest.approx(0, abs=1e-9) and path["rest"] == pytest.approx(0, abs=1e-9)
     assert set(path["power"]) == {str(effect) for effect in cfg.selftest.effects}
+
+
+def test_what_could_be_detected_and_what_single_seeds_say_stands_for_every_variant(cfg: DictConfig, tmp_path: Path):
+    main(cfg, tmp_path)
+    found = json.loads((tmp_path / "metrics.json").read_text())["precision"]
+    assert set(found) == set(cfg.variants)
+    assert found["path"]["seed_by_seed"]["of"] == len(cfg.users) * len(SYMBOLS) * len(cfg.seeds)
+    cell = found["path"]["cells"]["careful"]["glass"]
+    assert cell["detectable"] == pytest.approx(0.1 / 200**0.5 * 3.7, rel=0.25)  # of Student's t, 12 cells, power .8
+    assert all(5 < c["scenes"] < 50 for by_symbol in found["path"]["cells"].values() for c in by_symbol.values())
 
 
 def test_a_second_run_and_more_workers_write_the_same_bytes(cfg: DictConfig, tmp_path: Path):

@@ -11,6 +11,7 @@ from pipeline.report.wording import (
     counted,
     listed,
     percent,
+    signed,
     variant_phrase,
 )
 from pipeline.table.layout import SYMBOLS
@@ -35,6 +36,7 @@ def interventions(results: Results) -> list[str]:
     right = {v: results.intervention["verdicts"][v]["right"] for v in results.variants}
     best = [v for v in results.variants if right[v] == max(right.values())]
     out += [_tally(results, variant, true) for variant in dict.fromkeys([results.main, *best])]
+    out += _left_open(results)
     free = [u for u in results.users if results.demos.loc[results.demos["user"] == u, "valid"].all()]
     silent = [u for u in free if all(c["verdict"] == "no effect" for v in cells.values() for c in v[u].values())]
     if silent:
@@ -45,6 +47,21 @@ def interventions(results: Results) -> list[str]:
             f"there proves nothing."
         )
     return out
+
+
+def _left_open(results: Results) -> list[str]:
+    """What it would take to settle the inconclusive cells."""
+    parts = []
+    for variant in results.variants:
+        for user, by_symbol in results.intervention["interventions"][variant].items():
+            for symbol in (s for s in SYMBOLS if by_symbol[s]["verdict"] == "inconclusive"):
+                cell = results.selftest["precision"][variant]["cells"][user][symbol]
+                need = "more seeds, not scenes," if cell["scenes"] is None else f"some {cell['scenes']:,} scenes"
+                parts.append(
+                    f"{user} and {symbol} by {variant_phrase(variant)} ({signed(by_symbol[symbol]['effect'])}; found "
+                    f"would have been {cell['detectable']:.3f}; {need} would settle it)"
+                )
+    return [f"Left open: {'; '.join(parts)}."] if parts else []
 
 
 def _tally(results: Results, variant: str, true: list[tuple[str, str]]) -> str:

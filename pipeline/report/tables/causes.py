@@ -4,6 +4,7 @@ from pipeline.report import paper
 from pipeline.report.results import Results
 from pipeline.report.table import Cell, Table, table
 from pipeline.report.wording import (
+    NONE,
     counted,
     p_value,
     percent,
@@ -53,21 +54,24 @@ def verdicts(results: Results) -> Table:
     true = sum(c["truth_verdict"] == "effect" for by in cells[results.main].values() for c in by.values())
     far = [abs(c["truth"]) for by in cells[results.main].values() for c in by.values()]
     rows: list[list[str | Cell]] = [
-        ["Null: image ignored", str(total - true), "0", str(true), "0", f"{sum(far) / total:.3f}"]
+        ["Null: image ignored", str(total - true), "0", str(true), "0", f"{sum(far) / total:.3f}", NONE]
     ]
     for variant in results.variants:
         t = results.intervention["verdicts"][variant]
         far = [abs(c["effect"] - c["truth"]) for by in cells[variant].values() for c in by.values()]
         counts = [str(t[k]) for k in ("right", "false_causes", "missed_causes", "inconclusive")]
-        rows.append([variant_label(variant), *counts, f"{sum(far) / total:.3f}"])
+        alone = results.selftest["precision"][variant]["seed_by_seed"]
+        single = f"{alone['right']} of {alone['of']}"
+        rows.append([variant_label(variant), *counts, f"{sum(far) / total:.3f}", single])
     caption = (
         f"Verdicts on the {total} cells, {true} of them true effects, over {counted(len(results.seeds), 'seed')}. "
         f"False cause: an "
         "effect that is not there or has the other sign. Missed: “no effect” where there is one. Distance: mean "
         "absolute "
-        "difference between a cell's effect and the true one."
+        "difference between a cell's effect and the true one. Single seeds: verdicts that are right if each seed is "
+        "asked alone."
     )
-    header = ["Variant", "Right", "False causes", "Missed causes", "Inconclusive", "Distance"]
+    header = ["Variant", "Right", "False causes", "Missed causes", "Inconclusive", "Distance", "Single seeds"]
     return table("verdicts", caption, header, rows)
 
 

@@ -1,0 +1,55 @@
+"""What could be detected is detected as often as promised, and as many scenes as are asked for settle a verdict."""
+
+import numpy as np
+
+from pipeline.causal.precision import POWER, detectable, scenes_to_settle, seed_by_seed
+from pipeline.causal.statistics import estimate, holm, verdict
+
+
+def chances(rng: np.random.Generator, cells: int, scenes: int, by_scene: float, by_seed: float = 0.0) -> np.ndarray:
+    """Effects of nothing but chance, (cell, 10 seeds, scene)."""
+    return (
+        rng.normal(0, by_seed, (cells, 10, 1)) + rng.normal(0, by_scene, (cells, 1, scenes))
+        + rng.normal(0, 0.05, (cells, 10, scenes))
+    )  # fmt: skip
+
+
+def test_an_effect_as_large_as_the_detectable_one_is_found_as_often_as_promised():
+    rng = np.random.default_rng(0)
+    found = []
+    for _ in range(400):
+        effects = chances(rng, 12, 40, 0.2)
+        effects[0] += detectable(chances(rng, 12, 40, 0.2)).mean()
+        found.append(holm(estimate(effects).p)[0] < 0.05)
+    assert abs(np.mean(found) - POWER) < 0.07
+
+
+def test_a_verdict_is_settled_by_more_scenes_than_are_asked_for_and_left_open_by_fewer():
+    rng = np.random.default_rng(1)
+
+    def centred(mean: float, scenes: int) -> np.ndarray:
+        effects = chances(rng, 4, scenes, 0.25)
+        return effects + mean - effects.mean((1, 2), keepdims=True)
+
+    def settled(mean: float, scenes: int) -> float:
+        found = [estimate(centred(mean, scenes)) for _ in range(40)]
+        said = [verdict(e.effect[0], holm(e.p)[0], e.ci90_low[0], e.ci90_high[0]) for e in found]
+        return float(np.mean([s != "inconclusive" for s in said]))
+
+    for mean in (0.0, 0.03, 0.09):
+        needed = scenes_to_settle(centred(mean, 300))[0]
+        assert needed is not None
+        assert settled(mean, round(1.5 * needed)) > 0.9
+        assert settled(mean, round(0.6 * needed)) < 0.1
+
+
+def test_more_scenes_do_not_settle_what_the_seeds_leave_open():
+    effects = chances(np.random.default_rng(2), 3, 50, 0.0, by_seed=0.3)
+    effects += 0.04 - effects.mean((1, 2), keepdims=True)
+    assert scenes_to_settle(effects) == [None] * 3
+
+
+def test_clear_effects_are_right_in_every_seed_and_of_the_wrong_sign_in_none():
+    effects = chances(np.random.default_rng(3), 2, 60, 0.02) + np.array([-0.3, 0.0])[:, None, None]
+    assert seed_by_seed(effects, np.array([-0.3, 0.0])) == 20
+    assert seed_by_seed(effects, np.array([0.3, 0.0])) == 10
