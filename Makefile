@@ -10,7 +10,7 @@ READY := $(VENV)/.ready
 RUN ?=
 WORST ?=
 
-.PHONY: help venv repro test test-browser test-latex smoke bench review readme lint lock deps data clean
+.PHONY: help venv repro test test-browser test-latex check-dowhy smoke bench review readme lint lock deps data clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -41,6 +41,11 @@ test-browser: $(READY)  ## the report in headless Chromium: keyboard, accessibil
 test-latex: $(READY)  ## the report's LaTeX tables, compiled
 	@command -v pdflatex > /dev/null || { echo "error: pdflatex is missing: apt-get install texlive-latex-recommended" >&2; exit 1; }
 	python -m pytest tests/latex
+
+check-dowhy:  ## interventions and counterfactuals by dowhy.gcm, in an environment of its own
+	test -x .venv-dowhy/bin/python || $(PYTHON) -m venv .venv-dowhy
+	.venv-dowhy/bin/python -m pip install --quiet --disable-pip-version-check -r tests/dowhy/requirements.txt
+	PYTHONPATH=. .venv-dowhy/bin/python tests/dowhy/check.py
 
 smoke: $(READY)  ## the whole real graph, tiny, in a throwaway clone
 	bash tests/smoke.sh
