@@ -130,6 +130,7 @@ def said(what: str, ours: float, theirs: float, limit: float) -> bool:
 if __name__ == "__main__":
     warnings.simplefilter("ignore")
     gcm.config.disable_progress_bars()
+    gcm.util.general.set_random_seed(0)
     generator = np.random.default_rng(0)
     if not all([interventions(generator), counterfactuals(generator)]):
         sys.exit("error: the libraries differ; the lines above say where")
