@@ -7,7 +7,7 @@ from pipeline.report.pictures.picture import Drawn, Picture, picture
 from pipeline.report.results import Results
 from pipeline.report.wording import counted, listed, percent, variant_phrase
 
-SHOWN = 5  # scenes of each world
+SHOWN = 3  # scenes of each world
 
 
 def confounded_worlds(drawn: Drawn) -> Picture:
