@@ -86,8 +86,7 @@ def intervention_detail(results: Results) -> Table:
                     [
                         variant_label(variant), user.capitalize(), symbol, signed(c["effect"]),
                         f"[{signed(c['ci_low'])}, {signed(c['ci_high'])}]", p_value(c["p_holm"]).removeprefix("p = "),
-                        Cell(c["verdict"], c["verdict"] == "effect"), signed(c["truth"]),
-                        Cell(c["truth_verdict"], c["truth_verdict"] == "effect"), "yes" if c["right"] else "no",
+                        Cell(c["verdict"], c["verdict"] == "effect"), signed(c["truth"]), "yes" if c["right"] else "no",
                     ]
                 )  # fmt: skip
     caption = (
@@ -96,7 +95,7 @@ def intervention_detail(results: Results) -> Table:
         "on the same scenes and paths. Right: the verdict, and the sign of an effect, are the true ones."
     )
     header = ["Variant", "User", "Symbol", "Effect", "95 % interval", "p", "Verdict"]
-    return table("intervention_detail", caption, [*header, "Truth", "True verdict", "Right"], rows, labels=3)
+    return table("intervention_detail", caption, [*header, "Truth", "Right"], rows, labels=3)
 
 
 def specifications(results: Results) -> Table:
