@@ -6,6 +6,7 @@ from pipeline.report.table import Cell, Table, table
 from pipeline.report.wording import (
     NONE,
     counted,
+    listed,
     p_value,
     percent,
     signed,
@@ -78,10 +79,12 @@ def verdicts(results: Results) -> Table:
 def intervention_detail(results: Results) -> Table:
     """Every cell's effect with its interval, p-value and verdict, beside the true effect."""
     rows: list[list[str | Cell]] = []
+    found = results.intervention["interventions"]
+    still = [u for u in results.users if all(c["effect"] == 0 for by in found.values() for c in by[u].values())]
     for variant in results.variants:
-        for user in results.users:
+        for user in (u for u in results.users if u not in still):
             for symbol in SYMBOLS:
-                c = results.intervention["interventions"][variant][user][symbol]
+                c = found[variant][user][symbol]
                 rows.append(
                     [
                         variant_label(variant), user.capitalize(), symbol, signed(c["effect"]),
@@ -94,6 +97,8 @@ def intervention_detail(results: Results) -> Table:
         f"p after Holm over the {len(results.users) * len(SYMBOLS)} cells of a variant, verdict, and the true effect "
         "on the same scenes and paths. Right: the verdict, and the sign of an effect, are the true ones."
     )
+    if still:
+        caption += f" Left out: {listed(still)}, where every effect is exactly 0 for every variant."
     header = ["Variant", "User", "Symbol", "Effect", "95 % interval", "p", "Verdict"]
     return table("intervention_detail", caption, [*header, "Truth", "Right"], rows, labels=3)
 
