@@ -111,7 +111,7 @@ def _doubted(results: Results, best: str) -> list[str]:
     ]
     if not said:
         return []
-    return [f"Against it: it reacts where in truth there is nothing to react to, under {listed(said)}."]
+    return [f"Against it: it shows effects where it should show none, under {listed(said)}."]
 
 
 def world(results: Results) -> list[str]:

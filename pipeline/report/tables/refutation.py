@@ -33,7 +33,7 @@ def refuted(results: Results) -> Table:
         half = found["halves"][variant]
         rows.append([variant_label(variant), *shown, f"{percent(half['same'])} ({percent(half['least'], 0)})"])
     caption = (
-        "Verdicts “effect” under each refuter, where in truth there is none, a cell being a user and a symbol "
+        "Verdicts “effect” under each refuter, where there should be none, a cell being a user and a symbol "
         f"({counted(found['seeds'], 'seed')}, the first {counted(_scenes(results), 'scene')}). Last: how often a "
         "random half of the scenes leads to the verdict of all of them, on average over the cells (and in the cell "
         "where it does least often)."
