@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
 from pipeline.artifacts.demos import DEMO_COLUMNS, write_demos
 from pipeline.artifacts.files import read_arrays, read_json, write_arrays, write_table
@@ -17,6 +17,7 @@ from pipeline.table.items import read_catalogue
 from pipeline.table.layout import SYMBOLS, LayoutRules, Layouts, add_item, random_layouts
 from pipeline.table.render import Palette, render_scenes
 from pipeline.table.rules import valid
+from tests.stages.facts import refuses, repeats_itself
 
 TRAINING, SCENES, PATHS = 4, 3, 8
 SMALL = ["profile=smoke", "workers=1", "scenes.per_seed=4", "train.steps=2", "path.steps=2", "confound.examples=2"]
@@ -114,12 +115,8 @@ def test_examples_differ_between_the_worlds_only_in_what_stands_on_the_table(cfg
 
 
 def test_a_second_run_by_two_processes_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
-    more = cfg.copy()
-    more.workers = 2
-    confound.main(more, tmp_path)
     assert sorted(p.name for p in out.iterdir()) == ["examples.npz", "metrics.json"]
-    for path in out.iterdir():
-        assert (tmp_path / path.name).read_bytes() == path.read_bytes(), path.name
+    repeats_itself(confound.main, cfg, out, tmp_path, workers=2)
 
 
 @pytest.mark.parametrize(
@@ -138,12 +135,7 @@ def test_a_second_run_by_two_processes_writes_the_same_bytes(cfg: DictConfig, ou
     ],
 )
 def test_settings_out_of_range_are_refused_before_any_work(cfg: DictConfig, tmp_path: Path, name, value, message):
-    changed = cfg.copy()
-    OmegaConf.set_struct(changed, False)
-    OmegaConf.update(changed, f"confound.{name}", value, merge=False)
-    with pytest.raises(InputError, match=message):
-        confound.main(changed, tmp_path)
-    assert not list(tmp_path.iterdir())
+    refuses(confound.main, cfg, f"confound.{name}", value, message, tmp_path / "out")
 
 
 def test_tables_of_other_scenes_are_refused(cfg: DictConfig, tmp_path: Path):

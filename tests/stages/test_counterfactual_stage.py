@@ -8,9 +8,9 @@ import pytest
 from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.files import read_arrays, read_json, read_table
-from pipeline.artifacts.models import model_dir, save_model, weights_path
+from pipeline.artifacts.models import model_dir, save_model
 from pipeline.artifacts.scenes import SceneSet, read_scenes, write_scenes
-from pipeline.params import InputError, compose
+from pipeline.params import compose
 from pipeline.spec.registry import build
 from pipeline.stages import counterfactual
 from pipeline.table.bezier import random_z_theta
@@ -18,6 +18,7 @@ from pipeline.table.items import read_catalogue
 from pipeline.table.layout import SYMBOLS, LayoutRules, random_layouts
 from pipeline.table.render import REACH_M, SIDE, Palette, render_scenes
 from pipeline.table.rules import valid
+from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
 
 SCENES, PATHS, GENERATOR = 6, 24, 5
 VARIANTS = ("full", "path")
@@ -125,12 +126,8 @@ def test_a_move_ends_where_the_path_becomes_valid(cfg: DictConfig, out: Path):
 
 
 def test_a_second_run_with_more_workers_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
-    more = cfg.copy()
-    more.workers = 2
-    counterfactual.main(more, tmp_path)
     assert sorted(p.name for p in out.iterdir()) == sorted(KEPT)
-    for name in KEPT:
-        assert (tmp_path / name).read_bytes() == (out / name).read_bytes(), name
+    repeats_itself(counterfactual.main, cfg, out, tmp_path, workers=2)
 
 
 def test_scenes_without_room_to_move_an_item_leave_no_moves(cfg: DictConfig, tmp_path: Path):
@@ -143,14 +140,7 @@ def test_scenes_without_room_to_move_an_item_leave_no_moves(cfg: DictConfig, tmp
 
 
 def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
-    path = weights_path(model_dir(cfg, "path"), "careful", 1, cfg.study_n)
-    hidden = path.rename(path.with_suffix(".away"))
-    try:
-        with pytest.raises(InputError, match=r"careful-s1-n9\.safetensors is missing"):
-            counterfactual.main(cfg, tmp_path)
-    finally:
-        hidden.rename(path)
-    assert not list(tmp_path.iterdir())
+    names_a_missing_model(counterfactual.main, cfg, "path", tmp_path / "out")
 
 
 @pytest.mark.parametrize(
@@ -163,7 +153,4 @@ def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Pat
     ],
 )
 def test_parameters_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name, value, message):
-    changed = cfg.copy()
-    changed.counterfactual[name] = value
-    with pytest.raises(InputError, match=message):
-        counterfactual.main(changed, tmp_path)
+    refuses(counterfactual.main, cfg, f"counterfactual.{name}", value, message, tmp_path / "out")

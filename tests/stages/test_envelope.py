@@ -13,13 +13,14 @@ from pipeline.artifacts.files import read_json
 from pipeline.artifacts.models import model_dir, save_model
 from pipeline.artifacts.scenes import SceneSet, write_scenes
 from pipeline.artifacts.trained import load_model
-from pipeline.params import InputError, compose
+from pipeline.params import compose
 from pipeline.spec.registry import build
 from pipeline.stages import envelope, intervene
 from pipeline.table.items import read_catalogue
 from pipeline.table.layout import SYMBOLS, LayoutRules, random_layouts
 from pipeline.table.render import Palette, render_scenes
 from pipeline.table.rules import clearance
+from tests.stages.facts import refuses, repeats_itself
 
 SCENES = 10
 VARIANTS = ("full", "path")
@@ -134,10 +135,8 @@ def test_the_specification_can_be_read_and_says_what_was_found(cfg: DictConfig, 
 
 
 def test_a_second_run_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
-    envelope.main(cfg, tmp_path)
     assert sorted(p.name for p in out.iterdir()) == ["metrics.json", "specification.yaml"]
-    for path in out.iterdir():
-        assert (tmp_path / path.name).read_bytes() == path.read_bytes(), path.name
+    repeats_itself(envelope.main, cfg, out, tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -153,8 +152,4 @@ def test_a_second_run_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path
     ],
 )
 def test_settings_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name: str, value, message: str):
-    changed = cfg.copy()
-    changed.envelope[name] = value
-    with pytest.raises(InputError, match=message):
-        envelope.main(changed, tmp_path)
-    assert not list(tmp_path.iterdir())
+    refuses(envelope.main, cfg, f"envelope.{name}", value, message, tmp_path / "out")

@@ -8,9 +8,8 @@ import pytest
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_json, read_table, write_arrays
-from pipeline.artifacts.models import model_dir, weights_path
-from pipeline.params import InputError
 from pipeline.stages.identify import main
+from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
 from tests.stages.inputs import SCENES, untrained_models
 
 PATHS = 6
@@ -93,23 +92,12 @@ def test_the_stranger_changes_nothing_for_the_known_users(cfg: DictConfig, out: 
 
 
 def test_a_second_run_and_more_workers_write_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
-    more = cfg.copy()
-    more.workers = 2
-    main(more, tmp_path)
     assert sorted(p.name for p in out.iterdir()) == KEPT
-    for name in KEPT:
-        assert (tmp_path / name).read_bytes() == (out / name).read_bytes(), name
+    repeats_itself(main, cfg, out, tmp_path, workers=2)
 
 
 def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
-    path = weights_path(model_dir(cfg, "irl_ranked"), "careful", 1, cfg.study_n)
-    hidden = path.rename(path.with_suffix(".away"))
-    try:
-        with pytest.raises(InputError, match=r"careful-s1-n9\.safetensors is missing"):
-            main(cfg, tmp_path)
-    finally:
-        hidden.rename(path)
-    assert not list(tmp_path.iterdir())
+    names_a_missing_model(main, cfg, "irl_ranked", tmp_path / "out")
 
 
 @pytest.mark.parametrize(
@@ -125,7 +113,4 @@ def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Pat
     ],
 )
 def test_settings_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name: str, value, message: str):
-    changed = cfg.copy()
-    changed.identify[name] = value
-    with pytest.raises(InputError, match=message):
-        main(changed, tmp_path)
+    refuses(main, cfg, f"identify.{name}", value, message, tmp_path / "out")

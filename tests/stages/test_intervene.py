@@ -8,13 +8,12 @@ import torch
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_arrays, read_json, read_table
-from pipeline.artifacts.models import model_dir, weights_path
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.artifacts.trained import load_model
-from pipeline.params import InputError
 from pipeline.stages import intervene
 from pipeline.table.items import read_catalogue
 from pipeline.table.layout import SYMBOLS
+from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
 from tests.stages.inputs import pictured_models
 
 SCENES, PATHS, PLACEMENTS = 4, 6, 2
@@ -103,21 +102,12 @@ def test_the_metrics_sum_the_rows_up(cfg: DictConfig, out: Path):
 
 
 def test_a_second_run_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
-    intervene.main(cfg, tmp_path)
     assert sorted(p.name for p in out.iterdir()) == sorted(KEPT)
-    for name in KEPT:
-        assert (tmp_path / name).read_bytes() == (out / name).read_bytes(), name
+    repeats_itself(intervene.main, cfg, out, tmp_path)
 
 
 def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
-    path = weights_path(model_dir(cfg, "irl_ranked"), "careful", 1, cfg.study_n)
-    hidden = path.rename(path.with_suffix(".away"))
-    try:
-        with pytest.raises(InputError, match=r"careful-s1-n9\.safetensors is missing"):
-            intervene.main(cfg, tmp_path)
-    finally:
-        hidden.rename(path)
-    assert not list(tmp_path.iterdir())
+    names_a_missing_model(intervene.main, cfg, "irl_ranked", tmp_path / "out")
 
 
 @pytest.mark.parametrize(
@@ -125,7 +115,4 @@ def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Pat
     [("paths", 0, "intervene.paths is 0"), ("split", "seen_scenes", "expected a split that all seeds share")],
 )
 def test_parameters_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name, value, message):
-    changed = cfg.copy()
-    changed.intervene[name] = value
-    with pytest.raises(InputError, match=message):
-        intervene.main(changed, tmp_path)
+    refuses(intervene.main, cfg, f"intervene.{name}", value, message, tmp_path / "out")

@@ -10,12 +10,11 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.demos import DEMO_COLUMNS, DEMO_KEY, write_demos
 from pipeline.artifacts.files import read_arrays, read_json
-from pipeline.artifacts.models import model_dir, weights_path
 from pipeline.artifacts.scenes import read_scenes, train_pool, write_scenes
-from pipeline.params import InputError
 from pipeline.stages import intervene, refute
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.layout import SYMBOLS
+from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
 from tests.stages.inputs import pictured_models
 
 SCENES, VARIANTS = 5, ("full", "path")
@@ -82,22 +81,11 @@ def test_a_placebo_is_pictured_for_every_symbol_and_scene(out: Path):
 
 
 def test_a_second_run_on_two_workers_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
-    again = cfg.copy()
-    again.workers = 2
-    refute.main(again, tmp_path)
-    for path in out.iterdir():
-        assert path.read_bytes() == (tmp_path / path.name).read_bytes(), path.name
+    repeats_itself(refute.main, cfg, out, tmp_path, workers=2)
 
 
 def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
-    path = weights_path(model_dir(cfg, "path"), "careful", 1, cfg.study_n)
-    hidden = path.rename(path.with_suffix(".away"))
-    try:
-        with pytest.raises(InputError, match=r"careful-s1-n9\.safetensors is missing"):
-            refute.main(cfg, tmp_path)
-    finally:
-        hidden.rename(path)
-    assert not list(tmp_path.iterdir())
+    names_a_missing_model(refute.main, cfg, "path", tmp_path / "out")
 
 
 @pytest.mark.parametrize(
@@ -110,8 +98,4 @@ def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Pat
     ],
 )
 def test_settings_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name: str, value, message: str):
-    changed = cfg.copy()
-    changed.refute[name] = value
-    with pytest.raises(InputError, match=message):
-        refute.main(changed, tmp_path / "out")
-    assert not (tmp_path / "out").exists()
+    refuses(refute.main, cfg, f"refute.{name}", value, message, tmp_path / "out")

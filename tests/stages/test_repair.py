@@ -5,12 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_arrays, read_table
-from pipeline.artifacts.models import model_dir, weights_path
-from pipeline.params import InputError
 from pipeline.stages.repair import main
+from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
 from tests.stages.inputs import untrained_models
 
 
@@ -82,18 +81,11 @@ def test_a_user_whom_everything_suits_has_nothing_to_repair(out: Path):
 
 
 def test_the_same_inputs_give_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
-    main(cfg, tmp_path)
-    for path in out.iterdir():
-        assert path.read_bytes() == (tmp_path / path.name).read_bytes()
+    repeats_itself(main, cfg, out, tmp_path)
 
 
 def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
-    cfg = cfg.copy()
-    OmegaConf.update(cfg, "study_n", 1)
-    name = weights_path(model_dir(cfg, "full"), "careful", 0, 1).name
-    with pytest.raises(InputError, match=f"{name} is missing: run stage train"):
-        main(cfg, tmp_path / "out")
-    assert not (tmp_path / "out").exists()
+    names_a_missing_model(main, cfg, "full", tmp_path / "out")
 
 
 @pytest.mark.parametrize(
@@ -107,7 +99,4 @@ def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Pat
     ],
 )
 def test_settings_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name: str, value, message: str):
-    cfg = cfg.copy()
-    OmegaConf.update(cfg, name, value)
-    with pytest.raises(ValueError, match=message):
-        main(cfg, tmp_path / "out")
+    refuses(main, cfg, name, value, message, tmp_path / "out")

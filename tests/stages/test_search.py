@@ -6,15 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_table
-from pipeline.artifacts.models import model_dir, weights_path
-from pipeline.params import InputError
 from pipeline.stages.search import main, told
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.layout import random_layouts
 from pipeline.table.rules import clearance, slack
+from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
 from tests.stages.inputs import ITEMS, RULES, untrained_models
 
 
@@ -74,9 +73,7 @@ def test_correct_fooled_and_abstained_share_out_all_starts(out: Path):
 
 
 def test_the_same_inputs_give_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
-    main(cfg, tmp_path)
-    for path in out.iterdir():
-        assert path.read_bytes() == (tmp_path / path.name).read_bytes()
+    repeats_itself(main, cfg, out, tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -89,16 +86,8 @@ def test_the_same_inputs_give_the_same_bytes(cfg: DictConfig, out: Path, tmp_pat
     ],
 )
 def test_settings_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name: str, value, message: str):
-    cfg = cfg.copy()
-    OmegaConf.update(cfg, name, value, merge=False)
-    with pytest.raises(ValueError, match=message):
-        main(cfg, tmp_path / "out")
-    assert not (tmp_path / "out").exists()
+    refuses(main, cfg, name, value, message, tmp_path / "out")
 
 
 def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
-    cfg = cfg.copy()
-    OmegaConf.update(cfg, "study_n", 1)
-    name = weights_path(model_dir(cfg, "full"), "careful", 0, 1).name
-    with pytest.raises(InputError, match=f"{name} is missing: run stage train"):
-        main(cfg, tmp_path / "out")
+    names_a_missing_model(main, cfg, "full", tmp_path / "out")

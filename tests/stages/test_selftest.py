@@ -13,6 +13,7 @@ from pipeline.artifacts.files import write_table
 from pipeline.params import compose
 from pipeline.stages.selftest import main
 from pipeline.table.layout import SYMBOLS
+from tests.stages.facts import refuses
 
 BY_SCENE = 0.1
 
@@ -69,7 +70,4 @@ def test_a_second_run_and_more_workers_write_the_same_bytes(cfg: DictConfig, tmp
     ],
 )
 def test_settings_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name: str, value, message: str):
-    cfg = cfg.copy()
-    OmegaConf.update(cfg, name, value)
-    with pytest.raises(ValueError, match=message):
-        main(cfg, tmp_path / "out")
+    refuses(main, cfg, name, value, message, tmp_path / "out")

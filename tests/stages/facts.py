@@ -1,0 +1,44 @@
+"""What is true of every stage: it refuses bad settings before any work, names what is missing, repeats itself."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from omegaconf import DictConfig, OmegaConf
+
+from pipeline.artifacts.models import model_dir, weights_path
+from pipeline.params import InputError
+
+Stage = Callable[[DictConfig, Path], None]
+
+
+def refuses(main: Stage, cfg: DictConfig, name: str, value: object, message: str, out: Path) -> None:
+    """With the parameter `name` set to `value`, the stage says `message` and leaves no `out`."""
+    changed = cfg.copy()
+    OmegaConf.set_struct(changed, False)
+    OmegaConf.update(changed, name, value, merge=False)
+    with pytest.raises(ValueError, match=message):
+        main(changed, out)
+    assert not out.exists()
+
+
+def names_a_missing_model(main: Stage, cfg: DictConfig, variant: str, out: Path) -> None:
+    """Without one model's weights, the stage names their file and leaves no `out`."""
+    path = weights_path(model_dir(cfg, variant), "careful", cfg.protocol.seeds[-1], cfg.study_n)
+    hidden = path.rename(path.with_suffix(".away"))
+    try:
+        with pytest.raises(InputError, match=f"{path.name} is missing: run stage"):
+            main(cfg, out)
+    finally:
+        hidden.rename(path)
+    assert not out.exists()
+
+
+def repeats_itself(main: Stage, cfg: DictConfig, before: Path, again: Path, workers: int = 1) -> None:
+    """Run anew, with that many workers, the stage writes into `again` what it wrote `before`, to the byte."""
+    more = cfg.copy()
+    more.workers = workers
+    main(more, again)
+    assert sorted(p.name for p in again.iterdir()) == sorted(p.name for p in before.iterdir())
+    for path in before.iterdir():
+        assert path.read_bytes() == (again / path.name).read_bytes(), path.name
