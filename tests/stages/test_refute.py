@@ -10,8 +10,10 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.demos import DEMO_COLUMNS, DEMO_KEY, write_demos
 from pipeline.artifacts.files import read_arrays, read_json
+from pipeline.artifacts.models import model_dir, save_model
 from pipeline.artifacts.scenes import read_scenes, train_pool, write_scenes
-from pipeline.spec.registry import build
+from pipeline.spec.clearance import ClearanceModel
+from pipeline.spec.specification import untrained
 from pipeline.stages import intervene, refute
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.layout import SYMBOLS
@@ -29,7 +31,8 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     intervene.main(cfg, Path(cfg.paths.intervene))
     _write_training(cfg)
     for user, seed in product(cfg.users, cfg.seeds):
-        model = build(cfg.variants.path, seed)
+        model = untrained(ClearanceModel, cfg.variants.path.model, seed)
+        assert isinstance(model, ClearanceModel)
         model.evidence.fill_(20.0)  # it is convinced that things matter
         save_model(model_dir(cfg, "path"), model, user, seed, cfg.study_n)
     return cfg
@@ -79,7 +82,7 @@ def test_an_untrained_path_model_shows_no_effect_a_convinced_one_of_a_placebo_to
     }
     assert effect["placebo"] < -0.02
     assert abs(effect["untrained"]) < 1e-3
-    assert abs(effect["far"]) < 0.5 * abs(effect["untrained"])
+    assert abs(effect["far"]) < 0.5 * abs(effect["placebo"])
 
 
 def test_a_placebo_is_pictured_for_every_symbol_and_scene(out: Path):
