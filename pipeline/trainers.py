@@ -6,6 +6,7 @@ VAEs are fitted by the stacked engine, whatever `train.engine` is.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import groupby
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt8
@@ -14,14 +15,16 @@ from omegaconf import DictConfig
 
 from pipeline.fitting import Fit, one_by_one
 from pipeline.parallel import map_jobs
-from pipeline.spec import clearance
+from pipeline.spec import clearance, irl
+from pipeline.spec.jitter import Jitter
 from pipeline.spec.losses import Weights
+from pipeline.spec.reward import RewardMap
 from pipeline.spec.specification import Specification, untrained
 from pipeline.spec.stacked import LANES, fit_stack
 from pipeline.spec.training import Schedule, job_seed
 from pipeline.spec.vae import VaeSpecification
 
-FITTED = ("train", "path")  # the stages whose variants can be fitted here
+FITTED = ("train", "irl", "path")  # the stages whose variants can be fitted here
 
 
 @dataclass(frozen=True)
@@ -42,12 +45,22 @@ def fit_and_ask(
     z_theta: Float[Array, "picture path 2"],
     desc: str,
 ) -> dict[str, Float32[Array, "lesson picture path"]]:
-    """Fit every variant's models; P(valid) of every path [m] in its picture by each of them."""
+    """Fit every variant's models; P(valid) of every path [m] in its picture by each of them.
+
+    Models fitted together have as many scenes, so lessons of the same size belong side by side; and for IRL those of
+    the same pictures, whose looks are drawn once.
+    """
     at_once = {v: LANES if cfg.variants[v].stage == "train" else len(cfg.protocol.seeds) for v in lessons}
-    batches = [(v, of[i : i + at_once[v]]) for v, of in lessons.items() for i in range(0, len(of), at_once[v])]
+    batches = [(v, batch) for v, of in lessons.items() for batch in _batches(of, at_once[v])]
     answers = map_jobs(partial(_answer, cfg, images, z_theta), batches, cfg.workers, desc)
     found = list(zip(batches, answers, strict=True))
     return {v: np.concatenate([p for (variant, _), p in found if variant == v]) for v in lessons}
+
+
+def _batches(lessons: Sequence[Lesson], at_once: int) -> list[Sequence[Lesson]]:
+    """Lessons in their order, at most `at_once` together, all of as many scenes."""
+    sizes = [list(of) for _, of in groupby(lessons, lambda lesson: len(lesson.images))]
+    return [of[i : i + at_once] for of in sizes for i in range(0, len(of), at_once)]
 
 
 def _answer(
@@ -64,11 +77,18 @@ def _answer(
 
 
 def _trainer(cfg: DictConfig, variant: str) -> tuple[type[Specification], Fit]:
-    """What stage train or path fits of a variant, and how."""
-    v, t, p = cfg.variants[variant], cfg.train, cfg.path
+    """What a variant's own stage (train, irl or path) fits, and how."""
+    v, t, i, p = cfg.variants[variant], cfg.train, cfg.irl, cfg.path
     if v.stage == "train":
         weights = Weights(float(v.alpha), float(v.beta), float(v.gamma))
         schedule = Schedule(t.steps, float(t.rate), float(t.weight_decay), t.curve_every)
         return VaeSpecification, partial(fit_stack, weights=weights, schedule=schedule)
+    if v.stage == "irl":
+        jitter = Jitter(**{name: float(value) for name, value in i.jitter.items()})
+        schedule = irl.Schedule(
+            v.steps, float(i.rate), float(i.weight_decay), i.curve_every, i.scenes_per_step, i.copies,
+            float(i.sparsity), i.across, jitter,
+        )  # fmt: skip
+        return RewardMap, partial(one_by_one, irl.fit, objective=v.objective, schedule=schedule)
     schedule = clearance.Schedule(p.steps, float(p.rate), float(p.weight_decay), p.curve_every, float(p.prior))
     return clearance.ClearanceModel, partial(one_by_one, clearance.fit, schedule=schedule)

@@ -17,12 +17,34 @@ SCENES = 4
 
 
 def write_answers(cfg: DictConfig, rng: np.random.Generator) -> None:
-    """Write what stages refute, confound, counterfactual, envelope and identify would."""
+    """Write what stages efficiency, refute, confound, counterfactual, envelope and identify would."""
+    _efficiency(cfg)
     _refute(cfg, rng)
     _confound(cfg, rng)
     _counterfactual(cfg, rng)
     _envelope(cfg)
     _identify(cfg)
+
+
+def _efficiency(cfg: DictConfig) -> None:
+    """The path model reaches the threshold with all scenes and at the largest n, no other does."""
+    folder, own, n = Path(cfg.paths.efficiency), cfg.scenes.per_seed, cfg.study_n
+    sets = {v: [(s, n) for s in cfg.efficiency.scenes if v in cfg.efficiency.variants] for v in cfg.variants}
+    rows = [
+        (v, s, k, s * k, 0.8 + 0.001 * s + 0.015 * k * (v == "path"))
+        for v in (*cfg.variants, "null_position")
+        for s, k in sorted({*sets.get(v, []), *((own, k) for k in cfg.n)})
+    ]
+    curve = pd.DataFrame(rows, columns=["variant", "scenes", "n", "demonstrations", "mean"])
+    write_table(folder / "curve.csv", curve.assign(q1=curve["mean"] - 0.01, q3=curve["mean"] + 0.01))
+    cells = {
+        v: {f"s{s}": {"mean": mean, "q1": mean, "q3": mean} for of, s, k, _, mean in rows if of == v and k == n}
+        for v in cfg.variants
+    }
+    reaches = {v: {"scenes": own if v == "path" else None, "n": n if v == "path" else None} for v in cfg.variants}
+    metrics = {"accuracy": cells, "null": cells["ae"][f"s{own}"], "reaches": reaches, "threshold": 0.95}
+    metrics |= {"split": cfg.efficiency.split, "users": list(cfg.evaluate.users), "seeds": len(cfg.seeds)}
+    write_json(folder / "metrics.json", metrics)
 
 
 def _refute(cfg: DictConfig, rng: np.random.Generator) -> None:

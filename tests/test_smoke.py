@@ -50,6 +50,7 @@ def test_one_recording_a_variant_user_and_seed(clone: Path):
         ("irl", ["variant=irl_ranked"]),
         ("path", ["variant=path"]),
         ("evaluate", []),
+        ("efficiency", []),
         ("repair", []),
         ("search", []),
         ("intervene", []),

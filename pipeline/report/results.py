@@ -27,6 +27,9 @@ class Results:
     comparisons: pd.DataFrame
     calibration: pd.DataFrame
     evaluation: dict
+    per_seed: int  # training scenes
+    efficiency: dict  # accuracy against training scenes, and where a threshold is reached
+    efficiency_curve: pd.DataFrame  # by variant, scenes and n
     repairs: pd.DataFrame
     repair: dict  # variant -> user -> numbers
     search: dict  # variant, or "truth" -> user with something invalid -> method -> numbers
@@ -45,6 +48,15 @@ class Results:
     def main(self) -> str:
         """The paper's own model."""
         return self.variants[0]
+
+    @property
+    def refitted(self) -> list[str]:
+        """The variants that were fitted to several numbers of scenes."""
+        return [v for v in self.variants if len(self.sizes(v)) > 1]
+
+    def sizes(self, variant: str) -> list[int]:
+        """The numbers of training scenes a variant was fitted to, at study_n."""
+        return sorted(int(name.removeprefix("s")) for name in self.efficiency["accuracy"][variant])
 
     @property
     def refuters(self) -> list[str]:
@@ -135,6 +147,7 @@ def _check_answers(results: Results) -> None:
     if not results.confounding.get("interventions"):
         raise _missing("what stage confound says of any variant", "confound")
     answers = {
+        "efficiency": results.efficiency.get("accuracy", {}),
         "refute": results.refutation.get("placebo", {}),
         "counterfactual": results.counterfactual.get("counterfactual", {}),
         "envelope": results.envelope.get("envelope", {}),

@@ -20,8 +20,8 @@ from pipeline.params import InputError
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.fit import fit
 from pipeline.table.layout import Layouts
-from pipeline.table.recordings import Hand, check, join, polylines, simulate
-from pipeline.table.rules import Margins, point_clearance, slack, valid
+from pipeline.table.recordings import Hand, check, join, keeps, simulate
+from pipeline.table.rules import Margins, valid
 
 Key = tuple[int, str, int, int]  # seed, user, scene, demo
 
@@ -60,9 +60,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 def _record(cfg: DictConfig, layouts: dict[str, Layouts]) -> Recorded:
     """Simulated recordings, or the real ones of `demos.recorded` where it has them; each is checked."""
-    low, high = cfg.demos.hand.tremor_hz
-    numbers = {name: float(v) for name, v in cfg.demos.hand.items() if name != "tremor_hz"}
-    hand = Hand(**numbers, tremor_hz=(float(low), float(high)))
+    hand = Hand.of(cfg.demos.hand)
     keys = [
         (seed, user, scene, demo)
         for seed in sorted([*cfg.seeds, *cfg.validation_seeds])
@@ -102,13 +100,11 @@ def _real(path: str | None, keys: set[Key]) -> dict[Key, Array]:
 def _judge(cfg: DictConfig, layouts: dict[str, Layouts], recorded: Recorded) -> Array:
     """Whether each recorded line keeps the user's margins (recording,)."""
     out = np.zeros(len(recorded.keys), dtype=bool)
-    for (seed, user), rows, shape in _sets(recorded.keys, layouts):
+    for (seed, user), rows, _ in _sets(recorded.keys, layouts):
         first, last = recorded.offsets[rows[0]], recorded.offsets[rows[-1] + 1]
         offsets = recorded.offsets[rows[0] : rows[-1] + 2] - first
-        lines = polylines(recorded.samples[first:last], offsets)
-        scenes = layouts[train_pool(seed)]
-        room = slack(scenes, point_clearance(scenes, lines.reshape(*shape, -1, 2)), _margins(cfg, user))
-        out[rows] = (room > 0).ravel()
+        kept = keeps(layouts[train_pool(seed)], recorded.samples[first:last], offsets, _margins(cfg, user))
+        out[rows] = kept.ravel()
     return out
 
 

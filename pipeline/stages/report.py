@@ -107,6 +107,9 @@ def read_results(cfg: DictConfig) -> Results:
         comparisons=read_table(evaluate / "comparisons.csv"),
         calibration=read_table(evaluate / "calibration.parquet"),
         evaluation=read_json(evaluate / "metrics.json"),
+        per_seed=cfg.scenes.per_seed,
+        efficiency=read_json(Path(cfg.paths.efficiency) / "metrics.json"),
+        efficiency_curve=read_table(Path(cfg.paths.efficiency) / "curve.csv"),
         repairs=read_table(repair / "repairs.parquet"),
         repair=read_json(repair / "metrics.json"),
         search=read_json(Path(cfg.paths.search) / "metrics.json"),
@@ -128,6 +131,7 @@ def _metrics(results: Results) -> dict:
     return {
         "world": results.world,
         **{name: results.evaluation[name] for name in ("accuracy", "accuracy_all_users", "calibration")},
+        "efficiency": {name: results.efficiency[name] for name in ("accuracy", "reaches", "threshold")},
         "repair": results.repair,
         "search": results.search,
         **{name: results.intervention[name] for name in ("interventions", "specifications", "verdicts")},

@@ -4,14 +4,17 @@ A recording is an array (sample, 4) of t [s], x, y, z [m]; z is the height, whic
 (Section "Dataset" of the paper: kinesthetic demonstrations in the plane above the table).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
 
 from pipeline.table.bezier import P_F, P_INIT, curve
+from pipeline.table.layout import Layouts
+from pipeline.table.rules import Margins, point_clearance, slack
 
 FINE = 513  # points that stand for the intended path when its arc length is measured
 
@@ -37,6 +40,13 @@ class Hand:
             _need(getattr(self, name) >= 0, name, getattr(self, name), "0 or more")
         low, high = self.tremor_hz
         _need(0 < low <= high < self.rate_hz / 2, "tremor_hz", [low, high], "low <= high, below half of rate_hz")
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> "Hand":
+        """The hand from `demos.hand` of conf/."""
+        low, high = values["tremor_hz"]
+        numbers = {name: float(value) for name, value in values.items() if name != "tremor_hz"}
+        return cls(**numbers, tremor_hz=(float(low), float(high)))
 
 
 def simulate(rng: np.random.Generator, z_theta: Float[Array, "2"], hand: Hand) -> Float[Array, "sample 4"]:
@@ -135,6 +145,15 @@ def polylines(
     share = (place - low)[..., None]
     at = offsets[:-1, None] + low
     return samples[at, 1:3] * (1 - share) + samples[at + 1, 1:3] * share
+
+
+def keeps(
+    layouts: Layouts, samples: Float[Array, "total 4"], offsets: Int[Array, "bound"], margins: Margins
+) -> Bool[Array, "scene demo"]:
+    """Whether each recorded line keeps a user's margins [m]: as many recordings in every scene, scene by scene."""
+    lines = polylines(samples, offsets)
+    lines = lines.reshape(len(layouts), -1, *lines.shape[1:])  # (scene, demo, point, 2)
+    return slack(layouts, point_clearance(layouts, lines), margins) > 0
 
 
 def _need(holds: bool, name: str, got: object, expected: str) -> None:

@@ -10,6 +10,7 @@ from pipeline.report.findings.accuracy import accuracy
 from pipeline.report.findings.causes import interventions, selftest
 from pipeline.report.findings.confounding import confounding
 from pipeline.report.findings.counterfactuals import counterfactuals
+from pipeline.report.findings.efficiency import efficiency
 from pipeline.report.findings.refutation import refutation
 from pipeline.report.findings.repair import repair, searches
 from pipeline.report.findings.summary import summary
@@ -207,3 +208,25 @@ def test_an_inconclusive_cell_is_told_with_what_would_settle_it(results: Results
     assert any(
         s.startswith("Left open: normal and glass by the path model (−0.060;") and "300 scenes" in s for s in said
     )
+
+
+def test_who_reaches_the_threshold_is_said_with_how_much_and_who_does_not_as_well(results: Results):
+    in_scenes, in_n, *_ = efficiency(results)
+    assert "by the path model with 20 training scenes, each with 9 demonstrations; not by the full model" in in_scenes
+    assert in_n.startswith("With 20 training scenes, those that get there are: the path model (with 9 demonstrations")
+    assert "; not the full model" in in_n
+    nobody = copy.deepcopy(results.efficiency)
+    nobody["reaches"] = {v: {"scenes": None, "n": None} for v in results.variants}
+    in_scenes, in_n, *_ = efficiency(replace(results, efficiency=nobody))
+    assert "by none of the full model, ranking IRL and the path model with up to 22 training scenes" in in_scenes
+    assert "no model gets there by up to 9 demonstrations" in in_n
+
+
+def test_labels_spread_wide_are_held_against_about_as_many_heaped(results: Results):
+    assert not any("labels" in text for text in efficiency(results))  # 5 scenes of 9 against 20 of 1: no match
+    curve = results.efficiency_curve.replace({"scenes": {5: 3}, "demonstrations": {45: 27}})
+    curve.loc[curve["n"] == 1, ["n", "demonstrations"]] = [2, 40]
+    assert not any("labels" in text for text in efficiency(replace(results, efficiency_curve=curve)))
+    curve.loc[curve["n"] == 2, ["n", "demonstrations"]] = [1, 25]
+    (*_, spent) = efficiency(replace(results, efficiency_curve=curve))
+    assert "20 scenes with 1 demonstration each (25 labels) against 3 scenes with 9 demonstrations each" in spent

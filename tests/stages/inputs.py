@@ -18,6 +18,10 @@ from pipeline.table.render import Palette, render_scenes
 ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.075, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
 RULES = LayoutRules((2, 3), (0.05, 0.35, 0.40, 0.20), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)
 SCENES = 3
+SMALL_WORLD = [  # stages scenes and demos, in seconds
+    "profile=smoke", "workers=1", "scenes.shared=3", "scenes.validation=1", "scenes.calibration=5",
+    "scenes.calibration_paths=4", "scenes.prior_side=4", "demos.queries_seen=2",
+]  # fmt: skip
 
 
 def untrained_models(folder: Path, seeds: list[int], *overrides: str) -> DictConfig:

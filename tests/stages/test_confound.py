@@ -129,7 +129,7 @@ def test_a_second_run_by_two_processes_writes_the_same_bytes(cfg: DictConfig, ou
         ("glasses", 3, "confound.glasses is 3: expected a whole number from 1 to 2"),
         ("near_m", 0, "confound.near_m is 0"),
         ("users", ["carefull"], "expected some of careful, normal, aggressive"),
-        ("variants", {"irl_ranked": ["confounded"]}, "expected some of full, ae, classifier, path"),
+        ("variants", {"fulll": ["confounded"]}, "expected some of full, ae, classifier, irl_maxent, irl_ranked, path"),
         ("variants.path", ["control"], "expected confounded and others of"),
         ("examples", 0, "confound.examples is 0"),
     ],

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from pipeline.table.bezier import P_F, P_INIT, curve, random_z_theta
-from pipeline.table.recordings import Hand, check, join, polylines, simulate
+from pipeline.table.layout import SYMBOLS, Layouts
+from pipeline.table.recordings import Hand, check, join, keeps, polylines, simulate
 
 HAND = Hand(50.0, 0.002, 0.35, 0.2, 0.0007, (8.0, 12.0), 0.002, 0.1, 0.01)
 STEADY = Hand(50.0, 0.0, 0.35, 0.0, 0.0, (8.0, 12.0), 0.0, 0.1, 0.0)
@@ -115,3 +116,19 @@ def test_polylines_pass_through_every_sample_and_end_with_the_last():
     for line, r in zip(lines, made, strict=True):
         np.testing.assert_allclose(line[: 4 * len(r) : 4][: len(r)], r[:, 1:3], atol=1e-12)
         np.testing.assert_allclose(line[4 * len(r) - 3 :], np.broadcast_to(r[-1, 1:3], line[4 * len(r) - 3 :].shape))
+
+
+def test_a_line_keeps_a_user_s_margins_if_it_passes_far_enough_from_what_the_user_cares_about():
+    made = [simulate(np.random.default_rng(0), np.array(z), STEADY) for z in ([0.5, 0.5], [-0.2, 1.2])]
+    zero = np.zeros((2, 1))
+    glass = np.full((2, 1), SYMBOLS.index("glass"))
+    tables = Layouts(glass, glass, np.full((2, 1, 2), 0.5), zero, zero + 1, zero, zero + 0.05)  # one in the middle
+    nothing: dict[str, float | None] = dict.fromkeys(SYMBOLS)
+    samples, offsets = join([*made, *made])  # straight through and far around, in both scenes
+    np.testing.assert_array_equal(keeps(tables, samples, offsets, nothing | {"glass": 0.04}), [[False, True]] * 2)
+    assert keeps(tables, samples, offsets, nothing).all()
+
+
+def test_a_hand_is_read_from_its_settings():
+    settings = {**vars(HAND), "tremor_hz": [8, 12], "rate_hz": 50}
+    assert Hand.of(settings) == HAND

@@ -19,7 +19,7 @@ def all_pictures(results: Results, summary, drawn: Drawn) -> dict[str, Picture]:
     """Every figure of the page by name; `summary` is accuracy against n (variant, split, n, mean, q1, q3)."""
     pictures = [
         setting.calibrated_world(results), setting.demonstrations(results, drawn),
-        knowledge.accuracy_by_n(results, summary),
+        knowledge.accuracy_by_n(results, summary), knowledge.efficiency_curves(results),
         *(knowledge.belief_map(results, drawn, user) for user in results.users),
         *(repairs.repairs_of(results, drawn, variant) for variant in drawn.repairs),
         causes.causal_graph(results), causes.effects(results, drawn),

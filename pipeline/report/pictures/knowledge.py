@@ -5,12 +5,13 @@ from functools import partial
 from pipeline.report.claims import SEEN, UNSEEN
 from pipeline.report.figures import (
     accuracy,
+    efficiency,
     maps,
     reliability,
 )
 from pipeline.report.pictures.picture import Drawn, Picture, picture
 from pipeline.report.results import NULLS, Results
-from pipeline.report.wording import counted, listed, percent, variant_phrase
+from pipeline.report.wording import counted, listed, percent, split_phrase, variant_phrase
 
 
 def accuracy_by_n(results: Results, summary) -> Picture:
@@ -37,6 +38,23 @@ def accuracy_by_n(results: Results, summary) -> Picture:
     kept = summary[summary["variant"].isin([*results.variants, *NULLS])]
     wide, narrow = (partial(accuracy.draw, kept, list(results.splits), c) for c in (3, 1))
     return picture("accuracy", caption, alt, wide, narrow)
+
+
+def efficiency_curves(results: Results) -> Picture:
+    e, variants = results.efficiency, results.refitted
+    parts = []
+    for variant in variants:
+        cells = [f"{percent(e['accuracy'][variant][f's{size}']['mean'])} at {size}" for size in results.sizes(variant)]
+        parts.append(f"{variant_phrase(variant)} {listed(cells)}")
+    alt = f"Accuracy against the number of training scenes at n = {results.study_n}: {'; '.join(parts)}."
+    caption = (
+        f"Above: accuracy against training scenes with {counted(results.study_n, 'demonstration')} each, on "
+        f"{split_phrase(e['split'])}. Below: against all labelled demonstrations, more of them by more scenes (solid) "
+        f"or by more in each of {results.per_seed} (broken). Means over {counted(e['seeds'], 'seed')}, bands between "
+        f"the quartiles, users {listed(e['users'])}. The thin line is {percent(e['threshold'], 0)}."
+    )
+    numbers = (results.efficiency_curve, variants, results.per_seed, results.study_n, e["null"]["mean"], e["threshold"])
+    return picture("efficiency", caption, alt, partial(efficiency.draw, *numbers))
 
 
 def belief_map(results: Results, drawn: Drawn, user: str) -> Picture:

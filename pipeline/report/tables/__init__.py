@@ -9,7 +9,7 @@ def all_tables(results: Results) -> list[Table]:
     """Every table, in the order of the report."""
     makers = [
         summary.models, summary.world,
-        accuracy.accuracy, accuracy.comparisons, accuracy.by_user, accuracy.calibration,
+        accuracy.accuracy, accuracy.efficiency, accuracy.comparisons, accuracy.by_user, accuracy.calibration,
         repair.backprop, repair.repair_detail, repair.searches,
         causes.interventions, causes.verdicts, causes.intervention_detail, causes.specifications,
         refutation.refuters, refutation.refuted,

@@ -32,6 +32,29 @@ def accuracy(results: Results) -> Table:
     return table("accuracy", caption, ["Variant", "Judged on", *(f"n = {n}" for n in results.ns)], rows, labels=2)
 
 
+def efficiency(results: Results) -> Table:
+    """Accuracy against training scenes, and the least scenes and n at which the threshold is reached."""
+    e = results.efficiency
+    sizes = sorted({size for variant in results.variants for size in results.sizes(variant)})
+    rows: list[list[str | Cell]] = []
+    for variant in results.variants:
+        shown = [percent_spread(e["accuracy"][variant].get(f"s{size}", {})) for size in sizes]
+        least = [e["reaches"][variant][name] for name in ("scenes", "n")]
+        scenes, n = ("never" if x is None else str(x) for x in least)
+        rows.append([variant_label(variant), *shown, scenes if variant in results.refitted else NONE, n])
+    null = [percent_spread(e["null"]) if size == results.per_seed else NONE for size in sizes]
+    rows.append([variant_label("null_position"), *null, NONE, NONE])
+    threshold = percent(e["threshold"], 0)
+    caption = (
+        f"Accuracy by training scenes, {counted(results.study_n, 'demonstration')} each, on {split_label(e['split'])}, "
+        f"users {listed(e['users'])}: mean [quartiles] over {counted(e['seeds'], 'seed')}; and the fewest scenes (at "
+        f"n = {results.study_n}) and the smallest n (in {results.per_seed} scenes) of those tried whose mean is "
+        f"{threshold} or more. {NONE}: not asked."
+    )
+    header = ["Variant", *(counted(size, "scene") for size in sizes), f"{threshold} with scenes", f"{threshold} with n"]
+    return table("efficiency", caption, header, rows)
+
+
 def by_user(results: Results) -> Table:
     """Accuracy and AUROC at study_n per user, so that no user hides behind the mean."""
     rows: list[list[str | Cell]] = []

@@ -1,0 +1,49 @@
+"""Models fitted for their answers alone are the ones their own stage would fit."""
+
+import numpy as np
+import pytest
+from omegaconf import DictConfig
+
+from pipeline.params import compose
+from pipeline.spec.irl import fit
+from pipeline.spec.reward import RewardMap
+from pipeline.spec.specification import untrained
+from pipeline.spec.training import job_seed
+from pipeline.stages.irl import schedule
+from pipeline.trainers import Lesson, fit_and_ask
+
+FEW = ["train.steps=2", "path.steps=2", "variants.irl_maxent.steps=3", "variants.irl_ranked.steps=3"]
+RNG = np.random.default_rng(0)
+IMAGES, Z = RNG.integers(0, 255, (2, 100, 100, 3), dtype=np.uint8), RNG.uniform(0, 1, (2, 5, 2))
+
+
+@pytest.fixture(scope="module")
+def cfg() -> DictConfig:
+    return compose(["profile=smoke", "workers=1", *FEW])
+
+
+def lesson(scenes: int, seed: int = 0) -> Lesson:
+    rng = np.random.default_rng([scenes, seed])
+    images, valid = rng.integers(0, 255, (scenes, 100, 100, 3), dtype=np.uint8), rng.random((scenes, 3)) < 0.5
+    valid[0] = [True, False, True]
+    return Lesson("careful", seed, images, rng.uniform(0, 1, (scenes, 3, 2)), valid)
+
+
+@pytest.mark.parametrize("variant", ["irl_maxent", "irl_ranked"])
+def test_irl_is_fitted_as_stage_irl_fits_it(cfg: DictConfig, variant: str):
+    v, taught = cfg.variants[variant], lesson(3)
+    seed = job_seed(0, "careful", cfg.study_n, variant)
+    answers = fit_and_ask(cfg, {variant: [taught]}, IMAGES, Z, "test")  # from here on by one torch thread
+    model = untrained(RewardMap, v.model, seed)
+    fit(model, taught.images, taught.z_theta, taught.valid, v.objective, schedule(cfg, v.steps), seed)  # pyright: ignore
+    np.testing.assert_array_equal(answers[variant][0], model.probability(IMAGES, Z))
+
+
+def test_lessons_of_several_sizes_are_answered_in_their_order(cfg: DictConfig):
+    lessons = [lesson(3), lesson(3, seed=1), lesson(2), lesson(2, seed=1)]
+    variants = ("classifier", "irl_ranked", "path")
+    together = fit_and_ask(cfg, dict.fromkeys(variants, lessons), IMAGES, Z, "test")
+    for i, one in enumerate(lessons):
+        alone = fit_and_ask(cfg, {variant: [one] for variant in variants}, IMAGES, Z, "test")
+        for variant in variants:
+            np.testing.assert_array_equal(together[variant][i], alone[variant][0], err_msg=variant)
