@@ -34,6 +34,7 @@ class Results:
     intervention: dict
     refutation: dict  # questions whose true answer is "nothing"
     confounding: dict  # association against intervention where a common cause acts
+    robustness: dict  # accuracy where pictures, tables or labels are worse than in training
     counterfactual: dict  # which item is to blame for a rejected path
     envelope: dict  # how far from each symbol validity flips
     identification: dict  # which user labelled a few paths
@@ -136,6 +137,7 @@ def _check_answers(results: Results) -> None:
         raise _missing("what stage confound says of any variant", "confound")
     answers = {
         "refute": results.refutation.get("placebo", {}),
+        "robustness": results.robustness.get("undisturbed", {}).get("models", {}),
         "counterfactual": results.counterfactual.get("counterfactual", {}),
         "envelope": results.envelope.get("envelope", {}),
         "identify": results.identification.get("identification", {}),
