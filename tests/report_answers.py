@@ -17,10 +17,11 @@ SCENES = 4
 
 
 def write_answers(cfg: DictConfig, rng: np.random.Generator) -> None:
-    """Write what stages efficiency, refute, confound, counterfactual, envelope and identify would."""
+    """Write what stages efficiency, refute, confound, robustness, counterfactual, envelope and identify would."""
     _efficiency(cfg)
     _refute(cfg, rng)
     _confound(cfg, rng)
+    _robustness(cfg, rng)
     _counterfactual(cfg, rng)
     _envelope(cfg)
     _identify(cfg)
@@ -90,6 +91,32 @@ def _confound(cfg: DictConfig, rng: np.random.Generator) -> None:
     effects = {"interventions": {variant: dict.fromkeys(users, told) for variant in fitted}}
     write_json(folder / "metrics.json", common | effects | {"association": association, "worlds": worlds, "seeds": 2})
     write_arrays(folder / "examples.npz", {name: _pictures(rng, 2) for name in cfg.confound.worlds})
+
+
+def _robustness(cfg: DictConfig, rng: np.random.Generator) -> None:
+    """The path model alone is better than the null, and loses a tenth to blur and nothing to anything else."""
+    folder, users, models = Path(cfg.paths.robustness), list(cfg.evaluate.users), [*cfg.variants, "null_position"]
+    r = cfg.robustness
+
+    def cell(variant: str, fall: float) -> dict:
+        mean = {"path": 0.95, "null_position": 0.6}.get(variant, 0.5) + fall
+        found = {"accuracy": dict.fromkeys(("mean", "q1", "q3"), mean), "by_user": dict.fromkeys(users, mean)}
+        found |= {"false_rejects": 0.1, "false_accepts": 0.2, "ece": 0.05}
+        return found | {"difference": fall, "ci_low": fall - 0.01, "ci_high": fall + 0.01}
+
+    def levels(strengths, fitted, fall: float = 0.0) -> list[dict]:
+        cells = [{v: cell(v, fall * (v == "path")) for v in fitted(s)} for s in strengths]
+        return [{"strength": s, "valid": 0.4, "models": of} for s, of in zip(strengths, cells, strict=True)]
+
+    disturbed = {name: levels(of, lambda s: models, -0.1 * (name == "blur")) for name, of in r.pictures.items()}
+    disturbed |= {"tables": levels(r.tables, lambda s: models), "clutter": levels(r.clutter, lambda s: models)}
+    shares = sorted({share for own in r.mislabelled.values() for share in own})
+    disturbed["labels"] = levels(shares, lambda s: [v for v, own in r.mislabelled.items() if s in own])
+    as_is = {"valid": 0.4, "models": {v: cell(v, 0.0) for v in models}}
+    size = {"order": list(disturbed), "users": users, "seeds": len(cfg.seeds), "scenes": SCENES, "paths": 8}
+    write_json(folder / "metrics.json", size | {"undisturbed": as_is, "disturbed": disturbed})
+    pictured = ("as_is", *(name for name in disturbed if name != "labels"))
+    write_arrays(folder / "examples.npz", {name: _pictures(rng) for name in pictured})
 
 
 def _counterfactual(cfg: DictConfig, rng: np.random.Generator) -> None:

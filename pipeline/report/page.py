@@ -13,6 +13,7 @@ from pipeline.report.findings.counterfactuals import counterfactuals
 from pipeline.report.findings.efficiency import efficiency
 from pipeline.report.findings.refutation import refutation
 from pipeline.report.findings.repair import repair, searches
+from pipeline.report.findings.robustness import robustness
 from pipeline.report.findings.summary import summary, world
 from pipeline.report.findings.users import envelopes, identification
 from pipeline.report.panel import script_json
@@ -23,7 +24,7 @@ from pipeline.report.table import Table, to_html
 from pipeline.report.wording import counted, listed, variant_label
 
 _SAY = (
-    summary, world, accuracy, efficiency, calibration, repair, searches, interventions, specifications, refutation,
+    summary, world, accuracy, efficiency, calibration, robustness, repair, searches, interventions, specifications, refutation,
     confounding, counterfactuals, envelopes, identification, selftest,
 )  # fmt: skip
 LARGEST = 8 * 2**20  # bytes a page may have

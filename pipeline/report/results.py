@@ -37,6 +37,7 @@ class Results:
     intervention: dict
     refutation: dict  # questions whose true answer is "nothing"
     confounding: dict  # association against intervention where a common cause acts
+    robustness: dict  # accuracy where pictures, tables or labels are worse than in training
     counterfactual: dict  # which item is to blame for a rejected path
     envelope: dict  # how far from each symbol validity flips
     identification: dict  # which user labelled a few paths
@@ -149,6 +150,7 @@ def _check_answers(results: Results) -> None:
     answers = {
         "efficiency": results.efficiency.get("accuracy", {}),
         "refute": results.refutation.get("placebo", {}),
+        "robustness": results.robustness.get("undisturbed", {}).get("models", {}),
         "counterfactual": results.counterfactual.get("counterfactual", {}),
         "envelope": results.envelope.get("envelope", {}),
         "identify": results.identification.get("identification", {}),

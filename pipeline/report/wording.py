@@ -73,6 +73,45 @@ def refuter_label(name: str) -> str:
     }.get(name, name)  # fmt: skip
 
 
+def disturbance_label(name: str) -> str:
+    """What is worse than in training, as a reader meets it."""
+    return {
+        "as_is": "As it is", "shade": "Light from one side", "tint": "Warmer light", "blur": "Blur",
+        "noise": "Sensor noise", "arm": "Arm in view", "tables": "Unseen table top", "clutter": "More items",
+        "labels": "Wrong labels",
+    }.get(name, name)  # fmt: skip
+
+
+def disturbance_axis(name: str) -> str:
+    """A disturbance and what its strengths are, as an axis."""
+    return {
+        "shade": "Light lost to one side", "tint": "Blue light lost", "blur": "Blur, deviation",
+        "noise": "Noise, deviation (1 = white)", "arm": "Arm in view, its reach", "clutter": "Items added",
+        "labels": "Labels flipped",
+    }.get(name, disturbance_label(name))  # fmt: skip
+
+
+def strength_label(name: str, strength: float | int | str) -> str:
+    """The strength of a disturbance, with its unit."""
+    if isinstance(strength, str):
+        return strength
+    if name in ("shade", "tint", "labels"):
+        return percent(float(strength), 0)
+    units = {"blur": f"{strength:g}\u00a0px", "arm": f"{100 * strength:g}\u00a0cm", "clutter": f"+{strength}"}
+    return units.get(name, f"{strength:g}")
+
+
+def disturbance_phrase(name: str, strength: float | int | str) -> str:
+    """A disturbance of some strength inside a sentence."""
+    amount = strength_label(name, strength)
+    return {
+        "shade": f"light that loses {amount} from one side to the other", "tint": f"light without {amount} of its blue",
+        "blur": f"a blur of {amount}", "noise": f"sensor noise of {amount}", "arm": f"an arm that reaches {amount} in",
+        "tables": f"a table top of {amount}", "clutter": f"{amount.removeprefix('+')} more items on the table",
+        "labels": f"{amount} wrong labels",
+    }.get(name, f"{disturbance_label(name).lower()} of {amount}")  # fmt: skip
+
+
 def split_label(name: str) -> str:
     """A split as a heading."""
     return SPLITS.get(name, name.replace("_", " ").capitalize())

@@ -13,6 +13,7 @@ from pipeline.report.findings.counterfactuals import counterfactuals
 from pipeline.report.findings.efficiency import efficiency
 from pipeline.report.findings.refutation import refutation
 from pipeline.report.findings.repair import repair, searches
+from pipeline.report.findings.robustness import robustness
 from pipeline.report.findings.summary import summary
 from pipeline.report.findings.users import envelopes, identification
 from pipeline.report.results import Results
@@ -230,3 +231,17 @@ def test_labels_spread_wide_are_held_against_about_as_many_heaped(results: Resul
     curve.loc[curve["n"] == 2, ["n", "demonstrations"]] = [1, 25]
     (*_, spent) = efficiency(replace(results, efficiency_curve=curve))
     assert "20 scenes with 1 demonstration each (25 labels) against 3 scenes with 9 demonstrations each" in spent
+
+
+def test_what_breaks_a_model_is_told_of_one_that_beats_the_null_and_no_other(results: Results):
+    path, blind, *labels = robustness(results)
+    assert path.startswith("The path model, right about 95.0") and "falls most under a blur of 1\u00a0px: by" in path
+    assert "by 10.0 percentage points (95 % interval 9.0 to 11.0) to 85.0" in path
+    assert "is ruled out, whatever the strength, under light from one side" in path and ", blur" not in path
+    assert "little to lose: the full model" in blind and "path" not in blind
+    assert len(labels) == 2 and "5\u00a0%, 10\u00a0% and 20\u00a0% are labelled wrongly" in labels[1]
+    found = copy.deepcopy(results.robustness)
+    for level in found["disturbed"]["blur"]:
+        level["models"]["path"] |= {"ci_high": 0.01}
+    unbroken, *_ = robustness(replace(results, robustness=found))
+    assert "is broken by nothing here" in unbroken

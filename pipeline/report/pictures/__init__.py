@@ -8,6 +8,7 @@ from pipeline.report.pictures import (
     knowledge,
     refutation,
     repairs,
+    robustness,
     setting,
     users,
 )
@@ -20,6 +21,7 @@ def all_pictures(results: Results, summary, drawn: Drawn) -> dict[str, Picture]:
     pictures = [
         setting.calibrated_world(results), setting.demonstrations(results, drawn),
         knowledge.accuracy_by_n(results, summary), knowledge.efficiency_curves(results),
+        robustness.accuracy_disturbed(results), robustness.disturbed_scene(results, drawn),
         *(knowledge.belief_map(results, drawn, user) for user in results.users),
         *(repairs.repairs_of(results, drawn, variant) for variant in drawn.repairs),
         causes.causal_graph(results), causes.effects(results, drawn),

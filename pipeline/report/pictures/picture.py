@@ -48,6 +48,7 @@ class Drawn:
     worlds: dict[str, UInt8[Array, "training 100 100 3"]]  # training scenes of the confounded world and others
     whole: UInt8[Array, "example 100 100 3"]  # scenes of the worked counterfactuals
     without: UInt8[Array, "example slot 100 100 3"]  # ... without each item
+    disturbed: dict[str, UInt8[Array, "100 100 3"]]  # one scene as it is, then under each disturbance
     placebos: UInt8[Array, "symbol 100 100 3"]
     added_texts: list[str]  # below the scene as it is and each added item
     added_user: str

@@ -1,0 +1,46 @@
+"""How well paths are judged, and what a change of the pictures, tables or labels takes from that."""
+
+from jaxtyping import Bool, Float
+from numpy import ndarray as Array
+
+from pipeline.causal.interventions import DIGITS
+from pipeline.causal.statistics import estimate, quartiles
+
+Accepted = Bool[Array, "user seed scene path"]  # whether a model calls each path valid
+Valid = Bool[Array, "user scene path"]  # whether it is
+
+
+def score(accepted: Accepted, valid: Valid) -> dict:
+    """Accuracy, its mean and quartiles over seeds, and each user's; and how the wrong answers divide.
+
+    `false_rejects`: share of the valid paths that is rejected; `false_accepts`: of the invalid ones that is accepted;
+    None where there is no such path.
+    """
+    right = (accepted == valid[:, None]).mean((2, 3))  # (user, seed)
+    return {
+        "accuracy": {name: round(value, DIGITS) for name, value in quartiles(right.mean(0)).items()},
+        "by_user": [round(float(share), DIGITS) for share in right.mean(1)],
+        "false_rejects": _share(~accepted, valid),
+        "false_accepts": _share(accepted, ~valid),
+    }
+
+
+def _share(wrong: Accepted, among: Valid) -> float | None:
+    """Share of the paths `among` that is `wrong`, over all users, seeds and scenes."""
+    if not among.any():
+        return None
+    counted = (wrong & among[:, None]).sum() / (among.sum() * wrong.shape[1])
+    return round(float(counted), DIGITS)
+
+
+def change(accepted: Accepted, valid: Valid, accepted_before: Accepted, valid_before: Valid) -> dict[str, float]:
+    """What is added to accuracy, the users' mean, with a 95 % interval over seeds crossed with scenes."""
+    after, before = _right(accepted, valid), _right(accepted_before, valid_before)
+    e = estimate((after - before)[None])
+    numbers = {"difference": e.effect, "ci_low": e.ci_low, "ci_high": e.ci_high}
+    return {name: round(float(value[0]), DIGITS) + 0.0 for name, value in numbers.items()}
+
+
+def _right(accepted: Accepted, valid: Valid) -> Float[Array, "seed scene"]:
+    """Share of the paths rightly judged, the users' mean."""
+    return (accepted == valid[:, None]).mean((0, 3))

@@ -1,0 +1,103 @@
+"""What breaks which model."""
+
+from pipeline.report.results import Results
+from pipeline.report.wording import (
+    disturbance_label,
+    disturbance_phrase,
+    listed,
+    percent,
+    points,
+    signed,
+    variant_phrase,
+)
+
+NULL, LABELS = "null_position", "labels"
+SLIGHT = 0.05  # a loss of accuracy that a sentence calls small
+
+
+def robustness(results: Results) -> list[str]:
+    """Each model that sees something: what breaks it most, and why; what it withstands. Then wrong labels."""
+    as_is = _as_is(results)
+    seeing = [v for v in results.variants if as_is[v] > as_is[NULL]]
+    blind = [v for v in results.variants if v not in seeing]
+    best_first = sorted(seeing, key=lambda v: -as_is[v])
+    out = [_breaks(results, variant) for variant in best_first]
+    if blind:
+        changes = [
+            cell["difference"]
+            for name in _asked(results)
+            for level in results.robustness["disturbed"][name]
+            for cell in (level["models"][v] for v in blind)
+        ]
+        out.append(
+            f"No better than the position-only null ({percent(as_is[NULL])}) undisturbed, and so with little to lose: "
+            f"{listed([variant_phrase(v) for v in blind])}. Accuracy changes there by "
+            f"{signed(100 * min(changes), 1)} to {signed(100 * max(changes), 1)} percentage points."
+        )
+    return [*out, *_mislabelled(results)]
+
+
+def worst(results: Results, variant: str) -> tuple[str, dict]:
+    """The disturbance of pictures or tables, and its strength's numbers, that take most of a variant's accuracy."""
+    levels = [(name, level) for name in _asked(results) for level in results.robustness["disturbed"][name]]
+    return min(levels, key=lambda of: of[1]["models"][variant]["difference"])
+
+
+def _asked(results: Results) -> list[str]:
+    """The disturbances of pictures and tables: every variant was asked there."""
+    return [name for name in results.robustness["order"] if name != LABELS]
+
+
+def _as_is(results: Results) -> dict[str, float]:
+    models = results.robustness["undisturbed"]["models"]
+    return {variant: cell["accuracy"]["mean"] for variant, cell in models.items()}
+
+
+def _breaks(results: Results, variant: str) -> str:
+    found = results.robustness
+    before, (name, level) = found["undisturbed"]["models"][variant], worst(results, variant)
+    cell, null = level["models"][variant], level["models"][NULL]["accuracy"]["mean"]
+    score, phrase = cell["accuracy"]["mean"], disturbance_phrase(name, level["strength"])
+    lead = f"{_capital(variant_phrase(variant))}, right about {percent(before['accuracy']['mean'])} undisturbed, "
+    if cell["ci_high"] >= 0:
+        return lead + f"is broken by nothing here: its largest fall, {points(cell['difference'])}, may be none."
+    beside = "below the null's" if score < null else "where the null has"
+    return (
+        f"{lead}falls most under {phrase}: by {points(cell['difference'])} (95 % interval {-100 * cell['ci_high']:.1f} "
+        f"to {-100 * cell['ci_low']:.1f}) to {percent(score)}, {beside} {percent(null)}. "
+        f"There it rejects {percent(cell['false_rejects'])} of the valid paths (undisturbed "
+        f"{percent(before['false_rejects'])}) and accepts {percent(cell['false_accepts'])} of the invalid ones "
+        f"({percent(before['false_accepts'])}). {_withstands(results, variant)}"
+    )
+
+
+def _withstands(results: Results, variant: str) -> str:
+    """The disturbances that cost little at their strongest, by the whole interval."""
+    strongest = {name: results.robustness["disturbed"][name] for name in _asked(results)}
+    kept = [
+        disturbance_label(name).lower()
+        for name, levels in strongest.items()
+        if all(level["models"][variant]["ci_low"] > -SLIGHT for level in levels)
+    ]
+    said = f", whatever the strength, under {listed(kept)}" if kept else " under no disturbance at every strength"
+    return f"By the intervals a loss of {points(SLIGHT)} is ruled out{said}."
+
+
+def _mislabelled(results: Results) -> list[str]:
+    """What wrong labels among the demonstrations cost, for each variant that was fitted to them."""
+    levels, as_is = results.robustness["disturbed"][LABELS], _as_is(results)
+    out = []
+    for variant in results.variants:
+        asked = [level for level in levels if variant in level["models"]]
+        if asked:
+            shares = listed([percent(level["strength"], 0) for level in asked])
+            scores = listed([percent(level["models"][variant]["accuracy"]["mean"]) for level in asked])
+            out.append(
+                f"Fitted to demonstrations of which {shares} are labelled wrongly, {variant_phrase(variant)} is right "
+                f"about {scores} of the paths, instead of {percent(as_is[variant])}."
+            )
+    return out
+
+
+def _capital(text: str) -> str:
+    return text[0].upper() + text[1:]

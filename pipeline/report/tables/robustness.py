@@ -1,0 +1,40 @@
+"""What each disturbance costs each variant, in numbers."""
+
+from pipeline.report.findings.robustness import NULL
+from pipeline.report.results import Results
+from pipeline.report.table import Cell, Table, table
+from pipeline.report.wording import (
+    NONE,
+    counted,
+    disturbance_label,
+    listed,
+    percent_spread,
+    signed,
+    strength_label,
+    variant_label,
+)
+
+
+def robustness(results: Results) -> Table:
+    """Accuracy as it is, and its change at every strength of every disturbance."""
+    found, variants = results.robustness, [*results.variants, NULL]
+    as_is = found["undisturbed"]["models"]
+    first = [disturbance_label("as_is"), NONE, *(percent_spread(as_is[v]["accuracy"]) for v in variants)]
+    rows: list[list[str | Cell]] = [list(first)]
+    for name in found["order"]:
+        for level in found["disturbed"][name]:
+            changes = [_change(level["models"].get(v)) for v in variants]
+            rows.append([disturbance_label(name), strength_label(name, level["strength"]), *changes])
+    caption = (
+        f"Accuracy as it is (mean and quartiles over {counted(found['seeds'], 'seed')}, {listed(found['users'])} "
+        f"users, the first {counted(found['scenes'], 'scene')} with unseen items), and what each disturbance adds to "
+        "it, in percentage points (95 % intervals over seeds and scenes)."
+    )
+    return table("robustness", caption, ["Disturbance", "Strength", *map(variant_label, variants)], rows, labels=2)
+
+
+def _change(cell: dict | None) -> str:
+    if cell is None:
+        return NONE
+    low, high = (signed(100 * cell[name], 1) for name in ("ci_low", "ci_high"))
+    return f"{signed(100 * cell['difference'], 1)} [{low}, {high}]"

@@ -1,0 +1,192 @@
+"""Stage robustness: how well models judge paths where pictures, tables or labels are worse than in training."""
+
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float, UInt8
+from numpy import ndarray as Array
+from omegaconf import DictConfig, OmegaConf
+
+from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
+from pipeline.artifacts.files import write_arrays, write_json
+from pipeline.artifacts.scenes import SceneSet, read_position_prior, read_scenes, train_pool
+from pipeline.artifacts.trained import ask, check_weights
+from pipeline.causal.interventions import DIGITS
+from pipeline.causal.robustness import change, score
+from pipeline.launch import launch
+from pipeline.params import InputError
+from pipeline.spec import nulls
+from pipeline.spec.metrics import DECISION, expected_calibration_error
+from pipeline.spec.training import job_seed
+from pipeline.table.disturbances import PICTURES, cluttered, mislabelled
+from pipeline.table.items import Catalogue, read_catalogue
+from pipeline.table.layout import LayoutRules
+from pipeline.table.render import Palette, render_scenes
+from pipeline.table.rules import valid
+from pipeline.trainers import FITTED, Lesson, fit_and_ask
+
+NULL, LABELS = "null_position", "labels"
+MOST = {"shade": 1.0, "tint": 1.0, "arm": 1.0}  # largest strength of a disturbance that has one
+Answers = dict[str, Float[Array, "user seed scene path"]]  # variant -> P(valid)
+
+
+@dataclass(frozen=True)
+class Level:
+    """The scenes, worse in one way to one degree."""
+
+    disturbance: str
+    strength: float | int | str | None  # None: as they are
+    images: UInt8[Array, "scene 100 100 3"]
+    truth: Bool[Array, "user scene path"]
+
+
+def main(cfg: DictConfig, out_dir: Path) -> None:
+    """metrics.json, and examples.npz: the first scene as it is and under each disturbance at its strongest."""
+    _check_settings(cfg)
+    check_weights(cfg)
+    scenes, catalogue = read_scenes(Path(cfg.paths.scenes)), read_catalogue(Path(cfg.paths.data))
+    levels, z = _levels(cfg, scenes, catalogue)
+    as_is, *worse = levels
+    first, *others = _answers(cfg, levels, z)
+    disturbed: dict[str, list[dict]] = {}
+    for level, answers in zip(worse, others, strict=True):
+        entry = _entry(cfg, level.strength, answers, level.truth, first, as_is.truth)
+        disturbed.setdefault(level.disturbance, []).append(entry)
+    disturbed[LABELS] = [
+        _entry(cfg, share, answers, as_is.truth, first, as_is.truth)
+        for share, answers in _mislabelled(cfg, scenes, as_is.images, z).items()
+    ]
+    metrics = {
+        "order": list(disturbed),
+        "undisturbed": {"valid": round(float(as_is.truth.mean()), DIGITS), "models": _scores(cfg, first, as_is.truth)},
+        "disturbed": disturbed,
+        "users": list(cfg.evaluate.users),
+        "seeds": len(cfg.protocol.seeds),
+        "scenes": z.shape[0],
+        "paths": z.shape[1],
+    }
+    write_json(out_dir / "metrics.json", metrics)
+    write_arrays(out_dir / "examples.npz", {level.disturbance: level.images[0] for level in levels})
+
+
+def _check_settings(cfg: DictConfig) -> None:
+    """Raise InputError before any work if a parameter is out of range."""
+    r = cfg.robustness
+
+    def need(holds: bool, name: str, expected: str) -> None:
+        if not holds:
+            raise InputError(f"parameter robustness.{name} is {OmegaConf.select(r, name)!r}: expected {expected}")
+
+    def rising(name: str, most: float, kind: type = float) -> None:
+        values = list(OmegaConf.select(r, name))
+        bounded = len(values) > 0 and all(isinstance(x, kind | int) and 0 < x <= most for x in values)
+        what = f"{'whole ' * (kind is int)}numbers above 0" + f", at most {most:g}" * (most < np.inf)
+        need(bounded and values == sorted(set(values)), name, f"{what}, the smallest first")
+
+    shared = [split for split, pool in cfg.protocol.splits.items() if pool is not None]
+    need(r.split in shared, "split", f"one that all seeds share: {', '.join(shared)}")
+    need(isinstance(r.scenes, int) and r.scenes >= 2, "scenes", "a whole number from 2")
+    need(len(r.pictures) > 0 and set(r.pictures) <= set(PICTURES), "pictures", f"some of {', '.join(PICTURES)}")
+    for name in r.pictures:
+        rising(f"pictures.{name}", MOST.get(name, np.inf))
+    rising("clutter", np.inf, int)
+    known = [name for name, v in cfg.variants.items() if v.stage in FITTED]
+    some = len(r.mislabelled) > 0 and set(r.mislabelled) <= set(known)
+    need(some, "mislabelled", f"shares for some of {', '.join(known)}")
+    for name in r.mislabelled:
+        rising(f"mislabelled.{name}", 1.0)
+
+
+def _levels(
+    cfg: DictConfig, scenes: SceneSet, catalogue: Catalogue
+) -> tuple[list[Level], Float[Array, "scene path 2"]]:
+    """The scenes as they are and under every disturbance, the weakest first; and the paths [m], the same for all."""
+    r, few = cfg.robustness, slice(cfg.robustness.scenes)
+    pool, users = cfg.protocol.splits[r.split], list(cfg.evaluate.users)
+    queries, there = read_queries(Path(cfg.paths.demos))[pool], len(scenes.images[pool])
+    if r.scenes > there:
+        raise InputError(f"parameter robustness.scenes is {r.scenes}: expected at most {there}, as {pool} has")
+    unseen = catalogue.texture_names("unseen")
+    if not r.tables or not set(r.tables) <= set(unseen):
+        raise InputError(f"parameter robustness.tables is {list(r.tables)}: expected some of {', '.join(unseen)}")
+    images, layouts, looks = scenes.images[pool][few], scenes.layouts[pool][few], scenes.looks[pool][few]
+    z, truth = queries.z[few], np.stack([queries.valid[user][few] for user in users])
+    textures, lights = looks["texture"].tolist(), looks["render_seed"].tolist()
+    palette, rules = Palette(catalogue), LayoutRules.of(cfg.scenes.layout)
+    split = str(catalogue.items["split"].iloc[layouts.item[layouts.present][0]])  # the scenes' own items'
+
+    def rng(*names: str) -> np.random.Generator:
+        return np.random.default_rng(job_seed(r.generator, *names))
+
+    levels = [Level("as_is", None, images, truth)]
+    for name, strengths in r.pictures.items():
+        for strength in strengths:
+            levels.append(Level(name, strength, PICTURES[name](rng(name), images, float(strength)), truth))
+    for table in r.tables:
+        levels.append(Level("tables", table, render_scenes(layouts, [table] * len(z), lights, palette), truth))
+    for more in r.clutter:
+        fuller = cluttered(rng("clutter"), layouts, more, catalogue.footprints, catalogue.pool(split), rules)
+        validity = np.stack([valid(fuller, z, cfg.users[user]) for user in users])
+        levels.append(Level("clutter", more, render_scenes(fuller, textures, lights, palette), validity))
+    return levels, z
+
+
+def _answers(cfg: DictConfig, levels: list[Level], z: Float[Array, "scene path 2"]) -> list[Answers]:
+    """What every variant and the null answer at each level; the null, which has no seeds, as if it had one."""
+    users, prior = list(cfg.evaluate.users), read_position_prior(Path(cfg.paths.scenes))
+    images, everywhere = np.concatenate([level.images for level in levels]), np.tile(z, (len(levels), 1, 1))
+    found = ask(cfg, users, images, everywhere, "robustness")
+    found[NULL] = np.stack([nulls.position(prior[user], everywhere) for user in users])[:, None]
+    parts = {variant: np.split(p, len(levels), axis=2) for variant, p in found.items()}
+    return [{variant: of[i] for variant, of in parts.items()} for i in range(len(levels))]
+
+
+def _mislabelled(cfg: DictConfig, scenes: SceneSet, images: np.ndarray, z: np.ndarray) -> dict[float, Answers]:
+    """share -> variant -> P(valid) by models fitted to demonstrations of which that share is labelled wrongly."""
+    demos, users, seeds = read_demos(Path(cfg.paths.demos)), list(cfg.evaluate.users), list(cfg.protocol.seeds)
+    shares = cfg.robustness.mislabelled
+
+    def lesson(share: float, user: str, seed: int) -> Lesson:
+        paths, labels = demo_arrays(demos, seed, user, cfg.study_n)
+        rng = np.random.default_rng(job_seed(cfg.robustness.generator, LABELS, user, seed))
+        return Lesson(user, seed, scenes.images[train_pool(seed)], paths, mislabelled(rng, labels, float(share)))
+
+    lessons = {variant: [lesson(*of) for of in product(own, users, seeds)] for variant, own in shares.items()}
+    found = fit_and_ask(cfg, lessons, images, z, "mislabelled")
+    by_share: dict[float, Answers] = {share: {} for share in sorted({x for own in shares.values() for x in own})}
+    for variant, own in shares.items():
+        answers = found[variant].reshape(len(own), len(users), len(seeds), *z.shape[:2])
+        for share, p in zip(own, answers, strict=True):
+            by_share[share][variant] = p
+    return by_share
+
+
+def _scores(cfg: DictConfig, answers: Answers, truth: np.ndarray) -> dict[str, dict]:
+    """variant -> `score`, each user's accuracy by name, and the calibration error of all answers together."""
+    cells = {}
+    for variant, p in answers.items():
+        cell, known = score(p > DECISION, truth), np.broadcast_to(truth[:, None], p.shape)
+        by_user = dict(zip(cfg.evaluate.users, cell["by_user"], strict=True))
+        ece = expected_calibration_error(p.ravel(), known.ravel(), cfg.evaluate.bins)
+        cells[variant] = cell | {"by_user": by_user, "ece": round(ece, DIGITS)}
+    return cells
+
+
+def _entry(
+    cfg: DictConfig,
+    strength: float | int | str | None,
+    answers: Answers,
+    truth: np.ndarray,
+    first: Answers,
+    as_is: np.ndarray,
+) -> dict[str, object]:
+    """One strength of a disturbance: every variant's numbers, and what changes of its accuracy as it is."""
+    changes = {v: change(p > DECISION, truth, first[v] > DECISION, as_is) for v, p in answers.items()}
+    models = {variant: cell | changes[variant] for variant, cell in _scores(cfg, answers, truth).items()}
+    return {"strength": strength, "valid": round(float(truth.mean()), DIGITS), "models": models}
+
+
+if __name__ == "__main__":
+    launch(main, "robustness")

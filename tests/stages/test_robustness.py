@@ -1,0 +1,157 @@
+"""The robustness stage asks the same models about the same paths where something is worse than in training."""
+
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+from omegaconf import DictConfig, OmegaConf
+
+from pipeline.artifacts.demos import DEMO_COLUMNS, DEMO_KEY, Queries, write_demos, write_queries
+from pipeline.artifacts.files import read_arrays, read_json, write_arrays
+from pipeline.artifacts.models import model_dir, save_model, weights_path
+from pipeline.artifacts.scenes import read_scenes, train_pool, write_scenes
+from pipeline.params import InputError
+from pipeline.spec.clearance import ClearanceModel
+from pipeline.spec.registry import build
+from pipeline.stages import robustness
+from pipeline.table.bezier import random_z_theta
+from pipeline.table.rules import valid
+from tests.stages.inputs import pictured_models
+
+SCENES, PATHS, VARIANTS = 3, 12, ("full", "path")
+
+
+@pytest.fixture(scope="module")
+def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
+    """Untrained models of the paper's kind, and path models to which nothing matters: they accept every path."""
+    folder = tmp_path_factory.mktemp("robustness")
+    settings = [f"robustness.scenes={SCENES}", "robustness.mislabelled={path: [0.1, 0.2]}", "path.steps=2"]
+    cfg = pictured_models(folder, VARIANTS, SCENES, *settings, f"paths.demos={folder / 'demos'}")
+    OmegaConf.set_struct(cfg, False)
+    del cfg.robustness.mislabelled.full
+    for user, seed in product(cfg.users, cfg.protocol.seeds):
+        model = build(cfg.variants.path, seed)
+        assert isinstance(model, ClearanceModel)
+        with torch.no_grad():
+            model.weight.zero_()
+            model.weight[:, 0] = -1e4
+        save_model(model_dir(cfg, "path"), model, user, seed, cfg.study_n)
+    _write_world(cfg)
+    return cfg
+
+
+def _write_world(cfg: DictConfig) -> None:
+    """The test scenes as every seed's training scenes, demonstrations and queries in them, a prior that is even."""
+    directory, rng = Path(cfg.paths.scenes), np.random.default_rng(0)
+    scenes = read_scenes(directory)
+    for part in (scenes.images, scenes.layouts, scenes.looks):
+        part |= {train_pool(seed): part["new_items"] for seed in cfg.seeds}
+    write_scenes(directory, scenes)
+    write_arrays(directory / "position_prior.npz", {user: rng.random((5, 5)) for user in cfg.users})
+    z = random_z_theta(rng, SCENES, PATHS)
+    truth = {user: valid(scenes.layouts["new_items"], z, cfg.users[user]) for user in cfg.users}
+    write_queries(Path(cfg.paths.demos), {"new_items": Queries(z, truth)})
+    rows = list(product(cfg.seeds, sorted(cfg.users), range(SCENES), range(10)))
+    demos = pd.DataFrame(rows, columns=DEMO_KEY)
+    z = random_z_theta(rng, len(demos))
+    demos = demos.assign(z_x=z[:, 0], z_y=z[:, 1], valid=demos["demo"] % 3 > 0)
+    demos = demos.reindex(columns=DEMO_COLUMNS, fill_value=0)
+    write_demos(Path(cfg.paths.demos), demos, np.zeros((0, 4)), np.zeros(len(demos) + 1))
+
+
+@pytest.fixture(scope="module")
+def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    directory = tmp_path_factory.mktemp("out")
+    robustness.main(cfg, directory)
+    return directory
+
+
+def test_every_variant_and_the_null_are_judged_at_every_strength(cfg: DictConfig, out: Path):
+    found, r = read_json(out / "metrics.json"), cfg.robustness
+    asked = dict(r.pictures) | {"tables": r.tables, "clutter": r.clutter, "labels": r.mislabelled.path}
+    assert found["order"] == list(asked)
+    for name, strengths in asked.items():
+        assert [level["strength"] for level in found["disturbed"][name]] == list(strengths)
+        for level in found["disturbed"][name]:
+            assert set(level["models"]) == ({"path"} if name == "labels" else {*VARIANTS, "null_position"})
+            assert all(set(cell["by_user"]) == set(cfg.evaluate.users) for cell in level["models"].values())
+
+
+def test_a_worse_picture_changes_no_truth_and_a_fuller_table_makes_no_path_valid(out: Path):
+    found = read_json(out / "metrics.json")
+    shares = {name: [level["valid"] for level in levels] for name, levels in found["disturbed"].items()}
+    as_is = found["undisturbed"]["valid"]
+    assert all(set(of) == {as_is} for name, of in shares.items() if name != "clutter")
+    assert [as_is, *shares["clutter"]] == sorted([as_is, *shares["clutter"]], reverse=True)
+    assert shares["clutter"][-1] < as_is
+
+
+def test_who_never_looks_is_as_right_whatever_the_picture(out: Path):
+    found = read_json(out / "metrics.json")
+    as_is = found["undisturbed"]["models"]
+    pictured = [name for name in found["order"] if name not in ("clutter", "labels")]
+    for level in (level for name in pictured for level in found["disturbed"][name]):
+        for model in ("path", "null_position"):
+            cell = level["models"][model]
+            assert cell["accuracy"] == as_is[model]["accuracy"]
+            assert (cell["difference"], cell["ci_low"], cell["ci_high"]) == (0, 0, 0)
+
+
+def test_who_accepts_everything_is_right_about_the_valid_paths_and_no_other(out: Path):
+    found = read_json(out / "metrics.json")
+    for level in (found["undisturbed"], *found["disturbed"]["clutter"]):
+        cell = level["models"]["path"]
+        assert cell["accuracy"]["mean"] == pytest.approx(level["valid"], abs=2e-6)
+        assert (cell["false_rejects"], cell["false_accepts"]) == (0, 1)
+
+
+def test_one_scene_is_pictured_as_it_is_and_under_each_disturbance(cfg: DictConfig, out: Path):
+    pictures = read_arrays(out / "examples.npz")
+    assert list(pictures) == ["as_is", *cfg.robustness.pictures, "tables", "clutter"]
+    assert len({picture.tobytes() for picture in pictures.values()}) == len(pictures)
+
+
+def test_a_second_run_on_two_workers_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
+    again = cfg.copy()
+    again.workers = 2
+    robustness.main(again, tmp_path)
+    for path in out.iterdir():
+        assert path.read_bytes() == (tmp_path / path.name).read_bytes(), path.name
+
+
+def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
+    path = weights_path(model_dir(cfg, "path"), "careful", 1, cfg.study_n)
+    hidden = path.rename(path.with_suffix(".away"))
+    try:
+        with pytest.raises(InputError, match=r"careful-s1-n9\.safetensors is missing"):
+            robustness.main(cfg, tmp_path)
+    finally:
+        hidden.rename(path)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("split", "seen_scenes", "robustness.split is 'seen_scenes': expected one that all seeds share: new_scenes"),
+        ("scenes", 1, "robustness.scenes is 1: expected a whole number from 2"),
+        ("scenes", SCENES + 1, f"robustness.scenes is {SCENES + 1}: expected at most {SCENES}, as new_items has"),
+        ("pictures", {"fog": [0.1]}, "expected some of shade, tint, blur, noise, arm"),
+        ("pictures.shade", [0.5, 1.5], "expected numbers above 0, at most 1, the smallest first"),
+        ("pictures.blur", [2, 1], "expected numbers above 0, the smallest first"),
+        ("pictures.noise", [0.0], "expected numbers above 0, the smallest first"),
+        ("tables", ["oak"], r"robustness.tables is \['oak'\]: expected some of marble, cherry, denim"),
+        ("clutter", [1.5], "expected whole numbers above 0, the smallest first"),
+        ("mislabelled", {"irl_ranked": [0.1]}, "expected shares for some of full, path"),
+        ("mislabelled.path", [], "expected numbers above 0, at most 1, the smallest first"),
+    ],
+)
+def test_settings_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name: str, value, message: str):
+    changed = cfg.copy()
+    OmegaConf.update(changed, f"robustness.{name}", value, merge=False)
+    with pytest.raises(InputError, match=message):
+        robustness.main(changed, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
