@@ -27,6 +27,8 @@ class Results:
     comparisons: pd.DataFrame
     calibration: pd.DataFrame
     evaluation: dict
+    acceptance: dict  # paths accepted with a promise, and whether it is kept
+    accepted: pd.DataFrame  # the same for several promises
     repairs: pd.DataFrame
     repair: dict  # variant -> user -> numbers
     search: dict  # variant, or "truth" -> user with something invalid -> method -> numbers
@@ -134,6 +136,8 @@ def _check_answers(results: Results) -> None:
     """Every variant has its answers to the questions beyond the paper's."""
     if not results.confounding.get("interventions"):
         raise _missing("what stage confound says of any variant", "confound")
+    if not results.acceptance.get("acceptance"):
+        raise _missing("what stage accept says of any variant", "accept")
     answers = {
         "refute": results.refutation.get("placebo", {}),
         "counterfactual": results.counterfactual.get("counterfactual", {}),

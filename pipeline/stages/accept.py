@@ -1,4 +1,9 @@
-"""Stage accept: which paths a model may accept so that at most a promised share is invalid, and does that come true?"""
+"""Stage accept: which paths a model may accept so that at most a promised share is invalid, and does that come true?
+
+All new paths of a split are the candidates of one choice. A model that accepts none of them counts as one without
+error: the false discovery rate is an expectation over all models; nothing is promised of those alone that accept some
+(`where_any`).
+"""
 
 from collections.abc import Mapping
 from functools import partial
@@ -271,9 +276,11 @@ def _cell(level: float, false: Array, power: Array, count: Array) -> dict:
     spread = dict(zip(("q1", "q3"), np.quantile(by_model, (0.25, 0.75)), strict=True))
     shares = {"mean": e.effect[0], "ci_low": max(e.ci_low[0], 0.0), "ci_high": min(e.ci_high[0], 1.0), **spread}
     shares |= {"power": power.mean(), "accepted": count.sum(-1).mean()}
+    some = count.sum(-1) > 0
     return {name: round(float(value), DIGITS) for name, value in shares.items()} | {
+        "where_any": round(float(by_model[some].mean()), DIGITS) if some.any() else None,
         "above": int((by_model > level + 1e-12).sum()),
-        "abstained": int((count.sum(-1) == 0).sum()),
+        "abstained": int((~some).sum()),
         "models": by_model.size,
     }
 

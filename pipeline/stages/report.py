@@ -107,6 +107,8 @@ def read_results(cfg: DictConfig) -> Results:
         comparisons=read_table(evaluate / "comparisons.csv"),
         calibration=read_table(evaluate / "calibration.parquet"),
         evaluation=read_json(evaluate / "metrics.json"),
+        acceptance=read_json(Path(cfg.paths.accept) / "metrics.json"),
+        accepted=read_table(Path(cfg.paths.accept) / "curve.csv"),
         repairs=read_table(repair / "repairs.parquet"),
         repair=read_json(repair / "metrics.json"),
         search=read_json(Path(cfg.paths.search) / "metrics.json"),
@@ -128,6 +130,7 @@ def _metrics(results: Results) -> dict:
     return {
         "world": results.world,
         **{name: results.evaluation[name] for name in ("accuracy", "accuracy_all_users", "calibration")},
+        "acceptance": results.acceptance["acceptance"],
         "repair": results.repair,
         "search": results.search,
         **{name: results.intervention[name] for name in ("interventions", "specifications", "verdicts")},

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from pipeline.report.claims import claims
+from pipeline.report.findings.acceptance import acceptance
 from pipeline.report.findings.accuracy import accuracy
 from pipeline.report.findings.causes import interventions, selftest
 from pipeline.report.findings.confounding import confounding
@@ -207,3 +208,17 @@ def test_an_inconclusive_cell_is_told_with_what_would_settle_it(results: Results
     assert any(
         s.startswith("Left open: normal and glass by the path model (−0.060;") and "300 scenes" in s for s in said
     )
+
+
+def test_a_promise_is_said_to_be_kept_broken_or_idle_as_the_numbers_have_it(results: Results):
+    needed, full, *_ = acceptance(results)
+    assert "would take 114 held-out demonstrations" in needed and "at least 99 for the careful user" in needed
+    assert "80.0\u00a0% of the valid paths, and 1.0\u00a0% [0.5–1.5]" in full and "2\u00a0% is kept" in full
+    assert "In new scenes with unseen items the full model" in full and "2\u00a0% is broken" in full
+    found = copy.deepcopy(results.acceptance)
+    found["acceptance"]["full"]["new_scenes"]["split"] |= {"abstained": 4, "mean": 0.0, "power": 0.0}
+    found["acceptance"]["full"]["new_items"]["split"] |= {"ci_low": 0.01, "abstained": 1}
+    _, idle, *_ = acceptance(replace(results, acceptance=found))
+    assert "the full model accepts nothing; cross-fitted, it accepts 80.0" in idle
+    assert "more than the 2\u00a0% promised, but by no more than chance would explain" in idle
+    assert "by 1 of 4 models; of what the others accept it is 2.0" in idle

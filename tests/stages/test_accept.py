@@ -89,6 +89,9 @@ def test_a_rule_that_accepts_nothing_has_accepted_nothing_invalid(out: Path):
     silent = [cell for _, cell in cells(out) if cell["abstained"] == cell["models"]]
     assert silent
     assert all(cell["mean"] == cell["power"] == cell["accepted"] == 0 for cell in silent)
+    for _, cell in cells(out):
+        rest = cell["models"] - cell["abstained"]
+        assert (cell["where_any"] or 0.0) * rest == pytest.approx(cell["mean"] * cell["models"], abs=1e-5)
 
 
 def test_who_knows_the_truth_keeps_the_promise(out: Path):

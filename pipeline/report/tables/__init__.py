@@ -2,7 +2,17 @@
 
 from pipeline.report.results import Results
 from pipeline.report.table import Table
-from pipeline.report.tables import accuracy, causes, confounding, counterfactuals, refutation, repair, summary, users
+from pipeline.report.tables import (
+    acceptance,
+    accuracy,
+    causes,
+    confounding,
+    counterfactuals,
+    refutation,
+    repair,
+    summary,
+    users,
+)
 
 
 def all_tables(results: Results) -> list[Table]:
@@ -10,6 +20,7 @@ def all_tables(results: Results) -> list[Table]:
     makers = [
         summary.models, summary.world,
         accuracy.accuracy, accuracy.comparisons, accuracy.by_user, accuracy.calibration,
+        acceptance.acceptance, acceptance.acceptance_by_user,
         repair.backprop, repair.repair_detail, repair.searches,
         causes.interventions, causes.verdicts, causes.intervention_detail, causes.specifications,
         refutation.refuters, refutation.refuted,
