@@ -38,8 +38,9 @@ def _kept(results: Results, variant: str) -> str:
 def _accepts(cell: dict) -> str:
     if cell["abstained"] == cell["models"]:
         return "accepts nothing"
+    users = [f"{user} {percent(of_user['power'], 0)}" for user, of_user in cell["users"].items()]
     text = (
-        f"accepts {percent(cell['power'])} of the valid paths, and {percent(cell['mean'])} "
+        f"accepts {percent(cell['power'])} of the valid paths ({', '.join(users)}), and {percent(cell['mean'])} "
         f"[{100 * cell['ci_low']:.1f}–{100 * cell['ci_high']:.1f}] of what it accepts is invalid"
     )
     if cell["abstained"]:

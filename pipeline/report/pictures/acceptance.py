@@ -5,7 +5,7 @@ from functools import partial
 from pipeline.report.figures import acceptance
 from pipeline.report.pictures.picture import Picture, picture
 from pipeline.report.results import Results
-from pipeline.report.wording import counted, listed, percent, split_phrase, variant_phrase
+from pipeline.report.wording import counted, listed, percent, split_label, split_phrase, variant_phrase
 
 
 def accepted(results: Results) -> Picture:
@@ -22,11 +22,10 @@ def accepted(results: Results) -> Picture:
         f"among them, of so many of the valid paths): {listed(parts)}."
     )
     caption = (
-        "Above: the share of invalid paths among those accepted, against the share promised; above the grey line a "
-        "promise is broken; no mark where every model accepts nothing. Below: the share of the valid paths that is "
-        f"accepted. Means over {counted(found['seeds'], 'seed')} and the users {listed(results.judged_users)}, with "
-        f"95 % intervals of the split form; the upright line is the promise of {percent(found['level'], 0)}."
+        "Above: the share of invalid paths among those accepted in new scenes, against the share promised; above the "
+        "grey line a promise is broken; no mark where every model accepts nothing. Below: the share of the valid paths "
+        f"that is accepted. Means over {counted(found['seeds'], 'seed')} and the users {listed(results.judged_users)}, "
+        f"with 95 % intervals of the split form; the upright line is the promise of {percent(found['level'], 0)}."
     )
-    splits = list(dict.fromkeys(results.accepted["split"]))
-    wide, narrow = (partial(acceptance.draw, results.accepted, splits, found["level"], c) for c in (2, 1))
-    return picture("acceptance", caption, alt, wide, narrow)
+    titles = {split: split_label(split).split(", ")[-1].capitalize() for split in results.accepted["split"].unique()}
+    return picture("acceptance", caption, alt, partial(acceptance.draw, results.accepted, titles, found["level"]))

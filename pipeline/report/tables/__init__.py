@@ -20,7 +20,7 @@ def all_tables(results: Results) -> list[Table]:
     makers = [
         summary.models, summary.world,
         accuracy.accuracy, accuracy.comparisons, accuracy.by_user, accuracy.calibration,
-        acceptance.acceptance, acceptance.acceptance_by_user,
+        acceptance.acceptance,
         repair.backprop, repair.repair_detail, repair.searches,
         causes.interventions, causes.verdicts, causes.intervention_detail, causes.specifications,
         refutation.refuters, refutation.refuted,
