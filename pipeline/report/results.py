@@ -49,6 +49,12 @@ class Results:
         return self.variants[0]
 
     @property
+    def promises(self) -> list[tuple[str, str, dict]]:
+        """Variant, split and what became of each rule of accepting paths, in the report's order."""
+        found = self.acceptance["acceptance"]
+        return [(v, s, found[v][s]) for v in self.variants if v in found for s in self.splits if s in found[v]]
+
+    @property
     def refuters(self) -> list[str]:
         """The attempts to refute, in their order."""
         return list(self.refutation["order"])

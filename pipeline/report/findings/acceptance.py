@@ -6,8 +6,11 @@ from pipeline.report.wording import counted, listed, percent, split_phrase, vari
 
 def acceptance(results: Results) -> list[str]:
     """What labels a promise takes, and what became of it in new scenes and with unseen items."""
-    found = results.acceptance
-    return [_needed(results), *(_kept(results, v) for v in found["acceptance"]), *_careless(results)]
+    return [
+        _needed(results),
+        *(_kept(results, v) for v in dict.fromkeys(v for v, _, _ in results.promises)),
+        *_careless(results),
+    ]
 
 
 def _needed(results: Results) -> str:
@@ -19,8 +22,8 @@ def _needed(results: Results) -> str:
         f"To say of one threshold, and be wrong about it in {percent(found['error'], 0)} of all cases, that at most "
         f"{percent(found['level'], 0)} of what lies above is invalid would take {found['without_error']} held-out "
         f"demonstrations above it without an error; of the {found['labels']} there are, {listed(have)} are valid. To "
-        f"hold the expected share below {percent(found['level'], 0)} takes fewer, at least {listed(fewest)} if every "
-        f"valid path is to be accepted: {found['held_out']['split']} calibrate in the split form, all "
+        f"hold the expected share below {percent(found['level'], 0)} takes fewer, at least {listed(fewest)} even if "
+        f"all valid paths are accepted: {found['held_out']['split']} calibrate in the split form, all "
         f"{found['labels']} in the cross-fitted one, which promises nothing."
     )
 
@@ -28,7 +31,7 @@ def _needed(results: Results) -> str:
 def _kept(results: Results, variant: str) -> str:
     """What became of the split form's promise, split by split, and what the cross-fitted form adds."""
     found, parts = results.acceptance, []
-    for split, by_rule in found["acceptance"][variant].items():
+    for split, by_rule in ((s, by_rule) for v, s, by_rule in results.promises if v == variant):
         cell, crossed = by_rule["split"], by_rule["crossed"]
         text = f"In {split_phrase(split)} {variant_phrase(variant)} {_accepts(cell)}{_verdict(cell, found['level'])}"
         parts.append(f"{text}; cross-fitted, it {_accepts(crossed)}.")
@@ -71,8 +74,7 @@ def _careless(results: Results) -> list[str]:
     ):
         broken = [
             f"{variant_phrase(variant)} {percent(cell['mean'])} on {split_phrase(split)}"
-            for variant, by_split in found["acceptance"].items()
-            for split, cell in ((split, by_rule[rule]) for split, by_rule in by_split.items())
+            for variant, split, cell in ((v, s, by_rule[rule]) for v, s, by_rule in results.promises)
             if cell["ci_low"] > found["level"]
         ]
         if broken:
@@ -81,8 +83,7 @@ def _careless(results: Results) -> list[str]:
             )
     best = [
         f"{percent(cell['power'])} for {variant_phrase(variant)} on {split_phrase(split)}"
-        for variant, by_split in found["acceptance"].items()
-        for split, cell in ((split, by_rule["truth"]) for split, by_rule in by_split.items())
+        for variant, split, cell in ((v, s, by_rule["truth"]) for v, s, by_rule in results.promises)
     ]
     out.append(
         f"Who knew the truth could set a threshold that accepts, at the same price, {listed(best)}: "

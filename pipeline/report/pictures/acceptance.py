@@ -14,8 +14,7 @@ def accepted(results: Results) -> Picture:
     parts = [
         f"{variant_phrase(variant)} {percent(by_rule['split']['mean'])} of {percent(by_rule['split']['power'])} on "
         f"{split_phrase(split)}"
-        for variant, by_split in found["acceptance"].items()
-        for split, by_rule in by_split.items()
+        for variant, split, by_rule in results.promises
     ]
     alt = (
         f"Promised {percent(found['level'], 0)} invalid paths at most, in the split form, models accept (share invalid "

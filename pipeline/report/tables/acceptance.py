@@ -9,15 +9,14 @@ def acceptance(results: Results) -> Table:
     """What every rule accepts, and how much of it is invalid, by variant and split."""
     found = results.acceptance
     rows: list[list[str | Cell]] = []
-    for variant, by_split in found["acceptance"].items():
-        for split, by_rule in by_split.items():
-            for rule in found["rules"]:
-                cell = by_rule[rule]
-                interval = f"{100 * cell['ci_low']:.1f}–{100 * cell['ci_high']:.1f}"
-                above, silent = (f"{cell[name]} of {cell['models']}" for name in ("above", "abstained"))
-                invalid = [percent_spread(cell), interval, percent(cell["where_any"]), above]
-                labels = [variant_label(variant), split_label(split), rule_label(rule)]
-                rows.append([*labels, *invalid, percent(cell["power"]), silent])
+    for variant, split, by_rule in results.promises:
+        for rule in found["rules"]:
+            cell = by_rule[rule]
+            interval = f"{100 * cell['ci_low']:.1f}–{100 * cell['ci_high']:.1f}"
+            above, silent = (f"{cell[name]} of {cell['models']}" for name in ("above", "abstained"))
+            invalid = [percent_spread(cell), interval, percent(cell["where_any"]), above]
+            labels = [variant_label(variant), split_label(split), rule_label(rule)]
+            rows.append([*labels, *invalid, percent(cell["power"]), silent])
     caption = (
         f"Paths accepted, mean over the users {listed(results.judged_users)}. The first two rules hold demonstrations "
         f"out and promise, or aim at, {percent(found['level'], 0)} invalid paths among those accepted at most; the "
