@@ -3,10 +3,10 @@
 VAEs are fitted by the stacked engine, whatever `train.engine` is.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import groupby
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt8
@@ -24,6 +24,7 @@ from pipeline.spec.stacked import LANES, fit_stack
 from pipeline.spec.training import Schedule, job_seed
 from pipeline.spec.vae import VaeSpecification
 
+Answer = TypeVar("Answer")
 FITTED = ("train", "irl", "path")  # the stages whose variants can be fitted here
 
 
@@ -45,27 +46,42 @@ def fit_and_ask(
     z_theta: Float[Array, "picture path 2"],
     desc: str,
 ) -> dict[str, Float32[Array, "lesson picture path"]]:
-    """Fit every variant's models; P(valid) of every path [m] in its picture by each of them.
-
-    Models fitted together have as many scenes, so lessons of the same size belong side by side; and for IRL those of
-    the same pictures, whose looks are drawn once.
-    """
-    at_once = {v: LANES if cfg.variants[v].stage == "train" else len(cfg.protocol.seeds) for v in lessons}
-    batches = [(v, batch) for v, of in lessons.items() for batch in _batches(of, at_once[v])]
-    answers = map_jobs(partial(_answer, cfg, images, z_theta), batches, cfg.workers, desc)
-    found = list(zip(batches, answers, strict=True))
-    return {v: np.concatenate([p for (variant, _), p in found if variant == v]) for v in lessons}
+    """Fit every variant's models; P(valid) of every path [m] in its picture by each of them."""
+    answers = fit_each(cfg, lessons, partial(_answer, images, z_theta), desc)
+    return {variant: np.stack(of) for variant, of in answers.items()}
 
 
-def _batches(lessons: Sequence[Lesson], at_once: int) -> list[Sequence[Lesson]]:
-    """Lessons in their order, at most `at_once` together, all of as many scenes."""
-    sizes = [list(of) for _, of in groupby(lessons, lambda lesson: len(lesson.images))]
-    return [of[i : i + at_once] for of in sizes for i in range(0, len(of), at_once)]
+def _answer(images: Array, z_theta: Array, model: Specification, _: Lesson) -> Float32[Array, "picture path"]:
+    return model.probability(images, z_theta)
 
 
-def _answer(
-    cfg: DictConfig, images: Array, z_theta: Array, batch: tuple[str, Sequence[Lesson]]
-) -> Float32[Array, "lesson picture path"]:
+def fit_each(
+    cfg: DictConfig,
+    lessons: Mapping[str, Sequence[Lesson]],
+    answer: Callable[[Specification, Lesson], Answer],
+    desc: str,
+) -> dict[str, list[Answer]]:
+    """Fit every variant's models; what `answer`, which must pickle, makes of each one and its lesson."""
+    batches = [(v, at) for v, of in lessons.items() for at in _batches(cfg, v, of)]
+    taught = [(v, [lessons[v][i] for i in at]) for v, at in batches]
+    answers: dict[str, dict[int, Answer]] = {v: {} for v in lessons}
+    for (v, at), found in zip(batches, map_jobs(partial(_fit, cfg, answer), taught, cfg.workers, desc), strict=True):
+        answers[v] |= zip(at, found, strict=True)
+    return {v: [by_lesson[i] for i in range(len(by_lesson))] for v, by_lesson in answers.items()}
+
+
+def _batches(cfg: DictConfig, variant: str, lessons: Sequence[Lesson]) -> list[list[int]]:
+    """Which lessons are fitted together: as many scenes in each, side by side (IRL draws a picture's looks once)."""
+    at_once = LANES if cfg.variants[variant].stage == "train" else len(cfg.protocol.seeds)
+    alike: dict[int, list[int]] = {}
+    for i, lesson in enumerate(lessons):
+        alike.setdefault(len(lesson.images), []).append(i)
+    return [at[i : i + at_once] for at in alike.values() for i in range(0, len(at), at_once)]
+
+
+def _fit(
+    cfg: DictConfig, answer: Callable[[Specification, Lesson], Answer], batch: tuple[str, Sequence[Lesson]]
+) -> list[Answer]:
     """Fit one batch of models of a variant, each begun as its own stage begins it, and ask them."""
     variant, lessons = batch
     kind, fit = _trainer(cfg, variant)
@@ -73,7 +89,7 @@ def _answer(
     models = [untrained(kind, cfg.variants[variant].model, seed) for seed in seeds]
     taught = [(lesson.images, lesson.z_theta, lesson.valid) for lesson in lessons]
     fit(models, *map(list, zip(*taught, strict=True)), seeds=seeds)
-    return np.stack([model.probability(images, z_theta) for model in models])
+    return [answer(model, lesson) for model, lesson in zip(models, lessons, strict=True)]
 
 
 def _trainer(cfg: DictConfig, variant: str) -> tuple[type[Specification], Fit]:

@@ -17,8 +17,9 @@ SCENES = 4
 
 
 def write_answers(cfg: DictConfig, rng: np.random.Generator) -> None:
-    """Write what stages efficiency, refute, confound, robustness, counterfactual, envelope and identify would."""
+    """Write what stages efficiency, accept, refute, confound, robustness, counterfactual, envelope, identify would."""
     _efficiency(cfg)
+    _accept(cfg)
     _refute(cfg, rng)
     _confound(cfg, rng)
     _robustness(cfg, rng)
@@ -46,6 +47,25 @@ def _efficiency(cfg: DictConfig) -> None:
     metrics = {"accuracy": cells, "null": cells["ae"][f"s{own}"], "reaches": reaches, "threshold": 0.95}
     metrics |= {"split": cfg.efficiency.split, "users": list(cfg.evaluate.users), "seeds": len(cfg.seeds)}
     write_json(folder / "metrics.json", metrics)
+
+
+def _accept(cfg: DictConfig) -> None:
+    """In new scenes every promise is kept; with unseen items it is broken."""
+    folder, users, splits = Path(cfg.paths.accept), list(cfg.evaluate.users), ("new_scenes", "new_items")
+    rules = ("split", "crossed", "training", "decision", "truth")
+    shares = {"new_scenes": {"mean": 0.01, "ci_low": 0.005, "ci_high": 0.015, "q1": 0.0, "q3": 0.02, "above": 1}}
+    shares["new_items"] = {"mean": 0.05, "ci_low": 0.03, "ci_high": 0.07, "q1": 0.04, "q3": 0.06, "above": 4}
+    worth = {"power": 0.8, "where_any": 0.02, "accepted": 50.0, "abstained": 0, "models": 4}
+    cells = {split: cell | worth for split, cell in shares.items()}
+    found = {split: dict.fromkeys(rules, cell | {"users": dict.fromkeys(users, cell)}) for split, cell in cells.items()}
+    metrics = {"acceptance": dict.fromkeys(cfg.accept.variants, found), "rules": rules, "seeds": len(cfg.seeds)}
+    metrics |= {"level": 0.02, "error": 0.1, "labels": 180, "held_out": {"split": 90, "crossed": 180}}
+    needs = {"valid": dict.fromkeys(users, 0.5), "fewest": dict.fromkeys(users, 99), "without_error": 114}
+    write_json(folder / "metrics.json", metrics | needs | {"scenes": SCENES, "paths": 8})
+    rows = product(cfg.accept.variants, splits, rules, cfg.accept.levels)
+    curve = pd.DataFrame(rows, columns=["variant", "split", "rule", "level"])
+    numbers = {f"{name}{end}": 0.05 for name in ("false", "power") for end in ("", "_low", "_high")}
+    write_table(folder / "curve.csv", curve.assign(**numbers, abstained=0.0))
 
 
 def _refute(cfg: DictConfig, rng: np.random.Generator) -> None:

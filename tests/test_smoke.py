@@ -61,6 +61,7 @@ def test_one_recording_a_variant_user_and_seed(clone: Path):
         ("identify", []),
         ("confound", []),
         ("robustness", []),
+        ("accept", []),
     ],
 )
 def test_a_stage_run_twice_writes_the_same_bytes(clone: Path, tmp_path: Path, stage: str, overrides: list[str]):

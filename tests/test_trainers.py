@@ -10,7 +10,7 @@ from pipeline.spec.reward import RewardMap
 from pipeline.spec.specification import untrained
 from pipeline.spec.training import job_seed
 from pipeline.stages.irl import schedule
-from pipeline.trainers import Lesson, fit_and_ask
+from pipeline.trainers import Lesson, fit_and_ask, fit_each
 
 FEW = ["train.steps=2", "path.steps=2", "variants.irl_maxent.steps=3", "variants.irl_ranked.steps=3"]
 RNG = np.random.default_rng(0)
@@ -47,3 +47,11 @@ def test_lessons_of_several_sizes_are_answered_in_their_order(cfg: DictConfig):
         alone = fit_and_ask(cfg, {variant: [one] for variant in variants}, IMAGES, Z, "test")
         for variant in variants:
             np.testing.assert_array_equal(together[variant][i], alone[variant][0], err_msg=variant)
+
+
+def test_answers_come_in_the_order_of_the_lessons_though_only_those_of_as_many_scenes_are_fitted_together(
+    cfg: DictConfig,
+):
+    lessons = [lesson(scenes, seed) for seed, scenes in enumerate((3, 1, 3, 2, 1))]
+    found = fit_each(cfg, {"full": lessons, "path": lessons[1:]}, lambda _, own: (own.seed, len(own.images)), "test")
+    assert found == {"full": [(0, 3), (1, 1), (2, 3), (3, 2), (4, 1)], "path": [(1, 1), (2, 3), (3, 2), (4, 1)]}

@@ -30,6 +30,8 @@ class Results:
     per_seed: int  # training scenes
     efficiency: dict  # accuracy against training scenes, and where a threshold is reached
     efficiency_curve: pd.DataFrame  # by variant, scenes and n
+    acceptance: dict  # paths accepted with a promise, and whether it is kept
+    accepted: pd.DataFrame  # the same for several promises
     repairs: pd.DataFrame
     repair: dict  # variant -> user -> numbers
     search: dict  # variant, or "truth" -> user with something invalid -> method -> numbers
@@ -58,6 +60,12 @@ class Results:
     def sizes(self, variant: str) -> list[int]:
         """The numbers of training scenes a variant was fitted to, at study_n."""
         return sorted(int(name.removeprefix("s")) for name in self.efficiency["accuracy"][variant])
+
+    @property
+    def promises(self) -> list[tuple[str, str, dict]]:
+        """Variant, split and what became of each rule of accepting paths, in the report's order."""
+        found = self.acceptance["acceptance"]
+        return [(v, s, found[v][s]) for v in self.variants if v in found for s in self.splits if s in found[v]]
 
     @property
     def refuters(self) -> list[str]:
@@ -147,6 +155,8 @@ def _check_answers(results: Results) -> None:
     """Every variant has its answers to the questions beyond the paper's."""
     if not results.confounding.get("interventions"):
         raise _missing("what stage confound says of any variant", "confound")
+    if not results.acceptance.get("acceptance"):
+        raise _missing("what stage accept says of any variant", "accept")
     answers = {
         "efficiency": results.efficiency.get("accuracy", {}),
         "refute": results.refutation.get("placebo", {}),

@@ -112,6 +112,14 @@ def disturbance_phrase(name: str, strength: float | int | str) -> str:
     }.get(name, f"{disturbance_label(name).lower()} of {amount}")  # fmt: skip
 
 
+def rule_label(name: str) -> str:
+    """A rule of accepting paths as a reader meets it."""
+    return {
+        "split": "Promise, split", "crossed": "Promise, cross-fitted", "training": "Training scores",
+        "decision": "P > 0.5", "truth": "Told the truth",
+    }.get(name, name)  # fmt: skip
+
+
 def split_label(name: str) -> str:
     """A split as a heading."""
     return SPLITS.get(name, name.replace("_", " ").capitalize())

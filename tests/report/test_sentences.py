@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from pipeline.report.claims import claims
+from pipeline.report.findings.acceptance import acceptance
 from pipeline.report.findings.accuracy import accuracy
 from pipeline.report.findings.causes import interventions, selftest
 from pipeline.report.findings.confounding import confounding
@@ -245,3 +246,20 @@ def test_what_breaks_a_model_is_told_of_one_that_beats_the_null_and_no_other(res
         level["models"]["path"] |= {"ci_high": 0.01}
     unbroken, *_ = robustness(replace(results, robustness=found))
     assert "is broken by nothing here" in unbroken
+
+
+def test_a_promise_is_said_to_be_kept_broken_or_idle_as_the_numbers_have_it(results: Results):
+    needed, path, *_ = acceptance(results)
+    assert "would take 114 held-out demonstrations" in needed and "at least 99 for the careful user" in needed
+    assert (
+        "80.0\u00a0% of the valid paths (careful 80\u00a0%, normal 80\u00a0%), and 1.0\u00a0% [0.5–1.5]" in path
+        and "2\u00a0% is kept" in path
+    )
+    assert "In new scenes with unseen items the path model" in path and "2\u00a0% is broken" in path
+    found = copy.deepcopy(results.acceptance)
+    found["acceptance"]["path"]["new_scenes"]["split"] |= {"abstained": 4, "mean": 0.0, "power": 0.0}
+    found["acceptance"]["path"]["new_items"]["split"] |= {"ci_low": 0.01, "abstained": 1}
+    _, idle, *_ = acceptance(replace(results, acceptance=found))
+    assert "the path model accepts nothing; cross-fitted, it accepts 80.0" in idle
+    assert "more than the 2\u00a0% promised, but by no more than chance would explain" in idle
+    assert "by 1 of 4 models; of what the others accept it is 2.0" in idle

@@ -1,6 +1,7 @@
 """The report's figures with their captions, and texts for those who cannot see them that state the finding."""
 
 from pipeline.report.pictures import (
+    acceptance,
     causes,
     confounding,
     counterfactuals,
@@ -31,7 +32,7 @@ def all_pictures(results: Results, summary, drawn: Drawn) -> dict[str, Picture]:
         counterfactuals.blame(results), counterfactuals.examples(results, drawn),
         users.envelopes(results, list(drawn.repairs)), users.identified(results, list(drawn.repairs)),
         inside.reconstructions(drawn), inside.traversals(drawn),
-        knowledge.reliability_diagram(results), inside.learning_curves(results),
+        knowledge.reliability_diagram(results), acceptance.accepted(results), inside.learning_curves(results),
         *([inside.things_found(drawn)] if drawn.seen else []),
     ]  # fmt: skip
     return {p.name: p for p in pictures}

@@ -1,0 +1,93 @@
+"""Whether paths can be accepted with a promise, and whether it is kept."""
+
+from pipeline.report.results import Results
+from pipeline.report.wording import counted, listed, percent, split_phrase, variant_phrase
+
+
+def acceptance(results: Results) -> list[str]:
+    """What labels a promise takes, and what became of it in new scenes and with unseen items."""
+    return [
+        _needed(results),
+        *(_kept(results, v) for v in dict.fromkeys(v for v, _, _ in results.promises)),
+        *_careless(results),
+    ]
+
+
+def _needed(results: Results) -> str:
+    """The demonstrations that each kind of promise takes, beside those there are."""
+    found = results.acceptance
+    have = [f"{percent(share, 0)} of the {user} user's" for user, share in found["valid"].items()]
+    fewest = [f"{n} for the {user} user" for user, n in found["fewest"].items()]
+    return (
+        f"To say of one threshold, and be wrong about it in {percent(found['error'], 0)} of all cases, that at most "
+        f"{percent(found['level'], 0)} of what lies above is invalid would take {found['without_error']} held-out "
+        f"demonstrations above it without an error; of the {found['labels']} there are, {listed(have)} are valid. To "
+        f"hold the expected share below {percent(found['level'], 0)} takes fewer, at least {listed(fewest)} even if "
+        f"all valid paths are accepted: {found['held_out']['split']} calibrate in the split form, all "
+        f"{found['labels']} in the cross-fitted one, which promises nothing."
+    )
+
+
+def _kept(results: Results, variant: str) -> str:
+    """What became of the split form's promise, split by split, and what the cross-fitted form adds."""
+    found, parts = results.acceptance, []
+    for split, by_rule in ((s, by_rule) for v, s, by_rule in results.promises if v == variant):
+        cell, crossed = by_rule["split"], by_rule["crossed"]
+        text = f"In {split_phrase(split)} {variant_phrase(variant)} {_accepts(cell)}{_verdict(cell, found['level'])}"
+        parts.append(f"{text}; cross-fitted, it {_accepts(crossed)}.")
+    return " ".join(parts)
+
+
+def _accepts(cell: dict) -> str:
+    if cell["abstained"] == cell["models"]:
+        return "accepts nothing"
+    users = [f"{user} {percent(of_user['power'], 0)}" for user, of_user in cell["users"].items()]
+    text = (
+        f"accepts {percent(cell['power'])} of the valid paths ({', '.join(users)}), and {percent(cell['mean'])} "
+        f"[{100 * cell['ci_low']:.1f}–{100 * cell['ci_high']:.1f}] of what it accepts is invalid"
+    )
+    if cell["abstained"]:
+        text += (
+            f" (nothing is accepted, and so nothing invalid, by {cell['abstained']} of "
+            f"{counted(cell['models'], 'model')}; of what the others accept it is {percent(cell['where_any'])})"
+        )
+    return text
+
+
+def _verdict(cell: dict, level: float) -> str:
+    """What the numbers make of the promise; nothing accepted breaks none."""
+    if cell["abstained"] == cell["models"]:
+        return ""
+    if cell["ci_low"] > level:
+        return f": the promise of {percent(level, 0)} is broken"
+    if cell["mean"] > level:
+        return f": more than the {percent(level, 0)} promised, but by no more than chance would explain"
+    return f": the promise of {percent(level, 0)} is kept"
+
+
+def _careless(results: Results) -> list[str]:
+    """What would have been accepted without held-out demonstrations, where the promise is then broken."""
+    found, out = results.acceptance, []
+    for rule, lead in (
+        ("training", "Calibrated on the very demonstrations it was fitted to"),
+        ("decision", "By P > 0.5"),
+    ):
+        broken = [
+            f"{variant_phrase(variant)} {percent(cell['mean'])} on {split_phrase(split)}"
+            for variant, split, cell in ((v, s, by_rule[rule]) for v, s, by_rule in results.promises)
+            if cell["ci_low"] > found["level"]
+        ]
+        if broken:
+            out.append(
+                f"{lead}, more of what is accepted is invalid than {percent(found['level'], 0)}: {listed(broken)}."
+            )
+    best = [
+        f"{percent(cell['power'])} for {variant_phrase(variant)} on {split_phrase(split)}"
+        for variant, split, cell in ((v, s, by_rule["truth"]) for v, s, by_rule in results.promises)
+    ]
+    out.append(
+        f"Who knew the truth could set a threshold that accepts, at the same price, {listed(best)}: "
+        f"{counted(found['seeds'], 'seed')}, {counted(found['scenes'], 'scene')} with "
+        f"{counted(found['paths'], 'path')} each."
+    )
+    return [" ".join(out)]

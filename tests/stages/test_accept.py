@@ -1,0 +1,169 @@
+"""The stage fits models to some demonstrations, calibrates on the others, and says whether its promise came true."""
+
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from omegaconf import DictConfig, OmegaConf
+
+from pipeline.artifacts.demos import DEMO_COLUMNS, DEMO_KEY, Queries, write_demos, write_queries
+from pipeline.artifacts.files import read_json, read_table
+from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool, write_scenes
+from pipeline.params import InputError, compose
+from pipeline.stages import accept
+from pipeline.table.bezier import random_z_theta
+from pipeline.table.items import read_catalogue
+from pipeline.table.layout import LayoutRules, Layouts, random_layouts
+from pipeline.table.render import Palette, render_scenes
+from pipeline.table.rules import valid
+
+TRAINING, SCENES, PATHS = 4, 5, 12
+SMALL = ["profile=smoke", "workers=1", "scenes.per_seed=4", "train.steps=2", "path.steps=2"]
+SMALL += ["accept.fitted=1", "accept.level=0.1"]
+
+
+@pytest.fixture(scope="module")
+def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
+    """Two seeds' training scenes with demonstrations, and new scenes with paths to be judged."""
+    root = tmp_path_factory.mktemp("accept")
+    cfg = compose([*SMALL, *(f"paths.{name}={root / name}" for name in ("scenes", "demos"))])
+    catalogue, rng = read_catalogue(Path(cfg.paths.data)), np.random.default_rng(0)
+    rules, palette = LayoutRules.of(cfg.scenes.layout), Palette(catalogue)
+
+    def pictures(layouts: Layouts) -> np.ndarray:
+        return render_scenes(layouts, ["oak"] * len(layouts), range(len(layouts)), palette)
+
+    pools = {train_pool(seed): (TRAINING, "train") for seed in cfg.seeds}
+    pools |= {"new_scenes": (SCENES, "train"), "new_items": (SCENES, "unseen")}
+    layouts = {
+        pool: random_layouts(rng, count, catalogue.footprints, catalogue.pool(split), rules)
+        for pool, (count, split) in pools.items()
+    }
+    looks = {pool: pd.DataFrame({"texture": "oak", "render_seed": range(len(x))}) for pool, x in layouts.items()}
+    write_scenes(root / "scenes", SceneSet({pool: pictures(x) for pool, x in layouts.items()}, layouts, looks))
+    rows = pd.DataFrame(list(product(cfg.seeds, cfg.users, range(TRAINING), range(cfg.study_n))), columns=DEMO_KEY)
+    z = random_z_theta(rng, len(rows))
+    for (seed, user), at in rows.groupby(["seed", "user"]).indices.items():
+        labels = valid(layouts[train_pool(seed)], z[at].reshape(TRAINING, -1, 2), cfg.users[user])
+        rows.loc[at, "valid"] = labels.ravel()
+    rows = rows.assign(z_x=z[:, 0], z_y=z[:, 1]).reindex(columns=DEMO_COLUMNS, fill_value=0)
+    write_demos(root / "demos", rows, np.zeros((0, 4)), np.zeros(len(rows) + 1))
+    queries = {}
+    for pool in ("new_scenes", "new_items"):
+        z = random_z_theta(rng, SCENES, PATHS)
+        queries[pool] = Queries(z, {user: valid(layouts[pool], z, margins) for user, margins in cfg.users.items()})
+    write_queries(root / "demos", queries)
+    return cfg
+
+
+@pytest.fixture(scope="module")
+def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    directory = tmp_path_factory.mktemp("out")
+    accept.main(cfg, directory)
+    return directory
+
+
+def cells(out: Path):
+    for by_split in read_json(out / "metrics.json")["acceptance"].values():
+        for by_rule in by_split.values():
+            for rule, of_rule in by_rule.items():
+                for cell in (of_rule, *of_rule["users"].values()):
+                    yield rule, cell
+
+
+def test_every_variant_split_rule_and_user_has_its_numbers(cfg: DictConfig, out: Path):
+    found = read_json(out / "metrics.json")
+    assert set(found["acceptance"]) == set(cfg.accept.variants)
+    for by_split in found["acceptance"].values():
+        assert set(by_split) == {"new_scenes", "new_items"}
+        assert all(set(by_rule) == set(accept.RULES) for by_rule in by_split.values())
+    for _, cell in cells(out):
+        assert 0 <= cell["ci_low"] <= cell["mean"] <= cell["ci_high"] <= 1 and 0 <= cell["power"] <= 1
+        assert cell["models"] in (2, 4) and cell["above"] + cell["abstained"] <= cell["models"]
+    assert (found["labels"], found["held_out"]) == (36, {"split": 27, "crossed": 36})
+
+
+def test_a_rule_that_accepts_nothing_has_accepted_nothing_invalid(out: Path):
+    silent = [cell for _, cell in cells(out) if cell["abstained"] == cell["models"]]
+    assert silent
+    assert all(cell["mean"] == cell["power"] == cell["accepted"] == 0 for cell in silent)
+    for _, cell in cells(out):
+        rest = cell["models"] - cell["abstained"]
+        assert (cell["where_any"] or 0.0) * rest == pytest.approx(cell["mean"] * cell["models"], abs=1e-5)
+
+
+def test_who_knows_the_truth_keeps_the_promise(out: Path):
+    for rule, cell in cells(out):
+        assert rule != "truth" or cell["above"] == 0
+
+
+def test_at_27_demonstrations_two_percent_are_never_promised(cfg: DictConfig, out: Path):
+    curve = read_table(out / "curve.csv")
+    strict = curve[(curve["rule"] == "split") & (curve["level"] <= 0.02)]
+    assert len(strict) == 2 * 2 * 2 and (strict["abstained"] == 1).all() and (strict["power"] == 0).all()
+
+
+def test_the_curve_goes_through_the_promise_and_never_turns_back(cfg: DictConfig, out: Path):
+    curve, found = read_table(out / "curve.csv"), read_json(out / "metrics.json")["acceptance"]
+    for (variant, split, rule), rows in curve.groupby(["variant", "split", "rule"]):  # pyright: ignore
+        assert list(rows["level"]) == list(cfg.accept.levels)
+        assert (np.diff(rows["power"]) >= 0).all()
+        there = rows[rows["level"] == cfg.accept.level].iloc[0]
+        assert there["power"] == pytest.approx(found[variant][split][rule]["power"], abs=2e-6)
+        assert there["false"] == pytest.approx(found[variant][split][rule]["mean"], abs=2e-6)
+
+
+def test_no_model_is_calibrated_in_a_scene_it_was_fitted_to(cfg: DictConfig):
+    for seed in cfg.seeds:
+        parts = accept._parts(cfg, seed)
+        for form in ("split", "crossed"):
+            for part in parts[form]:
+                assert sorted([*part.fitted, *part.calibrating]) == list(range(TRAINING))
+        assert sorted(np.concatenate([part.calibrating for part in parts["crossed"]])) == list(range(TRAINING))
+
+
+def test_a_second_run_by_two_processes_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
+    more = cfg.copy()
+    more.workers = 2
+    accept.main(more, tmp_path)
+    assert sorted(p.name for p in out.iterdir()) == ["curve.csv", "metrics.json"]
+    for path in out.iterdir():
+        assert (tmp_path / path.name).read_bytes() == path.read_bytes(), path.name
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("variants", ["irl_ranked"], "accept.variants is .*: expected some of full, ae, classifier, path"),
+        ("variants", [], "expected some of full"),
+        ("level", 0.03, "accept.levels is .*: expected ascending numbers between 0 and 1, 0.03 among them"),
+        ("level", 1.0, "accept.level is 1.0: expected a number between 0 and 1"),
+        ("levels", [0.2, 0.1], "expected ascending numbers"),
+        ("fitted", 4, "accept.fitted is 4: expected a whole number from 1 to 3"),
+        ("folds", 3, "accept.folds is 3: expected a whole number from 2 that divides scenes.per_seed = 4"),
+        ("folds", 1, "accept.folds is 1"),
+        ("error", 0, "accept.error is 0: expected a number between 0 and 1"),
+    ],
+)
+def test_settings_out_of_range_are_refused_before_any_work(cfg: DictConfig, tmp_path: Path, name, value, message):
+    changed = cfg.copy()
+    OmegaConf.update(changed, f"accept.{name}", value, merge=False)
+    with pytest.raises(InputError, match=message):
+        accept.main(changed, tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_other_training_scenes_than_asked_for_are_refused(cfg: DictConfig, tmp_path: Path):
+    changed, scenes = cfg.copy(), read_scenes(Path(cfg.paths.scenes))
+    changed.paths.scenes = str(tmp_path / "scenes")
+    first = train_pool(cfg.seeds[0])
+    few = SceneSet(
+        scenes.images | {first: scenes.images[first][:3]},
+        scenes.layouts | {first: scenes.layouts[first][:3]},
+        scenes.looks | {first: scenes.looks[first][:3]},
+    )
+    write_scenes(tmp_path / "scenes", few)
+    with pytest.raises(InputError, match=f"3 scenes {first}: expected 4; run the scenes stage again"):
+        accept.main(changed, tmp_path / "out")
