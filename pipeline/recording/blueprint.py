@@ -56,7 +56,7 @@ def _repairs(shown: Repairs) -> rrb.Container:
     if shown.start:
         views += [
             _series(f"{entity}/p_valid", "Model's p(valid)", "/fixed/even_odds"),
-            _series(f"{entity}/slack", "True slack [cm]: above 0 valid", "/fixed/the_margin"),
+            _series(f"{entity}/slack", "True slack [cm]: above 0 valid"),
         ]
     return rrb.Vertical(*views, row_shares=[5, 2, 2][: len(views)], name=name)
 
@@ -65,18 +65,15 @@ def _interventions(run: Run) -> rrb.Container:
     scene = _scene(run.repairs[0])
     before = [f"/{scene}/table/**", f"/{scene}/latent/**", *_without(scene, "repair", "by_n")]
     board = _board("Before, after, effect, on intervention", *before, "/interventions/**", *FIXED)
-    effects = _series("interventions/effect", "Mean effects: bowl, plate, cutlery, glass")
     words = rrb.TextDocumentView(origin="interventions/words", name="This intervention")
-    beside = rrb.Vertical(words, effects, row_shares=[3, 2])
-    return rrb.Horizontal(board, beside, column_shares=[5, 2], name="Interventions")
+    return rrb.Horizontal(board, words, column_shares=[5, 2], name="Interventions")
 
 
 def _counterfactuals() -> rrb.Container:
     name = "What if this item were not there, on counterfactual"
     board = _board(name, "/counterfactuals/table/**", "/fixed/ends")
-    answers = _series("counterfactuals/answers", "Model's p(valid) and the truth, by question")
     words = rrb.TextDocumentView(origin="counterfactuals/words", name="This question")
-    return rrb.Horizontal(board, rrb.Vertical(words, answers, row_shares=[3, 2]), name="Counterfactuals")
+    return rrb.Horizontal(board, words, column_shares=[2, 1], name="Counterfactuals")
 
 
 def _learning(run: Run) -> rrb.Container:

@@ -5,17 +5,15 @@ import rerun as rr
 from pipeline.recording.contents import Counterfactual, Run
 from pipeline.recording.geometry import changed, footprints, on_table
 from pipeline.recording.readme import counterfactual_words
-from pipeline.recording.scene import CHOSEN, INVALID, ITEM, LEARNED, TRUE, VALID, picture, set_time, words
+from pipeline.recording.scene import CHOSEN, INVALID, ITEM, VALID, picture, set_time, words
 from pipeline.table.bezier import curve
 
 TIMELINE, ENTITY = "counterfactual", "counterfactuals"
-POINTS = 21  # drawn along a path
+POINTS = 17  # drawn along a path
 
 
 def log_counterfactuals(recording: rr.RecordingStream, run: Run) -> None:
     """Every question of every worked example, and both answers to it."""
-    style = rr.SeriesPoints(names=["model's p(valid)", "truth"], colors=[LEARNED, TRUE], marker_sizes=5)
-    recording.log(f"{ENTITY}/answers", style, static=True)
     step = 0
     for asked in run.counterfactuals:
         for question in range(len(asked.p)):
@@ -39,4 +37,3 @@ def _question(recording: rr.RecordingStream, asked: Counterfactual, question: in
     colours = [VALID if asked.truth[question] else INVALID] + [CHOSEN] * len(gone)
     recording.log(f"{ENTITY}/table/changed", picture(changed(asked.image, image)))
     recording.log(f"{ENTITY}/table/path_and_gone", rr.LineStrips2D([path, *gone], colors=colours, radii=0.6))
-    recording.log(f"{ENTITY}/answers", rr.Scalars([float(asked.p[question]), float(asked.truth[question])]))

@@ -40,7 +40,7 @@ def map_image(values: Array) -> Array:
     return np.ascontiguousarray(values[::-1])
 
 
-def percent(difference: Float[Array, "y x"]) -> UInt8[Array, "y x"]:
+def percent(difference: Float[Array, "*b"]) -> UInt8[Array, "*b"]:
     """Differences from -1 to 1 in hundredths, counted from 0 for -1: 100 is none at all."""
     return np.round(100 * (1 + difference)).astype(np.uint8)
 

@@ -9,8 +9,7 @@ from pipeline.recording.geometry import TABLE_PIXELS, changed, footprints, on_ta
 from pipeline.recording.readme import intervention_words
 from pipeline.recording.scene import (
     CHOSEN,
-    LEARNED,
-    TRUE,
+    HALF,
     log_boundary,
     log_difference,
     log_map,
@@ -34,22 +33,20 @@ TITLES = {
 
 
 def log_interventions(recording: rr.RecordingStream, run: Run) -> None:
-    """Every intervention on the first of the run's new scenes, and the mean effects."""
+    """Every intervention on the first of the run's new scenes"""
     before = run.repairs[0]
     places = {name: panel(at, len(before.truth)) for name, at in MAPS.items()}
     recording.log(f"{ENTITY}/table", panel(TABLE, TABLE_PIXELS), static=True)
     recording.log(f"{ENTITY}/predicted", places["predicted"], static=True)
     log_titles(recording, ENTITY, TITLES, list(MAPS.values()))
     recording.log(f"{ENTITY}/table/image", picture(before.image))
-    style = rr.SeriesPoints(names=["learned effect", "true effect"], colors=[LEARNED, TRUE], marker_sizes=5)
-    recording.log(f"{ENTITY}/effect", style, static=True)
     for step, done in enumerate(run.interventions):
         set_time(recording, TIMELINE, step)
         _, outline = footprints(done.layout)[-1]
         recording.log(f"{ENTITY}/table/changed", picture(changed(before.image, done.image)))
         recording.log(f"{ENTITY}/table/added", rr.LineStrips2D([on_table(outline)], colors=CHOSEN, radii=0.5))
-        log_map(recording, f"{ENTITY}/predicted", done.predicted)
-        log_map(recording, f"{ENTITY}/truth", done.truth, places["truth"])
+        log_map(recording, f"{ENTITY}/predicted", done.predicted, precision=HALF)
+        log_map(recording, f"{ENTITY}/truth", done.truth, places["truth"], precision=HALF)
         log_boundary(recording, f"{ENTITY}/predicted", done.truth)
         log_difference(
             recording, f"{ENTITY}/learned_effect", done.predicted - before.predicted, places["learned_effect"]
@@ -57,5 +54,4 @@ def log_interventions(recording: rr.RecordingStream, run: Run) -> None:
         change = done.truth - before.truth.astype(np.float64)
         log_difference(recording, f"{ENTITY}/true_effect", change, places["true_effect"])
         recording.log(f"{ENTITY}/words", words(intervention_words(run, step)))
-        recording.log(f"{ENTITY}/effect", rr.Scalars([done.learned_mean, done.true_mean]))
-    recording.reset_time()
+        recording.reset_time()

@@ -5,7 +5,7 @@ import rerun as rr
 
 from pipeline.recording.board import SCENE_MAPS, panel
 from pipeline.recording.contents import Run
-from pipeline.recording.scene import log_difference, log_map, set_time
+from pipeline.recording.scene import HALF, log_difference, log_map, set_time
 
 DEMONSTRATIONS, STEPS = "demonstrations", "train_step"
 TERMS = ((240, 228, 66), (86, 220, 160), (204, 121, 167), (120, 160, 255))  # colours of the losses
@@ -18,7 +18,7 @@ def log_learning(recording: rr.RecordingStream, run: Run) -> None:
     place = panel(SCENE_MAPS["difference"], len(shown.truth))
     for n, predicted in zip(learning.n, learning.predicted, strict=True):
         set_time(recording, DEMONSTRATIONS, n)
-        log_map(recording, f"{latent}/predicted/by_n", predicted)
+        log_map(recording, f"{latent}/predicted/by_n", predicted, precision=HALF)
         log_difference(recording, f"{latent}/difference/by_n", predicted - shown.truth, place)
     recording.reset_time()
     terms = list(learning.losses)

@@ -60,7 +60,7 @@ At the last step a **blue disc** says valid, an **orange cross** invalid, by the
 
 ## Interventions: `intervention`
 A step a symbol: an item more (yellow) in new scene {run.repairs[0].scene}. First row: before. Second: after. Third:
-what the item changes, to the model and in truth. Points: the mean effect over all scenes of stage `intervene`.
+what the item changes, to the model and in truth. Beside: the effects, here and in all scenes of stage `intervene`.
 {_counterfactuals(run)}
 ## Learning: `demonstrations`, `train_step`
 The map of new scene {run.repairs[0].scene} by the models fitted to {_listed(run.learning.n)} demonstrations a

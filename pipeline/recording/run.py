@@ -4,7 +4,7 @@ Entities (coordinates: see `geometry`):
 
     readme                                        what one sees, in words
     fixed/{ends,titles,table_edge}                start and goal on the table; what the panels of a new scene are
-    fixed/{even_odds,the_margin}                  the lines above which a path is valid, to the model and in truth
+    fixed/even_odds                               the line above which the model accepts a path
     training/scene_000/{image,items,kept_clear}   a training scene
     training/scene_000/{valid,invalid}/{recorded,fitted,marks}   the user's demonstrations in it
     new_items/scene_000/table/{image,items,kept_clear}           a scene with items never seen in training
@@ -52,11 +52,11 @@ from pipeline.table.bezier import curve
 Array = np.ndarray
 TIMELINE = "repair_step"
 ABOVE, TOP = 40.0, 50.0  # draw orders of moving paths and of marks; Rerun's own end at 30 (points)
-POINTS = 21  # drawn along a Bezier path
+POINTS = 17  # drawn along a Bezier path
 MARK, MARK_ON_MAP = 1.5, 0.7  # middle to rim of a verdict's mark, in pixels and in cells
 
 REPAIRS = ((240, 228, 66), (86, 220, 160), (204, 121, 167), (120, 160, 255))
-FIRST, THRESHOLD, RECORDED = (230, 97, 0, 140), (128, 128, 128), (10, 10, 10)
+FIRST, EVEN_ODDS, RECORDED = (230, 97, 0, 140), (128, 128, 128), (10, 10, 10)
 
 
 def write_run(path: Path, run: Run) -> None:
@@ -65,7 +65,7 @@ def write_run(path: Path, run: Run) -> None:
         log_page(recording, page(run))
         log_ends(recording)
         log_titles(recording, "fixed", SCENE_TITLES, list(SCENE_MAPS.values()))
-        _thresholds(recording, run)
+        _even_odds(recording, run.repairs[0])
         recording.log("/", rr.AnnotationContext(DIFFERENCES), static=True)
         log_titles(
             recording, "training", {(0, i): f"Training scene {x.scene}" for i, x in enumerate(run.demonstrations)}
@@ -150,7 +150,7 @@ def _repairs_on_map(recording: rr.RecordingStream, entity: str, shown: Repairs) 
     _static(recording, f"{entity}/trail", rr.LineStrips2D(z, colors=colours, radii=0.15))
     for step, at_step in enumerate(z.swapaxes(0, 1)):
         recording.set_time(TIMELINE, sequence=step)
-        points = rr.Points2D(at_step, colors=colours, labels=names, radii=0.7, draw_order=ABOVE)
+        points = rr.Points2D(at_step, colors=colours, labels=names, radii=0.7)
         recording.log(f"{entity}/z_theta", points)
     recording.reset_time()
     _verdicts(recording, entity, z[:, -1], shown, MARK_ON_MAP)
@@ -174,13 +174,11 @@ def _series(recording: rr.RecordingStream, entity: str, shown: Repairs, values: 
     recording.send_columns(entity, [_steps(shown)], scalars.partition([len(names)] * shown.z.shape[1]))
 
 
-def _thresholds(recording: rr.RecordingStream, run: Run) -> None:
-    """The lines above which a path is valid, to the model and in truth."""
-    shown = run.repairs[0]
-    for name, value in (("even odds", 0.5), ("the margin", 0.0)):
-        entity = f"fixed/{name.replace(' ', '_')}"
-        _static(recording, entity, rr.SeriesLines(names=name, colors=THRESHOLD, widths=1))
-        recording.send_columns(entity, [_steps(shown)], rr.Scalars.columns(scalars=np.full(shown.z.shape[1], value)))
+def _even_odds(recording: rr.RecordingStream, shown: Repairs) -> None:
+    """The line above which the model accepts."""
+    _static(recording, "fixed/even_odds", rr.SeriesLines(names="even odds", colors=EVEN_ODDS, widths=1))
+    even = rr.Scalars.columns(scalars=np.full(shown.z.shape[1], 0.5))
+    recording.send_columns("fixed/even_odds", [_steps(shown)], even)
 
 
 def _steps(shown: Repairs) -> rr.TimeColumn:

@@ -34,7 +34,6 @@ VALID, INVALID = (0, 158, 255), (230, 97, 0)
 ITEM, KEPT_CLEAR = (255, 255, 255), (255, 255, 255, 110)
 BOUNDARY, TABLE_EDGE = (213, 0, 120), (0, 150, 170)
 CHOSEN = (240, 228, 66)  # an item added or taken away
-LEARNED, TRUE = (204, 121, 167), (86, 220, 160)  # what the model says and what is so, in a series
 SAME = (70, 70, 74)  # where two maps agree
 
 # The class of a cell of a difference map is `percent` of it: from blue over grey to orange, named by its value.
@@ -46,6 +45,9 @@ DIFFERENCES = tuple(
     )
     for i in range(201)
 )
+
+OVERLAY = -5.0  # draw order: over images (-10), under everything else
+HALF = np.float16  # three digits, in half the bytes: for maps of which a run holds many
 
 # The time lines of a run's recording, with the time at which each shows what lies on another one.
 TIMELINES = {"repair_step": 0, "intervention": 0, "counterfactual": 0, "demonstrations": 1, "train_step": 0}
@@ -121,15 +123,22 @@ def log_table(
 
 
 def picture(image: UInt8[Array, "100 100 channel"]) -> rr.EncodedImage:
-    """An image as a PNG, half the bytes and nothing lost; with a fourth channel, it lets others shine through."""
+    """An image as a PNG, half the bytes and nothing lost; with a fourth channel, it lies over the other ones."""
     file = io.BytesIO()
     Image.fromarray(image).save(file, "PNG")
-    return rr.EncodedImage(contents=file.getvalue(), media_type="image/png")
+    over = {"opacity": 1.0, "draw_order": OVERLAY} if image.shape[-1] == 4 else {}
+    return rr.EncodedImage(contents=file.getvalue(), media_type="image/png", **over)
 
 
-def log_map(recording: rr.RecordingStream, entity: str, values: Array, *place: rr.AsComponents) -> None:
-    """P(valid) or validity [y, x]. Kept as it is: the viewer shows 0 black, 1 white and the value at the pointer."""
-    recording.log(f"{entity}/map", rr.Image(map_image(values).astype(np.float32)), *place)
+def log_map(
+    recording: rr.RecordingStream,
+    entity: str,
+    values: Array,
+    *place: rr.AsComponents,
+    precision: type[np.floating] = np.float32,
+) -> None:
+    """P(valid) or validity [y, x]: the viewer shows 0 black, 1 white and the value at the pointer."""
+    recording.log(f"{entity}/map", rr.Image(map_image(values).astype(precision)), *place)
 
 
 def log_difference(

@@ -349,7 +349,7 @@ def _blamed(p: Array) -> int | None:
     """The item whose absence is most probably necessary; p (1 + item,): P(valid) as it stands and without each."""
     if p[0] > DECISION:
         return None
-    item = int(blame(chance_of_change(False, p[0], p[1:])))
+    item = int(blame(chance_of_change(False, p[:1], p[1:])))
     return None if item == NOBODY else item
 
 

@@ -147,6 +147,6 @@ def read_pictures(path: Path, entity: str, timeline: str | None = None) -> list[
 
 def read_maps(path: Path, entity: str, dtype: type, side: int = SIDE, timeline: str | None = None) -> np.ndarray:
     """The maps [row, y, x] of an entity, the largest y last; of whole numbers, their classes."""
-    kind = "Image" if dtype is np.float32 else "SegmentationImage"
+    kind = "SegmentationImage" if dtype is np.uint8 else "Image"
     buffers = [buffer for (buffer,) in read(path, entity, f"{kind}:buffer", timeline)]
     return np.array(buffers, np.uint8).view(dtype).reshape(-1, side, side)[:, ::-1]
