@@ -126,8 +126,8 @@ def picture(image: UInt8[Array, "100 100 channel"]) -> rr.EncodedImage:
     """An image as a PNG, half the bytes and nothing lost; with a fourth channel, it lies over the other ones."""
     file = io.BytesIO()
     Image.fromarray(image).save(file, "PNG")
-    over = {"opacity": 1.0, "draw_order": OVERLAY} if image.shape[-1] == 4 else {}
-    return rr.EncodedImage(contents=file.getvalue(), media_type="image/png", **over)
+    order = OVERLAY if image.shape[-1] == 4 else None
+    return rr.EncodedImage(contents=file.getvalue(), media_type="image/png", opacity=1.0, draw_order=order)
 
 
 def log_map(
