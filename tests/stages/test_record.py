@@ -20,6 +20,7 @@ from pipeline.stages.record import CURVE_KEY, EFFECT_COLUMNS, main
 from pipeline.table.bezier import curve, lattice, random_z_theta
 from pipeline.table.layout import SYMBOLS, Layouts, empty
 from pipeline.table.rules import valid
+from tests.recording.example import read
 
 SCENES, STARTS, STEPS, SAMPLES = 4, 2, 5, 20
 
@@ -154,7 +155,7 @@ def test_interventions_are_asked_of_the_model_and_told_with_the_stages_effects(c
     model = load_model(cfg, "classifier", "normal", 0, cfg.study_n)
     images = dict(np.load(tmp_path / "intervene" / "images.npz"))["images"][:, 0, 0]
     expected = model.probability(images, np.tile(lattice(9), (4, 1, 1))).reshape(4, 9, 9)
-    buffers = _value(path, "interventions/predicted/map", "Image:buffer")
+    buffers = read(path, "interventions/predicted/map", "Image:buffer", "intervention")
     shown = np.array(buffers, np.uint8).view(np.float16).reshape(4, 9, 9)[:, ::-1]
     assert np.allclose(shown, expected, atol=1e-3)
 
@@ -162,7 +163,7 @@ def test_interventions_are_asked_of_the_model_and_told_with_the_stages_effects(c
     rows = effects[
         (effects["variant"] == "classifier") & (effects["user"] == "normal") & (effects["symbol"] == "glass")
     ]
-    pages = [text for (text,) in _value(path, "interventions/words", "TextDocument:text")]
+    pages = [text for (text,) in read(path, "interventions/words", "TextDocument:text", "intervention")]
     (page,) = [page for page in pages if page.startswith("## A glass more")]
     here, mean = rows[rows["scene"] == 0].iloc[0], rows[["effect", "true_effect"]].mean()
     assert f"| {here['effect']:+.2f} | {here['true_effect']:+.2f} | " in page
@@ -178,7 +179,7 @@ def test_counterfactuals_are_asked_of_the_model_of_whoever_cares(cfg: DictConfig
     for user in ("careful", "normal"):
         path = tmp_path / "record" / "runs" / f"full-{user}-s0.rrd"
         p = load_model(cfg, "full", user, 0, cfg.study_n).probability(pictures, np.tile(z, (2, 1, 1)))[:, 0]
-        pages = [text for (text,) in _value(path, "counterfactuals/words", "TextDocument:text")]
+        pages = [text for (text,) in read(path, "counterfactuals/words", "TextDocument:text", "counterfactual")]
         told = "valid" if valid(layout, z, cfg.users[user])[0, 0] else "invalid"
         assert f"| **as it stands** | {p[0]:.2f} | {told} |" in pages[0]
         assert f"| **without the glass** | {p[1]:.2f} | valid |" in pages[1]
@@ -190,7 +191,7 @@ def test_each_n_shows_its_own_model_and_the_losses_are_those_of_the_one_shown(cf
     main(cfg, tmp_path / "record")
     path = tmp_path / "record" / "runs" / "full-careful-s0.rrd"
     image = read_scenes(tmp_path / "scenes").images["new_items"][:1]
-    buffers = _value(path, "new_items/scene_000/latent/predicted/by_n/map", "Image:buffer")
+    buffers = read(path, "new_items/scene_000/latent/predicted/by_n/map", "Image:buffer", "demonstrations")
     for n, (buffer,) in zip(cfg.n, buffers, strict=True):
         shown = np.array(buffer, np.uint8).view(np.float16).reshape(9, 9)[::-1]
         expected = load_model(cfg, "full", "careful", 0, n).probability(image, lattice(9)[None]).reshape(9, 9)
