@@ -10,7 +10,7 @@ READY := $(VENV)/.ready
 RUN ?=
 WORST ?=
 
-.PHONY: help venv repro test test-browser test-latex check-dowhy smoke bench review readme lint lock deps data clean
+.PHONY: help venv repro test test-browser test-viewer test-latex check-dowhy smoke bench review picture readme lint lock deps data clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -38,6 +38,10 @@ test-browser: $(READY)  ## the report in headless Chromium: keyboard, accessibil
 	@command -v chromium > /dev/null || { echo "error: chromium is missing: apt-get install chromium" >&2; exit 1; }
 	python -m pytest tests/browser
 
+test-viewer: $(READY)  ## recordings in Rerun's viewer, without a screen or a GPU
+	@ls /usr/share/vulkan/icd.d/*.json /etc/vulkan/icd.d/*.json 2> /dev/null | grep -q . || { echo "error: a Vulkan driver is missing: apt-get install mesa-vulkan-drivers" >&2; exit 1; }
+	python -m pytest tests/viewer
+
 test-latex: $(READY)  ## the report's LaTeX tables, compiled
 	@command -v pdflatex > /dev/null || { echo "error: pdflatex is missing: apt-get install texlive-latex-recommended" >&2; exit 1; }
 	python -m pytest tests/latex
@@ -59,6 +63,9 @@ bench: $(READY)  ## every benchmark, the whole graph among them; writes bench/RE
 
 review: $(READY)  ## open the overview of the recordings, or one of them: RUN=full-careful-s0, or WORST=1
 	python -m pipeline.recording.review $(RUN) $(if $(WORST),--worst)
+
+picture: $(READY)  ## a picture of a recording, made without a screen: RUN=full-careful-s0; writes picture.png
+	python -m pipeline.recording.picture $(or $(RUN),overview) picture.png $(if $(RUN),,0 scene 0)
 
 lint: $(READY)  ## format and lint in place
 	ruff format . && ruff check --fix . && pyright

@@ -1,25 +1,31 @@
 """How the viewer lays a recording out.
 
-A run: a tab a scene, the table beside its latent maps, p(valid) below. The overview: a tab a user, the table above the
-truth, and beside them each variant's latent map above its errors.
+A run: a tab a new scene, the one in which the model errs most first, with its table and its maps above p(valid) and
+the true slack of its repairs; then tabs of what-ifs, of how the model came about and of its demonstrations. The
+overview: a tab a user, the table above the truth, and beside them each variant's latent map above its errors.
 """
 
 from collections.abc import Sequence
 
 import rerun.blueprint as rrb
 
-from pipeline.recording.contents import Demonstrations, Repairs, Run, by_user
+from pipeline.recording.contents import Repairs, Run, by_user
 from pipeline.recording.geometry import TABLE_PIXELS
 
 MARGIN = 0.06  # shown around an image, of its side: repairs may leave it
 BACKDROP = (24, 24, 28)  # so that the image's edge is seen
+FIXED = ("/fixed/ends", "/fixed/titles", "/fixed/table_edge")
 
 
 def layout_of(run: Run, timeline: str) -> rrb.Blueprint:
     """The blueprint saved inside `run`'s recording; `timeline` is the time line it plays."""
-    tabs: list[rrb.Container] = [_repairs(shown) for shown in run.repairs]
+    worst_first = sorted(run.repairs, key=lambda shown: shown.agreement)
+    tabs: list[rrb.Container | rrb.View] = [*map(_repairs, worst_first), _interventions(run)]
+    if run.counterfactuals:
+        tabs.append(_counterfactuals())
+    tabs.append(_learning(run))
     if run.demonstrations:
-        tabs.append(rrb.Grid(*map(_demonstrations, run.demonstrations), name="Demonstrations"))
+        tabs.append(_board("Training scenes", "/training/**"))
     return _beside_page(tabs, rrb.TimePanel(state="collapsed", timeline=timeline, fps=6.0, loop_mode="all"))
 
 
@@ -29,7 +35,7 @@ def layout_of_overview(runs: Sequence[Run], timeline: str) -> rrb.Blueprint:
     return _beside_page(tabs, rrb.TimePanel(state="collapsed", timeline=timeline, play_state="paused", fps=0.5))
 
 
-def _beside_page(tabs: Sequence[rrb.Container], time: rrb.TimePanel) -> rrb.Blueprint:
+def _beside_page(tabs: Sequence[rrb.Container | rrb.View], time: rrb.TimePanel) -> rrb.Blueprint:
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Tabs(*tabs, active_tab=0),
@@ -44,22 +50,55 @@ def _beside_page(tabs: Sequence[rrb.Container], time: rrb.TimePanel) -> rrb.Blue
 
 
 def _repairs(shown: Repairs) -> rrb.Container:
-    entity, side = f"new_items/scene_{shown.scene:03d}", len(shown.truth)
-    name = f"New scene {shown.scene}"
-    views = [
-        _spatial(f"{entity}/table", "Table", TABLE_PIXELS, "/fixed/ends"),
-        _spatial(f"{entity}/latent/predicted", "Latent map: model's p(valid)", side, "/fixed/table_edge"),
-        _spatial(f"{entity}/latent/truth", "Latent map: truth", side, "/fixed/table_edge"),
+    entity = _scene(shown)
+    name = f"New scene {shown.scene}: {1 - shown.agreement:.0%} of the map wrong"
+    views: list[rrb.View] = [_board("Repairs, on repair_step", f"/{entity}/**", *FIXED, *_without(entity, "by_n"))]
+    if shown.start:
+        views += [
+            _series(f"{entity}/p_valid", "Model's p(valid)", "/fixed/even_odds"),
+            _series(f"{entity}/slack", "True slack [cm]: above 0 valid"),
+        ]
+    return rrb.Vertical(*views, row_shares=[5, 2, 2][: len(views)], name=name)
+
+
+def _interventions(run: Run) -> rrb.Container:
+    scene = _scene(run.repairs[0])
+    before = [f"/{scene}/table/**", f"/{scene}/latent/**", *_without(scene, "repair", "by_n")]
+    board = _board("Before, after, effect, on intervention", *before, "/interventions/**", *FIXED)
+    words = rrb.TextDocumentView(origin="interventions/words", name="This intervention")
+    return rrb.Horizontal(board, words, column_shares=[5, 2], name="Interventions")
+
+
+def _counterfactuals() -> rrb.Container:
+    name = "What if this item were not there, on counterfactual"
+    board = _board(name, "/counterfactuals/table/**", "/fixed/ends")
+    words = rrb.TextDocumentView(origin="counterfactuals/words", name="This question")
+    return rrb.Horizontal(board, words, column_shares=[2, 1], name="Counterfactuals")
+
+
+def _learning(run: Run) -> rrb.Container:
+    scene = _scene(run.repairs[0])
+    shown = [f"/{scene}/table/**", f"/{scene}/latent/truth/**", *_without(scene, "repair")]
+    shown += [
+        f"/{scene}/latent/predicted/boundary",
+        *(f"/{scene}/latent/{x}/by_n/**" for x in ("predicted", "difference")),
     ]
-    if not shown.start:
-        return rrb.Horizontal(*views, name=name)
-    series = rrb.TimeSeriesView(
-        origin=f"{entity}/p_valid",
-        name="Model's p(valid) over the repairs' steps",
-        axis_y=rrb.ScalarAxis(range=(-0.02, 1.02)),
-        plot_legend=rrb.PlotLegend(visible=True),
+    return rrb.Vertical(
+        _board("By the number of demonstrations a scene, on demonstrations", *shown, *FIXED),
+        _series("losses", "Losses, on train_step"),
+        row_shares=[2, 1],
+        name="Learning",
     )
-    return rrb.Vertical(rrb.Horizontal(*views), series, row_shares=[3, 1], name=name)
+
+
+def _scene(shown: Repairs) -> str:
+    return f"new_items/scene_{shown.scene:03d}"
+
+
+def _without(scene: str, *parts: str) -> list[str]:
+    """A filter that leaves out what is drawn over a new scene's panels."""
+    panels = ("table", "latent/predicted", "latent/truth", "latent/difference")
+    return [f"- /{scene}/{panel}/{part}/**" for part in parts for panel in panels]
 
 
 def _comparison(user: str, runs: Sequence[Run]) -> rrb.Container:
@@ -76,11 +115,6 @@ def _comparison(user: str, runs: Sequence[Run]) -> rrb.Container:
     return rrb.Horizontal(*columns, name=user)
 
 
-def _demonstrations(shown: Demonstrations) -> rrb.Spatial2DView:
-    entity = f"training/scene_{shown.scene:03d}"
-    return _spatial(entity, f"Training scene {shown.scene}", TABLE_PIXELS, "/fixed/ends")
-
-
 def _spatial(origin: str, name: str, size: int, *over: str) -> rrb.Spatial2DView:
     shown = (-MARGIN * size, (1 + MARGIN) * size)
     return rrb.Spatial2DView(
@@ -90,3 +124,12 @@ def _spatial(origin: str, name: str, size: int, *over: str) -> rrb.Spatial2DView
         background=BACKDROP,
         visual_bounds=rrb.VisualBounds2D(x_range=shown, y_range=shown),
     )
+
+
+def _board(name: str, *contents: str) -> rrb.Spatial2DView:
+    """Panels with their titles, all in view; every setting more would cost a recording three kilobytes."""
+    return rrb.Spatial2DView(origin="/", contents=list(contents), name=name)
+
+
+def _series(origin: str, name: str, *over: str) -> rrb.TimeSeriesView:
+    return rrb.TimeSeriesView(origin=origin, contents=["$origin/**", *over], name=name)

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray as Array
 
 from pipeline.table.layout import Layouts
@@ -34,6 +34,7 @@ class Repairs:
 
     predicted: P(valid) on `bezier.lattice(side)` as [y, x]; truth: the user's rule on the same lattice;
     z: each repair's path [m] over its steps, step 0 being the invalid start; p: P(valid) at each of them;
+    slack: how far [m] each of them stays outside the user's margins, inf if the user does not care for any item;
     start: the start's number in the scene; ends_valid: whether the last step is valid by the truth.
     """
 
@@ -45,6 +46,7 @@ class Repairs:
     start: tuple[int, ...]
     z: Float[Array, "repair step 2"]
     p: Float[Array, "repair step"]
+    slack: Float[Array, "repair step"]
     ends_valid: Bool[Array, "repair"]
 
     @property
@@ -52,6 +54,65 @@ class Repairs:
         """What becomes of each cell of the map if the model calls it valid at p > 0.5."""
         called = self.predicted > 0.5
         return np.where(called == self.truth, RIGHT, np.where(called, FALSELY_VALID, FALSELY_INVALID)).astype(np.uint8)
+
+    @property
+    def agreement(self) -> float:
+        """Share of the cells of the map on which the model and the truth agree."""
+        return float(np.mean(self.errors == RIGHT))
+
+
+@dataclass(frozen=True)
+class Intervention:
+    """do(Z_I := E(I + o)): an item more in the first of the run's new scenes, and what it changes.
+
+    image, layout: the scene with the item, which stands in the last slot taken; predicted, truth: maps as in `Repairs`;
+    learned, true: the effect on E[V] in this scene; learned_mean, true_mean: the means over `scenes` scenes.
+    """
+
+    symbol: str
+    image: UInt8[Array, "100 100 3"]
+    layout: Layouts
+    predicted: Float[Array, "side side"]
+    truth: Bool[Array, "side side"]
+    learned: float
+    true: float
+    learned_mean: float
+    true_mean: float
+    scenes: int
+
+
+@dataclass(frozen=True)
+class Counterfactual:
+    """A rejected path of a new scene, and what would become of it if one item were not there.
+
+    without: the scene without each of its items; p, truth: P(valid) and validity as it stands, then without each;
+    blamed, culprit: the item (its place among the scene's) whose absence the model, the truth, most lets the path
+    become valid by; None if no single one does, or the path is valid as it is.
+    """
+
+    kind: str
+    scene: int
+    image: UInt8[Array, "100 100 3"]
+    layout: Layouts
+    z: Float[Array, "2"]
+    without: UInt8[Array, "item 100 100 3"]
+    p: Float[Array, "question"]
+    truth: Bool[Array, "question"]
+    blamed: int | None
+    culprit: int | None
+
+
+@dataclass(frozen=True)
+class Learning:
+    """How the model came about: its losses, and what fewer demonstrations make of the first of the new scenes.
+
+    step, losses: the training's curve by term; n: demonstrations a scene; predicted: the map fitted to each of `n`.
+    """
+
+    step: Int[Array, "step"]
+    losses: Mapping[str, Float[Array, "step"]]
+    n: tuple[int, ...]
+    predicted: Float[Array, "n side side"]
 
 
 @dataclass(frozen=True)
@@ -65,6 +126,9 @@ class Run:
     margins: Mapping[str, float | None]  # what the user keeps clear of each symbol [m]; None: does not care
     demonstrations: tuple[Demonstrations, ...]
     repairs: tuple[Repairs, ...]
+    interventions: tuple[Intervention, ...]
+    counterfactuals: tuple[Counterfactual, ...]
+    learning: Learning
 
     @property
     def name(self) -> str:
@@ -74,7 +138,7 @@ class Run:
     @property
     def agreement(self) -> float:
         """Share of the cells of all latent maps shown on which the model and the truth agree."""
-        return float(np.mean([shown.errors == RIGHT for shown in self.repairs]))
+        return float(np.mean([shown.agreement for shown in self.repairs]))
 
 
 def by_user(runs: Sequence[Run]) -> dict[str, list[Run]]:

@@ -1,19 +1,21 @@
 """Metres to the coordinates of the two views, and the outlines drawn in them.
 
 On the table one unit is a pixel of the image, which is a centimetre; on a latent map one unit is a cell.
-Both have their origin in the far left corner and y towards the viewer, as images have.
+Both have their origin in the far left corner and y towards the viewer, as images have. A run's recording lays tables
+and maps out on boards, panels of the table's size in rows and columns; there one unit is a pixel of the table, too.
 """
 
 from collections.abc import Mapping
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
 
 from pipeline.table.bezier import Z_HIGH, Z_LOW
 from pipeline.table.layout import SYMBOLS, Layouts
 
 TABLE_PIXELS = 100  # side of a scene's image; the table is 1 m wide
+PITCH = 112.0  # from one panel of a board to the next
 ARC_POINTS = 16  # of each round end of a footprint
 
 
@@ -28,9 +30,25 @@ def on_map(z_theta: Float[Array, "*b 2"], side: int) -> Float[Array, "*b 2"]:
     return np.stack([z_theta[..., 0] - Z_LOW, Z_HIGH - z_theta[..., 1]], axis=-1) / cell
 
 
+def corner(row: int, column: int) -> Float[Array, "2"]:
+    """Where a board's panel begins."""
+    return PITCH * np.array([column, row], dtype=float)
+
+
 def map_image(values: Array) -> Array:
     """Values [y, x] on `bezier.lattice` as an image: the largest y in row 0."""
     return np.ascontiguousarray(values[::-1])
+
+
+def percent(difference: Float[Array, "*b"]) -> UInt8[Array, "*b"]:
+    """Differences from -1 to 1 in hundredths, counted from 0 for -1: 100 is none at all."""
+    return np.round(100 * (1 + difference)).astype(np.uint8)
+
+
+def changed(image: UInt8[Array, "100 100 3"], other: UInt8[Array, "100 100 3"]) -> UInt8[Array, "100 100 4"]:
+    """What lies over `image` to make it `other`: transparent wherever they agree."""
+    differs = np.any(image != other, axis=-1, keepdims=True)
+    return np.concatenate([other * differs, np.uint8(255) * differs], axis=-1)
 
 
 def footprints(layout: Layouts) -> list[tuple[str, Float[Array, "point 2"]]]:

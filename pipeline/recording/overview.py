@@ -23,20 +23,23 @@ from pipeline.recording.geometry import map_image
 from pipeline.recording.readme import overview_page
 from pipeline.recording.scene import (
     INVALID,
+    SAME,
     VALID,
     log_boundary,
-    log_fixed,
+    log_ends,
     log_map,
     log_page,
     log_table,
+    log_table_edge,
     recording_at,
+    table_edge,
 )
 
 TIMELINE = "scene"
 
 # An error's colour is that of the truth the model missed.
 CLASSES = (
-    (RIGHT, "as the truth", (70, 70, 74)),
+    (RIGHT, "as the truth", SAME),
     (FALSELY_VALID, "invalid, called valid", INVALID),
     (FALSELY_INVALID, "valid, called invalid", VALID),
 )
@@ -46,7 +49,8 @@ def write_overview(path: Path, runs: Sequence[Run]) -> None:
     """Write `runs`, all of the same scenes and one a user and variant, to `path` with a blueprint saved inside."""
     with recording_at(path, "overview", layout_of_overview(runs, TIMELINE)) as recording:
         log_page(recording, overview_page(runs))
-        log_fixed(recording, len(runs[0].repairs[0].truth))
+        log_ends(recording)
+        log_table_edge(recording, "fixed", table_edge(len(runs[0].repairs[0].truth))[None], 0.12)
         recording.log("/", rr.AnnotationContext(CLASSES), static=True)
         for user, of_user in by_user(runs).items():
             for shown in of_user[0].repairs:

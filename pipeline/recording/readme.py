@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 
-from pipeline.recording.contents import Run, by_user
+from pipeline.recording.contents import Counterfactual, Run, by_user
+from pipeline.recording.geometry import footprints
 
 VARIANTS = {
     "full": "the paper's model, the whole of its loss",
@@ -36,25 +37,94 @@ Model **{run.variant}** of user **{run.user}**, seed {run.seed}, {run.n} demonst
 A path runs from *start* to *goal*; its middle control point is z_theta. The model gives every z_theta a
 probability p that the user would call the path valid.
 
-## A tab a new scene
-Its items were never seen in training.
+Press play, or drag the time line below. Its name, at the bottom left, is a menu: each tab says which one it is for.
+
+## Maps
+z_theta from -0.2 m to 1.2 m; teal: the table's edge.
+- **p(valid), truth.** White: p = 1, valid. Black: p = 0, invalid. Magenta: where the truth changes.
+- **Difference, model - truth. Orange: +1, invalid and called valid. Blue: -1, valid and called invalid.** Grey: 0.
+- **Effect, after - before.** Orange: +1, becomes valid. Blue: -1, becomes invalid. Grey: nothing changes.
+
+Point at a cell to read its value.
+
+## A tab a new scene: `repair_step`
+Its items were never seen in training. The scene in which the model errs most comes first.
 - **Table.** White: the items, and thinner the room the user wants around them. Faint orange: the invalid paths
   repairs start from. Strong: the paths at this step, each in a colour of its own, the same in every view.
-- **Latent map, model.** z_theta from -0.2 m to 1.2 m; white: p = 1, black: p = 0.
-  Magenta: where the truth changes. Discs: each repair's z_theta at this step, on the trail of all its steps.
-- **Latent map, truth.** White: valid, black: invalid. Teal in both maps: the table's edge.
-- **Below:** p over the repair's steps.
+- **Maps.** Discs: each repair's z_theta at this step, on the trail of all its steps.
+- **Below.** The model's p, and how far the path truly stays outside the room the user wants.
 
 At the last step a **blue disc** says valid, an **orange cross** invalid, by the truth.
 
 {outcome}
 
-## Demonstrations
-Some training scenes. **Valid: thick, blue, a disc. Invalid: thin, orange, a cross.** In them a dark
-thread: the hand as recorded. In colour: the Bezier path fitted to it.
+## Interventions: `intervention`
+A step a symbol: an item more (yellow) in new scene {run.repairs[0].scene}. First row: before. Second: after. Third:
+what the item changes, to the model and in truth. Beside: the effects, here and in all scenes of stage `intervene`.
+{_counterfactuals(run)}
+## Learning: `demonstrations`, `train_step`
+The map of new scene {run.repairs[0].scene} by the models fitted to {_listed(run.learning.n)} demonstrations a
+scene, and the losses of the one shown elsewhere. Maps along the training itself are not kept.
 
-Press play, or drag the time line `repair_step`.
+## Training scenes
+**Valid: thick, blue, a disc. Invalid: thin, orange, a cross.** In them a dark thread: the hand as recorded. In colour:
+the Bezier path fitted to it.
 """
+
+
+def _counterfactuals(run: Run) -> str:
+    if not run.counterfactuals:
+        return ""
+    return """
+## Counterfactuals: `counterfactual`
+Worked examples of stage `counterfactual`: a path as it stands, then without each item (yellow outline: taken away).
+The path is blue where it is truly valid, orange where it is not.
+"""
+
+
+def intervention_words(run: Run, step: int) -> str:
+    """The intervention of this step, among all of them."""
+    done = run.interventions[step]
+    rows = [
+        f"| {'**' + x.symbol + '**' if x is done else x.symbol} | {x.learned:+.2f} | {x.true:+.2f} | "
+        f"{x.learned_mean:+.3f} | {x.true_mean:+.3f} |"
+        for x in run.interventions
+    ]
+    return f"""## A {done.symbol} more
+
+What it changes in the expected validity of a random path, by the model (learned) and by the user's rule (true).
+
+| added | learned | true | mean learned | mean true |
+| --- | ---: | ---: | ---: | ---: |
+{chr(10).join(rows)}
+
+In this scene, and in the mean of {done.scenes} scenes. The user keeps clear of {_kept_clear_of(run)}.
+"""
+
+
+def counterfactual_words(run: Run, asked: Counterfactual, question: int) -> str:
+    """The question of this step, among all of its example."""
+    symbols = [symbol for symbol, _ in footprints(asked.layout)]
+    asks = ["as it stands", *(f"without the {symbol}" for symbol in symbols)]
+    rows = [
+        f"| {'**' + ask + '**' if i == question else ask} | {p:.2f} | {'valid' if truth else 'invalid'} |"
+        for i, (ask, p, truth) in enumerate(zip(asks, asked.p, asked.truth, strict=True))
+    ]
+    return f"""## New scene {asked.scene}, {asks[question]}
+
+| table | model's p(valid) | truth |
+| --- | ---: | --- |
+{chr(10).join(rows)}
+
+- The model {_blames(bool(asked.p[0] > 0.5), asked.blamed, symbols)}.
+- The truth {_blames(bool(asked.truth[0]), asked.culprit, symbols)}.
+"""
+
+
+def _blames(accepted: bool, item: int | None, symbols: Sequence[str]) -> str:
+    if accepted:
+        return "accepts the path: there is nothing to blame"
+    return "rejects the path and blames " + ("no single item" if item is None else f"the **{symbols[item]}**")
 
 
 def overview_page(runs: Sequence[Run]) -> str:
@@ -97,6 +167,10 @@ The time line `scene` below goes from scene to scene: drag it, or press play.
 ## What the users keep clear of
 {cares}
 """
+
+
+def _listed(numbers: Sequence[int]) -> str:
+    return ", ".join(map(str, numbers))
 
 
 def _kept_clear_of(run: Run) -> str:

@@ -1,15 +1,17 @@
 """A made-up run, as large as the stage makes them, for the tests of recordings."""
 
+import io
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
 from rerun.chunk import RrdReader
 
-from pipeline.recording.contents import Demonstrations, Repairs, Run
+from pipeline.recording.contents import Counterfactual, Demonstrations, Intervention, Learning, Repairs, Run
 from pipeline.table.bezier import curve, lattice, random_z_theta
 from pipeline.table.layout import SYMBOLS, Layouts, empty
-from pipeline.table.rules import valid
+from pipeline.table.rules import clearance, slack, valid
 
 SIDE, STEPS = 35, 30
 MARGINS: dict[str, float | None] = {"bowl": 0.045, "plate": 0.045, "cutlery": 0.045, "glass": None}
@@ -27,8 +29,13 @@ def a_layout() -> Layouts:
     return layout
 
 
-def a_run(repairs: int = 4) -> Run:
-    """As large as the stage makes them: three scenes of each kind, images that no compression helps."""
+def an_image(rng: np.random.Generator) -> np.ndarray:
+    """As hard to compress as a rendered table: some 18 kB as a PNG."""
+    return rng.integers(100, 132, (100, 100, 3), dtype=np.uint8)
+
+
+def a_run(repairs: int = 3) -> Run:
+    """As large as the stage makes them, with repairs of every end in each scene, and maps no compression helps."""
     rng = np.random.default_rng(0)
     layout = a_layout()
     cells = lattice(SIDE)[None]
@@ -40,24 +47,61 @@ def a_run(repairs: int = 4) -> Run:
             np.column_stack([time, path + rng.normal(0, 0.003, path.shape), 0 * time]).astype(np.float32)
             for path in curve(z, len(time))
         )
-        image = rng.integers(0, 256, (100, 100, 3), dtype=np.uint8)
         truth = valid(layout, z[None], MARGINS)[0]
-        demonstrations.append(Demonstrations(scene, image, layout, z, truth, samples))
+        demonstrations.append(Demonstrations(scene, an_image(rng), layout, z, truth, samples))
         steps = random_z_theta(rng, repairs, STEPS + 1).astype(np.float32)
         repaired.append(
             Repairs(
                 scene=scene,
-                image=rng.integers(0, 256, (100, 100, 3), dtype=np.uint8),
+                image=an_image(rng),
                 layout=layout,
                 predicted=rng.random((SIDE, SIDE), dtype=np.float32),
                 truth=valid(layout, cells, MARGINS).reshape(SIDE, SIDE),
                 start=tuple(range(0, 2 * repairs, 2)),
                 z=steps,
                 p=rng.random((repairs, STEPS + 1), dtype=np.float32),
+                slack=slack(layout, clearance(layout, steps.reshape(1, -1, 2)), MARGINS).reshape(repairs, STEPS + 1),
                 ends_valid=valid(layout, steps[None, :, -1].astype(float), MARGINS)[0],
             )
         )
-    return Run("full", "careful", 3, 9, MARGINS, tuple(demonstrations), tuple(repaired))
+    interventions = tuple(_an_intervention(rng, symbol, repaired[0].image) for symbol in SYMBOLS)
+    learning = Learning(
+        np.arange(0, 1000, 10),
+        {term: rng.random(100) for term in ("reconstruction", "kl", "classification", "total")},
+        (1, 3, 5, 7, 9),
+        rng.random((5, SIDE, SIDE), dtype=np.float32),
+    )
+    return Run(
+        "full",
+        "careful",
+        3,
+        9,
+        MARGINS,
+        tuple(demonstrations[:2]),
+        tuple(repaired),
+        interventions,
+        tuple(_a_counterfactual(rng, scene) for scene in range(3)),
+        learning,
+    )
+
+
+def _an_intervention(rng: np.random.Generator, symbol: str, before: np.ndarray) -> Intervention:
+    layout, image = a_layout(), before.copy()
+    layout.symbol[0, 2], layout.item[0, 2] = SYMBOLS.index(symbol), 2
+    layout.centre[0, 2], layout.radius[0, 2], layout.scale[0, 2] = rng.uniform(0.2, 0.8, 2), 0.05, 1.0
+    image[40:52, 30:42] = 255
+    truth = valid(layout, lattice(SIDE)[None], MARGINS).reshape(SIDE, SIDE)
+    predicted = rng.random((SIDE, SIDE), dtype=np.float32)
+    learned, true, learned_mean, true_mean = rng.uniform(-1, 1, 4)
+    return Intervention(symbol, image, layout, predicted, truth, learned, true, learned_mean, true_mean, 100)
+
+
+def _a_counterfactual(rng: np.random.Generator, scene: int) -> Counterfactual:
+    image = an_image(rng)
+    without = np.stack([image, image])
+    without[0, 10:20, 10:20], without[1, 50:60, 50:60] = 0, 255
+    p, truth = rng.random(3) / 2, np.array([False, True, False])
+    return Counterfactual("disagree", scene, image, a_layout(), random_z_theta(rng, 1)[0], without, p, truth, 1, 0)
 
 
 def some_runs() -> list[Run]:
@@ -79,12 +123,30 @@ def some_runs() -> list[Run]:
     return runs
 
 
-def read(path: Path, entity: str, component: str) -> list:
-    """The rows of one component, in the order of the time line where there is one."""
+def read(path: Path, entity: str, component: str, timeline: str | None = None) -> list:
+    """The rows of one component, in the order of the time line, which need not be named where there is but one."""
+    return [value for _, value in read_timed(path, entity, component, timeline)]
+
+
+def read_timed(path: Path, entity: str, component: str, timeline: str | None = None) -> list[tuple[int, list]]:
+    """The same rows, each with its time."""
     rows = []
     for chunk in RrdReader(path).stream().filter(content=f"/{entity}").to_chunks():
         batch = chunk.to_record_batch()
         if component in batch.schema.names:
-            times = batch[chunk.timeline_names[0]].to_pylist() if chunk.timeline_names else [-1]
+            times = batch[timeline or chunk.timeline_names[0]].to_pylist() if chunk.timeline_names else [-1]
             rows += zip(times, batch[component].to_pylist(), strict=True)
-    return [value for _, value in sorted(rows, key=lambda row: row[0])]
+    return sorted(rows, key=lambda row: row[0])
+
+
+def read_pictures(path: Path, entity: str, timeline: str | None = None) -> list[np.ndarray]:
+    """The images of an entity, decoded."""
+    blobs = read(path, entity, "EncodedImage:blob", timeline)
+    return [np.asarray(Image.open(io.BytesIO(bytes(blob)))) for (blob,) in blobs]
+
+
+def read_maps(path: Path, entity: str, dtype: type, side: int = SIDE, timeline: str | None = None) -> np.ndarray:
+    """The maps [row, y, x] of an entity, the largest y last; of whole numbers, their classes."""
+    kind = "SegmentationImage" if dtype is np.uint8 else "Image"
+    buffers = [buffer for (buffer,) in read(path, entity, f"{kind}:buffer", timeline)]
+    return np.array(buffers, np.uint8).view(dtype).reshape(-1, side, side)[:, ::-1]

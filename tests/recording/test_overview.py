@@ -13,7 +13,7 @@ from pipeline.recording.contents import FALSELY_INVALID, FALSELY_VALID, RIGHT, R
 from pipeline.recording.digest import digest
 from pipeline.recording.geometry import footprints, on_table
 from pipeline.recording.overview import write_overview
-from tests.recording.example import SIDE, read, some_runs
+from tests.recording.example import read, read_maps, read_pictures, some_runs
 
 
 @pytest.fixture(scope="module")
@@ -28,19 +28,13 @@ def recording(runs: list[Run], tmp_path_factory: pytest.TempPathFactory) -> Path
     return path
 
 
-def maps(path: Path, entity: str, kind: str, dtype: type) -> np.ndarray:
-    """The maps [scene, y, x] of one entity, the largest y last."""
-    buffers = [buffer for (buffer,) in read(path, f"{entity}/map", f"{kind}:buffer")]
-    return np.array(buffers, np.uint8).view(dtype).reshape(-1, SIDE, SIDE)[:, ::-1]
-
-
 def test_maps_and_errors_of_every_user_and_variant_are_exact(runs: list[Run], recording: Path) -> None:
     for run in runs:
         predicted = np.stack([shown.predicted for shown in run.repairs])
         truth = np.stack([shown.truth for shown in run.repairs])
-        assert np.array_equal(maps(recording, f"{run.user}/predicted/{run.variant}", "Image", np.float32), predicted)
-        assert np.array_equal(maps(recording, f"{run.user}/truth", "Image", np.float32), truth)
-        errors = maps(recording, f"{run.user}/errors/{run.variant}", "SegmentationImage", np.uint8)
+        assert np.array_equal(read_maps(recording, f"{run.user}/predicted/{run.variant}/map", np.float32), predicted)
+        assert np.array_equal(read_maps(recording, f"{run.user}/truth/map", np.float32), truth)
+        errors = read_maps(recording, f"{run.user}/errors/{run.variant}/map", np.uint8)
         assert np.array_equal(errors == RIGHT, (predicted > 0.5) == truth)
         assert np.array_equal(errors == FALSELY_VALID, (predicted > 0.5) & ~truth)
         assert np.array_equal(errors == FALSELY_INVALID, (predicted <= 0.5) & truth)
@@ -49,10 +43,10 @@ def test_maps_and_errors_of_every_user_and_variant_are_exact(runs: list[Run], re
 
 def test_tables_are_the_scenes_with_their_footprints(runs: list[Run], recording: Path) -> None:
     for user in ("careful", "normal"):
-        images = read(recording, f"{user}/table/image", "Image:buffer")
+        images = read_pictures(recording, f"{user}/table/image")
         strips = read(recording, f"{user}/table/items", "LineStrips2D:strips")
-        for shown, (image,), outlines in zip(runs[0].repairs, images, strips, strict=True):
-            assert np.array_equal(np.array(image, np.uint8).reshape(100, 100, 3), shown.image)
+        for shown, image, outlines in zip(runs[0].repairs, images, strips, strict=True):
+            assert np.array_equal(image, shown.image)
             for got, (_, outline) in zip(outlines, footprints(shown.layout), strict=True):
                 assert np.allclose(got, on_table(outline), atol=1e-4)
 

@@ -14,7 +14,7 @@ from pipeline.recording.digest import digest
 from pipeline.recording.geometry import boundary, footprints, map_image, on_map, on_table
 from pipeline.recording.run import POINTS, write_run
 from pipeline.table.bezier import P_F, P_INIT, curve
-from tests.recording.example import MARGINS, SIDE, STEPS, a_run, read
+from tests.recording.example import MARGINS, SIDE, STEPS, a_run, read, read_maps, read_pictures
 
 
 @pytest.fixture(scope="module")
@@ -31,20 +31,18 @@ def recording(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_images_are_the_scenes(run: Run, recording: Path) -> None:
     for shown in run.repairs:
-        ((buffer,),) = read(recording, f"new_items/scene_{shown.scene:03d}/table/image", "Image:buffer")
-        assert np.array_equal(np.array(buffer, np.uint8).reshape(100, 100, 3), shown.image)
+        (image,) = read_pictures(recording, f"new_items/scene_{shown.scene:03d}/table/image")
+        assert np.array_equal(image, shown.image)
     for shown in run.demonstrations:
-        ((buffer,),) = read(recording, f"training/scene_{shown.scene:03d}/image", "Image:buffer")
-        assert np.array_equal(np.array(buffer, np.uint8).reshape(100, 100, 3), shown.image)
+        (image,) = read_pictures(recording, f"training/scene_{shown.scene:03d}/image")
+        assert np.array_equal(image, shown.image)
 
 
 def test_latent_maps_are_exact_with_the_largest_y_on_top(run: Run, recording: Path) -> None:
     for shown in run.repairs:
         for name, values in (("predicted", shown.predicted), ("truth", shown.truth)):
             entity = f"new_items/scene_{shown.scene:03d}/latent/{name}/map"
-            ((buffer,),) = read(recording, entity, "Image:buffer")
-            image = np.array(buffer, np.uint8).view(np.float32).reshape(SIDE, SIDE)
-            assert np.array_equal(image[::-1], values.astype(np.float32))
+            assert np.array_equal(read_maps(recording, entity, np.float32), values[None].astype(np.float32))
 
 
 def test_every_path_of_every_repair_is_there_at_its_step(run: Run, recording: Path) -> None:
@@ -73,6 +71,22 @@ def test_p_valid_is_a_series_over_the_steps(run: Run, recording: Path) -> None:
         assert np.array_equal(np.array(read(recording, entity, "Scalars:scalars")).T, shown.p.astype(float))
         (names,) = read(recording, entity, "SeriesLines:names")
         assert names == [f"start {start}" for start in shown.start]
+
+
+def test_true_slack_is_a_series_over_the_steps_in_centimetres(run: Run, recording: Path) -> None:
+    for shown in run.repairs:
+        entity = f"new_items/scene_{shown.scene:03d}/slack/repairs"
+        slack = np.array(read(recording, entity, "Scalars:scalars")).T
+        assert np.array_equal(slack, 100 * shown.slack)
+        assert np.array_equal(slack[:, -1] > 0, shown.ends_valid)
+
+
+def test_differences_are_kept_to_a_hundredth_under_names_that_say_so(run: Run, recording: Path) -> None:
+    ((context,),) = read(recording, "", "AnnotationContext:context")
+    value = {entry["class_id"]: float(entry["class_description"]["info"]["label"]) for entry in context}
+    for shown in run.repairs:
+        (classes,) = read_maps(recording, f"new_items/scene_{shown.scene:03d}/latent/difference/map", np.uint8)
+        assert np.abs(np.vectorize(value.get)(classes) - (shown.predicted - shown.truth)).max() <= 0.005 + 1e-6
 
 
 def test_verdicts_come_with_the_last_step_as_discs_or_crosses(run: Run, recording: Path) -> None:
@@ -159,7 +173,7 @@ def nudge(values: np.ndarray) -> np.ndarray:
     return nudged
 
 
-@pytest.mark.parametrize("field", ["p", "predicted", "image", "truth", "ends_valid"])
+@pytest.mark.parametrize("field", ["p", "slack", "predicted", "image", "truth", "ends_valid"])
 def test_the_digest_changes_with_any_value(run: Run, recording: Path, tmp_path: Path, field: str) -> None:
     last = run.repairs[-1]
     values = getattr(last, field)

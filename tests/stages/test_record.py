@@ -1,5 +1,6 @@
 """The record stage shows what the stages before it wrote, the same each time."""
 
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -9,16 +10,17 @@ from omegaconf import DictConfig, OmegaConf
 from rerun.chunk import RrdReader
 
 from pipeline.artifacts.demos import write_demos
-from pipeline.artifacts.files import read_table, write_arrays, write_table
+from pipeline.artifacts.files import read_table, write_arrays, write_json, write_table
 from pipeline.artifacts.models import model_dir, save_model, weights_path
-from pipeline.artifacts.scenes import SceneSet, read_scenes, write_scenes
+from pipeline.artifacts.scenes import SceneSet, layout_table, read_scenes, write_scenes
 from pipeline.artifacts.trained import load_model
 from pipeline.params import InputError, compose
 from pipeline.spec.registry import build
-from pipeline.stages.record import main
+from pipeline.stages.record import CURVE_KEY, EFFECT_COLUMNS, main
 from pipeline.table.bezier import curve, lattice, random_z_theta
 from pipeline.table.layout import SYMBOLS, Layouts, empty
 from pipeline.table.rules import valid
+from tests.recording.example import read
 
 SCENES, STARTS, STEPS, SAMPLES = 4, 2, 5, 20
 
@@ -26,10 +28,10 @@ SCENES, STARTS, STEPS, SAMPLES = 4, 2, 5, 20
 @pytest.fixture
 def cfg(tmp_path: Path) -> DictConfig:
     """Two variants of three users and one seed, untrained, on made-up scenes; aggressive has no repairs."""
-    cfg = compose(["profile=smoke", "seeds=[0]", "record.map_side=9"])
+    cfg = compose(["profile=smoke", "seeds=[0]", "record.map_side=9", "record.training_scenes=3"])
     cfg.variants = {variant: cfg.variants[variant] for variant in ("full", "classifier")}
     cfg.record.first = ["classifier"]
-    for stage in ("scenes", "demos", "train", "irl", "path", "repair"):
+    for stage in ("scenes", "demos", "train", "irl", "path", "repair", "intervene", "counterfactual"):
         OmegaConf.update(cfg, f"paths.{stage}", str(tmp_path / stage))
     rng = np.random.default_rng(0)
     pools = ("train-s0", "new_items")
@@ -43,10 +45,14 @@ def cfg(tmp_path: Path) -> DictConfig:
     )
     _write_demos(tmp_path / "demos", rng, cfg)
     _write_repairs(tmp_path / "repair", rng, cfg)
+    _write_interventions(tmp_path / "intervene", rng, cfg)
+    _write_counterfactuals(tmp_path / "counterfactual", rng)
     for variant in cfg.variants:
-        for seed, user in enumerate(cfg.users):
-            model = build(cfg.variants[variant], seed)
-            save_model(model_dir(cfg, variant), model, user, 0, cfg.study_n)
+        for seed, (user, n) in enumerate(product(cfg.users, cfg.n)):
+            save_model(model_dir(cfg, variant), build(cfg.variants[variant], seed), user, 0, n)
+        curve = pd.MultiIndex.from_product([[0], list(cfg.users), list(cfg.n), [0, 10]], names=CURVE_KEY)
+        curves = curve.to_frame(index=False)
+        write_table(model_dir(cfg, variant) / "curves.parquet", curves.assign(total=rng.random(len(curves))))
     return cfg
 
 
@@ -82,6 +88,25 @@ def _write_repairs(directory: Path, rng: np.random.Generator, cfg: DictConfig) -
             tables.append(pd.DataFrame(row | {"valid_end": rng.random(count) < 0.5}))
     write_table(directory / "repairs.parquet", pd.concat(tables))
     write_arrays(directory / "paths.npz", paths)
+
+
+def _write_interventions(directory: Path, rng: np.random.Generator, cfg: DictConfig) -> None:
+    added = rng.integers(0, 256, (len(SYMBOLS), 1, SCENES, 100, 100, 3), dtype=np.uint8)
+    write_arrays(directory / "images.npz", {"images": added, "z_theta": random_z_theta(rng, SCENES, 2)})
+    tables = [layout_table(f"{symbol}-0", _layouts(rng)) for symbol in SYMBOLS]
+    write_table(directory / "layouts.parquet", pd.concat(tables, ignore_index=True))
+    levels = [list(cfg.variants), [0], list(cfg.users), range(SCENES), SYMBOLS, [0]]
+    effects = pd.MultiIndex.from_product(levels, names=EFFECT_COLUMNS[:6]).to_frame(index=False)
+    effects = effects.assign(effect=rng.uniform(-1, 1, len(effects)), true_effect=rng.uniform(-1, 1, len(effects)))
+    write_table(directory / "effects.parquet", effects)
+
+
+def _write_counterfactuals(directory: Path, rng: np.random.Generator) -> None:
+    """One example in scene 3, whose only item is a glass in slot 0, and a path straight through it."""
+    images = rng.integers(0, 256, (5, 100, 100, 3), dtype=np.uint8)
+    write_arrays(directory / "examples.npz", {"whole": images[:1], "without": images[None, 1:]})
+    example = {"kind": "one accepts", "scene": 3, "z_theta": [0.5, 0.5]}
+    write_json(directory / "metrics.json", {"examples": [example]})
 
 
 def _value(path: Path, entity: str, component: str) -> list:
@@ -122,6 +147,78 @@ def test_a_recording_a_model_holds_what_the_model_says(cfg: DictConfig, tmp_path
     predicted = model.probability(scenes.images["new_items"][: cfg.record.scenes], everything) > 0.5
     truth = valid(scenes.layouts["new_items"][: cfg.record.scenes], everything, cfg.users["careful"])
     assert listed.loc["full-careful-s0", "agreement"] == pytest.approx((predicted == truth).mean(), abs=1e-6)
+
+
+def test_interventions_are_asked_of_the_model_and_told_with_the_stages_effects(cfg: DictConfig, tmp_path: Path) -> None:
+    main(cfg, tmp_path / "record")
+    path = tmp_path / "record" / "runs" / "classifier-normal-s0.rrd"
+    model = load_model(cfg, "classifier", "normal", 0, cfg.study_n)
+    images = dict(np.load(tmp_path / "intervene" / "images.npz"))["images"][:, 0, 0]
+    expected = model.probability(images, np.tile(lattice(9), (4, 1, 1))).reshape(4, 9, 9)
+    buffers = read(path, "interventions/predicted/map", "Image:buffer", "intervention")
+    shown = np.array(buffers, np.uint8).view(np.float16).reshape(4, 9, 9)[:, ::-1]
+    assert np.allclose(shown, expected, atol=1e-3)
+
+    effects = read_table(tmp_path / "intervene" / "effects.parquet")
+    rows = effects[
+        (effects["variant"] == "classifier") & (effects["user"] == "normal") & (effects["symbol"] == "glass")
+    ]
+    pages = [text for (text,) in read(path, "interventions/words", "TextDocument:text", "intervention")]
+    (page,) = [page for page in pages if page.startswith("## A glass more")]
+    here, mean = rows[rows["scene"] == 0].iloc[0], rows[["effect", "true_effect"]].mean()
+    assert f"| {here['effect']:+.2f} | {here['true_effect']:+.2f} | " in page
+    assert f" | {mean['effect']:+.3f} | {mean['true_effect']:+.3f} |" in page
+
+
+def test_counterfactuals_are_asked_of_the_model_of_whoever_cares(cfg: DictConfig, tmp_path: Path) -> None:
+    main(cfg, tmp_path / "record")
+    layout = read_scenes(tmp_path / "scenes").layouts["new_items"][3:4]
+    z = np.array([[[0.5, 0.5]]])
+    images = dict(np.load(tmp_path / "counterfactual" / "examples.npz"))
+    pictures = np.stack([images["whole"][0], images["without"][0, 0]])
+    for user in ("careful", "normal"):
+        path = tmp_path / "record" / "runs" / f"full-{user}-s0.rrd"
+        p = load_model(cfg, "full", user, 0, cfg.study_n).probability(pictures, np.tile(z, (2, 1, 1)))[:, 0]
+        pages = [text for (text,) in read(path, "counterfactuals/words", "TextDocument:text", "counterfactual")]
+        told = "valid" if valid(layout, z, cfg.users[user])[0, 0] else "invalid"
+        assert f"| **as it stands** | {p[0]:.2f} | {told} |" in pages[0]
+        assert f"| **without the glass** | {p[1]:.2f} | valid |" in pages[1]
+    chunks = RrdReader(tmp_path / "record" / "runs" / "full-aggressive-s0.rrd").stream().to_chunks()
+    assert not any("counterfactuals" in str(chunk.entity_path) for chunk in chunks)
+
+
+def test_each_n_shows_its_own_model_and_the_losses_are_those_of_the_one_shown(cfg: DictConfig, tmp_path: Path) -> None:
+    main(cfg, tmp_path / "record")
+    path = tmp_path / "record" / "runs" / "full-careful-s0.rrd"
+    image = read_scenes(tmp_path / "scenes").images["new_items"][:1]
+    buffers = read(path, "new_items/scene_000/latent/predicted/by_n/map", "Image:buffer", "demonstrations")
+    for n, (buffer,) in zip(cfg.n, buffers, strict=True):
+        shown = np.array(buffer, np.uint8).view(np.float16).reshape(9, 9)[::-1]
+        expected = load_model(cfg, "full", "careful", 0, n).probability(image, lattice(9)[None]).reshape(9, 9)
+        assert np.allclose(shown, expected, atol=1e-3)
+    curves = read_table(model_dir(cfg, "full") / "curves.parquet")
+    rows = curves[(curves["user"] == "careful") & (curves["n"] == cfg.study_n)]
+    assert _value(path, "losses", "Scalars:scalars") == [[total] for total in rows["total"]]
+
+
+def test_true_slack_is_of_the_repairs_paths(cfg: DictConfig, tmp_path: Path) -> None:
+    main(cfg, tmp_path / "record")
+    z = dict(np.load(tmp_path / "repair" / "paths.npz"))["full-normal-s0"].reshape(SCENES, STARTS, STEPS + 1, 2)
+    layout = read_scenes(tmp_path / "scenes").layouts["new_items"][:1]
+    room = np.array(
+        _value(tmp_path / "record/runs/full-normal-s0.rrd", "new_items/scene_000/slack/repairs", "Scalars:scalars")
+    )
+    truth = valid(layout, z[:1].reshape(1, -1, 2).astype(float), cfg.users["normal"]).reshape(STARTS, STEPS + 1)
+    assert np.array_equal(room.T > 0, truth)
+
+
+def test_interventions_in_other_scenes_than_the_repairs_are_refused(cfg: DictConfig, tmp_path: Path) -> None:
+    cfg.intervene.split = "new_scenes"
+    with pytest.raises(
+        InputError, match=r"intervene\.split is 'new_scenes', repair\.split 'new_items': expected the same"
+    ):
+        main(cfg, tmp_path / "record")
+    assert not (tmp_path / "record").exists()
 
 
 def test_the_overview_lists_every_variant_of_the_users_who_care(cfg: DictConfig, tmp_path: Path) -> None:

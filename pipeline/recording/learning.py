@@ -1,0 +1,29 @@
+"""How a model came about: its map by the number of demonstrations, and its losses by the step of its training."""
+
+import numpy as np
+import rerun as rr
+
+from pipeline.recording.board import SCENE_MAPS, panel
+from pipeline.recording.contents import Run
+from pipeline.recording.scene import HALF, log_difference, log_map, set_time
+
+DEMONSTRATIONS, STEPS = "demonstrations", "train_step"
+TERMS = ((240, 228, 66), (86, 220, 160), (204, 121, 167), (120, 160, 255))  # colours of the losses
+
+
+def log_learning(recording: rr.RecordingStream, run: Run) -> None:
+    """The map of the first of the run's new scenes by models fitted to fewer demonstrations, and every loss."""
+    shown, learning = run.repairs[0], run.learning
+    latent = f"new_items/scene_{shown.scene:03d}/latent"
+    place = panel(SCENE_MAPS["difference"], len(shown.truth))
+    for n, predicted in zip(learning.n, learning.predicted, strict=True):
+        set_time(recording, DEMONSTRATIONS, n)
+        log_map(recording, f"{latent}/predicted/by_n", predicted, precision=HALF)
+        log_difference(recording, f"{latent}/difference/by_n", predicted - shown.truth, place)
+    recording.reset_time()
+    terms = list(learning.losses)
+    colours = [TERMS[i % len(TERMS)] for i in range(len(terms))]
+    recording.log("losses", rr.SeriesLines(names=terms, colors=colours, widths=1.5), static=True)
+    losses = np.stack(list(learning.losses.values()), axis=-1).astype(np.float64)  # (step, term)
+    rows = rr.Scalars.columns(scalars=losses.ravel()).partition([len(terms)] * len(losses))
+    recording.send_columns("losses", [rr.TimeColumn(STEPS, sequence=learning.step)], rows)
