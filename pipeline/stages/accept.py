@@ -23,6 +23,7 @@ from pipeline.causal.interventions import DIGITS
 from pipeline.causal.statistics import Estimates, estimate
 from pipeline.launch import launch
 from pipeline.params import InputError
+from pipeline.refits.trainers import FITTED, Lesson, fit_each
 from pipeline.spec.acceptance import (
     Calibration,
     accept,
@@ -35,7 +36,6 @@ from pipeline.spec.acceptance import (
 from pipeline.spec.metrics import DECISION
 from pipeline.spec.specification import Specification
 from pipeline.spec.training import job_seed
-from pipeline.trainers import FITTED, Lesson, fit_each
 
 SPLIT, CROSSED, TRAINING = "split", "crossed", "training"  # how held-out scores come about; TRAINING: they do not
 RULES = (SPLIT, CROSSED, TRAINING, "decision", "truth")

@@ -20,13 +20,13 @@ from pipeline.causal.refuters import REFUTERS, halves, mean_over, placebo
 from pipeline.causal.statistics import VERDICTS
 from pipeline.launch import launch
 from pipeline.params import InputError
+from pipeline.refits.trainers import FITTED, Lesson, fit_and_ask
 from pipeline.spec.registry import build
 from pipeline.spec.training import job_seed
 from pipeline.table.items import read_catalogue
 from pipeline.table.layout import SYMBOLS, Layouts
 from pipeline.table.render import Palette, render_scenes
 from pipeline.table.rules import clearance
-from pipeline.trainers import FITTED, Lesson, fit_and_ask
 
 Effects = Float[Array, "user symbol seed scene"]
 

@@ -17,6 +17,7 @@ from pipeline.causal.interventions import DIGITS
 from pipeline.causal.robustness import change, score
 from pipeline.launch import launch
 from pipeline.params import InputError
+from pipeline.refits.trainers import FITTED, Lesson, fit_and_ask
 from pipeline.spec import nulls
 from pipeline.spec.metrics import DECISION, expected_calibration_error
 from pipeline.spec.training import job_seed
@@ -25,7 +26,6 @@ from pipeline.table.items import Catalogue, read_catalogue
 from pipeline.table.layout import LayoutRules
 from pipeline.table.render import Palette, render_scenes
 from pipeline.table.rules import valid
-from pipeline.trainers import FITTED, Lesson, fit_and_ask
 
 NULL, LABELS = "null_position", "labels"
 MOST = {"shade": 1.0, "tint": 1.0, "arm": 1.0}  # largest strength of a disturbance that has one

@@ -9,7 +9,7 @@ from pipeline.report.style import INK, MUTED, colour, marker
 from pipeline.report.wording import rule_label, variant_label
 
 LINES = {"split": "-", "crossed": (0, (4, 2)), "training": (0, (1, 1.5))}
-TICKS = (0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1)
+TICKS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 LINEAR = 0.01  # below it the axis is linear, so that 0 has a place
 
 

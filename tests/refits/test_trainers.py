@@ -5,12 +5,12 @@ import pytest
 from omegaconf import DictConfig
 
 from pipeline.params import compose
+from pipeline.refits.trainers import Lesson, fit_and_ask, fit_each
 from pipeline.spec.irl import fit
 from pipeline.spec.reward import RewardMap
 from pipeline.spec.specification import untrained
 from pipeline.spec.training import job_seed
 from pipeline.stages.irl import schedule
-from pipeline.trainers import Lesson, fit_and_ask, fit_each
 
 FEW = ["train.steps=2", "path.steps=2", "variants.irl_maxent.steps=3", "variants.irl_ranked.steps=3"]
 RNG = np.random.default_rng(0)

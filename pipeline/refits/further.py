@@ -12,6 +12,7 @@ from omegaconf import DictConfig
 from pipeline.artifacts.demos import demo_arrays
 from pipeline.artifacts.scenes import SceneSet, train_pool
 from pipeline.params import InputError
+from pipeline.refits.trainers import Lesson
 from pipeline.spec.training import job_seed
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.fit import fit
@@ -19,7 +20,6 @@ from pipeline.table.items import Catalogue, read_catalogue
 from pipeline.table.layout import LayoutRules, Layouts, random_layouts
 from pipeline.table.recordings import Hand, join, keeps, simulate
 from pipeline.table.render import Palette, render_scenes
-from pipeline.trainers import Lesson
 
 
 def taught(cfg: DictConfig, scenes: SceneSet, demos: pd.DataFrame, seed: int, count: int) -> list[Lesson]:

@@ -1,0 +1,1 @@
+"""What the report shows of models and scenes, taken from what the stages wrote."""
