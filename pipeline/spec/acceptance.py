@@ -15,7 +15,8 @@ uniform. Ties count against the path, as here, so that its p is never too small.
 What it assumes: the score was fitted without the demonstrations, and these are exchangeable with each candidate path.
 Neither the demonstrations nor the paths of one scene are independent of one another, so that in new scenes of the same
 kind the assumption holds nearly, not exactly. With whole scenes as units it would hold, but 20 scenes give no p below
-1/21. With items never seen it does not hold at all.
+1/21. With items never seen it does not hold at all. Labels are of the lines that hands drew, the candidates are Bezier
+paths: where these disagree (metrics.json of stage demos says how rarely), the promise is of what a hand would draw.
 """
 
 from collections.abc import Sequence
@@ -39,9 +40,9 @@ class Calibration(NamedTuple):
 def p_values(parts: Sequence[Calibration]) -> Float[Array, "path"]:
     """Conformal p-value of every candidate path being invalid.
 
-    One part, of a model fitted to other demonstrations, is the split form: its promise is exact. Several, each of a
-    model fitted to the others' demonstrations, pool their counts (cross-conformal prediction, Vovk 2015): every label
-    calibrates, but no level is promised.
+    One part, of a model fitted to other demonstrations, is the split form: given the assumption, its promise is exact.
+    Several, each of a model fitted to the others' demonstrations, pool their counts (cross-conformal prediction, Vovk
+    2015): every label calibrates, but no level is promised.
     """
     invalid = np.sum([_at_least(np.sort(part.held_out[~part.valid]), part.candidates) for part in parts], axis=0)
     return (1 + invalid) / (1 + sum(len(part.held_out) for part in parts))

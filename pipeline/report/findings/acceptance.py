@@ -3,6 +3,8 @@
 from pipeline.report.results import Results
 from pipeline.report.wording import counted, listed, percent, split_phrase, variant_phrase
 
+UNPROMISED = "new_items"  # its paths are not like the demonstrations
+
 
 def acceptance(results: Results) -> list[str]:
     """What labels a promise takes, and what became of it in new scenes and with unseen items."""
@@ -22,9 +24,9 @@ def _needed(results: Results) -> str:
         f"To say of one threshold, and be wrong about it in {percent(found['error'], 0)} of all cases, that at most "
         f"{percent(found['level'], 0)} of what lies above is invalid would take {found['without_error']} held-out "
         f"demonstrations above it without an error; of the {found['labels']} there are, {listed(have)} are valid. To "
-        f"hold the expected share below {percent(found['level'], 0)} takes fewer, at least {listed(fewest)} even if "
-        f"all valid paths are accepted: {found['held_out']['split']} calibrate in the split form, all "
-        f"{found['labels']} in the cross-fitted one, which promises nothing."
+        f"hold the expected share below {percent(found['level'], 0)} takes at least {listed(fewest)} in all, if as "
+        f"many paths are valid and all those are accepted: {found['held_out']['split']} calibrate in the split form, "
+        f"all {found['labels']} in the cross-fitted one, which promises nothing."
     )
 
 
@@ -33,8 +35,8 @@ def _kept(results: Results, variant: str) -> str:
     found, parts = results.acceptance, []
     for split, by_rule in ((s, by_rule) for v, s, by_rule in results.promises if v == variant):
         cell, crossed = by_rule["split"], by_rule["crossed"]
-        text = f"In {split_phrase(split)} {variant_phrase(variant)} {_accepts(cell)}{_verdict(cell, found['level'])}"
-        parts.append(f"{text}; cross-fitted, it {_accepts(crossed)}.")
+        text = f"In {split_phrase(split)} {variant_phrase(variant)} {_accepts(cell)}"
+        parts.append(f"{text}{_verdict(split, cell, found['level'])}; cross-fitted, it {_accepts(crossed)}.")
     return " ".join(parts)
 
 
@@ -54,14 +56,20 @@ def _accepts(cell: dict) -> str:
     return text
 
 
-def _verdict(cell: dict, level: float) -> str:
-    """What the numbers make of the promise; nothing accepted breaks none."""
+def _verdict(split: str, cell: dict, level: float) -> str:
+    """What the numbers make of the promise; nothing accepted breaks none, and nothing is promised of unseen items."""
     if cell["abstained"] == cell["models"]:
         return ""
+    if split == UNPROMISED:
+        return (
+            f": {'above' if cell['mean'] > level else 'within'} {percent(level, 0)}, though nothing is promised there"
+        )
     if cell["ci_low"] > level:
         return f": the promise of {percent(level, 0)} is broken"
     if cell["mean"] > level:
         return f": more than the {percent(level, 0)} promised, but by no more than chance would explain"
+    if cell["ci_high"] > level:
+        return f": the promise of {percent(level, 0)} is not shown to be broken"
     return f": the promise of {percent(level, 0)} is kept"
 
 

@@ -39,8 +39,12 @@ def robustness(results: Results) -> list[str]:
 
 def worst(results: Results, variant: str) -> tuple[str, dict]:
     """The disturbance of pictures or tables, and its strength's numbers, that take most of a variant's accuracy."""
-    levels = [(name, level) for name in _asked(results) for level in results.robustness["disturbed"][name]]
-    return min(levels, key=lambda of: of[1]["models"][variant]["difference"])
+    return min(_levels(results), key=lambda of: of[1]["models"][variant]["difference"])
+
+
+def _levels(results: Results) -> list[tuple[str, dict]]:
+    """Every disturbance of pictures and tables, at each of its strengths."""
+    return [(name, level) for name in _asked(results) for level in results.robustness["disturbed"][name]]
 
 
 def _asked(results: Results) -> list[str]:
@@ -55,17 +59,18 @@ def _as_is(results: Results) -> dict[str, float]:
 
 def _breaks(results: Results, variant: str) -> str:
     found = results.robustness
-    before, (name, level) = found["undisturbed"]["models"][variant], worst(results, variant)
+    before, levels = found["undisturbed"]["models"][variant], _levels(results)
+    lead = f"{_capital(variant_phrase(variant))}, right about {percent(before['accuracy']['mean'])} undisturbed, "
+    if all(level["models"][variant]["ci_high"] >= 0 for _, level in levels):
+        return lead + "is broken by nothing here: every fall may be none."
+    name, level = worst(results, variant)
     cell, null = level["models"][variant], level["models"][NULL]["accuracy"]["mean"]
     score, phrase = cell["accuracy"]["mean"], disturbance_phrase(name, level["strength"])
-    lead = f"{_capital(variant_phrase(variant))}, right about {percent(before['accuracy']['mean'])} undisturbed, "
-    if cell["ci_high"] >= 0:
-        return lead + f"is broken by nothing here: its largest fall, {points(cell['difference'])}, may be none."
     beside = "below the null's" if score < null else "where the null has"
     return (
         f"{lead}falls most under {phrase}: by {points(cell['difference'])} (95 % interval {-100 * cell['ci_high']:.1f} "
-        f"to {-100 * cell['ci_low']:.1f}) to {percent(score)}, {beside} {percent(null)}. "
-        f"There it rejects {percent(cell['false_rejects'])} of the valid paths (undisturbed "
+        f"to {-100 * cell['ci_low']:.1f}, of the largest of {len(levels)} changes) to {percent(score)}, {beside} "
+        f"{percent(null)}. There it rejects {percent(cell['false_rejects'])} of the valid paths (undisturbed "
         f"{percent(before['false_rejects'])}) and accepts {percent(cell['false_accepts'])} of the invalid ones "
         f"({percent(before['false_accepts'])}). {_withstands(results, variant)}"
     )

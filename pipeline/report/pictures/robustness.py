@@ -45,7 +45,8 @@ def disturbed_scene(results: Results, drawn: Drawn) -> Picture:
     names = {name: disturbance_label(name) for name in drawn.disturbed}
     names |= {name: f"{names[name]}\n{strength_label(name, strongest[name])}" for name in names if name in strongest}
     caption = (
-        "One scene with unseen items, but for the table's edge, as it is and under each disturbance at its strongest."
+        "One scene with unseen items, but for the table's edge, as it is and under each disturbance at its "
+        "strongest, or on the last of the table tops."
     )
     said = [text[0].lower() + text[1:].replace("\n", " (") + ")" * ("\n" in text) for text in names.values()]
     alt = f"The same table: {listed(said)}."
