@@ -2,8 +2,7 @@
 
 Every thing found in the picture (pipeline.spec.things) has a relevance, the chance that this user keeps away from
 things that look like it, and every path a clearance from it. A path is valid if it comes too close to no thing that
-matters, and to none that was not found. Whether anything matters at all has to be learned, too: until the labels say
-so, a path is as likely to be valid as any other.
+matters, and to none that was not found.
 Turning or reflecting table and path together changes neither, so the task's symmetries hold exactly.
 """
 
@@ -14,7 +13,6 @@ import torch
 import torch.nn.functional as F
 from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
-from scipy.stats import entropy
 from torch import Tensor, nn
 
 from pipeline.spec import training
@@ -26,8 +24,6 @@ from pipeline.table.bezier import P_F, P_INIT, basis
 SAMPLES = 160  # points along a path: 1 cm apart on the longest, so that a clearance is right within half a millimetre
 UNIT = 0.03  # metres: a margin's unit as it is trained, so that one rate suits all parameters
 SHARPEST = 0.003  # metres: a third of a pixel, no more exactly does a picture show where a thing ends
-NEEDED = 6.0  # nats: what labels must gain in likelihood for "things matter" to be as credible as "nothing does"
-CERTAIN = 1e4  # nats
 CURVE = ("step", "total")  # columns of a learning curve
 
 
@@ -46,10 +42,6 @@ class ClearanceModel(Specification):
     """Several members' opinions of one user, averaged. P(valid) of each: clear * product over things of
     (1 - relevance * closeness).
 
-    Their average is believed as far as the evidence goes, and else `rate`, the same for every path. These are Akaike's
-    weights of two models (Burnham and Anderson, 2002), NEEDED for the number of parameters, which the prior makes fewer
-    than there are. Without a label, nothing is believed to matter.
-
     `clear` is the chance that nothing that was not found stands in the way. Relevance is the logistic function of the
     thing's features, and of their squares, bounded so that things unlike the training ones stay near them. Closeness
     falls from 1 to 0 around the margin as Student's t with 2 degrees of freedom does: outlines are at times far off.
@@ -57,8 +49,6 @@ class ClearanceModel(Specification):
 
     centre: Tensor
     spread: Tensor
-    evidence: Tensor
-    rate: Tensor
 
     def __init__(self, members: int):
         super().__init__()
@@ -68,8 +58,6 @@ class ClearanceModel(Specification):
         self.clear = nn.Parameter(torch.full((members,), 4.0))  # log-odds
         self.register_buffer("centre", torch.zeros(len(FEATURES)))  # of the training things' features
         self.register_buffer("spread", torch.ones(len(FEATURES)))
-        self.register_buffer("evidence", torch.tensor(-NEEDED))  # log-odds that things matter
-        self.register_buffer("rate", torch.tensor(0.5))  # P(valid) if nothing does
 
     def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene thing 10"]:
         """Each thing's two ends [m], radius [m], features, and 1 if it is there."""
@@ -85,9 +73,7 @@ class ClearanceModel(Specification):
     ) -> Float[Tensor, "scene path"]:
         """Log-odds of validity; differentiable in `z_theta` [m]."""
         by_member = self.log_valid(percept, clearance(percept, z_theta))
-        by_things = by_member.logsumexp(0) - float(np.log(len(by_member))) + F.logsigmoid(self.evidence)
-        by_rate = F.logsigmoid(-self.evidence) + self.rate.log()
-        log_p = torch.logaddexp(by_things, by_rate).clamp(max=-1e-6)
+        log_p = (by_member.logsumexp(0) - float(np.log(len(by_member)))).clamp(max=-1e-6)
         return log_p - torch.log(-torch.expm1(log_p))
 
     def log_valid(
@@ -136,9 +122,11 @@ def fit(
     Each member maximises its posterior under weights of its own on the scenes, the Bayesian bootstrap's (Rubin, 1981).
     Demonstrations that never vary teach nothing: the model then answers Laplace's probability, whatever it sees.
     """
-    model.rate.fill_(laplace(valid))
     if never_varies(valid):
-        model.evidence.fill_(-CERTAIN)
+        with torch.no_grad():
+            model.weight.zero_()
+            model.weight[:, 0] = -1e4  # nothing matters
+            model.clear.fill_(float(np.log(laplace(valid) / (1 - laplace(valid)))))
         return np.array([[0.0, 0.0]])
     percept = model.perceive(to_tensor(images))
     present = percept[..., -1] > 0
@@ -146,13 +134,7 @@ def fit(
         features = percept[present][:, 5:-1]
         model.centre.copy_(features.mean(0))
         model.spread.copy_(features.std(0).clamp(min=1e-3))
-    z, labels = torch.tensor(z_theta).float(), torch.tensor(valid)
-    curve = _ascend(model, percept, z, labels, schedule, seed)
-    model.evidence.fill_(CERTAIN)  # what the members say by themselves
-    with torch.no_grad():
-        surprise = F.binary_cross_entropy_with_logits(model.logit(percept, z), labels.float(), reduction="sum")
-    model.evidence.fill_(float(labels.numel() * entropy([valid.mean(), 1 - valid.mean()]) - surprise) - NEEDED)
-    return curve
+    return _ascend(model, percept, torch.tensor(z_theta).float(), torch.tensor(valid), schedule, seed)
 
 
 def _ascend(model, percept, z, valid, schedule, seed) -> Float[Array, "point 2"]:
