@@ -21,7 +21,7 @@ from pipeline.table.rules import valid
 
 TRAINING, SCENES, PATHS = 4, 5, 12
 SMALL = ["profile=smoke", "workers=1", "scenes.per_seed=4", "train.steps=2", "path.steps=2"]
-SMALL += ["accept.fitted=1", "accept.level=0.1"]
+SMALL += ["accept.variants=[full,path]", "accept.fitted=1", "accept.level=0.1"]
 
 
 @pytest.fixture(scope="module")
@@ -136,7 +136,7 @@ def test_a_second_run_by_two_processes_writes_the_same_bytes(cfg: DictConfig, ou
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
-        ("variants", ["irl_ranked"], "accept.variants is .*: expected some of full, ae, classifier, path"),
+        ("variants", ["fulll"], "accept.variants is .*: expected some of full, ae, classifier, irl_maxent"),
         ("variants", [], "expected some of full"),
         ("level", 0.03, "accept.levels is .*: expected ascending numbers between 0 and 1, 0.03 among them"),
         ("level", 1.0, "accept.level is 1.0: expected a number between 0 and 1"),
