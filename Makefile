@@ -39,7 +39,7 @@ test-browser: $(READY)  ## the report in headless Chromium: keyboard, accessibil
 	python -m pytest tests/browser
 
 test-viewer: $(READY)  ## recordings in Rerun's viewer, without a screen or a GPU
-	@ls /usr/share/vulkan/icd.d/*.json /etc/vulkan/icd.d/*.json 2> /dev/null | grep -q . || { echo "error: a Vulkan driver is missing: apt-get install mesa-vulkan-drivers" >&2; exit 1; }
+	@[ -n "$$(ls /usr/share/vulkan/icd.d/*.json /etc/vulkan/icd.d/*.json 2> /dev/null)" ] || { echo "error: a Vulkan driver is missing: apt-get install mesa-vulkan-drivers" >&2; exit 1; }
 	python -m pytest tests/viewer
 
 test-latex: $(READY)  ## the report's LaTeX tables, compiled
