@@ -30,7 +30,7 @@ def robustness(results: Results) -> Table:
         f"users, the first {counted(found['scenes'], 'scene')} with unseen items), and what each disturbance adds to "
         "it, in percentage points (95 % intervals over seeds and scenes)."
     )
-    return table("robustness", caption, ["Disturbance", "Strength", *map(variant_label, variants)], rows, labels=2)
+    return table("robustness", caption, ["Disturbance", "Level", *map(variant_label, variants)], rows, labels=2)
 
 
 def _change(cell: dict | None) -> str:
