@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
 from pipeline.artifacts.demos import DEMO_COLUMNS, DEMO_KEY, Queries, write_demos, write_queries
 from pipeline.artifacts.files import read_json, read_table
@@ -18,6 +18,7 @@ from pipeline.table.items import read_catalogue
 from pipeline.table.layout import LayoutRules, Layouts, random_layouts
 from pipeline.table.render import Palette, render_scenes
 from pipeline.table.rules import valid
+from tests.stages.facts import refuses, repeats_itself
 
 TRAINING, SCENES, PATHS = 4, 5, 12
 SMALL = ["profile=smoke", "workers=1", "scenes.per_seed=4", "train.steps=2", "path.steps=2"]
@@ -125,12 +126,8 @@ def test_no_model_is_calibrated_in_a_scene_it_was_fitted_to(cfg: DictConfig):
 
 
 def test_a_second_run_by_two_processes_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
-    more = cfg.copy()
-    more.workers = 2
-    accept.main(more, tmp_path)
     assert sorted(p.name for p in out.iterdir()) == ["curve.csv", "metrics.json"]
-    for path in out.iterdir():
-        assert (tmp_path / path.name).read_bytes() == path.read_bytes(), path.name
+    repeats_itself(accept.main, cfg, out, tmp_path, workers=2)
 
 
 @pytest.mark.parametrize(
@@ -148,11 +145,7 @@ def test_a_second_run_by_two_processes_writes_the_same_bytes(cfg: DictConfig, ou
     ],
 )
 def test_settings_out_of_range_are_refused_before_any_work(cfg: DictConfig, tmp_path: Path, name, value, message):
-    changed = cfg.copy()
-    OmegaConf.update(changed, f"accept.{name}", value, merge=False)
-    with pytest.raises(InputError, match=message):
-        accept.main(changed, tmp_path)
-    assert not list(tmp_path.iterdir())
+    refuses(accept.main, cfg, f"accept.{name}", value, message, tmp_path / "out")
 
 
 def test_other_training_scenes_than_asked_for_are_refused(cfg: DictConfig, tmp_path: Path):

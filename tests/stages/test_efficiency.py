@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_json, read_table, write_table
 from pipeline.params import InputError, compose
 from pipeline.stages import demos, efficiency, scenes
+from tests.stages.facts import refuses, repeats_itself
 from tests.stages.inputs import SMALL_WORLD
 
 OWN = 4
@@ -71,12 +72,8 @@ def test_the_least_n_and_scenes_at_the_threshold_are_named(out: Path):
 
 
 def test_a_second_run_by_two_processes_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
-    more = cfg.copy()
-    more.workers = 2
-    efficiency.main(more, tmp_path)
     assert sorted(p.name for p in out.iterdir()) == ["curve.csv", "metrics.json"]
-    for path in out.iterdir():
-        assert (tmp_path / path.name).read_bytes() == path.read_bytes(), path.name
+    repeats_itself(efficiency.main, cfg, out, tmp_path, workers=2)
 
 
 @pytest.mark.parametrize(
@@ -94,11 +91,7 @@ def test_a_second_run_by_two_processes_writes_the_same_bytes(cfg: DictConfig, ou
     ],
 )
 def test_settings_out_of_range_are_refused_before_any_work(cfg: DictConfig, tmp_path: Path, name, value, message):
-    changed = cfg.copy()
-    OmegaConf.update(changed, f"efficiency.{name}", value, merge=False)
-    with pytest.raises(InputError, match=message):
-        efficiency.main(changed, tmp_path)
-    assert not list(tmp_path.iterdir())
+    refuses(efficiency.main, cfg, f"efficiency.{name}", value, message, tmp_path / "out")
 
 
 def test_scenes_of_another_number_and_a_missing_score_are_refused(cfg: DictConfig, tmp_path: Path):

@@ -19,6 +19,7 @@ from pipeline.spec.registry import build
 from pipeline.stages import robustness
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.rules import valid
+from tests.stages.facts import refuses
 from tests.stages.inputs import pictured_models
 
 SCENES, PATHS, VARIANTS = 3, 12, ("full", "path")
@@ -150,8 +151,4 @@ def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Pat
     ],
 )
 def test_settings_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name: str, value, message: str):
-    changed = cfg.copy()
-    OmegaConf.update(changed, f"robustness.{name}", value, merge=False)
-    with pytest.raises(InputError, match=message):
-        robustness.main(changed, tmp_path / "out")
-    assert not (tmp_path / "out").exists()
+    refuses(robustness.main, cfg, f"robustness.{name}", value, message, tmp_path / "out")
