@@ -95,6 +95,12 @@ def validate(cfg: DictConfig) -> None:
     need(len(cfg.n) > 0 and len(set(cfg.n)) == len(cfg.n), "n", list(cfg.n), "at least one value, each once")
     need(cfg.study_n in cfg.n, "study_n", cfg.study_n, f"one of n = {list(cfg.n)}")
     need(
+        all(whole(step, 0) for step in cfg.snapshots) and len(set(cfg.snapshots)) == len(cfg.snapshots),
+        "snapshots",
+        list(cfg.snapshots),
+        "whole numbers from 0, each once",
+    )
+    need(
         whole(cfg.demos.per_scene, max(cfg.n), MAX_N),
         "demos.per_scene",
         cfg.demos.per_scene,

@@ -38,10 +38,10 @@ def test_arrows_point_one_way():
     import grimp
 
     graph = grimp.build_graph("pipeline", cache_dir=None)
-    rooms = ("table", "spec", "causal", "report", "recording", "artifacts", "refits", "exhibits", "stages")
+    rooms = ("table", "spec", "causal", "report", "recording", "artifacts", "fitting", "exhibits", "stages")
     allowed = {
         "table": set(), "spec": {"table"}, "causal": {"table"}, "report": {"table"}, "recording": {"table"},
-        "artifacts": {"spec", "table"}, "refits": {"artifacts", "spec", "table"},
+        "artifacts": {"spec", "table"}, "fitting": {"artifacts", "spec", "table"},
         "exhibits": {"report", "artifacts", "spec", "causal", "table"}, "stages": set(rooms) - {"stages"},
     }  # fmt: skip
     for importer in rooms:

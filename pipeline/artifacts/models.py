@@ -1,9 +1,11 @@
 """Fitted models as files: where they lie, their weights, their predictions' columns (`trained` reads them back)."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from omegaconf import DictConfig
 from safetensors.torch import save_file
+from torch import Tensor
 
 from pipeline.artifacts.files import write_whole
 from pipeline.spec.specification import Specification
@@ -16,12 +18,20 @@ def model_dir(cfg: DictConfig, variant: str) -> Path:
     return Path(cfg.paths[cfg.variants[variant].stage]) / variant
 
 
-def weights_path(directory: Path, user: str, seed: int, n: int) -> Path:
-    """The file of one model's weights."""
-    return directory / "weights" / f"{user}-s{seed}-n{n}.safetensors"
+def weights_path(directory: Path, user: str, seed: int, n: int, step: int | None = None) -> Path:
+    """The file of one model's weights; of those it had before `step` of its training, if that is given."""
+    name = f"{user}-s{seed}-n{n}"
+    if step is None:
+        return directory / "weights" / f"{name}.safetensors"
+    return directory / "snapshots" / f"{name}-step{step:05d}.safetensors"
 
 
 def save_model(directory: Path, model: Specification, user: str, seed: int, n: int) -> None:
     """Write a model's parameters and buffers."""
-    state = {name: value.contiguous() for name, value in model.state_dict().items()}
-    write_whole(weights_path(directory, user, seed, n), lambda path: save_file(state, path))
+    save_weights(weights_path(directory, user, seed, n), model.state_dict())
+
+
+def save_weights(path: Path, weights: Mapping[str, Tensor]) -> None:
+    """Write parameters and buffers by their names."""
+    state = {name: value.contiguous() for name, value in weights.items()}
+    write_whole(path, lambda part: save_file(state, part))

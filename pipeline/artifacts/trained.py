@@ -17,9 +17,12 @@ from pipeline.spec.registry import build
 from pipeline.spec.specification import Specification
 
 
-def load_model(cfg: DictConfig, variant: str, user: str, seed: int, n: int) -> Specification:
-    """A trained model in eval mode; InputError if its weights are missing, damaged or of another shape."""
-    path = weights_path(model_dir(cfg, variant), user, seed, n)
+def load_model(cfg: DictConfig, variant: str, user: str, seed: int, n: int, step: int | None = None) -> Specification:
+    """A trained model, or as it was before `step` of its training, in eval mode.
+
+    InputError if its weights are missing, damaged or of another shape.
+    """
+    path = weights_path(model_dir(cfg, variant), user, seed, n, step)
     if not path.is_file():
         raise InputError(f"{path} is missing: run `make repro` (or the stage that fits {variant}) first")
     model = build(cfg.variants[variant])

@@ -5,7 +5,7 @@ draws its noise on the CPU as the reference does. Sums are taken in an order tha
 trained weights differ from the other engines', and a little from batch to batch, by amplified rounding.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import torch
@@ -16,7 +16,7 @@ from torch.func import functional_call, stack_module_state, vmap
 
 from pipeline.spec.losses import Terms, Weights, equation_1
 from pipeline.spec.specification import to_tensor
-from pipeline.spec.training import Schedule, fit_varied, padded, shares
+from pipeline.spec.training import Diary, Schedule, fit_varied, padded, shares
 from pipeline.spec.vae import VaeSpecification
 
 AT_ONCE = 128  # models: about 4 GB of activations in the paper's size
@@ -46,16 +46,17 @@ def fit_batch(
     weights: Weights,
     schedule: Schedule,
     seeds: Sequence[int],
+    diary: Diary | None = None,
 ) -> list[Float[Array, "point 5"]]:
     """Train models in place on `device()`, each on its demonstrations [m]; their learning curves (`CURVE`).
 
     Model by model what `training.fit` does, which also sees to demonstrations that are all valid or all invalid.
     """
     with torch.backends.cudnn.flags(enabled=True, deterministic=True, allow_tf32=False):
-        return fit_varied(_descend, models, images, z_theta, valid, weights, schedule, seeds)
+        return fit_varied(_descend, models, images, z_theta, valid, weights, schedule, seeds, diary)
 
 
-def _descend(models, images, z_theta, valid, weights, schedule, seeds) -> list[Float[Array, "point 5"]]:
+def _descend(models, images, z_theta, valid, weights, schedule, seeds, diary) -> list[Float[Array, "point 5"]]:
     """The gradient descent of all models; a point of a curve is the loss before that many updates."""
 
     def stacked(tensors: Sequence[torch.Tensor]) -> torch.Tensor:
@@ -72,6 +73,9 @@ def _descend(models, images, z_theta, valid, weights, schedule, seeds) -> list[F
     losses = vmap(lambda own, *data: functional_call(loss, own, data))
     curve = []
     for step in range(schedule.steps):
+        if step in diary.steps:
+            _hand_over(parameters, models)
+            diary.note(step, *models)
         noise = stacked([torch.randn(x.shape[1], models[0].latent, generator=generator) for generator in generators])
         terms = losses(parameters, x, z, labels, noise, share)  # (model) each
         optimiser.zero_grad()
@@ -82,12 +86,17 @@ def _descend(models, images, z_theta, valid, weights, schedule, seeds) -> list[F
             point = torch.stack([*terms, terms.total]).detach()  # (term, model)
             curve.append((step, point))
 
-    with torch.no_grad():
-        for name, value in parameters.items():
-            for model, own in zip(models, value.unbind(), strict=True):
-                model.get_parameter(name.removeprefix("model.")).copy_(own)
+    _hand_over(parameters, models)
     for model in models:
         model.eval()
     steps = np.array([step for step, _ in curve], float)
     points = torch.stack([point for _, point in curve]).double().cpu().numpy()  # (point, term, model)
     return [np.column_stack([steps, points[..., i]]) for i in range(len(models))]
+
+
+@torch.no_grad()
+def _hand_over(parameters: Mapping[str, torch.Tensor], models: Sequence[VaeSpecification]) -> None:
+    """Give each model its own of the stacked weights."""
+    for name, value in parameters.items():
+        for model, own in zip(models, value.unbind(), strict=True):
+            model.get_parameter(name.removeprefix("model.")).copy_(own)

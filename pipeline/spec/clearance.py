@@ -2,7 +2,8 @@
 
 Every thing found in the picture (pipeline.spec.things) has a relevance, the chance that this user keeps away from
 things that look like it, and every path a clearance from it. A path is valid if it comes too close to no thing that
-matters, and to none that was not found.
+matters, and to none that was not found. Whether anything matters at all has to be learned, too: until the labels say
+so, a path is as likely to be valid as any other.
 Turning or reflecting table and path together changes neither, so the task's symmetries hold exactly.
 """
 
@@ -13,17 +14,21 @@ import torch
 import torch.nn.functional as F
 from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
+from scipy.stats import entropy
 from torch import Tensor, nn
 
 from pipeline.spec import training
 from pipeline.spec.specification import Specification, to_tensor
 from pipeline.spec.things import FEATURES, find
-from pipeline.spec.training import laplace, never_varies
+from pipeline.spec.training import Diary, laplace, never_varies
 from pipeline.table.bezier import P_F, P_INIT, basis
 
 SAMPLES = 160  # points along a path: 1 cm apart on the longest, so that a clearance is right within half a millimetre
 UNIT = 0.03  # metres: a margin's unit as it is trained, so that one rate suits all parameters
 SHARPEST = 0.003  # metres: a third of a pixel, no more exactly does a picture show where a thing ends
+SHARPENING = 1.25  # of the log-odds of the members' mean: a mean of opinions is less sure than it is right
+NEEDED = 6.0  # nats: what labels must gain in likelihood for "things matter" to be as credible as "nothing does"
+CERTAIN = 1e4  # nats
 CURVE = ("step", "total")  # columns of a learning curve
 
 
@@ -42,6 +47,10 @@ class ClearanceModel(Specification):
     """Several members' opinions of one user, averaged. P(valid) of each: clear * product over things of
     (1 - relevance * closeness).
 
+    Their average is believed as far as the evidence goes, and else `rate`, the same for every path. These are Akaike's
+    weights of two models (Burnham and Anderson, 2002), NEEDED for the number of parameters, which the prior makes fewer
+    than there are. Without a label, nothing is believed to matter.
+
     `clear` is the chance that nothing that was not found stands in the way. Relevance is the logistic function of the
     thing's features, and of their squares, bounded so that things unlike the training ones stay near them. Closeness
     falls from 1 to 0 around the margin as Student's t with 2 degrees of freedom does: outlines are at times far off.
@@ -49,6 +58,8 @@ class ClearanceModel(Specification):
 
     centre: Tensor
     spread: Tensor
+    evidence: Tensor
+    rate: Tensor
 
     def __init__(self, members: int):
         super().__init__()
@@ -58,6 +69,8 @@ class ClearanceModel(Specification):
         self.clear = nn.Parameter(torch.full((members,), 4.0))  # log-odds
         self.register_buffer("centre", torch.zeros(len(FEATURES)))  # of the training things' features
         self.register_buffer("spread", torch.ones(len(FEATURES)))
+        self.register_buffer("evidence", torch.tensor(-NEEDED))  # log-odds that things matter
+        self.register_buffer("rate", torch.tensor(0.5))  # P(valid) if nothing does
 
     def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene thing 10"]:
         """Each thing's two ends [m], radius [m], features, and 1 if it is there."""
@@ -73,8 +86,10 @@ class ClearanceModel(Specification):
     ) -> Float[Tensor, "scene path"]:
         """Log-odds of validity; differentiable in `z_theta` [m]."""
         by_member = self.log_valid(percept, clearance(percept, z_theta))
-        log_p = (by_member.logsumexp(0) - float(np.log(len(by_member)))).clamp(max=-1e-6)
-        return log_p - torch.log(-torch.expm1(log_p))
+        mean = by_member.logsumexp(0) - float(np.log(len(by_member)))
+        by_things = F.logsigmoid(SHARPENING * _log_odds(mean)) + F.logsigmoid(self.evidence)
+        by_rate = self.rate.log() + F.logsigmoid(-self.evidence)
+        return _log_odds(torch.logaddexp(by_things, by_rate))
 
     def log_valid(
         self, percept: Float[Tensor, "scene thing 10"], clearances: Float[Tensor, "scene path near"]
@@ -90,6 +105,12 @@ class ClearanceModel(Specification):
         x = (percept[..., 5:-1] - self.centre) / self.spread
         terms = torch.cat([torch.ones_like(x[..., :1]), x, x.tanh().square()], -1)
         return torch.einsum("stf,mf->mst", terms, self.weight).sigmoid() * percept[..., -1]
+
+
+def _log_odds(log_p: Tensor) -> Tensor:
+    """Log-odds of a probability from its logarithm, at most those of 1 - 1e-6."""
+    log_p = log_p.clamp(max=-1e-6)
+    return log_p - torch.log(-torch.expm1(log_p))
 
 
 def clearance(
@@ -116,17 +137,17 @@ def fit(
     valid: Bool[Array, "scene n"],
     schedule: Schedule,
     seed: int,
+    diary: Diary | None = None,
 ) -> Float[Array, "point 2"]:
     """Train `model` in place on n demonstrations [m] a scene; the learning curve (columns `CURVE`) comes back.
 
     Each member maximises its posterior under weights of its own on the scenes, the Bayesian bootstrap's (Rubin, 1981).
     Demonstrations that never vary teach nothing: the model then answers Laplace's probability, whatever it sees.
+    `diary` keeps the weights on the way, each time with the evidence for them.
     """
+    model.rate.fill_(laplace(valid))
     if never_varies(valid):
-        with torch.no_grad():
-            model.weight.zero_()
-            model.weight[:, 0] = -1e4  # nothing matters
-            model.clear.fill_(float(np.log(laplace(valid) / (1 - laplace(valid)))))
+        model.evidence.fill_(-CERTAIN)
         return np.array([[0.0, 0.0]])
     percept = model.perceive(to_tensor(images))
     present = percept[..., -1] > 0
@@ -134,10 +155,22 @@ def fit(
         features = percept[present][:, 5:-1]
         model.centre.copy_(features.mean(0))
         model.spread.copy_(features.std(0).clamp(min=1e-3))
-    return _ascend(model, percept, torch.tensor(z_theta).float(), torch.tensor(valid), schedule, seed)
+    z, labels = torch.tensor(z_theta).float(), torch.tensor(valid)
+    curve = _ascend(model, percept, z, labels, schedule, seed, diary or Diary())
+    _weigh(model, percept, z, labels)
+    return curve
 
 
-def _ascend(model, percept, z, valid, schedule, seed) -> Float[Array, "point 2"]:
+@torch.no_grad()
+def _weigh(model, percept, z, valid) -> None:
+    """Set the evidence that things matter: what the labels gain in likelihood over one rate for every path."""
+    model.evidence.fill_(CERTAIN)  # what the members say by themselves
+    surprise = F.binary_cross_entropy_with_logits(model.logit(percept, z), valid.float(), reduction="sum")
+    rate = float(valid.float().mean())
+    model.evidence.fill_(valid.numel() * entropy([rate, 1 - rate]) - float(surprise) - NEEDED)
+
+
+def _ascend(model, percept, z, valid, schedule, seed, diary) -> Float[Array, "point 2"]:
     """Every member's ascent of its posterior, all at once."""
     members, n = len(model.margin), valid.numel()
     clearances = clearance(percept, z)
@@ -146,6 +179,9 @@ def _ascend(model, percept, z, valid, schedule, seed) -> Float[Array, "point 2"]
     optimiser, cycle = schedule.optimiser(model.parameters())
     curve = []
     for step in range(schedule.steps):
+        if step in diary.steps:
+            _weigh(model, percept, z, valid)
+            diary.note(step, model)
         log_valid = model.log_valid(percept, clearances).clamp(max=-1e-6)
         surprise = -torch.where(valid, log_valid, torch.log(-torch.expm1(log_valid)))  # (member, scene, path)
         prior = model.weight.square().sum(1) / (2 * schedule.prior**2 * n)

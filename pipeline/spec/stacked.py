@@ -24,7 +24,7 @@ from torch import nn
 from pipeline.spec import lanes
 from pipeline.spec.lanes import GATE, LANES, PUT, RELU
 from pipeline.spec.losses import Weights
-from pipeline.spec.training import Schedule, fit_varied, padded, shares
+from pipeline.spec.training import Diary, Schedule, fit_varied, padded, shares
 from pipeline.spec.vae import SIDE, Z_CENTRE, Z_SCALE, VaeSpecification
 
 
@@ -199,6 +199,14 @@ class Stack:
                 yield f"{name}.weight", w
                 yield f"{name}.bias", b
 
+    @torch.no_grad()
+    def hand_over(self, models: Sequence[VaeSpecification]) -> None:
+        """Give the first lanes' weights to as many models."""
+        for name, tensor in self.tensors("value"):
+            for lane, model in enumerate(models):
+                parameter = model.get_parameter(name)
+                parameter.copy_(torch.from_numpy(tensor[..., lane]).reshape(parameter.shape))
+
     def parameters(self) -> list[Parameter]:
         """Every layer's."""
         return [parameter for layer in self.layers.values() for parameter in (layer.weight, layer.bias)]
@@ -272,6 +280,7 @@ def fit_stack(
     weights: Weights,
     schedule: Schedule,
     seeds: Sequence[int],
+    diary: Diary | None = None,
 ) -> list[Float[Array, "point 5"]]:
     """Train up to `LANES` models in place, each on its demonstrations [m]; their learning curves (`CURVE`).
 
@@ -279,10 +288,10 @@ def fit_stack(
     """
     if len(models) > LANES:
         raise ValueError(f"{len(models)} models for a stack: it holds {LANES}")
-    return fit_varied(_descend, models, images, z_theta, valid, weights, schedule, seeds)
+    return fit_varied(_descend, models, images, z_theta, valid, weights, schedule, seeds, diary)
 
 
-def _descend(models, images, z_theta, valid, weights, schedule, seeds) -> list[Float[Array, "point 5"]]:
+def _descend(models, images, z_theta, valid, weights, schedule, seeds, diary) -> list[Float[Array, "point 5"]]:
     """The gradient descent of one stack; a point of a curve is the loss before that many updates."""
     spare = [0] * (LANES - len(models))  # lanes without a model of their own do the first one's work again
     own = [*range(len(models)), *spare]
@@ -295,6 +304,9 @@ def _descend(models, images, z_theta, valid, weights, schedule, seeds) -> list[F
     optimiser, cycle = schedule.optimiser([parameter.tensor for parameter in stack.parameters()])
     curve = []
     for step in range(schedule.steps):
+        if step in diary.steps:
+            stack.hand_over(models)
+            diary.note(step, *models)
         noise = [torch.randn(len(pixels), models[0].latent, generator=generator).numpy() for generator in generators]
         terms = stack.gradient(pixels, paths, labels, np.stack([noise[i] for i in own], -1))
         optimiser.step()
@@ -302,11 +314,7 @@ def _descend(models, images, z_theta, valid, weights, schedule, seeds) -> list[F
         if step % schedule.curve_every == 0 or step == schedule.steps - 1:
             curve.append(np.vstack([np.full(LANES, step), terms, terms.sum(0)]))
 
-    with torch.no_grad():
-        for name, tensor in stack.tensors("value"):
-            for lane, model in enumerate(models):
-                parameter = model.get_parameter(name)
-                parameter.copy_(torch.from_numpy(tensor[..., lane]).reshape(parameter.shape))
+    stack.hand_over(models)
     for model in models:
         model.eval()
     return list(np.stack(curve)[..., : len(models)].transpose(2, 0, 1).astype(np.float64))

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
-from torch import Tensor
+from torch import Tensor, nn
 from torch.optim import AdamW
 from torch.optim.lr_scheduler import OneCycleLR
 
@@ -48,6 +48,24 @@ def require_positive(schedule: Schedule, *names: str) -> None:
             )
 
 
+class Diary:
+    """Weights of models as they were at some steps of their training, before that step's update."""
+
+    def __init__(self, steps: Iterable[int] = ()):
+        self.steps = frozenset(steps)
+        self._states: list[tuple[nn.Module, int, dict[str, Array]]] = []
+
+    def note(self, step: int, *models: nn.Module) -> None:
+        """Keep a copy of the models' parameters and buffers."""
+        for model in models:
+            state = {name: value.detach().cpu().numpy().copy() for name, value in model.state_dict().items()}
+            self._states.append((model, step, state))
+
+    def of(self, model: nn.Module) -> dict[int, dict[str, Array]]:
+        """step -> the model's weights by name."""
+        return {step: state for whose, step, state in self._states if whose is model}
+
+
 def job_seed(*names: str | int) -> int:
     """A 63-bit seed of its own for each job, from what names it: e.g. (seed, user, n, variant)."""
     digest = hashlib.sha256("/".join(map(str, names)).encode()).digest()
@@ -72,22 +90,25 @@ def fit(
     weights: Weights,
     schedule: Schedule,
     seed: int,
+    diary: Diary | None = None,
 ) -> Float[Array, "point 5"]:
     """Train `model` in place on n demonstrations [m] a scene; returns the learning curve (`CURVE`).
 
     Where the demonstrations never vary, the model keeps its untrained encoder and gets a constant head instead, at
     Laplace's probability.
-    `seed` draws the latent noise; torch's global generator is left alone.
+    `seed` draws the latent noise; torch's global generator is left alone. `diary` keeps the weights on the way.
     """
     if never_varies(valid):
         model.set_constant_head(laplace(valid))
         model.eval()
         loss = weights.gamma * -np.log(max(laplace(valid), 1 - laplace(valid)))
         return np.array([[0, 0, 0, loss, loss]])
-    return _descend(model, images, z_theta, valid, weights, schedule, seed)
+    return _descend(model, images, z_theta, valid, weights, schedule, seed, diary or Diary())
 
 
-def fit_varied(descend, models, images, z_theta, valid, weights, schedule, seeds) -> list[Float[Array, "point 5"]]:
+def fit_varied(
+    descend, models, images, z_theta, valid, weights, schedule, seeds, diary
+) -> list[Float[Array, "point 5"]]:
     """`fit` of several models by one `descend`, with its arguments, but for those whose labels never vary."""
     jobs = list(zip(models, images, z_theta, valid, seeds, strict=True))
     varied = [i for i, labels in enumerate(valid) if not never_varies(labels)]
@@ -98,7 +119,7 @@ def fit_varied(descend, models, images, z_theta, valid, weights, schedule, seeds
     }
     if varied:
         *of_varied, own_seeds = zip(*(jobs[i] for i in varied), strict=True)
-        curves |= zip(varied, descend(*of_varied, weights, schedule, own_seeds), strict=True)
+        curves |= zip(varied, descend(*of_varied, weights, schedule, own_seeds, diary or Diary()), strict=True)
     return [curves[i] for i in range(len(jobs))]
 
 
@@ -113,7 +134,7 @@ def shares(n: Sequence[int]) -> Float[Array, "row model"]:
     return np.where(np.arange(max(n))[:, None] < n, 1 / np.array(n), 0)
 
 
-def _descend(model, images, z_theta, valid, weights, schedule, seed) -> Float[Array, "point 5"]:
+def _descend(model, images, z_theta, valid, weights, schedule, seed, diary) -> Float[Array, "point 5"]:
     """The gradient descent itself; a point of the curve is the loss before that many updates."""
     x = to_tensor(images)
     z = torch.from_numpy(z_theta.astype(np.float32))  # (scene, n, 2)
@@ -123,6 +144,8 @@ def _descend(model, images, z_theta, valid, weights, schedule, seed) -> Float[Ar
     curve: list[tuple[int, Terms]] = []
     model.train()
     for step in range(schedule.steps):
+        if step in diary.steps:
+            diary.note(step, model)
         noise = torch.randn(len(x), model.latent, generator=generator)
         terms = equation_1(model, x, z, labels, weights, noise)
         optimiser.zero_grad()

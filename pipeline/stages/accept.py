@@ -21,9 +21,9 @@ from pipeline.artifacts.files import write_json, write_table
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.causal.interventions import DIGITS
 from pipeline.causal.statistics import Estimates, estimate
+from pipeline.fitting.trainers import FITTED, Lesson, fit_each
 from pipeline.launch import launch
 from pipeline.params import InputError
-from pipeline.refits.trainers import FITTED, Lesson, fit_each
 from pipeline.spec.acceptance import (
     Calibration,
     accept,

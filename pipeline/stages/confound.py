@@ -18,10 +18,10 @@ from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.causal.confound import association, before_and_after, passes_near, shift
 from pipeline.causal.interventions import DIGITS, study, tally
 from pipeline.causal.statistics import quartiles
+from pipeline.fitting.confounding import Draw, Scenes, demonstrations, draw_all
+from pipeline.fitting.trainers import FITTED, Lesson, fit_and_ask
 from pipeline.launch import launch
 from pipeline.params import InputError
-from pipeline.refits.confounding import Draw, Scenes, demonstrations, draw_all
-from pipeline.refits.trainers import FITTED, Lesson, fit_and_ask
 from pipeline.spec.metrics import accuracy
 from pipeline.table.items import read_catalogue
 from pipeline.table.layout import SYMBOLS, Layouts

@@ -16,10 +16,10 @@ from pipeline.artifacts.files import read_table, write_json, write_table
 from pipeline.artifacts.scenes import SceneSet, read_scenes
 from pipeline.causal.interventions import DIGITS
 from pipeline.causal.statistics import quartiles
+from pipeline.fitting.further import taught
+from pipeline.fitting.trainers import FITTED, Lesson, fit_and_ask
 from pipeline.launch import launch
 from pipeline.params import InputError
-from pipeline.refits.further import taught
-from pipeline.refits.trainers import FITTED, Lesson, fit_and_ask
 from pipeline.spec.efficiency import reaches
 from pipeline.spec.metrics import accuracy
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from pipeline.fitting import fit_variant, one_by_one, variant_settings
+from pipeline.fitting.grid import fit_variant, one_by_one, variant_settings
 from pipeline.launch import launch
 from pipeline.spec.clearance import CURVE, ClearanceModel, Schedule, fit
 

@@ -18,9 +18,9 @@ from pipeline.artifacts.trained import ask, check_weights
 from pipeline.causal.interventions import DIGITS, expected_validity, judge
 from pipeline.causal.refuters import REFUTERS, halves, mean_over, placebo
 from pipeline.causal.statistics import VERDICTS
+from pipeline.fitting.trainers import FITTED, Lesson, fit_and_ask
 from pipeline.launch import launch
 from pipeline.params import InputError
-from pipeline.refits.trainers import FITTED, Lesson, fit_and_ask
 from pipeline.spec.registry import build
 from pipeline.spec.training import job_seed
 from pipeline.table.items import read_catalogue

@@ -15,9 +15,9 @@ from pipeline.artifacts.scenes import SceneSet, read_position_prior, read_scenes
 from pipeline.artifacts.trained import ask, check_weights
 from pipeline.causal.interventions import DIGITS
 from pipeline.causal.robustness import change, score
+from pipeline.fitting.trainers import FITTED, Lesson, fit_and_ask
 from pipeline.launch import launch
 from pipeline.params import InputError
-from pipeline.refits.trainers import FITTED, Lesson, fit_and_ask
 from pipeline.spec import nulls
 from pipeline.spec.metrics import DECISION, expected_calibration_error
 from pipeline.spec.training import job_seed

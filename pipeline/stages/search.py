@@ -83,6 +83,7 @@ def told(layouts: Layouts, margins: Margins) -> tuple[ClearanceModel, torch.Tens
     with torch.no_grad():
         model.weight.zero_()
         model.weight[:, 0] = model.clear[:] = SURE
+        model.evidence.fill_(SURE)
         model.width.fill_(-SURE)
     margin = np.array([np.nan if margins[s] is None else margins[s] for s in SYMBOLS] + [np.nan])[layouts.symbol]
     cares = np.isfinite(margin)

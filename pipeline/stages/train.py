@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from omegaconf import DictConfig
 
-from pipeline.fitting import fit_variant, one_by_one, variant_settings
+from pipeline.fitting.grid import fit_variant, one_by_one, variant_settings
 from pipeline.launch import launch
 from pipeline.params import InputError
 from pipeline.spec import batched

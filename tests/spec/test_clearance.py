@@ -6,6 +6,7 @@ import torch
 
 from pipeline.spec.clearance import ClearanceModel, Schedule, clearance, fit
 from pipeline.spec.specification import to_tensor, untrained
+from pipeline.spec.training import Diary
 from pipeline.table.layout import Layouts
 from pipeline.table.rules import clearance as true_clearance
 from tests.spec.test_things import RED, WHITE, picture
@@ -110,6 +111,33 @@ def test_it_learns_which_things_matter_and_how_much(cares):
     assert right.mean() > 0.95
     relevance = m.relevance(m.perceive(to_tensor(pictures[20:]))).mean((0, 1))[:2].detach().numpy()
     assert ((relevance > 0.5) == cares).all()
+
+
+def test_without_evidence_every_path_is_as_likely_valid_as_any_other():
+    rng = np.random.default_rng(5)
+    layouts, pictures = scenes(rng, 20)
+    z = rng.uniform(-0.2, 1.2, (20, 10, 2))
+    np.testing.assert_allclose(model().probability(pictures, z), 0.5, atol=2e-3)  # untrained
+    valid = true_clearance(layouts, z).min(-1) > MARGIN
+    spread = {}
+    for name, labels in {"true": valid, "shuffled": rng.permutation(valid.ravel()).reshape(valid.shape)}.items():
+        m = model()
+        fit(m, pictures, z, labels, SCHEDULE, seed=0)
+        spread[name] = m.probability(pictures, z).std()
+    assert spread["true"] > 0.3 and spread["shuffled"] < 0.1
+
+
+def test_a_diary_weighs_the_evidence_as_it_then_was():
+    rng = np.random.default_rng(6)
+    layouts, pictures = scenes(rng, 20)
+    z = rng.uniform(-0.2, 1.2, (20, 10, 2))
+    valid = true_clearance(layouts, z).min(-1) > MARGIN
+    plain, kept, diary = model(), model(), Diary([0, 200, 399])
+    curve = fit(plain, pictures, z, valid, SCHEDULE, seed=0)
+    assert np.array_equal(fit(kept, pictures, z, valid, SCHEDULE, 0, diary), curve)
+    assert all(torch.equal(a, b) for a, b in zip(plain.parameters(), kept.parameters(), strict=True))
+    evidence = [float(state["evidence"]) for state in diary.of(kept).values()]
+    assert evidence == sorted(evidence) and evidence[0] < evidence[1] - 10 and evidence[2] < float(kept.evidence) + 1e-3
 
 
 def test_the_same_seed_gives_the_same_bits_and_torchs_generator_stays_put():

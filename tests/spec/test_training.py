@@ -8,7 +8,7 @@ import torch
 
 from pipeline.spec.losses import Weights
 from pipeline.spec.registry import build
-from pipeline.spec.training import CURVE, Schedule, fit, job_seed, laplace
+from pipeline.spec.training import CURVE, Diary, Schedule, fit, job_seed, laplace
 from pipeline.spec.vae import VaeSpecification
 
 GOLDEN = Path(__file__).parent.parent / "golden"
@@ -116,3 +116,24 @@ def test_a_schedule_out_of_range_is_refused(name):
     settings = known | {name: type(known[name])(0)}
     with pytest.raises(ValueError, match=f"{name} is 0"):
         Schedule(**settings)
+
+
+def test_a_diary_keeps_what_the_model_was_before_its_steps_and_changes_nothing():
+    plain, curve = trained()
+    model, diary = drawn(1), Diary([0, 19, 400])
+    assert np.array_equal(fit(model, *data(), VARIANTS["full"], SHORT, 1, diary), curve)
+    assert set(diary.of(model)) == {0, 19} and not diary.of(plain)
+    for name, value in drawn(1).state_dict().items():
+        assert np.array_equal(diary.of(model)[0][name], value)
+    distance = [
+        max(np.abs(state[name] - value.numpy()).max() for name, value in plain.state_dict().items())
+        for state in diary.of(model).values()
+    ]
+    assert 0 < distance[1] < 1e-5 < distance[0]  # the last step's rate is nearly 0
+
+
+def test_a_model_that_is_not_trained_has_no_diary():
+    images, z_theta, valid = data()
+    model, diary = drawn(1), Diary([0])
+    fit(model, images, z_theta, np.ones_like(valid), VARIANTS["full"], SHORT, 1, diary)
+    assert not diary.of(model)

@@ -13,7 +13,7 @@ from pipeline.artifacts.files import read_json, read_table
 from pipeline.artifacts.models import PREDICTION_COLUMNS
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.artifacts.trained import load_model
-from pipeline.fitting import _batches, _jobs, _key
+from pipeline.fitting.grid import _batches, _jobs, _key
 from pipeline.params import InputError, compose
 from pipeline.spec.vae import VaeSpecification
 from pipeline.stages.train import main

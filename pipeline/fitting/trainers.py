@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Float32, UInt8
 from numpy import ndarray as Array
 from omegaconf import DictConfig
 
-from pipeline.fitting import Fit, one_by_one
+from pipeline.fitting.grid import Fit, one_by_one
 from pipeline.parallel import map_jobs
 from pipeline.spec import clearance, irl
 from pipeline.spec.jitter import Jitter

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from omegaconf import DictConfig
 
+from pipeline.fitting.trainers import Lesson, fit_and_ask, fit_each
 from pipeline.params import compose
-from pipeline.refits.trainers import Lesson, fit_and_ask, fit_each
 from pipeline.spec.irl import fit
 from pipeline.spec.reward import RewardMap
 from pipeline.spec.specification import untrained

@@ -11,8 +11,8 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.demos import demo_arrays
 from pipeline.artifacts.scenes import SceneSet, train_pool
+from pipeline.fitting.trainers import Lesson
 from pipeline.params import InputError
-from pipeline.refits.trainers import Lesson
 from pipeline.spec.training import job_seed
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.fit import fit

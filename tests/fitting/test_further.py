@@ -9,8 +9,8 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.demos import demo_arrays, read_demos
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
+from pipeline.fitting.further import demonstrations, further_scenes, taught
 from pipeline.params import InputError, compose
-from pipeline.refits.further import demonstrations, further_scenes, taught
 from pipeline.stages import demos, scenes
 from pipeline.table.items import read_catalogue
 from pipeline.table.layout import Layouts

@@ -1,0 +1,1 @@
+"""How models are fitted: every one of a variant (`grid`), or by stages that only want their answers (`trainers`)."""
