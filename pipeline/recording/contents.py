@@ -104,15 +104,16 @@ class Counterfactual:
 
 @dataclass(frozen=True)
 class Learning:
-    """How the model came about: its losses, and what fewer demonstrations make of the first of the new scenes.
+    """How the model came about: its losses, and the map of the first of the new scenes on the way.
 
-    step, losses: the training's curve by term; n: demonstrations a scene; predicted: the map fitted to each of `n`.
+    step, losses: the training's curve by term; by_n: the maps of models fitted to as many demonstrations a scene;
+    by_step: of this one after as many steps of its training, the whole training last.
     """
 
     step: Int[Array, "step"]
     losses: Mapping[str, Float[Array, "step"]]
-    n: tuple[int, ...]
-    predicted: Float[Array, "n side side"]
+    by_n: Mapping[int, Float[Array, "side side"]]
+    by_step: Mapping[int, Float[Array, "side side"]]
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""How a model came about: its map by the number of demonstrations, and its losses by the step of its training."""
+"""How a model came about: its map by the number of demonstrations and by the step of training, and its losses."""
 
 import numpy as np
 import rerun as rr
@@ -12,14 +12,15 @@ TERMS = ((240, 228, 66), (86, 220, 160), (204, 121, 167), (120, 160, 255))  # co
 
 
 def log_learning(recording: rr.RecordingStream, run: Run) -> None:
-    """The map of the first of the run's new scenes by models fitted to fewer demonstrations, and every loss."""
+    """The map of the first of the run's new scenes, by fewer demonstrations and along the training; every loss."""
     shown, learning = run.repairs[0], run.learning
     latent = f"new_items/scene_{shown.scene:03d}/latent"
     place = panel(SCENE_MAPS["difference"], len(shown.truth))
-    for n, predicted in zip(learning.n, learning.predicted, strict=True):
-        set_time(recording, DEMONSTRATIONS, n)
-        log_map(recording, f"{latent}/predicted/by_n", predicted, precision=HALF)
-        log_difference(recording, f"{latent}/difference/by_n", predicted - shown.truth, place)
+    for name, timeline, maps in (("by_n", DEMONSTRATIONS, learning.by_n), ("by_step", STEPS, learning.by_step)):
+        for time, predicted in maps.items():
+            set_time(recording, timeline, time)
+            log_map(recording, f"{latent}/predicted/{name}", predicted, precision=HALF)
+            log_difference(recording, f"{latent}/difference/{name}", predicted - shown.truth, place)
     recording.reset_time()
     terms = list(learning.losses)
     colours = [TERMS[i % len(TERMS)] for i in range(len(terms))]

@@ -1,6 +1,6 @@
 """The page beside the views: what a recording shows, in words."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from pipeline.recording.contents import Counterfactual, Run, by_user
 from pipeline.recording.geometry import footprints
@@ -63,8 +63,8 @@ A step a symbol: an item more (yellow) in new scene {run.repairs[0].scene}. Firs
 what the item changes, to the model and in truth. Beside: the effects, here and in all scenes of stage `intervene`.
 {_counterfactuals(run)}
 ## Learning: `demonstrations`, `train_step`
-The map of new scene {run.repairs[0].scene} by the models fitted to {_listed(run.learning.n)} demonstrations a
-scene, and the losses of the one shown elsewhere. Maps along the training itself are not kept.
+The map of new scene {run.repairs[0].scene} by the models fitted to {_listed(run.learning.by_n)} demonstrations a
+scene; and of the one shown elsewhere, after {_listed(run.learning.by_step)} steps of its training, with its losses.
 
 ## Training scenes
 **Valid: thick, blue, a disc. Invalid: thin, orange, a cross.** In them a dark thread: the hand as recorded. In colour:
@@ -169,7 +169,7 @@ The time line `scene` below goes from scene to scene: drag it, or press play.
 """
 
 
-def _listed(numbers: Sequence[int]) -> str:
+def _listed(numbers: Iterable[int]) -> str:
     return ", ".join(map(str, numbers))
 
 

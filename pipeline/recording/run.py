@@ -11,7 +11,7 @@ Entities (coordinates: see `geometry`):
     new_items/scene_000/table/repair/{first,path,ends_valid,ends_invalid}   the paths
     new_items/scene_000/latent/{predicted,truth}/map             P(valid) over z_theta: the model's, the user's
     new_items/scene_000/latent/difference/map                    the model's less the user's
-    new_items/scene_000/latent/{predicted,difference}/by_n/map   the same by the number of demonstrations (`learning`)
+    new_items/scene_000/latent/{predicted,difference}/{by_n,by_step}/map   the same on the way there (`learning`)
     new_items/scene_000/latent/predicted/boundary                where the truth changes
     new_items/scene_000/latent/{predicted,truth}/repair/{trail,z_theta,ends_valid,ends_invalid}   the z_theta
     new_items/scene_000/p_valid/repairs                          the model's P(valid)

@@ -1,5 +1,6 @@
 """Stage record: a Rerun recording per variant, user and seed, an overview of them, and a digest of what each holds."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -12,7 +13,7 @@ from tqdm import tqdm
 from pipeline.artifacts.added import Added, read_added
 from pipeline.artifacts.demos import DEMO_KEY, demo_arrays, read_demos, read_recordings
 from pipeline.artifacts.files import read_arrays, read_json, read_table, write_table, write_whole
-from pipeline.artifacts.models import model_dir
+from pipeline.artifacts.models import model_dir, weights_path
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.artifacts.trained import check_weights, load_model
 from pipeline.causal.counterfactual import DECISION, NOBODY, blame, keep
@@ -81,14 +82,15 @@ class Job:
 class Belief:
     """A model's P(valid): maps (scene, side, side) as [y, x], and per scene (repair, step) along its repairs.
 
-    added (symbol, side, side): the first scene's map with one item more; by_n (n, side, side): its map as it is, by the
-    models fitted to each n; answers: per example (question,).
+    added (symbol, side, side): the first scene's map with one item more; by_n, by_step (side, side): its map as it is,
+    by the models fitted to each n and along the training; answers: per example (question,).
     """
 
     maps: Array
     steps: tuple[Array, ...]
     added: Array
-    by_n: Array
+    by_n: dict[int, Array]
+    by_step: dict[int, Array]
     answers: tuple[Array, ...]
 
 
@@ -159,9 +161,19 @@ def believe(job: Job) -> Belief:
         p = model.probability(image[None], shown.z.reshape(1, -1, 2)) if len(shown.z) else np.zeros(0)
         steps.append(p.reshape(shown.z.shape[:2]))
     of_scenes = maps(model, job.images)
-    by_n = [of_scenes[0] if n == job.cfg.study_n else maps(other, job.images[:1])[0] for n, other in fitted.items()]
+    first = job.images[:1]
+    by_n = {n: of_scenes[0] if other is model else maps(other, first)[0] for n, other in fitted.items()}
+    by_step = {step: maps(early, first)[0] for step, early in _snapshots(job)}
     answers = [model.probability(x.images, np.tile(x.z, (len(x.images), 1, 1)))[:, 0] for x in job.examples]
-    return Belief(of_scenes, tuple(steps), maps(model, job.added), np.stack(by_n), tuple(answers))
+    return Belief(of_scenes, tuple(steps), maps(model, job.added), by_n, by_step, tuple(answers))
+
+
+def _snapshots(job: Job) -> Iterator[tuple[int, Specification]]:
+    """The model as it was before each step of `cfg.snapshots`, of those that its training had."""
+    directory, which = model_dir(job.cfg, job.variant), (job.user, job.seed, job.cfg.study_n)
+    for step in sorted(job.cfg.snapshots):
+        if weights_path(directory, *which, step).is_file():
+            yield step, load_model(job.cfg, job.variant, *which, step)
 
 
 def _check(cfg: DictConfig) -> None:
@@ -354,11 +366,14 @@ def _blamed(p: Array) -> int | None:
 
 
 def _learning(job: Job, belief: Belief, curves: pd.DataFrame) -> Learning:
-    """The losses of the model shown, and the first scene's map by every n."""
+    """The losses of the model shown, and the first scene's map by every n and along the training."""
     of_model = (curves["user"] == job.user) & (curves["seed"] == job.seed) & (curves["n"] == job.cfg.study_n)
     rows = curves[of_model].sort_values("step")
     terms = {str(term): rows[term].to_numpy() for term in rows.columns if term not in CURVE_KEY}
-    return Learning(rows["step"].to_numpy(), terms, tuple(job.cfg.n), belief.by_n)
+    steps = rows["step"].to_numpy()
+    trained = steps[-1] + 1 if belief.by_step else 0  # a curve's points lie before their updates
+    by_step = {**belief.by_step, int(trained): belief.by_n[job.cfg.study_n]}
+    return Learning(steps, terms, belief.by_n, by_step)
 
 
 if __name__ == "__main__":

@@ -68,8 +68,8 @@ def a_run(repairs: int = 3) -> Run:
     learning = Learning(
         np.arange(0, 1000, 10),
         {term: rng.random(100) for term in ("reconstruction", "kl", "classification", "total")},
-        (1, 3, 5, 7, 9),
-        rng.random((5, SIDE, SIDE), dtype=np.float32),
+        {n: rng.random((SIDE, SIDE), dtype=np.float32) for n in (1, 3, 5, 7, 9)},
+        {step: rng.random((SIDE, SIDE), dtype=np.float32) for step in (0, 100, 1000)},
     )
     return Run(
         "full",

@@ -118,14 +118,16 @@ def test_a_run_without_examples_has_no_counterfactuals(run: Run, tmp_path: Path)
     assert "## Counterfactuals" not in text
 
 
-def test_maps_by_n_lie_at_their_n(run: Run, recording: Path) -> None:
-    latent, truth = "new_items/scene_000/latent", run.repairs[0].truth
-    predicted = read_maps(recording, f"{latent}/predicted/by_n/map", np.float16, timeline="demonstrations")
-    difference = read_maps(recording, f"{latent}/difference/by_n/map", np.uint8, timeline="demonstrations")
-    assert np.array_equal(predicted, run.learning.predicted.astype(np.float16))
-    assert np.array_equal(difference, percent(run.learning.predicted - truth))
-    rows = read_timed(recording, f"{latent}/predicted/by_n/map", "Image:buffer", "demonstrations")
-    assert tuple(n for n, _ in rows) == run.learning.n
+@pytest.mark.parametrize(("way", "timeline"), [("by_n", "demonstrations"), ("by_step", "train_step")])
+def test_maps_on_the_way_lie_at_their_n_or_step(run: Run, recording: Path, way: str, timeline: str) -> None:
+    latent, truth, maps = "new_items/scene_000/latent", run.repairs[0].truth, getattr(run.learning, way)
+    predicted = read_maps(recording, f"{latent}/predicted/{way}/map", np.float16, timeline=timeline)
+    difference = read_maps(recording, f"{latent}/difference/{way}/map", np.uint8, timeline=timeline)
+    expected = np.stack(list(maps.values()))
+    assert np.array_equal(predicted, expected.astype(np.float16))
+    assert np.array_equal(difference, percent(expected - truth))
+    rows = read_timed(recording, f"{latent}/predicted/{way}/map", "Image:buffer", timeline)
+    assert [time for time, _ in rows] == list(maps)
 
 
 def test_losses_lie_at_their_step(run: Run, recording: Path) -> None:
@@ -149,7 +151,7 @@ def test_the_digest_changes_with_any_part(run: Run, recording: Path, tmp_path: P
     others = {
         "interventions": (*run.interventions[:-1], replace(run.interventions[-1], learned_mean=0.0)),
         "counterfactuals": (*run.counterfactuals[:-1], replace(run.counterfactuals[-1], z=np.array([0.5, 0.5]))),
-        "learning": replace(run.learning, predicted=run.learning.predicted[:, ::-1]),
+        "learning": replace(run.learning, by_step={k: m[::-1] for k, m in run.learning.by_step.items()}),
     }
     write_run(tmp_path / "other.rrd", replace(run, **{part: others[part]}))
     assert digest(tmp_path / "other.rrd") != digest(recording)

@@ -11,7 +11,7 @@ from rerun.chunk import RrdReader
 
 from pipeline.artifacts.demos import write_demos
 from pipeline.artifacts.files import read_table, write_arrays, write_json, write_table
-from pipeline.artifacts.models import model_dir, save_model, weights_path
+from pipeline.artifacts.models import model_dir, save_model, save_weights, weights_path
 from pipeline.artifacts.scenes import SceneSet, layout_table, read_scenes, write_scenes
 from pipeline.artifacts.trained import load_model
 from pipeline.params import InputError, compose
@@ -20,7 +20,7 @@ from pipeline.stages.record import CURVE_KEY, EFFECT_COLUMNS, main
 from pipeline.table.bezier import curve, lattice, random_z_theta
 from pipeline.table.layout import SYMBOLS, Layouts, empty
 from pipeline.table.rules import valid
-from tests.recording.example import read
+from tests.recording.example import read, read_timed
 
 SCENES, STARTS, STEPS, SAMPLES = 4, 2, 5, 20
 
@@ -199,6 +199,24 @@ def test_each_n_shows_its_own_model_and_the_losses_are_those_of_the_one_shown(cf
     curves = read_table(model_dir(cfg, "full") / "curves.parquet")
     rows = curves[(curves["user"] == "careful") & (curves["n"] == cfg.study_n)]
     assert _value(path, "losses", "Scalars:scalars") == [[total] for total in rows["total"]]
+
+
+def test_the_map_along_the_training_is_of_the_weights_kept_then_and_of_the_model_shown_at_its_end(
+    cfg: DictConfig, tmp_path: Path
+) -> None:
+    early, cfg.snapshots = build(cfg.variants.full, 99), [0, 5]
+    save_weights(weights_path(model_dir(cfg, "full"), "careful", 0, cfg.study_n, 5), early.state_dict())
+    main(cfg, tmp_path / "record")
+    image = read_scenes(tmp_path / "scenes").images["new_items"][:1]
+    last = load_model(cfg, "full", "careful", 0, cfg.study_n)
+    entity = "new_items/scene_000/latent/predicted/by_step/map"
+    rows = read_timed(tmp_path / "record/runs/full-careful-s0.rrd", entity, "Image:buffer", "train_step")
+    assert [step for step, _ in rows] == [5, 11]  # the curve's last point lies before the update of step 10
+    for model, (_, (buffer,)) in zip((early, last), rows, strict=True):
+        shown = np.array(buffer, np.uint8).view(np.float16).reshape(9, 9)[::-1]
+        assert np.allclose(shown, model.probability(image, lattice(9)[None]).reshape(9, 9), atol=1e-3)
+    untrained = read_timed(tmp_path / "record/runs/full-normal-s0.rrd", entity, "Image:buffer", "train_step")
+    assert [step for step, _ in untrained] == [0]  # no weights were kept on the way
 
 
 def test_true_slack_is_of_the_repairs_paths(cfg: DictConfig, tmp_path: Path) -> None:
