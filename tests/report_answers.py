@@ -17,7 +17,8 @@ SCENES = 4
 
 
 def write_answers(cfg: DictConfig, rng: np.random.Generator) -> None:
-    """Write what stages efficiency, accept, refute, confound, robustness, counterfactual, envelope, identify would."""
+    """Write what the stages from ablate to identify would."""
+    _ablate(cfg)
     _efficiency(cfg)
     _accept(cfg)
     _refute(cfg, rng)
@@ -26,6 +27,22 @@ def write_answers(cfg: DictConfig, rng: np.random.Generator) -> None:
     _counterfactual(cfg, rng)
     _envelope(cfg)
     _identify(cfg)
+
+
+def _ablate(cfg: DictConfig) -> None:
+    """Without shape the model loses ten points; without its squares it gains one at n = 1."""
+    changes = {"whole": (0.0, 0.0), "no_shape": (-0.1, -0.1), "no_squares": (0.01, 0.001), "plain_mean": (0.0, 0.0)}
+    cells = {
+        name: {
+            f"n{n}": {"accuracy": base + x, "change": x, "change_low": x - 0.02, "change_high": x + 0.02, "ece": 0.02}
+            for n, base, x in zip(cfg.ablate.n, (0.9, 0.96), of, strict=True)
+        }
+        for name, of in changes.items()
+    }
+    cells["plain_mean"][f"n{cfg.ablate.n[-1]}"]["ece"] = 0.035
+    metrics = {"order": list(changes), "ablations": cells, "users": list(cfg.evaluate.users)}
+    metrics |= {"seeds": len(cfg.validation_seeds), "pools": list(cfg.ablate.pools)}
+    write_json(Path(cfg.paths.ablate) / "metrics.json", metrics)
 
 
 def _efficiency(cfg: DictConfig) -> None:

@@ -62,6 +62,7 @@ def test_one_recording_a_variant_user_and_seed(clone: Path):
         ("confound", []),
         ("robustness", []),
         ("accept", []),
+        ("ablate", []),
     ],
 )
 def test_a_stage_run_twice_writes_the_same_bytes(clone: Path, tmp_path: Path, stage: str, overrides: list[str]):

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from pipeline.report.findings.ablation import ablation
 from pipeline.report.findings.acceptance import acceptance
 from pipeline.report.findings.accuracy import accuracy, calibration
 from pipeline.report.findings.causes import interventions, selftest, specifications
@@ -25,8 +26,8 @@ from pipeline.report.table import Table, to_html
 from pipeline.report.wording import counted, listed, variant_label
 
 _SAY = (
-    summary, world, accuracy, efficiency, calibration, acceptance, robustness, repair, searches, interventions,
-    specifications, refutation, confounding, counterfactuals, envelopes, identification, selftest,
+    summary, world, accuracy, efficiency, calibration, ablation, acceptance, robustness, repair, searches,
+    interventions, specifications, refutation, confounding, counterfactuals, envelopes, identification, selftest,
 )  # fmt: skip
 LARGEST = 8 * 2**20  # bytes a page may have
 

@@ -30,6 +30,7 @@ class Results:
     per_seed: int  # training scenes
     efficiency: dict  # accuracy against training scenes, and where a threshold is reached
     efficiency_curve: pd.DataFrame  # by variant, scenes and n
+    ablation: dict  # what each ingredient of the path model is worth
     acceptance: dict  # paths accepted with a promise, and whether it is kept
     accepted: pd.DataFrame  # the same for several promises
     repairs: pd.DataFrame
@@ -155,6 +156,8 @@ def _check_answers(results: Results) -> None:
     """Every variant has its answers to the questions beyond the paper's."""
     if not results.confounding.get("interventions"):
         raise _missing("what stage confound says of any variant", "confound")
+    if not results.ablation.get("ablations"):
+        raise _missing("what stage ablate says of any ingredient", "ablate")
     if not results.acceptance.get("acceptance"):
         raise _missing("what stage accept says of any variant", "accept")
     answers = {

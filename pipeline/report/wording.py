@@ -20,6 +20,8 @@ SPLITS = {
     "seen_scenes": "Training scenes, new paths",
     "new_scenes": "New scenes, training items",
     "new_items": "New scenes, unseen items",
+    "val_scenes": "training items in new scenes",
+    "val_items": "unseen items in new scenes",
 }
 SPLIT_PHRASES = {
     "seen_scenes": "new paths in the training scenes",

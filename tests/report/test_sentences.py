@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from pipeline.report.claims import claims
+from pipeline.report.findings.ablation import ablation
 from pipeline.report.findings.acceptance import acceptance
 from pipeline.report.findings.accuracy import accuracy
 from pipeline.report.findings.causes import interventions, selftest
@@ -232,6 +233,19 @@ def test_labels_spread_wide_are_held_against_about_as_many_heaped(results: Resul
     curve.loc[curve["n"] == 2, ["n", "demonstrations"]] = [1, 25]
     (*_, spent) = efficiency(replace(results, efficiency_curve=curve))
     assert "20 scenes with 1 demonstration each (25 labels) against 3 scenes with 9 demonstrations each" in spent
+
+
+def test_ingredients_are_told_by_what_is_lost_without_them(results: Results):
+    few, many, calibrated, seeds = ablation(results)
+    assert "At n = 1 the whole model judges 90.0" in few and "At n = 9 the whole model judges 96.0" in many
+    assert "It loses 10.0 percentage points [−12.0, −8.0] to “no area, no elongation”." in many
+    assert "More than half a point better without: “no squares of features”" in few
+    assert "Within half a point: “no squares of features” and “members' mean as it is”" in many
+    assert "brings its probabilities nearer" in calibrated and "is 0.020, 0.035 with the mean" in calibrated
+    assert "validation seed" in seeds
+    found = copy.deepcopy(results.ablation)
+    found["ablations"]["plain_mean"]["n9"]["ece"] = 0.01
+    assert "does not bring its probabilities nearer" in ablation(replace(results, ablation=found))[2]
 
 
 def test_what_breaks_a_model_is_told_of_one_that_beats_the_null_and_no_other(results: Results):

@@ -3,6 +3,7 @@
 from pipeline.report.results import Results
 from pipeline.report.table import Table
 from pipeline.report.tables import (
+    ablation,
     acceptance,
     accuracy,
     causes,
@@ -21,7 +22,7 @@ def all_tables(results: Results) -> list[Table]:
     makers = [
         summary.models, summary.world,
         accuracy.accuracy, accuracy.efficiency, accuracy.comparisons, accuracy.by_user, accuracy.calibration,
-        acceptance.acceptance, robustness.robustness,
+        acceptance.acceptance, robustness.robustness, ablation.ablation,
         repair.backprop, repair.repair_detail, repair.searches,
         causes.interventions, causes.verdicts, causes.intervention_detail, causes.specifications,
         refutation.refuters, refutation.refuted,

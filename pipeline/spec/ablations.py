@@ -1,0 +1,119 @@
+"""The path model with one ingredient taken away at a time: what each of them is worth."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from pipeline.spec.clearance import ClearanceModel, clearance
+from pipeline.spec.things import FEATURES
+
+FIRST = 5  # column of a percept's first feature; the two ends and the radius stand before
+SHAPE = ("area", "elongation")
+SURE = 14.0  # log-odds of what is as good as certain
+
+
+class _PlainMean(ClearanceModel):
+    """The members' mean is believed as it is."""
+
+    def logit(self, percept, z_theta):
+        log_p = self.log_valid(percept, clearance(percept, z_theta)).logsumexp(0) - float(np.log(len(self.margin)))
+        log_p = log_p.clamp(max=-1e-6)
+        return log_p - torch.log(-torch.expm1(log_p))
+
+
+class _NoSquares(ClearanceModel):
+    """Relevance is monotonous in every feature."""
+
+    def __init__(self, members: int):
+        super().__init__(members)
+        linear = torch.cat([torch.ones(1 + len(FEATURES)), torch.zeros(len(FEATURES))])
+        self.weight.data *= linear
+        self.weight.register_hook(lambda gradient: gradient * linear)
+
+
+class _Without(ClearanceModel):
+    """Things look alike in the features that are `missing`."""
+
+    missing: tuple[str, ...] = ()
+
+    def perceive(self, images):
+        percept = super().perceive(images)
+        percept[..., [FIRST + FEATURES.index(name) for name in self.missing]] = 0
+        return percept
+
+
+class _NoShape(_Without):
+    missing = SHAPE
+
+
+class _NoContrast(_Without):
+    missing = tuple(name for name in FEATURES if name not in SHAPE)
+
+
+class _Discs(ClearanceModel):
+    """A thing is a disc of its area, however long it is."""
+
+    def perceive(self, images):
+        percept = super().perceive(images)
+        start, end, radius = percept[..., :2], percept[..., 2:4], percept[..., 4]
+        area = torch.pi * radius**2 + 2 * radius * (end - start).norm(dim=-1)
+        middle = (start + end) / 2
+        percept[..., :4], percept[..., 4] = torch.cat([middle, middle], -1), (area / torch.pi).sqrt()
+        return percept
+
+
+class _NoMargin(ClearanceModel):
+    """Things' outlines are where paths become invalid."""
+
+    def __init__(self, members: int):
+        super().__init__(members)
+        self.margin.requires_grad_(False)
+
+
+class _NothingUnseen(ClearanceModel):
+    """Nothing stands in the way that was not found."""
+
+    def __init__(self, members: int):
+        super().__init__(members)
+        self.clear.data.fill_(SURE)
+        self.clear.requires_grad_(False)
+
+
+class _Worst(ClearanceModel):
+    """Of all things, the one that threatens a path most decides alone."""
+
+    def log_valid(self, percept, clearances) -> Tensor:
+        clear = F.logsigmoid(self.clear)[:, None, None]
+        alone = [
+            super(_Worst, self).log_valid(percept[:, i : i + 1], clearances[..., i : i + 1]) - clear
+            for i in range(clearances.shape[-1])
+        ]
+        return torch.stack(alone).amin(0) + clear
+
+
+@dataclass(frozen=True)
+class Ablation:
+    """Another class, or other settings: of the model (conf/variants/path) and of its training (conf/path)."""
+
+    kind: type[ClearanceModel] = ClearanceModel
+    model: Mapping[str, int] = field(default_factory=dict)
+    schedule: Mapping[str, float] = field(default_factory=dict)
+
+
+ABLATIONS = {
+    "whole": Ablation(),
+    "no_shape": Ablation(_NoShape),
+    "no_contrast": Ablation(_NoContrast),
+    "no_squares": Ablation(_NoSquares),
+    "discs": Ablation(_Discs),
+    "no_margin": Ablation(_NoMargin),
+    "worst": Ablation(_Worst),
+    "nothing_unseen": Ablation(_NothingUnseen),
+    "one_member": Ablation(model={"members": 1}),
+    "plain_mean": Ablation(_PlainMean),
+    "no_prior": Ablation(schedule={"prior": 1e3}),
+}

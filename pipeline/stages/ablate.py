@@ -1,0 +1,119 @@
+"""Stage ablate: the path model without one ingredient at a time, fitted and judged where choices are made."""
+
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+from omegaconf import DictConfig
+
+from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
+from pipeline.artifacts.files import write_json
+from pipeline.artifacts.scenes import read_scenes, train_pool
+from pipeline.launch import launch
+from pipeline.parallel import map_jobs
+from pipeline.params import InputError
+from pipeline.spec.ablations import ABLATIONS
+from pipeline.spec.clearance import ClearanceModel, Schedule, fit
+from pipeline.spec.metrics import accuracy, expected_calibration_error
+from pipeline.spec.specification import untrained
+from pipeline.spec.training import job_seed
+
+WHOLE = "whole"
+DIGITS = 6
+
+
+@dataclass(frozen=True)
+class Job:
+    """One model to fit and to judge."""
+
+    cfg: DictConfig
+    ablation: str
+    n: int
+    user: str
+    seed: int
+
+
+def main(cfg: DictConfig, out_dir: Path) -> None:
+    """metrics.json: accuracy and calibration error of each ablation, and what it changes, by n."""
+    _check(cfg)
+    asked = list(cfg.ablate.n), list(cfg.evaluate.users), list(cfg.validation_seeds)
+    jobs = [Job(cfg, name, *of) for name in ABLATIONS for of in product(*asked)]
+    scores = np.array(map_jobs(_score, jobs, cfg.workers, "ablations"))
+    by_seed = scores.reshape(len(ABLATIONS), *map(len, asked), 2).mean(3)  # (ablation, n, seed, score): users averaged
+    found = dict(zip(ABLATIONS, by_seed, strict=True))
+    cells = {
+        name: {f"n{n}": _cell(of[i], found[WHOLE][i]) for i, n in enumerate(cfg.ablate.n)} for name, of in found.items()
+    }
+    metrics = {
+        "order": list(ABLATIONS),
+        "ablations": cells,
+        "users": list(cfg.evaluate.users),
+        "seeds": len(cfg.validation_seeds),
+        "pools": list(cfg.ablate.pools),
+    }
+    write_json(out_dir / "metrics.json", metrics)
+
+
+def _check(cfg: DictConfig) -> None:
+    """Raise InputError before any work if a parameter is out of range."""
+    a, results = cfg.ablate, [pool for pool in cfg.protocol.splits.values() if pool is not None]
+
+    def need(holds: bool, name: str, expected: str) -> None:
+        if not holds:
+            raise InputError(f"parameter ablate.{name} is {a[name]!r}: expected {expected}")
+
+    known = [name for name, v in cfg.variants.items() if v.stage == "path"]
+    need(a.variant in known, "variant", f"one of {', '.join(known)}")
+    need(len(a.n) > 0 and set(a.n) <= set(cfg.n), "n", f"some of {', '.join(map(str, cfg.n))}")
+    there = [pool for pool in _queries(cfg.paths.demos) if pool not in results and not pool.startswith("train")]
+    some = len(a.pools) > 0 and set(a.pools) <= set(there)
+    need(some, "pools", f"some of {', '.join(there)}, which no result uses")
+
+
+def _score(job: Job) -> tuple[float, float]:
+    """Accuracy and calibration error of one model, means over the pools."""
+    cfg, changed = job.cfg, ABLATIONS[job.ablation]
+    scenes, demos, queries = read_inputs(cfg.paths.scenes, cfg.paths.demos)
+    variant, p = cfg.ablate.variant, cfg.path
+    seed = job_seed(job.seed, job.user, job.n, variant)  # its own stage's, whatever is missing
+    model = untrained(changed.kind, {**cfg.variants[variant].model, **changed.model}, seed)
+    assert isinstance(model, ClearanceModel)
+    schedule = Schedule(p.steps, float(p.rate), float(p.weight_decay), p.curve_every, float(p.prior))
+    schedule = Schedule(**{**asdict(schedule), **changed.schedule})
+    z, valid = demo_arrays(demos, job.seed, job.user, job.n)
+    fit(model, scenes.images[train_pool(job.seed)], z, valid, schedule, seed)
+    scores = []
+    for pool in cfg.ablate.pools:
+        answers, truth = model.probability(scenes.images[pool], queries[pool].z).ravel(), queries[pool].valid[job.user]
+        error = expected_calibration_error(answers, truth.ravel(), cfg.evaluate.bins)
+        scores.append((accuracy(answers, truth.ravel()), error))
+    return tuple(np.mean(scores, 0))
+
+
+@lru_cache(maxsize=1)
+def read_inputs(scenes_dir: str, demos_dir: str):
+    """Scenes, demonstrations and queries, read once per process."""
+    return read_scenes(Path(scenes_dir)), read_demos(Path(demos_dir)), _queries(demos_dir)
+
+
+def _queries(demos_dir: str):
+    return read_queries(Path(demos_dir))
+
+
+def _cell(scores: np.ndarray, whole: np.ndarray) -> dict[str, float]:
+    """Means over seeds of (seed, score); the change of accuracy against the whole model, and its extremes."""
+    change = scores[:, 0] - whole[:, 0]
+    values = {
+        "accuracy": scores[:, 0].mean(),
+        "change": change.mean(),
+        "change_low": change.min(),
+        "change_high": change.max(),
+        "ece": scores[:, 1].mean(),
+    }
+    return {name: round(float(value), DIGITS) for name, value in values.items()}
+
+
+if __name__ == "__main__":
+    launch(main, "ablate")

@@ -1,0 +1,77 @@
+"""Every ablation lacks what its name says, and nothing else."""
+
+import numpy as np
+import pytest
+import torch
+
+from pipeline.spec.ablations import ABLATIONS
+from pipeline.spec.clearance import ClearanceModel, Schedule, clearance, fit
+from pipeline.spec.specification import to_tensor, untrained
+from pipeline.table.rules import clearance as true_clearance
+from tests.spec.test_clearance import MARGIN, scenes
+
+SHORT = Schedule(steps=30, rate=0.03, weight_decay=0.0, curve_every=10, prior=2.0)
+Z = np.random.default_rng(1).uniform(-0.2, 1.2, (6, 10, 2))
+LAYOUTS, PICTURES = scenes(np.random.default_rng(0), 6)
+VALID = true_clearance(LAYOUTS, Z).min(-1) > MARGIN
+
+
+def fitted(name: str) -> ClearanceModel:
+    changed = ABLATIONS[name]
+    model = untrained(changed.kind, {"members": 4, **changed.model}, 0)
+    assert isinstance(model, ClearanceModel)
+    fit(model, PICTURES, Z, VALID, Schedule(**{**vars(SHORT), **changed.schedule}), seed=0)
+    return model
+
+
+@pytest.mark.parametrize("name", [name for name in ABLATIONS if name != "whole"])
+def test_it_learns_something_else_than_the_whole_model(name):
+    p = fitted(name).probability(PICTURES, Z)
+    assert ((p >= 0) & (p <= 1)).all()
+    assert not np.allclose(p, fitted("whole").probability(PICTURES, Z), atol=1e-3)
+
+
+def test_without_shape_or_contrast_things_look_alike_in_it():
+    model, other = fitted("no_shape"), fitted("no_contrast")
+    seen = model.perceive(to_tensor(PICTURES)), other.perceive(to_tensor(PICTURES))
+    assert (seen[0][..., 5:7] == 0).all() and (seen[0][..., 7:9] != 0).any()
+    assert (seen[1][..., 7:9] == 0).all() and (seen[1][..., 5:7] != 0).any()
+
+
+def test_without_squares_their_weights_stay_zero():
+    model = fitted("no_squares")
+    assert (model.weight[:, 5:] == 0).all() and (model.weight[:, :5] != 0).all()
+
+
+def test_discs_have_the_areas_of_the_things():
+    seen, discs = (fitted(name).perceive(to_tensor(PICTURES)) for name in ("whole", "discs"))
+    length, radius = (seen[..., 2:4] - seen[..., :2]).norm(dim=-1), seen[..., 4]
+    torch.testing.assert_close(torch.pi * discs[..., 4] ** 2, torch.pi * radius**2 + 2 * radius * length)
+    assert torch.equal(discs[..., :2], discs[..., 2:4])
+    assert torch.equal(discs[..., 5:], seen[..., 5:])
+
+
+def test_margins_and_what_is_unseen_stay_where_they_are():
+    assert (fitted("no_margin").margin == 0).all() and (fitted("whole").margin != 0).all()
+    assert fitted("nothing_unseen").clear.sigmoid().min() > 1 - 1e-5
+
+
+def test_the_worst_thing_decides_alone():
+    model = fitted("worst")
+    seen = model.perceive(to_tensor(PICTURES))
+    near = clearance(seen, torch.tensor(Z).float())
+    assert (model.log_valid(seen, near) >= ClearanceModel.log_valid(model, seen, near) - 1e-6).all()
+    one = seen[:, :1], near[..., :1]
+    torch.testing.assert_close(model.log_valid(*one), ClearanceModel.log_valid(model, *one))
+
+
+def test_the_plain_mean_is_that_of_the_members():
+    model = fitted("plain_mean")
+    with torch.no_grad():
+        seen = model.perceive(to_tensor(PICTURES))
+        by_member = model.log_valid(seen, clearance(seen, torch.tensor(Z).float())).exp()
+    np.testing.assert_allclose(model.probability(PICTURES, Z), by_member.mean(0).clamp(max=1 - 1e-6), atol=1e-5)
+
+
+def test_one_member_is_one():
+    assert len(fitted("one_member").margin) == 1
