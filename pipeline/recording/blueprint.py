@@ -14,7 +14,6 @@ from pipeline.recording.geometry import TABLE_PIXELS
 
 MARGIN = 0.06  # shown around an image, of its side: repairs may leave it
 BACKDROP = (24, 24, 28)  # so that the image's edge is seen
-ON_THE_WAY = ("by_n", "by_step")  # maps of models with less to learn from
 FIXED = ("/fixed/ends", "/fixed/titles", "/fixed/table_edge")
 
 
@@ -53,7 +52,7 @@ def _beside_page(tabs: Sequence[rrb.Container | rrb.View], time: rrb.TimePanel) 
 def _repairs(shown: Repairs) -> rrb.Container:
     entity = _scene(shown)
     name = f"New scene {shown.scene}: {1 - shown.agreement:.0%} of the map wrong"
-    views: list[rrb.View] = [_board("Repairs, on repair_step", f"/{entity}/**", *FIXED, *_without(entity, *ON_THE_WAY))]
+    views: list[rrb.View] = [_board("Repairs, on repair_step", f"/{entity}/**", *FIXED, *_without(entity, "learning"))]
     if shown.start:
         views += [
             _series(f"{entity}/p_valid", "Model's p(valid)", "/fixed/even_odds"),
@@ -64,7 +63,7 @@ def _repairs(shown: Repairs) -> rrb.Container:
 
 def _interventions(run: Run) -> rrb.Container:
     scene = _scene(run.repairs[0])
-    before = [f"/{scene}/table/**", f"/{scene}/latent/**", *_without(scene, "repair", *ON_THE_WAY)]
+    before = [f"/{scene}/table/**", f"/{scene}/latent/**", *_without(scene, "repair", "learning")]
     board = _board("Before, after, effect, on intervention", *before, "/interventions/**", *FIXED)
     words = rrb.TextDocumentView(origin="interventions/words", name="This intervention")
     return rrb.Horizontal(board, words, column_shares=[5, 2], name="Interventions")
@@ -80,13 +79,11 @@ def _counterfactuals() -> rrb.Container:
 def _learning(run: Run) -> rrb.Container:
     scene = _scene(run.repairs[0])
     shown = [f"/{scene}/table/**", f"/{scene}/latent/truth/**", *_without(scene, "repair"), *FIXED]
-    shown.append(f"/{scene}/latent/predicted/boundary")
-    by_n, by_step = ([f"/{scene}/latent/{x}/{way}/**" for x in ("predicted", "difference")] for way in ON_THE_WAY)
+    shown += [f"/{scene}/latent/{x}" for x in ("predicted/boundary", "predicted/learning/**", "difference/learning/**")]
     return rrb.Vertical(
-        _board("By the number of demonstrations a scene, on demonstrations", *shown, *by_n),
-        _board("By the step of training, on train_step", *shown, *by_step),
+        _board("By the demonstrations a scene, on demonstrations; along the training, on train_step", *shown),
         _series("losses", "Losses, on train_step"),
-        row_shares=[3, 3, 2],
+        row_shares=[2, 1],
         name="Learning",
     )
 

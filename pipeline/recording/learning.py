@@ -5,7 +5,7 @@ import rerun as rr
 
 from pipeline.recording.board import SCENE_MAPS, panel
 from pipeline.recording.contents import Run
-from pipeline.recording.scene import HALF, log_difference, log_map, set_time
+from pipeline.recording.scene import HALF, TIMELINES, log_difference, log_map
 
 DEMONSTRATIONS, STEPS = "demonstrations", "train_step"
 TERMS = ((240, 228, 66), (86, 220, 160), (204, 121, 167), (120, 160, 255))  # colours of the losses
@@ -16,11 +16,15 @@ def log_learning(recording: rr.RecordingStream, run: Run) -> None:
     shown, learning = run.repairs[0], run.learning
     latent = f"new_items/scene_{shown.scene:03d}/latent"
     place = panel(SCENE_MAPS["difference"], len(shown.truth))
-    for name, timeline, maps in (("by_n", DEMONSTRATIONS, learning.by_n), ("by_step", STEPS, learning.by_step)):
-        for time, predicted in maps.items():
-            set_time(recording, timeline, time)
-            log_map(recording, f"{latent}/predicted/{name}", predicted, precision=HALF)
-            log_difference(recording, f"{latent}/difference/{name}", predicted - shown.truth, place)
+    elsewhere = {timeline: first for timeline, first in TIMELINES.items() if timeline != STEPS}
+    on_the_way = [({**elsewhere, DEMONSTRATIONS: n}, predicted) for n, predicted in learning.by_n.items()]
+    on_the_way += [({STEPS: step}, predicted) for step, predicted in learning.by_step.items()]
+    for times, predicted in on_the_way:
+        recording.reset_time()
+        for timeline, time in times.items():
+            recording.set_time(timeline, sequence=time)
+        log_map(recording, f"{latent}/predicted/learning", predicted, precision=HALF)
+        log_difference(recording, f"{latent}/difference/learning", predicted - shown.truth, place)
     recording.reset_time()
     terms = list(learning.losses)
     colours = [TERMS[i % len(TERMS)] for i in range(len(terms))]

@@ -11,7 +11,7 @@ Entities (coordinates: see `geometry`):
     new_items/scene_000/table/repair/{first,path,ends_valid,ends_invalid}   the paths
     new_items/scene_000/latent/{predicted,truth}/map             P(valid) over z_theta: the model's, the user's
     new_items/scene_000/latent/difference/map                    the model's less the user's
-    new_items/scene_000/latent/{predicted,difference}/{by_n,by_step}/map   the same on the way there (`learning`)
+    new_items/scene_000/latent/{predicted,difference}/learning/map   the same on the way there (see `learning`)
     new_items/scene_000/latent/predicted/boundary                where the truth changes
     new_items/scene_000/latent/{predicted,truth}/repair/{trail,z_theta,ends_valid,ends_invalid}   the z_theta
     new_items/scene_000/p_valid/repairs                          the model's P(valid)
@@ -52,7 +52,7 @@ from pipeline.table.bezier import curve
 Array = np.ndarray
 TIMELINE = "repair_step"
 ABOVE, TOP = 40.0, 50.0  # draw orders of moving paths and of marks; Rerun's own end at 30 (points)
-POINTS = 17  # drawn along a Bezier path
+POINTS = 13  # drawn along a Bezier path
 MARK, MARK_ON_MAP = 1.5, 0.7  # middle to rim of a verdict's mark, in pixels and in cells
 
 REPAIRS = ((240, 228, 66), (86, 220, 160), (204, 121, 167), (120, 160, 255))

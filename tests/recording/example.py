@@ -69,7 +69,7 @@ def a_run(repairs: int = 3) -> Run:
         np.arange(0, 1000, 10),
         {term: rng.random(100) for term in ("reconstruction", "kl", "classification", "total")},
         {n: rng.random((SIDE, SIDE), dtype=np.float32) for n in (1, 3, 5, 7, 9)},
-        {step: rng.random((SIDE, SIDE), dtype=np.float32) for step in (0, 100, 1000)},
+        {step: rng.random((SIDE, SIDE), dtype=np.float32) for step in (0, 50, 100, 200, 400, 700, 1000)},
     )
     return Run(
         "full",
@@ -133,7 +133,8 @@ def read_timed(path: Path, entity: str, component: str, timeline: str | None = N
     rows = []
     for chunk in RrdReader(path).stream().filter(content=f"/{entity}").to_chunks():
         batch = chunk.to_record_batch()
-        if component in batch.schema.names:
+        on_it = not chunk.timeline_names or timeline in (None, *chunk.timeline_names)
+        if component in batch.schema.names and on_it:
             times = batch[timeline or chunk.timeline_names[0]].to_pylist() if chunk.timeline_names else [-1]
             rows += zip(times, batch[component].to_pylist(), strict=True)
     return sorted(rows, key=lambda row: row[0])

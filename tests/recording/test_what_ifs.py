@@ -121,13 +121,19 @@ def test_a_run_without_examples_has_no_counterfactuals(run: Run, tmp_path: Path)
 @pytest.mark.parametrize(("way", "timeline"), [("by_n", "demonstrations"), ("by_step", "train_step")])
 def test_maps_on_the_way_lie_at_their_n_or_step(run: Run, recording: Path, way: str, timeline: str) -> None:
     latent, truth, maps = "new_items/scene_000/latent", run.repairs[0].truth, getattr(run.learning, way)
-    predicted = read_maps(recording, f"{latent}/predicted/{way}/map", np.float16, timeline=timeline)
-    difference = read_maps(recording, f"{latent}/difference/{way}/map", np.uint8, timeline=timeline)
+    predicted = read_maps(recording, f"{latent}/predicted/learning/map", np.float16, timeline=timeline)
+    difference = read_maps(recording, f"{latent}/difference/learning/map", np.uint8, timeline=timeline)
     expected = np.stack(list(maps.values()))
     assert np.array_equal(predicted, expected.astype(np.float16))
     assert np.array_equal(difference, percent(expected - truth))
-    rows = read_timed(recording, f"{latent}/predicted/{way}/map", "Image:buffer", timeline)
+    rows = read_timed(recording, f"{latent}/predicted/learning/map", "Image:buffer", timeline)
     assert [time for time, _ in rows] == list(maps)
+
+
+def test_on_other_time_lines_the_map_of_the_most_demonstrations_is_seen(run: Run, recording: Path) -> None:
+    for timeline in TIMELINES.keys() - {"demonstrations", "train_step"}:
+        shown = read_maps(recording, "new_items/scene_000/latent/predicted/learning/map", np.float16, timeline=timeline)
+        assert np.array_equal(shown[-1], run.learning.by_n[9].astype(np.float16))
 
 
 def test_losses_lie_at_their_step(run: Run, recording: Path) -> None:

@@ -191,7 +191,7 @@ def test_each_n_shows_its_own_model_and_the_losses_are_those_of_the_one_shown(cf
     main(cfg, tmp_path / "record")
     path = tmp_path / "record" / "runs" / "full-careful-s0.rrd"
     image = read_scenes(tmp_path / "scenes").images["new_items"][:1]
-    buffers = read(path, "new_items/scene_000/latent/predicted/by_n/map", "Image:buffer", "demonstrations")
+    buffers = read(path, "new_items/scene_000/latent/predicted/learning/map", "Image:buffer", "demonstrations")
     for n, (buffer,) in zip(cfg.n, buffers, strict=True):
         shown = np.array(buffer, np.uint8).view(np.float16).reshape(9, 9)[::-1]
         expected = load_model(cfg, "full", "careful", 0, n).probability(image, lattice(9)[None]).reshape(9, 9)
@@ -209,7 +209,7 @@ def test_the_map_along_the_training_is_of_the_weights_kept_then_and_of_the_model
     main(cfg, tmp_path / "record")
     image = read_scenes(tmp_path / "scenes").images["new_items"][:1]
     last = load_model(cfg, "full", "careful", 0, cfg.study_n)
-    entity = "new_items/scene_000/latent/predicted/by_step/map"
+    entity = "new_items/scene_000/latent/predicted/learning/map"
     rows = read_timed(tmp_path / "record/runs/full-careful-s0.rrd", entity, "Image:buffer", "train_step")
     assert [step for step, _ in rows] == [5, 11]  # the curve's last point lies before the update of step 10
     for model, (_, (buffer,)) in zip((early, last), rows, strict=True):
