@@ -1,1 +1,1 @@
-"""What the report shows of models and scenes, taken from what the stages wrote."""
+"""What the report and the recordings show of models and scenes, taken from what the stages wrote."""

@@ -14,9 +14,10 @@ from pipeline.artifacts.files import read_table, write_arrays, write_json, write
 from pipeline.artifacts.models import model_dir, save_model, save_weights, weights_path
 from pipeline.artifacts.scenes import SceneSet, layout_table, read_scenes, write_scenes
 from pipeline.artifacts.trained import load_model
+from pipeline.exhibits.recorded import CURVE_KEY
 from pipeline.params import InputError, compose
 from pipeline.spec.registry import build
-from pipeline.stages.record import CURVE_KEY, EFFECT_COLUMNS, main
+from pipeline.stages.record import EFFECT_COLUMNS, main
 from pipeline.table.bezier import curve, lattice, random_z_theta
 from pipeline.table.layout import SYMBOLS, Layouts, empty
 from pipeline.table.rules import valid
