@@ -1,19 +1,23 @@
-"""What stages that ask trained models read: a few scenes, and untrained models in the place of trained ones."""
+"""What stages read: a few scenes, demonstrations and queries, and untrained models in the place of trained ones."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from omegaconf import DictConfig, OmegaConf
 
+from pipeline.artifacts.demos import DEMO_COLUMNS, DEMO_KEY, Queries, write_demos, write_queries
 from pipeline.artifacts.models import model_dir, save_model
-from pipeline.artifacts.scenes import SceneSet, train_pool, write_scenes
+from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool, write_scenes
 from pipeline.params import compose
 from pipeline.spec.registry import build
+from pipeline.table.bezier import random_z_theta
 from pipeline.table.items import read_catalogue
-from pipeline.table.layout import Items, LayoutRules, random_layouts
+from pipeline.table.layout import Items, LayoutRules, Layouts, random_layouts
 from pipeline.table.render import Palette, render_scenes
+from pipeline.table.rules import valid
 
 ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.075, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
 RULES = LayoutRules((2, 3), (0.05, 0.35, 0.40, 0.20), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)
@@ -49,20 +53,65 @@ def untrained_models(folder: Path, seeds: list[int], *overrides: str) -> DictCon
     return cfg
 
 
+def pictured_scenes(cfg: DictConfig, pools: Mapping[str, tuple[int, str]]) -> SceneSet:
+    """Write real scenes, so many in each pool and of items of that split, all on one table top; they come back."""
+    catalogue, rng = read_catalogue(Path(cfg.paths.data)), np.random.default_rng(0)
+    rules = LayoutRules.of(cfg.scenes.layout)
+    layouts = {
+        pool: random_layouts(rng, count, catalogue.footprints, catalogue.pool(split), rules)
+        for pool, (count, split) in pools.items()
+    }
+    looks = {pool: pd.DataFrame({"texture": "oak", "render_seed": range(len(x))}) for pool, x in layouts.items()}
+    scenes = SceneSet({pool: pictured(cfg, x) for pool, x in layouts.items()}, layouts, looks)
+    write_scenes(Path(cfg.paths.scenes), scenes)
+    return scenes
+
+
+def pictured(cfg: DictConfig, layouts: Layouts) -> np.ndarray:
+    """Their pictures."""
+    palette = Palette(read_catalogue(Path(cfg.paths.data)))
+    return render_scenes(layouts, ["oak"] * len(layouts), range(len(layouts)), palette)
+
+
+def same_scenes_for_training(cfg: DictConfig, pool: str) -> SceneSet:
+    """Write a pool's scenes as every seed's training scenes as well; all scenes come back."""
+    scenes = read_scenes(Path(cfg.paths.scenes))
+    for part in (scenes.images, scenes.layouts, scenes.looks):
+        part |= {train_pool(seed): part[pool] for seed in cfg.seeds}
+    write_scenes(Path(cfg.paths.scenes), scenes)
+    return scenes
+
+
+def labelled_demos(cfg: DictConfig, scenes: SceneSet) -> None:
+    """Write every user's demonstrations in every seed's training scenes: random paths, labelled by the truth."""
+    rng, parts = np.random.default_rng(0), []
+    for seed, user in product(cfg.seeds, cfg.users):
+        layouts = scenes.layouts[train_pool(seed)]
+        z = random_z_theta(rng, len(layouts), cfg.demos.per_scene)
+        keys = pd.MultiIndex.from_product([[seed], [user], *map(range, z.shape[:2])], names=DEMO_KEY)
+        labels = valid(layouts, z, cfg.users[user]).ravel()
+        parts.append(keys.to_frame(index=False).assign(z_x=z[..., 0].ravel(), z_y=z[..., 1].ravel(), valid=labels))
+    demos = pd.concat(parts, ignore_index=True).reindex(columns=DEMO_COLUMNS, fill_value=0)
+    write_demos(Path(cfg.paths.demos), demos, np.zeros((0, 4)), np.zeros(len(demos) + 1))
+
+
+def labelled_queries(cfg: DictConfig, scenes: SceneSet, pools: Sequence[str], count: int) -> None:
+    """Write `count` random paths in every scene of these pools, with every user's true labels."""
+    rng, queries = np.random.default_rng(1), {}
+    for pool in pools:
+        z = random_z_theta(rng, len(scenes.layouts[pool]), count)
+        truth = {user: valid(scenes.layouts[pool], z, margins) for user, margins in cfg.users.items()}
+        queries[pool] = Queries(z, truth)
+    write_queries(Path(cfg.paths.demos), queries)
+
+
 def pictured_models(folder: Path, variants: Sequence[str], count: int, *overrides: str) -> DictConfig:
     """The configuration of `count` real scenes of unseen items, and models of these variants, under `folder`."""
     cfg = compose(["profile=smoke", "workers=1", *overrides])
     for stage in ("scenes", "train", "irl", "path", "intervene"):
         OmegaConf.update(cfg, f"paths.{stage}", str(folder / stage))
     cfg.variants = {variant: cfg.variants[variant] for variant in variants}
-    catalogue, rng = read_catalogue(Path(cfg.paths.data)), np.random.default_rng(0)
-    rules = LayoutRules((2, 3), (0.2, 0.4, 0.4), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)
-    layouts = random_layouts(rng, count, catalogue.footprints, catalogue.pool("unseen"), rules)
-    names = [catalogue.texture_names("train")[0]] * count
-    images = render_scenes(layouts, names, range(count), Palette(catalogue))
-    looks = pd.DataFrame({"texture": names, "render_seed": range(count)})
-    scenes = SceneSet({"new_items": images}, {"new_items": layouts}, {"new_items": looks})
-    write_scenes(Path(cfg.paths.scenes), scenes)
+    pictured_scenes(cfg, {"new_items": (count, "unseen")})
     for variant in variants:
         for user in cfg.users:
             for seed in cfg.protocol.seeds:

@@ -1,24 +1,17 @@
 """The stage fits models to some demonstrations, calibrates on the others, and says whether its promise came true."""
 
-from itertools import product
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 from omegaconf import DictConfig
 
-from pipeline.artifacts.demos import DEMO_COLUMNS, DEMO_KEY, Queries, write_demos, write_queries
 from pipeline.artifacts.files import read_json, read_table
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool, write_scenes
 from pipeline.params import InputError, compose
 from pipeline.stages import accept
-from pipeline.table.bezier import random_z_theta
-from pipeline.table.items import read_catalogue
-from pipeline.table.layout import LayoutRules, Layouts, random_layouts
-from pipeline.table.render import Palette, render_scenes
-from pipeline.table.rules import valid
 from tests.stages.facts import refuses, repeats_itself
+from tests.stages.inputs import labelled_demos, labelled_queries, pictured_scenes
 
 TRAINING, SCENES, PATHS = 4, 5, 12
 SMALL = ["profile=smoke", "workers=1", "scenes.per_seed=4", "train.steps=2", "path.steps=2"]
@@ -30,32 +23,10 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     """Two seeds' training scenes with demonstrations, and new scenes with paths to be judged."""
     root = tmp_path_factory.mktemp("accept")
     cfg = compose([*SMALL, *(f"paths.{name}={root / name}" for name in ("scenes", "demos"))])
-    catalogue, rng = read_catalogue(Path(cfg.paths.data)), np.random.default_rng(0)
-    rules, palette = LayoutRules.of(cfg.scenes.layout), Palette(catalogue)
-
-    def pictures(layouts: Layouts) -> np.ndarray:
-        return render_scenes(layouts, ["oak"] * len(layouts), range(len(layouts)), palette)
-
-    pools = {train_pool(seed): (TRAINING, "train") for seed in cfg.seeds}
-    pools |= {"new_scenes": (SCENES, "train"), "new_items": (SCENES, "unseen")}
-    layouts = {
-        pool: random_layouts(rng, count, catalogue.footprints, catalogue.pool(split), rules)
-        for pool, (count, split) in pools.items()
-    }
-    looks = {pool: pd.DataFrame({"texture": "oak", "render_seed": range(len(x))}) for pool, x in layouts.items()}
-    write_scenes(root / "scenes", SceneSet({pool: pictures(x) for pool, x in layouts.items()}, layouts, looks))
-    rows = pd.DataFrame(list(product(cfg.seeds, cfg.users, range(TRAINING), range(cfg.study_n))), columns=DEMO_KEY)
-    z = random_z_theta(rng, len(rows))
-    for (seed, user), at in rows.groupby(["seed", "user"]).indices.items():
-        labels = valid(layouts[train_pool(seed)], z[at].reshape(TRAINING, -1, 2), cfg.users[user])
-        rows.loc[at, "valid"] = labels.ravel()
-    rows = rows.assign(z_x=z[:, 0], z_y=z[:, 1]).reindex(columns=DEMO_COLUMNS, fill_value=0)
-    write_demos(root / "demos", rows, np.zeros((0, 4)), np.zeros(len(rows) + 1))
-    queries = {}
-    for pool in ("new_scenes", "new_items"):
-        z = random_z_theta(rng, SCENES, PATHS)
-        queries[pool] = Queries(z, {user: valid(layouts[pool], z, margins) for user, margins in cfg.users.items()})
-    write_queries(root / "demos", queries)
+    training = {train_pool(seed): (TRAINING, "train") for seed in cfg.seeds}
+    scenes = pictured_scenes(cfg, training | {"new_scenes": (SCENES, "train"), "new_items": (SCENES, "unseen")})
+    labelled_demos(cfg, scenes)
+    labelled_queries(cfg, scenes, ["new_scenes", "new_items"], PATHS)
     return cfg
 
 

@@ -7,17 +7,15 @@ import pandas as pd
 import pytest
 from omegaconf import DictConfig
 
-from pipeline.artifacts.demos import DEMO_COLUMNS, write_demos
 from pipeline.artifacts.files import read_arrays, read_json, write_arrays, write_table
-from pipeline.artifacts.scenes import SceneSet, layout_table, train_pool, write_scenes
+from pipeline.artifacts.scenes import layout_table, train_pool
 from pipeline.params import InputError, compose
 from pipeline.stages import confound
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.items import read_catalogue
-from pipeline.table.layout import SYMBOLS, LayoutRules, Layouts, add_item, random_layouts
-from pipeline.table.render import Palette, render_scenes
-from pipeline.table.rules import valid
+from pipeline.table.layout import SYMBOLS, LayoutRules, add_item
 from tests.stages.facts import refuses, repeats_itself
+from tests.stages.inputs import labelled_demos, pictured, pictured_scenes
 
 TRAINING, SCENES, PATHS = 4, 3, 8
 SMALL = ["profile=smoke", "workers=1", "scenes.per_seed=4", "train.steps=2", "path.steps=2", "confound.examples=2"]
@@ -28,36 +26,21 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     """Two seeds' scenes with demonstrations, scenes of unseen items, and each symbol added to those."""
     root = tmp_path_factory.mktemp("confound")
     cfg = compose([*SMALL, *(f"paths.{name}={root / name}" for name in ("scenes", "demos", "intervene"))])
+    scenes = pictured_scenes(
+        cfg, {train_pool(s): (TRAINING, "train") for s in cfg.seeds} | {"new_items": (SCENES, "unseen")}
+    )
+    labelled_demos(cfg, scenes)
     catalogue, rng = read_catalogue(Path(cfg.paths.data)), np.random.default_rng(0)
-    rules, palette = LayoutRules.of(cfg.scenes.layout), Palette(catalogue)
-
-    def pictures(layouts: Layouts) -> np.ndarray:
-        return render_scenes(layouts, ["oak"] * len(layouts), range(len(layouts)), palette)
-
-    pools = {train_pool(s): (TRAINING, "train") for s in cfg.seeds} | {"new_items": (SCENES, "unseen")}
-    layouts = {
-        pool: random_layouts(rng, count, catalogue.footprints, catalogue.pool(split), rules)
-        for pool, (count, split) in pools.items()
-    }
-    looks = {pool: pd.DataFrame({"texture": "oak", "render_seed": range(len(x))}) for pool, x in layouts.items()}
-    write_scenes(root / "scenes", SceneSet({pool: pictures(x) for pool, x in layouts.items()}, layouts, looks))
-    rows = []
-    for seed in cfg.seeds:
-        for user in cfg.users:
-            z = random_z_theta(rng, TRAINING, cfg.study_n)
-            labels = valid(layouts[train_pool(seed)], z, cfg.users[user])
-            for at in np.ndindex(labels.shape):
-                rows.append((seed, user, *at, *z[at], labels[at], 0.0, False, 1.0, 3))
-    demos = pd.DataFrame(rows, columns=DEMO_COLUMNS)
-    write_demos(root / "demos", demos, np.zeros((3 * len(rows), 4)), np.arange(len(rows) + 1) * 3)
-    added = [
-        add_item(rng, layouts["new_items"], i, catalogue.footprints, catalogue.pool("unseen"), rules) for i in range(4)
-    ]
+    new, rules, more = scenes.layouts["new_items"], LayoutRules.of(cfg.scenes.layout), catalogue.pool("unseen")
+    added = [add_item(rng, new, i, catalogue.footprints, more, rules) for i in range(len(SYMBOLS))]
     write_table(
         root / "intervene/layouts.parquet",
         pd.concat([layout_table(f"{symbol}-0", x) for symbol, x in zip(SYMBOLS, added, strict=True)]),
     )
-    arrays = {"images": np.stack([pictures(x)[None] for x in added]), "z_theta": random_z_theta(rng, SCENES, PATHS)}
+    arrays = {
+        "images": np.stack([pictured(cfg, x)[None] for x in added]),
+        "z_theta": random_z_theta(rng, SCENES, PATHS),
+    }
     write_arrays(root / "intervene/images.npz", arrays)
     return cfg
 

@@ -4,21 +4,17 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 from omegaconf import DictConfig
 
-from pipeline.artifacts.demos import DEMO_COLUMNS, DEMO_KEY, write_demos
 from pipeline.artifacts.files import read_arrays, read_json
 from pipeline.artifacts.models import model_dir, save_model
-from pipeline.artifacts.scenes import read_scenes, train_pool, write_scenes
 from pipeline.spec.clearance import ClearanceModel
 from pipeline.spec.specification import untrained
 from pipeline.stages import intervene, refute
-from pipeline.table.bezier import random_z_theta
 from pipeline.table.layout import SYMBOLS
 from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
-from tests.stages.inputs import pictured_models
+from tests.stages.inputs import labelled_demos, pictured_models, same_scenes_for_training
 
 SCENES, VARIANTS = 5, ("full", "path")
 
@@ -29,28 +25,13 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     settings = ["intervene.paths=40", "refute.scenes=4", "refute.permuted=[path]", f"paths.demos={folder / 'demos'}"]
     cfg = pictured_models(folder, VARIANTS, SCENES, *settings)
     intervene.main(cfg, Path(cfg.paths.intervene))
-    _write_training(cfg)
+    labelled_demos(cfg, same_scenes_for_training(cfg, "new_items"))
     for user, seed in product(cfg.users, cfg.seeds):
         model = untrained(ClearanceModel, cfg.variants.path.model, seed)
         assert isinstance(model, ClearanceModel)
         model.evidence.fill_(20.0)  # it is convinced that things matter
         save_model(model_dir(cfg, "path"), model, user, seed, cfg.study_n)
     return cfg
-
-
-def _write_training(cfg: DictConfig) -> None:
-    """The test scenes as every seed's training scenes, and demonstrations in them."""
-    directory = Path(cfg.paths.scenes)
-    scenes = read_scenes(directory)
-    for part in (scenes.images, scenes.layouts, scenes.looks):
-        part |= {train_pool(seed): part["new_items"] for seed in cfg.seeds}
-    write_scenes(directory, scenes)
-    rows = list(product(cfg.seeds, sorted(cfg.users), range(SCENES), range(10)))
-    demos = pd.DataFrame(rows, columns=DEMO_KEY)
-    z = random_z_theta(np.random.default_rng(0), len(demos))
-    demos = demos.assign(z_x=z[:, 0], z_y=z[:, 1], valid=(demos["demo"] % 3 > 0) | (demos["user"] == "aggressive"))
-    demos = demos.reindex(columns=DEMO_COLUMNS, fill_value=0)
-    write_demos(Path(cfg.paths.demos), demos, np.zeros((0, 4)), np.zeros(len(demos) + 1))
 
 
 @pytest.fixture(scope="module")

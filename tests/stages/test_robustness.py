@@ -4,23 +4,18 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 import torch
 from omegaconf import DictConfig, OmegaConf
 
-from pipeline.artifacts.demos import DEMO_COLUMNS, DEMO_KEY, Queries, write_demos, write_queries
 from pipeline.artifacts.files import read_arrays, read_json, write_arrays
 from pipeline.artifacts.models import model_dir, save_model, weights_path
-from pipeline.artifacts.scenes import read_scenes, train_pool, write_scenes
 from pipeline.params import InputError
 from pipeline.spec.clearance import ClearanceModel
 from pipeline.spec.registry import build
 from pipeline.stages import robustness
-from pipeline.table.bezier import random_z_theta
-from pipeline.table.rules import valid
 from tests.stages.facts import refuses
-from tests.stages.inputs import pictured_models
+from tests.stages.inputs import labelled_demos, labelled_queries, pictured_models, same_scenes_for_training
 
 SCENES, PATHS, VARIANTS = 3, 12, ("full", "path")
 
@@ -40,27 +35,12 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
             model.weight.zero_()
             model.weight[:, 0] = -1e4
         save_model(model_dir(cfg, "path"), model, user, seed, cfg.study_n)
-    _write_world(cfg)
+    scenes = same_scenes_for_training(cfg, "new_items")
+    labelled_demos(cfg, scenes)
+    labelled_queries(cfg, scenes, ["new_items"], PATHS)
+    even = {user: np.random.default_rng(0).random((5, 5)) for user in cfg.users}
+    write_arrays(Path(cfg.paths.scenes) / "position_prior.npz", even)
     return cfg
-
-
-def _write_world(cfg: DictConfig) -> None:
-    """The test scenes as every seed's training scenes, demonstrations and queries in them, a prior that is even."""
-    directory, rng = Path(cfg.paths.scenes), np.random.default_rng(0)
-    scenes = read_scenes(directory)
-    for part in (scenes.images, scenes.layouts, scenes.looks):
-        part |= {train_pool(seed): part["new_items"] for seed in cfg.seeds}
-    write_scenes(directory, scenes)
-    write_arrays(directory / "position_prior.npz", {user: rng.random((5, 5)) for user in cfg.users})
-    z = random_z_theta(rng, SCENES, PATHS)
-    truth = {user: valid(scenes.layouts["new_items"], z, cfg.users[user]) for user in cfg.users}
-    write_queries(Path(cfg.paths.demos), {"new_items": Queries(z, truth)})
-    rows = list(product(cfg.seeds, sorted(cfg.users), range(SCENES), range(10)))
-    demos = pd.DataFrame(rows, columns=DEMO_KEY)
-    z = random_z_theta(rng, len(demos))
-    demos = demos.assign(z_x=z[:, 0], z_y=z[:, 1], valid=demos["demo"] % 3 > 0)
-    demos = demos.reindex(columns=DEMO_COLUMNS, fill_value=0)
-    write_demos(Path(cfg.paths.demos), demos, np.zeros((0, 4)), np.zeros(len(demos) + 1))
 
 
 @pytest.fixture(scope="module")
