@@ -10,7 +10,7 @@ READY := $(VENV)/.ready
 RUN ?=
 WORST ?=
 
-.PHONY: help venv repro test test-browser test-viewer test-latex check-dowhy smoke bench review picture readme lint lock deps data clean
+.PHONY: help venv repro test test-browser test-viewer test-latex check-dowhy smoke bench review picture pictures readme lint lock deps data clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -66,6 +66,11 @@ review: $(READY)  ## open the overview of the recordings, or one of them: RUN=fu
 
 picture: $(READY)  ## a picture of a recording, made without a screen: RUN=full-careful-s0; writes picture.png
 	python -m pipeline.recording.picture $(or $(RUN),overview) picture.png $(if $(RUN),,0 scene 0)
+
+pictures: $(READY)  ## the README's pictures of recordings, made without a screen
+	python -m pipeline.recording.picture overview docs/pictures/overview.png 0 scene 0
+	python -m pipeline.recording.picture path-careful-s0 docs/pictures/repairs.png
+	python -m pipeline.recording.picture full-careful-s0 docs/pictures/learning.png 5 train_step 1000
 
 lint: $(READY)  ## format and lint in place
 	ruff format . && ruff check --fix . && pyright

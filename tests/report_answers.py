@@ -31,7 +31,7 @@ def write_answers(cfg: DictConfig, rng: np.random.Generator) -> None:
 
 def _ablate(cfg: DictConfig) -> None:
     """Without shape the model loses ten points; without its squares it gains one at n = 1."""
-    changes = {"whole": (0.0, 0.0), "no_shape": (-0.1, -0.1), "no_squares": (0.01, 0.001), "plain_mean": (0.0, 0.0)}
+    changes = {"whole": (0.0, 0.0), "no_shape": (-0.1, -0.1), "no_squares": (0.01, 0.001), "no_sharpening": (0.0, 0.0)}
     cells = {
         name: {
             f"n{n}": {"accuracy": base + x, "change": x, "change_low": x - 0.02, "change_high": x + 0.02, "ece": 0.02}
@@ -39,7 +39,7 @@ def _ablate(cfg: DictConfig) -> None:
         }
         for name, of in changes.items()
     }
-    cells["plain_mean"][f"n{cfg.ablate.n[-1]}"]["ece"] = 0.035
+    cells["no_sharpening"][f"n{cfg.ablate.n[-1]}"]["ece"] = 0.035
     metrics = {"order": list(changes), "ablations": cells, "users": list(cfg.evaluate.users)}
     metrics |= {"seeds": len(cfg.validation_seeds), "pools": list(cfg.ablate.pools)}
     write_json(Path(cfg.paths.ablate) / "metrics.json", metrics)

@@ -236,6 +236,6 @@ def _learning(job: Job, belief: Belief, curves: pd.DataFrame) -> Learning:
     rows = curves[of_model].sort_values("step")
     terms = {str(term): rows[term].to_numpy() for term in rows.columns if term not in CURVE_KEY}
     steps = rows["step"].to_numpy()
-    trained = steps[-1] + 1 if belief.by_step else 0  # a curve's points lie before their updates
+    trained = steps[-1] + 1 if len(steps) > 1 else 0  # a curve's points lie before their updates; a constant has one
     by_step = {**belief.by_step, int(trained): belief.by_n[job.cfg.study_n]}
     return Learning(steps, terms, belief.by_n, by_step)

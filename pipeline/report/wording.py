@@ -20,13 +20,13 @@ SPLITS = {
     "seen_scenes": "Training scenes, new paths",
     "new_scenes": "New scenes, training items",
     "new_items": "New scenes, unseen items",
-    "val_scenes": "training items in new scenes",
-    "val_items": "unseen items in new scenes",
 }
 SPLIT_PHRASES = {
     "seen_scenes": "new paths in the training scenes",
     "new_scenes": "new scenes with the training items",
     "new_items": "new scenes with unseen items",
+    "val_scenes": "validation scenes with the training items",
+    "val_items": "validation scenes with validation items",
 }
 NONE = "–"  # where a number does not exist
 

@@ -8,7 +8,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from pipeline.spec.clearance import ClearanceModel, clearance
+from pipeline.spec.clearance import SHARPENING, ClearanceModel, clearance
 from pipeline.spec.things import FEATURES
 
 FIRST = 5  # column of a percept's first feature; the two ends and the radius stand before
@@ -16,17 +16,33 @@ SHAPE = ("area", "elongation")
 SURE = 14.0  # log-odds of what is as good as certain
 
 
-class _PlainMean(ClearanceModel):
-    """The members' mean is believed as it is."""
+class _NoSharpening(ClearanceModel):
+    """The members' mean is not sharpened."""
 
     def logit(self, percept, z_theta):
-        log_p = self.log_valid(percept, clearance(percept, z_theta)).logsumexp(0) - float(np.log(len(self.margin)))
-        log_p = log_p.clamp(max=-1e-6)
-        return log_p - torch.log(-torch.expm1(log_p))
+        by_things = _mean(self, percept, z_theta) + F.logsigmoid(self.evidence)
+        return _log_odds(torch.logaddexp(by_things, self.rate.log() + F.logsigmoid(-self.evidence)))
+
+
+class _NoEvidence(ClearanceModel):
+    """The members are believed, however little the labels bear them out."""
+
+    def logit(self, percept, z_theta):
+        return SHARPENING * _log_odds(_mean(self, percept, z_theta))
+
+
+def _mean(model: ClearanceModel, percept: Tensor, z_theta: Tensor) -> Tensor:
+    """Logarithm of the members' mean."""
+    return model.log_valid(percept, clearance(percept, z_theta)).logsumexp(0) - float(np.log(len(model.margin)))
+
+
+def _log_odds(log_p: Tensor) -> Tensor:
+    log_p = log_p.clamp(max=-1e-6)
+    return log_p - torch.log(-torch.expm1(log_p))
 
 
 class _NoSquares(ClearanceModel):
-    """Relevance is monotonous in every feature."""
+    """Relevance is monotonic in every feature."""
 
     def __init__(self, members: int):
         super().__init__(members)
@@ -114,6 +130,7 @@ ABLATIONS = {
     "worst": Ablation(_Worst),
     "nothing_unseen": Ablation(_NothingUnseen),
     "one_member": Ablation(model={"members": 1}),
-    "plain_mean": Ablation(_PlainMean),
+    "no_sharpening": Ablation(_NoSharpening),
+    "no_evidence": Ablation(_NoEvidence),
     "no_prior": Ablation(schedule={"prior": 1e3}),
 }

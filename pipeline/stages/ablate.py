@@ -1,16 +1,17 @@
 """Stage ablate: the path model without one ingredient at a time, fitted and judged where choices are made."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from omegaconf import DictConfig
 
-from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
+from pipeline.artifacts.demos import Queries, demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import write_json
-from pipeline.artifacts.scenes import read_scenes, train_pool
+from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.launch import launch
 from pipeline.parallel import map_jobs
 from pipeline.params import InputError
@@ -20,7 +21,7 @@ from pipeline.spec.metrics import accuracy, expected_calibration_error
 from pipeline.spec.specification import untrained
 from pipeline.spec.training import job_seed
 
-WHOLE = "whole"
+WHOLE, VALIDATION = "whole", "val_"
 DIGITS = 6
 
 
@@ -41,7 +42,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     asked = list(cfg.ablate.n), list(cfg.evaluate.users), list(cfg.validation_seeds)
     jobs = [Job(cfg, name, *of) for name in ABLATIONS for of in product(*asked)]
     scores = np.array(map_jobs(_score, jobs, cfg.workers, "ablations"))
-    by_seed = scores.reshape(len(ABLATIONS), *map(len, asked), 2).mean(3)  # (ablation, n, seed, score): users averaged
+    by_seed = scores.reshape(len(ABLATIONS), *map(len, asked), 2).mean(2)  # (ablation, n, seed, score): users averaged
     found = dict(zip(ABLATIONS, by_seed, strict=True))
     cells = {
         name: {f"n{n}": _cell(of[i], found[WHOLE][i]) for i, n in enumerate(cfg.ablate.n)} for name, of in found.items()
@@ -58,7 +59,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 def _check(cfg: DictConfig) -> None:
     """Raise InputError before any work if a parameter is out of range."""
-    a, results = cfg.ablate, [pool for pool in cfg.protocol.splits.values() if pool is not None]
+    a, scenes, queries = cfg.ablate, read_scenes(Path(cfg.paths.scenes)), read_queries(Path(cfg.paths.demos))
 
     def need(holds: bool, name: str, expected: str) -> None:
         if not holds:
@@ -67,21 +68,24 @@ def _check(cfg: DictConfig) -> None:
     known = [name for name, v in cfg.variants.items() if v.stage == "path"]
     need(a.variant in known, "variant", f"one of {', '.join(known)}")
     need(len(a.n) > 0 and set(a.n) <= set(cfg.n), "n", f"some of {', '.join(map(str, cfg.n))}")
-    there = [pool for pool in _queries(cfg.paths.demos) if pool not in results and not pool.startswith("train")]
+    there = [pool for pool in queries if pool.startswith(VALIDATION)]
     some = len(a.pools) > 0 and set(a.pools) <= set(there)
-    need(some, "pools", f"some of {', '.join(there)}, which no result uses")
+    need(some, "pools", f"pools of validation, some of {', '.join(there)}")
+    needed = {*a.pools, *map(train_pool, cfg.validation_seeds)}
+    if not (needed <= set(scenes.images) and all(set(cfg.evaluate.users) <= set(queries[x].valid) for x in a.pools)):
+        raise InputError(f"not all of {', '.join(sorted(needed))} are there: run stages scenes and demos again")
 
 
 def _score(job: Job) -> tuple[float, float]:
     """Accuracy and calibration error of one model, means over the pools."""
     cfg, changed = job.cfg, ABLATIONS[job.ablation]
-    scenes, demos, queries = read_inputs(cfg.paths.scenes, cfg.paths.demos)
+    scenes, demos, queries = _inputs(cfg.paths.scenes, cfg.paths.demos)
     variant, p = cfg.ablate.variant, cfg.path
     seed = job_seed(job.seed, job.user, job.n, variant)  # its own stage's, whatever is missing
     model = untrained(changed.kind, {**cfg.variants[variant].model, **changed.model}, seed)
     assert isinstance(model, ClearanceModel)
     schedule = Schedule(p.steps, float(p.rate), float(p.weight_decay), p.curve_every, float(p.prior))
-    schedule = Schedule(**{**asdict(schedule), **changed.schedule})
+    schedule = replace(schedule, **changed.schedule)
     z, valid = demo_arrays(demos, job.seed, job.user, job.n)
     fit(model, scenes.images[train_pool(job.seed)], z, valid, schedule, seed)
     scores = []
@@ -93,17 +97,13 @@ def _score(job: Job) -> tuple[float, float]:
 
 
 @lru_cache(maxsize=1)
-def read_inputs(scenes_dir: str, demos_dir: str):
-    """Scenes, demonstrations and queries, read once per process."""
-    return read_scenes(Path(scenes_dir)), read_demos(Path(demos_dir)), _queries(demos_dir)
-
-
-def _queries(demos_dir: str):
-    return read_queries(Path(demos_dir))
+def _inputs(scenes_dir: str, demos_dir: str) -> tuple[SceneSet, pd.DataFrame, dict[str, Queries]]:
+    """The stage's inputs, read once per process."""
+    return read_scenes(Path(scenes_dir)), read_demos(Path(demos_dir)), read_queries(Path(demos_dir))
 
 
 def _cell(scores: np.ndarray, whole: np.ndarray) -> dict[str, float]:
-    """Means over seeds of (seed, score); the change of accuracy against the whole model, and its extremes."""
+    """Means over seeds of (seed, score); what changes of accuracy against the whole model, and the extremes of that."""
     change = scores[:, 0] - whole[:, 0]
     values = {
         "accuracy": scores[:, 0].mean(),

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 import torch
+from scipy.special import expit, logit
 
 from pipeline.spec.ablations import ABLATIONS
-from pipeline.spec.clearance import ClearanceModel, Schedule, clearance, fit
+from pipeline.spec.clearance import SHARPENING, ClearanceModel, Schedule, clearance, fit
 from pipeline.spec.specification import to_tensor, untrained
 from pipeline.table.rules import clearance as true_clearance
 from tests.spec.test_clearance import MARGIN, scenes
@@ -24,7 +25,7 @@ def fitted(name: str) -> ClearanceModel:
     return model
 
 
-@pytest.mark.parametrize("name", [name for name in ABLATIONS if name != "whole"])
+@pytest.mark.parametrize("name", [name for name in ABLATIONS if name not in ("whole", "no_evidence")])
 def test_it_learns_something_else_than_the_whole_model(name):
     p = fitted(name).probability(PICTURES, Z)
     assert ((p >= 0) & (p <= 1)).all()
@@ -60,17 +61,32 @@ def test_the_worst_thing_decides_alone():
     model = fitted("worst")
     seen = model.perceive(to_tensor(PICTURES))
     near = clearance(seen, torch.tensor(Z).float())
-    assert (model.log_valid(seen, near) >= ClearanceModel.log_valid(model, seen, near) - 1e-6).all()
-    one = seen[:, :1], near[..., :1]
-    torch.testing.assert_close(model.log_valid(*one), ClearanceModel.log_valid(model, *one))
+    things = [(seen[:, i : i + 1], near[..., i : i + 1]) for i in range(near.shape[-1])]
+    alone = torch.stack([ClearanceModel.log_valid(model, *thing) for thing in things])
+    assert len(things) > 1
+    torch.testing.assert_close(model.log_valid(seen, near), alone.amin(0))
 
 
-def test_the_plain_mean_is_that_of_the_members():
-    model = fitted("plain_mean")
+def mean_of_members(model: ClearanceModel) -> np.ndarray:
     with torch.no_grad():
         seen = model.perceive(to_tensor(PICTURES))
-        by_member = model.log_valid(seen, clearance(seen, torch.tensor(Z).float())).exp()
-    np.testing.assert_allclose(model.probability(PICTURES, Z), by_member.mean(0).clamp(max=1 - 1e-6), atol=1e-5)
+        return model.log_valid(seen, clearance(seen, torch.tensor(Z).float())).exp().mean(0).double().numpy()
+
+
+def test_without_sharpening_evidence_weighs_the_members_mean_itself():
+    model = fitted("no_sharpening")
+    model.evidence.fill_(0.7)
+    believed = expit(0.7)
+    expected = believed * mean_of_members(model) + (1 - believed) * float(model.rate)
+    np.testing.assert_allclose(model.probability(PICTURES, Z), expected, atol=1e-5)
+
+
+def test_without_evidence_the_mean_is_sharpened_and_believed():
+    model = fitted("no_evidence")
+    model.evidence.fill_(-20.0)
+    np.testing.assert_allclose(
+        model.probability(PICTURES, Z), expit(SHARPENING * logit(mean_of_members(model))), atol=1e-4
+    )
 
 
 def test_one_member_is_one():

@@ -12,7 +12,9 @@ from pipeline.artifacts.demos import DEMO_COLUMNS, DEMO_KEY, Queries, write_demo
 from pipeline.artifacts.models import model_dir, save_model
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool, write_scenes
 from pipeline.params import compose
+from pipeline.spec.clearance import ClearanceModel
 from pipeline.spec.registry import build
+from pipeline.spec.specification import Specification
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.items import read_catalogue
 from pipeline.table.layout import Items, LayoutRules, Layouts, random_layouts
@@ -49,8 +51,16 @@ def untrained_models(folder: Path, seeds: list[int], *overrides: str) -> DictCon
     for variant in cfg.variants:
         for user in cfg.users:
             for seed in seeds:
-                save_model(model_dir(cfg, variant), build(cfg.variants[variant]), user, seed, cfg.study_n)
+                model = convinced(build(cfg.variants[variant]))
+                save_model(model_dir(cfg, variant), model, user, seed, cfg.study_n)
     return cfg
+
+
+def convinced(model: Specification) -> Specification:
+    """The model; if it weighs its evidence, as if labels had borne out what it was drawn to believe."""
+    if isinstance(model, ClearanceModel):
+        model.evidence.fill_(20.0)
+    return model
 
 
 def pictured_scenes(cfg: DictConfig, pools: Mapping[str, tuple[int, str]]) -> SceneSet:
@@ -115,5 +125,6 @@ def pictured_models(folder: Path, variants: Sequence[str], count: int, *override
     for variant in variants:
         for user in cfg.users:
             for seed in cfg.protocol.seeds:
-                save_model(model_dir(cfg, variant), build(cfg.variants[variant], seed), user, seed, cfg.study_n)
+                model = convinced(build(cfg.variants[variant], seed))
+                save_model(model_dir(cfg, variant), model, user, seed, cfg.study_n)
     return cfg

@@ -45,6 +45,21 @@ def test_every_ingredient_has_its_numbers_beside_the_whole_model(cfg: DictConfig
             assert name != "whole" or cell["change"] == 0
 
 
+def test_extremes_are_of_seeds_not_of_users(cfg: DictConfig, tmp_path: Path):
+    alone = cfg.copy()
+    alone.validation_seeds = [100]
+    ablate.main(alone, tmp_path)
+    for cells in read_json(tmp_path / "metrics.json")["ablations"].values():
+        for cell in cells.values():
+            assert cell["change_low"] == cell["change"] == cell["change_high"]
+
+
+def test_missing_training_scenes_are_named(cfg: DictConfig, tmp_path: Path):
+    refuses(
+        ablate.main, cfg, "validation_seeds", [100, 107], "train-s107.*run stages scenes and demos", tmp_path / "out"
+    )
+
+
 def test_a_second_run_by_two_processes_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
     repeats_itself(ablate.main, cfg, out, tmp_path, workers=2)
 
@@ -55,7 +70,7 @@ def test_a_second_run_by_two_processes_writes_the_same_bytes(cfg: DictConfig, ou
         ("variant", "full", "expected one of path"),
         ("n", [2], "expected some of 1, 9"),
         ("n", [], "ablate.n"),
-        ("pools", ["new_items"], "expected some of val_items, val_scenes, which no result uses"),
+        ("pools", ["new_items"], "expected pools of validation, some of val_items, val_scenes"),
         ("pools", [], "ablate.pools"),
     ],
 )

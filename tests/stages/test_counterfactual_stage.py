@@ -45,7 +45,7 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     for variant in VARIANTS:
         for user in cfg.users:
             for seed in cfg.protocol.seeds:
-                model = build(cfg.variants[variant], seed)
+                model = convinced(build(cfg.variants[variant], seed))
                 save_model(model_dir(cfg, variant), model, user, seed, cfg.study_n)
     return cfg
 

@@ -44,7 +44,8 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     for variant in VARIANTS:
         for user in cfg.users:
             for seed in cfg.protocol.seeds:
-                save_model(model_dir(cfg, variant), build(cfg.variants[variant], seed), user, seed, cfg.study_n)
+                model = convinced(build(cfg.variants[variant], seed))
+                save_model(model_dir(cfg, variant), model, user, seed, cfg.study_n)
     intervene.main(cfg, root / "intervene")
     return cfg
 

@@ -216,8 +216,8 @@ def test_the_map_along_the_training_is_of_the_weights_kept_then_and_of_the_model
     for model, (_, (buffer,)) in zip((early, last), rows, strict=True):
         shown = np.array(buffer, np.uint8).view(np.float16).reshape(9, 9)[::-1]
         assert np.allclose(shown, model.probability(image, lattice(9)[None]).reshape(9, 9), atol=1e-3)
-    untrained = read_timed(tmp_path / "record/runs/full-normal-s0.rrd", entity, "Image:buffer", "train_step")
-    assert [step for step, _ in untrained] == [0]  # no weights were kept on the way
+    not_kept = read_timed(tmp_path / "record/runs/full-normal-s0.rrd", entity, "Image:buffer", "train_step")
+    assert [step for step, _ in not_kept] == [11]
 
 
 def test_true_slack_is_of_the_repairs_paths(cfg: DictConfig, tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 """The refute stage asks the same models other questions, whose true answer is nothing."""
 
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -8,9 +7,6 @@ import pytest
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_arrays, read_json
-from pipeline.artifacts.models import model_dir, save_model
-from pipeline.spec.clearance import ClearanceModel
-from pipeline.spec.specification import untrained
 from pipeline.stages import intervene, refute
 from pipeline.table.layout import SYMBOLS
 from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
@@ -26,11 +22,6 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     cfg = pictured_models(folder, VARIANTS, SCENES, *settings)
     intervene.main(cfg, Path(cfg.paths.intervene))
     labelled_demos(cfg, same_scenes_for_training(cfg, "new_items"))
-    for user, seed in product(cfg.users, cfg.seeds):
-        model = untrained(ClearanceModel, cfg.variants.path.model, seed)
-        assert isinstance(model, ClearanceModel)
-        model.evidence.fill_(20.0)  # it is convinced that things matter
-        save_model(model_dir(cfg, "path"), model, user, seed, cfg.study_n)
     return cfg
 
 

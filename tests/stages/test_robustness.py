@@ -15,7 +15,7 @@ from pipeline.spec.clearance import ClearanceModel
 from pipeline.spec.registry import build
 from pipeline.stages import robustness
 from tests.stages.facts import refuses
-from tests.stages.inputs import labelled_demos, labelled_queries, pictured_models, same_scenes_for_training
+from tests.stages.inputs import convinced, labelled_demos, labelled_queries, pictured_models, same_scenes_for_training
 
 SCENES, PATHS, VARIANTS = 3, 12, ("full", "path")
 
@@ -34,6 +34,7 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
         with torch.no_grad():
             model.weight.zero_()
             model.weight[:, 0] = -1e4
+        convinced(model)
         save_model(model_dir(cfg, "path"), model, user, seed, cfg.study_n)
     scenes = same_scenes_for_training(cfg, "new_items")
     labelled_demos(cfg, scenes)

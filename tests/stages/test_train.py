@@ -15,11 +15,13 @@ from pipeline.artifacts.scenes import read_scenes
 from pipeline.artifacts.trained import load_model
 from pipeline.fitting.grid import _batches, _jobs, _key
 from pipeline.params import InputError, compose
+from pipeline.spec.specification import untrained
+from pipeline.spec.training import job_seed
 from pipeline.spec.vae import VaeSpecification
 from pipeline.stages.train import main
 
 SMALL = ["seeds=[0,1]", "n=[1,2]", "study_n=2", "train.steps=4", "train.curve_every=2", "workers=1"]
-SMALL += ["train.engine=stacked"]
+SMALL += ["train.engine=stacked", "snapshots=[0,2,50]"]
 
 
 def config(small_world: Path, out: Path, *overrides: str):
@@ -52,6 +54,18 @@ def test_saved_weights_give_the_predictions_that_were_written(run, small_world):
         rows = predictions.query(f"seed == 1 and user == 'careful' and n == 2 and split == '{split}'")
         np.testing.assert_allclose(rows["p"].to_numpy().reshape(p.shape), p, rtol=1e-6)
         assert np.array_equal(rows["valid"].to_numpy().reshape(p.shape), queries[pool].valid["careful"])
+
+
+def test_weights_on_the_way_are_kept_of_the_models_studied_that_learn(run, small_world):
+    cfg = config(small_world, run)
+    names = {f"{u}-s{s}-n2-step{step:05d}" for u in ("careful", "normal") for s in (0, 1) for step in (0, 2)}
+    assert {path.stem for path in (run / "full" / "snapshots").iterdir()} == names
+    kept = load_model(cfg, "full", "careful", 1, 2, step=0)
+    drawn = untrained(VaeSpecification, cfg.variants.full.model, job_seed(1, "careful", 2, "full"))
+    for name, value in drawn.state_dict().items():
+        assert torch.equal(kept.state_dict()[name], value)
+    later = load_model(cfg, "full", "careful", 1, 2, step=2)
+    assert not torch.equal(later.get_parameter("mean.weight"), kept.get_parameter("mean.weight"))
 
 
 def test_a_user_without_invalid_demonstrations_gets_laplaces_constant(run):

@@ -14,8 +14,9 @@ INGREDIENTS = {
     "no_margin": "No margin: outlines decide",
     "worst": "The worst thing decides alone",
     "nothing_unseen": "Nothing unseen in the way",
-    "one_member": "One member, not several",
-    "plain_mean": "Members' mean as it is",
+    "one_member": "One member, on reweighted scenes",
+    "no_sharpening": "Mean not sharpened",
+    "no_evidence": "Evidence not weighed",
     "no_prior": "No prior on relevance",
 }
 
@@ -28,31 +29,35 @@ def ingredient(name: str) -> str:
 def ablation(results: Results) -> list[str]:
     """What the model loses without each ingredient, the largest losses first; what hardly counts; calibration."""
     found, out = results.ablation["ablations"], []
-    for n in found[WHOLE]:
-        changes = {name: cells[n] for name, cells in found.items() if name != WHOLE}
+    for n in asked(results):
+        changes = {name: found[name][n] for name in results.ablation["order"] if name != WHOLE}
         lost = sorted((x for x in changes if changes[x]["change"] <= -SLIGHT), key=lambda x: changes[x]["change"])
         gained = [x for x in changes if changes[x]["change"] >= SLIGHT]
-        losses = [f"{points(changes[x]['change'])} {_range(changes[x])} to “{_lower(x)}”" for x in lost]
+        losses = [f"{points(changes[x]['change'])} {span(changes[x])} with “{_lower(x)}”" for x in lost]
         text = f"At {_named(n)} the whole model judges {percent(found[WHOLE][n]['accuracy'])} of the paths rightly. "
-        text += f"It loses {listed(losses)}. " if losses else "No ingredient is worth half a point. "
+        text += f"Accuracy falls by {listed(losses)}. " if losses else "No ingredient is worth half a point. "
         if gained:
-            text += f"More than half a point better without: {listed([f'“{_lower(x)}”' for x in gained])}. "
+            text += f"It rises by half a point or more with {listed([f'“{_lower(x)}”' for x in gained])}. "
         little = [x for x in changes if x not in lost and x not in gained]
         if little:
-            text += f"Within half a point: {listed([f'“{_lower(x)}”' for x in little])}."
+            text += f"It changes by less than half a point with {listed([f'“{_lower(x)}”' for x in little])}."
         out.append(text.strip())
-    last = list(found[WHOLE])[-1]
-    errors = {name: cells[last]["ece"] for name, cells in found.items()}
-    if "plain_mean" in errors:
-        better = errors[WHOLE] < errors["plain_mean"]
+    last = asked(results)[-1]
+    errors = {name: round(cells[last]["ece"], 3) for name, cells in found.items()}
+    if "no_sharpening" in errors:
+        nearer = "brings" if errors[WHOLE] < errors["no_sharpening"] else "does not bring"
         out.append(
-            f"Sharpening the members' mean {'brings' if better else 'does not bring'} its probabilities nearer to the "
-            f"frequencies: the calibration error at {_named(last)} is {errors[WHOLE]:.3f}, {errors['plain_mean']:.3f} "
-            "with the mean as it is."
+            f"Sharpening the members' mean {nearer} its probabilities nearer to the frequencies: the calibration error "
+            f"at {_named(last)} is {errors[WHOLE]:.3f}, and {errors['no_sharpening']:.3f} without."
         )
     seeds = counted(results.ablation["seeds"], "validation seed")
-    out.append(f"In brackets: the lowest and the highest change of {seeds}, the same scenes and paths for all.")
+    out.append(f"In brackets: the lowest and the highest change of {seeds}; all see the same new scenes and paths.")
     return out
+
+
+def asked(results: Results) -> list[str]:
+    """Which n there are, by their names in the numbers, the fewest first."""
+    return sorted(results.ablation["ablations"][WHOLE], key=lambda n: int(n[1:]))
 
 
 def _named(n: str) -> str:
@@ -64,5 +69,6 @@ def _lower(name: str) -> str:
     return text[0].lower() + text[1:]
 
 
-def _range(cell: dict) -> str:
+def span(cell: dict) -> str:
+    """The lowest and the highest change of a seed, in percentage points."""
     return f"[{signed(100 * cell['change_low'], 1)}, {signed(100 * cell['change_high'], 1)}]"
