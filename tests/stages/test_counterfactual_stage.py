@@ -19,6 +19,7 @@ from pipeline.table.layout import SYMBOLS, LayoutRules, random_layouts
 from pipeline.table.render import REACH_M, SIDE, Palette, render_scenes
 from pipeline.table.rules import valid
 from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
+from tests.stages.inputs import convinced
 
 SCENES, PATHS, GENERATOR = 6, 24, 5
 VARIANTS = ("full", "path")

@@ -21,6 +21,7 @@ from pipeline.table.layout import SYMBOLS, LayoutRules, random_layouts
 from pipeline.table.render import Palette, render_scenes
 from pipeline.table.rules import clearance
 from tests.stages.facts import refuses, repeats_itself
+from tests.stages.inputs import convinced
 
 SCENES = 10
 VARIANTS = ("full", "path")
