@@ -55,7 +55,7 @@ def to_csv(t: Table) -> str:
     """Comma-separated, bold as *text*: a verdict must not be lost with the typeface."""
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(t.header)
+    writer.writerow([heading.replace("\u00a0", " ") for heading in t.header])
     writer.writerows([f"*{c.text}*" if c.bold else c.text.replace("\u00a0", " ") for c in row] for row in t.rows)
     return buffer.getvalue()
 

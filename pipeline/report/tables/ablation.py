@@ -23,5 +23,5 @@ def ablation(results: Results) -> Table:
         f"{listed(a['users'])} users, {listed([split_phrase(p) for p in a['pools']])}. Accuracy, its change in "
         "percentage points [lowest, highest of the seeds] and the expected calibration error (ECE)."
     )
-    header = ["Missing", *(f"{what}, n = {n[1:]}" for n in ns for what in ("Accuracy", "Change", "ECE"))]
+    header = ["Missing", *(f"{what}, n\u00a0=\u00a0{n[1:]}" for n in ns for what in ("Accuracy", "Change", "ECE"))]
     return table("ablation", caption, header, rows)
