@@ -37,6 +37,8 @@ def test_every_profile_and_protocol_composes():
         ("n=[1,3]", "study_n is 9"),
         ("seeds=[]", "at least one seed"),
         ("seeds=[1,1]", "every seed once"),
+        ("snapshots=[0,-1]", "whole numbers from 0, each once"),
+        ("snapshots=[5,5]", "whole numbers from 0, each once"),
         ("seeds=[100]", "none of `seeds`"),
         ("users.careful.glass=-0.01", "users.careful.glass is -0.01"),
         ("variant=fulll", "parameter variant is 'fulll'"),

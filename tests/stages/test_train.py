@@ -68,6 +68,12 @@ def test_weights_on_the_way_are_kept_of_the_models_studied_that_learn(run, small
     assert not torch.equal(later.get_parameter("mean.weight"), kept.get_parameter("mean.weight"))
 
 
+def test_without_snapshots_there_is_an_empty_folder_and_the_same_weights(run, small_world, tmp_path):
+    main(config(small_world, tmp_path, "snapshots=[]"), tmp_path / "full")
+    assert list((tmp_path / "full" / "snapshots").iterdir()) == []
+    assert _digests(tmp_path / "full" / "weights") == _digests(run / "full" / "weights")
+
+
 def test_a_user_without_invalid_demonstrations_gets_laplaces_constant(run):
     predictions = read_table(run / "full" / "predictions.parquet").query("user == 'aggressive' and n == 2")
     np.testing.assert_allclose(predictions["p"], 7 / 8, rtol=1e-6)  # 3 scenes x 2 demonstrations, all valid
