@@ -24,6 +24,7 @@ $(READY): requirements.lock requirements-dev.lock
 	@touch $@
 
 repro: $(READY)  ## the whole experiment: data from the store, every stage, the report
+	@[ -s .dvc/tmp/rwlock ] || rm -f .dvc/tmp/rwlock  # emptied where DVC was killed as it wrote it: DVC would refuse to run
 	dvc pull --allow-missing --quiet data.dvc
 	dvc repro
 	python -m pipeline.report.terminal
@@ -67,10 +68,11 @@ review: $(READY)  ## open the overview of the recordings, or one of them: RUN=fu
 picture: $(READY)  ## a picture of a recording, made without a screen: RUN=full-careful-s0; writes picture.png
 	python -m pipeline.recording.picture $(or $(RUN),overview) picture.png $(if $(RUN),,0 scene 0)
 
-pictures: $(READY)  ## the README's pictures of recordings, made without a screen
+pictures: $(READY)  ## the README's and the report's pictures of recordings, made without a screen
 	python -m pipeline.recording.picture overview docs/pictures/overview.png 0 scene 0
 	python -m pipeline.recording.picture path-careful-s0 docs/pictures/repairs.png
 	python -m pipeline.recording.picture full-careful-s0 docs/pictures/learning.png 5 train_step 1000
+	dvc repro report
 
 lint: $(READY)  ## format and lint in place
 	ruff format . && ruff check --fix . && pyright

@@ -1,5 +1,6 @@
 """The whole real graph runs at profile=smoke in a throwaway clone, and what DVC and Hydra promise holds there."""
 
+import contextlib
 import json
 import os
 import signal
@@ -8,6 +9,7 @@ import sys
 import time
 from pathlib import Path
 
+import psutil
 import pytest
 
 ROOT = Path(__file__).parent.parent
@@ -37,35 +39,19 @@ def test_a_second_repro_has_nothing_to_do(clone: Path):
     assert "Data and pipelines are up to date" in run(clone, "dvc", "repro")
 
 
+def test_pictures_of_other_recordings_are_not_shown(clone: Path):
+    page = (clone / "reports/index.html").read_text()
+    assert "<code>make pictures</code>" in page and "<img" not in page
+
+
 def test_one_recording_a_variant_user_and_seed(clone: Path):
     assert len(list((clone / "outputs/record/runs").glob("*.rrd"))) >= 6 * 3 * 2
 
 
 @pytest.mark.parametrize(
-    ("stage", "overrides"),
-    [
-        ("scenes", []),
-        ("demos", []),
-        ("train", ["variant=full"]),
-        ("irl", ["variant=irl_ranked"]),
-        ("path", ["variant=path"]),
-        ("evaluate", []),
-        ("efficiency", []),
-        ("repair", []),
-        ("search", []),
-        ("intervene", []),
-        ("counterfactual", []),
-        ("selftest", []),
-        ("refute", []),
-        ("envelope", []),
-        ("identify", []),
-        ("confound", []),
-        ("robustness", []),
-        ("accept", []),
-        ("ablate", []),
-    ],
+    ("stage", "overrides"), [("demos", []), ("train", ["variant=full"]), ("path", ["variant=path"]), ("evaluate", [])]
 )
-def test_a_stage_run_twice_writes_the_same_bytes(clone: Path, tmp_path: Path, stage: str, overrides: list[str]):
+def test_a_stage_run_by_hand_writes_the_bytes_dvc_has(clone: Path, tmp_path: Path, stage: str, overrides: list[str]):
     module = f"pipeline.stages.{stage}"
     again = f"paths.{stage}={tmp_path}"
     run(clone, sys.executable, "-m", module, "--params", "params.yaml", again, *overrides)
@@ -87,7 +73,7 @@ def test_a_run_killed_in_the_middle_is_made_good_by_the_next(clone: Path):
     before = {p.relative_to(stage): p.read_bytes() for p in stage.rglob("*") if p.is_file()}
     command = ["dvc", "repro", "--force", "--single-item", "train@classifier"]
     killed = subprocess.Popen(command, cwd=clone, start_new_session=True, stdout=subprocess.DEVNULL)
-    while (stage / "predictions.parquet").exists():  # DVC removes a stage's outputs before it runs it
+    while not any("pipeline.stages.train" in part for part in of_its_children(killed.pid)):
         assert killed.poll() is None, "the stage ended before it could be killed"
         time.sleep(0.02)
     os.killpg(killed.pid, signal.SIGKILL)
@@ -98,10 +84,27 @@ def test_a_run_killed_in_the_middle_is_made_good_by_the_next(clone: Path):
     assert "Data and pipelines are up to date" in run(clone, "dvc", "repro")
 
 
+def of_its_children(pid: int) -> list[str]:
+    """The command lines of a process's children, their children among them, in parts."""
+    parts: list[str] = []
+    for child in psutil.Process(pid).children(recursive=True):
+        with contextlib.suppress(psutil.NoSuchProcess):
+            parts += child.cmdline()
+    return parts
+
+
+def test_make_repro_goes_on_where_dvc_was_killed_while_it_wrote_its_lock(clone: Path):
+    (clone / ".dvc/tmp/rwlock").write_text("")
+    refused = subprocess.run(["dvc", "repro"], cwd=clone, capture_output=True, text=True)
+    assert refused.returncode != 0 and "rwlock" in refused.stderr
+    run(clone, "make", "--assume-old=.venv/.ready", "repro")
+    assert "Data and pipelines are up to date" in run(clone, "dvc", "repro")
+
+
 def test_a_hydra_multirun_fits_what_dvc_fits(clone: Path, tmp_path: Path):
-    sweep = ["--multirun", "seed=0,1", "variant=classifier,ae", "profile=smoke", "n=[9]", f"hydra.sweep.dir={tmp_path}"]
+    sweep = ["--multirun", "seed=0,1", "variant=ae", "profile=smoke", "n=[9]", f"hydra.sweep.dir={tmp_path}"]
     run(clone, sys.executable, "-m", "pipeline.stages.train", *sweep)
-    assert len([p for p in tmp_path.iterdir() if p.is_dir()]) == 4
+    assert len([p for p in tmp_path.iterdir() if p.is_dir()]) == 2
     weights = "weights/careful-s1-n9.safetensors"
     (swept,) = tmp_path.glob(f"*seed=1*variant=ae*/{weights}")
     assert swept.read_bytes() == (clone / "outputs/train/ae" / weights).read_bytes()

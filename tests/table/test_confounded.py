@@ -63,16 +63,16 @@ def test_with_a_common_cause_every_glass_stands_beside_the_plate_and_none_withou
 
 @pytest.mark.parametrize("together", [0.0, 0.5, 1.0])
 def test_plates_and_glasses_come_equally_often_whatever_their_cause(together):
-    layouts = drawn(2, 400, together=together)
+    layouts = drawn(2, 200, together=together)
     for symbol in (PLATE, GLASS):
         share = (layouts.symbol == symbol).any(1).mean()
-        assert share == pytest.approx(SETTING.present, abs=4 * np.sqrt(0.16 / 400))
+        assert share == pytest.approx(SETTING.present, abs=4 * np.sqrt(0.16 / 200))
 
 
 def test_without_a_common_cause_plates_and_glasses_come_independently():
-    layouts = drawn(3, 800, together=0.0)
+    layouts = drawn(3, 400, together=0.0)
     plate, glass = ((layouts.symbol == symbol).any(1) for symbol in (PLATE, GLASS))
-    assert np.corrcoef(plate, glass)[0, 1] == pytest.approx(0, abs=4 / np.sqrt(800))
+    assert np.corrcoef(plate, glass)[0, 1] == pytest.approx(0, abs=4 / np.sqrt(400))
 
 
 def test_a_stronger_cause_takes_hold_of_more_scenes_and_leaves_the_others_as_they_were():
