@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from omegaconf import DictConfig, OmegaConf
+from PIL import Image
 
 from pipeline.artifacts.demos import write_demos
 from pipeline.artifacts.files import write_arrays, write_json, write_table
@@ -13,6 +14,7 @@ from pipeline.artifacts.models import model_dir, save_model
 from pipeline.artifacts.scenes import SceneSet, layout_table, write_scenes
 from pipeline.causal.interventions import study
 from pipeline.params import compose
+from pipeline.recording.screenshot import Screenshot, write_png
 from pipeline.spec.registry import build
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.layout import SYMBOLS, Items, LayoutRules, Layouts, add_item, random_layouts
@@ -41,6 +43,7 @@ def write_all(folder: Path) -> DictConfig:
     _repair(cfg, rng)
     _intervene(cfg, rng, layouts[cfg.protocol.splits[cfg.intervene.split]])
     write_answers(cfg, rng)
+    _record(cfg)
     for variant in cfg.variants:
         steps = pd.DataFrame({"step": [0, 10, 20], "total": [0.7, 0.5, 0.3]})
         keys = product(cfg.seeds, cfg.users, cfg.n)
@@ -49,6 +52,18 @@ def write_all(folder: Path) -> DictConfig:
     for variant, user in product(cfg.variants, cfg.users):
         save_model(model_dir(cfg, variant), build(cfg.variants[variant]), user, cfg.seeds[0], cfg.study_n)
     return cfg
+
+
+def _record(cfg: DictConfig) -> None:
+    """Digests of recordings; a picture of the overview as it is, and one of a run as it no longer is."""
+    runs = [f"{v}-{user}-s{seed}" for v, user, seed in product(cfg.variants, cfg.users, cfg.seeds)]
+    rows = [{"run": run, "sha256": f"of {run}", "agreement": 0.5} for run in runs]
+    table = pd.DataFrame([*rows, {"run": "overview", "sha256": "of overview"}])
+    write_table(Path(cfg.paths.record) / "recordings.csv", table)
+    Path(cfg.paths.pictures).mkdir()
+    for name, recording, contents in (("overview", "overview", "of overview"), ("learning", runs[0], "of another")):
+        shot = Screenshot(Image.new("RGB", (64, 36), "teal"), recording, contents)
+        write_png(Path(cfg.paths.pictures) / f"{name}.png", shot)
 
 
 def _scenes(cfg: DictConfig, rng: np.random.Generator) -> dict[str, Layouts]:

@@ -26,7 +26,9 @@ from PIL import Image
 from rerun.experimental import ViewerClient
 
 from pipeline.params import PARAMS, InputError, load
+from pipeline.recording.digest import digest
 from pipeline.recording.review import find
+from pipeline.recording.screenshot import Screenshot, write_png
 
 START, SETTLE, PAUSE = (
     60.0,
@@ -109,7 +111,8 @@ def _main(argv: list[str]) -> None:
         select(client, int(tab), timeline, int(step))
         settled(client)
         time.sleep(5)  # until the viewer's notices are gone
-        Image.fromarray(settled(client)).save(file, optimize=True)
+        shot = Image.fromarray(settled(client))
+    write_png(Path(file), Screenshot(shot, path.stem, digest(path)))
 
 
 if __name__ == "__main__":

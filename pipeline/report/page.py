@@ -1,7 +1,7 @@
 """The page a reader opens: one HTML file with everything inside it."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
@@ -20,8 +20,9 @@ from pipeline.report.findings.summary import summary, world
 from pipeline.report.findings.users import envelopes, identification
 from pipeline.report.panel import script_json
 from pipeline.report.pictures.picture import Picture
+from pipeline.report.pictures.recordings import Shown
 from pipeline.report.results import Results
-from pipeline.report.style import inline
+from pipeline.report.style import LETTER, inline
 from pipeline.report.table import Table, to_html
 from pipeline.report.wording import counted, listed, variant_label
 
@@ -29,19 +30,21 @@ _SAY = (
     summary, world, accuracy, efficiency, calibration, ablation, acceptance, robustness, repair, searches,
     interventions, specifications, refutation, confounding, counterfactuals, envelopes, identification, selftest,
 )  # fmt: skip
-LARGEST = 8 * 2**20  # bytes a page may have
+LARGEST = 8_000_000  # bytes a page may have
 
 
 def render(
     results: Results,
     tables: Mapping[str, Table],
     pictures: Mapping[str, Picture],
+    recordings: Sequence[Shown],
     facts: Mapping[str, object],
     panel: Mapping[str, object],
 ) -> str:
     """index.html; ValueError if it would be larger than LARGEST.
 
-    facts: what the text says of the setting (margins, the numbers of scenes and steps); panel: the panel's data.
+    recordings: pictures of them; facts: what the text says of the setting (margins, the numbers of scenes and steps);
+    panel: the panel's data.
     """
     environment = Environment(
         loader=PackageLoader("pipeline.report"), undefined=StrictUndefined, autoescape=True, trim_blocks=True,
@@ -59,16 +62,26 @@ def render(
         r=results,
         facts=facts,
         pictures=pictures,
+        recordings=recordings,
         findings={f.__name__: f for f in _SAY},
         panel=panel,
         panel_json=Markup(script_json(panel)),
     )  # fmt: skip
+    html = _with_letters_once(html)
     if len(html.encode()) > LARGEST:
         raise ValueError(
             f"the report has {len(html.encode()):,} bytes: expected at most {LARGEST:,}; draw fewer scenes "
             f"(conf/report.yaml)"
         )
     return html
+
+
+def _with_letters_once(html: str) -> str:
+    """Figures draw letters from outlines of their own: those of all of them, each once, at the head of the page."""
+    outline = re.compile(rf'\s*<path id="({LETTER}[^"]*)"[^>]*/>')
+    outlines = {found[1]: found[0] for found in outline.finditer(html)}
+    letters = f'<svg class="letters" aria-hidden="true"><defs>{"".join(outlines.values())}</defs></svg>'
+    return outline.sub("", html).replace("<body>", f"<body>\n{letters}", 1)
 
 
 def _typeset(text: str) -> str:

@@ -47,6 +47,7 @@ class Results:
     identified: pd.DataFrame  # its rates by variant and number of paths
     selftest: dict  # what the causal procedure makes of simulated families
     curves: dict[str, pd.DataFrame]  # by variant
+    recorded: pd.DataFrame  # by recording: its digest and, of a run, the share of its maps that agrees with the truth
 
     @property
     def main(self) -> str:

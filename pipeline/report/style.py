@@ -26,6 +26,7 @@ _COLOURS = {
 _MARKERS = {"full": "o", "ae": "s", "classifier": "^", "irl_maxent": "v", "irl_ranked": "D", "path": ">"}
 _LINES = {"null_nearest": (0, (1.2, 1.6)), "null_position": (0, (5, 2.5))}
 _OTHER = "#8a6d3b"  # brown: a variant this file does not know
+LETTER = "DejaVu"  # with what the ids of letters' outlines begin: their font
 RC: dict[Any, Any] = {
     "svg.hashsalt": "causal-specifications",
     "svg.fonttype": "path",
@@ -73,8 +74,15 @@ def line(variant: str):
 
 
 def svg(draw: Callable[[], Figure]) -> str:
-    """The figure `draw` makes, as SVG text with the same bytes every time."""
-    return _saved(draw, format="svg", metadata={"Date": None, "Creator": None}).decode()
+    """The figure `draw` makes, as SVG text with the same bytes every time; places to a hundredth of a point."""
+    text = _saved(draw, format="svg", metadata={"Date": None, "Creator": None}).decode()
+    return re.sub(r'( d="|\b[xy]="|translate\()([^")]*)', lambda place: place[1] + _terse(place[2]), text)
+
+
+def _terse(places: str) -> str:
+    """Coordinates and a path's commands in as few characters as a hundredth of a point needs."""
+    rounded = re.sub(r"-?\d+\.\d+", lambda number: f"{float(number[0]):.2f}".rstrip("0").rstrip("."), places)
+    return re.sub(r"\s*([A-Za-z])\s*", r"\1", rounded)
 
 
 def pdf(draw: Callable[[], Figure]) -> bytes:
@@ -95,12 +103,15 @@ def _saved(draw: Callable[[], Figure], **options: Any) -> bytes:
 
 
 def inline(text: str, name: str) -> str:
-    """An SVG for the inside of a page: ids of its own, colours that follow the page, size left to the page."""
+    """An SVG for the inside of a page: ids of its own, colours that follow the page, size left to the page.
+
+    The ids of letters stay as they are: every figure has the same outlines under them.
+    """
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     needed = set(re.findall(r'(?:href="#|url\(#)([^")]+)', text))
-    text = re.sub(r' id="([^"]*)"', lambda m: f' id="{name}-{m[1]}"' if m[1] in needed else "", text)
-    text = text.replace('href="#', f'href="#{name}-').replace("url(#", f"url(#{name}-")
+    text = re.sub(r' id="([^"]*)"', lambda m: m[0] if m[1] in needed else "", text)
+    text = re.sub(rf'( id="|href="#|url\(#)(?!{LETTER})', rf"\1{name}-", text)
     for hexadecimal, variable in THEME.items():
         text = text.replace(hexadecimal, variable)
     width, height = re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', text).groups()  # pyright: ignore

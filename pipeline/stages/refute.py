@@ -2,6 +2,7 @@
 
 from collections import Counter
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from pipeline.causal.refuters import REFUTERS, halves, mean_over, placebo
 from pipeline.causal.statistics import VERDICTS
 from pipeline.fitting.trainers import FITTED, Lesson, fit_and_ask
 from pipeline.launch import launch
+from pipeline.parallel import map_jobs
 from pipeline.params import InputError
 from pipeline.spec.registry import build
 from pipeline.spec.training import job_seed
@@ -47,7 +49,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     users = list(cfg.evaluate.users)
     pictures = np.concatenate([here, patched, _elsewhere(cfg, scenes, pool, added)])
     images, everywhere = pictures.reshape(-1, *pictures.shape[2:]), np.tile(z, (len(pictures), 1, 1))
-    permuted = _permuted(cfg, users, here, z)
+    permuted, untrained = _permuted(cfg, users, here, z), _untrained(cfg, users, here, z)
     found = {}
     for variant, p in ask(cfg, users, images, everywhere, "refute").items():
         p = p.reshape(*p.shape[:2], *pictures.shape[:2], -1)  # (user, seed, table, scene, path)
@@ -55,7 +57,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         near_nothing = mean_over(now[:, :, 1:], far) - mean_over(now[:, :, :1], far)
         found[variant] = {
             **({"permuted": _effects(permuted[variant])} if variant in permuted else {}),
-            "untrained": _effects(_untrained(cfg, variant, users, here, z)),
+            "untrained": _effects(untrained[variant]),
             "placebo": _effects(np.concatenate([now[:, :, :1], patch], axis=2)),
             "far": np.moveaxis(near_nothing[..., np.isfinite(near_nothing).all((0, 1, 2))], 2, 1),
             "other_table": _effects(other) - _effects(now),
@@ -118,13 +120,22 @@ def _permuted(cfg: DictConfig, users: list[str], tables: np.ndarray, z: np.ndarr
     return {variant: p.reshape(shape) for variant, p in found.items()}
 
 
-def _untrained(cfg: DictConfig, variant: str, users: list[str], tables: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """P(valid) by models as they are initialised, (user, seed, table, scene, path)."""
+def _untrained(cfg: DictConfig, users: list[str], tables: np.ndarray, z: np.ndarray) -> dict[str, np.ndarray]:
+    """P(valid) by models as they are initialised, variant -> (user, seed, table, scene, path)."""
     images, everywhere = tables.reshape(-1, *tables.shape[2:]), np.tile(z, (len(tables), 1, 1))
-    names = [[job_seed(seed, user, "untrained", variant) for seed in cfg.protocol.seeds] for user in users]
-    models = [[build(cfg.variants[variant], name) for name in of_user] for of_user in names]
-    p = np.stack([[model.probability(images, everywhere) for model in of_user] for of_user in models])
-    return p.reshape(*p.shape[:2], *tables.shape[:2], -1)
+    begun = [(variant, user) for variant in cfg.variants for user in users]
+    answers = map_jobs(partial(_as_begun, cfg, images, everywhere), begun, cfg.workers, "untrained models")
+    shape = (len(cfg.variants), len(users), len(cfg.protocol.seeds), *tables.shape[:2], -1)
+    return dict(zip(cfg.variants, np.stack(answers).reshape(shape), strict=True))
+
+
+def _as_begun(
+    cfg: DictConfig, images: np.ndarray, z_theta: np.ndarray, of: tuple[str, str]
+) -> Float[Array, "seed picture path"]:
+    """P(valid) by a variant's models of a user before any training."""
+    variant, user = of
+    names = [job_seed(seed, user, "untrained", variant) for seed in cfg.protocol.seeds]
+    return np.stack([build(cfg.variants[variant], name).probability(images, z_theta) for name in names])
 
 
 def _effects(p: Float[Array, "user seed table scene path"]) -> Effects:

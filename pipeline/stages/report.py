@@ -15,11 +15,13 @@ from pipeline.causal.statistics import SMALLEST_EFFECT
 from pipeline.exhibits.choice import shared_pool
 from pipeline.exhibits.panel import panel_data
 from pipeline.exhibits.pictures import gather, overview_of
+from pipeline.exhibits.screenshots import current
 from pipeline.launch import launch
 from pipeline.params import InputError
 from pipeline.report.claims import claims
 from pipeline.report.page import render
 from pipeline.report.pictures import all_pictures
+from pipeline.report.pictures.recordings import screenshots
 from pipeline.report.results import Results, check
 from pipeline.report.style import pdf, png
 from pipeline.report.table import to_csv, to_markdown, to_tex
@@ -37,13 +39,15 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     _check_settings(cfg)
     results = read_results(cfg)
     check(results)
+    shots = screenshots(results, current(Path(cfg.paths.pictures), results.recorded["sha256"].to_dict()))
     summary = read_table(Path(cfg.paths.evaluate) / "accuracy.csv")
     scenes = read_scenes(Path(cfg.paths.scenes))
     added = read_added(Path(cfg.paths.intervene), scenes.layouts[shared_pool(cfg, cfg.intervene.split)].symbol.shape[1])
     drawn = gather(cfg, results, scenes, added)
     tables = {t.name: t for t in [claims(results), *all_tables(results)]}
     pictures = all_pictures(results, summary, drawn)
-    page = render(results, tables, pictures, _facts(cfg, results), panel_data(cfg, results, scenes, added, drawn.seen))
+    panel = panel_data(cfg, results, scenes, added, drawn.seen)
+    page = render(results, tables, pictures, shots, _facts(cfg, results), panel)
     hero = partial(overview_of, cfg, results, drawn)
 
     files = {f"tables/{t.name}.{form}": write(t) for t in tables.values() for form, write in FORMS.items()}
@@ -109,6 +113,7 @@ def read_results(cfg: DictConfig) -> Results:
         identified=read_table(Path(cfg.paths.identify) / "curve.csv"),
         selftest=read_json(Path(cfg.paths.selftest) / "metrics.json"),
         curves={v: frame[frame["n"] == cfg.study_n] for v, frame in curves.items()},
+        recorded=read_table(Path(cfg.paths.record) / "recordings.csv").set_index("run"),
     )
 
 

@@ -1,4 +1,4 @@
-"""The README's pictures of recordings are there, each shown and described, and none is blank."""
+"""The README's pictures of recordings are there, of this commit's, each shown and described, and none is blank."""
 
 import re
 from pathlib import Path
@@ -6,6 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+
+from pipeline.artifacts.files import read_table
+from pipeline.params import InputError
+from pipeline.recording.screenshot import Screenshot, read_png, write_png
 
 ROOT = Path(__file__).resolve().parents[2]
 SHOWN = re.findall(r"!\[([^\]]+)\]\((docs/pictures/[^)]+\.png)\)", (ROOT / "README.md").read_text())
@@ -19,9 +23,28 @@ def test_the_readme_shows_and_describes_every_picture_and_make_makes_it():
 
 
 @pytest.mark.parametrize("path", [path for _, path in SHOWN])
+def test_a_picture_is_of_a_recording_of_this_commit(path: str):
+    shot, recorded = read_png(ROOT / path), read_table(ROOT / "outputs/record/recordings.csv").set_index("run")
+    assert shot.contents == recorded.loc[shot.recording, "sha256"]
+
+
+def test_a_picture_comes_back_with_what_it_shows(tmp_path: Path):
+    shot = Screenshot(Image.new("RGB", (3, 2), "teal"), "full-careful-s0", "1234")
+    write_png(tmp_path / "one.png", shot)
+    read = read_png(tmp_path / "one.png")
+    assert (read.recording, read.contents) == (shot.recording, shot.contents)
+    assert read.image.tobytes() == shot.image.tobytes()
+
+
+def test_any_other_png_is_refused(tmp_path: Path):
+    Image.new("RGB", (3, 2)).save(tmp_path / "other.png")
+    with pytest.raises(InputError, match=r"other\.png is not a picture of a recording"):
+        read_png(tmp_path / "other.png")
+
+
+@pytest.mark.parametrize("path", [path for _, path in SHOWN])
 def test_a_picture_is_not_blank(path: str):
-    with Image.open(ROOT / path) as image:
-        pixels = np.asarray(image.convert("RGB"))
+    pixels = np.asarray(read_png(ROOT / path).image)
     tab = pixels[80:-60, : int(0.78 * pixels.shape[1])]  # without the page beside it
     assert pixels.shape == (1080, 1920, 3)
     assert tab.std() > 20 and len(np.unique(tab.reshape(-1, 3), axis=0)) > 500

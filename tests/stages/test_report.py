@@ -1,6 +1,7 @@
 """The report holds everything in itself, is the same twice, and is never written from half the results."""
 
 import base64
+import io
 import json
 import re
 from html.parser import HTMLParser
@@ -8,13 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
+from PIL import Image
 
 from pipeline.artifacts.files import read_arrays, read_json, read_table, write_arrays, write_json, write_table
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.artifacts.trained import load_model
 from pipeline.params import InputError
 from pipeline.report.page import LARGEST
+from pipeline.report.style import LETTER
 from pipeline.report.terminal import shown
 from pipeline.stages.report import main
 from pipeline.table.bezier import lattice
@@ -47,6 +50,42 @@ def test_the_page_needs_nothing_else(reports: Path):
     outside = {x for x in fetched if not x.startswith(("#", "data:"))}
     assert outside == {"metrics.json"}, "a link to the numbers is all that leaves the page"
     assert "@import" not in page and "import(" not in page and "<script src" not in page
+
+
+def test_the_page_shows_pictures_of_the_present_recordings_alone(cfg: DictConfig, reports: Path):
+    page = (reports / "index.html").read_text(encoding="utf-8")
+    ((source, width, height, alt),) = re.findall(
+        r'<img src="data:image/webp;base64,([^"]*)" width="(\d+)" height="(\d+)" alt="([^"]*)">', page
+    )
+    with Image.open(io.BytesIO(base64.b64decode(source))) as image:
+        assert image.size == (int(width), int(height)) == (64, 36)
+        assert (np.asarray(image.convert("RGB")) == (0, 128, 128)).all(), "teal, without loss"
+    assert "overview" in alt and "the path model 50.0" in alt
+    assert "make pictures" not in page
+
+
+def test_a_picture_of_a_recording_that_is_no_png_is_named(cfg: DictConfig, tmp_path: Path):
+    (tmp_path / "overview.png").write_text("not one")
+    other = OmegaConf.merge(cfg, {"paths": {"pictures": str(tmp_path)}})
+    assert isinstance(other, DictConfig)
+    with pytest.raises(InputError, match=r"overview\.png is not a picture of a recording .*make pictures"):
+        main(other, tmp_path / "reports")
+    assert not (tmp_path / "reports").exists()
+
+
+def test_every_letter_is_outlined_once(reports: Path):
+    page = (reports / "index.html").read_text(encoding="utf-8")
+    ids = re.findall(r' id="([^"]*)"', page)
+    assert len(ids) == len(set(ids))
+    assert {name for name in re.findall(r'href="#([^"]*)"', page) if name.startswith(LETTER)} <= set(ids)
+
+
+def test_figures_agree_on_the_outlines_of_their_letters(reports: Path):
+    found: dict[str, set[str]] = {}
+    for path in (reports / "figures").glob("*.svg"):
+        for name, outline in re.findall(rf'<path id="({LETTER}[^"]*)" ([^>]*)/>', path.read_text()):
+            found.setdefault(name, set()).add(outline)
+    assert len(found) > 50 and all(len(outlines) == 1 for outlines in found.values())
 
 
 def test_the_panel_shows_what_the_models_say_of_the_first_scenes(cfg: DictConfig, reports: Path):
@@ -179,7 +218,7 @@ def test_paths_that_do_not_fit_their_rows_are_refused(cfg: DictConfig, tmp_path:
 class Outline(HTMLParser):
     """What a screen reader goes by: headings, ids, pictures' names, captions."""
 
-    VOID = frozenset({"meta", "link", "br", "input"})
+    VOID = frozenset({"meta", "link", "br", "input", "img"})
 
     def __init__(self):
         super().__init__()
@@ -196,6 +235,7 @@ class Outline(HTMLParser):
         if re.fullmatch("h[1-6]", tag):
             self.levels.append(int(tag[1]))
         self.unnamed += attributes.get("role") == "img" and not attributes.keys() & {"aria-label", "aria-labelledby"}
+        self.unnamed += tag == "img" and not attributes.get("alt")
         self.tables += tag == "table"
         self.captions += tag == "caption"
 
