@@ -122,9 +122,8 @@ def _confound(cfg: DictConfig, rng: np.random.Generator) -> None:
     fitted = list(cfg.confound.variants)
     score = {user: {pool: {"mean": 0.9} for pool in ("confounded", "control", "ordinary")} for user in users}
     common = {"verdicts": dict.fromkeys(fitted, tally)}
-    worlds = dict.fromkeys(
-        cfg.confound.worlds, common | {"accuracy": dict.fromkeys(fitted, score), "things_per_item": 1.0}
-    )
+    seen = common | {"accuracy": dict.fromkeys(fitted, score), "things_per_item": 1.0}
+    worlds = {name: seen | {"together": w.together, "gap_m": list(w.gap_m)} for name, w in cfg.confound.worlds.items()}
     effects = {"interventions": {variant: dict.fromkeys(users, told) for variant in fitted}}
     write_json(folder / "metrics.json", common | effects | {"association": association, "worlds": worlds, "seeds": 2})
     write_arrays(folder / "examples.npz", {name: _pictures(rng, 2) for name in cfg.confound.worlds})
@@ -204,7 +203,8 @@ def _envelope(cfg: DictConfig) -> None:
 def _identify(cfg: DictConfig) -> None:
     """Models a little worse than whoever knows the rules."""
     folder, variants = Path(cfg.paths.identify), [*cfg.variants, "null_position"]
-    cell = {"mean": 0.7, "ci_low": 0.65, "ci_high": 0.75, "ideal": 0.75}
+    cell: dict = {"mean": 0.7, "ci_low": 0.65, "ci_high": 0.75, "ideal": 0.75}
+    cell |= {"users": {"careful": 0.8, "normal": 0.6}, "ideal_users": {"careful": 0.82, "normal": 0.7}}
     strangers = {"recognised": 0.1, "false_alarms": 0.02, "ideal_recognised": 0.2, "ideal_false_alarms": 0.0}
     keys = ("k1", "k5", "k20")
     metrics = {

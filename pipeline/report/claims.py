@@ -3,9 +3,9 @@
 import pandas as pd
 
 from pipeline.report import paper
-from pipeline.report.results import Results
+from pipeline.report.results import NULLS, Results
 from pipeline.report.table import Table, table
-from pipeline.report.wording import NONE, counted, listed, percent, percent_spread
+from pipeline.report.wording import NONE, counted, listed, percent, percent_spread, variant_label
 from pipeline.table.layout import SYMBOLS
 
 SEEN, NEW, UNSEEN = "seen_scenes", "new_scenes", "new_items"
@@ -48,7 +48,7 @@ def reaches(results: Results, split: str, n: int) -> bool:
 def _accuracy(results: Results) -> list[tuple[str, ...]]:
     rows = []
     ours = results.evaluation["accuracy"][results.main]
-    null = results.evaluation["accuracy"]["null_position"]
+    nulls = {v: results.evaluation["accuracy"][v] for v in NULLS}
     for n in sorted(set(results.ns) & set(paper.ACCURACY), reverse=True):
         held = [reaches(results, split, n) for split in (SEEN, NEW, UNSEEN) if split in ours]
         here = (
@@ -62,11 +62,19 @@ def _accuracy(results: Results) -> list[tuple[str, ...]]:
                 name,
                 percent_spread(paper.ACCURACY[n]._asdict()),
                 here,
-                f"{percent(null[UNSEEN][f'n{n}']['mean'])} (position only, unseen items)",
+                "; ".join(_best_null(nulls, split, n) for split in (SEEN, UNSEEN)),
                 verdict,
             )
         )
     return rows
+
+
+def _best_null(nulls: dict[str, dict], split: str, n: int) -> str:
+    """The null that judges a split best, and how well."""
+    means = {v: of[split][f"n{n}"]["mean"] for v, of in nulls.items() if split in of}
+    best = max(means, key=lambda v: means[v])
+    where = {SEEN: "training scenes", UNSEEN: "unseen items"}[split]
+    return f"{percent(means[best])} ({variant_label(best).removeprefix('Null: ')}, {where})"
 
 
 def _rivals(results: Results) -> list[tuple[str, ...]]:

@@ -43,6 +43,7 @@ class Results:
     robustness: dict  # accuracy where pictures, tables or labels are worse than in training
     counterfactual: dict  # which item is to blame for a rejected path
     envelope: dict  # how far from each symbol validity flips
+    planner: str  # the variant whose envelopes specification.yaml holds
     identification: dict  # which user labelled a few paths
     identified: pd.DataFrame  # its rates by variant and number of paths
     selftest: dict  # what the causal procedure makes of simulated families

@@ -1,6 +1,7 @@
 """How names and numbers are written for a reader: one word for one thing, one format for one kind of number."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 VARIANTS = {
     "full": "Full model (paper)",
@@ -75,6 +76,15 @@ def refuter_label(name: str) -> str:
     }.get(name, name)  # fmt: skip
 
 
+def refuter_finds(name: str) -> str:
+    """What a refuter that finds an effect has shown of a model, as a clause before the cells."""
+    return {
+        "permuted": "fitted to permuted labels it shows effects", "untrained": "untrained it shows effects",
+        "placebo": "a placebo patch (an item's pixels, shuffled) moves it",
+        "far": "an item far away moves it", "other_table": "on another table its effects change",
+    }.get(name, f"{refuter_label(name).lower()} moves it")  # fmt: skip
+
+
 def disturbance_label(name: str) -> str:
     """What is worse than in training, as a reader meets it."""
     return {
@@ -130,6 +140,11 @@ def split_label(name: str) -> str:
 def split_phrase(name: str) -> str:
     """A split inside a sentence."""
     return SPLIT_PHRASES.get(name, name.replace("_", " "))
+
+
+def interval(cell: Mapping[str, Any]) -> str:
+    """The 95 % interval of a share, in per cent."""
+    return f"95 % interval {100 * cell['ci_low']:.1f}–{100 * cell['ci_high']:.1f}"
 
 
 def percent(share: float | None, digits: int = 1) -> str:

@@ -109,6 +109,7 @@ def read_results(cfg: DictConfig) -> Results:
         robustness=read_json(Path(cfg.paths.robustness) / "metrics.json"),
         counterfactual=read_json(Path(cfg.paths.counterfactual) / "metrics.json"),
         envelope=read_json(Path(cfg.paths.envelope) / "metrics.json"),
+        planner=cfg.envelope.planner,
         identification=read_json(Path(cfg.paths.identify) / "metrics.json"),
         identified=read_table(Path(cfg.paths.identify) / "curve.csv"),
         selftest=read_json(Path(cfg.paths.selftest) / "metrics.json"),

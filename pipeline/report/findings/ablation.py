@@ -33,11 +33,12 @@ def ablation(results: Results) -> list[str]:
         changes = {name: found[name][n] for name in results.ablation["order"] if name != WHOLE}
         lost = sorted((x for x in changes if changes[x]["change"] <= -SLIGHT), key=lambda x: changes[x]["change"])
         gained = [x for x in changes if changes[x]["change"] >= SLIGHT]
-        losses = [f"{points(changes[x]['change'])} {span(changes[x])} with “{_lower(x)}”" for x in lost]
+        losses = [f"{points(changes[x]['change'])} {_seeds(changes[x])} with “{_lower(x)}”" for x in lost]
         text = f"At {_named(n)} the whole model judges {percent(found[WHOLE][n]['accuracy'])} of the paths rightly. "
         text += f"Accuracy falls by {listed(losses)}. " if losses else "No ingredient is worth half a point. "
         if gained:
-            text += f"It rises by half a point or more with {listed([f'“{_lower(x)}”' for x in gained])}. "
+            more = [f"“{_lower(x)}” {_seeds(changes[x])}" for x in gained]
+            text += f"It rises by half a point or more with {listed(more)}. "
         little = [x for x in changes if x not in lost and x not in gained]
         if little:
             text += f"It changes by less than half a point with {listed([f'“{_lower(x)}”' for x in little])}."
@@ -51,7 +52,7 @@ def ablation(results: Results) -> list[str]:
             f"at {_named(last)} is {errors[WHOLE]:.3f}, and {errors['no_sharpening']:.3f} without."
         )
     seeds = counted(results.ablation["seeds"], "validation seed")
-    out.append(f"In brackets: the lowest and the highest change of {seeds}; all see the same new scenes and paths.")
+    out.append(f"In brackets: the changes of {seeds}; all see the same new scenes and paths.")
     return out
 
 
@@ -67,6 +68,12 @@ def _named(n: str) -> str:
 def _lower(name: str) -> str:
     text = ingredient(name)
     return text[0].lower() + text[1:]
+
+
+def _seeds(cell: dict) -> str:
+    """The changes of the two seeds that lie farthest apart, in percentage points."""
+    low, high = (signed(100 * cell[name], 1) for name in ("change_low", "change_high"))
+    return f"(seeds {low} to {high})"
 
 
 def span(cell: dict) -> str:

@@ -1,7 +1,7 @@
 """Whether paths can be accepted with a promise, and whether it is kept."""
 
 from pipeline.report.results import Results
-from pipeline.report.wording import counted, listed, percent, split_phrase, variant_phrase
+from pipeline.report.wording import counted, interval, listed, percent, split_phrase, variant_phrase
 
 UNPROMISED = "new_items"  # its paths are not like the demonstrations
 
@@ -32,11 +32,15 @@ def _needed(results: Results) -> str:
 
 def _kept(results: Results, variant: str) -> str:
     """What became of the split form's promise, split by split, and what the cross-fitted form adds."""
-    found, parts = results.acceptance, []
+    level, parts = results.acceptance["level"], []
     for split, by_rule in ((s, by_rule) for v, s, by_rule in results.promises if v == variant):
         cell, crossed = by_rule["split"], by_rule["crossed"]
-        text = f"In {split_phrase(split)} {variant_phrase(variant)} {_accepts(cell)}"
-        parts.append(f"{text}{_verdict(split, cell, found['level'])}; cross-fitted, it {_accepts(crossed)}.")
+        parts += [
+            f"In {split_phrase(split)} {variant_phrase(variant)} {_accepts(cell)}{_verdict(split, cell, level)}.",
+            *_silent(cell, level),
+            f"Cross-fitted, it {_accepts(crossed)}.",
+            *_silent(crossed, level),
+        ]
     return " ".join(parts)
 
 
@@ -44,16 +48,22 @@ def _accepts(cell: dict) -> str:
     if cell["abstained"] == cell["models"]:
         return "accepts nothing"
     users = [f"{user} {percent(of_user['power'], 0)}" for user, of_user in cell["users"].items()]
-    text = (
-        f"accepts {percent(cell['power'])} of the valid paths ({', '.join(users)}), and {percent(cell['mean'])} "
-        f"[{100 * cell['ci_low']:.1f}–{100 * cell['ci_high']:.1f}] of what it accepts is invalid"
+    return (
+        f"accepts {percent(cell['power'])} of the valid paths ({', '.join(users)}), and {percent(cell['mean'])} of "
+        f"what it accepts is invalid ({interval(cell)})"
     )
-    if cell["abstained"]:
-        text += (
-            f" (nothing is accepted, and so nothing invalid, by {cell['abstained']} of "
-            f"{counted(cell['models'], 'model')}; of what the others accept it is {percent(cell['where_any'])})"
-        )
-    return text
+
+
+def _silent(cell: dict, level: float) -> list[str]:
+    """The models that accept nothing, which makes the mean smaller, and what the others accept."""
+    others = cell["models"] - cell["abstained"]
+    if not others or not cell["abstained"]:
+        return []
+    return [
+        f"Nothing is accepted, and so nothing invalid, by {cell['abstained']} of {counted(cell['models'], 'model')}; "
+        f"of what the others accept it is {percent(cell['where_any'])}, {cell['above']} of those {others} above "
+        f"{percent(level, 0)}."
+    ]
 
 
 def _verdict(split: str, cell: dict, level: float) -> str:
@@ -66,10 +76,8 @@ def _verdict(split: str, cell: dict, level: float) -> str:
         )
     if cell["ci_low"] > level:
         return f": the promise of {percent(level, 0)} is broken"
-    if cell["mean"] > level:
-        return f": more than the {percent(level, 0)} promised, but by no more than chance would explain"
     if cell["ci_high"] > level:
-        return f": the promise of {percent(level, 0)} is not shown to be broken"
+        return f": the interval shows the promise of {percent(level, 0)} neither kept nor broken"
     return f": the promise of {percent(level, 0)} is kept"
 
 
@@ -89,13 +97,19 @@ def _careless(results: Results) -> list[str]:
             out.append(
                 f"{lead}, more of what is accepted is invalid than {percent(found['level'], 0)}: {listed(broken)}."
             )
+    told = [(v, s, by_rule["truth"]) for v, s, by_rule in results.promises]
     best = [
-        f"{percent(cell['power'])} for {variant_phrase(variant)} on {split_phrase(split)}"
-        for variant, split, cell in ((v, s, by_rule["truth"]) for v, s, by_rule in results.promises)
+        f"{percent(cell['power'])} of the valid paths for {variant_phrase(v)} on {split_phrase(s)}"
+        for v, s, cell in told
+        if cell["power"]
     ]
-    out.append(
-        f"Who knew the truth could set a threshold that accepts, at the same price, {listed(best)}: "
-        f"{counted(found['seeds'], 'seed')}, {counted(found['scenes'], 'scene')} with "
-        f"{counted(found['paths'], 'path')} each."
-    )
-    return [" ".join(out)]
+    none = [f"{variant_phrase(v)} on {split_phrase(s)}" for v, s, cell in told if not cell["power"]]
+    if best:
+        out.append(f"Who knew the truth could set one threshold that keeps to it and accepts {listed(best)}.")
+    if none:
+        out.append(
+            f"No threshold keeps to it, even set with the truth, for {listed(none)}: of the paths it is surest of, "
+            "more than that are invalid."
+        )
+    size = f"{counted(found['scenes'], 'scene')} with {counted(found['paths'], 'path')} each"
+    return [f"{' '.join(out)} All this over {counted(found['seeds'], 'seed')} and {size}."]

@@ -23,13 +23,13 @@ def confounding(results: Results) -> list[str]:
         )
         if blamed:
             text += f" and names {counted(len(blamed), 'false cause')}: {listed(blamed)}."
-        elif t["missed_causes"]:
-            text += (
-                f", with no false cause but {counted(t['missed_causes'], 'missed one')}: it blames no plate because it "
-                "blames nothing."
-            )
-        else:
+        elif t["right"] == t["cells"]:
             text += ": it has learned the cause, not what stands beside it."
+        else:
+            verdicts = [c["verdict"] for of in found["interventions"][variant].values() for c in of.values()]
+            text += f", with no false cause; true ones missed: {t['missed_causes']}, left open: {t['inconclusive']}."
+            if "effect" not in verdicts:
+                text += " It blames no plate because it blames nothing."
         out.append(text)
     return [*out, *_other_worlds(results)]
 
@@ -42,11 +42,16 @@ def _other_worlds(results: Results) -> list[str]:
             t = world["verdicts"][variant]
             if t["false_causes"] and not found["verdicts"][variant]["false_causes"]:
                 out.append(
-                    f"In the world “{name}”, whose pictures show it {world['things_per_item']:.2f} things an item, "
-                    f"{variant_phrase(variant)} is led astray: {t['right']} of {t['cells']} verdicts are right, "
-                    f"{counted(t['false_causes'], 'false cause')} among the others."
+                    f"In the world “{name}”, where plate and glass stand {_cm(world['gap_m'])} apart (in "
+                    f"“confounded” {_cm(found['worlds']['confounded']['gap_m'])}) and {world['things_per_item']:.2f} "
+                    f"things are found an item, {variant_phrase(variant)} is led astray: {t['right']} of {t['cells']} "
+                    f"verdicts are right, {counted(t['false_causes'], 'false cause')} among the others."
                 )
     return out
+
+
+def _cm(between: list[float]) -> str:
+    return "–".join(f"{100 * end:g}" for end in between) + " cm"
 
 
 def _innocent(results: Results, user: str) -> list[str]:

@@ -1,7 +1,7 @@
 """Whether the models blame the right item for a path they reject."""
 
 from pipeline.report.results import Results
-from pipeline.report.wording import listed, percent, variant_phrase
+from pipeline.report.wording import interval, listed, percent, variant_phrase
 
 
 def counterfactuals(results: Results) -> list[str]:
@@ -39,9 +39,9 @@ def _blame(cells: dict, variant: str, users: list[str]) -> str:
         c = cells[user]
         if c is None or c["blame_right"] is None:
             continue
-        spread = "" if c["ci_low"] is None else f" [{100 * c['ci_low']:.1f}–{100 * c['ci_high']:.1f}]"
+        spread = "" if c["ci_low"] is None else f"{interval(c)}; "
         parts.append(
-            f"{percent(c['blame_right'])}{spread} for the {user} user (any item {percent(c['null_random'])}, the "
+            f"{percent(c['blame_right'])} for the {user} user ({spread}any item {percent(c['null_random'])}, the "
             f"nearest {percent(c['null_nearest'])})"
         )
     name = variant_phrase(variant)

@@ -17,7 +17,7 @@ def _answer(results: Results, question: str) -> str:
         effects = {v: tallies[v] for v in results.variants if v in tallies and tallies[v]["effect"]}
         some = [f"{variant_phrase(v)} in {t['effect']} of {t['cells']}" for v, t in effects.items()]
         parts.append(f"{refuter_label(name).lower()}: {listed(some) if some else 'no variant'}")
-    return f"{question.capitalize()}? Cells with an effect where there should be none, by refuter: {'; '.join(parts)}."
+    return f"{question.capitalize()}? Cells in which a refuter's null hypothesis fails: {'; '.join(parts)}."
 
 
 def _worst_placebo(results: Results) -> list[str]:

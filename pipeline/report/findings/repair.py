@@ -41,7 +41,7 @@ def searches(results: Results) -> list[str]:
         out.append(
             f"{user.capitalize()}: {variant_phrase(best)} ends {success} of {b['starts']:,} invalid starts in a truly "
             f"valid path, at {b['displacement_ratio']:.2f} times the least displacement; it calls "
-            f"{percent(b['fooled'])} of the ends valid that are not, and gives up {percent(b['abstained'])}"
+            f"{percent(b['fooled'])} of the ends valid that are not, and itself rejects {percent(b['abstained'])}"
             + (
                 f". The paper's model ends {percent(ours['success'])} so, at {ours['displacement_ratio']:.2f} times"
                 if best != results.main

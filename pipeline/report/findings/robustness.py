@@ -72,7 +72,25 @@ def _breaks(results: Results, variant: str) -> str:
         f"to {-100 * cell['ci_low']:.1f}, of the largest of {len(levels)} changes) to {percent(score)}, {beside} "
         f"{percent(null)}. There it rejects {percent(cell['false_rejects'])} of the valid paths (undisturbed "
         f"{percent(before['false_rejects'])}) and accepts {percent(cell['false_accepts'])} of the invalid ones "
-        f"({percent(before['false_accepts'])}). {_withstands(results, variant)}"
+        f"({percent(before['false_accepts'])}). {_deceived(results, variant, level)}{_withstands(results, variant)}"
+    )
+
+
+def most_deceived(results: Results, variant: str) -> tuple[str, dict]:
+    """The disturbance of pictures or tables, and its strength's numbers, that has most invalid paths accepted."""
+    return max(_levels(results), key=lambda of: of[1]["models"][variant]["false_accepts"])
+
+
+def _deceived(results: Results, variant: str, worst_level: dict) -> str:
+    """Where a robot would go wrong most often, if that is not where accuracy falls most."""
+    name, level = most_deceived(results, variant)
+    before, cell = results.robustness["undisturbed"]["models"][variant], level["models"][variant]
+    if level is worst_level or cell["false_accepts"] <= before["false_accepts"]:
+        return ""
+    return (
+        f"It is most dangerous under {disturbance_phrase(name, level['strength'])}: there it accepts "
+        f"{percent(cell['false_accepts'])} of the invalid paths, and is right about "
+        f"{percent(cell['accuracy']['mean'])}. "
     )
 
 

@@ -10,13 +10,17 @@ from pipeline.report.claims import (
     claims,
     free_right,
 )
+from pipeline.report.findings.robustness import most_deceived, worst
 from pipeline.report.results import Results
 from pipeline.report.wording import (
     counted,
+    disturbance_phrase,
     listed,
     percent,
     percent_spread,
-    refuter_label,
+    points,
+    refuter_finds,
+    split_phrase,
     variant_does,
     variant_phrase,
 )
@@ -40,8 +44,8 @@ def summary(results: Results) -> list[str]:
         f"on, and "
         f"{percent_spread(ours[UNSEEN][key])} in scenes with unseen items, where a guess by position alone, without "
         f"the "
-        f"image, reaches {percent(scores['null_position'][UNSEEN][key]['mean'])} (n = {results.study_n}, "
-        f"{counted(len(results.seeds), 'seed')}).",
+        f"image, reaches {percent(scores['null_position'][UNSEEN][key]['mean'])} (n = "
+        f"{counted(results.study_n, 'demonstration')} a scene, {counted(len(results.seeds), 'seed')}).",
         f"Asked what an added item would change, it gives the true verdict in {tally['right']} of {tally['cells']} "
         f"cells; "
         f"ignoring the image altogether gives {free_right(results)}.",
@@ -56,7 +60,7 @@ def _better(results: Results, best: str) -> list[str]:
     scores, key = results.evaluation["accuracy"], f"n{results.study_n}"
     does = f", {variant_does(best)}," if variant_does(best) else ""
     ns = sorted({results.study_n, min(results.ns), FEW} & set(results.ns), reverse=True)
-    by_n = [f"{percent(scores[best][UNSEEN][f'n{n}']['mean'])} at n = {n}" for n in ns]
+    by_n = [f"{percent(scores[best][UNSEEN][f'n{n}']['mean'])} {_seeds(results, best, n)} at n = {n}" for n in ns]
     others = [results.main, *(v for v in results.variants if v.startswith("irl") and v != best)]
     beside = [f"{variant_phrase(v)} {percent(scores[v][UNSEEN][key]['mean'])}" for v in (*others, "null_position")]
     verdicts = {
@@ -87,31 +91,89 @@ def _better(results: Results, best: str) -> list[str]:
     return out
 
 
+def _seeds(results: Results, variant: str, n: int) -> str:
+    """The seeds that judge unseen items worst and best, mean over users."""
+    rows = results.accuracy[results.accuracy["user"].isin(results.judged_users)]
+    rows = rows[(rows["variant"] == variant) & (rows["split"] == UNSEEN) & (rows["n"] == n)]
+    by_seed = 100 * rows.groupby("seed")["accuracy"].mean()
+    return f"(seeds {by_seed.min():.1f}–{by_seed.max():.1f})"
+
+
 def _trusted(results: Results, best: str) -> str:
-    """What speaks for the best model's reasons, one by one."""
+    """What speaks for the best model's reasons, one by one, each beside what it takes without them."""
     blame = results.counterfactual["counterfactual"][best]
-    right = [f"{percent(c['blame_right'])} ({u})" for u, c in blame.items() if c and c["blame_right"] is not None]
-    cells = [c for by in results.envelope["envelope"][best].values() for c in by.values() if c["truth_m"] is not None]
-    errors = [1000 * abs(c["error_m"]) for c in cells if c["error_m"] is not None]
-    reach = f"within {max(errors):.1f} mm" if errors else "nowhere"
+    right = [
+        f"{percent(c['blame_right'])} ({u}; blaming the nearest item {percent(c['null_nearest'])})"
+        for u, c in blame.items()
+        if c and c["blame_right"] is not None
+    ]
     gap = results.identification["largest_gap"][best]["all"]
     return (
-        f"Of its reasons: where a single item forbids a path it blames the right one in {listed(right)}; the distances "
-        f"it asks for meet the true margins {reach} in {len(errors)} of {len(cells)} cells; and a few labelled paths "
-        f"tell it whose they are within {percent(gap)} of an observer who knows the rules."
+        f"Of its reasons: where a single item forbids a path it blames the right one in {listed(right)}; "
+        f"{_distances(results, best)}; and a few labelled paths tell it whose they are within {points(gap)} of an "
+        "observer who knows the rules."
+    )
+
+
+def _distances(results: Results, best: str) -> str:
+    """How far its envelopes come from the true margins, on which side, and whether their intervals own up to it."""
+    cells = [c for by in results.envelope["envelope"][best].values() for c in by.values() if c["truth_m"] is not None]
+    found = [c for c in cells if c["error_m"] is not None]
+    if not found:
+        return "it finds no distance to keep"
+    short, covered = sum(c["error_m"] < 0 for c in found), sum(bool(c["covered"]) for c in found)
+    return (
+        f"the distances it asks for in {len(found)} of {len(cells)} cells (a user and a symbol) are within "
+        f"{max(1000 * abs(c['error_m']) for c in found):.1f} mm of the true margins, {short} of them too short, and "
+        f"{covered} of their intervals hold the truth"
     )
 
 
 def _doubted(results: Results, best: str) -> list[str]:
-    """What speaks against it: refuters that found an effect."""
+    """What speaks against it: refuters, disturbances and promises that it did not stand up to."""
+    said = [*_refuted(results, best), *_broken(results, best), *_promised(results, best)]
+    return [f"Against it: {'; '.join(said)}."] if said else []
+
+
+def _refuted(results: Results, best: str) -> list[str]:
     tallies = results.refutation["tallies"]
-    fooled = {name: tallies[name][best] for name in results.refuters if best in tallies[name]}
-    said = [
-        f"{refuter_label(n).lower()} ({t['effect']} of {t['cells']} cells)" for n, t in fooled.items() if t["effect"]
+    found = {name: tallies[name][best] for name in results.refuters if best in tallies[name]}
+    return [
+        f"{refuter_finds(name)} in {t['effect']} of {t['cells']} cells"
+        + (f" ({t['inconclusive']} more are open)" if t["inconclusive"] else "")
+        for name, t in found.items()
+        if t["effect"]
     ]
-    if not said:
-        return []
-    return [f"Against it: it shows effects where it should show none, under {listed(said)}."]
+
+
+def _broken(results: Results, best: str) -> list[str]:
+    before, out = results.robustness["undisturbed"]["models"][best], []
+    name, level = worst(results, best)
+    cell = level["models"][best]
+    if cell["ci_high"] < 0:
+        out.append(
+            f"under {disturbance_phrase(name, level['strength'])} it is right about "
+            f"{percent(cell['accuracy']['mean'])} (undisturbed {percent(before['accuracy']['mean'])})"
+        )
+    name, level = most_deceived(results, best)
+    cell = level["models"][best]
+    if cell["false_accepts"] > before["false_accepts"]:
+        out.append(
+            f"under {disturbance_phrase(name, level['strength'])} it accepts {percent(cell['false_accepts'])} of the "
+            f"invalid paths ({percent(before['false_accepts'])})"
+        )
+    return out
+
+
+def _promised(results: Results, best: str) -> list[str]:
+    cells = [(split, by_rule["split"]) for variant, split, by_rule in results.promises if variant == best]
+    said = [
+        f"{c['above']} on {split_phrase(split)}, where {c['abstained']} of {c['models']} accept nothing"
+        for split, c in cells
+        if c["above"]
+    ]
+    level = percent(results.acceptance["level"], 0)
+    return [f"calibrated to accept at most {level} invalid ones, models accept more: {listed(said)}"] if said else []
 
 
 def world(results: Results) -> list[str]:

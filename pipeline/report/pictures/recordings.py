@@ -35,8 +35,8 @@ def screenshots(results: Results, shots: Mapping[str, Shot]) -> list[Shown]:
     captions = {
         "overview": "The overview: a table with items never seen, the truth, and what each variant believes of it and "
         "where that is wrong (orange: invalid and called valid; blue: valid and called invalid).",
-        "repairs": "A run, in the scene where it errs most: repairs in the picture and on the maps; below, step by "
-        "step, the model's probability and the true room.",
+        "repairs": "A run, in that of its recorded scenes where it errs most: repairs in the picture and on the maps; "
+        "below, step by step, the model's probability and the true room.",
         "learning": "A run's training: its map of a new scene beside the truth, and its losses.",
     }
     shown = []
@@ -55,12 +55,12 @@ def _alt(results: Results, recording: str) -> str:
     agreement = results.recorded["agreement"].dropna()
     if recording in agreement.index:
         return (
-            f"Rerun's viewer with the recording {recording}: its maps of new scenes agree with the truth in "
-            f"{percent(agreement[recording])} of their cells."
+            f"Rerun's viewer with the recording {recording}: its maps of the recorded new scenes agree with the "
+            f"truth in {percent(agreement[recording])} of their cells."
         )
     user, seed = results.judged_users[0], results.seeds[0]
     parts = [f"{variant_phrase(v)} {percent(agreement[f'{v}-{user}-s{seed}'])}" for v in results.variants]
     return (
-        f"Rerun's viewer with the overview of the variants: the shares of their maps' cells that agree with the truth, "
-        f"user {user}, are {listed(parts)}."
+        f"Rerun's viewer with the overview of the variants: the shares of their maps' cells, in the recorded "
+        f"scenes, that agree with the truth, user {user}, are {listed(parts)}."
     )

@@ -22,10 +22,11 @@ def acceptance(results: Results) -> Table:
         f"out and promise, or aim at, {percent(found['level'], 0)} invalid paths among those accepted at most; the "
         "last is the largest set above one threshold that keeps to it. Means and quartiles over models, intervals over "
         f"{counted(found['seeds'], 'seed')} crossed with {counted(found['scenes'], 'scene')}; a model that accepts "
-        "nothing counts as 0 %, but not under “where any is”, of which nothing is promised."
+        "nothing counts as 0 %, but not under “models that accept any”, of which nothing is promised."
     )
     header = [
-        "Model", "Judged on", "Rule", "Invalid among accepted", "95 % interval", "Where any is", "Above the promise",
+        "Model", "Judged on", "Rule", "Invalid among accepted", "95 % interval",
+        "Invalid, models that accept any", "Above the promise",
         "Valid paths accepted", "Accept nothing",
     ]  # fmt: skip
     return table("acceptance", caption, header, rows, labels=3)

@@ -74,7 +74,9 @@ def by_user(results: Results) -> Table:
         f"Accuracy and area under the ROC curve (AUROC) by user at n = {results.study_n}, means over "
         f"{counted(len(results.seeds), 'seed')}. {NONE}: not defined (one class only, or no demonstrations there)."
     )
-    header = [h for s in results.splits for h in (split_label(s), "AUROC")]
+    header = [
+        h for s in results.splits for h in (split_label(s), f"AUROC: {split_label(s)[0].lower()}{split_label(s)[1:]}")
+    ]
     return table("accuracy_by_user", caption, ["User", "Variant", *header], rows, labels=2)
 
 
@@ -113,5 +115,5 @@ def calibration(results: Results) -> Table:
         f"Calibration at n = {results.study_n}, seeds and users {listed(results.judged_users)} pooled: expected "
         "calibration error (ECE) and Brier score; 0 is ideal for both."
     )
-    header = ["Variant", *(h for s in results.splits for h in (f"{split_label(s)}: ECE", "Brier"))]
+    header = ["Variant", *(h for s in results.splits for h in (f"{split_label(s)}: ECE", f"{split_label(s)}: Brier"))]
     return table("calibration", caption, header, rows)

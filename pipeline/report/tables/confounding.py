@@ -2,7 +2,7 @@
 
 from pipeline.report.results import Results
 from pipeline.report.table import Cell, Table, table
-from pipeline.report.wording import NONE, counted, percent, signed, variant_label
+from pipeline.report.wording import NONE, counted, listed, percent, signed, variant_label
 from pipeline.table.layout import SYMBOLS
 
 
@@ -41,9 +41,15 @@ def worlds(results: Results) -> Table:
                         f"{tally['right']} of {tally['cells']}",
                     ]
                 )  # fmt: skip
+    worlds = [
+        f"{name} {world['together']:g}, {100 * world['gap_m'][0]:g}–{100 * world['gap_m'][1]:g}"
+        for name, world in found["worlds"].items()
+    ]
     caption = (
         "Models by the world they were fitted in: accuracy in new scenes of the confounded world, of its control and "
-        f"of the ordinary one, and verdicts that are right (of both users). {counted(found['seeds'], 'seed')}."
+        f"of the ordinary one, and verdicts that are right (of both users, so in each of their rows). Chance that "
+        f"one cause lays a plate and a glass beside it, and their gap [cm]: {listed(worlds)}. "
+        f"{counted(found['seeds'], 'seed')}."
     )
     header = ["World", "Model", "User", *(f"In {pool} scenes" for pool in _POOLS), "Verdicts right"]
     return table("worlds", caption, header, rows, labels=3)

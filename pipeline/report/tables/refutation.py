@@ -18,7 +18,9 @@ def refuters(results: Results) -> Table:
         for name, r in ((name, results.refutation["said"][name]) for name in results.refuters)
     ]
     caption = "What should have no effect, the question it serves, and how to read it."
-    return table("refuters", caption, ["Refuter", "What is done", "Question", "Null hypothesis", "p"], rows, labels=1)
+    return table(
+        "refuters", caption, ["Refuter", "What is done", "Question", "Null hypothesis", "How to read p"], rows, labels=1
+    )
 
 
 def refuted(results: Results) -> Table:
@@ -29,14 +31,15 @@ def refuted(results: Results) -> Table:
         shown = []
         for name in results.refuters:
             t = found["tallies"][name].get(variant)
-            shown.append(NONE if t is None else f"{t['effect']} of {t['cells']}")
+            left = f", {t['inconclusive']} open" if t and t["inconclusive"] else ""
+            shown.append(NONE if t is None else f"{t['effect']} of {t['cells']}{left}")
         half = found["halves"][variant]
         rows.append([variant_label(variant), *shown, f"{percent(half['same'])} ({percent(half['least'], 0)})"])
     caption = (
-        "Verdicts “effect” under each refuter, where there should be none, a cell being a user and a symbol "
-        f"({counted(found['seeds'], 'seed')}, the first {counted(_scenes(results), 'scene')}). Last: how often a "
-        "random half of the scenes leads to the verdict of all of them, on average over the cells (and in the cell "
-        "where it does least often)."
+        "Cells, a user and a symbol each, in which a refuter finds an effect where there should be none, or on another "
+        f"table another effect; open: inconclusive ({counted(found['seeds'], 'seed')}, the first "
+        f"{counted(_scenes(results), 'scene')}). Last: how often a random half of all scenes that were intervened on "
+        "leads to the verdict of all of them, on average over the cells (and in the cell where it does least often)."
     )
     header = ["Variant", *(refuter_label(name) for name in results.refuters), "Half of the scenes"]
     return table("refuted", caption, header, rows)

@@ -61,8 +61,8 @@ def repair_detail(results: Results) -> Table:
                 )
     caption = (
         "Repairs in detail. Fooled: the model calls the end valid and it is not. Abstained: the model itself calls the "
-        "end invalid. Ratio: mean displacement of the control point over that of the nearest valid path; "
-        f"1 is ideal. Means over {counted(len(results.seeds), 'seed')}."
+        "end invalid. Ratio: mean displacement of the control point over that of the nearest valid path, failures "
+        f"included: to be read beside success. Means over {counted(len(results.seeds), 'seed')}."
     )
     header = ["User", "Method", "Success", "Fooled", "Abstained", "Moved [m]", "Ratio"]
     return table("repair_detail", caption, header, rows, labels=2)

@@ -8,6 +8,7 @@ from pipeline.report.wording import (
     counted,
     disturbance_label,
     listed,
+    percent,
     percent_spread,
     signed,
     strength_label,
@@ -31,6 +32,25 @@ def robustness(results: Results) -> Table:
         "it, in percentage points (95 % intervals over seeds and scenes)."
     )
     return table("robustness", caption, ["Disturbance", "Level", *map(variant_label, variants)], rows, labels=2)
+
+
+def accepted(results: Results) -> Table:
+    """How many invalid paths are accepted, as it is and at every strength of every disturbance."""
+    found, variants = results.robustness, [*results.variants, NULL]
+
+    def shares(models: dict) -> list[str]:
+        return [percent(models[v]["false_accepts"]) if v in models else NONE for v in variants]
+
+    rows: list[list[str | Cell]] = [[disturbance_label("as_is"), NONE, *shares(found["undisturbed"]["models"])]]
+    for name in found["order"]:
+        for level in found["disturbed"][name]:
+            rows.append([disturbance_label(name), strength_label(name, level["strength"]), *shares(level["models"])])
+    caption = (
+        "Of the invalid paths, those accepted (P > 0.5): means over "
+        f"{counted(found['seeds'], 'seed')}, {listed(found['users'])} users and the same scenes."
+    )
+    header = ["Disturbance", "Level", *map(variant_label, variants)]
+    return table("robustness_accepted", caption, header, rows, labels=2)
 
 
 def _change(cell: dict | None) -> str:

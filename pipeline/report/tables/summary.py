@@ -1,5 +1,6 @@
 """Every model at a glance, and the world they were fitted in."""
 
+from pipeline.report.claims import free_right
 from pipeline.report.results import Results
 from pipeline.report.table import Cell, Table, table
 from pipeline.report.wording import (
@@ -29,8 +30,9 @@ def models(results: Results) -> Table:
             ]
         )  # fmt: skip
     known, nothing = scores["null_position"]["new_items"], [NONE for _ in repaired]
+    free = f"{free_right(results)} of {results.intervention['verdicts'][results.main]['cells']}"
     rows.append(
-        [variant_label("null_position"), percent(known[few]["mean"]), percent(known[many]["mean"]), *nothing, NONE]
+        [variant_label("null_position"), percent(known[few]["mean"]), percent(known[many]["mean"]), *nothing, free]
     )
     detours = [anchor[u] for u in repaired]
     moved = [f"{percent(c['null_constant'])} ({c['null_constant_displacement_ratio']:.1f})" for c in detours]
@@ -38,7 +40,8 @@ def models(results: Results) -> Table:
     caption = (
         "Every model in new scenes with unseen items: accuracy (mean of the users "
         f"{listed(results.judged_users)}), success of repairs by a search that stays near the start (in brackets how "
-        "far they move, over the least that would do) and causal verdicts that are right; means over "
+        "far they move, over the least that would do) and causal verdicts that are right (whoever ignores the "
+        "picture is, wherever there is no effect); means over "
         f"{counted(len(results.seeds), 'seed')}, "
         f"n = {results.study_n} unless said. The last rows never look at the image."
     )
