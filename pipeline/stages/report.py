@@ -27,6 +27,7 @@ from pipeline.report.style import pdf, png
 from pipeline.report.table import to_csv, to_markdown, to_tex
 from pipeline.report.tables import all_tables
 from pipeline.report.wording import listed
+from pipeline.spec.clearance import SHARPENING
 from pipeline.table.layout import SYMBOLS
 
 FEW = 5  # seeds below which the page says that its numbers mean nothing
@@ -163,6 +164,7 @@ def _facts(cfg: DictConfig, results: Results) -> dict[str, object]:
         "panel_scenes": cfg.report.panel_scenes,
         "smallest": SMALLEST_EFFECT,
         "evaluations": cfg.search.evaluations,
+        "sharpening": SHARPENING,
     }
 
 
