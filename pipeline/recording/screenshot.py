@@ -34,7 +34,7 @@ def read_png(path: Path) -> Screenshot:
         with Image.open(path, formats=["PNG"]) as image:
             said = image.info
             return Screenshot(image.convert("RGB"), said[RECORDING], said[CONTENTS])
-    except (UnidentifiedImageError, OSError, KeyError) as error:
+    except (UnidentifiedImageError, Image.DecompressionBombError, OSError, KeyError) as error:
         raise InputError(
             f"{path} is not a picture of a recording ({error}): run `make pictures` to draw it anew"
         ) from error

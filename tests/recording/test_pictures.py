@@ -42,6 +42,21 @@ def test_any_other_png_is_refused(tmp_path: Path):
         read_png(tmp_path / "other.png")
 
 
+@pytest.mark.parametrize("kept", [0, 20, 200])
+def test_a_picture_cut_off_is_refused(tmp_path: Path, kept: int):
+    (tmp_path / "cut.png").write_bytes((ROOT / SHOWN[0][1]).read_bytes()[:kept])
+    with pytest.raises(InputError, match=r"cut\.png is not a picture of a recording"):
+        read_png(tmp_path / "cut.png")
+
+
+def test_a_picture_that_would_fill_the_memory_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    shot = Screenshot(Image.new("RGB", (300, 200)), "overview", "1234")
+    write_png(tmp_path / "vast.png", shot)
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 1000)
+    with pytest.raises(InputError, match=r"vast\.png is not a picture of a recording .*decompression bomb"):
+        read_png(tmp_path / "vast.png")
+
+
 @pytest.mark.parametrize("path", [path for _, path in SHOWN])
 def test_a_picture_is_not_blank(path: str):
     pixels = np.asarray(read_png(ROOT / path).image)
