@@ -94,12 +94,9 @@ def validate(cfg: DictConfig) -> None:
         need(whole(n, 1, MAX_N), "n", n, f"whole numbers from 1 to {MAX_N}")
     need(len(cfg.n) > 0 and len(set(cfg.n)) == len(cfg.n), "n", list(cfg.n), "at least one value, each once")
     need(cfg.study_n in cfg.n, "study_n", cfg.study_n, f"one of n = {list(cfg.n)}")
-    need(
-        all(whole(step, 0) for step in cfg.snapshots) and len(set(cfg.snapshots)) == len(cfg.snapshots),
-        "snapshots",
-        list(cfg.snapshots),
-        "whole numbers from 0, each once",
-    )
+    steps = OmegaConf.to_container(cfg)["checkpoints"]  # pyright: ignore
+    each_once = isinstance(steps, list) and all(whole(step, 0) for step in steps) and len(set(steps)) == len(steps)
+    need(each_once, "checkpoints", steps, "a list of whole numbers from 0, each once")
     need(
         whole(cfg.demos.per_scene, max(cfg.n), MAX_N),
         "demos.per_scene",

@@ -23,7 +23,7 @@ def weights_path(directory: Path, user: str, seed: int, n: int, step: int | None
     name = f"{user}-s{seed}-n{n}"
     if step is None:
         return directory / "weights" / f"{name}.safetensors"
-    return directory / "snapshots" / f"{name}-step{step:05d}.safetensors"
+    return directory / "checkpoints" / f"{name}-step{step:05d}.safetensors"
 
 
 def save_model(directory: Path, model: Specification, user: str, seed: int, n: int) -> None:

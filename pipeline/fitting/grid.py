@@ -22,10 +22,11 @@ from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.parallel import map_jobs
 from pipeline.params import InputError
 from pipeline.spec.specification import Specification, untrained
-from pipeline.spec.training import Diary, job_seed, never_varies
+from pipeline.spec.training import Checkpoints, job_seed, never_varies
 
 KEY = ["seed", "user", "n"]
-Fit = Callable[..., list[np.ndarray]]  # (models, images, z_theta, valid, seeds=, diary=) -> learning curves; picklable
+# (models, images, z_theta, valid, seeds=, checkpoints=) -> learning curves; picklable
+Fit = Callable[..., list[np.ndarray]]
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class Job:
     pools: dict[str, str]  # split -> pool of scenes that judges it
     scenes_dir: str
     demos_dir: str
-    snapshots: tuple[int, ...]  # steps before which its weights are kept as well
+    checkpoints: tuple[int, ...]  # steps before which its weights are kept as well
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class Fitted:
 
     job: Job
     weights: dict[str, np.ndarray]
-    snapshots: dict[int, dict[str, np.ndarray]]  # step -> weights
+    checkpoints: dict[int, dict[str, np.ndarray]]  # step -> weights
     curve: np.ndarray  # (point, column)
     predictions: dict[str, np.ndarray]  # split -> (scene, query)
 
@@ -88,8 +89,8 @@ def fit_variant(
 ) -> None:
     """Fit `cfg.variant` for every seed, user and n, `at_once` together, and write its files under `out_dir` at the end.
 
-    `columns`: of the learning curves, the first one `step`. Files: weights/, snapshots/ (study_n's models before
-    each step of `cfg.snapshots`), predictions.parquet, curves.parquet, curves.csv (mean over seeds) and metrics.json.
+    `columns`: of the learning curves, the first one `step`. Files: weights/, checkpoints/ (study_n's models before
+    each step of `cfg.checkpoints`), predictions.parquet, curves.parquet, curves.csv (mean over seeds) and metrics.json.
     """
     jobs = _jobs(cfg, settings, kind, fit)
     queries = _check_inputs(jobs)
@@ -98,9 +99,9 @@ def fit_variant(
     fitted = [by_key[_key(job)] for job in jobs]
     predictions = pd.concat([_prediction_rows(f, queries) for f in fitted], ignore_index=True)
     curves = pd.concat([_curve_rows(f, columns) for f in fitted], ignore_index=True)
-    (out_dir / "snapshots").mkdir(parents=True, exist_ok=True)  # even where no model has any
+    (out_dir / "checkpoints").mkdir(parents=True, exist_ok=True)  # even where no model has any
     for f in fitted:
-        for step, weights in {None: f.weights, **f.snapshots}.items():
+        for step, weights in {None: f.weights, **f.checkpoints}.items():
             path = weights_path(out_dir, f.job.user, f.job.seed, f.job.n, step)
             save_weights(path, {name: torch.from_numpy(value) for name, value in weights.items()})
     write_table(out_dir / "predictions.parquet", predictions)
@@ -127,7 +128,7 @@ def _jobs(cfg: DictConfig, settings: dict, kind: type[Specification], fit: Fit) 
         Job(
             seed, user, n, cfg.variant, settings, kind, fit,
             {split: pool or train_pool(seed) for split, pool in cfg.protocol.splits.items()},
-            cfg.paths.scenes, cfg.paths.demos, tuple(cfg.snapshots) if n == cfg.study_n else (),
+            cfg.paths.scenes, cfg.paths.demos, tuple(cfg.checkpoints) if n == cfg.study_n else (),
         )
         for seed in seeds for user in cfg.users for n in cfg.n
     ]  # fmt: skip
@@ -178,13 +179,13 @@ def _run(batch: list[Job]) -> list[Fitted]:
     models = [untrained(job.kind, job.settings["model"], seed) for job, seed in zip(batch, seeds, strict=True)]
     images = [scenes.images[train_pool(job.seed)] for job in batch]
     z, valid = zip(*(demo_arrays(demos, job.seed, job.user, job.n) for job in batch), strict=True)
-    diary = Diary(step for job in batch for step in job.snapshots)
-    curves = batch[0].fit(models, images, z, valid, seeds=seeds, diary=diary)
+    checkpoints = Checkpoints(step for job in batch for step in job.checkpoints)
+    curves = batch[0].fit(models, images, z, valid, seeds=seeds, checkpoints=checkpoints)
     fitted = []
     for job, model, curve in zip(batch, models, curves, strict=True):
         judged = {split: model.probability(scenes.images[pool], queries[pool].z) for split, pool in job.pools.items()}
         weights = {name: value.numpy() for name, value in model.state_dict().items()}
-        on_the_way = diary.of(model) if job.snapshots else {}
+        on_the_way = checkpoints.of(model) if job.checkpoints else {}
         fitted.append(Fitted(job, weights, on_the_way, curve, judged))
     return fitted
 

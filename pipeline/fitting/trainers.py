@@ -106,5 +106,5 @@ def _trainer(cfg: DictConfig, variant: str) -> tuple[type[Specification], Fit]:
             float(i.sparsity), i.across, jitter,
         )  # fmt: skip
         return RewardMap, partial(one_by_one, irl.fit, objective=v.objective, schedule=schedule)
-    schedule = clearance.Schedule(p.steps, float(p.rate), float(p.weight_decay), p.curve_every, float(p.prior))
+    schedule = Schedule(p.steps, float(p.rate), float(p.weight_decay), p.curve_every)
     return clearance.ClearanceModel, partial(one_by_one, clearance.fit, schedule=schedule)

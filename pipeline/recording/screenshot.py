@@ -1,5 +1,6 @@
 """A picture of a recording as a file: PNG, whose text says which recording it shows and what that held."""
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,7 +26,9 @@ def write_png(path: Path, shot: Screenshot) -> None:
     said = PngInfo()
     said.add_text(RECORDING, shot.recording)
     said.add_text(CONTENTS, shot.contents)
-    shot.image.save(path, "PNG", optimize=True, pnginfo=said)
+    temporary = path.with_name(f".part-{path.name}")
+    shot.image.save(temporary, "PNG", optimize=True, pnginfo=said)
+    os.replace(temporary, path)
 
 
 def read_png(path: Path) -> Screenshot:

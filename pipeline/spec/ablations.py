@@ -99,25 +99,12 @@ class _NothingUnseen(ClearanceModel):
         self.clear.requires_grad_(False)
 
 
-class _Worst(ClearanceModel):
-    """Of all things, the one that threatens a path most decides alone."""
-
-    def log_valid(self, percept, clearances) -> Tensor:
-        clear = F.logsigmoid(self.clear)[:, None, None]
-        alone = [
-            super(_Worst, self).log_valid(percept[:, i : i + 1], clearances[..., i : i + 1]) - clear
-            for i in range(clearances.shape[-1])
-        ]
-        return torch.stack(alone).amin(0) + clear
-
-
 @dataclass(frozen=True)
 class Ablation:
-    """Another class, or other settings: of the model (conf/variants/path) and of its training (conf/path)."""
+    """Another class, or other settings of the model (conf/variants/path)."""
 
     kind: type[ClearanceModel] = ClearanceModel
     model: Mapping[str, int] = field(default_factory=dict)
-    schedule: Mapping[str, float] = field(default_factory=dict)
 
 
 ABLATIONS = {
@@ -127,10 +114,8 @@ ABLATIONS = {
     "no_squares": Ablation(_NoSquares),
     "discs": Ablation(_Discs),
     "no_margin": Ablation(_NoMargin),
-    "worst": Ablation(_Worst),
     "nothing_unseen": Ablation(_NothingUnseen),
     "one_member": Ablation(model={"members": 1}),
     "no_sharpening": Ablation(_NoSharpening),
     "no_evidence": Ablation(_NoEvidence),
-    "no_prior": Ablation(schedule={"prior": 1e3}),
 }

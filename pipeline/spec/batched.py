@@ -16,7 +16,7 @@ from torch.func import functional_call, stack_module_state, vmap
 
 from pipeline.spec.losses import Terms, Weights, equation_1
 from pipeline.spec.specification import to_tensor
-from pipeline.spec.training import Diary, Schedule, fit_varied, padded, shares
+from pipeline.spec.training import Checkpoints, Schedule, fit_varied, padded, shares
 from pipeline.spec.vae import VaeSpecification
 
 AT_ONCE = 128  # models: about 4 GB of activations in the paper's size
@@ -46,17 +46,17 @@ def fit_batch(
     weights: Weights,
     schedule: Schedule,
     seeds: Sequence[int],
-    diary: Diary | None = None,
+    checkpoints: Checkpoints | None = None,
 ) -> list[Float[Array, "point 5"]]:
     """Train models in place on `device()`, each on its demonstrations [m]; their learning curves (`CURVE`).
 
     Model by model what `training.fit` does, which also sees to demonstrations that are all valid or all invalid.
     """
     with torch.backends.cudnn.flags(enabled=True, deterministic=True, allow_tf32=False):
-        return fit_varied(_descend, models, images, z_theta, valid, weights, schedule, seeds, diary)
+        return fit_varied(_descend, models, images, z_theta, valid, weights, schedule, seeds, checkpoints)
 
 
-def _descend(models, images, z_theta, valid, weights, schedule, seeds, diary) -> list[Float[Array, "point 5"]]:
+def _descend(models, images, z_theta, valid, weights, schedule, seeds, checkpoints) -> list[Float[Array, "point 5"]]:
     """The gradient descent of all models; a point of a curve is the loss before that many updates."""
 
     def stacked(tensors: Sequence[torch.Tensor]) -> torch.Tensor:
@@ -73,9 +73,9 @@ def _descend(models, images, z_theta, valid, weights, schedule, seeds, diary) ->
     losses = vmap(lambda own, *data: functional_call(loss, own, data))
     curve = []
     for step in range(schedule.steps):
-        if step in diary.steps:
+        if step in checkpoints.steps:
             _hand_over(parameters, models)
-            diary.note(step, *models)
+            checkpoints.keep(step, *models)
         noise = stacked([torch.randn(x.shape[1], models[0].latent, generator=generator) for generator in generators])
         terms = losses(parameters, x, z, labels, noise, share)  # (model) each
         optimiser.zero_grad()

@@ -7,8 +7,6 @@ so, a path is as likely to be valid as any other.
 Turning or reflecting table and path together changes neither, so the task's symmetries hold exactly.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import torch
 import torch.nn.functional as F
@@ -17,10 +15,9 @@ from numpy import ndarray as Array
 from scipy.stats import entropy
 from torch import Tensor, nn
 
-from pipeline.spec import training
 from pipeline.spec.specification import Specification, to_tensor
 from pipeline.spec.things import FEATURES, find
-from pipeline.spec.training import Diary, laplace, never_varies
+from pipeline.spec.training import Checkpoints, Schedule, laplace, never_varies
 from pipeline.table.bezier import P_F, P_INIT, basis
 
 SAMPLES = 160  # points along a path: 1 cm apart on the longest, so that a clearance is right within half a millimetre
@@ -32,24 +29,13 @@ CERTAIN = 1e4  # nats
 CURVE = ("step", "total")  # columns of a learning curve
 
 
-@dataclass(frozen=True)
-class Schedule(training.Schedule):
-    """How it is trained (conf/path)."""
-
-    prior: float  # standard deviation of the normal prior of each weight of relevance
-
-    def __post_init__(self):
-        super().__post_init__()
-        training.require_positive(self, "prior")
-
-
 class ClearanceModel(Specification):
-    """Several members' opinions of one user, averaged. P(valid) of each: clear * product over things of
-    (1 - relevance * closeness).
+    """Several members' opinions of one user, averaged. P(valid) of each: clear * (1 - threat), where threat is the
+    largest of the things' relevance * closeness.
 
     Their average is believed as far as the evidence goes, and else `rate`, the same for every path. These are Akaike's
-    weights of two models (Burnham and Anderson, 2002), NEEDED for the number of parameters, which the prior makes fewer
-    than there are. Without a label, nothing is believed to matter.
+    weights of two models (Burnham and Anderson, 2002), NEEDED in place of the number of parameters, for averaged
+    members fit labels less closely than the best one does. Without a label, nothing is believed to matter.
 
     `clear` is the chance that nothing that was not found stands in the way. Relevance is the logistic function of the
     thing's features, and of their squares, bounded so that things unlike the training ones stay near them. Closeness
@@ -98,7 +84,7 @@ class ClearanceModel(Specification):
         x = (UNIT * self.margin[:, None, None, None] - clearances) / (self.width.exp() + SHARPEST)[:, None, None, None]
         closeness = 0.5 + 0.5 * x / torch.sqrt(1 + x * x)
         threat = self.relevance(percept)[:, :, None, : clearances.shape[-1]] * closeness
-        return torch.log1p(-threat.clamp(max=1 - 1e-6)).sum(-1) + F.logsigmoid(self.clear)[:, None, None]
+        return torch.log1p(-threat.amax(-1).clamp(max=1 - 1e-6)) + F.logsigmoid(self.clear)[:, None, None]
 
     def relevance(self, percept: Float[Tensor, "scene thing 10"]) -> Float[Tensor, "member scene thing"]:
         """The chance that the user keeps away from each thing, by each member's opinion; 0 where there is none."""
@@ -137,13 +123,13 @@ def fit(
     valid: Bool[Array, "scene n"],
     schedule: Schedule,
     seed: int,
-    diary: Diary | None = None,
+    checkpoints: Checkpoints | None = None,
 ) -> Float[Array, "point 2"]:
     """Train `model` in place on n demonstrations [m] a scene; the learning curve (columns `CURVE`) comes back.
 
-    Each member maximises its posterior under weights of its own on the scenes, the Bayesian bootstrap's (Rubin, 1981).
+    Each member maximises its likelihood under weights of its own on the scenes, the Bayesian bootstrap's (Rubin, 1981).
     Demonstrations that never vary teach nothing: the model then answers Laplace's probability, whatever it sees.
-    `diary` keeps the weights on the way, each time with the evidence for them.
+    `checkpoints` keeps the weights on the way, each time with the evidence for them.
     """
     model.rate.fill_(laplace(valid))
     if never_varies(valid):
@@ -156,7 +142,7 @@ def fit(
         model.centre.copy_(features.mean(0))
         model.spread.copy_(features.std(0).clamp(min=1e-3))
     z, labels = torch.tensor(z_theta).float(), torch.tensor(valid)
-    curve = _ascend(model, percept, z, labels, schedule, seed, diary or Diary())
+    curve = _ascend(model, percept, z, labels, schedule, seed, checkpoints or Checkpoints())
     _weigh(model, percept, z, labels)
     return curve
 
@@ -170,22 +156,21 @@ def _weigh(model, percept, z, valid) -> None:
     model.evidence.fill_(valid.numel() * entropy([rate, 1 - rate]) - float(surprise) - NEEDED)
 
 
-def _ascend(model, percept, z, valid, schedule, seed, diary) -> Float[Array, "point 2"]:
-    """Every member's ascent of its posterior, all at once."""
-    members, n = len(model.margin), valid.numel()
+def _ascend(model, percept, z, valid, schedule, seed, checkpoints) -> Float[Array, "point 2"]:
+    """Every member's ascent of its likelihood, all at once."""
+    members = len(model.margin)
     clearances = clearance(percept, z)
     generator = torch.Generator().manual_seed(seed)
     share = torch.empty(members, len(z), 1).exponential_(generator=generator)  # of each scene
     optimiser, cycle = schedule.optimiser(model.parameters())
     curve = []
     for step in range(schedule.steps):
-        if step in diary.steps:
+        if step in checkpoints.steps:
             _weigh(model, percept, z, valid)
-            diary.note(step, model)
+            checkpoints.keep(step, model)
         log_valid = model.log_valid(percept, clearances).clamp(max=-1e-6)
         surprise = -torch.where(valid, log_valid, torch.log(-torch.expm1(log_valid)))  # (member, scene, path)
-        prior = model.weight.square().sum(1) / (2 * schedule.prior**2 * n)
-        loss = (share * surprise).mean((1, 2)) + prior
+        loss = (share * surprise).mean((1, 2))
         optimiser.zero_grad()
         loss.sum().backward()
         optimiser.step()

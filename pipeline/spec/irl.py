@@ -22,7 +22,7 @@ from pipeline.spec import training
 from pipeline.spec.jitter import Jitter, blobs, new_looks
 from pipeline.spec.reward import PICTURE, SYMMETRIES, RewardMap, against_table, contrast, transform, untransform
 from pipeline.spec.specification import to_tensor
-from pipeline.spec.training import Diary, laplace, never_varies, require_positive
+from pipeline.spec.training import Checkpoints, laplace, never_varies, require_positive
 
 OBJECTIVES = ("maxent", "ranked")
 CURVE = ("step", "total")  # columns of a learning curve
@@ -69,13 +69,13 @@ def fit(
     objective: str,
     schedule: Schedule,
     seed: int,
-    diary: Diary | None = None,
+    checkpoints: Checkpoints | None = None,
 ) -> Float[Array, "point 2"]:
     """Train `model` in place on n demonstrations [m] a scene; the learning curve (columns `CURVE`) comes back.
 
     Demonstrations that are all valid, or all invalid, leave nothing to rank and no threshold to fit: the model then
     stays untrained and accepts with Laplace's probability (N valid + 1) / (N + 2), whatever the image and path.
-    `diary` keeps the weights on the way, each time with the rule that fits them.
+    `checkpoints` keeps the weights on the way, each time with the rule that fits them.
     """
     if objective not in OBJECTIVES:
         raise ValueError(f"objective {objective!r} of a reward variant: expected one of {', '.join(OBJECTIVES)}")
@@ -85,7 +85,8 @@ def fit(
         return np.array([[0.0, 0.0]])
     looks = _looks(images.tobytes(), schedule.copies, schedule.jitter)
 
-    curve = _descend(model, np.random.default_rng(seed), looks, z_theta, valid, objective, schedule, diary or Diary())
+    rng, checkpoints = np.random.default_rng(seed), checkpoints or Checkpoints()
+    curve = _descend(model, rng, looks, z_theta, valid, objective, schedule, checkpoints)
     _settle(model, looks, z_theta, valid)
     return curve
 
@@ -104,7 +105,7 @@ def _looks(images: bytes, copies: int, jitter: Jitter) -> Float[Tensor, "copy sc
     return torch.stack(looks).permute(0, 1, 3, 4, 2).contiguous()  # colours last: quick to pick
 
 
-def _descend(model, rng, looks, z_theta, valid, objective, schedule, diary) -> Float[Array, "point 2"]:
+def _descend(model, rng, looks, z_theta, valid, objective, schedule, checkpoints) -> Float[Array, "point 2"]:
     """The gradient descent: each step sees some scenes, each in one look, all under one symmetry."""
     z = torch.from_numpy(z_theta.astype(np.float32))
     labels = torch.tensor(valid)
@@ -114,9 +115,9 @@ def _descend(model, rng, looks, z_theta, valid, objective, schedule, diary) -> F
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(int(rng.integers(2**62)))  # dropout draws from torch's global generator
         for step in range(schedule.steps):
-            if step in diary.steps:
+            if step in checkpoints.steps:
                 _settle(model.eval(), looks, z_theta, valid)
-                diary.note(step, model.train())
+                checkpoints.keep(step, model.train())
             scene = torch.from_numpy(rng.permutation(len(z))[: schedule.scenes_per_step])
             copy = torch.from_numpy(rng.integers(len(looks), size=len(scene)))
             symmetry = int(rng.integers(SYMMETRIES))

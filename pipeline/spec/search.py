@@ -18,6 +18,7 @@ from torch import Tensor
 from pipeline.spec.specification import Specification
 from pipeline.table.bezier import Z_HIGH, Z_LOW
 
+LOOKS = 2  # of `probe`: spirals, each as far as the one before has left worth looking
 DENSER = 0.7  # a probe's share of the reach is its share of the probes to this power; .5 would be even
 GOLDEN = np.pi * (3 - 5**0.5)  # [rad] between two probes: none hides behind another (Vogel, 1979)
 FASTER, SLOWER = 1.2, 0.5  # Rprop's (Riedmiller and Braun, 1993)
@@ -111,11 +112,18 @@ def search(
 
 
 def probe(objective: Objective, near: Near, rng: np.random.Generator) -> None:
-    """Look around on a sunflower's spiral, densest near the start, then climb from the best path seen."""
-    k = np.arange(near.probes)
-    radius, angle = near.reach * (k / max(near.probes - 1, 1)) ** DENSER, k * GOLDEN
-    around = torch.from_numpy(np.stack([radius * np.cos(angle), radius * np.sin(angle)], -1)).float()
-    objective.value(_inside(objective.starts[:, :, None] + around))
+    """Look around on sunflowers' spirals, densest near the start, then climb from the best path seen.
+
+    No look goes further than a certainly valid path could be better than the best one seen: there log P(valid) is 0.
+    """
+    here = objective.starts[:, :, None]
+    objective.value(here)
+    for k in np.array_split(np.arange(1, near.probes), LOOKS):
+        if len(k):
+            radius, angle = ((k - k[0] + 1) / len(k)) ** DENSER, k * GOLDEN
+            around = torch.from_numpy(np.stack([radius * np.cos(angle), radius * np.sin(angle)], -1)).float()
+            reach = (-objective.highest / near.weight).clamp(max=near.reach)
+            objective.value(_inside(here + reach[..., None, None] * around))
     _climb(objective, objective.best[:, :, None], near.evaluations - near.probes, near.step)
 
 

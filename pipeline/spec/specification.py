@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -52,8 +53,15 @@ class Specification(nn.Module, ABC):
 def untrained(kind: type[Specification], shape: Mapping[str, Any], seed: int) -> Specification:
     """A `kind` of that `shape` (its keyword arguments), its weights drawn from `seed` alone.
 
-    In eval mode; torch's global generator is left as it was.
+    In eval mode; torch's global generator is left as it was. ValueError for a keyword too many or missing.
     """
+    takes = signature(kind).parameters.values()
+    required = {p.name for p in takes if p.default is p.empty}
+    if wrong := sorted({*shape} - {p.name for p in takes} | required - {*shape}):
+        raise ValueError(
+            f"{kind.__name__} got {', '.join(shape) or 'nothing'} (`model:` in conf/variants), wrong or missing: "
+            f"{', '.join(wrong)}; it takes {', '.join(map(str, takes))}"
+        )
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         return kind(**shape).eval()

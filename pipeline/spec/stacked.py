@@ -24,7 +24,7 @@ from torch import nn
 from pipeline.spec import lanes
 from pipeline.spec.lanes import GATE, LANES, PUT, RELU
 from pipeline.spec.losses import Weights
-from pipeline.spec.training import Diary, Schedule, fit_varied, padded, shares
+from pipeline.spec.training import Checkpoints, Schedule, fit_varied, padded, shares
 from pipeline.spec.vae import SIDE, Z_CENTRE, Z_SCALE, VaeSpecification
 
 
@@ -280,7 +280,7 @@ def fit_stack(
     weights: Weights,
     schedule: Schedule,
     seeds: Sequence[int],
-    diary: Diary | None = None,
+    checkpoints: Checkpoints | None = None,
 ) -> list[Float[Array, "point 5"]]:
     """Train up to `LANES` models in place, each on its demonstrations [m]; their learning curves (`CURVE`).
 
@@ -288,10 +288,10 @@ def fit_stack(
     """
     if len(models) > LANES:
         raise ValueError(f"{len(models)} models for a stack: it holds {LANES}")
-    return fit_varied(_descend, models, images, z_theta, valid, weights, schedule, seeds, diary)
+    return fit_varied(_descend, models, images, z_theta, valid, weights, schedule, seeds, checkpoints)
 
 
-def _descend(models, images, z_theta, valid, weights, schedule, seeds, diary) -> list[Float[Array, "point 5"]]:
+def _descend(models, images, z_theta, valid, weights, schedule, seeds, checkpoints) -> list[Float[Array, "point 5"]]:
     """The gradient descent of one stack; a point of a curve is the loss before that many updates."""
     spare = [0] * (LANES - len(models))  # lanes without a model of their own do the first one's work again
     own = [*range(len(models)), *spare]
@@ -304,9 +304,9 @@ def _descend(models, images, z_theta, valid, weights, schedule, seeds, diary) ->
     optimiser, cycle = schedule.optimiser([parameter.tensor for parameter in stack.parameters()])
     curve = []
     for step in range(schedule.steps):
-        if step in diary.steps:
+        if step in checkpoints.steps:
             stack.hand_over(models)
-            diary.note(step, *models)
+            checkpoints.keep(step, *models)
         noise = [torch.randn(len(pixels), models[0].latent, generator=generator).numpy() for generator in generators]
         terms = stack.gradient(pixels, paths, labels, np.stack([noise[i] for i in own], -1))
         optimiser.step()

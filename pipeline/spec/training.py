@@ -21,7 +21,7 @@ CURVE = ("step", "reconstruction", "kl", "classification", "total")  # columns o
 
 @dataclass(frozen=True)
 class Schedule:
-    """How long and how fast (conf/train; conf/irl has more)."""
+    """How long and how fast (conf/train, conf/path; conf/irl has more)."""
 
     steps: int  # one of the VAE's sees every demonstration once
     rate: float  # AdamW's peak learning rate; OneCycle warms up to it and anneals to nearly 0
@@ -31,7 +31,9 @@ class Schedule:
     def __post_init__(self):
         require_positive(self, "steps", "rate", "curve_every")
         if not self.weight_decay >= 0:
-            raise ValueError(f"weight_decay is {self.weight_decay}: it must be 0 or more (conf/train, conf/irl)")
+            raise ValueError(
+                f"weight_decay is {self.weight_decay}: it must be 0 or more (conf/train, conf/irl, conf/path)"
+            )
 
     def optimiser(self, parameters: Iterable[Tensor]) -> tuple[AdamW, OneCycleLR]:
         """AdamW of `parameters`, and what paces it: both take a step after every gradient."""
@@ -44,18 +46,18 @@ def require_positive(schedule: Schedule, *names: str) -> None:
     for name in names:
         if not getattr(schedule, name) > 0:
             raise ValueError(
-                f"{name} is {getattr(schedule, name)}: it must be positive (conf/train, conf/irl, conf/variants)"
+                f"{name} is {getattr(schedule, name)}: it must be positive (conf/train, conf/irl, conf/path, variants)"
             )
 
 
-class Diary:
+class Checkpoints:
     """Weights of models as they were at some steps of their training, before that step's update."""
 
     def __init__(self, steps: Iterable[int] = ()):
         self.steps = frozenset(steps)
         self._states: list[tuple[nn.Module, int, dict[str, Array]]] = []
 
-    def note(self, step: int, *models: nn.Module) -> None:
+    def keep(self, step: int, *models: nn.Module) -> None:
         """Keep a copy of the models' parameters and buffers."""
         for model in models:
             state = {name: value.detach().cpu().numpy().copy() for name, value in model.state_dict().items()}
@@ -90,24 +92,24 @@ def fit(
     weights: Weights,
     schedule: Schedule,
     seed: int,
-    diary: Diary | None = None,
+    checkpoints: Checkpoints | None = None,
 ) -> Float[Array, "point 5"]:
     """Train `model` in place on n demonstrations [m] a scene; returns the learning curve (`CURVE`).
 
     Where the demonstrations never vary, the model keeps its untrained encoder and gets a constant head instead, at
     Laplace's probability.
-    `seed` draws the latent noise; torch's global generator is left alone. `diary` keeps the weights on the way.
+    `seed` draws the latent noise; torch's global generator is left alone. `checkpoints` keeps the weights on the way.
     """
     if never_varies(valid):
         model.set_constant_head(laplace(valid))
         model.eval()
         loss = weights.gamma * -np.log(max(laplace(valid), 1 - laplace(valid)))
         return np.array([[0, 0, 0, loss, loss]])
-    return _descend(model, images, z_theta, valid, weights, schedule, seed, diary or Diary())
+    return _descend(model, images, z_theta, valid, weights, schedule, seed, checkpoints or Checkpoints())
 
 
 def fit_varied(
-    descend, models, images, z_theta, valid, weights, schedule, seeds, diary
+    descend, models, images, z_theta, valid, weights, schedule, seeds, checkpoints
 ) -> list[Float[Array, "point 5"]]:
     """`fit` of several models by one `descend`, with its arguments, but for those whose labels never vary."""
     jobs = list(zip(models, images, z_theta, valid, seeds, strict=True))
@@ -119,7 +121,8 @@ def fit_varied(
     }
     if varied:
         *of_varied, own_seeds = zip(*(jobs[i] for i in varied), strict=True)
-        curves |= zip(varied, descend(*of_varied, weights, schedule, own_seeds, diary or Diary()), strict=True)
+        found = descend(*of_varied, weights, schedule, own_seeds, checkpoints or Checkpoints())
+        curves |= zip(varied, found, strict=True)
     return [curves[i] for i in range(len(jobs))]
 
 
@@ -134,7 +137,7 @@ def shares(n: Sequence[int]) -> Float[Array, "row model"]:
     return np.where(np.arange(max(n))[:, None] < n, 1 / np.array(n), 0)
 
 
-def _descend(model, images, z_theta, valid, weights, schedule, seed, diary) -> Float[Array, "point 5"]:
+def _descend(model, images, z_theta, valid, weights, schedule, seed, checkpoints) -> Float[Array, "point 5"]:
     """The gradient descent itself; a point of the curve is the loss before that many updates."""
     x = to_tensor(images)
     z = torch.from_numpy(z_theta.astype(np.float32))  # (scene, n, 2)
@@ -144,8 +147,8 @@ def _descend(model, images, z_theta, valid, weights, schedule, seed, diary) -> F
     curve: list[tuple[int, Terms]] = []
     model.train()
     for step in range(schedule.steps):
-        if step in diary.steps:
-            diary.note(step, model)
+        if step in checkpoints.steps:
+            checkpoints.keep(step, model)
         noise = torch.randn(len(x), model.latent, generator=generator)
         terms = equation_1(model, x, z, labels, weights, noise)
         optimiser.zero_grad()

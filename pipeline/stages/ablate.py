@@ -1,6 +1,6 @@
 """Stage ablate: the path model without one ingredient at a time, fitted and judged where choices are made."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
@@ -16,10 +16,10 @@ from pipeline.launch import launch
 from pipeline.parallel import map_jobs
 from pipeline.params import InputError
 from pipeline.spec.ablations import ABLATIONS
-from pipeline.spec.clearance import ClearanceModel, Schedule, fit
+from pipeline.spec.clearance import ClearanceModel, fit
 from pipeline.spec.metrics import accuracy, expected_calibration_error
 from pipeline.spec.specification import untrained
-from pipeline.spec.training import job_seed
+from pipeline.spec.training import Schedule, job_seed
 
 WHOLE, VALIDATION = "whole", "val_"
 DIGITS = 6
@@ -84,8 +84,7 @@ def _score(job: Job) -> tuple[float, float]:
     seed = job_seed(job.seed, job.user, job.n, variant)  # its own stage's, whatever is missing
     model = untrained(changed.kind, {**cfg.variants[variant].model, **changed.model}, seed)
     assert isinstance(model, ClearanceModel)
-    schedule = Schedule(p.steps, float(p.rate), float(p.weight_decay), p.curve_every, float(p.prior))
-    schedule = replace(schedule, **changed.schedule)
+    schedule = Schedule(p.steps, float(p.rate), float(p.weight_decay), p.curve_every)
     z, valid = demo_arrays(demos, job.seed, job.user, job.n)
     fit(model, scenes.images[train_pool(job.seed)], z, valid, schedule, seed)
     scores = []

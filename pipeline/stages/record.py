@@ -82,15 +82,15 @@ def believe(job: Job) -> Belief:
     of_scenes = maps(model, job.images)
     first = job.images[:1]
     by_n = {n: of_scenes[0] if other is model else maps(other, first)[0] for n, other in fitted.items()}
-    by_step = {step: maps(early, first)[0] for step, early in _snapshots(job)}
+    by_step = {step: maps(early, first)[0] for step, early in _checkpoints(job)}
     answers = [model.probability(x.images, np.tile(x.z, (len(x.images), 1, 1)))[:, 0] for x in job.examples]
     return Belief(of_scenes, tuple(steps), maps(model, job.added), by_n, by_step, tuple(answers))
 
 
-def _snapshots(job: Job) -> Iterator[tuple[int, Specification]]:
-    """The model as it was before each step of `cfg.snapshots`, of those that its training had."""
+def _checkpoints(job: Job) -> Iterator[tuple[int, Specification]]:
+    """The model as it was before each step of `cfg.checkpoints`, of those that its training had."""
     directory, which = model_dir(job.cfg, job.variant), (job.user, job.seed, job.cfg.study_n)
-    for step in sorted(job.cfg.snapshots):
+    for step in sorted(job.cfg.checkpoints):
         if weights_path(directory, *which, step).is_file():
             yield step, load_model(job.cfg, job.variant, *which, step)
 

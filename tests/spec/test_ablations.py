@@ -6,12 +6,13 @@ import torch
 from scipy.special import expit, logit
 
 from pipeline.spec.ablations import ABLATIONS
-from pipeline.spec.clearance import SHARPENING, ClearanceModel, Schedule, clearance, fit
+from pipeline.spec.clearance import SHARPENING, ClearanceModel, clearance, fit
 from pipeline.spec.specification import to_tensor, untrained
+from pipeline.spec.training import Schedule
 from pipeline.table.rules import clearance as true_clearance
 from tests.spec.test_clearance import MARGIN, scenes
 
-SHORT = Schedule(steps=30, rate=0.03, weight_decay=0.0, curve_every=10, prior=2.0)
+SHORT = Schedule(steps=30, rate=0.03, weight_decay=0.0, curve_every=10)
 Z = np.random.default_rng(1).uniform(-0.2, 1.2, (6, 10, 2))
 LAYOUTS, PICTURES = scenes(np.random.default_rng(0), 6)
 VALID = true_clearance(LAYOUTS, Z).min(-1) > MARGIN
@@ -21,7 +22,7 @@ def fitted(name: str) -> ClearanceModel:
     changed = ABLATIONS[name]
     model = untrained(changed.kind, {"members": 4, **changed.model}, 0)
     assert isinstance(model, ClearanceModel)
-    fit(model, PICTURES, Z, VALID, Schedule(**{**vars(SHORT), **changed.schedule}), seed=0)
+    fit(model, PICTURES, Z, VALID, SHORT, seed=0)
     return model
 
 
@@ -55,16 +56,6 @@ def test_discs_have_the_areas_of_the_things():
 def test_margins_and_what_is_unseen_stay_where_they_are():
     assert (fitted("no_margin").margin == 0).all() and (fitted("whole").margin != 0).all()
     assert fitted("nothing_unseen").clear.sigmoid().min() > 1 - 1e-5
-
-
-def test_the_worst_thing_decides_alone():
-    model = fitted("worst")
-    seen = model.perceive(to_tensor(PICTURES))
-    near = clearance(seen, torch.tensor(Z).float())
-    things = [(seen[:, i : i + 1], near[..., i : i + 1]) for i in range(near.shape[-1])]
-    alone = torch.stack([ClearanceModel.log_valid(model, *thing) for thing in things])
-    assert len(things) > 1
-    torch.testing.assert_close(model.log_valid(seen, near), alone.amin(0))
 
 
 def mean_of_members(model: ClearanceModel) -> np.ndarray:

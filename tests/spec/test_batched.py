@@ -9,7 +9,7 @@ import torch
 from pipeline.spec.batched import fit_batch
 from pipeline.spec.losses import equation_1
 from pipeline.spec.specification import to_tensor
-from pipeline.spec.training import Diary, Schedule, fit
+from pipeline.spec.training import Checkpoints, Schedule, fit
 from tests.spec.test_training import VARIANTS, drawn
 
 SHORT = Schedule(steps=3, rate=2e-3, weight_decay=0.01, curve_every=1)
@@ -60,12 +60,12 @@ def test_it_fits_what_the_reference_fits_and_constants_beside():
     ours, theirs = [drawn(seed) for seed in range(2)], [drawn(seed) for seed in range(2)]
     images, z_theta, valid = zip(data(0, 4), data(1, 2), strict=True)
     valid = valid[0], np.ones_like(valid[1])
-    diary, theirs_diary = Diary([2]), Diary([2])
-    curves = fit_batch(ours, images, z_theta, valid, VARIANTS["full"], SHORT, [5, 6], diary)
+    checkpoints, their_checkpoints = Checkpoints([2]), Checkpoints([2])
+    curves = fit_batch(ours, images, z_theta, valid, VARIANTS["full"], SHORT, [5, 6], checkpoints)
     for i, (model, reference) in enumerate(zip(ours, theirs, strict=True)):
-        curve = fit(reference, images[i], z_theta[i], valid[i], VARIANTS["full"], SHORT, 5 + i, theirs_diary)
+        curve = fit(reference, images[i], z_theta[i], valid[i], VARIANTS["full"], SHORT, 5 + i, their_checkpoints)
         np.testing.assert_allclose(curves[i], curve, rtol=1e-4, atol=1e-6)
-        halfway, wanted = diary.of(model), theirs_diary.of(reference)
+        halfway, wanted = checkpoints.of(model), their_checkpoints.of(reference)
         assert halfway.keys() == wanted.keys() and len(wanted) == int(i == 0)  # the second is a constant
         for step, state in wanted.items():
             for name, value in state.items():

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline.spec.clearance import ClearanceModel, Schedule, clearance, fit
+from pipeline.spec.clearance import ClearanceModel, clearance, fit
 from pipeline.spec.specification import to_tensor, untrained
-from pipeline.spec.training import Diary
+from pipeline.spec.training import Checkpoints, Schedule
 from pipeline.table.layout import Layouts
 from pipeline.table.rules import clearance as true_clearance
 from tests.spec.test_things import RED, WHITE, picture
 
-SCHEDULE = Schedule(steps=400, rate=0.03, weight_decay=0.0, curve_every=50, prior=2.0)
+SCHEDULE = Schedule(steps=400, rate=0.03, weight_decay=0.0, curve_every=50)
 MARGIN = 0.04  # metres
 
 
@@ -127,16 +127,16 @@ def test_without_evidence_every_path_is_as_likely_valid_as_any_other():
     assert spread["true"] > 0.3 and spread["shuffled"] < 0.1
 
 
-def test_a_diary_weighs_the_evidence_as_it_then_was():
+def test_checkpoints_weigh_the_evidence_as_it_then_was():
     rng = np.random.default_rng(6)
     layouts, pictures = scenes(rng, 20)
     z = rng.uniform(-0.2, 1.2, (20, 10, 2))
     valid = true_clearance(layouts, z).min(-1) > MARGIN
-    plain, kept, diary = model(), model(), Diary([0, 200, 399])
+    plain, kept, checkpoints = model(), model(), Checkpoints([0, 200, 399])
     curve = fit(plain, pictures, z, valid, SCHEDULE, seed=0)
-    assert np.array_equal(fit(kept, pictures, z, valid, SCHEDULE, 0, diary), curve)
+    assert np.array_equal(fit(kept, pictures, z, valid, SCHEDULE, 0, checkpoints), curve)
     assert all(torch.equal(a, b) for a, b in zip(plain.parameters(), kept.parameters(), strict=True))
-    evidence = [float(state["evidence"]) for state in diary.of(kept).values()]
+    evidence = [float(state["evidence"]) for state in checkpoints.of(kept).values()]
     assert evidence == sorted(evidence) and evidence[0] < evidence[1] - 10 and evidence[2] < float(kept.evidence) + 1e-3
 
 

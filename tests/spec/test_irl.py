@@ -8,7 +8,7 @@ from pipeline.spec.irl import OBJECTIVES, Schedule, fit, logistic, maxent, ranke
 from pipeline.spec.jitter import Jitter, blobs, new_looks, repaint
 from pipeline.spec.registry import build
 from pipeline.spec.reward import RewardMap
-from pipeline.spec.training import Diary
+from pipeline.spec.training import Checkpoints
 
 SHAPE = {
     "channels": 8,
@@ -113,13 +113,13 @@ def test_the_same_seed_gives_the_same_bits_and_another_does_not(objective):
 
 
 @pytest.mark.parametrize("objective", OBJECTIVES)
-def test_a_diary_keeps_the_rule_that_then_fitted_and_changes_nothing(objective):
-    plain, kept, diary = drawn(1), drawn(1), Diary([0, 6])
+def test_checkpoints_keep_the_rule_that_then_fitted_and_change_nothing(objective):
+    plain, kept, checkpoints = drawn(1), drawn(1), Checkpoints([0, 6])
     curve = on_one_thread(plain, *world(), objective, schedule(), 1)
-    assert np.array_equal(on_one_thread(kept, *world(), objective, schedule(), 1, diary), curve)
+    assert np.array_equal(on_one_thread(kept, *world(), objective, schedule(), 1, checkpoints), curve)
     for name, value in plain.state_dict().items():
         assert torch.equal(kept.state_dict()[name], value)
-    states = diary.of(kept)
+    states = checkpoints.of(kept)
     assert list(states) == [0, 6]
     rules = {(float(state["scale"]), float(state["offset"])) for state in states.values()}
     assert len(rules | {(float(kept.scale), float(kept.offset))}) == 3

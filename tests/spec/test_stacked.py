@@ -17,7 +17,7 @@ from pipeline.spec.lanes import LANES
 from pipeline.spec.losses import Weights, equation_1
 from pipeline.spec.registry import build
 from pipeline.spec.stacked import Stack, fit_stack
-from pipeline.spec.training import Diary, Schedule, fit, padded
+from pipeline.spec.training import Checkpoints, Schedule, fit, padded
 from pipeline.spec.vae import Z_CENTRE, Z_SCALE, VaeSpecification
 
 VARIANTS = {
@@ -93,13 +93,13 @@ def test_a_step_is_that_of_the_reference():
     once = Schedule(steps=4, rate=2e-3, weight_decay=0.01, curve_every=1)
     ours, theirs = drawn(1), drawn(1)
     images, z_theta, valid = data(1)
-    diary, its_diary = Diary([0, 2]), Diary([0, 2])
-    (curve,) = fit_stack([ours], [images], [z_theta], [valid], VARIANTS["full"], once, [7], diary)
-    its_curve = fit(theirs, *data(1), VARIANTS["full"], once, 7, its_diary)
+    checkpoints, its_checkpoints = Checkpoints([0, 2]), Checkpoints([0, 2])
+    (curve,) = fit_stack([ours], [images], [z_theta], [valid], VARIANTS["full"], once, [7], checkpoints)
+    its_curve = fit(theirs, *data(1), VARIANTS["full"], once, 7, its_checkpoints)
     np.testing.assert_allclose(curve, its_curve, rtol=1e-4, atol=1e-7)
-    for step, state in its_diary.of(theirs).items():
+    for step, state in its_checkpoints.of(theirs).items():
         for name, value in state.items():
-            np.testing.assert_allclose(diary.of(ours)[step][name], value, rtol=0, atol=2e-4)
+            np.testing.assert_allclose(checkpoints.of(ours)[step][name], value, rtol=0, atol=2e-4)
     for name, value in theirs.state_dict().items():
         torch.testing.assert_close(ours.state_dict()[name], value, rtol=0, atol=2e-4)  # rate x steps is 8e-3
 
@@ -127,13 +127,13 @@ def test_a_model_is_the_same_bits_whatever_the_n_of_the_others(variant, n, other
     assert curves[0].tobytes() == curve.tobytes()
 
 
-def test_a_diary_changes_nothing_and_has_every_model_of_the_stack():
+def test_checkpoints_change_nothing_and_hold_every_model_of_the_stack():
     plain, (curve, _) = stacked([3, 5])
-    models, diary = [drawn(3), drawn(5)], Diary([4])
+    models, checkpoints = [drawn(3), drawn(5)], Checkpoints([4])
     images, z_theta, valid = zip(data(3), data(5), strict=True)
-    kept, _ = fit_stack(models, images, z_theta, valid, VARIANTS["full"], SHORT, [3, 5], diary)
+    kept, _ = fit_stack(models, images, z_theta, valid, VARIANTS["full"], SHORT, [3, 5], checkpoints)
     assert np.array_equal(kept, curve) and [digest(m) for m in models] == [digest(m) for m in plain]
-    first, second = (diary.of(model)[4] for model in models)
+    first, second = (checkpoints.of(model)[4] for model in models)
     assert all(not np.array_equal(first[name], second[name]) for name in first if name.endswith("weight"))
 
 

@@ -8,7 +8,7 @@ import torch
 
 from pipeline.spec.losses import Weights
 from pipeline.spec.registry import build
-from pipeline.spec.training import CURVE, Diary, Schedule, fit, job_seed, laplace
+from pipeline.spec.training import CURVE, Checkpoints, Schedule, fit, job_seed, laplace
 from pipeline.spec.vae import VaeSpecification
 
 GOLDEN = Path(__file__).parent.parent / "golden"
@@ -118,22 +118,22 @@ def test_a_schedule_out_of_range_is_refused(name):
         Schedule(**settings)
 
 
-def test_a_diary_keeps_what_the_model_was_before_its_steps_and_changes_nothing():
+def test_checkpoints_keep_what_the_model_was_before_its_steps_and_change_nothing():
     plain, curve = trained()
-    model, diary = drawn(1), Diary([0, 19, 400])
-    assert np.array_equal(fit(model, *data(), VARIANTS["full"], SHORT, 1, diary), curve)
-    assert set(diary.of(model)) == {0, 19} and not diary.of(plain)
+    model, checkpoints = drawn(1), Checkpoints([0, 19, 400])
+    assert np.array_equal(fit(model, *data(), VARIANTS["full"], SHORT, 1, checkpoints), curve)
+    assert set(checkpoints.of(model)) == {0, 19} and not checkpoints.of(plain)
     for name, value in drawn(1).state_dict().items():
-        assert np.array_equal(diary.of(model)[0][name], value)
+        assert np.array_equal(checkpoints.of(model)[0][name], value)
     distance = [
         max(np.abs(state[name] - value.numpy()).max() for name, value in plain.state_dict().items())
-        for state in diary.of(model).values()
+        for state in checkpoints.of(model).values()
     ]
     assert 0 < distance[1] < 1e-5 < distance[0]  # the last step's rate is nearly 0
 
 
-def test_a_model_that_is_not_trained_has_no_diary():
+def test_a_model_that_is_not_trained_has_no_checkpoints():
     images, z_theta, valid = data()
-    model, diary = drawn(1), Diary([0])
-    fit(model, images, z_theta, np.ones_like(valid), VARIANTS["full"], SHORT, 1, diary)
-    assert not diary.of(model)
+    model, checkpoints = drawn(1), Checkpoints([0])
+    fit(model, images, z_theta, np.ones_like(valid), VARIANTS["full"], SHORT, 1, checkpoints)
+    assert not checkpoints.of(model)

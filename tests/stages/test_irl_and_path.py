@@ -80,7 +80,8 @@ def test_a_second_run_by_two_processes_writes_the_same_bytes(run, small_world, t
         ("irl_ranked", "variants.irl_ranked.objective=apprenticeship", "expected one of maxent, ranked"),
         ("path", "variant=irl_ranked", "not fitted by stage path: expected one of path"),
         ("path", "path.steps=0", "steps is 0"),
-        ("path", "path.prior=0", "prior is 0"),
+        ("path", "path.rate=0", "rate is 0"),
+        ("path", "+variants.path.model.leaves=3", "ClearanceModel got members, leaves"),
         ("path", "~variants.path.model", "has no model: stage path expects each of model"),
     ],
 )

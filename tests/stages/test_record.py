@@ -205,7 +205,7 @@ def test_each_n_shows_its_own_model_and_the_losses_are_those_of_the_one_shown(cf
 def test_the_map_along_the_training_is_of_the_weights_kept_then_and_of_the_model_shown_at_its_end(
     cfg: DictConfig, tmp_path: Path
 ) -> None:
-    early, cfg.snapshots = build(cfg.variants.full, 99), [0, 5]
+    early, cfg.checkpoints = build(cfg.variants.full, 99), [0, 5]
     save_weights(weights_path(model_dir(cfg, "full"), "careful", 0, cfg.study_n, 5), early.state_dict())
     main(cfg, tmp_path / "record")
     image = read_scenes(tmp_path / "scenes").images["new_items"][:1]

@@ -21,7 +21,7 @@ from pipeline.spec.vae import VaeSpecification
 from pipeline.stages.train import main
 
 SMALL = ["seeds=[0,1]", "n=[1,2]", "study_n=2", "train.steps=4", "train.curve_every=2", "workers=1"]
-SMALL += ["train.engine=stacked", "snapshots=[0,2,50]"]
+SMALL += ["train.engine=stacked", "checkpoints=[0,2,50]"]
 
 
 def config(small_world: Path, out: Path, *overrides: str):
@@ -59,7 +59,7 @@ def test_saved_weights_give_the_predictions_that_were_written(run, small_world):
 def test_weights_on_the_way_are_kept_of_the_models_studied_that_learn(run, small_world):
     cfg = config(small_world, run)
     names = {f"{u}-s{s}-n2-step{step:05d}" for u in ("careful", "normal") for s in (0, 1) for step in (0, 2)}
-    assert {path.stem for path in (run / "full" / "snapshots").iterdir()} == names
+    assert {path.stem for path in (run / "full" / "checkpoints").iterdir()} == names
     kept = load_model(cfg, "full", "careful", 1, 2, step=0)
     drawn = untrained(VaeSpecification, cfg.variants.full.model, job_seed(1, "careful", 2, "full"))
     for name, value in drawn.state_dict().items():
@@ -68,9 +68,9 @@ def test_weights_on_the_way_are_kept_of_the_models_studied_that_learn(run, small
     assert not torch.equal(later.get_parameter("mean.weight"), kept.get_parameter("mean.weight"))
 
 
-def test_without_snapshots_there_is_an_empty_folder_and_the_same_weights(run, small_world, tmp_path):
-    main(config(small_world, tmp_path, "snapshots=[]"), tmp_path / "full")
-    assert list((tmp_path / "full" / "snapshots").iterdir()) == []
+def test_without_checkpoints_there_is_an_empty_folder_and_the_same_weights(run, small_world, tmp_path):
+    main(config(small_world, tmp_path, "checkpoints=[]"), tmp_path / "full")
+    assert list((tmp_path / "full" / "checkpoints").iterdir()) == []
     assert _digests(tmp_path / "full" / "weights") == _digests(run / "full" / "weights")
 
 

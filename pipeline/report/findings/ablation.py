@@ -12,12 +12,10 @@ INGREDIENTS = {
     "no_squares": "No squares of features",
     "discs": "Things as discs, not capsules",
     "no_margin": "No margin: outlines decide",
-    "worst": "The worst thing decides alone",
     "nothing_unseen": "Nothing unseen in the way",
     "one_member": "One member, on reweighted scenes",
     "no_sharpening": "Mean not sharpened",
     "no_evidence": "Evidence not weighed",
-    "no_prior": "No prior on relevance",
 }
 
 

@@ -60,9 +60,8 @@ def _against_nulls(results: Results) -> list[str]:
     if drop > CLEAR and above < SLIGHT:
         out.append(
             f"From its training scenes to new ones with the very same items it loses {points(drop)}, and what is left "
-            f"is "
-            f"within {points(SLIGHT)} of the null or below it: the architecture mostly remembers its training scenes. "
-            "Nothing ties a place in the picture to a place on the path, so each scene is learned by heart."
+            f"is within {points(SLIGHT)} of the null or below it: what it learned is of its training scenes. "
+            "Nothing in it ties a place in the picture to a place on the path."
         )
     elif above > CLEAR:
         out.append(

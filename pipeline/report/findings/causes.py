@@ -29,7 +29,7 @@ def interventions(results: Results) -> list[str]:
         else (f"The paper prints {len(printed)} in bold, {len(printed & set(true))} of them among these.")
     )
     out = [
-        f"In truth an added item changes the mean validity by more than 0.05 in {len(true)} of {total} cells: "
+        f"In truth an added item has an effect on the mean validity in {len(true)} of {total} cells: "
         f"{listed([f'{u} and {s}' for u, s in true])}. {agree} A model that ignores the image shows no effect anywhere "
         f"and so gets {free_right(results)} of {total} verdicts right; that is the null here."
     ]  # fmt: skip

@@ -23,7 +23,7 @@ def counterfactuals(results: Results) -> list[str]:
     said = [
         f"{100 * m['error_m']:.1f} cm for the {u} user (where it is {100 * m['true_m']:.1f} cm on average)"
         for u, m in moves.items()
-        if m["error_m"] is not None
+        if m and m["error_m"] is not None
     ]
     if said:
         out.append(
@@ -45,4 +45,6 @@ def _blame(cells: dict, variant: str, users: list[str]) -> str:
             f"nearest {percent(c['null_nearest'])})"
         )
     name = variant_phrase(variant)
+    if not parts:
+        return f"No path that a single item forbids is rejected by {name}."
     return f"Where a single item forbids a path, {name} blames the right one in {listed(parts)}."

@@ -13,13 +13,13 @@ def blame(results: Results) -> Table:
             c = results.counterfactual["counterfactual"][variant][user]
             if c is None:
                 continue
-            move = c["least_move"]
+            move = c["least_move"] or {}  # none where too few cases could be moved
             right = percent_spread(c, "blame_right", "ci_low", "ci_high") if c["ci_low"] is not None else NONE
             rows.append(
                 [
                     user.capitalize(), variant_label(variant), percent(c["recall"]), right,
                     percent(c["null_nearest"]), percent(c["several_right"]), percent(c["empty_rejected"]),
-                    _number(c["pn_error"]), _number(c["ps_error"]), _cm(move["error_m"]),
+                    _number(c["pn_error"]), _number(c["ps_error"]), _cm(move.get("error_m")),
                 ]
             )  # fmt: skip
     found = results.counterfactual
