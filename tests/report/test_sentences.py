@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from pipeline.report.claims import claims
+from pipeline.report.figures.identification import draw
 from pipeline.report.findings.ablation import ablation
 from pipeline.report.findings.acceptance import acceptance
 from pipeline.report.findings.accuracy import accuracy
@@ -18,6 +19,7 @@ from pipeline.report.findings.repair import repair, searches
 from pipeline.report.findings.robustness import robustness
 from pipeline.report.findings.summary import summary
 from pipeline.report.findings.users import envelopes, identification
+from pipeline.report.pictures.users import identified
 from pipeline.report.results import Results
 from pipeline.report.tables.counterfactuals import blame
 from pipeline.report.wording import NONE
@@ -197,6 +199,21 @@ def test_a_model_farther_from_the_ideal_observer_than_the_null_is_said_to_be(res
     assert any(s.startswith("Farther") and s.endswith("the full model.") for s in said)
     assert "more often than the level of 5" in said[-1] and "the full model 40.0" in said[-1]
     assert "the normal user it names in 60.0\u00a0%, the observer in 70.0" in said[0]
+
+
+def test_where_no_scene_tells_users_apart_the_report_says_so_and_draws_no_panel_of_them(results: Results):
+    number = results.identification["telling_scenes"]
+    assert any(s.startswith(f"In the {number} scenes that tell the users apart") for s in identification(results))
+    found = copy.deepcopy(results.identification) | {"telling_scenes": 0}
+    untold = results.identified.drop(columns=[c for c in results.identified if "telling" in c])
+    alike = replace(results, identification=found, identified=untold)
+    assert "No scene tells any two users apart within 20 paths." in identification(alike)
+    variants = ["path", "null_position"]
+    assert "Middle" in identified(results, variants[:1]).caption
+    assert "Middle" not in identified(alike, variants[:1]).caption
+    for curve, panels in ((results.identified, 3), (untold, 2)):
+        for columns in (3, 1):
+            assert len(draw(curve, variants, 1 / 3, 0.05, columns).axes) == panels
 
 
 def test_a_model_is_said_to_have_learned_the_cause_only_if_it_names_no_false_one(results: Results):

@@ -12,11 +12,15 @@ IDEAL = (0, (4, 2))
 
 
 def draw(curve: pd.DataFrame, variants: list[str], chance: float, level: float, columns: int) -> Figure:
-    """Three panels over k: all scenes, telling scenes, and "none of these" (columns as stage identify writes them)."""
+    """Panels over k: all scenes, telling scenes if there are any, and "none of these"; columns as in stage identify."""
     figure = Figure((8.4, 3.5) if columns > 1 else (4.2, 8.6), layout="constrained")
-    axes = figure.subplots(3 // columns, columns, sharex=True, squeeze=False).ravel()
+    rates = {
+        name: title for name, title in (("accuracy", "All scenes"), ("telling", "Telling scenes")) if name in curve
+    }
+    shape = (1, len(rates) + 1) if columns > 1 else (len(rates) + 1, 1)
+    *known, strange = figure.subplots(*shape, sharex=True, squeeze=False).ravel()
     ideal = curve[curve["variant"] == variants[0]]
-    for ax, column, title in zip(axes, ("accuracy", "telling"), ("All scenes", "Telling scenes"), strict=False):
+    for ax, (column, title) in zip(known, rates.items(), strict=True):
         for variant in variants:
             c = curve[curve["variant"] == variant]
             ax.fill_between(c["k"], c[f"{column}_low"], c[f"{column}_high"], color=colour(variant), alpha=0.18, lw=0)
@@ -26,7 +30,6 @@ def draw(curve: pd.DataFrame, variants: list[str], chance: float, level: float, 
         ax.axhline(SURE, color=MUTED, lw=0.6)
         ax.set(title=title, ylim=(chance - 0.05, 1.02))
         ax.set_ylabel("true user is the most probable")
-    strange = axes[2]
     for variant in variants:
         c = curve[curve["variant"] == variant]
         _line(strange, c, "recognised", variant)
@@ -35,7 +38,7 @@ def draw(curve: pd.DataFrame, variants: list[str], chance: float, level: float, 
     strange.axhline(level, color=MUTED, lw=0.6)
     strange.set(title="“None of these”", ylim=(-0.02, None))
     strange.set_ylabel("share called a stranger")
-    for ax in axes:
+    for ax in (*known, strange):
         ax.title.set_horizontalalignment("center")
         ax.set_xlabel("labelled paths, k")
     handles = [Line2D([], [], color=colour(v), marker=marker(v), ms=4, lw=1.2, ls=line(v)) for v in variants]

@@ -99,7 +99,9 @@ def identification(results: Results) -> list[str]:
         f"({interval(cell)}) and stays within {points(gap[best]['all'])} of that observer at every number of paths, on "
         f"average over users; {_worst_user(cell)}.",
         f"In the {counted(found['telling_scenes'], 'scene')} that tell the users apart, it {_passes(passes[best])}; "
-        f"the observer {_passes(passes['ideal'])}.",
+        f"the observer {_passes(passes['ideal'])}."
+        if found["telling_scenes"]
+        else f"No scene tells any two users apart within {many} paths.",
     ]
     null = gap["null_position"]["all"]
     worse = [variant_phrase(v) for v in results.variants if gap[v]["all"] > null]
