@@ -14,9 +14,9 @@ from numpy import ndarray as Array
 from omegaconf import DictConfig
 
 from pipeline.fitting.grid import Fit, one_by_one
+from pipeline.fitting.rewards import reward_schedule
 from pipeline.parallel import map_jobs
 from pipeline.spec import clearance, irl
-from pipeline.spec.jitter import Jitter
 from pipeline.spec.losses import Weights
 from pipeline.spec.reward import RewardMap
 from pipeline.spec.specification import Specification, untrained
@@ -94,17 +94,13 @@ def _fit(
 
 def _trainer(cfg: DictConfig, variant: str) -> tuple[type[Specification], Fit]:
     """What a variant's own stage (train, irl or path) fits, and how."""
-    v, t, i, p = cfg.variants[variant], cfg.train, cfg.irl, cfg.path
+    v, t, p = cfg.variants[variant], cfg.train, cfg.path
     if v.stage == "train":
         weights = Weights(float(v.alpha), float(v.beta), float(v.gamma))
         schedule = Schedule(t.steps, float(t.rate), float(t.weight_decay), t.curve_every)
         return VaeSpecification, partial(fit_stack, weights=weights, schedule=schedule)
     if v.stage == "irl":
-        jitter = Jitter(**{name: float(value) for name, value in i.jitter.items()})
-        schedule = irl.Schedule(
-            v.steps, float(i.rate), float(i.weight_decay), i.curve_every, i.scenes_per_step, i.copies,
-            float(i.sparsity), i.across, jitter,
-        )  # fmt: skip
+        schedule = reward_schedule(cfg, v.steps)
         return RewardMap, partial(one_by_one, irl.fit, objective=v.objective, schedule=schedule)
     schedule = Schedule(p.steps, float(p.rate), float(p.weight_decay), p.curve_every)
     return clearance.ClearanceModel, partial(one_by_one, clearance.fit, schedule=schedule)

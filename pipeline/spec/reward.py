@@ -11,7 +11,7 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from pipeline.spec.specification import Specification
+from pipeline.spec.specification import Specification, initialise
 from pipeline.table.bezier import P_F, P_INIT, basis, lattice
 
 SAMPLES = 48  # points along a path: 2 cm apart on the longest, as fine as the map
@@ -58,6 +58,7 @@ class RewardMap(Specification):
             layers += [nn.Conv2d(channels, channels, 3, padding=2, dilation=2), nn.ReLU()]
         layers.insert(-2, nn.Dropout2d(dropout))
         self.layers = nn.Sequential(*layers, nn.Conv2d(channels, 4, 1), nn.PixelShuffle(2))  # (scene, 1, 50, 50)
+        initialise(self, no_rectifier_after=[self.layers[-2]])
         self.side = PICTURE // 2
         weights = path_weights(torch.from_numpy(lattice(lattice_side)).float(), self.side)
         self.register_buffer("paths", weights, persistent=False)  # (lattice, side * side)

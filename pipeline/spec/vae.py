@@ -10,7 +10,7 @@ from jaxtyping import Float, UInt8
 from numpy import ndarray as Array
 from torch import Tensor, nn
 
-from pipeline.spec.specification import Specification, to_tensor
+from pipeline.spec.specification import Specification, initialise, to_tensor
 
 SIDE = 100  # pixels of an image's side
 Z_CENTRE, Z_SCALE = 0.5, 0.7  # z_theta [m] is uniform on [-.2, 1.2]: this maps it to [-1, 1]
@@ -41,6 +41,8 @@ class VaeSpecification(Specification):
             nn.ReLU(),
             nn.Linear(hidden, 1),
         )
+        last = (self.mean, self.log_variance, self.decode[-2], self.classifier[-1])
+        initialise(self, no_rectifier_after=last)
         self.to(memory_format=torch.channels_last)  # pyright: ignore[reportCallIssue]
 
     def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene latent"]:

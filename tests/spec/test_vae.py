@@ -95,6 +95,29 @@ def test_the_same_seed_gives_the_same_bits_and_another_does_not():
     assert not torch.equal(first["mean.weight"], other["mean.weight"])
 
 
+def test_untrained_layers_hand_on_the_mean_square_of_what_they_are_given():
+    z_image, z_theta = torch.randn(3, 15, generator=torch.Generator().manual_seed(0)), torch.zeros(3, 2)
+    pictures = torch.rand(3, 3, 100, 100, generator=torch.Generator().manual_seed(1))
+    ratios: dict[str, list[float]] = {}
+
+    def watch(name: str, x: torch.Tensor, layers: torch.nn.Sequential) -> None:
+        given = x
+        for i, layer in enumerate(layers):
+            x = layer(x)
+            if isinstance(layer, torch.nn.ReLU):
+                ratios.setdefault(f"{name} {i}", []).append(float(x.square().mean() / given.square().mean()))
+                given = x
+
+    with torch.no_grad():
+        for seed in range(20):
+            model = drawn(seed)
+            watch("encoder", pictures, model.features)
+            watch("decoder", z_image, model.decode)
+            watch("classifier", torch.cat([z_image, z_theta], 1), model.classifier)
+    assert len(ratios) == 3 + 3 + 2
+    assert all(0.7 < np.mean(of) < 1.4 for of in ratios.values()), ratios
+
+
 def test_building_leaves_the_global_generator_alone():
     before = torch.get_rng_state()
     drawn(5)
