@@ -1,11 +1,14 @@
 """Things on a table, found in its picture without labels: whatever stands out from the table, each as a capsule.
 
 Nothing here is learned, and nothing knows a symbol: a thing is a region whose colour differs from the table's by more
-than the table itself varies. A capsule (the points within `radius` of a segment) is how robots commonly bound things.
+than the table itself varies. What is large stands out from a table smoothed widely; what is left is searched for thin
+outlines, such as a clear glass's rim, which stand out from the table close by. A capsule (the points within `radius` of
+a segment) is how robots commonly bound things.
 """
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import chain
 
 import numpy as np
 import torch
@@ -19,15 +22,16 @@ from pipeline.spec.reward import against_table
 FEATURES = ("area", "elongation", "contrast", "plain contrast")  # logarithms all
 SIDE = 100  # pixels along an edge of a picture of the 1 m table
 MOST = 12  # things kept of a scene, the largest
-BLOCK, WINDOW = (
-    4,
-    9,
-)  # pixels, blocks: the table's drift is the median of medians over 36 x 36 pixels, wider than things
+WIDELY = 4, 9  # pixels, blocks: the table's drift is the median of medians over 36 x 36 pixels, wider than things ...
+CLOSELY = 2, 3  # ... or over 6 x 6, which takes mottles off and leaves lines one or two pixels wide
 NARROW, WIDE = (1, 2, 1), (1, 4, 6, 4, 1)  # smoothing kernels
 DARKER = 0.4  # what a darkening without a change of colour counts: things cast shadows beside them
 TABLE = 3.2  # deviations [standard deviations] above which a pixel says nothing of how much the table varies
 FAINTEST = 0.002  # smallest spread of the table's colour [1 = white]
 REGION, PEAK = 4.5, 6.0  # deviations that every pixel of a thing, and one at least, exceed
+LINE = 3.0  # deviations that every pixel of a thin outline exceeds, one again PEAK
+AROUND = 2  # pixels around a thing that belong to it
+NECK = 5.0  # pixels; what is joined by less are two things
 SMALLEST = 12  # pixels; smaller regions belong to the table
 OUTLINE, RIM = 0.5, 3  # a thing ends where its contrast falls to this share of what it has in its outermost pixels
 FINER = 4  # outlines are drawn on a grid that many times finer
@@ -65,9 +69,13 @@ def _found(picture: bytes) -> list[tuple[Array, float, Array]]:
     """Ends [m], radius [m] and features of the MOST largest things in an 8-bit picture, the largest first."""
     pixels = np.frombuffer(picture, np.uint8).reshape(SIDE, SIDE, 3)
     image = pixels.transpose(2, 0, 1) / np.float32(255)
-    standing_out, edge, plain = contrasts(image)
+    standing_out, edge, lines, plain = contrasts(image)
+    regions, rest = _regions(standing_out, REGION), lines
+    for region in regions:
+        rest = np.where(ndimage.binary_dilation(region, np.ones((3, 3)), iterations=AROUND), 0, rest)
+    outlines = [*(_outline(region, edge) for region in regions), *(_outline(r, lines) for r in _regions(rest, LINE))]
     found = []
-    for mask, corner in _outlines(standing_out, edge):
+    for mask, corner in chain.from_iterable(outlines):
         rows, columns = np.nonzero(mask)
         y, x = corner[0] + (rows + 0.5) / FINER, corner[1] + (columns + 0.5) / FINER
         centre, along, radius, area, elongation = capsule(np.stack([x, SIDE - y], -1) / SIDE)
@@ -79,29 +87,33 @@ def _found(picture: bytes) -> list[tuple[Array, float, Array]]:
 
 def contrasts(
     image: Float32[Array, "3 row column"],
-) -> tuple[Float[Array, "row column"], Float[Array, "row column"], Float[Array, "row column"]]:
-    """How far each pixel is from the table: widely smoothed to find things, narrowly to outline them, and plain.
+) -> tuple[Float[Array, "row column"], ...]:
+    """How far each pixel is from the table: smoothed to find things, less so to outline them, of thin lines, and plain.
 
-    The first two are in standard deviations of the table's own variation, the last in [1 = white].
+    The first three are in standard deviations of the table's own variation, the last in [1 = white].
     """
     difference = against_table(torch.from_numpy(image)[None])[0][0].numpy()
-    difference = difference - _drift(difference)
+    difference = difference - _drift(difference, *WIDELY)
     wide, narrow = _smooth(difference, WIDE), _smooth(difference, NARROW)
     table = np.median(image.reshape(3, -1), axis=1)
     table = table / np.linalg.norm(table)
     darkening = np.minimum(np.tensordot(table, narrow, 1), 0)
     lit = narrow - (1 - DARKER) * table[:, None, None] * darkening
-    deviations = np.linalg.norm(_whitening(wide) @ wide.reshape(3, -1), axis=0).reshape(wide.shape[1:])
-    of_edges = np.linalg.norm(_whitening(narrow) @ lit.reshape(3, -1), axis=0).reshape(wide.shape[1:])
-    return deviations, of_edges, np.linalg.norm(narrow, axis=0)
+    thin = narrow - _drift(narrow, *CLOSELY)
+    deviations = (_lengths(_whitening(of_table), of) for of_table, of in ((wide, wide), (narrow, lit), (thin, thin)))
+    return *deviations, np.linalg.norm(narrow, axis=0)
 
 
-def _drift(difference: Array) -> Array:
+def _lengths(whitening: Float[Array, "3 3"], difference: Float[Array, "3 row column"]) -> Float[Array, "row column"]:
+    return np.linalg.norm(np.tensordot(whitening, difference, 1), axis=0)
+
+
+def _drift(difference: Array, block: int, window: int) -> Array:
     """How the table changes from place to place: boards, blotches, folds."""
-    blocks = difference.reshape(3, SIDE // BLOCK, BLOCK, SIDE // BLOCK, BLOCK).swapaxes(2, 3)
+    blocks = difference.reshape(3, SIDE // block, block, SIDE // block, block).swapaxes(2, 3)
     coarse = np.median(blocks.reshape(*blocks.shape[:3], -1), axis=-1)
-    coarse = ndimage.median_filter(coarse, (1, WINDOW, WINDOW), mode="reflect")
-    return ndimage.zoom(coarse, (1, BLOCK, BLOCK), order=1, grid_mode=True, mode="nearest")
+    coarse = ndimage.median_filter(coarse, (1, window, window), mode="reflect")
+    return ndimage.zoom(coarse, (1, block, block), order=1, grid_mode=True, mode="nearest")
 
 
 def _smooth(difference: Array, kernel: tuple[int, ...]) -> Array:
@@ -124,27 +136,38 @@ def _whitening(difference: Float[Array, "3 row column"]) -> Float[Array, "3 3"]:
     return whitening
 
 
-def _outlines(standing_out: Array, edge: Array) -> list[tuple[Bool[Array, "row column"], tuple[int, int]]]:
-    """Each thing's mask on the finer grid, holes filled, and the row and column of the mask's corner."""
-    labels, _ = ndimage.label(standing_out > REGION, np.ones((3, 3)))
-    outlines = []
-    for label, place in enumerate(ndimage.find_objects(labels), 1):
-        region = labels[place] == label
-        if region.sum() < SMALLEST or standing_out[place][region].max() < PEAK:
-            continue
-        corner = tuple(max(s.start - RIM, 0) for s in place)
-        window = tuple(slice(c, min(s.stop + RIM, SIDE)) for c, s in zip(corner, place, strict=True))
-        region = labels[window] == label
-        rim = region & ~ndimage.binary_erosion(region, iterations=RIM)
-        level = np.quantile(edge[window][rim], 0.7)
-        around = np.where(ndimage.binary_dilation(region, np.ones((3, 3)), iterations=2), edge[window], 0)
-        finer = ndimage.zoom(around, FINER, order=1, grid_mode=True, mode="nearest")
-        mask = ndimage.binary_fill_holes(finer > max(OUTLINE * level, AT_LEAST))
-        pieces, count = ndimage.label(mask)
-        for piece in range(1, count + 1):
-            if (pieces == piece).sum() >= SMALLEST * FINER**2:
-                outlines.append((pieces == piece, corner))
-    return outlines
+def _regions(deviations: Float[Array, "row column"], least: float) -> list[Bool[Array, "row column"]]:
+    """Connected pixels that all exceed `least`, one at least PEAK, and what they enclose."""
+    labels, count = ndimage.label(deviations > least, np.ones((3, 3)))
+    regions = (labels == label for label in range(1, count + 1))
+    return [ndimage.binary_fill_holes(r) for r in regions if r.sum() >= SMALLEST and deviations[r].max() >= PEAK]
+
+
+def _outline(
+    region: Bool[Array, "row column"], edge: Array
+) -> list[tuple[Bool[Array, "fine_row fine_column"], tuple[int, int]]]:
+    """The mask on the finer grid of each thing in a region, holes filled, and the row and column of its corner."""
+    (place,) = ndimage.find_objects(region.astype(int))
+    corner = tuple(max(s.start - RIM, 0) for s in place)
+    window = tuple(slice(c, min(s.stop + RIM, SIDE)) for c, s in zip(corner, place, strict=True))
+    region = region[window]
+    rim = region & ~ndimage.binary_erosion(region, iterations=RIM)
+    level = np.quantile(edge[window][rim], 0.7)
+    around = np.where(ndimage.binary_dilation(region, np.ones((3, 3)), iterations=AROUND), edge[window], 0)
+    finer = ndimage.zoom(around, FINER, order=1, grid_mode=True, mode="nearest")
+    pieces, count = ndimage.label(ndimage.binary_fill_holes(finer > max(OUTLINE * level, AT_LEAST)))
+    parts = chain.from_iterable(_parts(pieces == piece) for piece in range(1, count + 1))
+    return [(part, corner) for part in parts if part.sum() >= SMALLEST * FINER**2]
+
+
+def _parts(mask: Bool[Array, "fine_row fine_column"]) -> list[Bool[Array, "fine_row fine_column"]]:
+    """A mask on the finer grid, cut at its necks: each pixel goes with the wide part that is nearest."""
+    depth = ndimage.distance_transform_edt(np.pad(mask, 1))[1:-1, 1:-1]
+    wide, count = ndimage.label(depth > NECK / 2 * FINER)
+    if count < 2:
+        return [mask]
+    nearest = ndimage.distance_transform_edt(wide == 0, return_distances=False, return_indices=True)
+    return [mask & (wide[tuple(nearest)] == part) for part in range(1, count + 1)]
 
 
 _LENGTHS = np.linspace(0, 20, 2001)  # half-lengths of capsules of radius 1 ...

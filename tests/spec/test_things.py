@@ -5,6 +5,7 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import ndimage
 
 from pipeline.spec.specification import to_tensor
 from pipeline.spec.things import FINER, MOST, SIDE, capsule, find
@@ -17,7 +18,7 @@ def picture(*discs, seed=0, grain=0.02):
     y, x = np.mgrid[:SIDE, :SIDE] + 0.5
     for at_x, at_y, radius, colour in discs:
         image[np.hypot(x - SIDE * at_x, SIDE * (1 - at_y) - y) < SIDE * radius] = colour
-    return (255 * image.clip(0, 1)).round().astype(np.uint8)
+    return to_pixels(image)
 
 
 RED, WHITE = (0.8, 0.2, 0.2), (0.9, 0.9, 0.9)
@@ -57,6 +58,43 @@ def test_discs_are_found_where_they_are_largest_first():
 @pytest.mark.parametrize("seed", range(5))
 def test_nothing_is_found_on_an_empty_table(seed):
     assert not find(to_tensor(picture(seed=seed)[None])).present.any()
+
+
+def mottled(seed: int) -> np.ndarray:
+    """A table whose colour changes by a tenth within a few pixels, as granite's does, under little grain."""
+    rng = np.random.default_rng(seed)
+    blotches = ndimage.gaussian_filter(rng.standard_normal((SIDE, SIDE, 1)), (4, 4, 0), mode="reflect")
+    grain = 0.01 * rng.standard_normal((SIDE, SIDE, 3))
+    return 0.5 + 0.04 * blotches / blotches.std() + grain
+
+
+def to_pixels(image: np.ndarray) -> np.ndarray:
+    return (255 * image.clip(0, 1)).round().astype(np.uint8)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_thin_rim_is_found_on_a_mottled_table_and_nothing_else(seed):
+    image, (x, y, radius) = mottled(seed), (0.55, 0.4, 0.05)
+    assert not find(to_tensor(to_pixels(image)[None])).present.any()
+    row, column = np.mgrid[:SIDE, :SIDE] + 0.5
+    from_rim = np.abs(np.hypot(column - SIDE * x, SIDE * (1 - y) - row) - SIDE * radius)
+    things = find(
+        to_tensor(to_pixels(image + 0.12 * (from_rim < 0.75)[..., None])[None])
+    )  # no fainter than the blotches
+    assert things.present[0].sum() == 1
+    assert things.ends[0, 0].mean(0) == pytest.approx((x, y), abs=5e-3)
+    assert things.radius[0, 0] == pytest.approx(radius + 0.0075, abs=8e-3)
+
+
+@pytest.mark.parametrize("gap", [0.005, 0.01, 0.02])
+def test_discs_that_all_but_touch_are_two_things(gap):
+    radii = 0.045, 0.07
+    left = 0.35
+    right = left + sum(radii) + gap
+    things = find(to_tensor(picture((left, 0.5, radii[0], WHITE), (right, 0.5, radii[1], RED))[None]))
+    assert things.present[0].sum() == 2
+    assert things.ends[0, 0].mean(0) == pytest.approx((right, 0.5), abs=6e-3)
+    assert things.ends[0, 1].mean(0) == pytest.approx((left, 0.5), abs=6e-3)
 
 
 def test_a_faint_light_does_not_move_things():
