@@ -71,7 +71,7 @@ picture: $(READY)  ## a picture of a recording, made without a screen: RUN=full-
 pictures: $(READY)  ## the README's and the report's pictures of recordings, made without a screen
 	python -m pipeline.recording.picture overview docs/pictures/overview.png 0 scene 0
 	python -m pipeline.recording.picture path-careful-s0 docs/pictures/repairs.png
-	python -m pipeline.recording.picture full-careful-s0 docs/pictures/learning.png 5 train_step 1000
+	python -m pipeline.recording.picture full-careful-s0 docs/pictures/learning.png 5 train_step 500
 	dvc repro report
 
 lint: $(READY)  ## format and lint in place

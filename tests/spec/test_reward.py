@@ -109,6 +109,12 @@ def test_the_symmetries_differ():
     assert len({transform(maps(), s).numpy().tobytes() for s in range(SYMMETRIES)}) == SYMMETRIES
 
 
+def test_the_untrained_map_varies_about_as_much_as_what_is_seen():
+    seen = torch.randn(2, 4, 100, 100, generator=torch.Generator().manual_seed(4), dtype=torch.float64)
+    raw = torch.cat([drawn(seed).layers(seen) for seed in range(40)])
+    assert 0.7 < float(raw.square().mean() / seen.square().mean()) < 1.4  # layers hand on the mean square
+
+
 def test_a_turned_picture_gives_the_turned_map():
     model = drawn()
     seen = contrast(*against_table(to_tensor(pictures()))).double()

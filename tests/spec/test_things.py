@@ -61,7 +61,7 @@ def test_nothing_is_found_on_an_empty_table(seed):
 
 
 def mottled(seed: int) -> np.ndarray:
-    """A table whose colour changes by a tenth within a few pixels, as granite's does, under little grain."""
+    """A table with blotches a few pixels wide, of standard deviation .04 [1 = white], under little grain."""
     rng = np.random.default_rng(seed)
     blotches = ndimage.gaussian_filter(rng.standard_normal((SIDE, SIDE, 1)), (4, 4, 0), mode="reflect")
     grain = 0.01 * rng.standard_normal((SIDE, SIDE, 3))
@@ -78,9 +78,8 @@ def test_a_thin_rim_is_found_on_a_mottled_table_and_nothing_else(seed):
     assert not find(to_tensor(to_pixels(image)[None])).present.any()
     row, column = np.mgrid[:SIDE, :SIDE] + 0.5
     from_rim = np.abs(np.hypot(column - SIDE * x, SIDE * (1 - y) - row) - SIDE * radius)
-    things = find(
-        to_tensor(to_pixels(image + 0.12 * (from_rim < 0.75)[..., None])[None])
-    )  # no fainter than the blotches
+    ring = 0.12 * (from_rim < 0.75)[..., None]  # three standard deviations of the blotches
+    things = find(to_tensor(to_pixels(image + ring)[None]))
     assert things.present[0].sum() == 1
     assert things.ends[0, 0].mean(0) == pytest.approx((x, y), abs=5e-3)
     assert things.radius[0, 0] == pytest.approx(radius + 0.0075, abs=8e-3)
@@ -95,6 +94,19 @@ def test_discs_that_all_but_touch_are_two_things(gap):
     assert things.present[0].sum() == 2
     assert things.ends[0, 0].mean(0) == pytest.approx((right, 0.5), abs=6e-3)
     assert things.ends[0, 1].mean(0) == pytest.approx((left, 0.5), abs=6e-3)
+
+
+def test_a_disc_with_a_thin_handle_is_one_thing():
+    x, y, radius, _ = DISCS[0]
+    image = picture(DISCS[0])
+    image[round(SIDE * (1 - y)) - 1 : round(SIDE * (1 - y)) + 2, round(SIDE * x) : round(SIDE * (x + 0.25))] = (
+        204,
+        51,
+        51,
+    )
+    things = find(to_tensor(image[None]))
+    assert things.present[0].sum() == 1
+    assert np.ptp(things.ends[0, 0, :, 0]) + 2 * things.radius[0, 0] > 2.2 * radius  # the handle is part of it
 
 
 def test_a_faint_light_does_not_move_things():

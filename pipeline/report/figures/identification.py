@@ -9,14 +9,13 @@ from pipeline.report.wording import variant_label
 
 SURE = 0.99
 IDEAL = (0, (4, 2))
+RATES = {"accuracy": "All scenes", "telling": "Telling scenes"}
 
 
 def draw(curve: pd.DataFrame, variants: list[str], chance: float, level: float, columns: int) -> Figure:
-    """Panels over k: all scenes, telling scenes if there are any, and "none of these"; columns as in stage identify."""
+    """Panels over k: all scenes, telling ones if there are two, and "none of these"; columns as in stage identify."""
     figure = Figure((8.4, 3.5) if columns > 1 else (4.2, 8.6), layout="constrained")
-    rates = {
-        name: title for name, title in (("accuracy", "All scenes"), ("telling", "Telling scenes")) if name in curve
-    }
+    rates = {name: title for name, title in RATES.items() if name in curve}
     shape = (1, len(rates) + 1) if columns > 1 else (len(rates) + 1, 1)
     *known, strange = figure.subplots(*shape, sharex=True, squeeze=False).ravel()
     ideal = curve[curve["variant"] == variants[0]]

@@ -101,7 +101,7 @@ def identification(results: Results) -> list[str]:
         f"In the {counted(found['telling_scenes'], 'scene')} that tell the users apart, it {_passes(passes[best])}; "
         f"the observer {_passes(passes['ideal'])}."
         if found["telling_scenes"]
-        else f"No scene tells any two users apart within {many} paths.",
+        else f"In no scene do {many} paths nearly always tell every two users apart.",
     ]
     null = gap["null_position"]["all"]
     worse = [variant_phrase(v) for v in results.variants if gap[v]["all"] > null]

@@ -41,14 +41,12 @@ def identified(results: Results, shown: list[str]) -> Picture:
         f"Share of demonstrators recognised after {_paths(last)} labelled paths: {listed(parts)}; an observer who "
         f"knows the rules {percent(ideal)}."
     )
-    middle = (
-        f"Middle: the {counted(found['telling_scenes'], 'scene')} in which {_paths(last)} paths nearly always tell any "
-        "two users apart. "
-    )
+    told = f"{counted(found['telling_scenes'], 'scene')} in which {_paths(last)} paths nearly always tell any two users"
+    middle = f"Middle: the {told} apart. " if "telling" in results.identified else ""
     caption = (
         f"Left: how often the true one of the {len(results.users)} users is the most probable, after k labelled paths "
         f"in one of {found['scenes']} new scenes; bands are 95 % intervals. "
-        f"{middle if 'telling' in results.identified else ''}Right: how often a user who "
+        f"{middle}Right: how often a user who "
         "minds plates only is called none of these (lines with marks), and how often a known one is (dotted), "
         f"at a level of {percent(found['level'], 0)} (thin line)."
     )

@@ -86,7 +86,7 @@ def identification(results: Results) -> Table:
     caption = (
         f"Which of {counted(len(results.users), 'user')} labelled k paths in a new scene: accuracy with its 95 % "
         "interval over seeds and scenes; the largest gap to an observer who knows the rules, over all k; the k from "
-        "which accuracy passes 99 % in telling scenes. Last, after "
+        f"which accuracy passes 99 % in telling scenes ({NONE}: never, or there are none). Last, after "
         f"{many[1:]} paths: strangers called none of these, and known users called so. "
         f"{counted(len(results.seeds), 'seed')}, {counted(found['scenes'], 'scene')}."
     )
