@@ -1,5 +1,7 @@
 """Facts about Eq. 1: its terms, their reductions and their gradients."""
 
+import copy
+
 import pytest
 import torch
 from torch.distributions import Normal, kl_divergence
@@ -136,8 +138,8 @@ def test_classifiers_decoder_gets_no_gradient(model, batch):
 
 def test_float32_agrees_with_float64(model, batch):
     images, z_theta, valid, noise = batch
+    single = copy.deepcopy(model).float()
     equation_1(model, images, z_theta, valid, FULL, noise).total.backward()
-    single = drawn()
     equation_1(single, images.float(), z_theta.float(), valid, FULL, noise.float()).total.backward()
     for name, parameter in single.named_parameters():
         exact = model.get_parameter(name).grad
