@@ -31,11 +31,17 @@ FAINTEST = 0.002  # smallest spread of the table's colour [1 = white]
 REGION, PEAK = 4.5, 6.0  # deviations that every pixel of a thing, and one at least, exceed
 LINE = 3.0  # deviations that every pixel of a thin outline exceeds, one again PEAK
 AROUND = 2  # pixels around a thing that belong to it
-NECK = 5.0  # pixels; what is joined by less are two things
+NECK = 5.0  # pixels; wide parts joined by less are things of their own
 SMALLEST = 12  # pixels; smaller regions belong to the table
-OUTLINE, RIM = 0.5, 3  # a thing ends where its contrast falls to this share of what it has in its outermost pixels
+OUTLINE, RIM = 0.5, 3  # a thing ends where its contrast falls to this share of what it has in its outermost pixels ...
+NEARBY = 7  # ... or of the most it has in a square of that many pixels around, if that is less: a handle is no blade
 FINER = 4  # outlines are drawn on a grid that many times finer
 AT_LEAST = 2.7  # deviations on a thing's outline
+LONG = 2.5  # variance along a thing over that across it from which its ends count, and not its moments alone
+
+Deviations = Float[Array, "row column"]  # from the table [standard deviations of its own variation]
+Mask = Bool[Array, "row column"]
+FineMask = Bool[Array, "fine_row fine_column"]  # on the grid of outlines
 
 
 @dataclass(frozen=True)
@@ -70,9 +76,8 @@ def _found(picture: bytes) -> list[tuple[Array, float, Array]]:
     pixels = np.frombuffer(picture, np.uint8).reshape(SIDE, SIDE, 3)
     image = pixels.transpose(2, 0, 1) / np.float32(255)
     standing_out, edge, lines, plain = contrasts(image)
-    regions, rest = _regions(standing_out, REGION), lines
-    for region in regions:
-        rest = np.where(ndimage.binary_dilation(region, np.ones((3, 3)), iterations=AROUND), 0, rest)
+    regions = _regions(standing_out, REGION)
+    rest = np.where(_around(np.any([np.zeros((SIDE, SIDE), bool), *regions], axis=0)), 0, lines)
     outlines = [*(_outline(region, edge) for region in regions), *(_outline(r, lines) for r in _regions(rest, LINE))]
     found = []
     for mask, corner in chain.from_iterable(outlines):
@@ -87,7 +92,7 @@ def _found(picture: bytes) -> list[tuple[Array, float, Array]]:
 
 def contrasts(
     image: Float32[Array, "3 row column"],
-) -> tuple[Float[Array, "row column"], ...]:
+) -> tuple[Deviations, Deviations, Deviations, Float[Array, "row column"]]:
     """How far each pixel is from the table: smoothed to find things, less so to outline them, of thin lines, and plain.
 
     The first three are in standard deviations of the table's own variation, the last in [1 = white].
@@ -100,23 +105,28 @@ def contrasts(
     darkening = np.minimum(np.tensordot(table, narrow, 1), 0)
     lit = narrow - (1 - DARKER) * table[:, None, None] * darkening
     thin = narrow - _drift(narrow, *CLOSELY)
-    deviations = (_lengths(_whitening(of_table), of) for of_table, of in ((wide, wide), (narrow, lit), (thin, thin)))
-    return *deviations, np.linalg.norm(narrow, axis=0)
+    plain = np.linalg.norm(narrow, axis=0)
+    return _deviations(wide, wide), _deviations(lit, narrow), _deviations(thin, thin), plain
 
 
-def _lengths(whitening: Float[Array, "3 3"], difference: Float[Array, "3 row column"]) -> Float[Array, "row column"]:
-    return np.linalg.norm(np.tensordot(whitening, difference, 1), axis=0)
+def _deviations(difference: Float[Array, "3 row column"], varies: Float[Array, "3 row column"]) -> Deviations:
+    """Mahalanobis distance of each pixel's difference from 0, under the covariance by which the table `varies`."""
+    return np.linalg.norm(np.tensordot(_whitening(varies), difference, 1), axis=0)
 
 
-def _drift(difference: Array, block: int, window: int) -> Array:
-    """How the table changes from place to place: boards, blotches, folds."""
+def _drift(difference: Float[Array, "3 row column"], block: int, window: int) -> Float[Array, "3 row column"]:
+    """How the table changes from place to place (boards, blotches, folds): medians over `window` by `window` blocks of
+    `block` by `block` pixels. What it does at the picture's edges it goes on doing beyond them.
+    """
     blocks = difference.reshape(3, SIDE // block, block, SIDE // block, block).swapaxes(2, 3)
     coarse = np.median(blocks.reshape(*blocks.shape[:3], -1), axis=-1)
-    coarse = ndimage.median_filter(coarse, (1, window, window), mode="reflect")
+    beyond = window // 2
+    coarse = np.pad(coarse, ((0, 0), (beyond, beyond), (beyond, beyond)), mode="reflect", reflect_type="odd")
+    coarse = ndimage.median_filter(coarse, (1, window, window))[:, beyond:-beyond, beyond:-beyond]
     return ndimage.zoom(coarse, (1, block, block), order=1, grid_mode=True, mode="nearest")
 
 
-def _smooth(difference: Array, kernel: tuple[int, ...]) -> Array:
+def _smooth(difference: Float[Array, "3 row column"], kernel: tuple[int, ...]) -> Float[Array, "3 row column"]:
     taps = np.array(kernel) / sum(kernel)
     for axis in (1, 2):
         difference = ndimage.convolve1d(difference, taps, axis=axis, mode="nearest")
@@ -136,32 +146,37 @@ def _whitening(difference: Float[Array, "3 row column"]) -> Float[Array, "3 3"]:
     return whitening
 
 
-def _regions(deviations: Float[Array, "row column"], least: float) -> list[Bool[Array, "row column"]]:
+def _regions(deviations: Deviations, least: float) -> list[Mask]:
     """Connected pixels that all exceed `least`, one at least PEAK, and what they enclose."""
     labels, count = ndimage.label(deviations > least, np.ones((3, 3)))
     regions = (labels == label for label in range(1, count + 1))
     return [ndimage.binary_fill_holes(r) for r in regions if r.sum() >= SMALLEST and deviations[r].max() >= PEAK]
 
 
-def _outline(
-    region: Bool[Array, "row column"], edge: Array
-) -> list[tuple[Bool[Array, "fine_row fine_column"], tuple[int, int]]]:
+def _around(mask: Mask) -> Mask:
+    return ndimage.binary_dilation(mask, np.ones((3, 3)), iterations=AROUND)
+
+
+def _outline(region: Mask, edge: Deviations) -> list[tuple[FineMask, tuple[int, int]]]:
     """The mask on the finer grid of each thing in a region, holes filled, and the row and column of its corner."""
-    (place,) = ndimage.find_objects(region.astype(int))
-    corner = tuple(max(s.start - RIM, 0) for s in place)
-    window = tuple(slice(c, min(s.stop + RIM, SIDE)) for c, s in zip(corner, place, strict=True))
-    region = region[window]
+    ((rows, columns),) = ndimage.find_objects(region.astype(int))
+    corner = max(rows.start - RIM, 0), max(columns.start - RIM, 0)
+    window = slice(corner[0], rows.stop + RIM), slice(corner[1], columns.stop + RIM)
+    region, edge = region[window], edge[window]
     rim = region & ~ndimage.binary_erosion(region, iterations=RIM)
-    level = np.quantile(edge[window][rim], 0.7)
-    around = np.where(ndimage.binary_dilation(region, np.ones((3, 3)), iterations=AROUND), edge[window], 0)
-    finer = ndimage.zoom(around, FINER, order=1, grid_mode=True, mode="nearest")
-    pieces, count = ndimage.label(ndimage.binary_fill_holes(finer > max(OUTLINE * level, AT_LEAST)))
+    level = np.minimum(np.quantile(edge[rim], 0.7), ndimage.maximum_filter(np.where(region, edge, 0), NEARBY))
+    outside = _finer(np.where(_around(region), edge, 0)) <= np.maximum(OUTLINE * _finer(level), AT_LEAST)
+    pieces, count = ndimage.label(ndimage.binary_fill_holes(~outside))
     parts = chain.from_iterable(_parts(pieces == piece) for piece in range(1, count + 1))
     return [(part, corner) for part in parts if part.sum() >= SMALLEST * FINER**2]
 
 
-def _parts(mask: Bool[Array, "fine_row fine_column"]) -> list[Bool[Array, "fine_row fine_column"]]:
-    """A mask on the finer grid, cut at its necks: each pixel goes with the wide part that is nearest."""
+def _finer(values: Float[Array, "row column"]) -> Float[Array, "fine_row fine_column"]:
+    return ndimage.zoom(values, FINER, order=1, grid_mode=True, mode="nearest")
+
+
+def _parts(mask: FineMask) -> list[FineMask]:
+    """A mask cut at its necks: each pixel goes with the nearest of the wide parts, deeper than half a NECK."""
     depth = ndimage.distance_transform_edt(np.pad(mask, 1))[1:-1, 1:-1]
     wide, count = ndimage.label(depth > NECK / 2 * FINER)
     if count < 2:
@@ -181,12 +196,19 @@ def capsule(
 ) -> tuple[Float[Array, "2"], Float[Array, "2"], float, float, float]:
     """The capsule of the same area and moments as evenly spaced points [m], FINER * SIDE of them to the metre.
 
+    What is LONG gets its length from its ends, for most pieces of cutlery are no capsules: moments make them short.
     Centre and half of the segment [m], radius [m], area [m^2], and the variance along it over that across it.
     """
     centre = points.mean(0)
     values, vectors = np.linalg.eigh((points - centre).T @ (points - centre) / len(points))
-    elongation = float(values[1] / values[0])
-    length = float(np.interp(elongation, _ELONGATIONS, _LENGTHS))
+    elongation, axis = float(values[1] / values[0]), vectors[:, 1]
     area = len(points) / (FINER * SIDE) ** 2
-    radius = float(np.sqrt(area / (np.pi + 4 * length)))
-    return centre, length * radius * vectors[:, 1], radius, area, elongation
+    if elongation <= LONG:
+        length = np.interp(elongation, _ELONGATIONS, _LENGTHS)
+        radius = np.sqrt(area / (np.pi + 4 * length))
+        return centre, length * radius * axis, float(radius), area, elongation
+    along = (points - centre) @ axis
+    extent = max(np.ptp(along) + 1 / (FINER * SIDE), 2 * np.sqrt(area / np.pi))
+    radius = (extent - np.sqrt(extent**2 - (4 - np.pi) * area)) / (4 - np.pi)
+    middle = centre + (along.min() + along.max()) / 2 * axis
+    return middle, (extent / 2 - radius) * axis, float(radius), area, elongation
