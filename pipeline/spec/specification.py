@@ -55,16 +55,19 @@ class Specification(nn.Module, ABC):
 def initialise(network: nn.Module, no_rectifier_after: Container[nn.Module]) -> None:
     """Draw weights from torch's global generator so that each layer hands on the mean square it is given; biases are 0.
 
-    He et al. (2015), "Delving deep into rectifiers". Of torch's own weights each layer passes on a part alone, and it
-    takes twice the steps until the loss sees the picture (docs/choices.md, "Training").
+    He et al. (2015), "Delving deep into rectifiers". A rectifier loses half of the mean square, which weights twice as
+    large in the square make up for; the layers in `no_rectifier_after` have none behind them. Of torch's own weights
+    each layer passes on a part alone, and it takes twice the steps until the loss sees the picture (docs/choices.md,
+    "Training").
     """
     for layer in network.modules():
         if isinstance(layer, nn.Linear | nn.Conv2d | nn.ConvTranspose2d):
-            inputs = layer.weight[0].numel()
+            fan_in = layer.weight[0].numel()
             if isinstance(layer, nn.ConvTranspose2d):  # an output meets the kernel at every stride-th of its taps
-                inputs = layer.in_channels * math.prod(layer.kernel_size) / math.prod(layer.stride)
-            layer.weight.normal_(std=math.sqrt((1 if layer in no_rectifier_after else 2) / inputs))
-            layer.bias.zero_()
+                fan_in = layer.in_channels * math.prod(layer.kernel_size) / math.prod(layer.stride)
+            layer.weight.normal_(std=math.sqrt((1 if layer in no_rectifier_after else 2) / fan_in))
+            if layer.bias is not None:
+                layer.bias.zero_()
 
 
 def untrained(kind: type[Specification], shape: Mapping[str, Any], seed: int) -> Specification:
