@@ -51,6 +51,12 @@ class _NoSquares(ClearanceModel):
         self.weight.register_hook(lambda gradient: gradient * linear)
 
 
+class _Unbounded(ClearanceModel):
+    """Relevance goes on beyond what the training things look like."""
+
+    bound = float("inf")
+
+
 class _Without(ClearanceModel):
     """Things look alike in the features that are `missing`."""
 
@@ -112,6 +118,7 @@ ABLATIONS = {
     "no_shape": Ablation(_NoShape),
     "no_contrast": Ablation(_NoContrast),
     "no_squares": Ablation(_NoSquares),
+    "unbounded": Ablation(_Unbounded),
     "discs": Ablation(_Discs),
     "no_margin": Ablation(_NoMargin),
     "nothing_unseen": Ablation(_NothingUnseen),

@@ -26,6 +26,7 @@ SHARPEST = 0.003  # metres: a third of a pixel, no more exactly does a picture s
 SHARPENING = 1.25  # of the log-odds of the members' mean: a mean of opinions is less sure than it is right
 NEEDED = 6.0  # nats: what labels must gain in likelihood for "things matter" to be as credible as "nothing does"
 CERTAIN = 1e4  # nats
+BOUND = 1.5  # standard deviations of the training things' features, beyond which a thing counts as no more unlike them
 CURVE = ("step", "total")  # columns of a learning curve
 
 
@@ -38,14 +39,16 @@ class ClearanceModel(Specification):
     members fit labels less closely than the best one does. Without a label, nothing is believed to matter.
 
     `clear` is the chance that nothing that was not found stands in the way. Relevance is the logistic function of the
-    thing's features, and of their squares, bounded so that things unlike the training ones stay near them. Closeness
-    falls from 1 to 0 around the margin as Student's t with 2 degrees of freedom does: outlines are at times far off.
+    thing's features and of their squares, both bounded, so that things unlike the training ones stay near them.
+    Closeness falls from 1 to 0 around the margin as Student's t with 2 degrees of freedom does: outlines are at times
+    far off.
     """
 
     centre: Tensor
     spread: Tensor
     evidence: Tensor
     rate: Tensor
+    bound = BOUND
 
     def __init__(self, members: int):
         super().__init__()
@@ -89,7 +92,7 @@ class ClearanceModel(Specification):
     def relevance(self, percept: Float[Tensor, "scene thing 10"]) -> Float[Tensor, "member scene thing"]:
         """The chance that the user keeps away from each thing, by each member's opinion; 0 where there is none."""
         x = (percept[..., 5:-1] - self.centre) / self.spread
-        terms = torch.cat([torch.ones_like(x[..., :1]), x, x.tanh().square()], -1)
+        terms = torch.cat([torch.ones_like(x[..., :1]), x.clamp(-self.bound, self.bound), x.tanh().square()], -1)
         return torch.einsum("stf,mf->mst", terms, self.weight).sigmoid() * percept[..., -1]
 
 

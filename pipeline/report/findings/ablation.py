@@ -10,6 +10,7 @@ INGREDIENTS = {
     "no_shape": "No area, no elongation",
     "no_contrast": "No contrast with the table",
     "no_squares": "No squares of features",
+    "unbounded": "Features' terms not bounded",
     "discs": "Things as discs, not capsules",
     "no_margin": "No margin: outlines decide",
     "nothing_unseen": "Nothing unseen in the way",
