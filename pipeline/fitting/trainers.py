@@ -14,14 +14,14 @@ from numpy import ndarray as Array
 from omegaconf import DictConfig
 
 from pipeline.fitting.grid import Fit, one_by_one
-from pipeline.fitting.rewards import reward_schedule
+from pipeline.fitting.schedules import reward_schedule, schedule
 from pipeline.parallel import map_jobs
 from pipeline.spec import clearance, irl
 from pipeline.spec.losses import Weights
 from pipeline.spec.reward import RewardMap
 from pipeline.spec.specification import Specification, untrained
 from pipeline.spec.stacked import LANES, fit_stack
-from pipeline.spec.training import Schedule, job_seed
+from pipeline.spec.training import job_seed
 from pipeline.spec.vae import VaeSpecification
 
 Answer = TypeVar("Answer")
@@ -94,13 +94,11 @@ def _fit(
 
 def _trainer(cfg: DictConfig, variant: str) -> tuple[type[Specification], Fit]:
     """What a variant's own stage (train, irl or path) fits, and how."""
-    v, t, p = cfg.variants[variant], cfg.train, cfg.path
+    v = cfg.variants[variant]
     if v.stage == "train":
         weights = Weights(float(v.alpha), float(v.beta), float(v.gamma))
-        schedule = Schedule(t.steps, float(t.rate), float(t.weight_decay), t.curve_every)
-        return VaeSpecification, partial(fit_stack, weights=weights, schedule=schedule)
+        return VaeSpecification, partial(fit_stack, weights=weights, schedule=schedule(cfg.train))
     if v.stage == "irl":
-        schedule = reward_schedule(cfg, v.steps)
-        return RewardMap, partial(one_by_one, irl.fit, objective=v.objective, schedule=schedule)
-    schedule = Schedule(p.steps, float(p.rate), float(p.weight_decay), p.curve_every)
-    return clearance.ClearanceModel, partial(one_by_one, clearance.fit, schedule=schedule)
+        train = partial(one_by_one, irl.fit, objective=v.objective, schedule=reward_schedule(cfg, v.steps))
+        return RewardMap, train
+    return clearance.ClearanceModel, partial(one_by_one, clearance.fit, schedule=schedule(cfg.path))

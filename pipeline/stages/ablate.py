@@ -12,6 +12,7 @@ from omegaconf import DictConfig
 from pipeline.artifacts.demos import Queries, demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import write_json
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
+from pipeline.fitting.schedules import schedule
 from pipeline.launch import launch
 from pipeline.parallel import map_jobs
 from pipeline.params import InputError
@@ -19,7 +20,7 @@ from pipeline.spec.ablations import ABLATIONS
 from pipeline.spec.clearance import ClearanceModel, fit
 from pipeline.spec.metrics import accuracy, expected_calibration_error
 from pipeline.spec.specification import untrained
-from pipeline.spec.training import Schedule, job_seed
+from pipeline.spec.training import job_seed
 
 WHOLE, VALIDATION = "whole", "val_"
 DIGITS = 6
@@ -80,13 +81,12 @@ def _score(job: Job) -> tuple[float, float]:
     """Accuracy and calibration error of one model, means over the pools."""
     cfg, changed = job.cfg, ABLATIONS[job.ablation]
     scenes, demos, queries = _inputs(cfg.paths.scenes, cfg.paths.demos)
-    variant, p = cfg.ablate.variant, cfg.path
+    variant = cfg.ablate.variant
     seed = job_seed(job.seed, job.user, job.n, variant)  # its own stage's, whatever is missing
     model = untrained(changed.kind, {**cfg.variants[variant].model, **changed.model}, seed)
     assert isinstance(model, ClearanceModel)
-    schedule = Schedule(p.steps, float(p.rate), float(p.weight_decay), p.curve_every)
     z, valid = demo_arrays(demos, job.seed, job.user, job.n)
-    fit(model, scenes.images[train_pool(job.seed)], z, valid, schedule, seed)
+    fit(model, scenes.images[train_pool(job.seed)], z, valid, schedule(cfg.path), seed)
     scores = []
     for pool in cfg.ablate.pools:
         answers, truth = model.probability(scenes.images[pool], queries[pool].z).ravel(), queries[pool].valid[job.user]

@@ -6,7 +6,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from pipeline.fitting.grid import fit_variant, one_by_one, variant_settings
-from pipeline.fitting.rewards import reward_schedule
+from pipeline.fitting.schedules import reward_schedule
 from pipeline.launch import launch
 from pipeline.spec.irl import CURVE, fit
 from pipeline.spec.reward import RewardMap

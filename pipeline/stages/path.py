@@ -6,17 +6,16 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from pipeline.fitting.grid import fit_variant, one_by_one, variant_settings
+from pipeline.fitting.schedules import schedule
 from pipeline.launch import launch
 from pipeline.spec.clearance import CURVE, ClearanceModel, fit
-from pipeline.spec.training import Schedule
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Weights, predictions.parquet, curves.parquet, curves.csv and metrics.json of `cfg.variant`."""
     settings = variant_settings(cfg, "path", ("model",))
-    p = cfg.path
-    schedule = Schedule(p.steps, float(p.rate), float(p.weight_decay), p.curve_every)
-    fit_variant(cfg, out_dir, settings, ClearanceModel, partial(one_by_one, fit, schedule=schedule), CURVE)
+    train = partial(one_by_one, fit, schedule=schedule(cfg.path))
+    fit_variant(cfg, out_dir, settings, ClearanceModel, train, CURVE)
 
 
 if __name__ == "__main__":

@@ -10,11 +10,12 @@ import torch
 from omegaconf import DictConfig
 
 from pipeline.fitting.grid import fit_variant, one_by_one, variant_settings
+from pipeline.fitting.schedules import schedule
 from pipeline.launch import launch
 from pipeline.params import InputError
 from pipeline.spec import batched
 from pipeline.spec.losses import Weights
-from pipeline.spec.training import CURVE, Schedule, fit
+from pipeline.spec.training import CURVE, fit
 from pipeline.spec.vae import VaeSpecification
 
 ENGINES = ("auto", "stacked", "batched", "reference")
@@ -24,10 +25,8 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     """Weights, predictions.parquet, curves.parquet, curves.csv and metrics.json of `cfg.variant`."""
     settings = variant_settings(cfg, "train", ("alpha", "beta", "gamma", "model"))
     weights = Weights(*(float(settings[name]) for name in ("alpha", "beta", "gamma")))
-    t = cfg.train
-    schedule = Schedule(t.steps, float(t.rate), float(t.weight_decay), t.curve_every)
-    train, at_once = _engine(t.engine)
-    train = partial(train, weights=weights, schedule=schedule)
+    train, at_once = _engine(cfg.train.engine)
+    train = partial(train, weights=weights, schedule=schedule(cfg.train))
     fit_variant(cfg, out_dir, settings, VaeSpecification, train, CURVE, at_once)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from omegaconf import DictConfig
 
-from pipeline.fitting.rewards import reward_schedule
+from pipeline.fitting.schedules import reward_schedule
 from pipeline.fitting.trainers import Lesson, fit_and_ask, fit_each
 from pipeline.params import compose
 from pipeline.spec.irl import fit
