@@ -38,6 +38,7 @@ NEARBY = 7  # ... or of the most it has in a square of that many pixels around, 
 FINER = 4  # outlines are drawn on a grid that many times finer
 AT_LEAST = 2.7  # deviations on a thing's outline
 LONG = 2.5  # variance along a thing over that across it from which its ends count, and not its moments alone
+WIDER = 0.5  # pixels that a long thing's radius is widened by: its outline lies that much further in than a round one's
 
 Deviations = Float[Array, "row column"]  # from the table [standard deviations of its own variation]
 Mask = Bool[Array, "row column"]
@@ -84,6 +85,7 @@ def _found(picture: bytes) -> list[tuple[Array, float, Array]]:
         rows, columns = np.nonzero(mask)
         y, x = corner[0] + (rows + 0.5) / FINER, corner[1] + (columns + 0.5) / FINER
         centre, along, radius, area, elongation = capsule(np.stack([x, SIDE - y], -1) / SIDE)
+        radius += WIDER / SIDE if elongation > LONG else 0
         inside = y.astype(int), x.astype(int)
         features = np.log([area, elongation, edge[inside].mean(), plain[inside].mean()])
         found.append((np.stack([centre - along, centre + along]), radius, features))
