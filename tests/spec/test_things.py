@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from pipeline.spec.specification import to_tensor
-from pipeline.spec.things import FINER, MOST, SIDE, capsule, find
+from pipeline.spec.things import FINER, MOST, SIDE, capsule, contrasts, find
 
 
 def picture(*discs, seed=0, grain=0.02):
@@ -107,6 +107,39 @@ def test_a_disc_with_a_thin_handle_is_one_thing():
     things = find(to_tensor(image[None]))
     assert things.present[0].sum() == 1
     assert np.ptp(things.ends[0, 0, :, 0]) + 2 * things.radius[0, 0] > 2.2 * radius  # the handle is part of it
+
+
+def test_a_table_that_changes_towards_its_edge_does_not_stand_out_there():
+    from_top = np.arange(SIDE)
+    colour = np.array([1.0, 0.3, -1.0])[:, None, None] * (0.01 * np.maximum(24 - from_top, 0))[:, None]
+    *_, plain = contrasts(np.broadcast_to(0.4 + colour, (3, SIDE, SIDE)).astype(np.float32))
+    assert plain[:3].max() < 0.02  # of .35 between the edge and the middle
+
+
+def bar(image: np.ndarray, start: float, end: float, half_width: float, colour: tuple[float, ...]) -> np.ndarray:
+    """The picture with a bar of `colour` on it at y = .5, from x = `start` to `end` [m]."""
+    row, column = np.mgrid[:SIDE, :SIDE] + 0.5
+    inside = (np.abs(row - SIDE / 2) < SIDE * half_width) & (column > SIDE * start) & (column < SIDE * end)
+    return np.where(inside[..., None], np.round(255 * np.array(colour)), image).astype(np.uint8)
+
+
+def test_a_pale_handle_belongs_to_its_blade():
+    pale = (0.6, 0.6, 0.6)
+    knife = bar(bar(picture(grain=0.008), 0.4, 0.51, 0.01, WHITE), 0.5, 0.6, 0.01, pale)
+    things = find(to_tensor(knife[None]))
+    assert things.present[0].sum() == 1
+    ends = np.sort(things.ends[0, 0, :, 0]) + np.array([-1, 1]) * things.radius[0, 0]
+    assert ends == pytest.approx((0.4, 0.6), abs=0.02)
+
+
+def test_a_tapering_thing_is_as_long_as_it_is():
+    fine = FINER * SIDE
+    grid = (np.mgrid[:fine, :fine].reshape(2, -1).T[:, ::-1] + 0.5) / fine
+    along = (grid[:, 0] - 0.4) / 0.2
+    points = grid[(along > 0) & (along < 1) & (np.abs(grid[:, 1] - 0.5) < 0.02 * (1 - 0.9 * along))]
+    centre, half, radius, *_ = capsule(points)
+    assert centre[0] == pytest.approx(0.5, abs=2e-3)
+    assert np.linalg.norm(half) + radius == pytest.approx(0.1, abs=2e-3)
 
 
 def test_a_faint_light_does_not_move_things():
