@@ -271,6 +271,7 @@ def test_using_it_is_quiet_and_asks_for_nothing(browser: Browser):
     for name in ("split", "scene", "user", "variant", "added", "start"):
         choose(page, "split", 2)
         choose(page, "added", 0)
+        choose(page, "user", 0)  # the careful one, who minds some path in every scene: others may have none to repair
         for i in range(page.locator(f"#panel-{name} option").count()):
             choose(page, name, i)
             page.get_by_role("application").press("ArrowLeft")
