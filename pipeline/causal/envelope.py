@@ -7,7 +7,7 @@ The dose is the clearance c between a path and the added item o, the response th
 over the same paths z and scenes on both sides. The paths keep further from every other item than any user asks, for
 then the truth's drop is exactly 1 within the user's margin and 0 beyond it: what else stands in a scene plays no part.
 
-The radius is the dose of half the effect (ED50), where drop(c) is half of the drop in contact, scene by scene. The mean
+The radius is the dose of half the effect (ED50), where drop(c) is half of the drop in contact, item by item. The mean
 tolerance (Spearman and Kaerber) moves with the tail of a curve, and so with the largest dose asked; the median does
 not, and it needs no model of the curve. Its interval is a test turned round: the doses at which drop(c) - drop(0) / 2
 is not told from zero, so that no slope is estimated. Of this difference's mean and pointwise bounds the nearest falling
@@ -15,7 +15,10 @@ curves are taken, which keeps their order, harms no bound where the curve does f
 Galichon, 2009), and leaves one crossing each. A flat curve's interval ends where the doses end.
 
 Straight lines between doses place a step within a tenth of the doses' distance. The interval is about the model's
-radius, over training sets and scenes; it covers the user's margin as often as the model has no bias of its own.
+radius over training sets and items: a planner will meet others of the symbol. What a model makes of one item, an
+outline seen too far out, say, it makes of it in every scene, so that an item counts once, however many scenes it was
+added to (cluster means: Donner and Klar, 2000). The interval covers the user's margin as often as the model has no bias
+of its own.
 """
 
 from collections.abc import Sequence
@@ -61,26 +64,38 @@ def paths_at_doses(
 def study(
     drop: Float[Array, "cell seed scene dose"],
     true_drop: Float[Array, "cell scene dose"],
+    item: Int[Array, "cell scene"],
     margins: Sequence[float | None],
     grid: Float[Array, "dose"],
 ) -> tuple[list[dict], list[dict]]:
     """One family of cells (users x symbols): each one's envelope beside its true margin [m], and its curve.
 
-    NaN: a dose missing in a scene. There is an envelope if the drop in contact is an effect (Holm over the family) and
-    makes paths less valid; the verdict is reached as that of any other intervention.
+    item: which one was added. NaN: a dose missing in a scene. There is an envelope if the drop in contact is an effect
+    (Holm over the family) and makes paths less valid; the verdict is reached as that of any other intervention, with
+    items in place of scenes.
     """
-    contacts = [_estimate(d[..., 0]) for d in drop]
+    by_cell = [by_item(*one) for one in zip(drop, item, strict=True)]
+    contacts = [_estimate(d[..., 0]) for d in by_cell]
     adjusted = holm(np.array([c.p[0] for c in contacts]))
     cells, curves = [], []
     for i, (contact, p_holm, margin) in enumerate(zip(contacts, adjusted, margins, strict=True)):
         found = verdict(contact.effect[0], p_holm, contact.ci90_low[0], contact.ci90_high[0])
-        envelope = radius(drop[i], grid) if found == "effect" and contact.effect[0] > 0 else None
+        envelope = radius(by_cell[i], grid) if found == "effect" and contact.effect[0] > 0 else None
         cells.append(_cell(envelope, margin, contact.effect[0], p_holm) | {"verdict": found})
-        curves.append(_curve(drop[i], true_drop[i], grid))
+        truth = by_item(true_drop[i][None], item[i])[0]
+        scenes = (~np.isnan(true_drop[i])).sum(0)
+        curves.append(_curve(by_cell[i], truth, grid) | {"scenes": scenes.tolist()})
     return cells, curves
 
 
-def radius(drop: Float[Array, "seed scene dose"], grid: Float[Array, "dose"]) -> tuple[float, float, float]:
+def by_item(drop: Float[Array, "seed scene dose"], item: Int[Array, "scene"]) -> Float[Array, "seed item dose"]:
+    """Mean over the scenes to which each item was added; NaN where none of them has the dose."""
+    there = np.stack([item == i for i in np.unique(item)])[:, :, None] & ~np.isnan(drop[0])  # (item, scene, dose)
+    sums = np.einsum("sxd,ixd->sid", np.nan_to_num(drop), there.astype(float))
+    return np.where(there.any(1), sums / np.maximum(there.sum(1), 1), np.nan)
+
+
+def radius(drop: Float[Array, "seed item dose"], grid: Float[Array, "dose"]) -> tuple[float, float, float]:
     """Clearance [m] of half the effect and its 95 % interval; each within the grid, whose end means "at least"."""
     halves = [_estimate(drop[..., k] - drop[..., 0] / 2) for k in range(len(grid))]
     bounds = ([getattr(h, name)[0] for h in halves] for name in ("effect", "ci_low", "ci_high"))
@@ -88,8 +103,8 @@ def radius(drop: Float[Array, "seed scene dose"], grid: Float[Array, "dose"]) ->
     return middle, low, high
 
 
-def _estimate(drop: Float[Array, "seed scene"]) -> Estimates:
-    """`estimate` over the scenes that have this dose."""
+def _estimate(drop: Float[Array, "seed item"]) -> Estimates:
+    """`estimate` over the items of which this dose was asked."""
     return estimate(drop[None][:, :, ~np.isnan(drop).any(0)])
 
 
@@ -124,9 +139,9 @@ def _rounded(value: float) -> float:
 
 
 def _curve(
-    drop: Float[Array, "seed scene dose"], true_drop: Float[Array, "scene dose"], grid: Float[Array, "dose"]
+    drop: Float[Array, "seed item dose"], true_drop: Float[Array, "item dose"], grid: Float[Array, "dose"]
 ) -> dict[str, list]:
-    """Mean drop, its 95 % interval and the truth's by dose, over the scenes that have it; and how many these are."""
+    """Mean drop, its 95 % interval and the truth's by dose, over the items of which it was asked."""
     by_dose = [_estimate(drop[..., k]) for k in range(len(grid))]
     numbers = {
         "clearance_m": grid,
@@ -135,8 +150,7 @@ def _curve(
         "ci_high": [e.ci_high[0] for e in by_dose],
         "truth": np.nanmean(true_drop, axis=0),
     }
-    curve: dict[str, list] = {name: [_rounded(x) for x in by] for name, by in numbers.items()}
-    return curve | {"scenes": (~np.isnan(true_drop)).sum(0).tolist()}
+    return {name: [_rounded(x) for x in by] for name, by in numbers.items()}
 
 
 def planning(keeps: Bool[Array, "*path"], valid: Bool[Array, "*path"]) -> dict[str, float | None]:

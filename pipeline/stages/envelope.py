@@ -37,6 +37,7 @@ class Tables:
     images: np.ndarray  # (scene, 100, 100, 3)
     layouts: Layouts
     added: Added
+    item: np.ndarray  # (symbol, scene): which one was added
     z_theta: np.ndarray  # (scene, candidate, 2) [m]
     clearances: np.ndarray  # (scene, candidate, slot) [m] from the scenes' own items
     to_added: np.ndarray  # (symbol, scene, candidate) [m]
@@ -52,7 +53,8 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     drops = _model_drops(cfg, tables, chosen)
     margins = [cfg.users[user][symbol] for user in cfg.users for symbol in SYMBOLS]
     true_drop = truth[:, 0].reshape(-1, *truth.shape[-2:])  # (user * symbol, scene, dose)
-    studies = {v: study(_cells(d), true_drop, margins, grid) for v, d in {**drops, "truth": truth}.items()}
+    item = np.tile(tables.item, (len(cfg.users), 1))  # (user * symbol, scene)
+    studies = {v: study(_cells(d), true_drop, item, margins, grid) for v, d in {**drops, "truth": truth}.items()}
     envelopes = {v: _by_user(cfg, cells) for v, (cells, _) in studies.items()}
     write_json(
         out_dir / "metrics.json",
@@ -103,8 +105,10 @@ def _set_tables(cfg: DictConfig) -> Tables:
             f"{pool}; run the intervene stage again"
         )
     z_theta = random_z_theta(np.random.default_rng(cfg.envelope.generator), len(layouts), cfg.envelope.candidates)
-    to_added = np.stack([_clearance(_last(x), z_theta)[..., 0] for x in added.layouts])
-    return Tables(images, layouts, added, z_theta, _clearance(layouts, z_theta), to_added)
+    placed = [_last(x) for x in added.layouts]
+    item = np.stack([x.item[:, 0] for x in placed])
+    to_added = np.stack([_clearance(x, z_theta)[..., 0] for x in placed])
+    return Tables(images, layouts, added, item, z_theta, _clearance(layouts, z_theta), to_added)
 
 
 def _clearance(layouts: Layouts, z_theta: np.ndarray) -> np.ndarray:
@@ -126,13 +130,16 @@ def _choose_paths(cfg: DictConfig, tables: Tables) -> tuple[np.ndarray, np.ndarr
     e, others = cfg.envelope, tables.clearances.min(-1)
     grid = dose_grid(e.step, e.doses)
     chosen = np.stack([paths_at_doses(own, others, grid, e.clear_of_others, e.paths) for own in tables.to_added])
-    scenes = (chosen[..., 0] >= 0).sum(1)  # (symbol, dose)
-    if scenes.min() < 2:
-        symbol, dose = np.unravel_index(scenes.argmin(), scenes.shape)
+    there = chosen[..., 0] >= 0  # (symbol, scene, dose)
+    items = np.array(
+        [[len(np.unique(own[has])) for has in by_scene.T] for own, by_scene in zip(tables.item, there, strict=True)]
+    )  # (symbol, dose)
+    if items.min() < 2:
+        symbol, dose = np.unravel_index(items.argmin(), items.shape)
         raise InputError(
-            f"{scenes.min()} scenes have {e.paths} paths {grid[dose]:.4f} m from an added {SYMBOLS[symbol]} and in "
-            "contact: expected at least 2; raise envelope.candidates or lower envelope.doses, envelope.paths or "
-            "envelope.clear_of_others"
+            f"{items.min()} items have {e.paths} paths {grid[dose]:.4f} m from an added {SYMBOLS[symbol]} and in "
+            "contact, in some scene: expected at least 2; raise envelope.candidates or lower envelope.doses, "
+            "envelope.paths or envelope.clear_of_others, or intervene on more scenes"
         )
     return grid, chosen
 

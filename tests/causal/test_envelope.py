@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from pipeline.causal.envelope import dose_grid, paths_at_doses, planning, radius, study
+from pipeline.causal.envelope import by_item, dose_grid, paths_at_doses, planning, radius, study
 
 STEP, DOSES = 0.005, 20
 GRID = dose_grid(STEP, DOSES)
@@ -24,11 +24,16 @@ def steps(margin: float, height: float = 1.0) -> np.ndarray:
 
 
 def responses(
-    g: np.random.Generator, by_seed: float, by_scene: float, width: float = 0.006, missing: float = 0.3
+    g: np.random.Generator,
+    by_seed: float,
+    by_scene: float,
+    width: float = 0.006,
+    missing: float = 0.3,
+    margin: float | np.ndarray = MARGIN,
 ) -> np.ndarray:
     """(10 seeds, 60 scenes, dose): normal curves [m] around margins that differ by seed and scene, with gaps."""
     dose = GRID + g.uniform(-STEP / 2, STEP / 2, (60, DOSES))
-    margin = MARGIN + by_seed * g.normal(size=(10, 1, 1)) + by_scene * g.normal(size=(1, 60, 1))
+    margin = margin + by_seed * g.normal(size=(10, 1, 1)) + by_scene * g.normal(size=(1, 60, 1))
     height = 0.8 + 0.1 * g.uniform(-1, 1, (10, 1, 1)) + 0.1 * g.uniform(-1, 1, (1, 60, 1))
     drop = height * norm.cdf((margin + 0.003 * g.normal(size=(10, 60, DOSES)) - dose) / width)
     gone = g.random((60, DOSES)) < missing
@@ -96,6 +101,26 @@ def test_95_percent_intervals_cover_the_median_as_often(by_seed: float, by_scene
     assert 0.91 <= np.mean(covered) <= 0.995  # .95, and nearly three of its own errors either way
 
 
+@pytest.mark.parametrize("by_outline", [0.003, 0.006])
+def test_intervals_over_items_cover_where_items_differ_and_those_over_scenes_do_not(by_outline: float):
+    """Six items in sixty scenes, each seen too wide or too narrow wherever it stands."""
+    g, item = rng(11), np.arange(60) % 6
+    covered = []
+    for _ in range(400):
+        wider = by_outline * g.normal(size=6)
+        drop = responses(g, 0.002, 0.003, margin=MARGIN + wider[item][:, None])
+        bounds = [radius(d, GRID)[1:] for d in (by_item(drop, item), drop)]
+        covered.append([low <= MARGIN <= high for low, high in bounds])
+    over_items, over_scenes = np.mean(covered, axis=0)
+    assert 0.92 <= over_items <= 0.985  # .95, and nearly three of its own errors either way
+    assert over_scenes < 0.8
+
+
+def test_an_items_scenes_are_averaged_where_they_have_the_dose():
+    drop = np.array([[[1, 2.0], [3, np.nan], [5, np.nan], [7, np.nan]]])  # of one seed, in four scenes
+    np.testing.assert_array_equal(by_item(drop, np.array([4, 4, 2, 2])), [[[6, np.nan], [2, 2]]])  # item 2, item 4
+
+
 def test_scenes_without_a_dose_do_not_count_there():
     drop = responses(rng(3), 0.002, 0.01)
     spoilt = np.concatenate([drop, np.full((10, 5, DOSES), np.nan)], axis=1)
@@ -106,7 +131,8 @@ def test_an_envelope_needs_an_effect_in_contact_that_makes_paths_less_valid():
     noise = rng(4).normal(0, 0.01, (4, 10, 30, DOSES))
     heights = np.array([0.9, 0.02, -0.9, 0.9])[:, None, None, None]
     truth = np.stack([steps(m)[0, [0] * 30] for m in (MARGIN, 0, MARGIN, 0)])  # (cell, scene, dose)
-    cells, curves = study(noise + heights * steps(MARGIN)[0, 0], truth, [MARGIN, None, MARGIN, None], GRID)
+    item = np.tile(np.arange(30) % 6, (4, 1))
+    cells, curves = study(noise + heights * steps(MARGIN)[0, 0], truth, item, [MARGIN, None, MARGIN, None], GRID)
     assert [c["verdict"] for c in cells] == ["effect", "no effect", "effect", "effect"]
     assert [c["radius_m"] is not None for c in cells] == [True, False, False, True]
     assert [c["right"] for c in cells] == [True, True, False, False]
@@ -118,7 +144,8 @@ def test_an_envelope_needs_an_effect_in_contact_that_makes_paths_less_valid():
 
 
 def test_a_user_whom_nothing_bothers_has_no_envelope():
-    (cell,), _ = study(np.zeros((1, 10, 30, DOSES)), np.zeros((1, 30, DOSES)), [None], GRID)
+    item = np.arange(30)[None] % 6
+    (cell,), _ = study(np.zeros((1, 10, 30, DOSES)), np.zeros((1, 30, DOSES)), item, [None], GRID)
     assert (cell["radius_m"], cell["drop_at_contact"], cell["verdict"]) == (None, 0, "no effect")
     assert cell["right"]
 

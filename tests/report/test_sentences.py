@@ -186,7 +186,7 @@ def test_envelopes_are_told_with_their_errors_and_the_model_without_any_is_named
     found["planning"] = copy.deepcopy(found["planning"])
     found["planning"]["irl_ranked"]["careful"]["valid"] = 0.999
     planned = envelopes(replace(results, envelope=found))[-1]
-    assert "1 of the 5 distances are short of the true margin, by 2.0 mm at most" in planned
+    assert "Short of the true margin: 1 of the 5 distances, by 2.0 mm at most" in planned
     assert "those of ranking IRL would leave more valid ones: 99.9\u00a0% (careful," in planned
 
 
@@ -251,11 +251,13 @@ def test_the_summary_says_what_speaks_for_the_better_model_and_what_against_it(r
     said = summary(better)
     (trusted,) = (s for s in said if s.startswith("Of its reasons"))
     assert "80.0\u00a0% (careful; blaming the nearest item 85.0\u00a0%)" in trusted
-    assert "in 5 of 5 cells (a user and a symbol) are within 1.0 mm of the true margins, 5 of them too short" in trusted
-    assert "5 of their intervals hold the truth" in trusted and "within 5.0 percentage points" in trusted
+    assert "in 5 of 5 cells (a user and a symbol) are within 1.0 mm of the true margins, too short in 5" in trusted
+    assert "their intervals hold the truth in 5" in trusted and "within 5.0 percentage points" in trusted
     assert said[-1].startswith("Against it: a placebo patch (an item's pixels, shuffled) moves it in 8 of 8 cells; ")
     assert "under a blur of 1\u00a0px it is right about 85.0\u00a0% (undisturbed 95.0\u00a0%)" in said[-1]
-    assert "accept more: 1 on new scenes with the training items, where 0 of 4 accept nothing and 4 on new" in said[-1]
+    assert (
+        "accept more: 1 of 4 on new scenes with the training items (accepting nothing: 0) and 4 of 4 on new" in said[-1]
+    )
     refuted, broken, promised = (copy.deepcopy(x) for x in (results.refutation, results.robustness, results.acceptance))
     refuted["tallies"]["placebo"]["path"] |= {"effect": 0}
     for level in broken["disturbed"]["blur"]:

@@ -124,8 +124,8 @@ def _distances(results: Results, best: str) -> str:
     short, covered = sum(c["error_m"] < 0 for c in found), sum(bool(c["covered"]) for c in found)
     return (
         f"the distances it asks for in {len(found)} of {len(cells)} cells (a user and a symbol) are within "
-        f"{max(1000 * abs(c['error_m']) for c in found):.1f} mm of the true margins, {short} of them too short, and "
-        f"{covered} of their intervals hold the truth"
+        f"{max(1000 * abs(c['error_m']) for c in found):.1f} mm of the true margins, too short in {short}, and their "
+        f"intervals hold the truth in {covered}"
     )
 
 
@@ -168,7 +168,7 @@ def _broken(results: Results, best: str) -> list[str]:
 def _promised(results: Results, best: str) -> list[str]:
     cells = [(split, by_rule["split"]) for variant, split, by_rule in results.promises if variant == best]
     said = [
-        f"{c['above']} on {split_phrase(split)}, where {c['abstained']} of {c['models']} accept nothing"
+        f"{c['above']} of {c['models']} on {split_phrase(split)} (accepting nothing: {c['abstained']})"
         for split, c in cells
         if c["above"]
     ]

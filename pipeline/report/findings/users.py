@@ -31,7 +31,7 @@ def _found(variant: str, cells: dict, drawn: dict) -> str:
         covered = sum(cells[key]["covered"] for key in right)
         text += (
             f", their radii at most {1000 * max(errors):.1f} mm and on average {1000 * sum(errors) / len(errors):.1f} "
-            f"mm from the true margins; {covered} of the {len(right)} intervals hold the truth"
+            f"mm from the true margins, which lie in {covered} of the {counted(len(right), 'interval')}"
         )
     false = [f"{user} and {symbol}" for user, symbol in drawn if cells[user, symbol]["truth_m"] is None]
     return text + (f"; it draws one where there is none for {listed(false)}." if false else ".")
@@ -75,8 +75,8 @@ def _short(results: Results) -> str:
     if not short:
         return "None of these distances is short of the true margin."
     return (
-        f"{len(short)} of the {len(true)} distances are short of the true margin, by {1000 * max(short):.1f} mm at "
-        "most: a path that keeps them can still be invalid."
+        f"Short of the true margin: {len(short)} of the {counted(len(true), 'distance')}, by "
+        f"{1000 * max(short):.1f} mm at most; a path that keeps them can still be invalid."
     )
 
 

@@ -27,8 +27,8 @@ def envelopes(results: Results) -> Table:
                 )  # fmt: skip
     caption = (
         "Safety envelopes: the clearance [cm] at which half of an item's response is gone, with its 95 % interval over "
-        f"{counted(len(results.seeds), 'seed')} and scenes, beside the user's true margin. Response: what touching the "
-        "item takes from P(valid). Rows without a true envelope or a found one are left out."
+        f"{counted(len(results.seeds), 'seed')} and the added items, beside the user's true margin. Response: what "
+        "touching the item takes from P(valid). Rows without a true envelope or a found one are left out."
     )
     header = ["Variant", "User", "Symbol", "Response", "Verdict", "Radius", "Truth", "Covered"]
     return table("envelopes", caption, header, rows, labels=3)
