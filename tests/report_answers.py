@@ -104,6 +104,8 @@ def _refute(cfg: DictConfig, rng: np.random.Generator) -> None:
     said = {name: asdict(refuter) for name, refuter in REFUTERS.items()}
     metrics = {"order": list(REFUTERS), "said": said, "refuters": refuters, "tallies": tallies, "seeds": len(cfg.seeds)}
     metrics |= {"placebo": dict.fromkeys(cfg.variants, fooled), "halves": dict.fromkeys(cfg.variants, half)}
+    stays = {"same": 8, "cells": 8, "items": 2}
+    metrics["items"] = dict.fromkeys(cfg.variants, stays)
     write_json(folder / "metrics.json", metrics)
     write_arrays(folder / "placebos.npz", {"images": _pictures(rng, len(SYMBOLS), 1)})
 

@@ -15,10 +15,8 @@ curves are taken, which keeps their order, harms no bound where the curve does f
 Galichon, 2009), and leaves one crossing each. A flat curve's interval ends where the doses end.
 
 Straight lines between doses place a step within a tenth of the doses' distance. The interval is about the model's
-radius over training sets and items: a planner will meet others of the symbol. What a model makes of one item, an
-outline seen too far out, say, it makes of it in every scene, so that an item counts once, however many scenes it was
-added to (cluster means: Donner and Klar, 2000). The interval covers the user's margin as often as the model has no bias
-of its own.
+radius over training sets and items (pipeline.causal.clusters), for a planner will meet others of the symbol; it covers
+the user's margin as often as the model has no bias of its own.
 """
 
 from collections.abc import Sequence
@@ -28,6 +26,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
 from scipy.optimize import isotonic_regression
 
+from pipeline.causal.clusters import by_item
 from pipeline.causal.interventions import DIGITS
 from pipeline.causal.statistics import Estimates, estimate, holm, verdict
 
@@ -86,13 +85,6 @@ def study(
         scenes = (~np.isnan(true_drop[i])).sum(0)
         curves.append(_curve(by_cell[i], truth, grid) | {"scenes": scenes.tolist()})
     return cells, curves
-
-
-def by_item(drop: Float[Array, "seed scene dose"], item: Int[Array, "scene"]) -> Float[Array, "seed item dose"]:
-    """Mean over the scenes to which each item was added; NaN where none of them has the dose."""
-    there = np.stack([item == i for i in np.unique(item)])[:, :, None] & ~np.isnan(drop[0])  # (item, scene, dose)
-    sums = np.einsum("sxd,ixd->sid", np.nan_to_num(drop), there.astype(float))
-    return np.where(there.any(1), sums / np.maximum(there.sum(1), 1), np.nan)
 
 
 def radius(drop: Float[Array, "seed item dose"], grid: Float[Array, "dose"]) -> tuple[float, float, float]:

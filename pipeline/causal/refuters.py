@@ -8,9 +8,10 @@ no item is added or none comes near.
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray as Array
 
+from pipeline.causal.clusters import by_item
 from pipeline.causal.statistics import estimate, holm, verdict
 
 MACHINERY, EFFECT = "is the machinery sound", "does the effect survive"
@@ -97,6 +98,19 @@ def halves(
     return kept / splits, np.std(means, axis=0)
 
 
-def _verdicts(effects: Float[Array, "cell seed scene"]) -> list[str]:
-    e = estimate(effects)
-    return [verdict(*cell) for cell in zip(e.effect, holm(e.p), e.ci90_low, e.ci90_high, strict=True)]
+def stays_over_items(effects: Float[Array, "cell seed scene"], item: Int[Array, "cell scene"]) -> Bool[Array, "cell"]:
+    """Whether each verdict stays if items (`item`: which one was added) take the place of scenes as a source of chance.
+
+    An effect has to hold from item to item then, and not only for these items in other scenes.
+    """
+    clustered = [by_item(e[..., None], i)[None, ..., 0] for e, i in zip(effects, item, strict=True)]
+    return np.array(_verdicts(effects)) == _verdicts(*clustered)
+
+
+def _verdicts(*effects: Float[Array, "cell seed _"]) -> list[str]:
+    """Of one family, whose cells need not have as many scenes, or items."""
+    several = [estimate(e) for e in effects]
+    effect, p, low, high = (
+        np.concatenate([getattr(e, name) for e in several]) for name in ("effect", "p", "ci90_low", "ci90_high")
+    )
+    return [verdict(*cell) for cell in zip(effect, holm(p), low, high, strict=True)]

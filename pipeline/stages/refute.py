@@ -17,7 +17,7 @@ from pipeline.artifacts.files import read_arrays, write_arrays, write_json
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.artifacts.trained import ask, check_weights
 from pipeline.causal.interventions import DIGITS, expected_validity, judge
-from pipeline.causal.refuters import REFUTERS, halves, mean_over, placebo
+from pipeline.causal.refuters import REFUTERS, halves, mean_over, placebo, stays_over_items
 from pipeline.causal.statistics import VERDICTS
 from pipeline.fitting.trainers import FITTED, Lesson, fit_and_ask
 from pipeline.launch import launch
@@ -40,6 +40,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     directory, pool, few = Path(cfg.paths.intervene), cfg.protocol.splits[cfg.intervene.split], slice(cfg.refute.scenes)
     scenes = read_scenes(Path(cfg.paths.scenes))
     added = read_added(directory, scenes.layouts[pool].symbol.shape[1])
+    item = _added_items(added)
     z = read_arrays(directory / "images.npz")["z_theta"][few]
     here = np.concatenate([scenes.images[pool][None, few], added.images[:, few]])  # (1 + symbol, scene, ...)
     rng = np.random.default_rng(job_seed(cfg.refute.generator, "placebo"))
@@ -63,7 +64,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
             "other_table": _effects(other) - _effects(now),
         }
     write_arrays(out_dir / "placebos.npz", {"images": patched})
-    write_json(out_dir / "metrics.json", _metrics(cfg, users, found))
+    write_json(out_dir / "metrics.json", _metrics(cfg, users, found, item))
 
 
 def _check_settings(cfg: DictConfig) -> None:
@@ -82,6 +83,18 @@ def _check_settings(cfg: DictConfig) -> None:
         raise InputError(
             f"parameter refute.far_m is {cfg.refute.far_m}: expected more than the widest margin, {widest} m"
         )
+
+
+def _added_items(added: Added) -> np.ndarray:
+    """Which item stands in the last slot taken, (symbol, scene); InputError unless there are two of each symbol."""
+    item = np.array([x.item[np.arange(len(x)), x.present.sum(1) - 1] for x in added.layouts])
+    for symbol, of_symbol in zip(SYMBOLS, item, strict=True):
+        if len(np.unique(of_symbol)) < 2:
+            raise InputError(
+                f"the same {symbol} was added to all {item.shape[1]} scenes: expected at least two different ones; "
+                "add unseen items to items.csv, or intervene on more scenes"
+            )
+    return item
 
 
 def _clear_of_added(layouts: Layouts, z_theta: Float[Array, "scene path 2"]) -> Float[Array, "scene path"]:
@@ -144,8 +157,11 @@ def _effects(p: Float[Array, "user seed table scene path"]) -> Effects:
     return np.moveaxis(expected[:, :, 1:] - expected[:, :, :1], 2, 1)
 
 
-def _metrics(cfg: DictConfig, users: list[str], found: dict[str, dict[str, Effects]]) -> dict:
-    """Cells by refuter, variant, user and symbol, a family per refuter and variant; tallies; halves of the scenes."""
+def _metrics(cfg: DictConfig, users: list[str], found: dict[str, dict[str, Effects]], item: np.ndarray) -> dict:
+    """Cells by refuter, variant, user and symbol, a family per refuter and variant; tallies; halves; over items.
+
+    item: (symbol, scene), which one was added.
+    """
     refuted, tallies = {}, {}
     for variant, by_refuter in found.items():
         for name, effects in by_refuter.items():
@@ -164,6 +180,7 @@ def _metrics(cfg: DictConfig, users: list[str], found: dict[str, dict[str, Effec
         "tallies": tallies,
         "placebo": {v: dict(zip(users, cells, strict=True)) for v, cells in pooled.items()},
         "halves": {v: _halves(cfg, v, e) for v, e in measured.items()},
+        "items": {v: _over_items(e, item) for v, e in measured.items()},
         "seeds": len(cfg.protocol.seeds),
     }
 
@@ -174,6 +191,13 @@ def _halves(cfg: DictConfig, variant: str, effects: Float[Array, "cell seed scen
     shared, spread = halves(rng, effects, cfg.refute.halves)
     numbers = {"same": shared.mean(), "least": shared.min(), "spread": spread.mean()}
     return {name: round(float(value), DIGITS) for name, value in numbers.items()} | {"scenes": effects.shape[-1]}
+
+
+def _over_items(effects: Float[Array, "cell seed scene"], item: np.ndarray) -> dict[str, int]:
+    """How many of the verdicts stay if items take the place of scenes; and items of the symbol that has fewest."""
+    by_cell = np.tile(item[np.argsort(SYMBOLS)], (len(effects) // len(SYMBOLS), 1))  # cells as read_effects has them
+    stays = stays_over_items(effects, by_cell)
+    return {"same": int(stays.sum()), "cells": len(stays), "items": min(len(np.unique(i)) for i in item)}
 
 
 if __name__ == "__main__":

@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from pipeline.causal.envelope import by_item, dose_grid, paths_at_doses, planning, radius, study
+from pipeline.causal.clusters import by_item
+from pipeline.causal.envelope import dose_grid, paths_at_doses, planning, radius, study
 
 STEP, DOSES = 0.005, 20
 GRID = dose_grid(STEP, DOSES)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.causal.refuters import REFUTERS, halves, mean_over, placebo
+from pipeline.causal.refuters import REFUTERS, halves, mean_over, placebo, stays_over_items
 from pipeline.causal.statistics import SMALLEST_EFFECT
 
 
@@ -43,6 +43,14 @@ def test_clear_effects_keep_their_verdict_in_every_half_and_borderline_ones_do_n
 def test_too_few_scenes_to_halve_are_refused():
     with pytest.raises(ValueError, match="3 scenes in 10 splits: expected at least 4"):
         halves(np.random.default_rng(0), np.zeros((1, 2, 3)), 10)
+
+
+def test_an_effect_of_one_item_alone_stays_an_effect_over_scenes_and_not_over_items():
+    rng, item = np.random.default_rng(1), np.arange(120) % 6
+    noise = rng.normal(0, 0.05, (3, 10, 120))
+    of_one, of_all, of_none = 0.6 * (item == 2), np.full(120, 0.1), np.zeros(120)
+    effects = noise + np.stack([of_one, of_all, of_none])[:, None]
+    np.testing.assert_array_equal(stays_over_items(effects, np.tile(item, (3, 1))), [False, True, True])
 
 
 def test_every_refuter_says_what_is_done_asked_and_read():

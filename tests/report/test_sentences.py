@@ -142,15 +142,18 @@ def test_a_variant_has_its_own_tests_and_a_loss_is_called_one(results: Results):
 
 
 def test_a_refuter_that_finds_nothing_is_said_to_find_nothing(results: Results):
-    machinery, effect, placebo, _ = refutation(results)
+    machinery, effect, placebo, _, items = refutation(results)
     assert machinery.endswith("permuted labels: no variant; untrained model: no variant.")
     assert "placebo patch: the full model in 8 of 8" in effect and "item far away: no variant" in effect
     assert placebo.startswith("A patch of an item's pixels")
+    assert items.endswith("(at least 2 of each symbol), verdicts change of no variant.")
     found = copy.deepcopy(results.refutation)
     for by_user in found["placebo"].values():
         for cell in by_user.values():
             cell["verdict"] = "no effect"
-    assert len(refutation(replace(results, refutation=found))) == 3
+    found["items"]["full"] = {"same": 6, "cells": 8, "items": 2}
+    said = refutation(replace(results, refutation=found))
+    assert len(said) == 4 and said[-1].endswith("verdicts change of the full model (2).")
 
 
 def test_the_right_blame_is_told_beside_its_nulls_and_a_blind_model_is_called_blind(results: Results):

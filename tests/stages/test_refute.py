@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from omegaconf import DictConfig
 
+from pipeline.artifacts.added import read_added
 from pipeline.artifacts.files import read_arrays, read_json
+from pipeline.params import InputError
 from pipeline.stages import intervene, refute
 from pipeline.table.layout import SYMBOLS
 from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
@@ -43,6 +45,15 @@ def test_every_refuter_has_a_verdict_on_every_symbol_and_judged_user(cfg: DictCo
             assert tally["effect"] + tally["no effect"] + tally["inconclusive"] == tally["cells"] == 8
     assert set(found["placebo"]["path"]) == set(cfg.evaluate.users)
     assert found["halves"]["path"]["scenes"] == SCENES
+    assert found["items"]["path"]["cells"] == 8 >= found["items"]["path"]["same"]
+    assert found["items"]["path"]["items"] >= 2
+
+
+def test_one_item_alone_of_a_symbol_is_refused(cfg: DictConfig):
+    added = read_added(Path(cfg.paths.intervene), 5)
+    added.layouts[1].item[:] = 7
+    with pytest.raises(InputError, match=f"the same plate was added to all {SCENES} scenes: expected at least two"):
+        refute._added_items(added)
 
 
 def test_an_untrained_path_model_shows_no_effect_a_convinced_one_of_a_placebo_too_but_not_from_afar(out: Path):

@@ -5,9 +5,9 @@ from pipeline.report.wording import counted, listed, percent, refuter_label, sig
 
 
 def refutation(results: Results) -> list[str]:
-    """Answers kept apart: is the machinery sound, and does the effect survive; then placebos and halves."""
+    """Answers kept apart: is the machinery sound, and does the effect survive; then placebos, halves and items."""
     questions = dict.fromkeys(results.refutation["said"][name]["asks"] for name in results.refuters)
-    return [*(_answer(results, q) for q in questions), *_worst_placebo(results), _halves(results)]
+    return [*(_answer(results, q) for q in questions), *_worst_placebo(results), _halves(results), _items(results)]
 
 
 def _answer(results: Results, question: str) -> str:
@@ -48,4 +48,14 @@ def _halves(results: Results) -> str:
         f"{percent(min(h['same'] for h in halves.values()))} to {percent(max(h['same'] for h in halves.values()))} of "
         f"the cases, by variant; least often, {percent(halves[shaky]['least'], 0)}, in a cell of "
         f"{variant_phrase(shaky)}."
+    )
+
+
+def _items(results: Results) -> str:
+    found = {v: results.refutation["items"][v] for v in results.variants}
+    changed = [f"{variant_phrase(v)} ({c['cells'] - c['same']})" for v, c in found.items() if c["same"] < c["cells"]]
+    return (
+        "Intervals and verdicts speak of other scenes with these items. If an effect has to hold from item to item (at "
+        f"least {min(c['items'] for c in found.values())} of each symbol), verdicts change of "
+        f"{listed(changed) if changed else 'no variant'}."
     )

@@ -24,7 +24,7 @@ def refuters(results: Results) -> Table:
 
 
 def refuted(results: Results) -> Table:
-    """Cells in which a refuter found an effect, by variant; and what halves of the scenes would have said."""
+    """Cells in which a refuter found an effect, by variant; verdicts of half of the scenes, and over items."""
     found = results.refutation
     rows: list[list[str | Cell]] = []
     for variant in results.variants:
@@ -34,14 +34,19 @@ def refuted(results: Results) -> Table:
             left = f", {t['inconclusive']} open" if t and t["inconclusive"] else ""
             shown.append(NONE if t is None else f"{t['effect']} of {t['cells']}{left}")
         half = found["halves"][variant]
-        rows.append([variant_label(variant), *shown, f"{percent(half['same'])} ({percent(half['least'], 0)})"])
+        over_items = f"{found['items'][variant]['same']} of {found['items'][variant]['cells']}"
+        rows.append(
+            [variant_label(variant), *shown, f"{percent(half['same'])} ({percent(half['least'], 0)})", over_items]
+        )
     caption = (
         "Cells, a user and a symbol each, in which a refuter finds an effect where there should be none, or on another "
         f"table another effect; open: inconclusive ({counted(found['seeds'], 'seed')}, the first "
-        f"{counted(_scenes(results), 'scene')}). Last: how often a random half of all scenes that were intervened on "
-        "leads to the verdict of all of them, on average over the cells (and in the cell where it does least often)."
+        f"{counted(_scenes(results), 'scene')}). Half of the scenes: how often a random half of all that were "
+        "intervened on leads to the verdict of all of them, on average over the cells (and in the cell where it does "
+        "least often). "
+        "Over items: verdicts that stay if items take the place of scenes as a source of chance."
     )
-    header = ["Variant", *(refuter_label(name) for name in results.refuters), "Half of the scenes"]
+    header = ["Variant", *(refuter_label(name) for name in results.refuters), "Half of the scenes", "Over items"]
     return table("refuted", caption, header, rows)
 
 
