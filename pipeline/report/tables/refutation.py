@@ -44,9 +44,9 @@ def refuted(results: Results) -> Table:
         f"{counted(_scenes(results), 'scene')}). Half of the scenes: how often a random half of all that were "
         "intervened on leads to the verdict of all of them, on average over the cells (and in the cell where it does "
         "least often). "
-        "Over items: verdicts that stay if items take the place of scenes as a source of chance."
+        "By item: verdicts that stay if items take the place of scenes as a source of chance."
     )
-    header = ["Variant", *(refuter_label(name) for name in results.refuters), "Half of the scenes", "Over items"]
+    header = ["Variant", *(refuter_label(name) for name in results.refuters), "Half of the scenes", "By item"]
     return table("refuted", caption, header, rows)
 
 
