@@ -108,9 +108,14 @@ def _lines(text: str, width: int) -> list[str]:
     return wrap(text, width, break_long_words=False, break_on_hyphens=False) or [""]
 
 
-def _letters(rows: list[list[list[str]]]) -> int:
+def _letters(rows: list[list[list[str]]]) -> float:
     columns = zip(*rows, strict=True)
-    return sum(2 + max(len(line) for lines in column for line in lines) for column in columns) - 2
+    return sum(2 + max(_width(line) for lines in column for line in lines) for column in columns) - 2
+
+
+def _width(line: str) -> float:
+    """In letters: a sign is half as wide again as one."""
+    return len(line) + 0.5 * sum(letter in "+−" for letter in line)
 
 
 def _tex_cell(lines: list[str], side: str, at: str, bold: bool = False) -> str:
