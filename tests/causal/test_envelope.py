@@ -117,11 +117,6 @@ def test_intervals_over_items_cover_where_items_differ_and_those_over_scenes_do_
     assert over_scenes < 0.8
 
 
-def test_an_items_scenes_are_averaged_where_they_have_the_dose():
-    drop = np.array([[[1, 2.0], [3, np.nan], [5, np.nan], [7, np.nan]]])  # of one seed, in four scenes
-    np.testing.assert_array_equal(by_item(drop, np.array([4, 4, 2, 2])), [[[6, np.nan], [2, 2]]])  # item 2, item 4
-
-
 def test_scenes_without_a_dose_do_not_count_there():
     drop = responses(rng(3), 0.002, 0.01)
     spoilt = np.concatenate([drop, np.full((10, 5, DOSES), np.nan)], axis=1)

@@ -55,6 +55,12 @@ def test_latex_breaks_lines_only_where_a_table_is_too_wide():
     assert r"\begin{tabular}[t]{@{}l@{}}ten words" in wide
 
 
+def test_latex_breaks_a_line_of_signs_before_one_of_as_many_letters():
+    letters, signs = (" ".join([word] * 39) for word in ("11", "+1"))  # 116 letters each
+    assert letters in to_tex(table("t", "c", ["a"], [[letters]]))
+    assert signs not in to_tex(table("t", "c", ["a"], [[signs]]))
+
+
 def test_a_table_without_rows_or_with_ragged_ones_is_refused():
     with pytest.raises(ValueError, match="has no rows"):
         table("t", "c", ["a"], [])
