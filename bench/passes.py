@@ -108,7 +108,7 @@ def fastest(action: Callable[[], object], rounds: int) -> float:
 
 def operations(weights: Weights) -> int:
     """Multiplications and additions of one pass, counted layer by layer; the optimiser's are not worth counting."""
-    stack, count = Stack([untrained()] * LANES, weights, [N] * LANES), 0
+    stack, count = Stack([untrained()] * LANES, weights, [N] * LANES, SCENES), 0
     for layer in stack.layers.values():
         size = layer.weight.value[..., 0].size
         if isinstance(layer, Convolution):

@@ -5,9 +5,8 @@ there are) and seeds are each model's own. What a model becomes does not depend,
 Against `training.fit` sums are taken in another order, so trained weights differ by amplified rounding.
 
 A layer reads one array and writes the next. On the way back it finds there the loss's gradient, adds to that of its
-weights and overwrites what it had read with the gradient of that. Planes have a border of zeros; dense layers read
-and write them border and all, for the border's weights are 0 and stay so. One scene goes forth and back at a time:
-its activations stay in the cache.
+weights and overwrites what it had read with the gradient of that. Planes have a border of zeros. One scene goes forth
+and back at a time: its activations stay in the cache.
 """
 
 import math
@@ -49,27 +48,35 @@ class Parameter:
 
 
 class Layer(ABC):
-    """From array `x` to array `y`; `mode` is what `lanes` does to y, `back` what it does to the gradient of x."""
+    """From array `x` to array `y`, each of one scene."""
 
     x: Array
     y: Array
-    weight: Parameter
-    bias: Parameter
 
     @abstractmethod
     def forward(self) -> None:
         """Write y."""
 
     @abstractmethod
-    def backward(self) -> None:
-        """y holds its gradient: add to that of weight and bias, overwrite x with that of x."""
+    def backward(self, scene: int) -> None:
+        """y holds its gradient: overwrite x with that of x, and use both for that of the weights."""
+
+
+class Trained(Layer):
+    """With weights; `mode` is what `lanes` does to y, `back` what it does to the gradient of x."""
+
+    weight: Parameter
+    bias: Parameter
+
+    def finish(self) -> None:
+        """All scenes went forth and back: what of the gradient is still to be added to that of weight and bias."""
 
     @abstractmethod
     def as_torch(self, weight: Array, bias: Array) -> tuple[Array, Array]:
-        """Views of arrays of the parameters' shape: torch's order of axes, lanes last, borders cut off."""
+        """Views of arrays of the parameters' shape: torch's order of axes, lanes last."""
 
 
-class Convolution(Layer):
+class Convolution(Trained):
     """nn.Conv2d that halves the side, or nn.ConvTranspose2d that doubles it; x has been rectified, or is the images."""
 
     def __init__(
@@ -90,7 +97,7 @@ class Convolution(Layer):
     def forward(self):
         self._convolve(self.halves, self.bias.value, self.mode)
 
-    def backward(self):
+    def backward(self, scene):
         lanes.correlate(self.big, self.small, self.weight.gradient)
         lanes.total(self.y, self.bias.gradient)
         if self.back is not None:
@@ -106,37 +113,50 @@ class Convolution(Layer):
         return weight.transpose(3, 2, 0, 1, 4), bias
 
 
-class Dense(Layer):
-    """nn.Linear from rows of features, or of planes, to rows of either."""
+class Flatten(Layer):
+    """nn.Flatten from planes, without their border, to a row, or nn.Unflatten from a row to planes."""
 
-    def __init__(self, x: Float[Array, "row *input lane"], y: Float[Array, "row *output lane"], mode: int, back: int):
-        self.x, self.y, self.mode, self.back = x, y, mode, back
-        self.inputs, self.outputs = (array.reshape(len(array), -1, LANES) for array in (x, y))
-        self.weight = Parameter(self.inputs.shape[1], self.outputs.shape[1])
-        self.bias = Parameter(self.outputs.shape[1])
+    def __init__(self, x: Array, y: Array):
+        self.x, self.y = x, y
+        planes, row = (x, y) if x.ndim > y.ndim else (y, x)
+        inside = planes[0, 1:-1, 1:-1].transpose(2, 0, 1, 3)  # (channel, row, column, lane), as torch has them
+        views = (inside, row.reshape(inside.shape))
+        self.source, self.target = views if planes is x else views[::-1]
 
     def forward(self):
-        lanes.dense(self.inputs, self.weight.value, self.bias.value, self.outputs, self.mode)
+        self.target[:] = self.source
 
-    def backward(self):
-        lanes.dense_weights(self.inputs, self.outputs, self.weight.gradient)
-        lanes.total(self.outputs[None, None], self.bias.gradient)
-        lanes.dense_backward(self.outputs, self.weight.value, self.inputs, self.back)
+    def backward(self, scene):
+        self.source[:] = self.target
+
+
+class Dense(Trained):
+    """nn.Linear from rows of features to rows of features.
+
+    Its weights are too many to stay in the cache, so their gradient is written once, from what each scene has left.
+    """
+
+    def __init__(
+        self, x: Float[Array, "row input lane"], y: Float[Array, "row output lane"], mode: int, back: int, scenes: int
+    ):
+        self.x, self.y, self.mode, self.back = x, y, mode, back
+        self.read, self.slope = (allocate(scenes, *array.shape[:2]) for array in (x, y))
+        self.weight, self.bias = Parameter(x.shape[1], y.shape[1]), Parameter(y.shape[1])
+
+    def forward(self):
+        lanes.dense(self.x, self.weight.value, self.bias.value, self.y, self.mode)
+
+    def backward(self, scene):
+        self.read[scene], self.slope[scene] = self.x, self.y
+        lanes.dense_backward(self.y, self.weight.value, self.x, self.back)
+
+    def finish(self):
+        read, slope = (array.reshape(-1, *array.shape[2:]) for array in (self.read, self.slope))
+        lanes.dense_weights(read, slope, self.weight.gradient)
+        lanes.total(slope[None, None], self.bias.gradient)
 
     def as_torch(self, weight, bias):
-        inputs, outputs = self.x.shape[1:-1], self.y.shape[1:-1]
-        weight = _channels_first(weight.reshape(*inputs, *outputs, LANES), 0, len(inputs))
-        weight = _channels_first(weight, len(inputs), len(outputs))
-        weight = np.moveaxis(weight, range(len(inputs)), range(len(outputs), len(outputs) + len(inputs)))
-        return weight, _channels_first(bias.reshape(*outputs, LANES), 0, len(outputs))
-
-
-def _channels_first(values: Array, axis: int, axes: int) -> Array:
-    """Of `axes` axes from `axis` on, (row, column, channel) become (channel, row, column) without border."""
-    if axes == 1:
-        return values
-    inside = (*[slice(None)] * axis, slice(1, -1), slice(1, -1))
-    return np.moveaxis(values[inside], axis + 2, axis)
+        return weight.transpose(1, 0, 2), bias
 
 
 class Stack:
@@ -145,37 +165,42 @@ class Stack:
     A model with fewer than the most has rows to spare after its own. They weigh 0: all they add to a sum is a zero.
     """
 
-    def __init__(self, models: Sequence[VaeSpecification], weights: Weights, n: Sequence[int]):
+    def __init__(self, models: Sequence[VaeSpecification], weights: Weights, n: Sequence[int], scenes: int):
         self.weights, model = weights, models[0]
         self.share = shares(n)  # (row, lane)
         names = {module: name for name, module in model.named_modules()}
-        self.layers: dict[tuple[str, ...], Layer] = {}  # by the modules whose weights they hold
+        self.layers: dict[tuple[str, ...], Trained] = {}  # by the modules whose weights they hold
 
         def add(chain: list[Layer], layer: Layer, *modules: nn.Module) -> Array:
-            self.layers[tuple(names[module] for module in modules)] = layer
+            if isinstance(layer, Trained):
+                self.layers[tuple(names[module] for module in modules)] = layer
             chain.append(layer)
             return layer.y
+
+        def dense(chain: list[Layer], x: Array, mode: int, back: int, *modules: nn.Linear) -> Array:
+            y = allocate(len(x), sum(module.out_features for module in modules))
+            return add(chain, Dense(x, y, mode, back, scenes), *modules)
 
         self.encoder: list[Layer] = []
         self.images = planes = allocate(1, SIDE + 2, SIDE + 2, 3)
         for module in model.features:
             if isinstance(module, nn.Conv2d):
-                planes = add(
-                    self.encoder, Convolution(module, planes, RELU, None if planes is self.images else GATE), module
-                )
+                back = None if planes is self.images else GATE
+                planes = add(self.encoder, Convolution(module, planes, RELU, back), module)
+        row = add(self.encoder, Flatten(planes, allocate(1, model.mean.in_features)))
         heads = [model.mean, model.log_variance] if weights.beta else [model.mean]
-        self.code = allocate(1, len(heads) * model.latent)  # mean of z_image, then its log-variance
-        add(self.encoder, Dense(planes, self.code, PUT, GATE), *heads)
+        self.code = dense(self.encoder, row, PUT, GATE, *heads)  # mean of z_image, then its log-variance
 
         self.decoder: list[Layer] = []
         self.z_image = allocate(1, model.latent)
         if weights.alpha:
-            linear, *_, last = (m for m in model.decode if isinstance(m, nn.Linear | nn.ConvTranspose2d))
-            planes = add(self.decoder, Dense(self.z_image, allocate(*planes.shape[:-1]), RELU, PUT), linear)
-            for module in model.decode:
-                if isinstance(module, nn.ConvTranspose2d):
-                    mode = PUT if module is last else RELU
-                    planes = add(self.decoder, Convolution(module, planes, mode, GATE), module)
+            (linear,) = (module for module in model.decode if isinstance(module, nn.Linear))
+            row = dense(self.decoder, self.z_image, RELU, PUT, linear)
+            planes = add(self.decoder, Flatten(row, allocate(*planes.shape[:-1])))
+            transposed = [module for module in model.decode if isinstance(module, nn.ConvTranspose2d)]
+            for module in transposed:
+                mode = PUT if module is transposed[-1] else RELU
+                planes = add(self.decoder, Convolution(module, planes, mode, GATE), module)
         self.decoded = planes  # as log-odds
 
         self.classifier: list[Layer] = []
@@ -183,8 +208,7 @@ class Stack:
         linears = [module for module in model.classifier if isinstance(module, nn.Linear)]
         for module in linears:
             mode, back = PUT if module is linears[-1] else RELU, PUT if rows is self.demos else GATE
-            y = allocate(len(rows), module.out_features)
-            rows = add(self.classifier, Dense(rows, y, mode, back), module)
+            rows = dense(self.classifier, rows, mode, back, module)
         self.logits = rows
 
         for name, tensor in self.tensors("value"):
@@ -222,11 +246,13 @@ class Stack:
         for parameter in self.parameters():
             parameter.gradient.fill(0)
         terms = np.zeros((3, LANES), np.float32)
-        for scene in zip(images, z_theta, valid, noise, strict=True):
-            terms += self._scene(*scene, share=1 / len(images))
+        for scene, of_scene in enumerate(zip(images, z_theta, valid, noise, strict=True)):
+            terms += self._scene(scene, *of_scene, share=1 / len(images))
+        for layer in self.layers.values():
+            layer.finish()
         return terms
 
-    def _scene(self, image, z_theta, valid, noise, share: float) -> Float[Array, "3 lane"]:
+    def _scene(self, scene: int, image, z_theta, valid, noise, share: float) -> Float[Array, "3 lane"]:
         """What one scene, weighted by its `share` of all, adds to the terms and to the gradient."""
         alpha, beta, gamma = (share * weight for weight in (self.weights.alpha, self.weights.beta, self.weights.gamma))
         latent, terms = self.z_image.shape[1], allocate(3)
@@ -242,7 +268,7 @@ class Stack:
         logits = self.logits[:, 0]
         terms[2] = -(gamma * np.where(valid, log_expit(logits), log_expit(-logits))).sum(0)
         logits[:] = gamma * (expit(logits) - valid)
-        _backward(self.classifier)
+        _backward(self.classifier, scene)
         slope = self.demos[:, :latent].sum(0)  # with respect to z_image
 
         if alpha:
@@ -250,7 +276,7 @@ class Stack:
             _forward(self.decoder)
             lanes.squared_error(self.decoded, self.images, 2 * alpha, terms[:1])
             terms[0] *= alpha
-            _backward(self.decoder)
+            _backward(self.decoder, scene)
             slope += self.z_image[0]
 
         if beta:
@@ -258,7 +284,7 @@ class Stack:
             log_variance[:] = 0.5 * (slope * noise * deviation + beta * (deviation**2 - 1))
             slope += beta * mean
         mean[:] = slope
-        _backward(self.encoder)
+        _backward(self.encoder, scene)
         return terms
 
 
@@ -267,9 +293,9 @@ def _forward(layers: Sequence[Layer]) -> None:
         layer.forward()
 
 
-def _backward(layers: Sequence[Layer]) -> None:
+def _backward(layers: Sequence[Layer], scene: int) -> None:
     for layer in reversed(layers):
-        layer.backward()
+        layer.backward(scene)
 
 
 def fit_stack(
@@ -299,7 +325,7 @@ def _descend(models, images, z_theta, valid, weights, schedule, seeds, checkpoin
     pixels = np.stack([images[i] for i in own], -1)
     paths, labels = (np.stack([demos[i] for i in own], -1) for demos in map(padded, (z_theta, valid)))
     paths = (paths.astype(np.float32) - Z_CENTRE) / Z_SCALE
-    stack = Stack([models[i] for i in own], weights, n)
+    stack = Stack([models[i] for i in own], weights, n, len(pixels))
     generators = [torch.Generator().manual_seed(seed) for seed in seeds]
     optimiser, cycle = schedule.optimiser([parameter.tensor for parameter in stack.parameters()])
     curve = []

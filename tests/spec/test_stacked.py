@@ -80,7 +80,7 @@ def test_gradient_is_that_of_equation_1_in_double_precision(variant, shape, n):
     images, z_theta, valid = zip(*(data(lane, 20, n[lane]) for lane in range(LANES)), strict=True)
     images, z_theta, valid = (np.stack(a, -1) for a in (images, padded(z_theta), padded(valid)))
     noise = np.random.default_rng(0).standard_normal((20, models[0].latent, LANES)).astype(np.float32)
-    stack = Stack(models, VARIANTS[variant], n)
+    stack = Stack(models, VARIANTS[variant], n, scenes=20)
     terms = stack.gradient(images, ((z_theta - Z_CENTRE) / Z_SCALE).astype(np.float32), valid, noise)
     gradients = dict(stack.tensors("gradient"))
     for lane, model in list(enumerate(models))[::3]:
