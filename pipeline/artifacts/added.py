@@ -1,9 +1,10 @@
 """Scenes with one more item in them, as stage intervene draws them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
-from jaxtyping import UInt8
+import numpy as np
+from jaxtyping import Int, UInt8
 from numpy import ndarray as Array
 
 from pipeline.artifacts.files import read_arrays, read_table
@@ -18,6 +19,21 @@ class Added:
 
     images: UInt8[Array, "symbol scene 100 100 3"]
     layouts: list[Layouts]  # by symbol; the added item stands in the last slot taken
+
+    @property
+    def placed(self) -> list[Layouts]:
+        """The added item of each scene by itself, (scene, 1), by symbol."""
+        return [_last(x) for x in self.layouts]
+
+    @property
+    def item(self) -> Int[Array, "symbol scene"]:
+        """Which one was added (row of items.csv)."""
+        return np.stack([x.item[:, 0] for x in self.placed])
+
+
+def _last(layouts: Layouts) -> Layouts:
+    slot, at = layouts.present.sum(1) - 1, np.arange(len(layouts))
+    return Layouts(*(getattr(layouts, f.name)[at, slot][:, None] for f in fields(layouts)))
 
 
 def read_added(directory: Path, slots: int) -> Added:

@@ -1,7 +1,7 @@
 """Stage envelope: how far from each symbol validity flips, by every model, beside the true margins and put to use."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -37,7 +37,6 @@ class Tables:
     images: np.ndarray  # (scene, 100, 100, 3)
     layouts: Layouts
     added: Added
-    item: np.ndarray  # (symbol, scene): which one was added
     z_theta: np.ndarray  # (scene, candidate, 2) [m]
     clearances: np.ndarray  # (scene, candidate, slot) [m] from the scenes' own items
     to_added: np.ndarray  # (symbol, scene, candidate) [m]
@@ -53,7 +52,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     drops = _model_drops(cfg, tables, chosen)
     margins = [cfg.users[user][symbol] for user in cfg.users for symbol in SYMBOLS]
     true_drop = truth[:, 0].reshape(-1, *truth.shape[-2:])  # (user * symbol, scene, dose)
-    item = np.tile(tables.item, (len(cfg.users), 1))  # (user * symbol, scene)
+    item = np.tile(tables.added.item, (len(cfg.users), 1))  # (user * symbol, scene)
     studies = {v: study(_cells(d), true_drop, item, margins, grid) for v, d in {**drops, "truth": truth}.items()}
     envelopes = {v: _by_user(cfg, cells) for v, (cells, _) in studies.items()}
     write_json(
@@ -105,10 +104,8 @@ def _set_tables(cfg: DictConfig) -> Tables:
             f"{pool}; run the intervene stage again"
         )
     z_theta = random_z_theta(np.random.default_rng(cfg.envelope.generator), len(layouts), cfg.envelope.candidates)
-    placed = [_last(x) for x in added.layouts]
-    item = np.stack([x.item[:, 0] for x in placed])
-    to_added = np.stack([_clearance(x, z_theta)[..., 0] for x in placed])
-    return Tables(images, layouts, added, item, z_theta, _clearance(layouts, z_theta), to_added)
+    to_added = np.stack([_clearance(x, z_theta)[..., 0] for x in added.placed])
+    return Tables(images, layouts, added, z_theta, _clearance(layouts, z_theta), to_added)
 
 
 def _clearance(layouts: Layouts, z_theta: np.ndarray) -> np.ndarray:
@@ -118,21 +115,15 @@ def _clearance(layouts: Layouts, z_theta: np.ndarray) -> np.ndarray:
     return np.concatenate([np.concatenate([clearance(x, z[:, s : s + BLOCK]) for s in starts], 1) for x, z in one])
 
 
-def _last(layouts: Layouts) -> Layouts:
-    """The added item of each scene by itself, (scene, 1): it stands in the last slot taken."""
-    slot = layouts.present.sum(1) - 1
-    at = np.arange(len(layouts))
-    return Layouts(*(getattr(layouts, f.name)[at, slot][:, None] for f in fields(layouts)))
-
-
 def _choose_paths(cfg: DictConfig, tables: Tables) -> tuple[np.ndarray, np.ndarray]:
     """The doses (dose,) [m] and each one's candidates (symbol, scene, dose, path), -1 where a scene lacks the dose."""
     e, others = cfg.envelope, tables.clearances.min(-1)
     grid = dose_grid(e.step, e.doses)
     chosen = np.stack([paths_at_doses(own, others, grid, e.clear_of_others, e.paths) for own in tables.to_added])
     there = chosen[..., 0] >= 0  # (symbol, scene, dose)
+    by_symbol = zip(tables.added.item, there, strict=True)
     items = np.array(
-        [[len(np.unique(own[has])) for has in by_scene.T] for own, by_scene in zip(tables.item, there, strict=True)]
+        [[len(np.unique(own[has])) for has in by_scene.T] for own, by_scene in by_symbol]
     )  # (symbol, dose)
     if items.min() < 2:
         symbol, dose = np.unravel_index(items.argmin(), items.shape)

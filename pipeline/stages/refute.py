@@ -26,7 +26,7 @@ from pipeline.params import InputError
 from pipeline.spec.registry import build
 from pipeline.spec.training import job_seed
 from pipeline.table.items import read_catalogue
-from pipeline.table.layout import SYMBOLS, Layouts
+from pipeline.table.layout import SYMBOLS
 from pipeline.table.render import Palette, render_scenes
 from pipeline.table.rules import clearance
 
@@ -40,12 +40,12 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     directory, pool, few = Path(cfg.paths.intervene), cfg.protocol.splits[cfg.intervene.split], slice(cfg.refute.scenes)
     scenes = read_scenes(Path(cfg.paths.scenes))
     added = read_added(directory, scenes.layouts[pool].symbol.shape[1])
-    item = _added_items(added)
+    _check_items(added)
     z = read_arrays(directory / "images.npz")["z_theta"][few]
     here = np.concatenate([scenes.images[pool][None, few], added.images[:, few]])  # (1 + symbol, scene, ...)
     rng = np.random.default_rng(job_seed(cfg.refute.generator, "placebo"))
     patched = np.stack([placebo(rng, here[0], with_item) for with_item in here[1:]])
-    far = np.stack([_clear_of_added(layouts[few], z) > cfg.refute.far_m for layouts in added.layouts])
+    far = np.stack([clearance(placed[few], z)[..., 0] > cfg.refute.far_m for placed in added.placed])
 
     users = list(cfg.evaluate.users)
     pictures = np.concatenate([here, patched, _elsewhere(cfg, scenes, pool, added)])
@@ -64,7 +64,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
             "other_table": _effects(other) - _effects(now),
         }
     write_arrays(out_dir / "placebos.npz", {"images": patched})
-    write_json(out_dir / "metrics.json", _metrics(cfg, users, found, item))
+    write_json(out_dir / "metrics.json", _metrics(cfg, users, found, added.item))
 
 
 def _check_settings(cfg: DictConfig) -> None:
@@ -85,22 +85,14 @@ def _check_settings(cfg: DictConfig) -> None:
         )
 
 
-def _added_items(added: Added) -> np.ndarray:
-    """Which item stands in the last slot taken, (symbol, scene); InputError unless there are two of each symbol."""
-    item = np.array([x.item[np.arange(len(x)), x.present.sum(1) - 1] for x in added.layouts])
-    for symbol, of_symbol in zip(SYMBOLS, item, strict=True):
+def _check_items(added: Added) -> None:
+    """Raise InputError unless two items at least of each symbol were added."""
+    for symbol, of_symbol in zip(SYMBOLS, added.item, strict=True):
         if len(np.unique(of_symbol)) < 2:
             raise InputError(
-                f"the same {symbol} was added to all {item.shape[1]} scenes: expected at least two different ones; "
-                "add unseen items to items.csv, or intervene on more scenes"
+                f"the same {symbol} was added to all {len(of_symbol)} scenes: expected at least two different ones; "
+                "intervene on more scenes"
             )
-    return item
-
-
-def _clear_of_added(layouts: Layouts, z_theta: Float[Array, "scene path 2"]) -> Float[Array, "scene path"]:
-    """Each path's clearance [m] from the item that was added, which stands in the last slot taken."""
-    last = layouts.present.sum(1) - 1
-    return np.take_along_axis(clearance(layouts, z_theta), last[:, None, None], axis=2)[..., 0]
 
 
 def _elsewhere(cfg: DictConfig, scenes: SceneSet, pool: str, added: Added) -> np.ndarray:

@@ -38,6 +38,17 @@ def test_layouts_and_pictures_come_back(written: tuple[Path, list[Layouts]]):
     assert added.images[2, 1, 0, 0, 0] == 2 * SCENES + 1
 
 
+def test_what_was_added_stands_by_itself(written: tuple[Path, list[Layouts]]):
+    folder, layouts = written
+    added = read_added(folder, RULES.slots)
+    for symbol, (alone, wrote) in enumerate(zip(added.placed, layouts, strict=True)):
+        assert alone.present.all() and (alone.symbol == symbol).all()
+        for scene in range(SCENES):
+            at = np.flatnonzero(wrote.present[scene])[-1]
+            assert added.item[symbol, scene] == wrote.item[scene, at]
+            np.testing.assert_array_equal(alone.centre[scene, 0], wrote.centre[scene, at])
+
+
 def test_too_few_slots_or_scenes_are_refused(written: tuple[Path, list[Layouts]]):
     folder, _ = written
     with pytest.raises(InputError, match="run the intervene stage again"):

@@ -113,7 +113,8 @@ def test_a_curve_is_the_models_own_drop(cfg: DictConfig, found: dict):
     before = np.mean([m.probability(tables.images, z[symbol]) for m in models], axis=0)
     after = np.mean([m.probability(tables.added.images[symbol], z[symbol]) for m in models], axis=0)
     drop = np.where(chosen[symbol, ..., 0] >= 0, before - after, np.nan)  # (scene, dose)
-    expected = pd.DataFrame(drop).groupby(tables.item[symbol]).mean().mean()  # over an item's scenes, then over items
+    by_item = pd.DataFrame(drop).groupby(tables.added.item[symbol])
+    expected = by_item.mean().mean()  # over an item's scenes, then over items
     np.testing.assert_allclose(found["curves"]["path"]["normal"]["plate"]["drop"], expected, atol=2e-6)
 
 

@@ -53,7 +53,7 @@ def test_one_item_alone_of_a_symbol_is_refused(cfg: DictConfig):
     added = read_added(Path(cfg.paths.intervene), 5)
     added.layouts[1].item[:] = 7
     with pytest.raises(InputError, match=f"the same plate was added to all {SCENES} scenes: expected at least two"):
-        refute._added_items(added)
+        refute._check_items(added)
 
 
 def test_an_untrained_path_model_shows_no_effect_a_convinced_one_of_a_placebo_too_but_not_from_afar(out: Path):
