@@ -18,14 +18,14 @@ from PIL import Image, UnidentifiedImageError
 
 from pipeline.table.layout import SYMBOLS, Items
 
-SPLITS = ("train", "unseen", "validation")
+LEAST_ITEMS = {"train": 1, "unseen": 2, "validation": 2}  # of a symbol, by split: what is judged must not be one item's
 SHAPES = ("disc", "capsule")
 LEAST_PIXELS = 256  # side of a cutout
 
 LENGTH_M = pa.Check.in_range(0.0, 1.0, include_min=False)
 NAMED = {
     "name": pa.Column(str, pa.Check.str_matches(r"^[a-z0-9-]+$"), unique=True),
-    "split": pa.Column(str, pa.Check.isin(SPLITS)),
+    "split": pa.Column(str, pa.Check.isin(list(LEAST_ITEMS))),
     "width_m": pa.Column(float, LENGTH_M, coerce=True),
     "file": pa.Column(str, pa.Check.str_endswith(".png")),
     "source": pa.Column(str, pa.Check.str_length(min_value=1)),
@@ -86,15 +86,15 @@ def read_catalogue(data_dir: Path) -> Catalogue:
     """Read and check data/: items.csv, textures.csv and every picture they name.
 
     Raises CatalogueError on a missing, truncated, wrong-size or alpha-less picture, an unknown symbol, a duplicate
-    name, a length out of range, or a symbol without an item in some split.
+    name, a length out of range, or fewer items of a symbol in a split than LEAST_ITEMS.
     """
     items = _read_table(data_dir / "items.csv", ITEMS)
     textures = _read_table(data_dir / "textures.csv", TEXTURES)
-    for split in SPLITS:
-        lacking = set(SYMBOLS) - set(items.loc[items["split"] == split, "symbol"])
-        if lacking:
+    for split, least in LEAST_ITEMS.items():
+        there = items.loc[items["split"] == split, "symbol"].value_counts().reindex(SYMBOLS, fill_value=0)
+        if few := [f"{count} of {symbol}" for symbol, count in there.items() if count < least]:
             raise CatalogueError(
-                f"items.csv has no {split} item for {sorted(lacking)}: add at least one of each symbol"
+                f"items.csv has too few {split} items ({', '.join(few)}): expected at least {least} of each symbol"
             )
     if not (textures["split"] == "train").any():
         raise CatalogueError("textures.csv has no train texture: add at least one")

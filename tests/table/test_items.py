@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 from scipy.ndimage import binary_erosion
 
-from pipeline.table.items import LEAST_PIXELS, SPLITS, CatalogueError, read_catalogue
+from pipeline.table.items import LEAST_ITEMS, LEAST_PIXELS, CatalogueError, read_catalogue
 from pipeline.table.layout import SYMBOLS
 
 DATA = Path("data")
@@ -42,7 +42,7 @@ def test_every_symbol_has_enough_items_in_every_split(catalogue, symbol, split, 
 
 
 def test_pools_share_no_item_and_leave_none_out(catalogue):
-    rows = np.concatenate([catalogue.pool(split) for split in SPLITS])
+    rows = np.concatenate([catalogue.pool(split) for split in LEAST_ITEMS])
     assert sorted(rows) == list(range(len(catalogue.items)))
 
 
@@ -141,11 +141,14 @@ def test_a_wrong_value_is_named_with_its_line(data):
         read_catalogue(data)
 
 
-def test_a_symbol_without_items_of_a_split_is_refused(data):
+@pytest.mark.parametrize(("split", "kept"), [("train", 0), ("unseen", 0), ("unseen", 1), ("validation", 1)])
+def test_a_symbol_with_too_few_items_in_a_split_is_refused(data, split, kept):
+    """What is judged has two at least: intervals count items, and one item's tells nothing of others."""
     table = pd.read_csv(data / "items.csv")
-    lonely = (table["symbol"] == "glass") & (table["split"] == "unseen")
-    table[~lonely].to_csv(data / "items.csv", index=False)
-    with pytest.raises(CatalogueError, match=r"unseen.*glass"):
+    glasses = table.index[(table["symbol"] == "glass") & (table["split"] == split)]
+    table.drop(index=glasses[kept:]).to_csv(data / "items.csv", index=False)
+    said = rf"too few {split} items \({kept} of glass\): expected at least {LEAST_ITEMS[split]} of each symbol"
+    with pytest.raises(CatalogueError, match=said):
         read_catalogue(data)
 
 
