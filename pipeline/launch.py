@@ -6,6 +6,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
 
+from pipeline.memory import keep_freed
 from pipeline.params import CONF, load, validate
 
 Main = Callable[[DictConfig, Path], None]
@@ -18,6 +19,7 @@ def launch(main: Main, stage: str) -> None:
     `--params FILE [key=value ...]` reads resolved parameters and writes to `paths.<stage>`, as DVC wants it;
     otherwise Hydra composes conf/ (`--multirun` sweeps) and the run writes to Hydra's output directory.
     """
+    keep_freed()
     try:
         if "--params" in sys.argv[1:]:
             _from_params(main, stage, sys.argv[1:])

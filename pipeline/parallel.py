@@ -1,6 +1,5 @@
 """Independent jobs over processes of one torch thread each."""
 
-import ctypes
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
@@ -9,9 +8,10 @@ from typing import TypeVar
 import torch
 from tqdm import tqdm
 
+from pipeline.memory import keep_freed
+
 Job = TypeVar("Job")
 Result = TypeVar("Result")
-M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of glibc's mallopt
 
 
 def map_jobs(function: Callable[[Job], Result], jobs: Sequence[Job], workers: int, desc: str) -> list[Result]:
@@ -32,9 +32,6 @@ def map_jobs(function: Callable[[Job], Result], jobs: Sequence[Job], workers: in
 
 
 def _prepare() -> None:
-    """One torch thread, and freed activations kept: giving them back to the kernel costs a fifth of a step."""
+    """One torch thread, and memory kept: clearing new activations costs a fifth of a step."""
     torch.set_num_threads(1)
-    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)  # glibc only
-    if mallopt is not None:
-        mallopt(M_MMAP_THRESHOLD, 64 << 20)
-        mallopt(M_TRIM_THRESHOLD, 512 << 20)
+    keep_freed()
