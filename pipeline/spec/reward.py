@@ -5,13 +5,15 @@ Here a path's return is the *mean* of r_s over SAMPLES points spread evenly over
 points is no part of the model; every path has the same number, hence the same optimum as with the sum.
 """
 
+from functools import lru_cache
+
 import numpy as np
 import torch
 import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from pipeline.spec.specification import Specification, initialise
+from pipeline.spec.specification import Specification, initialise, to_bytes, to_tensor
 from pipeline.table.bezier import P_F, P_INIT, basis, lattice
 
 SAMPLES = 48  # points along a path: 2 cm apart on the longest, as fine as the map
@@ -72,7 +74,7 @@ class RewardMap(Specification):
 
     def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene cell"]:
         """The reward map's cells and, last, the scene's soft optimum."""
-        return self.look(contrast(*against_table(images)))
+        return self.look(torch.cat([_contrast(picture) for picture in to_bytes(images)]))
 
     def look(self, contrasts: Float[Tensor, "scene 4 100 100"]) -> Float[Tensor, "scene cell"]:
         """`perceive` from the pictures' contrast with the table."""
@@ -97,6 +99,13 @@ class RewardMap(Specification):
         reward = percept[:, :-1].unflatten(1, (self.side, self.side))
         regret = path_return(reward, z_theta) - percept[:, -1:]
         return self.scale * regret + self.offset
+
+
+@lru_cache(maxsize=2048)  # every model looks at the same pictures
+def _contrast(picture: bytes) -> Float[Tensor, "1 4 100 100"]:
+    """`contrast` of an 8-bit picture."""
+    pixels = np.frombuffer(picture, np.uint8).reshape(1, PICTURE, PICTURE, 3)
+    return contrast(*against_table(to_tensor(pixels.copy())))
 
 
 def against_table(

@@ -20,6 +20,12 @@ def to_tensor(images: UInt8[Array, "scene 100 100 3"]) -> Float[Tensor, "scene 3
     return torch.from_numpy(images).permute(0, 3, 1, 2).float().div(255).contiguous(memory_format=torch.channels_last)
 
 
+def to_bytes(images: Float[Tensor, "scene 3 100 100"]) -> list[bytes]:
+    """Each image's 8-bit pixels, by row and column: what `to_tensor` made it of."""
+    pixels = images.detach().permute(0, 2, 3, 1).mul(255).round().to(torch.uint8).contiguous().numpy()
+    return [picture.tobytes() for picture in pixels]
+
+
 class Specification(nn.Module, ABC):
     """One user's specification C_s: what it keeps of a scene, and how valid it finds a path there."""
 

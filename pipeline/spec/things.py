@@ -18,6 +18,7 @@ from scipy import ndimage
 from torch import Tensor
 
 from pipeline.spec.reward import against_table
+from pipeline.spec.specification import to_bytes
 
 FEATURES = ("area", "elongation", "contrast", "plain contrast")  # logarithms all
 SIDE = 100  # pixels along an edge of a picture of the 1 m table
@@ -57,15 +58,14 @@ class Things:
 
 def find(images: Float[Tensor, "scene 3 100 100"]) -> Things:
     """The things in each picture, each picture by itself."""
-    pixels = images.detach().permute(0, 2, 3, 1).mul(255).round().to(torch.uint8).contiguous().numpy()
     things = Things(
-        np.zeros((len(pixels), MOST, 2, 2), np.float32),
-        np.zeros((len(pixels), MOST), np.float32),
-        np.zeros((len(pixels), MOST, len(FEATURES)), np.float32),
-        np.zeros((len(pixels), MOST), bool),
+        np.zeros((len(images), MOST, 2, 2), np.float32),
+        np.zeros((len(images), MOST), np.float32),
+        np.zeros((len(images), MOST, len(FEATURES)), np.float32),
+        np.zeros((len(images), MOST), bool),
     )
-    for scene, picture in enumerate(pixels):
-        for i, (ends, radius, features) in enumerate(_found(picture.tobytes())):
+    for scene, picture in enumerate(to_bytes(images)):
+        for i, (ends, radius, features) in enumerate(_found(picture)):
             things.ends[scene, i], things.radius[scene, i] = ends, radius
             things.features[scene, i], things.present[scene, i] = features, True
     return things
