@@ -61,10 +61,11 @@ def ask(
     desc: str,
 ) -> dict[str, Float[Array, "user seed picture path"]]:
     """P(valid) of every path [m] in its picture, by every variant's models of these users at study_n, every seed."""
-    variants = list(cfg.variants)
+    variants = list(cfg.variants)[::-1]  # those that take longest first, so that no process waits for another's last
     questions = [_Question(cfg, variant, user, images, z_theta) for variant in variants for user in users]
     answers = map_jobs(_answer, questions, cfg.workers, desc)
-    return {v: np.stack(answers[i * len(users) : (i + 1) * len(users)]) for i, v in enumerate(variants)}
+    found = {v: np.stack(answers[i * len(users) : (i + 1) * len(users)]) for i, v in enumerate(variants)}
+    return {v: found[v] for v in cfg.variants}
 
 
 def _answer(q: _Question) -> Float[Array, "seed picture path"]:

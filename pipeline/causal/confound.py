@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray as Array
-from scipy.stats import t
+from scipy.special import stdtrit
 
 from pipeline.causal.interventions import DIGITS, expected_validity
 from pipeline.causal.statistics import LEVEL, estimate, holm
@@ -38,7 +38,7 @@ def association(invalid: Bool[Array, "scene path"], near: Bool[Array, "scene pat
     left = without[0] / without[1] - without[2] / without[3]
     scenes = len(left)
     error = np.sqrt((scenes - 1) / scenes * ((left - left.mean()) ** 2).sum())
-    reach = float(t.ppf(1 - LEVEL / 2, scenes - 1) * error)
+    reach = float(stdtrit(scenes - 1, 1 - LEVEL / 2) * error)
     values = (difference, difference - reach, difference + reach, near_rate, far_rate)
     return {name: round(value, DIGITS) + 0.0 for name, value in zip(names, values, strict=True)} | n
 

@@ -5,7 +5,7 @@ from math import ceil
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray as Array
-from scipy.stats import t
+from scipy.special import stdtrit
 
 from pipeline.causal.statistics import (
     LEVEL,
@@ -24,7 +24,7 @@ POWER = 0.8
 def detectable(effects: Float[Array, "cell seed scene"]) -> Float[Array, "cell"]:
     """The smallest effect of each cell that Holm's first, strictest step would find with a chance of POWER."""
     error, freedom = crossed_error(effects)
-    return (t.ppf(1 - LEVEL / (2 * len(effects)), freedom) + t.ppf(POWER, freedom)) * error
+    return (stdtrit(freedom, 1 - LEVEL / (2 * len(effects))) + stdtrit(freedom, POWER)) * error
 
 
 def scenes_to_settle(effects: Float[Array, "cell seed scene"]) -> list[int | None]:
@@ -37,8 +37,8 @@ def scenes_to_settle(effects: Float[Array, "cell seed scene"]) -> list[int | Non
     of_seeds = np.maximum(by_seed - rest, 0.0) / (scenes * seeds)  # of the mean's variance, whatever the scenes
     per_scene = np.maximum(by_scene, rest) / seeds  # of one scene
     size, (_, freedom) = np.abs(effects.mean((1, 2))), crossed_error(effects)
-    equivalent = (SMALLEST_EFFECT - size) / t.ppf(0.95, freedom)
-    found = size / t.ppf(1 - LEVEL / (2 * cells), freedom)
+    equivalent = (SMALLEST_EFFECT - size) / stdtrit(freedom, 0.95)
+    found = size / stdtrit(freedom, 1 - LEVEL / (2 * cells))
     allowed = np.where(size > SMALLEST_EFFECT, found, equivalent) ** 2  # variance of the mean
     return [
         max(2, ceil(v / (most - s))) if most > s else None

@@ -8,9 +8,10 @@ with random rows and columns. Nothing here knows what an effect is of. Stage sel
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 from jaxtyping import Float
 from numpy import ndarray as Array
-from scipy.stats import rankdata, t
+from scipy.special import stdtr, stdtrit  # Student's t; scipy.stats takes most of a second to import
 
 SMALLEST_EFFECT = 0.05  # smallest effect of interest, on the scale of P(valid)
 LEVEL = 0.05  # family-wise level of the tests, and of each one-sided test of equivalence
@@ -41,9 +42,9 @@ def estimate(effects: Float[Array, "cell seed scene"]) -> Estimates:
     effects = np.asarray(effects, dtype=np.float64)
     mean, by_seed = effects.mean((1, 2)), effects.mean(2)
     error, freedom = crossed_error(effects)
-    wide, narrow = (t.ppf(q, freedom) * error for q in (0.975, 0.95))
+    wide, narrow = (stdtrit(freedom, q) * error for q in (0.975, 0.95))
     with np.errstate(divide="ignore", invalid="ignore"):
-        p = np.where(error > 0, 2 * t.sf(np.abs(mean) / error, freedom), np.where(mean == 0, 1.0, 0.0))
+        p = np.where(error > 0, 2 * stdtr(freedom, -np.abs(mean) / error), np.where(mean == 0, 1.0, 0.0))
     q1, q3 = np.quantile(by_seed, (0.25, 0.75), axis=1)
     return Estimates(mean, mean - wide, mean + wide, mean - narrow, mean + narrow, p, q1, q3)
 
@@ -115,7 +116,9 @@ def paired_wilcoxon(a: Float[Array, "seed"], b: Float[Array, "seed"]) -> float:
         raise ValueError(f"pairs of shapes {a.shape} and {b.shape}: expected two finite vectors, a value a seed")
     difference = a - b
     difference = difference[~np.isclose(difference, 0.0, rtol=0, atol=1e-12)]
-    ranks = np.rint(2 * rankdata(np.abs(difference).round(12))).astype(int)  # doubled, so that half ranks are whole
+    ranks = np.rint(2 * pd.Series(np.abs(difference).round(12)).rank()).to_numpy(
+        int
+    )  # doubled, so that half ranks are whole
     ways = np.ones(1)  # ways[w]: sign patterns whose positive doubled ranks sum to w
     for rank in ranks:
         ways = np.pad(ways, (0, rank)) + np.pad(ways, (rank, 0))
