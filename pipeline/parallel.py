@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from functools import lru_cache
 from multiprocessing import get_context
 from typing import TypeVar
 
@@ -15,20 +16,27 @@ Result = TypeVar("Result")
 
 
 def map_jobs(function: Callable[[Job], Result], jobs: Sequence[Job], workers: int, desc: str) -> list[Result]:
-    """`[function(job) for job in jobs]` over `workers` fresh processes, with a progress bar.
+    """`[function(job) for job in jobs]` over `workers` processes, with a progress bar.
 
     `function` and its jobs must pickle. Results come in the order of the jobs and, since every process has
-    one torch thread, do not depend on `workers`. The first error ends the rest.
+    one torch thread, do not depend on `workers`. The first error ends the rest. The processes wait for the next call.
     """
     if workers == 1 or len(jobs) <= 1:
         _prepare()
         return [function(job) for job in tqdm(jobs, desc=desc)]
-    with ProcessPoolExecutor(min(workers, len(jobs)), get_context("spawn"), initializer=_prepare) as pool:
-        try:
-            return list(tqdm(pool.map(function, jobs), total=len(jobs), desc=desc))
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    pool = _pool(workers)
+    try:
+        return list(tqdm(pool.map(function, jobs), total=len(jobs), desc=desc))
+    except BaseException:
+        pool.shutdown(wait=False, cancel_futures=True)
+        _pool.cache_clear()
+        raise
+
+
+@lru_cache(maxsize=1)
+def _pool(workers: int) -> ProcessPoolExecutor:
+    """Processes of their own, for all calls: importing torch anew takes each some three seconds."""
+    return ProcessPoolExecutor(workers, get_context("spawn"), initializer=_prepare)
 
 
 def _prepare() -> None:
