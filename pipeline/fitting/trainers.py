@@ -101,4 +101,4 @@ def _trainer(cfg: DictConfig, variant: str) -> tuple[type[Specification], Fit]:
     if v.stage == "irl":
         train = partial(one_by_one, irl.fit, objective=v.objective, schedule=reward_schedule(cfg, v.steps))
         return RewardMap, train
-    return clearance.ClearanceModel, partial(one_by_one, clearance.fit, schedule=schedule(cfg.path))
+    return clearance.ClearanceModel, partial(clearance.fit, schedule=schedule(cfg.path))

@@ -44,11 +44,12 @@ def _log_odds(log_p: Tensor) -> Tensor:
 class _NoSquares(ClearanceModel):
     """Relevance is monotonic in every feature."""
 
+    def terms(self, x):
+        return super().terms(x)[..., : 1 + len(FEATURES)]
+
     def __init__(self, members: int):
         super().__init__(members)
-        linear = torch.cat([torch.ones(1 + len(FEATURES)), torch.zeros(len(FEATURES))])
-        self.weight.data *= linear
-        self.weight.register_hook(lambda gradient: gradient * linear)
+        self.weight = torch.nn.Parameter(self.weight[:, : 1 + len(FEATURES)].detach())
 
 
 class _Unbounded(ClearanceModel):

@@ -7,6 +7,10 @@ so, a path is as likely to be valid as any other.
 Turning or reflecting table and path together changes neither, so the task's symmetries hold exactly.
 """
 
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 import torch
 import torch.nn.functional as F
@@ -17,7 +21,7 @@ from torch import Tensor, nn
 
 from pipeline.spec.specification import Specification, to_tensor
 from pipeline.spec.things import FEATURES, find
-from pipeline.spec.training import Checkpoints, Schedule, laplace, never_varies
+from pipeline.spec.training import Checkpoints, Schedule, laplace, never_varies, padded, shares
 from pipeline.table.bezier import P_F, P_INIT, basis
 
 SAMPLES = 160  # points along a path: 1 cm apart on the longest, so that a clearance is right within half a millimetre
@@ -27,6 +31,7 @@ SHARPENING = 1.25  # of the log-odds of the members' mean: a mean of opinions is
 NEEDED = 6.0  # nats: what labels must gain in likelihood for "things matter" to be as credible as "nothing does"
 CERTAIN = 1e4  # nats
 BOUND = 1.5  # standard deviations of the training things' features, beyond which a thing counts as no more unlike them
+AT_ONCE = 10  # models fitted together: what they compute still fits a processor's cache
 CURVE = ("step", "total")  # columns of a learning curve
 
 
@@ -81,19 +86,28 @@ class ClearanceModel(Specification):
         return _log_odds(torch.logaddexp(by_things, by_rate))
 
     def log_valid(
-        self, percept: Float[Tensor, "scene thing 10"], clearances: Float[Tensor, "scene path near"]
-    ) -> Float[Tensor, "member scene path"]:
+        self, percept: Float[Tensor, "*model scene thing 10"], clearances: Float[Tensor, "*model scene path near"]
+    ) -> Float[Tensor, "*model member scene path"]:
         """log P(valid) by each member's opinion, from the paths' clearances [m]."""
-        x = (UNIT * self.margin[:, None, None, None] - clearances) / (self.width.exp() + SHARPEST)[:, None, None, None]
+        margin = (UNIT * self.margin)[..., None, None, None, :]  # members last: torch is quickest along neighbours
+        width = (self.width.exp() + SHARPEST)[..., None, None, None, :]
+        x = (margin - clearances[..., None]) / width  # (*model, scene, path, near, member)
         closeness = 0.5 + 0.5 * x / torch.sqrt(1 + x * x)
-        threat = self.relevance(percept)[:, :, None, : clearances.shape[-1]] * closeness
-        return torch.log1p(-threat.amax(-1).clamp(max=1 - 1e-6)) + F.logsigmoid(self.clear)[:, None, None]
+        relevance = self._relevance(percept[..., : clearances.shape[-1], :])[..., None, :, :]
+        threat = (relevance * closeness).amax(-2).clamp(max=1 - 1e-6)
+        return (torch.log1p(-threat) + F.logsigmoid(self.clear)[..., None, None, :]).movedim(-1, -3)
 
-    def relevance(self, percept: Float[Tensor, "scene thing 10"]) -> Float[Tensor, "member scene thing"]:
+    def relevance(self, percept: Float[Tensor, "*model scene thing 10"]) -> Float[Tensor, "*model member scene thing"]:
         """The chance that the user keeps away from each thing, by each member's opinion; 0 where there is none."""
-        x = (percept[..., 5:-1] - self.centre) / self.spread
-        terms = torch.cat([torch.ones_like(x[..., :1]), x.clamp(-self.bound, self.bound), x.tanh().square()], -1)
-        return torch.einsum("stf,mf->mst", terms, self.weight).sigmoid() * percept[..., -1]
+        return self._relevance(percept).movedim(-1, -3)
+
+    def _relevance(self, percept: Float[Tensor, "*model scene thing 10"]) -> Float[Tensor, "*model scene thing member"]:
+        terms = self.terms((percept[..., 5:-1] - self.centre[..., None, None, :]) / self.spread[..., None, None, :])
+        return (terms @ self.weight.mT.unsqueeze(-3)).sigmoid() * percept[..., -1:]
+
+    def terms(self, x: Float[Tensor, "*thing feature"]) -> Float[Tensor, "*thing term"]:
+        """What relevance is linear in, from standardised features."""
+        return torch.cat([torch.ones_like(x[..., :1]), x.clamp(-self.bound, self.bound), x.tanh().square()], -1)
 
 
 def _log_odds(log_p: Tensor) -> Tensor:
@@ -123,64 +137,119 @@ def clearance(
 
 
 def fit(
-    model: ClearanceModel,
-    images: UInt8[Array, "scene 100 100 3"],
-    z_theta: Float[Array, "scene n 2"],
-    valid: Bool[Array, "scene n"],
+    models: Sequence[ClearanceModel],
+    images: Sequence[UInt8[Array, "scene 100 100 3"]],
+    z_theta: Sequence[Float[Array, "scene _ 2"]],
+    valid: Sequence[Bool[Array, "scene _"]],
     schedule: Schedule,
-    seed: int,
+    seeds: Sequence[int],
     checkpoints: Checkpoints | None = None,
-) -> Float[Array, "point 2"]:
-    """Train `model` in place on n demonstrations [m] a scene; the learning curve (columns `CURVE`) comes back.
+) -> list[Float[Array, "point 2"]]:
+    """Train models of one kind in place, each on its demonstrations [m]; their learning curves (columns `CURVE`).
 
     Each member maximises its likelihood under weights of its own on the scenes, the Bayesian bootstrap's (Rubin, 1981).
     Demonstrations that never vary teach nothing: the model then answers Laplace's probability, whatever it sees.
-    `checkpoints` keeps the weights on the way, each time with the evidence for them.
+    `checkpoints` keeps the weights on the way, each time with the evidence for them. All have as many scenes.
     """
-    model.rate.fill_(laplace(valid))
-    if never_varies(valid):
-        model.evidence.fill_(-CERTAIN)
-        return np.array([[0.0, 0.0]])
+    curves, lessons = [np.array([[0.0, 0.0]])] * len(models), {}
+    for i, (model, pictures, z, labels) in enumerate(zip(models, images, z_theta, valid, strict=True)):
+        model.rate.fill_(laplace(labels))
+        if never_varies(labels):
+            model.evidence.fill_(-CERTAIN)
+        else:
+            lessons[i] = _Lesson(model, _look(model, pictures), z, labels, seeds[i])
+    if lessons:
+        found = _ascend(list(lessons.values()), schedule, checkpoints or Checkpoints())
+        for i, curve in zip(lessons, found, strict=True):
+            curves[i] = curve
+    return curves
+
+
+@dataclass(frozen=True)
+class _Lesson:
+    """What one model is fitted to."""
+
+    model: ClearanceModel
+    percept: Float[Tensor, "scene thing 10"]
+    z_theta: Float[Array, "scene n 2"]
+    valid: Bool[Array, "scene n"]
+    seed: int
+
+
+def _look(model: ClearanceModel, images: UInt8[Array, "scene 100 100 3"]) -> Float[Tensor, "scene thing 10"]:
+    """What stands in the training scenes; the model's features are measured against theirs from now on."""
     percept = model.perceive(to_tensor(images))
     present = percept[..., -1] > 0
     if present.sum() > 1:
         features = percept[present][:, 5:-1]
         model.centre.copy_(features.mean(0))
         model.spread.copy_(features.std(0).clamp(min=1e-3))
-    z, labels = torch.tensor(z_theta).float(), torch.tensor(valid)
-    curve = _ascend(model, percept, z, labels, schedule, seed, checkpoints or Checkpoints())
-    _weigh(model, percept, z, labels)
-    return curve
+    return percept
 
 
 @torch.no_grad()
-def _weigh(model, percept, z, valid) -> None:
+def _weigh(lesson: _Lesson) -> None:
     """Set the evidence that things matter: what the labels gain in likelihood over one rate for every path."""
+    model, valid = lesson.model, torch.tensor(lesson.valid)
     model.evidence.fill_(CERTAIN)  # what the members say by themselves
-    surprise = F.binary_cross_entropy_with_logits(model.logit(percept, z), valid.float(), reduction="sum")
+    logit = model.logit(lesson.percept, torch.tensor(lesson.z_theta).float())
+    surprise = F.binary_cross_entropy_with_logits(logit, valid.float(), reduction="sum")
     rate = float(valid.float().mean())
     model.evidence.fill_(valid.numel() * (entr(rate) + entr(1 - rate)) - float(surprise) - NEEDED)
 
 
-def _ascend(model, percept, z, valid, schedule, seed, checkpoints) -> Float[Array, "point 2"]:
-    """Every member's ascent of its likelihood, all at once."""
-    members = len(model.margin)
-    clearances = clearance(percept, z)
-    generator = torch.Generator().manual_seed(seed)
-    share = torch.empty(members, len(z), 1).exponential_(generator=generator)  # of each scene
-    optimiser, cycle = schedule.optimiser(model.parameters())
+def _ascend(lessons: list[_Lesson], schedule: Schedule, checkpoints: Checkpoints) -> list[Float[Array, "point 2"]]:
+    """Every model's and member's ascent of its likelihood, all at once: ten models cost what four do by themselves."""
+    models, percept = [lesson.model for lesson in lessons], torch.stack([lesson.percept for lesson in lessons])
+    together, n = _together(models), [lesson.valid.shape[1] for lesson in lessons]
+    paths, labels = (padded(of) for of in zip(*((lesson.z_theta, lesson.valid) for lesson in lessons), strict=True))
+    near = [clearance(p, torch.tensor(z).float()) for p, z in zip(percept, paths, strict=True)]
+    most = max(c.shape[-1] for c in near)
+    clearances = torch.stack([F.pad(c, (0, most - c.shape[-1])) for c in near])  # (model, scene, row, thing)
+    valid = torch.tensor(np.stack(labels))[:, None]
+    share = torch.from_numpy(shares(n).T).float()[:, None, None] * torch.stack(
+        [_bootstrap(lesson.model, len(lesson.valid), lesson.seed) for lesson in lessons]
+    )  # (model, member, scene, row)
+    optimiser, cycle = schedule.optimiser([p for p in together.parameters() if p.requires_grad])
     curve = []
     for step in range(schedule.steps):
         if step in checkpoints.steps:
-            _weigh(model, percept, z, valid)
-            checkpoints.keep(step, model)
-        log_valid = model.log_valid(percept, clearances).clamp(max=-1e-6)
-        surprise = -torch.where(valid, log_valid, torch.log(-torch.expm1(log_valid)))  # (member, scene, path)
-        loss = (share * surprise).mean((1, 2))
+            _hand_over(together, lessons)
+            checkpoints.keep(step, *models)
+        log_valid = together.log_valid(percept, clearances).clamp(max=-1e-6)
+        surprise = -torch.where(valid, log_valid, torch.log(-torch.expm1(log_valid)))
+        loss = (share * surprise).sum(-1).mean(-1)  # (model, member)
         optimiser.zero_grad()
         loss.sum().backward()
         optimiser.step()
         cycle.step()
         if step % schedule.curve_every == 0 or step == schedule.steps - 1:
-            curve.append((step, float(loss.mean().detach())))
-    return np.array(curve)
+            curve.append((np.full(len(models), step), loss.mean(-1).detach().numpy()))
+    _hand_over(together, lessons)
+    return list(np.array(curve, float).transpose(2, 0, 1))
+
+
+def _together(models: list[ClearanceModel]) -> ClearanceModel:
+    """One whose parameters and buffers have a first axis for the models."""
+    together = copy.deepcopy(models[0])
+    for name, parameter in models[0].named_parameters():
+        stacked = torch.stack([model.get_parameter(name).detach() for model in models])
+        setattr(together, name, nn.Parameter(stacked, requires_grad=parameter.requires_grad))
+    for name, _ in models[0].named_buffers():
+        setattr(together, name, torch.stack([model.get_buffer(name) for model in models]))
+    return together
+
+
+@torch.no_grad()
+def _hand_over(together: ClearanceModel, lessons: list[_Lesson]) -> None:
+    """Give every model its weights, and the evidence for them."""
+    for name, parameter in together.named_parameters():
+        for lesson, own in zip(lessons, parameter, strict=True):
+            lesson.model.get_parameter(name).copy_(own)
+    for lesson in lessons:
+        _weigh(lesson)
+
+
+def _bootstrap(model: ClearanceModel, scenes: int, seed: int) -> Float[Tensor, "member scene 1"]:
+    """How much each scene counts for each member."""
+    return torch.empty(len(model.margin), scenes, 1).exponential_(generator=torch.Generator().manual_seed(seed))

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pandas as pd
@@ -19,7 +20,7 @@ from pipeline.params import InputError
 from pipeline.spec.ablations import ABLATIONS
 from pipeline.spec.clearance import ClearanceModel, fit
 from pipeline.spec.metrics import accuracy, expected_calibration_error
-from pipeline.spec.specification import untrained
+from pipeline.spec.specification import Specification, untrained
 from pipeline.spec.training import job_seed
 
 WHOLE, VALIDATION = "whole", "val_"
@@ -28,21 +29,19 @@ DIGITS = 6
 
 @dataclass(frozen=True)
 class Job:
-    """One model to fit and to judge."""
+    """One ablation's models to fit, together, and to judge."""
 
     cfg: DictConfig
     ablation: str
     n: int
-    user: str
-    seed: int
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """metrics.json: accuracy and calibration error of each ablation, and what it changes, by n."""
     _check(cfg)
     asked = list(cfg.ablate.n), list(cfg.evaluate.users), list(cfg.validation_seeds)
-    jobs = [Job(cfg, name, *of) for name in ABLATIONS for of in product(*asked)]
-    scores = np.array(map_jobs(_score, jobs, cfg.workers, "ablations"))
+    jobs = [Job(cfg, name, n) for name in ABLATIONS for n in cfg.ablate.n]
+    scores = np.array(map_jobs(_scores, jobs, cfg.workers, "ablations"))
     by_seed = scores.reshape(len(ABLATIONS), *map(len, asked), 2).mean(2)  # (ablation, n, seed, score): users averaged
     found = dict(zip(ABLATIONS, by_seed, strict=True))
     cells = {
@@ -77,19 +76,25 @@ def _check(cfg: DictConfig) -> None:
         raise InputError(f"not all of {', '.join(sorted(needed))} are there: run stages scenes and demos again")
 
 
-def _score(job: Job) -> tuple[float, float]:
-    """Accuracy and calibration error of one model, means over the pools."""
-    cfg, changed = job.cfg, ABLATIONS[job.ablation]
+def _scores(job: Job) -> list[tuple[float, float]]:
+    """Accuracy and calibration error of each user's and seed's model, means over the pools."""
+    cfg, changed, variant = job.cfg, ABLATIONS[job.ablation], job.cfg.ablate.variant
     scenes, demos, queries = _inputs(cfg.paths.scenes, cfg.paths.demos)
-    variant = cfg.ablate.variant
-    seed = job_seed(job.seed, job.user, job.n, variant)  # its own stage's, whatever is missing
-    model = untrained(changed.kind, {**cfg.variants[variant].model, **changed.model}, seed)
-    assert isinstance(model, ClearanceModel)
-    z, valid = demo_arrays(demos, job.seed, job.user, job.n)
-    fit(model, scenes.images[train_pool(job.seed)], z, valid, schedule(cfg.path), seed)
+    asked = list(product(cfg.evaluate.users, cfg.validation_seeds))
+    seeds = [job_seed(seed, user, job.n, variant) for user, seed in asked]  # its own stage's, whatever is missing
+    models = [untrained(changed.kind, {**cfg.variants[variant].model, **changed.model}, seed) for seed in seeds]
+    images = [scenes.images[train_pool(seed)] for _, seed in asked]
+    z, valid = zip(*(demo_arrays(demos, seed, user, job.n) for user, seed in asked), strict=True)
+    fit(cast(list[ClearanceModel], models), images, z, valid, schedule(cfg.path), seeds)
+    return [_judged(cfg, scenes, queries, model, user) for model, (user, _) in zip(models, asked, strict=True)]
+
+
+def _judged(
+    cfg: DictConfig, scenes: SceneSet, queries: dict[str, Queries], model: Specification, user: str
+) -> tuple[float, float]:
     scores = []
     for pool in cfg.ablate.pools:
-        answers, truth = model.probability(scenes.images[pool], queries[pool].z).ravel(), queries[pool].valid[job.user]
+        answers, truth = model.probability(scenes.images[pool], queries[pool].z).ravel(), queries[pool].valid[user]
         error = expected_calibration_error(answers, truth.ravel(), cfg.evaluate.bins)
         scores.append((accuracy(answers, truth.ravel()), error))
     return tuple(np.mean(scores, 0))

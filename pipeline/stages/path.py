@@ -5,17 +5,17 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from pipeline.fitting.grid import fit_variant, one_by_one, variant_settings
+from pipeline.fitting.grid import fit_variant, variant_settings
 from pipeline.fitting.schedules import schedule
 from pipeline.launch import launch
-from pipeline.spec.clearance import CURVE, ClearanceModel, fit
+from pipeline.spec.clearance import AT_ONCE, CURVE, ClearanceModel, fit
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Weights, predictions.parquet, curves.parquet, curves.csv and metrics.json of `cfg.variant`."""
     settings = variant_settings(cfg, "path", ("model",))
-    train = partial(one_by_one, fit, schedule=schedule(cfg.path))
-    fit_variant(cfg, out_dir, settings, ClearanceModel, train, CURVE)
+    train = partial(fit, schedule=schedule(cfg.path))
+    fit_variant(cfg, out_dir, settings, ClearanceModel, train, CURVE, AT_ONCE)
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ def fitted(name: str) -> ClearanceModel:
     changed = ABLATIONS[name]
     model = untrained(changed.kind, {"members": 4, **changed.model}, 0)
     assert isinstance(model, ClearanceModel)
-    fit(model, PICTURES, Z, VALID, SHORT, seed=0)
+    fit([model], [PICTURES], [Z], [VALID], SHORT, [0])
     return model
 
 
@@ -40,9 +40,11 @@ def test_without_shape_or_contrast_things_look_alike_in_it():
     assert (seen[1][..., 7:9] == 0).all() and (seen[1][..., 5:7] != 0).any()
 
 
-def test_without_squares_their_weights_stay_zero():
-    model = fitted("no_squares")
-    assert (model.weight[:, 5:] == 0).all() and (model.weight[:, :5] != 0).all()
+def test_without_squares_relevance_is_monotonic():
+    terms, whole = (
+        fitted(name).terms(torch.linspace(-9, 9, 50)[:, None].expand(-1, 4)) for name in ("no_squares", "whole")
+    )
+    assert (terms.diff(dim=0) >= 0).all() and not (whole.diff(dim=0) >= 0).all()
 
 
 def test_discs_have_the_areas_of_the_things():

@@ -21,6 +21,12 @@ def model(seed=0, members=4) -> ClearanceModel:
     return built
 
 
+def fit_one(m: ClearanceModel, pictures, z, valid, seed=0, checkpoints=None) -> np.ndarray:
+    """Its learning curve."""
+    (curve,) = fit([m], [pictures], [z], [valid], SCHEDULE, [seed], checkpoints)
+    return curve
+
+
 def percept(layouts: Layouts) -> torch.Tensor:
     """Layouts as the model perceives things, features apart."""
     scenes, slots = layouts.symbol.shape
@@ -81,7 +87,7 @@ def test_turned_and_reflected_scenes_are_the_same_to_it():
 @pytest.mark.parametrize("label", [True, False])
 def test_labels_that_never_vary_give_laplaces_probability(label):
     m, images = model(), np.stack([picture((0.4, 0.6, 0.06, RED))] * 2)
-    fit(m, images, np.full((2, 3, 2), 0.5), np.full((2, 3), label), SCHEDULE, seed=0)
+    fit_one(m, images, np.full((2, 3, 2), 0.5), np.full((2, 3), label))
     p = m.probability(images, np.random.default_rng(0).uniform(0, 1, (2, 5, 2)))
     np.testing.assert_allclose(p, 7 / 8 if label else 1 / 8, rtol=1e-4)
 
@@ -105,7 +111,7 @@ def test_it_learns_which_things_matter_and_how_much(cares):
     z = rng.uniform(-0.2, 1.2, (40, 10, 2))
     valid = np.where(cares, true_clearance(layouts, z), np.inf).min(-1) > MARGIN
     m = model()
-    curve = fit(m, pictures[:20], z[:20], valid[:20], SCHEDULE, seed=0)
+    curve = fit_one(m, pictures[:20], z[:20], valid[:20])
     assert curve[-1, 1] < curve[0, 1]
     right = (m.probability(pictures[20:], z[20:]) > 0.5) == valid[20:]
     assert right.mean() > 0.95
@@ -122,7 +128,7 @@ def test_without_evidence_every_path_is_as_likely_valid_as_any_other():
     spread = {}
     for name, labels in {"true": valid, "shuffled": rng.permutation(valid.ravel()).reshape(valid.shape)}.items():
         m = model()
-        fit(m, pictures, z, labels, SCHEDULE, seed=0)
+        fit_one(m, pictures, z, labels)
         spread[name] = m.probability(pictures, z).std()
     assert spread["true"] > 0.3 and spread["shuffled"] < 0.1
 
@@ -133,8 +139,8 @@ def test_checkpoints_weigh_the_evidence_as_it_then_was():
     z = rng.uniform(-0.2, 1.2, (20, 10, 2))
     valid = true_clearance(layouts, z).min(-1) > MARGIN
     plain, kept, checkpoints = model(), model(), Checkpoints([0, 200, 399])
-    curve = fit(plain, pictures, z, valid, SCHEDULE, seed=0)
-    assert np.array_equal(fit(kept, pictures, z, valid, SCHEDULE, 0, checkpoints), curve)
+    curve = fit_one(plain, pictures, z, valid)
+    assert np.array_equal(fit_one(kept, pictures, z, valid, 0, checkpoints), curve)
     assert all(torch.equal(a, b) for a, b in zip(plain.parameters(), kept.parameters(), strict=True))
     evidence = [float(state["evidence"]) for state in checkpoints.of(kept).values()]
     assert evidence == sorted(evidence) and evidence[0] < evidence[1] - 10 and evidence[2] < float(kept.evidence) + 1e-3
@@ -148,7 +154,28 @@ def test_the_same_seed_gives_the_same_bits_and_torchs_generator_stays_put():
     before = torch.random.get_rng_state()
     models = [model(), model()]
     for m in models:
-        fit(m, pictures, z, valid, SCHEDULE, seed=7)
+        fit_one(m, pictures, z, valid, seed=7)
     assert torch.equal(before, torch.random.get_rng_state())
     for a, b in zip(models[0].state_dict().values(), models[1].state_dict().values(), strict=True):
         assert torch.equal(a, b)
+
+
+def test_models_fitted_together_answer_as_each_does_alone():
+    """Whatever the n of the others, and one among them whose labels never vary; but for rounding."""
+    rng = np.random.default_rng(8)
+    lessons = []
+    for n in (10, 3, 5):
+        layouts, pictures = scenes(rng, 8)
+        z = rng.uniform(-0.2, 1.2, (8, n, 2))
+        lessons.append((pictures, z, true_clearance(layouts, z).min(-1) > MARGIN))
+    lessons[1] = (*lessons[1][:2], np.ones((8, 3), bool))
+    alone, together = ([model(seed) for seed in range(3)] for _ in range(2))
+    curves = [fit_one(m, *lesson, seed=i) for i, (m, lesson) in enumerate(zip(alone, lessons, strict=True))]
+    pictures, z, valid = zip(*lessons, strict=True)
+    at_once = fit(together, pictures, z, valid, SCHEDULE, range(3))
+    asked = np.random.default_rng(9).uniform(-0.2, 1.2, (8, 30, 2))
+    for i, (pictures, *_) in enumerate(lessons):
+        one, other = (m.probability(pictures, asked) for m in (alone[i], together[i]))
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-4)
+        np.testing.assert_allclose(curves[i], at_once[i], rtol=1e-4)
+    assert len({float(m.evidence) for m in together}) == 3
