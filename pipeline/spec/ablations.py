@@ -12,7 +12,7 @@ from pipeline.spec.clearance import SHARPENING, ClearanceModel, clearance
 from pipeline.spec.things import FEATURES
 
 FIRST = 5  # column of a percept's first feature; the two ends and the radius stand before
-SHAPE = ("area", "elongation")
+SHAPE = ("area", "elongation", "length", "width")
 SURE = 14.0  # log-odds of what is as good as certain
 
 
@@ -50,6 +50,15 @@ class _NoSquares(ClearanceModel):
     def __init__(self, members: int):
         super().__init__(members)
         self.weight = torch.nn.Parameter(self.weight[:, : 1 + len(FEATURES)].detach())
+        self.sees = self.sees[:, : 1 + len(FEATURES)]
+
+
+class _EveryFeature(ClearanceModel):
+    """Every member sees every feature."""
+
+    def __init__(self, members: int):
+        super().__init__(members)
+        self.sees.fill_(1.0)
 
 
 class _Unbounded(ClearanceModel):
@@ -119,6 +128,7 @@ ABLATIONS = {
     "no_shape": Ablation(_NoShape),
     "no_contrast": Ablation(_NoContrast),
     "no_squares": Ablation(_NoSquares),
+    "every_feature": Ablation(_EveryFeature),
     "unbounded": Ablation(_Unbounded),
     "discs": Ablation(_Discs),
     "no_margin": Ablation(_NoMargin),

@@ -30,6 +30,8 @@ SHARPEST = 0.003  # metres: a third of a pixel, no more exactly does a picture s
 SHARPENING = 1.25  # of the log-odds of the members' mean: a mean of opinions is less sure than it is right
 NEEDED = 6.0  # nats: what labels must gain in likelihood for "things matter" to be as credible as "nothing does"
 CERTAIN = 1e4  # nats
+SEEN = 4  # features that each member tells things by
+SEEN = 4  # features by which each member tells things from one another
 BOUND = 1.5  # standard deviations of the training things' features, beyond which a thing counts as no more unlike them
 AT_ONCE = 10  # models fitted together: what they compute still fits a processor's cache
 CURVE = ("step", "total")  # columns of a learning curve
@@ -44,11 +46,14 @@ class ClearanceModel(Specification):
     members fit labels less closely than the best one does. Without a label, nothing is believed to matter.
 
     `clear` is the chance that nothing that was not found stands in the way. Relevance is the logistic function of the
-    thing's features and of their squares, both bounded, so that things unlike the training ones stay near them.
+    thing's features and of their squares, both bounded, so that things unlike the training ones stay near them. Each
+    member sees SEEN of the features, drawn at random (random subspaces; Ho, 1998): the training things can be told
+    apart in more ways than one, and not each of them holds for other things.
     Closeness falls from 1 to 0 around the margin as Student's t with 2 degrees of freedom does: outlines are at times
     far off.
     """
 
+    sees: Tensor
     centre: Tensor
     spread: Tensor
     evidence: Tensor
@@ -58,6 +63,8 @@ class ClearanceModel(Specification):
     def __init__(self, members: int):
         super().__init__()
         self.weight = nn.Parameter(0.3 * torch.randn(members, 1 + 2 * len(FEATURES)))  # of a thing's features
+        seen = torch.rand(members, len(FEATURES)).argsort(-1) < SEEN
+        self.register_buffer("sees", torch.cat([torch.ones(members, 1), seen, seen], 1))  # of the terms of `weight`
         self.margin = nn.Parameter(torch.zeros(members))  # [UNIT]; things' own outlines to start with
         self.width = nn.Parameter(torch.full((members,), float(np.log(0.01))))  # logarithm of [m]
         self.clear = nn.Parameter(torch.full((members,), 4.0))  # log-odds
@@ -66,7 +73,7 @@ class ClearanceModel(Specification):
         self.register_buffer("evidence", torch.tensor(-NEEDED))  # log-odds that things matter
         self.register_buffer("rate", torch.tensor(0.5))  # P(valid) if nothing does
 
-    def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene thing 10"]:
+    def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene thing 12"]:
         """Each thing's two ends [m], radius [m], features, and 1 if it is there."""
         things = find(images)
         parts = (
@@ -76,7 +83,7 @@ class ClearanceModel(Specification):
         return torch.from_numpy(np.concatenate(parts, -1, dtype=np.float32))
 
     def logit(
-        self, percept: Float[Tensor, "scene thing 10"], z_theta: Float[Tensor, "scene path 2"]
+        self, percept: Float[Tensor, "scene thing 12"], z_theta: Float[Tensor, "scene path 2"]
     ) -> Float[Tensor, "scene path"]:
         """Log-odds of validity; differentiable in `z_theta` [m]."""
         by_member = self.log_valid(percept, clearance(percept, z_theta))
@@ -86,7 +93,7 @@ class ClearanceModel(Specification):
         return _log_odds(torch.logaddexp(by_things, by_rate))
 
     def log_valid(
-        self, percept: Float[Tensor, "*model scene thing 10"], clearances: Float[Tensor, "*model scene path near"]
+        self, percept: Float[Tensor, "*model scene thing 12"], clearances: Float[Tensor, "*model scene path near"]
     ) -> Float[Tensor, "*model member scene path"]:
         """log P(valid) by each member's opinion, from the paths' clearances [m]."""
         margin = (UNIT * self.margin)[..., None, None, None, :]  # members last: torch is quickest along neighbours
@@ -97,13 +104,14 @@ class ClearanceModel(Specification):
         threat = (relevance * closeness).amax(-2).clamp(max=1 - 1e-6)
         return (torch.log1p(-threat) + F.logsigmoid(self.clear)[..., None, None, :]).movedim(-1, -3)
 
-    def relevance(self, percept: Float[Tensor, "*model scene thing 10"]) -> Float[Tensor, "*model member scene thing"]:
+    def relevance(self, percept: Float[Tensor, "*model scene thing 12"]) -> Float[Tensor, "*model member scene thing"]:
         """The chance that the user keeps away from each thing, by each member's opinion; 0 where there is none."""
         return self._relevance(percept).movedim(-1, -3)
 
-    def _relevance(self, percept: Float[Tensor, "*model scene thing 10"]) -> Float[Tensor, "*model scene thing member"]:
+    def _relevance(self, percept: Float[Tensor, "*model scene thing 12"]) -> Float[Tensor, "*model scene thing member"]:
         terms = self.terms((percept[..., 5:-1] - self.centre[..., None, None, :]) / self.spread[..., None, None, :])
-        return (terms @ self.weight.mT.unsqueeze(-3)).sigmoid() * percept[..., -1:]
+        weight = self.weight * self.sees
+        return (terms @ weight.mT.unsqueeze(-3)).sigmoid() * percept[..., -1:]
 
     def terms(self, x: Float[Tensor, "*thing feature"]) -> Float[Tensor, "*thing term"]:
         """What relevance is linear in, from standardised features."""
@@ -117,7 +125,7 @@ def _log_odds(log_p: Tensor) -> Tensor:
 
 
 def clearance(
-    percept: Float[Tensor, "scene thing 10"], z_theta: Float[Tensor, "scene path 2"]
+    percept: Float[Tensor, "scene thing 12"], z_theta: Float[Tensor, "scene path 2"]
 ) -> Float[Tensor, "scene path near"]:
     """Distance [m] of each path from each thing's outline, negative inside; without slots that are empty everywhere."""
     b = basis(np.linspace(0.0, 1.0, SAMPLES))
@@ -170,13 +178,13 @@ class _Lesson:
     """What one model is fitted to."""
 
     model: ClearanceModel
-    percept: Float[Tensor, "scene thing 10"]
+    percept: Float[Tensor, "scene thing 12"]
     z_theta: Float[Array, "scene n 2"]
     valid: Bool[Array, "scene n"]
     seed: int
 
 
-def _look(model: ClearanceModel, images: UInt8[Array, "scene 100 100 3"]) -> Float[Tensor, "scene thing 10"]:
+def _look(model: ClearanceModel, images: UInt8[Array, "scene 100 100 3"]) -> Float[Tensor, "scene thing 12"]:
     """What stands in the training scenes; the model's features are measured against theirs from now on."""
     percept = model.perceive(to_tensor(images))
     present = percept[..., -1] > 0

@@ -15,12 +15,13 @@ import torch
 from jaxtyping import Bool, Float, Float32
 from numpy import ndarray as Array
 from scipy import ndimage
+from scipy.spatial import Delaunay
 from torch import Tensor
 
 from pipeline.spec.reward import against_table
 from pipeline.spec.specification import to_bytes
 
-FEATURES = ("area", "elongation", "contrast", "plain contrast")  # logarithms all
+FEATURES = ("area", "elongation", "length", "width", "contrast", "plain contrast")  # logarithms all
 SIDE = 100  # pixels along an edge of a picture of the 1 m table
 MOST = 12  # things kept of a scene, the largest
 WIDELY = 4, 9  # pixels, blocks: the table's drift is the median of medians over 36 x 36 pixels, wider than things ...
@@ -38,6 +39,7 @@ OUTLINE, RIM = 0.5, 3  # a thing ends where its contrast falls to this share of 
 NEARBY = 7  # ... or of the most it has in a square of that many pixels around, if that is less: a handle is no blade
 FINER = 4  # outlines are drawn on a grid that many times finer
 AT_LEAST = 2.7  # deviations on a thing's outline
+FAINT = 2.6  # deviations on average: a long thing that differs less is the table's grain, such as the edge of a board
 LONG = 2.5  # variance along a thing over that across it from which its ends count, and not its moments alone
 WIDER = 0.5  # pixels that a long thing's radius is widened by: its outline lies that much further in than a round one's
 
@@ -79,15 +81,21 @@ def _found(picture: bytes) -> list[tuple[Array, float, Array]]:
     standing_out, edge, lines, plain = contrasts(image)
     regions = _regions(standing_out, REGION)
     rest = np.where(_around(np.any([np.zeros((SIDE, SIDE), bool), *regions], axis=0)), 0, lines)
-    outlines = [*(_outline(region, edge) for region in regions), *(_outline(r, lines) for r in _regions(rest, LINE))]
+    large = chain.from_iterable(_outlines(region, edge) for region in regions)
+    thin = chain.from_iterable(_outlines(region, lines, thin=True) for region in _regions(rest, LINE))
     found = []
-    for mask, corner in chain.from_iterable(outlines):
+    for mask, corner in chain(large, thin):
         rows, columns = np.nonzero(mask)
         y, x = corner[0] + (rows + 0.5) / FINER, corner[1] + (columns + 0.5) / FINER
         centre, along, radius, area, elongation = capsule(np.stack([x, SIDE - y], -1) / SIDE)
-        radius += WIDER / SIDE if elongation > LONG else 0
         inside = y.astype(int), x.astype(int)
-        features = np.log([area, elongation, edge[inside].mean(), plain[inside].mean()])
+        contrast = edge[inside].mean()
+        if elongation > LONG:
+            radius += WIDER / SIDE
+            if contrast < FAINT:
+                continue
+        length, width = 2 * (np.linalg.norm(along) + radius), 2 * radius
+        features = np.log(np.array([area, elongation, length, width, contrast, plain[inside].mean()]))
         found.append((np.stack([centre - along, centre + along]), radius, features))
     return sorted(found, key=lambda thing: -thing[2][0])[:MOST]
 
@@ -159,8 +167,11 @@ def _around(mask: Mask) -> Mask:
     return ndimage.binary_dilation(mask, np.ones((3, 3)), iterations=AROUND)
 
 
-def _outline(region: Mask, edge: Deviations) -> list[tuple[FineMask, tuple[int, int]]]:
-    """The mask on the finer grid of each thing in a region, holes filled, and the row and column of its corner."""
+def _outlines(region: Mask, edge: Deviations, thin: bool = False) -> list[tuple[FineMask, tuple[int, int]]]:
+    """The mask on the finer grid of each thing in a region, holes filled, and the row and column of its corner.
+
+    A `thin` outline that encloses nothing is broken: all within its convex hull belongs to the thing.
+    """
     ((rows, columns),) = ndimage.find_objects(region.astype(int))
     corner = max(rows.start - RIM, 0), max(columns.start - RIM, 0)
     window = slice(corner[0], rows.stop + RIM), slice(corner[1], columns.stop + RIM)
@@ -169,7 +180,10 @@ def _outline(region: Mask, edge: Deviations) -> list[tuple[FineMask, tuple[int, 
     level = np.minimum(np.quantile(edge[rim], 0.7), ndimage.maximum_filter(np.where(region, edge, 0), NEARBY))
     outside = _finer(np.where(_around(region), edge, 0)) <= np.maximum(OUTLINE * _finer(level), AT_LEAST)
     pieces, count = ndimage.label(ndimage.binary_fill_holes(~outside))
-    parts = chain.from_iterable(_parts(pieces == piece) for piece in range(1, count + 1))
+    parts = []
+    for mask in (pieces == piece for piece in range(1, count + 1)):
+        broken = thin and (mask & outside).sum() < SMALLEST * FINER**2
+        parts += [_hull(mask)] if broken else _parts(mask)
     return [(part, corner) for part in parts if part.sum() >= SMALLEST * FINER**2]
 
 
@@ -185,6 +199,12 @@ def _parts(mask: FineMask) -> list[FineMask]:
         return [mask]
     nearest = ndimage.distance_transform_edt(wide == 0, return_distances=False, return_indices=True)
     return [mask & (wide[tuple(nearest)] == part) for part in range(1, count + 1)]
+
+
+def _hull(mask: FineMask) -> FineMask:
+    """Every pixel within the convex hull of a mask's pixels."""
+    corners = (np.argwhere(mask)[:, None] + np.argwhere(np.ones((2, 2)))).reshape(-1, 2)  # of pixels: never in line
+    return Delaunay(corners).find_simplex(np.argwhere(np.ones_like(mask)) + 0.5).reshape(mask.shape) >= 0
 
 
 _LENGTHS = np.linspace(0, 20, 2001)  # half-lengths of capsules of radius 1 ...

@@ -27,7 +27,8 @@ from pipeline.report.style import pdf, png
 from pipeline.report.table import to_csv, to_markdown, to_tex
 from pipeline.report.tables import all_tables
 from pipeline.report.wording import listed
-from pipeline.spec.clearance import SHARPENING
+from pipeline.spec.clearance import SEEN, SHARPENING
+from pipeline.spec.things import FEATURES
 from pipeline.table.layout import SYMBOLS
 
 FEW = 5  # seeds below which the page says that its numbers mean nothing
@@ -165,6 +166,8 @@ def _facts(cfg: DictConfig, results: Results) -> dict[str, object]:
         "smallest": SMALLEST_EFFECT,
         "evaluations": cfg.search.evaluations,
         "sharpening": SHARPENING,
+        "seen": SEEN,
+        "features": len(FEATURES),
     }
 
 

@@ -312,7 +312,7 @@ def test_labels_spread_wide_are_held_against_about_as_many_heaped(results: Resul
 def test_ingredients_are_told_by_what_is_lost_without_them(results: Results):
     few, many, calibrated, seeds = ablation(results)
     assert "At n = 1 the whole model judges 90.0" in few and "At n = 9 the whole model judges 96.0" in many
-    assert "Accuracy falls by 10.0 percentage points (seeds −12.0 to −8.0) with “no area, no elongation”." in many
+    assert "Accuracy falls by 10.0 percentage points (seeds −12.0 to −8.0) with “no size, no elongation”." in many
     assert "It rises by half a point or more with “no squares of features” (seeds −1.0 to +3.0)" in few
     assert "less than half a point with “no squares of features” and “mean not sharpened”" in many
     assert "brings its probabilities nearer" in calibrated and "is 0.020, and 0.035 without" in calibrated

@@ -8,6 +8,7 @@ from scipy.special import expit, logit
 from pipeline.spec.ablations import ABLATIONS
 from pipeline.spec.clearance import SHARPENING, ClearanceModel, clearance, fit
 from pipeline.spec.specification import to_tensor, untrained
+from pipeline.spec.things import FEATURES
 from pipeline.spec.training import Schedule
 from pipeline.table.rules import clearance as true_clearance
 from tests.spec.test_clearance import MARGIN, scenes
@@ -36,15 +37,20 @@ def test_it_learns_something_else_than_the_whole_model(name):
 def test_without_shape_or_contrast_things_look_alike_in_it():
     model, other = fitted("no_shape"), fitted("no_contrast")
     seen = model.perceive(to_tensor(PICTURES)), other.perceive(to_tensor(PICTURES))
-    assert (seen[0][..., 5:7] == 0).all() and (seen[0][..., 7:9] != 0).any()
-    assert (seen[1][..., 7:9] == 0).all() and (seen[1][..., 5:7] != 0).any()
+    assert (seen[0][..., 5:9] == 0).all() and (seen[0][..., 9:11] != 0).any()
+    assert (seen[1][..., 9:11] == 0).all() and (seen[1][..., 5:9] != 0).any()
 
 
 def test_without_squares_relevance_is_monotonic():
     terms, whole = (
-        fitted(name).terms(torch.linspace(-9, 9, 50)[:, None].expand(-1, 4)) for name in ("no_squares", "whole")
+        fitted(name).terms(torch.linspace(-9, 9, 50)[:, None].expand(-1, len(FEATURES)))
+        for name in ("no_squares", "whole")
     )
     assert (terms.diff(dim=0) >= 0).all() and not (whole.diff(dim=0) >= 0).all()
+
+
+def test_members_see_every_feature_or_some():
+    assert fitted("every_feature").sees.all() and not fitted("whole").sees.all()
 
 
 def test_discs_have_the_areas_of_the_things():

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline.spec.clearance import ClearanceModel, clearance, fit
+from pipeline.spec.clearance import SEEN, ClearanceModel, clearance, fit
 from pipeline.spec.specification import to_tensor, untrained
+from pipeline.spec.things import FEATURES
 from pipeline.spec.training import Checkpoints, Schedule
 from pipeline.table.layout import Layouts
 from pipeline.table.rules import clearance as true_clearance
@@ -32,7 +33,7 @@ def percept(layouts: Layouts) -> torch.Tensor:
     scenes, slots = layouts.symbol.shape
     parts = (
         layouts.ends.reshape(scenes, slots, 4), layouts.radius[..., None],
-        np.zeros((scenes, slots, 4)), layouts.present[..., None],
+        np.zeros((scenes, slots, len(FEATURES))), layouts.present[..., None],
     )  # fmt: skip
     return torch.tensor(np.concatenate(parts, -1))
 
@@ -82,6 +83,16 @@ def test_turned_and_reflected_scenes_are_the_same_to_it():
         ends = same(seen[..., :4].unflatten(-1, (2, 2))).flatten(-2)
         there = m.logit(torch.cat([ends, seen[..., 4:]], -1), same(z))
         torch.testing.assert_close(here, there, rtol=1e-9, atol=1e-9)
+
+
+def test_each_member_judges_by_the_features_that_it_sees():
+    m = model(members=40)
+    x = torch.randn(1, 1, len(FEATURES), requires_grad=True)
+    seen = torch.cat([torch.zeros(1, 1, 5), x, torch.ones(1, 1, 1)], -1)
+    slopes = (torch.autograd.grad(r, x, retain_graph=True)[0] for r in m.relevance(seen).flatten())
+    moved = torch.stack([slope.flatten() != 0 for slope in slopes])
+    assert (moved.sum(1) == SEEN).all()
+    assert len({tuple(row) for row in moved.tolist()}) > 10 and moved.any(0).all()
 
 
 @pytest.mark.parametrize("label", [True, False])

@@ -89,6 +89,28 @@ def test_a_thin_rim_is_found_on_a_mottled_table_and_nothing_else(seed):
     assert things.radius[0, 0] == pytest.approx(radius + 0.0075, abs=8e-3)
 
 
+def test_a_broken_rim_is_one_round_thing():
+    """Two thirds of a rim that does not close."""
+    image, (x, y, radius) = mottled(0), (0.55, 0.4, 0.05)
+    row, column = np.mgrid[:SIDE, :SIDE] + 0.5
+    right, up = column - SIDE * x, SIDE * (1 - y) - row
+    rim = (np.abs(np.hypot(right, up) - SIDE * radius) < 0.75) & (np.abs(np.arctan2(up, right)) < 2 * np.pi / 3)
+    things = find(to_tensor(to_pixels(image + 0.16 * rim[..., None])[None]))
+    assert things.present[0].sum() == 1
+    assert np.ptp(things.ends[0, 0], axis=0).max() < radius
+    assert things.ends[0, 0].mean(0) == pytest.approx((x + radius / 4, y), abs=0.012)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_line_no_bolder_than_the_table_is_its_grain(seed):
+    """The same line on a plain table is a thing."""
+    row, column = np.mgrid[:SIDE, :SIDE] + 0.5
+    line = 0.1 * ((np.abs(row - SIDE / 2) < 1) & (column > 10) & (column < 70))[..., None]
+    tables = mottled(seed), picture(seed=seed) / 255
+    found = find(to_tensor(np.stack([to_pixels(table + line) for table in tables])))
+    assert found.present.sum(1).tolist() == [0, 1]
+
+
 @pytest.mark.parametrize("gap", [0.005, 0.01, 0.02])
 def test_discs_that_all_but_touch_are_two_things(gap):
     radii = 0.045, 0.07

@@ -7,9 +7,10 @@ SLIGHT = 0.005  # a change of accuracy below half a point is called little
 WHOLE = "whole"
 INGREDIENTS = {
     WHOLE: "The whole model",
-    "no_shape": "No area, no elongation",
+    "no_shape": "No size, no elongation",
     "no_contrast": "No contrast with the table",
     "no_squares": "No squares of features",
+    "every_feature": "Every member sees every feature",
     "unbounded": "Features' terms not bounded",
     "discs": "Things as discs, not capsules",
     "no_margin": "No margin: outlines decide",
