@@ -1,6 +1,7 @@
 """Write data/ anew, or a contact sheet of what it holds.
 
 python -m drawing                              data/items.csv, textures.csv and every picture
+python -m drawing --more 24 --seed 11 --into more/    and 24 random validation items of each symbol
 python -m drawing --contact-sheet sheet.png    the items on table tops, symbol by symbol
 """
 
@@ -18,12 +19,12 @@ SURFACE_WIDTH_M = 1.0  # a table top's picture measures this
 PROVENANCE = {"source": "drawn by python -m drawing", "licence": "MIT"}
 
 
-def write_data(directory: Path) -> None:
+def write_data(directory: Path, more: int = 0, seed: int = 0) -> None:
     """Draw every item and table top into `directory` with their two catalogues."""
     for folder in ("items", "textures"):
         (directory / folder).mkdir(parents=True, exist_ok=True)
     items = []
-    for design in tqdm(designs(), desc="items"):
+    for design in tqdm(designs(more, seed), desc="items"):
         file = f"items/{design.name}.png"
         Image.fromarray(design.draw()).save(directory / file, optimize=True)
         items.append(
@@ -59,8 +60,13 @@ def contact_sheet(directory: Path, columns: int = 15) -> Image.Image:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(prog="python -m drawing", description="Draw data/ or show what it holds.")
     parser.add_argument("--contact-sheet", type=Path, metavar="PNG", help="write a picture of every item instead")
-    sheet = parser.parse_args().contact_sheet
-    if sheet:
-        contact_sheet(Path("data")).save(sheet)
+    parser.add_argument("--more", type=int, default=0, metavar="N", help="random validation items of each symbol, too")
+    parser.add_argument("--seed", type=int, default=0, help="of the random items")
+    parser.add_argument("--into", type=Path, default=Path("data"), metavar="DIR", help="where the catalogue goes")
+    asked = parser.parse_args()
+    if asked.more < 0 or (asked.more and asked.into == Path("data")):
+        parser.error(f"--more {asked.more} --into {asked.into}: expected a count from 1 and a folder other than data")
+    if asked.contact_sheet:
+        contact_sheet(asked.into).save(asked.contact_sheet)
     else:
-        write_data(Path("data"))
+        write_data(asked.into, asked.more, asked.seed)

@@ -13,10 +13,11 @@ from functools import partial
 import numpy as np
 
 from drawing.crockery import bowl, plate
-from drawing.cutlery import HALF_WIDTH, cutlery
+from drawing.cutlery import GOLD, HALF_WIDTH, STEEL, cutlery
 from drawing.glass import glass
 from drawing.outline import ROUND, Outline, cut, eared, oval, polygon, scalloped, spouted
 from drawing.surface import surface
+from drawing.variety import varied
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class Design:
         return 2 * (self.radius_m + self.half_length_m)
 
 
-WHITE, CREAM, STEEL, GOLD = (0.95, 0.95, 0.94), (0.93, 0.88, 0.77), (0.72, 0.73, 0.75), (0.80, 0.66, 0.36)
+WHITE, CREAM = (0.95, 0.95, 0.94), (0.93, 0.88, 0.77)
 
 # name, split, radius [m], inner, rim, accent, pattern, wall, outline (round unless given)
 BOWLS = [
@@ -133,19 +134,26 @@ SURFACES = [
 ]  # fmt: skip
 
 
-def designs() -> list[Design]:
-    """Every item, in the catalogue's order: symbol by symbol, training items first."""
+def designs(more: int = 0, seed: int = 0) -> list[Design]:
+    """Every item, in the catalogue's order: symbol by symbol, training items first, `more` random validation items last."""
+    rows = varied(more, seed)
+    bowls, plates, pieces, glasses = (
+        BOWLS + rows["bowl"],
+        PLATES + rows["plate"],
+        PIECES + rows["cutlery"],
+        GLASSES + rows["glass"],
+    )
     return [
-        *(_as_outlined("bowl", n, s, r, partial(bowl, i, *look)) for i, (n, s, r, *look) in enumerate(BOWLS)),
-        *(_as_outlined("plate", n, s, r, partial(plate, i, *look)) for i, (n, s, r, *look) in enumerate(PLATES)),
+        *(_as_outlined("bowl", n, s, r, partial(bowl, i, *look)) for i, (n, s, r, *look) in enumerate(bowls)),
+        *(_as_outlined("plate", n, s, r, partial(plate, i, *look)) for i, (n, s, r, *look) in enumerate(plates)),
         *(
             Design(
                 n, "cutlery", s, HALF_WIDTH, round(length / 2 - HALF_WIDTH, 4),
                 partial(cutlery, i, kind, length, *look),
             )
-            for i, (n, s, length, kind, *look) in enumerate(PIECES)
+            for i, (n, s, length, kind, *look) in enumerate(pieces)
         ),
-        *(_as_outlined("glass", n, s, r, partial(glass, *look)) for n, s, r, *look in GLASSES),
+        *(_as_outlined("glass", n, s, r, partial(glass, *look)) for n, s, r, *look in glasses),
     ]  # fmt: skip
 
 

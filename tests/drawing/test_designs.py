@@ -1,5 +1,7 @@
 """Drawing is repeatable, and data/ is what the script draws."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +38,29 @@ def test_the_catalogue_lists_the_designs_in_their_order():
     assert table["split"].tolist() == [design.split for design in designs()]
     np.testing.assert_allclose(table["width_m"], [design.width_m for design in designs()], atol=5e-5)
     assert pd.read_csv(DATA / "textures.csv")["name"].tolist() == list(surfaces())
+
+
+def test_random_items_are_validation_items_no_larger_than_the_training_ones():
+    listed = designs()
+    for symbol in SYMBOLS:
+        random = [design for design in designs(30, seed=3) if design.symbol == symbol][-30:]
+        trained = [design for design in listed if design.symbol == symbol and design.split == "train"]
+        assert {design.split for design in random} == {"validation"}
+        assert max(design.radius_m for design in random) <= max(design.radius_m for design in trained)
+    assert [design.name for design in designs(30, seed=3) if design.name in {known.name for known in listed}] == [
+        known.name for known in listed
+    ]
+
+
+def test_more_random_items_begin_with_the_fewer():
+    few, many = ({design.name: design for design in designs(more, seed=3)} for more in (1, 30))
+    for name in (name for name in few if name.endswith("-r0")):
+        np.testing.assert_array_equal(few[name].draw(), many[name].draw())
+
+
+def test_random_items_are_not_written_over_the_catalogue():
+    refused = subprocess.run([sys.executable, "-m", "drawing", "--more", "2"], capture_output=True, text=True)
+    assert refused.returncode == 2 and "expected a count from 1 and a folder other than data" in refused.stderr
 
 
 def test_a_bowl_is_deeper_in_the_middle_than_at_its_rim():
