@@ -64,8 +64,12 @@ if __name__ == "__main__":
     parser.add_argument("--seed", type=int, default=0, help="of the random items")
     parser.add_argument("--into", type=Path, default=Path("data"), metavar="DIR", help="where the catalogue goes")
     asked = parser.parse_args()
-    if asked.more < 0 or (asked.more and asked.into == Path("data")):
+    if asked.more < 0 or (asked.more and asked.into.resolve() == Path("data").resolve()):
         parser.error(f"--more {asked.more} --into {asked.into}: expected a count from 1 and a folder other than data")
+    if asked.seed < 0:
+        parser.error(f"--seed {asked.seed}: expected a whole number from 0")
+    if asked.contact_sheet and not (asked.into / "items.csv").is_file():
+        parser.error(f"{asked.into} holds no items.csv: draw it first, or give its folder by --into")
     if asked.contact_sheet:
         contact_sheet(asked.into).save(asked.contact_sheet)
     else:

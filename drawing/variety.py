@@ -1,7 +1,8 @@
 """More validation items than anyone would want to design: every property of an item drawn at random.
 
-Sizes stay within the training items'; patterns, colours and outlines do not. Nothing of the experiment uses them:
-choices that few items could flatter are checked on them (docs/choices.md).
+Radii stay within the training items', stretched outlines up to a tenth longer; patterns, colours and outlines are of
+all kinds. Nothing of the experiment uses them: choices that few items could flatter are checked on them
+(docs/choices.md).
 """
 
 import colorsys

@@ -58,9 +58,21 @@ def test_more_random_items_begin_with_the_fewer():
         np.testing.assert_array_equal(few[name].draw(), many[name].draw())
 
 
-def test_random_items_are_not_written_over_the_catalogue():
-    refused = subprocess.run([sys.executable, "-m", "drawing", "--more", "2"], capture_output=True, text=True)
-    assert refused.returncode == 2 and "expected a count from 1 and a folder other than data" in refused.stderr
+@pytest.mark.parametrize(
+    ("asked", "answer"),
+    [
+        (["--more", "2"], "expected a count from 1 and a folder other than data"),
+        (["--more", "2", "--into", str(DATA.resolve())], "expected a count from 1 and a folder other than data"),
+        (["--more", "-2", "--into", "elsewhere"], "expected a count from 1 and a folder other than data"),
+        (["--seed", "-1", "--into", "elsewhere"], "expected a whole number from 0"),
+        (["--contact-sheet", "sheet.png", "--into", "nowhere"], "nowhere holds no items.csv"),
+    ],
+)
+def test_wrong_requests_are_refused_and_nothing_is_drawn(asked, answer):
+    before = DATA.joinpath("items.csv").read_bytes()
+    refused = subprocess.run([sys.executable, "-m", "drawing", *asked], capture_output=True, text=True)
+    assert refused.returncode == 2 and answer in refused.stderr
+    assert DATA.joinpath("items.csv").read_bytes() == before and not Path("elsewhere").exists()
 
 
 def test_a_bowl_is_deeper_in_the_middle_than_at_its_rim():

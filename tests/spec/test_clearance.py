@@ -87,7 +87,7 @@ def test_turned_and_reflected_scenes_are_the_same_to_it():
 
 def test_each_member_judges_by_the_features_that_it_sees():
     m = model(members=40)
-    x = torch.randn(1, 1, len(FEATURES), requires_grad=True)
+    x = torch.linspace(-1, 1, len(FEATURES))[None, None].requires_grad_()
     seen = torch.cat([torch.zeros(1, 1, 5), x, torch.ones(1, 1, 1)], -1)
     slopes = (torch.autograd.grad(r, x, retain_graph=True)[0] for r in m.relevance(seen).flatten())
     moved = torch.stack([slope.flatten() != 0 for slope in slopes])
