@@ -12,6 +12,9 @@ the place of the 1. The p-values of paths that score no higher stay; those of pa
 these are accepted anyway. So how many are accepted depends on the demonstrations and j as a set, in which j's rank is
 uniform. Ties count against the path, as here, so that its p is never too small.
 
+The score is P(valid), cut off below at one half (`score`): what the model itself finds invalid is level in the last
+place, so that no such path is accepted unless all paths are. A score may be anything that is fixed beforehand.
+
 What it assumes: the score was fitted without the demonstrations, and these are exchangeable with each candidate path.
 Neither the demonstrations nor the paths of one scene are independent of one another, so that in new scenes of the same
 kind the assumption holds nearly, not exactly. With whole scenes as units it would hold, but 20 scenes give no p below
@@ -28,6 +31,8 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
 from scipy.stats import false_discovery_control
 
+from pipeline.spec.metrics import DECISION
+
 
 class Calibration(NamedTuple):
     """Scores by one model: of demonstrations it was not fitted to, beside their labels, and of the candidate paths."""
@@ -35,6 +40,11 @@ class Calibration(NamedTuple):
     held_out: Float[Array, "demonstration"]
     valid: Bool[Array, "demonstration"]
     candidates: Float[Array, "path"]
+
+
+def score(p: Float[Array, "*path"]) -> Float[Array, "*path"]:
+    """What paths are ranked by, from P(valid): all that the model itself finds invalid come last, and are level."""
+    return np.maximum(p, DECISION)
 
 
 def p_values(parts: Sequence[Calibration]) -> Float[Array, "path"]:

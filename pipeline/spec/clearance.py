@@ -30,7 +30,6 @@ SHARPEST = 0.003  # metres: a third of a pixel, no more exactly does a picture s
 SHARPENING = 1.25  # of the log-odds of the members' mean: a mean of opinions is less sure than it is right
 NEEDED = 6.0  # nats: what labels must gain in likelihood for "things matter" to be as credible as "nothing does"
 CERTAIN = 1e4  # nats
-SEEN = 4  # features that each member tells things by
 SEEN = 4  # features by which each member tells things from one another
 BOUND = 1.5  # standard deviations of the training things' features, beyond which a thing counts as no more unlike them
 AT_ONCE = 10  # models fitted together: what they compute still fits a processor's cache

@@ -73,7 +73,9 @@ class RewardMap(Specification):
         return self.gain * (-F.softplus(raw) if self.ceiling else raw)
 
     def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene cell"]:
-        """The reward map's cells and, last, the scene's soft optimum."""
+        """The reward map's cells and, last, the scene's soft optimum; zeros if the rule makes nothing of them."""
+        if not self.scale:
+            return torch.zeros(len(images), self.side**2 + 1)
         return self.look(torch.cat([_contrast(picture) for picture in to_bytes(images)]))
 
     def look(self, contrasts: Float[Tensor, "scene 4 100 100"]) -> Float[Tensor, "scene cell"]:

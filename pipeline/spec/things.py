@@ -15,7 +15,7 @@ import torch
 from jaxtyping import Bool, Float, Float32
 from numpy import ndarray as Array
 from scipy import ndimage
-from scipy.spatial import Delaunay
+from scipy.spatial import ConvexHull
 from torch import Tensor
 
 from pipeline.spec.reward import against_table
@@ -145,14 +145,14 @@ def _smooth(difference: Float[Array, "3 row column"], kernel: tuple[int, ...]) -
 
 def _whitening(difference: Float[Array, "3 row column"]) -> Float[Array, "3 3"]:
     """What makes the table's variation 1 in every direction of colour, judged by the pixels of the table alone."""
-    colours = difference.reshape(3, -1).T
-    table = np.ones(len(colours), bool)
+    colours = difference.reshape(3, -1)
+    table = np.ones(colours.shape[1], bool)
     whitening = np.eye(3)
     for _ in range(4):
-        covariance = colours[table].T @ colours[table] / table.sum() + FAINTEST**2 * np.eye(3)
+        covariance = (colours * table) @ colours.T / table.sum() + FAINTEST**2 * np.eye(3)
         values, vectors = np.linalg.eigh(covariance)
         whitening = vectors / np.sqrt(values) @ vectors.T
-        table = np.linalg.norm(colours @ whitening, axis=1) < TABLE
+        table = ((whitening @ colours) ** 2).sum(0) < TABLE**2
     return whitening
 
 
@@ -204,7 +204,11 @@ def _parts(mask: FineMask) -> list[FineMask]:
 def _hull(mask: FineMask) -> FineMask:
     """Every pixel within the convex hull of a mask's pixels."""
     corners = (np.argwhere(mask)[:, None] + np.argwhere(np.ones((2, 2)))).reshape(-1, 2)  # of pixels: never in line
-    return Delaunay(corners).find_simplex(np.argwhere(np.ones_like(mask)) + 0.5).reshape(mask.shape) >= 0
+    row, column = np.ogrid[: mask.shape[0], : mask.shape[1]]
+    within = np.ones_like(mask)
+    for down, across, offset in ConvexHull(corners).equations:
+        within &= down * (row + 0.5) + across * (column + 0.5) + offset <= 1e-9
+    return within
 
 
 _LENGTHS = np.linspace(0, 20, 2001)  # half-lengths of capsules of radius 1 ...

@@ -32,6 +32,7 @@ from pipeline.spec.acceptance import (
     fewest_demonstrations,
     fewest_without_error,
     p_values,
+    score,
 )  # fmt: skip
 from pipeline.spec.metrics import DECISION
 from pipeline.spec.specification import Specification
@@ -53,7 +54,7 @@ Parts = dict[str, list[Part]]  # by form
 
 
 class Scores(NamedTuple):
-    """What one model says of all its seed's demonstrations, and of every split's paths, one after the other."""
+    """P(valid) by one model of all its seed's demonstrations, and of every split's paths, one after the other."""
 
     demonstrations: Float32[Array, "scene n"]
     paths: Float32[Array, "picture path"]
@@ -187,7 +188,7 @@ def _accepted(
     for (user, seed), own in whole.items():
         for form in (SPLIT, CROSSED, TRAINING):
             calibrations = [
-                Calibration(s.demonstrations[at].ravel(), own.valid[at].ravel(), s.paths[here].ravel())
+                Calibration(score(s.demonstrations[at].ravel()), own.valid[at].ravel(), score(s.paths[here].ravel()))
                 for s, (_, at) in zip(scores[form, (user, seed)], parts[seed][form], strict=True)
             ]
             p = p_values(calibrations)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.special import expit
 from statsmodels.stats.multitest import multipletests
 
 from pipeline.spec.acceptance import (
@@ -14,6 +15,7 @@ from pipeline.spec.acceptance import (
     fewest_demonstrations,
     fewest_without_error,
     p_values,
+    score,
 )  # fmt: skip
 
 WORLDS, DEMONSTRATIONS, PATHS, LEVEL = 1000, 100, 40, 0.1
@@ -31,26 +33,27 @@ def false_share(accepted: np.ndarray, valid: np.ndarray) -> float:
 
 
 def false_discovery_rate(
-    level: float = LEVEL, grain: float = 0.0, demonstrations: float = 3.0, paths: float = 3.0
+    level: float = LEVEL, grain: float = 0.0, demonstrations: float = 3.0, paths: float = 3.0, lowest: float = -np.inf
 ) -> tuple[float, float]:
     """Mean share of invalid accepted paths over worlds, and its standard error.
 
-    demonstrations, paths: how far apart the scores of valid and invalid ones are.
+    demonstrations, paths: how far apart the scores of valid and invalid ones are. lowest: where scores are cut off.
     """
     rng, shares = np.random.default_rng(5), []
     for _ in range(WORLDS):
         held_out, labels = draw(rng, DEMONSTRATIONS, demonstrations, grain)
         scores, valid = draw(rng, PATHS, paths, grain)
-        shares.append(false_share(accept(p_values([Calibration(held_out, labels, scores)]), level), valid))
+        part = Calibration(np.maximum(held_out, lowest), labels, np.maximum(scores, lowest))
+        shares.append(false_share(accept(p_values([part]), level), valid))
     return float(np.mean(shares)), float(np.std(shares) / WORLDS**0.5)
 
 
 @pytest.mark.parametrize("level", [0.05, 0.1, 0.3])
-@pytest.mark.parametrize("grain", [0.0, 0.5])
-def test_among_exchangeable_paths_the_false_discovery_rate_is_the_level_at_most(level: float, grain: float):
-    rate, error = false_discovery_rate(level, grain)
+@pytest.mark.parametrize(("grain", "lowest"), [(0.0, -np.inf), (0.5, -np.inf), (0.0, -1.5)])
+def test_among_exchangeable_paths_the_false_discovery_rate_is_the_level_at_most(level, grain, lowest):
+    rate, error = false_discovery_rate(level, grain, lowest=lowest)
     assert rate < level + 2 * error
-    if not grain:
+    if not grain and lowest == -np.inf:
         assert rate > 0.6 * level  # and the promise is no idle one
 
 
@@ -86,6 +89,21 @@ def test_a_laxer_promise_accepts_all_that_a_stricter_one_does(seed: int, level: 
     rng = np.random.default_rng(seed)
     p = p_values([Calibration(*draw(rng, 60), draw(rng, 30)[0])])
     assert not (accept(p, level) & ~accept(p, min(level * more, 0.99))).any()
+
+
+@given(st.integers(0, 1000), st.floats(0.01, 0.9))
+def test_what_the_model_finds_invalid_is_accepted_only_with_all_the_rest(seed: int, level: float):
+    rng = np.random.default_rng(seed)
+    demonstrations, valid = draw(rng, 60)
+    p = expit(draw(rng, 30)[0])
+    accepted = accept(p_values([Calibration(score(expit(demonstrations)), valid, score(p))]), level)
+    assert accepted.all() or not accepted[p <= 0.5].any()
+    assert (p[accepted].min(initial=1) >= p[~accepted]).all()
+
+
+def test_where_hardly_a_path_is_invalid_all_may_be_accepted():
+    p, valid = np.linspace(0.1, 0.9, 99), np.arange(99) > 1
+    assert accept(p_values([Calibration(score(p), valid, score(p))]), 0.05).all()
 
 
 def test_p_values_count_invalid_demonstrations_as_high_and_ties_among_them():

@@ -150,3 +150,15 @@ def test_the_logit_of_the_percept_is_scaled_soft_regret_and_its_gradient_is_righ
 def test_weights_and_the_acceptance_rule_are_the_whole_state():
     names = set(drawn().state_dict())
     assert {"scale", "offset"} <= names and "paths" not in names
+
+
+def test_a_rule_that_makes_nothing_of_the_reward_is_constant_without_it():
+    model, images = drawn().float(), to_tensor(pictures())
+    z = paths(len(images)).float()
+    model.scale.fill_(1e-9)
+    model.offset.fill_(0.7)
+    with torch.no_grad():
+        by_map = model(images, z)
+        model.scale.fill_(0.0)
+        torch.testing.assert_close(model(images, z), by_map)
+        assert not model.perceive(images).any()
