@@ -23,7 +23,8 @@ def accepted(results: Results) -> Picture:
     caption = (
         "Above: the share of invalid paths among those accepted in new scenes, against the share promised; above the "
         "grey line a promise is broken; no mark where every model accepts nothing. Below: the share of the valid paths "
-        f"that is accepted. Means over {counted(found['seeds'], 'seed')} and the users {listed(results.judged_users)}, "
+        "that is accepted. Curves level off because no promise accepts what a model itself finds invalid. "
+        f"Means over {counted(found['seeds'], 'seed')} and the users {listed(results.judged_users)}, "
         f"with 95 % intervals of the split form; the upright line is the promise of {percent(found['level'], 0)}."
     )
     titles = {split: split_label(split).split(", ")[-1].capitalize() for split in results.accepted["split"].unique()}
