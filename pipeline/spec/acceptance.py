@@ -13,7 +13,8 @@ these are accepted anyway. So how many are accepted depends on the demonstration
 uniform. Ties count against the path, as here, so that its p is never too small.
 
 The score is P(valid), cut off below at one half (`score`): what the model itself finds invalid is level in the last
-place, so that no such path is accepted unless all paths are. A score may be anything that is fixed beforehand.
+place, so that none of these paths is accepted unless all are. (In the cross-fitted form each of several models has its
+say, and a laxer promise outweighs one of them.) A score may be anything that is fixed beforehand.
 
 What it assumes: the score was fitted without the demonstrations, and these are exchangeable with each candidate path.
 Neither the demonstrations nor the paths of one scene are independent of one another, so that in new scenes of the same

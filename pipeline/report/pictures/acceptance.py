@@ -23,7 +23,8 @@ def accepted(results: Results) -> Picture:
     caption = (
         "Above: the share of invalid paths among those accepted in new scenes, against the share promised; above the "
         "grey line a promise is broken; no mark where every model accepts nothing. Below: the share of the valid paths "
-        "that is accepted. Curves level off because no promise accepts what a model itself finds invalid. "
+        "that is accepted. The split form levels off where nothing is left but what the model itself finds invalid, "
+        "which is level in the last place. "
         f"Means over {counted(found['seeds'], 'seed')} and the users {listed(results.judged_users)}, "
         f"with 95 % intervals of the split form; the upright line is the promise of {percent(found['level'], 0)}."
     )
