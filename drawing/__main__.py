@@ -1,7 +1,8 @@
 """Write data/ anew, or a contact sheet of what it holds.
 
 python -m drawing                              data/items.csv, textures.csv and every picture
-python -m drawing --more 24 --seed 11 --into more/    and 24 random validation items of each symbol
+python -m drawing --more 24 --seed 11 --into more/    and as many random validation items of each symbol
+                                               and table tops
 python -m drawing --contact-sheet sheet.png    the items on table tops, symbol by symbol
 """
 
@@ -20,7 +21,7 @@ PROVENANCE = {"source": "drawn by python -m drawing", "licence": "MIT"}
 
 
 def write_data(directory: Path, more: int = 0, seed: int = 0) -> None:
-    """Draw every item and table top into `directory` with their two catalogues."""
+    """Draw every item and table top into `directory` with their two catalogues, and `more` random ones."""
     for folder in ("items", "textures"):
         (directory / folder).mkdir(parents=True, exist_ok=True)
     items = []
@@ -35,7 +36,7 @@ def write_data(directory: Path, more: int = 0, seed: int = 0) -> None:
             }
         )  # fmt: skip
     tops = []
-    for name, (split, draw) in tqdm(surfaces().items(), desc="table tops"):
+    for name, (split, draw) in tqdm(surfaces(more, seed).items(), desc="table tops"):
         file = f"textures/{name}.png"
         Image.fromarray(draw()).save(directory / file, optimize=True)
         tops.append({"name": name, "split": split, "width_m": SURFACE_WIDTH_M, "file": file, **PROVENANCE})
@@ -60,8 +61,8 @@ def contact_sheet(directory: Path, columns: int = 15) -> Image.Image:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(prog="python -m drawing", description="Draw data/ or show what it holds.")
     parser.add_argument("--contact-sheet", type=Path, metavar="PNG", help="write a picture of every item instead")
-    parser.add_argument("--more", type=int, default=0, metavar="N", help="random validation items of each symbol, too")
-    parser.add_argument("--seed", type=int, default=0, help="of the random items")
+    parser.add_argument("--more", type=int, default=0, metavar="N", help="random validation items and table tops, too")
+    parser.add_argument("--seed", type=int, default=0, help="of what is random")
     parser.add_argument("--into", type=Path, default=Path("data"), metavar="DIR", help="where the catalogue goes")
     asked = parser.parse_args()
     if asked.more < 0 or (asked.more and asked.into.resolve() == Path("data").resolve()):

@@ -17,7 +17,7 @@ from drawing.cutlery import GOLD, HALF_WIDTH, STEEL, cutlery
 from drawing.glass import glass
 from drawing.outline import ROUND, Outline, cut, eared, oval, polygon, scalloped, spouted
 from drawing.surface import surface
-from drawing.variety import varied
+from drawing.variety import varied, varied_tops
 
 
 @dataclass(frozen=True)
@@ -163,6 +163,9 @@ def _as_outlined(symbol: str, name: str, split: str, radius: float, draw: partia
     return Design(name, symbol, split, radius, round(radius * outline.stretch, 4), draw)
 
 
-def surfaces() -> dict[str, tuple[str, Callable[[], np.ndarray]]]:
-    """Every table top: its split and how to draw it."""
-    return {name: (split, partial(surface, i, *look)) for i, (name, split, *look) in enumerate(SURFACES)}
+def surfaces(more: int = 0, seed: int = 0) -> dict[str, tuple[str, Callable[[], np.ndarray]]]:
+    """Every table top: its split and how to draw it; `more` random validation tops last."""
+    tops = {name: (split, partial(surface, i, *look)) for i, (name, split, *look) in enumerate(SURFACES)}
+    for i, (name, split, *look) in enumerate(varied_tops(more, seed)):
+        tops[name] = split, partial(surface, (i, seed), *look)
+    return tops

@@ -1,8 +1,8 @@
-"""More validation items than anyone would want to design: every property of an item drawn at random.
+"""More validation items and table tops than anyone would want to design: every property drawn at random.
 
 Radii stay within the training items', stretched outlines up to a tenth longer; patterns, colours and outlines are of
-all kinds. Nothing of the experiment uses them: choices that few items could flatter are checked on them
-(docs/choices.md).
+all kinds, and so are table tops. Nothing of the experiment uses them: choices that few items or tables could flatter
+are checked on them (docs/choices.md).
 """
 
 import colorsys
@@ -12,6 +12,7 @@ import numpy as np
 
 from drawing.cutlery import GOLD, PIECES, STEEL
 from drawing.outline import ROUND, Outline, cut, eared, oval, polygon, scalloped, spouted
+from drawing.surface import PATTERNS as SURFACE_PATTERNS
 
 Colour = tuple[float, float, float]
 Row = tuple  # of one of the tables in drawing.designs
@@ -26,6 +27,19 @@ def varied(count: int, seed: int) -> dict[str, list[Row]]:
     """`count` validation items of each symbol, as rows of drawing.designs' tables; the first of more are the same."""
     items = list(_items(np.random.default_rng(seed), count))
     return {symbol: [rows[i] for rows in items] for i, symbol in enumerate(("bowl", "plate", "cutlery", "glass"))}
+
+
+def varied_tops(count: int, seed: int) -> list[Row]:
+    """`count` validation table tops, each of the patterns in turn, as rows of drawing.designs' table."""
+    rng, tops = np.random.default_rng([seed, 1]), []
+    for i in range(count):
+        hue, saturation, value = rng.uniform(0, 1), rng.uniform(0, 0.5), rng.uniform(0.25, 0.92)
+        light = colorsys.hsv_to_rgb(hue, saturation, value)
+        stain = rng.normal(0, 0.04), rng.uniform(0.8, 1.6), rng.uniform(0.55, 0.8)
+        dark = colorsys.hsv_to_rgb((hue + stain[0]) % 1, min(1, saturation * stain[1]), value * stain[2])
+        kind = SURFACE_PATTERNS[i % len(SURFACE_PATTERNS)]
+        tops.append((f"{kind}-r{i}", "validation", kind, light, dark))
+    return tops
 
 
 def _items(rng: np.random.Generator, count: int) -> Iterator[tuple[Row, Row, Row, Row]]:

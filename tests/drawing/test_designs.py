@@ -58,6 +58,18 @@ def test_more_random_items_begin_with_the_fewer():
         np.testing.assert_array_equal(few[name].draw(), many[name].draw())
 
 
+def test_random_table_tops_are_validation_tops_that_differ_with_the_seed_and_come_last():
+    listed, more, other = surfaces(), surfaces(9, seed=3), surfaces(9, seed=4)
+    assert list(more)[: len(listed)] == list(listed) and len(more) == len(listed) + 9
+    for name in list(more)[len(listed) :]:
+        (split, draw), (_, draw_other) = more[name], other[name]
+        assert split == "validation"
+        top = draw()
+        np.testing.assert_array_equal(top, draw())
+        assert np.ptp(top.reshape(-1, 3), axis=0).max() > 10  # a pattern is there to be seen
+        assert not np.array_equal(top, draw_other())
+
+
 @pytest.mark.parametrize(
     ("asked", "answer"),
     [
