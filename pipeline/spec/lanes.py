@@ -22,6 +22,7 @@ from numba.extending import intrinsic, models, register_model
 
 LANES = 8
 VECTOR = ir.VectorType(ir.FloatType(), LANES)
+BYTES = ir.IntType(8).as_pointer()
 INTEGERS = ir.VectorType(ir.IntType(32), LANES)
 PUT, ADD, RELU, GATE = range(4)  # what becomes of a product: see `_put` and its neighbours
 TALL = 5 if get_host_cpu_features().get("avx512vl") else 2  # rows of a tile: what 32 registers hold, or 16
@@ -63,6 +64,15 @@ def _pointer(context, builder, kind, array, index):
     """Address of the index-th vector of a contiguous array."""
     data = context.make_array(kind)(context, builder, array).data
     return builder.gep(builder.bitcast(data, VECTOR.as_pointer()), [index])
+
+
+def _pointers(context, builder, kind, array, index, stride, count):
+    """Addresses of vectors index, index + stride, ...: multiples of the stride stay in registers from step to step."""
+    first = builder.bitcast(_pointer(context, builder, kind, array, index), BYTES)
+    stride = builder.mul(stride, ir.Constant(stride.type, 4 * LANES))
+    for i in range(count):
+        place = builder.gep(first, [builder.mul(stride, ir.Constant(stride.type, i))]) if i else first
+        yield builder.bitcast(place, VECTOR.as_pointer())
 
 
 def _load(builder, pointer):
@@ -114,12 +124,9 @@ def outer(typingctx, tile, left, i, i_step, right, j, j_step):
 
     def generate(context, builder, sig, args):
         def vectors(kind, data, first, stride, count):
-            for _ in range(count):
-                yield _load(builder, _pointer(context, builder, kind, data, first))
-                first = builder.add(first, stride)
+            return [_load(builder, p) for p in _pointers(context, builder, kind, data, first, stride, count)]
 
-        a = list(vectors(left, *args[1:4], tile.rows))
-        b = list(vectors(right, *args[4:7], tile.columns))
+        a, b = vectors(left, *args[1:4], tile.rows), vectors(right, *args[4:7], tile.columns)
         return _each(
             builder, tile,
             lambda r, c: _call(builder, "fma", a[r], b[c], builder.extract_value(args[0], r * tile.columns + c)),
@@ -204,8 +211,11 @@ def _squared_error(typingctx, total, logits, images, index, scale):
 def _block(tile, out, a, b, bias, steps, mode):
     """One tile of `product`."""
     tile = repeat(tile, *bias)
-    for a_step, b_step in zip(*steps):  # noqa: B905 - unknown to Numba
-        tile = outer(tile, a[0], a[1] + a_step, a[2], b[0], b[1] + b_step, b[2])
+    a_steps, b_steps = steps
+    k = np.uint64(0)
+    while a_steps[k] >= 0:
+        tile = outer(tile, a[0], a[1] + a_steps[k], a[2], b[0], b[1] + b_steps[k], b[2])
+        k += np.uint64(1)
     if mode == PUT:
         _put(tile, *out)
     elif mode == ADD:
@@ -266,9 +276,10 @@ def product(rows, columns, out, a, b, bias, steps, mode):
 @compiled(*[types.UniTuple(types.intp, 3)] * 3, returns=types.UniTuple(OFFSETS, 2))
 def _sum(counts, a_strides, b_strides):
     """Offsets in a and in b that three nested loops visit, outermost first: the steps of a `product`."""
-    a_steps = np.empty(counts[0] * counts[1] * counts[2], np.intp)
+    size = counts[0] * counts[1] * counts[2]
+    a_steps = np.full(size + 1, -1)
     b_steps = np.empty_like(a_steps)
-    for step in range(a_steps.size):
+    for step in range(size):
         i, j, k = step // (counts[1] * counts[2]), step // counts[2] % counts[1], step % counts[2]
         a_steps[step] = i * a_strides[0] + j * a_strides[1] + k * a_strides[2]
         b_steps[step] = i * b_strides[0] + j * b_strides[1] + k * b_strides[2]

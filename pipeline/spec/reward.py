@@ -75,7 +75,7 @@ class RewardMap(Specification):
     def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene cell"]:
         """The reward map's cells and, last, the scene's soft optimum; zeros if the rule makes nothing of them."""
         if not self.scale:
-            return torch.zeros(len(images), self.side**2 + 1)
+            return images.new_zeros(len(images), self.side**2 + 1)
         return self.look(torch.cat([_contrast(picture) for picture in to_bytes(images)]))
 
     def look(self, contrasts: Float[Tensor, "scene 4 100 100"]) -> Float[Tensor, "scene cell"]:

@@ -9,6 +9,7 @@ a segment) is how robots commonly bound things.
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -41,6 +42,10 @@ FINER = 4  # outlines are drawn on a grid that many times finer
 AT_LEAST = 2.7  # deviations on a thing's outline
 FAINT = 2.6  # deviations on average: a long thing that differs less is the table's grain, such as the edge of a board
 LONG = 2.5  # variance along a thing over that across it from which its ends count, and not its moments alone
+SPECK, COMPACT = 0.003, 4.0  # [m^2], variance along over across: what is faint, smaller and rounder is a speck ...
+FIT = 0.65  # ... and so is what is faint and shares less than this with its capsule (intersection over union)
+SPECKS = 3  # so many of them belong to the table's pattern: chips, knots, pieces of veins
+BOLDER = 1.3  # what stands on such a table differs that many times as much as the boldest speck
 WIDER = 0.5  # pixels that a long thing's radius is widened by: its outline lies that much further in than a round one's
 
 Deviations = Float[Array, "row column"]  # from the table [standard deviations of its own variation]
@@ -67,15 +72,22 @@ def find(images: Float[Tensor, "scene 3 100 100"]) -> Things:
         np.zeros((len(images), MOST), bool),
     )
     for scene, picture in enumerate(to_bytes(images)):
-        for i, (ends, radius, features) in enumerate(_found(picture)):
-            things.ends[scene, i], things.radius[scene, i] = ends, radius
-            things.features[scene, i], things.present[scene, i] = features, True
+        for i, thing in enumerate(_found(picture)):
+            things.ends[scene, i], things.radius[scene, i] = thing.ends, thing.radius
+            things.features[scene, i], things.present[scene, i] = thing.features, True
     return things
 
 
+class _Thing(NamedTuple):
+    ends: Float[Array, "2 2"]  # of the capsule's segment [m]
+    radius: float  # [m]
+    features: Float[Array, "feature"]
+    fit: float  # intersection of the thing and its capsule over their union
+
+
 @lru_cache(maxsize=2048)  # every model looks at the same pictures
-def _found(picture: bytes) -> list[tuple[Array, float, Array]]:
-    """Ends [m], radius [m] and features of the MOST largest things in an 8-bit picture, the largest first."""
+def _found(picture: bytes) -> list[_Thing]:
+    """The MOST largest things in an 8-bit picture, the largest first."""
     pixels = np.frombuffer(picture, np.uint8).reshape(SIDE, SIDE, 3)
     image = pixels.transpose(2, 0, 1) / np.float32(255)
     standing_out, edge, lines, plain = contrasts(image)
@@ -87,7 +99,8 @@ def _found(picture: bytes) -> list[tuple[Array, float, Array]]:
     for mask, corner in chain(large, thin):
         rows, columns = np.nonzero(mask)
         y, x = corner[0] + (rows + 0.5) / FINER, corner[1] + (columns + 0.5) / FINER
-        centre, along, radius, area, elongation = capsule(np.stack([x, SIDE - y], -1) / SIDE)
+        points = np.stack([x, SIDE - y], -1) / SIDE
+        centre, along, radius, area, elongation = capsule(points)
         inside = y.astype(int), x.astype(int)
         contrast = edge[inside].mean()
         if elongation > LONG:
@@ -96,8 +109,21 @@ def _found(picture: bytes) -> list[tuple[Array, float, Array]]:
                 continue
         length, width = 2 * (np.linalg.norm(along) + radius), 2 * radius
         features = np.log(np.array([area, elongation, length, width, contrast, plain[inside].mean()]))
-        found.append((np.stack([centre - along, centre + along]), radius, features))
-    return sorted(found, key=lambda thing: -thing[2][0])[:MOST]
+        fit = _fit(points - centre, along, radius)
+        found.append(_Thing(np.stack([centre - along, centre + along]), radius, features, fit))
+    return sorted(_off_pattern(found), key=lambda thing: -thing.features[0])[:MOST]
+
+
+def _off_pattern(found: list[_Thing]) -> list[_Thing]:
+    """What does not belong to the table's own pattern; a table is taken to have one if there are SPECKS."""
+    features = np.exp(np.reshape([thing.features for thing in found], (-1, len(FEATURES))))
+    area, elongation, contrast = (features[:, FEATURES.index(name)] for name in ("area", "elongation", "contrast"))
+    no_capsules = np.array([thing.fit for thing in found]) < FIT
+    specks = ((area < SPECK) & (elongation < COMPACT) | no_capsules) & (contrast < PEAK)
+    if specks.sum() < SPECKS:
+        return found
+    level = BOLDER * contrast[specks].max()
+    return [thing for thing, bold in zip(found, contrast, strict=True) if bold > level]
 
 
 def contrasts(
@@ -238,3 +264,12 @@ def capsule(
     radius = (extent - np.sqrt(extent**2 - (4 - np.pi) * area)) / (4 - np.pi)
     middle = centre + (along.min() + along.max()) / 2 * axis
     return middle, (extent / 2 - radius) * axis, float(radius), area, elongation
+
+
+def _fit(points: Float[Array, "point 2"], along: Float[Array, "2"], radius: float) -> float:
+    """Intersection over union of evenly spaced points [m], FINER * SIDE to the metre, and a capsule around 0."""
+    share = np.clip(points @ along / max(along @ along, 1e-12), -1, 1)
+    inside = np.linalg.norm(points - share[:, None] * along, axis=1) <= radius
+    both = inside.sum() / (FINER * SIDE) ** 2
+    either = len(points) / (FINER * SIDE) ** 2 + np.pi * radius**2 + 4 * radius * np.linalg.norm(along) - both
+    return float(both / either)

@@ -111,6 +111,31 @@ def test_a_line_no_bolder_than_the_table_is_its_grain(seed):
     assert found.present.sum(1).tolist() == [0, 1]
 
 
+@pytest.mark.parametrize(
+    ("chips", "grey", "found"),
+    [(3, 0.535, 1), (2, 0.535, 3), (3, 0.56, 4)],
+    ids=["three faint ones are the table's", "two may be things", "three bold ones are things"],
+)
+def test_faint_specks_are_the_table_s_pattern_if_there_are_several(chips, grey, found):
+    places = ((0.2, 0.2), (0.8, 0.3), (0.5, 0.85))[:chips]
+    specks = [(x, y, 0.022, (grey,) * 3) for x, y in places]
+    things = find(to_tensor(picture(DISCS[0], *specks)[None]))
+    assert things.present[0].sum() == found
+    assert things.ends[0, 0].mean(0) == pytest.approx(DISCS[0][:2], abs=3e-3)
+
+
+@pytest.mark.parametrize(("veins", "found"), [(3, 1), (2, 3)])
+def test_faint_veins_are_the_table_s_pattern_if_there_are_several(veins, found):
+    """Each is a right angle: larger than a speck, and unlike any capsule."""
+    image = picture(DISCS[0])
+    for row, column in ((15, 60), (60, 65), (68, 10))[:veins]:
+        for part in (np.s_[row : row + 4, column : column + 24], np.s_[row : row + 24, column : column + 4]):
+            image[part] = image[part] + np.uint8(7)
+    things = find(to_tensor(image[None]))
+    assert things.present[0].sum() == found
+    assert things.ends[0, 0].mean(0) == pytest.approx(DISCS[0][:2], abs=3e-3)
+
+
 @pytest.mark.parametrize("gap", [0.005, 0.01, 0.02])
 def test_discs_that_all_but_touch_are_two_things(gap):
     radii = 0.045, 0.07
