@@ -339,6 +339,23 @@ def test_what_breaks_a_model_is_told_of_one_that_beats_the_null_and_no_other(res
     assert "is broken by nothing here" in unbroken
 
 
+def test_disturbances_that_let_more_invalid_paths_through_are_named_the_worst_first(
+    results: Results,
+):
+    found = copy.deepcopy(results.robustness)
+    accepted = {"blur": [0.02, 0.06, 0.30], "tables": [0.01, 0.41, 0.02]}
+    found["undisturbed"]["models"]["path"]["false_accepts"] = 0.02
+    for name, levels in found["disturbed"].items():
+        for level, share in zip(levels, accepted.get(name, [0.069] * len(levels)), strict=True):
+            if "path" in level["models"]:
+                level["models"]["path"]["false_accepts"] = share
+    path, *_ = robustness(replace(results, robustness=found))
+    assert "under a table top of cherry (41.0\u00a0%) and a blur of 4\u00a0px (30.0\u00a0%)." in path
+    found["undisturbed"]["models"]["path"]["false_accepts"] = 0.4
+    path, *_ = robustness(replace(results, robustness=found))
+    assert "Nowhere does it accept 5.0 percentage points more of the invalid paths than undisturbed." in path
+
+
 def test_a_promise_is_said_to_be_kept_broken_or_idle_as_the_numbers_have_it(results: Results):
     needed, path, *_ = acceptance(results)
     assert "would take 114 held-out demonstrations" in needed and "at least 99 for the careful user" in needed

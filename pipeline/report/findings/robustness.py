@@ -72,7 +72,7 @@ def _breaks(results: Results, variant: str) -> str:
         f"to {-100 * cell['ci_low']:.1f}, of the largest of {len(levels)} changes) to {percent(score)}, {beside} "
         f"{percent(null)}. There it rejects {percent(cell['false_rejects'])} of the valid paths (undisturbed "
         f"{percent(before['false_rejects'])}) and accepts {percent(cell['false_accepts'])} of the invalid ones "
-        f"({percent(before['false_accepts'])}). {_deceived(results, variant, level)}{_withstands(results, variant)}"
+        f"({percent(before['false_accepts'])}). {_dangerous(results, variant)}{_withstands(results, variant)}"
     )
 
 
@@ -81,17 +81,18 @@ def most_deceived(results: Results, variant: str) -> tuple[str, dict]:
     return max(_levels(results), key=lambda of: of[1]["models"][variant]["false_accepts"])
 
 
-def _deceived(results: Results, variant: str, worst_level: dict) -> str:
-    """Where a robot would go wrong most often, if that is not where accuracy falls most."""
-    name, level = most_deceived(results, variant)
-    before, cell = results.robustness["undisturbed"]["models"][variant], level["models"][variant]
-    if level is worst_level or cell["false_accepts"] <= before["false_accepts"]:
-        return ""
-    return (
-        f"It is most dangerous under {disturbance_phrase(name, level['strength'])}: there it accepts "
-        f"{percent(cell['false_accepts'])} of the invalid paths, and is right about "
-        f"{percent(cell['accuracy']['mean'])}. "
-    )
+def _dangerous(results: Results, variant: str) -> str:
+    """Where a robot would go wrong more often: each disturbance at the strength at which most invalid paths pass."""
+    before, found = results.robustness["undisturbed"]["models"][variant]["false_accepts"], []
+    for name in _asked(results):
+        level = max(results.robustness["disturbed"][name], key=lambda at: at["models"][variant]["false_accepts"])
+        share = level["models"][variant]["false_accepts"]
+        if share >= before + SLIGHT:
+            found.append((share, f"{disturbance_phrase(name, level['strength'])} ({percent(share)})"))
+    if not found:
+        return f"Nowhere does it accept {points(SLIGHT)} more of the invalid paths than undisturbed. "
+    where = listed([phrase for _, phrase in sorted(found, reverse=True)])
+    return f"It is dangerous, accepting at least {points(SLIGHT)} more of the invalid paths, under {where}. "
 
 
 def _withstands(results: Results, variant: str) -> str:
