@@ -339,9 +339,7 @@ def test_what_breaks_a_model_is_told_of_one_that_beats_the_null_and_no_other(res
     assert "is broken by nothing here" in unbroken
 
 
-def test_disturbances_that_let_more_invalid_paths_through_are_named_the_worst_first(
-    results: Results,
-):
+def test_disturbances_that_let_more_invalid_paths_through_are_named_the_worst_first(results: Results):
     found = copy.deepcopy(results.robustness)
     accepted = {"blur": [0.02, 0.06, 0.30], "tables": [0.01, 0.41, 0.02]}
     found["undisturbed"]["models"]["path"]["false_accepts"] = 0.02
