@@ -16,7 +16,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -39,9 +39,10 @@ START, SETTLE, PAUSE = (
 
 @contextmanager
 def viewer() -> Iterator[ViewerClient]:
-    """A viewer without a window, closed afterwards; InputError with its last words if it does not start."""
+    """A viewer without a window, closed afterwards; InputError with its last words if it does not start, or dies."""
     with tempfile.TemporaryDirectory() as home, socket.socket() as free:
-        env = os.environ | {"HOME": home, "XDG_RUNTIME_DIR": home, "XDG_CONFIG_HOME": home, "XDG_DATA_HOME": home}
+        folders = dict.fromkeys(("HOME", "XDG_RUNTIME_DIR", "XDG_CONFIG_HOME", "XDG_DATA_HOME"), home)
+        env = os.environ | folders | {"NO_COLOR": "1"}
         command = [sys.executable, "-m", "rerun"]
         subprocess.run([*command, "analytics", "disable"], env=env, check=True, capture_output=True)
         free.bind(("127.0.0.1", 0))
@@ -55,8 +56,11 @@ def viewer() -> Iterator[ViewerClient]:
             )
         try:
             yield _connected(process, f"rerun+http://127.0.0.1:{port}/proxy", log)
+        except ConnectionError as error:  # it answers before it looks for a driver
+            raise _gone(log) from error
         finally:
-            os.killpg(process.pid, signal.SIGTERM)  # the command and the viewer it starts
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGTERM)  # the command and the viewer it starts
             process.wait()
 
 
@@ -70,8 +74,12 @@ def _connected(process: subprocess.Popen, url: str, log: Path) -> ViewerClient:
             return client
         except Exception:  # whatever Rerun raises while nobody listens yet
             time.sleep(PAUSE)
-    raise InputError(
-        "Rerun's viewer does not start without a screen: is a Vulkan driver there (apt-get install "
+    raise _gone(log)
+
+
+def _gone(log: Path) -> InputError:
+    return InputError(
+        "Rerun's viewer does not run without a screen: is a Vulkan driver there (apt-get install "
         f"mesa-vulkan-drivers)?\n{log.read_text(errors='replace')[-2000:]}"
     )
 

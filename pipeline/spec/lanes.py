@@ -252,7 +252,7 @@ def product(rows, columns, out, a, b, bias, steps, mode):
     """out[row, column] = bias[column] + sum over k of a[row, k] * b[k, column], or what `mode` makes of that.
 
     Operands: (flat array, first vector, stride [vectors]), the stride that of out's and a's rows, of b's and the
-    bias's columns. `steps`: offsets [vectors] of each k, in a and in b.
+    bias's columns. `steps`: offsets [vectors] of each k, in a and in b; one below 0 in a ends them.
     """
     column = 0
     while column < columns:
@@ -275,7 +275,7 @@ def product(rows, columns, out, a, b, bias, steps, mode):
 
 @compiled(*[types.UniTuple(types.intp, 3)] * 3, returns=types.UniTuple(OFFSETS, 2))
 def _sum(counts, a_strides, b_strides):
-    """Offsets in a and in b that three nested loops visit, outermost first: the steps of a `product`."""
+    """Offsets in a, none below 0, and in b that three nested loops visit, outermost first: steps of a `product`."""
     size = counts[0] * counts[1] * counts[2]
     a_steps = np.full(size + 1, -1)
     b_steps = np.empty_like(a_steps)

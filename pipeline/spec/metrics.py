@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
-from sklearn.metrics import roc_auc_score
 
 DECISION = 0.5  # a path is called valid if p exceeds it
 
@@ -30,6 +29,8 @@ def auroc(p: Float[Array, "path"], valid: Bool[Array, "path"]) -> float:
     """Chance that a valid path scores above an invalid one; NaN if there is only one kind."""
     if valid.all() or not valid.any():
         return float("nan")
+    from sklearn.metrics import roc_auc_score  # takes a second and a half, in every stage and worker
+
     return float(roc_auc_score(valid, p))
 
 

@@ -166,8 +166,9 @@ class Stack:
     """
 
     def __init__(self, models: Sequence[VaeSpecification], weights: Weights, n: Sequence[int], scenes: int):
-        self.weights, model = weights, models[0]
-        self.share = shares(n)  # (row, lane)
+        model = models[0]
+        self.alpha, self.beta = weights.alpha / (scenes * SIDE * SIDE * 3), weights.beta / scenes
+        self.gamma = (weights.gamma / scenes * shares(n)).astype(np.float32)  # (row, lane)
         names = {module: name for name, module in model.named_modules()}
         self.layers: dict[tuple[str, ...], Trained] = {}  # by the modules whose weights they hold
 
@@ -245,47 +246,44 @@ class Stack:
         """The terms of Eq. 1 as they enter the sum; its gradient is left in the parameters."""
         for parameter in self.parameters():
             parameter.gradient.fill(0)
-        terms = np.zeros((3, LANES), np.float32)
+        terms = allocate(3)
         for scene, of_scene in enumerate(zip(images, z_theta, valid, noise, strict=True)):
-            terms += self._scene(scene, *of_scene, share=1 / len(images))
+            self._scene(scene, *of_scene, terms)
         for layer in self.layers.values():
             layer.finish()
+        terms[0] *= self.alpha
         return terms
 
-    def _scene(self, scene: int, image, z_theta, valid, noise, share: float) -> Float[Array, "3 lane"]:
-        """What one scene, weighted by its `share` of all, adds to the terms and to the gradient."""
-        alpha, beta, gamma = (share * weight for weight in (self.weights.alpha, self.weights.beta, self.weights.gamma))
-        latent, terms = self.z_image.shape[1], allocate(3)
+    def _scene(self, scene: int, image, z_theta, valid, noise, terms: Float[Array, "3 lane"]) -> None:
+        """Add what one scene does to the gradient, and to the terms, the first of them still without alpha."""
+        latent = self.z_image.shape[1]
         lanes.unpack(image[None], self.images)
         _forward(self.encoder)
         mean, log_variance = self.code[0, :latent], self.code[0, latent:]
-        deviation = np.exp(0.5 * log_variance) if beta else np.float32(0)
+        deviation = np.exp(0.5 * log_variance) if self.beta else np.float32(0)
         self.z_image[0] = mean + noise * deviation
         self.demos[:, :latent], self.demos[:, latent:] = self.z_image, z_theta
 
         _forward(self.classifier)
-        gamma = np.float32(gamma * self.share)  # (row, lane)
         logits = self.logits[:, 0]
-        terms[2] = -(gamma * np.where(valid, log_expit(logits), log_expit(-logits))).sum(0)
-        logits[:] = gamma * (expit(logits) - valid)
+        terms[2] -= (self.gamma * log_expit(np.where(valid, logits, -logits))).sum(0)
+        logits[:] = self.gamma * (expit(logits) - valid)
         _backward(self.classifier, scene)
         slope = self.demos[:, :latent].sum(0)  # with respect to z_image
 
-        if alpha:
-            alpha /= image.size // LANES
+        if self.alpha:
             _forward(self.decoder)
-            lanes.squared_error(self.decoded, self.images, 2 * alpha, terms[:1])
-            terms[0] *= alpha
+            lanes.squared_error(self.decoded, self.images, 2 * self.alpha, terms[:1])
             _backward(self.decoder, scene)
             slope += self.z_image[0]
 
-        if beta:
-            terms[1] = 0.5 * beta * (mean**2 + deviation**2 - log_variance - 1).sum(0)
-            log_variance[:] = 0.5 * (slope * noise * deviation + beta * (deviation**2 - 1))
-            slope += beta * mean
+        if self.beta:
+            variance = deviation**2
+            terms[1] += 0.5 * self.beta * (mean**2 + variance - log_variance - 1).sum(0)
+            log_variance[:] = 0.5 * (slope * noise * deviation + self.beta * (variance - 1))
+            slope += self.beta * mean
         mean[:] = slope
         _backward(self.encoder, scene)
-        return terms
 
 
 def _forward(layers: Sequence[Layer]) -> None:

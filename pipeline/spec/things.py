@@ -2,8 +2,9 @@
 
 Nothing here is learned, and nothing knows a symbol: a thing is a region whose colour differs from the table's by more
 than the table itself varies. What is large stands out from a table smoothed widely; what is left is searched for thin
-outlines, such as a clear glass's rim, which stand out from the table close by. A capsule (the points within `radius` of
-a segment) is how robots commonly bound things.
+outlines, such as a clear glass's rim, which stand out from the table close by. Where several of what is found are faint
+specks, they are the table's own pattern (chips, knots, veins) and dropped. A capsule (the points within `radius` of a
+segment) is how robots commonly bound things.
 """
 
 from dataclasses import dataclass
@@ -45,7 +46,6 @@ LONG = 2.5  # variance along a thing over that across it from which its ends cou
 SPECK, COMPACT = 0.003, 4.0  # [m^2], variance along over across: what is faint, smaller and rounder is a speck ...
 FIT = 0.65  # ... and so is what is faint and shares less than this with its capsule (intersection over union)
 SPECKS = 3  # so many of them belong to the table's pattern: chips, knots, pieces of veins
-BOLDER = 1.3  # what stands on such a table differs that many times as much as the boldest speck
 WIDER = 0.5  # pixels that a long thing's radius is widened by: its outline lies that much further in than a round one's
 
 Deviations = Float[Array, "row column"]  # from the table [standard deviations of its own variation]
@@ -115,15 +115,14 @@ def _found(picture: bytes) -> list[_Thing]:
 
 
 def _off_pattern(found: list[_Thing]) -> list[_Thing]:
-    """What does not belong to the table's own pattern; a table is taken to have one if there are SPECKS."""
+    """All but specks, where there are SPECKS or more: the table's own pattern. Fewer may be things, and stay."""
     features = np.exp(np.reshape([thing.features for thing in found], (-1, len(FEATURES))))
     area, elongation, contrast = (features[:, FEATURES.index(name)] for name in ("area", "elongation", "contrast"))
     no_capsules = np.array([thing.fit for thing in found]) < FIT
     specks = ((area < SPECK) & (elongation < COMPACT) | no_capsules) & (contrast < PEAK)
     if specks.sum() < SPECKS:
         return found
-    level = BOLDER * contrast[specks].max()
-    return [thing for thing, bold in zip(found, contrast, strict=True) if bold > level]
+    return [thing for thing, speck in zip(found, specks, strict=True) if not speck]
 
 
 def contrasts(

@@ -124,6 +124,17 @@ def test_faint_specks_are_the_table_s_pattern_if_there_are_several(chips, grey, 
     assert things.ends[0, 0].mean(0) == pytest.approx(DISCS[0][:2], abs=3e-3)
 
 
+@pytest.mark.parametrize("grey", [0.53, 0.535])
+def test_a_larger_disc_stays_beside_specks_as_faint_as_itself(grey):
+    """A pale plate on a speckled table: what lies there is not less of a danger for what the table looks like."""
+    discs = [
+        (x, y, radius, (grey,) * 3) for x, y, radius in ((0.5, 0.5, 0.07), *((x, 0.15, 0.022) for x in (0.2, 0.5, 0.8)))
+    ]
+    things = find(to_tensor(picture(*discs)[None]))
+    assert things.present[0].sum() == 1
+    assert things.ends[0, 0].mean(0) == pytest.approx((0.5, 0.5), abs=3e-3)
+
+
 @pytest.mark.parametrize(("veins", "found"), [(3, 1), (2, 3)])
 def test_faint_veins_are_the_table_s_pattern_if_there_are_several(veins, found):
     """Each is a right angle: larger than a speck, and unlike any capsule."""

@@ -1,6 +1,7 @@
 """Rerun's own viewer, without a screen, shows the recordings: no blank picture, no error, every recording its own."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -91,3 +92,16 @@ def test_nothing_is_logged_as_an_error(run: ViewerClient, overview: ViewerClient
 def test_a_tab_that_is_not_there_is_refused(run: ViewerClient) -> None:
     with pytest.raises(InputError, match="no tab 99: expected a number from 0 to 6"):
         select(run, 99, "repair_step", 0)
+
+
+def test_a_machine_without_a_driver_is_told_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The viewer answers before it looks for one, and is gone by the time that it should open something."""
+    for variable in ("VK_DRIVER_FILES", "VK_ICD_FILENAMES"):
+        monkeypatch.setenv(variable, str(tmp_path / "nothing.json"))
+    monkeypatch.setenv("WGPU_BACKEND", "vulkan")
+    write_run(tmp_path / "run.rrd", a_run())
+    with (
+        pytest.raises(InputError, match=r"mesa-vulkan-drivers[^\x1b]*No graphics adapter was found"),
+        viewer() as client,
+    ):
+        client.open(str(tmp_path / "run.rrd"))
