@@ -33,7 +33,7 @@ test: $(READY)  ## ruff, pyright, the test suite (it includes the smoke run)
 	dvc pull --allow-missing --quiet data.dvc
 	ruff check . && ruff format --check .
 	pyright
-	python -m pytest -n 2 --dist loadfile
+	python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 test-browser: $(READY)  ## the report in headless Chromium: keyboard, accessibility, phone, print
 	@command -v chromium > /dev/null || { echo "error: chromium is missing: apt-get install chromium" >&2; exit 1; }
