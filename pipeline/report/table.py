@@ -12,7 +12,10 @@ _TEX |= {"\\": r"\textbackslash{}", "{": r"\{", "}": r"\}", "$": r"\$", "~": r"\
 _TEX |= {"[": "{[}"}  # after \\ it would be read as a length
 _TEX |= {"<": r"$<$", ">": r"$>$", "±": r"$\pm$", "≥": r"$\geq$", "→": r"$\to$"}
 
-_LINE = 117  # letters of a row, two between columns, that fit 6.5 in at \footnotesize
+_SIZES = (  # of letters: how many of a row, two between columns, fit 6.5 in; how many lines fit 9 in under a caption
+    (r"\footnotesize", 117, 60),
+    (r"\scriptsize", 126, 72),
+)
 _HEADING = 14  # letters of a heading's line
 
 _FIRST = ' class="first"'  # of a group of rows
@@ -76,9 +79,9 @@ def to_markdown(t: Table) -> str:
 
 
 def to_tex(t: Table) -> str:
-    """A booktabs table for a page 6.5 in wide: cells break their lines where the table would be too wide."""
+    """A booktabs table for a page 6.5 in by 9: cells break their lines where the table would be too wide."""
     sides = "l" * t.labels + "r" * (len(t.header) - t.labels)
-    header, *rows = _fitted(t)
+    size, (header, *rows) = _fitted(t)
     head = " & ".join(_tex_cell(lines, side, "b") for lines, side in zip(header, sides, strict=True)) + r" \\"
     body = [
         " & ".join(_tex_cell(x, side, "t", c.bold) for x, side, c in zip(lines, sides, row, strict=True)) + r" \\"
@@ -86,17 +89,24 @@ def to_tex(t: Table) -> str:
     ]
     return "\n".join(
         [
-            r"\begin{table}", r"\centering", r"\footnotesize", r"\setlength{\tabcolsep}{4pt}",
+            r"\begin{table}", r"\centering", size, r"\setlength{\tabcolsep}{4pt}",
             rf"\caption{{{_tex(t.caption)}}}", rf"\label{{table:{t.name}}}", rf"\begin{{tabular}}{{@{{}}{sides}@{{}}}}",
             r"\toprule", head, r"\midrule", *body, r"\bottomrule", r"\end{tabular}", r"\end{table}", "",
         ]
     )  # fmt: skip
 
 
-def _fitted(t: Table) -> list[list[list[str]]]:
-    """Every cell's lines, the header's row first, broken as little as lets the rows fit the page."""
-    attempts = (_broken(t, width) for width in range(_LINE, 0, -1))
-    return next((rows for rows in attempts if _letters(rows) <= _LINE), _broken(t, 1))
+def _fitted(t: Table) -> tuple[str, list[list[list[str]]]]:
+    """The largest letters that fit the page, or the smallest, and every cell's lines in them, the header's first."""
+    at_sizes = [(size, _narrowed(t, letters), most) for size, letters, most in _SIZES]
+    low_enough = ((size, rows) for size, rows, most in at_sizes if sum(max(map(len, row)) for row in rows) <= most)
+    return next(low_enough, at_sizes[-1][:2])
+
+
+def _narrowed(t: Table, letters: int) -> list[list[list[str]]]:
+    """Every cell's lines, broken as little as lets rows of so many letters hold them."""
+    attempts = (_broken(t, width) for width in range(letters, 0, -1))
+    return next((rows for rows in attempts if _letters(rows) <= letters), _broken(t, 1))
 
 
 def _broken(t: Table, width: int) -> list[list[list[str]]]:

@@ -135,3 +135,9 @@ def test_a_capsules_outline_keeps_its_distance(radius: float, x: float, y: float
     ends = np.array([[0.0, 0.0], [x, y]])
     distance = point_segment_distance(capsule(ends, radius), ends[0], ends[1])
     np.testing.assert_allclose(distance, radius, atol=1e-9)
+
+
+@pytest.mark.parametrize(("rows", "letters"), [(59, "footnotesize"), (61, "scriptsize")])
+def test_a_table_too_long_for_a_page_has_smaller_letters(rows: int, letters: str):
+    written = to_tex(table("long", "Long.", ["Row", "Value"], [[str(i), "1"] for i in range(rows)]))
+    assert re.findall(r"\\(\w+size)", written) == [letters]
