@@ -7,6 +7,8 @@ from typing import Any
 
 import matplotlib
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.transforms import Bbox
 
 INK, MUTED, RULE, PAPER = "#1b1f24", "#666e78", "#d4d8dd", "#ffffff"
 CHALK = "#fefefe"  # white on a photograph; never turned dark
@@ -26,6 +28,7 @@ _COLOURS = {
 _MARKERS = {"full": "o", "ae": "s", "classifier": "^", "irl_maxent": "v", "irl_ranked": "D", "path": ">"}
 _LINES = {"null_nearest": (0, (1.2, 1.6)), "null_position": (0, (5, 2.5))}
 _OTHER = "#8a6d3b"  # brown: a variant this file does not know
+PLACES = 9  # decimals of where a figure's axes are, as shares of its width and height
 LETTER = "DejaVu"  # with what the ids of letters' outlines begin: their font
 RC: dict[Any, Any] = {
     "svg.hashsalt": "causal-specifications",
@@ -97,9 +100,20 @@ def png(draw: Callable[[], Figure], dpi: int) -> bytes:
 
 def _saved(draw: Callable[[], Figure], **options: Any) -> bytes:
     with matplotlib.rc_context(RC):
-        buffer = io.BytesIO()
-        draw().savefig(buffer, **options)
+        figure, buffer = draw(), io.BytesIO()
+        if isinstance(engine := figure.get_layout_engine(), ConstrainedLayoutEngine):
+            figure.set_layout_engine(_Rounded(**engine.get()))
+        figure.savefig(buffer, **options)
     return buffer.getvalue()
+
+
+class _Rounded(ConstrainedLayoutEngine):
+    """Constrained layout without its last digits: its solver calculates in the order of addresses in memory."""
+
+    def execute(self, fig: Figure) -> None:
+        super().execute(fig)
+        for axes in fig.axes:
+            axes.set_position(Bbox(axes.get_position(original=True).get_points().round(PLACES)))
 
 
 def inline(text: str, name: str) -> str:

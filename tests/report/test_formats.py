@@ -4,6 +4,7 @@ import csv
 import io
 import re
 
+import kiwisolver
 import numpy as np
 import pytest
 from hypothesis import given
@@ -98,6 +99,24 @@ def drawing() -> Figure:
 def test_a_figure_has_the_same_bytes_twice_and_no_date():
     assert svg(drawing) == svg(drawing) and pdf(drawing) == pdf(drawing)
     assert "<dc:date>" not in svg(drawing) and b"Date" not in pdf(drawing)
+
+
+def test_a_figure_has_the_same_bytes_wherever_its_layout_lies_in_memory(monkeypatch: pytest.MonkeyPatch):
+    def three() -> Figure:
+        figure = Figure((3, 5), layout="constrained")
+        figure.get_layout_engine().set(rect=(0, 0.1, 1, 0.9))  # pyright: ignore
+        for axes in figure.subplots(3):
+            axes.plot([0, 1], [0, 1])
+            axes.set_xlabel("x")
+        return figure
+
+    variable, rng, written = kiwisolver.Variable, np.random.default_rng(0), set()
+    for _ in range(20):
+        scattered = [variable() for _ in range(600)]
+        rng.shuffle(scattered)  # pyright: ignore
+        monkeypatch.setattr(kiwisolver, "Variable", lambda _name, left=scattered: left.pop())
+        written |= {svg(three)}
+    assert len(written) == 1
 
 
 def test_an_inlined_figure_follows_the_page_and_keeps_its_ids_apart():
