@@ -24,8 +24,8 @@ def launch(main: Main, stage: str) -> None:
         if "--params" in sys.argv[1:]:
             _from_params(main, stage, sys.argv[1:])
         else:
-            _from_hydra(main)
-    except (ValueError, FileNotFoundError) as error:
+            _from_hydra(main, stage)
+    except (ValueError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)
 
@@ -41,7 +41,8 @@ def _from_params(main: Main, stage: str, argv: list[str]) -> None:
     main(cfg, out_dir)
 
 
-def _from_hydra(main: Main) -> None:
+def _from_hydra(main: Main, stage: str) -> None:
+    """Compose conf/ and run; Hydra's folders carry the stage's name (by itself it would name them after this file)."""
     import hydra
     from hydra.core.hydra_config import HydraConfig
 
@@ -50,8 +51,10 @@ def _from_hydra(main: Main) -> None:
         try:
             validate(cfg)
             main(cfg, Path(HydraConfig.get().runtime.output_dir))
-        except (ValueError, FileNotFoundError) as error:
+        except (ValueError, OSError) as error:
             print(f"error: {error}", file=sys.stderr)
             sys.exit(2)
 
+    if not any(argument.startswith("hydra.job.name=") for argument in sys.argv):
+        sys.argv.append(f"hydra.job.name={stage}")
     hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run)()

@@ -1,9 +1,12 @@
 """Independent jobs over processes of one torch thread each."""
 
+import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import lru_cache
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
+from multiprocessing.process import BaseProcess
+from threading import Thread
 from typing import TypeVar
 
 import torch
@@ -43,3 +46,11 @@ def _prepare() -> None:
     """One torch thread, and memory kept: clearing new activations costs a fifth of a step."""
     torch.set_num_threads(1)
     keep_freed()
+    if parent := parent_process():
+        Thread(target=_end_with, args=(parent,), daemon=True).start()
+
+
+def _end_with(parent: BaseProcess) -> None:
+    """End this process when its parent has ended, even if killed: nobody waits for its results any more."""
+    parent.join()
+    os._exit(1)

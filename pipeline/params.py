@@ -20,6 +20,7 @@ CONF = Path(__file__).resolve().parent.parent / "conf"
 PARAMS = Path("params.yaml")
 FITTED_BY = {"vae": "train", "reward": "irl", "clearance": "path"}  # a variant's kind -> the stage that fits it
 MAX_N = 10  # demonstrations a scene has at the most (paper: 10)
+COMPOSED = ("profile", "protocol", "seeds", "train.model", "validation_seeds")  # what conf/ makes other parameters of
 
 
 class InputError(ValueError):
@@ -56,6 +57,7 @@ def load(path: Path, overrides: Sequence[str] = ()) -> DictConfig:
         if not isinstance(cfg, DictConfig):
             raise InputError(f"{path} holds no mapping: run `python -m pipeline.params` to write it anew")
         OmegaConf.set_struct(cfg, True)
+        _not_composed(overrides)
         cfg.merge_with_dotlist(list(overrides))
         OmegaConf.resolve(cfg)
         validate(cfg)
@@ -71,6 +73,18 @@ def load(path: Path, overrides: Sequence[str] = ()) -> DictConfig:
     return cfg
 
 
+def _not_composed(overrides: Sequence[str]) -> None:
+    """Raise InputError for an override that would leave what was composed of the parameter as it is."""
+    for override in overrides:
+        name = override.partition("=")[0]
+        for made in COMPOSED:
+            if name == made or name.startswith(f"{made}."):
+                raise InputError(
+                    f"override {override!r} would leave the parameters that are composed of {made} as they are: run "
+                    f"`python -m pipeline.params {override}`, or the stage without --params"
+                )
+
+
 def validate(cfg: DictConfig) -> None:
     """Raise InputError for the first parameter out of its range, before any work is done."""
 
@@ -83,6 +97,16 @@ def validate(cfg: DictConfig) -> None:
     def whole(value: object, low: int, high: int = sys.maxsize) -> bool:
         return isinstance(value, int) and not isinstance(value, bool) and low <= value <= high
 
+    for name in ("seeds", "validation_seeds", "n"):
+        need(OmegaConf.is_list(cfg[name]), name, cfg[name], "a list, such as [1, 3]")
+    for name in ("users", "variants", "scenes", "demos", "paths", "protocol"):
+        need(OmegaConf.is_dict(cfg[name]), name, cfg[name], "a mapping from names to values")
+    for group in ("users", "variants"):
+        for name, value in cfg[group].items():
+            need(isinstance(name, str), f"a name in {group}", name, "letters: put it in quotes")
+            need(OmegaConf.is_dict(value), f"{group}.{name}", value, "a mapping from names to values")
+    for name, value in cfg.paths.items():
+        need(isinstance(value, str), f"paths.{name}", value, "a path")
     for name in ("seeds", "validation_seeds"):
         seeds = list(cfg[name])
         need(len(seeds) > 0, name, seeds, "at least one seed")
@@ -112,6 +136,9 @@ def validate(cfg: DictConfig) -> None:
     need(cfg.seed is None or whole(cfg.seed, 0), "seed", cfg.seed, "null or a whole number from 0")
     known = [*cfg.seeds, *cfg.validation_seeds]
     need(cfg.seed is None or cfg.seed in known, "seed", cfg.seed, f"null or one of {known}")
+    asked = cfg.protocol.get("seeds")
+    of_known = OmegaConf.is_list(asked) and len(asked) > 0 and set(asked) <= set(known)
+    need(of_known, "protocol.seeds", asked, f"a list of some of {known}")
     need(whole(cfg.workers, 1), "workers", cfg.workers, "a whole number from 1")
     need(len(cfg.users) > 0, "users", {}, "at least one user")
     for user, margins in cfg.users.items():

@@ -127,7 +127,10 @@ def _confound(cfg: DictConfig, rng: np.random.Generator) -> None:
     seen = common | {"accuracy": dict.fromkeys(fitted, score), "things_per_item": 1.0}
     worlds = {name: seen | {"together": w.together, "gap_m": list(w.gap_m)} for name, w in cfg.confound.worlds.items()}
     effects = {"interventions": {variant: dict.fromkeys(users, told) for variant in fitted}}
-    write_json(folder / "metrics.json", common | effects | {"association": association, "worlds": worlds, "seeds": 2})
+    write_json(
+        folder / "metrics.json",
+        common | effects | {"association": association, "worlds": worlds, "seeds": 2, "near_m": 0.045},
+    )
     write_arrays(folder / "examples.npz", {name: _pictures(rng, 2) for name in cfg.confound.worlds})
 
 
@@ -160,9 +163,10 @@ def _robustness(cfg: DictConfig, rng: np.random.Generator) -> None:
 def _counterfactual(cfg: DictConfig, rng: np.random.Generator) -> None:
     """Every model blames the right item as often; one worked example."""
     folder = Path(cfg.paths.counterfactual)
-    cell = {"recall": 0.9, "blame_right": 0.8, "ci_low": 0.7, "ci_high": 0.9, "several_right": 0.5}
+    cell: dict = {"recall": 0.9, "blame_right": 0.8, "ci_low": 0.7, "ci_high": 0.9, "several_right": 0.5}
     cell |= {"null_random": 0.4, "null_nearest": 0.85, "null_base_rate": 0.5, "empty_rejected": 0.6}
-    cell |= {"pn_error": 0.1, "ps_error": None, "least_move": {"error_m": 0.004, "true_m": 0.05}}
+    cell |= {"pn_error": 0.1, "ps_error": None, "pn_null": 0.3, "ps_null": None}
+    cell["least_move"] = {"error_m": 0.004, "null_error_m": 0.02, "true_m": 0.05, "cases": 2, "found": 1.0}
     by_user = {user: cell if user in cfg.evaluate.users else None for user in cfg.users}
     answer = {"p": 0.1, "p_without": [0.9, 0.2]}
     items = [{"symbol": "glass", "slot": k, "clearance_m": 0.02 + 0.1 * k} for k in range(2)]
@@ -208,13 +212,15 @@ def _identify(cfg: DictConfig) -> None:
     cell: dict = {"mean": 0.7, "ci_low": 0.65, "ci_high": 0.75, "ideal": 0.75}
     cell |= {"users": {"careful": 0.8, "normal": 0.6}, "ideal_users": {"careful": 0.82, "normal": 0.7}}
     strangers = {"recognised": 0.1, "false_alarms": 0.02, "ideal_recognised": 0.2, "ideal_false_alarms": 0.0}
+    strangers |= {"recognised_unlike": 0.6, "ideal_recognised_unlike": 0.9}
     keys = ("k1", "k5", "k20")
     metrics = {
         "identification": dict.fromkeys(variants, dict.fromkeys(keys, cell)),
         "open_set": dict.fromkeys(variants, dict.fromkeys(keys, strangers)),
         "largest_gap": {v: {"all": 0.05, "telling": 0.01} for v in variants},
         "passes_99": {v: {"all": None, "telling": 12} for v in (*variants, "ideal")},
-        "chance": 1 / 3, "level": 0.05, "scenes": SCENES, "telling_scenes": 2, "seeds": len(cfg.seeds),
+        "chance": 1 / 3, "level": 0.05, "scenes": SCENES, "telling_scenes": 2, "strange_scenes": 3,
+        "seeds": len(cfg.seeds),
     }  # fmt: skip
     write_json(folder / "metrics.json", metrics)
     curve = pd.DataFrame(list(product(variants, range(1, 21))), columns=["variant", "k"])

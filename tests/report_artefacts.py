@@ -200,8 +200,9 @@ def _intervene(cfg: DictConfig, rng: np.random.Generator, layouts: Layouts) -> N
     regime = {"by_seed": 0.01, "by_scene": 0.1, "rest": 0.1, "skewed": False, "family_wise_error": 0.04}
     regime |= {"false_causes": 0.01, "coverage": 0.95, "power": {"0.05": dict.fromkeys(said, 1 / 3), "0.1": said}}
     size = {"families": 20, "cells": 12, "seeds": len(cfg.seeds), "scenes": SCENES, "level": 0.05}
-    size |= {"measured": ["full", "path"]}
+    size |= {"smallest_effect": 0.05, "enough_power": 0.8}
+    size |= {"measured": list(cfg.variants)}
     known = {user: dict.fromkeys(SYMBOLS, FINE) for user in users}
     size |= {"precision": {v: {"cells": known, "seed_by_seed": {"right": 20, "of": 24}} for v in cfg.variants}}
-    regimes = {name: regime for name in ("full", "path", "both alike")}
+    regimes = {name: regime for name in (*cfg.variants, "both alike")}
     write_json(Path(cfg.paths.selftest) / "metrics.json", size | {"regimes": regimes})

@@ -1,6 +1,11 @@
-"""Parallel jobs give what a loop gives, and an error in one ends all."""
+"""Parallel jobs give what a loop gives, an error in one ends all, and so does the end of their parent."""
 
 import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -41,3 +46,51 @@ def test_the_next_call_meets_the_same_processes():
     first, second = (set(map_jobs(process, range(8), 2, "test")) for _ in range(2))
     assert os.getpid() not in first
     assert len(first | second) <= 2
+
+
+SLEEPERS = """
+import time
+from pathlib import Path
+import os, sys
+
+from pipeline.parallel import map_jobs
+
+
+def sleep(job):
+    Path(sys.argv[1], str(os.getpid())).touch()
+    time.sleep(600)
+
+
+if __name__ == "__main__":
+    map_jobs(sleep, [0, 1], 2, "sleepers")
+"""
+
+
+def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path):
+    script, at_work = tmp_path / "sleepers.py", tmp_path / "at_work"
+    script.write_text(SLEEPERS)
+    at_work.mkdir()
+    root = Path(__file__).resolve().parent.parent
+    parent = subprocess.Popen([sys.executable, str(script), str(at_work)], env={**os.environ, "PYTHONPATH": str(root)})
+    try:
+        workers = _until(lambda: [int(p.name) for p in at_work.iterdir()], lambda found: len(found) == 2)
+    finally:
+        parent.send_signal(signal.SIGKILL)
+        parent.wait()
+    assert _until(lambda: [pid for pid in workers if _runs(pid)], lambda left: not left) == []
+
+
+def _until(look, enough, seconds: float = 120):
+    """What `look` finds once that is enough, or at the end."""
+    end = time.monotonic() + seconds
+    while not enough(found := look()) and time.monotonic() < end:
+        time.sleep(0.1)
+    return found
+
+
+def _runs(pid: int) -> bool:
+    """Whether the process is there and no zombie, which nobody may reap in a container."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False

@@ -1,5 +1,6 @@
 """params.yaml is what conf/ composes, and no parameter out of its range gets past the door."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -8,7 +9,7 @@ import pytest
 from dvc.utils.hydra import compose_and_dump
 from omegaconf import OmegaConf
 
-from pipeline.params import CONF, FITTED_BY, InputError, compose, load, render
+from pipeline.params import COMPOSED, CONF, FITTED_BY, InputError, compose, load, render, validate
 from pipeline.spec.registry import KINDS
 
 ROOT = CONF.parent
@@ -52,6 +53,15 @@ def test_every_profile_and_protocol_composes():
         ("scenes.shared=0", "scenes.shared is 0"),
         ("profile=none", "does not compose"),
         ("no_such_key=1", "does not compose"),
+        ("n=9", "parameter n is 9: expected a list"),
+        ("seeds=null", "parameter seeds is None: expected a list"),
+        ("users=null", "parameter users is None: expected a mapping"),
+        ("users.normal=3", "parameter users.normal is 3: expected a mapping"),
+        ("variants.full=3", "parameter variants.full is 3: expected a mapping"),
+        ("scenes=3", "parameter scenes is 3: expected a mapping"),
+        ("paths.data=null", "parameter paths.data is None: expected a path"),
+        ("protocol.seeds=[]", r"parameter protocol.seeds is \[\]: expected a list of some of"),
+        ("protocol.seeds=[55]", "parameter protocol.seeds is .55.: expected a list of some of"),
     ],
 )
 def test_a_parameter_out_of_range_is_named(override: str, says: str):
@@ -97,6 +107,25 @@ def test_a_missing_file_says_how_to_make_it(tmp_path: Path):
 def test_an_override_of_no_parameter_is_refused_by_name(key: str):
     with pytest.raises(InputError, match=f"has no parameter {key}:"):
         load(ROOT / "params.yaml", [f"{key}=3"])
+
+
+@pytest.mark.parametrize("override", ["train.model.latent=3", "seeds=[0]", "profile=smoke", "protocol=validation"])
+def test_an_override_that_would_change_only_a_name_is_refused(override: str):
+    with pytest.raises(InputError, match=r"composed of .*: run `python -m pipeline\.params"):
+        load(ROOT / "params.yaml", [override])
+
+
+def test_what_other_parameters_are_composed_of_is_known():
+    text = "\n".join(path.read_text() for path in CONF.rglob("*.yaml"))
+    groups = {path.name for path in CONF.iterdir() if path.is_dir()} - {"variants"}
+    targets = set(re.findall(r"\$\{(?!hydra)([\w.]+)\}", text))
+    assert {*targets, *groups} == set(COMPOSED)
+
+
+def test_a_user_whose_name_is_a_number_is_asked_for_in_quotes():
+    cfg = OmegaConf.create((ROOT / "params.yaml").read_text().replace("\n  careful:\n    bowl", "\n  1:\n    bowl"))
+    with pytest.raises(InputError, match="a name in users is 1: expected letters"):
+        validate(cfg)  # pyright: ignore[reportArgumentType]
 
 
 def test_every_kind_of_parameter_can_be_overridden():

@@ -102,17 +102,21 @@ def critical_surprise(
 
 
 def telling(valid: Bool[Array, "user scene draw path"]) -> Bool[Array, "scene"]:
-    """Scenes where every two users differ on so many paths that one draw shows it with probability `SURE`."""
-    by_scene = np.moveaxis(valid, 1, 0).reshape(valid.shape[1], len(valid), -1)  # (scene, user, draw * path)
-    differ = (by_scene[:, :, None] != by_scene[:, None]).mean(-1)  # (scene, user, user)
-    differ[:, *np.diag_indices(len(valid))] = 1.0
-    return (1 - (1 - differ) ** valid.shape[-1]).min((1, 2)) >= SURE
+    """Scenes in which every user is `unlike` every other one."""
+    return np.all([unlike(of_user, np.delete(valid, u, axis=0)) for u, of_user in enumerate(valid)], axis=0)
 
 
-def first_sure(accuracy: Float[Array, "path scene"]) -> int | None:
-    """The least k whose accuracy, the mean over scenes, passes `SURE`; None if none does."""
-    passed = accuracy.mean(1) > SURE if accuracy.size else np.zeros(1, dtype=bool)
-    return int(passed.argmax()) + 1 if passed.any() else None
+def unlike(valid: Bool[Array, "scene draw path"], others: Bool[Array, "user scene draw path"]) -> Bool[Array, "scene"]:
+    """Scenes where these labels differ from each of the others' so often that one draw shows it with `SURE`."""
+    differ = (valid != others).mean((-2, -1))  # (user, scene)
+    return (1 - (1 - differ) ** valid.shape[-1] >= SURE).all(0)
+
+
+def sure_from(accuracy: Float[Array, "path scene"]) -> int | None:
+    """The least k from which accuracy, the mean over scenes, stays above `SURE`; None if the last one's is not."""
+    failed = np.flatnonzero(accuracy.mean(1) <= SURE) if accuracy.size else np.array([len(accuracy) - 1])
+    k = int(failed.max(initial=-1)) + 2
+    return k if k <= len(accuracy) else None
 
 
 def _bounded(p: Float[Array, "*b"], floor: float) -> Float[Array, "*b"]:

@@ -22,9 +22,13 @@ POWER = 0.8
 
 
 def detectable(effects: Float[Array, "cell seed scene"]) -> Float[Array, "cell"]:
-    """The smallest effect of each cell that Holm's first, strictest step would find with a chance of POWER."""
+    """The smallest effect of each cell that is given the verdict "effect" with a chance of POWER.
+
+    For that its estimate has to pass Holm's first, strictest step, and the smallest effect of interest.
+    """
     error, freedom = crossed_error(effects)
-    return (stdtrit(freedom, 1 - LEVEL / (2 * len(effects))) + stdtrit(freedom, POWER)) * error
+    needed = np.maximum(stdtrit(freedom, 1 - LEVEL / (2 * len(effects))) * error, SMALLEST_EFFECT)
+    return needed + stdtrit(freedom, POWER) * error
 
 
 def scenes_to_settle(effects: Float[Array, "cell seed scene"]) -> list[int | None]:

@@ -41,10 +41,11 @@ REFUTERS = {
         "A small p means that the architecture reacts to an added item, one way, before it has learned anything.",
     ),
     "placebo": Refuter(
-        "the pixels that an added item changed are shuffled among themselves: same size, colours and contrast, no item",
+        "the pixels that an added item changed are shuffled among themselves: same outline, colours and contrast, "
+        "no item",
         EFFECT,
-        "A patch that shows no item has no effect.",
-        "A small p means that the model reacts to something lying there, not to what it is.",
+        "A patch with an item's outline that shows no item has no effect.",
+        "A small p means that the model reacts to something of that outline lying there, not to what it is.",
     ),
     "far": Refuter(
         "an item is added, and only paths that stay far away from it are judged",

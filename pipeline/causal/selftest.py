@@ -1,10 +1,11 @@
 """The procedure put to the test: families of effects whose truth is known, drawn as seeds and scenes cross.
 
-An effect is mean + seed's chance + scene's chance + the pair's, with the standard deviations of a regime: those that
-a variant's own effects show, or one in which a single source rules.
+Chance is either a variant's own: its measured effects, less their means, of seeds and scenes drawn anew (a bootstrap of
+rows and columns; Owen, 2007), with whatever skew and ties they have. Or it is stylised: mean + seed's chance + scene's
+chance + the pair's, with the standard deviations of a regime in which a single source rules, or both matter.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,8 @@ from numpy import ndarray as Array
 from pipeline.causal.statistics import LEVEL, VERDICTS, estimate, holm, mean_squares, verdict
 
 AT_ONCE = 100  # families in memory
+
+Draw = Callable[[np.random.Generator, int], Float[Array, "family cell seed scene"]]  # so many without any effect
 
 
 @dataclass(frozen=True)
@@ -34,32 +37,39 @@ def observed(effects: Float[Array, "cell seed scene"]) -> Regime:
     return Regime(float(np.sqrt(seed_variance)), float(np.sqrt(scene_variance)), float(np.sqrt(rest)))
 
 
-def null_cells(
-    rng: np.random.Generator, regime: Regime, cells: int, seeds: int, scenes: int
-) -> Float[Array, "cell seed scene"]:
-    """Cells without any effect."""
+def stylised(regime: Regime, cells: int, seeds: int, scenes: int) -> Draw:
+    """Families whose cells know nothing of one another, with a regime's chance."""
 
-    def chance(*shape: int) -> Array:
-        return rng.exponential(size=shape) - 1 if regime.skewed else rng.standard_normal(shape)
+    def draw(rng: np.random.Generator, families: int) -> Float[Array, "family cell seed scene"]:
+        def chance(*shape: int) -> Array:
+            return rng.exponential(size=shape) - 1 if regime.skewed else rng.standard_normal(shape)
 
-    return (
-        regime.by_seed * chance(cells, seeds, 1)
-        + regime.by_scene * chance(cells, 1, scenes)
-        + regime.rest * rng.standard_normal((cells, seeds, scenes))
-    )
+        return (
+            regime.by_seed * chance(families, cells, seeds, 1)
+            + regime.by_scene * chance(families, cells, 1, scenes)
+            + regime.rest * rng.standard_normal((families, cells, seeds, scenes))
+        )
+
+    return draw
 
 
-def check(
-    rng: np.random.Generator,
-    regime: Regime,
-    families: int,
-    cells: int,
-    seeds: int,
-    scenes: int,
-    effects: Sequence[float],
-) -> dict:
-    """What the procedure makes of `families` null families, and of an effect in one cell of each.
+def resampled(effects: Float[Array, "cell seed scene"]) -> Draw:
+    """Families with measured effects' chance; the cells of one share its seeds and scenes, as the measured ones do."""
+    chance = effects - effects.mean((1, 2), keepdims=True)
+    _, seeds, scenes = effects.shape
 
+    def draw(rng: np.random.Generator, families: int) -> Float[Array, "family cell seed scene"]:
+        seed = rng.integers(seeds, size=(families, seeds, 1))
+        scene = rng.integers(scenes, size=(families, 1, scenes))
+        return np.moveaxis(chance[:, seed, scene], 1, 0)
+
+    return draw
+
+
+def check(rng: np.random.Generator, draw: Draw, families: int, cells: int, effects: Sequence[float]) -> dict:
+    """What the procedure makes of `families` null families, and of an effect in one cell of each, in turn.
+
+    cells: those that Holm corrects for; where fewer are drawn, the others' effects are zero without any chance.
     family_wise_error: share of null families in which Holm rejects something; false_causes: in which a verdict is
     "effect"; coverage: of the 95 % intervals; power: by effect, the share of each verdict on the cell that has it.
     """
@@ -67,17 +77,22 @@ def check(
     said: dict[float, dict[str, int]] = {effect: dict.fromkeys(VERDICTS, 0) for effect in effects}
     for start in range(0, families, AT_ONCE):
         some = min(AT_ONCE, families - start)
-        null = null_cells(rng, regime, some * cells, seeds, scenes)
-        e = estimate(null)
-        p = e.p.reshape(some, cells)
+        null = draw(rng, some)
+        drawn = null.shape[1]
+        e = estimate(null.reshape(-1, *null.shape[2:]))
+        p = np.ones((some, cells))
+        p[:, :drawn] = e.p.reshape(some, drawn)
         adjusted = holm(p)
         rejected.append((adjusted < LEVEL).any(1))
-        verdicts = map(verdict, e.effect, adjusted.ravel(), e.ci90_low, e.ci90_high)
-        named.append((np.array(list(verdicts)) == "effect").reshape(some, cells).any(1))
+        verdicts = map(verdict, e.effect, adjusted[:, :drawn].ravel(), e.ci90_low, e.ci90_high)
+        named.append((np.array(list(verdicts)) == "effect").reshape(some, drawn).any(1))
         covered.append((e.ci_low <= 0) & (e.ci_high >= 0))
+        one = np.arange(some), np.arange(start, start + some) % drawn
         for effect in effects:
-            moved = estimate(null[::cells] + effect)
-            p_holm = holm(np.concatenate([moved.p[:, None], p[:, 1:]], axis=1))[:, 0]
+            moved = estimate(null[one] + effect)
+            with_effect = p.copy()
+            with_effect[one] = moved.p
+            p_holm = holm(with_effect)[one]
             for found in map(verdict, moved.effect, p_holm, moved.ci90_low, moved.ci90_high):
                 said[effect][found] += 1
     return {

@@ -12,6 +12,7 @@ from pipeline.report.findings.accuracy import accuracy, calibration
 from pipeline.report.findings.causes import interventions, selftest, specifications
 from pipeline.report.findings.confounding import confounding
 from pipeline.report.findings.counterfactuals import counterfactuals
+from pipeline.report.findings.doubts import doubts
 from pipeline.report.findings.efficiency import efficiency
 from pipeline.report.findings.refutation import refutation
 from pipeline.report.findings.repair import repair, searches
@@ -29,6 +30,7 @@ from pipeline.report.wording import counted, listed, variant_label
 _SAY = (
     summary, world, accuracy, efficiency, calibration, ablation, acceptance, robustness, repair, searches,
     interventions, specifications, refutation, confounding, counterfactuals, envelopes, identification, selftest,
+    doubts,
 )  # fmt: skip
 LARGEST = 8_000_000  # bytes a page may have
 

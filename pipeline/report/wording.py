@@ -184,6 +184,11 @@ def listed(words: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1] if words else "none"
 
 
+def started(text: str) -> str:
+    """A phrase at the beginning of a sentence."""
+    return text[0].upper() + text[1:]
+
+
 def counted(count: int, thing: str) -> str:
     """1 seed, 2 seeds, no seeds."""
     return f"{count or 'no'} {thing}" + ("" if count == 1 else "s")

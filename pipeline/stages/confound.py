@@ -48,6 +48,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         "association": {"ordinary": _ordinary_association(cfg, scenes), CONFOUNDED: main["association"]},
         "null": {u: {p: _commonest(truth[i, TABLES.index(p)]) for p in POOLS} for i, u in enumerate(c.users)},
         "worlds": judged,
+        "near_m": c.near_m,
         "seeds": len(seeds),
         "scenes": z.shape[0],
         "paths": z.shape[1],

@@ -125,6 +125,8 @@ def _set_world(cfg: DictConfig) -> World:
     pool = cfg.protocol.splits[s.split]
     if pool not in scenes.images:
         raise InputError(f"no scenes {pool}: there are {', '.join(scenes.images)}; run the scenes stage again")
+    if s.scenes > (most := len(scenes.layouts[pool])):
+        raise InputError(f"counterfactual.scenes is {s.scenes}: expected at most the {most} scenes of {pool}")
     layouts = scenes.layouts[pool][: s.scenes]
     z_theta = random_z_theta(np.random.default_rng(s.generator), len(layouts), s.paths)
     palette = Palette(read_catalogue(Path(cfg.paths.data)))

@@ -155,15 +155,20 @@ def _metrics(demos: pd.DataFrame, fitted_valid: Array, queries: dict[str, Querie
 def _validate(cfg: DictConfig) -> None:
     """Raise InputError for the first parameter of this stage out of its range."""
     for name in ("queries_seen", "queries_new"):
-        if not isinstance(cfg.demos[name], int) or cfg.demos[name] < 1:
+        if not _number(cfg.demos[name], int) or cfg.demos[name] < 1:
             raise InputError(
                 f"parameter demos.{name} is {cfg.demos[name]!r}: expected a whole number from 1; change it in conf/"
             )
     for name in ("ends_within_m", "poor_above_m"):
-        if not cfg.demos[name] > 0:
+        if not _number(cfg.demos[name], int, float) or not cfg.demos[name] > 0:
             raise InputError(
                 f"parameter demos.{name} is {cfg.demos[name]!r}: expected a length above 0 [m]; change it in conf/"
             )
+
+
+def _number(value: object, *kinds: type) -> bool:
+    """Whether it is one of these kinds; True and False are none."""
+    return isinstance(value, kinds) and not isinstance(value, bool)
 
 
 def _training_pools(cfg: DictConfig) -> list[str]:

@@ -10,7 +10,7 @@ from omegaconf import DictConfig
 from pipeline.artifacts.files import write_json, write_table
 from pipeline.artifacts.scenes import read_position_prior, read_scenes
 from pipeline.artifacts.trained import ask, check_weights
-from pipeline.causal.identify import first_sure, identify, none_of_these, telling
+from pipeline.causal.identify import identify, none_of_these, sure_from, telling, unlike
 from pipeline.causal.interventions import DIGITS
 from pipeline.causal.statistics import estimate
 from pipeline.launch import launch
@@ -57,10 +57,11 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     found = {v: _judge(cfg, _by_draw(cfg, p), shown, learned) for v, p in answers.items()}
     found[NULL] = _judge(cfg, _by_draw(cfg, _position(cfg, shown.z_theta)), shown, told)
     ideal = _judge(cfg, known[:, None].astype(float), shown, told)
-    tells = telling(known)
-    curve = pd.concat([_curve(v, f, ideal, tells) for v, f in found.items()], ignore_index=True)
+    tells, strange = telling(known), unlike(shown.valid[-1], known)
+    curve = pd.concat([_curve(v, f, ideal, tells, strange) for v, f in found.items()], ignore_index=True)
     write_table(out_dir / "curve.csv", curve)
-    write_json(out_dir / "metrics.json", _metrics(cfg, found, ideal, tells, curve) | {"floor": round(learned, DIGITS)})
+    said = {"strange_scenes": int(strange.sum()), "floor": round(learned, DIGITS)}
+    write_json(out_dir / "metrics.json", _metrics(cfg, found, ideal, tells, curve) | said)
 
 
 def _check_settings(cfg: DictConfig) -> None:
@@ -114,19 +115,21 @@ def _judge(cfg: DictConfig, p: np.ndarray, shown: Demonstrations, floor: float) 
     return Found(right, sure, none_of_these(p, shown.valid, floor, cfg.identify.level))
 
 
-def _curve(variant: str, found: Found, ideal: Found, tells: np.ndarray) -> pd.DataFrame:
+def _curve(variant: str, found: Found, ideal: Found, tells: np.ndarray, strange: np.ndarray) -> pd.DataFrame:
     """A row for every k: accuracy in all scenes and in telling ones, open-set rates, and the ideal observer's.
 
-    Of each rate, mean and 95 % interval over seeds and scenes.
+    The stranger is recognised in all scenes, or where he is unlike every user. Of each rate, mean and 95 % interval
+    over seeds and scenes.
     """
     columns: dict[str, object] = {"variant": variant, "k": 1 + np.arange(found.right.shape[1])}
     for name, values, best in (
         ("accuracy", found.right.mean(0), ideal.right.mean(0)),
         ("telling", found.right.mean(0)[..., tells], ideal.right.mean(0)[..., tells]),
         ("recognised", found.none[-1], ideal.none[-1]),
+        ("recognised_unlike", found.none[-1][..., strange], ideal.none[-1][..., strange]),
         ("false_alarms", found.none[:-1].mean(0), ideal.none[:-1].mean(0)),
     ):
-        if values.shape[-1] < 2:  # fewer than two telling scenes: nothing to estimate
+        if values.shape[-1] < 2:  # fewer than two such scenes: nothing to estimate
             continue
         e = estimate(values)
         low, high = (np.clip(end, 0, 1) for end in (e.ci_low, e.ci_high))  # a rate has no other values
@@ -165,7 +168,7 @@ def _metrics(cfg: DictConfig, found: dict[str, Found], ideal: Found, tells: np.n
     return {
         "identification": {v: {name: identified(v, k) for name, k in reported.items()} for v in found},
         "open_set": {v: {name: open_set(v, k) for name, k in reported.items()} for v in found},
-        "passes_99": {v: {name: first_sure(a[:, at]) for name, at in where.items()} for v, a in right.items()},
+        "passes_99": {v: {name: sure_from(a[:, at]) for name, at in where.items()} for v, a in right.items()},
         "largest_gap": {v: {name: gap(v, at) for name, at in where.items()} for v in found},
         "chance": round(1 / len(users), DIGITS),
         "level": cfg.identify.level,

@@ -1,4 +1,4 @@
-"""Stage selftest: how often the causal procedure errs on simulated effects, in regimes like the measured ones."""
+"""Stage selftest: how often the causal procedure errs, on effects drawn anew from the measured ones and simulated."""
 
 from dataclasses import asdict
 from functools import partial
@@ -10,9 +10,9 @@ from omegaconf import DictConfig
 from pipeline.artifacts.effects import read_effects
 from pipeline.artifacts.files import write_json
 from pipeline.causal.interventions import DIGITS
-from pipeline.causal.precision import detectable, scenes_to_settle, seed_by_seed
-from pipeline.causal.selftest import Regime, check, observed
-from pipeline.causal.statistics import LEVEL
+from pipeline.causal.precision import POWER, detectable, scenes_to_settle, seed_by_seed
+from pipeline.causal.selftest import Regime, check, observed, resampled, stylised
+from pipeline.causal.statistics import LEVEL, SMALLEST_EFFECT
 from pipeline.launch import launch
 from pipeline.parallel import map_jobs
 from pipeline.params import InputError
@@ -26,18 +26,21 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     for name in ("families", "cells"):
         if not (isinstance(s[name], int) and s[name] >= 1):
             raise InputError(f"selftest.{name} is {s[name]!r}: expected a whole number from 1")
-    if unknown := set(s.variants) - set(cfg.variants):
-        raise InputError(f"selftest.variants names {', '.join(sorted(unknown))}: expected some of {list(cfg.variants)}")
-    measured = read_effects(Path(cfg.paths.intervene), s.variants, cfg.evaluate.users)
-    regimes = {v: observed(effects) for v, effects in measured.items()}
-    regimes |= {name: Regime(**r) for name, r in s.stylised.items()}
-    seeds, scenes = next(iter(measured.values())).shape[1:]
-    ask = partial(_check, families=s.families, cells=s.cells, seeds=seeds, scenes=scenes, effects=list(s.effects))
-    found = map_jobs(ask, list(regimes.items()), cfg.workers, "selftest")
-    size = {"families": s.families, "cells": s.cells, "seeds": seeds, "scenes": scenes, "level": LEVEL}
-    results = {name: asdict(r) | f for (name, r), f in zip(regimes.items(), found, strict=True)}
+    if not len(s.effects) or not all(isinstance(e, int | float) for e in s.effects):
+        raise InputError(f"selftest.effects is {list(s.effects)}: expected true effects, one at least")
+    measured = read_effects(Path(cfg.paths.intervene), list(cfg.variants), cfg.evaluate.users)
+    regimes = {name: Regime(**r) for name, r in s.stylised.items()}
+    cells, seeds, scenes = next(iter(measured.values())).shape
+    if s.cells < cells:
+        raise InputError(f"selftest.cells is {s.cells}: expected at least the {cells} cells of users who mind anything")
+    size = {"families": s.families, "cells": s.cells, "seeds": seeds, "scenes": scenes}
+    fixed = {"level": LEVEL, "smallest_effect": SMALLEST_EFFECT, "enough_power": POWER}
+    ask = partial(_check, families=s.families, cells=s.cells, effects=list(s.effects), seeds=seeds, scenes=scenes)
+    found = map_jobs(ask, [*measured.items(), *regimes.items()], cfg.workers, "selftest")
+    spreads = [asdict(r) for r in (*map(observed, measured.values()), *regimes.values())]
+    results = dict(zip((*measured, *regimes), (s | f for s, f in zip(spreads, found, strict=True)), strict=True))
     precision = {"precision": {v: _precision(cfg, v) for v in cfg.variants}}
-    write_json(out_dir / "metrics.json", size | precision | {"measured": list(s.variants), "regimes": results})
+    write_json(out_dir / "metrics.json", size | fixed | precision | {"measured": list(measured), "regimes": results})
 
 
 def _precision(cfg: DictConfig, variant: str) -> dict:
@@ -54,9 +57,13 @@ def _cell(smallest: float, scenes: int | None) -> dict[str, float | int | None]:
     return {"detectable": round(float(smallest), DIGITS), "scenes": scenes}
 
 
-def _check(job: tuple[str, Regime], **size) -> dict:
-    name, regime = job
-    return check(np.random.default_rng(job_seed("selftest", name)), regime, **size)
+def _check(
+    job: tuple[str, Regime | np.ndarray], families: int, cells: int, effects: list[float], seeds: int, scenes: int
+) -> dict:
+    """`check` with chance as in measured effects (cell, seed, scene), or as a regime has it."""
+    name, source = job
+    draw = stylised(source, cells, seeds, scenes) if isinstance(source, Regime) else resampled(source)
+    return check(np.random.default_rng(job_seed("selftest", name)), draw, families, cells, effects)
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ from pipeline.table.bezier import P_F, P_INIT
 
 SYMBOLS = ("bowl", "plate", "cutlery", "glass")
 EMPTY = -1  # symbol index of a slot nothing stands in
+TRIES = 1000  # before a scene, or an item in one, is given up
 
 
 @dataclass(frozen=True)
@@ -127,11 +128,14 @@ def empty(scenes: int, slots: int) -> Layouts:
 def random_layouts(
     rng: np.random.Generator, scenes: int, items: Items, pool: Int[Array, "pool"], rules: LayoutRules
 ) -> Layouts:
-    """Draw scenes: 2-3 items of `pool` each (catalogue indices), the number of glasses drawn first."""
+    """Draw scenes: 2-3 items of `pool` each (catalogue indices), the number of glasses drawn first.
+
+    Raises ValueError if there is no room for a scene's items in TRIES draws of them.
+    """
     layouts = empty(scenes, rules.slots)
     glass = SYMBOLS.index("glass")
     for scene in range(scenes):
-        while True:
+        for _ in range(TRIES):
             count = int(rng.choice(rules.items_per_scene))
             glasses = min(count, int(rng.choice(len(rules.glasses_chance), p=rules.glasses_chance)))
             others = rng.choice([i for i in range(len(SYMBOLS)) if i != glass], count - glasses)
@@ -140,6 +144,11 @@ def random_layouts(
                 break
             layouts.symbol[scene] = EMPTY
             layouts.item[scene] = EMPTY
+        else:
+            raise ValueError(
+                f"no room for {' or '.join(map(str, rules.items_per_scene))} items in {TRIES} tries: lower "
+                "scenes.layout.clear_of_ends or clear_of_items, or ask for fewer items"
+            )
     return layouts
 
 
@@ -153,14 +162,14 @@ def add_item(
 ) -> Layouts:
     """The same scenes with one more item of `symbol` at random in each, under the same clearances.
 
-    Raises ValueError if a scene has no free slot or no free place (1,000 tries).
+    Raises ValueError if a scene has no free slot or no free place (TRIES).
     """
     added = Layouts(*(getattr(layouts, f.name).copy() for f in fields(layouts)))
     for scene in range(len(layouts)):
         free = np.flatnonzero(~layouts.present[scene])
         if len(free) == 0:
             raise ValueError(f"scene {scene} has no free slot for a {SYMBOLS[symbol]}: raise scenes.slots")
-        if not _place(rng, added, scene, int(free[0]), symbol, items, pool, rules, tries=1000):
+        if not _place(rng, added, scene, int(free[0]), symbol, items, pool, rules, tries=TRIES):
             raise ValueError(f"no free place for a {SYMBOLS[symbol]} in scene {scene}: the scene is too full")
     return added
 

@@ -11,12 +11,13 @@ from scipy.stats import binom
 from pipeline.causal.identify import (
     STEP,
     critical_surprise,
-    first_sure,
     identify,
     none_of_these,
     posterior,
     rejected,
+    sure_from,
     telling,
+    unlike,
 )
 
 TINY = 1e-9
@@ -136,9 +137,15 @@ def test_scenes_tell_if_every_two_users_differ_often_enough():
         valid[0, scene].reshape(-1)[:count] = False
         valid[1, scene].reshape(-1)[-count:] = False
     assert telling(valid).tolist() == [False, True, False]
+    assert unlike(~valid[2], valid).tolist() == [True, True, True]
+    assert unlike(valid[0], valid[1:]).tolist() == [False, True, False]
+    assert not unlike(valid[0], valid).any(), "nobody is unlike himself"
 
 
 def test_accuracy_passes_once_it_is_higher_and_not_when_it_is_equal():
-    assert first_sure(np.array([[0.5], [0.99], [0.991], [0.98]])) == 3
-    assert first_sure(np.array([[0.5, 0.3], [1.0, 0.98]])) is None
-    assert first_sure(np.empty((20, 0))) is None  # no scene
+    assert sure_from(np.array([[0.5], [0.991], [0.99], [0.991], [1.0]])) == 4, "what is lost again does not count"
+    assert sure_from(np.array([[0.991], [0.98]])) is None
+    assert sure_from(np.array([[1.0], [1.0]])) == 1
+    assert sure_from(np.array([[0.5, 0.3], [1.0, 0.981]])) == 2, "the mean over scenes counts"
+    assert sure_from(np.array([[0.5, 0.3], [1.0, 0.98]])) is None
+    assert sure_from(np.empty((20, 0))) is None  # no scene

@@ -3,7 +3,7 @@
 import numpy as np
 
 from pipeline.causal.precision import POWER, detectable, scenes_to_settle, seed_by_seed
-from pipeline.causal.statistics import estimate, holm, verdict
+from pipeline.causal.statistics import SMALLEST_EFFECT, estimate, holm, verdict
 
 
 def chances(rng: np.random.Generator, cells: int, scenes: int, by_scene: float, by_seed: float = 0.0) -> np.ndarray:
@@ -20,7 +20,20 @@ def test_an_effect_as_large_as_the_detectable_one_is_found_as_often_as_promised(
     for _ in range(400):
         effects = chances(rng, 12, 40, 0.2)
         effects[0] += detectable(chances(rng, 12, 40, 0.2)).mean()
-        found.append(holm(estimate(effects).p)[0] < 0.05)
+        e = estimate(effects)
+        found.append(verdict(e.effect[0], holm(e.p)[0], e.ci90_low[0], e.ci90_high[0]) == "effect")
+    assert abs(np.mean(found) - POWER) < 0.07
+
+
+def test_what_is_smaller_than_the_smallest_effect_of_interest_is_never_detectable():
+    rng, known = np.random.default_rng(4), np.zeros((3, 4, 20))
+    assert (detectable(known) == SMALLEST_EFFECT).all()
+    found = []
+    for _ in range(400):
+        effects = chances(rng, 12, 40, 0.02)
+        effects[0] += detectable(chances(rng, 12, 40, 0.02)).mean()
+        e = estimate(effects)
+        found.append(verdict(e.effect[0], holm(e.p)[0], e.ci90_low[0], e.ci90_high[0]) == "effect")
     assert abs(np.mean(found) - POWER) < 0.07
 
 

@@ -13,11 +13,12 @@ from pipeline.report.findings.accuracy import accuracy
 from pipeline.report.findings.causes import interventions, selftest
 from pipeline.report.findings.confounding import confounding
 from pipeline.report.findings.counterfactuals import counterfactuals
+from pipeline.report.findings.doubts import doubts
 from pipeline.report.findings.efficiency import efficiency
 from pipeline.report.findings.refutation import refutation
 from pipeline.report.findings.repair import repair, searches
 from pipeline.report.findings.robustness import robustness
-from pipeline.report.findings.summary import summary
+from pipeline.report.findings.summary import summary, world
 from pipeline.report.findings.users import envelopes, identification
 from pipeline.report.pictures.users import identified
 from pipeline.report.results import Results
@@ -90,6 +91,40 @@ def test_the_self_test_owns_up_to_a_level_it_does_not_keep(results: Results):
     assert "is exceeded" in said[1] and said[1].endswith("as in “both alike”.")
 
 
+def test_an_effect_below_the_smallest_of_interest_that_is_called_one_is_owned_up_to(results: Results):
+    assert not any("is there, but below" in s for s in selftest(results)), "none so small was tried"
+    found = copy.deepcopy(results.selftest)
+    for share, regime in zip((0.1, 0.2), ("path", "both alike"), strict=True):
+        found["regimes"][regime] = copy.deepcopy(found["regimes"][regime])
+        for of in found["regimes"].values():
+            of["power"] = {"0.04": {"effect": 0.0, "no effect": 1.0, "inconclusive": 0.0}} | of["power"]
+        found["regimes"][regime]["power"]["0.04"] = {"effect": share, "no effect": 0.0, "inconclusive": 1 - share}
+    (said,) = (s for s in selftest(replace(results, selftest=found)) if "is there, but below" in s)
+    assert said.startswith("An effect of 0.04 ") and said.endswith("in up to 20.0\u00a0%.")
+
+
+def test_what_it_would_take_to_be_wrong_is_told_of_the_variant_with_the_most_right_verdicts(results: Results):
+    found = copy.deepcopy(results.intervention)
+    found["verdicts"]["path"] = found["verdicts"]["path"] | {"right": 11}
+    first, *ways = doubts(replace(results, intervention=found))
+    assert first.startswith("The verdicts of the path model, 11 of 12 of them right")
+    assert len(ways) == 4 and "a placebo patch (an item's pixels, shuffled) moves it in 8 of 8 cells" in ways[2]
+
+
+def test_users_whom_the_paper_does_not_know_are_compared_with_nothing(results: Results):
+    assert "of the paper's Table 2 are met" in world(results)[0]
+    cells = {user: {w: c | {"paper": None} for w, c in row.items()} for user, row in results.world["p_valid"].items()}
+    said = world(replace(results, world=results.world | {"p_valid": cells}))
+    assert said[0].startswith("The paper has none of these users") and "Bezier" in said[1]
+
+
+def test_an_effect_of_the_wrong_sign_is_no_absence_of_false_causes(results: Results):
+    found = copy.deepcopy(results.confounding)
+    found["verdicts"]["path"] |= {"false_causes": 1, "right": 7}
+    said = confounding(replace(results, confounding=found))
+    assert any(s.endswith("7 of 8 true verdicts and 1 effect of the wrong sign.") for s in said)
+
+
 def test_a_user_without_invalid_paths_makes_repair_vacuous(results: Results):
     assert verdict(results, "aggressive") == "vacuous"
     assert any("met by doing nothing" in s for s in repair(results))
@@ -145,7 +180,7 @@ def test_a_refuter_that_finds_nothing_is_said_to_find_nothing(results: Results):
     machinery, effect, placebo, _, items = refutation(results)
     assert machinery.endswith("permuted labels: no variant; untrained model: no variant.")
     assert "placebo patch: the full model in 8 of 8" in effect and "item far away: no variant" in effect
-    assert placebo.startswith("A patch of an item's pixels")
+    assert placebo.startswith("A patch with an item's outline")
     assert items.endswith("(at least 2 of each symbol), verdicts change of no variant.")
     found = copy.deepcopy(results.refutation)
     for by_user in found["placebo"].values():
@@ -160,7 +195,8 @@ def test_the_right_blame_is_told_beside_its_nulls_and_a_blind_model_is_called_bl
     found = copy.deepcopy(results.counterfactual)
     found["counterfactual"]["path"]["careful"] |= {"blame_right": 0.95, "empty_rejected": 0.0}
     best, paper, blind, move = counterfactuals(replace(results, counterfactual=found))
-    assert "the path model blames the right one in 95.0" in best and "the full model blames" in paper
+    assert "that the path model rejects, it blames the right one in 95.0" in best and "the full model rejects" in paper
+    assert "it rejects" in best and "of the invalid paths)" in best
     assert "the full model" in blind and "the path model" not in blind
     assert "0.4 cm for the careful user" in move
 
@@ -190,7 +226,7 @@ def test_envelopes_are_told_with_their_errors_and_the_model_without_any_is_named
     found["planning"]["irl_ranked"]["careful"]["valid"] = 0.999
     planned = envelopes(replace(results, envelope=found))[-1]
     assert "Short of the true margin: 1 of the 5 distances, by 2.0 mm at most" in planned
-    assert "those of ranking IRL would leave more valid ones: 99.9\u00a0% (careful," in planned
+    assert "the envelopes of ranking IRL leave, a larger share is truly valid: 99.9\u00a0% (careful," in planned
 
 
 def test_a_model_farther_from_the_ideal_observer_than_the_null_is_said_to_be(results: Results):

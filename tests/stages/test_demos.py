@@ -136,8 +136,17 @@ def test_a_bad_recording_ends_the_stage_before_anything_is_written(
     assert not (tmp_path / "bad").exists()
 
 
-@pytest.mark.parametrize(("name", "value"), [("queries_new", 0), ("poor_above_m", -1.0), ("hand.tremor_m", -1.0)])
-def test_a_parameter_out_of_range_is_named(cfg: DictConfig, tmp_path: Path, name: str, value: float):
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("queries_new", 0),
+        ("queries_new", True),
+        ("ends_within_m", "abc"),
+        ("poor_above_m", -1.0),
+        ("hand.tremor_m", -1.0),
+    ],
+)
+def test_a_parameter_out_of_range_is_named(cfg: DictConfig, tmp_path: Path, name: str, value: object):
     OmegaConf.update(cfg, f"demos.{name}", value)
     with pytest.raises(ValueError, match=f"demos.{name}"):
         main(cfg, tmp_path / "bad")

@@ -14,6 +14,7 @@ from pipeline.table.bezier import lattice
 from pipeline.table.items import read_catalogue
 from pipeline.table.layout import SYMBOLS
 from pipeline.table.rules import clearance, slack
+from tests.stages.facts import refuses
 
 DATA = Path("data")
 SPLIT = {"new_items": "unseen", "val_items": "validation"}  # of the items in a pool; train in the others
@@ -107,6 +108,34 @@ def test_the_position_prior_is_a_share_symmetric_in_the_diagonal(written):
         np.testing.assert_allclose(share, share.T, atol=0.15, err_msg=user)
     assert (prior["aggressive"] == 1).all()
     assert (prior["careful"] <= prior["normal"]).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("generator", -1, r"scenes\.generator is -1: expected a whole number from 0"),
+        ("generator", 1.5, r"scenes\.generator is 1\.5"),
+        ("layout.slots", 0, r"scenes\.layout\.slots is 0"),
+        ("layout.items_per_scene", 2, r"scenes\.layout\.items_per_scene is 2: expected a list"),
+        ("layout.items_per_scene", [], r"scenes\.layout\.items_per_scene is \[\]"),
+        ("layout.items_per_scene", [2, 4], "from 0 to 3, one less than scenes.layout.slots"),
+        ("layout.glasses_chance", [0.5, 0.4], "chances from 0 that add up to 1"),
+        ("layout.clear_of_items", -0.5, r"scenes\.layout\.clear_of_items is -0\.5"),
+        ("layout.centre_low", 0.9, r"scenes\.layout\.centre_high is 0\.88: expected a place from centre_low"),
+        ("layout.scale_low", 0, r"scenes\.layout\.scale_low is 0"),
+        ("layout.clear_of_ends", 5.0, r"no room for 2 or 3 items in 1000 tries: lower scenes\.layout\.clear_of_ends"),
+    ],
+)
+def test_what_lays_out_no_scene_is_named(tmp_path: Path, name: str, value: object, message: str):
+    refuses(main, small(), f"scenes.{name}", value, message, tmp_path / "out")
+
+
+def test_users_whom_the_paper_does_not_know_have_a_world_as_well(tmp_path: Path):
+    cfg = small(calibration=20, shared=1, validation=1, per_seed=1)
+    cfg.users = {"hasty": cfg.users.normal}
+    main(cfg, tmp_path)
+    metrics = read_json(tmp_path / "metrics.json")
+    assert metrics["largest_difference"] is None and 0 < metrics["p_valid"]["hasty"]["none"]["truth"] < 1
 
 
 def test_bad_data_ends_before_anything_is_written(tmp_path):

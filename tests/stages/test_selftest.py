@@ -1,4 +1,4 @@
-"""The self-test stage takes its regimes from the measured effects."""
+"""The self-test stage draws families anew from the measured effects."""
 
 import json
 from itertools import product
@@ -36,8 +36,8 @@ def test_the_regime_of_a_variant_is_that_of_its_effects(cfg: DictConfig, tmp_pat
     main(cfg, tmp_path)
     found = json.loads((tmp_path / "metrics.json").read_text())
     assert (found["seeds"], found["scenes"], found["families"]) == (2, 200, 20)
-    assert found["measured"] == list(cfg.selftest.variants)
-    assert set(found["regimes"]) == {*cfg.selftest.variants, *cfg.selftest.stylised}
+    assert found["measured"] == list(cfg.variants)
+    assert set(found["regimes"]) == {*cfg.variants, *cfg.selftest.stylised}
     path = found["regimes"]["path"]
     assert path["by_scene"] == pytest.approx(BY_SCENE, rel=0.15)
     assert path["by_seed"] == pytest.approx(0, abs=1e-9) and path["rest"] == pytest.approx(0, abs=1e-9)
@@ -50,7 +50,7 @@ def test_what_could_be_detected_and_what_single_seeds_say_stands_for_every_varia
     assert set(found) == set(cfg.variants)
     assert found["path"]["seed_by_seed"]["of"] == len(cfg.users) * len(SYMBOLS) * len(cfg.seeds)
     cell = found["path"]["cells"]["careful"]["glass"]
-    assert cell["detectable"] == pytest.approx(0.1 / 200**0.5 * 3.7, rel=0.25)  # of Student's t, 12 cells, power .8
+    assert cell["detectable"] == pytest.approx(0.05 + 0.1 / 200**0.5 * 0.843, rel=0.02)  # Student's t, power .8
     assert all(5 < c["scenes"] < 50 for by_symbol in found["path"]["cells"].values() for c in by_symbol.values())
 
 
@@ -66,7 +66,8 @@ def test_a_second_run_and_more_workers_write_the_same_bytes(cfg: DictConfig, tmp
     ("name", "value", "message"),
     [
         ("selftest.families", 0, "selftest.families is 0"),
-        ("selftest.variants", ["fulll"], "selftest.variants names fulll"),
+        ("selftest.effects", [], "selftest.effects is .*: expected true effects, one at least"),
+        ("selftest.cells", 2, "selftest.cells is 2: expected at least the 8 cells"),
     ],
 )
 def test_settings_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name: str, value, message: str):

@@ -12,6 +12,7 @@ from pipeline.report.wording import (
     listed,
     percent,
     signed,
+    started,
     variant_phrase,
 )
 from pipeline.table.layout import SYMBOLS
@@ -51,15 +52,15 @@ def interventions(results: Results) -> list[str]:
 
 def _left_open(results: Results) -> list[str]:
     """What it would take to settle the inconclusive cells."""
-    parts = []
+    parts, power = [], percent(results.selftest["enough_power"], 0)
     for variant in results.variants:
         for user, by_symbol in results.intervention["interventions"][variant].items():
             for symbol in (s for s in SYMBOLS if by_symbol[s]["verdict"] == "inconclusive"):
                 cell = results.selftest["precision"][variant]["cells"][user][symbol]
                 need = "more seeds, not scenes," if cell["scenes"] is None else f"some {cell['scenes']:,} scenes"
                 parts.append(
-                    f"{user} and {symbol} by {variant_phrase(variant)} ({signed(by_symbol[symbol]['effect'])}; found "
-                    f"would have been {cell['detectable']:.3f}; {need} would settle it)"
+                    f"{user} and {symbol} by {variant_phrase(variant)} ({signed(by_symbol[symbol]['effect'])}; one of "
+                    f"{cell['detectable']:.3f} would be found in {power}; {need} would settle it)"
                 )
     return [f"Left open: {'; '.join(parts)}."] if parts else []
 
@@ -69,8 +70,8 @@ def _tally(results: Results, variant: str, true: list[tuple[str, str]]) -> str:
     found = [(u, s) for u, s in true if cells[u][s]["verdict"] == "effect" and cells[u][s]["right"]]
     error = np.mean([abs(cells[u][s]["effect"] - cells[u][s]["truth"]) for u in cells for s in SYMBOLS])
     text = (
-        f"{_start(variant_phrase(variant))}: {t['right']} of {t['cells']} verdicts right; it finds {len(found)} of the "
-        f"{counted(len(true), 'true effect')}"
+        f"{started(variant_phrase(variant))}: {t['right']} of {t['cells']} verdicts right; it finds {len(found)} of "
+        f"the {counted(len(true), 'true effect')}"
     )
     if t["false_causes"]:
         text += f", names {counted(t['false_causes'], 'false cause')}"
@@ -81,10 +82,6 @@ def _tally(results: Results, variant: str, true: list[tuple[str, str]]) -> str:
     return (
         text + f" (mean distance of its effects from the true ones {error:.3f}; {counted(len(results.seeds), 'seed')})."
     )
-
-
-def _start(text: str) -> str:
-    return text[0].upper() + text[1:]
 
 
 def selftest(results: Results) -> list[str]:
@@ -108,10 +105,19 @@ def selftest(results: Results) -> list[str]:
             f"The level of {percent(level, 0)} is exceeded, by more than simulation error, with chance as in "
             f"{listed([_regime(t, n) for n in beyond])}."
         )
-    strong = {v: _found_from(t["regimes"][v]) for v in t["measured"]}
+    below = max((e for e in t["regimes"][worst]["power"] if float(e) < t["smallest_effect"]), key=float, default=None)
+    if below is not None:
+        share = max(r["power"][below]["effect"] for r in t["regimes"].values())
+        out.append(
+            f"An effect of {below} is there, but below the smallest of interest: it is called an effect, and would be "
+            f"tallied as a false cause, in up to {percent(share)}."
+        )
+    power = t["enough_power"]
+    strong = {v: _found_from(t["regimes"][v], power) for v in t["measured"]}
     parts = [f"{variant_phrase(v)} {'none of those tried' if s is None else s}" for v, s in strong.items()]
     out.append(
-        f"The smallest effect tried that is found in at least 80 % of the families, with chance as in: {listed(parts)}."
+        f"The smallest effect tried that is found in at least {percent(power, 0)} of the families, with chance as in: "
+        f"{listed(parts)}."
     )
     return out
 
@@ -120,8 +126,8 @@ def _regime(selftest: dict, name: str) -> str:
     return variant_phrase(name) if name in selftest["measured"] else f"“{name}”"
 
 
-def _found_from(regime: dict) -> str | None:
-    return min((e for e, by in regime["power"].items() if by["effect"] >= 0.8), key=float, default=None)
+def _found_from(regime: dict, power: float) -> str | None:
+    return min((e for e, by in regime["power"].items() if by["effect"] >= power), key=float, default=None)
 
 
 def specifications(results: Results) -> str:
@@ -133,8 +139,7 @@ def specifications(results: Results) -> str:
         parts.append(f"{sum(c['right'] for c in cells)} of {len(cells)} for {variant_phrase(variant)}")
     return (
         "Exchanging the user, do(S := s), asks whether another user's model judges the same paths differently. "
-        "Verdicts that "
-        f"agree with the truth: {listed(parts)}. How many paths are valid to whom can be learned without looking at "
-        f"the image, "
-        "so this is the easier question."
+        f"Verdicts that agree with the truth: {listed(parts)} (an exchange and its reverse are one comparison, counted "
+        "twice). How many paths are valid to whom can be learned without looking at the image, so this is the easier "
+        "question."
     )

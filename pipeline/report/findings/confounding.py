@@ -25,6 +25,8 @@ def confounding(results: Results) -> list[str]:
             text += f" and names {counted(len(blamed), 'false cause')}: {listed(blamed)}."
         elif t["right"] == t["cells"]:
             text += ": it has learned the cause, not what stands beside it."
+        elif t["false_causes"]:
+            text += f" and {counted(t['false_causes'], 'effect')} of the wrong sign."
         else:
             verdicts = [c["verdict"] for of in found["interventions"][variant].values() for c in of.values()]
             text += f", with no false cause; true ones missed: {t['missed_causes']}, left open: {t['inconclusive']}."

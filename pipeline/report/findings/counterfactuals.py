@@ -21,7 +21,8 @@ def counterfactuals(results: Results) -> list[str]:
         )
     moves = {u: c["least_move"] for u in users if (c := cells[best][u])}
     said = [
-        f"{100 * m['error_m']:.1f} cm for the {u} user (where it is {100 * m['true_m']:.1f} cm on average)"
+        f"{100 * m['error_m']:.1f} cm for the {u} user (the best constant by {100 * m['null_error_m']:.1f}, of "
+        f"{100 * m['true_m']:.1f} on average; {m['cases']} paths, a move found for {percent(m['found'], 0)})"
         for u, m in moves.items()
         if m and m["error_m"] is not None
     ]
@@ -42,9 +43,9 @@ def _blame(cells: dict, variant: str, users: list[str]) -> str:
         spread = "" if c["ci_low"] is None else f"{interval(c)}; "
         parts.append(
             f"{percent(c['blame_right'])} for the {user} user ({spread}any item {percent(c['null_random'])}, the "
-            f"nearest {percent(c['null_nearest'])})"
+            f"nearest {percent(c['null_nearest'])}; it rejects {percent(c['recall'])} of the invalid paths)"
         )
     name = variant_phrase(variant)
     if not parts:
         return f"No path that a single item forbids is rejected by {name}."
-    return f"Where a single item forbids a path, {name} blames the right one in {listed(parts)}."
+    return f"Where a single item forbids a path that {name} rejects, it blames the right one in {listed(parts)}."

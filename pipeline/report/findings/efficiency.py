@@ -67,7 +67,8 @@ def _spent(results: Results) -> str:
         if pair:
             few, many = pair
             gap = many["mean"] - few["mean"]
-            said = f"{points(gap)} {'more' if gap > 0 else 'less'} for {variant_phrase(variant)}"
+            more = "as much" if abs(gap) < 0.0005 else f"{points(gap)} {'more' if gap > 0 else 'less'}"
+            said = f"{more} for {variant_phrase(variant)}"
             parts.append(f"{said} ({percent(many['mean'])} against {percent(few['mean'])})")
             sets = " against ".join(
                 f"{x['scenes']:.0f} scenes with {counted(int(x['n']), 'demonstration')} each "

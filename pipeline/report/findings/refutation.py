@@ -11,13 +11,16 @@ def refutation(results: Results) -> list[str]:
 
 
 def _answer(results: Results, question: str) -> str:
-    parts = []
+    parts, fails = [], set()
     for name in (n for n in results.refuters if results.refutation["said"][n]["asks"] == question):
         tallies = results.refutation["tallies"][name]
         effects = {v: tallies[v] for v in results.variants if v in tallies and tallies[v]["effect"]}
         some = [f"{variant_phrase(v)} in {t['effect']} of {t['cells']}" for v, t in effects.items()]
         parts.append(f"{refuter_label(name).lower()}: {listed(some) if some else 'no variant'}")
-    return f"{question.capitalize()}? Cells in which a refuter's null hypothesis fails: {'; '.join(parts)}."
+        fails |= set(effects)
+    said = [variant_phrase(v) for v in results.variants if v in fails]
+    answer = f"Not beyond doubt: {listed(said)} failed an attempt" if said else "No attempt says otherwise"
+    return f"{question.capitalize()}? {answer}. Cells with an effect where there should be none: {'; '.join(parts)}."
 
 
 def _worst_placebo(results: Results) -> list[str]:
@@ -33,9 +36,9 @@ def _worst_placebo(results: Results) -> list[str]:
     if not said:
         return []
     return [
-        f"A patch of an item's pixels without its shape still moves {listed(said)}, all symbols' placebos taken "
-        "together. Such a model has learned that something lying there matters, and would mind a stain or a pattern "
-        "as well; its effects hold for tables on which whatever stands out is an item."
+        f"A patch with an item's outline and its pixels shuffled still moves {listed(said)}, all symbols' placebos "
+        "taken together. Such a model has learned that something lying there matters, and would mind a stain of that "
+        "outline as well; its effects hold for tables on which whatever stands out is an item."
     ]
 
 

@@ -1,7 +1,7 @@
 """What each user asks for in centimetres, and whether a few labelled paths tell which user it was."""
 
 from pipeline.report.results import Results
-from pipeline.report.wording import counted, interval, listed, percent, points, variant_phrase
+from pipeline.report.wording import counted, interval, listed, percent, points, started, variant_phrase
 from pipeline.table.layout import SYMBOLS
 
 
@@ -24,7 +24,7 @@ def envelopes(results: Results) -> list[str]:
 def _found(variant: str, cells: dict, drawn: dict) -> str:
     true = [key for key, c in cells.items() if c["truth_m"] is not None]
     right = [key for key in true if key in drawn]
-    text = f"{variant_phrase(variant).capitalize().replace(' irl', ' IRL')} finds {len(right)} of the "
+    text = f"{started(variant_phrase(variant))} finds {len(right)} of the "
     text += counted(len(true), "true envelope")
     if right:
         errors = [abs(cells[key]["error_m"]) for key in right]
@@ -63,7 +63,10 @@ def _planned(results: Results) -> str:
             f"{percent(plans[best][user]['valid'])} ({user}, {percent(plans[best][user]['wasted'])} forbidden)"
             for user in users
         ]
-        text += f" By the truth those of {variant_phrase(best)} would leave more valid ones: {listed(other)}."
+        text += (
+            f" Of the paths that the envelopes of {variant_phrase(best)} leave, a larger share is truly valid: "
+            f"{listed(other)}."
+        )
     return text
 
 
@@ -83,7 +86,11 @@ def _short(results: Results) -> str:
 def _safest(results: Results) -> str:
     """The variant whose envelopes leave the largest share of valid paths, mean over users."""
     plans = results.envelope["planning"]
-    return max(results.variants, key=lambda v: (sum(plans[v][u]["valid"] for u in results.users), v == results.planner))
+
+    def valid(variant: str) -> float:
+        return sum(plans[variant][u]["valid"] or 0.0 for u in results.users)  # None: not a single path is left
+
+    return max(results.variants, key=lambda v: (valid(v), v == results.planner))
 
 
 def identification(results: Results) -> list[str]:
@@ -95,7 +102,7 @@ def identification(results: Results) -> list[str]:
     out = [
         f"Users agree on many paths, so no one can always tell them apart: an observer who knows the rules names the "
         f"right one of {len(results.users)} in {percent(cell['ideal'])} after {many} paths (chance "
-        f"{percent(found['chance'])}). {variant_phrase(best).capitalize()} reaches {percent(cell['mean'])} "
+        f"{percent(found['chance'])}). {started(variant_phrase(best))} reaches {percent(cell['mean'])} "
         f"({interval(cell)}) and stays within {points(gap[best]['all'])} of that observer at every number of paths, on "
         f"average over users; {_worst_user(cell)}.",
         f"In the {counted(found['telling_scenes'], 'scene')} that tell the users apart, it {_passes(passes[best])}; "
@@ -120,6 +127,12 @@ def identification(results: Results) -> list[str]:
         f"{many} paths (at best {percent(strangers['ideal_recognised'])}), a known user in "
         f"{percent(strangers['false_alarms'])}, by {variant_phrase(best)}."
     )
+    if "recognised_unlike" in strangers:
+        text += (
+            f" In many scenes his labels are hardly unlike a known user's; in the "
+            f"{counted(found['strange_scenes'], 'scene')} that nearly always tell him from each of them, it is "
+            f"{percent(strangers['recognised_unlike'])} (at best {percent(strangers['ideal_recognised_unlike'])})."
+        )
     if alarmed:
         parts = [f"{variant_phrase(v)} {percent(share)}" for v, share in alarmed.items()]
         text += (

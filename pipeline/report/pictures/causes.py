@@ -71,7 +71,7 @@ def power_curves(results: Results, drawn: Drawn) -> Picture:
     caption = (
         f"What the procedure says of one true effect among {t['cells'] - 1} null cells, {t['families']:,} "
         "simulated families "
-        "a point, with the chance of each variant's own effects (whole lines) or stylised (broken). The "
+        "a point, with chance drawn anew from each variant's own effects (whole lines) or stylised (broken). The "
         "upright line is the "
         f"smallest effect of interest, {drawn.smallest}; the rest of the verdicts is “inconclusive”."
     )

@@ -66,11 +66,9 @@ def verdicts(results: Results) -> Table:
         rows.append([variant_label(variant), *counts, f"{sum(far) / total:.3f}", single])
     caption = (
         f"Verdicts on the {total} cells, {true} of them true effects, over {counted(len(results.seeds), 'seed')}. "
-        f"False cause: an "
-        "effect that is not there or has the other sign. Missed: “no effect” where there is one. Distance: mean "
-        "absolute "
-        "difference between a cell's effect and the true one. Single seeds: verdicts that are right if each seed is "
-        "asked alone."
+        "False cause: an effect that is not there, is not larger than .05 or has the other sign. Missed: “no effect” "
+        "where there is one. Distance: mean absolute difference between a cell's effect and the true one. Single "
+        "seeds: verdicts that are right if each seed is asked alone."
     )
     header = ["Variant", "Right", "False causes", "Missed causes", "Inconclusive", "Distance", "Single seeds"]
     return table("verdicts", caption, header, rows)
@@ -89,18 +87,20 @@ def intervention_detail(results: Results) -> Table:
                     [
                         variant_label(variant), user.capitalize(), symbol, signed(c["effect"]),
                         f"[{signed(c['ci_low'])}, {signed(c['ci_high'])}]", p_value(c["p_holm"]).removeprefix("p = "),
-                        Cell(c["verdict"], c["verdict"] == "effect"), signed(c["truth"]), "yes" if c["right"] else "no",
+                        Cell(c["verdict"], c["verdict"] == "effect"), signed(c["truth"]),
+                        signed(c["effect"] - c["truth"]), "yes" if c["right"] else "no",
                     ]
                 )  # fmt: skip
     caption = (
         "Average causal effect of one more item on mean validity, 95 % interval (over seeds and scenes), "
         f"p after Holm over the {len(results.users) * len(SYMBOLS)} cells of a variant, verdict, and the true effect "
-        "on the same scenes and paths. Right: the verdict, and the sign of an effect, are the true ones."
+        "on the same scenes and paths. Error: the effect less the true one. Right: the verdict, and the sign of an "
+        "effect, are the true ones."
     )
     if still:
         caption += f" Left out: {listed(still)}, where every effect is exactly 0 for every variant."
     header = ["Variant", "User", "Symbol", "Effect", "95 % interval", "p", "Verdict"]
-    return table("intervention_detail", caption, [*header, "Truth", "Right"], rows, labels=3)
+    return table("intervention_detail", caption, [*header, "Truth", "Error", "Right"], rows, labels=3)
 
 
 def specifications(results: Results) -> Table:
@@ -115,14 +115,15 @@ def specifications(results: Results) -> Table:
                     [
                         variant_label(variant), f"{user} → {other}", f"{c['baseline']:.2f}", f"{c['intervened']:.2f}",
                         signed(c["effect"]), f"[{signed(c['ci_low'])}, {signed(c['ci_high'])}]",
-                        Cell(c["verdict"], c["verdict"] == "effect"), signed(c["truth"]),
+                        p_value(c["p_holm"]).removeprefix("p = "), Cell(c["verdict"], c["verdict"] == "effect"),
+                        signed(c["truth"]),
                     ]
                 )  # fmt: skip
     caption = (
         "Exchanging the user, do(S := s): mean validity under one user's model and under another's, on the same scenes "
-        "and paths, with the 95 % interval of the change and the true change."
+        "and paths, with the 95 % interval of the change, p after Holm over a variant's exchanges, and the true change."
     )
-    header = ["Variant", "Change", "Before", "After", "Effect", "95 % interval", "Verdict", "Truth"]
+    header = ["Variant", "Change", "Before", "After", "Effect", "95 % interval", "p", "Verdict", "Truth"]
     return table("specifications", caption, header, rows, labels=2)
 
 
@@ -141,9 +142,9 @@ def selftest(results: Results) -> Table:
     caption = (
         f"The procedure on {t['families']:,} simulated families a regime, each of {t['cells']} cells, "
         f"{t['seeds']} seeds "
-        f"and {t['scenes']} scenes. Spread: standard deviations of seeds, scenes and the rest; the first "
-        "regimes are those "
-        "of the variants' own effects. Covered: 95 % intervals that hold the truth. Rejected, and named: null "
+        f"and {t['scenes']} scenes. With a variant's name: its own effects less their means, seeds and scenes drawn "
+        "anew; the others normal or, if skewed, exponential. Spread: standard deviations of seeds, scenes and the "
+        "rest. Covered: 95 % intervals that hold the truth. Rejected, and named: null "
         "families in "
         "which Holm rejects anything, and in which a verdict is “effect”. Found: verdicts “effect” where it is "
         f"{TWICE}."

@@ -18,9 +18,10 @@ def association(results: Results) -> Table:
             effects = [Cell(signed(c["effect"]), c["verdict"] == "effect") for c in cells]
             rows.append([user.capitalize(), symbol, *said, *effects, signed(cells[0]["truth"])])
     caption = (
-        "Association: P(invalid | near the symbol) − P(invalid | not near), in ordinary training scenes and in "
-        "confounded ones. Effect: change of mean validity by one more item, by models fitted to the confounded world "
-        f"and asked in ordinary scenes (bold: verdict “effect”), and in truth. {counted(found['seeds'], 'seed')}."
+        f"Association: P(invalid | near the symbol, within {100 * found['near_m']:g} cm) − P(invalid | not near), in "
+        "ordinary training scenes and in confounded ones. Effect: change of mean validity by one more item, by models "
+        "fitted to the confounded world and asked in ordinary scenes (bold: verdict “effect”), and in truth. "
+        f"{counted(found['seeds'], 'seed')}."
     )
     header = ["User", "Symbol", *(f"Association, {w}" for w in _WORLDS), *(variant_label(v) for v in fitted), "Truth"]
     return table("association", caption, header, rows, labels=2)

@@ -19,7 +19,7 @@ def blame(results: Results) -> Table:
                 [
                     user.capitalize(), variant_label(variant), percent(c["recall"]), right,
                     percent(c["null_nearest"]), percent(c["several_right"]), percent(c["empty_rejected"]),
-                    _number(c["pn_error"]), _number(c["ps_error"]), _cm(move.get("error_m")),
+                    _beside(c["pn_error"], c["pn_null"]), _beside(c["ps_error"], c["ps_null"]), _moved(move),
                 ]
             )  # fmt: skip
     found = results.counterfactual
@@ -27,17 +27,26 @@ def blame(results: Results) -> Table:
         f"Unit counterfactuals in {counted(found['scenes'], 'scene')} of {counted(found['paths'], 'path')}. Rejected: "
         "truly invalid paths that the model rejects. Of those: the right one of a single culprit blamed [95 % "
         "interval]; the same by blaming the nearest item; several culprits recognised as such; rejected on an empty "
-        "table as well. PN and PS: mean absolute error of the probabilities of necessity and sufficiency. Move: mean "
-        "error of the least move of the culprit that would make the path valid [cm]. "
+        "table as well. PN and PS: mean absolute error of the probabilities of necessity and sufficiency (of the best "
+        "constant). Move: mean error [cm] of the least move of the culprit that would make the path valid (of the best "
+        f"constant), where one was found: share of {_cases(results)} paths a user. "
         f"{counted(found['seeds'], 'seed')}."
     )
     header = ["User", "Model", "Rejected", "Blame right", "Nearest", "Several", "Empty table", "PN", "PS", "Move"]
     return table("blame", caption, header, rows, labels=2)
 
 
-def _number(value: float | None) -> str:
-    return NONE if value is None else f"{value:.3f}"
+def _cases(results: Results) -> int:
+    """Paths a user whose culprit was moved, at most."""
+    cells = [c for by in results.counterfactual["counterfactual"].values() for c in by.values() if c is not None]
+    return max((c["least_move"]["cases"] for c in cells if c["least_move"]), default=0)
 
 
-def _cm(length: float | None) -> str:
-    return NONE if length is None else f"{100 * length:.1f}"
+def _beside(error: float | None, null: float | None) -> str:
+    return NONE if error is None or null is None else f"{error:.3f} ({null:.3f})"
+
+
+def _moved(move: dict) -> str:
+    if move.get("error_m") is None:
+        return NONE
+    return f"{100 * move['error_m']:.1f} ({100 * move['null_error_m']:.1f}), {percent(move['found'], 0)}"

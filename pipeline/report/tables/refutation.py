@@ -32,7 +32,9 @@ def refuted(results: Results) -> Table:
         for name in results.refuters:
             t = found["tallies"][name].get(variant)
             left = f", {t['inconclusive']} open" if t and t["inconclusive"] else ""
-            shown.append(NONE if t is None else f"{t['effect']} of {t['cells']}{left}")
+            shown.append(
+                NONE if t is None else f"{t['effect']} of {t['cells']} ({_significant(results, name, variant)}){left}"
+            )
         half = found["halves"][variant]
         over_items = f"{found['items'][variant]['same']} of {found['items'][variant]['cells']}"
         rows.append(
@@ -40,7 +42,8 @@ def refuted(results: Results) -> Table:
         )
     caption = (
         "Cells, a user and a symbol each, in which a refuter finds an effect where there should be none, or on another "
-        f"table another effect; open: inconclusive ({counted(found['seeds'], 'seed')}, the first "
+        "table another effect: significant and larger than .05 (in brackets: p < .05 after Holm over these cells, "
+        f"however small); open: inconclusive ({counted(found['seeds'], 'seed')}, the first "
         f"{counted(_scenes(results), 'scene')}). Half of the scenes: how often a random half of all that were "
         "intervened on leads to the verdict of all of them, on average over the cells (and in the cell where it does "
         "least often). "
@@ -48,6 +51,11 @@ def refuted(results: Results) -> Table:
     )
     header = ["Variant", *(refuter_label(name) for name in results.refuters), "Half of the scenes", "By item"]
     return table("refuted", caption, header, rows)
+
+
+def _significant(results: Results, refuter: str, variant: str) -> int:
+    cells = (c for by_symbol in results.refutation["refuters"][refuter][variant].values() for c in by_symbol.values())
+    return sum(c["p_holm"] < results.selftest["level"] for c in cells)
 
 
 def _scenes(results: Results) -> int:
