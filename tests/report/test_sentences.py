@@ -282,6 +282,17 @@ def test_a_model_that_misses_causes_is_said_to_blame_nothing_only_if_it_does(
     assert said.endswith("because it blames nothing.") is nothing and "learned the cause" not in said
 
 
+def test_models_that_blame_nothing_are_told_together_if_they_err_alike(results: Results):
+    found = copy.deepcopy(results.confounding)
+    for variant, missed in (("full", 5), ("ae", 5), ("classifier", 4)):
+        found["verdicts"][variant] |= {"missed_causes": missed, "right": 8 - missed}
+    said = confounding(replace(results, confounding=found))
+    together, alone = (s for s in said if "nothing." in s)
+    assert "the full model and the autoencoder (β = 0) each give 3 of 8" in together
+    assert together.endswith("They blame no plate because they blame nothing.")
+    assert "the classifier alone gives 4 of 8" in alone and alone.endswith("because it blames nothing.")
+
+
 def test_the_summary_says_what_speaks_for_the_better_model_and_what_against_it(results: Results):
     evaluation = copy.deepcopy(results.evaluation)
     for cell in evaluation["accuracy"]["path"]["new_items"].values():
@@ -291,6 +302,11 @@ def test_the_summary_says_what_speaks_for_the_better_model_and_what_against_it(r
     (trusted,) = (s for s in said if s.startswith("Of its reasons"))
     assert "80.0\u00a0% (careful; blaming the nearest item 85.0\u00a0%)" in trusted
     assert "in 5 of 5 cells (a user and a symbol) are within 1.0 mm of the true margins, too short in 5" in trusted
+    assert "beside glasses, it gives 8 of 8 true verdicts; and a few" in trusted
+    confounding = copy.deepcopy(results.confounding)
+    confounding["verdicts"]["irl_ranked"] = confounding["verdicts"]["path"] | {"false_causes": 2}
+    said_of_others = summary(replace(better, confounding=confounding))
+    assert any("true verdicts (there ranking IRL names 2 false causes); and a few" in s for s in said_of_others)
     assert "their intervals hold the truth in 5" in trusted and "within 5.0 percentage points" in trusted
     assert said[-1].startswith("Against it: a placebo patch (an item's pixels, shuffled) moves it in 8 of 8 cells; ")
     assert "under a blur of 1\u00a0px it is right about 85.0\u00a0% (undisturbed 95.0\u00a0%)" in said[-1]

@@ -1,6 +1,7 @@
 """Power of the causal procedure: how often an effect of a given size is called one, and how often it is denied."""
 
 from matplotlib.figure import Figure
+from matplotlib.ticker import MultipleLocator
 
 from pipeline.report.style import INK, MUTED, colour, marker
 from pipeline.report.wording import variant_label
@@ -25,6 +26,7 @@ def draw(regimes: dict[str, dict], measured: list[str], smallest: float, columns
     for ax in axes:
         ax.axvline(smallest, color=INK, lw=0.6)
         ax.set(ylim=(-0.03, 1.03), xlabel="true effect on mean P(valid)")
+        ax.xaxis.set_major_locator(MultipleLocator(smallest))
         ax.grid()
     axes[0].set_ylabel("share of simulated families")
     handles, labels = axes[0].get_legend_handles_labels()

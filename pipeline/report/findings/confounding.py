@@ -9,17 +9,24 @@ def confounding(results: Results) -> list[str]:
     """What association says of the confounded world, and what interventions on its models say."""
     found = results.confounding
     out = [_misled(results, user) for user in found["association"]["confounded"] if _innocent(results, user)]
-    for variant in (v for v in results.variants if v in found["verdicts"]):
+    fitted = [v for v in results.variants if v in found["verdicts"]]
+    silent = [v for v in fitted if _silent(found, v)]
+    for variant in fitted:
         t = found["verdicts"][variant]
+        alike = [v for v in silent if found["verdicts"][v] == t] if variant in silent else [variant]
+        if variant != alike[0]:
+            continue  # told with the first of them
         blamed = [
             f"{user} and {symbol} ({signed(c['effect'])})"
             for user, by_symbol in found["interventions"][variant].items()
             for symbol, c in by_symbol.items()
             if c["verdict"] == "effect" and c["truth_verdict"] != "effect"
         ]
+        one = len(alike) == 1
         text = (
-            f"Fitted to the confounded world and asked what an added item changes, {variant_phrase(variant)} gives "
-            f"{t['right']} of {t['cells']} true verdicts"
+            "Fitted to the confounded world and asked what an added item changes, "
+            f"{listed([variant_phrase(v) for v in alike])} {'gives' if one else 'each give'} {t['right']} of "
+            f"{t['cells']} true verdicts"
         )
         if blamed:
             text += f" and names {counted(len(blamed), 'false cause')}: {listed(blamed)}."
@@ -28,12 +35,19 @@ def confounding(results: Results) -> list[str]:
         elif t["false_causes"]:
             text += f" and {counted(t['false_causes'], 'effect')} of the wrong sign."
         else:
-            verdicts = [c["verdict"] for of in found["interventions"][variant].values() for c in of.values()]
             text += f", with no false cause; true ones missed: {t['missed_causes']}, left open: {t['inconclusive']}."
-            if "effect" not in verdicts:
-                text += " It blames no plate because it blames nothing."
+            if variant in silent:
+                blames = "It blames no plate because it blames" if one else "They blame no plate because they blame"
+                text += f" {blames} nothing."
         out.append(text)
     return [*out, *_other_worlds(results)]
+
+
+def _silent(found: dict, variant: str) -> bool:
+    """Whether a variant names no cause at all, and is wrong where there is one."""
+    t, cells = found["verdicts"][variant], found["interventions"][variant].values()
+    nothing = all(c["verdict"] != "effect" for by_symbol in cells for c in by_symbol.values())
+    return nothing and t["right"] < t["cells"]
 
 
 def _other_worlds(results: Results) -> list[str]:

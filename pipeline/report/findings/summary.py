@@ -110,8 +110,25 @@ def _trusted(results: Results, best: str) -> str:
     gap = results.identification["largest_gap"][best]["all"]
     return (
         f"Of its reasons: where a single item forbids a path that it rejects, it blames the right one in "
-        f"{listed(right)}; {_distances(results, best)}; and a few labelled paths tell it whose they are within "
-        f"{points(gap)}, on average over users, of an observer who knows the rules."
+        f"{listed(right)}; {_distances(results, best)}; {_unconfounded(results, best)}and a few labelled paths tell it "
+        f"whose they are within {points(gap)}, on average over users, of an observer who knows the rules."
+    )
+
+
+def _unconfounded(results: Results, best: str) -> str:
+    """What it makes of a world in which plates stand beside glasses, and who is misled there."""
+    tallies = results.confounding["verdicts"]
+    if best not in tallies:
+        return ""
+    misled = [
+        f"{variant_phrase(v)} names {counted(tallies[v]['false_causes'], 'false cause')}"
+        for v in results.variants
+        if v != best and v in tallies and tallies[v]["false_causes"]
+    ]
+    others = f" (there {listed(misled)})" if misled else ""
+    return (
+        f"fitted where plates stand beside glasses, it gives {tallies[best]['right']} of {tallies[best]['cells']} true "
+        f"verdicts{others}; "
     )
 
 
