@@ -18,12 +18,12 @@ def doubts(results: Results) -> list[str]:
     return [
         f"The verdicts of {variant_phrase(best)}, {tallies[best]['right']} of {tallies[best]['cells']} of them right "
         "in this world, can be wrong in another in four ways.",
-        "The graph is. If a user minds what the picture does not show, or chooses paths with the table in view, the "
+        "By the graph. If a user minds what the picture does not show, or chooses paths with the table in view, the "
         "difference of means is no effect of the item. No number here could show it; in this world neither is so.",
         f"By chance. Where nothing has an effect, the procedure names one in up to {named} of the families, and "
         f"rejects in up to {rejected}; in brackets, with chance as in this variant's effects.",
-        f"Tables on which other things stand out than items, or tops unlike these: {elsewhere}.",
-        f"Items unlike these. The intervals speak of other scenes with these "
+        f"By the table. Other things than items stand out on it, or its top is unlike these; {elsewhere}.",
+        f"By the items, if unlike these. The intervals speak of other scenes with these "
         f"{counted(items['items'], 'item')} of a symbol or more; from item to item {items['same']} of {items['cells']} "
         "verdicts stay.",
     ]
