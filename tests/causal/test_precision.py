@@ -1,6 +1,7 @@
 """What could be detected is detected as often as promised, and as many scenes as are asked for settle a verdict."""
 
 import numpy as np
+import pytest
 
 from pipeline.causal.precision import POWER, detectable, scenes_to_settle, seed_by_seed
 from pipeline.causal.statistics import SMALLEST_EFFECT, estimate, holm, verdict
@@ -14,27 +15,21 @@ def chances(rng: np.random.Generator, cells: int, scenes: int, by_scene: float, 
     )  # fmt: skip
 
 
-def test_an_effect_as_large_as_the_detectable_one_is_found_as_often_as_promised():
+@pytest.mark.parametrize("by_scene", [0.2, 0.02], ids=["chance decides", "the smallest effect of interest decides"])
+def test_an_effect_as_large_as_the_detectable_one_is_found_as_often_as_promised(by_scene: float):
     rng = np.random.default_rng(0)
     found = []
     for _ in range(400):
-        effects = chances(rng, 12, 40, 0.2)
-        effects[0] += detectable(chances(rng, 12, 40, 0.2)).mean()
+        effects = chances(rng, 12, 40, by_scene)
+        effects[0] += detectable(chances(rng, 12, 40, by_scene)).mean()
         e = estimate(effects)
         found.append(verdict(e.effect[0], holm(e.p)[0], e.ci90_low[0], e.ci90_high[0]) == "effect")
     assert abs(np.mean(found) - POWER) < 0.07
 
 
-def test_what_is_smaller_than_the_smallest_effect_of_interest_is_never_detectable():
-    rng, known = np.random.default_rng(4), np.zeros((3, 4, 20))
-    assert (detectable(known) == SMALLEST_EFFECT).all()
-    found = []
-    for _ in range(400):
-        effects = chances(rng, 12, 40, 0.02)
-        effects[0] += detectable(chances(rng, 12, 40, 0.02)).mean()
-        e = estimate(effects)
-        found.append(verdict(e.effect[0], holm(e.p)[0], e.ci90_low[0], e.ci90_high[0]) == "effect")
-    assert abs(np.mean(found) - POWER) < 0.07
+def test_nothing_smaller_than_the_smallest_effect_of_interest_is_detectable():
+    assert (detectable(np.zeros((3, 4, 20))) == SMALLEST_EFFECT).all()
+    assert (detectable(chances(np.random.default_rng(4), 12, 40, 0.02)) > SMALLEST_EFFECT).all()
 
 
 def test_a_verdict_is_settled_by_more_scenes_than_are_asked_for_and_left_open_by_fewer():
