@@ -16,12 +16,13 @@ from numba import njit
 from torch.utils.data import DataLoader, TensorDataset
 
 from pipeline.parallel import map_jobs
+from pipeline.spec.descent import Schedule
 from pipeline.spec.lanes import LANES, _add, outer, zeros
 from pipeline.spec.losses import Weights, equation_1
 from pipeline.spec.registry import build
 from pipeline.spec.specification import to_tensor
 from pipeline.spec.stacked import Convolution, Stack, allocate, fit_stack
-from pipeline.spec.training import Schedule, fit
+from pipeline.spec.training import fit
 from pipeline.spec.vae import VaeSpecification
 
 SCENES, N = 20, 9

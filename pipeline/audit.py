@@ -11,6 +11,8 @@ from pathlib import Path
 import grimp
 from ruamel.yaml import YAML
 
+from pipeline.writing import write_whole
+
 ROOT = Path(__file__).resolve().parent.parent
 GRAPH = ROOT / "dvc.yaml"
 
@@ -58,8 +60,7 @@ def _main(write: bool) -> int:
             deps = content["stages"][stage]["deps"]
             kept = [d for d in deps if not _is_code(d)]
             deps[:] = closure + kept
-        with GRAPH.open("w") as file:
-            yaml.dump(content, file)
+        write_whole(GRAPH, lambda part: yaml.dump(content, part))
         return 0
     for line in found:
         print(f"error: {line}; run `make deps`", file=sys.stderr)

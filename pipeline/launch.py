@@ -6,6 +6,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
 
+from pipeline.errors import InputError
 from pipeline.memory import keep_freed
 from pipeline.params import CONF, load, validate
 
@@ -14,47 +15,70 @@ PER_VARIANT = ("train", "irl", "path")  # stages DVC runs once per variant, each
 
 
 def launch(main: Main, stage: str) -> None:
-    """Run a stage from the command line; bad input ends it with one line on stderr and exit code 2.
+    """Run a stage from the command line; InputError, or a file in the way, ends it with one line and exit code 2.
 
     `--params FILE [key=value ...]` reads resolved parameters and writes to `paths.<stage>`, as DVC wants it;
     otherwise Hydra composes conf/ (`--multirun` sweeps) and the run writes to Hydra's output directory.
     """
     keep_freed()
     try:
-        if "--params" in sys.argv[1:]:
-            _from_params(main, stage, sys.argv[1:])
-        else:
-            _from_hydra(main, stage)
-    except (ValueError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
+        failed = _from_params(main, stage, sys.argv[1:]) if "--params" in sys.argv[1:] else _from_hydra(main, stage)
+    except KeyboardInterrupt:
+        print("error: interrupted", file=sys.stderr)
+        sys.exit(130)
+    if failed:
         sys.exit(2)
 
 
-def _from_params(main: Main, stage: str, argv: list[str]) -> None:
+def _from_params(main: Main, stage: str, argv: list[str]) -> bool:
+    """Whether the run failed."""
     at = argv.index("--params")
-    if len(argv) < at + 2:
-        raise ValueError("--params needs a file: python -m pipeline.stages.<stage> --params params.yaml")
-    cfg = load(Path(argv[at + 1]), argv[:at] + argv[at + 2 :])
-    out_dir = Path(cfg.paths[stage])
-    out_dir = out_dir / cfg.variant if stage in PER_VARIANT else out_dir
-    out_dir.mkdir(parents=True, exist_ok=True)
-    main(cfg, out_dir)
+
+    def run() -> None:
+        if len(argv) < at + 2:
+            raise InputError("--params needs a file: python -m pipeline.stages.<stage> --params params.yaml")
+        cfg = load(Path(argv[at + 1]), argv[:at] + argv[at + 2 :])
+        out_dir = _folder(Path(cfg.paths[stage]), stage, cfg)
+        out_dir.mkdir(parents=True, exist_ok=True)
+        main(cfg, out_dir)
+
+    return _failed(run)
 
 
-def _from_hydra(main: Main, stage: str) -> None:
-    """Compose conf/ and run; Hydra's folders carry the stage's name (by itself it would name them after this file)."""
+def _from_hydra(main: Main, stage: str) -> bool:
+    """Compose conf/ and run, each combination of a sweep whatever became of the others; whether any failed.
+
+    Hydra's folders carry the stage's name (by itself it would name them after this file).
+    """
     import hydra
     from hydra.core.hydra_config import HydraConfig
 
+    failures = []
+
     def run(cfg: DictConfig) -> None:
-        OmegaConf.resolve(cfg)
-        try:
+        def once() -> None:
+            OmegaConf.resolve(cfg)
             validate(cfg)
-            main(cfg, Path(HydraConfig.get().runtime.output_dir))
-        except (ValueError, OSError) as error:
-            print(f"error: {error}", file=sys.stderr)
-            sys.exit(2)
+            main(cfg, _folder(Path(HydraConfig.get().runtime.output_dir), stage, cfg))
+
+        failures.append(_failed(once))
 
     if not any(argument.startswith("hydra.job.name=") for argument in sys.argv):
         sys.argv.append(f"hydra.job.name={stage}")
     hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run)()
+    return any(failures)
+
+
+def _folder(folder: Path, stage: str, cfg: DictConfig) -> Path:
+    """Where a stage writes: variants fitted by one stage lie side by side, as those who read them expect."""
+    return folder / cfg.variant if stage in PER_VARIANT else folder
+
+
+def _failed(run: Callable[[], None]) -> bool:
+    """Run it; whether it ended with an error that a person can put right, which is then said in one line."""
+    try:
+        run()
+    except (InputError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return True
+    return False

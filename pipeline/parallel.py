@@ -4,8 +4,9 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import lru_cache
-from multiprocessing import get_context, parent_process
+from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.process import BaseProcess
+from signal import SIG_IGN, SIGINT, signal
 from threading import Thread
 from typing import TypeVar
 
@@ -28,10 +29,15 @@ def map_jobs(function: Callable[[Job], Result], jobs: Sequence[Job], workers: in
         _prepare()
         return [function(job) for job in tqdm(jobs, desc=desc)]
     pool = _pool(workers)
+    before = signal(SIGINT, SIG_IGN)  # which processes inherit: Ctrl-C is this one's to answer
+    results = pool.map(function, jobs)
+    signal(SIGINT, before)
     try:
-        return list(tqdm(pool.map(function, jobs), total=len(jobs), desc=desc))
+        return list(tqdm(results, total=len(jobs), desc=desc))
     except BaseException:
         pool.shutdown(wait=False, cancel_futures=True)
+        for process in active_children():  # at once, whatever they are at
+            process.terminate()
         _pool.cache_clear()
         raise
 

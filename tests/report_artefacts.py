@@ -17,7 +17,8 @@ from pipeline.params import compose
 from pipeline.recording.screenshot import Screenshot, write_png
 from pipeline.spec.registry import build
 from pipeline.table.bezier import random_z_theta
-from pipeline.table.layout import SYMBOLS, Items, LayoutRules, Layouts, add_item, random_layouts
+from pipeline.table.layout import SYMBOLS, Items, Layouts, add_item, random_layouts
+from tests.examples import RULES
 from tests.report_answers import write_answers
 
 SCENES, STARTS, STEPS = 4, 6, 5
@@ -27,7 +28,6 @@ SMALL = [
 ]  # fmt: skip
 NULLS = ("null_nearest", "null_position")
 FINE = {"detectable": 0.04, "scenes": 300}  # how finely an effect is known
-RULES = LayoutRules((2, 3), (0.05, 0.35, 0.40, 0.20), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)
 ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.09, 0.0]), np.array([0.06, 0.07, 0.013, 0.045]))
 
 

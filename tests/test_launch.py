@@ -1,13 +1,17 @@
 """A stage from the command line: its folder bears its name, and what goes wrong is one line."""
 
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
+import psutil
 import pytest
 from omegaconf import DictConfig
 
+from pipeline.errors import InputError
 from pipeline.launch import launch
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -20,7 +24,7 @@ def test_hydra_s_folders_bear_the_stage_s_name_unless_another_is_given(given: li
     assert f"  job:\n    name: {'mine' if given else 'demos'}\n" in printed
 
 
-@pytest.mark.parametrize("error", [ValueError, FileNotFoundError, PermissionError, FileExistsError])
+@pytest.mark.parametrize("error", [InputError, FileNotFoundError, PermissionError, FileExistsError])
 def test_an_error_is_one_line_and_exit_code_2(
     error: type[Exception], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ):
@@ -35,6 +39,15 @@ def test_an_error_is_one_line_and_exit_code_2(
     assert capsys.readouterr().err == "error: no room\n"
 
 
+def test_a_defect_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    def main(cfg: DictConfig, out_dir: Path) -> None:
+        raise ValueError("operands could not be broadcast together")
+
+    monkeypatch.setattr(sys, "argv", ["stage", "--params", str(ROOT / "params.yaml"), f"paths.scenes={tmp_path}"])
+    with pytest.raises(ValueError, match="broadcast"):
+        launch(main, "scenes")
+
+
 def test_a_file_where_the_folder_should_be_is_named(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ):
@@ -46,3 +59,42 @@ def test_a_file_where_the_folder_should_be_is_named(
         launch(lambda cfg, out_dir: None, "scenes")
     assert left.value.code == 2
     assert os.fspath(tmp_path / "taken") in capsys.readouterr().err
+
+
+def test_a_sweep_goes_on_after_a_bad_value_and_says_that_one_failed(tmp_path: Path):
+    sweep = ["--multirun", "selftest.families=0,1", f"hydra.sweep.dir={tmp_path}", f"paths.intervene={tmp_path}"]
+    command = [sys.executable, "-m", "pipeline.stages.selftest", *sweep]
+    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    first, second = (line for line in run.stderr.splitlines() if line.startswith("error: "))
+    assert "selftest.families is 0" in first and "effects.parquet is missing" in second
+    assert run.returncode == 2 and "Traceback" not in run.stderr
+
+
+def test_variants_fitted_by_one_stage_lie_side_by_side(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    seen = []
+    hydra = [f"hydra.run.dir={tmp_path}", "variant=ae"]
+    monkeypatch.setattr(sys, "argv", ["train.py", *hydra])
+    launch(lambda cfg, out_dir: seen.append(out_dir), "train")
+    assert seen == [tmp_path / "ae"]
+
+
+def test_ctrl_c_ends_a_stage_and_its_workers_at_once(tmp_path: Path):
+    script = """
+import time
+from pipeline.launch import launch
+from pipeline.parallel import map_jobs
+if __name__ == "__main__":
+    launch(lambda cfg, out_dir: map_jobs(time.sleep, [100.0, 100.0, 100.0], 2, "asleep"), "scenes")
+"""
+    (tmp_path / "stage.py").write_text(script)
+    command = [sys.executable, "stage.py", "--params", str(ROOT / "params.yaml"), f"paths.scenes={tmp_path / 'out'}"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    stage = subprocess.Popen(command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, start_new_session=True)
+    while len(workers := psutil.Process(stage.pid).children(recursive=True)) < 3:  # two, and what keeps track of them
+        time.sleep(0.1)
+    time.sleep(2)  # in the middle of their imports
+    os.killpg(stage.pid, signal.SIGINT)
+    _, said = stage.communicate(timeout=20)
+    assert stage.returncode == 130
+    assert said.decode().splitlines()[-1].endswith("error: interrupted") and "Traceback" not in said.decode()
+    assert not psutil.wait_procs(workers, timeout=20)[1]

@@ -9,7 +9,9 @@ import pytest
 from dvc.utils.hydra import compose_and_dump
 from omegaconf import OmegaConf
 
-from pipeline.params import COMPOSED, CONF, FITTED_BY, InputError, compose, load, render, validate
+from pipeline.errors import InputError
+from pipeline.params import COMPOSED, CONF, compose, load, render, validate
+from pipeline.schema import Settings
 from pipeline.spec.registry import KINDS
 
 ROOT = CONF.parent
@@ -36,18 +38,30 @@ def test_every_profile_and_protocol_composes():
         ("n=[0]", "parameter n is 0"),
         ("n=[11]", "parameter n is 11"),
         ("n=[1,3]", "study_n is 9"),
-        ("seeds=[]", "at least one seed"),
-        ("seeds=[1,1]", "every seed once"),
-        ("checkpoints=[0,-1]", "whole numbers from 0, each once"),
-        ("checkpoints=[5,5]", "whole numbers from 0, each once"),
+        ("seeds=[]", r"seeds is \[\]: expected one at least"),
+        ("seeds=[1,1]", "each one once"),
+        ("checkpoints=[0,-1]", "checkpoints is -1: expected a whole number from 0"),
+        ("checkpoints=[5,5]", "each one once"),
         ("checkpoints=null", "parameter checkpoints is None"),
         ("seeds=[100]", "none of `seeds`"),
         ("users.careful.glass=-0.01", "users.careful.glass is -0.01"),
         ("variant=fulll", "parameter variant is 'fulll'"),
         ("variants.full.kind=reward", "variants.full.stage is 'train': expected irl, which fits kind reward"),
         ("variants.irl_ranked.stage=train", "variants.irl_ranked.stage is 'train': expected irl"),
-        ("variants.full.kind=tree", "variants.full.kind is 'tree': expected one of vae, reward"),
-        ("+variants.new={stage: irl}", "variants.new.kind is None"),
+        ("variants.full.kind=tree", "variants.full.kind is 'tree': expected one of 'vae', 'reward', 'clearance'"),
+        ("+variants.new={stage: irl}", "variants.new.kind is missing"),
+        ("variants.full.alpha=null", "variants.full.alpha is None: expected a number"),
+        ("~variants.path.model", "variants.path.model is missing"),
+        ("~variants.irl_ranked.objective", "variants.irl_ranked.objective is missing"),
+        ("+variants.path.model.leaves=3", "variants.path.model.leaves is 3: expected none of that name"),
+        ("+variants.path.delta=1", "variants.path.delta is 1: expected none of that name"),
+        ("train.steps=abc", "train.steps is 'abc': expected a whole number"),
+        ("train.rate=null", "train.rate is None: expected a number"),
+        ("train.model.hidden=-1", "train.model.hidden is -1: expected a whole number from 1"),
+        ("train.engine=eager", "expected one of auto, stacked, batched, reference"),
+        ("irl.sparsity=-1", "irl.sparsity is -1: expected a weight from 0"),
+        ("irl.across=1", "irl.across is 1: expected true or false"),
+        ("search.weight=true", "search.weight is True: expected a number"),
         ("seed=55", "parameter seed is 55"),
         ("workers=0", "workers is 0"),
         ("scenes.shared=0", "scenes.shared is 0"),
@@ -59,8 +73,8 @@ def test_every_profile_and_protocol_composes():
         ("users.normal=3", "parameter users.normal is 3: expected a mapping"),
         ("variants.full=3", "parameter variants.full is 3: expected a mapping"),
         ("scenes=3", "parameter scenes is 3: expected a mapping"),
-        ("paths.data=null", "parameter paths.data is None: expected a path"),
-        ("protocol.seeds=[]", r"parameter protocol.seeds is \[\]: expected a list of some of"),
+        ("paths.data=null", "parameter paths.data is None: expected a name"),
+        ("protocol.seeds=[]", r"parameter protocol.seeds is \[\]: expected one at least"),
         ("protocol.seeds=[55]", "parameter protocol.seeds is .55.: expected a list of some of"),
     ],
 )
@@ -69,8 +83,9 @@ def test_a_parameter_out_of_range_is_named(override: str, says: str):
         compose([override])
 
 
-def test_every_kind_of_model_has_a_stage_that_fits_it():
-    assert set(FITTED_BY) == set(KINDS)
+def test_every_kind_of_model_has_settings_of_its_own():
+    variants = Settings.model_json_schema()["properties"]["variants"]
+    assert set(variants["additionalProperties"]["discriminator"]["mapping"]) == set(KINDS)
 
 
 def test_an_unknown_user_needs_a_margin_for_each_symbol():

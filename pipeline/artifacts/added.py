@@ -9,7 +9,7 @@ from numpy import ndarray as Array
 
 from pipeline.artifacts.files import read_arrays, read_table
 from pipeline.artifacts.scenes import LAYOUT_COLUMNS
-from pipeline.params import InputError
+from pipeline.errors import InputError
 from pipeline.table.layout import SYMBOLS, Layouts, empty
 
 

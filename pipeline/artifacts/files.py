@@ -1,25 +1,14 @@
 """Files written whole or not at all, and with the same bytes for the same contents."""
 
 import json
-import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from pipeline.params import InputError
-
-
-def write_whole(path: Path, write: Callable[[Path], object]) -> None:
-    """Call `write` on a temporary name beside `path`, then move it into place."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".part-{path.name}")
-    try:
-        write(temporary)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+from pipeline.errors import InputError
+from pipeline.writing import write_whole
 
 
 def write_table(path: Path, table: pd.DataFrame) -> None:
@@ -55,9 +44,12 @@ def read_json(path: Path) -> dict:
     if not path.is_file():
         raise InputError(f"{path} is missing: run `make repro` (or the stage that writes it) first")
     try:
-        return json.loads(path.read_text())
-    except json.JSONDecodeError as error:
+        content = json.loads(path.read_text())
+    except ValueError as error:  # json's own, and UnicodeDecodeError
         raise InputError(f"{path} is no JSON ({error}): run its stage again") from error
+    if not isinstance(content, dict):
+        raise InputError(f"{path} holds a {type(content).__name__}: expected an object; run its stage again")
+    return content
 
 
 def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:

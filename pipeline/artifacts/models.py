@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from omegaconf import DictConfig
-from safetensors.torch import save_file
+from safetensors.torch import save
 from torch import Tensor
 
-from pipeline.artifacts.files import write_whole
 from pipeline.spec.specification import Specification
+from pipeline.writing import write_whole
 
 PREDICTION_COLUMNS = ["seed", "user", "n", "split", "scene", "query", "p", "valid"]
 
@@ -34,4 +34,4 @@ def save_model(directory: Path, model: Specification, user: str, seed: int, n: i
 def save_weights(path: Path, weights: Mapping[str, Tensor]) -> None:
     """Write parameters and buffers by their names."""
     state = {name: value.contiguous() for name, value in weights.items()}
-    write_whole(path, lambda part: save_file(state, part))
+    write_whole(path, lambda part: part.write_bytes(save(state)))  # `save_file` lets no other account read it

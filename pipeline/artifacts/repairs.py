@@ -7,9 +7,10 @@ import pandas as pd
 from omegaconf import DictConfig
 
 from pipeline.artifacts.scenes import SceneSet, train_pool
-from pipeline.params import InputError
+from pipeline.errors import InputError
+from pipeline.params import shared_pool
 from pipeline.spec.metrics import DECISION
-from pipeline.spec.training import job_seed
+from pipeline.streams import stream
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.layout import Layouts
 from pipeline.table.oracle import nearest_valid
@@ -39,13 +40,7 @@ class Starts:
 
 def check_pool(cfg: DictConfig, scenes: SceneSet) -> str:
     """The pool to repair in; InputError if conf/repair or the scenes stage does not provide it."""
-    for name in ("starts", "lattice_side"):
-        if not (isinstance(cfg.repair[name], int) and cfg.repair[name] >= 1):
-            raise InputError(f"repair.{name} is {cfg.repair[name]!r}: expected a whole number from 1")
-    pool = cfg.protocol.splits.get(cfg.repair.split)
-    if pool is None:
-        shared = [split for split, p in cfg.protocol.splits.items() if p is not None]
-        raise InputError(f"repair.split is {cfg.repair.split!r}: expected one of {', '.join(shared)}")
+    pool = shared_pool(cfg, "repair.split")
     for name in (pool, *(train_pool(seed) for seed in cfg.protocol.seeds)):
         if name not in scenes.layouts:
             raise InputError(f"no scenes {name}: there are {', '.join(scenes.layouts)}; run the scenes stage")
@@ -55,7 +50,7 @@ def check_pool(cfg: DictConfig, scenes: SceneSet) -> str:
 def draw_starts(cfg: DictConfig, scenes: SceneSet) -> tuple[np.ndarray, dict[str, Starts]]:
     """Random z_theta (scene, start, 2) [m] in the pool's scenes; of them each user's invalid ones."""
     layouts = scenes.layouts[check_pool(cfg, scenes)]
-    rng = np.random.default_rng(job_seed(cfg.scenes.generator, "repair", "starts"))
+    rng = stream(cfg.scenes.generator, "repair", "starts")
     candidates = random_z_theta(rng, len(layouts), cfg.repair.starts)
     return candidates, {user: _starts(cfg, user, layouts, candidates) for user in cfg.users}
 

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.artifacts.files import read_arrays, read_table, write_arrays, write_table
-from pipeline.params import InputError
+from pipeline.errors import InputError
 from pipeline.table.layout import EMPTY, Layouts, empty
 
 LAYOUT_COLUMNS = [

@@ -11,8 +11,8 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file
 
 from pipeline.artifacts.models import model_dir, weights_path
+from pipeline.errors import InputError
 from pipeline.parallel import map_jobs
-from pipeline.params import InputError
 from pipeline.spec.registry import build
 from pipeline.spec.specification import Specification
 

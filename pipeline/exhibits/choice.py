@@ -2,10 +2,9 @@
 
 import numpy as np
 import pandas as pd
-from omegaconf import DictConfig
 
 from pipeline.artifacts.scenes import SceneSet
-from pipeline.params import InputError
+from pipeline.errors import InputError
 from pipeline.report.results import Results
 from pipeline.table.layout import SYMBOLS
 
@@ -13,14 +12,6 @@ from pipeline.table.layout import SYMBOLS
 def with_something_invalid(results: Results) -> list[str]:
     """The users to whom some path is invalid."""
     return [u for u in results.users if results.repair[results.main][u]["success"] is not None]
-
-
-def shared_pool(cfg: DictConfig, split: str) -> str:
-    """The pool of a split that all seeds share."""
-    pool = cfg.protocol.splits.get(split)
-    if pool is None:
-        raise InputError(f"split {split} has no pool of its own: expected new_scenes or new_items")
-    return pool
 
 
 def most_varied(scenes: SceneSet, pool: str, count: int) -> np.ndarray:

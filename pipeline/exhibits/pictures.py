@@ -12,8 +12,9 @@ from pipeline.artifacts.files import read_arrays
 from pipeline.artifacts.scenes import SceneSet, train_pool
 from pipeline.artifacts.trained import load_model
 from pipeline.causal.statistics import SMALLEST_EFFECT
-from pipeline.exhibits.choice import most_varied, repairs_of, shared_pool, with_something_invalid
-from pipeline.params import InputError
+from pipeline.errors import InputError
+from pipeline.exhibits.choice import most_varied, repairs_of, with_something_invalid
+from pipeline.params import shared_pool
 from pipeline.report.figures import overview
 from pipeline.report.figures.latent import liveliest
 from pipeline.report.figures.maps import Maps
@@ -38,17 +39,17 @@ JUDGED_SIDE = 24  # lattice over z_theta by which the worst scene is found, per 
 def gather(cfg: DictConfig, results: Results, scenes: SceneSet, added: Added) -> Drawn:
     """The arrays behind the pictures: the first seed's."""
     seed, n = results.seeds[0], cfg.study_n
-    training, pool = train_pool(seed), shared_pool(cfg, cfg.repair.split)
+    training, pool = train_pool(seed), shared_pool(cfg, "repair.split")
     user = next(iter(with_something_invalid(results)), results.users[0])
     model = load_model(cfg, results.main, user, seed, n)
     if not isinstance(model, VaeSpecification):
         raise InputError(f"variant {results.main} rebuilds no image: the first variant must be of kind vae")
     varied = most_varied(scenes, training, cfg.report.scenes)
     count = cfg.report.reconstructed
-    originals = np.concatenate([scenes.images[training][:count], scenes.images[shared_pool(cfg, "new_items")][:count]])
+    originals = np.concatenate([scenes.images[training][:count], scenes.images[cfg.protocol.splits.new_items][:count]])
     traversal = model.traverse(scenes.images[training][0], np.array(cfg.report["values"], dtype=float))
-    to = scenes.images[shared_pool(cfg, cfg.intervene.split)]
-    unseen = shared_pool(cfg, "new_items")
+    to = scenes.images[shared_pool(cfg, "intervene.split")]
+    unseen = cfg.protocol.splits.new_items
     examples = read_arrays(Path(cfg.paths.counterfactual) / "examples.npz")
     found = find(to_tensor(scenes.images[unseen]))
     return Drawn(
@@ -108,7 +109,7 @@ def _seen(cfg: DictConfig, results: Results, scenes: SceneSet, pool: str, seed: 
 
 def _maps(cfg: DictConfig, scenes: SceneSet, user: str, seed: int, trained_on: int) -> Maps:
     """Truth and models over the lattice: in a training scene, then in the first scenes of unseen items."""
-    side, new = cfg.report.map_side, shared_pool(cfg, "new_items")
+    side, new = cfg.report.map_side, cfg.protocol.splits.new_items
     count = max(1, cfg.report.scenes - 1)
     parts = [(train_pool(seed), slice(trained_on, trained_on + 1)), (new, slice(0, count))]
     images = np.concatenate([scenes.images[pool][at] for pool, at in parts])

@@ -11,7 +11,7 @@ from pipeline.artifacts.demos import DEMO_KEY, demo_arrays
 from pipeline.artifacts.scenes import SceneSet, train_pool
 from pipeline.causal.counterfactual import DECISION, NOBODY, blame
 from pipeline.causal.scm import chance_of_change
-from pipeline.params import InputError
+from pipeline.errors import InputError
 from pipeline.recording.contents import Counterfactual, Demonstrations, Intervention, Learning, Repairs, Run
 from pipeline.table.bezier import lattice
 from pipeline.table.layout import SYMBOLS, Layouts

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
 
-import numpy as np
 from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
 from omegaconf import DictConfig
@@ -13,7 +12,7 @@ from omegaconf import DictConfig
 from pipeline.parallel import map_jobs
 from pipeline.spec.specification import to_tensor
 from pipeline.spec.things import find
-from pipeline.spec.training import job_seed
+from pipeline.streams import stream
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.confounded import Setting, confounded_layouts
 from pipeline.table.items import Catalogue, read_catalogue
@@ -50,7 +49,7 @@ def _draw(cfg: DictConfig, draw: Draw) -> Scenes:
     """One set of scenes; table top, light and camera do not depend on the world either."""
     c, (catalogue, palette) = cfg.confound, _inputs(cfg.paths.data)
     world = c.worlds[draw.world]
-    rng = np.random.default_rng(job_seed(c.generator, "scenes", draw.name))
+    rng = stream(c.generator, "scenes", draw.name)
     rules, setting = LayoutRules.of(cfg.scenes.layout), Setting(world.together, c.present, c.glasses, *world.gap_m)
     layouts = confounded_layouts(rng, draw.count, catalogue.footprints, catalogue.pool(draw.split), rules, setting)
     textures, seeds = rng.choice(catalogue.texture_names("train"), draw.count), rng.integers(2**31, size=draw.count)
@@ -69,6 +68,6 @@ def demonstrations(
     cfg: DictConfig, layouts: Layouts, user: str, seed: int
 ) -> tuple[Float[Array, "scene n 2"], Bool[Array, "scene n"]]:
     """Random z_theta [m], study_n a scene, and whether each is valid: the same paths whatever stands there."""
-    rng = np.random.default_rng(job_seed(cfg.confound.generator, "paths", user, seed))
+    rng = stream(cfg.confound.generator, "paths", user, seed)
     z = random_z_theta(rng, len(layouts), cfg.study_n)
     return z, valid(layouts, z, cfg.users[user])

@@ -11,9 +11,9 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.demos import demo_arrays
 from pipeline.artifacts.scenes import SceneSet, train_pool
+from pipeline.errors import InputError
 from pipeline.fitting.trainers import Lesson
-from pipeline.params import InputError
-from pipeline.spec.training import job_seed
+from pipeline.streams import stream
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.fit import fit
 from pipeline.table.items import Catalogue, read_catalogue
@@ -75,4 +75,4 @@ def _inputs(data: str) -> tuple[Catalogue, Palette]:
 
 def _generator(cfg: DictConfig, *names: str | int) -> np.random.Generator:
     """A stream of its own for whatever `names` name."""
-    return np.random.default_rng(job_seed(cfg.efficiency.generator, *names))
+    return stream(cfg.efficiency.generator, *names)

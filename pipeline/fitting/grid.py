@@ -4,6 +4,7 @@ A job is a model built from the variant's settings, a `fit` that trains it in pl
 A `fit` takes a batch of jobs: either every one's labels vary, or none's do.
 """
 
+import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -19,10 +20,11 @@ from pipeline.artifacts.demos import Queries, demo_arrays, read_demos, read_quer
 from pipeline.artifacts.files import write_json, write_table
 from pipeline.artifacts.models import PREDICTION_COLUMNS, save_weights, weights_path
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
+from pipeline.errors import InputError
 from pipeline.parallel import map_jobs
-from pipeline.params import InputError
+from pipeline.spec.descent import Checkpoints, never_varies
 from pipeline.spec.specification import Specification, untrained
-from pipeline.spec.training import Checkpoints, job_seed, never_varies
+from pipeline.streams import job_seed
 
 KEY = ["seed", "user", "n"]
 # (models, images, z_theta, valid, seeds=, checkpoints=) -> learning curves; picklable
@@ -57,18 +59,12 @@ class Fitted:
     predictions: dict[str, np.ndarray]  # split -> (scene, query)
 
 
-def variant_settings(cfg: DictConfig, stage: str, names: Sequence[str]) -> dict[str, Any]:
-    """The settings of `cfg.variant`; InputError if another stage fits it, or one of `names` is not among them."""
+def variant_settings(cfg: DictConfig, stage: str) -> dict[str, Any]:
+    """The settings of `cfg.variant`; InputError if another stage fits it."""
     variant = cfg.variants[cfg.variant]
     if variant.stage != stage:
         own = [name for name, v in cfg.variants.items() if v.stage == stage]
         raise InputError(f"variant {cfg.variant} is not fitted by stage {stage}: expected one of {', '.join(own)}")
-    missing = [name for name in names if variant.get(name) is None]
-    if missing:
-        raise InputError(
-            f"variant {cfg.variant} has no {', '.join(missing)}: stage {stage} expects each of {', '.join(names)}; "
-            "see conf/variants"
-        )
     return cast(dict[str, Any], OmegaConf.to_container(variant, resolve=True))
 
 
@@ -99,7 +95,9 @@ def fit_variant(
     fitted = [by_key[_key(job)] for job in jobs]
     predictions = pd.concat([_prediction_rows(f, queries) for f in fitted], ignore_index=True)
     curves = pd.concat([_curve_rows(f, columns) for f in fitted], ignore_index=True)
-    (out_dir / "checkpoints").mkdir(parents=True, exist_ok=True)  # even where no model has any
+    for folder in ("weights", "checkpoints"):  # models of an earlier run into the same folder are not this one's
+        shutil.rmtree(out_dir / folder, ignore_errors=True)
+        (out_dir / folder).mkdir(parents=True)  # even where no model has any
     for f in fitted:
         for step, weights in {None: f.weights, **f.checkpoints}.items():
             path = weights_path(out_dir, f.job.user, f.job.seed, f.job.n, step)
@@ -183,11 +181,22 @@ def _run(batch: list[Job]) -> list[Fitted]:
     curves = batch[0].fit(models, images, z, valid, seeds=seeds, checkpoints=checkpoints)
     fitted = []
     for job, model, curve in zip(batch, models, curves, strict=True):
+        _need_finite(job, curve)
         judged = {split: model.probability(scenes.images[pool], queries[pool].z) for split, pool in job.pools.items()}
         weights = {name: value.numpy() for name, value in model.state_dict().items()}
         on_the_way = checkpoints.of(model) if job.checkpoints else {}
         fitted.append(Fitted(job, weights, on_the_way, curve, judged))
     return fitted
+
+
+def _need_finite(job: Job, curve: np.ndarray) -> None:
+    """Raise InputError if a fit diverged."""
+    if not np.isfinite(curve).all():
+        step = int(curve[~np.isfinite(curve).all(1)][0, 0])
+        raise InputError(
+            f"{job.variant} of {job.user}, seed {job.seed}, n {job.n}: its loss is no longer finite at step {step}; "
+            "lower the learning rate of its stage"
+        )
 
 
 def _prediction_rows(fitted: Fitted, queries: dict[str, Queries]) -> pd.DataFrame:

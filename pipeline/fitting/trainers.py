@@ -14,15 +14,15 @@ from numpy import ndarray as Array
 from omegaconf import DictConfig
 
 from pipeline.fitting.grid import Fit, one_by_one
-from pipeline.fitting.schedules import reward_schedule, schedule
 from pipeline.parallel import map_jobs
 from pipeline.spec import clearance, irl
+from pipeline.spec.descent import Schedule
 from pipeline.spec.losses import Weights
 from pipeline.spec.reward import RewardMap
 from pipeline.spec.specification import Specification, untrained
 from pipeline.spec.stacked import LANES, fit_stack
-from pipeline.spec.training import job_seed
 from pipeline.spec.vae import VaeSpecification
+from pipeline.streams import job_seed
 
 Answer = TypeVar("Answer")
 FITTED = ("train", "irl", "path")  # the stages whose variants can be fitted here
@@ -97,8 +97,8 @@ def _trainer(cfg: DictConfig, variant: str) -> tuple[type[Specification], Fit]:
     v = cfg.variants[variant]
     if v.stage == "train":
         weights = Weights(float(v.alpha), float(v.beta), float(v.gamma))
-        return VaeSpecification, partial(fit_stack, weights=weights, schedule=schedule(cfg.train))
+        return VaeSpecification, partial(fit_stack, weights=weights, schedule=Schedule.of(cfg.train))
     if v.stage == "irl":
-        train = partial(one_by_one, irl.fit, objective=v.objective, schedule=reward_schedule(cfg, v.steps))
-        return RewardMap, train
-    return clearance.ClearanceModel, partial(clearance.fit, schedule=schedule(cfg.path))
+        pace = irl.Schedule.of({**cfg.irl, "steps": v.steps})
+        return RewardMap, partial(one_by_one, irl.fit, objective=v.objective, schedule=pace)
+    return clearance.ClearanceModel, partial(clearance.fit, schedule=Schedule.of(cfg.path))

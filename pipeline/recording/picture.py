@@ -25,7 +25,8 @@ from numpy import ndarray as Array
 from PIL import Image
 from rerun.experimental import ViewerClient
 
-from pipeline.params import PARAMS, InputError, load
+from pipeline.errors import InputError
+from pipeline.params import PARAMS, load
 from pipeline.recording.digest import digest
 from pipeline.recording.review import find
 from pipeline.recording.screenshot import Screenshot, write_png
@@ -113,6 +114,9 @@ def _main(argv: list[str]) -> None:
     if len(argv) not in (2, 3, 5) or not all(number.isdigit() for number in (*argv[2:3], *argv[4:])):
         raise InputError(f"got {argv}: expected RUN FILE.png, then a tab's number, then a time line and a step")
     run, file, tab, timeline, step = [*argv, *["0", "repair_step", "1000000"][len(argv) - 2 :]]
+    folder = Path(file).parent
+    if not folder.is_dir():
+        raise InputError(f"there is no folder {folder} to write {file} into: make it first")
     path = find(Path(load(PARAMS).paths.record), run)
     with viewer() as client:
         client.open(str(path.resolve()))
@@ -126,6 +130,6 @@ def _main(argv: list[str]) -> None:
 if __name__ == "__main__":
     try:
         _main(sys.argv[1:])
-    except ValueError as error:
+    except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)

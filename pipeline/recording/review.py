@@ -14,7 +14,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from pipeline.params import PARAMS, InputError, load
+from pipeline.errors import InputError
+from pipeline.params import PARAMS, load
 from pipeline.recording.digest import digest
 
 OVERVIEW = "overview"
@@ -112,6 +113,6 @@ def _main(argv: list[str]) -> int:
 if __name__ == "__main__":
     try:
         sys.exit(_main(sys.argv[1:]))
-    except ValueError as error:
+    except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)

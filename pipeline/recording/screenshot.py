@@ -1,13 +1,13 @@
 """A picture of a recording as a file: PNG, whose text says which recording it shows and what that held."""
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
 from PIL import Image, UnidentifiedImageError
 from PIL.PngImagePlugin import PngInfo
 
-from pipeline.params import InputError
+from pipeline.errors import InputError
+from pipeline.writing import write_whole
 
 RECORDING, CONTENTS = "Recording", "Contents"
 
@@ -26,9 +26,7 @@ def write_png(path: Path, shot: Screenshot) -> None:
     said = PngInfo()
     said.add_text(RECORDING, shot.recording)
     said.add_text(CONTENTS, shot.contents)
-    temporary = path.with_name(f".part-{path.name}")
-    shot.image.save(temporary, "PNG", optimize=True, pnginfo=said)
-    os.replace(temporary, path)
+    write_whole(path, lambda part: shot.image.save(part, "PNG", optimize=True, pnginfo=said))
 
 
 def read_png(path: Path) -> Screenshot:

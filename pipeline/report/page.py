@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from pipeline.errors import InputError
 from pipeline.report.findings.ablation import ablation
 from pipeline.report.findings.acceptance import acceptance
 from pipeline.report.findings.accuracy import accuracy, calibration
@@ -43,7 +44,7 @@ def render(
     facts: Mapping[str, object],
     panel: Mapping[str, object],
 ) -> str:
-    """index.html; ValueError if it would be larger than LARGEST.
+    """index.html; InputError if it would be larger than LARGEST.
 
     recordings: pictures of them; facts: what the text says of the setting (margins, the numbers of scenes and steps);
     panel: the panel's data.
@@ -71,7 +72,7 @@ def render(
     )  # fmt: skip
     html = _with_letters_once(html)
     if len(html.encode()) > LARGEST:
-        raise ValueError(
+        raise InputError(
             f"the report has {len(html.encode()):,} bytes: expected at most {LARGEST:,}; draw fewer scenes "
             f"(conf/report.yaml)"
         )

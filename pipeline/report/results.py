@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from pipeline.params import InputError
+from pipeline.errors import InputError
 from pipeline.table.layout import SYMBOLS
 
 NULLS = ("null_nearest", "null_position")

@@ -3,12 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
 import torch
-import torch.nn.functional as F
-from torch import Tensor
 
-from pipeline.spec.clearance import SHARPENING, ClearanceModel, clearance
+from pipeline.spec.clearance import ClearanceModel
 from pipeline.spec.things import FEATURES
 
 FIRST = 5  # column of a percept's first feature; the two ends and the radius stand before
@@ -19,26 +16,14 @@ SURE = 14.0  # log-odds of what is as good as certain
 class _NoSharpening(ClearanceModel):
     """The members' mean is not sharpened."""
 
-    def logit(self, percept, z_theta):
-        by_things = _mean(self, percept, z_theta) + F.logsigmoid(self.evidence)
-        return _log_odds(torch.logaddexp(by_things, self.rate.log() + F.logsigmoid(-self.evidence)))
+    sharpening = 1.0
 
 
 class _NoEvidence(ClearanceModel):
     """The members are believed, however little the labels bear them out."""
 
     def logit(self, percept, z_theta):
-        return SHARPENING * _log_odds(_mean(self, percept, z_theta))
-
-
-def _mean(model: ClearanceModel, percept: Tensor, z_theta: Tensor) -> Tensor:
-    """Logarithm of the members' mean."""
-    return model.log_valid(percept, clearance(percept, z_theta)).logsumexp(0) - float(np.log(len(model.margin)))
-
-
-def _log_odds(log_p: Tensor) -> Tensor:
-    log_p = log_p.clamp(max=-1e-6)
-    return log_p - torch.log(-torch.expm1(log_p))
+        return self.of_things(percept, z_theta)
 
 
 class _NoSquares(ClearanceModel):

@@ -14,9 +14,10 @@ from numpy import ndarray as Array
 from torch import nn
 from torch.func import functional_call, stack_module_state, vmap
 
+from pipeline.spec.descent import Checkpoints, Schedule, padded, shares
 from pipeline.spec.losses import Terms, Weights, equation_1
 from pipeline.spec.specification import to_tensor
-from pipeline.spec.training import Checkpoints, Schedule, fit_varied, padded, shares
+from pipeline.spec.training import fit_varied
 from pipeline.spec.vae import VaeSpecification
 
 AT_ONCE = 128  # models: about 4 GB of activations in the paper's size

@@ -19,9 +19,9 @@ from numpy import ndarray as Array
 from scipy.special import entr
 from torch import Tensor, nn
 
+from pipeline.spec.descent import Checkpoints, Schedule, laplace, never_varies, padded, shares
 from pipeline.spec.specification import Specification, to_tensor
 from pipeline.spec.things import FEATURES, find
-from pipeline.spec.training import Checkpoints, Schedule, laplace, never_varies, padded, shares
 from pipeline.table.bezier import P_F, P_INIT, basis
 
 SAMPLES = 160  # points along a path: 1 cm apart on the longest, so that a clearance is right within half a millimetre
@@ -57,7 +57,7 @@ class ClearanceModel(Specification):
     spread: Tensor
     evidence: Tensor
     rate: Tensor
-    bound = BOUND
+    bound, sharpening = BOUND, SHARPENING
 
     def __init__(self, members: int):
         super().__init__()
@@ -85,11 +85,14 @@ class ClearanceModel(Specification):
         self, percept: Float[Tensor, "scene thing 12"], z_theta: Float[Tensor, "scene path 2"]
     ) -> Float[Tensor, "scene path"]:
         """Log-odds of validity; differentiable in `z_theta` [m]."""
-        by_member = self.log_valid(percept, clearance(percept, z_theta))
-        mean = by_member.logsumexp(0) - float(np.log(len(by_member)))
-        by_things = F.logsigmoid(SHARPENING * _log_odds(mean)) + F.logsigmoid(self.evidence)
+        by_things = F.logsigmoid(self.of_things(percept, z_theta)) + F.logsigmoid(self.evidence)
         by_rate = self.rate.log() + F.logsigmoid(-self.evidence)
         return _log_odds(torch.logaddexp(by_things, by_rate))
+
+    def of_things(self, percept: Tensor, z_theta: Float[Tensor, "scene path 2"]) -> Float[Tensor, "scene path"]:
+        """Log-odds of validity if things matter: of the members' mean, sharpened."""
+        by_member = self.log_valid(percept, clearance(percept, z_theta))
+        return self.sharpening * _log_odds(by_member.logsumexp(0) - float(np.log(len(by_member))))
 
     def log_valid(
         self, percept: Float[Tensor, "*model scene thing 12"], clearances: Float[Tensor, "*model scene path near"]

@@ -6,8 +6,10 @@
 information as the specification model. Both then turn soft regret into P(valid) by a logistic fit on all labels.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 from zlib import crc32
 
 import numpy as np
@@ -18,18 +20,19 @@ from numpy import ndarray as Array
 from scipy.special import expit
 from torch import Tensor
 
-from pipeline.spec import training
+from pipeline.errors import InputError
+from pipeline.spec import descent
+from pipeline.spec.descent import Checkpoints, laplace, never_varies, require_positive
 from pipeline.spec.jitter import Jitter, blobs, new_looks
 from pipeline.spec.reward import PICTURE, SYMMETRIES, RewardMap, against_table, contrast, transform, untransform
 from pipeline.spec.specification import to_tensor
-from pipeline.spec.training import Checkpoints, laplace, never_varies, require_positive
 
 OBJECTIVES = ("maxent", "ranked")
 CURVE = ("step", "total")  # columns of a learning curve
 
 
 @dataclass(frozen=True)
-class Schedule(training.Schedule):
+class Schedule(descent.Schedule):
     """How a reward map is trained (conf/irl)."""
 
     scenes_per_step: int  # drawn without replacement; more than there are: all
@@ -41,6 +44,13 @@ class Schedule(training.Schedule):
     def __post_init__(self):
         super().__post_init__()
         require_positive(self, "scenes_per_step", "copies")
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> "Schedule":
+        """The schedule from conf/irl, and the variant's `steps`."""
+        numbers = {name: float(values[name]) for name in ("rate", "weight_decay", "sparsity")}
+        whole = {name: values[name] for name in ("steps", "curve_every", "scenes_per_step", "copies", "across")}
+        return cls(**numbers, **whole, jitter=Jitter(**{name: float(x) for name, x in values["jitter"].items()}))
 
 
 def maxent(regret: Float[Tensor, "scene path"], valid: Bool[Tensor, "scene path"]) -> Float[Tensor, ""]:
@@ -78,7 +88,7 @@ def fit(
     `checkpoints` keeps the weights on the way, each time with the rule that fits them.
     """
     if objective not in OBJECTIVES:
-        raise ValueError(f"objective {objective!r} of a reward variant: expected one of {', '.join(OBJECTIVES)}")
+        raise InputError(f"objective {objective!r} of a reward variant: expected one of {', '.join(OBJECTIVES)}")
     if never_varies(valid):
         p = laplace(valid)
         accept(model, 0.0, float(np.log(p / (1 - p))))
@@ -134,7 +144,7 @@ def _descend(model, rng, looks, z_theta, valid, objective, schedule, checkpoints
             if loss is not None and (step % schedule.curve_every == 0 or step == schedule.steps - 1):
                 curve.append((step, float(loss.detach())))
     model.eval()
-    return np.array(curve)
+    return np.array(curve).reshape(-1, len(CURVE))  # no point where demonstrations allow no pair
 
 
 def _loss(objective, regret, valid, across) -> Tensor | None:

@@ -8,6 +8,7 @@ import torch.nn.functional as F
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from pipeline.errors import InputError
 from pipeline.spec.vae import VaeSpecification
 
 
@@ -22,9 +23,9 @@ class Weights:
     def __post_init__(self):
         for name in ("alpha", "beta", "gamma"):
             if not getattr(self, name) >= 0:
-                raise ValueError(f"{name} is {getattr(self, name)}: a weight of Eq. 1 is 0 or more")
+                raise InputError(f"{name} is {getattr(self, name)}: a weight of Eq. 1 is 0 or more")
         if self.gamma == 0:
-            raise ValueError("gamma is 0: the classifier would never be trained; give it a positive weight")
+            raise InputError("gamma is 0: the classifier would never be trained; give it a positive weight")
 
 
 class Terms(NamedTuple):

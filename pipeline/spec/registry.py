@@ -6,6 +6,7 @@ The stages that fit models name their kind themselves: a change of one kind leav
 from collections.abc import Mapping
 from typing import Any
 
+from pipeline.errors import InputError
 from pipeline.spec.clearance import ClearanceModel
 from pipeline.spec.reward import RewardMap
 from pipeline.spec.specification import Specification, untrained
@@ -18,5 +19,5 @@ def build(variant: Mapping[str, Any], seed: int = 0) -> Specification:
     """The untrained model of `variant.kind`, made of `variant.model`. Raises ValueError for an unknown kind."""
     kind = variant["kind"]
     if kind not in KINDS:
-        raise ValueError(f"kind {kind!r} of variant: expected one of {', '.join(KINDS)}; see conf/variants")
+        raise InputError(f"kind {kind!r} of variant: expected one of {', '.join(KINDS)}; see conf/variants")
     return untrained(KINDS[kind], variant["model"], seed)

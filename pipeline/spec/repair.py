@@ -7,7 +7,10 @@ import torch
 from jaxtyping import Float, UInt8
 from numpy import ndarray as Array
 from torch import Tensor
+from torch.optim import SGD, Adam
+from torch.optim.lr_scheduler import LambdaLR
 
+from pipeline.errors import InputError
 from pipeline.spec.specification import Specification, to_tensor
 from pipeline.table.bezier import Z_HIGH, Z_LOW
 
@@ -30,10 +33,10 @@ class Ascent:
 
     def __post_init__(self):
         if self.optimiser not in OPTIMISERS:
-            raise ValueError(f"repair.optimiser is {self.optimiser!r}: expected one of {', '.join(OPTIMISERS)}")
+            raise InputError(f"repair.optimiser is {self.optimiser!r}: expected one of {', '.join(OPTIMISERS)}")
         for name in ("steps", "rate"):
             if not getattr(self, name) > 0:
-                raise ValueError(f"repair.{name} is {getattr(self, name)}: it must be positive")
+                raise InputError(f"repair.{name} is {getattr(self, name)}: it must be positive")
 
 
 @dataclass(frozen=True)
@@ -60,19 +63,18 @@ def repair(
     with torch.no_grad():
         percept = model.perceive(to_tensor(images))
     z = torch.as_tensor(np.asarray(starts, dtype=np.float32)).clamp(Z_LOW, Z_HIGH)
-    stepper = _Adam(z) if ascent.optimiser == "adam" else None
-    path, log_odds = [z], []
-    for step in range(ascent.steps):
-        rate = ascent.rate * (1 - step / ascent.steps if ascent.settle else 1.0)
+    optimiser = (Adam if ascent.optimiser == "adam" else SGD)([z], lr=ascent.rate, maximize=True)
+    pace = LambdaLR(optimiser, lambda step: 1 - step / ascent.steps if ascent.settle else 1.0)
+    path, log_odds = [z.clone()], []
+    for _ in range(ascent.steps):
         value, delta = _slope(model, percept, z)
-        if stepper is not None:
-            move = stepper.direction(delta)
-        elif ascent.optimiser == "normalised":
-            move = delta / delta.norm(dim=-1, keepdim=True).clamp(min=torch.finfo(delta.dtype).tiny)
-        else:
-            move = delta
-        z = (z + rate * move).clamp(Z_LOW, Z_HIGH)
-        path.append(z)
+        if ascent.optimiser == "normalised":
+            delta = delta / delta.norm(dim=-1, keepdim=True).clamp(min=torch.finfo(delta.dtype).tiny)
+        z.grad = delta
+        optimiser.step()
+        pace.step()
+        z.clamp_(Z_LOW, Z_HIGH)
+        path.append(z.clone())
         log_odds.append(value)
     with torch.no_grad():
         log_odds.append(model.logit(percept, z))
@@ -88,19 +90,3 @@ def _slope(model: Specification, percept: Tensor, z: Tensor) -> tuple[Tensor, Te
             return log_odds, torch.zeros_like(z)
         (delta,) = torch.autograd.grad(log_odds.sum(), z)
     return log_odds.detach(), delta
-
-
-class _Adam:
-    """Adam's running moments (Kingma and Ba 2015, Algorithm 1), one pair per coordinate."""
-
-    def __init__(self, z: Tensor, beta1: float = 0.9, beta2: float = 0.999):
-        self.m, self.v = torch.zeros_like(z), torch.zeros_like(z)
-        self.beta1, self.beta2, self.t = beta1, beta2, 0
-
-    def direction(self, delta: Tensor) -> Tensor:
-        """The step per unit of rate."""
-        self.t += 1
-        self.m = self.beta1 * self.m + (1 - self.beta1) * delta
-        self.v = self.beta2 * self.v + (1 - self.beta2) * delta**2
-        m, v = self.m / (1 - self.beta1**self.t), self.v / (1 - self.beta2**self.t)
-        return m / (v.sqrt() + 1e-8)

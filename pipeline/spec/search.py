@@ -14,7 +14,9 @@ from jaxtyping import Float
 from numpy import ndarray as Array
 from scipy.optimize import minimize
 from torch import Tensor
+from torch.optim import Rprop
 
+from pipeline.errors import InputError
 from pipeline.spec.specification import Specification
 from pipeline.table.bezier import Z_HIGH, Z_LOW
 
@@ -39,9 +41,9 @@ class Near:
     def __post_init__(self):
         for name in ("evaluations", "weight", "probes", "reach", "step"):
             if not getattr(self, name) > 0:
-                raise ValueError(f"search.{name} is {getattr(self, name)}: it must be positive")
+                raise InputError(f"search.{name} is {getattr(self, name)}: it must be positive")
         if not self.probes < self.evaluations:
-            raise ValueError(f"search.probes is {self.probes}: expected fewer than the {self.evaluations} evaluations")
+            raise InputError(f"search.probes is {self.probes}: expected fewer than the {self.evaluations} evaluations")
 
 
 @dataclass(frozen=True)
@@ -167,13 +169,12 @@ def _downhill(z: Float[Array, "2"], objective: Objective, evaluations: int) -> t
 
 def _climb(objective: Objective, z: Float[Tensor, "scene start k 2"], steps: int, step: float) -> None:
     """Rprop: each coordinate's step grows while its slope keeps its sign, and shrinks and pauses when it turns."""
-    steps_of, before = torch.full_like(z, step), torch.zeros_like(z)
+    z = z.clone()
+    optimiser = Rprop([z], lr=step, etas=(SLOWER, FASTER), maximize=True)
     for _ in range(steps):
-        _, slope = objective.slope(z)
-        turned = slope * before < 0
-        steps_of = torch.where(turned, SLOWER * steps_of, torch.where(before != 0, FASTER * steps_of, steps_of))
-        before = torch.where(turned, 0.0, slope)
-        z = _inside(z + steps_of * before.sign())
+        _, z.grad = objective.slope(z)
+        optimiser.step()
+        z.clamp_(Z_LOW, Z_HIGH)
 
 
 def _inside(z: Tensor) -> Tensor:

@@ -11,6 +11,8 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor, nn
 
+from pipeline.errors import InputError
+
 Array = np.ndarray
 SCENES_PER_BATCH = 256  # bounds the memory of a forward pass; results do not depend on it
 
@@ -84,7 +86,7 @@ def untrained(kind: type[Specification], shape: Mapping[str, Any], seed: int) ->
     takes = signature(kind).parameters.values()
     required = {p.name for p in takes if p.default is p.empty}
     if wrong := sorted({*shape} - {p.name for p in takes} | required - {*shape}):
-        raise ValueError(
+        raise InputError(
             f"{kind.__name__} got {', '.join(shape) or 'nothing'} (`model:` in conf/variants), wrong or missing: "
             f"{', '.join(wrong)}; it takes {', '.join(map(str, takes))}"
         )

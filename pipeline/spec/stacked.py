@@ -21,9 +21,10 @@ from scipy.special import expit, log_expit
 from torch import nn
 
 from pipeline.spec import lanes
+from pipeline.spec.descent import Checkpoints, Schedule, padded, shares
 from pipeline.spec.lanes import GATE, LANES, PUT, RELU
 from pipeline.spec.losses import Weights
-from pipeline.spec.training import Checkpoints, Schedule, fit_varied, padded, shares
+from pipeline.spec.training import fit_varied
 from pipeline.spec.vae import SIDE, Z_CENTRE, Z_SCALE, VaeSpecification
 
 

@@ -13,15 +13,16 @@ from omegaconf import DictConfig
 from pipeline.artifacts.demos import Queries, demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import write_json
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
-from pipeline.fitting.schedules import schedule
+from pipeline.errors import InputError
 from pipeline.launch import launch
 from pipeline.parallel import map_jobs
-from pipeline.params import InputError
+from pipeline.params import need
 from pipeline.spec.ablations import ABLATIONS
 from pipeline.spec.clearance import ClearanceModel, fit
+from pipeline.spec.descent import Schedule
 from pipeline.spec.metrics import accuracy, expected_calibration_error
 from pipeline.spec.specification import Specification, untrained
-from pipeline.spec.training import job_seed
+from pipeline.streams import job_seed
 
 WHOLE, VALIDATION = "whole", "val_"
 DIGITS = 6
@@ -58,19 +59,14 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 
 def _check(cfg: DictConfig) -> None:
-    """Raise InputError before any work if a parameter is out of range."""
+    """Raise InputError before any work if a parameter does not suit others, or what stages before this one wrote."""
     a, scenes, queries = cfg.ablate, read_scenes(Path(cfg.paths.scenes)), read_queries(Path(cfg.paths.demos))
-
-    def need(holds: bool, name: str, expected: str) -> None:
-        if not holds:
-            raise InputError(f"parameter ablate.{name} is {a[name]!r}: expected {expected}")
-
     known = [name for name, v in cfg.variants.items() if v.stage == "path"]
-    need(a.variant in known, "variant", f"one of {', '.join(known)}")
-    need(len(a.n) > 0 and set(a.n) <= set(cfg.n), "n", f"some of {', '.join(map(str, cfg.n))}")
+    need(cfg, "ablate.variant", a.variant in known, f"one of {', '.join(known)}")
+    need(cfg, "ablate.n", len(a.n) > 0 and set(a.n) <= set(cfg.n), f"some of {', '.join(map(str, cfg.n))}")
     there = [pool for pool in queries if pool.startswith(VALIDATION)]
     some = len(a.pools) > 0 and set(a.pools) <= set(there)
-    need(some, "pools", f"pools of validation, some of {', '.join(there)}")
+    need(cfg, "ablate.pools", some, f"pools of validation, some of {', '.join(there)}")
     needed = {*a.pools, *map(train_pool, cfg.validation_seeds)}
     if not (needed <= set(scenes.images) and all(set(cfg.evaluate.users) <= set(queries[x].valid) for x in a.pools)):
         raise InputError(f"not all of {', '.join(sorted(needed))} are there: run stages scenes and demos again")
@@ -85,7 +81,7 @@ def _scores(job: Job) -> list[tuple[float, float]]:
     models = [untrained(changed.kind, {**cfg.variants[variant].model, **changed.model}, seed) for seed in seeds]
     images = [scenes.images[train_pool(seed)] for _, seed in asked]
     z, valid = zip(*(demo_arrays(demos, seed, user, job.n) for user, seed in asked), strict=True)
-    fit(cast(list[ClearanceModel], models), images, z, valid, schedule(cfg.path), seeds)
+    fit(cast(list[ClearanceModel], models), images, z, valid, Schedule.of(cfg.path), seeds)
     return [_judged(cfg, scenes, queries, model, user) for model, (user, _) in zip(models, asked, strict=True)]
 
 

@@ -21,9 +21,10 @@ from pipeline.artifacts.files import write_json, write_table
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.causal.interventions import DIGITS
 from pipeline.causal.statistics import Estimates, estimate
+from pipeline.errors import InputError
 from pipeline.fitting.trainers import FITTED, Lesson, fit_each
 from pipeline.launch import launch
-from pipeline.params import InputError
+from pipeline.params import need
 from pipeline.spec.acceptance import (
     Calibration,
     accept,
@@ -36,7 +37,7 @@ from pipeline.spec.acceptance import (
 )  # fmt: skip
 from pipeline.spec.metrics import DECISION
 from pipeline.spec.specification import Specification
-from pipeline.spec.training import job_seed
+from pipeline.streams import stream
 
 SPLIT, CROSSED, TRAINING = "split", "crossed", "training"  # how held-out scores come about; TRAINING: they do not
 RULES = (SPLIT, CROSSED, TRAINING, "decision", "truth")
@@ -85,31 +86,16 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 
 def _check_settings(cfg: DictConfig) -> None:
-    """Raise InputError before any work if a parameter is out of range."""
+    """Raise InputError before any work if a parameter does not suit others."""
     c, scenes = cfg.accept, cfg.scenes.per_seed
-
-    def need(holds: bool, name: str, expected: str) -> None:
-        if not holds:
-            raise InputError(f"parameter accept.{name} is {c[name]!r}: expected {expected}")
-
-    def share(value: object) -> bool:
-        return isinstance(value, float) and 0 < value < 1
-
-    def whole(value: object) -> bool:
-        return isinstance(value, int) and not isinstance(value, bool)
-
     known = [name for name, v in cfg.variants.items() if v.stage in FITTED]
-    need(len(c.variants) > 0 and set(c.variants) <= set(known), "variants", f"some of {', '.join(known)}")
-    for name in ("level", "error"):
-        need(share(c[name]), name, "a number between 0 and 1")
-    levels = list(c.levels)
-    ascending = all(map(share, levels)) and levels == sorted(set(levels))
-    need(ascending and c.level in levels, "levels", f"ascending numbers between 0 and 1, {c.level} among them")
-    need(whole(c.fitted) and 0 < c.fitted < scenes, "fitted", f"a whole number from 1 to {scenes - 1}")
-    fits = whole(c.folds) and c.folds > 1 and scenes % c.folds == 0
-    need(fits, "folds", f"a whole number from 2 that divides scenes.per_seed = {scenes}")
-    if not _pools(cfg):
-        raise InputError(f"protocol.splits is {dict(cfg.protocol.splits)}: expected a split that all seeds share")
+    some = len(c.variants) > 0 and set(c.variants) <= set(known)
+    need(cfg, "accept.variants", some, f"some of {', '.join(known)}")
+    need(cfg, "accept.levels", c.level in c.levels, f"numbers with accept.level = {c.level} among them")
+    need(cfg, "accept.fitted", c.fitted < scenes, f"a whole number from 1 to {scenes - 1}")
+    divides = f"a whole number from 2 that divides scenes.per_seed = {scenes}"
+    need(cfg, "accept.folds", scenes % c.folds == 0, divides)
+    need(cfg, "protocol.splits", bool(_pools(cfg)), "a split that all seeds share")
 
 
 def _check_scenes(cfg: DictConfig, scenes: SceneSet) -> None:
@@ -138,7 +124,7 @@ def _pools(cfg: DictConfig) -> dict[str, str]:
 def _parts(cfg: DictConfig, seed: int) -> Parts:
     """Which of a seed's scenes each model of a form is fitted to; the same for every user and variant."""
     everything = np.arange(cfg.scenes.per_seed)
-    order = np.random.default_rng(job_seed(cfg.accept.generator, "scenes", seed)).permutation(everything)
+    order = stream(cfg.accept.generator, "scenes", seed).permutation(everything)
     fitted, rest = np.split(order, [cfg.accept.fitted])
     folds = np.split(order, cfg.accept.folds)
     return {

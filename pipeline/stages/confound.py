@@ -9,7 +9,7 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
 from pipeline.artifacts.added import read_added
 from pipeline.artifacts.demos import demo_arrays, read_demos
@@ -18,10 +18,11 @@ from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.causal.confound import association, before_and_after, passes_near, shift
 from pipeline.causal.interventions import DIGITS, study, tally
 from pipeline.causal.statistics import quartiles
+from pipeline.errors import InputError
 from pipeline.fitting.confounding import Draw, Scenes, demonstrations, draw_all
 from pipeline.fitting.trainers import FITTED, Lesson, fit_and_ask
 from pipeline.launch import launch
-from pipeline.params import InputError
+from pipeline.params import need, shared_pool
 from pipeline.spec.metrics import accuracy
 from pipeline.table.items import read_catalogue
 from pipeline.table.layout import SYMBOLS, Layouts
@@ -58,40 +59,30 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 
 def _check_settings(cfg: DictConfig) -> None:
-    """Raise InputError before any work if a parameter is out of range."""
+    """Raise InputError before any work if a parameter does not suit others."""
     c, layout = cfg.confound, cfg.scenes.layout
-
-    def need(holds: bool, name: str, expected: str) -> None:
-        if not holds:
-            got = OmegaConf.select(c, name)
-            raise InputError(f"parameter confound.{name} is {got!r}: expected {expected}")
-
-    need({CONFOUNDED, CONTROL} <= set(c.worlds), "worlds", f"{CONFOUNDED} and {CONTROL} among them")
+    need(cfg, "confound.worlds", {CONFOUNDED, CONTROL} <= set(c.worlds), f"{CONFOUNDED} and {CONTROL} among them")
+    need(cfg, f"confound.worlds.{CONTROL}.together", c.worlds[CONTROL].together == 0, "0, no common cause")
     lengths = f"two lengths from scenes.layout.clear_of_items = {layout.clear_of_items} on, the smaller first [m]"
     for name, world in c.worlds.items():
-        gap = list(world.gap_m)
-        need(0 <= world.together <= 1, f"worlds.{name}.together", "a chance from 0 to 1")
-        need(len(gap) == 2 and layout.clear_of_items <= gap[0] <= gap[1], f"worlds.{name}.gap_m", lengths)
-    need(c.worlds[CONTROL].together == 0, f"worlds.{CONTROL}.together", "0, no common cause")
-    need(0 < c.present <= 1, "present", "a chance above 0, at most 1")
+        low, high = world.gap_m
+        need(cfg, f"confound.worlds.{name}.gap_m", layout.clear_of_items <= low <= high, lengths)
     room = layout.slots - max(layout.items_per_scene) + 1
     whole = f"a whole number from 1 to {room}, which scenes.layout.slots leaves room for"
-    need(isinstance(c.glasses, int) and 1 <= c.glasses <= room, "glasses", whole)
-    need(c.near_m > 0, "near_m", "a length above 0 [m]")
-    need(len(c.users) > 0 and set(c.users) <= set(cfg.users), "users", f"some of {', '.join(cfg.users)}")
+    need(cfg, "confound.glasses", c.glasses <= room, whole)
+    some = len(c.users) > 0 and set(c.users) <= set(cfg.users)
+    need(cfg, "confound.users", some, f"some of {', '.join(cfg.users)}")
     known = [name for name, v in cfg.variants.items() if v.stage in FITTED]
-    need(len(c.variants) > 0 and set(c.variants) <= set(known), "variants", f"some of {', '.join(known)}")
+    some = len(c.variants) > 0 and set(c.variants) <= set(known)
+    need(cfg, "confound.variants", some, f"some of {', '.join(known)}")
     for name, worlds in c.variants.items():
-        some = f"{CONFOUNDED} and others of {', '.join(c.worlds)}"
-        need(CONFOUNDED in worlds and set(worlds) <= set(c.worlds), f"variants.{name}", some)
-    need(isinstance(c.examples, int) and c.examples >= 1, "examples", "a whole number from 1")
-    if not cfg.protocol.splits.get(cfg.intervene.split):
-        raise InputError(f"parameter intervene.split is {cfg.intervene.split!r}: expected a split that all seeds share")
+        those = f"{CONFOUNDED} and others of {', '.join(c.worlds)}"
+        need(cfg, f"confound.variants.{name}", CONFOUNDED in worlds and set(worlds) <= set(c.worlds), those)
 
 
 def _test_draws(cfg: DictConfig, scenes: SceneSet) -> list[Draw]:
     """New scenes of this world and of its control, as many as the ordinary ones and of the same split's items."""
-    pool = cfg.protocol.splits[cfg.intervene.split]
+    pool = shared_pool(cfg, "intervene.split")
     if pool not in scenes.layouts:
         raise InputError(f"no scenes {pool}: there are {', '.join(scenes.layouts)}; run the scenes stage again")
     layouts = scenes.layouts[pool]
@@ -101,7 +92,7 @@ def _test_draws(cfg: DictConfig, scenes: SceneSet) -> list[Draw]:
 
 def _tables(cfg: DictConfig, scenes: SceneSet, own: list[Scenes]) -> tuple[list[Layouts], np.ndarray, np.ndarray]:
     """TABLES' layouts and images (table, scene, 100, 100, 3), and z_theta [m] (scene, path, 2), the same for all."""
-    pool, directory = cfg.protocol.splits[cfg.intervene.split], Path(cfg.paths.intervene)
+    pool, directory = shared_pool(cfg, "intervene.split"), Path(cfg.paths.intervene)
     added, z = read_added(directory, cfg.scenes.layout.slots), read_arrays(directory / "images.npz")["z_theta"]
     layouts = [scenes.layouts[pool], *(s.layouts for s in own), *added.layouts]
     if len({len(z), *map(len, layouts)}) != 1:

@@ -29,17 +29,18 @@ from pipeline.causal.counterfactual import (
     study,
     unlike,
 )
+from pipeline.errors import InputError
 from pipeline.launch import launch
-from pipeline.params import InputError
+from pipeline.params import need, shared_pool
+from pipeline.streams import stream
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.items import read_catalogue
 from pipeline.table.layout import SYMBOLS, LayoutRules, Layouts
 from pipeline.table.render import Palette, render_scenes
 from pipeline.table.rules import Margins, clearance, slack, valid
 
-LeastMoves = tuple[
-    np.ndarray, np.ndarray
-]  # (seed, case): [m], NaN if none is found; whether the path is rejected at first
+# (seed, case) each: [m], NaN if none is found; whether the path is rejected at first
+LeastMoves = tuple[np.ndarray, np.ndarray]
 FINE = 10  # parts of a step between two pictures in which the true least move is sought
 
 
@@ -73,7 +74,8 @@ class Moves:
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """metrics.json, moves.parquet and examples.npz."""
-    _check_settings(cfg)
+    known = cfg.counterfactual.example_variant in cfg.variants
+    need(cfg, "counterfactual.example_variant", known, f"one of {', '.join(cfg.variants)}")
     check_weights(cfg)
     users = [u for u, margins in cfg.users.items() if any(m is not None for m in margins.values())]
     world = _set_world(cfg)
@@ -102,33 +104,16 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     write_json(out_dir / "metrics.json", metrics)
 
 
-def _check_settings(cfg: DictConfig) -> None:
-    """Raise InputError before any work if a parameter is out of range."""
-    s = cfg.counterfactual
-    for name, least in (("scenes", 2), ("paths", 1), ("moved_scenes", 2), ("move_steps", 1)):
-        if not isinstance(s[name], int) or s[name] < least:
-            raise InputError(f"counterfactual.{name} is {s[name]!r}: expected a whole number from {least}")
-    if not 0 < s.move_step <= 0.1:
-        raise InputError(f"counterfactual.move_step is {s.move_step!r}: expected a length above 0 up to .1 [m]")
-    if s.example_variant not in cfg.variants:
-        raise InputError(
-            f"counterfactual.example_variant is {s.example_variant!r}: expected one of {list(cfg.variants)}"
-        )
-    if not cfg.protocol.splits.get(s.split):
-        shared = [split for split, pool in cfg.protocol.splits.items() if pool]
-        raise InputError(f"counterfactual.split is {s.split!r}: expected one that all seeds share, of {shared}")
-
-
 def _set_world(cfg: DictConfig) -> World:
     """Read the first scenes of the split and draw the paths in them."""
     s, scenes = cfg.counterfactual, read_scenes(Path(cfg.paths.scenes))
-    pool = cfg.protocol.splits[s.split]
+    pool = shared_pool(cfg, "counterfactual.split")
     if pool not in scenes.images:
         raise InputError(f"no scenes {pool}: there are {', '.join(scenes.images)}; run the scenes stage again")
-    if s.scenes > (most := len(scenes.layouts[pool])):
-        raise InputError(f"counterfactual.scenes is {s.scenes}: expected at most the {most} scenes of {pool}")
+    most = len(scenes.layouts[pool])
+    need(cfg, "counterfactual.scenes", s.scenes <= most, f"at most the {most} scenes of {pool}")
     layouts = scenes.layouts[pool][: s.scenes]
-    z_theta = random_z_theta(np.random.default_rng(s.generator), len(layouts), s.paths)
+    z_theta = random_z_theta(stream(s.generator, "counterfactual"), len(layouts), s.paths)
     palette = Palette(read_catalogue(Path(cfg.paths.data)))
     return World(layouts, scenes.looks[pool], palette, z_theta, removals(layouts.present))
 

@@ -1,6 +1,5 @@
 """Stage demos: records demonstrations of every user, fits them by Bezier paths, draws the paths to be judged."""
 
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,10 +12,12 @@ from omegaconf import DictConfig
 from tqdm import tqdm
 
 from pipeline.artifacts.demos import DEMO_KEY, Queries, write_demos, write_queries
-from pipeline.artifacts.files import read_table, write_json
+from pipeline.artifacts.files import write_json
 from pipeline.artifacts.scenes import read_scenes, train_pool
+from pipeline.errors import InputError
 from pipeline.launch import launch
-from pipeline.params import InputError
+from pipeline.params import need
+from pipeline.streams import stream
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.fit import fit
 from pipeline.table.layout import Layouts
@@ -33,11 +34,11 @@ class Recorded:
     keys: pd.DataFrame
     samples: Array  # (total, 4) t [s], x, y, z [m], rounded to the float32 that is stored
     offsets: Array  # (recording + 1,)
+    real: int  # how many are a person's; the others are simulated
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write demos.parquet, recordings.npz, queries.npz and metrics.json."""
-    _validate(cfg)
     layouts = read_scenes(Path(cfg.paths.scenes)).layouts
     recorded = _record(cfg, layouts)
     fits = fit(recorded.samples[:, 1:3], recorded.offsets, cfg.demos.poor_above_m)
@@ -52,7 +53,9 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     )
     queries = {pool: _queries(cfg, pool, layouts[pool]) for pool in sorted(layouts)}
     shared = [pool for pool in queries if pool not in _training_pools(cfg)]
-    metrics = _metrics(demos, _judge_fits(cfg, layouts, demos), {pool: queries[pool] for pool in shared})
+    metrics = {"recorded": recorded.real} | _metrics(
+        demos, _judge_fits(cfg, layouts, demos), {pool: queries[pool] for pool in shared}
+    )
     write_demos(out_dir, demos, recorded.samples, recorded.offsets)
     write_queries(out_dir, queries)
     write_json(out_dir / "metrics.json", metrics)
@@ -68,7 +71,7 @@ def _record(cfg: DictConfig, layouts: dict[str, Layouts]) -> Recorded:
         for scene in range(len(_training(layouts, seed)))
         for demo in range(cfg.demos.per_scene)
     ]
-    real = _real(cfg.demos.recorded, set(keys))
+    real = _real(cfg, set(keys))
     recordings = []
     for key in tqdm(keys, desc="demos"):
         recording = real.get(key)
@@ -76,16 +79,19 @@ def _record(cfg: DictConfig, layouts: dict[str, Layouts]) -> Recorded:
             rng = _generator(cfg, "recording", *key)
             recording = simulate(rng, random_z_theta(rng), hand)
         check(recording, "seed {} user {} scene {} demo {}".format(*key), cfg.demos.ends_within_m)
-        recordings.append(recording.astype(np.float32).astype(float))
-    return Recorded(pd.DataFrame(keys, columns=DEMO_KEY), *join(recordings))
+        since_start = recording - [recording[0, 0], 0.0, 0.0, 0.0]  # a clock's own count has no room in float32
+        recordings.append(since_start.astype(np.float32).astype(float))
+    return Recorded(pd.DataFrame(keys, columns=DEMO_KEY), *join(recordings), len(real))
 
 
-def _real(path: str | None, keys: set[Key]) -> dict[Key, Array]:
+def _real(cfg: DictConfig, keys: set[Key]) -> dict[Key, Array]:
     """Recordings of a csv by their keys, unchecked; InputError for one that no demonstration asks for."""
-    if path is None:
+    if cfg.demos.recorded is None:
         return {}
-    columns = ["t", "x", "y", "z"]
-    table = read_table(Path(path), [*DEMO_KEY, *columns])
+    path, columns = Path(cfg.demos.recorded), ["t", "x", "y", "z"]
+    known = path.resolve().is_relative_to(Path(cfg.paths.data).resolve())
+    need(cfg, "demos.recorded", known, f"a csv in {cfg.paths.data}/, which DVC keeps track of")
+    table = _read_recordings(path, [*DEMO_KEY, *columns])
     real: dict[Key, Array] = {}
     for key, rows in table.groupby(DEMO_KEY, sort=False, dropna=False).indices.items():
         if key not in keys:
@@ -95,6 +101,19 @@ def _real(path: str | None, keys: set[Key]) -> dict[Key, Array]:
             )
         real[key] = table[columns].to_numpy()[rows]
     return real
+
+
+def _read_recordings(path: Path, columns: list[str]) -> pd.DataFrame:
+    """A person's own csv; InputError if it is missing, no csv, without a column, or empty."""
+    try:
+        table = pd.read_csv(path)
+    except (OSError, ValueError) as error:
+        raise InputError(f"recordings {path} cannot be read ({error}): expected a csv; see CONTRIBUTING.md") from error
+    if missing := [c for c in columns if c not in table.columns]:
+        raise InputError(f"recordings {path} have columns {list(table.columns)}: expected also {missing}; add them")
+    if table.empty:
+        raise InputError(f"recordings {path} hold no sample: expected one a row; fill it, or set demos.recorded=null")
+    return table
 
 
 def _judge(cfg: DictConfig, layouts: dict[str, Layouts], recorded: Recorded) -> Array:
@@ -152,25 +171,6 @@ def _metrics(demos: pd.DataFrame, fitted_valid: Array, queries: dict[str, Querie
     }
 
 
-def _validate(cfg: DictConfig) -> None:
-    """Raise InputError for the first parameter of this stage out of its range."""
-    for name in ("queries_seen", "queries_new"):
-        if not _number(cfg.demos[name], int) or cfg.demos[name] < 1:
-            raise InputError(
-                f"parameter demos.{name} is {cfg.demos[name]!r}: expected a whole number from 1; change it in conf/"
-            )
-    for name in ("ends_within_m", "poor_above_m"):
-        if not _number(cfg.demos[name], int, float) or not cfg.demos[name] > 0:
-            raise InputError(
-                f"parameter demos.{name} is {cfg.demos[name]!r}: expected a length above 0 [m]; change it in conf/"
-            )
-
-
-def _number(value: object, *kinds: type) -> bool:
-    """Whether it is one of these kinds; True and False are none."""
-    return isinstance(value, kinds) and not isinstance(value, bool)
-
-
 def _training_pools(cfg: DictConfig) -> list[str]:
     return [train_pool(seed) for seed in (*cfg.seeds, *cfg.validation_seeds)]
 
@@ -186,9 +186,9 @@ def _margins(cfg: DictConfig, user: str) -> Margins:
     return dict(cfg.users[user])
 
 
-def _generator(cfg: DictConfig, *names: object) -> np.random.Generator:
+def _generator(cfg: DictConfig, *names: str | int) -> np.random.Generator:
     """A stream of its own for whatever `names` name, however many others there are."""
-    return np.random.default_rng([cfg.demos.generator, *(zlib.crc32(str(name).encode()) for name in names)])
+    return stream(cfg.demos.generator, "demos", *names)
 
 
 if __name__ == "__main__":

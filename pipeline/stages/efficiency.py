@@ -16,10 +16,11 @@ from pipeline.artifacts.files import read_table, write_json, write_table
 from pipeline.artifacts.scenes import SceneSet, read_scenes
 from pipeline.causal.interventions import DIGITS
 from pipeline.causal.statistics import quartiles
+from pipeline.errors import InputError
 from pipeline.fitting.further import taught
 from pipeline.fitting.trainers import FITTED, Lesson, fit_and_ask
 from pipeline.launch import launch
-from pipeline.params import InputError
+from pipeline.params import need, shared_pool
 from pipeline.spec.efficiency import reaches
 from pipeline.spec.metrics import accuracy
 
@@ -31,7 +32,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     """curve.csv and metrics.json."""
     _check_settings(cfg)
     known, scenes = _evaluated(cfg), read_scenes(Path(cfg.paths.scenes))
-    pool = cfg.protocol.splits[cfg.efficiency.split]
+    pool = shared_pool(cfg, "efficiency.split")
     queries = _queries(cfg, pool, scenes)
     fitted = _fitted(cfg, _lessons(cfg, scenes), scenes.images[pool], queries)
     scores = pd.concat([known, fitted], ignore_index=True)
@@ -40,22 +41,13 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 
 def _check_settings(cfg: DictConfig) -> None:
-    """Raise InputError before any work if a parameter is out of range."""
-    c, shared = cfg.efficiency, [split for split, pool in cfg.protocol.splits.items() if pool is not None]
-
-    def need(holds: bool, name: str, expected: str) -> None:
-        if not holds:
-            raise InputError(f"parameter efficiency.{name} is {c[name]!r}: expected {expected}")
-
-    whole = all(isinstance(s, int) and not isinstance(s, bool) and s >= 1 for s in c.scenes)
-    others = f"whole numbers from 1, each once, some of them other than scenes.per_seed = {cfg.scenes.per_seed}"
-    need(whole and len(set(c.scenes)) == len(c.scenes), "scenes", others)
-    need(len(set(c.scenes) - {cfg.scenes.per_seed}) > 0, "scenes", others)
+    """Raise InputError before any work if a parameter does not suit others."""
+    c, own = cfg.efficiency, cfg.scenes.per_seed
+    others = f"whole numbers from 1, each once, some of them other than scenes.per_seed = {own}"
+    need(cfg, "efficiency.scenes", len(set(c.scenes)) == len(c.scenes) and bool(set(c.scenes) - {own}), others)
     known = [name for name, v in cfg.variants.items() if v.stage in FITTED]
-    need(len(c.variants) > 0 and set(c.variants) <= set(known), "variants", f"some of {', '.join(known)}")
-    need(c.split in shared, "split", f"one that all seeds share: {', '.join(shared)}")
-    number = isinstance(c.threshold, int | float) and 0 < c.threshold <= 1
-    need(number, "threshold", "a share above 0, at most 1")
+    some = len(c.variants) > 0 and set(c.variants) <= set(known)
+    need(cfg, "efficiency.variants", some, f"some of {', '.join(known)}")
 
 
 def _evaluated(cfg: DictConfig) -> pd.DataFrame:

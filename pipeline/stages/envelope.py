@@ -9,15 +9,18 @@ import yaml
 from omegaconf import DictConfig
 
 from pipeline.artifacts.added import Added, read_added
-from pipeline.artifacts.files import write_json, write_whole
+from pipeline.artifacts.files import write_json
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.artifacts.trained import ask, check_weights
 from pipeline.causal.envelope import dose_grid, paths_at_doses, planning, study
+from pipeline.errors import InputError
 from pipeline.launch import launch
-from pipeline.params import InputError
+from pipeline.params import need, shared_pool
+from pipeline.streams import stream
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.layout import SYMBOLS, Layouts
 from pipeline.table.rules import Margins, clearance, slack, valid
+from pipeline.writing import write_whole
 
 BLOCK = 512  # paths
 HEADER = """\
@@ -44,7 +47,7 @@ class Tables:
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """metrics.json and specification.yaml."""
-    _check_settings(cfg)
+    need(cfg, "envelope.planner", cfg.envelope.planner in cfg.variants, f"one of {', '.join(cfg.variants)}")
     check_weights(cfg)
     tables = _set_tables(cfg)
     grid, chosen = _choose_paths(cfg, tables)
@@ -75,27 +78,9 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     _write_specification(out_dir / "specification.yaml", cfg.envelope.planner, envelopes[cfg.envelope.planner])
 
 
-def _check_settings(cfg: DictConfig) -> None:
-    """Raise InputError before any work if a parameter is out of range."""
-    e = cfg.envelope
-    for name, least in (("doses", 2), ("paths", 1), ("candidates", 1)):
-        if not isinstance(e[name], int) or e[name] < least:
-            raise InputError(f"parameter envelope.{name} is {e[name]!r}: expected a whole number from {least}")
-    if not e.step > 0:
-        raise InputError(f"parameter envelope.step is {e.step!r}: expected a width above 0 [m]")
-    margins = [margin for user in cfg.users.values() for margin in user.values() if margin is not None]
-    if not e.clear_of_others > (largest := max(margins, default=0.0)):
-        raise InputError(
-            f"parameter envelope.clear_of_others is {e.clear_of_others!r}: expected more than every margin in users, "
-            f"the largest of which is {largest} m, so that no other item decides"
-        )
-    if e.planner not in cfg.variants:
-        raise InputError(f"parameter envelope.planner is {e.planner!r}: expected one of {list(cfg.variants)}")
-
-
 def _set_tables(cfg: DictConfig) -> Tables:
     """Read the scenes, and draw the candidates."""
-    scenes, pool = read_scenes(Path(cfg.paths.scenes)), cfg.protocol.splits[cfg.intervene.split]
+    scenes, pool = read_scenes(Path(cfg.paths.scenes)), shared_pool(cfg, "intervene.split")
     images, layouts = scenes.images[pool], scenes.layouts[pool]
     added = read_added(Path(cfg.paths.intervene), layouts.symbol.shape[1])
     if added.images.shape[1:] != images.shape:
@@ -103,7 +88,7 @@ def _set_tables(cfg: DictConfig) -> Tables:
             f"{cfg.paths.intervene}: pictures {added.images.shape} of added items, {images.shape} of the scenes of "
             f"{pool}; run the intervene stage again"
         )
-    z_theta = random_z_theta(np.random.default_rng(cfg.envelope.generator), len(layouts), cfg.envelope.candidates)
+    z_theta = random_z_theta(stream(cfg.envelope.generator, "envelope"), len(layouts), cfg.envelope.candidates)
     to_added = np.stack([_clearance(x, z_theta)[..., 0] for x in added.placed])
     return Tables(images, layouts, added, z_theta, _clearance(layouts, z_theta), to_added)
 

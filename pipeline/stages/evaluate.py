@@ -13,8 +13,9 @@ from pipeline.artifacts.files import read_table, write_json, write_table
 from pipeline.artifacts.models import PREDICTION_COLUMNS, model_dir
 from pipeline.artifacts.scenes import read_position_prior, train_pool
 from pipeline.causal.statistics import LEVEL, holm, paired_wilcoxon, quartiles
+from pipeline.errors import InputError
 from pipeline.launch import launch
-from pipeline.params import InputError
+from pipeline.params import need
 from pipeline.spec import nulls
 from pipeline.spec.metrics import accuracy, auroc, brier, expected_calibration_error, reliability
 
@@ -53,11 +54,8 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 def _check(cfg: DictConfig) -> None:
     """Raise InputError if conf/evaluate.yaml names what does not exist, or too many tests."""
-    unknown = sorted(set(cfg.evaluate.users) - set(cfg.users))
-    if unknown or not cfg.evaluate.users:
-        raise InputError(f"evaluate.users is {list(cfg.evaluate.users)}: expected some of {', '.join(cfg.users)}")
-    if not (isinstance(cfg.evaluate.bins, int) and cfg.evaluate.bins >= 1):
-        raise InputError(f"evaluate.bins is {cfg.evaluate.bins!r}: expected a whole number from 1")
+    some = len(cfg.evaluate.users) > 0 and set(cfg.evaluate.users) <= set(cfg.users)
+    need(cfg, "evaluate.users", some, f"some of {', '.join(cfg.users)}")
     tests = _tests(cfg)
     for family, count in Counter(test[0] for test in tests).items():
         if count > MOST_TESTS:

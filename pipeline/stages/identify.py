@@ -13,11 +13,12 @@ from pipeline.artifacts.trained import ask, check_weights
 from pipeline.causal.identify import identify, none_of_these, sure_from, telling, unlike
 from pipeline.causal.interventions import DIGITS
 from pipeline.causal.statistics import estimate
+from pipeline.errors import InputError
 from pipeline.launch import launch
-from pipeline.params import InputError
+from pipeline.params import need, shared_pool
 from pipeline.spec.nulls import position
+from pipeline.streams import stream
 from pipeline.table.bezier import random_z_theta
-from pipeline.table.layout import SYMBOLS
 from pipeline.table.rules import valid
 
 TOLD = 1e-6  # floor of probabilities that were told, not learned: the truth and its mean by position
@@ -47,7 +48,6 @@ class Found:
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """curve.csv and metrics.json."""
-    _check_settings(cfg)
     check_weights(cfg)
     shown = _demonstrations(cfg)
     known = shown.valid[: len(cfg.users)]
@@ -64,34 +64,14 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     write_json(out_dir / "metrics.json", _metrics(cfg, found, ideal, tells, curve) | said)
 
 
-def _check_settings(cfg: DictConfig) -> None:
-    """Raise InputError before any work if a parameter is out of range."""
-    c = cfg.identify
-
-    def need(holds: bool, name: str, expected: str) -> None:
-        if not holds:
-            raise InputError(f"parameter identify.{name} is {c[name]!r}: expected {expected}")
-
-    def whole(value: object) -> bool:
-        return isinstance(value, int) and not isinstance(value, bool) and value >= 1
-
-    for name in ("paths", "draws"):
-        need(whole(c[name]), name, "a whole number from 1")
-    need(all(whole(k) and k <= c.paths for k in c.reported), "reported", f"whole numbers from 1 to {c.paths}")
-    need(isinstance(c.level, float) and 0 < c.level < 1, "level", "a number between 0 and 1")
-    need(set(c.stranger) == set(SYMBOLS), "stranger", f"a margin for each of {', '.join(SYMBOLS)}")
-    margins = [margin for margin in c.stranger.values() if margin is not None]
-    need(all(isinstance(m, int | float) and 0 <= m < 1 for m in margins), "stranger", "null or margins from 0 to 1 [m]")
-    shared = [split for split, pool in cfg.protocol.splits.items() if pool]
-    need(c.split in shared, "split", f"a split that all seeds share, one of {', '.join(shared)}")
-
-
 def _demonstrations(cfg: DictConfig) -> Demonstrations:
     """Draw the paths of every scene and label them by each demonstrator's rules."""
-    scenes, pool = read_scenes(Path(cfg.paths.scenes)), cfg.protocol.splits[cfg.identify.split]
+    most = cfg.identify.paths
+    need(cfg, "identify.reported", max(cfg.identify.reported) <= most, f"whole numbers from 1 to {most}")
+    scenes, pool = read_scenes(Path(cfg.paths.scenes)), shared_pool(cfg, "identify.split")
     if pool not in scenes.images:
         raise InputError(f"no scenes {pool}: there are {', '.join(scenes.images)}; run the scenes stage again")
-    layouts, rng = scenes.layouts[pool], np.random.default_rng(cfg.identify.generator)
+    layouts, rng = scenes.layouts[pool], stream(cfg.identify.generator, "identify")
     z_theta = random_z_theta(rng, len(layouts), cfg.identify.draws * cfg.identify.paths)
     labels = np.stack([valid(layouts, z_theta, m) for m in (*cfg.users.values(), cfg.identify.stranger)])
     return Demonstrations(scenes.images[pool], z_theta, _by_draw(cfg, labels))

@@ -12,15 +12,15 @@ from pipeline.artifacts.scenes import layout_table, read_scenes
 from pipeline.artifacts.trained import ask, check_weights
 from pipeline.causal.interventions import expected_validity, ordered_pairs, over_placements, study, tally
 from pipeline.causal.scm import PARENTS
+from pipeline.errors import InputError
 from pipeline.launch import launch
-from pipeline.params import InputError
+from pipeline.params import shared_pool
+from pipeline.streams import stream
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.items import Catalogue, read_catalogue
 from pipeline.table.layout import SYMBOLS, LayoutRules, Layouts, add_item
 from pipeline.table.render import Palette, render_scenes
 from pipeline.table.rules import valid
-
-PATHS, PLACEMENTS = range(2)  # streams of random numbers, each of its own
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,6 @@ class Answers:
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """effects.parquet, specifications.parquet, images.npz, layouts.parquet, table.csv and metrics.json."""
     users, seeds = list(cfg.users), list(cfg.protocol.seeds)
-    _check_settings(cfg)
     check_weights(cfg)
     tables = _set_tables(cfg)
     truth = _fold(cfg, np.stack([_true_answers(tables, cfg.users[user]) for user in users]))
@@ -71,41 +70,23 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     write_json(out_dir / "metrics.json", metrics)
 
 
-def _check_settings(cfg: DictConfig) -> None:
-    """Raise InputError before any work if a parameter is out of range."""
-    for name in ("paths", "placements"):
-        value = cfg.intervene[name]
-        if not isinstance(value, int) or value < 1:
-            raise InputError(f"parameter intervene.{name} is {value!r}: expected a whole number from 1")
-    if not cfg.protocol.splits.get(cfg.intervene.split):
-        shared = [split for split, pool in cfg.protocol.splits.items() if pool]
-        raise InputError(
-            f"parameter intervene.split is {cfg.intervene.split!r}: expected a split that all seeds share, "
-            f"one of {', '.join(shared)}"
-        )
-
-
-def _rng(cfg: DictConfig, stream: int) -> np.random.Generator:
-    return np.random.default_rng([cfg.intervene.generator, stream])
-
-
 def _set_tables(cfg: DictConfig) -> Tables:
     """Draw the paths, place each symbol in every scene, and picture it all under the scenes' own light."""
-    scenes, pool = read_scenes(Path(cfg.paths.scenes)), cfg.protocol.splits[cfg.intervene.split]
+    scenes, pool = read_scenes(Path(cfg.paths.scenes)), shared_pool(cfg, "intervene.split")
     if pool not in scenes.images:
         raise InputError(f"no scenes {pool}: there are {', '.join(scenes.images)}; run the scenes stage again")
     catalogue = read_catalogue(Path(cfg.paths.data))
     layouts, looks = scenes.layouts[pool], scenes.looks[pool]
     rules = LayoutRules.of(cfg.scenes.layout)
     choices = catalogue.pool(_items_split(catalogue, layouts, pool))
-    rng, palette = _rng(cfg, PLACEMENTS), Palette(catalogue)
+    rng, palette = stream(cfg.intervene.generator, "intervene", "placements"), Palette(catalogue)
     added = [
         add_item(rng, layouts, symbol, catalogue.footprints, choices, rules)
         for symbol in range(len(SYMBOLS))
         for _ in range(cfg.intervene.placements)
     ]
     pictures = [render_scenes(x, list(looks["texture"]), list(looks["render_seed"]), palette) for x in added]
-    z_theta = random_z_theta(_rng(cfg, PATHS), len(layouts), cfg.intervene.paths)
+    z_theta = random_z_theta(stream(cfg.intervene.generator, "intervene", "paths"), len(layouts), cfg.intervene.paths)
     return Tables([layouts, *added], np.stack([scenes.images[pool], *pictures]), z_theta)
 
 

@@ -10,20 +10,23 @@ from tqdm import tqdm
 
 from pipeline.artifacts.added import read_added
 from pipeline.artifacts.demos import read_demos, read_recordings
-from pipeline.artifacts.files import read_arrays, read_json, read_table, write_table, write_whole
+from pipeline.artifacts.files import read_arrays, read_json, read_table, write_table
 from pipeline.artifacts.models import model_dir, weights_path
+from pipeline.artifacts.repairs import check_pool
 from pipeline.artifacts.scenes import SceneSet, read_scenes
 from pipeline.artifacts.trained import check_weights, load_model
 from pipeline.causal.counterfactual import keep
+from pipeline.errors import InputError
 from pipeline.exhibits.recorded import Belief, Demos, Example, Job, Repaired, Sources, contents
 from pipeline.launch import launch
 from pipeline.parallel import map_jobs
-from pipeline.params import InputError
+from pipeline.params import need, shared_pool
 from pipeline.recording.digest import digest
 from pipeline.recording.overview import write_overview
 from pipeline.recording.run import write_run
 from pipeline.spec.specification import Specification
 from pipeline.table.bezier import lattice
+from pipeline.writing import write_whole
 
 Array = np.ndarray
 REPAIR_COLUMNS = ["method", "seed", "user", "scene", "start", "valid_end"]
@@ -96,14 +99,9 @@ def _checkpoints(job: Job) -> Iterator[tuple[int, Specification]]:
 
 
 def _check(cfg: DictConfig) -> None:
-    """Raise InputError for the first value of conf/record out of its range, or the first model missing."""
-    for name, low in (("scenes", 1), ("repairs", 1), ("training_scenes", 1), ("map_side", 2)):
-        value = cfg.record[name]
-        if not (isinstance(value, int) and value >= low):
-            raise InputError(f"record.{name} is {value!r}: expected a whole number from {low}")
-    unknown = [variant for variant in cfg.record.first if variant not in cfg.variants]
-    if unknown:
-        raise InputError(f"record.first names {unknown[0]!r}: expected some of {', '.join(cfg.variants)}")
+    """Raise InputError for a variant in conf/record that does not exist, or the first model missing."""
+    known = set(cfg.record.first) <= set(cfg.variants)
+    need(cfg, "record.first", known, f"some of {', '.join(cfg.variants)}")
     check_weights(cfg)
 
 
@@ -114,23 +112,15 @@ def _caring(cfg: DictConfig) -> list[str]:
 
 def _pool(cfg: DictConfig, scenes: SceneSet) -> str:
     """The pool the repairs were made in and intervened on."""
-    pool = cfg.protocol.splits.get(cfg.repair.split)
-    if cfg.protocol.splits.get(cfg.intervene.split) != pool:
-        raise InputError(
-            f"intervene.split is {cfg.intervene.split!r}, repair.split {cfg.repair.split!r}: expected the same scenes, "
-            "since a recording shows both"
-        )
-    if pool is None or pool not in scenes.images:
-        raise InputError(
-            f"repair.split {cfg.repair.split!r} stands for scenes {pool!r}: "
-            f"expected one of {', '.join(scenes.images)}; run the scenes stage"
-        )
+    pool = check_pool(cfg, scenes)
+    same = f"repair.split = {cfg.repair.split!r}, since a recording shows both"
+    need(cfg, "intervene.split", shared_pool(cfg, "intervene.split") == pool, same)
     return pool
 
 
 def _examples(cfg: DictConfig, scenes: SceneSet) -> tuple[Example, ...]:
     """The worked examples of stage counterfactual."""
-    directory, pool = Path(cfg.paths.counterfactual), cfg.protocol.splits[cfg.counterfactual.split]
+    directory, pool = Path(cfg.paths.counterfactual), shared_pool(cfg, "counterfactual.split")
     told, images = read_json(directory / "metrics.json")["examples"], read_arrays(directory / "examples.npz")
     examples = []
     for i, example in enumerate(told):

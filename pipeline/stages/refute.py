@@ -19,12 +19,13 @@ from pipeline.artifacts.trained import ask, check_weights
 from pipeline.causal.interventions import DIGITS, expected_validity, judge
 from pipeline.causal.refuters import REFUTERS, halves, mean_over, placebo, stays_over_items
 from pipeline.causal.statistics import VERDICTS
+from pipeline.errors import InputError
 from pipeline.fitting.trainers import FITTED, Lesson, fit_and_ask
 from pipeline.launch import launch
 from pipeline.parallel import map_jobs
-from pipeline.params import InputError
+from pipeline.params import need, shared_pool
 from pipeline.spec.registry import build
-from pipeline.spec.training import job_seed
+from pipeline.streams import job_seed, stream
 from pipeline.table.items import read_catalogue
 from pipeline.table.layout import SYMBOLS
 from pipeline.table.render import Palette, render_scenes
@@ -37,13 +38,13 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     """metrics.json, and placebos.npz (symbol, scene, 100, 100, 3): an item's pixels, shuffled."""
     _check_settings(cfg)
     check_weights(cfg)
-    directory, pool, few = Path(cfg.paths.intervene), cfg.protocol.splits[cfg.intervene.split], slice(cfg.refute.scenes)
+    directory, pool, few = Path(cfg.paths.intervene), shared_pool(cfg, "intervene.split"), slice(cfg.refute.scenes)
     scenes = read_scenes(Path(cfg.paths.scenes))
     added = read_added(directory, scenes.layouts[pool].symbol.shape[1])
     _check_items(added)
     z = read_arrays(directory / "images.npz")["z_theta"][few]
     here = np.concatenate([scenes.images[pool][None, few], added.images[:, few]])  # (1 + symbol, scene, ...)
-    rng = np.random.default_rng(job_seed(cfg.refute.generator, "placebo"))
+    rng = stream(cfg.refute.generator, "placebo")
     patched = np.stack([placebo(rng, here[0], with_item) for with_item in here[1:]])
     far = np.stack([clearance(placed[few], z)[..., 0] > cfg.refute.far_m for placed in added.placed])
 
@@ -68,21 +69,11 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 
 def _check_settings(cfg: DictConfig) -> None:
-    """Raise InputError before any work if a parameter is out of range."""
-    for name in ("scenes", "halves"):
-        value = cfg.refute[name]
-        if not isinstance(value, int) or value < 2:
-            raise InputError(f"parameter refute.{name} is {value!r}: expected a whole number from 2")
+    """Raise InputError before any work if a parameter does not suit others."""
     known = [name for name, v in cfg.variants.items() if v.stage in FITTED]
-    if unknown := set(cfg.refute.permuted) - set(known):
-        raise InputError(
-            f"parameter refute.permuted names {', '.join(sorted(unknown))}: expected some of {', '.join(known)}"
-        )
-    widest = max((m for margins in cfg.users.values() for m in margins.values() if m is not None), default=0.0)
-    if cfg.refute.far_m <= widest:
-        raise InputError(
-            f"parameter refute.far_m is {cfg.refute.far_m}: expected more than the widest margin, {widest} m"
-        )
+    need(cfg, "refute.permuted", set(cfg.refute.permuted) <= set(known), f"some of {', '.join(known)}")
+    of_one = "1, for what was added to a scene is taken as one item"
+    need(cfg, "intervene.placements", cfg.intervene.placements == 1, of_one)
 
 
 def _check_items(added: Added) -> None:
@@ -99,11 +90,9 @@ def _elsewhere(cfg: DictConfig, scenes: SceneSet, pool: str, added: Added) -> np
     """The scenes as they are, then with each added item, on other table tops: (1 + symbol, scene, 100, 100, 3)."""
     catalogue = read_catalogue(Path(cfg.paths.data))
     names, few = catalogue.texture_names(cfg.refute.tables), slice(cfg.refute.scenes)
-    if not names:
-        splits = sorted(set(catalogue.textures["split"]))
-        raise InputError(f"parameter refute.tables is {cfg.refute.tables!r}: expected one of {', '.join(splits)}")
+    need(cfg, "refute.tables", bool(names), f"one of {', '.join(sorted(set(catalogue.textures['split'])))}")
     palette, tables = Palette(catalogue), [scenes.layouts[pool][few], *(x[few] for x in added.layouts)]
-    rng = np.random.default_rng(job_seed(cfg.refute.generator, "tables"))
+    rng = stream(cfg.refute.generator, "tables")
     textures, lights = rng.choice(names, len(tables[0])), rng.integers(2**31, size=len(tables[0])).tolist()
     return np.stack([render_scenes(layouts, list(textures), lights, palette) for layouts in tables])
 
@@ -114,7 +103,7 @@ def _permuted(cfg: DictConfig, users: list[str], tables: np.ndarray, z: np.ndarr
 
     def lesson(user: str, seed: int) -> Lesson:
         paths, labels = demo_arrays(demos, seed, user, cfg.study_n)
-        rng = np.random.default_rng(job_seed(cfg.refute.generator, "permuted", user, seed))
+        rng = stream(cfg.refute.generator, "permuted", user, seed)
         permuted = rng.permutation(labels.ravel()).reshape(labels.shape)
         return Lesson(user, seed, scenes.images[train_pool(seed)], paths, permuted)
 
@@ -179,7 +168,7 @@ def _metrics(cfg: DictConfig, users: list[str], found: dict[str, dict[str, Effec
 
 def _halves(cfg: DictConfig, variant: str, effects: Float[Array, "cell seed scene"]) -> dict[str, float]:
     """The whole's verdicts that its halves share: on average, and in the cell where fewest do."""
-    rng = np.random.default_rng(job_seed(cfg.refute.generator, "halves", variant))
+    rng = stream(cfg.refute.generator, "halves", variant)
     shared, spread = halves(rng, effects, cfg.refute.halves)
     numbers = {"same": shared.mean(), "least": shared.min(), "spread": spread.mean()}
     return {name: round(float(value), DIGITS) for name, value in numbers.items()} | {"scenes": effects.shape[-1]}

@@ -12,11 +12,11 @@ from pipeline.artifacts.repairs import MEASURES, Starts, check_pool, draw_starts
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.artifacts.trained import check_weights, load_model
 from pipeline.causal.statistics import quartiles
+from pipeline.errors import InputError
 from pipeline.launch import launch
 from pipeline.parallel import map_jobs
-from pipeline.params import InputError
 from pipeline.spec.repair import Ascent, Repairs, repair
-from pipeline.spec.training import job_seed
+from pipeline.streams import stream
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.oracle import constant_detour
 
@@ -82,8 +82,6 @@ def _name(job: Job) -> str:
 def _ascent(cfg: DictConfig) -> Ascent:
     """How models climb, from conf/repair."""
     r = cfg.repair
-    if not (isinstance(r.steps, int) and r.steps >= 1):
-        raise InputError(f"repair.steps is {r.steps!r}: expected a whole number from 1")
     return Ascent(r.steps, r.optimiser, float(r.rate), bool(r.settle))
 
 
@@ -103,7 +101,7 @@ def _references(cfg: DictConfig, scenes: SceneSet, starts: dict[str, Starts]) ->
         training = scenes.layouts[train_pool(seed)]
         for user, s in starts.items():
             detour = constant_detour(training, s.margins, cfg.repair.lattice_side)
-            rng = np.random.default_rng(job_seed(cfg.scenes.generator, "repair", "random", seed, user))
+            rng = stream(cfg.scenes.generator, "repair", "random", seed, user)
             ends = (random_z_theta(rng, len(s.z)), np.broadcast_to(detour, s.z.shape), s.nearest)
             for method, z in zip(REFERENCES, ends, strict=True):
                 tables[method, user, seed] = rows(s, method, seed, z, None)

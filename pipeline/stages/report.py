@@ -1,6 +1,5 @@
 """Stage report: reads what every stage wrote, draws, tabulates and says it; reports/ is what a reader opens."""
 
-import shutil
 from functools import partial
 from pathlib import Path
 
@@ -8,16 +7,15 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.added import read_added
 from pipeline.artifacts.demos import read_demos
-from pipeline.artifacts.files import read_json, read_table, write_json, write_whole
+from pipeline.artifacts.files import read_json, read_table, write_json
 from pipeline.artifacts.models import model_dir
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.causal.statistics import SMALLEST_EFFECT
-from pipeline.exhibits.choice import shared_pool
 from pipeline.exhibits.panel import panel_data
 from pipeline.exhibits.pictures import gather, overview_of
 from pipeline.exhibits.screenshots import current
 from pipeline.launch import launch
-from pipeline.params import InputError
+from pipeline.params import need, shared_pool
 from pipeline.report.claims import claims
 from pipeline.report.page import render
 from pipeline.report.pictures import all_pictures
@@ -30,6 +28,7 @@ from pipeline.report.wording import listed
 from pipeline.spec.clearance import SEEN, SHARPENING
 from pipeline.spec.things import FEATURES
 from pipeline.table.layout import SYMBOLS
+from pipeline.writing import write_whole
 
 FEW = 5  # seeds below which the page says that its numbers mean nothing
 FORMS = {"csv": to_csv, "md": to_markdown, "tex": to_tex}
@@ -44,7 +43,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     shots = screenshots(results, current(Path(cfg.paths.pictures), results.recorded["sha256"].to_dict()))
     summary = read_table(Path(cfg.paths.evaluate) / "accuracy.csv")
     scenes = read_scenes(Path(cfg.paths.scenes))
-    added = read_added(Path(cfg.paths.intervene), scenes.layouts[shared_pool(cfg, cfg.intervene.split)].symbol.shape[1])
+    added = read_added(Path(cfg.paths.intervene), scenes.layouts[shared_pool(cfg, "intervene.split")].symbol.shape[1])
     drawn = gather(cfg, results, scenes, added)
     tables = {t.name: t for t in [claims(results), *all_tables(results)]}
     pictures = all_pictures(results, summary, drawn)
@@ -57,24 +56,17 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     files |= {"index.html": page}
     contents = {name: text.encode() for name, text in files.items()}
     contents |= {f"figures/{p.name}.pdf": p.pdf for p in pictures.values()}
+    contents["specification.yaml"] = (Path(cfg.paths.envelope) / "specification.yaml").read_bytes()
     contents |= {"figures/overview.png": png(hero, OVERVIEW_DPI), "figures/overview.pdf": pdf(hero)}
     for name, content in contents.items():
         write_whole(out_dir / name, lambda path, content=content: path.write_bytes(content))
     write_json(out_dir / "metrics.json", _metrics(results))
-    shutil.copyfile(Path(cfg.paths.envelope) / "specification.yaml", out_dir / "specification.yaml")
 
 
 def _check_settings(cfg: DictConfig) -> None:
     """Raise InputError if conf/report.yaml asks for what cannot be drawn."""
-    r = cfg.report
-    unknown = [v for v in r.shown if v not in cfg.variants]
-    if unknown or not r.shown:
-        raise InputError(f"report.shown is {list(r.shown)}: expected some of {', '.join(cfg.variants)}")
-    for name in ("scenes", "map_side", "reconstructed", "dimensions", "panel_scenes", "panel_side"):
-        if not (isinstance(r[name], int) and r[name] >= 1):
-            raise InputError(f"report.{name} is {r[name]!r}: expected a whole number from 1")
-    if not r["values"]:
-        raise InputError("report.values is empty: give at least one value for a dimension of z_image")
+    some = len(cfg.report.shown) > 0 and set(cfg.report.shown) <= set(cfg.variants)
+    need(cfg, "report.shown", some, f"some of {', '.join(cfg.variants)}")
 
 
 def read_results(cfg: DictConfig) -> Results:
@@ -172,4 +164,4 @@ def _facts(cfg: DictConfig, results: Results) -> dict[str, object]:
 
 
 if __name__ == "__main__":
-    launch(main, "reports")
+    launch(main, "report")

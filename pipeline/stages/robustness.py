@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
 from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import write_arrays, write_json
@@ -17,10 +17,10 @@ from pipeline.causal.interventions import DIGITS
 from pipeline.causal.robustness import change, score
 from pipeline.fitting.trainers import FITTED, Lesson, fit_and_ask
 from pipeline.launch import launch
-from pipeline.params import InputError
+from pipeline.params import need, shared_pool
 from pipeline.spec import nulls
 from pipeline.spec.metrics import DECISION, expected_calibration_error
-from pipeline.spec.training import job_seed
+from pipeline.streams import stream
 from pipeline.table.disturbances import PICTURES, cluttered, mislabelled
 from pipeline.table.items import Catalogue, read_catalogue
 from pipeline.table.layout import LayoutRules
@@ -72,31 +72,17 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 
 def _check_settings(cfg: DictConfig) -> None:
-    """Raise InputError before any work if a parameter is out of range."""
+    """Raise InputError before any work if a parameter does not suit others."""
     r = cfg.robustness
-
-    def need(holds: bool, name: str, expected: str) -> None:
-        if not holds:
-            raise InputError(f"parameter robustness.{name} is {OmegaConf.select(r, name)!r}: expected {expected}")
-
-    def rising(name: str, most: float, kind: type = float) -> None:
-        values = list(OmegaConf.select(r, name))
-        bounded = len(values) > 0 and all(isinstance(x, kind | int) and 0 < x <= most for x in values)
-        what = f"{'whole ' * (kind is int)}numbers above 0" + f", at most {most:g}" * (most < np.inf)
-        need(bounded and values == sorted(set(values)), name, f"{what}, the smallest first")
-
-    shared = [split for split, pool in cfg.protocol.splits.items() if pool is not None]
-    need(r.split in shared, "split", f"one that all seeds share: {', '.join(shared)}")
-    need(isinstance(r.scenes, int) and r.scenes >= 2, "scenes", "a whole number from 2")
-    need(len(r.pictures) > 0 and set(r.pictures) <= set(PICTURES), "pictures", f"some of {', '.join(PICTURES)}")
-    for name in r.pictures:
-        rising(f"pictures.{name}", MOST.get(name, np.inf))
-    rising("clutter", np.inf, int)
+    some = len(r.pictures) > 0 and set(r.pictures) <= set(PICTURES)
+    need(cfg, "robustness.pictures", some, f"some of {', '.join(PICTURES)}")
+    for name, strengths in r.pictures.items():
+        most = MOST.get(name, np.inf)
+        what = f"numbers above 0, at most {most:g}, the smallest first"
+        need(cfg, f"robustness.pictures.{name}", max(strengths) <= most, what)
     known = [name for name, v in cfg.variants.items() if v.stage in FITTED]
     some = len(r.mislabelled) > 0 and set(r.mislabelled) <= set(known)
-    need(some, "mislabelled", f"shares for some of {', '.join(known)}")
-    for name in r.mislabelled:
-        rising(f"mislabelled.{name}", 1.0)
+    need(cfg, "robustness.mislabelled", some, f"shares for some of {', '.join(known)}")
 
 
 def _levels(
@@ -104,13 +90,12 @@ def _levels(
 ) -> tuple[list[Level], Float[Array, "scene path 2"]]:
     """The scenes as they are and under every disturbance, the weakest first; and the paths [m], the same for all."""
     r, few = cfg.robustness, slice(cfg.robustness.scenes)
-    pool, users = cfg.protocol.splits[r.split], list(cfg.evaluate.users)
+    pool, users = shared_pool(cfg, "robustness.split"), list(cfg.evaluate.users)
     queries, there = read_queries(Path(cfg.paths.demos))[pool], len(scenes.images[pool])
-    if r.scenes > there:
-        raise InputError(f"parameter robustness.scenes is {r.scenes}: expected at most {there}, as {pool} has")
+    need(cfg, "robustness.scenes", r.scenes <= there, f"at most {there}, as {pool} has")
     unseen = catalogue.texture_names("unseen")
-    if not r.tables or not set(r.tables) <= set(unseen):
-        raise InputError(f"parameter robustness.tables is {list(r.tables)}: expected some of {', '.join(unseen)}")
+    some = len(r.tables) > 0 and set(r.tables) <= set(unseen)
+    need(cfg, "robustness.tables", some, f"some of {', '.join(unseen)}")
     images, layouts, looks = scenes.images[pool][few], scenes.layouts[pool][few], scenes.looks[pool][few]
     z, truth = queries.z[few], np.stack([queries.valid[user][few] for user in users])
     textures, lights = looks["texture"].tolist(), looks["render_seed"].tolist()
@@ -118,7 +103,7 @@ def _levels(
     split = str(catalogue.items["split"].iloc[layouts.item[layouts.present][0]])  # the scenes' own items'
 
     def rng(*names: str) -> np.random.Generator:
-        return np.random.default_rng(job_seed(r.generator, *names))
+        return stream(r.generator, *names)
 
     levels = [Level("as_is", None, images, truth)]
     for name, strengths in r.pictures.items():
@@ -150,7 +135,7 @@ def _mislabelled(cfg: DictConfig, scenes: SceneSet, images: np.ndarray, z: np.nd
 
     def lesson(share: float, user: str, seed: int) -> Lesson:
         paths, labels = demo_arrays(demos, seed, user, cfg.study_n)
-        rng = np.random.default_rng(job_seed(cfg.robustness.generator, LABELS, user, seed))
+        rng = stream(cfg.robustness.generator, LABELS, user, seed)
         return Lesson(user, seed, scenes.images[train_pool(seed)], paths, mislabelled(rng, labels, float(share)))
 
     lessons = {variant: [lesson(*of) for of in product(own, users, seeds)] for variant, own in shares.items()}

@@ -1,18 +1,16 @@
 """Stage scenes: lays out and renders every pool of scenes; measures the world's true P(valid)."""
 
-import math
-import zlib
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 from tqdm import tqdm
 
 from pipeline.artifacts.files import write_arrays, write_json
 from pipeline.artifacts.scenes import SceneSet, train_pool, write_scenes
 from pipeline.launch import launch
-from pipeline.params import InputError
+from pipeline.streams import stream
 from pipeline.table.bezier import lattice, random_z_theta
 from pipeline.table.items import Catalogue, read_catalogue
 from pipeline.table.layout import SYMBOLS, LayoutRules, Layouts, add_item, random_layouts
@@ -29,7 +27,6 @@ CHUNK = 10  # scenes judged at once: their distances stay in the cache
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write images, layouts, looks, position_prior.npz and metrics.json."""
-    _check_settings(cfg)
     catalogue = read_catalogue(Path(cfg.paths.data))
     rules = LayoutRules.of(cfg.scenes.layout)
     palette = Palette(catalogue)
@@ -54,36 +51,6 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     write_json(out_dir / "metrics.json", metrics)
 
 
-def _check_settings(cfg: DictConfig) -> None:
-    """Raise InputError before any work if a parameter is out of range."""
-    scenes, layout = cfg.scenes, cfg.scenes.layout
-
-    def need(holds: bool, name: str, expected: str) -> None:
-        if not holds:
-            raise InputError(f"parameter scenes.{name} is {OmegaConf.select(scenes, name)!r}: expected {expected}")
-
-    def number(value: object, least: int | float, most: int | float = math.inf) -> bool:
-        return isinstance(value, int | float) and not isinstance(value, bool) and least <= value <= most
-
-    def whole(value: object, least: int, most: int | float = math.inf) -> bool:
-        return isinstance(value, int) and number(value, least, most)
-
-    need(whole(scenes.generator, 0), "generator", "a whole number from 0")
-    need(whole(layout.slots, 1), "layout.slots", "a whole number from 1")
-    counts, room = layout.items_per_scene, layout.slots - 1
-    some = OmegaConf.is_list(counts) and len(counts) > 0 and all(whole(count, 0, room) for count in counts)
-    need(some, "layout.items_per_scene", f"a list of whole numbers from 0 to {room}, one less than scenes.layout.slots")
-    chances = layout.glasses_chance
-    sums = OmegaConf.is_list(chances) and all(number(chance, 0) for chance in chances) and abs(sum(chances) - 1) < 1e-9
-    need(sums, "layout.glasses_chance", "a list of chances from 0 that add up to 1")
-    for name in ("clear_of_ends", "clear_of_items"):
-        need(number(layout[name], 0), f"layout.{name}", "a length from 0 [m]")
-    need(number(layout.centre_low, 0, 1), "layout.centre_low", "a place from 0 to 1 [m]")
-    need(number(layout.centre_high, layout.centre_low, 1), "layout.centre_high", "a place from centre_low to 1 [m]")
-    need(number(layout.scale_low, 1e-9), "layout.scale_low", "a size above 0")
-    need(number(layout.scale_high, layout.scale_low), "layout.scale_high", "a size from scale_low")
-
-
 def _pools(cfg: DictConfig) -> dict[str, tuple[int, str]]:
     """Every pool: how many scenes, of which split's items."""
     own = {train_pool(seed): (cfg.scenes.per_seed, "train") for seed in [*cfg.seeds, *cfg.validation_seeds]}
@@ -97,7 +64,7 @@ def _pools(cfg: DictConfig) -> dict[str, tuple[int, str]]:
 
 def _generator(cfg: DictConfig, name: str) -> np.random.Generator:
     """A stream of its own for each pool, so that one more pool changes no other."""
-    return np.random.default_rng([cfg.scenes.generator, zlib.crc32(name.encode())])
+    return stream(cfg.scenes.generator, "scenes", name)
 
 
 def _position_prior(cfg: DictConfig, layouts: Layouts) -> dict[str, np.ndarray]:

@@ -15,12 +15,12 @@ from pipeline.artifacts.trained import check_weights, load_model
 from pipeline.causal.statistics import quartiles
 from pipeline.launch import launch
 from pipeline.parallel import map_jobs
-from pipeline.params import InputError
+from pipeline.params import need
 from pipeline.spec.clearance import ClearanceModel
 from pipeline.spec.search import METHODS, Found, Near, search
 from pipeline.spec.specification import to_tensor
 from pipeline.spec.things import FEATURES
-from pipeline.spec.training import job_seed
+from pipeline.streams import job_seed
 from pipeline.table.layout import SYMBOLS, Layouts
 from pipeline.table.rules import Margins
 
@@ -95,7 +95,7 @@ def told(layouts: Layouts, margins: Margins) -> tuple[ClearanceModel, torch.Tens
 
 
 def near(cfg: DictConfig) -> Near:
-    """conf/search as the library takes it; ValueError for a value out of range."""
+    """conf/search as the library takes it; InputError for a value out of range."""
     s = cfg.search
     return Near(s.evaluations, float(s.weight), s.probes, float(s.reach), float(s.step))
 
@@ -104,10 +104,9 @@ def _rivals(cfg: DictConfig) -> dict[str, int | None]:
     """The methods beside `probe`; InputError for one that does not exist."""
     rivals = dict(cfg.search.rivals)
     known = [m for m in METHODS if m != "probe"]
-    if unknown := set(rivals) - set(known):
-        raise InputError(f"search.rivals names {', '.join(sorted(unknown))}: expected some of {', '.join(known)}")
-    if rivals and cfg.search.rivals_of not in cfg.variants:
-        raise InputError(f"search.rivals_of is {cfg.search.rivals_of!r}: expected one of {', '.join(cfg.variants)}")
+    need(cfg, "search.rivals", set(rivals) <= set(known), f"some of {', '.join(known)}")
+    there = not rivals or cfg.search.rivals_of in cfg.variants
+    need(cfg, "search.rivals_of", there, f"one of {', '.join(cfg.variants)}")
     return rivals
 
 

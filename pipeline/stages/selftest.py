@@ -15,24 +15,18 @@ from pipeline.causal.selftest import Regime, check, observed, resampled, stylise
 from pipeline.causal.statistics import LEVEL, SMALLEST_EFFECT
 from pipeline.launch import launch
 from pipeline.parallel import map_jobs
-from pipeline.params import InputError
-from pipeline.spec.training import job_seed
+from pipeline.params import need
+from pipeline.streams import stream
 from pipeline.table.layout import SYMBOLS
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """metrics.json: regime -> its standard deviations, and what `check` finds; how finely each effect is known."""
     s = cfg.selftest
-    for name in ("families", "cells"):
-        if not (isinstance(s[name], int) and s[name] >= 1):
-            raise InputError(f"selftest.{name} is {s[name]!r}: expected a whole number from 1")
-    if not len(s.effects) or not all(isinstance(e, int | float) for e in s.effects):
-        raise InputError(f"selftest.effects is {list(s.effects)}: expected true effects, one at least")
     measured = read_effects(Path(cfg.paths.intervene), list(cfg.variants), cfg.evaluate.users)
     regimes = {name: Regime(**r) for name, r in s.stylised.items()}
     cells, seeds, scenes = next(iter(measured.values())).shape
-    if s.cells < cells:
-        raise InputError(f"selftest.cells is {s.cells}: expected at least the {cells} cells of users who mind anything")
+    need(cfg, "selftest.cells", s.cells >= cells, f"at least the {cells} cells of users who mind anything")
     size = {"families": s.families, "cells": s.cells, "seeds": seeds, "scenes": scenes}
     fixed = {"level": LEVEL, "smallest_effect": SMALLEST_EFFECT, "enough_power": POWER}
     ask = partial(_check, families=s.families, cells=s.cells, effects=list(s.effects), seeds=seeds, scenes=scenes)
@@ -63,7 +57,7 @@ def _check(
     """`check` with chance as in measured effects (cell, seed, scene), or as a regime has it."""
     name, source = job
     draw = stylised(source, cells, seeds, scenes) if isinstance(source, Regime) else resampled(source)
-    return check(np.random.default_rng(job_seed("selftest", name)), draw, families, cells, effects)
+    return check(stream("selftest", name), draw, families, cells, effects)
 
 
 if __name__ == "__main__":

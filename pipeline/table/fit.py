@@ -16,9 +16,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
 
+from pipeline.errors import InputError
 from pipeline.table.bezier import P_F, P_INIT
 
 ROWS = 256  # recordings per batch: fewer calls against arrays that still fit a cache
+WIDTH = 32  # samples: recordings are padded to a multiple of it, so that their sums round alike in any company
 STEPS = 200  # at the most; a hand's recordings take about eight
 ROUNDS = 10  # of looking for samples that the wrong branch of a folded path holds; one or two do
 TOLERANCE = 1e-8  # of E: a recording is done when a step promises to lower E by less
@@ -54,13 +56,13 @@ def fit(
     """
     lengths = np.diff(offsets)
     if len(lengths) and lengths.min() < 3:
-        raise ValueError(f"recording {lengths.argmin()} has {lengths.min()} points: expected at least 3; leave it out")
+        raise InputError(f"recording {lengths.argmin()} has {lengths.min()} points: expected at least 3; leave it out")
     ends = [np.broadcast_to(p, (len(lengths), 2)).astype(float) for p in (p_init, p_f)]
     z, residual = np.empty((len(lengths), 2)), np.empty(len(lengths))
-    order = np.argsort(lengths, kind="stable")  # batches of like length need little padding
-    for start in range(0, len(order), ROWS):
-        rows = order[start : start + ROWS]
-        sample = np.arange(lengths[rows].max())
+    widths = -(-lengths // WIDTH) * WIDTH
+    batches = [(width, np.nonzero(widths == width)[0]) for width in np.unique(widths)]
+    for width, rows in ((w, of[i : i + ROWS]) for w, of in batches for i in range(0, len(of), ROWS)):
+        sample = np.arange(width)
         at = offsets[rows, None] + np.minimum(sample, lengths[rows, None] - 1)  # (row, sample)
         weight = (sample < lengths[rows, None]).astype(float)
         x, y = (points[at, i] - ends[0][rows, i, None] for i in (0, 1))
@@ -69,7 +71,7 @@ def fit(
 
 
 class _Batch:
-    """Recordings padded to one length (weight 0 beyond their own), relative to p_init."""
+    """Recordings padded to one length (weight 0 beyond their own), relative to p_init; no row feels another."""
 
     def __init__(self, x: Array, y: Array, weight: Array, end: Array, anchor: Array | None = None):
         self.x, self.y, self.weight, self.end = x, y, weight, end  # three (row, sample), one (row, 2)
@@ -98,33 +100,38 @@ class _Batch:
         share = _shares(np.hypot(np.diff(self.x, axis=1), np.diff(self.y, axis=1)))[:, ::STRIDE]
         x, y, weight = (values[:, ::STRIDE] for values in (self.x, self.y, self.weight))
         z, grid = _closed_form(x, y, weight, self.end, share), np.linspace(0.0, 1.0, FINE)
-        row = 2.0 * np.arange(len(z))[:, None]  # keeps the rows apart in one call of interp
         for _ in range(MATCHES):
             speed = [2 * z[:, i, None] * (1 - 2 * grid) + 2 * self.end[:, i, None] * grid for i in (0, 1)]
             fitted = _shares(np.hypot(*speed)[:, 1:])
-            u = np.interp((share + row).ravel(), (fitted + row).ravel(), np.tile(grid, len(z)))
-            z = _closed_form(x, y, weight, self.end, u.reshape(share.shape))
+            u = np.stack([np.interp(*of_row, grid) for of_row in zip(share, fitted, strict=True)])
+            z = _closed_form(x, y, weight, self.end, u)
         return z
 
     def descend(self, z: Array, u: Array) -> tuple[Array, Array]:
-        """Damped Newton on E from z: the minimum's z (row, 2) and parameters (row, sample)."""
+        """Damped Newton on E from z: the minimum's z (row, 2) and parameters (row, sample).
+
+        A row that has arrived is set down and leaves the batch.
+        """
+        batch, rows, end_z, end_u = self, np.arange(len(z)), np.empty_like(z), np.empty_like(u)
         u = self.foot_points(z, u, steps=4)
         energy, damping = self.energy(z, u), np.full(len(z), 1e-3)
         for _ in range(STEPS):
-            step, gain = self.newton(z, u, damping)
-            to_u = self.foot_points(z + step, u)
-            to_energy = self.energy(z + step, to_u)
+            step, gain = batch.newton(z, u, damping)
+            to_u = batch.foot_points(z + step, u)
+            to_energy = batch.energy(z + step, to_u)
             better = to_energy <= energy
             z = np.where(better[:, None], z + step, z)
             u = np.where(better[:, None], to_u, u)
             energy = np.where(better, to_energy, energy)
             damping = np.where(better, 0.1 * damping, 4 * damping + 1e-6)
+            end_z[rows], end_u[rows] = z, u
             moving = gain > TOLERANCE * energy + 1e-30
-            if moving.sum() <= len(z) // 2:
+            if not moving.any():
                 break
-        if moving.any() and not moving.all():
-            z[moving], u[moving] = self[moving].descend(z[moving], u[moving])
-        return z, u
+            if not moving.all():
+                batch, rows = batch[moving], rows[moving]
+                z, u, energy, damping = z[moving], u[moving], energy[moving], damping[moving]
+        return end_z, end_u
 
     def newton(self, z: Array, u: Array, damping: Array) -> tuple[Array, Array]:
         """A step (row, 2) on E with its exact Hessian, u eliminated, and the decrease of E it promises (row,).

@@ -16,6 +16,7 @@ from jaxtyping import Int, UInt8
 from numpy import ndarray as Array
 from PIL import Image, UnidentifiedImageError
 
+from pipeline.errors import InputError
 from pipeline.table.layout import SYMBOLS, Items
 
 LEAST_ITEMS = {"train": 1, "unseen": 2, "validation": 2}  # of a symbol, by split: what is judged must not be one item's
@@ -54,7 +55,7 @@ ITEMS = pa.DataFrameSchema(
 TEXTURES = pa.DataFrameSchema(NAMED, strict=True)
 
 
-class CatalogueError(ValueError):
+class CatalogueError(InputError):
     """Something in data/ cannot be used; the message says what, and what to do about it."""
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
 
+from pipeline.errors import InputError
 from pipeline.table.bezier import P_F, P_INIT
 
 SYMBOLS = ("bowl", "plate", "cutlery", "glass")
@@ -145,7 +146,7 @@ def random_layouts(
             layouts.symbol[scene] = EMPTY
             layouts.item[scene] = EMPTY
         else:
-            raise ValueError(
+            raise InputError(
                 f"no room for {' or '.join(map(str, rules.items_per_scene))} items in {TRIES} tries: lower "
                 "scenes.layout.clear_of_ends or clear_of_items, or ask for fewer items"
             )
@@ -168,9 +169,9 @@ def add_item(
     for scene in range(len(layouts)):
         free = np.flatnonzero(~layouts.present[scene])
         if len(free) == 0:
-            raise ValueError(f"scene {scene} has no free slot for a {SYMBOLS[symbol]}: raise scenes.slots")
+            raise InputError(f"scene {scene} has no free slot for a {SYMBOLS[symbol]}: raise scenes.layout.slots")
         if not _place(rng, added, scene, int(free[0]), symbol, items, pool, rules, tries=TRIES):
-            raise ValueError(f"no free place for a {SYMBOLS[symbol]} in scene {scene}: the scene is too full")
+            raise InputError(f"no free place for a {SYMBOLS[symbol]} in scene {scene}: the scene is too full")
     return added
 
 
@@ -178,7 +179,7 @@ def _place(rng, layouts, scene, slot, symbol, items, pool, rules, tries: int = 5
     """Put a random item of `symbol` in `slot` where it is clear of the ends and the items before it."""
     choices = pool[items.symbol[pool] == symbol]
     if len(choices) == 0:
-        raise ValueError(f"no {SYMBOLS[symbol]} among the items to draw from: add one to the catalogue")
+        raise InputError(f"no {SYMBOLS[symbol]} among the items to draw from: add one to the catalogue")
     item = int(rng.choice(choices))
     scale = rng.uniform(rules.scale_low, rules.scale_high)
     radius, half_length = items.radius[item] * scale, items.half_length[item] * scale

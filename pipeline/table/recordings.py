@@ -12,11 +12,14 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
 
+from pipeline.errors import InputError
 from pipeline.table.bezier import P_F, P_INIT, curve
 from pipeline.table.layout import Layouts
 from pipeline.table.rules import Margins, point_clearance, slack
 
 FINE = 513  # points that stand for the intended path when its arc length is measured
+
+LONGEST_S = 60.0  # of one movement across the table
 
 
 @dataclass(frozen=True)
@@ -100,15 +103,16 @@ def _wander(rng: np.random.Generator, tau: Float[Array, "sample"], size_m: float
 
 
 def check(recording: Array, name: str, ends_within_m: float) -> None:
-    """Raise ValueError, with the recording's `name`, unless it is one the fit can use.
+    """Raise InputError, with the recording's `name`, unless it is one the fit can use.
 
-    Needs (sample, 4) finite numbers t [s], x, y, z [m]; 3 samples or more; time that goes forward; and its first and
-    last point within `ends_within_m` [m] of p_init and p_f, because the fitted path's ends are fixed there.
+    Needs (sample, 4) finite numbers t [s], x, y, z [m]; 3 samples or more; time that goes forward, for LONGEST_S at
+    most; and its first and last point within `ends_within_m` [m] of p_init and p_f, because the fitted path's ends
+    are fixed there.
     """
 
     def need(holds: bool, got: str, expected: str) -> None:
         if not holds:
-            raise ValueError(f"recording {name}: {got}; expected {expected}; correct the recording or leave it out")
+            raise InputError(f"recording {name}: {got}; expected {expected}; correct the recording or leave it out")
 
     shape, kind = np.shape(recording), np.asarray(recording).dtype.kind
     need(kind in "fiu", f"holds values of type {np.asarray(recording).dtype}", "numbers")
@@ -121,11 +125,19 @@ def check(recording: Array, name: str, ends_within_m: float) -> None:
     late = np.flatnonzero(np.diff(recording[:, 0]) <= 0)
     if len(late):
         t0, t1 = recording[late[0] : late[0] + 2, 0]
-        need(False, f"time goes from {t0:g} to {t1:g} s at sample {late[0] + 1}", "increasing times")
+        need(
+            False,
+            f"time goes from {t0:g} to {t1:g} s at sample {late[0] + 1}",
+            "increasing times, and one recording for each (seed, user, scene, demo)",
+        )
+    lasts = float(recording[-1, 0] - recording[0, 0])
+    need(lasts <= LONGEST_S, f"takes {lasts:g} s", f"at most {LONGEST_S:g} s; times are in seconds")
     for which, point, end in (("starts", recording[0, 1:3], P_INIT), ("ends", recording[-1, 1:3], P_F)):
         away = float(np.linalg.norm(point - end))
         place = f"within {ends_within_m:g} m of ({end[0]:g}, {end[1]:g}) m"
-        need(away <= ends_within_m, f"{which} {away:.3g} m away from the task's end", place)
+        need(
+            away <= ends_within_m, f"{which} {away:.3g} m away from the task's end", f"{place}; positions are in metres"
+        )
 
 
 def join(recordings: Sequence[Float[Array, "_ 4"]]) -> tuple[Float[Array, "total 4"], Int[Array, "bound"]]:
@@ -158,4 +170,4 @@ def keeps(
 
 def _need(holds: bool, name: str, got: object, expected: str) -> None:
     if not holds:
-        raise ValueError(f"parameter demos.hand.{name} is {got!r}: expected {expected}; change it in conf/demos.yaml")
+        raise InputError(f"parameter demos.hand.{name} is {got!r}: expected {expected}; change it in conf/demos.yaml")

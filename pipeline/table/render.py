@@ -11,8 +11,9 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
 from numpy import ndarray as Array
-from scipy.ndimage import correlate1d, map_coordinates
+from scipy.ndimage import correlate1d, map_coordinates, shift
 
+from pipeline.errors import InputError
 from pipeline.table.items import Catalogue
 from pipeline.table.layout import SYMBOLS, Layouts
 
@@ -20,13 +21,9 @@ SIDE = 100  # pixels along an edge of the table, hence per metre
 SAMPLES = 3  # samples per pixel and axis, averaged
 REACH_M = 0.04  # how far beyond its footprint an item (its shadow, the lens' blur) can touch a picture
 BOWED = {"bowl": 0.16, "plate": 0.05, "cutlery": 0.0, "glass": 0.04}  # brighter away from the light: concave
-SHADOW = {
-    "bowl": 0.42,
-    "plate": 0.34,
-    "cutlery": 0.30,
-    "glass": 0.13,
-}  # share of the light an item takes away
+SHADOW = {"bowl": 0.42, "plate": 0.34, "cutlery": 0.30, "glass": 0.13}  # share of the light an item takes away
 HEIGHT_M = {"bowl": 0.016, "plate": 0.009, "cutlery": 0.005, "glass": 0.018}  # shift of the shadow
+LAMP = ((0.35, 0.3), (0.7, 0.4), (1.0, 0.3))  # a lamp has a size: share of the shift and weight of each faint shadow
 LENS = np.array([0.06, 0.88, 0.06], np.float32)  # the camera's blur along each axis
 
 
@@ -84,7 +81,7 @@ def render_scenes(
 def render(layouts: Layouts, scene: int, texture: str, seed: int, palette: Palette) -> UInt8[Array, "100 100 3"]:
     """Picture of one scene; raises ValueError if the texture or an item is not in the palette."""
     if texture not in palette.surfaces:
-        raise ValueError(f"unknown texture {texture!r}: the catalogue has {sorted(palette.surfaces)}")
+        raise InputError(f"unknown texture {texture!r}: the catalogue has {sorted(palette.surfaces)}")
     light = draw_light(seed)
     picture = _table_top(light, palette.surfaces[texture], palette.surface_widths[texture])
     stamps = [_stamp(layouts, scene, int(slot), light, palette) for slot in np.flatnonzero(layouts.present[scene])]
@@ -138,16 +135,12 @@ class _Stamp:
 
     def shade(self, picture: Array, light: Light) -> None:
         """Darken the table by the soft shadow; a glass lets light through and gathers it in the middle."""
-        shift = HEIGHT_M[self.symbol] * SIDE
+        height = HEIGHT_M[self.symbol] * SIDE
         solid = np.minimum(self._alpha * (4.0 if self.symbol == "glass" else 1.0), 1.0)
         shadow = np.zeros_like(solid)
-        for reach, weight in (
-            (0.35, 0.3),
-            (0.7, 0.4),
-            (1.0, 0.3),
-        ):  # a lamp has a size: several faint shadows
-            offset = (light.direction[1] * shift * reach, -light.direction[0] * shift * reach)
-            shadow += weight * _shifted(solid, *offset)
+        for reach, weight in LAMP:
+            offset = (light.direction[1] * height * reach, -light.direction[0] * height * reach)
+            shadow += weight * shift(solid, offset, order=1, mode="constant")
         kernel = np.array([0.25, 0.5, 0.25], np.float32)
         for axis in (0, 1):
             shadow = correlate1d(shadow, kernel, axis=axis, mode="constant")
@@ -160,24 +153,11 @@ class _Stamp:
         window += self.rgba[..., :3]
 
 
-def _shifted(a: Array, rows: float, columns: float) -> Array:
-    """`a` moved by a fraction of a pixel count, zeros coming in."""
-    for axis, by in ((0, rows), (1, columns)):
-        whole = int(np.floor(by))
-        part = np.float32(by - whole)
-        a = (1 - part) * _rolled(a, whole, axis) + part * _rolled(a, whole + 1, axis)
-    return a
-
-
-def _rolled(a: Array, by: int, axis: int) -> Array:
-    return np.roll(a, by, axis)  # the window's border is empty: nothing wraps round
-
-
 def _stamp(layouts: Layouts, scene: int, slot: int, light: Light, palette: Palette) -> _Stamp:
     """Turn, scale and place one item: samples on a grid of SAMPLES per pixel, averaged over each pixel."""
     index = int(layouts.item[scene, slot])
     if not 0 <= index < len(palette.cutouts):
-        raise ValueError(f"item {index} is not in the catalogue of {len(palette.cutouts)} items: rerun stage scenes")
+        raise InputError(f"item {index} is not in the catalogue of {len(palette.cutouts)} items: rerun stage scenes")
     symbol = SYMBOLS[layouts.symbol[scene, slot]]
     centre, angle, scale = layouts.centre[scene, slot], layouts.angle[scene, slot], layouts.scale[scene, slot]
     levels, width = palette.cutouts[index].levels, palette.cutouts[index].width * scale

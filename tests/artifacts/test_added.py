@@ -9,9 +9,10 @@ import pytest
 from pipeline.artifacts.added import read_added
 from pipeline.artifacts.files import write_arrays, write_table
 from pipeline.artifacts.scenes import layout_table
-from pipeline.params import InputError
+from pipeline.errors import InputError
 from pipeline.table.layout import SYMBOLS, Layouts, add_item, random_layouts
-from tests.report_artefacts import ITEMS, RULES
+from tests.examples import RULES
+from tests.report_artefacts import ITEMS
 
 SCENES = 3
 

@@ -16,7 +16,7 @@ from pipeline.artifacts.demos import (
     write_demos,
     write_queries,
 )
-from pipeline.params import InputError
+from pipeline.errors import InputError
 
 
 def some_demos(scenes: int = 3, demos: int = 4) -> pd.DataFrame:

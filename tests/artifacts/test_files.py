@@ -15,7 +15,7 @@ from pipeline.artifacts.files import (
     write_table,
     write_whole,
 )
-from pipeline.params import InputError
+from pipeline.errors import InputError
 
 
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path):

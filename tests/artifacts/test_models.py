@@ -9,7 +9,8 @@ from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.models import model_dir, save_model, weights_path
 from pipeline.artifacts.trained import load_model
-from pipeline.params import InputError, compose
+from pipeline.errors import InputError
+from pipeline.params import compose
 from pipeline.spec.registry import build
 
 

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool, write_scenes
-from pipeline.params import InputError
+from pipeline.errors import InputError
 from pipeline.table.layout import empty
 
 

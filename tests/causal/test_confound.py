@@ -6,11 +6,11 @@ import statsmodels.api as sm
 
 from pipeline.causal.confound import association, before_and_after, passes_near, shift
 from pipeline.table.bezier import random_z_theta
-from pipeline.table.layout import Items, LayoutRules, random_layouts
+from pipeline.table.layout import Items, random_layouts
 from pipeline.table.rules import valid
+from tests.examples import RULES
 
 ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.075, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
-RULES = LayoutRules((2, 3), (0.05, 0.35, 0.40, 0.20), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)
 
 
 def rng() -> np.random.Generator:

@@ -21,13 +21,13 @@ from pipeline.causal.counterfactual import (
     unlike,
 )
 from pipeline.table.bezier import random_z_theta
-from pipeline.table.layout import SYMBOLS, Items, LayoutRules, Layouts, empty, random_layouts
+from pipeline.table.layout import SYMBOLS, Items, Layouts, empty, random_layouts
 from pipeline.table.rules import clearance, slack, valid
+from tests.examples import RULES
 
 CAREFUL: dict[str, float | None] = {symbol: 0.045 for symbol in SYMBOLS}
 NORMAL: dict[str, float | None] = {symbol: 0.045 if symbol == "glass" else None for symbol in SYMBOLS}
 ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.075, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
-RULES = LayoutRules((2, 3), (0.05, 0.35, 0.40, 0.20), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)
 SCENES, PATHS = 20, 40
 
 

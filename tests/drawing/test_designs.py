@@ -9,14 +9,27 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from drawing.__main__ import contact_sheet
+from drawing.__main__ import contact_sheet, write_data
 from drawing.crockery import bowl
-from drawing.designs import designs, surfaces
+from drawing.designs import Design, designs, surfaces
+from drawing.shading import SIDE
 from drawing.surface import surface
 from pipeline.table.layout import SYMBOLS
 
 DATA = Path("data")
 ONE_OF_EACH = {design.symbol: design for design in designs()}
+SAMPLE = {(design.symbol, design.split): design for design in designs()}  # all would take longer than 10 s
+GREY, BLACK = (128, 128, 128), (0, 0, 0)
+TOPS = {"grey": ("train", lambda: np.full((SIDE, SIDE, 3), GREY, np.uint8))}
+
+
+def painted(name: str, symbol: str = "bowl", colour: tuple[int, int, int] = GREY) -> Design:
+    """An item of one colour all over."""
+    return Design(name, symbol, "train", 0.05, 0.0, lambda: np.full((SIDE, SIDE, 4), (*colour, 255), np.uint8))
+
+
+def contents(directory: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(directory)): p.read_bytes() for p in directory.rglob("*") if p.is_file()}
 
 
 @pytest.mark.parametrize("symbol", SYMBOLS)
@@ -24,12 +37,44 @@ def test_an_item_drawn_twice_is_the_same_to_the_last_bit(symbol):
     np.testing.assert_array_equal(ONE_OF_EACH[symbol].draw(), ONE_OF_EACH[symbol].draw())
 
 
-@pytest.mark.parametrize("symbol", SYMBOLS)
-def test_data_holds_what_the_script_draws(symbol):
+@pytest.mark.parametrize(
+    ("file", "draw"),
+    [(f"items/{design.name}.png", design.draw) for design in SAMPLE.values()]
+    + [(f"textures/{name}.png", draw) for name, (_, draw) in surfaces().items()],
+)
+def test_data_holds_what_the_script_draws(file, draw):
     """To one grey level: libm may round otherwise on another machine."""
-    design = ONE_OF_EACH[symbol]
-    stored = np.asarray(Image.open(DATA / "items" / f"{design.name}.png")).astype(int)
-    assert np.abs(stored - design.draw()).max() <= 1
+    stored = np.asarray(Image.open(DATA / file)).astype(int)
+    assert np.abs(stored - draw()).max() <= 1
+
+
+def test_data_holds_nothing_else():
+    pictures = {f"items/{design.name}.png" for design in designs()} | {f"textures/{name}.png" for name in surfaces()}
+    assert set(contents(DATA)) == {"items.csv", "textures.csv", *pictures}
+
+
+def test_drawing_anew_leaves_nothing_of_what_was_drawn_before_nor_of_a_run_that_was_killed(tmp_path):
+    write_data(tmp_path, [painted("kept"), painted("renamed")], TOPS)
+    (tmp_path / ".part").mkdir()
+    (tmp_path / ".part" / "half.png").touch()
+    (tmp_path / "notes.txt").touch()  # not drawn, so left alone
+    write_data(tmp_path, [painted("kept"), painted("new")], {"other": TOPS["grey"]})
+    assert set(contents(tmp_path)) == {
+        "items.csv", "textures.csv", "items/kept.png", "items/new.png", "textures/other.png", "notes.txt"
+    }  # fmt: skip
+    assert pd.read_csv(tmp_path / "items.csv")["name"].tolist() == ["kept", "new"]
+
+
+def test_a_drawing_that_fails_leaves_the_folder_as_it_was(tmp_path):
+    write_data(tmp_path, [painted("bowl")], TOPS)
+    before = contents(tmp_path)
+
+    def fail() -> np.ndarray:
+        raise RuntimeError("no such colour")
+
+    with pytest.raises(RuntimeError, match="no such colour"):
+        write_data(tmp_path, [painted("bowl", colour=BLACK), painted("new")], {"broken": ("train", fail)})
+    assert contents(tmp_path) == before
 
 
 def test_the_catalogue_lists_the_designs_in_their_order():
@@ -95,11 +140,16 @@ def test_a_bowl_is_deeper_in_the_middle_than_at_its_rim():
     assert rgba[r < 0.3][:, :3].mean() < 0.85 * rgba[(r > 0.85) & (r < 0.95)][:, :3].mean()
 
 
-def test_the_contact_sheet_shows_every_item():
-    sheet = contact_sheet(DATA)
-    columns = 15
-    cell = sheet.width // columns
-    assert sheet.height == cell * -(-len(designs()) // columns)
+def test_the_contact_sheet_shows_every_item_on_its_table_top_in_the_row_of_its_symbol(tmp_path):
+    rows = {"bowl": [(200, 0, 0), (0, 200, 0), (0, 0, 200)], "plate": [(250, 250, 250)], "glass": [(0, 90, 90)] * 2}
+    items = [painted(f"{s}-{i}", s, colour) for s, row in rows.items() for i, colour in enumerate(row)]
+    write_data(tmp_path, items, TOPS)
+    sheet, cell = np.asarray(contact_sheet(tmp_path)), SIDE // 2
+    assert sheet.shape == (3 * cell, 3 * cell, 3)
+    shown = [[*row, *[BLACK] * (3 - len(row))] for row in rows.values()]
+    np.testing.assert_array_equal(sheet[cell // 2 :: cell, cell // 2 :: cell], shown)
+    tops = [[*[GREY] * len(row), *[BLACK] * (3 - len(row))] for row in rows.values()]
+    np.testing.assert_array_equal(sheet[::cell, ::cell], tops)
 
 
 def test_an_unknown_pattern_or_table_top_is_refused():

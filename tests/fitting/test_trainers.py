@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 from omegaconf import DictConfig
 
-from pipeline.fitting.schedules import reward_schedule
 from pipeline.fitting.trainers import Lesson, fit_and_ask, fit_each
 from pipeline.params import compose
-from pipeline.spec.irl import fit
+from pipeline.spec.irl import Schedule, fit
 from pipeline.spec.reward import RewardMap
 from pipeline.spec.specification import untrained
-from pipeline.spec.training import job_seed
+from pipeline.streams import job_seed
 
 FEW = ["train.steps=2", "path.steps=2", "variants.irl_maxent.steps=3", "variants.irl_ranked.steps=3"]
 RNG = np.random.default_rng(0)
@@ -35,7 +34,8 @@ def test_irl_is_fitted_as_stage_irl_fits_it(cfg: DictConfig, variant: str):
     seed = job_seed(0, "careful", cfg.study_n, variant)
     answers = fit_and_ask(cfg, {variant: [taught]}, IMAGES, Z, "test")  # from here on by one torch thread
     model = untrained(RewardMap, v.model, seed)
-    fit(model, taught.images, taught.z_theta, taught.valid, v.objective, reward_schedule(cfg, v.steps), seed)  # pyright: ignore
+    pace = Schedule.of({**cfg.irl, "steps": v.steps})
+    fit(model, taught.images, taught.z_theta, taught.valid, v.objective, pace, seed)  # pyright: ignore
     np.testing.assert_array_equal(answers[variant][0], model.probability(IMAGES, Z))
 
 

@@ -1,6 +1,8 @@
 """The README's pictures of recordings are there, of this commit's, each shown and described, and none is blank."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +10,7 @@ import pytest
 from PIL import Image
 
 from pipeline.artifacts.files import read_table
-from pipeline.params import InputError
+from pipeline.errors import InputError
 from pipeline.recording.screenshot import Screenshot, read_png, write_png
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -55,6 +57,14 @@ def test_a_picture_that_would_fill_the_memory_is_refused(tmp_path: Path, monkeyp
     monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 1000)
     with pytest.raises(InputError, match=r"vast\.png is not a picture of a recording .*decompression bomb"):
         read_png(tmp_path / "vast.png")
+
+
+def test_a_picture_into_a_folder_that_is_not_there_is_refused_in_one_line(tmp_path: Path):
+    file = tmp_path / "missing" / "one.png"
+    command = [sys.executable, "-m", "pipeline.recording.picture", "overview", str(file)]
+    refused = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert refused.returncode == 2
+    assert refused.stderr == f"error: there is no folder {file.parent} to write {file} into: make it first\n"
 
 
 @pytest.mark.parametrize("path", [path for _, path in SHOWN])

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.params import InputError
+from pipeline.errors import InputError
 from pipeline.recording.digest import digest
 from pipeline.recording.review import check, find, show, worst
 from pipeline.recording.run import write_run

@@ -15,7 +15,8 @@ from pipeline.report.panel import Ascents, Scene, panel, script_json
 from pipeline.table.bezier import lattice, random_z_theta
 from pipeline.table.layout import SYMBOLS, Layouts, add_item, random_layouts
 from pipeline.table.rules import valid
-from tests.report_artefacts import ITEMS, RULES
+from tests.examples import RULES
+from tests.report_artefacts import ITEMS
 
 SIDE = 9
 VARIANTS = ["full", "path"]

@@ -7,9 +7,9 @@ from scipy.special import expit, logit
 
 from pipeline.spec.ablations import ABLATIONS
 from pipeline.spec.clearance import SHARPENING, ClearanceModel, clearance, fit
+from pipeline.spec.descent import Schedule
 from pipeline.spec.specification import to_tensor, untrained
 from pipeline.spec.things import FEATURES
-from pipeline.spec.training import Schedule
 from pipeline.table.rules import clearance as true_clearance
 from tests.spec.test_clearance import MARGIN, scenes
 

@@ -7,9 +7,10 @@ import pytest
 import torch
 
 from pipeline.spec.batched import fit_batch
+from pipeline.spec.descent import Checkpoints, Schedule
 from pipeline.spec.losses import equation_1
 from pipeline.spec.specification import to_tensor
-from pipeline.spec.training import Checkpoints, Schedule, fit
+from pipeline.spec.training import fit
 from tests.spec.test_training import VARIANTS, drawn
 
 SHORT = Schedule(steps=3, rate=2e-3, weight_decay=0.01, curve_every=1)

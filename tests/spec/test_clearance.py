@@ -5,9 +5,9 @@ import pytest
 import torch
 
 from pipeline.spec.clearance import SEEN, ClearanceModel, clearance, fit
+from pipeline.spec.descent import Checkpoints, Schedule
 from pipeline.spec.specification import to_tensor, untrained
 from pipeline.spec.things import FEATURES
-from pipeline.spec.training import Checkpoints, Schedule
 from pipeline.table.layout import Layouts
 from pipeline.table.rules import clearance as true_clearance
 from tests.spec.test_things import RED, WHITE, picture

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import torch
 
+from pipeline.spec.descent import Checkpoints
 from pipeline.spec.irl import OBJECTIVES, Schedule, fit, logistic, maxent, ranked
 from pipeline.spec.jitter import Jitter, blobs, new_looks, repaint
 from pipeline.spec.registry import build
 from pipeline.spec.reward import RewardMap
-from pipeline.spec.training import Checkpoints
 
 SHAPE = {
     "channels": 8,

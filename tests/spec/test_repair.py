@@ -91,19 +91,6 @@ def test_a_start_is_repaired_alike_alone_and_among_others(optimiser: str):
     np.testing.assert_allclose(alone.z[0, 0], together.z[0, 3], atol=1e-6)
 
 
-def test_adam_is_torchs_adam():
-    z = torch.tensor(STARTS, dtype=torch.float32, requires_grad=True)
-    adam = torch.optim.Adam([z], lr=0.03, maximize=True)
-    for _ in range(12):
-        adam.zero_grad()
-        Hill().logit(torch.zeros(3, 1), z).sum().backward()
-        adam.step()
-    with torch.no_grad():
-        inside = ((z > Z_LOW) & (z < Z_HIGH)).all(-1).numpy()
-    done = repair(Hill(), IMAGES, STARTS, Ascent(12, "adam", 0.03, False))
-    np.testing.assert_allclose(done.z[:, :, -1][inside], z.detach().numpy()[inside], atol=1e-5)
-
-
 def test_settings_that_make_no_ascent_are_refused():
     with pytest.raises(ValueError, match="expected one of gradient, normalised, adam"):
         Ascent(30, "newton", 0.1, False)

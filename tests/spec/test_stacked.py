@@ -13,11 +13,12 @@ import torch
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from pipeline.spec.descent import Checkpoints, Schedule, padded
 from pipeline.spec.lanes import LANES
 from pipeline.spec.losses import Weights, equation_1
 from pipeline.spec.registry import build
 from pipeline.spec.stacked import Stack, fit_stack
-from pipeline.spec.training import Checkpoints, Schedule, fit, padded
+from pipeline.spec.training import fit
 from pipeline.spec.vae import Z_CENTRE, Z_SCALE, VaeSpecification
 
 VARIANTS = {

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 import torch
 
+from pipeline.spec.descent import Checkpoints, Schedule, laplace
 from pipeline.spec.losses import Weights
 from pipeline.spec.registry import build
-from pipeline.spec.training import CURVE, Checkpoints, Schedule, fit, job_seed, laplace
+from pipeline.spec.training import CURVE, fit
 from pipeline.spec.vae import VaeSpecification
+from pipeline.streams import job_seed
 
 GOLDEN = Path(__file__).parent.parent / "golden"
 VARIANTS = {

@@ -7,17 +7,19 @@ import pytest
 from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.models import model_dir, weights_path
-from pipeline.params import InputError
+from pipeline.errors import InputError
+from pipeline.params import validate
 
 Stage = Callable[[DictConfig, Path], None]
 
 
 def refuses(main: Stage, cfg: DictConfig, name: str, value: object, message: str, out: Path) -> None:
-    """With the parameter `name` set to `value`, the stage says `message` and leaves no `out`."""
+    """With the parameter `name` set to `value`, the stage, begun as by `launch`, says `message` and leaves no `out`."""
     changed = cfg.copy()
     OmegaConf.set_struct(changed, False)
     OmegaConf.update(changed, name, value, merge=False)
     with pytest.raises(ValueError, match=message):
+        validate(changed)
         main(changed, out)
     assert not out.exists()
 

@@ -20,9 +20,9 @@ from pipeline.table.items import read_catalogue
 from pipeline.table.layout import Items, LayoutRules, Layouts, random_layouts
 from pipeline.table.render import Palette, render_scenes
 from pipeline.table.rules import valid
+from tests.examples import RULES
 
 ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.075, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
-RULES = LayoutRules((2, 3), (0.05, 0.35, 0.40, 0.20), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)
 SCENES = 3
 SMALL_WORLD = [  # stages scenes and demos, in seconds
     "profile=smoke", "workers=1", "scenes.shared=3", "scenes.validation=1", "scenes.calibration=5",

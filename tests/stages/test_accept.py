@@ -8,7 +8,8 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_json, read_table
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool, write_scenes
-from pipeline.params import InputError, compose
+from pipeline.errors import InputError
+from pipeline.params import compose
 from pipeline.stages import accept
 from tests.stages.facts import refuses, repeats_itself
 from tests.stages.inputs import labelled_demos, labelled_queries, pictured_scenes
@@ -106,7 +107,7 @@ def test_a_second_run_by_two_processes_writes_the_same_bytes(cfg: DictConfig, ou
     [
         ("variants", ["fulll"], "accept.variants is .*: expected some of full, ae, classifier, irl_maxent"),
         ("variants", [], "expected some of full"),
-        ("level", 0.03, "accept.levels is .*: expected ascending numbers between 0 and 1, 0.03 among them"),
+        ("level", 0.03, "accept.levels is .*: expected numbers with accept.level = 0.03 among them"),
         ("level", 1.0, "accept.level is 1.0: expected a number between 0 and 1"),
         ("levels", [0.2, 0.1], "expected ascending numbers"),
         ("fitted", 4, "accept.fitted is 4: expected a whole number from 1 to 3"),

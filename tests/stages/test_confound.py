@@ -9,7 +9,8 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_arrays, read_json, write_arrays, write_table
 from pipeline.artifacts.scenes import layout_table, train_pool
-from pipeline.params import InputError, compose
+from pipeline.errors import InputError
+from pipeline.params import compose
 from pipeline.stages import confound
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.items import read_catalogue

@@ -13,6 +13,7 @@ from pipeline.artifacts.scenes import SceneSet, read_scenes, write_scenes
 from pipeline.params import compose
 from pipeline.spec.registry import build
 from pipeline.stages import counterfactual
+from pipeline.streams import stream
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.items import read_catalogue
 from pipeline.table.layout import SYMBOLS, LayoutRules, random_layouts
@@ -72,7 +73,7 @@ def test_every_variant_and_user_has_a_cell_and_who_minds_nothing_an_empty_one(cf
     assert metrics["truth"]["aggressive"] is None
     layouts = read_scenes(Path(cfg.paths.scenes)).layouts["new_items"]
     assert metrics["pictures"] == (2 ** layouts.present.sum(1)).sum()
-    z = random_z_theta(np.random.default_rng(GENERATOR), SCENES, PATHS)
+    z = random_z_theta(stream(GENERATOR, "counterfactual"), SCENES, PATHS)
     for user in ("careful", "normal"):
         share = 1 - valid(layouts, z, cfg.users[user]).mean()
         assert metrics["truth"][user]["invalid"] == pytest.approx(share, abs=1e-6)
@@ -121,7 +122,7 @@ def test_a_move_ends_where_the_path_becomes_valid(cfg: DictConfig, out: Path):
     case = moves.drop_duplicates(["user", "scene"])
     symbols = np.array(SYMBOLS)[layouts.symbol[case["scene"], case["slot"]]]
     np.testing.assert_array_equal(case["symbol"], symbols)
-    z = random_z_theta(np.random.default_rng(GENERATOR), SCENES, PATHS)
+    z = random_z_theta(stream(GENERATOR, "counterfactual"), SCENES, PATHS)
     for row in case.itertuples():
         assert not valid(layouts[[row.scene]], z[[row.scene]], cfg.users[row.user])[0, row.path]
 
@@ -151,7 +152,7 @@ def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Pat
         ("scenes", 1000, r"counterfactual.scenes is 1000: expected at most the \d+ scenes of new_items"),
         ("move_step", 0.0, "counterfactual.move_step is 0.0"),
         ("example_variant", "best", "counterfactual.example_variant is 'best'"),
-        ("split", "seen_scenes", "expected one that all seeds share"),
+        ("split", "seen_scenes", "expected a split that all seeds share, one of new_scenes, new_items"),
     ],
 )
 def test_parameters_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name, value, message):

@@ -10,10 +10,12 @@ from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries, read_recordings
 from pipeline.artifacts.scenes import SceneSet, read_scenes, write_scenes
-from pipeline.params import InputError, compose
+from pipeline.errors import InputError
+from pipeline.params import compose
 from pipeline.stages.demos import main
 from pipeline.table.layout import SYMBOLS, Layouts
 from pipeline.table.rules import valid
+from tests.stages.facts import refuses
 
 SCENES = {"train-s0": 3, "train-s1": 3, "train-s100": 3, "new_scenes": 4, "new_items": 4}
 FILES = ("demos.parquet", "recordings.npz", "queries.npz", "metrics.json")
@@ -43,8 +45,8 @@ def out(cfg: DictConfig, tmp_path: Path) -> Path:
     return tmp_path / "demos"
 
 
-def real_csv(path: Path, out: Path, **changes: object) -> Path:
-    """The first recording of seed 0's careful user as a person's file would hold it, moved 5 mm aside midway."""
+def real_csv(cfg: DictConfig, folder: Path, out: Path, clock_s: float = 0.0, **changes: object) -> Path:
+    """Let the stage read a person's file in `folder`: seed 0's first careful recording, moved 5 mm aside midway."""
     samples, offsets = read_recordings(out)
     demos = read_demos(out)
     first = int(np.flatnonzero((demos["seed"] == 0) & (demos["user"] == "careful"))[0])
@@ -53,8 +55,11 @@ def real_csv(path: Path, out: Path, **changes: object) -> Path:
     table = table.assign(seed=0, user="careful", scene=0, demo=0)
     for name, value in changes.items():
         table.loc[20, name] = value
-    table.to_csv(path, index=False)
-    return path
+    table["t"] += clock_s
+    OmegaConf.update(cfg, "paths.data", str(folder))
+    OmegaConf.update(cfg, "demos.recorded", str(folder / "real.csv"))
+    table.to_csv(folder / "real.csv", index=False)
+    return folder / "real.csv"
 
 
 def test_every_seed_user_and_scene_has_its_demonstrations(cfg: DictConfig, out: Path):
@@ -107,16 +112,52 @@ def test_fewer_seeds_or_demonstrations_leave_the_recordings_as_they_are(cfg: Dic
     main(cfg, tmp_path / "fewer")
     kept = read_demos(out)
     kept = kept[kept["seed"].isin([1, 100])].reset_index(drop=True)
-    pd.testing.assert_frame_equal(read_demos(tmp_path / "fewer"), kept, atol=1e-3)
+    pd.testing.assert_frame_equal(read_demos(tmp_path / "fewer"), kept, check_exact=True)
 
 
 def test_real_recordings_take_the_place_of_simulated_ones(cfg: DictConfig, out: Path, tmp_path: Path):
-    OmegaConf.update(cfg, "demos.recorded", str(real_csv(tmp_path / "real.csv", out)))
+    real_csv(cfg, tmp_path, out)
     main(cfg, tmp_path / "real")
     before, after = read_demos(out), read_demos(tmp_path / "real")
     moved = np.linalg.norm(after[["z_x", "z_y"]].to_numpy() - before[["z_x", "z_y"]].to_numpy(), axis=1) > 1e-3
     assert moved.sum() == 1
     assert after.loc[moved, ["seed", "user", "scene", "demo"]].iloc[0].tolist() == [0, "careful", 0, 0]
+
+
+def test_it_is_told_how_many_recordings_are_real(cfg: DictConfig, out: Path, tmp_path: Path):
+    real_csv(cfg, tmp_path, out)
+    main(cfg, tmp_path / "real")
+    told = [json.loads((folder / "metrics.json").read_text())["recorded"] for folder in (out, tmp_path / "real")]
+    assert told == [0, 1]
+
+
+def test_a_recording_may_count_its_time_from_any_moment(cfg: DictConfig, out: Path, tmp_path: Path):
+    for name, clock_s in (("zero", 0.0), ("epoch", 1.7e9)):
+        (tmp_path / name).mkdir()
+        real_csv(cfg, tmp_path / name, out, clock_s)
+        main(cfg, tmp_path / name / "out")
+    zero, epoch = (read_demos(tmp_path / name / "out")["duration_s"] for name in ("zero", "epoch"))
+    pd.testing.assert_series_equal(zero, epoch, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        ("seed,user,scene,demo,t,x,y,z\n", "hold no sample: expected one a row"),
+        ("", "cannot be read .*: expected a csv; see CONTRIBUTING.md"),
+        ("seed,user,scene,demo,t,x,y\n0,careful,0,0,0,0,0\n", r"expected also \['z'\]; add them"),
+        (None, "cannot be read .*No such file"),
+    ],
+)
+def test_a_file_without_recordings_is_refused(cfg: DictConfig, tmp_path: Path, content: str | None, says: str):
+    if content is not None:
+        (tmp_path / "real.csv").write_text(content)
+    OmegaConf.update(cfg, "paths.data", str(tmp_path))
+    refuses(main, cfg, "demos.recorded", str(tmp_path / "real.csv"), f"real.csv.* {says}", tmp_path / "bad")
+
+
+def test_recordings_that_dvc_does_not_keep_track_of_are_refused(cfg: DictConfig, tmp_path: Path):
+    refuses(main, cfg, "demos.recorded", str(tmp_path / "real.csv"), "expected a csv in data/", tmp_path / "bad")
 
 
 @pytest.mark.parametrize(
@@ -130,7 +171,7 @@ def test_real_recordings_take_the_place_of_simulated_ones(cfg: DictConfig, out: 
 def test_a_bad_recording_ends_the_stage_before_anything_is_written(
     cfg: DictConfig, out: Path, tmp_path: Path, changes: dict, says: str
 ):
-    OmegaConf.update(cfg, "demos.recorded", str(real_csv(tmp_path / "real.csv", out, **changes)))
+    real_csv(cfg, tmp_path, out, **changes)
     with pytest.raises(ValueError, match=says):
         main(cfg, tmp_path / "bad")
     assert not (tmp_path / "bad").exists()
@@ -147,9 +188,7 @@ def test_a_bad_recording_ends_the_stage_before_anything_is_written(
     ],
 )
 def test_a_parameter_out_of_range_is_named(cfg: DictConfig, tmp_path: Path, name: str, value: object):
-    OmegaConf.update(cfg, f"demos.{name}", value)
-    with pytest.raises(ValueError, match=f"demos.{name}"):
-        main(cfg, tmp_path / "bad")
+    refuses(main, cfg, f"demos.{name}", value, f"demos.{name}", tmp_path / "bad")
 
 
 def test_missing_scenes_of_a_seed_are_named(cfg: DictConfig, tmp_path: Path):

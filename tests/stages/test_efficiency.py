@@ -9,7 +9,8 @@ import pytest
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_json, read_table, write_table
-from pipeline.params import InputError, compose
+from pipeline.errors import InputError
+from pipeline.params import compose
 from pipeline.stages import demos, efficiency, scenes
 from tests.stages.facts import refuses, repeats_itself
 from tests.stages.inputs import SMALL_WORLD
@@ -86,7 +87,7 @@ def test_a_second_run_by_two_processes_writes_the_same_bytes(cfg: DictConfig, ou
         ("scenes", [OWN], "some of them other than scenes.per_seed = 4"),
         ("variants", ["fulll"], "expected some of full, ae, classifier, irl_maxent, irl_ranked, path"),
         ("variants", [], "efficiency.variants"),
-        ("split", "seen_scenes", "expected one that all seeds share: new_scenes, new_items"),
+        ("split", "seen_scenes", "expected a split that all seeds share, one of new_scenes, new_items"),
         ("threshold", 95, "efficiency.threshold is 95: expected a share"),
     ],
 )

@@ -150,7 +150,7 @@ def test_a_second_run_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path
         ("paths", 0.5, "envelope.paths is 0.5"),
         ("candidates", 0, "envelope.candidates is 0"),
         ("step", 0.0, "envelope.step is 0.0"),
-        ("clear_of_others", 0.04, "more than every margin in users, the largest of which is 0.045 m"),
+        ("clear_of_others", 0.04, "more than the widest margin in users, 0.045 m: raise it"),
         ("planner", "fulll", "envelope.planner is 'fulll': expected one of"),
         ("doses", 200, "raise envelope.candidates"),
     ],

@@ -11,9 +11,11 @@ from omegaconf import DictConfig, OmegaConf
 from pipeline.artifacts.demos import Queries, write_demos, write_queries
 from pipeline.artifacts.files import read_table, write_arrays, write_table
 from pipeline.artifacts.models import model_dir
-from pipeline.params import InputError, compose
+from pipeline.errors import InputError
+from pipeline.params import compose
 from pipeline.stages.evaluate import main
 from pipeline.table.bezier import random_z_theta
+from tests.stages.facts import refuses
 
 SCENES, QUERIES = 3, 8
 
@@ -174,6 +176,4 @@ def test_predictions_of_other_labels_are_refused(cfg: DictConfig, tmp_path: Path
 )
 def test_what_cannot_be_compared_is_refused(cfg: DictConfig, tmp_path: Path, override: str, message: str):
     name, value = override.split("=")
-    OmegaConf.update(cfg, name, OmegaConf.from_dotlist([f"x={value}"]).x)
-    with pytest.raises(InputError, match=message):
-        main(cfg, tmp_path / "out")
+    refuses(main, cfg, name, OmegaConf.from_dotlist([f"x={value}"]).x, message, tmp_path / "out")

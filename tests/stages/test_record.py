@@ -14,14 +14,16 @@ from pipeline.artifacts.files import read_table, write_arrays, write_json, write
 from pipeline.artifacts.models import model_dir, save_model, save_weights, weights_path
 from pipeline.artifacts.scenes import SceneSet, layout_table, read_scenes, write_scenes
 from pipeline.artifacts.trained import load_model
+from pipeline.errors import InputError
 from pipeline.exhibits.recorded import CURVE_KEY
-from pipeline.params import InputError, compose
+from pipeline.params import compose
 from pipeline.spec.registry import build
 from pipeline.stages.record import EFFECT_COLUMNS, main
 from pipeline.table.bezier import curve, lattice, random_z_theta
 from pipeline.table.layout import SYMBOLS, Layouts, empty
 from pipeline.table.rules import valid
 from tests.recording.example import read, read_timed
+from tests.stages.facts import refuses
 
 SCENES, STARTS, STEPS, SAMPLES = 4, 2, 5, 20
 
@@ -232,12 +234,8 @@ def test_true_slack_is_of_the_repairs_paths(cfg: DictConfig, tmp_path: Path) -> 
 
 
 def test_interventions_in_other_scenes_than_the_repairs_are_refused(cfg: DictConfig, tmp_path: Path) -> None:
-    cfg.intervene.split = "new_scenes"
-    with pytest.raises(
-        InputError, match=r"intervene\.split is 'new_scenes', repair\.split 'new_items': expected the same"
-    ):
-        main(cfg, tmp_path / "record")
-    assert not (tmp_path / "record").exists()
+    message = r"intervene\.split is 'new_scenes': expected repair\.split = 'new_items'"
+    refuses(main, cfg, "intervene.split", "new_scenes", message, tmp_path / "record")
 
 
 def test_the_overview_lists_every_variant_of_the_users_who_care(cfg: DictConfig, tmp_path: Path) -> None:
@@ -248,9 +246,8 @@ def test_the_overview_lists_every_variant_of_the_users_who_care(cfg: DictConfig,
 
 
 def test_a_variant_to_be_shown_first_must_exist(cfg: DictConfig, tmp_path: Path) -> None:
-    cfg.record.first = ["classifier", "unknown"]
-    with pytest.raises(InputError, match=r"record\.first names 'unknown': expected some of full, classifier"):
-        main(cfg, tmp_path / "record")
+    message = r"record\.first is .*unknown.*: expected some of full, classifier"
+    refuses(main, cfg, "record.first", ["classifier", "unknown"], message, tmp_path / "record")
 
 
 def test_with_no_user_who_cares_the_overview_shows_them_all(cfg: DictConfig, tmp_path: Path) -> None:
@@ -296,6 +293,4 @@ def test_paths_that_do_not_match_the_repairs_are_refused(cfg: DictConfig, tmp_pa
 
 @pytest.mark.parametrize("name", ["scenes", "repairs", "training_scenes", "map_side"])
 def test_zero_of_anything_is_refused(cfg: DictConfig, tmp_path: Path, name: str) -> None:
-    cfg.record[name] = 0
-    with pytest.raises(InputError, match=f"record.{name} is 0"):
-        main(cfg, tmp_path / "record")
+    refuses(main, cfg, f"record.{name}", 0, f"record.{name} is 0", tmp_path / "record")

@@ -8,7 +8,7 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.added import read_added
 from pipeline.artifacts.files import read_arrays, read_json
-from pipeline.params import InputError
+from pipeline.errors import InputError
 from pipeline.stages import intervene, refute
 from pipeline.table.layout import SYMBOLS
 from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
@@ -84,8 +84,9 @@ def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Pat
     ("name", "value", "message"),
     [
         ("scenes", 1, "refute.scenes is 1: expected a whole number from 2"),
-        ("far_m", 0.04, "refute.far_m is 0.04: expected more than the widest margin, 0.045 m"),
-        ("permuted", ["irl_ranked"], "refute.permuted names irl_ranked: expected some of full, path"),
+        ("far_m", 0.04, "refute.far_m is 0.04: expected more than the widest margin in users, 0.045 m"),
+        ("permuted", ["irl_ranked"], r"refute.permuted is \['irl_ranked'\]: expected some of full, path"),
+        ("scenes", 2.5, "refute.scenes is 2.5"),
         ("tables", "glass", "refute.tables is 'glass': expected one of train, unseen"),
     ],
 )

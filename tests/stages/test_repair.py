@@ -93,7 +93,7 @@ def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Pat
     [
         ("repair.steps", 0, "repair.steps is 0"),
         ("repair.starts", 0, "repair.starts is 0"),
-        ("repair.split", "seen_scenes", "expected one of new_scenes, new_items"),
+        ("repair.split", "seen_scenes", "expected a split that all seeds share, one of new_scenes, new_items"),
         ("repair.split", "new_scenes", "no scenes new_scenes"),
         ("repair.optimiser", "newton", "expected one of gradient"),
     ],

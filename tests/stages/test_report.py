@@ -15,7 +15,7 @@ from PIL import Image
 from pipeline.artifacts.files import read_arrays, read_json, read_table, write_arrays, write_json, write_table
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.artifacts.trained import load_model
-from pipeline.params import InputError
+from pipeline.errors import InputError
 from pipeline.report.page import LARGEST
 from pipeline.report.style import LETTER
 from pipeline.report.terminal import shown

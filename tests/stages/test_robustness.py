@@ -9,12 +9,11 @@ import torch
 from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.files import read_arrays, read_json, write_arrays
-from pipeline.artifacts.models import model_dir, save_model, weights_path
-from pipeline.params import InputError
+from pipeline.artifacts.models import model_dir, save_model
 from pipeline.spec.clearance import ClearanceModel
 from pipeline.spec.registry import build
 from pipeline.stages import robustness
-from tests.stages.facts import refuses
+from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
 from tests.stages.inputs import convinced, labelled_demos, labelled_queries, pictured_models, same_scenes_for_training
 
 SCENES, PATHS, VARIANTS = 3, 12, ("full", "path")
@@ -97,28 +96,21 @@ def test_one_scene_is_pictured_as_it_is_and_under_each_disturbance(cfg: DictConf
 
 
 def test_a_second_run_on_two_workers_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
-    again = cfg.copy()
-    again.workers = 2
-    robustness.main(again, tmp_path)
-    for path in out.iterdir():
-        assert path.read_bytes() == (tmp_path / path.name).read_bytes(), path.name
+    repeats_itself(robustness.main, cfg, out, tmp_path, workers=2)
 
 
 def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
-    path = weights_path(model_dir(cfg, "path"), "careful", 1, cfg.study_n)
-    hidden = path.rename(path.with_suffix(".away"))
-    try:
-        with pytest.raises(InputError, match=r"careful-s1-n9\.safetensors is missing"):
-            robustness.main(cfg, tmp_path)
-    finally:
-        hidden.rename(path)
-    assert not list(tmp_path.iterdir())
+    names_a_missing_model(robustness.main, cfg, "path", tmp_path / "out")
 
 
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
-        ("split", "seen_scenes", "robustness.split is 'seen_scenes': expected one that all seeds share: new_scenes"),
+        (
+            "split",
+            "seen_scenes",
+            "robustness.split is 'seen_scenes': expected a split that all seeds share, one of new_scenes, new_items",
+        ),
         ("scenes", 1, "robustness.scenes is 1: expected a whole number from 2"),
         ("scenes", SCENES + 1, f"robustness.scenes is {SCENES + 1}: expected at most {SCENES}, as new_items has"),
         ("pictures", {"fog": [0.1]}, "expected some of shade, tint, blur, noise, arm"),

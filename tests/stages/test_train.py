@@ -13,12 +13,13 @@ from pipeline.artifacts.files import read_json, read_table
 from pipeline.artifacts.models import PREDICTION_COLUMNS
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.artifacts.trained import load_model
+from pipeline.errors import InputError
 from pipeline.fitting.grid import _batches, _jobs, _key
-from pipeline.params import InputError, compose
+from pipeline.params import compose
 from pipeline.spec.specification import untrained
-from pipeline.spec.training import job_seed
 from pipeline.spec.vae import VaeSpecification
 from pipeline.stages.train import main
+from pipeline.streams import job_seed
 
 SMALL = ["seeds=[0,1]", "n=[1,2]", "study_n=2", "train.steps=4", "train.curve_every=2", "workers=1"]
 SMALL += ["train.engine=stacked", "checkpoints=[0,2,50]"]
@@ -130,11 +131,8 @@ def test_jobs_fitted_together_are_of_like_n_and_none_is_left_out(small_world, tm
     ("override", "message"),
     [
         ("variant=irl_ranked", "not fitted by stage train: expected one of full, ae, classifier"),
-        ("variants.full.alpha=null", "full has no alpha: stage train expects each of alpha, beta, gamma, model"),
-        ("~variants.full.model", "variant full has no model"),
         ("variants.full.beta=-1", "beta is -1.0"),
         ("train.steps=0", "steps is 0"),
-        ("train.engine=eager", "expected one of auto, stacked, batched, reference"),
         ("seeds=[0,7]", "no scenes train-s7"),
     ],
 )
@@ -159,3 +157,19 @@ def test_more_demonstrations_than_there_are_is_refused(small_world, tmp_path):
 def _digests(root: Path) -> dict[str, str]:
     files = sorted(path for path in root.rglob("*") if path.is_file())
     return {str(path.relative_to(root)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+def test_a_fit_that_diverges_is_no_result(small_world, tmp_path):
+    with pytest.raises(InputError, match=r"full of careful, seed 0, n 1: its loss is no longer finite at step \d+"):
+        main(config(small_world, tmp_path, "train.rate=1e30"), tmp_path / "full")
+    assert not (tmp_path / "full").exists()
+
+
+def test_models_of_an_earlier_run_into_the_same_folder_do_not_stay(small_world, tmp_path):
+    cfg = config(small_world, tmp_path)
+    main(cfg, tmp_path / "full")
+    before = sorted(path.name for path in (tmp_path / "full" / "weights").iterdir())
+    cfg.n, cfg.study_n = [1], 1
+    main(cfg, tmp_path / "full")
+    after = sorted(path.name for path in (tmp_path / "full" / "weights").iterdir())
+    assert after == [name for name in before if "-n1" in name] and len(after) < len(before)

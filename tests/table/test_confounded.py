@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from pipeline.table.bezier import P_F, P_INIT
 from pipeline.table.confounded import GLASS, PLATE, Setting, confounded_layouts
-from pipeline.table.layout import Items, LayoutRules, Layouts, point_segment_distance, segment_distance
+from pipeline.table.layout import Items, Layouts, point_segment_distance, segment_distance
+from tests.examples import RULES
 
 # Per symbol a training item (0-3) and another one (4-7); the plate and the glass of the latter are oval.
 ITEMS = Items(
@@ -17,7 +18,6 @@ ITEMS = Items(
     np.array([0.0, 0.0, 0.08, 0.0, 0.0, 0.038, 0.07, 0.015]),
     np.array([0.065, 0.075, 0.013, 0.045, 0.06, 0.054, 0.013, 0.0375]),
 )
-RULES = LayoutRules((2, 3), (0.05, 0.35, 0.4, 0.2), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)
 SETTING = Setting(together=0.9, present=0.8, glasses=2, gap_low=0.015, gap_high=0.04)
 ROUND, OVAL = np.arange(4), np.arange(4, 8)
 seeds = st.integers(0, 2**32 - 1)
@@ -86,8 +86,9 @@ def test_a_stronger_cause_takes_hold_of_more_scenes_and_leaves_the_others_as_the
     assert same(strong, full)[same(weak, full)].all()
 
 
-def test_the_same_generator_draws_the_same_scenes():
+def test_the_same_generator_draws_the_same_scenes_and_another_draws_others():
     np.testing.assert_array_equal(drawn(5, 5).centre, drawn(5, 5).centre)
+    assert not np.array_equal(drawn(5, 5).centre, drawn(6, 5).centre)
 
 
 def test_a_scene_without_room_for_its_glasses_is_refused():

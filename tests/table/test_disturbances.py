@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 from pipeline.table.bezier import P_F, P_INIT
 from pipeline.table.disturbances import HALF_ARM, PICTURES, arm, blur, cluttered, mislabelled, noise, shade, tint
-from pipeline.table.layout import Items, LayoutRules, point_segment_distance, random_layouts, segment_distance
+from pipeline.table.layout import Items, point_segment_distance, random_layouts, segment_distance
 from pipeline.table.render import SIDE
+from tests.examples import RULES
 
 ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.08, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
 POOL = np.arange(4)
-RULES = LayoutRules((2, 3), (0.05, 0.35, 0.4, 0.2), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)
 STRONG = {"shade": 0.5, "tint": 0.4, "blur": 2.0, "noise": 0.05, "arm": 0.3}
 seeds = st.integers(0, 2**32 - 1)
 

@@ -11,12 +11,12 @@ from pipeline.table.bezier import P_F, P_INIT
 from pipeline.table.layout import (
     SYMBOLS,
     Items,
-    LayoutRules,
     add_item,
     point_segment_distance,
     random_layouts,
     segment_distance,
 )
+from tests.examples import RULES
 
 # Per symbol a training item (0-3) and another one (4-7) that must not be drawn when the pool leaves it out.
 ITEMS = Items(
@@ -25,7 +25,6 @@ ITEMS = Items(
     np.array([0.065, 0.075, 0.013, 0.045, 0.06, 0.08, 0.013, 0.042]),
 )
 POOL = np.arange(4)
-RULES = LayoutRules((2, 3), (0.05, 0.35, 0.4, 0.2), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -85,9 +84,10 @@ def test_an_added_item_is_of_its_symbol_clear_of_the_rest_and_alone_in_what_chan
         assert apart >= RULES.clear_of_items - 1e-9 and away >= RULES.clear_of_ends - 1e-9
 
 
-def test_the_same_generator_draws_the_same_scenes():
+def test_the_same_generator_draws_the_same_scenes_and_another_draws_others():
     for field in fields(drawn(0)):
         np.testing.assert_array_equal(getattr(drawn(5), field.name), getattr(drawn(5), field.name))
+    assert not np.array_equal(drawn(5).centre, drawn(6).centre)
 
 
 def test_glasses_come_as_often_as_asked():

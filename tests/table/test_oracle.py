@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from pipeline.table.bezier import lattice, random_z_theta
-from pipeline.table.layout import Items, LayoutRules, Layouts, empty, random_layouts
+from pipeline.table.layout import Items, Layouts, empty, random_layouts
 from pipeline.table.oracle import constant_detour, nearest_valid
 from pipeline.table.rules import valid
+from tests.examples import RULES
 
 CAREFUL = {"bowl": 0.045, "plate": 0.045, "cutlery": 0.045, "glass": 0.045}
 NORMAL = {"bowl": None, "plate": None, "cutlery": None, "glass": 0.038}
 ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.075, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
-RULES = LayoutRules((2, 3), (0.05, 0.35, 0.40, 0.20), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)
 
 
 @pytest.fixture(scope="module")

@@ -91,6 +91,7 @@ def with_value(row: int, column: int, value: float) -> np.ndarray:
         (good()[:, :3], r"has shape \(\d+, 3\); expected \(samples, 4\)"),
         (good()[:, 0], r"has shape"),
         (good().astype(str), r"holds values of type <U"),
+        (good() * [1000, 1, 1, 1], r"takes [\d.]+ s; expected at most 60 s; times are in seconds"),
         (good()[40:], r"starts .* m away from the task's end; expected within 0.03 m of \(0.08, 0.08\)"),
         (good()[:-60], r"ends .* m away from the task's end; expected within 0.03 m of \(0.92, 0.92\)"),
     ],

@@ -154,3 +154,15 @@ def test_an_item_beyond_the_catalogue_is_refused():
     layouts.item[0, 0] = 9
     with pytest.raises(ValueError, match="item 9 is not in the catalogue"):
         render(layouts, 0, "grey", 0, Palette(catalogue))
+
+
+@pytest.mark.parametrize("x", [0.02, 0.05, 0.95, 0.98])
+def test_an_item_at_the_edge_sheds_no_shadow_on_its_far_side(x: float):
+    catalogue = disc_catalogue()
+    palette, bare = Palette(catalogue), empty(1, 4)
+    for seed in range(8):  # lamps on every side
+        item = with_item(empty(1, 4), 0, catalogue, 0, x, 0.5)
+        change = render(item, 0, "grey", seed, palette).astype(int) - render(bare, 0, "grey", seed, palette)
+        rows, columns = np.nonzero(np.abs(change).max(-1) > 2)
+        away = np.hypot((columns + 0.5) / SIDE - x, 0.5 - (rows + 0.5) / SIDE) - 0.1
+        assert away.max() < 0.03

@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 
 from pipeline.table.bezier import P_F, P_INIT, random_z_theta
-from pipeline.table.layout import SYMBOLS, Items, LayoutRules, Layouts, random_layouts
+from pipeline.table.layout import SYMBOLS, Items, Layouts, random_layouts
 from pipeline.table.rules import clearance, point_clearance, slack, valid
+from tests.examples import RULES
 
 ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.08, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
-RULES = LayoutRules((2, 3), (0.05, 0.35, 0.4, 0.2), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)
 USERS = {
     "careful": dict.fromkeys(SYMBOLS, 0.045),
     "normal": {**dict.fromkeys(SYMBOLS), "glass": 0.038},

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rerun.experimental import ViewerClient
 
-from pipeline.params import InputError
+from pipeline.errors import InputError
 from pipeline.recording.overview import write_overview
 from pipeline.recording.picture import select, settled, viewer
 from pipeline.recording.run import write_run

@@ -1,0 +1,5 @@
+"""The error that a person can put right; whatever else goes wrong is a defect and keeps its traceback."""
+
+
+class InputError(ValueError):
+    """Says what came, what was expected and what to do; a stage ends with it in one line and exit code 2."""
