@@ -323,6 +323,7 @@ class Envelope(Group):
     clear_of_others: Length
     paths: Count
     candidates: Count
+    starts: Count
     generator: Whole
 
 

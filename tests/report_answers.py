@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import yaml
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import write_arrays, write_json, write_table
@@ -142,7 +143,7 @@ def _robustness(cfg: DictConfig, rng: np.random.Generator) -> None:
     def cell(variant: str, fall: float) -> dict:
         mean = {"path": 0.95, "null_position": 0.6}.get(variant, 0.5) + fall
         found = {"accuracy": dict.fromkeys(("mean", "q1", "q3"), mean), "by_user": dict.fromkeys(users, mean)}
-        found |= {"false_rejects": 0.1, "false_accepts": 0.2, "ece": 0.05}
+        found |= {"false_rejects": 0.1, "false_accepts": 0.2, "false_accepts_ci": [0.15, 0.25], "ece": 0.05}
         return found | {"difference": fall, "ci_low": fall - 0.01, "ci_high": fall + 0.01}
 
     def levels(strengths, fitted, fall: float = 0.0) -> list[dict]:
@@ -201,9 +202,10 @@ def _envelope(cfg: DictConfig) -> None:
     }
     plans = dict.fromkeys(cfg.variants, plan)
     metrics = {"envelope": envelopes, "curves": curves, "planning": plans, "planning_flips": plans}
+    metrics |= {"oracle": envelopes["path"], "nearest": {"careful": {"plans": 40, "valid": 0.6, "short_m": 0.0012}}}
     metrics |= {"planning_nulls": nulls, "scenes": SCENES, "candidates": 64, "seeds": len(cfg.seeds)}
     write_json(folder / "metrics.json", metrics)
-    (folder / "specification.yaml").write_text("careful: {}\n")
+    (folder / "specification.yaml").write_text(yaml.safe_dump({u: dict.fromkeys(SYMBOLS) for u in cfg.users}))
 
 
 def _identify(cfg: DictConfig) -> None:

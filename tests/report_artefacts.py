@@ -118,8 +118,11 @@ def _evaluate(cfg: DictConfig, rng: np.random.Generator) -> None:
     for row in curve.itertuples():
         cell = {"mean": row.mean, "q1": row.min, "q3": row.max, "seeds": len(cfg.seeds)}
         summary.setdefault(row.variant, {}).setdefault(row.split, {})[f"n{row.n}"] = cell
-    errors = {v: {split: {"ece": 0.1, "brier": 0.2} for split in _splits(cfg, v)} for v in variants}
+    errors = {v: {split: {"ece": 0.1, "brier": 0.2, "bias": 0.02} for split in _splits(cfg, v)} for v in variants}
     metrics = {"accuracy": summary, "accuracy_all_users": summary, "calibration": errors}
+    cell = {"ci_low": 0.6, "ci_high": 0.8, "scenes": 20, "few": 1, "worst": 0.25}
+    shared = [split for split, pool in cfg.protocol.splits.items() if pool is not None]
+    metrics["in_new_scenes"] = dict.fromkeys([*cfg.variants, "null_position"], dict.fromkeys(shared, cell))
     write_json(folder / "metrics.json", metrics)
     bins = [(v, s, 0.0, 0.5, 40, 0.3, 0.2) for v in variants for s in _splits(cfg, v)]
     columns = ["variant", "split", "low", "high", "count", "confidence", "frequency"]

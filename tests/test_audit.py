@@ -18,6 +18,12 @@ def test_every_stage_lists_exactly_the_modules_it_imports():
     assert differences(content, import_closures(list(content["stages"]))) == []
 
 
+def test_a_change_of_what_parameters_may_be_makes_no_result_stale():
+    content = _graph()
+    assert (STAGES.parent / "schema.py").is_file()
+    assert not any("pipeline/schema.py" in stage["deps"] for stage in content["stages"].values())
+
+
 def test_a_stage_is_a_module_of_the_same_name():
     assert set(_graph()["stages"]) == {p.stem for p in STAGES.glob("*.py")} - {"__init__"}
 

@@ -1,10 +1,11 @@
 """How well paths are judged, and what a change of the pictures, tables or labels takes from that."""
 
+import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 
 from pipeline.causal.interventions import DIGITS
-from pipeline.causal.statistics import estimate, quartiles
+from pipeline.causal.statistics import estimate, quartiles, ratio
 
 Accepted = Bool[Array, "user seed scene path"]  # whether a model calls each path valid
 Valid = Bool[Array, "user scene path"]  # whether it is
@@ -13,8 +14,8 @@ Valid = Bool[Array, "user scene path"]  # whether it is
 def score(accepted: Accepted, valid: Valid) -> dict:
     """Accuracy, its mean and quartiles over seeds, and each user's; and how the wrong answers divide.
 
-    `false_rejects`: share of the valid paths that is rejected; `false_accepts`: of the invalid ones that is accepted;
-    None where there is no such path.
+    `false_rejects`: share of the valid paths that is rejected; `false_accepts`: of the invalid ones that is accepted,
+    `false_accepts_ci` its 95 % interval over seeds crossed with scenes; None where there is no such path.
     """
     right = (accepted == valid[:, None]).mean((2, 3))  # (user, seed)
     return {
@@ -22,6 +23,7 @@ def score(accepted: Accepted, valid: Valid) -> dict:
         "by_user": [round(float(share), DIGITS) for share in right.mean(1)],
         "false_rejects": _share(~accepted, valid),
         "false_accepts": _share(accepted, ~valid),
+        "false_accepts_ci": _interval(accepted, ~valid),
     }
 
 
@@ -31,6 +33,16 @@ def _share(wrong: Accepted, among: Valid) -> float | None:
         return None
     counted = (wrong & among[:, None]).sum() / (among.sum() * wrong.shape[1])
     return round(float(counted), DIGITS)
+
+
+def _interval(wrong: Accepted, among: Valid) -> list[float] | None:
+    """Of `_share`."""
+    if not among.any():
+        return None
+    parts = (wrong & among[:, None]).sum((0, 3)).astype(float)  # (seed, scene)
+    wholes = np.broadcast_to(among.sum((0, 2)), parts.shape).astype(float)
+    e = ratio(parts[None], wholes[None])
+    return [round(float(bound[0]), DIGITS) + 0.0 for bound in (e.ci_low, e.ci_high)]
 
 
 def change(accepted: Accepted, valid: Valid, accepted_before: Accepted, valid_before: Valid) -> dict[str, float]:

@@ -33,7 +33,7 @@ _SAY = (
     interventions, specifications, refutation, confounding, counterfactuals, envelopes, identification, selftest,
     doubts,
 )  # fmt: skip
-LARGEST = 8_000_000  # bytes a page may have
+LARGEST = 12_000_000  # bytes a page may have: room for two more users or variants
 
 
 def render(
@@ -73,8 +73,8 @@ def render(
     html = _with_letters_once(html)
     if len(html.encode()) > LARGEST:
         raise InputError(
-            f"the report has {len(html.encode()):,} bytes: expected at most {LARGEST:,}; draw fewer scenes "
-            f"(conf/report.yaml)"
+            f"the report has {len(html.encode()):,} bytes: expected at most {LARGEST:,}; lower "
+            "report.panel_scenes, report.scenes or report.reconstructed, or name fewer variants in report.shown"
         )
     return html
 

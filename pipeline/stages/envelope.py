@@ -12,13 +12,14 @@ from pipeline.artifacts.added import Added, read_added
 from pipeline.artifacts.files import write_json
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.artifacts.trained import ask, check_weights
-from pipeline.causal.envelope import dose_grid, paths_at_doses, planning, study
+from pipeline.causal.envelope import dose_grid, nearest_plans, paths_at_doses, planning, study
 from pipeline.errors import InputError
 from pipeline.launch import launch
 from pipeline.params import need, shared_pool
 from pipeline.streams import stream
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.layout import SYMBOLS, Layouts
+from pipeline.table.oracle import nearest_valid
 from pipeline.table.rules import Margins, clearance, slack, valid
 from pipeline.writing import write_whole
 
@@ -26,10 +27,11 @@ BLOCK = 512  # paths
 HEADER = """\
 # Safety envelopes learned from labelled demonstrations by the model `{variant}`: user -> symbol. Lengths in metres.
 # keep_clear_m: least distance a path of this user should keep from the item's outline, the interval's upper end;
-#   null: nothing was found that this user keeps away from.
+#   null: no effect of the item on this user's paths was found, or it was left open; see verdict.
+#   {nearest}
 # radius_m, ci_low_m, ci_high_m: clearance at which half of the item's effect is gone, and its 95 % interval.
 # drop_at_contact: what touching the item takes from the chance that a path which is clear of the others is valid.
-# verdict: whether that is an effect; an envelope is drawn around no other.
+# verdict: whether that is an effect; an envelope is drawn around no other. Inconclusive: more must be shown to tell.
 """
 
 
@@ -58,10 +60,12 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     item = np.tile(tables.added.item, (len(cfg.users), 1))  # (user * symbol, scene)
     studies = {v: study(_cells(d), true_drop, item, margins, grid) for v, d in {**drops, "truth": truth}.items()}
     envelopes = {v: _by_user(cfg, cells) for v, (cells, _) in studies.items()}
+    oracle, planner = envelopes.pop("truth"), cfg.envelope.planner
+    nearest = _plan_nearest(cfg, tables, _keep_clear(envelopes[planner]))
     write_json(
         out_dir / "metrics.json",
         {
-            "oracle": envelopes.pop("truth"),
+            "oracle": oracle,
             "envelope": envelopes,
             "curves": {v: _by_user(cfg, studies[v][1]) for v in envelopes},
             "planning": {v: _plan(cfg, tables, _keep_clear(by_user)) for v, by_user in envelopes.items()},
@@ -70,12 +74,13 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
                 "no_envelope": _plan(cfg, tables, {user: dict.fromkeys(SYMBOLS) for user in cfg.users}),
                 "true_margins": _plan(cfg, tables, cfg.users),
             },
+            "nearest": nearest,
             "candidates": cfg.envelope.candidates,
             "scenes": len(tables.layouts),
             "seeds": len(cfg.protocol.seeds),
         },
     )
-    _write_specification(out_dir / "specification.yaml", cfg.envelope.planner, envelopes[cfg.envelope.planner])
+    _write_specification(out_dir / "specification.yaml", planner, envelopes[planner], nearest)
 
 
 def _set_tables(cfg: DictConfig) -> Tables:
@@ -187,7 +192,19 @@ def _plan(cfg: DictConfig, tables: Tables, keep_clear: Mapping[str, Margins]) ->
     return found
 
 
-def _write_specification(path: Path, variant: str, envelopes: dict) -> None:
+def _plan_nearest(cfg: DictConfig, tables: Tables, keep_clear: Mapping[str, Margins]) -> dict[str, dict]:
+    """By user who keeps away from something: paths moved just far enough to keep these distances, none further."""
+    starts, found = tables.z_theta[:, : cfg.envelope.starts], {}
+    for user, margins in cfg.users.items():
+        if any(distance is not None for distance in keep_clear[user].values()):
+            moved = ~valid(tables.layouts, starts, keep_clear[user])
+            z = nearest_valid(tables.layouts, starts, keep_clear[user], cfg.repair.lattice_side, cfg.repair.refinements)
+            moved &= valid(tables.layouts, z, keep_clear[user])  # not so where no path keeps them
+            found[user] = nearest_plans(slack(tables.layouts, _clearance(tables.layouts, z), margins)[moved])
+    return found
+
+
+def _write_specification(path: Path, variant: str, envelopes: dict, nearest: dict) -> None:
     content = {
         user: {
             symbol: {
@@ -202,7 +219,9 @@ def _write_specification(path: Path, variant: str, envelopes: dict) -> None:
         }
         for user, by_symbol in envelopes.items()
     }
-    text = HEADER.format(variant=variant) + yaml.safe_dump(content, sort_keys=True)
+    short = max((plans["short_m"] for plans in nearest.values()), default=0.0)
+    said = f"Plans that just keep it come nearer than the user wants, 99 % of them by {short:.4f} m at most: add that."
+    text = HEADER.format(variant=variant, nearest=said) + yaml.safe_dump(content, sort_keys=True)
     write_whole(path, lambda p: p.write_text(text))
 
 

@@ -1,6 +1,7 @@
 """Stage evaluate: scores every variant and the image-free nulls on every query, and compares variants."""
 
 from collections import Counter
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -12,15 +13,16 @@ from pipeline.artifacts.demos import Queries, demo_arrays, read_demos, read_quer
 from pipeline.artifacts.files import read_table, write_json, write_table
 from pipeline.artifacts.models import PREDICTION_COLUMNS, model_dir
 from pipeline.artifacts.scenes import read_position_prior, train_pool
-from pipeline.causal.statistics import LEVEL, holm, paired_wilcoxon, quartiles
+from pipeline.causal.statistics import LEVEL, estimate, holm, paired_wilcoxon, quartiles
 from pipeline.errors import InputError
 from pipeline.launch import launch
 from pipeline.params import need
 from pipeline.spec import nulls
-from pipeline.spec.metrics import accuracy, auroc, brier, expected_calibration_error, reliability
+from pipeline.spec.metrics import DECISION, accuracy, auroc, brier, expected_calibration_error, reliability
 
 MOST_TESTS = 25  # of 10 seeds the smallest p is 2/1024: Holm over more tests could never find anything
 NULLS = ("null_nearest", "null_position")
+WORST = 0.05  # of the scenes
 CALIBRATION_COLUMNS = ["variant", "split", "low", "high", "count", "confidence", "frequency"]
 KEY = ["user", "n", "seed", "split"]
 Key = tuple[str, int, int, str]  # user, n, seed, split
@@ -42,6 +44,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     comparisons = _comparisons(cfg, averaged)
     metrics = {
         "accuracy": _summary(averaged),
+        "in_new_scenes": _over_scenes(cfg, judged, truth),
         "accuracy_all_users": _summary(_over_users(cfg, scores, list(cfg.users))),
         "calibration": errors,
     }
@@ -192,6 +195,29 @@ def _summary(averaged: Cells) -> dict:
     return out
 
 
+def _over_scenes(cfg: DictConfig, judged: Judged, truth: dict[Key, np.ndarray]) -> dict:
+    """variant -> split that all seeds share -> accuracy at study_n, mean over `evaluate.users`: its 95 % interval.
+
+    The interval is over seeds crossed with scenes. `worst`: the share of all errors made in the `few` scenes where most
+    are made, WORST of all `scenes`; None without an error.
+    """
+    right = {v: {k: ((p > DECISION) == truth[k]).mean(1) for k, p in by.items()} for v, by in judged.items()}
+    shared = [split for split, pool in cfg.protocol.splits.items() if pool is not None]
+    seeds, users, out = cfg.protocol.seeds, cfg.evaluate.users, {}
+    for variant, split in product(judged, shared):
+        keys = [[(user, cfg.study_n, seed, split) for user in users] for seed in seeds]
+        if keys[0][0] not in right[variant]:  # null_nearest
+            continue
+        by_seed = np.array([[right[variant][key] for key in of_seed] for of_seed in keys]).mean(1)  # (seed, scene)
+        e, wrong = estimate(by_seed[None]), np.sort(1 - by_seed.mean(0))[::-1]
+        few = max(1, round(WORST * len(wrong)))
+        out.setdefault(variant, {})[split] = {
+            "ci_low": float(e.ci_low[0]), "ci_high": float(e.ci_high[0]), "scenes": len(wrong), "few": few,
+            "worst": float(wrong[:few].sum() / wrong.sum()) if wrong.any() else None,
+        }  # fmt: skip
+    return out
+
+
 def _curve(averaged: Cells) -> pd.DataFrame:
     """Accuracy against n: one row per variant, split and n."""
     cells = [
@@ -202,7 +228,10 @@ def _curve(averaged: Cells) -> pd.DataFrame:
 
 
 def _calibration(cfg: DictConfig, judged: Judged, truth: dict[Key, np.ndarray]) -> tuple[pd.DataFrame, dict[str, dict]]:
-    """Reliability bins and errors of each variant and split at study_n, seeds and `evaluate.users` pooled."""
+    """Reliability bins and errors of each variant and split at study_n, seeds and `evaluate.users` pooled.
+
+    bias: mean p less the share that is valid.
+    """
     tables, errors = [], {}
     for variant, by_key in judged.items():
         for split in cfg.protocol.splits:
@@ -216,6 +245,7 @@ def _calibration(cfg: DictConfig, judged: Judged, truth: dict[Key, np.ndarray]) 
             errors.setdefault(variant, {})[split] = {
                 "ece": expected_calibration_error(p, valid, cfg.evaluate.bins),
                 "brier": brier(p, valid),
+                "bias": float(p.mean() - valid.mean()),
             }
     table = pd.concat(tables, ignore_index=True)
     return table.query("count > 0"), errors

@@ -3,6 +3,7 @@
 from functools import partial
 from pathlib import Path
 
+import yaml
 from omegaconf import DictConfig
 
 from pipeline.artifacts.added import read_added
@@ -11,6 +12,7 @@ from pipeline.artifacts.files import read_json, read_table, write_json
 from pipeline.artifacts.models import model_dir
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.causal.statistics import SMALLEST_EFFECT
+from pipeline.errors import InputError
 from pipeline.exhibits.panel import panel_data
 from pipeline.exhibits.pictures import gather, overview_of
 from pipeline.exhibits.screenshots import current
@@ -56,7 +58,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     files |= {"index.html": page}
     contents = {name: text.encode() for name, text in files.items()}
     contents |= {f"figures/{p.name}.pdf": p.pdf for p in pictures.values()}
-    contents["specification.yaml"] = (Path(cfg.paths.envelope) / "specification.yaml").read_bytes()
+    contents["specification.yaml"] = _specification(cfg).encode()
     contents |= {"figures/overview.png": png(hero, OVERVIEW_DPI), "figures/overview.pdf": pdf(hero)}
     for name, content in contents.items():
         write_whole(out_dir / name, lambda path, content=content: path.write_bytes(content))
@@ -112,6 +114,19 @@ def read_results(cfg: DictConfig) -> Results:
     )
 
 
+def _specification(cfg: DictConfig) -> str:
+    """What stage envelope wrote for planners; InputError if it is not whole."""
+    path = Path(cfg.paths.envelope) / "specification.yaml"
+    try:
+        text = path.read_text()
+        users = yaml.safe_load(text)
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise InputError(f"{path} cannot be read ({error}): run the envelope stage again") from error
+    if not isinstance(users, dict) or any(set(users.get(user) or ()) != set(SYMBOLS) for user in cfg.users):
+        raise InputError(f"{path} has not every user's {', '.join(SYMBOLS)}: run the envelope stage again")
+    return text
+
+
 def _metrics(results: Results) -> dict:
     """reports/metrics.json: the stages' own numbers under the names that the design fixes."""
     return {
@@ -157,6 +172,7 @@ def _facts(cfg: DictConfig, results: Results) -> dict[str, object]:
         "panel_scenes": cfg.report.panel_scenes,
         "smallest": SMALLEST_EFFECT,
         "evaluations": cfg.search.evaluations,
+        "fitted": cfg.accept.fitted,
         "sharpening": SHARPENING,
         "seen": SEEN,
         "features": len(FEATURES),

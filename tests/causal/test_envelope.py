@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from pipeline.causal.clusters import by_item
-from pipeline.causal.envelope import dose_grid, paths_at_doses, planning, radius, study
+from pipeline.causal.envelope import dose_grid, nearest_plans, paths_at_doses, planning, radius, study
 
 STEP, DOSES = 0.005, 20
 GRID = dose_grid(STEP, DOSES)
@@ -144,6 +144,14 @@ def test_a_user_whom_nothing_bothers_has_no_envelope():
     (cell,), _ = study(np.zeros((1, 10, 30, DOSES)), np.zeros((1, 30, DOSES)), item, [None], GRID)
     assert (cell["radius_m"], cell["drop_at_contact"], cell["verdict"]) == (None, 0, "no effect")
     assert cell["right"]
+
+
+def test_plans_that_keep_no_more_than_an_envelope_are_short_by_what_99_in_100_lack_at_most():
+    room = np.concatenate([np.full(98, 0.001), [-0.004, -0.002]])
+    found = nearest_plans(room)
+    assert found == {"plans": 100, "valid": 0.98, "short_m": pytest.approx(-np.quantile(room, 0.01), abs=1e-6)}
+    assert nearest_plans(np.abs(room))["short_m"] == 0
+    assert nearest_plans(np.empty(0)) == {"plans": 0, "valid": None, "short_m": 0.0}
 
 
 def test_planning_counts_what_is_kept_and_what_is_lost():

@@ -57,3 +57,18 @@ def test_other_scenes_may_hold_other_truths():
     fuller = valid & (np.random.default_rng(3).random(valid.shape) < 0.5)
     blind = change(told, fuller, told, valid)
     assert blind["difference"] == pytest.approx((fuller == valid).mean() - 1, abs=1e-6)
+
+
+def test_the_share_of_invalid_paths_accepted_lies_in_its_interval_which_other_scenes_widen():
+    valid, told = known()
+    rng = np.random.default_rng(3)
+    even = told | (rng.random(SHAPE) < 0.3)
+    uneven = told | (rng.random((1, 1, SHAPE[2], 1)) < 0.3)  # everything in some scenes, nothing in others
+    widths = []
+    for accepted in (even, uneven):
+        cell = score(accepted, valid)
+        low, high = cell["false_accepts_ci"]
+        assert low < cell["false_accepts"] < high
+        widths.append(high - low)
+    assert widths[1] > 2 * widths[0]
+    assert score(told, np.ones_like(valid))["false_accepts_ci"] is None

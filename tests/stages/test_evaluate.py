@@ -75,8 +75,9 @@ def test_the_truth_scores_one_and_its_opposite_nothing(cfg: DictConfig, tmp_path
     metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())
     assert metrics["accuracy"]["full"]["new_items"]["n9"] == {"mean": 1, "q1": 1, "q3": 1, "seeds": 2}
     assert metrics["accuracy"]["ae"]["new_items"]["n1"]["mean"] == 0
-    assert metrics["calibration"]["full"]["seen_scenes"] == {"ece": 0, "brier": 0}
-    assert metrics["calibration"]["ae"]["seen_scenes"] == {"ece": 1, "brier": 1}
+    assert metrics["calibration"]["full"]["seen_scenes"] == {"ece": 0, "brier": 0, "bias": 0}
+    of_ae = metrics["calibration"]["ae"]["seen_scenes"]
+    assert (of_ae["ece"], of_ae["brier"]) == (1, 1) and abs(of_ae["bias"]) < 1
     assert metrics["calibration"]["classifier"]["seen_scenes"]["brier"] == 0.25
 
 
@@ -90,6 +91,18 @@ def test_every_cell_has_a_row_and_only_seen_scenes_have_a_nearest_demonstration(
     assert scores[scores["user"] == "aggressive"]["auroc"].isna().all()
     full = scores[(scores["variant"] == "full") & (scores["user"] != "aggressive")]
     assert (full["auroc"] == 1).all()
+
+
+def test_other_scenes_count_in_an_interval_around_the_mean_and_errors_are_found_where_they_are(cfg, tmp_path):
+    main(cfg, tmp_path / "out")
+    metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())
+    for variant, by_split in metrics["in_new_scenes"].items():
+        for split, cell in by_split.items():
+            assert cell["ci_low"] <= metrics["accuracy"][variant][split]["n9"]["mean"] <= cell["ci_high"]
+    perfect, opposite = (metrics["in_new_scenes"][v]["new_items"] for v in ("full", "ae"))
+    assert perfect["worst"] is None and opposite["worst"] == pytest.approx(opposite["few"] / SCENES)
+    assert set(metrics["in_new_scenes"]["null_position"]) == {"new_scenes", "new_items"}
+    assert "null_nearest" not in metrics["in_new_scenes"]
 
 
 def test_users_are_averaged_as_configured(cfg: DictConfig, tmp_path: Path):

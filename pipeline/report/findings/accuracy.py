@@ -152,5 +152,13 @@ def calibration(results: Results) -> str:
         f"A probability is worth something if paths given 0.9 are valid nine times in ten. With unseen items, at n = "
         f"{results.study_n}, "
         f"the mean gap between the two (expected calibration error, 0 is ideal) is: {listed(parts)}; for "
-        f"{variant_phrase('null_position')} {errors['null_position'][UNSEEN]['ece']:.3f}."
+        f"{variant_phrase('null_position')} {errors['null_position'][UNSEEN]['ece']:.3f}. "
+        f"{_sure(results)}"
     )
+
+
+def _sure(results: Results) -> str:
+    """Whether a model promises more valid paths than there are, or fewer."""
+    errors = {v: results.evaluation["calibration"][v][UNSEEN]["bias"] for v in results.variants}
+    parts = [f"{variant_phrase(v)} {signed(100 * bias, 1)}" for v, bias in errors.items()]
+    return f"Its direction, mean probability less the share that is valid, in percentage points: {listed(parts)}."

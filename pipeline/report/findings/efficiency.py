@@ -6,7 +6,7 @@ from math import log
 import pandas as pd
 
 from pipeline.report.results import Results
-from pipeline.report.wording import counted, listed, percent, points, split_phrase, variant_phrase
+from pipeline.report.wording import counted, listed, percent, percent_spread, points, split_phrase, variant_phrase
 
 ALIKE = 1.2  # numbers of labels whose ratio is at most this are called about as many
 
@@ -20,7 +20,10 @@ def _in_scenes(results: Results) -> str:
     e, variants = results.efficiency, results.refitted
     most = max(size for variant in variants for size in results.sizes(variant))
     there, others = _apart(results, variants, "scenes")
-    with_scenes = [f"{variant_phrase(v)} with {counted(least, 'training scene')}" for v, least in there.items()]
+    with_scenes = [
+        f"{variant_phrase(v)} with {counted(least, 'training scene')} ({percent_spread(e['accuracy'][v][f's{least}'])})"
+        for v, least in there.items()
+    ]
     lead = f"On {split_phrase(e['split'])}, {percent(e['threshold'], 0)} of the paths are judged rightly by "
     each = f"each with {counted(results.study_n, 'demonstration')}"
     if not there:

@@ -31,15 +31,34 @@ def _worst_placebo(results: Results) -> list[str]:
     }
     said = []
     for variant, cells in fooled.items():
-        by_user = [f"{user} {signed(c['effect'])}" for user, c in cells.items()]
+        by_user = [f"{user} {signed(c['effect'])}{_beside(results, variant, user)}" for user, c in cells.items()]
         said += [f"{variant_phrase(variant)} ({listed(by_user)})"] * bool(cells)
     if not said:
         return []
     return [
         f"A patch with an item's outline and its pixels shuffled still moves {listed(said)}, all symbols' placebos "
-        "taken together. Such a model has learned that something lying there matters, and would mind a stain of that "
-        "outline as well; its effects hold for tables on which whatever stands out is an item."
+        "taken together (in brackets the effect of the items themselves). Such a model has learned that something "
+        "lying there matters, and would mind a stain of that outline as well; its effects hold for tables on which "
+        f"whatever stands out is an item.{_mistaken(results)}"
     ]
+
+
+def _beside(results: Results, variant: str, user: str) -> str:
+    """The mean effect of the items themselves."""
+    cells = results.intervention["interventions"][variant][user].values()
+    return f" ({signed(sum(c['effect'] for c in cells) / len(cells))})"
+
+
+def _mistaken(results: Results) -> str:
+    """Placebos of symbols that a user does not mind, and that a model takes for one that he does."""
+    cells = [
+        f"{symbol} for the {user} user ({variant_phrase(variant)}, {signed(c['effect'])})"
+        for variant, by_user in results.refutation["refuters"]["placebo"].items()
+        for user, by_symbol in by_user.items()
+        for symbol, c in by_symbol.items()
+        if c["verdict"] == "effect" and results.envelope["oracle"][user][symbol]["truth_m"] is None
+    ]
+    return f" Taken for what the user minds, though shuffled from what he does not: {listed(cells)}." if cells else ""
 
 
 def _halves(results: Results) -> str:

@@ -8,6 +8,7 @@ from pipeline.report.wording import (
     percent,
     points,
     signed,
+    started,
     variant_phrase,
 )
 
@@ -60,7 +61,7 @@ def _as_is(results: Results) -> dict[str, float]:
 def _breaks(results: Results, variant: str) -> str:
     found = results.robustness
     before, levels = found["undisturbed"]["models"][variant], _levels(results)
-    lead = f"{_capital(variant_phrase(variant))}, right about {percent(before['accuracy']['mean'])} undisturbed, "
+    lead = f"{started(variant_phrase(variant))}, right about {percent(before['accuracy']['mean'])} undisturbed, "
     if all(level["models"][variant]["ci_high"] >= 0 for _, level in levels):
         return lead + "is broken by nothing here: every fall may be none."
     name, level = worst(results, variant)
@@ -82,17 +83,22 @@ def most_deceived(results: Results, variant: str) -> tuple[str, dict]:
 
 
 def _dangerous(results: Results, variant: str) -> str:
-    """Where a robot would go wrong more often: each disturbance at the strength at which most invalid paths pass."""
-    before, found = results.robustness["undisturbed"]["models"][variant]["false_accepts"], []
-    for name in _asked(results):
-        level = max(results.robustness["disturbed"][name], key=lambda at: at["models"][variant]["false_accepts"])
-        share = level["models"][variant]["false_accepts"]
-        if share >= before + SLIGHT:
-            found.append((share, f"{disturbance_phrase(name, level['strength'])} ({percent(share)})"))
+    """Where a robot would go wrong more often: every strength at which so many more invalid paths pass."""
+    before = results.robustness["undisturbed"]["models"][variant]["false_accepts"]
+    found = [
+        f"{disturbance_phrase(name, level['strength'])} ({percent(cell['false_accepts'])}, {_bounds(cell)})"
+        for name, level in _levels(results)
+        if (cell := level["models"][variant])["false_accepts"] >= before + SLIGHT
+    ]
     if not found:
         return f"Nowhere does it accept {points(SLIGHT)} more of the invalid paths than undisturbed. "
-    where = listed([phrase for _, phrase in sorted(found, reverse=True)])
-    return f"It is dangerous, accepting at least {points(SLIGHT)} more of the invalid paths, under {where}. "
+    lead = f"It is dangerous, accepting at least {points(SLIGHT)} more of the invalid paths (95 % interval), under"
+    return f"{lead} {listed(found)}. "
+
+
+def _bounds(cell: dict) -> str:
+    low, high = cell["false_accepts_ci"]
+    return f"{100 * max(low, 0.0):.1f}–{100 * high:.1f}"
 
 
 def _withstands(results: Results, variant: str) -> str:
@@ -121,7 +127,3 @@ def _mislabelled(results: Results) -> list[str]:
                 f"about {scores} of the paths, instead of {percent(as_is[variant])}."
             )
     return out
-
-
-def _capital(text: str) -> str:
-    return text[0].upper() + text[1:]

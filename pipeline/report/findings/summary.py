@@ -15,6 +15,7 @@ from pipeline.report.results import Results
 from pipeline.report.wording import (
     counted,
     disturbance_phrase,
+    interval,
     listed,
     percent,
     percent_spread,
@@ -43,12 +44,10 @@ def summary(results: Results) -> list[str]:
         f"The paper's model judges {percent_spread(ours[SEEN][key])} of new paths rightly in scenes it was trained "
         f"on, and "
         f"{percent_spread(ours[UNSEEN][key])} in scenes with unseen items, where a guess by position alone, without "
-        f"the "
-        f"image, reaches {percent(scores['null_position'][UNSEEN][key]['mean'])} (n = "
+        f"the image, reaches {percent(scores['null_position'][UNSEEN][key]['mean'])} (n = "
         f"{counted(results.study_n, 'demonstration')} a scene, {counted(len(results.seeds), 'seed')}).",
         f"Asked what an added item would change, it gives the true verdict in {tally['right']} of {tally['cells']} "
-        f"cells; "
-        f"ignoring the image altogether gives {free_right(results)}.",
+        f"cells; ignoring the image altogether gives {free_right(results)}.",
     ]
     if best != results.main:
         out += [*_better(results, best), _trusted(results, best), *_doubted(results, best)]
@@ -70,8 +69,8 @@ def _better(results: Results, best: str) -> list[str]:
     top = max(results.variants, key=lambda v: (results.intervention["verdicts"][v]["right"], v == best))
     out = [
         f"More can be learned from the same demonstrations: {variant_phrase(best)}{does} is right about "
-        f"{listed(by_n)} of the paths in scenes with unseen items. Beside it, at n = {results.study_n}: "
-        f"{listed(beside)}.",
+        f"{listed(by_n)} of the paths in scenes with unseen items{_other_scenes(results, best)}. Beside it, at n = "
+        f"{results.study_n}: {listed(beside)}.",
         f"Asked what an added item would change, it gives the true verdict in {verdicts[best]} cells"
         + (f"; the most are those of {variant_phrase(top)}, {verdicts[top]}." if top != best else "."),
     ]
@@ -99,11 +98,21 @@ def _seeds(results: Results, variant: str, n: int) -> str:
     return f"(seeds {by_seed.min():.1f}–{by_seed.max():.1f})"
 
 
+def _other_scenes(results: Results, best: str) -> str:
+    """How far other scenes, too, might move what it gets right at study_n, and in how few of these it errs most."""
+    cell = results.evaluation["in_new_scenes"][best][UNSEEN]
+    said = f"; {interval(cell)} at n = {results.study_n} if other scenes count as well"
+    if cell["worst"] is None:
+        return said
+    return said + f", for {percent(cell['worst'], 0)} of the errors lie in {cell['few']} of {cell['scenes']} scenes"
+
+
 def _trusted(results: Results, best: str) -> str:
     """What speaks for the best model's reasons, one by one, each beside what it takes without them."""
     blame = results.counterfactual["counterfactual"][best]
     right = [
-        f"{percent(c['blame_right'])} ({u}; blaming the nearest item {percent(c['null_nearest'])})"
+        f"{percent(c['blame_right'])} ({u}; blaming the nearest item {percent(c['null_nearest'])}"
+        + (", so this says little)" if c["null_nearest"] >= c["blame_right"] else ")")
         for u, c in blame.items()
         if c and c["blame_right"] is not None
     ]
@@ -184,14 +193,16 @@ def _broken(results: Results, best: str) -> list[str]:
 
 
 def _promised(results: Results, best: str) -> list[str]:
-    cells = [(split, by_rule["split"]) for variant, split, by_rule in results.promises if variant == best]
+    """Where more of what is accepted is invalid, on average over models, than the promise allows."""
+    level = results.acceptance["level"]
     said = [
-        f"{c['above']} of {c['models']} on {split_phrase(split)} (accepting nothing: {c['abstained']})"
-        for split, c in cells
-        if c["above"]
+        f"{percent(c['mean'])} on {split_phrase(split)} ({interval(c)}"
+        + (", where nothing is promised)" if split == UNSEEN else ")")
+        for split, c in ((s, by_rule["split"]) for v, s, by_rule in results.promises if v == best)
+        if c["mean"] > level
     ]
-    level = percent(results.acceptance["level"], 0)
-    return [f"calibrated to accept at most {level} invalid ones, models accept more: {listed(said)}"] if said else []
+    lead = f"calibrated to accept at most {percent(level, 0)} invalid ones, its models accept on average"
+    return [f"{lead} {listed(said)}"] if said else []
 
 
 def world(results: Results) -> list[str]:

@@ -34,7 +34,9 @@ def _found(variant: str, cells: dict, drawn: dict) -> str:
             f"mm from the true margins, which lie in {covered} of the {counted(len(right), 'interval')}"
         )
     false = [f"{user} and {symbol}" for user, symbol in drawn if cells[user, symbol]["truth_m"] is None]
-    return text + (f"; it draws one where there is none for {listed(false)}." if false else ".")
+    open_cells = [f"{user} and {symbol}" for (user, symbol), c in cells.items() if c["verdict"] == "inconclusive"]
+    text += f"; it draws one where there is none for {listed(false)}" if false else ""
+    return text + (f"; left open, and without an envelope: {listed(open_cells)}." if open_cells else ".")
 
 
 def _planned(results: Results) -> str:
@@ -56,7 +58,7 @@ def _planned(results: Results) -> str:
     ]
     text = (
         f"specification.yaml holds the envelopes of {variant_phrase(ours)}, for a planner to keep by the upper ends of "
-        f"their intervals: of random paths that do, {'; '.join(parts)}. {_short(results)}"
+        f"their intervals: of random paths that do, {'; '.join(parts)}. {_nearest_plans(results)}{_short(results)}"
     )
     if best != ours:
         other = [
@@ -68,6 +70,22 @@ def _planned(results: Results) -> str:
             f"{listed(other)}."
         )
     return text
+
+
+def _nearest_plans(results: Results) -> str:
+    """What paths are worth that keep the envelopes and not a millimetre more."""
+    parts = [
+        f"{percent(plans['valid'])} of {counted(plans['plans'], 'path')} for the {user} user (99 % of them less than "
+        f"{1000 * plans['short_m'] + 0.05:.1f} mm short)"
+        for user, plans in results.envelope["nearest"].items()
+        if plans["plans"]
+    ]
+    if not parts:
+        return ""
+    return (
+        "A planner that shortens its way comes as near as it may: of paths moved just far enough to keep them, valid "
+        f"are only {listed(parts)}, so add that much. "
+    )
 
 
 def _short(results: Results) -> str:

@@ -32,9 +32,10 @@ def association(results: Results, drawn: Drawn) -> Picture:
         f"world. Verdicts after interventions that are right: {listed(parts)}."
     )
     caption = (
-        f"Left: how much more often demonstrations that pass near a symbol (within {100 * found['near_m']:g} cm) are "
-        "invalid, in ordinary training scenes and in confounded ones (95 % intervals by the jackknife over all seeds' "
-        "scenes). Right: what one more item does to mean validity, by models "
+        "First panel: how much more often demonstrations that pass near a symbol (within "
+        f"{100 * found['near_m']:g} cm) are invalid, in ordinary training scenes and in confounded ones (95 % "
+        "intervals by the jackknife over all seeds' "
+        "scenes). Second panel: what one more item does to mean validity, by models "
         f"fitted to the confounded world, asked in ordinary scenes, with the truth as upright bars "
         f"({counted(found['seeds'], 'seed')})."
     )

@@ -30,11 +30,11 @@ def examples(results: Results, drawn: Drawn) -> Picture:
     """Three worked examples."""
     found, variant = results.counterfactual["examples"], results.best_blamer
     kinds = {
-        "disagree": "two users blame different items",
+        "disagree": "two users reject it, not for the same reason",
         "one accepts": "one user minds, the other does not",
         "model wrong": "the model blames the wrong item",
     }
-    said = [f"{kinds.get(e['kind'], e['kind'])} (scene {e['scene'] + 1})" for e in found]
+    said = [f"{kinds.get(e['kind'], e['kind'])} (scene {e['scene']})" for e in found]
     clearances = [min(item["clearance_m"] for item in e["items"]) for e in found]
     caption = (
         "Worked examples, the first that meet their rule, however close a call: "

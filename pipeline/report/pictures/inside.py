@@ -17,8 +17,11 @@ from pipeline.table.layout import SYMBOLS
 def reconstructions(drawn: Drawn) -> Picture:
     error = ((drawn.rebuilt.astype(float) - drawn.originals) / 255) ** 2
     seen, new = error[: drawn.trained_on].mean() ** 0.5, error[drawn.trained_on :].mean() ** 0.5
+    plain = drawn.originals - drawn.originals.mean((1, 2), keepdims=True)  # one colour for each scene
+    flat = ((plain / 255) ** 2).mean() ** 0.5
     numbers = (
-        f"root-mean-square error {seen:.3f} for scenes trained on, {new:.3f} for scenes with unseen items (white = 1)"
+        f"root-mean-square error {seen:.3f} for {counted(drawn.trained_on, 'scene')} trained on, {new:.3f} for "
+        f"{len(error) - drawn.trained_on} with unseen items (white = 1; each scene's mean colour alone: {flat:.3f})"
     )
     caption = (
         f"What survives the way through the {len(drawn.traversal)} numbers of z_image ({drawn.added_user} user, "

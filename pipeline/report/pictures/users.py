@@ -42,11 +42,11 @@ def identified(results: Results, shown: list[str]) -> Picture:
         f"knows the rules {percent(ideal)}."
     )
     told = f"{counted(found['telling_scenes'], 'scene')} in which {_paths(last)} paths nearly always tell any two users"
-    middle = f"Middle: the {told} apart. " if "telling" in results.identified else ""
+    middle = f"Second panel: the {told} apart. " if "telling" in results.identified else ""
     caption = (
-        f"Left: how often the true one of the {len(results.users)} users is the most probable, after k labelled paths "
-        f"in one of {found['scenes']} new scenes; bands are 95 % intervals. "
-        f"{middle}Right: how often a user who "
+        f"First panel: how often the true one of the {len(results.users)} users is the most probable, after k "
+        f"labelled paths in one of {found['scenes']} new scenes; bands are 95 % intervals. "
+        f"{middle}Last panel: how often a user who "
         "minds plates only is called none of these (lines with marks), and how often a known one is (dotted), "
         f"at a level of {percent(found['level'], 0)} (thin line)."
     )

@@ -39,7 +39,7 @@ def accepted(results: Results) -> Table:
     found, variants = results.robustness, [*results.variants, NULL]
 
     def shares(models: dict) -> list[str]:
-        return [percent(models[v]["false_accepts"]) if v in models else NONE for v in variants]
+        return [_share(models[v]) if v in models else NONE for v in variants]
 
     rows: list[list[str | Cell]] = [[disturbance_label("as_is"), NONE, *shares(found["undisturbed"]["models"])]]
     for name in found["order"]:
@@ -47,10 +47,18 @@ def accepted(results: Results) -> Table:
             rows.append([disturbance_label(name), strength_label(name, level["strength"]), *shares(level["models"])])
     caption = (
         "Of the invalid paths, those accepted (P > 0.5): means over "
-        f"{counted(found['seeds'], 'seed')}, {listed(found['users'])} users and the same scenes."
+        f"{counted(found['seeds'], 'seed')}, {listed(found['users'])} users and the same scenes [95 % intervals over "
+        "seeds and scenes]."
     )
     header = ["Disturbance", "Level", *map(variant_label, variants)]
     return table("robustness_accepted", caption, header, rows, labels=2)
+
+
+def _share(cell: dict) -> str:
+    if cell["false_accepts_ci"] is None:
+        return NONE
+    low, high = cell["false_accepts_ci"]
+    return f"{percent(cell['false_accepts'])} [{100 * max(low, 0.0):.1f}–{100 * high:.1f}]"
 
 
 def _change(cell: dict | None) -> str:

@@ -13,7 +13,7 @@ def envelopes(results: Results) -> Table:
         for user in results.users:
             for symbol in SYMBOLS:
                 c = results.envelope["envelope"][variant][user][symbol]
-                if c["truth_m"] is None and c["radius_m"] is None:
+                if c["truth_m"] is None and c["radius_m"] is None and c["verdict"] != "inconclusive":
                     continue
                 radius = NONE
                 if c["radius_m"] is not None:
@@ -28,7 +28,7 @@ def envelopes(results: Results) -> Table:
     caption = (
         "Safety envelopes: the clearance [cm] at which half of an item's response is gone, with its 95 % interval over "
         f"{counted(len(results.seeds), 'seed')} and the added items, beside the user's true margin. Response: what "
-        "touching the item takes from P(valid). Rows without a true envelope or a found one are left out."
+        "touching the item takes from P(valid). Rows are left out where no envelope is true, found or left open."
     )
     header = ["Variant", "User", "Symbol", "Response", "Verdict", "Radius", "Truth", "Covered"]
     return table("envelopes", caption, header, rows, labels=3)
