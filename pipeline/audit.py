@@ -15,13 +15,13 @@ from pipeline.writing import write_whole
 
 ROOT = Path(__file__).resolve().parent.parent
 GRAPH = ROOT / "dvc.yaml"
-HARMLESS = {"pipeline.schema"}  # it can refuse parameters, which DVC watches by themselves, but no result comes from it
+HARMLESS = "pipeline.schema"  # it can refuse parameters, which DVC watches by themselves, but no result comes from it
 
 
 def import_closures(stages: list[str]) -> dict[str, list[str]]:
     """Per stage the files of every `pipeline` module it imports, directly or not, itself included; sorted.
 
-    HARMLESS ones are left out: to change them makes no result stale.
+    HARMLESS is left out: to change them makes no result stale.
     """
     graph = grimp.build_graph("pipeline", cache_dir=None)
     closures = {}
@@ -29,7 +29,7 @@ def import_closures(stages: list[str]) -> dict[str, list[str]]:
         modules = {f"pipeline.stages.{stage}"}
         modules |= graph.find_upstream_modules(f"pipeline.stages.{stage}")
         modules |= {m.rsplit(".", level)[0] for m in set(modules) for level in range(1, m.count(".") + 1)}
-        closures[stage] = sorted(_file(m) for m in modules - HARMLESS)
+        closures[stage] = sorted(_file(m) for m in modules if not m.startswith(HARMLESS))
     return closures
 
 

@@ -1,0 +1,86 @@
+"""How models are fitted, and the variants of each kind."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from pipeline.schema.values import Count, Group, Several, expected
+
+
+class Schedule(Group):
+    steps: int
+    rate: float
+    weight_decay: float
+    curve_every: int
+
+
+class VaeModel(Group):
+    latent: Count
+    channels: Annotated[list[Count], Field(min_length=3, max_length=3), expected("three whole numbers from 1")]
+    hidden: Count
+
+
+class Train(Schedule):
+    engine: Annotated[
+        Literal["auto", "stacked", "batched", "reference"], expected("one of auto, stacked, batched, reference")
+    ]
+    model: VaeModel
+
+
+class Jitter(Group):
+    hue: float
+    gain: float
+    shift: float
+    scene_gain: float
+    other_table: float
+
+
+class Irl(Group):
+    rate: float
+    weight_decay: float
+    scenes_per_step: int
+    copies: int
+    sparsity: Annotated[float, Field(ge=0), expected("a weight from 0")]
+    across: bool
+    curve_every: int
+    jitter: Jitter
+
+
+class Vae(Group):
+    stage: Annotated[Literal["train"], expected("train, which fits kind vae")]
+    kind: Literal["vae"]
+    alpha: float
+    beta: float
+    gamma: float
+    model: VaeModel
+
+
+class RewardModel(Group):
+    channels: Several
+    dilated: Count
+    gain: Annotated[float, Field(gt=0), expected("a factor above 0")]
+    dropout: Annotated[float, Field(ge=0, lt=1), expected("a chance from 0, below 1")]
+    lattice_side: Several
+    symmetric: bool
+    ceiling: bool
+
+
+class Reward(Group):
+    stage: Annotated[Literal["irl"], expected("irl, which fits kind reward")]
+    kind: Literal["reward"]
+    objective: str
+    steps: int
+    model: RewardModel
+
+
+class ClearanceModel(Group):
+    members: Count
+
+
+class Clearance(Group):
+    stage: Annotated[Literal["path"], expected("path, which fits kind clearance")]
+    kind: Literal["clearance"]
+    model: ClearanceModel
+
+
+Variant = Annotated[Vae | Reward | Clearance, Field(discriminator="kind")]

@@ -1,0 +1,97 @@
+"""All parameters together, and what those of one group must be to those of others."""
+
+from typing import Annotated
+
+from pydantic import AfterValidator, Field, model_validator
+
+from pipeline.schema.models import Irl, Schedule, Train, Variant
+from pipeline.schema.stages import (
+    Ablate,
+    Accept,
+    Confound,
+    Counterfactual,
+    Efficiency,
+    Envelope,
+    Evaluate,
+    Identify,
+    Intervene,
+    Record,
+    Refute,
+    Repair,
+    Report,
+    Robustness,
+    Search,
+    Selftest,
+)
+from pipeline.schema.values import MAX_N, Count, Demonstrations, Group, Margins, Seeds, Whole, each_once, need
+from pipeline.schema.world import Demos, Scenes
+
+
+class Splits(Group):
+    seen_scenes: None
+    new_scenes: str
+    new_items: str
+
+
+class Protocol(Group):
+    name: str
+    seeds: Seeds
+    splits: Splits
+
+
+class Settings(Group):
+    """All of conf/, as params.yaml holds it."""
+
+    seeds: Seeds
+    validation_seeds: Seeds
+    n: Annotated[list[Demonstrations], Field(min_length=1), AfterValidator(each_once)]
+    study_n: int
+    checkpoints: Annotated[list[Whole], AfterValidator(each_once)]
+    variant: str
+    seed: Whole | None
+    workers: Count
+    paths: dict[str, str]
+    users: Annotated[dict[str, Margins], Field(min_length=1)]
+    scenes: Scenes
+    demos: Demos
+    train: Train
+    irl: Irl
+    path: Schedule
+    evaluate: Evaluate
+    ablate: Ablate
+    efficiency: Efficiency
+    repair: Repair
+    search: Search
+    intervene: Intervene
+    counterfactual: Counterfactual
+    selftest: Selftest
+    refute: Refute
+    envelope: Envelope
+    identify: Identify
+    confound: Confound
+    robustness: Robustness
+    accept: Accept
+    record: Record
+    report: Report
+    variants: dict[str, Variant]
+    protocol: Protocol
+    profile: str
+
+    @model_validator(mode="after")
+    def _agree(self) -> "Settings":
+        known = [*self.seeds, *self.validation_seeds]
+        shared = sorted(set(self.seeds) & set(self.validation_seeds))
+        none_shared = f"none of `seeds` (shared: {shared})"
+        need(not shared, "validation_seeds", self.validation_seeds, none_shared)
+        need(self.study_n in self.n, "study_n", self.study_n, f"one of n = {self.n}")
+        per_scene, most = self.demos.per_scene, max(self.n)
+        need(per_scene >= most, "demos.per_scene", per_scene, f"a whole number from max(n) = {most} to {MAX_N}")
+        need(self.variant in self.variants, "variant", self.variant, f"one of {', '.join(self.variants)}")
+        need(self.seed is None or self.seed in known, "seed", self.seed, f"null or one of {known}")
+        widest = max((m for margins in self.users.values() for m in margins.values() if m is not None), default=0.0)
+        more = f"more than the widest margin in users, {widest} m: raise it"
+        need(self.envelope.clear_of_others > widest, "envelope.clear_of_others", self.envelope.clear_of_others, more)
+        need(self.refute.far_m > widest, "refute.far_m", self.refute.far_m, more)
+        some = set(self.protocol.seeds) <= set(known)
+        need(some, "protocol.seeds", self.protocol.seeds, f"a list of some of {known}")
+        return self
