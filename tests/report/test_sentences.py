@@ -313,7 +313,7 @@ def test_the_summary_says_what_speaks_for_the_better_model_and_what_against_it(r
     assert any("true verdicts (there ranking IRL names 2 false causes); and a few" in s for s in said_of_others)
     assert "their intervals hold the truth in 5" in trusted and "within 5.0 percentage points" in trusted
     assert said[-1].startswith("Against it: a placebo patch (an item's pixels, shuffled) moves it in 8 of 8 cells; ")
-    assert "under a blur of 1\u00a0px it is right about 85.0\u00a0% (undisturbed 95.0\u00a0%)" in said[-1]
+    assert "under a blur of 1\u00a0px it is right about 85.0\u00a0% (undisturbed 95.0\u00a0%, in these " in said[-1]
     promise = "accept on average 5.0\u00a0% on new scenes with unseen items (95 % interval 3.0–7.0, where nothing is"
     assert promise in said[-1]
     refuted, broken, promised = (copy.deepcopy(x) for x in (results.refutation, results.robustness, results.acceptance))

@@ -128,7 +128,7 @@ def test_the_numbers_keep_their_names(cfg: DictConfig, reports: Path):
     metrics = json.loads((reports / "metrics.json").read_text())
     assert metrics["world"]["p_valid"]["careful"]["none"] == {"truth": 0.44, "paper": 0.43, "difference": 0.01}
     assert set(metrics["accuracy"]["full"]["new_items"]["n9"]) == {"mean", "q1", "q3", "seeds"}
-    assert set(metrics["calibration"]["full"]["new_items"]) == {"ece", "brier"}
+    assert set(metrics["calibration"]["full"]["new_items"]) == {"ece", "brier", "bias"}
     assert {"success", "displacement_m", "displacement_ratio", "fooled", "abstained", "null_constant"} <= set(
         metrics["repair"]["full"]["careful"]
     )

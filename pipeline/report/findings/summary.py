@@ -180,7 +180,8 @@ def _broken(results: Results, best: str) -> list[str]:
     if cell["ci_high"] < 0:
         out.append(
             f"under {disturbance_phrase(name, level['strength'])} it is right about "
-            f"{percent(cell['accuracy']['mean'])} (undisturbed {percent(before['accuracy']['mean'])})"
+            f"{percent(cell['accuracy']['mean'])} (undisturbed {percent(before['accuracy']['mean'])}, in these "
+            f"{results.robustness['scenes']} scenes)"
         )
     name, level = most_deceived(results, best)
     cell = level["models"][best]
