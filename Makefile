@@ -86,7 +86,7 @@ readme: $(READY)  ## put two of the report's tables into the README
 	python -m pipeline.report.readme
 
 deps: $(READY)  ## write each stage's import closure into dvc.yaml
-	python -m pipeline.audit --write
+	python -m pipeline.dependencies --write
 
 data: $(READY)  ## draw data/ anew and put it into the store
 	python -m drawing

@@ -3,13 +3,13 @@
 import pytest
 import torch
 
-from pipeline.parallel import map_jobs
+from pipeline import parallel
 
 
 @pytest.fixture(autouse=True)
 def one_thread():
     """One torch thread and the workers' allocator settings, as in the stages."""
     threads = torch.get_num_threads()
-    map_jobs(abs, [0], workers=1, desc="settings")
+    parallel.one_thread()
     yield
     torch.set_num_threads(threads)

@@ -15,7 +15,7 @@ import torch
 from numba import njit
 from torch.utils.data import DataLoader, TensorDataset
 
-from pipeline.parallel import map_jobs
+from pipeline.parallel import one_thread
 from pipeline.spec.descent import Schedule
 from pipeline.spec.lanes import LANES, _add, outer, zeros
 from pipeline.spec.losses import Weights, equation_1
@@ -140,7 +140,7 @@ def memory(way: str, variant: str) -> float:
 
 
 def _growth(way: str, variant: str) -> float:
-    map_jobs(abs, [0], workers=1, desc="settings")
+    one_thread()
     before = _high_water()
     WAYS[way][0](VARIANTS[variant])()
     return (_high_water() - before) / GIB

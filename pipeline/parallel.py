@@ -1,12 +1,13 @@
 """Independent jobs over processes of one torch thread each."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from functools import lru_cache
 from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.process import BaseProcess
-from signal import SIG_IGN, SIGINT, signal
+from signal import SIG_BLOCK, SIG_SETMASK, SIGINT, pthread_sigmask
 from threading import Thread
 from typing import TypeVar
 
@@ -26,13 +27,12 @@ def map_jobs(function: Callable[[Job], Result], jobs: Sequence[Job], workers: in
     one torch thread, do not depend on `workers`. The first error ends the rest. The processes wait for the next call.
     """
     if workers == 1 or len(jobs) <= 1:
-        _prepare()
+        one_thread()
         return [function(job) for job in tqdm(jobs, desc=desc)]
     pool = _pool(workers)
-    before = signal(SIGINT, SIG_IGN)  # which processes inherit: Ctrl-C is this one's to answer
-    results = pool.map(function, jobs)
-    signal(SIGINT, before)
     try:
+        with _uninterrupted():
+            results = pool.map(function, jobs)
         return list(tqdm(results, total=len(jobs), desc=desc))
     except BaseException:
         pool.shutdown(wait=False, cancel_futures=True)
@@ -45,13 +45,28 @@ def map_jobs(function: Callable[[Job], Result], jobs: Sequence[Job], workers: in
 @lru_cache(maxsize=1)
 def _pool(workers: int) -> ProcessPoolExecutor:
     """Processes of their own, for all calls: importing torch anew takes each some three seconds."""
-    return ProcessPoolExecutor(workers, get_context("spawn"), initializer=_prepare)
+    return ProcessPoolExecutor(workers, get_context("spawn"), initializer=_begin)
 
 
-def _prepare() -> None:
-    """One torch thread, and memory kept: clearing new activations costs a fifth of a step."""
+def one_thread() -> None:
+    """What this process needs to do jobs: one torch thread, on which no result may depend, and the memory it freed."""
     torch.set_num_threads(1)
     keep_freed()
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Ctrl-C waits until the end; processes begun within never hear it: to answer it is this one's."""
+    before = pthread_sigmask(SIG_BLOCK, {SIGINT})
+    try:
+        yield
+    finally:
+        pthread_sigmask(SIG_SETMASK, before)
+
+
+def _begin() -> None:
+    """In each new process."""
+    one_thread()
     if parent := parent_process():
         Thread(target=_end_with, args=(parent,), daemon=True).start()
 

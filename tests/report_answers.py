@@ -90,23 +90,25 @@ def _refute(cfg: DictConfig, rng: np.random.Generator) -> None:
     """Noise alone, but for placebos, which move every model."""
     folder, users = Path(cfg.paths.refute), list(cfg.evaluate.users)
     refuters: dict = {}
-    for name, variant in product(REFUTERS, cfg.variants):
+    names = [*(name for name in REFUTERS if name != "other_table"), "other_table/marble", "other_table/denim"]
+    for name, variant in product(names, cfg.variants):
         if name == "permuted" and variant not in cfg.refute.permuted:
             continue
         effects = 0.01 * rng.standard_normal((len(users) * len(SYMBOLS), len(cfg.seeds), SCENES))
         cells = iter(judge(effects - 0.2 * (name == "placebo")))
         refuters.setdefault(name, {})[variant] = {user: {s: next(cells) for s in SYMBOLS} for user in users}
     tally = {"effect": 0, "no effect": 8, "inconclusive": 0, "cells": 8, "scenes": SCENES}
-    tallies = {name: dict.fromkeys(cfg.variants, tally) for name in REFUTERS}
+    tallies = {name: dict.fromkeys(cfg.variants, tally) for name in names}
     tallies["permuted"] = dict.fromkeys(cfg.refute.permuted, tally)
     tallies["placebo"] = dict.fromkeys(cfg.variants, tally | {"effect": 8, "no effect": 0})
     fooled = {user: refuters["placebo"]["full"][user]["bowl"] | {"verdict": "effect"} for user in users}
     half = {"same": 0.9, "least": 0.6, "spread": 0.01, "scenes": SCENES}
     said = {name: asdict(refuter) for name, refuter in REFUTERS.items()}
-    metrics = {"order": list(REFUTERS), "said": said, "refuters": refuters, "tallies": tallies, "seeds": len(cfg.seeds)}
+    metrics = {"order": names, "said": said, "refuters": refuters, "tallies": tallies, "seeds": len(cfg.seeds)}
     metrics |= {"placebo": dict.fromkeys(cfg.variants, fooled), "halves": dict.fromkeys(cfg.variants, half)}
     stays = {"same": 8, "cells": 8, "items": 2}
     metrics["items"] = dict.fromkeys(cfg.variants, stays)
+    metrics["items_alone"] = dict.fromkeys(cfg.variants, dict.fromkeys(users, -0.1))
     write_json(folder / "metrics.json", metrics)
     write_arrays(folder / "placebos.npz", {"images": _pictures(rng, len(SYMBOLS), 1)})
 
@@ -127,7 +129,12 @@ def _confound(cfg: DictConfig, rng: np.random.Generator) -> None:
     common = {"verdicts": dict.fromkeys(fitted, tally)}
     seen = common | {"accuracy": dict.fromkeys(fitted, score), "things_per_item": 1.0}
     worlds = {name: seen | {"together": w.together, "gap_m": list(w.gap_m)} for name, w in cfg.confound.worlds.items()}
-    effects = {"interventions": {variant: dict.fromkeys(users, told) for variant in fitted}}
+    added = {"difference": -0.1, "ci_low": -0.2, "ci_high": -0.05, "p_holm": 0.01}
+    controlled = [v for v, worlds in cfg.confound.variants.items() if "control" in worlds]
+    effects = {
+        "interventions": {variant: dict.fromkeys(users, told) for variant in fitted},
+        "confounding": {v: dict.fromkeys(users, dict.fromkeys(SYMBOLS, added)) for v in controlled},
+    }
     write_json(
         folder / "metrics.json",
         common | effects | {"association": association, "worlds": worlds, "seeds": 2, "near_m": 0.045},
@@ -144,6 +151,7 @@ def _robustness(cfg: DictConfig, rng: np.random.Generator) -> None:
         mean = {"path": 0.95, "null_position": 0.6}.get(variant, 0.5) + fall
         found = {"accuracy": dict.fromkeys(("mean", "q1", "q3"), mean), "by_user": dict.fromkeys(users, mean)}
         found |= {"false_rejects": 0.1, "false_accepts": 0.2, "false_accepts_ci": [0.15, 0.25], "ece": 0.05}
+        found["more_accepted"] = {"difference": 0.0, "ci_low": -0.01, "ci_high": 0.01}
         return found | {"difference": fall, "ci_low": fall - 0.01, "ci_high": fall + 0.01}
 
     def levels(strengths, fitted, fall: float = 0.0) -> list[dict]:

@@ -10,7 +10,7 @@ from PIL import Image
 
 from pipeline.artifacts.demos import write_demos
 from pipeline.artifacts.files import write_arrays, write_json, write_table
-from pipeline.artifacts.models import model_dir, save_model
+from pipeline.artifacts.models import model_dir
 from pipeline.artifacts.scenes import SceneSet, layout_table, write_scenes
 from pipeline.causal.interventions import study
 from pipeline.params import compose
@@ -20,6 +20,7 @@ from pipeline.table.bezier import random_z_theta
 from pipeline.table.layout import SYMBOLS, Items, Layouts, add_item, random_layouts
 from tests.examples import RULES
 from tests.report_answers import write_answers
+from tests.stages.inputs import save_model
 
 SCENES, STARTS, STEPS = 4, 6, 5
 SMALL = [
@@ -50,7 +51,7 @@ def write_all(folder: Path) -> DictConfig:
         curves = [steps.assign(seed=seed, user=user, n=n) for seed, user, n in keys]
         write_table(model_dir(cfg, variant) / "curves.parquet", pd.concat(curves))
     for variant, user in product(cfg.variants, cfg.users):
-        save_model(model_dir(cfg, variant), build(cfg.variants[variant]), user, cfg.seeds[0], cfg.study_n)
+        save_model(cfg, variant, build(cfg.variants[variant]), user, cfg.seeds[0])
     return cfg
 
 
@@ -120,7 +121,7 @@ def _evaluate(cfg: DictConfig, rng: np.random.Generator) -> None:
         summary.setdefault(row.variant, {}).setdefault(row.split, {})[f"n{row.n}"] = cell
     errors = {v: {split: {"ece": 0.1, "brier": 0.2, "bias": 0.02} for split in _splits(cfg, v)} for v in variants}
     metrics = {"accuracy": summary, "accuracy_all_users": summary, "calibration": errors}
-    cell = {"ci_low": 0.6, "ci_high": 0.8, "scenes": 20, "few": 1, "worst": 0.25}
+    cell = {"ci_low": 0.6, "ci_high": 0.8, "scenes": 20, "few": 1, "worst": 0.25, "worst_by_chance": 0.1}
     shared = [split for split, pool in cfg.protocol.splits.items() if pool is not None]
     metrics["in_new_scenes"] = dict.fromkeys([*cfg.variants, "null_position"], dict.fromkeys(shared, cell))
     write_json(folder / "metrics.json", metrics)

@@ -89,7 +89,10 @@ if __name__ == "__main__":
     (tmp_path / "stage.py").write_text(script)
     command = [sys.executable, "stage.py", "--params", str(ROOT / "params.yaml"), f"paths.scenes={tmp_path / 'out'}"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    stage = subprocess.Popen(command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, start_new_session=True)
+    stage = subprocess.Popen(
+        command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # ignored, where the tests run behind `&`
+    )  # fmt: skip
     while len(workers := psutil.Process(stage.pid).children(recursive=True)) < 3:  # two, and what keeps track of them
         time.sleep(0.1)
     time.sleep(2)  # in the middle of their imports

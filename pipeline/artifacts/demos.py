@@ -1,12 +1,14 @@
 """Demonstrations and queries as stages exchange them."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from pipeline.artifacts.files import read_arrays, read_table, write_arrays, write_table
+from pipeline.artifacts.scenes import SceneSet, read_scenes
 from pipeline.errors import InputError
 
 DEMO_COLUMNS = [
@@ -31,6 +33,12 @@ class Queries:
 
     z: np.ndarray
     valid: dict[str, np.ndarray]
+
+
+@lru_cache(maxsize=1)
+def read_labelled(scenes_dir: str, demos_dir: str) -> tuple[SceneSet, pd.DataFrame, dict[str, Queries]]:
+    """The scenes, their demonstrations and queries, read once per process."""
+    return read_scenes(Path(scenes_dir)), read_demos(Path(demos_dir)), read_queries(Path(demos_dir))
 
 
 def write_demos(out_dir: Path, demos: pd.DataFrame, samples: np.ndarray, offsets: np.ndarray) -> None:

@@ -7,7 +7,6 @@ from omegaconf import DictConfig
 from safetensors.torch import save
 from torch import Tensor
 
-from pipeline.spec.specification import Specification
 from pipeline.writing import write_whole
 
 PREDICTION_COLUMNS = ["seed", "user", "n", "split", "scene", "query", "p", "valid"]
@@ -24,11 +23,6 @@ def weights_path(directory: Path, user: str, seed: int, n: int, step: int | None
     if step is None:
         return directory / "weights" / f"{name}.safetensors"
     return directory / "checkpoints" / f"{name}-step{step:05d}.safetensors"
-
-
-def save_model(directory: Path, model: Specification, user: str, seed: int, n: int) -> None:
-    """Write a model's parameters and buffers."""
-    save_weights(weights_path(directory, user, seed, n), model.state_dict())
 
 
 def save_weights(path: Path, weights: Mapping[str, Tensor]) -> None:

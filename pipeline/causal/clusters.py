@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray as Array
 
 
-def by_item(values: Float[Array, "seed scene dose"], item: Int[Array, "scene"]) -> Float[Array, "seed item dose"]:
+def by_item(values: Float[Array, "seed scene dose"], item: Int[Array, " scene"]) -> Float[Array, "seed item dose"]:
     """Mean over the scenes to which each item was added, NaN left out; NaN where nothing is left."""
     there = np.stack([item == i for i in np.unique(item)])[:, :, None] & ~np.isnan(values[0])  # (item, scene, dose)
     sums = np.einsum("sxd,ixd->sid", np.nan_to_num(values), there.astype(float))

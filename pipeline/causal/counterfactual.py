@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
 
+from pipeline.causal.interventions import DIGITS
 from pipeline.causal.scm import chance_of_change
 from pipeline.causal.statistics import ratio
 from pipeline.table.bezier import P_F, P_INIT, curve
@@ -25,8 +26,8 @@ from pipeline.table.layout import EMPTY, SYMBOLS, LayoutRules, Layouts, point_se
 from pipeline.table.rules import SAMPLES
 
 NOBODY = -1  # in the place of a slot: no single item is to blame
-DIGITS = 6  # of every reported number
-FEWEST = 30  # pairs of seed and scene that have something to count: below, no interval (Cochran, 1977, Chapter 6)
+FEWEST = 30  # pairs of seed and scene that have something to count ...
+SCENES = 10  # ... and scenes: below, no interval (Cochran, 1977, Chapter 6)
 DECISION = 0.5  # a path is called valid if its probability exceeds it; a probability above it: more likely than not
 
 
@@ -58,7 +59,7 @@ class Tables:
     """The distinct tables behind the questions about some scenes, each one once (in a scene of two items,
     without the one is the other alone)."""
 
-    scene: Int[Array, "table"]
+    scene: Int[Array, " table"]
     kept: Bool[Array, "table slot"]  # the items left on it
     index: Int[Array, "scene question"]  # table; questions: whole, empty, without each slot, each slot alone
 
@@ -181,11 +182,12 @@ def _mean(name: str, value: Array, asked: Array, interval: bool = True) -> dict[
     e = ratio(np.where(asked, value, 0.0).sum(axes)[None], count[None].astype(float))
     found = np.array([e.effect[0], e.ci_low[0], e.ci_high[0]])
     found = found.clip(0, 1) if value.dtype == bool else found
-    known = 3 if (count > 0).sum() >= FEWEST else 1
+    enough = (count > 0).sum() >= FEWEST and (count > 0).any(0).sum() >= SCENES
+    known = 3 if enough else 1
     return dict.fromkeys(names) | {n: rounded(x) for n, x in zip(names, found[:known], strict=False)}
 
 
-def _constant_error(truth: Float[Array, "item"]) -> float | None:
+def _constant_error(truth: Float[Array, " item"]) -> float | None:
     """Mean absolute error of the best constant answer to what is 0 or 1."""
     return rounded(min(truth.mean(), 1 - truth.mean())) if len(truth) else None
 
@@ -195,7 +197,7 @@ def rounded(value: float) -> float:
     return round(float(value), DIGITS) + 0.0  # + 0.0: never -0.0
 
 
-def away(layouts: Layouts, slot: Int[Array, "case"], z_theta: Float[Array, "case 2"]) -> Float[Array, "case 2"]:
+def away(layouts: Layouts, slot: Int[Array, " case"], z_theta: Float[Array, "case 2"]) -> Float[Array, "case 2"]:
     """Unit normal of each path at its point nearest the centre of the item in `slot`, on the side of that centre."""
     points, case = curve(z_theta, SAMPLES), np.arange(len(slot))
     offset = layouts.centre[case, slot][:, None] - points  # (case, sample, 2)
@@ -207,7 +209,7 @@ def away(layouts: Layouts, slot: Int[Array, "case"], z_theta: Float[Array, "case
 
 
 def slide(
-    layouts: Layouts, slot: Int[Array, "case"], direction: Float[Array, "case 2"], distance: Float[Array, "step"]
+    layouts: Layouts, slot: Int[Array, " case"], direction: Float[Array, "case 2"], distance: Float[Array, " step"]
 ) -> Layouts:
     """Each scene with the item in `slot` moved by each distance [m]: (case * step), steps varying fastest."""
     case = np.repeat(np.arange(len(layouts)), len(distance))
@@ -216,7 +218,7 @@ def slide(
     return moved
 
 
-def fits(layouts: Layouts, slot: Int[Array, "scene"], rules: LayoutRules) -> Bool[Array, "scene"]:
+def fits(layouts: Layouts, slot: Int[Array, " scene"], rules: LayoutRules) -> Bool[Array, " scene"]:
     """Whether the item in `slot` stands where scenes may have one: within the centres' range, clear of all else."""
     at = np.arange(len(slot)), slot
     own, radius, centre = layouts.ends[at], layouts.radius[at], layouts.centre[at]
@@ -231,7 +233,7 @@ def fits(layouts: Layouts, slot: Int[Array, "scene"], rules: LayoutRules) -> Boo
     )
 
 
-def crossing(distance: Float[Array, "step"], value: Float[Array, "*b step"], threshold: float) -> Float[Array, "*b"]:
+def crossing(distance: Float[Array, " step"], value: Float[Array, "*b step"], threshold: float) -> Float[Array, "*b"]:
     """First distance at which `value` exceeds the threshold, linear between steps; NaN if it never does."""
     above = value > threshold
     after = above.argmax(-1)[..., None]
@@ -243,7 +245,7 @@ def crossing(distance: Float[Array, "step"], value: Float[Array, "*b step"], thr
 
 
 def move_study(
-    found_m: Float[Array, "seed case"], rejected: Bool[Array, "seed case"], true_m: Float[Array, "case"]
+    found_m: Float[Array, "seed case"], rejected: Bool[Array, "seed case"], true_m: Float[Array, " case"]
 ) -> dict | None:
     """The models' least moves [m], NaN if none was found, beside the true ones; over the cases they reject at first.
 

@@ -33,7 +33,7 @@ from pipeline.causal.statistics import Estimates, estimate, holm, verdict
 FLIP = 0.5  # drop that makes a path which was surely valid more likely invalid
 
 
-def dose_grid(step: float, doses: int) -> Float[Array, "dose"]:
+def dose_grid(step: float, doses: int) -> Float[Array, " dose"]:
     """Middle [m] of each interval of clearance, `step` wide; the first lies inside the item: contact."""
     return step * (np.arange(doses) - 0.5)
 
@@ -41,7 +41,7 @@ def dose_grid(step: float, doses: int) -> Float[Array, "dose"]:
 def paths_at_doses(
     own: Float[Array, "scene path"],
     others: Float[Array, "scene path"],
-    grid: Float[Array, "dose"],
+    grid: Float[Array, " dose"],
     clear_of_others: float,
     count: int,
 ) -> Int[Array, "scene dose count"]:
@@ -65,7 +65,7 @@ def study(
     true_drop: Float[Array, "cell scene dose"],
     item: Int[Array, "cell scene"],
     margins: Sequence[float | None],
-    grid: Float[Array, "dose"],
+    grid: Float[Array, " dose"],
 ) -> tuple[list[dict], list[dict]]:
     """One family of cells (users x symbols): each one's envelope beside its true margin [m], and its curve.
 
@@ -87,7 +87,7 @@ def study(
     return cells, curves
 
 
-def radius(drop: Float[Array, "seed item dose"], grid: Float[Array, "dose"]) -> tuple[float, float, float]:
+def radius(drop: Float[Array, "seed item dose"], grid: Float[Array, " dose"]) -> tuple[float, float, float]:
     """Clearance [m] of half the effect and its 95 % interval; each within the grid, whose end means "at least"."""
     halves = [_estimate(drop[..., k] - drop[..., 0] / 2) for k in range(len(grid))]
     bounds = ([getattr(h, name)[0] for h in halves] for name in ("effect", "ci_low", "ci_high"))
@@ -100,7 +100,7 @@ def _estimate(drop: Float[Array, "seed item"]) -> Estimates:
     return estimate(drop[None][:, :, ~np.isnan(drop).any(0)])
 
 
-def _crossing(values: Float[Array, "dose"], grid: Float[Array, "dose"]) -> float:
+def _crossing(values: Float[Array, " dose"], grid: Float[Array, " dose"]) -> float:
     """Where the falling curve nearest to the values meets zero, by straight lines between doses."""
     falling = isotonic_regression(values, increasing=False).x
     after = int((falling > 0).sum())  # the first dose at which it is zero or less
@@ -131,7 +131,7 @@ def _rounded(value: float) -> float:
 
 
 def _curve(
-    drop: Float[Array, "seed item dose"], true_drop: Float[Array, "item dose"], grid: Float[Array, "dose"]
+    drop: Float[Array, "seed item dose"], true_drop: Float[Array, "item dose"], grid: Float[Array, " dose"]
 ) -> dict[str, list]:
     """Mean drop, its 95 % interval and the truth's by dose, over the items of which it was asked."""
     by_dose = [_estimate(drop[..., k]) for k in range(len(grid))]
@@ -159,7 +159,7 @@ def planning(keeps: Bool[Array, "*path"], valid: Bool[Array, "*path"]) -> dict[s
     return {name: None if x is None else _rounded(x) for name, x in numbers.items()}
 
 
-def nearest_plans(room: Float[Array, "plan"]) -> dict[str, float | int | None]:
+def nearest_plans(room: Float[Array, " plan"]) -> dict[str, float | int | None]:
     """What plans are worth that keep an envelope and no more; `room` [m]: how much more than the true margin they keep.
 
     plans: how many; valid: the share that is; short_m: what 99 % of them lack at the most, 0 if so many are valid.

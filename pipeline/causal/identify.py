@@ -101,12 +101,12 @@ def critical_surprise(
     return critical.reshape(*shape, paths)
 
 
-def telling(valid: Bool[Array, "user scene draw path"]) -> Bool[Array, "scene"]:
+def telling(valid: Bool[Array, "user scene draw path"]) -> Bool[Array, " scene"]:
     """Scenes in which every user is `unlike` every other one."""
     return np.all([unlike(of_user, np.delete(valid, u, axis=0)) for u, of_user in enumerate(valid)], axis=0)
 
 
-def unlike(valid: Bool[Array, "scene draw path"], others: Bool[Array, "user scene draw path"]) -> Bool[Array, "scene"]:
+def unlike(valid: Bool[Array, "scene draw path"], others: Bool[Array, "user scene draw path"]) -> Bool[Array, " scene"]:
     """Scenes where these labels differ from each of the others' so often that one draw shows it with `SURE`."""
     differ = (valid != others).mean((-2, -1))  # (user, scene)
     return (1 - (1 - differ) ** valid.shape[-1] >= SURE).all(0)

@@ -21,7 +21,7 @@ from pipeline.causal.statistics import (
 POWER = 0.8
 
 
-def detectable(effects: Float[Array, "cell seed scene"]) -> Float[Array, "cell"]:
+def detectable(effects: Float[Array, "cell seed scene"]) -> Float[Array, " cell"]:
     """The smallest effect of each cell that is given the verdict "effect" with a chance of POWER.
 
     For that its estimate has to pass Holm's first, strictest step, and the smallest effect of interest.
@@ -50,7 +50,7 @@ def scenes_to_settle(effects: Float[Array, "cell seed scene"]) -> list[int | Non
     ]
 
 
-def seed_by_seed(effects: Float[Array, "cell seed scene"], truth: Float[Array, "cell"]) -> int:
+def seed_by_seed(effects: Float[Array, "cell seed scene"], truth: Float[Array, " cell"]) -> int:
     """How many verdicts are right if every seed is asked alone, Holm over its own cells; of cell * seed."""
     right = 0
     for seed in range(effects.shape[1]):

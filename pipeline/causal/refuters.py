@@ -54,9 +54,10 @@ REFUTERS = {
         "A small p means that the model's reaction is not tied to the place of the item.",
     ),
     "other_table": Refuter(
-        "scenes and added items are pictured again on table tops never seen, under another light",
+        "scenes and added items are pictured again on a table top never seen, under another light; each top by itself, "
+        "since chance is over scenes and so few tops say nothing of others",
         EFFECT,
-        "The effect is the same on another table.",
+        "The effect is the same on this other table.",
         "A small p means that the effect depends on the table top or its light.",
     ),
 }
@@ -82,7 +83,7 @@ def mean_over(p: Float[Array, "*#b path"], chosen: Bool[Array, "*#b path"]) -> F
 
 def halves(
     rng: np.random.Generator, effects: Float[Array, "cell seed scene"], splits: int
-) -> tuple[Float[Array, "cell"], Float[Array, "cell"]]:
+) -> tuple[Float[Array, " cell"], Float[Array, " cell"]]:
     """Over random halves of the scenes: the share whose verdict is the whole's, and how far their effects spread.
 
     The spread is the standard deviation of the halves' mean effects. Halves are drawn at random, so no hypothesis is
@@ -99,7 +100,7 @@ def halves(
     return kept / splits, np.std(means, axis=0)
 
 
-def stays_over_items(effects: Float[Array, "cell seed scene"], item: Int[Array, "cell scene"]) -> Bool[Array, "cell"]:
+def stays_over_items(effects: Float[Array, "cell seed scene"], item: Int[Array, "cell scene"]) -> Bool[Array, " cell"]:
     """Whether each verdict stays if items (`item`: which one was added) take the place of scenes as a source of chance.
 
     An effect has to hold from item to item then, and not only for these items in other scenes.

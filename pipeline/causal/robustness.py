@@ -5,7 +5,7 @@ from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 
 from pipeline.causal.interventions import DIGITS
-from pipeline.causal.statistics import estimate, quartiles, ratio
+from pipeline.causal.statistics import Estimates, estimate, linearised, quartiles, ratio
 
 Accepted = Bool[Array, "user seed scene path"]  # whether a model calls each path valid
 Valid = Bool[Array, "user scene path"]  # whether it is
@@ -23,7 +23,7 @@ def score(accepted: Accepted, valid: Valid) -> dict:
         "by_user": [round(float(share), DIGITS) for share in right.mean(1)],
         "false_rejects": _share(~accepted, valid),
         "false_accepts": _share(accepted, ~valid),
-        "false_accepts_ci": _interval(accepted, ~valid),
+        "false_accepts_ci": _interval(accepted, valid),
     }
 
 
@@ -35,20 +35,46 @@ def _share(wrong: Accepted, among: Valid) -> float | None:
     return round(float(counted), DIGITS)
 
 
-def _interval(wrong: Accepted, among: Valid) -> list[float] | None:
-    """Of `_share`."""
-    if not among.any():
+def _interval(accepted: Accepted, valid: Valid) -> list[float] | None:
+    """Of the share of the invalid paths that is accepted."""
+    if valid.all():
         return None
-    parts = (wrong & among[:, None]).sum((0, 3)).astype(float)  # (seed, scene)
-    wholes = np.broadcast_to(among.sum((0, 2)), parts.shape).astype(float)
-    e = ratio(parts[None], wholes[None])
+    e = ratio(*(x[None] for x in _false_accepts(accepted, valid)))
     return [round(float(bound[0]), DIGITS) + 0.0 for bound in (e.ci_low, e.ci_high)]
+
+
+def _false_accepts(accepted: Accepted, valid: Valid) -> tuple[Float[Array, "seed scene"], Float[Array, "seed scene"]]:
+    """How many invalid paths are accepted, and of how many."""
+    parts = (accepted & ~valid[:, None]).sum((0, 3)).astype(float)
+    return parts, np.broadcast_to((~valid).sum((0, 2)), parts.shape).astype(float)
 
 
 def change(accepted: Accepted, valid: Valid, accepted_before: Accepted, valid_before: Valid) -> dict[str, float]:
     """What is added to accuracy, the users' mean, with a 95 % interval over seeds crossed with scenes."""
     after, before = _right(accepted, valid), _right(accepted_before, valid_before)
     e = estimate((after - before)[None])
+    return _numbers(e)
+
+
+def more_accepted(
+    accepted: Accepted, valid: Valid, accepted_before: Accepted, valid_before: Valid
+) -> dict[str, float] | None:
+    """What is added to the share of the invalid paths that is accepted, with a 95 % interval; None without such paths.
+
+    The same seeds and scenes before and after: their difference, each share linearised as in `statistics.ratio`.
+    """
+    if valid.all() or valid_before.all():
+        return None
+    after, before = _linearised(accepted, valid), _linearised(accepted_before, valid_before)
+    return _numbers(estimate((after - before)[None]))
+
+
+def _linearised(accepted: Accepted, valid: Valid) -> Float[Array, "seed scene"]:
+    parts, wholes = _false_accepts(accepted, valid)
+    return linearised(parts[None], wholes[None])[0]
+
+
+def _numbers(e: Estimates) -> dict[str, float]:
     numbers = {"difference": e.effect, "ci_low": e.ci_low, "ci_high": e.ci_high}
     return {name: round(float(value[0]), DIGITS) + 0.0 for name, value in numbers.items()}
 

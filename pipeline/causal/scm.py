@@ -56,7 +56,7 @@ class Node:
     abduce: Abduce | None = None
 
 
-def no_noise(rng: np.random.Generator, units: int) -> Float[Array, "unit"]:
+def no_noise(rng: np.random.Generator, units: int) -> Float[Array, " unit"]:
     """For a node that its parents determine."""
     return np.zeros(units)
 
@@ -151,7 +151,9 @@ def _constant(value: Any) -> Callable[[Any], Any]:
     return lambda noise: value
 
 
-def abduce_threshold(rng: np.random.Generator, v: Bool[Array, "unit"], c: Float[Array, "unit"]) -> Float[Array, "unit"]:
+def abduce_threshold(
+    rng: np.random.Generator, v: Bool[Array, " unit"], c: Float[Array, " unit"]
+) -> Float[Array, " unit"]:
     """N given 1[N < c] = v for N uniform on [0, 1): uniform on [0, c) where v, on [c, 1) elsewhere.
 
     ValueError where no N gives v: c = 0 and v, or c = 1 and not v.
@@ -184,7 +186,7 @@ def specification_scm(
     draw_look: Draw,
     render: Callable[[Any, Any], Any],
     encode: Callable[[Any], Any],
-    classify: Callable[[Any, Any, Any], Float[Array, "unit"]],
+    classify: Callable[[Any, Any, Any], Float[Array, " unit"]],
 ) -> SCM:
     """The committed graph with these mechanisms.
 

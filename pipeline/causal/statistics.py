@@ -22,14 +22,14 @@ VERDICTS = ("effect", "no effect", "inconclusive")
 class Estimates:
     """What crossed replications say about each cell's mean effect; every field has shape (cell,)."""
 
-    effect: Float[Array, "cell"]  # mean over seeds and scenes
-    ci_low: Float[Array, "cell"]  # 95 % interval
-    ci_high: Float[Array, "cell"]
-    ci90_low: Float[Array, "cell"]  # 90 % interval, for the test of equivalence
-    ci90_high: Float[Array, "cell"]
-    p: Float[Array, "cell"]  # two-sided, of a mean of zero
-    q1: Float[Array, "cell"]  # quartiles of the seeds' mean effects
-    q3: Float[Array, "cell"]
+    effect: Float[Array, " cell"]  # mean over seeds and scenes
+    ci_low: Float[Array, " cell"]  # 95 % interval
+    ci_high: Float[Array, " cell"]
+    ci90_low: Float[Array, " cell"]  # 90 % interval, for the test of equivalence
+    ci90_high: Float[Array, " cell"]
+    p: Float[Array, " cell"]  # two-sided, of a mean of zero
+    q1: Float[Array, " cell"]  # quartiles of the seeds' mean effects
+    q3: Float[Array, " cell"]
 
 
 def estimate(effects: Float[Array, "cell seed scene"]) -> Estimates:
@@ -52,18 +52,28 @@ def estimate(effects: Float[Array, "cell seed scene"]) -> Estimates:
 def ratio(parts: Float[Array, "cell seed scene"], wholes: Float[Array, "cell seed scene"]) -> Estimates:
     """Sum of `parts` over sum of `wholes`: a rate of what not every seed and scene holds equally much of, or any.
 
-    Linearised around the ratio (Cochran, 1977, Chapter 6), its error is a mean's; quartiles are of seeds likewise.
+    `linearised`, its error is a mean's; quartiles are of seeds likewise.
+    """
+    return estimate(linearised(parts, wholes))
+
+
+def linearised(
+    parts: Float[Array, "cell seed scene"], wholes: Float[Array, "cell seed scene"]
+) -> Float[Array, "cell seed scene"]:
+    """What has the rate, sum of `parts` over sum of `wholes`, for its mean and nearly its error (Cochran, 1977, Ch. 6).
+
+    ValueError for a cell whose wholes sum to nothing.
     """
     total = wholes.sum((1, 2), keepdims=True)
     if not (total > 0).all():
         raise ValueError(f"{(total <= 0).sum()} of {len(total)} cells hold nothing to take a share of: leave them out")
     rate = parts.sum((1, 2), keepdims=True) / total
-    return estimate(rate + (parts - rate * wholes) / wholes.mean((1, 2), keepdims=True))
+    return rate + (parts - rate * wholes) / wholes.mean((1, 2), keepdims=True)
 
 
 def mean_squares(
     effects: Float[Array, "cell seed scene"],
-) -> tuple[Float[Array, "cell"], Float[Array, "cell"], Float[Array, "cell"]]:
+) -> tuple[Float[Array, " cell"], Float[Array, " cell"], Float[Array, " cell"]]:
     """Mean squares of the two-way layout without replication: between seeds, between scenes, and of the rest.
 
     A single seed shows no chance of its own: its mean square, and that of the rest, are 0.
@@ -85,7 +95,7 @@ def _freedoms(seeds: int, scenes: int) -> tuple[int, int, int]:
     return max(seeds - 1, 1), scenes - 1, max((seeds - 1) * (scenes - 1), 1)
 
 
-def crossed_error(effects: Float[Array, "cell seed scene"]) -> tuple[Float[Array, "cell"], Float[Array, "cell"]]:
+def crossed_error(effects: Float[Array, "cell seed scene"]) -> tuple[Float[Array, " cell"], Float[Array, " cell"]]:
     """Standard error of each mean over random seeds crossed with random scenes, and its degrees of freedom.
 
     The variance of the mean is a sum of mean squares, MS_seed + MS_scene - MS_rest, over their number, in which no
@@ -106,7 +116,7 @@ def crossed_error(effects: Float[Array, "cell seed scene"]) -> tuple[Float[Array
     return np.sqrt(total / (seeds * scenes)), freedom
 
 
-def paired_wilcoxon(a: Float[Array, "seed"], b: Float[Array, "seed"]) -> float:
+def paired_wilcoxon(a: Float[Array, " seed"], b: Float[Array, " seed"]) -> float:
     """Exact two-sided signed-rank p-value of paired values; equal pairs are dropped, ties share their rank.
 
     The null distribution is counted for the ranks at hand, so ties keep it exact; 1.0 if no pair differs.
@@ -148,7 +158,7 @@ def true_verdict(effect: float) -> str:
     return "effect" if abs(effect) > SMALLEST_EFFECT else "no effect"
 
 
-def quartiles(values: Float[Array, "seed"]) -> dict[str, float]:
+def quartiles(values: Float[Array, " seed"]) -> dict[str, float]:
     """Mean and first and third quartile, as the paper reports its seeds."""
     q1, q3 = np.quantile(values, (0.25, 0.75))
     return {"mean": float(np.mean(values)), "q1": float(q1), "q3": float(q3)}

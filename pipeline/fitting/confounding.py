@@ -2,8 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
-from pathlib import Path
+from functools import partial
 
 from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
@@ -15,9 +14,8 @@ from pipeline.spec.things import find
 from pipeline.streams import stream
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.confounded import Setting, confounded_layouts
-from pipeline.table.items import Catalogue, read_catalogue
 from pipeline.table.layout import LayoutRules, Layouts
-from pipeline.table.render import Palette, render_scenes
+from pipeline.table.render import read_palette, render_scenes
 from pipeline.table.rules import valid
 
 
@@ -47,7 +45,7 @@ def draw_all(cfg: DictConfig, draws: Sequence[Draw]) -> list[Scenes]:
 
 def _draw(cfg: DictConfig, draw: Draw) -> Scenes:
     """One set of scenes; table top, light and camera do not depend on the world either."""
-    c, (catalogue, palette) = cfg.confound, _inputs(cfg.paths.data)
+    c, (catalogue, palette) = cfg.confound, read_palette(cfg.paths.data)
     world = c.worlds[draw.world]
     rng = stream(c.generator, "scenes", draw.name)
     rules, setting = LayoutRules.of(cfg.scenes.layout), Setting(world.together, c.present, c.glasses, *world.gap_m)
@@ -55,13 +53,6 @@ def _draw(cfg: DictConfig, draw: Draw) -> Scenes:
     textures, seeds = rng.choice(catalogue.texture_names("train"), draw.count), rng.integers(2**31, size=draw.count)
     images = render_scenes(layouts, list(textures), seeds.tolist(), palette)
     return Scenes(layouts, images, float(find(to_tensor(images)).present.sum() / layouts.present.sum()))
-
-
-@lru_cache(maxsize=1)
-def _inputs(data: str) -> tuple[Catalogue, Palette]:
-    """The items and their pictures, read once per process."""
-    catalogue = read_catalogue(Path(data))
-    return catalogue, Palette(catalogue)
 
 
 def demonstrations(

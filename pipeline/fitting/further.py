@@ -1,8 +1,5 @@
 """Further training scenes of a seed, and demonstrations in them: as stages scenes and demos make them."""
 
-from functools import lru_cache
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float, UInt8
@@ -16,10 +13,9 @@ from pipeline.fitting.trainers import Lesson
 from pipeline.streams import stream
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.fit import fit
-from pipeline.table.items import Catalogue, read_catalogue
 from pipeline.table.layout import LayoutRules, Layouts, random_layouts
 from pipeline.table.recordings import Hand, join, keeps, simulate
-from pipeline.table.render import Palette, render_scenes
+from pipeline.table.render import read_palette, render_scenes
 
 
 def taught(cfg: DictConfig, scenes: SceneSet, demos: pd.DataFrame, seed: int, count: int) -> list[Lesson]:
@@ -45,7 +41,7 @@ def taught(cfg: DictConfig, scenes: SceneSet, demos: pd.DataFrame, seed: int, co
 
 def further_scenes(cfg: DictConfig, seed: int, count: int) -> tuple[Layouts, UInt8[Array, "scene 100 100 3"]]:
     """Scenes of training items on training table tops, and their pictures; the first ones whatever the `count`."""
-    catalogue, palette = _inputs(cfg.paths.data)
+    catalogue, palette = read_palette(cfg.paths.data)
     layouts, textures, lights = (_generator(cfg, name, seed) for name in ("layouts", "textures", "lights"))
     rules, pool = LayoutRules.of(cfg.scenes.layout), catalogue.pool("train")
     drawn = random_layouts(layouts, count, catalogue.footprints, pool, rules)
@@ -64,13 +60,6 @@ def demonstrations(
     samples, offsets = join([recording.astype(np.float32).astype(float) for recording in recordings])  # as stored
     fits = fit(samples[:, 1:3], offsets, cfg.demos.poor_above_m)
     return fits.z_theta.reshape(len(layouts), -1, 2), keeps(layouts, samples, offsets, dict(cfg.users[user]))
-
-
-@lru_cache(maxsize=1)
-def _inputs(data: str) -> tuple[Catalogue, Palette]:
-    """The items and their pictures, read once."""
-    catalogue = read_catalogue(Path(data))
-    return catalogue, Palette(catalogue)
 
 
 def _generator(cfg: DictConfig, *names: str | int) -> np.random.Generator:

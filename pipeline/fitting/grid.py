@@ -7,7 +7,6 @@ A `fit` takes a batch of jobs: either every one's labels vary, or none's do.
 import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, cast
 
@@ -16,10 +15,10 @@ import pandas as pd
 import torch
 from omegaconf import DictConfig, OmegaConf
 
-from pipeline.artifacts.demos import Queries, demo_arrays, read_demos, read_queries
+from pipeline.artifacts.demos import Queries, demo_arrays, read_labelled
 from pipeline.artifacts.files import write_json, write_table
 from pipeline.artifacts.models import PREDICTION_COLUMNS, save_weights, weights_path
-from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
+from pipeline.artifacts.scenes import train_pool
 from pipeline.errors import InputError
 from pipeline.parallel import map_jobs
 from pipeline.spec.descent import Checkpoints, never_varies
@@ -33,7 +32,7 @@ Fit = Callable[..., list[np.ndarray]]
 
 @dataclass(frozen=True)
 class Job:
-    """One model to fit; what it needs besides is read once per process (`_inputs`)."""
+    """One model to fit; what it needs besides is read once per process (`read_labelled`)."""
 
     seed: int
     user: str
@@ -134,7 +133,7 @@ def _jobs(cfg: DictConfig, settings: dict, kind: type[Specification], fit: Fit) 
 
 def _check_inputs(jobs: list[Job]) -> dict[str, Queries]:
     """Every pool a job needs is there before the first one starts; the queries come back."""
-    scenes, demos, queries = _inputs(jobs[0].scenes_dir, jobs[0].demos_dir)
+    scenes, demos, queries = read_labelled(jobs[0].scenes_dir, jobs[0].demos_dir)
     for job in jobs:
         for pool in (train_pool(job.seed), *job.pools.values()):
             if pool not in scenes.images:
@@ -151,12 +150,6 @@ def _check_inputs(jobs: list[Job]) -> dict[str, Queries]:
     return queries
 
 
-@lru_cache(maxsize=1)
-def _inputs(scenes_dir: str, demos_dir: str) -> tuple[SceneSet, pd.DataFrame, dict[str, Queries]]:
-    """The stage's inputs, read once per process."""
-    return read_scenes(Path(scenes_dir)), read_demos(Path(demos_dir)), read_queries(Path(demos_dir))
-
-
 def _batches(jobs: list[Job], at_once: int) -> list[list[Job]]:
     """Jobs to fit together, of about the same n; those whose labels never vary cost nothing, apart.
 
@@ -165,14 +158,14 @@ def _batches(jobs: list[Job], at_once: int) -> list[list[Job]]:
     varied: list[Job] = []
     constant: list[Job] = []
     for job in sorted(jobs, key=lambda job: job.n if at_once > 1 else 0):
-        _, valid = demo_arrays(_inputs(job.scenes_dir, job.demos_dir)[1], job.seed, job.user, job.n)
+        _, valid = demo_arrays(read_labelled(job.scenes_dir, job.demos_dir)[1], job.seed, job.user, job.n)
         (constant if never_varies(valid) else varied).append(job)
     return [group[i : i + at_once] for group in (varied, constant) for i in range(0, len(group), at_once)]
 
 
 def _run(batch: list[Job]) -> list[Fitted]:
     """One batch, in a process of its own: fit, then judge the queries of every split."""
-    scenes, demos, queries = _inputs(batch[0].scenes_dir, batch[0].demos_dir)
+    scenes, demos, queries = read_labelled(batch[0].scenes_dir, batch[0].demos_dir)
     seeds = [job_seed(job.seed, job.user, job.n, job.variant) for job in batch]
     models = [untrained(job.kind, job.settings["model"], seed) for job, seed in zip(batch, seeds, strict=True)]
     images = [scenes.images[train_pool(job.seed)] for job in batch]

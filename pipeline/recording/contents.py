@@ -24,7 +24,7 @@ class Demonstrations:
     image: UInt8[Array, "100 100 3"]
     layout: Layouts
     z: Float[Array, "demo 2"]
-    valid: Bool[Array, "demo"]
+    valid: Bool[Array, " demo"]
     samples: tuple[Array, ...]
 
 
@@ -47,7 +47,7 @@ class Repairs:
     z: Float[Array, "repair step 2"]
     p: Float[Array, "repair step"]
     slack: Float[Array, "repair step"]
-    ends_valid: Bool[Array, "repair"]
+    ends_valid: Bool[Array, " repair"]
 
     @property
     def errors(self) -> UInt8[Array, "side side"]:
@@ -96,8 +96,8 @@ class Counterfactual:
     layout: Layouts
     z: Float[Array, "2"]
     without: UInt8[Array, "item 100 100 3"]
-    p: Float[Array, "question"]
-    truth: Bool[Array, "question"]
+    p: Float[Array, " question"]
+    truth: Bool[Array, " question"]
     blamed: int | None
     culprit: int | None
 
@@ -110,8 +110,8 @@ class Learning:
     by_step: of this one after as many steps of its training, the whole training last.
     """
 
-    step: Int[Array, "step"]
-    losses: Mapping[str, Float[Array, "step"]]
+    step: Int[Array, " step"]
+    losses: Mapping[str, Float[Array, " step"]]
     by_n: Mapping[int, Float[Array, "side side"]]
     by_step: Mapping[int, Float[Array, "side side"]]
 

@@ -26,7 +26,7 @@ PICTURE = {"format": "webp", "quality": 98, "method": 6}  # about 3 kB a table
 class Ascents:
     """One model's repairs in one scene, each start first."""
 
-    start: Int[Array, "start"]  # number of each among the scene's starts
+    start: Int[Array, " start"]  # number of each among the scene's starts
     z: Float[Array, "start point 2"]  # [m]
     p: Float[Array, "start point"]  # P(valid) as the model sees it
 

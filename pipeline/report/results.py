@@ -7,7 +7,7 @@ import pandas as pd
 from pipeline.errors import InputError
 from pipeline.table.layout import SYMBOLS
 
-NULLS = ("null_nearest", "null_position")
+NULLS = NEAREST, POSITION = "null_nearest", "null_position"  # as stages call them
 
 
 @dataclass(frozen=True)
@@ -72,8 +72,12 @@ class Results:
 
     @property
     def refuters(self) -> list[str]:
-        """The attempts to refute, in their order."""
+        """The attempts to refute, in their order; one made on several tables has a name for each, `kind/table`."""
         return list(self.refutation["order"])
+
+    def refuter(self, name: str) -> dict[str, str]:
+        """What is done in an attempt to refute, what it asks, its null hypothesis and how to read its p."""
+        return self.refutation["said"][name.partition("/")[0]]
 
     @property
     def rejecting(self) -> list[str]:

@@ -70,19 +70,22 @@ def method_label(name: str) -> str:
 
 def refuter_label(name: str) -> str:
     """An attempt to refute as a reader meets it."""
-    return {
+    kind, _, table = name.partition("/")
+    label = {
         "permuted": "Permuted labels", "untrained": "Untrained model", "placebo": "Placebo patch",
         "far": "Item far away", "other_table": "Other table",
-    }.get(name, name)  # fmt: skip
+    }.get(kind, kind)  # fmt: skip
+    return f"{label} ({table})" if table else label
 
 
 def refuter_finds(name: str) -> str:
     """What a refuter that finds an effect has shown of a model, as a clause before the cells."""
+    kind, _, table = name.partition("/")
     return {
         "permuted": "fitted to permuted labels it shows effects", "untrained": "untrained it shows effects",
         "placebo": "a placebo patch (an item's pixels, shuffled) moves it",
-        "far": "an item far away moves it", "other_table": "on another table its effects change",
-    }.get(name, f"{refuter_label(name).lower()} moves it")  # fmt: skip
+        "far": "an item far away moves it", "other_table": f"on a table top of {table} its effects change",
+    }.get(kind, f"{refuter_label(name).lower()} moves it")  # fmt: skip
 
 
 def disturbance_label(name: str) -> str:

@@ -38,9 +38,9 @@ from pipeline.spec.metrics import DECISION
 class Calibration(NamedTuple):
     """Scores by one model: of demonstrations it was not fitted to, beside their labels, and of the candidate paths."""
 
-    held_out: Float[Array, "demonstration"]
-    valid: Bool[Array, "demonstration"]
-    candidates: Float[Array, "path"]
+    held_out: Float[Array, " demonstration"]
+    valid: Bool[Array, " demonstration"]
+    candidates: Float[Array, " path"]
 
 
 def score(p: Float[Array, "*path"]) -> Float[Array, "*path"]:
@@ -48,7 +48,7 @@ def score(p: Float[Array, "*path"]) -> Float[Array, "*path"]:
     return np.maximum(p, DECISION)
 
 
-def p_values(parts: Sequence[Calibration]) -> Float[Array, "path"]:
+def p_values(parts: Sequence[Calibration]) -> Float[Array, " path"]:
     """Conformal p-value of every candidate path being invalid.
 
     One part, of a model fitted to other demonstrations, is the split form: given the assumption, its promise is exact.
@@ -59,17 +59,17 @@ def p_values(parts: Sequence[Calibration]) -> Float[Array, "path"]:
     return (1 + invalid) / (1 + sum(len(part.held_out) for part in parts))
 
 
-def _at_least(ascending: Float[Array, "demonstration"], scores: Float[Array, "path"]) -> Array:
+def _at_least(ascending: Float[Array, " demonstration"], scores: Float[Array, " path"]) -> Array:
     """How many demonstrations score as high as each path, or higher."""
     return len(ascending) - np.searchsorted(ascending, scores, side="left")
 
 
-def accept(p: Float[Array, "path"], level: float) -> Bool[Array, "path"]:
+def accept(p: Float[Array, " path"], level: float) -> Bool[Array, " path"]:
     """The paths that BH's step-up rule accepts; the higher the level, the more."""
     return false_discovery_control(p) <= level
 
 
-def accept_knowing(scores: Float[Array, "path"], valid: Bool[Array, "path"], level: float) -> Bool[Array, "path"]:
+def accept_knowing(scores: Float[Array, " path"], valid: Bool[Array, " path"], level: float) -> Bool[Array, " path"]:
     """The most paths above one threshold, at most a share `level` of them invalid: what who knows the truth accepts."""
     thresholds = np.unique(scores)
     accepted = len(scores) - np.searchsorted(np.sort(scores), thresholds)

@@ -24,8 +24,9 @@ from pipeline.errors import InputError
 from pipeline.spec import descent
 from pipeline.spec.descent import Checkpoints, laplace, never_varies, require_positive
 from pipeline.spec.jitter import Jitter, blobs, new_looks
-from pipeline.spec.reward import PICTURE, SYMMETRIES, RewardMap, against_table, contrast, transform, untransform
+from pipeline.spec.reward import SYMMETRIES, RewardMap, against_table, contrast, transform, untransform
 from pipeline.spec.specification import to_tensor
+from pipeline.table.layout import SIDE
 
 OBJECTIVES = ("maxent", "ranked")
 CURVE = ("step", "total")  # columns of a learning curve
@@ -105,7 +106,7 @@ def fit(
 def _looks(images: bytes, copies: int, jitter: Jitter) -> Float[Tensor, "copy scene 100 100 4"]:
     """Contrast of the training scenes, drawn from their pixels alone, in `copies` looks; the first is as they are."""
     rng = np.random.default_rng(crc32(images))
-    scenes = np.frombuffer(images, np.uint8).reshape(-1, PICTURE, PICTURE, 3)
+    scenes = np.frombuffer(images, np.uint8).reshape(-1, SIDE, SIDE, 3)
     plain, whitening = against_table(to_tensor(scenes.copy()))
     looks = [contrast(plain, whitening)]
     labels = blobs(looks[0][:, 0].sinh().numpy())

@@ -54,7 +54,7 @@ def new_looks(
     plain: Float32[Array, "scene 3 row column"],
     labels: Int[Array, "scene row column"],
     jitter: Jitter,
-) -> tuple[Float32[Array, "scene 3 row column"], Int[Array, "scene"]]:
+) -> tuple[Float32[Array, "scene 3 row column"], Int[Array, " scene"]]:
     """The scenes' differences from the table in new looks, and the scene whose table each one stands on now."""
     own = np.arange(len(plain))
     table = np.where(rng.random(len(plain)) < jitter.other_table, rng.permutation(len(plain)), own)

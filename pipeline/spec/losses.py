@@ -56,7 +56,7 @@ def kl(mean: Float[Tensor, "scene latent"], log_variance: Float[Tensor, "scene l
 def classification(
     logits: Float[Tensor, "scene path"],
     valid: Bool[Tensor, "scene path"] | Float[Tensor, "scene path"],
-    share: Float[Tensor, "path"] | None = None,
+    share: Float[Tensor, " path"] | None = None,
 ) -> Float[Tensor, ""]:
     """Binary cross-entropy of the demonstrations' validity [nat]: mean over all, or by their `share` of a scene."""
     if share is None:
@@ -72,7 +72,7 @@ def equation_1(
     valid: Bool[Tensor, "scene path"] | Float[Tensor, "scene path"],
     weights: Weights,
     noise: Float[Tensor, "scene latent"],
-    share: Float[Tensor, "path"] | None = None,
+    share: Float[Tensor, " path"] | None = None,
 ) -> Terms:
     """The loss over demonstrations of `scene` scenes, each encoded once and shared by all of its paths.
 

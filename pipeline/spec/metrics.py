@@ -13,19 +13,19 @@ DECISION = 0.5  # a path is called valid if p exceeds it
 class Reliability:
     """Predictions by bins of equal width over [0, 1]; means are NaN where a bin is empty."""
 
-    low: Float[Array, "bin"]  # a bin is [low, high), the last one [low, 1]
-    high: Float[Array, "bin"]
-    count: Int[Array, "bin"]
-    confidence: Float[Array, "bin"]  # mean p
-    frequency: Float[Array, "bin"]  # share truly valid
+    low: Float[Array, " bin"]  # a bin is [low, high), the last one [low, 1]
+    high: Float[Array, " bin"]
+    count: Int[Array, " bin"]
+    confidence: Float[Array, " bin"]  # mean p
+    frequency: Float[Array, " bin"]  # share truly valid
 
 
-def accuracy(p: Float[Array, "path"], valid: Bool[Array, "path"]) -> float:
+def accuracy(p: Float[Array, " path"], valid: Bool[Array, " path"]) -> float:
     """Share of paths on the right side of p = .5."""
     return float(((p > DECISION) == valid).mean())
 
 
-def auroc(p: Float[Array, "path"], valid: Bool[Array, "path"]) -> float:
+def auroc(p: Float[Array, " path"], valid: Bool[Array, " path"]) -> float:
     """Chance that a valid path scores above an invalid one; NaN if there is only one kind."""
     if valid.all() or not valid.any():
         return float("nan")
@@ -34,12 +34,12 @@ def auroc(p: Float[Array, "path"], valid: Bool[Array, "path"]) -> float:
     return float(roc_auc_score(valid, p))
 
 
-def brier(p: Float[Array, "path"], valid: Bool[Array, "path"]) -> float:
+def brier(p: Float[Array, " path"], valid: Bool[Array, " path"]) -> float:
     """Mean squared difference between p and the truth, 0 to 1 (Brier 1950)."""
     return float(((np.asarray(p, dtype=np.float64) - valid) ** 2).mean())
 
 
-def reliability(p: Float[Array, "path"], valid: Bool[Array, "path"], bins: int) -> Reliability:
+def reliability(p: Float[Array, " path"], valid: Bool[Array, " path"], bins: int) -> Reliability:
     """Mean prediction beside the share truly valid, in `bins` bins of equal width.
 
     Raises ValueError if a p is not in [0, 1].
@@ -56,7 +56,7 @@ def reliability(p: Float[Array, "path"], valid: Bool[Array, "path"], bins: int) 
     return Reliability(edges[:-1], edges[1:], count, confidence, frequency)
 
 
-def expected_calibration_error(p: Float[Array, "path"], valid: Bool[Array, "path"], bins: int) -> float:
+def expected_calibration_error(p: Float[Array, " path"], valid: Bool[Array, " path"], bins: int) -> float:
     """Mean gap between prediction and frequency over `bins` bins of equal width, weighted by their counts.
 
     Naeini et al. 2015, with the bins of `reliability`.

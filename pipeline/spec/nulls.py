@@ -6,6 +6,8 @@ from numpy import ndarray as Array
 
 from pipeline.table.bezier import Z_HIGH, Z_LOW
 
+NULLS = NEAREST, POSITION = "null_nearest", "null_position"  # what results call them
+
 
 def nearest(
     z_demos: Float[Array, "scene demo 2"],

@@ -15,9 +15,9 @@ from torch import Tensor, nn
 
 from pipeline.spec.specification import Specification, initialise, to_bytes, to_tensor
 from pipeline.table.bezier import P_F, P_INIT, basis, lattice
+from pipeline.table.layout import SIDE
 
 SAMPLES = 48  # points along a path: 2 cm apart on the longest, as fine as the map
-PICTURE = 100  # pixels along an edge of an image
 TABLE_SHARE = 0.85  # of the pixels, at least, show the table
 FLOOR = 0.004  # smallest spread of the table's colour [1 = white], that of a grey level
 SYMMETRIES = 8  # turns by 90 degrees, each with and without a reflection
@@ -61,7 +61,7 @@ class RewardMap(Specification):
         layers.insert(-2, nn.Dropout2d(dropout))
         self.layers = nn.Sequential(*layers, nn.Conv2d(channels, 4, 1), nn.PixelShuffle(2))  # (scene, 1, 50, 50)
         initialise(self, no_rectifier_after=[self.layers[-2]])
-        self.side = PICTURE // 2
+        self.side = SIDE // 2
         weights = path_weights(torch.from_numpy(lattice(lattice_side)).float(), self.side)
         self.register_buffer("paths", weights, persistent=False)  # (lattice, side * side)
         self.register_buffer("scale", torch.tensor(1.0))
@@ -85,7 +85,7 @@ class RewardMap(Specification):
         reward = torch.stack(turned).mean(0)
         return torch.cat([reward.flatten(1), self.soft_optimum(reward)[:, None]], dim=-1)
 
-    def soft_optimum(self, reward: Float[Tensor, "scene side side"]) -> Float[Tensor, "scene"]:
+    def soft_optimum(self, reward: Float[Tensor, "scene side side"]) -> Float[Tensor, " scene"]:
         """log of the mean of exp(return) over the lattice of z_theta: the partition function, up to a constant."""
         returns = reward.flatten(1) @ self.paths.T  # (scene, lattice)
         return returns.logsumexp(-1) - float(np.log(len(self.paths)))
@@ -106,7 +106,7 @@ class RewardMap(Specification):
 @lru_cache(maxsize=2048)  # every model looks at the same pictures
 def _contrast(picture: bytes) -> Float[Tensor, "1 4 100 100"]:
     """`contrast` of an 8-bit picture."""
-    pixels = np.frombuffer(picture, np.uint8).reshape(1, PICTURE, PICTURE, 3)
+    pixels = np.frombuffer(picture, np.uint8).reshape(1, SIDE, SIDE, 3)
     return contrast(*against_table(to_tensor(pixels.copy())))
 
 

@@ -25,7 +25,8 @@ from pipeline.spec.descent import Checkpoints, Schedule, padded, shares
 from pipeline.spec.lanes import GATE, LANES, PUT, RELU
 from pipeline.spec.losses import Weights
 from pipeline.spec.training import fit_varied
-from pipeline.spec.vae import SIDE, Z_CENTRE, Z_SCALE, VaeSpecification
+from pipeline.spec.vae import Z_CENTRE, Z_SCALE, VaeSpecification
+from pipeline.table.layout import SIDE
 
 
 def allocate(*shape: int) -> Float[Array, "*shape lane"]:

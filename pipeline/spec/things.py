@@ -22,9 +22,9 @@ from torch import Tensor
 
 from pipeline.spec.reward import against_table
 from pipeline.spec.specification import to_bytes
+from pipeline.table.layout import SIDE
 
 FEATURES = ("area", "elongation", "length", "width", "contrast", "plain contrast")  # logarithms all
-SIDE = 100  # pixels along an edge of a picture of the 1 m table
 MOST = 12  # things kept of a scene, the largest
 WIDELY = 4, 9  # pixels, blocks: the table's drift is the median of medians over 36 x 36 pixels, wider than things ...
 CLOSELY = 2, 3  # ... or over 6 x 6, which takes mottles off and leaves lines one or two pixels wide
@@ -81,11 +81,11 @@ def find(images: Float[Tensor, "scene 3 100 100"]) -> Things:
 class _Thing(NamedTuple):
     ends: Float[Array, "2 2"]  # of the capsule's segment [m]
     radius: float  # [m]
-    features: Float[Array, "feature"]
+    features: Float[Array, " feature"]
     fit: float  # intersection of the thing and its capsule over their union
 
 
-@lru_cache(maxsize=2048)  # every model looks at the same pictures
+@lru_cache(maxsize=4096)  # of 30 kB each; every model looks at the same pictures
 def _found(picture: bytes) -> list[_Thing]:
     """The MOST largest things in an 8-bit picture, the largest first."""
     pixels = np.frombuffer(picture, np.uint8).reshape(SIDE, SIDE, 3)

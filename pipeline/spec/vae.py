@@ -11,8 +11,8 @@ from numpy import ndarray as Array
 from torch import Tensor, nn
 
 from pipeline.spec.specification import Specification, initialise, to_tensor
+from pipeline.table.layout import SIDE
 
-SIDE = 100  # pixels of an image's side
 Z_CENTRE, Z_SCALE = 0.5, 0.7  # z_theta [m] is uniform on [-.2, 1.2]: this maps it to [-1, 1]
 
 
@@ -63,7 +63,7 @@ class VaeSpecification(Specification):
 
     @torch.no_grad()
     def traverse(
-        self, image: UInt8[Array, "100 100 3"], values: Float[Array, "value"]
+        self, image: UInt8[Array, "100 100 3"], values: Float[Array, " value"]
     ) -> UInt8[Array, "latent value 100 100 3"]:
         """The image decoded with one dimension of its z_image at a time set to each of `values`."""
         z_image = self.perceive(to_tensor(image[None])).expand(len(values), -1)  # (value, latent)

@@ -1,18 +1,17 @@
 """Stage ablate: the path model without one ingredient at a time, fitted and judged where choices are made."""
 
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import product
 from pathlib import Path
 from typing import cast
 
 import numpy as np
-import pandas as pd
 from omegaconf import DictConfig
 
-from pipeline.artifacts.demos import Queries, demo_arrays, read_demos, read_queries
+from pipeline.artifacts.demos import Queries, demo_arrays, read_labelled, read_queries
 from pipeline.artifacts.files import write_json
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
+from pipeline.causal.interventions import DIGITS
 from pipeline.errors import InputError
 from pipeline.launch import launch
 from pipeline.parallel import map_jobs
@@ -25,7 +24,6 @@ from pipeline.spec.specification import Specification, untrained
 from pipeline.streams import job_seed
 
 WHOLE, VALIDATION = "whole", "val_"
-DIGITS = 6
 
 
 @dataclass(frozen=True)
@@ -75,7 +73,7 @@ def _check(cfg: DictConfig) -> None:
 def _scores(job: Job) -> list[tuple[float, float]]:
     """Accuracy and calibration error of each user's and seed's model, means over the pools."""
     cfg, changed, variant = job.cfg, ABLATIONS[job.ablation], job.cfg.ablate.variant
-    scenes, demos, queries = _inputs(cfg.paths.scenes, cfg.paths.demos)
+    scenes, demos, queries = read_labelled(cfg.paths.scenes, cfg.paths.demos)
     asked = list(product(cfg.evaluate.users, cfg.validation_seeds))
     seeds = [job_seed(seed, user, job.n, variant) for user, seed in asked]  # its own stage's, whatever is missing
     models = [untrained(changed.kind, {**cfg.variants[variant].model, **changed.model}, seed) for seed in seeds]
@@ -94,12 +92,6 @@ def _judged(
         error = expected_calibration_error(answers, truth.ravel(), cfg.evaluate.bins)
         scores.append((accuracy(answers, truth.ravel()), error))
     return tuple(np.mean(scores, 0))
-
-
-@lru_cache(maxsize=1)
-def _inputs(scenes_dir: str, demos_dir: str) -> tuple[SceneSet, pd.DataFrame, dict[str, Queries]]:
-    """The stage's inputs, read once per process."""
-    return read_scenes(Path(scenes_dir)), read_demos(Path(demos_dir)), read_queries(Path(demos_dir))
 
 
 def _cell(scores: np.ndarray, whole: np.ndarray) -> dict[str, float]:

@@ -47,8 +47,8 @@ Who = tuple[str, int]  # user, seed
 class Part(NamedTuple):
     """The training scenes that a model is fitted to, and those whose demonstrations calibrate it."""
 
-    fitted: Int[Array, "scene"]
-    calibrating: Int[Array, "scene"]
+    fitted: Int[Array, " scene"]
+    calibrating: Int[Array, " scene"]
 
 
 Parts = dict[str, list[Part]]  # by form

@@ -23,8 +23,8 @@ from pipeline.launch import launch
 from pipeline.params import need, shared_pool
 from pipeline.spec.efficiency import reaches
 from pipeline.spec.metrics import accuracy
+from pipeline.spec.nulls import POSITION
 
-NULL = "null_position"
 KEY = ["variant", "scenes", "n", "user", "seed"]
 
 
@@ -55,7 +55,7 @@ def _evaluated(cfg: DictConfig) -> pd.DataFrame:
     path, columns = Path(cfg.paths.evaluate) / "accuracy.parquet", ["variant", "n", "user", "seed"]
     rows = read_table(path, [*columns, "split", "accuracy"]).query("split == @cfg.efficiency.split")
     asked = [list(cfg.n), list(cfg.evaluate.users), list(cfg.protocol.seeds)]
-    wanted = pd.MultiIndex.from_product([[*cfg.variants, NULL], *asked], names=columns)
+    wanted = pd.MultiIndex.from_product([[*cfg.variants, POSITION], *asked], names=columns)
     lacking = wanted.difference(pd.MultiIndex.from_frame(rows[columns]))
     if len(lacking):
         name = "variant {}, n {}, user {}, seed {}".format(*lacking[0])
@@ -121,7 +121,7 @@ def _metrics(cfg: DictConfig, scores: pd.DataFrame) -> dict:
     own = scores[scores["scenes"] == cfg.scenes.per_seed]
     return {
         "accuracy": {variant: cells[variant] for variant in cfg.variants},
-        "null": cells[NULL][f"s{cfg.scenes.per_seed}"],
+        "null": cells[POSITION][f"s{cfg.scenes.per_seed}"],
         "reaches": {
             variant: {
                 "scenes": _reached(studied, variant, "scenes", c.threshold),

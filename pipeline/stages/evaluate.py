@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Float
+from numpy import ndarray as Array
 from omegaconf import DictConfig
 from tqdm import tqdm
 
@@ -13,16 +15,18 @@ from pipeline.artifacts.demos import Queries, demo_arrays, read_demos, read_quer
 from pipeline.artifacts.files import read_table, write_json, write_table
 from pipeline.artifacts.models import PREDICTION_COLUMNS, model_dir
 from pipeline.artifacts.scenes import read_position_prior, train_pool
+from pipeline.causal.interventions import DIGITS
 from pipeline.causal.statistics import LEVEL, estimate, holm, paired_wilcoxon, quartiles
 from pipeline.errors import InputError
 from pipeline.launch import launch
 from pipeline.params import need
 from pipeline.spec import nulls
 from pipeline.spec.metrics import DECISION, accuracy, auroc, brier, expected_calibration_error, reliability
+from pipeline.streams import stream
 
 MOST_TESTS = 25  # of 10 seeds the smallest p is 2/1024: Holm over more tests could never find anything
-NULLS = ("null_nearest", "null_position")
 WORST = 0.05  # of the scenes
+DRAWS = 200  # of errors in scenes at random
 CALIBRATION_COLUMNS = ["variant", "split", "low", "high", "count", "confidence", "frequency"]
 KEY = ["user", "n", "seed", "split"]
 Key = tuple[str, int, int, str]  # user, n, seed, split
@@ -68,15 +72,15 @@ def _check(cfg: DictConfig) -> None:
             )
     for _, variant, against, split, _ in tests:
         for name in (variant, against):
-            if name not in cfg.variants and name not in NULLS:
+            if name not in cfg.variants and name not in nulls.NULLS:
                 raise InputError(
-                    f"evaluate.comparisons names {name!r}: expected one of {', '.join([*cfg.variants, *NULLS])}"
+                    f"evaluate.comparisons names {name!r}: expected one of {', '.join([*cfg.variants, *nulls.NULLS])}"
                 )
-        nearest_elsewhere = NULLS[0] in (variant, against) and cfg.protocol.splits.get(split) is not None
+        nearest_elsewhere = nulls.NEAREST in (variant, against) and cfg.protocol.splits.get(split) is not None
         if split not in cfg.protocol.splits or nearest_elsewhere:
             raise InputError(
                 f"evaluate.comparisons names {variant} against {against} on {split!r}: expected one of "
-                f"{', '.join(cfg.protocol.splits)}; {NULLS[0]} has demonstrations only in seen scenes"
+                f"{', '.join(cfg.protocol.splits)}; {nulls.NEAREST} has demonstrations only in seen scenes"
             )
 
 
@@ -152,7 +156,7 @@ def _nulls(cfg: DictConfig, queries: dict[str, Queries], truth: dict[Key, np.nda
         place[key] = nulls.position(prior[user], z)
         if cfg.protocol.splits[split] is None:
             near[key] = nulls.nearest(*demo_arrays(demos, seed, user, n), z)
-    return dict(zip(NULLS, (near, place), strict=True))
+    return dict(zip(nulls.NULLS, (near, place), strict=True))
 
 
 def _scores(judged: Judged, truth: dict[Key, np.ndarray], bins: int) -> pd.DataFrame:
@@ -191,37 +195,54 @@ def _summary(averaged: Cells) -> dict:
     """variant -> split -> n<N> -> mean and quartiles over seeds."""
     out: dict = {}
     for (variant, split, n), by_seed in averaged.items():
-        out.setdefault(variant, {}).setdefault(split, {})[f"n{n}"] = quartiles(by_seed) | {"seeds": len(by_seed)}
+        cell = _rounded(quartiles(by_seed)) | {"seeds": len(by_seed)}
+        out.setdefault(variant, {}).setdefault(split, {})[f"n{n}"] = cell
     return out
+
+
+def _rounded(numbers: dict[str, float]) -> dict[str, float]:
+    return {name: round(value, DIGITS) for name, value in numbers.items()}
 
 
 def _over_scenes(cfg: DictConfig, judged: Judged, truth: dict[Key, np.ndarray]) -> dict:
     """variant -> split that all seeds share -> accuracy at study_n, mean over `evaluate.users`: its 95 % interval.
 
     The interval is over seeds crossed with scenes. `worst`: the share of all errors made in the `few` scenes where most
-    are made, WORST of all `scenes`; None without an error.
+    are made, WORST of all `scenes`; `worst_by_chance`: if each path's errors lay in a scene at random, the mean of
+    DRAWS. Both None without an error.
     """
-    right = {v: {k: ((p > DECISION) == truth[k]).mean(1) for k, p in by.items()} for v, by in judged.items()}
+    wrong = {v: {k: (p > DECISION) != truth[k] for k, p in by.items()} for v, by in judged.items()}
     shared = [split for split, pool in cfg.protocol.splits.items() if pool is not None]
     seeds, users, out = cfg.protocol.seeds, cfg.evaluate.users, {}
     for variant, split in product(judged, shared):
         keys = [[(user, cfg.study_n, seed, split) for user in users] for seed in seeds]
-        if keys[0][0] not in right[variant]:  # null_nearest
+        if keys[0][0] not in wrong[variant]:  # null_nearest
             continue
-        by_seed = np.array([[right[variant][key] for key in of_seed] for of_seed in keys]).mean(1)  # (seed, scene)
-        e, wrong = estimate(by_seed[None]), np.sort(1 - by_seed.mean(0))[::-1]
-        few = max(1, round(WORST * len(wrong)))
+        errors = np.array([[wrong[variant][key] for key in of_seed] for of_seed in keys])  # (seed, user, scene, query)
+        e, by_path = estimate(1 - errors.mean((1, 3))[None]), errors.mean((0, 1))
+        few = max(1, round(WORST * len(by_path)))
         out.setdefault(variant, {})[split] = {
-            "ci_low": float(e.ci_low[0]), "ci_high": float(e.ci_high[0]), "scenes": len(wrong), "few": few,
-            "worst": float(wrong[:few].sum() / wrong.sum()) if wrong.any() else None,
+            "ci_low": float(e.ci_low[0]), "ci_high": float(e.ci_high[0]), "scenes": len(by_path), "few": few,
+            **dict.fromkeys(("worst", "worst_by_chance")),
         }  # fmt: skip
+        if errors.any():
+            rng = stream(cfg.scenes.generator, "errors by chance", variant, split)
+            shuffled = [rng.permutation(by_path.ravel()).reshape(by_path.shape) for _ in range(DRAWS)]
+            by_chance = np.mean([_in_worst(draw, few) for draw in shuffled])
+            out[variant][split] |= {"worst": _in_worst(by_path, few), "worst_by_chance": float(by_chance)}
     return out
+
+
+def _in_worst(errors: Float[Array, "scene query"], few: int) -> float:
+    """The share of all errors made in the `few` scenes where most are made."""
+    by_scene = np.sort(errors.sum(1))[::-1]
+    return float(by_scene[:few].sum() / by_scene.sum())
 
 
 def _curve(averaged: Cells) -> pd.DataFrame:
     """Accuracy against n: one row per variant, split and n."""
     cells = [
-        {"variant": variant, "split": split, "n": n} | quartiles(by_seed)
+        {"variant": variant, "split": split, "n": n} | _rounded(quartiles(by_seed))
         for (variant, split, n), by_seed in averaged.items()
     ]
     return pd.DataFrame(cells, columns=["variant", "split", "n", "mean", "q1", "q3"])

@@ -16,13 +16,12 @@ from pipeline.causal.statistics import estimate
 from pipeline.errors import InputError
 from pipeline.launch import launch
 from pipeline.params import need, shared_pool
-from pipeline.spec.nulls import position
+from pipeline.spec import nulls
 from pipeline.streams import stream
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.rules import valid
 
 TOLD = 1e-6  # floor of probabilities that were told, not learned: the truth and its mean by position
-NULL = "null_position"
 
 
 @dataclass(frozen=True)
@@ -55,7 +54,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     learned, told = 1 / (labels + 2), TOLD  # Laplace: no n labels make surer than (n + 1) / (n + 2)
     answers = ask(cfg, list(cfg.users), shown.images, shown.z_theta, "identify")
     found = {v: _judge(cfg, _by_draw(cfg, p), shown, learned) for v, p in answers.items()}
-    found[NULL] = _judge(cfg, _by_draw(cfg, _position(cfg, shown.z_theta)), shown, told)
+    found[nulls.POSITION] = _judge(cfg, _by_draw(cfg, _position(cfg, shown.z_theta)), shown, told)
     ideal = _judge(cfg, known[:, None].astype(float), shown, told)
     tells, strange = telling(known), unlike(shown.valid[-1], known)
     curve = pd.concat([_curve(v, f, ideal, tells, strange) for v, f in found.items()], ignore_index=True)
@@ -87,7 +86,7 @@ def _position(cfg: DictConfig, z_theta: np.ndarray) -> np.ndarray:
     prior = read_position_prior(Path(cfg.paths.scenes))
     if unknown := set(cfg.users) - set(prior):
         raise InputError(f"position_prior.npz knows no user {', '.join(sorted(unknown))}: run the scenes stage again")
-    return np.stack([position(prior[user], z_theta) for user in cfg.users])[:, None]
+    return np.stack([nulls.position(prior[user], z_theta) for user in cfg.users])[:, None]
 
 
 def _judge(cfg: DictConfig, p: np.ndarray, shown: Demonstrations, floor: float) -> Found:

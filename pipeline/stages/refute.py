@@ -49,23 +49,28 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     far = np.stack([clearance(placed[few], z)[..., 0] > cfg.refute.far_m for placed in added.placed])
 
     users = list(cfg.evaluate.users)
-    pictures = np.concatenate([here, patched, _elsewhere(cfg, scenes, pool, added)])
+    elsewhere = _elsewhere(cfg, scenes, pool, added)
+    pictures = np.concatenate([here, patched, *elsewhere.values()])
     images, everywhere = pictures.reshape(-1, *pictures.shape[2:]), np.tile(z, (len(pictures), 1, 1))
     permuted, untrained = _permuted(cfg, users, here, z), _untrained(cfg, users, here, z)
-    found = {}
+    found, own = {}, {}
     for variant, p in ask(cfg, users, images, everywhere, "refute").items():
         p = p.reshape(*p.shape[:2], *pictures.shape[:2], -1)  # (user, seed, table, scene, path)
-        now, patch, other = np.split(p, [len(here), len(here) + len(patched)], axis=2)
+        now, patch, others = np.split(p, [len(here), len(here) + len(patched)], axis=2)
+        own[variant] = _effects(now)
         near_nothing = mean_over(now[:, :, 1:], far) - mean_over(now[:, :, :1], far)
         found[variant] = {
             **({"permuted": _effects(permuted[variant])} if variant in permuted else {}),
             "untrained": _effects(untrained[variant]),
             "placebo": _effects(np.concatenate([now[:, :, :1], patch], axis=2)),
             "far": np.moveaxis(near_nothing[..., np.isfinite(near_nothing).all((0, 1, 2))], 2, 1),
-            "other_table": _effects(other) - _effects(now),
+            **{
+                f"other_table/{top}": _effects(other) - own[variant]
+                for top, other in zip(elsewhere, np.split(others, len(elsewhere), axis=2), strict=True)
+            },
         }
     write_arrays(out_dir / "placebos.npz", {"images": patched})
-    write_json(out_dir / "metrics.json", _metrics(cfg, users, found, added.item))
+    write_json(out_dir / "metrics.json", _metrics(cfg, users, found, own, added.item))
 
 
 def _check_settings(cfg: DictConfig) -> None:
@@ -86,15 +91,17 @@ def _check_items(added: Added) -> None:
             )
 
 
-def _elsewhere(cfg: DictConfig, scenes: SceneSet, pool: str, added: Added) -> np.ndarray:
-    """The scenes as they are, then with each added item, on other table tops: (1 + symbol, scene, 100, 100, 3)."""
+def _elsewhere(cfg: DictConfig, scenes: SceneSet, pool: str, added: Added) -> dict[str, np.ndarray]:
+    """The scenes as they are, then with each added item, by another table top: (1 + symbol, scene, 100, 100, 3)."""
     catalogue = read_catalogue(Path(cfg.paths.data))
     names, few = catalogue.texture_names(cfg.refute.tables), slice(cfg.refute.scenes)
     need(cfg, "refute.tables", bool(names), f"one of {', '.join(sorted(set(catalogue.textures['split'])))}")
     palette, tables = Palette(catalogue), [scenes.layouts[pool][few], *(x[few] for x in added.layouts)]
-    rng = stream(cfg.refute.generator, "tables")
-    textures, lights = rng.choice(names, len(tables[0])), rng.integers(2**31, size=len(tables[0])).tolist()
-    return np.stack([render_scenes(layouts, list(textures), lights, palette) for layouts in tables])
+    lights = stream(cfg.refute.generator, "lights").integers(2**31, size=len(tables[0])).tolist()
+    return {
+        top: np.stack([render_scenes(layouts, [top] * len(layouts), lights, palette) for layouts in tables])
+        for top in names
+    }
 
 
 def _permuted(cfg: DictConfig, users: list[str], tables: np.ndarray, z: np.ndarray) -> dict[str, np.ndarray]:
@@ -138,10 +145,12 @@ def _effects(p: Float[Array, "user seed table scene path"]) -> Effects:
     return np.moveaxis(expected[:, :, 1:] - expected[:, :, :1], 2, 1)
 
 
-def _metrics(cfg: DictConfig, users: list[str], found: dict[str, dict[str, Effects]], item: np.ndarray) -> dict:
+def _metrics(
+    cfg: DictConfig, users: list[str], found: dict[str, dict[str, Effects]], own: dict[str, Effects], item: np.ndarray
+) -> dict:
     """Cells by refuter, variant, user and symbol, a family per refuter and variant; tallies; halves; over items.
 
-    item: (symbol, scene), which one was added.
+    own: the items' own effects in the scenes that the refuters see; item: (symbol, scene), which one was added.
     """
     refuted, tallies = {}, {}
     for variant, by_refuter in found.items():
@@ -155,11 +164,15 @@ def _metrics(cfg: DictConfig, users: list[str], found: dict[str, dict[str, Effec
     pooled = {v: judge(by_refuter["placebo"].mean(1)) for v, by_refuter in found.items()}
     measured = read_effects(Path(cfg.paths.intervene), list(found), users)
     return {
-        "order": list(REFUTERS),
+        "order": [name for kind in REFUTERS for name in refuted if name.partition("/")[0] == kind],
         "said": {name: asdict(refuter) for name, refuter in REFUTERS.items()},
         "refuters": refuted,
         "tallies": tallies,
         "placebo": {v: dict(zip(users, cells, strict=True)) for v, cells in pooled.items()},
+        "items_alone": {
+            v: {u: round(float(e), DIGITS) for u, e in zip(users, effects.mean((1, 2, 3)), strict=True)}
+            for v, effects in own.items()
+        },
         "halves": {v: _halves(cfg, v, e) for v, e in measured.items()},
         "items": {v: _over_items(e, item) for v, e in measured.items()},
         "seeds": len(cfg.protocol.seeds),

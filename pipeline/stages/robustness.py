@@ -14,7 +14,7 @@ from pipeline.artifacts.files import write_arrays, write_json
 from pipeline.artifacts.scenes import SceneSet, read_position_prior, read_scenes, train_pool
 from pipeline.artifacts.trained import ask, check_weights
 from pipeline.causal.interventions import DIGITS
-from pipeline.causal.robustness import change, score
+from pipeline.causal.robustness import change, more_accepted, score
 from pipeline.fitting.trainers import FITTED, Lesson, fit_and_ask
 from pipeline.launch import launch
 from pipeline.params import need, shared_pool
@@ -27,7 +27,7 @@ from pipeline.table.layout import LayoutRules
 from pipeline.table.render import Palette, render_scenes
 from pipeline.table.rules import valid
 
-NULL, LABELS = "null_position", "labels"
+LABELS = "labels"
 MOST = {"shade": 1.0, "tint": 1.0, "arm": 1.0}  # largest strength of a disturbance that has one
 Answers = dict[str, Float[Array, "user seed scene path"]]  # variant -> P(valid)
 
@@ -123,7 +123,7 @@ def _answers(cfg: DictConfig, levels: list[Level], z: Float[Array, "scene path 2
     users, prior = list(cfg.evaluate.users), read_position_prior(Path(cfg.paths.scenes))
     images, everywhere = np.concatenate([level.images for level in levels]), np.tile(z, (len(levels), 1, 1))
     found = ask(cfg, users, images, everywhere, "robustness")
-    found[NULL] = np.stack([nulls.position(prior[user], everywhere) for user in users])[:, None]
+    found[nulls.POSITION] = np.stack([nulls.position(prior[user], everywhere) for user in users])[:, None]
     parts = {variant: np.split(p, len(levels), axis=2) for variant, p in found.items()}
     return [{variant: of[i] for variant, of in parts.items()} for i in range(len(levels))]
 
@@ -168,8 +168,10 @@ def _entry(
     as_is: np.ndarray,
 ) -> dict[str, object]:
     """One strength of a disturbance: every variant's numbers, and what changes of its accuracy as it is."""
-    changes = {v: change(p > DECISION, truth, first[v] > DECISION, as_is) for v, p in answers.items()}
-    models = {variant: cell | changes[variant] for variant, cell in _scores(cfg, answers, truth).items()}
+    models = _scores(cfg, answers, truth)
+    for variant, p in answers.items():
+        both = p > DECISION, truth, first[variant] > DECISION, as_is
+        models[variant] |= {**change(*both), "more_accepted": more_accepted(*both)}
     return {"strength": strength, "valid": round(float(truth.mean()), DIGITS), "models": models}
 
 

@@ -43,7 +43,7 @@ def confounded_layouts(
     rng: np.random.Generator,
     scenes: int,
     items: Items,
-    pool: Int[Array, "pool"],
+    pool: Int[Array, " pool"],
     rules: LayoutRules,
     setting: Setting,
 ) -> Layouts:

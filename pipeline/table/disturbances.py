@@ -12,8 +12,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray as Array
 from scipy.ndimage import gaussian_filter
 
-from pipeline.table.layout import SYMBOLS, Items, LayoutRules, Layouts, add_item, empty
-from pipeline.table.render import SIDE
+from pipeline.table.layout import SIDE, SYMBOLS, Items, LayoutRules, Layouts, add_item, empty
 
 Pictures = UInt8[Array, "scene 100 100 3"]
 HALF_ARM = 0.04  # half of an arm's thickness [m]
@@ -72,7 +71,7 @@ def _eight_bit(picture: Float[Array, "*shape"]) -> UInt8[Array, "*shape"]:
 
 
 def cluttered(
-    rng: np.random.Generator, layouts: Layouts, more: int, items: Items, pool: Int[Array, "pool"], rules: LayoutRules
+    rng: np.random.Generator, layouts: Layouts, more: int, items: Items, pool: Int[Array, " pool"], rules: LayoutRules
 ) -> Layouts:
     """The same scenes with `more` further items of `pool` (catalogue indices), of random symbols.
 

@@ -38,13 +38,13 @@ class Fits:
     """Fitted paths: control point [m], root mean square orthogonal distance [m], and whether that is too much."""
 
     z_theta: Float[Array, "recording 2"]
-    residual_m: Float[Array, "recording"]
-    poor: Bool[Array, "recording"]
+    residual_m: Float[Array, " recording"]
+    poor: Bool[Array, " recording"]
 
 
 def fit(
     points: Float[Array, "total 2"],
-    offsets: Int[Array, "bound"],
+    offsets: Int[Array, " bound"],
     poor_above_m: float,
     p_init: Float[Array, "*recording_or_all 2"] = P_INIT,
     p_f: Float[Array, "*recording_or_all 2"] = P_F,

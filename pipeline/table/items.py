@@ -74,7 +74,7 @@ class Catalogue:
         symbol = np.array([SYMBOLS.index(s) for s in self.items["symbol"]])
         return Items(symbol, self.items["half_length_m"].to_numpy(), self.items["radius_m"].to_numpy())
 
-    def pool(self, split: str) -> Int[Array, "pool"]:
+    def pool(self, split: str) -> Int[Array, " pool"]:
         """Rows of items.csv whose split is `split`."""
         return np.flatnonzero(self.items["split"] == split)
 

@@ -15,6 +15,7 @@ from numpy import ndarray as Array
 from pipeline.errors import InputError
 from pipeline.table.bezier import P_F, P_INIT
 
+SIDE = 100  # pixels along an edge of a picture of the table, hence per metre
 SYMBOLS = ("bowl", "plate", "cutlery", "glass")
 EMPTY = -1  # symbol index of a slot nothing stands in
 TRIES = 1000  # before a scene, or an item in one, is given up
@@ -92,9 +93,9 @@ def _cross(a: Array, b: Array) -> Array:
 class Items:
     """The catalogue's columns the layout needs, one entry per item (lengths at scale 1, in metres)."""
 
-    symbol: Int[Array, "item"]
-    half_length: Float[Array, "item"]
-    radius: Float[Array, "item"]
+    symbol: Int[Array, " item"]
+    half_length: Float[Array, " item"]
+    radius: Float[Array, " item"]
 
 
 @dataclass(frozen=True)
@@ -127,7 +128,7 @@ def empty(scenes: int, slots: int) -> Layouts:
 
 
 def random_layouts(
-    rng: np.random.Generator, scenes: int, items: Items, pool: Int[Array, "pool"], rules: LayoutRules
+    rng: np.random.Generator, scenes: int, items: Items, pool: Int[Array, " pool"], rules: LayoutRules
 ) -> Layouts:
     """Draw scenes: 2-3 items of `pool` each (catalogue indices), the number of glasses drawn first.
 
@@ -158,7 +159,7 @@ def add_item(
     layouts: Layouts,
     symbol: int,
     items: Items,
-    pool: Int[Array, "pool"],
+    pool: Int[Array, " pool"],
     rules: LayoutRules,
 ) -> Layouts:
     """The same scenes with one more item of `symbol` at random in each, under the same clearances.

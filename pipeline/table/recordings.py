@@ -70,7 +70,7 @@ def simulate(rng: np.random.Generator, z_theta: Float[Array, "2"], hand: Hand) -
     return np.concatenate([t[:, None], xy, height], axis=1)
 
 
-def _instants(rng: np.random.Generator, duration: float, hand: Hand) -> Float[Array, "sample"]:
+def _instants(rng: np.random.Generator, duration: float, hand: Hand) -> Float[Array, " sample"]:
     """Sampling instants from 0 to `duration` [s], jittered by less than half a period so that time goes forward."""
     count = max(3, round(duration * hand.rate_hz) + 1)
     t, step = np.linspace(0.0, duration, count, retstep=True)
@@ -79,7 +79,7 @@ def _instants(rng: np.random.Generator, duration: float, hand: Hand) -> Float[Ar
     return t
 
 
-def _tremor(rng: np.random.Generator, t: Float[Array, "sample"], axes: int, hand: Hand) -> Float[Array, "sample axis"]:
+def _tremor(rng: np.random.Generator, t: Float[Array, " sample"], axes: int, hand: Hand) -> Float[Array, "sample axis"]:
     """Sum of six sinusoids within the band, of random frequencies, phases and weights [m]."""
     frequency = rng.uniform(*hand.tremor_hz, (6, axes))
     phase = rng.uniform(0.0, 2 * np.pi, (6, axes))
@@ -88,14 +88,14 @@ def _tremor(rng: np.random.Generator, t: Float[Array, "sample"], axes: int, hand
     return hand.tremor_m * (weight * waves).sum(1)
 
 
-def _drift(rng: np.random.Generator, tau: Float[Array, "sample"], size_m: float) -> Float[Array, "sample 2"]:
+def _drift(rng: np.random.Generator, tau: Float[Array, " sample"], size_m: float) -> Float[Array, "sample 2"]:
     """Slow deviation [m] from the intended path, zero at both ends: three half waves, the k-th 1/k as strong."""
     k = np.arange(1, 4)
     weight = size_m * rng.standard_normal((3, 2)) / k[:, None]
     return np.sin(np.pi * k * tau[:, None]) @ weight
 
 
-def _wander(rng: np.random.Generator, tau: Float[Array, "sample"], size_m: float) -> Float[Array, "sample 1"]:
+def _wander(rng: np.random.Generator, tau: Float[Array, " sample"], size_m: float) -> Float[Array, "sample 1"]:
     """Slow wander of the height [m], free at both ends, and drawn without regard to the path."""
     k = np.arange(1, 4)
     weight, phase = size_m * rng.standard_normal((3, 1)) / k[:, None], rng.uniform(0, 2 * np.pi, 3)
@@ -140,14 +140,14 @@ def check(recording: Array, name: str, ends_within_m: float) -> None:
         )
 
 
-def join(recordings: Sequence[Float[Array, "_ 4"]]) -> tuple[Float[Array, "total 4"], Int[Array, "bound"]]:
+def join(recordings: Sequence[Float[Array, "_ 4"]]) -> tuple[Float[Array, "total 4"], Int[Array, " bound"]]:
     """Recordings one after the other, and the offsets at which each begins."""
     offsets = np.concatenate([[0], np.cumsum([len(r) for r in recordings])]).astype(np.int64)
     return np.concatenate(recordings) if len(recordings) else np.empty((0, 4)), offsets
 
 
 def polylines(
-    samples: Float[Array, "total 4"], offsets: Int[Array, "bound"], between: int = 3
+    samples: Float[Array, "total 4"], offsets: Int[Array, " bound"], between: int = 3
 ) -> Float[Array, "recording point 2"]:
     """The recorded lines as points [m], `between` of them put between two samples; the last one repeated to pad."""
     lengths = np.diff(offsets)
@@ -160,7 +160,7 @@ def polylines(
 
 
 def keeps(
-    layouts: Layouts, samples: Float[Array, "total 4"], offsets: Int[Array, "bound"], margins: Margins
+    layouts: Layouts, samples: Float[Array, "total 4"], offsets: Int[Array, " bound"], margins: Margins
 ) -> Bool[Array, "scene demo"]:
     """Whether each recorded line keeps a user's margins [m]: as many recordings in every scene, scene by scene."""
     lines = polylines(samples, offsets)

@@ -6,7 +6,8 @@ items, so that one item more leaves every pixel away from it and its shadow exac
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
@@ -14,10 +15,9 @@ from numpy import ndarray as Array
 from scipy.ndimage import correlate1d, map_coordinates, shift
 
 from pipeline.errors import InputError
-from pipeline.table.items import Catalogue
-from pipeline.table.layout import SYMBOLS, Layouts
+from pipeline.table.items import Catalogue, read_catalogue
+from pipeline.table.layout import SIDE, SYMBOLS, Layouts
 
-SIDE = 100  # pixels along an edge of the table, hence per metre
 SAMPLES = 3  # samples per pixel and axis, averaged
 REACH_M = 0.04  # how far beyond its footprint an item (its shadow, the lens' blur) can touch a picture
 BOWED = {"bowl": 0.16, "plate": 0.05, "cutlery": 0.0, "glass": 0.04}  # brighter away from the light: concave
@@ -66,6 +66,13 @@ class Palette:
             name: _shrink_to(surface.astype(np.float32) / 255, self.surface_widths[name], SIDE * 1.5)
             for name, surface in zip(textures["name"], catalogue.surfaces, strict=True)
         }
+
+
+@lru_cache(maxsize=1)
+def read_palette(data: str) -> tuple[Catalogue, Palette]:
+    """The catalogue in a folder and its pictures prepared for drawing, read once per process."""
+    catalogue = read_catalogue(Path(data))
+    return catalogue, Palette(catalogue)
 
 
 def render_scenes(

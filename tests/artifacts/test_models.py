@@ -7,11 +7,12 @@ import pytest
 import torch
 from omegaconf import DictConfig, OmegaConf
 
-from pipeline.artifacts.models import model_dir, save_model, weights_path
+from pipeline.artifacts.models import model_dir, weights_path
 from pipeline.artifacts.trained import load_model
 from pipeline.errors import InputError
 from pipeline.params import compose
 from pipeline.spec.registry import build
+from tests.stages.inputs import save_model
 
 
 @pytest.fixture
@@ -26,7 +27,7 @@ def cfg(tmp_path: Path) -> DictConfig:
 def test_a_model_predicts_the_same_after_a_round_trip(cfg: DictConfig, variant: str):
     torch.manual_seed(0)
     model = build(cfg.variants[variant])
-    save_model(model_dir(cfg, variant), model, "normal", 3, 9)
+    save_model(cfg, variant, model, "normal", 3, 9)
     images = np.random.default_rng(0).integers(0, 256, (2, 100, 100, 3), dtype=np.uint8)
     z = np.random.default_rng(1).random((2, 4, 2))
     back = load_model(cfg, variant, "normal", 3, 9)

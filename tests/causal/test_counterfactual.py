@@ -206,7 +206,9 @@ def test_least_moves_are_held_against_the_truth_where_a_model_rejects_and_finds_
     assert (cell["error_m"], cell["bias_m"]) == (0.005, 0.0)
     assert cell["null_error_m"] == pytest.approx((0.02 + 0.02 + 0.02 + 0) / 4)
     assert cell["error_m_ci_low"] is None and cell["found_ci_high"] is None  # too few for an interval
-    many = move_study(np.repeat(found, 15, axis=0), np.ones((30, 3), bool), true_m)
+    seeds = move_study(np.repeat(found, 15, axis=0), np.ones((30, 3), bool), true_m)
+    assert seeds is not None and seeds["error_m_ci_low"] is None  # many pairs, but three scenes
+    many = move_study(np.tile(found, (2, 4)), np.ones((4, 12), bool), np.tile(true_m, 4))
     assert many is not None and many["error_m_ci_low"] < many["error_m"] < many["error_m_ci_high"]
     assert move_study(found, np.zeros((2, 3), bool), true_m) is None
 

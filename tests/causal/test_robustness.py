@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.causal.robustness import change, score
+from pipeline.causal.robustness import change, more_accepted, score
 
 SHAPE = (2, 4, 6, 10)  # user, seed, scene, path
 
@@ -72,3 +72,27 @@ def test_the_share_of_invalid_paths_accepted_lies_in_its_interval_which_other_sc
         widths.append(high - low)
     assert widths[1] > 2 * widths[0]
     assert score(told, np.ones_like(valid))["false_accepts_ci"] is None
+
+
+def test_what_more_of_the_invalid_paths_is_accepted_has_an_interval_of_its_own():
+    """The change is paired: what both accept alike says nothing of it, however much that varies between scenes."""
+    valid, told = known()
+    rng = np.random.default_rng(4)
+    before = told | (rng.random((1, 1, SHAPE[2], 1)) < 0.5)
+    after = before | (rng.random(SHAPE) < 0.2)
+    more = more_accepted(after, valid, before, valid)
+    assert more is not None
+    share = score(after, valid)["false_accepts"] - score(before, valid)["false_accepts"]
+    assert more["difference"] == pytest.approx(share, abs=1e-6) and more["ci_low"] < share < more["ci_high"]
+    low, high = score(after, valid)["false_accepts_ci"]
+    assert more["ci_high"] - more["ci_low"] < 0.7 * (high - low)
+    assert more_accepted(before, valid, before, valid) == {"difference": 0.0, "ci_low": 0.0, "ci_high": 0.0}
+    assert more_accepted(told, np.ones_like(valid), told, valid) is None
+
+
+def test_a_fuller_table_is_asked_about_its_own_invalid_paths():
+    valid, told = known()
+    fuller = valid & (np.random.default_rng(3).random(valid.shape) < 0.5)
+    more = more_accepted(told, fuller, told, valid)
+    shares = [score(told, truth)["false_accepts"] for truth in (fuller, valid)]
+    assert more is not None and more["difference"] == pytest.approx(shares[0] - shares[1], abs=2e-6)

@@ -9,7 +9,7 @@ import pandas as pd
 from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.demos import DEMO_COLUMNS, DEMO_KEY, Queries, write_demos, write_queries
-from pipeline.artifacts.models import model_dir, save_model
+from pipeline.artifacts.models import model_dir, save_weights, weights_path
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool, write_scenes
 from pipeline.params import compose
 from pipeline.spec.clearance import ClearanceModel
@@ -52,8 +52,13 @@ def untrained_models(folder: Path, seeds: list[int], *overrides: str) -> DictCon
         for user in cfg.users:
             for seed in seeds:
                 model = convinced(build(cfg.variants[variant]))
-                save_model(model_dir(cfg, variant), model, user, seed, cfg.study_n)
+                save_model(cfg, variant, model, user, seed)
     return cfg
+
+
+def save_model(cfg: DictConfig, variant: str, model: Specification, user: str, seed: int, n: int | None = None) -> None:
+    """A model of `n` demonstrations (None: study_n), where the stage that fits its variant would write it."""
+    save_weights(weights_path(model_dir(cfg, variant), user, seed, n or cfg.study_n), model.state_dict())
 
 
 def convinced(model: Specification) -> Specification:
@@ -126,5 +131,5 @@ def pictured_models(folder: Path, variants: Sequence[str], count: int, *override
         for user in cfg.users:
             for seed in cfg.protocol.seeds:
                 model = convinced(build(cfg.variants[variant], seed))
-                save_model(model_dir(cfg, variant), model, user, seed, cfg.study_n)
+                save_model(cfg, variant, model, user, seed)
     return cfg

@@ -8,7 +8,6 @@ import pytest
 from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.files import read_arrays, read_json, read_table
-from pipeline.artifacts.models import model_dir, save_model
 from pipeline.artifacts.scenes import SceneSet, read_scenes, write_scenes
 from pipeline.params import compose
 from pipeline.spec.registry import build
@@ -16,11 +15,11 @@ from pipeline.stages import counterfactual
 from pipeline.streams import stream
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.items import read_catalogue
-from pipeline.table.layout import SYMBOLS, LayoutRules, random_layouts
-from pipeline.table.render import REACH_M, SIDE, Palette, render_scenes
+from pipeline.table.layout import SIDE, SYMBOLS, LayoutRules, random_layouts
+from pipeline.table.render import REACH_M, Palette, render_scenes
 from pipeline.table.rules import valid
 from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
-from tests.stages.inputs import convinced
+from tests.stages.inputs import convinced, save_model
 
 SCENES, PATHS, GENERATOR = 6, 24, 5
 VARIANTS = ("full", "path")
@@ -48,7 +47,7 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
         for user in cfg.users:
             for seed in cfg.protocol.seeds:
                 model = convinced(build(cfg.variants[variant], seed))
-                save_model(model_dir(cfg, variant), model, user, seed, cfg.study_n)
+                save_model(cfg, variant, model, user, seed)
     return cfg
 
 

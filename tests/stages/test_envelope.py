@@ -10,7 +10,6 @@ import yaml
 from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.files import read_json
-from pipeline.artifacts.models import model_dir, save_model
 from pipeline.artifacts.scenes import SceneSet, write_scenes
 from pipeline.artifacts.trained import load_model
 from pipeline.params import compose
@@ -21,7 +20,7 @@ from pipeline.table.layout import SYMBOLS, LayoutRules, random_layouts
 from pipeline.table.render import Palette, render_scenes
 from pipeline.table.rules import clearance
 from tests.stages.facts import refuses, repeats_itself
-from tests.stages.inputs import convinced
+from tests.stages.inputs import convinced, save_model
 
 SCENES = 10
 VARIANTS = ("full", "path")
@@ -46,7 +45,7 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
         for user in cfg.users:
             for seed in cfg.protocol.seeds:
                 model = convinced(build(cfg.variants[variant], seed))
-                save_model(model_dir(cfg, variant), model, user, seed, cfg.study_n)
+                save_model(cfg, variant, model, user, seed)
     intervene.main(cfg, root / "intervene")
     return cfg
 

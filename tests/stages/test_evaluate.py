@@ -101,6 +101,9 @@ def test_other_scenes_count_in_an_interval_around_the_mean_and_errors_are_found_
             assert cell["ci_low"] <= metrics["accuracy"][variant][split]["n9"]["mean"] <= cell["ci_high"]
     perfect, opposite = (metrics["in_new_scenes"][v]["new_items"] for v in ("full", "ae"))
     assert perfect["worst"] is None and opposite["worst"] == pytest.approx(opposite["few"] / SCENES)
+    assert opposite["worst_by_chance"] == pytest.approx(opposite["worst"])  # where all is wrong, chance does as much
+    null = metrics["in_new_scenes"]["null_position"]["new_items"]
+    assert opposite["few"] / SCENES < null["worst_by_chance"] < 1
     assert set(metrics["in_new_scenes"]["null_position"]) == {"new_scenes", "new_items"}
     assert "null_nearest" not in metrics["in_new_scenes"]
 

@@ -11,7 +11,7 @@ from rerun.chunk import RrdReader
 
 from pipeline.artifacts.demos import write_demos
 from pipeline.artifacts.files import read_table, write_arrays, write_json, write_table
-from pipeline.artifacts.models import model_dir, save_model, save_weights, weights_path
+from pipeline.artifacts.models import model_dir, save_weights, weights_path
 from pipeline.artifacts.scenes import SceneSet, layout_table, read_scenes, write_scenes
 from pipeline.artifacts.trained import load_model
 from pipeline.errors import InputError
@@ -24,6 +24,7 @@ from pipeline.table.layout import SYMBOLS, Layouts, empty
 from pipeline.table.rules import valid
 from tests.recording.example import read, read_timed
 from tests.stages.facts import refuses
+from tests.stages.inputs import save_model
 
 SCENES, STARTS, STEPS, SAMPLES = 4, 2, 5, 20
 
@@ -52,7 +53,7 @@ def cfg(tmp_path: Path) -> DictConfig:
     _write_counterfactuals(tmp_path / "counterfactual", rng)
     for variant in cfg.variants:
         for seed, (user, n) in enumerate(product(cfg.users, cfg.n)):
-            save_model(model_dir(cfg, variant), build(cfg.variants[variant], seed), user, 0, n)
+            save_model(cfg, variant, build(cfg.variants[variant], seed), user, 0, n)
         curve = pd.MultiIndex.from_product([[0], list(cfg.users), list(cfg.n), [0, 10]], names=CURVE_KEY)
         curves = curve.to_frame(index=False)
         write_table(model_dir(cfg, variant) / "curves.parquet", curves.assign(total=rng.random(len(curves))))

@@ -10,6 +10,7 @@ from pipeline.artifacts.added import read_added
 from pipeline.artifacts.files import read_arrays, read_json
 from pipeline.errors import InputError
 from pipeline.stages import intervene, refute
+from pipeline.table.items import read_catalogue
 from pipeline.table.layout import SYMBOLS
 from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
 from tests.stages.inputs import labelled_demos, pictured_models, same_scenes_for_training
@@ -35,9 +36,9 @@ def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_every_refuter_has_a_verdict_on_every_symbol_and_judged_user(cfg: DictConfig, out: Path):
-    found = read_json(out / "metrics.json")
+    found, tops = read_json(out / "metrics.json"), read_catalogue(Path(cfg.paths.data)).texture_names("unseen")
     assert set(found["refuters"]["permuted"]) == {"path"}
-    for name in ("untrained", "placebo", "far", "other_table"):
+    for name in ("untrained", "placebo", "far", *(f"other_table/{top}" for top in tops)):
         for variant in VARIANTS:
             assert set(found["refuters"][name][variant]) == set(cfg.evaluate.users)
             assert all(set(by_symbol) == set(SYMBOLS) for by_symbol in found["refuters"][name][variant].values())

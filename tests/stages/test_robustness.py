@@ -9,12 +9,18 @@ import torch
 from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.files import read_arrays, read_json, write_arrays
-from pipeline.artifacts.models import model_dir, save_model
 from pipeline.spec.clearance import ClearanceModel
 from pipeline.spec.registry import build
 from pipeline.stages import robustness
 from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
-from tests.stages.inputs import convinced, labelled_demos, labelled_queries, pictured_models, same_scenes_for_training
+from tests.stages.inputs import (
+    convinced,
+    labelled_demos,
+    labelled_queries,
+    pictured_models,
+    same_scenes_for_training,
+    save_model,
+)
 
 SCENES, PATHS, VARIANTS = 3, 12, ("full", "path")
 
@@ -34,7 +40,7 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
             model.weight.zero_()
             model.weight[:, 0] = -1e4
         convinced(model)
-        save_model(model_dir(cfg, "path"), model, user, seed, cfg.study_n)
+        save_model(cfg, "path", model, user, seed)
     scenes = same_scenes_for_training(cfg, "new_items")
     labelled_demos(cfg, scenes)
     labelled_queries(cfg, scenes, ["new_items"], PATHS)

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from pipeline.table.bezier import P_F, P_INIT
 from pipeline.table.disturbances import HALF_ARM, PICTURES, arm, blur, cluttered, mislabelled, noise, shade, tint
-from pipeline.table.layout import Items, point_segment_distance, random_layouts, segment_distance
-from pipeline.table.render import SIDE
+from pipeline.table.layout import SIDE, Items, point_segment_distance, random_layouts, segment_distance
 from tests.examples import RULES
 
 ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.08, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))

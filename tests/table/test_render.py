@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from pipeline.table.items import Catalogue, read_catalogue
-from pipeline.table.layout import SYMBOLS, Layouts, empty
-from pipeline.table.render import REACH_M, SIDE, Palette, render, render_scenes
+from pipeline.table.layout import SIDE, SYMBOLS, Layouts, empty
+from pipeline.table.render import REACH_M, Palette, render, render_scenes
 
 DATA = Path("data")
 

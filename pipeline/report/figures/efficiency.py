@@ -5,6 +5,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullLocator, PercentFormatter
 
+from pipeline.report.results import POSITION
 from pipeline.report.style import INK, MUTED, colour, line, marker
 from pipeline.report.wording import variant_label
 
@@ -28,7 +29,7 @@ def draw(curve: pd.DataFrame, variants: list[str], own: int, n: int, null: float
         (axes[0], f"training scenes, n = {n}", wider["scenes"]),
         (axes[1], "demonstrations in all", [20, 50, 100, 200, 400]),
     ):
-        ax.axhline(null, color=MUTED, ls=line("null_position"), lw=1.2)
+        ax.axhline(null, color=MUTED, ls=line(POSITION), lw=1.2)
         ax.axhline(threshold, color=MUTED, lw=0.6)
         ax.set_xscale("log")
         ax.set_xticks(sorted(set(ticks)), [str(tick) for tick in sorted(set(ticks))])
@@ -41,8 +42,8 @@ def draw(curve: pd.DataFrame, variants: list[str], own: int, n: int, null: float
     figure.supylabel("paths judged rightly", fontsize=9)
     handles = [Line2D([], [], color=colour(v), marker=marker(v), ms=4, lw=1.4) for v in variants]
     handles += [Line2D([], [], color=INK, lw=1.4, ls=ls) for ls in ("-", DEEPER)]
-    handles.append(Line2D([], [], color=MUTED, lw=1.2, ls=line("null_position")))
-    texts = [*map(variant_label, variants), "more scenes", "more a scene", variant_label("null_position")]
+    handles.append(Line2D([], [], color=MUTED, lw=1.2, ls=line(POSITION)))
+    texts = [*map(variant_label, variants), "more scenes", "more a scene", variant_label(POSITION)]
     figure.legend(handles, texts, loc="outside lower center", ncols=2, handlelength=2.6)
     return figure
 

@@ -27,14 +27,14 @@ def draw_reconstructions(
     return figure
 
 
-def liveliest(traversal: UInt8[Array, "latent value 100 100 3"], count: int) -> Int[Array, "count"]:
+def liveliest(traversal: UInt8[Array, "latent value 100 100 3"], count: int) -> Int[Array, " count"]:
     """The dimensions that change the picture most, by standard deviation over values; the liveliest first."""
     change = traversal.astype(np.float64).std(axis=1).mean(axis=(1, 2, 3))
     return np.argsort(-change, kind="stable")[:count]
 
 
 def draw_traversals(
-    traversal: UInt8[Array, "latent value 100 100 3"], dimensions: Int[Array, "row"], values: list[float]
+    traversal: UInt8[Array, "latent value 100 100 3"], dimensions: Int[Array, " row"], values: list[float]
 ) -> Figure:
     """Rows: dimensions of z_image; columns: the value each is set to, the others left alone."""
     figure = Figure((0.8 * len(values) + 0.3, 0.8 * len(dimensions) + 0.3), layout="constrained")

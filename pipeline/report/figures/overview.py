@@ -23,7 +23,7 @@ class UserRow:
     user: str
     image: UInt8[Array, "100 100 3"]  # a training scene, its demonstrations and its maps
     z: Float[Array, "n 2"]
-    valid: Bool[Array, "n"]
+    valid: Bool[Array, " n"]
     truth: Float[Array, "side side"]
     learned: Float[Array, "side side"]
     repair: Repair

@@ -35,7 +35,7 @@ class Seen:
 
     scenes: list[int]  # those drawn, the last one the scene the model judges worst
     relevance: Float[Array, "scene thing"]  # of every scene of the pool
-    agreement: Float[Array, "scene"]  # share of control points judged as is true
+    agreement: Float[Array, " scene"]  # share of control points judged as is true
 
 
 def lies_on(things: Things, layouts: Layouts) -> Bool[Array, "scene thing slot"]:

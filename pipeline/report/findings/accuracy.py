@@ -9,7 +9,7 @@ from pipeline.report.claims import (
     tested,
     wins,
 )
-from pipeline.report.results import Results
+from pipeline.report.results import NEAREST, POSITION, Results
 from pipeline.report.wording import (
     counted,
     listed,
@@ -52,9 +52,9 @@ def _against_paper(results: Results) -> list[str]:
 
 
 def _against_nulls(results: Results) -> list[str]:
-    out = [_versus(results, null, split) for null, split in (("null_nearest", SEEN), ("null_position", UNSEEN))]
+    out = [_versus(results, null, split) for null, split in ((NEAREST, SEEN), (POSITION, UNSEEN))]
     key = f"n{results.study_n}"
-    ours, null = (results.evaluation["accuracy"][v] for v in (results.main, "null_position"))
+    ours, null = (results.evaluation["accuracy"][v] for v in (results.main, POSITION))
     drop = ours[SEEN][key]["mean"] - ours[NEW][key]["mean"]
     above = ours[NEW][key]["mean"] - null[NEW][key]["mean"]
     if drop > CLEAR and above < SLIGHT:
@@ -152,7 +152,7 @@ def calibration(results: Results) -> str:
         f"A probability is worth something if paths given 0.9 are valid nine times in ten. With unseen items, at n = "
         f"{results.study_n}, "
         f"the mean gap between the two (expected calibration error, 0 is ideal) is: {listed(parts)}; for "
-        f"{variant_phrase('null_position')} {errors['null_position'][UNSEEN]['ece']:.3f}. "
+        f"{variant_phrase(POSITION)} {errors[POSITION][UNSEEN]['ece']:.3f}. "
         f"{_sure(results)}"
     )
 

@@ -17,10 +17,8 @@ def confounding(results: Results) -> list[str]:
         if variant != alike[0]:
             continue  # told with the first of them
         blamed = [
-            f"{user} and {symbol} ({signed(c['effect'])})"
-            for user, by_symbol in found["interventions"][variant].items()
-            for symbol, c in by_symbol.items()
-            if c["verdict"] == "effect" and c["truth_verdict"] != "effect"
+            f"{user} and {symbol} ({signed(c['effect'])}{_in_control(results, variant, user, symbol)})"
+            for user, symbol, c in false_causes(results, variant)
         ]
         one = len(alike) == 1
         text = (
@@ -41,6 +39,34 @@ def confounding(results: Results) -> list[str]:
                 text += f" {blames} nothing."
         out.append(text)
     return [*out, *_other_worlds(results)]
+
+
+def false_causes(results: Results, variant: str) -> list[tuple[str, str, dict]]:
+    """User, symbol and numbers of each effect that a variant fitted to the confounded world finds where none is."""
+    return [
+        (user, symbol, c)
+        for user, by_symbol in results.confounding["interventions"][variant].items()
+        for symbol, c in by_symbol.items()
+        if c["verdict"] == "effect" and c["truth_verdict"] != "effect"
+    ]
+
+
+def owed(results: Results, variant: str, user: str, symbol: str) -> bool | None:
+    """Whether the common cause makes a variant's effect larger, by its control; None if it was not fitted there."""
+    if variant not in results.confounding["confounding"]:
+        return None
+    effect = results.confounding["interventions"][variant][user][symbol]["effect"]
+    added = results.confounding["confounding"][variant][user][symbol]
+    return added["p_holm"] < results.selftest["level"] and added["difference"] * effect > 0
+
+
+def _in_control(results: Results, variant: str, user: str, symbol: str) -> str:
+    by_company = owed(results, variant, user, symbol)
+    if by_company is None:
+        return "; no control was fitted"
+    c = results.confounding["confounding"][variant][user][symbol]
+    said = f"; the common cause adds {signed(c['difference'])}, {signed(c['ci_low'])} to {signed(c['ci_high'])}"
+    return said if by_company else said + ": not its doing, as far as this shows"
 
 
 def _silent(found: dict, variant: str) -> bool:

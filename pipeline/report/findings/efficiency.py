@@ -5,7 +5,7 @@ from math import log
 
 import pandas as pd
 
-from pipeline.report.results import Results
+from pipeline.report.results import POSITION, Results
 from pipeline.report.wording import counted, listed, percent, percent_spread, points, split_phrase, variant_phrase
 
 ALIKE = 1.2  # numbers of labels whose ratio is at most this are called about as many
@@ -55,7 +55,7 @@ def _growth(results: Results) -> str:
         low, high = (percent(cells[variant][f"s{size}"]["mean"]) for size in (first, last))
         parts.append(f"{variant_phrase(variant)} from {low} to {high}")
     lead = f"Going from {first} to {last} training scenes takes {listed(parts)}"
-    return f"{lead}; {variant_phrase('null_position')} stands at {null}."
+    return f"{lead}; {variant_phrase(POSITION)} stands at {null}."
 
 
 def _spent(results: Results) -> str:

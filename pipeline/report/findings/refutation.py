@@ -6,21 +6,35 @@ from pipeline.report.wording import counted, listed, percent, refuter_label, sig
 
 def refutation(results: Results) -> list[str]:
     """Answers kept apart: is the machinery sound, and does the effect survive; then placebos, halves and items."""
-    questions = dict.fromkeys(results.refutation["said"][name]["asks"] for name in results.refuters)
+    questions = dict.fromkeys(results.refuter(name)["asks"] for name in results.refuters)
     return [*(_answer(results, q) for q in questions), *_worst_placebo(results), _halves(results), _items(results)]
 
 
 def _answer(results: Results, question: str) -> str:
-    parts, fails = [], set()
-    for name in (n for n in results.refuters if results.refutation["said"][n]["asks"] == question):
+    parts, fails, undecided = [], set(), 0
+    for name in (n for n in results.refuters if results.refuter(n)["asks"] == question):
         tallies = results.refutation["tallies"][name]
         effects = {v: tallies[v] for v in results.variants if v in tallies and tallies[v]["effect"]}
         some = [f"{variant_phrase(v)} in {t['effect']} of {t['cells']}" for v, t in effects.items()]
-        parts.append(f"{refuter_label(name).lower()}: {listed(some) if some else 'no variant'}")
+        left = sum(t["inconclusive"] for t in tallies.values())
+        parts.append(
+            f"{refuter_label(name).lower()}: {listed(some) if some else 'no variant'}{_aside(results, name, left)}"
+        )
         fails |= set(effects)
+        undecided += left
     said = [variant_phrase(v) for v in results.variants if v in fails]
-    answer = f"Not beyond doubt: {listed(said)} failed an attempt" if said else "No attempt says otherwise"
+    none = "No attempt found otherwise, but some left it open" if undecided else "No attempt says otherwise"
+    answer = f"Not beyond doubt: {listed(said)} failed an attempt" if said else none
     return f"{question.capitalize()}? {answer}. Cells with an effect where there should be none: {'; '.join(parts)}."
+
+
+def _aside(results: Results, refuter: str, left: int) -> str:
+    """The cells of all variants that are open, and those with an effect too small to matter that is none by chance."""
+    by_variant = results.refutation["refuters"][refuter].values()
+    cells = [c for by_user in by_variant for by_symbol in by_user.values() for c in by_symbol.values()]
+    small = sum(c["verdict"] == "no effect" and c["p_holm"] < results.selftest["level"] for c in cells)
+    said = [f"{left} open"] * bool(left) + [f"{small} too small to matter, but significant"] * bool(small)
+    return f" (of all {len(cells)} cells {listed(said)})" if said else ""
 
 
 def _worst_placebo(results: Results) -> list[str]:
@@ -44,9 +58,8 @@ def _worst_placebo(results: Results) -> list[str]:
 
 
 def _beside(results: Results, variant: str, user: str) -> str:
-    """The mean effect of the items themselves."""
-    cells = results.intervention["interventions"][variant][user].values()
-    return f" ({signed(sum(c['effect'] for c in cells) / len(cells))})"
+    """The mean effect of the items themselves, in the same scenes."""
+    return f" ({signed(results.refutation['items_alone'][variant][user])})"
 
 
 def _mistaken(results: Results) -> str:

@@ -10,8 +10,9 @@ from pipeline.report.claims import (
     claims,
     free_right,
 )
+from pipeline.report.findings.confounding import false_causes, owed
 from pipeline.report.findings.robustness import most_deceived, worst
-from pipeline.report.results import Results
+from pipeline.report.results import POSITION, Results
 from pipeline.report.wording import (
     counted,
     disturbance_phrase,
@@ -36,7 +37,7 @@ def summary(results: Results) -> list[str]:
     verdicts = [row[-1].text for row in claims(results).rows]
     counts = [f"{verdicts.count(v)} {'is' if verdicts.count(v) == 1 else 'are'} {v}" for v in VERDICTS if v in verdicts]
     key = f"n{results.study_n}"
-    scores = {v: results.evaluation["accuracy"][v] for v in (*results.variants, "null_position")}
+    scores = {v: results.evaluation["accuracy"][v] for v in (*results.variants, POSITION)}
     ours, best = scores[results.main], max(results.variants, key=lambda v: scores[v][UNSEEN][key]["mean"])
     tally = results.intervention["verdicts"][results.main]
     out = [
@@ -44,7 +45,7 @@ def summary(results: Results) -> list[str]:
         f"The paper's model judges {percent_spread(ours[SEEN][key])} of new paths rightly in scenes it was trained "
         f"on, and "
         f"{percent_spread(ours[UNSEEN][key])} in scenes with unseen items, where a guess by position alone, without "
-        f"the image, reaches {percent(scores['null_position'][UNSEEN][key]['mean'])} (n = "
+        f"the image, reaches {percent(scores[POSITION][UNSEEN][key]['mean'])} (n = "
         f"{counted(results.study_n, 'demonstration')} a scene, {counted(len(results.seeds), 'seed')}).",
         f"Asked what an added item would change, it gives the true verdict in {tally['right']} of {tally['cells']} "
         f"cells; ignoring the image altogether gives {free_right(results)}.",
@@ -61,7 +62,7 @@ def _better(results: Results, best: str) -> list[str]:
     ns = sorted({results.study_n, min(results.ns), FEW} & set(results.ns), reverse=True)
     by_n = [f"{percent(scores[best][UNSEEN][f'n{n}']['mean'])} {_seeds(results, best, n)} at n = {n}" for n in ns]
     others = [results.main, *(v for v in results.variants if v.startswith("irl") and v != best)]
-    beside = [f"{variant_phrase(v)} {percent(scores[v][UNSEEN][key]['mean'])}" for v in (*others, "null_position")]
+    beside = [f"{variant_phrase(v)} {percent(scores[v][UNSEEN][key]['mean'])}" for v in (*others, POSITION)]
     verdicts = {
         v: f"{results.intervention['verdicts'][v]['right']} of {results.intervention['verdicts'][v]['cells']}"
         for v in results.variants
@@ -104,7 +105,10 @@ def _other_scenes(results: Results, best: str) -> str:
     said = f"; {interval(cell)} at n = {results.study_n} if other scenes count as well"
     if cell["worst"] is None:
         return said
-    return said + f", for {percent(cell['worst'], 0)} of the errors lie in {cell['few']} of {cell['scenes']} scenes"
+    return said + (
+        f" ({percent(cell['worst'], 0)} of the errors lie in {cell['few']} of {cell['scenes']} scenes; by "
+        f"chance it would be {percent(cell['worst_by_chance'], 0)})"
+    )
 
 
 def _trusted(results: Results, best: str) -> str:
@@ -130,7 +134,7 @@ def _unconfounded(results: Results, best: str) -> str:
     if best not in tallies:
         return ""
     misled = [
-        f"{variant_phrase(v)} names {counted(tallies[v]['false_causes'], 'false cause')}"
+        f"{variant_phrase(v)} names {counted(tallies[v]['false_causes'], 'false cause')}{_by_company(results, v)}"
         for v in results.variants
         if v != best and v in tallies and tallies[v]["false_causes"]
     ]
@@ -139,6 +143,12 @@ def _unconfounded(results: Results, best: str) -> str:
         f"fitted where plates stand beside glasses, it gives {tallies[best]['right']} of {tallies[best]['cells']} true "
         f"verdicts{others}; "
     )
+
+
+def _by_company(results: Results, variant: str) -> str:
+    """How many of a variant's false causes are the common cause's doing, by its control."""
+    found = [owed(results, variant, user, symbol) for user, symbol, _ in false_causes(results, variant)]
+    return ", no control fitted" if None in found else f", {sum(map(bool, found))} by that company"
 
 
 def _distances(results: Results, best: str) -> str:

@@ -1,6 +1,6 @@
 """What each user asks for in centimetres, and whether a few labelled paths tell which user it was."""
 
-from pipeline.report.results import Results
+from pipeline.report.results import POSITION, Results
 from pipeline.report.wording import counted, interval, listed, percent, points, started, variant_phrase
 from pipeline.table.layout import SYMBOLS
 
@@ -128,7 +128,7 @@ def identification(results: Results) -> list[str]:
         if found["telling_scenes"]
         else f"In no scene do {many} paths nearly always tell every two users apart.",
     ]
-    null = gap["null_position"]["all"]
+    null = gap[POSITION]["all"]
     worse = [variant_phrase(v) for v in results.variants if gap[v]["all"] > null]
     if worse:
         out.append(

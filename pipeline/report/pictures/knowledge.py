@@ -10,7 +10,7 @@ from pipeline.report.figures import (
     reliability,
 )
 from pipeline.report.pictures.picture import Drawn, Picture, picture
-from pipeline.report.results import NULLS, Results
+from pipeline.report.results import NULLS, POSITION, Results
 from pipeline.report.wording import counted, listed, percent, split_phrase, variant_phrase
 
 
@@ -20,7 +20,7 @@ def accuracy_by_n(results: Results, summary) -> Picture:
     parts = [
         f"{variant_phrase(v)} {percent(cells[v][UNSEEN][f'n{first}']['mean'])} to "
         f"{percent(cells[v][UNSEEN][f'n{last}']['mean'])}"
-        for v in (*results.variants, "null_position")
+        for v in (*results.variants, POSITION)
     ]
     alt = (
         f"Accuracy from n = {first} to n = {last}. With unseen items: {listed(parts)}. In the training scenes the "

@@ -41,7 +41,7 @@ class Drawn:
     originals: UInt8[Array, "picture 100 100 3"]
     trained_on: int  # of the originals, the first ones
     traversal: UInt8[Array, "latent value 100 100 3"]
-    dimensions: Int[Array, "row"]
+    dimensions: Int[Array, " row"]
     values: list[float]
     added_to: UInt8[Array, "100 100 3"]
     added: UInt8[Array, "symbol 100 100 3"]

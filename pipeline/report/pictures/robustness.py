@@ -3,9 +3,9 @@
 from functools import partial
 
 from pipeline.report.figures import robustness
-from pipeline.report.findings.robustness import NULL, worst
+from pipeline.report.findings.robustness import worst
 from pipeline.report.pictures.picture import Drawn, Picture, picture
-from pipeline.report.results import Results
+from pipeline.report.results import POSITION, Results
 from pipeline.report.wording import (
     counted,
     disturbance_label,
@@ -35,7 +35,7 @@ def accuracy_disturbed(results: Results) -> Picture:
         f"{listed(found['users'])} users, {counted(found['scenes'], 'scene')} with unseen items. The broken grey line "
         "is the position-only null. Intervals are in the table."
     )
-    variants = [*results.variants, NULL]
+    variants = [*results.variants, POSITION]
     return picture("robustness", caption, alt, partial(robustness.draw, found, variants))
 
 

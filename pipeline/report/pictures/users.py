@@ -4,7 +4,7 @@ from functools import partial
 
 from pipeline.report.figures import envelope, identification
 from pipeline.report.pictures.picture import Picture, picture
-from pipeline.report.results import Results
+from pipeline.report.results import POSITION, Results
 from pipeline.report.wording import counted, listed, percent, variant_phrase
 
 
@@ -33,7 +33,7 @@ def envelopes(results: Results, shown: list[str]) -> Picture:
 def identified(results: Results, shown: list[str]) -> Picture:
     """Which user it was, against the number of labelled paths."""
     found = results.identification
-    variants = [*shown, "null_position"]
+    variants = [*shown, POSITION]
     last = max(found["identification"][variants[0]], key=_paths)
     parts = [f"{variant_phrase(v)} {percent(found['identification'][v][last]['mean'])}" for v in variants]
     ideal = found["identification"][variants[0]][last]["ideal"]

@@ -1,7 +1,7 @@
 """What the models know of paths they have not seen."""
 
 from pipeline.report import paper
-from pipeline.report.results import NULLS, Results
+from pipeline.report.results import NULLS, POSITION, Results
 from pipeline.report.table import Cell, Table, table
 from pipeline.report.wording import (
     NONE,
@@ -43,7 +43,7 @@ def efficiency(results: Results) -> Table:
         scenes, n = ("never" if x is None else str(x) for x in least)
         rows.append([variant_label(variant), *shown, scenes if variant in results.refitted else NONE, n])
     null = [percent_spread(e["null"]) if size == results.per_seed else NONE for size in sizes]
-    rows.append([variant_label("null_position"), *null, NONE, NONE])
+    rows.append([variant_label(POSITION), *null, NONE, NONE])
     threshold = percent(e["threshold"], 0)
     caption = (
         f"Accuracy by training scenes, {counted(results.study_n, 'demonstration')} each, on {split_label(e['split'])}, "

@@ -15,7 +15,7 @@ def refuters(results: Results) -> Table:
             r["null"],
             r["reading"],
         ]
-        for name, r in ((name, results.refutation["said"][name]) for name in results.refuters)
+        for name, r in results.refutation["said"].items()
     ]
     caption = "What should have no effect, the question it serves, and how to read it."
     return table(

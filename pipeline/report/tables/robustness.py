@@ -1,7 +1,6 @@
 """What each disturbance costs each variant, in numbers."""
 
-from pipeline.report.findings.robustness import NULL
-from pipeline.report.results import Results
+from pipeline.report.results import POSITION, Results
 from pipeline.report.table import Cell, Table, table
 from pipeline.report.wording import (
     NONE,
@@ -18,7 +17,7 @@ from pipeline.report.wording import (
 
 def robustness(results: Results) -> Table:
     """Accuracy as it is, and its change at every strength of every disturbance."""
-    found, variants = results.robustness, [*results.variants, NULL]
+    found, variants = results.robustness, [*results.variants, POSITION]
     as_is = found["undisturbed"]["models"]
     first = [disturbance_label("as_is"), NONE, *(percent_spread(as_is[v]["accuracy"]) for v in variants)]
     rows: list[list[str | Cell]] = [list(first)]
@@ -36,7 +35,7 @@ def robustness(results: Results) -> Table:
 
 def accepted(results: Results) -> Table:
     """How many invalid paths are accepted, as it is and at every strength of every disturbance."""
-    found, variants = results.robustness, [*results.variants, NULL]
+    found, variants = results.robustness, [*results.variants, POSITION]
 
     def shares(models: dict) -> list[str]:
         return [_share(models[v]) if v in models else NONE for v in variants]

@@ -1,7 +1,7 @@
 """Every model at a glance, and the world they were fitted in."""
 
 from pipeline.report.claims import free_right
-from pipeline.report.results import Results
+from pipeline.report.results import POSITION, Results
 from pipeline.report.table import Cell, Table, table
 from pipeline.report.wording import (
     NONE,
@@ -29,11 +29,9 @@ def models(results: Results) -> Table:
                 f"{tally['right']} of {tally['cells']}",
             ]
         )  # fmt: skip
-    known, nothing = scores["null_position"]["new_items"], [NONE for _ in repaired]
+    known, nothing = scores[POSITION]["new_items"], [NONE for _ in repaired]
     free = f"{free_right(results)} of {results.intervention['verdicts'][results.main]['cells']}"
-    rows.append(
-        [variant_label("null_position"), percent(known[few]["mean"]), percent(known[many]["mean"]), *nothing, free]
-    )
+    rows.append([variant_label(POSITION), percent(known[few]["mean"]), percent(known[many]["mean"]), *nothing, free])
     detours = [anchor[u] for u in repaired]
     moved = [f"{percent(c['null_constant'])} ({c['null_constant_displacement_ratio']:.1f})" for c in detours]
     rows.append([variant_label("null_constant"), NONE, NONE, *moved, NONE])

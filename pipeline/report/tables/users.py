@@ -1,6 +1,6 @@
 """What each user asks for, and which user it was."""
 
-from pipeline.report.results import Results
+from pipeline.report.results import POSITION, Results
 from pipeline.report.table import Cell, Table, table
 from pipeline.report.wording import NONE, counted, percent, percent_spread, signed, variant_label
 from pipeline.table.layout import SYMBOLS
@@ -63,7 +63,7 @@ def identification(results: Results) -> Table:
     keys = sorted(found["identification"][results.main], key=lambda key: int(key[1:]))
     few, many = keys[len(keys) // 2], keys[-1]
     rows: list[list[str | Cell]] = []
-    for variant in [*results.variants, "null_position"]:
+    for variant in [*results.variants, POSITION]:
         cells, strangers = found["identification"][variant], found["open_set"][variant][many]
         gap, passes = found["largest_gap"][variant]["all"], found["passes_99"][variant]["telling"]
         rows.append(

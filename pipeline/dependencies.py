@@ -1,7 +1,7 @@
 """Does dvc.yaml name the code each stage runs? Every stage depends on exactly the modules it imports.
 
-python -m pipeline.audit            exit 1 where dvc.yaml and a stage's import closure differ
-python -m pipeline.audit --write    write the closures into dvc.yaml
+python -m pipeline.dependencies            exit 1 where dvc.yaml and a stage's import closure differ
+python -m pipeline.dependencies --write    write the closures into dvc.yaml
 """
 
 import sys

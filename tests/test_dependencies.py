@@ -4,7 +4,7 @@ from pathlib import Path
 
 from ruamel.yaml import YAML
 
-from pipeline.audit import GRAPH, differences, import_closures
+from pipeline.dependencies import GRAPH, differences, import_closures
 
 STAGES = Path(__file__).parent.parent / "pipeline" / "stages"
 
