@@ -8,7 +8,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from pipeline.errors import InputError
 from pipeline.memory import keep_freed
-from pipeline.params import CONF, load, validate
+from pipeline.params import CONF, load, need, read_by, validate
 
 Main = Callable[[DictConfig, Path], None]
 PER_VARIANT = ("train", "irl", "path")  # stages DVC runs once per variant, each in a folder of its own
@@ -38,6 +38,7 @@ def _from_params(main: Main, stage: str, argv: list[str]) -> bool:
         if len(argv) < at + 2:
             raise InputError("--params needs a file: python -m pipeline.stages.<stage> --params params.yaml")
         cfg = load(Path(argv[at + 1]), argv[:at] + argv[at + 2 :])
+        need(cfg, "seed", cfg.seed is None, "null, since DVC keeps the files of all seeds; for one, leave --params out")
         out_dir = _folder(Path(cfg.paths[stage]), stage, cfg)
         out_dir.mkdir(parents=True, exist_ok=True)
         main(cfg, out_dir)
@@ -48,23 +49,32 @@ def _from_params(main: Main, stage: str, argv: list[str]) -> bool:
 def _from_hydra(main: Main, stage: str) -> bool:
     """Compose conf/ and run, each combination of a sweep whatever became of the others; whether any failed.
 
-    Hydra's folders carry the stage's name (by itself it would name them after this file).
+    Hydra's folders carry the stage's name (by itself it would name them after this file), and a sweep over what the
+    stage does not read, which would give the same results under several names, is refused.
     """
     import hydra
     from hydra.core.hydra_config import HydraConfig
 
-    failures = []
+    failures, runs = [], {}
 
     def run(cfg: DictConfig) -> None:
         def once() -> None:
             OmegaConf.resolve(cfg)
             validate(cfg)
+            asked = HydraConfig.get().job.override_dirname
+            before = runs.setdefault(read_by(cfg, stage), asked)
+            if before != asked:
+                raise InputError(
+                    f"{asked}: nothing that stage {stage} reads differs from {before}. What stages before it read goes "
+                    "into their files: sweep it with `dvc exp run -S`, which runs those again"
+                )
             main(cfg, _folder(Path(HydraConfig.get().runtime.output_dir), stage, cfg))
 
         failures.append(_failed(once))
 
     if not any(argument.startswith("hydra.job.name=") for argument in sys.argv):
-        sys.argv.append(f"hydra.job.name={stage}")
+        overrides = [i for i, argument in enumerate(sys.argv) if "=" in argument and not argument.startswith("-")]
+        sys.argv.insert(min(overrides, default=len(sys.argv)), f"hydra.job.name={stage}")
     hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run)()
     return any(failures)
 

@@ -95,6 +95,14 @@ def need(cfg: DictConfig, name: str, holds: bool, expected: str) -> None:
         raise InputError(f"parameter {name} is {OmegaConf.select(cfg, name)!r}: expected {expected}")
 
 
+def read_by(cfg: DictConfig, stage: str) -> str:
+    """The parameters that dvc.yaml says a stage reads, and those that no stage's results depend on, as text."""
+    graph = yaml.safe_load((CONF.parent / "dvc.yaml").read_text())["stages"]
+    names = [*graph.get(stage, {}).get("params", []), "variant", "seed", "workers", "paths"]
+    values = {name: OmegaConf.select(cfg, name.replace("${item.variant}", cfg.variant)) for name in names}
+    return OmegaConf.to_yaml(OmegaConf.create(values))
+
+
 def shared_pool(cfg: DictConfig, name: str) -> str:
     """The pool of the split that a parameter names; InputError unless all seeds share it."""
     shared = {split: pool for split, pool in cfg.protocol.splits.items() if pool is not None}

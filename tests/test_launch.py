@@ -101,3 +101,37 @@ if __name__ == "__main__":
     assert stage.returncode == 130
     assert said.decode().splitlines()[-1].endswith("error: interrupted") and "Traceback" not in said.decode()
     assert not psutil.wait_procs(workers, timeout=20)[1]
+
+
+def test_a_sweep_over_what_the_stage_does_not_read_is_refused(tmp_path: Path, monkeypatch, capsys):
+    """Its results would be the same under both names."""
+    seen = []
+    sweep = ["--multirun", f"hydra.sweep.dir={tmp_path}", "variant=ae", "scenes.per_seed=5,20"]
+    monkeypatch.setattr(sys, "argv", ["train.py", *sweep])
+    with pytest.raises(SystemExit):
+        launch(lambda cfg, out_dir: seen.append(cfg.scenes.per_seed), "train")
+    assert seen == [5]
+    assert "scenes.per_seed=20,variant=ae: nothing that stage train reads differs from" in capsys.readouterr().err
+    monkeypatch.setattr(sys, "argv", ["train.py", *sweep[:-1], "train.steps=5,20", "seeds=[0],[1]"])
+    launch(lambda cfg, out_dir: seen.append((cfg.train.steps, *cfg.protocol.seeds)), "train")
+    assert seen[1:] == [(5, 0), (5, 1), (20, 0), (20, 1)]
+
+
+def test_flags_of_hydra_may_follow_overrides(tmp_path: Path, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["train.py", f"hydra.run.dir={tmp_path}", "profile=smoke", "--cfg", "job"])
+    launch(lambda cfg, out_dir: pytest.fail("only shown"), "train")
+    assert "variant: full" in capsys.readouterr().out
+
+
+def test_one_seed_alone_is_for_sweeps_since_dvc_would_lose_the_others(tmp_path: Path):
+    command = [
+        sys.executable,
+        "-m",
+        "pipeline.stages.train",
+        "--params",
+        "params.yaml",
+        "seed=0",
+        f"paths.train={tmp_path}",
+    ]
+    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert run.returncode == 2 and "parameter seed is 0: expected null" in run.stderr and not list(tmp_path.iterdir())

@@ -7,8 +7,8 @@ from pipeline.recording.geometry import footprints
 
 VARIANTS = {
     "full": "the paper's model, the whole of its loss",
-    "ae": "the same without a prior on z_image",
-    "classifier": "the same, its classifier alone",
+    "ae": "the paper's model without a prior on z_image",
+    "classifier": "the paper's model, its classifier alone",
     "irl_maxent": "maximum-entropy inverse reinforcement learning, of valid demonstrations",
     "irl_ranked": "inverse reinforcement learning that ranks valid above invalid demonstrations",
     "path": "finds what stands out from the table; learns what of it matters and how near a path may come",

@@ -6,12 +6,15 @@ from pydantic import Field
 
 from pipeline.schema.values import Count, Group, Several, expected
 
+Rate = Annotated[float, Field(gt=0), expected("a number above 0")]
+Weight = Annotated[float, Field(ge=0), expected("a weight from 0")]
+
 
 class Schedule(Group):
-    steps: int
-    rate: float
-    weight_decay: float
-    curve_every: int
+    steps: Count
+    rate: Rate
+    weight_decay: Weight
+    curve_every: Count
 
 
 class VaeModel(Group):
@@ -36,13 +39,13 @@ class Jitter(Group):
 
 
 class Irl(Group):
-    rate: float
-    weight_decay: float
-    scenes_per_step: int
-    copies: int
-    sparsity: Annotated[float, Field(ge=0), expected("a weight from 0")]
+    rate: Rate
+    weight_decay: Weight
+    scenes_per_step: Count
+    copies: Count
+    sparsity: Weight
     across: bool
-    curve_every: int
+    curve_every: Count
     jitter: Jitter
 
 
@@ -69,7 +72,7 @@ class Reward(Group):
     stage: Annotated[Literal["irl"], expected("irl, which fits kind reward")]
     kind: Literal["reward"]
     objective: str
-    steps: int
+    steps: Count
     model: RewardModel
 
 

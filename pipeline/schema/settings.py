@@ -87,7 +87,11 @@ class Settings(Group):
         per_scene, most = self.demos.per_scene, max(self.n)
         need(per_scene >= most, "demos.per_scene", per_scene, f"a whole number from max(n) = {most} to {MAX_N}")
         need(self.variant in self.variants, "variant", self.variant, f"one of {', '.join(self.variants)}")
-        need(self.seed is None or self.seed in known, "seed", self.seed, f"null or one of {known}")
+        own = f"null or one of protocol.seeds, {self.protocol.seeds} under protocol={self.protocol.name}"
+        need(self.seed is None or self.seed in self.protocol.seeds, "seed", self.seed, own)
+        stranger = self.identify.stranger
+        new = stranger not in self.users.values()
+        need(new, "identify.stranger", stranger, "margins that no user has: nobody else can be told from a known user")
         widest = max((m for margins in self.users.values() for m in margins.values() if m is not None), default=0.0)
         more = f"more than the widest margin in users, {widest} m: raise it"
         need(self.envelope.clear_of_others > widest, "envelope.clear_of_others", self.envelope.clear_of_others, more)

@@ -45,9 +45,7 @@ def require_positive(schedule: Schedule, *names: str) -> None:
     """ValueError for the first of these fields that is not above 0."""
     for name in names:
         if not getattr(schedule, name) > 0:
-            raise InputError(
-                f"{name} is {getattr(schedule, name)}: it must be positive (conf/train, conf/irl, conf/path, variants)"
-            )
+            raise InputError(f"{name} is {getattr(schedule, name)}: expected a number above 0")
 
 
 class Checkpoints:

@@ -19,7 +19,8 @@ from pipeline.table.rules import Margins, point_clearance, slack
 
 FINE = 513  # points that stand for the intended path when its arc length is measured
 
-LONGEST_S = 60.0  # of one movement across the table
+SHORTEST_S, LONGEST_S = 0.2, 60.0  # of one movement across the table
+BEYOND_M = 0.5  # how far beyond the table's edge a hand may go
 
 
 @dataclass(frozen=True)
@@ -105,9 +106,9 @@ def _wander(rng: np.random.Generator, tau: Float[Array, " sample"], size_m: floa
 def check(recording: Array, name: str, ends_within_m: float) -> None:
     """Raise InputError, with the recording's `name`, unless it is one the fit can use.
 
-    Needs (sample, 4) finite numbers t [s], x, y, z [m]; 3 samples or more; time that goes forward, for LONGEST_S at
-    most; and its first and last point within `ends_within_m` [m] of p_init and p_f, because the fitted path's ends
-    are fixed there.
+    Needs (sample, 4) finite numbers t [s], x, y, z [m]; 3 samples or more; time that goes forward, for SHORTEST_S to
+    LONGEST_S; its first and last point within `ends_within_m` [m] of p_init and p_f, because the fitted path's ends
+    are fixed there; and every point within BEYOND_M of the table.
     """
 
     def need(holds: bool, got: str, expected: str) -> None:
@@ -131,13 +132,19 @@ def check(recording: Array, name: str, ends_within_m: float) -> None:
             "increasing times, and one recording for each (seed, user, scene, demo)",
         )
     lasts = float(recording[-1, 0] - recording[0, 0])
-    need(lasts <= LONGEST_S, f"takes {lasts:g} s", f"at most {LONGEST_S:g} s; times are in seconds")
+    seconds = f"{SHORTEST_S:g} to {LONGEST_S:g} s; times are in seconds"
+    need(SHORTEST_S <= lasts <= LONGEST_S, f"takes {lasts:g} s", seconds)
     for which, point, end in (("starts", recording[0, 1:3], P_INIT), ("ends", recording[-1, 1:3], P_F)):
         away = float(np.linalg.norm(point - end))
         place = f"within {ends_within_m:g} m of ({end[0]:g}, {end[1]:g}) m"
         need(
             away <= ends_within_m, f"{which} {away:.3g} m away from the task's end", f"{place}; positions are in metres"
         )
+    beyond = np.maximum(-recording[:, 1:3], recording[:, 1:3] - 1).max(1)
+    worst = int(beyond.argmax())
+    place = f"all of it at most {BEYOND_M:g} m beyond the table, 0 to 1 m in x and y; positions are in metres"
+    x, y = recording[worst, 1:3]
+    need(bool(beyond[worst] <= BEYOND_M), f"is at ({x:g}, {y:g}) m at sample {worst}", place)
 
 
 def join(recordings: Sequence[Float[Array, "_ 4"]]) -> tuple[Float[Array, "total 4"], Int[Array, " bound"]]:
