@@ -223,10 +223,11 @@ def _identify(cfg: DictConfig) -> None:
     cell |= {"users": {"careful": 0.8, "normal": 0.6}, "ideal_users": {"careful": 0.82, "normal": 0.7}}
     strangers = {"recognised": 0.1, "false_alarms": 0.02, "ideal_recognised": 0.2, "ideal_false_alarms": 0.0}
     strangers |= {"recognised_unlike": 0.6, "ideal_recognised_unlike": 0.9}
-    keys = ("k1", "k5", "k20")
+    strangers |= {"false_alarms_low": 0.0, "false_alarms_high": 0.04}
+    keys, opened = ("k1", "k5", "k20"), strangers | {"users": {"careful": 0.01, "normal": 0.05}}
     metrics = {
         "identification": dict.fromkeys(variants, dict.fromkeys(keys, cell)),
-        "open_set": dict.fromkeys(variants, dict.fromkeys(keys, strangers)),
+        "open_set": dict.fromkeys(variants, dict.fromkeys(keys, opened)),
         "largest_gap": {v: {"all": 0.05, "telling": 0.01} for v in variants},
         "passes_99": {v: {"all": None, "telling": 12} for v in (*variants, "ideal")},
         "chance": 1 / 3, "level": 0.05, "scenes": SCENES, "telling_scenes": 2, "strange_scenes": 3,

@@ -220,7 +220,10 @@ def _write_specification(path: Path, variant: str, envelopes: dict, nearest: dic
         for user, by_symbol in envelopes.items()
     }
     short = max((plans["short_m"] for plans in nearest.values()), default=0.0)
-    said = f"Plans that just keep it come nearer than the user wants, 99 % of them by {short:.4f} m at most: add that."
+    said = (
+        f"Plans that just keep it come nearer than the user wants, 99 % of them by {short:.4f} m at most; "
+        "by the\n#   simulator's truth, in the scenes these distances are of: a robot elsewhere wants a margin."
+    )
     text = HEADER.format(variant=variant, nearest=said) + yaml.safe_dump(content, sort_keys=True)
     write_whole(path, lambda p: p.write_text(text))
 

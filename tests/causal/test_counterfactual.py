@@ -189,6 +189,13 @@ def test_where_random_scenes_have_their_items_they_fit_and_off_the_range_or_too_
 
 
 @pytest.mark.parametrize(
+    ("at", "fitting"), [(0.15, False), (0.85, False), (0.5, True), (0.2, True), (0.8, True)]
+)  # a glass of 4 cm, from the ends at .08 and .92
+def test_an_item_too_close_to_where_paths_begin_or_end_does_not_fit(at: float, fitting: bool):
+    assert fits(one_glass(at, at), np.array([0]), RULES) == [fitting]
+
+
+@pytest.mark.parametrize(
     ("values", "expected"),
     [([0.1, 0.3, 0.7], 1.5), ([0.6, 0.1, 0.1], 0.0), ([0.1, 0.2, 0.5], np.nan), ([0.0, 1.0, 0.0], 0.5)],
 )

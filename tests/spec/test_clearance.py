@@ -157,18 +157,19 @@ def test_checkpoints_weigh_the_evidence_as_it_then_was():
     assert evidence == sorted(evidence) and evidence[0] < evidence[1] - 10 and evidence[2] < float(kept.evidence) + 1e-3
 
 
-def test_the_same_seed_gives_the_same_bits_and_torchs_generator_stays_put():
+def test_the_same_seed_gives_the_same_bits_another_does_not_and_torchs_generator_stays_put():
     rng = np.random.default_rng(4)
     layouts, pictures = scenes(rng, 6)
     z = rng.uniform(-0.2, 1.2, (6, 5, 2))
     valid = true_clearance(layouts, z).min(-1) > MARGIN
     before = torch.random.get_rng_state()
-    models = [model(), model()]
-    for m in models:
-        fit_one(m, pictures, z, valid, seed=7)
+    models = [model(), model(), model()]
+    for m, seed in zip(models, (7, 7, 8), strict=True):
+        fit_one(m, pictures, z, valid, seed)
     assert torch.equal(before, torch.random.get_rng_state())
     for a, b in zip(models[0].state_dict().values(), models[1].state_dict().values(), strict=True):
         assert torch.equal(a, b)
+    assert not torch.equal(models[0].margin, models[2].margin)
 
 
 def test_models_fitted_together_answer_as_each_does_alone():

@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 import torch
 
+from pipeline.spec import irl
 from pipeline.spec.descent import Checkpoints
 from pipeline.spec.irl import OBJECTIVES, Schedule, fit, logistic, maxent, ranked
 from pipeline.spec.jitter import Jitter, blobs, new_looks, repaint
 from pipeline.spec.registry import build
-from pipeline.spec.reward import RewardMap
+from pipeline.spec.reward import SYMMETRIES, RewardMap, against_table, contrast, transform, untransform
+from pipeline.spec.specification import to_tensor
 
 SHAPE = {
     "channels": 8,
@@ -30,8 +32,8 @@ def schedule(**changes) -> Schedule:
     return Schedule(**(values | changes))
 
 
-def drawn(seed: int = 0) -> RewardMap:
-    model = build({"kind": "reward", "model": SHAPE}, seed)
+def drawn(seed: int = 0, **changes) -> RewardMap:
+    model = build({"kind": "reward", "model": SHAPE | changes}, seed)
     assert isinstance(model, RewardMap)
     return model
 
@@ -110,6 +112,26 @@ def test_the_same_seed_gives_the_same_bits_and_another_does_not(objective):
     (first, weights), (again, same), (other, _) = results
     assert np.array_equal(first, again) and not np.array_equal(first, other)
     assert all(np.array_equal(weights[k], same[k]) for k in weights)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_step_judges_paths_on_their_own_scenes_map_under_one_symmetry(seed):
+    images, z, valid = world()
+    model = drawn(seed, dropout=0.0)
+    seen, paths, labels = contrast(*against_table(to_tensor(images))), torch.tensor(z).float(), torch.tensor(valid)
+    with torch.no_grad():
+        maps = [untransform(model.reward(transform(seen, g)), g) for g in range(SYMMETRIES)]
+        losses = np.array([float(ranked(model.soft_regret(r, paths), labels, True)) for r in maps])
+    curve = on_one_thread(model, images, z, valid, "ranked", schedule(steps=1, copies=1), seed)
+    assert np.abs(losses - curve[0, 1]).min() < 1e-5
+
+
+def test_the_rule_is_fitted_to_half_the_looks(monkeypatch: pytest.MonkeyPatch):
+    asked = []
+    monkeypatch.setattr(irl, "logistic", lambda regret, valid: asked.append(regret) or logistic(regret, valid))
+    on_one_thread(drawn(), *world(), "ranked", schedule(steps=1, copies=6), 0)
+    (regrets,) = asked
+    assert len(np.unique(regrets, axis=0)) == len(regrets) == 3
 
 
 @pytest.mark.parametrize("objective", OBJECTIVES)
@@ -203,6 +225,15 @@ def test_a_turn_of_hue_keeps_brightness():
     turned = repaint(np.random.default_rng(3), plain, labels, Jitter(2.0, 0.0, 0.0, 0.0, 0.0))
     np.testing.assert_allclose(turned.mean(1), plain.mean(1), atol=1e-5)
     assert not np.allclose(turned, plain, atol=0.01)
+
+
+def test_a_look_on_another_table_is_measured_by_that_tables_grain():
+    rng = np.random.default_rng(0)
+    grain = np.array([2, 6, 18])[:, None, None, None]
+    images = np.rint(120 + grain * rng.standard_normal((3, 100, 100, 3))).astype(np.uint8)
+    first, second = irl._looks(images.tobytes(), 2, Jitter(0.0, 0.0, 0.0, 0.0, 1.0)).flatten(2, 3).median(2).values
+    np.testing.assert_allclose(second[:, 0], first[:, 0], rtol=0.2)  # whitened
+    assert not np.allclose(second[:, 2], first[:, 2], rtol=0.5)  # as they are
 
 
 def _near(labels: np.ndarray) -> np.ndarray:

@@ -63,10 +63,11 @@ def test_plain_steps_climb_a_concave_hill_at_every_step():
     assert (np.diff(done.p, axis=-1) >= -1e-6).all()
 
 
-def test_normalised_steps_have_the_length_asked_for():
-    done = repair(Hill(), IMAGES, STARTS, Ascent(5, "normalised", 0.01, False))
-    inside = (np.abs(done.z - 0.5) < 0.68).all((-2, -1))
-    np.testing.assert_allclose(np.linalg.norm(np.diff(done.z, axis=2), axis=-1)[inside], 0.01, atol=1e-5)
+@pytest.mark.parametrize(("settle", "pace"), [(False, [1, 1, 1, 1, 1]), (True, [1, 0.8, 0.6, 0.4, 0.2])])
+def test_normalised_steps_have_the_length_asked_for(settle: bool, pace: list[float]):
+    done = repair(Hill(), IMAGES, STARTS, Ascent(5, "normalised", 0.01, settle))
+    lengths = np.linalg.norm(np.diff(done.z, axis=2), axis=-1)[(np.abs(done.z - 0.5) < 0.68).all((-2, -1))]
+    np.testing.assert_allclose(lengths, np.broadcast_to(0.01 * np.array(pace), lengths.shape), atol=1e-5)
 
 
 @pytest.mark.parametrize("optimiser", OPTIMISERS)

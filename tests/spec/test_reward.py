@@ -6,6 +6,7 @@ import torch
 
 from pipeline.spec.registry import build
 from pipeline.spec.reward import (
+    FLOOR,
     SYMMETRIES,
     RewardMap,
     against_table,
@@ -128,6 +129,11 @@ def test_a_thing_stands_out_from_an_unevenly_lit_table():
     seen = contrast(*against_table(to_tensor(pictures())))[:, 0]  # asinh of the whitened size
     assert (seen[:, 66:75, 36:45] > 3).all()
     assert seen[:, :50].quantile(0.95) < 1.7
+
+
+def test_a_table_of_one_colour_is_measured_in_grey_levels():
+    _, whitening = against_table(torch.full((1, 3, 100, 100), 0.5))
+    torch.testing.assert_close(whitening[0], torch.eye(3) / FLOOR, rtol=1e-3, atol=0.1)
 
 
 def test_rewards_have_a_ceiling_if_asked():

@@ -6,7 +6,7 @@ import torch
 from scipy.optimize import minimize
 from torch import Tensor
 
-from pipeline.spec.search import METHODS, Near, Objective, search
+from pipeline.spec.search import ELITE, METHODS, Near, Objective, search
 from pipeline.spec.specification import Specification
 from pipeline.table.bezier import Z_HIGH, Z_LOW, random_z_theta
 
@@ -32,6 +32,20 @@ class Blind(Disc):
 
     def logit(self, percept: Tensor, z_theta: Tensor) -> Tensor:
         return 0 * z_theta.sum(-1) - 1
+
+
+class Diary(Objective):
+    """Notes each look around, and how good the best path had been before it."""
+
+    def __init__(self, model: Specification, starts: np.ndarray):
+        super().__init__(model, PERCEPT, torch.tensor(starts).float(), NEAR.weight)
+        self.looks = []
+
+    def value(self, z: Tensor) -> Tensor:
+        before = self.highest.clone()
+        value = super().value(z)
+        self.looks.append((z, before, value))
+        return value
 
 
 def least(start: np.ndarray, weight: float) -> float:
@@ -68,6 +82,24 @@ def test_what_a_valid_path_would_gain_by_moving_costs_more_than_it_brings():
     found = search(Disc(), PERCEPT, STARTS, "probe", NEAR, 0)
     assert far.any()
     np.testing.assert_allclose(found.z[far], STARTS[far], atol=1e-6)
+
+
+def test_no_probe_goes_further_than_a_certainly_valid_path_would_be_worth():
+    diary = Diary(Disc(), STARTS)
+    METHODS["probe"](diary, NEAR, np.random.default_rng(0))
+    assert len(diary.looks) == 3
+    for z, before, _ in diary.looks:
+        distance = (z - diary.starts[:, :, None]).norm(dim=-1).amax(-1)
+        assert (NEAR.weight * distance <= -before + 1e-5).all()
+
+
+def test_the_cross_entropy_methods_second_generation_spreads_as_the_best_of_the_first():
+    diary = Diary(Blind(), np.full_like(STARTS, 0.5))
+    METHODS["cem"](diary, NEAR, np.random.default_rng(0))
+    (z, _, value), (later, _, _) = diary.looks
+    best = torch.take_along_dim(z, value.argsort(-1, descending=True)[..., :ELITE, None], 2)
+    off = (later - best.mean(2, keepdim=True)) / best.std(2, correction=0, keepdim=True)
+    assert abs(float(off.mean())) < 0.1 and float(off.std()) == pytest.approx(1, abs=0.1)
 
 
 @pytest.mark.parametrize("method", ["probe", "multistart", "cem"])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from omegaconf import DictConfig
 
+from pipeline.artifacts.demos import read_demos
 from pipeline.artifacts.files import read_json, read_table
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool, write_scenes
 from pipeline.errors import InputError
@@ -95,6 +96,21 @@ def test_no_model_is_calibrated_in_a_scene_it_was_fitted_to(cfg: DictConfig):
             for part in parts[form]:
                 assert sorted([*part.fitted, *part.calibrating]) == list(range(TRAINING))
         assert sorted(np.concatenate([part.calibrating for part in parts["crossed"]])) == list(range(TRAINING))
+
+
+def test_a_model_is_fitted_to_its_own_part_of_the_demonstrations_and_calibrated_on_the_rest(cfg: DictConfig):
+    scenes, demos, seed = read_scenes(Path(cfg.paths.scenes)), read_demos(Path(cfg.paths.demos)), cfg.seeds[0]
+    whole = accept._whole(cfg, scenes, demos, "normal", seed)
+    for form, fitted in ((accept.SPLIT, cfg.accept.fitted), (accept.CROSSED, TRAINING - TRAINING // cfg.accept.folds)):
+        for part in accept._parts(cfg, seed)[form]:
+            lesson = accept._lesson(whole, part)
+            assert len(lesson.images) == len(part.fitted) == fitted
+            for own, all_of_them in zip(
+                (lesson.images, lesson.z_theta, lesson.valid), (whole.images, whole.z_theta, whole.valid), strict=True
+            ):
+                np.testing.assert_array_equal(own, all_of_them[part.fitted])
+            calibrating = whole.images[part.calibrating]
+            assert not (lesson.images[:, None] == calibrating).all((2, 3, 4)).any()
 
 
 def test_a_second_run_by_two_processes_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):

@@ -8,8 +8,9 @@ import pytest
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_arrays, read_json, write_arrays, write_table
-from pipeline.artifacts.scenes import layout_table, train_pool
+from pipeline.artifacts.scenes import layout_table, read_scenes, train_pool
 from pipeline.errors import InputError
+from pipeline.fitting.confounding import draw_all
 from pipeline.params import compose
 from pipeline.stages import confound
 from pipeline.table.bezier import random_z_theta
@@ -131,3 +132,9 @@ def test_tables_of_other_scenes_are_refused(cfg: DictConfig, tmp_path: Path):
     (tmp_path / "layouts.parquet").write_bytes((directory / "layouts.parquet").read_bytes())
     with pytest.raises(InputError, match="run the intervene stage again"):
         confound.main(changed, tmp_path / "out")
+
+
+def test_models_are_judged_in_scenes_of_the_pools_own_items(cfg: DictConfig):
+    catalogue, scenes = read_catalogue(Path(cfg.paths.data)), read_scenes(Path(cfg.paths.scenes))
+    for drawn in draw_all(cfg, confound._test_draws(cfg, scenes)):
+        assert set(drawn.layouts.item[drawn.layouts.present]) <= set(catalogue.pool("unseen"))

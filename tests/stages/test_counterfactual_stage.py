@@ -9,6 +9,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.files import read_arrays, read_json, read_table
 from pipeline.artifacts.scenes import SceneSet, read_scenes, write_scenes
+from pipeline.causal.counterfactual import keep
 from pipeline.params import compose
 from pipeline.spec.registry import build
 from pipeline.stages import counterfactual
@@ -124,6 +125,25 @@ def test_a_move_ends_where_the_path_becomes_valid(cfg: DictConfig, out: Path):
     z = random_z_theta(stream(GENERATOR, "counterfactual"), SCENES, PATHS)
     for row in case.itertuples():
         assert not valid(layouts[[row.scene]], z[[row.scene]], cfg.users[row.user])[0, row.path]
+
+
+def test_a_table_with_a_moved_item_is_pictured_as_its_own_scene(cfg: DictConfig, monkeypatch: pytest.MonkeyPatch):
+    world, seen = counterfactual._set_world(cfg), []
+    left = keep(world.layouts[world.tables.scene], world.tables.kept)
+    truth = world.tables.fold(valid(left, world.z_theta[world.tables.scene], cfg.users.careful).astype(float))
+    moves = counterfactual._set_moves(cfg, world, truth, cfg.users.careful)
+    monkeypatch.setattr(counterfactual, "ask", lambda cfg, users, images, z, what: seen.append(images) or {})
+    counterfactual._least_moves(cfg, world, "careful", moves, {})
+    pictures = read_scenes(Path(cfg.paths.scenes)).images["new_items"]
+    x, y = np.meshgrid((np.arange(SIDE) + 0.5) / SIDE, 1 - (np.arange(SIDE) + 0.5) / SIDE)
+    steps = seen[0].reshape(len(moves.scene), -1, *pictures.shape[1:])
+    assert len(moves.scene) == 3
+    for scene, slot, images in zip(moves.scene, moves.slot, steps, strict=True):
+        at = scene, slot
+        reach = world.layouts.half_length[at] + world.layouts.radius[at] + REACH_M + 0.03 + moves.distance[-1]
+        centre = world.layouts.centre[at]
+        changed = (images != pictures[scene]).any(-1)  # (step, row, column)
+        assert changed.any((1, 2)).all() and not changed[:, np.hypot(x - centre[0], y - centre[1]) > reach].any()
 
 
 def test_a_second_run_with_more_workers_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):

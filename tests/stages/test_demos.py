@@ -9,11 +9,12 @@ import pytest
 from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries, read_recordings
-from pipeline.artifacts.scenes import SceneSet, read_scenes, write_scenes
+from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool, write_scenes
 from pipeline.errors import InputError
 from pipeline.params import compose
 from pipeline.stages.demos import main
 from pipeline.table.layout import SYMBOLS, Layouts
+from pipeline.table.recordings import keeps
 from pipeline.table.rules import valid
 from tests.stages.facts import refuses
 
@@ -86,6 +87,22 @@ def test_labels_agree_with_those_of_the_fitted_paths_but_for_a_few(out: Path):
     assert 0 < metrics["valid"]["careful"] < metrics["valid"]["normal"] < 1.0
     assert all(share > 0.95 for share in metrics["label_agreement"].values())
     assert sum(metrics["poor_fits"].values()) == read_demos(out)["poor_fit"].sum()
+
+
+def test_labels_are_of_the_lines_that_hands_drew_and_not_of_the_fitted_paths(
+    cfg: DictConfig, out: Path, tmp_path: Path
+):
+    demos, recordings = read_demos(out), read_recordings(out)
+    scenes, of_fits = read_scenes(tmp_path / "scenes"), []
+    for (seed, user), rows in demos.groupby(["seed", "user"]):  # pyright: ignore
+        layouts, first, last = scenes.layouts[train_pool(seed)], rows.index[0], rows.index[-1] + 1
+        samples = recordings[0][recordings[1][first] : recordings[1][last]].astype(float)
+        offsets = recordings[1][first : last + 1] - recordings[1][first]
+        of_lines = keeps(layouts, samples, offsets, dict(cfg.users[user])).ravel()
+        np.testing.assert_array_equal(rows["valid"].to_numpy(), of_lines)
+        z, _ = demo_arrays(demos, seed, user, cfg.demos.per_scene)
+        of_fits += list(valid(layouts, z, dict(cfg.users[user])).ravel() == of_lines)
+    assert 0.95 < np.mean(of_fits) < 1
 
 
 def test_queries_are_labelled_by_the_truth_and_unseen_by_training(cfg: DictConfig, out: Path, tmp_path: Path):

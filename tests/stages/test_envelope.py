@@ -127,6 +127,23 @@ def test_planning_with_the_true_margins_is_perfect_and_with_none_is_no_better_th
     assert nulls["no_envelope"]["aggressive"]["valid"] == 1
 
 
+def test_paths_keep_the_upper_end_of_the_interval_or_only_from_what_flips():
+    cells = {
+        "glass": {"radius_m": 0.04, "ci_low": 0.03, "ci_high": 0.05, "flips": True},
+        "plate": {"radius_m": 0.02, "ci_low": 0.01, "ci_high": 0.03, "flips": False},
+        "bowl": {"radius_m": None, "ci_low": None, "ci_high": None, "flips": True},
+    }
+    of_all = {"glass": 0.05, "plate": 0.03, "bowl": None}
+    assert envelope._keep_clear({"normal": cells}) == {"normal": of_all}
+    assert envelope._keep_clear({"normal": cells}, flips=True) == {"normal": of_all | {"plate": None}}
+
+
+def test_where_no_path_keeps_the_distance_there_is_no_plan(cfg: DictConfig):
+    beyond_the_table = {user: dict.fromkeys(SYMBOLS, 2.0) for user in cfg.users}
+    found = envelope._plan_nearest(cfg, envelope._set_tables(cfg), beyond_the_table)
+    assert {user: cell["plans"] for user, cell in found.items()} == dict.fromkeys(cfg.users, 0)
+
+
 def test_the_specification_can_be_read_and_says_what_was_found(cfg: DictConfig, out: Path, found: dict):
     text = (out / "specification.yaml").read_text()
     assert text.startswith("#") and "metres" in text

@@ -8,11 +8,13 @@ import pandas as pd
 import pytest
 from omegaconf import DictConfig, OmegaConf
 
-from pipeline.artifacts.demos import Queries, write_demos, write_queries
+from pipeline.artifacts.demos import Queries, demo_arrays, read_demos, read_queries, write_demos, write_queries
 from pipeline.artifacts.files import read_table, write_arrays, write_table
 from pipeline.artifacts.models import model_dir
 from pipeline.errors import InputError
 from pipeline.params import compose
+from pipeline.spec import nulls
+from pipeline.spec.metrics import accuracy
 from pipeline.stages.evaluate import main
 from pipeline.table.bezier import random_z_theta
 from tests.stages.facts import refuses
@@ -22,7 +24,7 @@ SCENES, QUERIES = 3, 8
 
 @pytest.fixture
 def cfg(tmp_path: Path) -> DictConfig:
-    """Two seeds and two n; `full` is always right, `ae` always wrong, the others know nothing."""
+    """Two seeds and two n; `full` is always right, `ae` always wrong, `path` right at study_n, others know nothing."""
     cfg = compose(["profile=smoke"])
     for stage in ("scenes", "demos", "train", "irl", "path"):
         OmegaConf.update(cfg, f"paths.{stage}", str(tmp_path / stage))
@@ -62,7 +64,8 @@ def _predictions(cfg: DictConfig, variant: str, queries: dict[str, Queries]) -> 
             for n in cfg.n:
                 for split, pool in cfg.protocol.splits.items():
                     valid = queries[pool or f"train-s{seed}"].valid[user].ravel()
-                    p = {"full": valid, "ae": ~valid}.get(variant, np.full(valid.shape, 0.5))
+                    told = {"full": valid, "ae": ~valid, "path": valid == (n == cfg.study_n)}
+                    p = told.get(variant, np.full(valid.shape, 0.5))
                     parts.append(
                         pd.DataFrame({"scene": scene, "query": query, "p": p.astype(np.float32), "valid": valid})
                         .assign(seed=seed, user=user, n=n, split=split)
@@ -93,6 +96,16 @@ def test_every_cell_has_a_row_and_only_seen_scenes_have_a_nearest_demonstration(
     assert (full["auroc"] == 1).all()
 
 
+def test_the_nearest_demonstration_is_one_of_the_n_that_were_shown(cfg: DictConfig, tmp_path: Path):
+    main(cfg, tmp_path / "out")
+    scores = read_table(tmp_path / "out" / "accuracy.parquet")
+    demos, queries = read_demos(Path(cfg.paths.demos)), read_queries(Path(cfg.paths.demos))
+    for row in scores[scores["variant"] == "null_nearest"].itertuples():
+        asked = queries[f"train-s{row.seed}"]
+        p = nulls.nearest(*demo_arrays(demos, row.seed, row.user, row.n), asked.z)
+        assert row.accuracy == accuracy(p.ravel(), asked.valid[row.user].ravel())
+
+
 def test_other_scenes_count_in_an_interval_around_the_mean_and_errors_are_found_where_they_are(cfg, tmp_path):
     main(cfg, tmp_path / "out")
     metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())
@@ -118,6 +131,9 @@ def test_users_are_averaged_as_configured(cfg: DictConfig, tmp_path: Path):
     by_user = rows.groupby("user")["accuracy"].mean()
     assert two == pytest.approx(by_user[["careful", "normal"]].mean())
     assert three == pytest.approx(by_user.mean())
+    truth = read_queries(Path(cfg.paths.demos))["new_items"].valid
+    share = np.mean([truth["careful"], truth["normal"]])
+    assert metrics["calibration"]["classifier"]["new_items"]["bias"] == pytest.approx(0.5 - share)
 
 
 def test_the_tests_are_those_fixed_in_advance_and_corrected_together(cfg: DictConfig, tmp_path: Path):

@@ -1,5 +1,6 @@
 """The refute stage asks the same models other questions, whose true answer is nothing."""
 
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -7,11 +8,15 @@ import pytest
 from omegaconf import DictConfig
 
 from pipeline.artifacts.added import read_added
+from pipeline.artifacts.demos import demo_arrays, read_demos
 from pipeline.artifacts.files import read_arrays, read_json
+from pipeline.artifacts.scenes import read_scenes
 from pipeline.errors import InputError
 from pipeline.stages import intervene, refute
+from pipeline.streams import stream
 from pipeline.table.items import read_catalogue
-from pipeline.table.layout import SYMBOLS
+from pipeline.table.layout import SIDE, SYMBOLS, point_segment_distance
+from pipeline.table.render import REACH_M
 from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
 from tests.stages.inputs import labelled_demos, pictured_models, same_scenes_for_training
 
@@ -67,6 +72,44 @@ def test_an_untrained_path_model_shows_no_effect_a_convinced_one_of_a_placebo_to
     assert effect["placebo"] < -0.02
     assert abs(effect["untrained"]) < 1e-3
     assert abs(effect["far"]) < 0.5 * abs(effect["placebo"])
+
+
+def test_permuted_labels_are_the_same_ones_in_another_order_another_for_each_user_and_seed(
+    cfg: DictConfig, monkeypatch: pytest.MonkeyPatch
+):
+    taught = {}
+
+    def kept(cfg, lessons, images, z_theta, desc):
+        taught.update(lessons)
+        return {variant: np.zeros((len(of), len(images), z_theta.shape[1])) for variant, of in lessons.items()}
+
+    monkeypatch.setattr(refute, "fit_and_ask", kept)
+    users, demos = list(cfg.evaluate.users), read_demos(Path(cfg.paths.demos))
+    refute._permuted(cfg, users, np.zeros((1, 2, 100, 100, 3), np.uint8), np.zeros((2, 3, 2)))
+    assert [(lesson.user, lesson.seed) for lesson in taught["path"]] == list(product(users, cfg.protocol.seeds))
+    orders = []
+    for lesson in taught["path"]:
+        z_theta, labels = demo_arrays(demos, lesson.seed, lesson.user, cfg.study_n)
+        np.testing.assert_array_equal(lesson.z_theta, z_theta)
+        assert lesson.valid.sum() == labels.sum() and (lesson.valid != labels).any()
+        orders.append(stream(cfg.refute.generator, "permuted", lesson.user, lesson.seed).permutation(labels.size))
+        np.testing.assert_array_equal(lesson.valid.ravel(), labels.ravel()[orders[-1]])
+    assert len({tuple(order) for order in orders}) == len(orders)
+
+
+def test_another_table_top_has_the_same_light_before_and_after_an_item_is_added(cfg: DictConfig):
+    scenes, catalogue = read_scenes(Path(cfg.paths.scenes)), read_catalogue(Path(cfg.paths.data))
+    added = read_added(Path(cfg.paths.intervene), scenes.layouts["new_items"].symbol.shape[1])
+    elsewhere = refute._elsewhere(cfg, scenes, "new_items", added)
+    assert list(elsewhere) == catalogue.texture_names("unseen")
+    centres = (np.arange(SIDE) + 0.5) / SIDE
+    pixels = np.stack(np.broadcast_arrays(centres[None, :], 1 - centres[:, None]), -1)  # (row, column, 2) [m]
+    for pictures in elsewhere.values():
+        for before, after, placed in zip([pictures[0]] * 4, pictures[1:], added.placed, strict=True):
+            ends = placed.ends[: cfg.refute.scenes, 0, :, None, None]
+            away = point_segment_distance(pixels, ends[:, 0], ends[:, 1]) - placed.radius[: cfg.refute.scenes, :, None]
+            change = np.abs(after.astype(int) - before)
+            assert change[away > REACH_M].max() <= 1 < change.max()  # a shadow's last trace may turn a rounding
 
 
 def test_a_placebo_is_pictured_for_every_symbol_and_scene(out: Path):

@@ -8,14 +8,16 @@ import pytest
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_arrays, read_table
+from pipeline.artifacts.scenes import read_scenes, train_pool
 from pipeline.stages.repair import main
+from pipeline.table.oracle import constant_detour
 from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
 from tests.stages.inputs import untrained_models
 
 
 @pytest.fixture(scope="module")
 def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
-    return untrained_models(tmp_path_factory.mktemp("inputs"), [0], "repair.steps=4")
+    return untrained_models(tmp_path_factory.mktemp("inputs"), [0, 1], "repair.steps=4")
 
 
 @pytest.fixture(scope="module")
@@ -38,12 +40,27 @@ def test_every_method_repairs_the_same_invalid_starts(out: Path):
 def test_paths_go_from_the_starts_to_the_ends_of_the_table(out: Path):
     paths = read_arrays(out / "paths.npz")
     table = read_table(out / "repairs.parquet")
-    for (variant, user), rows in table[table["p_end"].notna()].groupby(["method", "user"]):
-        z = paths[f"{variant}-{user}-s0"]
+    for (variant, user, seed), rows in table[table["p_end"].notna()].groupby(["method", "user", "seed"]):
+        z = paths[f"{variant}-{user}-s{seed}"]
         assert z.shape == (len(rows), 5, 2) and z.dtype == np.float32
         np.testing.assert_allclose(z[:, 0], rows[["z0_x", "z0_y"]], atol=1e-6)
         np.testing.assert_allclose(z[:, -1], rows[["z_x", "z_y"]], atol=1e-6)
     assert paths["full-aggressive-s0"].shape == (0, 5, 2)
+
+
+def test_the_constant_detour_is_chosen_in_the_seeds_own_training_scenes(cfg: DictConfig, out: Path):
+    layouts = read_scenes(Path(cfg.paths.scenes)).layouts
+    table = read_table(out / "repairs.parquet").query("method == 'null_constant'")
+    for (seed, user), rows in table.groupby(["seed", "user"]):
+        detour = constant_detour(layouts[train_pool(seed)], cfg.users[user], cfg.repair.lattice_side)
+        assert (rows[["z_x", "z_y"]] == detour).all(axis=None)
+
+
+def test_random_ends_are_drawn_anew_for_every_seed_and_user_and_are_no_starts(out: Path):
+    table = read_table(out / "repairs.parquet").query("method == 'null_random'")
+    assert table.groupby(["seed", "user"]).ngroups == 4
+    assert not table.duplicated(["z_x", "z_y"]).any()
+    assert not table["z_x"].isin(table["z0_x"]).any()
 
 
 def test_the_oracle_always_succeeds_and_no_success_with_room_is_shorter(out: Path):
@@ -68,7 +85,7 @@ def test_correct_fooled_and_abstained_share_out_all_starts(out: Path):
 def test_the_table_and_the_metrics_say_the_same(out: Path):
     cell = json.loads((out / "metrics.json").read_text())["full"]["careful"]
     rows = read_table(out / "repairs.parquet").query("method == 'full' and user == 'careful'")
-    assert cell["starts"] == len(rows)
+    assert (rows.groupby("seed").size() == cell["starts"]).all()
     assert cell["success"] == pytest.approx(rows["valid_end"].mean())
     assert cell["fooled"] == pytest.approx((rows["accepted"].astype(bool) & ~rows["valid_end"]).mean())
     assert ((rows["clearance_m"] > 0) == rows["valid_end"]).all()

@@ -76,6 +76,16 @@ def test_a_worse_picture_changes_no_truth_and_a_fuller_table_makes_no_path_valid
     assert shares["clutter"][-1] < as_is
 
 
+def test_a_difference_is_what_the_disturbance_adds_to_the_accuracy(out: Path):
+    found = read_json(out / "metrics.json")
+    as_is = {model: cell["accuracy"]["mean"] for model, cell in found["undisturbed"]["models"].items()}
+    for name, levels in found["disturbed"].items():
+        cells = [(model, cell) for level in levels for model, cell in level["models"].items()]
+        for model, cell in cells:
+            assert cell["difference"] == pytest.approx(cell["accuracy"]["mean"] - as_is[model], abs=2e-6)
+        assert name != "labels" or any(cell["difference"] for _, cell in cells)
+
+
 def test_who_never_looks_is_as_right_whatever_the_picture(out: Path):
     found = read_json(out / "metrics.json")
     as_is = found["undisturbed"]["models"]

@@ -1,6 +1,7 @@
 """The search stage: every model and rival from the same invalid starts, and the truth beside them."""
 
 import json
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +43,14 @@ def test_every_model_searches_from_the_same_starts_and_the_path_model_by_every_m
             np.testing.assert_array_equal(starts[0], other)
         assert set(of_user.loc[of_user["method"] == "path", "search"]) == {"probe", "multistart", "cem", "lbfgs"}
         assert (of_user[of_user["search"] == "lbfgs"].groupby("seed").size() == 2).all()
+
+
+def test_models_that_are_the_same_sample_anew_for_every_seed_but_probe_alike(out: Path):
+    table = read_table(out / "searches.parquet").query("method == 'path'")
+    for user, method in product(("careful", "normal"), ("probe", "cem")):
+        rows = table[(table["user"] == user) & (table["search"] == method)]
+        one, other = (rows.loc[rows["seed"] == seed, ["z_x", "z_y"]].to_numpy() for seed in (0, 1))
+        assert np.array_equal(one, other) == (method == "probe")
 
 
 def test_who_is_told_the_truth_succeeds_nearly_always_and_moves_little(out: Path):

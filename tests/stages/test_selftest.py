@@ -20,14 +20,14 @@ BY_SCENE = 0.1
 
 @pytest.fixture(scope="module")
 def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
-    """Effects of every variant that differ by scene alone."""
+    """Effects of every variant that differ by scene alone, and of which none is the true one of a glass."""
     cfg = compose(["profile=smoke", "workers=1", f"paths.intervene={tmp_path_factory.mktemp('intervene')}"])
     OmegaConf.set_struct(cfg, False)
     keys = product(cfg.variants, cfg.seeds, cfg.users, SYMBOLS, range(200), [0, 1])
     rows = pd.DataFrame(list(keys), columns=["variant", "seed", "user", "symbol", "scene", "placement"])
     by_scene = np.random.default_rng(0).normal(0, BY_SCENE, 200)
     effect = by_scene[rows["scene"]] + np.where(rows["placement"] == 0, 0.01, -0.01)
-    rows = rows.assign(effect=effect, true_effect=0.0)
+    rows = rows.assign(effect=effect, true_effect=np.where(rows["symbol"] == "glass", 0.3, 0.0))
     write_table(Path(cfg.paths.intervene) / "effects.parquet", rows.sample(frac=1, random_state=0))
     return cfg
 
@@ -48,7 +48,8 @@ def test_what_could_be_detected_and_what_single_seeds_say_stands_for_every_varia
     main(cfg, tmp_path)
     found = json.loads((tmp_path / "metrics.json").read_text())["precision"]
     assert set(found) == set(cfg.variants)
-    assert found["path"]["seed_by_seed"]["of"] == len(cfg.users) * len(SYMBOLS) * len(cfg.seeds)
+    each = len(cfg.users) * len(cfg.seeds)  # verdicts on a symbol: "no effect", which is wrong of glasses alone
+    assert found["path"]["seed_by_seed"] == {"right": each * (len(SYMBOLS) - 1), "of": each * len(SYMBOLS)}
     cell = found["path"]["cells"]["careful"]["glass"]
     assert cell["detectable"] == pytest.approx(0.05 + 0.1 / 200**0.5 * 0.843, rel=0.02)  # Student's t, power .8
     assert all(5 < c["scenes"] < 50 for by_symbol in found["path"]["cells"].values() for c in by_symbol.values())

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.table.bezier import lattice, random_z_theta
+from pipeline.table.bezier import curve, lattice, random_z_theta
 from pipeline.table.layout import Items, Layouts, empty, random_layouts
 from pipeline.table.oracle import constant_detour, nearest_valid
 from pipeline.table.rules import valid
@@ -12,11 +12,28 @@ from tests.examples import RULES
 CAREFUL = {"bowl": 0.045, "plate": 0.045, "cutlery": 0.045, "glass": 0.045}
 NORMAL = {"bowl": None, "plate": None, "cutlery": None, "glass": 0.038}
 ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.075, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
+BELOW, ABOVE = (0.85, 0.15), (0.15, 0.85)  # of the lattice of side 2; its two others lead straight through the middle
 
 
 @pytest.fixture(scope="module")
 def layouts() -> Layouts:
     return random_layouts(np.random.default_rng(0), 6, ITEMS, np.arange(4), RULES)
+
+
+def with_glasses(*scenes: list) -> Layouts:
+    """Scenes with 4 cm wide glasses at these points [m], at most two a scene."""
+    layouts = empty(len(scenes), 2)
+    for scene, centres in enumerate(scenes):
+        n = len(centres)
+        layouts.symbol[scene, :n], layouts.item[scene, :n], layouts.radius[scene, :n] = 3, 3, 0.02
+        layouts.centre[scene, :n] = centres
+    return layouts
+
+
+def outside(z: tuple[float, float], room: float) -> np.ndarray:
+    """Where a glass, on the outer side of the bend of z's path, leaves the path so much room [m] beyond its margin."""
+    outward = (np.array(z) - 0.5) / np.linalg.norm(np.array(z) - 0.5)
+    return curve(np.array(z), 3)[1] + (0.02 + 0.038 + room) * outward
 
 
 @pytest.fixture(scope="module")
@@ -60,3 +77,14 @@ def test_among_equals_the_constant_detour_keeps_the_most_room():
     one.symbol[:], one.item[:], one.centre[:], one.radius[:] = 3, 3, (0.5, 0.5), 0.04
     z = constant_detour(one, NORMAL, 28)
     assert np.abs(z[0] - z[1]) > 0.3  # well off the straight line through the glass
+
+
+def test_the_constant_detour_is_valid_in_more_scenes_rather_than_roomier():
+    narrow = [outside(BELOW, 0.01)]
+    layouts = with_glasses(narrow, narrow, [(0.5, 0.5), outside(ABOVE, -0.01)])
+    np.testing.assert_allclose(constant_detour(layouts, NORMAL, 2), BELOW)
+
+
+def test_much_room_in_one_scene_makes_up_for_little_in_another_only_so_far():
+    layouts = with_glasses([(0.5, 0.5), outside(BELOW, 0.02)], [outside(ABOVE, 0.09)])
+    np.testing.assert_allclose(constant_detour(layouts, NORMAL, 2), ABOVE)

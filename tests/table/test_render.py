@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.table.items import Catalogue, read_catalogue
 from pipeline.table.layout import SIDE, SYMBOLS, Layouts, empty
-from pipeline.table.render import REACH_M, Palette, render, render_scenes
+from pipeline.table.render import REACH_M, Palette, draw_light, render, render_scenes
 
 DATA = Path("data")
 
@@ -166,3 +166,35 @@ def test_an_item_at_the_edge_sheds_no_shadow_on_its_far_side(x: float):
         rows, columns = np.nonzero(np.abs(change).max(-1) > 2)
         away = np.hypot((columns + 0.5) / SIDE - x, 0.5 - (rows + 0.5) / SIDE) - 0.1
         assert away.max() < 0.03
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_table_is_brighter_towards_the_lamp_and_shadows_fall_away_from_it(seed: int):
+    white = disc_catalogue((255, 255, 255, 255))
+    bare = render(empty(1, 4), 0, "grey", seed, Palette(white)).astype(float).mean(-1)
+    lit = towards_lamp(seed) > 0
+    assert bare[lit].mean() > bare[~lit].mean()
+    seen = render(with_item(empty(1, 4), 0, white, 0, 0.5, 0.5), 0, "grey", seed, Palette(white)).mean(-1)
+    assert (centroid(np.clip(bare - seen, 0, None)) - 0.5) @ draw_light(seed).direction < -0.03
+
+
+@pytest.mark.parametrize("symbol", ["bowl", "plate", "glass"])
+@pytest.mark.parametrize("seed", range(8))
+def test_a_hollow_thing_is_brighter_away_from_the_lamp(symbol: str, seed: int):
+    grey = disc_catalogue((128, 128, 128, 255))
+    layouts = with_item(empty(1, 4), 0, grey, 0, 0.5, 0.5)
+    layouts.symbol[0, 0] = SYMBOLS.index(symbol)
+    picture, lit = render(layouts, 0, "grey", seed, Palette(grey)), towards_lamp(seed) > 0
+    inside = np.linalg.norm(from_middle(), axis=-1) < 0.08
+    assert picture[inside & ~lit].mean() > picture[inside & lit].mean()
+
+
+def from_middle() -> np.ndarray:
+    """Each pixel's offset [m] from the middle of the table."""
+    rows, columns = np.indices((SIDE, SIDE))
+    return np.stack([(columns + 0.5) / SIDE - 0.5, 0.5 - (rows + 0.5) / SIDE], -1)
+
+
+def towards_lamp(seed: int) -> np.ndarray:
+    """How far [m] each pixel of the table lies from its middle towards the lamp."""
+    return from_middle() @ draw_light(seed).direction

@@ -16,6 +16,8 @@ NULLS = {
     "null_random": ("any item", ":"), "null_base_rate": ("most blamed symbol", "--"), "null_nearest": ("nearest", "-"),
 }  # fmt: skip
 
+KINDS = {"disagree": "two reasons", "one accepts": "one minds", "model wrong": "wrong blame"}  # of examples
+
 
 def draw_blame(cells: Mapping[str, dict], variants: list[str], users: list[str], columns: int) -> Figure:
     """A panel per user: how often each variant blames the right item, with its interval; nulls as upright lines.
@@ -62,7 +64,7 @@ def draw_examples(
     axes = figure.subplots(len(examples), columns, squeeze=False)
     for i, (row, example) in enumerate(zip(axes, examples, strict=True)):
         pictures = [whole[i], *without[i, : len(example["items"])]]
-        names = ["as it is", *(f"without {item['symbol']} {k + 1}" for k, item in enumerate(example["items"]))]
+        names = ["as it is", *(f"without {name}" for name in _names([item["symbol"] for item in example["items"]]))]
         for ax in row[len(pictures) :]:
             ax.set_visible(False)
         for k, (ax, picture, name) in enumerate(zip(row, pictures, names, strict=False)):
@@ -73,8 +75,14 @@ def draw_examples(
             ax.set_title(name, fontsize=8)
             lines = [f"{u}: {'valid' if t > 0.5 else 'invalid'} ({p:.2f})" for u, (t, p) in answers.items()]
             ax.set_xlabel("\n".join(lines), fontsize=7)
-        row_label(row[0], example["kind"])
+        row_label(row[0], KINDS.get(example["kind"], example["kind"]))
     return figure
+
+
+def _names(symbols: list[str]) -> list[str]:
+    """Symbols, numbered where there are several of one."""
+    several = {s for s in symbols if symbols.count(s) > 1}
+    return [f"{s} {symbols[: k + 1].count(s)}" if s in several else s for k, s in enumerate(symbols)]
 
 
 def _at(cell: dict, k: int) -> float:

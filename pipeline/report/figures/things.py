@@ -17,7 +17,7 @@ from pipeline.report.style import CHALK, INVALID, SOOT, VALID
 from pipeline.table.layout import Layouts, point_segment_distance
 
 MATTERS = LinearSegmentedColormap.from_list("matters", [VALID, "#d9d9d9", INVALID])
-ROOM = 0.1  # metres that a label needs below a thing
+ROOM = 0.1  # metres that a label needs below or above a thing
 
 
 @dataclass(frozen=True)
@@ -55,8 +55,9 @@ def draw(images: UInt8[Array, "scene 100 100 3"], layouts: Layouts, things: Thin
         for column, (ax, scene) in enumerate(zip(row, found.scenes, strict=True)):
             draw_scene(ax, images[scene])
             draw_footprints(ax, layouts, scene)
+            labels: list[tuple[float, float]] = []
             for thing in np.flatnonzero(things.present[scene]):
-                _draw_thing(ax, things, scene, int(thing), float(found.relevance[scene, thing]))
+                _draw_thing(ax, things, scene, int(thing), float(found.relevance[scene, thing]), labels)
             worst = column == columns - 1
             name = f"scene {scene}" + (f": worst of {len(images)}" if worst else "")
             ax.set_title(f"{user.capitalize()}, {name}", fontsize=8)
@@ -69,16 +70,20 @@ def draw(images: UInt8[Array, "scene 100 100 3"], layouts: Layouts, things: Thin
     return figure
 
 
-def _draw_thing(ax: Axes, things: Things, scene: int, thing: int, relevance: float) -> None:
-    """One outline in its colour, its relevance below or, at the table's edge, above."""
+def _draw_thing(
+    ax: Axes, things: Things, scene: int, thing: int, relevance: float, labels: list[tuple[float, float]]
+) -> None:
+    """One outline in its colour, its relevance below or above: within the table, and away from other `labels`."""
     outline = capsule(things.ends[scene, thing], float(things.radius[scene, thing]))
     rim = [Stroke(linewidth=3.4, foreground=SOOT), Normal()]
     colour = MATTERS(relevance)
     ax.add_patch(Polygon(outline, fill=False, edgecolor=colour, lw=2.2, zorder=1.5, path_effects=rim))
     x, low, high = things.ends[scene, thing, :, 0].mean(), outline[:, 1].min(), outline[:, 1].max()
-    below = low > ROOM
+    places = [(x, low - 0.02)] * bool(low > ROOM) + [(x, high + 0.02)] * bool(high < 1 - ROOM) or [(x, high)]
+    place = max(places, key=lambda p: min([ROOM, *(float(np.hypot(p[0] - a, p[1] - b)) for a, b in labels)]))
+    labels.append(place)
     halo = [Stroke(linewidth=2.2, foreground=SOOT), Normal()]
     ax.text(
-        x, low - 0.02 if below else high + 0.02, f"{relevance:.2f}", color=CHALK, fontsize=7, ha="center",
-        va="top" if below else "bottom", zorder=6, path_effects=halo,
+        *place, f"{relevance:.2f}", color=CHALK, fontsize=7, ha="center",
+        va="top" if place[1] < low else "bottom", zorder=6, path_effects=halo,
     )  # fmt: skip

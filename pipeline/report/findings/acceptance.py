@@ -60,9 +60,9 @@ def _silent(cell: dict, level: float) -> list[str]:
     if not others or not cell["abstained"]:
         return []
     return [
-        f"Nothing is accepted, and so nothing invalid, by {cell['abstained']} of {counted(cell['models'], 'model')}; "
-        f"of what the others accept it is {percent(cell['where_any'])}, {cell['above']} of those {others} above "
-        f"{percent(level, 0)}."
+        f"{cell['abstained']} of {counted(cell['models'], 'model')} accept nothing at all, which counts as nothing "
+        f"invalid; of what the other {others} accept {percent(cell['where_any'])} is invalid, and "
+        f"{cell['above']} of them are above {percent(level, 0)}."
     ]
 
 

@@ -61,7 +61,7 @@ def _against_nulls(results: Results) -> list[str]:
         out.append(
             f"From its training scenes to new ones with the very same items it loses {points(drop)}, and what is left "
             f"is within {points(SLIGHT)} of the null or below it: what it learned is of its training scenes. "
-            "Nothing in it ties a place in the picture to a place on the path."
+            "A likely reason: nothing in it ties a place in the picture to a place on the path."
         )
     elif above > CLEAR:
         out.append(

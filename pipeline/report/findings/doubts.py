@@ -1,6 +1,6 @@
 """What would have to be so for the causal verdicts to be wrong, and what is known of each."""
 
-from pipeline.report.findings.summary import refuted
+from pipeline.report.findings.summary import broken, refuted
 from pipeline.report.results import Results
 from pipeline.report.wording import counted, percent, variant_phrase
 
@@ -14,7 +14,8 @@ def doubts(results: Results) -> list[str]:
     regimes = results.selftest["regimes"]
     own, keys = regimes[best], ("false_causes", "family_wise_error")
     named, rejected = (f"{percent(max(r[key] for r in regimes.values()))} ({percent(own[key])})" for key in keys)
-    found, weak = refuted(results, best), min(own["power"], key=lambda effect: abs(float(effect) - SMALLEST))
+    found = [*refuted(results, best), *broken(results, best)]
+    weak = min(own["power"], key=lambda effect: abs(float(effect) - SMALLEST))
     elsewhere = f"found so here: {'; '.join(found)}" if found else "no attempt to refute found so here"
     items = results.refutation["items"][best]
     return [

@@ -6,7 +6,7 @@ from math import log
 import pandas as pd
 
 from pipeline.report.results import POSITION, Results
-from pipeline.report.wording import counted, listed, percent, percent_spread, points, split_phrase, variant_phrase
+from pipeline.report.wording import counted, listed, percent, percent_spread, split_phrase, variant_phrase
 
 ALIKE = 1.2  # numbers of labels whose ratio is at most this are called about as many
 
@@ -59,9 +59,10 @@ def _growth(results: Results) -> str:
 
 
 def _spent(results: Results) -> str:
-    """About as many labels in fewer scenes and in more."""
+    """About as many labels in fewer scenes and in more, for models that see something."""
     curve, parts, sets = results.efficiency_curve, [], ""
-    for variant in results.refitted:
+    own, null = f"s{results.per_seed}", results.efficiency["null"]["mean"]
+    for variant in (v for v in results.refitted if results.efficiency["accuracy"][v][own]["mean"] > null):
         rows = curve[curve["variant"] == variant]
         pair = _alike(
             rows[(rows["n"] == results.study_n) & (rows["scenes"] < results.per_seed)],
@@ -69,16 +70,14 @@ def _spent(results: Results) -> str:
         )
         if pair:
             few, many = pair
-            gap = many["mean"] - few["mean"]
-            more = "as much" if abs(gap) < 0.0005 else f"{points(gap)} {'more' if gap > 0 else 'less'}"
-            said = f"{more} for {variant_phrase(variant)}"
-            parts.append(f"{said} ({percent(many['mean'])} against {percent(few['mean'])})")
+            parts.append(f"{variant_phrase(variant)} {percent_spread(many)} against {percent_spread(few)}")
             sets = " against ".join(
                 f"{x['scenes']:.0f} scenes with {counted(int(x['n']), 'demonstration')} each "
                 f"({x['demonstrations']:.0f} labels)"
                 for x in (many, few)
             )
-    return f"About as many labels can be spread wide or heaped: {sets} give {listed(parts)}." if parts else ""
+    lead = f"About as many labels can be spread wide or heaped: {sets} give"
+    return f"{lead} {listed(parts)} (mean [quartiles over seeds])." if parts else ""
 
 
 def _alike(few: pd.DataFrame, many: pd.DataFrame) -> tuple[dict, dict] | None:

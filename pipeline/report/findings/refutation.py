@@ -71,7 +71,8 @@ def _mistaken(results: Results) -> str:
         for symbol, c in by_symbol.items()
         if c["verdict"] == "effect" and results.envelope["oracle"][user][symbol]["truth_m"] is None
     ]
-    return f" Taken for what the user minds, though shuffled from what he does not: {listed(cells)}." if cells else ""
+    lead = "Shuffled from items that a user does not mind, and taken for what he minds"
+    return f" {lead}: {listed(cells)}." if cells else ""
 
 
 def _halves(results: Results) -> str:

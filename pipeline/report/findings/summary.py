@@ -12,6 +12,7 @@ from pipeline.report.claims import (
 )
 from pipeline.report.findings.confounding import false_causes, owed
 from pipeline.report.findings.robustness import most_deceived, worst
+from pipeline.report.findings.users import worst_user
 from pipeline.report.results import POSITION, Results
 from pipeline.report.wording import (
     counted,
@@ -51,7 +52,7 @@ def summary(results: Results) -> list[str]:
         f"cells; ignoring the image altogether gives {free_right(results)}.",
     ]
     if best != results.main:
-        out += [*_better(results, best), _trusted(results, best), *_doubted(results, best)]
+        out += [*_better(results, best), *_trusted(results, best), *_doubted(results, best)]
     return out
 
 
@@ -70,8 +71,8 @@ def _better(results: Results, best: str) -> list[str]:
     top = max(results.variants, key=lambda v: (results.intervention["verdicts"][v]["right"], v == best))
     out = [
         f"More can be learned from the same demonstrations: {variant_phrase(best)}{does} is right about "
-        f"{listed(by_n)} of the paths in scenes with unseen items{_other_scenes(results, best)}. Beside it, at n = "
-        f"{results.study_n}: {listed(beside)}.",
+        f"{listed(by_n)} of the paths in scenes with unseen items{_other_scenes(results, best)}.",
+        f"Beside it, at n = {results.study_n}: {listed(beside)}.",
         f"Asked what an added item would change, it gives the true verdict in {verdicts[best]} cells"
         + (f"; the most are those of {variant_phrase(top)}, {verdicts[top]}." if top != best else "."),
     ]
@@ -83,9 +84,9 @@ def _better(results: Results, best: str) -> list[str]:
             out.append(
                 f"For the {user} user a search near the start turns {percent(c['success'])} of invalid paths into "
                 f"truly valid ones by it (by the paper's model {percent(ours['success'])}; the constant detour "
-                f"{percent(null['null_constant'])}), moving the control point {c['displacement_ratio']:.1f} "
-                f"times as far as the nearest valid path would ask ({ours['displacement_ratio']:.1f} and "
-                f"{detour:.1f} times); in "
+                f"{percent(null['null_constant'])}). Failures included, it moves the control point "
+                f"{c['displacement_ratio']:.1f} times as far as the nearest valid path would ask "
+                f"({ours['displacement_ratio']:.1f} and {detour:.1f} times); in "
                 f"{percent(c['fooled'])} it calls an invalid end valid ({percent(ours['fooled'])})."
             )
     return out
@@ -111,7 +112,7 @@ def _other_scenes(results: Results, best: str) -> str:
     )
 
 
-def _trusted(results: Results, best: str) -> str:
+def _trusted(results: Results, best: str) -> list[str]:
     """What speaks for the best model's reasons, one by one, each beside what it takes without them."""
     blame = results.counterfactual["counterfactual"][best]
     right = [
@@ -121,28 +122,29 @@ def _trusted(results: Results, best: str) -> str:
         if c and c["blame_right"] is not None
     ]
     gap = results.identification["largest_gap"][best]["all"]
-    return (
-        f"Of its reasons: where a single item forbids a path that it rejects, it blames the right one in "
-        f"{listed(right)}; {_distances(results, best)}; {_unconfounded(results, best)}and a few labelled paths tell it "
-        f"whose they are within {points(gap)}, on average over users, of an observer who knows the rules."
-    )
+    most = max(results.identification["identification"][best].items(), key=lambda of: int(of[0][1:]))[1]
+    return [
+        f"Where a single item forbids a path that it rejects, it blames the right one in {listed(right)}.",
+        _distances(results, best),
+        *_unconfounded(results, best),
+        f"A few labelled paths tell it whose they are within {points(gap)}, on average over users, of an observer who "
+        f"knows the rules ({worst_user(most)}).",
+    ]
 
 
-def _unconfounded(results: Results, best: str) -> str:
+def _unconfounded(results: Results, best: str) -> list[str]:
     """What it makes of a world in which plates stand beside glasses, and who is misled there."""
     tallies = results.confounding["verdicts"]
     if best not in tallies:
-        return ""
+        return []
     misled = [
         f"{variant_phrase(v)} names {counted(tallies[v]['false_causes'], 'false cause')}{_by_company(results, v)}"
         for v in results.variants
         if v != best and v in tallies and tallies[v]["false_causes"]
     ]
     others = f" (there {listed(misled)})" if misled else ""
-    return (
-        f"fitted where plates stand beside glasses, it gives {tallies[best]['right']} of {tallies[best]['cells']} true "
-        f"verdicts{others}; "
-    )
+    right = f"{tallies[best]['right']} of {tallies[best]['cells']} true verdicts"
+    return [f"Fitted where plates stand beside glasses, it gives {right}{others}."]
 
 
 def _by_company(results: Results, variant: str) -> str:
@@ -156,34 +158,35 @@ def _distances(results: Results, best: str) -> str:
     cells = [c for by in results.envelope["envelope"][best].values() for c in by.values() if c["truth_m"] is not None]
     found = [c for c in cells if c["error_m"] is not None]
     if not found:
-        return "it finds no distance to keep"
+        return "It finds no distance to keep."
     short, covered = sum(c["error_m"] < 0 for c in found), sum(bool(c["covered"]) for c in found)
     return (
-        f"the distances it asks for in {len(found)} of {len(cells)} cells (a user and a symbol) are within "
+        f"The distances it asks for in {len(found)} of {len(cells)} cells (a user and a symbol) are within "
         f"{max(1000 * abs(c['error_m']) for c in found):.1f} mm of the true margins, too short in {short}, and their "
-        f"intervals hold the truth in {covered}"
+        f"intervals hold the truth in {covered}."
     )
 
 
 def _doubted(results: Results, best: str) -> list[str]:
     """What speaks against it: refuters, disturbances and promises that it did not stand up to."""
-    said = [*refuted(results, best), *_broken(results, best), *_promised(results, best)]
+    said = [*refuted(results, best), *broken(results, best), *_promised(results, best)]
     return [f"Against it: {'; '.join(said)}."] if said else []
 
 
 def refuted(results: Results, best: str) -> list[str]:
-    """Refuters that found something, one clause each."""
+    """Refuters that found something or left it open, one clause each."""
     tallies = results.refutation["tallies"]
     found = {name: tallies[name][best] for name in results.refuters if best in tallies[name]}
     return [
         f"{refuter_finds(name)} in {t['effect']} of {t['cells']} cells"
-        + (f" ({t['inconclusive']} more are open)" if t["inconclusive"] else "")
+        + (f" ({t['inconclusive']} {'more ' if t['effect'] else ''}open)" if t["inconclusive"] else "")
         for name, t in found.items()
-        if t["effect"]
+        if t["effect"] or t["inconclusive"]
     ]
 
 
-def _broken(results: Results, best: str) -> list[str]:
+def broken(results: Results, best: str) -> list[str]:
+    """What takes most of its accuracy, and what has it accept most invalid paths, one clause each."""
     before, out = results.robustness["undisturbed"]["models"][best], []
     name, level = worst(results, best)
     cell = level["models"][best]

@@ -84,7 +84,8 @@ def _nearest_plans(results: Results) -> str:
         return ""
     return (
         "A planner that shortens its way comes as near as it may: of paths moved just far enough to keep them, valid "
-        f"are only {listed(parts)}, so add that much. "
+        f"are only {listed(parts)}. Both by the simulator's truth, in the "
+        "scenes that the envelopes are of; who learns has neither. "
     )
 
 
@@ -122,7 +123,7 @@ def identification(results: Results) -> list[str]:
         f"right one of {len(results.users)} in {percent(cell['ideal'])} after {many} paths (chance "
         f"{percent(found['chance'])}). {started(variant_phrase(best))} reaches {percent(cell['mean'])} "
         f"({interval(cell)}) and stays within {points(gap[best]['all'])} of that observer at every number of paths, on "
-        f"average over users; {_worst_user(cell)}.",
+        f"average over users; {worst_user(cell)}.",
         f"In the {counted(found['telling_scenes'], 'scene')} that tell the users apart, it {_passes(passes[best])}; "
         f"the observer {_passes(passes['ideal'])}."
         if found["telling_scenes"]
@@ -134,11 +135,8 @@ def identification(results: Results) -> list[str]:
         out.append(
             f"Farther from the observer than a guess by the paths' position alone ({points(null)}): {listed(worse)}."
         )
-    alarmed = {
-        v: found["open_set"][v][keys[-1]]["false_alarms"]
-        for v in results.variants
-        if found["open_set"][v][keys[-1]]["false_alarms"] > found["level"]
-    }
+    by_variant = {v: found["open_set"][v][keys[-1]] for v in results.variants}
+    alarmed = {v: c for v, c in by_variant.items() if c["false_alarms_low"] > found["level"]}
     strangers = found["open_set"][best][keys[-1]]
     text = (
         f"A stranger who minds plates only is called none of these in {percent(strangers['recognised'])} after "
@@ -152,15 +150,22 @@ def identification(results: Results) -> list[str]:
             f"{percent(strangers['recognised_unlike'])} (at best {percent(strangers['ideal_recognised_unlike'])})."
         )
     if alarmed:
-        parts = [f"{variant_phrase(v)} {percent(share)}" for v, share in alarmed.items()]
+        parts = [f"{variant_phrase(v)} {_alarms(c)}" for v, c in alarmed.items()]
         text += (
             f" Known users are called strangers more often than the level of {percent(found['level'], 0)} allows by "
-            f"{listed(parts)}: their probabilities do not mean what they say."
+            f"{listed(parts)}. Their probabilities are off, or their errors in a scene go together."
         )
     return [*out, text]
 
 
-def _worst_user(cell: dict) -> str:
+def _alarms(cell: dict) -> str:
+    """How often known users are called strangers, and the one who is most often."""
+    user = max(cell["users"], key=cell["users"].__getitem__)
+    low, high = 100 * cell["false_alarms_low"], 100 * cell["false_alarms_high"]
+    return f"{percent(cell['false_alarms'])} ({low:.1f}–{high:.1f}; the {user} user {percent(cell['users'][user])})"
+
+
+def worst_user(cell: dict) -> str:
     """The user for whom a model is farthest behind the observer told the rules."""
     user = max(cell["users"], key=lambda u: cell["ideal_users"][u] - cell["users"][u])
     return (

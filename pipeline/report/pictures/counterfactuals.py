@@ -30,9 +30,9 @@ def examples(results: Results, drawn: Drawn) -> Picture:
     """Three worked examples."""
     found, variant = results.counterfactual["examples"], results.best_blamer
     kinds = {
-        "disagree": "two users reject it, not for the same reason",
-        "one accepts": "one user minds, the other does not",
-        "model wrong": "the model blames the wrong item",
+        "disagree": "“two reasons”: two users reject it, not for the same one",
+        "one accepts": "“one minds”: one user rejects it, the other does not",
+        "model wrong": "“wrong blame”: the model blames the wrong item",
     }
     said = [f"{kinds.get(e['kind'], e['kind'])} (scene {e['scene']})" for e in found]
     clearances = [min(item["clearance_m"] for item in e["items"]) for e in found]

@@ -25,7 +25,7 @@ def reconstructions(drawn: Drawn) -> Picture:
     )
     caption = (
         f"What survives the way through the {len(drawn.traversal)} numbers of z_image ({drawn.added_user} user, "
-        f"seed {drawn.seed}): {numbers}."
+        f"seed {drawn.seed}): {numbers}." + (" It has kept less than a scene's mean colour." if seen > flat else "")
     )
     draw = partial(latent.draw_reconstructions, drawn.originals, drawn.rebuilt, drawn.trained_on)
     return picture("reconstructions", caption, f"Scenes and their reconstructions: {numbers}.", draw)

@@ -19,10 +19,12 @@ def acceptance(results: Results) -> Table:
             rows.append([*labels, *invalid, percent(cell["power"]), silent])
     caption = (
         f"Paths accepted, mean over the users {listed(results.judged_users)}. The first two rules hold demonstrations "
-        f"out and promise, or aim at, {percent(found['level'], 0)} invalid paths among those accepted at most; the "
-        "last is the largest set above one threshold that keeps to it. Means and quartiles over models, intervals over "
-        f"{counted(found['seeds'], 'seed')} crossed with {counted(found['scenes'], 'scene')}; a model that accepts "
-        "nothing counts as 0 %, but not under “models that accept any”, of which nothing is promised."
+        f"out and promise, or aim at, {percent(found['level'], 0)} invalid paths among those accepted at most. "
+        "“Training scores” takes the demonstrations that the model was fitted to for held out, “P > 0.5” needs none, "
+        "and “Told the truth” is the largest set above one threshold that keeps to it. Means and quartiles over "
+        f"models, intervals over {counted(found['seeds'], 'seed')} crossed with "
+        f"{counted(found['scenes'], 'scene')}; a model "
+        "that accepts nothing counts as 0 %, but not under “models that accept any”, of which nothing is promised."
     )
     header = [
         "Model", "Judged on", "Rule", "Invalid among accepted", "95 % interval",
