@@ -326,7 +326,7 @@ def test_the_summary_says_what_speaks_for_the_better_model_and_what_against_it(r
         own = confounding["confounding"]["irl_ranked"]["normal"]
         confounding["confounding"]["irl_ranked"]["normal"] = own | {symbol: own[symbol] | {"p_holm": p}}
     said_of_others = summary(replace(better, confounding=confounding))
-    misled = "true verdicts (there ranking IRL names 2 false causes, 1 by that company)."
+    misled = "true verdicts (there ranking IRL names 2 false causes, 1 made by the common cause)."
     assert any(misled in s for s in said_of_others)
     assert "their intervals hold the truth in 5" in distances and "within 5.0 percentage points" in told
     assert said[-1].startswith("Against it: a placebo patch (an item's pixels, shuffled) moves it in 8 of 8 cells; ")

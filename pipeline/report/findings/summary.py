@@ -73,8 +73,8 @@ def _better(results: Results, best: str) -> list[str]:
         f"More can be learned from the same demonstrations: {variant_phrase(best)}{does} is right about "
         f"{listed(by_n)} of the paths in scenes with unseen items{_other_scenes(results, best)}.",
         f"Beside it, at n = {results.study_n}: {listed(beside)}.",
-        f"Asked what an added item would change, it gives the true verdict in {verdicts[best]} cells"
-        + (f"; the most are those of {variant_phrase(top)}, {verdicts[top]}." if top != best else "."),
+        f"Asked what an added item would change, {variant_phrase(best)} gives the true verdict in {verdicts[best]} "
+        "cells" + (f"; the most are those of {variant_phrase(top)}, {verdicts[top]}." if top != best else "."),
     ]
     for user in results.users:
         null = results.repair[results.main][user]
@@ -150,7 +150,7 @@ def _unconfounded(results: Results, best: str) -> list[str]:
 def _by_company(results: Results, variant: str) -> str:
     """How many of a variant's false causes are the common cause's doing, by its control."""
     found = [owed(results, variant, user, symbol) for user, symbol, _ in false_causes(results, variant)]
-    return ", no control fitted" if None in found else f", {sum(map(bool, found))} by that company"
+    return ", no control fitted" if None in found else f", {sum(map(bool, found))} made by the common cause"
 
 
 def _distances(results: Results, best: str) -> str:
