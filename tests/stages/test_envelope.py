@@ -139,7 +139,7 @@ def test_paths_keep_the_upper_end_of_the_interval_or_only_from_what_flips():
 
 
 def test_where_no_path_keeps_the_distance_there_is_no_plan(cfg: DictConfig):
-    beyond_the_table = {user: dict.fromkeys(SYMBOLS, 2.0) for user in cfg.users}
+    beyond_the_table = {user: {str(symbol): 2.0 for symbol in SYMBOLS} for user in cfg.users}
     found = envelope._plan_nearest(cfg, envelope._set_tables(cfg), beyond_the_table)
     assert {user: cell["plans"] for user, cell in found.items()} == dict.fromkeys(cfg.users, 0)
 

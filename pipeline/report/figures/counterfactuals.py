@@ -75,7 +75,8 @@ def draw_examples(
             ax.set_title(name, fontsize=8)
             lines = [f"{u}: {'valid' if t > 0.5 else 'invalid'} ({p:.2f})" for u, (t, p) in answers.items()]
             ax.set_xlabel("\n".join(lines), fontsize=7)
-        row_label(row[0], KINDS.get(example["kind"], example["kind"]))
+        kind = str(example["kind"])
+        row_label(row[0], KINDS.get(kind, kind))
     return figure
 
 

@@ -70,7 +70,7 @@ def draw(
                 ax.set_title(title, loc="left", fontsize=10.5)
         if i == len(rows) - 1:
             notes = (
-                "whole line: valid; broken: invalid", "yellow: valid, blue: invalid", "a training scene; 0 blue to 1",
+                "whole line: valid; broken: invalid", "yellow: valid, blue: invalid", "P(valid) in a training scene",
                 f"by the {label}, dark to light", "change of mean P(valid)",
             )  # fmt: skip
             for ax, note in zip(axes, notes, strict=True):
