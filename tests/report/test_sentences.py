@@ -423,8 +423,8 @@ def test_disturbances_that_let_more_invalid_paths_through_are_named_each(results
                 change = {"difference": share, "ci_low": share - 0.01, "ci_high": share + 0.01}
                 level["models"]["path"] |= {"more_accepted": change}
     path, *_ = robustness(replace(results, robustness=found))
-    blur, cherry = "a blur of 4\u00a0px (+30.0, 29.0 to 31.0)", "a table top of cherry (+41.0, 40.0 to 42.0)"
-    assert f"under {blur} and {cherry}. It may under a blur of 2\u00a0px (+5.5, 4.5 to 6.5). " in path
+    blur, cherry = "a blur of 4\u00a0px (+30.0, +29.0 to +31.0)", "a table top of cherry (+41.0, +40.0 to +42.0)"
+    assert f"under {blur} and {cherry}. It may under a blur of 2\u00a0px (+5.5, +4.5 to +6.5). " in path
     path, *_ = robustness(results)
     assert "for certain nowhere. Elsewhere the intervals rule that out." in path
 
@@ -443,7 +443,7 @@ def test_a_promise_is_said_to_be_kept_broken_or_idle_as_the_numbers_have_it(resu
     found["acceptance"]["path"]["new_items"]["split"] |= {"abstained": 1, "above": 2}
     _, idle, *_ = acceptance(replace(results, acceptance=found))
     assert "the path model accepts nothing. Cross-fitted, it accepts 80.0" in idle
-    assert "1 of 4 models accept nothing at all" in idle
+    assert "Nothing at all is accepted by 1 of 4 models" in idle
     assert "of what the other 3 accept 2.0\u00a0% is invalid, and 2 of them are above" in idle
     found["acceptance"]["path"]["new_scenes"]["truth"] |= {"power": 0.0}
     told = acceptance(replace(results, acceptance=found))[-1]

@@ -60,8 +60,8 @@ def _silent(cell: dict, level: float) -> list[str]:
     if not others or not cell["abstained"]:
         return []
     return [
-        f"{cell['abstained']} of {counted(cell['models'], 'model')} accept nothing at all, which counts as nothing "
-        f"invalid; of what the other {others} accept {percent(cell['where_any'])} is invalid, and "
+        f"Nothing at all is accepted by {cell['abstained']} of {counted(cell['models'], 'model')}, which counts as "
+        f"nothing invalid; of what the other {others} accept {percent(cell['where_any'])} is invalid, and "
         f"{cell['above']} of them are above {percent(level, 0)}."
     ]
 

@@ -95,7 +95,8 @@ def _dangerous(results: Results, variant: str) -> str:
 
 
 def _more(change: dict) -> str:
-    return f"{signed(100 * change['difference'], 1)}, {100 * change['ci_low']:.1f} to {100 * change['ci_high']:.1f}"
+    more, low, high = (signed(100 * change[name], 1) for name in ("difference", "ci_low", "ci_high"))
+    return f"{more}, {low} to {high}"
 
 
 def _withstands(results: Results, variant: str) -> str:
