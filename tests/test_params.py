@@ -65,6 +65,7 @@ def test_every_profile_and_protocol_composes():
         ("seed=55", "parameter seed is 55"),
         ("seed=100", r"parameter seed is 100: expected null or one of protocol.seeds, \[0, .* under protocol=test"),
         ("train.steps=0", "parameter train.steps is 0: expected a whole number from 1"),
+        ("counterfactual.moved_scenes=200", "moved_scenes is 200: expected at most counterfactual.scenes = "),
         ("path.rate=0", "parameter path.rate is 0: expected a number above 0"),
         ("identify.stranger={bowl:null,plate:null,cutlery:null,glass:0.042}", "expected margins that no user has"),
         ("workers=0", "workers is 0"),

@@ -96,9 +96,6 @@ class Settings(Group):
         more = f"more than the widest margin in users, {widest} m: raise it"
         need(self.envelope.clear_of_others > widest, "envelope.clear_of_others", self.envelope.clear_of_others, more)
         need(self.refute.far_m > widest, "refute.far_m", self.refute.far_m, more)
-        here = self.scenes.shared
-        for name, scenes in (("refute", self.refute.scenes), ("robustness", self.robustness.scenes)):
-            need(scenes <= here, f"{name}.scenes", scenes, f"at most scenes.shared = {here}")
         moved, asked = self.counterfactual.moved_scenes, self.counterfactual.scenes
         need(moved <= asked, "counterfactual.moved_scenes", moved, f"at most counterfactual.scenes = {asked}")
         some = set(self.protocol.seeds) <= set(known)

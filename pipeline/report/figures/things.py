@@ -78,7 +78,7 @@ def _draw_thing(
     rim = [Stroke(linewidth=3.4, foreground=SOOT), Normal()]
     colour = MATTERS(relevance)
     ax.add_patch(Polygon(outline, fill=False, edgecolor=colour, lw=2.2, zorder=1.5, path_effects=rim))
-    x, low, high = things.ends[scene, thing, :, 0].mean(), outline[:, 1].min(), outline[:, 1].max()
+    x, low, high = map(float, (things.ends[scene, thing, :, 0].mean(), outline[:, 1].min(), outline[:, 1].max()))
     places = [(x, low - 0.02)] * bool(low > ROOM) + [(x, high + 0.02)] * bool(high < 1 - ROOM) or [(x, high)]
     place = max(places, key=lambda p: min([ROOM, *(float(np.hypot(p[0] - a, p[1] - b)) for a, b in labels)]))
     labels.append(place)
