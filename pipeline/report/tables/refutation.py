@@ -32,22 +32,20 @@ def refuted(results: Results) -> Table:
         for name in results.refuters:
             t = found["tallies"][name].get(variant)
             left = f", {t['inconclusive']} open" if t and t["inconclusive"] else ""
-            shown.append(
-                NONE if t is None else f"{t['effect']} of {t['cells']} ({_significant(results, name, variant)}){left}"
-            )
+            shown.append(NONE if t is None else f"{t['effect']} ({_significant(results, name, variant)}){left}")
         half = found["halves"][variant]
         over_items = f"{found['items'][variant]['same']} of {found['items'][variant]['cells']}"
         rows.append(
             [variant_label(variant), *shown, f"{percent(half['same'])} ({percent(half['least'], 0)})", over_items]
         )
     caption = (
-        "Cells, a user and a symbol each, in which a refuter finds an effect where there should be none, or on another "
-        "table another effect: significant and larger than .05 (in brackets: p < .05 after Holm over these cells, "
-        f"however small); open: inconclusive ({counted(found['seeds'], 'seed')}, the first "
-        f"{counted(_scenes(results), 'scene')}). Half of the scenes: how often a random half of all that were "
-        "intervened on leads to the verdict of all of them, on average over the cells (and in the cell where it does "
-        "least often). "
-        "By item: verdicts that stay if items take the place of scenes as a source of chance."
+        f"Of {_cells(results)} cells, a user and a symbol each, those in which a refuter finds an effect where there "
+        "should be none, or on another table another effect: significant and larger than .05 (in brackets: p < .05 "
+        "after Holm over these cells, however small); open: inconclusive "
+        f"({counted(found['seeds'], 'seed')}, the first {counted(_scenes(results), 'scene')}). Half of the scenes: how "
+        "often a random half of all that were intervened on leads to the verdict of all of them, on average over the "
+        "cells (and in the cell where it does least often). By item: verdicts that stay if items take the place of "
+        "scenes as a source of chance."
     )
     header = ["Variant", *(refuter_label(name) for name in results.refuters), "Half of the scenes", "By item"]
     return table("refuted", caption, header, rows)
@@ -56,6 +54,10 @@ def refuted(results: Results) -> Table:
 def _significant(results: Results, refuter: str, variant: str) -> int:
     cells = (c for by_symbol in results.refutation["refuters"][refuter][variant].values() for c in by_symbol.values())
     return sum(c["p_holm"] < results.selftest["level"] for c in cells)
+
+
+def _cells(results: Results) -> int:
+    return max(t["cells"] for by_variant in results.refutation["tallies"].values() for t in by_variant.values())
 
 
 def _scenes(results: Results) -> int:
