@@ -5,10 +5,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
 from pipeline.errors import InputError
 from pipeline.memory import keep_freed
-from pipeline.params import CONF, load, need, read_by, validate
+from pipeline.params import CONF, GRAPH, load, need, read_by, validate
 
 Main = Callable[[DictConfig, Path], None]
 PER_VARIANT = ("train", "irl", "path")  # stages DVC runs once per variant, each in a folder of its own
@@ -37,7 +38,8 @@ def _from_params(main: Main, stage: str, argv: list[str]) -> bool:
     def run() -> None:
         if len(argv) < at + 2:
             raise InputError("--params needs a file: python -m pipeline.stages.<stage> --params params.yaml")
-        cfg = load(Path(argv[at + 1]), argv[:at] + argv[at + 2 :])
+        overrides = argv[:at] + argv[at + 2 :]  # DVC gives none, and will run the other stages, too
+        cfg = load(Path(argv[at + 1]), overrides, [stage] if overrides else GRAPH)
         need(cfg, "seed", cfg.seed is None, "null, since DVC keeps the files of all seeds; for one, leave --params out")
         out_dir = _folder(Path(cfg.paths[stage]), stage, cfg)
         out_dir.mkdir(parents=True, exist_ok=True)
@@ -49,8 +51,9 @@ def _from_params(main: Main, stage: str, argv: list[str]) -> bool:
 def _from_hydra(main: Main, stage: str) -> bool:
     """Compose conf/ and run, each combination of a sweep whatever became of the others; whether any failed.
 
-    Hydra's folders carry the stage's name (by itself it would name them after this file), and a sweep over what the
-    stage does not read, which would give the same results under several names, is refused.
+    Hydra's folders carry the stage's name (by itself it would name them after this file). A sweep over what the stage
+    does not read, which would give the same results under several names, is refused, unless a launcher runs each
+    combination in a process of its own: none knows of the others then.
     """
     import hydra
     from hydra.core.hydra_config import HydraConfig
@@ -59,10 +62,13 @@ def _from_hydra(main: Main, stage: str) -> bool:
 
     def run(cfg: DictConfig) -> None:
         def once() -> None:
-            OmegaConf.resolve(cfg)
-            validate(cfg)
-            asked = HydraConfig.get().job.override_dirname
-            before = runs.setdefault(read_by(cfg, stage), asked)
+            try:
+                OmegaConf.resolve(cfg)
+            except OmegaConfBaseException as error:
+                raise InputError(f"parameters do not resolve ({error}): mend the override") from error
+            validate(cfg, [stage])
+            asked, read = HydraConfig.get().job.override_dirname, read_by(cfg, stage)
+            before = asked if read is None else runs.setdefault(read, asked)
             if before != asked:
                 raise InputError(
                     f"{asked}: nothing that stage {stage} reads differs from {before}. What stages before it read goes "

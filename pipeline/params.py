@@ -6,7 +6,7 @@ python -m pipeline.params --check          exit 1 if params.yaml is not what con
 """
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import yaml
@@ -15,11 +15,12 @@ from omegaconf.errors import ConfigAttributeError, OmegaConfBaseException
 from pydantic import ValidationError
 
 from pipeline.errors import InputError
-from pipeline.schema import Settings, sentence
+from pipeline.schema import AGREEMENTS, Agreed, sentence
 from pipeline.writing import write_whole
 
 CONF = Path(__file__).resolve().parent.parent / "conf"
 PARAMS = Path("params.yaml")
+GRAPH = tuple(AGREEMENTS)  # every stage that needs something of several groups
 COMPOSED = ("profile", "protocol", "seeds", "train.model", "validation_seeds")  # what conf/ makes other parameters of
 
 
@@ -44,8 +45,11 @@ def render(cfg: DictConfig) -> str:
     return OmegaConf.to_yaml(cfg)
 
 
-def load(path: Path, overrides: Sequence[str] = ()) -> DictConfig:
-    """Parameters from a params.yaml with dotted `overrides` (`variant=ae`); InputError if they make none."""
+def load(path: Path, overrides: Sequence[str] = (), stages: Collection[str] = ()) -> DictConfig:
+    """Parameters from a params.yaml with dotted `overrides` (`variant=ae`); InputError if they make none.
+
+    `stages`: of `validate`.
+    """
     if not path.is_file():
         raise InputError(f"no parameters at {path}: run `python -m pipeline.params` to write them from conf/")
     try:
@@ -56,13 +60,13 @@ def load(path: Path, overrides: Sequence[str] = ()) -> DictConfig:
         _not_composed(overrides)
         cfg.merge_with_dotlist(list(overrides))
         OmegaConf.resolve(cfg)
-        validate(cfg)
+        validate(cfg, stages)
     except ConfigAttributeError as error:
         raise InputError(
             f"{path} with {list(overrides)} has no parameter {error.full_key}: conf/ names them all, and "
             "`python -m pipeline.params` writes them anew"
         ) from error
-    except (yaml.YAMLError, OmegaConfBaseException) as error:
+    except (UnicodeDecodeError, yaml.YAMLError, OmegaConfBaseException) as error:
         raise InputError(
             f"{path} with {list(overrides)} is not parameters ({error}): run `python -m pipeline.params`"
         ) from error
@@ -81,10 +85,13 @@ def _not_composed(overrides: Sequence[str]) -> None:
                 )
 
 
-def validate(cfg: DictConfig) -> None:
-    """Raise InputError for the first parameter out of its range, before any work is done."""
+def validate(cfg: DictConfig, stages: Collection[str] = ()) -> None:
+    """Raise InputError for the first parameter out of its range, before any work is done.
+
+    And for the first that does not suit others with which one of `stages` (of GRAPH, all there are) reads it.
+    """
     try:
-        Settings.model_validate(OmegaConf.to_container(cfg, resolve=True))
+        Agreed.model_validate(OmegaConf.to_container(cfg, resolve=True), context=stages)
     except ValidationError as error:
         raise InputError(f"{sentence(error)}; change it in conf/ or on the command line") from error
 
@@ -95,24 +102,28 @@ def need(cfg: DictConfig, name: str, holds: bool, expected: str) -> None:
         raise InputError(f"parameter {name} is {OmegaConf.select(cfg, name)!r}: expected {expected}")
 
 
-def read_by(cfg: DictConfig, stage: str) -> str:
-    """The parameters that dvc.yaml says a stage reads, and those that no stage's results depend on, as text."""
-    graph = yaml.safe_load((CONF.parent / "dvc.yaml").read_text())["stages"]
-    names = [*graph.get(stage, {}).get("params", []), "variant", "seed", "workers", "paths"]
+def read_by(cfg: DictConfig, stage: str) -> str | None:
+    """As text, what a stage reads: the parameters dvc.yaml lists for it, and those that DVC does not watch.
+
+    None for a stage that dvc.yaml does not have; InputError if it is no graph.
+    """
+    path = CONF.parent / "dvc.yaml"
+    try:
+        stages = yaml.safe_load(path.read_text())["stages"]
+    except (yaml.YAMLError, KeyError, TypeError) as error:
+        raise InputError(f"{path} is no graph of stages ({error}): mend it, or take it from git") from error
+    if stage not in stages:
+        return None
+    names = [*stages[stage].get("params", []), "variant", "seed", "workers", "paths"]
     values = {name: OmegaConf.select(cfg, name.replace("${item.variant}", cfg.variant)) for name in names}
     return OmegaConf.to_yaml(OmegaConf.create(values))
 
 
-def shared_pool(cfg: DictConfig, name: str) -> str:
-    """The pool of the split that a parameter names; InputError unless all seeds share it."""
-    shared = {split: pool for split, pool in cfg.protocol.splits.items() if pool is not None}
-    need(cfg, name, OmegaConf.select(cfg, name) in shared, f"a split that all seeds share, one of {', '.join(shared)}")
-    return shared[OmegaConf.select(cfg, name)]
-
-
 def _main(argv: list[str]) -> int:
     check = "--check" in argv
-    text = render(compose([a for a in argv if a != "--check"]))
+    cfg = compose([a for a in argv if a != "--check"])
+    validate(cfg, GRAPH)
+    text = render(cfg)
     if not check:
         write_whole(PARAMS, lambda part: part.write_text(text))
         return 0

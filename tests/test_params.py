@@ -4,15 +4,23 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from dvc.utils.hydra import compose_and_dump
 from omegaconf import OmegaConf
 
 from pipeline.errors import InputError
-from pipeline.params import COMPOSED, CONF, compose, load, render, validate
-from pipeline.schema import Settings
+from pipeline.params import COMPOSED, CONF, GRAPH, compose, load, render, validate
+from pipeline.schema import Agreed, agreement
+from pipeline.schema.models import Objective
+from pipeline.schema.stages import Optimiser, Pictures, Search
+from pipeline.spec import nulls
+from pipeline.spec.irl import OBJECTIVES
 from pipeline.spec.registry import KINDS
+from pipeline.spec.repair import OPTIMISERS
+from pipeline.spec.search import METHODS
+from pipeline.table.disturbances import PICTURES
 
 ROOT = CONF.parent
 
@@ -50,7 +58,7 @@ def test_every_profile_and_protocol_composes():
         ("variants.irl_ranked.stage=train", "variants.irl_ranked.stage is 'train': expected irl"),
         ("variants.full.kind=tree", "variants.full.kind is 'tree': expected one of 'vae', 'reward', 'clearance'"),
         ("+variants.new={stage: irl}", "variants.new.kind is missing"),
-        ("variants.full.alpha=null", "variants.full.alpha is None: expected a number"),
+        ("variants.full.alpha=null", "variants.full.alpha is None: expected a weight from 0"),
         ("~variants.path.model", "variants.path.model is missing"),
         ("~variants.irl_ranked.objective", "variants.irl_ranked.objective is missing"),
         ("+variants.path.model.leaves=3", "variants.path.model.leaves is 3: expected none of that name"),
@@ -61,7 +69,7 @@ def test_every_profile_and_protocol_composes():
         ("train.engine=eager", "expected one of auto, stacked, batched, reference"),
         ("irl.sparsity=-1", "irl.sparsity is -1: expected a weight from 0"),
         ("irl.across=1", "irl.across is 1: expected true or false"),
-        ("search.weight=true", "search.weight is True: expected a number"),
+        ("search.weight=true", "search.weight is True: expected a size above 0"),
         ("seed=55", "parameter seed is 55"),
         ("seed=100", r"parameter seed is 100: expected null or one of protocol.seeds, \[0, .* under protocol=test"),
         ("train.steps=0", "parameter train.steps is 0: expected a whole number from 1"),
@@ -80,17 +88,62 @@ def test_every_profile_and_protocol_composes():
         ("scenes=3", "parameter scenes is 3: expected a mapping"),
         ("paths.data=null", "parameter paths.data is None: expected a name"),
         ("protocol.seeds=[]", r"parameter protocol.seeds is \[\]: expected one at least"),
+        ("repair.optimiser=newton", "repair.optimiser is 'newton': expected one of gradient, normalised, adam"),
+        ("repair.rate=0", "repair.rate is 0: expected a size above 0"),
+        ("search.weight=0", "search.weight is 0: expected a size above 0"),
+        ("search.reach=-1", "search.reach is -1: expected a length above 0"),
+        ("search.probes=30", "search.probes is 30: expected fewer than the 30 evaluations"),
+        (
+            "variants.irl_ranked.objective=apprenticeship",
+            "expected one of maxent, ranked",
+        ),
+        ("irl.jitter.gain=-1", "irl.jitter.gain is -1: expected a standard deviation from 0"),
+        ("irl.jitter.other_table=1.5", "irl.jitter.other_table is 1.5: expected a chance from 0 to 1"),
+        ("variants.full.alpha=-1", "variants.full.alpha is -1: expected a weight from 0"),
+        ("variants.full.gamma=0", "variants.full.gamma is 0: expected a weight above 0"),
+        ("demos.hand.speed_m_s=-1", "demos.hand.speed_m_s is -1: expected a size above 0"),
+        ("demos.hand.tremor_hz=[8.0,60.0]", r"demos.hand.tremor_hz is \[8.0, 60.0\]: expected a band above 0"),
+        ("evaluate.users=[someone]", r"evaluate.users is \['someone'\]: expected some of careful, normal, aggressive"),
+        ("robustness.split=seen_scenes", "expected a split that all seeds share, one of new_scenes, new_items"),
+        ("+robustness.pictures.fog=[1]", r"robustness.pictures.fog is \[1\]: expected none of that name"),
+        (
+            "robustness.pictures.shade=[1.5]",
+            r"robustness.pictures.shade is .*1.5.*: expected numbers above 0, at most 1, the smallest first",
+        ),
+        ("+search.rivals.newton=null", "a name in search.rivals is 'newton': expected 'multistart', 'cem' or 'lbfgs'"),
         ("protocol.seeds=[55]", "parameter protocol.seeds is .55.: expected a list of some of"),
     ],
 )
 def test_a_parameter_out_of_range_is_named(override: str, says: str):
     with pytest.raises(InputError, match=says):
-        compose([override])
+        validate(compose([override]), GRAPH)
 
 
 def test_every_kind_of_model_has_settings_of_its_own():
-    variants = Settings.model_json_schema()["properties"]["variants"]
-    assert set(variants["additionalProperties"]["discriminator"]["mapping"]) == set(KINDS)
+    variants = Agreed.model_json_schema()["properties"]["variants"]["patternProperties"]
+    assert set(next(iter(variants.values()))["discriminator"]["mapping"]) == set(KINDS)
+
+
+def test_names_that_parameters_may_have_are_those_of_the_library():
+    rivals = Search.model_json_schema()["properties"]["rivals"]["propertyNames"]["enum"]
+    assert {*rivals, "probe"} == set(METHODS)
+    assert list(Pictures.model_fields) == list(PICTURES)
+    assert get_args(Optimiser) == OPTIMISERS and get_args(Objective) == OBJECTIVES
+    assert agreement.NULLS == nulls.NULLS and agreement.NEAREST == nulls.NEAREST
+
+
+def test_what_stages_need_of_others_is_asked_for_the_graph_but_not_for_another_stage_alone():
+    cfg = load(ROOT / "params.yaml")
+    cfg.n = [9]
+    with pytest.raises(InputError, match=r"ablate\.n is .1, 9.: expected some of 9"):
+        validate(cfg, GRAPH)
+    validate(cfg, ["train"])
+    with pytest.raises(InputError, match=r"ablate\.n"):
+        validate(cfg, ["ablate"])
+
+
+def test_a_stage_that_needs_something_of_others_is_one():
+    assert set(agreement.AGREEMENTS) <= {path.stem for path in (ROOT / "pipeline" / "stages").glob("*.py")}
 
 
 def test_an_unknown_user_needs_a_margin_for_each_symbol():
@@ -144,12 +197,12 @@ def test_what_other_parameters_are_composed_of_is_known():
 
 def test_a_user_whose_name_is_a_number_is_asked_for_in_quotes():
     cfg = OmegaConf.create((ROOT / "params.yaml").read_text().replace("\n  careful:\n    bowl", "\n  1:\n    bowl"))
-    with pytest.raises(InputError, match="a name in users is 1: expected letters"):
+    with pytest.raises(InputError, match="a name in users is 1: expected a name of letters"):
         validate(cfg)  # pyright: ignore[reportArgumentType]
 
 
 def test_every_kind_of_parameter_can_be_overridden():
     overrides = ["seed=3", "n=[3,9]", "variant=ae", "variants.full.beta=0.5", "users.careful.glass=null"]
-    cfg = load(ROOT / "params.yaml", overrides)
+    cfg = load(ROOT / "params.yaml", overrides, ["train"])
     assert (cfg.seed, cfg.n, cfg.variant, cfg.variants.full.beta) == (3, [3, 9], "ae", 0.5)
     assert cfg.users.careful.glass is None and load(ROOT / "params.yaml", ["seed=null"]).seed is None

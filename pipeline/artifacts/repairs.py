@@ -8,17 +8,12 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.scenes import SceneSet, train_pool
 from pipeline.errors import InputError
-from pipeline.params import shared_pool
 from pipeline.spec.metrics import DECISION
 from pipeline.streams import stream
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.layout import Layouts
 from pipeline.table.oracle import nearest_valid
 from pipeline.table.rules import Margins, clearance, slack, valid
-
-MEASURES = (
-    "success", "correct", "fooled", "abstained", "displacement_m", "displacement_ratio", "oracle_displacement_m",
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -40,7 +35,7 @@ class Starts:
 
 def check_pool(cfg: DictConfig, scenes: SceneSet) -> str:
     """The pool to repair in; InputError if conf/repair or the scenes stage does not provide it."""
-    pool = shared_pool(cfg, "repair.split")
+    pool = cfg.protocol.splits[cfg.repair.split]
     for name in (pool, *(train_pool(seed) for seed in cfg.protocol.seeds)):
         if name not in scenes.layouts:
             raise InputError(f"no scenes {name}: there are {', '.join(scenes.layouts)}; run the scenes stage")
@@ -89,18 +84,3 @@ def rows(starts: Starts, method: str, seed: int, z: np.ndarray, p: np.ndarray | 
             "clearance_m": room,
         }
     )
-
-
-def measures(rows: pd.DataFrame) -> dict[str, float]:
-    """MEASURES of one method, user and seed.
-
-    success: the share of ends that are truly valid, accepted or not. An end is accepted (p > .5) and correct,
-    accepted and fooled, or abstained from: the three sum to 1 (a reference accepts nothing itself: NaN).
-    displacement_ratio: the mean displacement over the oracle's mean, both over all starts, so that no start
-    close to the boundary blows it up.
-    """
-    right = rows["valid_end"].to_numpy(dtype=float)
-    accepted = rows["accepted"].to_numpy(dtype=float, na_value=np.nan)
-    moved, least = (rows[name].to_numpy().mean() for name in ("displacement_m", "oracle_displacement_m"))
-    values = (right, accepted * right, accepted * (1 - right), 1 - accepted, moved, moved / least, least)
-    return {name: float(np.mean(value)) for name, value in zip(MEASURES, values, strict=True)}

@@ -114,7 +114,7 @@ def nulls(
     weight = np.where(present, (hits / np.maximum(chances, 1))[symbol], 0.0)
     share = weight / np.maximum(weight.sum(-1, keepdims=True), np.finfo(float).tiny)  # (scene, slot)
     return {
-        "random": blamed / present.sum(-1, keepdims=True),
+        "random": blamed / np.maximum(present.sum(-1, keepdims=True), 1),
         "nearest": (blamed & (culprit == clearances.argmin(-1))).astype(float),
         "base_rate": np.where(hit, share[:, None], 0.0).sum(-1),
     }

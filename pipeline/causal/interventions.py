@@ -16,6 +16,7 @@ from jaxtyping import Float
 from numpy import ndarray as Array
 
 from pipeline.causal.statistics import estimate, holm, true_verdict, verdict
+from pipeline.table.layout import SYMBOLS
 
 DIGITS = 6  # of every reported number
 
@@ -33,6 +34,12 @@ def over_placements(intervened: Float[Array, "*b symbol placement scene"]) -> Fl
 def ordered_pairs(users: Sequence[str]) -> list[tuple[str, str]]:
     """Every (s, s') with s' != s, for do(S := s') in units of S = s."""
     return list(permutations(users, 2))
+
+
+def by_user(users: Sequence[str], cells: Sequence[dict]) -> dict[str, dict[str, dict]]:
+    """Cells (user * symbol), user by user, as user -> symbol -> cell."""
+    rest = iter(cells)
+    return {user: {symbol: next(rest) for symbol in SYMBOLS} for user in users}
 
 
 def judge(effects: Float[Array, "cell seed scene"]) -> list[dict]:

@@ -27,6 +27,16 @@ def score(accepted: Accepted, valid: Valid) -> dict:
     }
 
 
+def kept(accepted: Accepted, valid: Valid, familiar: Bool[Array, "seed scene"]) -> dict[str, float | None]:
+    """What abstaining in pictures that are not `familiar` would leave of what is accepted.
+
+    `false_accepts` and `accepted` are shares of all invalid and of all valid paths, those abstained from among them.
+    """
+    still = accepted & familiar[None, :, :, None]
+    refused = _share(~still, valid)
+    return {"false_accepts": _share(still, ~valid), "accepted": None if refused is None else round(1 - refused, DIGITS)}
+
+
 def _share(wrong: Accepted, among: Valid) -> float | None:
     """Share of the paths `among` that is `wrong`, over all users, seeds and scenes."""
     if not among.any():
@@ -40,7 +50,7 @@ def _interval(accepted: Accepted, valid: Valid) -> list[float] | None:
     if valid.all():
         return None
     e = ratio(*(x[None] for x in _false_accepts(accepted, valid)))
-    return [round(float(bound[0]), DIGITS) + 0.0 for bound in (e.ci_low, e.ci_high)]
+    return [round(float(np.clip(bound[0], 0, 1)), DIGITS) for bound in (e.ci_low, e.ci_high)]
 
 
 def _false_accepts(accepted: Accepted, valid: Valid) -> tuple[Float[Array, "seed scene"], Float[Array, "seed scene"]]:

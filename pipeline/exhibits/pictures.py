@@ -14,7 +14,6 @@ from pipeline.artifacts.trained import load_model
 from pipeline.causal.statistics import SMALLEST_EFFECT
 from pipeline.errors import InputError
 from pipeline.exhibits.choice import most_varied, repairs_of, with_something_invalid
-from pipeline.params import shared_pool
 from pipeline.report.figures import overview
 from pipeline.report.figures.latent import liveliest
 from pipeline.report.figures.maps import Maps
@@ -39,7 +38,7 @@ JUDGED_SIDE = 24  # lattice over z_theta by which the worst scene is found, per 
 def gather(cfg: DictConfig, results: Results, scenes: SceneSet, added: Added) -> Drawn:
     """The arrays behind the pictures: the first seed's."""
     seed, n = results.seeds[0], cfg.study_n
-    training, pool = train_pool(seed), shared_pool(cfg, "repair.split")
+    training, pool = train_pool(seed), cfg.protocol.splits[cfg.repair.split]
     user = next(iter(with_something_invalid(results)), results.users[0])
     model = load_model(cfg, results.main, user, seed, n)
     if not isinstance(model, VaeSpecification):
@@ -48,7 +47,7 @@ def gather(cfg: DictConfig, results: Results, scenes: SceneSet, added: Added) ->
     count = cfg.report.reconstructed
     originals = np.concatenate([scenes.images[training][:count], scenes.images[cfg.protocol.splits.new_items][:count]])
     traversal = model.traverse(scenes.images[training][0], np.array(cfg.report["values"], dtype=float))
-    to = scenes.images[shared_pool(cfg, "intervene.split")]
+    to = scenes.images[cfg.protocol.splits[cfg.intervene.split]]
     unseen = cfg.protocol.splits.new_items
     examples = read_arrays(Path(cfg.paths.counterfactual) / "examples.npz")
     found = find(to_tensor(scenes.images[unseen]))

@@ -25,7 +25,6 @@ from pipeline.spec.vae import VaeSpecification
 from pipeline.streams import job_seed
 
 Answer = TypeVar("Answer")
-FITTED = ("train", "irl", "path")  # the stages whose variants can be fitted here
 
 
 @dataclass(frozen=True)

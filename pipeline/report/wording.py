@@ -162,6 +162,11 @@ def percent_spread(cell: dict, name: str = "mean", low: str = "q1", high: str = 
     return f"{percent(cell[name])} [{100 * cell[low]:.1f}–{100 * cell[high]:.1f}]"
 
 
+def percent_within(share: float, bounds: Sequence[float] | None) -> str:
+    """A share and its 95 % interval: 96.7 % [94.6–98.9]."""
+    return percent(share) + (f" [{100 * bounds[0]:.1f}–{100 * bounds[1]:.1f}]" if bounds else "")
+
+
 def points(difference: float) -> str:
     """A difference of shares in percentage points, without its sign."""
     amount = f"{abs(100 * difference):.1f}"

@@ -1,10 +1,10 @@
 """How models are fitted, and the variants of each kind."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import Field
 
-from pipeline.schema.values import Count, Group, Several, expected
+from pipeline.schema.values import Chance, Count, Group, Several, Spread, expected
 
 Rate = Annotated[float, Field(gt=0), expected("a number above 0")]
 Weight = Annotated[float, Field(ge=0), expected("a weight from 0")]
@@ -31,11 +31,11 @@ class Train(Schedule):
 
 
 class Jitter(Group):
-    hue: float
-    gain: float
-    shift: float
-    scene_gain: float
-    other_table: float
+    hue: Annotated[float, Field(ge=0), expected("an angle from 0 [rad]")]
+    gain: Spread
+    shift: Spread
+    scene_gain: Spread
+    other_table: Chance
 
 
 class Irl(Group):
@@ -52,9 +52,9 @@ class Irl(Group):
 class Vae(Group):
     stage: Annotated[Literal["train"], expected("train, which fits kind vae")]
     kind: Literal["vae"]
-    alpha: float
-    beta: float
-    gamma: float
+    alpha: Weight
+    beta: Weight
+    gamma: Annotated[float, Field(gt=0), expected("a weight above 0, or the classifier is never trained")]
     model: VaeModel
 
 
@@ -68,10 +68,13 @@ class RewardModel(Group):
     ceiling: bool
 
 
+Objective = Literal["maxent", "ranked"]
+
+
 class Reward(Group):
     stage: Annotated[Literal["irl"], expected("irl, which fits kind reward")]
     kind: Literal["reward"]
-    objective: str
+    objective: Annotated[Objective, expected(f"one of {', '.join(get_args(Objective))}")]
     steps: Count
     model: RewardModel
 

@@ -23,7 +23,7 @@ from pipeline.schema.stages import (
     Search,
     Selftest,
 )
-from pipeline.schema.values import MAX_N, Count, Demonstrations, Group, Margins, Seeds, Whole, each_once, need
+from pipeline.schema.values import MAX_N, Count, Demonstrations, Group, Margins, Name, Seeds, Whole, each_once, need
 from pipeline.schema.world import Demos, Scenes
 
 
@@ -51,7 +51,7 @@ class Settings(Group):
     seed: Whole | None
     workers: Count
     paths: dict[str, str]
-    users: Annotated[dict[str, Margins], Field(min_length=1)]
+    users: Annotated[dict[Name, Margins], Field(min_length=1)]
     scenes: Scenes
     demos: Demos
     train: Train
@@ -73,7 +73,7 @@ class Settings(Group):
     accept: Accept
     record: Record
     report: Report
-    variants: dict[str, Variant]
+    variants: dict[Name, Variant]
     protocol: Protocol
     profile: str
 
@@ -89,15 +89,8 @@ class Settings(Group):
         need(self.variant in self.variants, "variant", self.variant, f"one of {', '.join(self.variants)}")
         own = f"null or one of protocol.seeds, {self.protocol.seeds} under protocol={self.protocol.name}"
         need(self.seed is None or self.seed in self.protocol.seeds, "seed", self.seed, own)
-        stranger = self.identify.stranger
-        new = stranger not in self.users.values()
-        need(new, "identify.stranger", stranger, "margins that no user has: nobody else can be told from a known user")
-        widest = max((m for margins in self.users.values() for m in margins.values() if m is not None), default=0.0)
-        more = f"more than the widest margin in users, {widest} m: raise it"
-        need(self.envelope.clear_of_others > widest, "envelope.clear_of_others", self.envelope.clear_of_others, more)
-        need(self.refute.far_m > widest, "refute.far_m", self.refute.far_m, more)
-        moved, asked = self.counterfactual.moved_scenes, self.counterfactual.scenes
-        need(moved <= asked, "counterfactual.moved_scenes", moved, f"at most counterfactual.scenes = {asked}")
         some = set(self.protocol.seeds) <= set(known)
         need(some, "protocol.seeds", self.protocol.seeds, f"a list of some of {known}")
+        some_users = len(self.evaluate.users) > 0 and set(self.evaluate.users) <= set(self.users)
+        need(some_users, "evaluate.users", self.evaluate.users, f"some of {', '.join(self.users)}")
         return self

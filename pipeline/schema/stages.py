@@ -1,6 +1,6 @@
 """What is asked of fitted models, stage by stage, and how it is shown."""
 
-from typing import Annotated
+from typing import Annotated, Literal, get_args
 
 from pydantic import AfterValidator, Field
 
@@ -12,77 +12,94 @@ from pipeline.schema.values import (
     Group,
     Length,
     Margins,
+    Name,
     Names,
     Pair,
     Several,
     Share,
     Shares,
+    Size,
+    Some,
     Spread,
     Strengths,
     Whole,
+    each_once,
     expected,
     rising,
 )
+
+SharedSplit = Annotated[
+    Literal["new_scenes", "new_items"], expected("a split that all seeds share, one of new_scenes, new_items")
+]
 
 
 class Comparison(Group):
     family: str
     variant: str
-    against: Names
-    splits: Names
+    against: Some
+    splits: Some
     n: Demonstrations | None
 
 
 class Evaluate(Group):
-    users: list[str]
+    users: Names
     bins: Count
     comparisons: list[Comparison]
 
 
+ValidationPool = Annotated[
+    Literal["val_scenes", "val_items"], expected("pools of validation, some of val_scenes, val_items")
+]
+
+
 class Ablate(Group):
     variant: str
-    n: list[Demonstrations]
-    pools: list[str]
+    n: Annotated[list[Demonstrations], AfterValidator(each_once)]
+    pools: Annotated[list[ValidationPool], Field(min_length=1), AfterValidator(each_once)]
 
 
 class Efficiency(Group):
     generator: Whole
     scenes: list[Count]
-    variants: list[str]
-    split: str
+    variants: Names
+    split: SharedSplit
     threshold: Share
 
 
+Optimiser = Literal["gradient", "normalised", "adam"]
+
+
 class Repair(Group):
-    split: str
+    split: SharedSplit
     starts: Count
     steps: Count
-    optimiser: str
-    rate: float
+    optimiser: Annotated[Optimiser, expected(f"one of {', '.join(get_args(Optimiser))}")]
+    rate: Size
     settle: bool
     lattice_side: Count
     refinements: Whole
 
 
 class Search(Group):
-    evaluations: int
-    weight: float
-    probes: int
-    reach: float
-    step: float
-    rivals: dict[str, Count | None]
+    evaluations: Count
+    weight: Size
+    probes: Count
+    reach: Length
+    step: Length
+    thresholds: Annotated[list[Between], AfterValidator(rising), expected("ascending numbers between 0 and 1")]
+    rivals: dict[Literal["multistart", "cem", "lbfgs"], Count | None]
     rivals_of: str
 
 
 class Intervene(Group):
-    split: str
+    split: SharedSplit
     paths: Count
     placements: Count
     generator: Whole
 
 
 class Counterfactual(Group):
-    split: str
+    split: SharedSplit
     scenes: Several
     paths: Count
     moved_scenes: Several
@@ -102,7 +119,7 @@ class Regime(Group):
 class Selftest(Group):
     families: Count
     cells: Count
-    effects: Annotated[list[float], Field(min_length=1)]
+    effects: Annotated[list[float], Field(min_length=1), AfterValidator(each_once)]
     stylised: dict[str, Regime]
 
 
@@ -110,7 +127,7 @@ class Refute(Group):
     scenes: Several
     far_m: Length
     tables: str
-    permuted: list[str]
+    permuted: Names
     halves: Several
     generator: Whole
 
@@ -127,11 +144,11 @@ class Envelope(Group):
 
 
 class Identify(Group):
-    split: str
+    split: SharedSplit
     paths: Count
     draws: Count
     generator: Whole
-    reported: list[Count]
+    reported: Annotated[list[Count], Field(min_length=1)]
     stranger: Margins
     level: Between
 
@@ -143,27 +160,37 @@ class World(Group):
 
 class Confound(Group):
     generator: Whole
-    worlds: dict[str, World]
+    worlds: dict[Name, World]
     present: Share
     glasses: Count
     near_m: Length
-    users: list[str]
-    variants: dict[str, list[str]]
+    users: Names
+    variants: dict[str, Names]
     examples: Count
+
+
+class Pictures(Group):
+    """Strengths by disturbance; those left out are not asked about."""
+
+    shade: Shares | None = None
+    tint: Shares | None = None
+    blur: Strengths | None = None
+    noise: Strengths | None = None
+    arm: Shares | None = None
 
 
 class Robustness(Group):
     generator: Whole
-    split: str
+    split: SharedSplit
     scenes: Several
-    pictures: dict[str, Strengths]
-    tables: list[str]
+    pictures: Pictures
+    tables: Some
     clutter: Annotated[list[Count], AfterValidator(rising), expected("whole numbers above 0, the smallest first")]
     mislabelled: dict[str, Shares]
 
 
 class Accept(Group):
-    variants: list[str]
+    variants: Names
     level: Between
     levels: Annotated[list[Between], AfterValidator(rising), expected("ascending numbers between 0 and 1")]
     fitted: Count
@@ -176,12 +203,12 @@ class Record(Group):
     scenes: Count
     repairs: Count
     training_scenes: Count
-    first: list[str]
+    first: Names
     map_side: Several
 
 
 class Report(Group):
-    shown: list[str]
+    shown: Names
     scenes: Count
     map_side: Count
     panel_scenes: Count

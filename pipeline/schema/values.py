@@ -8,6 +8,7 @@ from pydantic_core import PydanticCustomError
 
 from pipeline.table.layout import SYMBOLS
 
+RESERVED = "truth", "ideal", "z"  # what tables and files call something else
 MAX_N = 10  # demonstrations a scene has at the most (paper: 10)
 
 
@@ -42,6 +43,12 @@ def each_once(values: list) -> list:
     return values
 
 
+def _not_reserved(name: str) -> str:
+    if name in RESERVED:
+        raise ValueError
+    return name
+
+
 def _every_symbol(margins: dict) -> dict:
     if set(margins) != set(SYMBOLS):
         raise PydanticCustomError("expected", "{expected}", {"expected": f"a margin for each of {', '.join(SYMBOLS)}"})
@@ -62,7 +69,14 @@ Between = Annotated[float, Field(gt=0, lt=1), expected("a number between 0 and 1
 Share = Annotated[float, Field(gt=0, le=1), expected("a share above 0, at most 1")]
 Margin = Annotated[float | None, Field(ge=0, lt=1), expected("null (does not care) or a margin from 0 to 1 [m]")]
 Margins = Annotated[dict[str, Margin], AfterValidator(_every_symbol)]
-Names = Annotated[list[str], Field(min_length=1)]
+Name = Annotated[
+    str,
+    Field(pattern="^[A-Za-z][A-Za-z0-9_-]*$"),
+    AfterValidator(_not_reserved),
+    expected(f"a name of letters, digits, - and _ that begins with a letter, none of {', '.join(RESERVED)}"),
+]
+Names = Annotated[list[str], AfterValidator(each_once)]
+Some = Annotated[Names, Field(min_length=1)]
 Pair = Annotated[list[float], Field(min_length=2, max_length=2), expected("two numbers, the smaller first")]
 Seeds = Annotated[list[Whole], Field(min_length=1), AfterValidator(each_once)]
 Strengths = Annotated[

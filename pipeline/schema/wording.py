@@ -22,7 +22,8 @@ def sentence(error: ValidationError) -> str:
     first = error.errors()[0]
     context, value = first.get("ctx", {}), first["input"]
     if first["loc"][-1:] == ("[key]",):
-        return f"a name in {first['loc'][0]} is {value!r}: expected letters; put it in quotes"
+        what = context.get("expected", "letters; put it in quotes")
+        return f"a name in {'.'.join(map(str, first['loc'][:-2]))} is {value!r}: expected {what}"
     keys = [str(key) for key in first["loc"] if not isinstance(key, int)]
     if keys[0:1] == ["variants"] and len(keys) > 2:
         del keys[2]  # its kind, which pydantic puts there to tell variants apart

@@ -11,7 +11,9 @@ from pipeline.schema.values import (
     Length,
     Pair,
     Place,
+    Several,
     Size,
+    Spread,
     Whole,
     need,
 )
@@ -45,7 +47,7 @@ class Layout(Group):
 class Scenes(Group):
     generator: Whole
     per_seed: Count
-    shared: Count
+    shared: Several
     validation: Count
     calibration: Count
     calibration_paths: Count
@@ -54,15 +56,22 @@ class Scenes(Group):
 
 
 class Hand(Group):
-    rate_hz: float
-    jitter_s: float
-    speed_m_s: float
-    speed_spread: float
-    tremor_m: float
+    rate_hz: Size
+    jitter_s: Spread
+    speed_m_s: Size
+    speed_spread: Spread
+    tremor_m: Distance
     tremor_hz: Pair
-    drift_m: float
+    drift_m: Distance
     height_m: float
-    height_drift_m: float
+    height_drift_m: Distance
+
+    @model_validator(mode="after")
+    def _agrees(self) -> "Hand":
+        low, high = self.tremor_hz
+        band = "a band above 0, the lower end first, below half of rate_hz"
+        need(0 < low <= high < self.rate_hz / 2, "demos.hand.tremor_hz", self.tremor_hz, band)
+        return self
 
 
 class Demos(Group):

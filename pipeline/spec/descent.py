@@ -11,8 +11,6 @@ from torch import Tensor, nn
 from torch.optim import AdamW
 from torch.optim.lr_scheduler import OneCycleLR
 
-from pipeline.errors import InputError
-
 
 @dataclass(frozen=True)
 class Schedule:
@@ -23,13 +21,6 @@ class Schedule:
     weight_decay: float
     curve_every: int  # steps between two points of the learning curve
 
-    def __post_init__(self):
-        require_positive(self, "steps", "rate", "curve_every")
-        if not self.weight_decay >= 0:
-            raise InputError(
-                f"weight_decay is {self.weight_decay}: it must be 0 or more (conf/train, conf/irl, conf/path)"
-            )
-
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> "Schedule":
         """The schedule from conf/train or conf/path."""
@@ -39,13 +30,6 @@ class Schedule:
         """AdamW of `parameters`, and what paces it: both take a step after every gradient."""
         optimiser = AdamW(parameters, lr=self.rate, weight_decay=self.weight_decay, fused=True)
         return optimiser, OneCycleLR(optimiser, self.rate, total_steps=self.steps)
-
-
-def require_positive(schedule: Schedule, *names: str) -> None:
-    """ValueError for the first of these fields that is not above 0."""
-    for name in names:
-        if not getattr(schedule, name) > 0:
-            raise InputError(f"{name} is {getattr(schedule, name)}: expected a number above 0")
 
 
 class Checkpoints:

@@ -10,8 +10,6 @@ from jaxtyping import Float32, Int
 from numpy import ndarray as Array
 from scipy import ndimage
 
-from pipeline.errors import InputError
-
 CUT = 2.1  # contrast, in the table's standard deviations, from which a pixel is no table
 MOST = 0.1  # share of the pixels that may belong to blobs
 SMALLEST = 12  # pixels; smaller regions belong to the table
@@ -27,13 +25,6 @@ class Jitter:
     shift: float  # standard deviation of a colour added to a blob, per channel [1 = white]
     scene_gain: float  # standard deviation of the logarithm of a whole scene's contrast
     other_table: float  # chance that a scene's blobs are set on another training scene's table
-
-    def __post_init__(self):
-        for name in ("hue", "gain", "shift", "scene_gain"):
-            if not getattr(self, name) >= 0:
-                raise InputError(f"irl.jitter.{name} is {getattr(self, name)}: it must be 0 or more")
-        if not 0 <= self.other_table <= 1:
-            raise InputError(f"irl.jitter.other_table is {self.other_table}: expected a chance from 0 to 1")
 
 
 def blobs(contrast: Float32[Array, "scene row column"]) -> Int[Array, "scene row column"]:

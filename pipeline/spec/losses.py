@@ -8,7 +8,6 @@ import torch.nn.functional as F
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from pipeline.errors import InputError
 from pipeline.spec.vae import VaeSpecification
 
 
@@ -19,13 +18,6 @@ class Weights:
     alpha: float
     beta: float
     gamma: float
-
-    def __post_init__(self):
-        for name in ("alpha", "beta", "gamma"):
-            if not getattr(self, name) >= 0:
-                raise InputError(f"{name} is {getattr(self, name)}: a weight of Eq. 1 is 0 or more")
-        if self.gamma == 0:
-            raise InputError("gamma is 0: the classifier would never be trained; give it a positive weight")
 
 
 class Terms(NamedTuple):

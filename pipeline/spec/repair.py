@@ -10,7 +10,6 @@ from torch import Tensor
 from torch.optim import SGD, Adam
 from torch.optim.lr_scheduler import LambdaLR
 
-from pipeline.errors import InputError
 from pipeline.spec.specification import Specification, to_tensor
 from pipeline.table.bezier import Z_HIGH, Z_LOW
 
@@ -30,13 +29,6 @@ class Ascent:
     optimiser: str
     rate: float
     settle: bool
-
-    def __post_init__(self):
-        if self.optimiser not in OPTIMISERS:
-            raise InputError(f"repair.optimiser is {self.optimiser!r}: expected one of {', '.join(OPTIMISERS)}")
-        for name in ("steps", "rate"):
-            if not getattr(self, name) > 0:
-                raise InputError(f"repair.{name} is {getattr(self, name)}: it must be positive")
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,6 @@ from scipy.optimize import minimize
 from torch import Tensor
 from torch.optim import Rprop
 
-from pipeline.errors import InputError
 from pipeline.spec.specification import Specification
 from pipeline.table.bezier import Z_HIGH, Z_LOW
 
@@ -37,13 +36,6 @@ class Near:
     probes: int  # evaluations spent on looking around, the start's own included; the rest climbs
     reach: float  # distance of the furthest probe [m]
     step: float  # first step of a climb in each coordinate [m]
-
-    def __post_init__(self):
-        for name in ("evaluations", "weight", "probes", "reach", "step"):
-            if not getattr(self, name) > 0:
-                raise InputError(f"search.{name} is {getattr(self, name)}: it must be positive")
-        if not self.probes < self.evaluations:
-            raise InputError(f"search.probes is {self.probes}: expected fewer than the {self.evaluations} evaluations")
 
 
 @dataclass(frozen=True)

@@ -49,6 +49,7 @@ SPECKS = 3  # so many of them belong to the table's pattern: chips, knots, piece
 WIDER = 0.5  # pixels that a long thing's radius is widened by: its outline lies that much further in than a round one's
 
 Deviations = Float[Array, "row column"]  # from the table [standard deviations of its own variation]
+Difference = Float[Array, "3 row column"]  # of colour [1 = white]
 Mask = Bool[Array, "row column"]
 FineMask = Bool[Array, "fine_row fine_column"]  # on the grid of outlines
 
@@ -125,6 +126,14 @@ def _off_pattern(found: list[_Thing]) -> list[_Thing]:
     return [thing for thing, speck in zip(found, specks, strict=True) if not speck]
 
 
+def layers(image: Float32[Array, "3 row column"]) -> tuple[Difference, Difference, Difference, Difference]:
+    """How colours differ from the table's: smoothed widely and narrowly, what is thin in the latter, what is finer."""
+    difference = against_table(torch.from_numpy(image)[None])[0][0].numpy()
+    difference = difference - _drift(difference, *WIDELY)
+    wide, narrow = _smooth(difference, WIDE), _smooth(difference, NARROW)
+    return wide, narrow, narrow - _drift(narrow, *CLOSELY), difference - narrow
+
+
 def contrasts(
     image: Float32[Array, "3 row column"],
 ) -> tuple[Deviations, Deviations, Deviations, Float[Array, "row column"]]:
@@ -132,21 +141,18 @@ def contrasts(
 
     The first three are in standard deviations of the table's own variation, the last in [1 = white].
     """
-    difference = against_table(torch.from_numpy(image)[None])[0][0].numpy()
-    difference = difference - _drift(difference, *WIDELY)
-    wide, narrow = _smooth(difference, WIDE), _smooth(difference, NARROW)
+    wide, narrow, thin, _ = layers(image)
     table = np.median(image.reshape(3, -1), axis=1)
     table = table / np.linalg.norm(table)
     darkening = np.minimum(np.tensordot(table, narrow, 1), 0)
     lit = narrow - (1 - DARKER) * table[:, None, None] * darkening
-    thin = narrow - _drift(narrow, *CLOSELY)
     plain = np.linalg.norm(narrow, axis=0)
     return _deviations(wide, wide), _deviations(lit, narrow), _deviations(thin, thin), plain
 
 
 def _deviations(difference: Float[Array, "3 row column"], varies: Float[Array, "3 row column"]) -> Deviations:
     """Mahalanobis distance of each pixel's difference from 0, under the covariance by which the table `varies`."""
-    return np.linalg.norm(np.tensordot(_whitening(varies), difference, 1), axis=0)
+    return np.linalg.norm(np.tensordot(whitening(varies), difference, 1), axis=0)
 
 
 def _drift(difference: Float[Array, "3 row column"], block: int, window: int) -> Float[Array, "3 row column"]:
@@ -168,17 +174,17 @@ def _smooth(difference: Float[Array, "3 row column"], kernel: tuple[int, ...]) -
     return difference
 
 
-def _whitening(difference: Float[Array, "3 row column"]) -> Float[Array, "3 3"]:
+def whitening(difference: Difference) -> Float[Array, "3 3"]:
     """What makes the table's variation 1 in every direction of colour, judged by the pixels of the table alone."""
     colours = difference.reshape(3, -1)
     table = np.ones(colours.shape[1], bool)
-    whitening = np.eye(3)
+    found = np.eye(3)
     for _ in range(4):
         covariance = (colours * table) @ colours.T / table.sum() + FAINTEST**2 * np.eye(3)
         values, vectors = np.linalg.eigh(covariance)
-        whitening = vectors / np.sqrt(values) @ vectors.T
-        table = ((whitening @ colours) ** 2).sum(0) < TABLE**2
-    return whitening
+        found = vectors / np.sqrt(values) @ vectors.T
+        table = ((found @ colours) ** 2).sum(0) < TABLE**2
+    return found
 
 
 def _regions(deviations: Deviations, least: float) -> list[Mask]:

@@ -15,7 +15,6 @@ from pipeline.causal.interventions import DIGITS
 from pipeline.errors import InputError
 from pipeline.launch import launch
 from pipeline.parallel import map_jobs
-from pipeline.params import need
 from pipeline.spec.ablations import ABLATIONS
 from pipeline.spec.clearance import ClearanceModel, fit
 from pipeline.spec.descent import Schedule
@@ -57,14 +56,8 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 
 def _check(cfg: DictConfig) -> None:
-    """Raise InputError before any work if a parameter does not suit others, or what stages before this one wrote."""
+    """Raise InputError before any work if a parameter does not suit what stages before this one wrote."""
     a, scenes, queries = cfg.ablate, read_scenes(Path(cfg.paths.scenes)), read_queries(Path(cfg.paths.demos))
-    known = [name for name, v in cfg.variants.items() if v.stage == "path"]
-    need(cfg, "ablate.variant", a.variant in known, f"one of {', '.join(known)}")
-    need(cfg, "ablate.n", len(a.n) > 0 and set(a.n) <= set(cfg.n), f"some of {', '.join(map(str, cfg.n))}")
-    there = [pool for pool in queries if pool.startswith(VALIDATION)]
-    some = len(a.pools) > 0 and set(a.pools) <= set(there)
-    need(cfg, "ablate.pools", some, f"pools of validation, some of {', '.join(there)}")
     needed = {*a.pools, *map(train_pool, cfg.validation_seeds)}
     if not (needed <= set(scenes.images) and all(set(cfg.evaluate.users) <= set(queries[x].valid) for x in a.pools)):
         raise InputError(f"not all of {', '.join(sorted(needed))} are there: run stages scenes and demos again")

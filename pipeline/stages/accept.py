@@ -22,9 +22,8 @@ from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.causal.interventions import DIGITS
 from pipeline.causal.statistics import Estimates, estimate
 from pipeline.errors import InputError
-from pipeline.fitting.trainers import FITTED, Lesson, fit_each
+from pipeline.fitting.trainers import Lesson, fit_each
 from pipeline.launch import launch
-from pipeline.params import need
 from pipeline.spec.acceptance import (
     Calibration,
     accept,
@@ -63,7 +62,6 @@ class Scores(NamedTuple):
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """metrics.json, and curve.csv: the same for every promise."""
-    _check_settings(cfg)
     scenes, pools = read_scenes(Path(cfg.paths.scenes)), _pools(cfg)
     _check_scenes(cfg, scenes)
     demos, queries = read_demos(Path(cfg.paths.demos)), read_queries(Path(cfg.paths.demos))
@@ -83,19 +81,6 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     curves = [_curve(cfg, variant, split, by_rule) for (variant, split), by_rule in found.items()]
     write_table(out_dir / "curve.csv", pd.concat(curves))
     write_json(out_dir / "metrics.json", _metrics(cfg, found, whole, truth.shape[1:]))
-
-
-def _check_settings(cfg: DictConfig) -> None:
-    """Raise InputError before any work if a parameter does not suit others."""
-    c, scenes = cfg.accept, cfg.scenes.per_seed
-    known = [name for name, v in cfg.variants.items() if v.stage in FITTED]
-    some = len(c.variants) > 0 and set(c.variants) <= set(known)
-    need(cfg, "accept.variants", some, f"some of {', '.join(known)}")
-    need(cfg, "accept.levels", c.level in c.levels, f"numbers with accept.level = {c.level} among them")
-    need(cfg, "accept.fitted", c.fitted < scenes, f"a whole number from 1 to {scenes - 1}")
-    divides = f"a whole number from 2 that divides scenes.per_seed = {scenes}"
-    need(cfg, "accept.folds", scenes % c.folds == 0, divides)
-    need(cfg, "protocol.splits", bool(_pools(cfg)), "a split that all seeds share")
 
 
 def _check_scenes(cfg: DictConfig, scenes: SceneSet) -> None:

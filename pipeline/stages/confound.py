@@ -16,13 +16,12 @@ from pipeline.artifacts.demos import demo_arrays, read_demos
 from pipeline.artifacts.files import read_arrays, write_arrays, write_json
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.causal.confound import association, before_and_after, passes_near, shift
-from pipeline.causal.interventions import DIGITS, study, tally
+from pipeline.causal.interventions import DIGITS, by_user, study, tally
 from pipeline.causal.statistics import quartiles
 from pipeline.errors import InputError
 from pipeline.fitting.confounding import Draw, Scenes, demonstrations, draw_all
-from pipeline.fitting.trainers import FITTED, Lesson, fit_and_ask
+from pipeline.fitting.trainers import Lesson, fit_and_ask
 from pipeline.launch import launch
-from pipeline.params import need, shared_pool
 from pipeline.spec.metrics import accuracy
 from pipeline.table.items import read_catalogue
 from pipeline.table.layout import SYMBOLS, Layouts
@@ -35,7 +34,6 @@ TABLES = (*POOLS, *SYMBOLS)  # what is asked about: those, and the ordinary ones
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """metrics.json and examples.npz."""
-    _check_settings(cfg)
     c, seeds, scenes = cfg.confound, list(cfg.protocol.seeds), read_scenes(Path(cfg.paths.scenes))
     draws = [Draw(train_pool(seed), world, cfg.scenes.per_seed, "train") for world in c.worlds for seed in seeds]
     *drawn, confounded, control = draw_all(cfg, [*draws, *_test_draws(cfg, scenes)])
@@ -58,31 +56,9 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     write_arrays(out_dir / "examples.npz", {name: world[0].images[: c.examples] for name, world in worlds.items()})
 
 
-def _check_settings(cfg: DictConfig) -> None:
-    """Raise InputError before any work if a parameter does not suit others."""
-    c, layout = cfg.confound, cfg.scenes.layout
-    need(cfg, "confound.worlds", {CONFOUNDED, CONTROL} <= set(c.worlds), f"{CONFOUNDED} and {CONTROL} among them")
-    need(cfg, f"confound.worlds.{CONTROL}.together", c.worlds[CONTROL].together == 0, "0, no common cause")
-    lengths = f"two lengths from scenes.layout.clear_of_items = {layout.clear_of_items} on, the smaller first [m]"
-    for name, world in c.worlds.items():
-        low, high = world.gap_m
-        need(cfg, f"confound.worlds.{name}.gap_m", layout.clear_of_items <= low <= high, lengths)
-    room = layout.slots - max(layout.items_per_scene) + 1
-    whole = f"a whole number from 1 to {room}, which scenes.layout.slots leaves room for"
-    need(cfg, "confound.glasses", c.glasses <= room, whole)
-    some = len(c.users) > 0 and set(c.users) <= set(cfg.users)
-    need(cfg, "confound.users", some, f"some of {', '.join(cfg.users)}")
-    known = [name for name, v in cfg.variants.items() if v.stage in FITTED]
-    some = len(c.variants) > 0 and set(c.variants) <= set(known)
-    need(cfg, "confound.variants", some, f"some of {', '.join(known)}")
-    for name, worlds in c.variants.items():
-        those = f"{CONFOUNDED} and others of {', '.join(c.worlds)}"
-        need(cfg, f"confound.variants.{name}", CONFOUNDED in worlds and set(worlds) <= set(c.worlds), those)
-
-
 def _test_draws(cfg: DictConfig, scenes: SceneSet) -> list[Draw]:
     """New scenes of this world and of its control, as many as the ordinary ones and of the same split's items."""
-    pool = shared_pool(cfg, "intervene.split")
+    pool = cfg.protocol.splits[cfg.intervene.split]
     if pool not in scenes.layouts:
         raise InputError(f"no scenes {pool}: there are {', '.join(scenes.layouts)}; run the scenes stage again")
     layouts = scenes.layouts[pool]
@@ -92,7 +68,7 @@ def _test_draws(cfg: DictConfig, scenes: SceneSet) -> list[Draw]:
 
 def _tables(cfg: DictConfig, scenes: SceneSet, own: list[Scenes]) -> tuple[list[Layouts], np.ndarray, np.ndarray]:
     """TABLES' layouts and images (table, scene, 100, 100, 3), and z_theta [m] (scene, path, 2), the same for all."""
-    pool, directory = shared_pool(cfg, "intervene.split"), Path(cfg.paths.intervene)
+    pool, directory = cfg.protocol.splits[cfg.intervene.split], Path(cfg.paths.intervene)
     added, z = read_added(directory, cfg.scenes.layout.slots), read_arrays(directory / "images.npz")["z_theta"]
     layouts = [scenes.layouts[pool], *(s.layouts for s in own), *added.layouts]
     if len({len(z), *map(len, layouts)}) != 1:
@@ -151,9 +127,9 @@ def _world(cfg: DictConfig, world: str, drawn: list[Scenes], answers: dict[str, 
         "gap_m": list(setting.gap_m),
         "association": _confounded_association(cfg, drawn),
         "things_per_item": round(float(np.mean([scenes.things_per_item for scenes in drawn])), DIGITS),
-        "interventions": {variant: _by_user(users, of) for variant, of in cells.items()},
+        "interventions": {variant: by_user(users, of) for variant, of in cells.items()},
         "verdicts": {variant: tally(of) for variant, of in cells.items()},
-        "confounding": {v: _by_user(users, _confounding(by_variant[v], control)) for v, control in controls.items()},
+        "confounding": {v: by_user(users, _confounding(by_variant[v], control)) for v, control in controls.items()},
         "accuracy": {variant: _accuracy(users, p, truth) for variant, p in by_variant.items()},
     }
 
@@ -167,12 +143,6 @@ def _confounding(p: np.ndarray, control: np.ndarray) -> list[dict]:
     """What the common cause adds to each effect: a world's models against the control's, seed by seed."""
     effects, of_control = (after - before for before, after in (_effects(p), _effects(control)))
     return shift(effects, of_control)
-
-
-def _by_user(users: list[str], cells: list[dict]) -> dict:
-    """Cells (user * symbol) as user -> symbol -> cell."""
-    keys = [(user, symbol) for user in users for symbol in SYMBOLS]
-    return {u: {s: cell for (of, s), cell in zip(keys, cells, strict=True) if of == u} for u in users}
 
 
 def _accuracy(users: list[str], p: np.ndarray, truth: np.ndarray) -> dict:

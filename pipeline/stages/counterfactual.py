@@ -31,7 +31,7 @@ from pipeline.causal.counterfactual import (
 )
 from pipeline.errors import InputError
 from pipeline.launch import launch
-from pipeline.params import need, shared_pool
+from pipeline.params import need
 from pipeline.streams import stream
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.items import read_catalogue
@@ -74,8 +74,6 @@ class Moves:
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """metrics.json, moves.parquet and examples.npz."""
-    known = cfg.counterfactual.example_variant in cfg.variants
-    need(cfg, "counterfactual.example_variant", known, f"one of {', '.join(cfg.variants)}")
     check_weights(cfg)
     users = [u for u, margins in cfg.users.items() if any(m is not None for m in margins.values())]
     world = _set_world(cfg)
@@ -107,7 +105,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 def _set_world(cfg: DictConfig) -> World:
     """Read the first scenes of the split and draw the paths in them."""
     s, scenes = cfg.counterfactual, read_scenes(Path(cfg.paths.scenes))
-    pool = shared_pool(cfg, "counterfactual.split")
+    pool = cfg.protocol.splits[cfg.counterfactual.split]
     if pool not in scenes.images:
         raise InputError(f"no scenes {pool}: there are {', '.join(scenes.images)}; run the scenes stage again")
     most = len(scenes.layouts[pool])

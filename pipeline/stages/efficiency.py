@@ -18,9 +18,8 @@ from pipeline.causal.interventions import DIGITS
 from pipeline.causal.statistics import quartiles
 from pipeline.errors import InputError
 from pipeline.fitting.further import taught
-from pipeline.fitting.trainers import FITTED, Lesson, fit_and_ask
+from pipeline.fitting.trainers import Lesson, fit_and_ask
 from pipeline.launch import launch
-from pipeline.params import need, shared_pool
 from pipeline.spec.efficiency import reaches
 from pipeline.spec.metrics import accuracy
 from pipeline.spec.nulls import POSITION
@@ -30,24 +29,13 @@ KEY = ["variant", "scenes", "n", "user", "seed"]
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """curve.csv and metrics.json."""
-    _check_settings(cfg)
     known, scenes = _evaluated(cfg), read_scenes(Path(cfg.paths.scenes))
-    pool = shared_pool(cfg, "efficiency.split")
+    pool = cfg.protocol.splits[cfg.efficiency.split]
     queries = _queries(cfg, pool, scenes)
     fitted = _fitted(cfg, _lessons(cfg, scenes), scenes.images[pool], queries)
     scores = pd.concat([known, fitted], ignore_index=True)
     write_table(out_dir / "curve.csv", _curve(scores))
     write_json(out_dir / "metrics.json", _metrics(cfg, scores))
-
-
-def _check_settings(cfg: DictConfig) -> None:
-    """Raise InputError before any work if a parameter does not suit others."""
-    c, own = cfg.efficiency, cfg.scenes.per_seed
-    others = f"whole numbers from 1, each once, some of them other than scenes.per_seed = {own}"
-    need(cfg, "efficiency.scenes", len(set(c.scenes)) == len(c.scenes) and bool(set(c.scenes) - {own}), others)
-    known = [name for name, v in cfg.variants.items() if v.stage in FITTED]
-    some = len(c.variants) > 0 and set(c.variants) <= set(known)
-    need(cfg, "efficiency.variants", some, f"some of {', '.join(known)}")
 
 
 def _evaluated(cfg: DictConfig) -> pd.DataFrame:

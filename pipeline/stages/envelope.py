@@ -13,9 +13,9 @@ from pipeline.artifacts.files import write_json
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.artifacts.trained import ask, check_weights
 from pipeline.causal.envelope import dose_grid, nearest_plans, paths_at_doses, planning, study
+from pipeline.causal.interventions import by_user
 from pipeline.errors import InputError
 from pipeline.launch import launch
-from pipeline.params import need, shared_pool
 from pipeline.streams import stream
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.layout import SYMBOLS, Layouts
@@ -49,7 +49,6 @@ class Tables:
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """metrics.json and specification.yaml."""
-    need(cfg, "envelope.planner", cfg.envelope.planner in cfg.variants, f"one of {', '.join(cfg.variants)}")
     check_weights(cfg)
     tables = _set_tables(cfg)
     grid, chosen = _choose_paths(cfg, tables)
@@ -59,7 +58,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     true_drop = truth[:, 0].reshape(-1, *truth.shape[-2:])  # (user * symbol, scene, dose)
     item = np.tile(tables.added.item, (len(cfg.users), 1))  # (user * symbol, scene)
     studies = {v: study(_cells(d), true_drop, item, margins, grid) for v, d in {**drops, "truth": truth}.items()}
-    envelopes = {v: _by_user(cfg, cells) for v, (cells, _) in studies.items()}
+    envelopes = {v: by_user(list(cfg.users), cells) for v, (cells, _) in studies.items()}
     oracle, planner = envelopes.pop("truth"), cfg.envelope.planner
     nearest = _plan_nearest(cfg, tables, _keep_clear(envelopes[planner]))
     write_json(
@@ -67,8 +66,8 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         {
             "oracle": oracle,
             "envelope": envelopes,
-            "curves": {v: _by_user(cfg, studies[v][1]) for v in envelopes},
-            "planning": {v: _plan(cfg, tables, _keep_clear(by_user)) for v, by_user in envelopes.items()},
+            "curves": {v: by_user(list(cfg.users), studies[v][1]) for v in envelopes},
+            "planning": {v: _plan(cfg, tables, _keep_clear(e)) for v, e in envelopes.items()},
             "planning_flips": {v: _plan(cfg, tables, _keep_clear(e, flips=True)) for v, e in envelopes.items()},
             "planning_nulls": {
                 "no_envelope": _plan(cfg, tables, {user: dict.fromkeys(SYMBOLS) for user in cfg.users}),
@@ -85,7 +84,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 def _set_tables(cfg: DictConfig) -> Tables:
     """Read the scenes, and draw the candidates."""
-    scenes, pool = read_scenes(Path(cfg.paths.scenes)), shared_pool(cfg, "intervene.split")
+    scenes, pool = read_scenes(Path(cfg.paths.scenes)), cfg.protocol.splits[cfg.intervene.split]
     images, layouts = scenes.images[pool], scenes.layouts[pool]
     added = read_added(Path(cfg.paths.intervene), layouts.symbol.shape[1])
     if added.images.shape[1:] != images.shape:
@@ -165,11 +164,6 @@ def _cells(drops: np.ndarray) -> np.ndarray:
     """(user, seed, symbol, scene, dose) to (user * symbol, seed, scene, dose)."""
     by_symbol = np.moveaxis(drops, 2, 1)
     return by_symbol.reshape(-1, *by_symbol.shape[2:])
-
-
-def _by_user(cfg: DictConfig, cells: list[dict]) -> dict[str, dict[str, dict]]:
-    n = len(SYMBOLS)
-    return {u: dict(zip(SYMBOLS, cells[i * n : (i + 1) * n], strict=True)) for i, u in enumerate(cfg.users)}
 
 
 def _keep_clear(envelopes: dict, flips: bool = False) -> dict[str, Margins]:

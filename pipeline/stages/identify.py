@@ -15,7 +15,6 @@ from pipeline.causal.interventions import DIGITS
 from pipeline.causal.statistics import estimate
 from pipeline.errors import InputError
 from pipeline.launch import launch
-from pipeline.params import need, shared_pool
 from pipeline.spec import nulls
 from pipeline.streams import stream
 from pipeline.table.bezier import random_z_theta
@@ -65,9 +64,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 def _demonstrations(cfg: DictConfig) -> Demonstrations:
     """Draw the paths of every scene and label them by each demonstrator's rules."""
-    most = cfg.identify.paths
-    need(cfg, "identify.reported", max(cfg.identify.reported) <= most, f"whole numbers from 1 to {most}")
-    scenes, pool = read_scenes(Path(cfg.paths.scenes)), shared_pool(cfg, "identify.split")
+    scenes, pool = read_scenes(Path(cfg.paths.scenes)), cfg.protocol.splits[cfg.identify.split]
     if pool not in scenes.images:
         raise InputError(f"no scenes {pool}: there are {', '.join(scenes.images)}; run the scenes stage again")
     layouts, rng = scenes.layouts[pool], stream(cfg.identify.generator, "identify")

@@ -10,11 +10,10 @@ from omegaconf import DictConfig
 from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.artifacts.scenes import layout_table, read_scenes
 from pipeline.artifacts.trained import ask, check_weights
-from pipeline.causal.interventions import expected_validity, ordered_pairs, over_placements, study, tally
+from pipeline.causal.interventions import by_user, expected_validity, ordered_pairs, over_placements, study, tally
 from pipeline.causal.scm import PARENTS
 from pipeline.errors import InputError
 from pipeline.launch import launch
-from pipeline.params import shared_pool
 from pipeline.streams import stream
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.items import Catalogue, read_catalogue
@@ -72,7 +71,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 def _set_tables(cfg: DictConfig) -> Tables:
     """Draw the paths, place each symbol in every scene, and picture it all under the scenes' own light."""
-    scenes, pool = read_scenes(Path(cfg.paths.scenes)), shared_pool(cfg, "intervene.split")
+    scenes, pool = read_scenes(Path(cfg.paths.scenes)), cfg.protocol.splits[cfg.intervene.split]
     if pool not in scenes.images:
         raise InputError(f"no scenes {pool}: there are {', '.join(scenes.images)}; run the scenes stage again")
     catalogue = read_catalogue(Path(cfg.paths.data))
@@ -175,14 +174,11 @@ def _with_effects(rows: pd.DataFrame) -> pd.DataFrame:
 
 def _metrics(cfg: DictConfig, users: list[str], answers: dict[str, Answers], truth: Answers) -> dict:
     """Every cell's statistics, a family per variant and inequality; the verdicts' tally; the graph."""
-    symbols, pairs = list(SYMBOLS), ordered_pairs(users)
+    pairs = ordered_pairs(users)
     influence = {v: _symbol_study(a, truth) for v, a in answers.items()}
     differences = {v: _user_study(users, a, truth) for v, a in answers.items()}
     return {
-        "interventions": {
-            v: {u: dict(zip(symbols, cells[i * 4 : i * 4 + 4], strict=True)) for i, u in enumerate(users)}
-            for v, cells in influence.items()
-        },
+        "interventions": {v: by_user(users, cells) for v, cells in influence.items()},
         "specifications": {
             v: {u: {other: c for (s, other), c in zip(pairs, cells, strict=True) if s == u} for u in users}
             for v, cells in differences.items()
@@ -207,6 +203,8 @@ def _symbol_study(model: Answers, truth: Answers) -> list[dict]:
 
 def _user_study(users: list[str], model: Answers, truth: Answers) -> list[dict]:
     """The first inequality: do(S := s'), a cell per ordered pair of users."""
+    if len(users) < 2:
+        return []
     here, there = np.array([[users.index(u), users.index(o)] for u, o in ordered_pairs(users)]).T
     return study(model.baseline[here], model.baseline[there], truth.baseline[here], truth.baseline[there])
 

@@ -20,7 +20,6 @@ from pipeline.errors import InputError
 from pipeline.exhibits.recorded import Belief, Demos, Example, Job, Repaired, Sources, contents
 from pipeline.launch import launch
 from pipeline.parallel import map_jobs
-from pipeline.params import need, shared_pool
 from pipeline.recording.digest import digest
 from pipeline.recording.overview import write_overview
 from pipeline.recording.run import write_run
@@ -38,9 +37,9 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
     recordings.csv has each recording's digest and, of a run, the share of its latent maps that agrees with the truth.
     """
-    _check(cfg)
+    check_weights(cfg)
     scenes = read_scenes(Path(cfg.paths.scenes))
-    pool = _pool(cfg, scenes)
+    pool = check_pool(cfg, scenes)
     examples, caring = _examples(cfg, scenes), _caring(cfg)
     sources = Sources(
         scenes,
@@ -98,29 +97,14 @@ def _checkpoints(job: Job) -> Iterator[tuple[int, Specification]]:
             yield step, load_model(job.cfg, job.variant, *which, step)
 
 
-def _check(cfg: DictConfig) -> None:
-    """Raise InputError for a variant in conf/record that does not exist, or the first model missing."""
-    known = set(cfg.record.first) <= set(cfg.variants)
-    need(cfg, "record.first", known, f"some of {', '.join(cfg.variants)}")
-    check_weights(cfg)
-
-
 def _caring(cfg: DictConfig) -> list[str]:
     """The users who keep clear of something: all is valid to the others."""
     return [user for user, margins in cfg.users.items() if any(margin is not None for margin in margins.values())]
 
 
-def _pool(cfg: DictConfig, scenes: SceneSet) -> str:
-    """The pool the repairs were made in and intervened on."""
-    pool = check_pool(cfg, scenes)
-    same = f"repair.split = {cfg.repair.split!r}, since a recording shows both"
-    need(cfg, "intervene.split", shared_pool(cfg, "intervene.split") == pool, same)
-    return pool
-
-
 def _examples(cfg: DictConfig, scenes: SceneSet) -> tuple[Example, ...]:
     """The worked examples of stage counterfactual."""
-    directory, pool = Path(cfg.paths.counterfactual), shared_pool(cfg, "counterfactual.split")
+    directory, pool = Path(cfg.paths.counterfactual), cfg.protocol.splits[cfg.counterfactual.split]
     told, images = read_json(directory / "metrics.json")["examples"], read_arrays(directory / "examples.npz")
     examples = []
     for i, example in enumerate(told):

@@ -16,14 +16,14 @@ from pipeline.artifacts.effects import read_effects
 from pipeline.artifacts.files import read_arrays, write_arrays, write_json
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.artifacts.trained import ask, check_weights
-from pipeline.causal.interventions import DIGITS, expected_validity, judge
+from pipeline.causal.interventions import DIGITS, by_user, expected_validity, judge
 from pipeline.causal.refuters import REFUTERS, halves, mean_over, placebo, stays_over_items
 from pipeline.causal.statistics import VERDICTS
 from pipeline.errors import InputError
-from pipeline.fitting.trainers import FITTED, Lesson, fit_and_ask
+from pipeline.fitting.trainers import Lesson, fit_and_ask
 from pipeline.launch import launch
 from pipeline.parallel import map_jobs
-from pipeline.params import need, shared_pool
+from pipeline.params import need
 from pipeline.spec.registry import build
 from pipeline.streams import job_seed, stream
 from pipeline.table.items import read_catalogue
@@ -36,9 +36,8 @@ Effects = Float[Array, "user symbol seed scene"]
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """metrics.json, and placebos.npz (symbol, scene, 100, 100, 3): an item's pixels, shuffled."""
-    _check_settings(cfg)
     check_weights(cfg)
-    directory, pool, few = Path(cfg.paths.intervene), shared_pool(cfg, "intervene.split"), slice(cfg.refute.scenes)
+    directory, pool, few = Path(cfg.paths.intervene), cfg.protocol.splits[cfg.intervene.split], slice(cfg.refute.scenes)
     scenes = read_scenes(Path(cfg.paths.scenes))
     added = read_added(directory, scenes.layouts[pool].symbol.shape[1])
     _check_items(added)
@@ -71,14 +70,6 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         }
     write_arrays(out_dir / "placebos.npz", {"images": patched})
     write_json(out_dir / "metrics.json", _metrics(cfg, users, found, own, added.item))
-
-
-def _check_settings(cfg: DictConfig) -> None:
-    """Raise InputError before any work if a parameter does not suit others."""
-    known = [name for name, v in cfg.variants.items() if v.stage in FITTED]
-    need(cfg, "refute.permuted", set(cfg.refute.permuted) <= set(known), f"some of {', '.join(known)}")
-    of_one = "1, for what was added to a scene is taken as one item"
-    need(cfg, "intervene.placements", cfg.intervene.placements == 1, of_one)
 
 
 def _check_items(added: Added) -> None:
@@ -156,8 +147,7 @@ def _metrics(
     for variant, by_refuter in found.items():
         for name, effects in by_refuter.items():
             cells = judge(effects.reshape(-1, *effects.shape[2:]))
-            rows = [dict(zip(SYMBOLS, cells[i * 4 : i * 4 + 4], strict=True)) for i in range(len(users))]
-            refuted.setdefault(name, {})[variant] = dict(zip(users, rows, strict=True))
+            refuted.setdefault(name, {})[variant] = by_user(users, cells)
             count = Counter(c["verdict"] for c in cells)
             scenes = {"cells": len(cells), "scenes": effects.shape[-1]}
             tallies.setdefault(name, {})[variant] = {v: count[v] for v in VERDICTS} | scenes

@@ -8,10 +8,10 @@ import pandas as pd
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import write_arrays, write_json, write_table
-from pipeline.artifacts.repairs import MEASURES, Starts, check_pool, draw_starts, measures, rows
+from pipeline.artifacts.repairs import Starts, check_pool, draw_starts, rows
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.artifacts.trained import check_weights, load_model
-from pipeline.causal.statistics import quartiles
+from pipeline.causal.repairs import MEASURES, measures, summary
 from pipeline.errors import InputError
 from pipeline.launch import launch
 from pipeline.parallel import map_jobs
@@ -109,7 +109,7 @@ def _references(cfg: DictConfig, scenes: SceneSet, starts: dict[str, Starts]) ->
 
 
 def _metrics(cfg: DictConfig, tables: Tables, starts: dict[str, Starts]) -> dict:
-    """variant -> user -> means over seeds, quartiles (`_q1`, `_q3`), and the references' means beside them.
+    """variant -> user -> `summary` over seeds, and the references' means beside it.
 
     Every rate and length is null for a user without an invalid start (vacuous).
     """
@@ -127,12 +127,7 @@ def _metrics(cfg: DictConfig, tables: Tables, starts: dict[str, Starts]) -> dict
             beside[name] = float(np.mean(by_seed["success"]))
             beside[f"{name}_displacement_ratio"] = float(np.mean(by_seed["displacement_ratio"]))
         for variant in cfg.variants:
-            by_seed = pd.DataFrame([measures(tables[variant, user, seed]) for seed in seeds])
-            cell: dict = {}
-            for name in MEASURES:
-                spread = quartiles(by_seed[name].to_numpy())
-                cell |= {name: spread["mean"], f"{name}_q1": spread["q1"], f"{name}_q3": spread["q3"]}
-            out[variant][user] = cell | beside
+            out[variant][user] = summary([tables[variant, user, seed] for seed in seeds]) | beside
     return out
 
 

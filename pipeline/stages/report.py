@@ -17,7 +17,6 @@ from pipeline.exhibits.panel import panel_data
 from pipeline.exhibits.pictures import gather, overview_of
 from pipeline.exhibits.screenshots import current
 from pipeline.launch import launch
-from pipeline.params import need, shared_pool
 from pipeline.report.claims import claims
 from pipeline.report.page import render
 from pipeline.report.pictures import all_pictures
@@ -39,13 +38,12 @@ OVERVIEW_DPI = 160
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """index.html, tables/ (csv, md, tex), figures/ (svg, pdf, the overview as png) and metrics.json."""
-    _check_settings(cfg)
     results = read_results(cfg)
     check(results)
     shots = screenshots(results, current(Path(cfg.paths.pictures), results.recorded["sha256"].to_dict()))
     summary = read_table(Path(cfg.paths.evaluate) / "accuracy.csv")
     scenes = read_scenes(Path(cfg.paths.scenes))
-    added = read_added(Path(cfg.paths.intervene), scenes.layouts[shared_pool(cfg, "intervene.split")].symbol.shape[1])
+    added = read_added(Path(cfg.paths.intervene), cfg.scenes.layout.slots)
     drawn = gather(cfg, results, scenes, added)
     tables = {t.name: t for t in [claims(results), *all_tables(results)]}
     pictures = all_pictures(results, summary, drawn)
@@ -63,12 +61,6 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     for name, content in contents.items():
         write_whole(out_dir / name, lambda path, content=content: path.write_bytes(content))
     write_json(out_dir / "metrics.json", _metrics(results))
-
-
-def _check_settings(cfg: DictConfig) -> None:
-    """Raise InputError if conf/report.yaml asks for what cannot be drawn."""
-    some = len(cfg.report.shown) > 0 and set(cfg.report.shown) <= set(cfg.variants)
-    need(cfg, "report.shown", some, f"some of {', '.join(cfg.variants)}")
 
 
 def read_results(cfg: DictConfig) -> Results:
@@ -131,18 +123,22 @@ def _metrics(results: Results) -> dict:
     """reports/metrics.json: the stages' own numbers under the names that the design fixes."""
     return {
         "world": results.world,
-        **{name: results.evaluation[name] for name in ("accuracy", "accuracy_all_users", "calibration")},
+        **{
+            name: results.evaluation[name]
+            for name in ("accuracy", "accuracy_all_users", "calibration", "in_new_scenes")
+        },
         "efficiency": {name: results.efficiency[name] for name in ("accuracy", "reaches", "threshold")},
         "ablations": results.ablation["ablations"],
         "acceptance": results.acceptance["acceptance"],
         "repair": results.repair,
         "search": results.search,
         **{name: results.intervention[name] for name in ("interventions", "specifications", "verdicts")},
-        **{name: results.refutation[name] for name in ("refuters", "placebo", "halves")},
+        **{name: results.refutation[name] for name in ("refuters", "placebo", "halves", "tallies", "items")},
         "confounded": {name: results.confounding[name] for name in ("association", "interventions", "verdicts")},
         "robustness": {name: results.robustness[name] for name in ("undisturbed", "disturbed")},
         "counterfactual": results.counterfactual["counterfactual"],
         **{name: results.envelope[name] for name in ("envelope", "planning", "planning_flips", "planning_nulls")},
+        "planning_nearest": results.envelope["nearest"],
         **{name: results.identification[name] for name in ("identification", "open_set", "passes_99", "largest_gap")},
         "selftest": results.selftest,
     }

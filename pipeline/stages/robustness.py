@@ -8,18 +8,21 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
 from omegaconf import DictConfig
+from tqdm import tqdm
 
 from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import write_arrays, write_json
 from pipeline.artifacts.scenes import SceneSet, read_position_prior, read_scenes, train_pool
 from pipeline.artifacts.trained import ask, check_weights
 from pipeline.causal.interventions import DIGITS
-from pipeline.causal.robustness import change, more_accepted, score
-from pipeline.fitting.trainers import FITTED, Lesson, fit_and_ask
+from pipeline.causal.robustness import change, kept, more_accepted, score
+from pipeline.causal.statistics import estimate
+from pipeline.fitting.trainers import Lesson, fit_and_ask
 from pipeline.launch import launch
-from pipeline.params import need, shared_pool
+from pipeline.params import need
 from pipeline.spec import nulls
 from pipeline.spec.metrics import DECISION, expected_calibration_error
+from pipeline.spec.strangeness import Looks, strange
 from pipeline.streams import stream
 from pipeline.table.disturbances import PICTURES, cluttered, mislabelled
 from pipeline.table.items import Catalogue, read_catalogue
@@ -28,7 +31,6 @@ from pipeline.table.render import Palette, render_scenes
 from pipeline.table.rules import valid
 
 LABELS = "labels"
-MOST = {"shade": 1.0, "tint": 1.0, "arm": 1.0}  # largest strength of a disturbance that has one
 Answers = dict[str, Float[Array, "user seed scene path"]]  # variant -> P(valid)
 
 
@@ -44,26 +46,33 @@ class Level:
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """metrics.json, and examples.npz: the first scene as it is and under each disturbance at its strongest."""
-    _check_settings(cfg)
     check_weights(cfg)
     scenes, catalogue = read_scenes(Path(cfg.paths.scenes)), read_catalogue(Path(cfg.paths.data))
     levels, z = _levels(cfg, scenes, catalogue)
     as_is, *worse = levels
     first, *others = _answers(cfg, levels, z)
+    called = _called_strange(cfg, scenes, levels)
     disturbed: dict[str, list[dict]] = {}
-    for level, answers in zip(worse, others, strict=True):
+    for level, answers, odd in zip(worse, others, called[1:], strict=True):
         entry = _entry(cfg, level.strength, answers, level.truth, first, as_is.truth)
-        disturbed.setdefault(level.disturbance, []).append(entry)
+        left = {variant: kept(answers[variant] > DECISION, level.truth, ~odd) for variant in cfg.variants}
+        disturbed.setdefault(level.disturbance, []).append(entry | {"strange": _share(odd), "kept": left})
     disturbed[LABELS] = [
         _entry(cfg, share, answers, as_is.truth, first, as_is.truth)
         for share, answers in _mislabelled(cfg, scenes, as_is.images, z).items()
     ]
     metrics = {
         "order": list(disturbed),
-        "undisturbed": {"valid": round(float(as_is.truth.mean()), DIGITS), "models": _scores(cfg, first, as_is.truth)},
+        "undisturbed": {
+            "valid": round(float(as_is.truth.mean()), DIGITS),
+            "models": _scores(cfg, first, as_is.truth),
+            "strange": _share(called[0]),
+            "kept": {variant: kept(first[variant] > DECISION, as_is.truth, ~called[0]) for variant in cfg.variants},
+        },
         "disturbed": disturbed,
         "users": list(cfg.evaluate.users),
         "seeds": len(cfg.protocol.seeds),
+        "per_seed": cfg.scenes.per_seed,
         "scenes": z.shape[0],
         "paths": z.shape[1],
     }
@@ -71,26 +80,12 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     write_arrays(out_dir / "examples.npz", {level.disturbance: level.images[0] for level in levels})
 
 
-def _check_settings(cfg: DictConfig) -> None:
-    """Raise InputError before any work if a parameter does not suit others."""
-    r = cfg.robustness
-    some = len(r.pictures) > 0 and set(r.pictures) <= set(PICTURES)
-    need(cfg, "robustness.pictures", some, f"some of {', '.join(PICTURES)}")
-    for name, strengths in r.pictures.items():
-        most = MOST.get(name, np.inf)
-        what = f"numbers above 0, at most {most:g}, the smallest first"
-        need(cfg, f"robustness.pictures.{name}", max(strengths) <= most, what)
-    known = [name for name, v in cfg.variants.items() if v.stage in FITTED]
-    some = len(r.mislabelled) > 0 and set(r.mislabelled) <= set(known)
-    need(cfg, "robustness.mislabelled", some, f"shares for some of {', '.join(known)}")
-
-
 def _levels(
     cfg: DictConfig, scenes: SceneSet, catalogue: Catalogue
 ) -> tuple[list[Level], Float[Array, "scene path 2"]]:
     """The scenes as they are and under every disturbance, the weakest first; and the paths [m], the same for all."""
     r, few = cfg.robustness, slice(cfg.robustness.scenes)
-    pool, users = shared_pool(cfg, "robustness.split"), list(cfg.evaluate.users)
+    pool, users = cfg.protocol.splits[cfg.robustness.split], list(cfg.evaluate.users)
     queries, there = read_queries(Path(cfg.paths.demos))[pool], len(scenes.images[pool])
     need(cfg, "robustness.scenes", r.scenes <= there, f"at most {there}, as {pool} has")
     unseen = catalogue.texture_names("unseen")
@@ -126,6 +121,20 @@ def _answers(cfg: DictConfig, levels: list[Level], z: Float[Array, "scene path 2
     found[nulls.POSITION] = np.stack([nulls.position(prior[user], everywhere) for user in users])[:, None]
     parts = {variant: np.split(p, len(levels), axis=2) for variant, p in found.items()}
     return [{variant: of[i] for variant, of in parts.items()} for i in range(len(levels))]
+
+
+def _called_strange(cfg: DictConfig, scenes: SceneSet, levels: list[Level]) -> list[Bool[Array, "seed scene"]]:
+    """At each level, which pictures are unlike each seed's own training pictures."""
+    own = [Looks.of(scenes.images[train_pool(seed)]) for seed in cfg.protocol.seeds]
+    there = [Looks.of(level.images) for level in tqdm(levels, desc="looks")]
+    return [np.stack([strange(of_seed, looks) for of_seed in own]) for looks in there]
+
+
+def _share(odd: Bool[Array, "seed scene"]) -> dict[str, float]:
+    """Share of the pictures that are strange, with its 95 % interval."""
+    e = estimate(odd[None].astype(float))
+    shares = {"mean": e.effect, "ci_low": e.ci_low, "ci_high": e.ci_high}
+    return {name: round(float(np.clip(value[0], 0, 1)), DIGITS) for name, value in shares.items()}
 
 
 def _mislabelled(cfg: DictConfig, scenes: SceneSet, images: np.ndarray, z: np.ndarray) -> dict[float, Answers]:

@@ -9,15 +9,14 @@ import torch
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import write_json, write_table
-from pipeline.artifacts.repairs import MEASURES, Starts, check_pool, draw_starts, measures, rows
+from pipeline.artifacts.repairs import Starts, check_pool, draw_starts, rows
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.artifacts.trained import check_weights, load_model
-from pipeline.causal.statistics import quartiles
+from pipeline.causal.repairs import by_threshold, summary
 from pipeline.launch import launch
 from pipeline.parallel import map_jobs
-from pipeline.params import need
 from pipeline.spec.clearance import ClearanceModel
-from pipeline.spec.search import METHODS, Found, Near, search
+from pipeline.spec.search import Found, Near, search
 from pipeline.spec.specification import to_tensor
 from pipeline.spec.things import FEATURES
 from pipeline.streams import job_seed
@@ -42,8 +41,7 @@ class Job:
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """searches.parquet and metrics.json of all variants, users, seeds and methods at study_n."""
-    near(cfg)
-    rivals = _rivals(cfg)
+    rivals = dict(cfg.search.rivals)
     scenes = read_scenes(Path(cfg.paths.scenes))
     images = scenes.images[check_pool(cfg, scenes)]
     check_weights(cfg)
@@ -57,7 +55,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     ]
     tables = [t for found in map_jobs(run, jobs, cfg.workers, "searches") for t in found]
     write_table(out_dir / "searches.parquet", pd.concat(tables, ignore_index=True))
-    write_json(out_dir / "metrics.json", _metrics(tables))
+    write_json(out_dir / "metrics.json", _metrics(tables, list(cfg.search.thresholds)))
 
 
 def run(job: Job) -> list[pd.DataFrame]:
@@ -95,19 +93,9 @@ def told(layouts: Layouts, margins: Margins) -> tuple[ClearanceModel, torch.Tens
 
 
 def near(cfg: DictConfig) -> Near:
-    """conf/search as the library takes it; InputError for a value out of range."""
+    """conf/search as the library takes it."""
     s = cfg.search
     return Near(s.evaluations, float(s.weight), s.probes, float(s.reach), float(s.step))
-
-
-def _rivals(cfg: DictConfig) -> dict[str, int | None]:
-    """The methods beside `probe`; InputError for one that does not exist."""
-    rivals = dict(cfg.search.rivals)
-    known = [m for m in METHODS if m != "probe"]
-    need(cfg, "search.rivals", set(rivals) <= set(known), f"some of {', '.join(known)}")
-    there = not rivals or cfg.search.rivals_of in cfg.variants
-    need(cfg, "search.rivals_of", there, f"one of {', '.join(cfg.variants)}")
-    return rivals
 
 
 def _rows(starts: Starts, job: Job, method: str, ends: Found) -> pd.DataFrame:
@@ -116,19 +104,15 @@ def _rows(starts: Starts, job: Job, method: str, ends: Found) -> pd.DataFrame:
     return rows(starts, job.variant, job.seed, ends.z[:, 0], p).drop(columns="p_start").assign(search=method)
 
 
-def _metrics(tables: list[pd.DataFrame]) -> dict:
-    """variant -> user -> method -> means over seeds and quartiles (`_q1`, `_q3`), seeds and starts."""
-    by_seed: dict[tuple[str, str, str], list[dict[str, float]]] = {}
+def _metrics(tables: list[pd.DataFrame], thresholds: list[float]) -> dict:
+    """variant -> user -> method -> `summary` over seeds, `by_threshold`, seeds and starts."""
+    by_seed: dict[tuple[str, str, str], list[pd.DataFrame]] = {}
     for t in tables:
         first = t.iloc[0]
-        key = (first["method"], first["user"], first["search"])
-        by_seed.setdefault(key, []).append(measures(t) | {"starts": len(t)})
+        by_seed.setdefault((first["method"], first["user"], first["search"]), []).append(t)
     out: dict = {}
-    for (variant, user, method), values in by_seed.items():
-        cell: dict = {"seeds": len(values), "starts": values[0]["starts"]}
-        for name in MEASURES:
-            spread = quartiles(np.array([v[name] for v in values]))
-            cell |= {name: spread["mean"], f"{name}_q1": spread["q1"], f"{name}_q3": spread["q3"]}
+    for (variant, user, method), of in by_seed.items():
+        cell = summary(of) | {"seeds": len(of), "starts": len(of[0]), "by_threshold": by_threshold(of, thresholds)}
         out.setdefault(variant, {}).setdefault(user, {})[method] = cell
     return out
 

@@ -15,7 +15,7 @@ from numpy import ndarray as Array
 from pipeline.errors import InputError
 from pipeline.table.bezier import P_F, P_INIT, curve
 from pipeline.table.layout import Layouts
-from pipeline.table.rules import Margins, point_clearance, slack
+from pipeline.table.rules import Margins, line_clearance, slack
 
 FINE = 513  # points that stand for the intended path when its arc length is measured
 
@@ -36,14 +36,6 @@ class Hand:
     drift_m: float  # standard deviation of the slowest deviation from the intended path, in each coordinate
     height_m: float  # where the object is held above the table
     height_drift_m: float  # how far that height wanders
-
-    def __post_init__(self) -> None:
-        for name in ("rate_hz", "speed_m_s"):
-            _need(getattr(self, name) > 0, name, getattr(self, name), "a number above 0")
-        for name in ("jitter_s", "speed_spread", "tremor_m", "drift_m", "height_drift_m"):
-            _need(getattr(self, name) >= 0, name, getattr(self, name), "0 or more")
-        low, high = self.tremor_hz
-        _need(0 < low <= high < self.rate_hz / 2, "tremor_hz", [low, high], "low <= high, below half of rate_hz")
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> "Hand":
@@ -153,17 +145,10 @@ def join(recordings: Sequence[Float[Array, "_ 4"]]) -> tuple[Float[Array, "total
     return np.concatenate(recordings) if len(recordings) else np.empty((0, 4)), offsets
 
 
-def polylines(
-    samples: Float[Array, "total 4"], offsets: Int[Array, " bound"], between: int = 3
-) -> Float[Array, "recording point 2"]:
-    """The recorded lines as points [m], `between` of them put between two samples; the last one repeated to pad."""
-    lengths = np.diff(offsets)
-    steps = (lengths.max() - 1) * (between + 1)
-    place = np.minimum(np.arange(steps + 1) / (between + 1), lengths[:, None] - 1)  # (recording, point)
-    low = np.minimum(place.astype(int), lengths[:, None] - 2)
-    share = (place - low)[..., None]
-    at = offsets[:-1, None] + low
-    return samples[at, 1:3] * (1 - share) + samples[at + 1, 1:3] * share
+def polylines(samples: Float[Array, "total 4"], offsets: Int[Array, " bound"]) -> Float[Array, "recording point 2"]:
+    """The recorded lines as points [m]; those of shorter recordings end in their last one again and again."""
+    place = np.minimum(np.arange(np.diff(offsets).max()), np.diff(offsets)[:, None] - 1)  # (recording, point)
+    return samples[offsets[:-1, None] + place, 1:3]
 
 
 def keeps(
@@ -172,9 +157,4 @@ def keeps(
     """Whether each recorded line keeps a user's margins [m]: as many recordings in every scene, scene by scene."""
     lines = polylines(samples, offsets)
     lines = lines.reshape(len(layouts), -1, *lines.shape[1:])  # (scene, demo, point, 2)
-    return slack(layouts, point_clearance(layouts, lines), margins) > 0
-
-
-def _need(holds: bool, name: str, got: object, expected: str) -> None:
-    if not holds:
-        raise InputError(f"parameter demos.hand.{name} is {got!r}: expected {expected}; change it in conf/demos.yaml")
+    return slack(layouts, line_clearance(layouts, lines), margins) > 0

@@ -19,7 +19,7 @@ from pipeline.table.items import Catalogue, read_catalogue
 from pipeline.table.layout import SIDE, SYMBOLS, Layouts
 
 SAMPLES = 3  # samples per pixel and axis, averaged
-REACH_M = 0.04  # how far beyond its footprint an item (its shadow, the lens' blur) can touch a picture
+REACH_M = 0.04  # how far beyond its footprint an item and its shadow are drawn; the lens spreads their edge by a pixel
 BOWED = {"bowl": 0.16, "plate": 0.05, "cutlery": 0.0, "glass": 0.04}  # brighter away from the light: concave
 SHADOW = {"bowl": 0.42, "plate": 0.34, "cutlery": 0.30, "glass": 0.13}  # share of the light an item takes away
 HEIGHT_M = {"bowl": 0.016, "plate": 0.009, "cutlery": 0.005, "glass": 0.018}  # shift of the shadow

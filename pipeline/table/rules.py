@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 
 from pipeline.table.bezier import curve
-from pipeline.table.layout import SYMBOLS, Layouts, point_segment_distance
+from pipeline.table.layout import SYMBOLS, Layouts, point_segment_distance, segment_distance
 
 Margins = Mapping[str, float | None]  # symbol -> margin [m]; None: the user does not care
 SAMPLES = 129  # points along a path; with the parabola, a clearance over 3 cm is right within 0.4 mm
@@ -23,6 +23,18 @@ def point_clearance(layouts: Layouts, points: Float[Array, "scene path point 2"]
     for slot in range(layouts.symbol.shape[1]):
         a, b = ends[:, slot, 0, :][:, None, None], ends[:, slot, 1, :][:, None, None]
         distance = _least(point_segment_distance(points, a, b)) - layouts.radius[:, slot, None]
+        out[:, :, slot] = np.where(layouts.present[:, slot, None], distance, np.inf)
+    return out
+
+
+def line_clearance(layouts: Layouts, lines: Float[Array, "scene path point 2"]) -> Float[Array, "scene path slot"]:
+    """Least distance [m] from the straight pieces between points, whatever their spacing, to each footprint."""
+    pieces = np.stack([lines[:, :, :-1], lines[:, :, 1:]], axis=-2)  # (scene, path, piece, end, 2)
+    out = np.full((*lines.shape[:2], layouts.symbol.shape[1]), np.inf)
+    for slot in range(layouts.symbol.shape[1]):
+        distance = (
+            segment_distance(pieces, layouts.ends[:, slot][:, None, None]).min(-1) - layouts.radius[:, slot, None]
+        )
         out[:, :, slot] = np.where(layouts.present[:, slot, None], distance, np.inf)
     return out
 

@@ -177,17 +177,6 @@ def test_labels_that_are_all_alike_give_a_constant_by_laplaces_rule(objective):
     assert all(torch.equal(value, before[name]) for name, value in model.layers.state_dict().items())
 
 
-def test_an_unknown_objective_and_impossible_schedules_are_refused():
-    with pytest.raises(ValueError, match="expected one of maxent, ranked"):
-        fit(drawn(), *world(), "apprenticeship", schedule(), 0)
-    with pytest.raises(ValueError, match=r"steps is 0"):
-        schedule(steps=0)
-    with pytest.raises(ValueError, match=r"irl\.jitter\.gain is -1"):
-        Jitter(0.1, -1.0, 0.0, 0.0, 0.0)
-    with pytest.raises(ValueError, match="a chance from 0 to 1"):
-        Jitter(0.1, 0.1, 0.0, 0.0, 1.5)
-
-
 def test_the_acceptance_rule_is_the_maximum_of_the_likelihood():
     rng = np.random.default_rng(0)
     regret = rng.normal(0, 2, 400)

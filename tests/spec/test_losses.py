@@ -145,12 +145,3 @@ def test_float32_agrees_with_float64(model, batch):
         exact = model.get_parameter(name).grad
         assert parameter.grad is not None and exact is not None
         assert (parameter.grad.double() - exact).abs().max() <= 1e-5 * exact.abs().max() + 1e-8, name
-
-
-@pytest.mark.parametrize(
-    ("weights", "word"),
-    [((-1.0, 0.0, 1.0), "alpha"), ((1.0, float("nan"), 1.0), "beta"), ((1.0, 1.0, 0.0), "gamma")],
-)
-def test_weights_out_of_range_are_refused(weights, word):
-    with pytest.raises(ValueError, match=word):
-        Weights(*weights)

@@ -137,12 +137,3 @@ def test_ends_lie_in_the_square_of_z_theta_and_p_is_the_models(method: str):
 def test_a_model_that_ignores_the_path_moves_nothing(method: str):
     found = search(Blind(), PERCEPT, STARTS, method, NEAR, 0)
     np.testing.assert_allclose(found.z, STARTS, atol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("change", "says"), [({"weight": 0.0}, "weight is 0"), ({"reach": -1.0}, "reach is"), ({"probes": 30}, "fewer")]
-)
-def test_settings_out_of_range_are_refused(change: dict, says: str):
-    values = {"evaluations": 30, "weight": 1.0, "probes": 18, "reach": 1.2, "step": 0.05}
-    with pytest.raises(ValueError, match=says):
-        Near(**(values | change))

@@ -19,7 +19,7 @@ def refuses(main: Stage, cfg: DictConfig, name: str, value: object, message: str
     OmegaConf.set_struct(changed, False)
     OmegaConf.update(changed, name, value, merge=False)
     with pytest.raises(ValueError, match=message):
-        validate(changed)
+        validate(changed, [main.__module__.rpartition(".")[2]])
         main(changed, out)
     assert not out.exists()
 

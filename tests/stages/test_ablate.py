@@ -70,7 +70,7 @@ def test_a_second_run_by_two_processes_writes_the_same_bytes(cfg: DictConfig, ou
         ("variant", "full", "expected one of path"),
         ("n", [2], "expected some of 1, 9"),
         ("n", [], "ablate.n"),
-        ("pools", ["new_items"], "expected pools of validation, some of val_items, val_scenes"),
+        ("pools", ["new_items"], "expected pools of validation, some of val_scenes, val_items"),
         ("pools", [], "ablate.pools"),
     ],
 )

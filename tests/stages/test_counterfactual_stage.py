@@ -168,7 +168,7 @@ def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Pat
     ("name", "value", "message"),
     [
         ("scenes", 1, "counterfactual.scenes is 1: expected a whole number from 2"),
-        ("scenes", 1000, r"counterfactual.scenes is 1000: expected at most the \d+ scenes of new_items"),
+        ("scenes", 1000, r"counterfactual.scenes is 1000: expected at most scenes.shared = \d+"),
         ("move_step", 0.0, "counterfactual.move_step is 0.0"),
         ("example_variant", "best", "counterfactual.example_variant is 'best'"),
         ("split", "seen_scenes", "expected a split that all seeds share, one of new_scenes, new_items"),

@@ -201,9 +201,9 @@ def test_predictions_of_other_labels_are_refused(cfg: DictConfig, tmp_path: Path
     [
         ("evaluate.bins=0", "evaluate.bins is 0"),
         ("evaluate.users=[nobody]", "expected some of careful, normal, aggressive"),
-        ("evaluate.comparisons.0.against=[irl]", "names 'irl'"),
+        ("evaluate.comparisons.0.against=[irl]", "evaluate.comparisons is 'irl': expected one of full"),
         ("evaluate.comparisons.1.splits=[new_items]", "only in seen scenes"),
-        ("evaluate.comparisons.0.splits=[seen_scenes,seen_scenes,seen_scenes,seen_scenes,seen_scenes]", "28 tests"),
+        ("evaluate.comparisons.3.family=paper", "27 tests in family paper"),
     ],
 )
 def test_what_cannot_be_compared_is_refused(cfg: DictConfig, tmp_path: Path, override: str, message: str):

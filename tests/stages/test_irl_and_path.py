@@ -74,7 +74,7 @@ def test_a_second_run_by_two_processes_writes_the_same_bytes(run, small_world, t
     [
         ("irl_ranked", "variant=full", "not fitted by stage irl: expected one of irl_maxent, irl_ranked"),
         ("irl_ranked", "variants.irl_ranked.steps=0", "steps is 0"),
-        ("irl_ranked", "irl.jitter.other_table=2", "irl.jitter.other_table is 2.0"),
+        ("irl_ranked", "irl.jitter.other_table=2", "irl.jitter.other_table is 2"),
         ("irl_ranked", "variants.irl_ranked.objective=apprenticeship", "expected one of maxent, ranked"),
         ("path", "variant=irl_ranked", "not fitted by stage path: expected one of path"),
         ("path", "path.steps=0", "steps is 0"),

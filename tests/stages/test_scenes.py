@@ -131,7 +131,7 @@ def test_what_lays_out_no_scene_is_named(tmp_path: Path, name: str, value: objec
 
 
 def test_users_whom_the_paper_does_not_know_have_a_world_as_well(tmp_path: Path):
-    cfg = small(calibration=20, shared=1, validation=1, per_seed=1)
+    cfg = small(calibration=20, shared=2, validation=1, per_seed=1)
     cfg.users = {"hasty": cfg.users.normal}
     main(cfg, tmp_path)
     metrics = read_json(tmp_path / "metrics.json")

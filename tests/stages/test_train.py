@@ -131,7 +131,7 @@ def test_jobs_fitted_together_are_of_like_n_and_none_is_left_out(small_world, tm
     ("override", "message"),
     [
         ("variant=irl_ranked", "not fitted by stage train: expected one of full, ae, classifier"),
-        ("variants.full.beta=-1", "beta is -1.0"),
+        ("variants.full.beta=-1", "beta is -1"),
         ("train.steps=0", "steps is 0"),
         ("seeds=[0,7]", "no scenes train-s7"),
     ],

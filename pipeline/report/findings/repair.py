@@ -38,10 +38,13 @@ def searches(results: Results) -> list[str]:
         best = max(found, key=lambda v: found[v]["success"])
         b, ours = found[best], found[results.main]
         success = percent_spread(b, "success", "success_q1", "success_q3")
+        valid = b["displacement_ratio_valid"]
         out.append(
-            f"{user.capitalize()}: {variant_phrase(best)} ends {success} of {b['starts']:,} invalid starts in a truly "
-            f"valid path, at {b['displacement_ratio']:.2f} times the least displacement; it calls "
-            f"{percent(b['fooled'])} of the ends valid that are not, and itself rejects {percent(b['abstained'])}"
+            f"{user.capitalize()}: {variant_phrase(best)} ends {success}{_between(b['success_ci'])} of "
+            f"{b['starts']:,} invalid starts in a truly valid path, at {b['displacement_ratio']:.2f} times the least "
+            f"displacement{'' if valid is None else f', {valid:.2f} times where it succeeds'}; it calls "
+            f"{percent(b['fooled'])}{_between(b['fooled_ci'])} of the ends valid that are not, and itself rejects "
+            f"{percent(b['abstained'])}{_surer(b['by_threshold'])}"
             + (
                 f". The paper's model ends {percent(ours['success'])} so, at {ours['displacement_ratio']:.2f} times"
                 if best != results.main
@@ -52,6 +55,22 @@ def searches(results: Results) -> list[str]:
             f"{percent(told['success'])} at {told['displacement_ratio']:.2f} times."
         )
     return out
+
+
+def _between(bounds: list[float] | None) -> str:
+    """How far other seeds and other scenes might move a share."""
+    return f" (95 % interval with other scenes {100 * bounds[0]:.1f}–{100 * bounds[1]:.1f})" if bounds else ""
+
+
+def _surer(levels: list[dict]) -> str:
+    """What the highest threshold asked about would leave of the ends, and of the errors."""
+    if not levels:
+        return ""
+    last = levels[-1]
+    return (
+        f" (accepting only above {last['above']:g} would leave {percent(last['accepted'])} of the ends, and be wrong "
+        f"about {percent(last['fooled'])})"
+    )
 
 
 def _user_repair(results: Results, user: str) -> str:

@@ -1,9 +1,11 @@
 """What breaks which model."""
 
 from pipeline.report.results import POSITION, Results
+from pipeline.report.tables.robustness import most_accurate
 from pipeline.report.wording import (
     disturbance_label,
     disturbance_phrase,
+    interval,
     listed,
     percent,
     points,
@@ -13,6 +15,7 @@ from pipeline.report.wording import (
 )
 
 LABELS = "labels"
+ALWAYS = 0.9  # share of the pictures called strange from which a sentence says so
 SLIGHT = 0.05  # a loss of accuracy that a sentence calls small
 
 
@@ -36,7 +39,7 @@ def robustness(results: Results) -> list[str]:
             f"{listed([variant_phrase(v) for v in blind])}. Accuracy changes there by "
             f"{signed(100 * min(changes), 1)} to {signed(100 * max(changes), 1)} percentage points."
         )
-    return [*out, *_mislabelled(results)]
+    return [*out, _strange(results), *_mislabelled(results)]
 
 
 def worst(results: Results, variant: str) -> tuple[str, dict]:
@@ -109,6 +112,31 @@ def _withstands(results: Results, variant: str) -> str:
     ]
     said = f", whatever the strength, under {listed(kept)}" if kept else " under no disturbance at every strength"
     return f"By the intervals a loss of {points(SLIGHT)} is ruled out{said}."
+
+
+def _strange(results: Results) -> str:
+    """Whether a model can tell by itself that a picture is unlike those it was taught with."""
+    found = results.robustness
+    best, plain = most_accurate(results), found["undisturbed"]["strange"]
+    levels = {disturbance_phrase(name, level["strength"]): level for name, level in _levels(results)}
+    always = [p for p, level in levels.items() if level["strange"]["mean"] >= ALWAYS]
+    missed = [
+        f"{p} ({percent(level['strange']['mean'], 0)})"
+        for p, level in levels.items()
+        if (change := level["models"][best]["more_accepted"]) and change["ci_high"] > SLIGHT and p not in always
+    ]
+    text = (
+        f"A picture can be told to be strange by the {found['per_seed']} training pictures alone: "
+        f"{percent(plain['mean'])} of the undisturbed ones are ({interval(plain)}; at most "
+        f"{percent(1 / (found['per_seed'] + 1))} would be if they came as those did, but their items are new), and "
+        f"at least {percent(ALWAYS, 0)} under {listed(always) if always else 'no disturbance'}."
+    )
+    if missed:
+        text += (
+            f" Where {variant_phrase(best)} lets more invalid paths through, or may, less often are those under "
+            f"{listed(missed)}."
+        )
+    return text
 
 
 def _mislabelled(results: Results) -> list[str]:

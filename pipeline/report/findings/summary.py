@@ -163,8 +163,15 @@ def _distances(results: Results, best: str) -> str:
     return (
         f"The distances it asks for in {len(found)} of {len(cells)} cells (a user and a symbol) are within "
         f"{max(1000 * abs(c['error_m']) for c in found):.1f} mm of the true margins, too short in {short}, and their "
-        f"intervals hold the truth in {covered}."
+        f"intervals hold the truth in {covered}.{_kept_to(results, best)}"
     )
+
+
+def _kept_to(results: Results, best: str) -> str:
+    """What paths are worth that keep these distances and no more."""
+    plans = {u: c for u, c in results.envelope["nearest"].items() if c["plans"]} if best == results.planner else {}
+    valid = [f"{percent(c['valid'])} ({u})" for u, c in plans.items()]
+    return f" Of paths that keep them and no more, {listed(valid)} are valid." if valid else ""
 
 
 def _doubted(results: Results, best: str) -> list[str]:

@@ -22,8 +22,8 @@ def all_tables(results: Results) -> list[Table]:
     makers = [
         summary.models, summary.world,
         accuracy.accuracy, accuracy.efficiency, accuracy.comparisons, accuracy.by_user, accuracy.calibration,
-        acceptance.acceptance, robustness.robustness, robustness.accepted, ablation.ablation,
-        repair.backprop, repair.repair_detail, repair.searches,
+        acceptance.acceptance, robustness.robustness, robustness.accepted, robustness.strange, ablation.ablation,
+        repair.backprop, repair.repair_detail, repair.searches, repair.thresholds,
         causes.interventions, causes.verdicts, causes.intervention_detail, causes.specifications,
         refutation.refuters, refutation.refuted,
         confounding.association, confounding.worlds,

@@ -10,7 +10,9 @@ from pipeline.report.wording import (
     method_label,
     percent,
     percent_spread,
+    percent_within,
     variant_label,
+    variant_phrase,
 )
 
 
@@ -77,14 +79,46 @@ def searches(results: Results) -> Table:
                 rows.append(
                     [
                         user.capitalize(), variant_label(model), method_label(method), f"{c['starts']:,}",
-                        percent(c["success"]), percent(c["fooled"]), percent(c["abstained"]),
-                        f"{c['displacement_ratio']:.2f}",
+                        percent_within(c["success"], c["success_ci"]), percent_within(c["fooled"], c["fooled_ci"]),
+                        percent(c["abstained"]), _ratio(c),
                     ]
                 )  # fmt: skip
     caption = (
         "Repairs that stay near their start: each search asks the model equally often and weighs P(valid) against "
-        "displacement. Fooled, abstained and ratio as above; the last row of a user was told the footprints and the "
-        f"user's margins, which leaves what the search itself costs. Means over {counted(len(results.seeds), 'seed')}."
+        "displacement. Fooled, abstained and ratio as above, and, in brackets, the ratio of the ends that are valid; "
+        "the last row of a user was told the footprints and the user's margins, which leaves what the search itself "
+        f"costs. Means over {counted(len(results.seeds), 'seed')} [95 % intervals over seeds and scenes]."
     )
     header = ["User", "Model", "Search", "Starts", "Success", "Fooled", "Abstained", "Ratio"]
     return table("searches", caption, header, rows, labels=3)
+
+
+def thresholds(results: Results) -> Table:
+    """What would become of the best searches' ends if a robot accepted only what the model is surer of."""
+    best, rows = repairer(results), []
+    for user in results.users:
+        for level in results.search.get(best, {}).get(user, {}).get("probe", {}).get("by_threshold", []):
+            shares = (percent(level[name]) for name in ("accepted", "fooled", "invalid"))
+            rows.append([user.capitalize(), f"{level['above']:g}", *shares])
+    caption = (
+        f"Ends of the search with {variant_phrase(best)} that a robot would accept if P(valid) had to exceed a "
+        "threshold; "
+        "the others it would not drive. Fooled: accepted, and invalid. All thresholds asked about are here; none was "
+        f"chosen, and the rest of the report takes 0.5. Means over {counted(len(results.seeds), 'seed')}."
+    )
+    header = ["User", "P(valid) above", "Accepted", "Fooled", "Invalid among accepted"]
+    return table("search_thresholds", caption, header, rows, labels=2)
+
+
+def repairer(results: Results) -> str:
+    """The variant whose searches end most often in a valid path, mean over users."""
+
+    def success(variant: str) -> float:
+        return sum(by_method["probe"]["success"] for by_method in results.search.get(variant, {}).values())
+
+    return max(results.variants, key=success)
+
+
+def _ratio(cell: dict) -> str:
+    valid = cell["displacement_ratio_valid"]
+    return f"{cell['displacement_ratio']:.2f} ({NONE if valid is None else f'{valid:.2f}'})"

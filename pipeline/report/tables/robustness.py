@@ -9,9 +9,11 @@ from pipeline.report.wording import (
     listed,
     percent,
     percent_spread,
+    percent_within,
     signed,
     strength_label,
     variant_label,
+    variant_phrase,
 )
 
 
@@ -53,11 +55,54 @@ def accepted(results: Results) -> Table:
     return table("robustness_accepted", caption, header, rows, labels=2)
 
 
+def strange(results: Results) -> Table:
+    """How often a picture is called unlike the training pictures, and what abstaining there would leave."""
+    found, best = results.robustness, most_accurate(results)
+    levels = [("as_is", None, found["undisturbed"])]
+    levels += [(name, level["strength"], level) for name in found["order"] for level in found["disturbed"][name]]
+    rows: list[list[str | Cell]] = []
+    for name, strength, level in levels:
+        if "strange" not in level:
+            continue
+        called, cell, kept = level["strange"], level["models"][best], level["kept"][best]
+        accepted = None if cell["false_rejects"] is None else 1 - cell["false_rejects"]
+        rows.append(
+            [
+                disturbance_label(name), NONE if strength is None else strength_label(name, strength),
+                percent_within(called["mean"], (called["ci_low"], called["ci_high"])),
+                percent(cell["false_accepts"]), percent(kept["false_accepts"]), percent(accepted),
+                percent(kept["accepted"]),
+            ]
+        )  # fmt: skip
+    caption = (
+        "Pictures called strange, told from a model's own training pictures without a label, so that of pictures like "
+        f"those at most 1 in {found['per_seed'] + 1} is; and what {variant_phrase(best)} would accept of the invalid "
+        "and of the valid paths if it abstained there (of all of them, those abstained from among them). Means over "
+        f"{counted(found['seeds'], 'seed')} [95 % intervals over seeds and scenes]."
+    )
+    header = [
+        "Disturbance",
+        "Level",
+        "Called strange",
+        "Invalid accepted",
+        "abstaining",
+        "Valid accepted",
+        "abstaining",
+    ]
+    return table("robustness_strange", caption, header, rows, labels=2)
+
+
+def most_accurate(results: Results) -> str:
+    """The variant that judges most paths rightly in the pictures as they are."""
+    models = results.robustness["undisturbed"]["models"]
+    return max(results.variants, key=lambda v: models[v]["accuracy"]["mean"])
+
+
 def _share(cell: dict) -> str:
     if cell["false_accepts_ci"] is None:
         return NONE
     low, high = cell["false_accepts_ci"]
-    return f"{percent(cell['false_accepts'])} [{100 * max(low, 0.0):.1f}–{100 * high:.1f}]"
+    return f"{percent(cell['false_accepts'])} [{100 * low:.1f}–{100 * high:.1f}]"
 
 
 def _change(cell: dict | None) -> str:
