@@ -163,7 +163,14 @@ def _robustness(cfg: DictConfig, rng: np.random.Generator) -> None:
     shares = sorted({share for own in r.mislabelled.values() for share in own})
     disturbed["labels"] = levels(shares, lambda s: [v for v, own in r.mislabelled.items() if s in own])
     as_is = {"valid": 0.4, "models": {v: cell(v, 0.0) for v in models}}
+    kept = {v: {"false_accepts": 0.15, "accepted": 0.8} for v in cfg.variants}
+    for disturbance, of in {"none": [as_is], **disturbed}.items():
+        called = 0.95 if disturbance == "noise" else 0.05
+        strange = {"mean": called, "ci_low": called - 0.03, "ci_high": called + 0.03}
+        for level in of if disturbance != "labels" else []:
+            level |= {"strange": strange, "kept": kept}
     size = {"order": list(disturbed), "users": users, "seeds": len(cfg.seeds), "scenes": SCENES, "paths": 8}
+    size |= {"per_seed": cfg.scenes.per_seed}
     write_json(folder / "metrics.json", size | {"undisturbed": as_is, "disturbed": disturbed})
     pictured = ("as_is", *(name for name in disturbed if name != "labels"))
     write_arrays(folder / "examples.npz", {name: _pictures(rng) for name in pictured})

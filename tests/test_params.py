@@ -142,6 +142,15 @@ def test_what_stages_need_of_others_is_asked_for_the_graph_but_not_for_another_s
         validate(cfg, ["ablate"])
 
 
+@pytest.mark.parametrize("stage", ["intervene", "identify"])
+def test_a_single_user_has_nobody_to_be_held_against(stage: str):
+    cfg = load(ROOT / "params.yaml")
+    cfg.users, cfg.evaluate.users = {"normal": cfg.users.normal}, ["normal"]
+    with pytest.raises(InputError, match=r"users is .'normal'.: expected two at least"):
+        validate(cfg, [stage])
+    validate(cfg, ["train"])
+
+
 def test_a_stage_that_needs_something_of_others_is_one():
     assert set(agreement.AGREEMENTS) <= {path.stem for path in (ROOT / "pipeline" / "stages").glob("*.py")}
 

@@ -8,7 +8,7 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.added import Added
 from pipeline.artifacts.demos import demo_arrays
-from pipeline.artifacts.files import read_arrays
+from pipeline.artifacts.files import read_arrays, read_table
 from pipeline.artifacts.scenes import SceneSet, train_pool
 from pipeline.artifacts.trained import load_model
 from pipeline.causal.statistics import SMALLEST_EFFECT
@@ -22,6 +22,7 @@ from pipeline.report.figures.repairs import Repair
 from pipeline.report.figures.things import Seen, Things
 from pipeline.report.pictures.picture import Drawn
 from pipeline.report.results import Results
+from pipeline.report.tables.repair import repairer
 from pipeline.report.wording import listed, split_phrase, variant_label
 from pipeline.spec.clearance import ClearanceModel
 from pipeline.spec.metrics import DECISION
@@ -59,6 +60,7 @@ def gather(cfg: DictConfig, results: Results, scenes: SceneSet, added: Added) ->
         pool=scenes.images[pool],
         layouts=scenes.layouts[pool],
         repairs=_repairs(cfg, results, seed),
+        failures=_failures(cfg, results),
         rebuilt=model.reconstruct(originals),
         originals=originals,
         trained_on=min(count, len(scenes.images[training])),
@@ -172,6 +174,22 @@ def _user_repairs(frame: pd.DataFrame, paths: dict, variant: str, user: str, see
     at = {(r.scene, r.start): r.Index for r in rows.itertuples()}
     found = [at[where] for where in chosen]
     return [Repair(int(rows["scene"][i]), z[i], bool(rows["valid_end"][i]), bool(rows["accepted"][i])) for i in found]
+
+
+def _failures(cfg: DictConfig, results: Results) -> dict[str, list[Repair]]:
+    """The best variant's searches that fooled it, one a scene, those that end deepest within a margin first."""
+    ends = read_table(Path(cfg.paths.search) / "searches.parquet")
+    ends = ends[(ends["method"] == repairer(results)) & (ends["search"] == "probe")]
+    fooled = ends[ends["accepted"].astype(bool) & ~ends["valid_end"]].sort_values("clearance_m", kind="stable")
+    worst = fooled.drop_duplicates(["user", "scene"])
+    by_user = {user: worst[worst["user"] == user] for user in with_something_invalid(results)}
+    count = min([cfg.report.scenes, *map(len, by_user.values())])
+    return {user: [_failure(row) for row in rows.head(count).itertuples()] for user, rows in by_user.items() if count}
+
+
+def _failure(row) -> Repair:
+    said = f"{-1000 * row.clearance_m:.0f} mm short, P = {row.p_end:.2f}, seed {row.seed}"
+    return Repair(row.scene, np.array([[row.z0_x, row.z0_y], [row.z_x, row.z_y]]), False, True, said)
 
 
 def _added_texts(results: Results, seed: int, user: str) -> list[str]:

@@ -71,6 +71,15 @@ def _no_more(s: Settings, name: str, scenes: int) -> None:
     need(scenes <= s.scenes.shared, name, scenes, f"at most scenes.shared = {s.scenes.shared}")
 
 
+def intervene(s: Settings) -> None:
+    """Users to exchange."""
+    _several_users(s)
+
+
+def _several_users(s: Settings) -> None:
+    need(len(s.users) > 1, "users", list(s.users), "two at least, for each is held against the others")
+
+
 def counterfactual(s: Settings) -> None:
     """An example's variant, and no more scenes than there are, nor with a moved item than those."""
     c = s.counterfactual
@@ -101,6 +110,7 @@ def _beyond_margins(s: Settings, name: str, length: float) -> None:
 
 def identify(s: Settings) -> None:
     """A stranger who is no known user, and numbers of paths that are shown."""
+    _several_users(s)
     i = s.identify
     new = i.stranger not in s.users.values()
     need(new, "identify.stranger", i.stranger, "margins that no user has: nobody else can be told from a known user")
@@ -170,7 +180,7 @@ def report(s: Settings) -> None:
 AGREEMENTS = {
     f.__name__: f
     for f in (
-        evaluate, ablate, efficiency, search, counterfactual, refute, envelope, identify, selftest, confound,
+        evaluate, ablate, efficiency, search, intervene, counterfactual, refute, envelope, identify, selftest, confound,
         robustness, accept, record, report,
     )
 }  # fmt: skip

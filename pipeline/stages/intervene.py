@@ -203,8 +203,6 @@ def _symbol_study(model: Answers, truth: Answers) -> list[dict]:
 
 def _user_study(users: list[str], model: Answers, truth: Answers) -> list[dict]:
     """The first inequality: do(S := s'), a cell per ordered pair of users."""
-    if len(users) < 2:
-        return []
     here, there = np.array([[users.index(u), users.index(o)] for u, o in ordered_pairs(users)]).T
     return study(model.baseline[here], model.baseline[there], truth.baseline[here], truth.baseline[there])
 

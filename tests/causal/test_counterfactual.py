@@ -125,6 +125,29 @@ def test_the_base_rate_of_a_user_who_minds_glasses_alone_blames_a_glass(
     np.testing.assert_allclose(chance[scene, path], 1 / glasses[scene])
 
 
+def test_the_base_rate_counts_paths_that_someone_is_to_blame_for():
+    """A glass is the culprit of the one such path beside it, the bowl of 10 of the 11 beside that."""
+    bowl, glass, plate = (SYMBOLS.index(s) for s in ("bowl", "glass", "plate"))
+    culprit = np.full((2, 10), NOBODY)
+    culprit[0, 3], culprit[1] = 1, 0
+    symbol = np.array([[bowl, glass], [bowl, plate]])
+    chance = nulls(culprit, np.ones((2, 2), bool), symbol, np.ones((2, 10, 2)))["base_rate"]
+    assert chance[0, 3] == pytest.approx(1 / (1 + 10 / 11))
+    assert chance[0].sum() == chance[0, 3] and (chance[1] == 1).all()
+
+
+def test_of_several_culprits_each_must_be_enough_and_none_necessary():
+    present = np.ones((2, 2), bool)
+    several = {"whole": np.zeros((2, 1)), "empty": np.ones((2, 1)), "alone": np.zeros((2, 1, 2))}
+    truth = Removals(without=np.zeros((2, 1, 2)), **several)  # either item alone forbids the path
+    chances: dict = {}
+    for without, right in ((0.0, 1.0), (1.0, 0.0)):  # the model: neither, or both, are necessary as well
+        seen = {name: value[None] for name, value in several.items()}
+        model = Removals(without=np.full((1, 2, 1, 2), without), **seen)
+        found = study(model, truth, present, chances)
+        assert found is not None and found["several_right"] == right
+
+
 def test_a_model_that_looks_at_no_item_blames_none(layouts: Layouts, z_theta: np.ndarray, tables: Tables):
     truth = told(layouts, z_theta, tables, CAREFUL)
     blind = tables.fold(np.full((2, len(tables.scene), PATHS), 0.4))

@@ -1,7 +1,10 @@
 """What could be detected is detected as often as promised, and as many scenes as are asked for settle a verdict."""
 
+from math import ceil
+
 import numpy as np
 import pytest
+from scipy.stats import t as student
 
 from pipeline.causal.precision import POWER, detectable, scenes_to_settle, seed_by_seed
 from pipeline.causal.statistics import SMALLEST_EFFECT, estimate, holm, verdict
@@ -49,6 +52,18 @@ def test_a_verdict_is_settled_by_more_scenes_than_are_asked_for_and_left_open_by
         assert needed is not None
         assert settled(mean, round(1.5 * needed)) > 0.9
         assert settled(mean, round(0.6 * needed)) < 0.1
+
+
+def test_scenes_that_vary_less_than_the_rest_count_for_what_the_rest_does():
+    """Seeds alike, scenes alike but for chance: a scene's share of the variance is the rest's, by closed form."""
+    rng, seeds, scenes = np.random.default_rng(5), 6, 9
+    rest = rng.normal(size=(seeds, scenes))
+    rest = 0.4 * (rest - rest.mean(0) - rest.mean(1, keepdims=True) + rest.mean())
+    effects = rest[None]
+    per_scene = (rest**2).sum() / ((seeds - 1) * (scenes - 1)) / seeds
+    allowed = (SMALLEST_EFFECT / student.ppf(0.95, (seeds - 1) * (scenes - 1))) ** 2
+    assert scenes_to_settle(effects) == [max(2, ceil(per_scene / allowed))]
+    assert scenes_to_settle(effects)[0] > 2
 
 
 def test_more_scenes_do_not_settle_what_the_seeds_leave_open():

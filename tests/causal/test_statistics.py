@@ -13,6 +13,7 @@ from statsmodels.stats.weightstats import ttost_paired
 
 from pipeline.causal.statistics import (
     Estimates,
+    crossed_error,
     estimate,
     holm,
     mean_squares,
@@ -112,6 +113,37 @@ def test_a_cell_does_not_depend_on_its_neighbours():
     effects = crossed(5, 0.03, 0.1)
     together, alone = (estimate(x) for x in (effects, effects[3:4]))
     np.testing.assert_allclose([together.ci_low[3], together.p[3]], [alone.ci_low[0], alone.p[0]])
+
+
+def with_mean_squares(by_seed: float, by_scene: float, rest: float, seeds: int = 4, scenes: int = 7) -> np.ndarray:
+    """Effects (1, seed, scene) whose two-way layout has these mean squares to the bit's width."""
+    g = rng(3)
+    a, b, c = g.normal(size=(seeds, 1)), g.normal(size=(1, scenes)), g.normal(size=(seeds, scenes))
+    a, b, c = a - a.mean(), b - b.mean(), c - c.mean(0) - c.mean(1, keepdims=True) + c.mean()
+    freedoms = seeds - 1, scenes - 1, (seeds - 1) * (scenes - 1)
+    parts = (np.broadcast_to(part, (seeds, scenes)) for part in (a, b, c))
+    return sum(
+        part * np.sqrt(wanted * freedom / (part**2).sum())
+        for part, wanted, freedom in zip(parts, (by_seed, by_scene, rest), freedoms, strict=True)
+    )[None]
+
+
+@pytest.mark.parametrize(
+    ("squares", "total", "spread"),
+    [
+        ((5.0, 3.0, 1.0), 5 + 3 - 1, 5**2 / 3 + 3**2 / 6 + 1 / 18),  # both sources count
+        ((5.0, 0.5, 1.0), 5.0, 5**2 / 3),  # scenes less than chance would: the seeds alone
+        ((0.5, 3.0, 1.0), 3.0, 3**2 / 6),  # seeds less
+        ((0.5, 0.7, 1.0), 1.0, 1 / 18),  # neither: every pair a replication
+    ],
+)
+def test_the_error_behind_every_interval_is_that_of_the_mean_squares(squares, total, spread):
+    """Variance of the mean (MS_seed + MS_scene - MS_rest) / (seeds scenes), freedom by Satterthwaite (1946)."""
+    effects = with_mean_squares(*squares)
+    np.testing.assert_allclose(np.ravel(mean_squares(effects)), squares)
+    error, freedom = crossed_error(effects)
+    assert error[0] ** 2 == pytest.approx(total / (4 * 7))
+    assert freedom[0] == pytest.approx(total**2 / spread)
 
 
 def test_effects_that_are_no_numbers_are_refused():

@@ -73,6 +73,33 @@ def test_a_significant_loss_is_no_win(results: Results):
     assert any("10.0 percentage points worse" in s for s in accuracy(worse))
 
 
+def test_accuracy_rises_if_it_does_in_every_seed_and_where(results: Results):
+    claim = "Accuracy rises"
+    few, most = min(results.ns), max(results.ns)
+    rising = results.accuracy.assign(accuracy=results.accuracy["n"] / 10)
+    assert verdict(replace(results, accuracy=rising), claim) == "reproduced"
+    in_training = rising.assign(accuracy=rising["accuracy"].where(rising["split"] == "seen_scenes", 0.5))
+    assert verdict(replace(results, accuracy=in_training), claim) == "in part"
+    assert verdict(replace(results, accuracy=rising.assign(accuracy=0.5)), claim) == "not reproduced"
+    assert few < most
+
+
+def test_users_are_identified_and_differ_as_the_numbers_have_it(results: Results):
+    found = copy.deepcopy(results.identification)
+    cells = found["identification"][results.main]
+    cells[max(cells, key=lambda key: int(key[1:]))] |= {"mean": 0.98}
+    assert verdict(results, "user's type") == "not reproduced"
+    assert verdict(replace(results, identification=found), "user's type") == "reproduced"
+    intervened = copy.deepcopy(results.intervention)
+    pairs = [c for others in intervened["specifications"][results.main].values() for c in others.values()]
+    for right, expected in ((True, "reproduced"), (False, "not reproduced")):
+        for c in pairs:
+            c["right"] = right
+        assert verdict(replace(results, intervention=intervened), "Users' models") == expected
+    pairs[0]["right"] = True
+    assert verdict(replace(results, intervention=intervened), "Users' models") == "in part"
+
+
 def test_the_search_that_succeeds_most_is_named_beside_the_truth(results: Results):
     found = copy.deepcopy(results.search)
     found["irl_ranked"]["careful"]["probe"] |= {"success": 0.93, "displacement_ratio": 1.23}
@@ -80,6 +107,8 @@ def test_the_search_that_succeeds_most_is_named_beside_the_truth(results: Result
     careful, _ = searches(replace(results, search=found))
     assert careful.startswith("Careful: ranking IRL ends 93.0") and "at 1.23 times the least" in careful
     assert "Told the truth, the same search reaches 99.0" in careful
+    assert "(95 % interval with other scenes 55.0–85.0)" in careful and "1.50 times where it succeeds" in careful
+    assert "accepting only above 0.9 would leave 55.0" in careful
 
 
 def test_the_self_test_owns_up_to_a_level_it_does_not_keep(results: Results):
@@ -385,7 +414,8 @@ def test_labels_spread_wide_are_held_against_about_as_many_heaped(results: Resul
 
 
 def test_ingredients_are_told_by_what_is_lost_without_them(results: Results):
-    few, many, calibrated, seeds = ablation(results)
+    few, many, idle, calibrated, seeds = ablation(results)
+    assert idle.startswith("So accuracy justifies ") and " ingredients nowhere" in idle
     assert "At n = 1 the whole model judges 90.0" in few and "At n = 9 the whole model judges 96.0" in many
     assert "Accuracy falls by 10.0 percentage points (seeds −12.0 to −8.0) with “no size, no elongation”." in many
     assert "It rises by half a point or more with “no squares of features” (seeds −1.0 to +3.0)" in few
@@ -394,11 +424,11 @@ def test_ingredients_are_told_by_what_is_lost_without_them(results: Results):
     assert "validation seed" in seeds
     found = copy.deepcopy(results.ablation)
     found["ablations"]["no_sharpening"]["n9"]["ece"] = 0.01
-    assert "does not bring its probabilities nearer" in ablation(replace(results, ablation=found))[2]
+    assert "does not bring its probabilities nearer" in ablation(replace(results, ablation=found))[3]
 
 
 def test_what_breaks_a_model_is_told_of_one_that_beats_the_null_and_no_other(results: Results):
-    path, blind, *labels = robustness(results)
+    path, blind, _, *labels = robustness(results)
     assert path.startswith("The path model, right about 95.0") and "falls most under a blur of 1\u00a0px: by" in path
     assert (
         "by 10.0 percentage points (95 % interval 9.0 to 11.0, of the largest of " in path
@@ -427,6 +457,18 @@ def test_disturbances_that_let_more_invalid_paths_through_are_named_each(results
     assert f"under {blur} and {cherry}. It may under a blur of 2\u00a0px (+5.5, +4.5 to +6.5). " in path
     path, *_ = robustness(results)
     assert "for certain nowhere. Elsewhere the intervals rule that out." in path
+
+
+def test_pictures_told_to_be_strange_are_those_that_are_nearly_always_called_so(results: Results):
+    said = robustness(results)[2]
+    assert "5.0\u00a0% of the undisturbed ones are (95 % interval 2.0–8.0; at most " in said
+    always = said.partition("at least 90\u00a0% under ")[2]
+    assert always.count("noise") == len(results.robustness["disturbed"]["noise"]) and "blur" not in always
+    found = copy.deepcopy(results.robustness)
+    change = {"difference": 0.3, "ci_low": 0.2, "ci_high": 0.4}
+    found["disturbed"]["tables"][0]["models"]["path"]["more_accepted"] = change
+    missed = robustness(replace(results, robustness=found))[2]
+    assert "less often are those under a table top of marble (5\u00a0%)" in missed
 
 
 def test_a_promise_is_said_to_be_kept_broken_or_idle_as_the_numbers_have_it(results: Results):

@@ -18,7 +18,7 @@ from pipeline.stages import envelope, intervene
 from pipeline.table.items import read_catalogue
 from pipeline.table.layout import SYMBOLS, LayoutRules, random_layouts
 from pipeline.table.render import Palette, render_scenes
-from pipeline.table.rules import clearance
+from pipeline.table.rules import clearance, valid
 from tests.stages.facts import refuses, repeats_itself
 from tests.stages.inputs import convinced, save_model
 
@@ -157,6 +157,14 @@ def test_the_specification_can_be_read_and_says_what_was_found(cfg: DictConfig, 
 def test_a_second_run_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
     assert sorted(p.name for p in out.iterdir()) == ["metrics.json", "specification.yaml"]
     repeats_itself(envelope.main, cfg, out, tmp_path)
+
+
+def test_only_paths_that_do_not_keep_the_distances_yet_are_moved(cfg: DictConfig):
+    tables, starts = envelope._set_tables(cfg), cfg.envelope.starts
+    keep = {user: dict.fromkeys(SYMBOLS, 0.01) for user in cfg.users}
+    inside = ~valid(tables.layouts, tables.z_theta[:, :starts], keep["careful"])
+    plans = envelope._plan_nearest(cfg, tables, keep)["careful"]["plans"]
+    assert 0 < plans <= inside.sum() < inside.size
 
 
 @pytest.mark.parametrize(

@@ -85,7 +85,9 @@ def test_another_user_and_back_again_is_no_change(out: Path):
     rows = read_table(out / "specifications.parquet")
     there = rows[(rows["user"] == "careful") & (rows["other"] == "normal")]
     back = rows[(rows["user"] == "normal") & (rows["other"] == "careful")]
-    np.testing.assert_array_equal(there["effect"].to_numpy(), -back["effect"].to_numpy())
+    for effect in ("effect", "true_effect"):
+        np.testing.assert_array_equal(there[effect].to_numpy(), -back[effect].to_numpy())
+    assert (there["true_effect"] > 0).any()
 
 
 def test_the_metrics_sum_the_rows_up(cfg: DictConfig, out: Path):

@@ -112,6 +112,30 @@ def test_another_table_top_has_the_same_light_before_and_after_an_item_is_added(
             assert change[away > REACH_M].max() <= 1 < change.max()  # a shadow's last trace may turn a rounding
 
 
+def test_another_table_that_is_the_same_changes_no_effect(cfg: DictConfig, monkeypatch, tmp_path: Path):
+    def same(cfg, scenes, pool, added):
+        few = slice(cfg.refute.scenes)
+        return {"same": np.concatenate([scenes.images[pool][None, few], added.images[:, few]])}
+
+    monkeypatch.setattr(refute, "_elsewhere", same)
+    monkeypatch.setattr(refute, "_permuted", lambda *_: {})
+    refute.main(cfg, tmp_path)
+    found = read_json(tmp_path / "metrics.json")
+    cells = [c for by_symbol in found["refuters"]["other_table/same"]["path"].values() for c in by_symbol.values()]
+    assert all(cell["effect"] == 0 for cell in cells)
+    assert all(effect < 0 for effect in found["items_alone"]["path"].values())
+
+
+def test_items_meet_the_cells_of_their_own_symbol(monkeypatch):
+    """Cells come by user and, within one, by the name of the symbol, items in the order of SYMBOLS."""
+    met = []
+    monkeypatch.setattr(refute, "stays_over_items", lambda effects, item: met.append(item) or np.ones(len(item), bool))
+    item = np.arange(4 * 3).reshape(4, 3)
+    refute._over_items(np.zeros((8, 2, 3)), item)
+    for cell, of_cell in enumerate(met[0]):
+        np.testing.assert_array_equal(of_cell, item[SYMBOLS.index(sorted(SYMBOLS)[cell % 4])])
+
+
 def test_a_placebo_is_pictured_for_every_symbol_and_scene(out: Path):
     assert read_arrays(out / "placebos.npz")["images"].shape == (len(SYMBOLS), 4, 100, 100, 3)
 

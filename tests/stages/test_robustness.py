@@ -1,6 +1,6 @@
 """The robustness stage asks the same models about the same paths where something is worse than in training."""
 
-from itertools import product
+from itertools import pairwise, product
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +8,9 @@ import pytest
 import torch
 from omegaconf import DictConfig, OmegaConf
 
+from pipeline.artifacts.demos import demo_arrays, read_demos
 from pipeline.artifacts.files import read_arrays, read_json, write_arrays
+from pipeline.artifacts.scenes import read_scenes
 from pipeline.spec.clearance import ClearanceModel
 from pipeline.spec.registry import build
 from pipeline.stages import robustness
@@ -113,6 +115,39 @@ def test_one_scene_is_pictured_as_it_is_and_under_each_disturbance(cfg: DictConf
 
 def test_a_second_run_on_two_workers_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
     repeats_itself(robustness.main, cfg, out, tmp_path, workers=2)
+
+
+def test_flipped_labels_are_others_for_each_user_and_seed_and_the_same_ones_at_a_larger_share(
+    cfg: DictConfig, monkeypatch: pytest.MonkeyPatch
+):
+    taught = {}
+
+    def kept(cfg, lessons, images, z_theta, desc):
+        taught.update(lessons)
+        return {variant: np.zeros((len(of), len(images), z_theta.shape[1])) for variant, of in lessons.items()}
+
+    monkeypatch.setattr(robustness, "fit_and_ask", kept)
+    scenes, demos = read_scenes(Path(cfg.paths.scenes)), read_demos(Path(cfg.paths.demos))
+    robustness._mislabelled(cfg, scenes, np.zeros((1, 100, 100, 3), np.uint8), np.zeros((1, 2, 2)))
+    flipped: dict[tuple[str, int], list[np.ndarray]] = {}
+    for lesson in taught["path"]:
+        _, labels = demo_arrays(demos, lesson.seed, lesson.user, cfg.study_n)
+        flipped.setdefault((lesson.user, lesson.seed), []).append((lesson.valid != labels).ravel())
+    most = [of[-1] for of in flipped.values()]
+    assert len(most) == len(cfg.evaluate.users) * len(cfg.protocol.seeds) > 1
+    assert len({tuple(of) for of in most}) == len(most)
+    assert all((small <= large).all() for of in flipped.values() for small, large in pairwise(of))
+
+
+def test_a_picture_that_a_bad_camera_took_is_strange_and_one_as_in_training_seldom(out: Path):
+    found = read_json(out / "metrics.json")
+    levels = {name: level for name, of in found["disturbed"].items() for level in of[-1:]}
+    assert "strange" not in levels["labels"]
+    for level in (found["undisturbed"], *(of for name, of in levels.items() if name != "labels")):
+        assert 0 <= level["strange"]["ci_low"] <= level["strange"]["mean"] <= level["strange"]["ci_high"] <= 1
+        for variant, kept in level["kept"].items():
+            assert kept["false_accepts"] <= level["models"][variant]["false_accepts"]
+    assert levels["blur"]["strange"]["mean"] > found["undisturbed"]["strange"]["mean"]
 
 
 def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):

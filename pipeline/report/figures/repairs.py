@@ -24,6 +24,7 @@ class Repair:
     z: Float[Array, "step 2"]  # [m], the start first
     valid: bool  # the end, by the truth
     accepted: bool  # the end, by the model
+    said: str | None = None  # below the picture, in place of what came of it
 
 
 def draw(images: UInt8[Array, "scene 100 100 3"], layouts: Layouts, repairs: dict[str, list[Repair]]) -> Figure:
@@ -36,7 +37,7 @@ def draw(images: UInt8[Array, "scene 100 100 3"], layouts: Layouts, repairs: dic
         for row, found in enumerate(repairs[user]):
             ax = axes[row, column]
             draw_repair(ax, images, layouts, found)
-            ax.set_xlabel(_outcome(found), fontsize=8, labelpad=2)
+            ax.set_xlabel(found.said or _outcome(found), fontsize=8, labelpad=2)
             if row == 0:
                 ax.set_title(user.capitalize())
     return figure

@@ -43,6 +43,13 @@ def ablation(results: Results) -> list[str]:
         if little:
             text += f"It changes by less than half a point with {listed([f'“{_lower(x)}”' for x in little])}."
         out.append(text.strip())
+    names = [name for name in results.ablation["order"] if name != WHOLE]
+    idle = [x for x in names if all(abs(found[x][n]["change"]) < SLIGHT for n in asked(results))]
+    if idle:
+        out.append(
+            f"So accuracy justifies {len(idle)} of the {len(names)} ingredients nowhere; what else speaks for them is "
+            "in docs/choices.md, “Ablate”."
+        )
     last = asked(results)[-1]
     errors = {name: round(cells[last]["ece"], 3) for name, cells in found.items()}
     if "no_sharpening" in errors:

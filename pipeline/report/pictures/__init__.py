@@ -25,6 +25,7 @@ def all_pictures(results: Results, summary, drawn: Drawn) -> dict[str, Picture]:
         robustness.accuracy_disturbed(results), robustness.disturbed_scene(results, drawn),
         *(knowledge.belief_map(results, drawn, user) for user in results.users),
         *(repairs.repairs_of(results, drawn, variant) for variant in drawn.repairs),
+        *([repairs.failures_of(results, drawn)] if drawn.failures else []),
         causes.causal_graph(results), causes.effects(results, drawn),
         causes.power_curves(results, drawn), causes.added_items(drawn),
         refutation.refuted_effects(results, drawn), refutation.placebo_patches(drawn),

@@ -37,6 +37,7 @@ class Drawn:
     pool: UInt8[Array, "scene 100 100 3"]  # scenes that were repaired in
     layouts: Layouts
     repairs: dict[str, dict[str, list[Repair]]]  # by variant, and user with something invalid
+    failures: dict[str, list[Repair]]  # the worst searches of the best variant, by user; empty without any
     rebuilt: UInt8[Array, "picture 100 100 3"]
     originals: UInt8[Array, "picture 100 100 3"]
     trained_on: int  # of the originals, the first ones

@@ -7,6 +7,7 @@ from pipeline.report.figures import (
 )
 from pipeline.report.pictures.picture import Drawn, Picture, picture
 from pipeline.report.results import Results
+from pipeline.report.tables.repair import repairer
 from pipeline.report.wording import counted, listed, variant_label, variant_phrase
 
 
@@ -24,3 +25,16 @@ def repairs_of(results: Results, drawn: Drawn, variant: str) -> Picture:
     )
     draw = partial(repairs.draw, drawn.pool, drawn.layouts, drawn.repairs[variant])
     return picture(f"repair-{variant}", caption, alt, draw)
+
+
+def failures_of(results: Results, drawn: Drawn) -> Picture:
+    """The worst of what the best searches get wrong."""
+    best = repairer(results)
+    said = [f"{r.said} ({user}, scene {r.scene})" for user, found in drawn.failures.items() for r in found]
+    alt = f"Searches with {variant_phrase(best)} that end in an invalid path which it calls valid: {listed(said)}."
+    caption = (
+        f"The worst of what the search with {variant_phrase(best)} gets wrong, one a scene, over all seeds, the worst "
+        "first: from the invalid start (dark) to an end (light) that it calls valid and that comes closer than the "
+        "user's margin to an item, by the millimetres below. White outlines are the items' true footprints."
+    )
+    return picture("repair-failures", caption, alt, partial(repairs.draw, drawn.pool, drawn.layouts, drawn.failures))
