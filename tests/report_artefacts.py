@@ -164,7 +164,7 @@ def _repair(cfg: DictConfig, rng: np.random.Generator) -> None:
     write_table(Path(cfg.paths.repair) / "repairs.parquet", pd.concat(tables))
     write_arrays(Path(cfg.paths.repair) / "paths.npz", paths)
     write_json(Path(cfg.paths.repair) / "metrics.json", metrics)
-    near = {name: cell[name] for name in ("success", "success_q1", "success_q3", "fooled", "abstained")}
+    near: dict = {name: cell[name] for name in ("success", "success_q1", "success_q3", "fooled", "abstained")}
     near |= {"displacement_ratio": 1.4, "displacement_ratio_valid": 1.5, "starts": STARTS}
     near |= {"success_ci": [0.55, 0.85], "fooled_ci": [0.1, 0.3]}
     near["by_threshold"] = [

@@ -122,10 +122,11 @@ def with_mean_squares(by_seed: float, by_scene: float, rest: float, seeds: int =
     a, b, c = a - a.mean(), b - b.mean(), c - c.mean(0) - c.mean(1, keepdims=True) + c.mean()
     freedoms = seeds - 1, scenes - 1, (seeds - 1) * (scenes - 1)
     parts = (np.broadcast_to(part, (seeds, scenes)) for part in (a, b, c))
-    return sum(
+    scaled = [
         part * np.sqrt(wanted * freedom / (part**2).sum())
         for part, wanted, freedom in zip(parts, (by_seed, by_scene, rest), freedoms, strict=True)
-    )[None]
+    ]
+    return np.sum(scaled, axis=0)[None]
 
 
 @pytest.mark.parametrize(

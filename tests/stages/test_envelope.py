@@ -161,7 +161,7 @@ def test_a_second_run_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path
 
 def test_only_paths_that_do_not_keep_the_distances_yet_are_moved(cfg: DictConfig):
     tables, starts = envelope._set_tables(cfg), cfg.envelope.starts
-    keep = {user: dict.fromkeys(SYMBOLS, 0.01) for user in cfg.users}
+    keep: dict[str, dict[str, float | None]] = {user: {s: 0.01 for s in SYMBOLS} for user in cfg.users}
     inside = ~valid(tables.layouts, tables.z_theta[:, :starts], keep["careful"])
     plans = envelope._plan_nearest(cfg, tables, keep)["careful"]["plans"]
     assert 0 < plans <= inside.sum() < inside.size
