@@ -114,7 +114,8 @@ def read_by(cfg: DictConfig, stage: str) -> str | None:
         raise InputError(f"{path} is no graph of stages ({error}): mend it, or take it from git") from error
     if stage not in stages:
         return None
-    names = [*stages[stage].get("params", []), "variant", "seed", "workers", "paths"]
+    of_job = ("variant", "seed") if "matrix" in stages[stage] else ()  # what a stage of one model at a time is told
+    names = [*stages[stage].get("params", []), *of_job, "workers", "paths"]
     values = {name: OmegaConf.select(cfg, name.replace("${item.variant}", cfg.variant)) for name in names}
     return OmegaConf.to_yaml(OmegaConf.create(values))
 

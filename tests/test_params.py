@@ -19,7 +19,7 @@ from pipeline.spec import nulls
 from pipeline.spec.irl import OBJECTIVES
 from pipeline.spec.registry import KINDS
 from pipeline.spec.repair import OPTIMISERS
-from pipeline.spec.search import METHODS
+from pipeline.spec.search import METHODS, RESTARTS
 from pipeline.table.disturbances import PICTURES
 
 ROOT = CONF.parent
@@ -92,6 +92,7 @@ def test_every_profile_and_protocol_composes():
         ("repair.rate=0", "repair.rate is 0: expected a size above 0"),
         ("search.weight=0", "search.weight is 0: expected a size above 0"),
         ("search.reach=-1", "search.reach is -1: expected a length above 0"),
+        ("search.evaluations=4", "search.evaluations is 4: expected 5 at least, for multistart climbs"),
         ("search.probes=30", "search.probes is 30: expected fewer than the 30 evaluations"),
         (
             "variants.irl_ranked.objective=apprenticeship",
@@ -119,6 +120,13 @@ def test_a_parameter_out_of_range_is_named(override: str, says: str):
         validate(compose([override]), GRAPH)
 
 
+def test_an_interval_over_validation_scenes_needs_two_of_them():
+    alone = ["scenes.validation=1", "seeds=[0]", "validation_seeds=[100]"]
+    validate(compose(alone), ["evaluate"])
+    with pytest.raises(InputError, match=r"scenes\.validation is 1: expected 2 at least"):
+        validate(compose([*alone, "protocol=validation"]), ["evaluate"])
+
+
 def test_every_kind_of_model_has_settings_of_its_own():
     variants = Agreed.model_json_schema()["properties"]["variants"]["patternProperties"]
     assert set(next(iter(variants.values()))["discriminator"]["mapping"]) == set(KINDS)
@@ -129,6 +137,7 @@ def test_names_that_parameters_may_have_are_those_of_the_library():
     assert {*rivals, "probe"} == set(METHODS)
     assert list(Pictures.model_fields) == list(PICTURES)
     assert get_args(Optimiser) == OPTIMISERS and get_args(Objective) == OBJECTIVES
+    assert agreement.RESTARTS == RESTARTS
     assert agreement.NULLS == nulls.NULLS and agreement.NEAREST == nulls.NEAREST
 
 

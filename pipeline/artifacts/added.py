@@ -36,8 +36,12 @@ def _last(layouts: Layouts) -> Layouts:
     return Layouts(*(getattr(layouts, f.name)[at, slot][:, None] for f in fields(layouts)))
 
 
-def read_added(directory: Path, slots: int) -> Added:
-    """What stage intervene wrote, its layouts padded to `slots`; InputError if pictures and layouts disagree."""
+def read_added(directory: Path, scenes: Layouts) -> Added:
+    """What stage intervene wrote, its layouts padded as those of the `scenes` are.
+
+    InputError if pictures and layouts disagree, or if it was to other scenes that an item was added.
+    """
+    slots, own = scenes.symbol.shape[1], np.nonzero(scenes.present)
     images = read_arrays(directory / "images.npz")["images"][:, 0]
     rows = read_table(directory / "layouts.parquet", LAYOUT_COLUMNS)
     layouts = []
@@ -54,5 +58,11 @@ def read_added(directory: Path, slots: int) -> Added:
         layout.centre[at] = placed[["x_m", "y_m"]].to_numpy()
         layout.angle[at], layout.scale[at] = placed["angle_rad"], placed["scale"]
         layout.half_length[at], layout.radius[at] = placed["half_length_m"], placed["radius_m"]
+        one_more = len(layout) == len(scenes) and (layout.present.sum(1) == scenes.present.sum(1) + 1).all()
+        if not (one_more and np.array_equal(layout.centre[own], scenes.centre[own])):
+            raise InputError(
+                f"{directory}: not the scenes asked about with one more {symbol} in each; run the intervene stage "
+                "again, for the same intervene.split"
+            )
         layouts.append(layout)
     return Added(images, layouts)

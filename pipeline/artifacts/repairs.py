@@ -7,7 +7,6 @@ import pandas as pd
 from omegaconf import DictConfig
 
 from pipeline.artifacts.scenes import SceneSet, train_pool
-from pipeline.errors import InputError
 from pipeline.spec.metrics import DECISION
 from pipeline.streams import stream
 from pipeline.table.bezier import random_z_theta
@@ -36,9 +35,7 @@ class Starts:
 def check_pool(cfg: DictConfig, scenes: SceneSet) -> str:
     """The pool to repair in; InputError if conf/repair or the scenes stage does not provide it."""
     pool = cfg.protocol.splits[cfg.repair.split]
-    for name in (pool, *(train_pool(seed) for seed in cfg.protocol.seeds)):
-        if name not in scenes.layouts:
-            raise InputError(f"no scenes {name}: there are {', '.join(scenes.layouts)}; run the scenes stage")
+    scenes.check_has(pool, *map(train_pool, cfg.protocol.seeds))
     return pool
 
 

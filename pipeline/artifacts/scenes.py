@@ -38,6 +38,12 @@ class SceneSet:
     layouts: dict[str, Layouts]
     looks: dict[str, pd.DataFrame]
 
+    def check_has(self, *pools: str) -> None:
+        """Raise InputError for the first of these pools that is missing."""
+        for pool in pools:
+            if pool not in self.images:
+                raise InputError(f"no scenes {pool}: there are {', '.join(self.images)}; run the scenes stage again")
+
 
 def train_pool(seed: int) -> str:
     """The pool of a seed's own training scenes."""

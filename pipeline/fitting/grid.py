@@ -135,9 +135,7 @@ def _check_inputs(jobs: list[Job]) -> dict[str, Queries]:
     """Every pool a job needs is there before the first one starts; the queries come back."""
     scenes, demos, queries = read_labelled(jobs[0].scenes_dir, jobs[0].demos_dir)
     for job in jobs:
-        for pool in (train_pool(job.seed), *job.pools.values()):
-            if pool not in scenes.images:
-                raise InputError(f"no scenes {pool}: there are {', '.join(scenes.images)}; run `dvc repro scenes`")
+        scenes.check_has(train_pool(job.seed), *job.pools.values())
         for pool in job.pools.values():
             if pool not in queries or job.user not in queries[pool].valid:
                 raise InputError(f"no queries of {job.user} in {pool}: run `dvc repro demos`")
@@ -174,7 +172,7 @@ def _run(batch: list[Job]) -> list[Fitted]:
     curves = batch[0].fit(models, images, z, valid, seeds=seeds, checkpoints=checkpoints)
     fitted = []
     for job, model, curve in zip(batch, models, curves, strict=True):
-        _need_finite(job, curve)
+        need_finite(curve, f"{job.variant} of {job.user}, seed {job.seed}, n {job.n}")
         judged = {split: model.probability(scenes.images[pool], queries[pool].z) for split, pool in job.pools.items()}
         weights = {name: value.numpy() for name, value in model.state_dict().items()}
         on_the_way = checkpoints.of(model) if job.checkpoints else {}
@@ -182,14 +180,11 @@ def _run(batch: list[Job]) -> list[Fitted]:
     return fitted
 
 
-def _need_finite(job: Job, curve: np.ndarray) -> None:
-    """Raise InputError if a fit diverged."""
+def need_finite(curve: np.ndarray, model: str) -> None:
+    """Raise InputError, which names the `model`, if its learning curve (point, column) diverged; column 0: step."""
     if not np.isfinite(curve).all():
         step = int(curve[~np.isfinite(curve).all(1)][0, 0])
-        raise InputError(
-            f"{job.variant} of {job.user}, seed {job.seed}, n {job.n}: its loss is no longer finite at step {step}; "
-            "lower the learning rate of its stage"
-        )
+        raise InputError(f"{model}: its loss is no longer finite at step {step}; lower the learning rate of its stage")
 
 
 def _prediction_rows(fitted: Fitted, queries: dict[str, Queries]) -> pd.DataFrame:

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Float32, UInt8
 from numpy import ndarray as Array
 from omegaconf import DictConfig
 
-from pipeline.fitting.grid import Fit, one_by_one
+from pipeline.fitting.grid import Fit, need_finite, one_by_one
 from pipeline.parallel import map_jobs
 from pipeline.spec import clearance, irl
 from pipeline.spec.descent import Schedule
@@ -87,7 +87,9 @@ def _fit(
     seeds = [job_seed(lesson.seed, lesson.user, cfg.study_n, variant) for lesson in lessons]
     models = [untrained(kind, cfg.variants[variant].model, seed) for seed in seeds]
     taught = [(lesson.images, lesson.z_theta, lesson.valid) for lesson in lessons]
-    fit(models, *map(list, zip(*taught, strict=True)), seeds=seeds)
+    curves = fit(models, *map(list, zip(*taught, strict=True)), seeds=seeds)
+    for lesson, curve in zip(lessons, curves, strict=True):
+        need_finite(curve, f"{variant} of {lesson.user}, seed {lesson.seed}")
     return [answer(model, lesson) for model, lesson in zip(models, lessons, strict=True)]
 
 

@@ -11,6 +11,7 @@ from pipeline.table.layout import SYMBOLS
 
 NULLS = NEAREST, _ = "null_nearest", "null_position"  # as results call them
 CONFOUNDED, CONTROL = "confounded", "control"  # worlds that stage confound cannot do without
+RESTARTS = 5  # climbs of the search `multistart`
 MOST_TESTS = 25  # of 10 seeds the smallest p is 2/1024: Holm over more tests could never find anything
 
 
@@ -29,8 +30,10 @@ def _widest(s: Settings) -> float:
 
 
 def evaluate(s: Settings) -> None:
-    """Comparisons of variants and nulls where they answer, at most MOST_TESTS a family."""
+    """Scenes enough for an interval; comparisons where variants and nulls answer, at most MOST_TESTS a family."""
     splits, counts = dict(s.protocol.splits), Counter()
+    several = s.scenes.validation > 1 or not {"val_scenes", "val_items"} & set(splits.values())
+    need(several, "scenes.validation", s.scenes.validation, "2 at least, to say how much scenes differ")
     for c in s.evaluate.comparisons:
         for name in (c.variant, *c.against):
             _one("evaluate.comparisons", name, [*s.variants, *NULLS])
@@ -61,6 +64,8 @@ def efficiency(s: Settings) -> None:
 
 def search(s: Settings) -> None:
     """Fewer looks than evaluations, and rivals of a variant that there is."""
+    enough, climbs = s.search.evaluations >= RESTARTS, f"{RESTARTS} at least, for multistart climbs from so many"
+    need("multistart" not in s.search.rivals or enough, "search.evaluations", s.search.evaluations, climbs)
     probes, fewer = s.search.probes, f"fewer than the {s.search.evaluations} evaluations"
     need(probes < s.search.evaluations, "search.probes", probes, fewer)
     if s.search.rivals:
@@ -92,6 +97,7 @@ def counterfactual(s: Settings) -> None:
 def refute(s: Settings) -> None:
     """Far from an item is where no user minds it; and what was added to a scene is taken as one item."""
     _no_more(s, "refute.scenes", s.refute.scenes)
+    need(s.scenes.shared > 3, "scenes.shared", s.scenes.shared, "4 at least, for stage refute asks halves of them")
     _beyond_margins(s, "refute.far_m", s.refute.far_m)
     _some("refute.permuted", s.refute.permuted, s.variants, none=True)
     of_one = "1, for what was added to a scene is taken as one item"

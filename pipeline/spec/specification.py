@@ -14,7 +14,9 @@ from torch import Tensor, nn
 from pipeline.errors import InputError
 
 Array = np.ndarray
-SCENES_PER_BATCH = 256  # bounds the memory of a forward pass; results do not depend on it
+SCENES_PER_BATCH = (
+    32  # what a forward pass makes of them stays in the cache; results depend on it in the last bit at most
+)
 
 
 def to_tensor(images: UInt8[Array, "scene 100 100 3"]) -> Float[Tensor, "scene 3 100 100"]:

@@ -34,9 +34,6 @@ class Looks:
         spread = np.array([_spread(picture) for picture in to_bytes(seen)]).reshape(-1, 3)
         return cls(spread, [of[there] for of, there in zip(found.features, found.present, strict=True)])
 
-    def __getitem__(self, at: slice) -> "Looks":
-        return Looks(self.spread[at], self.things[at])
-
 
 def strange(own: Looks, others: Looks) -> Bool[Array, " picture"]:
     """Whether each of the `others` is further from a model's `own` pictures than every one of those from the rest."""
@@ -62,7 +59,7 @@ def oddness(looks: Looks) -> Float[Array, " picture"]:
     unlike = np.linalg.norm(every[:, None] - every, axis=-1)
     unlike[whose[:, None] == whose] = np.inf
     of_things = np.bincount(whose, unlike.min(1, initial=FURTHEST), len(looks.things))
-    return np.maximum(of_table / of_table.mean(), of_things / max(of_things.mean(), 1e-9))
+    return np.maximum(of_table / max(of_table.mean(), 1e-9), of_things / max(of_things.mean(), 1e-9))
 
 
 @lru_cache(maxsize=4096)  # every model's pictures are compared with the same ones

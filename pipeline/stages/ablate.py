@@ -22,7 +22,7 @@ from pipeline.spec.metrics import accuracy, expected_calibration_error
 from pipeline.spec.specification import Specification, untrained
 from pipeline.streams import job_seed
 
-WHOLE, VALIDATION = "whole", "val_"
+WHOLE = "whole"
 
 
 @dataclass(frozen=True)
@@ -59,8 +59,10 @@ def _check(cfg: DictConfig) -> None:
     """Raise InputError before any work if a parameter does not suit what stages before this one wrote."""
     a, scenes, queries = cfg.ablate, read_scenes(Path(cfg.paths.scenes)), read_queries(Path(cfg.paths.demos))
     needed = {*a.pools, *map(train_pool, cfg.validation_seeds)}
-    if not (needed <= set(scenes.images) and all(set(cfg.evaluate.users) <= set(queries[x].valid) for x in a.pools)):
-        raise InputError(f"not all of {', '.join(sorted(needed))} are there: run stages scenes and demos again")
+    scenes.check_has(*sorted(needed))
+    if not all(x in queries and set(cfg.evaluate.users) <= set(queries[x].valid) for x in a.pools):
+        users = ", ".join(cfg.evaluate.users)
+        raise InputError(f"no queries of {users} in all of {', '.join(a.pools)}: run the demos stage again")
 
 
 def _scores(job: Job) -> list[tuple[float, float]]:

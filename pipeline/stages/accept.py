@@ -85,9 +85,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 def _check_scenes(cfg: DictConfig, scenes: SceneSet) -> None:
     """Raise InputError if a pool is missing, or a seed's training scenes are not as many as `scenes.per_seed`."""
-    for pool in [*map(train_pool, cfg.protocol.seeds), *_pools(cfg).values()]:
-        if pool not in scenes.images:
-            raise InputError(f"no scenes {pool}: there are {', '.join(scenes.images)}; run the scenes stage again")
+    scenes.check_has(*map(train_pool, cfg.protocol.seeds), *_pools(cfg).values())
     for pool in map(train_pool, cfg.protocol.seeds):
         if len(scenes.images[pool]) != cfg.scenes.per_seed:
             raise InputError(

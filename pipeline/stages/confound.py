@@ -37,14 +37,15 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     c, seeds, scenes = cfg.confound, list(cfg.protocol.seeds), read_scenes(Path(cfg.paths.scenes))
     draws = [Draw(train_pool(seed), world, cfg.scenes.per_seed, "train") for world in c.worlds for seed in seeds]
     *drawn, confounded, control = draw_all(cfg, [*draws, *_test_draws(cfg, scenes)])
+    ordinary = _ordinary_association(cfg, scenes)
     worlds = {world: drawn[i * len(seeds) : (i + 1) * len(seeds)] for i, world in enumerate(c.worlds)}
     layouts, images, z = _tables(cfg, scenes, [confounded, control])
     answers = _answers(cfg, worlds, images, z)
     truth = np.stack([[valid(table, z, cfg.users[user]) for table in layouts] for user in c.users])
     judged = {world: _world(cfg, world, worlds[world], answers, truth) for world in worlds}
-    main = judged[CONFOUNDED]
-    metrics = {name: main[name] for name in ("interventions", "verdicts", "confounding", "accuracy")} | {
-        "association": {"ordinary": _ordinary_association(cfg, scenes), CONFOUNDED: main["association"]},
+    result = judged[CONFOUNDED]
+    metrics = {name: result[name] for name in ("interventions", "verdicts", "confounding", "accuracy")} | {
+        "association": {"ordinary": ordinary, CONFOUNDED: result["association"]},
         "null": {u: {p: _commonest(truth[i, TABLES.index(p)]) for p in POOLS} for i, u in enumerate(c.users)},
         "worlds": judged,
         "near_m": c.near_m,
@@ -59,8 +60,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 def _test_draws(cfg: DictConfig, scenes: SceneSet) -> list[Draw]:
     """New scenes of this world and of its control, as many as the ordinary ones and of the same split's items."""
     pool = cfg.protocol.splits[cfg.intervene.split]
-    if pool not in scenes.layouts:
-        raise InputError(f"no scenes {pool}: there are {', '.join(scenes.layouts)}; run the scenes stage again")
+    scenes.check_has(pool, *map(train_pool, cfg.protocol.seeds))
     layouts = scenes.layouts[pool]
     split = read_catalogue(Path(cfg.paths.data)).items["split"].iloc[layouts.item[layouts.present][0]]
     return [Draw(pool, world, len(layouts), str(split)) for world in (CONFOUNDED, CONTROL)]
@@ -69,7 +69,7 @@ def _test_draws(cfg: DictConfig, scenes: SceneSet) -> list[Draw]:
 def _tables(cfg: DictConfig, scenes: SceneSet, own: list[Scenes]) -> tuple[list[Layouts], np.ndarray, np.ndarray]:
     """TABLES' layouts and images (table, scene, 100, 100, 3), and z_theta [m] (scene, path, 2), the same for all."""
     pool, directory = cfg.protocol.splits[cfg.intervene.split], Path(cfg.paths.intervene)
-    added, z = read_added(directory, cfg.scenes.layout.slots), read_arrays(directory / "images.npz")["z_theta"]
+    added, z = read_added(directory, scenes.layouts[pool]), read_arrays(directory / "images.npz")["z_theta"]
     layouts = [scenes.layouts[pool], *(s.layouts for s in own), *added.layouts]
     if len({len(z), *map(len, layouts)}) != 1:
         raise InputError(f"{directory} holds {len(z)} scenes, {pool} {len(layouts[0])}: run the intervene stage again")

@@ -29,7 +29,6 @@ from pipeline.causal.counterfactual import (
     study,
     unlike,
 )
-from pipeline.errors import InputError
 from pipeline.launch import launch
 from pipeline.params import need
 from pipeline.streams import stream
@@ -106,8 +105,7 @@ def _set_world(cfg: DictConfig) -> World:
     """Read the first scenes of the split and draw the paths in them."""
     s, scenes = cfg.counterfactual, read_scenes(Path(cfg.paths.scenes))
     pool = cfg.protocol.splits[cfg.counterfactual.split]
-    if pool not in scenes.images:
-        raise InputError(f"no scenes {pool}: there are {', '.join(scenes.images)}; run the scenes stage again")
+    scenes.check_has(pool)
     most = len(scenes.layouts[pool])
     need(cfg, "counterfactual.scenes", s.scenes <= most, f"at most the {most} scenes of {pool}")
     layouts = scenes.layouts[pool][: s.scenes]

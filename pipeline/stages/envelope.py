@@ -27,8 +27,10 @@ BLOCK = 512  # paths
 HEADER = """\
 # Safety envelopes learned from labelled demonstrations by the model `{variant}`: user -> symbol. Lengths in metres.
 # keep_clear_m: least distance a path of this user should keep from the item's outline, the interval's upper end;
-#   null: no effect of the item on this user's paths was found, or it was left open; see verdict.
-#   {nearest}
+#   null: no effect of the item on this user's paths was found, or, where the verdict is inconclusive, it was left
+#   open: that is no leave to touch it. Plans that keep the distances and no more are not all valid, by the simulator's
+#   truth in the scenes these distances are of; a robot elsewhere wants a margin on top:
+{plans}
 # radius_m, ci_low_m, ci_high_m: clearance at which half of the item's effect is gone, and its 95 % interval.
 # drop_at_contact: what touching the item takes from the chance that a path which is clear of the others is valid.
 # verdict: whether that is an effect; an envelope is drawn around no other. Inconclusive: more must be shown to tell.
@@ -85,8 +87,9 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 def _set_tables(cfg: DictConfig) -> Tables:
     """Read the scenes, and draw the candidates."""
     scenes, pool = read_scenes(Path(cfg.paths.scenes)), cfg.protocol.splits[cfg.intervene.split]
+    scenes.check_has(pool)
     images, layouts = scenes.images[pool], scenes.layouts[pool]
-    added = read_added(Path(cfg.paths.intervene), layouts.symbol.shape[1])
+    added = read_added(Path(cfg.paths.intervene), layouts)
     if added.images.shape[1:] != images.shape:
         raise InputError(
             f"{cfg.paths.intervene}: pictures {added.images.shape} of added items, {images.shape} of the scenes of "
@@ -213,12 +216,12 @@ def _write_specification(path: Path, variant: str, envelopes: dict, nearest: dic
         }
         for user, by_symbol in envelopes.items()
     }
-    short = max((plans["short_m"] for plans in nearest.values()), default=0.0)
-    said = (
-        f"Plans that just keep it come nearer than the user wants, 99 % of them by {short:.4f} m at most; "
-        "by the\n#   simulator's truth, in the scenes these distances are of: a robot elsewhere wants a margin."
+    plans = "\n".join(
+        f"#   - {user}: {100 * of['valid']:.1f} % of {of['plans']} such plans are valid, 99 % of all within "
+        f"{of['short_m']:.4f} m of it"
+        for user, of in nearest.items()
     )
-    text = HEADER.format(variant=variant, nearest=said) + yaml.safe_dump(content, sort_keys=True)
+    text = HEADER.format(variant=variant, plans=plans) + yaml.safe_dump(content, sort_keys=True)
     write_whole(path, lambda p: p.write_text(text))
 
 

@@ -65,8 +65,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 def _demonstrations(cfg: DictConfig) -> Demonstrations:
     """Draw the paths of every scene and label them by each demonstrator's rules."""
     scenes, pool = read_scenes(Path(cfg.paths.scenes)), cfg.protocol.splits[cfg.identify.split]
-    if pool not in scenes.images:
-        raise InputError(f"no scenes {pool}: there are {', '.join(scenes.images)}; run the scenes stage again")
+    scenes.check_has(pool)
     layouts, rng = scenes.layouts[pool], stream(cfg.identify.generator, "identify")
     z_theta = random_z_theta(rng, len(layouts), cfg.identify.draws * cfg.identify.paths)
     labels = np.stack([valid(layouts, z_theta, m) for m in (*cfg.users.values(), cfg.identify.stranger)])

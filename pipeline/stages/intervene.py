@@ -72,8 +72,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 def _set_tables(cfg: DictConfig) -> Tables:
     """Draw the paths, place each symbol in every scene, and picture it all under the scenes' own light."""
     scenes, pool = read_scenes(Path(cfg.paths.scenes)), cfg.protocol.splits[cfg.intervene.split]
-    if pool not in scenes.images:
-        raise InputError(f"no scenes {pool}: there are {', '.join(scenes.images)}; run the scenes stage again")
+    scenes.check_has(pool)
     catalogue = read_catalogue(Path(cfg.paths.data))
     layouts, looks = scenes.layouts[pool], scenes.looks[pool]
     rules = LayoutRules.of(cfg.scenes.layout)

@@ -1,5 +1,6 @@
 """Stage record: a Rerun recording per variant, user and seed, an overview of them, and a digest of what each holds."""
 
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -45,7 +46,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         scenes,
         pool,
         Demos(read_demos(Path(cfg.paths.demos)), *read_recordings(Path(cfg.paths.demos))),
-        read_added(Path(cfg.paths.intervene), scenes.layouts[pool].symbol.shape[1]),
+        read_added(Path(cfg.paths.intervene), scenes.layouts[pool]),
         read_table(Path(cfg.paths.intervene) / "effects.parquet", EFFECT_COLUMNS),
         {variant: read_table(model_dir(cfg, variant) / "curves.parquet") for variant in cfg.variants},
     )
@@ -54,6 +55,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     beliefs = map_jobs(believe, jobs, 1, "latent maps")
     users = caring or list(cfg.users)
     rows, compared = [], []
+    shutil.rmtree(out_dir / "runs", ignore_errors=True)  # of an earlier run into the same folder, of other models
     for job, belief in zip(tqdm(jobs, desc="recordings"), beliefs, strict=True):
         content = contents(sources, job, belief)
         path = out_dir / "runs" / f"{content.name}.rrd"

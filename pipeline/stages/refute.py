@@ -39,7 +39,8 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     check_weights(cfg)
     directory, pool, few = Path(cfg.paths.intervene), cfg.protocol.splits[cfg.intervene.split], slice(cfg.refute.scenes)
     scenes = read_scenes(Path(cfg.paths.scenes))
-    added = read_added(directory, scenes.layouts[pool].symbol.shape[1])
+    scenes.check_has(pool, *map(train_pool, cfg.protocol.seeds))
+    added = read_added(directory, scenes.layouts[pool])
     _check_items(added)
     z = read_arrays(directory / "images.npz")["z_theta"][few]
     here = np.concatenate([scenes.images[pool][None, few], added.images[:, few]])  # (1 + symbol, scene, ...)
@@ -47,7 +48,11 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     patched = np.stack([placebo(rng, here[0], with_item) for with_item in here[1:]])
     far = np.stack([clearance(placed[few], z)[..., 0] > cfg.refute.far_m for placed in added.placed])
 
+    few_stay = "a length that paths of at least two scenes keep from each added item: lower it"
+    need(cfg, "refute.far_m", bool(far.any(-1).all(0).sum() > 1), few_stay)
+
     users = list(cfg.evaluate.users)
+    measured = read_effects(directory, list(cfg.variants), users)
     elsewhere = _elsewhere(cfg, scenes, pool, added)
     pictures = np.concatenate([here, patched, *elsewhere.values()])
     images, everywhere = pictures.reshape(-1, *pictures.shape[2:]), np.tile(z, (len(pictures), 1, 1))
@@ -69,7 +74,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
             },
         }
     write_arrays(out_dir / "placebos.npz", {"images": patched})
-    write_json(out_dir / "metrics.json", _metrics(cfg, users, found, own, added.item))
+    write_json(out_dir / "metrics.json", _metrics(cfg, users, found, own, measured, added.item))
 
 
 def _check_items(added: Added) -> None:
@@ -137,11 +142,17 @@ def _effects(p: Float[Array, "user seed table scene path"]) -> Effects:
 
 
 def _metrics(
-    cfg: DictConfig, users: list[str], found: dict[str, dict[str, Effects]], own: dict[str, Effects], item: np.ndarray
+    cfg: DictConfig,
+    users: list[str],
+    found: dict[str, dict[str, Effects]],
+    own: dict[str, Effects],
+    measured: dict[str, np.ndarray],
+    item: np.ndarray,
 ) -> dict:
     """Cells by refuter, variant, user and symbol, a family per refuter and variant; tallies; halves; over items.
 
-    own: the items' own effects in the scenes that the refuters see; item: (symbol, scene), which one was added.
+    own: the items' own effects in the scenes that the refuters see; measured: in all that stage intervene saw;
+    item: (symbol, scene), which one was added.
     """
     refuted, tallies = {}, {}
     for variant, by_refuter in found.items():
@@ -152,7 +163,6 @@ def _metrics(
             scenes = {"cells": len(cells), "scenes": effects.shape[-1]}
             tallies.setdefault(name, {})[variant] = {v: count[v] for v in VERDICTS} | scenes
     pooled = {v: judge(by_refuter["placebo"].mean(1)) for v, by_refuter in found.items()}
-    measured = read_effects(Path(cfg.paths.intervene), list(found), users)
     return {
         "order": [name for kind in REFUTERS for name in refuted if name.partition("/")[0] == kind],
         "said": {name: asdict(refuter) for name, refuter in REFUTERS.items()},

@@ -43,7 +43,9 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     shots = screenshots(results, current(Path(cfg.paths.pictures), results.recorded["sha256"].to_dict()))
     summary = read_table(Path(cfg.paths.evaluate) / "accuracy.csv")
     scenes = read_scenes(Path(cfg.paths.scenes))
-    added = read_added(Path(cfg.paths.intervene), cfg.scenes.layout.slots)
+    pool = cfg.protocol.splits[cfg.intervene.split]
+    scenes.check_has(pool)
+    added = read_added(Path(cfg.paths.intervene), scenes.layouts[pool])
     drawn = gather(cfg, results, scenes, added)
     tables = {t.name: t for t in [claims(results), *all_tables(results)]}
     pictures = all_pictures(results, summary, drawn)

@@ -17,6 +17,7 @@ from pipeline.artifacts.trained import ask, check_weights
 from pipeline.causal.interventions import DIGITS
 from pipeline.causal.robustness import change, kept, more_accepted, score
 from pipeline.causal.statistics import estimate
+from pipeline.errors import InputError
 from pipeline.fitting.trainers import Lesson, fit_and_ask
 from pipeline.launch import launch
 from pipeline.params import need
@@ -86,7 +87,10 @@ def _levels(
     """The scenes as they are and under every disturbance, the weakest first; and the paths [m], the same for all."""
     r, few = cfg.robustness, slice(cfg.robustness.scenes)
     pool, users = cfg.protocol.splits[cfg.robustness.split], list(cfg.evaluate.users)
-    queries, there = read_queries(Path(cfg.paths.demos))[pool], len(scenes.images[pool])
+    scenes.check_has(pool, *map(train_pool, cfg.protocol.seeds))
+    queries, there = read_queries(Path(cfg.paths.demos)).get(pool), len(scenes.images[pool])
+    if queries is None or not set(users) <= set(queries.valid):
+        raise InputError(f"no queries of {', '.join(users)} in {pool}: run the demos stage again")
     need(cfg, "robustness.scenes", r.scenes <= there, f"at most {there}, as {pool} has")
     unseen = catalogue.texture_names("unseen")
     some = len(r.tables) > 0 and set(r.tables) <= set(unseen)
@@ -102,7 +106,7 @@ def _levels(
 
     levels = [Level("as_is", None, images, truth)]
     for name, strengths in r.pictures.items():
-        for strength in strengths:
+        for strength in strengths or ():
             levels.append(Level(name, strength, PICTURES[name](rng(name), images, float(strength)), truth))
     for table in r.tables:
         levels.append(Level("tables", table, render_scenes(layouts, [table] * len(z), lights, palette), truth))

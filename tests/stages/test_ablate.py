@@ -55,9 +55,7 @@ def test_extremes_are_of_seeds_not_of_users(cfg: DictConfig, tmp_path: Path):
 
 
 def test_missing_training_scenes_are_named(cfg: DictConfig, tmp_path: Path):
-    refuses(
-        ablate.main, cfg, "validation_seeds", [100, 107], "train-s107.*run stages scenes and demos", tmp_path / "out"
-    )
+    refuses(ablate.main, cfg, "validation_seeds", [100, 107], "no scenes train-s107", tmp_path / "out")
 
 
 def test_a_second_run_by_two_processes_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):

@@ -20,9 +20,11 @@ from pipeline.params import compose
 from pipeline.spec.registry import build
 from pipeline.stages.record import EFFECT_COLUMNS, main
 from pipeline.table.bezier import curve, lattice, random_z_theta
-from pipeline.table.layout import SYMBOLS, Layouts, empty
+from pipeline.table.layout import SYMBOLS, Layouts, add_item, empty
 from pipeline.table.rules import valid
+from tests.examples import RULES
 from tests.recording.example import read, read_timed
+from tests.report_artefacts import ITEMS
 from tests.stages.facts import refuses
 from tests.stages.inputs import save_model
 
@@ -39,17 +41,19 @@ def cfg(tmp_path: Path) -> DictConfig:
         OmegaConf.update(cfg, f"paths.{stage}", str(tmp_path / stage))
     rng = np.random.default_rng(0)
     pools = ("train-s0", "new_items")
+    pictures = {pool: rng.integers(0, 256, (SCENES, 100, 100, 3), dtype=np.uint8) for pool in pools}
+    layouts = {pool: _layouts(rng) for pool in pools}
     write_scenes(
         tmp_path / "scenes",
         SceneSet(
-            {pool: rng.integers(0, 256, (SCENES, 100, 100, 3), dtype=np.uint8) for pool in pools},
-            {pool: _layouts(rng) for pool in pools},
+            pictures,
+            layouts,
             {pool: pd.DataFrame({"texture": ["oak"] * SCENES, "render_seed": range(SCENES)}) for pool in pools},
         ),
     )
     _write_demos(tmp_path / "demos", rng, cfg)
     _write_repairs(tmp_path / "repair", rng, cfg)
-    _write_interventions(tmp_path / "intervene", rng, cfg)
+    _write_interventions(tmp_path / "intervene", rng, cfg, layouts["new_items"])
     _write_counterfactuals(tmp_path / "counterfactual", rng)
     for variant in cfg.variants:
         for seed, (user, n) in enumerate(product(cfg.users, cfg.n)):
@@ -94,10 +98,11 @@ def _write_repairs(directory: Path, rng: np.random.Generator, cfg: DictConfig) -
     write_arrays(directory / "paths.npz", paths)
 
 
-def _write_interventions(directory: Path, rng: np.random.Generator, cfg: DictConfig) -> None:
+def _write_interventions(directory: Path, rng: np.random.Generator, cfg: DictConfig, layouts: Layouts) -> None:
     added = rng.integers(0, 256, (len(SYMBOLS), 1, SCENES, 100, 100, 3), dtype=np.uint8)
     write_arrays(directory / "images.npz", {"images": added, "z_theta": random_z_theta(rng, SCENES, 2)})
-    tables = [layout_table(f"{symbol}-0", _layouts(rng)) for symbol in SYMBOLS]
+    more = [add_item(rng, layouts, symbol, ITEMS, np.arange(4), RULES) for symbol in range(len(SYMBOLS))]
+    tables = [layout_table(f"{symbol}-0", x) for symbol, x in zip(SYMBOLS, more, strict=True)]
     write_table(directory / "layouts.parquet", pd.concat(tables, ignore_index=True))
     levels = [list(cfg.variants), [0], list(cfg.users), range(SCENES), SYMBOLS, [0]]
     effects = pd.MultiIndex.from_product(levels, names=EFFECT_COLUMNS[:6]).to_frame(index=False)

@@ -56,7 +56,8 @@ def test_every_refuter_has_a_verdict_on_every_symbol_and_judged_user(cfg: DictCo
 
 
 def test_one_item_alone_of_a_symbol_is_refused(cfg: DictConfig):
-    added = read_added(Path(cfg.paths.intervene), 5)
+    scenes = read_scenes(Path(cfg.paths.scenes))
+    added = read_added(Path(cfg.paths.intervene), scenes.layouts["new_items"])
     added.layouts[1].item[:] = 7
     with pytest.raises(InputError, match=f"the same plate was added to all {SCENES} scenes: expected at least two"):
         refute._check_items(added)
@@ -99,7 +100,7 @@ def test_permuted_labels_are_the_same_ones_in_another_order_another_for_each_use
 
 def test_another_table_top_has_the_same_light_before_and_after_an_item_is_added(cfg: DictConfig):
     scenes, catalogue = read_scenes(Path(cfg.paths.scenes)), read_catalogue(Path(cfg.paths.data))
-    added = read_added(Path(cfg.paths.intervene), scenes.layouts["new_items"].symbol.shape[1])
+    added = read_added(Path(cfg.paths.intervene), scenes.layouts["new_items"])
     elsewhere = refute._elsewhere(cfg, scenes, "new_items", added)
     assert list(elsewhere) == catalogue.texture_names("unseen")
     centres = (np.arange(SIDE) + 0.5) / SIDE
