@@ -25,6 +25,7 @@ def write_answers(cfg: DictConfig, rng: np.random.Generator) -> None:
     _refute(cfg, rng)
     _confound(cfg, rng)
     _robustness(cfg, rng)
+    _misspecify(cfg, rng)
     _counterfactual(cfg, rng)
     _envelope(cfg)
     _identify(cfg)
@@ -174,6 +175,34 @@ def _robustness(cfg: DictConfig, rng: np.random.Generator) -> None:
     write_json(folder / "metrics.json", size | {"undisturbed": as_is, "disturbed": disturbed})
     pictured = ("as_is", *(name for name in disturbed if name != "labels"))
     write_arrays(folder / "examples.npz", {name: _pictures(rng) for name in pictured})
+
+
+def _misspecify(cfg: DictConfig, rng: np.random.Generator) -> None:
+    """Every model loses a tenth where rules are of another form, and misses one cause."""
+    users, variants = list(cfg.evaluate.users), list(cfg.misspecify.variants)
+    cells = judge(0.01 * rng.standard_normal((len(SYMBOLS), len(cfg.seeds), SCENES)))
+    told = {
+        s: c | {"truth_verdict": c["verdict"], "truth": 0.0, "right": True} for s, c in zip(SYMBOLS, cells, strict=True)
+    }
+    missed = told["glass"] | {"truth_verdict": "effect", "truth": -0.2, "right": False}
+
+    def form(fall: float) -> dict:
+        cell = {"accuracy": dict.fromkeys(("mean", "q1", "q3"), 0.9 - fall), "false_rejects": 0.1, "false_accepts": 0.2}
+        cell |= {"difference": -fall, "ci_low": -fall - 0.01, "ci_high": 0.01 - fall}
+        wrong = len(users) * (fall > 0)
+        tally = {"cells": 8, "right": 8 - wrong, "false_causes": 0, "missed_causes": wrong, "inconclusive": 0}
+        effects = told | {"glass": missed if fall else told["glass"]}
+        return {
+            "valid": dict.fromkeys(users, 0.5), "forgiven": fall,
+            "models": dict.fromkeys([*variants, "null_position"], cell),
+            "interventions": dict.fromkeys(variants, dict.fromkeys(users, effects)),
+            "verdicts": dict.fromkeys(variants, tally),
+        }  # fmt: skip
+
+    forms = {name: form(0.0 if name == "margin" else 0.1) for name in cfg.misspecify.forms}
+    size = {"users": users, "seeds": len(cfg.seeds), "scenes": SCENES, "paths": 8}
+    found = {"order": list(forms), "forms": forms, "amounts": dict(cfg.misspecify.forms)} | size
+    write_json(Path(cfg.paths.misspecify) / "metrics.json", found)
 
 
 def _counterfactual(cfg: DictConfig, rng: np.random.Generator) -> None:

@@ -117,6 +117,13 @@ def test_a_sweep_over_what_the_stage_does_not_read_is_refused(tmp_path: Path, mo
     assert seen[1:] == [(5, 0), (5, 1), (20, 0), (20, 1)]
 
 
+def test_a_sweep_over_seeds_is_refused_by_a_stage_that_takes_them_all(tmp_path: Path, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["evaluate.py", "--multirun", f"hydra.sweep.dir={tmp_path}", "seed=0,1"])
+    with pytest.raises(SystemExit):
+        launch(lambda cfg, out_dir: None, "evaluate")
+    assert "seed=1: nothing that stage evaluate reads differs from" in capsys.readouterr().err
+
+
 def test_flags_of_hydra_may_follow_overrides(tmp_path: Path, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["train.py", f"hydra.run.dir={tmp_path}", "profile=smoke", "--cfg", "job"])
     launch(lambda cfg, out_dir: pytest.fail("only shown"), "train")

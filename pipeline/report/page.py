@@ -15,6 +15,7 @@ from pipeline.report.findings.confounding import confounding
 from pipeline.report.findings.counterfactuals import counterfactuals
 from pipeline.report.findings.doubts import doubts
 from pipeline.report.findings.efficiency import efficiency
+from pipeline.report.findings.misspecification import misspecification
 from pipeline.report.findings.refutation import refutation
 from pipeline.report.findings.repair import repair, searches
 from pipeline.report.findings.robustness import robustness
@@ -29,7 +30,8 @@ from pipeline.report.table import Table, to_html
 from pipeline.report.wording import counted, listed, variant_label
 
 _SAY = (
-    summary, world, accuracy, efficiency, calibration, ablation, acceptance, robustness, repair, searches,
+    summary, world, accuracy, efficiency, calibration, ablation, acceptance, robustness, misspecification, repair,
+    searches,
     interventions, specifications, refutation, confounding, counterfactuals, envelopes, identification, selftest,
     doubts,
 )  # fmt: skip

@@ -41,6 +41,7 @@ class Results:
     refutation: dict  # questions whose true answer is "nothing"
     confounding: dict  # association against intervention where a common cause acts
     robustness: dict  # accuracy where pictures, tables or labels are worse than in training
+    misspecification: dict  # users whose rules are of another form
     counterfactual: dict  # which item is to blame for a rejected path
     envelope: dict  # how far from each symbol validity flips
     planner: str  # the variant whose envelopes specification.yaml holds
@@ -164,6 +165,8 @@ def _check_answers(results: Results) -> None:
         raise _missing("what stage confound says of any variant", "confound")
     if not results.ablation.get("ablations"):
         raise _missing("what stage ablate says of any ingredient", "ablate")
+    if not results.misspecification.get("forms"):
+        raise _missing("what stage misspecify says of any form", "misspecify")
     if not results.acceptance.get("acceptance"):
         raise _missing("what stage accept says of any variant", "accept")
     answers = {

@@ -88,6 +88,23 @@ def refuter_finds(name: str) -> str:
     }.get(kind, f"{refuter_label(name).lower()} moves it")  # fmt: skip
 
 
+def form_label(form: str) -> str:
+    """A form of users' rules, as a table has it."""
+    return {
+        "margin": "Keep a margin", "brief": "Brief approaches forgiven", "right": "Only what is passed on the right",
+        "beside": "Only what stands beside something",
+    }.get(form, form.replace("_", " ").capitalize())  # fmt: skip
+
+
+def form_phrase(form: str, amount: float) -> str:
+    """The same at the head of a sentence, with its amount."""
+    return {
+        "brief": f"if coming too near is forgiven for up to {percent(amount, 0)} of the way",
+        "right": "if only what a path passes on its right is minded",
+        "beside": f"if only what stands within {100 * amount:g} cm of something else is minded",
+    }.get(form, f"by the rule {form_label(form).lower()} ({amount:g})")  # fmt: skip
+
+
 def disturbance_label(name: str) -> str:
     """What is worse than in training, as a reader meets it."""
     return {

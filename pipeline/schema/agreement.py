@@ -11,6 +11,7 @@ from pipeline.table.layout import SYMBOLS
 
 NULLS = NEAREST, _ = "null_nearest", "null_position"  # as results call them
 CONFOUNDED, CONTROL = "confounded", "control"  # worlds that stage confound cannot do without
+OWN_FORM = "margin"  # the form of users' rules that stage misspecify cannot do without
 RESTARTS = 5  # climbs of the search `multistart`
 MOST_TESTS = 25  # of 10 seeds the smallest p is 2/1024: Holm over more tests could never find anything
 
@@ -161,6 +162,15 @@ def robustness(s: Settings) -> None:
     _some("robustness.mislabelled", s.robustness.mislabelled, s.variants)
 
 
+def misspecify(s: Settings) -> None:
+    """The users' own form among the others, and variants that there are."""
+    own = OWN_FORM in s.misspecify.forms
+    need(
+        own, "misspecify.forms", list(s.misspecify.forms), f"{OWN_FORM} among them, for the others are held against it"
+    )
+    _some("misspecify.variants", s.misspecify.variants, s.variants)
+
+
 def accept(s: Settings) -> None:
     """Scenes to fit models to and others to calibrate them in, and the promise among those drawn."""
     a, scenes = s.accept, s.scenes.per_seed
@@ -187,7 +197,7 @@ AGREEMENTS = {
     f.__name__: f
     for f in (
         evaluate, ablate, efficiency, search, intervene, counterfactual, refute, envelope, identify, selftest, confound,
-        robustness, accept, record, report,
+        robustness, misspecify, accept, record, report,
     )
 }  # fmt: skip
 

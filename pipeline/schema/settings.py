@@ -15,6 +15,7 @@ from pipeline.schema.stages import (
     Evaluate,
     Identify,
     Intervene,
+    Misspecify,
     Record,
     Refute,
     Repair,
@@ -70,6 +71,7 @@ class Settings(Group):
     identify: Identify
     confound: Confound
     robustness: Robustness
+    misspecify: Misspecify
     accept: Accept
     record: Record
     report: Report

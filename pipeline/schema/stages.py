@@ -9,6 +9,7 @@ from pipeline.schema.values import (
     Chance,
     Count,
     Demonstrations,
+    Distance,
     Group,
     Length,
     Margins,
@@ -187,6 +188,11 @@ class Robustness(Group):
     tables: Some
     clutter: Annotated[list[Count], AfterValidator(rising), expected("whole numbers above 0, the smallest first")]
     mislabelled: dict[str, Shares]
+
+
+class Misspecify(Group):
+    forms: dict[Literal["margin", "brief", "right", "beside"], Distance]
+    variants: Some
 
 
 class Accept(Group):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from omegaconf import DictConfig
 
+from pipeline.errors import InputError
 from pipeline.fitting.trainers import Lesson, fit_and_ask, fit_each
 from pipeline.params import compose
 from pipeline.spec.irl import Schedule, fit
@@ -55,3 +56,10 @@ def test_answers_come_in_the_order_of_the_lessons_though_only_those_of_as_many_s
     lessons = [lesson(scenes, seed) for seed, scenes in enumerate((3, 1, 3, 2, 1))]
     found = fit_each(cfg, {"full": lessons, "path": lessons[1:]}, lambda _, own: (own.seed, len(own.images)), "test")
     assert found == {"full": [(0, 3), (1, 1), (2, 3), (3, 2), (4, 1)], "path": [(1, 1), (2, 3), (3, 2), (4, 1)]}
+
+
+def test_a_fit_that_diverges_is_named_and_judged_by_nobody(cfg: DictConfig):
+    wild = cfg.copy()
+    wild.path.rate, wild.path.steps = 1e30, 50
+    with pytest.raises(InputError, match="path of careful, seed 0: its loss is no longer finite at step"):
+        fit_and_ask(wild, {"path": [lesson(3)]}, IMAGES, Z, "test")

@@ -15,6 +15,7 @@ from pipeline.report.findings.confounding import confounding
 from pipeline.report.findings.counterfactuals import counterfactuals
 from pipeline.report.findings.doubts import doubts
 from pipeline.report.findings.efficiency import efficiency
+from pipeline.report.findings.misspecification import misspecification
 from pipeline.report.findings.refutation import refutation
 from pipeline.report.findings.repair import repair, searches
 from pipeline.report.findings.robustness import robustness
@@ -137,8 +138,12 @@ def test_what_it_would_take_to_be_wrong_is_told_of_the_variant_with_the_most_rig
     found["verdicts"]["path"] = found["verdicts"]["path"] | {"right": 11}
     first, *ways = doubts(replace(results, intervention=found))
     assert first.startswith("The verdicts of the path model, 11 of 12 of them right")
-    assert len(ways) == 5 and "a placebo patch (an item's pixels, shuffled) moves it in 8 of 8 cells" in ways[3]
-    assert ways[2].startswith("By missing it. An effect of 0.0")
+    assert len(ways) == 6 and "a placebo patch (an item's pixels, shuffled) moves it in 8 of 8 cells" in ways[4]
+    assert ways[1].startswith("By the form.") and "6 of 8 verdicts are true" in ways[1]
+    assert ways[3].startswith("By missing it. An effect of 0.0")
+    found["verdicts"]["full"] = found["verdicts"]["full"] | {"right": 12}
+    first, *ways = doubts(replace(results, intervention=found))
+    assert "in five ways" in first and len(ways) == 5 and not any(way.startswith("By the form") for way in ways)
 
 
 def test_users_whom_the_paper_does_not_know_are_compared_with_nothing(results: Results):
@@ -357,7 +362,7 @@ def test_the_summary_says_what_speaks_for_the_better_model_and_what_against_it(r
     said_of_others = summary(replace(better, confounding=confounding))
     misled = "true verdicts (there ranking IRL names 2 false causes, 1 made by the common cause)."
     assert any(misled in s for s in said_of_others)
-    assert "their intervals hold the truth in 5" in distances and "within 5.0 percentage points" in told
+    assert "their 95 % intervals hold the truth in 5" in distances and "within 5.0 percentage points" in told
     assert said[-1].startswith("Against it: a placebo patch (an item's pixels, shuffled) moves it in 8 of 8 cells; ")
     assert "under a blur of 1\u00a0px it is right about 85.0\u00a0% (undisturbed 95.0\u00a0%, in these " in said[-1]
     promise = "accept on average 5.0\u00a0% on new scenes with unseen items (95 % interval 3.0–7.0, where nothing is"
@@ -369,7 +374,7 @@ def test_the_summary_says_what_speaks_for_the_better_model_and_what_against_it(r
     for by_rule in promised["acceptance"]["path"].values():
         by_rule["split"] |= {"mean": 0.01}
     spotless = replace(better, refutation=refuted, robustness=broken, acceptance=promised)
-    assert not any(s.startswith("Against it") for s in summary(spotless))
+    assert summary(spotless)[-1].startswith("Against it: its form is this world’s own, ")
     broken["disturbed"]["noise"][1]["models"]["path"] |= {"false_accepts": 0.4}
     against = summary(spotless)[-1]
     assert (
@@ -506,3 +511,20 @@ def test_what_becomes_of_a_promise_goes_by_the_interval(results: Results, limits
     found["acceptance"]["path"]["new_scenes"]["split"] |= dict(zip(("mean", "ci_low", "ci_high"), limits, strict=True))
     _, path, *_ = acceptance(replace(results, acceptance=found))
     assert verdict in path
+
+
+def test_of_another_form_is_said_what_it_takes_and_whose_verdict_it_turns(results: Results):
+    control, brief, *_ = misspecification(results)
+    assert "ranking IRL 90.0\u00a0%" in control and "the path model 90.0\u00a0%" in control
+    assert "forgiven for up to 10\u00a0% of the way" in brief and "position alone 80.0\u00a0%" in brief
+    assert "the path model is right about 80.0\u00a0% (10.0 points less" in brief.replace("percentage ", "")
+    assert "normal and glass: " in brief and "in truth effect (-0.200)" in brief
+    gained = copy.deepcopy(results.misspecification)
+    for of in gained["forms"].values():
+        for cell in of["models"].values():
+            cell |= {"difference": 0.02, "ci_low": 0.01, "ci_high": 0.03}
+        for by_user in of["interventions"].values():
+            for by_symbol in by_user.values():
+                by_symbol["glass"]["right"] = True
+    _, brief, *_ = misspecification(replace(results, misspecification=gained))
+    assert " more, " in brief and "in truth" not in brief

@@ -53,6 +53,14 @@ def test_things_like_no_other_are_strange_though_the_table_is_not():
     assert strange(own, other).all()
 
 
+def test_among_pictures_that_are_all_alike_any_other_is_strange_and_one_more_of_them_is_not():
+    looks = random_looks(np.random.default_rng(5), 1)
+    alike = Looks(np.repeat(looks.spread, 20, axis=0), looks.things * 20)
+    other = Looks(looks.spread + 1e-3, looks.things)
+    with np.errstate(all="raise"):
+        assert strange(alike, other).all() and not strange(alike, looks).any()
+
+
 @pytest.mark.parametrize("things", [0, 2])
 def test_pictures_without_a_thing_are_compared_by_their_tables(things: int):
     rng = np.random.default_rng(4)

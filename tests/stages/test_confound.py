@@ -123,6 +123,10 @@ def test_settings_out_of_range_are_refused_before_any_work(cfg: DictConfig, tmp_
     refuses(confound.main, cfg, f"confound.{name}", value, message, tmp_path / "out")
 
 
+def test_a_seed_without_scenes_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
+    refuses(confound.main, cfg, "protocol.seeds", [0, 12], "no scenes train-s12", tmp_path / "out")
+
+
 def test_tables_of_other_scenes_are_refused(cfg: DictConfig, tmp_path: Path):
     changed = cfg.copy()
     changed.paths.intervene = str(tmp_path)

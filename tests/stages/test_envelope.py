@@ -152,6 +152,8 @@ def test_the_specification_can_be_read_and_says_what_was_found(cfg: DictConfig, 
             measured = found["envelope"][cfg.envelope.planner][user][symbol]
             assert cell["keep_clear_m"] == cell["ci_high_m"] == measured["ci_high"]
             assert cell["radius_m"] == measured["radius_m"]
+    for user, plans in found["nearest"].items():
+        assert f"{user}: {100 * plans['valid']:.1f} % of {plans['plans']} such plans are valid" in text
 
 
 def test_a_second_run_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):

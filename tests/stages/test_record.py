@@ -289,6 +289,14 @@ def test_nothing_is_written_when_a_model_is_missing(cfg: DictConfig, tmp_path: P
     assert not (tmp_path / "record").exists()
 
 
+def test_recordings_of_a_user_who_left_leave_too(cfg: DictConfig, tmp_path: Path) -> None:
+    main(cfg, tmp_path / "record")
+    del cfg.users.aggressive
+    main(cfg, tmp_path / "record")
+    listed = read_table(tmp_path / "record" / "recordings.csv")["run"]
+    assert {path.stem for path in (tmp_path / "record" / "runs").iterdir()} == set(listed) - {"overview"}
+
+
 def test_paths_that_do_not_match_the_repairs_are_refused(cfg: DictConfig, tmp_path: Path) -> None:
     paths = dict(np.load(tmp_path / "repair" / "paths.npz"))
     paths["full-normal-s0"] = paths["full-normal-s0"][:-1]

@@ -154,6 +154,7 @@ def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Pat
     [
         ("scenes", 1, "refute.scenes is 1: expected a whole number from 2"),
         ("far_m", 0.04, "refute.far_m is 0.04: expected more than the widest margin in users, 0.045 m"),
+        ("far_m", 1.4, "refute.far_m is 1.4: expected a length that paths of at least two scenes keep"),
         ("permuted", ["irl_ranked"], r"refute.permuted is \['irl_ranked'\]: expected some of full, path"),
         ("scenes", 2.5, "refute.scenes is 2.5"),
         ("tables", "glass", "refute.tables is 'glass': expected one of train, unseen"),

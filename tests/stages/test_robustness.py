@@ -10,10 +10,11 @@ from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.demos import demo_arrays, read_demos
 from pipeline.artifacts.files import read_arrays, read_json, write_arrays
-from pipeline.artifacts.scenes import read_scenes
+from pipeline.artifacts.scenes import SceneSet, read_scenes, write_scenes
 from pipeline.spec.clearance import ClearanceModel
 from pipeline.spec.registry import build
 from pipeline.stages import robustness
+from pipeline.table.items import read_catalogue
 from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
 from tests.stages.inputs import (
     convinced,
@@ -176,3 +177,23 @@ def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Pat
 )
 def test_settings_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name: str, value, message: str):
     refuses(robustness.main, cfg, f"robustness.{name}", value, message, tmp_path / "out")
+
+
+def test_a_disturbance_left_out_is_not_asked_about(cfg: DictConfig):
+    without = cfg.copy()
+    without.robustness.pictures.shade = None
+    levels, _ = robustness._levels(without, read_scenes(Path(cfg.paths.scenes)), read_catalogue(Path(cfg.paths.data)))
+    names = {level.disturbance for level in levels}
+    assert "shade" not in names and "tint" in names
+
+
+def test_a_pool_without_queries_is_named(cfg: DictConfig, tmp_path: Path):
+    message = "no queries of careful, normal in new_scenes: run the demos stage again"
+    scenes = read_scenes(Path(cfg.paths.scenes))
+    changed = cfg.copy()
+    changed.paths.scenes = str(tmp_path / "scenes")
+    images, layouts, looks = (
+        {**of, "new_scenes": of["new_items"]} for of in (scenes.images, scenes.layouts, scenes.looks)
+    )
+    write_scenes(tmp_path / "scenes", SceneSet(images, layouts, looks))  # pyright: ignore[reportArgumentType]
+    refuses(robustness.main, changed, "robustness.split", "new_scenes", message, tmp_path / "out")

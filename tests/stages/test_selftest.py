@@ -32,6 +32,11 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     return cfg
 
 
+def test_effects_measured_before_a_user_came_are_told_to_be_old(cfg: DictConfig, tmp_path: Path):
+    message = "lacks full of newcomer: run the intervene stage again"
+    refuses(main, cfg, "users.newcomer", dict(cfg.users.normal), message, tmp_path / "out")
+
+
 def test_the_regime_of_a_variant_is_that_of_its_effects(cfg: DictConfig, tmp_path: Path):
     main(cfg, tmp_path)
     found = json.loads((tmp_path / "metrics.json").read_text())

@@ -44,7 +44,7 @@ def ablation(results: Results) -> list[str]:
             text += f"It changes by less than half a point with {listed([f'“{_lower(x)}”' for x in little])}."
         out.append(text.strip())
     names = [name for name in results.ablation["order"] if name != WHOLE]
-    idle = [x for x in names if all(abs(found[x][n]["change"]) < SLIGHT for n in asked(results))]
+    idle = [x for x in names if all(found[x][n]["change"] > -SLIGHT for n in asked(results))]
     if idle:
         out.append(
             f"So accuracy justifies {len(idle)} of the {len(names)} ingredients nowhere; what else speaks for them is "

@@ -25,7 +25,8 @@ def interventions(results: Results) -> list[str]:
     printed = {(u, s) for u, s in paper.BOLD if u in results.users}
     total = len(results.users) * len(SYMBOLS)
     agree = (
-        "They are the very cells that the paper prints in bold."
+        "They are the very cells that the paper prints in bold, as they must be: the world was calibrated to its Table "
+        "2."
         if set(true) == printed
         else (f"The paper prints {len(printed)} in bold, {len(printed & set(true))} of them among these.")
     )

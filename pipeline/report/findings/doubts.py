@@ -1,8 +1,9 @@
 """What would have to be so for the causal verdicts to be wrong, and what is known of each."""
 
-from pipeline.report.findings.summary import broken, refuted
+from pipeline.report.findings.summary import WORLDS_OWN, broken, refuted
 from pipeline.report.results import Results
-from pipeline.report.wording import counted, percent, variant_phrase
+from pipeline.report.tables.misspecification import OWN
+from pipeline.report.wording import counted, form_label, listed, percent, variant_phrase
 
 SMALLEST = 0.06  # an effect just above the smallest of interest
 
@@ -18,11 +19,17 @@ def doubts(results: Results) -> list[str]:
     weak = min(own["power"], key=lambda effect: abs(float(effect) - SMALLEST))
     elsewhere = f"found so here: {'; '.join(found)}" if found else "no attempt to refute found so here"
     items = results.refutation["items"][best]
+    own_form = [
+        "By the form. Here as in this model things are capsules, the nearest one that matters decides, and a margin "
+        "is all there is to a user's rule; the paper's model and the reward maps were not given this form. "
+        f"Of users who go by something else (“Users whose rules are of another form”) {_by_form(results, best)}."
+    ] * (best in WORLDS_OWN)
     return [
         f"The verdicts of {variant_phrase(best)}, {tallies[best]['right']} of {tallies[best]['cells']} of them right "
-        "in this world, can be wrong in another in five ways.",
+        f"in this world, can be wrong in another in {'six' if own_form else 'five'} ways.",
         "By the graph. If a user minds what the picture does not show, or chooses paths with the table in view, the "
         "difference of means is no effect of the item. No number here could show it; in this world neither is so.",
+        *own_form,
         f"By chance. Where nothing has an effect, the procedure names one in up to {named} of the families, and "
         f"rejects in up to {rejected}; in brackets, with chance as in this variant's effects.",
         f"By missing it. An effect of {weak} is called one in {percent(own['power'][weak]['effect'])} of the cases, so "
@@ -33,3 +40,15 @@ def doubts(results: Results) -> list[str]:
         f"{counted(items['items'], 'item')} of a symbol or more; from item to item {items['same']} of {items['cells']} "
         "verdicts stay.",
     ]
+
+
+def _by_form(results: Results, variant: str) -> str:
+    """How many verdicts stay true, and how many paths are rightly judged, by rules of other forms."""
+    found = results.misspecification
+    forms = {f: found["forms"][f] for f in found["order"] if f != OWN and variant in found["forms"][f]["verdicts"]}
+    said = [
+        f"{of['verdicts'][variant]['right']} of {of['verdicts'][variant]['cells']} verdicts are true and "
+        f"{percent(of['models'][variant]['accuracy']['mean'])} of the answers right ({form_label(form).lower()})"
+        for form, of in forms.items()
+    ]
+    return listed(said) if said else "nothing was asked"

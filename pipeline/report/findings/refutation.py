@@ -30,11 +30,17 @@ def _answer(results: Results, question: str) -> str:
 
 def _aside(results: Results, refuter: str, left: int) -> str:
     """The cells of all variants that are open, and those with an effect too small to matter that is none by chance."""
-    by_variant = results.refutation["refuters"][refuter].values()
-    cells = [c for by_user in by_variant for by_symbol in by_user.values() for c in by_symbol.values()]
-    small = sum(c["verdict"] == "no effect" and c["p_holm"] < results.selftest["level"] for c in cells)
-    said = [f"{left} open"] * bool(left) + [f"{small} too small to matter, but significant"] * bool(small)
-    return f" (of all {len(cells)} cells {listed(said)})" if said else ""
+    cells = {
+        variant: [c for by_symbol in by_user.values() for c in by_symbol.values()]
+        for variant, by_user in results.refutation["refuters"][refuter].items()
+    }
+    level, total = results.selftest["level"], sum(map(len, cells.values()))
+    small = {v: sum(c["verdict"] == "no effect" and c["p_holm"] < level for c in of) for v, of in cells.items()}
+    whose = listed([f"{variant_phrase(v)} {count}" for v, count in small.items() if count])
+    said = [f"{left} open"] * bool(left) + [
+        f"{sum(small.values())} too small to matter, but significant: {whose}"
+    ] * any(small.values())
+    return f" (of all {total} cells {listed(said)})" if said else ""
 
 
 def _worst_placebo(results: Results) -> list[str]:

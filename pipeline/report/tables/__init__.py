@@ -9,6 +9,7 @@ from pipeline.report.tables import (
     causes,
     confounding,
     counterfactuals,
+    misspecification,
     refutation,
     repair,
     robustness,
@@ -22,7 +23,8 @@ def all_tables(results: Results) -> list[Table]:
     makers = [
         summary.models, summary.world,
         accuracy.accuracy, accuracy.efficiency, accuracy.comparisons, accuracy.by_user, accuracy.calibration,
-        acceptance.acceptance, robustness.robustness, robustness.accepted, robustness.strange, ablation.ablation,
+        acceptance.acceptance, robustness.robustness, robustness.accepted, robustness.strange,
+        misspecification.misspecification, ablation.ablation,
         repair.backprop, repair.repair_detail, repair.searches, repair.thresholds,
         causes.interventions, causes.verdicts, causes.intervention_detail, causes.specifications,
         refutation.refuters, refutation.refuted,

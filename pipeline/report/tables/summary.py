@@ -38,8 +38,8 @@ def models(results: Results) -> Table:
     caption = (
         "Every model in new scenes with unseen items: accuracy (mean of the users "
         f"{listed(results.judged_users)}), success of repairs by a search that stays near the start (in brackets how "
-        "far they move, over the least that would do, failures included) and causal verdicts that are right (whoever "
-        "ignores the picture is, wherever there is no effect); means over "
+        "far they move, over the least that would do, failures included) and causal verdicts that are right (a "
+        "model that ignores the picture is right wherever there is no effect); means over "
         f"{counted(len(results.seeds), 'seed')}, "
         f"n = {results.study_n} unless said. The last rows never look at the image."
     )

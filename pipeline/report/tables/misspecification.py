@@ -1,0 +1,56 @@
+"""What is left of each variant where users' rules are of another form, in numbers."""
+
+from pipeline.report.results import POSITION, Results
+from pipeline.report.table import Cell, Table, table
+from pipeline.report.wording import (
+    NONE,
+    counted,
+    form_label,
+    listed,
+    percent,
+    percent_spread,
+    signed,
+    variant_label,
+)
+
+OWN = "margin"  # the form that the path model has
+
+
+def misspecification(results: Results) -> Table:
+    """By form and variant: accuracy, what the form takes from it, and verdicts that are right."""
+    found = results.misspecification
+    rows: list[list[str | Cell]] = []
+    for form in found["order"]:
+        of = found["forms"][form]
+        forgiven = NONE if form == OWN else percent(of["forgiven"], 0)
+        for variant in [v for v in (*results.variants, POSITION) if v in of["models"]]:
+            cell = of["models"][variant]
+            tally = of["verdicts"].get(variant)
+            rows.append(
+                [
+                    form_label(form), forgiven, variant_label(variant), percent_spread(cell["accuracy"]),
+                    NONE if form == OWN or variant == POSITION else _change(cell),
+                    percent(cell["false_rejects"]), percent(cell["false_accepts"]),
+                    NONE if tally is None else f"{tally['right']} of {tally['cells']}",
+                    NONE if tally is None else str(tally["false_causes"]),
+                    NONE if tally is None else str(tally["missed_causes"]),
+                ]
+            )  # fmt: skip
+    caption = (
+        "Models fitted to the same demonstrations, labelled by rules of another form, and judged by those: the share "
+        "of the paths that break a margin and are forgiven; accuracy (mean and quartiles over "
+        f"{counted(found['seeds'], 'seed')}, {listed(found['users'])} users, {counted(found['scenes'], 'new scene')}); "
+        "what the form adds to it, in percentage points (95 % intervals over seeds and scenes); valid paths rejected "
+        "and invalid ones accepted; verdicts on added items that are right, false causes and missed ones. Position "
+        "only: told each control point's mean validity over all training scenes."
+    )
+    header = [
+        "Rule", "Forgiven", "Model", "Accuracy", "Change", "Valid rejected", "Invalid accepted", "Verdicts right",
+        "False", "Missed",
+    ]  # fmt: skip
+    return table("misspecification", caption, header, rows, labels=3)
+
+
+def _change(cell: dict) -> str:
+    low, high = (signed(100 * cell[name], 1) for name in ("ci_low", "ci_high"))
+    return f"{signed(100 * cell['difference'], 1)} [{low}, {high}]"
