@@ -8,13 +8,13 @@ from pipeline.params import compose
 from pipeline.table.bezier import curve, random_z_theta
 from pipeline.table.forms import FORMS, beside, brief, margin, right
 from pipeline.table.layout import SYMBOLS, Layouts, empty, random_layouts
-from pipeline.table.rules import valid
+from pipeline.table.rules import Margins, valid
 from tests.examples import RULES
 from tests.report_artefacts import ITEMS
 
 USERS = compose(["profile=smoke"]).users
 AMOUNTS = {"margin": 0.0, "brief": 0.1, "right": 0.0, "beside": 0.2}
-ALL = dict.fromkeys(SYMBOLS, 0.045)
+ALL: Margins = {symbol: 0.045 for symbol in SYMBOLS}
 
 
 @pytest.fixture(scope="module")
