@@ -14,11 +14,12 @@ from tests.report_artefacts import ITEMS
 
 USERS = compose(["profile=smoke"]).users
 AMOUNTS = {"margin": 0.0, "brief": 0.1, "right": 0.0, "beside": 0.2}
+Drawn = tuple[Layouts, np.ndarray]
 ALL: Margins = {symbol: 0.045 for symbol in SYMBOLS}
 
 
 @pytest.fixture(scope="module")
-def drawn() -> tuple[Layouts, np.ndarray]:
+def drawn() -> Drawn:
     rng = np.random.default_rng(0)
     layouts = random_layouts(rng, 40, ITEMS, np.arange(4), RULES)
     return layouts, random_z_theta(rng, 40, 60)
@@ -35,7 +36,7 @@ def glasses(*centres: tuple[float, float]) -> Layouts:
 
 @pytest.mark.parametrize("user", ["careful", "normal", "aggressive"])
 @pytest.mark.parametrize("form", list(FORMS))
-def test_what_keeps_every_margin_is_valid_by_every_form(drawn, form: str, user: str):
+def test_what_keeps_every_margin_is_valid_by_every_form(drawn: Drawn, form: str, user: str):
     layouts, z = drawn
     kept, found = valid(layouts, z, USERS[user]), FORMS[form](layouts, z, USERS[user], AMOUNTS[form])
     assert found[kept].all()
@@ -43,22 +44,22 @@ def test_what_keeps_every_margin_is_valid_by_every_form(drawn, form: str, user: 
     assert (found & ~kept).any() == forgives and (~found).any() == (user != "aggressive")
 
 
-def test_the_users_own_form_is_their_rule(drawn):
+def test_the_users_own_form_is_their_rule(drawn: Drawn):
     np.testing.assert_array_equal(margin(*drawn, ALL, 0.0), valid(*drawn, ALL))
 
 
 @pytest.mark.parametrize(("form", "nothing"), [("brief", 1.0), ("right", 10.0), ("beside", -10.0)])
-def test_an_amount_beyond_all_forgives_everything(drawn, form: str, nothing: float):
+def test_an_amount_beyond_all_forgives_everything(drawn: Drawn, form: str, nothing: float):
     assert FORMS[form](*drawn, ALL, nothing).all()
 
 
-def test_forgiving_no_share_of_the_way_or_any_company_is_the_users_own_rule(drawn):
+def test_forgiving_no_share_of_the_way_or_any_company_is_the_users_own_rule(drawn: Drawn):
     own = valid(*drawn, ALL)
     np.testing.assert_array_equal(beside(*drawn, ALL, 10.0), own)
     assert (brief(*drawn, ALL, 0.0) == own).mean() > 0.998  # but for paths that only graze, between two points
 
 
-def test_the_share_of_the_way_is_that_of_evenly_timed_points(drawn):
+def test_the_share_of_the_way_is_that_of_evenly_timed_points(drawn: Drawn):
     layouts, z = drawn
     ends, points = layouts.ends[0], curve(z[:1], 129)[0]
     near = np.zeros(points.shape[:2], bool)
