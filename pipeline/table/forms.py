@@ -51,7 +51,7 @@ def beside(layouts: Layouts, z_theta: Paths, margins: Margins, within: float) ->
     gap = segment_distance(layouts.ends[:, :, None], layouts.ends[:, None])  # (scene, slot, slot)
     gap = gap - layouts.radius[:, :, None] - layouts.radius[:, None]
     both = layouts.present[:, :, None] & layouts.present[:, None] & ~np.eye(gap.shape[1], dtype=bool)
-    accompanied = (both & (gap <= within)).any(-1)  # (scene, slot)
+    accompanied = np.any(both & (gap <= within), axis=-1)  # (scene, slot)
     broken = np.zeros(z_theta.shape[:2], bool)
     for slot, scenes, room in _minded(layouts, z_theta, margins):
         broken[scenes] |= accompanied[scenes, slot, None] & (room.min(-1) < 0)

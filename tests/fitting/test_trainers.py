@@ -60,6 +60,6 @@ def test_answers_come_in_the_order_of_the_lessons_though_only_those_of_as_many_s
 
 def test_a_fit_that_diverges_is_named_and_judged_by_nobody(cfg: DictConfig):
     wild = cfg.copy()
-    wild.path.rate, wild.path.steps = 1e30, 50
-    with pytest.raises(InputError, match="path of careful, seed 0: its loss is no longer finite at step"):
-        fit_and_ask(wild, {"path": [lesson(3)]}, IMAGES, Z, "test")
+    wild.train.rate, wild.train.steps = 1e30, 50
+    with pytest.raises(InputError, match="full of careful, seed 0: its loss is no longer finite at step"):
+        fit_and_ask(wild, {"full": [lesson(3)]}, IMAGES, Z, "test")
