@@ -47,10 +47,11 @@ test-latex: $(READY)  ## the report's LaTeX tables, compiled
 	@command -v pdflatex > /dev/null || { echo "error: pdflatex is missing: apt-get install texlive-latex-recommended" >&2; exit 1; }
 	python -m pytest tests/latex
 
-check-dowhy:  ## interventions and counterfactuals by dowhy.gcm, in an environment of its own
+check-dowhy:  ## a small graph's and the stages' own numbers by dowhy.gcm, in an environment of its own
 	test -x .venv-dowhy/bin/python || $(PYTHON) -m venv .venv-dowhy
 	.venv-dowhy/bin/python -m pip install --quiet --disable-pip-version-check -r tests/dowhy/requirements.txt
-	PYTHONPATH=. .venv-dowhy/bin/python tests/dowhy/check.py
+	PYTHONPATH=. .venv-dowhy/bin/python tests/dowhy/toy.py
+	PYTHONPATH=. .venv-dowhy/bin/python tests/dowhy/stages.py
 
 smoke: $(READY)  ## the whole real graph, tiny, in a throwaway clone
 	bash tests/smoke.sh

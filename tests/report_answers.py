@@ -188,6 +188,7 @@ def _misspecify(cfg: DictConfig, rng: np.random.Generator) -> None:
 
     def form(fall: float) -> dict:
         cell = {"accuracy": dict.fromkeys(("mean", "q1", "q3"), 0.9 - fall), "false_rejects": 0.1, "false_accepts": 0.2}
+        cell["demonstrations"] = dict.fromkeys(("mean", "q1", "q3"), 1 - fall)
         cell |= {"difference": -fall, "ci_low": -fall - 0.01, "ci_high": 0.01 - fall}
         wrong = len(users) * (fall > 0)
         tally = {"cells": 8, "right": 8 - wrong, "false_causes": 0, "missed_causes": wrong, "inconclusive": 0}

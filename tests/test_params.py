@@ -21,6 +21,7 @@ from pipeline.spec.registry import KINDS
 from pipeline.spec.repair import OPTIMISERS
 from pipeline.spec.search import METHODS, RESTARTS
 from pipeline.table.disturbances import PICTURES
+from pipeline.table.layout import SYMBOLS
 
 ROOT = CONF.parent
 
@@ -156,6 +157,16 @@ def test_a_single_user_has_nobody_to_be_held_against(stage: str):
     cfg = load(ROOT / "params.yaml")
     cfg.users, cfg.evaluate.users = {"normal": cfg.users.normal}, ["normal"]
     with pytest.raises(InputError, match=r"users is .'normal'.: expected two at least"):
+        validate(cfg, [stage])
+    validate(cfg, ["train"])
+
+
+@pytest.mark.parametrize("stage", ["repair", "search", "counterfactual"])
+def test_somebody_must_mind_something(stage: str):
+    cfg = load(ROOT / "params.yaml")
+    nothing = dict.fromkeys(SYMBOLS)
+    cfg.users, cfg.evaluate.users = {"aggressive": nothing, "calm": nothing}, ["aggressive"]
+    with pytest.raises(InputError, match="expected one at least who minds an item"):
         validate(cfg, [stage])
     validate(cfg, ["train"])
 

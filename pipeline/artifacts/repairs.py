@@ -7,6 +7,7 @@ import pandas as pd
 from omegaconf import DictConfig
 
 from pipeline.artifacts.scenes import SceneSet, train_pool
+from pipeline.errors import InputError
 from pipeline.spec.metrics import DECISION
 from pipeline.streams import stream
 from pipeline.table.bezier import random_z_theta
@@ -40,11 +41,15 @@ def check_pool(cfg: DictConfig, scenes: SceneSet) -> str:
 
 
 def draw_starts(cfg: DictConfig, scenes: SceneSet) -> tuple[np.ndarray, dict[str, Starts]]:
-    """Random z_theta (scene, start, 2) [m] in the pool's scenes; of them each user's invalid ones."""
-    layouts = scenes.layouts[check_pool(cfg, scenes)]
+    """Random z_theta (scene, start, 2) [m] in the pool's scenes; of them each user's invalid ones, some at least."""
+    pool = check_pool(cfg, scenes)
+    layouts = scenes.layouts[pool]
     rng = stream(cfg.scenes.generator, "repair", "starts")
     candidates = random_z_theta(rng, len(layouts), cfg.repair.starts)
-    return candidates, {user: _starts(cfg, user, layouts, candidates) for user in cfg.users}
+    starts = {user: _starts(cfg, user, layouts, candidates) for user in cfg.users}
+    if not any(len(s.z) for s in starts.values()):
+        raise InputError(f"no user has an invalid path among those drawn in {pool}: raise repair.starts")
+    return candidates, starts
 
 
 def _starts(cfg: DictConfig, user: str, layouts: Layouts, candidates: np.ndarray) -> Starts:

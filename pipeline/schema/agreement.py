@@ -63,8 +63,20 @@ def efficiency(s: Settings) -> None:
     _some("efficiency.variants", s.efficiency.variants, s.variants)
 
 
+def _somebody_minds(s: Settings) -> None:
+    minds = any(m is not None for margins in s.users.values() for m in margins.values())
+    somebody = "one at least who minds an item, or no path is invalid"
+    need(minds, "users", {user: dict(margins) for user, margins in s.users.items()}, somebody)
+
+
+def repair(s: Settings) -> None:
+    """Somebody whose paths can be invalid."""
+    _somebody_minds(s)
+
+
 def search(s: Settings) -> None:
-    """Fewer looks than evaluations, and rivals of a variant that there is."""
+    """Somebody whose paths can be invalid, fewer looks than evaluations, and rivals of a variant that there is."""
+    _somebody_minds(s)
     enough, climbs = s.search.evaluations >= RESTARTS, f"{RESTARTS} at least, for multistart climbs from so many"
     need("multistart" not in s.search.rivals or enough, "search.evaluations", s.search.evaluations, climbs)
     probes, fewer = s.search.probes, f"fewer than the {s.search.evaluations} evaluations"
@@ -87,7 +99,8 @@ def _several_users(s: Settings) -> None:
 
 
 def counterfactual(s: Settings) -> None:
-    """An example's variant, and no more scenes than there are, nor with a moved item than those."""
+    """Somebody to blame items for, an example's variant, no more scenes than there are, nor moved items than those."""
+    _somebody_minds(s)
     c = s.counterfactual
     _no_more(s, "counterfactual.scenes", c.scenes)
     _one("counterfactual.example_variant", c.example_variant, s.variants)
@@ -196,8 +209,8 @@ def report(s: Settings) -> None:
 AGREEMENTS = {
     f.__name__: f
     for f in (
-        evaluate, ablate, efficiency, search, intervene, counterfactual, refute, envelope, identify, selftest, confound,
-        robustness, misspecify, accept, record, report,
+        evaluate, ablate, efficiency, repair, search, intervene, counterfactual, refute, envelope, identify, selftest,
+        confound, robustness, misspecify, accept, record, report,
     )
 }  # fmt: skip
 

@@ -1,5 +1,6 @@
 """Stage misspecify: models fitted to users whose rules are no margins, judged and asked for causes by those rules."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +13,13 @@ from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.causal.confound import before_and_after
 from pipeline.causal.interventions import DIGITS, by_user, study, tally
 from pipeline.causal.robustness import change, score
+from pipeline.causal.statistics import quartiles
 from pipeline.errors import InputError
-from pipeline.fitting.trainers import Lesson, fit_and_ask
+from pipeline.fitting.trainers import Lesson, fit_each
 from pipeline.launch import launch
 from pipeline.spec import nulls
 from pipeline.spec.metrics import DECISION
+from pipeline.spec.specification import Specification
 from pipeline.table.bezier import lattice
 from pipeline.table.forms import FORMS
 from pipeline.table.layout import SYMBOLS, Layouts
@@ -34,8 +37,8 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     if len(z) != len(tables[0]):
         raise InputError(f"{directory} holds {len(z)} scenes, {pool} {len(tables[0])}: run the intervene stage again")
     truth = {f: np.stack([[_valid(cfg, f, t, z, u) for t in tables] for u in users]) for f in cfg.misspecify.forms}
-    answers = _answers(cfg, scenes, np.concatenate([scenes.images[pool][None], added.images]), z)
-    found = {form: _form(cfg, scenes, form, z, truth, answers) for form in cfg.misspecify.forms}
+    answers, learnt = _answers(cfg, scenes, np.concatenate([scenes.images[pool][None], added.images]), z)
+    found = {form: _form(cfg, scenes, form, z, truth, answers, learnt[form]) for form in cfg.misspecify.forms}
     metrics = {
         "order": list(found),
         "forms": found,
@@ -53,8 +56,14 @@ def _valid(cfg: DictConfig, form: str, layouts: Layouts, z: np.ndarray, user: st
     return FORMS[form](layouts, z, cfg.users[user], float(cfg.misspecify.forms[form]))
 
 
-def _answers(cfg: DictConfig, scenes: SceneSet, images: np.ndarray, z: np.ndarray) -> dict[str, dict[str, np.ndarray]]:
-    """form -> variant -> P(valid) (user, seed, table, scene, path) by models fitted to demonstrations so labelled."""
+Answers = dict[str, dict[str, np.ndarray]]  # form -> variant -> (user, seed, ...)
+
+
+def _answers(cfg: DictConfig, scenes: SceneSet, images: np.ndarray, z: np.ndarray) -> tuple[Answers, Answers]:
+    """By models fitted to demonstrations so labelled: P(valid) (..., table, scene, path), and how much they learnt.
+
+    Learnt: the share of its own demonstrations that a model is right about.
+    """
     demos, users, seeds = read_demos(Path(cfg.paths.demos)), list(cfg.evaluate.users), list(cfg.protocol.seeds)
 
     def lesson(form: str, user: str, seed: int) -> Lesson:
@@ -65,10 +74,23 @@ def _answers(cfg: DictConfig, scenes: SceneSet, images: np.ndarray, z: np.ndarra
     forms = list(cfg.misspecify.forms)
     lessons = [lesson(form, user, seed) for form in forms for user in users for seed in seeds]
     pictures, everywhere = images.reshape(-1, *images.shape[2:]), np.tile(z, (len(images), 1, 1))
-    found = fit_and_ask(cfg, dict.fromkeys(cfg.misspecify.variants, lessons), pictures, everywhere, "other forms")
-    shape = (len(forms), len(users), len(seeds), *images.shape[:2], z.shape[1])
-    by_form = {variant: p.reshape(shape) for variant, p in found.items()}
-    return {form: {variant: p[i] for variant, p in by_form.items()} for i, form in enumerate(forms)}
+    ask = partial(_ask, pictures, everywhere)
+    found = fit_each(cfg, dict.fromkeys(cfg.misspecify.variants, lessons), ask, "other forms")
+    answers: Answers = {form: {} for form in forms}
+    learnt: Answers = {form: {} for form in forms}
+    for variant, of in found.items():
+        p, right = (np.array(x) for x in zip(*of, strict=True))
+        p = p.reshape(len(forms), len(users), len(seeds), *images.shape[:2], z.shape[1])
+        right = right.reshape(p.shape[:3])
+        for i, form in enumerate(forms):
+            answers[form][variant], learnt[form][variant] = p[i], right[i]
+    return answers, learnt
+
+
+def _ask(images: np.ndarray, z: np.ndarray, model: Specification, own: Lesson) -> tuple[np.ndarray, float]:
+    """P(valid) of every path [m] in its picture, and the share of its own demonstrations the model is right about."""
+    right = (model.probability(own.images, own.z_theta) > DECISION) == own.valid
+    return model.probability(images, z), float(right.mean())
 
 
 def _form(
@@ -77,7 +99,8 @@ def _form(
     form: str,
     z: np.ndarray,
     truth: dict[str, np.ndarray],
-    answers: dict[str, dict[str, np.ndarray]],
+    answers: Answers,
+    learnt: dict[str, np.ndarray],
 ) -> dict:
     """What became of one form: of each variant its score, what the form adds to its accuracy, and its verdicts."""
     users, as_is = list(cfg.evaluate.users), truth[form][:, 0]
@@ -87,6 +110,8 @@ def _form(
     for variant, p in answers[form].items():
         accepted = p[:, :, 0] > DECISION
         models[variant] = score(accepted, as_is) | change(accepted, as_is, before[variant], truth[OWN][:, 0])
+        own = quartiles(learnt[variant].mean(0))
+        models[variant]["demonstrations"] = {name: round(value, DIGITS) for name, value in own.items()}
     guesses = np.stack([nulls.position(_prior(cfg, scenes, form, user), z) for user in users])
     return {
         "valid": {user: round(float(of.mean()), DIGITS) for user, of in zip(users, as_is, strict=True)},

@@ -12,7 +12,6 @@ from pipeline.artifacts.repairs import Starts, check_pool, draw_starts, rows
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.artifacts.trained import check_weights, load_model
 from pipeline.causal.repairs import MEASURES, measures, summary
-from pipeline.errors import InputError
 from pipeline.launch import launch
 from pipeline.parallel import map_jobs
 from pipeline.spec.repair import Ascent, Repairs, repair
@@ -50,8 +49,6 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     ]
     check_weights(cfg)
     needed = [job for job in jobs if len(starts[job.user].z)]
-    if not needed:
-        raise InputError(f"no user has an invalid path among those drawn in {pool}: raise repair.starts")
     done = dict(zip(map(_name, needed), map_jobs(run, needed, cfg.workers, "repairs"), strict=True))
 
     tables, paths = {}, {}

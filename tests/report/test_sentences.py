@@ -526,5 +526,15 @@ def test_of_another_form_is_said_what_it_takes_and_whose_verdict_it_turns(result
         for by_user in of["interventions"].values():
             for by_symbol in by_user.values():
                 by_symbol["glass"]["right"] = True
-    _, brief, *_ = misspecification(replace(results, misspecification=gained))
+    _, brief, *_, own = misspecification(replace(results, misspecification=gained))
     assert " more, " in brief and "in truth" not in brief
+    share = "100.0\u00a0%, 90.0\u00a0%, 90.0\u00a0% and 90.0\u00a0%"
+    assert f"the path model is right about {share}, by these rules: keep a margin, brief" in own
+
+
+def test_a_model_no_better_than_position_alone_is_said_to_be_none(results: Results):
+    found = copy.deepcopy(results.misspecification)
+    found["forms"]["brief"]["models"]["path"]["accuracy"]["mean"] = 0.81  # ranking IRL's is the null's, .8
+    _, brief, *_ = misspecification(replace(results, misspecification=found))
+    irl, path = brief.split("the path model")
+    assert "no better than position alone" in irl and "no better than position alone" not in path

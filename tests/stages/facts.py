@@ -8,7 +8,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.models import model_dir, weights_path
 from pipeline.errors import InputError
-from pipeline.params import validate
+from pipeline.params import read_by, validate
 
 Stage = Callable[[DictConfig, Path], None]
 
@@ -36,9 +36,18 @@ def names_a_missing_model(main: Stage, cfg: DictConfig, variant: str, out: Path)
     assert not out.exists()
 
 
+def listed(cfg: DictConfig, stage: str) -> DictConfig:
+    """The parameters that dvc.yaml lists for the stage, and those that DVC does not watch; to read another is an error."""
+    few = OmegaConf.create()
+    for name, value in OmegaConf.create(read_by(cfg, stage) or "").items():
+        OmegaConf.update(few, str(name), value)
+    OmegaConf.set_struct(few, True)
+    return few
+
+
 def repeats_itself(main: Stage, cfg: DictConfig, before: Path, again: Path, workers: int = 1) -> None:
-    """Run anew, with that many workers, the stage writes into `again` what it wrote `before`, to the byte."""
-    more = cfg.copy()
+    """Run anew, with that many workers and no parameter but those it lists for DVC, it writes the same bytes again."""
+    more = listed(cfg, main.__module__.rpartition(".")[2])
     more.workers = workers
     main(more, again)
     assert sorted(p.name for p in again.iterdir()) == sorted(p.name for p in before.iterdir())

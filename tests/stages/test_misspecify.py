@@ -10,8 +10,10 @@ from omegaconf import DictConfig
 from pipeline.artifacts.demos import demo_arrays, read_demos
 from pipeline.artifacts.files import read_json, write_arrays, write_table
 from pipeline.artifacts.scenes import layout_table, read_scenes, train_pool
+from pipeline.fitting.trainers import Lesson
 from pipeline.params import compose
 from pipeline.spec import nulls
+from pipeline.spec.specification import Specification
 from pipeline.stages import misspecify
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.forms import FORMS
@@ -75,11 +77,11 @@ def test_against_the_users_own_form_the_own_form_changes_nothing_and_forgives_no
 def test_models_are_taught_the_same_paths_with_the_labels_of_each_form(cfg: DictConfig, monkeypatch):
     scenes, demos, taught = read_scenes(Path(cfg.paths.scenes)), read_demos(Path(cfg.paths.demos)), []
 
-    def kept(_cfg, lessons, images, z, desc):
+    def kept(_cfg, lessons, _ask, desc):
         taught.extend(next(iter(lessons.values())))
-        return {v: np.zeros((len(of), *z.shape[:2])) for v, of in lessons.items()}
+        return {v: [(np.zeros((SCENES, PATHS)), np.float64(1))] * len(of) for v, of in lessons.items()}
 
-    monkeypatch.setattr(misspecify, "fit_and_ask", kept)
+    monkeypatch.setattr(misspecify, "fit_each", kept)
     misspecify._answers(cfg, scenes, np.zeros((1, SCENES, 100, 100, 3), np.uint8), np.zeros((SCENES, PATHS, 2)))
     rest = iter(taught)
     for form, amount in cfg.misspecify.forms.items():
@@ -120,3 +122,21 @@ def test_settings_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name
 
 def test_a_seed_without_scenes_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
     refuses(misspecify.main, cfg, "protocol.seeds", [0, 100], "no scenes train-s100", tmp_path / "out")
+
+
+def test_a_model_is_asked_about_the_demonstrations_it_was_fitted_to():
+    class Knowing(Specification):
+        """Says that paths are valid whose control point lies right of what the picture's shade says."""
+
+        def perceive(self, images):
+            return 255 * images[:, 0, 0, :1]
+
+        def logit(self, percept, z_theta):
+            return 100 * z_theta[..., 0] - percept
+
+    z = np.array([[[0.1, 0], [0.3, 0]], [[0.1, 0], [0.3, 0]]])
+    images = np.stack([np.full((100, 100, 3), shade, np.uint8) for shade in (20, 40)])
+    own = Lesson("careful", 0, images, z, np.array([[False, True], [True, False]]))
+    p, right = misspecify._ask(images[::-1].copy(), z[::-1], Knowing(), own)
+    np.testing.assert_array_equal(p > 0.5, [[False, False], [False, True]])
+    assert right == 0.75

@@ -10,9 +10,12 @@ import torch
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_table
+from pipeline.artifacts.repairs import draw_starts
+from pipeline.artifacts.scenes import read_scenes
+from pipeline.errors import InputError
 from pipeline.stages.search import main, told
 from pipeline.table.bezier import random_z_theta
-from pipeline.table.layout import random_layouts
+from pipeline.table.layout import SYMBOLS, random_layouts
 from pipeline.table.rules import clearance, slack
 from tests.examples import RULES
 from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
@@ -105,3 +108,10 @@ def test_settings_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name
 
 def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
     names_a_missing_model(main, cfg, "full", tmp_path / "out")
+
+
+def test_where_no_path_is_invalid_there_is_nothing_to_begin_with(cfg: DictConfig):
+    calm = cfg.copy()
+    calm.users = {user: dict.fromkeys(SYMBOLS) for user in cfg.users}
+    with pytest.raises(InputError, match="no user has an invalid path among those drawn in new_items: raise repair"):
+        draw_starts(calm, read_scenes(Path(cfg.paths.scenes)))

@@ -2,16 +2,17 @@
 
 from pipeline.report.results import POSITION, Results
 from pipeline.report.tables.misspecification import OWN
-from pipeline.report.wording import form_phrase, interval, listed, percent, points, started, variant_phrase
+from pipeline.report.wording import form_label, form_phrase, interval, listed, percent, points, started, variant_phrase
 
 
 def misspecification(results: Results) -> list[str]:
-    """Form by form: how right each variant still is, beside the null and its rivals; then the causes."""
+    """Form by form: how right each variant still is, beside the null; its verdicts; and where a reader would see it."""
     forms = results.misspecification["forms"]
     variants = [v for v in results.variants if v in forms[OWN]["models"]]
     own = [f"{variant_phrase(v)} {percent(forms[OWN]['models'][v]['accuracy']['mean'])}" for v in variants]
     out = [f"Fitted and judged by the users' own margins, as a control, right are {listed(own)} of the answers."]
-    return out + [_form(results, form, variants) for form in results.misspecification["order"] if form != OWN]
+    out += [_form(results, form, variants) for form in results.misspecification["order"] if form != OWN]
+    return [*out, _seen(results, variants)]
 
 
 def _form(results: Results, form: str, variants: list[str]) -> str:
@@ -19,14 +20,34 @@ def _form(results: Results, form: str, variants: list[str]) -> str:
     models, tallies = found["models"], found["verdicts"]
     said = [
         f"{variant_phrase(v)} is right about {percent(models[v]['accuracy']['mean'])} "
-        f"({_changed(models[v])}), with {tallies[v]['right']} of {tallies[v]['cells']} verdicts true"
-        + _wrong(results, form, v)
+        f"({_changed(models[v])}{_beaten(models, v)}), "
+        f"with {tallies[v]['right']} of {tallies[v]['cells']} verdicts true" + _wrong(results, form, v)
         for v in variants
     ]
     return (
         f"{started(form_phrase(form, results.misspecification['amounts'][form]))} ({percent(found['forgiven'], 0)} of "
         f"the paths that break a margin are forgiven; position alone {percent(models[POSITION]['accuracy']['mean'])}): "
         f"{'; '.join(said)}."
+    )
+
+
+def _beaten(models: dict, variant: str) -> str:
+    null = models[POSITION]["accuracy"]["mean"]
+    return "" if models[variant]["accuracy"]["mean"] > null else "; no better than position alone"
+
+
+def _seen(results: Results, variants: list[str]) -> str:
+    """What the demonstrations themselves would tell whoever fits a model and does not know the truth."""
+    found = results.misspecification
+    of = {form: found["forms"][form]["models"] for form in found["order"]}
+
+    def own(variant: str) -> str:
+        return listed([percent(models[variant]["demonstrations"]["mean"]) for models in of.values()])
+
+    return (
+        "Would whoever fits a model see it without the truth? Of the demonstrations that it was fitted to, "
+        f"{'; '.join(f'{variant_phrase(v)} is right about {own(v)}' for v in variants)}, by these rules: "
+        f"{listed([form_label(form).lower() for form in of])}."
     )
 
 

@@ -31,6 +31,7 @@ def misspecification(results: Results) -> Table:
                     form_label(form), forgiven, variant_label(variant), percent_spread(cell["accuracy"]),
                     NONE if form == OWN or variant == POSITION else _change(cell),
                     percent(cell["false_rejects"]), percent(cell["false_accepts"]),
+                    NONE if variant == POSITION else percent_spread(cell["demonstrations"]),
                     NONE if tally is None else f"{tally['right']} of {tally['cells']}",
                     NONE if tally is None else str(tally["false_causes"]),
                     NONE if tally is None else str(tally["missed_causes"]),
@@ -41,11 +42,13 @@ def misspecification(results: Results) -> Table:
         "of the paths that break a margin and are forgiven; accuracy (mean and quartiles over "
         f"{counted(found['seeds'], 'seed')}, {listed(found['users'])} users, {counted(found['scenes'], 'new scene')}); "
         "what the form adds to it, in percentage points (95 % intervals over seeds and scenes); valid paths rejected "
-        "and invalid ones accepted; verdicts on added items that are right, false causes and missed ones. Position "
-        "only: told each control point's mean validity over all training scenes."
+        "and invalid ones accepted; of the demonstrations it was fitted to, the share that a model is right about; "
+        "verdicts on added items that are right, false causes and missed ones. Position only: told each control "
+        "point's mean validity over all training scenes."
     )
     header = [
-        "Rule", "Forgiven", "Model", "Accuracy", "Change", "Valid rejected", "Invalid accepted", "Verdicts right",
+        "Rule", "Forgiven", "Model", "Accuracy", "Change", "Valid rejected", "Invalid accepted", "Own demonstrations",
+        "Verdicts right",
         "False", "Missed",
     ]  # fmt: skip
     return table("misspecification", caption, header, rows, labels=3)

@@ -11,9 +11,9 @@ import networkx as nx
 import numpy as np
 import pandas as pd
 from dowhy import gcm
-from dowhy.gcm.causal_mechanisms import FunctionalCausalModel
 
 from pipeline.causal.scm import PARENTS, chance_of_change, specification_scm
+from tests.dowhy.graph import Mechanism, said
 
 UNITS = 20_000
 USERS = ("careful", "normal", "aggressive")
@@ -38,25 +38,6 @@ def model():
         encode=lambda image: image,
         classify=classify,
     )
-
-
-class Mechanism(FunctionalCausalModel):
-    """A mechanism of ours for dowhy: parents come in alphabetical order, as columns."""
-
-    def __init__(self, assign, draw):
-        self.assign, self.draw = assign, draw
-
-    def fit(self, X, Y):
-        """Nothing: it is given."""
-
-    def draw_noise_samples(self, num_samples):
-        return self.draw(num_samples)
-
-    def evaluate(self, parent_samples, noise_samples):
-        return self.assign(noise_samples.ravel(), *np.asarray(parent_samples, dtype=float).T)
-
-    def clone(self):
-        return Mechanism(self.assign, self.draw)
 
 
 def graph(units: dict, rng: np.random.Generator):
@@ -117,13 +98,6 @@ def counterfactuals(rng: np.random.Generator) -> bool:
         flipped = theirs["V"].to_numpy()[rejected].mean()
         limit = 4 * (0.25 / rejected.sum()) ** 0.5
         fine &= said(f"P(V = 1 under do({name} := {value}) | V = 0)", chance, flipped, limit)
-    return fine
-
-
-def said(what: str, ours: float, theirs: float, limit: float) -> bool:
-    """Print both sides; whether they lie within `limit`."""
-    fine = bool(abs(ours - theirs) <= limit)
-    print(f"{'same' if fine else 'DIFFERENT':10}{what}: {ours:.4f} here, {theirs:.4f} there (within {limit:.4f})")
     return fine
 
 
