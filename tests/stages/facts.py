@@ -37,10 +37,10 @@ def names_a_missing_model(main: Stage, cfg: DictConfig, variant: str, out: Path)
 
 
 def listed(cfg: DictConfig, stage: str) -> DictConfig:
-    """The parameters that dvc.yaml lists for the stage, and those that DVC does not watch; to read another is an error."""
+    """The parameters that dvc.yaml lists for the stage, and those DVC does not watch; to read another is an error."""
     few = OmegaConf.create()
     for name, value in OmegaConf.create(read_by(cfg, stage) or "").items():
-        OmegaConf.update(few, str(name), value)
+        OmegaConf.update(few, str(name).replace("${item.variant}", cfg.variant), value)
     OmegaConf.set_struct(few, True)
     return few
 

@@ -16,7 +16,7 @@ from pipeline.stages.demos import main
 from pipeline.table.layout import SYMBOLS, Layouts
 from pipeline.table.recordings import keeps
 from pipeline.table.rules import valid
-from tests.stages.facts import refuses
+from tests.stages.facts import refuses, repeats_itself
 
 SCENES = {"train-s0": 3, "train-s1": 3, "train-s100": 3, "new_scenes": 4, "new_items": 4}
 FILES = ("demos.parquet", "recordings.npz", "queries.npz", "metrics.json")
@@ -119,9 +119,7 @@ def test_queries_are_labelled_by_the_truth_and_unseen_by_training(cfg: DictConfi
 
 
 def test_the_stage_run_twice_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
-    main(cfg, tmp_path / "again")
-    for name in FILES:
-        assert (out / name).read_bytes() == (tmp_path / "again" / name).read_bytes()
+    repeats_itself(main, cfg, out, tmp_path / "again")
 
 
 def test_fewer_seeds_or_demonstrations_leave_the_recordings_as_they_are(cfg: DictConfig, out: Path, tmp_path: Path):

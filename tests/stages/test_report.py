@@ -22,6 +22,7 @@ from pipeline.report.terminal import shown
 from pipeline.stages.report import main
 from pipeline.table.bezier import lattice
 from tests.report_artefacts import write_all
+from tests.stages.facts import listed
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +38,7 @@ def reports(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_second_run_writes_the_same_bytes(cfg: DictConfig, reports: Path, tmp_path: Path):
-    main(cfg, tmp_path)
+    main(listed(cfg, "report"), tmp_path)
     files = sorted(p.relative_to(reports) for p in reports.rglob("*") if p.is_file())
     assert files == sorted(p.relative_to(tmp_path) for p in tmp_path.rglob("*") if p.is_file())
     assert [f for f in files if (reports / f).read_bytes() != (tmp_path / f).read_bytes()] == []

@@ -13,7 +13,7 @@ from pipeline.artifacts.files import write_table
 from pipeline.params import compose
 from pipeline.stages.selftest import main
 from pipeline.table.layout import SYMBOLS
-from tests.stages.facts import refuses
+from tests.stages.facts import refuses, repeats_itself
 
 BY_SCENE = 0.1
 
@@ -62,10 +62,7 @@ def test_what_could_be_detected_and_what_single_seeds_say_stands_for_every_varia
 
 def test_a_second_run_and_more_workers_write_the_same_bytes(cfg: DictConfig, tmp_path: Path):
     main(cfg, tmp_path / "one")
-    more = cfg.copy()
-    OmegaConf.update(more, "workers", 2)
-    main(more, tmp_path / "two")
-    assert (tmp_path / "one/metrics.json").read_bytes() == (tmp_path / "two/metrics.json").read_bytes()
+    repeats_itself(main, cfg, tmp_path / "one", tmp_path / "two", workers=2)
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,7 @@ from pipeline.spec.specification import untrained
 from pipeline.spec.vae import VaeSpecification
 from pipeline.stages.train import main
 from pipeline.streams import job_seed
+from tests.stages.facts import listed
 
 SMALL = ["seeds=[0,1]", "n=[1,2]", "study_n=2", "train.steps=4", "train.curve_every=2", "workers=1"]
 SMALL += ["train.engine=stacked", "checkpoints=[0,2,50]"]
@@ -91,7 +92,7 @@ def test_curves_and_metrics_name_every_user_and_n(run):
 
 
 def test_two_processes_write_the_bytes_of_one(run, small_world, tmp_path):
-    main(config(small_world, tmp_path, "workers=2"), tmp_path / "full")
+    main(listed(config(small_world, tmp_path, "workers=2"), "train"), tmp_path / "full")
     assert _digests(tmp_path) == _digests(run)
 
 
