@@ -14,13 +14,14 @@ from pipeline.errors import InputError
 from pipeline.params import COMPOSED, CONF, GRAPH, compose, load, render, validate
 from pipeline.schema import Agreed, agreement
 from pipeline.schema.models import Objective
-from pipeline.schema.stages import Optimiser, Pictures, Search
+from pipeline.schema.stages import Misspecify, Optimiser, Pictures, Search
 from pipeline.spec import nulls
 from pipeline.spec.irl import OBJECTIVES
 from pipeline.spec.registry import KINDS
 from pipeline.spec.repair import OPTIMISERS
 from pipeline.spec.search import METHODS, RESTARTS
 from pipeline.table.disturbances import PICTURES
+from pipeline.table.forms import FORMS, OWN
 from pipeline.table.layout import SYMBOLS
 
 ROOT = CONF.parent
@@ -138,7 +139,8 @@ def test_names_that_parameters_may_have_are_those_of_the_library():
     assert {*rivals, "probe"} == set(METHODS)
     assert list(Pictures.model_fields) == list(PICTURES)
     assert get_args(Optimiser) == OPTIMISERS and get_args(Objective) == OBJECTIVES
-    assert agreement.RESTARTS == RESTARTS
+    assert agreement.RESTARTS == RESTARTS and agreement.OWN_FORM == OWN
+    assert set(get_args(get_args(Misspecify.model_fields["forms"].annotation)[0])) == set(FORMS)
     assert agreement.NULLS == nulls.NULLS and agreement.NEAREST == nulls.NEAREST
 
 

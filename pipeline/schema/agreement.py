@@ -177,10 +177,8 @@ def robustness(s: Settings) -> None:
 
 def misspecify(s: Settings) -> None:
     """The users' own form among the others, and variants that there are."""
-    own = OWN_FORM in s.misspecify.forms
-    need(
-        own, "misspecify.forms", list(s.misspecify.forms), f"{OWN_FORM} among them, for the others are held against it"
-    )
+    own, forms = OWN_FORM in s.misspecify.forms, list(s.misspecify.forms)
+    need(own, "misspecify.forms", forms, f"{OWN_FORM} among them, for the others are held against it")
     _some("misspecify.variants", s.misspecify.variants, s.variants)
 
 

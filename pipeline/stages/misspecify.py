@@ -14,17 +14,16 @@ from pipeline.causal.confound import before_and_after
 from pipeline.causal.interventions import DIGITS, by_user, study, tally
 from pipeline.causal.robustness import change, score
 from pipeline.causal.statistics import quartiles
-from pipeline.errors import InputError
 from pipeline.fitting.trainers import Lesson, fit_each
 from pipeline.launch import launch
 from pipeline.spec import nulls
 from pipeline.spec.metrics import DECISION
 from pipeline.spec.specification import Specification
 from pipeline.table.bezier import lattice
-from pipeline.table.forms import FORMS
+from pipeline.table.forms import FORMS, OWN
 from pipeline.table.layout import SYMBOLS, Layouts
 
-OWN = "margin"  # the form that the others are held against
+Answers = dict[str, dict[str, np.ndarray]]  # form -> variant -> (user, seed, ...)
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
@@ -34,8 +33,6 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     directory, users = Path(cfg.paths.intervene), list(cfg.evaluate.users)
     added, z = read_added(directory, scenes.layouts[pool]), read_arrays(directory / "images.npz")["z_theta"]
     tables = [scenes.layouts[pool], *added.layouts]  # as it is, and with each symbol added
-    if len(z) != len(tables[0]):
-        raise InputError(f"{directory} holds {len(z)} scenes, {pool} {len(tables[0])}: run the intervene stage again")
     truth = {f: np.stack([[_valid(cfg, f, t, z, u) for t in tables] for u in users]) for f in cfg.misspecify.forms}
     answers, learnt = _answers(cfg, scenes, np.concatenate([scenes.images[pool][None], added.images]), z)
     found = {form: _form(cfg, scenes, form, z, truth, answers, learnt[form]) for form in cfg.misspecify.forms}
@@ -54,9 +51,6 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 def _valid(cfg: DictConfig, form: str, layouts: Layouts, z: np.ndarray, user: str) -> np.ndarray:
     """Whether each path [m] is valid to a user whose rule has that form, (scene, path)."""
     return FORMS[form](layouts, z, cfg.users[user], float(cfg.misspecify.forms[form]))
-
-
-Answers = dict[str, dict[str, np.ndarray]]  # form -> variant -> (user, seed, ...)
 
 
 def _answers(cfg: DictConfig, scenes: SceneSet, images: np.ndarray, z: np.ndarray) -> tuple[Answers, Answers]:

@@ -58,7 +58,8 @@ def beside(layouts: Layouts, z_theta: Paths, margins: Margins, within: float) ->
     return ~broken
 
 
-FORMS: dict[str, Form] = {"margin": margin, "brief": brief, "right": right, "beside": beside}
+OWN = "margin"  # the form of conf/users.yaml, which the others are held against
+FORMS: dict[str, Form] = {OWN: margin, "brief": brief, "right": right, "beside": beside}
 
 
 def _minded(

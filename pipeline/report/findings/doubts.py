@@ -2,8 +2,8 @@
 
 from pipeline.report.findings.summary import WORLDS_OWN, broken, refuted
 from pipeline.report.results import Results
-from pipeline.report.tables.misspecification import OWN
 from pipeline.report.wording import counted, form_label, listed, percent, variant_phrase
+from pipeline.table.forms import OWN
 
 SMALLEST = 0.06  # an effect just above the smallest of interest
 

@@ -1,8 +1,8 @@
 """What is left of the models where users' rules are of another form than the world's own."""
 
 from pipeline.report.results import POSITION, Results
-from pipeline.report.tables.misspecification import OWN
 from pipeline.report.wording import form_label, form_phrase, interval, listed, percent, points, started, variant_phrase
+from pipeline.table.forms import OWN
 
 
 def misspecification(results: Results) -> list[str]:

@@ -12,8 +12,7 @@ from pipeline.report.wording import (
     signed,
     variant_label,
 )
-
-OWN = "margin"  # the form that the path model has
+from pipeline.table.forms import OWN
 
 
 def misspecification(results: Results) -> Table:
