@@ -91,8 +91,8 @@ def refuter_finds(name: str) -> str:
 def form_label(form: str) -> str:
     """A form of users' rules, as a table has it."""
     return {
-        "margin": "Keep a margin", "brief": "Brief approaches forgiven", "right": "Only what is passed on the right",
-        "beside": "Only what stands beside something",
+        "margin": "Keep a margin", "brief": "Not if brief", "right": "Only on the right",
+        "beside": "Only beside something",
     }.get(form, form.replace("_", " ").capitalize())  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 
 from pipeline.report.findings.summary import WORLDS_OWN, broken, refuted
 from pipeline.report.results import Results
-from pipeline.report.wording import counted, form_label, listed, percent, variant_phrase
+from pipeline.report.wording import counted, form_phrase, percent, variant_phrase
 from pipeline.table.forms import OWN
 
 SMALLEST = 0.06  # an effect just above the smallest of interest
@@ -22,7 +22,7 @@ def doubts(results: Results) -> list[str]:
     own_form = [
         "By the form. Here as in this model things are capsules, the nearest one that matters decides, and a margin "
         "is all there is to a user's rule; the paper's model and the reward maps were not given this form. "
-        f"Of users who go by something else (“Users whose rules are of another form”) {_by_form(results, best)}."
+        f"Of users who go by something else (“Users whose rules are of another form”): {_by_form(results, best)}."
     ] * (best in WORLDS_OWN)
     return [
         f"The verdicts of {variant_phrase(best)}, {tallies[best]['right']} of {tallies[best]['cells']} of them right "
@@ -47,8 +47,9 @@ def _by_form(results: Results, variant: str) -> str:
     found = results.misspecification
     forms = {f: found["forms"][f] for f in found["order"] if f != OWN and variant in found["forms"][f]["verdicts"]}
     said = [
-        f"{of['verdicts'][variant]['right']} of {of['verdicts'][variant]['cells']} verdicts are true and "
-        f"{percent(of['models'][variant]['accuracy']['mean'])} of the answers right ({form_label(form).lower()})"
+        f"{form_phrase(form, found['amounts'][form])}, {of['verdicts'][variant]['right']} of "
+        f"{of['verdicts'][variant]['cells']} verdicts are true and "
+        f"{percent(of['models'][variant]['accuracy']['mean'])} of the answers right"
         for form, of in forms.items()
     ]
-    return listed(said) if said else "nothing was asked"
+    return "; ".join(said) if said else "nothing was asked"

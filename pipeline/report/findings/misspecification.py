@@ -1,7 +1,7 @@
 """What is left of the models where users' rules are of another form than the world's own."""
 
 from pipeline.report.results import POSITION, Results
-from pipeline.report.wording import form_label, form_phrase, interval, listed, percent, points, started, variant_phrase
+from pipeline.report.wording import form_phrase, interval, listed, percent, points, started, variant_phrase
 from pipeline.table.forms import OWN
 
 
@@ -39,15 +39,17 @@ def _beaten(models: dict, variant: str) -> str:
 def _seen(results: Results, variants: list[str]) -> str:
     """What the demonstrations themselves would tell whoever fits a model and does not know the truth."""
     found = results.misspecification
-    of = {form: found["forms"][form]["models"] for form in found["order"]}
 
     def own(variant: str) -> str:
-        return listed([percent(models[variant]["demonstrations"]["mean"]) for models in of.values()])
+        shares = {f: percent(found["forms"][f]["models"][variant]["demonstrations"]["mean"]) for f in found["order"]}
+        others = listed([share for form, share in shares.items() if form != OWN])
+        return (
+            f"{variant_phrase(variant)} is right about {shares[OWN]} by the users' own margins, by the others {others}"
+        )
 
     return (
-        "Would whoever fits a model see it without the truth? Of the demonstrations that it was fitted to, "
-        f"{'; '.join(f'{variant_phrase(v)} is right about {own(v)}' for v in variants)}, by these rules: "
-        f"{listed([form_label(form).lower() for form in of])}."
+        "Would whoever fits a model see it without the truth? Of the very demonstrations that it was fitted to, "
+        f"{'; '.join(map(own, variants))}."
     )
 
 
@@ -59,12 +61,12 @@ def _changed(cell: dict) -> str:
 
 
 def _wrong(results: Results, form: str, variant: str) -> str:
-    """The cells whose verdict is not the true one, and how they are wrong."""
+    """The cells whose verdict is not the true one, by how it is wrong."""
     cells = results.misspecification["forms"][form]["interventions"][variant]
-    wrong = [
-        f"{user} and {symbol}: {c['verdict']} ({c['effect']:+.3f}), in truth {c['truth_verdict']} ({c['truth']:+.3f})"
-        for user, by_symbol in cells.items()
-        for symbol, c in by_symbol.items()
-        if not c["right"]
-    ]
-    return f" ({'; '.join(wrong)})" if wrong else ""
+    by_kind: dict[str, list[str]] = {}
+    for user, by_symbol in cells.items():
+        for symbol, c in by_symbol.items():
+            if not c["right"]:
+                kind = {"effect": "false", "inconclusive": "open"}.get(c["verdict"], "missed")
+                by_kind.setdefault(kind, []).append(f"{symbol} to {user}")
+    return f" ({'; '.join(f'{kind}: {listed(of)}' for kind, of in by_kind.items())})" if by_kind else ""

@@ -21,36 +21,34 @@ def misspecification(results: Results) -> Table:
     rows: list[list[str | Cell]] = []
     for form in found["order"]:
         of = found["forms"][form]
-        forgiven = NONE if form == OWN else percent(of["forgiven"], 0)
+        rule = form_label(form) if form == OWN else f"{form_label(form)} ({percent(of['forgiven'], 0)})"
         for variant in [v for v in (*results.variants, POSITION) if v in of["models"]]:
             cell = of["models"][variant]
             tally = of["verdicts"].get(variant)
             rows.append(
                 [
-                    form_label(form), forgiven, variant_label(variant), percent_spread(cell["accuracy"]),
+                    rule, variant_label(variant), percent_spread(cell["accuracy"]),
                     NONE if form == OWN or variant == POSITION else _change(cell),
                     percent(cell["false_rejects"]), percent(cell["false_accepts"]),
-                    NONE if variant == POSITION else percent_spread(cell["demonstrations"]),
+                    NONE if variant == POSITION else percent(cell["demonstrations"]["mean"]),
                     NONE if tally is None else f"{tally['right']} of {tally['cells']}",
-                    NONE if tally is None else str(tally["false_causes"]),
-                    NONE if tally is None else str(tally["missed_causes"]),
+                    NONE if tally is None else f"{tally['false_causes']}, {tally['missed_causes']}",
                 ]
             )  # fmt: skip
     caption = (
-        "Models fitted to the same demonstrations, labelled by rules of another form, and judged by those: the share "
-        "of the paths that break a margin and are forgiven; accuracy (mean and quartiles over "
+        "Models fitted to the same demonstrations, labelled by rules of another form, and judged by those (of the "
+        "paths that break a margin, the share that is forgiven): accuracy (mean and quartiles over "
         f"{counted(found['seeds'], 'seed')}, {listed(found['users'])} users, {counted(found['scenes'], 'new scene')}); "
         "what the form adds to it, in percentage points (95 % intervals over seeds and scenes); valid paths rejected "
-        "and invalid ones accepted; of the demonstrations it was fitted to, the share that a model is right about; "
-        "verdicts on added items that are right, false causes and missed ones. Position only: told each control "
+        "and invalid ones accepted; of the demonstrations it was taught by, the share that a model is right about; "
+        "verdicts on added items that are right, and false and missed causes. Position only: told each control "
         "point's mean validity over all training scenes."
     )
     header = [
-        "Rule", "Forgiven", "Model", "Accuracy", "Change", "Valid rejected", "Invalid accepted", "Own demonstrations",
-        "Verdicts right",
-        "False", "Missed",
+        "Rule", "Model", "Accuracy", "Change", "Valid rejected", "Invalid accepted", "Taught", "Verdicts right",
+        "False, missed",
     ]  # fmt: skip
-    return table("misspecification", caption, header, rows, labels=3)
+    return table("misspecification", caption, header, rows, labels=2)
 
 
 def _change(cell: dict) -> str:
