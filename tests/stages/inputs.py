@@ -9,15 +9,16 @@ import pandas as pd
 from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.demos import DEMO_COLUMNS, DEMO_KEY, Queries, write_demos, write_queries
+from pipeline.artifacts.files import write_arrays, write_table
 from pipeline.artifacts.models import model_dir, save_weights, weights_path
-from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool, write_scenes
+from pipeline.artifacts.scenes import SceneSet, layout_table, read_scenes, train_pool, write_scenes
 from pipeline.params import compose
 from pipeline.spec.clearance import ClearanceModel
 from pipeline.spec.registry import build
 from pipeline.spec.specification import Specification
 from pipeline.table.bezier import random_z_theta
 from pipeline.table.items import read_catalogue
-from pipeline.table.layout import Items, LayoutRules, Layouts, random_layouts
+from pipeline.table.layout import SYMBOLS, Items, LayoutRules, Layouts, add_item, random_layouts
 from pipeline.table.render import Palette, render_scenes
 from pipeline.table.rules import valid
 from tests.examples import RULES
@@ -86,6 +87,18 @@ def pictured(cfg: DictConfig, layouts: Layouts) -> np.ndarray:
     """Their pictures."""
     palette = Palette(read_catalogue(Path(cfg.paths.data)))
     return render_scenes(layouts, ["oak"] * len(layouts), range(len(layouts)), palette)
+
+
+def symbols_added(cfg: DictConfig, scenes: SceneSet, paths: int) -> None:
+    """Stage intervene's scenes: those of `new_items` with each symbol added, and `paths` z_theta [m] in each."""
+    catalogue, rng = read_catalogue(Path(cfg.paths.data)), np.random.default_rng(0)
+    new, rules, more = scenes.layouts["new_items"], LayoutRules.of(cfg.scenes.layout), catalogue.pool("unseen")
+    added = [add_item(rng, new, i, catalogue.footprints, more, rules) for i in range(len(SYMBOLS))]
+    tables = [layout_table(f"{symbol}-0", x) for symbol, x in zip(SYMBOLS, added, strict=True)]
+    images = np.stack([pictured(cfg, x)[None] for x in added])
+    write_table(Path(cfg.paths.intervene) / "layouts.parquet", pd.concat(tables))
+    arrays = {"images": images, "z_theta": random_z_theta(rng, len(new), paths)}
+    write_arrays(Path(cfg.paths.intervene) / "images.npz", arrays)
 
 
 def same_scenes_for_training(cfg: DictConfig, pool: str) -> SceneSet:

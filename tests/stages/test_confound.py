@@ -2,22 +2,19 @@
 
 from pathlib import Path
 
-import numpy as np
-import pandas as pd
 import pytest
 from omegaconf import DictConfig
 
-from pipeline.artifacts.files import read_arrays, read_json, write_arrays, write_table
-from pipeline.artifacts.scenes import layout_table, read_scenes, train_pool
+from pipeline.artifacts.files import read_arrays, read_json, write_arrays
+from pipeline.artifacts.scenes import read_scenes, train_pool
 from pipeline.errors import InputError
 from pipeline.fitting.confounding import draw_all
 from pipeline.params import compose
 from pipeline.stages import confound
-from pipeline.table.bezier import random_z_theta
 from pipeline.table.items import read_catalogue
-from pipeline.table.layout import SYMBOLS, LayoutRules, add_item
+from pipeline.table.layout import SYMBOLS
 from tests.stages.facts import refuses, repeats_itself
-from tests.stages.inputs import labelled_demos, pictured, pictured_scenes
+from tests.stages.inputs import labelled_demos, pictured_scenes, symbols_added
 
 TRAINING, SCENES, PATHS = 4, 3, 8
 SMALL = ["profile=smoke", "workers=1", "scenes.per_seed=4", "train.steps=2", "path.steps=2", "confound.examples=2"]
@@ -32,18 +29,7 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
         cfg, {train_pool(s): (TRAINING, "train") for s in cfg.seeds} | {"new_items": (SCENES, "unseen")}
     )
     labelled_demos(cfg, scenes)
-    catalogue, rng = read_catalogue(Path(cfg.paths.data)), np.random.default_rng(0)
-    new, rules, more = scenes.layouts["new_items"], LayoutRules.of(cfg.scenes.layout), catalogue.pool("unseen")
-    added = [add_item(rng, new, i, catalogue.footprints, more, rules) for i in range(len(SYMBOLS))]
-    write_table(
-        root / "intervene/layouts.parquet",
-        pd.concat([layout_table(f"{symbol}-0", x) for symbol, x in zip(SYMBOLS, added, strict=True)]),
-    )
-    arrays = {
-        "images": np.stack([pictured(cfg, x)[None] for x in added]),
-        "z_theta": random_z_theta(rng, SCENES, PATHS),
-    }
-    write_arrays(root / "intervene/images.npz", arrays)
+    symbols_added(cfg, scenes, PATHS)
     return cfg
 
 

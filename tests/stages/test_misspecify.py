@@ -3,24 +3,21 @@
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 from omegaconf import DictConfig
 
 from pipeline.artifacts.demos import demo_arrays, read_demos
-from pipeline.artifacts.files import read_json, write_arrays, write_table
-from pipeline.artifacts.scenes import layout_table, read_scenes, train_pool
+from pipeline.artifacts.files import read_json
+from pipeline.artifacts.scenes import read_scenes, train_pool
 from pipeline.fitting.trainers import Lesson
 from pipeline.params import compose
 from pipeline.spec import nulls
 from pipeline.spec.specification import Specification
 from pipeline.stages import misspecify
-from pipeline.table.bezier import random_z_theta
 from pipeline.table.forms import FORMS
-from pipeline.table.items import read_catalogue
-from pipeline.table.layout import SYMBOLS, LayoutRules, add_item
+from pipeline.table.layout import SYMBOLS
 from tests.stages.facts import refuses, repeats_itself
-from tests.stages.inputs import labelled_demos, pictured, pictured_scenes
+from tests.stages.inputs import labelled_demos, pictured_scenes, symbols_added
 
 TRAINING, SCENES, PATHS = 4, 3, 8
 SMALL = [
@@ -38,13 +35,7 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
         cfg, {train_pool(s): (TRAINING, "train") for s in cfg.seeds} | {"new_items": (SCENES, "unseen")}
     )
     labelled_demos(cfg, scenes)
-    catalogue, rng = read_catalogue(Path(cfg.paths.data)), np.random.default_rng(0)
-    new, rules, more = scenes.layouts["new_items"], LayoutRules.of(cfg.scenes.layout), catalogue.pool("unseen")
-    added = [add_item(rng, new, i, catalogue.footprints, more, rules) for i in range(len(SYMBOLS))]
-    tables = [layout_table(f"{symbol}-0", x) for symbol, x in zip(SYMBOLS, added, strict=True)]
-    write_table(root / "intervene/layouts.parquet", pd.concat(tables))
-    images = np.stack([pictured(cfg, x)[None] for x in added])
-    write_arrays(root / "intervene/images.npz", {"images": images, "z_theta": random_z_theta(rng, SCENES, PATHS)})
+    symbols_added(cfg, scenes, PATHS)
     return cfg
 
 
