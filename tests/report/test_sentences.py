@@ -537,4 +537,4 @@ def test_a_model_no_better_than_position_alone_is_said_to_be_none(results: Resul
     found["forms"]["brief"]["models"]["path"]["accuracy"]["mean"] = 0.81  # ranking IRL's is the null's, .8
     _, brief, *_ = misspecification(replace(results, misspecification=found))
     irl, path = brief.split("the path model")
-    assert "no better than position alone" in irl and "no better than position alone" not in path
+    assert "no more than position alone" in irl and "no more than position alone" not in path

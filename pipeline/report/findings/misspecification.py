@@ -33,7 +33,7 @@ def _form(results: Results, form: str, variants: list[str]) -> str:
 
 def _beaten(models: dict, variant: str) -> str:
     null = models[POSITION]["accuracy"]["mean"]
-    return "" if models[variant]["accuracy"]["mean"] > null else "; no better than position alone"
+    return "" if models[variant]["accuracy"]["mean"] > null else "; no more than position alone"
 
 
 def _seen(results: Results, variants: list[str]) -> str:
