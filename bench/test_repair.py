@@ -37,17 +37,17 @@ def test_a_thousand_repairs_at_once(benchmark):
     fit([model], [images[:TRAINING]], [z], [labels], Schedule.of(cfg.path), [0])
     fitted = time.perf_counter() - begin
 
-    near = Near(**{k: cfg.search[k] for k in ("evaluations", "weight", "probes", "reach", "step")})
+    near = Near(**{k: cfg.search[k] for k in ("evaluations", "weight", "looks", "climb", "reach", "step")})
     starts = random_z_theta(rng, SCENES * STARTS, 1)
     with torch.no_grad():
         _found.cache_clear()
         begin = time.perf_counter()
         percept = model.perceive(to_tensor(images[TRAINING:])).repeat_interleave(STARTS, 0)
         perceived = time.perf_counter() - begin
-        benchmark.pedantic(lambda: search(model, percept, starts, "probe", near, 0), rounds=3, warmup_rounds=1)
+        benchmark.pedantic(lambda: search(model, percept, starts, "bayesian", near, 0), rounds=3, warmup_rounds=1)
         begin = time.perf_counter()
         for i in range(FEW):
-            search(model, percept[i : i + 1], starts[i : i + 1], "probe", near, 0)
+            search(model, percept[i : i + 1], starts[i : i + 1], "bayesian", near, 0)
         alone = (time.perf_counter() - begin) / FEW
     together = benchmark.stats.stats.min / len(starts)
     benchmark.extra_info["results"] = {

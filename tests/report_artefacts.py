@@ -171,10 +171,10 @@ def _repair(cfg: DictConfig, rng: np.random.Generator) -> None:
         {"above": t, "accepted": 1 - t / 2, "fooled": 0.2 - t / 10, "invalid": 0.1} for t in (0.5, 0.9)
     ]
     users = [u for u in cfg.users if u != "aggressive"]
-    found = {model: {u: {"probe": near} for u in users} for model in (*cfg.variants, "truth")}
+    found = {model: {u: {"bayesian": near} for u in users} for model in (*cfg.variants, "truth")}
     write_json(Path(cfg.paths.search) / "metrics.json", found)
     z = random_z_theta(rng, 4, 1)[:, 0]
-    ends = pd.DataFrame({"method": next(iter(cfg.variants)), "search": "probe", "scene": [0, 1, 1, 2]})
+    ends = pd.DataFrame({"method": next(iter(cfg.variants)), "search": "bayesian", "scene": [0, 1, 1, 2]})
     ends = ends.assign(start=[0, 0, 1, 0], accepted=True, valid_end=[False, False, False, True], p_end=0.9)
     ends = ends.assign(clearance_m=[-0.002, -0.001, -0.008, 0.01], z0_x=z[:, 0], z0_y=z[:, 1], z_x=0.5, z_y=0.6)
     rows = [ends.assign(user=user, seed=cfg.seeds[0]) for user in users]

@@ -95,7 +95,7 @@ def test_every_profile_and_protocol_composes():
         ("search.weight=0", "search.weight is 0: expected a size above 0"),
         ("search.reach=-1", "search.reach is -1: expected a length above 0"),
         ("search.evaluations=4", "search.evaluations is 4: expected 5 at least, for multistart climbs"),
-        ("search.probes=30", "search.probes is 30: expected fewer than the 30 evaluations"),
+        ("search.climb=20", r"search.looks \+ search.climb is 31: expected at most the 30 evaluations"),
         (
             "variants.irl_ranked.objective=apprenticeship",
             "expected one of maxent, ranked",
@@ -136,7 +136,7 @@ def test_every_kind_of_model_has_settings_of_its_own():
 
 def test_names_that_parameters_may_have_are_those_of_the_library():
     rivals = Search.model_json_schema()["properties"]["rivals"]["propertyNames"]["enum"]
-    assert {*rivals, "probe"} == set(METHODS)
+    assert {*rivals, "bayesian"} == set(METHODS)
     assert list(Pictures.model_fields) == list(PICTURES)
     assert get_args(Optimiser) == OPTIMISERS and get_args(Objective) == OBJECTIVES
     assert agreement.RESTARTS == RESTARTS and agreement.OWN_FORM == OWN

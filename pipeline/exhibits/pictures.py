@@ -179,7 +179,7 @@ def _user_repairs(frame: pd.DataFrame, paths: dict, variant: str, user: str, see
 def _failures(cfg: DictConfig, results: Results) -> dict[str, list[Repair]]:
     """The best variant's searches that fooled it, one a scene, those that end deepest within a margin first."""
     ends = read_table(Path(cfg.paths.search) / "searches.parquet")
-    ends = ends[(ends["method"] == repairer(results)) & (ends["search"] == "probe")]
+    ends = ends[(ends["method"] == repairer(results)) & (ends["search"] == "bayesian")]
     fooled = ends[ends["accepted"].astype(bool) & ~ends["valid_end"]].sort_values("clearance_m", kind="stable")
     worst = fooled.drop_duplicates(["user", "scene"])
     by_user = {user: worst[worst["user"] == user] for user in with_something_invalid(results)}

@@ -64,7 +64,7 @@ def variant_does(name: str) -> str:
 def method_label(name: str) -> str:
     """A search as a reader meets it."""
     return {
-        "probe": "Probes, then climb", "multistart": "Multi-start", "cem": "Cross-entropy", "lbfgs": "L-BFGS-B",
+        "bayesian": "Bayesian optimisation", "multistart": "Multi-start", "cem": "Cross-entropy", "lbfgs": "L-BFGS-B",
     }.get(name, name)  # fmt: skip
 
 

@@ -75,12 +75,12 @@ def repair(s: Settings) -> None:
 
 
 def search(s: Settings) -> None:
-    """Somebody whose paths can be invalid, fewer looks than evaluations, and rivals of a variant that there is."""
+    """Somebody whose paths can be invalid, evaluations enough, and rivals of a variant that there is."""
     _somebody_minds(s)
     enough, climbs = s.search.evaluations >= RESTARTS, f"{RESTARTS} at least, for multistart climbs from so many"
     need("multistart" not in s.search.rivals or enough, "search.evaluations", s.search.evaluations, climbs)
-    probes, fewer = s.search.probes, f"fewer than the {s.search.evaluations} evaluations"
-    need(probes < s.search.evaluations, "search.probes", probes, fewer)
+    spent, most = s.search.looks + s.search.climb, f"at most the {s.search.evaluations} evaluations"
+    need(spent <= s.search.evaluations, "search.looks + search.climb", spent, most)
     if s.search.rivals:
         _one("search.rivals_of", s.search.rivals_of, s.variants)
 

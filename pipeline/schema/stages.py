@@ -84,7 +84,8 @@ class Repair(Group):
 class Search(Group):
     evaluations: Count
     weight: Size
-    probes: Count
+    looks: Count
+    climb: Whole
     reach: Length
     step: Length
     thresholds: Annotated[list[Between], AfterValidator(rising), expected("ascending numbers between 0 and 1")]

@@ -10,18 +10,19 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 import torch.nn.functional as F
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray as Array
 from scipy.optimize import minimize
 from torch import Tensor
 from torch.optim import Rprop
 
 from pipeline.spec.specification import Specification
+from pipeline.spec.surrogate import Surrogate
 from pipeline.table.bezier import Z_HIGH, Z_LOW
 
-LOOKS = 2  # of `probe`: spirals, each as far as the one before has left worth looking
-DENSER = 0.7  # a probe's share of the reach is its share of the probes to this power; .5 would be even
-GOLDEN = np.pi * (3 - 5**0.5)  # [rad] between two probes: none hides behind another (Vogel, 1979)
+EVEN, DENSER = 0.5, 0.7  # a point's share of the reach is its share of the points to this power: denser near the start
+GOLDEN = np.pi * (3 - 5**0.5)  # [rad] between two points: none hides behind another (Vogel, 1979)
+CANDIDATES = 64  # paths among which `bayesian` chooses the next one to ask about
 FASTER, SLOWER = 1.2, 0.5  # Rprop's (Riedmiller and Braun, 1993)
 RESTARTS, STRIDE = 5, 0.2  # of `multistart`: climbs, their first step [m]
 ROUNDS, ELITE, SPREAD = 2, 3, 0.6  # of `cem`: generations, samples kept of each, first standard deviation [m]
@@ -29,13 +30,14 @@ ROUNDS, ELITE, SPREAD = 2, 3, 0.6  # of `cem`: generations, samples kept of each
 
 @dataclass(frozen=True)
 class Near:
-    """What a search may spend and how `probe` spends it (conf/search)."""
+    """What a search may spend and how `bayesian` spends it (conf/search)."""
 
     evaluations: int  # of the model, per start
     weight: float  # log P(valid) that a metre of displacement must bring [1/m]
-    probes: int  # evaluations spent on looking around, the start's own included; the rest climbs
-    reach: float  # distance of the furthest probe [m]
-    step: float  # first step of a climb in each coordinate [m]
+    looks: int  # evaluations spent on looking around first, the start's own included
+    climb: int  # evaluations spent on climbing from the best path at last
+    reach: float  # distance of the furthest path asked about [m]
+    step: float  # first step of the climb in each coordinate [m]
 
 
 @dataclass(frozen=True)
@@ -57,30 +59,44 @@ class Objective:
     def value(self, z: Float[Tensor, "scene start k 2"]) -> Float[Tensor, "scene start k"]:
         """Of k paths a start [m]."""
         with torch.no_grad():
-            return self._remembered(z, self._of(z))
+            return self._remembered(z, self._logit(z))
 
     def slope(
         self, z: Float[Tensor, "scene start k 2"]
     ) -> tuple[Float[Tensor, "scene start k"], Float[Tensor, "scene start k 2"]]:
         """The value and its gradient [1/m]."""
+        logit, steepness = self.log_odds(z)
+        away = (z - self.starts[:, :, None]) / self._distance(z)[..., None]
+        return self.of(z, logit), (-logit).sigmoid()[..., None] * steepness - self.weight * away
+
+    def log_odds(
+        self, z: Float[Tensor, "scene start k 2"]
+    ) -> tuple[Float[Tensor, "scene start k"], Float[Tensor, "scene start k 2"]]:
+        """The model's log-odds of validity and their gradient [1/m]."""
         z = z.detach().requires_grad_()
         with torch.enable_grad():
-            value = self._of(z)
-            (slope,) = torch.autograd.grad(value.sum(), z)
-        return self._remembered(z.detach(), value.detach()), slope
+            logit = self._logit(z)
+            (slope,) = torch.autograd.grad(logit.sum(), z)
+        logit = logit.detach()
+        self._remembered(z.detach(), logit)
+        return logit, slope
+
+    def of(self, z: Float[Tensor, "scene start k 2"], logit: Tensor) -> Float[Tensor, "scene start k"]:
+        """The value of paths [m] that have these log-odds of validity."""
+        return F.logsigmoid(logit) - self.weight * self._distance(z)
 
     def p(self) -> Float[Tensor, "scene start"]:
         """P(valid) of the best path of each start."""
         return (self.highest + self.weight * self._distance(self.best[:, :, None])[..., 0]).exp()
 
-    def _of(self, z: Tensor) -> Tensor:
-        log_p = F.logsigmoid(self.model.logit(self.percept, z.flatten(1, 2))).unflatten(1, z.shape[1:3])
-        return log_p - self.weight * self._distance(z)
+    def _logit(self, z: Tensor) -> Tensor:
+        return self.model.logit(self.percept, z.flatten(1, 2)).unflatten(1, z.shape[1:3])
 
     def _distance(self, z: Tensor) -> Tensor:
         return ((z - self.starts[:, :, None]).square().sum(-1) + 1e-12).sqrt()
 
-    def _remembered(self, z: Tensor, value: Tensor) -> Tensor:
+    def _remembered(self, z: Tensor, logit: Tensor) -> Tensor:
+        value = self.of(z, logit)
         self.evaluations += z.shape[2]
         highest, at = value.max(-1)
         better = highest > self.highest
@@ -105,20 +121,33 @@ def search(
     return Found(objective.best.numpy(), objective.p().numpy())
 
 
-def probe(objective: Objective, near: Near, rng: np.random.Generator) -> None:
-    """Look around on sunflowers' spirals, densest near the start, then climb from the best path seen.
+def bayesian(objective: Objective, near: Near, rng: np.random.Generator) -> None:
+    """Bayesian optimisation: ask next about the path that could be the best one (Cox and John, 1992), climb at last.
 
-    No look goes further than a certainly valid path could be better than the best one seen: there log P(valid) is 0.
+    A surrogate says how good each candidate could be; the first looks lie on a spiral, densest near the start. None is
+    further away than a certainly valid path could be better than the best one seen: there log P(valid) is 0.
     """
-    here = objective.starts[:, :, None]
-    objective.value(here)
-    for k in np.array_split(np.arange(1, near.probes), LOOKS):
-        if len(k):
-            radius, angle = ((k - k[0] + 1) / len(k)) ** DENSER, k * GOLDEN
-            around = torch.from_numpy(np.stack([radius * np.cos(angle), radius * np.sin(angle)], -1)).float()
-            reach = (-objective.highest / near.weight).clamp(max=near.reach)
-            objective.value(_inside(here + reach[..., None, None] * around))
-    _climb(objective, objective.best[:, :, None], near.evaluations - near.probes, near.step)
+    surrogate = Surrogate()
+
+    def ask(z: Tensor) -> None:
+        surrogate.learn(z, *objective.log_odds(z))
+
+    ask(objective.starts[:, :, None])
+    if near.looks > 1:
+        ask(_spiral(objective, near, np.arange(near.looks - 1), DENSER))
+    for turn in range(near.evaluations - near.looks - near.climb):
+        candidates = _spiral(objective, near, turn * CANDIDATES + np.arange(CANDIDATES), EVEN)
+        best = objective.of(candidates, surrogate.bound(candidates)).argmax(-1)
+        ask(torch.take_along_dim(candidates, best[..., None, None], 2))
+    _climb(objective, objective.best[:, :, None], near.climb, near.step)
+
+
+def _spiral(objective: Objective, near: Near, k: Int[Array, " point"], power: float) -> Tensor:
+    """Points on a sunflower's spiral about each start [m], (scene, start, point, 2), as far as is worth looking."""
+    radius, angle = ((k - k[0] + 1) / len(k)) ** power, k * GOLDEN
+    around = torch.from_numpy(np.stack([radius * np.cos(angle), radius * np.sin(angle)], -1)).float()
+    reach = (-objective.highest / near.weight).clamp(max=near.reach)
+    return _inside(objective.starts[:, :, None] + reach[..., None, None] * around)
 
 
 def multistart(objective: Objective, near: Near, rng: np.random.Generator) -> None:
@@ -174,4 +203,4 @@ def _inside(z: Tensor) -> Tensor:
     return z.clamp(Z_LOW, Z_HIGH)
 
 
-METHODS = {f.__name__: f for f in (probe, multistart, cem, lbfgs)}
+METHODS = {f.__name__: f for f in (bayesian, multistart, cem, lbfgs)}

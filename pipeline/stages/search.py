@@ -47,7 +47,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     check_weights(cfg)
     _, starts = draw_starts(cfg, scenes)
     jobs = [
-        Job(cfg, variant, seed, s, images, {"probe": None} | (rivals if variant == cfg.search.rivals_of else {}))
+        Job(cfg, variant, seed, s, images, {"bayesian": None} | (rivals if variant == cfg.search.rivals_of else {}))
         for variant in [*cfg.variants, TRUTH]
         for s in starts.values()
         if len(s.z)
@@ -95,7 +95,7 @@ def told(layouts: Layouts, margins: Margins) -> tuple[ClearanceModel, torch.Tens
 def near(cfg: DictConfig) -> Near:
     """conf/search as the library takes it."""
     s = cfg.search
-    return Near(s.evaluations, float(s.weight), s.probes, float(s.reach), float(s.step))
+    return Near(s.evaluations, float(s.weight), s.looks, s.climb, float(s.reach), float(s.step))
 
 
 def _rows(starts: Starts, job: Job, method: str, ends: Found) -> pd.DataFrame:

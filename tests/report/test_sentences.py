@@ -103,8 +103,8 @@ def test_users_are_identified_and_differ_as_the_numbers_have_it(results: Results
 
 def test_the_search_that_succeeds_most_is_named_beside_the_truth(results: Results):
     found = copy.deepcopy(results.search)
-    found["irl_ranked"]["careful"]["probe"] |= {"success": 0.93, "displacement_ratio": 1.23}
-    found["truth"]["careful"]["probe"] |= {"success": 0.99}
+    found["irl_ranked"]["careful"]["bayesian"] |= {"success": 0.93, "displacement_ratio": 1.23}
+    found["truth"]["careful"]["bayesian"] |= {"success": 0.99}
     careful, _ = searches(replace(results, search=found))
     assert careful.startswith("Careful: ranking IRL ends 93.0") and "at 1.23 times the least" in careful
     assert "Told the truth, the same search reaches 99.0" in careful

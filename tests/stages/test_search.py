@@ -38,29 +38,29 @@ def test_every_model_searches_from_the_same_starts_and_the_path_model_by_every_m
     table = read_table(out / "searches.parquet")
     assert set(table["user"]) == {"careful", "normal"}
     for _, of_user in table.groupby("user"):
-        probes = of_user[of_user["search"] == "probe"]
+        own = of_user[of_user["search"] == "bayesian"]
         key = ["scene", "start", "z0_x", "z0_y", "oracle_displacement_m"]
-        starts = [part[key].to_numpy() for _, part in probes.groupby(["method", "seed"])]
+        starts = [part[key].to_numpy() for _, part in own.groupby(["method", "seed"])]
         assert len(starts) == 3 * 2 + 1  # three variants of two seeds, and the truth
         for other in starts[1:]:
             np.testing.assert_array_equal(starts[0], other)
-        assert set(of_user.loc[of_user["method"] == "path", "search"]) == {"probe", "multistart", "cem", "lbfgs"}
+        assert set(of_user.loc[of_user["method"] == "path", "search"]) == {"bayesian", "multistart", "cem", "lbfgs"}
         assert (of_user[of_user["search"] == "lbfgs"].groupby("seed").size() == 2).all()
 
 
-def test_models_that_are_the_same_sample_anew_for_every_seed_but_probe_alike(out: Path):
+def test_models_that_are_the_same_sample_anew_for_every_seed_but_look_alike(out: Path):
     table = read_table(out / "searches.parquet").query("method == 'path'")
-    for user, method in product(("careful", "normal"), ("probe", "cem")):
+    for user, method in product(("careful", "normal"), ("bayesian", "cem")):
         rows = table[(table["user"] == user) & (table["search"] == method)]
         one, other = (rows.loc[rows["seed"] == seed, ["z_x", "z_y"]].to_numpy() for seed in (0, 1))
-        assert np.array_equal(one, other) == (method == "probe")
+        assert np.array_equal(one, other) == (method == "bayesian")
 
 
 def test_who_is_told_the_truth_succeeds_nearly_always_and_moves_little(out: Path):
     cells = json.loads((out / "metrics.json").read_text())["truth"]
     for user in ("careful", "normal"):
-        assert cells[user]["probe"]["success"] > 0.9
-        assert cells[user]["probe"]["displacement_ratio"] < 2
+        assert cells[user]["bayesian"]["success"] > 0.9
+        assert cells[user]["bayesian"]["displacement_ratio"] < 2
 
 
 def test_the_told_model_calls_valid_what_the_rules_call_valid(cfg: DictConfig):
@@ -78,10 +78,10 @@ def test_the_told_model_calls_valid_what_the_rules_call_valid(cfg: DictConfig):
 
 def test_correct_fooled_and_abstained_share_out_all_starts(out: Path):
     table = read_table(out / "searches.parquet")
-    cell = json.loads((out / "metrics.json").read_text())["path"]["careful"]["probe"]
+    cell = json.loads((out / "metrics.json").read_text())["path"]["careful"]["bayesian"]
     assert cell["correct"] + cell["fooled"] + cell["abstained"] == pytest.approx(1)
     assert cell["seeds"] == 2
-    rows = table.query("method == 'path' and user == 'careful' and search == 'probe'")
+    rows = table.query("method == 'path' and user == 'careful' and search == 'bayesian'")
     assert cell["success"] == pytest.approx(rows.groupby("seed")["valid_end"].mean().mean())
 
 
@@ -98,7 +98,7 @@ def test_the_same_inputs_give_the_same_bytes(cfg: DictConfig, out: Path, tmp_pat
             "a name in search.rivals is 'newton': expected 'multistart', 'cem' or 'lbfgs'",
         ),
         ("search.rivals_of", "fulll", "search.rivals_of is 'fulll'"),
-        ("search.probes", 30, "search.probes is 30"),
+        ("search.climb", 20, r"search.looks \+ search.climb is 31"),
         ("repair.starts", 0, "repair.starts is 0"),
     ],
 )

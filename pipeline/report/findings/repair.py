@@ -31,7 +31,7 @@ def searches(results: Results) -> list[str]:
     """What a search that stays near the start achieves with each model, and what it costs by itself."""
     out = []
     for user in results.users:
-        found = {model: by_user[user]["probe"] for model, by_user in results.search.items() if user in by_user}
+        found = {model: by_user[user]["bayesian"] for model, by_user in results.search.items() if user in by_user}
         if not found:
             continue
         told, anchor = found.pop("truth"), results.repair[results.main][user]

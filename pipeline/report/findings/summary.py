@@ -84,7 +84,7 @@ def _better(results: Results, best: str) -> list[str]:
     for user in results.users:
         null = results.repair[results.main][user]
         if null["success"] is not None:
-            c, ours = results.search[best][user]["probe"], results.search[results.main][user]["probe"]
+            c, ours = results.search[best][user]["bayesian"], results.search[results.main][user]["bayesian"]
             detour = null["null_constant_displacement_ratio"]
             out.append(
                 f"For the {user} user a search near the start turns {percent(c['success'])} of invalid paths into "

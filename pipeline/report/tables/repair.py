@@ -97,7 +97,7 @@ def thresholds(results: Results) -> Table:
     """What would become of the best searches' ends if a robot accepted only what the model is surer of."""
     best, rows = repairer(results), []
     for user in results.users:
-        for level in results.search.get(best, {}).get(user, {}).get("probe", {}).get("by_threshold", []):
+        for level in results.search.get(best, {}).get(user, {}).get("bayesian", {}).get("by_threshold", []):
             shares = (percent(level[name]) for name in ("accepted", "fooled", "invalid"))
             rows.append([user.capitalize(), f"{level['above']:g}", *shares])
     caption = (
@@ -114,7 +114,7 @@ def repairer(results: Results) -> str:
     """The variant whose searches end most often in a valid path, mean over users."""
 
     def success(variant: str) -> float:
-        return sum(by_method["probe"]["success"] for by_method in results.search.get(variant, {}).values())
+        return sum(by_method["bayesian"]["success"] for by_method in results.search.get(variant, {}).values())
 
     return max(results.variants, key=success)
 

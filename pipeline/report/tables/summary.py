@@ -21,7 +21,7 @@ def models(results: Results) -> Table:
     rows: list[list[str | Cell]] = []
     for v in results.variants:
         known, tally = scores[v]["new_items"], results.intervention["verdicts"][v]
-        repairs = [results.search[v][u]["probe"] for u in repaired]
+        repairs = [results.search[v][u]["bayesian"] for u in repaired]
         rows.append(
             [
                 variant_label(v), percent(known[few]["mean"]), percent(known[many]["mean"]),
