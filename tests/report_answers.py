@@ -179,7 +179,7 @@ def _robustness(cfg: DictConfig, rng: np.random.Generator) -> None:
 
 def _misspecify(cfg: DictConfig, rng: np.random.Generator) -> None:
     """Every model loses a tenth where rules are of another form, and misses one cause."""
-    users, variants = list(cfg.evaluate.users), list(cfg.misspecify.variants)
+    users, variants = list(cfg.evaluate.users), [*cfg.misspecify.variants, "path_averaged"]
     cells = judge(0.01 * rng.standard_normal((len(SYMBOLS), len(cfg.seeds), SCENES)))
     told = {
         s: c | {"truth_verdict": c["verdict"], "truth": 0.0, "right": True} for s, c in zip(SYMBOLS, cells, strict=True)
@@ -190,6 +190,7 @@ def _misspecify(cfg: DictConfig, rng: np.random.Generator) -> None:
         cell = {"accuracy": dict.fromkeys(("mean", "q1", "q3"), 0.9 - fall), "false_rejects": 0.1, "false_accepts": 0.2}
         cell["demonstrations"] = dict.fromkeys(("mean", "q1", "q3"), 1 - fall)
         cell |= {"difference": -fall, "ci_low": -fall - 0.01, "ci_high": 0.01 - fall}
+        cell["over_position"] = {"difference": 0.1 - fall, "ci_low": 0.09 - fall, "ci_high": 0.11 - fall}
         wrong = len(users) * (fall > 0)
         tally = {"cells": 8, "right": 8 - wrong, "false_causes": 0, "missed_causes": wrong, "inconclusive": 0}
         effects = told | {"glass": missed if fall else told["glass"]}
@@ -198,6 +199,7 @@ def _misspecify(cfg: DictConfig, rng: np.random.Generator) -> None:
             "models": dict.fromkeys([*variants, "null_position"], cell),
             "interventions": dict.fromkeys(variants, dict.fromkeys(users, effects)),
             "verdicts": dict.fromkeys(variants, tally),
+            "credence": {"mean": {"nearest": 0.75, "side": 0.25}, "most": {"nearest": 3, "side": 1}, "meant": "side"},
         }  # fmt: skip
 
     forms = {name: form(0.0 if name == "margin" else 0.1) for name in cfg.misspecify.forms}

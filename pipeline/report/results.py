@@ -8,6 +8,7 @@ from pipeline.errors import InputError
 from pipeline.table.layout import SYMBOLS
 
 NULLS = NEAREST, POSITION = "null_nearest", "null_position"  # as stages call them
+AVERAGED = "path_averaged"  # as stage misspecify calls the model that it fits beside the variants
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ VARIANTS = {
     "irl_maxent": "IRL, maximum entropy",
     "irl_ranked": "IRL, ranking",
     "path": "Path model",
+    "path_averaged": "Path model, forms averaged",
     "null_nearest": "Null: nearest demonstration",
     "null_position": "Null: position only",
     "null_constant": "Null: constant detour",
@@ -46,6 +47,7 @@ def variant_phrase(name: str) -> str:
         "irl_maxent": "maximum-entropy IRL",
         "irl_ranked": "ranking IRL",
         "path": "the path model",
+        "path_averaged": "the path model averaged over forms",
         "null_nearest": "the nearest-demonstration null",
         "null_position": "the position-only null",
         "null_constant": "the constant detour",
@@ -92,7 +94,7 @@ def form_label(form: str) -> str:
     """A form of users' rules, as a table has it."""
     return {
         "margin": "Keep a margin", "brief": "Not if brief", "right": "Only on the right",
-        "beside": "Only beside something",
+        "beside": "Only beside something", "late": "Only later on", "several": "Only several at once",
     }.get(form, form.replace("_", " ").capitalize())  # fmt: skip
 
 
@@ -102,7 +104,17 @@ def form_phrase(form: str, amount: float) -> str:
         "brief": f"if coming too near is forgiven for up to {percent(amount, 0)} of the way",
         "right": "if only what a path passes on its right is minded",
         "beside": f"if only what stands within {100 * amount:g} cm of something else is minded",
+        "late": f"if only what is passed after {percent(amount, 0)} of the way is minded",
+        "several": f"if coming too near to fewer than {counted(int(amount), 'thing')} is forgiven",
     }.get(form, f"by the rule {form_label(form).lower()} ({amount:g})")  # fmt: skip
+
+
+def believed_label(form: str) -> str:
+    """A form of rule that the averaged model may believe in, as a table has it."""
+    return {
+        "nearest": "Nearest point", "lasting": "How long", "side": "Which side", "company": "What is beside",
+        "progress": "How far along", "nothing": "Nothing matters",
+    }.get(form, form)  # fmt: skip
 
 
 def disturbance_label(name: str) -> str:

@@ -89,4 +89,8 @@ class Clearance(Group):
     model: ClearanceModel
 
 
+class Averaged(Schedule):
+    members: Count
+
+
 Variant = Annotated[Vae | Reward | Clearance, Field(discriminator="kind")]

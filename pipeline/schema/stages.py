@@ -4,6 +4,7 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import AfterValidator, Field
 
+from pipeline.schema.models import Averaged
 from pipeline.schema.values import (
     Between,
     Chance,
@@ -192,8 +193,9 @@ class Robustness(Group):
 
 
 class Misspecify(Group):
-    forms: dict[Literal["margin", "brief", "right", "beside"], Distance]
+    forms: dict[Literal["margin", "brief", "right", "beside", "late", "several"], Distance]
     variants: Some
+    averaged: Averaged
 
 
 class Accept(Group):

@@ -1,9 +1,14 @@
-"""Stage misspecify: models fitted to users whose rules are no margins, judged and asked for causes by those rules."""
+"""Stage misspecify: models fitted to users whose rules are no margins, judged and asked for causes by those rules.
 
+Beside the variants a path model is fitted that is not told the form of the rule (pipeline.spec.averaging).
+"""
+
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
 import numpy as np
+import torch
 from omegaconf import DictConfig
 
 from pipeline.artifacts.added import read_added
@@ -14,16 +19,23 @@ from pipeline.causal.confound import before_and_after
 from pipeline.causal.interventions import DIGITS, by_user, study, tally
 from pipeline.causal.robustness import change, score
 from pipeline.causal.statistics import quartiles
+from pipeline.fitting.grid import need_finite
 from pipeline.fitting.trainers import Lesson, fit_each
 from pipeline.launch import launch
-from pipeline.spec import nulls
+from pipeline.parallel import map_jobs, one_thread
+from pipeline.spec import averaging, nulls
+from pipeline.spec.averaging import AveragedModel, Relations
+from pipeline.spec.descent import Schedule
 from pipeline.spec.metrics import DECISION
-from pipeline.spec.specification import Specification
+from pipeline.spec.specification import SCENES_PER_BATCH, Specification, to_tensor, untrained
+from pipeline.streams import job_seed
 from pipeline.table.bezier import lattice
 from pipeline.table.forms import FORMS, OWN
 from pipeline.table.layout import SYMBOLS, Layouts
 
 Answers = dict[str, dict[str, np.ndarray]]  # form -> variant -> (user, seed, ...)
+AVERAGED = "path_averaged"
+MEANT = {"margin": "nearest", "brief": "lasting", "right": "side", "beside": "company", "late": "progress"}
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
@@ -34,8 +46,10 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     added, z = read_added(directory, scenes.layouts[pool]), read_arrays(directory / "images.npz")["z_theta"]
     tables = [scenes.layouts[pool], *added.layouts]  # as it is, and with each symbol added
     truth = {f: np.stack([[_valid(cfg, f, t, z, u) for t in tables] for u in users]) for f in cfg.misspecify.forms}
-    answers, learnt = _answers(cfg, scenes, np.concatenate([scenes.images[pool][None], added.images]), z)
+    answers, learnt, credence = _answers(cfg, scenes, np.concatenate([scenes.images[pool][None], added.images]), z)
     found = {form: _form(cfg, scenes, form, z, truth, answers, learnt[form]) for form in cfg.misspecify.forms}
+    for form, believed in credence.items():
+        found[form]["credence"] = _credence(form, believed)
     metrics = {
         "order": list(found),
         "forms": found,
@@ -53,10 +67,13 @@ def _valid(cfg: DictConfig, form: str, layouts: Layouts, z: np.ndarray, user: st
     return FORMS[form](layouts, z, cfg.users[user], float(cfg.misspecify.forms[form]))
 
 
-def _answers(cfg: DictConfig, scenes: SceneSet, images: np.ndarray, z: np.ndarray) -> tuple[Answers, Answers]:
+def _answers(
+    cfg: DictConfig, scenes: SceneSet, images: np.ndarray, z: np.ndarray
+) -> tuple[Answers, Answers, dict[str, np.ndarray]]:
     """By models fitted to demonstrations so labelled: P(valid) (..., table, scene, path), and how much they learnt.
 
-    Learnt: the share of its own demonstrations that a model is right about.
+    Learnt: the share of its own demonstrations that a model is right about. Last, of the averaged models, how far each
+    believes in each of its forms, (user, seed, form).
     """
     demos, users, seeds = read_demos(Path(cfg.paths.demos)), list(cfg.evaluate.users), list(cfg.protocol.seeds)
 
@@ -68,23 +85,68 @@ def _answers(cfg: DictConfig, scenes: SceneSet, images: np.ndarray, z: np.ndarra
     forms = list(cfg.misspecify.forms)
     lessons = [lesson(form, user, seed) for form in forms for user in users for seed in seeds]
     pictures, everywhere = images.reshape(-1, *images.shape[2:]), np.tile(z, (len(images), 1, 1))
-    ask = partial(_ask, pictures, everywhere)
-    found = fit_each(cfg, dict.fromkeys(cfg.misspecify.variants, lessons), ask, "other forms")
+    found = fit_each(cfg, dict.fromkeys(cfg.misspecify.variants, lessons), partial(_ask, pictures, everywhere), "forms")
+    averaged = _averaged(cfg, lessons, pictures, everywhere)
+    found[AVERAGED] = [of[:2] for of in averaged]
+    by_lesson = len(forms), len(users), len(seeds)
     answers: Answers = {form: {} for form in forms}
     learnt: Answers = {form: {} for form in forms}
     for variant, of in found.items():
         p, right = (np.array(x) for x in zip(*of, strict=True))
-        p = p.reshape(len(forms), len(users), len(seeds), *images.shape[:2], z.shape[1])
-        right = right.reshape(p.shape[:3])
+        p, right = p.reshape(*by_lesson, *images.shape[:2], z.shape[1]), right.reshape(by_lesson)
         for i, form in enumerate(forms):
             answers[form][variant], learnt[form][variant] = p[i], right[i]
-    return answers, learnt
+    credence = np.array([of[2] for of in averaged]).reshape(*by_lesson, -1)
+    return answers, learnt, dict(zip(forms, credence, strict=True))
 
 
 def _ask(images: np.ndarray, z: np.ndarray, model: Specification, own: Lesson) -> tuple[np.ndarray, float]:
     """P(valid) of every path [m] in its picture, and the share of its own demonstrations the model is right about."""
     right = (model.probability(own.images, own.z_theta) > DECISION) == own.valid
     return model.probability(images, z), float(right.mean())
+
+
+def _averaged(
+    cfg: DictConfig, lessons: Sequence[Lesson], images: np.ndarray, z: np.ndarray
+) -> list[tuple[np.ndarray, float, np.ndarray]]:
+    """What `_ask` says of a model that is not told the form, for each lesson, and how far each form is believed."""
+    one_thread()
+    percept = torch.cat([AveragedModel(1).perceive(to_tensor(some)) for some in _batches(images)])
+    related = averaging.relations(percept, torch.from_numpy(z).float())  # once: they are the same for every model
+    seen = [x.numpy() for x in (percept, *related)]
+    return map_jobs(partial(_fit, cfg, seen), lessons, cfg.workers, "forms averaged")
+
+
+def _fit(cfg: DictConfig, seen: list[np.ndarray], lesson: Lesson) -> tuple[np.ndarray, float, np.ndarray]:
+    """Of one lesson; `seen`: the percept of every picture, and how its paths are related to what is in it."""
+    settings = cfg.misspecify.averaged
+    seed = job_seed(lesson.seed, lesson.user, cfg.study_n, AVERAGED)
+    model = untrained(AveragedModel, {"members": settings.members}, seed)
+    assert isinstance(model, AveragedModel)
+    taught = lesson.images, lesson.z_theta, lesson.valid
+    curve = averaging.fit(model, *taught, schedule=Schedule.of(settings), seed=seed)
+    need_finite(curve, f"{AVERAGED} of {lesson.user}, seed {lesson.seed}")
+    with torch.no_grad():
+        parts = zip(*(_batches(torch.tensor(x)) for x in seen), strict=True)  # aligned: else bits differ
+        p = torch.cat([model.judge(percept, Relations(*related)).sigmoid() for percept, *related in parts])
+        right = (model.probability(lesson.images, lesson.z_theta) > DECISION) == lesson.valid
+        return p.numpy(), float(right.mean()), model.credence().numpy()
+
+
+def _batches(scenes):
+    """Slices along the first axis that a processor's cache holds."""
+    return [scenes[i : i + SCENES_PER_BATCH] for i in range(0, len(scenes), SCENES_PER_BATCH)]
+
+
+def _credence(form: str, believed: np.ndarray) -> dict:
+    """How far each form is believed on average, which one most by how many models, and which one is the rule's."""
+    names = [*averaging.FORMS, "nothing"]
+    most = np.bincount(believed.reshape(-1, len(names)).argmax(1), minlength=len(names))
+    return {
+        "mean": {name: round(float(x), DIGITS) for name, x in zip(names, believed.mean((0, 1)), strict=True)},
+        "most": dict(zip(names, map(int, most), strict=True)),
+        "meant": MEANT.get(form),
+    }
 
 
 def _form(
@@ -100,17 +162,18 @@ def _form(
     users, as_is = list(cfg.evaluate.users), truth[form][:, 0]
     cells = {v: study(*_effects(p), *_effects(truth[form].astype(float))) for v, p in answers[form].items()}
     before = {v: p[:, :, 0] > DECISION for v, p in answers[OWN].items()}
+    guesses = np.stack([nulls.position(_prior(cfg, scenes, form, user), z) for user in users])[:, None] > DECISION
     models = {}
     for variant, p in answers[form].items():
         accepted = p[:, :, 0] > DECISION
         models[variant] = score(accepted, as_is) | change(accepted, as_is, before[variant], truth[OWN][:, 0])
+        models[variant]["over_position"] = change(accepted, as_is, np.broadcast_to(guesses, accepted.shape), as_is)
         own = quartiles(learnt[variant].mean(0))
         models[variant]["demonstrations"] = {name: round(value, DIGITS) for name, value in own.items()}
-    guesses = np.stack([nulls.position(_prior(cfg, scenes, form, user), z) for user in users])
     return {
         "valid": {user: round(float(of.mean()), DIGITS) for user, of in zip(users, as_is, strict=True)},
         "forgiven": round(float((as_is & ~truth[OWN][:, 0]).sum() / max((~truth[OWN][:, 0]).sum(), 1)), DIGITS),
-        "models": models | {nulls.POSITION: score(guesses[:, None] > DECISION, as_is)},
+        "models": models | {nulls.POSITION: score(guesses, as_is)},
         "interventions": {v: by_user(users, of) for v, of in cells.items()},
         "verdicts": {v: tally(of) for v, of in cells.items()},
     }

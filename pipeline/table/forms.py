@@ -58,8 +58,25 @@ def beside(layouts: Layouts, z_theta: Paths, margins: Margins, within: float) ->
     return ~broken
 
 
+def late(layouts: Layouts, z_theta: Paths, margins: Margins, share: float) -> Bool[Array, "scene path"]:
+    """Only what is passed after this share of the way is minded."""
+    broken = np.zeros(z_theta.shape[:2], bool)
+    for _, scenes, room in _minded(layouts, z_theta, margins):
+        passed = room.argmin(-1) / (SAMPLES - 1)
+        broken[scenes] |= (room.min(-1) < 0) & (passed > share)
+    return ~broken
+
+
+def several(layouts: Layouts, z_theta: Paths, margins: Margins, count: float) -> Bool[Array, "scene path"]:
+    """A path may come too near to things, but to fewer than `count` of them."""
+    broken = np.zeros(z_theta.shape[:2], int)
+    for _, scenes, room in _minded(layouts, z_theta, margins):
+        broken[scenes] += room.min(-1) < 0
+    return broken < count
+
+
 OWN = "margin"  # the form of conf/users.yaml, which the others are held against
-FORMS: dict[str, Form] = {OWN: margin, "brief": brief, "right": right, "beside": beside}
+FORMS: dict[str, Form] = {f.__name__: f for f in (margin, brief, right, beside, late, several)}
 
 
 def _minded(

@@ -51,8 +51,8 @@ def test_every_form_and_variant_has_a_score_and_a_verdict_on_every_cell(cfg: Dic
     assert found["order"] == list(cfg.misspecify.forms) and set(found["forms"]) == set(found["order"])
     assert found["paths"] == PATHS
     for of in found["forms"].values():
-        assert set(of["models"]) == {*cfg.misspecify.variants, nulls.POSITION}
-        for variant in cfg.misspecify.variants:
+        assert set(of["models"]) == {*cfg.misspecify.variants, misspecify.AVERAGED, nulls.POSITION}
+        for variant in (*cfg.misspecify.variants, misspecify.AVERAGED):
             assert of["verdicts"][variant]["cells"] == 8
             assert set(of["interventions"][variant]) == set(cfg.evaluate.users)
             assert all(set(by) == set(SYMBOLS) for by in of["interventions"][variant].values())
@@ -80,7 +80,7 @@ def test_models_are_taught_the_same_paths_with_the_labels_of_each_form(cfg: Dict
             for seed in cfg.protocol.seeds:
                 lesson, (z, _) = next(rest), demo_arrays(demos, seed, user, cfg.study_n)
                 np.testing.assert_array_equal(lesson.z_theta, z)
-                labels = FORMS[form](scenes.layouts[train_pool(seed)], z, cfg.users[user], amount)
+                labels = FORMS[form](scenes.layouts[train_pool(seed)], z, cfg.users[user], float(amount))
                 np.testing.assert_array_equal(lesson.valid, labels)
 
 
@@ -102,7 +102,7 @@ def test_a_second_run_on_two_workers_writes_the_same_bytes(cfg: DictConfig, out:
     ("name", "value", "message"),
     [
         ("forms", {"brief": 0.1}, r"misspecify.forms is \['brief'\]: expected margin among them"),
-        ("forms", {"margin": 0.0, "taste": 1.0}, "expected 'margin', 'brief', 'right' or 'beside'"),
+        ("forms", {"margin": 0.0, "taste": 1.0}, "expected 'margin', 'brief', 'right', 'beside', 'late' or 'several'"),
         ("forms.brief", -0.1, "misspecify.forms.brief is -0.1: expected a length from 0"),
         ("variants", ["nobody"], r"misspecify.variants is \['nobody'\]: expected some of full"),
     ],

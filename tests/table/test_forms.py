@@ -6,14 +6,14 @@ from scipy.spatial.distance import cdist
 
 from pipeline.params import compose
 from pipeline.table.bezier import curve, random_z_theta
-from pipeline.table.forms import FORMS, beside, brief, margin, right
+from pipeline.table.forms import FORMS, beside, brief, late, margin, right, several
 from pipeline.table.layout import SYMBOLS, Layouts, empty, random_layouts
 from pipeline.table.rules import Margins, valid
 from tests.examples import RULES
 from tests.report_artefacts import ITEMS
 
 USERS = compose(["profile=smoke"]).users
-AMOUNTS = {"margin": 0.0, "brief": 0.1, "right": 0.0, "beside": 0.2}
+AMOUNTS = {"margin": 0.0, "brief": 0.1, "right": 0.0, "beside": 0.2, "late": 0.5, "several": 2.0}
 Drawn = tuple[Layouts, np.ndarray]
 ALL: Margins = {symbol: 0.045 for symbol in SYMBOLS}
 
@@ -48,13 +48,17 @@ def test_the_users_own_form_is_their_rule(drawn: Drawn):
     np.testing.assert_array_equal(margin(*drawn, ALL, 0.0), valid(*drawn, ALL))
 
 
-@pytest.mark.parametrize(("form", "nothing"), [("brief", 1.0), ("right", 10.0), ("beside", -10.0)])
+@pytest.mark.parametrize(
+    ("form", "nothing"), [("brief", 1.0), ("right", 10.0), ("beside", -10.0), ("late", 1.0), ("several", 5.0)]
+)
 def test_an_amount_beyond_all_forgives_everything(drawn: Drawn, form: str, nothing: float):
     assert FORMS[form](*drawn, ALL, nothing).all()
 
 
 def test_forgiving_no_share_of_the_way_or_any_company_is_the_users_own_rule(drawn: Drawn):
     own = valid(*drawn, ALL)
+    for nothing in (late(*drawn, ALL, -1.0), several(*drawn, ALL, 1.0)):
+        assert (nothing == own).mean() > 0.998
     np.testing.assert_array_equal(beside(*drawn, ALL, 10.0), own)
     assert (brief(*drawn, ALL, 0.0) == own).mean() > 0.998  # but for paths that only graze, between two points
 
@@ -86,3 +90,17 @@ def test_a_glass_alone_is_forgiven_and_beside_another_is_not_though_that_be_far_
     assert not beside(glasses((0.5, 0.5), (0.6, 0.3)), z, ALL, 0.2)[0, 0]
     assert beside(glasses((0.5, 0.5), (0.8, 0.3)), z, ALL, 0.2)[0, 0]
     assert beside(glasses((0.5, 0.5), (0.6, 0.3)), z, USERS.aggressive, 0.2)[0, 0]
+
+
+def test_only_what_comes_late_is_minded():
+    z = np.array([[[0.5, 0.5]]])
+    first, last = glasses((0.3, 0.3)), glasses((0.7, 0.7))
+    assert late(first, z, ALL, 0.5)[0, 0] and not late(last, z, ALL, 0.5)[0, 0]
+    assert not late(first, z, ALL, 0.2)[0, 0]
+
+
+def test_one_thing_too_near_is_forgiven_and_two_are_not():
+    z = np.array([[[0.5, 0.5]]])
+    assert several(glasses((0.3, 0.3)), z, ALL, 2.0)[0, 0]
+    assert not several(glasses((0.3, 0.3), (0.7, 0.7)), z, ALL, 2.0)[0, 0]
+    assert several(glasses((0.3, 0.3), (0.3, 0.7)), z, ALL, 2.0)[0, 0]

@@ -1,8 +1,8 @@
 """What would have to be so for the causal verdicts to be wrong, and what is known of each."""
 
 from pipeline.report.findings.summary import WORLDS_OWN, broken, refuted
-from pipeline.report.results import Results
-from pipeline.report.wording import counted, form_phrase, percent, variant_phrase
+from pipeline.report.results import AVERAGED, Results
+from pipeline.report.wording import counted, form_phrase, listed, percent, started, variant_phrase
 from pipeline.table.forms import OWN
 
 SMALLEST = 0.06  # an effect just above the smallest of interest
@@ -23,6 +23,7 @@ def doubts(results: Results) -> list[str]:
         "By the form. Here as in this model things are capsules, the nearest one that matters decides, and a margin "
         "is all there is to a user's rule; the paper's model and the reward maps were not given this form. "
         f"Of users who go by something else (“Users whose rules are of another form”): {_by_form(results, best)}."
+        + _not_told(results)
     ] * (best in WORLDS_OWN)
     return [
         f"The verdicts of {variant_phrase(best)}, {tallies[best]['right']} of {tallies[best]['cells']} of them right "
@@ -40,6 +41,16 @@ def doubts(results: Results) -> list[str]:
         f"{counted(items['items'], 'item')} of a symbol or more; from item to item {items['same']} of {items['cells']} "
         "verdicts stay.",
     ]
+
+
+def _not_told(results: Results) -> str:
+    """What a model that is not told the form makes of the same."""
+    found = results.misspecification["forms"]
+    forms = [f for f in results.misspecification["order"] if f != OWN and AVERAGED in found[f]["models"]]
+    if not forms:
+        return ""
+    right = listed([percent(found[f]["models"][AVERAGED]["accuracy"]["mean"]) for f in forms])
+    return f" {started(variant_phrase(AVERAGED))}, which is told none of them, is right about {right}, in that order."
 
 
 def _by_form(results: Results, variant: str) -> str:

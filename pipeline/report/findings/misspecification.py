@@ -1,18 +1,29 @@
 """What is left of the models where users' rules are of another form than the world's own."""
 
-from pipeline.report.results import POSITION, Results
-from pipeline.report.wording import form_phrase, interval, listed, percent, points, started, variant_phrase
+from pipeline.report.results import AVERAGED, POSITION, Results
+from pipeline.report.wording import (
+    believed_label,
+    form_label,
+    form_phrase,
+    interval,
+    listed,
+    percent,
+    points,
+    signed,
+    started,
+    variant_phrase,
+)
 from pipeline.table.forms import OWN
 
 
 def misspecification(results: Results) -> list[str]:
     """Form by form: how right each variant still is, beside the null; its verdicts; and where a reader would see it."""
     forms = results.misspecification["forms"]
-    variants = [v for v in results.variants if v in forms[OWN]["models"]]
+    variants = [v for v in (*results.variants, AVERAGED) if v in forms[OWN]["models"]]
     own = [f"{variant_phrase(v)} {percent(forms[OWN]['models'][v]['accuracy']['mean'])}" for v in variants]
     out = [f"Fitted and judged by the users' own margins, as a control, right are {listed(own)} of the answers."]
     out += [_form(results, form, variants) for form in results.misspecification["order"] if form != OWN]
-    return [*out, _seen(results, variants)]
+    return [*out, *_believed(results), _seen(results, variants)]
 
 
 def _form(results: Results, form: str, variants: list[str]) -> str:
@@ -32,8 +43,37 @@ def _form(results: Results, form: str, variants: list[str]) -> str:
 
 
 def _beaten(models: dict, variant: str) -> str:
-    null = models[POSITION]["accuracy"]["mean"]
-    return "" if models[variant]["accuracy"]["mean"] > null else "; no more than position alone"
+    """Whether it is better than a guess by position alone, by more than other seeds and scenes might undo."""
+    over = models[variant]["over_position"]
+    if over["ci_low"] > 0:
+        return ""
+    found = "worse than" if over["ci_high"] < 0 else "not told from"
+    more, low, high = (signed(100 * over[name], 1) for name in ("difference", "ci_low", "ci_high"))
+    return f"; {found} position alone: {more} points, 95 % interval {low} to {high}"
+
+
+def _believed(results: Results) -> list[str]:
+    """Whether the averaged models believe most in the form that the rule has."""
+    found = results.misspecification
+    cells = {f: found["forms"][f]["credence"] for f in found["order"] if "credence" in found["forms"][f]}
+    if not cells:
+        return []
+    models = len(found["users"]) * found["seeds"]
+    named = [
+        f"{form_label(form).lower()} in {c['most'][c['meant']]}" for form, c in cells.items() if c["meant"] is not None
+    ]
+    strange = []
+    for form, c in cells.items():
+        if c["meant"] is None:
+            most = max(c["most"], key=lambda name: c["most"][name])
+            strange.append(
+                f"By {form_label(form).lower()} none of its forms is the rule's; most often, in {c['most'][most]}, it "
+                f"believes most in {believed_label(most).lower()}."
+            )
+    return [
+        f"Of {models} models averaged over forms, those that believe most in the form which the rule has: "
+        f"{listed(named)}. {' '.join(strange)}".rstrip()
+    ]
 
 
 def _seen(results: Results, variants: list[str]) -> str:

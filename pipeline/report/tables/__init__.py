@@ -24,7 +24,7 @@ def all_tables(results: Results) -> list[Table]:
         summary.models, summary.world,
         accuracy.accuracy, accuracy.efficiency, accuracy.comparisons, accuracy.by_user, accuracy.calibration,
         acceptance.acceptance, robustness.robustness, robustness.accepted, robustness.strange,
-        misspecification.misspecification, ablation.ablation,
+        misspecification.misspecification, misspecification.credence, ablation.ablation,
         repair.backprop, repair.repair_detail, repair.searches, repair.thresholds,
         causes.interventions, causes.verdicts, causes.intervention_detail, causes.specifications,
         refutation.refuters, refutation.refuted,
