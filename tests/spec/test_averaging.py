@@ -89,9 +89,10 @@ def test_how_a_path_passes_a_thing_is_what_the_rules_mean_by_it(world):
         right: near & (side > 0), beside: near & (company <= np.log(0.2)), late: near & (progress > 0),
         brief: (related.clearance[..., 4] < 0.045).numpy() & here,
     }  # fmt: skip
+    alone = near.sum(-1) <= 1  # where several things share the way, `brief` adds up how long each is near
     for rule, offends in minded.items():
         agree = rule(layouts, z, ALL, AMOUNTS[rule.__name__]) == ~offends.any(-1)
-        assert agree.mean() > (0.95 if rule is brief else 0.985), rule  # brief: several things share the way
+        assert agree[alone].mean() > 0.985, rule
 
 
 def test_a_form_that_uses_nothing_else_says_what_the_clearance_model_says(world):
