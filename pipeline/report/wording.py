@@ -175,8 +175,11 @@ def split_phrase(name: str) -> str:
 
 
 def interval(cell: Mapping[str, Any]) -> str:
-    """The 95 % interval of a share, in per cent."""
-    return f"95 % interval {100 * cell['ci_low']:.1f}–{100 * cell['ci_high']:.1f}"
+    """The 95 % interval of a share, in per cent; a difference may begin below 0."""
+    low, high = (f"{100 * cell[name]:.1f}" for name in ("ci_low", "ci_high"))
+    if low.startswith("-"):
+        return f"95 % interval {low} to {high}".replace("-", "−")
+    return f"95 % interval {low}–{high}"
 
 
 def percent(share: float | None, digits: int = 1) -> str:
