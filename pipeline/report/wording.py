@@ -10,7 +10,7 @@ VARIANTS = {
     "irl_maxent": "IRL, maximum entropy",
     "irl_ranked": "IRL, ranking",
     "path": "Path model",
-    "path_averaged": "Path model, forms averaged",
+    "path_averaged": "Path, forms averaged",
     "null_nearest": "Null: nearest demonstration",
     "null_position": "Null: position only",
     "null_constant": "Null: constant detour",

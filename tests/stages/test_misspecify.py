@@ -73,7 +73,7 @@ def test_models_are_taught_the_same_paths_with_the_labels_of_each_form(cfg: Dict
         return {v: [(np.zeros((SCENES, PATHS)), np.float64(1))] * len(of) for v, of in lessons.items()}
 
     monkeypatch.setattr(misspecify, "fit_each", kept)
-    misspecify._answers(cfg, scenes, np.zeros((1, SCENES, 100, 100, 3), np.uint8), np.zeros((SCENES, PATHS, 2)))
+    misspecify._answers(cfg, scenes, np.full((1, SCENES, 100, 100, 3), 128, np.uint8), np.zeros((SCENES, PATHS, 2)))
     rest = iter(taught)
     for form, amount in cfg.misspecify.forms.items():
         for user in cfg.evaluate.users:

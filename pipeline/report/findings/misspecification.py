@@ -5,7 +5,6 @@ from pipeline.report.wording import (
     believed_label,
     form_label,
     form_phrase,
-    interval,
     listed,
     percent,
     points,
@@ -32,7 +31,7 @@ def _form(results: Results, form: str, variants: list[str]) -> str:
     said = [
         f"{variant_phrase(v)} is right about {percent(models[v]['accuracy']['mean'])} "
         f"({_changed(models[v])}{_beaten(models, v)}), "
-        f"with {tallies[v]['right']} of {tallies[v]['cells']} verdicts true" + _wrong(results, form, v)
+        f"{tallies[v]['right']} of {tallies[v]['cells']} verdicts true" + _wrong(results, form, v)
         for v in variants
     ]
     return (
@@ -94,10 +93,8 @@ def _seen(results: Results, variants: list[str]) -> str:
 
 
 def _changed(cell: dict) -> str:
-    """What the form takes from or adds to the accuracy, with its interval."""
-    lost = -cell["difference"]
-    ends = {"ci_low": -cell["ci_high"], "ci_high": -cell["ci_low"]}
-    return f"{points(lost)} less, {interval(ends)}" if lost >= 0 else f"{points(-lost)} more, {interval(cell)}"
+    """What the form takes from or adds to the accuracy; its interval is in the table."""
+    return f"{points(cell['difference'])} {'less' if cell['difference'] <= 0 else 'more'}"
 
 
 def _wrong(results: Results, form: str, variant: str) -> str:

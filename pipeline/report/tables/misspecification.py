@@ -9,7 +9,6 @@ from pipeline.report.wording import (
     form_label,
     listed,
     percent,
-    percent_spread,
     signed,
     variant_label,
 )
@@ -28,9 +27,8 @@ def misspecification(results: Results) -> Table:
             tally = of["verdicts"].get(variant)
             rows.append(
                 [
-                    rule, variant_label(variant), percent_spread(cell["accuracy"]),
+                    rule, variant_label(variant), percent(cell["accuracy"]["mean"]),
                     NONE if form == OWN or variant == POSITION else _change(cell),
-                    NONE if variant == POSITION else _change(cell["over_position"]),
                     percent(cell["false_rejects"]), percent(cell["false_accepts"]),
                     NONE if variant == POSITION else percent(cell["demonstrations"]["mean"]),
                     NONE if tally is None else f"{tally['right']} of {tally['cells']}",
@@ -38,15 +36,15 @@ def misspecification(results: Results) -> Table:
             )  # fmt: skip
     caption = (
         "Models fitted to the same demonstrations, labelled by rules of another form, and judged by those (of the "
-        "paths that break a margin, the share that is forgiven): accuracy (mean and quartiles over "
+        "paths that break a margin, the share that is forgiven): accuracy (mean over "
         f"{counted(found['seeds'], 'seed')}, {listed(found['users'])} users, {counted(found['scenes'], 'new scene')}); "
-        "what the form adds to it, and what the model has over position alone, in percentage points (95 % intervals "
-        "over seeds and scenes); valid paths rejected and invalid ones accepted; of the demonstrations it was taught "
-        "by, the share that a model is right about; verdicts on added items that are right. Position only: told each "
-        "control point's mean validity over all training scenes."
+        "what the form adds to it, in percentage points (95 % intervals over seeds and scenes); valid paths rejected "
+        "and invalid ones accepted; of the demonstrations it was taught by, the share that a model is right about; "
+        "verdicts on added items that are right. Position only: told each control point's mean validity over all "
+        "training scenes."
     )
     header = [
-        "Rule", "Model", "Accuracy", "Change", "Over position", "Valid rejected", "Invalid accepted", "Taught",
+        "Rule", "Model", "Accuracy", "Change", "Valid rejected", "Invalid accepted", "Taught",
         "Verdicts right",
     ]  # fmt: skip
     return table("misspecification", caption, header, rows, labels=2)
