@@ -8,7 +8,7 @@ from numpy import ndarray as Array
 from scipy.special import stdtrit
 
 from pipeline.causal.interventions import DIGITS, expected_validity
-from pipeline.causal.statistics import LEVEL, estimate, holm
+from pipeline.causal.statistics import LEVEL, estimate, holm, with_rare_scenes
 from pipeline.table.layout import Layouts
 from pipeline.table.rules import clearance
 
@@ -45,7 +45,7 @@ def association(invalid: Bool[Array, "scene path"], near: Bool[Array, "scene pat
 
 def shift(effects: Float[Array, "cell seed scene"], control: Float[Array, "cell seed scene"]) -> list[dict[str, float]]:
     """What is added to the effects of a control, seed by seed and scene by scene: one family of cells."""
-    e = estimate(effects - control)
+    e = estimate(with_rare_scenes(effects - control))
     columns = {"difference": e.effect, "ci_low": e.ci_low, "ci_high": e.ci_high, "p_holm": holm(e.p)}
     return [
         {name: round(float(values[i]), DIGITS) + 0.0 for name, values in columns.items()} for i in range(len(effects))

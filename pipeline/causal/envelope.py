@@ -15,8 +15,8 @@ curves are taken, which keeps their order, harms no bound where the curve does f
 Galichon, 2009), and leaves one crossing each. A flat curve's interval ends where the doses end.
 
 Straight lines between doses place a step within a tenth of the doses' distance. The interval is about the model's
-radius over training sets and items (pipeline.causal.clusters), for a planner will meet others of the symbol; it covers
-the user's margin as often as the model has no bias of its own.
+radius over training sets, over items added, for a planner will meet others of the symbol, and over the items that all
+training sets share (pipeline.causal.clusters); it covers the user's margin as often as the model has no bias beyond.
 """
 
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
 from scipy.optimize import isotonic_regression
 
-from pipeline.causal.clusters import by_item
+from pipeline.causal.clusters import as_from_other_items, by_item
 from pipeline.causal.interventions import DIGITS
 from pipeline.causal.statistics import Estimates, estimate, holm, verdict
 
@@ -64,14 +64,15 @@ def study(
     drop: Float[Array, "cell seed scene dose"],
     true_drop: Float[Array, "cell scene dose"],
     item: Int[Array, "cell scene"],
+    trained: Sequence[int | None],
     margins: Sequence[float | None],
     grid: Float[Array, " dose"],
 ) -> tuple[list[dict], list[dict]]:
     """One family of cells (users x symbols): each one's envelope beside its true margin [m], and its curve.
 
-    item: which one was added. NaN: a dose missing in a scene. There is an envelope if the drop in contact is an effect
-    (Holm over the family) and makes paths less valid; the verdict is reached as that of any other intervention, with
-    items in place of scenes.
+    item: which one was added; trained: items of the symbol that the training sets share. NaN: a dose missing in a
+    scene. There is an envelope if the drop in contact is an effect (Holm over the family) and makes paths less valid;
+    the verdict is reached with Student's test, items in place of scenes.
     """
     by_cell = [by_item(*one) for one in zip(drop, item, strict=True)]
     contacts = [_estimate(d[..., 0]) for d in by_cell]
@@ -79,7 +80,7 @@ def study(
     cells, curves = [], []
     for i, (contact, p_holm, margin) in enumerate(zip(contacts, adjusted, margins, strict=True)):
         found = verdict(contact.effect[0], p_holm, contact.ci90_low[0], contact.ci90_high[0])
-        envelope = radius(by_cell[i], grid) if found == "effect" and contact.effect[0] > 0 else None
+        envelope = radius(by_cell[i], grid, trained[i]) if found == "effect" and contact.effect[0] > 0 else None
         cells.append(_cell(envelope, margin, contact.effect[0], p_holm) | {"verdict": found})
         truth = by_item(true_drop[i][None], item[i])[0]
         scenes = (~np.isnan(true_drop[i])).sum(0)
@@ -87,17 +88,23 @@ def study(
     return cells, curves
 
 
-def radius(drop: Float[Array, "seed item dose"], grid: Float[Array, " dose"]) -> tuple[float, float, float]:
-    """Clearance [m] of half the effect and its 95 % interval; each within the grid, whose end means "at least"."""
-    halves = [_estimate(drop[..., k] - drop[..., 0] / 2) for k in range(len(grid))]
+def radius(
+    drop: Float[Array, "seed item dose"], grid: Float[Array, " dose"], trained: int | None = None
+) -> tuple[float, float, float]:
+    """Clearance [m] of half the effect and its 95 % interval; each within the grid, whose end means "at least".
+
+    trained: items that the training sets share; None: nothing was learned from items.
+    """
+    halves = [_estimate(drop[..., k] - drop[..., 0] / 2, trained) for k in range(len(grid))]
     bounds = ([getattr(h, name)[0] for h in halves] for name in ("effect", "ci_low", "ci_high"))
     middle, low, high = (_crossing(np.array(bound), grid) for bound in bounds)
     return middle, low, high
 
 
-def _estimate(drop: Float[Array, "seed item"]) -> Estimates:
+def _estimate(drop: Float[Array, "seed item"], trained: int | None = None) -> Estimates:
     """`estimate` over the items of which this dose was asked."""
-    return estimate(drop[None][:, :, ~np.isnan(drop).any(0)])
+    asked = drop[:, ~np.isnan(drop).any(0)]
+    return estimate((asked if trained is None else as_from_other_items(asked, trained))[None])
 
 
 def _crossing(values: Float[Array, " dose"], grid: Float[Array, " dose"]) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray as Array
 
-from pipeline.causal.statistics import estimate, holm, true_verdict, verdict
+from pipeline.causal.statistics import estimate, holm, true_verdict, verdict, with_rare_scenes
 from pipeline.table.layout import SYMBOLS
 
 DIGITS = 6  # of every reported number
@@ -44,7 +44,7 @@ def by_user(users: Sequence[str], cells: Sequence[dict]) -> dict[str, dict[str, 
 
 def judge(effects: Float[Array, "cell seed scene"]) -> list[dict]:
     """One family of cells: each one's mean effect, how sure we are (Holm over the family), and the verdict."""
-    e = estimate(effects)
+    e = estimate(with_rare_scenes(effects))
     adjusted = holm(e.p)
     return [
         _rounded(

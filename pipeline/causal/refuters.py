@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray as Array
 
 from pipeline.causal.clusters import by_item
-from pipeline.causal.statistics import estimate, holm, verdict
+from pipeline.causal.statistics import estimate, holm, verdict, with_rare_scenes
 
 MACHINERY, EFFECT = "is the machinery sound", "does the effect survive"
 
@@ -92,10 +92,10 @@ def halves(
     scenes = effects.shape[-1]
     if scenes < 4 or splits < 2:
         raise ValueError(f"{scenes} scenes in {splits} splits: expected at least 4 scenes and 2 splits")
-    whole, kept, means = _verdicts(effects), np.zeros(len(effects)), []
+    whole, kept, means = _verdicts(with_rare_scenes(effects)), np.zeros(len(effects)), []
     for _ in range(splits):
         half = effects[..., rng.permutation(scenes)[: scenes // 2]]
-        kept += np.array(_verdicts(half)) == whole
+        kept += np.array(_verdicts(with_rare_scenes(half))) == whole
         means.append(half.mean((1, 2)))
     return kept / splits, np.std(means, axis=0)
 
@@ -106,7 +106,7 @@ def stays_over_items(effects: Float[Array, "cell seed scene"], item: Int[Array, 
     An effect has to hold from item to item then, and not only for these items in other scenes.
     """
     clustered = [by_item(e[..., None], i)[None, ..., 0] for e, i in zip(effects, item, strict=True)]
-    return np.array(_verdicts(effects)) == _verdicts(*clustered)
+    return np.array(_verdicts(with_rare_scenes(effects))) == _verdicts(*clustered)
 
 
 def _verdicts(*effects: Float[Array, "cell seed _"]) -> list[str]:

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray as Array
 
-from pipeline.causal.statistics import LEVEL, VERDICTS, estimate, holm, mean_squares, verdict
+from pipeline.causal.statistics import LEVEL, VERDICTS, estimate, holm, mean_squares, verdict, with_rare_scenes
 
 AT_ONCE = 100  # families in memory
 
@@ -27,6 +27,7 @@ class Regime:
     by_scene: float
     rest: float
     skewed: bool = False  # seeds and scenes exponentially distributed instead of normally
+    seldom: float = 0.0  # share of the scenes in which all of their chance lies, one value each; 0: in all of them
 
 
 def observed(effects: Float[Array, "cell seed scene"]) -> Regime:
@@ -44,9 +45,15 @@ def stylised(regime: Regime, cells: int, seeds: int, scenes: int) -> Draw:
         def chance(*shape: int) -> Array:
             return rng.exponential(size=shape) - 1 if regime.skewed else rng.standard_normal(shape)
 
+        def of_scenes(*shape: int) -> Array:
+            share = regime.seldom
+            if not share:
+                return chance(*shape)
+            return (share - (rng.random(shape) < share)) / np.sqrt(share * (1 - share))
+
         return (
             regime.by_seed * chance(families, cells, seeds, 1)
-            + regime.by_scene * chance(families, cells, 1, scenes)
+            + regime.by_scene * of_scenes(families, cells, 1, scenes)
             + regime.rest * rng.standard_normal((families, cells, seeds, scenes))
         )
 
@@ -77,7 +84,7 @@ def check(rng: np.random.Generator, draw: Draw, families: int, cells: int, effec
     said: dict[float, dict[str, int]] = {effect: dict.fromkeys(VERDICTS, 0) for effect in effects}
     for start in range(0, families, AT_ONCE):
         some = min(AT_ONCE, families - start)
-        null = draw(rng, some)
+        null = with_rare_scenes(draw(rng, some))
         drawn = null.shape[1]
         e = estimate(null.reshape(-1, *null.shape[2:]))
         p = np.ones((some, cells))

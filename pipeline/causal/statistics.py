@@ -15,6 +15,7 @@ from scipy.special import stdtr, stdtrit  # Student's t; scipy.stats takes most 
 
 SMALLEST_EFFECT = 0.05  # smallest effect of interest, on the scale of P(valid)
 LEVEL = 0.05  # family-wise level of the tests, and of each one-sided test of equivalence
+RARE = 0.5  # of the furthest that a family's scene lies from its cell's mean: how far scenes not met are expected
 VERDICTS = ("effect", "no effect", "inconclusive")
 
 
@@ -47,6 +48,23 @@ def estimate(effects: Float[Array, "cell seed scene"]) -> Estimates:
         p = np.where(error > 0, 2 * stdtr(freedom, -np.abs(mean) / error), np.where(mean == 0, 1.0, 0.0))
     q1, q3 = np.quantile(by_seed, (0.25, 0.75), axis=1)
     return Estimates(mean, mean - wide, mean + wide, mean - narrow, mean + narrow, p, q1, q3)
+
+
+def with_rare_scenes(effects: Float[Array, "*family cell seed scene"]) -> Float[Array, "*family cell seed more_scenes"]:
+    """Each cell's effects and two scenes more, one as far above its mean as the other is below; no mean is moved.
+
+    What a model does in a few scenes of one cell it may do in others more rarely than once in so many scenes. A cell
+    whose scenes happen to agree would else be sure of its mean: so zeros and ones agree in a sample of a rare event,
+    and Agresti and Coull (1998) add two of each. How far: RARE of the family's furthest. For means of many scenes.
+    """
+    middle, away = effects.mean(-1, keepdims=True), rare(effects)[..., None, None, None]
+    return np.concatenate([effects, middle - away, middle + away], axis=-1)
+
+
+def rare(effects: Float[Array, "*family cell seed scene"]) -> Float[Array, "*family"]:
+    """How far from its cell's mean a scene is expected that was not met."""
+    by_scene = effects.mean(-2)
+    return np.asarray(RARE * np.abs(by_scene - by_scene.mean(-1, keepdims=True)).max((-2, -1)))
 
 
 def ratio(parts: Float[Array, "cell seed scene"], wholes: Float[Array, "cell seed scene"]) -> Estimates:

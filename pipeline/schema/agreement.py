@@ -179,6 +179,8 @@ def misspecify(s: Settings) -> None:
     """The users' own form among the others, and variants that there are."""
     own, forms = OWN_FORM in s.misspecify.forms, list(s.misspecify.forms)
     need(own, "misspecify.forms", forms, f"{OWN_FORM} among them, for the others are held against it")
+    many = s.misspecify.forms.get("several", 1)
+    need(many >= 1, "misspecify.forms.several", many, "at least 1: no form forbids a path that the user's own allows")
     _some("misspecify.variants", s.misspecify.variants, s.variants)
 
 

@@ -117,6 +117,7 @@ class Regime(Group):
     by_scene: Spread
     rest: Spread
     skewed: bool = False
+    seldom: Annotated[float, Field(ge=0, lt=1), expected("a share of the scenes from 0, below 1")] = 0.0
 
 
 class Selftest(Group):

@@ -24,9 +24,9 @@ from pipeline.spec.clearance import (
     SHARPEST,
     UNIT,
     ClearanceModel,
-    _bootstrap,
-    _log_odds,
-    _look,
+    bootstrap,
+    log_odds,
+    look,
 )  # fmt: skip
 from pipeline.spec.descent import Schedule, laplace, never_varies
 from pipeline.table.bezier import P_F, P_INIT, basis
@@ -80,7 +80,7 @@ class AveragedModel(ClearanceModel):
         """Log-odds of validity of paths so related to the things."""
         by_form = F.logsigmoid(self.by_form(percept, related))
         believed = torch.cat([by_form, self.rate.log().expand(1, *by_form.shape[1:])])
-        return _log_odds((believed + self.credence().log()[:, None, None]).logsumexp(0))
+        return log_odds((believed + self.credence().log()[:, None, None]).logsumexp(0))
 
     def credence(self) -> Float[Tensor, " form_or_nothing"]:
         """How far each form, and last that nothing matters, is believed."""
@@ -89,7 +89,7 @@ class AveragedModel(ClearanceModel):
     def by_form(self, percept: Float[Tensor, "scene thing 12"], related: Relations) -> Float[Tensor, "form scene path"]:
         """Log-odds of validity by each form: of its members' mean, sharpened."""
         by_member = self.log_valid_related(percept, related).unflatten(0, (len(FORMS), -1))
-        return self.sharpening * _log_odds(by_member.logsumexp(1) - float(np.log(by_member.shape[1])))
+        return self.sharpening * log_odds(by_member.logsumexp(1) - float(np.log(by_member.shape[1])))
 
     def log_valid_related(
         self, percept: Float[Tensor, "scene thing 12"], related: Relations
@@ -168,12 +168,12 @@ def fit(
     if never_varies(valid):
         model.evidence.fill_(-CERTAIN)
         return np.array([[0.0, 0.0]])
-    percept = _look(model, images)
-    related = relations(percept, torch.from_numpy(z_theta).float())
+    percept = look(model, images)
+    related = relations(percept, torch.tensor(z_theta).float())
     gaps = related.terms[:, 0, :, TERMS.index("company")][percept[:, : related.terms.shape[2], -1] > 0]
     if len(gaps) > 1:
         model.gaps.copy_(torch.stack([gaps.mean(), gaps.std().clamp(min=1e-3)]))
-    counts = _bootstrap(model, len(valid), seed) / valid.shape[1]  # (member, scene, 1)
+    counts = bootstrap(model, len(valid), seed) / valid.shape[1]  # (member, scene, 1)
     labels, curve = torch.tensor(valid), []
     optimiser, cycle = schedule.optimiser(model.parameters())
     for step in range(schedule.steps):

@@ -87,12 +87,12 @@ class ClearanceModel(Specification):
         """Log-odds of validity; differentiable in `z_theta` [m]."""
         by_things = F.logsigmoid(self.of_things(percept, z_theta)) + F.logsigmoid(self.evidence)
         by_rate = self.rate.log() + F.logsigmoid(-self.evidence)
-        return _log_odds(torch.logaddexp(by_things, by_rate))
+        return log_odds(torch.logaddexp(by_things, by_rate))
 
     def of_things(self, percept: Tensor, z_theta: Float[Tensor, "scene path 2"]) -> Float[Tensor, "scene path"]:
         """Log-odds of validity if things matter: of the members' mean, sharpened."""
         by_member = self.log_valid(percept, clearance(percept, z_theta))
-        return self.sharpening * _log_odds(by_member.logsumexp(0) - float(np.log(len(by_member))))
+        return self.sharpening * log_odds(by_member.logsumexp(0) - float(np.log(len(by_member))))
 
     def log_valid(
         self, percept: Float[Tensor, "*model scene thing 12"], clearances: Float[Tensor, "*model scene path near"]
@@ -120,7 +120,7 @@ class ClearanceModel(Specification):
         return torch.cat([torch.ones_like(x[..., :1]), x.clamp(-self.bound, self.bound), x.tanh().square()], -1)
 
 
-def _log_odds(log_p: Tensor) -> Tensor:
+def log_odds(log_p: Tensor) -> Tensor:
     """Log-odds of a probability from its logarithm, at most those of 1 - 1e-6."""
     log_p = log_p.clamp(max=-1e-6)
     return log_p - torch.log(-torch.expm1(log_p))
@@ -167,7 +167,7 @@ def fit(
         if never_varies(labels):
             model.evidence.fill_(-CERTAIN)
         else:
-            lessons[i] = _Lesson(model, _look(model, pictures), z, labels, seeds[i])
+            lessons[i] = _Lesson(model, look(model, pictures), z, labels, seeds[i])
     if lessons:
         found = _ascend(list(lessons.values()), schedule, checkpoints or Checkpoints())
         for i, curve in zip(lessons, found, strict=True):
@@ -186,7 +186,7 @@ class _Lesson:
     seed: int
 
 
-def _look(model: ClearanceModel, images: UInt8[Array, "scene 100 100 3"]) -> Float[Tensor, "scene thing 12"]:
+def look(model: ClearanceModel, images: UInt8[Array, "scene 100 100 3"]) -> Float[Tensor, "scene thing 12"]:
     """What stands in the training scenes; the model's features are measured against theirs from now on."""
     percept = model.perceive(to_tensor(images))
     present = percept[..., -1] > 0
@@ -218,7 +218,7 @@ def _ascend(lessons: list[_Lesson], schedule: Schedule, checkpoints: Checkpoints
     clearances = torch.stack([F.pad(c, (0, most - c.shape[-1])) for c in near])  # (model, scene, row, thing)
     valid = torch.tensor(np.stack(labels))[:, None]
     share = torch.from_numpy(shares(n).T).float()[:, None, None] * torch.stack(
-        [_bootstrap(lesson.model, len(lesson.valid), lesson.seed) for lesson in lessons]
+        [bootstrap(lesson.model, len(lesson.valid), lesson.seed) for lesson in lessons]
     )  # (model, member, scene, row)
     optimiser, cycle = schedule.optimiser([p for p in together.parameters() if p.requires_grad])
     curve = []
@@ -260,6 +260,6 @@ def _hand_over(together: ClearanceModel, lessons: list[_Lesson]) -> None:
         _weigh(lesson)
 
 
-def _bootstrap(model: ClearanceModel, scenes: int, seed: int) -> Float[Tensor, "member scene 1"]:
+def bootstrap(model: ClearanceModel, scenes: int, seed: int) -> Float[Tensor, "member scene 1"]:
     """How much each scene counts for each member."""
     return torch.empty(len(model.margin), scenes, 1).exponential_(generator=torch.Generator().manual_seed(seed))

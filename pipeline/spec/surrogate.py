@@ -18,7 +18,7 @@ OPTIMISM = 1.0  # standard deviations by which an upper confidence bound exceeds
 
 
 def depth(logit: Tensor) -> Tensor:
-    """The quantile of Student's t with 2 degrees of freedom that has this log-odds: above 0 where a path is valid."""
+    """Student's t's quantile, 2 degrees of freedom, over the root of 2, at this log-odds; above 0 a path is valid."""
     return torch.sinh(logit / 2).clamp(DEEPEST, HIGHEST)
 
 

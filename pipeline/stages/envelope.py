@@ -1,6 +1,6 @@
 """Stage envelope: how far from each symbol validity flips, by every model, beside the true margins and put to use."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.added import Added, read_added
 from pipeline.artifacts.files import write_json
-from pipeline.artifacts.scenes import read_scenes
+from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.artifacts.trained import ask, check_weights
 from pipeline.causal.envelope import dose_grid, nearest_plans, paths_at_doses, planning, study
 from pipeline.causal.interventions import by_user
@@ -47,6 +47,7 @@ class Tables:
     z_theta: np.ndarray  # (scene, candidate, 2) [m]
     clearances: np.ndarray  # (scene, candidate, slot) [m] from the scenes' own items
     to_added: np.ndarray  # (symbol, scene, candidate) [m]
+    trained: tuple[int, ...]  # by symbol: items that the training scenes hold, whatever the seed
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
@@ -59,7 +60,9 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     margins = [cfg.users[user][symbol] for user in cfg.users for symbol in SYMBOLS]
     true_drop = truth[:, 0].reshape(-1, *truth.shape[-2:])  # (user * symbol, scene, dose)
     item = np.tile(tables.added.item, (len(cfg.users), 1))  # (user * symbol, scene)
-    studies = {v: study(_cells(d), true_drop, item, margins, grid) for v, d in {**drops, "truth": truth}.items()}
+    trained, never = tables.trained * len(cfg.users), (None,) * len(margins)
+    studies = {v: study(_cells(d), true_drop, item, trained, margins, grid) for v, d in drops.items()}
+    studies["truth"] = study(_cells(truth), true_drop, item, never, margins, grid)
     envelopes = {v: by_user(list(cfg.users), cells) for v, (cells, _) in studies.items()}
     oracle, planner = envelopes.pop("truth"), cfg.envelope.planner
     nearest = _plan_nearest(cfg, tables, _keep_clear(envelopes[planner]))
@@ -87,7 +90,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 def _set_tables(cfg: DictConfig) -> Tables:
     """Read the scenes, and draw the candidates."""
     scenes, pool = read_scenes(Path(cfg.paths.scenes)), cfg.protocol.splits[cfg.intervene.split]
-    scenes.check_has(pool)
+    scenes.check_has(pool, *map(train_pool, cfg.protocol.seeds))
     images, layouts = scenes.images[pool], scenes.layouts[pool]
     added = read_added(Path(cfg.paths.intervene), layouts)
     if added.images.shape[1:] != images.shape:
@@ -97,7 +100,14 @@ def _set_tables(cfg: DictConfig) -> Tables:
         )
     z_theta = random_z_theta(stream(cfg.envelope.generator, "envelope"), len(layouts), cfg.envelope.candidates)
     to_added = np.stack([_clearance(x, z_theta)[..., 0] for x in added.placed])
-    return Tables(images, layouts, added, z_theta, _clearance(layouts, z_theta), to_added)
+    trained = _trained_items(scenes, cfg.protocol.seeds)
+    return Tables(images, layouts, added, z_theta, _clearance(layouts, z_theta), to_added, trained)
+
+
+def _trained_items(scenes: SceneSet, seeds: Sequence[int]) -> tuple[int, ...]:
+    layouts = [scenes.layouts[train_pool(seed)] for seed in seeds]
+    shown = [set(np.concatenate([x.item[x.symbol == s] for x in layouts])) for s in range(len(SYMBOLS))]
+    return tuple(map(len, shown))
 
 
 def _clearance(layouts: Layouts, z_theta: np.ndarray) -> np.ndarray:

@@ -26,6 +26,15 @@ def test_a_regime_is_recovered_from_effects_drawn_by_it(skewed: bool):
     np.testing.assert_allclose([found.by_seed, found.by_scene, found.rest], [0.03, 0.1, 0.05], rtol=0.05)
 
 
+def test_chance_that_lies_in_a_few_scenes_has_the_same_spread():
+    regime = Regime(0.0, 0.06, 0.0, seldom=0.04)
+    (effects,) = stylised(regime, 4000, 1, 100)(rng(), 1)
+    assert len(np.unique(effects)) == 2
+    assert effects.std() == pytest.approx(0.06, rel=0.02)
+    assert effects.mean() == pytest.approx(0, abs=0.001)
+    assert (effects < 0).mean() == pytest.approx(0.04, abs=0.002)
+
+
 def test_where_nothing_varies_the_regime_is_nothing():
     assert observed(np.zeros((3, 4, 5))) == Regime(0.0, 0.0, 0.0)
 
@@ -48,10 +57,10 @@ def test_cells_that_no_family_draws_still_count_against_the_others():
 
 
 def test_the_effect_stands_in_every_cell_in_turn():
-    certain = np.zeros((3, 4, 6))
-    certain[2] = np.random.default_rng(0).normal(0, 5, (4, 6))  # an effect here is lost in chance
-    found = check(rng(), resampled(certain), families=30, cells=3, effects=[0.1])
-    assert found["power"]["0.1"]["effect"] == pytest.approx(2 / 3, abs=0.05)
+    certain = np.zeros((3, 4, 200))
+    certain[2] = np.random.default_rng(0).normal(0, 5, 200)  # an effect here is lost in chance
+    found = check(rng(), resampled(certain), families=60, cells=3, effects=[0.3])
+    assert found["power"]["0.3"]["effect"] == pytest.approx(2 / 3, abs=0.05)
 
 
 def test_verdicts_share_out_all_families(found: dict):

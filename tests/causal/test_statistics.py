@@ -22,6 +22,7 @@ from pipeline.causal.statistics import (
     ratio,
     true_verdict,
     verdict,
+    with_rare_scenes,
 )
 
 
@@ -174,6 +175,50 @@ def test_a_family_of_twelve_null_cells_rarely_holds_an_effect(by_seed: float, by
     e = estimate(crossed(12 * 500, by_seed, by_scene))
     families = (12 * e.p < 0.05).reshape(-1, 12).any(1)  # Holm's family rejects something if and only if this does
     assert families.mean() <= 0.05 + 0.03
+
+
+def seldom(families: int, share: float, size: float = -0.3) -> np.ndarray:
+    """Null families (family, cell, seed, scene): alike but in a share of the scenes, its mean taken off."""
+    g = rng(9)
+    happens = g.random((families, 12, 1, 100)) < share
+    return size * (happens - share) + 0.01 * g.normal(size=(families, 12, 10, 100))
+
+
+def rejected(families: np.ndarray) -> float:
+    """Share of null families in which Holm rejects something."""
+    e = estimate(families.reshape(-1, *families.shape[2:]))
+    return float((holm(e.p.reshape(len(families), -1)) < 0.05).any(1).mean())
+
+
+def test_scenes_not_met_keep_what_one_in_a_hundred_shows_from_being_told_from_nothing():
+    families = seldom(400, 0.01)
+    assert rejected(families) > 0.9
+    assert rejected(with_rare_scenes(families)) <= 0.05 + 0.03  # .05, and nearly three of its own errors
+
+
+def test_where_a_few_scenes_decide_in_every_cell_they_halve_the_errors():
+    families = seldom(400, 0.04)
+    assert rejected(with_rare_scenes(families)) < rejected(families) / 2
+
+
+@pytest.mark.parametrize(("by_seed", "by_scene"), REGIMES)
+def test_scenes_not_met_cost_ordinary_effects_next_to_nothing(by_seed: float, by_scene: float):
+    families = crossed(12 * 100, by_seed, by_scene).reshape(100, 12, 10, 100) + 0.1
+    plain, wider = (estimate(x.reshape(-1, *x.shape[2:])) for x in (families, with_rare_scenes(families)))
+    np.testing.assert_allclose(wider.effect, plain.effect)
+    np.testing.assert_allclose([wider.q1, wider.q3], [plain.q1, plain.q3])
+    assert 0.93 <= covers(wider, 0.1) <= 0.975
+    assert ((wider.ci_high - wider.ci_low) / (plain.ci_high - plain.ci_low)).mean() < 1.06
+
+
+def test_where_all_scenes_of_a_family_agree_none_else_is_expected():
+    effects = np.tile(rng(2).normal(size=(3, 4, 1)), (1, 1, 50))
+    np.testing.assert_allclose(with_rare_scenes(effects), np.tile(effects[..., :1], (1, 1, 52)))
+
+
+def test_a_family_learns_from_its_own_scenes_alone():
+    families = crossed(8, 0.03, 0.1).reshape(2, 4, 10, 100) * np.array([1.0, 5.0])[:, None, None, None]
+    np.testing.assert_allclose(with_rare_scenes(families)[0], with_rare_scenes(families[0]))
 
 
 def test_no_effect_is_rarely_said_of_an_effect_at_the_bound():

@@ -104,6 +104,7 @@ def test_a_second_run_on_two_workers_writes_the_same_bytes(cfg: DictConfig, out:
         ("forms", {"brief": 0.1}, r"misspecify.forms is \['brief'\]: expected margin among them"),
         ("forms", {"margin": 0.0, "taste": 1.0}, "expected 'margin', 'brief', 'right', 'beside', 'late' or 'several'"),
         ("forms.brief", -0.1, "misspecify.forms.brief is -0.1: expected a length from 0"),
+        ("forms.several", 0.5, "misspecify.forms.several is 0.5: expected at least 1"),
         ("variants", ["nobody"], r"misspecify.variants is \['nobody'\]: expected some of full"),
     ],
 )

@@ -143,10 +143,10 @@ def selftest(results: Results) -> Table:
         f"The procedure on {t['families']:,} simulated families a regime, each of {t['cells']} cells, "
         f"{t['seeds']} seeds "
         f"and {t['scenes']} scenes. With a variant's name: its own effects less their means, seeds and scenes drawn "
-        "anew; the others normal or, if skewed, exponential. Spread: standard deviations of seeds, scenes and the "
-        "rest. Covered: 95 % intervals that hold the truth. Rejected, and named: null "
-        "families in "
-        "which Holm rejects anything, and in which a verdict is “effect”. Found: verdicts “effect” where it is "
+        "anew; the others normal, if skewed exponential, or a scene's chance in so few scenes alone. Spread: standard "
+        "deviations of seeds, scenes and the rest. Covered: 95 % intervals that hold the truth. Rejected, and named: "
+        "null families in which Holm rejects anything, and in which a verdict is “effect”. Found: verdicts “effect” "
+        "where it is "
         f"{TWICE}."
     )
     header = ["Chance as in", "Seeds", "Scenes", "Rest", "Covered", "Rejected", "Named", "Found"]

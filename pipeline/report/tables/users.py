@@ -27,8 +27,9 @@ def envelopes(results: Results) -> Table:
                 )  # fmt: skip
     caption = (
         "Safety envelopes: the clearance [cm] at which half of an item's response is gone, with its 95 % interval over "
-        f"{counted(len(results.seeds), 'seed')} and the added items, beside the user's true margin. Response: what "
-        "touching the item takes from P(valid). Rows are left out where no envelope is true, found or left open."
+        f"{counted(len(results.seeds), 'seed')}, the added items and those that all seeds' training scenes share, "
+        "beside the user's true margin. Response: what touching the item takes from P(valid). Rows are left out where "
+        "no envelope is true, found or left open."
     )
     header = ["Variant", "User", "Symbol", "Response", "Verdict", "Radius", "Truth", "Covered"]
     return table("envelopes", caption, header, rows, labels=3)
