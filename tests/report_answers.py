@@ -106,12 +106,14 @@ def _refute(cfg: DictConfig, rng: np.random.Generator) -> None:
     half = {"same": 0.9, "least": 0.6, "spread": 0.01, "scenes": SCENES}
     said = {name: asdict(refuter) for name, refuter in REFUTERS.items()}
     metrics = {"order": names, "said": said, "refuters": refuters, "tallies": tallies, "seeds": len(cfg.seeds)}
-    metrics |= {"placebo": dict.fromkeys(cfg.variants, fooled), "halves": dict.fromkeys(cfg.variants, half)}
+    metrics |= {kind: dict.fromkeys(cfg.variants, fooled) for kind in ("placebo", "mosaic")}
+    metrics |= {"halves": dict.fromkeys(cfg.variants, half)}
     stays = {"same": 8, "cells": 8, "items": 2}
     metrics["items"] = dict.fromkeys(cfg.variants, stays)
     metrics["items_alone"] = dict.fromkeys(cfg.variants, dict.fromkeys(users, -0.1))
     write_json(folder / "metrics.json", metrics)
-    write_arrays(folder / "placebos.npz", {"images": _pictures(rng, len(SYMBOLS), 1)})
+    patches = {name: _pictures(rng, len(SYMBOLS), 1) for name in ("placebo", "mosaic")}
+    write_arrays(folder / "placebos.npz", patches)
 
 
 def _confound(cfg: DictConfig, rng: np.random.Generator) -> None:

@@ -176,5 +176,7 @@ def nearest_plans(room: Float[Array, " plan"]) -> dict[str, float | int | None]:
     return {
         "plans": len(room),
         "valid": _rounded((room > 0).mean()),
-        "short_m": _rounded(max(0.0, -np.quantile(room, 0.01))),
+        "short_m": _rounded(
+            max(0.0, -np.quantile(np.minimum(room, 1.0), 0.01))
+        ),  # none is short where nothing is minded: inf
     }

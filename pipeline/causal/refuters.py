@@ -8,11 +8,13 @@ no item is added or none comes near.
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Float, Int, Shaped, UInt8
 from numpy import ndarray as Array
 
 from pipeline.causal.clusters import by_item
 from pipeline.causal.statistics import estimate, holm, verdict, with_rare_scenes
+
+PIECE = 2  # pixels along a side of a mosaic's pieces
 
 MACHINERY, EFFECT = "is the machinery sound", "does the effect survive"
 
@@ -47,6 +49,12 @@ REFUTERS = {
         "A patch with an item's outline that shows no item has no effect.",
         "A small p means that the model reacts to something of that outline lying there, not to what it is.",
     ),
+    "mosaic": Refuter(
+        f"the same with pieces of {PIECE} by {PIECE} pixels, each kept whole",
+        EFFECT,
+        "A mosaic of an item's pieces that shows no item has no effect.",
+        "A small p means that the model takes for an item what looks like one closely and not as a whole.",
+    ),
     "far": Refuter(
         "an item is added, and only paths that stay far away from it are judged",
         EFFECT,
@@ -64,14 +72,29 @@ REFUTERS = {
 
 
 def placebo(
-    rng: np.random.Generator, before: UInt8[Array, "scene 100 100 3"], after: UInt8[Array, "scene 100 100 3"]
+    rng: np.random.Generator,
+    before: UInt8[Array, "scene 100 100 3"],
+    after: UInt8[Array, "scene 100 100 3"],
+    piece: int = 1,
 ) -> UInt8[Array, "scene 100 100 3"]:
-    """`after`, the pixels in which it differs from `before` shuffled among themselves within each scene."""
+    """`after`, the pixels in which it differs from `before` shuffled among themselves within each scene.
+
+    In squares of `piece` pixels a side, where all of a square has changed; what is left at the rim by single pixels.
+    """
     patched = before.copy()
     for picture, old, new in zip(patched, before, after, strict=True):
-        changed = (old != new).any(-1)
-        picture[changed] = rng.permutation(new[changed])
+        changed = (old != new).any(-1, keepdims=True)
+        whole = _squares(changed, piece).all((2, 3, 4))
+        rest = changed[..., 0] & ~np.repeat(np.repeat(whole, piece, 0), piece, 1)
+        _squares(picture, piece)[whole] = rng.permutation(_squares(new, piece)[whole])
+        picture[rest] = rng.permutation(new[rest])
     return patched
+
+
+def _squares(picture: Shaped[Array, "row column channel"], side: int) -> Shaped[Array, "down across _ _ channel"]:
+    """A picture's squares of `side` pixels: a view."""
+    rows, columns, channels = picture.shape
+    return picture.reshape(rows // side, side, columns // side, side, channels).swapaxes(1, 2)
 
 
 def mean_over(p: Float[Array, "*#b path"], chosen: Bool[Array, "*#b path"]) -> Float[Array, "*b_all"]:

@@ -73,7 +73,7 @@ def gather(cfg: DictConfig, results: Results, scenes: SceneSet, added: Added) ->
         disturbed=read_arrays(Path(cfg.paths.robustness) / "examples.npz"),
         whole=examples["whole"],
         without=examples["without"],
-        placebos=read_arrays(Path(cfg.paths.refute) / "placebos.npz")["images"][:, 0],
+        placebos={kind: of[:, 0] for kind, of in read_arrays(Path(cfg.paths.refute) / "placebos.npz").items()},
         added_texts=_added_texts(results, seed, user),
         added_user=user,
         smallest=SMALLEST_EFFECT,

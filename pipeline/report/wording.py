@@ -74,7 +74,7 @@ def refuter_label(name: str) -> str:
     """An attempt to refute as a reader meets it."""
     kind, _, table = name.partition("/")
     label = {
-        "permuted": "Permuted labels", "untrained": "Untrained model", "placebo": "Placebo patch",
+        "permuted": "Permuted labels", "untrained": "Untrained model", "placebo": "Placebo patch", "mosaic": "Mosaic",
         "far": "Item far away", "other_table": "Other table",
     }.get(kind, kind)  # fmt: skip
     return f"{label} ({table})" if table else label
@@ -86,6 +86,7 @@ def refuter_finds(name: str) -> str:
     return {
         "permuted": "fitted to permuted labels it shows effects", "untrained": "untrained it shows effects",
         "placebo": "a placebo patch (an item's pixels, shuffled) moves it",
+        "mosaic": "a mosaic of an item's pieces moves it",
         "far": "an item far away moves it", "other_table": f"on a table top of {table} its effects change",
     }.get(kind, f"{refuter_label(name).lower()} moves it")  # fmt: skip
 

@@ -3,7 +3,8 @@
 Nothing here is learned, and nothing knows a symbol: a thing is a region whose colour differs from the table's by more
 than the table itself varies. What is large stands out from a table smoothed widely; what is left is searched for thin
 outlines, such as a clear glass's rim, which stand out from the table close by. Where several of what is found are faint
-specks, they are the table's own pattern (chips, knots, veins) and dropped. A capsule (the points within `radius` of a
+specks, they are the table's own pattern (chips, knots, veins) and dropped. Dropped, too, is what has no order: its
+neighbouring pixels differ about as much as any two of its pixels do. A capsule (the points within `radius` of a
 segment) is how robots commonly bound things.
 """
 
@@ -46,6 +47,8 @@ LONG = 2.5  # variance along a thing over that across it from which its ends cou
 SPECK, COMPACT = 0.003, 4.0  # [m^2], variance along over across: what is faint, smaller and rounder is a speck ...
 FIT = 0.65  # ... and so is what is faint and shares less than this with its capsule (intersection over union)
 SPECKS = 3  # so many of them belong to the table's pattern: chips, knots, pieces of veins
+CROSS = np.array([[[0, 1, 0], [1, 0, 1], [0, 1, 0]]]) / 4  # means over a pixel's four neighbours
+DISORDER = 0.75  # share of a thing's variance by which its pixels miss their neighbours' mean; shuffled ones: to 1.25
 WIDER = 0.5  # pixels that a long thing's radius is widened by: its outline lies that much further in than a round one's
 
 Deviations = Float[Array, "row column"]  # from the table [standard deviations of its own variation]
@@ -84,6 +87,7 @@ class _Thing(NamedTuple):
     radius: float  # [m]
     features: Float[Array, " feature"]
     fit: float  # intersection of the thing and its capsule over their union
+    disorder: float  # mean square by which its pixels miss their neighbours' mean, over their variance
 
 
 @lru_cache(maxsize=4096)  # of 30 kB each; every model looks at the same pictures
@@ -91,7 +95,8 @@ def _found(picture: bytes) -> list[_Thing]:
     """The MOST largest things in an 8-bit picture, the largest first."""
     pixels = np.frombuffer(picture, np.uint8).reshape(SIDE, SIDE, 3)
     image = pixels.transpose(2, 0, 1) / np.float32(255)
-    standing_out, edge, lines, plain = contrasts(image)
+    standing_out, edge, lines, plain, colours = contrasts(image)
+    apart = _apart(colours)
     regions = _regions(standing_out, REGION)
     rest = np.where(_around(np.any([np.zeros((SIDE, SIDE), bool), *regions], axis=0)), 0, lines)
     large = chain.from_iterable(_outlines(region, edge) for region in regions)
@@ -111,8 +116,13 @@ def _found(picture: bytes) -> list[_Thing]:
         length, width = 2 * (np.linalg.norm(along) + radius), 2 * radius
         features = np.log(np.array([area, elongation, length, width, contrast, plain[inside].mean()]))
         fit = _fit(points - centre, along, radius)
-        found.append(_Thing(np.stack([centre - along, centre + along]), radius, features, fit))
-    return sorted(_off_pattern(found), key=lambda thing: -thing.features[0])[:MOST]
+        here = np.zeros((SIDE, SIDE), bool)
+        here[inside] = True
+        here = ndimage.binary_dilation(here, np.ones((3, 3)))
+        disorder = apart[here].mean() / colours[:, here].var(1).sum()
+        found.append(_Thing(np.stack([centre - along, centre + along]), radius, features, fit, disorder))
+    ordered = [thing for thing in _off_pattern(found) if thing.disorder < DISORDER]
+    return sorted(ordered, key=lambda thing: -thing.features[0])[:MOST]
 
 
 def _off_pattern(found: list[_Thing]) -> list[_Thing]:
@@ -136,18 +146,27 @@ def layers(image: Float32[Array, "3 row column"]) -> tuple[Difference, Differenc
 
 def contrasts(
     image: Float32[Array, "3 row column"],
-) -> tuple[Deviations, Deviations, Deviations, Float[Array, "row column"]]:
-    """How far each pixel is from the table: smoothed to find things, less so to outline them, of thin lines, and plain.
+) -> tuple[Deviations, Deviations, Deviations, Float[Array, "row column"], Difference]:
+    """How far each pixel is from the table: smoothed to find things, less so to outline them, of thin lines, and plain;
+    and its colour's difference, not smoothed.
 
-    The first three are in standard deviations of the table's own variation, the last in [1 = white].
+    All are in standard deviations of the table's own variation, but for the plain one, in [1 = white].
     """
-    wide, narrow, thin, _ = layers(image)
+    wide, narrow, thin, finer = layers(image)
     table = np.median(image.reshape(3, -1), axis=1)
     table = table / np.linalg.norm(table)
     darkening = np.minimum(np.tensordot(table, narrow, 1), 0)
     lit = narrow - (1 - DARKER) * table[:, None, None] * darkening
     plain = np.linalg.norm(narrow, axis=0)
-    return _deviations(wide, wide), _deviations(lit, narrow), _deviations(thin, thin), plain
+    white = whitening(narrow)
+    edge, colours = np.linalg.norm(np.tensordot(white, lit, 1), axis=0), np.tensordot(white, narrow + finer, 1)
+    return _deviations(wide, wide), edge, _deviations(thin, thin), plain, colours
+
+
+def _apart(colours: Difference) -> Float[Array, "row column"]:
+    """Each pixel's squared distance from its neighbours' mean, less what the table itself has: noise is no disorder."""
+    apart = ((colours - ndimage.convolve(colours, CROSS, mode="nearest")) ** 2).sum(0)
+    return apart - np.median(apart)
 
 
 def _deviations(difference: Float[Array, "3 row column"], varies: Float[Array, "3 row column"]) -> Deviations:

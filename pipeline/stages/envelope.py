@@ -107,7 +107,9 @@ def _set_tables(cfg: DictConfig) -> Tables:
 def _trained_items(scenes: SceneSet, seeds: Sequence[int]) -> tuple[int, ...]:
     layouts = [scenes.layouts[train_pool(seed)] for seed in seeds]
     shown = [set(np.concatenate([x.item[x.symbol == s] for x in layouts])) for s in range(len(SYMBOLS))]
-    return tuple(map(len, shown))
+    return tuple(
+        max(1, len(items)) for items in shown
+    )  # of a symbol never shown no less is known than of one shown once
 
 
 def _clearance(layouts: Layouts, z_theta: np.ndarray) -> np.ndarray:

@@ -17,7 +17,7 @@ from pipeline.artifacts.files import read_arrays, write_arrays, write_json
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.artifacts.trained import ask, check_weights
 from pipeline.causal.interventions import DIGITS, by_user, expected_validity, judge
-from pipeline.causal.refuters import REFUTERS, halves, mean_over, placebo, stays_over_items
+from pipeline.causal.refuters import PIECE, REFUTERS, halves, mean_over, placebo, stays_over_items
 from pipeline.causal.statistics import VERDICTS
 from pipeline.errors import InputError
 from pipeline.fitting.trainers import Lesson, fit_and_ask
@@ -35,7 +35,7 @@ Effects = Float[Array, "user symbol seed scene"]
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """metrics.json, and placebos.npz (symbol, scene, 100, 100, 3): an item's pixels, shuffled."""
+    """metrics.json, and placebos.npz (symbol, scene, 100, 100, 3): an item's pixels, or pieces of it, shuffled."""
     check_weights(cfg)
     directory, pool, few = Path(cfg.paths.intervene), cfg.protocol.splits[cfg.intervene.split], slice(cfg.refute.scenes)
     scenes = read_scenes(Path(cfg.paths.scenes))
@@ -44,8 +44,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     _check_items(added)
     z = read_arrays(directory / "images.npz")["z_theta"][few]
     here = np.concatenate([scenes.images[pool][None, few], added.images[:, few]])  # (1 + symbol, scene, ...)
-    rng = stream(cfg.refute.generator, "placebo")
-    patched = np.stack([placebo(rng, here[0], with_item) for with_item in here[1:]])
+    placebos, mosaics = _patches(cfg, here, "placebo", 1), _patches(cfg, here, "mosaic", PIECE)
     far = np.stack([clearance(placed[few], z)[..., 0] > cfg.refute.far_m for placed in added.placed])
 
     few_stay = "a length that paths of at least two scenes keep from each added item: lower it"
@@ -54,27 +53,34 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     users = list(cfg.evaluate.users)
     measured = read_effects(directory, list(cfg.variants), users)
     elsewhere = _elsewhere(cfg, scenes, pool, added)
-    pictures = np.concatenate([here, patched, *elsewhere.values()])
+    pictures = np.concatenate([here, placebos, mosaics, *elsewhere.values()])
     images, everywhere = pictures.reshape(-1, *pictures.shape[2:]), np.tile(z, (len(pictures), 1, 1))
     permuted, untrained = _permuted(cfg, users, here, z), _untrained(cfg, users, here, z)
     found, own = {}, {}
     for variant, p in ask(cfg, users, images, everywhere, "refute").items():
         p = p.reshape(*p.shape[:2], *pictures.shape[:2], -1)  # (user, seed, table, scene, path)
-        now, patch, others = np.split(p, [len(here), len(here) + len(patched)], axis=2)
+        now, patch, pieces, others = np.split(p, np.cumsum([len(here), len(placebos), len(mosaics)]), axis=2)
         own[variant] = _effects(now)
         near_nothing = mean_over(now[:, :, 1:], far) - mean_over(now[:, :, :1], far)
         found[variant] = {
             **({"permuted": _effects(permuted[variant])} if variant in permuted else {}),
             "untrained": _effects(untrained[variant]),
             "placebo": _effects(np.concatenate([now[:, :, :1], patch], axis=2)),
+            "mosaic": _effects(np.concatenate([now[:, :, :1], pieces], axis=2)),
             "far": np.moveaxis(near_nothing[..., np.isfinite(near_nothing).all((0, 1, 2))], 2, 1),
             **{
                 f"other_table/{top}": _effects(other) - own[variant]
                 for top, other in zip(elsewhere, np.split(others, len(elsewhere), axis=2), strict=True)
             },
         }
-    write_arrays(out_dir / "placebos.npz", {"images": patched})
+    write_arrays(out_dir / "placebos.npz", {"placebo": placebos, "mosaic": mosaics})
     write_json(out_dir / "metrics.json", _metrics(cfg, users, found, own, measured, added.item))
+
+
+def _patches(cfg: DictConfig, tables: np.ndarray, name: str, piece: int) -> np.ndarray:
+    """Each symbol's placebos (symbol, scene, 100, 100, 3); tables (1 + symbol, ...): the first without an item."""
+    rng = stream(cfg.refute.generator, name)
+    return np.stack([placebo(rng, tables[0], with_item, piece) for with_item in tables[1:]])
 
 
 def _check_items(added: Added) -> None:
@@ -162,13 +168,13 @@ def _metrics(
             count = Counter(c["verdict"] for c in cells)
             scenes = {"cells": len(cells), "scenes": effects.shape[-1]}
             tallies.setdefault(name, {})[variant] = {v: count[v] for v in VERDICTS} | scenes
-    pooled = {v: judge(by_refuter["placebo"].mean(1)) for v, by_refuter in found.items()}
+    pooled = {kind: {v: judge(of[kind].mean(1)) for v, of in found.items()} for kind in ("placebo", "mosaic")}
     return {
         "order": [name for kind in REFUTERS for name in refuted if name.partition("/")[0] == kind],
         "said": {name: asdict(refuter) for name, refuter in REFUTERS.items()},
         "refuters": refuted,
         "tallies": tallies,
-        "placebo": {v: dict(zip(users, cells, strict=True)) for v, cells in pooled.items()},
+        **{kind: {v: dict(zip(users, cells, strict=True)) for v, cells in of.items()} for kind, of in pooled.items()},
         "items_alone": {
             v: {u: round(float(e), DIGITS) for u, e in zip(users, effects.mean((1, 2, 3)), strict=True)}
             for v, effects in own.items()

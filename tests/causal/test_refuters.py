@@ -21,6 +21,24 @@ def test_a_placebo_has_the_items_pixels_in_the_items_place_and_touches_nothing_e
     np.testing.assert_array_equal(placebo(rng, before, before), before)
 
 
+def test_a_mosaic_keeps_its_pieces_whole():
+    """Inside by squares, at the rim pixel by pixel; every pixel of the item is there again."""
+    rng = np.random.default_rng(1)
+    before = np.zeros((1, 100, 100, 3), np.uint8)
+    after = before.copy()
+    after[0, 21:40, 30:51] = rng.integers(1, 256, (19, 21, 3), dtype=np.uint8)
+    (patched,) = placebo(rng, before, after, piece=2)
+    assert sorted(map(tuple, patched.reshape(-1, 3))) == sorted(map(tuple, after[0].reshape(-1, 3)))
+    np.testing.assert_array_equal(patched.any(-1), after[0].any(-1))
+
+    def squares(picture: np.ndarray) -> list[bytes]:
+        inside = picture[22:40, 30:50]  # squares on even pixels that the item fills
+        return sorted(inside[y : y + 2, x : x + 2].tobytes() for y in range(0, 18, 2) for x in range(0, 20, 2))
+
+    assert squares(patched) == squares(after[0])
+    assert (patched[22:40, 30:50] != after[0, 22:40, 30:50]).any(-1).mean() > 0.9
+
+
 def test_a_mean_over_chosen_paths_leaves_the_others_out():
     p = np.array([[0.1, 0.3, 0.9], [0.2, 0.4, 0.6]])
     chosen = np.array([[True, True, False], [False, False, False]])

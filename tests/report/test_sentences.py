@@ -221,6 +221,11 @@ def test_a_refuter_that_finds_nothing_is_said_to_find_nothing(results: Results):
     for by_user in found["placebo"].values():
         for cell in by_user.values():
             cell["verdict"] = "no effect"
+    _, _, mosaic, _, _ = refutation(replace(results, refutation=found))
+    assert mosaic.startswith("A patch with an item's outline made of its pieces still moves the full model")
+    for by_user in found["mosaic"].values():
+        for cell in by_user.values():
+            cell["verdict"] = "no effect"
     found["items"]["full"] = {"same": 6, "cells": 8, "items": 2}
     said = refutation(replace(results, refutation=found))
     assert len(said) == 4 and said[-1].endswith("verdicts change of the full model (2).")

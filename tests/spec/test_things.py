@@ -51,6 +51,28 @@ def test_a_capsule_is_recovered_from_its_points(radius, half_length, angle, x, y
     assert elongation >= 1
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.05])
+@pytest.mark.parametrize("wide", [2, 3, 4])  # pixels
+def test_what_has_an_order_is_a_thing_and_its_pixels_shuffled_are_none(wide: int, noise: float):
+    """A disc of rings, red and white in turn."""
+    rng = np.random.default_rng(wide)
+    image = picture().astype(float) / 255
+    away = np.hypot(*(np.mgrid[:SIDE, :SIDE] - 50.0))
+    disc = away < 8
+    image[disc] = np.where((away // wide % 2 == 0)[..., None], RED, WHITE)[disc]
+    shuffled = image.copy()
+    shuffled[disc] = rng.permutation(image[disc])
+    seen = (to_pixels(x + noise * rng.standard_normal(x.shape)) for x in (image, shuffled))
+    assert [int(find(to_tensor(x[None])).present.sum()) for x in seen] == [1, 0]
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.1])
+def test_a_thing_of_one_colour_is_one_however_noisy(noise: float):
+    image = picture((0.5, 0.5, 0.08, RED), grain=0.0) / 255
+    noisy = to_pixels(image + noise * np.random.default_rng(0).standard_normal(image.shape))
+    assert find(to_tensor(noisy[None])).present.sum() == 1
+
+
 def test_discs_are_found_where_they_are_largest_first():
     things = find(to_tensor(picture(*DISCS)[None]))
     assert things.present[0].sum() == 2
@@ -174,7 +196,7 @@ def test_a_disc_with_a_thin_handle_is_one_thing():
 def test_a_table_that_changes_towards_its_edge_does_not_stand_out_there():
     from_top = np.arange(SIDE)
     colour = np.array([1.0, 0.3, -1.0])[:, None, None] * (0.01 * np.maximum(24 - from_top, 0))[:, None]
-    *_, plain = contrasts(np.broadcast_to(0.4 + colour, (3, SIDE, SIDE)).astype(np.float32))
+    *_, plain, _ = contrasts(np.broadcast_to(0.4 + colour, (3, SIDE, SIDE)).astype(np.float32))
     assert plain[:3].max() < 0.02  # of .35 between the edge and the middle
 
 

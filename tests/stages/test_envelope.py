@@ -10,7 +10,7 @@ import yaml
 from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.files import read_json
-from pipeline.artifacts.scenes import SceneSet, write_scenes
+from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool, write_scenes
 from pipeline.artifacts.trained import load_model
 from pipeline.params import compose
 from pipeline.spec.registry import build
@@ -28,7 +28,10 @@ VARIANTS = ("full", "path")
 
 @pytest.fixture(scope="module")
 def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
-    """Ten sparse scenes, as they are and with one more item, and untrained models of two variants and two seeds."""
+    """Ten sparse scenes, as they are and with one more item, and untrained models of two variants and two seeds.
+
+    Each seed's training scene holds three things; no picture of it is looked at.
+    """
     root = tmp_path_factory.mktemp("envelope")
     cfg = compose(["profile=smoke", "workers=1", "intervene.paths=2"])
     OmegaConf.set_struct(cfg, False)
@@ -40,7 +43,13 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     layouts = random_layouts(np.random.default_rng(0), SCENES, catalogue.footprints, catalogue.pool("unseen"), rules)
     look = pd.DataFrame({"texture": [catalogue.texture_names("train")[0]] * SCENES, "render_seed": range(SCENES)})
     images = render_scenes(layouts, list(look["texture"]), list(look["render_seed"]), Palette(catalogue))
-    write_scenes(root / "scenes", SceneSet({"new_items": images}, {"new_items": layouts}, {"new_items": look}))
+    full = LayoutRules((3,), (0.5, 0.5), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)
+    trained = random_layouts(np.random.default_rng(1), 2, catalogue.footprints, catalogue.pool("train"), full)
+    scenes = SceneSet({"new_items": images}, {"new_items": layouts}, {"new_items": look})
+    for i, seed in enumerate((0, 1)):
+        one, pool = slice(i, i + 1), train_pool(seed)
+        scenes.images[pool], scenes.layouts[pool], scenes.looks[pool] = images[one], trained[one], look[one]
+    write_scenes(root / "scenes", scenes)
     for variant in VARIANTS:
         for user in cfg.users:
             for seed in cfg.protocol.seeds:
@@ -183,3 +192,16 @@ def test_only_paths_that_do_not_keep_the_distances_yet_are_moved(cfg: DictConfig
 )
 def test_settings_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name: str, value, message: str):
     refuses(envelope.main, cfg, f"envelope.{name}", value, message, tmp_path / "out")
+
+
+def test_an_item_counts_once_however_many_training_scenes_show_it(cfg: DictConfig):
+    scenes = read_scenes(Path(cfg.paths.scenes))
+    shown = {s: set() for s in range(len(SYMBOLS))}
+    for seed in cfg.protocol.seeds:
+        layouts = scenes.layouts[train_pool(seed)]
+        for symbol, item in zip(layouts.symbol[layouts.present], layouts.item[layouts.present], strict=True):
+            shown[symbol].add(item)
+    expected = tuple(max(1, len(items)) for items in shown.values())
+    assert envelope._trained_items(scenes, cfg.protocol.seeds) == expected
+    assert envelope._trained_items(scenes, [0, 0, 1]) == expected
+    assert max(expected) > 1

@@ -43,13 +43,13 @@ def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_every_refuter_has_a_verdict_on_every_symbol_and_judged_user(cfg: DictConfig, out: Path):
     found, tops = read_json(out / "metrics.json"), read_catalogue(Path(cfg.paths.data)).texture_names("unseen")
     assert set(found["refuters"]["permuted"]) == {"path"}
-    for name in ("untrained", "placebo", "far", *(f"other_table/{top}" for top in tops)):
+    for name in ("untrained", "placebo", "mosaic", "far", *(f"other_table/{top}" for top in tops)):
         for variant in VARIANTS:
             assert set(found["refuters"][name][variant]) == set(cfg.evaluate.users)
             assert all(set(by_symbol) == set(SYMBOLS) for by_symbol in found["refuters"][name][variant].values())
             tally = found["tallies"][name][variant]
             assert tally["effect"] + tally["no effect"] + tally["inconclusive"] == tally["cells"] == 8
-    assert set(found["placebo"]["path"]) == set(cfg.evaluate.users)
+    assert set(found["placebo"]["path"]) == set(found["mosaic"]["path"]) == set(cfg.evaluate.users)
     assert found["halves"]["path"]["scenes"] == SCENES
     assert found["items"]["path"]["cells"] == 8 >= found["items"]["path"]["same"]
     assert found["items"]["path"]["items"] >= 2
@@ -63,16 +63,17 @@ def test_one_item_alone_of_a_symbol_is_refused(cfg: DictConfig):
         refute._check_items(added)
 
 
-def test_an_untrained_path_model_shows_no_effect_a_convinced_one_of_a_placebo_too_but_not_from_afar(out: Path):
-    """To it whatever lies there is a thing, so a placebo is one as well."""
+def test_a_convinced_path_model_minds_a_mosaic_but_no_placebo_and_nothing_far_an_untrained_one_nothing(out: Path):
+    """Whatever has an order and lies there is a thing to it."""
     found = read_json(out / "metrics.json")["refuters"]
     effect = {
         name: np.mean([cell["effect"] for by_symbol in found[name]["path"].values() for cell in by_symbol.values()])
-        for name in ("untrained", "placebo", "far")
+        for name in ("untrained", "placebo", "mosaic", "far")
     }
-    assert effect["placebo"] < -0.02
+    assert effect["mosaic"] < -0.02
+    assert abs(effect["placebo"]) < 0.01
     assert abs(effect["untrained"]) < 1e-3
-    assert abs(effect["far"]) < 0.5 * abs(effect["placebo"])
+    assert abs(effect["far"]) < 0.5 * abs(effect["mosaic"])
 
 
 def test_permuted_labels_are_the_same_ones_in_another_order_another_for_each_user_and_seed(
@@ -138,7 +139,10 @@ def test_items_meet_the_cells_of_their_own_symbol(monkeypatch):
 
 
 def test_a_placebo_is_pictured_for_every_symbol_and_scene(out: Path):
-    assert read_arrays(out / "placebos.npz")["images"].shape == (len(SYMBOLS), 4, 100, 100, 3)
+    pictures = read_arrays(out / "placebos.npz")
+    assert {name: of.shape for name, of in pictures.items()} == dict.fromkeys(
+        ("placebo", "mosaic"), (len(SYMBOLS), 4, 100, 100, 3)
+    )
 
 
 def test_a_second_run_on_two_workers_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):

@@ -52,11 +52,13 @@ def draw(
     return figure
 
 
-def draw_placebos(added: UInt8[Array, "symbol 100 100 3"], placebos: UInt8[Array, "symbol 100 100 3"]) -> Figure:
-    """One scene with each symbol added, above; the same pixels shuffled, below."""
-    figure = Figure((5.2, 2.9), layout="constrained")
-    axes = figure.subplots(2, len(SYMBOLS))
-    for row, pictures, label in zip(axes, (added, placebos), ("item", "placebo"), strict=True):
+def draw_placebos(
+    added: UInt8[Array, "symbol 100 100 3"], placebos: Mapping[str, UInt8[Array, "symbol 100 100 3"]]
+) -> Figure:
+    """One scene with each symbol added, above; its pixels, or pieces, shuffled, below."""
+    figure = Figure((5.2, 1.45 * (1 + len(placebos))), layout="constrained")
+    axes = figure.subplots(1 + len(placebos), len(SYMBOLS))
+    for row, (label, pictures) in zip(axes, {"item": added, **placebos}.items(), strict=True):
         for ax, picture, symbol in zip(row, pictures, SYMBOLS, strict=True):
             draw_scene(ax, picture, ends=False)
             ax.set_title(f"+ {symbol}" if label == "item" else "")

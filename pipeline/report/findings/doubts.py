@@ -36,7 +36,9 @@ def doubts(results: Results) -> list[str]:
         f"By missing it. An effect of {weak} is called one in {percent(own['power'][weak]['effect'])} of the cases, so "
         "“inconclusive” is no “no effect”.",
         "By the table or the camera. Other things than items stand out on it, its top is unlike these, or the picture "
-        f"is blurred or noisy (“Worse pictures”); {elsewhere}.",
+        f"is blurred or noisy (“Worse pictures”); {elsewhere}."
+        + " What differs from pixel to pixel as shuffled pixels do is no thing to this model: were there an obstacle "
+        "of that look, it would not be seen." * (best in WORLDS_OWN),
         f"By the items, if unlike these. The intervals speak of other scenes with these "
         f"{counted(items['items'], 'item')} of a symbol or more; from item to item {items['same']} of {items['cells']} "
         "verdicts stay.",

@@ -3,11 +3,16 @@
 from pipeline.report.results import Results
 from pipeline.report.wording import counted, listed, percent, refuter_label, signed, variant_phrase
 
+PATCHES = {  # refuters that show a patch, and how it is made
+    "placebo": "and its pixels shuffled",
+    "mosaic": "made of its pieces",
+}
+
 
 def refutation(results: Results) -> list[str]:
     """Answers kept apart: is the machinery sound, and does the effect survive; then placebos, halves and items."""
     questions = dict.fromkeys(results.refuter(name)["asks"] for name in results.refuters)
-    return [*(_answer(results, q) for q in questions), *_worst_placebo(results), _halves(results), _items(results)]
+    return [*(_answer(results, q) for q in questions), *_placebos(results), _halves(results), _items(results)]
 
 
 def _answer(results: Results, question: str) -> str:
@@ -43,24 +48,27 @@ def _aside(results: Results, refuter: str, left: int) -> str:
     return f" (of all {total} cells {listed(said)})" if said else ""
 
 
-def _worst_placebo(results: Results) -> list[str]:
-    """The variants that take a patch of pixels for an item, by the pooled effect of all symbols' placebos."""
-    fooled = {
-        v: {u: c for u, c in results.refutation["placebo"][v].items() if c["verdict"] == "effect"}
-        for v in results.variants
-    }
-    said = []
-    for variant, cells in fooled.items():
-        by_user = [f"{user} {signed(c['effect'])}{_beside(results, variant, user)}" for user, c in cells.items()]
-        said += [f"{variant_phrase(variant)} ({listed(by_user)})"] * bool(cells)
-    if not said:
+def _placebos(results: Results) -> list[str]:
+    """The variants that take a patch for an item, by the pooled effect of all symbols' patches."""
+    moved = {kind: _moved(results, kind) for kind in PATCHES}
+    parts = [f"{PATCHES[kind]} still moves {listed(said)}" for kind, said in moved.items() if said]
+    if not parts:
         return []
     return [
-        f"A patch with an item's outline and its pixels shuffled still moves {listed(said)}, all symbols' placebos "
-        "taken together (in brackets the effect of the items themselves). Such a model has learned that something "
-        "lying there matters, and would mind a stain of that outline as well; its effects hold for tables on which "
-        f"whatever stands out is an item.{_mistaken(results)}"
+        f"A patch with an item's outline {'; one '.join(parts)}, all symbols' patches taken together (in brackets the "
+        "effect of the items themselves). Such a model has learned that something lying there matters, and would mind "
+        "a stain of that outline as well; its effects hold for tables on which whatever stands out is an item."
+        + "".join(_mistaken(results, kind) for kind in PATCHES)
     ]
+
+
+def _moved(results: Results, kind: str) -> list[str]:
+    said = []
+    for variant in results.variants:
+        cells = {u: c for u, c in results.refutation[kind][variant].items() if c["verdict"] == "effect"}
+        by_user = [f"{user} {signed(c['effect'])}{_beside(results, variant, user)}" for user, c in cells.items()]
+        said += [f"{variant_phrase(variant)} ({listed(by_user)})"] * bool(cells)
+    return said
 
 
 def _beside(results: Results, variant: str, user: str) -> str:
@@ -68,16 +76,16 @@ def _beside(results: Results, variant: str, user: str) -> str:
     return f" ({signed(results.refutation['items_alone'][variant][user])})"
 
 
-def _mistaken(results: Results) -> str:
-    """Placebos of symbols that a user does not mind, and that a model takes for one that he does."""
+def _mistaken(results: Results, kind: str) -> str:
+    """Patches made of symbols that a user does not mind, and that a model takes for one that he does."""
     cells = [
         f"{symbol} for the {user} user ({variant_phrase(variant)}, {signed(c['effect'])})"
-        for variant, by_user in results.refutation["refuters"]["placebo"].items()
+        for variant, by_user in results.refutation["refuters"][kind].items()
         for user, by_symbol in by_user.items()
         for symbol, c in by_symbol.items()
         if c["verdict"] == "effect" and results.envelope["oracle"][user][symbol]["truth_m"] is None
     ]
-    lead = "Shuffled from items that a user does not mind, and taken for what he minds"
+    lead = f"{refuter_label(kind)}, made of an item that a user does not mind and taken for what he minds"
     return f" {lead}: {listed(cells)}." if cells else ""
 
 

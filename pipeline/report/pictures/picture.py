@@ -1,6 +1,6 @@
 """One figure with its two texts, and the arrays that figures are drawn from."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from jaxtyping import Bool, Float, Int, UInt8
@@ -50,7 +50,7 @@ class Drawn:
     whole: UInt8[Array, "example 100 100 3"]  # scenes of the worked counterfactuals
     without: UInt8[Array, "example slot 100 100 3"]  # ... without each item
     disturbed: dict[str, UInt8[Array, "100 100 3"]]  # one scene as it is, then under each disturbance
-    placebos: UInt8[Array, "symbol 100 100 3"]
+    placebos: Mapping[str, UInt8[Array, "symbol 100 100 3"]]  # by refuter
     added_texts: list[str]  # below the scene as it is and each added item
     added_user: str
     smallest: float  # smallest effect of interest
