@@ -24,5 +24,5 @@ def as_from_other_items(values: Float[Array, "seed item"], trained: int) -> Floa
     Both are drawn from the items of the symbol: of a mean over n items, the variance over items is 1 / n + 1 / trained
     of one item's where training sets tell what they make of an item from how it differs from theirs. The mean stays.
     """
-    by_item, n = values.mean(0), values.shape[1]
-    return values + (np.sqrt(1 + n / trained) - 1) * (by_item - by_item.mean())
+    of_item, n = values.mean(0), values.shape[1]
+    return values + (np.sqrt(1 + n / trained) - 1) * (of_item - of_item.mean())

@@ -72,10 +72,10 @@ def study(
 
     item: which one was added; trained: items of the symbol that the training sets share. NaN: a dose missing in a
     scene. There is an envelope if the drop in contact is an effect (Holm over the family) and makes paths less valid;
-    the verdict is reached with Student's test, items in place of scenes.
+    the verdict is reached with Student's test, items in place of scenes and those shared counted as in the radius.
     """
     by_cell = [by_item(*one) for one in zip(drop, item, strict=True)]
-    contacts = [_estimate(d[..., 0]) for d in by_cell]
+    contacts = [_estimate(d[..., 0], items) for d, items in zip(by_cell, trained, strict=True)]
     adjusted = holm(np.array([c.p[0] for c in contacts]))
     cells, curves = [], []
     for i, (contact, p_holm, margin) in enumerate(zip(contacts, adjusted, margins, strict=True)):
@@ -84,7 +84,7 @@ def study(
         cells.append(_cell(envelope, margin, contact.effect[0], p_holm) | {"verdict": found})
         truth = by_item(true_drop[i][None], item[i])[0]
         scenes = (~np.isnan(true_drop[i])).sum(0)
-        curves.append(_curve(by_cell[i], truth, grid) | {"scenes": scenes.tolist()})
+        curves.append(_curve(by_cell[i], truth, grid, trained[i]) | {"scenes": scenes.tolist()})
     return cells, curves
 
 
@@ -138,10 +138,13 @@ def _rounded(value: float) -> float:
 
 
 def _curve(
-    drop: Float[Array, "seed item dose"], true_drop: Float[Array, "item dose"], grid: Float[Array, " dose"]
+    drop: Float[Array, "seed item dose"],
+    true_drop: Float[Array, "item dose"],
+    grid: Float[Array, " dose"],
+    trained: int | None,
 ) -> dict[str, list]:
     """Mean drop, its 95 % interval and the truth's by dose, over the items of which it was asked."""
-    by_dose = [_estimate(drop[..., k]) for k in range(len(grid))]
+    by_dose = [_estimate(drop[..., k], trained) for k in range(len(grid))]
     numbers = {
         "clearance_m": grid,
         "drop": [e.effect[0] for e in by_dose],
@@ -176,7 +179,5 @@ def nearest_plans(room: Float[Array, " plan"]) -> dict[str, float | int | None]:
     return {
         "plans": len(room),
         "valid": _rounded((room > 0).mean()),
-        "short_m": _rounded(
-            max(0.0, -np.quantile(np.minimum(room, 1.0), 0.01))
-        ),  # none is short where nothing is minded: inf
+        "short_m": _rounded(max(0.0, -np.quantile(np.minimum(room, 1.0), 0.01))),  # inf: nothing is minded there
     }

@@ -36,15 +36,15 @@ def detectable(effects: Float[Array, "cell seed scene"]) -> Float[Array, " cell"
 def scenes_to_settle(effects: Float[Array, "cell seed scene"]) -> list[int | None]:
     """How many scenes each cell would need for a verdict, if its effect and its chances stayed as they are.
 
-    The error over n scenes is that of its variance components and of `with_rare_scenes`; None where the seeds alone
-    keep it too wide.
+    The error over n scenes is nearly that of its variance components and of `with_rare_scenes`; None where the seeds
+    alone keep it too wide.
     """
     cells, seeds, scenes = effects.shape
     by_seed, by_scene, rest = mean_squares(effects)
     of_seeds = np.maximum(by_seed - rest, 0.0) / (scenes * seeds)  # of the mean's variance, whatever the scenes
     per_scene = np.maximum(by_scene, rest) / seeds  # of one scene
     added = 2 * float(rare(effects)) ** 2  # v / n + added / n^2 is what n scenes leave of a scene's variance v
-    size, (_, freedom) = np.abs(effects.mean((1, 2))), crossed_error(effects)
+    size, (_, freedom) = np.abs(effects.mean((1, 2))), crossed_error(with_rare_scenes(effects))
     equivalent = (SMALLEST_EFFECT - size) / stdtrit(freedom, 0.95)
     found = size / stdtrit(freedom, 1 - LEVEL / (2 * cells))
     allowed = np.where(size > SMALLEST_EFFECT, found, equivalent) ** 2  # variance of the mean

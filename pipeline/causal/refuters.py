@@ -50,7 +50,7 @@ REFUTERS = {
         "A small p means that the model reacts to something of that outline lying there, not to what it is.",
     ),
     "mosaic": Refuter(
-        f"the same with pieces of {PIECE} by {PIECE} pixels, each kept whole",
+        f"the same, pieces of {PIECE} by {PIECE} pixels kept whole where one fits in, single pixels elsewhere",
         EFFECT,
         "A mosaic of an item's pieces that shows no item has no effect.",
         "A small p means that the model takes for an item what looks like one closely and not as a whole.",
@@ -126,7 +126,8 @@ def halves(
 def stays_over_items(effects: Float[Array, "cell seed scene"], item: Int[Array, "cell scene"]) -> Bool[Array, " cell"]:
     """Whether each verdict stays if items (`item`: which one was added) take the place of scenes as a source of chance.
 
-    An effect has to hold from item to item then, and not only for these items in other scenes.
+    An effect has to hold from item to item then, and not only for these items in other scenes. Items are too few for
+    `with_rare_scenes`.
     """
     clustered = [by_item(e[..., None], i)[None, ..., 0] for e, i in zip(effects, item, strict=True)]
     return np.array(_verdicts(with_rare_scenes(effects))) == _verdicts(*clustered)

@@ -27,7 +27,7 @@ class Regime:
     by_scene: float
     rest: float
     skewed: bool = False  # seeds and scenes exponentially distributed instead of normally
-    seldom: float = 0.0  # share of the scenes in which all of their chance lies, one value each; 0: in all of them
+    seldom: float = 0.0  # share of the scenes in which the scenes' chance lies, then the same in each; 0: in all
 
 
 def observed(effects: Float[Array, "cell seed scene"]) -> Regime:

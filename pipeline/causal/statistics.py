@@ -16,6 +16,7 @@ from scipy.special import stdtr, stdtrit  # Student's t; scipy.stats takes most 
 SMALLEST_EFFECT = 0.05  # smallest effect of interest, on the scale of P(valid)
 LEVEL = 0.05  # family-wise level of the tests, and of each one-sided test of equivalence
 RARE = 0.5  # of the furthest that a family's scene lies from its cell's mean: how far scenes not met are expected
+ENOUGH = 20  # scenes; two more beside fewer would be too large a part of the sample, and make intervals narrower
 VERDICTS = ("effect", "no effect", "inconclusive")
 
 
@@ -35,11 +36,7 @@ class Estimates:
 
 def estimate(effects: Float[Array, "cell seed scene"]) -> Estimates:
     """Mean effect of each cell, and Student's intervals and p-values around it with `crossed_error`'s error."""
-    if effects.ndim != 3 or 0 in effects.shape or effects.shape[2] < 2 or not np.isfinite(effects).all():
-        raise ValueError(
-            f"effects of shape {effects.shape}, {np.isnan(effects).sum()} of them NaN: expected finite numbers "
-            "(cell, seed, scene) of at least two scenes; check the models' predictions"
-        )
+    _check(effects)
     effects = np.asarray(effects, dtype=np.float64)
     mean, by_seed = effects.mean((1, 2)), effects.mean(2)
     error, freedom = crossed_error(effects)
@@ -55,16 +52,31 @@ def with_rare_scenes(effects: Float[Array, "*family cell seed scene"]) -> Float[
 
     What a model does in a few scenes of one cell it may do in others more rarely than once in so many scenes. A cell
     whose scenes happen to agree would else be sure of its mean: so zeros and ones agree in a sample of a rare event,
-    and Agresti and Coull (1998) add two of each. How far: RARE of the family's furthest. For means of many scenes.
+    and Agresti and Coull (1998) add two of each. How far: RARE of the family's furthest. Fewer scenes than ENOUGH stay
+    as they are.
     """
+    _check(effects)
+    if effects.shape[-1] < ENOUGH:
+        return effects
     middle, away = effects.mean(-1, keepdims=True), rare(effects)[..., None, None, None]
     return np.concatenate([effects, middle - away, middle + away], axis=-1)
 
 
 def rare(effects: Float[Array, "*family cell seed scene"]) -> Float[Array, "*family"]:
-    """How far from its cell's mean a scene is expected that was not met."""
+    """How far from its cell's mean a scene is expected that was not met; 0 if too few were."""
+    if effects.shape[-1] < ENOUGH:
+        return np.zeros(effects.shape[:-3])
     by_scene = effects.mean(-2)
     return np.asarray(RARE * np.abs(by_scene - by_scene.mean(-1, keepdims=True)).max((-2, -1)))
+
+
+def _check(effects: Float[Array, "*family cell seed scene"]) -> None:
+    """Raise ValueError unless these are numbers from which an error can be estimated."""
+    if effects.ndim < 3 or 0 in effects.shape or effects.shape[-1] < 2 or not np.isfinite(effects).all():
+        raise ValueError(
+            f"effects of shape {effects.shape}, {np.isnan(effects).sum()} of them NaN: expected finite numbers "
+            "(cell, seed, scene) of at least two scenes; check the models' predictions"
+        )
 
 
 def ratio(parts: Float[Array, "cell seed scene"], wholes: Float[Array, "cell seed scene"]) -> Estimates:

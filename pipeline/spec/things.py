@@ -87,7 +87,7 @@ class _Thing(NamedTuple):
     radius: float  # [m]
     features: Float[Array, " feature"]
     fit: float  # intersection of the thing and its capsule over their union
-    disorder: float  # mean square by which its pixels miss their neighbours' mean, over their variance
+    disorder: float  # how far its pixels, a rim included, are from their neighbours' mean: square over their variance
 
 
 @lru_cache(maxsize=4096)  # of 30 kB each; every model looks at the same pictures
@@ -121,7 +121,7 @@ def _found(picture: bytes) -> list[_Thing]:
         here = ndimage.binary_dilation(here, np.ones((3, 3)))
         disorder = apart[here].mean() / colours[:, here].var(1).sum()
         found.append(_Thing(np.stack([centre - along, centre + along]), radius, features, fit, disorder))
-    ordered = [thing for thing in _off_pattern(found) if thing.disorder < DISORDER]
+    ordered = [thing for thing in _off_pattern(found) if not thing.disorder >= DISORDER]
     return sorted(ordered, key=lambda thing: -thing.features[0])[:MOST]
 
 
@@ -159,8 +159,8 @@ def contrasts(
     lit = narrow - (1 - DARKER) * table[:, None, None] * darkening
     plain = np.linalg.norm(narrow, axis=0)
     white = whitening(narrow)
-    edge, colours = np.linalg.norm(np.tensordot(white, lit, 1), axis=0), np.tensordot(white, narrow + finer, 1)
-    return _deviations(wide, wide), edge, _deviations(thin, thin), plain, colours
+    edge, colours = _deviations(lit, white), np.tensordot(white, narrow + finer, 1)
+    return _deviations(wide, whitening(wide)), edge, _deviations(thin, whitening(thin)), plain, colours
 
 
 def _apart(colours: Difference) -> Float[Array, "row column"]:
@@ -169,9 +169,9 @@ def _apart(colours: Difference) -> Float[Array, "row column"]:
     return apart - np.median(apart)
 
 
-def _deviations(difference: Float[Array, "3 row column"], varies: Float[Array, "3 row column"]) -> Deviations:
-    """Mahalanobis distance of each pixel's difference from 0, under the covariance by which the table `varies`."""
-    return np.linalg.norm(np.tensordot(whitening(varies), difference, 1), axis=0)
+def _deviations(difference: Difference, white: Float[Array, "3 3"]) -> Deviations:
+    """Mahalanobis distance of each pixel's difference from 0, under the variation that is 1 once whitened."""
+    return np.linalg.norm(np.tensordot(white, difference, 1), axis=0)
 
 
 def _drift(difference: Float[Array, "3 row column"], block: int, window: int) -> Float[Array, "3 row column"]:

@@ -78,7 +78,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 
 def _patches(cfg: DictConfig, tables: np.ndarray, name: str, piece: int) -> np.ndarray:
-    """Each symbol's placebos (symbol, scene, 100, 100, 3); tables (1 + symbol, ...): the first without an item."""
+    """Each symbol's patches (symbol, scene, 100, 100, 3); tables (1 + symbol, ...): the first without an item."""
     rng = stream(cfg.refute.generator, name)
     return np.stack([placebo(rng, tables[0], with_item, piece) for with_item in tables[1:]])
 

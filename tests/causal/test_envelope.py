@@ -154,6 +154,17 @@ def test_an_envelope_needs_an_effect_in_contact_that_makes_paths_less_valid():
     assert curves[0]["scenes"] == [30] * DOSES
 
 
+def test_each_cells_interval_counts_the_items_of_its_own_symbol():
+    g, item = rng(6), np.arange(60) % 6
+    drop = np.stack([responses(g, 0.002, 0.003, margin=MARGIN + 0.004 * g.normal(size=6)[item][:, None])] * 2)
+    truth, items = np.zeros((2, 60, DOSES)), np.tile(item, (2, 1))
+    cells, curves = study(drop, truth, items, [2, 20], [MARGIN] * 2, GRID)
+    assert cells[0]["radius_m"] == cells[1]["radius_m"]
+    for wider, of in ((cells[0], cells[1]), (curves[0], curves[1])):
+        assert (np.array(wider["ci_high"]) - wider["ci_low"] >= np.array(of["ci_high"]) - of["ci_low"]).all()
+    assert cells[0]["ci_high"] - cells[0]["ci_low"] > 1.5 * (cells[1]["ci_high"] - cells[1]["ci_low"])
+
+
 def test_a_user_whom_nothing_bothers_has_no_envelope():
     item = np.arange(30)[None] % 6
     (cell,), _ = study(np.zeros((1, 10, 30, DOSES)), np.zeros((1, 30, DOSES)), item, [6], [None], GRID)
@@ -166,6 +177,7 @@ def test_plans_that_keep_no_more_than_an_envelope_are_short_by_what_99_in_100_la
     found = nearest_plans(room)
     assert found == {"plans": 100, "valid": 0.98, "short_m": pytest.approx(-np.quantile(room, 0.01), abs=1e-6)}
     assert nearest_plans(np.abs(room))["short_m"] == 0
+    assert nearest_plans(np.full(5, np.inf))["short_m"] == 0
     assert nearest_plans(np.empty(0)) == {"plans": 0, "valid": None, "short_m": 0.0}
 
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
+from pipeline.causal.interventions import judge
 from pipeline.causal.precision import POWER, detectable, scenes_to_settle, seed_by_seed
-from pipeline.causal.statistics import SMALLEST_EFFECT, estimate, holm, verdict
+from pipeline.causal.statistics import ENOUGH, SMALLEST_EFFECT
 
 
 def chances(rng: np.random.Generator, cells: int, scenes: int, by_scene: float, by_seed: float = 0.0) -> np.ndarray:
@@ -25,8 +26,7 @@ def test_an_effect_as_large_as_the_detectable_one_is_found_as_often_as_promised(
     for _ in range(400):
         effects = chances(rng, 12, 40, by_scene)
         effects[0] += detectable(chances(rng, 12, 40, by_scene)).mean()
-        e = estimate(effects)
-        found.append(verdict(e.effect[0], holm(e.p)[0], e.ci90_low[0], e.ci90_high[0]) == "effect")
+        found.append(judge(effects)[0]["verdict"] == "effect")
     assert abs(np.mean(found) - POWER) < 0.07
 
 
@@ -43,8 +43,7 @@ def test_a_verdict_is_settled_by_more_scenes_than_are_asked_for_and_left_open_by
         return effects + mean - effects.mean((1, 2), keepdims=True)
 
     def settled(mean: float, scenes: int) -> float:
-        found = [estimate(centred(mean, scenes)) for _ in range(40)]
-        said = [verdict(e.effect[0], holm(e.p)[0], e.ci90_low[0], e.ci90_high[0]) for e in found]
+        said = [judge(centred(mean, scenes))[0]["verdict"] for _ in range(40)]
         return float(np.mean([s != "inconclusive" for s in said]))
 
     for mean in (0.0, 0.03, 0.09):
@@ -64,6 +63,21 @@ def test_scenes_that_vary_less_than_the_rest_count_for_what_the_rest_does():
     allowed = (SMALLEST_EFFECT / student.ppf(0.95, (seeds - 1) * (scenes - 1))) ** 2
     needed = ceil(per_scene / allowed)
     assert scenes_to_settle(effects) == [needed] and needed > 2
+
+
+def test_a_cell_whose_scenes_agree_is_settled_by_as_many_as_its_family_needs_to_be_believed():
+    rng = np.random.default_rng(6)
+    family = chances(rng, 3, 100, 0.6)
+    family[0] = 0.0
+
+    def settled(scenes: int) -> bool:
+        few = family[:, :, :scenes].copy()
+        few[1, :, 0] += np.abs(family).max() - np.abs(few).max()  # as far as any goes, however few are drawn
+        return judge(few)[0]["verdict"] == "no effect"
+
+    needed = scenes_to_settle(family)[0]
+    assert needed is not None and 0.6 * needed > ENOUGH
+    assert settled(round(1.4 * needed)) and not settled(round(0.6 * needed))
 
 
 def test_more_scenes_do_not_settle_what_the_seeds_leave_open():

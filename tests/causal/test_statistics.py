@@ -12,6 +12,7 @@ from statsmodels.stats.multitest import multipletests
 from statsmodels.stats.weightstats import ttost_paired
 
 from pipeline.causal.statistics import (
+    ENOUGH,
     Estimates,
     crossed_error,
     estimate,
@@ -214,6 +215,19 @@ def test_scenes_not_met_cost_ordinary_effects_next_to_nothing(by_seed: float, by
 def test_where_all_scenes_of_a_family_agree_none_else_is_expected():
     effects = np.tile(rng(2).normal(size=(3, 4, 1)), (1, 1, 50))
     np.testing.assert_allclose(with_rare_scenes(effects), np.tile(effects[..., :1], (1, 1, 52)))
+
+
+def test_few_scenes_are_left_as_they_are_for_two_more_would_make_them_surer():
+    few, enough = crossed(4, 0.03, 0.1)[..., : ENOUGH - 1], crossed(4, 0.03, 0.1)[..., :ENOUGH]
+    assert with_rare_scenes(few) is few
+    plain, wider = estimate(enough), estimate(with_rare_scenes(enough))
+    assert ((wider.ci_high - wider.ci_low) / (plain.ci_high - plain.ci_low)).mean() > 0.98
+
+
+@pytest.mark.parametrize("scenes", [0, 1])
+def test_what_cannot_be_estimated_is_refused_before_scenes_are_added(scenes: int):
+    with pytest.raises(ValueError, match="at least two scenes"):
+        with_rare_scenes(np.zeros((3, 4, scenes)))
 
 
 def test_a_family_learns_from_its_own_scenes_alone():
