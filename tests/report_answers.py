@@ -11,7 +11,7 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.causal.interventions import judge
-from pipeline.causal.refuters import REFUTERS
+from pipeline.causal.refuters import PATCHES, REFUTERS
 from pipeline.table.layout import SYMBOLS
 
 SCENES = 4
@@ -88,7 +88,7 @@ def _accept(cfg: DictConfig) -> None:
 
 
 def _refute(cfg: DictConfig, rng: np.random.Generator) -> None:
-    """Noise alone, but for placebos, which move every model."""
+    """Noise alone, but for patches, which move every model."""
     folder, users = Path(cfg.paths.refute), list(cfg.evaluate.users)
     refuters: dict = {}
     names = [*(name for name in REFUTERS if name != "other_table"), "other_table/marble", "other_table/denim"]
@@ -96,23 +96,23 @@ def _refute(cfg: DictConfig, rng: np.random.Generator) -> None:
         if name == "permuted" and variant not in cfg.refute.permuted:
             continue
         effects = 0.01 * rng.standard_normal((len(users) * len(SYMBOLS), len(cfg.seeds), SCENES))
-        cells = iter(judge(effects - 0.2 * (name == "placebo")))
+        cells = iter(judge(effects - 0.2 * (name in PATCHES)))
         refuters.setdefault(name, {})[variant] = {user: {s: next(cells) for s in SYMBOLS} for user in users}
     tally = {"effect": 0, "no effect": 8, "inconclusive": 0, "cells": 8, "scenes": SCENES}
     tallies = {name: dict.fromkeys(cfg.variants, tally) for name in names}
     tallies["permuted"] = dict.fromkeys(cfg.refute.permuted, tally)
-    tallies["placebo"] = dict.fromkeys(cfg.variants, tally | {"effect": 8, "no effect": 0})
+    tallies |= {kind: dict.fromkeys(cfg.variants, tally | {"effect": 8, "no effect": 0}) for kind in PATCHES}
     fooled = {user: refuters["placebo"]["full"][user]["bowl"] | {"verdict": "effect"} for user in users}
     half = {"same": 0.9, "least": 0.6, "spread": 0.01, "scenes": SCENES}
     said = {name: asdict(refuter) for name, refuter in REFUTERS.items()}
     metrics = {"order": names, "said": said, "refuters": refuters, "tallies": tallies, "seeds": len(cfg.seeds)}
-    metrics |= {kind: dict.fromkeys(cfg.variants, fooled) for kind in ("placebo", "mosaic")}
+    metrics |= {kind: dict.fromkeys(cfg.variants, fooled) for kind in PATCHES}
     metrics |= {"halves": dict.fromkeys(cfg.variants, half)}
     stays = {"same": 8, "cells": 8, "items": 2}
     metrics["items"] = dict.fromkeys(cfg.variants, stays)
     metrics["items_alone"] = dict.fromkeys(cfg.variants, dict.fromkeys(users, -0.1))
     write_json(folder / "metrics.json", metrics)
-    patches = {name: _pictures(rng, len(SYMBOLS), 1) for name in ("placebo", "mosaic")}
+    patches = {name: _pictures(rng, len(SYMBOLS), 1) for name in PATCHES}
     write_arrays(folder / "placebos.npz", patches)
 
 

@@ -14,7 +14,7 @@ from numpy import ndarray as Array
 from pipeline.causal.clusters import by_item
 from pipeline.causal.statistics import estimate, holm, verdict, with_rare_scenes
 
-PIECE = 2  # pixels along a side of a mosaic's pieces
+PATCHES = {"placebo": 1, "mosaic": 2}  # refuters that show an item's shuffled pieces: pixels along a piece's side
 
 MACHINERY, EFFECT = "is the machinery sound", "does the effect survive"
 
@@ -50,7 +50,7 @@ REFUTERS = {
         "A small p means that the model reacts to something of that outline lying there, not to what it is.",
     ),
     "mosaic": Refuter(
-        f"the same, pieces of {PIECE} by {PIECE} pixels kept whole where one fits in, single pixels elsewhere",
+        f"the same with pieces of {PATCHES['mosaic']} by {PATCHES['mosaic']} pixels; single ones where none fits in",
         EFFECT,
         "A mosaic of an item's pieces that shows no item has no effect.",
         "A small p means that the model takes for an item what looks like one closely and not as a whole.",

@@ -172,7 +172,7 @@ def _check_answers(results: Results) -> None:
         raise _missing("what stage accept says of any variant", "accept")
     answers = {
         "efficiency": results.efficiency.get("accuracy", {}),
-        "refute": results.refutation.get("placebo", {}),
+        "refute": results.refutation.get("mosaic", {}),
         "robustness": results.robustness.get("undisturbed", {}).get("models", {}),
         "counterfactual": results.counterfactual.get("counterfactual", {}),
         "envelope": results.envelope.get("envelope", {}),

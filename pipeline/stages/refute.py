@@ -17,7 +17,7 @@ from pipeline.artifacts.files import read_arrays, write_arrays, write_json
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.artifacts.trained import ask, check_weights
 from pipeline.causal.interventions import DIGITS, by_user, expected_validity, judge
-from pipeline.causal.refuters import PIECE, REFUTERS, halves, mean_over, placebo, stays_over_items
+from pipeline.causal.refuters import PATCHES, REFUTERS, halves, mean_over, placebo, stays_over_items
 from pipeline.causal.statistics import VERDICTS
 from pipeline.errors import InputError
 from pipeline.fitting.trainers import Lesson, fit_and_ask
@@ -44,7 +44,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     _check_items(added)
     z = read_arrays(directory / "images.npz")["z_theta"][few]
     here = np.concatenate([scenes.images[pool][None, few], added.images[:, few]])  # (1 + symbol, scene, ...)
-    placebos, mosaics = _patches(cfg, here, "placebo", 1), _patches(cfg, here, "mosaic", PIECE)
+    patches = {kind: _patches(cfg, here, kind, piece) for kind, piece in PATCHES.items()}
     far = np.stack([clearance(placed[few], z)[..., 0] > cfg.refute.far_m for placed in added.placed])
 
     few_stay = "a length that paths of at least two scenes keep from each added item: lower it"
@@ -53,27 +53,29 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     users = list(cfg.evaluate.users)
     measured = read_effects(directory, list(cfg.variants), users)
     elsewhere = _elsewhere(cfg, scenes, pool, added)
-    pictures = np.concatenate([here, placebos, mosaics, *elsewhere.values()])
+    pictures = np.concatenate([here, *patches.values(), *elsewhere.values()])
     images, everywhere = pictures.reshape(-1, *pictures.shape[2:]), np.tile(z, (len(pictures), 1, 1))
     permuted, untrained = _permuted(cfg, users, here, z), _untrained(cfg, users, here, z)
     found, own = {}, {}
     for variant, p in ask(cfg, users, images, everywhere, "refute").items():
         p = p.reshape(*p.shape[:2], *pictures.shape[:2], -1)  # (user, seed, table, scene, path)
-        now, patch, pieces, others = np.split(p, np.cumsum([len(here), len(placebos), len(mosaics)]), axis=2)
+        now, *patched, others = np.split(p, np.cumsum([len(here), *map(len, patches.values())]), axis=2)
         own[variant] = _effects(now)
         near_nothing = mean_over(now[:, :, 1:], far) - mean_over(now[:, :, :1], far)
         found[variant] = {
             **({"permuted": _effects(permuted[variant])} if variant in permuted else {}),
             "untrained": _effects(untrained[variant]),
-            "placebo": _effects(np.concatenate([now[:, :, :1], patch], axis=2)),
-            "mosaic": _effects(np.concatenate([now[:, :, :1], pieces], axis=2)),
+            **{
+                kind: _effects(np.concatenate([now[:, :, :1], of], axis=2))
+                for kind, of in zip(patches, patched, strict=True)
+            },
             "far": np.moveaxis(near_nothing[..., np.isfinite(near_nothing).all((0, 1, 2))], 2, 1),
             **{
                 f"other_table/{top}": _effects(other) - own[variant]
                 for top, other in zip(elsewhere, np.split(others, len(elsewhere), axis=2), strict=True)
             },
         }
-    write_arrays(out_dir / "placebos.npz", {"placebo": placebos, "mosaic": mosaics})
+    write_arrays(out_dir / "placebos.npz", patches)
     write_json(out_dir / "metrics.json", _metrics(cfg, users, found, own, measured, added.item))
 
 
@@ -168,7 +170,7 @@ def _metrics(
             count = Counter(c["verdict"] for c in cells)
             scenes = {"cells": len(cells), "scenes": effects.shape[-1]}
             tallies.setdefault(name, {})[variant] = {v: count[v] for v in VERDICTS} | scenes
-    pooled = {kind: {v: judge(of[kind].mean(1)) for v, of in found.items()} for kind in ("placebo", "mosaic")}
+    pooled = {kind: {v: judge(of[kind].mean(1)) for v, of in found.items()} for kind in PATCHES}
     return {
         "order": [name for kind in REFUTERS for name in refuted if name.partition("/")[0] == kind],
         "said": {name: asdict(refuter) for name, refuter in REFUTERS.items()},

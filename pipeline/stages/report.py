@@ -11,6 +11,7 @@ from pipeline.artifacts.demos import read_demos
 from pipeline.artifacts.files import read_json, read_table, write_json
 from pipeline.artifacts.models import model_dir
 from pipeline.artifacts.scenes import read_scenes
+from pipeline.causal.refuters import PATCHES
 from pipeline.causal.statistics import SMALLEST_EFFECT
 from pipeline.errors import InputError
 from pipeline.exhibits.panel import panel_data
@@ -136,7 +137,7 @@ def _metrics(results: Results) -> dict:
         "repair": results.repair,
         "search": results.search,
         **{name: results.intervention[name] for name in ("interventions", "specifications", "verdicts")},
-        **{name: results.refutation[name] for name in ("refuters", "placebo", "halves", "tallies", "items")},
+        **{name: results.refutation[name] for name in ("refuters", *PATCHES, "halves", "tallies", "items")},
         "confounded": {name: results.confounding[name] for name in ("association", "interventions", "verdicts")},
         "robustness": {name: results.robustness[name] for name in ("undisturbed", "disturbed")},
         "misspecification": results.misspecification,

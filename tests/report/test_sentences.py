@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from pipeline.causal.refuters import PATCHES
 from pipeline.report.claims import claims
 from pipeline.report.figures.identification import draw
 from pipeline.report.findings.ablation import ablation
@@ -222,7 +223,9 @@ def test_a_refuter_that_finds_nothing_is_said_to_find_nothing(results: Results):
         for cell in by_user.values():
             cell["verdict"] = "no effect"
     _, _, mosaic, _, _ = refutation(replace(results, refutation=found))
-    assert mosaic.startswith("A patch with an item's outline made of its pieces still moves the full model")
+    assert mosaic.startswith(
+        "A patch with an item's outline and its pieces shuffled, a mosaic, still moves the full model"
+    )
     for by_user in found["mosaic"].values():
         for cell in by_user.values():
             cell["verdict"] = "no effect"
@@ -373,7 +376,8 @@ def test_the_summary_says_what_speaks_for_the_better_model_and_what_against_it(r
     promise = "accept on average 5.0\u00a0% on new scenes with unseen items (95 % interval 3.0–7.0, where nothing is"
     assert promise in said[-1]
     refuted, broken, promised = (copy.deepcopy(x) for x in (results.refutation, results.robustness, results.acceptance))
-    refuted["tallies"]["placebo"]["path"] |= {"effect": 0}
+    for kind in PATCHES:
+        refuted["tallies"][kind]["path"] |= {"effect": 0}
     for level in broken["disturbed"]["blur"]:
         level["models"]["path"] |= {"ci_high": 0.01}
     for by_rule in promised["acceptance"]["path"].values():

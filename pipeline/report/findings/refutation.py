@@ -3,9 +3,9 @@
 from pipeline.report.results import Results
 from pipeline.report.wording import counted, listed, percent, refuter_label, signed, variant_phrase
 
-PATCHES = {  # refuters that show a patch, and how it is made
+MADE = {  # patch -> how it is made
     "placebo": "and its pixels shuffled",
-    "mosaic": "made of its pieces",
+    "mosaic": "and its pieces shuffled, a mosaic,",
 }
 
 
@@ -50,15 +50,15 @@ def _aside(results: Results, refuter: str, left: int) -> str:
 
 def _placebos(results: Results) -> list[str]:
     """The variants that take a patch for an item, by the pooled effect of all symbols' patches."""
-    moved = {kind: _moved(results, kind) for kind in PATCHES}
-    parts = [f"{PATCHES[kind]} still moves {listed(said)}" for kind, said in moved.items() if said]
+    moved = {kind: _moved(results, kind) for kind in MADE}
+    parts = [f"{MADE[kind]} still moves {listed(said)}" for kind, said in moved.items() if said]
     if not parts:
         return []
     return [
         f"A patch with an item's outline {'; one '.join(parts)}, all symbols' patches taken together (in brackets the "
         "effect of the items themselves). Such a model has learned that something lying there matters, and would mind "
-        "a stain of that outline as well; its effects hold for tables on which whatever stands out is an item."
-        + "".join(_mistaken(results, kind) for kind in PATCHES)
+        "a stain of that look as well; its effects hold for tables on which whatever looks so is an item."
+        + "".join(_mistaken(results, kind) for kind in MADE)
     ]
 
 

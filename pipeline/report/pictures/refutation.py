@@ -33,8 +33,8 @@ def refuted_effects(results: Results, drawn: Drawn) -> Picture:
 def placebo_patches(drawn: Drawn) -> Picture:
     """What a placebo looks like."""
     caption = (
-        "An added item, its placebo (the same pixels, shuffled within the same outline) and a mosaic of its pieces. "
-        "Nothing stands there, so in truth neither changes any path's validity."
+        "An added item, its placebo (the same pixels, shuffled within the same outline) and a mosaic of its pieces "
+        "(single pixels where none fits in). Nothing stands there, so in truth neither changes any path's validity."
     )
     alt = (
         "A scene with a bowl, a plate, cutlery or a glass added, and below each the same patch with its pixels mixed, "

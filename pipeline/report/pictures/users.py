@@ -22,7 +22,7 @@ def envelopes(results: Results, shown: list[str]) -> Picture:
     alt = f"What an item takes from the chance that a path is valid, against clearance: {listed(parts)}."
     caption = (
         "Dose and response: what an added item takes from P(valid) of a path that is clear of everything else, by the "
-        "clearance at which it passes the item (bands: 95 % intervals over seeds and added items). Truth falls from 1 "
+        "clearance at which it passes the item (bands: 95 % intervals over seeds and items). Truth falls from 1 "
         "to 0 at the user's margin. Below the curves, the clearance at which half of the response is gone."
     )
     users = [u for u in results.users if any(c["truth_m"] is not None for c in found["envelope"][shown[0]][u].values())]
