@@ -56,7 +56,7 @@ def draw_placebos(
     added: UInt8[Array, "symbol 100 100 3"], placebos: Mapping[str, UInt8[Array, "symbol 100 100 3"]]
 ) -> Figure:
     """One scene with each symbol added, above; its pixels, or pieces, shuffled, below."""
-    figure = Figure((5.2, 1.45 * (1 + len(placebos))), layout="constrained")
+    figure = Figure((5.2, 1.1 * (1 + len(placebos))), layout="constrained")
     axes = figure.subplots(1 + len(placebos), len(SYMBOLS))
     for row, (label, pictures) in zip(axes, {"item": added, **placebos}.items(), strict=True):
         for ax, picture, symbol in zip(row, pictures, SYMBOLS, strict=True):

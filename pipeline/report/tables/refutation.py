@@ -24,7 +24,7 @@ def refuters(results: Results) -> Table:
 
 
 def refuted(results: Results) -> Table:
-    """Cells in which a refuter found an effect, by variant; verdicts of half of the scenes, and over items."""
+    """Cells in which a refuter found an effect, by variant; verdicts of half of the scenes."""
     found = results.refutation
     rows: list[list[str | Cell]] = []
     for variant in results.variants:
@@ -34,20 +34,16 @@ def refuted(results: Results) -> Table:
             left = f", {t['inconclusive']} open" if t and t["inconclusive"] else ""
             shown.append(NONE if t is None else f"{t['effect']} ({_significant(results, name, variant)}){left}")
         half = found["halves"][variant]
-        over_items = f"{found['items'][variant]['same']} of {found['items'][variant]['cells']}"
-        rows.append(
-            [variant_label(variant), *shown, f"{percent(half['same'])} ({percent(half['least'], 0)})", over_items]
-        )
+        rows.append([variant_label(variant), *shown, f"{percent(half['same'])} ({percent(half['least'], 0)})"])
     caption = (
         f"Of {_cells(results)} cells, a user and a symbol each, those in which a refuter finds an effect where there "
         "should be none, or on another table another effect: significant and larger than .05 (in brackets: p < .05 "
         "after Holm over these cells, however small); open: inconclusive "
         f"({counted(found['seeds'], 'seed')}, the first {counted(_scenes(results), 'scene')}). Half of the scenes: how "
         "often a random half of all that were intervened on leads to the verdict of all of them, on average over the "
-        "cells (and in the cell where it does least often). By item: verdicts that stay if items take the place of "
-        "scenes as a source of chance."
+        "cells (and in the cell where it does least often)."
     )
-    header = ["Variant", *(refuter_label(name) for name in results.refuters), "Half of the scenes", "By item"]
+    header = ["Variant", *(refuter_label(name) for name in results.refuters), "Half of the scenes"]
     return table("refuted", caption, header, rows)
 
 
