@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from pipeline import parallel
+from pipeline.runtime import parallel
 
 
 @pytest.fixture(autouse=True)

@@ -32,7 +32,7 @@ WAYS = {
     "eager": "each scene encoded once, eager",
     "stacked": "eight models in lanes",
 }
-UNITS = {"n": "demonstrations a scene", "scenes": "training scenes", "models": "models (seeds x users)"}
+UNITS = {"n_demos": "demonstrations a scene", "scenes": "training scenes", "models": "models (seeds x users)"}
 
 
 def main(benchmarks: Path, repro: Path) -> None:

@@ -15,15 +15,15 @@ import torch
 from numba import njit
 from torch.utils.data import DataLoader, TensorDataset
 
-from pipeline.parallel import one_thread
-from pipeline.spec.descent import Schedule
-from pipeline.spec.lanes import LANES, _add, outer, zeros
-from pipeline.spec.losses import Weights, equation_1
-from pipeline.spec.registry import build
-from pipeline.spec.specification import to_tensor
-from pipeline.spec.stacked import Convolution, Stack, allocate, fit_stack
-from pipeline.spec.training import fit
-from pipeline.spec.vae import VaeSpecification
+from pipeline.models.base import to_tensor
+from pipeline.models.registry import build
+from pipeline.models.vae.beta_vae import BetaVae
+from pipeline.models.vae.losses import Weights, equation_1
+from pipeline.runtime.parallel import one_thread
+from pipeline.training.loop import Schedule
+from pipeline.training.vae.engines.reference import fit
+from pipeline.training.vae.engines.simd import Convolution, Stack, allocate, fit_stack
+from pipeline.training.vae.engines.simd_kernels import LANES, _add, outer, zeros
 
 SCENES, N = 20, 9
 STEPS = 40  # a call: what comes before the first one is shared out among them, as in the stages
@@ -39,9 +39,9 @@ def training_set(scenes: int = SCENES, n: int = N):
     return images, rng.uniform(-0.2, 1.2, (scenes, n, 2)), np.arange(scenes * n).reshape(scenes, n) % 2 == 0
 
 
-def untrained(seed: int = 0) -> VaeSpecification:
+def untrained(seed: int = 0) -> BetaVae:
     model = build({"kind": "vae", "model": {}}, seed)
-    assert isinstance(model, VaeSpecification)
+    assert isinstance(model, BetaVae)
     return model
 
 

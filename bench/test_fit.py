@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from pipeline.table.bezier import P_F, P_INIT, basis, random_z_theta
-from pipeline.table.fit import _Batch, fit
-from pipeline.table.recordings import Hand, join, simulate
+from pipeline.world.bezier import P_F, P_INIT, basis, random_z_theta
+from pipeline.world.bezier_fit import _Batch, fit
+from pipeline.world.hand import Hand, join, simulate
 
 HAND = Hand(50.0, 0.002, 0.35, 0.2, 0.0007, (8.0, 12.0), 0.002, 0.1, 0.01)
 MANY, FEW = 1000, 10  # recordings fitted at once; one at a time

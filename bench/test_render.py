@@ -8,9 +8,9 @@ import pytest
 from PIL import Image
 
 from pipeline.params import compose
-from pipeline.table.items import Catalogue, read_catalogue
-from pipeline.table.layout import LayoutRules, Layouts, random_layouts
-from pipeline.table.render import Palette, render_scenes
+from pipeline.world.catalogue import Catalogue, read_catalogue
+from pipeline.world.layout import LayoutRules, Layouts, random_layouts
+from pipeline.world.render import Palette, render_scenes
 
 SCENES, SIDE = 50, 400
 

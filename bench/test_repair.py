@@ -5,18 +5,18 @@ import time
 import numpy as np
 import pytest
 import torch
-
-from pipeline.parallel import one_thread
-from pipeline.params import compose
-from pipeline.spec.clearance import ClearanceModel, fit
-from pipeline.spec.descent import Schedule
 from pipeline.spec.search import Near, search
-from pipeline.spec.specification import to_tensor, untrained
-from pipeline.spec.things import _found
-from pipeline.table.bezier import random_z_theta
-from pipeline.table.layout import LayoutRules, random_layouts
-from pipeline.table.render import read_palette, render_scenes
-from pipeline.table.rules import valid
+
+from pipeline.models.base import to_tensor, untrained
+from pipeline.models.clearance.clearance import ClearanceModel, fit
+from pipeline.params import compose
+from pipeline.perception.objects import _found
+from pipeline.runtime.parallel import one_thread
+from pipeline.training.loop import Schedule
+from pipeline.world.bezier import random_z_theta
+from pipeline.world.layout import LayoutRules, random_layouts
+from pipeline.world.render import read_palette, render_scenes
+from pipeline.world.rules import valid
 
 TRAINING, SCENES, STARTS, FEW = 20, 100, 10, 20  # scenes; scenes and starts in each; starts one at a time
 
@@ -29,12 +29,12 @@ def test_a_thousand_repairs_at_once(benchmark):
     rng, rules = np.random.default_rng(0), LayoutRules.of(cfg.scenes.layout)
     layouts = random_layouts(rng, TRAINING + SCENES, catalogue.footprints, catalogue.pool("train"), rules)
     images = render_scenes(layouts, ["oak"] * len(layouts), range(len(layouts)), palette)
-    z = random_z_theta(rng, TRAINING, cfg.study_n)
+    z = random_z_theta(rng, TRAINING, cfg.main_n_demos)
     labels = valid(layouts[:TRAINING], z, dict(cfg.users.careful))
     model = untrained(ClearanceModel, cfg.variants.path.model, 0)
     assert isinstance(model, ClearanceModel)
     begin = time.perf_counter()
-    fit([model], [images[:TRAINING]], [z], [labels], Schedule.of(cfg.path), [0])
+    fit([model], [images[:TRAINING]], [z], [labels], Schedule.of(cfg.clearance), [0])
     fitted = time.perf_counter() - begin
 
     near = Near(**{k: cfg.search[k] for k in ("evaluations", "weight", "looks", "climb", "reach", "step")})

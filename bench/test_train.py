@@ -3,7 +3,7 @@
 import pytest
 
 from bench.passes import STEPS, VARIANTS, WAYS, fastest, memory, operations, peak
-from pipeline.spec.lanes import LANES
+from pipeline.training.vae.engines.simd_kernels import LANES
 
 
 @pytest.mark.benchmark(group="training pass, n = 9")
@@ -31,7 +31,7 @@ def test_a_pass_in_three_ways(benchmark, variant):
 
 @pytest.mark.benchmark(group="growth of a training pass")
 @pytest.mark.parametrize(
-    ("axis", "values"), [("n", [1, 3, 5, 7, 9]), ("scenes", [5, 10, 20, 40]), ("models", [8, 16, 24, 32])]
+    ("axis", "values"), [("n_demos", [1, 3, 5, 7, 9]), ("scenes", [5, 10, 20, 40]), ("models", [8, 16, 24, 32])]
 )
 def test_how_the_cost_grows(benchmark, axis, values):
     """Milliseconds of one step of all models together, every point in turn: a machine's speed changes by the minute."""

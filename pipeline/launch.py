@@ -7,12 +7,12 @@ from pathlib import Path
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from pipeline.errors import InputError
-from pipeline.memory import keep_freed
 from pipeline.params import CONF, GRAPH, load, need, read_by, validate
+from pipeline.runtime.errors import InputError
+from pipeline.runtime.memory import disable_malloc_trim
 
 Main = Callable[[DictConfig, Path], None]
-PER_VARIANT = ("train", "irl", "path")  # stages DVC runs once per variant, each in a folder of its own
+PER_VARIANT = ("train", "irl", "clearance")  # stages DVC runs once per variant, each in a folder of its own
 
 
 def launch(main: Main, stage: str) -> None:
@@ -21,7 +21,7 @@ def launch(main: Main, stage: str) -> None:
     `--params FILE [key=value ...]` reads resolved parameters and writes to `paths.<stage>`, as DVC wants it;
     otherwise Hydra composes conf/ (`--multirun` sweeps) and the run writes to Hydra's output directory.
     """
-    keep_freed()
+    disable_malloc_trim()
     try:
         failed = _from_params(main, stage, sys.argv[1:]) if "--params" in sys.argv[1:] else _from_hydra(main, stage)
     except KeyboardInterrupt:

@@ -14,9 +14,9 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, OmegaConfBaseException
 from pydantic import ValidationError
 
-from pipeline.errors import InputError
-from pipeline.schema import AGREEMENTS, Agreed, sentence
-from pipeline.writing import write_whole
+from pipeline.config import AGREEMENTS, Agreed, sentence
+from pipeline.runtime.errors import InputError
+from pipeline.runtime.writing import atomic_write
 
 CONF = Path(__file__).resolve().parent.parent / "conf"
 PARAMS = Path("params.yaml")
@@ -126,7 +126,7 @@ def _main(argv: list[str]) -> int:
     validate(cfg, GRAPH)
     text = render(cfg)
     if not check:
-        write_whole(PARAMS, lambda part: part.write_text(text))
+        atomic_write(PARAMS, lambda part: part.write_text(text))
         return 0
     if PARAMS.is_file() and PARAMS.read_text() == text:
         return 0

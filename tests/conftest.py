@@ -7,10 +7,10 @@ import pytest
 from hypothesis import settings
 from jaxtyping import install_import_hook
 
-from pipeline.memory import keep_freed
+from pipeline.runtime.memory import disable_malloc_trim
 
 install_import_hook("pipeline", "beartype.beartype")
-keep_freed()  # as every stage's process does
+disable_malloc_trim()  # as every stage's process does
 settings.register_profile("repeatable", derandomize=True)
 settings.load_profile("repeatable")
 

@@ -11,8 +11,8 @@ import psutil
 import pytest
 from omegaconf import DictConfig
 
-from pipeline.errors import InputError
 from pipeline.launch import launch
+from pipeline.runtime.errors import InputError
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -82,7 +82,7 @@ def test_ctrl_c_ends_a_stage_and_its_workers_at_once(tmp_path: Path):
     script = """
 import time
 from pipeline.launch import launch
-from pipeline.parallel import map_jobs
+from pipeline.runtime.parallel import map_jobs
 if __name__ == "__main__":
     launch(lambda cfg, out_dir: map_jobs(time.sleep, [100.0, 100.0, 100.0], 2, "asleep"), "scenes")
 """

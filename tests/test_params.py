@@ -9,20 +9,20 @@ from typing import get_args
 import pytest
 from dvc.utils.hydra import compose_and_dump
 from omegaconf import OmegaConf
-
-from pipeline.errors import InputError
-from pipeline.params import COMPOSED, CONF, GRAPH, compose, load, render, validate
-from pipeline.schema import Agreed, agreement
-from pipeline.schema.models import Objective
-from pipeline.schema.stages import Misspecify, Optimiser, Pictures, Search
-from pipeline.spec import nulls
-from pipeline.spec.irl import OBJECTIVES
-from pipeline.spec.registry import KINDS
-from pipeline.spec.repair import OPTIMISERS
 from pipeline.spec.search import METHODS, RESTARTS
-from pipeline.table.disturbances import PICTURES
-from pipeline.table.forms import FORMS, OWN
-from pipeline.table.layout import SYMBOLS
+
+from pipeline.config import Agreed, agreement
+from pipeline.config.models import Objective
+from pipeline.config.stages import Misspecify, Optimiser, Pictures, Search
+from pipeline.models import baselines as nulls
+from pipeline.models.registry import KINDS
+from pipeline.params import COMPOSED, CONF, GRAPH, compose, load, render, validate
+from pipeline.planning.repair import OPTIMISERS
+from pipeline.runtime.errors import InputError
+from pipeline.training.irl.fit import OBJECTIVES
+from pipeline.world.layout import SYMBOLS
+from studies.robustness.corruptions import PICTURES
+from studies.rule_families.families import FORMS, OWN
 
 ROOT = CONF.parent
 
@@ -47,7 +47,7 @@ def test_every_profile_and_protocol_composes():
     [
         ("n=[0]", "parameter n is 0"),
         ("n=[11]", "parameter n is 11"),
-        ("n=[1,3]", "study_n is 9"),
+        ("n=[1,3]", "main_n_demos is 9"),
         ("seeds=[]", r"seeds is \[\]: expected one at least"),
         ("seeds=[1,1]", "each one once"),
         ("checkpoints=[0,-1]", "checkpoints is -1: expected a whole number from 0"),
@@ -146,7 +146,7 @@ def test_names_that_parameters_may_have_are_those_of_the_library():
 
 def test_what_stages_need_of_others_is_asked_for_the_graph_but_not_for_another_stage_alone():
     cfg = load(ROOT / "params.yaml")
-    cfg.n = [9]
+    cfg.n_demos = [9]
     with pytest.raises(InputError, match=r"ablate\.n is .1, 9.: expected some of 9"):
         validate(cfg, GRAPH)
     validate(cfg, ["train"])
@@ -235,5 +235,5 @@ def test_a_user_whose_name_is_a_number_is_asked_for_in_quotes():
 def test_every_kind_of_parameter_can_be_overridden():
     overrides = ["seed=3", "n=[3,9]", "variant=ae", "variants.full.beta=0.5", "users.careful.glass=null"]
     cfg = load(ROOT / "params.yaml", overrides, ["train"])
-    assert (cfg.seed, cfg.n, cfg.variant, cfg.variants.full.beta) == (3, [3, 9], "ae", 0.5)
+    assert (cfg.seed, cfg.n_demos, cfg.variant, cfg.variants.full.beta) == (3, [3, 9], "ae", 0.5)
     assert cfg.users.careful.glass is None and load(ROOT / "params.yaml", ["seed=null"]).seed is None

@@ -9,7 +9,7 @@ import pandas as pd
 
 from pipeline.artifacts.files import read_arrays, read_table, write_arrays, write_table
 from pipeline.artifacts.scenes import SceneSet, read_scenes
-from pipeline.errors import InputError
+from pipeline.runtime.errors import InputError
 
 DEMO_COLUMNS = [
     "seed",
@@ -42,12 +42,12 @@ def read_labelled(scenes_dir: str, demos_dir: str) -> tuple[SceneSet, pd.DataFra
 
 
 def write_demos(out_dir: Path, demos: pd.DataFrame, samples: np.ndarray, offsets: np.ndarray) -> None:
-    """Write demos.parquet and, row for row, recordings.npz (samples (total, 4): t [s], x, y, z [m])."""
+    """Write demos.parquet and, row for row, trajectories.npz (samples (total, 4): t [s], x, y, z [m])."""
     if len(offsets) != len(demos) + 1 or offsets[-1] != len(samples):
         raise ValueError(f"{len(demos)} demonstrations do not match {len(offsets)} offsets into {len(samples)} samples")
     write_table(out_dir / "demos.parquet", demos[DEMO_COLUMNS])
     write_arrays(
-        out_dir / "recordings.npz",
+        out_dir / "trajectories.npz",
         {"samples": samples.astype(np.float32), "offsets": offsets.astype(np.int64)},
     )
 
@@ -60,9 +60,9 @@ def read_demos(directory: Path) -> pd.DataFrame:
     return demos
 
 
-def read_recordings(directory: Path) -> tuple[np.ndarray, np.ndarray]:
+def read_trajectories(directory: Path) -> tuple[np.ndarray, np.ndarray]:
     """Samples (total, 4) and offsets (demonstration + 1), in the row order of `read_demos`."""
-    arrays = read_arrays(directory / "recordings.npz")
+    arrays = read_arrays(directory / "trajectories.npz")
     return arrays["samples"], arrays["offsets"]
 
 

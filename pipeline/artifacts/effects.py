@@ -8,7 +8,7 @@ from jaxtyping import Float
 from numpy import ndarray as Array
 
 from pipeline.artifacts.files import read_table
-from pipeline.errors import InputError
+from pipeline.runtime.errors import InputError
 
 COLUMNS = ["variant", "seed", "user", "scene", "symbol", "effect", "true_effect"]
 

@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.errors import InputError
-from pipeline.writing import write_whole
+from pipeline.runtime.errors import InputError
+from pipeline.runtime.writing import atomic_write
 
 
 def write_table(path: Path, table: pd.DataFrame) -> None:
     """A data frame as parquet (`.parquet`) or as csv (`.csv`, 6 significant digits)."""
     if path.suffix == ".csv":
-        write_whole(path, lambda p: table.to_csv(p, index=False, float_format="%.6g", lineterminator="\n"))
+        atomic_write(path, lambda p: table.to_csv(p, index=False, float_format="%.6g", lineterminator="\n"))
     else:
-        write_whole(path, lambda p: table.to_parquet(p, index=False, compression="zstd"))
+        atomic_write(path, lambda p: table.to_parquet(p, index=False, compression="zstd"))
 
 
 def read_table(path: Path, columns: Sequence[str] | None = None) -> pd.DataFrame:
@@ -36,7 +36,7 @@ def read_table(path: Path, columns: Sequence[str] | None = None) -> pd.DataFrame
 def write_json(path: Path, content: Mapping) -> None:
     """JSON with sorted keys; NaN and infinity are refused (ValueError)."""
     text = json.dumps(content, indent=2, sort_keys=True, allow_nan=False) + "\n"
-    write_whole(path, lambda p: p.write_text(text))
+    atomic_write(path, lambda p: p.write_text(text))
 
 
 def read_json(path: Path) -> dict:
@@ -59,7 +59,7 @@ def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
         with temporary.open("wb") as file:
             np.savez(file, allow_pickle=False, **arrays)  # pyright: ignore[reportArgumentType]
 
-    write_whole(path, write)
+    atomic_write(path, write)
 
 
 def read_arrays(path: Path) -> dict[str, np.ndarray]:

@@ -7,9 +7,9 @@ from omegaconf import DictConfig
 from safetensors.torch import save
 from torch import Tensor
 
-from pipeline.writing import write_whole
+from pipeline.runtime.writing import atomic_write
 
-PREDICTION_COLUMNS = ["seed", "user", "n", "split", "scene", "query", "p", "valid"]
+PREDICTION_COLUMNS = ["seed", "user", "n_demos", "split", "scene", "query", "p", "valid"]
 
 
 def model_dir(cfg: DictConfig, variant: str) -> Path:
@@ -28,4 +28,4 @@ def weights_path(directory: Path, user: str, seed: int, n: int, step: int | None
 def save_weights(path: Path, weights: Mapping[str, Tensor]) -> None:
     """Write parameters and buffers by their names."""
     state = {name: value.contiguous() for name, value in weights.items()}
-    write_whole(path, lambda part: part.write_bytes(save(state)))  # `save_file` lets no other account read it
+    atomic_write(path, lambda part: part.write_bytes(save(state)))  # `save_file` lets no other account read it

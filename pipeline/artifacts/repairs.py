@@ -7,13 +7,13 @@ import pandas as pd
 from omegaconf import DictConfig
 
 from pipeline.artifacts.scenes import SceneSet, train_pool
-from pipeline.errors import InputError
-from pipeline.spec.metrics import DECISION
-from pipeline.streams import stream
-from pipeline.table.bezier import random_z_theta
-from pipeline.table.layout import Layouts
-from pipeline.table.oracle import nearest_valid
-from pipeline.table.rules import Margins, clearance, slack, valid
+from pipeline.planning.oracle import nearest_valid
+from pipeline.runtime.errors import InputError
+from pipeline.runtime.streams import stream
+from pipeline.stats.scores import DECISION
+from pipeline.world.bezier import random_z_theta
+from pipeline.world.layout import Layouts
+from pipeline.world.rules import Margins, clearance, slack, valid
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def draw_starts(cfg: DictConfig, scenes: SceneSet) -> tuple[np.ndarray, dict[str
     """Random z_theta (scene, start, 2) [m] in the pool's scenes; of them each user's invalid ones, some at least."""
     pool = check_pool(cfg, scenes)
     layouts = scenes.layouts[pool]
-    rng = stream(cfg.scenes.generator, "repair", "starts")
+    rng = stream(cfg.scenes.root_seed, "repair", "starts")
     candidates = random_z_theta(rng, len(layouts), cfg.repair.starts)
     starts = {user: _starts(cfg, user, layouts, candidates) for user in cfg.users}
     if not any(len(s.z) for s in starts.values()):

@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 
 from pipeline.artifacts.files import read_arrays, read_table, write_arrays, write_table
-from pipeline.errors import InputError
-from pipeline.table.layout import EMPTY, Layouts, empty
+from pipeline.runtime.errors import InputError
+from pipeline.world.layout import EMPTY, Layouts, empty
 
 LAYOUT_COLUMNS = [
     "pool",

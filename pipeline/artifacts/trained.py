@@ -11,13 +11,13 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file
 
 from pipeline.artifacts.models import model_dir, weights_path
-from pipeline.errors import InputError
-from pipeline.parallel import map_jobs
-from pipeline.spec.registry import build
-from pipeline.spec.specification import Specification
+from pipeline.models.base import ValidityModel
+from pipeline.models.registry import build
+from pipeline.runtime.errors import InputError
+from pipeline.runtime.parallel import map_jobs
 
 
-def load_model(cfg: DictConfig, variant: str, user: str, seed: int, n: int, step: int | None = None) -> Specification:
+def load_model(cfg: DictConfig, variant: str, user: str, seed: int, n: int, step: int | None = None) -> ValidityModel:
     """A trained model, or as it was before `step` of its training, in eval mode.
 
     InputError if its weights are missing, damaged or of another shape.
@@ -34,11 +34,11 @@ def load_model(cfg: DictConfig, variant: str, user: str, seed: int, n: int, step
 
 
 def check_weights(cfg: DictConfig) -> None:
-    """Raise InputError for the first model at study_n that is missing, before any is asked."""
+    """Raise InputError for the first model at main_n_demos that is missing, before any is asked."""
     for variant in cfg.variants:
         for user in cfg.users:
             for seed in cfg.protocol.seeds:
-                path = weights_path(model_dir(cfg, variant), user, seed, cfg.study_n)
+                path = weights_path(model_dir(cfg, variant), user, seed, cfg.main_n_demos)
                 if not path.is_file():
                     stage = cfg.variants[variant].stage
                     raise InputError(f"{path} is missing: run stage {stage} for variant {variant} first")
@@ -60,7 +60,7 @@ def ask(
     z_theta: Float[Array, "picture path 2"],
     desc: str,
 ) -> dict[str, Float[Array, "user seed picture path"]]:
-    """P(valid) of every path [m] in its picture, by every variant's models of these users at study_n, every seed."""
+    """P(valid) of every path [m] in its picture, by every variant's models of these users at main_n_demos, every seed."""
     variants = list(cfg.variants)[::-1]  # those that take longest first, so that no process waits for another's last
     questions = [_Question(cfg, variant, user, images, z_theta) for variant in variants for user in users]
     answers = map_jobs(_answer, questions, cfg.workers, desc)
@@ -70,5 +70,5 @@ def ask(
 
 def _answer(q: _Question) -> Float[Array, "seed picture path"]:
     seeds = q.cfg.protocol.seeds
-    models = (load_model(q.cfg, q.variant, q.user, seed, q.cfg.study_n) for seed in seeds)
+    models = (load_model(q.cfg, q.variant, q.user, seed, q.cfg.main_n_demos) for seed in seeds)
     return np.stack([model.probability(q.images, q.z_theta) for model in models])

@@ -20,10 +20,10 @@ from numpy import ndarray as Array
 
 from pipeline.causal.interventions import DIGITS
 from pipeline.causal.scm import chance_of_change
-from pipeline.causal.statistics import ratio
-from pipeline.table.bezier import P_F, P_INIT, curve
-from pipeline.table.layout import EMPTY, SYMBOLS, LayoutRules, Layouts, point_segment_distance, segment_distance
-from pipeline.table.rules import SAMPLES
+from pipeline.stats.crossed import ratio
+from pipeline.world.bezier import P_F, P_INIT, curve
+from pipeline.world.layout import EMPTY, SYMBOLS, LayoutRules, Layouts, point_segment_distance, segment_distance
+from pipeline.world.rules import SAMPLES
 
 NOBODY = -1  # in the place of a slot: no single item is to blame
 FEWEST = 30  # pairs of seed and scene that have something to count ...
@@ -134,7 +134,7 @@ def study(
     often it finds each of several culprits enough and none necessary, all probabilities on the right side of one half
     (`several_right`). Over all their items, the mean absolute errors of PN and PS beside the best constant's
     (`..._null`). `empty_rejected`: the share of the paths that the model rejects on the empty table too.
-    Intervals are Student's over seeds crossed with scenes (pipeline.causal.statistics.ratio); `blame_right` has
+    Intervals are Student's over seeds crossed with scenes (pipeline.stats.crossed.ratio); `blame_right` has
     `ci_low` and `ci_high`, each other name its own.
     """
     pn, ps, true_pn, true_ps = model.necessity, model.sufficiency, truth.necessity, truth.sufficiency

@@ -16,7 +16,7 @@ Galichon, 2009), and leaves one crossing each. A flat curve's interval ends wher
 
 Straight lines between doses place a step within a tenth of the doses' distance. The interval is about the model's
 radius over training sets, over items added, for a planner will meet others of the symbol, and over the items that all
-training sets share (pipeline.causal.clusters); it covers the user's margin as often as the model has no bias beyond.
+training sets share (pipeline.stats.clusters); it covers the user's margin as often as the model has no bias beyond.
 """
 
 from collections.abc import Sequence
@@ -26,9 +26,9 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
 from scipy.optimize import isotonic_regression
 
-from pipeline.causal.clusters import as_from_other_items, by_item
 from pipeline.causal.interventions import DIGITS
-from pipeline.causal.statistics import Estimates, estimate, holm, verdict
+from pipeline.stats.clusters import as_from_other_items, by_item
+from pipeline.stats.crossed import Estimates, estimate, holm, verdict
 
 FLIP = 0.5  # drop that makes a path which was surely valid more likely invalid
 

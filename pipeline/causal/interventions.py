@@ -15,8 +15,8 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray as Array
 
-from pipeline.causal.statistics import estimate, holm, true_verdict, verdict, with_rare_scenes
-from pipeline.table.layout import SYMBOLS
+from pipeline.stats.crossed import add_pseudo_scenes, estimate, holm, true_verdict, verdict
+from pipeline.world.layout import SYMBOLS
 
 DIGITS = 6  # of every reported number
 
@@ -44,7 +44,7 @@ def by_user(users: Sequence[str], cells: Sequence[dict]) -> dict[str, dict[str, 
 
 def judge(effects: Float[Array, "cell seed scene"]) -> list[dict]:
     """One family of cells: each one's mean effect, how sure we are (Holm over the family), and the verdict."""
-    e = estimate(with_rare_scenes(effects))
+    e = estimate(add_pseudo_scenes(effects))
     adjusted = holm(e.p)
     return [
         _rounded(
@@ -75,7 +75,7 @@ def study(
             baseline=baseline[i].mean(), intervened=intervened[i].mean(), truth=truth[i],
             truth_baseline=true_baseline[i].mean(), truth_intervened=true_intervened[i].mean(),
         )  # fmt: skip
-        cell |= {"truth_verdict": deserved, "right": bool(found == deserved and (found == "no effect" or same_sign))}
+        cell |= {"truth_verdict": deserved, "right": bool(found == deserved and (found == "negligible" or same_sign))}
     return cells
 
 
@@ -89,6 +89,6 @@ def tally(cells: Sequence[dict]) -> dict[str, int]:
         "cells": len(cells),
         "right": sum(c["right"] for c in cells),
         "false_causes": sum(c["verdict"] == "effect" and not c["right"] for c in cells),
-        "missed_causes": sum(c["verdict"] == "no effect" and not c["right"] for c in cells),
-        "inconclusive": sum(c["verdict"] == "inconclusive" for c in cells),
+        "missed_causes": sum(c["verdict"] == "negligible" and not c["right"] for c in cells),
+        "undecided": sum(c["verdict"] == "undecided" for c in cells),
     }

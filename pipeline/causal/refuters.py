@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped, UInt8
 from numpy import ndarray as Array
 
-from pipeline.causal.clusters import by_item
-from pipeline.causal.statistics import estimate, holm, verdict, with_rare_scenes
+from pipeline.stats.clusters import by_item
+from pipeline.stats.crossed import add_pseudo_scenes, estimate, holm, verdict
 
 PATCHES = {"placebo": 1, "mosaic": 2}  # refuters that show an item's shuffled pieces: pixels along a piece's side
 
@@ -115,10 +115,10 @@ def halves(
     scenes = effects.shape[-1]
     if scenes < 4 or splits < 2:
         raise ValueError(f"{scenes} scenes in {splits} splits: expected at least 4 scenes and 2 splits")
-    whole, kept, means = _verdicts(with_rare_scenes(effects)), np.zeros(len(effects)), []
+    whole, kept, means = _verdicts(add_pseudo_scenes(effects)), np.zeros(len(effects)), []
     for _ in range(splits):
         half = effects[..., rng.permutation(scenes)[: scenes // 2]]
-        kept += np.array(_verdicts(with_rare_scenes(half))) == whole
+        kept += np.array(_verdicts(add_pseudo_scenes(half))) == whole
         means.append(half.mean((1, 2)))
     return kept / splits, np.std(means, axis=0)
 
@@ -127,10 +127,10 @@ def stays_over_items(effects: Float[Array, "cell seed scene"], item: Int[Array, 
     """Whether each verdict stays if items (`item`: which one was added) take the place of scenes as a source of chance.
 
     An effect has to hold from item to item then, and not only for these items in other scenes. Items are too few for
-    `with_rare_scenes`.
+    `add_pseudo_scenes`.
     """
     clustered = [by_item(e[..., None], i)[None, ..., 0] for e, i in zip(effects, item, strict=True)]
-    return np.array(_verdicts(with_rare_scenes(effects))) == _verdicts(*clustered)
+    return np.array(_verdicts(add_pseudo_scenes(effects))) == _verdicts(*clustered)
 
 
 def _verdicts(*effects: Float[Array, "cell seed _"]) -> list[str]:

@@ -1,6 +1,6 @@
 """The structural causal model the questions are asked of, with its exogenous noises in plain sight.
 
-The paper (Section "Specification Model Differences") takes X = {Z_theta, Z_I, S, V} and gives each node
+The paper (Section "ValidityModel Model Differences") takes X = {Z_theta, Z_I, S, V} and gives each node
 all the others as parents. Taken literally that is a cycle: there is no order to evaluate the nodes in, and
 no distribution that the model entails. We commit to the acyclic graph its figure suggests, the items O and
 the image I made explicit:
@@ -28,7 +28,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 
-from pipeline.table.bezier import random_z_theta
+from pipeline.world.bezier import random_z_theta
 
 PARENTS = {
     "S": (),

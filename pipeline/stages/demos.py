@@ -14,15 +14,15 @@ from tqdm import tqdm
 from pipeline.artifacts.demos import DEMO_KEY, Queries, write_demos, write_queries
 from pipeline.artifacts.files import write_json
 from pipeline.artifacts.scenes import read_scenes, train_pool
-from pipeline.errors import InputError
 from pipeline.launch import launch
 from pipeline.params import need
-from pipeline.streams import stream
-from pipeline.table.bezier import random_z_theta
-from pipeline.table.fit import fit
-from pipeline.table.layout import Layouts
-from pipeline.table.recordings import Hand, check, join, keeps, simulate
-from pipeline.table.rules import Margins, valid
+from pipeline.runtime.errors import InputError
+from pipeline.runtime.streams import stream
+from pipeline.world.bezier import random_z_theta
+from pipeline.world.bezier_fit import fit
+from pipeline.world.hand import Hand, check, join, keeps, simulate
+from pipeline.world.layout import Layouts
+from pipeline.world.rules import Margins, valid
 
 Key = tuple[int, str, int, int]  # seed, user, scene, demo
 
@@ -38,7 +38,7 @@ class Recorded:
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """Write demos.parquet, recordings.npz, queries.npz and metrics.json."""
+    """Write demos.parquet, trajectories.npz, queries.npz and metrics.json."""
     layouts = read_scenes(Path(cfg.paths.scenes)).layouts
     recorded = _record(cfg, layouts)
     fits = fit(recorded.samples[:, 1:3], recorded.offsets, cfg.demos.poor_above_m)
@@ -188,7 +188,7 @@ def _margins(cfg: DictConfig, user: str) -> Margins:
 
 def _generator(cfg: DictConfig, *names: str | int) -> np.random.Generator:
     """A stream of its own for whatever `names` name, however many others there are."""
-    return stream(cfg.demos.generator, "demos", *names)
+    return stream(cfg.demos.root_seed, "demos", *names)
 
 
 if __name__ == "__main__":

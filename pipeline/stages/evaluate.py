@@ -15,17 +15,17 @@ from pipeline.artifacts.files import read_table, write_json, write_table
 from pipeline.artifacts.models import PREDICTION_COLUMNS, model_dir
 from pipeline.artifacts.scenes import read_position_prior, train_pool
 from pipeline.causal.interventions import DIGITS
-from pipeline.causal.statistics import LEVEL, estimate, holm, paired_wilcoxon, quartiles
-from pipeline.errors import InputError
 from pipeline.launch import launch
-from pipeline.spec import nulls
-from pipeline.spec.metrics import DECISION, accuracy, auroc, brier, expected_calibration_error, reliability
-from pipeline.streams import stream
+from pipeline.models import baselines as nulls
+from pipeline.runtime.errors import InputError
+from pipeline.runtime.streams import stream
+from pipeline.stats.crossed import LEVEL, estimate, holm, paired_wilcoxon, quartiles
+from pipeline.stats.scores import DECISION, accuracy, auroc, brier, expected_calibration_error, reliability
 
 WORST = 0.05  # of the scenes
 DRAWS = 200  # of errors in scenes at random
 CALIBRATION_COLUMNS = ["variant", "split", "low", "high", "count", "confidence", "frequency"]
-KEY = ["user", "n", "seed", "split"]
+KEY = ["user", "n_demos", "seed", "split"]
 Key = tuple[str, int, int, str]  # user, n, seed, split
 Cells = dict[tuple[str, str, int], np.ndarray]  # (variant, split, n) -> accuracy of each seed
 Judged = dict[str, dict[Key, np.ndarray]]  # variant -> key -> p of every query, scene by scene
@@ -60,7 +60,7 @@ def _keys(cfg: DictConfig) -> list[Key]:
     return [
         (user, n, seed, split)
         for user in cfg.users
-        for n in cfg.n
+        for n in cfg.n_demos
         for seed in cfg.protocol.seeds
         for split in cfg.protocol.splits
     ]
@@ -157,8 +157,9 @@ def _over_users(cfg: DictConfig, scores: pd.DataFrame, users: list[str]) -> Cell
         )
         for variant in dict.fromkeys(scores["variant"])
         for split in cfg.protocol.splits
-        if (variant, users[0], cfg.n[0], cfg.protocol.seeds[0], split) in score  # null_nearest: seen scenes only
-        for n in cfg.n
+        if (variant, users[0], cfg.n_demos[0], cfg.protocol.seeds[0], split)
+        in score  # nearest_demonstration: seen scenes only
+        for n in cfg.n_demos
     }
 
 
@@ -176,7 +177,7 @@ def _rounded(numbers: dict[str, float]) -> dict[str, float]:
 
 
 def _over_scenes(cfg: DictConfig, judged: Judged, truth: dict[Key, np.ndarray]) -> dict:
-    """variant -> split that all seeds share -> accuracy at study_n, mean over `evaluate.users`: its 95 % interval.
+    """variant -> split that all seeds share -> accuracy at main_n_demos, mean over `evaluate.users`: its 95 % interval.
 
     The interval is over seeds crossed with scenes. `worst`: the share of all errors made in the `few` scenes where most
     are made, WORST of all `scenes`; `worst_by_chance`: if each path's errors lay in a scene at random, the mean of
@@ -186,8 +187,8 @@ def _over_scenes(cfg: DictConfig, judged: Judged, truth: dict[Key, np.ndarray]) 
     shared = [split for split, pool in cfg.protocol.splits.items() if pool is not None]
     seeds, users, out = cfg.protocol.seeds, cfg.evaluate.users, {}
     for variant, split in product(judged, shared):
-        keys = [[(user, cfg.study_n, seed, split) for user in users] for seed in seeds]
-        if keys[0][0] not in wrong[variant]:  # null_nearest
+        keys = [[(user, cfg.main_n_demos, seed, split) for user in users] for seed in seeds]
+        if keys[0][0] not in wrong[variant]:  # nearest_demonstration
             continue
         errors = np.array([[wrong[variant][key] for key in of_seed] for of_seed in keys])  # (seed, user, scene, query)
         e, by_path = estimate(1 - errors.mean((1, 3))[None]), errors.mean((0, 1))
@@ -197,7 +198,7 @@ def _over_scenes(cfg: DictConfig, judged: Judged, truth: dict[Key, np.ndarray]) 
             **dict.fromkeys(("worst", "worst_by_chance")),
         }  # fmt: skip
         if errors.any():
-            rng = stream(cfg.scenes.generator, "errors by chance", variant, split)
+            rng = stream(cfg.scenes.root_seed, "errors by chance", variant, split)
             shuffled = [rng.permutation(by_path.ravel()).reshape(by_path.shape) for _ in range(DRAWS)]
             by_chance = np.mean([_in_worst(draw, few) for draw in shuffled])
             out[variant][split] |= {"worst": _in_worst(by_path, few), "worst_by_chance": float(by_chance)}
@@ -213,22 +214,22 @@ def _in_worst(errors: Float[Array, "scene query"], few: int) -> float:
 def _curve(averaged: Cells) -> pd.DataFrame:
     """Accuracy against n: one row per variant, split and n."""
     cells = [
-        {"variant": variant, "split": split, "n": n} | _rounded(quartiles(by_seed))
+        {"variant": variant, "split": split, "n_demos": n} | _rounded(quartiles(by_seed))
         for (variant, split, n), by_seed in averaged.items()
     ]
-    return pd.DataFrame(cells, columns=["variant", "split", "n", "mean", "q1", "q3"])
+    return pd.DataFrame(cells, columns=["variant", "split", "n_demos", "mean", "q1", "q3"])
 
 
 def _calibration(cfg: DictConfig, judged: Judged, truth: dict[Key, np.ndarray]) -> tuple[pd.DataFrame, dict[str, dict]]:
-    """Reliability bins and errors of each variant and split at study_n, seeds and `evaluate.users` pooled.
+    """Reliability bins and errors of each variant and split at main_n_demos, seeds and `evaluate.users` pooled.
 
     bias: mean p less the share that is valid.
     """
     tables, errors = [], {}
     for variant, by_key in judged.items():
         for split in cfg.protocol.splits:
-            keys = [k for k in by_key if k[0] in cfg.evaluate.users and k[1] == cfg.study_n and k[3] == split]
-            if not keys:  # null_nearest beyond the seen scenes
+            keys = [k for k in by_key if k[0] in cfg.evaluate.users and k[1] == cfg.main_n_demos and k[3] == split]
+            if not keys:  # nearest_demonstration beyond the seen scenes
                 continue
             p = np.concatenate([by_key[k].ravel() for k in keys])
             valid = np.concatenate([truth[k].ravel() for k in keys])
@@ -246,11 +247,11 @@ def _calibration(cfg: DictConfig, judged: Judged, truth: dict[Key, np.ndarray]) 
 def _tests(cfg: DictConfig) -> list[tuple[str, str, str, str, int]]:
     """The tests fixed in advance: (family, variant, against, split, n)."""
     return [
-        (group.family, group.variant, against, split, cfg.study_n if group.n is None else group.n)
+        (group.family, group.variant, against, split, cfg.main_n_demos if group.n_demos is None else group.n_demos)
         for group in cfg.evaluate.comparisons
         for against in group.against
         for split in group.splits
-        if group.n is None or group.n in cfg.n
+        if group.n_demos is None or group.n_demos in cfg.n_demos
     ]
 
 
@@ -261,7 +262,7 @@ def _comparisons(cfg: DictConfig, averaged: Cells) -> pd.DataFrame:
         a, b = averaged[variant, split, n], averaged[against, split, n]
         p = paired_wilcoxon(a, b)
         rows.append((family, variant, against, split, n, a.mean(), b.mean(), (a - b).mean(), p, len(a)))
-    columns = ["family", "variant", "against", "split", "n", "mean", "mean_against", "difference", "p", "seeds"]
+    columns = ["family", "variant", "against", "split", "n_demos", "mean", "mean_against", "difference", "p", "seeds"]
     table = pd.DataFrame(rows, columns=columns)
     table["p_holm"] = table["p"]
     for rows_of in table.groupby("family").indices.values():

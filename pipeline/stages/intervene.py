@@ -12,14 +12,14 @@ from pipeline.artifacts.scenes import layout_table, read_scenes
 from pipeline.artifacts.trained import ask, check_weights
 from pipeline.causal.interventions import by_user, expected_validity, ordered_pairs, over_placements, study, tally
 from pipeline.causal.scm import PARENTS
-from pipeline.errors import InputError
 from pipeline.launch import launch
-from pipeline.streams import stream
-from pipeline.table.bezier import random_z_theta
-from pipeline.table.items import Catalogue, read_catalogue
-from pipeline.table.layout import SYMBOLS, LayoutRules, Layouts, add_item
-from pipeline.table.render import Palette, render_scenes
-from pipeline.table.rules import valid
+from pipeline.runtime.errors import InputError
+from pipeline.runtime.streams import stream
+from pipeline.world.bezier import random_z_theta
+from pipeline.world.catalogue import Catalogue, read_catalogue
+from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, add_item
+from pipeline.world.render import Palette, render_scenes
+from pipeline.world.rules import valid
 
 
 @dataclass(frozen=True)
@@ -77,14 +77,14 @@ def _set_tables(cfg: DictConfig) -> Tables:
     layouts, looks = scenes.layouts[pool], scenes.looks[pool]
     rules = LayoutRules.of(cfg.scenes.layout)
     choices = catalogue.pool(_items_split(catalogue, layouts, pool))
-    rng, palette = stream(cfg.intervene.generator, "intervene", "placements"), Palette(catalogue)
+    rng, palette = stream(cfg.intervene.root_seed, "intervene", "placements"), Palette(catalogue)
     added = [
         add_item(rng, layouts, symbol, catalogue.footprints, choices, rules)
         for symbol in range(len(SYMBOLS))
         for _ in range(cfg.intervene.placements)
     ]
     pictures = [render_scenes(x, list(looks["texture"]), list(looks["render_seed"]), palette) for x in added]
-    z_theta = random_z_theta(stream(cfg.intervene.generator, "intervene", "paths"), len(layouts), cfg.intervene.paths)
+    z_theta = random_z_theta(stream(cfg.intervene.root_seed, "intervene", "paths"), len(layouts), cfg.intervene.paths)
     return Tables([layouts, *added], np.stack([scenes.images[pool], *pictures]), z_theta)
 
 

@@ -9,24 +9,24 @@ import pandas as pd
 from omegaconf import DictConfig
 from tqdm import tqdm
 
-from pipeline.artifacts.added import read_added
-from pipeline.artifacts.demos import read_demos, read_recordings
+from pipeline.artifacts.demos import read_demos, read_trajectories
 from pipeline.artifacts.files import read_arrays, read_json, read_table, write_table
+from pipeline.artifacts.interventions import read_interventions
 from pipeline.artifacts.models import model_dir, weights_path
 from pipeline.artifacts.repairs import check_pool
 from pipeline.artifacts.scenes import SceneSet, read_scenes
 from pipeline.artifacts.trained import check_weights, load_model
 from pipeline.causal.counterfactual import keep
-from pipeline.errors import InputError
-from pipeline.exhibits.recorded import Belief, Demos, Example, Job, Repaired, Sources, contents
 from pipeline.launch import launch
-from pipeline.parallel import map_jobs
-from pipeline.recording.digest import digest
-from pipeline.recording.overview import write_overview
-from pipeline.recording.run import write_run
-from pipeline.spec.specification import Specification
-from pipeline.table.bezier import lattice
-from pipeline.writing import write_whole
+from pipeline.models.base import ValidityModel
+from pipeline.runtime.errors import InputError
+from pipeline.runtime.parallel import map_jobs
+from pipeline.runtime.writing import atomic_write
+from pipeline.viewer.assemble import Belief, Demos, Example, Job, Repaired, Sources, contents
+from pipeline.viewer.digest import digest
+from pipeline.viewer.overview import write_overview
+from pipeline.viewer.run import write_run
+from pipeline.world.bezier import lattice
 
 Array = np.ndarray
 REPAIR_COLUMNS = ["method", "seed", "user", "scene", "start", "valid_end"]
@@ -34,7 +34,7 @@ EFFECT_COLUMNS = ["variant", "seed", "user", "scene", "symbol", "placement", "ef
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """runs/{variant}-{user}-s{seed}.rrd of every model at study_n, overview.rrd of the first seed's, recordings.csv.
+    """runs/{variant}-{user}-s{seed}.rrd of every model at main_n_demos, overview.rrd of the first seed's, recordings.csv.
 
     recordings.csv has each recording's digest and, of a run, the share of its latent maps that agrees with the truth.
     """
@@ -45,8 +45,8 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     sources = Sources(
         scenes,
         pool,
-        Demos(read_demos(Path(cfg.paths.demos)), *read_recordings(Path(cfg.paths.demos))),
-        read_added(Path(cfg.paths.intervene), scenes.layouts[pool]),
+        Demos(read_demos(Path(cfg.paths.demos)), *read_trajectories(Path(cfg.paths.demos))),
+        read_interventions(Path(cfg.paths.intervene), scenes.layouts[pool]),
         read_table(Path(cfg.paths.intervene) / "effects.parquet", EFFECT_COLUMNS),
         {variant: read_table(model_dir(cfg, variant) / "curves.parquet") for variant in cfg.variants},
     )
@@ -59,23 +59,23 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     for job, belief in zip(tqdm(jobs, desc="recordings"), beliefs, strict=True):
         content = contents(sources, job, belief)
         path = out_dir / "runs" / f"{content.name}.rrd"
-        write_whole(path, lambda part, content=content: write_run(part, content))
+        atomic_write(path, lambda part, content=content: write_run(part, content))
         rows.append({"run": content.name, "sha256": digest(path), "agreement": content.agreement})
         if job.seed == cfg.protocol.seeds[0] and job.user in users:
             compared.append(content)
     compared.sort(key=lambda run: (*cfg.record.first, run.variant).index(run.variant))
     path = out_dir / "overview.rrd"
-    write_whole(path, lambda part: write_overview(part, compared))
+    atomic_write(path, lambda part: write_overview(part, compared))
     rows.append({"run": "overview", "sha256": digest(path)})
     write_table(out_dir / "recordings.csv", pd.DataFrame(rows))
 
 
 def believe(job: Job) -> Belief:
     """What a model makes of every cell of its latent maps, every step of its repairs and every question asked of it."""
-    fitted = {n: load_model(job.cfg, job.variant, job.user, job.seed, n) for n in job.cfg.n}
-    model, side = fitted[job.cfg.study_n], job.cfg.record.map_side
+    fitted = {n: load_model(job.cfg, job.variant, job.user, job.seed, n) for n in job.cfg.n_demos}
+    model, side = fitted[job.cfg.main_n_demos], job.cfg.record.map_side
 
-    def maps(model: Specification, images: Array) -> Array:
+    def maps(model: ValidityModel, images: Array) -> Array:
         cells = np.broadcast_to(lattice(side), (len(images), side * side, 2))
         return model.probability(images, cells).reshape(-1, side, side)
 
@@ -91,9 +91,9 @@ def believe(job: Job) -> Belief:
     return Belief(of_scenes, tuple(steps), maps(model, job.added), by_n, by_step, tuple(answers))
 
 
-def _checkpoints(job: Job) -> Iterator[tuple[int, Specification]]:
+def _checkpoints(job: Job) -> Iterator[tuple[int, ValidityModel]]:
     """The model as it was before each step of `cfg.checkpoints`, of those that its training had."""
-    directory, which = model_dir(job.cfg, job.variant), (job.user, job.seed, job.cfg.study_n)
+    directory, which = model_dir(job.cfg, job.variant), (job.user, job.seed, job.cfg.main_n_demos)
     for step in sorted(job.cfg.checkpoints):
         if weights_path(directory, *which, step).is_file():
             yield step, load_model(job.cfg, job.variant, *which, step)

@@ -11,15 +11,15 @@ from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.artifacts.repairs import Starts, check_pool, draw_starts, rows
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.artifacts.trained import check_weights, load_model
-from pipeline.causal.repairs import MEASURES, measures, summary
 from pipeline.launch import launch
-from pipeline.parallel import map_jobs
-from pipeline.spec.repair import Ascent, Repairs, repair
-from pipeline.streams import stream
-from pipeline.table.bezier import random_z_theta
-from pipeline.table.oracle import constant_detour
+from pipeline.planning.measures import MEASURES, measures, summary
+from pipeline.planning.oracle import constant_detour
+from pipeline.planning.repair import Ascent, Repairs, repair
+from pipeline.runtime.parallel import map_jobs
+from pipeline.runtime.streams import stream
+from pipeline.world.bezier import random_z_theta
 
-REFERENCES = ("null_random", "null_constant", "oracle")
+REFERENCES = ("random_path", "constant_detour_baseline", "oracle")
 Tables = dict[tuple[str, str, int], pd.DataFrame]  # (method, user, seed) -> a row per start
 
 
@@ -36,7 +36,7 @@ class Job:
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """repairs.parquet, paths.npz and metrics.json of all variants, users and seeds at study_n."""
+    """repairs.parquet, paths.npz and metrics.json of all variants, users and seeds at main_n_demos."""
     ascent = _ascent(cfg)
     scenes = read_scenes(Path(cfg.paths.scenes))
     pool = check_pool(cfg, scenes)
@@ -67,7 +67,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 def run(job: Job) -> Repairs:
     """One model's ascents; every candidate is repaired, so that batches have one shape."""
-    model = load_model(job.cfg, job.variant, job.user, job.seed, job.cfg.study_n)
+    model = load_model(job.cfg, job.variant, job.user, job.seed, job.cfg.main_n_demos)
     return repair(model, job.images, job.candidates, _ascent(job.cfg))
 
 
@@ -98,7 +98,7 @@ def _references(cfg: DictConfig, scenes: SceneSet, starts: dict[str, Starts]) ->
         training = scenes.layouts[train_pool(seed)]
         for user, s in starts.items():
             detour = constant_detour(training, s.margins, cfg.repair.lattice_side)
-            rng = stream(cfg.scenes.generator, "repair", "random", seed, user)
+            rng = stream(cfg.scenes.root_seed, "repair", "random", seed, user)
             ends = (random_z_theta(rng, len(s.z)), np.broadcast_to(detour, s.z.shape), s.nearest)
             for method, z in zip(REFERENCES, ends, strict=True):
                 tables[method, user, seed] = rows(s, method, seed, z, None)

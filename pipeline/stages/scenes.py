@@ -10,12 +10,12 @@ from tqdm import tqdm
 from pipeline.artifacts.files import write_arrays, write_json
 from pipeline.artifacts.scenes import SceneSet, train_pool, write_scenes
 from pipeline.launch import launch
-from pipeline.streams import stream
-from pipeline.table.bezier import lattice, random_z_theta
-from pipeline.table.items import Catalogue, read_catalogue
-from pipeline.table.layout import SYMBOLS, LayoutRules, Layouts, add_item, random_layouts
-from pipeline.table.render import Palette, render_scenes
-from pipeline.table.rules import clearance, slack
+from pipeline.runtime.streams import stream
+from pipeline.world.bezier import lattice, random_z_theta
+from pipeline.world.catalogue import Catalogue, read_catalogue
+from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, add_item, random_layouts
+from pipeline.world.render import Palette, render_scenes
+from pipeline.world.rules import clearance, slack
 
 PAPER_P_VALID = {  # Table 2 of the paper: the true world is calibrated to it
     "careful": {"none": 0.43, "bowl": 0.27, "plate": 0.28, "cutlery": 0.31, "glass": 0.30},
@@ -64,7 +64,7 @@ def _pools(cfg: DictConfig) -> dict[str, tuple[int, str]]:
 
 def _generator(cfg: DictConfig, name: str) -> np.random.Generator:
     """A stream of its own for each pool, so that one more pool changes no other."""
-    return stream(cfg.scenes.generator, "scenes", name)
+    return stream(cfg.scenes.root_seed, "scenes", name)
 
 
 def _position_prior(cfg: DictConfig, layouts: Layouts) -> dict[str, np.ndarray]:

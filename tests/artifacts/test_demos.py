@@ -12,11 +12,11 @@ from pipeline.artifacts.demos import (
     demo_arrays,
     read_demos,
     read_queries,
-    read_recordings,
+    read_trajectories,
     write_demos,
     write_queries,
 )
-from pipeline.errors import InputError
+from pipeline.runtime.errors import InputError
 
 
 def some_demos(scenes: int = 3, demos: int = 4) -> pd.DataFrame:
@@ -35,7 +35,7 @@ def test_recordings_lie_row_for_row_beside_their_table(tmp_path: Path):
     samples = np.random.default_rng(1).random((offsets[-1], 4)).astype(np.float32)
     write_demos(tmp_path, demos, samples, offsets)
     pd.testing.assert_frame_equal(read_demos(tmp_path), demos)
-    back, at = read_recordings(tmp_path)
+    back, at = read_trajectories(tmp_path)
     np.testing.assert_array_equal(back, samples)
     np.testing.assert_array_equal(at, offsets)
     with pytest.raises(ValueError, match="do not match"):
@@ -51,7 +51,7 @@ def test_fewer_demonstrations_are_the_first_of_more():
     np.testing.assert_array_equal(fewer_valid, valid[:, :2])
 
 
-@pytest.mark.parametrize(("seed", "user", "n"), [(0, "careful", 5), (1, "careful", 2), (0, "hasty", 2)])
+@pytest.mark.parametrize(("seed", "user", "n_demos"), [(0, "careful", 5), (1, "careful", 2), (0, "hasty", 2)])
 def test_too_few_demonstrations_are_refused(seed: int, user: str, n: int):
     with pytest.raises(InputError, match=f"user {user}, seed {seed}: expected {n}"):
         demo_arrays(some_demos(), seed, user, n)

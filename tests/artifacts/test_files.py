@@ -7,15 +7,15 @@ import pandas as pd
 import pytest
 
 from pipeline.artifacts.files import (
+    atomic_write,
     read_arrays,
     read_json,
     read_table,
     write_arrays,
     write_json,
     write_table,
-    write_whole,
 )
-from pipeline.errors import InputError
+from pipeline.runtime.errors import InputError
 
 
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path):
@@ -27,7 +27,7 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path):
         raise RuntimeError("killed")
 
     with pytest.raises(RuntimeError):
-        write_whole(path, half)
+        atomic_write(path, half)
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
 

@@ -9,9 +9,9 @@ from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.models import model_dir, weights_path
 from pipeline.artifacts.trained import load_model
-from pipeline.errors import InputError
+from pipeline.models.registry import build
 from pipeline.params import compose
-from pipeline.spec.registry import build
+from pipeline.runtime.errors import InputError
 from tests.stages.inputs import save_model
 
 

@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool, write_scenes
-from pipeline.errors import InputError
-from pipeline.table.layout import empty
+from pipeline.runtime.errors import InputError
+from pipeline.world.layout import empty
 
 
 def some_scenes() -> SceneSet:

@@ -20,9 +20,9 @@ from pipeline.causal.counterfactual import (
     study,
     unlike,
 )
-from pipeline.table.bezier import random_z_theta
-from pipeline.table.layout import SYMBOLS, Items, Layouts, empty, random_layouts
-from pipeline.table.rules import clearance, slack, valid
+from pipeline.world.bezier import random_z_theta
+from pipeline.world.layout import SYMBOLS, Items, Layouts, empty, random_layouts
+from pipeline.world.rules import clearance, slack, valid
 from tests.examples import RULES
 
 CAREFUL: dict[str, float | None] = {symbol: 0.045 for symbol in SYMBOLS}
@@ -103,8 +103,8 @@ def test_models_told_the_truth_are_never_wrong(layouts: Layouts, z_theta: np.nda
     for name in ("pn_error", "ps_error", "empty_rejected"):
         assert cell[name] == 0, name
     assert cell["rejected"] == (truth.whole == 0).sum()
-    assert 1 / 3 <= cell["null_random"] <= cell["null_base_rate"] < 1
-    assert cell["over_random"] == pytest.approx(1 - cell["null_random"], abs=1e-6)
+    assert 1 / 3 <= cell["random_path"] <= cell["null_base_rate"] < 1
+    assert cell["over_random"] == pytest.approx(1 - cell["random_path"], abs=1e-6)
 
 
 def test_who_keeps_the_same_margin_from_all_blames_the_nearest(layouts: Layouts, z_theta: np.ndarray, tables: Tables):

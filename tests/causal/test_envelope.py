@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from pipeline.causal.clusters import by_item
 from pipeline.causal.envelope import dose_grid, nearest_plans, paths_at_doses, planning, radius, study
+from pipeline.stats.clusters import by_item
 
 STEP, DOSES = 0.005, 20
 GRID = dose_grid(STEP, DOSES)
@@ -144,7 +144,7 @@ def test_an_envelope_needs_an_effect_in_contact_that_makes_paths_less_valid():
     truth = np.stack([steps(m)[0, [0] * 30] for m in (MARGIN, 0, MARGIN, 0)])  # (cell, scene, dose)
     item, margins = np.tile(np.arange(30) % 6, (4, 1)), [MARGIN, None, MARGIN, None]
     cells, curves = study(noise + heights * steps(MARGIN)[0, 0], truth, item, [6] * 4, margins, GRID)
-    assert [c["verdict"] for c in cells] == ["effect", "no effect", "effect", "effect"]
+    assert [c["verdict"] for c in cells] == ["effect", "negligible", "effect", "effect"]
     assert [c["radius_m"] is not None for c in cells] == [True, False, False, True]
     assert [c["right"] for c in cells] == [True, True, False, False]
     assert [c["flips"] for c in cells] == [True, False, False, True]
@@ -168,7 +168,7 @@ def test_each_cells_interval_counts_the_items_of_its_own_symbol():
 def test_a_user_whom_nothing_bothers_has_no_envelope():
     item = np.arange(30)[None] % 6
     (cell,), _ = study(np.zeros((1, 10, 30, DOSES)), np.zeros((1, 30, DOSES)), item, [6], [None], GRID)
-    assert (cell["radius_m"], cell["drop_at_contact"], cell["verdict"]) == (None, 0, "no effect")
+    assert (cell["radius_m"], cell["drop_at_contact"], cell["verdict"]) == (None, 0, "negligible")
     assert cell["right"]
 
 

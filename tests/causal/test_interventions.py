@@ -53,13 +53,13 @@ def test_holm_pays_for_the_whole_family():
 def test_the_tally_tells_false_causes_from_missed_ones():
     cells = family([-0.13, -0.13, 0.0, 0.13, 0.0], [-0.15, 0.0, -0.15, -0.15, 0.0])
     assert [c["right"] for c in cells] == [True, False, False, False, True]  # the fourth has the wrong sign
-    assert tally(cells) == {"cells": 5, "right": 2, "false_causes": 2, "missed_causes": 1, "inconclusive": 0}
+    assert tally(cells) == {"cells": 5, "right": 2, "false_causes": 2, "missed_causes": 1, "undecided": 0}
 
 
 def test_a_constant_model_of_a_user_who_minds_nothing_is_right():
     ones = np.ones((4, 10, 20))
     cells = study(ones, ones, ones[:, 0], ones[:, 0])
     assert {(c["effect"], c["ci_low"], c["ci_high"], c["p_holm"], c["verdict"]) for c in cells} == {
-        (0.0, 0.0, 0.0, 1.0, "no effect")
+        (0.0, 0.0, 0.0, 1.0, "negligible")
     }
     assert tally(cells)["right"] == 4

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.causal.refuters import REFUTERS, halves, mean_over, placebo, stays_over_items
-from pipeline.causal.statistics import SMALLEST_EFFECT
+from pipeline.stats.crossed import SMALLEST_EFFECT
 
 
 def test_a_placebo_has_the_items_pixels_in_the_items_place_and_touches_nothing_else():

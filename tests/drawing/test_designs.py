@@ -14,7 +14,7 @@ from drawing.crockery import bowl
 from drawing.designs import Design, designs, surfaces
 from drawing.shading import SIDE
 from drawing.surface import surface
-from pipeline.table.layout import SYMBOLS
+from pipeline.world.layout import SYMBOLS
 
 DATA = Path("data")
 ONE_OF_EACH = {design.symbol: design for design in designs()}

@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.artifacts.demos import DEMO_COLUMNS, Queries, write_demos, write_queries
 from pipeline.artifacts.scenes import SceneSet, write_scenes
-from pipeline.table.layout import empty
+from pipeline.world.layout import empty
 
 POOLS = {"train-s0": 3, "train-s1": 3, "new_scenes": 2, "new_items": 2}
 

@@ -7,8 +7,8 @@ import pytest
 from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.models import model_dir, weights_path
-from pipeline.errors import InputError
 from pipeline.params import read_by, validate
+from pipeline.runtime.errors import InputError
 
 Stage = Callable[[DictConfig, Path], None]
 
@@ -26,7 +26,7 @@ def refuses(main: Stage, cfg: DictConfig, name: str, value: object, message: str
 
 def names_a_missing_model(main: Stage, cfg: DictConfig, variant: str, out: Path) -> None:
     """Without one model's weights, the stage names their file and leaves no `out`."""
-    path = weights_path(model_dir(cfg, variant), "careful", cfg.protocol.seeds[-1], cfg.study_n)
+    path = weights_path(model_dir(cfg, variant), "careful", cfg.protocol.seeds[-1], cfg.main_n_demos)
     hidden = path.rename(path.with_suffix(".away"))
     try:
         with pytest.raises(InputError, match=f"{path.name} is missing: run stage"):

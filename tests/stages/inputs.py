@@ -12,15 +12,15 @@ from pipeline.artifacts.demos import DEMO_COLUMNS, DEMO_KEY, Queries, write_demo
 from pipeline.artifacts.files import write_arrays, write_table
 from pipeline.artifacts.models import model_dir, save_weights, weights_path
 from pipeline.artifacts.scenes import SceneSet, layout_table, read_scenes, train_pool, write_scenes
+from pipeline.models.base import ValidityModel
+from pipeline.models.clearance.clearance import ClearanceModel
+from pipeline.models.registry import build
 from pipeline.params import compose
-from pipeline.spec.clearance import ClearanceModel
-from pipeline.spec.registry import build
-from pipeline.spec.specification import Specification
-from pipeline.table.bezier import random_z_theta
-from pipeline.table.items import read_catalogue
-from pipeline.table.layout import SYMBOLS, Items, LayoutRules, Layouts, add_item, random_layouts
-from pipeline.table.render import Palette, render_scenes
-from pipeline.table.rules import valid
+from pipeline.world.bezier import random_z_theta
+from pipeline.world.catalogue import read_catalogue
+from pipeline.world.layout import SYMBOLS, Items, LayoutRules, Layouts, add_item, random_layouts
+from pipeline.world.render import Palette, render_scenes
+from pipeline.world.rules import valid
 from tests.examples import RULES
 
 ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.075, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
@@ -57,12 +57,12 @@ def untrained_models(folder: Path, seeds: list[int], *overrides: str) -> DictCon
     return cfg
 
 
-def save_model(cfg: DictConfig, variant: str, model: Specification, user: str, seed: int, n: int | None = None) -> None:
-    """A model of `n` demonstrations (None: study_n), where the stage that fits its variant would write it."""
-    save_weights(weights_path(model_dir(cfg, variant), user, seed, n or cfg.study_n), model.state_dict())
+def save_model(cfg: DictConfig, variant: str, model: ValidityModel, user: str, seed: int, n: int | None = None) -> None:
+    """A model of `n` demonstrations (None: main_n_demos), where the stage that fits its variant would write it."""
+    save_weights(weights_path(model_dir(cfg, variant), user, seed, n or cfg.main_n_demos), model.state_dict())
 
 
-def convinced(model: Specification) -> Specification:
+def convinced(model: ValidityModel) -> ValidityModel:
     """The model; if it weighs its evidence, as if labels had borne out what it was drawn to believe."""
     if isinstance(model, ClearanceModel):
         model.evidence.fill_(20.0)

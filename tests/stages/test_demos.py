@@ -8,18 +8,18 @@ import pandas as pd
 import pytest
 from omegaconf import DictConfig, OmegaConf
 
-from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries, read_recordings
+from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries, read_trajectories
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool, write_scenes
-from pipeline.errors import InputError
 from pipeline.params import compose
+from pipeline.runtime.errors import InputError
 from pipeline.stages.demos import main
-from pipeline.table.layout import SYMBOLS, Layouts
-from pipeline.table.recordings import keeps
-from pipeline.table.rules import valid
+from pipeline.world.hand import keeps
+from pipeline.world.layout import SYMBOLS, Layouts
+from pipeline.world.rules import valid
 from tests.stages.facts import refuses, repeats_itself
 
 SCENES = {"train-s0": 3, "train-s1": 3, "train-s100": 3, "new_scenes": 4, "new_items": 4}
-FILES = ("demos.parquet", "recordings.npz", "queries.npz", "metrics.json")
+FILES = ("demos.parquet", "trajectories.npz", "queries.npz", "metrics.json")
 
 
 def layouts(rng: np.random.Generator, scenes: int) -> Layouts:
@@ -48,7 +48,7 @@ def out(cfg: DictConfig, tmp_path: Path) -> Path:
 
 def real_csv(cfg: DictConfig, folder: Path, out: Path, clock_s: float = 0.0, **changes: object) -> Path:
     """Let the stage read a person's file in `folder`: seed 0's first careful recording, moved 5 mm aside midway."""
-    samples, offsets = read_recordings(out)
+    samples, offsets = read_trajectories(out)
     demos = read_demos(out)
     first = int(np.flatnonzero((demos["seed"] == 0) & (demos["user"] == "careful"))[0])
     table = pd.DataFrame(samples[offsets[first] : offsets[first + 1]].astype(float), columns=list("txyz"))
@@ -74,7 +74,7 @@ def test_every_seed_user_and_scene_has_its_demonstrations(cfg: DictConfig, out: 
 
 
 def test_recordings_lie_in_the_order_of_the_demonstrations(out: Path):
-    demos, (samples, offsets) = read_demos(out), read_recordings(out)
+    demos, (samples, offsets) = read_demos(out), read_trajectories(out)
     np.testing.assert_array_equal(np.diff(offsets), demos["samples"])
     np.testing.assert_allclose(samples[offsets[1:] - 1, 0], demos["duration_s"], rtol=1e-6)
     key = ["seed", "user", "scene", "demo"]
@@ -92,7 +92,7 @@ def test_labels_agree_with_those_of_the_fitted_paths_but_for_a_few(out: Path):
 def test_labels_are_of_the_lines_that_hands_drew_and_not_of_the_fitted_paths(
     cfg: DictConfig, out: Path, tmp_path: Path
 ):
-    demos, recordings = read_demos(out), read_recordings(out)
+    demos, recordings = read_demos(out), read_trajectories(out)
     scenes, of_fits = read_scenes(tmp_path / "scenes"), []
     for (seed, user), rows in demos.groupby(["seed", "user"]):  # pyright: ignore
         layouts, first, last = scenes.layouts[train_pool(seed)], rows.index[0], rows.index[-1] + 1

@@ -11,13 +11,13 @@ from omegaconf import DictConfig, OmegaConf
 from pipeline.artifacts.demos import Queries, demo_arrays, read_demos, read_queries, write_demos, write_queries
 from pipeline.artifacts.files import read_table, write_arrays, write_table
 from pipeline.artifacts.models import model_dir
-from pipeline.errors import InputError
+from pipeline.models import baselines as nulls
 from pipeline.params import compose
-from pipeline.spec import nulls
-from pipeline.spec.metrics import accuracy
+from pipeline.runtime.errors import InputError
 from pipeline.stages import evaluate
 from pipeline.stages.evaluate import main
-from pipeline.table.bezier import random_z_theta
+from pipeline.stats.scores import accuracy
+from pipeline.world.bezier import random_z_theta
 from tests.stages.facts import refuses, repeats_itself
 
 SCENES, QUERIES = 3, 8
@@ -25,7 +25,7 @@ SCENES, QUERIES = 3, 8
 
 @pytest.fixture
 def cfg(tmp_path: Path) -> DictConfig:
-    """Two seeds and two n; `full` is always right, `ae` always wrong, `path` right at study_n, others know nothing."""
+    """Two seeds and two n; `full` is always right, `ae` always wrong, `path` right at main_n_demos, others know nothing."""
     cfg = compose(["profile=smoke"])
     for stage in ("scenes", "demos", "train", "irl", "path"):
         OmegaConf.update(cfg, f"paths.{stage}", str(tmp_path / stage))
@@ -62,10 +62,10 @@ def _predictions(cfg: DictConfig, variant: str, queries: dict[str, Queries]) -> 
     parts = []
     for seed in cfg.seeds:
         for user in cfg.users:
-            for n in cfg.n:
+            for n in cfg.n_demos:
                 for split, pool in cfg.protocol.splits.items():
                     valid = queries[pool or f"train-s{seed}"].valid[user].ravel()
-                    told = {"full": valid, "ae": ~valid, "path": valid == (n == cfg.study_n)}
+                    told = {"full": valid, "ae": ~valid, "path": valid == (n == cfg.main_n_demos)}
                     p = told.get(variant, np.full(valid.shape, 0.5))
                     parts.append(
                         pd.DataFrame({"scene": scene, "query": query, "p": p.astype(np.float32), "valid": valid})
@@ -88,9 +88,9 @@ def test_the_truth_scores_one_and_its_opposite_nothing(cfg: DictConfig, tmp_path
 def test_every_cell_has_a_row_and_only_seen_scenes_have_a_nearest_demonstration(cfg, tmp_path):
     main(cfg, tmp_path / "out")
     scores = read_table(tmp_path / "out" / "accuracy.parquet")
-    cells = len(cfg.users) * len(cfg.n) * len(cfg.seeds)
+    cells = len(cfg.users) * len(cfg.n_demos) * len(cfg.seeds)
     assert len(scores) == cells * (3 * (len(cfg.variants) + 1) + 1)
-    assert set(scores[scores["variant"] == "null_nearest"]["split"]) == {"seen_scenes"}
+    assert set(scores[scores["variant"] == "nearest_demonstration"]["split"]) == {"seen_scenes"}
     assert (scores["count"] == SCENES * QUERIES).all()
     assert scores[scores["user"] == "aggressive"]["auroc"].isna().all()
     full = scores[(scores["variant"] == "full") & (scores["user"] != "aggressive")]
@@ -101,7 +101,7 @@ def test_the_nearest_demonstration_is_one_of_the_n_that_were_shown(cfg: DictConf
     main(cfg, tmp_path / "out")
     scores = read_table(tmp_path / "out" / "accuracy.parquet")
     demos, queries = read_demos(Path(cfg.paths.demos)), read_queries(Path(cfg.paths.demos))
-    for row in scores[scores["variant"] == "null_nearest"].itertuples():
+    for row in scores[scores["variant"] == "nearest_demonstration"].itertuples():
         asked = queries[f"train-s{row.seed}"]
         p = nulls.nearest(*demo_arrays(demos, row.seed, row.user, row.n), asked.z)
         assert row.accuracy == accuracy(p.ravel(), asked.valid[row.user].ravel())
@@ -116,19 +116,19 @@ def test_other_scenes_count_in_an_interval_around_the_mean_and_errors_are_found_
     perfect, opposite = (metrics["in_new_scenes"][v]["new_items"] for v in ("full", "ae"))
     assert perfect["worst"] is None and opposite["worst"] == pytest.approx(opposite["few"] / SCENES)
     assert opposite["worst_by_chance"] == pytest.approx(opposite["worst"])  # where all is wrong, chance does as much
-    null = metrics["in_new_scenes"]["null_position"]["new_items"]
+    null = metrics["in_new_scenes"]["position_only"]["new_items"]
     assert opposite["few"] / SCENES < null["worst_by_chance"] < 1
-    assert set(metrics["in_new_scenes"]["null_position"]) == {"new_scenes", "new_items"}
-    assert "null_nearest" not in metrics["in_new_scenes"]
+    assert set(metrics["in_new_scenes"]["position_only"]) == {"new_scenes", "new_items"}
+    assert "nearest_demonstration" not in metrics["in_new_scenes"]
 
 
 def test_users_are_averaged_as_configured(cfg: DictConfig, tmp_path: Path):
     main(cfg, tmp_path / "out")
     metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())
-    two = metrics["accuracy"]["null_position"]["new_items"]["n9"]["mean"]
-    three = metrics["accuracy_all_users"]["null_position"]["new_items"]["n9"]["mean"]
+    two = metrics["accuracy"]["position_only"]["new_items"]["n9"]["mean"]
+    three = metrics["accuracy_all_users"]["position_only"]["new_items"]["n9"]["mean"]
     scores = read_table(tmp_path / "out" / "accuracy.parquet")
-    rows = scores.query("variant == 'null_position' and split == 'new_items' and n == 9")
+    rows = scores.query("variant == 'position_only' and split == 'new_items' and n == 9")
     by_user = rows.groupby("user")["accuracy"].mean()
     assert two == pytest.approx(by_user[["careful", "normal"]].mean())
     assert three == pytest.approx(by_user.mean())
@@ -141,7 +141,7 @@ def test_the_tests_are_those_fixed_in_advance_and_corrected_together(cfg: DictCo
     main(cfg, tmp_path / "out")
     table = read_table(tmp_path / "out" / "comparisons.csv")
     assert dict(table.groupby("family").size()) == {"paper": 18, "path": 9}
-    assert not table.duplicated(["variant", "against", "split", "n"]).any()
+    assert not table.duplicated(["variant", "against", "split", "n_demos"]).any()
     assert (table["p_holm"] >= table["p"]).all()
     assert not table["significant"].any()  # two seeds cannot show anything
     row = table.query("against == 'ae' and split == 'new_items'").iloc[0]
@@ -161,9 +161,9 @@ def test_of_ten_seeds_the_smallest_p_is_corrected_by_its_own_family_alone(cfg: D
     lifted = {"path": 0.1 + 0.01 * np.arange(10)}
     averaged = {
         (variant, split, n): lifted.get(variant, np.zeros(10))
-        for variant in [*cfg.variants, "null_nearest", "null_position", "path", "irl_maxent"]
+        for variant in [*cfg.variants, "nearest_demonstration", "position_only", "path", "irl_maxent"]
         for split in cfg.protocol.splits
-        for n in cfg.n
+        for n in cfg.n_demos
     }
     table = evaluate._comparisons(cfg, averaged)
     path = table[table["family"] == "path"]

@@ -11,8 +11,8 @@ from pipeline.artifacts.files import read_arrays, read_json, read_table
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.artifacts.trained import load_model
 from pipeline.stages import intervene
-from pipeline.table.items import read_catalogue
-from pipeline.table.layout import SYMBOLS
+from pipeline.world.catalogue import read_catalogue
+from pipeline.world.layout import SYMBOLS
 from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
 from tests.stages.inputs import pictured_models
 
@@ -65,7 +65,7 @@ def test_before_and_after_a_model_judges_the_same_paths(cfg: DictConfig, out: Pa
     arrays, rows = read_arrays(out / "images.npz"), read_table(out / "effects.parquet")
     assert arrays["z_theta"].shape == (SCENES, PATHS, 2)
     user, seed = "normal", cfg.protocol.seeds[1]
-    model = load_model(cfg, "full", user, seed, cfg.study_n)
+    model = load_model(cfg, "full", user, seed, cfg.main_n_demos)
     torch.set_num_threads(1)
     expected = model.probability(arrays["images"][2, 1], arrays["z_theta"]).mean(-1)  # the second cutlery
     keys = {"variant": "full", "user": user, "seed": seed, "symbol": "cutlery", "placement": 1}

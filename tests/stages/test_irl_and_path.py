@@ -17,7 +17,7 @@ from tests.stages.facts import listed
 
 STAGES = {"irl_maxent": irl.main, "irl_ranked": irl.main, "path": path.main}  # by variant
 USERS = ("aggressive", "careful", "normal")
-SMALL = ["seeds=[0]", "n=[1,2]", "study_n=2", "irl.copies=2", "irl.curve_every=2", "workers=1"]
+SMALL = ["seeds=[0]", "n=[1,2]", "main_n_demos=2", "irl.copies=2", "irl.curve_every=2", "workers=1"]
 SMALL += ["variants.irl_maxent.steps=3", "variants.irl_ranked.steps=3", "path.steps=3", "path.curve_every=2"]
 
 
@@ -41,7 +41,7 @@ def test_it_writes_the_files_of_stage_train(run):
     assert len(predictions) == 3 * 2 * (3 + 2 + 2) * 4  # users, n, scenes of the splits, queries
     assert predictions["p"].dtype == np.float32 and predictions["p"].between(0, 1).all()
     curves = read_table(out / variant / "curves.parquet")
-    assert list(curves.columns) == ["seed", "user", "n", "step", "total"] and curves["total"].notna().all()
+    assert list(curves.columns) == ["seed", "user", "n_demos", "step", "total"] and curves["total"].notna().all()
     assert set(read_table(out / variant / "curves.csv")["user"]) == set(USERS)
     assert set(read_json(out / variant / "metrics.json")["accuracy"][variant]["careful"]["new_items"]) == {"n1", "n2"}
 

@@ -14,14 +14,14 @@ from pipeline.artifacts.files import read_table, write_arrays, write_json, write
 from pipeline.artifacts.models import model_dir, save_weights, weights_path
 from pipeline.artifacts.scenes import SceneSet, layout_table, read_scenes, write_scenes
 from pipeline.artifacts.trained import load_model
-from pipeline.errors import InputError
-from pipeline.exhibits.recorded import CURVE_KEY
+from pipeline.models.registry import build
 from pipeline.params import compose
-from pipeline.spec.registry import build
+from pipeline.runtime.errors import InputError
 from pipeline.stages.record import EFFECT_COLUMNS, main
-from pipeline.table.bezier import curve, lattice, random_z_theta
-from pipeline.table.layout import SYMBOLS, Layouts, add_item, empty
-from pipeline.table.rules import valid
+from pipeline.viewer.assemble import CURVE_KEY
+from pipeline.world.bezier import curve, lattice, random_z_theta
+from pipeline.world.layout import SYMBOLS, Layouts, add_item, empty
+from pipeline.world.rules import valid
 from tests.examples import RULES
 from tests.recording.example import read, read_timed
 from tests.report_artefacts import ITEMS
@@ -56,9 +56,9 @@ def cfg(tmp_path: Path) -> DictConfig:
     _write_interventions(tmp_path / "intervene", rng, cfg, layouts["new_items"])
     _write_counterfactuals(tmp_path / "counterfactual", rng)
     for variant in cfg.variants:
-        for seed, (user, n) in enumerate(product(cfg.users, cfg.n)):
+        for seed, (user, n) in enumerate(product(cfg.users, cfg.n_demos)):
             save_model(cfg, variant, build(cfg.variants[variant], seed), user, 0, n)
-        curve = pd.MultiIndex.from_product([[0], list(cfg.users), list(cfg.n), [0, 10]], names=CURVE_KEY)
+        curve = pd.MultiIndex.from_product([[0], list(cfg.users), list(cfg.n_demos), [0, 10]], names=CURVE_KEY)
         curves = curve.to_frame(index=False)
         write_table(model_dir(cfg, variant) / "curves.parquet", curves.assign(total=rng.random(len(curves))))
     return cfg
@@ -134,7 +134,7 @@ def test_a_recording_a_model_holds_what_the_model_says(cfg: DictConfig, tmp_path
 
     scenes, scene = read_scenes(tmp_path / "scenes"), 1
     path = tmp_path / "record" / "runs" / "full-careful-s0.rrd"
-    model = load_model(cfg, "full", "careful", 0, cfg.study_n)
+    model = load_model(cfg, "full", "careful", 0, cfg.main_n_demos)
     image, layout = scenes.images["new_items"][scene], scenes.layouts["new_items"][scene : scene + 1]
     entity = f"new_items/scene_{scene:03d}"
 
@@ -161,7 +161,7 @@ def test_a_recording_a_model_holds_what_the_model_says(cfg: DictConfig, tmp_path
 def test_interventions_are_asked_of_the_model_and_told_with_the_stages_effects(cfg: DictConfig, tmp_path: Path) -> None:
     main(cfg, tmp_path / "record")
     path = tmp_path / "record" / "runs" / "classifier-normal-s0.rrd"
-    model = load_model(cfg, "classifier", "normal", 0, cfg.study_n)
+    model = load_model(cfg, "classifier", "normal", 0, cfg.main_n_demos)
     images = dict(np.load(tmp_path / "intervene" / "images.npz"))["images"][:, 0, 0]
     expected = model.probability(images, np.tile(lattice(9), (4, 1, 1))).reshape(4, 9, 9)
     buffers = read(path, "interventions/predicted/map", "Image:buffer", "intervention")
@@ -187,7 +187,7 @@ def test_counterfactuals_are_asked_of_the_model_of_whoever_cares(cfg: DictConfig
     pictures = np.stack([images["whole"][0], images["without"][0, 0]])
     for user in ("careful", "normal"):
         path = tmp_path / "record" / "runs" / f"full-{user}-s0.rrd"
-        p = load_model(cfg, "full", user, 0, cfg.study_n).probability(pictures, np.tile(z, (2, 1, 1)))[:, 0]
+        p = load_model(cfg, "full", user, 0, cfg.main_n_demos).probability(pictures, np.tile(z, (2, 1, 1)))[:, 0]
         pages = [text for (text,) in read(path, "counterfactuals/words", "TextDocument:text", "counterfactual")]
         told = "valid" if valid(layout, z, cfg.users[user])[0, 0] else "invalid"
         assert f"| **as it stands** | {p[0]:.2f} | {told} |" in pages[0]
@@ -201,12 +201,12 @@ def test_each_n_shows_its_own_model_and_the_losses_are_those_of_the_one_shown(cf
     path = tmp_path / "record" / "runs" / "full-careful-s0.rrd"
     image = read_scenes(tmp_path / "scenes").images["new_items"][:1]
     buffers = read(path, "new_items/scene_000/latent/predicted/learning/map", "Image:buffer", "demonstrations")
-    for n, (buffer,) in zip(cfg.n, buffers, strict=True):
+    for n, (buffer,) in zip(cfg.n_demos, buffers, strict=True):
         shown = np.array(buffer, np.uint8).view(np.float16).reshape(9, 9)[::-1]
         expected = load_model(cfg, "full", "careful", 0, n).probability(image, lattice(9)[None]).reshape(9, 9)
         assert np.allclose(shown, expected, atol=1e-3)
     curves = read_table(model_dir(cfg, "full") / "curves.parquet")
-    rows = curves[(curves["user"] == "careful") & (curves["n"] == cfg.study_n)]
+    rows = curves[(curves["user"] == "careful") & (curves["n_demos"] == cfg.main_n_demos)]
     assert _value(path, "losses", "Scalars:scalars") == [[total] for total in rows["total"]]
 
 
@@ -214,10 +214,10 @@ def test_the_map_along_the_training_is_of_the_weights_kept_then_and_of_the_model
     cfg: DictConfig, tmp_path: Path
 ) -> None:
     early, cfg.checkpoints = build(cfg.variants.full, 99), [0, 5]
-    save_weights(weights_path(model_dir(cfg, "full"), "careful", 0, cfg.study_n, 5), early.state_dict())
+    save_weights(weights_path(model_dir(cfg, "full"), "careful", 0, cfg.main_n_demos, 5), early.state_dict())
     main(cfg, tmp_path / "record")
     image = read_scenes(tmp_path / "scenes").images["new_items"][:1]
-    last = load_model(cfg, "full", "careful", 0, cfg.study_n)
+    last = load_model(cfg, "full", "careful", 0, cfg.main_n_demos)
     entity = "new_items/scene_000/latent/predicted/learning/map"
     rows = read_timed(tmp_path / "record/runs/full-careful-s0.rrd", entity, "Image:buffer", "train_step")
     assert [step for step, _ in rows] == [5, 11]  # the curve's last point lies before the update of step 10
@@ -266,7 +266,7 @@ def test_with_no_user_who_cares_the_overview_shows_them_all(cfg: DictConfig, tmp
 def test_demonstrations_are_the_ones_the_model_was_fitted_to(cfg: DictConfig, tmp_path: Path) -> None:
     main(cfg, tmp_path / "record")
     demos = read_table(tmp_path / "demos" / "demos.parquet")
-    rows = demos[(demos["user"] == "normal") & (demos["scene"] == 2) & (demos["demo"] < cfg.study_n)]
+    rows = demos[(demos["user"] == "normal") & (demos["scene"] == 2) & (demos["demo"] < cfg.main_n_demos)]
     z = rows.loc[rows["valid"], ["z_x", "z_y"]].to_numpy()
     path = tmp_path / "record" / "runs" / "full-normal-s0.rrd"
     (raw,) = _value(path, "training/scene_002/valid/recorded", "LineStrips2D:strips")
@@ -283,7 +283,7 @@ def test_a_second_run_has_the_same_digests(cfg: DictConfig, tmp_path: Path) -> N
 
 
 def test_nothing_is_written_when_a_model_is_missing(cfg: DictConfig, tmp_path: Path) -> None:
-    weights_path(model_dir(cfg, "classifier"), "normal", 0, cfg.study_n).unlink()
+    weights_path(model_dir(cfg, "classifier"), "normal", 0, cfg.main_n_demos).unlink()
     with pytest.raises(InputError, match="run stage train for variant classifier"):
         main(cfg, tmp_path / "record")
     assert not (tmp_path / "record").exists()

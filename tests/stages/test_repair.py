@@ -9,8 +9,8 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_arrays, read_table
 from pipeline.artifacts.scenes import read_scenes, train_pool
+from pipeline.planning.oracle import constant_detour
 from pipeline.stages.repair import main
-from pipeline.table.oracle import constant_detour
 from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
 from tests.stages.inputs import untrained_models
 
@@ -50,14 +50,14 @@ def test_paths_go_from_the_starts_to_the_ends_of_the_table(out: Path):
 
 def test_the_constant_detour_is_chosen_in_the_seeds_own_training_scenes(cfg: DictConfig, out: Path):
     layouts = read_scenes(Path(cfg.paths.scenes)).layouts
-    table = read_table(out / "repairs.parquet").query("method == 'null_constant'")
+    table = read_table(out / "repairs.parquet").query("method == 'constant_detour_baseline'")
     for (seed, user), rows in table.groupby(["seed", "user"]):
         detour = constant_detour(layouts[train_pool(seed)], cfg.users[user], cfg.repair.lattice_side)
         assert (rows[["z_x", "z_y"]] == detour).all(axis=None)
 
 
 def test_random_ends_are_drawn_anew_for_every_seed_and_user_and_are_no_starts(out: Path):
-    table = read_table(out / "repairs.parquet").query("method == 'null_random'")
+    table = read_table(out / "repairs.parquet").query("method == 'random_path'")
     assert table.groupby(["seed", "user"]).ngroups == 4
     assert not table.duplicated(["z_x", "z_y"]).any()
     assert not table["z_x"].isin(table["z0_x"]).any()
@@ -94,7 +94,7 @@ def test_the_table_and_the_metrics_say_the_same(out: Path):
 def test_a_user_whom_everything_suits_has_nothing_to_repair(out: Path):
     cell = json.loads((out / "metrics.json").read_text())["full"]["aggressive"]
     assert cell["vacuous"] and cell["starts"] == 0
-    assert cell["success"] is cell["null_constant"] is cell["oracle"] is None
+    assert cell["success"] is cell["constant_detour_baseline"] is cell["oracle"] is None
 
 
 def test_the_same_inputs_give_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):

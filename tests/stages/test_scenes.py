@@ -10,10 +10,10 @@ from pipeline.artifacts.files import read_json
 from pipeline.artifacts.scenes import read_position_prior, read_scenes
 from pipeline.params import compose
 from pipeline.stages.scenes import PAPER_P_VALID, main
-from pipeline.table.bezier import lattice
-from pipeline.table.items import read_catalogue
-from pipeline.table.layout import SYMBOLS
-from pipeline.table.rules import clearance, slack
+from pipeline.world.bezier import lattice
+from pipeline.world.catalogue import read_catalogue
+from pipeline.world.layout import SYMBOLS
+from pipeline.world.rules import clearance, slack
 from tests.stages.facts import refuses, repeats_itself
 
 DATA = Path("data")
@@ -110,8 +110,8 @@ def test_the_position_prior_is_a_share_symmetric_in_the_diagonal(written):
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
-        ("generator", -1, r"scenes\.generator is -1: expected a whole number from 0"),
-        ("generator", 1.5, r"scenes\.generator is 1\.5"),
+        ("generator", -1, r"scenes\.root_seed is -1: expected a whole number from 0"),
+        ("generator", 1.5, r"scenes\.root_seed is 1\.5"),
         ("layout.slots", 0, r"scenes\.layout\.slots is 0"),
         ("layout.items_per_scene", 2, r"scenes\.layout\.items_per_scene is 2: expected a list"),
         ("layout.items_per_scene", [], r"scenes\.layout\.items_per_scene is \[\]"),

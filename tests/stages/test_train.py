@@ -13,16 +13,16 @@ from pipeline.artifacts.files import read_json, read_table
 from pipeline.artifacts.models import PREDICTION_COLUMNS
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.artifacts.trained import load_model
-from pipeline.errors import InputError
-from pipeline.fitting.grid import _batches, _jobs, _key
+from pipeline.models.base import untrained
+from pipeline.models.vae.beta_vae import BetaVae
 from pipeline.params import compose
-from pipeline.spec.specification import untrained
-from pipeline.spec.vae import VaeSpecification
+from pipeline.runtime.errors import InputError
+from pipeline.runtime.streams import job_seed
 from pipeline.stages.train import main
-from pipeline.streams import job_seed
+from pipeline.training.runner import _batches, _jobs, _key
 from tests.stages.facts import listed
 
-SMALL = ["seeds=[0,1]", "n=[1,2]", "study_n=2", "train.steps=4", "train.curve_every=2", "workers=1"]
+SMALL = ["seeds=[0,1]", "n=[1,2]", "main_n_demos=2", "train.steps=4", "train.curve_every=2", "workers=1"]
 SMALL += ["train.engine=stacked", "checkpoints=[0,2,50]"]
 
 
@@ -43,7 +43,7 @@ def test_every_query_of_every_model_gets_one_prediction(run):
     predictions = read_table(run / "full" / "predictions.parquet", PREDICTION_COLUMNS)
     models = 2 * 3 * 2  # seeds, users, n
     assert len(predictions) == models * (3 + 2 + 2) * 4
-    assert not predictions.duplicated(["seed", "user", "n", "split", "scene", "query"]).any()
+    assert not predictions.duplicated(["seed", "user", "n_demos", "split", "scene", "query"]).any()
     assert predictions["p"].dtype == np.float32 and predictions["p"].between(0, 1).all()
 
 
@@ -63,7 +63,7 @@ def test_weights_on_the_way_are_kept_of_the_models_studied_that_learn(run, small
     names = {f"{u}-s{s}-n2-step{step:05d}" for u in ("careful", "normal") for s in (0, 1) for step in (0, 2)}
     assert {path.stem for path in (run / "full" / "checkpoints").iterdir()} == names
     kept = load_model(cfg, "full", "careful", 1, 2, step=0)
-    drawn = untrained(VaeSpecification, cfg.variants.full.model, job_seed(1, "careful", 2, "full"))
+    drawn = untrained(BetaVae, cfg.variants.full.model, job_seed(1, "careful", 2, "full"))
     for name, value in drawn.state_dict().items():
         assert torch.equal(kept.state_dict()[name], value)
     later = load_model(cfg, "full", "careful", 1, 2, step=2)
@@ -83,7 +83,7 @@ def test_a_user_without_invalid_demonstrations_gets_laplaces_constant(run):
 
 def test_curves_and_metrics_name_every_user_and_n(run):
     curves = read_table(run / "full" / "curves.csv")
-    assert set(map(tuple, curves[["user", "n"]].to_numpy())) == {
+    assert set(map(tuple, curves[["user", "n_demos"]].to_numpy())) == {
         (user, n) for user in ("careful", "normal", "aggressive") for n in (1, 2)
     }
     accuracy = read_json(run / "full" / "metrics.json")["accuracy"]["full"]
@@ -118,8 +118,8 @@ def test_auto_is_batched_where_there_is_cuda_and_stacked_elsewhere(small_world, 
 
 
 def test_jobs_fitted_together_are_of_like_n_and_none_is_left_out(small_world, tmp_path):
-    jobs = _jobs(config(small_world, tmp_path), {}, VaeSpecification, lambda *data, seeds: [])
-    batches = _batches(jobs, at_once=3)
+    jobs = _jobs(config(small_world, tmp_path), {}, BetaVae, lambda *data, seeds: [])
+    batches = _batches(jobs, batch_size=3)
     assert sorted(_key(job) for batch in batches for job in batch) == sorted(map(_key, jobs))
     learning = [batch for batch in batches if batch[0].user != "aggressive"]  # its labels never vary
     assert [len(batch) for batch in learning] == [3, 3, 2]  # 2 seeds, 2 users, 2 n
@@ -152,7 +152,7 @@ def test_without_numba_the_stacked_engine_is_refused_not_replaced(small_world, t
 
 def test_more_demonstrations_than_there_are_is_refused(small_world, tmp_path):
     with pytest.raises(InputError, match="expected 9 in each scene"):
-        main(config(small_world, tmp_path, "n=[9]", "study_n=9"), tmp_path)
+        main(config(small_world, tmp_path, "n=[9]", "main_n_demos=9"), tmp_path)
 
 
 def _digests(root: Path) -> dict[str, str]:
@@ -170,7 +170,7 @@ def test_models_of_an_earlier_run_into_the_same_folder_do_not_stay(small_world, 
     cfg = config(small_world, tmp_path)
     main(cfg, tmp_path / "full")
     before = sorted(path.name for path in (tmp_path / "full" / "weights").iterdir())
-    cfg.n, cfg.study_n = [1], 1
+    cfg.n_demos, cfg.main_n_demos = [1], 1
     main(cfg, tmp_path / "full")
     after = sorted(path.name for path in (tmp_path / "full" / "weights").iterdir())
     assert after == [name for name in before if "-n1" in name] and len(after) < len(before)

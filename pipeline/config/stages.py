@@ -1,0 +1,63 @@
+"""What is asked of fitted models, stage by stage, and how it is shown."""
+
+from typing import Annotated, Literal, get_args
+
+from pydantic import Field
+
+from pipeline.config.values import Count, Demonstrations, Group, Names, Several, Size, Some, Whole, expected
+
+SharedSplit = Annotated[
+    Literal["new_scenes", "new_items"], expected("a split that all seeds share, one of new_scenes, new_items")
+]
+Optimiser = Literal["gradient", "normalised", "adam"]
+
+
+class Comparison(Group):
+    family: str
+    variant: str
+    against: Some
+    splits: Some
+    n_demos: Demonstrations | None
+
+
+class Evaluate(Group):
+    users: Names
+    bins: Count
+    comparisons: list[Comparison]
+
+
+class Repair(Group):
+    split: SharedSplit
+    starts: Count
+    steps: Count
+    optimiser: Annotated[Optimiser, expected(f"one of {', '.join(get_args(Optimiser))}")]
+    rate: Size
+    settle: bool
+    lattice_side: Count
+    refinements: Whole
+
+
+class Intervene(Group):
+    split: SharedSplit
+    paths: Count
+    placements: Count
+    root_seed: Whole
+
+
+class Record(Group):
+    scenes: Count
+    repairs: Count
+    training_scenes: Count
+    first: Names
+    map_side: Several
+
+
+class Report(Group):
+    shown: Names
+    scenes: Count
+    map_side: Count
+    panel_scenes: Count
+    panel_side: Count
+    reconstructed: Count
+    dimensions: Count
+    values: Annotated[list[float], Field(min_length=1)]

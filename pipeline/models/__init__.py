@@ -1,0 +1,1 @@
+"""Models of P(valid | image, path) for one user, behind one interface (`base`)."""

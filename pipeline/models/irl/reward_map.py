@@ -1,0 +1,173 @@
+"""The IRL baseline's model: a reward map r_s(p, I), the return of a path on it, and its soft regret.
+
+The paper's baseline prefers the trajectory that is optimal with respect to sum_i r_s(p_i, I) (Section "Evaluation").
+Here a path's return is the *mean* of r_s over SAMPLES points spread evenly over its parameter, so that the number of
+points is no part of the model; every path has the same number, hence the same optimum as with the sum.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from pipeline.models.base import ValidityModel, initialise, to_bytes, to_tensor
+from pipeline.perception.background import subtract_background
+from pipeline.world.bezier import P_F, P_INIT, basis, lattice
+from pipeline.world.layout import SIDE
+
+SAMPLES = 48  # points along a path: 2 cm apart on the longest, as fine as the map
+SYMMETRIES = 8  # turns by 90 degrees, each with and without a reflection
+
+
+class RewardMap(ValidityModel):
+    """Convolutions from the image to a reward map; a path is accepted if its soft regret is small enough.
+
+    The logit is `scale * soft_regret + offset` (buffers, fitted on labels after training), so that P > .5 accepts
+    above the threshold `-offset / scale`. The map is averaged over the picture's 8 symmetries, if `symmetric`.
+    """
+
+    scale: Tensor
+    offset: Tensor
+    paths: Tensor
+
+    def __init__(
+        self,
+        channels: int,
+        dilated: int,
+        gain: float,
+        dropout: float,
+        lattice_side: int,
+        symmetric: bool,
+        ceiling: bool,
+    ) -> None:
+        """`channels`: of the 25 x 25 layers, of which `dilated` follow the first; `gain`: multiplies the map.
+
+        `ceiling`: rewards are at most 0.
+        """
+        super().__init__()
+        self.gain, self.symmetric, self.ceiling = gain, symmetric, ceiling
+        layers = [
+            nn.Conv2d(4, channels // 2, 3, stride=2, padding=1),  # (scene, channels / 2, 50, 50)
+            nn.ReLU(),
+            nn.Conv2d(channels // 2, channels, 3, stride=2, padding=1),  # (scene, channels, 25, 25)
+            nn.ReLU(),
+        ]
+        for _ in range(dilated):
+            layers += [nn.Conv2d(channels, channels, 3, padding=2, dilation=2), nn.ReLU()]
+        layers.insert(-2, nn.Dropout2d(dropout))
+        self.layers = nn.Sequential(*layers, nn.Conv2d(channels, 4, 1), nn.PixelShuffle(2))  # (scene, 1, 50, 50)
+        initialise(self, no_rectifier_after=[self.layers[-2]])
+        self.side = SIDE // 2
+        weights = path_weights(torch.from_numpy(lattice(lattice_side)).float(), self.side)
+        self.register_buffer("paths", weights, persistent=False)  # (lattice, side * side)
+        self.register_buffer("scale", torch.tensor(1.0))
+        self.register_buffer("offset", torch.tensor(0.0))
+
+    def reward(self, contrasts: Float[Tensor, "scene 4 100 100"]) -> Float[Tensor, "scene side side"]:
+        """r_s at every cell of the map, row 0 at the far edge, from the pictures' contrast with the table."""
+        raw = self.layers(contrasts).squeeze(1)
+        return self.gain * (-F.softplus(raw) if self.ceiling else raw)
+
+    def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene cell"]:
+        """The reward map's cells and, last, the scene's soft optimum; zeros if the rule makes nothing of them."""
+        if not self.scale:
+            return images.new_zeros(len(images), self.side**2 + 1)
+        return self.look(torch.cat([_contrast(picture) for picture in to_bytes(images)]))
+
+    def look(self, contrasts: Float[Tensor, "scene 4 100 100"]) -> Float[Tensor, "scene cell"]:
+        """`perceive` from the pictures' contrast with the table."""
+        group = range(SYMMETRIES if self.symmetric else 1)
+        turned = [untransform(self.reward(transform(contrasts, g)), g) for g in group]
+        reward = torch.stack(turned).mean(0)
+        return torch.cat([reward.flatten(1), self.soft_optimum(reward)[:, None]], dim=-1)
+
+    def soft_optimum(self, reward: Float[Tensor, "scene side side"]) -> Float[Tensor, " scene"]:
+        """log of the mean of exp(return) over the lattice of z_theta: the partition function, up to a constant."""
+        returns = reward.flatten(1) @ self.paths.T  # (scene, lattice)
+        return returns.logsumexp(-1) - float(np.log(len(self.paths)))
+
+    def soft_regret(
+        self, reward: Float[Tensor, "scene side side"], z_theta: Float[Tensor, "scene path 2"]
+    ) -> Float[Tensor, "scene path"]:
+        """Return minus the scene's soft optimum: how each path compares with the others possible in its scene."""
+        return path_return(reward, z_theta) - self.soft_optimum(reward)[:, None]
+
+    def logit(self, percept: Tensor, z_theta: Float[Tensor, "scene path 2"]) -> Float[Tensor, "scene path"]:
+        """Log-odds of acceptance; differentiable in `z_theta` [m]."""
+        reward = percept[:, :-1].unflatten(1, (self.side, self.side))
+        regret = path_return(reward, z_theta) - percept[:, -1:]
+        return self.scale * regret + self.offset
+
+
+@lru_cache(maxsize=2048)  # every model looks at the same pictures
+def _contrast(picture: bytes) -> Float[Tensor, "1 4 100 100"]:
+    """`contrast` of an 8-bit picture."""
+    pixels = np.frombuffer(picture, np.uint8).reshape(1, SIDE, SIDE, 3)
+    return contrast(*subtract_background(to_tensor(pixels.copy())))
+
+
+def contrast(
+    plain: Float[Tensor, "scene 3 100 100"], whitening: Float[Tensor, "scene 3 3"]
+) -> Float[Tensor, "scene 4 100 100"]:
+    """What the network sees of the smoothed difference from the table: its size and mean, whitened and plain.
+
+    Whitening measures a difference in units of how much the table varies in that direction of colour: a glass stands
+    out from wood whose grain varies more, but along another line. Sizes and means carry no hue, which tells no symbol.
+    """
+    taps = torch.tensor([1.0, 4.0, 6.0, 4.0, 1.0]).to(plain) / 16
+    kernel = (taps[:, None] * taps).expand(3, 1, 5, 5).contiguous()
+    smooth = F.conv2d(plain, kernel, padding=2, groups=3)
+    whitened = (whitening @ smooth.flatten(2)).unflatten(-1, plain.shape[-2:])
+    size, whitened_size = (x.square().sum(1).sqrt() for x in (smooth, whitened))  # `norm` takes 10 times as long
+    parts = (whitened_size.asinh(), whitened.mean(1).asinh(), 8 * size, 8 * smooth.mean(1))
+    return torch.stack(parts, dim=1)
+
+
+def path_points(z_theta: Float[Tensor, "*path 2"]) -> Float[Tensor, "*path samples 2"]:
+    """SAMPLES points [m] of each quadratic Bezier path, both ends included."""
+    b = basis(np.linspace(0.0, 1.0, SAMPLES))
+    ends = torch.from_numpy(b[:, :1] * P_INIT + b[:, 2:] * P_F).to(z_theta)  # (samples, 2)
+    return ends + torch.from_numpy(b[:, 1:2]).to(z_theta) * z_theta[..., None, :]
+
+
+def path_return(
+    reward: Float[Tensor, "scene side side"], z_theta: Float[Tensor, "scene path 2"]
+) -> Float[Tensor, "scene path"]:
+    """Mean reward along each path [m], the map sampled bilinearly (its border continued outwards)."""
+    grid = (2 * path_points(z_theta) - 1) * torch.tensor([1.0, -1.0]).to(z_theta)  # row 0 is the far edge
+    sampled = F.grid_sample(reward[:, None], grid, padding_mode="border", align_corners=False)
+    return sampled.squeeze(1).mean(-1)
+
+
+def path_weights(z_theta: Float[Tensor, "path 2"], side: int) -> Float[Tensor, "path cell"]:
+    """The weight of every cell of a side x side map in each path's return: `path_return` as a matrix."""
+    points = path_points(z_theta)
+    row, column = (1 - points[..., 1]) * side - 0.5, points[..., 0] * side - 0.5  # (path, samples)
+    row, column = row.clamp(0, side - 1), column.clamp(0, side - 1)
+    top, left = row.floor().clamp(max=side - 2), column.floor().clamp(max=side - 2)
+    down, right = row - top, column - left
+    weights = torch.zeros(len(z_theta), side * side).to(z_theta)
+    for i, by_row in ((0, 1 - down), (1, down)):
+        for j, by_column in ((0, 1 - right), (1, right)):
+            cell = ((top + i) * side + left + j).long()
+            weights.scatter_add_(1, cell, by_row * by_column / SAMPLES)
+    return weights
+
+
+def transform(pictures: Float[Tensor, "*batch row column"], symmetry: int) -> Float[Tensor, "*batch row column"]:
+    """Symmetry 0..7 of the square: its bits 2 and 4 reflect rows and columns, then 1 transposes."""
+    pictures = _reflected(pictures, symmetry)
+    return pictures.mT if symmetry & 1 else pictures
+
+
+def untransform(pictures: Float[Tensor, "*batch row column"], symmetry: int) -> Float[Tensor, "*batch row column"]:
+    """The inverse of `transform`."""
+    return _reflected(pictures.mT if symmetry & 1 else pictures, symmetry)
+
+
+def _reflected(pictures, symmetry):
+    axes = [axis for axis, bit in ((-2, 2), (-1, 4)) if symmetry & bit]
+    return pictures.flip(axes) if axes else pictures  # copies, and keeps the order in memory

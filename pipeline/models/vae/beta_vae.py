@@ -1,0 +1,105 @@
+"""The paper's specification model: a beta-VAE of the scene and a classifier on [z_image, z_theta]."""
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+from numpy import ndarray as Array
+from torch import Tensor, nn
+
+from pipeline.models.base import ValidityModel, initialise, to_tensor
+from pipeline.world.layout import SIDE
+
+Z_CENTRE, Z_SCALE = 0.5, 0.7  # z_theta [m] is uniform on [-.2, 1.2]: this maps it to [-1, 1]
+
+
+class BetaVae(ValidityModel):
+    """The paper's Figure "arch": convolutions to z_image, their mirror image back, and the classifier C_s."""
+
+    def __init__(self, latent: int = 15, channels: Sequence[int] = (16, 8, 4), hidden: int = 64):
+        super().__init__()
+        self.latent = latent
+        widths = [3, *channels]
+        sides = [SIDE]
+        for _ in channels:
+            sides.append((sides[-1] + 1) // 2)  # 100, 50, 25, 13
+        flat = widths[-1] * sides[-1] ** 2
+        self.features = nn.Sequential(*_convolutions(widths), nn.Flatten())
+        self.mean = nn.Linear(flat, latent)
+        self.log_variance = nn.Linear(flat, latent)
+        self.decode = nn.Sequential(
+            nn.Linear(latent, flat), nn.ReLU(), nn.Unflatten(1, (widths[-1], sides[-1], sides[-1])),
+            *_transposed_convolutions(widths[::-1], sides[::-1]),
+        )  # fmt: skip
+        self.classifier = nn.Sequential(
+            nn.Linear(latent + 2, hidden),
+            nn.ReLU(),
+            nn.Linear(hidden, hidden),
+            nn.ReLU(),
+            nn.Linear(hidden, 1),
+        )
+        last = (self.mean, self.log_variance, self.decode[-2], self.classifier[-1])
+        initialise(self, no_rectifier_after=last)
+        self.to(memory_format=torch.channels_last)  # pyright: ignore[reportCallIssue]
+
+    def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene latent"]:
+        """z_image of each scene: the mean of q(z_image | I), never a sample."""
+        return self.mean(self.features(images))
+
+    def logit(
+        self, percept: Float[Tensor, "scene latent"], z_theta: Float[Tensor, "scene path 2"]
+    ) -> Float[Tensor, "scene path"]:
+        """Log-odds of validity of each path [m], given z_image."""
+        z_image = percept[:, None].expand(-1, z_theta.shape[1], -1)  # (scene, path, latent)
+        return self.classifier(torch.cat([z_image, (z_theta - Z_CENTRE) / Z_SCALE], dim=-1)).squeeze(-1)
+
+    @torch.no_grad()
+    def reconstruct(self, images: UInt8[Array, "scene 100 100 3"]) -> UInt8[Array, "scene 100 100 3"]:
+        """Each image through its z_image (the mean) and back."""
+        return _to_images(self.decode(self.perceive(to_tensor(images))))
+
+    @torch.no_grad()
+    def traverse(
+        self, image: UInt8[Array, "100 100 3"], values: Float[Array, " value"]
+    ) -> UInt8[Array, "latent value 100 100 3"]:
+        """The image decoded with one dimension of its z_image at a time set to each of `values`."""
+        z_image = self.perceive(to_tensor(image[None])).expand(len(values), -1)  # (value, latent)
+        rows = []
+        for dimension in range(self.latent):
+            moved = z_image.clone()
+            moved[:, dimension] = torch.as_tensor(np.asarray(values, dtype=np.float32))
+            rows.append(_to_images(self.decode(moved)))
+        return np.stack(rows)
+
+    @torch.no_grad()
+    def set_constant_head(self, probability: float) -> None:
+        """Answer `probability` whatever the image and the path: last layer's weight 0, bias its log-odds."""
+        head = self.classifier[-1]
+        assert isinstance(head, nn.Linear)
+        head.weight.zero_()
+        head.bias.fill_(math.log(probability) - math.log1p(-probability))
+
+
+def _convolutions(widths: Sequence[int]) -> list[nn.Module]:
+    """3x3 convolutions that halve the side, each followed by a rectifier."""
+    layers: list[nn.Module] = []
+    for before, after in pairwise(widths):
+        layers += [nn.Conv2d(before, after, 3, stride=2, padding=1), nn.ReLU()]
+    return layers
+
+
+def _transposed_convolutions(widths: Sequence[int], sides: Sequence[int]) -> list[nn.Module]:
+    """The convolutions' mirror image, through the same sides; the last layer gives intensities in [0, 1]."""
+    layers: list[nn.Module] = []
+    for i, (before, after) in enumerate(pairwise(widths)):
+        odd = sides[i + 1] - (2 * sides[i] - 1)  # what halving with rounding up has lost: 0 or 1 pixel
+        layers += [nn.ConvTranspose2d(before, after, 3, stride=2, padding=1, output_padding=odd), nn.ReLU()]
+    return [*layers[:-1], nn.Sigmoid()]
+
+
+def _to_images(decoded: Float[Tensor, "scene 3 100 100"]) -> UInt8[Array, "scene 100 100 3"]:
+    """Intensities in [0, 1] as 8-bit images."""
+    return decoded.permute(0, 2, 3, 1).mul(255).round().to(torch.uint8).contiguous().numpy()

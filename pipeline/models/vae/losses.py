@@ -1,0 +1,84 @@
+"""Eq. 1 of the paper, term by term. The terms mix means with sums, so each one states its reduction."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from pipeline.models.vae.beta_vae import BetaVae
+
+
+@dataclass(frozen=True)
+class Weights:
+    """alpha, beta and gamma of Eq. 1; a term of weight 0 is never computed."""
+
+    alpha: float
+    beta: float
+    gamma: float
+
+
+class Terms(NamedTuple):
+    """The three terms of Eq. 1 as they enter the sum, weights included; 0 for a term of weight 0."""
+
+    reconstruction: Tensor
+    kl: Tensor
+    classification: Tensor
+
+    @property
+    def total(self) -> Tensor:
+        """The loss L."""
+        return self.reconstruction + self.kl + self.classification
+
+
+def reconstruction(
+    decoded: Float[Tensor, "scene 3 row column"], images: Float[Tensor, "scene 3 row column"]
+) -> Float[Tensor, ""]:
+    """-log p(I | z_image) of a Gaussian decoder, up to scale: squared error, mean over all of its entries."""
+    return F.mse_loss(decoded, images)
+
+
+def kl(mean: Float[Tensor, "scene latent"], log_variance: Float[Tensor, "scene latent"]) -> Float[Tensor, ""]:
+    """KL(q(z_image | I) || N(0, 1)) [nat]: summed over latent dimensions, mean over scenes."""
+    return 0.5 * (mean.square() + log_variance.exp() - log_variance - 1).sum(-1).mean()
+
+
+def classification(
+    logits: Float[Tensor, "scene path"],
+    valid: Bool[Tensor, "scene path"] | Float[Tensor, "scene path"],
+    share: Float[Tensor, " path"] | None = None,
+) -> Float[Tensor, ""]:
+    """Binary cross-entropy of the demonstrations' validity [nat]: mean over all, or by their `share` of a scene."""
+    if share is None:
+        return F.binary_cross_entropy_with_logits(logits, valid.to(logits.dtype))
+    each = F.binary_cross_entropy_with_logits(logits, valid.to(logits.dtype), reduction="none")
+    return (each * share).sum(1).mean()
+
+
+def equation_1(
+    model: BetaVae,
+    images: Float[Tensor, "scene 3 row column"],
+    z_theta: Float[Tensor, "scene path 2"],
+    valid: Bool[Tensor, "scene path"] | Float[Tensor, "scene path"],
+    weights: Weights,
+    noise: Float[Tensor, "scene latent"],
+    share: Float[Tensor, " path"] | None = None,
+) -> Terms:
+    """The loss over demonstrations of `scene` scenes, each encoded once and shared by all of its paths.
+
+    With beta > 0 decoder and classifier see a sample, mean + noise * deviation. With beta = 0 no prior keeps
+    the deviation from collapsing, so z_image is the mean and `noise` is unused.
+    """
+    features = model.features(images)
+    z_image = mean = model.mean(features)  # (scene, latent)
+    zero = mean.new_zeros(())
+    divergence = error = zero
+    if weights.beta:
+        log_variance = model.log_variance(features)
+        z_image = mean + noise * torch.exp(0.5 * log_variance)
+        divergence = weights.beta * kl(mean, log_variance)
+    if weights.alpha:
+        error = weights.alpha * reconstruction(model.decode(z_image), images)
+    return Terms(error, divergence, weights.gamma * classification(model.logit(z_image, z_theta), valid, share))

@@ -1,0 +1,1 @@
+"""Perception: the objects on a table, detected in its image."""

@@ -1,0 +1,1 @@
+"""Planning: gradient repair, the nearest valid path, the oracle."""

@@ -1,1 +1,0 @@
-"""One figure a file: arrays and frames in, a matplotlib figure out."""

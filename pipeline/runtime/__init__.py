@@ -1,0 +1,1 @@
+"""Processes, memory, random streams, errors and atomic files."""

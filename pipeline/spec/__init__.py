@@ -1,1 +1,0 @@
-"""Specification models, their losses and training, the IRL baseline, and repair by gradient."""

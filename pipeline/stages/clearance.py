@@ -1,0 +1,23 @@
+"""Stage clearance: fits the specification that sees the path, for every seed, user and n; predicts every query."""
+
+from functools import partial
+from pathlib import Path
+
+from omegaconf import DictConfig
+
+from pipeline.launch import launch
+from pipeline.models.clearance.clearance import ClearanceModel
+from pipeline.training.clearance.fit import BATCH_SIZE, CURVE, fit
+from pipeline.training.loop import Schedule
+from pipeline.training.runner import fit_variant, variant_settings
+
+
+def main(cfg: DictConfig, out_dir: Path) -> None:
+    """Weights, predictions.parquet, curves.parquet, curves.csv and metrics.json of `cfg.variant`."""
+    settings = variant_settings(cfg, "clearance")
+    train = partial(fit, schedule=Schedule.of(cfg.clearance))
+    fit_variant(cfg, out_dir, settings, ClearanceModel, train, CURVE, BATCH_SIZE)
+
+
+if __name__ == "__main__":
+    launch(main, "clearance")

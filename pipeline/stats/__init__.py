@@ -1,0 +1,1 @@
+"""Statistics as pure functions of arrays: crossed means, tests, scores, conformal selection."""

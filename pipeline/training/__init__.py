@@ -1,0 +1,1 @@
+"""Fitting models: one loop, one runner over seeds, users and numbers of demonstrations."""

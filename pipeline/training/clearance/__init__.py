@@ -1,0 +1,1 @@
+"""Fitting clearance models by maximum likelihood."""

@@ -1,0 +1,1 @@
+"""Fitting the reward map by maximum entropy or by ranking."""

@@ -1,0 +1,1 @@
+"""Fitting the paper's model by one of several engines."""

@@ -1,0 +1,1 @@
+"""Engines that compute the same gradients: reference, simd, cuda."""

@@ -1,0 +1,346 @@
+"""Fits several users' models at once, one in each SIMD lane (pipeline.training.vae.engines.simd_kernels): `training.fit` for a stack.
+
+The models of a stack share their weights of Eq. 1, number of scenes and schedule; images, demonstrations (as many as
+there are) and seeds are each model's own. What a model becomes does not depend, to the last bit, on the others.
+Against `training.fit` sums are taken in another order, so trained weights differ by amplified rounding.
+
+A layer reads one array and writes the next. On the way back it finds there the loss's gradient, adds to that of its
+weights and overwrites what it had read with the gradient of that. Planes have a border of zeros. One scene goes forth
+and back at a time: its activations stay in the cache.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, UInt8
+from numpy import ndarray as Array
+from scipy.special import expit, log_expit
+from torch import nn
+
+from pipeline.models.vae.beta_vae import Z_CENTRE, Z_SCALE, BetaVae
+from pipeline.models.vae.losses import Weights
+from pipeline.training.loop import Checkpoints, Schedule, padded, shares
+from pipeline.training.vae.engines import simd_kernels as lanes
+from pipeline.training.vae.engines.reference import fit_varied
+from pipeline.training.vae.engines.simd_kernels import GATE, LANES, PUT, RELU
+from pipeline.world.layout import SIDE
+
+
+def allocate(*shape: int) -> Float[Array, "*shape lane"]:
+    """Zeros, aligned to cache lines: a vector across two of them takes twice as long."""
+    size = math.prod(shape) * LANES
+    buffer = np.zeros(size + 16, np.float32)
+    start = -buffer.ctypes.data // 4 % 16
+    return buffer[start : start + size].reshape(*shape, LANES)
+
+
+NO_BIAS = allocate(1)
+
+
+class Parameter:
+    """A layer's weights or biases and their gradient (..., lane); `tensor` is the same memory as optimisers take it."""
+
+    def __init__(self, *shape: int):
+        self.value, self.gradient = allocate(*shape), allocate(*shape)
+        self.tensor = nn.Parameter(torch.from_numpy(self.value))
+        self.tensor.grad = torch.from_numpy(self.gradient)
+
+
+class Layer(ABC):
+    """From array `x` to array `y`, each of one scene."""
+
+    x: Array
+    y: Array
+
+    @abstractmethod
+    def forward(self) -> None:
+        """Write y."""
+
+    @abstractmethod
+    def backward(self, scene: int) -> None:
+        """y holds its gradient: overwrite x with that of x, and use both for that of the weights."""
+
+
+class Trained(Layer):
+    """With weights; `mode` is what `lanes` does to y, `back` what it does to the gradient of x."""
+
+    weight: Parameter
+    bias: Parameter
+
+    def finish(self) -> None:
+        """All scenes went forth and back: what of the gradient is still to be added to that of weight and bias."""
+
+    @abstractmethod
+    def as_torch(self, weight: Array, bias: Array) -> tuple[Array, Array]:
+        """Views of arrays of the parameters' shape: torch's order of axes, lanes last."""
+
+
+class Convolution(Trained):
+    """nn.Conv2d that halves the side, or nn.ConvTranspose2d that doubles it; x has been rectified, or is the images."""
+
+    def __init__(
+        self,
+        module: nn.Conv2d | nn.ConvTranspose2d,
+        x: Float[Array, "scene row column channel lane"],
+        mode: int,
+        back: int | None,
+    ):
+        self.halves = isinstance(module, nn.Conv2d)
+        side = x.shape[1] - 2
+        side = (side + 1) // 2 if self.halves else 2 * side - 1 + int(module.output_padding[0])
+        self.x, self.y, self.mode, self.back = x, allocate(len(x), side + 2, side + 2, module.out_channels), mode, back
+        self.big, self.small = (self.x, self.y) if self.halves else (self.y, self.x)
+        self.weight = Parameter(3, 3, self.big.shape[3], self.small.shape[3])
+        self.bias = Parameter(module.out_channels)
+
+    def forward(self):
+        self._convolve(self.halves, self.bias.value, self.mode)
+
+    def backward(self, scene):
+        lanes.correlate(self.big, self.small, self.weight.gradient)
+        lanes.total(self.y, self.bias.gradient)
+        if self.back is not None:
+            self._convolve(not self.halves, NO_BIAS, self.back)
+
+    def _convolve(self, halves: bool, bias: Array, mode: int) -> None:
+        if halves:
+            lanes.gather(self.big, self.weight.value, bias, self.small, mode)
+        else:
+            lanes.scatter(self.small, self.weight.value, bias, self.big, mode)
+
+    def as_torch(self, weight, bias):
+        return weight.transpose(3, 2, 0, 1, 4), bias
+
+
+class Flatten(Layer):
+    """nn.Flatten from planes, without their border, to a row, or nn.Unflatten from a row to planes."""
+
+    def __init__(self, x: Array, y: Array):
+        self.x, self.y = x, y
+        planes, row = (x, y) if x.ndim > y.ndim else (y, x)
+        inside = planes[0, 1:-1, 1:-1].transpose(2, 0, 1, 3)  # (channel, row, column, lane), as torch has them
+        views = (inside, row.reshape(inside.shape))
+        self.source, self.target = views if planes is x else views[::-1]
+
+    def forward(self):
+        self.target[:] = self.source
+
+    def backward(self, scene):
+        self.source[:] = self.target
+
+
+class Dense(Trained):
+    """nn.Linear from rows of features to rows of features.
+
+    Its weights are too many to stay in the cache, so their gradient is written once, from what each scene has left.
+    """
+
+    def __init__(
+        self, x: Float[Array, "row input lane"], y: Float[Array, "row output lane"], mode: int, back: int, scenes: int
+    ):
+        self.x, self.y, self.mode, self.back = x, y, mode, back
+        self.read, self.slope = (allocate(scenes, *array.shape[:2]) for array in (x, y))
+        self.weight, self.bias = Parameter(x.shape[1], y.shape[1]), Parameter(y.shape[1])
+
+    def forward(self):
+        lanes.dense(self.x, self.weight.value, self.bias.value, self.y, self.mode)
+
+    def backward(self, scene):
+        self.read[scene], self.slope[scene] = self.x, self.y
+        lanes.dense_backward(self.y, self.weight.value, self.x, self.back)
+
+    def finish(self):
+        read, slope = (array.reshape(-1, *array.shape[2:]) for array in (self.read, self.slope))
+        lanes.dense_weights(read, slope, self.weight.gradient)
+        lanes.total(slope[None, None], self.bias.gradient)
+
+    def as_torch(self, weight, bias):
+        return weight.transpose(1, 0, 2), bias
+
+
+class Stack:
+    """`LANES` models of one shape, as layers that take one scene at a time with its paths: n of each model's own.
+
+    A model with fewer than the most has rows to spare after its own. They weigh 0: all they add to a sum is a zero.
+    """
+
+    def __init__(self, models: Sequence[BetaVae], weights: Weights, n: Sequence[int], scenes: int):
+        model = models[0]
+        self.alpha, self.beta = weights.alpha / (scenes * SIDE * SIDE * 3), weights.beta / scenes
+        self.gamma = (weights.gamma / scenes * shares(n)).astype(np.float32)  # (row, lane)
+        names = {module: name for name, module in model.named_modules()}
+        self.layers: dict[tuple[str, ...], Trained] = {}  # by the modules whose weights they hold
+
+        def add(chain: list[Layer], layer: Layer, *modules: nn.Module) -> Array:
+            if isinstance(layer, Trained):
+                self.layers[tuple(names[module] for module in modules)] = layer
+            chain.append(layer)
+            return layer.y
+
+        def dense(chain: list[Layer], x: Array, mode: int, back: int, *modules: nn.Linear) -> Array:
+            y = allocate(len(x), sum(module.out_features for module in modules))
+            return add(chain, Dense(x, y, mode, back, scenes), *modules)
+
+        self.encoder: list[Layer] = []
+        self.images = planes = allocate(1, SIDE + 2, SIDE + 2, 3)
+        for module in model.features:
+            if isinstance(module, nn.Conv2d):
+                back = None if planes is self.images else GATE
+                planes = add(self.encoder, Convolution(module, planes, RELU, back), module)
+        row = add(self.encoder, Flatten(planes, allocate(1, model.mean.in_features)))
+        heads = [model.mean, model.log_variance] if weights.beta else [model.mean]
+        self.code = dense(self.encoder, row, PUT, GATE, *heads)  # mean of z_image, then its log-variance
+
+        self.decoder: list[Layer] = []
+        self.z_image = allocate(1, model.latent)
+        if weights.alpha:
+            (linear,) = (module for module in model.decode if isinstance(module, nn.Linear))
+            row = dense(self.decoder, self.z_image, RELU, PUT, linear)
+            planes = add(self.decoder, Flatten(row, allocate(*planes.shape[:-1])))
+            transposed = [module for module in model.decode if isinstance(module, nn.ConvTranspose2d)]
+            for module in transposed:
+                mode = PUT if module is transposed[-1] else RELU
+                planes = add(self.decoder, Convolution(module, planes, mode, GATE), module)
+        self.decoded = planes  # as log-odds
+
+        self.classifier: list[Layer] = []
+        self.demos = rows = allocate(max(n), model.latent + 2)  # z_image, z_theta
+        linears = [module for module in model.classifier if isinstance(module, nn.Linear)]
+        for module in linears:
+            mode, back = PUT if module is linears[-1] else RELU, PUT if rows is self.demos else GATE
+            rows = dense(self.classifier, rows, mode, back, module)
+        self.logits = rows
+
+        for name, tensor in self.tensors("value"):
+            for lane, model in enumerate(models):
+                tensor[..., lane] = model.get_parameter(name).detach().reshape(tensor.shape[:-1])
+
+    def tensors(self, kind: str) -> Iterator[tuple[str, Float[Array, "*shape lane"]]]:
+        """Every trained tensor's name and its `kind` (an attribute of Parameter): a view in torch's order of axes."""
+        for names, layer in self.layers.items():
+            weight, bias = layer.as_torch(getattr(layer.weight, kind), getattr(layer.bias, kind))
+            for name, w, b in zip(names, np.split(weight, len(names)), np.split(bias, len(names)), strict=True):
+                yield f"{name}.weight", w
+                yield f"{name}.bias", b
+
+    @torch.no_grad()
+    def hand_over(self, models: Sequence[BetaVae]) -> None:
+        """Give the first lanes' weights to as many models."""
+        for name, tensor in self.tensors("value"):
+            for lane, model in enumerate(models):
+                parameter = model.get_parameter(name)
+                parameter.copy_(torch.from_numpy(tensor[..., lane]).reshape(parameter.shape))
+
+    def parameters(self) -> list[Parameter]:
+        """Every layer's."""
+        return [parameter for layer in self.layers.values() for parameter in (layer.weight, layer.bias)]
+
+    def gradient(
+        self,
+        images: UInt8[Array, "scene 100 100 3 lane"],
+        z_theta: Float[Array, "scene row 2 lane"],
+        valid: Bool[Array, "scene row lane"],
+        noise: Float[Array, "scene latent lane"],
+    ) -> Float[Array, "3 lane"]:
+        """The terms of Eq. 1 as they enter the sum; its gradient is left in the parameters."""
+        for parameter in self.parameters():
+            parameter.gradient.fill(0)
+        terms = allocate(3)
+        for scene, of_scene in enumerate(zip(images, z_theta, valid, noise, strict=True)):
+            self._scene(scene, *of_scene, terms)
+        for layer in self.layers.values():
+            layer.finish()
+        terms[0] *= self.alpha
+        return terms
+
+    def _scene(self, scene: int, image, z_theta, valid, noise, terms: Float[Array, "3 lane"]) -> None:
+        """Add what one scene does to the gradient, and to the terms, the first of them still without alpha."""
+        latent = self.z_image.shape[1]
+        lanes.unpack(image[None], self.images)
+        _forward(self.encoder)
+        mean, log_variance = self.code[0, :latent], self.code[0, latent:]
+        deviation = np.exp(0.5 * log_variance) if self.beta else np.float32(0)
+        self.z_image[0] = mean + noise * deviation
+        self.demos[:, :latent], self.demos[:, latent:] = self.z_image, z_theta
+
+        _forward(self.classifier)
+        logits = self.logits[:, 0]
+        terms[2] -= (self.gamma * log_expit(np.where(valid, logits, -logits))).sum(0)
+        logits[:] = self.gamma * (expit(logits) - valid)
+        _backward(self.classifier, scene)
+        slope = self.demos[:, :latent].sum(0)  # with respect to z_image
+
+        if self.alpha:
+            _forward(self.decoder)
+            lanes.squared_error(self.decoded, self.images, 2 * self.alpha, terms[:1])
+            _backward(self.decoder, scene)
+            slope += self.z_image[0]
+
+        if self.beta:
+            variance = deviation**2
+            terms[1] += 0.5 * self.beta * (mean**2 + variance - log_variance - 1).sum(0)
+            log_variance[:] = 0.5 * (slope * noise * deviation + self.beta * (variance - 1))
+            slope += self.beta * mean
+        mean[:] = slope
+        _backward(self.encoder, scene)
+
+
+def _forward(layers: Sequence[Layer]) -> None:
+    for layer in layers:
+        layer.forward()
+
+
+def _backward(layers: Sequence[Layer], scene: int) -> None:
+    for layer in reversed(layers):
+        layer.backward(scene)
+
+
+def fit_stack(
+    models: Sequence[BetaVae],
+    images: Sequence[UInt8[Array, "scene 100 100 3"]],
+    z_theta: Sequence[Float[Array, "scene _ 2"]],
+    valid: Sequence[Bool[Array, "scene _"]],
+    weights: Weights,
+    schedule: Schedule,
+    seeds: Sequence[int],
+    checkpoints: Checkpoints | None = None,
+) -> list[Float[Array, "point 5"]]:
+    """Train up to `LANES` models in place, each on its demonstrations [m]; their learning curves (`CURVE`).
+
+    Model by model what `training.fit` does, which also sees to demonstrations that are all valid or all invalid.
+    """
+    if len(models) > LANES:
+        raise ValueError(f"{len(models)} models for a stack: it holds {LANES}")
+    return fit_varied(_descend, models, images, z_theta, valid, weights, schedule, seeds, checkpoints)
+
+
+def _descend(models, images, z_theta, valid, weights, schedule, seeds, checkpoints) -> list[Float[Array, "point 5"]]:
+    """The gradient descent of one stack; a point of a curve is the loss before that many updates."""
+    spare = [0] * (LANES - len(models))  # lanes without a model of their own do the first one's work again
+    own = [*range(len(models)), *spare]
+    n = [valid[i].shape[1] for i in own]
+    pixels = np.stack([images[i] for i in own], -1)
+    paths, labels = (np.stack([demos[i] for i in own], -1) for demos in map(padded, (z_theta, valid)))
+    paths = (paths.astype(np.float32) - Z_CENTRE) / Z_SCALE
+    stack = Stack([models[i] for i in own], weights, n, len(pixels))
+    generators = [torch.Generator().manual_seed(seed) for seed in seeds]
+    optimiser, cycle = schedule.optimiser([parameter.tensor for parameter in stack.parameters()])
+    curve = []
+    for step in range(schedule.steps):
+        if step in checkpoints.steps:
+            stack.hand_over(models)
+            checkpoints.keep(step, *models)
+        noise = [torch.randn(len(pixels), models[0].latent, generator=generator).numpy() for generator in generators]
+        terms = stack.gradient(pixels, paths, labels, np.stack([noise[i] for i in own], -1))
+        optimiser.step()
+        cycle.step()
+        if step % schedule.curve_every == 0 or step == schedule.steps - 1:
+            curve.append(np.vstack([np.full(LANES, step), terms, terms.sum(0)]))
+
+    stack.hand_over(models)
+    for model in models:
+        model.eval()
+    return list(np.stack(curve)[..., : len(models)].transpose(2, 0, 1).astype(np.float64))

@@ -1,0 +1,34 @@
+"""How a model came about: its map by the number of demonstrations and by the step of training, and its losses."""
+
+import numpy as np
+import rerun as rr
+
+from pipeline.viewer.board import SCENE_MAPS, panel
+from pipeline.viewer.contents import Run
+from pipeline.viewer.scene import HALF, TIMELINES, log_difference, log_map
+
+DEMONSTRATIONS, STEPS = "demonstrations", "train_step"
+TERMS = ((240, 228, 66), (86, 220, 160), (204, 121, 167), (120, 160, 255))  # colours of the losses
+
+
+def log_learning(recording: rr.RecordingStream, run: Run) -> None:
+    """The map of the first of the run's new scenes, by fewer demonstrations and along the training; every loss."""
+    shown, learning = run.repairs[0], run.learning
+    latent = f"new_items/scene_{shown.scene:03d}/latent"
+    place = panel(SCENE_MAPS["difference"], len(shown.truth))
+    elsewhere = {timeline: first for timeline, first in TIMELINES.items() if timeline != STEPS}
+    on_the_way = [({**elsewhere, DEMONSTRATIONS: n}, predicted) for n, predicted in learning.by_n.items()]
+    on_the_way += [({STEPS: step}, predicted) for step, predicted in learning.by_step.items()]
+    for times, predicted in on_the_way:
+        recording.reset_time()
+        for timeline, time in times.items():
+            recording.set_time(timeline, sequence=time)
+        log_map(recording, f"{latent}/predicted/learning", predicted, precision=HALF)
+        log_difference(recording, f"{latent}/difference/learning", predicted - shown.truth, place)
+    recording.reset_time()
+    terms = list(learning.losses)
+    colours = [TERMS[i % len(TERMS)] for i in range(len(terms))]
+    recording.log("losses", rr.SeriesLines(names=terms, colors=colours, widths=1.5), static=True)
+    losses = np.stack(list(learning.losses.values()), axis=-1).astype(np.float64)  # (step, term)
+    rows = rr.Scalars.columns(scalars=losses.ravel()).partition([len(terms)] * len(losses))
+    recording.send_columns("losses", [rr.TimeColumn(STEPS, sequence=learning.step)], rows)

@@ -1,0 +1,71 @@
+"""Every variant beside the truth in the same new scenes, written as one Rerun file.
+
+Entities (coordinates: see `geometry`):
+
+    readme                                  what one sees, in words
+    fixed/{ends,table_edge}                 start and goal on the table; the table in a latent map
+    USER/table/{image,items,kept_clear}     a scene with items never seen in training
+    USER/{truth,predicted/VARIANT}/map      P(valid) over z_theta: the user's, the model's
+    USER/errors/VARIANT/map                 where the model and the user disagree (`Repairs.errors`)
+    USER/truth/boundary                     where the truth changes
+
+A user's entities lie on the time line `scene`, a row a scene.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import rerun as rr
+
+from pipeline.viewer.blueprint import layout_of_overview
+from pipeline.viewer.contents import FALSELY_INVALID, FALSELY_VALID, RIGHT, Run, by_user
+from pipeline.viewer.geometry import map_image
+from pipeline.viewer.readme import overview_page
+from pipeline.viewer.scene import (
+    INVALID,
+    SAME,
+    VALID,
+    log_boundary,
+    log_ends,
+    log_map,
+    log_page,
+    log_table,
+    log_table_edge,
+    recording_at,
+    table_edge,
+)
+
+TIMELINE = "scene"
+
+# An error's colour is that of the truth the model missed.
+CLASSES = (
+    (RIGHT, "as the truth", SAME),
+    (FALSELY_VALID, "invalid, called valid", INVALID),
+    (FALSELY_INVALID, "valid, called invalid", VALID),
+)
+
+
+def write_overview(path: Path, runs: Sequence[Run]) -> None:
+    """Write `runs`, all of the same scenes and one a user and variant, to `path` with a blueprint saved inside."""
+    with recording_at(path, "overview", layout_of_overview(runs, TIMELINE)) as recording:
+        log_page(recording, overview_page(runs))
+        log_ends(recording)
+        log_table_edge(recording, "fixed", table_edge(len(runs[0].repairs[0].truth))[None], 0.12)
+        recording.log("/", rr.AnnotationContext(CLASSES), static=True)
+        for user, of_user in by_user(runs).items():
+            for shown in of_user[0].repairs:
+                recording.set_time(TIMELINE, sequence=shown.scene)
+                log_table(recording, f"{user}/table", shown.image, shown.layout, of_user[0].margins)
+                log_map(recording, f"{user}/truth", shown.truth)
+                log_boundary(recording, f"{user}/truth", shown.truth)
+            for run in of_user:
+                _beliefs(recording, run)
+
+
+def _beliefs(recording: rr.RecordingStream, run: Run) -> None:
+    """What one model believes in every scene, and where it errs."""
+    for shown in run.repairs:
+        recording.set_time(TIMELINE, sequence=shown.scene)
+        log_map(recording, f"{run.user}/predicted/{run.variant}", shown.predicted)
+        errors = rr.SegmentationImage(map_image(shown.errors), opacity=1.0)
+        recording.log(f"{run.user}/errors/{run.variant}/map", errors)

@@ -1,0 +1,215 @@
+"""Fit quadratic Bezier paths with fixed ends to recorded movements, thousands at once.
+
+A path is q(u) = p_init + b u + a u^2 with b = 2 (z - p_init) and a = p_init - 2 z + p_f; only z_theta = z is free.
+The fit minimises E(z) = sum_i min_u |x_i - q(u; z)|^2 / 2, the orthogonal distances. The inner minimum is the root
+of a cubic, followed from step to step (reparametrisation); the outer one is Newton's method with the exact Hessian of
+E, the parameters u eliminated (variable projection), damped until every step lowers E.
+
+The points of a nearly straight movement say nothing about where z lies along it: z may run off to infinity and
+leave the line covered. A weight of ANCHOR on |z - z_0|^2 settles those, with z_0 the fit in which equal shares of
+recorded and of fitted length correspond. It is too weak to be felt elsewhere.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray as Array
+
+from pipeline.runtime.errors import InputError
+from pipeline.world.bezier import P_F, P_INIT
+
+ROWS = 256  # recordings per batch: fewer calls against arrays that still fit a cache
+WIDTH = 32  # samples: recordings are padded to a multiple of it, so that their sums round alike in any company
+STEPS = 200  # at the most; a hand's recordings take about eight
+ROUNDS = 10  # of looking for samples that the wrong branch of a folded path holds; one or two do
+TOLERANCE = 1e-8  # of E: a recording is done when a step promises to lower E by less
+ANCHOR = 1e-6  # weight of |z - z_0|^2 against each sample's squared distance
+MATCHES = 10  # rounds of matching lengths behind z_0; paths that turn back on themselves need them
+STRIDE = 4  # every fourth sample is enough to match lengths
+FINE = 65  # parameters at which a path's length is summed
+LONGEST = 0.1  # of a parameter's steps: beside a turning point Newton's would leave the branch
+BRANCHES = (0.0, 0.5, 1.0)  # parameters from which the nearest point of a path is looked for afresh
+NEAR = 6  # Newton steps from each
+
+
+@dataclass(frozen=True)
+class Fits:
+    """Fitted paths: control point [m], root mean square orthogonal distance [m], and whether that is too much."""
+
+    z_theta: Float[Array, "recording 2"]
+    residual_m: Float[Array, " recording"]
+    poor: Bool[Array, " recording"]
+
+
+def fit(
+    points: Float[Array, "total 2"],
+    offsets: Int[Array, " bound"],
+    poor_above_m: float,
+    p_init: Float[Array, "*recording_or_all 2"] = P_INIT,
+    p_f: Float[Array, "*recording_or_all 2"] = P_F,
+) -> Fits:
+    """Fit a path to each recording: `points[offsets[i]:offsets[i + 1]]` [m], in the order they were passed.
+
+    `p_init` and `p_f` are the fixed ends [m], one pair for all or one a recording. Fits whose residual exceeds
+    `poor_above_m` are flagged `poor`, never dropped. Raises ValueError for a recording of fewer than 3 points.
+    """
+    lengths = np.diff(offsets)
+    if len(lengths) and lengths.min() < 3:
+        raise InputError(f"recording {lengths.argmin()} has {lengths.min()} points: expected at least 3; leave it out")
+    ends = [np.broadcast_to(p, (len(lengths), 2)).astype(float) for p in (p_init, p_f)]
+    z, residual = np.empty((len(lengths), 2)), np.empty(len(lengths))
+    widths = -(-lengths // WIDTH) * WIDTH
+    batches = [(width, np.nonzero(widths == width)[0]) for width in np.unique(widths)]
+    for width, rows in ((w, of[i : i + ROWS]) for w, of in batches for i in range(0, len(of), ROWS)):
+        sample = np.arange(width)
+        at = offsets[rows, None] + np.minimum(sample, lengths[rows, None] - 1)  # (row, sample)
+        weight = (sample < lengths[rows, None]).astype(float)
+        x, y = (points[at, i] - ends[0][rows, i, None] for i in (0, 1))
+        z[rows], residual[rows] = _Batch(x, y, weight, (ends[1] - ends[0])[rows]).solve()
+    return Fits(z + ends[0], residual, residual > poor_above_m)
+
+
+class _Batch:
+    """Recordings padded to one length (weight 0 beyond their own), relative to p_init; no row feels another."""
+
+    def __init__(self, x: Array, y: Array, weight: Array, end: Array, anchor: Array | None = None):
+        self.x, self.y, self.weight, self.end = x, y, weight, end  # three (row, sample), one (row, 2)
+        self.count = weight.sum(1)
+        self.anchor = self.matched_lengths() if anchor is None else anchor  # z_0 (row, 2)
+
+    def __getitem__(self, rows: Array) -> "_Batch":
+        return _Batch(self.x[rows], self.y[rows], self.weight[rows], self.end[rows], self.anchor[rows])
+
+    def solve(self) -> tuple[Array, Array]:
+        """Control points (row, 2) and root mean square distances (row,) at the minimum of E."""
+        z, u = self.descend(self.anchor.copy(), self.nearest(self.anchor, np.full_like(self.x, 0.5)))
+        rows = np.arange(len(z))
+        for _ in range(ROUNDS):
+            nearest = self[rows].nearest(z[rows], u[rows])
+            wrong = (nearest != u[rows]).any(1)
+            if not wrong.any():
+                break  # every sample is held by the nearest branch of its path
+            rows = rows[wrong]
+            z[rows], u[rows] = self[rows].descend(z[rows], nearest[wrong])
+        rx, ry = self.residual(z, u)
+        return z, np.sqrt((self.weight * (rx * rx + ry * ry)).sum(1) / self.count)
+
+    def matched_lengths(self) -> Array:
+        """z_0 (row, 2): the fit whose samples lie at the same share of its length as of the recorded length."""
+        share = _shares(np.hypot(np.diff(self.x, axis=1), np.diff(self.y, axis=1)))[:, ::STRIDE]
+        x, y, weight = (values[:, ::STRIDE] for values in (self.x, self.y, self.weight))
+        z, grid = _closed_form(x, y, weight, self.end, share), np.linspace(0.0, 1.0, FINE)
+        for _ in range(MATCHES):
+            speed = [2 * z[:, i, None] * (1 - 2 * grid) + 2 * self.end[:, i, None] * grid for i in (0, 1)]
+            fitted = _shares(np.hypot(*speed)[:, 1:])
+            u = np.stack([np.interp(*of_row, grid) for of_row in zip(share, fitted, strict=True)])
+            z = _closed_form(x, y, weight, self.end, u)
+        return z
+
+    def descend(self, z: Array, u: Array) -> tuple[Array, Array]:
+        """Damped Newton on E from z: the minimum's z (row, 2) and parameters (row, sample).
+
+        A row that has arrived is set down and leaves the batch.
+        """
+        batch, rows, end_z, end_u = self, np.arange(len(z)), np.empty_like(z), np.empty_like(u)
+        u = self.foot_points(z, u, steps=4)
+        energy, damping = self.energy(z, u), np.full(len(z), 1e-3)
+        for _ in range(STEPS):
+            step, gain = batch.newton(z, u, damping)
+            to_u = batch.foot_points(z + step, u)
+            to_energy = batch.energy(z + step, to_u)
+            better = to_energy <= energy
+            z = np.where(better[:, None], z + step, z)
+            u = np.where(better[:, None], to_u, u)
+            energy = np.where(better, to_energy, energy)
+            damping = np.where(better, 0.1 * damping, 4 * damping + 1e-6)
+            end_z[rows], end_u[rows] = z, u
+            moving = gain > TOLERANCE * energy + 1e-30
+            if not moving.any():
+                break
+            if not moving.all():
+                batch, rows = batch[moving], rows[moving]
+                z, u, energy, damping = z[moving], u[moving], energy[moving], damping[moving]
+        return end_z, end_u
+
+    def newton(self, z: Array, u: Array, damping: Array) -> tuple[Array, Array]:
+        """A step (row, 2) on E with its exact Hessian, u eliminated, and the decrease of E it promises (row,).
+
+        The Hessian is shifted by `damping` (row,) times its scale, and further if that leaves it indefinite.
+        """
+        b, a = 2 * z, self.end - 2 * z
+        b1, slope = 2 * u * (1 - u), 2 - 4 * u
+        rx, ry = self.residual(z, u)
+        qx, qy = (2 * a[:, i, None] * u + b[:, i, None] for i in (0, 1))  # q'(u)
+        bend = qx * qx + qy * qy - 2 * (rx * a[:, :1] + ry * a[:, 1:])
+        inside = self.weight * ((u > 0) & (u < 1) & (bend > 0)) / np.where(bend > 0, bend, 1.0)
+        vx, vy = b1 * qx - slope * rx, b1 * qy - slope * ry
+        w1 = self.weight * b1
+        anchor = ANCHOR * self.count
+        pull = anchor[:, None] * (self.anchor - z)
+        gx, gy = (w1 * rx).sum(1) + pull[:, 0], (w1 * ry).sum(1) + pull[:, 1]
+        scale = (w1 * b1).sum(1) + anchor
+        hxx, hyy = scale - (inside * vx * vx).sum(1), scale - (inside * vy * vy).sum(1)
+        hxy = -(inside * vx * vy).sum(1)
+        lowest = 0.5 * (hxx + hyy) - np.hypot(0.5 * (hxx - hyy), hxy)
+        shift = damping * scale + np.maximum(0.0, 1e-12 * scale - 2 * lowest)
+        hxx, hyy = hxx + shift, hyy + shift
+        det = hxx * hyy - hxy * hxy
+        step = np.stack([(hyy * gx - hxy * gy) / det, (hxx * gy - hxy * gx) / det], 1)
+        return step, 0.5 * (step[:, 0] * gx + step[:, 1] * gy)
+
+    def energy(self, z: Array, u: Array) -> Array:
+        rx, ry = self.residual(z, u)
+        anchored = ANCHOR * self.count * ((z - self.anchor) ** 2).sum(1)
+        return 0.5 * ((self.weight * (rx * rx + ry * ry)).sum(1) + anchored)
+
+    def residual(self, z: Array, u: Array) -> tuple[Array, Array]:
+        b, a = 2 * z, self.end - 2 * z
+        return (
+            self.x - (a[:, :1] * u + b[:, :1]) * u,
+            self.y - (a[:, 1:] * u + b[:, 1:]) * u,
+        )
+
+    def quartic(self, z: Array) -> tuple[Array, Array, Array, Array]:
+        """Coefficients of |x - q(u)|^2 / 2 - |x|^2 / 2 in u^4, u^3, u^2 and u, for each sample."""
+        b, a = 2 * z, self.end - 2 * z
+        aa, ab, bb = ((p * q).sum(1)[:, None] for p, q in ((a, a), (a, b), (b, b)))
+        k2 = 0.5 * bb - a[:, :1] * self.x - a[:, 1:] * self.y
+        return 0.5 * aa, ab, k2, -(b[:, :1] * self.x + b[:, 1:] * self.y)
+
+    def foot_points(self, z: Array, u: Array, steps: int = 2) -> Array:
+        """Newton steps towards the parameters (row, sample) of the nearest points, downhill and inside [0, 1]."""
+        k4, k3, k2, k1 = self.quartic(z)
+        floor = 1e-3 * (k4 + abs(k3) + 1e-12)
+        for _ in range(steps):
+            slope = ((4 * k4 * u + 3 * k3) * u + 2 * k2) * u + k1
+            bend = np.maximum(abs((12 * k4 * u + 6 * k3) * u + 2 * k2), floor)
+            u = np.clip(u - np.clip(slope / bend, -LONGEST, LONGEST), 0.0, 1.0)
+        return u
+
+    def nearest(self, z: Array, u: Array) -> Array:
+        """`u`, but the parameter of a nearer branch of the path where there is one: a cubic has two minima at most."""
+        k4, k3, k2, k1 = self.quartic(z)
+        best = u
+        for start in BRANCHES:
+            other = self.foot_points(z, np.full_like(u, start), steps=NEAR)
+            distance, present = ((((k4 * v + k3) * v + k2) * v + k1) * v for v in (other, best))
+            nearer = (distance < present - 1e-12) & (self.weight > 0)
+            best = np.where(nearer, other, best)
+        return best
+
+
+def _shares(steps: Array) -> Array:
+    """Share of the whole length passed before each step and at the end: (row, step) -> (row, step + 1)."""
+    passed = np.concatenate([np.zeros((len(steps), 1)), np.cumsum(steps, 1)], 1)
+    return passed / np.maximum(passed[:, -1:], 1e-12)
+
+
+def _closed_form(x: Array, y: Array, weight: Array, end: Array, u: Array) -> Array:
+    """The z (row, 2) that minimises the distances of samples at fixed parameters `u` (row, sample)."""
+    b1, b2 = 2 * u * (1 - u), u * u
+    weighted = b1 * weight
+    norm = np.maximum((weighted * b1).sum(1), 1e-12)
+    rest = (x - b2 * end[:, :1], y - b2 * end[:, 1:])
+    return np.stack([(weighted * r).sum(1) / norm for r in rest], 1)

@@ -1,0 +1,162 @@
+"""The catalogue of items and table textures: what is in data/, checked before anything is drawn.
+
+A cutout is a square RGBA picture (straight alpha) of one item from above, lit evenly, cropped tightly: its side
+is `width_m` metres, so its scale is known. A capsule lies along the cutout's x axis.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+import pandas as pd
+import pandera.errors
+import pandera.pandas as pa
+from jaxtyping import Int, UInt8
+from numpy import ndarray as Array
+from PIL import Image, UnidentifiedImageError
+
+from pipeline.runtime.errors import InputError
+from pipeline.world.layout import SYMBOLS, Items
+
+LEAST_ITEMS = {"train": 1, "unseen": 2, "validation": 2}  # of a symbol, by split: what is judged must not be one item's
+SHAPES = ("disc", "capsule")
+LEAST_PIXELS = 256  # side of a cutout
+
+LENGTH_M = pa.Check.in_range(0.0, 1.0, include_min=False)
+NAMED = {
+    "name": pa.Column(str, pa.Check.str_matches(r"^[a-z0-9-]+$"), unique=True),
+    "split": pa.Column(str, pa.Check.isin(list(LEAST_ITEMS))),
+    "width_m": pa.Column(float, LENGTH_M, coerce=True),
+    "file": pa.Column(str, pa.Check.str_endswith(".png")),
+    "source": pa.Column(str, pa.Check.str_length(min_value=1)),
+    "licence": pa.Column(str, pa.Check.str_length(min_value=1)),
+}
+ITEMS = pa.DataFrameSchema(
+    NAMED
+    | {
+        "symbol": pa.Column(str, pa.Check.isin(SYMBOLS)),
+        "shape": pa.Column(str, pa.Check.isin(SHAPES)),
+        "radius_m": pa.Column(float, LENGTH_M, coerce=True),
+        "half_length_m": pa.Column(float, pa.Check.in_range(0.0, 0.5), coerce=True),
+    },
+    checks=[
+        pa.Check(
+            lambda t: (t["shape"] == "disc") == (t["half_length_m"] == 0),
+            error="a disc has half_length_m 0, a capsule more than 0",
+        ),
+        pa.Check(
+            lambda t: 2 * (t["radius_m"] + t["half_length_m"]) <= t["width_m"] * 1.001,
+            error="the footprint is wider than the cutout: width_m must be at least 2 (radius_m + half_length_m)",
+        ),
+    ],
+    strict=True,
+)
+TEXTURES = pa.DataFrameSchema(NAMED, strict=True)
+
+
+class CatalogueError(InputError):
+    """Something in data/ cannot be used; the message says what, and what to do about it."""
+
+
+@dataclass(frozen=True)
+class Catalogue:
+    """Every item and table texture: the tables' rows, and the pictures in the same order."""
+
+    items: pd.DataFrame
+    cutouts: list[UInt8[Array, "side side 4"]]
+    textures: pd.DataFrame
+    surfaces: list[UInt8[Array, "rows columns 3"]]
+
+    @property
+    def footprints(self) -> Items:
+        """What the layout needs to know of each item (row of items.csv)."""
+        symbol = np.array([SYMBOLS.index(s) for s in self.items["symbol"]])
+        return Items(symbol, self.items["half_length_m"].to_numpy(), self.items["radius_m"].to_numpy())
+
+    def pool(self, split: str) -> Int[Array, " pool"]:
+        """Rows of items.csv whose split is `split`."""
+        return np.flatnonzero(self.items["split"] == split)
+
+    def texture_names(self, split: str) -> list[str]:
+        """Names of the table textures of `split`, in the catalogue's order."""
+        return self.textures.loc[self.textures["split"] == split, "name"].tolist()
+
+
+def read_catalogue(data_dir: Path) -> Catalogue:
+    """Read and check data/: items.csv, textures.csv and every picture they name.
+
+    Raises CatalogueError on a missing, truncated, wrong-size or alpha-less picture, an unknown symbol, a duplicate
+    name, a length out of range, or fewer items of a symbol in a split than LEAST_ITEMS.
+    """
+    items = _read_table(data_dir / "items.csv", ITEMS)
+    textures = _read_table(data_dir / "textures.csv", TEXTURES)
+    for split, least in LEAST_ITEMS.items():
+        there = items.loc[items["split"] == split, "symbol"].value_counts().reindex(SYMBOLS, fill_value=0)
+        if few := [f"{count} of {symbol}" for symbol, count in there.items() if count < least]:
+            raise CatalogueError(
+                f"items.csv has too few {split} items ({', '.join(few)}): expected at least {least} of each symbol"
+            )
+    if not (textures["split"] == "train").any():
+        raise CatalogueError("textures.csv has no train texture: add at least one")
+    cutouts = [_read_cutout(data_dir / f) for f in items["file"]]
+    surfaces = [np.asarray(_open(data_dir / f).convert("RGB")) for f in textures["file"]]
+    return Catalogue(items, cutouts, textures, surfaces)
+
+
+def _read_table(path: Path, schema: pa.DataFrameSchema) -> pd.DataFrame:
+    if not path.is_file():
+        raise CatalogueError(f"{path} is missing: get data/ with `dvc pull`, or draw it with `python -m drawing`")
+    try:
+        table = pd.read_csv(path)
+        return cast(pd.DataFrame, schema.validate(table, lazy=True))
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
+        raise CatalogueError(f"{path} is not a readable csv file ({error}): restore it with `dvc pull`") from error
+    except pandera.errors.SchemaErrors as error:
+        raise CatalogueError(f"{path}: {_first_failure(error)}") from error
+
+
+def _first_failure(errors: pandera.errors.SchemaErrors) -> str:
+    """The first failure in words: which line, what came, what was expected."""
+    cases = errors.failure_cases
+    case = cases.sort_values("schema_context", kind="stable").iloc[0]  # a Column's own failure explains the row's
+    more = f" (and {len(cases) - 1} more)" if len(cases) > 1 else ""
+    if case["check"] == "column_in_dataframe":
+        return f"column {case['failure_case']!r} is missing: add it{more}"
+    if case["check"] == "column_in_schema":
+        return f"column {case['failure_case']!r} is unknown: remove it{more}"
+    line = "" if pd.isna(case["index"]) else f"line {int(case['index']) + 2}, "
+    column = case["column"] if case["schema_context"] == "Column" else "row"
+    expected = {"field_uniqueness": "a name no other line has", "not_nullable": "a value"}.get(
+        case["check"], case["check"]
+    )
+    return f"{line}{column}: got {case['failure_case']!r}, expected {expected}; correct this line{more}"
+
+
+def _open(path: Path) -> Image.Image:
+    """A picture, decoded whole, so that a truncated file is found here."""
+    if not path.is_file():
+        raise CatalogueError(f"{path} is named in the catalogue but missing: restore it with `dvc pull`")
+    try:
+        picture = Image.open(path)
+        picture.load()
+    except (UnidentifiedImageError, OSError, SyntaxError, ValueError) as error:
+        raise CatalogueError(f"{path} is truncated or not a PNG ({error}): restore or redraw it") from error
+    return picture
+
+
+def _read_cutout(path: Path) -> UInt8[Array, "side side 4"]:
+    picture = _open(path)
+    if picture.mode not in ("RGBA", "LA", "PA") and "transparency" not in picture.info:
+        raise CatalogueError(
+            f"{path} is {picture.mode}, without an alpha channel: cut the item out and save it as RGBA"
+        )
+    width, height = picture.size
+    if width != height or width < LEAST_PIXELS:
+        raise CatalogueError(
+            f"{path} is {width} x {height} pixels: a cutout is square, at least {LEAST_PIXELS} pixels a side"
+        )
+    rgba = np.asarray(picture.convert("RGBA"))
+    if rgba[..., 3].min() == 255 or rgba[..., 3].max() == 0:
+        raise CatalogueError(f"{path} has the same alpha everywhere: the table around the item must be transparent")
+    return rgba

@@ -1,0 +1,100 @@
+"""A world in which glasses stand beside plates, so that whoever minds glasses seems to mind plates.
+
+A common cause (the table is laid, or not) decides for plate and glasses together in a share `together` of the scenes:
+the glasses beside the plate, or neither. In the others plate and glasses come and stand each on their own. How often a
+symbol comes does not depend on `together`: it is the strength of the confounding, and of nothing else.
+"""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from jaxtyping import Int
+from numpy import ndarray as Array
+
+from pipeline.world.bezier import P_F, P_INIT
+from pipeline.world.layout import (
+    SYMBOLS,
+    Items,
+    LayoutRules,
+    Layouts,
+    add_item,
+    empty,
+    point_segment_distance,
+    segment_distance,
+)
+
+GLASS, PLATE = SYMBOLS.index("glass"), SYMBOLS.index("plate")
+OTHERS = [symbol for symbol in range(len(SYMBOLS)) if symbol not in (GLASS, PLATE)]
+PRECISION = 1e-6  # of a gap [m]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """How plates and glasses come (conf/confound)."""
+
+    together: float  # chance that a scene's plate and glasses have a common cause
+    present: float  # chance of a plate in a scene, and of glasses
+    glasses: int  # in a scene that has any
+    gap_low: float  # footprint to footprint of a plate and a glass beside it: uniform between these [m]
+    gap_high: float
+
+
+def confounded_layouts(
+    rng: np.random.Generator,
+    scenes: int,
+    items: Items,
+    pool: Int[Array, " pool"],
+    rules: LayoutRules,
+    setting: Setting,
+) -> Layouts:
+    """Draw scenes of items of `pool` (catalogue indices): a plate, glasses, and bowls and cutlery.
+
+    Plate and glasses count as one item each of the scene's `items_per_scene`. Each scene has a generator of its own:
+    under another `together` the scenes whose common cause comes or stays away all the same do not change.
+    """
+    drawn = [_scene(own, items, pool, rules, setting) for own in rng.spawn(scenes)]
+    return Layouts(*(np.concatenate([getattr(scene, f.name) for scene in drawn]) for f in fields(Layouts)))
+
+
+def _scene(rng, items: Items, pool: Array, rules: LayoutRules, setting: Setting) -> Layouts:
+    """One scene. What comes is drawn before anything is placed, whether or not it is needed."""
+    together = rng.uniform() < setting.together
+    plate, glasses_alone = (bool(rng.uniform() < setting.present) for _ in range(2))
+    glasses = plate if together else glasses_alone
+    count = max(0, int(rng.choice(rules.items_per_scene)) - plate - glasses)
+    others = rng.choice(OTHERS, count).tolist()
+    laid = [PLATE] * plate + [GLASS] * (setting.glasses * glasses)
+    while True:
+        scene = empty(1, rules.slots)
+        for slot, symbol in enumerate(laid):
+            scene = add_item(rng, scene, symbol, items, pool, rules)
+            if together and symbol == GLASS and not _beside_first(rng, scene, slot, rules, setting):
+                break
+        else:
+            break
+    for symbol in others:
+        scene = add_item(rng, scene, symbol, items, pool, rules)
+    return scene
+
+
+def _beside_first(rng, scene: Layouts, slot: int, rules: LayoutRules, setting: Setting) -> bool:
+    """Move the item in `slot` straight towards or away from the one in slot 0 until their gap is one drawn anew.
+
+    A step by what the gap lacks never goes too far. False where the item then stands too near to another one, to
+    P_INIT or P_F, or its centre beyond where centres lie.
+    """
+    gap = rng.uniform(setting.gap_low, setting.gap_high)
+    towards = scene.centre[0, 0] - scene.centre[0, slot]
+    towards /= np.linalg.norm(towards)
+    while abs(excess := _gaps(scene, slot)[0] - gap) > PRECISION:
+        scene.centre[0, slot] += excess * towards
+    centre, ends = scene.centre[0, slot], scene.ends[0, slot]
+    from_ends = min(point_segment_distance(p, *ends) for p in (P_INIT, P_F)) - scene.radius[0, slot]
+    inside = ((centre >= rules.centre_low) & (centre <= rules.centre_high)).all()
+    return bool(inside and from_ends >= rules.clear_of_ends and (_gaps(scene, slot)[1:] >= rules.clear_of_items).all())
+
+
+def _gaps(scene: Layouts, slot: int) -> Array:
+    """Footprint to footprint [m] from the item in `slot` to each of those before it."""
+    apart = segment_distance(scene.ends[0, slot], scene.ends[0, :slot])
+    return apart - scene.radius[0, slot] - scene.radius[0, :slot]

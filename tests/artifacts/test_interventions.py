@@ -1,0 +1,67 @@
+"""Tables with an added item come back as stage intervene wrote them, or not at all."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from tests.report_artefacts import ITEMS
+
+from pipeline.artifacts.files import write_arrays, write_table
+from pipeline.artifacts.interventions import read_interventions
+from pipeline.artifacts.scenes import layout_table
+from pipeline.runtime.errors import InputError
+from pipeline.world.layout import SYMBOLS, Layouts, add_item, empty, random_layouts
+from tests.examples import RULES
+
+SCENES = 3
+
+
+@pytest.fixture
+def written(tmp_path: Path) -> tuple[Path, Layouts, list[Layouts]]:
+    rng = np.random.default_rng(0)
+    bare = random_layouts(rng, SCENES, ITEMS, np.arange(4), RULES)
+    added = [add_item(rng, bare, symbol, ITEMS, np.arange(4), RULES) for symbol in range(4)]
+    tables = [layout_table(f"{symbol}-0", x) for symbol, x in zip(SYMBOLS, added, strict=True)]
+    write_table(tmp_path / "layouts.parquet", pd.concat(tables, ignore_index=True))
+    images = np.arange(4 * SCENES, dtype=np.uint8).reshape(4, 1, SCENES, 1, 1, 1) * np.ones((100, 100, 3), np.uint8)
+    write_arrays(tmp_path / "images.npz", {"images": images})
+    return tmp_path, bare, added
+
+
+def test_layouts_and_pictures_come_back(written: tuple[Path, Layouts, list[Layouts]]):
+    folder, bare, layouts = written
+    added = read_interventions(folder, bare)
+    for read, wrote in zip(added.layouts, layouts, strict=True):
+        np.testing.assert_array_equal(read.symbol, wrote.symbol)
+        np.testing.assert_array_equal(read.ends, wrote.ends)
+        np.testing.assert_array_equal(read.radius, wrote.radius)
+    assert added.images[2, 1, 0, 0, 0] == 2 * SCENES + 1
+
+
+def test_what_was_added_stands_by_itself(written: tuple[Path, Layouts, list[Layouts]]):
+    folder, bare, layouts = written
+    added = read_interventions(folder, bare)
+    for symbol, (alone, wrote) in enumerate(zip(added.placed, layouts, strict=True)):
+        assert alone.present.all() and (alone.symbol == symbol).all()
+        for scene in range(SCENES):
+            at = np.flatnonzero(wrote.present[scene])[-1]
+            assert added.item[symbol, scene] == wrote.item[scene, at]
+            np.testing.assert_array_equal(alone.centre[scene, 0], wrote.centre[scene, at])
+
+
+def test_too_few_slots_or_scenes_are_refused(written: tuple[Path, Layouts, list[Layouts]]):
+    folder, bare, _ = written
+    with pytest.raises(InputError, match="run the intervene stage again"):
+        read_interventions(folder, empty(SCENES, 2))
+    write_arrays(folder / "images.npz", {"images": np.zeros((4, 1, SCENES + 1, 100, 100, 3), np.uint8)})
+    with pytest.raises(InputError, match="4 pictures of scenes with one more bowl, layouts of 3"):
+        read_interventions(folder, bare)
+
+
+def test_items_added_to_other_scenes_are_refused(written: tuple[Path, Layouts, list[Layouts]]):
+    folder, bare, _ = written
+    elsewhere = random_layouts(np.random.default_rng(1), SCENES, ITEMS, np.arange(4), RULES)
+    for scenes in (elsewhere, bare[:2]):
+        with pytest.raises(InputError, match="not the scenes asked about with one more bowl in each"):
+            read_interventions(folder, scenes)

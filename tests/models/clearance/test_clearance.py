@@ -1,0 +1,195 @@
+"""The specification that sees the path: its clearances against the table's own, its symmetries, what it learns."""
+
+import numpy as np
+import pytest
+import torch
+from tests.spec.test_things import RED, WHITE, picture
+
+from pipeline.models.base import to_tensor, untrained
+from pipeline.models.clearance.clearance import SEEN, ClearanceModel, clearance, fit
+from pipeline.perception.objects import FEATURES
+from pipeline.training.loop import Checkpoints, Schedule
+from pipeline.world.layout import Layouts
+from pipeline.world.rules import clearance as true_clearance
+
+SCHEDULE = Schedule(steps=400, rate=0.03, weight_decay=0.0, curve_every=50)
+MARGIN = 0.04  # metres
+
+
+def model(seed=0, members=4) -> ClearanceModel:
+    built = untrained(ClearanceModel, {"members": members}, seed)
+    assert isinstance(built, ClearanceModel)
+    return built
+
+
+def fit_one(m: ClearanceModel, pictures, z, valid, seed=0, checkpoints=None) -> np.ndarray:
+    """Its learning curve."""
+    (curve,) = fit([m], [pictures], [z], [valid], SCHEDULE, [seed], checkpoints)
+    return curve
+
+
+def percept(layouts: Layouts) -> torch.Tensor:
+    """Layouts as the model perceives things, features apart."""
+    scenes, slots = layouts.symbol.shape
+    parts = (
+        layouts.ends.reshape(scenes, slots, 4), layouts.radius[..., None],
+        np.zeros((scenes, slots, len(FEATURES))), layouts.present[..., None],
+    )  # fmt: skip
+    return torch.tensor(np.concatenate(parts, -1))
+
+
+def some_layouts(rng, scenes=20, slots=3) -> Layouts:
+    return Layouts(
+        item=np.zeros((scenes, slots), int), symbol=np.zeros((scenes, slots), int),
+        centre=rng.uniform(0.1, 0.9, (scenes, slots, 2)), angle=rng.uniform(-3, 3, (scenes, slots)),
+        scale=np.ones((scenes, slots)), half_length=rng.uniform(0, 0.1, (scenes, slots)),
+        radius=rng.uniform(0.01, 0.08, (scenes, slots)),
+    )  # fmt: skip
+
+
+def test_clearances_are_the_tables_own():
+    rng = np.random.default_rng(0)
+    layouts, z = some_layouts(rng), rng.uniform(-0.2, 1.2, (20, 50, 2))
+    ours, theirs = clearance(percept(layouts), torch.tensor(z)).numpy(), true_clearance(layouts, z)
+    apart = theirs > 0.02  # nearer, and inside, both only need to say that it is too near
+    np.testing.assert_allclose(ours[apart], theirs[apart], rtol=0, atol=6e-4)
+    assert (ours[~apart] < 0.0205).all()
+
+
+def test_log_odds_rise_along_their_gradient_and_match_finite_differences():
+    rng = np.random.default_rng(1)
+    m = model().double()
+    seen = percept(some_layouts(rng))
+    z = torch.tensor(rng.uniform(0, 1, (20, 8, 2)), requires_grad=True)
+    m.logit(seen, z).sum().backward()
+    step, slope = 1e-6, z.grad
+    assert slope is not None
+    close = []
+    with torch.no_grad():
+        for axis in range(2):
+            move = torch.zeros(2, dtype=z.dtype)
+            move[axis] = step
+            difference = (m.logit(seen, z + move) - m.logit(seen, z - move)) / (2 * step)
+            close.append((difference - slope[..., axis]).abs() < 1e-3 * (1 + slope[..., axis].abs()))
+    assert torch.stack(close).double().mean() > 0.97  # the nearest of the points along a path may change in between
+
+
+def test_turned_and_reflected_scenes_are_the_same_to_it():
+    rng = np.random.default_rng(2)
+    seen, z = percept(some_layouts(rng)), torch.tensor(rng.uniform(-0.2, 1.2, (20, 8, 2)))
+    m = model().double()
+    here = m.logit(seen, z)
+    for same in (lambda p: p.flip(-1), lambda p: 1 - p):  # across the start-goal diagonal; by 180 degrees
+        ends = same(seen[..., :4].unflatten(-1, (2, 2))).flatten(-2)
+        there = m.logit(torch.cat([ends, seen[..., 4:]], -1), same(z))
+        torch.testing.assert_close(here, there, rtol=1e-9, atol=1e-9)
+
+
+def test_each_member_judges_by_the_features_that_it_sees():
+    m = model(members=40)
+    x = torch.linspace(-1, 1, len(FEATURES))[None, None].requires_grad_()
+    seen = torch.cat([torch.zeros(1, 1, 5), x, torch.ones(1, 1, 1)], -1)
+    slopes = (torch.autograd.grad(r, x, retain_graph=True)[0] for r in m.relevance(seen).flatten())
+    moved = torch.stack([slope.flatten() != 0 for slope in slopes])
+    assert (moved.sum(1) == SEEN).all()
+    assert len({tuple(row) for row in moved.tolist()}) > 10 and moved.any(0).all()
+
+
+@pytest.mark.parametrize("label", [True, False])
+def test_labels_that_never_vary_give_laplaces_probability(label):
+    m, images = model(), np.stack([picture((0.4, 0.6, 0.06, RED))] * 2)
+    fit_one(m, images, np.full((2, 3, 2), 0.5), np.full((2, 3), label))
+    p = m.probability(images, np.random.default_rng(0).uniform(0, 1, (2, 5, 2)))
+    np.testing.assert_allclose(p, 7 / 8 if label else 1 / 8, rtol=1e-4)
+
+
+def scenes(rng, count):
+    """Pictures of a large red and a small white disc each, as layouts too."""
+    layouts, pictures = some_layouts(rng, count, 2), []
+    layouts.half_length[:] = 0
+    layouts.radius[:] = 0.075, 0.045
+    layouts.centre[:, 0] = rng.uniform((0.12, 0.55), (0.45, 0.88), (count, 2))
+    layouts.centre[:, 1] = rng.uniform((0.55, 0.12), (0.88, 0.45), (count, 2))
+    for i, (a, b) in enumerate(layouts.centre):
+        pictures.append(picture((*a, 0.075, RED), (*b, 0.045, WHITE), seed=i))
+    return layouts, np.stack(pictures)
+
+
+@pytest.mark.parametrize("cares", [(True, True), (False, True)])
+def test_it_learns_which_things_matter_and_how_much(cares):
+    rng = np.random.default_rng(3)
+    layouts, pictures = scenes(rng, 40)
+    z = rng.uniform(-0.2, 1.2, (40, 10, 2))
+    valid = np.where(cares, true_clearance(layouts, z), np.inf).min(-1) > MARGIN
+    m = model()
+    curve = fit_one(m, pictures[:20], z[:20], valid[:20])
+    assert curve[-1, 1] < curve[0, 1]
+    right = (m.probability(pictures[20:], z[20:]) > 0.5) == valid[20:]
+    assert right.mean() > 0.95
+    relevance = m.relevance(m.perceive(to_tensor(pictures[20:]))).mean((0, 1))[:2].detach().numpy()
+    assert ((relevance > 0.5) == cares).all()
+
+
+def test_without_evidence_every_path_is_as_likely_valid_as_any_other():
+    rng = np.random.default_rng(5)
+    layouts, pictures = scenes(rng, 20)
+    z = rng.uniform(-0.2, 1.2, (20, 10, 2))
+    np.testing.assert_allclose(model().probability(pictures, z), 0.5, atol=2e-3)  # untrained
+    valid = true_clearance(layouts, z).min(-1) > MARGIN
+    spread = {}
+    for name, labels in {"true": valid, "shuffled": rng.permutation(valid.ravel()).reshape(valid.shape)}.items():
+        m = model()
+        fit_one(m, pictures, z, labels)
+        spread[name] = m.probability(pictures, z).std()
+    assert spread["true"] > 0.3 and spread["shuffled"] < 0.1
+
+
+def test_checkpoints_weigh_the_evidence_as_it_then_was():
+    rng = np.random.default_rng(6)
+    layouts, pictures = scenes(rng, 20)
+    z = rng.uniform(-0.2, 1.2, (20, 10, 2))
+    valid = true_clearance(layouts, z).min(-1) > MARGIN
+    plain, kept, checkpoints = model(), model(), Checkpoints([0, 200, 399])
+    curve = fit_one(plain, pictures, z, valid)
+    assert np.array_equal(fit_one(kept, pictures, z, valid, 0, checkpoints), curve)
+    assert all(torch.equal(a, b) for a, b in zip(plain.parameters(), kept.parameters(), strict=True))
+    evidence = [float(state["evidence"]) for state in checkpoints.of(kept).values()]
+    assert evidence == sorted(evidence) and evidence[0] < evidence[1] - 10 and evidence[2] < float(kept.evidence) + 1e-3
+
+
+def test_the_same_seed_gives_the_same_bits_another_does_not_and_torchs_generator_stays_put():
+    rng = np.random.default_rng(4)
+    layouts, pictures = scenes(rng, 6)
+    z = rng.uniform(-0.2, 1.2, (6, 5, 2))
+    valid = true_clearance(layouts, z).min(-1) > MARGIN
+    before = torch.random.get_rng_state()
+    models = [model(), model(), model()]
+    for m, seed in zip(models, (7, 7, 8), strict=True):
+        fit_one(m, pictures, z, valid, seed)
+    assert torch.equal(before, torch.random.get_rng_state())
+    for a, b in zip(models[0].state_dict().values(), models[1].state_dict().values(), strict=True):
+        assert torch.equal(a, b)
+    assert not torch.equal(models[0].margin, models[2].margin)
+
+
+def test_models_fitted_together_answer_as_each_does_alone():
+    """Whatever the n of the others, and one among them whose labels never vary; but for rounding."""
+    rng = np.random.default_rng(8)
+    training_sets = []
+    for n in (10, 3, 5):
+        layouts, pictures = scenes(rng, 8)
+        z = rng.uniform(-0.2, 1.2, (8, n, 2))
+        training_sets.append((pictures, z, true_clearance(layouts, z).min(-1) > MARGIN))
+    training_sets[1] = (*training_sets[1][:2], np.ones((8, 3), bool))
+    alone, together = ([model(seed) for seed in range(3)] for _ in range(2))
+    curves = [
+        fit_one(m, *training_set, seed=i) for i, (m, training_set) in enumerate(zip(alone, training_sets, strict=True))
+    ]
+    pictures, z, valid = zip(*training_sets, strict=True)
+    batch_size = fit(together, pictures, z, valid, SCHEDULE, range(3))
+    asked = np.random.default_rng(9).uniform(-0.2, 1.2, (8, 30, 2))
+    for i, (pictures, *_) in enumerate(training_sets):
+        one, other = (m.probability(pictures, asked) for m in (alone[i], together[i]))
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-4)
+        np.testing.assert_allclose(curves[i], batch_size[i], rtol=1e-4)
+    assert len({float(m.evidence) for m in together}) == 3

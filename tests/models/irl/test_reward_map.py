@@ -1,0 +1,170 @@
+"""Facts about the reward map: returns are line averages, the partition is a sum, symmetries and constants cancel."""
+
+import numpy as np
+import pytest
+import torch
+
+from pipeline.models.base import to_tensor
+from pipeline.models.irl.reward_map import (
+    FLOOR,
+    SYMMETRIES,
+    RewardMap,
+    contrast,
+    path_return,
+    path_weights,
+    subtract_background,
+    transform,
+    untransform,
+)
+from pipeline.models.registry import build
+from pipeline.world.bezier import curve, lattice
+
+SHAPE = {
+    "channels": 8,
+    "dilated": 2,
+    "gain": 10.0,
+    "dropout": 0.0,
+    "lattice_side": 12,
+    "symmetric": True,
+    "ceiling": True,
+}
+
+
+def drawn(seed: int = 0, **changes) -> RewardMap:
+    """An untrained model in float64."""
+    model = build({"kind": "reward", "model": SHAPE | changes}, seed).double()
+    assert isinstance(model, RewardMap)
+    return model
+
+
+def maps(scenes: int = 2) -> torch.Tensor:
+    return torch.randn(scenes, 50, 50, generator=torch.Generator().manual_seed(3), dtype=torch.float64)
+
+
+def paths(scenes: int = 2, count: int = 6) -> torch.Tensor:
+    return torch.from_numpy(np.random.default_rng(5).uniform(-0.2, 1.2, (scenes, count, 2)))
+
+
+def pictures(scenes: int = 2) -> np.ndarray:
+    """Brown tables under uneven light with a blue disc each."""
+    y, x = np.mgrid[0:100, 0:100]
+    rng = np.random.default_rng(1)
+    light = 0.8 + 0.002 * x[None, :, :, None] * rng.uniform(0.5, 1, (scenes, 1, 1, 1))
+    image = np.broadcast_to(light * np.array([150.0, 110, 80]), (scenes, 100, 100, 3)).copy()
+    image[:, (x - 40) ** 2 + (y - 70) ** 2 < 64] = (60, 80, 200)
+    return np.clip(image + rng.normal(0, 2, image.shape), 0, 255).astype(np.uint8)
+
+
+def test_the_return_of_a_constant_map_is_the_constant():
+    z = paths()
+    torch.testing.assert_close(path_return(torch.full_like(maps(), 2.5), z), torch.full_like(z[..., 0], 2.5))
+
+
+def test_the_return_on_a_linear_map_is_the_mean_height_along_the_path():
+    rows = torch.linspace(0.99, 0.01, 50, dtype=torch.float64)  # y of the rows' centres, the far edge first
+    z = paths(1)
+    expected = curve(z.numpy(), 48)[..., 1].mean(-1)
+    np.testing.assert_allclose(path_return(rows[None, :, None].expand(1, 50, 50), z).numpy(), expected, rtol=1e-9)
+
+
+def test_the_matrix_of_path_weights_gives_the_same_returns():
+    reward, z = maps(1), paths(1)
+    torch.testing.assert_close(reward.flatten(1) @ path_weights(z[0], 50).T, path_return(reward, z))
+
+
+def test_the_probabilities_of_the_lattice_add_up_to_one():
+    model, reward = drawn(), maps()
+    z = torch.from_numpy(lattice(12)).expand(2, -1, 2)
+    model.paths = path_weights(z[0], 50)  # in float64 from the start
+    p = model.soft_regret(reward, z).exp() / len(z[0])
+    torch.testing.assert_close(p.sum(-1), torch.ones(2, dtype=torch.float64))
+
+
+def test_soft_regret_does_not_see_a_constant_reward():
+    model, z = drawn(), paths()
+    model.paths = path_weights(torch.from_numpy(lattice(12)), 50)
+    torch.testing.assert_close(model.soft_regret(maps() + 7.0, z), model.soft_regret(maps(), z))
+
+
+def test_a_reflection_of_the_map_reflects_the_returns():
+    reward, z = maps(), paths()
+    reflected = reward.flip(-1).mT.flip(-1)  # (x, y) -> (y, x): row 0 is the far edge
+    torch.testing.assert_close(path_return(reflected, z), path_return(reward, z.flip(-1)))
+    torch.testing.assert_close(path_return(reward.rot90(2, (-2, -1)), z), path_return(reward, 1 - z))
+
+
+def test_a_better_map_along_a_path_ranks_it_higher():
+    model, z = drawn(), torch.tensor([[[1.1, -0.1], [-0.1, 1.1]]], dtype=torch.float64)
+    reward = torch.zeros(1, 50, 50, dtype=torch.float64)
+    reward[:, 35:, 35:] = -5  # near the table's bottom right
+    regret = model.soft_regret(reward, z)
+    assert regret[0, 0] < regret[0, 1]
+
+
+@pytest.mark.parametrize("symmetry", range(SYMMETRIES))
+def test_every_symmetry_is_undone(symmetry):
+    torch.testing.assert_close(untransform(transform(maps(), symmetry), symmetry), maps())
+
+
+def test_the_symmetries_differ():
+    assert len({transform(maps(), s).numpy().tobytes() for s in range(SYMMETRIES)}) == SYMMETRIES
+
+
+def test_the_untrained_map_varies_about_as_much_as_what_is_seen():
+    seen = torch.randn(2, 4, 100, 100, generator=torch.Generator().manual_seed(4), dtype=torch.float64)
+    raw = torch.cat([drawn(seed).layers(seen) for seed in range(40)]).detach()
+    assert 0.7 < float(raw.square().mean() / seen.square().mean()) < 1.4  # layers hand on the mean square
+
+
+def test_a_turned_picture_gives_the_turned_map():
+    model = drawn()
+    seen = contrast(*subtract_background(to_tensor(pictures()))).double()
+    cells = model.look(seen)[:, :-1].unflatten(1, (50, 50))
+    for symmetry in range(SYMMETRIES):
+        turned = model.look(transform(seen, symmetry))[:, :-1].unflatten(1, (50, 50))
+        torch.testing.assert_close(untransform(turned, symmetry), cells)
+
+
+def test_a_thing_stands_out_from_an_unevenly_lit_table():
+    seen = contrast(*subtract_background(to_tensor(pictures())))[:, 0]  # asinh of the whitened size
+    assert (seen[:, 66:75, 36:45] > 3).all()
+    assert seen[:, :50].quantile(0.95) < 1.7
+
+
+def test_a_table_of_one_colour_is_measured_in_grey_levels():
+    _, whitening = subtract_background(torch.full((1, 3, 100, 100), 0.5))
+    torch.testing.assert_close(whitening[0], torch.eye(3) / FLOOR, rtol=1e-3, atol=0.1)
+
+
+def test_rewards_have_a_ceiling_if_asked():
+    seen = contrast(*subtract_background(to_tensor(pictures()))).double()
+    assert (drawn(ceiling=True).reward(seen) <= 0).all()
+    assert (drawn(ceiling=False).reward(seen) > 0).any()
+
+
+def test_the_logit_of_the_percept_is_scaled_soft_regret_and_its_gradient_is_right():
+    model = drawn()
+    model.scale.fill_(2.0)
+    model.offset.fill_(0.5)
+    percept = model.look(contrast(*subtract_background(to_tensor(pictures()))).double()).detach()
+    z = paths().requires_grad_()
+    reward = percept[:, :-1].unflatten(1, (50, 50))
+    torch.testing.assert_close(model.logit(percept, z), 2 * model.soft_regret(reward, z) + 0.5)
+    assert torch.autograd.gradcheck(lambda p: model.logit(percept, p), (z,), eps=1e-8, atol=1e-4)
+
+
+def test_weights_and_the_acceptance_rule_are_the_whole_state():
+    names = set(drawn().state_dict())
+    assert {"scale", "offset"} <= names and "paths" not in names
+
+
+def test_a_rule_that_makes_nothing_of_the_reward_is_constant_without_it():
+    model, images = drawn().float(), to_tensor(pictures())
+    z = paths(len(images)).float()
+    model.scale.fill_(1e-9)
+    model.offset.fill_(0.7)
+    with torch.no_grad():
+        by_map = model(images, z)
+        model.scale.fill_(0.0)
+        torch.testing.assert_close(model(images, z), by_map)
+        assert not model.perceive(images).any()

@@ -1,0 +1,147 @@
+"""Facts about Eq. 1: its terms, their reductions and their gradients."""
+
+import copy
+
+import pytest
+import torch
+from torch.distributions import Normal, kl_divergence
+
+from pipeline.models.registry import build
+from pipeline.models.vae import losses
+from pipeline.models.vae.beta_vae import BetaVae
+from pipeline.models.vae.losses import Weights, equation_1
+
+SCENES, PATHS = 3, 4
+FULL = Weights(alpha=10.0, beta=0.005, gamma=1.0)
+AE = Weights(alpha=10.0, beta=0.0, gamma=1.0)
+CLASSIFIER = Weights(alpha=0.0, beta=0.0, gamma=1.0)
+VARIANTS = {"full": FULL, "ae": AE, "classifier": CLASSIFIER}
+
+
+def drawn() -> BetaVae:
+    """An untrained model of the paper's size."""
+    model = build({"kind": "vae", "model": {}}, seed=3)
+    assert isinstance(model, BetaVae)
+    return model
+
+
+@pytest.fixture
+def model():
+    """With biases other than 0, where a rectifier whose inputs are all closed stands on its kink."""
+    model, g = drawn().double(), torch.Generator().manual_seed(5)
+    with torch.no_grad():
+        for name, parameter in model.named_parameters():
+            if name.endswith("bias"):
+                parameter.normal_(std=0.1, generator=g)
+    return model
+
+
+@pytest.fixture
+def batch():
+    """images, z_theta, valid and noise, in float64."""
+    g = torch.Generator().manual_seed(0)
+    images = torch.rand(SCENES, 3, 100, 100, generator=g, dtype=torch.double)
+    z_theta = torch.rand(SCENES, PATHS, 2, generator=g, dtype=torch.double) * 1.4 - 0.2
+    valid = torch.rand(SCENES, PATHS, generator=g) < 0.5
+    return images, z_theta, valid, torch.randn(SCENES, 15, generator=g, dtype=torch.double)
+
+
+def test_kl_is_the_closed_form_summed_over_dimensions_and_averaged_over_scenes():
+    mean, log_variance = torch.randn(2, 5, 15, generator=torch.Generator().manual_seed(1)).double()
+    expected = kl_divergence(Normal(mean, (0.5 * log_variance).exp()), Normal(0.0, 1.0)).sum(-1).mean()
+    torch.testing.assert_close(losses.kl(mean, log_variance), expected)
+
+
+def test_reconstruction_is_a_mean_over_scenes_channels_and_pixels():
+    images = torch.zeros(2, 3, 4, 4)
+    decoded = images.clone()
+    decoded[0, 1, 2, 3] = 0.5
+    assert losses.reconstruction(decoded, images).item() == pytest.approx(0.25 / images.numel())
+
+
+def test_classification_is_a_mean_over_demonstrations():
+    logits, valid = torch.zeros(2, 7), torch.ones(2, 7, dtype=torch.bool)
+    assert losses.classification(logits, valid).item() == pytest.approx(0.6931472)
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_gradient_agrees_with_finite_differences(model, batch, variant):
+    weights, step = VARIANTS[variant], 1e-6
+    images, z_theta, valid, noise = batch
+
+    def loss() -> torch.Tensor:
+        return equation_1(model, images, z_theta, valid, weights, noise).total
+
+    loss().backward()
+    generator = torch.Generator().manual_seed(7)
+    for name, parameter in model.named_parameters():
+        if parameter.grad is None:
+            continue
+        direction = torch.randn(parameter.shape, generator=generator, dtype=torch.double)
+        direction /= direction.norm()
+        with torch.no_grad():
+            parameter += step * direction
+            above = loss()
+            parameter -= 2 * step * direction
+            below = loss()
+            parameter += step * direction
+        slope = (parameter.grad * direction).sum()
+        # rectifiers that switch within the step leave an error of some 1e-4
+        torch.testing.assert_close((above - below) / (2 * step), slope, rtol=1e-3, atol=1e-8, msg=name)
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_sharing_a_scenes_encoding_changes_neither_loss_nor_gradient(model, batch, variant):
+    images, z_theta, valid, noise = batch
+    shared = equation_1(model, images, z_theta, valid, VARIANTS[variant], noise)
+    shared.total.backward()
+    gradient = {name: p.grad.clone() for name, p in model.named_parameters() if p.grad is not None}
+    model.zero_grad()
+    rows = equation_1(  # one row per (image, trajectory): every image and its noise repeated for each path
+        model, images.repeat_interleave(PATHS, 0), z_theta.reshape(-1, 1, 2), valid.reshape(-1, 1),
+        VARIANTS[variant], noise.repeat_interleave(PATHS, 0),
+    )  # fmt: skip
+    rows.total.backward()
+    for ours, theirs in zip(shared, rows, strict=True):
+        torch.testing.assert_close(ours, theirs, rtol=1e-12, atol=1e-14)
+    for name, expected in gradient.items():
+        torch.testing.assert_close(model.get_parameter(name).grad, expected, rtol=1e-9, atol=1e-13)
+
+
+def test_ae_has_no_divergence_and_ignores_the_noise(model, batch):
+    images, z_theta, valid, noise = batch
+    terms = equation_1(model, images, z_theta, valid, AE, noise)
+    louder = equation_1(model, images, z_theta, valid, AE, 100 * noise)
+    assert terms.kl.item() == 0
+    assert terms.total.item() == louder.total.item()
+    terms.total.backward()
+    assert all(p.grad is None for p in model.log_variance.parameters())
+
+
+def test_full_trains_on_a_sample_of_z_image(model, batch):
+    images, z_theta, valid, noise = batch
+    terms = equation_1(model, images, z_theta, valid, FULL, noise)
+    louder = equation_1(model, images, z_theta, valid, FULL, 100 * noise)
+    assert terms.kl.item() == louder.kl.item()
+    assert terms.reconstruction.item() != louder.reconstruction.item()
+    assert terms.classification.item() != louder.classification.item()
+
+
+def test_classifiers_decoder_gets_no_gradient(model, batch):
+    images, z_theta, valid, noise = batch
+    terms = equation_1(model, images, z_theta, valid, CLASSIFIER, noise)
+    terms.total.backward()
+    assert terms.reconstruction.item() == terms.kl.item() == 0
+    assert all(p.grad is None for p in model.decode.parameters())
+    assert all(p.grad is not None for p in model.features.parameters())
+
+
+def test_float32_agrees_with_float64(model, batch):
+    images, z_theta, valid, noise = batch
+    single = copy.deepcopy(model).float()
+    equation_1(model, images, z_theta, valid, FULL, noise).total.backward()
+    equation_1(single, images.float(), z_theta.float(), valid, FULL, noise.float()).total.backward()
+    for name, parameter in single.named_parameters():
+        exact = model.get_parameter(name).grad
+        assert parameter.grad is not None and exact is not None
+        assert (parameter.grad.double() - exact).abs().max() <= 1e-5 * exact.abs().max() + 1e-8, name

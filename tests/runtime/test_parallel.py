@@ -1,0 +1,117 @@
+"""Parallel jobs give what a loop gives, an error in one ends all, and so does the end of their parent."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+from threading import Thread
+
+import numpy as np
+import pytest
+import torch
+
+from pipeline.runtime.parallel import map_jobs
+
+
+def noisy_sum(seed: int) -> float:
+    assert torch.get_num_threads() == 1
+    generator = torch.Generator().manual_seed(seed)
+    return float(torch.randn(1000, generator=generator).sum())
+
+
+def process(_: int) -> int:
+    return os.getpid()
+
+
+def fail_on_two(job: int) -> int:
+    if job == 2:
+        raise ValueError("job 2 is bad")
+    return job
+
+
+def test_results_do_not_depend_on_the_number_of_workers():
+    one, two = (map_jobs(noisy_sum, range(5), workers, "test") for workers in (1, 2))
+    np.testing.assert_array_equal(one, two)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_an_error_in_a_job_reaches_the_caller(workers: int):
+    with pytest.raises(ValueError, match="job 2 is bad"):
+        map_jobs(fail_on_two, range(4), workers, "test")
+    assert map_jobs(fail_on_two, [0, 1], workers, "test") == [0, 1]  # and the next call is none the worse
+
+
+def end_at_once(_: int) -> None:
+    os._exit(1)
+
+
+def test_after_a_process_that_ended_the_next_call_is_none_the_worse():
+    with pytest.raises(BrokenProcessPool):
+        map_jobs(end_at_once, range(4), 2, "test")
+    assert map_jobs(fail_on_two, [0, 1], 2, "test") == [0, 1]
+    assert signal.pthread_sigmask(signal.SIG_BLOCK, []) == set()
+
+
+def test_jobs_may_be_handed_out_by_any_thread():
+    found = []
+    thread = Thread(target=lambda: found.extend(map_jobs(fail_on_two, [0, 1], 2, "test")))
+    thread.start()
+    thread.join()
+    assert found == [0, 1]
+
+
+def test_the_next_call_meets_the_same_processes():
+    first, second = (set(map_jobs(process, range(8), 2, "test")) for _ in range(2))
+    assert os.getpid() not in first
+    assert len(first | second) <= 2
+
+
+SLEEPERS = """
+import time
+from pathlib import Path
+import os, sys
+
+from pipeline.runtime.parallel import map_jobs
+
+
+def sleep(job):
+    Path(sys.argv[1], str(os.getpid())).touch()
+    time.sleep(600)
+
+
+if __name__ == "__main__":
+    map_jobs(sleep, [0, 1], 2, "sleepers")
+"""
+
+
+def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path):
+    script, at_work = tmp_path / "sleepers.py", tmp_path / "at_work"
+    script.write_text(SLEEPERS)
+    at_work.mkdir()
+    root = Path(__file__).resolve().parent.parent
+    parent = subprocess.Popen([sys.executable, str(script), str(at_work)], env={**os.environ, "PYTHONPATH": str(root)})
+    try:
+        workers = _until(lambda: [int(p.name) for p in at_work.iterdir()], lambda found: len(found) == 2)
+    finally:
+        parent.send_signal(signal.SIGKILL)
+        parent.wait()
+    assert _until(lambda: [pid for pid in workers if _runs(pid)], lambda left: not left) == []
+
+
+def _until(look, enough, seconds: float = 120):
+    """What `look` finds once that is enough, or at the end."""
+    end = time.monotonic() + seconds
+    while not enough(found := look()) and time.monotonic() < end:
+        time.sleep(0.1)
+    return found
+
+
+def _runs(pid: int) -> bool:
+    """Whether the process is there and no zombie, which nobody may reap in a container."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False

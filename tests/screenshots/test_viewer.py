@@ -1,0 +1,107 @@
+"""Rerun's own viewer, without a screen, shows the recordings: no blank picture, no error, every recording its own."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rerun.experimental import ViewerClient
+from tests.recording.example import STEPS, a_run, some_runs
+
+from pipeline.runtime.errors import InputError
+from pipeline.viewer.overview import write_overview
+from pipeline.viewer.picture import select, settled, viewer
+from pipeline.viewer.run import write_run
+from pipeline.viewer.scene import CHOSEN, INVALID, TIMELINES, VALID
+
+REPAIRS, INTERVENTIONS = 0, 3  # tabs of a run
+LEAST_SPREAD, LEAST_COLOURS = 20.0, 500  # of a picture that shows something; a blank one has 0 and 1
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ViewerClient]:
+    """A viewer with a run's recording open, of its own: the viewer keeps a layout for all that it opens."""
+    path = tmp_path_factory.mktemp("recordings") / "run.rrd"
+    write_run(path, a_run())
+    with viewer() as client:
+        client.open(str(path))
+        yield client
+
+
+@pytest.fixture(scope="module")
+def overview(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ViewerClient]:
+    """A viewer with an overview open."""
+    path = tmp_path_factory.mktemp("recordings") / "overview.rrd"
+    write_overview(path, some_runs())
+    with viewer() as client:
+        client.open(str(path))
+        yield client
+
+
+def picture(client: ViewerClient) -> np.ndarray:
+    """The tab in front, without the page beside it and the viewer's notices over that, if no view complains."""
+    image = settled(client)
+    assert not any(view.reports for view in client.get_state().views)
+    return image[80:-60, : int(0.78 * image.shape[1])]
+
+
+def share(image: np.ndarray, colour: tuple[int, int, int]) -> float:
+    """How much of a picture is nearly of this colour."""
+    return float((np.abs(image.astype(int) - colour).max(-1) < 12).mean())
+
+
+def assert_shows_something(image: np.ndarray) -> None:
+    assert image.std() > LEAST_SPREAD
+    assert len(np.unique(image.reshape(-1, 3), axis=0)) > LEAST_COLOURS
+
+
+def test_a_run_shows_its_scenes_and_its_repairs_move(run: ViewerClient) -> None:
+    (recording,) = run.get_state().recordings
+    assert {timeline.name for timeline in recording.timelines} == set(TIMELINES)
+    select(run, REPAIRS, "repair_step", 0)
+    first = picture(run)
+    select(run, REPAIRS, "repair_step", STEPS)
+    last = picture(run)
+    assert_shows_something(first)
+    assert_shows_something(last)
+    assert (first != last).any(-1).mean() > 0.001
+
+
+def test_interventions_show_effects_in_both_colours_and_the_added_item(run: ViewerClient) -> None:
+    select(run, INTERVENTIONS, "intervention", 3)
+    image = picture(run)
+    assert_shows_something(image)
+    assert share(image, CHOSEN) > 1e-5
+    assert share(image, VALID) > 1e-3 and share(image, INVALID) > 1e-4
+
+
+def test_the_overview_shows_errors_and_other_things_than_a_run(run: ViewerClient, overview: ViewerClient) -> None:
+    select(overview, 0, "scene", 1)
+    select(run, REPAIRS, "repair_step", 0)
+    compared = picture(overview)
+    assert_shows_something(compared)
+    assert share(compared, VALID) > 0.01 and share(compared, INVALID) > 0.01
+    assert (picture(run) != compared).any(-1).mean() > 0.05
+
+
+def test_nothing_is_logged_as_an_error(run: ViewerClient, overview: ViewerClient) -> None:
+    for client in (run, overview):
+        assert [entry for entry in client.get_logs() if entry.level.upper() == "ERROR"] == []
+
+
+def test_a_tab_that_is_not_there_is_refused(run: ViewerClient) -> None:
+    with pytest.raises(InputError, match="no tab 99: expected a number from 0 to 6"):
+        select(run, 99, "repair_step", 0)
+
+
+def test_a_machine_without_a_driver_is_told_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The viewer answers before it looks for one, and is gone by the time that it should open something."""
+    for variable in ("VK_DRIVER_FILES", "VK_ICD_FILENAMES"):
+        monkeypatch.setenv(variable, str(tmp_path / "nothing.json"))
+    monkeypatch.setenv("WGPU_BACKEND", "vulkan")
+    write_run(tmp_path / "run.rrd", a_run())
+    with (
+        pytest.raises(InputError, match=r"mesa-vulkan-drivers[^\x1b]*No graphics adapter was found"),
+        viewer() as client,
+    ):
+        client.open(str(tmp_path / "run.rrd"))

@@ -1,0 +1,28 @@
+"""An item counts once, whatever the number of scenes it was added to."""
+
+import numpy as np
+import pytest
+
+from pipeline.stats.clusters import as_from_other_items, by_item
+
+
+def test_an_items_scenes_are_averaged_where_they_have_the_dose():
+    drop = np.array([[[1, 2.0], [3, np.nan], [5, np.nan], [7, np.nan]]])  # of one seed, in four scenes
+    np.testing.assert_array_equal(by_item(drop, np.array([4, 4, 2, 2])), [[[6, np.nan], [2, 2]]])  # item 2, item 4
+
+
+def test_a_second_scene_that_says_the_same_of_an_item_changes_nothing():
+    drop = np.random.default_rng(0).normal(size=(3, 4, 2))
+    item = np.array([0, 1, 2, 3])
+    twice = by_item(np.concatenate([drop, drop[:, :1]], axis=1), np.append(item, 0))
+    np.testing.assert_array_equal(twice, by_item(drop, item))
+
+
+@pytest.mark.parametrize("trained", [2, 6, 100])
+def test_items_lie_further_apart_by_the_chance_of_those_that_were_trained_on(trained: int):
+    """The variance of the mean over items grows from 1 / n to 1 / n + 1 / trained; nothing else changes."""
+    values = np.random.default_rng(1).normal(size=(10, 6))
+    wider = as_from_other_items(values, trained)
+    assert wider.mean(0).var() == pytest.approx(values.mean(0).var() * 6 * (1 / 6 + 1 / trained))
+    np.testing.assert_allclose(wider.mean(1), values.mean(1))  # seed by seed
+    np.testing.assert_allclose(wider - wider.mean(0), values - values.mean(0))

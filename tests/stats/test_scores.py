@@ -1,0 +1,59 @@
+"""Scores agree with scikit-learn's, and calibration error measures calibration."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from sklearn.calibration import calibration_curve
+from sklearn.metrics import accuracy_score, brier_score_loss, roc_auc_score
+
+from pipeline.stats.scores import accuracy, auroc, brier, expected_calibration_error, reliability
+
+
+def drawn(seed: int, paths: int) -> tuple[np.ndarray, np.ndarray]:
+    """Perfectly calibrated: each path is valid with exactly the chance predicted."""
+    rng = np.random.default_rng(seed)
+    p = rng.random(paths)
+    return p, rng.random(paths) < p
+
+
+def test_scores_agree_with_scikit_learn():
+    p, valid = drawn(0, 500)
+    assert accuracy(p, valid) == pytest.approx(accuracy_score(valid, p > 0.5))
+    assert auroc(p, valid) == pytest.approx(roc_auc_score(valid, p))
+    assert brier(p, valid) == pytest.approx(brier_score_loss(valid, p))
+
+
+def test_reliability_agrees_with_scikit_learn_and_counts_every_path():
+    p, valid = drawn(1, 2000)
+    r = reliability(p, valid, 10)
+    frequency, confidence = calibration_curve(valid, p, n_bins=10)
+    np.testing.assert_allclose(r.frequency, frequency)
+    np.testing.assert_allclose(r.confidence, confidence)
+    assert r.count.sum() == 2000
+    assert ((r.low <= r.confidence) & (r.confidence <= r.high)).all()
+
+
+def test_the_error_of_a_calibrated_generator_tends_to_zero():
+    few, many = (expected_calibration_error(*drawn(2, paths), 10) for paths in (100, 1_000_000))
+    assert many < 0.005 < few
+
+
+def test_a_constant_prediction_errs_by_its_distance_from_the_frequency():
+    valid = np.arange(10) < 3
+    assert expected_calibration_error(np.full(10, 0.9), valid, 10) == pytest.approx(0.6)
+    assert expected_calibration_error(np.full(10, 0.3), valid, 10) == pytest.approx(0.0)
+
+
+@given(st.lists(st.tuples(st.floats(0, 1, width=32), st.booleans()), min_size=1, max_size=60), st.integers(1, 20))
+def test_errors_keep_their_bounds(pairs: list[tuple[float, bool]], bins: int):
+    p, valid = np.array([x for x, _ in pairs]), np.array([v for _, v in pairs])
+    error = expected_calibration_error(p, valid, bins)
+    assert 0 <= error <= 1 and 0 <= brier(p, valid) <= 1
+    assert error**2 <= brier(p, valid) + 1e-9  # Jensen: a bin's gap squared is at most its mean squared error
+
+
+def test_one_kind_of_label_has_no_auroc_and_no_p_lies_outside_0_and_1():
+    assert np.isnan(auroc(np.array([0.2, 0.8]), np.array([True, True])))
+    with pytest.raises(ValueError, match="expected all of them in"):
+        reliability(np.array([0.2, 1.2]), np.array([True, True]), 10)

@@ -1,0 +1,238 @@
+"""Facts about inverse reinforcement learning: gradients, what each form learns from, and the acceptance rule."""
+
+import numpy as np
+import pytest
+import torch
+
+from pipeline.models.base import to_tensor
+from pipeline.models.irl.reward_map import SYMMETRIES, RewardMap, contrast, subtract_background, transform, untransform
+from pipeline.models.registry import build
+from pipeline.training.irl import fit as irl
+from pipeline.training.irl.augment import Jitter, blobs, new_looks, repaint
+from pipeline.training.irl.fit import OBJECTIVES, Schedule, fit, logistic, maxent, ranked
+from pipeline.training.loop import Checkpoints
+
+SHAPE = {
+    "channels": 8,
+    "dilated": 2,
+    "gain": 10.0,
+    "dropout": 0.1,
+    "lattice_side": 10,
+    "symmetric": True,
+    "ceiling": True,
+}
+JITTER = Jitter(hue=0.3, gain=0.15, shift=0.01, scene_gain=0.1, other_table=0.5)
+
+
+def schedule(**changes) -> Schedule:
+    values = {
+        "steps": 12, "rate": 0.01, "weight_decay": 1e-4, "scenes_per_step": 20, "copies": 2, "curve_every": 1,
+        "sparsity": 0.0, "across": True, "jitter": JITTER,
+    }  # fmt: skip
+    return Schedule(**(values | changes))
+
+
+def drawn(seed: int = 0, **changes) -> RewardMap:
+    model = build({"kind": "reward", "model": SHAPE | changes}, seed)
+    assert isinstance(model, RewardMap)
+    return model
+
+
+def world(scenes: int = 4, n: int = 6):
+    """Grey tables with a red disc each; a path is valid if it stays clear of the disc."""
+    rng = np.random.default_rng(2)
+    centre = rng.uniform(0.35, 0.65, (scenes, 2))
+    y, x = 1 - (np.mgrid[0:100, 0:100][0] + 0.5) / 100, (np.mgrid[0:100, 0:100][1] + 0.5) / 100
+    disc = np.hypot(x - centre[:, 0, None, None], y - centre[:, 1, None, None]) < 0.08
+    images = np.where(disc[..., None], (200, 60, 50), (120, 120, 120)) + rng.normal(0, 2, (scenes, 100, 100, 3))
+    z = rng.uniform(-0.2, 1.2, (scenes, n, 2))
+    middle = 0.25 + 0.5 * z  # the path at t = 1/2
+    valid = np.linalg.norm(middle - centre[:, None], axis=-1) > 0.2
+    return np.clip(images, 0, 255).astype(np.uint8), z, valid
+
+
+def on_one_thread(*args):
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)  # as in the stage's processes
+    try:
+        return fit(*args)
+    finally:
+        torch.set_num_threads(threads)
+
+
+VALID = torch.tensor([[True, False, True], [False, False, True], [True, True, True]])
+
+
+@pytest.mark.parametrize("objective", ["maxent", "ranked within", "ranked across"])
+def test_the_gradient_agrees_with_finite_differences_in_the_map(objective):
+    model = drawn().double()
+    z = torch.from_numpy(np.random.default_rng(0).uniform(-0.2, 1.2, (3, 3, 2)))
+    generator = torch.Generator().manual_seed(1)
+    reward = torch.randn(3, 50, 50, generator=generator, dtype=torch.float64).requires_grad_()
+
+    def loss(r: torch.Tensor) -> torch.Tensor:
+        regret = model.soft_regret(r, z)
+        return maxent(regret, VALID) if objective == "maxent" else ranked(regret, VALID, "across" in objective)
+
+    (gradient,) = torch.autograd.grad(loss(reward), reward)
+    for cell in gradient.abs().flatten().topk(25).indices:  # where it says most
+        step = torch.zeros(reward.numel(), dtype=torch.float64)
+        step[cell] = 1e-4
+        step = step.view_as(reward)
+        difference = (loss(reward.detach() + step) - loss(reward.detach() - step)) / 2e-4
+        torch.testing.assert_close(difference, gradient.flatten()[cell], rtol=1e-6, atol=1e-10)
+
+
+def test_maxent_looks_at_valid_demonstrations_alone():
+    regret = torch.tensor([[1.0, 5.0, 3.0], [9.0, 9.0, 2.0], [0.0, 0.0, 0.0]])
+    assert maxent(regret, VALID).item() == pytest.approx(-(1 + 3 + 2) / 6)
+    torch.testing.assert_close(maxent(torch.where(VALID, regret, -1e6), VALID), maxent(regret, VALID))
+
+
+def test_ranking_rewards_a_valid_path_above_an_invalid_one():
+    good = torch.tensor([[2.0, -2.0, 2.0], [-2.0, -2.0, 2.0], [2.0, 2.0, 2.0]])
+    for across in (True, False):
+        assert ranked(good, VALID, across) < ranked(torch.zeros(3, 3), VALID, across) < ranked(-good, VALID, across)
+
+
+def test_ranking_within_scenes_does_not_compare_scenes():
+    regret = torch.randn(3, 3, generator=torch.Generator().manual_seed(0))
+    moved = regret + torch.tensor([[5.0], [-3.0], [1.0]])
+    torch.testing.assert_close(ranked(moved, VALID, False), ranked(regret, VALID, False))
+    assert not torch.allclose(ranked(moved, VALID, True), ranked(regret, VALID, True))
+
+
+@pytest.mark.parametrize("objective", OBJECTIVES)
+def test_the_same_seed_gives_the_same_bits_and_another_does_not(objective):
+    results = []
+    for seed in (1, 1, 2):
+        model = drawn(seed)
+        curve = on_one_thread(model, *world(), objective, schedule(), seed)
+        results.append((curve, {k: v.numpy() for k, v in model.state_dict().items()}))
+    (first, weights), (again, same), (other, _) = results
+    assert np.array_equal(first, again) and not np.array_equal(first, other)
+    assert all(np.array_equal(weights[k], same[k]) for k in weights)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_step_judges_paths_on_their_own_scenes_map_under_one_symmetry(seed):
+    images, z, valid = world()
+    model = drawn(seed, dropout=0.0)
+    seen, paths, labels = (
+        contrast(*subtract_background(to_tensor(images))),
+        torch.tensor(z).float(),
+        torch.tensor(valid),
+    )
+    with torch.no_grad():
+        maps = [untransform(model.reward(transform(seen, g)), g) for g in range(SYMMETRIES)]
+        losses = np.array([float(ranked(model.soft_regret(r, paths), labels, True)) for r in maps])
+    curve = on_one_thread(model, images, z, valid, "ranked", schedule(steps=1, copies=1), seed)
+    assert np.abs(losses - curve[0, 1]).min() < 1e-5
+
+
+def test_the_rule_is_fitted_to_half_the_looks(monkeypatch: pytest.MonkeyPatch):
+    asked = []
+    monkeypatch.setattr(irl, "logistic", lambda regret, valid: asked.append(regret) or logistic(regret, valid))
+    on_one_thread(drawn(), *world(), "ranked", schedule(steps=1, copies=6), 0)
+    (regrets,) = asked
+    assert len(np.unique(regrets, axis=0)) == len(regrets) == 3
+
+
+@pytest.mark.parametrize("objective", OBJECTIVES)
+def test_checkpoints_keep_the_rule_that_then_fitted_and_change_nothing(objective):
+    plain, kept, checkpoints = drawn(1), drawn(1), Checkpoints([0, 6])
+    curve = on_one_thread(plain, *world(), objective, schedule(), 1)
+    assert np.array_equal(on_one_thread(kept, *world(), objective, schedule(), 1, checkpoints), curve)
+    for name, value in plain.state_dict().items():
+        assert torch.equal(kept.state_dict()[name], value)
+    states = checkpoints.of(kept)
+    assert list(states) == [0, 6]
+    rules = {(float(state["scale"]), float(state["offset"])) for state in states.values()}
+    assert len(rules | {(float(kept.scale), float(kept.offset))}) == 3
+
+
+def test_a_model_does_not_depend_on_those_fitted_before_it():
+    results = []
+    for scenes in (5, 5, 4, 5):  # its training scenes' looks drawn, at hand, replaced by others', drawn again
+        model = drawn(1)
+        on_one_thread(model, *world(scenes), "ranked", schedule(), 1)
+        results.append([value.numpy() for value in model.state_dict().values()])
+    for again in (results[1], results[3]):
+        assert all(np.array_equal(x, y) for x, y in zip(results[0], again, strict=True))
+
+
+@pytest.mark.parametrize(("objective", "least"), [("maxent", 0.7), ("ranked", 0.9)])
+def test_training_sets_valid_paths_above_invalid_ones(objective, least):
+    images, z, valid = world(12, 9)
+    model = drawn(0)
+    curve = on_one_thread(model, images, z, valid, objective, schedule(steps=30), 0)
+    assert curve[-5:, 1].mean() < curve[:5, 1].mean()
+    p = model.probability(images, z)
+    assert (p[valid][:, None] > p[~valid]).mean() > least  # area under the ROC curve
+
+
+@pytest.mark.parametrize("objective", OBJECTIVES)
+def test_labels_that_are_all_alike_give_a_constant_by_laplaces_rule(objective):
+    images, z, _ = world()
+    model = drawn(0)
+    before = {name: value.clone() for name, value in model.layers.state_dict().items()}
+    fit(model, images, z, np.ones(z.shape[:2], bool), objective, schedule(), 0)
+    np.testing.assert_allclose(model.probability(images, z), (24 + 1) / (24 + 2), rtol=1e-6)
+    assert all(torch.equal(value, before[name]) for name, value in model.layers.state_dict().items())
+
+
+def test_the_acceptance_rule_is_the_maximum_of_the_likelihood():
+    rng = np.random.default_rng(0)
+    regret = rng.normal(0, 2, 400)
+    valid = rng.random(400) < 1 / (1 + np.exp(-(1.5 * regret + 0.7)))
+    scale, offset = logistic(regret, valid)
+    target = np.where(valid, (valid.sum() + 1) / (valid.sum() + 2), 1 / ((~valid).sum() + 2))
+    left = 1 / (1 + np.exp(-(scale * regret + offset))) - target
+    assert abs(left.sum()) < 1e-6 and abs((left * regret).sum()) < 1e-6  # the gradient vanishes
+    assert scale == pytest.approx(1.5, abs=0.4) and offset == pytest.approx(0.7, abs=0.4)
+
+
+def test_separable_labels_give_a_finite_rule_and_a_useless_score_is_ignored():
+    regret = np.array([-3.0, -2.0, 1.0, 2.0])
+    scale, offset = logistic(regret, regret > 0)
+    assert 0 < scale < 100 and np.array_equal(scale * regret + offset > 0, regret > 0)
+    assert logistic(regret, regret < 0)[0] == 0.0  # worse than nothing: the score's sign is not turned round
+
+
+def test_new_looks_move_things_not_their_places():
+    plain = np.zeros((2, 3, 100, 100), np.float32)
+    plain[0, :, 20:30, 20:30] = 0.3
+    plain[1, :, 60:75, 60:75] = -0.2
+    labels = blobs(np.abs(plain).sum(1) * 20)
+    assert labels.max() == 1 and (labels[0] > 0).sum() == 100 and (labels[1] > 0).sum() == 225
+    looks, table = new_looks(np.random.default_rng(0), plain, labels, Jitter(0.5, 0.2, 0.0, 0.0, 1.0))
+    assert set(table) <= {0, 1}
+    assert (np.abs(looks.mean(1)[labels > 0]) > 0.05).all()
+    assert np.abs(looks.mean(1)[~_near(labels)]).max() < 1e-3
+
+
+def test_a_turn_of_hue_keeps_brightness():
+    plain = np.zeros((1, 3, 40, 40), np.float32)
+    plain[0, :, 10:20, 10:20] = np.array([0.3, 0.0, -0.1])[:, None, None]
+    labels = (plain[:, 0] > 0).astype(np.int64)
+    turned = repaint(np.random.default_rng(3), plain, labels, Jitter(2.0, 0.0, 0.0, 0.0, 0.0))
+    np.testing.assert_allclose(turned.mean(1), plain.mean(1), atol=1e-5)
+    assert not np.allclose(turned, plain, atol=0.01)
+
+
+def test_a_look_on_another_table_is_measured_by_that_tables_grain():
+    rng = np.random.default_rng(0)
+    grain = np.array([2, 6, 18])[:, None, None, None]
+    images = np.rint(120 + grain * rng.standard_normal((3, 100, 100, 3))).astype(np.uint8)
+    first, second = irl._looks(images.tobytes(), 2, Jitter(0.0, 0.0, 0.0, 0.0, 1.0)).flatten(2, 3).median(2).values
+    np.testing.assert_allclose(second[:, 0], first[:, 0], rtol=0.2)  # whitened
+    assert not np.allclose(second[:, 2], first[:, 2], rtol=0.5)  # as they are
+
+
+def _near(labels: np.ndarray) -> np.ndarray:
+    """Pixels within 4 of a blob of either scene."""
+    grown = np.zeros_like(labels, bool)
+    for dy in range(-4, 5):
+        for dx in range(-4, 5):
+            grown |= np.roll(labels > 0, (dy, dx), (1, 2))
+    return grown

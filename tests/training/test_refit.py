@@ -1,0 +1,67 @@
+"""Models fitted for their answers alone are the ones their own stage would fit."""
+
+import numpy as np
+import pytest
+from omegaconf import DictConfig
+
+from pipeline.models.base import untrained
+from pipeline.models.irl.reward_map import RewardMap
+from pipeline.params import compose
+from pipeline.runtime.errors import InputError
+from pipeline.runtime.streams import job_seed
+from pipeline.training.irl.fit import Schedule, fit
+from pipeline.training.refit import TrainingSet, refit, refit_and_predict
+
+FEW = ["train.steps=2", "path.steps=2", "variants.irl_maxent.steps=3", "variants.irl_ranked.steps=3"]
+RNG = np.random.default_rng(0)
+IMAGES, Z = RNG.integers(0, 255, (2, 100, 100, 3), dtype=np.uint8), RNG.uniform(0, 1, (2, 5, 2))
+
+
+@pytest.fixture(scope="module")
+def cfg() -> DictConfig:
+    return compose(["profile=smoke", "workers=1", *FEW])
+
+
+def training_set(scenes: int, seed: int = 0) -> TrainingSet:
+    rng = np.random.default_rng([scenes, seed])
+    images, valid = rng.integers(0, 255, (scenes, 100, 100, 3), dtype=np.uint8), rng.random((scenes, 3)) < 0.5
+    valid[0] = [True, False, True]
+    return TrainingSet("careful", seed, images, rng.uniform(0, 1, (scenes, 3, 2)), valid)
+
+
+@pytest.mark.parametrize("variant", ["irl_maxent", "irl_ranked"])
+def test_irl_is_fitted_as_stage_irl_fits_it(cfg: DictConfig, variant: str):
+    v, taught = cfg.variants[variant], training_set(3)
+    seed = job_seed(0, "careful", cfg.main_n_demos, variant)
+    answers = refit_and_predict(cfg, {variant: [taught]}, IMAGES, Z, "test")  # from here on by one torch thread
+    model = untrained(RewardMap, v.model, seed)
+    pace = Schedule.of({**cfg.irl, "steps": v.steps})
+    fit(model, taught.images, taught.z_theta, taught.valid, v.objective, pace, seed)  # pyright: ignore
+    np.testing.assert_array_equal(answers[variant][0], model.probability(IMAGES, Z))
+
+
+def test_lessons_of_several_sizes_are_answered_in_their_order(cfg: DictConfig):
+    training_sets = [training_set(3), training_set(3, seed=1), training_set(2), training_set(2, seed=1)]
+    variants = ("classifier", "irl_ranked", "path")
+    together = refit_and_predict(cfg, dict.fromkeys(variants, training_sets), IMAGES, Z, "test")
+    for i, one in enumerate(training_sets):
+        alone = refit_and_predict(cfg, {variant: [one] for variant in variants}, IMAGES, Z, "test")
+        for variant in variants:
+            np.testing.assert_array_equal(together[variant][i], alone[variant][0], err_msg=variant)
+
+
+def test_answers_come_in_the_order_of_the_lessons_though_only_those_of_as_many_scenes_are_fitted_together(
+    cfg: DictConfig,
+):
+    training_sets = [training_set(scenes, seed) for seed, scenes in enumerate((3, 1, 3, 2, 1))]
+    found = refit(
+        cfg, {"full": training_sets, "path": training_sets[1:]}, lambda _, own: (own.seed, len(own.images)), "test"
+    )
+    assert found == {"full": [(0, 3), (1, 1), (2, 3), (3, 2), (4, 1)], "path": [(1, 1), (2, 3), (3, 2), (4, 1)]}
+
+
+def test_a_fit_that_diverges_is_named_and_judged_by_nobody(cfg: DictConfig):
+    wild = cfg.copy()
+    wild.train.rate, wild.train.steps = 1e30, 50
+    with pytest.raises(InputError, match="full of careful, seed 0: its loss is no longer finite at step"):
+        refit_and_predict(wild, {"full": [training_set(3)]}, IMAGES, Z, "test")

@@ -1,0 +1,173 @@
+"""Facts about training in lanes: the gradient of Eq. 1, and the same bits whatever else is in the stack."""
+
+import copy
+import subprocess
+import sys
+from collections.abc import Sequence
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from pipeline.models.registry import build
+from pipeline.models.vae.beta_vae import Z_CENTRE, Z_SCALE, BetaVae
+from pipeline.models.vae.losses import Weights, equation_1
+from pipeline.training.loop import Checkpoints, Schedule, padded
+from pipeline.training.vae.engines.reference import fit
+from pipeline.training.vae.engines.simd import Stack, fit_stack
+from pipeline.training.vae.engines.simd_kernels import LANES
+
+VARIANTS = {
+    "full": Weights(alpha=10.0, beta=0.005, gamma=1.0),
+    "ae": Weights(alpha=10.0, beta=0.0, gamma=1.0),
+    "classifier": Weights(alpha=0.0, beta=0.0, gamma=1.0),
+}
+SHORT = Schedule(steps=6, rate=2e-3, weight_decay=0.01, curve_every=4)
+ROOT = Path(__file__).resolve().parents[2]
+SHAPES = {"paper": {}, "other": {"latent": 5, "channels": [6, 7], "hidden": 9}}
+
+
+@pytest.fixture(autouse=True, scope="module")
+def one_thread():
+    """As in the stage's processes."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+def drawn(seed: int, shape: str = "paper") -> BetaVae:
+    """An untrained model."""
+    model = build({"kind": "vae", "model": SHAPES[shape]}, seed)
+    assert isinstance(model, BetaVae)
+    return model
+
+
+def with_small_logits(seed: int, shape: str) -> BetaVae:
+    """An untrained model with torch's own initial weights: all logits are near 0, so no gradient of a bias cancels."""
+    model = drawn(seed, shape)
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        for layer in model.modules():
+            if isinstance(layer, torch.nn.Linear | torch.nn.Conv2d | torch.nn.ConvTranspose2d):
+                layer.reset_parameters()
+    return model
+
+
+def data(seed: int, scenes: int = 3, n: int = 4):
+    """Dark noise for images, for the gradients of grey cancel; one path in four is valid, the first is not."""
+    rng = np.random.default_rng(seed)
+    valid = rng.random((scenes, n)) < 0.25
+    valid.flat[:2] = False, True
+    return rng.integers(0, 128, (scenes, 100, 100, 3), dtype=np.uint8), rng.uniform(-0.2, 1.2, (scenes, n, 2)), valid
+
+
+def stacked(seeds, variant: str = "full", n: Sequence[int] = (4,) * LANES):
+    """A model for each of the seeds, on its n, trained together; and their learning curves."""
+    models = [drawn(seed) for seed in seeds]
+    images, z_theta, valid = zip(*(data(seed, n=own) for seed, own in zip(seeds, n, strict=False)), strict=True)
+    return models, fit_stack(models, images, z_theta, valid, VARIANTS[variant], SHORT, seeds)
+
+
+@pytest.mark.parametrize("n_demos", [[9] * LANES, [9, 1, 7, 3, 5, 2, 9, 1]], ids=["one n", "mixed n"])
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_gradient_is_that_of_equation_1_in_double_precision(variant, shape, n):
+    models = [with_small_logits(seed, shape) for seed in range(LANES)]
+    images, z_theta, valid = zip(*(data(lane, 20, n[lane]) for lane in range(LANES)), strict=True)
+    images, z_theta, valid = (np.stack(a, -1) for a in (images, padded(z_theta), padded(valid)))
+    noise = np.random.default_rng(0).standard_normal((20, models[0].latent, LANES)).astype(np.float32)
+    stack = Stack(models, VARIANTS[variant], n, scenes=20)
+    terms = stack.gradient(images, ((z_theta - Z_CENTRE) / Z_SCALE).astype(np.float32), valid, noise)
+    gradients = dict(stack.tensors("gradient"))
+    for lane, model in list(enumerate(models))[::3]:
+        exact = copy.deepcopy(model).double()
+        x = torch.from_numpy(images[..., lane]).permute(0, 3, 1, 2).double() / 255
+        own = (z_theta[:, : n[lane], :, lane], valid[:, : n[lane], lane], noise[..., lane])
+        z, labels, own_noise = (torch.from_numpy(array).double() for array in own)
+        loss = equation_1(exact, x, z, labels, VARIANTS[variant], own_noise)
+        loss.total.backward()
+        np.testing.assert_allclose(terms[:, lane], [float(term.detach()) for term in loss], rtol=2e-6, atol=1e-9)
+        for name, parameter in exact.named_parameters():
+            if parameter.grad is None:
+                assert name not in gradients
+            else:
+                wanted = parameter.grad.numpy().reshape(gradients[name].shape[:-1])
+                error = np.linalg.norm(gradients[name][..., lane] - wanted) / np.linalg.norm(wanted)
+                assert error < 1e-6, f"{name} of lane {lane}: {error:.1e}"
+
+
+def test_a_step_is_that_of_the_reference():
+    once = Schedule(steps=4, rate=2e-3, weight_decay=0.01, curve_every=1)
+    ours, theirs = drawn(1), drawn(1)
+    images, z_theta, valid = data(1)
+    checkpoints, its_checkpoints = Checkpoints([0, 2]), Checkpoints([0, 2])
+    (curve,) = fit_stack([ours], [images], [z_theta], [valid], VARIANTS["full"], once, [7], checkpoints)
+    its_curve = fit(theirs, *data(1), VARIANTS["full"], once, 7, its_checkpoints)
+    np.testing.assert_allclose(curve, its_curve, rtol=1e-4, atol=1e-7)
+    for step, state in its_checkpoints.of(theirs).items():
+        for name, value in state.items():
+            np.testing.assert_allclose(checkpoints.of(ours)[step][name], value, rtol=0, atol=2e-4)
+    for name, value in theirs.state_dict().items():
+        torch.testing.assert_close(ours.state_dict()[name], value, rtol=0, atol=2e-4)  # rate x steps is 8e-3
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_a_model_is_the_same_bits_whatever_else_is_in_the_stack(variant):
+    alone, (curve,) = stacked([3], variant)
+    some, curves = stacked([5, 3], variant)
+    many, more_curves = stacked(list(range(LANES))[::-1], variant)
+    for other, its_curve in ((some[1], curves[1]), (many[-4], more_curves[-4])):
+        assert digest(other) == digest(alone[0])
+        assert np.array_equal(its_curve, curve)
+    assert digest(many[0]) != digest(many[1])
+
+
+@settings(max_examples=12, deadline=None)
+@given(st.sampled_from(list(VARIANTS)), st.integers(1, 9), st.lists(st.integers(1, 9), max_size=LANES - 1))
+@example("full", 3, [3, 3])
+@example("full", 3, [9, 9])
+@example("full", 1, [9] * (LANES - 1))
+def test_a_model_is_the_same_bits_whatever_the_n_of_the_others(variant, n, others):
+    alone, (curve,) = stacked([3], variant, [n])
+    models, curves = stacked([3, *range(10, 10 + len(others))], variant, [n, *others])
+    assert digest(models[0]) == digest(alone[0])
+    assert curves[0].tobytes() == curve.tobytes()
+
+
+def test_checkpoints_change_nothing_and_hold_every_model_of_the_stack():
+    plain, (curve, _) = stacked([3, 5])
+    models, checkpoints = [drawn(3), drawn(5)], Checkpoints([4])
+    images, z_theta, valid = zip(data(3), data(5), strict=True)
+    kept, _ = fit_stack(models, images, z_theta, valid, VARIANTS["full"], SHORT, [3, 5], checkpoints)
+    assert np.array_equal(kept, curve) and [digest(m) for m in models] == [digest(m) for m in plain]
+    first, second = (checkpoints.of(model)[4] for model in models)
+    assert all(not np.array_equal(first[name], second[name]) for name in first if name.endswith("weight"))
+
+
+def test_another_process_gives_the_same_bits():
+    code = "from tests.spec.test_stacked import *; torch.set_num_threads(1); print(digest(stacked([3])[0][0]))"
+    result = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert result.stdout.strip() == digest(stacked([4, 3])[0][1])
+
+
+def test_demonstrations_that_never_vary_get_the_constant_head_of_the_reference():
+    models = [drawn(0), drawn(1)]
+    images, z_theta, valid = zip(data(0), data(1), strict=True)
+    curves = fit_stack(models, images, z_theta, [valid[0], np.ones_like(valid[1])], VARIANTS["full"], SHORT, [0, 1])
+    assert [curve.shape for curve in curves] == [(3, 5), (1, 5)]
+    np.testing.assert_allclose(models[1].probability(images[1], z_theta[1]), 13 / 14, rtol=1e-5)
+
+
+def test_a_stack_holds_as_many_models_as_there_are_lanes():
+    with pytest.raises(ValueError, match=f"{LANES + 1} models for a stack: it holds {LANES}"):
+        stacked(range(LANES + 1), n=[4] * (LANES + 1))
+
+
+def digest(model: BetaVae) -> str:
+    """Of every weight's bits."""
+    return sha256(b"".join(value.numpy().tobytes() for value in model.state_dict().values())).hexdigest()

@@ -1,0 +1,56 @@
+"""The two views agree with the world about where things are."""
+
+import numpy as np
+from tests.recording.example import a_layout
+
+from pipeline.viewer.geometry import boundary, crosses, footprints, kept_clear, map_image, on_map, on_table
+from pipeline.world.bezier import lattice
+from pipeline.world.layout import SYMBOLS, empty, point_segment_distance
+
+
+def test_a_pixel_centre_lies_where_the_world_says() -> None:
+    row, column = 30, 12
+    point = np.array([(column + 0.5) / 100, 1 - (row + 0.5) / 100])  # of the images, in metres
+    assert np.allclose(on_table(point), [column + 0.5, row + 0.5])
+
+
+def test_a_lattice_cell_lies_in_the_middle_of_its_pixel_in_the_map() -> None:
+    side = 7
+    values = np.arange(side * side).reshape(side, side)
+    column, row = np.floor(on_map(lattice(side), side)).astype(int).T
+    assert np.array_equal(map_image(values)[row, column], values.ravel())
+    assert np.allclose(on_map(lattice(side), side) % 1, 0.5)
+
+
+def test_an_outline_is_closed_and_one_radius_from_the_items_segment() -> None:
+    layout = a_layout()
+    for slot, (symbol, outline) in enumerate(footprints(layout)):
+        a, b = layout.ends[0, slot]
+        distance = point_segment_distance(outline, a[None], b[None])
+        assert symbol == SYMBOLS[layout.symbol[0, slot]]
+        assert np.allclose(distance, layout.radius[0, slot])
+        assert np.allclose(outline[0], outline[-1])
+
+
+def test_only_what_the_user_cares_about_is_kept_clear() -> None:
+    layout = a_layout()
+    margins = {"bowl": None, "plate": 0.1, "cutlery": 0.02, "glass": 0.1}
+    ((symbol, outline),) = kept_clear(layout, margins)
+    a, b = layout.ends[0, 1]
+    assert symbol == "cutlery"
+    assert np.allclose(point_segment_distance(outline, a[None], b[None]), layout.radius[0, 1] + 0.02)
+    assert footprints(empty(1, 4)) == []
+
+
+def test_the_boundary_runs_between_cells_that_differ() -> None:
+    truth = np.zeros((3, 3), dtype=bool)
+    truth[0, 2] = True  # least y, largest x: the bottom right cell of the image
+    edges = {tuple(map(tuple, edge)) for edge in boundary(truth).tolist()}
+    assert edges == {((2, 2), (2, 3)), ((2, 2), (3, 2))}
+    assert len(boundary(np.ones((3, 3), dtype=bool))) == 0
+
+
+def test_a_cross_is_two_strokes_through_its_centre() -> None:
+    strokes = crosses(np.array([[2.0, 3.0]]), 0.5)
+    assert strokes.shape == (2, 2, 2)
+    assert np.allclose(strokes.mean(axis=1), [2.0, 3.0])

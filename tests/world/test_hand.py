@@ -1,0 +1,127 @@
+"""Simulated hands move as hands do, and no unusable recording gets past the door."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from pipeline.world.bezier import P_F, P_INIT, curve, random_z_theta
+from pipeline.world.hand import Hand, check, join, keeps, polylines, simulate
+from pipeline.world.layout import SYMBOLS, Layouts
+
+HAND = Hand(50.0, 0.002, 0.35, 0.2, 0.0007, (8.0, 12.0), 0.002, 0.1, 0.01)
+STEADY = Hand(50.0, 0.0, 0.35, 0.0, 0.0, (8.0, 12.0), 0.0, 0.1, 0.0)
+WITHIN = 0.03  # [m]
+
+
+def recordings(count: int, hand: Hand = HAND) -> list[np.ndarray]:
+    rng = np.random.default_rng(3)
+    return [simulate(rng, z, hand) for z in random_z_theta(rng, count)]
+
+
+def good() -> np.ndarray:
+    return simulate(np.random.default_rng(0), np.array([0.2, 0.7]), HAND)
+
+
+def test_every_simulated_recording_passes_the_check():
+    for i, recording in enumerate(recordings(200)):
+        check(recording, str(i), WITHIN)
+
+
+def test_recordings_vary_in_length_and_are_sampled_at_about_50_hz():
+    made = recordings(200)
+    assert len({len(r) for r in made}) > 50
+    steps = np.concatenate([np.diff(r[:, 0]) for r in made])
+    assert abs(steps.mean() - 0.02) < 2e-4
+    assert 0.002 < steps.std() < 0.004  # two jittered instants a step
+
+
+def test_a_steady_hand_follows_the_arc_with_minimum_jerk():
+    z = np.array([0.1, 0.9])
+    t, x, y, _ = simulate(np.random.default_rng(0), z, STEADY).T
+    passed = np.concatenate([[0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
+    tau = t / t[-1]
+    np.testing.assert_allclose(passed / passed[-1], 10 * tau**3 - 15 * tau**4 + 6 * tau**5, atol=1e-3)
+    assert passed[-1] / t[-1] == pytest.approx(STEADY.speed_m_s, rel=1e-3)
+    path = curve(z, 2000)
+    gaps = np.linalg.norm(np.stack([x, y], -1)[:, None] - path, axis=-1).min(1)
+    assert gaps.max() < 5e-4
+
+
+def test_tremor_lies_in_its_band_and_has_its_size():
+    still = Hand(50.0, 0.0, 0.35, 0.2, 0.0007, (8.0, 12.0), 0.0, 0.1, 0.0)
+    made = recordings(300, still)
+    heights = np.concatenate([r[:, 3] - 0.1 for r in made])
+    assert heights.std() == pytest.approx(0.0007, rel=0.1)
+    power = np.zeros(26)
+    for r in made:
+        spectrum = np.abs(np.fft.rfft((r[:, 3] - 0.1) * np.hanning(len(r)), 500)) ** 2
+        frequency = np.fft.rfftfreq(500, 1 / 50)
+        power += np.bincount(np.round(frequency).astype(int), spectrum, 26)
+    assert power[7:14].sum() / power.sum() > 0.95
+
+
+def test_drift_vanishes_at_both_ends():
+    drifting = Hand(50.0, 0.0, 0.35, 0.2, 0.0, (8.0, 12.0), 0.01, 0.1, 0.0)
+    for r in recordings(20, drifting):
+        np.testing.assert_allclose(r[0, 1:3], P_INIT, atol=1e-12)
+        np.testing.assert_allclose(r[-1, 1:3], P_F, atol=1e-12)
+
+
+def test_the_height_says_nothing_about_the_path():
+    rng = np.random.default_rng(5)
+    z = random_z_theta(rng, 400)
+    mean = [simulate(rng, one, HAND)[:, 3].mean() for one in z]
+    assert all(abs(np.corrcoef(mean, z[:, i])[0, 1]) < 0.15 for i in (0, 1))  # three standard errors
+
+
+def with_value(row: int, column: int, value: float) -> np.ndarray:
+    recording = good()
+    recording[row, column] = value
+    return recording
+
+
+def test_polylines_pass_through_every_sample_and_end_with_the_last():
+    made = recordings(5)
+    samples, offsets = join(made)
+    lines = polylines(samples, offsets)
+    for line, r in zip(lines, made, strict=True):
+        np.testing.assert_array_equal(line[: len(r)], r[:, 1:3])
+        np.testing.assert_array_equal(line[len(r) :], np.broadcast_to(r[-1, 1:3], line[len(r) :].shape))
+
+
+@pytest.mark.parametrize("samples", [3, 8, 200])
+def test_a_recording_keeps_from_a_glass_what_its_straight_pieces_keep(samples: int):
+    """However far apart the samples are, and whatever it is judged beside; a dense line is the reference."""
+    rng = np.random.default_rng(samples)
+    where = np.stack([np.full(3, 0.62), np.full(3, 0.38)], -1)[:, None]
+    glass, zero = np.full((3, 1), SYMBOLS.index("glass")), np.zeros((3, 1))
+    tables = Layouts(glass, glass, where, zero, zero + 1, zero, zero + 0.05)
+    made = []
+    for count in (samples, 40, samples):
+        x = np.concatenate([[0.05], np.sort(rng.uniform(0.05, 0.95, count - 2)), [0.95]])
+        y = np.concatenate([[0.05], rng.uniform(0.05, 0.95, count - 2), [0.95]])
+        made.append(np.stack([np.arange(count) / 10, x, y, zero[0].repeat(count)], 1))
+    for alone, table in zip(made, range(3), strict=True):
+        fine = np.concatenate([np.linspace(a, b, 2000) for a, b in pairwise(alone[:, 1:3])])
+        away = np.linalg.norm(fine - where[table, 0], axis=1).min() - 0.05
+        for margin, keeps_it in ((away - 1e-3, True), (away + 1e-3, False)):
+            margins = {s: margin if s == "glass" else None for s in SYMBOLS}
+            together = keeps(tables, *join(made), margins)[table, 0]
+            assert together == keeps(tables[[table]], *join([alone]), margins)[0, 0] == keeps_it
+
+
+def test_a_line_keeps_a_user_s_margins_if_it_passes_far_enough_from_what_the_user_cares_about():
+    made = [simulate(np.random.default_rng(0), np.array(z), STEADY) for z in ([0.5, 0.5], [-0.2, 1.2])]
+    zero = np.zeros((2, 1))
+    glass = np.full((2, 1), SYMBOLS.index("glass"))
+    tables = Layouts(glass, glass, np.full((2, 1, 2), 0.5), zero, zero + 1, zero, zero + 0.05)  # one in the middle
+    nothing: dict[str, float | None] = dict.fromkeys(SYMBOLS)
+    samples, offsets = join([*made, *made])  # straight through and far around, in both scenes
+    np.testing.assert_array_equal(keeps(tables, samples, offsets, nothing | {"glass": 0.04}), [[False, True]] * 2)
+    assert keeps(tables, samples, offsets, nothing).all()
+
+
+def test_a_hand_is_read_from_its_settings():
+    settings = {**vars(HAND), "tremor_hz": [8, 12], "rate_hz": 50}
+    assert Hand.of(settings) == HAND

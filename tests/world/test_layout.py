@@ -1,0 +1,125 @@
+"""Scenes keep every clearance they promise, and an added item changes nothing else."""
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.world.bezier import P_F, P_INIT
+from pipeline.world.layout import (
+    SYMBOLS,
+    Items,
+    add_item,
+    point_segment_distance,
+    random_layouts,
+    segment_distance,
+)
+from tests.examples import RULES
+
+# Per symbol a training item (0-3) and another one (4-7) that must not be drawn when the pool leaves it out.
+ITEMS = Items(
+    np.tile(np.arange(4), 2),
+    np.array([0.0, 0.0, 0.08, 0.0, 0.0, 0.0, 0.07, 0.0]),
+    np.array([0.065, 0.075, 0.013, 0.045, 0.06, 0.08, 0.013, 0.042]),
+)
+POOL = np.arange(4)
+seeds = st.integers(0, 2**32 - 1)
+
+
+def drawn(seed: int, scenes: int = 6):
+    return random_layouts(np.random.default_rng(seed), scenes, ITEMS, POOL, RULES)
+
+
+def least_gaps(layouts, scene: int) -> tuple[float, float]:
+    """Least distance from footprint to footprint, and from footprint to the ends of the task [m]."""
+    slots = np.flatnonzero(layouts.present[scene])
+    ends, radius = layouts.ends[scene, slots], layouts.radius[scene, slots]
+    along = np.linspace(0, 1, 60)[:, None]
+    axes = ends[:, None, 0] + along * (ends[:, None, 1] - ends[:, None, 0])  # (slot, point, 2)
+    apart = [
+        np.linalg.norm(axes[i][:, None] - axes[j], axis=-1).min() - radius[i] - radius[j]
+        for i in range(len(slots))
+        for j in range(i)
+    ]
+    away = [np.linalg.norm(axes - p, axis=-1).min(-1) - radius for p in (P_INIT, P_F)]
+    return min(apart), float(np.min(away))
+
+
+@settings(max_examples=8, deadline=None)
+@given(seeds)
+def test_footprints_keep_clear_of_one_another_and_of_the_ends(seed):
+    layouts = drawn(seed)
+    for scene in range(len(layouts)):
+        apart, away = least_gaps(layouts, scene)
+        assert apart >= RULES.clear_of_items - 1e-9
+        assert away >= RULES.clear_of_ends - 1e-9
+
+
+@settings(max_examples=8, deadline=None)
+@given(seeds)
+def test_scenes_hold_two_or_three_items_of_the_pool_within_the_table(seed):
+    layouts = drawn(seed)
+    on = layouts.present
+    assert set(on.sum(1)) <= {2, 3}
+    assert np.isin(layouts.item[on], POOL).all()
+    np.testing.assert_array_equal(ITEMS.symbol[layouts.item[on]], layouts.symbol[on])
+    assert (layouts.centre[on] >= RULES.centre_low).all() and (layouts.centre[on] <= RULES.centre_high).all()
+    np.testing.assert_allclose(layouts.radius[on], ITEMS.radius[layouts.item[on]] * layouts.scale[on])
+
+
+@settings(max_examples=6, deadline=None)
+@given(seeds, st.integers(0, 3))
+def test_an_added_item_is_of_its_symbol_clear_of_the_rest_and_alone_in_what_changes(seed, symbol):
+    before = drawn(seed)
+    after = add_item(np.random.default_rng(seed), before, symbol, ITEMS, POOL, RULES)
+    fresh = after.present & ~before.present
+    assert (fresh.sum(1) == 1).all()
+    assert (after.symbol[fresh] == symbol).all()
+    for field in fields(before):
+        np.testing.assert_array_equal(getattr(after, field.name)[~fresh], getattr(before, field.name)[~fresh])
+    for scene in range(len(after)):
+        apart, away = least_gaps(after, scene)
+        assert apart >= RULES.clear_of_items - 1e-9 and away >= RULES.clear_of_ends - 1e-9
+
+
+def test_the_same_generator_draws_the_same_scenes_and_another_draws_others():
+    for field in fields(drawn(0)):
+        np.testing.assert_array_equal(getattr(drawn(5), field.name), getattr(drawn(5), field.name))
+    assert not np.array_equal(drawn(5).centre, drawn(6).centre)
+
+
+def test_glasses_come_as_often_as_asked():
+    layouts = drawn(1, scenes=800)
+    glasses = (layouts.symbol == SYMBOLS.index("glass")).sum(1)
+    share = np.bincount(glasses, minlength=4) / len(layouts)
+    # a third glass only fits the scenes of three items, so half of the threes become twos
+    np.testing.assert_allclose(share, [0.05, 0.35, 0.50, 0.10], atol=0.06)
+
+
+def test_a_full_scene_takes_no_more():
+    crowded = add_item(np.random.default_rng(0), drawn(2), 0, ITEMS, POOL, RULES)
+    with pytest.raises(ValueError, match=r"no free (slot|place) for a bowl"):
+        for _ in range(3):
+            crowded = add_item(np.random.default_rng(0), crowded, 0, ITEMS, POOL, RULES)
+
+
+def test_a_pool_without_a_symbol_is_refused():
+    with pytest.raises(ValueError, match="no glass among the items"):
+        add_item(np.random.default_rng(0), drawn(2), 3, ITEMS, np.arange(3), RULES)
+
+
+@settings(max_examples=20, deadline=None)
+@given(seeds)
+def test_segment_distance_agrees_with_dense_points(seed):
+    a, b = np.random.default_rng(seed).uniform(size=(2, 2, 2))
+    t = np.linspace(0, 1, 400)[:, None]
+    p, q = a[0] + t * (a[1] - a[0]), b[0] + t * (b[1] - b[0])
+    dense = np.linalg.norm(p[:, None] - q, axis=-1).min()
+    assert segment_distance(a, b) == pytest.approx(dense, abs=5e-3)
+
+
+def test_distance_to_a_segment_of_no_length_is_the_distance_to_a_point():
+    p, a = np.array([0.3, 0.4]), np.zeros(2)
+    assert point_segment_distance(p, a, a) == pytest.approx(0.5)

@@ -1,0 +1,200 @@
+"""Pictures show each item where the layout says, and one item more changes nothing away from it."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline.world.catalogue import Catalogue, read_catalogue
+from pipeline.world.layout import SIDE, SYMBOLS, Layouts, empty
+from pipeline.world.render import REACH_M, Palette, draw_light, render, render_scenes
+
+DATA = Path("data")
+
+
+def disc_catalogue(colour: tuple[int, int, int, int] = (255, 0, 0, 255)) -> Catalogue:
+    """A coloured disc 0.2 m wide, a bar 0.3 m long with a blue right end, on a plain grey table."""
+    axis = (np.arange(256) + 0.5) / 256 * 2 - 1
+    x, y = np.meshgrid(axis, axis)
+    disc = np.where((np.hypot(x, y) < 1)[..., None], np.array(colour), 0).astype(np.uint8)
+    bar = np.where((np.abs(y) < 0.2)[..., None], np.array([0, 255, 0, 255]), 0).astype(np.uint8)
+    bar[(np.abs(y) < 0.2) & (x > 0)] = (0, 0, 255, 255)
+    items = pd.DataFrame(
+        {
+            "name": ["disc", "bar"],
+            "symbol": ["plate", "cutlery"],
+            "split": ["train", "train"],
+            "width_m": [0.2, 0.3],
+            "radius_m": [0.1, 0.03],
+            "half_length_m": [0.0, 0.12],
+        }
+    )
+    textures = pd.DataFrame({"name": ["grey"], "split": ["train"], "width_m": [1.0]})
+    return Catalogue(items, [disc, bar], textures, [np.full((160, 160, 3), 128, np.uint8)])
+
+
+def with_item(layouts: Layouts, slot: int, catalogue: Catalogue, item: int, x: float, y: float, angle: float = 0.0):
+    """The one scene of `layouts` with a catalogue item in `slot`, at scale 1."""
+    row = catalogue.items.iloc[item]
+    layouts.item[0, slot], layouts.symbol[0, slot] = item, SYMBOLS.index(row["symbol"])
+    layouts.centre[0, slot], layouts.angle[0, slot], layouts.scale[0, slot] = (x, y), angle, 1.0
+    layouts.radius[0, slot], layouts.half_length[0, slot] = row["radius_m"], row["half_length_m"]
+    return layouts
+
+
+def centroid(weight: np.ndarray) -> np.ndarray:
+    """Table coordinates [m] of the middle of `weight`, by the convention of design: row 0 at the far edge."""
+    rows, columns = np.indices(weight.shape)
+    x, y = (columns + 0.5) / 100, 1 - (rows + 0.5) / 100
+    return np.array([(weight * x).sum(), (weight * y).sum()]) / weight.sum()
+
+
+@pytest.mark.parametrize(("x", "y"), [(0.5, 0.5), (0.2, 0.8), (0.713, 0.234), (0.85, 0.15)])
+def test_an_item_is_centred_where_its_layout_says(x, y):
+    catalogue = disc_catalogue()
+    layouts = with_item(empty(1, 4), 0, catalogue, 0, x, y)
+    picture = render(layouts, 0, "grey", 7, Palette(catalogue)).astype(float)
+    red = np.clip(picture[..., 0] - picture[..., 1] - 60, 0, None)
+    np.testing.assert_allclose(centroid(red), [x, y], atol=0.002)
+
+
+def test_an_item_is_as_large_as_its_layout_says():
+    catalogue = disc_catalogue()
+    layouts = with_item(empty(1, 4), 0, catalogue, 0, 0.5, 0.5)
+    picture = render(layouts, 0, "grey", 7, Palette(catalogue)).astype(float)
+    covered = (picture[..., 0] - picture[..., 1] > 100).sum() / SIDE**2
+    assert covered == pytest.approx(np.pi * 0.1**2, rel=0.04)
+
+
+def test_row_0_is_the_far_edge():
+    catalogue = disc_catalogue()
+    layouts = with_item(empty(1, 4), 0, catalogue, 0, 0.5, 0.85)
+    picture = render(layouts, 0, "grey", 7, Palette(catalogue)).astype(float)
+    red = picture[..., 0] - picture[..., 1] > 60
+    assert red[:50].any() and not red[50:].any()
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.6, np.pi / 2, -2.0])
+def test_an_angle_turns_an_item_from_the_x_axis_towards_y(angle):
+    catalogue = disc_catalogue()
+    layouts = with_item(empty(1, 4), 0, catalogue, 1, 0.5, 0.5, angle)
+    picture = render(layouts, 0, "grey", 7, Palette(catalogue)).astype(float)
+    blue = np.clip(picture[..., 2] - np.maximum(picture[..., 0], picture[..., 1]) - 60, 0, None)
+    green = np.clip(picture[..., 1] - np.maximum(picture[..., 0], picture[..., 2]) - 60, 0, None)
+    along = centroid(blue) - centroid(green)
+    bearing = np.arctan2(along[1], along[0])
+    assert np.cos(bearing - angle) > 0.999
+
+
+def test_half_transparent_items_let_the_table_show():
+    through = disc_catalogue((255, 255, 255, 51))
+    layouts = with_item(empty(1, 4), 0, through, 0, 0.5, 0.5)
+    bare = render(empty(1, 4), 0, "grey", 7, Palette(through)).astype(float)
+    seen = render(layouts, 0, "grey", 7, Palette(through)).astype(float)
+    solid_catalogue = disc_catalogue((255, 255, 255, 255))
+    solid = render(layouts, 0, "grey", 7, Palette(solid_catalogue)).astype(float)
+    middle = (slice(45, 55), slice(45, 55))
+    assert abs(seen[middle].mean() - bare[middle].mean()) < abs(solid[middle].mean() - bare[middle].mean()) / 2
+
+
+@pytest.mark.parametrize("symbol", SYMBOLS)
+def test_an_added_item_leaves_every_pixel_away_from_it_as_it_was(symbol):
+    catalogue = read_catalogue(DATA)
+    palette = Palette(catalogue)
+    first = {s: int(np.flatnonzero(catalogue.items["symbol"] == s)[0]) for s in SYMBOLS}
+    for seed in range(4):
+        before = with_item(empty(1, 4), 0, catalogue, first["bowl"], 0.35, 0.7, 0.4)
+        after = with_item(empty(1, 4), 0, catalogue, first["bowl"], 0.35, 0.7, 0.4)
+        with_item(after, 1, catalogue, first[symbol], 0.66, 0.38, 1.1)
+        a, b = (render(scene, 0, "oak", seed, palette) for scene in (before, after))
+        rows, columns = np.nonzero((a != b).any(-1))
+        assert len(rows) > 20
+        reach = after.radius[0, 1] + after.half_length[0, 1] + REACH_M + 0.02  # the lens spreads it by a pixel
+        away = np.hypot((columns + 0.5) / 100 - 0.66, 1 - (rows + 0.5) / 100 - 0.38)
+        assert away.max() < reach
+
+
+def test_the_same_seed_gives_the_same_picture_and_another_seed_another():
+    catalogue = read_catalogue(DATA)
+    palette = Palette(catalogue)
+    layouts = with_item(empty(1, 4), 0, catalogue, 0, 0.5, 0.5)
+    one, again, other = (render(layouts, 0, "linen", seed, palette) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(one, again)
+    assert (one != other).mean() > 0.5
+
+
+def test_a_scene_does_not_depend_on_the_others_in_its_batch():
+    catalogue = read_catalogue(DATA)
+    palette = Palette(catalogue)
+    layouts = with_item(empty(2, 4), 0, catalogue, 0, 0.5, 0.5)
+    batch = render_scenes(layouts, ["oak", "walnut"], [3, 4], palette)
+    np.testing.assert_array_equal(batch[1], render(layouts, 1, "walnut", 4, palette))
+
+
+def test_every_item_stands_out_from_some_table_top_it_is_laid_on():
+    """Each item of the catalogue changes the picture by more than the sensor's noise does."""
+    catalogue = read_catalogue(DATA)
+    palette = Palette(catalogue)
+    for item in range(len(catalogue.items)):
+        layouts = with_item(empty(1, 4), 0, catalogue, item, 0.5, 0.5)
+        bare = render(empty(1, 4), 0, "walnut", 5, palette).astype(float)
+        seen = render(layouts, 0, "walnut", 5, palette).astype(float)
+        assert np.abs(seen - bare).max() > 30, catalogue.items["name"][item]
+
+
+def test_an_unknown_texture_is_refused():
+    with pytest.raises(ValueError, match="unknown texture 'grass'"):
+        render(empty(1, 4), 0, "grass", 0, Palette(disc_catalogue()))
+
+
+def test_an_item_beyond_the_catalogue_is_refused():
+    catalogue = disc_catalogue()
+    layouts = with_item(empty(1, 4), 0, catalogue, 0, 0.5, 0.5)
+    layouts.item[0, 0] = 9
+    with pytest.raises(ValueError, match="item 9 is not in the catalogue"):
+        render(layouts, 0, "grey", 0, Palette(catalogue))
+
+
+@pytest.mark.parametrize("x", [0.02, 0.05, 0.95, 0.98])
+def test_an_item_at_the_edge_sheds_no_shadow_on_its_far_side(x: float):
+    catalogue = disc_catalogue()
+    palette, bare = Palette(catalogue), empty(1, 4)
+    for seed in range(8):  # lamps on every side
+        item = with_item(empty(1, 4), 0, catalogue, 0, x, 0.5)
+        change = render(item, 0, "grey", seed, palette).astype(int) - render(bare, 0, "grey", seed, palette)
+        rows, columns = np.nonzero(np.abs(change).max(-1) > 2)
+        away = np.hypot((columns + 0.5) / SIDE - x, 0.5 - (rows + 0.5) / SIDE) - 0.1
+        assert away.max() < 0.03
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_table_is_brighter_towards_the_lamp_and_shadows_fall_away_from_it(seed: int):
+    white = disc_catalogue((255, 255, 255, 255))
+    bare = render(empty(1, 4), 0, "grey", seed, Palette(white)).astype(float).mean(-1)
+    lit = towards_lamp(seed) > 0
+    assert bare[lit].mean() > bare[~lit].mean()
+    seen = render(with_item(empty(1, 4), 0, white, 0, 0.5, 0.5), 0, "grey", seed, Palette(white)).mean(-1)
+    assert (centroid(np.clip(bare - seen, 0, None)) - 0.5) @ draw_light(seed).direction < -0.03
+
+
+@pytest.mark.parametrize("symbol", ["bowl", "plate", "glass"])
+@pytest.mark.parametrize("seed", range(8))
+def test_a_hollow_thing_is_brighter_away_from_the_lamp(symbol: str, seed: int):
+    grey = disc_catalogue((128, 128, 128, 255))
+    layouts = with_item(empty(1, 4), 0, grey, 0, 0.5, 0.5)
+    layouts.symbol[0, 0] = SYMBOLS.index(symbol)
+    picture, lit = render(layouts, 0, "grey", seed, Palette(grey)), towards_lamp(seed) > 0
+    inside = np.linalg.norm(from_middle(), axis=-1) < 0.08
+    assert picture[inside & ~lit].mean() > picture[inside & lit].mean()
+
+
+def from_middle() -> np.ndarray:
+    """Each pixel's offset [m] from the middle of the table."""
+    rows, columns = np.indices((SIDE, SIDE))
+    return np.stack([(columns + 0.5) / SIDE - 0.5, 0.5 - (rows + 0.5) / SIDE], -1)
+
+
+def towards_lamp(seed: int) -> np.ndarray:
+    """How far [m] each pixel of the table lies from its middle towards the lamp."""
+    return from_middle() @ draw_light(seed).direction

@@ -1,0 +1,126 @@
+"""The truth: clearances are exact, and its symmetries and orders hold whatever the scene."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.polynomial import Polynomial
+
+from pipeline.world.bezier import P_F, P_INIT, random_z_theta
+from pipeline.world.layout import SYMBOLS, Items, Layouts, random_layouts
+from pipeline.world.rules import clearance, point_clearance, slack, valid
+from tests.examples import RULES
+
+ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.08, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
+USERS = {
+    "careful": dict.fromkeys(SYMBOLS, 0.045),
+    "normal": {**dict.fromkeys(SYMBOLS), "glass": 0.038},
+    "aggressive": dict.fromkeys(SYMBOLS),
+}
+seeds = st.integers(0, 2**32 - 1)
+
+
+def some(seed: int, scenes: int = 3, paths: int = 20) -> tuple[Layouts, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    return random_layouts(rng, scenes, ITEMS, np.arange(4), RULES), random_z_theta(rng, scenes, paths)
+
+
+def moved(layouts: Layouts, centre: np.ndarray, angle: np.ndarray) -> Layouts:
+    return Layouts(layouts.item, layouts.symbol, centre, angle, layouts.scale, layouts.half_length, layouts.radius)
+
+
+@settings(max_examples=12, deadline=None)
+@given(seeds)
+def test_reflection_in_the_start_goal_diagonal_leaves_every_label_unchanged(seed):
+    layouts, z = some(seed)
+    mirrored = moved(layouts, layouts.centre[..., ::-1], np.pi / 2 - layouts.angle)
+    for margins in USERS.values():
+        before = slack(layouts, clearance(layouts, z), margins)
+        np.testing.assert_allclose(slack(mirrored, clearance(mirrored, z[..., ::-1]), margins), before, atol=1e-12)
+
+
+@settings(max_examples=12, deadline=None)
+@given(seeds)
+def test_half_a_turn_leaves_every_label_unchanged(seed):
+    layouts, z = some(seed)
+    turned = moved(layouts, P_INIT + P_F - layouts.centre, layouts.angle)
+    for margins in USERS.values():
+        before = slack(layouts, clearance(layouts, z), margins)
+        np.testing.assert_allclose(slack(turned, clearance(turned, P_INIT + P_F - z), margins), before, atol=1e-12)
+
+
+@settings(max_examples=12, deadline=None)
+@given(seeds, st.floats(0, 0.1), st.floats(0, 0.1))
+def test_a_wider_margin_never_makes_a_path_valid(seed, a, b):
+    layouts, z = some(seed)
+    narrow, wide = (valid(layouts, z, dict.fromkeys(SYMBOLS, m)) for m in sorted((a, b)))
+    assert not (wide & ~narrow).any()
+
+
+@settings(max_examples=12, deadline=None)
+@given(seeds)
+def test_users_are_ordered_by_what_they_forbid(seed):
+    """Whatever satisfies careful satisfies normal; aggressive forbids nothing."""
+    layouts, z = some(seed)
+    careful, normal, aggressive = (valid(layouts, z, USERS[user]) for user in ("careful", "normal", "aggressive"))
+    assert not (careful & ~normal).any()
+    assert aggressive.all()
+
+
+def exact_clearance(z: np.ndarray, centre: np.ndarray, radius: float) -> float:
+    """Distance from a quadratic Bezier curve to a disc: the roots of the cubic where it is stationary."""
+    a, b = P_INIT - 2 * z + P_F, 2 * (z - P_INIT)
+    curve = [Polynomial([P_INIT[k] - centre[k], b[k], a[k]]) for k in range(2)]
+    squared = curve[0] ** 2 + curve[1] ** 2
+    roots = squared.deriv().roots()
+    t = np.concatenate([[0.0, 1.0], np.clip(roots[np.abs(roots.imag) < 1e-9].real, 0, 1)])
+    return float(np.sqrt(np.maximum(squared(t), 0)).min()) - radius
+
+
+@settings(max_examples=12, deadline=None)
+@given(seeds)
+def test_clearance_from_a_disc_is_the_exact_one_within_a_fifth_of_a_millimetre(seed):
+    layouts, z = some(seed, scenes=2, paths=6)
+    measured = clearance(layouts, z)
+    for scene, slot in zip(*np.nonzero(layouts.present & (layouts.half_length == 0)), strict=True):
+        for path in range(z.shape[1]):
+            exact = exact_clearance(z[scene, path], layouts.centre[scene, slot], float(layouts.radius[scene, slot]))
+            assert abs(measured[scene, path, slot] - exact) < 2e-4 or exact < -0.9 * layouts.radius[scene, slot]
+
+
+def test_clearance_from_a_capsule_agrees_with_a_dense_cloud_of_its_points():
+    layouts, z = some(3, scenes=12, paths=8)
+    gaps_measured = clearance(layouts, z)
+    t = np.linspace(0, 1, 1001)[:, None]
+    path = (1 - t) ** 2 * P_INIT + 2 * t * (1 - t) * z[:, :, None] + t**2 * P_F
+    for scene, slot in zip(*np.nonzero(layouts.half_length > 0), strict=True):
+        a, b = layouts.ends[scene, slot]
+        axis = a + np.linspace(0, 1, 101)[:, None] * (b - a)
+        gaps = np.linalg.norm(path[scene][:, :, None] - axis, axis=-1).min((1, 2)) - layouts.radius[scene, slot]
+        measured = gaps_measured[scene, :, slot]
+        outside = gaps > 0.005
+        np.testing.assert_allclose(measured[outside], gaps[outside], atol=3e-4)
+
+
+def test_an_empty_slot_is_infinitely_far_away():
+    layouts, z = some(0)
+    gaps = clearance(layouts, z)
+    empty = np.broadcast_to(~layouts.present[:, None], gaps.shape)
+    assert np.isposinf(gaps[empty]).all()
+    assert np.isfinite(gaps[~empty]).all()
+
+
+def test_a_point_inside_a_footprint_has_negative_clearance():
+    layouts, _ = some(1)
+    gaps = point_clearance(layouts, layouts.centre[:, :1, None])
+    np.testing.assert_allclose(gaps[:, 0, 0], -layouts.radius[:, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize("user", USERS)
+def test_a_scene_with_nothing_on_the_table_forbids_nothing(user):
+    layouts, z = some(2)
+    bare = Layouts(
+        np.full_like(layouts.item, -1), np.full_like(layouts.symbol, -1), layouts.centre, layouts.angle,
+        layouts.scale, layouts.half_length, layouts.radius,
+    )  # fmt: skip
+    assert valid(bare, z, USERS[user]).all()
