@@ -159,9 +159,7 @@ def _regrets(model, appearances, z_theta) -> Float[Array, "appearance scene n"]:
     """Return the trained model's soft regret of the training demonstrations in these appearances of their scenes."""
     z = torch.from_numpy(z_theta.astype(np.float32))
     set_acceptance_rule(model, 1.0, 0.0)
-    return torch.stack(
-        [model.logit(model.perceive_contrasts(x.permute(0, 3, 1, 2)), z) for x in appearances]
-    ).numpy()
+    return torch.stack([model.logit(model.perceive_contrasts(x.permute(0, 3, 1, 2)), z) for x in appearances]).numpy()
 
 
 def set_acceptance_rule(model: RewardMap, scale: float, offset: float) -> None:

@@ -224,7 +224,9 @@ def test_a_look_on_another_table_is_measured_by_that_tables_grain():
     rng = np.random.default_rng(0)
     grain = np.array([2, 6, 18])[:, None, None, None]
     images = np.rint(120 + grain * rng.standard_normal((3, 100, 100, 3))).astype(np.uint8)
-    first, second = irl._appearances(images.tobytes(), 2, ColorJitter(0.0, 0.0, 0.0, 0.0, 1.0)).flatten(2, 3).median(2).values
+    first, second = (
+        irl._appearances(images.tobytes(), 2, ColorJitter(0.0, 0.0, 0.0, 0.0, 1.0)).flatten(2, 3).median(2).values
+    )
     np.testing.assert_allclose(second[:, 0], first[:, 0], rtol=0.2)  # whitened
     assert not np.allclose(second[:, 2], first[:, 2], rtol=0.5)  # as they are
 
