@@ -51,7 +51,7 @@ class PerceivedObjects(NamedTuple):
 
 
 class ClearanceModel(ValidityModel):
-    """An ensemble whose members judge one user's paths by p_valid = p_nothing_missed * (1 - max(relevance * closeness)).
+    """An ensemble whose members judge by p_valid = p_nothing_missed * (1 - max(relevance * closeness)).
 
     `relevance` is a logistic function of an object's features and of their squares, both bounded, so that objects
     unlike the training ones stay near them. Each member sees FEATURES_PER_MEMBER of the features, drawn at random
