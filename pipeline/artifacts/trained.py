@@ -34,7 +34,7 @@ def load_model(
 
 
 def read_weights(model: ValidityModel, path: Path, variant: str) -> None:
-    """Set the model's parameters and buffers from a file; raise InputError if it is damaged or holds NaN or infinity."""
+    """Set the model's parameters and buffers from a file; raise InputError if it is damaged or not finite."""
     try:
         model.load_state_dict(load_file(path))
     except (SafetensorError, RuntimeError) as error:

@@ -125,7 +125,7 @@ def _check_inputs(jobs: list[Job]) -> dict[str, Queries]:
 
 
 def _batches(jobs: list[Job], batch_size: int | None, workers: int) -> list[list[Job]]:
-    """Return the jobs to fit together, the longest batch first; last those whose labels are all alike, which cost little.
+    """Return the jobs to fit together, the longest batch first; last those whose labels are all alike.
 
     The models of a batch have about as many demonstrations. Without a `batch_size` a seed's models share a process and
     what it caches, unless that would leave processes idle.

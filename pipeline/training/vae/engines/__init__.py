@@ -1,7 +1,7 @@
 """Three engines that fit the paper's model by the same gradients, behind one door.
 
-reference: one model at a time with torch. simd: a model in each vector lane of the processor (Numba). cuda: all models at
-once with torch, on a GPU. They round differently, and training amplifies that.
+reference: one model at a time with torch. simd: a model in each vector lane of the processor (Numba). cuda: all models
+at once with torch, on a GPU. They round differently, and training amplifies that.
 """
 
 from collections.abc import Callable
@@ -27,7 +27,7 @@ class Engine:
 
 
 def engine(name: str) -> Engine:
-    """Return the engine of this name; `auto`: cuda where there is a GPU, else simd where there is Numba, else reference.
+    """Return the engine of this name; `auto`: cuda with a GPU, else simd with Numba, else reference.
 
     Raises InputError for an unknown name, and for simd without Numba.
     """
