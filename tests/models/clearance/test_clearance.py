@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from tests.spec.test_things import RED, WHITE, picture
+from tests.perception.test_objects import RED, WHITE, picture
 
 from pipeline.models.base import to_tensor, untrained
 from pipeline.models.clearance.clearance import FEATURES_PER_MEMBER, ClearanceModel, clearance, fit

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from tests.report_artefacts import ITEMS
+from tests.stages.inputs import ITEMS
 
 from pipeline.models.base import untrained
 from pipeline.models.clearance import rule_averaging as averaging

@@ -5,7 +5,7 @@ import copy
 import numpy as np
 import pytest
 import torch
-from tests.spec.test_training import VARIANTS, drawn
+from tests.training.vae.engines.test_reference import VARIANTS, drawn
 
 from pipeline.models.base import to_tensor
 from pipeline.models.vae.losses import equation_1

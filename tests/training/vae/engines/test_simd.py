@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from pipeline.models.registry import build
 from pipeline.models.vae.beta_vae import Z_CENTRE, Z_SCALE, BetaVae
 from pipeline.models.vae.losses import Weights, equation_1
-from pipeline.training.loop import Checkpoints, Schedule, padded
+from pipeline.training.loop import Checkpoints, Schedule, pad_demonstrations
 from pipeline.training.vae.engines.reference import fit
 from pipeline.training.vae.engines.simd import Stack, fit_stack
 from pipeline.training.vae.engines.simd_kernels import LANES
@@ -27,7 +27,7 @@ VARIANTS = {
     "classifier": Weights(alpha=0.0, beta=0.0, gamma=1.0),
 }
 SHORT = Schedule(steps=6, rate=2e-3, weight_decay=0.01, curve_every=4)
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[4]
 SHAPES = {"paper": {}, "other": {"latent": 5, "channels": [6, 7], "hidden": 9}}
 
 
@@ -79,7 +79,7 @@ def stacked(seeds, variant: str = "full", n: Sequence[int] = (4,) * LANES):
 def test_gradient_is_that_of_equation_1_in_double_precision(variant, shape, n):
     models = [with_small_logits(seed, shape) for seed in range(LANES)]
     images, z_theta, valid = zip(*(data(lane, 20, n[lane]) for lane in range(LANES)), strict=True)
-    images, z_theta, valid = (np.stack(a, -1) for a in (images, padded(z_theta), padded(valid)))
+    images, z_theta, valid = (np.stack(a, -1) for a in (images, pad_demonstrations(z_theta), pad_demonstrations(valid)))
     noise = np.random.default_rng(0).standard_normal((20, models[0].latent, LANES)).astype(np.float32)
     stack = Stack(models, VARIANTS[variant], n, scenes=20)
     terms = stack.gradient(images, ((z_theta - Z_CENTRE) / Z_SCALE).astype(np.float32), valid, noise)
@@ -150,7 +150,7 @@ def test_checkpoints_change_nothing_and_hold_every_model_of_the_stack():
 
 
 def test_another_process_gives_the_same_bits():
-    code = "from tests.spec.test_stacked import *; torch.set_num_threads(1); print(digest(stacked([3])[0][0]))"
+    code = "from tests.training.vae.engines.test_simd import *; torch.set_num_threads(1); print(digest(stacked([3])[0][0]))"
     result = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert result.stdout.strip() == digest(stacked([4, 3])[0][1])
 
