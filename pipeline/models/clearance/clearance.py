@@ -17,7 +17,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from pipeline.models.base import ValidityModel
-from pipeline.perception.objects import FEATURES, find
+from pipeline.perception.objects import FEATURES, detect_objects
 from pipeline.world.bezier import P_F, P_INIT, basis
 
 PATH_SAMPLES = (
@@ -86,7 +86,7 @@ class ClearanceModel(ValidityModel):
 
     def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene object 12"]:
         """Return the detected objects, packed (see `PerceivedObjects`)."""
-        objects = find(images)
+        objects = detect_objects(images)
         start, end = torch.from_numpy(objects.ends).unbind(-2)
         radius, features, present = map(torch.from_numpy, (objects.radius, objects.features, objects.present))
         return PerceivedObjects(start, end, radius, features, present.float()).percept()
