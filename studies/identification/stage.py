@@ -82,7 +82,7 @@ def _position(cfg: DictConfig, z_theta: np.ndarray) -> np.ndarray:
     prior = read_position_prior(Path(cfg.paths.scenes))
     if unknown := set(cfg.users) - set(prior):
         raise InputError(f"position_prior.npz knows no user {', '.join(sorted(unknown))}: run the scenes stage again")
-    return np.stack([nulls.position(prior[user], z_theta) for user in cfg.users])[:, None]
+    return np.stack([nulls.position_only(prior[user], z_theta) for user in cfg.users])[:, None]
 
 
 def _judge(cfg: DictConfig, p: np.ndarray, shown: Demonstrations, floor: float) -> Found:

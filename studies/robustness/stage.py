@@ -122,7 +122,7 @@ def _answers(cfg: DictConfig, levels: list[Level], z: Float[Array, "scene path 2
     users, prior = list(cfg.evaluate.users), read_position_prior(Path(cfg.paths.scenes))
     images, everywhere = np.concatenate([level.images for level in levels]), np.tile(z, (len(levels), 1, 1))
     found = predict_all(cfg, users, images, everywhere, "robustness")
-    found[nulls.POSITION] = np.stack([nulls.position(prior[user], everywhere) for user in users])[:, None]
+    found[nulls.POSITION] = np.stack([nulls.position_only(prior[user], everywhere) for user in users])[:, None]
     parts = {variant: np.split(p, len(levels), axis=2) for variant, p in found.items()}
     return [{variant: of[i] for variant, of in parts.items()} for i in range(len(levels))]
 

@@ -161,7 +161,9 @@ def _digests(root: Path) -> dict[str, str]:
 
 
 def test_a_fit_that_diverges_is_no_result(small_world, tmp_path):
-    with pytest.raises(InputError, match=r"full of careful, seed 0, n_demos 1: its loss is no longer finite at step \d+"):
+    with pytest.raises(
+        InputError, match=r"full of careful, seed 0, n_demos 1: its loss is no longer finite at step \d+"
+    ):
         main(config(small_world, tmp_path, "train.rate=1e30"), tmp_path / "full")
     assert not (tmp_path / "full").exists()
 
