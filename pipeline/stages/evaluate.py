@@ -124,9 +124,9 @@ def _nulls(cfg: DictConfig, queries: dict[str, Queries], truth: dict[Key, np.nda
         if user not in prior:
             raise InputError(f"position_prior.npz knows no user {user}: run the scenes stage again")
         z = queries[_pool(cfg, seed, split)].z
-        place[key] = nulls.position(prior[user], z)
+        place[key] = nulls.position_only(prior[user], z)
         if cfg.protocol.splits[split] is None:
-            near[key] = nulls.nearest(*demo_arrays(demos, seed, user, n), z)
+            near[key] = nulls.nearest_demonstration(*demo_arrays(demos, seed, user, n), z)
     return dict(zip(nulls.NULLS, (near, place), strict=True))
 
 

@@ -9,7 +9,7 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.artifacts.scenes import layout_table, read_scenes
-from pipeline.artifacts.trained import ask, check_weights
+from pipeline.artifacts.trained import check_weights, predict_all
 from pipeline.causal.interventions import by_user, expected_validity, ordered_pairs, over_placements, study, tally
 from pipeline.causal.scm import PARENTS
 from pipeline.launch import launch
@@ -100,7 +100,7 @@ def _model_answers(cfg: DictConfig, tables: Tables) -> dict[str, Answers]:
     """E[V] by variant: baseline (user, seed, scene), intervened (user, seed, symbol, placement, scene)."""
     images = tables.images.reshape(-1, *tables.images.shape[2:])  # (table * scene, 100, 100, 3)
     z = np.tile(tables.z_theta, (len(tables.images), 1, 1))  # (table * scene, path, 2)
-    asked = ask(cfg, list(cfg.users), images, z, "intervene")
+    asked = predict_all(cfg, list(cfg.users), images, z, "intervene")
     return {v: _fold(cfg, _by_table(expected_validity(p), len(tables.images))) for v, p in asked.items()}
 
 

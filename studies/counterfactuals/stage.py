@@ -9,7 +9,7 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.artifacts.scenes import read_scenes
-from pipeline.artifacts.trained import ask, check_weights
+from pipeline.artifacts.trained import check_weights, predict_all
 from pipeline.causal.counterfactual import (
     DECISION,
     NOBODY,
@@ -80,7 +80,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     layouts = keep(world.layouts[tables.scene], tables.kept)
     images = world.picture(layouts, tables.scene)
     truth = {u: tables.fold(valid(layouts, z[tables.scene], cfg.users[u]).astype(float)) for u in users}
-    asked = ask(cfg, users, images, z[tables.scene], "counterfactual")
+    asked = predict_all(cfg, users, images, z[tables.scene], "counterfactual")
     answers = {v: {u: tables.fold(p[i]) for i, u in enumerate(users)} for v, p in asked.items()}
     moves = {u: _set_moves(cfg, world, truth[u], cfg.users[u]) for u in users}
     found = {u: _least_moves(cfg, world, u, moves[u], {v: a[u] for v, a in answers.items()}) for u in users}
@@ -152,7 +152,7 @@ def _least_moves(
     changed = np.arange(len(scene)) % len(moves.distance) > 0  # all but where the items stand
     images = world.picture(moves.layouts[changed], scene[changed])
     z = world.z_theta[scene, np.repeat(moves.path, len(moves.distance))][changed, None]
-    asked = ask(cfg, [user], images, z, f"moves, {user}")
+    asked = predict_all(cfg, [user], images, z, f"moves, {user}")
     found = {}
     for variant, p in asked.items():
         before = answers[variant].whole[:, moves.scene, moves.path, None]

@@ -11,7 +11,7 @@ from omegaconf import DictConfig
 from pipeline.artifacts.files import write_json
 from pipeline.artifacts.interventions import AddedItems, read_interventions
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
-from pipeline.artifacts.trained import ask, check_weights
+from pipeline.artifacts.trained import check_weights, predict_all
 from pipeline.causal.envelope import dose_grid, nearest_plans, paths_at_doses, planning, study
 from pipeline.causal.interventions import by_user
 from pipeline.launch import launch
@@ -163,8 +163,8 @@ def _model_drops(cfg: DictConfig, tables: Tables, chosen: np.ndarray) -> dict[st
     """By variant (user, seed, symbol, scene, dose). A scene as it is is seen once, with the paths of all symbols."""
     z, users = _paths(tables, chosen), list(cfg.users)  # (symbol, scene, path, 2)
     at = np.nonzero(chosen[:, :, 0, 0] >= 0)  # symbols and scenes that have a path in contact, hence any
-    before = ask(cfg, users, tables.images, np.concatenate(z, axis=1), "envelope: as it is")
-    after = ask(cfg, users, tables.added.images[at], z[at], "envelope: one more item")
+    before = predict_all(cfg, users, tables.images, np.concatenate(z, axis=1), "envelope: as it is")
+    after = predict_all(cfg, users, tables.added.images[at], z[at], "envelope: one more item")
     drops = {}
     for v in cfg.variants:
         p = before[v].reshape(*before[v].shape[:3], *z.shape[:1], -1)  # (user, seed, scene, symbol, path)

@@ -9,7 +9,7 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.files import write_json, write_table
 from pipeline.artifacts.scenes import read_position_prior, read_scenes
-from pipeline.artifacts.trained import ask, check_weights
+from pipeline.artifacts.trained import check_weights, predict_all
 from pipeline.causal.identify import identify, none_of_these, sure_from, telling, unlike
 from pipeline.causal.interventions import DIGITS
 from pipeline.launch import launch
@@ -51,7 +51,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     known = shown.valid[: len(cfg.users)]
     labels = cfg.scenes.per_seed * cfg.main_n_demos  # a model learned from
     learned, told = 1 / (labels + 2), TOLD  # Laplace: no n labels make surer than (n + 1) / (n + 2)
-    answers = ask(cfg, list(cfg.users), shown.images, shown.z_theta, "identify")
+    answers = predict_all(cfg, list(cfg.users), shown.images, shown.z_theta, "identify")
     found = {v: _judge(cfg, _by_draw(cfg, p), shown, learned) for v, p in answers.items()}
     found[nulls.POSITION] = _judge(cfg, _by_draw(cfg, _position(cfg, shown.z_theta)), shown, told)
     ideal = _judge(cfg, known[:, None].astype(float), shown, told)
@@ -82,7 +82,7 @@ def _position(cfg: DictConfig, z_theta: np.ndarray) -> np.ndarray:
     prior = read_position_prior(Path(cfg.paths.scenes))
     if unknown := set(cfg.users) - set(prior):
         raise InputError(f"position_prior.npz knows no user {', '.join(sorted(unknown))}: run the scenes stage again")
-    return np.stack([nulls.position(prior[user], z_theta) for user in cfg.users])[:, None]
+    return np.stack([nulls.position_only(prior[user], z_theta) for user in cfg.users])[:, None]
 
 
 def _judge(cfg: DictConfig, p: np.ndarray, shown: Demonstrations, floor: float) -> Found:

@@ -15,7 +15,7 @@ from pipeline.artifacts.effects import read_effects
 from pipeline.artifacts.files import read_arrays, write_arrays, write_json
 from pipeline.artifacts.interventions import AddedItems, read_interventions
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
-from pipeline.artifacts.trained import ask, check_weights
+from pipeline.artifacts.trained import check_weights, predict_all
 from pipeline.causal.interventions import DIGITS, by_user, expected_validity, judge
 from pipeline.causal.refuters import PATCHES, REFUTERS, halves, mean_over, placebo, stays_over_items
 from pipeline.launch import launch
@@ -57,7 +57,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     images, everywhere = pictures.reshape(-1, *pictures.shape[2:]), np.tile(z, (len(pictures), 1, 1))
     permuted, untrained = _permuted(cfg, users, here, z), _untrained(cfg, users, here, z)
     found, own = {}, {}
-    for variant, p in ask(cfg, users, images, everywhere, "refute").items():
+    for variant, p in predict_all(cfg, users, images, everywhere, "refute").items():
         p = p.reshape(*p.shape[:2], *pictures.shape[:2], -1)  # (user, seed, table, scene, path)
         now, *patched, others = np.split(p, np.cumsum([len(here), *map(len, patches.values())]), axis=2)
         own[variant] = _effects(now)

@@ -14,7 +14,7 @@ from tqdm import tqdm
 from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import write_arrays, write_json
 from pipeline.artifacts.scenes import SceneSet, read_position_prior, read_scenes, train_pool
-from pipeline.artifacts.trained import ask, check_weights
+from pipeline.artifacts.trained import check_weights, predict_all
 from pipeline.causal.interventions import DIGITS
 from pipeline.launch import launch
 from pipeline.models import baselines as nulls
@@ -121,8 +121,8 @@ def _answers(cfg: DictConfig, levels: list[Level], z: Float[Array, "scene path 2
     """What every variant and the null answer at each level; the null, which has no seeds, as if it had one."""
     users, prior = list(cfg.evaluate.users), read_position_prior(Path(cfg.paths.scenes))
     images, everywhere = np.concatenate([level.images for level in levels]), np.tile(z, (len(levels), 1, 1))
-    found = ask(cfg, users, images, everywhere, "robustness")
-    found[nulls.POSITION] = np.stack([nulls.position(prior[user], everywhere) for user in users])[:, None]
+    found = predict_all(cfg, users, images, everywhere, "robustness")
+    found[nulls.POSITION] = np.stack([nulls.position_only(prior[user], everywhere) for user in users])[:, None]
     parts = {variant: np.split(p, len(levels), axis=2) for variant, p in found.items()}
     return [{variant: of[i] for variant, of in parts.items()} for i in range(len(levels))]
 

@@ -167,7 +167,7 @@ def _form(
     users, as_is = list(cfg.evaluate.users), truth[form][:, 0]
     cells = {v: study(*_effects(p), *_effects(truth[form].astype(float))) for v, p in answers[form].items()}
     before = {v: p[:, :, 0] > DECISION for v, p in answers[OWN].items()}
-    guesses = np.stack([baselines.position(_prior(cfg, scenes, form, user), z) for user in users])[:, None] > DECISION
+    guesses = np.stack([baselines.position_only(_prior(cfg, scenes, form, user), z) for user in users])[:, None] > DECISION
     models = {}
     for variant, p in answers[form].items():
         accepted = p[:, :, 0] > DECISION

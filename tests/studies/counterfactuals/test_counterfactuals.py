@@ -132,7 +132,7 @@ def test_a_table_with_a_moved_item_is_pictured_as_its_own_scene(cfg: DictConfig,
     left = keep(world.layouts[world.tables.scene], world.tables.kept)
     truth = world.tables.fold(valid(left, world.z_theta[world.tables.scene], cfg.users.careful).astype(float))
     moves = counterfactual._set_moves(cfg, world, truth, cfg.users.careful)
-    monkeypatch.setattr(counterfactual, "ask", lambda cfg, users, images, z, what: seen.append(images) or {})
+    monkeypatch.setattr(counterfactual, "predict_all", lambda cfg, users, images, z, what: seen.append(images) or {})
     counterfactual._least_moves(cfg, world, "careful", moves, {})
     pictures = read_scenes(Path(cfg.paths.scenes)).images["new_items"]
     x, y = np.meshgrid((np.arange(SIDE) + 0.5) / SIDE, 1 - (np.arange(SIDE) + 0.5) / SIDE)
