@@ -5,6 +5,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, Field, model_validator
 
 from pipeline.config.models import Irl, Schedule, Train, Variant
+from pipeline.config.questions import Question
 from pipeline.config.stages import Evaluate, Intervene, Record, Repair, Report
 from pipeline.config.values import MAX_N, Count, Demonstrations, Group, Margins, Name, Seeds, Whole, each_once, need
 from pipeline.config.world import Demos, Scenes
@@ -46,6 +47,7 @@ class Settings(Group):
     record: Record
     report: Report
     variants: dict[Name, Variant]
+    questions: Annotated[dict[Name, Question], Field(min_length=1)]
     protocol: Protocol
     studies: dict[str, dict[str, Any]] = {}  # each study checks its own
     profile: str
