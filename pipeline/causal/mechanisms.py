@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Int, UInt8
 from numpy import ndarray as Array
 
 from pipeline.causal.interventions import expected_validity
@@ -18,12 +18,16 @@ from pipeline.world.render import Palette, render_scenes
 from pipeline.world.rules import Margins, valid
 
 Image = UInt8[Array, "scene 100 100 3"]
-Render = Callable[[Sequence[int], Layouts, Sequence[str]], Image]
+Render = Callable[[Int[Array, " scene"], Layouts, Array], Image]  # render seeds, items, names of table tops
 
 
 def renderer(palette: Palette) -> Render:
     """Return the mechanism of I: the image of the items on the table top, light and noise by the render seed."""
-    return lambda render_seeds, items, table_tops: render_scenes(items, list(table_tops), list(render_seeds), palette)
+
+    def render(render_seeds: Int[Array, " scene"], items: Layouts, table_tops: Array) -> Image:
+        return render_scenes(items, table_tops.tolist(), render_seeds.tolist(), palette)
+
+    return render
 
 
 def model_scm(models: Mapping[str, ValidityModel], render: Render) -> SCM:

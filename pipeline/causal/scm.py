@@ -178,7 +178,7 @@ class SCM:
 
 
 def _constant(value: Any) -> Callable[[Any], Any]:
-    if np.ndim(value) == 0 and isinstance(value, str | int | float | np.generic):
+    if isinstance(value, str | int | float | np.generic):
         return lambda noise: np.full(len(noise), value)
     return lambda noise: value
 
