@@ -101,10 +101,4 @@ class Clearance(Group):
     model: ClearanceModel
 
 
-class Averaged(Schedule):
-    """A schedule for an ensemble of each rule family."""
-
-    members: Count
-
-
 Variant = Annotated[Vae | Reward | Clearance, Field(discriminator="kind")]
