@@ -103,7 +103,7 @@ def _read_scenes(cfg: DictConfig, catalogue: Catalogue) -> tuple[Scenes, Values]
     """Return the scenes of the split and the noises on record: items, table top, render seed and random paths."""
     stored, pool = read_scenes(Path(cfg.paths.scenes)), cfg.protocol.splits[cfg.intervene.split]
     stored.check_has(pool)
-    layouts, appearance = stored.layouts[pool], stored.looks[pool]
+    layouts, appearance = stored.layouts[pool], stored.appearances[pool]
     splits = set(catalogue.items["split"].iloc[np.unique(layouts.item[layouts.present])])
     if len(splits) != 1:
         raise InputError(f"scenes of {pool} hold items of {sorted(splits)}: expected one split of items.csv")

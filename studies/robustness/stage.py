@@ -95,7 +95,7 @@ def _levels(
     unseen = catalogue.texture_names("unseen")
     some = len(r.tables) > 0 and set(r.tables) <= set(unseen)
     need(cfg, "robustness.tables", some, f"some of {', '.join(unseen)}")
-    images, layouts, looks = scenes.images[pool][few], scenes.layouts[pool][few], scenes.looks[pool][few]
+    images, layouts, looks = scenes.images[pool][few], scenes.layouts[pool][few], scenes.appearances[pool][few]
     z, truth = queries.z[few], np.stack([queries.valid[user][few] for user in users])
     textures, lights = looks["texture"].tolist(), looks["render_seed"].tolist()
     palette, rules = Palette(catalogue), LayoutRules.of(cfg.scenes.layout)
