@@ -33,6 +33,7 @@ class Repair(Group):
     optimiser: Annotated[Optimiser, expected(f"one of {', '.join(get_args(Optimiser))}")]
     rate: Size
     settle: bool
+    distance_penalty: Size
     lattice_side: Count
     refinements: Whole
 
