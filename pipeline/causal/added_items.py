@@ -41,4 +41,4 @@ def verdicts(
 ) -> pd.DataFrame:
     """Return `study`'s columns for every question, with user and symbol first; all questions are one family."""
     truth = (x[:, 0] for x in expected_by_version(valid[:, None].astype(float)))
-    return pd.concat([questions(users), pd.DataFrame(study(*expected_by_version(p), *truth))], axis=1)
+    return pd.concat([questions(users), study(*expected_by_version(p), *truth)], axis=1)
