@@ -111,7 +111,7 @@ def _set_world(cfg: DictConfig) -> World:
     layouts = scenes.layouts[pool][: s.scenes]
     z_theta = random_z_theta(stream(s.root_seed, "counterfactual"), len(layouts), s.paths)
     palette = Palette(read_catalogue(Path(cfg.paths.data)))
-    return World(layouts, scenes.looks[pool], palette, z_theta, removals(layouts.present))
+    return World(layouts, scenes.appearances[pool], palette, z_theta, removals(layouts.present))
 
 
 def _set_moves(cfg: DictConfig, world: World, truth: Removals, margins: Margins) -> Moves:

@@ -65,19 +65,15 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         item_effects, *others = (added_item_effects(p[:, :, i]) for i in range(len(image_sets)))
         near_nothing = refuters.mean_over_paths(p[:, :, 0, 1:], far) - refuters.mean_over_paths(p[:, :, 0, :1], far)
         control_effects = np.moveaxis(near_nothing[..., far_scenes], 2, 1).reshape(len(item_effects), len(seeds), -1)
-        by_refuter: dict[tuple[str, str], Effects] = {
-            **(
-                {(refuters.DUMMY_OUTCOME, "permuted labels"): dummy_effects[variant]}
-                if variant in dummy_effects
-                else {}
-            ),
-            **{(refuters.PLACEBO_TREATMENT, f"piece={k}"): e for k, e in zip(patches, others, strict=False)},
-            (refuters.NEGATIVE_CONTROL, f"far_m={study.far_m}"): control_effects,
-            **{
-                (refuters.OTHER_ENVIRONMENT, f"texture={texture}"): e - item_effects
-                for texture, e in zip(elsewhere, others[len(patches) :], strict=True)
-            },
-        }
+        placebo_effects, other_effects = others[: len(patches)], others[len(patches) :]
+        by_refuter: dict[tuple[str, str], Effects] = {}
+        if variant in dummy_effects:
+            by_refuter[refuters.DUMMY_OUTCOME, "permuted labels"] = dummy_effects[variant]
+        for piece, effects in zip(patches, placebo_effects, strict=True):
+            by_refuter[refuters.PLACEBO_TREATMENT, f"piece={piece}"] = effects
+        by_refuter[refuters.NEGATIVE_CONTROL, f"far_m={study.far_m}"] = control_effects
+        for texture, effects in zip(elsewhere, other_effects, strict=True):
+            by_refuter[refuters.OTHER_ENVIRONMENT, f"texture={texture}"] = effects - item_effects
         for (refuter, setting), effects in by_refuter.items():
             judged = judge(effects).assign(expected=NEGLIGIBLE)
             summary.append(summary_rows(users, refuter, setting, variant, judged, item_effects))

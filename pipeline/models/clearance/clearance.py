@@ -14,7 +14,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from pipeline.models.base import ValidityModel
-from pipeline.perception.objects import FEATURES, find
+from pipeline.perception.objects import FEATURES, detect_objects
 from pipeline.world.bezier import P_F, P_INIT, basis
 
 SAMPLES = 160  # points along a path: 1 cm apart on the longest, so that a clearance is right within half a millimetre
@@ -63,11 +63,11 @@ class ClearanceModel(ValidityModel):
         self.register_buffer("rate", torch.tensor(0.5))  # P(valid) if nothing does
 
     def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene thing 12"]:
-        """Each thing's two ends [m], radius [m], features, and 1 if it is there."""
-        things = find(images)
+        """Detect the objects: the two ends [m] of each, radius [m], features, and 1 if it is present."""
+        objects = detect_objects(images)
         parts = (
-            things.ends.reshape(*things.radius.shape, 4), things.radius[..., None],
-            things.features, things.present[..., None],
+            objects.ends.reshape(*objects.radius.shape, 4), objects.radius[..., None],
+            objects.features, objects.present[..., None],
         )  # fmt: skip
         return torch.from_numpy(np.concatenate(parts, -1, dtype=np.float32))
 
