@@ -75,7 +75,7 @@ def envelopes(
     margin; None unless both are there).
     """
     by_question = [by_item(values, items) for values, items in zip(response, item, strict=True)]
-    contacts = [_estimate(values[..., 0], count) for values, count in zip(by_question, trained, strict=True)]
+    contacts = [_estimate(values[None, ..., 0], count) for values, count in zip(by_question, trained, strict=True)]
     adjusted = holm(np.array([contact.p[0] for contact in contacts]))
     rows = []
     for values, count, contact, p_holm, margin in zip(by_question, trained, contacts, adjusted, margins, strict=True):
@@ -111,14 +111,13 @@ def response_curve(
 
     Columns: clearance_m, response, ci_low, ci_high, true_response, scenes (in which the dose was asked).
     """
-    values = by_item(response, item)
-    by_dose = [_estimate(values[..., k], trained) for k in range(len(doses))]
+    estimates = _estimate_doses(by_item(response, item), trained)
     return pd.DataFrame(
         {
             "clearance_m": doses,
-            "response": [e.effect[0] for e in by_dose],
-            "ci_low": [e.ci_low[0] for e in by_dose],
-            "ci_high": [e.ci_high[0] for e in by_dose],
+            "response": estimates["effect"],
+            "ci_low": estimates["ci_low"],
+            "ci_high": estimates["ci_high"],
             "true_response": np.nanmean(by_item(true_response[None], item)[0], axis=0),
             "scenes": (~np.isnan(true_response)).sum(0),
         }
@@ -132,18 +131,26 @@ def radius(
 
     trained: how many items the training sets share; None: nothing was learned from items.
     """
-    halves = [_estimate(response[..., k] - response[..., 0] / 2, trained) for k in range(len(doses))]
-    middle, low, high = (
-        _crossing(np.array([getattr(half, name)[0] for half in halves]), doses)
-        for name in ("effect", "ci_low", "ci_high")
-    )
+    halves = _estimate_doses(response - response[..., :1] / 2, trained)
+    middle, low, high = (_crossing(halves[name], doses) for name in ("effect", "ci_low", "ci_high"))
     return middle, low, high
 
 
-def _estimate(response: Float[Array, "seed item"], trained: int | None) -> Estimates:
-    """Return the estimate over the items for which this dose was asked."""
-    asked = response[:, ~np.isnan(response).any(0)]
-    return estimate((asked if trained is None else as_from_other_items(asked, trained))[None])
+def _estimate_doses(response: Float[Array, "seed item dose"], trained: int | None) -> dict[str, Float[Array, " dose"]]:
+    """Return effect, ci_low and ci_high of each dose, over the items for which it was asked."""
+    asked = ~np.isnan(response).any(0).T  # (dose, item)
+    ends = {name: np.empty(len(asked)) for name in ("effect", "ci_low", "ci_high")}
+    for items in np.unique(asked, axis=0):
+        doses = (asked == items).all(1)
+        estimates = _estimate(np.moveaxis(response[:, items][..., doses], -1, 0), trained)
+        for name, values in ends.items():
+            values[doses] = getattr(estimates, name)
+    return ends
+
+
+def _estimate(response: Float[Array, "question seed item"], trained: int | None) -> Estimates:
+    """Return the estimates, with the chance of the `trained` items that all training sets share."""
+    return estimate(response if trained is None else np.stack([as_from_other_items(r, trained) for r in response]))
 
 
 def _crossing(values: Float[Array, " dose"], doses: Float[Array, " dose"]) -> float:
