@@ -28,22 +28,22 @@ def measures(repairs: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def _measures(rows: pd.DataFrame) -> dict[str, float]:
+def _measures(rows: pd.DataFrame) -> dict[str, int | float]:
     accepted = rows["accepted"].to_numpy(dtype=float, na_value=np.nan)
     by_seed = rows.groupby("seed")["valid_end"].agg(["mean", "size"])
     success = quartiles(by_seed["mean"].to_numpy())
     ci_low, ci_high = _interval(rows)
     return {
         "seeds": len(by_seed),
-        "starts": by_seed["size"].iloc[0],
+        "starts": int(by_seed["size"].iloc[0]),
         "success": success["mean"],
         "success_q1": success["q1"],
         "success_q3": success["q3"],
         "success_ci_low": ci_low,
         "success_ci_high": ci_high,
-        "displacement_ratio": rows["displacement_m"].sum() / rows["oracle_displacement_m"].sum(),
-        "accepted": accepted.mean(),
-        "unsafe": (accepted * ~rows["valid_end"].to_numpy(dtype=bool)).mean(),
+        "displacement_ratio": float(rows["displacement_m"].sum() / rows["oracle_displacement_m"].sum()),
+        "accepted": float(accepted.mean()),
+        "unsafe": float((accepted * ~rows["valid_end"].to_numpy(dtype=bool)).mean()),
     }
 
 

@@ -27,8 +27,10 @@ def nearest(
     distance_penalty: float,
     side: int,
     refinements: int,
-) -> Float[Array, "start 2"]:
+) -> tuple[Float[Array, "start 2"], Float[Array, " start"]]:
     """Return for each start the z_theta [m] of the highest log P(valid) - distance_penalty * distance from it.
+
+    The second array is log P(valid) there.
 
     `scenes` holds each start's scene. All starts of a scene share a lattice of `side` x `side` z_theta; each then
     refines its best one `refinements` times. The resolution is (Z_HIGH - Z_LOW) / side / FINER**refinements, and
@@ -36,37 +38,50 @@ def nearest(
     distance_penalty [1/m]: the log P(valid) that a metre must bring. With a certain `log_valid`, 0 or -inf, any
     penalty above 0 gives the nearest valid path.
     """
-    ends = np.array(starts, dtype=np.float64)
+    ends, log_p_ends = np.array(starts, dtype=np.float64), np.zeros(len(starts))
     coarse = lattice(side)
-    step = (Z_HIGH - Z_LOW) / side
     count = int(REFINED_STEPS * FINER)
     offsets = np.arange(-count, count + 1) / FINER  # of a finer lattice, in steps of the coarser one
     around = np.stack(np.meshgrid(offsets, offsets), axis=-1).reshape(-1, 2)
-    for scene in np.unique(scenes):
+    for scene in np.unique(scenes).tolist():
         z0 = ends[scenes == scene]
-        best, score = z0.copy(), log_valid(scene, z0)
-
-        def improve(candidates: Array, log_p: Array, z0: Array = z0, best: Array = best, score: Array = score) -> None:
-            """Move to the best of each start's candidates (start, candidate, 2) where it is an improvement."""
-            scores = log_p - distance_penalty * np.linalg.norm(candidates - z0[:, None], axis=-1)
-            chosen = scores.argmax(1)
-            highest = np.take_along_axis(scores, chosen[:, None], 1)[:, 0]
-            better = highest > score
-            score[better] = highest[better]
-            best[better] = np.broadcast_to(candidates, (len(z0), *candidates.shape[1:]))[better, chosen[better]]
-
-        improve(coarse[None], log_valid(scene, coarse)[None])
+        best, log_p = z0, log_valid(scene, z0)
+        candidates = np.broadcast_to(coarse, (len(z0), *coarse.shape))  # (start, candidate, 2)
+        log_p_candidates = np.broadcast_to(log_valid(scene, coarse), candidates.shape[:2])
+        best, log_p = _best(z0, best, log_p, candidates, log_p_candidates, distance_penalty)
         for level in range(refinements):
-            candidates = best[:, None] + around * step / FINER**level  # (start, candidate, 2)
+            candidates = best[:, None] + around * (Z_HIGH - Z_LOW) / side / FINER**level
             inside = ((candidates >= Z_LOW) & (candidates <= Z_HIGH)).all(-1)
-            cost = distance_penalty * np.linalg.norm(candidates - z0[:, None], axis=-1)
+            score = log_p - distance_penalty * _distance(best, z0)
+            cost = distance_penalty * _distance(candidates, z0[:, None])
             possible = inside & (-cost > score[:, None])  # log P(valid) is at most 0: the others cannot be better
-            log_p = np.full(candidates.shape[:2], -np.inf)
+            log_p_candidates = np.full(candidates.shape[:2], -np.inf)
             if possible.any():
-                log_p[possible] = log_valid(scene, candidates[possible])
-            improve(candidates, log_p)
-        ends[scenes == scene] = best
-    return ends
+                log_p_candidates[possible] = log_valid(scene, candidates[possible])
+            best, log_p = _best(z0, best, log_p, candidates, log_p_candidates, distance_penalty)
+        ends[scenes == scene], log_p_ends[scenes == scene] = best, log_p
+    return ends, log_p_ends
+
+
+def _best(
+    z0: Float[Array, "start 2"],
+    best: Float[Array, "start 2"],
+    log_p: Float[Array, " start"],
+    candidates: Float[Array, "start candidate 2"],
+    log_p_candidates: Float[Array, "start candidate"],
+    distance_penalty: float,
+) -> tuple[Float[Array, "start 2"], Float[Array, " start"]]:
+    """Return each start's best z so far or, where it has a higher score, its best candidate; and their log P(valid)."""
+    each = np.arange(len(z0))
+    scores = log_p_candidates - distance_penalty * _distance(candidates, z0[:, None])
+    chosen = scores.argmax(1)
+    better = scores[each, chosen] > log_p - distance_penalty * _distance(best, z0)
+    best = np.where(better[:, None], candidates[each, chosen], best)
+    return best, np.where(better, log_p_candidates[each, chosen], log_p)
+
+
+def _distance(a: Array, b: Array) -> Array:
+    return np.linalg.norm(a - b, axis=-1)
 
 
 def by_model(model: ValidityModel, images: UInt8[Array, "scene 100 100 3"]) -> LogValid:

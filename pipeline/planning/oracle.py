@@ -21,7 +21,8 @@ def nearest_valid(
     """
     scenes = np.repeat(np.arange(len(layouts)), z_theta.shape[1])
     starts = np.asarray(z_theta, dtype=np.float64).reshape(-1, 2)
-    return nearest(by_truth(layouts, margins), scenes, starts, 1.0, side, refinements).reshape(z_theta.shape)
+    ends, _ = nearest(by_truth(layouts, margins), scenes, starts, 1.0, side, refinements)
+    return ends.reshape(z_theta.shape)
 
 
 def constant_detour(layouts: Layouts, margins: Margins, side: int) -> Float[Array, "2"]:

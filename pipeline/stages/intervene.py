@@ -74,7 +74,7 @@ def _set_tables(cfg: DictConfig) -> Tables:
     scenes, pool = read_scenes(Path(cfg.paths.scenes)), cfg.protocol.splits[cfg.intervene.split]
     scenes.check_has(pool)
     catalogue = read_catalogue(Path(cfg.paths.data))
-    layouts, looks = scenes.layouts[pool], scenes.looks[pool]
+    layouts, looks = scenes.layouts[pool], scenes.appearances[pool]
     rules = LayoutRules.of(cfg.scenes.layout)
     choices = catalogue.pool(_items_split(catalogue, layouts, pool))
     rng, palette = stream(cfg.intervene.root_seed, "intervene", "placements"), Palette(catalogue)

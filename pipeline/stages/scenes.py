@@ -30,13 +30,13 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     catalogue = read_catalogue(Path(cfg.paths.data))
     rules = LayoutRules.of(cfg.scenes.layout)
     palette = Palette(catalogue)
-    images, layouts, looks = {}, {}, {}
+    images, layouts, appearances = {}, {}, {}
     for pool, (count, split) in tqdm(_pools(cfg).items(), desc="scenes"):
         rng = _generator(cfg, pool)
         layouts[pool] = random_layouts(rng, count, catalogue.footprints, catalogue.pool(split), rules)
         textures = rng.choice(catalogue.texture_names("train"), count)
-        looks[pool] = pd.DataFrame({"texture": textures, "render_seed": rng.integers(2**31, size=count)})
-        images[pool] = render_scenes(layouts[pool], list(textures), looks[pool]["render_seed"].tolist(), palette)
+        appearances[pool] = pd.DataFrame({"texture": textures, "render_seed": rng.integers(2**31, size=count)})
+        images[pool] = render_scenes(layouts[pool], list(textures), appearances[pool]["render_seed"].tolist(), palette)
     calibration = random_layouts(
         _generator(cfg, "calibration"),
         cfg.scenes.calibration,
@@ -46,7 +46,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     )
     prior = _position_prior(cfg, calibration)
     metrics = _p_valid(cfg, calibration, catalogue, rules)
-    write_scenes(out_dir, SceneSet(images, layouts, looks))
+    write_scenes(out_dir, SceneSet(images, layouts, appearances))
     write_arrays(out_dir / "position_prior.npz", prior)
     write_json(out_dir / "metrics.json", metrics)
 

@@ -44,9 +44,7 @@ def read_image(path: Path) -> UInt8[Array, "row column channel"]:
     """
     width, height = image_size(path)
     if max(width, height) > MAX_SIDE_PX:
-        raise InputError(
-            f"{path} is {width} x {height} pixels: expected at most {MAX_SIDE_PX} a side; scale it down"
-        )
+        raise InputError(f"{path} is {width} x {height} pixels: expected at most {MAX_SIDE_PX} a side; scale it down")
     pixels = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_UNCHANGED)
     if pixels is None:
         raise InputError(f"{path} is truncated or damaged: expected a whole PNG or JPEG image; restore or replace it")

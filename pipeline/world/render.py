@@ -174,7 +174,7 @@ def _stamp(layouts: Layouts, scene: int, slot: int, light: Light, palette: Palet
     # From sample (i, j) of the window to column and row of the cutout, both counted from the middle of pixel 0.
     per_sample = len(cutout) / (width * SIDE * SAMPLES)  # cutout pixels
     turned = per_sample * np.array([[c, -s], [s, c]])
-    first_x, first_y = _pixel_centres(columns.start - 0.5 + 0.5 / SAMPLES, rows.start - 0.5 + 0.5 / SAMPLES)
+    first_x, first_y = (columns.start + 0.5 / SAMPLES) / SIDE, 1 - (rows.start + 0.5 / SAMPLES) / SIDE  # [m]
     first = np.array([[c, s], [s, -c]]) @ [first_x - centre[0], first_y - centre[1]] / width
     matrix = np.column_stack([turned, (first + 0.5) * len(cutout) - 0.5])
     size = (columns.stop - columns.start, rows.stop - rows.start)

@@ -18,7 +18,7 @@ SAMPLES = 129  # points along a path; with the parabola, a clearance over 3 cm i
 
 
 def point_clearance(layouts: Layouts, points: Float[Array, "scene path point 2"]) -> Float[Array, "scene path slot"]:
-    """Return the least distance [m] from the smooth path through evenly timed points to each footprint; inf if empty."""
+    """Return the least distance [m] from the smooth path through evenly timed points to each footprint; inf: empty."""
     ends = layouts.ends
     distances = np.full((*points.shape[:2], layouts.symbol.shape[1]), np.inf)
     for slot in range(layouts.symbol.shape[1]):
@@ -29,7 +29,7 @@ def point_clearance(layouts: Layouts, points: Float[Array, "scene path point 2"]
 
 
 def line_clearance(layouts: Layouts, lines: Float[Array, "scene path point 2"]) -> Float[Array, "scene path slot"]:
-    """Return the least distance [m] from the straight pieces between points, whatever their spacing, to each footprint."""
+    """Return the least distance [m] from the straight pieces between points, of any spacing, to each footprint."""
     pieces = np.stack([lines[:, :, :-1], lines[:, :, 1:]], axis=-2)  # (scene, path, piece, end, 2)
     distances = np.full((*lines.shape[:2], layouts.symbol.shape[1]), np.inf)
     for slot in range(layouts.symbol.shape[1]):
@@ -41,7 +41,7 @@ def line_clearance(layouts: Layouts, lines: Float[Array, "scene path point 2"]) 
 
 
 def _least(distance: Float[Array, "*path point"]) -> Float[Array, "*path"]:
-    """Return the minimum along a smooth path: the vertex of the parabola through the three nearest squared distances."""
+    """Return the minimum along a smooth path: the vertex of the parabola through the three least squared distances."""
     if distance.shape[-1] < 3:
         return distance.min(-1)
     square = distance**2

@@ -116,7 +116,7 @@ def read_questions(cfg: DictConfig) -> Questions:
     scenes.check_has(pool)
     layouts = scenes.layouts[pool][: study.scenes]
     z_theta = random_z_theta(stream(study.root_seed, "counterfactual"), len(layouts), study.paths)
-    return Questions(layouts, scenes.looks[pool], Palette(read_catalogue(Path(cfg.paths.data))), z_theta)
+    return Questions(layouts, scenes.appearances[pool], Palette(read_catalogue(Path(cfg.paths.data))), z_theta)
 
 
 def attribution_rows(

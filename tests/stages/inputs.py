@@ -104,7 +104,7 @@ def symbols_added(cfg: DictConfig, scenes: SceneSet, paths: int) -> None:
 def same_scenes_for_training(cfg: DictConfig, pool: str) -> SceneSet:
     """Write a pool's scenes as every seed's training scenes as well; all scenes come back."""
     scenes = read_scenes(Path(cfg.paths.scenes))
-    for part in (scenes.images, scenes.layouts, scenes.looks):
+    for part in (scenes.images, scenes.layouts, scenes.appearances):
         part |= {train_pool(seed): part[pool] for seed in cfg.seeds}
     write_scenes(Path(cfg.paths.scenes), scenes)
     return scenes

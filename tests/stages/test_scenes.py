@@ -51,7 +51,7 @@ def test_no_two_scenes_look_alike(written):
 
 
 def test_every_scene_lies_on_a_table_top_kept_for_training(written):
-    used = {texture for look in read_scenes(written).looks.values() for texture in look["texture"]}
+    used = {texture for look in read_scenes(written).appearances.values() for texture in look["texture"]}
     assert used <= set(read_catalogue(DATA).texture_names("train"))
 
 
