@@ -72,14 +72,15 @@ def read_scenes(directory: Path) -> SceneSet:
         pool: part[["texture", "render_seed"]].reset_index(drop=True) for pool, part in appearance.groupby("pool")
     }
     if set(by_pool) != set(images) or set(appearances) != set(images):
-        raise InputError(f"{directory}: images, layouts and appearance name different pools; run the scenes stage again")
+        raise InputError(f"{directory}: images, layouts and appearance name different pools; rerun stage scenes")
     for pool, array in images.items():
         if array.dtype != np.uint8 or array.shape[1:] != (100, 100, 3) or len(array) != len(appearances[pool]):
             raise InputError(
                 f"{directory}: pool {pool} holds {array.dtype} images {array.shape}, "
                 f"{len(appearances[pool])} scenes; expected uint8 (scene, 100, 100, 3); run its stage again"
             )
-    layouts = {pool: _layouts(by_pool[pool], len(images[pool]), slots + 1) for pool in images}
+    # One slot more than any scene uses is free for an added item.
+    layouts = {pool: padded_layouts(by_pool[pool], len(images[pool]), slots + 1) for pool in images}
     return SceneSet(images, layouts, appearances)
 
 
@@ -108,8 +109,8 @@ def layout_table(pool: str, layouts: Layouts) -> pd.DataFrame:
     return pd.DataFrame(dict(zip(LAYOUT_COLUMNS, columns, strict=True)))
 
 
-def _layouts(rows: pd.DataFrame, scenes: int, slots: int) -> Layouts:
-    """Return padded arrays from rows, with one free slot more than any scene uses."""
+def padded_layouts(rows: pd.DataFrame, scenes: int, slots: int) -> Layouts:
+    """Return the layouts that `layout_table` made rows of, padded to `slots`."""
     layouts = empty(scenes, slots)
     index = rows["scene"].to_numpy(), rows["slot"].to_numpy()
     if len(rows) and (index[0].max() >= scenes or (rows["symbol"] == EMPTY).any()):

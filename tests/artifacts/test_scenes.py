@@ -14,7 +14,7 @@ from pipeline.world.layout import empty
 
 def some_scenes() -> SceneSet:
     rng = np.random.default_rng(0)
-    images, layouts, looks = {}, {}, {}
+    images, layouts, appearances = {}, {}, {}
     for pool in (train_pool(0), "new_items"):
         batch = empty(3, 4)
         for scene, slot in ((0, 0), (0, 1), (1, 0), (2, 0), (2, 1), (2, 2)):
@@ -24,8 +24,8 @@ def some_scenes() -> SceneSet:
                 getattr(batch, name)[scene, slot] = rng.uniform()
         images[pool] = rng.integers(0, 256, (3, 100, 100, 3), dtype=np.uint8)
         layouts[pool] = batch
-        looks[pool] = pd.DataFrame({"texture": ["oak"] * 3, "render_seed": [1, 2, 3]})
-    return SceneSet(images, layouts, looks)
+        appearances[pool] = pd.DataFrame({"texture": ["oak"] * 3, "render_seed": [1, 2, 3]})
+    return SceneSet(images, layouts, appearances)
 
 
 def test_scenes_come_back_with_room_for_one_more_item(tmp_path: Path):
