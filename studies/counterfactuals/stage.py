@@ -1,6 +1,12 @@
-"""Attribute rejected paths to items, and find how far the item would have to move; by every model, beside the truth."""
+"""Attribute rejected paths to items, and find how far the item would have to move; by every model, beside the truth.
 
+Models and world are structural causal models that differ in their mechanisms only (pipeline.causal.mechanisms). Each
+question is do(O := o) in a scene whose path, user, table top and render seed are on record.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +15,7 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.files import write_arrays, write_table
 from pipeline.artifacts.scenes import read_scenes
-from pipeline.artifacts.trained import check_weights, predict_all
+from pipeline.artifacts.trained import check_weights, load_model
 from pipeline.causal.counterfactual import (
     NO_SINGLE_CAUSE,
     Removals,
@@ -19,33 +25,21 @@ from pipeline.causal.counterfactual import (
     keep,
     score_attributions,
 )
+from pipeline.causal.mechanisms import model_scm, renderer, true_scm
+from pipeline.causal.scm import SCM, Values
 from pipeline.launch import launch
+from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.streams import stream
 from pipeline.stats.scores import DECISION
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts
-from pipeline.world.render import Palette, render_scenes
-from pipeline.world.rules import Margins, clearance, slack, valid
+from pipeline.world.render import Palette
+from pipeline.world.rules import Margins, clearance, slack
 from studies.counterfactuals.examples import choose, example_rows
 from studies.counterfactuals.moves import crossing, has_room, outward_normal, score_moves, translate_item
 
 FINE_STEPS = 10  # parts of a step between two images, for the true least move
-
-
-@dataclass(frozen=True)
-class Questions:
-    """The scenes and the paths asked about, z_theta [m] (scene, path, 2)."""
-
-    layouts: Layouts
-    appearance: pd.DataFrame
-    palette: Palette
-    z_theta: np.ndarray
-
-    def render(self, layouts: Layouts, scene: np.ndarray) -> np.ndarray:
-        """Return images of these layouts, each with the light and table top of its scene."""
-        appearance = self.appearance.iloc[scene]
-        return render_scenes(layouts, list(appearance["texture"]), list(appearance["render_seed"]), self.palette)
 
 
 @dataclass(frozen=True)
@@ -60,21 +54,35 @@ class Moves:
     true_m: np.ndarray  # (case,) the least move that makes the path valid
 
 
+@dataclass(frozen=True)
+class Job:
+    """The models of one variant and seed, and the units to ask about, whose images are set."""
+
+    cfg: DictConfig
+    variant: str
+    seed: int
+    users: Sequence[str]
+    noise: Values
+    images: np.ndarray
+
+
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write attributions.parquet, summary.csv, moves.parquet, moves.csv, examples.csv and examples.npz."""
     check_weights(cfg)
     users = [user for user, margins in cfg.users.items() if any(m is not None for m in margins.values())]
-    questions = read_questions(cfg)
-    layouts, z_theta = questions.layouts, questions.z_theta
+    noise = read_noise(cfg)
+    layouts, z_theta = noise["O"], noise["Z_theta"]
+    world, camera = true_scm(cfg.users), model_scm({}, renderer(Palette(read_catalogue(Path(cfg.paths.data)))))
 
-    # every scene as it is, empty, without each item and with each item alone
+    # every scene as it is, empty, without each item and with each item alone: do(O := subset of its items)
     subsets = item_subsets(layouts.present)
-    versions = keep(layouts[subsets.scene], subsets.kept)
-    images = questions.render(versions, subsets.scene)
-    predictions = predict_all(cfg, users, images, z_theta[subsets.scene], "counterfactuals")
+    units = take(noise, subsets.scene)
+    kept = keep(units["O"], subsets.kept)
+    images = camera.do(O=kept).entail(units, "I")["I"]
+    predictions = ask_models(cfg, users, units, images, "counterfactuals")
     truth, answers = {}, {}
     for i, user in enumerate(users):
-        truth[user] = subsets.by_question(valid(versions, z_theta[subsets.scene], cfg.users[user]).astype(float))
+        truth[user] = subsets.by_question(world.do(O=kept, S=user).expectation("V", units))
         answers[user] = {variant: subsets.by_question(p[i]) for variant, p in predictions.items()}
 
     clearances = clearance(layouts, z_theta)
@@ -83,8 +91,8 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         cause = attribute(truth[user].necessity)
         chances = baselines(cause, layouts.present, layouts.symbol, clearances)
         invalid, single = truth[user].factual == 0, cause != NO_SINGLE_CAUSE
-        moved = choose_moves(cfg, questions, cause, cfg.users[user])
-        least_moves = find_least_moves(cfg, questions, user, moved, answers[user])
+        moved = choose_moves(cfg, noise, cause, cfg.users[user])
+        least_moves = find_least_moves(cfg, noise, camera, user, moved, answers[user])
         for variant, answer in answers[user].items():
             names = {"variant": variant, "user": user}
             attributions.append(attribution_rows(cfg, names, answer, truth[user], layouts))
@@ -109,14 +117,51 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     write_arrays(out_dir / "examples.npz", subsets.pick(images, [scene for scene, _ in chosen.values()]))
 
 
-def read_questions(cfg: DictConfig) -> Questions:
-    """Read the first scenes of the split and draw the paths in them."""
+def read_noise(cfg: DictConfig) -> Values:
+    """Return the noises on record of the first scenes of the split: items, table top, render seed and random paths."""
     study, scenes = cfg.studies.counterfactuals, read_scenes(Path(cfg.paths.scenes))
     pool = cfg.protocol.splits[study.split]
     scenes.check_has(pool)
-    layouts = scenes.layouts[pool][: study.scenes]
-    z_theta = random_z_theta(stream(study.root_seed, "counterfactual"), len(layouts), study.paths)
-    return Questions(layouts, scenes.appearances[pool], Palette(read_catalogue(Path(cfg.paths.data))), z_theta)
+    layouts, appearance = scenes.layouts[pool][: study.scenes], scenes.appearances[pool][: study.scenes]
+    return {
+        "S": np.zeros(len(layouts), dtype=int),
+        "O": layouts,
+        "T": appearance["texture"].to_numpy(),
+        "I": appearance["render_seed"].to_numpy(),
+        "Z_theta": random_z_theta(stream(study.root_seed, "counterfactual"), len(layouts), study.paths),
+        "Z_I": np.zeros(len(layouts)),
+    }
+
+
+def take(noise: Values, scene: np.ndarray) -> Values:
+    """Return the units of these scenes."""
+    return {name: values[scene] for name, values in noise.items()}
+
+
+def ask_models(
+    cfg: DictConfig, users: Sequence[str], noise: Values, images: np.ndarray, desc: str
+) -> dict[str, np.ndarray]:
+    """Return by variant E[V | do(I := images), S = s] of every path: (user, seed, unit, path)."""
+    variants, seeds = list(cfg.variants), list(cfg.protocol.seeds)
+    seen = {name: noise[name] for name in ("S", "I", "Z_I", "Z_theta")}
+    jobs = [Job(cfg, variant, seed, users, seen, images) for variant, seed in product(variants, seeds)]
+    answers = np.array(map_jobs(answer, jobs, cfg.workers, desc))  # (variant * seed, user, unit, path)
+    return dict(
+        zip(variants, answers.reshape(len(variants), len(seeds), *answers.shape[1:]).swapaxes(1, 2), strict=True)
+    )
+
+
+def answer(job: Job) -> np.ndarray:
+    """Return the expectation of V by the models of one variant and seed: (user, unit, path)."""
+    cfg = job.cfg
+    models = {user: load_model(cfg, job.variant, user, job.seed, cfg.main_n_demos) for user in job.users}
+    acted = model_scm(models, no_image).do(I=job.images)
+    return np.array([acted.do(S=user).expectation("V", job.noise) for user in job.users])
+
+
+def no_image(*_: object) -> np.ndarray:
+    """Raise, as the mechanism of images that every job sets."""
+    raise AssertionError("every job sets the image")
 
 
 def attribution_rows(
@@ -142,7 +187,7 @@ def attribution_rows(
     return pd.DataFrame(names | columns)
 
 
-def choose_moves(cfg: DictConfig, questions: Questions, cause: np.ndarray, margins: Margins) -> Moves:
+def choose_moves(cfg: DictConfig, noise: Values, cause: np.ndarray, margins: Margins) -> Moves:
     """Choose in each of the first scenes the first invalid path that moving its single cause makes valid.
 
     The item moves away from the path along its normal. Everywhere on the way it must stand where scenes may have an
@@ -154,7 +199,7 @@ def choose_moves(cfg: DictConfig, questions: Questions, cause: np.ndarray, margi
 
     def move(case: np.ndarray, distance: np.ndarray) -> tuple[Layouts, np.ndarray]:
         """Return the moved layouts, and the slack [m] (case, step) of each case's path in them."""
-        layouts, z = questions.layouts[scene[case]], questions.z_theta[scene[case], path[case]]
+        layouts, z = noise["O"][scene[case]], noise["Z_theta"][scene[case], path[case]]
         moved = translate_item(layouts, slot[case], outward_normal(layouts, slot[case], z), distance)
         room = slack(moved, clearance(moved, np.repeat(z, len(distance), axis=0)[:, None]), margins)
         return moved, room.reshape(len(case), len(distance))
@@ -170,18 +215,20 @@ def choose_moves(cfg: DictConfig, questions: Questions, cause: np.ndarray, margi
 
 
 def find_least_moves(
-    cfg: DictConfig, questions: Questions, user: str, moves: Moves, answers: dict[str, Removals]
+    cfg: DictConfig, noise: Values, camera: SCM, user: str, moves: Moves, answers: dict[str, Removals]
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Return by variant (seed, case): the least move [m] that the model accepts, and whether it rejects at 0."""
     if len(moves.scene) == 0:
         none = np.empty((len(cfg.protocol.seeds), 0))
         return dict.fromkeys(answers, (none, none.astype(bool)))
-    scene = np.repeat(moves.scene, len(moves.distance))
-    is_moved = np.arange(len(scene)) % len(moves.distance) > 0  # all but the scenes as they are
-    images = questions.render(moves.layouts[is_moved], scene[is_moved])
-    z_theta = questions.z_theta[scene, np.repeat(moves.path, len(moves.distance))][is_moved, None]
+    index = np.arange(len(moves.layouts))
+    index = index[index % len(moves.distance) > 0]  # all but the scenes as they are
+    case = index // len(moves.distance)
+    units = take(noise, moves.scene[case])
+    units["Z_theta"] = noise["Z_theta"][moves.scene[case], moves.path[case]][:, None]
+    images = camera.do(O=moves.layouts[index]).entail(units, "I")["I"]
     least_moves = {}
-    for variant, p in predict_all(cfg, [user], images, z_theta, f"moves, {user}").items():
+    for variant, p in ask_models(cfg, [user], units, images, f"moves, {user}").items():
         before = answers[variant].factual[:, moves.scene, moves.path, None]
         after = p[0, ..., 0].reshape(*before.shape[:2], -1)  # (seed, case, step)
         p_valid = np.concatenate([before, after], axis=-1)
