@@ -14,7 +14,8 @@ HOLDS, FAILS, OPEN, UNTESTABLE = "holds", "fails", "open", "untestable"
 SEEN = "seen_scenes"
 PAPER = "full"  # the variant that is the paper's model
 COLUMNS = [
-    "claim", "measure", "paper", "paper_low", "paper_high", "ours", "q1", "q3", "ci_low", "ci_high", "baseline", "verdict",
+    "claim", "measure", "paper", "paper_low", "paper_high", "ours", "q1", "q3", "ci_low", "ci_high", "baseline",
+    "verdict",
 ]  # fmt: skip
 
 
@@ -30,7 +31,9 @@ def claims_table(results: Results) -> pd.DataFrame:
 def verdicts(claims: pd.DataFrame) -> dict[str, str]:
     """Return claim -> verdict: the worst of its measures."""
     worst = {FAILS: 0, OPEN: 1, UNTESTABLE: 2, HOLDS: 3}
-    return {str(name): min(part["verdict"], key=worst.__getitem__) for name, part in claims.groupby("claim", sort=False)}
+    return {
+        str(name): min(part["verdict"], key=worst.__getitem__) for name, part in claims.groupby("claim", sort=False)
+    }
 
 
 def _accuracy(results: Results) -> list[dict]:

@@ -1,6 +1,7 @@
 """What several pages draw: a table with paths on it, a map of P(valid) over control points, bars and intervals."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -27,7 +28,7 @@ def draw_table(
     axes: Axes, image: Array, layouts: Layouts | None = None, scene: int = 0, margins: Margins | None = None
 ) -> None:
     """Draw a table from above, and broken lines at the margins a user keeps from its items."""
-    axes.imshow(image, extent=(0, 1, 0, 1), interpolation="lanczos")
+    axes.imshow(image, extent=(0, 1, 0, 1), interpolation="none")
     _bare(axes)
     if layouts is None or margins is None:
         return
@@ -38,7 +39,7 @@ def draw_table(
             axes.add_patch(Polygon(outline, fill=False, edgecolor="white", linewidth=1.2, linestyle=(0, (3, 2))))
 
 
-def draw_path(axes: Axes, z_theta: Array, colour: str, width: float = 2.5, linestyle: str = "-") -> None:
+def draw_path(axes: Axes, z_theta: Array, colour: str, width: float = 2.5, linestyle: Any = "-") -> None:
     """Draw the Bezier path of one control point [m], with a dark rim that shows it on any table top."""
     points = curve(np.asarray(z_theta, float), 80)
     axes.plot(*points.T, color="#111417", linewidth=width + 1.6, alpha=0.6)
@@ -49,7 +50,9 @@ def draw_path(axes: Axes, z_theta: Array, colour: str, width: float = 2.5, lines
 
 def draw_map(axes: Axes, p: Array, trace: Array | None = None) -> None:
     """Draw P(valid) (side, side) as [y, x] over control points, the table's edge, and a repair's trace (step, 2)."""
-    axes.imshow(p, origin="lower", extent=(Z_LOW, Z_HIGH, Z_LOW, Z_HIGH), cmap=style.MAP, vmin=0, vmax=1)
+    axes.imshow(
+        p, interpolation="none", origin="lower", extent=(Z_LOW, Z_HIGH, Z_LOW, Z_HIGH), cmap=style.MAP, vmin=0, vmax=1
+    )
     axes.plot([0, 1, 1, 0, 0], [0, 0, 1, 1, 0], color="#8f8f8f", linewidth=0.8, linestyle=(0, (3, 2)))
     if trace is not None:
         axes.plot(*trace.T, color="#111417", linewidth=3.2)
@@ -61,7 +64,7 @@ def draw_map(axes: Axes, p: Array, trace: Array | None = None) -> None:
 
 
 def draw_intervals(
-    axes: Axes, groups: Sequence[str], series: Mapping[str, Sequence[tuple[float, float, float]]], unit: float = 100
+    axes: Axes, groups: Sequence[str], series: Mapping[str, Sequence[tuple[float, float, float]]], unit: float = 100.0
 ) -> None:
     """Draw (mean, low, high) of each series in each group as horizontal intervals, the first group on top."""
     for i, (name, rows) in enumerate(series.items()):
@@ -90,5 +93,3 @@ def _bare(axes: Axes) -> None:
     axes.set(xticks=[], yticks=[])
     for spine in axes.spines.values():
         spine.set_visible(False)
-
-

@@ -2,7 +2,7 @@
 
 import importlib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -45,15 +45,15 @@ class Site:
     claims: dict[str, str]  # claim -> holds | fails | open | untestable
 
 
-def render(results: Results) -> Site:
-    """Return every page with the figures and tables its template asks for.
+def render(results: Results, pages: Collection[str] = tuple(PAGES)) -> Site:
+    """Return these pages with the figures and tables their templates ask for.
 
     Raise InputError where a template asks for a number that is missing or not finite.
     """
     claims = claims_table(results)
     site = Site({}, {}, {"claims": claims}, verdicts(claims))
     environment = _environment(results, claims)
-    for name in PAGES:
+    for name in pages:
         template = environment.get_template(f"pages/{name}/page.html.j2")
         site.pages[name] = template.render(page=name, **_numbered(name, results, site, environment))
     return site
@@ -131,8 +131,8 @@ def _numbered(page: str, results: Results, site: Site, environment: Environment)
 # Formats: each raises for a number that is not finite; None stands for what cannot exist, such as a baseline's seeds.
 
 
-def _number(pattern: str, scale: float = 1.0) -> Callable[[float | None], str]:
-    def write(number: float | None) -> str:
+def _number(pattern: str, scale: float = 1.0) -> Callable[[Any], str]:
+    def write(number: Any) -> str:
         if number is None:
             return "–"
         if not math.isfinite(number):
@@ -145,19 +145,19 @@ def _number(pattern: str, scale: float = 1.0) -> Callable[[float | None], str]:
 
 def _spread(low: float, high: float) -> str:
     """Write a range of rates in per cent."""
-    return f"{_number('{:.0f}', 100)(low)}–{_number('{:.0f}', 100)(high)}"
+    return f"{_number('{:.0f}', 100.0)(low)}–{_number('{:.0f}', 100.0)(high)}"
 
 
 FORMATS: dict[str, Callable] = {
-    "pct": _number("{:.0f}\u00a0%", 100),  # prose: whole per cents
-    "pct1": _number("{:.1f}\u00a0%", 100),  # tables
-    "points": _number("{:+.0f}", 100),
-    "points1": _number("{:+.1f}", 100),
+    "pct": _number("{:.0f}\u00a0%", 100.0),  # prose: whole per cents
+    "pct1": _number("{:.1f}\u00a0%", 100.0),  # tables
+    "points": _number("{:+.0f}", 100.0),
+    "points1": _number("{:+.1f}", 100.0),
     "effect": _number("{:+.2f}"),
     "rate": _number("{:.2f}"),
     "fine": _number("{:.3f}"),
     "times": _number("{:.1f}"),
-    "cm": _number("{:.1f}\u00a0cm", 100),
+    "cm": _number("{:.1f}\u00a0cm", 100.0),
     "count": _number("{:.0f}"),
     "spread": _spread,
 }

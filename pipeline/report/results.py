@@ -105,9 +105,14 @@ class Results:
         return int(self.asked(kind, variant)["right"].astype(bool).sum())
 
     def image_blind_right(self, kind: str = "add") -> int:
-        """Return how many a model that never looks answers rightly: no item has an effect, every user differs."""
+        """Return how many an image-blind model answers rightly: items have no effect, users differ."""
         answers = self.asked(kind, self.variants[0])["truth_verdict"]
         return int((answers == ("negligible" if kind == "add" else "effect")).sum())
+
+    @property
+    def largest_difference(self) -> float:
+        """Return the largest difference of a true share of valid paths from the paper's Table 2."""
+        return checked(self.tables["p_valid"]["difference"].abs().max(skipna=False), "p_valid, largest difference")
 
     @cached_property
     def repaired_users(self) -> list[str]:
@@ -117,7 +122,7 @@ class Results:
 
 
 def checked(number: Any, name: str) -> Any:
-    """Return a value as it is; raise InputError if it is missing or not finite."""
+    """Return a value as Python has it; raise InputError if it is missing or not finite."""
     if number is None or (isinstance(number, float | np.floating) and not math.isfinite(number)):
         raise InputError(f"{name} is {number}: expected a finite number; run the stage that writes it again")
-    return number
+    return number.item() if isinstance(number, np.generic) else number

@@ -32,6 +32,8 @@ LABELS = {
     "nearest_demonstration": "Nearest demonstration (image-blind)",
     "constant_detour": "Constant detour (image-blind)",
     "random_path": "Random path (image-blind)",
+    "paper": "The paper",
+    "blind": "Image-blind baseline",
     "oracle": "Nearest valid path (truth)",
     "seen_scenes": "training scenes",
     "new_scenes": "new scenes",
@@ -86,6 +88,7 @@ def svg(figure: Figure) -> str:
     with matplotlib.rc_context(RC):
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     text = re.sub(r"<metadata>.*?</metadata>", "", buffer.getvalue(), flags=re.DOTALL)
+    text = re.sub(r"image-rendering:[^;\"]*;?", "", text)  # browsers smooth what they enlarge
     text = re.sub(r'( d="|\b[xy]="|translate\()([^")]*)', lambda part: part[1] + _rounded(part[2]), text)
     for hexadecimal, name in ((INK, "ink"), (MUTED, "muted"), (RULE, "rule")):
         text = text.replace(hexadecimal, f"var(--{name})")

@@ -30,8 +30,8 @@ def tables(variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MARG
         "accuracy": pd.DataFrame([_accuracy(v, s, n) for v, s, n in product(variants, SPLITS, N_DEMOS)] + _blind()),
         "calibration": pd.DataFrame(
             [
-                {"variant": v, "split": s, "low": b / 10, "high": b / 10 + 0.1, "count": 20, "confidence": b / 10 + 0.05}
-                | {"frequency": b / 10 + 0.02}
+                {"variant": v, "split": s, "low": b / 10, "high": b / 10 + 0.1, "count": 20}
+                | {"confidence": b / 10 + 0.05, "frequency": b / 10 + 0.02}
                 for v, s, b in product(variants, SPLITS, range(10))
             ]
         ),
@@ -135,7 +135,11 @@ def _accuracy(variant: str, split: str, n: int) -> dict:
 
 def _blind() -> list[dict]:
     rows = [("position_only", split, 0.59) for split in SPLITS] + [("nearest_demonstration", "seen_scenes", 0.78)]
-    return [{"variant": v, "split": s, "n_demos": n, "mean": m, "q1": m, "q3": m, "seeds": 2} for v, s, m in rows for n in N_DEMOS]
+    return [
+        {"variant": v, "split": s, "n_demos": n, "mean": m, "q1": m, "q3": m, "seeds": 2}
+        for v, s, m in rows
+        for n in N_DEMOS
+    ]
 
 
 def _comparison(variant: str, against: str, split: str) -> dict:
@@ -147,7 +151,14 @@ def _comparison(variant: str, against: str, split: str) -> dict:
 
 def _repair(method: str, variant: str, user: str) -> dict:
     success = LEVEL.get(variant, 0.8 if method == "constant_detour" else 0.5)
-    row = {"method": method, "variant": variant, "user": user, "seeds": 2, "starts": SCENES * STARTS, "success": success}
+    row = {
+        "method": method,
+        "variant": variant,
+        "user": user,
+        "seeds": 2,
+        "starts": SCENES * STARTS,
+        "success": success,
+    }
     row |= {"success_q1": success - 0.02, "success_q3": success + 0.02, "displacement_ratio": 1.3}
     row |= {"success_ci_low": success - 0.1, "success_ci_high": min(success + 0.1, 1.0)}
     return row | {"accepted": 0.9 if variant else np.nan, "unsafe": 1 - success if variant else np.nan}

@@ -11,7 +11,7 @@ SPLITS = ("seen_scenes", "new_scenes", "new_items")
 
 def by_demonstrations(results: Results) -> Figure:
     """Draw a panel a split: mean accuracy and quartiles over seeds against demonstrations a scene."""
-    figure, axes = panels(1, 3, 12, 4.4, sharey=True)
+    figure, axes = panels(1, 3, 12.0, 4.4, sharey=True)
     table = results.tables["accuracy"]
     for cell, split in zip(axes[0], SPLITS, strict=True):
         for name, rows in table[table["split"] == split].groupby("variant", sort=False):
@@ -21,11 +21,15 @@ def by_demonstrations(results: Results) -> Figure:
             marks = {"marker": marker(str(name)) if known else "", "linestyle": line, "label": label(str(name))}
             cell.plot(rows["n_demos"], 100 * rows["mean"], color=colour(str(name)), linewidth=2, **marks)
             if known and rows["q1"].notna().all():
-                cell.fill_between(rows["n_demos"], 100 * rows["q1"], 100 * rows["q3"], color=colour(str(name)), alpha=0.15)
+                cell.fill_between(
+                    rows["n_demos"], 100 * rows["q1"], 100 * rows["q3"], color=colour(str(name)), alpha=0.15
+                )
         if split == "seen_scenes":
             for n, (mean, low, high) in PAPER_ACCURACY.items():
                 error = [[100 * (mean - low)], [100 * (high - mean)]]
-                cell.errorbar(n, 100 * mean, yerr=error, fmt="*", color=INK, markersize=12, label="The paper" if n == 9 else None)
+                cell.errorbar(
+                    n, 100 * mean, yerr=error, fmt="*", color=INK, markersize=12, label="The paper" if n == 9 else None
+                )
         cell.set(title=label(split), xlabel="demonstrations a scene", xticks=results.n_demos)
         cell.grid(axis="y")
     axes[0, 0].set_ylabel("accuracy, per cent")

@@ -17,7 +17,9 @@ def accuracy(results: Results) -> Table:
         has = BASELINES.get(variant, SPLITS)
         row = {label(s).capitalize(): results.accuracy(variant, s) if s in has else None for s in SPLITS}
         learned = variant in results.variants
-        quartiles = {f"unseen items, {q}": results.accuracy(variant, "new_items", q) if learned else None for q in ("q1", "q3")}
+        quartiles = {
+            f"unseen items, {q}": results.accuracy(variant, "new_items", q) if learned else None for q in ("q1", "q3")
+        }
         rows.append({"Model": label(variant)} | row | quartiles)
     frame = pd.DataFrame(rows).astype(object).where(lambda t: t.notna(), None)
     return Table(frame, dict.fromkeys(frame.columns[1:], "pct1"))

@@ -20,7 +20,14 @@ def graph(results: Results) -> Figure:
     for name, place in places.items():
         if name in SYMBOLS:
             _arrow(cell, place, places["$Z_I$"], 0.42)
-            cell.text(*place, name, ha="center", va="center", fontsize=11, bbox={"boxstyle": "round", "fc": "none", "ec": style.MUTED})
+            cell.text(
+                *place,
+                name,
+                ha="center",
+                va="center",
+                fontsize=11,
+                bbox={"boxstyle": "round", "fc": "none", "ec": style.MUTED},
+            )
             continue
         if name != "$V$":
             _arrow(cell, place, places["$V$"], 0.32)
@@ -35,12 +42,14 @@ def graph(results: Results) -> Figure:
 def effects(results: Results) -> Figure:
     """Draw a panel a user: each model's effect of each added item with its 95 % interval; black bars are the truth."""
     table, users = results.tables["interventions"], results.judged_users
-    figure, axes = panels(1, len(users), 6 * len(users), 5.2, sharey=True)
+    figure, axes = panels(1, len(users), 6.0 * len(users), 5.2, sharey=True)
     table = table[table["kind"] == "add"]
     for cell, user in zip(axes[0], users, strict=True):
         for i, symbol in enumerate(SYMBOLS):
             for j, variant in enumerate(results.variants):
-                row = table[(table["user"] == user) & (table["symbol"] == symbol) & (table["variant"] == variant)].iloc[0]
+                row = table[(table["user"] == user) & (table["symbol"] == symbol) & (table["variant"] == variant)].iloc[
+                    0
+                ]
                 y = i + 0.7 * (j - (len(results.variants) - 1) / 2) / max(len(results.variants), 1)
                 cell.hlines(y, row["ci_low"], row["ci_high"], color=style.colour(variant), linewidth=2)
                 cell.plot(row["effect"], y, style.marker(variant), color=style.colour(variant), markersize=6)
@@ -48,7 +57,10 @@ def effects(results: Results) -> Figure:
         cell.axvspan(-0.05, 0.05, color=style.RULE, alpha=0.5, linewidth=0)
         cell.set_yticks(range(len(SYMBOLS)), SYMBOLS)
         cell.set(title=f"{user} user", xlabel="change in P(valid)", ylim=(len(SYMBOLS) - 0.5, -0.5))
-    marks = [axes[0, 0].plot([], [], style.marker(v), color=style.colour(v), label=style.label(v))[0] for v in results.variants]
+    marks = [
+        axes[0, 0].plot([], [], style.marker(v), color=style.colour(v), label=style.label(v))[0]
+        for v in results.variants
+    ]
     marks += [axes[0, 0].plot([], [], "|", color=style.INK, markersize=14, label="Truth")[0]]
     figure.legend(handles=marks, loc="outside lower center", ncols=4, fontsize=10)
     return figure

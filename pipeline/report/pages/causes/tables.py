@@ -14,8 +14,10 @@ def score(results: Results) -> Table:
         row = {"Model": label(variant), "Added items": results.verdicts_right(variant)}
         rows.append(row | {"Change of user": results.verdicts_right(variant, "user")})
     blind = {"Added items": results.image_blind_right(), "Change of user": results.image_blind_right("user")}
-    rows.append({"Model": "A model that never looks"} | blind)
-    rows.append({"Model": "Questions"} | {"Added items": results.questions(), "Change of user": results.questions("user")})
+    rows.append({"Model": "A model that never sees the image"} | blind)
+    rows.append(
+        {"Model": "Questions"} | {"Added items": results.questions(), "Change of user": results.questions("user")}
+    )
     return Table(pd.DataFrame(rows), {"Added items": "count", "Change of user": "count"})
 
 

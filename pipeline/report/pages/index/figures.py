@@ -1,6 +1,9 @@
 """The overview: the same scene as image, truth and beliefs, with a gradient repair on each."""
 
+from collections.abc import Mapping
+
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy import ndarray as Array
 
@@ -8,37 +11,51 @@ from pipeline.report import style
 from pipeline.report.drawing import draw_map, draw_path, draw_table, panels
 from pipeline.report.results import Results
 
+LEAST_DIFFERENCE = 0.05  # share of a map's cells in which two users differ
+
 
 def overview(results: Results) -> Figure:
     """Draw a row a user: image with a repair by each shown model, true map, and each model's map with the trace."""
     shown = [v for v in ("full", "clearance") if v in results.shown] or results.shown[:1]
-    rows = [(user, *found) for user in results.repaired_users if (found := first_start(results, user)) is not None]
-    figure, axes = panels(max(len(rows), 1), 2 + len(shown), 3.0 * (2 + len(shown)), 3.15 * max(len(rows), 1))
-    for line, (user, scene, start) in zip(axes, rows, strict=False):
-        drawn, place = results.drawn, results.drawn.mapped.index(scene)
+    drawn, users, place = results.drawn, results.repaired_users, _place(results)
+    scene = drawn.mapped[place]
+    figure, axes = panels(len(users), 2 + len(shown), 3.0 * (2 + len(shown)), 3.15 * len(users))
+    for line, user in zip(axes, users, strict=True):
+        start = first_start(results, user, scene)
+        traces = {v: None if start is None else trace(results, v, user, scene, start) for v in shown}
         draw_table(line[0], drawn.images[scene], drawn.layouts, scene, results.users[user])
-        traces = {v: trace(results, v, user, scene, start) for v in shown}
-        draw_path(line[0], traces[shown[0]][0], style.INVALID, linestyle=(0, (3, 1.5)))  # pyright: ignore
-        for variant, steps in traces.items():
-            draw_path(line[0], steps[-1], style.colour(variant))
+        draw_repairs(line[0], traces)
         draw_map(line[1], drawn.truth[user][place])
         for cell, variant in zip(line[2:], shown, strict=True):
             draw_map(cell, drawn.maps[variant][user][place], traces[variant])
         line[0].set_ylabel(f"{user} user", color=style.INK, fontsize=12)
-    titles = ["Table, start (orange), repairs", "Truth", *map(style.label, shown)]
+    titles = ["Table, start (broken), repairs", "Truth", *map(style.label, shown)]
     for cell, title in zip(axes[0], titles, strict=True):
         cell.set_title(title)
     return figure
 
 
-def first_start(results: Results, user: str) -> tuple[int, int] | None:
-    """Return the scene and start of the user's first repair in a mapped scene, chosen by no look at results."""
+def _place(results: Results) -> int:
+    """Return the first mapped scene in which the users truly differ; the first of all if none does."""
+    truths = [results.drawn.truth[user] for user in results.repaired_users]
+    differ = np.mean(truths[0] != truths[-1], axis=(1, 2)) > LEAST_DIFFERENCE
+    return int(differ.argmax())
+
+
+def draw_repairs(axes: Axes, traces: Mapping[str, Array | None]) -> None:
+    """Draw where repairs start (orange, broken) and where each variant's ends."""
+    steps = {variant: trace for variant, trace in traces.items() if trace is not None}
+    for variant, points in steps.items():
+        draw_path(axes, points[-1], style.colour(variant))
+    if steps:
+        draw_path(axes, next(iter(steps.values()))[0], style.INVALID, linestyle=(0, (3, 1.5)))
+
+
+def first_start(results: Results, user: str, scene: int) -> int | None:
+    """Return the number of the user's first invalid path in a scene, whatever became of it."""
     rows = results.tables["repairs"]
-    rows = rows[(rows["user"] == user) & (rows["method"] == "gradient") & rows["scene"].isin(results.drawn.mapped)]
-    if rows.empty:
-        return None
-    first = rows.sort_values(["scene", "start"]).iloc[0]
-    return int(first["scene"]), int(first["start"])
+    rows = rows[(rows["user"] == user) & (rows["method"] == "gradient") & (rows["scene"] == scene)]
+    return None if rows.empty else int(rows["start"].min())
 
 
 def trace(results: Results, variant: str, user: str, scene: int, start: int) -> Array:

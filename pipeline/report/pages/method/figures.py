@@ -11,13 +11,16 @@ from pipeline.report.results import Results
 from pipeline.world.layout import SYMBOLS
 
 SPLITS = {"train": style.TRAIN, "unseen": style.UNSEEN}
-TILE_PX = 72
+TILE_PX = 56
 
 
 def items(results: Results) -> Figure:
     """Draw the catalogue: a row a symbol, training items framed green, unseen ones red."""
     table = results.catalogue.items
-    by_symbol = [[(s, i) for s in SPLITS for i in np.flatnonzero((table["symbol"] == o) & (table["split"] == s))] for o in SYMBOLS]
+    by_symbol = [
+        [(s, i) for s in SPLITS for i in np.flatnonzero((table["symbol"] == o) & (table["split"] == s))]
+        for o in SYMBOLS
+    ]
     columns = max(map(len, by_symbol))
     figure, axes = panels(len(SYMBOLS), columns, 0.78 * columns + 0.9, 0.85 * len(SYMBOLS))
     for line, symbol, row in zip(axes, SYMBOLS, by_symbol, strict=True):
@@ -26,7 +29,7 @@ def items(results: Results) -> Figure:
             cell.set(xticks=[], yticks=[])
             cell.spines[:].set_visible(False)
         for cell, (split, item) in zip(line, row, strict=False):
-            cell.imshow(_tile(results.catalogue.cutouts[item]))
+            cell.imshow(_tile(results.catalogue.cutouts[item]), interpolation="none")
             cell.spines[:].set(visible=True, color=SPLITS[split], linewidth=2.2)
     return figure
 
@@ -39,7 +42,7 @@ def _tile(cutout: Array) -> Array:
 
 
 def demonstrations(results: Results) -> Figure:
-    """Draw the first training scenes with each user's demonstrations: blue satisfies the user, orange breaks the rule."""
+    """Draw the first training scenes with each user's demonstrations: valid ones blue, invalid ones orange."""
     users, scenes = results.judged_users, range(len(results.drawn.training))
     figure, axes = panels(len(users), len(scenes), 3.4 * len(scenes), 3.5 * len(users))
     table = results.tables["demos"]

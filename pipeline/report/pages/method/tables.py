@@ -1,17 +1,8 @@
-"""How near the world's P(valid) lies to the paper's, and whether the autoencoders autoencode."""
-
-import pandas as pd
+"""Whether the autoencoders autoencode."""
 
 from pipeline.report.render import Table
 from pipeline.report.results import Results
 from pipeline.report.style import label
-
-
-def p_valid(results: Results) -> Table:
-    """Return the true share of valid paths beside the paper's Table 2."""
-    columns = {"User": "user", "Added item": "added", "Truth here": "truth", "Paper": "paper", "Difference": "difference"}
-    frame = results.tables["p_valid"][list(columns.values())].set_axis(list(columns), axis=1)
-    return Table(frame, {"Truth here": "rate", "Paper": "rate", "Difference": "effect"})
 
 
 def convergence(results: Results) -> Table:

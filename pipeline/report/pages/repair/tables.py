@@ -7,31 +7,31 @@ from pipeline.report.results import Results
 from pipeline.report.style import label
 
 BASELINES = ("random_path", "constant_detour", "oracle")
-COLUMNS = {"Success": "success", "Moved, over the least": "displacement_ratio", "Unsafe": "unsafe"}
-FORMATS = {"Success": "pct1", "Moved, over the least": "times", "Unsafe": "pct1"}
+COLUMNS = {"success": ("success", "pct1"), "moved": ("displacement_ratio", "times"), "unsafe": ("unsafe", "pct1")}
 
 
 def gradient(results: Results) -> Table:
-    """Return the paper's repair: 30 gradient steps, by user and model, baselines last."""
-    return _table(results, "gradient", ("full", "ae", "classifier", "irl_maxent", "irl_ranked", "clearance"))
+    """Return the paper's repair, gradient steps, by model and user; baselines last."""
+    return _table(results, "gradient")
 
 
 def nearest(results: Results) -> Table:
-    """Return the nearest path that a model accepts, by user and model."""
-    return _table(results, "nearest", ())
+    """Return the nearest path that a model accepts, by model and user; baselines last."""
+    return _table(results, "nearest")
 
 
-def _table(results: Results, method: str, order: tuple[str, ...]) -> Table:
-    """Return a row a user and model; baselines accept nothing, so that they have no unsafe share."""
-    summary, rows = results.tables["repair"], []
-    variants = [v for v in order if v in results.variants] + [v for v in results.variants if v not in order]
-    for user in results.repaired_users:
-        for variant in variants:
-            if ((summary["method"] == method) & (summary["variant"] == variant)).any():
-                numbers = {h: results.repair(method, variant, user, c) for h, c in COLUMNS.items()}
-                rows.append({"User": user, "Model": label(variant)} | numbers)
-        for baseline in BASELINES:
-            numbers = {h: results.repair(baseline, "", user, c) for h, c in COLUMNS.items() if c != "unsafe"}
-            rows.append({"User": user, "Model": label(baseline)} | numbers | {"Unsafe": None})
-    frame = pd.DataFrame(rows, columns=["User", "Model", *COLUMNS])
-    return Table(frame.astype(object).where(frame.notna(), None), FORMATS)
+def _table(results: Results, method: str) -> Table:
+    """Return a row a model; baselines accept nothing, so that they have no unsafe share."""
+    fitted = set(results.tables["repair"].query("method == @method")["variant"])
+    keys = [(method, variant) for variant in results.variants if variant in fitted]
+    rows, formats = [], {}
+    for method, variant in [*keys, *((baseline, "") for baseline in BASELINES)]:
+        row = {"Model": label(variant or method)}
+        for user in results.repaired_users:
+            for name, (column, form) in COLUMNS.items():
+                exists = variant or column != "unsafe"
+                row[f"{user}, {name}"] = results.repair(method, variant, user, column) if exists else None
+                formats[f"{user}, {name}"] = form
+        rows.append(row)
+    frame = pd.DataFrame(rows)
+    return Table(frame.astype(object).where(frame.notna(), None), formats)
