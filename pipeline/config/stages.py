@@ -68,8 +68,3 @@ class Report(Group):
     shown: Names
     scenes: Count
     map_side: Count
-    panel_scenes: Count
-    panel_side: Count
-    reconstructed: Count
-    dimensions: Count
-    values: Annotated[list[float], Field(min_length=1)]
