@@ -17,7 +17,7 @@ import torch
 import torch.nn.functional as F
 from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
-from scipy.optimize import minimize
+from scipy.optimize import root
 from scipy.special import expit
 from torch import Tensor
 
@@ -179,14 +179,13 @@ def logistic(regret: Float[Array, "*demo"], valid: Bool[Array, "*demo"]) -> tupl
     mean, spread = x.mean(), max(x.std(), 1e-9)
     design = np.stack([(x - mean) / spread, np.ones_like(x)])  # (2, demo)
 
-    def loss(w: Array) -> tuple[float, Array]:
-        logits = w @ design
-        return (np.logaddexp(0, logits) - target * logits).mean(), design @ (expit(logits) - target) / len(x)
+    def gradient(w: Array) -> Array:
+        return design @ (expit(w @ design) - target) / len(x)
 
     def hessian(w: Array) -> Array:
         p = expit(w @ design)
         return (design * (p * (1 - p))) @ design.T / len(x)
 
-    w = minimize(loss, np.zeros(2), jac=True, hess=hessian, method="trust-exact", options={"gtol": 1e-12}).x
+    w = root(gradient, np.zeros(2), jac=hessian, tol=1e-12).x  # the likelihood is concave: its one stationary point
     scale = max(w[0], 0.0) / spread
     return scale, float(w[1] - scale * mean) if w[0] > 0 else float(np.log(target.mean() / (1 - target.mean())))
