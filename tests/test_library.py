@@ -102,7 +102,6 @@ def test_settings_are_those_of_conf():
     [
         (lambda a: a | {"images": a["images"] / 255}, r"images are float64 .* expected uint8 .* scale intensities"),
         (lambda a: a | {"images": a["images"][:, :50]}, r"shape \(12, 50, 100, 3\): expected uint8"),
-        (lambda a: a | {"images": None}, "images are NoneType"),
         (lambda a: a | {"z_theta": a["z_theta"] * 100}, r"z_theta reaches 1\d\d: expected metres"),
         (lambda a: a | {"z_theta": np.where(a["z_theta"] > 1, np.nan, a["z_theta"])}, "z_theta has NaN"),
         (lambda a: a | {"z_theta": a["z_theta"][:, 0]}, r"z_theta has shape \(12, 2\): expected \(12, path, 2\)"),
