@@ -26,7 +26,6 @@ class Mechanism(FunctionalCausalModel):
 def same(what: str, ours: float, theirs: float, limit: float) -> bool:
     """Print both numbers and return whether they lie within `limit` of each other."""
     agree = bool(abs(ours - theirs) <= limit)
-    print(
-        f"{'same' if agree else 'DIFFERENT':10}{what}: {ours:.4f} by the pipeline, {theirs:.4f} by dowhy (within {limit:.4f})"
-    )
+    word = "same" if agree else "DIFFERENT"
+    print(f"{word:10}{what}: {ours:.4f} by the pipeline, {theirs:.4f} by dowhy (within {limit:.4f})")
     return agree
