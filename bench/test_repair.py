@@ -10,7 +10,7 @@ from pipeline.spec.search import Near, search
 from pipeline.models.base import to_tensor, untrained
 from pipeline.models.clearance.clearance import ClearanceModel, fit
 from pipeline.params import compose
-from pipeline.perception.objects import _found
+from pipeline.perception.objects import _detect
 from pipeline.runtime.parallel import one_thread
 from pipeline.training.loop import Schedule
 from pipeline.world.bezier import random_z_theta
@@ -40,7 +40,7 @@ def test_a_thousand_repairs_at_once(benchmark):
     near = Near(**{k: cfg.search[k] for k in ("evaluations", "weight", "looks", "climb", "reach", "step")})
     starts = random_z_theta(rng, SCENES * STARTS, 1)
     with torch.no_grad():
-        _found.cache_clear()
+        _detect.cache_clear()
         begin = time.perf_counter()
         percept = model.perceive(to_tensor(images[TRAINING:])).repeat_interleave(STARTS, 0)
         perceived = time.perf_counter() - begin

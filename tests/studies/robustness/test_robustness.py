@@ -193,7 +193,7 @@ def test_a_pool_without_queries_is_named(cfg: DictConfig, tmp_path: Path):
     changed = cfg.copy()
     changed.paths.scenes = str(tmp_path / "scenes")
     images, layouts, looks = (
-        {**of, "new_scenes": of["new_items"]} for of in (scenes.images, scenes.layouts, scenes.looks)
+        {**of, "new_scenes": of["new_items"]} for of in (scenes.images, scenes.layouts, scenes.appearances)
     )
     write_scenes(tmp_path / "scenes", SceneSet(images, layouts, looks))  # pyright: ignore[reportArgumentType]
     refuses(robustness.main, changed, "robustness.split", "new_scenes", message, tmp_path / "out")
