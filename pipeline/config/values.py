@@ -45,7 +45,7 @@ def explain(error: ValidationError, prefix: str = "") -> str:
     first = error.errors()[0]
     context = first.get("ctx", {})
     keys = [str(key) for key in first["loc"] if not isinstance(key, int)]
-    if keys[0] in ("variants", "questions") and len(keys) > 2:
+    if keys[:1] in (["variants"], ["questions"]) and len(keys) > 2:
         del keys[2]  # the kind, which pydantic inserts to tell variants or questions apart
     name = context.get("name", prefix + ".".join(keys))
     what = f"expected {context['expected']}" if "expected" in context else first["msg"][0].lower() + first["msg"][1:]

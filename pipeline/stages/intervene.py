@@ -27,9 +27,9 @@ from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
-from pipeline.world.catalogue import Catalogue, read_catalogue
+from pipeline.world.catalogue import Catalogue
 from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts
-from pipeline.world.render import Palette
+from pipeline.world.render import read_palette
 
 PAPER = "paper"  # the family of the paper's questions (Table 2)
 EFFECTS = ["question", "variant", "user", "seed", "scene", "baseline", "intervened", "effect", "true_effect"]
@@ -71,26 +71,24 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write effects.parquet, summary.csv, metrics.json and, for the added items, images.npz and layouts.parquet."""
     check_weights(cfg)
     users, seeds, variants = list(cfg.users), list(cfg.protocol.seeds), list(cfg.variants)
-    catalogue = read_catalogue(Path(cfg.paths.data))
+    catalogue, palette = read_palette(cfg.paths.data)
     scenes, noise = _read_scenes(cfg, catalogue)
     additions = draw_additions(
         stream(cfg.intervene.root_seed, "intervene", "placements"), scenes, cfg.intervene.placements
     )
     asked, changes = _ask(cfg, scenes, additions)
 
-    camera = model_scm({}, renderer(Palette(catalogue)))  # do(O := o) and do(T := t) reach the models by their image
+    camera = model_scm({}, renderer(palette))  # do(O := o) and do(T := t) reach the models by their image
     images = [camera.do(**change).entail(noise, "I")["I"] for change in changes]
     seen = {"Z_theta": noise["Z_theta"], "S": noise["S"], "I": noise["I"], "Z_I": noise["Z_I"]}
     jobs = [Job(cfg, variant, seed, seen, images) for variant in variants[::-1] for seed in seeds]  # the slowest first
-    answers = np.array(map_jobs(_answer, jobs, cfg.workers, "intervene")).reshape(len(variants), len(seeds), -1)
-    answers = answers.reshape(len(variants), len(seeds), len(changes), len(users), -1)[::-1]
     truth = expected_validities(true_scm(cfg.users), noise, users, changes)  # (change, user, scene)
+    answers = np.reshape(map_jobs(_answer, jobs, cfg.workers, "intervene"), (len(variants), len(seeds), *truth.shape))
+    by_variant = dict(zip(variants, answers[::-1], strict=True))  # (seed, change, user, scene)
 
-    parts = [_effects(v, q, users, seeds, a, truth) for v, a in zip(variants, answers, strict=True) for q in asked]
-    summary = pd.concat(
-        [_summary(v, asked, users, a, truth) for v, a in zip(variants, answers, strict=True)], ignore_index=True
-    )
-    write_table(out_dir / "effects.parquet", pd.concat(parts, ignore_index=True)[EFFECTS])
+    effects = [_effects(v, question, users, seeds, a, truth) for v, a in by_variant.items() for question in asked]
+    summary = pd.concat([_summary(v, asked, users, a, truth) for v, a in by_variant.items()], ignore_index=True)
+    write_table(out_dir / "effects.parquet", pd.concat(effects, ignore_index=True)[EFFECTS])
     write_table(out_dir / "summary.csv", summary[SUMMARY])
     added = [camera.do(O=additions[symbol][0]).entail(noise, "I")["I"][None] for symbol in SYMBOLS]
     write_arrays(out_dir / "images.npz", {"images": np.stack(added), "z_theta": noise["Z_theta"]})
@@ -122,7 +120,10 @@ def _read_scenes(cfg: DictConfig, catalogue: Catalogue) -> tuple[Scenes, Values]
 
 
 def _ask(cfg: DictConfig, scenes: Scenes, additions: Mapping[str, list[Layouts]]) -> tuple[list[Asked], list[Values]]:
-    """Return every question, one for each user who may take over, and all changes; the first changes nothing."""
+    """Return every question, one for each user who may take over, and all changes; the first changes nothing.
+
+    InputError if a question makes no sense in these scenes, or if a family's questions are asked in different scenes.
+    """
     asked, changes, users = [], [{}], list(cfg.users)
     for name, settings in cfg.questions.items():
         question = TypeAdapter(Question).validate_python(OmegaConf.to_container(settings))
@@ -137,6 +138,13 @@ def _ask(cfg: DictConfig, scenes: Scenes, additions: Mapping[str, list[Layouts]]
         indices = list(range(len(changes), len(changes) + len(effect.placements)))
         changes += effect.placements
         asked.append(Asked(name, question.kind, symbol, family, users, effect.scenes, indices))
+    for question in asked:
+        first = next(q for q in asked if q.family == question.family)
+        if (question.scenes != first.scenes).any():
+            raise InputError(
+                f"family {question.family}: {first.name} and {question.name} are asked in different scenes; "
+                "give each a family of its own"
+            )
     return asked, changes
 
 
@@ -154,7 +162,7 @@ def _no_image(*_: object) -> Array:
 
 
 def _sides(
-    question: Asked, users: list[str], expected: Float[Array, "*seed change user scene"]
+    question: Asked, users: list[str], expected: Float[Array, "*seed change every_user every_scene"]
 ) -> tuple[Float[Array, "user *seed scene"], Float[Array, "user *seed scene"]]:
     """Return E[V | S = s] and E[V | do(...), S = s] of the question's users, in its scenes, placements averaged."""
     rows = [users.index(user) for user in question.users]
@@ -192,13 +200,10 @@ def _summary(
     answers: Float[Array, "seed change user scene"],
     truth: Float[Array, "change user scene"],
 ) -> pd.DataFrame:
-    """Return a row for each question and user, corrected by family; InputError if one has questions of other scenes."""
+    """Return a row for each question and user, p-values corrected by family."""
     tables = []
     for family in dict.fromkeys(question.family for question in asked):
         members = [question for question in asked if question.family == family]
-        if any((question.scenes != members[0].scenes).any() for question in members):
-            names = ", ".join(question.name for question in members)
-            raise InputError(f"family {family}: {names} are asked in different scenes; give each a family of its own")
         sides = [(*_sides(q, users, answers), *_sides(q, users, truth)) for q in members]
         keys = [(q.name, q.kind, q.symbol, variant, user) for q in members for user in q.users]
         table = study(*(np.concatenate(arrays) for arrays in zip(*sides, strict=True)))
