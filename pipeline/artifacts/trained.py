@@ -53,7 +53,7 @@ class _Question:
     z_theta: Array
 
 
-def ask(
+def predict_all(
     cfg: DictConfig,
     users: Sequence[str],
     images: UInt8[Array, "picture 100 100 3"],

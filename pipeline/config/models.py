@@ -47,11 +47,11 @@ class Irl(Group):
     rate: Rate
     weight_decay: Weight
     scenes_per_step: Count
-    copies: Count
+    n_augmentations: Count
     sparsity: Weight
     across: bool
     curve_every: Count
-    jitter: Jitter
+    color_jitter: Jitter
 
 
 class Vae(Group):

@@ -38,6 +38,7 @@ class Repair(Group):
     optimiser: Literal["gradient", "normalised", "adam"]
     rate: Size
     settle: bool
+    distance_penalty: Size
     lattice_side: Count
     refinements: Whole
 

@@ -7,14 +7,16 @@ from omegaconf import DictConfig
 
 from pipeline.launch import launch
 from pipeline.models.irl.reward_map import RewardMap
-from pipeline.training.irl.fit import CURVE, Schedule, fit
+from pipeline.training.irl.fit import CURVE, IrlSchedule, fit
 from pipeline.training.runner import fit_sequentially, fit_variant, variant_settings
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Weights, predictions.parquet, curves.parquet, curves.csv and metrics.json of `cfg.variant`."""
     settings = variant_settings(cfg, "irl")
-    train = partial(fit, objective=settings["objective"], schedule=Schedule.of({**cfg.irl, "steps": settings["steps"]}))
+    train = partial(
+        fit, objective=settings["objective"], schedule=IrlSchedule.of({**cfg.irl, "steps": settings["steps"]})
+    )
     fit_variant(cfg, out_dir, settings, RewardMap, partial(fit_sequentially, train), CURVE)
 
 

@@ -104,6 +104,6 @@ def _trainer(cfg: DictConfig, variant: str) -> tuple[type[ValidityModel], Fit]:
         weights = Weights(float(v.alpha), float(v.beta), float(v.gamma))
         return BetaVae, partial(fit_stack, weights=weights, schedule=Schedule.of(cfg.train))
     if v.stage == "irl":
-        pace = irl.Schedule.of({**cfg.irl, "steps": v.steps})
+        pace = irl.IrlSchedule.of({**cfg.irl, "steps": v.steps})
         return RewardMap, partial(fit_sequentially, irl.fit, objective=v.objective, schedule=pace)
     return ClearanceModel, partial(clearance.fit, schedule=Schedule.of(cfg.clearance))

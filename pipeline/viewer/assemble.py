@@ -9,9 +9,10 @@ from omegaconf import DictConfig
 from pipeline.artifacts.demos import DEMO_KEY, demo_arrays
 from pipeline.artifacts.interventions import AddedItems
 from pipeline.artifacts.scenes import SceneSet, train_pool
-from pipeline.causal.counterfactual import DECISION, NOBODY, blame
+from pipeline.causal.counterfactual import NO_SINGLE_CAUSE, attribute
 from pipeline.causal.scm import chance_of_change
 from pipeline.runtime.errors import InputError
+from pipeline.stats.scores import DECISION
 from pipeline.viewer.contents import Counterfactual, Demonstrations, Intervention, Learning, Repairs, Run
 from pipeline.world.bezier import lattice
 from pipeline.world.layout import SYMBOLS, Layouts
@@ -226,8 +227,8 @@ def _blamed(p: Array) -> int | None:
     """The item whose absence is most probably necessary; p (1 + item,): P(valid) as it stands and without each."""
     if p[0] > DECISION:
         return None
-    item = int(blame(chance_of_change(False, p[:1], p[1:])))
-    return None if item == NOBODY else item
+    item = int(attribute(chance_of_change(False, p[:1], p[1:])))
+    return None if item == NO_SINGLE_CAUSE else item
 
 
 def _learning(job: Job, belief: Belief, curves: pd.DataFrame) -> Learning:

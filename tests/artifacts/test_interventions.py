@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from tests.stages.inputs import ITEMS
 
 from pipeline.artifacts.files import write_arrays, write_table
 from pipeline.artifacts.interventions import read_interventions
@@ -13,6 +12,7 @@ from pipeline.artifacts.scenes import layout_table
 from pipeline.runtime.errors import InputError
 from pipeline.world.layout import SYMBOLS, Layouts, add_item, empty, random_layouts
 from tests.examples import RULES
+from tests.stages.inputs import ITEMS
 
 SCENES = 3
 

@@ -13,13 +13,19 @@ from pipeline.runtime.errors import InputError
 Stage = Callable[[DictConfig, Path], None]
 
 
+def name_of(main: Stage) -> str:
+    """Return the name of the stage in conf/ and dvc.yaml: its module's, or its study's folder."""
+    *_, folder, module = main.__module__.split(".")
+    return folder if module == "stage" else module
+
+
 def refuses(main: Stage, cfg: DictConfig, name: str, value: object, message: str, out: Path) -> None:
     """With the parameter `name` set to `value`, the stage, begun as by `launch`, says `message` and leaves no `out`."""
     changed = cfg.copy()
     OmegaConf.set_struct(changed, False)
     OmegaConf.update(changed, name, value, merge=False)
     with pytest.raises(ValueError, match=message):
-        validate(changed, [main.__module__.rpartition(".")[2]])
+        validate(changed, [name_of(main)])
         main(changed, out)
     assert not out.exists()
 
@@ -47,7 +53,7 @@ def listed(cfg: DictConfig, stage: str) -> DictConfig:
 
 def repeats_itself(main: Stage, cfg: DictConfig, before: Path, again: Path, workers: int = 1) -> None:
     """Run anew, with that many workers and no parameter but those it lists for DVC, it writes the same bytes again."""
-    more = listed(cfg, main.__module__.rpartition(".")[2])
+    more = listed(cfg, name_of(main))
     more.workers = workers
     main(more, again)
     assert sorted(p.name for p in again.iterdir()) == sorted(p.name for p in before.iterdir())

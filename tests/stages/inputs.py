@@ -38,7 +38,7 @@ def untrained_models(folder: Path, seeds: list[int], *overrides: str) -> DictCon
     OmegaConf.set_struct(cfg, False)
     for name in ("ae", "classifier", "irl_maxent"):
         del cfg.variants[name]
-    for stage in ("scenes", "train", "irl", "path"):
+    for stage in ("scenes", "train", "irl", "clearance"):
         OmegaConf.update(cfg, f"paths.{stage}", str(folder / stage))
     rng = np.random.default_rng(0)
     pools = [*map(train_pool, seeds), "new_items"]

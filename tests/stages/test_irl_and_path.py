@@ -17,7 +17,7 @@ from tests.stages.facts import listed
 
 STAGES = {"irl_maxent": irl.main, "irl_ranked": irl.main, "path": path.main}  # by variant
 USERS = ("aggressive", "careful", "normal")
-SMALL = ["seeds=[0]", "n=[1,2]", "main_n_demos=2", "irl.copies=2", "irl.curve_every=2", "workers=1"]
+SMALL = ["seeds=[0]", "n=[1,2]", "main_n_demos=2", "irl.n_augmentations=2", "irl.curve_every=2", "workers=1"]
 SMALL += ["variants.irl_maxent.steps=3", "variants.irl_ranked.steps=3", "path.steps=3", "path.curve_every=2"]
 
 
@@ -77,7 +77,7 @@ def test_a_second_run_by_two_processes_writes_the_same_bytes(run, small_world, t
     [
         ("irl_ranked", "variant=full", "not fitted by stage irl: expected one of irl_maxent, irl_ranked"),
         ("irl_ranked", "variants.irl_ranked.steps=0", "steps is 0"),
-        ("irl_ranked", "irl.jitter.other_table=2", "irl.jitter.other_table is 2"),
+        ("irl_ranked", "irl.color_jitter.other_table=2", "irl.color_jitter.other_table is 2"),
         ("irl_ranked", "variants.irl_ranked.objective=apprenticeship", "expected one of maxent, ranked"),
         ("path", "variant=irl_ranked", "not fitted by stage path: expected one of path"),
         ("path", "path.steps=0", "steps is 0"),

@@ -9,7 +9,7 @@ from pipeline.models.irl.reward_map import RewardMap
 from pipeline.params import compose
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.streams import job_seed
-from pipeline.training.irl.fit import Schedule, fit
+from pipeline.training.irl.fit import IrlSchedule, fit
 from pipeline.training.refit import TrainingSet, refit, refit_and_predict
 
 FEW = ["train.steps=2", "path.steps=2", "variants.irl_maxent.steps=3", "variants.irl_ranked.steps=3"]
@@ -35,7 +35,7 @@ def test_irl_is_fitted_as_stage_irl_fits_it(cfg: DictConfig, variant: str):
     seed = job_seed(0, "careful", cfg.main_n_demos, variant)
     answers = refit_and_predict(cfg, {variant: [taught]}, IMAGES, Z, "test")  # from here on by one torch thread
     model = untrained(RewardMap, v.model, seed)
-    pace = Schedule.of({**cfg.irl, "steps": v.steps})
+    pace = IrlSchedule.of({**cfg.irl, "steps": v.steps})
     fit(model, taught.images, taught.z_theta, taught.valid, v.objective, pace, seed)  # pyright: ignore
     np.testing.assert_array_equal(answers[variant][0], model.probability(IMAGES, Z))
 

@@ -110,7 +110,8 @@ def test_the_table_shows_through_glasses_and_nothing_else(catalogue):
             assert alpha.max() > 0.5, f"{row.name} has no rim or highlight"
         else:
             cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
-            inside = cv2.erode((alpha > 0).astype(np.uint8), cross, iterations=4, borderType=cv2.BORDER_CONSTANT)
+            solid = np.pad((alpha > 0).astype(np.uint8), 1)
+            inside = cv2.erode(solid, cross, iterations=4)[1:-1, 1:-1]
             assert alpha[inside > 0].min() == 1.0, row.name
 
 

@@ -75,9 +75,9 @@ class RewardMap(ValidityModel):
         """The reward map's cells and, last, the scene's soft optimum; zeros if the rule makes nothing of them."""
         if not self.scale:
             return images.new_zeros(len(images), self.side**2 + 1)
-        return self.look(torch.cat([_contrast(picture) for picture in to_bytes(images)]))
+        return self.perceive_contrasts(torch.cat([_contrast(picture) for picture in to_bytes(images)]))
 
-    def look(self, contrasts: Float[Tensor, "scene 4 100 100"]) -> Float[Tensor, "scene cell"]:
+    def perceive_contrasts(self, contrasts: Float[Tensor, "scene 4 100 100"]) -> Float[Tensor, "scene cell"]:
         """`perceive` from the pictures' contrast with the table."""
         group = range(SYMMETRIES if self.symmetric else 1)
         turned = [untransform(self.reward(transform(contrasts, g)), g) for g in group]

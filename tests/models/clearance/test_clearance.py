@@ -6,7 +6,7 @@ import torch
 from tests.spec.test_things import RED, WHITE, picture
 
 from pipeline.models.base import to_tensor, untrained
-from pipeline.models.clearance.clearance import SEEN, ClearanceModel, clearance, fit
+from pipeline.models.clearance.clearance import FEATURES_PER_MEMBER, ClearanceModel, clearance, fit
 from pipeline.perception.objects import FEATURES
 from pipeline.training.loop import Checkpoints, Schedule
 from pipeline.world.layout import Layouts
@@ -91,7 +91,7 @@ def test_each_member_judges_by_the_features_that_it_sees():
     seen = torch.cat([torch.zeros(1, 1, 5), x, torch.ones(1, 1, 1)], -1)
     slopes = (torch.autograd.grad(r, x, retain_graph=True)[0] for r in m.relevance(seen).flatten())
     moved = torch.stack([slope.flatten() != 0 for slope in slopes])
-    assert (moved.sum(1) == SEEN).all()
+    assert (moved.sum(1) == FEATURES_PER_MEMBER).all()
     assert len({tuple(row) for row in moved.tolist()}) > 10 and moved.any(0).all()
 
 

@@ -104,8 +104,8 @@ def test_a_form_that_uses_nothing_else_says_what_the_clearance_model_says(world)
         other.get_buffer("sees").copy_(model.get_buffer("sees")[:2])
         model.gate.normal_()  # no form but its own hears it
         where = torch.tensor(z).float()
-        mine = model.by_form(seen(layouts), relations(seen(layouts), where))[list(FORMS).index("nearest")]
-        torch.testing.assert_close(mine, other.of_things(seen(layouts), where), atol=1e-4, rtol=1e-4)
+        mine = model.logit_by_form(seen(layouts), relations(seen(layouts), where))[list(FORMS).index("nearest")]
+        torch.testing.assert_close(mine, other.logit_if_relevant(seen(layouts), where), atol=1e-4, rtol=1e-4)
 
 
 def test_answers_have_a_slope_along_the_paths(world):
@@ -120,8 +120,8 @@ def test_answers_have_a_slope_along_the_paths(world):
 def test_the_price_of_a_form_grows_with_what_it_may_adjust(world, monkeypatch):
     layouts, z = world
     model, told = AveragedModel(2), torch.tensor(RULES_OF_A_FORM["margin"](layouts, z, ALL, 0.0))
-    monkeypatch.setattr(AveragedModel, "by_form", lambda *_: torch.zeros(len(FORMS), SCENES, DEMOS))
+    monkeypatch.setattr(AveragedModel, "logit_by_form", lambda *_: torch.zeros(len(FORMS), SCENES, DEMOS))
     percept = seen(layouts)
-    averaging._weigh(model, percept, relations(percept, torch.tensor(z).float()), told)
+    fit_averaged.set_model_evidence(model, percept, relations(percept, torch.tensor(z).float()), told)
     paid = model.evidence[0] - model.evidence
     np.testing.assert_allclose(paid, 0.5 * np.log(SCENES * DEMOS) * np.array(list(FORMS.values())), rtol=1e-4)
