@@ -12,7 +12,7 @@ from pipeline.runtime.errors import InputError
 from tests.report import factory
 
 WORDS = dict.fromkeys(PAGES, 1200) | {"index": 500}
-FEW = ("full", "clearance")
+FEW = ("full", "classifier", "clearance")
 LARGEST_SITE = 2 * 2**20  # bytes
 
 

@@ -14,6 +14,7 @@ from pipeline.artifacts.models import model_dir, save_weights, weights_path
 from pipeline.artifacts.scenes import SceneSet, layout_table, train_pool, write_scenes
 from pipeline.models.registry import build
 from pipeline.params import compose
+from pipeline.report.results import Results
 from pipeline.runtime.errors import InputError
 from pipeline.stages.report import HEADLINES, TABLES, main
 from pipeline.world.layout import SYMBOLS, add_item
@@ -43,13 +44,15 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     return cfg
 
 
-def write_inputs(root: Path, cfg: DictConfig, results) -> None:
+def write_inputs(root: Path, cfg: DictConfig, results: Results) -> None:
     """Write what every stage before the report leaves."""
     rng, layouts, scenes = np.random.default_rng(0), results.drawn.layouts, factory.SCENES
     pools = [*map(train_pool, cfg.protocol.seeds), "new_scenes", "new_items"]
     images = {pool: rng.integers(0, 256, (scenes, 100, 100, 3), dtype=np.uint8) for pool in pools}
     appearance = pd.DataFrame({"texture": "oak", "render_seed": range(scenes)})
-    write_scenes(root / "scenes", SceneSet(images, dict.fromkeys(pools, layouts), dict.fromkeys(pools, appearance)))
+    write_scenes(
+        root / "scenes", SceneSet(images, {pool: layouts for pool in pools}, {pool: appearance for pool in pools})
+    )
     for name, (stage, file) in TABLES.items():
         write_table(root / stage / file, results.tables[name])
     write_arrays(root / "repair" / "paths.npz", dict(results.paths))
