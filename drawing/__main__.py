@@ -1,6 +1,6 @@
 """Write data/ anew, or a contact sheet of what it holds.
 
-python -m drawing                              data/items.csv, textures.csv and every picture
+python -m drawing                              data/items.csv, textures.csv and every image
 python -m drawing --more 24 --seed 11 --into more/    and as many random validation items of each symbol
                                                and table tops
 python -m drawing --contact-sheet sheet.png    the items on table tops, a row a symbol
@@ -11,15 +11,16 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pandas as pd
-from PIL import Image
 from tqdm import tqdm
 
 from drawing.designs import Design, designs, surfaces
 from drawing.shading import SIDE
+from pipeline.world.images import read_image, write_png
 
-SURFACE_WIDTH_M = 1.0  # a table top's picture measures this
+SURFACE_WIDTH_M = 1.0  # a table top's image measures this
 PROVENANCE = {"source": "drawn by python -m drawing", "licence": "MIT"}
 WRITTEN = ("items", "textures", "items.csv", "textures.csv")
 
@@ -27,7 +28,7 @@ Tops = dict[str, tuple[str, Callable[[], np.ndarray]]]  # by name: the split and
 
 
 def write_data(directory: Path, items: list[Design], tops: Tops) -> None:
-    """Draw items and table tops with their catalogues in the place of those in `directory`, once all are drawn."""
+    """Draw items and table tops; replace those in `directory`, and their catalogues, once all are drawn."""
     part = directory / ".part"
     shutil.rmtree(part, ignore_errors=True)  # of a run that was killed
     new, old = part / "new", part / "old"
@@ -48,7 +49,7 @@ def _draw(directory: Path, items: list[Design], tops: Tops) -> None:
     rows = []
     for design in tqdm(items, desc="items"):
         file = f"items/{design.name}.png"
-        Image.fromarray(design.draw()).save(directory / file, optimize=True)
+        write_png(directory / file, design.draw())
         rows.append(
             {
                 "name": design.name, "symbol": design.symbol, "split": design.split,
@@ -60,29 +61,30 @@ def _draw(directory: Path, items: list[Design], tops: Tops) -> None:
     rows = []
     for name, (split, draw) in tqdm(tops.items(), desc="table tops"):
         file = f"textures/{name}.png"
-        Image.fromarray(draw()).save(directory / file, optimize=True)
+        write_png(directory / file, draw())
         rows.append({"name": name, "split": split, "width_m": SURFACE_WIDTH_M, "file": file, **PROVENANCE})
     pd.DataFrame(rows).to_csv(directory / "textures.csv", index=False, lineterminator="\n")
 
 
-def contact_sheet(directory: Path) -> Image.Image:
-    """Every item of `directory` on its table tops, a row a symbol, in the catalogue's order."""
+def contact_sheet(directory: Path) -> np.ndarray:
+    """Return an RGB image of every item of `directory` on its table tops, a row a symbol, in the catalogue's order."""
     items = pd.read_csv(directory / "items.csv")
     tops = pd.read_csv(directory / "textures.csv")
     cell = SIDE // 2
     row, column = pd.factorize(items["symbol"])[0], items.groupby("symbol").cumcount()
-    sheet = Image.new("RGB", ((int(column.max()) + 1) * cell, (int(row.max()) + 1) * cell))
+    sheet = np.zeros(((int(row.max()) + 1) * cell, (int(column.max()) + 1) * cell, 3), np.uint8)
     for i, (file, y, x) in enumerate(zip(items["file"], row, column, strict=True)):
-        top = Image.open(directory / tops["file"][i % len(tops)]).crop((0, 0, cell, cell))
-        item = Image.open(directory / file).resize((cell - 20, cell - 20), Image.Resampling.LANCZOS)
-        top.paste(item, (10, 10), item)
-        sheet.paste(top, (x * cell, y * cell))
+        tile = sheet[y * cell : (y + 1) * cell, x * cell : (x + 1) * cell]
+        tile[:] = read_image(directory / tops["file"][i % len(tops)])[:cell, :cell, :3]
+        item = cv2.resize(read_image(directory / file), (cell - 20, cell - 20), interpolation=cv2.INTER_AREA)
+        alpha = item[..., 3:] / 255
+        tile[10:-10, 10:-10] = np.rint(alpha * item[..., :3] + (1 - alpha) * tile[10:-10, 10:-10])
     return sheet
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(prog="python -m drawing", description="Draw data/ or show what it holds.")
-    parser.add_argument("--contact-sheet", type=Path, metavar="PNG", help="write a picture of every item instead")
+    parser.add_argument("--contact-sheet", type=Path, metavar="PNG", help="write an image of every item instead")
     parser.add_argument("--more", type=int, default=0, metavar="N", help="random validation items and table tops, too")
     parser.add_argument("--seed", type=int, default=0, help="of what is random")
     parser.add_argument("--into", type=Path, default=Path("data"), metavar="DIR", help="where the catalogue goes")
@@ -94,6 +96,6 @@ if __name__ == "__main__":
     if asked.contact_sheet and not (asked.into / "items.csv").is_file():
         parser.error(f"{asked.into} holds no items.csv: draw it first, or give its folder by --into")
     if asked.contact_sheet:
-        contact_sheet(asked.into).save(asked.contact_sheet)
+        write_png(asked.contact_sheet, contact_sheet(asked.into))
     else:
         write_data(asked.into, designs(asked.more, asked.seed), surfaces(asked.more, asked.seed))

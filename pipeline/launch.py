@@ -1,100 +1,146 @@
-"""One `main(cfg, out_dir)` a stage, served to DVC (`--params params.yaml`) and to Hydra (everything else)."""
+"""Run a stage's `main(cfg, out_dir)` from the command line, for DVC (`--params params.yaml`) or by Hydra."""
 
+import hashlib
+import importlib
+import logging
+import os
+import re
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
+import yaml
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from pipeline.params import CONF, GRAPH, load, need, read_by, validate
+from pipeline.config.graph import FITTED, stage_entry
+from pipeline.params import CONF, GRAPH, PARAMS, drop_absent, load, need, read_by, refuse_unread, validate
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.memory import disable_malloc_trim
 
-Main = Callable[[DictConfig, Path], None]
-PER_VARIANT = ("train", "irl", "clearance")  # stages DVC runs once per variant, each in a folder of its own
+Main = Callable[[DictConfig, Path], float | None]
+USAGE = """
+python -m {module} [parameter=value ...]            one run by Hydra, into multirun/single/{stage}
+python -m {module} --multirun parameter=a,b ...     a sweep, into multirun/{stage}; --cfg job shows the parameters
+python -m {module} --params params.yaml             the run that DVC makes, into {out}
+"""
 
 
 def launch(main: Main, stage: str) -> None:
-    """Run a stage from the command line; InputError, or a file in the way, ends it with one line and exit code 2.
+    """Run a stage from the command line; a person's error ends it with one line and exit code 2.
 
-    `--params FILE [key=value ...]` reads resolved parameters and writes to `paths.<stage>`, as DVC wants it;
-    otherwise Hydra composes conf/ (`--multirun` sweeps) and the run writes to Hydra's output directory.
+    `--params FILE [key=value ...]` reads resolved parameters and writes to the stage's folder of `paths`, as DVC
+    wants it. Otherwise Hydra composes conf/, and the run writes to Hydra's output directory. What `main` returns goes
+    to Hydra's sweeper, so that one that optimises can use it.
     """
     disable_malloc_trim()
+    argv = sys.argv[1:]
     try:
-        failed = _from_params(main, stage, sys.argv[1:]) if "--params" in sys.argv[1:] else _from_hydra(main, stage)
+        if {"-h", "--help"} & set(argv):
+            print(usage(main, stage))
+        elif "--params" in argv:
+            _from_params(main, stage, argv)
+        else:
+            _from_hydra(main, stage, argv)
     except KeyboardInterrupt:
         print("error: interrupted", file=sys.stderr)
         sys.exit(130)
-    if failed:
+    except (InputError, OSError, yaml.YAMLError) as error:
+        print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
         sys.exit(2)
 
 
-def _from_params(main: Main, stage: str, argv: list[str]) -> bool:
-    """Whether the run failed."""
-    at = argv.index("--params")
-
-    def run() -> None:
-        if len(argv) < at + 2:
-            raise InputError("--params needs a file: python -m pipeline.stages.<stage> --params params.yaml")
-        overrides = argv[:at] + argv[at + 2 :]  # DVC gives none, and will run the other stages, too
-        cfg = load(Path(argv[at + 1]), overrides, [stage] if overrides else GRAPH)
-        need(cfg, "seed", cfg.seed is None, "null, since DVC keeps the files of all seeds; for one, leave --params out")
-        out_dir = _folder(Path(cfg.paths[stage]), stage, cfg)
-        out_dir.mkdir(parents=True, exist_ok=True)
-        main(cfg, out_dir)
-
-    return _failed(run)
+def usage(main: Main, stage: str) -> str:
+    """Return what a stage does, how it is run, the files and parameters it reads and the files it writes."""
+    module = f"studies.{stage}.stage" if (CONF.parent / "studies" / stage).is_dir() else f"pipeline.stages.{stage}"
+    text = (importlib.import_module(module).__doc__ or "").strip() if "." in module else ""
+    cfg = load(CONF.parent / PARAMS)
+    entry = stage_entry(stage) or {}
+    lines = [text, USAGE.format(module=module, stage=stage, out=_folder(_root(cfg, stage), stage, cfg))]
+    lines += ["Reads:", *(f"  {dep}" for dep in entry.get("deps", []) if not dep.startswith(("pipeline/", "studies/")))]
+    outs = [out for key in ("outs", "metrics", "plots") for out in entry.get(key, [])]
+    lines += ["Writes:", *(f"  {out if isinstance(out, str) else next(iter(out))}" for out in outs)]
+    lines += [f"Parameters (conf/ says what each is; these are of profile {cfg.profile}):"]
+    lines += [f"  {line}" for line in (read_by(cfg, stage) or "").splitlines()]
+    return "\n".join(lines)
 
 
-def _from_hydra(main: Main, stage: str) -> bool:
-    """Compose conf/ and run, each combination of a sweep whatever became of the others; whether any failed.
-
-    Hydra's folders carry the stage's name (by itself it would name them after this file). A sweep over what the stage
-    does not read, which would give the same results under several names, is refused, unless a launcher runs each
-    combination in a process of its own: none knows of the others then.
-    """
-    import hydra
-    from hydra.core.hydra_config import HydraConfig
-
-    failures, runs = [], {}
-
-    def run(cfg: DictConfig) -> None:
-        def once() -> None:
-            try:
-                OmegaConf.resolve(cfg)
-            except OmegaConfBaseException as error:
-                raise InputError(f"parameters do not resolve ({error}): mend the override") from error
-            validate(cfg, [stage])
-            asked, read = HydraConfig.get().job.override_dirname, read_by(cfg, stage)
-            before = asked if read is None else runs.setdefault(read, asked)
-            if before != asked:
-                raise InputError(
-                    f"{asked}: nothing that stage {stage} reads differs from {before}. What stages before it read goes "
-                    "into their files: sweep it with `dvc exp run -S`, which runs those again"
-                )
-            main(cfg, _folder(Path(HydraConfig.get().runtime.output_dir), stage, cfg))
-
-        failures.append(_failed(once))
-
-    if not any(argument.startswith("hydra.job.name=") for argument in sys.argv):
-        overrides = [i for i, argument in enumerate(sys.argv) if "=" in argument and not argument.startswith("-")]
-        sys.argv.insert(min(overrides, default=len(sys.argv)), f"hydra.job.name={stage}")
-    hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run)()
-    return any(failures)
+def _root(cfg: DictConfig, stage: str) -> Path:
+    """Return where DVC keeps the stage's files."""
+    return Path(cfg.paths[stage]) if stage in cfg.paths else Path(cfg.paths.studies) / stage
 
 
 def _folder(folder: Path, stage: str, cfg: DictConfig) -> Path:
-    """Where a stage writes: variants fitted by one stage lie side by side, as those who read them expect."""
-    return folder / cfg.variant if stage in PER_VARIANT else folder
+    """Return where a run writes: variants fitted by one stage lie side by side, as their readers expect."""
+    return folder / cfg.variant if stage in FITTED else folder
 
 
-def _failed(run: Callable[[], None]) -> bool:
-    """Run it; whether it ended with an error that a person can put right, which is then said in one line."""
+def _from_params(main: Main, stage: str, argv: list[str]) -> None:
+    """Run with the parameters of a file."""
+    index = argv.index("--params")
+    if len(argv) < index + 2:
+        raise InputError("--params needs a file: --params params.yaml")
+    overrides = argv[:index] + argv[index + 2 :]
+    cfg = load(Path(argv[index + 1]), overrides, [stage] if overrides else [*GRAPH, stage])
+    refuse_unread(cfg, stage, overrides)
+    need(cfg, "seed", cfg.seed is None, "null, since DVC keeps the files of all seeds; for one, leave --params out")
+    out_dir = _folder(_root(cfg, stage), stage, cfg)
+    out_dir.mkdir(parents=True, exist_ok=True)
+    main(cfg, out_dir)
+
+
+def _from_hydra(main: Main, stage: str, argv: list[str]) -> None:
+    """Compose conf/ and run; of a sweep every combination, whatever became of the others."""
+    import hydra
+    from hydra.core.hydra_config import HydraConfig
+    from hydra.errors import HydraException
+    from hydra.types import RunMode
+
+    def run(cfg: DictConfig) -> float | None:
+        settings = HydraConfig.get()
+        overrides = [override for override in settings.overrides.task if not override.startswith("hydra.")]
+        try:
+            return _job(main, stage, cfg, overrides, Path(settings.runtime.output_dir))
+        except (InputError, OSError) as error:
+            if settings.mode == RunMode.MULTIRUN:  # Hydra hands on the first failure alone
+                print(f"error: {settings.job.override_dirname}: {error}", file=sys.stderr)
+            raise
+
+    # Hydra names its folders after the job; argparse wants all overrides in a row
+    overrides = [argument for argument in argv if ("=" in argument and argument[0] != "-") or argument[0] in "~+"]
+    flags = [argument for argument in argv if argument not in overrides]
+    if not any(override.startswith("hydra.job.name=") for override in overrides):
+        overrides.insert(0, f"hydra.job.name={stage}")
+    sys.argv[1:] = [*overrides, *flags]
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # errors come here instead of into Hydra's own words and exit code
+    _note_other_profile(overrides)
     try:
-        run()
-    except (InputError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return True
-    return False
+        hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run)()
+    except HydraException as error:
+        raise InputError(str(error)) from error
+
+
+def _job(main: Main, stage: str, cfg: DictConfig, overrides: list[str], folder: Path) -> float | None:
+    """Check one combination of parameters, run it, and log what it was and how long it took."""
+    try:
+        OmegaConf.resolve(cfg)
+    except OmegaConfBaseException as error:
+        raise InputError(f"parameters do not resolve ({error}): correct the override") from error
+    drop_absent(cfg)
+    validate(cfg, [stage])
+    refuse_unread(cfg, stage, overrides)
+    start = time.perf_counter()
+    value = main(cfg, _folder(folder, stage, cfg))
+    digest = hashlib.sha256((read_by(cfg, stage) or OmegaConf.to_yaml(cfg)).encode()).hexdigest()[:12]
+    logging.getLogger(stage).info("done in %.1f s, parameters %s: %s", time.perf_counter() - start, digest, overrides)
+    return value
+
+
+def _note_other_profile(overrides: list[str]) -> None:
+    """Say which profile Hydra composes, where params.yaml is of another one."""
+    asked = next((o.partition("=")[2] for o in reversed(overrides) if o.startswith("profile=")), "paper")
+    path = CONF.parent / PARAMS
+    found = re.search(r"(?m)^profile: (\S+)", path.read_text()) if path.is_file() else None
+    if found and found[1] != asked:
+        print(f"profile {asked}; params.yaml is {found[1]}", flush=True)

@@ -1,8 +1,9 @@
-"""Parameters: conf/ composed into params.yaml, the check that they agree, and the ranges they must keep.
+"""Compose conf/ into params.yaml, check that they agree, and check every parameter.
 
 python -m pipeline.params                  write params.yaml from conf/
 python -m pipeline.params profile=smoke    the same with Hydra overrides
-python -m pipeline.params --check          exit 1 if params.yaml is not what conf/ composes
+python -m pipeline.params '~variants.ae'   a smaller graph: dvc.yaml's lists of variants follow
+python -m pipeline.params --check          exit 1 if params.yaml or dvc.yaml is not what conf/ composes
 """
 
 import sys
@@ -10,22 +11,35 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import yaml
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import ConfigAttributeError, OmegaConfBaseException
 from pydantic import ValidationError
+from pydantic_core import PydanticCustomError
 
-from pipeline.config import AGREEMENTS, Agreed, sentence
+from pipeline.config.graph import ROOT, graph_files, listed_variants, stage_entry, with_variants
+from pipeline.config.settings import NEEDS, Settings, check_study, is_study
+from pipeline.config.values import explain
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.writing import atomic_write
 
-CONF = Path(__file__).resolve().parent.parent / "conf"
+CONF = ROOT / "conf"
 PARAMS = Path("params.yaml")
-GRAPH = tuple(AGREEMENTS)  # every stage that needs something of several groups
-COMPOSED = ("profile", "protocol", "seeds", "train.model", "validation_seeds")  # what conf/ makes other parameters of
+GRAPH = tuple(NEEDS)  # the paper's stages that need something of several groups
+# parameters that conf/ composes others of -> the others
+COMPOSED = {
+    "profile": "",
+    "protocol": "protocol",
+    "seeds": "protocol",
+    "validation_seeds": "protocol",
+    "train.model": "variants",
+}
 
 
 def compose(overrides: Sequence[str] = ()) -> DictConfig:
-    """conf/config.yaml with Hydra `overrides`, every interpolation resolved."""
+    """Return conf/config.yaml with Hydra `overrides`, resolved and checked.
+
+    Lists of variants and users lose those that an override removed. Raises InputError.
+    """
     from hydra import compose as hydra_compose
     from hydra import initialize_config_dir
     from hydra.errors import HydraException
@@ -34,104 +48,163 @@ def compose(overrides: Sequence[str] = ()) -> DictConfig:
         with initialize_config_dir(str(CONF), version_base="1.3"):
             cfg = hydra_compose("config", overrides=list(overrides))
         OmegaConf.resolve(cfg)
-    except (HydraException, OmegaConfBaseException) as error:
+    except (HydraException, OmegaConfBaseException, yaml.YAMLError) as error:
         raise InputError(f"conf/ with overrides {list(overrides)} does not compose: {error}") from error
+    drop_absent(cfg)
     validate(cfg)
     return cfg
 
 
+def drop_absent(cfg: DictConfig) -> None:
+    """Take variants, users and studies that were removed out of the lists of the composed `cfg` that name them."""
+    variants = {path.stem for path in (CONF / "variants").glob("*.yaml")} - set(cfg.variants)
+    users = set(OmegaConf.load(CONF / "users.yaml")["users"]) - set(cfg.users)  # pyright: ignore
+    with open_dict(cfg):
+        for comparison in list(cfg.evaluate.comparisons):
+            comparison.against = [name for name in comparison.against if name not in variants]
+            if comparison.variant in variants or not comparison.against:
+                cfg.evaluate.comparisons.remove(comparison)
+        cfg.record.first = [name for name in cfg.record.first if name not in variants]
+        cfg.report.shown = [name for name in cfg.report.shown if name not in variants] or list(cfg.variants)[:3]
+        cfg.evaluate.users = [name for name in cfg.evaluate.users if name not in users]
+        if cfg.variant in variants:
+            cfg.variant = next(iter(cfg.variants))
+        for name in [name for name in cfg.get("studies", {}) if not (ROOT / "studies" / name / "stage.py").is_file()]:
+            del cfg.studies[name]
+
+
 def render(cfg: DictConfig) -> str:
-    """The text of params.yaml: the very bytes DVC writes for `dvc exp run -S`."""
+    """Return the text of params.yaml: the very bytes DVC writes for `dvc exp run -S`."""
     return OmegaConf.to_yaml(cfg)
 
 
 def load(path: Path, overrides: Sequence[str] = (), stages: Collection[str] = ()) -> DictConfig:
-    """Parameters from a params.yaml with dotted `overrides` (`variant=ae`); InputError if they make none.
+    """Return the parameters of a params.yaml with dotted `overrides` (`variant=ae`), checked as by `validate`.
 
-    `stages`: of `validate`.
+    Raises InputError for a file or an override that makes no parameters.
     """
     if not path.is_file():
-        raise InputError(f"no parameters at {path}: run `python -m pipeline.params` to write them from conf/")
+        raise InputError(f"{path} is missing: run `python -m pipeline.params` to write it from conf/")
     try:
         cfg = OmegaConf.create(path.read_text())
         if not isinstance(cfg, DictConfig) or not cfg:
-            raise InputError(f"{path} holds no mapping: run `python -m pipeline.params` to write it anew")
+            raise InputError(f"{path} is not a mapping: run `python -m pipeline.params` to write it again")
         OmegaConf.set_struct(cfg, True)
-        _not_composed(overrides)
+        _refuse_composed(overrides)
         cfg.merge_with_dotlist(list(overrides))
         OmegaConf.resolve(cfg)
-        validate(cfg, stages)
     except ConfigAttributeError as error:
-        raise InputError(
-            f"{path} with {list(overrides)} has no parameter {error.full_key}: conf/ names them all, and "
-            "`python -m pipeline.params` writes them anew"
-        ) from error
+        raise InputError(f"unknown parameter {error.full_key!r} in {list(overrides)} (see conf/)") from error
     except (UnicodeDecodeError, yaml.YAMLError, OmegaConfBaseException) as error:
         raise InputError(
-            f"{path} with {list(overrides)} is not parameters ({error}): run `python -m pipeline.params`"
+            f"{path} with {list(overrides)} could not be read ({error}): run `python -m pipeline.params`"
         ) from error
+    validate(cfg, stages)
     return cfg
 
 
-def _not_composed(overrides: Sequence[str]) -> None:
-    """Raise InputError for an override that would leave what was composed of the parameter as it is."""
+def _refuse_composed(overrides: Sequence[str]) -> None:
+    """Raise InputError for an override of what other parameters in params.yaml were composed of."""
     for override in overrides:
         name = override.partition("=")[0]
-        for made in COMPOSED:
-            if name == made or name.startswith(f"{made}."):
+        for source in COMPOSED:
+            if name == source or name.startswith(f"{source}."):
                 raise InputError(
-                    f"override {override!r} would leave the parameters that are composed of {made} as they are: run "
+                    f"{override}: params.yaml holds other parameters that were composed of {source}. Run "
                     f"`python -m pipeline.params {override}`, or the stage without --params"
                 )
 
 
 def validate(cfg: DictConfig, stages: Collection[str] = ()) -> None:
-    """Raise InputError for the first parameter out of its range, before any work is done.
+    """Raise InputError for the first parameter that is wrong, before any work is done.
 
-    And for the first that does not suit others with which one of `stages` (of GRAPH, all there are) reads it.
+    `stages`: those about to run, studies among them; what they need of several groups together is checked, too.
     """
+    prefix = ""
     try:
-        Agreed.model_validate(OmegaConf.to_container(cfg, resolve=True), context=stages)
+        settings = Settings.model_validate(OmegaConf.to_container(cfg, resolve=True), context=stages)
+        for name in settings.studies:
+            prefix = f"studies.{name}."
+            if is_study(name):
+                check_study(name, settings, agree=name in stages)
     except ValidationError as error:
-        raise InputError(f"{sentence(error)}; change it in conf/ or on the command line") from error
+        raise InputError(f"{explain(error, prefix)}; change it in conf/ or on the command line") from error
+    except PydanticCustomError as error:
+        context = error.context or {}
+        stated = f"parameter {context['name']} is {context['value']!r}: " if "name" in context else ""
+        expected = "expected " if error.type == "expected" else ""
+        raise InputError(f"{stated}{expected}{error.message()}; change it in conf/ or on the command line") from error
 
 
 def need(cfg: DictConfig, name: str, holds: bool, expected: str) -> None:
-    """Raise InputError, which says what a parameter is and what was expected, unless that holds."""
+    """Raise InputError, which names a parameter, its value and what was expected, unless `holds`."""
     if not holds:
         raise InputError(f"parameter {name} is {OmegaConf.select(cfg, name)!r}: expected {expected}")
 
 
-def read_by(cfg: DictConfig, stage: str) -> str | None:
-    """As text, what a stage reads: the parameters dvc.yaml lists for it, and those that DVC does not watch.
+def names_read(stage: str) -> list[str] | None:
+    """Return the names of the parameters a stage reads: those dvc.yaml lists, and those that DVC does not watch.
 
-    None for a stage that dvc.yaml does not have; InputError if it is no graph.
+    None for a stage that no dvc.yaml has.
     """
-    path = CONF.parent / "dvc.yaml"
-    try:
-        stages = yaml.safe_load(path.read_text())["stages"]
-    except (yaml.YAMLError, KeyError, TypeError) as error:
-        raise InputError(f"{path} is no graph of stages ({error}): mend it, or take it from git") from error
-    if stage not in stages:
+    entry = stage_entry(stage)
+    if entry is None:
         return None
-    of_job = ("variant", "seed") if "matrix" in stages[stage] else ()  # what a stage of one model at a time is told
-    names = [*stages[stage].get("params", []), *of_job, "workers", "paths"]
+    return [*entry.get("params", []), *(("variant", "seed") if "matrix" in entry else ()), "workers", "paths"]
+
+
+def read_by(cfg: DictConfig, stage: str) -> str | None:
+    """Return, as YAML, the parameters that a stage reads; None for a stage that no dvc.yaml has."""
+    names = names_read(stage)
+    if names is None:
+        return None
     values = {name: OmegaConf.select(cfg, name.replace("${item.variant}", cfg.variant)) for name in names}
     return OmegaConf.to_yaml(OmegaConf.create(values))
 
 
+def refuse_unread(cfg: DictConfig, stage: str, overrides: Sequence[str]) -> None:
+    """Raise InputError for an override of what the stage does not read: it would name a result that it did not change.
+
+    `overrides`: as on Hydra's command line. Nothing is refused for a stage that no dvc.yaml has.
+    """
+    names = names_read(stage)
+    for override in overrides if names is not None else ():
+        name = override.lstrip("+~").partition("=")[0].rpartition("@")[2]
+        targets = [name, *(target for source, target in COMPOSED.items() if f"{name}.".startswith(f"{source}."))]
+        read = [str(own).replace("${item.variant}", cfg.variant) for own in names or ()]
+        if "" in targets or any(
+            f"{t}.".startswith(f"{r}.") or f"{r}.".startswith(f"{t}.") for t in targets for r in read
+        ):
+            continue
+        raise InputError(
+            f"{override}: stage {stage} does not read {name} (it reads {', '.join(read)}). If an earlier stage reads "
+            f"it, run that one again, too: `dvc exp run -S {override} {stage}`"
+        )
+
+
 def _main(argv: list[str]) -> int:
+    if {"-h", "--help"} & set(argv):
+        print(__doc__)
+        return 0
     check = "--check" in argv
-    cfg = compose([a for a in argv if a != "--check"])
+    cfg = compose([argument for argument in argv if argument != "--check"])
     validate(cfg, GRAPH)
-    text = render(cfg)
-    if not check:
-        atomic_write(PARAMS, lambda part: part.write_text(text))
-        return 0
-    if PARAMS.is_file() and PARAMS.read_text() == text:
-        return 0
-    print(f"error: {PARAMS} is not what conf/ composes: run `python -m pipeline.params`", file=sys.stderr)
-    return 1
+    stage_of = {str(name): str(variant.stage) for name, variant in cfg.variants.items()}
+    before = listed_variants()
+    files = {PARAMS: render(cfg)}
+    files |= {path: with_variants(path.read_text(), stage_of, before) for path in graph_files()}
+    stale = [path for path, text in files.items() if not path.is_file() or path.read_text() != text]
+    if check and stale:
+        print(f"error: {stale[0]} is not what conf/ composes: run `python -m pipeline.params`", file=sys.stderr)
+        return 1
+    for path in stale:
+        atomic_write(path, lambda part, path=path: part.write_text(files[path]))
+    for study in cfg.get("studies", {}):
+        try:
+            validate(cfg, [study])
+        except InputError as error:
+            print(f"note: study {study} will not run: {error}", file=sys.stderr)
+    return 0
 
 
 if __name__ == "__main__":

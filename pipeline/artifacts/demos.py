@@ -37,7 +37,7 @@ class Queries:
 
 @lru_cache(maxsize=1)
 def read_labelled(scenes_dir: str, demos_dir: str) -> tuple[SceneSet, pd.DataFrame, dict[str, Queries]]:
-    """The scenes, their demonstrations and queries, read once per process."""
+    """Read the scenes, their demonstrations and queries, once per process."""
     return read_scenes(Path(scenes_dir)), read_demos(Path(demos_dir)), read_queries(Path(demos_dir))
 
 
@@ -53,7 +53,7 @@ def write_demos(out_dir: Path, demos: pd.DataFrame, samples: np.ndarray, offsets
 
 
 def read_demos(directory: Path) -> pd.DataFrame:
-    """One row a demonstration, sorted by seed, user, scene, demo."""
+    """Read one row a demonstration, sorted by seed, user, scene, demo."""
     demos = read_table(directory / "demos.parquet", DEMO_COLUMNS)
     if not np.isfinite(demos[["z_x", "z_y"]].to_numpy()).all():
         raise InputError(f"{directory}/demos.parquet: a z_theta is not finite; run the demos stage again")
@@ -61,13 +61,13 @@ def read_demos(directory: Path) -> pd.DataFrame:
 
 
 def read_trajectories(directory: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Samples (total, 4) and offsets (demonstration + 1), in the row order of `read_demos`."""
+    """Read samples (total, 4) and offsets (demonstration + 1), in the row order of `read_demos`."""
     arrays = read_arrays(directory / "trajectories.npz")
     return arrays["samples"], arrays["offsets"]
 
 
 def demo_arrays(demos: pd.DataFrame, seed: int, user: str, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """The first `n` demonstrations of each scene: z (scene, n, 2) [m], valid (scene, n)."""
+    """Return the first `n` demonstrations of each scene: z (scene, n, 2) [m], valid (scene, n)."""
     rows = demos[(demos["seed"] == seed) & (demos["user"] == user) & (demos["demo"] < n)].sort_values(["scene", "demo"])
     scenes = rows["scene"].nunique()
     if scenes == 0 or len(rows) != scenes * n:
@@ -89,7 +89,7 @@ def write_queries(out_dir: Path, queries: dict[str, Queries]) -> None:
 
 
 def read_queries(directory: Path) -> dict[str, Queries]:
-    """Queries by pool."""
+    """Read the queries by pool."""
     arrays = read_arrays(directory / "queries.npz")
     pools: dict[str, Queries] = {}
     for name in (name for name in arrays if name.endswith("/z")):

@@ -12,7 +12,7 @@ from pipeline.runtime.writing import atomic_write
 
 
 def write_table(path: Path, table: pd.DataFrame) -> None:
-    """A data frame as parquet (`.parquet`) or as csv (`.csv`, 6 significant digits)."""
+    """Write a data frame as parquet (`.parquet`) or as csv (`.csv`, 6 significant digits)."""
     if path.suffix == ".csv":
         atomic_write(path, lambda p: table.to_csv(p, index=False, float_format="%.6g", lineterminator="\n"))
     else:
@@ -20,7 +20,7 @@ def write_table(path: Path, table: pd.DataFrame) -> None:
 
 
 def read_table(path: Path, columns: Sequence[str] | None = None) -> pd.DataFrame:
-    """A table written by `write_table`; InputError if it is missing, unreadable or lacks a column."""
+    """Read a table written by `write_table`; InputError if it is missing, unreadable or lacks a column."""
     if not path.is_file():
         raise InputError(f"{path} is missing: run `make repro` (or the stage that writes it) first")
     try:
@@ -34,13 +34,13 @@ def read_table(path: Path, columns: Sequence[str] | None = None) -> pd.DataFrame
 
 
 def write_json(path: Path, content: Mapping) -> None:
-    """JSON with sorted keys; NaN and infinity are refused (ValueError)."""
+    """Write JSON with sorted keys; refuse NaN and infinity (ValueError)."""
     text = json.dumps(content, indent=2, sort_keys=True, allow_nan=False) + "\n"
     atomic_write(path, lambda p: p.write_text(text))
 
 
 def read_json(path: Path) -> dict:
-    """A JSON object; InputError if it is missing or no JSON."""
+    """Read a JSON object; InputError if it is missing or no JSON."""
     if not path.is_file():
         raise InputError(f"{path} is missing: run `make repro` (or the stage that writes it) first")
     try:
@@ -53,7 +53,7 @@ def read_json(path: Path) -> dict:
 
 
 def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    """Named arrays as an uncompressed npz, in the order given."""
+    """Write named arrays as an uncompressed npz, in the order given."""
 
     def write(temporary: Path) -> None:
         with temporary.open("wb") as file:
@@ -63,7 +63,7 @@ def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
 
 
 def read_arrays(path: Path) -> dict[str, np.ndarray]:
-    """Every array of an npz; InputError if it is missing or truncated."""
+    """Read every array of an npz; InputError if it is missing or truncated."""
     if not path.is_file():
         raise InputError(f"{path} is missing: run `make repro` (or the stage that writes it) first")
     try:

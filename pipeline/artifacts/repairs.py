@@ -1,11 +1,15 @@
-"""Repairs, judged by the truth: the starts that stages repair and search share, and the table of where they end."""
+"""Repairs as stages exchange them: the starts all methods share, and a table row for each end."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Float, Int
+from numpy import ndarray as Array
 from omegaconf import DictConfig
 
+from pipeline.artifacts.files import read_arrays, read_table
 from pipeline.artifacts.scenes import SceneSet, train_pool
 from pipeline.planning.oracle import nearest_valid
 from pipeline.runtime.errors import InputError
@@ -15,74 +19,106 @@ from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import Margins, clearance, slack, valid
 
+READ_COLUMNS = ["method", "variant", "user", "seed", "scene", "start", "valid_end"]
+
 
 @dataclass(frozen=True)
 class Starts:
-    """One user's invalid paths in the pool, the same for all seeds and variants, and the nearest valid ones."""
+    """One user's invalid paths in the pool, the same for all seeds and variants."""
 
     user: str
     margins: Margins
     layouts: Layouts
-    at: tuple[np.ndarray, np.ndarray]  # scene and start of each
-    z: np.ndarray  # (start, 2) [m]
-    nearest: np.ndarray  # (start, 2) [m]: the oracle's
-
-    def first(self, count: int | None) -> "Starts":
-        """The first of them; None: all."""
-        few = slice(count)
-        return replace(self, at=(self.at[0][few], self.at[1][few]), z=self.z[few], nearest=self.nearest[few])
+    scene: Int[Array, " start"]
+    start: Int[Array, " start"]  # number in its scene
+    z: Float[Array, "start 2"]  # [m]
+    nearest: Float[Array, "start 2"]  # the nearest truly valid z_theta [m]
 
 
 def check_pool(cfg: DictConfig, scenes: SceneSet) -> str:
-    """The pool to repair in; InputError if conf/repair or the scenes stage does not provide it."""
+    """Return the pool whose paths are repaired; InputError if stage scenes does not provide it."""
     pool = cfg.protocol.splits[cfg.repair.split]
     scenes.check_has(pool, *map(train_pool, cfg.protocol.seeds))
     return pool
 
 
-def draw_starts(cfg: DictConfig, scenes: SceneSet) -> tuple[np.ndarray, dict[str, Starts]]:
-    """Random z_theta (scene, start, 2) [m] in the pool's scenes; of them each user's invalid ones, some at least."""
+def draw_starts(cfg: DictConfig, scenes: SceneSet) -> tuple[Float[Array, "scene start 2"], dict[str, Starts]]:
+    """Draw random z_theta [m] in the pool's scenes; return them, and each user's invalid ones.
+
+    InputError if all are valid to every user.
+    """
     pool = check_pool(cfg, scenes)
     layouts = scenes.layouts[pool]
-    rng = stream(cfg.scenes.root_seed, "repair", "starts")
-    candidates = random_z_theta(rng, len(layouts), cfg.repair.starts)
-    starts = {user: _starts(cfg, user, layouts, candidates) for user in cfg.users}
+    candidates = random_z_theta(stream(cfg.scenes.root_seed, "repair", "starts"), len(layouts), cfg.repair.starts)
+    starts = {}
+    for user, margins in cfg.users.items():
+        scene, start = np.nonzero(~valid(layouts, candidates, margins))
+        nearest = nearest_valid(layouts, candidates, margins, cfg.repair.lattice_side, cfg.repair.refinements)
+        starts[str(user)] = Starts(
+            str(user), margins, layouts, scene, start, candidates[scene, start], nearest[scene, start]
+        )
     if not any(len(s.z) for s in starts.values()):
         raise InputError(f"no user has an invalid path among those drawn in {pool}: raise repair.starts")
     return candidates, starts
 
 
-def _starts(cfg: DictConfig, user: str, layouts: Layouts, candidates: np.ndarray) -> Starts:
-    """The candidates that are invalid to a user, and the oracle's answer to each."""
-    margins = cfg.users[user]
-    scene, start = np.nonzero(~valid(layouts, candidates, margins))
-    nearest = nearest_valid(layouts, candidates, margins, cfg.repair.lattice_side, cfg.repair.refinements)
-    return Starts(user, margins, layouts, (scene, start), candidates[scene, start], nearest[scene, start])
-
-
-def rows(starts: Starts, method: str, seed: int, z: np.ndarray, p: np.ndarray | None) -> pd.DataFrame:
-    """One row per start: where it ended, what the model made of it (`p`, None without one), what is true."""
-    scene, start = starts.at
-    z = z.astype(np.float64)
-    layouts = starts.layouts[scene]  # each row in its own scene
-    room = slack(layouts, clearance(layouts, z[:, None]), starts.margins)[:, 0]
+def rows(
+    starts: Starts,
+    method: str,
+    variant: str,
+    seed: int,
+    ends: Float[Array, "start 2"],
+    p_start: Float[Array, " start"] | None = None,
+    p_end: Float[Array, " start"] | None = None,
+) -> pd.DataFrame:
+    """Return a row a start: its end [m], what the model makes of both (if there is one), and what is true."""
+    ends = ends.astype(np.float64)
+    layouts = starts.layouts[starts.scene]  # each row in its own scene
+    clearances = slack(layouts, clearance(layouts, ends[:, None]), starts.margins)[:, 0]
     return pd.DataFrame(
         {
             "method": method,
-            "seed": seed,
+            "variant": variant,
             "user": starts.user,
-            "scene": scene,
-            "start": start,
+            "seed": seed,
+            "scene": starts.scene,
+            "start": starts.start,
             "z0_x": starts.z[:, 0],
             "z0_y": starts.z[:, 1],
-            "z_x": z[:, 0],
-            "z_y": z[:, 1],
-            "p_start": np.nan if p is None else p[:, 0],
-            "p_end": np.nan if p is None else p[:, -1],
-            "valid_end": room > 0,
-            "accepted": pd.array([None] * len(z) if p is None else p[:, -1] > DECISION, dtype="boolean"),
-            "displacement_m": np.linalg.norm(z - starts.z, axis=-1),
+            "z_x": ends[:, 0],
+            "z_y": ends[:, 1],
+            "p_start": np.nan if p_start is None else p_start,
+            "p_end": np.nan if p_end is None else p_end,
+            "valid_end": clearances > 0,
+            "accepted": pd.array([None] * len(ends) if p_end is None else p_end > DECISION, dtype="boolean"),
+            "displacement_m": np.linalg.norm(ends - starts.z, axis=-1),
             "oracle_displacement_m": np.linalg.norm(starts.nearest - starts.z, axis=-1),
-            "clearance_m": room,
+            "clearance_m": clearances,  # beyond the user's margins
         }
     )
+
+
+def paths_name(variant: str, user: str, seed: int) -> str:
+    """Return a model's key in paths.npz."""
+    return f"{variant}-{user}-s{seed}"
+
+
+def read_repairs(cfg: DictConfig) -> tuple[pd.DataFrame, dict[str, Float[Array, "start step 2"]]]:
+    """Return the gradient repairs (columns READ_COLUMNS) and every model's paths [m] by `paths_name`.
+
+    InputError if they do not agree.
+    """
+    directory = Path(cfg.paths.repair)
+    table = read_table(directory / "repairs.parquet", READ_COLUMNS).query("method == 'gradient'")
+    paths = read_arrays(directory / "paths.npz")
+    counts = table.groupby(["variant", "user", "seed"]).size().to_dict()
+    for variant in cfg.variants:
+        for user in cfg.users:
+            for seed in cfg.protocol.seeds:
+                name, expected = paths_name(variant, user, seed), counts.get((variant, user, seed), 0)
+                if len(paths.get(name, ())) != expected:
+                    raise InputError(
+                        f"{directory}: {expected} repairs of {name}, {len(paths.get(name, ()))} paths; "
+                        "run the repair stage again"
+                    )
+    return table, paths

@@ -1,94 +1,67 @@
-"""Effects of interventions, from arrays of expected validity: no model, no image, no rule is known here.
+"""Effects of interventions from arrays of expected validity: no model, image or rule is known here.
 
-The estimand (design.md; the paper's second inequality) is the average causal effect
+The estimand (the paper's second inequality) is the average causal effect
 
     ACE(s, o) = E[V | do(Z_I := E(I + o)), S = s] - E[V | S = s]
 
-over the same scenes, paths and seeds on both sides. For the first inequality do(S := s') takes the place of
-do(Z_I).
+over the same scenes, paths and seeds on both sides. For the first inequality do(S := s') takes the place of do(Z_I).
 """
 
 from collections.abc import Sequence
+from dataclasses import fields
 from itertools import permutations
 
 import numpy as np
+import pandas as pd
 from jaxtyping import Float
 from numpy import ndarray as Array
 
-from pipeline.stats.crossed import add_pseudo_scenes, estimate, holm, true_verdict, verdict
-from pipeline.world.layout import SYMBOLS
+from pipeline.stats.crossed import Estimates, add_pseudo_scenes, estimate
+from pipeline.stats.tests import holm, true_verdict, verdict
 
-DIGITS = 6  # of every reported number
+JUDGED = ["effect", "q1", "q3", "ci_low", "ci_high", "ci90_low", "ci90_high", "p_holm", "verdict"]
 
 
 def expected_validity(p: Float[Array, "*b path"]) -> Float[Array, "*b"]:
-    """E[V] over the paths: V is 1 with probability p, so its expectation is the mean p (Table 2)."""
+    """Return E[V] over the paths: V is 1 with probability p, so its expectation is the mean of p (Table 2)."""
     return np.asarray(np.mean(p, axis=-1, dtype=np.float64))
 
 
-def over_placements(intervened: Float[Array, "*b symbol placement scene"]) -> Float[Array, "*b symbol scene"]:
-    """E[V | do(Z_I := E(I + o))] in each scene: the added symbol's random places averaged."""
-    return intervened.mean(-2)
-
-
 def ordered_pairs(users: Sequence[str]) -> list[tuple[str, str]]:
-    """Every (s, s') with s' != s, for do(S := s') in units of S = s."""
+    """Return every (s, s') with s' != s, for do(S := s') among units of S = s."""
     return list(permutations(users, 2))
 
 
-def by_user(users: Sequence[str], cells: Sequence[dict]) -> dict[str, dict[str, dict]]:
-    """Cells (user * symbol), user by user, as user -> symbol -> cell."""
-    rest = iter(cells)
-    return {user: {symbol: next(rest) for symbol in SYMBOLS} for user in users}
+def judge(effects: Float[Array, "question seed scene"]) -> pd.DataFrame:
+    """Return one family's questions, a row each in order, with the columns JUDGED.
 
-
-def judge(effects: Float[Array, "cell seed scene"]) -> list[dict]:
-    """One family of cells: each one's mean effect, how sure we are (Holm over the family), and the verdict."""
-    e = estimate(add_pseudo_scenes(effects))
-    adjusted = holm(e.p)
-    return [
-        _rounded(
-            effect=e.effect[i], q1=e.q1[i], q3=e.q3[i], ci_low=e.ci_low[i], ci_high=e.ci_high[i],
-            ci90_low=e.ci90_low[i], ci90_high=e.ci90_high[i], p_holm=p_holm,
-        )
-        | {"verdict": verdict(e.effect[i], p_holm, e.ci90_low[i], e.ci90_high[i])}
-        for i, p_holm in enumerate(adjusted)
-    ]  # fmt: skip
+    effect: mean over seeds and scenes; q1, q3: quartiles of the seeds' means; ci_, ci90_: 95 % and 90 % intervals over
+    seeds crossed with scenes; p_holm: corrected over the family; verdict: one of `pipeline.stats.tests.VERDICTS`.
+    ValueError unless the effects are finite and of at least two scenes.
+    """
+    estimates = estimate(add_pseudo_scenes(effects))
+    table = pd.DataFrame({field.name: getattr(estimates, field.name) for field in fields(Estimates)})
+    table["p_holm"] = holm(estimates.p)
+    columns = (table[name] for name in ("effect", "p_holm", "ci90_low", "ci90_high"))
+    table["verdict"] = [verdict(*row) for row in zip(*columns, strict=True)]
+    return table[JUDGED]
 
 
 def study(
-    baseline: Float[Array, "cell seed scene"],
-    intervened: Float[Array, "cell seed scene"],
-    true_baseline: Float[Array, "cell scene"],
-    true_intervened: Float[Array, "cell scene"],
-) -> list[dict]:
-    """`judge` of the effects, and the truth beside each cell.
+    baseline: Float[Array, "question seed scene"],
+    intervened: Float[Array, "question seed scene"],
+    true_baseline: Float[Array, "question scene"],
+    true_intervened: Float[Array, "question scene"],
+) -> pd.DataFrame:
+    """Return `judge` of the effects beside the truth, a row a question in order.
 
-    `right`: the verdict is the true one and, for an effect, of the true sign.
+    Further columns: baseline, intervened (means); truth (the true effect); truth_verdict; right: the verdict is the
+    true one and, for an effect, has the true sign.
     """
-    cells = judge(intervened - baseline)
-    truth = (true_intervened - true_baseline).mean(-1)
-    for i, cell in enumerate(cells):
-        deserved, found = true_verdict(truth[i]), cell["verdict"]
-        same_sign = np.sign(cell["effect"]) == np.sign(truth[i])
-        cell |= _rounded(
-            baseline=baseline[i].mean(), intervened=intervened[i].mean(), truth=truth[i],
-            truth_baseline=true_baseline[i].mean(), truth_intervened=true_intervened[i].mean(),
-        )  # fmt: skip
-        cell |= {"truth_verdict": deserved, "right": bool(found == deserved and (found == "negligible" or same_sign))}
-    return cells
-
-
-def _rounded(**numbers: float) -> dict[str, float]:
-    return {name: round(float(value), DIGITS) + 0.0 for name, value in numbers.items()}  # + 0.0: never -0.0
-
-
-def tally(cells: Sequence[dict]) -> dict[str, int]:
-    """How many verdicts are right, and in which way the others are wrong."""
-    return {
-        "cells": len(cells),
-        "right": sum(c["right"] for c in cells),
-        "false_causes": sum(c["verdict"] == "effect" and not c["right"] for c in cells),
-        "missed_causes": sum(c["verdict"] == "negligible" and not c["right"] for c in cells),
-        "undecided": sum(c["verdict"] == "undecided" for c in cells),
-    }
+    table = judge(intervened - baseline)
+    table["baseline"], table["intervened"] = baseline.mean((1, 2)), intervened.mean((1, 2))
+    table["truth"] = (true_intervened - true_baseline).mean(-1)
+    table["truth_verdict"] = [true_verdict(effect) for effect in table["truth"]]
+    same_sign = np.sign(table["effect"]) == np.sign(table["truth"])
+    table["right"] = (table["verdict"] == table["truth_verdict"]) & (same_sign | (table["verdict"] == "negligible"))
+    return table

@@ -1,16 +1,15 @@
 """How models are fitted, and the variants of each kind."""
 
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal
 
 from pydantic import Field
 
-from pipeline.config.values import Chance, Count, Group, Several, Spread, expected
-
-Rate = Annotated[float, Field(gt=0), expected("a number above 0")]
-Weight = Annotated[float, Field(ge=0), expected("a weight from 0")]
+from pipeline.config.values import Chance, Count, Group, Rate, Several, Size, Spread, Weight, expected
 
 
 class Schedule(Group):
+    """Steps of AdamW under a one-cycle learning rate."""
+
     steps: Count
     rate: Rate
     weight_decay: Weight
@@ -18,17 +17,23 @@ class Schedule(Group):
 
 
 class VaeModel(Group):
+    """Sizes of the paper's model."""
+
     latent: Count
     channels: Annotated[list[Count], Field(min_length=3, max_length=3), expected("three whole numbers from 1")]
     hidden: Count
 
 
 class Train(Schedule):
-    engine: Annotated[Literal["auto", "simd", "cuda", "reference"], expected("one of auto, simd, cuda, reference")]
+    """conf/train.yaml."""
+
+    engine: Literal["auto", "simd", "cuda", "reference"]
     model: VaeModel
 
 
 class Jitter(Group):
+    """Augmentation of the reward map's training scenes."""
+
     hue: Annotated[float, Field(ge=0), expected("an angle from 0 [rad]")]
     gain: Spread
     shift: Spread
@@ -37,17 +42,21 @@ class Jitter(Group):
 
 
 class Irl(Group):
+    """conf/irl.yaml."""
+
     rate: Rate
     weight_decay: Weight
     scenes_per_step: Count
-    copies: Count
+    n_augmentations: Count
     sparsity: Weight
     across: bool
     curve_every: Count
-    jitter: Jitter
+    color_jitter: Jitter
 
 
 class Vae(Group):
+    """A variant of the paper's model: the weights of its loss."""
+
     stage: Annotated[Literal["train"], expected("train, which fits kind vae")]
     kind: Literal["vae"]
     alpha: Weight
@@ -57,38 +66,39 @@ class Vae(Group):
 
 
 class RewardModel(Group):
+    """Sizes of the reward map."""
+
     channels: Several
     dilated: Count
-    gain: Annotated[float, Field(gt=0), expected("a factor above 0")]
-    dropout: Annotated[float, Field(ge=0, lt=1), expected("a chance from 0, below 1")]
+    gain: Size
+    dropout: Annotated[float, Field(ge=0, lt=1), expected("a probability from 0, below 1")]
     lattice_side: Several
     symmetric: bool
     ceiling: bool
 
 
-Objective = Literal["maxent", "ranked"]
-
-
 class Reward(Group):
+    """A variant of the inverse-reinforcement-learning baseline."""
+
     stage: Annotated[Literal["irl"], expected("irl, which fits kind reward")]
     kind: Literal["reward"]
-    objective: Annotated[Objective, expected(f"one of {', '.join(get_args(Objective))}")]
+    objective: Literal["maxent", "ranked"]
     steps: Count
     model: RewardModel
 
 
 class ClearanceModel(Group):
+    """Size of the clearance model's ensemble."""
+
     members: Count
 
 
 class Clearance(Group):
+    """A variant of the clearance model."""
+
     stage: Annotated[Literal["clearance"], expected("clearance, which fits kind clearance")]
     kind: Literal["clearance"]
     model: ClearanceModel
-
-
-class Averaged(Schedule):
-    members: Count
 
 
 Variant = Annotated[Vae | Reward | Clearance, Field(discriminator="kind")]

@@ -1,29 +1,53 @@
 """All parameters together, and what those of one group must be to those of others."""
 
+from collections import Counter
+from importlib import import_module
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, model_validator
+from pydantic_core import PydanticCustomError
 
+from pipeline.config.graph import ROOT
 from pipeline.config.models import Irl, Schedule, Train, Variant
 from pipeline.config.stages import Evaluate, Intervene, Record, Repair, Report
-from pipeline.config.values import MAX_N, Count, Demonstrations, Group, Margins, Name, Seeds, Whole, each_once, need
+from pipeline.config.values import (
+    MAX_N,
+    Count,
+    Demonstrations,
+    Group,
+    Margins,
+    Name,
+    Seeds,
+    Whole,
+    each_once,
+    need,
+    need_one,
+    need_some,
+)
 from pipeline.config.world import Demos, Scenes
+
+BASELINES = NEAREST, _ = "nearest_demonstration", "position_only"  # as results call them
+MAX_TESTS = 25  # with 10 seeds the smallest p is 2/1024: Holm over more tests could never find an effect
 
 
 class Splits(Group):
+    """split -> pool of scenes; null: the training scenes of each seed."""
+
     seen_scenes: None
     new_scenes: str
     new_items: str
 
 
 class Protocol(Group):
+    """conf/protocol/*.yaml: which training sets are fitted and where they are judged."""
+
     name: str
     seeds: Seeds
     splits: Splits
 
 
 class Settings(Group):
-    """All of conf/, as params.yaml holds it."""
+    """All of conf/, as params.yaml holds it. The validation context lists stages that are about to run."""
 
     seeds: Seeds
     validation_seeds: Seeds
@@ -45,25 +69,95 @@ class Settings(Group):
     intervene: Intervene
     record: Record
     report: Report
-    variants: dict[Name, Variant]
+    variants: Annotated[dict[Name, Variant], Field(min_length=1)]
     protocol: Protocol
-    studies: dict[str, dict[str, Any]] = {}  # each study checks its own
+    studies: dict[str, dict[str, Any]] = Field(default_factory=dict)  # each study checks its own (`check_study`)
     profile: str
 
     @model_validator(mode="after")
-    def _agree(self) -> "Settings":
-        known = [*self.seeds, *self.validation_seeds]
+    def _agree(self, info) -> "Settings":  # info: pydantic's ValidationInfo, which beartype cannot check
         shared = sorted(set(self.seeds) & set(self.validation_seeds))
-        none_shared = f"none of `seeds` (shared: {shared})"
-        need(not shared, "validation_seeds", self.validation_seeds, none_shared)
+        need(not shared, "validation_seeds", self.validation_seeds, f"none of `seeds` (shared: {shared})")
         need(self.main_n_demos in self.n_demos, "main_n_demos", self.main_n_demos, f"one of n_demos = {self.n_demos}")
         per_scene, most = self.demos.per_scene, max(self.n_demos)
-        need(per_scene >= most, "demos.per_scene", per_scene, f"a whole number from max(n) = {most} to {MAX_N}")
-        need(self.variant in self.variants, "variant", self.variant, f"one of {', '.join(self.variants)}")
-        own = f"null or one of protocol.seeds, {self.protocol.seeds} under protocol={self.protocol.name}"
-        need(self.seed is None or self.seed in self.protocol.seeds, "seed", self.seed, own)
-        some = set(self.protocol.seeds) <= set(known)
-        need(some, "protocol.seeds", self.protocol.seeds, f"a list of some of {known}")
-        some_users = len(self.evaluate.users) > 0 and set(self.evaluate.users) <= set(self.users)
-        need(some_users, "evaluate.users", self.evaluate.users, f"some of {', '.join(self.users)}")
+        need(per_scene >= most, "demos.per_scene", per_scene, f"a whole number from max(n_demos) = {most} to {MAX_N}")
+        need_one("variant", self.variant, self.variants)
+        seeds, name = self.protocol.seeds, self.protocol.name
+        known = [*self.seeds, *self.validation_seeds]
+        need(set(seeds) <= set(known), "protocol.seeds", seeds, f"a list of some of {known}")
+        one_of = f"null or one of protocol.seeds, {seeds} under protocol={name}"
+        need(self.seed is None or self.seed in seeds, "seed", self.seed, one_of)
+        need_some("evaluate.users", self.evaluate.users, self.users)
+        for stage in info.context or ():
+            if stage in NEEDS:
+                NEEDS[stage](self)
         return self
+
+
+def several_seeds(s: Settings) -> None:
+    """Refuse a single seed, which has no interval."""
+    need(len(s.protocol.seeds) > 1, "protocol.seeds", s.protocol.seeds, "at least 2 seeds, or intervals mean nothing")
+
+
+def a_margin(s: Settings) -> None:
+    """Refuse users without any margin: none of their paths is invalid."""
+    if all(margin is None for margins in s.users.values() for margin in margins.values()):
+        raise PydanticCustomError("sentence", "users: at least one user must have a margin")
+
+
+def evaluate(s: Settings) -> None:
+    """Refuse comparisons that cannot be made, and more than MAX_TESTS in a family."""
+    several_seeds(s)
+    splits, counts = dict(s.protocol.splits), Counter()
+    several = s.scenes.validation > 1 or not {"val_scenes", "val_items"} & set(splits.values())
+    need(several, "scenes.validation", s.scenes.validation, "at least 2, or intervals over scenes mean nothing")
+    for c in s.evaluate.comparisons:
+        for name in (c.variant, *c.against):
+            need_one("evaluate.comparisons", name, [*s.variants, *BASELINES])
+        for split in c.splits:
+            judged = split in splits and (NEAREST not in (c.variant, *c.against) or splits[split] is None)
+            where = f"one of {', '.join(splits)}; {NEAREST} has demonstrations only in seen scenes"
+            need(judged, "evaluate.comparisons", f"{c.variant} against {', '.join(c.against)} on {split}", where)
+        counts[c.family] += len(c.against) * len(c.splits) * ((c.n_demos or s.main_n_demos) in s.n_demos)
+    for family, count in counts.items():
+        few = f"at most {MAX_TESTS}, or Holm's correction leaves nothing to be found"
+        need(count <= MAX_TESTS, "evaluate.comparisons", f"{count} tests in family {family}", few)
+
+
+def repair(s: Settings) -> None:
+    """Refuse users whose paths cannot be invalid."""
+    several_seeds(s)
+    a_margin(s)
+
+
+def record(s: Settings) -> None:
+    """Refuse unknown variants, and two splits, since a recording shows repairs beside interventions."""
+    need_some("record.first", s.record.first, s.variants, or_none=True)
+    same = f"repair.split = {s.repair.split!r}, since a recording shows both"
+    need(s.intervene.split == s.repair.split, "intervene.split", s.intervene.split, same)
+
+
+def report(s: Settings) -> None:
+    """Refuse variants that are not there."""
+    need_some("report.shown", s.report.shown, s.variants)
+
+
+# stage -> what it needs of several groups; a study's own needs stand in its settings.py
+NEEDS = {"evaluate": evaluate, "repair": repair, "intervene": several_seeds, "record": record, "report": report}
+
+
+def is_study(name: str) -> bool:
+    """Return whether the study has a folder with settings."""
+    return (ROOT / "studies" / name / "settings.py").is_file()
+
+
+def check_study(name: str, settings: Settings, agree: bool) -> None:
+    """Raise pydantic's ValidationError for a study's wrong parameters.
+
+    With `agree`, also PydanticCustomError where they do not suit those of other groups.
+    """
+    module = import_module(f"studies.{name}.settings")
+    study = module.Settings.model_validate(settings.studies.get(name, {}))
+    if agree:
+        several_seeds(settings)
+        module.agree(study, settings)

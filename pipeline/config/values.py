@@ -1,6 +1,6 @@
-"""What single values may be: types with a range, and what is said to have been expected of them."""
+"""What single values may be: types with a range, and how a refusal is worded."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, WrapValidator
@@ -8,12 +8,12 @@ from pydantic_core import PydanticCustomError
 
 from pipeline.world.layout import SYMBOLS
 
-RESERVED = "truth", "ideal", "z"  # what tables and files call something else
-MAX_N = 10  # demonstrations a scene has at the most (paper: 10)
+RESERVED = "truth", "ideal", "z"  # names that tables and files use for something else
+MAX_N = 10  # demonstrations a scene has at most (paper: 10)
 
 
 def expected(what: str) -> WrapValidator:
-    """Whatever is wrong with the value, say that `what` was expected."""
+    """Return a validator that answers any wrong value with "expected <what>"."""
 
     def validate(value: Any, handler: Callable[[Any], Any]) -> Any:
         try:
@@ -25,19 +25,56 @@ def expected(what: str) -> WrapValidator:
 
 
 def need(holds: bool, name: str, value: object, what: str) -> None:
-    """Say of the parameter `name` that `what` was expected, unless that holds."""
+    """Refuse the value of parameter `name`, saying that `what` was expected, unless `holds`."""
     if not holds:
         raise PydanticCustomError("expected", "{expected}", {"name": name, "value": value, "expected": what})
 
 
+def need_some(name: str, values: Collection[str], known: Collection[str], or_none: bool = False) -> None:
+    """Refuse `values` unless they are among the `known` names, and at least one or `or_none`."""
+    need((or_none or len(values) > 0) and set(values) <= set(known), name, list(values), f"some of {', '.join(known)}")
+
+
+def need_one(name: str, value: str, known: Collection[str]) -> None:
+    """Refuse `value` unless it is one of the `known` names."""
+    need(value in known, name, value, f"one of {', '.join(known)}")
+
+
+def explain(error: ValidationError, prefix: str = "") -> str:
+    """Return one plain sentence about the first wrong parameter: its name, its value and what was expected."""
+    first = error.errors()[0]
+    context = first.get("ctx", {})
+    keys = [str(key) for key in first["loc"] if not isinstance(key, int)]
+    if keys[:1] in (["variants"], ["questions"]) and len(keys) > 2:
+        del keys[2]  # the kind, which pydantic inserts to tell variants or questions apart
+    name = context.get("name", prefix + ".".join(keys))
+    what = f"expected {context['expected']}" if "expected" in context else first["msg"][0].lower() + first["msg"][1:]
+    if keys[-1:] == ["[key]"]:
+        return f"name {first['input']!r} in {prefix}{'.'.join(keys[:-2])}: {what}"
+    match first["type"]:
+        case "missing":
+            return f"missing parameter {name!r} (see conf/)"
+        case "union_tag_not_found":
+            return f"missing parameter '{name}.kind' (see conf/{keys[0]}/)"
+        case "union_tag_invalid":
+            return f"parameter {name}.kind is {context['tag']!r}: expected one of {context['expected_tags']}"
+        case "extra_forbidden":
+            return f"unknown parameter {name!r}"
+        case "sentence":
+            return first["msg"]
+        case _:
+            return f"parameter {name} is {context.get('value', first['input'])!r}: {what}"
+
+
 def rising(values: list) -> list:
-    """The values; ValueError unless each is above the one before it, and there is one."""
+    """Return the values; ValueError unless there is one and each is above the one before it."""
     if not values or values != sorted(set(values)):
         raise ValueError
     return values
 
 
 def each_once(values: list) -> list:
+    """Return the values; refuse repeated ones."""
     if len(set(values)) != len(values):
         raise PydanticCustomError("expected", "{expected}", {"expected": "each one once"})
     return values
@@ -62,12 +99,14 @@ Demonstrations = Annotated[int, Field(ge=1, le=MAX_N), expected(f"a whole number
 Length = Annotated[float, Field(gt=0), expected("a length above 0 [m]")]
 Distance = Annotated[float, Field(ge=0), expected("a length from 0 [m]")]
 Place = Annotated[float, Field(ge=0, le=1), expected("a place from 0 to 1 [m]")]
-Size = Annotated[float, Field(gt=0), expected("a size above 0")]
+Size = Annotated[float, Field(gt=0), expected("a number above 0")]
+Rate = Size
+Weight = Annotated[float, Field(ge=0), expected("a weight from 0")]
 Spread = Annotated[float, Field(ge=0), expected("a standard deviation from 0")]
-Chance = Annotated[float, Field(ge=0, le=1), expected("a chance from 0 to 1")]
+Chance = Annotated[float, Field(ge=0, le=1), expected("a probability from 0 to 1")]
 Between = Annotated[float, Field(gt=0, lt=1), expected("a number between 0 and 1")]
 Share = Annotated[float, Field(gt=0, le=1), expected("a share above 0, at most 1")]
-Margin = Annotated[float | None, Field(ge=0, lt=1), expected("null (does not care) or a margin from 0 to 1 [m]")]
+Margin = Annotated[float | None, Field(ge=0, lt=1), expected("null (no margin) or a margin from 0 to 1 [m]")]
 Margins = Annotated[dict[str, Margin], AfterValidator(_every_symbol)]
 Name = Annotated[
     str,
@@ -86,6 +125,6 @@ Shares = Annotated[list[Share], AfterValidator(rising), expected("numbers above 
 
 
 class Group(BaseModel):
-    """Parameters that belong together: all of them are there, no others, and nothing is converted."""
+    """Parameters that belong together: all of them must be given, no others, and nothing is converted."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)

@@ -1,4 +1,4 @@
-"""Stage repair: gradient steps from invalid paths among unseen items, beside nulls and oracle, by the truth."""
+"""Stage repair: make invalid paths valid, by gradient steps and by search, beside baselines and the oracle."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,124 +8,104 @@ import pandas as pd
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import write_arrays, write_json, write_table
-from pipeline.artifacts.repairs import Starts, check_pool, draw_starts, rows
+from pipeline.artifacts.repairs import Starts, check_pool, draw_starts, paths_name, rows
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.artifacts.trained import check_weights, load_model
 from pipeline.launch import launch
-from pipeline.planning.measures import MEASURES, measures, summary
+from pipeline.planning.measures import measures
+from pipeline.planning.nearest import by_model, nearest
 from pipeline.planning.oracle import constant_detour
-from pipeline.planning.repair import Ascent, Repairs, repair
+from pipeline.planning.repair import Ascent, repair
 from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
 
-REFERENCES = ("random_path", "constant_detour_baseline", "oracle")
-Tables = dict[tuple[str, str, int], pd.DataFrame]  # (method, user, seed) -> a row per start
+SEARCHED = "clearance"  # the variant whose search is among the metrics
 
 
 @dataclass(frozen=True)
 class Job:
-    """One model's repairs of every candidate of its user."""
+    """One model, and the invalid paths of its user."""
 
     cfg: DictConfig
     variant: str
-    user: str
     seed: int
-    images: np.ndarray
-    candidates: np.ndarray  # (scene, start, 2) [m]
+    images: np.ndarray  # (scene, 100, 100, 3)
+    candidates: np.ndarray  # (scene, start, 2) [m], the valid ones among them
+    starts: Starts
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """repairs.parquet, paths.npz and metrics.json of all variants, users and seeds at main_n_demos."""
-    ascent = _ascent(cfg)
+    """Write repairs.parquet, paths.npz, summary.csv and metrics.json of every model at main_n_demos."""
     scenes = read_scenes(Path(cfg.paths.scenes))
-    pool = check_pool(cfg, scenes)
+    images = scenes.images[check_pool(cfg, scenes)]
+    check_weights(cfg)
     candidates, starts = draw_starts(cfg, scenes)
     jobs = [
-        Job(cfg, variant, user, seed, scenes.images[pool], candidates)
+        Job(cfg, variant, seed, images, candidates, starts[user])
         for variant in cfg.variants
         for user in cfg.users
         for seed in cfg.protocol.seeds
     ]
-    check_weights(cfg)
-    needed = [job for job in jobs if len(starts[job.user].z)]
-    done = dict(zip(map(_name, needed), map_jobs(run, needed, cfg.workers, "repairs"), strict=True))
-
-    tables, paths = {}, {}
-    for job in jobs:
-        s = starts[job.user]
-        z, p = (done[_name(job)].z[s.at], done[_name(job)].p[s.at]) if len(s.z) else _nothing(ascent)
-        paths[_name(job)] = z
-        tables[job.variant, job.user, job.seed] = rows(s, job.variant, job.seed, z[:, -1], p)
-    tables |= _references(cfg, scenes, starts)
-    table = pd.concat([t for t in tables.values() if len(t)], ignore_index=True)
-    metrics = _metrics(cfg, tables, starts)
+    gradient, search, paths = zip(*map_jobs(run, jobs, cfg.workers, "repairs"), strict=True)
+    tables = [*gradient, *search, *_baselines(cfg, scenes, starts)]
+    table = pd.concat([t for t in tables if len(t)], ignore_index=True)
+    summary = measures(table)
     write_table(out_dir / "repairs.parquet", table)
-    write_arrays(out_dir / "paths.npz", paths)
-    write_json(out_dir / "metrics.json", metrics)
+    names = [paths_name(job.variant, job.starts.user, job.seed) for job in jobs]
+    write_arrays(out_dir / "paths.npz", dict(zip(names, paths, strict=True)))
+    write_table(out_dir / "summary.csv", summary)
+    write_json(out_dir / "metrics.json", _metrics(summary))
 
 
-def run(job: Job) -> Repairs:
-    """One model's ascents; every candidate is repaired, so that batches have one shape."""
-    model = load_model(job.cfg, job.variant, job.user, job.seed, job.cfg.main_n_demos)
-    return repair(model, job.images, job.candidates, _ascent(job.cfg))
+def run(job: Job) -> tuple[pd.DataFrame, pd.DataFrame, np.ndarray]:
+    """Return a model's ends by gradient steps and by search, and its steps (start, step + 1, 2) [m]."""
+    r, s = job.cfg.repair, job.starts
+    if len(s.z) == 0:
+        return pd.DataFrame(), pd.DataFrame(), np.zeros((0, r.steps + 1, 2), np.float32)
+    model = load_model(job.cfg, job.variant, s.user, job.seed, job.cfg.main_n_demos)
+    ascent = Ascent(r.steps, r.optimiser, float(r.rate), bool(r.settle))
+    repairs = repair(model, job.images, job.candidates, ascent)  # all candidates: batches of one shape
+    z, p = repairs.z[s.scene, s.start], repairs.p[s.scene, s.start]
+    log_valid = by_model(model, job.images)
+    ends, log_p = nearest(log_valid, s.scene, s.z, float(r.distance_penalty), r.lattice_side, r.refinements)
+    gradient = rows(s, "gradient", job.variant, job.seed, z[:, -1], p[:, 0], p[:, -1])
+    return gradient, rows(s, "nearest", job.variant, job.seed, ends, p[:, 0], np.exp(log_p)), z
 
 
-def _name(job: Job) -> str:
-    """A job's key in paths.npz."""
-    return f"{job.variant}-{job.user}-s{job.seed}"
+def _baselines(cfg: DictConfig, scenes: SceneSet, starts: dict[str, Starts]) -> list[pd.DataFrame]:
+    """Return the ends of a random path, of a constant detour and of the oracle.
 
-
-def _ascent(cfg: DictConfig) -> Ascent:
-    """How models climb, from conf/repair."""
-    r = cfg.repair
-    return Ascent(r.steps, r.optimiser, float(r.rate), bool(r.settle))
-
-
-def _nothing(ascent: Ascent) -> tuple[np.ndarray, np.ndarray]:
-    """The repairs of no start."""
-    return np.zeros((0, ascent.steps + 1, 2), np.float32), np.zeros((0, ascent.steps + 1), np.float32)
-
-
-def _references(cfg: DictConfig, scenes: SceneSet, starts: dict[str, Starts]) -> Tables:
-    """What repairs are held against: a random z, a constant detour, and the nearest valid path.
-
-    The detour is the one truly valid in most of a seed's own training scenes: it ignores the image, but it
-    is given the truth of every path there, not n labels, which makes it a strong null.
+    The detour is truly valid in most of a seed's own training scenes. It ignores the image, but knows the truth of
+    every path there and not only n labels, which makes it a strong baseline.
     """
-    tables = {}
+    tables = []
     for seed in cfg.protocol.seeds:
         training = scenes.layouts[train_pool(seed)]
         for user, s in starts.items():
-            detour = constant_detour(training, s.margins, cfg.repair.lattice_side)
+            if len(s.z) == 0:
+                continue
             rng = stream(cfg.scenes.root_seed, "repair", "random", seed, user)
-            ends = (random_z_theta(rng, len(s.z)), np.broadcast_to(detour, s.z.shape), s.nearest)
-            for method, z in zip(REFERENCES, ends, strict=True):
-                tables[method, user, seed] = rows(s, method, seed, z, None)
+            detour = constant_detour(training, s.margins, cfg.repair.lattice_side)
+            ends = {
+                "random_path": random_z_theta(rng, len(s.z)),
+                "constant_detour": np.broadcast_to(detour, s.z.shape),
+                "oracle": s.nearest,
+            }
+            tables += [rows(s, method, "", seed, z) for method, z in ends.items()]
     return tables
 
 
-def _metrics(cfg: DictConfig, tables: Tables, starts: dict[str, Starts]) -> dict:
-    """variant -> user -> `summary` over seeds, and the references' means beside it.
-
-    Every rate and length is null for a user without an invalid start (vacuous).
-    """
-    seeds = list(cfg.protocol.seeds)
-    out: dict = {variant: {} for variant in cfg.variants}
-    for user, s in starts.items():
-        if len(s.z) == 0:
-            nothing = dict.fromkeys([*MEASURES, *REFERENCES])
-            for variant in cfg.variants:
-                out[variant][user] = nothing | {"seeds": len(seeds), "starts": 0, "vacuous": True}
-            continue
-        beside = {"seeds": len(seeds), "starts": len(s.z), "vacuous": False}
-        for name in REFERENCES:
-            by_seed = pd.DataFrame([measures(tables[name, user, seed]) for seed in seeds])
-            beside[name] = float(np.mean(by_seed["success"]))
-            beside[f"{name}_displacement_ratio"] = float(np.mean(by_seed["displacement_ratio"]))
-        for variant in cfg.variants:
-            out[variant][user] = summary([tables[variant, user, seed] for seed in seeds]) | beside
-    return out
+def _metrics(summary: pd.DataFrame) -> dict:
+    """Return the success of gradient steps and of the constant detour, and SEARCHED's measures of search, by user."""
+    by_method = {str(method): part.set_index("user") for method, part in summary.groupby("method")}
+    gradient, detour, search = (by_method[name] for name in ("gradient", "constant_detour", "nearest"))
+    success = {str(variant): part["success"].to_dict() for variant, part in gradient.groupby("variant", sort=False)}
+    search = search.loc[search["variant"] == SEARCHED, ["success", "displacement_ratio", "unsafe"]]
+    return {
+        "repair": success | {"constant_detour": detour["success"].to_dict()},
+        "search": {SEARCHED: search.to_dict("index")},
+    }
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Stage scenes: lays out and renders every pool of scenes; measures the world's true P(valid)."""
+"""Stage scenes: lay out and render every pool of scenes; measure the world's true P(valid)."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ import pandas as pd
 from omegaconf import DictConfig
 from tqdm import tqdm
 
-from pipeline.artifacts.files import write_arrays, write_json
+from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.artifacts.scenes import SceneSet, train_pool, write_scenes
 from pipeline.launch import launch
 from pipeline.runtime.streams import stream
@@ -26,17 +26,17 @@ CHUNK = 10  # scenes judged at once: their distances stay in the cache
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """Write images, layouts, looks, position_prior.npz and metrics.json."""
+    """Write images.npz, layouts.parquet, appearance.parquet, position_prior.npz, p_valid.csv and metrics.json."""
     catalogue = read_catalogue(Path(cfg.paths.data))
     rules = LayoutRules.of(cfg.scenes.layout)
     palette = Palette(catalogue)
-    images, layouts, looks = {}, {}, {}
+    images, layouts, appearances = {}, {}, {}
     for pool, (count, split) in tqdm(_pools(cfg).items(), desc="scenes"):
         rng = _generator(cfg, pool)
         layouts[pool] = random_layouts(rng, count, catalogue.footprints, catalogue.pool(split), rules)
         textures = rng.choice(catalogue.texture_names("train"), count)
-        looks[pool] = pd.DataFrame({"texture": textures, "render_seed": rng.integers(2**31, size=count)})
-        images[pool] = render_scenes(layouts[pool], list(textures), looks[pool]["render_seed"].tolist(), palette)
+        appearances[pool] = pd.DataFrame({"texture": textures, "render_seed": rng.integers(2**31, size=count)})
+        images[pool] = render_scenes(layouts[pool], list(textures), appearances[pool]["render_seed"].tolist(), palette)
     calibration = random_layouts(
         _generator(cfg, "calibration"),
         cfg.scenes.calibration,
@@ -45,16 +45,18 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         rules,
     )
     prior = _position_prior(cfg, calibration)
-    metrics = _p_valid(cfg, calibration, catalogue, rules)
-    write_scenes(out_dir, SceneSet(images, layouts, looks))
+    p_valid = _p_valid(cfg, calibration, catalogue, rules)
+    known = p_valid["difference"].dropna().abs()
+    write_scenes(out_dir, SceneSet(images, layouts, appearances))
     write_arrays(out_dir / "position_prior.npz", prior)
-    write_json(out_dir / "metrics.json", metrics)
+    write_table(out_dir / "p_valid.csv", p_valid)
+    write_json(out_dir / "metrics.json", {"world": {"largest_difference": known.max() if len(known) else None}})
 
 
 def _pools(cfg: DictConfig) -> dict[str, tuple[int, str]]:
-    """Every pool: how many scenes, of which split's items."""
-    own = {train_pool(seed): (cfg.scenes.per_seed, "train") for seed in [*cfg.seeds, *cfg.validation_seeds]}
-    return own | {
+    """Return every pool: how many scenes, of which split's items."""
+    training = {train_pool(seed): (cfg.scenes.per_seed, "train") for seed in [*cfg.seeds, *cfg.validation_seeds]}
+    return training | {
         "new_scenes": (cfg.scenes.shared, "train"),
         "new_items": (cfg.scenes.shared, "unseen"),
         "val_scenes": (cfg.scenes.validation, "train"),
@@ -63,12 +65,12 @@ def _pools(cfg: DictConfig) -> dict[str, tuple[int, str]]:
 
 
 def _generator(cfg: DictConfig, name: str) -> np.random.Generator:
-    """A stream of its own for each pool, so that one more pool changes no other."""
+    """Return a random stream for each pool, so that another pool changes none."""
     return stream(cfg.scenes.root_seed, "scenes", name)
 
 
 def _position_prior(cfg: DictConfig, layouts: Layouts) -> dict[str, np.ndarray]:
-    """Per user the true mean validity of each cell of the z_theta lattice, whatever the scene."""
+    """Return for each user the true mean validity of each cell of the z_theta lattice over all scenes."""
     side = cfg.scenes.prior_side
     z = lattice(side)
     total = {user: np.zeros(len(z)) for user in cfg.users}
@@ -79,32 +81,27 @@ def _position_prior(cfg: DictConfig, layouts: Layouts) -> dict[str, np.ndarray]:
     return {user: (count / len(layouts)).reshape(side, side) for user, count in total.items()}
 
 
-def _p_valid(cfg: DictConfig, layouts: Layouts, catalogue: Catalogue, rules: LayoutRules) -> dict:
-    """The true Table 2: P(valid) of a random path, without and with one more item of each symbol."""
+def _p_valid(cfg: DictConfig, layouts: Layouts, catalogue: Catalogue, rules: LayoutRules) -> pd.DataFrame:
+    """Return the true Table 2: P(valid) of a random path, without and with an added item of each symbol."""
     rng = _generator(cfg, "interventions")
     worlds = {"none": layouts} | {
         symbol: add_item(rng, layouts, i, catalogue.footprints, catalogue.pool("train"), rules)
         for i, symbol in enumerate(SYMBOLS)
     }
     z = random_z_theta(rng, len(layouts), cfg.scenes.calibration_paths)
-    cells: dict[str, dict[str, dict[str, float | None]]] = {user: {} for user in cfg.users}
-    for world, batch in worlds.items():
-        valid = {user: 0 for user in cfg.users}
-        for i, chunk in enumerate(_chunks(batch, f"P(valid), {world}")):
+    rows = []
+    for added, batch in worlds.items():
+        counts = dict.fromkeys(cfg.users, 0)
+        for i, chunk in enumerate(_chunks(batch, f"P(valid), {added}")):
             clear = clearance(chunk, z[i * CHUNK : (i + 1) * CHUNK])
             for user, margins in cfg.users.items():
-                valid[user] += int((slack(chunk, clear, margins) > 0).sum())
-        for user, count in valid.items():
-            truth, paper = count / (z.shape[0] * z.shape[1]), PAPER_P_VALID.get(user, {}).get(world)
-            gap = None if paper is None else round(truth - paper, 4)
-            cells[user][world] = {"truth": round(truth, 4), "paper": paper, "difference": gap}
-    gaps = [abs(c["difference"]) for row in cells.values() for c in row.values() if c["difference"] is not None]
-    return {
-        "p_valid": cells,
-        "largest_difference": max(gaps, default=None),
-        "layouts": len(layouts),
-        "paths": z.shape[1],
-    }
+                counts[user] += int((slack(chunk, clear, margins) > 0).sum())
+        for user, count in counts.items():
+            truth = round(count / (z.shape[0] * z.shape[1]), 4)
+            rows.append((user, added, truth, PAPER_P_VALID.get(user, {}).get(added, np.nan)))
+    table = pd.DataFrame(rows, columns=["user", "added", "truth", "paper"])
+    table["difference"] = (table["truth"] - table["paper"]).round(4)
+    return table.sort_values("user", kind="stable", key=lambda users: users.map(list(cfg.users).index))
 
 
 def _chunks(layouts: Layouts, desc: str) -> list[Layouts]:

@@ -1,66 +1,51 @@
-"""How good predicted validities are against the truth: discrimination, sharpness and calibration."""
-
-from dataclasses import dataclass
+"""Scores of predicted validities against the truth: discrimination, sharpness and calibration."""
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+import pandas as pd
+from jaxtyping import Bool, Float
 from numpy import ndarray as Array
+from sklearn.metrics import brier_score_loss, roc_auc_score
 
 DECISION = 0.5  # a path is called valid if p exceeds it
 
 
-@dataclass(frozen=True)
-class Reliability:
-    """Predictions by bins of equal width over [0, 1]; means are NaN where a bin is empty."""
-
-    low: Float[Array, " bin"]  # a bin is [low, high), the last one [low, 1]
-    high: Float[Array, " bin"]
-    count: Int[Array, " bin"]
-    confidence: Float[Array, " bin"]  # mean p
-    frequency: Float[Array, " bin"]  # share truly valid
-
-
 def accuracy(p: Float[Array, " path"], valid: Bool[Array, " path"]) -> float:
-    """Share of paths on the right side of p = .5."""
+    """Return the share of paths on the right side of p = 0.5."""
     return float(((p > DECISION) == valid).mean())
 
 
 def auroc(p: Float[Array, " path"], valid: Bool[Array, " path"]) -> float:
-    """Chance that a valid path scores above an invalid one; NaN if there is only one kind."""
-    if valid.all() or not valid.any():
-        return float("nan")
-    from sklearn.metrics import roc_auc_score  # takes a second and a half, in every stage and worker
-
-    return float(roc_auc_score(valid, p))
+    """Return the chance that a valid path scores above an invalid one; NaN if there is only one kind."""
+    return float("nan") if valid.all() or not valid.any() else float(roc_auc_score(valid, p))
 
 
 def brier(p: Float[Array, " path"], valid: Bool[Array, " path"]) -> float:
-    """Mean squared difference between p and the truth, 0 to 1 (Brier 1950)."""
-    return float(((np.asarray(p, dtype=np.float64) - valid) ** 2).mean())
+    """Return the mean squared difference between p and the truth, 0 to 1 (Brier, 1950)."""
+    return float(brier_score_loss(valid, np.asarray(p, dtype=np.float64), pos_label=True))
 
 
-def reliability(p: Float[Array, " path"], valid: Bool[Array, " path"], bins: int) -> Reliability:
-    """Mean prediction beside the share truly valid, in `bins` bins of equal width.
+def reliability(p: Float[Array, " path"], valid: Bool[Array, " path"], bins: int) -> pd.DataFrame:
+    """Return bins of equal width, a row each: low, high, count, confidence (mean p), frequency (share valid).
 
-    Raises ValueError if a p is not in [0, 1].
+    A bin is [low, high), the last one [low, 1]; means of an empty bin are NaN. sklearn's `calibration_curve` drops
+    empty bins and returns no counts. ValueError if a p is not in [0, 1].
     """
     p = np.asarray(p, dtype=np.float64)
     if not ((p >= 0) & (p <= 1)).all():
         raise ValueError(f"probabilities from {p.min()} to {p.max()}: expected all of them in [0, 1]")
-    index = np.minimum((p * bins).astype(int), bins - 1)
-    count = np.bincount(index, minlength=bins)
-    with np.errstate(invalid="ignore"):
-        confidence = np.bincount(index, p, bins) / count
-        frequency = np.bincount(index, valid, bins) / count
     edges = np.arange(bins + 1) / bins
-    return Reliability(edges[:-1], edges[1:], count, confidence, frequency)
+    rows = pd.DataFrame({"bin": np.digitize(p, edges[1:-1]), "p": p, "valid": valid})
+    binned = rows.groupby("bin").agg(count=("p", "size"), confidence=("p", "mean"), frequency=("valid", "mean"))
+    binned = binned.reindex(range(bins))
+    binned["count"] = binned["count"].fillna(0).astype(int)
+    return pd.DataFrame({"low": edges[:-1], "high": edges[1:]}).join(binned)
 
 
 def expected_calibration_error(p: Float[Array, " path"], valid: Bool[Array, " path"], bins: int) -> float:
-    """Mean gap between prediction and frequency over `bins` bins of equal width, weighted by their counts.
+    """Return the mean gap between confidence and frequency over the bins of `reliability`, weighted by their counts.
 
-    Naeini et al. 2015, with the bins of `reliability`.
+    Source: Naeini et al. (2015).
     """
-    r = reliability(p, valid, bins)
-    gap = np.where(r.count > 0, np.abs(r.confidence - r.frequency), 0.0)
-    return float((gap * r.count).sum() / r.count.sum())
+    table = reliability(p, valid, bins)
+    gaps = (table["confidence"] - table["frequency"]).abs()  # NaN in an empty bin, which `sum` skips
+    return float((gaps * table["count"]).sum() / table["count"].sum())

@@ -1,43 +1,101 @@
-"""What every fit by gradient descent shares: its schedule, weights kept on the way, labels that say nothing."""
+"""The one training loop of every model, and what its callers share: schedule, checkpoints, padded demonstrations."""
 
-from collections.abc import Iterable, Mapping, Sequence
+import copy
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
+import torch
 from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 from torch import Tensor, nn
+from torch.func import stack_module_state
 from torch.optim import AdamW
 from torch.optim.lr_scheduler import OneCycleLR
+
+Model = TypeVar("Model", bound=nn.Module)
+
+# What a loss hands to `minimise`: the scalar to descend (None: the gradients already lie in the parameters), and the
+# losses before this step as the curve's columns: scalars, or one value per model.
+Losses = tuple[Tensor | None, Sequence[Tensor]]
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """How long and how fast (conf/train, conf/path; conf/irl has more)."""
+    """How long and how fast to train (conf/train, conf/clearance; conf/irl has more)."""
 
-    steps: int  # one of the VAE's sees every demonstration once
+    steps: int  # of the optimiser
     rate: float  # AdamW's peak learning rate; OneCycle warms up to it and anneals to nearly 0
     weight_decay: float
     curve_every: int  # steps between two points of the learning curve
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> "Schedule":
-        """The schedule from conf/train or conf/path."""
+        """Return the schedule of conf/train or conf/clearance."""
         return cls(values["steps"], float(values["rate"]), float(values["weight_decay"]), values["curve_every"])
 
     def optimiser(self, parameters: Iterable[Tensor]) -> tuple[AdamW, OneCycleLR]:
-        """AdamW of `parameters`, and what paces it: both take a step after every gradient."""
+        """Return AdamW of `parameters` and its learning-rate schedule; step both after every gradient."""
         optimiser = AdamW(parameters, lr=self.rate, weight_decay=self.weight_decay, fused=True)
         return optimiser, OneCycleLR(optimiser, self.rate, total_steps=self.steps)
 
 
+def minimise(
+    loss: Callable[[], Losses | None],
+    parameters: Iterable[Tensor],
+    schedule: Schedule,
+    *,
+    before_step: Callable[[int], None] | None = None,
+) -> Float[Array, "point column *model"]:
+    """Descend `loss` in `parameters` for `schedule.steps` steps and return the learning curve.
+
+    A point of the curve is (step, *losses) before that update, every `curve_every` steps and at the last. A step whose
+    `loss` is None changes no parameter and leaves no point. `before_step` is called with the number of each step.
+    """
+    optimiser, learning_rate = schedule.optimiser(parameters)
+    points: list[tuple[int, list[Tensor]]] = []
+    for step in range(schedule.steps):
+        if before_step is not None:
+            before_step(step)
+        losses = loss()
+        if losses is not None:
+            objective, columns = losses
+            if objective is not None:
+                optimiser.zero_grad()
+                objective.backward()
+            optimiser.step()
+            if step % schedule.curve_every == 0 or step == schedule.steps - 1:
+                points.append((step, [column.detach().clone() for column in columns]))
+        learning_rate.step()
+    return np.array([_point(step, columns) for step, columns in points])
+
+
+def _point(step: int, columns: Sequence[Tensor]) -> Array:
+    """Return one point of the curve (column, *model)."""
+    losses = torch.stack(list(columns)).cpu().numpy().astype(np.float64)
+    return np.concatenate([np.full_like(losses[:1], step), losses])
+
+
 class Checkpoints:
-    """Weights of models as they were at some steps of their training, before that step's update."""
+    """Weights of models as they were before some steps of their training."""
 
     def __init__(self, steps: Iterable[int] = ()):
         self.steps = frozenset(steps)
         self._states: list[tuple[nn.Module, int, dict[str, Array]]] = []
+
+    def before_step(
+        self, models: Sequence[nn.Module], update: Callable[[], object] | None = None
+    ) -> Callable[[int], None]:
+        """Return what `minimise` calls before a step: keep the models, once `update` has given them their weights."""
+
+        def keep(step: int) -> None:
+            if step in self.steps:
+                if update is not None:
+                    update()
+                self.keep(step, *models)
+
+        return keep
 
     def keep(self, step: int, *models: nn.Module) -> None:
         """Keep a copy of the models' parameters and buffers."""
@@ -46,26 +104,51 @@ class Checkpoints:
             self._states.append((model, step, state))
 
     def of(self, model: nn.Module) -> dict[int, dict[str, Array]]:
-        """step -> the model's weights by name."""
-        return {step: state for whose, step, state in self._states if whose is model}
+        """Return step -> the model's weights by name."""
+        return {step: state for owner, step, state in self._states if owner is model}
+
+
+def stack_models(models: Sequence[Model]) -> Model:
+    """Return a copy of the first model whose parameters and buffers have a first axis for all of them."""
+    parameters, buffers = stack_module_state(list(models))
+    stacked = copy.deepcopy(models[0])
+    for name, value in parameters.items():
+        setattr(stacked, name, nn.Parameter(value.detach(), requires_grad=value.requires_grad))
+    for name, value in buffers.items():
+        setattr(stacked, name, value)
+    return stacked
+
+
+@torch.no_grad()
+def unstack_models(parameters: Mapping[str, Tensor], models: Sequence[nn.Module]) -> None:
+    """Copy each model's share of the stacked parameters, by name, into the model."""
+    for name, stacked in parameters.items():
+        for model, value in zip(models, stacked.unbind(), strict=True):
+            model.get_parameter(name).copy_(value)
+
+
+def fit_sequentially(fit: Callable[..., Array], models, images, z_theta, valid, seeds, **settings) -> list[Array]:
+    """Fit several models, one at a time by `fit`(model, images, z_theta, valid, seed=, **settings)."""
+    jobs = zip(models, images, z_theta, valid, seeds, strict=True)
+    return [fit(*arguments, seed=seed, **settings) for *arguments, seed in jobs]
 
 
 def is_constant(valid: Bool[Array, "*demo"]) -> bool:
-    """Whether demonstrations are all valid or all invalid: they say nothing about what changes validity."""
+    """Return whether all labels are alike: they then say nothing about what changes validity."""
     return bool(valid.all() or not valid.any())
 
 
 def rule_of_succession(valid: Bool[Array, "*demo"]) -> float:
-    """Laplace's rule of succession: P(the next path is valid) = (valid + 1) / (all + 2)."""
+    """Return Laplace's P(the next path is valid) = (valid + 1) / (all + 2)."""
     return (int(valid.sum()) + 1) / (valid.size + 2)
 
 
-def padded(demos: Sequence[Array]) -> list[Array]:
-    """Demonstrations (scene, n, ...) of several models in as many rows: a scene's first one again in those to spare."""
-    rows = max(of_model.shape[1] for of_model in demos)
-    return [np.concatenate([d, d[:, :1].repeat(rows - d.shape[1], 1)], 1) for d in demos]
+def pad_demonstrations(demonstrations: Sequence[Array]) -> list[Array]:
+    """Return several models' demonstrations (scene, n, ...) with as many rows each: a scene's first one is repeated."""
+    rows = max(array.shape[1] for array in demonstrations)
+    return [np.concatenate([d, d[:, :1].repeat(rows - d.shape[1], 1)], 1) for d in demonstrations]
 
 
-def shares(n: Sequence[int]) -> Float[Array, "row model"]:
-    """What each row of `padded` demonstrations counts in its scene's mean: 1 / n, or 0 to spare."""
-    return np.where(np.arange(max(n))[:, None] < n, 1 / np.array(n), 0)
+def row_weights(n_demos: Sequence[int]) -> Float[Array, "row model"]:
+    """Return the weight of each padded row in its scene's mean: 1 / n for the model's own rows, 0 for padding."""
+    return np.where(np.arange(max(n_demos))[:, None] < n_demos, 1 / np.array(n_demos), 0)

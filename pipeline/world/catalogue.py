@@ -1,32 +1,36 @@
-"""The catalogue of items and table textures: what is in data/, checked before anything is drawn.
+"""The catalogue of items and table textures: what is in data/, checked before anything is rendered.
 
-A cutout is a square RGBA picture (straight alpha) of one item from above, lit evenly, cropped tightly: its side
+A cutout is a square RGBA image (straight alpha) of one item from above, lit evenly, cropped tightly: its side
 is `width_m` metres, so its scale is known. A capsule lies along the cutout's x axis.
 """
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
+import cv2
 import numpy as np
 import pandas as pd
 import pandera.errors
 import pandera.pandas as pa
 from jaxtyping import Int, UInt8
 from numpy import ndarray as Array
-from PIL import Image, UnidentifiedImageError
 
 from pipeline.runtime.errors import InputError
-from pipeline.world.layout import SYMBOLS, Items
+from pipeline.world.images import read_image
+from pipeline.world.layout import Items
+from pipeline.world.symbols import SYMBOLS
 
-LEAST_ITEMS = {"train": 1, "unseen": 2, "validation": 2}  # of a symbol, by split: what is judged must not be one item's
+MIN_ITEMS = {"train": 1, "unseen": 2, "validation": 2}  # of a symbol, by split: two where models are judged
 SHAPES = ("disc", "capsule")
-LEAST_PIXELS = 256  # side of a cutout
+MIN_SIDE_PX = 256  # of a cutout
+MIN_VISIBLE_ALPHA = 20  # of 255; a thin glass has 27
+MIN_EXTENT, MAX_EXTENT = 0.75, 1.10  # length and breadth of the visible pixels over those of the footprint
 
 LENGTH_M = pa.Check.in_range(0.0, 1.0, include_min=False)
 NAMED = {
     "name": pa.Column(str, pa.Check.str_matches(r"^[a-z0-9-]+$"), unique=True),
-    "split": pa.Column(str, pa.Check.isin(list(LEAST_ITEMS))),
+    "split": pa.Column(str, pa.Check.isin(list(MIN_ITEMS))),
     "width_m": pa.Column(float, LENGTH_M, coerce=True),
     "file": pa.Column(str, pa.Check.str_endswith(".png")),
     "source": pa.Column(str, pa.Check.str_length(min_value=1)),
@@ -61,7 +65,7 @@ class CatalogueError(InputError):
 
 @dataclass(frozen=True)
 class Catalogue:
-    """Every item and table texture: the tables' rows, and the pictures in the same order."""
+    """Every item and table texture: the tables' rows, and the images in the same order."""
 
     items: pd.DataFrame
     cutouts: list[UInt8[Array, "side side 4"]]
@@ -70,37 +74,37 @@ class Catalogue:
 
     @property
     def footprints(self) -> Items:
-        """What the layout needs to know of each item (row of items.csv)."""
+        """Return what the layout needs to know of each item (row of items.csv)."""
         symbol = np.array([SYMBOLS.index(s) for s in self.items["symbol"]])
         return Items(symbol, self.items["half_length_m"].to_numpy(), self.items["radius_m"].to_numpy())
 
     def pool(self, split: str) -> Int[Array, " pool"]:
-        """Rows of items.csv whose split is `split`."""
+        """Return the rows of items.csv whose split is `split`."""
         return np.flatnonzero(self.items["split"] == split)
 
     def texture_names(self, split: str) -> list[str]:
-        """Names of the table textures of `split`, in the catalogue's order."""
+        """Return the names of the table textures of `split`, in the catalogue's order."""
         return self.textures.loc[self.textures["split"] == split, "name"].tolist()
 
 
 def read_catalogue(data_dir: Path) -> Catalogue:
-    """Read and check data/: items.csv, textures.csv and every picture they name.
+    """Read and check data/: items.csv, textures.csv and every image they name.
 
-    Raises CatalogueError on a missing, truncated, wrong-size or alpha-less picture, an unknown symbol, a duplicate
-    name, a length out of range, or fewer items of a symbol in a split than LEAST_ITEMS.
+    Raises CatalogueError on a missing, truncated, wrong-size or alpha-less image, an unknown symbol, a duplicate name,
+    a length out of range, a cutout that does not fill its footprint, or fewer items of a symbol than MIN_ITEMS.
     """
     items = _read_table(data_dir / "items.csv", ITEMS)
     textures = _read_table(data_dir / "textures.csv", TEXTURES)
-    for split, least in LEAST_ITEMS.items():
-        there = items.loc[items["split"] == split, "symbol"].value_counts().reindex(SYMBOLS, fill_value=0)
-        if few := [f"{count} of {symbol}" for symbol, count in there.items() if count < least]:
+    for split, least in MIN_ITEMS.items():
+        counts = items.loc[items["split"] == split, "symbol"].value_counts().reindex(SYMBOLS, fill_value=0)
+        if short := [f"{count} of {symbol}" for symbol, count in counts.items() if count < least]:
             raise CatalogueError(
-                f"items.csv has too few {split} items ({', '.join(few)}): expected at least {least} of each symbol"
+                f"items.csv has too few {split} items ({', '.join(short)}): expected at least {least} of each symbol"
             )
     if not (textures["split"] == "train").any():
         raise CatalogueError("textures.csv has no train texture: add at least one")
-    cutouts = [_read_cutout(data_dir / f) for f in items["file"]]
-    surfaces = [np.asarray(_open(data_dir / f).convert("RGB")) for f in textures["file"]]
+    cutouts = [_read_cutout(data_dir / row.file, row) for row in items.itertuples()]
+    surfaces = [_read_image(data_dir / file)[..., :3] for file in textures["file"]]
     return Catalogue(items, cutouts, textures, surfaces)
 
 
@@ -117,7 +121,7 @@ def _read_table(path: Path, schema: pa.DataFrameSchema) -> pd.DataFrame:
 
 
 def _first_failure(errors: pandera.errors.SchemaErrors) -> str:
-    """The first failure in words: which line, what came, what was expected."""
+    """Return the first failure in words: which line, what came, what was expected."""
     cases = errors.failure_cases
     case = cases.sort_values("schema_context", kind="stable").iloc[0]  # a Column's own failure explains the row's
     more = f" (and {len(cases) - 1} more)" if len(cases) > 1 else ""
@@ -133,30 +137,34 @@ def _first_failure(errors: pandera.errors.SchemaErrors) -> str:
     return f"{line}{column}: got {case['failure_case']!r}, expected {expected}; correct this line{more}"
 
 
-def _open(path: Path) -> Image.Image:
-    """A picture, decoded whole, so that a truncated file is found here."""
-    if not path.is_file():
-        raise CatalogueError(f"{path} is named in the catalogue but missing: restore it with `dvc pull`")
+def _read_image(path: Path) -> UInt8[Array, "row column channel"]:
     try:
-        picture = Image.open(path)
-        picture.load()
-    except (UnidentifiedImageError, OSError, SyntaxError, ValueError) as error:
-        raise CatalogueError(f"{path} is truncated or not a PNG ({error}): restore or redraw it") from error
-    return picture
+        return read_image(path)
+    except InputError as error:
+        raise CatalogueError(f"{error} (or get data/ with `dvc pull`)") from error
 
 
-def _read_cutout(path: Path) -> UInt8[Array, "side side 4"]:
-    picture = _open(path)
-    if picture.mode not in ("RGBA", "LA", "PA") and "transparency" not in picture.info:
+def _read_cutout(path: Path, row: Any) -> UInt8[Array, "side side 4"]:
+    """Return an item's RGBA cutout; CatalogueError unless it is square, has alpha and fills the item's footprint."""
+    rgba = _read_image(path)
+    height, width, channels = rgba.shape
+    if channels != 4:
+        raise CatalogueError(f"{path} has no alpha channel: cut the item out and save it as RGBA")
+    if width != height or width < MIN_SIDE_PX:
         raise CatalogueError(
-            f"{path} is {picture.mode}, without an alpha channel: cut the item out and save it as RGBA"
+            f"{path} is {width} x {height} pixels: a cutout is square, at least {MIN_SIDE_PX} pixels a side"
         )
-    width, height = picture.size
-    if width != height or width < LEAST_PIXELS:
-        raise CatalogueError(
-            f"{path} is {width} x {height} pixels: a cutout is square, at least {LEAST_PIXELS} pixels a side"
-        )
-    rgba = np.asarray(picture.convert("RGBA"))
-    if rgba[..., 3].min() == 255 or rgba[..., 3].max() == 0:
+    alpha = rgba[..., 3]
+    if alpha.min() == 255 or alpha.max() == 0:
         raise CatalogueError(f"{path} has the same alpha everywhere: the table around the item must be transparent")
+    _, _, length_px, breadth_px = cv2.boundingRect((alpha > MIN_VISIBLE_ALPHA).astype(np.uint8))
+    footprint_m = {"long": 2 * (row.half_length_m + row.radius_m), "broad": 2 * row.radius_m}
+    for pixels, (direction, expected_m) in zip((length_px, breadth_px), footprint_m.items(), strict=True):
+        visible_m = pixels * row.width_m / width
+        if not MIN_EXTENT <= visible_m / expected_m <= MAX_EXTENT:
+            raise CatalogueError(
+                f"{path} shows an item {visible_m:.3g} m {direction}, but items.csv gives {row.name} a footprint "
+                f"{expected_m:.3g} m {direction}: expected {MIN_EXTENT:g} to {MAX_EXTENT:g} times that; "
+                "correct width_m, radius_m or half_length_m, or crop the cutout to the item"
+            )
     return rgba

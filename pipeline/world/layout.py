@@ -1,4 +1,4 @@
-"""What stands where: items as capsule footprints on a 1 m table, and how a scene is drawn at random.
+"""Layouts: items as capsule footprints on a 1 m table, and how a scene is laid out at random.
 
 Every footprint is a capsule: the points within `radius` of a segment of half-length `half_length`.
 A round item is a capsule of half-length zero, a piece of cutlery a long thin one.
@@ -14,11 +14,11 @@ from numpy import ndarray as Array
 
 from pipeline.runtime.errors import InputError
 from pipeline.world.bezier import P_F, P_INIT
+from pipeline.world.symbols import SYMBOLS as SYMBOLS  # most modules want both
 
-SIDE = 100  # pixels along an edge of a picture of the table, hence per metre
-SYMBOLS = ("bowl", "plate", "cutlery", "glass")
-EMPTY = -1  # symbol index of a slot nothing stands in
-TRIES = 1000  # before a scene, or an item in one, is given up
+SIDE = 100  # pixels along an edge of an image of the table, hence per metre
+EMPTY = -1  # symbol index of an empty slot
+MAX_TRIES = 1000  # draws of a scene's items, or of an added item's place, before an error
 
 
 @dataclass(frozen=True)
@@ -40,17 +40,17 @@ class Layouts:
         return len(self.symbol)
 
     def __getitem__(self, scenes) -> "Layouts":
-        """The chosen scenes (a slice, an index array or a mask)."""
+        """Return the chosen scenes (a slice, an index array or a mask)."""
         return Layouts(*(getattr(self, f.name)[scenes] for f in fields(self)))
 
     @property
     def present(self) -> Bool[Array, "scene slot"]:
-        """Where an item stands."""
+        """Return True for each slot that holds an item."""
         return self.symbol != EMPTY
 
     @property
     def ends(self) -> Float[Array, "scene slot 2 2"]:
-        """Both ends of each footprint's segment [m]."""
+        """Return both ends of each footprint's segment [m]."""
         along = np.stack([np.cos(self.angle), np.sin(self.angle)], axis=-1) * self.half_length[..., None]
         return np.stack([self.centre - along, self.centre + along], axis=-2)
 
@@ -58,7 +58,7 @@ class Layouts:
 def point_segment_distance(
     p: Float[Array, "*#b 2"], a: Float[Array, "*#b 2"], b: Float[Array, "*#b 2"]
 ) -> Float[Array, "*b_all"]:
-    """Distance [m] from each point `p` to the segment from `a` to `b` (broadcasting)."""
+    """Return the distance [m] from each point `p` to the segment from `a` to `b` (broadcasting)."""
     # Coordinate by coordinate: numpy reduces an axis of length 2 several times slower than it adds two arrays.
     ab_x, ab_y = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
     ap_x, ap_y = p[..., 0] - a[..., 0], p[..., 1] - a[..., 1]
@@ -67,7 +67,7 @@ def point_segment_distance(
 
 
 def segment_distance(a: Float[Array, "*#s 2 2"], b: Float[Array, "*#s 2 2"]) -> Float[Array, "*s_all"]:
-    """Distance [m] between segments given by their two ends (broadcasting); 0 where they cross."""
+    """Return the distance [m] between segments given by their two ends (broadcasting); 0 where they cross."""
     a, b = np.broadcast_arrays(a, b)
     ends = [
         point_segment_distance(a[..., 0, :], b[..., 0, :], b[..., 1, :]),
@@ -79,7 +79,7 @@ def segment_distance(a: Float[Array, "*#s 2 2"], b: Float[Array, "*#s 2 2"]) -> 
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Whether two segments properly cross."""
+    """Return whether two segments properly cross."""
 
     def side(p: Array, q: Array, r: Array) -> Array:
         u, v = q - p, r - p
@@ -114,14 +114,14 @@ class LayoutRules:
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> "LayoutRules":
-        """The rules from `scenes.layout` of conf/, whose lists become tuples."""
+        """Read the rules from `scenes.layout` of conf/, whose lists become tuples."""
         lists = ("items_per_scene", "glasses_chance")
         plain: dict[str, Any] = {name: tuple(v) if name in lists else v for name, v in values.items()}
         return cls(**plain)
 
 
 def empty(scenes: int, slots: int) -> Layouts:
-    """Scenes with nothing on the table."""
+    """Return scenes with nothing on the table."""
     index = np.full((scenes, slots), EMPTY)
     zero = np.zeros((scenes, slots))
     return Layouts(index, index.copy(), np.zeros((scenes, slots, 2)), *(zero.copy() for _ in range(4)))
@@ -132,12 +132,12 @@ def random_layouts(
 ) -> Layouts:
     """Draw scenes: 2-3 items of `pool` each (catalogue indices), the number of glasses drawn first.
 
-    Raises ValueError if there is no room for a scene's items in TRIES draws of them.
+    Raises InputError if there is no room for a scene's items in MAX_TRIES draws of them.
     """
     layouts = empty(scenes, rules.slots)
     glass = SYMBOLS.index("glass")
     for scene in range(scenes):
-        for _ in range(TRIES):
+        for _ in range(MAX_TRIES):
             count = int(rng.choice(rules.items_per_scene))
             glasses = min(count, int(rng.choice(len(rules.glasses_chance), p=rules.glasses_chance)))
             others = rng.choice([i for i in range(len(SYMBOLS)) if i != glass], count - glasses)
@@ -148,7 +148,7 @@ def random_layouts(
             layouts.item[scene] = EMPTY
         else:
             raise InputError(
-                f"no room for {' or '.join(map(str, rules.items_per_scene))} items in {TRIES} tries: lower "
+                f"no room for {' or '.join(map(str, rules.items_per_scene))} items in {MAX_TRIES} tries: lower "
                 "scenes.layout.clear_of_ends or clear_of_items, or ask for fewer items"
             )
     return layouts
@@ -162,16 +162,16 @@ def add_item(
     pool: Int[Array, " pool"],
     rules: LayoutRules,
 ) -> Layouts:
-    """The same scenes with one more item of `symbol` at random in each, under the same clearances.
+    """Add one item of `symbol` at random to each scene, under the same clearances; return the new scenes.
 
-    Raises ValueError if a scene has no free slot or no free place (TRIES).
+    Raises InputError if a scene has no free slot or no free place (MAX_TRIES).
     """
     added = Layouts(*(getattr(layouts, f.name).copy() for f in fields(layouts)))
     for scene in range(len(layouts)):
         free = np.flatnonzero(~layouts.present[scene])
         if len(free) == 0:
             raise InputError(f"scene {scene} has no free slot for a {SYMBOLS[symbol]}: raise scenes.layout.slots")
-        if not _place(rng, added, scene, int(free[0]), symbol, items, pool, rules, tries=TRIES):
+        if not _place(rng, added, scene, int(free[0]), symbol, items, pool, rules, tries=MAX_TRIES):
             raise InputError(f"no free place for a {SYMBOLS[symbol]} in scene {scene}: the scene is too full")
     return added
 

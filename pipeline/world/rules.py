@@ -1,4 +1,4 @@
-"""The users' rules: the truth of the simulated world, and the only place that knows it.
+"""The users' rules: the ground truth of the simulated world, which nothing else computes.
 
 A user keeps a margin [m] from the footprint of each symbol it cares about (Section "Dataset").
 """
@@ -10,62 +10,63 @@ from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 
 from pipeline.world.bezier import curve
-from pipeline.world.layout import SYMBOLS, Layouts, point_segment_distance, segment_distance
+from pipeline.world.layout import Layouts, point_segment_distance, segment_distance
+from pipeline.world.symbols import SYMBOLS
 
 Margins = Mapping[str, float | None]  # symbol -> margin [m]; None: the user does not care
 SAMPLES = 129  # points along a path; with the parabola, a clearance over 3 cm is right within 0.4 mm
 
 
 def point_clearance(layouts: Layouts, points: Float[Array, "scene path point 2"]) -> Float[Array, "scene path slot"]:
-    """Least distance [m] from the smooth path through evenly timed points to each footprint; inf if empty."""
+    """Return the least distance [m] from the smooth path through evenly timed points to each footprint; inf: empty."""
     ends = layouts.ends
-    out = np.full((*points.shape[:2], layouts.symbol.shape[1]), np.inf)
+    distances = np.full((*points.shape[:2], layouts.symbol.shape[1]), np.inf)
     for slot in range(layouts.symbol.shape[1]):
         a, b = ends[:, slot, 0, :][:, None, None], ends[:, slot, 1, :][:, None, None]
         distance = _least(point_segment_distance(points, a, b)) - layouts.radius[:, slot, None]
-        out[:, :, slot] = np.where(layouts.present[:, slot, None], distance, np.inf)
-    return out
+        distances[:, :, slot] = np.where(layouts.present[:, slot, None], distance, np.inf)
+    return distances
 
 
 def line_clearance(layouts: Layouts, lines: Float[Array, "scene path point 2"]) -> Float[Array, "scene path slot"]:
-    """Least distance [m] from the straight pieces between points, whatever their spacing, to each footprint."""
+    """Return the least distance [m] from the straight pieces between points, of any spacing, to each footprint."""
     pieces = np.stack([lines[:, :, :-1], lines[:, :, 1:]], axis=-2)  # (scene, path, piece, end, 2)
-    out = np.full((*lines.shape[:2], layouts.symbol.shape[1]), np.inf)
+    distances = np.full((*lines.shape[:2], layouts.symbol.shape[1]), np.inf)
     for slot in range(layouts.symbol.shape[1]):
         distance = (
             segment_distance(pieces, layouts.ends[:, slot][:, None, None]).min(-1) - layouts.radius[:, slot, None]
         )
-        out[:, :, slot] = np.where(layouts.present[:, slot, None], distance, np.inf)
-    return out
+        distances[:, :, slot] = np.where(layouts.present[:, slot, None], distance, np.inf)
+    return distances
 
 
 def _least(distance: Float[Array, "*path point"]) -> Float[Array, "*path"]:
-    """The minimum along a smooth path: the vertex of the parabola through the three nearest squared distances."""
+    """Return the minimum along a smooth path: the vertex of the parabola through the three least squared distances."""
     if distance.shape[-1] < 3:
         return distance.min(-1)
     square = distance**2
     middle = np.clip(square.argmin(-1), 1, square.shape[-1] - 2)[..., None]
-    before, at, after = (np.take_along_axis(square, middle + k, -1)[..., 0] for k in (-1, 0, 1))
-    bend = np.maximum(before - 2 * at + after, 1e-18)
+    before, middle_square, after = (np.take_along_axis(square, middle + k, -1)[..., 0] for k in (-1, 0, 1))
+    bend = np.maximum(before - 2 * middle_square + after, 1e-18)
     offset = np.clip(0.5 * (before - after) / bend, -1.0, 1.0)  # of the vertex from the middle point, in steps
-    return np.sqrt(np.maximum(at - 0.5 * offset * (before - after) + 0.5 * offset**2 * bend, 0.0))
+    return np.sqrt(np.maximum(middle_square - 0.5 * offset * (before - after) + 0.5 * offset**2 * bend, 0.0))
 
 
 def clearance(layouts: Layouts, z_theta: Float[Array, "scene path 2"]) -> Float[Array, "scene path slot"]:
-    """Least distance [m] from each Bezier path to each footprint; negative inside, inf if empty."""
+    """Return the least distance [m] from each Bezier path to each footprint; negative inside, inf if empty."""
     return point_clearance(layouts, curve(z_theta, SAMPLES))
 
 
 def slack(
     layouts: Layouts, clearances: Float[Array, "scene path slot"], margins: Margins
 ) -> Float[Array, "scene path"]:
-    """How far [m] each path stays outside the user's margins; inf if nothing matters to the user."""
+    """Return how far [m] each path stays outside the user's margins; inf if the user keeps away from no item."""
     margin = np.array([np.inf if margins[s] is None else margins[s] for s in SYMBOLS] + [np.inf])
-    wanted = np.where(layouts.present, margin[layouts.symbol], np.inf)[:, None, :]
-    cares = np.isfinite(wanted)
-    return np.where(cares, clearances - np.where(cares, wanted, 0.0), np.inf).min(-1)
+    required = np.where(layouts.present, margin[layouts.symbol], np.inf)[:, None, :]
+    cares = np.isfinite(required)
+    return np.where(cares, clearances - np.where(cares, required, 0.0), np.inf).min(-1)
 
 
 def valid(layouts: Layouts, z_theta: Float[Array, "scene path 2"], margins: Margins) -> Bool[Array, "scene path"]:
-    """Whether each path satisfies the user: v of the paper."""
+    """Return whether each path satisfies the user: v of the paper."""
     return slack(layouts, clearance(layouts, z_theta), margins) > 0

@@ -1,1 +1,1 @@
-"""Study: confounding."""
+"""Study: association against intervention where glasses stand beside plates."""

@@ -1,4 +1,4 @@
-"""Scenes of the confounded world, and demonstrations in them: random paths, labelled by the users' rules."""
+"""Scenes of each world, and demonstrations in them: random paths labelled by the users' rules."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,8 +8,6 @@ from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
 from omegaconf import DictConfig
 
-from pipeline.models.base import to_tensor
-from pipeline.perception.objects import find
 from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
@@ -21,16 +19,15 @@ from studies.confounding.world import Setting, confounded_layouts
 
 @dataclass(frozen=True)
 class Scenes:
-    """What stands where, its pictures, and how many things the path model finds in them for each item there is."""
+    """Layouts and their images."""
 
     layouts: Layouts
     images: UInt8[Array, "scene 100 100 3"]
-    things_per_item: float
 
 
 @dataclass(frozen=True)
 class Draw:
-    """Scenes to be drawn; those of one name share their chances, whatever the world (of confound.worlds)."""
+    """An order for scenes; orders of the same name share their random numbers, whatever the world."""
 
     name: str
     world: str
@@ -39,26 +36,25 @@ class Draw:
 
 
 def draw_all(cfg: DictConfig, draws: Sequence[Draw]) -> list[Scenes]:
-    """Scenes laid out and pictured."""
+    """Lay out and render the scenes of every order."""
     return map_jobs(partial(_draw, cfg), draws, cfg.workers, "confounded scenes")
 
 
 def _draw(cfg: DictConfig, draw: Draw) -> Scenes:
-    """One set of scenes; table top, light and camera do not depend on the world either."""
-    c, (catalogue, palette) = cfg.confound, read_palette(cfg.paths.data)
-    world = c.worlds[draw.world]
-    rng = stream(c.root_seed, "scenes", draw.name)
-    rules, setting = LayoutRules.of(cfg.scenes.layout), Setting(world.together, c.present, c.glasses, *world.gap_m)
+    """Draw one set of scenes; textures, lights and cameras do not depend on the world."""
+    study, (catalogue, palette) = cfg.studies.confounding, read_palette(cfg.paths.data)
+    rng = stream(study.root_seed, "scenes", draw.name)
+    rules = LayoutRules.of(cfg.scenes.layout)
+    setting = Setting(study.worlds[draw.world], study.present, study.glasses, *study.gap_m)
     layouts = confounded_layouts(rng, draw.count, catalogue.footprints, catalogue.pool(draw.split), rules, setting)
     textures, seeds = rng.choice(catalogue.texture_names("train"), draw.count), rng.integers(2**31, size=draw.count)
-    images = render_scenes(layouts, list(textures), seeds.tolist(), palette)
-    return Scenes(layouts, images, float(find(to_tensor(images)).present.sum() / layouts.present.sum()))
+    return Scenes(layouts, render_scenes(layouts, list(textures), seeds.tolist(), palette))
 
 
 def demonstrations(
     cfg: DictConfig, layouts: Layouts, user: str, seed: int
 ) -> tuple[Float[Array, "scene n 2"], Bool[Array, "scene n"]]:
-    """Random z_theta [m], main_n_demos a scene, and whether each is valid: the same paths whatever stands there."""
-    rng = stream(cfg.confound.root_seed, "paths", user, seed)
-    z = random_z_theta(rng, len(layouts), cfg.main_n_demos)
-    return z, valid(layouts, z, cfg.users[user])
+    """Draw main_n_demos random z_theta [m] a scene and label them; the paths do not depend on the layouts."""
+    rng = stream(cfg.studies.confounding.root_seed, "paths", user, seed)
+    z_theta = random_z_theta(rng, len(layouts), cfg.main_n_demos)
+    return z_theta, valid(layouts, z_theta, cfg.users[user])

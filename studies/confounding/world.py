@@ -1,8 +1,8 @@
-"""A world in which glasses stand beside plates, so that whoever minds glasses seems to mind plates.
+"""Layouts of a world in which glasses stand beside plates, so that plates look like a cause that only glasses are.
 
-A common cause (the table is laid, or not) decides for plate and glasses together in a share `together` of the scenes:
-the glasses beside the plate, or neither. In the others plate and glasses come and stand each on their own. How often a
-symbol comes does not depend on `together`: it is the strength of the confounding, and of nothing else.
+In a share `together` of the scenes a common cause decides for plate and glasses: the glasses stand beside the plate, or
+both are missing. In the others plate and glasses are drawn independently. How often a symbol occurs does not depend on
+`together`, which is the strength of the confounding and nothing else.
 """
 
 from dataclasses import dataclass, fields
@@ -25,12 +25,13 @@ from pipeline.world.layout import (
 
 GLASS, PLATE = SYMBOLS.index("glass"), SYMBOLS.index("plate")
 OTHERS = [symbol for symbol in range(len(SYMBOLS)) if symbol not in (GLASS, PLATE)]
-PRECISION = 1e-6  # of a gap [m]
+CONFOUNDED, CONTROL = "confounded", "control"  # the world of the results, and the one without a common cause
+GAP_TOLERANCE_M = 1e-6
 
 
 @dataclass(frozen=True)
 class Setting:
-    """How plates and glasses come (conf/confound)."""
+    """How plates and glasses are drawn (conf/studies/confounding.yaml)."""
 
     together: float  # chance that a scene's plate and glasses have a common cause
     present: float  # chance of a plate in a scene, and of glasses
@@ -49,18 +50,18 @@ def confounded_layouts(
 ) -> Layouts:
     """Draw scenes of items of `pool` (catalogue indices): a plate, glasses, and bowls and cutlery.
 
-    Plate and glasses count as one item each of the scene's `items_per_scene`. Each scene has a generator of its own:
-    under another `together` the scenes whose common cause comes or stays away all the same do not change.
+    Plate and glasses count as one item each of the scene's `items_per_scene`. Each scene has its own generator, so that
+    another `together` changes only the scenes that gain or lose the common cause.
     """
-    drawn = [_scene(own, items, pool, rules, setting) for own in rng.spawn(scenes)]
+    drawn = [_scene(scene_rng, items, pool, rules, setting) for scene_rng in rng.spawn(scenes)]
     return Layouts(*(np.concatenate([getattr(scene, f.name) for scene in drawn]) for f in fields(Layouts)))
 
 
 def _scene(rng, items: Items, pool: Array, rules: LayoutRules, setting: Setting) -> Layouts:
-    """One scene. What comes is drawn before anything is placed, whether or not it is needed."""
+    """Draw one scene. Which items occur is drawn before any is placed, whether or not it is needed."""
     together = rng.uniform() < setting.together
-    plate, glasses_alone = (bool(rng.uniform() < setting.present) for _ in range(2))
-    glasses = plate if together else glasses_alone
+    plate, independent_glasses = (bool(rng.uniform() < setting.present) for _ in range(2))
+    glasses = plate if together else independent_glasses
     count = max(0, int(rng.choice(rules.items_per_scene)) - plate - glasses)
     others = rng.choice(OTHERS, count).tolist()
     laid = [PLATE] * plate + [GLASS] * (setting.glasses * glasses)
@@ -78,15 +79,15 @@ def _scene(rng, items: Items, pool: Array, rules: LayoutRules, setting: Setting)
 
 
 def _beside_first(rng, scene: Layouts, slot: int, rules: LayoutRules, setting: Setting) -> bool:
-    """Move the item in `slot` straight towards or away from the one in slot 0 until their gap is one drawn anew.
+    """Move the item in `slot` straight towards or away from the one in slot 0 until their gap is a random one.
 
-    A step by what the gap lacks never goes too far. False where the item then stands too near to another one, to
-    P_INIT or P_F, or its centre beyond where centres lie.
+    A step by the gap's excess never overshoots. Return False if the item then violates a clearance or lies outside the
+    range of centres.
     """
     gap = rng.uniform(setting.gap_low, setting.gap_high)
     towards = scene.centre[0, 0] - scene.centre[0, slot]
     towards /= np.linalg.norm(towards)
-    while abs(excess := _gaps(scene, slot)[0] - gap) > PRECISION:
+    while abs(excess := _gaps(scene, slot)[0] - gap) > GAP_TOLERANCE_M:
         scene.centre[0, slot] += excess * towards
     centre, ends = scene.centre[0, slot], scene.ends[0, slot]
     from_ends = min(point_segment_distance(p, *ends) for p in (P_INIT, P_F)) - scene.radius[0, slot]
@@ -95,6 +96,6 @@ def _beside_first(rng, scene: Layouts, slot: int, rules: LayoutRules, setting: S
 
 
 def _gaps(scene: Layouts, slot: int) -> Array:
-    """Footprint to footprint [m] from the item in `slot` to each of those before it."""
+    """Return the gap [m] between the footprints of the item in `slot` and of each item before it."""
     apart = segment_distance(scene.ends[0, slot], scene.ends[0, :slot])
     return apart - scene.radius[0, slot] - scene.radius[0, :slot]

@@ -1,1 +1,1 @@
-"""Study: refutation."""
+"""Study: attempts to refute the effects of added items."""

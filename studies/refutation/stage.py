@@ -1,208 +1,163 @@
-"""Stage refute: asks the models questions whose true answer is "nothing", and sees what the procedure makes of it."""
+"""Stage refutation: ask the models questions whose true answer is known, and judge the answers as intervene does."""
 
-from collections import Counter
-from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
+import pandas as pd
+from jaxtyping import Float, UInt8
 from numpy import ndarray as Array
 from omegaconf import DictConfig
 
 from pipeline.artifacts.demos import demo_arrays, read_demos
-from pipeline.artifacts.effects import read_effects
-from pipeline.artifacts.files import read_arrays, write_arrays, write_json
+from pipeline.artifacts.files import read_arrays, write_arrays, write_table
 from pipeline.artifacts.interventions import AddedItems, read_interventions
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
-from pipeline.artifacts.trained import ask, check_weights
-from pipeline.causal.interventions import DIGITS, by_user, expected_validity, judge
-from pipeline.causal.refuters import PATCHES, REFUTERS, halves, mean_over, placebo, stays_over_items
+from pipeline.artifacts.trained import check_weights, predict_all
+from pipeline.causal import refuters
+from pipeline.causal.added_items import added_item_effects, questions
+from pipeline.causal.interventions import judge
 from pipeline.launch import launch
-from pipeline.models.registry import build
-from pipeline.params import need
 from pipeline.runtime.errors import InputError
-from pipeline.runtime.parallel import map_jobs
-from pipeline.runtime.streams import job_seed, stream
-from pipeline.stats.crossed import VERDICTS
+from pipeline.runtime.streams import stream
 from pipeline.training.refit import TrainingSet, refit_and_predict
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SYMBOLS
 from pipeline.world.render import Palette, render_scenes
 from pipeline.world.rules import clearance
 
-Effects = Float[Array, "user symbol seed scene"]
+Images = UInt8[Array, "version scene 100 100 3"]  # version 0 is the scene as it is, 1 + k has symbol k added
+Effects = Float[Array, "question seed scene"]
+NEGLIGIBLE = "negligible"  # the expected verdict of every refuter but data_subset
+COLUMNS = ["refuter", "setting", "variant", "user", "symbol", "effect", "ci_low", "ci_high", "p_holm", "verdict",
+           "expected", "passed", "agreement", "item_effect", "note"]  # fmt: skip
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """metrics.json, and placebos.npz (symbol, scene, 100, 100, 3): an item's pixels, or pieces of it, shuffled."""
+    """Write effects.parquet, summary.csv, and examples.npz: each placebo patch in the first scene, by symbol."""
     check_weights(cfg)
-    directory, pool, few = Path(cfg.paths.intervene), cfg.protocol.splits[cfg.intervene.split], slice(cfg.refute.scenes)
+    study, users, seeds = cfg.studies.refutation, list(cfg.evaluate.users), list(cfg.protocol.seeds)
+    pool, first = cfg.protocol.splits[cfg.intervene.split], slice(study.scenes)
     scenes = read_scenes(Path(cfg.paths.scenes))
-    scenes.check_has(pool, *map(train_pool, cfg.protocol.seeds))
-    added = read_interventions(directory, scenes.layouts[pool])
-    _check_items(added)
-    z = read_arrays(directory / "images.npz")["z_theta"][few]
-    here = np.concatenate([scenes.images[pool][None, few], added.images[:, few]])  # (1 + symbol, scene, ...)
-    patches = {kind: _patches(cfg, here, kind, piece) for kind, piece in PATCHES.items()}
-    far = np.stack([clearance(placed[few], z)[..., 0] > cfg.refute.far_m for placed in added.placed])
+    scenes.check_has(pool, *map(train_pool, seeds))
+    added = read_interventions(Path(cfg.paths.intervene), scenes.layouts[pool])
+    z_theta = read_arrays(Path(cfg.paths.intervene) / "images.npz")["z_theta"][first]
+    images = np.concatenate([scenes.images[pool][None, first], added.images[:, first]])  # (version, scene, ...)
+    far = np.stack([clearance(item[first], z_theta)[..., 0] > study.far_m for item in added.placed])
+    far_scenes = far.any(-1).all(0)  # (scene,)
+    if far_scenes.sum() < 2:
+        raise InputError(
+            f"studies.refutation.far_m is {study.far_m}: expected a length that paths of at least two scenes keep from "
+            "each added item; lower it"
+        )
 
-    few_stay = "a length that paths of at least two scenes keep from each added item: lower it"
-    need(cfg, "refute.far_m", bool(far.any(-1).all(0).sum() > 1), few_stay)
+    # Each image set is asked about once; a refuter compares versions of one or two of them.
+    patches = {piece: placebo_images(cfg, images, piece) for piece in study.pieces}
+    elsewhere = render_elsewhere(cfg, scenes, pool, added)
+    image_sets = np.stack([images, *patches.values(), *elsewhere.values()])  # (set, version, scene, ...)
+    flat_images = image_sets.reshape(-1, *images.shape[2:])
+    repeated = np.tile(z_theta, (len(flat_images) // len(z_theta), 1, 1))
+    p_by_variant = predict_all(cfg, users, flat_images, repeated, "refutation")
+    dummy_effects = refit_on_permuted_labels(cfg, scenes, users, images, z_theta)
 
-    users = list(cfg.evaluate.users)
-    measured = read_effects(directory, list(cfg.variants), users)
-    elsewhere = _elsewhere(cfg, scenes, pool, added)
-    pictures = np.concatenate([here, *patches.values(), *elsewhere.values()])
-    images, everywhere = pictures.reshape(-1, *pictures.shape[2:]), np.tile(z, (len(pictures), 1, 1))
-    permuted, untrained = _permuted(cfg, users, here, z), _untrained(cfg, users, here, z)
-    found, own = {}, {}
-    for variant, p in ask(cfg, users, images, everywhere, "refute").items():
-        p = p.reshape(*p.shape[:2], *pictures.shape[:2], -1)  # (user, seed, table, scene, path)
-        now, *patched, others = np.split(p, np.cumsum([len(here), *map(len, patches.values())]), axis=2)
-        own[variant] = _effects(now)
-        near_nothing = mean_over(now[:, :, 1:], far) - mean_over(now[:, :, :1], far)
-        found[variant] = {
-            **({"permuted": _effects(permuted[variant])} if variant in permuted else {}),
-            "untrained": _effects(untrained[variant]),
-            **{
-                kind: _effects(np.concatenate([now[:, :, :1], of], axis=2))
-                for kind, of in zip(patches, patched, strict=True)
-            },
-            "far": np.moveaxis(near_nothing[..., np.isfinite(near_nothing).all((0, 1, 2))], 2, 1),
-            **{
-                f"other_table/{top}": _effects(other) - own[variant]
-                for top, other in zip(elsewhere, np.split(others, len(elsewhere), axis=2), strict=True)
-            },
-        }
-    write_arrays(out_dir / "placebos.npz", patches)
-    write_json(out_dir / "metrics.json", _metrics(cfg, users, found, own, measured, added.item))
-
-
-def _patches(cfg: DictConfig, tables: np.ndarray, name: str, piece: int) -> np.ndarray:
-    """Each symbol's patches (symbol, scene, 100, 100, 3); tables (1 + symbol, ...): the first without an item."""
-    rng = stream(cfg.refute.root_seed, name)
-    return np.stack([placebo(rng, tables[0], with_item, piece) for with_item in tables[1:]])
-
-
-def _check_items(added: AddedItems) -> None:
-    """Raise InputError unless two items at least of each symbol were added."""
-    for symbol, of_symbol in zip(SYMBOLS, added.item, strict=True):
-        if len(np.unique(of_symbol)) < 2:
-            raise InputError(
-                f"the same {symbol} was added to all {len(of_symbol)} scenes: expected at least two different ones; "
-                "intervene on more scenes"
-            )
+    summary, rows = [], []
+    for variant, p in p_by_variant.items():
+        p = p.reshape(len(users), len(seeds), *image_sets.shape[:3], -1)  # (user, seed, set, version, scene, path)
+        item_effects, *others = (added_item_effects(p[:, :, i]) for i in range(len(image_sets)))
+        near_nothing = refuters.mean_over_paths(p[:, :, 0, 1:], far) - refuters.mean_over_paths(p[:, :, 0, :1], far)
+        control_effects = np.moveaxis(near_nothing[..., far_scenes], 2, 1).reshape(len(item_effects), len(seeds), -1)
+        placebo_effects, other_effects = others[: len(patches)], others[len(patches) :]
+        by_refuter: dict[tuple[str, str], Effects] = {}
+        if variant in dummy_effects:
+            by_refuter[refuters.DUMMY_OUTCOME, "permuted labels"] = dummy_effects[variant]
+        for piece, effects in zip(patches, placebo_effects, strict=True):
+            by_refuter[refuters.PLACEBO_TREATMENT, f"piece={piece}"] = effects
+        by_refuter[refuters.NEGATIVE_CONTROL, f"far_m={study.far_m}"] = control_effects
+        for texture, effects in zip(elsewhere, other_effects, strict=True):
+            by_refuter[refuters.OTHER_ENVIRONMENT, f"texture={texture}"] = effects - item_effects
+        for (refuter, setting), effects in by_refuter.items():
+            judged = judge(effects).assign(expected=NEGLIGIBLE)
+            summary.append(summary_rows(users, refuter, setting, variant, judged, item_effects))
+            rows.append(effect_rows(users, seeds, refuter, setting, variant, effects))
+        halves = refuters.data_subset(stream(study.root_seed, "halves", variant), item_effects, study.halves)
+        summary.append(
+            summary_rows(users, refuters.DATA_SUBSET, f"halves={study.halves}", variant, halves, item_effects)
+        )
+        rows.append(effect_rows(users, seeds, "none", "", variant, item_effects))
+    write_table(out_dir / "effects.parquet", pd.concat(rows, ignore_index=True))
+    write_table(out_dir / "summary.csv", pd.concat(summary, ignore_index=True)[COLUMNS])
+    write_arrays(out_dir / "examples.npz", {f"piece={piece}": x[1:, 0] for piece, x in patches.items()})
 
 
-def _elsewhere(cfg: DictConfig, scenes: SceneSet, pool: str, added: AddedItems) -> dict[str, np.ndarray]:
-    """The scenes as they are, then with each added item, by another table top: (1 + symbol, scene, 100, 100, 3)."""
-    catalogue = read_catalogue(Path(cfg.paths.data))
-    names, few = catalogue.texture_names(cfg.refute.tables), slice(cfg.refute.scenes)
-    need(cfg, "refute.tables", bool(names), f"one of {', '.join(sorted(set(catalogue.textures['split'])))}")
-    palette, tables = Palette(catalogue), [scenes.layouts[pool][few], *(x[few] for x in added.layouts)]
-    lights = stream(cfg.refute.root_seed, "lights").integers(2**31, size=len(tables[0])).tolist()
+def placebo_images(cfg: DictConfig, images: Images, piece: int) -> Images:
+    """Return the images with each added item replaced by a patch of its shuffled pixels."""
+    rng = stream(cfg.studies.refutation.root_seed, "placebo", piece)
+    patched = [refuters.placebo_patch(rng, images[0], with_item, piece) for with_item in images[1:]]
+    return np.stack([images[0], *patched])
+
+
+def render_elsewhere(cfg: DictConfig, scenes: SceneSet, pool: str, added: AddedItems) -> dict[str, Images]:
+    """Return texture -> the scenes without and with each added item on that table top, under another light."""
+    study, catalogue = cfg.studies.refutation, read_catalogue(Path(cfg.paths.data))
+    textures, first = catalogue.texture_names(study.textures), slice(study.scenes)
+    if not textures:
+        splits = ", ".join(sorted(set(catalogue.textures["split"])))
+        raise InputError(f"studies.refutation.textures is {study.textures!r}: expected one of {splits}")
+    layouts, palette = [x[first] for x in (scenes.layouts[pool], *added.layouts)], Palette(catalogue)
+    seeds = stream(study.root_seed, "lights").integers(2**31, size=len(layouts[0])).tolist()
     return {
-        top: np.stack([render_scenes(layouts, [top] * len(layouts), lights, palette) for layouts in tables])
-        for top in names
+        texture: np.stack([render_scenes(x, [texture] * len(x), seeds, palette) for x in layouts])
+        for texture in textures
     }
 
 
-def _permuted(cfg: DictConfig, users: list[str], tables: np.ndarray, z: np.ndarray) -> dict[str, np.ndarray]:
-    """P(valid) by models trained on permuted labels, variant -> (user, seed, table, scene, path)."""
-    demos, scenes = read_demos(Path(cfg.paths.demos)), read_scenes(Path(cfg.paths.scenes))
-
-    def training_set(user: str, seed: int) -> TrainingSet:
-        paths, labels = demo_arrays(demos, seed, user, cfg.main_n_demos)
-        rng = stream(cfg.refute.root_seed, "permuted", user, seed)
-        permuted = rng.permutation(labels.ravel()).reshape(labels.shape)
-        return TrainingSet(user, seed, scenes.images[train_pool(seed)], paths, permuted)
-
-    training_sets = [training_set(user, seed) for user in users for seed in cfg.protocol.seeds]
-    images, everywhere = tables.reshape(-1, *tables.shape[2:]), np.tile(z, (len(tables), 1, 1))
-    found = refit_and_predict(
-        cfg, dict.fromkeys(cfg.refute.permuted, training_sets), images, everywhere, "permuted labels"
-    )
-    shape = (len(users), len(cfg.protocol.seeds), *tables.shape[:2], -1)
-    return {variant: p.reshape(shape) for variant, p in found.items()}
-
-
-def _untrained(cfg: DictConfig, users: list[str], tables: np.ndarray, z: np.ndarray) -> dict[str, np.ndarray]:
-    """P(valid) by models as they are initialised, variant -> (user, seed, table, scene, path)."""
-    images, everywhere = tables.reshape(-1, *tables.shape[2:]), np.tile(z, (len(tables), 1, 1))
-    begun = [(variant, user) for variant in cfg.variants for user in users]
-    answers = map_jobs(partial(_as_begun, cfg, images, everywhere), begun, cfg.workers, "untrained models")
-    shape = (len(cfg.variants), len(users), len(cfg.protocol.seeds), *tables.shape[:2], -1)
-    return dict(zip(cfg.variants, np.stack(answers).reshape(shape), strict=True))
+def refit_on_permuted_labels(
+    cfg: DictConfig, scenes: SceneSet, users: list[str], images: Images, z_theta: Float[Array, "scene path 2"]
+) -> dict[str, Effects]:
+    """Fit variants to demonstrations whose labels are permuted; return variant -> effects of the added items."""
+    study, seeds, demos = cfg.studies.refutation, list(cfg.protocol.seeds), read_demos(Path(cfg.paths.demos))
+    training_sets = []
+    for user in users:
+        for seed in seeds:
+            paths, labels = demo_arrays(demos, seed, user, cfg.main_n_demos)
+            permuted = stream(study.root_seed, "permuted", user, seed).permutation(labels.ravel()).reshape(labels.shape)
+            training_sets.append(TrainingSet(user, seed, scenes.images[train_pool(seed)], paths, permuted))
+    flat_images, repeated = images.reshape(-1, *images.shape[2:]), np.tile(z_theta, (len(images), 1, 1))
+    each = dict.fromkeys(study.dummy_outcome, training_sets)
+    p = refit_and_predict(cfg, each, flat_images, repeated, "permuted labels")
+    shape = len(users), len(seeds), *images.shape[:2], -1
+    return {variant: added_item_effects(x.reshape(shape)) for variant, x in p.items()}
 
 
-def _as_begun(
-    cfg: DictConfig, images: np.ndarray, z_theta: np.ndarray, of: tuple[str, str]
-) -> Float[Array, "seed picture path"]:
-    """P(valid) by a variant's models of a user before any training."""
-    variant, user = of
-    names = [job_seed(seed, user, "untrained", variant) for seed in cfg.protocol.seeds]
-    return np.stack([build(cfg.variants[variant], name).probability(images, z_theta) for name in names])
+def summary_rows(
+    users: list[str], refuter: str, setting: str, variant: str, judged: pd.DataFrame, item_effects: Effects
+) -> pd.DataFrame:
+    """Return COLUMNS of every question.
 
-
-def _effects(p: Float[Array, "user seed table scene path"]) -> Effects:
-    """What each added item (tables 1, 2, ...) changes of the mean validity in table 0."""
-    expected = expected_validity(p)
-    return np.moveaxis(expected[:, :, 1:] - expected[:, :, :1], 2, 1)
-
-
-def _metrics(
-    cfg: DictConfig,
-    users: list[str],
-    found: dict[str, dict[str, Effects]],
-    own: dict[str, Effects],
-    measured: dict[str, np.ndarray],
-    item: np.ndarray,
-) -> dict:
-    """Cells by refuter, variant, user and symbol, a family per refuter and variant; tallies; halves; over items.
-
-    own: the items' own effects in the scenes that the refuters see; measured: in all that stage intervene saw;
-    item: (symbol, scene), which one was added.
+    passed: the verdict is the expected one, so an undecided one does not pass; item_effect: the effect of the item
+    itself in the same scenes.
     """
-    refuted, tallies = {}, {}
-    for variant, by_refuter in found.items():
-        for name, effects in by_refuter.items():
-            cells = judge(effects.reshape(-1, *effects.shape[2:]))
-            refuted.setdefault(name, {})[variant] = by_user(users, cells)
-            count = Counter(c["verdict"] for c in cells)
-            scenes = {"cells": len(cells), "scenes": effects.shape[-1]}
-            tallies.setdefault(name, {})[variant] = {v: count[v] for v in VERDICTS} | scenes
-    pooled = {kind: {v: judge(of[kind].mean(1)) for v, of in found.items()} for kind in PATCHES}
-    return {
-        "order": [name for kind in REFUTERS for name in refuted if name.partition("/")[0] == kind],
-        "said": {name: asdict(refuter) for name, refuter in REFUTERS.items()},
-        "refuters": refuted,
-        "tallies": tallies,
-        **{kind: {v: dict(zip(users, cells, strict=True)) for v, cells in of.items()} for kind, of in pooled.items()},
-        "items_alone": {
-            v: {u: round(float(e), DIGITS) for u, e in zip(users, effects.mean((1, 2, 3)), strict=True)}
-            for v, effects in own.items()
-        },
-        "halves": {v: _halves(cfg, v, e) for v, e in measured.items()},
-        "items": {v: _over_items(e, item) for v, e in measured.items()},
-        "seeds": len(cfg.protocol.seeds),
-    }
+    tuned = (refuter, setting) == (refuters.PLACEBO_TREATMENT, f"piece={refuters.TUNED_PIECE_PX}")
+    table = pd.concat([questions(users), judged], axis=1).assign(
+        refuter=refuter,
+        setting=setting,
+        variant=variant,
+        passed=judged["verdict"] == judged["expected"],
+        item_effect=item_effects.mean((1, 2)),
+        note=refuters.TUNED_NOTE if tuned else "",
+    )
+    return table.reindex(columns=COLUMNS)
 
 
-def _halves(cfg: DictConfig, variant: str, effects: Float[Array, "cell seed scene"]) -> dict[str, float]:
-    """The whole's verdicts that its halves share: on average, and in the cell where fewest do."""
-    rng = stream(cfg.refute.root_seed, "halves", variant)
-    shared, spread = halves(rng, effects, cfg.refute.halves)
-    numbers = {"same": shared.mean(), "least": shared.min(), "spread": spread.mean()}
-    return {name: round(float(value), DIGITS) for name, value in numbers.items()} | {"scenes": effects.shape[-1]}
-
-
-def _over_items(effects: Float[Array, "cell seed scene"], item: np.ndarray) -> dict[str, int]:
-    """How many of the verdicts stay if items take the place of scenes; and items of the symbol that has fewest."""
-    by_cell = np.tile(item[np.argsort(SYMBOLS)], (len(effects) // len(SYMBOLS), 1))  # cells as read_effects has them
-    stays = stays_over_items(effects, by_cell)
-    return {"same": int(stays.sum()), "cells": len(stays), "items": min(len(np.unique(i)) for i in item)}
+def effect_rows(
+    users: list[str], seeds: list[int], refuter: str, setting: str, variant: str, effects: Effects
+) -> pd.DataFrame:
+    """Return one row a question, seed and scene (numbered among those asked about)."""
+    index = pd.MultiIndex.from_product(
+        [users, SYMBOLS, seeds, range(effects.shape[-1])], names=["user", "symbol", "seed", "scene"]
+    )
+    key = {"refuter": refuter, "setting": setting, "variant": variant}
+    return pd.DataFrame(key, index=index).assign(effect=effects.ravel()).reset_index()[[*key, *index.names, "effect"]]
 
 
 if __name__ == "__main__":
-    launch(main, "refute")
+    launch(main, "refutation")

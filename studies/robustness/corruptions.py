@@ -1,95 +1,94 @@
-"""What can be worse at use, or in the labels, than it was in training: pictures, tables and demonstrations.
+"""Corruptions of images, scenes and labels.
 
-Under the same generator a stronger disturbance of a kind only deepens a weaker one: the same side in the shade, the
-same arm further in, the same items and others besides.
+With the same generator a stronger corruption only deepens a weaker one: the shadow falls on the same side, the arm
+reaches further in at the same place, the weaker clutter and the weaker label errors are part of the stronger ones.
 """
 
 from collections.abc import Callable
 from dataclasses import fields
 
+import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray as Array
-from scipy.ndimage import gaussian_filter
 
 from pipeline.world.layout import SIDE, SYMBOLS, Items, LayoutRules, Layouts, add_item, empty
 
-Pictures = UInt8[Array, "scene 100 100 3"]
-HALF_ARM = 0.04  # half of an arm's thickness [m]
-_CENTRES = (np.arange(SIDE) + 0.5) / SIDE  # of rows and columns [m]
+Images = UInt8[Array, "scene 100 100 3"]
+ARM_RADIUS_PX = 4  # an arm is 8 cm thick; a pixel is 1 cm
+PIXEL_CENTRES = (np.arange(SIDE) + 0.5) / SIDE  # of rows and columns [m]
+WARM_LIGHT = np.array([0.0, 0.5, 1.0])  # share of the loss that red, green and blue take
 
 
-def shade(rng: np.random.Generator, images: Pictures, lost: float) -> Pictures:
-    """Light from one side: it falls in a straight line across the table, by the share `lost` from end to end.
+def shade(rng: np.random.Generator, images: Images, loss: float) -> Images:
+    """Darken the table linearly from one side to the other, by the share `loss` at the far end.
 
-    Each picture has a direction of its own.
+    Each image has a random direction.
     """
     bearing = rng.uniform(-np.pi, np.pi, (len(images), 1, 1))
     c, s = np.cos(bearing), np.sin(bearing)
-    along = c * (_CENTRES - 0.5) + s * (_CENTRES[:, None] - 0.5)
-    share = 0.5 + along / (abs(c) + abs(s))  # (scene, row, column), 0 to 1
-    return _eight_bit(images / 255 * (1 - lost * share[..., None]))
+    along = c * (PIXEL_CENTRES - 0.5) + s * (PIXEL_CENTRES[:, None] - 0.5)
+    distance = 0.5 + along / (abs(c) + abs(s))  # (scene, row, column), 0 to 1
+    return _to_uint8(images / 255 * (1 - loss * distance[..., None]))
 
 
-def tint(rng: np.random.Generator, images: Pictures, lost: float) -> Pictures:
-    """Light of a warmer colour: the share `lost` of the blue is gone, and half as much of the green."""
-    return _eight_bit(images / 255 * (1 - lost * np.array([0.0, 0.5, 1.0])))
+def tint(rng: np.random.Generator, images: Images, loss: float) -> Images:
+    """Warm the light: remove the share `loss` of the blue, and half as much of the green."""
+    return _to_uint8(images / 255 * (1 - loss * WARM_LIGHT))
 
 
-def blur(rng: np.random.Generator, images: Pictures, deviation: float) -> Pictures:
-    """A Gaussian of that standard deviation [px] over all of the picture, its grain and noise too."""
-    return _eight_bit(gaussian_filter(images / 255, (0, deviation, deviation, 0), mode="nearest"))
+def blur(rng: np.random.Generator, images: Images, sigma_px: float) -> Images:
+    """Blur with a Gaussian of this standard deviation [px]."""
+    unit = (images / 255).astype(np.float32)
+    return _to_uint8(np.stack([cv2.GaussianBlur(x, (0, 0), sigma_px, borderType=cv2.BORDER_REPLICATE) for x in unit]))
 
 
-def noise(rng: np.random.Generator, images: Pictures, deviation: float) -> Pictures:
-    """Normal noise of that standard deviation [1 = white] in every pixel and colour."""
-    return _eight_bit(images / 255 + deviation * rng.standard_normal(images.shape))
+def noise(rng: np.random.Generator, images: Images, sigma: float) -> Images:
+    """Add normal noise of this standard deviation [1 = white] to every pixel and channel."""
+    return _to_uint8(images / 255 + sigma * rng.standard_normal(images.shape))
 
 
-def arm(rng: np.random.Generator, images: Pictures, reach: float) -> Pictures:
-    """An arm that comes in straight over a random edge and ends `reach` [m] from it, round and of one grey."""
-    pictures = images.copy()
-    for picture in pictures:
-        edge, place, grey = int(rng.integers(4)), rng.uniform(0.15, 0.85), rng.uniform(0.2, 0.8)
-        beyond = np.maximum(_CENTRES[:, None] - (reach - HALF_ARM), 0)  # of the middle of the round end [m]
-        over = np.hypot(_CENTRES - place, beyond) < HALF_ARM  # as it comes in over row 0
-        picture[np.rot90(over, edge)] = np.rint(255 * grey)
-    return pictures
+def arm(rng: np.random.Generator, images: Images, reach_m: float) -> Images:
+    """Draw a grey arm with a round end, straight in from a random edge up to `reach_m` [m]."""
+    corrupted = images.copy()
+    for image in corrupted:
+        edge, column, grey = int(rng.integers(4)), round(SIDE * rng.uniform(0.15, 0.85)), rng.uniform(0.2, 0.8)
+        tip = round(SIDE * reach_m) - 1 - ARM_RADIUS_PX  # row of the round end's centre
+        mask = np.zeros((SIDE, SIDE), np.uint8)
+        cv2.line(mask, (column, -2 * ARM_RADIUS_PX), (column, tip), 1, thickness=2 * ARM_RADIUS_PX)
+        image[np.rot90(mask, edge) > 0] = round(255 * grey)
+    return corrupted
 
 
-PICTURES: dict[str, Callable[[np.random.Generator, Pictures, float], Pictures]] = {
-    "shade": shade,
-    "tint": tint,
-    "blur": blur,
-    "noise": noise,
-    "arm": arm,
-}  # by name; strength 0 returns every picture as it is
+CORRUPTIONS: dict[str, Callable[[np.random.Generator, Images, float], Images]] = {
+    f.__name__: f for f in (shade, tint, blur, noise, arm)
+}
 
 
-def _eight_bit(picture: Float[Array, "*shape"]) -> UInt8[Array, "*shape"]:
-    return np.rint(np.clip(picture, 0, 1) * 255).astype(np.uint8)
+def _to_uint8(images: Float[Array, "*shape"]) -> UInt8[Array, "*shape"]:
+    return np.rint(np.clip(images, 0, 1) * 255).astype(np.uint8)
 
 
-def cluttered(
-    rng: np.random.Generator, layouts: Layouts, more: int, items: Items, pool: Int[Array, " pool"], rules: LayoutRules
+def add_clutter(
+    rng: np.random.Generator, layouts: Layouts, count: int, items: Items, pool: Int[Array, " pool"], rules: LayoutRules
 ) -> Layouts:
-    """The same scenes with `more` further items of `pool` (catalogue indices), of random symbols.
+    """Return the scenes with `count` more items of `pool` (catalogue indices), of random symbols.
 
-    They keep the clearances of `rules`; ValueError if a scene has no room for them.
+    They keep the clearances of `rules`. Raises InputError if a scene has no room for them.
     """
-    room = empty(len(layouts), more)
-    roomy = Layouts(*(np.concatenate([getattr(x, f.name) for x in (layouts, room)], axis=1) for f in fields(Layouts)))
+    free = empty(len(layouts), count)
+    padded = Layouts(*(np.concatenate([getattr(x, f.name) for x in (layouts, free)], axis=1) for f in fields(Layouts)))
     scenes = []
-    for i, own in enumerate(rng.spawn(len(layouts))):
-        scene = roomy[[i]]
-        for _ in range(more):
-            scene = add_item(own, scene, int(own.integers(len(SYMBOLS))), items, pool, rules)
+    for i, scene_rng in enumerate(rng.spawn(len(layouts))):
+        scene = padded[[i]]
+        for _ in range(count):
+            scene = add_item(scene_rng, scene, int(scene_rng.integers(len(SYMBOLS))), items, pool, rules)
         scenes.append(scene)
     return Layouts(*(np.concatenate([getattr(scene, f.name) for scene in scenes]) for f in fields(Layouts)))
 
 
-def mislabelled(rng: np.random.Generator, valid: Bool[Array, "scene n"], share: float) -> Bool[Array, "scene n"]:
-    """The labels of a training set, `share` of them flipped at random: that many, to the nearest whole number."""
+def flip_labels(rng: np.random.Generator, valid: Bool[Array, "scene n"], share: float) -> Bool[Array, "scene n"]:
+    """Flip this share of the labels at random, rounded to a whole number of labels."""
     flipped = np.zeros(valid.size, dtype=bool)
     flipped[rng.permutation(valid.size)[: round(share * valid.size)]] = True
     return valid ^ flipped.reshape(valid.shape)

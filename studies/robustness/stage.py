@@ -1,193 +1,156 @@
-"""Stage robustness: how well models judge paths where pictures, tables or labels are worse than in training."""
+"""Stage robustness: how well models judge paths where images, scenes or labels are worse than in training."""
 
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
 from omegaconf import DictConfig
-from pipeline.spec.strangeness import Looks, strange
-from tqdm import tqdm
 
 from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
-from pipeline.artifacts.files import write_arrays, write_json
+from pipeline.artifacts.files import write_arrays, write_table
 from pipeline.artifacts.scenes import SceneSet, read_position_prior, read_scenes, train_pool
-from pipeline.artifacts.trained import ask, check_weights
-from pipeline.causal.interventions import DIGITS
+from pipeline.artifacts.trained import check_weights, predict_all
 from pipeline.launch import launch
-from pipeline.models import baselines as nulls
-from pipeline.params import need
+from pipeline.models import baselines
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.streams import stream
-from pipeline.stats.crossed import estimate
-from pipeline.stats.scores import DECISION, expected_calibration_error
+from pipeline.stats.decisions import accuracy_by_seed, accuracy_estimate, accuracy_loss
+from pipeline.stats.scores import DECISION
 from pipeline.training.refit import TrainingSet, refit_and_predict
 from pipeline.world.catalogue import Catalogue, read_catalogue
 from pipeline.world.layout import LayoutRules
 from pipeline.world.render import Palette, render_scenes
 from pipeline.world.rules import valid
-from studies.robustness.corruptions import PICTURES, cluttered, mislabelled
-from studies.robustness.losses import change, kept, more_accepted, score
+from studies.robustness.corruptions import CORRUPTIONS, add_clutter, flip_labels
 
-LABELS = "labels"
-Answers = dict[str, Float[Array, "user seed scene path"]]  # variant -> P(valid)
+Predictions = dict[str, Float[Array, "user seed scene path"]]  # variant -> P(valid)
 
 
 @dataclass(frozen=True)
-class Level:
-    """The scenes, worse in one way to one degree."""
+class Condition:
+    """The same scenes, corrupted in one way to one strength."""
 
-    disturbance: str
-    strength: float | int | str | None  # None: as they are
+    corruption: str  # "none", one of CORRUPTIONS, "texture", "clutter" or "mislabelled"
+    strength: float | int | str  # a texture has its name; the units are in conf/
     images: UInt8[Array, "scene 100 100 3"]
-    truth: Bool[Array, "user scene path"]
+    valid: Bool[Array, "user scene path"]
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """metrics.json, and examples.npz: the first scene as it is and under each disturbance at its strongest."""
+    """Write accuracy.parquet, summary.csv, and examples.npz: the first scene under each corruption at its strongest."""
     check_weights(cfg)
+    users, seeds = list(cfg.evaluate.users), list(cfg.protocol.seeds)
     scenes, catalogue = read_scenes(Path(cfg.paths.scenes)), read_catalogue(Path(cfg.paths.data))
-    levels, z = _levels(cfg, scenes, catalogue)
-    as_is, *worse = levels
-    first, *others = _answers(cfg, levels, z)
-    called = _called_strange(cfg, scenes, levels)
-    disturbed: dict[str, list[dict]] = {}
-    for level, answers, odd in zip(worse, others, called[1:], strict=True):
-        entry = _entry(cfg, level.strength, answers, level.truth, first, as_is.truth)
-        left = {variant: kept(answers[variant] > DECISION, level.truth, ~odd) for variant in cfg.variants}
-        disturbed.setdefault(level.disturbance, []).append(entry | {"strange": _share(odd), "kept": left})
-    disturbed[LABELS] = [
-        _entry(cfg, share, answers, as_is.truth, first, as_is.truth)
-        for share, answers in _mislabelled(cfg, scenes, as_is.images, z).items()
+    conditions, z_theta = draw_conditions(cfg, scenes, catalogue)
+    judged = [
+        *zip(conditions, predict_in_conditions(cfg, conditions, z_theta), strict=True),
+        *predict_after_label_noise(cfg, scenes, conditions[0], z_theta),
     ]
-    metrics = {
-        "order": list(disturbed),
-        "undisturbed": {
-            "valid": round(float(as_is.truth.mean()), DIGITS),
-            "models": _scores(cfg, first, as_is.truth),
-            "strange": _share(called[0]),
-            "kept": {variant: kept(first[variant] > DECISION, as_is.truth, ~called[0]) for variant in cfg.variants},
-        },
-        "disturbed": disturbed,
-        "users": list(cfg.evaluate.users),
-        "seeds": len(cfg.protocol.seeds),
-        "per_seed": cfg.scenes.per_seed,
-        "scenes": z.shape[0],
-        "paths": z.shape[1],
-    }
-    write_json(out_dir / "metrics.json", metrics)
-    write_arrays(out_dir / "examples.npz", {level.disturbance: level.images[0] for level in levels})
+
+    uncorrupted, predictions_before = judged[0]
+    accuracies, summary = [], []
+    for condition, predictions in judged:
+        key = {"corruption": condition.corruption, "strength": str(condition.strength)}
+        for variant, p in predictions.items():
+            rows = accuracy_by_seed(p, condition.valid, users, seeds)
+            accuracies.append(pd.DataFrame(key | {"variant": variant}, index=rows.index).join(rows))
+            accepted, accepted_before = p > DECISION, predictions_before[variant] > DECISION
+            accuracy = accuracy_estimate(accepted, condition.valid)
+            loss = accuracy_loss(accepted, condition.valid, accepted_before, uncorrupted.valid)
+            summary.append(key | {"variant": variant} | accuracy | loss)
+    write_table(out_dir / "accuracy.parquet", pd.concat(accuracies, ignore_index=True))
+    write_table(out_dir / "summary.csv", pd.DataFrame(summary))
+    write_arrays(out_dir / "examples.npz", {c.corruption: c.images[0] for c in conditions})
 
 
-def _levels(
+def draw_conditions(
     cfg: DictConfig, scenes: SceneSet, catalogue: Catalogue
-) -> tuple[list[Level], Float[Array, "scene path 2"]]:
-    """The scenes as they are and under every disturbance, the weakest first; and the paths [m], the same for all."""
-    r, few = cfg.robustness, slice(cfg.robustness.scenes)
-    pool, users = cfg.protocol.splits[cfg.robustness.split], list(cfg.evaluate.users)
+) -> tuple[list[Condition], Float[Array, "scene path 2"]]:
+    """Return the scenes uncorrupted and under every corruption, the weakest first, and the paths [m] of all of them.
+
+    Raises InputError if the split lacks scenes or queries, or the catalogue a texture.
+    """
+    study, users, pool = (
+        cfg.studies.robustness,
+        list(cfg.evaluate.users),
+        cfg.protocol.splits[cfg.studies.robustness.split],
+    )
     scenes.check_has(pool, *map(train_pool, cfg.protocol.seeds))
-    queries, there = read_queries(Path(cfg.paths.demos)).get(pool), len(scenes.images[pool])
+    queries = read_queries(Path(cfg.paths.demos)).get(pool)
     if queries is None or not set(users) <= set(queries.valid):
         raise InputError(f"no queries of {', '.join(users)} in {pool}: run the demos stage again")
-    need(cfg, "robustness.scenes", r.scenes <= there, f"at most {there}, as {pool} has")
-    unseen = catalogue.texture_names("unseen")
-    some = len(r.tables) > 0 and set(r.tables) <= set(unseen)
-    need(cfg, "robustness.tables", some, f"some of {', '.join(unseen)}")
-    images, layouts, looks = scenes.images[pool][few], scenes.layouts[pool][few], scenes.looks[pool][few]
-    z, truth = queries.z[few], np.stack([queries.valid[user][few] for user in users])
-    textures, lights = looks["texture"].tolist(), looks["render_seed"].tolist()
-    palette, rules = Palette(catalogue), LayoutRules.of(cfg.scenes.layout)
-    split = str(catalogue.items["split"].iloc[layouts.item[layouts.present][0]])  # the scenes' own items'
+    if (count := len(scenes.images[pool])) < study.scenes:
+        raise InputError(f"studies.robustness.scenes is {study.scenes}: expected at most {count}, as {pool} has")
+    if not set(study.textures) <= set(unseen := catalogue.texture_names("unseen")):
+        raise InputError(f"studies.robustness.textures is {list(study.textures)}: expected some of {', '.join(unseen)}")
 
-    def rng(*names: str) -> np.random.Generator:
-        return stream(r.root_seed, *names)
+    first = slice(study.scenes)
+    images, layouts, appearance = scenes.images[pool][first], scenes.layouts[pool][first], scenes.appearances[pool][first]
+    textures, render_seeds = appearance["texture"].tolist(), appearance["render_seed"].tolist()
+    z_theta, truth = queries.z[first], np.stack([queries.valid[user][first] for user in users])
+    render = partial(render_scenes, palette=Palette(catalogue))
 
-    levels = [Level("as_is", None, images, truth)]
-    for name, strengths in r.pictures.items():
+    conditions = [Condition("none", 0, images, truth)]
+    for name, strengths in study.corruptions.items():
         for strength in strengths or ():
-            levels.append(Level(name, strength, PICTURES[name](rng(name), images, float(strength)), truth))
-    for table in r.tables:
-        levels.append(Level("tables", table, render_scenes(layouts, [table] * len(z), lights, palette), truth))
-    for more in r.clutter:
-        fuller = cluttered(rng("clutter"), layouts, more, catalogue.footprints, catalogue.pool(split), rules)
-        validity = np.stack([valid(fuller, z, cfg.users[user]) for user in users])
-        levels.append(Level("clutter", more, render_scenes(fuller, textures, lights, palette), validity))
-    return levels, z
+            corrupted = CORRUPTIONS[name](stream(study.root_seed, name), images, float(strength))
+            conditions.append(Condition(name, strength, corrupted, truth))
+    for texture in study.textures:
+        conditions.append(Condition("texture", texture, render(layouts, [texture] * len(layouts), render_seeds), truth))
+    rules = LayoutRules.of(cfg.scenes.layout)
+    items = catalogue.pool(str(catalogue.items["split"].iloc[layouts.item[layouts.present][0]]))
+    for count in study.clutter:
+        fuller = add_clutter(stream(study.root_seed, "clutter"), layouts, count, catalogue.footprints, items, rules)
+        truth_there = np.stack([valid(fuller, z_theta, cfg.users[user]) for user in users])
+        conditions.append(Condition("clutter", count, render(fuller, textures, render_seeds), truth_there))
+    return conditions, z_theta
 
 
-def _answers(cfg: DictConfig, levels: list[Level], z: Float[Array, "scene path 2"]) -> list[Answers]:
-    """What every variant and the null answer at each level; the null, which has no seeds, as if it had one."""
-    users, prior = list(cfg.evaluate.users), read_position_prior(Path(cfg.paths.scenes))
-    images, everywhere = np.concatenate([level.images for level in levels]), np.tile(z, (len(levels), 1, 1))
-    found = ask(cfg, users, images, everywhere, "robustness")
-    found[nulls.POSITION] = np.stack([nulls.position(prior[user], everywhere) for user in users])[:, None]
-    parts = {variant: np.split(p, len(levels), axis=2) for variant, p in found.items()}
-    return [{variant: of[i] for variant, of in parts.items()} for i in range(len(levels))]
+def predict_in_conditions(
+    cfg: DictConfig, conditions: list[Condition], z_theta: Float[Array, "scene path 2"]
+) -> list[Predictions]:
+    """Return P(valid) of every variant and of the image-blind baseline position_only under each condition."""
+    users, seeds = list(cfg.evaluate.users), list(cfg.protocol.seeds)
+    images = np.concatenate([condition.images for condition in conditions])
+    paths = np.tile(z_theta, (len(conditions), 1, 1))
+    p = predict_all(cfg, users, images, paths, "robustness")
+    prior = read_position_prior(Path(cfg.paths.scenes))
+    blind = np.stack([baselines.position(prior[user], paths) for user in users])[:, None]
+    p[baselines.POSITION] = np.repeat(blind, len(seeds), axis=1)
+    by_condition = {variant: np.split(x, len(conditions), axis=2) for variant, x in p.items()}
+    return [{variant: x[i] for variant, x in by_condition.items()} for i in range(len(conditions))]
 
 
-def _called_strange(cfg: DictConfig, scenes: SceneSet, levels: list[Level]) -> list[Bool[Array, "seed scene"]]:
-    """At each level, which pictures are unlike each seed's own training pictures."""
-    own = [Looks.of(scenes.images[train_pool(seed)]) for seed in cfg.protocol.seeds]
-    there = [Looks.of(level.images) for level in tqdm(levels, desc="looks")]
-    return [np.stack([strange(of_seed, looks) for of_seed in own]) for looks in there]
+def predict_after_label_noise(
+    cfg: DictConfig, scenes: SceneSet, uncorrupted: Condition, z_theta: Float[Array, "scene path 2"]
+) -> list[tuple[Condition, Predictions]]:
+    """Return P(valid) in the uncorrupted scenes of models fitted to partly flipped labels, share by share."""
+    users, seeds, demos = list(cfg.evaluate.users), list(cfg.protocol.seeds), read_demos(Path(cfg.paths.demos))
+    study = cfg.studies.robustness
 
-
-def _share(odd: Bool[Array, "seed scene"]) -> dict[str, float]:
-    """Share of the pictures that are strange, with its 95 % interval."""
-    e = estimate(odd[None].astype(float))
-    shares = {"mean": e.effect, "ci_low": e.ci_low, "ci_high": e.ci_high}
-    return {name: round(float(np.clip(value[0], 0, 1)), DIGITS) for name, value in shares.items()}
-
-
-def _mislabelled(cfg: DictConfig, scenes: SceneSet, images: np.ndarray, z: np.ndarray) -> dict[float, Answers]:
-    """share -> variant -> P(valid) by models fitted to demonstrations of which that share is labelled wrongly."""
-    demos, users, seeds = read_demos(Path(cfg.paths.demos)), list(cfg.evaluate.users), list(cfg.protocol.seeds)
-    shares = cfg.robustness.mislabelled
-
-    def training_set(share: float, user: str, seed: int) -> TrainingSet:
+    def noisy(share: float, user: str, seed: int) -> TrainingSet:
         paths, labels = demo_arrays(demos, seed, user, cfg.main_n_demos)
-        rng = stream(cfg.robustness.root_seed, LABELS, user, seed)
-        return TrainingSet(user, seed, scenes.images[train_pool(seed)], paths, mislabelled(rng, labels, float(share)))
+        rng = stream(study.root_seed, "mislabelled", user, seed)
+        return TrainingSet(user, seed, scenes.images[train_pool(seed)], paths, flip_labels(rng, labels, float(share)))
 
     training_sets = {
-        variant: [training_set(*of) for of in product(own, users, seeds)] for variant, own in shares.items()
+        variant: [noisy(*key) for key in product(shares, users, seeds)] for variant, shares in study.mislabelled.items()
     }
-    found = refit_and_predict(cfg, training_sets, images, z, "mislabelled")
-    by_share: dict[float, Answers] = {share: {} for share in sorted({x for own in shares.values() for x in own})}
-    for variant, own in shares.items():
-        answers = found[variant].reshape(len(own), len(users), len(seeds), *z.shape[:2])
-        for share, p in zip(own, answers, strict=True):
-            by_share[share][variant] = p
-    return by_share
-
-
-def _scores(cfg: DictConfig, answers: Answers, truth: np.ndarray) -> dict[str, dict]:
-    """variant -> `score`, each user's accuracy by name, and the calibration error of all answers together."""
-    cells = {}
-    for variant, p in answers.items():
-        cell, known = score(p > DECISION, truth), np.broadcast_to(truth[:, None], p.shape)
-        by_user = dict(zip(cfg.evaluate.users, cell["by_user"], strict=True))
-        ece = expected_calibration_error(p.ravel(), known.ravel(), cfg.evaluate.bins)
-        cells[variant] = cell | {"by_user": by_user, "ece": round(ece, DIGITS)}
-    return cells
-
-
-def _entry(
-    cfg: DictConfig,
-    strength: float | int | str | None,
-    answers: Answers,
-    truth: np.ndarray,
-    first: Answers,
-    as_is: np.ndarray,
-) -> dict[str, object]:
-    """One strength of a disturbance: every variant's numbers, and what changes of its accuracy as it is."""
-    models = _scores(cfg, answers, truth)
-    for variant, p in answers.items():
-        both = p > DECISION, truth, first[variant] > DECISION, as_is
-        models[variant] |= {**change(*both), "more_accepted": more_accepted(*both)}
-    return {"strength": strength, "valid": round(float(truth.mean()), DIGITS), "models": models}
+    refitted = refit_and_predict(cfg, training_sets, uncorrupted.images, z_theta, "mislabelled")
+    by_share: dict[float, Predictions] = {x: {} for x in sorted({x for xs in study.mislabelled.values() for x in xs})}
+    for variant, shares in study.mislabelled.items():
+        p = refitted[variant].reshape(len(shares), len(users), len(seeds), *z_theta.shape[:2])
+        for share, p_of_share in zip(shares, p, strict=True):
+            by_share[share][variant] = p_of_share
+    return [
+        (Condition("mislabelled", share, uncorrupted.images, uncorrupted.valid), predictions)
+        for share, predictions in by_share.items()
+    ]
 
 
 if __name__ == "__main__":

@@ -1,1 +1,1 @@
-"""Study: rule families."""
+"""Study: users whose rules belong to another family than keeping a margin."""

@@ -1,203 +1,208 @@
-"""Stage misspecify: models fitted to users whose rules are no margins, judged and asked for causes by those rules.
+"""Stage rule_families: models fitted to users whose rules belong to another family, judged by that family.
 
-Beside the variants a path model is fitted that is not told the form of the rule (pipeline.models.clearance.rule_averaging).
+Beside the variants we fit Bayesian model averaging over rule families, weighted by BIC
+(pipeline.models.clearance.rule_averaging).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 import torch
+from jaxtyping import Bool, Float, UInt8
+from numpy import ndarray as Array
 from omegaconf import DictConfig
+from torch import Tensor
 
 from pipeline.artifacts.demos import demo_arrays, read_demos
-from pipeline.artifacts.files import read_arrays, write_json
+from pipeline.artifacts.files import read_arrays, write_table
 from pipeline.artifacts.interventions import read_interventions
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
-from pipeline.causal.interventions import DIGITS, by_user, study, tally
+from pipeline.causal.added_items import verdicts
 from pipeline.launch import launch
 from pipeline.models import baselines
 from pipeline.models.base import SCENES_PER_BATCH, ValidityModel, to_tensor, untrained
-from pipeline.models.clearance.rule_averaging import AveragedModel, Relations
+from pipeline.models.clearance.rule_averaging import FORMS, AveragedModel, Relations, relations
 from pipeline.runtime.parallel import map_jobs, one_thread
 from pipeline.runtime.streams import job_seed
-from pipeline.stats.crossed import quartiles
+from pipeline.stats.decisions import accuracy_by_seed, accuracy_estimate, accuracy_loss
 from pipeline.stats.scores import DECISION
 from pipeline.training.clearance import fit_averaged
 from pipeline.training.loop import Schedule
 from pipeline.training.refit import TrainingSet, refit
 from pipeline.training.runner import need_finite
 from pipeline.world.bezier import lattice
-from pipeline.world.layout import SYMBOLS, Layouts
-from studies.confounding.association import before_and_after
-from studies.robustness.losses import change, score
-from studies.rule_families.families import FORMS, OWN
+from pipeline.world.layout import Layouts
+from studies.rule_families.families import FAMILIES, OWN_FAMILY
 
-Answers = dict[str, dict[str, np.ndarray]]  # form -> variant -> (user, seed, ...)
-AVERAGED = "path_averaged"
-MEANT = {"margin": "nearest", "brief": "lasting", "right": "side", "beside": "company", "late": "progress"}
+AVERAGED = "clearance_averaged"  # the variant that averages over rule families
+FITTED_FAMILIES = [  # in the order of its posterior probabilities
+    *({"nearest": "margin", "lasting": "dwell", "company": "proximity"}.get(name, name) for name in FORMS),
+    "constant",
+]
+
+
+class Fitted(NamedTuple):
+    """Answers of one model after its fit."""
+
+    p: Float[Array, "image path"]
+    training_accuracy: float
+    posterior: Float[Array, " fitted_family"] | None = None  # only of AVERAGED
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """metrics.json: accuracy, effects and verdicts of every form and variant, beside the truth and the null."""
+    """Write accuracy.parquet, summary.csv, verdicts.csv and posterior.csv."""
+    study, users, seeds = cfg.studies.rule_families, list(cfg.evaluate.users), list(cfg.protocol.seeds)
     scenes, pool = read_scenes(Path(cfg.paths.scenes)), cfg.protocol.splits[cfg.intervene.split]
-    scenes.check_has(pool, *map(train_pool, cfg.protocol.seeds))
-    directory, users = Path(cfg.paths.intervene), list(cfg.evaluate.users)
-    added, z = read_interventions(directory, scenes.layouts[pool]), read_arrays(directory / "images.npz")["z_theta"]
-    tables = [scenes.layouts[pool], *added.layouts]  # as it is, and with each symbol added
-    truth = {f: np.stack([[_valid(cfg, f, t, z, u) for t in tables] for u in users]) for f in cfg.misspecify.forms}
-    answers, learnt, posterior_model_probabilities = _answers(
-        cfg, scenes, np.concatenate([scenes.images[pool][None], added.images]), z
-    )
-    found = {form: _form(cfg, scenes, form, z, truth, answers, learnt[form]) for form in cfg.misspecify.forms}
-    for form, believed in posterior_model_probabilities.items():
-        found[form]["posterior_model_probabilities"] = _credence(form, believed)
-    metrics = {
-        "order": list(found),
-        "forms": found,
-        "amounts": dict(cfg.misspecify.forms),
-        "users": users,
-        "seeds": len(cfg.protocol.seeds),
-        "scenes": z.shape[0],
-        "paths": z.shape[1],
+    scenes.check_has(pool, *map(train_pool, seeds))
+    added = read_interventions(Path(cfg.paths.intervene), scenes.layouts[pool])
+    first = slice(study.scenes)
+    z_theta = read_arrays(Path(cfg.paths.intervene) / "images.npz")["z_theta"][first]
+    layouts = [x[first] for x in (scenes.layouts[pool], *added.layouts)]  # by version: as it is, each symbol added
+    images = np.concatenate([scenes.images[pool][None, first], added.images[:, first]])  # (version, scene, ...)
+
+    fitted = fit_all(cfg, scenes, images, z_theta)
+    accuracies, summary, judged, posteriors = [], [], [], []
+    before: dict[str, tuple[Array, Array]] = {}  # variant -> accepted and valid in the users' own family
+    for family in [OWN_FAMILY, *(x for x in study.families if x != OWN_FAMILY)]:
+        valid = np.stack([[is_valid(cfg, family, x, z_theta, user) for x in layouts] for user in users])
+        models = {variant: fitted[family, variant] for variant in (*study.variants, AVERAGED)}
+        p = {variant: _stack(models[variant], lambda m: m.p) for variant in models}
+        p = {v: x.reshape(len(users), len(seeds), *images.shape[:2], -1) for v, x in p.items()}
+        blind = np.stack([baselines.position(_prior(cfg, scenes, family, user), z_theta) for user in users])
+        in_scenes = {v: x[:, :, 0] for v, x in p.items()}  # (user, seed, scene, path)
+        in_scenes[baselines.POSITION] = np.repeat(blind[:, None], len(seeds), axis=1)
+        for variant, predictions in in_scenes.items():
+            key = {"family": family, "variant": variant}
+            rows = accuracy_by_seed(predictions, valid[:, 0], users, seeds)
+            accuracies.append(pd.DataFrame(key, index=rows.index).join(rows))
+            accepted = predictions > DECISION
+            before.setdefault(variant, (accepted, valid[:, 0]))
+            loss = accuracy_loss(accepted, valid[:, 0], *before[variant])
+            training = np.mean([m.training_accuracy for m in models[variant]]) if variant in models else np.nan
+            facts = {"training_accuracy": training, "valid": valid[:, 0].mean()}
+            summary.append(key | accuracy_estimate(accepted, valid[:, 0]) | loss | facts)
+            if variant in p:
+                rows = verdicts(users, p[variant], valid)
+                judged.append(pd.DataFrame(key, index=rows.index).join(rows))
+        posteriors.append(_posterior_table(family, users, seeds, _stack(models[AVERAGED], lambda m: m.posterior)))
+    write_table(out_dir / "accuracy.parquet", pd.concat(accuracies, ignore_index=True))
+    write_table(out_dir / "summary.csv", pd.DataFrame(summary))
+    write_table(out_dir / "verdicts.csv", pd.concat(judged, ignore_index=True))
+    write_table(out_dir / "posterior.csv", pd.concat(posteriors, ignore_index=True))
+
+
+def is_valid(
+    cfg: DictConfig, family: str, layouts: Layouts, z_theta: Float[Array, "scene path 2"], user: str
+) -> Bool[Array, "scene path"]:
+    """Return whether each path [m] is valid to a user whose rule belongs to that family."""
+    return FAMILIES[family](layouts, z_theta, cfg.users[user], float(cfg.studies.rule_families.families[family]))
+
+
+def draw_training_sets(cfg: DictConfig, scenes: SceneSet) -> dict[str, list[TrainingSet]]:
+    """Return the demonstrations of every user and seed, labelled anew by each family."""
+    demos, by_family = read_demos(Path(cfg.paths.demos)), {}
+    for family in cfg.studies.rule_families.families:
+        by_family[family] = []
+        for user in cfg.evaluate.users:
+            for seed in cfg.protocol.seeds:
+                (z_theta, _), pool = demo_arrays(demos, seed, user, cfg.main_n_demos), train_pool(seed)
+                labels = is_valid(cfg, family, scenes.layouts[pool], z_theta, user)
+                by_family[family].append(TrainingSet(user, seed, scenes.images[pool], z_theta, labels))
+    return by_family
+
+
+def fit_all(
+    cfg: DictConfig,
+    scenes: SceneSet,
+    images: UInt8[Array, "version scene 100 100 3"],
+    z_theta: Float[Array, "scene path 2"],
+) -> dict[tuple[str, str], list[Fitted]]:
+    """Fit every variant to every family; return (family, variant) -> answers by user and seed."""
+    by_family = draw_training_sets(cfg, scenes)
+    training_sets = [x for sets in by_family.values() for x in sets]
+    flat_images, paths = images.reshape(-1, *images.shape[2:]), np.tile(z_theta, (len(images), 1, 1))
+    each = dict.fromkeys(cfg.studies.rule_families.variants, training_sets)
+    answers = refit(cfg, each, partial(answer, flat_images, paths), "rule families")
+    answers[AVERAGED] = fit_averaged_models(cfg, training_sets, flat_images, paths)
+    size = len(training_sets) // len(by_family)
+    return {
+        (family, variant): fitted[i * size : (i + 1) * size]
+        for variant, fitted in answers.items()
+        for i, family in enumerate(by_family)
     }
-    write_json(out_dir / "metrics.json", metrics)
 
 
-def _valid(cfg: DictConfig, form: str, layouts: Layouts, z: np.ndarray, user: str) -> np.ndarray:
-    """Whether each path [m] is valid to a user whose rule has that form, (scene, path)."""
-    return FORMS[form](layouts, z, cfg.users[user], float(cfg.misspecify.forms[form]))
+def answer(
+    images: UInt8[Array, "image 100 100 3"],
+    z_theta: Float[Array, "image path 2"],
+    model: ValidityModel,
+    training_set: TrainingSet,
+) -> Fitted:
+    """Return P(valid) of every path [m] in its image, and the accuracy on the model's own demonstrations."""
+    correct = (model.probability(training_set.images, training_set.z_theta) > DECISION) == training_set.valid
+    return Fitted(model.probability(images, z_theta), float(correct.mean()))
 
 
-def _answers(
-    cfg: DictConfig, scenes: SceneSet, images: np.ndarray, z: np.ndarray
-) -> tuple[Answers, Answers, dict[str, np.ndarray]]:
-    """By models fitted to demonstrations so labelled: P(valid) (..., table, scene, path), and how much they learnt.
-
-    Learnt: the share of its own demonstrations that a model is right about. Last, of the averaged models, how far each
-    believes in each of its forms, (user, seed, form).
-    """
-    demos, users, seeds = read_demos(Path(cfg.paths.demos)), list(cfg.evaluate.users), list(cfg.protocol.seeds)
-
-    def training_set(form: str, user: str, seed: int) -> TrainingSet:
-        paths, _ = demo_arrays(demos, seed, user, cfg.main_n_demos)
-        pool = train_pool(seed)
-        return TrainingSet(user, seed, scenes.images[pool], paths, _valid(cfg, form, scenes.layouts[pool], paths, user))
-
-    forms = list(cfg.misspecify.forms)
-    training_sets = [training_set(form, user, seed) for form in forms for user in users for seed in seeds]
-    pictures, everywhere = images.reshape(-1, *images.shape[2:]), np.tile(z, (len(images), 1, 1))
-    found = refit(
-        cfg, dict.fromkeys(cfg.misspecify.variants, training_sets), partial(_ask, pictures, everywhere), "forms"
-    )
-    averaged = _averaged(cfg, training_sets, pictures, everywhere)
-    found[AVERAGED] = [of[:2] for of in averaged]
-    by_lesson = len(forms), len(users), len(seeds)
-    answers: Answers = {form: {} for form in forms}
-    learnt: Answers = {form: {} for form in forms}
-    for variant, of in found.items():
-        p, right = (np.array(x) for x in zip(*of, strict=True))
-        p, right = p.reshape(*by_lesson, *images.shape[:2], z.shape[1]), right.reshape(by_lesson)
-        for i, form in enumerate(forms):
-            answers[form][variant], learnt[form][variant] = p[i], right[i]
-    posterior_model_probabilities = np.array([of[2] for of in averaged]).reshape(*by_lesson, -1)
-    return answers, learnt, dict(zip(forms, posterior_model_probabilities, strict=True))
-
-
-def _ask(images: np.ndarray, z: np.ndarray, model: ValidityModel, own: TrainingSet) -> tuple[np.ndarray, float]:
-    """P(valid) of every path [m] in its picture, and the share of its own demonstrations the model is right about."""
-    right = (model.probability(own.images, own.z_theta) > DECISION) == own.valid
-    return model.probability(images, z), float(right.mean())
-
-
-def _averaged(
-    cfg: DictConfig, training_sets: Sequence[TrainingSet], images: np.ndarray, z: np.ndarray
-) -> list[tuple[np.ndarray, float, np.ndarray]]:
-    """What `_ask` says of a model that is not told the form, for each training_set, and how far each form is believed."""
+def fit_averaged_models(
+    cfg: DictConfig,
+    training_sets: Sequence[TrainingSet],
+    images: UInt8[Array, "image 100 100 3"],
+    z_theta: Float[Array, "image path 2"],
+) -> list[Fitted]:
+    """Fit one averaged model to each training set; images are perceived once, for all of them."""
     one_thread()
-    percept = torch.cat([AveragedModel(1).perceive(to_tensor(some)) for some in _batches(images)])
-    related = fit_averaged.relations(percept, torch.from_numpy(z).float())  # once: they are the same for every model
-    seen = [x.numpy() for x in (percept, *related)]
-    return map_jobs(partial(_fit, cfg, seen), training_sets, cfg.workers, "forms averaged")
+    percept = torch.cat([AveragedModel(1).perceive(to_tensor(batch)) for batch in _batches(images)])
+    related = relations(percept, torch.from_numpy(z_theta).float())
+    arrays = [x.numpy() for x in (percept, *related)]
+    return map_jobs(partial(_fit_averaged, cfg, arrays), training_sets, cfg.workers, "model averaging")
 
 
-def _fit(cfg: DictConfig, seen: list[np.ndarray], training_set: TrainingSet) -> tuple[np.ndarray, float, np.ndarray]:
-    """Of one training_set; `seen`: the percept of every picture, and how its paths are related to what is in it."""
-    settings = cfg.misspecify.averaged
+def _fit_averaged(cfg: DictConfig, arrays: list[Array], training_set: TrainingSet) -> Fitted:
+    """Fit to one training set. arrays: the percept of every image and the relations of its paths to the objects."""
+    settings = cfg.studies.rule_families.averaged
     seed = job_seed(training_set.seed, training_set.user, cfg.main_n_demos, AVERAGED)
     model = untrained(AveragedModel, {"members": settings.members}, seed)
     assert isinstance(model, AveragedModel)
-    taught = training_set.images, training_set.z_theta, training_set.valid
-    curve = fit_averaged.fit(model, *taught, schedule=Schedule.of(settings), seed=seed)
+    data = training_set.images, training_set.z_theta, training_set.valid
+    curve = fit_averaged.fit(model, *data, schedule=Schedule.of(settings), seed=seed)
     need_finite(curve, f"{AVERAGED} of {training_set.user}, seed {training_set.seed}")
+    correct = (model.probability(training_set.images, training_set.z_theta) > DECISION) == training_set.valid
     with torch.no_grad():
-        parts = zip(*(_batches(torch.tensor(x)) for x in seen), strict=True)  # aligned: else bits differ
-        p = torch.cat([model.judge(percept, Relations(*related)).sigmoid() for percept, *related in parts])
-        right = (model.probability(training_set.images, training_set.z_theta) > DECISION) == training_set.valid
-        return p.numpy(), float(right.mean()), model.posterior_model_probabilities().numpy()
+        batches = zip(*(_batches(torch.tensor(x)) for x in arrays), strict=True)
+        p = torch.cat([model.judge(percept, Relations(*related)).sigmoid() for percept, *related in batches])
+        posterior = model.posterior_model_probabilities()
+    return Fitted(p.numpy(), float(correct.mean()), posterior.numpy())
 
 
-def _batches(scenes):
-    """Slices along the first axis that a processor's cache holds."""
-    return [scenes[i : i + SCENES_PER_BATCH] for i in range(0, len(scenes), SCENES_PER_BATCH)]
+def _batches(scenes: Array | Tensor) -> Iterator:
+    return (scenes[i : i + SCENES_PER_BATCH] for i in range(0, len(scenes), SCENES_PER_BATCH))
 
 
-def _credence(form: str, believed: np.ndarray) -> dict:
-    """How far each form is believed on average, which one most by how many models, and which one is the rule's."""
-    names = [*fit_averaged.FORMS, "nothing"]
-    most = np.bincount(believed.reshape(-1, len(names)).argmax(1), minlength=len(names))
-    return {
-        "mean": {name: round(float(x), DIGITS) for name, x in zip(names, believed.mean((0, 1)), strict=True)},
-        "most": dict(zip(names, map(int, most), strict=True)),
-        "meant": MEANT.get(form),
-    }
-
-
-def _form(
-    cfg: DictConfig,
-    scenes: SceneSet,
-    form: str,
-    z: np.ndarray,
-    truth: dict[str, np.ndarray],
-    answers: Answers,
-    learnt: dict[str, np.ndarray],
-) -> dict:
-    """What became of one form: of each variant its score, what the form adds to its accuracy, and its verdicts."""
-    users, as_is = list(cfg.evaluate.users), truth[form][:, 0]
-    cells = {v: study(*_effects(p), *_effects(truth[form].astype(float))) for v, p in answers[form].items()}
-    before = {v: p[:, :, 0] > DECISION for v, p in answers[OWN].items()}
-    guesses = np.stack([baselines.position(_prior(cfg, scenes, form, user), z) for user in users])[:, None] > DECISION
-    models = {}
-    for variant, p in answers[form].items():
-        accepted = p[:, :, 0] > DECISION
-        models[variant] = score(accepted, as_is) | change(accepted, as_is, before[variant], truth[OWN][:, 0])
-        models[variant]["over_position"] = change(accepted, as_is, np.broadcast_to(guesses, accepted.shape), as_is)
-        own = quartiles(learnt[variant].mean(0))
-        models[variant]["demonstrations"] = {name: round(value, DIGITS) for name, value in own.items()}
-    return {
-        "valid": {user: round(float(of.mean()), DIGITS) for user, of in zip(users, as_is, strict=True)},
-        "forgiven": round(float((as_is & ~truth[OWN][:, 0]).sum() / max((~truth[OWN][:, 0]).sum(), 1)), DIGITS),
-        "models": models | {baselines.POSITION: score(guesses, as_is)},
-        "interventions": {v: by_user(users, of) for v, of in cells.items()},
-        "verdicts": {v: tally(of) for v, of in cells.items()},
-    }
-
-
-def _prior(cfg: DictConfig, scenes: SceneSet, form: str, user: str) -> np.ndarray:
-    """Mean validity of every z_theta over all training scenes, (side, side) as [y, x]: what position alone tells."""
-    side, z = cfg.scenes.prior_side, lattice(cfg.scenes.prior_side)
-    shares = [
-        _valid(cfg, form, scenes.layouts[pool], np.tile(z, (len(scenes.layouts[pool]), 1, 1)), user).mean(0)
-        for pool in map(train_pool, cfg.protocol.seeds)
-    ]
+def _prior(cfg: DictConfig, scenes: SceneSet, family: str, user: str) -> Float[Array, "side side"]:
+    """Return the mean validity of every z_theta over all training scenes, as [y, x]."""
+    side, z_theta = cfg.scenes.prior_side, lattice(cfg.scenes.prior_side)
+    shares = []
+    for seed in cfg.protocol.seeds:
+        layouts = scenes.layouts[train_pool(seed)]
+        shares.append(is_valid(cfg, family, layouts, np.tile(z_theta, (len(layouts), 1, 1)), user).mean(0))
     return np.mean(shares, axis=0).reshape(side, side)
 
 
-def _effects(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """E[V] before and after each symbol is added, (user * symbol, ..., scene), of (user, ..., table, scene, path)."""
-    return before_and_after(p, 0, range(1, 1 + len(SYMBOLS)))
+def _stack(models: list[Fitted], field) -> Array:
+    return np.stack([field(model) for model in models])
+
+
+def _posterior_table(
+    family: str, users: list[str], seeds: list[int], posterior: Float[Array, "user_and_seed fitted_family"]
+) -> pd.DataFrame:
+    keys = pd.MultiIndex.from_product([users, seeds, FITTED_FAMILIES], names=["user", "seed", "fitted_family"])
+    rows = pd.DataFrame({"family": family, "probability": posterior.ravel()}, index=keys).reset_index()
+    return rows[["family", "seed", "user", "fitted_family", "probability"]]
 
 
 if __name__ == "__main__":
-    launch(main, "misspecify")
+    launch(main, "rule_families")

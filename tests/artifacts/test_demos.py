@@ -51,7 +51,7 @@ def test_fewer_demonstrations_are_the_first_of_more():
     np.testing.assert_array_equal(fewer_valid, valid[:, :2])
 
 
-@pytest.mark.parametrize(("seed", "user", "n_demos"), [(0, "careful", 5), (1, "careful", 2), (0, "hasty", 2)])
+@pytest.mark.parametrize(("seed", "user", "n"), [(0, "careful", 5), (1, "careful", 2), (0, "hasty", 2)])
 def test_too_few_demonstrations_are_refused(seed: int, user: str, n: int):
     with pytest.raises(InputError, match=f"user {user}, seed {seed}: expected {n}"):
         demo_arrays(some_demos(), seed, user, n)

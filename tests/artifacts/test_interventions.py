@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from tests.report_artefacts import ITEMS
 
 from pipeline.artifacts.files import write_arrays, write_table
 from pipeline.artifacts.interventions import read_interventions
@@ -13,6 +12,7 @@ from pipeline.artifacts.scenes import layout_table
 from pipeline.runtime.errors import InputError
 from pipeline.world.layout import SYMBOLS, Layouts, add_item, empty, random_layouts
 from tests.examples import RULES
+from tests.stages.inputs import ITEMS
 
 SCENES = 3
 
@@ -29,7 +29,7 @@ def written(tmp_path: Path) -> tuple[Path, Layouts, list[Layouts]]:
     return tmp_path, bare, added
 
 
-def test_layouts_and_pictures_come_back(written: tuple[Path, Layouts, list[Layouts]]):
+def test_layouts_and_images_come_back(written: tuple[Path, Layouts, list[Layouts]]):
     folder, bare, layouts = written
     added = read_interventions(folder, bare)
     for read, wrote in zip(added.layouts, layouts, strict=True):
@@ -55,7 +55,7 @@ def test_too_few_slots_or_scenes_are_refused(written: tuple[Path, Layouts, list[
     with pytest.raises(InputError, match="run the intervene stage again"):
         read_interventions(folder, empty(SCENES, 2))
     write_arrays(folder / "images.npz", {"images": np.zeros((4, 1, SCENES + 1, 100, 100, 3), np.uint8)})
-    with pytest.raises(InputError, match="4 pictures of scenes with one more bowl, layouts of 3"):
+    with pytest.raises(InputError, match="4 images of scenes with an added bowl, layouts of 3"):
         read_interventions(folder, bare)
 
 
@@ -63,5 +63,5 @@ def test_items_added_to_other_scenes_are_refused(written: tuple[Path, Layouts, l
     folder, bare, _ = written
     elsewhere = random_layouts(np.random.default_rng(1), SCENES, ITEMS, np.arange(4), RULES)
     for scenes in (elsewhere, bare[:2]):
-        with pytest.raises(InputError, match="not the scenes asked about with one more bowl in each"):
+        with pytest.raises(InputError, match="not these scenes with an added bowl in each"):
             read_interventions(folder, scenes)

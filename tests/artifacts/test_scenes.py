@@ -14,7 +14,7 @@ from pipeline.world.layout import empty
 
 def some_scenes() -> SceneSet:
     rng = np.random.default_rng(0)
-    images, layouts, looks = {}, {}, {}
+    images, layouts, appearances = {}, {}, {}
     for pool in (train_pool(0), "new_items"):
         batch = empty(3, 4)
         for scene, slot in ((0, 0), (0, 1), (1, 0), (2, 0), (2, 1), (2, 2)):
@@ -24,8 +24,8 @@ def some_scenes() -> SceneSet:
                 getattr(batch, name)[scene, slot] = rng.uniform()
         images[pool] = rng.integers(0, 256, (3, 100, 100, 3), dtype=np.uint8)
         layouts[pool] = batch
-        looks[pool] = pd.DataFrame({"texture": ["oak"] * 3, "render_seed": [1, 2, 3]})
-    return SceneSet(images, layouts, looks)
+        appearances[pool] = pd.DataFrame({"texture": ["oak"] * 3, "render_seed": [1, 2, 3]})
+    return SceneSet(images, layouts, appearances)
 
 
 def test_scenes_come_back_with_room_for_one_more_item(tmp_path: Path):
@@ -35,7 +35,7 @@ def test_scenes_come_back_with_room_for_one_more_item(tmp_path: Path):
     assert set(back.images) == set(scenes.images)
     for pool in scenes.images:
         np.testing.assert_array_equal(back.images[pool], scenes.images[pool])
-        pd.testing.assert_frame_equal(back.looks[pool], scenes.looks[pool])
+        pd.testing.assert_frame_equal(back.appearances[pool], scenes.appearances[pool])
         for field in fields(back.layouts[pool]):
             np.testing.assert_array_equal(
                 getattr(back.layouts[pool], field.name), getattr(scenes.layouts[pool], field.name)
@@ -44,7 +44,7 @@ def test_scenes_come_back_with_room_for_one_more_item(tmp_path: Path):
 
 def test_a_pool_without_images_is_refused(tmp_path: Path):
     scenes = some_scenes()
-    write_scenes(tmp_path, SceneSet({"new_items": scenes.images["new_items"]}, scenes.layouts, scenes.looks))
+    write_scenes(tmp_path, SceneSet({"new_items": scenes.images["new_items"]}, scenes.layouts, scenes.appearances))
     with pytest.raises(InputError, match="different pools"):
         read_scenes(tmp_path)
 
@@ -52,6 +52,6 @@ def test_a_pool_without_images_is_refused(tmp_path: Path):
 def test_images_of_another_size_are_refused(tmp_path: Path):
     scenes = some_scenes()
     small = {pool: images[:, :50] for pool, images in scenes.images.items()}
-    write_scenes(tmp_path, SceneSet(small, scenes.layouts, scenes.looks))
+    write_scenes(tmp_path, SceneSet(small, scenes.layouts, scenes.appearances))
     with pytest.raises(InputError, match=r"expected uint8 \(scene, 100, 100, 3\)"):
         read_scenes(tmp_path)

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from PIL import Image
 
 from drawing.__main__ import contact_sheet, write_data
 from drawing.crockery import bowl
 from drawing.designs import Design, designs, surfaces
 from drawing.shading import SIDE
 from drawing.surface import surface
+from pipeline.world.images import read_image
 from pipeline.world.layout import SYMBOLS
 
 DATA = Path("data")
@@ -44,7 +44,7 @@ def test_an_item_drawn_twice_is_the_same_to_the_last_bit(symbol):
 )
 def test_data_holds_what_the_script_draws(file, draw):
     """To one grey level: libm may round otherwise on another machine."""
-    stored = np.asarray(Image.open(DATA / file)).astype(int)
+    stored = read_image(DATA / file).astype(int)
     assert np.abs(stored - draw()).max() <= 1
 
 
@@ -144,7 +144,7 @@ def test_the_contact_sheet_shows_every_item_on_its_table_top_in_the_row_of_its_s
     rows = {"bowl": [(200, 0, 0), (0, 200, 0), (0, 0, 200)], "plate": [(250, 250, 250)], "glass": [(0, 90, 90)] * 2}
     items = [painted(f"{s}-{i}", s, colour) for s, row in rows.items() for i, colour in enumerate(row)]
     write_data(tmp_path, items, TOPS)
-    sheet, cell = np.asarray(contact_sheet(tmp_path)), SIDE // 2
+    sheet, cell = contact_sheet(tmp_path), SIDE // 2
     assert sheet.shape == (3 * cell, 3 * cell, 3)
     shown = [[*row, *[BLACK] * (3 - len(row))] for row in rows.values()]
     np.testing.assert_array_equal(sheet[cell // 2 :: cell, cell // 2 :: cell], shown)

@@ -1,69 +1,63 @@
-"""Repairs are judged by the truth, their lengths beside the oracle's, and their rates by seeds and scenes."""
+"""Repairs are measured by the truth, with displacements relative to the nearest valid path's."""
 
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.stats import t as student
 
-from pipeline.planning.measures import by_threshold, measures, summary
+from pipeline.planning.measures import COLUMNS, measures
 
 
-def ends(valid: np.ndarray, accepted: np.ndarray | bool = True, p: float | np.ndarray = 0.9) -> list[pd.DataFrame]:
-    """A table a seed of ends, `valid` by seed and scene, two starts in each scene."""
-    accepted = np.broadcast_to(accepted, valid.shape)
-    return [
-        pd.DataFrame(
-            {
-                "seed": seed, "scene": np.repeat(np.arange(valid.shape[1]), 2), "valid_end": np.repeat(of, 2),
-                "accepted": pd.array(np.repeat(called, 2), dtype="boolean"),
-                "p_end": np.broadcast_to(p, 2 * len(of)), "displacement_m": 1.0, "oracle_displacement_m": 0.5,
-            }
-        )
-        for seed, (of, called) in enumerate(zip(valid, accepted, strict=True))
-    ]  # fmt: skip
+def repairs(valid: np.ndarray, accepted: np.ndarray | bool | None = True, **columns: object) -> pd.DataFrame:
+    """Repairs `valid` and `accepted` by seed and scene, two starts in each scene."""
+    seed, scene = (np.repeat(index.ravel(), 2) for index in np.indices(valid.shape))
+    called = np.repeat(np.broadcast_to(np.array(accepted, dtype=object), valid.shape).ravel(), 2)
+    table = {
+        "method": "gradient", "variant": "full", "user": "careful", "seed": seed, "scene": scene,
+        "valid_end": np.repeat(valid.ravel(), 2), "accepted": pd.array(called, dtype="boolean"),
+        "displacement_m": 1.0, "oracle_displacement_m": 0.5,
+    }  # fmt: skip
+    return pd.DataFrame(table | columns)
 
 
-def test_displacements_are_compared_with_the_oracles_over_all_starts_together():
-    rows = pd.DataFrame(
-        {"valid_end": True, "accepted": True, "displacement_m": [1.0, 3.0], "oracle_displacement_m": [1.0, 1.5]}
-    )
-    found = measures(rows)
-    assert found["displacement_ratio"] == pytest.approx(1.6)  # the mean of 1 and 2 would be 1.5
-    assert (found["displacement_m"], found["oracle_displacement_m"]) == (2.0, 1.25)
+def measured(*args: object, **columns: object) -> pd.Series:
+    (row,) = measures(repairs(*args, **columns)).iloc  # type: ignore[arg-type]
+    return row
 
 
-def test_failures_do_not_shorten_the_displacement_of_ends_that_are_valid():
-    (rows,) = ends(np.array([[True, False]]))
-    rows["displacement_m"] = [2.0, 2.0, 0.0, 0.0]
-    found = summary([rows])
-    assert (found["displacement_ratio"], found["displacement_ratio_valid"]) == (2.0, 4.0)
-    assert summary(ends(np.array([[False, False]])))["displacement_ratio_valid"] is None
+def test_displacements_are_compared_over_all_starts_together():
+    row = measured(np.array([[True]]), displacement_m=[1.0, 3.0], oracle_displacement_m=[1.0, 1.5])
+    assert row["displacement_ratio"] == pytest.approx(1.6)  # the mean of 1 and 2 would be 1.5
 
 
 def test_a_rate_that_differs_by_scene_alone_has_the_interval_of_the_scenes():
-    """All seeds alike: further seeds say nothing, and the interval is Student's over scenes."""
+    """Seeds that agree add nothing: the interval is Student's over scenes."""
     valid = np.broadcast_to([True, True, True, False, True, False], (4, 6))
-    found = summary(ends(valid))
-    shares = valid[0].astype(float)
+    row, shares = measured(valid), valid[0].astype(float)
     half = student.ppf(0.975, 5) * shares.std(ddof=1) / np.sqrt(6)
-    assert found["success_ci"] == pytest.approx([shares.mean() - half, min(shares.mean() + half, 1.0)])
-    assert found["success"] == found["success_q1"] == found["success_q3"] == pytest.approx(4 / 6)
+    expected = [shares.mean() - half, min(shares.mean() + half, 1.0)]
+    assert [row["success_ci_low"], row["success_ci_high"]] == pytest.approx(expected)
+    assert row["success"] == row["success_q1"] == row["success_q3"] == pytest.approx(4 / 6)
+    assert (row["seeds"], row["starts"]) == (4, 12)
 
 
-def test_whoever_is_fooled_accepts_what_is_invalid():
+def test_unsafe_repairs_are_accepted_though_invalid():
     valid, accepted = np.array([[True, False, False], [True, True, False]]), np.array([[True, True, False]] * 2)
-    found = summary(ends(valid, accepted))
-    assert found["fooled"] == pytest.approx(1 / 6) and found["abstained"] == pytest.approx(1 / 3)
-    low, high = found["fooled_ci"]
-    assert 0 <= low <= 1 / 6 <= high
-    assert summary(ends(valid[:, :1], accepted[:, :1]))["fooled_ci"] is None
+    row = measured(valid, accepted)
+    assert row["unsafe"] == pytest.approx(1 / 6) and row["accepted"] == pytest.approx(4 / 6)
+    assert row["success"] == pytest.approx(3 / 6)
 
 
-def test_a_higher_threshold_accepts_less_and_says_how_much_of_it_is_invalid():
-    valid = np.array([[True, True, False, False]])
-    p = np.repeat([0.99, 0.7, 0.95, 0.6], 2)
-    low, middle, high, none = by_threshold(ends(valid, p=p), [0.5, 0.8, 0.97, 0.995])
-    assert low == {"above": 0.5, "accepted": 1.0, "fooled": 0.5, "invalid": 0.5}
-    assert middle == {"above": 0.8, "accepted": 0.5, "fooled": 0.25, "invalid": 0.5}
-    assert high == {"above": 0.97, "accepted": 0.25, "fooled": 0.0, "invalid": 0.0}
-    assert none == {"above": 0.995, "accepted": 0.0, "fooled": 0.0, "invalid": None}
+def test_baselines_accept_nothing_and_one_scene_has_no_interval():
+    row = measured(np.array([[True], [False]]), None)
+    assert row[["accepted", "unsafe", "success_ci_low", "success_ci_high"]].isna().all()
+
+
+def test_every_method_variant_and_user_has_a_row():
+    tables = [
+        repairs(np.ones((2, 3), bool), method=method, variant=variant, user=user)
+        for method, variant in (("gradient", "full"), ("gradient", "ae"), ("oracle", ""))
+        for user in ("careful", "normal")
+    ]
+    summary = measures(pd.concat(tables))
+    assert len(summary) == 6 and list(summary.columns) == COLUMNS

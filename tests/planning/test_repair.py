@@ -1,47 +1,50 @@
-"""Gradient repair climbs specifications whose shape is known."""
+"""Gradient repair climbs models whose shape is known."""
 
 import numpy as np
-import torch
-from torch import Tensor
+import pytest
 
-from pipeline.models.base import ValidityModel
-from pipeline.world.bezier import random_z_theta
+from pipeline.planning.repair import OPTIMISERS, Ascent, repair
+from pipeline.world.bezier import Z_HIGH, random_z_theta
+from tests.planning.hills import Flat, Hill, Slope
 
 IMAGES = np.zeros((3, 100, 100, 3), dtype=np.uint8)
 STARTS = random_z_theta(np.random.default_rng(0), 3, 20)
 RATES = {"gradient": 0.02, "normalised": 0.05, "adam": 0.05}
 
 
-class Hill(ValidityModel):
-    """Concave log-odds: 4 at a peak, falling with the squared distance."""
-
-    def __init__(self, peak: tuple[float, float] = (0.3, 0.8)):
-        super().__init__()
-        self.peak = torch.tensor(peak)
-
-    def perceive(self, images: Tensor) -> Tensor:
-        return torch.zeros(len(images), 1)
-
-    def logit(self, percept: Tensor, z_theta: Tensor) -> Tensor:
-        return 4 - 16 * ((z_theta - self.peak) ** 2).sum(-1)
+def ascent(optimiser: str, settle: bool = True, steps: int = 60) -> Ascent:
+    return Ascent(steps, optimiser, RATES[optimiser], settle)
 
 
-class Plain(Hill):
-    """Flat log-odds: the gradient is zero everywhere, though the path is looked at."""
-
-    def logit(self, percept: Tensor, z_theta: Tensor) -> Tensor:
-        return -1 + 0 * z_theta.sum(-1)
-
-
-class Blind(Hill):
-    """Log-odds that do not depend on the path at all."""
-
-    def logit(self, percept: Tensor, z_theta: Tensor) -> Tensor:
-        return torch.full(z_theta.shape[:-1], -1.0)
+@pytest.mark.parametrize("optimiser", OPTIMISERS)
+def test_every_optimiser_climbs_to_the_peak(optimiser: str):
+    repairs = repair(Hill(), IMAGES, STARTS, ascent(optimiser))
+    assert np.abs(repairs.z[:, :, -1] - [0.3, 0.8]).max() < 0.05
+    assert (repairs.p[:, :, -1] > 0.98).all()
+    assert repairs.z.shape == (3, 20, 61, 2)
+    np.testing.assert_array_equal(repairs.z[:, :, 0], STARTS.astype(np.float32))
 
 
-class Wall(Hill):
-    """A peak out of reach: the log-odds grow with x for ever."""
+@pytest.mark.parametrize("optimiser", OPTIMISERS)
+def test_a_model_that_ignores_the_path_moves_nothing(optimiser: str):
+    repairs = repair(Flat(), IMAGES, STARTS, ascent(optimiser, steps=3))
+    assert (repairs.z == repairs.z[:, :, :1]).all()
 
-    def logit(self, percept: Tensor, z_theta: Tensor) -> Tensor:
-        return z_theta[..., 0] * 10
+
+@pytest.mark.parametrize("optimiser", OPTIMISERS)
+def test_steps_end_at_the_edge_of_the_square(optimiser: str):
+    repairs = repair(Slope(), IMAGES, STARTS, ascent(optimiser, settle=False))
+    np.testing.assert_allclose(repairs.z[:, :, -1, 0], Z_HIGH, rtol=1e-6)
+    np.testing.assert_array_equal(repairs.z[:, :, -1, 1], STARTS.astype(np.float32)[..., 1])
+
+
+def test_the_plain_step_is_the_rate_times_the_gradient_of_the_log_odds():
+    repairs = repair(Hill(), IMAGES, STARTS, ascent("gradient", settle=False, steps=1))
+    expected = STARTS - 0.02 * 32 * (STARTS - [0.3, 0.8])
+    np.testing.assert_allclose(repairs.z[:, :, 1], expected.clip(-0.2, 1.2), atol=1e-6)
+
+
+def test_starts_do_not_affect_each_other():
+    together = repair(Hill(), IMAGES, STARTS, ascent("adam"))
+    alone = repair(Hill(), IMAGES, STARTS[:, :1], ascent("adam"))
+    np.testing.assert_array_equal(together.z[:, :1], alone.z)

@@ -13,13 +13,19 @@ from pipeline.runtime.errors import InputError
 Stage = Callable[[DictConfig, Path], None]
 
 
+def stage_name(main: Stage) -> str:
+    """Return its name in dvc.yaml: "repair" of pipeline.stages.repair, "envelope" of studies.envelope.stage."""
+    package, _, module = main.__module__.rpartition(".")
+    return package.rpartition(".")[2] if module == "stage" else module
+
+
 def refuses(main: Stage, cfg: DictConfig, name: str, value: object, message: str, out: Path) -> None:
     """With the parameter `name` set to `value`, the stage, begun as by `launch`, says `message` and leaves no `out`."""
     changed = cfg.copy()
     OmegaConf.set_struct(changed, False)
     OmegaConf.update(changed, name, value, merge=False)
     with pytest.raises(ValueError, match=message):
-        validate(changed, [main.__module__.rpartition(".")[2]])
+        validate(changed, [stage_name(main)])
         main(changed, out)
     assert not out.exists()
 
@@ -47,7 +53,7 @@ def listed(cfg: DictConfig, stage: str) -> DictConfig:
 
 def repeats_itself(main: Stage, cfg: DictConfig, before: Path, again: Path, workers: int = 1) -> None:
     """Run anew, with that many workers and no parameter but those it lists for DVC, it writes the same bytes again."""
-    more = listed(cfg, main.__module__.rpartition(".")[2])
+    more = listed(cfg, stage_name(main))
     more.workers = workers
     main(more, again)
     assert sorted(p.name for p in again.iterdir()) == sorted(p.name for p in before.iterdir())

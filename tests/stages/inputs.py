@@ -38,7 +38,7 @@ def untrained_models(folder: Path, seeds: list[int], *overrides: str) -> DictCon
     OmegaConf.set_struct(cfg, False)
     for name in ("ae", "classifier", "irl_maxent"):
         del cfg.variants[name]
-    for stage in ("scenes", "train", "irl", "path"):
+    for stage in ("scenes", "train", "irl", "clearance"):
         OmegaConf.update(cfg, f"paths.{stage}", str(folder / stage))
     rng = np.random.default_rng(0)
     pools = [*map(train_pool, seeds), "new_items"]
@@ -104,7 +104,7 @@ def symbols_added(cfg: DictConfig, scenes: SceneSet, paths: int) -> None:
 def same_scenes_for_training(cfg: DictConfig, pool: str) -> SceneSet:
     """Write a pool's scenes as every seed's training scenes as well; all scenes come back."""
     scenes = read_scenes(Path(cfg.paths.scenes))
-    for part in (scenes.images, scenes.layouts, scenes.looks):
+    for part in (scenes.images, scenes.layouts, scenes.appearances):
         part |= {train_pool(seed): part[pool] for seed in cfg.seeds}
     write_scenes(Path(cfg.paths.scenes), scenes)
     return scenes
@@ -136,7 +136,7 @@ def labelled_queries(cfg: DictConfig, scenes: SceneSet, pools: Sequence[str], co
 def pictured_models(folder: Path, variants: Sequence[str], count: int, *overrides: str) -> DictConfig:
     """The configuration of `count` real scenes of unseen items, and models of these variants, under `folder`."""
     cfg = compose(["profile=smoke", "workers=1", *overrides])
-    for stage in ("scenes", "train", "irl", "path", "intervene"):
+    for stage in ("scenes", "train", "irl", "clearance", "intervene"):
         OmegaConf.update(cfg, f"paths.{stage}", str(folder / stage))
     cfg.variants = {variant: cfg.variants[variant] for variant in variants}
     pictured_scenes(cfg, {"new_items": (count, "unseen")})

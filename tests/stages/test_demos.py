@@ -1,6 +1,5 @@
-"""The stage demos: complete, honest about its labels, the same bytes twice, and no word lost on bad recordings."""
+"""Stage demos: complete, labelled by the recorded lines, the same bytes twice; bad recordings are refused."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,7 @@ from pipeline.world.rules import valid
 from tests.stages.facts import refuses, repeats_itself
 
 SCENES = {"train-s0": 3, "train-s1": 3, "train-s100": 3, "new_scenes": 4, "new_items": 4}
-FILES = ("demos.parquet", "trajectories.npz", "queries.npz", "metrics.json")
+FILES = ("demos.parquet", "trajectories.npz", "queries.npz")
 
 
 def layouts(rng: np.random.Generator, scenes: int) -> Layouts:
@@ -35,8 +34,8 @@ def cfg(tmp_path: Path) -> DictConfig:
     OmegaConf.update(cfg, "paths.scenes", str(tmp_path / "scenes"))
     rng = np.random.default_rng(0)
     blank = {pool: np.zeros((n, 100, 100, 3), np.uint8) for pool, n in SCENES.items()}
-    looks = {pool: pd.DataFrame({"texture": "oak", "render_seed": range(n)}) for pool, n in SCENES.items()}
-    write_scenes(tmp_path / "scenes", SceneSet(blank, {p: layouts(rng, n) for p, n in SCENES.items()}, looks))
+    appearances = {pool: pd.DataFrame({"texture": "oak", "render_seed": range(n)}) for pool, n in SCENES.items()}
+    write_scenes(tmp_path / "scenes", SceneSet(blank, {p: layouts(rng, n) for p, n in SCENES.items()}, appearances))
     return cfg
 
 
@@ -81,12 +80,10 @@ def test_recordings_lie_in_the_order_of_the_demonstrations(out: Path):
     pd.testing.assert_frame_equal(demos[key], demos[key].sort_values(key, ignore_index=True))
 
 
-def test_labels_agree_with_those_of_the_fitted_paths_but_for_a_few(out: Path):
-    metrics = json.loads((out / "metrics.json").read_text())
-    assert metrics["valid"]["aggressive"] == 1.0
-    assert 0 < metrics["valid"]["careful"] < metrics["valid"]["normal"] < 1.0
-    assert all(share > 0.95 for share in metrics["label_agreement"].values())
-    assert sum(metrics["poor_fits"].values()) == read_demos(out)["poor_fit"].sum()
+def test_the_stage_writes_these_files_and_careful_users_accept_least(out: Path):
+    assert {path.name for path in out.iterdir()} == set(FILES)
+    share = read_demos(out).groupby("user")["valid"].mean()
+    assert 0 < share["careful"] < share["normal"] < share["aggressive"] == 1.0
 
 
 def test_labels_are_of_the_lines_that_hands_drew_and_not_of_the_fitted_paths(
@@ -139,11 +136,12 @@ def test_real_recordings_take_the_place_of_simulated_ones(cfg: DictConfig, out: 
     assert after.loc[moved, ["seed", "user", "scene", "demo"]].iloc[0].tolist() == [0, "careful", 0, 0]
 
 
-def test_it_is_told_how_many_recordings_are_real(cfg: DictConfig, out: Path, tmp_path: Path):
-    real_csv(cfg, tmp_path, out)
+def test_the_stage_prints_how_many_recordings_are_real(
+    cfg: DictConfig, out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    path = real_csv(cfg, tmp_path, out)
     main(cfg, tmp_path / "real")
-    told = [json.loads((folder / "metrics.json").read_text())["recorded"] for folder in (out, tmp_path / "real")]
-    assert told == [0, 1]
+    assert f"1 of {len(read_demos(out))} demonstrations are a person's, from {path}" in capsys.readouterr().out
 
 
 def test_a_recording_may_count_its_time_from_any_moment(cfg: DictConfig, out: Path, tmp_path: Path):
@@ -158,7 +156,7 @@ def test_a_recording_may_count_its_time_from_any_moment(cfg: DictConfig, out: Pa
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        ("seed,user,scene,demo,t,x,y,z\n", "hold no sample: expected one a row"),
+        ("seed,user,scene,demo,t,x,y,z\n", "holds no sample: expected one a row"),
         ("", "cannot be read .*: expected a csv; see CONTRIBUTING.md"),
         ("seed,user,scene,demo,t,x,y\n0,careful,0,0,0,0,0\n", r"expected also \['z'\]; add them"),
         (None, "cannot be read .*No such file"),
@@ -178,8 +176,8 @@ def test_recordings_that_dvc_does_not_keep_track_of_are_refused(cfg: DictConfig,
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"y": np.nan}, "recording seed 0 user careful scene 0 demo 0: sample 20 has y = nan"),
-        ({"t": 0.0}, "recording seed 0 user careful scene 0 demo 0: time goes from"),
+        ({"y": np.nan}, "trajectory seed 0 user careful scene 0 demo 0: sample 20 has y = nan"),
+        ({"t": 0.0}, "trajectory seed 0 user careful scene 0 demo 0: time goes from"),
         ({"scene": 99}, r"\(0, 'careful', 99(\.0)?, 0\) belongs to no demonstration"),
     ],
 )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from omegaconf import DictConfig
 
-from pipeline.artifacts.files import read_json
+from pipeline.artifacts.files import read_json, read_table
 from pipeline.artifacts.scenes import read_position_prior, read_scenes
 from pipeline.params import compose
 from pipeline.stages.scenes import PAPER_P_VALID, main
@@ -51,7 +51,7 @@ def test_no_two_scenes_look_alike(written):
 
 
 def test_every_scene_lies_on_a_table_top_kept_for_training(written):
-    used = {texture for look in read_scenes(written).looks.values() for texture in look["texture"]}
+    used = {texture for table in read_scenes(written).appearances.values() for texture in table["texture"]}
     assert used <= set(read_catalogue(DATA).texture_names("train"))
 
 
@@ -81,20 +81,21 @@ def test_one_more_training_set_changes_no_other_pool(written, tmp_path):
 
 def test_the_true_table_2_is_near_the_paper_s(written):
     """300 layouts leave a standard error of .012; the stage's own 2,000 are held to .03 below."""
-    cells = read_json(written / "metrics.json")["p_valid"]
+    table = read_table(written / "p_valid.csv")
+    assert list(table) == ["user", "added", "truth", "paper", "difference"]
+    truth = table.pivot(index="user", columns="added", values="truth")
+    assert set(truth.columns) == {"none", *SYMBOLS} and set(truth.index) == set(PAPER_P_VALID)
     for user, row in PAPER_P_VALID.items():
-        assert set(row) == {"none", *SYMBOLS}
-        for world, paper in row.items():
-            assert cells[user][world]["truth"] == pytest.approx(paper, abs=0.06), (user, world)
-    for symbol in ("bowl", "plate", "cutlery"):
-        assert cells["normal"][symbol]["truth"] == cells["normal"]["none"]["truth"]
+        assert truth.loc[user].to_dict() == pytest.approx(row, abs=0.06), user
+    assert (truth.loc["normal", ["bowl", "plate", "cutlery"]] == truth.loc["normal", "none"]).all()
+    largest = (table["truth"] - table["paper"]).abs().max()
+    assert read_json(written / "metrics.json") == {"world": {"largest_difference": pytest.approx(largest)}}
 
 
 def test_the_full_calibration_keeps_every_cell_within_3_points():
-    cells = read_json(Path("outputs/scenes/metrics.json"))["p_valid"]  # committed with the code
-    gaps = {(u, w): cells[u][w]["truth"] - p for u, row in PAPER_P_VALID.items() for w, p in row.items()}
-    assert len(gaps) == 15
-    assert max(map(abs, gaps.values())) <= 0.03, gaps
+    assert sum(map(len, PAPER_P_VALID.values())) == 15
+    metrics = read_json(Path("outputs/scenes/metrics.json"))  # committed with the code
+    assert metrics["world"]["largest_difference"] <= 0.03
 
 
 def test_the_position_prior_is_a_share_symmetric_in_the_diagonal(written):
@@ -110,8 +111,8 @@ def test_the_position_prior_is_a_share_symmetric_in_the_diagonal(written):
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
-        ("generator", -1, r"scenes\.root_seed is -1: expected a whole number from 0"),
-        ("generator", 1.5, r"scenes\.root_seed is 1\.5"),
+        ("root_seed", -1, r"scenes\.root_seed is -1: expected a whole number from 0"),
+        ("root_seed", 1.5, r"scenes\.root_seed is 1\.5"),
         ("layout.slots", 0, r"scenes\.layout\.slots is 0"),
         ("layout.items_per_scene", 2, r"scenes\.layout\.items_per_scene is 2: expected a list"),
         ("layout.items_per_scene", [], r"scenes\.layout\.items_per_scene is \[\]"),
@@ -131,8 +132,8 @@ def test_users_whom_the_paper_does_not_know_have_a_world_as_well(tmp_path: Path)
     cfg = small(calibration=20, shared=2, validation=1, per_seed=1)
     cfg.users = {"hasty": cfg.users.normal}
     main(cfg, tmp_path)
-    metrics = read_json(tmp_path / "metrics.json")
-    assert metrics["largest_difference"] is None and 0 < metrics["p_valid"]["hasty"]["none"]["truth"] < 1
+    assert read_json(tmp_path / "metrics.json") == {"world": {"largest_difference": None}}
+    assert read_table(tmp_path / "p_valid.csv")["truth"].between(0, 1, inclusive="neither").all()
 
 
 def test_bad_data_ends_before_anything_is_written(tmp_path):

@@ -30,7 +30,7 @@ def test_reliability_agrees_with_scikit_learn_and_counts_every_path():
     frequency, confidence = calibration_curve(valid, p, n_bins=10)
     np.testing.assert_allclose(r.frequency, frequency)
     np.testing.assert_allclose(r.confidence, confidence)
-    assert r.count.sum() == 2000
+    assert r["count"].sum() == 2000
     assert ((r.low <= r.confidence) & (r.confidence <= r.high)).all()
 
 

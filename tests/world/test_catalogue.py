@@ -1,15 +1,15 @@
-"""The catalogue is complete, glasses are translucent, and whatever is wrong in data/ is said in one message."""
+"""The catalogue is complete, glasses are translucent, and one message names what is wrong in data/."""
 
 import shutil
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pandas as pd
 import pytest
-from PIL import Image
-from scipy.ndimage import binary_erosion
 
-from pipeline.world.catalogue import LEAST_ITEMS, LEAST_PIXELS, CatalogueError, read_catalogue
+from pipeline.world.catalogue import MIN_ITEMS, MIN_SIDE_PX, CatalogueError, read_catalogue
+from pipeline.world.images import read_image, write_png
 from pipeline.world.layout import SYMBOLS
 
 DATA = Path("data")
@@ -42,12 +42,12 @@ def test_every_symbol_has_enough_items_in_every_split(catalogue, symbol, split, 
 
 
 def test_pools_share_no_item_and_leave_none_out(catalogue):
-    rows = np.concatenate([catalogue.pool(split) for split in LEAST_ITEMS])
+    rows = np.concatenate([catalogue.pool(split) for split in MIN_ITEMS])
     assert sorted(rows) == list(range(len(catalogue.items)))
 
 
 def test_cutouts_are_large_and_no_two_are_alike(catalogue):
-    assert min(len(c) for c in catalogue.cutouts) >= LEAST_PIXELS
+    assert min(len(c) for c in catalogue.cutouts) >= MIN_SIDE_PX
     assert len({c.tobytes() for c in catalogue.cutouts}) == len(catalogue.cutouts)
 
 
@@ -109,8 +109,10 @@ def test_the_table_shows_through_glasses_and_nothing_else(catalogue):
             assert np.median(alpha[inside]) < 0.4, row.name
             assert alpha.max() > 0.5, f"{row.name} has no rim or highlight"
         else:
-            inside = binary_erosion(alpha > 0, iterations=4)
-            assert alpha[inside].min() == 1.0, row.name
+            cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+            solid = np.pad((alpha > 0).astype(np.uint8), 1)
+            inside = cv2.erode(solid, cross, iterations=4)[1:-1, 1:-1]
+            assert alpha[inside > 0].min() == 1.0, row.name
 
 
 @pytest.mark.parametrize(
@@ -141,13 +143,28 @@ def test_a_wrong_value_is_named_with_its_line(data):
         read_catalogue(data)
 
 
+@pytest.mark.parametrize(
+    ("scaled", "factor", "direction"),
+    [("width_m", 7.0, "long"), ("width_m", 1.2, "long"), ("radius_m", 0.7, "long"), ("radius_m", 0.7, "broad")],
+)
+def test_a_cutout_that_does_not_fill_its_footprint_is_refused(data, scaled, factor, direction):
+    """Row 0 is a disc, and `broad` tests a capsule of its length."""
+    table = pd.read_csv(data / "items.csv")
+    if direction == "broad":
+        table.loc[0, "shape"], table.loc[0, "half_length_m"] = "capsule", table.loc[0, "radius_m"] * (1 - factor)
+    table.loc[0, scaled] *= factor
+    table.to_csv(data / "items.csv", index=False)
+    with pytest.raises(CatalogueError, match=f"bowl-white.png shows an item .* {direction}, .* footprint"):
+        read_catalogue(data)
+
+
 @pytest.mark.parametrize(("split", "kept"), [("train", 0), ("unseen", 0), ("unseen", 1), ("validation", 1)])
 def test_a_symbol_with_too_few_items_in_a_split_is_refused(data, split, kept):
     """What is judged has two at least: intervals count items, and one item's tells nothing of others."""
     table = pd.read_csv(data / "items.csv")
     glasses = table.index[(table["symbol"] == "glass") & (table["split"] == split)]
     table.drop(index=glasses[kept:]).to_csv(data / "items.csv", index=False)
-    said = rf"too few {split} items \({kept} of glass\): expected at least {LEAST_ITEMS[split]} of each symbol"
+    said = rf"too few {split} items \({kept} of glass\): expected at least {MIN_ITEMS[split]} of each symbol"
     with pytest.raises(CatalogueError, match=said):
         read_catalogue(data)
 
@@ -174,26 +191,32 @@ def truncate(path: Path) -> None:
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
 
 
-def no_picture(path: Path) -> None:
-    path.write_text("not a picture")
+def no_image(path: Path) -> None:
+    path.write_text("not an image")
 
 
 def shrink(path: Path) -> None:
-    Image.open(path).resize((128, 128)).save(path)
+    write_png(path, cv2.resize(read_image(path), (128, 128)))
 
 
 def oblong(path: Path) -> None:
-    Image.open(path).resize((300, 256)).save(path)
+    write_png(path, cv2.resize(read_image(path), (300, 256)))
 
 
 def flatten(path: Path) -> None:
-    Image.open(path).convert("RGB").save(path)
+    write_png(path, read_image(path)[..., :3])
 
 
 def opaque(path: Path) -> None:
-    picture = Image.open(path)
-    picture.putalpha(255)
-    picture.save(path)
+    rgba = read_image(path)
+    rgba[..., 3] = 255
+    write_png(path, rgba)
+
+
+def enlarge(path: Path) -> None:
+    """Write the header of a PNG that would take 900 MB to decode."""
+    size = (15000).to_bytes(4, "big") * 2
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + (13).to_bytes(4, "big") + b"IHDR" + size + b"\x08\x06" + bytes(7))
 
 
 @pytest.mark.parametrize(
@@ -201,11 +224,12 @@ def opaque(path: Path) -> None:
     [
         (Path.unlink, "missing"),
         (truncate, "truncated"),
-        (no_picture, "not a PNG"),
+        (no_image, "not a PNG"),
         (shrink, "128 x 128"),
         (oblong, "300 x 256"),
         (flatten, "alpha"),
         (opaque, "alpha"),
+        (enlarge, "15000 x 15000 pixels: expected at most 4096 a side"),
     ],
 )
 def test_a_spoilt_cutout_is_named(data, damage, said):

@@ -1,10 +1,10 @@
-"""A path model that is not told the form of the rule: several forms side by side, believed as far as the labels speak.
+"""Clearance models of several rule forms, averaged by their evidence (Bayesian model averaging).
 
-All see the same things and learn which of them matter (pipeline.models.clearance.clearance). They differ in what else may count:
-how long a path comes too near, on which side it passes, what stands beside a thing, or how far along the way it is
-passed. Each form's answer counts by how much likelier it makes the labels, less Schwarz's price (1978) of what it may
-adjust, so that a form which explains them no better than the nearest point alone hardly counts; and what was believed
-says by what kind of rule the labels were given.
+All forms learn which objects are relevant (pipeline.models.clearance.clearance). They differ in what else may count:
+how long a path comes too near, on which side it passes, what stands beside an object, or how far along the path it is
+passed. Each form is weighed by the likelihood it gives the labels, less Schwarz's price (1978) of its parameters. A
+form that explains them no better than the nearest point alone hardly counts, and the weights say which kind of rule
+gave the labels.
 """
 
 from typing import NamedTuple
@@ -15,30 +15,39 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from pipeline.models.clearance.clearance import NEEDED, SAMPLES, SHARPEST, UNIT, ClearanceModel, log_odds
+from pipeline.models.clearance.clearance import (
+    EVIDENCE_PRICE,
+    MARGIN_UNIT_M,
+    MIN_WIDTH_M,
+    PATH_SAMPLES,
+    ClearanceModel,
+    PerceivedObjects,
+    log_odds,
+    occupied_slots,
+)
 from pipeline.world.bezier import P_F, P_INIT, basis
 from pipeline.world.layout import segment_distance
 
 FORMS = {"nearest": 0, "lasting": 1, "side": 1, "company": 1, "progress": 2}  # parameters more than the nearest point's
-TERMS = ("side", "company", "progress", "progress")  # what relevance may depend on besides looks, by form
-LONGEST = 0.3  # share of the way, the most that `lasting` can forgive
+TERMS = ("side", "company", "progress", "progress")  # what relevance may depend on besides appearance, by form
+LONGEST = 0.3  # share of the way, at most, that `lasting` can forgive
 SHARES = np.linspace(0, LONGEST, 13)  # of the way, at which clearances are kept
-ASIDE = 0.02  # metres aside at which a thing counts as on one side, and no longer as straight ahead
-GAPS = 0.01, 1.0  # metres between things, beyond which less or more makes no difference; the latter stands for none
+ASIDE = 0.02  # metres aside at which an object counts as on one side, and no longer as straight ahead
+GAPS = 0.01, 1.0  # metres between objects, beyond which less or more makes no difference; the latter stands for none
 GATE = 3.0  # a gate's unit as it is trained, so that one rate suits all parameters
 
 
 class Relations(NamedTuple):
-    """How each path passes each thing."""
+    """How each path passes each object."""
 
     clearance: Float[Tensor, "scene path near share"]  # [m], undercut for no more than that share (SHARES) of the way
     terms: Float[Tensor, "scene path near term"]  # TERMS; company still as the logarithm of a gap [m]
 
 
 class AveragedModel(ClearanceModel):
-    """`members` clearance models of each form. Relevance may depend on how a thing is passed, closeness on how long.
+    """`members` clearance models of each form. Relevance may depend on how an object is passed, closeness on how long.
 
-    P(valid) is the mean over forms and `rate`, the same for every path, each weighed by `posterior_model_probabilities`.
+    P(valid) is the mean over forms and `rate`, the same for every path, weighed by `posterior_model_probabilities`.
     """
 
     uses: Tensor
@@ -48,45 +57,48 @@ class AveragedModel(ClearanceModel):
 
     def __init__(self, members: int):
         super().__init__(members * len(FORMS))
-        own = torch.arange(len(FORMS)).repeat_interleave(members)[:, None]  # the form of each member
-        uses = torch.tensor([[form == term for term in TERMS] for form in FORMS])
-        self.register_buffer("uses", uses[own[:, 0]].float())
-        self.register_buffer("lasts", (own == list(FORMS).index("lasting")).float())
-        self.gate = nn.Parameter(torch.zeros(len(own), len(TERMS)))  # [GATE]
-        self.forgiven = nn.Parameter(torch.full((len(own), 1), -1.5))  # log-odds of the share forgiven, of LONGEST
-        self.register_buffer("gaps", torch.tensor([0.0, 1.0]))  # mean and spread of the training things' company
-        self.evidence = torch.full((len(FORMS),), -NEEDED)  # log-odds of each form against `rate`
+        form = torch.arange(len(FORMS)).repeat_interleave(members)[:, None]  # the form of each member
+        uses = torch.tensor([[name == term for term in TERMS] for name in FORMS])
+        self.register_buffer("uses", uses[form[:, 0]].float())
+        self.register_buffer("lasts", (form == list(FORMS).index("lasting")).float())
+        self.gate = nn.Parameter(torch.zeros(len(form), len(TERMS)))  # [GATE]
+        self.forgiven = nn.Parameter(torch.full((len(form), 1), -1.5))  # log-odds of the share forgiven, of LONGEST
+        self.register_buffer("gaps", torch.tensor([0.0, 1.0]))  # mean and spread of the training objects' company
+        self.evidence = torch.full((len(FORMS),), -EVIDENCE_PRICE)  # log-odds of each form against `rate`
 
     def logit(
-        self, percept: Float[Tensor, "scene thing 12"], z_theta: Float[Tensor, "scene path 2"]
+        self, percept: Float[Tensor, "scene object 12"], z_theta: Float[Tensor, "scene path 2"]
     ) -> Float[Tensor, "scene path"]:
-        """Log-odds of validity; differentiable in `z_theta` [m]."""
+        """Return the log-odds of validity; differentiable in `z_theta` [m]."""
         return self.judge(percept, relations(percept, z_theta))
 
-    def judge(self, percept: Float[Tensor, "scene thing 12"], related: Relations) -> Float[Tensor, "scene path"]:
-        """Log-odds of validity of paths so related to the things."""
-        by_form = F.logsigmoid(self.by_form(percept, related))
-        believed = torch.cat([by_form, self.rate.log().expand(1, *by_form.shape[1:])])
-        return log_odds((believed + self.posterior_model_probabilities().log()[:, None, None]).logsumexp(0))
+    def judge(self, percept: Float[Tensor, "scene object 12"], related: Relations) -> Float[Tensor, "scene path"]:
+        """Return the log-odds of validity of paths so related to the objects."""
+        by_form = F.logsigmoid(self.logit_by_form(percept, related))
+        log_p = torch.cat([by_form, self.rate.log().expand(1, *by_form.shape[1:])])
+        return log_odds((log_p + self.posterior_model_probabilities().log()[:, None, None]).logsumexp(0))
 
     def posterior_model_probabilities(self) -> Float[Tensor, " form_or_nothing"]:
-        """How far each form, and last that nothing matters, is believed."""
+        """Return the probability of each form and, last, that no object is relevant."""
         return torch.cat([self.evidence, torch.zeros(1)]).softmax(0).clamp(min=1e-30)
 
-    def by_form(self, percept: Float[Tensor, "scene thing 12"], related: Relations) -> Float[Tensor, "form scene path"]:
-        """Log-odds of validity by each form: of its members' mean, sharpened."""
+    def logit_by_form(
+        self, percept: Float[Tensor, "scene object 12"], related: Relations
+    ) -> Float[Tensor, "form scene path"]:
+        """Return each form's log-odds of validity: of its members' mean, sharpened."""
         by_member = self.log_valid_related(percept, related).unflatten(0, (len(FORMS), -1))
         return self.sharpening * log_odds(by_member.logsumexp(1) - float(np.log(by_member.shape[1])))
 
     def log_valid_related(
-        self, percept: Float[Tensor, "scene thing 12"], related: Relations
+        self, percept: Float[Tensor, "scene object 12"], related: Relations
     ) -> Float[Tensor, "member scene path"]:
-        """log P(valid) by each member's opinion."""
-        things = percept[:, : related.terms.shape[2]]
-        looks = self.terms((things[..., 5:-1] - self.centre) / self.spread) @ (self.weight * self.sees).T
+        """Return each member's log P(valid)."""
+        objects = PerceivedObjects.of(percept[:, : related.terms.shape[2]])
+        features = (objects.features - self.centre) / self.spread
+        appearance = self.relevance_terms(features) @ (self.weight * self.sees).T
         gate = self._gates(related.terms) @ (GATE * self.gate * self.uses).T  # (scene, path, near, member)
-        relevance = (looks[:, None] + gate).sigmoid() * things[:, None, :, -1:]
-        x = (UNIT * self.margin - related.clearance @ self._share().T) / (self.width.exp() + SHARPEST)
+        relevance = (appearance[:, None] + gate).sigmoid() * objects.present[:, None, :, None]
+        x = (MARGIN_UNIT_M * self.margin - related.clearance @ self._share().T) / (self.width.exp() + MIN_WIDTH_M)
         threat = (relevance * (0.5 + 0.5 * x / torch.sqrt(1 + x * x))).amax(-2).clamp(max=1 - 1e-6)
         return (torch.log1p(-threat) + F.logsigmoid(self.clear)).movedim(-1, 0)
 
@@ -96,25 +108,26 @@ class AveragedModel(ClearanceModel):
         return torch.stack([side, company, progress, progress.square() - 1 / 3], -1)
 
     def _share(self) -> Float[Tensor, "member share"]:
-        """Weights of SHARES by which clearances are interpolated at the share that each member forgives."""
+        """Return the weights of SHARES by which clearances are interpolated at the share that each member forgives."""
         forgiven = LONGEST * self.forgiven.sigmoid() * self.lasts  # (member, 1)
         return F.relu(1 - (forgiven - torch.from_numpy(SHARES).float()).abs() / float(SHARES[1]))
 
 
-def relations(percept: Float[Tensor, "scene thing 12"], z_theta: Float[Tensor, "scene path 2"]) -> Relations:
-    """How each path [m] passes each thing; without slots that are empty everywhere."""
-    t = np.linspace(0.0, 1.0, SAMPLES)
+def relations(percept: Float[Tensor, "scene object 12"], z_theta: Float[Tensor, "scene path 2"]) -> Relations:
+    """Return how each path [m] passes each object; slots that are empty in every scene are left out."""
+    t = np.linspace(0.0, 1.0, PATH_SAMPLES)
     ends, lift = (torch.from_numpy(x).to(z_theta) for x in (basis(t)[:, ::2] @ [P_INIT, P_F], basis(t)[:, 1:2]))
     points = ends + lift * z_theta[:, :, None]  # (scene, path, sample, 2)
     start, goal, t = (torch.tensor(x).to(z_theta) for x in (P_INIT, P_F, t[:, None]))
     heading = (1 - t) * (z_theta[:, :, None] - start) + t * (goal - z_theta[:, :, None])
     heading = heading / (heading.square().sum(-1, keepdim=True) + 1e-12).sqrt()  # `norm`'s bits depend on the process
-    near = percept[:, : max(1, int(percept[..., -1].sum(1).max()))]
+    near = percept[:, : occupied_slots(percept)]
     company = _company(near)
-    at_shares = torch.from_numpy(SHARES * (SAMPLES - 1)).round().long()
+    at_shares = torch.from_numpy(SHARES * (PATH_SAMPLES - 1)).round().long()
     clearances, terms = [], []
-    for thing, gap in zip(near.unbind(1), company.unbind(1), strict=True):
-        first, last, radius = thing[:, None, None, :2], thing[:, None, None, 2:4], thing[:, 4]
+    for slot, gap in zip(near.unbind(1), company.unbind(1), strict=True):
+        objects = PerceivedObjects.of(slot)
+        first, last, radius = objects.start[:, None, None], objects.end[:, None, None], objects.radius
         along = last - first
         share = ((points - first) * along).sum(-1) / along.square().sum(-1).clamp(min=1e-12)
         away = points - first - share.clamp(0, 1)[..., None] * along
@@ -123,17 +136,18 @@ def relations(percept: Float[Tensor, "scene thing 12"], z_theta: Float[Tensor, "
         ahead, here = (torch.take_along_dim(x, nearest, 2)[:, :, 0] for x in (heading, points))
         to = (first + along / 2)[:, :, 0] - here
         aside = (ahead[..., 1] * to[..., 0] - ahead[..., 0] * to[..., 1]) / ASIDE
-        progress = 2 * nearest[..., 0, 0].to(z_theta) / (SAMPLES - 1) - 1
+        progress = 2 * nearest[..., 0, 0].to(z_theta) / (PATH_SAMPLES - 1) - 1
         clearances.append(distance.sort(-1).values[..., at_shares])
         terms.append(torch.stack([aside.tanh(), gap[:, None].expand_as(progress), progress, progress], -1))
     return Relations(torch.stack(clearances, 2), torch.stack(terms, 2))
 
 
-def _company(things: Float[Tensor, "scene thing 12"]) -> Float[Tensor, "scene thing"]:
-    """Logarithm of the gap [m] between each thing and the nearest other one, within GAPS."""
-    ends = things[..., :4].unflatten(-1, (2, 2)).double().numpy()
-    apart = torch.from_numpy(segment_distance(ends[:, :, None], ends[:, None])).to(things)
-    gap = apart - things[:, :, None, 4] - things[:, None, :, 4]
-    here = things[..., -1] > 0
-    other = here[:, :, None] & here[:, None] & ~torch.eye(things.shape[1], dtype=torch.bool)
+def _company(percept: Float[Tensor, "scene object 12"]) -> Float[Tensor, "scene object"]:
+    """Return the logarithm of the gap [m] between each object and the nearest other one, within GAPS."""
+    objects = PerceivedObjects.of(percept)
+    segments = torch.stack([objects.start, objects.end], -2).double().numpy()
+    apart = torch.from_numpy(segment_distance(segments[:, :, None], segments[:, None])).to(percept)
+    gap = apart - objects.radius[:, :, None] - objects.radius[:, None, :]
+    present = objects.present > 0
+    other = present[:, :, None] & present[:, None] & ~torch.eye(percept.shape[1], dtype=torch.bool)
     return torch.where(other, gap, GAPS[1]).amin(-1).clamp(*GAPS).log()

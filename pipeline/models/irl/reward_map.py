@@ -75,12 +75,14 @@ class RewardMap(ValidityModel):
         """The reward map's cells and, last, the scene's soft optimum; zeros if the rule makes nothing of them."""
         if not self.scale:
             return images.new_zeros(len(images), self.side**2 + 1)
-        return self.look(torch.cat([_contrast(picture) for picture in to_bytes(images)]))
+        return self.perceive_contrasts(torch.cat([_contrast(picture) for picture in to_bytes(images)]))
 
-    def look(self, contrasts: Float[Tensor, "scene 4 100 100"]) -> Float[Tensor, "scene cell"]:
+    def perceive_contrasts(self, contrasts: Float[Tensor, "scene 4 100 100"]) -> Float[Tensor, "scene cell"]:
         """`perceive` from the pictures' contrast with the table."""
-        group = range(SYMMETRIES if self.symmetric else 1)
-        turned = [untransform(self.reward(transform(contrasts, g)), g) for g in group]
+        channels_last = torch.channels_last  # a third quicker here
+        transformed = [transform(contrasts, g) for g in range(SYMMETRIES if self.symmetric else 1)]
+        rewards = [self.reward(x.contiguous(memory_format=channels_last)) for x in transformed]
+        turned = [untransform(reward, g) for g, reward in enumerate(rewards)]
         reward = torch.stack(turned).mean(0)
         return torch.cat([reward.flatten(1), self.soft_optimum(reward)[:, None]], dim=-1)
 

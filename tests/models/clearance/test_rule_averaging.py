@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 import torch
-from tests.report_artefacts import ITEMS
 
 from pipeline.models.base import untrained
-from pipeline.models.clearance import rule_averaging as averaging
 from pipeline.models.clearance.clearance import ClearanceModel, clearance
-from pipeline.models.clearance.rule_averaging import FORMS, AveragedModel, fit, relations
+from pipeline.models.clearance.rule_averaging import FORMS, AveragedModel, relations
+from pipeline.training.clearance import fit_averaged
+from pipeline.training.clearance.fit_averaged import fit
 from pipeline.training.loop import Schedule
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import SYMBOLS, Layouts, random_layouts
@@ -16,6 +16,7 @@ from pipeline.world.rules import Margins
 from studies.rule_families.families import FORMS as RULES_OF_A_FORM
 from studies.rule_families.families import beside, brief, late, right
 from tests.examples import RULES
+from tests.stages.inputs import ITEMS
 
 SCENES, DEMOS = 20, 9
 ALL: Margins = {symbol: 0.045 for symbol in SYMBOLS}
@@ -104,8 +105,8 @@ def test_a_form_that_uses_nothing_else_says_what_the_clearance_model_says(world)
         other.get_buffer("sees").copy_(model.get_buffer("sees")[:2])
         model.gate.normal_()  # no form but its own hears it
         where = torch.tensor(z).float()
-        mine = model.by_form(seen(layouts), relations(seen(layouts), where))[list(FORMS).index("nearest")]
-        torch.testing.assert_close(mine, other.of_things(seen(layouts), where), atol=1e-4, rtol=1e-4)
+        mine = model.logit_by_form(seen(layouts), relations(seen(layouts), where))[list(FORMS).index("nearest")]
+        torch.testing.assert_close(mine, other.logit_if_relevant(seen(layouts), where), atol=1e-4, rtol=1e-4)
 
 
 def test_answers_have_a_slope_along_the_paths(world):
@@ -120,8 +121,8 @@ def test_answers_have_a_slope_along_the_paths(world):
 def test_the_price_of_a_form_grows_with_what_it_may_adjust(world, monkeypatch):
     layouts, z = world
     model, told = AveragedModel(2), torch.tensor(RULES_OF_A_FORM["margin"](layouts, z, ALL, 0.0))
-    monkeypatch.setattr(AveragedModel, "by_form", lambda *_: torch.zeros(len(FORMS), SCENES, DEMOS))
+    monkeypatch.setattr(AveragedModel, "logit_by_form", lambda *_: torch.zeros(len(FORMS), SCENES, DEMOS))
     percept = seen(layouts)
-    averaging._weigh(model, percept, relations(percept, torch.tensor(z).float()), told)
+    fit_averaged.set_model_evidence(model, percept, relations(percept, torch.tensor(z).float()), told)
     paid = model.evidence[0] - model.evidence
     np.testing.assert_allclose(paid, 0.5 * np.log(SCENES * DEMOS) * np.array(list(FORMS.values())), rtol=1e-4)

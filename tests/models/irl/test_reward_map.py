@@ -6,17 +6,16 @@ import torch
 
 from pipeline.models.base import to_tensor
 from pipeline.models.irl.reward_map import (
-    FLOOR,
     SYMMETRIES,
     RewardMap,
     contrast,
     path_return,
     path_weights,
-    subtract_background,
     transform,
     untransform,
 )
 from pipeline.models.registry import build
+from pipeline.perception.background import FLOOR, subtract_background
 from pipeline.world.bezier import curve, lattice
 
 SHAPE = {
@@ -119,9 +118,9 @@ def test_the_untrained_map_varies_about_as_much_as_what_is_seen():
 def test_a_turned_picture_gives_the_turned_map():
     model = drawn()
     seen = contrast(*subtract_background(to_tensor(pictures()))).double()
-    cells = model.look(seen)[:, :-1].unflatten(1, (50, 50))
+    cells = model.perceive_contrasts(seen)[:, :-1].unflatten(1, (50, 50))
     for symmetry in range(SYMMETRIES):
-        turned = model.look(transform(seen, symmetry))[:, :-1].unflatten(1, (50, 50))
+        turned = model.perceive_contrasts(transform(seen, symmetry))[:, :-1].unflatten(1, (50, 50))
         torch.testing.assert_close(untransform(turned, symmetry), cells)
 
 
@@ -146,7 +145,7 @@ def test_the_logit_of_the_percept_is_scaled_soft_regret_and_its_gradient_is_righ
     model = drawn()
     model.scale.fill_(2.0)
     model.offset.fill_(0.5)
-    percept = model.look(contrast(*subtract_background(to_tensor(pictures()))).double()).detach()
+    percept = model.perceive_contrasts(contrast(*subtract_background(to_tensor(pictures()))).double()).detach()
     z = paths().requires_grad_()
     reward = percept[:, :-1].unflatten(1, (50, 50))
     torch.testing.assert_close(model.logit(percept, z), 2 * model.soft_regret(reward, z) + 0.5)

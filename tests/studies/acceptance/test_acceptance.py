@@ -145,7 +145,7 @@ def test_other_training_scenes_than_asked_for_are_refused(cfg: DictConfig, tmp_p
     few = SceneSet(
         scenes.images | {first: scenes.images[first][:3]},
         scenes.layouts | {first: scenes.layouts[first][:3]},
-        scenes.looks | {first: scenes.looks[first][:3]},
+        scenes.appearances | {first: scenes.appearances[first][:3]},
     )
     write_scenes(tmp_path / "scenes", few)
     with pytest.raises(InputError, match=f"3 scenes {first}: expected 4; run the scenes stage again"):

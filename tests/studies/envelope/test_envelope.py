@@ -48,7 +48,7 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     scenes = SceneSet({"new_items": images}, {"new_items": layouts}, {"new_items": look})
     for i, seed in enumerate((0, 1)):
         one, pool = slice(i, i + 1), train_pool(seed)
-        scenes.images[pool], scenes.layouts[pool], scenes.looks[pool] = images[one], trained[one], look[one]
+        scenes.images[pool], scenes.layouts[pool], scenes.appearances[pool] = images[one], trained[one], look[one]
     write_scenes(root / "scenes", scenes)
     for variant in VARIANTS:
         for user in cfg.users:

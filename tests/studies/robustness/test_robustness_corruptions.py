@@ -1,4 +1,4 @@
-"""Disturbances do what their strength says, deepen as it grows, and leave alone what they do not name."""
+"""Corruptions do what their strength says, deepen as it grows, and change nothing else."""
 
 from dataclasses import fields
 
@@ -9,7 +9,17 @@ from hypothesis import strategies as st
 
 from pipeline.world.bezier import P_F, P_INIT
 from pipeline.world.layout import SIDE, Items, point_segment_distance, random_layouts, segment_distance
-from studies.robustness.corruptions import HALF_ARM, PICTURES, arm, blur, cluttered, mislabelled, noise, shade, tint
+from studies.robustness.corruptions import (
+    ARM_RADIUS_PX,
+    CORRUPTIONS,
+    add_clutter,
+    arm,
+    blur,
+    flip_labels,
+    noise,
+    shade,
+    tint,
+)
 from tests.examples import RULES
 
 ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.08, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
@@ -22,7 +32,7 @@ def rng(seed: int = 0) -> np.random.Generator:
     return np.random.default_rng(seed)
 
 
-def any_pictures(count: int = 3) -> np.ndarray:
+def any_images(count: int = 3) -> np.ndarray:
     return rng(1).integers(0, 256, (count, SIDE, SIDE, 3), dtype=np.uint8)
 
 
@@ -30,38 +40,38 @@ def grey(level: int, count: int = 1) -> np.ndarray:
     return np.full((count, SIDE, SIDE, 3), level, np.uint8)
 
 
-@pytest.mark.parametrize("name", PICTURES)
-def test_strength_0_returns_every_picture_as_it_is(name: str):
-    pictures = any_pictures()
-    np.testing.assert_array_equal(PICTURES[name](rng(), pictures, 0.0), pictures)
+@pytest.mark.parametrize("name", CORRUPTIONS)
+def test_a_corruption_of_hardly_any_strength_leaves_images_as_they_are(name: str):
+    images = any_images()
+    np.testing.assert_array_equal(CORRUPTIONS[name](rng(), images, 1e-9), images)
 
 
-@pytest.mark.parametrize("name", PICTURES)
-def test_a_disturbance_changes_pictures_leaves_its_input_alone_and_is_the_same_twice(name: str):
-    pictures = any_pictures()
-    before = pictures.copy()
-    disturbed = PICTURES[name](rng(), pictures, STRONG[name])
-    np.testing.assert_array_equal(pictures, before)
-    assert all((after != old).any() for after, old in zip(disturbed, before, strict=True))
-    np.testing.assert_array_equal(PICTURES[name](rng(), pictures, STRONG[name]), disturbed)
+@pytest.mark.parametrize("name", CORRUPTIONS)
+def test_a_corruption_changes_images_leaves_its_input_alone_and_repeats_itself(name: str):
+    images = any_images()
+    before = images.copy()
+    corrupted = CORRUPTIONS[name](rng(), images, STRONG[name])
+    np.testing.assert_array_equal(images, before)
+    assert all((after != old).any() for after, old in zip(corrupted, before, strict=True))
+    np.testing.assert_array_equal(CORRUPTIONS[name](rng(), images, STRONG[name]), corrupted)
 
 
 @pytest.mark.parametrize("name", ["shade", "noise", "arm"])
-def test_a_stronger_disturbance_deepens_a_weaker_one(name: str):
-    weak, strong = (np.abs(PICTURES[name](rng(), grey(128, 3), s * STRONG[name]) - 128.0) for s in (0.5, 1.0))
+def test_a_stronger_corruption_deepens_a_weaker_one(name: str):
+    weak, strong = (np.abs(CORRUPTIONS[name](rng(), grey(128, 3), s * STRONG[name]) - 128.0) for s in (0.5, 1.0))
     touched = weak > 0
     assert touched.any() and (strong[touched] >= weak[touched] - 1).all() and strong.sum() > weak.sum()
 
 
 @given(seed=seeds)
 @settings(max_examples=10, deadline=None)
-def test_light_from_one_side_is_whole_at_one_end_and_short_of_the_share_at_the_other(seed: int):
+def test_shade_leaves_the_light_at_one_end_and_takes_the_share_at_the_other(seed: int):
     lit = shade(rng(seed), grey(200), 0.5)[0, ..., 0] / 200
     assert lit.max() == pytest.approx(1.0, abs=0.02) and lit.min() == pytest.approx(0.5, abs=0.02)
     assert lit.mean() == pytest.approx(0.75, abs=0.01)
 
 
-def test_warm_light_lacks_the_share_of_the_blue_and_half_of_it_of_the_green():
+def test_tint_takes_the_share_from_blue_and_half_of_it_from_green():
     assert tint(rng(), grey(200), 0.4)[0, 50, 50].tolist() == [200, 160, 120]
 
 
@@ -75,26 +85,26 @@ def test_blur_keeps_the_brightness_and_spreads_a_point_as_its_deviation_says():
     assert spread == pytest.approx((20**2 - 1) / 12 + 2.0**2, rel=0.02)
 
 
-def test_noise_has_the_deviation_it_is_given_and_no_mean():
+def test_noise_has_the_given_deviation_and_mean_zero():
     error = noise(rng(), grey(128, 4), 0.05) / 255 - 128 / 255
     assert error.std() == pytest.approx(0.05, rel=0.02) and abs(error.mean()) < 0.001
 
 
 @given(seed=seeds)
 @settings(max_examples=20, deadline=None)
-def test_an_arm_comes_in_over_one_edge_as_far_and_as_thick_as_it_should(seed: int):
+def test_an_arm_crosses_one_edge_and_has_the_given_reach_and_thickness(seed: int):
     over = (arm(rng(seed), grey(0), 0.3)[0] > 0).all(-1)
     touched = [edge for edge in range(4) if np.rot90(over, -edge)[0].any()]
     assert len(touched) == 1, "it crosses one edge"
     upright = np.rot90(over, -touched[0])
-    assert abs(upright.any(1).sum() - 0.3 * SIDE) <= 1 and abs(upright[0].sum() - 2 * HALF_ARM * SIDE) <= 1
+    assert abs(upright.any(1).sum() - 0.3 * SIDE) <= 1 and abs(upright[0].sum() - 2 * ARM_RADIUS_PX) <= 1
 
 
 @given(seed=seeds)
 @settings(max_examples=10, deadline=None)
-def test_clutter_adds_items_that_overlap_nothing_and_moves_none(seed: int):
+def test_clutter_adds_items_that_keep_clearances_and_moves_none(seed: int):
     layouts = random_layouts(rng(seed), 3, ITEMS, POOL, RULES)
-    fuller = cluttered(rng(seed), layouts, 2, ITEMS, POOL, RULES)
+    fuller = add_clutter(rng(seed), layouts, 2, ITEMS, POOL, RULES)
     np.testing.assert_array_equal(fuller.present.sum(1), layouts.present.sum(1) + 2)
     for scene in range(len(layouts)):
         slots, before = np.flatnonzero(fuller.present[scene]), np.flatnonzero(layouts.present[scene])
@@ -109,29 +119,29 @@ def test_clutter_adds_items_that_overlap_nothing_and_moves_none(seed: int):
             assert (point_segment_distance(p, ends[:, 0], ends[:, 1]) - radius >= RULES.clear_of_ends - 1e-9).all()
 
 
-def test_more_clutter_holds_less_of_it():
+def test_less_clutter_is_part_of_more_clutter():
     layouts = random_layouts(rng(), 4, ITEMS, POOL, RULES)
-    some, more = (cluttered(rng(), layouts, count, ITEMS, POOL, RULES) for count in (1, 3))
+    some, more = (add_clutter(rng(), layouts, count, ITEMS, POOL, RULES) for count in (1, 3))
     for scene in range(len(layouts)):
         first = np.flatnonzero(some.present[scene])
         np.testing.assert_array_equal(more.centre[scene, first], some.centre[scene, first])
         np.testing.assert_array_equal(more.item[scene, first], some.item[scene, first])
 
 
-def test_a_table_without_room_for_more_is_refused():
+def test_a_scene_without_room_for_clutter_is_refused():
     with pytest.raises(ValueError, match="the scene is too full"):
-        cluttered(rng(), random_layouts(rng(), 1, ITEMS, POOL, RULES), 60, ITEMS, POOL, RULES)
+        add_clutter(rng(), random_layouts(rng(), 1, ITEMS, POOL, RULES), 60, ITEMS, POOL, RULES)
 
 
 @pytest.mark.parametrize(
     ("share", "flipped"), [(0.0, 0), (0.05, 9), (0.1, 18), (0.2, 36), (0.004, 1), (0.002, 0), (1.0, 180)]
 )
-def test_as_many_labels_are_flipped_as_asked_to_the_nearest_whole_number(share: float, flipped: int):
+def test_the_number_of_flipped_labels_is_the_share_rounded(share: float, flipped: int):
     labels = rng().random((20, 9)) < 0.4
-    assert (mislabelled(rng(), labels, share) != labels).sum() == flipped
+    assert (flip_labels(rng(), labels, share) != labels).sum() == flipped
 
 
-def test_more_wrong_labels_hold_fewer_of_them():
+def test_fewer_flipped_labels_are_part_of_more():
     labels = rng().random((20, 9)) < 0.4
-    few, many = (mislabelled(rng(3), labels, share) != labels for share in (0.05, 0.2))
+    few, many = (flip_labels(rng(3), labels, share) != labels for share in (0.05, 0.2))
     assert (many | ~few).all()

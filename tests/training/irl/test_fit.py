@@ -5,11 +5,12 @@ import pytest
 import torch
 
 from pipeline.models.base import to_tensor
-from pipeline.models.irl.reward_map import SYMMETRIES, RewardMap, contrast, subtract_background, transform, untransform
+from pipeline.models.irl.reward_map import SYMMETRIES, RewardMap, contrast, transform, untransform
 from pipeline.models.registry import build
+from pipeline.perception.background import subtract_background
 from pipeline.training.irl import fit as irl
-from pipeline.training.irl.augment import Jitter, blobs, new_looks, repaint
-from pipeline.training.irl.fit import OBJECTIVES, Schedule, fit, logistic, maxent, ranked
+from pipeline.training.irl.augment import ColorJitter, augment_appearances, blobs, recolour
+from pipeline.training.irl.fit import OBJECTIVES, IrlSchedule, fit, logistic, maxent, ranked
 from pipeline.training.loop import Checkpoints
 
 SHAPE = {
@@ -21,15 +22,15 @@ SHAPE = {
     "symmetric": True,
     "ceiling": True,
 }
-JITTER = Jitter(hue=0.3, gain=0.15, shift=0.01, scene_gain=0.1, other_table=0.5)
+JITTER = ColorJitter(hue=0.3, gain=0.15, shift=0.01, scene_gain=0.1, other_table=0.5)
 
 
-def schedule(**changes) -> Schedule:
+def schedule(**changes) -> IrlSchedule:
     values = {
-        "steps": 12, "rate": 0.01, "weight_decay": 1e-4, "scenes_per_step": 20, "copies": 2, "curve_every": 1,
-        "sparsity": 0.0, "across": True, "jitter": JITTER,
+        "steps": 12, "rate": 0.01, "weight_decay": 1e-4, "scenes_per_step": 20, "n_augmentations": 2, "curve_every": 1,
+        "sparsity": 0.0, "across": True, "color_jitter": JITTER,
     }  # fmt: skip
-    return Schedule(**(values | changes))
+    return IrlSchedule(**(values | changes))
 
 
 def drawn(seed: int = 0, **changes) -> RewardMap:
@@ -126,14 +127,14 @@ def test_a_step_judges_paths_on_their_own_scenes_map_under_one_symmetry(seed):
     with torch.no_grad():
         maps = [untransform(model.reward(transform(seen, g)), g) for g in range(SYMMETRIES)]
         losses = np.array([float(ranked(model.soft_regret(r, paths), labels, True)) for r in maps])
-    curve = on_one_thread(model, images, z, valid, "ranked", schedule(steps=1, copies=1), seed)
+    curve = on_one_thread(model, images, z, valid, "ranked", schedule(steps=1, n_augmentations=1), seed)
     assert np.abs(losses - curve[0, 1]).min() < 1e-5
 
 
 def test_the_rule_is_fitted_to_half_the_looks(monkeypatch: pytest.MonkeyPatch):
     asked = []
     monkeypatch.setattr(irl, "logistic", lambda regret, valid: asked.append(regret) or logistic(regret, valid))
-    on_one_thread(drawn(), *world(), "ranked", schedule(steps=1, copies=6), 0)
+    on_one_thread(drawn(), *world(), "ranked", schedule(steps=1, n_augmentations=6), 0)
     (regrets,) = asked
     assert len(np.unique(regrets, axis=0)) == len(regrets) == 3
 
@@ -199,13 +200,13 @@ def test_separable_labels_give_a_finite_rule_and_a_useless_score_is_ignored():
     assert logistic(regret, regret < 0)[0] == 0.0  # worse than nothing: the score's sign is not turned round
 
 
-def test_new_looks_move_things_not_their_places():
+def test_augment_appearances_move_things_not_their_places():
     plain = np.zeros((2, 3, 100, 100), np.float32)
     plain[0, :, 20:30, 20:30] = 0.3
     plain[1, :, 60:75, 60:75] = -0.2
     labels = blobs(np.abs(plain).sum(1) * 20)
     assert labels.max() == 1 and (labels[0] > 0).sum() == 100 and (labels[1] > 0).sum() == 225
-    looks, table = new_looks(np.random.default_rng(0), plain, labels, Jitter(0.5, 0.2, 0.0, 0.0, 1.0))
+    looks, table = augment_appearances(np.random.default_rng(0), plain, labels, ColorJitter(0.5, 0.2, 0.0, 0.0, 1.0))
     assert set(table) <= {0, 1}
     assert (np.abs(looks.mean(1)[labels > 0]) > 0.05).all()
     assert np.abs(looks.mean(1)[~_near(labels)]).max() < 1e-3
@@ -215,7 +216,7 @@ def test_a_turn_of_hue_keeps_brightness():
     plain = np.zeros((1, 3, 40, 40), np.float32)
     plain[0, :, 10:20, 10:20] = np.array([0.3, 0.0, -0.1])[:, None, None]
     labels = (plain[:, 0] > 0).astype(np.int64)
-    turned = repaint(np.random.default_rng(3), plain, labels, Jitter(2.0, 0.0, 0.0, 0.0, 0.0))
+    turned = recolour(np.random.default_rng(3), plain, labels, ColorJitter(2.0, 0.0, 0.0, 0.0, 0.0))
     np.testing.assert_allclose(turned.mean(1), plain.mean(1), atol=1e-5)
     assert not np.allclose(turned, plain, atol=0.01)
 
@@ -224,7 +225,9 @@ def test_a_look_on_another_table_is_measured_by_that_tables_grain():
     rng = np.random.default_rng(0)
     grain = np.array([2, 6, 18])[:, None, None, None]
     images = np.rint(120 + grain * rng.standard_normal((3, 100, 100, 3))).astype(np.uint8)
-    first, second = irl._looks(images.tobytes(), 2, Jitter(0.0, 0.0, 0.0, 0.0, 1.0)).flatten(2, 3).median(2).values
+    first, second = (
+        irl._appearances(images.tobytes(), 2, ColorJitter(0.0, 0.0, 0.0, 0.0, 1.0)).flatten(2, 3).median(2).values
+    )
     np.testing.assert_allclose(second[:, 0], first[:, 0], rtol=0.2)  # whitened
     assert not np.allclose(second[:, 2], first[:, 2], rtol=0.5)  # as they are
 

@@ -1,13 +1,11 @@
-"""Fits several users' models at once on any torch device: `training.fit` vectorised over models by torch.func.vmap.
+"""Fit several users' models at once on any torch device: the reference engine, vectorised by torch.func.vmap.
 
-As in a stack (pipeline.training.vae.engines.simd) the models share their weights of Eq. 1, number of scenes and schedule, and each
-draws its noise on the CPU as the reference does. Sums are taken in an order that the device and the batch decide, so
-trained weights differ from the other engines', and a little from batch to batch, by amplified rounding.
+The models share their weights of Eq. 1, number of scenes and schedule. Each draws its noise on the CPU as the reference
+does. Device and batch decide the order of sums: trained weights differ from the other engines' by amplified rounding.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
-import numpy as np
 import torch
 from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
@@ -17,14 +15,22 @@ from torch.func import functional_call, stack_module_state, vmap
 from pipeline.models.base import to_tensor
 from pipeline.models.vae.beta_vae import BetaVae
 from pipeline.models.vae.losses import Terms, Weights, equation_1
-from pipeline.training.loop import Checkpoints, Schedule, padded, shares
+from pipeline.training.loop import (
+    Checkpoints,
+    Losses,
+    Schedule,
+    minimise,
+    pad_demonstrations,
+    row_weights,
+    unstack_models,
+)
 from pipeline.training.vae.engines.reference import fit_varied
 
 BATCH_SIZE = 128  # models: about 4 GB of activations in the paper's size
 
 
 class _Loss(nn.Module):
-    """Eq. 1 as what a module computes: `functional_call` lends weights to that alone."""
+    """Eq. 1 as a module's output, since `functional_call` takes a module."""
 
     def __init__(self, model: BetaVae, weights: Weights):
         super().__init__()
@@ -35,7 +41,7 @@ class _Loss(nn.Module):
 
 
 def device() -> torch.device:
-    """CUDA's, if there is one."""
+    """Return the first GPU, or the CPU where there is none."""
     return torch.device("cuda" if torch.cuda.is_available() else "cpu")
 
 
@@ -49,55 +55,42 @@ def fit_batch(
     seeds: Sequence[int],
     checkpoints: Checkpoints | None = None,
 ) -> list[Float[Array, "point 5"]]:
-    """Train models in place on `device()`, each on its demonstrations [m]; their learning curves (`CURVE`).
+    """Train models in place on `device()`, each on its demonstrations [m], and return their learning curves (`CURVE`).
 
-    Model by model what `training.fit` does, which also sees to demonstrations that are all valid or all invalid.
+    Does for each model what the reference engine's `fit` does, labels that are all alike included.
     """
     with torch.backends.cudnn.flags(enabled=True, deterministic=True, allow_tf32=False):
         return fit_varied(_descend, models, images, z_theta, valid, weights, schedule, seeds, checkpoints)
 
 
 def _descend(models, images, z_theta, valid, weights, schedule, seeds, checkpoints) -> list[Float[Array, "point 5"]]:
-    """The gradient descent of all models; a point of a curve is the loss before that many updates."""
+    """Train all models at once."""
 
     def stacked(tensors: Sequence[torch.Tensor]) -> torch.Tensor:
         return torch.stack(list(tensors)).to(device(), models[0].mean.weight.dtype)  # (model, ...)
 
     x = stacked([to_tensor(of_model) for of_model in images])
-    z, labels = (stacked([torch.from_numpy(of_model) for of_model in padded(demos)]) for demos in (z_theta, valid))
-    share = stacked(torch.from_numpy(shares([of_model.shape[1] for of_model in valid])).unbind(1))
+    z, labels = (
+        stacked([torch.from_numpy(of_model) for of_model in pad_demonstrations(demos)]) for demos in (z_theta, valid)
+    )
+    share = stacked(torch.from_numpy(row_weights([of_model.shape[1] for of_model in valid])).unbind(1))
     generators = [torch.Generator().manual_seed(seed) for seed in seeds]
-    loss = _Loss(models[0], weights)
-    drawn, _ = stack_module_state([_Loss(model, weights) for model in models])
+    loss_of_model = _Loss(models[0], weights)
+    drawn, _ = stack_module_state(list(models))
     parameters = {name: value.detach().to(device()).requires_grad_() for name, value in drawn.items()}
-    optimiser, cycle = schedule.optimiser(parameters.values())
-    losses = vmap(lambda own, *data: functional_call(loss, own, data))
-    curve = []
-    for step in range(schedule.steps):
-        if step in checkpoints.steps:
-            _hand_over(parameters, models)
-            checkpoints.keep(step, *models)
-        noise = stacked([torch.randn(x.shape[1], models[0].latent, generator=generator) for generator in generators])
-        terms = losses(parameters, x, z, labels, noise, share)  # (model) each
-        optimiser.zero_grad()
-        terms.total.sum().backward()
-        optimiser.step()
-        cycle.step()
-        if step % schedule.curve_every == 0 or step == schedule.steps - 1:
-            point = torch.stack([*terms, terms.total]).detach()  # (term, model)
-            curve.append((step, point))
+    named = {f"model.{name}": value for name, value in parameters.items()}  # as `_Loss` names them
+    losses = vmap(lambda weights_of_model, *data: functional_call(loss_of_model, weights_of_model, data))
 
-    _hand_over(parameters, models)
+    def loss() -> Losses:
+        noise = stacked([torch.randn(x.shape[1], models[0].latent, generator=generator) for generator in generators])
+        terms = losses(named, x, z, labels, noise, share)  # (model,) each
+        return terms.total.sum(), [*terms, terms.total]
+
+    def hand_over() -> None:
+        unstack_models(parameters, models)
+
+    curve = minimise(loss, parameters.values(), schedule, before_step=checkpoints.before_step(models, hand_over))
+    hand_over()
     for model in models:
         model.eval()
-    steps = np.array([step for step, _ in curve], float)
-    points = torch.stack([point for _, point in curve]).double().cpu().numpy()  # (point, term, model)
-    return [np.column_stack([steps, points[..., i]]) for i in range(len(models))]
-
-
-@torch.no_grad()
-def _hand_over(parameters: Mapping[str, torch.Tensor], models: Sequence[BetaVae]) -> None:
-    """Give each model its own of the stacked weights."""
-    for name, value in parameters.items():
-        for model, own in zip(models, value.unbind(), strict=True):
-            model.get_parameter(name.removeprefix("model.")).copy_(own)
+    return list(curve.transpose(2, 0, 1))

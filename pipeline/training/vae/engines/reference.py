@@ -1,4 +1,4 @@
-"""Fits one user's model to its labelled demonstrations by full-batch gradient descent on Eq. 1."""
+"""Fit one user's model to its labelled demonstrations by full-batch gradient descent on Eq. 1."""
 
 import numpy as np
 import torch
@@ -7,8 +7,8 @@ from numpy import ndarray as Array
 
 from pipeline.models.base import to_tensor
 from pipeline.models.vae.beta_vae import BetaVae
-from pipeline.models.vae.losses import Terms, Weights, equation_1
-from pipeline.training.loop import Checkpoints, Schedule, is_constant, rule_of_succession
+from pipeline.models.vae.losses import Weights, equation_1
+from pipeline.training.loop import Checkpoints, Losses, Schedule, is_constant, minimise, rule_of_succession
 
 CURVE = ("step", "reconstruction", "kl", "classification", "total")  # columns of a learning curve
 
@@ -23,24 +23,24 @@ def fit(
     seed: int,
     checkpoints: Checkpoints | None = None,
 ) -> Float[Array, "point 5"]:
-    """Train `model` in place on n demonstrations [m] a scene; returns the learning curve (`CURVE`).
+    """Train `model` in place on n demonstrations [m] a scene and return the learning curve (`CURVE`).
 
-    Where the demonstrations never vary, the model keeps its untrained encoder and gets a constant head instead, at
-    Laplace's probability.
+    Where all labels are alike, the model keeps its untrained encoder and gets a constant head at Laplace's probability.
     `seed` draws the latent noise; torch's global generator is left alone. `checkpoints` keeps the weights on the way.
     """
     if is_constant(valid):
-        model.set_constant_head(rule_of_succession(valid))
+        probability = rule_of_succession(valid)
+        model.set_constant_head(probability)
         model.eval()
-        loss = weights.gamma * -np.log(max(rule_of_succession(valid), 1 - rule_of_succession(valid)))
+        loss = weights.gamma * -np.log(max(probability, 1 - probability))
         return np.array([[0, 0, 0, loss, loss]])
     return _descend(model, images, z_theta, valid, weights, schedule, seed, checkpoints or Checkpoints())
 
 
 def fit_varied(
-    descend, models, images, z_theta, valid, weights, schedule, seeds, checkpoints
+    fit_stack, models, images, z_theta, valid, weights, schedule, seeds, checkpoints
 ) -> list[Float[Array, "point 5"]]:
-    """`fit` of several models by one `descend`, with its arguments, but for those whose labels never vary."""
+    """Fit the models whose labels vary by one call of `fit_stack`, and the others by `fit`; return their curves."""
     jobs = list(zip(models, images, z_theta, valid, seeds, strict=True))
     varied = [i for i, labels in enumerate(valid) if not is_constant(labels)]
     curves = {
@@ -49,31 +49,25 @@ def fit_varied(
         if i not in varied
     }
     if varied:
-        *of_varied, own_seeds = zip(*(jobs[i] for i in varied), strict=True)
-        found = descend(*of_varied, weights, schedule, own_seeds, checkpoints or Checkpoints())
-        curves |= zip(varied, found, strict=True)
+        *data, varied_seeds = zip(*(jobs[i] for i in varied), strict=True)
+        varied_curves = fit_stack(*data, weights, schedule, varied_seeds, checkpoints or Checkpoints())
+        curves |= zip(varied, varied_curves, strict=True)
     return [curves[i] for i in range(len(jobs))]
 
 
 def _descend(model, images, z_theta, valid, weights, schedule, seed, checkpoints) -> Float[Array, "point 5"]:
-    """The gradient descent itself; a point of the curve is the loss before that many updates."""
+    """Train one model whose labels vary."""
     x = to_tensor(images)
     z = torch.from_numpy(z_theta.astype(np.float32))  # (scene, n, 2)
     labels = torch.from_numpy(valid.astype(np.float32))  # (scene, n)
     generator = torch.Generator().manual_seed(seed)
-    optimiser, cycle = schedule.optimiser(model.parameters())
-    curve: list[tuple[int, Terms]] = []
-    model.train()
-    for step in range(schedule.steps):
-        if step in checkpoints.steps:
-            checkpoints.keep(step, model)
+
+    def loss() -> Losses:
         noise = torch.randn(len(x), model.latent, generator=generator)
         terms = equation_1(model, x, z, labels, weights, noise)
-        optimiser.zero_grad()
-        terms.total.backward()
-        optimiser.step()
-        cycle.step()
-        if step % schedule.curve_every == 0 or step == schedule.steps - 1:
-            curve.append((step, Terms(*(term.detach() for term in terms))))
+        return terms.total, [*terms, terms.total]
+
+    model.train()
+    curve = minimise(loss, model.parameters(), schedule, before_step=checkpoints.before_step([model]))
     model.eval()
-    return np.array([[step, *map(float, terms), float(terms.total)] for step, terms in curve])
+    return curve

@@ -1,8 +1,8 @@
-"""Fits several users' models at once, one in each SIMD lane (pipeline.training.vae.engines.simd_kernels): `training.fit` for a stack.
+"""Fit several users' models at once, one in each SIMD lane (simd_kernels).
 
 The models of a stack share their weights of Eq. 1, number of scenes and schedule; images, demonstrations (as many as
 there are) and seeds are each model's own. What a model becomes does not depend, to the last bit, on the others.
-Against `training.fit` sums are taken in another order, so trained weights differ by amplified rounding.
+The reference engine takes sums in another order, so its trained weights differ by amplified rounding.
 
 A layer reads one array and writes the next. On the way back it finds there the loss's gradient, adds to that of its
 weights and overwrites what it had read with the gradient of that. Planes have a border of zeros. One scene goes forth
@@ -22,7 +22,7 @@ from torch import nn
 
 from pipeline.models.vae.beta_vae import Z_CENTRE, Z_SCALE, BetaVae
 from pipeline.models.vae.losses import Weights
-from pipeline.training.loop import Checkpoints, Schedule, padded, shares
+from pipeline.training.loop import Checkpoints, Losses, Schedule, minimise, pad_demonstrations, row_weights
 from pipeline.training.vae.engines import simd_kernels as lanes
 from pipeline.training.vae.engines.reference import fit_varied
 from pipeline.training.vae.engines.simd_kernels import GATE, LANES, PUT, RELU
@@ -170,7 +170,7 @@ class Stack:
     def __init__(self, models: Sequence[BetaVae], weights: Weights, n: Sequence[int], scenes: int):
         model = models[0]
         self.alpha, self.beta = weights.alpha / (scenes * SIDE * SIDE * 3), weights.beta / scenes
-        self.gamma = (weights.gamma / scenes * shares(n)).astype(np.float32)  # (row, lane)
+        self.gamma = (weights.gamma / scenes * row_weights(n)).astype(np.float32)  # (row, lane)
         names = {module: name for name, module in model.named_modules()}
         self.layers: dict[tuple[str, ...], Trained] = {}  # by the modules whose weights they hold
 
@@ -308,9 +308,9 @@ def fit_stack(
     seeds: Sequence[int],
     checkpoints: Checkpoints | None = None,
 ) -> list[Float[Array, "point 5"]]:
-    """Train up to `LANES` models in place, each on its demonstrations [m]; their learning curves (`CURVE`).
+    """Train up to `LANES` models in place, each on its demonstrations [m], and return their learning curves (`CURVE`).
 
-    Model by model what `training.fit` does, which also sees to demonstrations that are all valid or all invalid.
+    Does for each model what the reference engine's `fit` does, labels that are all alike included.
     """
     if len(models) > LANES:
         raise ValueError(f"{len(models)} models for a stack: it holds {LANES}")
@@ -318,29 +318,28 @@ def fit_stack(
 
 
 def _descend(models, images, z_theta, valid, weights, schedule, seeds, checkpoints) -> list[Float[Array, "point 5"]]:
-    """The gradient descent of one stack; a point of a curve is the loss before that many updates."""
-    spare = [0] * (LANES - len(models))  # lanes without a model of their own do the first one's work again
-    own = [*range(len(models)), *spare]
-    n = [valid[i].shape[1] for i in own]
-    pixels = np.stack([images[i] for i in own], -1)
-    paths, labels = (np.stack([demos[i] for i in own], -1) for demos in map(padded, (z_theta, valid)))
+    """Train the models of one stack."""
+    lane_models = [*range(len(models)), *[0] * (LANES - len(models))]  # lanes to spare repeat the first model
+    n_demos = [valid[i].shape[1] for i in lane_models]
+    pixels = np.stack([images[i] for i in lane_models], -1)
+    paths, labels = (
+        np.stack([demos[i] for i in lane_models], -1) for demos in map(pad_demonstrations, (z_theta, valid))
+    )
     paths = (paths.astype(np.float32) - Z_CENTRE) / Z_SCALE
-    stack = Stack([models[i] for i in own], weights, n, len(pixels))
+    stack = Stack([models[i] for i in lane_models], weights, n_demos, len(pixels))
     generators = [torch.Generator().manual_seed(seed) for seed in seeds]
-    optimiser, cycle = schedule.optimiser([parameter.tensor for parameter in stack.parameters()])
-    curve = []
-    for step in range(schedule.steps):
-        if step in checkpoints.steps:
-            stack.hand_over(models)
-            checkpoints.keep(step, *models)
-        noise = [torch.randn(len(pixels), models[0].latent, generator=generator).numpy() for generator in generators]
-        terms = stack.gradient(pixels, paths, labels, np.stack([noise[i] for i in own], -1))
-        optimiser.step()
-        cycle.step()
-        if step % schedule.curve_every == 0 or step == schedule.steps - 1:
-            curve.append(np.vstack([np.full(LANES, step), terms, terms.sum(0)]))
 
-    stack.hand_over(models)
+    def loss() -> Losses:
+        noise = [torch.randn(len(pixels), models[0].latent, generator=generator).numpy() for generator in generators]
+        terms = stack.gradient(pixels, paths, labels, np.stack([noise[i] for i in lane_models], -1))
+        return None, list(torch.from_numpy(np.vstack([terms, terms.sum(0)])))
+
+    def hand_over() -> None:
+        stack.hand_over(models)
+
+    parameters = [parameter.tensor for parameter in stack.parameters()]
+    curve = minimise(loss, parameters, schedule, before_step=checkpoints.before_step(models, hand_over))
+    hand_over()
     for model in models:
         model.eval()
-    return list(np.stack(curve)[..., : len(models)].transpose(2, 0, 1).astype(np.float64))
+    return list(curve[..., : len(models)].transpose(2, 0, 1))

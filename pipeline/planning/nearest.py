@@ -1,0 +1,107 @@
+"""Find the nearest valid path: by what a model believes, or by what is true, with the same search."""
+
+from collections.abc import Callable
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from jaxtyping import Float, Int, UInt8
+from numpy import ndarray as Array
+
+from pipeline.models.base import ValidityModel, to_tensor
+from pipeline.world.bezier import Z_HIGH, Z_LOW, lattice
+from pipeline.world.layout import Layouts
+from pipeline.world.rules import Margins, valid
+
+REFINED_STEPS = 1.5  # a finer lattice reaches this many of the coarser steps around the best z, on each axis
+FINER = 4  # each refinement divides the step by this
+
+LogValid = Callable[[int, Float[Array, "path 2"]], Float[Array, " path"]]
+"""log P(valid) of paths [m] in the scene of that number."""
+
+
+def nearest(
+    log_valid: LogValid,
+    scenes: Int[Array, " start"],
+    starts: Float[Array, "start 2"],
+    distance_penalty: float,
+    side: int,
+    refinements: int,
+) -> tuple[Float[Array, "start 2"], Float[Array, " start"]]:
+    """Return for each start the z_theta [m] of the highest log P(valid) - distance_penalty * distance from it.
+
+    The second array is log P(valid) there.
+
+    `scenes` holds each start's scene. All starts of a scene share a lattice of `side` x `side` z_theta; each then
+    refines its best one `refinements` times. The resolution is (Z_HIGH - Z_LOW) / side / FINER**refinements, and
+    regions thinner than the first lattice's step can be missed. A start stays if nothing improves on it.
+    distance_penalty [1/m]: the log P(valid) that a metre must bring. With a certain `log_valid`, 0 or -inf, any
+    penalty above 0 gives the nearest valid path.
+    """
+    ends, log_p_ends = np.array(starts, dtype=np.float64), np.zeros(len(starts))
+    coarse = lattice(side)
+    count = int(REFINED_STEPS * FINER)
+    offsets = np.arange(-count, count + 1) / FINER  # of a finer lattice, in steps of the coarser one
+    around = np.stack(np.meshgrid(offsets, offsets), axis=-1).reshape(-1, 2)
+    for scene in np.unique(scenes).tolist():
+        z0 = ends[scenes == scene]
+        best, log_p = z0, log_valid(scene, z0)
+        candidates = np.broadcast_to(coarse, (len(z0), *coarse.shape))  # (start, candidate, 2)
+        log_p_candidates = np.broadcast_to(log_valid(scene, coarse), candidates.shape[:2])
+        best, log_p = _best(z0, best, log_p, candidates, log_p_candidates, distance_penalty)
+        for level in range(refinements):
+            candidates = best[:, None] + around * (Z_HIGH - Z_LOW) / side / FINER**level
+            inside = ((candidates >= Z_LOW) & (candidates <= Z_HIGH)).all(-1)
+            score = log_p - distance_penalty * _distance(best, z0)
+            cost = distance_penalty * _distance(candidates, z0[:, None])
+            possible = inside & (-cost > score[:, None])  # log P(valid) is at most 0: the others cannot be better
+            log_p_candidates = np.full(candidates.shape[:2], -np.inf)
+            if possible.any():
+                log_p_candidates[possible] = log_valid(scene, candidates[possible])
+            best, log_p = _best(z0, best, log_p, candidates, log_p_candidates, distance_penalty)
+        ends[scenes == scene], log_p_ends[scenes == scene] = best, log_p
+    return ends, log_p_ends
+
+
+def _best(
+    z0: Float[Array, "start 2"],
+    best: Float[Array, "start 2"],
+    log_p: Float[Array, " start"],
+    candidates: Float[Array, "start candidate 2"],
+    log_p_candidates: Float[Array, "start candidate"],
+    distance_penalty: float,
+) -> tuple[Float[Array, "start 2"], Float[Array, " start"]]:
+    """Return each start's best z so far or, where it has a higher score, its best candidate; and their log P(valid)."""
+    each = np.arange(len(z0))
+    scores = log_p_candidates - distance_penalty * _distance(candidates, z0[:, None])
+    chosen = scores.argmax(1)
+    better = scores[each, chosen] > log_p - distance_penalty * _distance(best, z0)
+    best = np.where(better[:, None], candidates[each, chosen], best)
+    return best, np.where(better, log_p_candidates[each, chosen], log_p)
+
+
+def _distance(a: Array, b: Array) -> Array:
+    return np.linalg.norm(a - b, axis=-1)
+
+
+def by_model(model: ValidityModel, images: UInt8[Array, "scene 100 100 3"]) -> LogValid:
+    """Return a model's log P(valid) in these scenes, each of which it perceives once."""
+    model.eval()
+    with torch.no_grad():
+        percept = model.perceive(to_tensor(images))
+
+    def log_valid(scene: int, z: Array) -> Array:
+        with torch.no_grad():
+            logit = model.logit(percept[scene : scene + 1], torch.as_tensor(z, dtype=torch.float32)[None])
+        return F.logsigmoid(logit)[0].double().numpy()
+
+    return log_valid
+
+
+def by_truth(layouts: Layouts, margins: Margins) -> LogValid:
+    """Return a user's rule in these scenes: 0 for valid paths and -inf for the others."""
+
+    def log_valid(scene: int, z: Array) -> Array:
+        return np.where(valid(layouts[scene : scene + 1], z[None], margins)[0], 0.0, -np.inf)
+
+    return log_valid

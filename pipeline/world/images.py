@@ -1,0 +1,64 @@
+"""Read and write image files with OpenCV; a file that cannot be used ends in one sentence."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+from numpy import ndarray as Array
+
+from pipeline.runtime.errors import InputError
+
+MAX_SIDE_PX = 4096  # larger images are refused before they are decoded: 64 MB of RGBA
+PNG_SIGNATURE, JPEG_SIGNATURE = b"\x89PNG\r\n\x1a\n", b"\xff\xd8"
+JPEG_FRAME_MARKERS = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}  # segments that hold the size
+
+cv2.setNumThreads(1)  # the stages run one process a core
+cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # errors are ours to report
+
+
+def image_size(path: Path) -> tuple[int, int]:
+    """Return width and height [pixels] of a PNG or JPEG file from its header, without decoding it.
+
+    Raises InputError if the file is missing or is neither a PNG nor a JPEG.
+    """
+    if not path.is_file():
+        raise InputError(f"{path} is missing: restore it, or correct the name")
+    with path.open("rb") as file:
+        head = file.read(24)
+        if head.startswith(PNG_SIGNATURE) and len(head) == 24:
+            return int.from_bytes(head[16:20], "big"), int.from_bytes(head[20:24], "big")
+        if head.startswith(JPEG_SIGNATURE):
+            file.seek(2)
+            while len(segment := file.read(9)) == 9 and segment[0] == 0xFF:
+                if segment[1] in JPEG_FRAME_MARKERS:
+                    return int.from_bytes(segment[7:9], "big"), int.from_bytes(segment[5:7], "big")
+                file.seek(int.from_bytes(segment[2:4], "big") - 7, 1)
+    raise InputError(f"{path} is truncated or not a PNG or JPEG image: restore or replace it")
+
+
+def read_image(path: Path) -> UInt8[Array, "row column channel"]:
+    """Return an image as RGB, or as RGBA (straight alpha) if the file has an alpha channel.
+
+    Raises InputError if the file is missing, no PNG or JPEG, larger than MAX_SIDE_PX a side, or truncated.
+    """
+    width, height = image_size(path)
+    if max(width, height) > MAX_SIDE_PX:
+        raise InputError(f"{path} is {width} x {height} pixels: expected at most {MAX_SIDE_PX} a side; scale it down")
+    pixels = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_UNCHANGED)
+    if pixels is None:
+        raise InputError(f"{path} is truncated or damaged: expected a whole PNG or JPEG image; restore or replace it")
+    if pixels.dtype != np.uint8:
+        raise InputError(f"{path} has {pixels.dtype} values: expected 8 bits a channel; save it as such")
+    if pixels.ndim == 2:
+        return cv2.cvtColor(pixels, cv2.COLOR_GRAY2RGB)
+    return cv2.cvtColor(pixels, cv2.COLOR_BGRA2RGBA if pixels.shape[-1] == 4 else cv2.COLOR_BGR2RGB)
+
+
+def write_png(path: Path, pixels: UInt8[Array, "row column channel"]) -> None:
+    """Write an RGB or RGBA image as a PNG file of the smallest size that compression gives."""
+    colours = cv2.cvtColor(pixels, cv2.COLOR_RGBA2BGRA if pixels.shape[-1] == 4 else cv2.COLOR_RGB2BGR)
+    ok, encoded = cv2.imencode(".png", colours, [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    if not ok:
+        raise ValueError(f"OpenCV cannot encode an image of shape {pixels.shape} as PNG")
+    path.write_bytes(encoded.tobytes())

@@ -1,0 +1,145 @@
+"""dvc.yaml lists what each stage imports, stays short, and each study is a folder that can be deleted."""
+
+import ast
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import grimp
+import pytest
+import yaml
+
+from pipeline.config.graph import ROOT, graph_files, listed_variants, with_variants
+
+DOORS = ("pipeline.config", "pipeline.params", "pipeline.launch")  # pass parameters on; cannot change a result
+STUDIES = sorted(path.parent.name for path in ROOT.glob("studies/*/__init__.py"))
+
+
+def modules_of(stages: dict) -> dict[str, str]:
+    """stage -> the module that its command runs, where there is one (`test_every_listed_path...` misses it)."""
+    modules = {name: stage["cmd"].split("python -m ")[1].split()[0] for name, stage in stages.items()}
+    return {name: module for name, module in modules.items() if file_of(module).is_file()}
+
+
+def file_of(module: str) -> Path:
+    path = ROOT.joinpath(*module.split("."))
+    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+
+
+def holds_code(module: str) -> bool:
+    """Whether the module is more than a docstring."""
+    return any(not isinstance(node, ast.Expr) for node in ast.parse(file_of(module).read_text()).body)
+
+
+@pytest.fixture(scope="module")
+def imports() -> grimp.ImportGraph:
+    return grimp.build_graph("pipeline", "studies", cache_dir=None)
+
+
+@pytest.fixture(scope="module")
+def all_stages() -> dict[str, dict]:
+    return {name: stage for path in graph_files() for name, stage in yaml.safe_load(path.read_text())["stages"].items()}
+
+
+def test_each_stage_lists_every_package_it_imports(imports: grimp.ImportGraph, all_stages: dict[str, dict]):
+    missing = []
+    for stage, module in modules_of(all_stages).items():
+        closure = {module, *imports.find_upstream_modules(module)}
+        closure |= {name.rsplit(".", level)[0] for name in closure for level in range(1, name.count(".") + 1)}
+        listed = [ROOT / dep for dep in all_stages[stage]["deps"]]
+        for name in sorted(name for name in closure if not name.startswith(DOORS) and holds_code(name)):
+            if not any(file_of(name).is_relative_to(path) for path in listed):
+                missing.append(f"{stage} imports {name}")
+    assert not missing, "not among the deps:\n" + "\n".join(missing)
+
+
+def test_each_stage_lists_no_package_in_vain(imports: grimp.ImportGraph, all_stages: dict[str, dict]):
+    for stage, module in modules_of(all_stages).items():
+        files = [file_of(name) for name in (module, *imports.find_upstream_modules(module))]
+        for dep in all_stages[stage]["deps"]:
+            if dep.startswith(("pipeline/", "studies/")):
+                assert any(file.is_relative_to(ROOT / dep) for file in files), f"{stage} does not import {dep}"
+
+
+def test_every_listed_path_of_code_is_there(all_stages: dict[str, dict]):
+    listed = {
+        dep for stage in all_stages.values() for dep in stage["deps"] if dep.startswith(("pipeline/", "studies/"))
+    }
+    assert [dep for dep in sorted(listed) if not (ROOT / dep).exists()] == []
+
+
+def test_the_paper_s_graph_fits_on_a_few_screens():
+    assert len((ROOT / "dvc.yaml").read_text().splitlines()) <= 300
+
+
+def test_data_that_stages_hand_on_is_listed_file_by_file(all_stages: dict[str, dict]):
+    """A directory over several stages' outputs is restored in part by `dvc pull`."""
+    outs = {next(iter(out)) if isinstance(out, dict) else out for s in all_stages.values() for out in s.get("outs", [])}
+    data = {dep for stage in all_stages.values() for dep in stage["deps"] if dep.startswith("outputs/")}
+    assert [dep for dep in data if any(str(out).startswith(f"{dep}/") for out in outs)] == []
+
+
+def test_metrics_are_headlines_and_nothing_else_stays_out_of_the_cache(all_stages: dict[str, dict]):
+    """A plain output outside the cache makes a fresh clone run its stage again, unless all the stage's outputs are."""
+    for name, stage in all_stages.items():
+        uncached = [
+            next(iter(o)) for o in stage.get("outs", []) if isinstance(o, dict) and not o[next(iter(o))]["cache"]
+        ]
+        assert len(uncached) in (0, len(stage.get("outs", []))), f"{name}: {uncached}"
+
+
+@pytest.mark.parametrize("study", STUDIES)
+def test_a_study_has_its_own_graph_settings_and_parameters(study: str):
+    folder = ROOT / "studies" / study
+    assert (folder / "dvc.yaml").is_file() and (folder / "settings.py").is_file()
+    assert (ROOT / "conf" / "studies" / f"{study}.yaml").is_file()
+    assert list(yaml.safe_load((folder / "dvc.yaml").read_text())["stages"]) == [study]
+
+
+@pytest.mark.parametrize("profile", ["paper", "smoke"])
+@pytest.mark.parametrize("study", STUDIES[:1])
+def test_a_deleted_study_is_gone_without_a_trace(study: str, profile: str, tmp_path: Path):
+    for name in ("pipeline", "studies", "conf"):
+        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "dvc.yaml", tmp_path)
+    shutil.rmtree(tmp_path / "studies" / study)
+    (tmp_path / "conf" / "studies" / f"{study}.yaml").unlink()
+    command = [sys.executable, "-m", "pipeline.params", f"profile={profile}"]
+    done = subprocess.run(
+        command, cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(tmp_path)}, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert study not in yaml.safe_load((tmp_path / "params.yaml").read_text()).get("studies", {})
+
+
+PAPER = {
+    "full": "train",
+    "ae": "train",
+    "classifier": "train",
+    "irl_maxent": "irl",
+    "irl_ranked": "irl",
+    "clearance": "clearance",
+}
+
+
+@pytest.mark.parametrize(
+    "variants", [{"full": "train", "clearance": "clearance"}, PAPER | {"wide": "clearance"}, {"ae": "train"}]
+)
+def test_the_graph_lists_the_variants_there_are_and_returns_to_the_paper_s(variants: dict[str, str]):
+    text = (ROOT / "dvc.yaml").read_text()
+    assert listed_variants() == set(PAPER)
+    changed = with_variants(text, variants, set(PAPER))
+    stages = yaml.safe_load(changed)["stages"]
+    assert {v for s in ("train", "irl", "clearance") for v in stages[s]["matrix"]["variant"]} == set(variants)
+    weights = {dep for dep in stages["repair"]["deps"] if dep.endswith("/weights")}
+    assert weights == {f"outputs/{stage}/{variant}/weights" for variant, stage in variants.items()}
+    assert with_variants(changed, PAPER, set(variants)) == text
+
+
+def test_a_row_of_some_variants_was_chosen_by_hand_and_stays():
+    text = "    deps:\n    - outputs/train/full/weights\n    - outputs/clearance/clearance/weights\n    - data\n"
+    assert with_variants(text, {"full": "train"}, set(PAPER)) == text
+    both = with_variants(text, {"full": "train"}, {"full", "clearance"})
+    assert both == "    deps:\n    - outputs/train/full/weights\n    - data\n"

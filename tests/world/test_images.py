@@ -1,0 +1,77 @@
+"""Images come back as they were written; what cannot be used is refused before it is decoded."""
+
+import ast
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.runtime.errors import InputError
+from pipeline.world.images import MAX_SIDE_PX, image_size, read_image, write_png
+
+ROOMS = ("pipeline/world", "pipeline/perception", "drawing")
+IMAGE_MODULES = [
+    "drawing/__main__.py", "pipeline/perception/objects.py", "pipeline/world/catalogue.py", "pipeline/world/images.py",
+    "pipeline/world/render.py",
+]  # fmt: skip
+
+
+def noise(*shape: int) -> np.ndarray:
+    return np.random.default_rng(0).integers(0, 256, shape, dtype=np.uint8)
+
+
+@pytest.mark.parametrize("channels", [3, 4])
+def test_a_png_comes_back_as_it_was(tmp_path: Path, channels: int):
+    pixels = noise(20, 30, channels)
+    write_png(tmp_path / "a.png", pixels)
+    np.testing.assert_array_equal(read_image(tmp_path / "a.png"), pixels)
+    assert image_size(tmp_path / "a.png") == (30, 20)
+
+
+def test_a_jpeg_is_read_as_rgb_and_its_size_from_its_header(tmp_path: Path):
+    red = np.full((20, 30, 3), (0, 0, 255), np.uint8)  # blue first, as OpenCV writes
+    cv2.imwrite(str(tmp_path / "a.jpg"), red)
+    assert image_size(tmp_path / "a.jpg") == (30, 20)
+    np.testing.assert_allclose(read_image(tmp_path / "a.jpg"), red[..., ::-1], atol=3)
+
+
+def test_a_grey_image_has_three_channels(tmp_path: Path):
+    cv2.imwrite(str(tmp_path / "a.png"), noise(20, 30))
+    assert read_image(tmp_path / "a.png").shape == (20, 30, 3)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg"])
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.5])
+def test_a_truncated_file_is_refused(tmp_path: Path, suffix: str, share: float):
+    path = tmp_path / f"a{suffix}"
+    cv2.imwrite(str(path), noise(64, 64, 3))
+    path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
+    with pytest.raises(InputError, match="truncated"):
+        read_image(path)
+
+
+def test_an_image_that_is_too_large_or_too_deep_is_refused(tmp_path: Path):
+    cv2.imwrite(str(tmp_path / "wide.png"), np.zeros((1, MAX_SIDE_PX + 1), np.uint8))
+    with pytest.raises(InputError, match=f"{MAX_SIDE_PX + 1} x 1 pixels: expected at most {MAX_SIDE_PX}"):
+        read_image(tmp_path / "wide.png")
+    cv2.imwrite(str(tmp_path / "deep.png"), np.zeros((4, 4), np.uint16))
+    with pytest.raises(InputError, match="uint16 values: expected 8 bits"):
+        read_image(tmp_path / "deep.png")
+
+
+def test_opencv_does_the_images_and_pillow_none():
+    imports = {
+        str(path): {
+            name.split(".")[0]
+            for node in ast.walk(ast.parse(path.read_text()))
+            for name in (
+                [alias.name for alias in node.names] if isinstance(node, ast.Import)
+                else [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            )
+        }
+        for room in ROOMS
+        for path in Path(room).rglob("*.py")
+    }  # fmt: skip
+    assert not [path for path, names in imports.items() if "PIL" in names]
+    assert all("cv2" in imports[path] for path in IMAGE_MODULES)
