@@ -6,6 +6,7 @@ from pipeline.report.drawing import panels
 from pipeline.report.results import PAPER_ACCURACY, Results
 from pipeline.report.style import INK, MUTED, colour, label, marker
 
+MIN_PATHS = 20  # of a bin that is drawn: fewer say little
 SPLITS = ("seen_scenes", "new_scenes", "new_items")
 
 
@@ -44,7 +45,7 @@ def calibration(results: Results) -> Figure:
     panel, table = axes[0, 0], results.tables["calibration"]
     panel.plot([0, 1], [0, 1], color=MUTED, linewidth=1, linestyle=":")
     for name in [v for v in results.variants if v in ("full", "irl_ranked", "clearance")] or results.variants:
-        rows = table[(table["variant"] == name) & (table["split"] == "new_items") & (table["count"] > 0)]
+        rows = table[(table["variant"] == name) & (table["split"] == "new_items") & (table["count"] >= MIN_PATHS)]
         panel.plot(rows["confidence"], rows["frequency"], color=colour(name), marker=marker(name), label=label(name))
     panel.set(xlabel="P(valid) as stated", ylabel="share truly valid", xlim=(0, 1), ylim=(0, 1))
     panel.legend(loc="upper left")
