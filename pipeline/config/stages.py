@@ -2,8 +2,6 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field
-
 from pipeline.config.values import Count, Demonstrations, Group, Names, Several, Size, Some, Whole, expected
 
 SharedSplit = Annotated[
