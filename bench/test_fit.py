@@ -1,4 +1,4 @@
-"""Fitting recordings all at once, against one `scipy.optimize.least_squares` call per recording at equal residual.
+"""Fit trajectories all at once, against one `scipy.optimize.least_squares` call a trajectory at equal residual.
 
 Two baselines: over z_theta and every sample's parameter, with the exact Jacobian (the usual way to write orthogonal
 distances for scipy), and over z_theta alone with our own foot points inside the residual (the quickest way we found

@@ -1,11 +1,11 @@
-"""Scenes rendered per second, against compositing the same items with Pillow at four times the size."""
+"""Scenes rendered per second, against compositing the same items with plain OpenCV calls at four times the size."""
 
 import time
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
-from PIL import Image
 
 from pipeline.params import compose
 from pipeline.world.catalogue import Catalogue, read_catalogue
@@ -23,20 +23,25 @@ def world() -> tuple[Catalogue, Layouts]:
     return catalogue, random_layouts(rng, SCENES, catalogue.footprints, catalogue.pool("train"), rules)
 
 
-def pillow(catalogue: Catalogue, layouts: Layouts) -> np.ndarray:
+def composite(catalogue: Catalogue, layouts: Layouts) -> np.ndarray:
     """Turn, paste and shrink: no shadow, light, lens or noise."""
-    pictures = []
+    images = []
     for scene in range(len(layouts)):
-        table = Image.fromarray(catalogue.surfaces[0]).resize((SIDE, SIDE)).convert("RGBA")
+        table = cv2.resize(catalogue.surfaces[0], (SIDE, SIDE), interpolation=cv2.INTER_AREA).astype(np.float32)
         for slot in np.flatnonzero(layouts.present[scene]):
             item = layouts.item[scene, slot]
-            side = max(1, int(catalogue.items["width_m"].iloc[item] * layouts.scale[scene, slot] * SIDE))
-            turned = Image.fromarray(catalogue.cutouts[item]).resize((side, side))
-            turned = turned.rotate(np.degrees(layouts.angle[scene, slot]), expand=True)
-            x, y = layouts.centre[scene, slot] * SIDE
-            table.alpha_composite(turned, (int(x - turned.width / 2), int(SIDE - y - turned.height / 2)))
-        pictures.append(np.asarray(table.convert("RGB").resize((100, 100), Image.Resampling.BOX)))
-    return np.stack(pictures)
+            cutout = catalogue.cutouts[item].astype(np.float32)
+            cutout[..., :3] *= cutout[..., 3:] / 255
+            width = catalogue.items["width_m"].iloc[item] * layouts.scale[scene, slot] * SIDE
+            middle, (x, y) = len(cutout) / 2, layouts.centre[scene, slot] * SIDE
+            turn = cv2.getRotationMatrix2D(
+                (middle, middle), np.degrees(layouts.angle[scene, slot]), width / len(cutout)
+            )
+            turn[:, 2] += (x - middle, SIDE - y - middle)
+            placed = cv2.warpAffine(cutout, turn, (SIDE, SIDE), flags=cv2.INTER_LINEAR)
+            table = table * (1 - placed[..., 3:] / 255) + placed[..., :3]
+        images.append(cv2.resize(table, (100, 100), interpolation=cv2.INTER_AREA))
+    return np.rint(images).astype(np.uint8)
 
 
 def test_render(benchmark, world: tuple[Catalogue, Layouts]):
@@ -45,7 +50,9 @@ def test_render(benchmark, world: tuple[Catalogue, Layouts]):
     seeds, textures = range(SCENES), ["oak"] * SCENES
     benchmark(render_scenes, layouts, textures, seeds, palette)
     start = time.perf_counter()
-    pillow(catalogue, layouts)
-    ours = benchmark.stats.stats.median
-    theirs = time.perf_counter() - start
-    benchmark.extra_info["results"] = {"scenes_per_second": SCENES / ours, "render_speedup_pillow": theirs / ours}
+    composite(catalogue, layouts)
+    seconds_composite, seconds = time.perf_counter() - start, benchmark.stats.stats.median
+    benchmark.extra_info["results"] = {
+        "scenes_per_second": SCENES / seconds,
+        "render_speedup_composite": seconds_composite / seconds,
+    }

@@ -1,10 +1,11 @@
-"""A stage from the command line: its folder bears its name, and what goes wrong is one line."""
+"""A stage from the command line: where it writes, what it refuses, and that what goes wrong is one line."""
 
 import os
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import psutil
@@ -15,69 +16,162 @@ from pipeline.launch import launch
 from pipeline.runtime.errors import InputError
 
 ROOT = Path(__file__).resolve().parent.parent
+PARAMS = ["--params", str(ROOT / "params.yaml")]
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
+    """Launch a stage within this process; its exit code, stdout and stderr."""
+
+    def run(main: Callable, stage: str, *arguments: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", [f"{stage}.py", *arguments])
+        monkeypatch.setenv("HYDRA_FULL_ERROR", "0")
+        code = 0
+        try:
+            launch(main, stage)
+        except SystemExit as left:
+            code = left.code if isinstance(left.code, int) else 1
+        return code, *capsys.readouterr()
+
+    return run
+
+
+def nothing(cfg: DictConfig, out_dir: Path) -> None:
+    """Do nothing."""
 
 
 @pytest.mark.parametrize("given", [[], ["hydra.job.name=mine"]])
-def test_hydra_s_folders_bear_the_stage_s_name_unless_another_is_given(given: list[str]):
-    command = [sys.executable, "-m", "pipeline.stages.demos", "--cfg", "hydra", *given]
-    printed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
-    assert f"  job:\n    name: {'mine' if given else 'demos'}\n" in printed
+def test_hydra_s_folders_bear_the_stage_s_name_unless_another_is_given(run, given: list[str]):
+    _, out, _ = run(nothing, "demos", "--cfg", "hydra", *given)
+    assert f"  job:\n    name: {'mine' if given else 'demos'}\n" in out
+
+
+@pytest.mark.parametrize("flags", [["--cfg", "job"], ["--info", "defaults"]])
+@pytest.mark.parametrize("first", [True, False])
+def test_hydra_s_flags_may_stand_before_or_behind_overrides(run, flags: list[str], first: bool):
+    arguments = [*flags, "variant=ae"] if first else ["variant=ae", *flags]
+    code, out, _ = run(lambda cfg, out_dir: pytest.fail("only shown"), "train", *arguments)
+    assert code == 0 and ("variant: ae" in out or "Defaults List" in out)
+
+
+def test_help_says_what_a_stage_reads_and_writes(run):
+    code, out, _ = run(nothing, "train", "--help")
+    assert code == 0
+    assert "outputs/demos/demos.parquet" in out and "outputs/train/${item.variant}/weights" in out
+    assert "steps: 600" in out and "hand:" not in out
 
 
 @pytest.mark.parametrize("error", [InputError, FileNotFoundError, PermissionError, FileExistsError])
-def test_an_error_is_one_line_and_exit_code_2(
-    error: type[Exception], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-):
+@pytest.mark.parametrize("by_hydra", [False, True])
+def test_a_person_s_error_is_one_line_and_exit_code_2(run, error: type[Exception], by_hydra: bool, tmp_path: Path):
     def main(cfg: DictConfig, out_dir: Path) -> None:
         raise error("no room")
 
-    at = ["--params", str(ROOT / "params.yaml"), f"paths.scenes={tmp_path}"]
-    monkeypatch.setattr(sys, "argv", ["stage", *at])
-    with pytest.raises(SystemExit) as left:
-        launch(main, "scenes")
-    assert left.value.code == 2
-    assert capsys.readouterr().err == "error: no room\n"
+    where = [f"hydra.run.dir={tmp_path}"] if by_hydra else [*PARAMS, f"paths.scenes={tmp_path}"]
+    code, _, err = run(main, "scenes", *where)
+    assert code == 2 and err.splitlines()[-1] == "error: no room"
 
 
-def test_a_defect_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+@pytest.mark.parametrize("by_hydra", [False, True])
+def test_a_defect_keeps_its_traceback(run, by_hydra: bool, tmp_path: Path):
     def main(cfg: DictConfig, out_dir: Path) -> None:
         raise ValueError("operands could not be broadcast together")
 
-    monkeypatch.setattr(sys, "argv", ["stage", "--params", str(ROOT / "params.yaml"), f"paths.scenes={tmp_path}"])
+    where = [f"hydra.run.dir={tmp_path}"] if by_hydra else [*PARAMS, f"paths.scenes={tmp_path}"]
     with pytest.raises(ValueError, match="broadcast"):
-        launch(main, "scenes")
+        run(main, "scenes", *where)
 
 
-def test_a_file_where_the_folder_should_be_is_named(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-):
-    (tmp_path / "taken").write_text("")
-    monkeypatch.setattr(
-        sys, "argv", ["stage", "--params", str(ROOT / "params.yaml"), f"paths.scenes={tmp_path / 'taken'}"]
-    )
-    with pytest.raises(SystemExit) as left:
-        launch(lambda cfg, out_dir: None, "scenes")
-    assert left.value.code == 2
-    assert os.fspath(tmp_path / "taken") in capsys.readouterr().err
+@pytest.mark.parametrize("by_hydra", [False, True])
+def test_a_folder_that_cannot_be_written_is_named(run, by_hydra: bool, tmp_path: Path):
+    taken = tmp_path / "taken"
+    taken.write_text("")
+    where = [f"hydra.run.dir={taken}"] if by_hydra else [*PARAMS, f"paths.scenes={taken}"]
+    code, _, err = run(nothing, "scenes", *where)
+    assert code == 2 and os.fspath(taken) in err.splitlines()[-1]
 
 
-def test_a_sweep_goes_on_after_a_bad_value_and_says_that_one_failed(tmp_path: Path):
-    sweep = ["--multirun", "selftest.families=0,1", f"hydra.sweep.dir={tmp_path}", f"paths.intervene={tmp_path}"]
-    command = [sys.executable, "-m", "pipeline.stages.selftest", *sweep]
-    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-    first, second = (line for line in run.stderr.splitlines() if line.startswith("error: "))
-    assert "selftest.families is 0" in first and "effects.parquet is missing" in second
-    assert run.returncode == 2 and "Traceback" not in run.stderr
+def test_a_sweep_goes_on_after_a_bad_value_names_it_and_fails(run, tmp_path: Path):
+    rates = []
+    sweep = ["--multirun", "train.rate=-1,0.5", f"hydra.sweep.dir={tmp_path}"]
+    code, _, err = run(lambda cfg, out_dir: rates.append(cfg.train.rate), "train", *sweep)
+    assert code == 2 and rates == [0.5]
+    assert "error: train.rate=-1: parameter train.rate is -1" in err
 
 
-def test_variants_fitted_by_one_stage_lie_side_by_side(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    seen = []
-    hydra = [f"hydra.run.dir={tmp_path}", "variant=ae"]
-    monkeypatch.setattr(sys, "argv", ["train.py", *hydra])
-    launch(lambda cfg, out_dir: seen.append(out_dir), "train")
-    assert seen == [tmp_path / "ae"]
+def test_a_stage_s_value_is_what_a_sweeper_gets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+
+    values, sweep = [], BasicSweeper.sweep
+
+    def keep(self, arguments):
+        returned = sweep(self, arguments)
+        values.extend(job.return_value for job in returned[0])
+        return returned
+
+    monkeypatch.setattr(BasicSweeper, "sweep", keep)
+    monkeypatch.setattr(sys, "argv", ["train.py", "--multirun", "train.rate=0.1,0.5", f"hydra.sweep.dir={tmp_path}"])
+    launch(lambda cfg, out_dir: 2 * cfg.train.rate, "train")
+    assert values == [0.2, 1.0]
 
 
+@pytest.mark.parametrize("mode", [[], ["--multirun"]])
+@pytest.mark.parametrize(
+    ("stage", "override"),
+    [
+        ("train", "scenes.root_seed=1"),
+        ("train", "variants.ae.beta=1.0"),
+        ("evaluate", "seed=0"),
+        ("irl", "train.steps=5"),
+    ],
+)
+def test_what_a_stage_does_not_read_is_refused(run, stage: str, override: str, mode: list[str], tmp_path: Path):
+    """The result would bear the name of a parameter that had no part in it."""
+    hydra = [f"hydra.run.dir={tmp_path}", f"hydra.sweep.dir={tmp_path}"]
+    code, _, err = run(lambda cfg, out_dir: pytest.fail("begun"), stage, *mode, *hydra, override)
+    assert code == 2 and f"stage {stage} does not read {override.partition('=')[0]}" in err
+
+
+@pytest.mark.parametrize(
+    "override", ["train.steps=5", "seeds=[0]", "protocol=validation", "train.model.latent=3", "seed=1"]
+)
+def test_what_a_stage_reads_is_taken_whether_by_itself_or_composed(run, override: str, tmp_path: Path):
+    done = []
+    code, _, err = run(lambda cfg, out_dir: done.append(1), "train", f"hydra.run.dir={tmp_path}", override)
+    assert code == 0 and done == [1], err
+
+
+def test_the_log_names_the_stage_and_its_parameters(run, tmp_path: Path):
+    for steps in (5, 6, 5):
+        run(nothing, "train", f"hydra.run.dir={tmp_path}", f"train.steps={steps}")
+    lines = (tmp_path / "train.log").read_text().splitlines()
+    digests = [line.split("parameters ")[1].split(":")[0] for line in lines]
+    assert digests[0] == digests[2] != digests[1] and all("[train]" in line for line in lines)
+
+
+def test_variants_fitted_by_one_stage_lie_side_by_side(run, tmp_path: Path):
+    folders = []
+    run(lambda cfg, out_dir: folders.append(out_dir), "train", f"hydra.run.dir={tmp_path}", "variant=ae")
+    assert folders == [tmp_path / "ae"]
+
+
+def test_a_study_writes_beside_the_others(run, tmp_path: Path):
+    folders = []
+    code, _, err = run(lambda cfg, out_dir: folders.append(out_dir), "robustness", *PARAMS, f"paths.studies={tmp_path}")
+    assert code == 0 and folders == [tmp_path / "robustness"], err
+
+
+def test_one_seed_alone_is_for_sweeps_since_dvc_would_lose_the_others(run, tmp_path: Path):
+    code, _, err = run(nothing, "train", *PARAMS, "seed=0", f"paths.train={tmp_path}")
+    assert code == 2 and "parameter seed is 0: expected null" in err and not list(tmp_path.iterdir())
+
+
+def test_another_profile_than_that_of_params_yaml_is_said(run, tmp_path: Path):
+    _, out, _ = run(nothing, "train", f"hydra.run.dir={tmp_path}", "profile=smoke")
+    assert "profile smoke; params.yaml is paper\n" in out
+
+
+@pytest.mark.slow
 def test_ctrl_c_ends_a_stage_and_its_workers_at_once(tmp_path: Path):
     script = """
 import time
@@ -87,7 +181,7 @@ if __name__ == "__main__":
     launch(lambda cfg, out_dir: map_jobs(time.sleep, [100.0, 100.0, 100.0], 2, "asleep"), "scenes")
 """
     (tmp_path / "stage.py").write_text(script)
-    command = [sys.executable, "stage.py", "--params", str(ROOT / "params.yaml"), f"paths.scenes={tmp_path / 'out'}"]
+    command = [sys.executable, "stage.py", *PARAMS, f"paths.scenes={tmp_path / 'out'}"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     stage = subprocess.Popen(
         command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, start_new_session=True,
@@ -97,48 +191,7 @@ if __name__ == "__main__":
         time.sleep(0.1)
     time.sleep(2)  # in the middle of their imports
     os.killpg(stage.pid, signal.SIGINT)
-    _, said = stage.communicate(timeout=20)
+    _, stderr = stage.communicate(timeout=20)
     assert stage.returncode == 130
-    assert said.decode().splitlines()[-1].endswith("error: interrupted") and "Traceback" not in said.decode()
+    assert stderr.decode().splitlines()[-1].endswith("error: interrupted") and "Traceback" not in stderr.decode()
     assert not psutil.wait_procs(workers, timeout=20)[1]
-
-
-def test_a_sweep_over_what_the_stage_does_not_read_is_refused(tmp_path: Path, monkeypatch, capsys):
-    """Its results would be the same under both names."""
-    seen = []
-    sweep = ["--multirun", f"hydra.sweep.dir={tmp_path}", "variant=ae", "scenes.per_seed=5,20"]
-    monkeypatch.setattr(sys, "argv", ["train.py", *sweep])
-    with pytest.raises(SystemExit):
-        launch(lambda cfg, out_dir: seen.append(cfg.scenes.per_seed), "train")
-    assert seen == [5]
-    assert "scenes.per_seed=20,variant=ae: nothing that stage train reads differs from" in capsys.readouterr().err
-    monkeypatch.setattr(sys, "argv", ["train.py", *sweep[:-1], "train.steps=5,20", "seeds=[0],[1]"])
-    launch(lambda cfg, out_dir: seen.append((cfg.train.steps, *cfg.protocol.seeds)), "train")
-    assert seen[1:] == [(5, 0), (5, 1), (20, 0), (20, 1)]
-
-
-def test_a_sweep_over_seeds_is_refused_by_a_stage_that_takes_them_all(tmp_path: Path, monkeypatch, capsys):
-    monkeypatch.setattr(sys, "argv", ["evaluate.py", "--multirun", f"hydra.sweep.dir={tmp_path}", "seed=0,1"])
-    with pytest.raises(SystemExit):
-        launch(lambda cfg, out_dir: None, "evaluate")
-    assert "seed=1: nothing that stage evaluate reads differs from" in capsys.readouterr().err
-
-
-def test_flags_of_hydra_may_follow_overrides(tmp_path: Path, monkeypatch, capsys):
-    monkeypatch.setattr(sys, "argv", ["train.py", f"hydra.run.dir={tmp_path}", "profile=smoke", "--cfg", "job"])
-    launch(lambda cfg, out_dir: pytest.fail("only shown"), "train")
-    assert "variant: full" in capsys.readouterr().out
-
-
-def test_one_seed_alone_is_for_sweeps_since_dvc_would_lose_the_others(tmp_path: Path):
-    command = [
-        sys.executable,
-        "-m",
-        "pipeline.stages.train",
-        "--params",
-        "params.yaml",
-        "seed=0",
-        f"paths.train={tmp_path}",
-    ]
-    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-    assert run.returncode == 2 and "parameter seed is 0: expected null" in run.stderr and not list(tmp_path.iterdir())

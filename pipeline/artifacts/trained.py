@@ -1,7 +1,8 @@
-"""Trained models of any kind, as the stages that ask them read them, and their answers to given pictures and paths."""
+"""Load fitted models, and predict by all of them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -17,24 +18,34 @@ from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
 
 
-def load_model(cfg: DictConfig, variant: str, user: str, seed: int, n: int, step: int | None = None) -> ValidityModel:
-    """A trained model, or as it was before `step` of its training, in eval mode.
+def load_model(
+    cfg: DictConfig, variant: str, user: str, seed: int, n_demos: int, step: int | None = None
+) -> ValidityModel:
+    """Return a fitted model, or the model as it was before `step` of its training, in eval mode.
 
-    InputError if its weights are missing, damaged or of another shape.
+    Raises InputError if its weights are missing, damaged, not finite or of another shape.
     """
-    path = weights_path(model_dir(cfg, variant), user, seed, n, step)
+    path = weights_path(model_dir(cfg, variant), user, seed, n_demos, step)
     if not path.is_file():
         raise InputError(f"{path} is missing: run `make repro` (or the stage that fits {variant}) first")
     model = build(cfg.variants[variant])
+    read_weights(model, path, variant)
+    return model.eval()
+
+
+def read_weights(model: ValidityModel, path: Path, variant: str) -> None:
+    """Set the model's parameters and buffers from a file; raise InputError if it is damaged or not finite."""
     try:
         model.load_state_dict(load_file(path))
     except (SafetensorError, RuntimeError) as error:
         raise InputError(f"{path} is not a {variant} model ({error}): delete it and fit it again") from error
-    return model.eval()
+    for name, value in model.state_dict().items():
+        if not value.isfinite().all():
+            raise InputError(f"{path} has NaN or infinite values in {name}: delete it and fit it again")
 
 
 def check_weights(cfg: DictConfig) -> None:
-    """Raise InputError for the first model at main_n_demos that is missing, before any is asked."""
+    """Raise InputError for the first model at main_n_demos that is missing."""
     for variant in cfg.variants:
         for user in cfg.users:
             for seed in cfg.protocol.seeds:
@@ -45,7 +56,7 @@ def check_weights(cfg: DictConfig) -> None:
 
 
 @dataclass(frozen=True)
-class _Question:
+class _Job:
     cfg: DictConfig
     variant: str
     user: str
@@ -56,19 +67,19 @@ class _Question:
 def predict_all(
     cfg: DictConfig,
     users: Sequence[str],
-    images: UInt8[Array, "picture 100 100 3"],
-    z_theta: Float[Array, "picture path 2"],
+    images: UInt8[Array, "image 100 100 3"],
+    z_theta: Float[Array, "image path 2"],
     desc: str,
-) -> dict[str, Float[Array, "user seed picture path"]]:
-    """P(valid) of every path [m] in its picture, by every variant's models of these users at main_n_demos, every seed."""
-    variants = list(cfg.variants)[::-1]  # those that take longest first, so that no process waits for another's last
-    questions = [_Question(cfg, variant, user, images, z_theta) for variant in variants for user in users]
-    answers = map_jobs(_answer, questions, cfg.workers, desc)
-    found = {v: np.stack(answers[i * len(users) : (i + 1) * len(users)]) for i, v in enumerate(variants)}
-    return {v: found[v] for v in cfg.variants}
+) -> dict[str, Float[Array, "user seed image path"]]:
+    """Return P(valid) of every path [m] in its image, by every variant's models of these users at main_n_demos."""
+    longest_first = list(cfg.variants)[::-1]
+    jobs = [_Job(cfg, variant, user, images, z_theta) for variant in longest_first for user in users]
+    p = map_jobs(_predict, jobs, cfg.workers, desc)
+    by_variant = {v: np.stack(p[i * len(users) : (i + 1) * len(users)]) for i, v in enumerate(longest_first)}
+    return {v: by_variant[v] for v in cfg.variants}
 
 
-def _answer(q: _Question) -> Float[Array, "seed picture path"]:
-    seeds = q.cfg.protocol.seeds
-    models = (load_model(q.cfg, q.variant, q.user, seed, q.cfg.main_n_demos) for seed in seeds)
-    return np.stack([model.probability(q.images, q.z_theta) for model in models])
+def _predict(job: _Job) -> Float[Array, "seed image path"]:
+    seeds = job.cfg.protocol.seeds
+    models = (load_model(job.cfg, job.variant, job.user, seed, job.cfg.main_n_demos) for seed in seeds)
+    return np.stack([model.probability(job.images, job.z_theta) for model in models])

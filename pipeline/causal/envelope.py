@@ -1,183 +1,162 @@
-"""A safety envelope by dose and response: the clearance [m] from an added item at which validity flips.
+"""A safety envelope by dose and response: the clearance [m] from an added item at which validity changes.
 
-The dose is the clearance c between a path and the added item o, the response the drop in expected validity
+The dose is the clearance c between a path and the added item o. The response is the loss of expected validity
 
-    drop(c) = E[V | do(Z_theta := z)] - E[V | do(Z_theta := z, Z_I := E(I + o))],  clearance(z, o) = c,
+    response(c) = E[V | do(Z_theta := z)] - E[V | do(Z_theta := z, Z_I := E(I + o))],  clearance(z, o) = c,
 
-over the same paths z and scenes on both sides. The paths keep further from every other item than any user asks, for
-then the truth's drop is exactly 1 within the user's margin and 0 beyond it: what else stands in a scene plays no part.
+over the same paths z and scenes on both sides. The paths keep farther from every other item than any user asks. The
+true response is therefore 1 within the user's margin and 0 beyond it, whatever else stands in a scene.
 
-The radius is the dose of half the effect (ED50), where drop(c) is half of the drop in contact, item by item. The mean
-tolerance (Spearman and Kaerber) moves with the tail of a curve, and so with the largest dose asked; the median does
-not, and it needs no model of the curve. Its interval is a test turned round: the doses at which drop(c) - drop(0) / 2
-is not told from zero, so that no slope is estimated. Of this difference's mean and pointwise bounds the nearest falling
-curves are taken, which keeps their order, harms no bound where the curve does fall (Chernozhukov, Fernandez-Val and
-Galichon, 2009), and leaves one crossing each. A flat curve's interval ends where the doses end.
+The radius is the dose of half the effect (ED50): response(c) is half of the response at contact. Unlike the mean
+tolerance (Spearman and Kaerber), it does not depend on the largest dose asked, and it needs no model of the curve.
+Its interval inverts a test: it holds the doses at which response(c) - response(0) / 2 does not differ from zero. The
+difference's mean and pointwise bounds are first made to fall (isotonic regression), which harms no bound where the
+curve does fall (Chernozhukov, Fernandez-Val and Galichon, 2009) and leaves one crossing each. A flat curve's interval
+ends where the doses end.
 
-Straight lines between doses place a step within a tenth of the doses' distance. The interval is about the model's
-radius over training sets, over items added, for a planner will meet others of the symbol, and over the items that all
-training sets share (pipeline.stats.clusters); it covers the user's margin as often as the model has no bias beyond.
+The interval covers three sources of chance: training sets, the items added (a planner will meet others of the symbol),
+and the items that all training sets share (pipeline.stats.clusters). It knows nothing of a bias beyond these.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+import pandas as pd
+from jaxtyping import Float, Int
 from numpy import ndarray as Array
 from scipy.optimize import isotonic_regression
 
-from pipeline.causal.interventions import DIGITS
 from pipeline.stats.clusters import as_from_other_items, by_item
 from pipeline.stats.crossed import Estimates, estimate, holm, verdict
 
-FLIP = 0.5  # drop that makes a path which was surely valid more likely invalid
-
 
 def dose_grid(step: float, doses: int) -> Float[Array, " dose"]:
-    """Middle [m] of each interval of clearance, `step` wide; the first lies inside the item: contact."""
+    """Return the middle [m] of each interval of clearance, `step` wide; the first lies inside the item: contact."""
     return step * (np.arange(doses) - 0.5)
 
 
 def paths_at_doses(
-    own: Float[Array, "scene path"],
-    others: Float[Array, "scene path"],
-    grid: Float[Array, " dose"],
+    to_added: Float[Array, "scene path"],
+    to_others: Float[Array, "scene path"],
+    doses: Float[Array, " dose"],
     clear_of_others: float,
     count: int,
 ) -> Int[Array, "scene dose count"]:
-    """The first `count` paths at each dose that keep `clear_of_others` [m] from all other items; -1: a missing dose.
+    """Return the first `count` paths at each dose that keep `clear_of_others` [m] from all other items.
 
-    own: clearance [m] from the added item; others: the least from any other. Paths drawn uniformly stay so within a
-    dose. A dose with fewer paths is missing in its scene; where contact is, all are, for there is nothing to compare.
+    to_added: clearance [m] from the added item; to_others: the least from any other. Paths drawn uniformly stay so
+    within a dose. A dose with fewer paths is missing in its scene and holds -1; without contact, all doses are.
     """
-    dose = np.floor((own - grid[0]) / (grid[1] - grid[0]) + 0.5)
-    chosen = np.full((len(own), len(grid), count), -1)
-    for k in range(len(grid)):
-        fits = (dose == k) & (others >= clear_of_others)
-        enough = fits.sum(1) >= count
-        chosen[enough, k] = np.argsort(~fits[enough], axis=1, kind="stable")[:, :count]
+    dose = np.floor((to_added - doses[0]) / (doses[1] - doses[0]) + 0.5)
+    chosen = np.full((len(to_added), len(doses), count), -1)
+    for k in range(len(doses)):
+        fitting = (dose == k) & (to_others >= clear_of_others)
+        enough = fitting.sum(1) >= count
+        chosen[enough, k] = np.argsort(~fitting[enough], axis=1, kind="stable")[:, :count]
     chosen[chosen[:, 0, 0] < 0] = -1
     return chosen
 
 
-def study(
-    drop: Float[Array, "cell seed scene dose"],
-    true_drop: Float[Array, "cell scene dose"],
-    item: Int[Array, "cell scene"],
+def envelopes(
+    response: Float[Array, "question seed scene dose"],
+    item: Int[Array, "question scene"],
     trained: Sequence[int | None],
     margins: Sequence[float | None],
-    grid: Float[Array, " dose"],
-) -> tuple[list[dict], list[dict]]:
-    """One family of cells (users x symbols): each one's envelope beside its true margin [m], and its curve.
+    doses: Float[Array, " dose"],
+) -> pd.DataFrame:
+    """Return one family's envelopes (questions: users x symbols), a row each in order; lengths in metres.
 
-    item: which one was added; trained: items of the symbol that the training sets share. NaN: a dose missing in a
-    scene. There is an envelope if the drop in contact is an effect (Holm over the family) and makes paths less valid;
-    the verdict is reached with Student's test, items in place of scenes and those shared counted as in the radius.
+    item: which one was added; trained: how many items of the symbol the training sets share, None if nothing was
+    learned from items; margins: the true ones, None where there is none. NaN: a dose missing in a scene.
+
+    There is an envelope if the response at contact is an effect (Holm over the family, items in place of scenes) and
+    positive. Columns: radius_m, ci_low, ci_high (NaN: no envelope), true_radius_m (NaN: no margin), response (at
+    contact), p_holm, verdict, right (whether both or neither are there), covered (whether the interval holds the
+    margin; None unless both are there).
     """
-    by_cell = [by_item(*one) for one in zip(drop, item, strict=True)]
-    contacts = [_estimate(d[..., 0], items) for d, items in zip(by_cell, trained, strict=True)]
-    adjusted = holm(np.array([c.p[0] for c in contacts]))
-    cells, curves = [], []
-    for i, (contact, p_holm, margin) in enumerate(zip(contacts, adjusted, margins, strict=True)):
-        found = verdict(contact.effect[0], p_holm, contact.ci90_low[0], contact.ci90_high[0])
-        envelope = radius(by_cell[i], grid, trained[i]) if found == "effect" and contact.effect[0] > 0 else None
-        cells.append(_cell(envelope, margin, contact.effect[0], p_holm) | {"verdict": found})
-        truth = by_item(true_drop[i][None], item[i])[0]
-        scenes = (~np.isnan(true_drop[i])).sum(0)
-        curves.append(_curve(by_cell[i], truth, grid, trained[i]) | {"scenes": scenes.tolist()})
-    return cells, curves
+    by_question = [by_item(values, items) for values, items in zip(response, item, strict=True)]
+    contacts = [_estimate(values[None, ..., 0], count) for values, count in zip(by_question, trained, strict=True)]
+    adjusted = holm(np.array([contact.p[0] for contact in contacts]))
+    rows = []
+    for values, count, contact, p_holm, margin in zip(by_question, trained, contacts, adjusted, margins, strict=True):
+        at_contact = float(contact.effect[0])
+        judged = verdict(at_contact, p_holm, contact.ci90_low[0], contact.ci90_high[0])
+        is_there = judged == "effect" and at_contact > 0
+        middle, low, high = radius(values, doses, count) if is_there else (np.nan,) * 3
+        both = is_there and margin is not None
+        rows.append(
+            {
+                "radius_m": middle,
+                "ci_low": low,
+                "ci_high": high,
+                "true_radius_m": np.nan if margin is None else margin,
+                "response": at_contact,
+                "p_holm": float(p_holm),
+                "verdict": judged,
+                "right": is_there == (margin is not None),
+                "covered": low <= margin <= high if both else None,
+            }
+        )
+    return pd.DataFrame(rows).astype({"covered": "boolean"})
+
+
+def response_curve(
+    response: Float[Array, "seed scene dose"],
+    true_response: Float[Array, "scene dose"],
+    item: Int[Array, " scene"],
+    trained: int | None,
+    doses: Float[Array, " dose"],
+) -> pd.DataFrame:
+    """Return one question's mean response by dose with its 95 % interval, beside the true one.
+
+    Columns: clearance_m, response, ci_low, ci_high, true_response, scenes (in which the dose was asked).
+    """
+    estimates = _estimate_doses(by_item(response, item), trained)
+    return pd.DataFrame(
+        {
+            "clearance_m": doses,
+            "response": estimates["effect"],
+            "ci_low": estimates["ci_low"],
+            "ci_high": estimates["ci_high"],
+            "true_response": np.nanmean(by_item(true_response[None], item)[0], axis=0),
+            "scenes": (~np.isnan(true_response)).sum(0),
+        }
+    )
 
 
 def radius(
-    drop: Float[Array, "seed item dose"], grid: Float[Array, " dose"], trained: int | None = None
+    response: Float[Array, "seed item dose"], doses: Float[Array, " dose"], trained: int | None = None
 ) -> tuple[float, float, float]:
-    """Clearance [m] of half the effect and its 95 % interval; each within the grid, whose end means "at least".
+    """Return the clearance [m] of half the effect and its 95 % interval; the end of the grid means "at least".
 
-    trained: items that the training sets share; None: nothing was learned from items.
+    trained: how many items the training sets share; None: nothing was learned from items.
     """
-    halves = [_estimate(drop[..., k] - drop[..., 0] / 2, trained) for k in range(len(grid))]
-    bounds = ([getattr(h, name)[0] for h in halves] for name in ("effect", "ci_low", "ci_high"))
-    middle, low, high = (_crossing(np.array(bound), grid) for bound in bounds)
+    halves = _estimate_doses(response - response[..., :1] / 2, trained)
+    middle, low, high = (_crossing(halves[name], doses) for name in ("effect", "ci_low", "ci_high"))
     return middle, low, high
 
 
-def _estimate(drop: Float[Array, "seed item"], trained: int | None = None) -> Estimates:
-    """`estimate` over the items of which this dose was asked."""
-    asked = drop[:, ~np.isnan(drop).any(0)]
-    return estimate((asked if trained is None else as_from_other_items(asked, trained))[None])
+def _estimate_doses(response: Float[Array, "seed item dose"], trained: int | None) -> dict[str, Float[Array, " dose"]]:
+    """Return effect, ci_low and ci_high of each dose, over the items for which it was asked."""
+    asked = ~np.isnan(response).any(0).T  # (dose, item)
+    ends = {name: np.empty(len(asked)) for name in ("effect", "ci_low", "ci_high")}
+    for items in np.unique(asked, axis=0):
+        doses = (asked == items).all(1)
+        estimates = _estimate(np.moveaxis(response[:, items][..., doses], -1, 0), trained)
+        for name, values in ends.items():
+            values[doses] = getattr(estimates, name)
+    return ends
 
 
-def _crossing(values: Float[Array, " dose"], grid: Float[Array, " dose"]) -> float:
-    """Where the falling curve nearest to the values meets zero, by straight lines between doses."""
+def _estimate(response: Float[Array, "question seed item"], trained: int | None) -> Estimates:
+    """Return the estimates, with the chance of the `trained` items that all training sets share."""
+    return estimate(response if trained is None else np.stack([as_from_other_items(r, trained) for r in response]))
+
+
+def _crossing(values: Float[Array, " dose"], doses: Float[Array, " dose"]) -> float:
+    """Return where the falling curve nearest to the values meets zero, linear between doses."""
     falling = isotonic_regression(values, increasing=False).x
     after = int((falling > 0).sum())  # the first dose at which it is zero or less
-    if after in (0, len(grid)):
-        return float(grid[min(after, len(grid) - 1)])
-    return float(np.interp(0, -falling[after - 1 : after + 1], grid[after - 1 : after + 1]))
-
-
-def _cell(
-    envelope: tuple[float, float, float] | None, margin: float | None, drop_at_contact: float, p_holm: float
-) -> dict:
-    """The envelope and the truth; `right`: whether both say that there is one; covered and error: only if both do."""
-    middle, low, high = (_rounded(x) for x in envelope) if envelope else (None, None, None)
-    error, covered = None, None
-    if middle is not None and low is not None and high is not None and margin is not None:
-        error, covered = _rounded(middle - margin), low <= margin <= high
-    return {
-        "radius_m": middle, "ci_low": low, "ci_high": high,
-        "truth_m": margin, "error_m": error, "covered": covered,
-        "drop_at_contact": _rounded(drop_at_contact), "flips": bool(drop_at_contact > FLIP),
-        "p_holm": _rounded(p_holm),
-        "right": (middle is None) == (margin is None),
-    }  # fmt: skip
-
-
-def _rounded(value: float) -> float:
-    return round(float(value), DIGITS) + 0.0  # + 0.0: never -0.0
-
-
-def _curve(
-    drop: Float[Array, "seed item dose"],
-    true_drop: Float[Array, "item dose"],
-    grid: Float[Array, " dose"],
-    trained: int | None,
-) -> dict[str, list]:
-    """Mean drop, its 95 % interval and the truth's by dose, over the items of which it was asked."""
-    by_dose = [_estimate(drop[..., k], trained) for k in range(len(grid))]
-    numbers = {
-        "clearance_m": grid,
-        "drop": [e.effect[0] for e in by_dose],
-        "ci_low": [e.ci_low[0] for e in by_dose],
-        "ci_high": [e.ci_high[0] for e in by_dose],
-        "truth": np.nanmean(true_drop, axis=0),
-    }
-    return {name: [_rounded(x) for x in by] for name, by in numbers.items()}
-
-
-def planning(keeps: Bool[Array, "*path"], valid: Bool[Array, "*path"]) -> dict[str, float | None]:
-    """What a planner gets that takes any path which keeps an envelope.
-
-    kept: share of all paths; valid: share of those kept that are truly valid (None: none is kept); wasted: share of
-    the truly valid ones that are forbidden.
-    """
-    numbers = {
-        "kept": keeps.mean(),
-        "valid": valid[keeps].mean() if keeps.any() else None,
-        "wasted": 1 - keeps[valid].mean() if valid.any() else None,
-    }
-    return {name: None if x is None else _rounded(x) for name, x in numbers.items()}
-
-
-def nearest_plans(room: Float[Array, " plan"]) -> dict[str, float | int | None]:
-    """What plans are worth that keep an envelope and no more; `room` [m]: how much more than the true margin they keep.
-
-    plans: how many; valid: the share that is; short_m: what 99 % of them lack at the most, 0 if so many are valid.
-    """
-    if not len(room):
-        return {"plans": 0, "valid": None, "short_m": 0.0}
-    return {
-        "plans": len(room),
-        "valid": _rounded((room > 0).mean()),
-        "short_m": _rounded(max(0.0, -np.quantile(np.minimum(room, 1.0), 0.01))),  # inf: nothing is minded there
-    }
+    if after in (0, len(doses)):
+        return float(doses[min(after, len(doses) - 1)])
+    return float(np.interp(0, -falling[after - 1 : after + 1], doses[after - 1 : after + 1]))

@@ -1,22 +1,18 @@
-"""The structural causal model the questions are asked of, with its exogenous noises in plain sight.
+"""The structural causal model behind every question: its graph, its mechanisms and its exogenous noises.
 
-The paper (Section "ValidityModel Model Differences") takes X = {Z_theta, Z_I, S, V} and gives each node
-all the others as parents. Taken literally that is a cycle: there is no order to evaluate the nodes in, and
-no distribution that the model entails. We commit to the acyclic graph its figure suggests, the items O and
-the image I made explicit:
+The paper (Section "Specification Model Differences") takes X = {Z_theta, Z_I, S, V} and gives each node all others as
+parents. That is a cycle, and a cycle entails no distribution. We commit to the acyclic graph its figure suggests, and
+make explicit what the image I shows: the items O on the table top T.
 
-    O -> I -> Z_I -> V,    Z_theta -> V,    S -> V
+    O -> I <- T,    I -> Z_I -> V,    Z_theta -> V,    S -> V
 
-- Z_theta has no parent. A demonstrator looks at the table while moving, so in the demonstrations O and S
-  do cause Z_theta; but the paths we ask about are drawn at random, the same for every user and table: no
-  arrow is left.
-- S has V as its only child. Each user has a model, and so an encoder, of its own; Z_I is what all of them
-  keep of the image, and C_s reads its own part. Another user is another judge of the same table.
-- V := 1[N_V < C_s(Z_I, Z_theta)] with N_V uniform: the same draw decides before and after an intervention,
-  and E[V | Z_I, Z_theta, S = s] is C_s itself.
+- Z_theta has no parent. In demonstrations O and S do cause Z_theta, since a demonstrator looks at the table. The paths
+  that we ask about are drawn at random, the same for every user and scene.
+- S has V as its only child. Z_I is what the models of all users keep of the image, and C_s reads its own part.
+- V := 1[N_V < C_s(Z_I, Z_theta)] with N_V uniform. So E[V | Z_I, Z_theta, S = s] is C_s itself (`SCM.expectation`).
 
-A counterfactual holds the noises (Pearl, 2009, Theorem 7.1.7). Every cause of V is on record (the items, the path,
-the user, and the look of the picture by its render seed), so N_V alone has to be abduced, and V = v says where it lies.
+A counterfactual holds the noises (Pearl, 2009, Theorem 7.1.7). Every cause of V is on record (items, table top, render
+seed, path, user), so N_V alone has to be abduced: V = v says where it lies.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -33,31 +29,34 @@ from pipeline.world.bezier import random_z_theta
 PARENTS = {
     "S": (),
     "O": (),
+    "T": (),
     "Z_theta": (),
-    "I": ("O",),
+    "I": ("O", "T"),
     "Z_I": ("I",),
     "V": ("S", "Z_I", "Z_theta"),
 }
 Values = dict[str, Any]  # node -> its value in every unit (first axis: unit)
 Draw = Callable[[np.random.Generator, int], Any]  # generator, units -> noise of every unit
-Abduce = Callable[..., Any]  # generator, value, *parents -> noise of every unit, drawn given what was seen
+Abduce = Callable[..., Any]  # generator, value, *parents -> noise of every unit, drawn given the value
 
 
 @dataclass(frozen=True)
 class Node:
-    """X_j := f_j(PA_j, N_j): its parents' names, `mechanism(noise, *parents)` and how its noise is drawn.
+    """X_j := f_j(PA_j, N_j): the parents' names, `mechanism(noise, *parents)` and how its noise is drawn.
 
-    `abduce(rng, value, *parents)` draws the noise given the node's value; None: it cannot be told from the value.
+    noise: None if the noise is always on record. abduce(rng, value, *parents): draw the noise given the node's value;
+    None if the value does not determine its law. expectation(*parents): E[X_j | PA_j]; None if it has no closed form.
     """
 
     parents: tuple[str, ...]
     mechanism: Callable[..., Any]
-    noise: Draw
+    noise: Draw | None
     abduce: Abduce | None = None
+    expectation: Callable[..., Any] | None = None
 
 
 def no_noise(rng: np.random.Generator, units: int) -> Float[Array, " unit"]:
-    """For a node that its parents determine."""
+    """Return zeros, for a node that its parents determine."""
     return np.zeros(units)
 
 
@@ -76,7 +75,7 @@ class SCM:
 
     @property
     def order(self) -> tuple[str, ...]:
-        """The nodes, every one after its parents."""
+        """Return the nodes, every one after its parents."""
         graph = {name: sorted(node.parents) for name, node in sorted(self.nodes.items())}
         try:
             return tuple(TopologicalSorter(graph).static_order())
@@ -85,35 +84,60 @@ class SCM:
             raise ValueError(f"the graph has the cycle {cycle}: a causal model is evaluated in order") from error
 
     def noise(self, rng: np.random.Generator, units: int) -> Values:
-        """N of every node, from a stream of its own, so that one node's draws never move another's."""
+        """Draw N of every node, each from a stream of its own, so that one node's draws never move another's."""
         names = sorted(self.nodes)
-        return {n: self.nodes[n].noise(r, units) for n, r in zip(names, rng.spawn(len(names)), strict=True)}
+        noise: Values = {}
+        for name, stream in zip(names, rng.spawn(len(names)), strict=True):
+            draw = self.nodes[name].noise
+            if draw is None:
+                raise ValueError(f"the noise of {name} is on record only: give its node a `noise` to draw from")
+            noise[name] = draw(stream, units)
+        return noise
 
-    def entail(self, noise: Values) -> Values:
-        """Every node's value in the units with these noises."""
+    def entail(self, noise: Values, *only: str) -> Values:
+        """Return every node's value in the units with these noises; with `only`, of those nodes and their ancestors."""
+        wanted = set(only or self.nodes)
+        for name in reversed(self.order):
+            wanted |= set(self.nodes[name].parents) if name in wanted else set()
         values: Values = {}
         for name in self.order:
-            node = self.nodes[name]
-            values[name] = node.mechanism(noise[name], *(values[p] for p in node.parents))
+            if name in wanted:
+                node = self.nodes[name]
+                values[name] = node.mechanism(noise[name], *(values[p] for p in node.parents))
         return values
+
+    def expectation(self, name: str, noise: Values) -> Any:
+        """Return E[X | N of all other nodes] of the node in every unit: the mean over its own noise, in closed form.
+
+        ValueError if the node gives no `expectation`.
+        """
+        node = self.nodes[name]
+        if node.expectation is None:
+            raise ValueError(f"{name} has no expectation in closed form: give its node one, or average `entail`")
+        values = self.entail(noise, *node.parents) if node.parents else {}
+        return node.expectation(*(values[p] for p in node.parents))
 
     def sample(self, rng: np.random.Generator, units: int) -> Values:
         """Draw units from the entailed distribution."""
         return self.entail(self.noise(rng, units))
 
     def do(self, **values: Any) -> "SCM":
-        """The model with each named node set, its arrows from its parents cut: do(X := value).
+        """Return the model with each named node set and its arrows from its parents cut: do(X := value).
 
-        A number or a string goes to every unit; anything else holds one value a unit along its first axis.
+        A number or a string goes to every unit; anything else holds one value a unit along its first axis. ValueError
+        for an unknown node.
         """
         unknown = set(values) - set(self.nodes)
         if unknown:
             raise ValueError(f"do() on {sorted(unknown)}: expected nodes among {', '.join(sorted(self.nodes))}")
-        cut = {n: replace(self.nodes[n], parents=(), mechanism=_constant(v), abduce=None) for n, v in values.items()}
+        cut = {
+            name: replace(self.nodes[name], parents=(), mechanism=_constant(value), abduce=None, expectation=None)
+            for name, value in values.items()
+        }
         return SCM({**self.nodes, **cut})
 
     def counterfactual(self, rng: np.random.Generator, recorded: Values, seen: Values, **action: Any) -> Values:
-        """Every node's value under do(action) in the very units in which `seen` was seen.
+        """Draw every node's value under do(action) in the very units in which `seen` was seen.
 
         `recorded` holds the noises that are known, `seen` the values of the nodes whose noises are not.
         """
@@ -121,11 +145,19 @@ class SCM:
         acted = self.do(**action)  # 2. action
         return acted.entail(noise)  # 3. prediction
 
-    def abduction(self, rng: np.random.Generator, recorded: Values, seen: Values) -> Values:
-        """N of every node given what is known: a noise not on record is drawn given its node's value.
+    def probability_of_change(self, recorded: Values, v: bool, **action: Any) -> Float[Array, "*b"]:
+        """Return P(V_action != v | V = v) in every unit, all noises but N_V on record; NaN where V = v cannot be.
 
-        Noises are independent and every node's value follows, so each depends on its own node and parents alone.
-        ValueError unless every node is either on record or seen, and its noise can be told from its value.
+        The three steps of `counterfactual` for the node V, with the mean over the abduced N_V in closed form.
+        """
+        factual, acted = (model.expectation("V", recorded) for model in (self, self.do(**action)))
+        return chance_of_change(v, factual, acted)
+
+    def abduction(self, rng: np.random.Generator, recorded: Values, seen: Values) -> Values:
+        """Draw N of every node given what is known: a noise on record is kept, others are drawn given the node's value.
+
+        Noises are independent and every node's value is entailed, so each depends on its own node and parents alone.
+        ValueError unless every node is either on record or seen, and each seen node can `abduce`.
         """
         if set(recorded) & set(seen) or set(recorded) | set(seen) != set(self.nodes):
             raise ValueError(
@@ -146,15 +178,15 @@ class SCM:
 
 
 def _constant(value: Any) -> Callable[[Any], Any]:
-    if np.ndim(value) == 0 and isinstance(value, str | int | float | np.generic):
+    if isinstance(value, str | int | float | np.generic):
         return lambda noise: np.full(len(noise), value)
     return lambda noise: value
 
 
 def abduce_threshold(
-    rng: np.random.Generator, v: Bool[Array, " unit"], c: Float[Array, " unit"]
-) -> Float[Array, " unit"]:
-    """N given 1[N < c] = v for N uniform on [0, 1): uniform on [0, c) where v, on [c, 1) elsewhere.
+    rng: np.random.Generator, v: Bool[Array, "*unit"], c: Float[Array, "*unit"]
+) -> Float[Array, "*unit"]:
+    """Draw N given 1[N < c] = v for N uniform on [0, 1): uniform on [0, c) where v, on [c, 1) elsewhere.
 
     ValueError where no N gives v: c = 0 and v, or c = 1 and not v.
     """
@@ -165,14 +197,14 @@ def abduce_threshold(
             f"{(low >= high).sum()} units show what has probability 0: expected V = 1 only where C > 0 "
             "and V = 0 only where C < 1"
         )
-    return np.minimum(low + (high - low) * rng.random(len(c)), np.nextafter(high, low))
+    return np.minimum(low + (high - low) * rng.random(c.shape), np.nextafter(high, low))
 
 
 def chance_of_change(v: bool, before: Float[Array, "*#b"], after: Float[Array, "*#b"]) -> Float[Array, "*b_all"]:
-    """P(V_{C := after} != v | V = v, C = before) for V := 1[N_V < C], the noise held; NaN where V = v cannot be.
+    """Return P(V_{C := after} != v | V = v, C = before) for V := 1[N_V < C], N_V held; NaN where V = v cannot be.
 
     max(0, after - before) / (1 - before) for v = 0, max(0, before - after) / before for v = 1: the least chance that
-    any joint law of the two answers allows (Tian and Pearl, 2000), since what makes a path likelier invalidates none.
+    any joint law of the two answers allows (Tian and Pearl, 2000), since a higher C turns no V from 1 to 0.
     """
     before, after = (np.asarray(c, dtype=np.float64) for c in (before, after))
     seen, lost = (before, before - after) if v else (1 - before, after - before)
@@ -182,29 +214,34 @@ def chance_of_change(v: bool, before: Float[Array, "*#b"], after: Float[Array, "
 
 def specification_scm(
     users: Sequence[str],
-    draw_items: Draw,
-    draw_look: Draw,
-    render: Callable[[Any, Any], Any],
+    render: Callable[[Any, Any, Any], Any],
     encode: Callable[[Any], Any],
-    classify: Callable[[Any, Any, Any], Float[Array, " unit"]],
+    classify: Callable[[Any, Any, Any], Array],
+    draw_items: Draw | None = None,
+    draw_table_top: Draw | None = None,
+    draw_render_seed: Draw | None = None,
 ) -> SCM:
-    """The committed graph with these mechanisms.
+    """Return the committed graph with these mechanisms.
 
-    `draw_items` and `draw_look` draw the items on each table and each picture's light and noise;
-    `render(look, items)` is the image, `encode(image)` what the users' models keep of it, and
-    `classify(s, z_image, z_theta)` the probability C_s that each path [m] is valid.
+    `render(render_seed, items, table_top)` is the image, `encode(image)` what the users' models keep of it, and
+    `classify(s, z_image, z_theta)` the probability C_s that each path [m] is valid. The draws give each unit's items,
+    table top and render seed; without them, these must be on record.
     """
-    mechanisms = {
-        "S": (lambda n: np.asarray(users)[n], lambda rng, units: rng.integers(len(users), size=units)),
-        "O": (lambda n: n, draw_items),
-        "Z_theta": (lambda n: n, random_z_theta),
-        "I": (render, draw_look),
-        "Z_I": (lambda _, image: encode(image), no_noise),
-        "V": (
-            lambda n, s, z_image, z_theta: n < classify(s, z_image, z_theta),
-            lambda rng, units: rng.random(units),
-        ),
-    }
-    nodes = {name: Node(PARENTS[name], f, noise) for name, (f, noise) in mechanisms.items()}
-    nodes["V"] = replace(nodes["V"], abduce=lambda rng, v, *parents: abduce_threshold(rng, v, classify(*parents)))
-    return SCM(nodes)
+
+    def v(noise: Any, *parents: Any) -> Any:
+        return noise < classify(*parents)
+
+    def abduce_v(rng: np.random.Generator, value: Any, *parents: Any) -> Any:
+        return abduce_threshold(rng, value, classify(*parents))
+
+    return SCM(
+        {
+            "S": Node((), lambda n: np.asarray(users)[n], lambda rng, units: rng.integers(len(users), size=units)),
+            "O": Node((), lambda n: n, draw_items),
+            "T": Node((), lambda n: n, draw_table_top),
+            "Z_theta": Node((), lambda n: n, random_z_theta),
+            "I": Node(PARENTS["I"], render, draw_render_seed),
+            "Z_I": Node(PARENTS["Z_I"], lambda _, image: encode(image), no_noise),
+            "V": Node(PARENTS["V"], v, lambda rng, units: rng.random(units), abduce_v, classify),
+        }
+    )

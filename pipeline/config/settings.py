@@ -4,7 +4,7 @@ from collections import Counter
 from importlib import import_module
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field, ValidationInfo, model_validator
+from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from pipeline.config.graph import ROOT
@@ -75,7 +75,7 @@ class Settings(Group):
     profile: str
 
     @model_validator(mode="after")
-    def _agree(self, info: ValidationInfo) -> "Settings":
+    def _agree(self, info) -> "Settings":  # info: pydantic's ValidationInfo, which beartype cannot check
         shared = sorted(set(self.seeds) & set(self.validation_seeds))
         need(not shared, "validation_seeds", self.validation_seeds, f"none of `seeds` (shared: {shared})")
         need(self.main_n_demos in self.n_demos, "main_n_demos", self.main_n_demos, f"one of n_demos = {self.n_demos}")

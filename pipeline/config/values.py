@@ -45,8 +45,8 @@ def explain(error: ValidationError, prefix: str = "") -> str:
     first = error.errors()[0]
     context = first.get("ctx", {})
     keys = [str(key) for key in first["loc"] if not isinstance(key, int)]
-    if keys[0:1] == ["variants"] and len(keys) > 2:
-        del keys[2]  # the kind, which pydantic inserts to tell the variants' models apart
+    if keys[:1] in (["variants"], ["questions"]) and len(keys) > 2:
+        del keys[2]  # the kind, which pydantic inserts to tell variants or questions apart
     name = context.get("name", prefix + ".".join(keys))
     what = f"expected {context['expected']}" if "expected" in context else first["msg"][0].lower() + first["msg"][1:]
     if keys[-1:] == ["[key]"]:
@@ -55,7 +55,7 @@ def explain(error: ValidationError, prefix: str = "") -> str:
         case "missing":
             return f"missing parameter {name!r} (see conf/)"
         case "union_tag_not_found":
-            return f"missing parameter '{name}.kind' (see conf/variants/)"
+            return f"missing parameter '{name}.kind' (see conf/{keys[0]}/)"
         case "union_tag_invalid":
             return f"parameter {name}.kind is {context['tag']!r}: expected one of {context['expected_tags']}"
         case "extra_forbidden":

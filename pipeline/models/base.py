@@ -12,46 +12,72 @@ from jaxtyping import Float, UInt8
 from torch import Tensor, nn
 
 from pipeline.runtime.errors import InputError
+from pipeline.world.layout import SIDE
 
 Array = np.ndarray
-SCENES_PER_BATCH = (
-    32  # what a forward pass makes of them stays in the cache; results depend on it in the last bit at most
-)
+SCENES_PER_BATCH = 32  # activations stay in the cache; results depend on it in the last bit at most
+
+
+def check_images(images: Any) -> None:
+    """Raise InputError unless images are uint8 (scene, 100, 100, 3)."""
+    shape, dtype = getattr(images, "shape", None), getattr(images, "dtype", type(images).__name__)
+    if shape is None or len(shape) != 4 or shape[1:] != (SIDE, SIDE, 3) or dtype != np.uint8:
+        raise InputError(
+            f"images are {dtype} of shape {shape}: expected uint8 of shape (scene, {SIDE}, {SIDE}, 3); "
+            "scale intensities in [0, 1] by 255 and convert them"
+        )
+
+
+def check_paths(z_theta: Any, scenes: int) -> None:
+    """Raise InputError unless z_theta is finite and of shape (scenes, path, 2)."""
+    shape = np.shape(z_theta)
+    if len(shape) != 3 or shape[0] != scenes or shape[2] != 2:
+        raise InputError(
+            f"z_theta has shape {shape}: expected ({scenes}, path, 2), the paths of each of {scenes} scenes"
+        )
+    if not np.isfinite(z_theta).all():
+        raise InputError("z_theta has NaN or infinite values: drop those paths")
 
 
 def to_tensor(images: UInt8[Array, "scene 100 100 3"]) -> Float[Tensor, "scene 3 100 100"]:
-    """Images as the networks take them: [0, 1], channels first, stored channels last."""
+    """Return images as the networks take them: [0, 1], channels first, stored channels last."""
     return torch.from_numpy(images).permute(0, 3, 1, 2).float().div(255).contiguous(memory_format=torch.channels_last)
 
 
 def to_bytes(images: Float[Tensor, "scene 3 100 100"]) -> list[bytes]:
-    """Each image's 8-bit pixels, by row and column: what `to_tensor` made it of."""
+    """Return each image's 8-bit pixels by row and column: the inverse of `to_tensor`."""
     pixels = images.detach().permute(0, 2, 3, 1).mul(255).round().to(torch.uint8).contiguous().numpy()
-    return [picture.tobytes() for picture in pixels]
+    return [image.tobytes() for image in pixels]
 
 
 class ValidityModel(nn.Module, ABC):
-    """One user's specification C_s: what it keeps of a scene, and how valid it finds a path there."""
+    """One user's specification C_s in two steps: a scene to a percept, a percept and a path to the odds of validity."""
 
     @abstractmethod
     def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Tensor:
-        """What the model keeps of each scene (first axis: scene), whatever the path."""
+        """Return the percept of each scene (first axis: scene); no path enters."""
 
     @abstractmethod
     def logit(self, percept: Tensor, z_theta: Float[Tensor, "scene path 2"]) -> Float[Tensor, "scene path"]:
-        """Log-odds that each path [m] is valid; differentiable in `z_theta`."""
+        """Return the log-odds that each path [m] is valid; differentiable in `z_theta`."""
 
     def forward(
         self, images: Float[Tensor, "scene 3 100 100"], z_theta: Float[Tensor, "scene path 2"]
     ) -> Float[Tensor, "scene path"]:
-        """Log-odds of validity from the images themselves."""
+        """Return the log-odds of validity from the images themselves."""
         return self.logit(self.perceive(images), z_theta)
 
     @torch.no_grad()
     def probability(
         self, images: UInt8[Array, "scene 100 100 3"], z_theta: Float[Array, "scene path 2"]
     ) -> Float[Array, "scene path"]:
-        """P(valid) of each path [m], as float32; `eval()` mode, no gradient."""
+        """Return P(valid) of each path [m] as float32; sets `eval()` mode, keeps no gradient.
+
+        Raises InputError for images that are not uint8 (scene, 100, 100, 3), and for paths that do not fit them or are
+        not finite.
+        """
+        check_images(images)
+        check_paths(z_theta, len(images))
         self.eval()
         z = torch.as_tensor(np.asarray(z_theta, dtype=np.float32))
         parts = [
@@ -81,16 +107,16 @@ def initialise(network: nn.Module, no_rectifier_after: Container[nn.Module]) -> 
 
 
 def untrained(kind: type[ValidityModel], shape: Mapping[str, Any], seed: int) -> ValidityModel:
-    """A `kind` of that `shape` (its keyword arguments), its weights drawn from `seed` alone.
+    """Return a `kind` of that `shape` (its keyword arguments) in eval mode, its weights drawn from `seed` alone.
 
-    In eval mode; torch's global generator is left as it was. ValueError for a keyword too many or missing.
+    Torch's global generator is left as it was. Raises InputError for a keyword too many or missing.
     """
-    takes = signature(kind).parameters.values()
-    required = {p.name for p in takes if p.default is p.empty}
-    if wrong := sorted({*shape} - {p.name for p in takes} | required - {*shape}):
+    parameters = signature(kind).parameters.values()
+    required = {p.name for p in parameters if p.default is p.empty}
+    if wrong := sorted({*shape} - {p.name for p in parameters} | required - {*shape}):
         raise InputError(
             f"{kind.__name__} got {', '.join(shape) or 'nothing'} (`model:` in conf/variants), wrong or missing: "
-            f"{', '.join(wrong)}; it takes {', '.join(map(str, takes))}"
+            f"{', '.join(wrong)}; it takes {', '.join(map(str, parameters))}"
         )
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)

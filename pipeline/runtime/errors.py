@@ -1,4 +1,4 @@
-"""The error that a person can put right; whatever else goes wrong is a defect and keeps its traceback."""
+"""The error that a user can correct; any other is a defect and keeps its traceback."""
 
 
 class InputError(ValueError):

@@ -1,4 +1,4 @@
-"""How a process keeps the memory it has freed."""
+"""Keep freed memory in the process."""
 
 import ctypes
 
@@ -6,7 +6,7 @@ M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of glibc's mallopt
 
 
 def disable_malloc_trim() -> None:
-    """Freed arrays stay with this process: having the kernel clear new ones costs up to two thirds of the time."""
+    """Keep freed arrays with this process: having the kernel clear new ones costs up to two thirds of the time."""
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)  # glibc only
     if mallopt is not None:
         mallopt(M_MMAP_THRESHOLD, 64 << 20)

@@ -1,17 +1,17 @@
-"""Independent jobs over processes of one torch thread each."""
+"""Independent jobs over processes of one torch thread each (joblib)."""
 
 import os
+import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from functools import lru_cache
-from multiprocessing import active_children, get_context, parent_process
-from multiprocessing.process import BaseProcess
+from functools import cache
 from signal import SIG_BLOCK, SIG_SETMASK, SIGINT, pthread_sigmask
 from threading import Thread
 from typing import TypeVar
 
 import torch
+from joblib import Parallel, delayed, parallel_config
+from joblib.externals.loky.backend import resource_tracker
 from tqdm import tqdm
 
 from pipeline.runtime.memory import disable_malloc_trim
@@ -21,57 +21,58 @@ Result = TypeVar("Result")
 
 
 def map_jobs(function: Callable[[Job], Result], jobs: Sequence[Job], workers: int, desc: str) -> list[Result]:
-    """`[function(job) for job in jobs]` over `workers` processes, with a progress bar.
+    """Return `[function(job) for job in jobs]`, over `workers` processes, with a progress bar.
 
-    `function` and its jobs must pickle. Results come in the order of the jobs and, since every process has
-    one torch thread, do not depend on `workers`. The first error ends the rest. The processes wait for the next call.
+    `function` and its jobs must pickle. Results come in the order of the jobs. They do not depend on `workers`, since
+    every process has one torch thread. The first error ends the rest. The processes wait for the next call.
     """
     if workers == 1 or len(jobs) <= 1:
         one_thread()
         return [function(job) for job in tqdm(jobs, desc=desc)]
-    pool = _pool(workers)
+    call = delayed(_in_worker)
+    results = None
     try:
-        with _uninterrupted():
-            results = pool.map(function, jobs)
+        # max_nbytes: no read-only memory maps; pre_dispatch: all processes begin within _uninterrupted
+        with _uninterrupted(), parallel_config("loky", inner_max_num_threads=1):
+            pool = Parallel(workers, return_as="generator", batch_size=1, max_nbytes=None, pre_dispatch="all")
+            results = pool(call(function, job, os.getpid()) for job in jobs)
         return list(tqdm(results, total=len(jobs), desc=desc))
-    except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for process in active_children():  # at once, whatever they are at
-            process.terminate()
-        _pool.cache_clear()
-        raise
-
-
-@lru_cache(maxsize=1)
-def _pool(workers: int) -> ProcessPoolExecutor:
-    """Processes of their own, for all calls: importing torch anew takes each some three seconds."""
-    return ProcessPoolExecutor(workers, get_context("spawn"), initializer=_begin)
+    finally:
+        if results is not None:
+            results.close()  # ends the processes if jobs are left
 
 
 def one_thread() -> None:
-    """What this process needs to do jobs: one torch thread, on which no result may depend, and the memory it freed."""
+    """Give this process one torch thread, on which no result may depend, and let it keep the memory it frees."""
     torch.set_num_threads(1)
     disable_malloc_trim()
 
 
+def _in_worker(function: Callable[[Job], Result], job: Job, parent: int) -> Result:
+    _begin(parent)
+    return function(job)
+
+
+@cache
+def _begin(parent: int) -> None:
+    """Prepare a process, once."""
+    one_thread()
+    Thread(target=_end_with, args=(parent,), daemon=True).start()
+
+
+def _end_with(parent: int) -> None:
+    """End this process after its parent, even one that was killed: nobody waits for the results any more."""
+    while os.getppid() == parent:
+        time.sleep(1)
+    os._exit(1)
+
+
 @contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """Ctrl-C waits until the end; processes begun within never hear it: to answer it is this one's."""
+    """Hold Ctrl-C back; processes begun within never receive it, so that this one alone answers it."""
+    resource_tracker.ensure_running()  # loky would start it within and let Ctrl-C through again
     before = pthread_sigmask(SIG_BLOCK, {SIGINT})
     try:
         yield
     finally:
         pthread_sigmask(SIG_SETMASK, before)
-
-
-def _begin() -> None:
-    """In each new process."""
-    one_thread()
-    if parent := parent_process():
-        Thread(target=_end_with, args=(parent,), daemon=True).start()
-
-
-def _end_with(parent: BaseProcess) -> None:
-    """End this process when its parent has ended, even if killed: nobody waits for its results any more."""
-    parent.join()
-    os._exit(1)

@@ -1,4 +1,4 @@
-"""Random streams, each from what names it: what another one draws, or how much, changes nothing in it."""
+"""Random streams, each seeded by its own names: what one draws changes nothing in another."""
 
 import hashlib
 
@@ -6,11 +6,11 @@ import numpy as np
 
 
 def job_seed(*names: str | int) -> int:
-    """A 63-bit seed of its own for whatever `names` name: e.g. (seed, user, n, variant)."""
+    """Return a 63-bit seed that depends on `names` alone, e.g. (seed, user, n_demos, variant)."""
     digest = hashlib.sha256("/".join(map(str, names)).encode()).digest()
     return int.from_bytes(digest[:8], "big") >> 1
 
 
 def stream(*names: str | int) -> np.random.Generator:
-    """A generator of its own for whatever `names` name, a stage's root seed first."""
+    """Return a generator that depends on `names` alone, a stage's root seed first."""
     return np.random.default_rng(job_seed(*names))

@@ -1,4 +1,4 @@
-"""Stage clearance: fits the specification that sees the path, for every seed, user and n; predicts every query."""
+"""Stage clearance: fit the clearance model for every seed, user and number of demonstrations."""
 
 from functools import partial
 from pathlib import Path
@@ -13,10 +13,10 @@ from pipeline.training.runner import fit_variant, variant_settings
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """Weights, predictions.parquet, curves.parquet, curves.csv and metrics.json of `cfg.variant`."""
+    """Write weights, checkpoints, predictions and learning curves of `cfg.variant`."""
     settings = variant_settings(cfg, "clearance")
-    train = partial(fit, schedule=Schedule.of(cfg.clearance))
-    fit_variant(cfg, out_dir, settings, ClearanceModel, train, CURVE, BATCH_SIZE)
+    fit_all = partial(fit, schedule=Schedule.of(cfg.clearance))
+    fit_variant(cfg, out_dir, settings, ClearanceModel, fit_all, CURVE, BATCH_SIZE)
 
 
 if __name__ == "__main__":

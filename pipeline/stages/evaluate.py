@@ -1,6 +1,5 @@
-"""Stage evaluate: scores every variant and the image-free nulls on every query, and compares variants."""
+"""Stage evaluate: score every variant and the image-blind baselines on every query, and compare variants."""
 
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -10,264 +9,177 @@ from numpy import ndarray as Array
 from omegaconf import DictConfig
 from tqdm import tqdm
 
-from pipeline.artifacts.demos import Queries, demo_arrays, read_demos, read_queries
+from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import read_table, write_json, write_table
 from pipeline.artifacts.models import PREDICTION_COLUMNS, model_dir
 from pipeline.artifacts.scenes import read_position_prior, train_pool
-from pipeline.causal.interventions import DIGITS
 from pipeline.launch import launch
-from pipeline.models import baselines as nulls
+from pipeline.models import baselines
 from pipeline.runtime.errors import InputError
-from pipeline.runtime.streams import stream
-from pipeline.stats.crossed import LEVEL, estimate, holm, paired_wilcoxon, quartiles
+from pipeline.stats.crossed import estimate, quartiles
 from pipeline.stats.scores import DECISION, accuracy, auroc, brier, expected_calibration_error, reliability
+from pipeline.stats.tests import LEVEL, holm, paired_wilcoxon
 
-WORST = 0.05  # of the scenes
-DRAWS = 200  # of errors in scenes at random
-CALIBRATION_COLUMNS = ["variant", "split", "low", "high", "count", "confidence", "frequency"]
-KEY = ["user", "n_demos", "seed", "split"]
-Key = tuple[str, int, int, str]  # user, n, seed, split
-Cells = dict[tuple[str, str, int], np.ndarray]  # (variant, split, n) -> accuracy of each seed
-Judged = dict[str, dict[Key, np.ndarray]]  # variant -> key -> p of every query, scene by scene
+NEAREST, POSITION = "nearest_demonstration", "position_only"
+MODEL = ["user", "n_demos", "seed", "split"]
+QUERY = [*MODEL, "scene", "query"]
+HEADLINE = "new_items"  # the split of the accuracy with one demonstration
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """accuracy.parquet, accuracy.csv, calibration.parquet, comparisons.csv and metrics.json."""
-    queries = read_queries(Path(cfg.paths.demos))
-    truth = _truth(cfg, queries)
-    judged: Judged = {v: _predictions(cfg, v, truth) for v in tqdm(list(cfg.variants), desc="predictions")}
-    judged |= _nulls(cfg, queries, truth)
-
-    scores = _scores(judged, truth, cfg.evaluate.bins)
-    averaged = _over_users(cfg, scores, list(cfg.evaluate.users))
-    calibration, errors = _calibration(cfg, judged, truth)
-    comparisons = _comparisons(cfg, averaged)
-    metrics = {
-        "accuracy": _summary(averaged),
-        "in_new_scenes": _over_scenes(cfg, judged, truth),
-        "accuracy_all_users": _summary(_over_users(cfg, scores, list(cfg.users))),
-        "calibration": errors,
-    }
-    write_table(out_dir / "accuracy.parquet", scores)
-    write_table(out_dir / "accuracy.csv", _curve(averaged))
-    write_table(out_dir / "calibration.parquet", calibration)
-    write_table(out_dir / "comparisons.csv", comparisons)
-    write_json(out_dir / "metrics.json", metrics)
+    """Write accuracy.parquet, accuracy.csv, calibration.csv, scores.csv, comparisons.csv and metrics.json."""
+    truth = _truth(cfg)
+    parts = [_predictions(cfg, variant, truth) for variant in tqdm(list(cfg.variants), desc="predictions")]
+    predictions = pd.concat([*parts, *_baselines(cfg, truth)], ignore_index=True)
+    accuracies = _accuracies(predictions, cfg.evaluate.bins)
+    judged = predictions[predictions["user"].isin(cfg.evaluate.users)]
+    scored = accuracies[accuracies["user"].isin(cfg.evaluate.users)]
+    by_seed = scored.groupby(["variant", "split", "n_demos", "seed"], sort=False)["accuracy"].mean().unstack(sort=False)
+    summary = _summary(cfg, by_seed, judged)
+    calibration, scores = _calibration(judged[judged["n_demos"] == cfg.main_n_demos], cfg.evaluate.bins)
+    write_table(out_dir / "accuracy.parquet", accuracies)
+    write_table(out_dir / "accuracy.csv", summary)
+    write_table(out_dir / "calibration.csv", calibration)
+    write_table(out_dir / "scores.csv", scores)
+    write_table(out_dir / "comparisons.csv", _comparisons(cfg, by_seed))
+    write_json(out_dir / "metrics.json", _metrics(cfg, summary))
 
 
-def _keys(cfg: DictConfig) -> list[Key]:
-    """Every (user, n, seed, split) that must have been predicted."""
-    return [
-        (user, n, seed, split)
-        for user in cfg.users
-        for n in cfg.n_demos
-        for seed in cfg.protocol.seeds
-        for split in cfg.protocol.splits
-    ]
+def _truth(cfg: DictConfig) -> pd.DataFrame:
+    """Return every query of every model with its path [m] and label; InputError if a pool or user has none."""
+    queries, parts = read_queries(Path(cfg.paths.demos)), []
+    for user in cfg.users:
+        for n in cfg.n_demos:
+            for seed in cfg.protocol.seeds:
+                for split, shared in cfg.protocol.splits.items():
+                    pool = shared or train_pool(seed)
+                    if pool not in queries or user not in queries[pool].valid:
+                        raise InputError(
+                            f"no queries of pool {pool} for user {user}: run the demos stage with these seeds and users"
+                        )
+                    valid, z = queries[pool].valid[user], queries[pool].z
+                    scene, query = (index.ravel() for index in np.indices(valid.shape))
+                    part = {"scene": scene, "query": query, "valid": valid.ravel()}
+                    part |= {"z_x": z[..., 0].ravel(), "z_y": z[..., 1].ravel()}
+                    parts.append(pd.DataFrame(part).assign(user=user, n_demos=n, seed=seed, split=split))
+    table = pd.concat(parts, ignore_index=True)
+    return table.astype({"user": "category", "split": "category"})
 
 
-def _pool(cfg: DictConfig, seed: int, split: str) -> str:
-    """The pool of scenes a split stands for."""
-    return cfg.protocol.splits[split] or train_pool(seed)
-
-
-def _truth(cfg: DictConfig, queries: dict[str, Queries]) -> dict[Key, np.ndarray]:
-    """The label (scene, query) of every query by key."""
-    truth = {}
-    for user, n, seed, split in _keys(cfg):
-        pool = _pool(cfg, seed, split)
-        if pool not in queries or user not in queries[pool].valid:
-            raise InputError(
-                f"no queries of pool {pool} for user {user}: run the demos stage with these seeds and users"
-            )
-        truth[user, n, seed, split] = queries[pool].valid[user]
-    return truth
-
-
-def _predictions(cfg: DictConfig, variant: str, truth: dict[Key, np.ndarray]) -> dict[Key, np.ndarray]:
-    """A variant's p (scene, query) by key; InputError names the first key that is missing or other than asked."""
+def _predictions(cfg: DictConfig, variant: str, truth: pd.DataFrame) -> pd.DataFrame:
+    """Return a variant's p of every query; InputError names the first model that lacks some or was asked others."""
     path = model_dir(cfg, variant) / "predictions.parquet"
-    table = read_table(path, PREDICTION_COLUMNS)
-    rows = dict(table.groupby(KEY).indices)  # (user, n, seed, split) -> row numbers
-    columns = {name: table[name].to_numpy() for name in ("scene", "query", "p", "valid")}
     again = f"run stage {cfg.variants[variant].stage} for {variant} again ({path})"
-    out = {}
-    for key, valid in truth.items():
-        name = "user {}, n {}, seed {}, split {}".format(*key)
-        if key not in rows:
-            raise InputError(f"{variant} has no predictions for {name}: {again}")
-        part = {column: values[rows[key]] for column, values in columns.items()}
-        at = part["scene"], part["query"]
-        if len(at[0]) != valid.size or max(at[0]) >= len(valid) or max(at[1]) >= valid.shape[1]:
-            raise InputError(
-                f"{variant} has {len(at[0])} predictions for {name}: expected {valid.size} "
-                f"({valid.shape[0]} scenes of {valid.shape[1]} paths); {again}"
-            )
-        p = np.full(valid.shape, np.nan)
-        p[at] = part["p"]
-        if not ((p >= 0) & (p <= 1)).all() or not np.array_equal(valid[at], part["valid"]):
-            raise InputError(
-                f"{variant} predicts other paths, or no probabilities, for {name}: expected one p in "
-                f"[0, 1] for every query of the demos stage; {again}"
-            )
-        out[key] = p
-    return out
+    table = read_table(path, PREDICTION_COLUMNS)
+    for name in ("user", "split"):
+        table[name] = pd.Categorical(table[name], truth[name].cat.categories)
+    merged = truth.merge(table, on=QUERY, how="left", suffixes=("", "_predicted"))
+    lacking = merged["p"].isna()
+    if len(merged) != len(truth) or lacking.any():
+        counts = table.groupby(MODEL, observed=True).size()
+        for key, count in truth.groupby(MODEL, observed=True, sort=False).size().items():
+            if (predicted := counts.get(key, 0)) != count:
+                name = "user {}, {} demonstrations, seed {}, split {}".format(*key)  # pyright: ignore
+                raise InputError(f"{variant} has {predicted} predictions for {name}: expected {count}; {again}")
+        raise InputError(f"{variant} predicts other paths: expected one p a query; {again}")
+    if not merged["p"].between(0, 1).all() or (merged["valid"] != merged["valid_predicted"]).any():
+        raise InputError(f"{variant} predicts other paths, or no probabilities: expected p in [0, 1]; {again}")
+    return merged[[*QUERY, "p", "valid"]].assign(variant=variant, p=merged["p"].astype(float))
 
 
-def _nulls(cfg: DictConfig, queries: dict[str, Queries], truth: dict[Key, np.ndarray]) -> Judged:
-    """What both nulls answer; only scenes with demonstrations have a nearest one."""
-    demos = read_demos(Path(cfg.paths.demos))
-    prior = read_position_prior(Path(cfg.paths.scenes))
-    near, place = {}, {}
-    for key in truth:
-        user, n, seed, split = key
-        if user not in prior:
-            raise InputError(f"position_prior.npz knows no user {user}: run the scenes stage again")
-        z = queries[_pool(cfg, seed, split)].z
-        place[key] = nulls.position(prior[user], z)
+def _baselines(cfg: DictConfig, truth: pd.DataFrame) -> list[pd.DataFrame]:
+    """Return the image-blind baselines' predictions: by position, and by the nearest demonstration in seen scenes."""
+    prior, demos, parts = read_position_prior(Path(cfg.paths.scenes)), read_demos(Path(cfg.paths.demos)), []
+    for (user, n, seed, split), rows in truth.groupby(MODEL, observed=True, sort=False):
+        z = rows[["z_x", "z_y"]].to_numpy()
+        parts.append(rows.assign(variant=POSITION, p=baselines.position(prior[user], z)))
         if cfg.protocol.splits[split] is None:
-            near[key] = nulls.nearest(*demo_arrays(demos, seed, user, n), z)
-    return dict(zip(nulls.NULLS, (near, place), strict=True))
+            shape = (rows["scene"].nunique(), -1, 2)
+            p = baselines.nearest(*demo_arrays(demos, seed, user, n), z.reshape(shape))
+            parts.append(rows.assign(variant=NEAREST, p=p.ravel()))
+    columns = [*QUERY, "p", "valid", "variant"]
+    return [table[columns] for table in sorted(parts, key=lambda rows: rows["variant"].iloc[0] != NEAREST)]
 
 
-def _scores(judged: Judged, truth: dict[Key, np.ndarray], bins: int) -> pd.DataFrame:
-    """One row per variant, user, n, seed and split; auroc is NaN where all paths are valid."""
-    rows = [
-        (
-            variant,
-            *key,
-            accuracy(p, v),
-            auroc(p, v),
-            brier(p, v),
-            expected_calibration_error(p, v, bins),
-            p.size,
-        )
-        for variant, by_key in tqdm(judged.items(), desc="scores")
-        for key, p, v in ((key, p.ravel(), truth[key].ravel()) for key, p in by_key.items())
-    ]
-    return pd.DataFrame(rows, columns=["variant", *KEY, "accuracy", "auroc", "brier", "ece", "count"])
-
-
-def _over_users(cfg: DictConfig, scores: pd.DataFrame, users: list[str]) -> Cells:
-    """Each seed's accuracy, the mean over `users`, in the order of the protocol's seeds."""
-    score = dict(zip(scores[["variant", *KEY]].itertuples(index=False, name=None), scores["accuracy"], strict=True))
-    return {
-        (variant, split, n): np.array(
-            [np.mean([score[variant, user, n, seed, split] for user in users]) for seed in cfg.protocol.seeds]
-        )
-        for variant in dict.fromkeys(scores["variant"])
-        for split in cfg.protocol.splits
-        if (variant, users[0], cfg.n_demos[0], cfg.protocol.seeds[0], split)
-        in score  # nearest_demonstration: seen scenes only
-        for n in cfg.n_demos
-    }
-
-
-def _summary(averaged: Cells) -> dict:
-    """variant -> split -> n<N> -> mean and quartiles over seeds."""
-    out: dict = {}
-    for (variant, split, n), by_seed in averaged.items():
-        cell = _rounded(quartiles(by_seed)) | {"seeds": len(by_seed)}
-        out.setdefault(variant, {}).setdefault(split, {})[f"n{n}"] = cell
-    return out
-
-
-def _rounded(numbers: dict[str, float]) -> dict[str, float]:
-    return {name: round(value, DIGITS) for name, value in numbers.items()}
-
-
-def _over_scenes(cfg: DictConfig, judged: Judged, truth: dict[Key, np.ndarray]) -> dict:
-    """variant -> split that all seeds share -> accuracy at main_n_demos, mean over `evaluate.users`: its 95 % interval.
-
-    The interval is over seeds crossed with scenes. `worst`: the share of all errors made in the `few` scenes where most
-    are made, WORST of all `scenes`; `worst_by_chance`: if each path's errors lay in a scene at random, the mean of
-    DRAWS. Both None without an error.
-    """
-    wrong = {v: {k: (p > DECISION) != truth[k] for k, p in by.items()} for v, by in judged.items()}
-    shared = [split for split, pool in cfg.protocol.splits.items() if pool is not None]
-    seeds, users, out = cfg.protocol.seeds, cfg.evaluate.users, {}
-    for variant, split in product(judged, shared):
-        keys = [[(user, cfg.main_n_demos, seed, split) for user in users] for seed in seeds]
-        if keys[0][0] not in wrong[variant]:  # nearest_demonstration
-            continue
-        errors = np.array([[wrong[variant][key] for key in of_seed] for of_seed in keys])  # (seed, user, scene, query)
-        e, by_path = estimate(1 - errors.mean((1, 3))[None]), errors.mean((0, 1))
-        few = max(1, round(WORST * len(by_path)))
-        out.setdefault(variant, {})[split] = {
-            "ci_low": float(e.ci_low[0]), "ci_high": float(e.ci_high[0]), "scenes": len(by_path), "few": few,
-            **dict.fromkeys(("worst", "worst_by_chance")),
-        }  # fmt: skip
-        if errors.any():
-            rng = stream(cfg.scenes.root_seed, "errors by chance", variant, split)
-            shuffled = [rng.permutation(by_path.ravel()).reshape(by_path.shape) for _ in range(DRAWS)]
-            by_chance = np.mean([_in_worst(draw, few) for draw in shuffled])
-            out[variant][split] |= {"worst": _in_worst(by_path, few), "worst_by_chance": float(by_chance)}
-    return out
-
-
-def _in_worst(errors: Float[Array, "scene query"], few: int) -> float:
-    """The share of all errors made in the `few` scenes where most are made."""
-    by_scene = np.sort(errors.sum(1))[::-1]
-    return float(by_scene[:few].sum() / by_scene.sum())
-
-
-def _curve(averaged: Cells) -> pd.DataFrame:
-    """Accuracy against n: one row per variant, split and n."""
-    cells = [
-        {"variant": variant, "split": split, "n_demos": n} | _rounded(quartiles(by_seed))
-        for (variant, split, n), by_seed in averaged.items()
-    ]
-    return pd.DataFrame(cells, columns=["variant", "split", "n_demos", "mean", "q1", "q3"])
-
-
-def _calibration(cfg: DictConfig, judged: Judged, truth: dict[Key, np.ndarray]) -> tuple[pd.DataFrame, dict[str, dict]]:
-    """Reliability bins and errors of each variant and split at main_n_demos, seeds and `evaluate.users` pooled.
-
-    bias: mean p less the share that is valid.
-    """
-    tables, errors = [], {}
-    for variant, by_key in judged.items():
-        for split in cfg.protocol.splits:
-            keys = [k for k in by_key if k[0] in cfg.evaluate.users and k[1] == cfg.main_n_demos and k[3] == split]
-            if not keys:  # nearest_demonstration beyond the seen scenes
-                continue
-            p = np.concatenate([by_key[k].ravel() for k in keys])
-            valid = np.concatenate([truth[k].ravel() for k in keys])
-            bins = pd.DataFrame(vars(reliability(p, valid, cfg.evaluate.bins)))
-            tables.append(bins.assign(variant=variant, split=split)[CALIBRATION_COLUMNS])
-            errors.setdefault(variant, {})[split] = {
-                "ece": expected_calibration_error(p, valid, cfg.evaluate.bins),
-                "brier": brier(p, valid),
-                "bias": float(p.mean() - valid.mean()),
-            }
-    table = pd.concat(tables, ignore_index=True)
-    return table.query("count > 0"), errors
-
-
-def _tests(cfg: DictConfig) -> list[tuple[str, str, str, str, int]]:
-    """The tests fixed in advance: (family, variant, against, split, n)."""
-    return [
-        (group.family, group.variant, against, split, cfg.main_n_demos if group.n_demos is None else group.n_demos)
-        for group in cfg.evaluate.comparisons
-        for against in group.against
-        for split in group.splits
-        if group.n_demos is None or group.n_demos in cfg.n_demos
-    ]
-
-
-def _comparisons(cfg: DictConfig, averaged: Cells) -> pd.DataFrame:
-    """Exact paired Wilcoxon over seeds for every test, and Holm's correction within each family."""
+def _accuracies(predictions: pd.DataFrame, bins: int) -> pd.DataFrame:
+    """Return the scores of every model and split; auroc is NaN where all paths are valid."""
     rows = []
-    for family, variant, against, split, n in _tests(cfg):
-        a, b = averaged[variant, split, n], averaged[against, split, n]
-        p = paired_wilcoxon(a, b)
-        rows.append((family, variant, against, split, n, a.mean(), b.mean(), (a - b).mean(), p, len(a)))
-    columns = ["family", "variant", "against", "split", "n_demos", "mean", "mean_against", "difference", "p", "seeds"]
-    table = pd.DataFrame(rows, columns=columns)
-    table["p_holm"] = table["p"]
-    for rows_of in table.groupby("family").indices.values():
-        table.loc[rows_of, "p_holm"] = holm(table["p"].to_numpy()[rows_of])
-    return table.assign(significant=table["p_holm"] < LEVEL)
+    for key, group in predictions.groupby(["variant", *MODEL], observed=True, sort=False):
+        p, valid = group["p"].to_numpy(), group["valid"].to_numpy()
+        rows.append((*key, *_scores(p, valid, bins).values(), len(p)))
+    return pd.DataFrame(rows, columns=["variant", *MODEL, "accuracy", "auroc", "brier", "ece", "count"])
+
+
+def _scores(p: Float[Array, " query"], valid: Array, bins: int) -> dict[str, float]:
+    return {
+        "accuracy": accuracy(p, valid), "auroc": auroc(p, valid), "brier": brier(p, valid),
+        "ece": expected_calibration_error(p, valid, bins),
+    }  # fmt: skip
+
+
+def _summary(cfg: DictConfig, by_seed: pd.DataFrame, judged: pd.DataFrame) -> pd.DataFrame:
+    """Return mean accuracy and quartiles over seeds by variant, split and number of demonstrations.
+
+    At main_n_demos and on the splits that all seeds share, the 95 % interval is over seeds crossed with scenes.
+    """
+    shared = [split for split, pool in cfg.protocol.splits.items() if pool is not None]
+    right = judged.assign(right=(judged["p"] > DECISION) == judged["valid"])
+    right = right[(right["n_demos"] == cfg.main_n_demos) & right["split"].isin(shared)]
+    rows = []
+    for key, values in by_seed.iterrows():
+        row = dict(zip(by_seed.index.names, key, strict=True)) | quartiles(values.to_numpy())
+        row |= {"ci_low": np.nan, "ci_high": np.nan, "seeds": len(values)}
+        if row["n_demos"] == cfg.main_n_demos and row["split"] in shared:
+            questions = right[(right["variant"] == row["variant"]) & (right["split"] == row["split"])]
+            interval = estimate(questions.pivot_table("right", "seed", "scene").to_numpy(dtype=float)[None])
+            row |= {"ci_low": interval.ci_low[0], "ci_high": interval.ci_high[0]}
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def _calibration(judged: pd.DataFrame, bins: int) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return reliability bins and scores by variant and split, users and seeds pooled; bias: mean p - share valid."""
+    tables, rows = [], []
+    for (variant, split), group in judged.groupby(["variant", "split"], observed=True, sort=False):
+        p, valid = group["p"].to_numpy(), group["valid"].to_numpy()
+        table = reliability(p, valid, bins).query("count > 0")
+        tables.append(table.assign(variant=variant, split=split))
+        rows.append({"variant": variant, "split": split} | _scores(p, valid, bins) | {"bias": p.mean() - valid.mean()})
+    columns = ["variant", "split", "low", "high", "count", "confidence", "frequency"]
+    scores = pd.DataFrame(rows)[["variant", "split", "ece", "brier", "bias", "auroc"]]
+    return pd.concat(tables, ignore_index=True)[columns], scores
+
+
+def _comparisons(cfg: DictConfig, by_seed: pd.DataFrame) -> pd.DataFrame:
+    """Return the tests fixed in advance: exact paired Wilcoxon over seeds, Holm's correction within each family."""
+    rows = []
+    for group in cfg.evaluate.comparisons:
+        n = cfg.main_n_demos if group.n_demos is None else group.n_demos
+        for against in group.against if n in cfg.n_demos else ():
+            for split in group.splits:
+                a, b = (by_seed.loc[(variant, split, n)].to_numpy() for variant in (group.variant, against))
+                rows.append(
+                    {
+                        "family": group.family, "variant": group.variant, "against": against, "split": split,
+                        "n_demos": n, "mean": a.mean(), "mean_against": b.mean(), "difference": (a - b).mean(),
+                        "p": paired_wilcoxon(a, b), "seeds": len(a),
+                    }
+                )  # fmt: skip
+    table = pd.DataFrame(rows)
+    table["p_holm"] = table.groupby("family")["p"].transform(lambda p: holm(p.to_numpy()))
+    table["significant"] = table["p_holm"] < LEVEL
+    return table[[*table.columns[:9], "p_holm", "significant", "seeds"]]
+
+
+def _metrics(cfg: DictConfig, summary: pd.DataFrame) -> dict:
+    """Return mean accuracies by variant and split, and the variants' with the fewest demonstrations."""
+    main = summary[summary["n_demos"] == cfg.main_n_demos]
+    nested = {v: dict(zip(rows["split"], rows["mean"], strict=True)) for v, rows in main.groupby("variant", sort=False)}
+    one = summary[(summary["n_demos"] == 1) & (summary["split"] == HEADLINE) & summary["variant"].isin(cfg.variants)]
+    return {
+        "accuracy": nested,
+        "accuracy_one_demo": {row.variant: {HEADLINE: row.mean} for row in one.itertuples()},
+    }
 
 
 if __name__ == "__main__":

@@ -1,213 +1,229 @@
-"""Stage intervene: asks every model what an added item, or another user, changes, beside the true answer."""
+"""Stage intervene: ask every model the causal questions of conf/questions, and the simulated world beside them.
 
+Models and world are structural causal models that differ in their mechanisms only (pipeline.causal.mechanisms).
+"""
+
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from omegaconf import DictConfig
+from jaxtyping import Bool, Float
+from numpy import ndarray as Array
+from omegaconf import DictConfig, OmegaConf
+from pydantic import TypeAdapter
 
 from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.artifacts.scenes import layout_table, read_scenes
-from pipeline.artifacts.trained import check_weights, predict_all
-from pipeline.causal.interventions import by_user, expected_validity, ordered_pairs, over_placements, study, tally
-from pipeline.causal.scm import PARENTS
+from pipeline.artifacts.trained import check_weights, load_model
+from pipeline.causal.interventions import study
+from pipeline.causal.mechanisms import expected_validities, model_scm, renderer, true_scm
+from pipeline.causal.questions import Scenes, change, draw_additions
+from pipeline.causal.scm import Values
+from pipeline.config.questions import Question
 from pipeline.launch import launch
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
-from pipeline.world.catalogue import Catalogue, read_catalogue
-from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, add_item
-from pipeline.world.render import Palette, render_scenes
-from pipeline.world.rules import valid
+from pipeline.world.catalogue import Catalogue
+from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts
+from pipeline.world.render import read_palette
+
+PAPER = "paper"  # the family of the paper's questions (Table 2)
+EFFECTS = ["question", "variant", "user", "seed", "scene", "baseline", "intervened", "effect", "true_effect"]
+SUMMARY = [
+    "question", "kind", "symbol", "variant", "user", "baseline", "intervened", "effect", "q1", "q3", "ci_low",
+    "ci_high", "ci90_low", "ci90_high", "p_holm", "verdict", "truth", "truth_verdict", "right",
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
-class Tables:
-    """What is asked about: the scenes as they are, then every (symbol, placement) of an added item.
+class Asked:
+    """One question of some users: the changes it averages over (its placements), or the user who takes over.
 
-    images (1 + symbol * placement, scene, 100, 100, 3); z_theta [m] (scene, path, 2), the same for all.
+    changes: indices into all changes of the stage, the first of which is no change.
     """
 
-    layouts: list[Layouts]
-    images: np.ndarray
-    z_theta: np.ndarray
+    name: str
+    kind: str
+    symbol: str
+    family: str
+    users: list[str]
+    scenes: Bool[Array, " scene"]
+    changes: list[int]
+    other: str | None = None
 
 
 @dataclass(frozen=True)
-class Answers:
-    """E[V] by scene: baseline (..., scene), intervened (..., symbol, placement, scene)."""
+class Job:
+    """The models of one variant and seed, and the image in every scene after each change."""
 
-    baseline: np.ndarray
-    intervened: np.ndarray
+    cfg: DictConfig
+    variant: str
+    seed: int
+    noise: Values
+    images: list[Array]
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """effects.parquet, specifications.parquet, images.npz, layouts.parquet, table.csv and metrics.json."""
-    users, seeds = list(cfg.users), list(cfg.protocol.seeds)
+    """Write effects.parquet, summary.csv, metrics.json and, for the added items, images.npz and layouts.parquet."""
     check_weights(cfg)
-    tables = _set_tables(cfg)
-    truth = _fold(cfg, np.stack([_true_answers(tables, cfg.users[user]) for user in users]))
-    answers = _model_answers(cfg, tables)
-    effects = [_effect_rows(v, users, seeds, a, truth) for v, a in answers.items()]
-    specifications = [_specification_rows(v, users, seeds, a, truth) for v, a in answers.items()]
-    metrics = _metrics(cfg, users, answers, truth)
-    cells = [
-        {"variant": v, "user": u, "symbol": s, **cell}
-        for v, by_user in metrics["interventions"].items()
-        for u, by_symbol in by_user.items()
-        for s, cell in by_symbol.items()
-    ]
-    write_table(out_dir / "effects.parquet", pd.concat(effects, ignore_index=True))
-    write_table(out_dir / "specifications.parquet", pd.concat(specifications, ignore_index=True))
-    added = tables.images[1:].reshape(len(SYMBOLS), cfg.intervene.placements, *tables.images.shape[1:])
-    write_arrays(out_dir / "images.npz", {"images": added, "z_theta": tables.z_theta})
-    names = [f"{symbol}-{k}" for symbol in SYMBOLS for k in range(cfg.intervene.placements)]
-    rows = [layout_table(name, x) for name, x in zip(names, tables.layouts[1:], strict=True)]
+    users, seeds, variants = list(cfg.users), list(cfg.protocol.seeds), list(cfg.variants)
+    catalogue, palette = read_palette(cfg.paths.data)
+    scenes, noise = _read_scenes(cfg, catalogue)
+    additions = draw_additions(
+        stream(cfg.intervene.root_seed, "intervene", "placements"), scenes, cfg.intervene.placements
+    )
+    asked, changes = _ask(cfg, scenes, additions)
+
+    camera = model_scm({}, renderer(palette))  # do(O := o) and do(T := t) reach the models by their image
+    images = [camera.do(**change).entail(noise, "I")["I"] for change in changes]
+    seen = {"Z_theta": noise["Z_theta"], "S": noise["S"], "I": noise["I"], "Z_I": noise["Z_I"]}
+    jobs = [Job(cfg, variant, seed, seen, images) for variant in variants[::-1] for seed in seeds]  # the slowest first
+    answers = np.array(map_jobs(_answer, jobs, cfg.workers, "intervene")).reshape(len(variants), len(seeds), -1)
+    answers = answers.reshape(len(variants), len(seeds), len(changes), len(users), -1)[::-1]
+    truth = expected_validities(true_scm(cfg.users), noise, users, changes)  # (change, user, scene)
+
+    parts = [_effects(v, q, users, seeds, a, truth) for v, a in zip(variants, answers, strict=True) for q in asked]
+    summary = pd.concat(
+        [_summary(v, asked, users, a, truth) for v, a in zip(variants, answers, strict=True)], ignore_index=True
+    )
+    write_table(out_dir / "effects.parquet", pd.concat(parts, ignore_index=True)[EFFECTS])
+    write_table(out_dir / "summary.csv", summary[SUMMARY])
+    added = [camera.do(O=additions[symbol][0]).entail(noise, "I")["I"][None] for symbol in SYMBOLS]
+    write_arrays(out_dir / "images.npz", {"images": np.stack(added), "z_theta": noise["Z_theta"]})
+    rows = [layout_table(f"{symbol}-0", additions[symbol][0]) for symbol in SYMBOLS]
     write_table(out_dir / "layouts.parquet", pd.concat(rows, ignore_index=True))
-    write_table(out_dir / "table.csv", pd.DataFrame(cells))
-    write_json(out_dir / "metrics.json", metrics)
+    write_json(out_dir / "metrics.json", _metrics(cfg, asked, summary))
 
 
-def _set_tables(cfg: DictConfig) -> Tables:
-    """Draw the paths, place each symbol in every scene, and picture it all under the scenes' own light."""
-    scenes, pool = read_scenes(Path(cfg.paths.scenes)), cfg.protocol.splits[cfg.intervene.split]
-    scenes.check_has(pool)
-    catalogue = read_catalogue(Path(cfg.paths.data))
-    layouts, looks = scenes.layouts[pool], scenes.appearances[pool]
-    rules = LayoutRules.of(cfg.scenes.layout)
-    choices = catalogue.pool(_items_split(catalogue, layouts, pool))
-    rng, palette = stream(cfg.intervene.root_seed, "intervene", "placements"), Palette(catalogue)
-    added = [
-        add_item(rng, layouts, symbol, catalogue.footprints, choices, rules)
-        for symbol in range(len(SYMBOLS))
-        for _ in range(cfg.intervene.placements)
-    ]
-    pictures = [render_scenes(x, list(looks["texture"]), list(looks["render_seed"]), palette) for x in added]
-    z_theta = random_z_theta(stream(cfg.intervene.root_seed, "intervene", "paths"), len(layouts), cfg.intervene.paths)
-    return Tables([layouts, *added], np.stack([scenes.images[pool], *pictures]), z_theta)
-
-
-def _items_split(catalogue: Catalogue, layouts: Layouts, pool: str) -> str:
-    """The split of the items the scenes were drawn with: an added item comes from the same."""
+def _read_scenes(cfg: DictConfig, catalogue: Catalogue) -> tuple[Scenes, Values]:
+    """Return the scenes of the split and the noises on record: items, table top, render seed and random paths."""
+    stored, pool = read_scenes(Path(cfg.paths.scenes)), cfg.protocol.splits[cfg.intervene.split]
+    stored.check_has(pool)
+    layouts, appearance = stored.layouts[pool], stored.appearances[pool]
     splits = set(catalogue.items["split"].iloc[np.unique(layouts.item[layouts.present])])
     if len(splits) != 1:
         raise InputError(f"scenes of {pool} hold items of {sorted(splits)}: expected one split of items.csv")
-    return splits.pop()
-
-
-def _model_answers(cfg: DictConfig, tables: Tables) -> dict[str, Answers]:
-    """E[V] by variant: baseline (user, seed, scene), intervened (user, seed, symbol, placement, scene)."""
-    images = tables.images.reshape(-1, *tables.images.shape[2:])  # (table * scene, 100, 100, 3)
-    z = np.tile(tables.z_theta, (len(tables.images), 1, 1))  # (table * scene, path, 2)
-    asked = predict_all(cfg, list(cfg.users), images, z, "intervene")
-    return {v: _fold(cfg, _by_table(expected_validity(p), len(tables.images))) for v, p in asked.items()}
-
-
-def _by_table(values: np.ndarray, tables: int) -> np.ndarray:
-    """(..., table * scene) into (..., table, scene)."""
-    return values.reshape(*values.shape[:-1], tables, -1)
-
-
-def _true_answers(tables: Tables, margins: DictConfig) -> np.ndarray:
-    """The world's own E[V], (table, scene), over the same paths."""
-    return np.stack([expected_validity(valid(x, tables.z_theta, margins).astype(float)) for x in tables.layouts])
-
-
-def _fold(cfg: DictConfig, expected: np.ndarray) -> Answers:
-    """(..., 1 + symbol * placement, scene) into the scenes as they are and the added items."""
-    before, after = expected[..., 0, :], expected[..., 1:, :]
-    return Answers(before, after.reshape(*before.shape[:-1], len(SYMBOLS), cfg.intervene.placements, before.shape[-1]))
-
-
-def _effect_rows(variant: str, users: list[str], seeds: list[int], model: Answers, truth: Answers) -> pd.DataFrame:
-    """One row per (seed, user, scene, symbol, placement)."""
-    user, seed, symbol, placement, scene = (i.ravel() for i in np.indices(model.intervened.shape))
-    rows = pd.DataFrame(
-        {
-            "variant": variant,
-            "seed": np.array(seeds)[seed],
-            "user": np.array(users)[user],
-            "scene": scene,
-            "symbol": np.array(SYMBOLS)[symbol],
-            "placement": placement,
-            "baseline": model.baseline[user, seed, scene],
-            "intervened": model.intervened.ravel(),
-            "true_baseline": truth.baseline[user, scene],
-            "true_intervened": truth.intervened[user, symbol, placement, scene],
-        }
-    )
-    return _with_effects(rows).sort_values(["seed", "user", "scene", "symbol", "placement"], ignore_index=True)
-
-
-def _specification_rows(
-    variant: str, users: list[str], seeds: list[int], model: Answers, truth: Answers
-) -> pd.DataFrame:
-    """One row per (seed, scene, user, other): E[V | S = user] and under do(S := other)."""
-    seed, scene = (i.ravel() for i in np.indices(model.baseline.shape[1:]))
-    parts = [
-        pd.DataFrame(
-            {
-                "variant": variant,
-                "seed": np.array(seeds)[seed],
-                "scene": scene,
-                "user": user,
-                "other": other,
-                "baseline": model.baseline[users.index(user), seed, scene],
-                "intervened": model.baseline[users.index(other), seed, scene],
-                "true_baseline": truth.baseline[users.index(user), scene],
-                "true_intervened": truth.baseline[users.index(other), scene],
-            }
-        )
-        for user, other in ordered_pairs(users)
-    ]
-    return _with_effects(pd.concat(parts, ignore_index=True))
-
-
-def _with_effects(rows: pd.DataFrame) -> pd.DataFrame:
-    return rows.assign(
-        effect=rows["intervened"] - rows["baseline"],
-        true_effect=rows["true_intervened"] - rows["true_baseline"],
-    )
-
-
-def _metrics(cfg: DictConfig, users: list[str], answers: dict[str, Answers], truth: Answers) -> dict:
-    """Every cell's statistics, a family per variant and inequality; the verdicts' tally; the graph."""
-    pairs = ordered_pairs(users)
-    influence = {v: _symbol_study(a, truth) for v, a in answers.items()}
-    differences = {v: _user_study(users, a, truth) for v, a in answers.items()}
-    return {
-        "interventions": {v: by_user(users, cells) for v, cells in influence.items()},
-        "specifications": {
-            v: {u: {other: c for (s, other), c in zip(pairs, cells, strict=True) if s == u} for u in users}
-            for v, cells in differences.items()
-        },
-        "verdicts": {v: tally(cells) for v, cells in influence.items()},
-        "scm": {node: list(parents) for node, parents in PARENTS.items()},
-        "seeds": len(cfg.protocol.seeds),
-        "scenes": truth.baseline.shape[-1],
-        "paths": cfg.intervene.paths,
-        "placements": cfg.intervene.placements,
+    choices = catalogue.pool(splits.pop())  # an added item comes from the split the scenes were drawn with
+    rules = LayoutRules.of(cfg.scenes.layout)
+    paths = stream(cfg.intervene.root_seed, "intervene", "paths")
+    noise: Values = {
+        "S": np.zeros(len(layouts), dtype=int),
+        "O": layouts,
+        "T": appearance["texture"].to_numpy(),
+        "I": appearance["render_seed"].to_numpy(),
+        "Z_theta": random_z_theta(paths, len(layouts), cfg.intervene.paths),
+        "Z_I": np.zeros(len(layouts)),
     }
+    return Scenes(layouts, catalogue.footprints, choices, rules, list(catalogue.textures["name"])), noise
 
 
-def _symbol_study(model: Answers, truth: Answers) -> list[dict]:
-    """The second inequality: do(Z_I := E(I + o)), a cell per (user, symbol)."""
-    after = np.moveaxis(over_placements(model.intervened), 2, 1)  # (user, symbol, seed, scene)
-    true_after = over_placements(truth.intervened)  # (user, symbol, scene)
-    before = np.broadcast_to(model.baseline[:, None], after.shape)
-    true_before = np.broadcast_to(truth.baseline[:, None], true_after.shape)
-    return study(*(_cells(a) for a in (before, after, true_before, true_after)))
+def _ask(cfg: DictConfig, scenes: Scenes, additions: Mapping[str, list[Layouts]]) -> tuple[list[Asked], list[Values]]:
+    """Return every question, one for each user who may take over, and all changes; the first changes nothing.
+
+    InputError if a question makes no sense in these scenes, or if a family's questions are asked in different scenes.
+    """
+    asked, changes, users = [], [{}], list(cfg.users)
+    for name, settings in cfg.questions.items():
+        question = TypeAdapter(Question).validate_python(OmegaConf.to_container(settings))
+        effect = change(name, question, scenes, additions, stream(cfg.intervene.root_seed, "intervene", name))
+        family, symbol = question.family or name, getattr(question, "symbol", "")
+        if question.kind == "user":
+            for other in users if question.to is None else [question.to]:
+                label = name if question.to else f"{name}_{other}"
+                others = [user for user in users if user != other]
+                asked.append(Asked(label, question.kind, symbol, family, others, effect.scenes, [0], other))
+            continue
+        indices = list(range(len(changes), len(changes) + len(effect.placements)))
+        changes += effect.placements
+        asked.append(Asked(name, question.kind, symbol, family, users, effect.scenes, indices))
+    for question in asked:
+        first = next(q for q in asked if q.family == question.family)
+        if (question.scenes != first.scenes).any():
+            raise InputError(
+                f"family {question.family}: {first.name} and {question.name} are asked in different scenes; "
+                "give each a family of its own"
+            )
+    return asked, changes
 
 
-def _user_study(users: list[str], model: Answers, truth: Answers) -> list[dict]:
-    """The first inequality: do(S := s'), a cell per ordered pair of users."""
-    here, there = np.array([[users.index(u), users.index(o)] for u, o in ordered_pairs(users)]).T
-    return study(model.baseline[here], model.baseline[there], truth.baseline[here], truth.baseline[there])
+def _answer(job: Job) -> Float[Array, "change user scene"]:
+    """Return the expected validities of one variant and seed."""
+    cfg = job.cfg
+    models = {user: load_model(cfg, job.variant, user, job.seed, cfg.main_n_demos) for user in cfg.users}
+    return expected_validities(
+        model_scm(models, _no_image), job.noise, list(cfg.users), [{"I": image} for image in job.images]
+    )
 
 
-def _cells(values: np.ndarray) -> np.ndarray:
-    return values.reshape(-1, *values.shape[2:])  # (user * symbol, ...)
+def _no_image(*_: object) -> Array:
+    raise AssertionError("every question sets the image")
+
+
+def _sides(
+    question: Asked, users: list[str], expected: Float[Array, "*seed change every_user every_scene"]
+) -> tuple[Float[Array, "user *seed scene"], Float[Array, "user *seed scene"]]:
+    """Return E[V | S = s] and E[V | do(...), S = s] of the question's users, in its scenes, placements averaged."""
+    rows = [users.index(user) for user in question.users]
+    expected = expected[..., question.scenes]
+    baseline = expected[..., 0, rows, :]
+    intervened = expected[..., question.changes, :, :].mean(-3)[..., rows, :]
+    if question.other is not None:
+        intervened = np.broadcast_to(expected[..., 0, [users.index(question.other)], :], baseline.shape)
+    return np.moveaxis(baseline, -2, 0), np.moveaxis(intervened, -2, 0)
+
+
+def _effects(
+    variant: str,
+    question: Asked,
+    users: list[str],
+    seeds: list[int],
+    answers: Float[Array, "seed change user scene"],
+    truth: Float[Array, "change user scene"],
+) -> pd.DataFrame:
+    """Return a row for each user, seed and scene."""
+    (baseline, intervened), (true_baseline, true_intervened) = (_sides(question, users, e) for e in (answers, truth))
+    keys = [question.users, seeds, np.flatnonzero(question.scenes)]
+    table = pd.MultiIndex.from_product(keys, names=["user", "seed", "scene"]).to_frame(index=False)
+    true_effect = np.broadcast_to((true_intervened - true_baseline)[:, None], baseline.shape)
+    return table.assign(
+        question=question.name, variant=variant, baseline=baseline.ravel(), intervened=intervened.ravel(),
+        effect=(intervened - baseline).ravel(), true_effect=true_effect.ravel(),
+    )  # fmt: skip
+
+
+def _summary(
+    variant: str,
+    asked: list[Asked],
+    users: list[str],
+    answers: Float[Array, "seed change user scene"],
+    truth: Float[Array, "change user scene"],
+) -> pd.DataFrame:
+    """Return a row for each question and user, p-values corrected by family."""
+    tables = []
+    for family in dict.fromkeys(question.family for question in asked):
+        members = [question for question in asked if question.family == family]
+        sides = [(*_sides(q, users, answers), *_sides(q, users, truth)) for q in members]
+        keys = [(q.name, q.kind, q.symbol, variant, user) for q in members for user in q.users]
+        table = study(*(np.concatenate(arrays) for arrays in zip(*sides, strict=True)))
+        tables.append(pd.DataFrame(keys, columns=SUMMARY[:5]).join(table))
+    return pd.concat(tables, ignore_index=True)
+
+
+def _metrics(cfg: DictConfig, asked: list[Asked], summary: pd.DataFrame) -> dict:
+    """Return each variant's right verdicts on the paper's questions of users with a margin, and its effects' error."""
+    paper = [question.name for question in asked if question.family == PAPER]
+    with_margin = [user for user, margins in cfg.users.items() if any(m is not None for m in margins.values())]
+    rows = summary[summary["question"].isin(paper) & summary["user"].isin(with_margin)]
+    error = (rows["effect"] - rows["truth"]).abs().groupby(rows["variant"]).mean()
+    right = rows.groupby("variant")["right"].sum()
+    return {
+        "verdicts_right": {v: int(right[v]) for v in cfg.variants if v in right},
+        "effect_error": {v: float(error[v]) for v in ("clearance",) if v in error},
+    }
 
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ def reliability(p: Float[Array, " path"], valid: Bool[Array, " path"], bins: int
     p = np.asarray(p, dtype=np.float64)
     if not ((p >= 0) & (p <= 1)).all():
         raise ValueError(f"probabilities from {p.min()} to {p.max()}: expected all of them in [0, 1]")
-    edges = np.linspace(0.0, 1.0, bins + 1)
+    edges = np.arange(bins + 1) / bins
     rows = pd.DataFrame({"bin": np.digitize(p, edges[1:-1]), "p": p, "valid": valid})
     binned = rows.groupby("bin").agg(count=("p", "size"), confidence=("p", "mean"), frequency=("valid", "mean"))
     binned = binned.reindex(range(bins))

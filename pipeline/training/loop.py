@@ -1,4 +1,4 @@
-"""The one training loop of every model, and what its callers share: schedule, checkpoints, demonstrations side by side."""
+"""The one training loop of every model, and what its callers share: schedule, checkpoints, padded demonstrations."""
 
 import copy
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -71,7 +71,8 @@ def minimise(
     return np.array([_point(step, columns) for step, columns in points])
 
 
-def _point(step: int, columns: Sequence[Tensor]) -> Float[Array, "column *model"]:
+def _point(step: int, columns: Sequence[Tensor]) -> Array:
+    """Return one point of the curve (column, *model)."""
     losses = torch.stack(list(columns)).cpu().numpy().astype(np.float64)
     return np.concatenate([np.full_like(losses[:1], step), losses])
 
@@ -124,6 +125,12 @@ def unstack_models(parameters: Mapping[str, Tensor], models: Sequence[nn.Module]
     for name, stacked in parameters.items():
         for model, value in zip(models, stacked.unbind(), strict=True):
             model.get_parameter(name).copy_(value)
+
+
+def fit_sequentially(fit: Callable[..., Array], models, images, z_theta, valid, seeds, **settings) -> list[Array]:
+    """Fit several models, one at a time by `fit`(model, images, z_theta, valid, seed=, **settings)."""
+    jobs = zip(models, images, z_theta, valid, seeds, strict=True)
+    return [fit(*arguments, seed=seed, **settings) for *arguments, seed in jobs]
 
 
 def is_constant(valid: Bool[Array, "*demo"]) -> bool:

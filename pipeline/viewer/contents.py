@@ -9,15 +9,15 @@ from numpy import ndarray as Array
 
 from pipeline.world.layout import Layouts
 
-RIGHT, FALSELY_VALID, FALSELY_INVALID = 0, 1, 2  # what a cell of `Repairs.errors` holds
+RIGHT, FALSELY_VALID, FALSELY_INVALID = 0, 1, 2  # values of `Repairs.errors`
 
 
 @dataclass(frozen=True)
 class Demonstrations:
-    """A training scene and what one user showed in it.
+    """One user's demonstrations in a training scene.
 
-    image: row 0 at the far edge; layout: this one scene; z: the fitted paths [m];
-    samples: per demonstration the raw recording (sample, 4) as t [s], x, y, z [m].
+    image: row 0 at the far edge; layout: of this scene alone; z: the fitted paths [m];
+    samples: each demonstration's trajectory (sample, 4) as t [s], x, y, z [m].
     """
 
     scene: int
@@ -30,12 +30,12 @@ class Demonstrations:
 
 @dataclass(frozen=True)
 class Repairs:
-    """A scene the model has never seen, what it and the truth say there, and its repairs.
+    """A new scene, the model's and the true validity in it, and the model's gradient repairs.
 
     predicted: P(valid) on `bezier.lattice(side)` as [y, x]; truth: the user's rule on the same lattice;
-    z: each repair's path [m] over its steps, step 0 being the invalid start; p: P(valid) at each of them;
-    slack: how far [m] each of them stays outside the user's margins, inf if the user does not care for any item;
-    start: the start's number in the scene; ends_valid: whether the last step is valid by the truth.
+    start: each repair's number in the scene; z: its path [m] at every step, the invalid start first;
+    p: P(valid) at every step; slack: how far [m] it stays outside the user's margins, inf without any;
+    ends_valid: whether the last step is truly valid.
     """
 
     scene: int
@@ -51,21 +51,22 @@ class Repairs:
 
     @property
     def errors(self) -> UInt8[Array, "side side"]:
-        """What becomes of each cell of the map if the model calls it valid at p > 0.5."""
-        called = self.predicted > 0.5
-        return np.where(called == self.truth, RIGHT, np.where(called, FALSELY_VALID, FALSELY_INVALID)).astype(np.uint8)
+        """Whether the model (valid: p > 0.5) is right about each cell of the map, or how it errs."""
+        accepted = self.predicted > 0.5
+        errors = np.where(accepted, FALSELY_VALID, FALSELY_INVALID)
+        return np.where(accepted == self.truth, RIGHT, errors).astype(np.uint8)
 
     @property
     def agreement(self) -> float:
-        """Share of the cells of the map on which the model and the truth agree."""
+        """The share of the cells of the map on which the model and the truth agree."""
         return float(np.mean(self.errors == RIGHT))
 
 
 @dataclass(frozen=True)
 class Intervention:
-    """do(Z_I := E(I + o)): an item more in the first of the run's new scenes, and what it changes.
+    """do(Z_I := E(I + o)): an item added to the first of the new scenes, and its effects.
 
-    image, layout: the scene with the item, which stands in the last slot taken; predicted, truth: maps as in `Repairs`;
+    image, layout: the scene with the item, which is in the last slot taken; predicted, truth: maps as in `Repairs`;
     learned, true: the effect on E[V] in this scene; learned_mean, true_mean: the means over `scenes` scenes.
     """
 
@@ -82,32 +83,11 @@ class Intervention:
 
 
 @dataclass(frozen=True)
-class Counterfactual:
-    """A rejected path of a new scene, and what would become of it if one item were not there.
-
-    without: the scene without each of its items; p, truth: P(valid) and validity as it stands, then without each;
-    blamed, culprit: the item (its place among the scene's) whose absence the model, the truth, most lets the path
-    become valid by; None if no single one does, or the path is valid as it is.
-    """
-
-    kind: str
-    scene: int
-    image: UInt8[Array, "100 100 3"]
-    layout: Layouts
-    z: Float[Array, "2"]
-    without: UInt8[Array, "item 100 100 3"]
-    p: Float[Array, " question"]
-    truth: Bool[Array, " question"]
-    blamed: int | None
-    culprit: int | None
-
-
-@dataclass(frozen=True)
 class Learning:
-    """How the model came about: its losses, and the map of the first of the new scenes on the way.
+    """The model's training: its losses, and maps of the first of the new scenes.
 
-    step, losses: the training's curve by term; by_n: the maps of models fitted to as many demonstrations a scene;
-    by_step: of this one after as many steps of its training, the whole training last.
+    step, losses: the learning curve by term; by_n: the maps of models fitted to that many demonstrations per scene;
+    by_step: the maps of this model after that many training steps, the whole training last.
     """
 
     step: Int[Array, " step"]
@@ -118,17 +98,22 @@ class Learning:
 
 @dataclass(frozen=True)
 class Run:
-    """One model: who it was fitted to and on what, and the scenes to look at."""
+    """One model, its training data, and the scenes to look at.
+
+    margins: what the user keeps clear of each symbol [m]; None: does not care. profile, data: conf/'s profile and the
+    digest of the scenes, so that a recording names what it was made from.
+    """
 
     variant: str
     user: str
     seed: int
-    n: int
-    margins: Mapping[str, float | None]  # what the user keeps clear of each symbol [m]; None: does not care
+    n_demos: int
+    profile: str
+    data: str
+    margins: Mapping[str, float | None]
     demonstrations: tuple[Demonstrations, ...]
     repairs: tuple[Repairs, ...]
     interventions: tuple[Intervention, ...]
-    counterfactuals: tuple[Counterfactual, ...]
     learning: Learning
 
     @property
@@ -138,10 +123,10 @@ class Run:
 
     @property
     def agreement(self) -> float:
-        """Share of the cells of all latent maps shown on which the model and the truth agree."""
+        """The share of the cells of all maps shown on which the model and the truth agree."""
         return float(np.mean([shown.agreement for shown in self.repairs]))
 
 
 def by_user(runs: Sequence[Run]) -> dict[str, list[Run]]:
-    """The runs of each user, users and runs in the order they come in."""
+    """Return the runs of each user, users and runs in the order they come in."""
     return {user: [run for run in runs if run.user == user] for user in dict.fromkeys(run.user for run in runs)}

@@ -1,7 +1,7 @@
-"""A digest of what a recording holds, whatever bytes the file has.
+"""A digest of a recording's contents.
 
-Rerun's files differ from run to run (row ids, chunk ids, the blueprint's ids, how rows fell into chunks), so
-the contents are read back with Rerun's own reader and hashed in an order of their own. The blueprint is left out.
+The bytes of Rerun's files differ from run to run (ids of rows, chunks and the blueprint). So the contents are read
+with Rerun's own reader, sorted and hashed. The blueprint is left out.
 """
 
 import hashlib
@@ -15,7 +15,7 @@ Cell = tuple[str, str, tuple[tuple[str, int], ...], bytes]  # entity, component,
 
 
 def digest(path: Path) -> str:
-    """sha256 (hexadecimal) of every value in the recording at `path`, with its entity, component and times."""
+    """Return the sha256 (hexadecimal) of all values in the recording at `path`, with entity, component and times."""
     cells = [cell for chunk in RrdReader(path).stream().to_chunks() for cell in _cells(chunk)]
     hashed = hashlib.sha256()
     for entity, component, times, value in sorted(cells):
@@ -25,7 +25,7 @@ def digest(path: Path) -> str:
 
 
 def _cells(chunk: Chunk) -> list[Cell]:
-    """One cell a row and component; absent values are left out, since chunking decides where they appear."""
+    """Return a cell for each row and component, without absent values: chunking decides where they appear."""
     batch = chunk.to_record_batch()
     timelines = sorted(chunk.timeline_names)
     times = {name: _column(batch, name).cast(pa.int64()).to_pylist() for name in timelines}
@@ -36,8 +36,8 @@ def _cells(chunk: Chunk) -> list[Cell]:
             continue
         for row, value in enumerate(batch.column(i)):
             if value.is_valid:
-                at = tuple((name, times[name][row]) for name in timelines)
-                cells.append((str(chunk.entity_path), field.name, at, _canonical(value.values)))
+                when = tuple((name, times[name][row]) for name in timelines)
+                cells.append((str(chunk.entity_path), field.name, when, _canonical(value.values)))
     return cells
 
 
@@ -46,7 +46,7 @@ def _column(batch: pa.RecordBatch, name: str) -> pa.Array:
 
 
 def _canonical(array: pa.Array) -> bytes:
-    """An Arrow array's type, length, absences and values, without its buffers' offsets and padding."""
+    """Return an Arrow array's type, length, absences and values, without its buffers' offsets and padding."""
     head = f"{array.type}|{len(array)}|".encode() + np.packbits(array.is_valid().to_numpy(False)).tobytes()
     if pa.types.is_fixed_size_list(array.type) or pa.types.is_list(array.type) or pa.types.is_large_list(array.type):
         lengths = np.array(array.value_lengths().fill_null(0).to_pylist(), dtype="<i8")

@@ -1,8 +1,7 @@
-"""Metres to the coordinates of the two views, and the outlines drawn in them.
+"""Metres to the coordinates of the views, and the outlines drawn in them.
 
-On the table one unit is a pixel of the image, which is a centimetre; on a latent map one unit is a cell.
-Both have their origin in the far left corner and y towards the viewer, as images have. A run's recording lays tables
-and maps out on boards, panels of the table's size in rows and columns; there one unit is a pixel of the table, too.
+On the table one unit is a pixel of the image, which is a centimetre; on a map over z_theta one unit is a cell. Both
+have their origin in the far left corner and y towards the viewer, as images have. On a board one unit is a pixel.
 """
 
 from collections.abc import Mapping
@@ -20,44 +19,44 @@ ARC_POINTS = 16  # of each round end of a footprint
 
 
 def on_table(points: Float[Array, "*b 2"]) -> Float[Array, "*b 2"]:
-    """Points [m] as pixels of the scene's image."""
+    """Return points [m] as pixels of the scene's image."""
     return np.stack([points[..., 0], 1.0 - points[..., 1]], axis=-1) * TABLE_PIXELS
 
 
 def on_map(z_theta: Float[Array, "*b 2"], side: int) -> Float[Array, "*b 2"]:
-    """Control points [m] as cells of a latent map of `side` x `side`."""
+    """Return control points [m] as cells of a map of `side` x `side`."""
     cell = (Z_HIGH - Z_LOW) / side
     return np.stack([z_theta[..., 0] - Z_LOW, Z_HIGH - z_theta[..., 1]], axis=-1) / cell
 
 
 def corner(row: int, column: int) -> Float[Array, "2"]:
-    """Where a board's panel begins."""
+    """Return the far left corner of a board's panel."""
     return PITCH * np.array([column, row], dtype=float)
 
 
 def map_image(values: Array) -> Array:
-    """Values [y, x] on `bezier.lattice` as an image: the largest y in row 0."""
+    """Return values [y, x] on `bezier.lattice` as an image: the largest y in row 0."""
     return np.ascontiguousarray(values[::-1])
 
 
 def percent(difference: Float[Array, "*b"]) -> UInt8[Array, "*b"]:
-    """Differences from -1 to 1 in hundredths, counted from 0 for -1: 100 is none at all."""
+    """Return differences from -1 to 1 in hundredths, counted from 0 for -1: 100 is no difference."""
     return np.round(100 * (1 + difference)).astype(np.uint8)
 
 
 def changed(image: UInt8[Array, "100 100 3"], other: UInt8[Array, "100 100 3"]) -> UInt8[Array, "100 100 4"]:
-    """What lies over `image` to make it `other`: transparent wherever they agree."""
+    """Return the RGBA layer that makes `image` look like `other`: transparent wherever they agree."""
     differs = np.any(image != other, axis=-1, keepdims=True)
     return np.concatenate([other * differs, np.uint8(255) * differs], axis=-1)
 
 
 def footprints(layout: Layouts) -> list[tuple[str, Float[Array, "point 2"]]]:
-    """Symbol and closed outline [m] of every item of the one scene in `layout`."""
+    """Return the symbol and the closed outline [m] of every item of the one scene in `layout`."""
     return _outlines(layout, {symbol: 0.0 for symbol in SYMBOLS})
 
 
 def kept_clear(layout: Layouts, margins: Mapping[str, float | None]) -> list[tuple[str, Float[Array, "point 2"]]]:
-    """The same outlines grown by the user's margin; items the user does not care about are left out."""
+    """Return the same outlines grown by the user's margin, without the items the user does not care about."""
     return _outlines(layout, margins)
 
 
@@ -78,7 +77,7 @@ def _outlines(layout: Layouts, margins: Mapping[str, float | None]) -> list[tupl
 
 
 def boundary(truth: Bool[Array, "side side"]) -> Float[Array, "edge 2 2"]:
-    """The edges between valid and invalid cells of a map [y, x], in the coordinates of `on_map`."""
+    """Return the edges between valid and invalid cells of a map [y, x], in the coordinates of `on_map`."""
     image = map_image(truth)
     row, column = np.nonzero(image[:, 1:] != image[:, :-1])
     upright = np.stack([np.stack([column + 1, row], -1), np.stack([column + 1, row + 1], -1)], axis=1)
@@ -87,7 +86,6 @@ def boundary(truth: Bool[Array, "side side"]) -> Float[Array, "edge 2 2"]:
     return np.concatenate([upright, level]).astype(float)
 
 
-def crosses(centres: Float[Array, "mark 2"], arm: float) -> Float[Array, "stroke 2 2"]:
-    """Two strokes a mark: an x around each centre, its arms `arm` long along each axis."""
-    strokes = arm * np.array([[[-1, -1], [1, 1]], [[-1, 1], [1, -1]]])
-    return (centres[:, None, None] + strokes).reshape(-1, 2, 2)
+def crosses(centres: Float[Array, "mark 2"], arm: float) -> Float[Array, "mark 5 2"]:
+    """Return a line in the shape of an x around each centre, its arms `arm` long along each axis."""
+    return centres[:, None] + arm * np.array([[-1, -1], [1, 1], [0, 0], [-1, 1], [1, -1]])

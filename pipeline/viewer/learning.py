@@ -1,25 +1,24 @@
-"""How a model came about: its map by the number of demonstrations and by the step of training, and its losses."""
+"""A model's training: its map by the number of demonstrations and by the training step, and its losses."""
 
 import numpy as np
 import rerun as rr
 
-from pipeline.viewer.board import SCENE_MAPS, panel
 from pipeline.viewer.contents import Run
-from pipeline.viewer.scene import HALF, TIMELINES, log_difference, log_map
+from pipeline.viewer.scene import HALF, SCENE_MAPS, TIMELINES, log_difference, log_map, log_static, panel
 
 DEMONSTRATIONS, STEPS = "demonstrations", "train_step"
 TERMS = ((240, 228, 66), (86, 220, 160), (204, 121, 167), (120, 160, 255))  # colours of the losses
 
 
 def log_learning(recording: rr.RecordingStream, run: Run) -> None:
-    """The map of the first of the run's new scenes, by fewer demonstrations and along the training; every loss."""
+    """Log the map of the first new scene by number of demonstrations and by training step, and every loss."""
     shown, learning = run.repairs[0], run.learning
     latent = f"new_items/scene_{shown.scene:03d}/latent"
     place = panel(SCENE_MAPS["difference"], len(shown.truth))
-    elsewhere = {timeline: first for timeline, first in TIMELINES.items() if timeline != STEPS}
-    on_the_way = [({**elsewhere, DEMONSTRATIONS: n}, predicted) for n, predicted in learning.by_n.items()]
-    on_the_way += [({STEPS: step}, predicted) for step, predicted in learning.by_step.items()]
-    for times, predicted in on_the_way:
+    others = {timeline: first for timeline, first in TIMELINES.items() if timeline != STEPS}
+    maps = [({**others, DEMONSTRATIONS: n}, predicted) for n, predicted in learning.by_n.items()]
+    maps += [({STEPS: step}, predicted) for step, predicted in learning.by_step.items()]
+    for times, predicted in maps:
         recording.reset_time()
         for timeline, time in times.items():
             recording.set_time(timeline, sequence=time)
@@ -28,7 +27,7 @@ def log_learning(recording: rr.RecordingStream, run: Run) -> None:
     recording.reset_time()
     terms = list(learning.losses)
     colours = [TERMS[i % len(TERMS)] for i in range(len(terms))]
-    recording.log("losses", rr.SeriesLines(names=terms, colors=colours, widths=1.5), static=True)
+    log_static(recording, "losses", rr.SeriesLines(names=terms, colors=colours, widths=1.5))
     losses = np.stack(list(learning.losses.values()), axis=-1).astype(np.float64)  # (step, term)
     rows = rr.Scalars.columns(scalars=losses.ravel()).partition([len(terms)] * len(losses))
     recording.send_columns("losses", [rr.TimeColumn(STEPS, sequence=learning.step)], rows)

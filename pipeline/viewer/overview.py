@@ -1,13 +1,13 @@
-"""Every variant beside the truth in the same new scenes, written as one Rerun file.
+"""All variants beside the truth in the same new scenes, written as one Rerun file.
 
 Entities (coordinates: see `geometry`):
 
-    readme                                  what one sees, in words
+    about, text/overview                    what it was made from; what one sees
     fixed/{ends,table_edge}                 start and goal on the table; the table in a latent map
     USER/table/{image,items,kept_clear}     a scene with items never seen in training
     USER/{truth,predicted/VARIANT}/map      P(valid) over z_theta: the user's, the model's
     USER/errors/VARIANT/map                 where the model and the user disagree (`Repairs.errors`)
-    USER/truth/boundary                     where the truth changes
+    USER/truth/boundary                     the boundary of the truth
 
 A user's entities lie on the time line `scene`, a row a scene.
 """
@@ -20,7 +20,6 @@ import rerun as rr
 from pipeline.viewer.blueprint import layout_of_overview
 from pipeline.viewer.contents import FALSELY_INVALID, FALSELY_VALID, RIGHT, Run, by_user
 from pipeline.viewer.geometry import map_image
-from pipeline.viewer.readme import overview_page
 from pipeline.viewer.scene import (
     INVALID,
     SAME,
@@ -28,30 +27,32 @@ from pipeline.viewer.scene import (
     log_boundary,
     log_ends,
     log_map,
-    log_page,
+    log_static,
     log_table,
     log_table_edge,
+    log_texts,
     recording_at,
     table_edge,
 )
+from pipeline.viewer.texts import about_overview, overview_text
 
 TIMELINE = "scene"
 
-# An error's colour is that of the truth the model missed.
+# An error has the colour of the truth.
 CLASSES = (
-    (RIGHT, "as the truth", SAME),
+    (RIGHT, "right", SAME),
     (FALSELY_VALID, "invalid, called valid", INVALID),
     (FALSELY_INVALID, "valid, called invalid", VALID),
 )
 
 
 def write_overview(path: Path, runs: Sequence[Run]) -> None:
-    """Write `runs`, all of the same scenes and one a user and variant, to `path` with a blueprint saved inside."""
+    """Write `runs`, one per user and variant and all of the same scenes, to `path` with a blueprint."""
     with recording_at(path, "overview", layout_of_overview(runs, TIMELINE)) as recording:
-        log_page(recording, overview_page(runs))
+        log_texts(recording, about_overview(runs), {"overview": overview_text(runs)})
         log_ends(recording)
         log_table_edge(recording, "fixed", table_edge(len(runs[0].repairs[0].truth))[None], 0.12)
-        recording.log("/", rr.AnnotationContext(CLASSES), static=True)
+        log_static(recording, "/", rr.AnnotationContext(CLASSES))
         for user, of_user in by_user(runs).items():
             for shown in of_user[0].repairs:
                 recording.set_time(TIMELINE, sequence=shown.scene)
@@ -59,11 +60,11 @@ def write_overview(path: Path, runs: Sequence[Run]) -> None:
                 log_map(recording, f"{user}/truth", shown.truth)
                 log_boundary(recording, f"{user}/truth", shown.truth)
             for run in of_user:
-                _beliefs(recording, run)
+                _log_predictions(recording, run)
 
 
-def _beliefs(recording: rr.RecordingStream, run: Run) -> None:
-    """What one model believes in every scene, and where it errs."""
+def _log_predictions(recording: rr.RecordingStream, run: Run) -> None:
+    """Log one model's map of every scene, and its errors."""
     for shown in run.repairs:
         recording.set_time(TIMELINE, sequence=shown.scene)
         log_map(recording, f"{run.user}/predicted/{run.variant}", shown.predicted)

@@ -1,13 +1,13 @@
-"""Pictures of recordings, made without a screen: Rerun's own viewer, drawing by software if there is no GPU.
+"""Draw a recording as an image file without a screen: in Rerun's own viewer, rendered by software without a GPU.
 
-python -m pipeline.viewer.picture full-careful-s0 run.png               the first tab, at the last step
-python -m pipeline.viewer.picture full-careful-s0 run.png 3 intervention 2   another tab, a step of a time line
+python -m pipeline.viewer.picture full-careful-s0 run.png
+python -m pipeline.viewer.picture full-careful-s0 run.png --tab 3 --timeline intervention --step 2
 
-It needs a Vulkan driver (Debian: apt-get install mesa-vulkan-drivers), opens no port to other machines, and keeps the
-viewer's settings, usage data turned off among them, in a folder of its own.
+It needs a Vulkan driver (Debian: apt-get install mesa-vulkan-drivers) and opens no port to other machines. The viewer's
+settings, usage data turned off among them, are kept in a temporary folder.
 """
 
-import io
+import argparse
 import os
 import signal
 import socket
@@ -19,28 +19,23 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+import cv2
 import numpy as np
 from jaxtyping import UInt8
 from numpy import ndarray as Array
-from PIL import Image
 from rerun.experimental import ViewerClient
 
 from pipeline.params import PARAMS, load
 from pipeline.runtime.errors import InputError
-from pipeline.viewer.digest import digest
-from pipeline.viewer.review import find
-from pipeline.viewer.screenshot import Screenshot, write_png
+from pipeline.viewer.review import OVERVIEW, find
 
-START, SETTLE, PAUSE = (
-    60.0,
-    60.0,
-    0.3,
-)  # seconds: to start in; for a picture to come to rest in; between two looks at it
+START_S, SETTLE_S, PAUSE_S = 60.0, 60.0, 0.3  # to start; until the window stops changing; between two screenshots
+NOTICES_S = 5.0  # until the viewer's notices are gone
 
 
 @contextmanager
 def viewer() -> Iterator[ViewerClient]:
-    """A viewer without a window, closed afterwards; InputError with its last words if it does not start, or dies."""
+    """Start a viewer without a window, and close it afterwards; InputError if it does not start, or stops."""
     with tempfile.TemporaryDirectory() as home, socket.socket() as free:
         folders = dict.fromkeys(("HOME", "XDG_RUNTIME_DIR", "XDG_CONFIG_HOME", "XDG_DATA_HOME"), home)
         env = os.environ | folders | {"NO_COLOR": "1"}
@@ -56,37 +51,38 @@ def viewer() -> Iterator[ViewerClient]:
                 [*command, *options], env=env, stdout=output, stderr=output, start_new_session=True
             )
         try:
-            yield _connected(process, f"rerun+http://127.0.0.1:{port}/proxy", log)
+            yield _connect(process, f"rerun+http://127.0.0.1:{port}/proxy", log)
         except ConnectionError as error:  # it answers before it looks for a driver
-            raise _gone(log) from error
+            raise _stopped(log) from error
         finally:
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGTERM)  # the command and the viewer it starts
             process.wait()
 
 
-def _connected(process: subprocess.Popen, url: str, log: Path) -> ViewerClient:
-    """A client of the viewer once it answers."""
-    end = time.monotonic() + START
+def _connect(process: subprocess.Popen, url: str, log: Path) -> ViewerClient:
+    """Return a client of the viewer once it answers."""
+    end = time.monotonic() + START_S
     while process.poll() is None and time.monotonic() < end:
         try:
             client = ViewerClient.connect(url)
             client.get_state()
             return client
         except Exception:  # whatever Rerun raises while nobody listens yet
-            time.sleep(PAUSE)
-    raise _gone(log)
+            time.sleep(PAUSE_S)
+    raise _stopped(log)
 
 
-def _gone(log: Path) -> InputError:
-    return InputError(
-        "Rerun's viewer does not run without a screen: is a Vulkan driver there (apt-get install "
-        f"mesa-vulkan-drivers)?\n{log.read_text(errors='replace')[-2000:]}"
-    )
+def _stopped(log: Path) -> InputError:
+    """Return the reason in one line: without a driver, Rerun logs pages of a panic."""
+    lines = [line.strip() for line in log.read_text(errors="replace").splitlines() if line.strip()]
+    if any("adapter" in line for line in lines):
+        return InputError("no Vulkan driver: Rerun's viewer needs one (Debian: apt-get install mesa-vulkan-drivers)")
+    return InputError(f"Rerun's viewer stopped: {lines[-1] if lines else 'it logged nothing'}")
 
 
 def select(client: ViewerClient, tab: int, timeline: str, step: int) -> None:
-    """Bring one tab of the recording that is open to the front, at a step of a time line."""
+    """Bring one tab of the open recording to the front, at a step of a time line."""
     blueprint = client.get_blueprint("recording").blueprint
     containers = [entry["ContainerBlueprint"] for entry in blueprint.values() if "ContainerBlueprint" in entry]
     (tabs,) = [container for container in containers if container["container_kind"] == "Tabs"]
@@ -98,38 +94,54 @@ def select(client: ViewerClient, tab: int, timeline: str, step: int) -> None:
 
 
 def settled(client: ViewerClient, view: str | None = None) -> UInt8[Array, "y x 3"]:
-    """The window, or one view (its id), once two looks at it are the same; InputError if it never rests."""
-    before, end = None, time.monotonic() + SETTLE
+    """Return the window, or one view (its id), as RGB once it stops changing; InputError if it never does."""
+    before, end = None, time.monotonic() + SETTLE_S
     while time.monotonic() < end:
-        with Image.open(io.BytesIO(client.take_screenshot(view))) as image:
-            now = np.asarray(image.convert("RGB"))
+        png = np.frombuffer(client.take_screenshot(view), np.uint8)
+        now = np.asarray(cv2.imdecode(png, cv2.IMREAD_COLOR_RGB))
         if before is not None and np.array_equal(now, before):
             return now
         before = now
-        time.sleep(PAUSE)
-    raise InputError(f"the viewer's picture does not come to rest within {SETTLE:.0f} s")
+        time.sleep(PAUSE_S)
+    raise InputError(f"the viewer's window still changes after {SETTLE_S:.0f} s")
 
 
-def _main(argv: list[str]) -> None:
-    if len(argv) not in (2, 3, 5) or not all(number.isdigit() for number in (*argv[2:3], *argv[4:])):
-        raise InputError(f"got {argv}: expected RUN FILE.png, then a tab's number, then a time line and a step")
-    run, file, tab, timeline, step = [*argv, *["0", "repair_step", "1000000"][len(argv) - 2 :]]
-    folder = Path(file).parent
-    if not folder.is_dir():
-        raise InputError(f"there is no folder {folder} to write {file} into: make it first")
-    path = find(Path(load(PARAMS).paths.record), run)
+def draw(path: Path, image: Path, tab: int, timeline: str, step: int) -> None:
+    """Write an image of the recording at `path`."""
+    if not image.parent.is_dir():
+        raise InputError(f"there is no folder {image.parent} to write {image} into: make it first")
     with viewer() as client:
         client.open(str(path.resolve()))
-        select(client, int(tab), timeline, int(step))
+        select(client, tab, timeline, step)
         settled(client)
-        time.sleep(5)  # until the viewer's notices are gone
-        shot = Image.fromarray(settled(client))
-    write_png(Path(file), Screenshot(shot, path.stem, digest(path)))
+        time.sleep(NOTICES_S)
+        shot = settled(client)
+    if not cv2.imwrite(str(image), cv2.cvtColor(shot, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_PNG_COMPRESSION, 9]):
+        raise InputError(f"{image} cannot be written: expected a name that ends in .png")
+
+
+def _main() -> None:
+    about, _, examples = (__doc__ or "").partition("\n\n")
+    parser = argparse.ArgumentParser(
+        "python -m pipeline.viewer.picture", None, about, examples, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("run", help=f"<variant>-<user>-s<seed>, or {OVERVIEW}")
+    parser.add_argument("image", type=Path, help="file to write, .png")
+    parser.add_argument("--tab", type=int, default=0, help="number of the tab, from 0 (default: 0)")
+    parser.add_argument("--timeline", help="time line (default: repair_step; of the overview: scene)")
+    parser.add_argument("--step", type=int, help="step of the time line (default: the last repair step; scene 0)")
+    args = parser.parse_args()
+    cfg = load(PARAMS)
+    timeline, step = ("scene", 0) if args.run == OVERVIEW else ("repair_step", cfg.repair.steps)
+    if args.timeline not in (None, timeline):
+        timeline, step = args.timeline, 0
+    step = step if args.step is None else args.step
+    draw(find(Path(cfg.paths.record), args.run), args.image, args.tab, timeline, step)
 
 
 if __name__ == "__main__":
     try:
-        _main(sys.argv[1:])
+        _main()
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)

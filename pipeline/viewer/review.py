@@ -1,18 +1,20 @@
-"""Look at a recording.
+"""Look at a recording in Rerun's viewer.
 
-python -m pipeline.viewer.review                   every variant beside the truth
+python -m pipeline.viewer.review                   all variants beside the truth
 python -m pipeline.viewer.review full-careful-s0   one run
-python -m pipeline.viewer.review --worst           the run whose latent maps agree least with the truth
-
-Opens Rerun's viewer on it. `--check` opens no window: it has Rerun verify the file and compares its digest
-with the one in recordings.csv.
+python -m pipeline.viewer.review --worst           the run whose maps agree least with the truth
+python -m pipeline.viewer.review --web             in a browser, served to this machine alone
+python -m pipeline.viewer.review --check           no window: verify the file and compare its digest
 """
 
+import argparse
 import csv
 import os
+import socket
 import subprocess
 import sys
 from pathlib import Path
+from urllib.parse import quote
 
 from pipeline.params import PARAMS, load
 from pipeline.runtime.errors import InputError
@@ -23,7 +25,7 @@ EXAMPLES = 3
 
 
 def find(folder: Path, run: str) -> Path:
-    """The recording of `run`, or the overview, below the record stage's `folder`; InputError if there is none."""
+    """Return the recording of `run`, or the overview, in the record stage's `folder`; InputError if there is none."""
     paths = [*sorted((folder / "runs").glob("*.rrd")), folder / f"{OVERVIEW}.rrd"]
     recordings = {path.stem: path for path in paths if path.is_file()}
     known = [name for name in recordings if name != OVERVIEW]
@@ -32,13 +34,13 @@ def find(folder: Path, run: str) -> Path:
     if run not in recordings:
         names = ", ".join(known[:: max(1, len(known) // EXAMPLES)][:EXAMPLES])
         raise InputError(
-            f"no recording {run!r}: expected RUN=<variant>-<user>-s<seed>, one of {len(known)}, such as {names}"
+            f"no recording {run!r}: expected <variant>-<user>-s<seed>, one of {len(known)}, such as {names}"
         )
     return recordings[run]
 
 
 def worst(folder: Path) -> tuple[str, str]:
-    """The run whose latent maps agree least with the truth, the first of equals, and a sentence that says so."""
+    """Return the run whose maps agree least with the truth, the first of equals, and a sentence that says so."""
     rows = [row for row in _listed(folder) if row["run"] != OVERVIEW]
     try:
         agreement = {row["run"]: float(row["agreement"]) for row in rows}
@@ -48,13 +50,13 @@ def worst(folder: Path) -> tuple[str, str]:
         raise InputError(f"{folder / 'recordings.csv'} gives no agreement from 0 to 1 for every run: run `make repro`")
     run = min(agreement, key=agreement.__getitem__)
     return run, (
-        f"{run}: its latent maps agree with the truth in {agreement[run]:.1%} of their cells, "
+        f"{run}: its maps agree with the truth on {agreement[run]:.1%} of their cells, "
         f"the least of {len(agreement)} runs"
     )
 
 
 def check(folder: Path, run: str) -> None:
-    """Raise InputError unless Rerun can read the recording and it holds what recordings.csv says."""
+    """Raise InputError unless Rerun can read the recording and its digest is that of recordings.csv."""
     path = find(folder, run)
     verified = subprocess.run(
         [sys.executable, "-m", "rerun", "rrd", "verify", str(path)], capture_output=True, text=True
@@ -62,15 +64,16 @@ def check(folder: Path, run: str) -> None:
     if verified.returncode:
         raise InputError(f"{path} is damaged: delete it and run `make repro`\n{verified.stderr.strip()}")
     expected = {row["run"]: row["sha256"] for row in _listed(folder)}
-    found = digest(path)
-    if expected.get(run) != found:
+    contents = digest(path)
+    if expected.get(run) != contents:
         raise InputError(
-            f"{path} holds {found}, recordings.csv says {expected.get(run)}: delete {folder} and run `make repro`"
+            f"{path} has digest {contents}, recordings.csv says {expected.get(run)}: "
+            f"delete {folder} and run `make repro`"
         )
 
 
 def _listed(folder: Path) -> list[dict[str, str]]:
-    """The rows of recordings.csv; InputError if it is missing or an older one."""
+    """Return the rows of recordings.csv; InputError if it is missing or lacks a column."""
     listed = folder / "recordings.csv"
     if not listed.is_file():
         raise InputError(f"{listed} is missing: run `make repro` first")
@@ -81,38 +84,59 @@ def _listed(folder: Path) -> list[dict[str, str]]:
     return rows
 
 
-def show(path: Path) -> int:
-    """Open the viewer, for this machine alone, until its window is closed; its exit code."""
-    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+def show(path: Path, web: bool = False) -> int:
+    """Open Rerun's viewer on the recording, for this machine alone, until it is closed; return its exit code."""
+    screen = sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    if not (web or screen):
         raise InputError(
-            f"no display to open a window on: copy {path} to a machine that has one and run `rerun {path.name}` "
-            "there, or verify it here with --check"
+            f"no display to open a window on: add --web to look at {path.name} in a browser, --check to verify it, "
+            f"or copy {path} to a machine with a display and run `rerun {path.name}` there"
         )
-    return subprocess.run([sys.executable, "-m", "rerun", "--bind", "127.0.0.1", str(path)]).returncode
-
-
-def _main(argv: list[str]) -> int:
-    runs = [a for a in argv if a not in ("--check", "--worst")]
-    if len(runs) + ("--worst" in argv) > 1 or any(run.startswith("-") for run in runs):
-        raise InputError(
-            f"got {argv}: expected nothing, one run or the worst, as in `make review`, "
-            "`make review RUN=full-careful-s0` or `make review WORST=1`"
-        )
-    folder = Path(load(PARAMS).paths.record)
-    run = runs[0] if runs else OVERVIEW
-    if "--worst" in argv:
-        run, why = worst(folder)
-        print(why, flush=True)
-    if "--check" in argv:
-        check(folder, run)
-        print(f"{run}: readable, and its digest is the one recorded")
+    command = [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", str(path)]
+    if web:
+        ports = [_free_port() for _ in range(2)]
+        command += ["--web-viewer" if screen else "--serve-web", "--web-viewer-port", str(ports[0])]
+        command += ["--port", str(ports[1])]
+        proxy = quote(f"rerun+http://127.0.0.1:{ports[1]}/proxy", safe="")
+        print(f"open http://127.0.0.1:{ports[0]}/?url={proxy} in a browser; Ctrl-C stops", flush=True)
+    try:
+        return subprocess.run(command).returncode
+    except KeyboardInterrupt:
         return 0
-    return show(find(folder, run))
+
+
+def _free_port() -> int:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        return free.getsockname()[1]
+
+
+def _main() -> int:
+    about, _, examples = (__doc__ or "").partition("\n\n")
+    parser = argparse.ArgumentParser(
+        "python -m pipeline.viewer.review", None, about, examples, formatter_class=argparse.RawTextHelpFormatter
+    )
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("run", nargs="?", default=OVERVIEW, help=f"<variant>-<user>-s<seed> (default: {OVERVIEW})")
+    which.add_argument("--worst", action="store_true", help="the run whose maps agree least with the truth")
+    parser.add_argument("--web", action="store_true", help="serve Rerun's web viewer to this machine")
+    parser.add_argument("--check", action="store_true", help="verify the file and compare its digest; no window")
+    args = parser.parse_args()
+    folder = Path(load(PARAMS).paths.record)
+    run = args.run
+    if args.worst:
+        run, reason = worst(folder)
+        print(reason, flush=True)
+    if args.check:
+        check(folder, run)
+        print(f"{run}: readable, and its digest is that of recordings.csv")
+        return 0
+    return show(find(folder, run), args.web)
 
 
 if __name__ == "__main__":
     try:
-        sys.exit(_main(sys.argv[1:]))
+        sys.exit(_main())
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)

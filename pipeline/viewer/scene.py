@@ -1,22 +1,24 @@
-"""What every recording is made of: the file itself, a scene on the table, a map over z_theta.
+"""Parts of every recording: the file itself, a scene on the table, a map over z_theta, panels with titles.
 
-A scene and its maps are logged at the time that is set, or for all times if none is.
+Entities are logged at the time that is set, or for all times if none is. A run's tables and maps lie side by side
+in one view, on boards: panels of the table's size in rows and columns.
 """
 
-import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+import cv2
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
-from PIL import Image
 
 from pipeline.viewer.geometry import (
+    TABLE_PIXELS,
     boundary,
+    corner,
     footprints,
     kept_clear,
     map_image,
@@ -29,14 +31,14 @@ from pipeline.world.layout import Layouts
 
 APPLICATION = "causal-specifications"
 
-# Okabe and Ito's colours, which people with any colour vision tell apart.
+# Okabe and Ito's colours, which colour-blind people tell apart.
 VALID, INVALID = (0, 158, 255), (230, 97, 0)
 ITEM, KEPT_CLEAR = (255, 255, 255), (255, 255, 255, 110)
 BOUNDARY, TABLE_EDGE = (213, 0, 120), (0, 150, 170)
-CHOSEN = (240, 228, 66)  # an item added or taken away
+ADDED = (240, 228, 66)  # an added item
 SAME = (70, 70, 74)  # where two maps agree
 
-# The class of a cell of a difference map is `percent` of it: from blue over grey to orange, named by its value.
+# Classes of a difference map's cells: from blue over grey to orange, named by their value.
 DIFFERENCES = tuple(
     (
         i,
@@ -49,13 +51,18 @@ DIFFERENCES = tuple(
 OVERLAY = -5.0  # draw order: over images (-10), under everything else
 HALF = np.float16  # three digits, in half the bytes: for maps of which a run holds many
 
-# The time lines of a run's recording, with the time at which each shows what lies on another one.
-TIMELINES = {"repair_step": 0, "intervention": 0, "counterfactual": 0, "demonstrations": 1, "train_step": 0}
+# The time lines of a run's recording, each with the time at which it shows the entities of the others.
+TIMELINES = {"repair_step": 0, "intervention": 0, "demonstrations": 1, "train_step": 0}
+
+Panel = tuple[int, int]  # row, column of a board
+TITLE = np.array([TABLE_PIXELS / 2, -7.0])  # from a panel's corner to its title
+SCENE_MAPS = {"predicted": (0, 1), "truth": (0, 2), "difference": (0, 3)}
+SCENE_TITLES = {(0, 0): "Table", (0, 1): "Model's p(valid)", (0, 2): "Truth", (0, 3): "Difference: model - truth"}
 
 
 @contextmanager
 def recording_at(path: Path, name: str, blueprint: rrb.Blueprint) -> Iterator[rr.RecordingStream]:
-    """A recording called `name`, written to `path` with `blueprint` saved inside; the process holds none afterwards."""
+    """Open a recording called `name` that is written to `path` with its blueprint, and close it afterwards."""
     recording = rr.RecordingStream(APPLICATION, recording_id=name, send_properties=False)
     recording.set_log_time_enabled(False)
     recording.set_log_tick_enabled(False)
@@ -66,37 +73,62 @@ def recording_at(path: Path, name: str, blueprint: rrb.Blueprint) -> Iterator[rr
     recording.disconnect()
 
 
-def log_page(recording: rr.RecordingStream, markdown: str) -> None:
-    """The page beside the views."""
-    recording.log("readme", words(markdown), static=True)
+def log_static(recording: rr.RecordingStream, entity: str, value: rr.AsComponents) -> None:
+    """Log for all times."""
+    recording.log(entity, value, static=True)
 
 
-def words(markdown: str) -> rr.TextDocument:
-    """A page."""
-    return rr.TextDocument(markdown, media_type=rr.MediaType.MARKDOWN)
+def log_texts(recording: rr.RecordingStream, about: str, texts: Mapping[str, str]) -> None:
+    """Log what the recording was made from, and the text of each tab."""
+    log_static(recording, "about", markdown(about))
+    for name, text in texts.items():
+        log_static(recording, f"text/{name}", markdown(text))
+
+
+def markdown(text: str) -> rr.TextDocument:
+    """Return a text as Rerun shows it."""
+    return rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
 
 
 def set_time(recording: rr.RecordingStream, timeline: str, step: int) -> None:
-    """What is logged from now on belongs to a step of one time line; on every other one the last of it is seen."""
+    """Log from now on at a step of one time line; other time lines show the last step."""
     for other, first in TIMELINES.items():
         recording.set_time(other, sequence=first)
     recording.set_time(timeline, sequence=step)
 
 
 def log_ends(recording: rr.RecordingStream) -> None:
-    """Both ends of every path, on the table."""
+    """Log both ends of all paths, on the table."""
     ends = on_table(np.stack([P_INIT, P_F]))
-    recording.log("fixed/ends", rr.Points2D(ends, labels=["start", "goal"], colors=ITEM, radii=1.2), static=True)
+    log_static(recording, "fixed/ends", rr.Points2D(ends, labels=["start", "goal"], colors=ITEM, radii=1.2))
 
 
 def log_table_edge(recording: rr.RecordingStream, entity: str, edges: Float[Array, "map 5 2"], radius: float) -> None:
-    """Where the table lies in maps."""
-    recording.log(f"{entity}/table_edge", rr.LineStrips2D(edges, colors=TABLE_EDGE, radii=radius), static=True)
+    """Log the table's edge in maps."""
+    log_static(recording, f"{entity}/table_edge", rr.LineStrips2D(edges, colors=TABLE_EDGE, radii=radius))
 
 
 def table_edge(side: int) -> Float[Array, "5 2"]:
-    """The table's edge in a map of `side` cells a side."""
+    """Return the table's edge in a map of `side` cells a side."""
     return on_map(np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]], dtype=float), side)
+
+
+def panel(place: Panel, side: int) -> rr.Transform3D:
+    """Return the transform that puts an entity of `side` units a side at its place on a board."""
+    x, y = corner(*place)
+    return rr.Transform3D(translation=[x, y, 0], scale=TABLE_PIXELS / side)
+
+
+def log_titles(
+    recording: rr.RecordingStream, entity: str, titles: Mapping[Panel, str], maps: Sequence[Panel] = ()
+) -> None:
+    """Log a title over each panel, and the table's edge in those that are maps."""
+    above = [corner(*place) + TITLE for place in titles]
+    labels = rr.Points2D(above, labels=list(titles.values()), colors=ITEM, radii=0)
+    log_static(recording, f"{entity}/titles", labels)
+    if maps:
+        edges = np.stack([table_edge(TABLE_PIXELS) + corner(*place) for place in maps])
+        log_table_edge(recording, entity, edges, 0.3)
 
 
 def log_table(
@@ -106,28 +138,23 @@ def log_table(
     layout: Layouts,
     margins: Mapping[str, float | None],
 ) -> None:
-    """The image of the one scene in `layout`, what stands on it and the room [m] a user wants around it."""
-    recording.log(f"{entity}/image", picture(image))
+    """Log the image of the one scene in `layout`, its items and the margins [m] around them."""
+    recording.log(f"{entity}/image", png(image))
     items = footprints(layout)
-    recording.log(
-        f"{entity}/items",
-        rr.LineStrips2D(
-            [on_table(outline) for _, outline in items],
-            labels=[symbol for symbol, _ in items],
-            colors=ITEM,
-            radii=0.25,
-        ),
-    )
-    room = [on_table(outline) for _, outline in kept_clear(layout, margins)]
-    recording.log(f"{entity}/kept_clear", rr.LineStrips2D(room, colors=KEPT_CLEAR, radii=0.12))
+    outlines = [on_table(outline) for _, outline in items]
+    names = [symbol for symbol, _ in items]
+    recording.log(f"{entity}/items", rr.LineStrips2D(outlines, labels=names, colors=ITEM, radii=0.25))
+    clear = [on_table(outline) for _, outline in kept_clear(layout, margins)]
+    recording.log(f"{entity}/kept_clear", rr.LineStrips2D(clear, colors=KEPT_CLEAR, radii=0.12))
 
 
-def picture(image: UInt8[Array, "100 100 channel"]) -> rr.EncodedImage:
-    """An image as a PNG, half the bytes and nothing lost; with a fourth channel, it lies over the other ones."""
-    file = io.BytesIO()
-    Image.fromarray(image).save(file, "PNG")
-    order = OVERLAY if image.shape[-1] == 4 else None
-    return rr.EncodedImage(contents=file.getvalue(), media_type="image/png", opacity=1.0, draw_order=order)
+def png(image: UInt8[Array, "100 100 channel"]) -> rr.EncodedImage:
+    """Return an image (RGB or RGBA) as a PNG; with a fourth channel it lies over the others."""
+    overlay = image.shape[-1] == 4
+    written, file = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGBA2BGRA if overlay else cv2.COLOR_RGB2BGR))
+    assert written
+    order = OVERLAY if overlay else None
+    return rr.EncodedImage(contents=file.tobytes(), media_type="image/png", opacity=1.0, draw_order=order)
 
 
 def log_map(
@@ -137,17 +164,17 @@ def log_map(
     *place: rr.AsComponents,
     precision: type[np.floating] = np.float32,
 ) -> None:
-    """P(valid) or validity [y, x]: the viewer shows 0 black, 1 white and the value at the pointer."""
+    """Log P(valid) or validity [y, x]: 0 black, 1 white."""
     recording.log(f"{entity}/map", rr.Image(map_image(values).astype(precision)), *place)
 
 
 def log_difference(
     recording: rr.RecordingStream, entity: str, values: Float[Array, "side side"], *place: rr.AsComponents
 ) -> None:
-    """The difference of two maps [y, x] to a hundredth, coloured and named by the classes of `DIFFERENCES`."""
+    """Log the difference of two maps [y, x] to a hundredth, in the classes of `DIFFERENCES`."""
     recording.log(f"{entity}/map", rr.SegmentationImage(map_image(percent(values)), opacity=1.0), *place)
 
 
 def log_boundary(recording: rr.RecordingStream, entity: str, truth: Bool[Array, "side side"]) -> None:
-    """Where the truth changes, over a map."""
+    """Log the boundary of the truth, over a map."""
     recording.log(f"{entity}/boundary", rr.LineStrips2D(boundary(truth), colors=BOUNDARY, radii=0.15))

@@ -1,13 +1,16 @@
-"""Fit quadratic Bezier paths with fixed ends to recorded movements, thousands at once.
+"""Fit quadratic Bezier paths with fixed ends to trajectories, thousands at once.
 
 A path is q(u) = p_init + b u + a u^2 with b = 2 (z - p_init) and a = p_init - 2 z + p_f; only z_theta = z is free.
 The fit minimises E(z) = sum_i min_u |x_i - q(u; z)|^2 / 2, the orthogonal distances. The inner minimum is the root
 of a cubic, followed from step to step (reparametrisation); the outer one is Newton's method with the exact Hessian of
 E, the parameters u eliminated (variable projection), damped until every step lowers E.
 
-The points of a nearly straight movement say nothing about where z lies along it: z may run off to infinity and
-leave the line covered. A weight of ANCHOR on |z - z_0|^2 settles those, with z_0 the fit in which equal shares of
-recorded and of fitted length correspond. It is too weak to be felt elsewhere.
+A nearly straight trajectory does not determine where z lies along it: z may go to infinity and still cover the line.
+A weight of ANCHOR_WEIGHT on |z - z_0|^2 determines it, with z_0 the fit in which equal shares of recorded and of
+fitted length correspond. The weight is too small to matter elsewhere.
+
+One call of scipy.optimize.least_squares a trajectory is the simpler code and gives the same residuals; it takes several
+hundred times as long (bench/test_fit.py).
 """
 
 from dataclasses import dataclass
@@ -19,59 +22,64 @@ from numpy import ndarray as Array
 from pipeline.runtime.errors import InputError
 from pipeline.world.bezier import P_F, P_INIT
 
-ROWS = 256  # recordings per batch: fewer calls against arrays that still fit a cache
-WIDTH = 32  # samples: recordings are padded to a multiple of it, so that their sums round alike in any company
-STEPS = 200  # at the most; a hand's recordings take about eight
-ROUNDS = 10  # of looking for samples that the wrong branch of a folded path holds; one or two do
-TOLERANCE = 1e-8  # of E: a recording is done when a step promises to lower E by less
-ANCHOR = 1e-6  # weight of |z - z_0|^2 against each sample's squared distance
-MATCHES = 10  # rounds of matching lengths behind z_0; paths that turn back on themselves need them
-STRIDE = 4  # every fourth sample is enough to match lengths
-FINE = 65  # parameters at which a path's length is summed
-LONGEST = 0.1  # of a parameter's steps: beside a turning point Newton's would leave the branch
-BRANCHES = (0.0, 0.5, 1.0)  # parameters from which the nearest point of a path is looked for afresh
-NEAR = 6  # Newton steps from each
+BATCH_ROWS = 256  # trajectories per batch: fewer calls against arrays that still fit a cache
+PAD_SAMPLES = 32  # trajectories are padded to a multiple of it, so that sums round alike whatever else is fitted
+MAX_STEPS = 200  # of Newton's method; a hand's trajectories take about eight
+MAX_BRANCH_ROUNDS = 10  # of moving samples to the nearest branch of a folded path; one or two suffice
+TOLERANCE = 1e-8  # of E: a fit has converged when a step promises to lower E by less
+ANCHOR_WEIGHT = 1e-6  # of |z - z_0|^2 against each sample's squared distance
+LENGTH_ROUNDS = 10  # of matching lengths for z_0; paths that turn back on themselves need them
+LENGTH_STRIDE = 4  # every fourth sample is enough to match lengths
+LENGTH_POINTS = 65  # parameters at which a path's length is summed
+MAX_PARAMETER_STEP = 0.1  # beside a turning point a longer step would leave the branch
+BRANCH_STARTS = (0.0, 0.5, 1.0)  # parameters from which the nearest point of a path is searched afresh
+BRANCH_STEPS = 6  # Newton steps from each
 
 
 @dataclass(frozen=True)
 class Fits:
     """Fitted paths: control point [m], root mean square orthogonal distance [m], and whether that is too much."""
 
-    z_theta: Float[Array, "recording 2"]
-    residual_m: Float[Array, " recording"]
-    poor: Bool[Array, " recording"]
+    z_theta: Float[Array, "trajectory 2"]
+    residual_m: Float[Array, " trajectory"]
+    poor: Bool[Array, " trajectory"]
 
 
 def fit(
     points: Float[Array, "total 2"],
     offsets: Int[Array, " bound"],
     poor_above_m: float,
-    p_init: Float[Array, "*recording_or_all 2"] = P_INIT,
-    p_f: Float[Array, "*recording_or_all 2"] = P_F,
+    p_init: Float[Array, "*trajectory_or_all 2"] = P_INIT,
+    p_f: Float[Array, "*trajectory_or_all 2"] = P_F,
 ) -> Fits:
-    """Fit a path to each recording: `points[offsets[i]:offsets[i + 1]]` [m], in the order they were passed.
+    """Fit a path to each trajectory: `points[offsets[i]:offsets[i + 1]]` [m], in order of time.
 
-    `p_init` and `p_f` are the fixed ends [m], one pair for all or one a recording. Fits whose residual exceeds
-    `poor_above_m` are flagged `poor`, never dropped. Raises ValueError for a recording of fewer than 3 points.
+    `p_init` and `p_f` are the fixed ends [m], one pair for all or one a trajectory. Fits whose residual exceeds
+    `poor_above_m` are flagged `poor`, never dropped. Raises InputError for a trajectory of fewer than 3 points.
     """
     lengths = np.diff(offsets)
     if len(lengths) and lengths.min() < 3:
-        raise InputError(f"recording {lengths.argmin()} has {lengths.min()} points: expected at least 3; leave it out")
+        raise InputError(f"trajectory {lengths.argmin()} has {lengths.min()} points: expected at least 3; leave it out")
     ends = [np.broadcast_to(p, (len(lengths), 2)).astype(float) for p in (p_init, p_f)]
     z, residual = np.empty((len(lengths), 2)), np.empty(len(lengths))
-    widths = -(-lengths // WIDTH) * WIDTH
+    widths = -(-lengths // PAD_SAMPLES) * PAD_SAMPLES
     batches = [(width, np.nonzero(widths == width)[0]) for width in np.unique(widths)]
-    for width, rows in ((w, of[i : i + ROWS]) for w, of in batches for i in range(0, len(of), ROWS)):
+    chunks = [
+        (width, all_rows[i : i + BATCH_ROWS])
+        for width, all_rows in batches
+        for i in range(0, len(all_rows), BATCH_ROWS)
+    ]
+    for width, rows in chunks:
         sample = np.arange(width)
-        at = offsets[rows, None] + np.minimum(sample, lengths[rows, None] - 1)  # (row, sample)
+        index = offsets[rows, None] + np.minimum(sample, lengths[rows, None] - 1)  # (row, sample)
         weight = (sample < lengths[rows, None]).astype(float)
-        x, y = (points[at, i] - ends[0][rows, i, None] for i in (0, 1))
+        x, y = (points[index, i] - ends[0][rows, i, None] for i in (0, 1))
         z[rows], residual[rows] = _Batch(x, y, weight, (ends[1] - ends[0])[rows]).solve()
     return Fits(z + ends[0], residual, residual > poor_above_m)
 
 
 class _Batch:
-    """Recordings padded to one length (weight 0 beyond their own), relative to p_init; no row feels another."""
+    """Trajectories padded to one length (weight 0 in the padding), relative to p_init; no row affects another."""
 
     def __init__(self, x: Array, y: Array, weight: Array, end: Array, anchor: Array | None = None):
         self.x, self.y, self.weight, self.end = x, y, weight, end  # three (row, sample), one (row, 2)
@@ -82,10 +90,10 @@ class _Batch:
         return _Batch(self.x[rows], self.y[rows], self.weight[rows], self.end[rows], self.anchor[rows])
 
     def solve(self) -> tuple[Array, Array]:
-        """Control points (row, 2) and root mean square distances (row,) at the minimum of E."""
+        """Return control points (row, 2) and root mean square distances (row,) at the minimum of E."""
         z, u = self.descend(self.anchor.copy(), self.nearest(self.anchor, np.full_like(self.x, 0.5)))
         rows = np.arange(len(z))
-        for _ in range(ROUNDS):
+        for _ in range(MAX_BRANCH_ROUNDS):
             nearest = self[rows].nearest(z[rows], u[rows])
             wrong = (nearest != u[rows]).any(1)
             if not wrong.any():
@@ -96,11 +104,11 @@ class _Batch:
         return z, np.sqrt((self.weight * (rx * rx + ry * ry)).sum(1) / self.count)
 
     def matched_lengths(self) -> Array:
-        """z_0 (row, 2): the fit whose samples lie at the same share of its length as of the recorded length."""
-        share = _shares(np.hypot(np.diff(self.x, axis=1), np.diff(self.y, axis=1)))[:, ::STRIDE]
-        x, y, weight = (values[:, ::STRIDE] for values in (self.x, self.y, self.weight))
-        z, grid = _closed_form(x, y, weight, self.end, share), np.linspace(0.0, 1.0, FINE)
-        for _ in range(MATCHES):
+        """Return z_0 (row, 2): the fit whose samples lie at the same share of its length as of the recorded length."""
+        share = _shares(np.hypot(np.diff(self.x, axis=1), np.diff(self.y, axis=1)))[:, ::LENGTH_STRIDE]
+        x, y, weight = (values[:, ::LENGTH_STRIDE] for values in (self.x, self.y, self.weight))
+        z, grid = _closed_form(x, y, weight, self.end, share), np.linspace(0.0, 1.0, LENGTH_POINTS)
+        for _ in range(LENGTH_ROUNDS):
             speed = [2 * z[:, i, None] * (1 - 2 * grid) + 2 * self.end[:, i, None] * grid for i in (0, 1)]
             fitted = _shares(np.hypot(*speed)[:, 1:])
             u = np.stack([np.interp(*of_row, grid) for of_row in zip(share, fitted, strict=True)])
@@ -108,14 +116,14 @@ class _Batch:
         return z
 
     def descend(self, z: Array, u: Array) -> tuple[Array, Array]:
-        """Damped Newton on E from z: the minimum's z (row, 2) and parameters (row, sample).
+        """Minimise E by damped Newton steps from z; return the minimum's z (row, 2) and parameters (row, sample).
 
-        A row that has arrived is set down and leaves the batch.
+        A row that has converged leaves the batch.
         """
         batch, rows, end_z, end_u = self, np.arange(len(z)), np.empty_like(z), np.empty_like(u)
         u = self.foot_points(z, u, steps=4)
         energy, damping = self.energy(z, u), np.full(len(z), 1e-3)
-        for _ in range(STEPS):
+        for _ in range(MAX_STEPS):
             step, gain = batch.newton(z, u, damping)
             to_u = batch.foot_points(z + step, u)
             to_energy = batch.energy(z + step, to_u)
@@ -134,7 +142,7 @@ class _Batch:
         return end_z, end_u
 
     def newton(self, z: Array, u: Array, damping: Array) -> tuple[Array, Array]:
-        """A step (row, 2) on E with its exact Hessian, u eliminated, and the decrease of E it promises (row,).
+        """Return a step (row, 2) on E with its exact Hessian, u eliminated, and the decrease of E it promises (row,).
 
         The Hessian is shifted by `damping` (row,) times its scale, and further if that leaves it indefinite.
         """
@@ -146,7 +154,7 @@ class _Batch:
         inside = self.weight * ((u > 0) & (u < 1) & (bend > 0)) / np.where(bend > 0, bend, 1.0)
         vx, vy = b1 * qx - slope * rx, b1 * qy - slope * ry
         w1 = self.weight * b1
-        anchor = ANCHOR * self.count
+        anchor = ANCHOR_WEIGHT * self.count
         pull = anchor[:, None] * (self.anchor - z)
         gx, gy = (w1 * rx).sum(1) + pull[:, 0], (w1 * ry).sum(1) + pull[:, 1]
         scale = (w1 * b1).sum(1) + anchor
@@ -161,7 +169,7 @@ class _Batch:
 
     def energy(self, z: Array, u: Array) -> Array:
         rx, ry = self.residual(z, u)
-        anchored = ANCHOR * self.count * ((z - self.anchor) ** 2).sum(1)
+        anchored = ANCHOR_WEIGHT * self.count * ((z - self.anchor) ** 2).sum(1)
         return 0.5 * ((self.weight * (rx * rx + ry * ry)).sum(1) + anchored)
 
     def residual(self, z: Array, u: Array) -> tuple[Array, Array]:
@@ -172,28 +180,28 @@ class _Batch:
         )
 
     def quartic(self, z: Array) -> tuple[Array, Array, Array, Array]:
-        """Coefficients of |x - q(u)|^2 / 2 - |x|^2 / 2 in u^4, u^3, u^2 and u, for each sample."""
+        """Return the coefficients of |x - q(u)|^2 / 2 - |x|^2 / 2 in u^4, u^3, u^2 and u, for each sample."""
         b, a = 2 * z, self.end - 2 * z
         aa, ab, bb = ((p * q).sum(1)[:, None] for p, q in ((a, a), (a, b), (b, b)))
         k2 = 0.5 * bb - a[:, :1] * self.x - a[:, 1:] * self.y
         return 0.5 * aa, ab, k2, -(b[:, :1] * self.x + b[:, 1:] * self.y)
 
     def foot_points(self, z: Array, u: Array, steps: int = 2) -> Array:
-        """Newton steps towards the parameters (row, sample) of the nearest points, downhill and inside [0, 1]."""
+        """Take Newton steps towards the parameters (row, sample) of the nearest points, downhill and inside [0, 1]."""
         k4, k3, k2, k1 = self.quartic(z)
         floor = 1e-3 * (k4 + abs(k3) + 1e-12)
         for _ in range(steps):
             slope = ((4 * k4 * u + 3 * k3) * u + 2 * k2) * u + k1
             bend = np.maximum(abs((12 * k4 * u + 6 * k3) * u + 2 * k2), floor)
-            u = np.clip(u - np.clip(slope / bend, -LONGEST, LONGEST), 0.0, 1.0)
+            u = np.clip(u - np.clip(slope / bend, -MAX_PARAMETER_STEP, MAX_PARAMETER_STEP), 0.0, 1.0)
         return u
 
     def nearest(self, z: Array, u: Array) -> Array:
-        """`u`, but the parameter of a nearer branch of the path where there is one: a cubic has two minima at most."""
+        """Return `u`, or the parameter of a nearer branch of the path if there is one; there are at most two."""
         k4, k3, k2, k1 = self.quartic(z)
         best = u
-        for start in BRANCHES:
-            other = self.foot_points(z, np.full_like(u, start), steps=NEAR)
+        for start in BRANCH_STARTS:
+            other = self.foot_points(z, np.full_like(u, start), steps=BRANCH_STEPS)
             distance, present = ((((k4 * v + k3) * v + k2) * v + k1) * v for v in (other, best))
             nearer = (distance < present - 1e-12) & (self.weight > 0)
             best = np.where(nearer, other, best)
@@ -201,13 +209,13 @@ class _Batch:
 
 
 def _shares(steps: Array) -> Array:
-    """Share of the whole length passed before each step and at the end: (row, step) -> (row, step + 1)."""
+    """Return the share of the whole length passed before each step and at the end: (row, step) -> (row, step + 1)."""
     passed = np.concatenate([np.zeros((len(steps), 1)), np.cumsum(steps, 1)], 1)
     return passed / np.maximum(passed[:, -1:], 1e-12)
 
 
 def _closed_form(x: Array, y: Array, weight: Array, end: Array, u: Array) -> Array:
-    """The z (row, 2) that minimises the distances of samples at fixed parameters `u` (row, sample)."""
+    """Return the z (row, 2) that minimises the distances of samples at fixed parameters `u` (row, sample)."""
     b1, b2 = 2 * u * (1 - u), u * u
     weighted = b1 * weight
     norm = np.maximum((weighted * b1).sum(1), 1e-12)

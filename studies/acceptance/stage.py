@@ -1,261 +1,178 @@
-"""Stage accept: which paths a model may accept so that at most a promised share is invalid, and does that come true?
+"""Accept paths by conformal selection and by a fixed threshold, and count how many of them are invalid.
 
-All new paths of a split are the candidates of one choice. A model that accepts none of them counts as one without
-error: the false discovery rate is an expectation over all models; nothing is promised of those alone that accept some
-(`where_any`).
+Conformal selection fits each model to some of its seed's training scenes and calibrates it in the others. The fixed
+threshold, P(valid) > 1/2, uses a model fitted to all of them. All new paths of a split are the candidates of one
+selection; a model that accepts none counts as one without error.
 """
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from functools import partial
+from itertools import product
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Bool, Float, Float32, Int
-from numpy import ndarray as Array
 from omegaconf import DictConfig
 
-from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
-from pipeline.artifacts.files import write_json, write_table
-from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
-from pipeline.causal.interventions import DIGITS
+from pipeline.artifacts.demos import Queries, demo_arrays, read_demos, read_queries
+from pipeline.artifacts.files import write_table
+from pipeline.artifacts.scenes import read_scenes, train_pool
 from pipeline.launch import launch
 from pipeline.models.base import ValidityModel
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.streams import stream
-from pipeline.stats.conformal import (
-    Calibration,
-    accept,
-    accept_knowing,
-    by_scene,
-    fewest_demonstrations,
-    fewest_without_error,
-    p_values,
-    score,
-)  # fmt: skip
-from pipeline.stats.crossed import Estimates, estimate
+from pipeline.stats.conformal import accept, p_values, score, share_by_scene
+from pipeline.stats.crossed import estimate
 from pipeline.stats.scores import DECISION
 from pipeline.training.refit import TrainingSet, refit
 
-SPLIT, CROSSED, TRAINING = "split", "crossed", "training"  # how held-out scores come about; TRAINING: they do not
-RULES = (SPLIT, CROSSED, TRAINING, "decision", "truth")
-Who = tuple[str, int]  # user, seed
-
-
-class Part(NamedTuple):
-    """The training scenes that a model is fitted to, and those whose demonstrations calibrate it."""
-
-    fitted: Int[Array, " scene"]
-    calibrating: Int[Array, " scene"]
-
-
-Parts = dict[str, list[Part]]  # by form
-
-
-class Scores(NamedTuple):
-    """P(valid) by one model of all its seed's demonstrations, and of every split's paths, one after the other."""
-
-    demonstrations: Float32[Array, "scene n"]
-    paths: Float32[Array, "picture path"]
+RULES = CONFORMAL, THRESHOLD = "conformal", "threshold"
+ALL = "all"  # users, in summary.csv
+TOLERANCE = 1e-12  # of a share above the level
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """metrics.json, and curve.csv: the same for every promise."""
-    scenes, pools = read_scenes(Path(cfg.paths.scenes)), _pools(cfg)
-    _check_scenes(cfg, scenes)
-    demos, queries = read_demos(Path(cfg.paths.demos)), read_queries(Path(cfg.paths.demos))
-    users, seeds = list(cfg.evaluate.users), list(cfg.protocol.seeds)
-    whole = {(user, seed): _whole(cfg, scenes, demos, user, seed) for user in users for seed in seeds}
-    images = np.concatenate([scenes.images[pool] for pool in pools.values()])
-    z_theta = np.concatenate([queries[pool].z for pool in pools.values()])
-    parts = {seed: _parts(cfg, seed) for seed in seeds}
-    scores = _scores(cfg, parts, whole, images, z_theta)
-    found, first = {}, 0
-    for split, pool in pools.items():
-        here = slice(first, first := first + len(queries[pool].z))
-        truth = np.stack([queries[pool].valid[user] for user in users])
-        for variant in cfg.accept.variants:
-            accepted = _accepted(cfg, parts, whole, scores[variant], here, truth)
-            found[variant, split] = {rule: _outcome(a, truth) for rule, a in accepted.items()}
-    curves = [_curve(cfg, variant, split, by_rule) for (variant, split), by_rule in found.items()]
-    write_table(out_dir / "curve.csv", pd.concat(curves))
-    write_json(out_dir / "metrics.json", _metrics(cfg, found, whole, truth.shape[1:]))
+    """Write summary.csv and curve.csv."""
+    study, users, seeds = cfg.studies.acceptance, list(cfg.evaluate.users), list(cfg.protocol.seeds)
+    who = list(product(users, seeds))
+    complete, queries = read_inputs(cfg, who)
+    images = np.concatenate([images for images, _ in queries.values()])
+    z_theta = np.concatenate([q.z for _, q in queries.values()])
+
+    # per user and seed one model of some scenes, for conformal selection, and one of all, for the threshold
+    fitted = {seed: choose_scenes(cfg, seed) for seed in seeds}
+    training_sets = [part_of(complete[w], fitted[w[1]]) for w in who] + [complete[w] for w in who]
+    answers = refit(
+        cfg, dict.fromkeys(study.variants, training_sets), partial(predict, complete, images, z_theta), "accept"
+    )
+
+    summary, curve = [], []
+    for variant, predictions in answers.items():
+        first = 0
+        for split, (_, q) in queries.items():
+            rows, first = slice(first, first + len(q.z)), first + len(q.z)
+            accepted = {CONFORMAL: [], THRESHOLD: []}  # (user, seed) -> (level, scene, path)
+            for i, (user, seed) in enumerate(who):
+                p_demos, p_paths = predictions[i]
+                held_out = np.setdiff1d(np.arange(len(p_demos)), fitted[seed])
+                labels = complete[user, seed].valid[held_out].ravel()
+                p = p_values(score(p_demos[held_out].ravel()), labels, score(p_paths[rows].ravel()))
+                accepted[CONFORMAL].append([accept(p, level).reshape(p_paths[rows].shape) for level in study.levels])
+                accepted[THRESHOLD].append([predictions[len(who) + i][1][rows] > DECISION] * len(study.levels))
+            valid = np.stack([q.valid[user] for user in users])
+            for rule in RULES:
+                choices = np.array(accepted[rule]).reshape(len(users), len(seeds), len(study.levels), *valid.shape[1:])
+                names = {"variant": variant, "split": split, "rule": rule}
+                outcome = count_outcome(choices, valid)
+                curve.append(pd.DataFrame(names | curve_columns(outcome, study.levels)))
+                summary += [names | row for row in summary_rows(outcome, study.level, study.levels, users)]
+    write_table(out_dir / "curve.csv", pd.concat(curve, ignore_index=True))
+    write_table(out_dir / "summary.csv", pd.DataFrame(summary))
 
 
-def _check_scenes(cfg: DictConfig, scenes: SceneSet) -> None:
-    """Raise InputError if a pool is missing, or a seed's training scenes are not as many as `scenes.per_seed`."""
-    scenes.check_has(*map(train_pool, cfg.protocol.seeds), *_pools(cfg).values())
-    for pool in map(train_pool, cfg.protocol.seeds):
-        if len(scenes.images[pool]) != cfg.scenes.per_seed:
+def read_inputs(
+    cfg: DictConfig, who: Sequence[tuple[str, int]]
+) -> tuple[dict[tuple[str, int], TrainingSet], dict[str, tuple[np.ndarray, Queries]]]:
+    """Read each user's and seed's demonstrations, and images and queries of the splits that all seeds share.
+
+    InputError if a pool is missing, or a seed has another number of training scenes than scenes.per_seed.
+    """
+    scenes, demos = read_scenes(Path(cfg.paths.scenes)), read_demos(Path(cfg.paths.demos))
+    queries, splits = read_queries(Path(cfg.paths.demos)), {s: pool for s, pool in cfg.protocol.splits.items() if pool}
+    scenes.check_has(*map(train_pool, cfg.protocol.seeds), *splits.values())
+    complete = {}
+    for user, seed in who:
+        images = scenes.images[train_pool(seed)]
+        if len(images) != cfg.scenes.per_seed:
             raise InputError(
-                f"{len(scenes.images[pool])} scenes {pool}: expected {cfg.scenes.per_seed}; run the scenes stage again"
+                f"{len(images)} scenes {train_pool(seed)}: expected {cfg.scenes.per_seed}; run the scenes stage again"
             )
+        complete[user, seed] = TrainingSet(user, seed, images, *demo_arrays(demos, seed, user, cfg.main_n_demos))
+    return complete, {split: (scenes.images[pool], queries[pool]) for split, pool in splits.items()}
 
 
-def _whole(cfg: DictConfig, scenes: SceneSet, demos: pd.DataFrame, user: str, seed: int) -> TrainingSet:
-    """All that a user demonstrated in a seed's scenes."""
-    z_theta, valid = demo_arrays(demos, seed, user, cfg.main_n_demos)
-    return TrainingSet(user, seed, scenes.images[train_pool(seed)], z_theta, valid)
+def choose_scenes(cfg: DictConfig, seed: int) -> np.ndarray:
+    """Draw the training scenes of a seed that its models are fitted to; the same for every user and variant."""
+    rng = stream(cfg.studies.acceptance.root_seed, "scenes", seed)
+    return np.sort(rng.permutation(cfg.scenes.per_seed)[: cfg.studies.acceptance.fitted])
 
 
-def _pools(cfg: DictConfig) -> dict[str, str]:
-    """The splits that all seeds share, and their pools."""
-    return {split: pool for split, pool in cfg.protocol.splits.items() if pool}
+def part_of(complete: TrainingSet, scenes: np.ndarray) -> TrainingSet:
+    """Return the demonstrations in these scenes."""
+    return TrainingSet(
+        complete.user, complete.seed, complete.images[scenes], complete.z_theta[scenes], complete.valid[scenes]
+    )
 
 
-def _parts(cfg: DictConfig, seed: int) -> Parts:
-    """Which of a seed's scenes each model of a form is fitted to; the same for every user and variant."""
-    everything = np.arange(cfg.scenes.per_seed)
-    order = stream(cfg.accept.root_seed, "scenes", seed).permutation(everything)
-    fitted, rest = np.split(order, [cfg.accept.fitted])
-    folds = np.split(order, cfg.accept.folds)
+def predict(
+    complete: dict[tuple[str, int], TrainingSet],
+    images: np.ndarray,
+    z_theta: np.ndarray,
+    model: ValidityModel,
+    training_set: TrainingSet,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return P(valid) of all demonstrations of the model's user and seed, (scene, demo), and of the new paths."""
+    demos = complete[training_set.user, training_set.seed]
+    return model.probability(demos.images, demos.z_theta), model.probability(images, z_theta)
+
+
+def count_outcome(accepted: np.ndarray, valid: np.ndarray) -> dict[str, np.ndarray]:
+    """Return what selections (user, seed, level, scene, path) are worth, each value (user, seed, level, scene).
+
+    invalid: share of invalid paths among the accepted ones, and power: share of valid paths that are accepted, both
+    by `share_by_scene`; count: accepted paths.
+    """
+    truth = np.broadcast_to(valid[:, None, None], accepted.shape)
+    count, correct = accepted.sum(-1), (accepted & truth).sum(-1)
     return {
-        SPLIT: [Part(np.sort(fitted), rest)],
-        CROSSED: [Part(np.setdiff1d(everything, fold), fold) for fold in folds],
-        TRAINING: [Part(everything, everything)],
+        "invalid": share_by_scene(count - correct, count),
+        "power": share_by_scene(correct, truth.sum(-1)),
+        "count": count,
     }
 
 
-def _scores(
-    cfg: DictConfig,
-    parts: Mapping[int, Parts],
-    whole: Mapping[Who, TrainingSet],
-    images: Array,
-    z_theta: Array,
-) -> dict[str, dict[tuple[str, Who], list[Scores]]]:
-    """variant -> (form, (user, seed)) -> the scores by each part's model."""
-    forms = [(form, who) for who in whole for form in parts[who[1]]]
-    training_sets = [_lesson(whole[who], part) for form, who in forms for part in parts[who[1]][form]]
-    answer = partial(_ask, whole, images, z_theta)
-    answers = refit(cfg, dict.fromkeys(cfg.accept.variants, training_sets), answer, "accept")
-    rest = {variant: iter(scores) for variant, scores in answers.items()}
-    return {v: {(form, who): [next(of) for _ in parts[who[1]][form]] for form, who in forms} for v, of in rest.items()}
+def curve_columns(outcome: dict[str, np.ndarray], levels: Sequence[float]) -> dict[str, object]:
+    """Return means over users for each level, with 95 % intervals over seeds and scenes."""
+    columns: dict[str, object] = {"level": list(levels)}
+    for name, prefix, values in (("invalid", "", outcome["invalid"]), ("power", "power_", outcome["power"])):
+        e = estimate(np.moveaxis(values.mean(0), 1, 0))  # (level, seed, scene)
+        columns |= {name: e.effect, f"{prefix}ci_low": e.ci_low.clip(0, 1), f"{prefix}ci_high": e.ci_high.clip(0, 1)}
+    return columns | {"abstained": (outcome["count"].sum(-1) == 0).mean((0, 1))}
 
 
-def _lesson(own: TrainingSet, part: Part) -> TrainingSet:
-    at = part.fitted
-    return TrainingSet(own.user, own.seed, own.images[at], own.z_theta[at], own.valid[at])
+def summary_rows(outcome: dict[str, np.ndarray], level: float, levels: Sequence[float], users: list[str]) -> list[dict]:
+    """Return a row for all users together and for each one, at the promised level.
 
-
-def _ask(
-    whole: Mapping[Who, TrainingSet], images: Array, z_theta: Array, model: ValidityModel, training_set: TrainingSet
-) -> Scores:
-    own = whole[training_set.user, training_set.seed]
-    return Scores(model.probability(own.images, own.z_theta), model.probability(images, z_theta))
-
-
-def _accepted(
-    cfg: DictConfig,
-    parts: Mapping[int, Parts],
-    whole: Mapping[Who, TrainingSet],
-    scores: Mapping[tuple[str, Who], list[Scores]],
-    here: slice,
-    truth: Bool[Array, "user scene path"],
-) -> dict[str, Bool[Array, "level user seed scene path"]]:
-    """rule -> the paths of one split that it accepts for each promise."""
-    levels, shape = list(cfg.accept.levels), truth.shape[1:]
-    accepted: dict[str, list] = {rule: [] for rule in RULES}
-    for (user, seed), own in whole.items():
-        for form in (SPLIT, CROSSED, TRAINING):
-            calibrations = [
-                Calibration(score(s.demonstrations[at].ravel()), own.valid[at].ravel(), score(s.paths[here].ravel()))
-                for s, (_, at) in zip(scores[form, (user, seed)], parts[seed][form], strict=True)
-            ]
-            p = p_values(calibrations)
-            accepted[form].append([accept(p, level) for level in levels])
-        p, valid = scores[TRAINING, (user, seed)][0].paths[here].ravel(), truth[list(cfg.evaluate.users).index(user)]
-        accepted["decision"].append([p > DECISION] * len(levels))
-        accepted["truth"].append([accept_knowing(p, valid.ravel(), level) for level in levels])
-    return {
-        rule: np.moveaxis(np.reshape(of, (len(truth), -1, len(levels), *shape)), 2, 0) for rule, of in accepted.items()
-    }
-
-
-class Outcome(NamedTuple):
-    """What a rule's choices are worth; every field (level, user, seed, scene), see `by_scene` for the shares."""
-
-    false: Float[Array, "level user seed scene"]  # share of invalid paths among the accepted ones
-    power: Float[Array, "level user seed scene"]  # share of valid paths that are accepted
-    count: Int[Array, "level user seed scene"]  # accepted paths
-
-
-def _outcome(accepted: Bool[Array, "level user seed scene path"], truth: Bool[Array, "user scene path"]) -> Outcome:
-    valid = np.broadcast_to(truth[:, None], accepted.shape)
-    count = accepted.sum(-1)
-    right = (accepted & valid).sum(-1)
-    return Outcome(by_scene(count - right, count), by_scene(right, valid.sum(-1)), count)
-
-
-def _curve(cfg: DictConfig, variant: str, split: str, found: Mapping[str, Outcome]) -> pd.DataFrame:
-    """Rows of every rule and promise: mean over users, with 95 % intervals over seeds and scenes."""
+    invalid (with q1 and q3 over models) and power as in `count_outcome`; accepted: paths a model; above: models with
+    a larger share of invalid paths than promised; abstained: models that accept nothing; invalid_where_any: the mean
+    over the others.
+    """
+    at_level = {name: values[:, :, list(levels).index(level)] for name, values in outcome.items()}
     rows = []
-    for rule, outcome in found.items():
-        false, power = estimate(outcome.false.mean(1)), estimate(outcome.power.mean(1))
-        abstained = (outcome.count.sum(-1) == 0).mean((1, 2))
-        columns = {"variant": variant, "split": split, "rule": rule, "level": list(cfg.accept.levels)}
-        columns |= _limits("false", false) | _limits("power", power) | {"abstained": abstained}
-        rows.append(pd.DataFrame(columns))
-    return pd.concat(rows).round(DIGITS)
-
-
-def _limits(name: str, e: Estimates) -> dict[str, Array]:
-    """A share's mean and its interval, which ends where shares do."""
-    return {name: e.effect, f"{name}_low": np.clip(e.ci_low, 0, 1), f"{name}_high": np.clip(e.ci_high, 0, 1)}
-
-
-def _metrics(
-    cfg: DictConfig,
-    found: Mapping[tuple[str, str], Mapping[str, Outcome]],
-    whole: Mapping[Who, TrainingSet],
-    shape: tuple[int, ...],
-) -> dict:
-    """variant -> split -> rule -> numbers at the promise, over all users and by user; what a promise needs."""
-    c, at = cfg.accept, list(cfg.accept.levels).index(cfg.accept.level)
-    users, (scenes, paths) = list(cfg.evaluate.users), shape
-    acceptance: dict = {}
-    for (variant, split), by_rule in found.items():
-        cells = acceptance.setdefault(variant, {})[split] = {}
-        for rule, outcome in by_rule.items():
-            false, power, count = (values[at] for values in outcome)
-            by_user = [_cell(c.level, false[i], power[i], count[i]) for i in range(len(users))]
-            cells[rule] = _cell(c.level, false, power, count) | {"users": dict(zip(users, by_user, strict=True))}
-    labels = cfg.scenes.per_seed * cfg.main_n_demos
-    held_out = {SPLIT: (cfg.scenes.per_seed - c.fitted) * cfg.main_n_demos, CROSSED: labels}
-    shares = {
-        user: float(np.mean([own.valid.mean() for (of, _), own in whole.items() if of == user])) for user in users
-    }
-    return {
-        "acceptance": acceptance,
-        "rules": list(RULES),
-        "level": c.level,
-        "error": c.error,
-        "labels": labels,
-        "held_out": held_out,
-        "valid": {user: round(share, DIGITS) for user, share in shares.items()},
-        "fewest": {user: fewest_demonstrations(c.level, share) for user, share in shares.items() if share > 0},
-        "without_error": fewest_without_error(c.level, c.error),
-        "seeds": len(cfg.protocol.seeds),
-        "scenes": scenes,
-        "paths": paths,
-    }
-
-
-def _cell(level: float, false: Array, power: Array, count: Array) -> dict:
-    """Numbers of one rule from (..., seed, scene): shares, their spread over models, and how many break the promise."""
-    by_model = false.mean(-1)
-    e = estimate(false.reshape(-1, *false.shape[-2:]).mean(0)[None])
-    spread = dict(zip(("q1", "q3"), np.quantile(by_model, (0.25, 0.75)), strict=True))
-    shares = {"mean": e.effect[0], "ci_low": max(e.ci_low[0], 0.0), "ci_high": min(e.ci_high[0], 1.0), **spread}
-    shares |= {"power": power.mean(), "accepted": count.sum(-1).mean()}
-    some = count.sum(-1) > 0
-    return {name: round(float(value), DIGITS) for name, value in shares.items()} | {
-        "where_any": round(float(by_model[some].mean()), DIGITS) if some.any() else None,
-        "above": int((by_model > level + 1e-12).sum()),
-        "abstained": int((~some).sum()),
-        "models": by_model.size,
-    }
+    for user, chosen in [(ALL, slice(None)), *((user, slice(i, i + 1)) for i, user in enumerate(users))]:
+        invalid, power, count = (at_level[name][chosen] for name in ("invalid", "power", "count"))
+        by_model, accepts = invalid.mean(-1), count.sum(-1) > 0
+        e = estimate(invalid.mean(0)[None])
+        q1, q3 = np.quantile(by_model, (0.25, 0.75))
+        rows.append(
+            {
+                "user": user,
+                "level": level,
+                "invalid": e.effect[0],
+                "ci_low": max(e.ci_low[0], 0.0),
+                "ci_high": min(e.ci_high[0], 1.0),
+                "q1": q1,
+                "q3": q3,
+                "power": power.mean(),
+                "accepted": count.sum(-1).mean(),
+                "above": int((by_model > level + TOLERANCE).sum()),
+                "abstained": int((~accepts).sum()),
+                "models": by_model.size,
+                "invalid_where_any": by_model[accepts].mean() if accepts.any() else np.nan,
+            }
+        )
+    return rows
 
 
 if __name__ == "__main__":
-    launch(main, "accept")
+    launch(main, "acceptance")

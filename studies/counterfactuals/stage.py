@@ -1,69 +1,52 @@
-"""Stage counterfactual: which item each model blames for a rejected path, and how far it would have to move."""
+"""Attribute rejected paths to items, and find how far the item would have to move; by every model, beside the truth.
 
+Models and world are structural causal models that differ in their mechanisms only (pipeline.causal.mechanisms). Each
+question is do(O := o) in a scene whose path, user, table top and render seed are on record.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from omegaconf import DictConfig
 
-from pipeline.artifacts.files import write_arrays, write_json, write_table
+from pipeline.artifacts.files import write_arrays, write_table
 from pipeline.artifacts.scenes import read_scenes
-from pipeline.artifacts.trained import check_weights, predict_all
+from pipeline.artifacts.trained import check_weights, load_model
 from pipeline.causal.counterfactual import (
-    DECISION,
-    NOBODY,
+    NO_SINGLE_CAUSE,
     Removals,
-    Tables,
-    away,
-    blame,
-    crossing,
-    first,
-    fits,
+    attribute,
+    baselines,
+    item_subsets,
     keep,
-    move_study,
-    nulls,
-    removals,
-    rounded,
-    slide,
-    study,
-    unlike,
+    score_attributions,
 )
+from pipeline.causal.mechanisms import model_scm, renderer, true_scm
+from pipeline.causal.scm import SCM, Values
 from pipeline.launch import launch
-from pipeline.params import need
+from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.streams import stream
+from pipeline.stats.scores import DECISION
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts
-from pipeline.world.render import Palette, render_scenes
-from pipeline.world.rules import Margins, clearance, slack, valid
+from pipeline.world.render import Palette
+from pipeline.world.rules import Margins, clearance, slack
+from studies.counterfactuals.examples import choose, example_rows
+from studies.counterfactuals.moves import crossing, has_room, outward_normal, score_moves, translate_item
 
-# (seed, case) each: [m], NaN if none is found; whether the path is rejected at first
-LeastMoves = tuple[np.ndarray, np.ndarray]
-FINE = 10  # parts of a step between two pictures in which the true least move is sought
-
-
-@dataclass(frozen=True)
-class World:
-    """The scenes asked about, the paths in them, z_theta [m] (scene, path, 2), and every table behind the questions."""
-
-    layouts: Layouts
-    looks: pd.DataFrame
-    palette: Palette
-    z_theta: np.ndarray
-    tables: Tables
-
-    def picture(self, layouts: Layouts, scene: np.ndarray) -> np.ndarray:
-        """These tables, each under the light and on the table top of its scene."""
-        look = self.looks.iloc[scene]
-        return render_scenes(layouts, list(look["texture"]), list(look["render_seed"]), self.palette)
+FINE_STEPS = 10  # parts of a step between two images, for the true least move
 
 
 @dataclass(frozen=True)
 class Moves:
-    """One user's items to blame, moved away from one path each; distance 0 is where they stand."""
+    """One user's causes, each moved away from one path; distance 0 is where the item stands."""
 
-    scene: np.ndarray  # (case,), likewise path and slot
+    scene: np.ndarray  # (case,), as path and slot
     path: np.ndarray
     slot: np.ndarray
     distance: np.ndarray  # (step,) [m]
@@ -71,204 +54,206 @@ class Moves:
     true_m: np.ndarray  # (case,) the least move that makes the path valid
 
 
+@dataclass(frozen=True)
+class Job:
+    """The models of one variant and seed, and the units to ask about, whose images are set."""
+
+    cfg: DictConfig
+    variant: str
+    seed: int
+    users: Sequence[str]
+    noise: Values
+    images: np.ndarray
+
+
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """metrics.json, moves.parquet and examples.npz."""
+    """Write attributions.parquet, summary.csv, moves.parquet, moves.csv, examples.csv and examples.npz."""
     check_weights(cfg)
-    users = [u for u, margins in cfg.users.items() if any(m is not None for m in margins.values())]
-    world = _set_world(cfg)
-    tables, z = world.tables, world.z_theta
-    layouts = keep(world.layouts[tables.scene], tables.kept)
-    images = world.picture(layouts, tables.scene)
-    truth = {u: tables.fold(valid(layouts, z[tables.scene], cfg.users[u]).astype(float)) for u in users}
-    asked = predict_all(cfg, users, images, z[tables.scene], "counterfactual")
-    answers = {v: {u: tables.fold(p[i]) for i, u in enumerate(users)} for v, p in asked.items()}
-    moves = {u: _set_moves(cfg, world, truth[u], cfg.users[u]) for u in users}
-    found = {u: _least_moves(cfg, world, u, moves[u], {v: a[u] for v, a in answers.items()}) for u in users}
-    rows = [_move_rows(cfg, v, u, moves[u], *found[u][v]) for v in cfg.variants for u in users]
-    examples, arrays = _examples(cfg, world, truth, answers, images)
-    cells = {v: {u: _cell(world, truth[u], a[u], moves[u], found[u][v]) for u in users} for v, a in answers.items()}
-    metrics = {
-        "counterfactual": {v: dict.fromkeys(cfg.users) | by_user for v, by_user in cells.items()},
-        "truth": dict.fromkeys(cfg.users) | {u: _truth_cell(t) for u, t in truth.items()},
-        "examples": examples,
-        "scenes": len(world.layouts),
-        "paths": cfg.counterfactual.paths,
-        "pictures": len(images),
-        "seeds": len(cfg.protocol.seeds),
-    }
-    write_table(out_dir / "moves.parquet", pd.concat(rows, ignore_index=True))
-    write_arrays(out_dir / "examples.npz", arrays)
-    write_json(out_dir / "metrics.json", metrics)
+    users = [user for user, margins in cfg.users.items() if any(m is not None for m in margins.values())]
+    noise = read_noise(cfg)
+    layouts, z_theta = noise["O"], noise["Z_theta"]
+    world, camera = true_scm(cfg.users), model_scm({}, renderer(Palette(read_catalogue(Path(cfg.paths.data)))))
+
+    # every scene as it is, empty, without each item and with each item alone: do(O := subset of its items)
+    subsets = item_subsets(layouts.present)
+    units = take(noise, subsets.scene)
+    kept = keep(units["O"], subsets.kept)
+    images = camera.do(O=kept).entail(units, "I")["I"]
+    predictions = ask_models(cfg, users, units, images, "counterfactuals")
+    truth, answers = {}, {}
+    for i, user in enumerate(users):
+        truth[user] = subsets.by_question(world.do(O=kept, S=user).expectation("V", units))
+        answers[user] = {variant: subsets.by_question(p[i]) for variant, p in predictions.items()}
+
+    clearances = clearance(layouts, z_theta)
+    attributions, summary, moves, move_summary = [], [], [], []
+    for user in users:
+        cause = attribute(truth[user].necessity)
+        chances = baselines(cause, layouts.present, layouts.symbol, clearances)
+        invalid, single = truth[user].factual == 0, cause != NO_SINGLE_CAUSE
+        moved = choose_moves(cfg, noise, cause, cfg.users[user])
+        least_moves = find_least_moves(cfg, noise, camera, user, moved, answers[user])
+        for variant, answer in answers[user].items():
+            names = {"variant": variant, "user": user}
+            attributions.append(attribution_rows(cfg, names, answer, truth[user], layouts))
+            true_shares = {"true_invalid": invalid.mean(), "true_single": single.sum() / max(invalid.sum(), 1)}
+            summary.append(names | true_shares | score_attributions(answer, truth[user], layouts.present, chances))
+            moves.append(move_rows(cfg, names, moved, *least_moves[variant]))
+            move_summary.append(names | score_moves(*least_moves[variant], moved.true_m))
+    write_table(out_dir / "attributions.parquet", pd.concat(attributions, ignore_index=True))
+    write_table(out_dir / "summary.csv", pd.DataFrame(summary))
+    write_table(out_dir / "moves.parquet", pd.concat(moves, ignore_index=True))
+    write_table(out_dir / "moves.csv", pd.DataFrame(move_summary))
+
+    example_variant = cfg.studies.counterfactuals.example_variant
+    first_seed = {user: {variant: a.of_seed(0) for variant, a in answers[user].items()} for user in users}
+    chosen = choose(truth, {user: first_seed[user][example_variant] for user in users})
+    examples = [
+        example_rows(kind, place, layouts, z_theta, user, {"truth": truth[user]} | first_seed[user])
+        for kind, place in chosen.items()
+        for user in users
+    ]
+    write_table(out_dir / "examples.csv", pd.concat(examples) if examples else pd.DataFrame({"example": []}))
+    write_arrays(out_dir / "examples.npz", subsets.pick(images, [scene for scene, _ in chosen.values()]))
 
 
-def _set_world(cfg: DictConfig) -> World:
-    """Read the first scenes of the split and draw the paths in them."""
-    s, scenes = cfg.counterfactual, read_scenes(Path(cfg.paths.scenes))
-    pool = cfg.protocol.splits[cfg.counterfactual.split]
+def read_noise(cfg: DictConfig) -> Values:
+    """Return the noises on record of the first scenes of the split: items, table top, render seed and random paths."""
+    study, scenes = cfg.studies.counterfactuals, read_scenes(Path(cfg.paths.scenes))
+    pool = cfg.protocol.splits[study.split]
     scenes.check_has(pool)
-    most = len(scenes.layouts[pool])
-    need(cfg, "counterfactual.scenes", s.scenes <= most, f"at most the {most} scenes of {pool}")
-    layouts = scenes.layouts[pool][: s.scenes]
-    z_theta = random_z_theta(stream(s.root_seed, "counterfactual"), len(layouts), s.paths)
-    palette = Palette(read_catalogue(Path(cfg.paths.data)))
-    return World(layouts, scenes.appearances[pool], palette, z_theta, removals(layouts.present))
+    layouts, appearance = scenes.layouts[pool][: study.scenes], scenes.appearances[pool][: study.scenes]
+    return {
+        "S": np.zeros(len(layouts), dtype=int),
+        "O": layouts,
+        "T": appearance["texture"].to_numpy(),
+        "I": appearance["render_seed"].to_numpy(),
+        "Z_theta": random_z_theta(stream(study.root_seed, "counterfactual"), len(layouts), study.paths),
+        "Z_I": np.zeros(len(layouts)),
+    }
 
 
-def _set_moves(cfg: DictConfig, world: World, truth: Removals, margins: Margins) -> Moves:
-    """In each of the first scenes that allow it, the first invalid path that moving its one culprit makes valid.
-
-    The item slides away from the path, along its normal. Everywhere on the way it must be where scenes may have an
-    item, and before its end the path must become valid.
-    """
-    s, culprit = cfg.counterfactual, blame(truth.necessity)
-    scene, path = np.nonzero(culprit != NOBODY)
-    slot = culprit[scene, path]
-    distance = s.move_step * np.arange(s.move_steps + 1)
-
-    def slid(case: np.ndarray, by: np.ndarray) -> tuple[Layouts, np.ndarray]:
-        """Every case's item moved by every distance, and the slack [m] (case, step) of its path."""
-        layouts, z = world.layouts[scene[case]], world.z_theta[scene[case], path[case]]
-        moved = slide(layouts, slot[case], away(layouts, slot[case], z), by)
-        room = slack(moved, clearance(moved, np.repeat(z, len(by), axis=0)[:, None]), margins)
-        return moved, room.reshape(len(case), len(by))
-
-    moved, room = slid(np.arange(len(scene)), distance)
-    free = fits(moved, np.repeat(slot, len(distance)), LayoutRules.of(cfg.scenes.layout)).reshape(room.shape)
-    possible = np.flatnonzero(free.all(1) & (room > 0).any(1))
-    case = possible[np.unique(scene[possible], return_index=True)[1]][: s.moved_scenes]
-    fine = s.move_step / FINE * np.arange(FINE * s.move_steps + 1)
-    true_m = crossing(fine, slid(case, fine)[1], 0.0)
-    return Moves(scene[case], path[case], slot[case], distance, slid(case, distance)[0], true_m)
+def take(noise: Values, scene: np.ndarray) -> Values:
+    """Return the units of these scenes."""
+    return {name: values[scene] for name, values in noise.items()}
 
 
-def _least_moves(
-    cfg: DictConfig, world: World, user: str, moves: Moves, answers: dict[str, Removals]
-) -> dict[str, LeastMoves]:
-    """By variant, the least moves that each seed's model accepts."""
-    if len(moves.scene) == 0:
-        none = np.empty((len(cfg.protocol.seeds), 0))
-        return dict.fromkeys(answers, (none, none.astype(bool)))
-    scene = np.repeat(moves.scene, len(moves.distance))
-    changed = np.arange(len(scene)) % len(moves.distance) > 0  # all but where the items stand
-    images = world.picture(moves.layouts[changed], scene[changed])
-    z = world.z_theta[scene, np.repeat(moves.path, len(moves.distance))][changed, None]
-    asked = predict_all(cfg, [user], images, z, f"moves, {user}")
-    found = {}
-    for variant, p in asked.items():
-        before = answers[variant].whole[:, moves.scene, moves.path, None]
-        after = p[0, ..., 0].reshape(*before.shape[:2], -1)  # (seed, case, step)
-        c = np.concatenate([before, after], axis=-1)
-        found[variant] = crossing(moves.distance, c, DECISION), c[..., 0] <= DECISION
-    return found
-
-
-def _move_rows(
-    cfg: DictConfig, variant: str, user: str, moves: Moves, found_m: np.ndarray, rejected: np.ndarray
-) -> pd.DataFrame:
-    """One row per (seed, case)."""
-    seed, case = (i.ravel() for i in np.indices(found_m.shape))
-    return pd.DataFrame(
-        {
-            "variant": variant,
-            "user": user,
-            "seed": np.array(cfg.protocol.seeds)[seed],
-            "scene": moves.scene[case],
-            "path": moves.path[case],
-            "slot": moves.slot[case],
-            "symbol": np.array(SYMBOLS)[moves.layouts.symbol[:: len(moves.distance)][case, moves.slot[case]]],
-            "true_m": moves.true_m[case],
-            "rejected": rejected.ravel(),
-            "found_m": found_m.ravel(),
-        }
+def ask_models(
+    cfg: DictConfig, users: Sequence[str], noise: Values, images: np.ndarray, desc: str
+) -> dict[str, np.ndarray]:
+    """Return by variant E[V | do(I := images), S = s] of every path: (user, seed, unit, path)."""
+    variants, seeds = list(cfg.variants), list(cfg.protocol.seeds)
+    seen = {name: noise[name] for name in ("S", "I", "Z_I", "Z_theta")}
+    jobs = [Job(cfg, variant, seed, users, seen, images) for variant, seed in product(variants, seeds)]
+    answers = np.array(map_jobs(answer, jobs, cfg.workers, desc))  # (variant * seed, user, unit, path)
+    return dict(
+        zip(variants, answers.reshape(len(variants), len(seeds), *answers.shape[1:]).swapaxes(1, 2), strict=True)
     )
 
 
-def _cell(world: World, truth: Removals, answer: Removals, moves: Moves, found: LeastMoves) -> dict | None:
-    """What metrics.json says of one variant and user; None if no path is rejected by both."""
-    layouts = world.layouts
-    culprit, clearances = blame(truth.necessity), clearance(layouts, world.z_theta)
-    chances = nulls(culprit, layouts.present, layouts.symbol, clearances)
-    cell = study(answer, truth, layouts.present, chances)
-    return cell and cell | {"least_move": move_study(*found, moves.true_m)}
+def answer(job: Job) -> np.ndarray:
+    """Return the expectation of V by the models of one variant and seed: (user, unit, path)."""
+    cfg = job.cfg
+    models = {user: load_model(cfg, job.variant, user, job.seed, cfg.main_n_demos) for user in job.users}
+    acted = model_scm(models, no_image).do(I=job.images)
+    return np.array([acted.do(S=user).expectation("V", job.noise) for user in job.users])
 
 
-def _truth_cell(truth: Removals) -> dict[str, float]:
-    """The share of paths that are invalid, and of these the share with a single item to blame."""
-    invalid, single = truth.whole == 0, blame(truth.necessity) != NOBODY
-    return {"invalid": rounded(invalid.mean()), "single": rounded(single.sum() / max(invalid.sum(), 1))}
+def no_image(*_: object) -> np.ndarray:
+    """Raise, as the mechanism of images that every job sets."""
+    raise AssertionError("every job sets the image")
 
 
-def _examples(
-    cfg: DictConfig,
-    world: World,
-    truth: dict[str, Removals],
-    answers: dict[str, dict[str, Removals]],
-    images: np.ndarray,
-) -> tuple[list[dict], dict[str, np.ndarray]]:
-    """Worked examples, by rules fixed before any was seen, each the first path of the first scene no other one has.
+def attribution_rows(
+    cfg: DictConfig, names: dict[str, str], answer: Removals, truth: Removals, layouts: Layouts
+) -> pd.DataFrame:
+    """Return a row for each seed and truly invalid path: the item named, and the true cause; slots are -1 for none."""
+    scene, path = np.nonzero(truth.factual == 0)
+    seeds = len(cfg.protocol.seeds)
+    cause = attribute(truth.necessity)[scene, path]
+    attributed = attribute(answer.necessity)[:, scene, path]  # (seed, row)
+    symbols = np.append(np.array(SYMBOLS, dtype=object), "")  # of no item: ""
+    columns = {
+        "seed": np.repeat(np.array(cfg.protocol.seeds), len(scene)),
+        "scene": np.tile(scene, seeds),
+        "path": np.tile(path, seeds),
+        "p": answer.factual[:, scene, path].ravel(),
+        "rejected": answer.factual[:, scene, path].ravel() <= DECISION,
+        "attributed": attributed.ravel(),
+        "attributed_symbol": symbols[np.where(attributed < 0, len(SYMBOLS), layouts.symbol[scene, attributed])].ravel(),
+        "cause": np.tile(cause, seeds),
+        "cause_symbol": np.tile(symbols[np.where(cause < 0, len(SYMBOLS), layouts.symbol[scene, cause])], seeds),
+    }
+    return pd.DataFrame(names | columns)
 
-    1. The first two users both reject it and disagree on whom to blame. 2. The first blames an item, the second
-    accepts it. 3. A model of `example_variant` (the first seed's) rejects what is invalid and blames another than
-    the culprit. Arrays: pictures of the table as it stands, empty, without each slot's item and with it alone.
+
+def choose_moves(cfg: DictConfig, noise: Values, cause: np.ndarray, margins: Margins) -> Moves:
+    """Choose in each of the first scenes the first invalid path that moving its single cause makes valid.
+
+    The item moves away from the path along its normal. Everywhere on the way it must stand where scenes may have an
+    item, and before the end the path must become valid.
     """
-    rejected = np.stack([t.whole == 0 for t in truth.values()])
-    culprit = np.stack([blame(t.necessity) for t in truth.values()])
-    wrong = {
-        u: (a.whole[0] <= DECISION) & (c != NOBODY) & (blame(a.necessity[0]) != c)
-        for (u, a), c in zip(answers[cfg.counterfactual.example_variant].items(), culprit, strict=True)
+    study = cfg.studies.counterfactuals
+    scene, path = np.nonzero(cause != NO_SINGLE_CAUSE)
+    slot = cause[scene, path]
+
+    def move(case: np.ndarray, distance: np.ndarray) -> tuple[Layouts, np.ndarray]:
+        """Return the moved layouts, and the slack [m] (case, step) of each case's path in them."""
+        layouts, z = noise["O"][scene[case]], noise["Z_theta"][scene[case], path[case]]
+        moved = translate_item(layouts, slot[case], outward_normal(layouts, slot[case], z), distance)
+        room = slack(moved, clearance(moved, np.repeat(z, len(distance), axis=0)[:, None]), margins)
+        return moved, room.reshape(len(case), len(distance))
+
+    distance = study.move_step * np.arange(study.move_steps + 1)
+    moved, room = move(np.arange(len(scene)), distance)
+    free = has_room(moved, np.repeat(slot, len(distance)), LayoutRules.of(cfg.scenes.layout)).reshape(room.shape)
+    possible = np.flatnonzero(free.all(1) & (room > 0).any(1))
+    case = possible[np.unique(scene[possible], return_index=True)[1]][: study.moved_scenes]
+    fine = study.move_step / FINE_STEPS * np.arange(FINE_STEPS * study.move_steps + 1)
+    true_m = crossing(fine, move(case, fine)[1], 0.0)
+    return Moves(scene[case], path[case], slot[case], distance, move(case, distance)[0], true_m)
+
+
+def find_least_moves(
+    cfg: DictConfig, noise: Values, camera: SCM, user: str, moves: Moves, answers: dict[str, Removals]
+) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Return by variant (seed, case): the least move [m] that the model accepts, and whether it rejects at 0."""
+    if len(moves.scene) == 0:
+        none = np.empty((len(cfg.protocol.seeds), 0))
+        return dict.fromkeys(answers, (none, none.astype(bool)))
+    index = np.arange(len(moves.layouts))
+    index = index[index % len(moves.distance) > 0]  # all but the scenes as they are
+    case = index // len(moves.distance)
+    units = take(noise, moves.scene[case])
+    units["Z_theta"] = noise["Z_theta"][moves.scene[case], moves.path[case]][:, None]
+    images = camera.do(O=moves.layouts[index]).entail(units, "I")["I"]
+    least_moves = {}
+    for variant, p in ask_models(cfg, [user], units, images, f"moves, {user}").items():
+        before = answers[variant].factual[:, moves.scene, moves.path, None]
+        after = p[0, ..., 0].reshape(*before.shape[:2], -1)  # (seed, case, step)
+        p_valid = np.concatenate([before, after], axis=-1)
+        least_moves[variant] = crossing(moves.distance, p_valid, DECISION), p_valid[..., 0] <= DECISION
+    return least_moves
+
+
+def move_rows(
+    cfg: DictConfig, names: dict[str, str], moves: Moves, model_m: np.ndarray, rejected: np.ndarray
+) -> pd.DataFrame:
+    """Return a row for each seed and case; lengths in metres, model_m NaN if no move is accepted."""
+    seed, case = (i.ravel() for i in np.indices(model_m.shape))
+    first_step = moves.layouts.symbol[:: len(moves.distance)]
+    columns = {
+        "seed": np.array(cfg.protocol.seeds)[seed],
+        "scene": moves.scene[case],
+        "path": moves.path[case],
+        "slot": moves.slot[case],
+        "symbol": np.array(SYMBOLS)[first_step[case, moves.slot[case]]],
+        "true_m": moves.true_m[case],
+        "rejected": rejected.ravel(),
+        "model_m": model_m.ravel(),
     }
-    rules = {"model wrong": np.any(list(wrong.values()), axis=0)}
-    if len(truth) > 1:
-        rules = dict(zip(("disagree", "one accepts"), unlike(rejected, culprit), strict=True)) | rules
-    examples, taken = [], []
-    for kind, where in rules.items():
-        at = first(where, [scene for scene, _ in taken])
-        if at is not None:
-            taken.append(at)
-            told = {u: {"truth": _told(truth[u], world, at)} for u in truth}
-            for u in truth:
-                told[u] |= {v: _told(_of_seed(a[u], 0), world, at) for v, a in answers.items()}
-            where_wrong = {"wrong_for": [u for u, w in wrong.items() if w[at]]} if kind == "model wrong" else {}
-            examples.append(_setting(world, at) | {"kind": kind, "users": told} | where_wrong)
-    tables = world.tables.index[[scene for scene, _ in taken]]  # (example, question)
-    slots = world.layouts.present.shape[1]
-    questions = {"whole": tables[:, 0], "empty": tables[:, 1]}
-    questions |= {"without": tables[:, 2 : 2 + slots], "alone": tables[:, 2 + slots :]}
-    return examples, {name: images[index] for name, index in questions.items()}
-
-
-def _of_seed(answer: Removals, seed: int) -> Removals:
-    return Removals(answer.whole[seed], answer.empty[seed], answer.without[seed], answer.alone[seed])
-
-
-def _setting(world: World, at: tuple[int, int]) -> dict:
-    """Where an example happens: its scene, path and items; lengths in metres."""
-    scene, path = at
-    layouts = world.layouts
-    room = clearance(layouts[[scene]], world.z_theta[[scene]])[0, path]
-    items = [
-        {
-            "slot": int(slot),
-            "symbol": SYMBOLS[layouts.symbol[scene, slot]],
-            "x_m": rounded(layouts.centre[scene, slot, 0]),
-            "y_m": rounded(layouts.centre[scene, slot, 1]),
-            "clearance_m": rounded(room[slot]),
-        }
-        for slot in np.flatnonzero(layouts.present[scene])
-    ]
-    return {"scene": scene, "path": path, "z_theta": [rounded(x) for x in world.z_theta[scene, path]], "items": items}
-
-
-def _told(answer: Removals, world: World, at: tuple[int, int]) -> dict:
-    """P(valid) on every table of an example, PN and PS by item, and the slot blamed (None: no single item)."""
-    present, blamed = world.layouts.present[at[0]], int(blame(answer.necessity)[at])
-    by_item = {"p_without": answer.without, "p_alone": answer.alone, "pn": answer.necessity, "ps": answer.sufficiency}
-    told = {"p": rounded(answer.whole[at]), "p_empty": rounded(answer.empty[at])}
-    told |= {
-        name: [rounded(x) if np.isfinite(x) else None for x in values[at][present]] for name, values in by_item.items()
-    }
-    return told | {"blame": None if blamed == NOBODY else blamed}
+    return pd.DataFrame(names | columns)
 
 
 if __name__ == "__main__":
-    launch(main, "counterfactual")
+    launch(main, "counterfactuals")

@@ -1,1 +1,1 @@
-"""Study: envelope."""
+"""How far does each user want paths to stay from each symbol, by every model and in truth?"""

@@ -1,4 +1,4 @@
-"""Who it was, against Bayes by enumeration; the test that it is none of them, against its exact distribution."""
+"""The posterior agrees with Bayes by enumeration, the open-set test with its exact distribution."""
 
 from itertools import product
 
@@ -9,15 +9,14 @@ from hypothesis import strategies as st
 from scipy.stats import binom
 
 from pipeline.causal.identify import (
-    STEP,
+    STEP_NATS,
+    all_distinct,
     critical_surprise,
+    distinct_from,
     identify,
-    none_of_these,
     posterior,
-    rejected,
-    sure_from,
-    telling,
-    unlike,
+    reject,
+    reject_all_users,
 )
 
 TINY = 1e-9
@@ -38,13 +37,13 @@ def test_the_posterior_is_bayes_rule(seed: int):
     np.testing.assert_allclose(belief.sum(0), 1)
 
 
-def test_certainty_that_proved_wrong_is_no_more_than_the_floor_allows():
+def test_a_certain_and_wrong_model_counts_only_down_to_the_floor():
     p, no = np.array([[1.0], [0.5]]), np.array([False])
     np.testing.assert_allclose(posterior(p, no, 0.01)[:, 0], [0.01 / 0.51, 0.5 / 0.51])
 
 
 @given(st.integers(0, 999))
-def test_told_the_truth_it_finds_as_many_users_as_there_are_different_answers(seed: int):
+def test_the_ideal_observer_is_right_as_often_as_labels_allow(seed: int):
     valid = drawn(seed, paths=3)[1]
     right, _ = identify(valid[:, None].astype(float), valid, TINY)
     for k in (1, 2, 3):
@@ -55,14 +54,14 @@ def test_told_the_truth_it_finds_as_many_users_as_there_are_different_answers(se
 
 
 @given(st.integers(0, 999))
-def test_no_observer_finds_more_than_one_who_was_told_the_truth_in_any_scene(seed: int):
+def test_no_observer_beats_the_ideal_one_in_any_scene(seed: int):
     p, valid = drawn(seed)
     ideal, _ = identify(valid[:, None].astype(float), valid, TINY)
     right, _ = identify(p, valid, TINY)
     assert (right.mean(0) <= ideal.mean(0) + 1e-12).all()
 
 
-def test_users_who_never_differ_share_the_credit_for_ever():
+def test_users_with_the_same_labels_share_the_credit():
     same = np.ones((3, 4, 5, 6), dtype=bool)
     right, sure = identify(np.full((3, 2, 4, 5, 6), 0.9), same, TINY)
     np.testing.assert_allclose(right, 1 / 3)
@@ -77,9 +76,9 @@ def test_a_calibrated_posterior_is_right_as_often_as_it_says():
 
 
 @given(st.lists(st.tuples(st.integers(0, 12), st.floats(0.01, 1.0)), min_size=1, max_size=6), st.floats(0.01, 0.5))
-def test_the_critical_surprise_is_that_of_the_enumerated_distribution(labels: list, level: float):
+def test_the_critical_surprise_agrees_with_enumeration(labels: list, level: float):
     weight = np.array([w for w, _ in labels])
-    rare = np.array([share / (1 + np.exp(STEP * w)) for w, share in labels])  # as rare as the weight says, or rarer
+    rare = np.array([share / (1 + np.exp(STEP_NATS * w)) for w, share in labels])  # at most as rare as the weight says
     found = critical_surprise(weight, rare, level)
     for k in range(1, len(labels) + 1):
         outcomes = np.array(list(product([0, 1], repeat=k)))
@@ -89,16 +88,16 @@ def test_the_critical_surprise_is_that_of_the_enumerated_distribution(labels: li
         assert chance[surprise >= found[k - 1] - 1].sum() > level - 1e-9
 
 
-def test_surprise_is_rounded_down_so_that_markovs_bound_holds():
-    """In the pattern that decides: exp(STEP weight) is at most the odds, on which the truncation rests."""
+def test_surprise_is_rounded_down():
+    """So that exp(STEP_NATS * weight) is at most the odds, on which the bound rests."""
     p = np.full((1, 1, 1, 6), 0.9)
-    weight = int(np.floor(np.log(9) / STEP))
-    assert np.exp(STEP * weight) <= 9 < np.exp(STEP * (weight + 1))
+    weight = int(np.floor(np.log(9) / STEP_NATS))
+    assert np.exp(STEP_NATS * weight) <= 9 < np.exp(STEP_NATS * (weight + 1))
     critical = critical_surprise(np.full((1, 6), weight), np.full((1, 6), 0.1), 0.05)
     for rare in range(7):
         valid = (np.arange(6) >= rare)[None, None, None, None]
         surprise = weight * np.minimum(np.arange(1, 7), rare)
-        np.testing.assert_array_equal(rejected(p, valid, TINY, 0.05)[0, 0, 0, 0], surprise >= critical[0])
+        np.testing.assert_array_equal(reject(p, valid, TINY, 0.05)[0, 0, 0, 0], surprise >= critical[0])
 
 
 def test_a_constant_model_is_rejected_by_the_binomial_tail():
@@ -107,29 +106,29 @@ def test_a_constant_model_is_rejected_by_the_binomial_tail():
         labels = np.ones((1, k), dtype=bool)
         labels[0, :surprises] = False
         tail = binom.sf(surprises - 1, k, 1 - p)
-        assert rejected(np.full(k, p), labels, TINY, level)[0, -1] == (tail <= level)
+        assert reject(np.full(k, p), labels, TINY, level)[0, -1] == (tail <= level)
 
 
 @pytest.mark.parametrize("spread", [0.3, 1.0, 4.0])
-def test_a_calibrated_model_raises_false_alarms_at_the_level_at_the_most(spread: float):
+def test_a_calibrated_model_raises_false_alarms_at_most_at_the_level(spread: float):
     rng = np.random.default_rng(7)
     p = 1 / (1 + np.exp(-rng.normal(0, spread, (20_000, 12))))
-    alarms = rejected(p, (rng.random(p.shape) < p)[None], TINY, 0.05)[0].mean(0)
+    alarms = reject(p, (rng.random(p.shape) < p)[None], TINY, 0.05)[0].mean(0)
     assert (alarms < 0.05 + 3 * np.sqrt(0.05 * 0.95 / len(p))).all()
     if spread == 1.0:
         assert alarms[-1] > 0.04  # and little is given away where labels differ in weight
 
 
-def test_where_a_user_s_model_is_calibrated_none_of_these_comes_out_no_oftener_than_the_level():
+def test_open_set_rejection_controls_the_level():
     rng = np.random.default_rng(8)
     p = rng.beta(0.5, 0.5, (3, 1, 50, 40, 8))
-    none = none_of_these(p, rng.random((3, 50, 40, 8)) < p[:, 0], TINY, 0.1)
+    none = reject_all_users(p, rng.random((3, 50, 40, 8)) < p[:, 0], TINY, 0.1)
     assert none.mean((2, 3)).max() < 0.1 + 3 * np.sqrt(0.1 * 0.9 / 2000)
 
 
-def test_told_the_truth_a_stranger_is_none_of_these_once_it_contradicts_every_user():
+def test_the_ideal_observer_rejects_a_stranger_once_he_contradicts_every_user():
     valid = np.random.default_rng(9).random((4, 6, 5, 7)) < 0.7  # the stranger last
-    none = none_of_these(valid[:3, None].astype(float), valid, TINY, 0.05)
+    none = reject_all_users(valid[:3, None].astype(float), valid, TINY, 0.05)
     contradicted = (valid[None, :3] != valid[:, None]).cumsum(-1) > 0  # (who, user, scene, draw, path)
     expected = np.moveaxis(contradicted.all(1).mean(2), -1, 1)[:, :, None]
     np.testing.assert_allclose(none, expected)
@@ -138,26 +137,17 @@ def test_told_the_truth_a_stranger_is_none_of_these_once_it_contradicts_every_us
 
 def test_a_model_that_knows_nothing_never_rejects():
     labels = np.random.default_rng(0).random((3, 50, 20)) < 0.5
-    assert not rejected(np.full((50, 20), 0.5), labels, TINY, 0.05).any()
+    assert not reject(np.full((50, 20), 0.5), labels, TINY, 0.05).any()
 
 
-def test_scenes_tell_if_every_two_users_differ_often_enough():
+def test_users_are_distinct_if_they_differ_often_enough():
     valid = np.ones((3, 3, 10, 20), dtype=bool)
     differ = 1 - 0.01 ** (1 / 20)  # then 20 paths show no difference with probability 1 %
     few, enough = int(200 * differ), int(200 * differ) + 1
     for scene, count in ((0, few), (1, enough)):
         valid[0, scene].reshape(-1)[:count] = False
         valid[1, scene].reshape(-1)[-count:] = False
-    assert telling(valid).tolist() == [False, True, False]
-    assert unlike(~valid[2], valid).tolist() == [True, True, True]
-    assert unlike(valid[0], valid[1:]).tolist() == [False, True, False]
-    assert not unlike(valid[0], valid).any(), "nobody is unlike himself"
-
-
-def test_accuracy_passes_once_it_is_higher_and_not_when_it_is_equal():
-    assert sure_from(np.array([[0.5], [0.991], [0.99], [0.991], [1.0]])) == 4, "what is lost again does not count"
-    assert sure_from(np.array([[0.991], [0.98]])) is None
-    assert sure_from(np.array([[1.0], [1.0]])) == 1
-    assert sure_from(np.array([[0.5, 0.3], [1.0, 0.981]])) == 2, "the mean over scenes counts"
-    assert sure_from(np.array([[0.5, 0.3], [1.0, 0.98]])) is None
-    assert sure_from(np.empty((20, 0))) is None  # no scene
+    assert all_distinct(valid).tolist() == [False, True, False]
+    assert distinct_from(~valid[2], valid).tolist() == [True, True, True]
+    assert distinct_from(valid[0], valid[1:]).tolist() == [False, True, False]
+    assert not distinct_from(valid[0], valid).any(), "nobody is unlike himself"

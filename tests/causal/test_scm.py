@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from pipeline.causal.interventions import expected_validity
 from pipeline.causal.scm import (
     PARENTS,
     SCM,
@@ -26,14 +25,15 @@ def classify(s: np.ndarray, z_image: np.ndarray, z_theta: np.ndarray) -> np.ndar
 
 @pytest.fixture
 def scm() -> SCM:
-    """A table of 0-2 items; the image shows how many there are, twice as bright and with some noise."""
+    """Scenes of 0-2 items; the image shows how many there are, twice as bright, on a table top and with noise."""
     return specification_scm(
         USERS,
-        draw_items=lambda rng, units: rng.integers(0, 3, units),
-        draw_look=lambda rng, units: rng.uniform(0, 0.2, units),
-        render=lambda look, items: 2 * items + look,
+        render=lambda light, items, table_top: 2 * items + light + table_top,
         encode=lambda image: np.floor(image / 2),
         classify=classify,
+        draw_items=lambda rng, units: rng.integers(0, 3, units),
+        draw_table_top=lambda rng, units: rng.uniform(0, 0.5, units),
+        draw_render_seed=lambda rng, units: rng.uniform(0, 0.2, units),
     )
 
 
@@ -66,22 +66,22 @@ def test_do_s_changes_v_alone(scm: SCM):
     np.testing.assert_array_equal(before["V"][same], after["V"][same])  # who was asked anyway answers alike
 
 
-def test_do_z_image_leaves_the_table_and_its_picture_as_they_are(scm: SCM):
+def test_do_z_image_leaves_items_and_image_as_they_are(scm: SCM):
     noise = scm.noise(np.random.default_rng(0), UNITS)
     before = scm.entail(noise)
     after = scm.do(Z_I=before["Z_I"] + 1).entail(noise)
-    for node in ("S", "O", "I", "Z_theta"):
+    for node in ("S", "O", "T", "I", "Z_theta"):
         np.testing.assert_array_equal(before[node], after[node])
-    assert not (after["V"] & ~before["V"]).any()  # one item more makes no path valid: the same draw decides
+    assert not (after["V"] & ~before["V"]).any()  # an added item makes no path valid: the same draw decides
 
 
-def test_do_on_the_items_flows_down_to_v(scm: SCM):
+def test_do_on_the_items_reaches_v(scm: SCM):
     after = scm.do(O=np.zeros(UNITS, int)).sample(np.random.default_rng(0), UNITS)
     assert (after["Z_I"] == 0).all()
     assert after["V"][after["S"] == "careful"].mean() > 0.9
 
 
-def test_do_on_one_node_leaves_the_others_draws_alone(scm: SCM):
+def test_do_on_one_node_leaves_other_draws_alone(scm: SCM):
     plain = scm.sample(np.random.default_rng(3), 50)
     swapped = scm.do(O=np.ones(50, int)).sample(np.random.default_rng(3), 50)
     np.testing.assert_array_equal(plain["Z_theta"], swapped["Z_theta"])
@@ -134,7 +134,7 @@ def test_the_chance_of_a_counterfactual_is_the_formula_unit_by_unit(scm: SCM, ob
     assert (np.array(draws) != seen["V"]).mean() == pytest.approx(expected.mean(), abs=0.01)
 
 
-def test_consistency_what_was_done_anyway_changes_nothing(scm: SCM, observed):
+def test_consistency_setting_a_node_to_its_value_changes_nothing(scm: SCM, observed):
     recorded, seen, values = observed
     careful = scm.do(S="careful")
     for action in ({}, {"O": values["O"]}, {"Z_I": values["Z_I"]}, {"S": "careful"}):
@@ -152,7 +152,7 @@ def test_composition_holding_a_node_at_its_counterfactual_value_changes_nothing(
         np.testing.assert_array_equal(once[node], held[node])
 
 
-def test_an_item_taken_away_makes_no_valid_path_invalid(scm: SCM, observed):
+def test_a_removed_item_makes_no_valid_path_invalid(scm: SCM, observed):
     recorded, seen, values = observed
     fewer = np.maximum(values["O"] - 1, 0)
     after = scm.do(S="careful").counterfactual(np.random.default_rng(5), recorded, seen, O=fewer)
@@ -160,13 +160,13 @@ def test_an_item_taken_away_makes_no_valid_path_invalid(scm: SCM, observed):
     assert (after["V"] > seen["V"]).any()
 
 
-def test_certain_answers_leave_nothing_to_chance():
+def test_certain_answers_change_with_certainty():
     before = np.array([0.0, 0.0, 0.0, 0.4])
     np.testing.assert_array_equal(chance_of_change(False, before, np.array([0.0, 0.3, 1.0, 1.0])), [0, 0.3, 1, 1])
     np.testing.assert_array_equal(chance_of_change(True, 1 - before, np.array([1.0, 0.25, 0.0, 0.0])), [0, 0.75, 1, 1])
 
 
-def test_what_cannot_have_been_seen_has_no_counterfactual():
+def test_an_impossible_observation_has_no_counterfactual():
     assert np.isnan(chance_of_change(False, np.array(1.0), np.array(0.5)))
     assert np.isnan(chance_of_change(True, np.array(0.0), np.array(0.5)))
     for v, c in ((False, 1.0), (True, 0.0)):
@@ -174,7 +174,7 @@ def test_what_cannot_have_been_seen_has_no_counterfactual():
             abduce_threshold(np.random.default_rng(0), np.array([v]), np.array([c]))
 
 
-def test_a_noise_neither_on_record_nor_to_be_told_is_refused(scm: SCM, observed):
+def test_a_noise_neither_on_record_nor_abducible_is_refused(scm: SCM, observed):
     recorded, seen, values = observed
     rng = np.random.default_rng(0)
     with pytest.raises(ValueError, match=r"noises of .* on record, \[\] seen"):
@@ -185,9 +185,45 @@ def test_a_noise_neither_on_record_nor_to_be_told_is_refused(scm: SCM, observed)
 
 
 def test_sampled_interventions_average_to_the_estimand(scm: SCM):
-    """E[V | do(Z_I := 2), S = careful] of the toy by hand: 1 - .6 + .2 (E[x] - .5) = .4, as E[x] = .5."""
+    """E[V | do(Z_I := 2), S = careful] by hand: 1 - .6 + .2 (E[x] - .5) = .4, as E[x] = .5."""
     noise = scm.noise(np.random.default_rng(0), 20_000)
-    values = scm.do(S="careful", Z_I=2).entail(noise)
-    assert values["V"].mean() == pytest.approx(0.4, abs=0.015)
-    p = classify(values["S"], values["Z_I"], values["Z_theta"])
-    assert expected_validity(p) == pytest.approx(0.4, abs=0.003)  # and without the noise of V
+    asked = scm.do(S="careful", Z_I=2)
+    assert asked.entail(noise)["V"].mean() == pytest.approx(0.4, abs=0.015)
+    assert asked.expectation("V", noise).mean() == pytest.approx(0.4, abs=0.003)  # without the noise of V
+
+
+def test_an_expectation_is_the_mean_over_the_nodes_own_noise(scm: SCM):
+    rng, noise = np.random.default_rng(6), scm.noise(np.random.default_rng(0), 200)
+    sampled = np.mean([scm.entail(noise | {"V": rng.random(200)})["V"] for _ in range(2000)], axis=0)
+    np.testing.assert_allclose(scm.expectation("V", noise), sampled, atol=0.05)
+    with pytest.raises(ValueError, match="Z_I has no expectation"):
+        scm.expectation("Z_I", noise)
+
+
+@pytest.mark.parametrize("v", [False, True])
+def test_the_probability_of_change_is_that_of_sampled_counterfactuals(scm: SCM, v: bool):
+    """Units that all show v, by abduction, action and prediction, many times over."""
+    careful = scm.do(S="careful")
+    noise = careful.noise(np.random.default_rng(1), 300)
+    recorded = {name: n for name, n in noise.items() if name != "V"}
+    action = {"O": (careful.entail(noise)["O"] + 1) % 3}
+    exact = careful.probability_of_change(recorded, v, **action)
+    possible = np.isfinite(exact)
+    assert possible.mean() > 0.5 and (exact[possible] > 0).any()
+    some = {name: n[possible] for name, n in recorded.items()}
+    action = {name: value[possible] for name, value in action.items()}
+    rng, seen = np.random.default_rng(2), {"V": np.full(possible.sum(), v)}
+    sampled = np.mean([careful.counterfactual(rng, some, seen, **action)["V"] != v for _ in range(1500)], axis=0)
+    np.testing.assert_allclose(exact[possible], sampled, atol=0.06)
+    assert exact[possible].mean() == pytest.approx(sampled.mean(), abs=0.005)
+
+
+def test_only_the_ancestors_of_the_nodes_asked_for_are_evaluated(scm: SCM):
+    noise = {"Z_I": np.zeros(5), "I": np.zeros(5), "O": np.ones(5, int), "T": np.zeros(5)}
+    assert set(scm.entail(noise, "Z_I")) == {"O", "T", "I", "Z_I"}  # neither S nor V, whose noises are unknown
+
+
+def test_a_noise_without_a_draw_has_to_be_on_record():
+    scm = specification_scm(USERS, lambda n, items, table_top: items, lambda image: image, classify)
+    with pytest.raises(ValueError, match="noise of I is on record only"):
+        scm.sample(np.random.default_rng(0), 3)

@@ -1,23 +1,23 @@
-"""The image-free nulls know positions and labels, nothing else."""
+"""Image-blind baselines know positions and labels, nothing else."""
 
 import numpy as np
 from sklearn.neighbors import KNeighborsClassifier
 
-from pipeline.models import baselines as nulls
+from pipeline.models import baselines
 from pipeline.world.bezier import lattice, random_z_theta
 
 
 def test_with_one_demonstration_the_nearest_label_is_copied():
     rng = np.random.default_rng(0)
     valid = np.array([[True], [False], [True]])
-    p = nulls.nearest(random_z_theta(rng, 3, 1), valid, random_z_theta(rng, 3, 40))
+    p = baselines.nearest_demonstration(random_z_theta(rng, 3, 1), valid, random_z_theta(rng, 3, 40))
     np.testing.assert_array_equal(p, np.repeat(valid, 40, axis=1))
 
 
 def test_the_nearest_label_is_scikit_learns_one_neighbour_scene_by_scene():
     rng = np.random.default_rng(1)
     demos, valid, paths = random_z_theta(rng, 4, 9), rng.random((4, 9)) < 0.5, random_z_theta(rng, 4, 50)
-    p = nulls.nearest(demos, valid, paths)
+    p = baselines.nearest_demonstration(demos, valid, paths)
     for scene in range(4):
         neighbour = KNeighborsClassifier(1).fit(demos[scene], valid[scene])
         np.testing.assert_array_equal(p[scene], neighbour.predict(paths[scene]))
@@ -26,11 +26,11 @@ def test_the_nearest_label_is_scikit_learns_one_neighbour_scene_by_scene():
 def test_a_demonstration_is_its_own_nearest():
     rng = np.random.default_rng(2)
     demos, valid = random_z_theta(rng, 5, 9), rng.random((5, 9)) < 0.5
-    np.testing.assert_array_equal(nulls.nearest(demos, valid, demos), valid)
+    np.testing.assert_array_equal(baselines.nearest_demonstration(demos, valid, demos), valid)
 
 
 def test_a_position_reads_its_own_cell_of_the_prior():
     prior = np.random.default_rng(3).random((7, 7))
-    np.testing.assert_array_equal(nulls.position(prior, lattice(7)), prior.ravel())
+    np.testing.assert_array_equal(baselines.position_only(prior, lattice(7)), prior.ravel())
     corners = np.array([[-0.2, -0.2], [1.2, -0.2], [-0.2, 1.2], [1.2, 1.2]])  # the square's edges belong to it
-    np.testing.assert_array_equal(nulls.position(prior, corners), prior[[0, 0, -1, -1], [0, -1, 0, -1]])
+    np.testing.assert_array_equal(baselines.position_only(prior, corners), prior[[0, 0, -1, -1], [0, -1, 0, -1]])

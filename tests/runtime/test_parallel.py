@@ -32,12 +32,13 @@ def fail_on_two(job: int) -> int:
     return job
 
 
+@pytest.mark.slow
 def test_results_do_not_depend_on_the_number_of_workers():
     one, two = (map_jobs(noisy_sum, range(5), workers, "test") for workers in (1, 2))
     np.testing.assert_array_equal(one, two)
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_an_error_in_a_job_reaches_the_caller(workers: int):
     with pytest.raises(ValueError, match="job 2 is bad"):
         map_jobs(fail_on_two, range(4), workers, "test")
@@ -48,6 +49,7 @@ def end_at_once(_: int) -> None:
     os._exit(1)
 
 
+@pytest.mark.slow
 def test_after_a_process_that_ended_the_next_call_is_none_the_worse():
     with pytest.raises(BrokenProcessPool):
         map_jobs(end_at_once, range(4), 2, "test")
@@ -87,14 +89,16 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path):
     script, at_work = tmp_path / "sleepers.py", tmp_path / "at_work"
     script.write_text(SLEEPERS)
     at_work.mkdir()
-    root = Path(__file__).resolve().parent.parent
+    root = Path(__file__).resolve().parents[2]
     parent = subprocess.Popen([sys.executable, str(script), str(at_work)], env={**os.environ, "PYTHONPATH": str(root)})
     try:
         workers = _until(lambda: [int(p.name) for p in at_work.iterdir()], lambda found: len(found) == 2)
+        assert len(workers) == 2
     finally:
         parent.send_signal(signal.SIGKILL)
         parent.wait()

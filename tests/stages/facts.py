@@ -13,10 +13,10 @@ from pipeline.runtime.errors import InputError
 Stage = Callable[[DictConfig, Path], None]
 
 
-def name_of(main: Stage) -> str:
-    """Return the name of the stage in conf/ and dvc.yaml: its module's, or its study's folder."""
-    *_, folder, module = main.__module__.split(".")
-    return folder if module == "stage" else module
+def stage_name(main: Stage) -> str:
+    """Return its name in dvc.yaml: "repair" of pipeline.stages.repair, "envelope" of studies.envelope.stage."""
+    package, _, module = main.__module__.rpartition(".")
+    return package.rpartition(".")[2] if module == "stage" else module
 
 
 def refuses(main: Stage, cfg: DictConfig, name: str, value: object, message: str, out: Path) -> None:
@@ -25,7 +25,7 @@ def refuses(main: Stage, cfg: DictConfig, name: str, value: object, message: str
     OmegaConf.set_struct(changed, False)
     OmegaConf.update(changed, name, value, merge=False)
     with pytest.raises(ValueError, match=message):
-        validate(changed, [name_of(main)])
+        validate(changed, [stage_name(main)])
         main(changed, out)
     assert not out.exists()
 
@@ -53,7 +53,7 @@ def listed(cfg: DictConfig, stage: str) -> DictConfig:
 
 def repeats_itself(main: Stage, cfg: DictConfig, before: Path, again: Path, workers: int = 1) -> None:
     """Run anew, with that many workers and no parameter but those it lists for DVC, it writes the same bytes again."""
-    more = listed(cfg, name_of(main))
+    more = listed(cfg, stage_name(main))
     more.workers = workers
     main(more, again)
     assert sorted(p.name for p in again.iterdir()) == sorted(p.name for p in before.iterdir())

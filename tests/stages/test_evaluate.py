@@ -103,7 +103,7 @@ def test_the_nearest_demonstration_is_one_of_the_n_that_were_shown(cfg: DictConf
     demos, queries = read_demos(Path(cfg.paths.demos)), read_queries(Path(cfg.paths.demos))
     for row in scores[scores["variant"] == "nearest_demonstration"].itertuples():
         asked = queries[f"train-s{row.seed}"]
-        p = nulls.nearest(*demo_arrays(demos, row.seed, row.user, row.n), asked.z)
+        p = nulls.nearest_demonstration(*demo_arrays(demos, row.seed, row.user, row.n), asked.z)
         assert row.accuracy == accuracy(p.ravel(), asked.valid[row.user].ravel())
 
 

@@ -1,29 +1,36 @@
-"""The stage changes nothing but what it says it changes, and writes the same answers twice."""
+"""The stage changes nothing but what a question names, and answers for models and world alike."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.files import read_arrays, read_json, read_table
+from pipeline.artifacts.models import model_dir, weights_path
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.artifacts.trained import load_model
+from pipeline.params import validate
+from pipeline.runtime.errors import InputError
 from pipeline.stages import intervene
+from pipeline.stages.intervene import EFFECTS, SUMMARY
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SYMBOLS
+from pipeline.world.render import Palette, render_scenes
 from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
 from tests.stages.inputs import pictured_models
 
 SCENES, PATHS, PLACEMENTS = 4, 6, 2
-VARIANTS = ("full", "irl_ranked", "path")
-KEPT = ("effects.parquet", "specifications.parquet", "images.npz", "layouts.parquet", "table.csv", "metrics.json")
+VARIANTS = ("full", "irl_ranked", "clearance")
+KEPT = ["effects.parquet", "images.npz", "layouts.parquet", "metrics.json", "summary.csv"]
 
 
 @pytest.fixture(scope="module")
 def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     settings = [f"intervene.paths={PATHS}", f"intervene.placements={PLACEMENTS}"]
+    settings += [f"+questions@questions.{name}={name}" for name in ("table_top_marble", "remove_glass")]
     return pictured_models(tmp_path_factory.mktemp("intervene"), VARIANTS, SCENES, *settings)
 
 
@@ -34,13 +41,52 @@ def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return directory
 
 
-def test_there_is_a_row_for_every_answer(cfg: DictConfig, out: Path):
-    cells = len(VARIANTS) * len(cfg.protocol.seeds) * SCENES
-    assert len(read_table(out / "effects.parquet")) == cells * len(cfg.users) * len(SYMBOLS) * PLACEMENTS
-    assert len(read_table(out / "specifications.parquet")) == cells * 6
+def asked_alone(cfg: DictConfig, *names: str) -> DictConfig:
+    """Return the configuration with only these questions and one variant."""
+    few = cfg.copy()
+    OmegaConf.set_struct(few, False)
+    few.questions = {name: cfg.questions[name] for name in names}
+    few.variants = {"full": cfg.variants["full"]}
+    return few
 
 
-def test_one_unseen_item_of_the_symbol_is_added_and_nothing_else_moves(cfg: DictConfig, out: Path):
+def test_every_question_has_a_row_for_each_user_and_an_effect_in_each_scene(cfg: DictConfig, out: Path):
+    effects, summary = read_table(out / "effects.parquet"), read_table(out / "summary.csv")
+    assert list(effects.columns) == EFFECTS and list(summary.columns) == SUMMARY
+    others = [f"another_user_{user}" for user in cfg.users]
+    assert set(summary["question"]) == {*(f"add_{s}" for s in SYMBOLS), *others, "table_top_marble", "remove_glass"}
+    assert (summary.groupby(["variant", "kind"]).size() == [12, 3, 3, 6] * len(VARIANTS)).all()
+    counts = effects.groupby(["variant", "question", "user"]).size()
+    assert (counts.drop("remove_glass", level="question") == SCENES * len(cfg.protocol.seeds)).all()
+
+
+def test_the_summary_is_the_mean_of_the_effects(out: Path):
+    effects, summary = read_table(out / "effects.parquet"), read_table(out / "summary.csv")
+    keys, columns = ["question", "variant", "user"], ["baseline", "intervened", "effect", "true_effect"]
+    means = effects.groupby(keys)[columns].mean().loc[list(summary[keys].itertuples(index=False, name=None))]
+    expected = summary[["baseline", "intervened", "effect", "truth"]]
+    np.testing.assert_allclose(means.to_numpy(), expected.to_numpy(), atol=1e-5)
+
+
+def test_a_models_answer_is_its_mean_probability_before_and_after(cfg: DictConfig, tmp_path: Path):
+    """The same numbers without a causal model: predictions on the images that the stage wrote."""
+    torch.set_num_threads(1)
+    few = asked_alone(cfg, "add_cutlery", "table_top_marble")
+    few.intervene.placements = 1
+    intervene.main(few, tmp_path)
+    arrays, scenes = read_arrays(tmp_path / "images.npz"), read_scenes(Path(cfg.paths.scenes))
+    palette, user, seed = Palette(read_catalogue(Path(cfg.paths.data))), "normal", cfg.protocol.seeds[1]
+    marble = render_scenes(scenes.layouts["new_items"], ["marble"] * SCENES, range(SCENES), palette)
+    effects = read_table(tmp_path / "effects.parquet").query(f"user == '{user}' and seed == {seed}")
+    model = load_model(cfg, "full", user, seed, cfg.main_n_demos)
+    for question, image in {"add_cutlery": arrays["images"][2, 0], "table_top_marble": marble}.items():
+        rows = effects[effects["question"] == question].sort_values("scene")
+        for column, seen in (("baseline", scenes.images["new_items"]), ("intervened", image)):
+            p = model.probability(seen, arrays["z_theta"]).mean(-1)
+            np.testing.assert_allclose(rows[column], p, atol=1e-6)
+
+
+def test_one_unseen_item_of_the_symbol_is_added_and_no_other_moves(cfg: DictConfig, out: Path):
     scenes, added = read_scenes(Path(cfg.paths.scenes)), read_table(out / "layouts.parquet")
     unseen = read_catalogue(Path(cfg.paths.data)).pool("unseen")
     before = scenes.layouts["new_items"]
@@ -55,56 +101,68 @@ def test_one_unseen_item_of_the_symbol_is_added_and_nothing_else_moves(cfg: Dict
 def test_pixels_far_from_the_added_item_are_the_same(cfg: DictConfig, out: Path):
     before = read_scenes(Path(cfg.paths.scenes)).images["new_items"]
     after = read_arrays(out / "images.npz")["images"]
-    assert after.shape == (len(SYMBOLS), PLACEMENTS, SCENES, 100, 100, 3)
-    changed = (after != before).any(-1).mean((-1, -2))  # share of each picture's pixels
+    assert after.shape == (len(SYMBOLS), 1, SCENES, 100, 100, 3)
+    changed = (after != before).any(-1).mean((-1, -2))  # share of each image's pixels
     assert (changed > 0).all()
     assert (changed < 0.15).all()  # the largest plate and its shadow
 
 
-def test_before_and_after_a_model_judges_the_same_paths(cfg: DictConfig, out: Path):
-    arrays, rows = read_arrays(out / "images.npz"), read_table(out / "effects.parquet")
-    assert arrays["z_theta"].shape == (SCENES, PATHS, 2)
-    user, seed = "normal", cfg.protocol.seeds[1]
-    model = load_model(cfg, "full", user, seed, cfg.main_n_demos)
-    torch.set_num_threads(1)
-    expected = model.probability(arrays["images"][2, 1], arrays["z_theta"]).mean(-1)  # the second cutlery
-    keys = {"variant": "full", "user": user, "seed": seed, "symbol": "cutlery", "placement": 1}
-    chosen = rows[np.logical_and.reduce([rows[k] == v for k, v in keys.items()])].sort_values("scene")
-    np.testing.assert_allclose(chosen["intervened"], expected, atol=1e-6)
-
-
-def test_in_truth_one_item_more_makes_nothing_valid_and_the_aggressive_user_minds_nothing(out: Path):
-    rows = read_table(out / "effects.parquet")
-    assert (rows["true_effect"] <= 0).all()
-    assert (rows.loc[rows["user"] == "aggressive", "true_intervened"] == 1).all()
-    others = rows[(rows["user"] == "normal") & (rows["symbol"] != "glass")]
-    assert (others["true_effect"] == 0).all()
+def test_the_world_answers_by_its_rules(out: Path):
+    effects = read_table(out / "effects.parquet")
+    added = effects[effects["question"].str.startswith("add_")]
+    assert (added["true_effect"] <= 0).all()
+    assert (added.loc[added["user"] == "aggressive", "true_effect"] == 0).all()
+    assert (added.loc[(added["user"] == "normal") & (added["question"] != "add_glass"), "true_effect"] == 0).all()
+    assert (effects.loc[effects["question"] == "table_top_marble", "true_effect"] == 0).all()
+    assert (effects.loc[effects["question"] == "remove_glass", "true_effect"] >= 0).all()
 
 
 def test_another_user_and_back_again_is_no_change(out: Path):
-    rows = read_table(out / "specifications.parquet")
-    there = rows[(rows["user"] == "careful") & (rows["other"] == "normal")]
-    back = rows[(rows["user"] == "normal") & (rows["other"] == "careful")]
+    rows = read_table(out / "effects.parquet")
+    there = rows[(rows["user"] == "careful") & (rows["question"] == "another_user_normal")]
+    back = rows[(rows["user"] == "normal") & (rows["question"] == "another_user_careful")]
     for effect in ("effect", "true_effect"):
         np.testing.assert_array_equal(there[effect].to_numpy(), -back[effect].to_numpy())
     assert (there["true_effect"] > 0).any()
 
 
-def test_the_metrics_sum_the_rows_up(cfg: DictConfig, out: Path):
-    metrics, rows = read_json(out / "metrics.json"), read_table(out / "effects.parquet")
-    means = rows.groupby(["variant", "user", "symbol"])[["effect", "true_effect"]].mean()
-    for (variant, user, symbol), mean in means.iterrows():  # pyright: ignore[reportGeneralTypeIssues]
-        cell = metrics["interventions"][variant][user][symbol]
-        assert cell["effect"] == pytest.approx(mean["effect"], abs=1e-6)
-        assert cell["truth"] == pytest.approx(mean["true_effect"], abs=1e-6)
-        assert cell["verdict"] != "effect"  # two seeds cannot be enough
-    assert set(metrics["specifications"]["full"]["careful"]) == set(cfg.users) - {"careful"}
-    assert metrics["verdicts"]["full"]["cells"] == 12
-    assert len(read_table(out / "table.csv")) == 12 * len(VARIANTS)
+def test_another_rule_changes_the_truth_and_no_model(cfg: DictConfig, tmp_path: Path):
+    before, after = asked_alone(cfg, "add_bowl"), asked_alone(cfg, "add_bowl")
+    after.users.aggressive.bowl = 0.2
+    for name, settings in (("before", before), ("after", after)):
+        intervene.main(settings, tmp_path / name)
+    old, new = (read_table(tmp_path / name / "effects.parquet") for name in ("before", "after"))
+    np.testing.assert_array_equal(old["effect"], new["effect"])
+    changed = old["true_effect"] != new["true_effect"]
+    assert changed.any() and (old.loc[changed, "user"] == "aggressive").all()
+
+
+def test_another_mechanism_of_one_model_changes_that_models_answers_alone(cfg: DictConfig, tmp_path: Path):
+    few, seeds = asked_alone(cfg, "add_bowl", "another_user"), cfg.protocol.seeds
+    changing = weights_path(model_dir(cfg, "full"), "normal", seeds[0], cfg.main_n_demos)
+    intervene.main(few, tmp_path / "before")
+    kept = changing.read_bytes()
+    shutil.copyfile(weights_path(model_dir(cfg, "full"), "careful", seeds[1], cfg.main_n_demos), changing)
+    intervene.main(few, tmp_path / "after")
+    changing.write_bytes(kept)
+    old, new = (read_table(tmp_path / name / "effects.parquet") for name in ("before", "after"))
+    changed = old["effect"] != new["effect"]
+    concerned = (old["user"] == "normal") | (old["question"] == "another_user_normal")
+    assert changed.any() and (old.loc[changed, "seed"] == seeds[0]).all() and concerned[changed].all()
+    np.testing.assert_array_equal(old["true_effect"], new["true_effect"])
+
+
+def test_the_metrics_count_the_papers_questions_of_users_with_a_margin(out: Path):
+    metrics, summary = read_json(out / "metrics.json"), read_table(out / "summary.csv")
+    rows = summary[(summary["kind"] == "add") & (summary["user"] != "aggressive")]
+    assert len(rows) == 8 * len(VARIANTS)
+    assert metrics["verdicts_right"] == rows.groupby("variant")["right"].sum().to_dict()
+    errors = (rows["effect"] - rows["truth"]).abs()[rows["variant"] == "clearance"]
+    assert metrics["effect_error"] == {"clearance": pytest.approx(errors.mean(), abs=1e-6)}
 
 
 def test_a_second_run_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
-    assert sorted(p.name for p in out.iterdir()) == sorted(KEPT)
+    assert sorted(path.name for path in out.iterdir()) == KEPT
     repeats_itself(intervene.main, cfg, out, tmp_path)
 
 
@@ -114,7 +172,21 @@ def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Pat
 
 @pytest.mark.parametrize(
     ("name", "value", "message"),
-    [("paths", 0, "intervene.paths is 0"), ("split", "seen_scenes", "expected a split that all seeds share")],
+    [
+        ("intervene.paths", 0, "intervene.paths is 0"),
+        ("intervene.split", "seen_scenes", "expected a split that all seeds share"),
+        ("questions.add_bowl.symbol", "spoon", "questions.add_bowl.symbol is 'spoon': expected one of bowl"),
+        ("questions.another_user.to", "nobody", "questions.another_user.to is 'nobody': expected one of careful"),
+        ("questions.table_top_marble.texture", "lava", "table_top_marble: unknown texture 'lava'"),
+        ("questions.remove_glass.family", "paper", "family paper: .* are asked in different scenes"),
+    ],
 )
-def test_parameters_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name, value, message):
-    refuses(intervene.main, cfg, f"intervene.{name}", value, message, tmp_path / "out")
+def test_parameters_that_make_no_sense_are_refused(cfg: DictConfig, tmp_path: Path, name, value, message):
+    refuses(intervene.main, cfg, name, value, message, tmp_path / "out")
+
+
+def test_questions_about_users_need_two(cfg: DictConfig):
+    alone = asked_alone(cfg, "another_user")
+    alone.users, alone.evaluate.users = {"careful": cfg.users.careful}, ["careful"]
+    with pytest.raises(InputError, match="at least 2 users for question another_user"):
+        validate(alone, ["intervene"])

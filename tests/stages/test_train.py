@@ -22,8 +22,8 @@ from pipeline.stages.train import main
 from pipeline.training.runner import _batches, _jobs, _key
 from tests.stages.facts import listed
 
-SMALL = ["seeds=[0,1]", "n=[1,2]", "main_n_demos=2", "train.steps=4", "train.curve_every=2", "workers=1"]
-SMALL += ["train.engine=stacked", "checkpoints=[0,2,50]"]
+SMALL = ["seeds=[0,1]", "n_demos=[1,2]", "main_n_demos=2", "train.steps=4", "train.curve_every=2", "workers=1"]
+SMALL += ["train.engine=simd", "checkpoints=[0,2,50]"]
 
 
 def config(small_world: Path, out: Path, *overrides: str):
@@ -53,7 +53,7 @@ def test_saved_weights_give_the_predictions_that_were_written(run, small_world):
     predictions = read_table(run / "full" / "predictions.parquet")
     for split, pool in (("seen_scenes", "train-s1"), ("new_items", "new_items")):
         p = load_model(cfg, "full", "careful", 1, 2).probability(scenes.images[pool], queries[pool].z)
-        rows = predictions.query(f"seed == 1 and user == 'careful' and n == 2 and split == '{split}'")
+        rows = predictions.query(f"seed == 1 and user == 'careful' and n_demos == 2 and split == '{split}'")
         np.testing.assert_allclose(rows["p"].to_numpy().reshape(p.shape), p, rtol=1e-6)
         assert np.array_equal(rows["valid"].to_numpy().reshape(p.shape), queries[pool].valid["careful"])
 
@@ -77,7 +77,7 @@ def test_without_checkpoints_there_is_an_empty_folder_and_the_same_weights(run, 
 
 
 def test_a_user_without_invalid_demonstrations_gets_laplaces_constant(run):
-    predictions = read_table(run / "full" / "predictions.parquet").query("user == 'aggressive' and n == 2")
+    predictions = read_table(run / "full" / "predictions.parquet").query("user == 'aggressive' and n_demos == 2")
     np.testing.assert_allclose(predictions["p"], 7 / 8, rtol=1e-6)  # 3 scenes x 2 demonstrations, all valid
 
 
@@ -102,7 +102,7 @@ def test_one_seed_alone_is_that_seed_of_the_whole_run(run, small_world, tmp_path
     assert len(alone) == 6 and alone.items() <= whole.items()
 
 
-@pytest.mark.parametrize("engine", ["reference", "batched"])
+@pytest.mark.parametrize("engine", ["reference", "cuda"])
 def test_every_engine_learns_the_same_and_is_named(run, small_world, tmp_path, capsys, engine):
     main(config(small_world, tmp_path, f"train.engine={engine}"), tmp_path / "full")
     assert f"engine {engine} on " in capsys.readouterr().out
@@ -113,7 +113,7 @@ def test_every_engine_learns_the_same_and_is_named(run, small_world, tmp_path, c
 
 def test_auto_is_batched_where_there_is_cuda_and_stacked_elsewhere(small_world, tmp_path, capsys):
     main(config(small_world, tmp_path, "train.engine=auto", "train.steps=1"), tmp_path / "full")
-    expected = "engine batched on cuda" if torch.cuda.is_available() else "engine stacked on cpu"
+    expected = "engine cuda on cuda" if torch.cuda.is_available() else "engine simd on cpu"
     assert expected in capsys.readouterr().out
 
 
@@ -124,7 +124,7 @@ def test_jobs_fitted_together_are_of_like_n_and_none_is_left_out(small_world, tm
     learning = [batch for batch in batches if batch[0].user != "aggressive"]  # its labels never vary
     assert [len(batch) for batch in learning] == [3, 3, 2]  # 2 seeds, 2 users, 2 n
     assert all(job.user != "aggressive" for batch in learning for job in batch)
-    ns = [job.n for batch in learning for job in batch]
+    ns = [job.n_demos for batch in learning for job in batch]
     assert ns == sorted(ns)
 
 
@@ -152,7 +152,7 @@ def test_without_numba_the_stacked_engine_is_refused_not_replaced(small_world, t
 
 def test_more_demonstrations_than_there_are_is_refused(small_world, tmp_path):
     with pytest.raises(InputError, match="expected 9 in each scene"):
-        main(config(small_world, tmp_path, "n=[9]", "main_n_demos=9"), tmp_path)
+        main(config(small_world, tmp_path, "n_demos=[9]", "main_n_demos=9"), tmp_path)
 
 
 def _digests(root: Path) -> dict[str, str]:
@@ -161,7 +161,9 @@ def _digests(root: Path) -> dict[str, str]:
 
 
 def test_a_fit_that_diverges_is_no_result(small_world, tmp_path):
-    with pytest.raises(InputError, match=r"full of careful, seed 0, n 1: its loss is no longer finite at step \d+"):
+    with pytest.raises(
+        InputError, match=r"full of careful, seed 0, n_demos 1: its loss is no longer finite at step \d+"
+    ):
         main(config(small_world, tmp_path, "train.rate=1e30"), tmp_path / "full")
     assert not (tmp_path / "full").exists()
 

@@ -12,7 +12,7 @@ from pipeline.runtime.streams import job_seed
 from pipeline.training.irl.fit import IrlSchedule, fit
 from pipeline.training.refit import TrainingSet, refit, refit_and_predict
 
-FEW = ["train.steps=2", "path.steps=2", "variants.irl_maxent.steps=3", "variants.irl_ranked.steps=3"]
+FEW = ["train.steps=2", "clearance.steps=2", "variants.irl_maxent.steps=3", "variants.irl_ranked.steps=3"]
 RNG = np.random.default_rng(0)
 IMAGES, Z = RNG.integers(0, 255, (2, 100, 100, 3), dtype=np.uint8), RNG.uniform(0, 1, (2, 5, 2))
 
@@ -42,7 +42,7 @@ def test_irl_is_fitted_as_stage_irl_fits_it(cfg: DictConfig, variant: str):
 
 def test_lessons_of_several_sizes_are_answered_in_their_order(cfg: DictConfig):
     training_sets = [training_set(3), training_set(3, seed=1), training_set(2), training_set(2, seed=1)]
-    variants = ("classifier", "irl_ranked", "path")
+    variants = ("classifier", "irl_ranked", "clearance")
     together = refit_and_predict(cfg, dict.fromkeys(variants, training_sets), IMAGES, Z, "test")
     for i, one in enumerate(training_sets):
         alone = refit_and_predict(cfg, {variant: [one] for variant in variants}, IMAGES, Z, "test")
@@ -55,9 +55,9 @@ def test_answers_come_in_the_order_of_the_lessons_though_only_those_of_as_many_s
 ):
     training_sets = [training_set(scenes, seed) for seed, scenes in enumerate((3, 1, 3, 2, 1))]
     found = refit(
-        cfg, {"full": training_sets, "path": training_sets[1:]}, lambda _, own: (own.seed, len(own.images)), "test"
+        cfg, {"full": training_sets, "clearance": training_sets[1:]}, lambda _, own: (own.seed, len(own.images)), "test"
     )
-    assert found == {"full": [(0, 3), (1, 1), (2, 3), (3, 2), (4, 1)], "path": [(1, 1), (2, 3), (3, 2), (4, 1)]}
+    assert found == {"full": [(0, 3), (1, 1), (2, 3), (3, 2), (4, 1)], "clearance": [(1, 1), (2, 3), (3, 2), (4, 1)]}
 
 
 def test_a_fit_that_diverges_is_named_and_judged_by_nobody(cfg: DictConfig):

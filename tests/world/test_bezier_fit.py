@@ -137,7 +137,7 @@ def test_no_recordings_give_no_fits():
 
 
 def test_two_points_are_refused():
-    with pytest.raises(ValueError, match="recording 1 has 2 points: expected at least 3"):
+    with pytest.raises(ValueError, match="trajectory 1 has 2 points: expected at least 3"):
         fit(np.zeros((7, 2)), np.array([0, 5, 7]), 0.004)
 
 

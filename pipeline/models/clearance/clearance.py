@@ -51,7 +51,7 @@ class PerceivedObjects(NamedTuple):
 
 
 class ClearanceModel(ValidityModel):
-    """An ensemble whose members judge one user's paths by p_valid = p_nothing_missed * (1 - max(relevance * closeness)).
+    """An ensemble whose members judge by p_valid = p_nothing_missed * (1 - max(relevance * closeness)).
 
     `relevance` is a logistic function of an object's features and of their squares, both bounded, so that objects
     unlike the training ones stay near them. Each member sees FEATURES_PER_MEMBER of the features, drawn at random
@@ -87,9 +87,9 @@ class ClearanceModel(ValidityModel):
     def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene object 12"]:
         """Return the detected objects, packed (see `PerceivedObjects`)."""
         objects = detect_objects(images)
-        arrays = (objects.ends, objects.radius, objects.features, objects.present)
-        ends, radius, features, present = (torch.from_numpy(np.asarray(x, dtype=np.float32)) for x in arrays)
-        return PerceivedObjects(*ends.unbind(-2), radius, features, present).percept()
+        start, end = torch.from_numpy(objects.ends).unbind(-2)
+        radius, features, present = map(torch.from_numpy, (objects.radius, objects.features, objects.present))
+        return PerceivedObjects(start, end, radius, features, present.float()).percept()
 
     def logit(
         self, percept: Float[Tensor, "scene object 12"], z_theta: Float[Tensor, "scene path 2"]

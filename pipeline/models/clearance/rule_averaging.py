@@ -47,7 +47,7 @@ class Relations(NamedTuple):
 class AveragedModel(ClearanceModel):
     """`members` clearance models of each form. Relevance may depend on how an object is passed, closeness on how long.
 
-    P(valid) is the mean over forms and `rate`, the same for every path, each weighed by `posterior_model_probabilities`.
+    P(valid) is the mean over forms and `rate`, the same for every path, weighed by `posterior_model_probabilities`.
     """
 
     uses: Tensor

@@ -79,8 +79,10 @@ class RewardMap(ValidityModel):
 
     def perceive_contrasts(self, contrasts: Float[Tensor, "scene 4 100 100"]) -> Float[Tensor, "scene cell"]:
         """`perceive` from the pictures' contrast with the table."""
-        group = range(SYMMETRIES if self.symmetric else 1)
-        turned = [untransform(self.reward(transform(contrasts, g)), g) for g in group]
+        channels_last = torch.channels_last  # a third quicker here
+        transformed = [transform(contrasts, g) for g in range(SYMMETRIES if self.symmetric else 1)]
+        rewards = [self.reward(x.contiguous(memory_format=channels_last)) for x in transformed]
+        turned = [untransform(reward, g) for g, reward in enumerate(rewards)]
         reward = torch.stack(turned).mean(0)
         return torch.cat([reward.flatten(1), self.soft_optimum(reward)[:, None]], dim=-1)
 

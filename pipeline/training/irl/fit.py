@@ -59,7 +59,7 @@ def maxent(regret: Float[Tensor, "scene path"], valid: Bool[Tensor, "scene path"
 
 
 def ranked(regret: Float[Tensor, "scene path"], valid: Bool[Tensor, "scene path"], across: bool) -> Float[Tensor, ""]:
-    """Return -log sigmoid(valid's regret - invalid's) [nat]: mean over pairs of a scene, or of all scenes if `across`."""
+    """Return -log sigmoid(valid's regret - invalid's) [nat]: mean over a scene's pairs, or all if `across`."""
     if across:
         margin = regret[valid][:, None] - regret[~valid][None, :]
         return F.softplus(-margin).mean()
@@ -100,7 +100,7 @@ def fit(
 def _appearances(
     images: bytes, n_augmentations: int, jitter: ColorJitter
 ) -> Float[Tensor, "appearance scene 100 100 4"]:
-    """Return the training scenes' contrast in every appearance, the first as they are; drawn from their pixels alone."""
+    """Return the training scenes' contrast in every appearance, the first as they are; drawn from the pixels alone."""
     rng = np.random.default_rng(crc32(images))
     scenes = np.frombuffer(images, np.uint8).reshape(-1, SIDE, SIDE, 3)
     plain, whitening = subtract_background(to_tensor(scenes.copy()))

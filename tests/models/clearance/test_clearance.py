@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 import torch
-from tests.spec.test_things import RED, WHITE, picture
 
 from pipeline.models.base import to_tensor, untrained
-from pipeline.models.clearance.clearance import FEATURES_PER_MEMBER, ClearanceModel, clearance, fit
+from pipeline.models.clearance.clearance import FEATURES_PER_MEMBER, ClearanceModel, clearance
 from pipeline.perception.objects import FEATURES
+from pipeline.training.clearance.fit import fit
 from pipeline.training.loop import Checkpoints, Schedule
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import clearance as true_clearance
+from tests.perception.test_objects import RED, WHITE, draw_table
 
 SCHEDULE = Schedule(steps=400, rate=0.03, weight_decay=0.0, curve_every=50)
 MARGIN = 0.04  # metres
@@ -97,7 +98,7 @@ def test_each_member_judges_by_the_features_that_it_sees():
 
 @pytest.mark.parametrize("label", [True, False])
 def test_labels_that_never_vary_give_laplaces_probability(label):
-    m, images = model(), np.stack([picture((0.4, 0.6, 0.06, RED))] * 2)
+    m, images = model(), np.stack([draw_table((0.4, 0.6, 0.06, RED))] * 2)
     fit_one(m, images, np.full((2, 3, 2), 0.5), np.full((2, 3), label))
     p = m.probability(images, np.random.default_rng(0).uniform(0, 1, (2, 5, 2)))
     np.testing.assert_allclose(p, 7 / 8 if label else 1 / 8, rtol=1e-4)
@@ -111,7 +112,7 @@ def scenes(rng, count):
     layouts.centre[:, 0] = rng.uniform((0.12, 0.55), (0.45, 0.88), (count, 2))
     layouts.centre[:, 1] = rng.uniform((0.55, 0.12), (0.88, 0.45), (count, 2))
     for i, (a, b) in enumerate(layouts.centre):
-        pictures.append(picture((*a, 0.075, RED), (*b, 0.045, WHITE), seed=i))
+        pictures.append(draw_table((*a, 0.075, RED), (*b, 0.045, WHITE), seed=i))
     return layouts, np.stack(pictures)
 
 

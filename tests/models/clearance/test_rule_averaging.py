@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 import torch
-from tests.report_artefacts import ITEMS
 
 from pipeline.models.base import untrained
-from pipeline.models.clearance import rule_averaging as averaging
 from pipeline.models.clearance.clearance import ClearanceModel, clearance
-from pipeline.models.clearance.rule_averaging import FORMS, AveragedModel, fit, relations
+from pipeline.models.clearance.rule_averaging import FORMS, AveragedModel, relations
+from pipeline.training.clearance import fit_averaged
+from pipeline.training.clearance.fit_averaged import fit
 from pipeline.training.loop import Schedule
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import SYMBOLS, Layouts, random_layouts
@@ -16,6 +16,7 @@ from pipeline.world.rules import Margins
 from studies.rule_families.families import FORMS as RULES_OF_A_FORM
 from studies.rule_families.families import beside, brief, late, right
 from tests.examples import RULES
+from tests.stages.inputs import ITEMS
 
 SCENES, DEMOS = 20, 9
 ALL: Margins = {symbol: 0.045 for symbol in SYMBOLS}

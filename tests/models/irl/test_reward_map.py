@@ -6,17 +6,16 @@ import torch
 
 from pipeline.models.base import to_tensor
 from pipeline.models.irl.reward_map import (
-    FLOOR,
     SYMMETRIES,
     RewardMap,
     contrast,
     path_return,
     path_weights,
-    subtract_background,
     transform,
     untransform,
 )
 from pipeline.models.registry import build
+from pipeline.perception.background import FLOOR, subtract_background
 from pipeline.world.bezier import curve, lattice
 
 SHAPE = {

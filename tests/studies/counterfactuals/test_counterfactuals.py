@@ -1,4 +1,4 @@
-"""The stage takes away what it says and nothing else, and moves items as far as the truth asks."""
+"""The study removes the item it says and nothing else, and moves items as far as the truth asks."""
 
 from pathlib import Path
 
@@ -7,172 +7,166 @@ import pandas as pd
 import pytest
 from omegaconf import DictConfig, OmegaConf
 
-from pipeline.artifacts.files import read_arrays, read_json, read_table
-from pipeline.artifacts.scenes import SceneSet, read_scenes, write_scenes
-from pipeline.causal.counterfactual import keep
-from pipeline.models.registry import build
-from pipeline.params import compose
-from pipeline.runtime.streams import stream
-from pipeline.world.bezier import random_z_theta
+from pipeline.artifacts.files import read_arrays, read_table
+from pipeline.artifacts.scenes import read_scenes
+from pipeline.artifacts.trained import load_model
+from pipeline.causal.counterfactual import item_subsets, keep
+from pipeline.causal.mechanisms import model_scm, renderer
 from pipeline.world.catalogue import read_catalogue
-from pipeline.world.layout import SIDE, SYMBOLS, LayoutRules, random_layouts
-from pipeline.world.render import REACH_M, Palette, render_scenes
+from pipeline.world.layout import SIDE, SYMBOLS
+from pipeline.world.render import REACH_M, Palette
 from pipeline.world.rules import valid
-from studies.counterfactuals import stage as counterfactual
+from studies.counterfactuals import stage
 from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
-from tests.stages.inputs import convinced, save_model
+from tests.stages.inputs import pictured_models
 
-SCENES, PATHS, GENERATOR = 6, 24, 5
-VARIANTS = ("full", "path")
-KEPT = ("metrics.json", "moves.parquet", "examples.npz")
+SCENES, PATHS = 6, 24
+VARIANTS = ("full", "clearance")
+ROOM_M = 0.03  # around an item's shadow
 
 
 @pytest.fixture(scope="module")
 def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
-    """Six scenes with unseen items, and untrained models of two variants and two seeds."""
-    root = tmp_path_factory.mktemp("counterfactual")
-    cfg = compose(["profile=smoke", "workers=1"])
-    for name in ("scenes", "train", "irl", "path"):
-        OmegaConf.update(cfg, f"paths.{name}", str(root / name))
-    cfg.variants = {variant: cfg.variants[variant] for variant in VARIANTS}
-    sizes = {"scenes": SCENES, "paths": PATHS, "moved_scenes": 3, "move_step": 0.02, "move_steps": 6}
-    cfg.counterfactual.update(**sizes, generator=GENERATOR)
-    catalogue = read_catalogue(Path(cfg.paths.data))
-    choices = catalogue.pool("unseen")
-    rules = LayoutRules.of(cfg.scenes.layout)
-    layouts = random_layouts(np.random.default_rng(0), SCENES, catalogue.footprints, choices, rules)
-    looks = pd.DataFrame({"texture": catalogue.texture_names("train")[0], "render_seed": range(SCENES)})
-    images = render_scenes(layouts, list(looks["texture"]), list(looks["render_seed"]), Palette(catalogue))
-    write_scenes(Path(cfg.paths.scenes), SceneSet({"new_items": images}, {"new_items": layouts}, {"new_items": looks}))
-    for variant in VARIANTS:
-        for user in cfg.users:
-            for seed in cfg.protocol.seeds:
-                model = convinced(build(cfg.variants[variant], seed))
-                save_model(cfg, variant, model, user, seed)
-    return cfg
+    """Six scenes of unseen items, and untrained models of two variants and two seeds."""
+    sizes = {"scenes": SCENES, "paths": PATHS, "moved_scenes": 3, "move_step": 0.02, "move_steps": 6, "root_seed": 5}
+    overrides = [f"studies.counterfactuals.{name}={value}" for name, value in sizes.items()]
+    return pictured_models(tmp_path_factory.mktemp("counterfactuals"), VARIANTS, SCENES, *overrides)
 
 
 @pytest.fixture(scope="module")
 def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
     directory = tmp_path_factory.mktemp("out")
-    counterfactual.main(cfg, directory)
+    stage.main(cfg, directory)
     return directory
 
 
 @pytest.fixture(scope="module")
-def examples(out: Path) -> list[dict]:
-    return read_json(out / "metrics.json")["examples"]
+def examples(out: Path) -> pd.DataFrame:
+    return read_table(out / "examples.csv")
 
 
-def test_every_variant_and_user_has_a_cell_and_who_minds_nothing_an_empty_one(cfg: DictConfig, out: Path):
-    metrics = read_json(out / "metrics.json")
-    assert set(metrics["counterfactual"]) == set(VARIANTS)
-    for by_user in metrics["counterfactual"].values():
-        assert set(by_user) == set(cfg.users)
-        assert by_user["aggressive"] is None
-    assert metrics["truth"]["aggressive"] is None
-    layouts = read_scenes(Path(cfg.paths.scenes)).layouts["new_items"]
-    assert metrics["pictures"] == (2 ** layouts.present.sum(1)).sum()
-    z = random_z_theta(stream(GENERATOR, "counterfactual"), SCENES, PATHS)
-    for user in ("careful", "normal"):
-        share = 1 - valid(layouts, z, cfg.users[user]).mean()
-        assert metrics["truth"][user]["invalid"] == pytest.approx(share, abs=1e-6)
+def test_every_variant_and_every_user_with_a_margin_has_a_row(cfg: DictConfig, out: Path):
+    noise = stage.read_noise(cfg)
+    for table in (read_table(out / "summary.csv"), read_table(out / "moves.csv")):
+        assert sorted(zip(table["variant"], table["user"], strict=True)) == sorted(
+            (variant, user) for variant in VARIANTS for user in ("careful", "normal")
+        )
+    for row in read_table(out / "summary.csv").itertuples():
+        share = 1 - valid(noise["O"], noise["Z_theta"], cfg.users[row.user]).mean()
+        assert row.true_invalid == pytest.approx(share, abs=1e-5)
 
 
-def test_an_item_taken_away_leaves_every_pixel_far_from_it(cfg: DictConfig, out: Path, examples: list[dict]):
-    arrays = read_arrays(out / "examples.npz")
-    scenes = read_scenes(Path(cfg.paths.scenes))
-    layouts, pictures = scenes.layouts["new_items"], scenes.images["new_items"]
+def test_attributions_have_a_row_for_every_seed_and_invalid_path(cfg: DictConfig, out: Path):
+    rows, noise = read_table(out / "attributions.parquet"), stage.read_noise(cfg)
+    for (_, user), table in rows.groupby(["variant", "user"]):
+        invalid = ~valid(noise["O"], noise["Z_theta"], cfg.users[user])
+        assert len(table) == len(cfg.protocol.seeds) * invalid.sum()
+    named = rows[rows["attributed"] >= 0]
+    symbols = np.array(SYMBOLS)[noise["O"].symbol[named["scene"], named["attributed"]]]
+    np.testing.assert_array_equal(named["attributed_symbol"], symbols)
+    assert (rows.loc[rows["cause"] < 0, "cause_symbol"] == "").all()
+    assert (rows["rejected"] == (rows["p"] <= 0.5)).all()
+
+
+def test_the_summary_counts_the_rows_of_attributions(out: Path):
+    rows, summary = read_table(out / "attributions.parquet"), read_table(out / "summary.csv")
+    for row in summary[summary["right"].notna()].itertuples():
+        table = rows[(rows["variant"] == row.variant) & (rows["user"] == row.user) & rows["rejected"]]
+        single = table[table["cause"] >= 0]
+        assert row.right == pytest.approx((single["attributed"] == single["cause"]).mean(), abs=1e-5)
+        assert row.single == pytest.approx(len(single) / len(table), abs=1e-5)
+
+
+def test_necessity_is_the_scms_probability_of_change(cfg: DictConfig):
+    noise = stage.read_noise(cfg)
+    subsets = item_subsets(noise["O"].present)
+    units = stage.take(noise, subsets.scene)
+    models = {"careful": load_model(cfg, "clearance", "careful", 0, cfg.main_n_demos)}
+    scm = model_scm(models, renderer(Palette(read_catalogue(Path(cfg.paths.data))))).do(S="careful")
+    kept = keep(units["O"], subsets.kept)
+    images = scm.do(O=kept).entail(units, "I")["I"]
+    p = stage.ask_models(cfg, ["careful"], units, images, "test")["clearance"][0, 0]
+    necessity = subsets.by_question(p).necessity
+    for slot in range(noise["O"].present.shape[1]):
+        without = keep(noise["O"], noise["O"].present & (np.arange(noise["O"].present.shape[1]) != slot))
+        np.testing.assert_allclose(necessity[..., slot], scm.probability_of_change(noise, False, O=without), atol=1e-4)
+
+
+def test_a_removed_item_leaves_every_pixel_far_from_it(cfg: DictConfig, out: Path, examples: pd.DataFrame):
+    arrays, scenes = read_arrays(out / "examples.npz"), read_scenes(Path(cfg.paths.scenes))
+    layouts, images = scenes.layouts["new_items"], scenes.images["new_items"]
     x, y = np.meshgrid((np.arange(SIDE) + 0.5) / SIDE, 1 - (np.arange(SIDE) + 0.5) / SIDE)
-    assert len(examples) > 1
-    for i, example in enumerate(examples):
-        scene = example["scene"]
-        np.testing.assert_array_equal(arrays["whole"][i], pictures[scene])
-        for item in example["items"]:
-            slot = item["slot"]
-            changed = (arrays["without"][i, slot] != arrays["whole"][i]).any(-1)
-            reach = layouts.half_length[scene, slot] + layouts.radius[scene, slot] + REACH_M + 0.03
-            far = np.hypot(x - item["x_m"], y - item["y_m"]) > reach
-            assert changed.any() and not changed[far].any()
-            back = (arrays["alone"][i, slot] != arrays["empty"][i]).any(-1)
-            assert back.any() and not back[far].any()
+    kinds = examples["example"].unique()
+    assert len(kinds) > 1
+    for i, kind in enumerate(kinds):
+        items = examples[examples["example"] == kind].drop_duplicates("slot")
+        np.testing.assert_array_equal(arrays["factual"][i], images[items["scene"].iloc[0]])
+        for item in items.itertuples():
+            index = item.scene, item.slot
+            reach = layouts.half_length[index] + layouts.radius[index] + REACH_M + ROOM_M
+            far = np.hypot(x - item.x_m, y - item.y_m) > reach
+            for one, other in (("without", "factual"), ("alone", "empty")):
+                changed = (arrays[one][i, item.slot] != arrays[other][i]).any(-1)
+                assert changed.any() and not changed[far].any()
 
 
-def test_examples_follow_their_rules(examples: list[dict]):
-    by_kind = {e["kind"]: e["users"] for e in examples}
-    assert len({e["scene"] for e in examples}) == len(examples)
-    if "disagree" in by_kind:
-        careful, normal = (by_kind["disagree"][u]["truth"] for u in ("careful", "normal"))
-        assert careful["p"] == normal["p"] == 0 and careful["blame"] != normal["blame"]
-        assert sum(careful["ps"]) >= 1
-    careful, normal = (by_kind["one accepts"][u]["truth"] for u in ("careful", "normal"))
-    assert (careful["p"], normal["p"], normal["blame"]) == (0, 1, None)
-    assert careful["pn"][careful["blame"]] == careful["ps"][careful["blame"]] == 1
+def test_examples_follow_their_rules(examples: pd.DataFrame):
+    assert not examples.drop_duplicates("example").duplicated("scene").any()
+    truth = examples[examples["variant"] == "truth"].set_index(["example", "user"])
+    careful, normal = truth.loc[("one_accepts", "careful")], truth.loc[("one_accepts", "normal")]
+    assert (careful["p"] == 0).all() and (normal["p"] == 1).all()
+    assert careful["attributed"].sum() == 1 and not normal["attributed"].any()
+    assert (careful.loc[careful["attributed"], ["pn", "ps"]] == 1).all(axis=None)
+    if "disagree" in truth.index.get_level_values(0):
+        careful, normal = truth.loc[("disagree", "careful")], truth.loc[("disagree", "normal")]
+        assert (careful["p"] == 0).all() and (normal["p"] == 0).all()
+        assert list(careful["attributed"]) != list(normal["attributed"])
 
 
 def test_a_move_ends_where_the_path_becomes_valid(cfg: DictConfig, out: Path):
-    moves = read_table(out / "moves.parquet")
-    assert (moves["true_m"] > 0).all() and (moves["true_m"] <= 0.12).all()
+    moves, noise = read_table(out / "moves.parquet"), stage.read_noise(cfg)
+    assert ((moves["true_m"] > 0) & (moves["true_m"] <= 0.12)).all()
     assert set(moves.loc[moves["user"] == "normal", "symbol"]) == {"glass"}
     assert not moves.duplicated(["variant", "user", "seed", "scene"]).any()
-    found = moves["found_m"].dropna()
-    assert ((found >= 0) & (found <= 0.12)).all()
-    assert (moves.loc[~moves["rejected"], "found_m"] == 0).all()  # accepted where it stands
-    layouts = read_scenes(Path(cfg.paths.scenes)).layouts["new_items"]
-    case = moves.drop_duplicates(["user", "scene"])
-    symbols = np.array(SYMBOLS)[layouts.symbol[case["scene"], case["slot"]]]
-    np.testing.assert_array_equal(case["symbol"], symbols)
-    z = random_z_theta(stream(GENERATOR, "counterfactual"), SCENES, PATHS)
-    for row in case.itertuples():
-        assert not valid(layouts[[row.scene]], z[[row.scene]], cfg.users[row.user])[0, row.path]
+    assert moves["model_m"].dropna().between(0, 0.12).all()
+    assert (moves.loc[~moves["rejected"], "model_m"] == 0).all()  # accepted before any move
+    for row in moves.drop_duplicates(["user", "scene"]).itertuples():
+        assert not valid(noise["O"][[row.scene]], noise["Z_theta"][[row.scene]], cfg.users[row.user])[0, row.path]
+        assert row.symbol == SYMBOLS[noise["O"].symbol[row.scene, row.slot]]
 
 
-def test_a_table_with_a_moved_item_is_pictured_as_its_own_scene(cfg: DictConfig, monkeypatch: pytest.MonkeyPatch):
-    world, seen = counterfactual._set_world(cfg), []
-    left = keep(world.layouts[world.tables.scene], world.tables.kept)
-    truth = world.tables.fold(valid(left, world.z_theta[world.tables.scene], cfg.users.careful).astype(float))
-    moves = counterfactual._set_moves(cfg, world, truth, cfg.users.careful)
-    monkeypatch.setattr(counterfactual, "predict_all", lambda cfg, users, images, z, what: seen.append(images) or {})
-    counterfactual._least_moves(cfg, world, "careful", moves, {})
-    pictures = read_scenes(Path(cfg.paths.scenes)).images["new_items"]
-    x, y = np.meshgrid((np.arange(SIDE) + 0.5) / SIDE, 1 - (np.arange(SIDE) + 0.5) / SIDE)
-    steps = seen[0].reshape(len(moves.scene), -1, *pictures.shape[1:])
-    assert len(moves.scene) == 3
-    for scene, slot, images in zip(moves.scene, moves.slot, steps, strict=True):
-        at = scene, slot
-        reach = world.layouts.half_length[at] + world.layouts.radius[at] + REACH_M + 0.03 + moves.distance[-1]
-        centre = world.layouts.centre[at]
-        changed = (images != pictures[scene]).any(-1)  # (step, row, column)
-        assert changed.any((1, 2)).all() and not changed[:, np.hypot(x - centre[0], y - centre[1]) > reach].any()
-
-
+@pytest.mark.slow
 def test_a_second_run_with_more_workers_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
-    assert sorted(p.name for p in out.iterdir()) == sorted(KEPT)
-    repeats_itself(counterfactual.main, cfg, out, tmp_path, workers=2)
+    repeats_itself(stage.main, cfg, out, tmp_path, workers=2)
 
 
 def test_scenes_without_room_to_move_an_item_leave_no_moves(cfg: DictConfig, tmp_path: Path):
     far = cfg.copy()
-    far.counterfactual.update(move_step=0.1, move_steps=12)
-    counterfactual.main(far, tmp_path)
+    far.studies.counterfactuals.update(move_step=0.1, move_steps=12)
+    stage.main(far, tmp_path)
     assert len(read_table(tmp_path / "moves.parquet")) == 0
-    cells = read_json(tmp_path / "metrics.json")["counterfactual"]
-    assert all(cell["least_move"] is None for by_user in cells.values() for cell in by_user.values() if cell)
+    assert (read_table(tmp_path / "moves.csv")["cases"] == 0).all()
 
 
 def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
-    names_a_missing_model(counterfactual.main, cfg, "path", tmp_path / "out")
+    names_a_missing_model(stage.main, cfg, "clearance", tmp_path / "out")
 
 
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
-        ("scenes", 1, "counterfactual.scenes is 1: expected a whole number from 2"),
-        ("scenes", 1000, r"counterfactual.scenes is 1000: expected at most scenes.shared = \d+"),
-        ("move_step", 0.0, "counterfactual.move_step is 0.0"),
-        ("example_variant", "best", "counterfactual.example_variant is 'best'"),
-        ("split", "seen_scenes", "expected a split that all seeds share, one of new_scenes, new_items"),
+        ("scenes", 1, "studies.counterfactuals.scenes"),
+        ("scenes", 1000, "at most scenes.shared"),
+        ("moved_scenes", SCENES + 1, "at most studies.counterfactuals.scenes"),
+        ("move_step", 0.0, "studies.counterfactuals.move_step"),
+        ("example_variant", "best", "studies.counterfactuals.example_variant"),
+        ("split", "seen_scenes", "new_scenes, new_items"),
     ],
 )
 def test_parameters_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name, value, message):
-    refuses(counterfactual.main, cfg, f"counterfactual.{name}", value, message, tmp_path / "out")
+    refuses(stage.main, cfg, f"studies.counterfactuals.{name}", value, message, tmp_path / "out")
+
+
+def test_users_without_margins_are_refused(cfg: DictConfig, tmp_path: Path):
+    nobody = {user: dict.fromkeys(SYMBOLS) for user in cfg.users}
+    refuses(stage.main, cfg, "users", OmegaConf.create(nobody), "margin", tmp_path / "out")

@@ -5,10 +5,11 @@ import pytest
 import torch
 
 from pipeline.models.base import to_tensor
-from pipeline.models.irl.reward_map import SYMMETRIES, RewardMap, contrast, subtract_background, transform, untransform
+from pipeline.models.irl.reward_map import SYMMETRIES, RewardMap, contrast, transform, untransform
 from pipeline.models.registry import build
+from pipeline.perception.background import subtract_background
 from pipeline.training.irl import fit as irl
-from pipeline.training.irl.augment import ColorJitter, blobs, augment_appearances, recolour
+from pipeline.training.irl.augment import ColorJitter, augment_appearances, blobs, recolour
 from pipeline.training.irl.fit import OBJECTIVES, IrlSchedule, fit, logistic, maxent, ranked
 from pipeline.training.loop import Checkpoints
 

@@ -1,7 +1,7 @@
 """Fit several users' models at once on any torch device: the reference engine, vectorised by torch.func.vmap.
 
 The models share their weights of Eq. 1, number of scenes and schedule. Each draws its noise on the CPU as the reference
-does. Device and batch decide the order of sums, so trained weights differ from the other engines' by amplified rounding.
+does. Device and batch decide the order of sums: trained weights differ from the other engines' by amplified rounding.
 """
 
 from collections.abc import Sequence

@@ -1,11 +1,11 @@
-"""Kernels that train eight models at once, one in each SIMD lane of a float32 vector, compiled by Numba.
+"""Kernels that train 8 or 16 models at once, one in each SIMD lane of a float32 vector, compiled by Numba.
 
-Every array ends in an axis of `LANES`: entry [..., lane] belongs to model `lane`, and no operation mixes lanes, so
-a model's bits depend neither on its neighbours nor on its place. Convolutions and dense layers alike are strided
-matrix products, and those are sums of outer products on a `Tile` of vectors that stays in registers (`_block`).
+Every array ends in an axis of `LANES`: entry [..., lane] belongs to model `lane`. No operation mixes lanes, so a
+model's bits depend neither on its neighbours, nor on its place, nor on the number of lanes. Convolutions and dense layers alike
+are strided matrix products: sums of outer products on a `Tile` of vectors that stays in registers (`_block`).
 
-All that is compiled stands in this file: Numba compiles a cached function anew when its own file has changed, and
-looks at no other.
+This file is longer than 300 lines because Numba compiles a cached function anew when its own file has changed, and
+looks at no other: everything compiled has to stand in one file.
 """
 
 # pyright: reportCallIssue=false
@@ -15,17 +15,34 @@ import inspect
 
 import numpy as np
 from llvmlite import ir
-from llvmlite.binding import get_host_cpu_features
-from numba import njit, types
+from llvmlite.binding import get_host_cpu_features, get_host_cpu_name
+from numba import config, njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, register_model
 
-LANES = 8
+HALF_WIDTH_AVX512 = ("znver4",)  # processors whose 512-bit instructions run as two of 256 bits each
+
+
+def processor_features() -> frozenset[str]:
+    """Return the features Numba compiles for: NUMBA_CPU_FEATURES, else the host's. Numba's cache is keyed by them."""
+    flags = config.CPU_FEATURES
+    if flags is None:
+        return frozenset(name for name, has in get_host_cpu_features().items() if has)
+    return frozenset(flag[1:] for flag in flags.split(",") if flag.startswith("+"))
+
+
+def lanes_of(features: frozenset[str], processor: str) -> int:
+    """Return how many float32 lanes the processor's widest full-speed vectors have."""
+    return 16 if "avx512vl" in features and processor not in HALF_WIDTH_AVX512 else 8
+
+
+FEATURES = processor_features()
+LANES = lanes_of(FEATURES, config.CPU_NAME or get_host_cpu_name())
 VECTOR = ir.VectorType(ir.FloatType(), LANES)
 BYTES = ir.IntType(8).as_pointer()
 INTEGERS = ir.VectorType(ir.IntType(32), LANES)
 PUT, ADD, RELU, GATE = range(4)  # what becomes of a product: see `_put` and its neighbours
-TALL = 5 if get_host_cpu_features().get("avx512vl") else 2  # rows of a tile: what 32 registers hold, or 16
+TALL = 5 if "avx512vl" in FEATURES else 2  # rows of a tile: what 32 registers hold, or 16
 
 OFFSETS = types.intp[::1]
 FLAT, MATRIX, ROWS = types.float32[::1], types.float32[:, ::1], types.float32[:, :, ::1]

@@ -5,13 +5,13 @@ import copy
 import numpy as np
 import pytest
 import torch
-from tests.spec.test_training import VARIANTS, drawn
 
 from pipeline.models.base import to_tensor
 from pipeline.models.vae.losses import equation_1
 from pipeline.training.loop import Checkpoints, Schedule
 from pipeline.training.vae.engines.cuda import fit_batch
 from pipeline.training.vae.engines.reference import fit
+from tests.training.vae.engines.test_reference import VARIANTS, drawn
 
 SHORT = Schedule(steps=3, rate=2e-3, weight_decay=0.01, curve_every=1)
 NS = (4, 1, 9)

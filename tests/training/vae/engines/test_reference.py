@@ -13,7 +13,7 @@ from pipeline.runtime.streams import job_seed
 from pipeline.training.loop import Checkpoints, Schedule, rule_of_succession
 from pipeline.training.vae.engines.reference import CURVE, fit
 
-GOLDEN = Path(__file__).parent.parent / "golden"
+GOLDEN = Path(__file__).parents[3] / "golden"
 VARIANTS = {
     "full": Weights(alpha=10.0, beta=0.005, gamma=1.0),
     "ae": Weights(alpha=10.0, beta=0.0, gamma=1.0),

@@ -1,6 +1,7 @@
 """Facts about training in lanes: the gradient of Eq. 1, and the same bits whatever else is in the stack."""
 
 import copy
+import os
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -12,11 +13,13 @@ import pytest
 import torch
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from llvmlite.binding import get_host_cpu_features
 
 from pipeline.models.registry import build
 from pipeline.models.vae.beta_vae import Z_CENTRE, Z_SCALE, BetaVae
 from pipeline.models.vae.losses import Weights, equation_1
-from pipeline.training.loop import Checkpoints, Schedule, padded
+from pipeline.training.loop import Checkpoints, Schedule, pad_demonstrations
+from pipeline.training.vae.engines import simd_kernels as lanes
 from pipeline.training.vae.engines.reference import fit
 from pipeline.training.vae.engines.simd import Stack, fit_stack
 from pipeline.training.vae.engines.simd_kernels import LANES
@@ -27,7 +30,7 @@ VARIANTS = {
     "classifier": Weights(alpha=0.0, beta=0.0, gamma=1.0),
 }
 SHORT = Schedule(steps=6, rate=2e-3, weight_decay=0.01, curve_every=4)
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[4]
 SHAPES = {"paper": {}, "other": {"latent": 5, "channels": [6, 7], "hidden": 9}}
 
 
@@ -73,21 +76,21 @@ def stacked(seeds, variant: str = "full", n: Sequence[int] = (4,) * LANES):
     return models, fit_stack(models, images, z_theta, valid, VARIANTS[variant], SHORT, seeds)
 
 
-@pytest.mark.parametrize("n_demos", [[9] * LANES, [9, 1, 7, 3, 5, 2, 9, 1]], ids=["one n", "mixed n"])
+@pytest.mark.parametrize("n_demos", [[9] * LANES, ([9, 1, 7, 3, 5, 2, 9, 1] * 2)[:LANES]], ids=["one n", "mixed n"])
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_gradient_is_that_of_equation_1_in_double_precision(variant, shape, n):
+def test_gradient_is_that_of_equation_1_in_double_precision(variant, shape, n_demos):
     models = [with_small_logits(seed, shape) for seed in range(LANES)]
-    images, z_theta, valid = zip(*(data(lane, 20, n[lane]) for lane in range(LANES)), strict=True)
-    images, z_theta, valid = (np.stack(a, -1) for a in (images, padded(z_theta), padded(valid)))
+    images, z_theta, valid = zip(*(data(lane, 20, n_demos[lane]) for lane in range(LANES)), strict=True)
+    images, z_theta, valid = (np.stack(a, -1) for a in (images, pad_demonstrations(z_theta), pad_demonstrations(valid)))
     noise = np.random.default_rng(0).standard_normal((20, models[0].latent, LANES)).astype(np.float32)
-    stack = Stack(models, VARIANTS[variant], n, scenes=20)
+    stack = Stack(models, VARIANTS[variant], n_demos, scenes=20)
     terms = stack.gradient(images, ((z_theta - Z_CENTRE) / Z_SCALE).astype(np.float32), valid, noise)
     gradients = dict(stack.tensors("gradient"))
     for lane, model in list(enumerate(models))[::3]:
         exact = copy.deepcopy(model).double()
         x = torch.from_numpy(images[..., lane]).permute(0, 3, 1, 2).double() / 255
-        own = (z_theta[:, : n[lane], :, lane], valid[:, : n[lane], lane], noise[..., lane])
+        own = (z_theta[:, : n_demos[lane], :, lane], valid[:, : n_demos[lane], lane], noise[..., lane])
         z, labels, own_noise = (torch.from_numpy(array).double() for array in own)
         loss = equation_1(exact, x, z, labels, VARIANTS[variant], own_noise)
         loss.total.backward()
@@ -150,9 +153,36 @@ def test_checkpoints_change_nothing_and_hold_every_model_of_the_stack():
 
 
 def test_another_process_gives_the_same_bits():
-    code = "from tests.spec.test_stacked import *; torch.set_num_threads(1); print(digest(stacked([3])[0][0]))"
-    result = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert result.stdout.strip() == digest(stacked([4, 3])[0][1])
+    assert in_another_process() == f"{LANES} {digest(stacked([4, 3])[0][1])}"
+
+
+@pytest.mark.slow  # compiles the kernels twice
+@pytest.mark.skipif("avx512vl" not in lanes.FEATURES, reason="needs a processor with AVX-512")
+def test_a_model_is_the_same_bits_in_8_lanes_and_in_16(tmp_path):
+    wide = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": get_host_cpu_features().flatten()}
+    narrow = [
+        ("-" if name.startswith("avx512") or not has else "+") + name for name, has in get_host_cpu_features().items()
+    ]
+    native = digest(stacked([3])[0][0])
+    assert in_another_process(**wide, NUMBA_CACHE_DIR=str(tmp_path / "16")) == f"16 {native}"
+    assert in_another_process(NUMBA_CPU_FEATURES=",".join(narrow), NUMBA_CACHE_DIR=str(tmp_path / "8")) == f"8 {native}"
+
+
+def test_vectors_are_as_wide_as_the_processor_computes_at_full_speed():
+    assert lanes.lanes_of(frozenset({"avx2"}), "skylake") == 8
+    assert lanes.lanes_of(frozenset({"avx2", "avx512vl"}), "sapphirerapids") == 16
+    assert lanes.lanes_of(frozenset({"avx2", "avx512vl"}), "znver4") == 8
+
+
+def in_another_process(**environment: str) -> str:
+    """Return the number of lanes and the digest of model 3, trained alone by a new process in that environment."""
+    code = (
+        "import torch; from tests.training.vae.engines.test_simd import LANES, digest, stacked; "
+        "torch.set_num_threads(1); print(LANES, digest(stacked([3])[0][0]))"
+    )
+    command = [sys.executable, "-c", code]
+    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, env=os.environ | environment)
+    return result.stdout.strip()
 
 
 def test_demonstrations_that_never_vary_get_the_constant_head_of_the_reference():

@@ -1,4 +1,4 @@
-"""Facts about stages irl and path: files like stage train's, constants where labels say nothing, what they refuse."""
+"""Facts about stages irl and clearance: files like stage train's, constants where labels say nothing, what they refuse."""
 
 import hashlib
 from pathlib import Path
@@ -12,18 +12,18 @@ from pipeline.artifacts.models import PREDICTION_COLUMNS
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.artifacts.trained import load_model
 from pipeline.params import compose
-from pipeline.stages import irl, path
+from pipeline.stages import clearance, irl
 from tests.stages.facts import listed
 
-STAGES = {"irl_maxent": irl.main, "irl_ranked": irl.main, "path": path.main}  # by variant
+STAGES = {"irl_maxent": irl.main, "irl_ranked": irl.main, "clearance": clearance.main}  # by variant
 USERS = ("aggressive", "careful", "normal")
-SMALL = ["seeds=[0]", "n=[1,2]", "main_n_demos=2", "irl.n_augmentations=2", "irl.curve_every=2", "workers=1"]
-SMALL += ["variants.irl_maxent.steps=3", "variants.irl_ranked.steps=3", "path.steps=3", "path.curve_every=2"]
+SMALL = ["seeds=[0]", "n_demos=[1,2]", "main_n_demos=2", "irl.n_augmentations=2", "irl.curve_every=2", "workers=1"]
+SMALL += ["variants.irl_maxent.steps=3", "variants.irl_ranked.steps=3", "clearance.steps=3", "clearance.curve_every=2"]
 
 
 def config(small_world: Path, out: Path, *overrides: str):
     paths = [f"paths.scenes={small_world}/scenes", f"paths.demos={small_world}/demos"]
-    paths += [f"paths.irl={out}", f"paths.path={out}"]
+    paths += [f"paths.irl={out}", f"paths.clearance={out}"]
     return compose([*paths, *SMALL, *overrides])
 
 
@@ -53,20 +53,20 @@ def test_saved_weights_give_the_predictions_that_were_written(run, small_world):
         read_scenes(small_world / "scenes").images["new_items"], read_queries(small_world / "demos")["new_items"].z
     )
     rows = read_table(out / variant / "predictions.parquet").query(
-        "user == 'careful' and n == 2 and split == 'new_items'"
+        "user == 'careful' and n_demos == 2 and split == 'new_items'"
     )
     np.testing.assert_allclose(rows["p"].to_numpy().reshape(p.shape), p, rtol=1e-5)
 
 
 def test_a_user_without_invalid_demonstrations_gets_laplaces_constant(run):
     variant, out = run
-    predictions = read_table(out / variant / "predictions.parquet").query("user == 'aggressive' and n == 2")
+    predictions = read_table(out / variant / "predictions.parquet").query("user == 'aggressive' and n_demos == 2")
     np.testing.assert_allclose(predictions["p"], 7 / 8, rtol=1e-6)  # 3 scenes x 2 demonstrations, all valid
 
 
 def test_a_second_run_by_two_processes_writes_the_same_bytes(run, small_world, tmp_path):
     variant, out = run
-    stage = "path" if variant == "path" else "irl"
+    stage = "clearance" if variant == "clearance" else "irl"
     few = listed(config(small_world, tmp_path, f"variant={variant}", "workers=2"), stage)
     STAGES[variant](few, tmp_path / variant)
     assert _digests(tmp_path) == _digests(out)
@@ -79,9 +79,9 @@ def test_a_second_run_by_two_processes_writes_the_same_bytes(run, small_world, t
         ("irl_ranked", "variants.irl_ranked.steps=0", "steps is 0"),
         ("irl_ranked", "irl.color_jitter.other_table=2", "irl.color_jitter.other_table is 2"),
         ("irl_ranked", "variants.irl_ranked.objective=apprenticeship", "expected one of maxent, ranked"),
-        ("path", "variant=irl_ranked", "not fitted by stage path: expected one of path"),
-        ("path", "path.steps=0", "steps is 0"),
-        ("path", "path.rate=0", "rate is 0"),
+        ("clearance", "variant=irl_ranked", "not fitted by stage clearance: expected one of clearance"),
+        ("clearance", "clearance.steps=0", "steps is 0"),
+        ("clearance", "clearance.rate=0", "rate is 0"),
     ],
 )
 def test_bad_input_ends_before_anything_is_written(small_world, tmp_path, fitted, override, message):

@@ -1,0 +1,41 @@
+"""Verdicts on every question, and how many of them each model answers rightly."""
+
+import pandas as pd
+
+from pipeline.report.render import Table
+from pipeline.report.results import Results
+from pipeline.report.style import label
+
+
+def score(results: Results) -> Table:
+    """Return the right verdicts of each model on added items and on changes of user."""
+    rows = []
+    for variant in results.variants:
+        row = {"Model": label(variant), "Added items": results.verdicts_right(variant)}
+        rows.append(row | {"Change of user": results.verdicts_right(variant, "user")})
+    blind = {"Added items": results.image_blind_right(), "Change of user": results.image_blind_right("user")}
+    rows.append({"Model": "A model that never sees the image"} | blind)
+    rows.append(
+        {"Model": "Questions"} | {"Added items": results.questions(), "Change of user": results.questions("user")}
+    )
+    return Table(pd.DataFrame(rows), {"Added items": "count", "Change of user": "count"})
+
+
+def verdicts(results: Results) -> Table:
+    """Return effect, 95 % interval and verdict of the paper's model and the clearance model beside the truth."""
+    shown = [v for v in ("full", "clearance") if v in results.variants] or results.variants[:1]
+    table = pd.concat([results.asked("add", v).sort_values(["user", "symbol"]) for v in shown])
+    frame = pd.DataFrame(
+        {
+            "Model": table["variant"].map(label),
+            "User": table["user"],
+            "Added": table["symbol"],
+            "Effect": table["effect"],
+            "low": table["ci_low"],
+            "high": table["ci_high"],
+            "Truth": table["truth"],
+            "Verdict": table["verdict"],
+            "Right": table["right"].astype(bool).map({True: "yes", False: "no"}),
+        }
+    )
+    return Table(frame, dict.fromkeys(("Effect", "low", "high", "Truth"), "effect"))

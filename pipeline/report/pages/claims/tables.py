@@ -1,0 +1,40 @@
+"""Tables 1 and 2 of the paper beside ours."""
+
+import pandas as pd
+
+from pipeline.report.claims import PAPER
+from pipeline.report.render import Table
+from pipeline.report.results import PAPER_TABLE_1, PAPER_TABLE_2, Results
+from pipeline.report.style import label
+
+SOURCES = (PAPER, "clearance")
+
+
+def table_1(results: Results) -> Table:
+    """Return the success of 30 gradient steps a user: the paper's, ours and the constant detour's."""
+    shown = [v for v in SOURCES if v in results.variants]
+    rows = [
+        {"User": user, "Paper": PAPER_TABLE_1.get(user)}
+        | {label(v): results.repair("gradient", v, user) for v in shown}
+        | {label("constant_detour"): results.repair("constant_detour", "", user)}
+        for user in results.repaired_users
+    ]
+    frame = pd.DataFrame(rows)
+    return Table(frame, dict.fromkeys(frame.columns[1:], "pct1"))
+
+
+def table_2(results: Results) -> Table:
+    """Return the mean P(valid) without and with an added item a user and source: paper, truth, models."""
+    rows = []
+    for user in [u for u in results.users if u in PAPER_TABLE_2.index]:
+        rows.append({"User": user, "Source": "Paper"} | PAPER_TABLE_2.loc[user].to_dict())
+        truth = {added: results.value("p_valid", "truth", user=user, added=added) for added in PAPER_TABLE_2.columns}
+        rows.append({"User": user, "Source": "Truth in our world"} | truth)
+        asked = results.tables["interventions"]
+        asked = asked[asked["kind"] == "add"]
+        for variant in [v for v in SOURCES if v in results.variants]:
+            mine = asked[(asked["variant"] == variant) & (asked["user"] == user)]
+            if len(mine):
+                after = mine.set_index("symbol")["intervened"].to_dict()
+                rows.append({"User": user, "Source": label(variant), "none": mine["baseline"].iloc[0]} | after)
+    return Table(pd.DataFrame(rows), dict.fromkeys(PAPER_TABLE_2.columns, "rate"))

@@ -1,0 +1,68 @@
+"""The overview: the same scene as image, truth and beliefs, with a gradient repair on each."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy import ndarray as Array
+
+from pipeline.report import style
+from pipeline.report.drawing import draw_map, draw_path, draw_table, panels
+from pipeline.report.results import Results
+
+LEAST_DIFFERENCE = 0.05  # share of a map's cells in which two users differ
+
+
+def overview(results: Results) -> Figure:
+    """Draw a row a user: image with a repair by each shown model, true map, and each model's map with the trace."""
+    shown = [v for v in ("full", "clearance") if v in results.shown] or results.shown[:1]
+    drawn, users, place = results.drawn, results.repaired_users, _place(results)
+    scene = drawn.mapped[place]
+    figure, axes = panels(len(users), 2 + len(shown), 3.0 * (2 + len(shown)), 3.15 * len(users))
+    for line, user in zip(axes, users, strict=True):
+        start = first_start(results, user, scene)
+        traces = {v: None if start is None else trace(results, v, user, scene, start) for v in shown}
+        draw_table(line[0], drawn.images[scene], drawn.layouts, scene, results.users[user])
+        draw_repairs(line[0], traces)
+        draw_map(line[1], drawn.truth[user][place])
+        for cell, variant in zip(line[2:], shown, strict=True):
+            draw_map(cell, drawn.maps[variant][user][place], traces[variant])
+        line[0].set_ylabel(f"{user} user", color=style.INK, fontsize=12)
+    titles = ["Table, start (broken), repairs", "Truth", *map(style.label, shown)]
+    for cell, title in zip(axes[0], titles, strict=True):
+        cell.set_title(title)
+    return figure
+
+
+def _place(results: Results) -> int:
+    """Return the first mapped scene in which the users truly differ; the first of all if none does."""
+    truths = [results.drawn.truth[user] for user in results.repaired_users]
+    differ = np.mean(truths[0] != truths[-1], axis=(1, 2)) > LEAST_DIFFERENCE
+    return int(differ.argmax())
+
+
+def draw_repairs(axes: Axes, traces: Mapping[str, Array | None]) -> None:
+    """Draw where repairs start (orange, broken) and where each variant's ends."""
+    steps = {variant: trace for variant, trace in traces.items() if trace is not None}
+    for variant, points in steps.items():
+        draw_path(axes, points[-1], style.colour(variant))
+    if steps:
+        draw_path(axes, next(iter(steps.values()))[0], style.INVALID, linestyle=(0, (3, 1.5)))
+
+
+def first_start(results: Results, user: str, scene: int) -> int | None:
+    """Return the number of the user's first invalid path in a scene, whatever became of it."""
+    rows = results.tables["repairs"]
+    rows = rows[(rows["user"] == user) & (rows["method"] == "gradient") & (rows["scene"] == scene)]
+    return None if rows.empty else int(rows["start"].min())
+
+
+def trace(results: Results, variant: str, user: str, scene: int, start: int) -> Array:
+    """Return the control points (step, 2) [m] of the first seed's gradient repair from one start."""
+    seed = results.seeds[0]
+    rows = results.tables["repairs"]
+    rows = rows[(rows["method"] == "gradient") & (rows["variant"] == variant) & (rows["user"] == user)]
+    rows = rows[rows["seed"] == seed]
+    at = np.flatnonzero((rows["scene"] == scene) & (rows["start"] == start))
+    return results.paths[f"{variant}-{user}-s{seed}"][int(at[0])]

@@ -1,0 +1,37 @@
+"""Repairs in numbers: every method, variant and user."""
+
+import pandas as pd
+
+from pipeline.report.render import Table
+from pipeline.report.results import Results
+from pipeline.report.style import label
+
+BASELINES = ("random_path", "constant_detour", "oracle")
+COLUMNS = {"success": ("success", "pct1"), "moved": ("displacement_ratio", "times"), "unsafe": ("unsafe", "pct1")}
+
+
+def gradient(results: Results) -> Table:
+    """Return the paper's repair, gradient steps, by model and user; baselines last."""
+    return _table(results, "gradient")
+
+
+def nearest(results: Results) -> Table:
+    """Return the nearest path that a model accepts, by model and user; baselines last."""
+    return _table(results, "nearest")
+
+
+def _table(results: Results, method: str) -> Table:
+    """Return a row a model; baselines accept nothing, so that they have no unsafe share."""
+    fitted = set(results.tables["repair"].query("method == @method")["variant"])
+    keys = [(method, variant) for variant in results.variants if variant in fitted]
+    rows, formats = [], {}
+    for method, variant in [*keys, *((baseline, "") for baseline in BASELINES)]:
+        row = {"Model": label(variant or method)}
+        for user in results.repaired_users:
+            for name, (column, form) in COLUMNS.items():
+                exists = variant or column != "unsafe"
+                row[f"{user}, {name}"] = results.repair(method, variant, user, column) if exists else None
+                formats[f"{user}, {name}"] = form
+        rows.append(row)
+    frame = pd.DataFrame(rows)
+    return Table(frame.astype(object).where(frame.notna(), None), formats)

@@ -1,0 +1,35 @@
+"""Put the headlines of reports/metrics.json into the README: `python -m pipeline.report.readme`, or `make readme`."""
+
+import re
+from pathlib import Path
+
+from pipeline.report.render import FORMATS
+from pipeline.report.style import label
+
+README, METRICS = Path("README.md"), Path("reports/metrics.json")
+HEAD = "| Model | Accuracy, unseen items | Repairs, careful | Repairs, normal | Causal verdicts right |"
+
+
+def headlines(metrics: dict) -> str:
+    """Return the table as markdown: a row a variant or baseline, a dash where there is no number."""
+    pct, rows = FORMATS["pct"], [HEAD, "| --- | --: | --: | --: | --: |"]
+    for name in [*metrics["verdicts_right"], "position_only", "constant_detour"]:
+        accuracy = metrics["accuracy"].get(name, {}).get("new_items")
+        repairs = [metrics["repair"].get(name, {}).get(user) for user in ("careful", "normal")]
+        right = metrics["verdicts_right"].get(name)
+        cells = [label(name), *map(pct, (accuracy, *repairs)), "–" if right is None else f"{right} of 8"]
+        rows.append("| " + " | ".join(cells) + " |")
+    return "\n".join(rows)
+
+
+def fill(text: str, table: str) -> str:
+    """Return the README's text with the table between its markers."""
+    return re.sub(
+        r"(<!-- headlines -->\n).*?(<!-- /headlines -->)", lambda m: f"{m[1]}\n{table}\n\n{m[2]}", text, flags=re.DOTALL
+    )
+
+
+if __name__ == "__main__":
+    from pipeline.artifacts.files import read_json
+
+    README.write_text(fill(README.read_text(), headlines(read_json(METRICS))))

@@ -1,0 +1,128 @@
+"""What the pages are drawn from: the stages' tables by name, and the arrays behind the figures."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from pipeline.runtime.errors import InputError
+from pipeline.world.catalogue import Catalogue
+from pipeline.world.layout import Layouts
+from pipeline.world.rules import Margins
+
+PAPER_TABLE_1 = {"careful": 0.75, "normal": 0.95, "aggressive": 1.0}  # success of repair
+PAPER_SCENES = 20  # test scenes, the most repairs a rate of Table 1 can stand on
+PAPER_ACCURACY = {1: (0.72, 0.673, 0.775), 9: (0.99, 0.978, 0.998)}  # mean, first and third quartile
+PAPER_TABLE_2 = pd.DataFrame(
+    [
+        ("careful", 0.43, 0.27, 0.28, 0.31, 0.30),
+        ("normal", 0.62, 0.62, 0.63, 0.62, 0.48),
+        ("aggressive", 1.00, 1.00, 1.00, 1.00, 1.00),
+    ],
+    columns=["user", "none", "bowl", "plate", "cutlery", "glass"],
+).set_index("user")
+
+
+@dataclass(frozen=True)
+class DrawnScenes:
+    """The scenes that figures show: one pool's images and layouts, and the shown models' maps of P(valid).
+
+    images: uint8 (scene, 100, 100, 3); maps: variant -> user -> (scene, side, side) as [y, x] on `lattice(side)`,
+    for the scenes in `mapped`; truth: user -> bool of the same shape. added_images: uint8 (1 + symbol, 100, 100, 3),
+    one scene as it is and with each item added; added_maps: "truth" or variant -> (1 + symbol, side, side), for
+    `added_user`. training: uint8 (scene, 100, 100, 3), the first training scenes of the first seed.
+    """
+
+    images: np.ndarray
+    layouts: Layouts
+    mapped: list[int]
+    maps: dict[str, dict[str, np.ndarray]]
+    truth: dict[str, np.ndarray]
+    added_user: str
+    added_images: np.ndarray
+    added_maps: dict[str, np.ndarray]
+    training: np.ndarray
+
+
+@dataclass(frozen=True)
+class Results:
+    """One run's results.
+
+    tables: accuracy, calibration, scores, comparisons, repair (summary), repairs, interventions (summary), p_valid,
+    recordings, convergence, demos; paths: paths.npz of stage repair; facts: settings that pages print.
+    """
+
+    variants: list[str]
+    users: dict[str, Margins]
+    judged_users: list[str]  # those means are taken over: every other user finds all paths valid
+    seeds: list[int]
+    n_demos: list[int]
+    main_n_demos: int
+    shown: list[str]  # variants whose maps and repairs are drawn
+    tables: Mapping[str, pd.DataFrame]
+    paths: Mapping[str, np.ndarray]
+    drawn: DrawnScenes
+    catalogue: Catalogue
+    facts: dict[str, Any] = field(default_factory=dict)
+
+    def value(self, table: str, column: str, **where: Any) -> Any:
+        """Return the one value of `column` in the row of `table` that `where` names.
+
+        Raise InputError if no row or several match, or if the number is missing or not finite.
+        """
+        frame = self.tables[table]
+        for name, wanted in where.items():
+            frame = frame[frame[name] == wanted]
+        if len(frame) != 1:
+            raise InputError(f"table {table} has {len(frame)} rows with {where}, expected 1; run its stage again")
+        return checked(frame[column].iloc[0], f"table {table}, column {column}, {where}")
+
+    def accuracy(self, variant: str, split: str, column: str = "mean", n: int | None = None) -> float:
+        """Return one number of accuracy.csv, at main_n_demos unless `n` is given."""
+        n = self.main_n_demos if n is None else n
+        return self.value("accuracy", column, variant=variant, split=split, n_demos=n)
+
+    def repair(self, method: str, variant: str, user: str, column: str = "success") -> float:
+        """Return one number of repair/summary.csv; baselines have the variant \"\"."""
+        return self.value("repair", column, method=method, variant=variant, user=user)
+
+    def asked(self, kind: str, variant: str) -> pd.DataFrame:
+        """Return a variant's answers to the questions of a kind ("add", "user") about users that reject some paths."""
+        rows = self.tables["interventions"]
+        rows = rows[(rows["variant"] == variant) & (rows["kind"] == kind)]
+        return rows[rows["user"].isin(self.judged_users)] if kind == "add" else rows
+
+    def questions(self, kind: str = "add") -> int:
+        """Return the number of those questions."""
+        return len(self.asked(kind, self.variants[0]))
+
+    def verdicts_right(self, variant: str, kind: str = "add") -> int:
+        """Return how many of them a variant answers rightly."""
+        return int(self.asked(kind, variant)["right"].astype(bool).sum())
+
+    def image_blind_right(self, kind: str = "add") -> int:
+        """Return how many an image-blind model answers rightly: items have no effect, users differ."""
+        answers = self.asked(kind, self.variants[0])["truth_verdict"]
+        return int((answers == ("negligible" if kind == "add" else "effect")).sum())
+
+    @property
+    def largest_difference(self) -> float:
+        """Return the largest difference of a true share of valid paths from the paper's Table 2."""
+        return checked(self.tables["p_valid"]["difference"].abs().max(skipna=False), "p_valid, largest difference")
+
+    @cached_property
+    def repaired_users(self) -> list[str]:
+        """Return the users with an invalid path to repair."""
+        repaired = set(self.tables["repair"]["user"])
+        return [user for user in self.judged_users if user in repaired]
+
+
+def checked(number: Any, name: str) -> Any:
+    """Return a value as Python has it; raise InputError if it is missing or not finite."""
+    if number is None or (isinstance(number, float | np.floating) and not math.isfinite(number)):
+        raise InputError(f"{name} is {number}: expected a finite number; run the stage that writes it again")
+    return number.item() if isinstance(number, np.generic) else number

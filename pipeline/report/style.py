@@ -1,0 +1,100 @@
+"""The look that every figure shares: one colour a variant, type sizes, and SVG files with stable bytes."""
+
+import io
+import re
+from typing import Any
+
+import matplotlib
+from matplotlib.figure import Figure
+
+INK, MUTED, RULE = "#1b1f24", "#5d6670", "#d4d8dd"
+VALID, INVALID = "#0072b2", "#d55e00"  # Okabe and Ito's blue and vermilion
+MAP = "cividis"  # P(valid), dark 0 to light 1: even steps to every eye
+TRAIN, UNSEEN = "#009e73", "#d55e00"  # the paper's green and red, in Okabe and Ito's hues
+COLOURS = {  # Okabe and Ito; the paper's model and its ablations share blue
+    "full": "#0072b2",
+    "ae": "#56b4e9",
+    "classifier": "#009e73",
+    "irl_maxent": "#e69f00",
+    "irl_ranked": "#d55e00",
+    "clearance": "#cc79a7",
+    "paper": "#f0e442",
+}
+MARKERS = {"full": "o", "ae": "s", "classifier": "^", "irl_maxent": "v", "irl_ranked": "D", "clearance": "P"}
+LABELS = {
+    "full": "Paper’s model",
+    "ae": "Without the prior (β = 0)",
+    "classifier": "Classifier alone",
+    "irl_maxent": "IRL, maximum entropy",
+    "irl_ranked": "IRL, ranked",
+    "clearance": "Clearance model",
+    "position_only": "Position only (image-blind)",
+    "nearest_demonstration": "Nearest demonstration (image-blind)",
+    "constant_detour": "Constant detour (image-blind)",
+    "random_path": "Random path (image-blind)",
+    "paper": "The paper",
+    "blind": "Image-blind baseline",
+    "oracle": "Nearest valid path (truth)",
+    "seen_scenes": "training scenes",
+    "new_scenes": "new scenes",
+    "new_items": "new scenes, unseen items",
+}
+RC: dict[Any, Any] = {
+    "svg.hashsalt": "causal-specifications",
+    "svg.fonttype": "path",
+    "font.family": "DejaVu Sans",
+    "font.size": 11,
+    "axes.titlesize": 11,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": MUTED,
+    "axes.facecolor": "none",
+    "figure.facecolor": "none",
+    "savefig.facecolor": "none",
+    "legend.frameon": False,
+    "grid.color": RULE,
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "axes.titlecolor": INK,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+}
+THEME = """<style>
+:root { --ink: #1b1f24; --muted: #5d6670; --rule: #d4d8dd; }
+@media screen and (prefers-color-scheme: dark) { :root { --ink: #e7eaed; --muted: #a3acb6; --rule: #3a4148; } }
+</style>"""
+
+
+def colour(name: str) -> str:
+    """Return a variant's colour, the same in every figure; grey for baselines and unknown variants."""
+    return COLOURS.get(name, MUTED)
+
+
+def marker(name: str) -> str:
+    """Return a variant's marker, so that colour never stands alone."""
+    return MARKERS.get(name, "X")
+
+
+def label(name: str) -> str:
+    """Return what pages call a variant, baseline or split; an unknown name stands for itself."""
+    return LABELS.get(name, name)
+
+
+def svg(figure: Figure) -> str:
+    """Return a figure as SVG text with stable bytes, whose ink follows the reader's light or dark scheme."""
+    buffer = io.StringIO()
+    with matplotlib.rc_context(RC):
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    text = re.sub(r"<metadata>.*?</metadata>", "", buffer.getvalue(), flags=re.DOTALL)
+    text = re.sub(r"image-rendering:[^;\"]*;?", "", text)  # browsers smooth what they enlarge
+    text = re.sub(r'( d="|\b[xy]="|translate\()([^")]*)', lambda part: part[1] + _rounded(part[2]), text)
+    for hexadecimal, name in ((INK, "ink"), (MUTED, "muted"), (RULE, "rule")):
+        text = text.replace(hexadecimal, f"var(--{name})")
+    return re.sub(r"(<svg[^>]*>)", lambda tag: tag[1] + "\n" + THEME, text, count=1)
+
+
+def _rounded(places: str) -> str:
+    """Return coordinates to a hundredth of a point."""
+    return re.sub(r"-?\d+\.\d+", lambda number: f"{float(number[0]):.2f}".rstrip("0").rstrip("."), places)

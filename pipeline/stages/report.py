@@ -1,0 +1,162 @@
+"""Stage report: the pages, their figures and tables, and the headlines of every stage in one metrics.json."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from omegaconf import DictConfig
+
+from pipeline.artifacts.files import read_arrays, read_json, read_table, write_json, write_table
+from pipeline.artifacts.interventions import AddedItems, read_interventions
+from pipeline.artifacts.models import model_dir
+from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
+from pipeline.artifacts.trained import load_model
+from pipeline.launch import launch
+from pipeline.report.render import FOLDER, render
+from pipeline.report.results import DrawnScenes, Results
+from pipeline.runtime.errors import InputError
+from pipeline.runtime.writing import atomic_write
+from pipeline.world.bezier import lattice
+from pipeline.world.catalogue import read_catalogue
+from pipeline.world.layout import Layouts
+from pipeline.world.rules import valid
+
+HEADLINES = ("scenes", "evaluate", "repair", "intervene")  # stages whose metrics.json are joined
+TABLES = {  # name -> stage and file
+    "accuracy": ("evaluate", "accuracy.csv"),
+    "calibration": ("evaluate", "calibration.csv"),
+    "scores": ("evaluate", "scores.csv"),
+    "comparisons": ("evaluate", "comparisons.csv"),
+    "repair": ("repair", "summary.csv"),
+    "repairs": ("repair", "repairs.parquet"),
+    "interventions": ("intervene", "summary.csv"),
+    "p_valid": ("scenes", "p_valid.csv"),
+    "recordings": ("record", "recordings.csv"),
+    "demos": ("demos", "demos.parquet"),
+}
+
+
+def main(cfg: DictConfig, out_dir: Path) -> None:
+    """Write index.html and its pages, page.css, figures/*.svg, tables/*.csv and metrics.json."""
+    scenes = read_scenes(Path(cfg.paths.scenes))
+    tables = {name: read_table(Path(cfg.paths[stage]) / file) for name, (stage, file) in TABLES.items()}
+    for name, column in (("repair", "variant"), ("repairs", "variant"), ("interventions", "symbol")):
+        tables[name] = tables[name].assign(**{column: tables[name][column].fillna("")})  # csv reads "" as missing
+    tables["convergence"] = _convergence(cfg, scenes)
+    results = Results(
+        variants=list(cfg.variants),
+        users={user: dict(margins) for user, margins in cfg.users.items()},
+        judged_users=[user for user in cfg.evaluate.users if user in cfg.users],
+        seeds=list(cfg.protocol.seeds),
+        n_demos=list(cfg.n_demos),
+        main_n_demos=cfg.main_n_demos,
+        shown=[variant for variant in cfg.report.shown if variant in cfg.variants],
+        tables=tables,
+        paths=read_arrays(Path(cfg.paths.repair) / "paths.npz"),
+        drawn=_drawn(cfg, scenes),
+        catalogue=read_catalogue(Path(cfg.paths.data)),
+        facts=_facts(cfg, scenes),
+    )
+    site = render(results)
+    for name, page in site.pages.items():
+        atomic_write(out_dir / f"{name}.html", lambda part, page=page: part.write_text(page))
+    atomic_write(out_dir / "page.css", lambda part: part.write_text((FOLDER / "page.css").read_text()))
+    for folder, suffix in (("figures", "svg"), ("tables", "csv")):
+        (out_dir / folder).mkdir(parents=True, exist_ok=True)
+        for old in (out_dir / folder).glob(f"*.{suffix}"):
+            old.unlink()
+    for name, drawing in site.figures.items():
+        atomic_write(out_dir / "figures" / f"{name}.svg", lambda part, drawing=drawing: part.write_text(drawing))
+    for name, table in site.tables.items():
+        write_table(out_dir / "tables" / f"{name}.csv", table)
+    metrics: dict = {"claims": site.claims}
+    for stage in HEADLINES:
+        metrics |= read_json(Path(cfg.paths[stage]) / "metrics.json")
+    write_json(out_dir / "metrics.json", metrics)
+
+
+def _drawn(cfg: DictConfig, scenes: SceneSet) -> DrawnScenes:
+    """Return the first scenes of the repairs' pool with maps by the first seed's models."""
+    pool, seed = cfg.protocol.splits[cfg.repair.split], cfg.protocol.seeds[0]
+    scenes.check_has(pool, train_pool(seed))
+    images, layouts = scenes.images[pool], scenes.layouts[pool]
+    mapped = list(range(min(cfg.report.scenes, len(images))))
+    shown = [variant for variant in cfg.report.shown if variant in cfg.variants]
+    side, users = cfg.report.map_side, [user for user in cfg.evaluate.users if user in cfg.users]
+    maps = {v: {u: _believed(cfg, v, u, images[mapped], side) for u in users} for v in shown}
+    added, user = read_interventions(Path(cfg.paths.intervene), layouts), users[-1]
+    added_images = np.concatenate([images[:1], added.images[:, 0]])
+    added_maps = {v: _believed(cfg, v, user, added_images, side) for v in shown if v in ("full", "clearance")}
+    return DrawnScenes(
+        images=images,
+        layouts=layouts,
+        mapped=mapped,
+        maps=maps,
+        truth={u: _true(cfg, u, layouts[mapped], side) for u in users},
+        added_user=user,
+        added_images=added_images,
+        added_maps={"truth": _true_added(cfg, user, layouts, added, side)} | added_maps,
+        training=scenes.images[train_pool(seed)][: cfg.report.scenes],
+    )
+
+
+def _believed(cfg: DictConfig, variant: str, user: str, images: np.ndarray, side: int) -> np.ndarray:
+    """Return P(valid) (scene, side, side) by the first seed's model at main_n_demos."""
+    model = load_model(cfg, variant, user, cfg.protocol.seeds[0], cfg.main_n_demos)
+    cells = np.broadcast_to(lattice(side), (len(images), side**2, 2))
+    return model.probability(images, cells).reshape(-1, side, side)
+
+
+def _true(cfg: DictConfig, user: str, layouts: Layouts, side: int) -> np.ndarray:
+    """Return the truth on the same cells, bool (scene, side, side)."""
+    cells = np.broadcast_to(lattice(side), (len(layouts), side**2, 2))
+    return valid(layouts, cells, cfg.users[user]).reshape(-1, side, side)
+
+
+def _true_added(cfg: DictConfig, user: str, layouts: Layouts, added: AddedItems, side: int) -> np.ndarray:
+    """Return the truth of the first scene as it is and with each item added, bool (1 + symbol, side, side)."""
+    first = [_true(cfg, user, one[:1], side) for one in (layouts, *added.layouts)]
+    return np.concatenate(first)
+
+
+def _convergence(cfg: DictConfig, scenes: SceneSet) -> pd.DataFrame:
+    """Return how well each variant with a decoder rebuilds its training images: RMSE at its last step, over flat.
+
+    The flat answer is each scene's mean colour. Columns variant, reconstruction_over_flat (mean over users and seeds).
+    """
+    rows = []
+    for variant, settings in cfg.variants.items():
+        if not settings.get("alpha"):
+            continue
+        curves = read_table(model_dir(cfg, str(variant)) / "curves.parquet")
+        curves = curves[curves["n_demos"] == cfg.main_n_demos]
+        last = curves.sort_values("step").groupby(["user", "seed"]).last().reset_index()
+        flat = {s: scenes.images[train_pool(s)].astype(float).var(axis=(1, 2)).mean() / 255**2 for s in last["seed"].unique()}
+        ratio = np.sqrt(last["reconstruction"] / settings.alpha / last["seed"].map(flat))
+        rows.append({"variant": variant, "reconstruction_over_flat": float(ratio.mean())})
+    return pd.DataFrame(rows, columns=["variant", "reconstruction_over_flat"])
+
+
+def _facts(cfg: DictConfig, scenes: SceneSet) -> dict:
+    """Return the settings that pages print."""
+    version = Path(f"{cfg.paths.data}.dvc")
+    digest = re.search(r"md5: (\w+)", version.read_text()) if version.is_file() else None
+    if digest is None:
+        raise InputError(f"{version} names no md5 of the data: get it with `git checkout {version}`")
+    paper = cfg.variants.get("full")
+    return {
+        "data_md5": digest[1],
+        "root_seed": cfg.scenes.root_seed,
+        "profile": cfg.profile,
+        "scenes_per_seed": cfg.scenes.per_seed,
+        "test_scenes": len(scenes.images[cfg.protocol.splits[cfg.repair.split]]),
+        "repair_steps": cfg.repair.steps,
+        "optimiser": cfg.repair.optimiser,
+        "train": cfg.train,
+        "weights": None if paper is None else {name: paper[name] for name in ("alpha", "beta", "gamma")},
+    }
+
+
+if __name__ == "__main__":
+    launch(main, "report")

@@ -1,0 +1,28 @@
+"""Parameters of the study (conf/studies/acceptance.yaml), and what they must agree with."""
+
+from typing import Annotated
+
+from pydantic import AfterValidator
+
+from pipeline.config import settings as parameters_of_all
+from pipeline.config.values import Between, Count, Group, Some, Whole, expected, need, rising
+
+
+class Settings(Group):
+    """See conf/studies/acceptance.yaml for what each value is."""
+
+    variants: Some
+    level: Between
+    levels: Annotated[list[Between], AfterValidator(rising), expected("ascending numbers between 0 and 1")]
+    fitted: Count
+    root_seed: Whole
+
+
+def agree(study: Settings, parameters: parameters_of_all.Settings) -> None:
+    """Require known variants, the promised level among the levels, and scenes left to calibrate in."""
+    name, per_seed = "studies.acceptance", parameters.scenes.per_seed
+    known = set(study.variants) <= set(parameters.variants)
+    need(known, f"{name}.variants", study.variants, f"some of {', '.join(parameters.variants)}")
+    need(study.level in study.levels, f"{name}.levels", study.levels, f"{name}.level = {study.level} among them")
+    most = f"a whole number from 1 to scenes.per_seed - 1 = {per_seed - 1}"
+    need(study.fitted < per_seed, f"{name}.fitted", study.fitted, most)

@@ -1,0 +1,35 @@
+"""Parameters of the study (conf/studies/counterfactuals.yaml), and what they must agree with."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from pipeline.config import settings as parameters_of_all
+from pipeline.config.stages import SharedSplit
+from pipeline.config.values import Count, Group, Several, Whole, expected, need
+
+
+class Settings(Group):
+    """See conf/studies/counterfactuals.yaml for what each value is."""
+
+    split: SharedSplit
+    scenes: Several
+    paths: Count
+    moved_scenes: Several
+    move_step: Annotated[float, Field(gt=0, le=0.1), expected("a length above 0 up to 0.1 [m]")]
+    move_steps: Count
+    example_variant: str
+    root_seed: Whole
+
+
+def agree(study: Settings, parameters: parameters_of_all.Settings) -> None:
+    """Require a user with a margin, a known example variant, and no more scenes than there are."""
+    name, shared = "studies.counterfactuals", parameters.scenes.shared
+    margins = {user: dict(by_symbol) for user, by_symbol in parameters.users.items()}
+    cares = any(m is not None for by_symbol in margins.values() for m in by_symbol.values())
+    need(cares, "users", margins, "at least one user with a margin, or no path is invalid")
+    need(study.scenes <= shared, f"{name}.scenes", study.scenes, f"at most scenes.shared = {shared}")
+    at_most = f"at most {name}.scenes = {study.scenes}"
+    need(study.moved_scenes <= study.scenes, f"{name}.moved_scenes", study.moved_scenes, at_most)
+    known = f"one of {', '.join(parameters.variants)}"
+    need(study.example_variant in parameters.variants, f"{name}.example_variant", study.example_variant, known)

@@ -1,0 +1,31 @@
+"""Parameters of the study (conf/studies/identification.yaml), and what they must agree with."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from pipeline.config import settings as parameters_of_all
+from pipeline.config.stages import SharedSplit
+from pipeline.config.values import Between, Count, Group, Margins, Whole, need
+
+
+class Settings(Group):
+    """See conf/studies/identification.yaml for what each value is."""
+
+    split: SharedSplit
+    paths: Count
+    draws: Count
+    root_seed: Whole
+    reported: Annotated[list[Count], Field(min_length=1)]
+    stranger: Margins
+    level: Between
+
+
+def agree(study: Settings, parameters: parameters_of_all.Settings) -> None:
+    """Require several users, a stranger who is none of them, and to report only after paths that are shown."""
+    name, users = "studies.identification", parameters.users
+    need(len(users) > 1, "users", list(users), "at least two, to tell one from the other")
+    new = study.stranger not in users.values()
+    need(new, f"{name}.stranger", study.stranger, "margins that no user has, or nobody can tell the stranger")
+    most = f"whole numbers from 1 to {name}.paths = {study.paths}"
+    need(max(study.reported) <= study.paths, f"{name}.reported", study.reported, most)

@@ -1,0 +1,125 @@
+"""Models and world are one structural causal model with other mechanisms."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.causal.mechanisms import expected_validities, model_scm, renderer, true_scm
+from pipeline.causal.scm import SCM, Values
+from pipeline.models.registry import build
+from pipeline.params import compose
+from pipeline.world.bezier import random_z_theta
+from pipeline.world.catalogue import read_catalogue
+from pipeline.world.layout import EMPTY, LayoutRules, random_layouts
+from pipeline.world.render import Palette, render_scenes
+from pipeline.world.rules import valid
+
+SCENES, PATHS = 5, 40
+USERS = ["careful", "aggressive"]
+
+
+@pytest.fixture(scope="module")
+def cfg():
+    return compose(["profile=smoke"])
+
+
+@pytest.fixture(scope="module")
+def catalogue(cfg):
+    return read_catalogue(Path(cfg.paths.data))
+
+
+@pytest.fixture(scope="module")
+def noise(cfg, catalogue) -> Values:
+    rng = np.random.default_rng(0)
+    rules = LayoutRules.of(cfg.scenes.layout)
+    return {
+        "S": np.zeros(SCENES, dtype=int),
+        "O": random_layouts(rng, SCENES, catalogue.footprints, catalogue.pool("unseen"), rules),
+        "T": np.array(["oak"] * SCENES),
+        "I": np.arange(SCENES),
+        "Z_theta": random_z_theta(rng, SCENES, PATHS),
+        "Z_I": np.zeros(SCENES),
+        "V": rng.random((SCENES, PATHS)),
+    }
+
+
+@pytest.fixture(scope="module")
+def models(cfg) -> dict:
+    return {user: build(cfg.variants["full"], seed).eval() for seed, user in enumerate(USERS)}
+
+
+@pytest.fixture(scope="module")
+def scm(catalogue, models) -> SCM:
+    return model_scm(models, renderer(Palette(catalogue)))
+
+
+@pytest.fixture(scope="module")
+def world(cfg) -> SCM:
+    return true_scm({user: cfg.users[user] for user in USERS})
+
+
+def without_items(noise: Values) -> Values:
+    layouts = noise["O"]
+    nothing = np.full_like(layouts.symbol, EMPTY)
+    return {"O": replace(layouts, item=nothing, symbol=nothing)}
+
+
+def test_a_models_answers_are_its_probabilities_on_the_rendered_images(scm, catalogue, models, noise):
+    expected = expected_validities(scm, noise, USERS, [{}, {"T": np.array(["marble"] * SCENES)}])
+    for texture, by_user in zip(("oak", "marble"), expected, strict=True):
+        images = render_scenes(noise["O"], [texture] * SCENES, noise["I"].tolist(), Palette(catalogue))
+        for user, answers in zip(USERS, by_user, strict=True):
+            p = models[user].probability(images, noise["Z_theta"])
+            np.testing.assert_allclose(answers, p.mean(-1), atol=1e-6)
+    assert (expected[0] != expected[1]).any()
+
+
+def test_the_world_answers_by_its_rules(cfg, world, noise):
+    as_it_is, empty = expected_validities(world, noise, USERS, [{}, without_items(noise)])
+    for user, answers in zip(USERS, as_it_is, strict=True):
+        np.testing.assert_array_equal(answers, valid(noise["O"], noise["Z_theta"], cfg.users[user]).mean(-1))
+    assert (empty == 1).all() and (as_it_is[0] < 1).any() and (as_it_is[1] == 1).all()
+
+
+@pytest.mark.parametrize("name", ["scm", "world"])
+def test_an_expectation_is_the_share_of_valid_paths_over_draws_of_their_noise(name, request, noise):
+    model = request.getfixturevalue(name)
+    asked, rng = model.do(S="careful"), np.random.default_rng(1)
+    draws = [asked.entail(noise | {"V": rng.random((SCENES, PATHS))})["V"].mean(-1) for _ in range(60)]
+    expected = expected_validities(model, noise, ["careful"], [{}])[0, 0]
+    np.testing.assert_allclose(np.mean(draws, axis=0), expected, atol=0.06)
+
+
+def test_another_mechanism_gives_another_answer(world, noise):
+    before = expected_validities(world, noise, USERS, [{}])
+    contrary = SCM({**world.nodes, "V": replace(world.nodes["V"], expectation=lambda *p: 1 - classify(*p))})
+    classify = world.nodes["V"].expectation
+    np.testing.assert_allclose(expected_validities(contrary, noise, USERS, [{}]), 1 - before)
+    blind = SCM({**world.nodes, "I": replace(world.nodes["I"], mechanism=lambda *_: without_items(noise)["O"])})
+    assert (expected_validities(blind, noise, USERS, [{}]) == 1).all()
+
+
+def test_setting_the_items_to_what_they_are_changes_nothing(scm, world, noise):
+    for model in (scm, world):
+        same = expected_validities(model, noise, USERS, [{}, {"O": noise["O"]}, {"T": noise["T"]}])
+        np.testing.assert_array_equal(same[0], same[1])
+        np.testing.assert_array_equal(same[0], same[2])
+
+
+def test_units_of_several_users_are_each_judged_by_their_own(scm, noise):
+    asked = np.array(["careful", "aggressive", "careful", "careful", "aggressive"])
+    together = scm.do(S=asked).expectation("V", noise)
+    for user in USERS:
+        alone = scm.do(S=user).expectation("V", noise)
+        np.testing.assert_array_equal(together[asked == user], alone[asked == user])
+
+
+def test_a_removed_item_is_necessary_in_the_world_where_only_it_forbids_the_path(world, noise):
+    recorded = {name: n for name, n in noise.items() if name != "V"}
+    careful = world.do(S="careful")
+    necessity = careful.probability_of_change(recorded, v=False, **without_items(noise))
+    forbidden = careful.expectation("V", recorded) == 0
+    assert (necessity[forbidden] == 1).all()  # nothing is left to forbid it
+    assert np.isnan(necessity[~forbidden]).all()  # V = 0 cannot be

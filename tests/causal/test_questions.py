@@ -1,0 +1,127 @@
+"""A question changes what it names, keeps the rules of scenes, and says why it cannot be asked."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from omegaconf import OmegaConf
+from pydantic import TypeAdapter, ValidationError
+
+from pipeline.causal.questions import Scenes, allowed, change, draw_additions
+from pipeline.config.questions import KINDS, Question
+from pipeline.params import CONF, compose
+from pipeline.runtime.errors import InputError
+from pipeline.world.catalogue import read_catalogue
+from pipeline.world.layout import EMPTY, SYMBOLS, LayoutRules, Layouts, random_layouts
+
+GLASS, BOWL = SYMBOLS.index("glass"), SYMBOLS.index("bowl")
+FILES = sorted((CONF / "questions").glob("*.yaml"))
+
+
+def question(**values) -> Question:
+    return TypeAdapter(Question).validate_python(values)
+
+
+@pytest.fixture(scope="module")
+def scenes() -> Scenes:
+    cfg = compose(["profile=smoke"])
+    catalogue, rules = read_catalogue(Path(cfg.paths.data)), LayoutRules.of(cfg.scenes.layout)
+    pool = catalogue.pool("unseen")
+    layouts = random_layouts(np.random.default_rng(0), 40, catalogue.footprints, pool, rules)
+    return Scenes(layouts, catalogue.footprints, pool, rules, list(catalogue.textures["name"]))
+
+
+def ask(scenes: Scenes, **values) -> tuple[Layouts, np.ndarray]:
+    """Return the layouts that the question sets, and the scenes in which it is asked."""
+    asked = change("q", question(**values), scenes, {}, np.random.default_rng(1))
+    return asked.placements[0]["O"], asked.scenes
+
+
+def differing(a: Layouts, b: Layouts) -> np.ndarray:
+    """Return the slots, (scene, slot), whose item differs in any way."""
+    same = (a.item == b.item) & (a.centre == b.centre).all(-1) & (a.angle == b.angle) & (a.scale == b.scale)
+    return ~same & (a.present | b.present)
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_every_file_of_conf_questions_is_a_question_that_can_be_asked(scenes: Scenes, path: Path):
+    settings = TypeAdapter(Question).validate_python(OmegaConf.to_container(OmegaConf.load(path)))
+    additions = draw_additions(np.random.default_rng(0), scenes, 1)
+    assert change(path.stem, settings, scenes, additions, np.random.default_rng(0)).scenes.sum() >= 2
+
+
+def test_every_kind_ships_as_a_file():
+    assert {OmegaConf.load(path).kind for path in FILES} == set(KINDS)
+
+
+def test_a_question_is_asked_by_adding_its_file():
+    name = "questions@questions.remove_glass=remove_glass"
+    cfg = compose(["profile=smoke", f"+{name}"])
+    assert cfg.questions.remove_glass == {"kind": "remove", "symbol": "glass"}
+    assert list(compose(["profile=smoke"]).questions) == [
+        "add_bowl", "add_plate", "add_cutlery", "add_glass", "another_user",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"kind": "break", "symbol": "glass"},
+        {"kind": "add", "symbol": "spoon"},
+        {"kind": "move", "symbol": "glass", "distance": -0.1},
+        {"kind": "swap", "symbol": "glass", "to": "glass"},
+        {"kind": "remove"},
+        {"kind": "remove", "symbol": "glass", "distance": 0.1},
+    ],
+)
+def test_a_file_that_is_no_question_is_refused(values: dict):
+    with pytest.raises(ValidationError):
+        question(**values)
+
+
+@pytest.mark.parametrize("override", ["questions.add_bowl.symbol=spoon", "questions.add_bowl.kind=break"])
+def test_a_wrong_parameter_is_named(override: str):
+    with pytest.raises(InputError, match=r"questions\.add_bowl"):
+        compose(["profile=smoke", override])
+
+
+def test_an_item_is_removed_where_there_is_one(scenes: Scenes):
+    layouts, asked = ask(scenes, kind="remove", symbol="glass")
+    glasses = (scenes.layouts.symbol == GLASS).sum(1)
+    np.testing.assert_array_equal(asked, glasses > 0)
+    np.testing.assert_array_equal((layouts.symbol == GLASS).sum(1), np.maximum(glasses - 1, 0))
+    assert differing(scenes.layouts, layouts).sum() == asked.sum()
+
+
+def test_an_item_is_moved_by_the_distance_and_nothing_else_is(scenes: Scenes):
+    layouts, asked = ask(scenes, kind="move", symbol="glass", distance=0.07)
+    scene, slot = np.nonzero(differing(scenes.layouts, layouts))
+    np.testing.assert_array_equal(scene, np.flatnonzero(asked))
+    assert (layouts.symbol[scene, slot] == GLASS).all() and asked.sum() > 10
+    step = layouts.centre[scene, slot] - scenes.layouts.centre[scene, slot]
+    np.testing.assert_allclose(np.linalg.norm(step, axis=-1), 0.07)
+    assert allowed(layouts[scene], slot, scenes.rules).all()
+
+
+def test_a_swapped_item_stands_where_the_other_stood(scenes: Scenes):
+    layouts, asked = ask(scenes, kind="swap", symbol="glass", to="bowl")
+    scene, slot = np.nonzero(differing(scenes.layouts, layouts))
+    np.testing.assert_array_equal(scene, np.flatnonzero(asked))
+    assert (scenes.layouts.symbol[scene, slot] == GLASS).all() and (layouts.symbol[scene, slot] == BOWL).all()
+    np.testing.assert_array_equal(layouts.centre[scene, slot], scenes.layouts.centre[scene, slot])
+    assert set(layouts.item[scene, slot]) <= set(scenes.pool) and allowed(layouts[scene], slot, scenes.rules).all()
+
+
+def test_the_rules_of_a_scene_are_those_it_was_drawn_by(scenes: Scenes):
+    for slot in range(2):  # every scene has two items at least
+        assert allowed(scenes.layouts, np.full(40, slot), scenes.rules).all()
+
+
+def test_a_question_no_scene_allows_is_refused(scenes: Scenes):
+    nothing = np.full_like(scenes.layouts.symbol, EMPTY)
+    empty = replace(scenes, layouts=replace(scenes.layouts, symbol=nothing, item=nothing))
+    with pytest.raises(InputError, match="question q: 0 scenes allow it"):
+        ask(empty, kind="remove", symbol="glass")
+    with pytest.raises(InputError, match="unknown texture 'lava'"):
+        ask(scenes, kind="table_top", texture="lava")

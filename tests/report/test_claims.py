@@ -1,0 +1,83 @@
+"""The rules behind the verdicts on the paper's claims."""
+
+import pandas as pd
+import pytest
+
+from pipeline.report.claims import claims_table, verdicts
+from tests.report import factory
+
+
+def judged(table: str, column: str, where: dict, value: object) -> dict[str, str]:
+    """Return the verdicts after one change of the factory's numbers."""
+    frame = factory.tables()[table]
+    chosen = pd.Series(True, frame.index)
+    for name, wanted in where.items():
+        chosen &= frame[name] == wanted
+    assert chosen.any()
+    frame.loc[chosen, column] = value
+    return verdicts(claims_table(factory.results(**{table: frame})))
+
+
+def test_every_verdict_is_one_of_four():
+    assert set(verdicts(claims_table(factory.results())).values()) <= {"holds", "fails", "open", "untestable"}
+
+
+@pytest.mark.parametrize(
+    ("careful", "normal", "verdict"), [(0.9, 0.97, "holds"), (0.65, 0.97, "open"), (0.3, 0.97, "fails")]
+)
+def test_repair_fails_only_below_the_interval_of_the_papers_few_scenes(careful: float, normal: float, verdict: str):
+    frame = factory.tables()["repair"]
+    for user, rate in (("careful", careful), ("normal", normal)):
+        mine = (frame["variant"] == "full") & (frame["method"] == "gradient") & (frame["user"] == user)
+        frame.loc[mine, ["success", "success_ci_high"]] = rate, rate + 0.05
+    assert verdicts(claims_table(factory.results(repair=frame)))["repair"] == verdict
+
+
+def test_repair_is_open_if_a_constant_detour_does_as_well():
+    frame = factory.tables()["repair"]
+    frame.loc[frame["variant"] == "full", ["success", "success_ci_high"]] = 0.97, 1.0
+    frame.loc[frame["method"] == "constant_detour", "success"] = 0.99
+    assert verdicts(claims_table(factory.results(repair=frame)))["repair"] == "open"
+
+
+FULL_SEEN = {"variant": "full", "split": "seen_scenes", "n_demos": 9}
+
+
+def test_accuracy_holds_at_the_papers_lower_quartile():
+    assert judged("accuracy", ["mean", "q3"], FULL_SEEN, 0.98)["accuracy"] == "holds"  # pyright: ignore
+
+
+def test_accuracy_fails_only_if_some_model_reaches_the_bar():
+    assert judged("accuracy", "mean", {"variant": "clearance", "split": "seen_scenes"}, 0.99)["accuracy"] == "fails"
+    assert judged("accuracy", "mean", {"variant": "clearance", "split": "seen_scenes"}, 0.90)["accuracy"] == "open"
+
+
+def test_the_autoencoder_claim_is_untestable_until_it_autoencodes():
+    assert verdicts(claims_table(factory.results()))["autoencoder"] == "untestable"
+    better = judged("convergence", "reconstruction_over_flat", {"variant": "full"}, 0.5)
+    assert better["autoencoder"] == "open"  # no difference found is no proof of none
+
+
+def test_irl_holds_if_every_test_is_won_and_fails_if_every_one_is_lost():
+    assert verdicts(claims_table(factory.results()))["irl"] == "fails"
+    assert judged("comparisons", "difference", {"variant": "full"}, 0.2)["irl"] == "holds"
+    assert judged("comparisons", "significant", {"split": "new_items"}, False)["irl"] == "open"
+
+
+def test_causes_fail_if_never_looking_does_as_well_and_hold_if_all_are_right():
+    assert verdicts(claims_table(factory.results()))["causes"] == "fails"
+    assert judged("interventions", "right", {"variant": "full"}, True)["causes"] == "holds"
+    mostly = judged("interventions", "right", {"variant": "full", "user": "careful"}, True)
+    assert mostly["causes"] == "open"
+
+
+def test_what_an_image_blind_model_passes_does_not_hold():
+    assert verdicts(claims_table(factory.results()))["users_differ"] == "open"
+
+
+def test_what_a_simulation_cannot_show_is_untestable():
+    assert verdicts(claims_table(factory.results()))["robot"] == "untestable"
+
+
+def test_without_the_papers_model_nothing_of_it_is_judged():
+    assert set(verdicts(claims_table(factory.results(("clearance",))))) == {"clusters", "robot"}

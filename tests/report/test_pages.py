@@ -1,0 +1,195 @@
+"""Pages from the factory's tables: complete, consistent, within their limits."""
+
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline.report.render import FORMATS, PAGES, Site, render
+from pipeline.runtime.errors import InputError
+from tests.report import factory
+
+WORDS = dict.fromkeys(PAGES, 1200) | {"index": 500}
+FEW = ("full", "clearance")
+LARGEST_SITE = 2 * 2**20  # bytes
+
+
+@pytest.fixture(scope="module")
+def site() -> Site:
+    return render(factory.results())
+
+
+class Reader(HTMLParser):
+    """Collects a page's visible words, its tables' cells, and what it links to."""
+
+    def __init__(self, page: str):
+        super().__init__()
+        self.words: list[str] = []
+        self.rows: list[list[str]] = []
+        self.links: list[str] = []
+        self.ids: list[str] = []
+        self._hidden = False
+        self.feed(page)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        values = dict(attrs)
+        self._hidden = tag in ("title", "style", "script")
+        self.links += [link for name in ("href", "src") if (link := values.get(name))]
+        self.ids += [name for name in [values.get("id")] if name]
+        if tag == "tr":
+            self.rows.append([])
+        if tag in ("td", "th") and self.rows:
+            self.rows[-1].append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        self._hidden = False
+
+    def handle_data(self, data: str) -> None:
+        if not self._hidden:
+            self.words += data.split()
+            if self.rows and self.rows[-1]:
+                self.rows[-1][-1] += data.strip()
+
+
+@pytest.mark.parametrize(
+    "variants",
+    [("full",), ("clearance", "irl_ranked"), ("classifier",)],
+    ids="-".join,
+)
+def test_every_page_renders_with_fewer_variants(variants: tuple[str, ...]):
+    pages = render(factory.results(variants)).pages
+    assert list(pages) == list(PAGES)
+    for absent in {"full", "clearance"} - set(variants):
+        name = {"full": '<h2 class="plain">The paper’s model', "clearance": '<h2 class="plain">The clearance model'}
+        assert name[absent] not in pages["index"]
+
+
+@pytest.mark.parametrize("users", [("careful",), ("normal", "aggressive")], ids="-".join)
+def test_every_page_renders_with_fewer_users(users: tuple[str, ...]):
+    pages = render(factory.results(users=users)).pages
+    assert all(user not in pages["repair"] for user in {"careful", "normal"} - set(users))
+
+
+@pytest.mark.parametrize(
+    ("page", "table", "column"),
+    [
+        ("index", "accuracy", "mean"),
+        ("index", "accuracy", "q1"),
+        ("repair", "repair", "success"),
+        ("repair", "repair", "success_ci_low"),
+        ("repair", "repair", "displacement_ratio"),
+        ("causes", "interventions", "effect"),
+        ("causes", "interventions", "truth"),
+        ("method", "p_valid", "difference"),
+        ("claims", "p_valid", "truth"),
+        ("accuracy", "comparisons", "p_holm"),
+        ("accuracy", "scores", "ece"),
+        ("method", "convergence", "reconstruction_over_flat"),
+    ],
+)
+def test_a_number_that_is_not_finite_is_refused(page: str, table: str, column: str):
+    for bad in (np.nan, np.inf):
+        frame = factory.tables(FEW)[table]
+        frame[column] = bad
+        with pytest.raises(ValueError, match="finite"):
+            render(factory.results(FEW, **{table: frame}), [page])
+
+
+@pytest.mark.parametrize(
+    ("page", "table", "rows"),
+    [
+        ("index", "accuracy", "variant == 'full' and split == 'new_items'"),
+        ("accuracy", "scores", "variant == 'clearance'"),
+        ("repair", "repair", "method == 'constant_detour'"),
+        ("claims", "p_valid", "user == 'normal'"),
+        ("claims", "convergence", "variant == 'full'"),
+    ],
+)
+def test_a_missing_row_is_refused_and_named(page: str, table: str, rows: str):
+    frame = factory.tables(FEW)[table]
+    with pytest.raises(InputError, match=f"table {table} has 0 rows"):
+        render(factory.results(FEW, **{table: frame.drop(frame.query(rows).index)}), [page])
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_pages_stay_short(site: Site, page: str):
+    assert len(Reader(site.pages[page]).words) <= WORDS[page]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_link_leads_somewhere_in_the_site_and_none_out_of_it(site: Site, page: str):
+    ids = {name: Reader(text).ids for name, text in site.pages.items()}
+    files = {f"figures/{name}.svg" for name in site.figures} | {f"tables/{name}.csv" for name in site.tables}
+    for link in Reader(site.pages[page]).links:
+        target, _, anchor = link.partition("#")
+        name = (target or f"{page}.html").removesuffix(".html")
+        assert target in files | {"page.css", "metrics.json"} or name in site.pages, link
+        assert not anchor or anchor in ids[name], link
+    assert len(set(ids[page])) == len(ids[page])
+
+
+def test_the_numbers_of_every_table_are_those_of_its_csv(site: Site):
+    for name, table in site.tables.items():
+        if name == "claims":
+            continue
+        cells = {tuple(row) for row in Reader(site.pages[name.partition("-")[0]]).rows}
+        for row in table.to_dict("records"):
+            assert any(_same(row, shown) for shown in cells), (name, row)
+
+
+def _same(row: dict, shown: tuple[str, ...]) -> bool:
+    """Whether a page's cells are a row's values within their last digit."""
+    return len(row) == len(shown) and all(map(_equal, row.values(), shown))
+
+
+def _equal(value: object, text: str) -> bool:
+    if value is None or (isinstance(value, float) and np.isnan(value)):
+        return text == "–"
+    if isinstance(value, str):
+        return text == value
+    number = re.fullmatch(r"([+−]?\d+)(\.\d+)?(\u00a0%)?", text)
+    if number is None or pd.isna(value):
+        return False
+    digits = len(number[2] or ".") - 1
+    shown = float(text.replace("−", "-").removesuffix("\u00a0%"))
+    return any(abs(shown - scale * float(value)) <= 0.501 * 10**-digits for scale in (1, 100))  # type: ignore[arg-type]
+
+
+def test_rendering_twice_gives_the_same_bytes(site: Site):
+    again = render(factory.results(), ["index", "causes"])
+    assert all(site.pages[name] == page for name, page in again.pages.items())
+    assert all(site.figures[name] == figure for name, figure in again.figures.items())
+
+
+def test_the_site_is_small(site: Site):
+    assert sum(len(text.encode()) for text in [*site.pages.values(), *site.figures.values()]) < LARGEST_SITE
+
+
+def test_figures_and_tables_are_numbered_in_order(site: Site):
+    for page in site.pages.values():
+        for kind in ("Figure", "Table"):
+            numbers = [int(n) for n in re.findall(rf"<b>{kind} (\d+)\.</b>", page)]
+            assert numbers == list(range(1, len(numbers) + 1))
+
+
+@pytest.mark.parametrize("name", [name for name in FORMATS if name != "spread"])
+def test_every_format_refuses_what_is_not_finite_and_shows_what_cannot_exist_as_a_dash(name: str):
+    assert FORMATS[name](None) == "–"
+    for bad in (np.nan, np.inf, -np.inf):
+        with pytest.raises(ValueError, match="finite"):
+            FORMATS[name](bad)
+
+
+@pytest.mark.parametrize(
+    ("name", "number", "text"),
+    [
+        ("pct", 0.5351, "54\u00a0%"),
+        ("points1", -0.0234, "−2.3"),
+        ("effect", -0.001, "0.00"),
+        ("cm", 0.045, "4.5\u00a0cm"),
+    ],
+)
+def test_formats_round_and_use_a_true_minus(name: str, number: float, text: str):
+    assert FORMATS[name](number) == text

@@ -1,0 +1,33 @@
+"""The README's headline table."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from pipeline.report.readme import fill, headlines
+
+ROOT = Path(__file__).parents[2]
+METRICS = {
+    "accuracy": {"full": {"new_items": 0.54}, "position_only": {"new_items": 0.59}},
+    "repair": {"full": {"careful": 0.65, "normal": 0.75}, "constant_detour": {"careful": 0.8, "normal": 0.9}},
+    "verdicts_right": {"full": 3},
+}
+
+
+def test_every_model_and_baseline_has_a_row_with_its_numbers():
+    rows = headlines(METRICS).splitlines()
+    assert rows[2] == "| Paper’s model | 54\u00a0% | 65\u00a0% | 75\u00a0% | 3 of 8 |"
+    assert rows[-1] == "| Constant detour (image-blind) | – | 80\u00a0% | 90\u00a0% | – |"
+
+
+def test_filling_twice_changes_nothing_more():
+    once = fill((ROOT / "README.md").read_text(), headlines(METRICS))
+    assert headlines(METRICS) in once and fill(once, headlines(METRICS)) == once
+
+
+def test_the_readme_has_the_numbers_of_the_committed_run():
+    path = ROOT / "reports" / "metrics.json"
+    if not path.is_file():
+        pytest.skip("no results yet: make repro")
+    assert headlines(json.loads(path.read_text())) in (ROOT / "README.md").read_text()

@@ -1,0 +1,75 @@
+"""Moves end exactly where the path becomes valid, and only where an item may stand."""
+
+import numpy as np
+import pytest
+
+from pipeline.world.layout import SYMBOLS, Items, Layouts, empty, random_layouts
+from pipeline.world.rules import clearance, slack
+from studies.counterfactuals.moves import crossing, has_room, outward_normal, score_moves, translate_item
+from tests.examples import RULES
+
+NORMAL: dict[str, float | None] = {symbol: 0.045 if symbol == "glass" else None for symbol in SYMBOLS}
+ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.075, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
+SCENES = 20
+
+
+def one_glass(x: float, y: float) -> Layouts:
+    layouts = empty(1, 2)
+    layouts.symbol[0, 0], layouts.item[0, 0], layouts.radius[0, 0] = SYMBOLS.index("glass"), 3, 0.04
+    layouts.centre[0, 0] = x, y
+    return layouts
+
+
+def test_a_glass_moves_off_a_straight_path_by_what_the_margin_lacks():
+    layouts, slot, z = one_glass(0.5, 0.52), np.array([0]), np.array([[0.5, 0.5]])
+    direction = outward_normal(layouts, slot, z)
+    np.testing.assert_allclose(direction, [[-(0.5**0.5), 0.5**0.5]])  # the path runs up the diagonal
+    steps = np.linspace(0, 0.12, 121)
+    moved = translate_item(layouts, slot, direction, steps)
+    np.testing.assert_allclose(np.linalg.norm(moved.centre[:, 0] - layouts.centre[0, 0], axis=1), steps, atol=1e-12)
+    room = slack(moved, clearance(moved, np.repeat(z, 121, axis=0)[:, None]), NORMAL)
+    expected = 0.04 + 0.045 - 0.02 * 0.5**0.5
+    assert crossing(steps, room.T, 0.0) == pytest.approx(expected, abs=0.0005)
+    np.testing.assert_array_equal(layouts.centre[0, 0], [0.5, 0.52])  # the scene itself stays as it was
+
+
+def test_items_of_random_scenes_have_room_and_items_off_the_table_or_overlapping_have_none():
+    layouts = random_layouts(np.random.default_rng(0), SCENES, ITEMS, np.arange(4), RULES)
+    slot = np.zeros(SCENES, int)
+    assert has_room(layouts, slot, RULES).all()
+    off = translate_item(layouts, slot, np.tile([1.0, 0.0], (SCENES, 1)), np.array([0.9]))
+    assert not has_room(off, slot, RULES).any()
+    onto = layouts[np.arange(SCENES)]
+    onto.centre[:, 0] = onto.centre[:, 1]
+    assert not has_room(onto, slot, RULES).any()
+
+
+@pytest.mark.parametrize(
+    ("at", "fitting"), [(0.15, False), (0.85, False), (0.5, True), (0.2, True), (0.8, True)]
+)  # a glass of 4 cm, from the ends at .08 and .92
+def test_an_item_close_to_an_end_of_the_paths_has_no_room(at: float, fitting: bool):
+    assert has_room(one_glass(at, at), np.array([0]), RULES) == [fitting]
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [([0.1, 0.3, 0.7], 1.5), ([0.6, 0.1, 0.1], 0.0), ([0.1, 0.2, 0.5], np.nan), ([0.0, 1.0, 0.0], 0.5)],
+)
+def test_a_crossing_is_the_first_one_linear_between_steps(values: list, expected: float):
+    np.testing.assert_allclose(crossing(np.arange(3.0), np.array([values]), 0.5), [expected])
+
+
+def test_moves_are_scored_where_a_model_rejects_first_and_accepts_later():
+    true_m = np.array([0.02, 0.04, 0.06])
+    found = np.array([[0.03, np.nan, 0.05], [0.02, 0.04, 0.06]])
+    rejected = np.array([[True, True, True], [True, True, False]])
+    row = score_moves(found, rejected, true_m)
+    assert (row["cases"], row["true_m"], row["found"]) == pytest.approx((3, 0.04, 0.8))
+    assert (row["rejected"], row["error_m"], row["bias_m"]) == pytest.approx((5 / 6, 0.005, 0.0))
+    assert row["constant_error_m"] == pytest.approx((0.02 + 0.02 + 0.02 + 0) / 4)
+    assert np.isnan(row["error_m_ci_low"]) and np.isnan(row["found_ci_high"]), "too few for an interval"
+    many_seeds = score_moves(np.repeat(found, 15, axis=0), np.ones((30, 3), bool), true_m)
+    assert np.isnan(many_seeds["error_m_ci_low"]), "many pairs, but three scenes"
+    many = score_moves(np.tile(found, (2, 4)), np.ones((4, 12), bool), np.tile(true_m, 4))
+    assert many["error_m_ci_low"] < many["error_m"] < many["error_m_ci_high"]
+    assert score_moves(found, np.zeros((2, 3), bool), true_m) == {"cases": 3, "rejected": 0}
