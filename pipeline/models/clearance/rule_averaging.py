@@ -44,7 +44,7 @@ class Relations(NamedTuple):
 
 
 class AveragedModel(ClearanceModel):
-    """`members` clearance models of each family; relevance may depend on how an object is passed, closeness on how long.
+    """`members` clearance models of each family. Relevance depends on how an object is passed, closeness on how long.
 
     P(valid) is the mean over families and `rate`, the same for every path, weighed by `posterior_model_probabilities`.
     """
