@@ -132,7 +132,10 @@ def _convergence(cfg: DictConfig, scenes: SceneSet) -> pd.DataFrame:
         curves = read_table(model_dir(cfg, str(variant)) / "curves.parquet")
         curves = curves[curves["n_demos"] == cfg.main_n_demos]
         last = curves.sort_values("step").groupby(["user", "seed"]).last().reset_index()
-        flat = {s: scenes.images[train_pool(s)].astype(float).var(axis=(1, 2)).mean() / 255**2 for s in last["seed"].unique()}
+        flat = {
+            s: scenes.images[train_pool(s)].astype(float).var(axis=(1, 2)).mean() / 255**2
+            for s in last["seed"].unique()
+        }
         ratio = np.sqrt(last["reconstruction"] / settings.alpha / last["seed"].map(flat))
         rows.append({"variant": variant, "reconstruction_over_flat": float(ratio.mean())})
     return pd.DataFrame(rows, columns=["variant", "reconstruction_over_flat"])

@@ -63,6 +63,7 @@ def test_a_user_without_invalid_demonstrations_gets_laplaces_constant(run):
     np.testing.assert_allclose(predictions["p"], 7 / 8, rtol=1e-6)  # 3 scenes x 2 demonstrations, all valid
 
 
+@pytest.mark.slow
 def test_a_second_run_by_two_processes_writes_the_same_bytes(run, small_world, tmp_path):
     variant, out = run
     stage = "clearance" if variant == "clearance" else "irl"
