@@ -2,8 +2,6 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field
-
 from pipeline.config.values import Count, Demonstrations, Group, Names, Several, Size, Some, Whole, expected
 
 SharedSplit = Annotated[
@@ -68,8 +66,3 @@ class Report(Group):
     shown: Names
     scenes: Count
     map_side: Count
-    panel_scenes: Count
-    panel_side: Count
-    reconstructed: Count
-    dimensions: Count
-    values: Annotated[list[float], Field(min_length=1)]

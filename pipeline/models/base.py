@@ -95,8 +95,8 @@ def initialise(network: nn.Module, no_rectifier_after: Container[nn.Module]) -> 
 
     He et al. (2015), "Delving deep into rectifiers". A rectifier loses half of the mean square, which weights twice as
     large in the square make up for; the layers in `no_rectifier_after` have none behind them. Of torch's own weights
-    each layer passes on a part alone, and it takes twice the steps until the loss sees the picture (docs/choices.md,
-    "Training").
+    each layer passes on a part alone, and it takes twice the steps until the loss sees the picture
+    (docs/decisions/003-training-budget.md).
     """
     for layer in network.modules():
         if isinstance(layer, nn.Linear | nn.Conv2d | nn.ConvTranspose2d):

@@ -57,7 +57,7 @@ def draw_map(axes: Axes, p: Array, trace: Array | None = None) -> None:
     if trace is not None:
         axes.plot(*trace.T, color="#111417", linewidth=3.2)
         axes.plot(*trace.T, color="white", linewidth=1.6)
-        axes.plot(*trace[0], "o", color=style.INVALID, markersize=8, markeredgecolor="white")
+        axes.plot(*trace[0], "o", color="white", markersize=8, markeredgecolor="#111417")
         axes.plot(*trace[-1], "*", color="white", markersize=13, markeredgecolor="#111417")
     _bare(axes)
     axes.set(xlim=(Z_LOW, Z_HIGH), ylim=(Z_LOW, Z_HIGH))
@@ -73,7 +73,7 @@ def draw_intervals(
         mean, low, high = unit * np.array(rows, float).T
         rim = style.INK if name == "paper" else style.colour(name)
         axes.hlines(y, low, high, color=rim, linewidth=2)
-        marks = {"marker": style.marker(name), "color": style.colour(name), "markeredgecolor": rim}
+        marks: dict[str, Any] = {"marker": style.marker(name), "color": style.colour(name), "markeredgecolor": rim}
         axes.plot(mean, y, linestyle="", markersize=7, label=style.label(name), **marks)
     axes.set_yticks(range(len(groups)), list(groups))
     axes.set_ylim(len(groups) - 0.5, -0.5)

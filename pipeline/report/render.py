@@ -50,6 +50,7 @@ def render(results: Results, pages: Collection[str] = tuple(PAGES)) -> Site:
 
     Raise InputError where a template asks for a number that is missing or not finite.
     """
+    results.check()
     claims = claims_table(results)
     site = Site({}, {}, {"claims": claims}, verdicts(claims))
     environment = _environment(results, claims)

@@ -25,6 +25,14 @@ PAPER_TABLE_2 = pd.DataFrame(
     ],
     columns=["user", "none", "bowl", "plate", "cutlery", "glass"],
 ).set_index("user")
+FINITE = {  # columns that figures draw whole
+    "accuracy": ["mean"],
+    "comparisons": ["difference", "p_holm"],
+    "repair": ["success", "displacement_ratio"],
+    "interventions": ["effect", "ci_low", "ci_high", "truth"],
+    "p_valid": ["truth", "paper", "difference"],
+    "demos": ["z_x", "z_y"],
+}
 
 
 @dataclass(frozen=True)
@@ -119,6 +127,14 @@ class Results:
         """Return the users with an invalid path to repair."""
         repaired = set(self.tables["repair"]["user"])
         return [user for user in self.judged_users if user in repaired]
+
+    def check(self) -> None:
+        """Raise InputError for the first number behind the figures that is missing or not finite."""
+        for name, columns in FINITE.items():
+            frame = self.tables[name]
+            for column in columns:
+                if not np.isfinite(frame[column].astype(float)).all():
+                    raise InputError(f"table {name}, column {column}: expected finite numbers; run its stage again")
 
 
 def checked(number: Any, name: str) -> Any:

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 INK, MUTED, RULE = "#1b1f24", "#5d6670", "#d4d8dd"
 VALID, INVALID = "#0072b2", "#d55e00"  # Okabe and Ito's blue and vermilion
+START = "#f0e442"  # a path before its repair: no variant's colour
 MAP = "cividis"  # P(valid), dark 0 to light 1: even steps to every eye
 TRAIN, UNSEEN = "#009e73", "#d55e00"  # the paper's green and red, in Okabe and Ito's hues
 COLOURS = {  # Okabe and Ito; the paper's model and its ablations share blue

@@ -13,7 +13,7 @@ from pipeline.artifacts.models import model_dir
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.artifacts.trained import load_model
 from pipeline.launch import launch
-from pipeline.report.render import FOLDER, render
+from pipeline.report.render import FOLDER, Site, render
 from pipeline.report.results import DrawnScenes, Results
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.writing import atomic_write
@@ -59,21 +59,26 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         facts=_facts(cfg, scenes),
     )
     site = render(results)
-    for name, page in site.pages.items():
-        atomic_write(out_dir / f"{name}.html", lambda part, page=page: part.write_text(page))
-    atomic_write(out_dir / "page.css", lambda part: part.write_text((FOLDER / "page.css").read_text()))
-    for folder, suffix in (("figures", "svg"), ("tables", "csv")):
-        (out_dir / folder).mkdir(parents=True, exist_ok=True)
-        for old in (out_dir / folder).glob(f"*.{suffix}"):
-            old.unlink()
-    for name, drawing in site.figures.items():
-        atomic_write(out_dir / "figures" / f"{name}.svg", lambda part, drawing=drawing: part.write_text(drawing))
-    for name, table in site.tables.items():
-        write_table(out_dir / "tables" / f"{name}.csv", table)
+    write_site(site, out_dir)
     metrics: dict = {"claims": site.claims}
     for stage in HEADLINES:
         metrics |= read_json(Path(cfg.paths[stage]) / "metrics.json")
     write_json(out_dir / "metrics.json", metrics)
+
+
+def write_site(site: Site, out_dir: Path) -> None:
+    """Write pages, page.css, figures and tables; remove figures and tables of an earlier run."""
+    for folder, suffix in (("figures", "svg"), ("tables", "csv")):
+        (out_dir / folder).mkdir(parents=True, exist_ok=True)
+        for old in (out_dir / folder).glob(f"*.{suffix}"):
+            old.unlink()
+    texts = {"page.css": (FOLDER / "page.css").read_text()}
+    texts |= {f"{name}.html": page for name, page in site.pages.items()}
+    texts |= {f"figures/{name}.svg": figure for name, figure in site.figures.items()}
+    for name, text in texts.items():
+        atomic_write(out_dir / name, lambda part, text=text: part.write_text(text))
+    for name, table in site.tables.items():
+        write_table(out_dir / "tables" / f"{name}.csv", table)
 
 
 def _drawn(cfg: DictConfig, scenes: SceneSet) -> DrawnScenes:
@@ -133,8 +138,13 @@ def _convergence(cfg: DictConfig, scenes: SceneSet) -> pd.DataFrame:
         curves = curves[curves["n_demos"] == cfg.main_n_demos]
         last = curves.sort_values("step").groupby(["user", "seed"]).last().reset_index()
         flat = {
+<<<<<<< HEAD
             s: scenes.images[train_pool(s)].astype(float).var(axis=(1, 2)).mean() / 255**2
             for s in last["seed"].unique()
+=======
+            seed: scenes.images[train_pool(seed)].astype(float).var(axis=(1, 2)).mean() / 255**2
+            for seed in cfg.protocol.seeds
+>>>>>>> main
         }
         ratio = np.sqrt(last["reconstruction"] / settings.alpha / last["seed"].map(flat))
         rows.append({"variant": variant, "reconstruction_over_flat": float(ratio.mean())})

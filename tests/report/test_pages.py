@@ -12,7 +12,7 @@ from pipeline.runtime.errors import InputError
 from tests.report import factory
 
 WORDS = dict.fromkeys(PAGES, 1200) | {"index": 500}
-FEW = ("full", "clearance")
+FEW = ("full", "classifier", "clearance")
 LARGEST_SITE = 2 * 2**20  # bytes
 
 
@@ -53,6 +53,7 @@ class Reader(HTMLParser):
                 self.rows[-1][-1] += data.strip()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "variants",
     [("full",), ("clearance", "irl_ranked"), ("classifier",)],
@@ -66,12 +67,14 @@ def test_every_page_renders_with_fewer_variants(variants: tuple[str, ...]):
         assert name[absent] not in pages["index"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("users", [("careful",), ("normal", "aggressive")], ids="-".join)
 def test_every_page_renders_with_fewer_users(users: tuple[str, ...]):
     pages = render(factory.results(users=users)).pages
     assert all(user not in pages["repair"] for user in {"careful", "normal"} - set(users))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("page", "table", "column"),
     [
@@ -157,6 +160,7 @@ def _equal(value: object, text: str) -> bool:
     return any(abs(shown - scale * float(value)) <= 0.501 * 10**-digits for scale in (1, 100))  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_rendering_twice_gives_the_same_bytes(site: Site):
     again = render(factory.results(), ["index", "causes"])
     assert all(site.pages[name] == page for name, page in again.pages.items())

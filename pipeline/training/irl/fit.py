@@ -150,7 +150,7 @@ def _objective(objective, regret, valid, across) -> Tensor | None:
 
 
 def fit_acceptance_rule(model, appearances, z_theta, valid) -> None:
-    """Fit the acceptance rule to the labels; half the appearances do as well as all (docs/choices.md, "IRL")."""
+    """Fit the acceptance rule to the labels; half the appearances do as well as all (docs/decisions/005-irl.md)."""
     regrets = _regrets(model, appearances[::2], z_theta)
     set_acceptance_rule(model, *logistic(regrets, np.broadcast_to(valid, regrets.shape)))
 

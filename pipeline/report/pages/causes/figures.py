@@ -13,14 +13,14 @@ from pipeline.world.layout import SYMBOLS
 def graph(results: Results) -> Figure:
     """Draw the structural causal model of the paper: items make the scene; scene, path and user decide validity."""
     figure, axes = panels(1, 1, 7.2, 3.2)
-    cell = axes[0, 0]
+    panel = axes[0, 0]
     places = {name: (0.2, 2.6 - 0.8 * i) for i, name in enumerate(SYMBOLS)}
     places |= {"$Z_I$": (2.2, 1.4), "$Z_\\theta$": (2.9, 2.6), "$S$": (2.9, 0.2), "$V$": (4.4, 1.4)}
     words = {"$Z_I$": "scene", "$Z_\\theta$": "path", "$S$": "user", "$V$": "valid"}
     for name, place in places.items():
         if name in SYMBOLS:
-            _arrow(cell, place, places["$Z_I$"], 0.42)
-            cell.text(
+            _arrow(panel, place, places["$Z_I$"], 0.42)
+            panel.text(
                 *place,
                 name,
                 ha="center",
@@ -30,12 +30,12 @@ def graph(results: Results) -> Figure:
             )
             continue
         if name != "$V$":
-            _arrow(cell, place, places["$V$"], 0.32)
-        cell.add_patch(Circle(place, 0.3, fill=False, edgecolor=style.INK, linewidth=1.4))
-        cell.text(*place, name, ha="center", va="center", fontsize=13)
-        cell.text(place[0] + 0.4, place[1] + 0.02, words[name], ha="left", va="bottom", fontsize=10, color=style.MUTED)
-    cell.set(xlim=(-0.5, 5.3), ylim=(-0.3, 3.1), aspect="equal")
-    cell.axis("off")
+            _arrow(panel, place, places["$V$"], 0.32)
+        panel.add_patch(Circle(place, 0.3, fill=False, edgecolor=style.INK, linewidth=1.4))
+        panel.text(*place, name, ha="center", va="center", fontsize=13)
+        panel.text(place[0] + 0.4, place[1] + 0.02, words[name], ha="left", va="bottom", fontsize=10, color=style.MUTED)
+    panel.set(xlim=(-0.5, 5.3), ylim=(-0.3, 3.1), aspect="equal")
+    panel.axis("off")
     return figure
 
 
@@ -44,19 +44,19 @@ def effects(results: Results) -> Figure:
     table, users = results.tables["interventions"], results.judged_users
     figure, axes = panels(1, len(users), 6.0 * len(users), 5.2, sharey=True)
     table = table[table["kind"] == "add"]
-    for cell, user in zip(axes[0], users, strict=True):
+    for panel, user in zip(axes[0], users, strict=True):
         for i, symbol in enumerate(SYMBOLS):
             for j, variant in enumerate(results.variants):
                 row = table[(table["user"] == user) & (table["symbol"] == symbol) & (table["variant"] == variant)].iloc[
                     0
                 ]
                 y = i + 0.7 * (j - (len(results.variants) - 1) / 2) / max(len(results.variants), 1)
-                cell.hlines(y, row["ci_low"], row["ci_high"], color=style.colour(variant), linewidth=2)
-                cell.plot(row["effect"], y, style.marker(variant), color=style.colour(variant), markersize=6)
-                cell.vlines(row["truth"], i - 0.42, i + 0.42, color=style.INK, linewidth=1.6)
-        cell.axvspan(-0.05, 0.05, color=style.RULE, alpha=0.5, linewidth=0)
-        cell.set_yticks(range(len(SYMBOLS)), SYMBOLS)
-        cell.set(title=f"{user} user", xlabel="change in P(valid)", ylim=(len(SYMBOLS) - 0.5, -0.5))
+                panel.hlines(y, row["ci_low"], row["ci_high"], color=style.colour(variant), linewidth=2)
+                panel.plot(row["effect"], y, style.marker(variant), color=style.colour(variant), markersize=6)
+                panel.vlines(row["truth"], i - 0.42, i + 0.42, color=style.INK, linewidth=1.6)
+        panel.axvspan(-0.05, 0.05, color=style.RULE, alpha=0.5, linewidth=0)
+        panel.set_yticks(range(len(SYMBOLS)), SYMBOLS)
+        panel.set(title=f"{user} user", xlabel="change in P(valid)", ylim=(len(SYMBOLS) - 0.5, -0.5))
     marks = [
         axes[0, 0].plot([], [], style.marker(v), color=style.colour(v), label=style.label(v))[0]
         for v in results.variants

@@ -1,26 +1,13 @@
-"""Tables 1 and 2 of the paper beside ours."""
+"""Table 2 of the paper beside ours."""
 
 import pandas as pd
 
 from pipeline.report.claims import PAPER
 from pipeline.report.render import Table
-from pipeline.report.results import PAPER_TABLE_1, PAPER_TABLE_2, Results
+from pipeline.report.results import PAPER_TABLE_2, Results
 from pipeline.report.style import label
 
 SOURCES = (PAPER, "clearance")
-
-
-def table_1(results: Results) -> Table:
-    """Return the success of 30 gradient steps a user: the paper's, ours and the constant detour's."""
-    shown = [v for v in SOURCES if v in results.variants]
-    rows = [
-        {"User": user, "Paper": PAPER_TABLE_1.get(user)}
-        | {label(v): results.repair("gradient", v, user) for v in shown}
-        | {label("constant_detour"): results.repair("constant_detour", "", user)}
-        for user in results.repaired_users
-    ]
-    frame = pd.DataFrame(rows)
-    return Table(frame, dict.fromkeys(frame.columns[1:], "pct1"))
 
 
 def table_2(results: Results) -> Table:

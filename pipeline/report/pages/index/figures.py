@@ -26,12 +26,12 @@ def overview(results: Results) -> Figure:
         draw_table(line[0], drawn.images[scene], drawn.layouts, scene, results.users[user])
         draw_repairs(line[0], traces)
         draw_map(line[1], drawn.truth[user][place])
-        for cell, variant in zip(line[2:], shown, strict=True):
-            draw_map(cell, drawn.maps[variant][user][place], traces[variant])
+        for panel, variant in zip(line[2:], shown, strict=True):
+            draw_map(panel, drawn.maps[variant][user][place], traces[variant])
         line[0].set_ylabel(f"{user} user", color=style.INK, fontsize=12)
     titles = ["Table, start (broken), repairs", "Truth", *map(style.label, shown)]
-    for cell, title in zip(axes[0], titles, strict=True):
-        cell.set_title(title)
+    for panel, title in zip(axes[0], titles, strict=True):
+        panel.set_title(title)
     return figure
 
 
@@ -43,12 +43,12 @@ def _place(results: Results) -> int:
 
 
 def draw_repairs(axes: Axes, traces: Mapping[str, Array | None]) -> None:
-    """Draw where repairs start (orange, broken) and where each variant's ends."""
+    """Draw where repairs start (yellow, broken) and where each variant's ends."""
     steps = {variant: trace for variant, trace in traces.items() if trace is not None}
     for variant, points in steps.items():
         draw_path(axes, points[-1], style.colour(variant))
     if steps:
-        draw_path(axes, next(iter(steps.values()))[0], style.INVALID, linestyle=(0, (3, 1.5)))
+        draw_path(axes, next(iter(steps.values()))[0], style.START, linestyle=(0, (3, 1.5)))
 
 
 def first_start(results: Results, user: str, scene: int) -> int | None:

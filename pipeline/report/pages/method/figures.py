@@ -25,12 +25,12 @@ def items(results: Results) -> Figure:
     figure, axes = panels(len(SYMBOLS), columns, 0.78 * columns + 0.9, 0.85 * len(SYMBOLS))
     for line, symbol, row in zip(axes, SYMBOLS, by_symbol, strict=True):
         line[0].set_ylabel(symbol, rotation=0, ha="right", va="center")
-        for cell in line:
-            cell.set(xticks=[], yticks=[])
-            cell.spines[:].set_visible(False)
-        for cell, (split, item) in zip(line, row, strict=False):
-            cell.imshow(_tile(results.catalogue.cutouts[item]), interpolation="none")
-            cell.spines[:].set(visible=True, color=SPLITS[split], linewidth=2.2)
+        for panel in line:
+            panel.set(xticks=[], yticks=[])
+            panel.spines[:].set_visible(False)
+        for panel, (split, item) in zip(line, row, strict=False):
+            panel.imshow(_tile(results.catalogue.cutouts[item]), interpolation="none")
+            panel.spines[:].set(visible=True, color=SPLITS[split], linewidth=2.2)
     return figure
 
 
@@ -48,10 +48,10 @@ def demonstrations(results: Results) -> Figure:
     table = results.tables["demos"]
     table = table[table["seed"] == results.seeds[0]]
     for line, user in zip(axes, users, strict=True):
-        for cell, scene in zip(line, scenes, strict=True):
-            draw_table(cell, results.drawn.training[scene])
+        for panel, scene in zip(line, scenes, strict=True):
+            draw_table(panel, results.drawn.training[scene])
             rows = table[(table["user"] == user) & (table["scene"] == scene)]
             for x, y, valid in rows[["z_x", "z_y", "valid"]].itertuples(index=False):
-                draw_path(cell, np.array([x, y]), style.VALID if valid else style.INVALID, 1.6)
-            cell.set_title(f"{user}, scene {scene}")
+                draw_path(panel, np.array([x, y]), style.VALID if valid else style.INVALID, 1.6)
+            panel.set_title(f"{user}, scene {scene}")
     return figure

@@ -12,29 +12,29 @@ def success(results: Results) -> Figure:
     """Draw a panel a user: success of gradient repair by variant with quartiles, and two lines to hold it against."""
     users = results.repaired_users
     figure, axes = panels(1, len(users), 5.6 * len(users), 0.5 * len(results.variants) + 1.6, sharey=True)
-    for cell, user in zip(axes[0], users, strict=True):
+    for panel, user in zip(axes[0], users, strict=True):
         rows = [
             [results.repair("gradient", v, user, c) for c in ("success", "success_q1", "success_q3")]
             for v in results.variants
         ]
-        cell.set_yticks(range(len(rows)), [style.label(v) for v in results.variants])
-        cell.set_ylim(len(rows) - 0.5, -0.5)
-        cell.grid(axis="x")
+        panel.set_yticks(range(len(rows)), [style.label(v) for v in results.variants])
+        panel.set_ylim(len(rows) - 0.5, -0.5)
+        panel.grid(axis="x")
         for place, (variant, (mean, low, high)) in enumerate(zip(results.variants, rows, strict=True)):
-            cell.hlines(place, 100 * low, 100 * high, color=style.colour(variant), linewidth=2.5)
-            cell.plot(100 * mean, place, style.marker(variant), color=style.colour(variant), markersize=9)
+            panel.hlines(place, 100 * low, 100 * high, color=style.colour(variant), linewidth=2.5)
+            panel.plot(100 * mean, place, style.marker(variant), color=style.colour(variant), markersize=9)
         detour = 100 * results.repair("constant_detour", "", user)
-        cell.axvline(detour, color=style.MUTED, linestyle="--")
-        cell.text(detour - 1, -0.42, "constant detour", ha="right", va="top", fontsize=9)
+        panel.axvline(detour, color=style.MUTED, linestyle="--")
+        panel.text(detour - 1, -0.42, "constant detour", ha="right", va="top", fontsize=9)
         if user in PAPER_TABLE_1:
-            cell.plot(
+            panel.plot(
                 100 * PAPER_TABLE_1[user],
                 results.variants.index("full") if "full" in results.variants else 0,
                 "*",
                 color=style.INK,
                 markersize=13,
             )
-        cell.set(title=f"{user} user (star: the paper)", xlim=(0, 103), xlabel="paths that end valid, per cent")
+        panel.set(title=f"{user} user (star: the paper)", xlim=(0, 103), xlabel="paths that end valid, per cent")
     return figure
 
 
@@ -43,12 +43,12 @@ def drawn(results: Results) -> Figure:
     users, scenes = results.repaired_users, results.drawn.mapped
     figure, axes = panels(len(users), len(scenes), 3.4 * len(scenes), 3.6 * len(users))
     for line, user in zip(axes, users, strict=True):
-        for cell, scene in zip(line, scenes, strict=True):
-            draw_table(cell, results.drawn.images[scene], results.drawn.layouts, scene, results.users[user])
+        for panel, scene in zip(line, scenes, strict=True):
+            draw_table(panel, results.drawn.images[scene], results.drawn.layouts, scene, results.users[user])
             start = first_start(results, user, scene)
             if start is not None:
-                draw_repairs(cell, {v: trace(results, v, user, scene, start) for v in results.shown})
-            cell.set_title(f"{user}, scene {scene}")
+                draw_repairs(panel, {v: trace(results, v, user, scene, start) for v in results.shown})
+            panel.set_title(f"{user}, scene {scene}")
     for variant in results.shown:
         axes[0, 0].plot([], [], color=style.colour(variant), linewidth=3, label=style.label(variant))
     figure.legend(loc="outside lower center", ncols=3)

@@ -26,7 +26,7 @@ def _table(results: Results, method: str) -> Table:
     keys = [(method, variant) for variant in results.variants if variant in fitted]
     rows, formats = [], {}
     for method, variant in [*keys, *((baseline, "") for baseline in BASELINES)]:
-        row = {"Model": label(variant or method)}
+        row: dict[str, str | float | None] = {"Model": label(variant or method)}
         for user in results.repaired_users:
             for name, (column, form) in COLUMNS.items():
                 exists = variant or column != "unsafe"

@@ -1,0 +1,117 @@
+"""The report stage reads what the other stages wrote, and leaves a whole site and every headline."""
+
+import json
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from omegaconf import DictConfig, OmegaConf
+
+from pipeline.artifacts.files import write_arrays, write_json, write_table
+from pipeline.artifacts.models import model_dir, save_weights, weights_path
+from pipeline.artifacts.scenes import SceneSet, layout_table, train_pool, write_scenes
+from pipeline.models.registry import build
+from pipeline.params import compose
+from pipeline.report.results import Results
+from pipeline.runtime.errors import InputError
+from pipeline.stages.report import HEADLINES, TABLES, main
+from pipeline.world.layout import SYMBOLS, add_item
+from tests.report import factory
+
+VARIANTS = ("full", "clearance")
+METRICS = {
+    "scenes": {"world": {"largest_difference": 0.01}},
+    "evaluate": {"accuracy": {"full": {"new_items": 0.54}}},
+    "repair": {"repair": {"full": {"careful": 0.65}}},
+    "intervene": {"verdicts_right": {"full": 3}},
+}
+
+
+@pytest.fixture(scope="module")
+def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
+    """The configuration of two variants whose inputs hold the factory's numbers and untrained models."""
+    root = tmp_path_factory.mktemp("inputs")
+    cfg = compose(["profile=smoke", "report.map_side=6"])
+    OmegaConf.set_struct(cfg, False)
+    for variant in set(cfg.variants) - set(VARIANTS):
+        del cfg.variants[variant]
+    for stage in ("scenes", "demos", "train", "irl", "clearance", "evaluate", "repair", "intervene", "record"):
+        cfg.paths[stage] = str(root / stage)
+    results = factory.results(VARIANTS)
+    write_inputs(root, cfg, results)
+    return cfg
+
+
+def write_inputs(root: Path, cfg: DictConfig, results: Results) -> None:
+    """Write what every stage before the report leaves."""
+    rng, layouts, scenes = np.random.default_rng(0), results.drawn.layouts, factory.SCENES
+    pools = [*map(train_pool, cfg.protocol.seeds), "new_scenes", "new_items"]
+    images = {pool: rng.integers(0, 256, (scenes, 100, 100, 3), dtype=np.uint8) for pool in pools}
+    appearance = pd.DataFrame({"texture": "oak", "render_seed": range(scenes)})
+    write_scenes(
+        root / "scenes", SceneSet(images, {pool: layouts for pool in pools}, {pool: appearance for pool in pools})
+    )
+    for name, (stage, file) in TABLES.items():
+        write_table(root / stage / file, results.tables[name])
+    write_arrays(root / "repair" / "paths.npz", dict(results.paths))
+    items, unseen = results.catalogue.footprints, results.catalogue.pool("unseen")
+    added = [
+        layout_table(f"{o}-0", add_item(rng, layouts, i, items, unseen, factory.RULES)) for i, o in enumerate(SYMBOLS)
+    ]
+    write_table(root / "intervene" / "layouts.parquet", pd.concat(added))
+    write_arrays(root / "intervene" / "images.npz", {"images": np.stack([images["new_items"][None]] * len(SYMBOLS))})
+    for stage in HEADLINES:
+        write_json(root / stage / "metrics.json", METRICS[stage])
+    for variant, settings in cfg.variants.items():
+        rows = list(product(cfg.protocol.seeds, cfg.users, [cfg.main_n_demos], [0, 9]))
+        curves = pd.DataFrame(rows, columns=["seed", "user", "n_demos", "step"]).assign(reconstruction=0.05)
+        write_table(model_dir(cfg, variant) / "curves.parquet", curves)
+        for user in cfg.users:
+            path = weights_path(model_dir(cfg, variant), user, cfg.protocol.seeds[0], cfg.main_n_demos)
+            save_weights(path, build(settings).state_dict())
+
+
+@pytest.fixture(scope="module")
+def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("reports")
+    main(cfg, out)
+    return out
+
+
+def test_the_site_is_whole(out: Path):
+    assert {path.name for path in out.glob("*.html")} == {f"{page}.html" for page in
+        ("index", "claims", "accuracy", "repair", "causes", "method")}  # fmt: skip
+    assert (
+        (out / "page.css").is_file() and list((out / "figures").glob("*.svg")) and list((out / "tables").glob("*.csv"))
+    )
+
+
+def test_metrics_join_every_headline_with_the_claims(out: Path):
+    metrics = json.loads((out / "metrics.json").read_text())
+    assert set(metrics) == {"world", "accuracy", "repair", "verdicts_right", "claims"}
+    assert set(metrics["claims"].values()) <= {"holds", "fails", "open", "untestable"}
+
+
+def test_a_second_run_leaves_the_same_bytes_and_no_old_figure(cfg: DictConfig, out: Path):
+    before = {path: path.read_bytes() for path in out.rglob("*.*")}
+    (out / "figures" / "of-an-earlier-run.svg").write_text("")
+    main(cfg, out)
+    assert {path: path.read_bytes() for path in out.rglob("*.*")} == before
+
+
+def test_a_smoke_run_says_so_on_its_first_page(out: Path):
+    assert "smoke run" in (out / "index.html").read_text()
+
+
+@pytest.mark.parametrize("file", ["evaluate/accuracy.csv", "intervene/summary.csv", "repair/metrics.json"])
+def test_a_missing_input_is_named(cfg: DictConfig, file: str, tmp_path: Path):
+    stage, _, name = file.partition("/")
+    path = Path(cfg.paths[stage]) / name
+    hidden = path.rename(path.with_suffix(".away"))
+    try:
+        with pytest.raises(InputError, match=f"{name} is missing"):
+            main(cfg, tmp_path / "out")
+    finally:
+        hidden.rename(path)
