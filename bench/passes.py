@@ -1,8 +1,9 @@
 """One pass over a training set (a gradient step of one model), in three ways; what it costs in time and memory.
 
 rows: the usual loop, a DataLoader handing out rows (image, trajectory), an image encoded for every path, eager torch.
-eager: `training.fit`, each scene encoded once, channels last, fused AdamW. stacked: `stacked.fit_stack`, eight models.
-All take the same full-batch step on the same loss (tests/spec hold them equal), optimiser included, on one thread.
+eager: the reference engine, each scene encoded once, channels last, fused AdamW.
+stacked: the simd engine, LANES models at once.
+All take the same full-batch step on the same loss (tests/training hold them equal), optimiser included, on one thread.
 """
 
 import multiprocessing
@@ -33,7 +34,7 @@ GIB = 2**30
 
 
 def training_set(scenes: int = SCENES, n: int = N):
-    """Images, paths [m] and labels; what is in them does not matter to the clock."""
+    """Draw images, paths [m] and labels; their content does not matter to the clock."""
     rng = np.random.default_rng(0)
     images = rng.integers(0, 256, (scenes, 100, 100, 3), dtype=np.uint8)
     return images, rng.uniform(-0.2, 1.2, (scenes, n, 2)), np.arange(scenes * n).reshape(scenes, n) % 2 == 0
@@ -46,7 +47,7 @@ def untrained(seed: int = 0) -> BetaVae:
 
 
 def rows(weights: Weights, scenes: int = SCENES, n: int = N) -> Callable[[], None]:
-    """One pass of one model."""
+    """Return one pass of one model."""
     model = untrained().to(memory_format=torch.contiguous_format)  # pyright: ignore[reportCallIssue]
     images, z_theta, valid = training_set(scenes, n)
     table = TensorDataset(
@@ -68,13 +69,13 @@ def rows(weights: Weights, scenes: int = SCENES, n: int = N) -> Callable[[], Non
 
 
 def eager(weights: Weights, scenes: int = SCENES, n: int = N) -> Callable[[], object]:
-    """STEPS passes of one model."""
+    """Return STEPS passes of one model."""
     model, (images, z_theta, valid) = untrained(), training_set(scenes, n)
     return lambda: fit(model, images, z_theta, valid, weights, SCHEDULE, seed=0)
 
 
 def stacked(weights: Weights, scenes: int = SCENES, n: int = N, models: int = LANES) -> Callable[[], object]:
-    """STEPS passes of each of several models."""
+    """Return STEPS passes of each of several models."""
     stack = [untrained(seed) for seed in range(models)]
     data = training_set(scenes, n)
 
@@ -98,7 +99,7 @@ WAYS: dict[str, tuple[Callable[..., Callable[[], object]], int]] = {  # how, and
 
 
 def fastest(action: Callable[[], object], rounds: int) -> float:
-    """Seconds of the fastest of some rounds after one to warm up: what the machine can do, undisturbed."""
+    """Return the seconds of the fastest of some rounds after one to warm up."""
     seconds = []
     for _ in range(rounds + 1):
         start = time.perf_counter()
@@ -108,7 +109,7 @@ def fastest(action: Callable[[], object], rounds: int) -> float:
 
 
 def operations(weights: Weights) -> int:
-    """Multiplications and additions of one pass, counted layer by layer; the optimiser's are not worth counting."""
+    """Count the multiplications and additions of one pass, layer by layer, without the optimiser's."""
     stack, count = Stack([untrained()] * LANES, weights, [N] * LANES, SCENES), 0
     for layer in stack.layers.values():
         size = layer.weight.value[..., 0].size
@@ -128,13 +129,13 @@ def _multiply_and_add(times, x, y):
 
 
 def peak() -> float:
-    """Operations a second of one core that does nothing but multiply and add in registers."""
+    """Return the operations a second of one core that only multiplies and adds in registers of the widest vectors."""
     x, y, times = allocate(1).reshape(-1), allocate(12).reshape(-1), 1_000_000
     return 2 * 12 * LANES * times / fastest(lambda: _multiply_and_add(times, x, y), 20)
 
 
 def memory(way: str, variant: str) -> float:
-    """GiB a process of its own grows by while it trains that way (models, data and activations)."""
+    """Return the GiB by which a new process grows while it trains that way (models, data and activations)."""
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         return pool.apply(_growth, (way, variant))
 
@@ -147,6 +148,6 @@ def _growth(way: str, variant: str) -> float:
 
 
 def _high_water() -> int:
-    """Most memory [bytes] this process has held so far; getrusage would count what it was forked from."""
+    """Return the peak memory [bytes] of this process; getrusage would count its parent's before the fork."""
     status = Path("/proc/self/status").read_text()
     return next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmHWM")) * 1024

@@ -1,4 +1,4 @@
-"""Fitted models as files: where they lie, their weights, their predictions' columns (`trained` reads them back)."""
+"""Paths of fitted models' files, their weights, and the columns of their predictions (`trained` reads them back)."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,13 +13,13 @@ PREDICTION_COLUMNS = ["seed", "user", "n_demos", "split", "scene", "query", "p",
 
 
 def model_dir(cfg: DictConfig, variant: str) -> Path:
-    """Where the stage that fits `variant` writes."""
+    """Return the folder that the stage which fits `variant` writes."""
     return Path(cfg.paths[cfg.variants[variant].stage]) / variant
 
 
-def weights_path(directory: Path, user: str, seed: int, n: int, step: int | None = None) -> Path:
-    """The file of one model's weights; of those it had before `step` of its training, if that is given."""
-    name = f"{user}-s{seed}-n{n}"
+def weights_path(directory: Path, user: str, seed: int, n_demos: int, step: int | None = None) -> Path:
+    """Return the file of one model's weights, or of its weights before `step` of its training."""
+    name = f"{user}-s{seed}-n{n_demos}"
     if step is None:
         return directory / "weights" / f"{name}.safetensors"
     return directory / "checkpoints" / f"{name}-step{step:05d}.safetensors"

@@ -92,10 +92,10 @@ def _baselines(cfg: DictConfig, truth: pd.DataFrame) -> list[pd.DataFrame]:
     prior, demos, parts = read_position_prior(Path(cfg.paths.scenes)), read_demos(Path(cfg.paths.demos)), []
     for (user, n, seed, split), rows in truth.groupby(MODEL, observed=True, sort=False):
         z = rows[["z_x", "z_y"]].to_numpy()
-        parts.append(rows.assign(variant=POSITION, p=baselines.position(prior[user], z)))
+        parts.append(rows.assign(variant=POSITION, p=baselines.position_only(prior[user], z)))
         if cfg.protocol.splits[split] is None:
             shape = (rows["scene"].nunique(), -1, 2)
-            p = baselines.nearest(*demo_arrays(demos, seed, user, n), z.reshape(shape))
+            p = baselines.nearest_demonstration(*demo_arrays(demos, seed, user, n), z.reshape(shape))
             parts.append(rows.assign(variant=NEAREST, p=p.ravel()))
     columns = [*QUERY, "p", "valid", "variant"]
     return [table[columns] for table in sorted(parts, key=lambda rows: rows["variant"].iloc[0] != NEAREST)]

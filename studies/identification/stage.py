@@ -100,7 +100,7 @@ def position_only(cfg: DictConfig, z_theta: np.ndarray) -> np.ndarray:
     prior = read_position_prior(Path(cfg.paths.scenes))
     if unknown := set(cfg.users) - set(prior):
         raise InputError(f"position_prior.npz has no user {', '.join(sorted(unknown))}: run the scenes stage again")
-    return np.stack([baselines.position(prior[user], z_theta) for user in cfg.users])[:, None]
+    return np.stack([baselines.position_only(prior[user], z_theta) for user in cfg.users])[:, None]
 
 
 def rate(values: np.ndarray, prefix: str = "", scenes: np.ndarray | None = None) -> dict[str, np.ndarray]:

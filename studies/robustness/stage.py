@@ -120,7 +120,7 @@ def predict_in_conditions(
     paths = np.tile(z_theta, (len(conditions), 1, 1))
     p = predict_all(cfg, users, images, paths, "robustness")
     prior = read_position_prior(Path(cfg.paths.scenes))
-    blind = np.stack([baselines.position(prior[user], paths) for user in users])[:, None]
+    blind = np.stack([baselines.position_only(prior[user], paths) for user in users])[:, None]
     p[baselines.POSITION] = np.repeat(blind, len(seeds), axis=1)
     by_condition = {variant: np.split(x, len(conditions), axis=2) for variant, x in p.items()}
     return [{variant: x[i] for variant, x in by_condition.items()} for i in range(len(conditions))]

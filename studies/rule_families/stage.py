@@ -70,7 +70,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         models = {variant: fitted[family, variant] for variant in (*study.variants, AVERAGED)}
         p = {variant: _stack(models[variant], lambda m: m.p) for variant in models}
         p = {v: x.reshape(len(users), len(seeds), *images.shape[:2], -1) for v, x in p.items()}
-        blind = np.stack([baselines.position(_prior(cfg, scenes, family, user), z_theta) for user in users])
+        blind = np.stack([baselines.position_only(_prior(cfg, scenes, family, user), z_theta) for user in users])
         in_scenes = {v: x[:, :, 0] for v, x in p.items()}  # (user, seed, scene, path)
         in_scenes[baselines.POSITION] = np.repeat(blind[:, None], len(seeds), axis=1)
         for variant, predictions in in_scenes.items():

@@ -89,6 +89,7 @@ def test_curves_name_every_user_and_number_of_demonstrations(run):
     }
 
 
+@pytest.mark.slow
 def test_two_processes_write_the_bytes_of_one(run, small_world, tmp_path):
     main(listed(config(small_world, tmp_path, "workers=2"), "train"), tmp_path / "full")
     assert _digests(tmp_path) == _digests(run)
@@ -100,6 +101,7 @@ def test_one_seed_alone_is_that_seed_of_the_whole_run(run, small_world, tmp_path
     assert len(alone) == 6 and alone.items() <= whole.items()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["reference", "cuda"])
 def test_every_engine_learns_the_same_and_is_named(run, small_world, tmp_path, capsys, engine):
     main(config(small_world, tmp_path, f"train.engine={engine}"), tmp_path / "full")

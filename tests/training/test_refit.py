@@ -31,16 +31,17 @@ def training_set(scenes: int, seed: int = 0) -> TrainingSet:
 
 @pytest.mark.parametrize("variant", ["irl_maxent", "irl_ranked"])
 def test_irl_is_fitted_as_stage_irl_fits_it(cfg: DictConfig, variant: str):
-    v, taught = cfg.variants[variant], training_set(3)
+    v, own = cfg.variants[variant], training_set(3)
     seed = job_seed(0, "careful", cfg.main_n_demos, variant)
-    answers = refit_and_predict(cfg, {variant: [taught]}, IMAGES, Z, "test")  # from here on by one torch thread
+    answers = refit_and_predict(cfg, {variant: [own]}, IMAGES, Z, "test")  # from here on by one torch thread
     model = untrained(RewardMap, v.model, seed)
     pace = IrlSchedule.of({**cfg.irl, "steps": v.steps})
-    fit(model, taught.images, taught.z_theta, taught.valid, v.objective, pace, seed)  # pyright: ignore
+    fit(model, own.images, own.z_theta, own.valid, v.objective, pace, seed)  # pyright: ignore
     np.testing.assert_array_equal(answers[variant][0], model.probability(IMAGES, Z))
 
 
-def test_lessons_of_several_sizes_are_answered_in_their_order(cfg: DictConfig):
+@pytest.mark.slow
+def test_training_sets_of_several_sizes_are_answered_in_their_order(cfg: DictConfig):
     training_sets = [training_set(3), training_set(3, seed=1), training_set(2), training_set(2, seed=1)]
     variants = ("classifier", "irl_ranked", "clearance")
     together = refit_and_predict(cfg, dict.fromkeys(variants, training_sets), IMAGES, Z, "test")
@@ -50,7 +51,8 @@ def test_lessons_of_several_sizes_are_answered_in_their_order(cfg: DictConfig):
             np.testing.assert_array_equal(together[variant][i], alone[variant][0], err_msg=variant)
 
 
-def test_answers_come_in_the_order_of_the_lessons_though_only_those_of_as_many_scenes_are_fitted_together(
+@pytest.mark.slow
+def test_answers_come_in_the_order_of_the_training_sets_though_only_equal_sizes_are_fitted_together(
     cfg: DictConfig,
 ):
     training_sets = [training_set(scenes, seed) for seed, scenes in enumerate((3, 1, 3, 2, 1))]

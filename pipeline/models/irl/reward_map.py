@@ -26,7 +26,7 @@ class RewardMap(ValidityModel):
     """Convolutions from the image to a reward map; a path is accepted if its soft regret is small enough.
 
     The logit is `scale * soft_regret + offset` (buffers, fitted on labels after training), so that P > .5 accepts
-    above the threshold `-offset / scale`. The map is averaged over the picture's 8 symmetries, if `symmetric`.
+    above the threshold `-offset / scale`. The map is averaged over the image's 8 symmetries, if `symmetric`.
     """
 
     scale: Tensor
@@ -67,18 +67,18 @@ class RewardMap(ValidityModel):
         self.register_buffer("offset", torch.tensor(0.0))
 
     def reward(self, contrasts: Float[Tensor, "scene 4 100 100"]) -> Float[Tensor, "scene side side"]:
-        """r_s at every cell of the map, row 0 at the far edge, from the pictures' contrast with the table."""
+        """Return r_s at every cell of the map, row 0 at the far edge, from the images' contrast with the table."""
         raw = self.layers(contrasts).squeeze(1)
         return self.gain * (-F.softplus(raw) if self.ceiling else raw)
 
     def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene cell"]:
-        """The reward map's cells and, last, the scene's soft optimum; zeros if the rule makes nothing of them."""
+        """Return the reward map's cells and, last, the scene's soft optimum; zeros if the rule ignores them."""
         if not self.scale:
             return images.new_zeros(len(images), self.side**2 + 1)
-        return self.perceive_contrasts(torch.cat([_contrast(picture) for picture in to_bytes(images)]))
+        return self.perceive_contrasts(torch.cat([_contrast(image) for image in to_bytes(images)]))
 
     def perceive_contrasts(self, contrasts: Float[Tensor, "scene 4 100 100"]) -> Float[Tensor, "scene cell"]:
-        """`perceive` from the pictures' contrast with the table."""
+        """Return `perceive` from the images' contrast with the table."""
         channels_last = torch.channels_last  # a third quicker here
         transformed = [transform(contrasts, g) for g in range(SYMMETRIES if self.symmetric else 1)]
         rewards = [self.reward(x.contiguous(memory_format=channels_last)) for x in transformed]
@@ -87,34 +87,34 @@ class RewardMap(ValidityModel):
         return torch.cat([reward.flatten(1), self.soft_optimum(reward)[:, None]], dim=-1)
 
     def soft_optimum(self, reward: Float[Tensor, "scene side side"]) -> Float[Tensor, " scene"]:
-        """log of the mean of exp(return) over the lattice of z_theta: the partition function, up to a constant."""
+        """Return the log of the mean exp(return) over the lattice of z_theta: the partition function up to a factor."""
         returns = reward.flatten(1) @ self.paths.T  # (scene, lattice)
         return returns.logsumexp(-1) - float(np.log(len(self.paths)))
 
     def soft_regret(
         self, reward: Float[Tensor, "scene side side"], z_theta: Float[Tensor, "scene path 2"]
     ) -> Float[Tensor, "scene path"]:
-        """Return minus the scene's soft optimum: how each path compares with the others possible in its scene."""
+        """Return each path's return minus the scene's soft optimum, which compares it with all paths of its scene."""
         return path_return(reward, z_theta) - self.soft_optimum(reward)[:, None]
 
     def logit(self, percept: Tensor, z_theta: Float[Tensor, "scene path 2"]) -> Float[Tensor, "scene path"]:
-        """Log-odds of acceptance; differentiable in `z_theta` [m]."""
+        """Return the log-odds of acceptance; differentiable in `z_theta` [m]."""
         reward = percept[:, :-1].unflatten(1, (self.side, self.side))
         regret = path_return(reward, z_theta) - percept[:, -1:]
         return self.scale * regret + self.offset
 
 
-@lru_cache(maxsize=2048)  # every model looks at the same pictures
-def _contrast(picture: bytes) -> Float[Tensor, "1 4 100 100"]:
-    """`contrast` of an 8-bit picture."""
-    pixels = np.frombuffer(picture, np.uint8).reshape(1, SIDE, SIDE, 3)
+@lru_cache(maxsize=2048)  # all models see the same images
+def _contrast(image: bytes) -> Float[Tensor, "1 4 100 100"]:
+    """Return the `contrast` of an 8-bit image."""
+    pixels = np.frombuffer(image, np.uint8).reshape(1, SIDE, SIDE, 3)
     return contrast(*subtract_background(to_tensor(pixels.copy())))
 
 
 def contrast(
     plain: Float[Tensor, "scene 3 100 100"], whitening: Float[Tensor, "scene 3 3"]
 ) -> Float[Tensor, "scene 4 100 100"]:
-    """What the network sees of the smoothed difference from the table: its size and mean, whitened and plain.
+    """Return what the network sees of the smoothed difference from the table: size and mean, whitened and plain.
 
     Whitening measures a difference in units of how much the table varies in that direction of colour: a glass stands
     out from wood whose grain varies more, but along another line. Sizes and means carry no hue, which tells no symbol.
@@ -129,7 +129,7 @@ def contrast(
 
 
 def path_points(z_theta: Float[Tensor, "*path 2"]) -> Float[Tensor, "*path samples 2"]:
-    """SAMPLES points [m] of each quadratic Bezier path, both ends included."""
+    """Return SAMPLES points [m] of each quadratic Bezier path, both ends included."""
     b = basis(np.linspace(0.0, 1.0, SAMPLES))
     ends = torch.from_numpy(b[:, :1] * P_INIT + b[:, 2:] * P_F).to(z_theta)  # (samples, 2)
     return ends + torch.from_numpy(b[:, 1:2]).to(z_theta) * z_theta[..., None, :]
@@ -138,14 +138,14 @@ def path_points(z_theta: Float[Tensor, "*path 2"]) -> Float[Tensor, "*path sampl
 def path_return(
     reward: Float[Tensor, "scene side side"], z_theta: Float[Tensor, "scene path 2"]
 ) -> Float[Tensor, "scene path"]:
-    """Mean reward along each path [m], the map sampled bilinearly (its border continued outwards)."""
+    """Return the mean reward along each path [m], the map sampled bilinearly (its border continued outwards)."""
     grid = (2 * path_points(z_theta) - 1) * torch.tensor([1.0, -1.0]).to(z_theta)  # row 0 is the far edge
     sampled = F.grid_sample(reward[:, None], grid, padding_mode="border", align_corners=False)
     return sampled.squeeze(1).mean(-1)
 
 
 def path_weights(z_theta: Float[Tensor, "path 2"], side: int) -> Float[Tensor, "path cell"]:
-    """The weight of every cell of a side x side map in each path's return: `path_return` as a matrix."""
+    """Return the weight of every cell of a side x side map in each path's return: `path_return` as a matrix."""
     points = path_points(z_theta)
     row, column = (1 - points[..., 1]) * side - 0.5, points[..., 0] * side - 0.5  # (path, samples)
     row, column = row.clamp(0, side - 1), column.clamp(0, side - 1)
@@ -159,17 +159,17 @@ def path_weights(z_theta: Float[Tensor, "path 2"], side: int) -> Float[Tensor, "
     return weights
 
 
-def transform(pictures: Float[Tensor, "*batch row column"], symmetry: int) -> Float[Tensor, "*batch row column"]:
-    """Symmetry 0..7 of the square: its bits 2 and 4 reflect rows and columns, then 1 transposes."""
-    pictures = _reflected(pictures, symmetry)
-    return pictures.mT if symmetry & 1 else pictures
+def transform(images: Float[Tensor, "*batch row column"], symmetry: int) -> Float[Tensor, "*batch row column"]:
+    """Apply symmetry 0..7 of the square: its bits 2 and 4 reflect rows and columns, then 1 transposes."""
+    images = _reflected(images, symmetry)
+    return images.mT if symmetry & 1 else images
 
 
-def untransform(pictures: Float[Tensor, "*batch row column"], symmetry: int) -> Float[Tensor, "*batch row column"]:
-    """The inverse of `transform`."""
-    return _reflected(pictures.mT if symmetry & 1 else pictures, symmetry)
+def untransform(images: Float[Tensor, "*batch row column"], symmetry: int) -> Float[Tensor, "*batch row column"]:
+    """Undo `transform`."""
+    return _reflected(images.mT if symmetry & 1 else images, symmetry)
 
 
-def _reflected(pictures, symmetry):
+def _reflected(images, symmetry):
     axes = [axis for axis, bit in ((-2, 2), (-1, 4)) if symmetry & bit]
-    return pictures.flip(axes) if axes else pictures  # copies, and keeps the order in memory
+    return images.flip(axes) if axes else images  # copies, and keeps the order in memory

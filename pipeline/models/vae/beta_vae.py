@@ -46,26 +46,26 @@ class BetaVae(ValidityModel):
         self.to(memory_format=torch.channels_last)  # pyright: ignore[reportCallIssue]
 
     def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene latent"]:
-        """z_image of each scene: the mean of q(z_image | I), never a sample."""
+        """Return z_image of each scene: the mean of q(z_image | I), never a sample."""
         return self.mean(self.features(images))
 
     def logit(
         self, percept: Float[Tensor, "scene latent"], z_theta: Float[Tensor, "scene path 2"]
     ) -> Float[Tensor, "scene path"]:
-        """Log-odds of validity of each path [m], given z_image."""
+        """Return the log-odds of validity of each path [m], given z_image."""
         z_image = percept[:, None].expand(-1, z_theta.shape[1], -1)  # (scene, path, latent)
         return self.classifier(torch.cat([z_image, (z_theta - Z_CENTRE) / Z_SCALE], dim=-1)).squeeze(-1)
 
     @torch.no_grad()
     def reconstruct(self, images: UInt8[Array, "scene 100 100 3"]) -> UInt8[Array, "scene 100 100 3"]:
-        """Each image through its z_image (the mean) and back."""
+        """Return each image decoded from its z_image (the mean)."""
         return _to_images(self.decode(self.perceive(to_tensor(images))))
 
     @torch.no_grad()
     def traverse(
         self, image: UInt8[Array, "100 100 3"], values: Float[Array, " value"]
     ) -> UInt8[Array, "latent value 100 100 3"]:
-        """The image decoded with one dimension of its z_image at a time set to each of `values`."""
+        """Return the image decoded with one dimension of its z_image at a time set to each of `values`."""
         z_image = self.perceive(to_tensor(image[None])).expand(len(values), -1)  # (value, latent)
         rows = []
         for dimension in range(self.latent):
@@ -84,7 +84,7 @@ class BetaVae(ValidityModel):
 
 
 def _convolutions(widths: Sequence[int]) -> list[nn.Module]:
-    """3x3 convolutions that halve the side, each followed by a rectifier."""
+    """Return 3x3 convolutions that halve the side, each followed by a rectifier."""
     layers: list[nn.Module] = []
     for before, after in pairwise(widths):
         layers += [nn.Conv2d(before, after, 3, stride=2, padding=1), nn.ReLU()]
@@ -92,7 +92,7 @@ def _convolutions(widths: Sequence[int]) -> list[nn.Module]:
 
 
 def _transposed_convolutions(widths: Sequence[int], sides: Sequence[int]) -> list[nn.Module]:
-    """The convolutions' mirror image, through the same sides; the last layer gives intensities in [0, 1]."""
+    """Return the convolutions' mirror image, through the same sides; the last layer gives intensities in [0, 1]."""
     layers: list[nn.Module] = []
     for i, (before, after) in enumerate(pairwise(widths)):
         odd = sides[i + 1] - (2 * sides[i] - 1)  # what halving with rounding up has lost: 0 or 1 pixel
@@ -101,5 +101,5 @@ def _transposed_convolutions(widths: Sequence[int], sides: Sequence[int]) -> lis
 
 
 def _to_images(decoded: Float[Tensor, "scene 3 100 100"]) -> UInt8[Array, "scene 100 100 3"]:
-    """Intensities in [0, 1] as 8-bit images."""
+    """Return intensities in [0, 1] as 8-bit images."""
     return decoded.permute(0, 2, 3, 1).mul(255).round().to(torch.uint8).contiguous().numpy()

@@ -29,19 +29,19 @@ class Terms(NamedTuple):
 
     @property
     def total(self) -> Tensor:
-        """The loss L."""
+        """Return the loss L."""
         return self.reconstruction + self.kl + self.classification
 
 
 def reconstruction(
     decoded: Float[Tensor, "scene 3 row column"], images: Float[Tensor, "scene 3 row column"]
 ) -> Float[Tensor, ""]:
-    """-log p(I | z_image) of a Gaussian decoder, up to scale: squared error, mean over all of its entries."""
+    """Return -log p(I | z_image) of a Gaussian decoder, up to scale: squared error, mean over all of its entries."""
     return F.mse_loss(decoded, images)
 
 
 def kl(mean: Float[Tensor, "scene latent"], log_variance: Float[Tensor, "scene latent"]) -> Float[Tensor, ""]:
-    """KL(q(z_image | I) || N(0, 1)) [nat]: summed over latent dimensions, mean over scenes."""
+    """Return KL(q(z_image | I) || N(0, 1)) [nat]: summed over latent dimensions, mean over scenes."""
     return 0.5 * (mean.square() + log_variance.exp() - log_variance - 1).sum(-1).mean()
 
 
@@ -50,7 +50,7 @@ def classification(
     valid: Bool[Tensor, "scene path"] | Float[Tensor, "scene path"],
     share: Float[Tensor, " path"] | None = None,
 ) -> Float[Tensor, ""]:
-    """Binary cross-entropy of the demonstrations' validity [nat]: mean over all, or by their `share` of a scene."""
+    """Return the binary cross-entropy of validity [nat]: mean over all paths, or by their `share` of a scene."""
     if share is None:
         return F.binary_cross_entropy_with_logits(logits, valid.to(logits.dtype))
     each = F.binary_cross_entropy_with_logits(logits, valid.to(logits.dtype), reduction="none")
@@ -66,7 +66,7 @@ def equation_1(
     noise: Float[Tensor, "scene latent"],
     share: Float[Tensor, " path"] | None = None,
 ) -> Terms:
-    """The loss over demonstrations of `scene` scenes, each encoded once and shared by all of its paths.
+    """Return the loss over demonstrations of `scene` scenes, each encoded once and shared by all of its paths.
 
     With beta > 0 decoder and classifier see a sample, mean + noise * deviation. With beta = 0 no prior keeps
     the deviation from collapsing, so z_image is the mean and `noise` is unused.

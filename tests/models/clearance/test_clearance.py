@@ -116,6 +116,7 @@ def scenes(rng, count):
     return layouts, np.stack(pictures)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cares", [(True, True), (False, True)])
 def test_it_learns_which_things_matter_and_how_much(cares):
     rng = np.random.default_rng(3)
@@ -131,6 +132,7 @@ def test_it_learns_which_things_matter_and_how_much(cares):
     assert ((relevance > 0.5) == cares).all()
 
 
+@pytest.mark.slow
 def test_without_evidence_every_path_is_as_likely_valid_as_any_other():
     rng = np.random.default_rng(5)
     layouts, pictures = scenes(rng, 20)
@@ -145,6 +147,7 @@ def test_without_evidence_every_path_is_as_likely_valid_as_any_other():
     assert spread["true"] > 0.3 and spread["shuffled"] < 0.1
 
 
+@pytest.mark.slow
 def test_checkpoints_weigh_the_evidence_as_it_then_was():
     rng = np.random.default_rng(6)
     layouts, pictures = scenes(rng, 20)
@@ -158,6 +161,7 @@ def test_checkpoints_weigh_the_evidence_as_it_then_was():
     assert evidence == sorted(evidence) and evidence[0] < evidence[1] - 10 and evidence[2] < float(kept.evidence) + 1e-3
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bits_another_does_not_and_torchs_generator_stays_put():
     rng = np.random.default_rng(4)
     layouts, pictures = scenes(rng, 6)
@@ -173,6 +177,7 @@ def test_the_same_seed_gives_the_same_bits_another_does_not_and_torchs_generator
     assert not torch.equal(models[0].margin, models[2].margin)
 
 
+@pytest.mark.slow
 def test_models_fitted_together_answer_as_each_does_alone():
     """Whatever the n of the others, and one among them whose labels never vary; but for rounding."""
     rng = np.random.default_rng(8)

@@ -46,6 +46,7 @@ def fitted(world: tuple[Layouts, np.ndarray], valid: np.ndarray, steps: int = 40
     return model
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", RULES)
 def test_the_family_that_labelled_the_paths_is_the_most_probable(world, family: str):
     layouts, z = world
@@ -53,6 +54,7 @@ def test_the_family_that_labelled_the_paths_is_the_most_probable(world, family: 
     assert list(FAMILIES)[int(model.posterior_model_probabilities()[:-1].argmax())] == family
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", ["side", "proximity"])
 def test_new_paths_are_judged_by_a_family_that_one_clearance_cannot_represent(world, family: str):
     layouts, z = world

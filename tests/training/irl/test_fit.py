@@ -162,6 +162,7 @@ def test_a_model_does_not_depend_on_those_fitted_before_it():
         assert all(np.array_equal(x, y) for x, y in zip(results[0], again, strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("objective", "least"), [("maxent", 0.7), ("ranked", 0.9)])
 def test_training_sets_valid_paths_above_invalid_ones(objective, least):
     images, z, valid = world(12, 9)

@@ -75,7 +75,7 @@ class Trained(Layer):
 
     @abstractmethod
     def as_torch(self, weight: Array, bias: Array) -> tuple[Array, Array]:
-        """Views of arrays of the parameters' shape: torch's order of axes, lanes last."""
+        """Return views of arrays of the parameters' shape: torch's order of axes, lanes last."""
 
 
 class Convolution(Trained):
@@ -245,7 +245,7 @@ class Stack:
         valid: Bool[Array, "scene row lane"],
         noise: Float[Array, "scene latent lane"],
     ) -> Float[Array, "3 lane"]:
-        """The terms of Eq. 1 as they enter the sum; its gradient is left in the parameters."""
+        """Return the terms of Eq. 1 as they enter the sum; its gradient is left in the parameters."""
         for parameter in self.parameters():
             parameter.gradient.fill(0)
         terms = allocate(3)

@@ -1,8 +1,8 @@
 """Kernels that train 8 or 16 models at once, one in each SIMD lane of a float32 vector, compiled by Numba.
 
 Every array ends in an axis of `LANES`: entry [..., lane] belongs to model `lane`. No operation mixes lanes, so a
-model's bits depend neither on its neighbours, nor on its place, nor on the number of lanes. Convolutions and dense layers alike
-are strided matrix products: sums of outer products on a `Tile` of vectors that stays in registers (`_block`).
+model's bits depend neither on its neighbours, nor on its place, nor on the number of lanes. Convolutions and dense
+layers alike are strided matrix products: sums of outer products on a `Tile` of vectors in registers (`_block`).
 
 This file is longer than 300 lines because Numba compiles a cached function anew when its own file has changed, and
 looks at no other: everything compiled has to stand in one file.
@@ -56,7 +56,7 @@ def compiled(*arguments, returns=types.void):
 
 
 def _bare(decorator):
-    """`decorator` of the function itself, without the checks of its arguments that tests wrap it in."""
+    """Apply `decorator` to the function itself, without the checks of its arguments that tests wrap it in."""
     return lambda function: decorator(inspect.unwrap(function))
 
 
@@ -105,7 +105,7 @@ def _call(builder, name, *arguments):
 
 
 def _each(builder, tile, function):
-    """The tile whose entries are function(row, column) -> vector."""
+    """Return the tile whose entries are function(row, column) -> vector."""
     value = ir.Constant(ir.ArrayType(VECTOR, tile.rows * tile.columns), ir.Undefined)
     for row in range(tile.rows):
         for column in range(tile.columns):
@@ -115,14 +115,14 @@ def _each(builder, tile, function):
 
 @intrinsic(prefer_literal=True)
 def zeros(typingctx, rows, columns):
-    """A tile of zeros."""
+    """Return a tile of zeros."""
     tile = Tile(rows.literal_value, columns.literal_value)
     return tile(rows, columns), lambda context, builder, sig, args: ir.Constant(context.get_value_type(tile), None)
 
 
 @intrinsic
 def repeat(typingctx, tile, array, index, step):
-    """The tile whose every row is array[index + step * column]."""
+    """Return the tile whose every row is array[index + step * column]."""
 
     def generate(context, builder, sig, args):
         _, data, first, stride = args
@@ -153,7 +153,7 @@ def outer(typingctx, tile, left, i, i_step, right, j, j_step):
 
 
 def _writer(combine):
-    """An intrinsic that makes array[index + row_step * row + column] combine(builder, tile[row, column], itself)."""
+    """Return an intrinsic that sets array[index + row_step * row + column] to combine(builder, tile, itself)."""
 
     @intrinsic
     def write(typingctx, tile, array, index, row_step):
@@ -395,7 +395,7 @@ def dense(x, weights, bias, y, mode):
 
 @compiled(ROWS, ROWS, ROWS, types.intp)
 def dense_backward(dy, weights, x, mode):
-    """The gradient of `dense` with respect to x overwrites x."""
+    """Overwrite x with the gradient of `dense` with respect to it."""
     rows, inputs, _ = x.shape
     out, a, b = (x.reshape(-1), 0, inputs), (dy.reshape(-1), 0, dy.shape[1]), (weights.reshape(-1), 0, dy.shape[1])
     steps = _sum((1, 1, dy.shape[1]), (0, 0, 1), (0, 0, 1))

@@ -71,6 +71,7 @@ def test_training_leaves_the_global_generator_alone():
     assert torch.equal(before, torch.get_rng_state())
 
 
+@pytest.mark.slow
 def test_classification_loss_falls_on_a_separable_world():
     _, curve = trained("classifier", schedule=Schedule(150, 4e-3, 0.01, 50))
     assert curve[-1, CURVE.index("classification")] < 0.25 * curve[0, CURVE.index("classification")]

@@ -76,6 +76,7 @@ def stacked(seeds, variant: str = "full", n: Sequence[int] = (4,) * LANES):
     return models, fit_stack(models, images, z_theta, valid, VARIANTS[variant], SHORT, seeds)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_demos", [[9] * LANES, ([9, 1, 7, 3, 5, 2, 9, 1] * 2)[:LANES]], ids=["one n", "mixed n"])
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("variant", VARIANTS)
@@ -130,6 +131,7 @@ def test_a_model_is_the_same_bits_whatever_else_is_in_the_stack(variant):
     assert digest(many[0]) != digest(many[1])
 
 
+@pytest.mark.slow
 @settings(max_examples=12, deadline=None)
 @given(st.sampled_from(list(VARIANTS)), st.integers(1, 9), st.lists(st.integers(1, 9), max_size=LANES - 1))
 @example("full", 3, [3, 3])
@@ -152,6 +154,7 @@ def test_checkpoints_change_nothing_and_hold_every_model_of_the_stack():
     assert all(not np.array_equal(first[name], second[name]) for name in first if name.endswith("weight"))
 
 
+@pytest.mark.slow
 def test_another_process_gives_the_same_bits():
     assert in_another_process() == f"{LANES} {digest(stacked([4, 3])[0][1])}"
 
