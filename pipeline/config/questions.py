@@ -2,12 +2,19 @@
 
 from typing import Annotated, Literal, get_args
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from pipeline.config.values import Group, Length, Name, expected, need
 from pipeline.world.layout import SYMBOLS
 
-Symbol = Annotated[Literal["bowl", "plate", "cutlery", "glass"], expected(f"one of {', '.join(SYMBOLS)}")]
+
+def _known(symbol: str) -> str:
+    if symbol not in SYMBOLS:
+        raise ValueError
+    return symbol
+
+
+Symbol = Annotated[str, AfterValidator(_known), expected(f"one of {', '.join(SYMBOLS)}")]
 
 
 class _Question(Group):

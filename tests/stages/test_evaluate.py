@@ -1,6 +1,6 @@
 """The evaluation scores what it is given, and refuses what is incomplete."""
 
-import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +9,10 @@ import pytest
 from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.demos import Queries, demo_arrays, read_demos, read_queries, write_demos, write_queries
-from pipeline.artifacts.files import read_table, write_arrays, write_table
+from pipeline.artifacts.files import read_json, read_table, write_arrays, write_table
 from pipeline.artifacts.models import model_dir
-from pipeline.models import baselines as nulls
+from pipeline.artifacts.scenes import read_position_prior
+from pipeline.models import baselines
 from pipeline.params import compose
 from pipeline.runtime.errors import InputError
 from pipeline.stages import evaluate
@@ -23,11 +24,11 @@ from tests.stages.facts import refuses, repeats_itself
 SCENES, QUERIES = 3, 8
 
 
-@pytest.fixture
-def cfg(tmp_path: Path) -> DictConfig:
-    """Two seeds and two n; `full` is always right, `ae` always wrong, `path` right at main_n_demos, others know nothing."""
-    cfg = compose(["profile=smoke"])
-    for stage in ("scenes", "demos", "train", "irl", "path"):
+@pytest.fixture(scope="module")
+def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
+    """Two seeds, two n_demos: `full` is right, `ae` wrong, `clearance` right at main_n_demos, others know nothing."""
+    cfg, tmp_path = compose(["profile=smoke"]), tmp_path_factory.mktemp("evaluate")
+    for stage in ("scenes", "demos", "train", "irl", "clearance"):
         OmegaConf.update(cfg, f"paths.{stage}", str(tmp_path / stage))
     rng = np.random.default_rng(0)
     pools = [*(f"train-s{seed}" for seed in cfg.seeds), "new_scenes", "new_items"]
@@ -65,31 +66,59 @@ def _predictions(cfg: DictConfig, variant: str, queries: dict[str, Queries]) -> 
             for n in cfg.n_demos:
                 for split, pool in cfg.protocol.splits.items():
                     valid = queries[pool or f"train-s{seed}"].valid[user].ravel()
-                    told = {"full": valid, "ae": ~valid, "path": valid == (n == cfg.main_n_demos)}
-                    p = told.get(variant, np.full(valid.shape, 0.5))
+                    known = {"full": valid, "ae": ~valid, "clearance": valid == (n == cfg.main_n_demos)}
+                    p = known.get(variant, np.full(valid.shape, 0.5))
                     parts.append(
                         pd.DataFrame({"scene": scene, "query": query, "p": p.astype(np.float32), "valid": valid})
-                        .assign(seed=seed, user=user, n=n, split=split)
+                        .assign(seed=seed, user=user, n_demos=n, split=split)
                     )  # fmt: skip
     return pd.concat(parts).sample(frac=1, random_state=0)  # the rows' order must not matter
 
 
-def test_the_truth_scores_one_and_its_opposite_nothing(cfg: DictConfig, tmp_path: Path):
-    main(cfg, tmp_path / "out")
-    metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())
-    assert metrics["accuracy"]["full"]["new_items"]["n9"] == {"mean": 1, "q1": 1, "q3": 1, "seeds": 2}
-    assert metrics["accuracy"]["ae"]["new_items"]["n1"]["mean"] == 0
-    assert metrics["calibration"]["full"]["seen_scenes"] == {"ece": 0, "brier": 0, "bias": 0}
-    of_ae = metrics["calibration"]["ae"]["seen_scenes"]
-    assert (of_ae["ece"], of_ae["brier"]) == (1, 1) and abs(of_ae["bias"]) < 1
-    assert metrics["calibration"]["classifier"]["seen_scenes"]["brier"] == 0.25
+@pytest.fixture(scope="module")
+def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    directory = tmp_path_factory.mktemp("out")
+    main(cfg, directory)
+    return directory
 
 
-def test_every_cell_has_a_row_and_only_seen_scenes_have_a_nearest_demonstration(cfg, tmp_path):
-    main(cfg, tmp_path / "out")
-    scores = read_table(tmp_path / "out" / "accuracy.parquet")
-    cells = len(cfg.users) * len(cfg.n_demos) * len(cfg.seeds)
-    assert len(scores) == cells * (3 * (len(cfg.variants) + 1) + 1)
+@pytest.fixture
+def copied(cfg: DictConfig, tmp_path: Path) -> DictConfig:
+    """The same with predictions that a test may damage."""
+    copy = cfg.copy()
+    for stage in ("train", "irl"):
+        shutil.copytree(cfg.paths[stage], tmp_path / stage)
+        copy.paths[stage] = str(tmp_path / stage)
+    return copy
+
+
+def row(out: Path, table: str, **where: object) -> pd.Series:
+    rows = read_table(out / f"{table}.csv")
+    for name, value in where.items():
+        rows = rows[rows[name] == value]
+    assert len(rows) == 1
+    return rows.iloc[0]
+
+
+def test_a_right_model_scores_one_and_a_wrong_one_zero(cfg: DictConfig, out: Path):
+    full = row(out, "accuracy", variant="full", split="new_items", n_demos=9)
+    assert (full[["mean", "q1", "q3"]] == 1).all() and full["seeds"] == 2
+    assert row(out, "accuracy", variant="ae", split="new_items", n_demos=1)["mean"] == 0
+    assert (row(out, "scores", variant="full", split="seen_scenes")[["ece", "brier", "bias"]] == 0).all()
+    wrong = row(out, "scores", variant="ae", split="seen_scenes")
+    assert (wrong["ece"], wrong["brier"], wrong["auroc"]) == (1, 1, 0) and abs(wrong["bias"]) < 1
+    assert row(out, "scores", variant="classifier", split="seen_scenes")["brier"] == 0.25
+    metrics = read_json(out / "metrics.json")
+    assert metrics["accuracy"]["full"] == {"seen_scenes": 1, "new_scenes": 1, "new_items": 1}
+    assert set(metrics["accuracy"]) == {*cfg.variants, "position_only", "nearest_demonstration"}
+    assert set(metrics["accuracy"]["nearest_demonstration"]) == {"seen_scenes"}
+    assert metrics["accuracy_one_demo"]["ae"] == {"new_items": 0}
+
+
+def test_every_model_and_split_has_a_row_and_only_seen_scenes_a_nearest_demonstration(cfg: DictConfig, out: Path):
+    scores = read_table(out / "accuracy.parquet")
+    models = len(cfg.users) * len(cfg.n_demos) * len(cfg.seeds)
+    assert len(scores) == models * (3 * (len(cfg.variants) + 1) + 1)
     assert set(scores[scores["variant"] == "nearest_demonstration"]["split"]) == {"seen_scenes"}
     assert (scores["count"] == SCENES * QUERIES).all()
     assert scores[scores["user"] == "aggressive"]["auroc"].isna().all()
@@ -97,117 +126,121 @@ def test_every_cell_has_a_row_and_only_seen_scenes_have_a_nearest_demonstration(
     assert (full["auroc"] == 1).all()
 
 
-def test_the_nearest_demonstration_is_one_of_the_n_that_were_shown(cfg: DictConfig, tmp_path: Path):
-    main(cfg, tmp_path / "out")
-    scores = read_table(tmp_path / "out" / "accuracy.parquet")
+def test_the_nearest_demonstration_is_one_of_the_n_that_were_given(cfg: DictConfig, out: Path):
+    scores = read_table(out / "accuracy.parquet")
     demos, queries = read_demos(Path(cfg.paths.demos)), read_queries(Path(cfg.paths.demos))
-    for row in scores[scores["variant"] == "nearest_demonstration"].itertuples():
-        asked = queries[f"train-s{row.seed}"]
-        p = nulls.nearest_demonstration(*demo_arrays(demos, row.seed, row.user, row.n), asked.z)
-        assert row.accuracy == accuracy(p.ravel(), asked.valid[row.user].ravel())
+    for scored in scores[scores["variant"] == "nearest_demonstration"].itertuples():
+        asked = queries[f"train-s{scored.seed}"]
+        p = baselines.nearest(*demo_arrays(demos, scored.seed, scored.user, scored.n_demos), asked.z)
+        assert scored.accuracy == accuracy(p.ravel(), asked.valid[scored.user].ravel())
 
 
-def test_other_scenes_count_in_an_interval_around_the_mean_and_errors_are_found_where_they_are(cfg, tmp_path):
-    main(cfg, tmp_path / "out")
-    metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())
-    for variant, by_split in metrics["in_new_scenes"].items():
-        for split, cell in by_split.items():
-            assert cell["ci_low"] <= metrics["accuracy"][variant][split]["n9"]["mean"] <= cell["ci_high"]
-    perfect, opposite = (metrics["in_new_scenes"][v]["new_items"] for v in ("full", "ae"))
-    assert perfect["worst"] is None and opposite["worst"] == pytest.approx(opposite["few"] / SCENES)
-    assert opposite["worst_by_chance"] == pytest.approx(opposite["worst"])  # where all is wrong, chance does as much
-    null = metrics["in_new_scenes"]["position_only"]["new_items"]
-    assert opposite["few"] / SCENES < null["worst_by_chance"] < 1
-    assert set(metrics["in_new_scenes"]["position_only"]) == {"new_scenes", "new_items"}
-    assert "nearest_demonstration" not in metrics["in_new_scenes"]
+def test_a_prior_by_position_is_looked_up_in_the_users_own_map(cfg: DictConfig, out: Path):
+    scores = read_table(out / "accuracy.parquet").query("variant == 'position_only' and split == 'new_items'")
+    queries, prior = read_queries(Path(cfg.paths.demos))["new_items"], read_position_prior(Path(cfg.paths.scenes))
+    for scored in scores.itertuples():
+        p = baselines.position(prior[scored.user], queries.z)
+        assert scored.accuracy == accuracy(p.ravel(), queries.valid[scored.user].ravel())
 
 
-def test_users_are_averaged_as_configured(cfg: DictConfig, tmp_path: Path):
-    main(cfg, tmp_path / "out")
-    metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())
-    two = metrics["accuracy"]["position_only"]["new_items"]["n9"]["mean"]
-    three = metrics["accuracy_all_users"]["position_only"]["new_items"]["n9"]["mean"]
-    scores = read_table(tmp_path / "out" / "accuracy.parquet")
-    rows = scores.query("variant == 'position_only' and split == 'new_items' and n == 9")
-    by_user = rows.groupby("user")["accuracy"].mean()
-    assert two == pytest.approx(by_user[["careful", "normal"]].mean())
-    assert three == pytest.approx(by_user.mean())
+def test_intervals_over_scenes_hold_the_mean_of_shared_splits_at_the_main_number_of_demonstrations(out: Path):
+    table = read_table(out / "accuracy.csv")
+    expected = (table["n_demos"] == 9) & (table["split"] != "seen_scenes")
+    np.testing.assert_array_equal(table["ci_low"].notna(), expected)
+    rows = table[expected]
+    assert ((rows["ci_low"] <= rows["mean"]) & (rows["mean"] <= rows["ci_high"])).all()
+    position = rows[rows["variant"] == "position_only"]
+    assert (position["ci_low"] < position["ci_high"]).all()
+
+
+def test_users_are_averaged_as_configured(cfg: DictConfig, out: Path):
+    scores = read_table(out / "accuracy.parquet").query(
+        "variant == 'position_only' and split == 'new_items' and n_demos == 9"
+    )
+    by_user = scores.groupby("user")["accuracy"].mean()
+    mean = row(out, "accuracy", variant="position_only", split="new_items", n_demos=9)["mean"]
+    assert mean == pytest.approx(by_user[["careful", "normal"]].mean(), abs=1e-5)
     truth = read_queries(Path(cfg.paths.demos))["new_items"].valid
     share = np.mean([truth["careful"], truth["normal"]])
-    assert metrics["calibration"]["classifier"]["new_items"]["bias"] == pytest.approx(0.5 - share)
+    bias = row(out, "scores", variant="classifier", split="new_items")["bias"]
+    assert bias == pytest.approx(0.5 - share, abs=1e-5)
 
 
-def test_the_tests_are_those_fixed_in_advance_and_corrected_together(cfg: DictConfig, tmp_path: Path):
-    main(cfg, tmp_path / "out")
-    table = read_table(tmp_path / "out" / "comparisons.csv")
-    assert dict(table.groupby("family").size()) == {"paper": 18, "path": 9}
+def test_calibration_counts_every_query_once(cfg: DictConfig, out: Path):
+    table = read_table(out / "calibration.csv")
+    queries = len(cfg.seeds) * len(cfg.evaluate.users) * SCENES * QUERIES
+    assert (table.groupby(["variant", "split"])["count"].sum() == queries).all()
+    assert (table["confidence"].between(table["low"], table["high"])).all()
+
+
+def test_the_tests_are_those_fixed_in_advance_and_corrected_together(cfg: DictConfig, out: Path):
+    table = read_table(out / "comparisons.csv")
+    assert dict(table.groupby("family").size()) == {"paper": 18, "clearance": 9}
     assert not table.duplicated(["variant", "against", "split", "n_demos"]).any()
     assert (table["p_holm"] >= table["p"]).all()
     assert not table["significant"].any()  # two seeds cannot show anything
-    row = table.query("against == 'ae' and split == 'new_items'").iloc[0]
-    assert row["difference"] == 1 and row["p"] == 0.5
+    compared = table.query("against == 'ae' and split == 'new_items'").iloc[0]
+    assert compared["difference"] == 1 and compared["p"] == 0.5
 
 
-def test_a_family_of_tests_leaves_the_others_as_they_are(cfg: DictConfig, tmp_path: Path):
-    main(cfg, tmp_path / "both")
-    cfg.evaluate.comparisons = [group for group in cfg.evaluate.comparisons if group.family == "paper"]
-    main(cfg, tmp_path / "one")
-    both, one = (read_table(tmp_path / name / "comparisons.csv") for name in ("both", "one"))
+def test_a_family_of_tests_leaves_the_others_as_they_are(cfg: DictConfig, out: Path, tmp_path: Path):
+    paper = cfg.copy()
+    paper.evaluate.comparisons = [group for group in cfg.evaluate.comparisons if group.family == "paper"]
+    main(paper, tmp_path / "one")
+    both, one = (read_table(directory / "comparisons.csv") for directory in (out, tmp_path / "one"))
     pd.testing.assert_frame_equal(both[both["family"] == "paper"].reset_index(drop=True), one, check_dtype=False)
 
 
 def test_of_ten_seeds_the_smallest_p_is_corrected_by_its_own_family_alone(cfg: DictConfig):
     """Nine tests of .00195 each stay significant; as one family of 27 they would not."""
-    lifted = {"path": 0.1 + 0.01 * np.arange(10)}
-    averaged = {
-        (variant, split, n): lifted.get(variant, np.zeros(10))
-        for variant in [*cfg.variants, "nearest_demonstration", "position_only", "path", "irl_maxent"]
-        for split in cfg.protocol.splits
-        for n in cfg.n_demos
-    }
-    table = evaluate._comparisons(cfg, averaged)
-    path = table[table["family"] == "path"]
-    assert len(path) == 9 and path["p_holm"].to_numpy() == pytest.approx(9 * 2 / 1024) and path["significant"].all()
-    assert (table.loc[table["family"] == "paper", "p_holm"] == 1).all()
+    variants = [*cfg.variants, "nearest_demonstration", "position_only"]
+    names = ["variant", "split", "n_demos"]
+    rows = pd.MultiIndex.from_product([variants, list(cfg.protocol.splits), list(cfg.n_demos)], names=names)
+    by_seed = pd.DataFrame(0.0, rows, range(10))
+    by_seed.loc["clearance"] = 0.1 + 0.01 * np.arange(10)
+    table = evaluate._comparisons(cfg, by_seed)
+    clearance = table[table["family"] == "clearance"]
+    assert len(clearance) == 9 and clearance["p_holm"].to_numpy() == pytest.approx(9 * 2 / 1024)
+    assert clearance["significant"].all() and (table.loc[table["family"] == "paper", "p_holm"] == 1).all()
 
 
-def test_the_same_inputs_give_the_same_bytes(cfg: DictConfig, tmp_path: Path):
-    main(cfg, tmp_path / "a")
-    repeats_itself(main, cfg, tmp_path / "a", tmp_path / "b")
-    names = sorted(path.name for path in (tmp_path / "a").iterdir())
-    assert names == ["accuracy.csv", "accuracy.parquet", "calibration.parquet", "comparisons.csv", "metrics.json"]
+def test_the_same_inputs_give_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
+    repeats_itself(main, cfg, out, tmp_path / "again")
+    assert sorted(path.name for path in out.iterdir()) == [
+        "accuracy.csv", "accuracy.parquet", "calibration.csv", "comparisons.csv", "metrics.json", "scores.csv",
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("drop", "message"),
     [
-        ("seed == 1", "classifier has no predictions for user careful, n 1, seed 1"),
-        ("user == 'normal' and n == 9", "no predictions for user normal, n 9, seed 0"),
+        ("seed == 1", "classifier has 0 predictions for user careful, 1 demonstrations, seed 1"),
+        ("user == 'normal' and n_demos == 9", "0 predictions for user normal, 9 demonstrations, seed 0"),
         ("split == 'new_items'", "seed 0, split new_items"),
         ("scene == 2 and query == 7", "has 23 predictions for .* expected 24"),
     ],
 )
-def test_missing_predictions_are_named_and_nothing_is_written(cfg, tmp_path, drop: str, message: str):
-    path = model_dir(cfg, "classifier") / "predictions.parquet"
+def test_missing_predictions_are_named_and_nothing_is_written(copied, tmp_path, drop: str, message: str):
+    path = model_dir(copied, "classifier") / "predictions.parquet"
     table = read_table(path)
     write_table(path, table.query(f"not ({drop})"))
     with pytest.raises(InputError, match=message):
-        main(cfg, tmp_path / "out")
+        main(copied, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
-def test_a_missing_variant_is_named(cfg: DictConfig, tmp_path: Path):
-    (model_dir(cfg, "irl_ranked") / "predictions.parquet").unlink()
+def test_a_missing_variant_is_named(copied: DictConfig, tmp_path: Path):
+    (model_dir(copied, "irl_ranked") / "predictions.parquet").unlink()
     with pytest.raises(InputError, match=r"irl_ranked/predictions\.parquet is missing"):
-        main(cfg, tmp_path / "out")
+        main(copied, tmp_path / "out")
 
 
-def test_predictions_of_other_labels_are_refused(cfg: DictConfig, tmp_path: Path):
-    path = model_dir(cfg, "full") / "predictions.parquet"
+def test_predictions_of_other_labels_are_refused(copied: DictConfig, tmp_path: Path):
+    path = model_dir(copied, "full") / "predictions.parquet"
     table = read_table(path)
     write_table(path, table.assign(valid=~table["valid"]))
     with pytest.raises(InputError, match="full predicts other paths"):
-        main(cfg, tmp_path / "out")
+        main(copied, tmp_path / "out")
 
 
 @pytest.mark.parametrize(
