@@ -74,16 +74,16 @@ bench: data-here  ## every benchmark, the whole graph among them; writes bench/R
 	python -m bench.repro .benchmarks/repro.json
 	python -m bench.page .benchmarks/latest.json .benchmarks/repro.json
 
-review: $(READY)  ## open the overview of the recordings, or one of them: RUN=full-careful-s0, or WORST=1
-	python -m pipeline.viewer.review $(RUN) $(if $(WORST),--worst)
+review: $(READY)  ## open the overview of the recordings, or one of them: RUN=full-careful-s0, or WORST=1; WEB=1: in a browser
+	python -m pipeline.viewer.review $(RUN) $(if $(WORST),--worst) $(if $(WEB),--web)
 
 picture: $(READY)  ## an image of a recording, made without a screen: RUN=full-careful-s0; writes picture.png
-	python -m pipeline.viewer.picture $(or $(RUN),overview) picture.png $(if $(RUN),,0 scene 0)
+	python -m pipeline.viewer.picture $(or $(RUN),overview) picture.png
 
 figures: $(READY)  ## the README's images of recordings, made without a screen
-	python -m pipeline.viewer.picture overview docs/pictures/overview.png 0 scene 0
+	python -m pipeline.viewer.picture overview docs/pictures/overview.png
 	python -m pipeline.viewer.picture clearance-careful-s0 docs/pictures/repairs.png
-	python -m pipeline.viewer.picture full-careful-s0 docs/pictures/learning.png 5 train_step 500
+	python -m pipeline.viewer.picture full-careful-s0 docs/pictures/learning.png --tab 4 --timeline train_step --step 700
 
 lint: $(READY)  ## format and lint in place
 	ruff format . && ruff check --fix . && pyright

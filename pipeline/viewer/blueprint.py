@@ -10,11 +10,13 @@ from collections.abc import Sequence
 import rerun.blueprint as rrb
 
 from pipeline.viewer.contents import Repairs, Run, by_user
-from pipeline.viewer.geometry import TABLE_PIXELS
+from pipeline.viewer.geometry import PITCH, TABLE_PIXELS
+from pipeline.viewer.scene import SCENE_TITLES
 
 MARGIN = 0.06  # shown around an image, of its side: repairs may leave it
 BACKDROP = (24, 24, 28)  # so that an image's edge and white titles are seen in a light theme, too
 FIXED = ("/fixed/ends", "/fixed/titles", "/fixed/table_edge")
+AROUND = 6.0  # shown around a board, and three times as much above it for titles [pixels of the table]
 OVERVIEW_COLUMNS = 4  # of maps and errors beside the truth: views stay wide enough for their titles
 
 
@@ -69,7 +71,7 @@ def _repairs(shown: Repairs) -> rrb.Container:
 def _interventions(run: Run) -> rrb.Container:
     scene = _scene(run.repairs[0])
     before = [f"/{scene}/table/**", f"/{scene}/latent/**", *_without(scene, "repair", "learning")]
-    board = _board("Before, after, effect, on intervention", *before, "/interventions/**", *FIXED)
+    board = _board("Before, after, effect, on intervention", *before, "/interventions/**", *FIXED, rows=3)
     effects = rrb.TextDocumentView(origin="interventions/effects", name="Effects")
     return _beside_text("Interventions", board, "interventions", effects)
 
@@ -124,9 +126,13 @@ def _spatial(origin: str, name: str, size: int, *over: str) -> rrb.Spatial2DView
     )
 
 
-def _board(name: str, *contents: str) -> rrb.Spatial2DView:
-    """Return a view of panels with their titles."""
-    return rrb.Spatial2DView(origin="/", contents=list(contents), name=name, background=BACKDROP)
+def _board(name: str, *contents: str, rows: int | None = None) -> rrb.Spatial2DView:
+    """Return a view of panels with their titles; Rerun fits it to what is there at first, unless `rows` are given."""
+    bounds = None
+    if rows is not None:
+        width, height = (PITCH * count - (PITCH - TABLE_PIXELS) for count in (len(SCENE_TITLES), rows))
+        bounds = rrb.VisualBounds2D(x_range=(-AROUND, width + AROUND), y_range=(-3 * AROUND, height + AROUND))
+    return rrb.Spatial2DView(origin="/", contents=list(contents), name=name, background=BACKDROP, visual_bounds=bounds)
 
 
 def _series(origin: str, name: str, *more: str) -> rrb.TimeSeriesView:

@@ -129,7 +129,7 @@ def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Pat
         ("repair.distance_penalty", 0, "repair.distance_penalty is 0"),
         ("repair.split", "seen_scenes", "expected a split that all seeds share, one of new_scenes, new_items"),
         ("repair.split", "new_scenes", "no scenes new_scenes"),
-        ("repair.optimiser", "newton", "expected one of gradient"),
+        ("repair.optimiser", "newton", "expected 'gradient'"),
     ],
 )
 def test_settings_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name: str, value, message: str):
