@@ -28,9 +28,7 @@ def subtract_background(
         surface = torch.linalg.solve(weighted.mT @ sampled_place, weighted.mT @ colours)  # (scene, 6, 3)
         residual = colours - sampled_place @ surface
     table = _is_table(residual)
-    covariance = (residual * table).mT @ residual / table.sum(1, keepdim=True) + FLOOR**2 * torch.eye(3).to(
-        colours
-    )
+    covariance = (residual * table).mT @ residual / table.sum(1, keepdim=True) + FLOOR**2 * torch.eye(3).to(colours)
     values, vectors = torch.linalg.eigh(covariance)
     whitening = vectors / values.sqrt()[:, None] @ vectors.mT  # symmetric: colours keep their meaning
     return images - (place.flatten(0, 1) @ surface).mT.unflatten(-1, images.shape[-2:]), whitening
