@@ -75,7 +75,10 @@ def envelopes(
     margin; None unless both are there).
     """
     by_question = [by_item(values, items) for values, items in zip(response, item, strict=True)]
-    contacts = [_estimate(values[None, ..., 0], count) for values, count in zip(by_question, trained, strict=True)]
+    contacts = []
+    for values, count in zip(by_question, trained, strict=True):
+        touched = ~np.isnan(values[..., 0]).any(0)  # items of which a path in contact was asked
+        contacts.append(_estimate(values[None, :, touched, 0], count))
     adjusted = holm(np.array([contact.p[0] for contact in contacts]))
     rows = []
     for values, count, contact, p_holm, margin in zip(by_question, trained, contacts, adjusted, margins, strict=True):
@@ -83,7 +86,6 @@ def envelopes(
         judged = verdict(at_contact, p_holm, contact.ci90_low[0], contact.ci90_high[0])
         is_there = judged == "effect" and at_contact > 0
         middle, low, high = radius(values, doses, count) if is_there else (np.nan,) * 3
-        both = is_there and margin is not None
         rows.append(
             {
                 "radius_m": middle,
@@ -94,7 +96,7 @@ def envelopes(
                 "p_holm": float(p_holm),
                 "verdict": judged,
                 "right": is_there == (margin is not None),
-                "covered": low <= margin <= high if both else None,
+                "covered": low <= margin <= high if is_there and margin is not None else None,
             }
         )
     return pd.DataFrame(rows).astype({"covered": "boolean"})
@@ -138,7 +140,7 @@ def radius(
 
 def _estimate_doses(response: Float[Array, "seed item dose"], trained: int | None) -> dict[str, Float[Array, " dose"]]:
     """Return effect, ci_low and ci_high of each dose, over the items for which it was asked."""
-    asked = ~np.isnan(response).any(0).T  # (dose, item)
+    asked = np.asarray(~np.isnan(response).any(0)).T  # (dose, item)
     ends = {name: np.empty(len(asked)) for name in ("effect", "ci_low", "ci_high")}
     for items in np.unique(asked, axis=0):
         doses = (asked == items).all(1)

@@ -34,36 +34,33 @@ TOLERANCE = 1e-12  # of a share above the level
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write summary.csv and curve.csv."""
     study, users, seeds = cfg.studies.acceptance, list(cfg.evaluate.users), list(cfg.protocol.seeds)
-    who = list(product(users, seeds))
-    complete, queries = read_inputs(cfg, who)
+    pairs = list(product(users, seeds))
+    complete, queries = read_inputs(cfg, pairs)
     images = np.concatenate([images for images, _ in queries.values()])
     z_theta = np.concatenate([q.z for _, q in queries.values()])
 
     # per user and seed one model of some scenes, for conformal selection, and one of all, for the threshold
     fitted = {seed: choose_scenes(cfg, seed) for seed in seeds}
-    training_sets = [part_of(complete[w], fitted[w[1]]) for w in who] + [complete[w] for w in who]
+    training_sets = [part_of(complete[pair], fitted[pair[1]]) for pair in pairs] + [complete[pair] for pair in pairs]
     answers = refit(
         cfg, dict.fromkeys(study.variants, training_sets), partial(predict, complete, images, z_theta), "accept"
     )
 
     summary, curve = [], []
     for variant, predictions in answers.items():
-        first = 0
+        of_some, of_all = predictions[: len(pairs)], predictions[len(pairs) :]
+        end = 0
         for split, (_, q) in queries.items():
-            rows, first = slice(first, first + len(q.z)), first + len(q.z)
-            accepted = {CONFORMAL: [], THRESHOLD: []}  # (user, seed) -> (level, scene, path)
-            for i, (user, seed) in enumerate(who):
-                p_demos, p_paths = predictions[i]
-                held_out = np.setdiff1d(np.arange(len(p_demos)), fitted[seed])
-                labels = complete[user, seed].valid[held_out].ravel()
-                p = p_values(score(p_demos[held_out].ravel()), labels, score(p_paths[rows].ravel()))
-                accepted[CONFORMAL].append([accept(p, level).reshape(p_paths[rows].shape) for level in study.levels])
-                accepted[THRESHOLD].append([predictions[len(who) + i][1][rows] > DECISION] * len(study.levels))
-            valid = np.stack([q.valid[user] for user in users])
-            for rule in RULES:
-                choices = np.array(accepted[rule]).reshape(len(users), len(seeds), len(study.levels), *valid.shape[1:])
-                names = {"variant": variant, "split": split, "rule": rule}
-                outcome = count_outcome(choices, valid)
+            paths = slice(end, end := end + len(q.z))
+            conformal = [
+                accept_conformally(complete[pair], fitted[pair[1]], p_demos, p_paths[paths], study.levels)
+                for pair, (p_demos, p_paths) in zip(pairs, of_some, strict=True)
+            ]
+            threshold = [[p_paths[paths] > DECISION] * len(study.levels) for _, p_paths in of_all]
+            valid = np.stack([q.valid[user] for user in users])  # (user, scene, path)
+            for rule, accepted in ((CONFORMAL, conformal), (THRESHOLD, threshold)):
+                choices = np.reshape(accepted, (len(users), len(seeds), len(study.levels), *valid.shape[1:]))
+                outcome, names = count_outcome(choices, valid), {"variant": variant, "split": split, "rule": rule}
                 curve.append(pd.DataFrame(names | curve_columns(outcome, study.levels)))
                 summary += [names | row for row in summary_rows(outcome, study.level, study.levels, users)]
     write_table(out_dir / "curve.csv", pd.concat(curve, ignore_index=True))
@@ -71,7 +68,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 
 def read_inputs(
-    cfg: DictConfig, who: Sequence[tuple[str, int]]
+    cfg: DictConfig, pairs: Sequence[tuple[str, int]]
 ) -> tuple[dict[tuple[str, int], TrainingSet], dict[str, tuple[np.ndarray, Queries]]]:
     """Read each user's and seed's demonstrations, and images and queries of the splits that all seeds share.
 
@@ -81,7 +78,7 @@ def read_inputs(
     queries, splits = read_queries(Path(cfg.paths.demos)), {s: pool for s, pool in cfg.protocol.splits.items() if pool}
     scenes.check_has(*map(train_pool, cfg.protocol.seeds), *splits.values())
     complete = {}
-    for user, seed in who:
+    for user, seed in pairs:
         images = scenes.images[train_pool(seed)]
         if len(images) != cfg.scenes.per_seed:
             raise InputError(
@@ -114,6 +111,16 @@ def predict(
     """Return P(valid) of all demonstrations of the model's user and seed, (scene, demo), and of the new paths."""
     demos = complete[training_set.user, training_set.seed]
     return model.probability(demos.images, demos.z_theta), model.probability(images, z_theta)
+
+
+def accept_conformally(
+    complete: TrainingSet, fitted: np.ndarray, p_demos: np.ndarray, p_paths: np.ndarray, levels: Sequence[float]
+) -> list[np.ndarray]:
+    """Return which paths (scene, path) each level accepts; demonstrations in scenes that were not fitted calibrate."""
+    held_out = np.setdiff1d(np.arange(len(p_demos)), fitted)
+    labels = complete.valid[held_out].ravel()
+    p = p_values(score(p_demos[held_out].ravel()), labels, score(p_paths.ravel()))
+    return [accept(p, level).reshape(p_paths.shape) for level in levels]
 
 
 def count_outcome(accepted: np.ndarray, valid: np.ndarray) -> dict[str, np.ndarray]:

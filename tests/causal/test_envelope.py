@@ -1,6 +1,7 @@
 """A radius is the clearance at which half of the effect is gone; its interval covers it as often as promised."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -150,6 +151,16 @@ def test_an_envelope_needs_a_positive_effect_at_contact():
     assert list(table["radius_m"].notna()) == [True, False, False, True]
     assert list(table["right"]) == [True, True, False, False]
     assert table["covered"][0] and table["covered"][1:].isna().all()
+
+
+def test_items_without_a_path_in_contact_do_not_count():
+    item = np.tile(np.arange(30) % 6, (1, 1))
+    response = rng(5).normal(0, 0.01, (1, 10, 30, DOSES)) + 0.9 * steps(MARGIN)[0, 0]
+    spoilt = response.copy()
+    spoilt[:, :, item[0] == 2] = np.nan
+    rest = item[0] != 2
+    expected = envelopes(response[:, :, rest], item[:, rest], [6], [MARGIN], GRID)
+    pd.testing.assert_frame_equal(envelopes(spoilt, item, [6], [MARGIN], GRID), expected)
 
 
 def test_intervals_are_wider_where_training_sets_share_fewer_items():

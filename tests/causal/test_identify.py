@@ -4,7 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import binom
 
@@ -28,6 +28,7 @@ def drawn(seed: int, users: int = 3, seeds: int = 2, scenes: int = 4, draws: int
     return rng.uniform(size=(users, seeds, scenes, draws, paths)), rng.random((users, scenes, draws, paths)) < 0.6
 
 
+@settings(deadline=None)
 @given(st.integers(0, 999))
 def test_the_posterior_is_bayes_rule(seed: int):
     p, valid = drawn(seed, paths=4)
@@ -42,6 +43,7 @@ def test_a_certain_and_wrong_model_counts_only_down_to_the_floor():
     np.testing.assert_allclose(posterior(p, no, 0.01)[:, 0], [0.01 / 0.51, 0.5 / 0.51])
 
 
+@settings(deadline=None)
 @given(st.integers(0, 999))
 def test_the_ideal_observer_is_right_as_often_as_labels_allow(seed: int):
     valid = drawn(seed, paths=3)[1]
@@ -53,6 +55,7 @@ def test_the_ideal_observer_is_right_as_often_as_labels_allow(seed: int):
         np.testing.assert_allclose(right[:, k - 1].mean(), np.mean(answers) / 3)
 
 
+@settings(deadline=None)
 @given(st.integers(0, 999))
 def test_no_observer_beats_the_ideal_one_in_any_scene(seed: int):
     p, valid = drawn(seed)
@@ -75,6 +78,7 @@ def test_a_calibrated_posterior_is_right_as_often_as_it_says():
     np.testing.assert_allclose(right.mean((0, 2, 3)), sure.mean((0, 2, 3)), atol=0.01)
 
 
+@settings(deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 12), st.floats(0.01, 1.0)), min_size=1, max_size=6), st.floats(0.01, 0.5))
 def test_the_critical_surprise_agrees_with_enumeration(labels: list, level: float):
     weight = np.array([w for w, _ in labels])

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import expit
 from statsmodels.stats.multitest import multipletests
@@ -63,6 +63,7 @@ def test_the_p_value_of_an_invalid_path_is_valid(grain: float):
         assert np.mean(np.array(values) <= level) < level + 3 * (level / WORLDS) ** 0.5
 
 
+@settings(deadline=None)
 @given(st.lists(st.floats(0.0001, 1.0), min_size=1, max_size=40), st.floats(0.001, 0.999))
 def test_scipy_and_statsmodels_accept_the_same_paths(p: list[float], level: float):
     theirs = multipletests(p, alpha=level, method="fdr_bh")[1]
@@ -70,6 +71,7 @@ def test_scipy_and_statsmodels_accept_the_same_paths(p: list[float], level: floa
     assert np.array_equal(accept(np.array(p), level)[~near], (theirs <= level)[~near])
 
 
+@settings(deadline=None)
 @given(st.integers(0, 1000), st.floats(0.01, 0.5), st.floats(1.0, 4.0))
 def test_a_weaker_promise_accepts_all_that_a_stricter_one_does(seed: int, level: float, more: float):
     rng = np.random.default_rng(seed)
@@ -77,6 +79,7 @@ def test_a_weaker_promise_accepts_all_that_a_stricter_one_does(seed: int, level:
     assert not (accept(p, level) & ~accept(p, min(level * more, 0.99))).any()
 
 
+@settings(deadline=None)
 @given(st.integers(0, 1000), st.floats(0.01, 0.9))
 def test_what_the_model_calls_invalid_is_accepted_only_with_all_the_rest(seed: int, level: float):
     rng = np.random.default_rng(seed)

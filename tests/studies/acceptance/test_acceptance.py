@@ -94,7 +94,7 @@ def test_a_second_run_with_more_workers_writes_the_same_bytes(cfg: DictConfig, o
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
-        ("variants", ["fulll"], "studies.acceptance.variants"),
+        ("variants", ["unknown"], "studies.acceptance.variants"),
         ("variants", [], "studies.acceptance.variants"),
         ("level", 0.03, "studies.acceptance.level = 0.03 among them"),
         ("level", 1.0, "studies.acceptance.level"),

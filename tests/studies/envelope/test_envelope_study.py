@@ -165,7 +165,7 @@ def test_a_second_run_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path
         ("candidates", 0, "studies.envelope.candidates"),
         ("step", 0.0, "studies.envelope.step"),
         ("clear_of_others", 0.04, "more than the widest margin in users"),
-        ("planner", "fulll", "studies.envelope.planner"),
+        ("planner", "unknown", "studies.envelope.planner"),
         ("doses", 200, "raise studies.envelope.candidates"),
     ],
 )
