@@ -15,28 +15,36 @@ from matplotlib.figure import Figure
 
 HERE = Path(__file__).resolve().parent
 AIMS = {  # figure: (what it is, aim)
-    "train_speedup_rows": ("one pass, full, n = 9: times a row per (image, trajectory)", "at least 30"),
-    "train_speedup_best_eager": ("times the best eager form", "at least 3"),
+    "environment_minutes": ("`make venv` from the lock [min]", ""),
+    "demo_minutes": ("`make demo`: from data to a small page [min]", "at most 5 with the environment"),
+    "repro_minutes": ("`make repro`: the paper from an empty cache [min]", "at most 20 with the environment"),
+    "studies_minutes": ("`make studies` after it [min]", "at most 40"),
+    "test_minutes": ("`make test` [min]", "at most 8"),
+    "repro_peak_gib": ("most memory that the stages' processes hold [GiB]", "at most 4"),
+    "train_speedup_rows": ("a pass of full, n_demos = 9: times one row per (image, path)", "at least 30"),
+    "train_speedup_best_eager": ("the same: times the best eager form", "at least 3"),
     "fma_peak_share": ("share of what one core can multiply and add", "at least .60"),
-    "fit_speedup_scipy": ("fitting demonstrations: times one scipy call per recording", "at least 100"),
-    "train_seconds_path": ("fitting one path model to 20 scenes, n = 9, their things found anew [s]", "at most 15"),
-    "repair_ms": ("one repair of 1,000 searched at once, the things known [ms]", "at most 2"),
-    "repair_ms_perceived": ("the same with finding the things in 100 pictures [ms]", ""),
+    "fit_speedup_scipy": ("fitting demonstrations: times one scipy call per trajectory", "at least 100"),
+    "train_seconds_clearance": (
+        "fitting one clearance model to 20 scenes, n_demos = 9, objects detected anew [s]",
+        "at most 15",
+    ),
+    "repair_ms": ("one repair of 1,000 searched at once, objects known [ms]", "at most 2"),
+    "repair_ms_perceived": ("the same with detecting the objects in 100 images [ms]", ""),
     "repair_speedup_one_by_one": ("1,000 at once: times one start at a time", ""),
     "scenes_per_second": ("scenes rendered a second", ""),
-    "repro_minutes": ("the whole graph from an empty cache [min]", "at most 30"),
-    "repro_peak_gib": ("most memory its processes hold [GiB]", "at most 4"),
 }
 WAYS = {
-    "rows": "a row per (image, trajectory), eager",
+    "rows": "one row per (image, path), eager",
     "eager": "each scene encoded once, eager",
-    "stacked": "eight models in lanes",
+    "stacked": "several models in vector registers",
+    "simd": "several models in vector registers",
 }
 UNITS = {"n_demos": "demonstrations a scene", "scenes": "training scenes", "models": "models (seeds x users)"}
 
 
 def main(benchmarks: Path, repro: Path) -> None:
-    """Compose everything from the benchmarks' json and, if it is there, the timing of the graph."""
+    """Write everything from the benchmarks' json and, if it is there, the timing of the make targets."""
     runs = json.loads(benchmarks.read_text())["benchmarks"]
     results: dict = {}
     growth: dict = {}
@@ -48,13 +56,13 @@ def main(benchmarks: Path, repro: Path) -> None:
     results = {"machine": machine(), "growth": growth} | results
     (HERE / "results.json").write_text(json.dumps(_rounded(results), indent=2, sort_keys=True) + "\n")
     _growth(growth).savefig(HERE / "growth.svg")
-    if "repro_stage_minutes" in results:
-        _stages(results["repro_stage_minutes"]).savefig(HERE / "repro.svg")
+    if "stage_minutes" in results:
+        _stages(results["stage_minutes"]).savefig(HERE / "repro.svg")
     (HERE / "README.md").write_text(page(results))
 
 
 def machine() -> dict[str, str | int]:
-    """What the figures were measured on."""
+    """Return what the figures were measured on."""
     lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
     names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
     flags = next((line for line in lines if line.startswith("flags")), "")
@@ -68,7 +76,7 @@ def machine() -> dict[str, str | int]:
 
 
 def page(results: dict) -> str:
-    """The README of this folder."""
+    """Return the README of this folder."""
     environment = Environment(
         undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
     )
@@ -101,7 +109,7 @@ def _stages(minutes: dict[str, float]) -> Figure:
 
 
 def _number(value: float) -> str:
-    """Three significant digits, as a person writes them."""
+    """Return three significant digits."""
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
 
 

@@ -1,4 +1,4 @@
-"""The whole graph from an empty cache, in a throwaway clone of the last commit: minutes by stage and peak memory.
+"""Minutes by the clock of what the README promises, in a throwaway clone of the last commit.
 
 python -m bench.repro OUT.json
 """
@@ -15,44 +15,50 @@ from pathlib import Path
 import psutil
 
 ROOT = Path(__file__).resolve().parent.parent
-RUNNING = re.compile(r"Running stage '([^']+)'")
+RUNNING = re.compile(r"Running stage '(?:[^':]+:)?([^']+)'")
 GIB = 2**30
+TARGETS = {"venv": "environment", "demo": "demo", "repro": "repro", "studies": "studies", "test": "test"}
 
 
 def measure(clone: Path) -> dict:
-    """Reproduce `clone`: minutes by stage, in order, and the most memory its processes held together [GiB]."""
+    """Return minutes of each make target in order, minutes of each stage, and peak memory [GiB]."""
     subprocess.run(["git", "clone", "--quiet", str(ROOT), str(clone)], check=True)
-    subprocess.run(["dvc", "pull", "--quiet", "data.dvc"], cwd=clone, check=True)
-    process = subprocess.Popen(["dvc", "repro"], cwd=clone, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    results: dict = {"stage_minutes": {}}
+    for target, name in TARGETS.items():
+        minutes, stages, peak = run(clone, target)
+        results[f"{name}_minutes"] = minutes
+        if target in ("repro", "studies"):
+            results["stage_minutes"] |= stages
+            results["repro_peak_gib"] = max(peak, results.get("repro_peak_gib", 0.0))
+    return results
+
+
+def run(clone: Path, target: str) -> tuple[float, dict[str, float], float]:
+    """Make a target: its minutes, the minutes of the stages it ran, and the most memory its processes held [GiB]."""
+    start = time.perf_counter()
+    process = subprocess.Popen(["make", target], cwd=clone, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     peak = [0.0]
-    watch = threading.Thread(target=_watch, args=(psutil.Process(process.pid), peak), daemon=True)
-    watch.start()
-    stages, starts = [], []
+    threading.Thread(target=_watch, args=(psutil.Process(process.pid), peak), daemon=True).start()
+    starts: list[tuple[str, float]] = []
     assert process.stdout is not None
     for line in process.stdout:
         print(line, end="")
-        if found := RUNNING.search(line):
-            stages.append(found[1])
-            starts.append(time.perf_counter())
+        if match := RUNNING.search(line):
+            starts.append((match[1], time.perf_counter()))
     end = time.perf_counter()
     if process.wait():
-        raise SystemExit(f"error: dvc repro ended with {process.returncode} in {clone}; its output is above")
-    minutes = [(b - a) / 60 for a, b in zip(starts, [*starts[1:], end], strict=True)]
-    return {
-        "repro_minutes": (end - starts[0]) / 60,
-        "repro_stage_minutes": dict(zip(stages, minutes, strict=True)),
-        "repro_peak_gib": peak[0] / GIB,
-    }
+        raise SystemExit(f"error: make {target} ended with {process.returncode} in {clone}; its output is above")
+    ends = [*(at for _, at in starts[1:]), end]
+    stages = {stage: (after - before) / 60 for (stage, before), after in zip(starts, ends, strict=True)}
+    return (end - start) / 60, stages, peak[0] / GIB
 
 
 def _watch(root: psutil.Process, peak: list[float]) -> None:
     """Keep the largest sum of proportional set sizes [bytes] of a process and its descendants in peak[0]."""
     while root.is_running():
         time.sleep(1)
-        total = 0
         try:
-            for process in [root, *root.children(recursive=True)]:
-                total += process.memory_full_info().pss
+            total = sum(process.memory_full_info().pss for process in [root, *root.children(recursive=True)])
         except psutil.Error:
             continue  # one has ended meanwhile
         peak[0] = max(peak[0], total)

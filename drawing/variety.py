@@ -2,7 +2,7 @@
 
 Radii stay within the training items', stretched outlines up to a tenth longer; patterns, colours and outlines are of
 all kinds, and so are table tops. Nothing of the experiment uses them: choices that few items or tables could flatter
-are checked on them (docs/choices.md).
+are checked on them (docs/decisions/020-robustness.md).
 """
 
 import colorsys

@@ -1,1 +1,21 @@
-"""Learning specifications from demonstrations, and asking the learned models causal questions."""
+"""Learn specifications from demonstrations, and ask the fitted models causal questions.
+
+`fit`, `repair`, `effect`, `save` and `load` (pipeline.library) are the library's front door; a fitted model answers
+`model.probability(images, z_theta)`. They are imported on first use, so that `import pipeline.params` stays quick.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pipeline.library import Effect, effect, fit, load, repair, save
+
+__all__ = ["Effect", "effect", "fit", "load", "repair", "save"]
+
+
+def __getattr__(name: str) -> Any:
+    """Import the front door on first use."""
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from pipeline import library
+
+    return getattr(library, name)

@@ -50,13 +50,14 @@ def compose(overrides: Sequence[str] = ()) -> DictConfig:
         OmegaConf.resolve(cfg)
     except (HydraException, OmegaConfBaseException, yaml.YAMLError) as error:
         raise InputError(f"conf/ with overrides {list(overrides)} does not compose: {error}") from error
-    drop_absent(cfg)
+    if all(isinstance(value, DictConfig) for value in (cfg.variants, cfg.users, cfg.evaluate, cfg.record, cfg.report)):
+        drop_absent(cfg)
     validate(cfg)
     return cfg
 
 
 def drop_absent(cfg: DictConfig) -> None:
-    """Take variants, users and studies that were removed out of the lists of the composed `cfg` that name them."""
+    """Take removed variants, users and studies out of the composed `cfg`'s lists, and questions that need two users."""
     variants = {path.stem for path in (CONF / "variants").glob("*.yaml")} - set(cfg.variants)
     users = set(OmegaConf.load(CONF / "users.yaml")["users"]) - set(cfg.users)  # pyright: ignore
     with open_dict(cfg):
@@ -66,6 +67,9 @@ def drop_absent(cfg: DictConfig) -> None:
                 cfg.evaluate.comparisons.remove(comparison)
         cfg.record.first = [name for name in cfg.record.first if name not in variants]
         cfg.report.shown = [name for name in cfg.report.shown if name not in variants] or list(cfg.variants)[:3]
+        for name in [n for n, question in cfg.get("questions", {}).items() if question.get("kind") == "user"]:
+            if len(cfg.users) < 2:
+                del cfg.questions[name]
         cfg.evaluate.users = [name for name in cfg.evaluate.users if name not in users]
         if cfg.variant in variants:
             cfg.variant = next(iter(cfg.variants))
@@ -211,5 +215,5 @@ if __name__ == "__main__":
     try:
         sys.exit(_main(sys.argv[1:]))
     except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
         sys.exit(2)

@@ -1,4 +1,4 @@
-"""Every annotated shape and type of the package is checked while the tests run.
+"""Checks every annotated shape and type of the package while the tests run.
 
 Hypothesis tries the same examples in every run; `--hypothesis-profile=default` draws new ones.
 """
@@ -16,5 +16,5 @@ settings.load_profile("repeatable")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The smoke run comes first: it takes longest, and beside it goes all the rest (`make test`)."""
+    """Put the smoke run first: it takes longest, and the other worker does the rest meanwhile (`make test`)."""
     items.sort(key=lambda item: item.path.name != "test_smoke.py")

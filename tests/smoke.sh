@@ -1,16 +1,24 @@
 #!/usr/bin/env bash
-# The whole real graph at profile=smoke, in a throwaway clone of the working tree; nothing here is touched.
-#   tests/smoke.sh          run, then remove the clone
-#   tests/smoke.sh DIR      run in DIR, an empty directory, and keep it
+# The graph at a small profile in a clone of the working tree; nothing here is touched.
+#   tests/smoke.sh                        profile smoke with the studies, in a folder that is removed afterwards
+#   tests/smoke.sh DIR                    the same in DIR, kept
+#   tests/smoke.sh --profile demo DIR     the paper alone at profile demo
 set -euo pipefail
 root=$(cd "$(dirname "$0")/.." && pwd)
+profile=smoke pipelines=-P
+if [ "${1:-}" = --profile ]; then
+  profile=$2 pipelines=
+  shift 2
+fi
 if [ $# -gt 0 ]; then
-  clone=$1
+  rm -rf "$1"
+  mkdir -p "$1"
+  clone=$(cd "$1" && pwd)
 else
   clone=$(mktemp -d)
   trap 'rm -rf "$clone"' EXIT
 fi
-git -C "$root" ls-files -z --cached --others --exclude-standard -- ':!outputs' ':!reports' ':!dvc.lock' |
+git -C "$root" ls-files -z --cached --others --exclude-standard -- ':!outputs' ':!reports' ':!dvc.lock' ':!studies/*/dvc.lock' |
   (cd "$root" && while IFS= read -r -d '' f; do [ ! -e "$f" ] || printf '%s\0' "$f"; done) |
   (cd "$root" && tar --null -T - -cf -) | tar -C "$clone" -xf -
 cd "$clone"
@@ -19,8 +27,8 @@ git config user.name smoke
 git config user.email smoke@localhost
 git add -A && git commit -qm smoke
 dvc pull --quiet data.dvc
-python -m pipeline.params profile=smoke
-dvc repro
-git add -A && git commit -qm "smoke run"
+python -m pipeline.params "profile=$profile"
+dvc repro $pipelines
+git add -A && git commit -qm "$profile run"
 test -s reports/index.html && test -s reports/metrics.json && test -s outputs/record/recordings.csv
-echo "smoke run complete: $(find outputs/record/runs -name '*.rrd' | wc -l) recordings, report of $(stat -c %s reports/index.html) bytes"
+echo "$profile run complete: $(find outputs/record/runs -name '*.rrd' | wc -l) recordings, report of $(stat -c %s reports/index.html) bytes"

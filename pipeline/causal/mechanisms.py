@@ -4,6 +4,7 @@ Units are scenes. Each carries all its paths along a second axis: Z_theta is (sc
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import torch
@@ -59,10 +60,10 @@ def true_scm(users: Mapping[str, Margins]) -> SCM:
     return specification_scm(list(users), lambda _, items, table_top: items, lambda items: items, by_user(probability))
 
 
-def by_user(probability: Callable[[str, object, Array], Array]) -> Callable[..., Float[Array, "scene path"]]:
+def by_user(probability: Callable[[str, Any, Array], Array]) -> Callable[..., Float[Array, "scene path"]]:
     """Return C_s from one user's probabilities, (scene, path), for units that need not share their user."""
 
-    def classify(s: Array, z_image: object, z_theta: Array) -> Array:
+    def classify(s: Array, z_image: Any, z_theta: Array) -> Array:
         users = np.unique(s)
         return np.select(
             [np.asarray(s == user)[:, None] for user in users],

@@ -1,6 +1,6 @@
 """Questions of conf/questions as interventions: what each one sets in the structural causal model, scene by scene."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -52,7 +52,7 @@ class Change:
 
 
 def change(
-    name: str, question: Question, scenes: Scenes, additions: dict[str, list[Layouts]], rng: np.random.Generator
+    name: str, question: Question, scenes: Scenes, additions: Mapping[str, list[Layouts]], rng: np.random.Generator
 ) -> Change:
     """Return what the question sets.
 

@@ -19,20 +19,19 @@ def graph_files() -> list[Path]:
     return [ROOT / "dvc.yaml", *sorted(ROOT.glob("studies/*/dvc.yaml"))]
 
 
-def stage_entry(stage: str) -> dict[str, Any] | None:
-    """Return what dvc.yaml, or the study's own, says of a stage; None if neither names it.
+def _stages(path: Path) -> dict[str, Any]:
+    """Return the stages of a dvc.yaml. Raises InputError for a file that cannot be parsed."""
+    try:
+        return dict(yaml.safe_load(path.read_text())["stages"])
+    except (yaml.YAMLError, KeyError, TypeError, ValueError) as error:
+        name = path.relative_to(ROOT)
+        raise InputError(f"{name} could not be parsed ({error}): restore it with `git checkout {name}`") from error
 
-    Raises InputError for a file that cannot be parsed.
-    """
+
+def stage_entry(stage: str) -> dict[str, Any] | None:
+    """Return what dvc.yaml, or the study's own, says of a stage; None if neither names it."""
     for path in (ROOT / "dvc.yaml", ROOT / "studies" / stage / "dvc.yaml"):
-        if not path.is_file():
-            continue
-        try:
-            stages = yaml.safe_load(path.read_text())["stages"]
-        except (yaml.YAMLError, KeyError, TypeError) as error:
-            name = path.relative_to(ROOT)
-            raise InputError(f"{name} could not be parsed ({error}): restore it with `git checkout {name}`") from error
-        if stage in stages:
+        if path.is_file() and stage in (stages := _stages(path)):
             return stages[stage]
     return None
 
@@ -63,5 +62,5 @@ def with_variants(text: str, stage_of: dict[str, str], before: set[str]) -> str:
 
 def listed_variants() -> set[str]:
     """Return the variants that the paper's graph fits."""
-    stages = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
+    stages = _stages(ROOT / "dvc.yaml")
     return {variant for stage in FITTED for variant in stages[stage]["matrix"]["variant"]}

@@ -9,6 +9,7 @@ from pydantic_core import PydanticCustomError
 
 from pipeline.config.graph import ROOT
 from pipeline.config.models import Irl, Schedule, Train, Variant
+from pipeline.config.questions import Question
 from pipeline.config.stages import Evaluate, Intervene, Record, Repair, Report
 from pipeline.config.values import (
     MAX_N,
@@ -70,6 +71,7 @@ class Settings(Group):
     record: Record
     report: Report
     variants: Annotated[dict[Name, Variant], Field(min_length=1)]
+    questions: Annotated[dict[Name, Question], Field(min_length=1)]
     protocol: Protocol
     studies: dict[str, dict[str, Any]] = Field(default_factory=dict)  # each study checks its own (`check_study`)
     profile: str
@@ -130,6 +132,16 @@ def repair(s: Settings) -> None:
     a_margin(s)
 
 
+def intervene(s: Settings) -> None:
+    """Refuse questions about another user where there is none of that name, or no other."""
+    several_seeds(s)
+    for name, question in s.questions.items():
+        if question.kind == "user":
+            need(len(s.users) > 1, "users", list(s.users), f"at least 2 users for question {name}")
+            if question.to is not None:
+                need_one(f"questions.{name}.to", question.to, s.users)
+
+
 def record(s: Settings) -> None:
     """Refuse unknown variants, and two splits, since a recording shows repairs beside interventions."""
     need_some("record.first", s.record.first, s.variants, or_none=True)
@@ -143,7 +155,7 @@ def report(s: Settings) -> None:
 
 
 # stage -> what it needs of several groups; a study's own needs stand in its settings.py
-NEEDS = {"evaluate": evaluate, "repair": repair, "intervene": several_seeds, "record": record, "report": report}
+NEEDS = {"evaluate": evaluate, "repair": repair, "intervene": intervene, "record": record, "report": report}
 
 
 def is_study(name: str) -> bool:

@@ -48,7 +48,7 @@ def explain(error: ValidationError, prefix: str = "") -> str:
     if keys[:1] in (["variants"], ["questions"]) and len(keys) > 2:
         del keys[2]  # the kind, which pydantic inserts to tell variants or questions apart
     name = context.get("name", prefix + ".".join(keys))
-    what = f"expected {context['expected']}" if "expected" in context else first["msg"][0].lower() + first["msg"][1:]
+    what = f"expected {context['expected']}" if "expected" in context else first["msg"][:1].lower() + first["msg"][1:]
     if keys[-1:] == ["[key]"]:
         return f"name {first['input']!r} in {prefix}{'.'.join(keys[:-2])}: {what}"
     match first["type"]:

@@ -28,15 +28,15 @@ def check_images(images: Any) -> None:
         )
 
 
-def check_paths(z_theta: Any, scenes: int) -> None:
-    """Raise InputError unless z_theta is finite and of shape (scenes, path, 2)."""
+def check_paths(z_theta: Any, scenes: int, name: str = "z_theta") -> None:
+    """Raise InputError unless z_theta, called `name`, is finite and of shape (scenes, path, 2)."""
     shape = np.shape(z_theta)
     if len(shape) != 3 or shape[0] != scenes or shape[2] != 2:
         raise InputError(
-            f"z_theta has shape {shape}: expected ({scenes}, path, 2), the paths of each of {scenes} scenes"
+            f"{name} has shape {shape}: expected ({scenes}, path, 2), the paths of each of {scenes} scenes"
         )
     if not np.isfinite(z_theta).all():
-        raise InputError("z_theta has NaN or infinite values: drop those paths")
+        raise InputError(f"{name} has NaN or infinite values: drop those paths")
 
 
 def to_tensor(images: UInt8[Array, "scene 100 100 3"]) -> Float[Tensor, "scene 3 100 100"]:
@@ -52,6 +52,8 @@ def to_bytes(images: Float[Tensor, "scene 3 100 100"]) -> list[bytes]:
 
 class ValidityModel(nn.Module, ABC):
     """One user's specification C_s in two steps: a scene to a percept, a percept and a path to the odds of validity."""
+
+    settings: Mapping[str, Any] = {}  # what `pipeline.fit` built the model of, for `pipeline.save`
 
     @abstractmethod
     def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Tensor:
@@ -93,8 +95,8 @@ def initialise(network: nn.Module, no_rectifier_after: Container[nn.Module]) -> 
 
     He et al. (2015), "Delving deep into rectifiers". A rectifier loses half of the mean square, which weights twice as
     large in the square make up for; the layers in `no_rectifier_after` have none behind them. Of torch's own weights
-    each layer passes on a part alone, and it takes twice the steps until the loss sees the picture (docs/choices.md,
-    "Training").
+    each layer passes on a part alone, and it takes twice the steps until the loss sees the picture
+    (docs/decisions/003-training-budget.md).
     """
     for layer in network.modules():
         if isinstance(layer, nn.Linear | nn.Conv2d | nn.ConvTranspose2d):

@@ -5,7 +5,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 MIN_TABLE_SHARE = 0.85  # of the pixels show the table
-MIN_TABLE_SPREAD = 0.004  # smallest standard deviation of the table's colour [1 = white], that of a grey level
+FLOOR = 0.004  # smallest standard deviation of the table's colour [1 = white], that of a grey level
 STRIDE = 3  # every third row and column suffices for the fit
 
 
@@ -28,9 +28,7 @@ def subtract_background(
         surface = torch.linalg.solve(weighted.mT @ sampled_place, weighted.mT @ colours)  # (scene, 6, 3)
         residual = colours - sampled_place @ surface
     table = _is_table(residual)
-    covariance = (residual * table).mT @ residual / table.sum(1, keepdim=True) + MIN_TABLE_SPREAD**2 * torch.eye(3).to(
-        colours
-    )
+    covariance = (residual * table).mT @ residual / table.sum(1, keepdim=True) + FLOOR**2 * torch.eye(3).to(colours)
     values, vectors = torch.linalg.eigh(covariance)
     whitening = vectors / values.sqrt()[:, None] @ vectors.mT  # symmetric: colours keep their meaning
     return images - (place.flatten(0, 1) @ surface).mT.unflatten(-1, images.shape[-2:]), whitening

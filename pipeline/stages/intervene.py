@@ -82,15 +82,13 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     images = [camera.do(**change).entail(noise, "I")["I"] for change in changes]
     seen = {"Z_theta": noise["Z_theta"], "S": noise["S"], "I": noise["I"], "Z_I": noise["Z_I"]}
     jobs = [Job(cfg, variant, seed, seen, images) for variant in variants[::-1] for seed in seeds]  # the slowest first
-    answers = np.array(map_jobs(_answer, jobs, cfg.workers, "intervene")).reshape(len(variants), len(seeds), -1)
-    answers = answers.reshape(len(variants), len(seeds), len(changes), len(users), -1)[::-1]
     truth = expected_validities(true_scm(cfg.users), noise, users, changes)  # (change, user, scene)
+    answers = np.reshape(map_jobs(_answer, jobs, cfg.workers, "intervene"), (len(variants), len(seeds), *truth.shape))
+    by_variant = dict(zip(variants, answers[::-1], strict=True))  # (seed, change, user, scene)
 
-    parts = [_effects(v, q, users, seeds, a, truth) for v, a in zip(variants, answers, strict=True) for q in asked]
-    summary = pd.concat(
-        [_summary(v, asked, users, a, truth) for v, a in zip(variants, answers, strict=True)], ignore_index=True
-    )
-    write_table(out_dir / "effects.parquet", pd.concat(parts, ignore_index=True)[EFFECTS])
+    effects = [_effects(v, question, users, seeds, a, truth) for v, a in by_variant.items() for question in asked]
+    summary = pd.concat([_summary(v, asked, users, a, truth) for v, a in by_variant.items()], ignore_index=True)
+    write_table(out_dir / "effects.parquet", pd.concat(effects, ignore_index=True)[EFFECTS])
     write_table(out_dir / "summary.csv", summary[SUMMARY])
     added = [camera.do(O=additions[symbol][0]).entail(noise, "I")["I"][None] for symbol in SYMBOLS]
     write_arrays(out_dir / "images.npz", {"images": np.stack(added), "z_theta": noise["Z_theta"]})

@@ -1,7 +1,8 @@
 """How the viewer lays a recording out.
 
-A run: a tab per new scene, the one with most errors first, then interventions, learning and training scenes. The
-overview: a tab per user, the table and the truth, and each variant's map beside its errors. A text beside each tab.
+A run: a tab per new scene, those with repairs and most errors first, then interventions, learning and training
+scenes. The overview: a tab per user, the table and the truth, and each variant's map beside its errors. Every tab has
+its text beside it.
 """
 
 from collections.abc import Sequence
@@ -12,14 +13,14 @@ from pipeline.viewer.contents import Repairs, Run, by_user
 from pipeline.viewer.geometry import TABLE_PIXELS
 
 MARGIN = 0.06  # shown around an image, of its side: repairs may leave it
-BACKDROP = (24, 24, 28)  # so that the image's edge is seen
+BACKDROP = (24, 24, 28)  # so that an image's edge and white titles are seen in a light theme, too
 FIXED = ("/fixed/ends", "/fixed/titles", "/fixed/table_edge")
 OVERVIEW_COLUMNS = 4  # of maps and errors beside the truth: views stay wide enough for their titles
 
 
 def layout_of(run: Run, timeline: str) -> rrb.Blueprint:
     """Return the blueprint of `run`'s recording, which plays `timeline`."""
-    worst_first = sorted(run.repairs, key=lambda shown: shown.agreement)
+    worst_first = sorted(run.repairs, key=lambda shown: (not shown.start, shown.agreement))
     tabs = [*map(_repairs, worst_first), _interventions(run), _learning(run)]
     if run.demonstrations:
         tabs.append(_beside_text("Training scenes", _board("Demonstrations", "/training/**"), "training"))
@@ -43,13 +44,14 @@ def _blueprint(tabs: Sequence[rrb.Container], time: rrb.TimePanel) -> rrb.Bluepr
 
 
 def _beside_text(name: str, shown: rrb.Container | rrb.View, text: str, *more: rrb.View) -> rrb.Container:
-    """Return a tab: what it shows, and beside it its text, `more` views and what the recording was made from."""
-    words = [
-        rrb.TextDocumentView(origin=f"text/{text}", name="What you see"),
-        *more,
-        rrb.TextDocumentView(origin="about", name="About this recording"),
-    ]
-    return rrb.Horizontal(shown, rrb.Vertical(*words), column_shares=[4, 1], name=name)
+    """Return a tab: what it shows, and beside it its text and `more` views."""
+    what = rrb.TextDocumentView(origin=f"text/{text}", name="What you see")
+    words = rrb.Vertical(what, *more) if more else what
+    return rrb.Horizontal(shown, words, column_shares=[4, 1], name=name)
+
+
+def _about() -> rrb.View:
+    return rrb.TextDocumentView(origin="about", name="About this recording")
 
 
 def _repairs(shown: Repairs) -> rrb.Container:
@@ -61,7 +63,7 @@ def _repairs(shown: Repairs) -> rrb.Container:
             _series(f"{entity}/slack", "True distance beyond the margin [cm]: above 0 valid"),
         ]
     name = f"New scene {shown.scene}: {1 - shown.agreement:.0%} of the map wrong"
-    return _beside_text(name, rrb.Vertical(*views, row_shares=[5, 2, 2][: len(views)]), "repairs")
+    return _beside_text(name, rrb.Vertical(*views, row_shares=[5, 2, 2][: len(views)]), "repairs", _about())
 
 
 def _interventions(run: Run) -> rrb.Container:
@@ -108,7 +110,7 @@ def _comparison(user: str, runs: Sequence[Run]) -> rrb.Container:
     shown = rrb.Horizontal(
         rrb.Vertical(table, truth), rrb.Grid(*views, grid_columns=columns), column_shares=[1, columns]
     )
-    return _beside_text(user, shown, "overview")
+    return _beside_text(user, shown, "overview", _about())
 
 
 def _spatial(origin: str, name: str, size: int, *over: str) -> rrb.Spatial2DView:
@@ -123,8 +125,8 @@ def _spatial(origin: str, name: str, size: int, *over: str) -> rrb.Spatial2DView
 
 
 def _board(name: str, *contents: str) -> rrb.Spatial2DView:
-    """Return a view of panels with their titles; each further setting would add three kilobytes to a recording."""
-    return rrb.Spatial2DView(origin="/", contents=list(contents), name=name)
+    """Return a view of panels with their titles."""
+    return rrb.Spatial2DView(origin="/", contents=list(contents), name=name, background=BACKDROP)
 
 
 def _series(origin: str, name: str, *more: str) -> rrb.TimeSeriesView:

@@ -151,7 +151,8 @@ def log_table(
 def png(image: UInt8[Array, "100 100 channel"]) -> rr.EncodedImage:
     """Return an image (RGB or RGBA) as a PNG; with a fourth channel it lies over the others."""
     overlay = image.shape[-1] == 4
-    written, file = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGBA2BGRA if overlay else cv2.COLOR_RGB2BGR))
+    bgr = cv2.cvtColor(image, cv2.COLOR_RGBA2BGRA if overlay else cv2.COLOR_RGB2BGR)
+    written, file = cv2.imencode(".png", bgr, [cv2.IMWRITE_PNG_COMPRESSION, 9])
     assert written
     order = OVERLAY if overlay else None
     return rr.EncodedImage(contents=file.tobytes(), media_type="image/png", opacity=1.0, draw_order=order)

@@ -130,7 +130,7 @@ def empty(scenes: int, slots: int) -> Layouts:
 def random_layouts(
     rng: np.random.Generator, scenes: int, items: Items, pool: Int[Array, " pool"], rules: LayoutRules
 ) -> Layouts:
-    """Draw scenes: 2-3 items of `pool` each (catalogue indices), the number of glasses drawn first.
+    """Draw scenes of items of `pool` (catalogue indices): the number of glasses first, other symbols uniformly.
 
     Raises InputError if there is no room for a scene's items in MAX_TRIES draws of them.
     """
@@ -142,7 +142,7 @@ def random_layouts(
             glasses = min(count, int(rng.choice(len(rules.glasses_chance), p=rules.glasses_chance)))
             others = rng.choice([i for i in range(len(SYMBOLS)) if i != glass], count - glasses)
             symbols = np.concatenate([np.full(glasses, glass), others]).astype(int)
-            if all(_place(rng, layouts, scene, slot, s, items, pool, rules) for slot, s in enumerate(symbols)):
+            if all(_place(rng, layouts, scene, slot, int(s), items, pool, rules) for slot, s in enumerate(symbols)):
                 break
             layouts.symbol[scene] = EMPTY
             layouts.item[scene] = EMPTY
@@ -176,7 +176,17 @@ def add_item(
     return added
 
 
-def _place(rng, layouts, scene, slot, symbol, items, pool, rules, tries: int = 50) -> bool:
+def _place(
+    rng: np.random.Generator,
+    layouts: Layouts,
+    scene: int,
+    slot: int,
+    symbol: int,
+    items: Items,
+    pool: Int[Array, " pool"],
+    rules: LayoutRules,
+    tries: int = 50,
+) -> bool:
     """Put a random item of `symbol` in `slot` where it is clear of the ends and the items before it."""
     choices = pool[items.symbol[pool] == symbol]
     if len(choices) == 0:

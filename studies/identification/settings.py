@@ -2,11 +2,18 @@
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from pipeline.config import settings as parameters_of_all
 from pipeline.config.stages import SharedSplit
-from pipeline.config.values import Between, Count, Group, Margins, Whole, need
+from pipeline.config.values import Between, Count, Group, Margin, Whole, need, need_some
+from pipeline.world.symbols import SYMBOLS
+
+
+def every_symbol(margins: dict[str, float | None]) -> dict[str, float | None]:
+    """Return a margin for every symbol: null for those that are not named."""
+    need_some("stranger", margins, SYMBOLS)
+    return {symbol: margins.get(symbol) for symbol in SYMBOLS}
 
 
 class Settings(Group):
@@ -17,7 +24,7 @@ class Settings(Group):
     draws: Count
     root_seed: Whole
     reported: Annotated[list[Count], Field(min_length=1)]
-    stranger: Margins
+    stranger: Annotated[dict[str, Margin], AfterValidator(every_symbol)]
     level: Between
 
 

@@ -18,6 +18,7 @@ from pipeline.runtime.errors import InputError
 from pipeline.runtime.streams import stream
 from pipeline.stats.crossed import estimate
 from pipeline.world.bezier import random_z_theta
+from pipeline.world.layout import SYMBOLS
 from pipeline.world.rules import valid
 
 CERTAIN_FLOOR = 1e-6  # distance from 0 and 1 of probabilities that were given, not learned
@@ -83,8 +84,9 @@ def draw_demonstrations(cfg: DictConfig) -> Demonstrations:
     scenes.check_has(pool)
     layouts = scenes.layouts[pool]
     z_theta = random_z_theta(stream(study.root_seed, "identify"), len(layouts), study.draws * study.paths)
+    stranger = {symbol: study.stranger.get(symbol) for symbol in SYMBOLS}
     labels = by_draw(cfg, np.stack([valid(layouts, z_theta, margins) for margins in cfg.users.values()]))
-    return Demonstrations(scenes.images[pool], z_theta, labels, by_draw(cfg, valid(layouts, z_theta, study.stranger)))
+    return Demonstrations(scenes.images[pool], z_theta, labels, by_draw(cfg, valid(layouts, z_theta, stranger)))
 
 
 def by_draw(cfg: DictConfig, values: np.ndarray) -> np.ndarray:

@@ -25,7 +25,8 @@ from pipeline.causal.added_items import verdicts
 from pipeline.launch import launch
 from pipeline.models import baselines
 from pipeline.models.base import SCENES_PER_BATCH, ValidityModel, to_tensor, untrained
-from pipeline.models.clearance.rule_averaging import FORMS, AveragedModel, Relations, relations
+from pipeline.models.clearance.rule_averaging import FAMILIES as FAMILIES_OF_MODEL
+from pipeline.models.clearance.rule_averaging import AveragedModel, Relations, relations
 from pipeline.runtime.parallel import map_jobs, one_thread
 from pipeline.runtime.streams import job_seed
 from pipeline.stats.decisions import accuracy_by_seed, accuracy_estimate, accuracy_loss
@@ -39,10 +40,7 @@ from pipeline.world.layout import Layouts
 from studies.rule_families.families import FAMILIES, OWN_FAMILY
 
 AVERAGED = "clearance_averaged"  # the variant that averages over rule families
-FITTED_FAMILIES = [  # in the order of its posterior probabilities
-    *({"nearest": "margin", "lasting": "dwell", "company": "proximity"}.get(name, name) for name in FORMS),
-    "constant",
-]
+FITTED_FAMILIES = [*FAMILIES_OF_MODEL, "constant"]  # in the order of its posterior probabilities
 
 
 class Fitted(NamedTuple):

@@ -3,36 +3,36 @@
 import numpy as np
 import pytest
 
-from pipeline.causal.refuters import REFUTERS, halves, mean_over, placebo, stays_over_items
+from pipeline.causal.interventions import judge
+from pipeline.causal.refuters import data_subset, mean_over_paths, placebo_patch
 from pipeline.stats.crossed import SMALLEST_EFFECT
 
 
-def test_a_placebo_has_the_items_pixels_in_the_items_place_and_touches_nothing_else():
+def test_a_placebo_keeps_the_item_s_pixels_in_its_place_and_changes_no_other_pixel():
     rng = np.random.default_rng(0)
     before = rng.integers(0, 256, (3, 100, 100, 3), dtype=np.uint8)
     after = before.copy()
     after[:, 20:40, 30:50] = rng.integers(0, 256, (3, 20, 20, 3), dtype=np.uint8)
-    patched = placebo(rng, before, after)
-    for old, new, found in zip(before, after, patched, strict=True):
+    for old, new, patched in zip(before, after, placebo_patch(rng, before, after), strict=True):
         changed = (old != new).any(-1)
-        np.testing.assert_array_equal(found[~changed], old[~changed])
-        assert sorted(map(tuple, found[changed])) == sorted(map(tuple, new[changed]))
-        assert (found[changed] != new[changed]).any(-1).mean() > 0.9
-    np.testing.assert_array_equal(placebo(rng, before, before), before)
+        np.testing.assert_array_equal(patched[~changed], old[~changed])
+        assert sorted(map(tuple, patched[changed])) == sorted(map(tuple, new[changed]))
+        assert (patched[changed] != new[changed]).any(-1).mean() > 0.9
+    np.testing.assert_array_equal(placebo_patch(rng, before, before), before)
 
 
-def test_a_mosaic_keeps_its_pieces_whole():
-    """Inside by squares, at the rim pixel by pixel; every pixel of the item is there again."""
+def test_a_placebo_of_squares_keeps_each_of_them_whole():
+    """Squares that the item fills are moved as a whole; every pixel of the item remains."""
     rng = np.random.default_rng(1)
     before = np.zeros((1, 100, 100, 3), np.uint8)
     after = before.copy()
     after[0, 21:40, 30:51] = rng.integers(1, 256, (19, 21, 3), dtype=np.uint8)
-    (patched,) = placebo(rng, before, after, piece=2)
+    (patched,) = placebo_patch(rng, before, after, piece=2)
     assert sorted(map(tuple, patched.reshape(-1, 3))) == sorted(map(tuple, after[0].reshape(-1, 3)))
     np.testing.assert_array_equal(patched.any(-1), after[0].any(-1))
 
-    def squares(picture: np.ndarray) -> list[bytes]:
-        inside = picture[22:40, 30:50]  # squares on even pixels that the item fills
+    def squares(image: np.ndarray) -> list[bytes]:
+        inside = image[22:40, 30:50]  # squares on even pixels that the item fills
         return sorted(inside[y : y + 2, x : x + 2].tobytes() for y in range(0, 18, 2) for x in range(0, 20, 2))
 
     assert squares(patched) == squares(after[0])
@@ -42,37 +42,24 @@ def test_a_mosaic_keeps_its_pieces_whole():
 def test_a_mean_over_chosen_paths_leaves_the_others_out():
     p = np.array([[0.1, 0.3, 0.9], [0.2, 0.4, 0.6]])
     chosen = np.array([[True, True, False], [False, False, False]])
-    np.testing.assert_allclose(mean_over(p, chosen), [0.2, np.nan])
-    np.testing.assert_allclose(mean_over(p, np.ones(3, bool)), p.mean(-1))
+    np.testing.assert_allclose(mean_over_paths(p, chosen), [0.2, np.nan])
+    np.testing.assert_allclose(mean_over_paths(p, np.ones(3, bool)), p.mean(-1))
 
 
-def test_clear_effects_keep_their_verdict_in_every_half_and_borderline_ones_do_not():
+def test_clear_effects_keep_their_verdict_in_every_half_of_the_scenes_and_borderline_ones_do_not():
     rng = np.random.default_rng(0)
     scenes = rng.normal(0, 0.1, (3, 1, 100)) + rng.normal(0, 0.01, (3, 10, 100))
     scenes -= scenes.mean((1, 2), keepdims=True)
     effects = scenes + np.array([0.3, 0.0, 0.9 * SMALLEST_EFFECT])[:, None, None]
-    same, spread = halves(rng, effects, 100)
-    assert same[0] == 1 and same[1] > 0.95
-    assert same[2] < same[1]
-    expected = 0.1 / np.sqrt(100)  # of half of 100 scenes, drawn without replacement
-    np.testing.assert_allclose(spread, expected, rtol=0.35)
+    table = data_subset(rng, effects, 100)
+    assert list(table["expected"]) == list(judge(effects)["verdict"])
+    agreement = table["agreement"]
+    assert agreement[0] == 1 and agreement[1] > 0.95 and agreement[2] < agreement[1]
+    assert table["verdict"][0] == "effect" and table["verdict"][1] == "negligible"
+    width = 2 * 1.96 * 0.1 / np.sqrt(100)  # of half of 100 scenes, drawn without replacement
+    np.testing.assert_allclose(table["ci_high"] - table["ci_low"], width, rtol=0.35)
 
 
 def test_too_few_scenes_to_halve_are_refused():
     with pytest.raises(ValueError, match="3 scenes in 10 splits: expected at least 4"):
-        halves(np.random.default_rng(0), np.zeros((1, 2, 3)), 10)
-
-
-def test_an_effect_of_one_item_alone_stays_an_effect_over_scenes_and_not_over_items():
-    rng, item = np.random.default_rng(1), np.arange(120) % 6
-    noise = rng.normal(0, 0.05, (3, 10, 120))
-    of_one, of_all, of_none = 0.6 * (item == 2), np.full(120, 0.1), np.zeros(120)
-    effects = noise + np.stack([of_one, of_all, of_none])[:, None]
-    np.testing.assert_array_equal(stays_over_items(effects, np.tile(item, (3, 1))), [False, True, True])
-
-
-def test_every_refuter_says_what_is_done_asked_and_read():
-    for refuter in REFUTERS.values():
-        for sentence in (refuter.null, refuter.reading):
-            assert sentence[0].isupper() and sentence.endswith(".") and sentence.count(".") == 1
-        assert refuter.reading.startswith("A small p means")
+        data_subset(np.random.default_rng(0), np.zeros((1, 2, 3)), 10)

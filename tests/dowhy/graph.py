@@ -1,17 +1,17 @@
-"""What both checks share: a mechanism of ours as dowhy takes it, and a comparison that is printed."""
+"""Shared by both checks: a mechanism of the pipeline as dowhy takes it, and a printed comparison."""
 
 import numpy as np
 from dowhy.gcm.causal_mechanisms import FunctionalCausalModel
 
 
 class Mechanism(FunctionalCausalModel):
-    """A mechanism of ours for dowhy: parents come in alphabetical order, as columns."""
+    """A given mechanism for dowhy; parents come as columns in alphabetical order."""
 
     def __init__(self, assign, draw):
         self.assign, self.draw = assign, draw
 
     def fit(self, X, Y):
-        """Nothing: it is given."""
+        """Do nothing: the mechanism is given."""
 
     def draw_noise_samples(self, num_samples):
         return self.draw(num_samples)
@@ -23,8 +23,9 @@ class Mechanism(FunctionalCausalModel):
         return Mechanism(self.assign, self.draw)
 
 
-def said(what: str, ours: float, theirs: float, limit: float) -> bool:
-    """Print both sides; whether they lie within `limit`."""
-    fine = bool(abs(ours - theirs) <= limit)
-    print(f"{'same' if fine else 'DIFFERENT':10}{what}: {ours:.4f} here, {theirs:.4f} there (within {limit:.4f})")
-    return fine
+def same(what: str, ours: float, theirs: float, limit: float) -> bool:
+    """Print both numbers and return whether they lie within `limit` of each other."""
+    agree = bool(abs(ours - theirs) <= limit)
+    word = "same" if agree else "DIFFERENT"
+    print(f"{word:10}{what}: {ours:.4f} by the pipeline, {theirs:.4f} by dowhy (within {limit:.4f})")
+    return agree

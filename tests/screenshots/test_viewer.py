@@ -1,21 +1,22 @@
-"""Rerun's own viewer, without a screen, shows the recordings: no blank picture, no error, every recording its own."""
+"""Rerun's own viewer, without a screen, shows the recordings: nothing blank, no error, each recording its own."""
 
 from collections.abc import Iterator
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from rerun.experimental import ViewerClient
-from tests.recording.example import STEPS, a_run, some_runs
 
 from pipeline.runtime.errors import InputError
 from pipeline.viewer.overview import write_overview
-from pipeline.viewer.picture import select, settled, viewer
+from pipeline.viewer.picture import draw, select, settled, viewer
 from pipeline.viewer.run import write_run
-from pipeline.viewer.scene import CHOSEN, INVALID, TIMELINES, VALID
+from pipeline.viewer.scene import ADDED, INVALID, TIMELINES, VALID
+from tests.viewer.example import STEPS, a_run, some_runs
 
 REPAIRS, INTERVENTIONS = 0, 3  # tabs of a run
-LEAST_SPREAD, LEAST_COLOURS = 20.0, 500  # of a picture that shows something; a blank one has 0 and 1
+MIN_SPREAD, MIN_COLOURS = 20.0, 500  # of a screenshot with contents; a blank one has 0 and 1
 
 
 @pytest.fixture(scope="module")
@@ -38,30 +39,30 @@ def overview(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ViewerClient]
         yield client
 
 
-def picture(client: ViewerClient) -> np.ndarray:
-    """The tab in front, without the page beside it and the viewer's notices over that, if no view complains."""
+def screenshot(client: ViewerClient) -> np.ndarray:
+    """Return the tab in front, without the text beside it and the viewer's notices, if no view reports an error."""
     image = settled(client)
     assert not any(view.reports for view in client.get_state().views)
     return image[80:-60, : int(0.78 * image.shape[1])]
 
 
 def share(image: np.ndarray, colour: tuple[int, int, int]) -> float:
-    """How much of a picture is nearly of this colour."""
+    """Return the share of an image that is nearly of this colour."""
     return float((np.abs(image.astype(int) - colour).max(-1) < 12).mean())
 
 
 def assert_shows_something(image: np.ndarray) -> None:
-    assert image.std() > LEAST_SPREAD
-    assert len(np.unique(image.reshape(-1, 3), axis=0)) > LEAST_COLOURS
+    assert image.std() > MIN_SPREAD
+    assert len(np.unique(image.reshape(-1, 3), axis=0)) > MIN_COLOURS
 
 
 def test_a_run_shows_its_scenes_and_its_repairs_move(run: ViewerClient) -> None:
     (recording,) = run.get_state().recordings
     assert {timeline.name for timeline in recording.timelines} == set(TIMELINES)
     select(run, REPAIRS, "repair_step", 0)
-    first = picture(run)
+    first = screenshot(run)
     select(run, REPAIRS, "repair_step", STEPS)
-    last = picture(run)
+    last = screenshot(run)
     assert_shows_something(first)
     assert_shows_something(last)
     assert (first != last).any(-1).mean() > 0.001
@@ -69,19 +70,19 @@ def test_a_run_shows_its_scenes_and_its_repairs_move(run: ViewerClient) -> None:
 
 def test_interventions_show_effects_in_both_colours_and_the_added_item(run: ViewerClient) -> None:
     select(run, INTERVENTIONS, "intervention", 3)
-    image = picture(run)
+    image = screenshot(run)
     assert_shows_something(image)
-    assert share(image, CHOSEN) > 1e-5
+    assert share(image, ADDED) > 1e-5
     assert share(image, VALID) > 1e-3 and share(image, INVALID) > 1e-4
 
 
 def test_the_overview_shows_errors_and_other_things_than_a_run(run: ViewerClient, overview: ViewerClient) -> None:
     select(overview, 0, "scene", 1)
     select(run, REPAIRS, "repair_step", 0)
-    compared = picture(overview)
+    compared = screenshot(overview)
     assert_shows_something(compared)
     assert share(compared, VALID) > 0.01 and share(compared, INVALID) > 0.01
-    assert (picture(run) != compared).any(-1).mean() > 0.05
+    assert (screenshot(run) != compared).any(-1).mean() > 0.05
 
 
 def test_nothing_is_logged_as_an_error(run: ViewerClient, overview: ViewerClient) -> None:
@@ -90,18 +91,28 @@ def test_nothing_is_logged_as_an_error(run: ViewerClient, overview: ViewerClient
 
 
 def test_a_tab_that_is_not_there_is_refused(run: ViewerClient) -> None:
-    with pytest.raises(InputError, match="no tab 99: expected a number from 0 to 6"):
+    with pytest.raises(InputError, match="no tab 99: expected a number from 0 to 5"):
         select(run, 99, "repair_step", 0)
 
 
-def test_a_machine_without_a_driver_is_told_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_driver_the_error_is_one_line_that_names_the_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The viewer answers before it looks for one, and is gone by the time that it should open something."""
     for variable in ("VK_DRIVER_FILES", "VK_ICD_FILENAMES"):
         monkeypatch.setenv(variable, str(tmp_path / "nothing.json"))
     monkeypatch.setenv("WGPU_BACKEND", "vulkan")
     write_run(tmp_path / "run.rrd", a_run())
     with (
-        pytest.raises(InputError, match=r"mesa-vulkan-drivers[^\x1b]*No graphics adapter was found"),
+        pytest.raises(InputError, match=r"^no Vulkan driver: .*mesa-vulkan-drivers\)$"),
         viewer() as client,
     ):
         client.open(str(tmp_path / "run.rrd"))
+
+
+def test_an_image_file_is_drawn_of_a_recording(tmp_path: Path) -> None:
+    write_run(tmp_path / "run.rrd", a_run())
+    draw(tmp_path / "run.rrd", tmp_path / "run.png", REPAIRS, "repair_step", STEPS)
+    assert_shows_something(cv2.imread(str(tmp_path / "run.png")))
+    with pytest.raises(InputError, match="there is no folder"):
+        draw(tmp_path / "run.rrd", tmp_path / "none" / "run.png", REPAIRS, "repair_step", STEPS)

@@ -17,6 +17,7 @@ from pipeline.world.layout import SYMBOLS, Layouts
 from pipeline.world.rules import valid
 from tests.stages.facts import refuses, repeats_itself
 
+pytestmark = pytest.mark.slow  # every test runs the stage
 SCENES = {"train-s0": 3, "train-s1": 3, "train-s100": 3, "new_scenes": 4, "new_items": 4}
 FILES = ("demos.parquet", "trajectories.npz", "queries.npz")
 

@@ -10,23 +10,22 @@ from omegaconf import DictConfig, OmegaConf
 from rerun.chunk import RrdReader
 
 from pipeline.artifacts.demos import write_demos
-from pipeline.artifacts.files import read_table, write_arrays, write_json, write_table
+from pipeline.artifacts.files import read_table, write_arrays, write_table
 from pipeline.artifacts.models import model_dir, save_weights, weights_path
 from pipeline.artifacts.scenes import SceneSet, layout_table, read_scenes, write_scenes
 from pipeline.artifacts.trained import load_model
 from pipeline.models.registry import build
 from pipeline.params import compose
 from pipeline.runtime.errors import InputError
-from pipeline.stages.record import EFFECT_COLUMNS, main
-from pipeline.viewer.assemble import CURVE_KEY
+from pipeline.stages.record import main
+from pipeline.viewer.assemble import CURVE_KEY, EFFECT_COLUMNS
 from pipeline.world.bezier import curve, lattice, random_z_theta
 from pipeline.world.layout import SYMBOLS, Layouts, add_item, empty
 from pipeline.world.rules import valid
 from tests.examples import RULES
-from tests.recording.example import read, read_timed
-from tests.report_artefacts import ITEMS
 from tests.stages.facts import listed, refuses
-from tests.stages.inputs import save_model
+from tests.stages.inputs import ITEMS, save_model
+from tests.viewer.example import read, read_timed
 
 SCENES, STARTS, STEPS, SAMPLES = 4, 2, 5, 20
 
@@ -37,7 +36,7 @@ def cfg(tmp_path: Path) -> DictConfig:
     cfg = compose(["profile=smoke", "seeds=[0]", "record.map_side=9", "record.training_scenes=3"])
     cfg.variants = {variant: cfg.variants[variant] for variant in ("full", "classifier")}
     cfg.record.first = ["classifier"]
-    for stage in ("scenes", "demos", "train", "irl", "path", "repair", "intervene", "counterfactual"):
+    for stage in ("scenes", "demos", "train", "irl", "clearance", "repair", "intervene"):
         OmegaConf.update(cfg, f"paths.{stage}", str(tmp_path / stage))
     rng = np.random.default_rng(0)
     pools = ("train-s0", "new_items")
@@ -54,7 +53,6 @@ def cfg(tmp_path: Path) -> DictConfig:
     _write_demos(tmp_path / "demos", rng, cfg)
     _write_repairs(tmp_path / "repair", rng, cfg)
     _write_interventions(tmp_path / "intervene", rng, cfg, layouts["new_items"])
-    _write_counterfactuals(tmp_path / "counterfactual", rng)
     for variant in cfg.variants:
         for seed, (user, n) in enumerate(product(cfg.users, cfg.n_demos)):
             save_model(cfg, variant, build(cfg.variants[variant], seed), user, 0, n)
@@ -92,7 +90,7 @@ def _write_repairs(directory: Path, rng: np.random.Generator, cfg: DictConfig) -
             count = 0 if user == "aggressive" else SCENES * STARTS
             scene, start = np.divmod(np.arange(count), STARTS)
             paths[f"{variant}-{user}-s0"] = random_z_theta(rng, count, STEPS + 1).astype(np.float32)
-            row = {"method": variant, "seed": 0, "user": user, "scene": scene, "start": start}
+            row = {"method": "gradient", "variant": variant, "seed": 0, "user": user, "scene": scene, "start": start}
             tables.append(pd.DataFrame(row | {"valid_end": rng.random(count) < 0.5}))
     write_table(directory / "repairs.parquet", pd.concat(tables))
     write_arrays(directory / "paths.npz", paths)
@@ -104,18 +102,11 @@ def _write_interventions(directory: Path, rng: np.random.Generator, cfg: DictCon
     more = [add_item(rng, layouts, symbol, ITEMS, np.arange(4), RULES) for symbol in range(len(SYMBOLS))]
     tables = [layout_table(f"{symbol}-0", x) for symbol, x in zip(SYMBOLS, more, strict=True)]
     write_table(directory / "layouts.parquet", pd.concat(tables, ignore_index=True))
-    levels = [list(cfg.variants), [0], list(cfg.users), range(SCENES), SYMBOLS, [0]]
-    effects = pd.MultiIndex.from_product(levels, names=EFFECT_COLUMNS[:6]).to_frame(index=False)
+    questions = [f"add_{symbol}" for symbol in SYMBOLS]
+    levels = [questions, list(cfg.variants), list(cfg.users), [0], range(SCENES)]
+    effects = pd.MultiIndex.from_product(levels, names=EFFECT_COLUMNS[:5]).to_frame(index=False)
     effects = effects.assign(effect=rng.uniform(-1, 1, len(effects)), true_effect=rng.uniform(-1, 1, len(effects)))
     write_table(directory / "effects.parquet", effects)
-
-
-def _write_counterfactuals(directory: Path, rng: np.random.Generator) -> None:
-    """One example in scene 3, whose only item is a glass in slot 0, and a path straight through it."""
-    images = rng.integers(0, 256, (5, 100, 100, 3), dtype=np.uint8)
-    write_arrays(directory / "examples.npz", {"whole": images[:1], "without": images[None, 1:]})
-    example = {"kind": "one accepts", "scene": 3, "z_theta": [0.5, 0.5]}
-    write_json(directory / "metrics.json", {"examples": [example]})
 
 
 def _value(path: Path, entity: str, component: str) -> list:
@@ -158,7 +149,7 @@ def test_a_recording_a_model_holds_what_the_model_says(cfg: DictConfig, tmp_path
     assert listed.loc["full-careful-s0", "agreement"] == pytest.approx((predicted == truth).mean(), abs=1e-6)
 
 
-def test_interventions_are_asked_of_the_model_and_told_with_the_stages_effects(cfg: DictConfig, tmp_path: Path) -> None:
+def test_interventions_are_the_models_maps_and_the_stages_effects(cfg: DictConfig, tmp_path: Path) -> None:
     main(cfg, tmp_path / "record")
     path = tmp_path / "record" / "runs" / "classifier-normal-s0.rrd"
     model = load_model(cfg, "classifier", "normal", 0, cfg.main_n_demos)
@@ -170,30 +161,13 @@ def test_interventions_are_asked_of_the_model_and_told_with_the_stages_effects(c
 
     effects = read_table(tmp_path / "intervene" / "effects.parquet")
     rows = effects[
-        (effects["variant"] == "classifier") & (effects["user"] == "normal") & (effects["symbol"] == "glass")
+        (effects["variant"] == "classifier") & (effects["user"] == "normal") & (effects["question"] == "add_glass")
     ]
-    pages = [text for (text,) in read(path, "interventions/words", "TextDocument:text", "intervention")]
-    (page,) = [page for page in pages if page.startswith("## A glass more")]
+    pages = [text for (text,) in read(path, "interventions/effects", "TextDocument:text", "intervention")]
+    (page,) = [page for page in pages if page.startswith("## Glass added")]
     here, mean = rows[rows["scene"] == 0].iloc[0], rows[["effect", "true_effect"]].mean()
     assert f"| {here['effect']:+.2f} | {here['true_effect']:+.2f} | " in page
     assert f" | {mean['effect']:+.3f} | {mean['true_effect']:+.3f} |" in page
-
-
-def test_counterfactuals_are_asked_of_the_model_of_whoever_cares(cfg: DictConfig, tmp_path: Path) -> None:
-    main(cfg, tmp_path / "record")
-    layout = read_scenes(tmp_path / "scenes").layouts["new_items"][3:4]
-    z = np.array([[[0.5, 0.5]]])
-    images = dict(np.load(tmp_path / "counterfactual" / "examples.npz"))
-    pictures = np.stack([images["whole"][0], images["without"][0, 0]])
-    for user in ("careful", "normal"):
-        path = tmp_path / "record" / "runs" / f"full-{user}-s0.rrd"
-        p = load_model(cfg, "full", user, 0, cfg.main_n_demos).probability(pictures, np.tile(z, (2, 1, 1)))[:, 0]
-        pages = [text for (text,) in read(path, "counterfactuals/words", "TextDocument:text", "counterfactual")]
-        told = "valid" if valid(layout, z, cfg.users[user])[0, 0] else "invalid"
-        assert f"| **as it stands** | {p[0]:.2f} | {told} |" in pages[0]
-        assert f"| **without the glass** | {p[1]:.2f} | valid |" in pages[1]
-    chunks = RrdReader(tmp_path / "record" / "runs" / "full-aggressive-s0.rrd").stream().to_chunks()
-    assert not any("counterfactuals" in str(chunk.entity_path) for chunk in chunks)
 
 
 def test_each_n_shows_its_own_model_and_the_losses_are_those_of_the_one_shown(cfg: DictConfig, tmp_path: Path) -> None:

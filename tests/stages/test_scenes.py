@@ -16,6 +16,7 @@ from pipeline.world.layout import SYMBOLS
 from pipeline.world.rules import clearance, slack
 from tests.stages.facts import refuses, repeats_itself
 
+pytestmark = pytest.mark.slow  # the fixture runs the stage
 DATA = Path("data")
 SPLIT = {"new_items": "unseen", "val_items": "validation"}  # of the items in a pool; train in the others
 

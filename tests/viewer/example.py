@@ -1,14 +1,13 @@
-"""A made-up run, as large as the stage makes them, for the tests of recordings."""
+"""Example runs, as large as the stage makes them, and readers of recordings."""
 
-import io
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
-from PIL import Image
 from rerun.chunk import RrdReader
 
-from pipeline.viewer.contents import Counterfactual, Demonstrations, Intervention, Learning, Repairs, Run
+from pipeline.viewer.contents import Demonstrations, Intervention, Learning, Repairs, Run
 from pipeline.world.bezier import curve, lattice, random_z_theta
 from pipeline.world.layout import SYMBOLS, Layouts, empty
 from pipeline.world.rules import clearance, slack, valid
@@ -76,11 +75,12 @@ def a_run(repairs: int = 3) -> Run:
         "careful",
         3,
         9,
+        "paper",
+        "sha256 0123456789ab",
         MARGINS,
         tuple(demonstrations[:2]),
         tuple(repaired),
         interventions,
-        tuple(_a_counterfactual(rng, scene) for scene in range(3)),
         learning,
     )
 
@@ -94,14 +94,6 @@ def _an_intervention(rng: np.random.Generator, symbol: str, before: np.ndarray) 
     predicted = rng.random((SIDE, SIDE), dtype=np.float32)
     learned, true, learned_mean, true_mean = rng.uniform(-1, 1, 4)
     return Intervention(symbol, image, layout, predicted, truth, learned, true, learned_mean, true_mean, 100)
-
-
-def _a_counterfactual(rng: np.random.Generator, scene: int) -> Counterfactual:
-    image = an_image(rng)
-    without = np.stack([image, image])
-    without[0, 10:20, 10:20], without[1, 50:60, 50:60] = 0, 255
-    p, truth = rng.random(3) / 2, np.array([False, True, False])
-    return Counterfactual("disagree", scene, image, a_layout(), random_z_theta(rng, 1)[0], without, p, truth, 1, 0)
 
 
 def some_runs() -> list[Run]:
@@ -143,7 +135,10 @@ def read_timed(path: Path, entity: str, component: str, timeline: str | None = N
 def read_pictures(path: Path, entity: str, timeline: str | None = None) -> list[np.ndarray]:
     """The images of an entity, decoded."""
     blobs = read(path, entity, "EncodedImage:blob", timeline)
-    return [np.asarray(Image.open(io.BytesIO(bytes(blob)))) for (blob,) in blobs]
+    files = [np.frombuffer(bytes(blob), np.uint8) for (blob,) in blobs]
+    images = [cv2.imdecode(file, cv2.IMREAD_UNCHANGED) for file in files]
+    rgb = {3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGBA}
+    return [cv2.cvtColor(image, rgb[image.shape[-1]]) for image in images]
 
 
 def read_maps(path: Path, entity: str, dtype: type, side: int = SIDE, timeline: str | None = None) -> np.ndarray:

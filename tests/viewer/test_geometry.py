@@ -1,11 +1,11 @@
 """The two views agree with the world about where things are."""
 
 import numpy as np
-from tests.recording.example import a_layout
 
 from pipeline.viewer.geometry import boundary, crosses, footprints, kept_clear, map_image, on_map, on_table
 from pipeline.world.bezier import lattice
 from pipeline.world.layout import SYMBOLS, empty, point_segment_distance
+from tests.viewer.example import a_layout
 
 
 def test_a_pixel_centre_lies_where_the_world_says() -> None:
@@ -50,7 +50,8 @@ def test_the_boundary_runs_between_cells_that_differ() -> None:
     assert len(boundary(np.ones((3, 3), dtype=bool))) == 0
 
 
-def test_a_cross_is_two_strokes_through_its_centre() -> None:
-    strokes = crosses(np.array([[2.0, 3.0]]), 0.5)
-    assert strokes.shape == (2, 2, 2)
-    assert np.allclose(strokes.mean(axis=1), [2.0, 3.0])
+def test_a_cross_is_a_line_through_its_centre_to_four_corners() -> None:
+    (line,) = crosses(np.array([[2.0, 3.0]]), 0.5)
+    corners = {tuple(corner) for corner in np.delete(line, 2, axis=0).tolist()}
+    assert corners == {(1.5, 2.5), (2.5, 3.5), (1.5, 3.5), (2.5, 2.5)}
+    assert line[2].tolist() == [2.0, 3.0]

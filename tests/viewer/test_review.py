@@ -3,12 +3,12 @@
 from pathlib import Path
 
 import pytest
-from tests.recording.example import a_run
 
 from pipeline.runtime.errors import InputError
 from pipeline.viewer.digest import digest
 from pipeline.viewer.review import check, find, show, worst
 from pipeline.viewer.run import write_run
+from tests.viewer.example import a_run
 
 
 @pytest.fixture(scope="module")

@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rerun.chunk import RrdReader
-from tests.recording.example import MARGINS, SIDE, STEPS, a_run, read, read_maps, read_pictures
 
 from pipeline.viewer.contents import Run
+from pipeline.viewer.demonstrations import POINTS
 from pipeline.viewer.digest import digest
 from pipeline.viewer.geometry import boundary, footprints, map_image, on_map, on_table
-from pipeline.viewer.run import POINTS, write_run
+from pipeline.viewer.run import write_run
 from pipeline.world.bezier import P_F, P_INIT, curve
+from tests.viewer.example import MARGINS, SIDE, STEPS, a_run, read, read_maps, read_pictures
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +96,9 @@ def test_verdicts_come_with_the_last_step_as_discs_or_crosses(run: Run, recordin
         good = read(recording, f"{entity}/ends_valid", "Points2D:positions")
         bad = read(recording, f"{entity}/ends_invalid", "LineStrips2D:strips")
         assert sum(map(len, good)) == shown.ends_valid.sum()
-        assert sum(map(len, bad)) == 2 * (~shown.ends_valid).sum()  # two strokes a cross
+        assert sum(map(len, bad)) == (~shown.ends_valid).sum()
+        labels = read(recording, f"{entity}/ends_invalid", "LineStrips2D:labels")
+        assert [label for row in labels for label in row] == ["still invalid"] * (~shown.ends_valid).sum()
 
 
 def test_demonstrations_are_told_apart_by_entity_thickness_and_mark(run: Run, recording: Path) -> None:
@@ -105,8 +108,8 @@ def test_demonstrations_are_told_apart_by_entity_thickness_and_mark(run: Run, re
         for verdict, name in ((True, "valid"), (False, "invalid")):
             chosen = np.flatnonzero(shown.valid == verdict)
             (raw,) = read(recording, f"{entity}/{name}/recorded", "LineStrips2D:strips")
-            for got, i in zip(raw, chosen, strict=True):
-                assert np.allclose(got, on_table(shown.samples[i][:, 1:3]), atol=1e-4)
+            for line, i in zip(raw, chosen, strict=True):
+                assert np.allclose(line, on_table(shown.samples[i][:, 1:3]), atol=1e-4)
             (fitted,) = read(recording, f"{entity}/{name}/fitted", "LineStrips2D:strips")
             assert np.allclose(fitted, on_table(curve(shown.z[chosen], POINTS)), atol=1e-4)
             (thickness[name],) = read(recording, f"{entity}/{name}/fitted", "LineStrips2D:radii")
@@ -130,20 +133,37 @@ def test_start_and_goal_are_marked(recording: Path) -> None:
     assert np.allclose(ends, on_table(np.stack([P_INIT, P_F])))
 
 
-def test_the_page_counts_the_outcomes(run: Run, recording: Path) -> None:
-    ((text,),) = read(recording, "readme", "TextDocument:text")
-    assert run.name in text and "bowl 4.5 cm" in text and "glass" not in text.split("A path runs")[0]
-    assert f"Of the **{sum(len(r.start) for r in run.repairs)}** repairs" in text
+def text(path: Path, entity: str) -> str:
+    ((words,),) = read(path, entity, "TextDocument:text")
+    return words
+
+
+def test_the_text_counts_the_outcomes(run: Run, recording: Path) -> None:
+    ends = np.concatenate([shown.ends_valid for shown in run.repairs])
+    accepted = np.concatenate([shown.p[:, -1] > 0.5 for shown in run.repairs])
+    words = text(recording, "text/repairs")
+    assert f"**{ends.sum()} of {len(ends)}** repairs" in words
+    assert f"accepts {(accepted & ~ends).sum()}" in words
+
+
+def test_a_recording_says_what_it_was_made_from(run: Run, recording: Path) -> None:
+    words = text(recording, "about")
+    for value in (run.name, run.variant, run.user, str(run.seed), str(run.n_demos), run.profile, run.data):
+        assert value in words
+    assert "bowl 4.5 cm" in words and "glass" not in words
+
+
+@pytest.mark.parametrize("tab", ["repairs", "interventions", "learning", "training"])
+def test_every_tab_has_a_text_of_at_most_120_words(recording: Path, tab: str) -> None:
+    assert 20 < len(text(recording, f"text/{tab}").split()) <= 120
 
 
 def test_a_user_who_cares_for_nothing_has_nothing_to_repair(tmp_path: Path) -> None:
     whole = a_run(repairs=0)
-    margins = dict.fromkeys(MARGINS)
     repairs = tuple(replace(r, truth=np.ones_like(r.truth)) for r in whole.repairs)
     path = tmp_path / "aggressive.rrd"
-    write_run(path, replace(whole, user="aggressive", margins=margins, repairs=repairs))
-    ((text,),) = read(path, "readme", "TextDocument:text")
-    assert "nothing to repair" in text and "keeps clear of:** nothing" in text
+    write_run(path, replace(whole, user="aggressive", margins=dict.fromkeys(MARGINS), repairs=repairs))
+    assert "nothing to repair" in text(path, "text/repairs") and "keeps clear of nothing" in text(path, "about")
     assert not read(path, "new_items/scene_000/table/repair/path", "LineStrips2D:strips")
 
 

@@ -1,4 +1,4 @@
-"""The fit of all recordings at once finds what scipy finds one at a time, on simulated and on real human hands."""
+"""The fit of all trajectories at once finds what scipy finds one at a time, on simulated and on real human hands."""
 
 import contextlib
 import io
@@ -86,7 +86,8 @@ def test_the_residual_is_the_root_mean_square_orthogonal_distance():
         assert found.residual_m[i] == pytest.approx(expected, rel=1e-6)
 
 
-def test_scipy_finds_no_better_path_for_a_hands_recordings():
+@pytest.mark.slow
+def test_scipy_finds_no_better_path_for_a_hands_trajectories():
     points, offsets, z = hands(12)
     found = fit(points, offsets, 0.004)
     for i in range(len(z)):
@@ -97,15 +98,15 @@ def test_scipy_finds_no_better_path_for_a_hands_recordings():
     assert np.median(np.linalg.norm(found.z_theta - z, axis=1)) < 0.02
 
 
-def test_a_hands_recordings_are_fitted_to_within_tremor_and_drift():
+def test_a_hands_trajectories_are_fitted_to_within_tremor_and_drift():
     points, offsets, _ = hands(300)
     found = fit(points, offsets, 0.004)
     assert 0.0005 < np.median(found.residual_m) < 0.0015
     assert found.poor.mean() < 0.01
-    assert np.abs(found.z_theta).max() < 2.0  # nearly straight recordings do not send z away
+    assert np.abs(found.z_theta).max() < 2.0  # nearly straight trajectories do not send z away
 
 
-def test_a_fit_does_not_depend_on_the_recordings_beside_it():
+def test_a_fit_does_not_depend_on_the_trajectories_beside_it():
     points, offsets, _ = hands(200)
     together = fit(points, offsets, 0.004)
     for i in range(len(together.z_theta)):
@@ -114,7 +115,7 @@ def test_a_fit_does_not_depend_on_the_recordings_beside_it():
         assert alone.residual_m[0] == together.residual_m[i]
 
 
-def test_a_recording_that_is_no_quadratic_path_is_kept_and_flagged():
+def test_a_trajectory_that_is_no_quadratic_path_is_kept_and_flagged():
     u = np.linspace(0, 1, 100)
     straight = P_INIT + u[:, None] * (P_F - P_INIT)
     weave = straight + 0.1 * np.sin(4 * np.pi * u)[:, None] * np.array([1, -1])
@@ -132,7 +133,7 @@ def test_a_movement_that_ends_where_it_began_or_never_moves_gets_a_finite_fit():
     assert found.residual_m.max() < 1e-3
 
 
-def test_no_recordings_give_no_fits():
+def test_no_trajectories_give_no_fits():
     assert len(fit(np.empty((0, 2)), np.array([0]), 0.004).z_theta) == 0
 
 

@@ -1,4 +1,4 @@
-"""Simulated hands move as hands do, and no unusable recording gets past the door."""
+"""Simulated hands move as hands do, and an unusable trajectory is refused."""
 
 from itertools import pairwise
 
@@ -14,7 +14,7 @@ STEADY = Hand(50.0, 0.0, 0.35, 0.0, 0.0, (8.0, 12.0), 0.0, 0.1, 0.0)
 WITHIN = 0.03  # [m]
 
 
-def recordings(count: int, hand: Hand = HAND) -> list[np.ndarray]:
+def trajectories(count: int, hand: Hand = HAND) -> list[np.ndarray]:
     rng = np.random.default_rng(3)
     return [simulate(rng, z, hand) for z in random_z_theta(rng, count)]
 
@@ -23,13 +23,13 @@ def good() -> np.ndarray:
     return simulate(np.random.default_rng(0), np.array([0.2, 0.7]), HAND)
 
 
-def test_every_simulated_recording_passes_the_check():
-    for i, recording in enumerate(recordings(200)):
-        check(recording, str(i), WITHIN)
+def test_every_simulated_trajectory_passes_the_check():
+    for i, trajectory in enumerate(trajectories(200)):
+        check(trajectory, str(i), WITHIN)
 
 
-def test_recordings_vary_in_length_and_are_sampled_at_about_50_hz():
-    made = recordings(200)
+def test_trajectories_vary_in_length_and_are_sampled_at_about_50_hz():
+    made = trajectories(200)
     assert len({len(r) for r in made}) > 50
     steps = np.concatenate([np.diff(r[:, 0]) for r in made])
     assert abs(steps.mean() - 0.02) < 2e-4
@@ -50,7 +50,7 @@ def test_a_steady_hand_follows_the_arc_with_minimum_jerk():
 
 def test_tremor_lies_in_its_band_and_has_its_size():
     still = Hand(50.0, 0.0, 0.35, 0.2, 0.0007, (8.0, 12.0), 0.0, 0.1, 0.0)
-    made = recordings(300, still)
+    made = trajectories(300, still)
     heights = np.concatenate([r[:, 3] - 0.1 for r in made])
     assert heights.std() == pytest.approx(0.0007, rel=0.1)
     power = np.zeros(26)
@@ -63,7 +63,7 @@ def test_tremor_lies_in_its_band_and_has_its_size():
 
 def test_drift_vanishes_at_both_ends():
     drifting = Hand(50.0, 0.0, 0.35, 0.2, 0.0, (8.0, 12.0), 0.01, 0.1, 0.0)
-    for r in recordings(20, drifting):
+    for r in trajectories(20, drifting):
         np.testing.assert_allclose(r[0, 1:3], P_INIT, atol=1e-12)
         np.testing.assert_allclose(r[-1, 1:3], P_F, atol=1e-12)
 
@@ -76,13 +76,13 @@ def test_the_height_says_nothing_about_the_path():
 
 
 def with_value(row: int, column: int, value: float) -> np.ndarray:
-    recording = good()
-    recording[row, column] = value
-    return recording
+    trajectory = good()
+    trajectory[row, column] = value
+    return trajectory
 
 
 def test_polylines_pass_through_every_sample_and_end_with_the_last():
-    made = recordings(5)
+    made = trajectories(5)
     samples, offsets = join(made)
     lines = polylines(samples, offsets)
     for line, r in zip(lines, made, strict=True):
@@ -91,7 +91,7 @@ def test_polylines_pass_through_every_sample_and_end_with_the_last():
 
 
 @pytest.mark.parametrize("samples", [3, 8, 200])
-def test_a_recording_keeps_from_a_glass_what_its_straight_pieces_keep(samples: int):
+def test_a_trajectory_keeps_from_a_glass_what_its_straight_pieces_keep(samples: int):
     """However far apart the samples are, and whatever it is judged beside; a dense line is the reference."""
     rng = np.random.default_rng(samples)
     where = np.stack([np.full(3, 0.62), np.full(3, 0.38)], -1)[:, None]

@@ -90,6 +90,7 @@ def test_the_same_generator_draws_the_same_scenes_and_another_draws_others():
     assert not np.array_equal(drawn(5).centre, drawn(6).centre)
 
 
+@pytest.mark.slow
 def test_glasses_come_as_often_as_asked():
     layouts = drawn(1, scenes=800)
     glasses = (layouts.symbol == SYMBOLS.index("glass")).sum(1)

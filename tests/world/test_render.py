@@ -1,4 +1,4 @@
-"""Pictures show each item where the layout says, and one item more changes nothing away from it."""
+"""Images show each item where the layout says, and an added item changes nothing away from it."""
 
 from pathlib import Path
 
@@ -54,24 +54,24 @@ def centroid(weight: np.ndarray) -> np.ndarray:
 def test_an_item_is_centred_where_its_layout_says(x, y):
     catalogue = disc_catalogue()
     layouts = with_item(empty(1, 4), 0, catalogue, 0, x, y)
-    picture = render(layouts, 0, "grey", 7, Palette(catalogue)).astype(float)
-    red = np.clip(picture[..., 0] - picture[..., 1] - 60, 0, None)
+    image = render(layouts, 0, "grey", 7, Palette(catalogue)).astype(float)
+    red = np.clip(image[..., 0] - image[..., 1] - 60, 0, None)
     np.testing.assert_allclose(centroid(red), [x, y], atol=0.002)
 
 
 def test_an_item_is_as_large_as_its_layout_says():
     catalogue = disc_catalogue()
     layouts = with_item(empty(1, 4), 0, catalogue, 0, 0.5, 0.5)
-    picture = render(layouts, 0, "grey", 7, Palette(catalogue)).astype(float)
-    covered = (picture[..., 0] - picture[..., 1] > 100).sum() / SIDE**2
+    image = render(layouts, 0, "grey", 7, Palette(catalogue)).astype(float)
+    covered = (image[..., 0] - image[..., 1] > 100).sum() / SIDE**2
     assert covered == pytest.approx(np.pi * 0.1**2, rel=0.04)
 
 
 def test_row_0_is_the_far_edge():
     catalogue = disc_catalogue()
     layouts = with_item(empty(1, 4), 0, catalogue, 0, 0.5, 0.85)
-    picture = render(layouts, 0, "grey", 7, Palette(catalogue)).astype(float)
-    red = picture[..., 0] - picture[..., 1] > 60
+    image = render(layouts, 0, "grey", 7, Palette(catalogue)).astype(float)
+    red = image[..., 0] - image[..., 1] > 60
     assert red[:50].any() and not red[50:].any()
 
 
@@ -79,9 +79,9 @@ def test_row_0_is_the_far_edge():
 def test_an_angle_turns_an_item_from_the_x_axis_towards_y(angle):
     catalogue = disc_catalogue()
     layouts = with_item(empty(1, 4), 0, catalogue, 1, 0.5, 0.5, angle)
-    picture = render(layouts, 0, "grey", 7, Palette(catalogue)).astype(float)
-    blue = np.clip(picture[..., 2] - np.maximum(picture[..., 0], picture[..., 1]) - 60, 0, None)
-    green = np.clip(picture[..., 1] - np.maximum(picture[..., 0], picture[..., 2]) - 60, 0, None)
+    image = render(layouts, 0, "grey", 7, Palette(catalogue)).astype(float)
+    blue = np.clip(image[..., 2] - np.maximum(image[..., 0], image[..., 1]) - 60, 0, None)
+    green = np.clip(image[..., 1] - np.maximum(image[..., 0], image[..., 2]) - 60, 0, None)
     along = centroid(blue) - centroid(green)
     bearing = np.arctan2(along[1], along[0])
     assert np.cos(bearing - angle) > 0.999
@@ -115,7 +115,7 @@ def test_an_added_item_leaves_every_pixel_away_from_it_as_it_was(symbol):
         assert away.max() < reach
 
 
-def test_the_same_seed_gives_the_same_picture_and_another_seed_another():
+def test_the_same_seed_gives_the_same_image_and_another_seed_another():
     catalogue = read_catalogue(DATA)
     palette = Palette(catalogue)
     layouts = with_item(empty(1, 4), 0, catalogue, 0, 0.5, 0.5)
@@ -133,7 +133,7 @@ def test_a_scene_does_not_depend_on_the_others_in_its_batch():
 
 
 def test_every_item_stands_out_from_some_table_top_it_is_laid_on():
-    """Each item of the catalogue changes the picture by more than the sensor's noise does."""
+    """Each item of the catalogue changes the image by more than the sensor's noise does."""
     catalogue = read_catalogue(DATA)
     palette = Palette(catalogue)
     for item in range(len(catalogue.items)):
@@ -180,13 +180,13 @@ def test_the_table_is_brighter_towards_the_lamp_and_shadows_fall_away_from_it(se
 
 @pytest.mark.parametrize("symbol", ["bowl", "plate", "glass"])
 @pytest.mark.parametrize("seed", range(8))
-def test_a_hollow_thing_is_brighter_away_from_the_lamp(symbol: str, seed: int):
+def test_a_hollow_item_is_brighter_away_from_the_lamp(symbol: str, seed: int):
     grey = disc_catalogue((128, 128, 128, 255))
     layouts = with_item(empty(1, 4), 0, grey, 0, 0.5, 0.5)
     layouts.symbol[0, 0] = SYMBOLS.index(symbol)
-    picture, lit = render(layouts, 0, "grey", seed, Palette(grey)), towards_lamp(seed) > 0
+    image, lit = render(layouts, 0, "grey", seed, Palette(grey)), towards_lamp(seed) > 0
     inside = np.linalg.norm(from_middle(), axis=-1) < 0.08
-    assert picture[inside & ~lit].mean() > picture[inside & lit].mean()
+    assert image[inside & ~lit].mean() > image[inside & lit].mean()
 
 
 def from_middle() -> np.ndarray:

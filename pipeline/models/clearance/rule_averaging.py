@@ -1,10 +1,9 @@
-"""Clearance models of several rule forms, averaged by their evidence (Bayesian model averaging).
+"""Bayesian model averaging over rule families, weighted by BIC.
 
-All forms learn which objects are relevant (pipeline.models.clearance.clearance). They differ in what else may count:
-how long a path comes too near, on which side it passes, what stands beside an object, or how far along the path it is
-passed. Each form is weighed by the likelihood it gives the labels, less Schwarz's price (1978) of its parameters. A
-form that explains them no better than the nearest point alone hardly counts, and the weights say which kind of rule
-gave the labels.
+Models of every family learn which objects are relevant (pipeline.models.clearance.clearance). Families differ in what
+else counts: nothing (margin), how long a path is too close (dwell), on which side it passes (side), whether an object
+has a neighbour (proximity), or how far along the path it is passed (progress). A family's weight is the likelihood that
+it gives the labels, less Schwarz's price (1978) of its parameters. The weights tell which family the rule belongs to.
 """
 
 from typing import NamedTuple
@@ -28,9 +27,9 @@ from pipeline.models.clearance.clearance import (
 from pipeline.world.bezier import P_F, P_INIT, basis
 from pipeline.world.layout import segment_distance
 
-FORMS = {"nearest": 0, "lasting": 1, "side": 1, "company": 1, "progress": 2}  # parameters more than the nearest point's
-TERMS = ("side", "company", "progress", "progress")  # what relevance may depend on besides appearance, by form
-LONGEST = 0.3  # share of the way, at most, that `lasting` can forgive
+FAMILIES = {"margin": 0, "dwell": 1, "side": 1, "proximity": 1, "progress": 2}  # parameters more than margin's
+TERMS = ("side", "proximity", "progress", "progress")  # what relevance depends on besides appearance, by family
+LONGEST = 0.3  # share of the way, at most, that `dwell` can forgive
 SHARES = np.linspace(0, LONGEST, 13)  # of the way, at which clearances are kept
 ASIDE = 0.02  # metres aside at which an object counts as on one side, and no longer as straight ahead
 GAPS = 0.01, 1.0  # metres between objects, beyond which less or more makes no difference; the latter stands for none
@@ -41,13 +40,13 @@ class Relations(NamedTuple):
     """How each path passes each object."""
 
     clearance: Float[Tensor, "scene path near share"]  # [m], undercut for no more than that share (SHARES) of the way
-    terms: Float[Tensor, "scene path near term"]  # TERMS; company still as the logarithm of a gap [m]
+    terms: Float[Tensor, "scene path near term"]  # TERMS; proximity is still the logarithm of a gap [m]
 
 
 class AveragedModel(ClearanceModel):
-    """`members` clearance models of each form. Relevance may depend on how an object is passed, closeness on how long.
+    """`members` clearance models of each family. Relevance depends on how an object is passed, closeness on how long.
 
-    P(valid) is the mean over forms and `rate`, the same for every path, weighed by `posterior_model_probabilities`.
+    P(valid) is the mean over families and `rate`, the same for every path, weighed by `posterior_model_probabilities`.
     """
 
     uses: Tensor
@@ -56,15 +55,15 @@ class AveragedModel(ClearanceModel):
     evidence: Tensor
 
     def __init__(self, members: int):
-        super().__init__(members * len(FORMS))
-        form = torch.arange(len(FORMS)).repeat_interleave(members)[:, None]  # the form of each member
-        uses = torch.tensor([[name == term for term in TERMS] for name in FORMS])
-        self.register_buffer("uses", uses[form[:, 0]].float())
-        self.register_buffer("lasts", (form == list(FORMS).index("lasting")).float())
-        self.gate = nn.Parameter(torch.zeros(len(form), len(TERMS)))  # [GATE]
-        self.forgiven = nn.Parameter(torch.full((len(form), 1), -1.5))  # log-odds of the share forgiven, of LONGEST
-        self.register_buffer("gaps", torch.tensor([0.0, 1.0]))  # mean and spread of the training objects' company
-        self.evidence = torch.full((len(FORMS),), -EVIDENCE_PRICE)  # log-odds of each form against `rate`
+        super().__init__(members * len(FAMILIES))
+        family = torch.arange(len(FAMILIES)).repeat_interleave(members)[:, None]  # the family of each member
+        uses = torch.tensor([[name == term for term in TERMS] for name in FAMILIES])
+        self.register_buffer("uses", uses[family[:, 0]].float())
+        self.register_buffer("lasts", (family == list(FAMILIES).index("dwell")).float())
+        self.gate = nn.Parameter(torch.zeros(len(family), len(TERMS)))  # [GATE]
+        self.forgiven = nn.Parameter(torch.full((len(family), 1), -1.5))  # log-odds of the share forgiven, of LONGEST
+        self.register_buffer("gaps", torch.tensor([0.0, 1.0]))  # mean and standard deviation of log gaps in training
+        self.evidence = torch.full((len(FAMILIES),), -EVIDENCE_PRICE)  # log-odds of each family against `rate`
 
     def logit(
         self, percept: Float[Tensor, "scene object 12"], z_theta: Float[Tensor, "scene path 2"]
@@ -74,19 +73,19 @@ class AveragedModel(ClearanceModel):
 
     def judge(self, percept: Float[Tensor, "scene object 12"], related: Relations) -> Float[Tensor, "scene path"]:
         """Return the log-odds of validity of paths so related to the objects."""
-        by_form = F.logsigmoid(self.logit_by_form(percept, related))
-        log_p = torch.cat([by_form, self.rate.log().expand(1, *by_form.shape[1:])])
+        by_family = F.logsigmoid(self.logit_by_family(percept, related))
+        log_p = torch.cat([by_family, self.rate.log().expand(1, *by_family.shape[1:])])
         return log_odds((log_p + self.posterior_model_probabilities().log()[:, None, None]).logsumexp(0))
 
-    def posterior_model_probabilities(self) -> Float[Tensor, " form_or_nothing"]:
-        """Return the probability of each form and, last, that no object is relevant."""
+    def posterior_model_probabilities(self) -> Float[Tensor, " family_or_constant"]:
+        """Return the probability of each family and, last, that no object is relevant."""
         return torch.cat([self.evidence, torch.zeros(1)]).softmax(0).clamp(min=1e-30)
 
-    def logit_by_form(
+    def logit_by_family(
         self, percept: Float[Tensor, "scene object 12"], related: Relations
-    ) -> Float[Tensor, "form scene path"]:
-        """Return each form's log-odds of validity: of its members' mean, sharpened."""
-        by_member = self.log_valid_related(percept, related).unflatten(0, (len(FORMS), -1))
+    ) -> Float[Tensor, "family scene path"]:
+        """Return each family's log-odds of validity: of its members' mean, sharpened."""
+        by_member = self.log_valid_related(percept, related).unflatten(0, (len(FAMILIES), -1))
         return self.sharpening * log_odds(by_member.logsumexp(1) - float(np.log(by_member.shape[1])))
 
     def log_valid_related(
@@ -103,9 +102,9 @@ class AveragedModel(ClearanceModel):
         return (torch.log1p(-threat) + F.logsigmoid(self.clear)).movedim(-1, 0)
 
     def _gates(self, terms: Float[Tensor, "scene path near term"]) -> Float[Tensor, "scene path near term"]:
-        side, company, progress, _ = terms.unbind(-1)
-        company = ((company - self.gaps[0]) / self.gaps[1]).clamp(-self.bound, self.bound)
-        return torch.stack([side, company, progress, progress.square() - 1 / 3], -1)
+        side, log_gap, progress, _ = terms.unbind(-1)
+        log_gap = ((log_gap - self.gaps[0]) / self.gaps[1]).clamp(-self.bound, self.bound)
+        return torch.stack([side, log_gap, progress, progress.square() - 1 / 3], -1)
 
     def _share(self) -> Float[Tensor, "member share"]:
         """Return the weights of SHARES by which clearances are interpolated at the share that each member forgives."""
@@ -122,10 +121,10 @@ def relations(percept: Float[Tensor, "scene object 12"], z_theta: Float[Tensor, 
     heading = (1 - t) * (z_theta[:, :, None] - start) + t * (goal - z_theta[:, :, None])
     heading = heading / (heading.square().sum(-1, keepdim=True) + 1e-12).sqrt()  # `norm`'s bits depend on the process
     near = percept[:, : occupied_slots(percept)]
-    company = _company(near)
+    log_gap = _log_gap(near)
     at_shares = torch.from_numpy(SHARES * (PATH_SAMPLES - 1)).round().long()
     clearances, terms = [], []
-    for slot, gap in zip(near.unbind(1), company.unbind(1), strict=True):
+    for slot, gap in zip(near.unbind(1), log_gap.unbind(1), strict=True):
         objects = PerceivedObjects.of(slot)
         first, last, radius = objects.start[:, None, None], objects.end[:, None, None], objects.radius
         along = last - first
@@ -142,7 +141,7 @@ def relations(percept: Float[Tensor, "scene object 12"], z_theta: Float[Tensor, 
     return Relations(torch.stack(clearances, 2), torch.stack(terms, 2))
 
 
-def _company(percept: Float[Tensor, "scene object 12"]) -> Float[Tensor, "scene object"]:
+def _log_gap(percept: Float[Tensor, "scene object 12"]) -> Float[Tensor, "scene object"]:
     """Return the logarithm of the gap [m] between each object and the nearest other one, within GAPS."""
     objects = PerceivedObjects.of(percept)
     segments = torch.stack([objects.start, objects.end], -2).double().numpy()

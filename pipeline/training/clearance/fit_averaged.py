@@ -1,4 +1,4 @@
-"""Fit averaged clearance models: every form's members by likelihood, then each form's weight by its evidence."""
+"""Fit averaged clearance models: every family's members by likelihood, then each family's weight by its evidence."""
 
 import numpy as np
 import torch
@@ -9,7 +9,7 @@ from scipy.special import entr
 from torch import Tensor
 
 from pipeline.models.clearance.clearance import EVIDENCE_PRICE, PerceivedObjects
-from pipeline.models.clearance.rule_averaging import FORMS, TERMS, AveragedModel, Relations, relations
+from pipeline.models.clearance.rule_averaging import FAMILIES, TERMS, AveragedModel, Relations, relations
 from pipeline.training.clearance.fit import CERTAIN, bootstrap, set_feature_scaling
 from pipeline.training.loop import Losses, Schedule, is_constant, minimise, rule_of_succession
 
@@ -22,7 +22,7 @@ def fit(
     schedule: Schedule,
     seed: int,
 ) -> Float[Array, "point 2"]:
-    """Train every form's members in place as clearance models are, weigh the forms, and return the curve (`CURVE`).
+    """Train every family's members in place as clearance models are, weight the families, return the curve (`CURVE`).
 
     Where all labels are alike, the model answers Laplace's probability, whatever it sees.
     """
@@ -33,7 +33,7 @@ def fit(
     percept = set_feature_scaling(model, images)
     related = relations(percept, torch.tensor(z_theta).float())
     present = PerceivedObjects.of(percept[:, : related.terms.shape[2]]).present > 0
-    gaps = related.terms[:, 0, :, TERMS.index("company")][present]
+    gaps = related.terms[:, 0, :, TERMS.index("proximity")][present]
     if len(gaps) > 1:
         model.gaps.copy_(torch.stack([gaps.mean(), gaps.std().clamp(min=1e-3)]))
     weights = bootstrap(model, len(valid), seed) / valid.shape[1]  # (member, scene, 1)
@@ -54,11 +54,11 @@ def fit(
 def set_model_evidence(
     model: AveragedModel, percept: Tensor, related: Relations, valid: Bool[Tensor, "scene n"]
 ) -> None:
-    """Set each form's evidence: the labels' gain in likelihood over one rate, less the price of its parameters."""
-    logits = model.logit_by_form(percept, related)
+    """Set each family's evidence: the labels' gain in likelihood over one rate, less the price of its parameters."""
+    logits = model.logit_by_family(percept, related)
     targets = valid.float().expand_as(logits)
     surprise = F.binary_cross_entropy_with_logits(logits, targets, reduction="none").sum((1, 2))
     rate = float(valid.float().mean())
     surprise_at_rate = valid.numel() * (entr(rate) + entr(1 - rate))
-    price = 0.5 * np.log(valid.numel()) * torch.tensor(list(FORMS.values()))
+    price = 0.5 * np.log(valid.numel()) * torch.tensor(list(FAMILIES.values()))
     model.evidence.copy_(surprise_at_rate - surprise - EVIDENCE_PRICE - price)

@@ -17,6 +17,7 @@ import torch
 import torch.nn.functional as F
 from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
+from scipy.optimize import root
 from scipy.special import expit
 from torch import Tensor
 
@@ -149,7 +150,7 @@ def _objective(objective, regret, valid, across) -> Tensor | None:
 
 
 def fit_acceptance_rule(model, appearances, z_theta, valid) -> None:
-    """Fit the acceptance rule to the labels; half the appearances do as well as all (docs/choices.md, "IRL")."""
+    """Fit the acceptance rule to the labels; half the appearances do as well as all (docs/decisions/005-irl.md)."""
     regrets = _regrets(model, appearances[::2], z_theta)
     set_acceptance_rule(model, *logistic(regrets, np.broadcast_to(valid, regrets.shape)))
 
@@ -171,27 +172,20 @@ def set_acceptance_rule(model: RewardMap, scale: float, offset: float) -> None:
 def logistic(regret: Float[Array, "*demo"], valid: Bool[Array, "*demo"]) -> tuple[float, float]:
     """Return scale (at least 0) and offset of P(valid) = sigmoid(scale * regret + offset) by maximum likelihood.
 
-    The targets are Platt's (1999), a little inside 0 and 1, so that separable labels give a finite scale. Newton's
-    method on standardised regret, damped until the likelihood rises; concave, so it ends at the maximum.
+    The targets are Platt's (1999), a little inside 0 and 1, so that separable labels give a finite scale.
     """
     x, y = regret.ravel().astype(np.float64), valid.ravel()
     target = np.where(y, (y.sum() + 1) / (y.sum() + 2), 1 / ((~y).sum() + 2))
     mean, spread = x.mean(), max(x.std(), 1e-9)
-    design = np.stack([(x - mean) / spread, np.ones_like(x)], axis=1)  # (demo, 2)
-    w = np.zeros(2)
+    design = np.stack([(x - mean) / spread, np.ones_like(x)])  # (2, demo)
 
-    def loss(w: Array) -> float:
-        return float((np.logaddexp(0, design @ w) - target * (design @ w)).sum())
+    def gradient(w: Array) -> Array:
+        return design @ (expit(w @ design) - target) / len(x)
 
-    for _ in range(100):
-        p = expit(design @ w)
-        gradient = design.T @ (p - target)
-        hessian = (design * (p * (1 - p))[:, None]).T @ design + 1e-9 * np.eye(2)
-        step = np.linalg.solve(hessian, gradient)
-        while loss(w - step) > loss(w) and np.abs(step).max() > 1e-12:
-            step /= 2
-        w = w - step
-        if np.abs(step).max() < 1e-10:
-            break
+    def hessian(w: Array) -> Array:
+        p = expit(w @ design)
+        return (design * (p * (1 - p))) @ design.T / len(x)
+
+    w = root(gradient, np.zeros(2), jac=hessian, tol=1e-12).x  # the likelihood is concave: its one stationary point
     scale = max(w[0], 0.0) / spread
     return scale, float(w[1] - scale * mean) if w[0] > 0 else float(np.log(target.mean() / (1 - target.mean())))

@@ -1,4 +1,4 @@
-"""Forms of rule beside one another: each sees what it is about, and the labels say which to believe."""
+"""Model averaging over rule families: the labels tell which family they come from."""
 
 import numpy as np
 import pytest
@@ -6,26 +6,25 @@ import torch
 
 from pipeline.models.base import untrained
 from pipeline.models.clearance.clearance import ClearanceModel, clearance
-from pipeline.models.clearance.rule_averaging import FORMS, AveragedModel, relations
+from pipeline.models.clearance.rule_averaging import FAMILIES, AveragedModel, relations
 from pipeline.training.clearance import fit_averaged
 from pipeline.training.clearance.fit_averaged import fit
 from pipeline.training.loop import Schedule
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import SYMBOLS, Layouts, random_layouts
 from pipeline.world.rules import Margins
-from studies.rule_families.families import FORMS as RULES_OF_A_FORM
-from studies.rule_families.families import beside, brief, late, right
-from tests.examples import RULES
+from studies.rule_families.families import FAMILIES as RULES
+from studies.rule_families.families import dwell, proximity, side
+from tests.examples import RULES as LAYOUT_RULES
 from tests.stages.inputs import ITEMS
 
 SCENES, DEMOS = 20, 9
 ALL: Margins = {symbol: 0.045 for symbol in SYMBOLS}
-AMOUNTS = {"margin": 0.0, "brief": 0.1, "right": 0.0, "beside": 0.2, "late": 0.5}
-MEANT = {"margin": "nearest", "brief": "lasting", "right": "side", "beside": "company", "late": "progress"}
+AMOUNTS = {"margin": 0.0, "dwell": 0.1, "side": 0.0, "proximity": 0.2}
 
 
 def seen(layouts: Layouts) -> torch.Tensor:
-    """The percept of who sees every footprint exactly, and all things alike."""
+    """Return the percept that holds every footprint exactly, and the same features for all objects."""
     looks = np.zeros((*layouts.present.shape, 6))
     parts = (layouts.ends.reshape(*layouts.present.shape, 4), layouts.radius[..., None], looks)
     return torch.from_numpy(np.concatenate([*parts, layouts.present[..., None]], -1, dtype=np.float32))
@@ -34,7 +33,7 @@ def seen(layouts: Layouts) -> torch.Tensor:
 @pytest.fixture(scope="module")
 def world() -> tuple[Layouts, np.ndarray]:
     rng = np.random.default_rng(3)
-    layouts = random_layouts(rng, SCENES, ITEMS, np.arange(4), RULES)
+    layouts = random_layouts(rng, SCENES, ITEMS, np.arange(4), LAYOUT_RULES)
     return layouts, random_z_theta(rng, SCENES, DEMOS)
 
 
@@ -47,23 +46,23 @@ def fitted(world: tuple[Layouts, np.ndarray], valid: np.ndarray, steps: int = 40
     return model
 
 
-@pytest.mark.parametrize("form", list(MEANT))
-def test_the_form_of_the_rule_that_labelled_the_paths_is_believed_most(world, form: str):
+@pytest.mark.parametrize("family", RULES)
+def test_the_family_that_labelled_the_paths_is_the_most_probable(world, family: str):
     layouts, z = world
-    model = fitted(world, RULES_OF_A_FORM[form](layouts, z, ALL, AMOUNTS[form]))
-    assert list(FORMS)[int(model.posterior_model_probabilities()[:-1].argmax())] == MEANT[form]
+    model = fitted(world, RULES[family](layouts, z, ALL, AMOUNTS[family]))
+    assert list(FAMILIES)[int(model.posterior_model_probabilities()[:-1].argmax())] == family
 
 
-@pytest.mark.parametrize("form", ["right", "beside", "late"])
-def test_new_paths_are_judged_by_a_form_that_one_clearance_cannot_tell(world, form: str):
+@pytest.mark.parametrize("family", ["side", "proximity"])
+def test_new_paths_are_judged_by_a_family_that_one_clearance_cannot_represent(world, family: str):
     layouts, z = world
-    rule, amount = RULES_OF_A_FORM[form], AMOUNTS[form]
+    rule, amount = RULES[family], AMOUNTS[family]
     model = fitted(world, rule(layouts, z, ALL, amount))
     new = random_z_theta(np.random.default_rng(7), SCENES, 60)
     with torch.no_grad():
         judged = model.logit(seen(layouts), torch.tensor(new).float()).numpy() > 0
     truth = rule(layouts, new, ALL, amount)
-    nearest = RULES_OF_A_FORM["margin"](layouts, new, ALL, 0.0)
+    nearest = RULES["margin"](layouts, new, ALL, 0.0)
     assert (judged == truth).mean() > 0.93 > (nearest == truth).mean()
 
 
@@ -78,34 +77,34 @@ def test_labels_that_say_nothing_leave_one_rate(world):
     np.testing.assert_allclose(p, 181 / 182, atol=1e-5)
 
 
-def test_how_a_path_passes_a_thing_is_what_the_rules_mean_by_it(world):
+def test_relations_to_objects_are_those_of_the_rules(world):
     layouts, z = world
     related = relations(seen(layouts), torch.tensor(z).float())
     np.testing.assert_allclose(related.clearance[..., 0], clearance(seen(layouts), torch.tensor(z).float()), atol=1e-5)
     assert (related.clearance.diff(dim=-1) >= 0).all()
     here = layouts.present[:, None, : related.terms.shape[2]]
     near = (related.clearance[..., 0] < 0.045).numpy() & here
-    side, company, progress, _ = (x.numpy() for x in related.terms.unbind(-1))
-    minded = {
-        right: near & (side > 0), beside: near & (company <= np.log(0.2)), late: near & (progress > 0),
-        brief: (related.clearance[..., 4] < 0.045).numpy() & here,
+    right, log_gap, _, _ = (x.numpy() for x in related.terms.unbind(-1))
+    broken = {
+        side: near & (right > 0), proximity: near & (log_gap <= np.log(0.2)),
+        dwell: (related.clearance[..., 4] < 0.045).numpy() & here,
     }  # fmt: skip
-    alone = near.sum(-1) <= 1  # where several things share the way, `brief` adds up how long each is near
-    for rule, offends in minded.items():
+    alone = near.sum(-1) <= 1  # near several items, `dwell` adds up the time near each
+    for rule, offends in broken.items():
         agree = rule(layouts, z, ALL, AMOUNTS[rule.__name__]) == ~offends.any(-1)
-        assert agree[alone].mean() > (0.95 if rule is brief else 0.985), rule  # 12 of 129 points, or 16 of 160
+        assert agree[alone].mean() > (0.95 if rule is dwell else 0.985), rule  # 12 of 129 points, or 16 of 160
 
 
-def test_a_form_that_uses_nothing_else_says_what_the_clearance_model_says(world):
+def test_the_margin_family_is_the_clearance_model(world):
     layouts, z = world
     model, other = AveragedModel(2), ClearanceModel(2)
     with torch.no_grad():
         for name in ("weight", "margin", "width", "clear"):
             other.get_parameter(name).copy_(model.get_parameter(name)[:2])
         other.get_buffer("sees").copy_(model.get_buffer("sees")[:2])
-        model.gate.normal_()  # no form but its own hears it
+        model.gate.normal_()  # without effect on the margin family
         where = torch.tensor(z).float()
-        mine = model.logit_by_form(seen(layouts), relations(seen(layouts), where))[list(FORMS).index("nearest")]
+        mine = model.logit_by_family(seen(layouts), relations(seen(layouts), where))[list(FAMILIES).index("margin")]
         torch.testing.assert_close(mine, other.logit_if_relevant(seen(layouts), where), atol=1e-4, rtol=1e-4)
 
 
@@ -118,11 +117,11 @@ def test_answers_have_a_slope_along_the_paths(world):
     assert slope.isfinite().all() and (slope != 0).any(-1).float().mean() > 0.5
 
 
-def test_the_price_of_a_form_grows_with_what_it_may_adjust(world, monkeypatch):
+def test_the_price_of_a_family_grows_with_its_parameters(world, monkeypatch):
     layouts, z = world
-    model, told = AveragedModel(2), torch.tensor(RULES_OF_A_FORM["margin"](layouts, z, ALL, 0.0))
-    monkeypatch.setattr(AveragedModel, "logit_by_form", lambda *_: torch.zeros(len(FORMS), SCENES, DEMOS))
+    model, told = AveragedModel(2), torch.tensor(RULES["margin"](layouts, z, ALL, 0.0))
+    monkeypatch.setattr(AveragedModel, "logit_by_family", lambda *_: torch.zeros(len(FAMILIES), SCENES, DEMOS))
     percept = seen(layouts)
     fit_averaged.set_model_evidence(model, percept, relations(percept, torch.tensor(z).float()), told)
     paid = model.evidence[0] - model.evidence
-    np.testing.assert_allclose(paid, 0.5 * np.log(SCENES * DEMOS) * np.array(list(FORMS.values())), rtol=1e-4)
+    np.testing.assert_allclose(paid, 0.5 * np.log(SCENES * DEMOS) * np.array(list(FAMILIES.values())), rtol=1e-4)

@@ -1,207 +1,181 @@
-"""The stage asks at known clearances, recovers the truth from the truth, and writes what a planner can read."""
+"""The study asks at known clearances, recovers the true margins, and writes what a planner can read."""
 
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-import torch
 import yaml
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
-from pipeline.artifacts.files import read_json
+from pipeline.artifacts.files import read_table
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool, write_scenes
 from pipeline.artifacts.trained import load_model
-from pipeline.models.registry import build
-from pipeline.params import compose
-from pipeline.stages import envelope, intervene
+from pipeline.causal.envelope import dose_grid
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SYMBOLS, LayoutRules, random_layouts
-from pipeline.world.render import Palette, render_scenes
 from pipeline.world.rules import clearance, valid
+from studies.envelope import stage
 from tests.stages.facts import refuses, repeats_itself
-from tests.stages.inputs import convinced, save_model
+from tests.stages.inputs import pictured, pictured_models, symbols_added
 
 SCENES = 10
-VARIANTS = ("full", "path")
+VARIANTS = ("full", "clearance")
 
 
 @pytest.fixture(scope="module")
 def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
-    """Ten sparse scenes, as they are and with one more item, and untrained models of two variants and two seeds.
-
-    Each seed's training scene holds three things; no picture of it is looked at.
-    """
-    root = tmp_path_factory.mktemp("envelope")
-    cfg = compose(["profile=smoke", "workers=1", "intervene.paths=2"])
-    OmegaConf.set_struct(cfg, False)
-    for name in ("scenes", "train", "path", "intervene"):
-        OmegaConf.update(cfg, f"paths.{name}", str(root / name))
-    cfg.variants = {variant: cfg.variants[variant] for variant in VARIANTS}
+    """Ten sparse scenes, as they are and with an added item, and untrained models of two variants and two seeds."""
+    cfg = pictured_models(tmp_path_factory.mktemp("envelope"), VARIANTS, SCENES)
     catalogue = read_catalogue(Path(cfg.paths.data))
-    rules = LayoutRules((1,), (0.5, 0.5), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)
-    layouts = random_layouts(np.random.default_rng(0), SCENES, catalogue.footprints, catalogue.pool("unseen"), rules)
-    look = pd.DataFrame({"texture": [catalogue.texture_names("train")[0]] * SCENES, "render_seed": range(SCENES)})
-    images = render_scenes(layouts, list(look["texture"]), list(look["render_seed"]), Palette(catalogue))
-    full = LayoutRules((3,), (0.5, 0.5), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)
-    trained = random_layouts(np.random.default_rng(1), 2, catalogue.footprints, catalogue.pool("train"), full)
-    scenes = SceneSet({"new_items": images}, {"new_items": layouts}, {"new_items": look})
-    for i, seed in enumerate((0, 1)):
-        one, pool = slice(i, i + 1), train_pool(seed)
-        scenes.images[pool], scenes.layouts[pool], scenes.appearances[pool] = images[one], trained[one], look[one]
-    write_scenes(root / "scenes", scenes)
-    for variant in VARIANTS:
-        for user in cfg.users:
-            for seed in cfg.protocol.seeds:
-                model = convinced(build(cfg.variants[variant], seed))
-                save_model(cfg, variant, model, user, seed)
-    intervene.main(cfg, root / "intervene")
+
+    def draw(seed: int, count: int, items: int, split: str):
+        rules = LayoutRules((items,), (0.5, 0.5), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)
+        return random_layouts(np.random.default_rng(seed), count, catalogue.footprints, catalogue.pool(split), rules)
+
+    layouts = {"new_items": draw(0, SCENES, 1, "unseen")}
+    layouts |= {train_pool(seed): draw(1 + seed, 1, 3, "train") for seed in cfg.protocol.seeds}
+    images = {pool: pictured(cfg, x) for pool, x in layouts.items()}
+    looks = {pool: pd.DataFrame({"texture": "oak", "render_seed": range(len(x))}) for pool, x in layouts.items()}
+    scenes = SceneSet(images, layouts, looks)
+    write_scenes(Path(cfg.paths.scenes), scenes)
+    symbols_added(cfg, scenes, 2)
     return cfg
 
 
 @pytest.fixture(scope="module")
 def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
     directory = tmp_path_factory.mktemp("out")
-    envelope.main(cfg, directory)
+    stage.main(cfg, directory)
     return directory
 
 
 @pytest.fixture(scope="module")
-def found(out: Path) -> dict:
-    return read_json(out / "metrics.json")
+def chosen(cfg: DictConfig) -> tuple[stage.Scenes, np.ndarray, np.ndarray]:
+    """The scenes, the doses [m] and the chosen candidates (symbol, scene, dose, path)."""
+    study, scenes = cfg.studies.envelope, stage.read_inputs(cfg)
+    doses = dose_grid(study.step, study.doses)
+    return scenes, doses, stage.choose_paths(cfg, scenes, doses)
 
 
-def test_there_is_a_cell_and_a_curve_for_every_variant_user_and_symbol(cfg: DictConfig, found: dict):
-    for part in ("envelope", "curves"):
-        assert set(found[part]) == set(VARIANTS)
-        for by_user in found[part].values():
-            assert {u: set(by_symbol) for u, by_symbol in by_user.items()} == {u: set(SYMBOLS) for u in cfg.users}
-    assert (found["scenes"], found["seeds"]) == (SCENES, len(cfg.protocol.seeds))
+def test_every_variant_and_the_truth_have_a_row_for_every_user_and_symbol(cfg: DictConfig, out: Path):
+    expected = pd.MultiIndex.from_product([[*VARIANTS, "truth"], list(cfg.users), SYMBOLS])
+    table, curve = read_table(out / "envelope.csv"), read_table(out / "curve.parquet")
+    assert list(pd.MultiIndex.from_frame(table[["variant", "user", "symbol"]])) == list(expected)
+    counts = curve.groupby(["variant", "user", "symbol"], sort=False).size()
+    assert list(counts.index) == list(expected) and (counts == cfg.studies.envelope.doses).all()
 
 
-def test_the_truths_own_answers_give_the_true_margins_and_no_others(cfg: DictConfig, found: dict):
-    for user, by_symbol in found["oracle"].items():
-        for symbol, cell in by_symbol.items():
-            margin = cfg.users[user][symbol]
-            assert cell["truth_m"] == margin and cell["right"]
-            if margin is not None:
-                assert cell["drop_at_contact"] == 1
-                assert abs(cell["error_m"]) < cfg.envelope.step / 2
+def test_the_method_recovers_the_true_margins_from_the_true_answers(cfg: DictConfig, out: Path):
+    for row in read_table(out / "envelope.csv").query("variant == 'truth'").itertuples():
+        margin = cfg.users[row.user][row.symbol]
+        assert row.right
+        assert np.isnan(row.radius_m) == (margin is None)
+        if margin is not None:
+            assert row.true_radius_m == margin and row.response == 1
+            assert abs(row.radius_m - margin) < cfg.studies.envelope.step / 2
 
 
-def test_in_truth_an_item_matters_within_the_margin_alone(cfg: DictConfig, found: dict):
-    for user, by_symbol in found["curves"]["full"].items():
-        for symbol, curve in by_symbol.items():
-            margin, at = cfg.users[user][symbol] or -1.0, np.array(curve["clearance_m"])
-            truth = np.array(curve["truth"])
-            assert (truth[at < margin - cfg.envelope.step / 2] == 1).all()
-            assert (truth[at > margin + cfg.envelope.step / 2] == 0).all()
+def test_an_item_truly_matters_within_the_margin_only(cfg: DictConfig, out: Path):
+    half = cfg.studies.envelope.step / 2
+    for (_, user, symbol), curve in read_table(out / "curve.parquet").groupby(["variant", "user", "symbol"]):
+        margin = cfg.users[user][symbol] or -1.0
+        assert (curve.loc[curve["clearance_m"] < margin - half, "true_response"] == 1).all()
+        assert (curve.loc[curve["clearance_m"] > margin + half, "true_response"] == 0).all()
 
 
-def test_chosen_paths_have_the_dose_and_are_clear_of_everything_else(cfg: DictConfig):
-    tables = envelope._set_tables(cfg)
-    grid, chosen = envelope._choose_paths(cfg, tables)
-    z = envelope._paths(tables, chosen)
-    for symbol, layouts in enumerate(tables.added.layouts):
-        distance = clearance(layouts, z[symbol])
+def test_chosen_paths_have_the_dose_and_are_clear_of_other_items(cfg: DictConfig, chosen: tuple):
+    scenes, doses, paths = chosen
+    study = cfg.studies.envelope
+    for symbol, layouts in enumerate(scenes.added.layouts):
+        z = np.take_along_axis(scenes.z_theta, paths[symbol].reshape(SCENES, -1)[..., None], axis=1)
+        distance = clearance(layouts, z).reshape(*paths.shape[1:], -1)
         last = layouts.present.sum(1) - 1
-        own = distance[np.arange(SCENES), :, last].reshape(chosen.shape[1:])
-        others = np.where(np.arange(distance.shape[-1]) == last[:, None, None], np.inf, distance).min(-1)
-        there = chosen[symbol] >= 0
-        assert (np.abs(own - grid[:, None])[there] <= cfg.envelope.step / 2 + 1e-12).all()
-        assert (others.reshape(there.shape)[there] >= cfg.envelope.clear_of_others).all()
+        slots = np.arange(distance.shape[-1])
+        has_dose = paths[symbol] >= 0
+        to_added = distance[np.arange(SCENES), ..., last]
+        to_others = np.where(slots == last[:, None, None, None], np.inf, distance).min(-1)
+        assert (np.abs(to_added - doses[:, None])[has_dose] <= study.step / 2 + 1e-12).all()
+        assert (to_others[has_dose] >= study.clear_of_others).all()
 
 
-def test_a_curve_is_the_models_own_drop(cfg: DictConfig, found: dict):
-    tables = envelope._set_tables(cfg)
-    _, chosen = envelope._choose_paths(cfg, tables)
-    torch.set_num_threads(1)
-    symbol, z = SYMBOLS.index("plate"), envelope._paths(tables, chosen)
-    models = [load_model(cfg, "path", "normal", seed, cfg.main_n_demos) for seed in cfg.protocol.seeds]
-    before = np.mean([m.probability(tables.images, z[symbol]) for m in models], axis=0)
-    after = np.mean([m.probability(tables.added.images[symbol], z[symbol]) for m in models], axis=0)
-    drop = np.where(chosen[symbol, ..., 0] >= 0, before - after, np.nan)  # (scene, dose)
-    by_item = pd.DataFrame(drop).groupby(tables.added.item[symbol])
-    expected = by_item.mean().mean()  # over an item's scenes, then over items
-    np.testing.assert_allclose(found["curves"]["path"]["normal"]["plate"]["drop"], expected, atol=2e-6)
+def test_a_curve_is_the_models_own_loss_of_validity(cfg: DictConfig, out: Path, chosen: tuple):
+    scenes, _, paths = chosen
+    symbol = SYMBOLS.index("plate")
+    z = np.take_along_axis(scenes.z_theta, paths[symbol].reshape(SCENES, -1)[..., None], axis=1)
+    models = [load_model(cfg, "clearance", "normal", seed, cfg.main_n_demos) for seed in cfg.protocol.seeds]
+    before = np.mean([m.probability(scenes.images, z) for m in models], axis=0)
+    after = np.mean([m.probability(scenes.added.images[symbol], z) for m in models], axis=0)
+    loss = np.where(paths[symbol, ..., 0] >= 0, before - after, np.nan)  # (scene, dose)
+    expected = pd.DataFrame(loss).groupby(scenes.added.item[symbol]).mean().mean()  # scenes of an item, then items
+    curve = read_table(out / "curve.parquet").query("variant == 'clearance' and user == 'normal' and symbol == 'plate'")
+    np.testing.assert_allclose(curve["response"], expected, atol=1e-6)
 
 
-def test_planning_with_the_true_margins_is_perfect_and_with_none_is_no_better_than_chance(found: dict):
-    nulls = found["planning_nulls"]
-    for user, cell in nulls["true_margins"].items():
-        free = nulls["no_envelope"][user]
-        assert (cell["valid"], cell["wasted"]) == (1, 0)
-        assert (free["kept"], free["wasted"]) == (1, 0)
-        assert free["valid"] == pytest.approx(cell["kept"])
-    assert nulls["no_envelope"]["aggressive"]["valid"] == 1
+def test_plans_that_keep_the_true_margins_are_all_valid(cfg: DictConfig):
+    scenes = stage.read_inputs(cfg)
+    margins = {user: margins for user, margins in cfg.users.items() if any(m is not None for m in margins.values())}
+    learned = envelopes_of({user: {s: m[s] for s in SYMBOLS} for user, m in margins.items()})
+    plans = stage.check_plans(cfg, scenes, learned)
+    assert list(plans["user"]) == list(margins) and (plans["plans"] > 0).all()
+    assert (plans["valid"] == 1).all() and (plans["shortfall_m"] == 0).all()
 
 
-def test_paths_keep_the_upper_end_of_the_interval_or_only_from_what_flips():
-    cells = {
-        "glass": {"radius_m": 0.04, "ci_low": 0.03, "ci_high": 0.05, "flips": True},
-        "plate": {"radius_m": 0.02, "ci_low": 0.01, "ci_high": 0.03, "flips": False},
-        "bowl": {"radius_m": None, "ci_low": None, "ci_high": None, "flips": True},
-    }
-    of_all = {"glass": 0.05, "plate": 0.03, "bowl": None}
-    assert envelope._keep_clear({"normal": cells}) == {"normal": of_all}
-    assert envelope._keep_clear({"normal": cells}, flips=True) == {"normal": of_all | {"plate": None}}
+def test_only_paths_that_break_the_distances_are_moved(cfg: DictConfig):
+    scenes = stage.read_inputs(cfg)
+    keep_clear = dict.fromkeys(SYMBOLS, 0.01)
+    starts = scenes.z_theta[:, : cfg.studies.envelope.starts]
+    inside = ~valid(scenes.layouts, starts, keep_clear)
+    plans = stage.check_plans(cfg, scenes, envelopes_of({"careful": keep_clear}))["plans"].item()
+    assert 0 < plans <= inside.sum() < inside.size
 
 
-def test_where_no_path_keeps_the_distance_there_is_no_plan(cfg: DictConfig):
-    beyond_the_table = {user: {str(symbol): 2.0 for symbol in SYMBOLS} for user in cfg.users}
-    found = envelope._plan_nearest(cfg, envelope._set_tables(cfg), beyond_the_table)
-    assert {user: cell["plans"] for user, cell in found.items()} == dict.fromkeys(cfg.users, 0)
+def test_where_no_path_keeps_the_distances_there_is_no_plan(cfg: DictConfig):
+    beyond_the_table = envelopes_of({user: dict.fromkeys(SYMBOLS, 2.0) for user in cfg.users})
+    assert (stage.check_plans(cfg, stage.read_inputs(cfg), beyond_the_table)["plans"] == 0).all()
 
 
-def test_the_specification_can_be_read_and_says_what_was_found(cfg: DictConfig, out: Path, found: dict):
-    text = (out / "specification.yaml").read_text()
-    assert text.startswith("#") and "metres" in text
-    for user, by_symbol in yaml.safe_load(text).items():
-        for symbol, cell in by_symbol.items():
-            measured = found["envelope"][cfg.envelope.planner][user][symbol]
-            assert cell["keep_clear_m"] == cell["ci_high_m"] == measured["ci_high"]
-            assert cell["radius_m"] == measured["radius_m"]
-    for user, plans in found["nearest"].items():
-        assert f"{user}: {100 * plans['valid']:.1f} % of {plans['plans']} such plans are valid" in text
+def envelopes_of(distances: dict) -> pd.DataFrame:
+    """Return a table of learned envelopes with these upper ends [m]."""
+    rows = [
+        (user, s, np.nan if x is None else x) for user, by_symbol in distances.items() for s, x in by_symbol.items()
+    ]
+    return pd.DataFrame(rows, columns=["user", "symbol", "ci_high"])
+
+
+def test_the_specification_says_what_the_table_says(cfg: DictConfig, out: Path):
+    content = yaml.safe_load((out / "specification.yaml").read_text())
+    for row in read_table(out / "envelope.csv").query("variant == 'clearance'").itertuples():
+        values = content[row.user][row.symbol]
+        assert values["verdict"] == row.verdict and values["keep_clear_m"] == values["ci_high_m"]
+        assert (values["radius_m"] is None) == np.isnan(row.radius_m)
+        if values["radius_m"] is not None:
+            assert values["radius_m"] == pytest.approx(row.radius_m, abs=1e-4)
 
 
 def test_a_second_run_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
-    assert sorted(p.name for p in out.iterdir()) == ["metrics.json", "specification.yaml"]
-    repeats_itself(envelope.main, cfg, out, tmp_path)
-
-
-def test_only_paths_that_do_not_keep_the_distances_yet_are_moved(cfg: DictConfig):
-    tables, starts = envelope._set_tables(cfg), cfg.envelope.starts
-    keep: dict[str, dict[str, float | None]] = {user: {s: 0.01 for s in SYMBOLS} for user in cfg.users}
-    inside = ~valid(tables.layouts, tables.z_theta[:, :starts], keep["careful"])
-    plans = envelope._plan_nearest(cfg, tables, keep)["careful"]["plans"]
-    assert 0 < plans <= inside.sum() < inside.size
+    repeats_itself(stage.main, cfg, out, tmp_path)
 
 
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
-        ("doses", 1, "envelope.doses is 1: expected a whole number from 2"),
-        ("paths", 0.5, "envelope.paths is 0.5"),
-        ("candidates", 0, "envelope.candidates is 0"),
-        ("step", 0.0, "envelope.step is 0.0"),
-        ("clear_of_others", 0.04, "more than the widest margin in users, 0.045 m: raise it"),
-        ("planner", "fulll", "envelope.planner is 'fulll': expected one of"),
-        ("doses", 200, "raise envelope.candidates"),
+        ("doses", 1, "studies.envelope.doses"),
+        ("paths", 0.5, "studies.envelope.paths"),
+        ("candidates", 0, "studies.envelope.candidates"),
+        ("step", 0.0, "studies.envelope.step"),
+        ("clear_of_others", 0.04, "more than the widest margin in users"),
+        ("planner", "fulll", "studies.envelope.planner"),
+        ("doses", 200, "raise studies.envelope.candidates"),
     ],
 )
 def test_settings_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name: str, value, message: str):
-    refuses(envelope.main, cfg, f"envelope.{name}", value, message, tmp_path / "out")
+    refuses(stage.main, cfg, f"studies.envelope.{name}", value, message, tmp_path / "out")
 
 
 def test_an_item_counts_once_however_many_training_scenes_show_it(cfg: DictConfig):
-    scenes = read_scenes(Path(cfg.paths.scenes))
-    shown = {s: set() for s in range(len(SYMBOLS))}
-    for seed in cfg.protocol.seeds:
-        layouts = scenes.layouts[train_pool(seed)]
-        for symbol, item in zip(layouts.symbol[layouts.present], layouts.item[layouts.present], strict=True):
-            shown[symbol].add(item)
-    expected = tuple(max(1, len(items)) for items in shown.values())
-    assert envelope._trained_items(scenes, cfg.protocol.seeds) == expected
-    assert envelope._trained_items(scenes, [0, 0, 1]) == expected
-    assert max(expected) > 1
+    scenes, trained = read_scenes(Path(cfg.paths.scenes)), stage.read_inputs(cfg).trained
+    layouts = [scenes.layouts[train_pool(seed)] for seed in cfg.protocol.seeds]
+    for symbol, count in enumerate(trained):
+        shown = {int(item) for x in layouts for item in x.item[x.symbol == symbol]}
+        assert count == max(1, len(shown))

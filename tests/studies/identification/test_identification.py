@@ -99,7 +99,7 @@ def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Pat
         ("draws", True, "studies.identification.draws"),
         ("reported", [1, PATHS + 1], f"whole numbers from 1 to studies.identification.paths = {PATHS}"),
         ("level", 1.0, "studies.identification.level"),
-        ("stranger", {"plate": 0.045}, "a margin for each of bowl, plate, cutlery, glass"),
+        ("stranger", {"mug": 0.045}, "some of bowl, plate, cutlery, glass"),
         ("stranger", dict.fromkeys(SYMBOLS), "margins that no user has"),
         ("stranger", dict.fromkeys(SYMBOLS, -1.0), "studies.identification.stranger.bowl"),
         ("split", "seen_scenes", "new_scenes, new_items"),

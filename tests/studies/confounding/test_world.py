@@ -1,4 +1,4 @@
-"""Glasses stand beside plates as often as asked, under every clearance, and nothing else depends on it."""
+"""Glasses stand beside plates as often as asked, under every clearance, and nothing else changes."""
 
 from dataclasses import fields, replace
 
@@ -28,7 +28,7 @@ def drawn(seed: int, scenes: int, pool: np.ndarray = ROUND, **changes) -> Layout
 
 
 def gaps(layouts: Layouts, scene: int, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Footprint to footprint [m] between the items of two sets of slots."""
+    """Return the gaps [m] between the footprints of the items of two sets of slots."""
     ends, radius = layouts.ends[scene], layouts.radius[scene]
     return segment_distance(ends[first][:, None], ends[second]) - radius[first][:, None] - radius[second]
 
@@ -36,7 +36,7 @@ def gaps(layouts: Layouts, scene: int, first: np.ndarray, second: np.ndarray) ->
 @pytest.mark.parametrize("pool", [ROUND, OVAL])
 @given(seed=seeds)
 @settings(max_examples=10, deadline=None)
-def test_footprints_keep_clear_of_one_another_and_of_the_ends(pool, seed):
+def test_footprints_keep_the_clearances(pool, seed):
     layouts = drawn(seed, 4, pool)
     for scene in range(len(layouts)):
         slots = np.flatnonzero(layouts.present[scene])
@@ -62,20 +62,20 @@ def test_with_a_common_cause_every_glass_stands_beside_the_plate_and_none_withou
 
 
 @pytest.mark.parametrize("together", [0.0, 0.5, 1.0])
-def test_plates_and_glasses_come_equally_often_whatever_their_cause(together):
+def test_plates_and_glasses_occur_equally_often_whatever_their_cause(together):
     layouts = drawn(2, 200, together=together)
     for symbol in (PLATE, GLASS):
         share = (layouts.symbol == symbol).any(1).mean()
         assert share == pytest.approx(SETTING.present, abs=4 * np.sqrt(0.16 / 200))
 
 
-def test_without_a_common_cause_plates_and_glasses_come_independently():
+def test_without_a_common_cause_plates_and_glasses_occur_independently():
     layouts = drawn(3, 400, together=0.0)
     plate, glass = ((layouts.symbol == symbol).any(1) for symbol in (PLATE, GLASS))
     assert np.corrcoef(plate, glass)[0, 1] == pytest.approx(0, abs=4 / np.sqrt(400))
 
 
-def test_a_stronger_cause_takes_hold_of_more_scenes_and_leaves_the_others_as_they_were():
+def test_a_stronger_cause_changes_more_scenes_and_leaves_the_others_as_they_are():
     weak, strong, full = (drawn(4, 200, together=t) for t in (0.5, 0.8, 1.0))
 
     def same(a: Layouts, b: Layouts) -> np.ndarray:
@@ -86,7 +86,7 @@ def test_a_stronger_cause_takes_hold_of_more_scenes_and_leaves_the_others_as_the
     assert same(strong, full)[same(weak, full)].all()
 
 
-def test_the_same_generator_draws_the_same_scenes_and_another_draws_others():
+def test_scenes_depend_on_the_generator_alone():
     np.testing.assert_array_equal(drawn(5, 5).centre, drawn(5, 5).centre)
     assert not np.array_equal(drawn(5, 5).centre, drawn(6, 5).centre)
 

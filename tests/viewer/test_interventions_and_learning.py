@@ -1,4 +1,4 @@
-"""Interventions, counterfactuals and what a model learned from, read back, are what the run was given."""
+"""Interventions and learning, read back with Rerun's own reader, are what the run was given."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -6,14 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rerun.chunk import RrdReader
-from tests.recording.example import a_run, read, read_maps, read_pictures, read_timed
 
 from pipeline.viewer.contents import Run
 from pipeline.viewer.digest import digest
 from pipeline.viewer.geometry import changed, footprints, on_table, percent
 from pipeline.viewer.run import write_run
 from pipeline.viewer.scene import TIMELINES
-from pipeline.world.bezier import curve
+from tests.viewer.example import a_run, read, read_maps, read_pictures, read_timed
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +45,7 @@ def test_hundredths_go_from_minus_one_to_one() -> None:
     assert percent(np.array([[-1.0, -0.004, 0.0, 0.006, 1.0]])).tolist() == [[0, 100, 100, 101, 200]]
 
 
-def test_tables_with_an_item_more_are_exact_and_outline_it(run: Run, recording: Path) -> None:
+def test_tables_with_an_added_item_are_exact_and_outline_it(run: Run, recording: Path) -> None:
     (before,) = read_pictures(recording, "interventions/table/image")
     layers = read_pictures(recording, "interventions/table/changed", "intervention")
     outlines = read(recording, "interventions/table/added", "LineStrips2D:strips", "intervention")
@@ -70,52 +69,12 @@ def test_maps_after_and_effects_are_exact(run: Run, recording: Path) -> None:
     assert np.array_equal(maps("true_effect", np.uint8), percent(truth - before.truth.astype(float)))
 
 
-def test_every_effect_is_told(run: Run, recording: Path) -> None:
-    pages = read(recording, "interventions/words", "TextDocument:text", "intervention")
+def test_every_effect_is_given(run: Run, recording: Path) -> None:
+    pages = read(recording, "interventions/effects", "TextDocument:text", "intervention")
     for done, (text,) in zip(run.interventions, pages, strict=True):
-        assert text.startswith(f"## A {done.symbol} more")
+        assert text.startswith(f"## {done.symbol.capitalize()} added")
         assert f"| **{done.symbol}** | {done.learned:+.2f} | {done.true:+.2f} | " in text
         assert f" | {done.learned_mean:+.3f} | {done.true_mean:+.3f} |" in text
-
-
-def test_counterfactual_tables_paths_and_answers_are_exact(run: Run, recording: Path) -> None:
-    tables = read_pictures(recording, "counterfactuals/table/image", "counterfactual")
-    layers = read_pictures(recording, "counterfactuals/table/changed", "counterfactual")
-    strips = read(recording, "counterfactuals/table/path_and_gone", "LineStrips2D:strips", "counterfactual")
-    step = 0
-    for asked, table in zip(run.counterfactuals, tables, strict=True):
-        assert np.array_equal(table, asked.image)
-        outlines = [on_table(outline) for _, outline in footprints(asked.layout)]
-        for question in range(1 + len(outlines)):
-            expected = asked.without[question - 1] if question else asked.image
-            assert np.array_equal(over(table, layers[step]), expected)
-            path, *gone = strips[step]
-            assert np.allclose(path, on_table(curve(asked.z, len(path))), atol=1e-4)
-            assert len(gone) == (question > 0)
-            assert not gone or np.allclose(gone[0], outlines[question - 1], atol=1e-4)
-            step += 1
-    assert step == len(layers)
-
-
-def test_every_answer_and_whom_the_model_and_the_truth_blame_is_told(run: Run, recording: Path) -> None:
-    pages = iter(read(recording, "counterfactuals/words", "TextDocument:text", "counterfactual"))
-    asks = ("as it stands", "without the bowl", "without the cutlery")
-    for asked, question in ((asked, question) for asked in run.counterfactuals for question in range(3)):
-        (text,) = next(pages)
-        for i, ask in enumerate(asks):
-            name = f"**{ask}**" if i == question else ask
-            verdict = "valid" if asked.truth[i] else "invalid"
-            assert f"| {name} | {asked.p[i]:.2f} | {verdict} |" in text
-        assert "The model rejects the path and blames the **cutlery**." in text
-        assert "The truth rejects the path and blames the **bowl**." in text
-
-
-def test_a_run_without_examples_has_no_counterfactuals(run: Run, tmp_path: Path) -> None:
-    write_run(tmp_path / "none.rrd", replace(run, counterfactuals=()))
-    entities = {str(chunk.entity_path) for chunk in RrdReader(tmp_path / "none.rrd").stream().to_chunks()}
-    assert not any(entity.startswith("/counterfactuals") for entity in entities)
-    ((text,),) = read(tmp_path / "none.rrd", "readme", "TextDocument:text")
-    assert "## Counterfactuals" not in text
 
 
 @pytest.mark.parametrize(("way", "timeline"), [("by_n", "demonstrations"), ("by_step", "train_step")])
@@ -147,16 +106,15 @@ def test_every_time_line_is_there_and_shows_the_last_of_what_lies_on_another(run
     chunks = RrdReader(recording).stream().to_chunks()
     assert {name for chunk in chunks for name in chunk.timeline_names} == set(TIMELINES)
     for timeline, first in TIMELINES.items():
-        rows = read_timed(recording, "interventions/words", "TextDocument:text", timeline)
+        rows = read_timed(recording, "interventions/effects", "TextDocument:text", timeline)
         assert len(rows) == len(run.interventions)
         assert timeline == "intervention" or {time for time, _ in rows} == {first}
 
 
-@pytest.mark.parametrize("part", ["interventions", "counterfactuals", "learning"])
+@pytest.mark.parametrize("part", ["interventions", "learning"])
 def test_the_digest_changes_with_any_part(run: Run, recording: Path, tmp_path: Path, part: str) -> None:
     others = {
         "interventions": (*run.interventions[:-1], replace(run.interventions[-1], learned_mean=0.0)),
-        "counterfactuals": (*run.counterfactuals[:-1], replace(run.counterfactuals[-1], z=np.array([0.5, 0.5]))),
         "learning": replace(run.learning, by_step={k: m[::-1] for k, m in run.learning.by_step.items()}),
     }
     write_run(tmp_path / "other.rrd", replace(run, **{part: others[part]}))

@@ -1,0 +1,200 @@
+"""The library: fit a model of one user's valid paths, ask it, repair paths by it, and estimate the effect of an item.
+
+Settings are those of the paper's experiment (conf/), as SETTINGS; tests hold the two equal. Arrays in, arrays out.
+"""
+
+import json
+import warnings
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy import ndarray as Array
+
+from pipeline.models.base import ValidityModel, check_images, check_paths
+from pipeline.models.registry import build
+from pipeline.runtime.errors import InputError
+
+VAE = {"latent": 15, "channels": [16, 8, 4], "hidden": 64}
+REWARD_MAP = {"channels": 16, "dilated": 3, "gain": 10.0, "lattice_side": 12, "symmetric": True, "ceiling": True}
+SETTINGS: dict[str, dict[str, Any]] = {  # conf/variants with conf/train, conf/irl, conf/clearance
+    "full": {"kind": "vae", "alpha": 10.0, "beta": 0.005, "gamma": 1.0, "model": VAE},
+    "ae": {"kind": "vae", "alpha": 10.0, "beta": 0.0, "gamma": 1.0, "model": VAE},
+    "classifier": {"kind": "vae", "alpha": 0.0, "beta": 0.0, "gamma": 1.0, "model": VAE},
+    "irl_maxent": {"kind": "reward", "objective": "maxent", "steps": 150, "model": {**REWARD_MAP, "dropout": 0.5}},
+    "irl_ranked": {"kind": "reward", "objective": "ranked", "steps": 200, "model": {**REWARD_MAP, "dropout": 0.3}},
+    "clearance": {"kind": "clearance", "model": {"members": 16}},
+}
+TRAINING: dict[str, dict[str, Any]] = {  # by kind
+    "vae": {"steps": 600, "rate": 0.003, "weight_decay": 0.01, "curve_every": 10},
+    "reward": {
+        "rate": 0.018, "weight_decay": 0.0001, "scenes_per_step": 20, "n_augmentations": 12, "sparsity": 0.0,
+        "across": True, "curve_every": 10,
+        "color_jitter": {"hue": 0.3, "gain": 0.15, "shift": 0.01, "scene_gain": 0.1, "other_table": 0.67},
+    },
+    "clearance": {"steps": 1000, "rate": 0.03, "weight_decay": 0.0, "curve_every": 10},
+}  # fmt: skip
+REPAIR: dict[str, Any] = {"steps": 30, "optimiser": "adam", "rate": 0.5, "settle": True}
+MAX_ABS_Z_M = 2.0  # a control point farther away is no path on this table: most likely in pixels
+ACCEPTED_ABOVE = 0.5  # P(valid) of an accepted path
+
+
+class Effect(NamedTuple):
+    """The average causal effect of an item on the validity of paths."""
+
+    estimate: float  # change of E[V], the mean P(valid) over the paths, averaged over scenes and models
+    interval: tuple[float, float]  # 95 %
+    p: float  # two-sided, of no effect
+    verdict: str  # "effect", "negligible" or "undecided" (pipeline.stats.crossed.verdict)
+
+
+def fit(images: Array, z_theta: Array, valid: Array, variant: str = "clearance", seed: int = 0) -> ValidityModel:
+    """Fit a model of one user to labelled paths and return it.
+
+    images: uint8 (scene, 100, 100, 3), seen from above, row 0 at the far edge of the 1 m table.
+    z_theta: (scene, n, 2) [m], the control point of each demonstrated path.
+    valid: bool (scene, n), the user's labels.
+    variant: one of SETTINGS (full, ae, classifier, irl_maxent, irl_ranked, clearance).
+    seed: draws the initial weights and all noise of the training.
+
+    Raises InputError if an argument has another type, shape or unit, or there are fewer than 2 scenes. Labels that are
+    all alike are allowed, with a warning: the model then answers one probability everywhere.
+    """
+    if variant not in SETTINGS:
+        raise InputError(f"variant {variant!r}: expected one of {', '.join(SETTINGS)}")
+    _check_scenes(images, z_theta)
+    _check_labels(valid, np.shape(z_theta)[:2])
+    settings = SETTINGS[variant]
+    model = build(settings, seed)
+    _fitter(settings)([model], [images], [np.asarray(z_theta, dtype=np.float64)], [valid], seeds=[seed])
+    model.settings = {"variant": variant, "kind": settings["kind"], "model": settings["model"], "seed": seed}
+    return model.eval()
+
+
+def _fitter(settings: Mapping[str, Any]):
+    """Return what fits models of a variant: (models, images, z_theta, valid, seeds=) -> learning curves."""
+    from pipeline.training.loop import Schedule, fit_sequentially
+
+    training = TRAINING[settings["kind"]]
+    if settings["kind"] == "vae":
+        from pipeline.models.vae.losses import Weights
+        from pipeline.training.vae.engines.reference import fit as fit_vae
+
+        weights = Weights(*(settings[name] for name in ("alpha", "beta", "gamma")))
+        return partial(fit_sequentially, fit_vae, weights=weights, schedule=Schedule.of(training))
+    if settings["kind"] == "reward":
+        from pipeline.training.irl.fit import IrlSchedule
+        from pipeline.training.irl.fit import fit as fit_irl
+
+        schedule = IrlSchedule.of({**training, "steps": settings["steps"]})
+        return partial(fit_sequentially, fit_irl, objective=settings["objective"], schedule=schedule)
+    from pipeline.training.clearance.fit import fit as fit_clearance
+
+    return partial(fit_clearance, schedule=Schedule.of(training))
+
+
+def repair(model: ValidityModel, images: Array, starts: Array) -> Array:
+    """Return for each start the z_theta (scene, path, 2) [m] of a path that the model accepts; NaN where it gives up.
+
+    Takes the paper's gradient steps on the model's log-odds and returns the accepted point (P(valid) > .5) nearest to
+    the start: the start itself, if it is accepted. starts: (scene, path, 2) [m]. Raises InputError as `fit` does.
+    """
+    from pipeline.planning.repair import Ascent
+    from pipeline.planning.repair import repair as climb
+
+    _check_scenes(images, starts, name="starts", at_least=1)
+    steps = climb(model, images, np.asarray(starts, dtype=np.float64), Ascent(**REPAIR))
+    distances = np.linalg.norm(steps.z - steps.z[:, :, :1], axis=-1)  # (scene, path, step)
+    nearest = np.where(steps.p > ACCEPTED_ABOVE, distances, np.inf).argmin(-1)[..., None]
+    ends = np.take_along_axis(steps.z, nearest[..., None], axis=2)[:, :, 0].astype(np.float64)
+    ends[(steps.p <= ACCEPTED_ABOVE).all(-1)] = np.nan
+    return ends
+
+
+def effect(
+    model: ValidityModel | Sequence[ValidityModel], images: Array, images_with_item: Array, z_theta: Array
+) -> Effect:
+    """Estimate the effect of an added item on the validity of paths: E[V | do(add item)] - E[V].
+
+    images, images_with_item: uint8 (scene, 100, 100, 3), the same scenes without and with the item.
+    z_theta: (scene, path, 2) [m], the same paths in both.
+
+    Scenes are the unit of replication. Of one model, the interval and p are those of a one-sample t-test over scenes,
+    and say nothing of other training sets. Of a sequence of models, fitted to training sets of their own, models and
+    scenes are crossed and both count (pipeline.stats.crossed). From 20 scenes on, two pseudo-scenes are added, so
+    that scenes which all agree do not give an interval of width 0. Raises InputError as `fit` does.
+    """
+    from pipeline.stats.crossed import add_pseudo_scenes, estimate, verdict
+
+    _check_scenes(images, z_theta)
+    check_images(images_with_item)
+    if len(images_with_item) != len(images):
+        raise InputError(
+            f"{len(images_with_item)} images_with_item: expected {len(images)}, one for each of the images"
+        )
+    models = [model] if isinstance(model, ValidityModel) else list(model)
+    if not models:
+        raise InputError("no model: expected a model or a sequence of models")
+    z = np.asarray(z_theta, dtype=np.float64)
+    changes = [m.probability(images_with_item, z).astype(float) - m.probability(images, z) for m in models]
+    effects = np.stack(changes).mean(-1)  # (model, scene)
+    estimates = estimate(add_pseudo_scenes(effects[None]))
+    mean, p, low, high, low90, high90 = (
+        float(getattr(estimates, name)[0]) for name in ("effect", "p", "ci_low", "ci_high", "ci90_low", "ci90_high")
+    )
+    return Effect(mean, (low, high), p, verdict(mean, p, low90, high90))
+
+
+def save(model: ValidityModel, path: str | Path) -> None:
+    """Write a fitted model as safetensors, its settings in the metadata; `load` reads it back bit for bit."""
+    from safetensors.torch import save as to_bytes
+
+    from pipeline.runtime.writing import atomic_write
+
+    if not model.settings:
+        raise InputError("the model does not carry its settings: save a model that `fit` or `load` returned")
+    state = {name: value.contiguous() for name, value in model.state_dict().items()}
+    content = to_bytes(state, metadata={"settings": json.dumps(model.settings, sort_keys=True)})
+    atomic_write(Path(path), lambda temporary: temporary.write_bytes(content))
+
+
+def load(path: str | Path) -> ValidityModel:
+    """Return the model that `save` wrote, in eval mode; raise InputError if it is missing, damaged or not finite."""
+    from safetensors import SafetensorError, safe_open
+
+    from pipeline.artifacts.trained import read_weights
+
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path} is missing: expected a file that `save` wrote")
+    try:
+        with safe_open(path, "pt") as file:
+            settings = json.loads((file.metadata() or {})["settings"])
+        model = build(settings)
+        read_weights(model, path, settings["variant"])
+    except (SafetensorError, KeyError, json.JSONDecodeError) as error:
+        raise InputError(f"{path} is not a model that `save` wrote ({error!r}): fit and save it again") from error
+    model.settings = settings
+    return model.eval()
+
+
+def _check_scenes(images: Any, z_theta: Any, name: str = "z_theta", at_least: int = 2) -> None:
+    """Raise InputError unless images and paths fit each other and the library's units."""
+    check_images(images)
+    if len(images) < at_least:
+        raise InputError(f"{len(images)} scenes: expected at least {at_least}")
+    check_paths(z_theta, len(images), name)
+    if (largest := float(np.abs(z_theta).max(initial=0.0))) > MAX_ABS_Z_M:
+        raise InputError(f"{name} reaches {largest:.3g}: expected metres within [-0.2, 1.2]; 100 pixels are one metre")
+
+
+def _check_labels(valid: Any, shape: tuple[int, ...]) -> None:
+    """Raise InputError unless the labels are bool, one a path; warn if they are all alike."""
+    labels = np.asarray(valid)
+    if labels.dtype != bool or labels.shape != shape:
+        raise InputError(f"valid is {labels.dtype} of shape {labels.shape}: expected bool of shape {shape}, one a path")
+    if labels.all() or not labels.any():
+        kind = "valid" if labels.all() else "invalid"
+        warnings.warn(f"all paths are {kind}: the model answers one probability everywhere", stacklevel=3)

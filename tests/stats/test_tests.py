@@ -1,0 +1,77 @@
+"""Tests agree with third parties and with brute force, and verdicts follow the rules fixed in advance."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from statsmodels.stats.multitest import multipletests
+from statsmodels.stats.weightstats import ttost_paired
+
+from pipeline.stats.crossed import estimate
+from pipeline.stats.tests import holm, paired_wilcoxon, true_verdict, verdict
+
+
+def rng(seed: int = 0) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+@pytest.mark.parametrize("rounded", [False, True], ids=["distinct", "ties and zeros"])
+def test_wilcoxon_is_the_exact_permutation_test(rounded: bool):
+    for seed in range(20):
+        differences = rng(seed).normal(0.3, 1, rng(seed).integers(2, 9))
+        differences = differences.round(0) if rounded else differences
+        nonzero = differences[differences != 0]
+        ranks = np.array([np.mean(np.flatnonzero(np.sort(np.abs(nonzero)) == abs(d)) + 1) for d in nonzero])
+        signs = np.array(list(product((1, -1), repeat=len(nonzero))))
+        extreme = np.abs(signs @ ranks) >= abs(ranks @ np.sign(nonzero)) - 1e-9 if len(nonzero) else np.ones(1)
+        assert paired_wilcoxon(differences, np.zeros_like(differences)) == pytest.approx(extreme.mean())
+
+
+def test_wilcoxons_smallest_p_with_ten_seeds_is_a_512th():
+    assert paired_wilcoxon(np.arange(1.0, 11), np.zeros(10)) == 2 / 1024  # .00195
+    assert paired_wilcoxon(np.ones(10), np.ones(10)) == 1.0
+
+
+def test_float_noise_breaks_no_tie():
+    a = np.array([0.1 + 0.2, 0.3, 0.5, -0.3])
+    assert paired_wilcoxon(a, np.zeros(4)) == paired_wilcoxon(a.round(6), np.zeros(4))
+    assert paired_wilcoxon(np.array([0.1 + 0.2, 0.3]), np.array([0.3, 0.3])) == 1.0
+
+
+def test_wilcoxon_refuses_nan():
+    with pytest.raises(ValueError, match="two finite vectors"):
+        paired_wilcoxon(np.array([1.0, np.nan]), np.ones(2))
+
+
+def test_holm_agrees_with_statsmodels_family_by_family():
+    families = rng(1).random((5, 12)) ** 3
+    expected = [multipletests(p, method="holm")[1] for p in families]
+    np.testing.assert_allclose(holm(families), expected, rtol=1e-12)
+    assert holm(np.array([0.04])) == 0.04
+
+
+def test_equivalence_by_the_90_percent_interval_is_two_one_sided_tests():
+    for repeat in range(60):
+        effects = rng(repeat).normal(0.035, 0.1, 150)
+        e = estimate(effects[None, None])
+        equivalent = verdict(e.effect[0], 1.0, e.ci90_low[0], e.ci90_high[0]) == "negligible"
+        assert equivalent == (ttost_paired(effects, np.zeros(150), -0.05, 0.05)[0] < 0.05)
+
+
+@pytest.mark.parametrize(
+    ("effect", "p_holm", "low", "high", "expected"),
+    [
+        (-0.13, 0.02, -0.15, -0.11, "effect"),
+        (-0.13, 0.05, -0.30, 0.04, "undecided"),  # large, not significant
+        (0.05, 0.001, 0.045, 0.055, "undecided"),  # significant, not larger than what matters
+        (-0.017, 0.001, -0.02, -0.014, "negligible"),  # significant and too small to matter
+        (0.0, 1.0, -0.05, 0.04, "undecided"),  # the interval touches the bound
+        (0.0, 1.0, 0.0, 0.0, "negligible"),
+    ],
+)
+def test_the_verdict_follows_the_rules_fixed_in_advance(effect, p_holm, low, high, expected):
+    assert verdict(effect, p_holm, low, high) == expected
+
+
+def test_the_truth_has_an_effect_only_above_the_smallest_of_interest():
+    assert [true_verdict(e) for e in (-0.051, 0.05, 0.0)] == ["effect", "negligible", "negligible"]

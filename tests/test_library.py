@@ -1,0 +1,148 @@
+"""The library's front door: README's example, what it promises, and what it refuses."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+import pipeline
+from pipeline import library
+from pipeline.params import compose
+from pipeline.runtime.errors import InputError
+from pipeline.world.bezier import random_z_theta
+from pipeline.world.layout import Layouts
+from pipeline.world.rules import clearance
+from tests.perception.test_objects import RED, WHITE, draw_table
+
+SCENES, PATHS, MARGIN = 12, 9, 0.04
+
+
+def scenes(rng: np.random.Generator, count: int, *, item: bool) -> tuple[np.ndarray, Layouts]:
+    """Draw tables with a white disc each and, with an `item`, a red one."""
+    centre = np.stack([rng.uniform((0.55, 0.12), (0.88, 0.45), (count, 2)), np.full((count, 2), (0.3, 0.7))], 1)
+    shape = (count, 2)
+    layouts = Layouts(
+        item=np.zeros(shape, int), symbol=np.zeros(shape, int), centre=centre, angle=np.zeros(shape),
+        scale=np.ones(shape), half_length=np.zeros(shape), radius=np.tile([0.045, 0.075], (count, 1)),
+    )  # fmt: skip
+    discs = [[(*a, 0.045, WHITE), (*b, 0.075, RED)][: 1 + item] for a, b in centre]
+    return np.stack([draw_table(*d, seed=i) for i, d in enumerate(discs)]), layouts
+
+
+@pytest.fixture(scope="module")
+def example():
+    """Images with and without the red disc, paths, and labels of a user who keeps away from everything."""
+    images, layouts = scenes(np.random.default_rng(0), SCENES, item=True)
+    images_without, _ = scenes(np.random.default_rng(0), SCENES, item=False)
+    z_theta = random_z_theta(np.random.default_rng(1), SCENES, PATHS)
+    return images, images_without, z_theta, clearance(layouts, z_theta).min(-1) > MARGIN
+
+
+@pytest.fixture(scope="module")
+def model(example):
+    images, _, z_theta, valid = example
+    return pipeline.fit(images, z_theta, valid, variant="clearance", seed=0)
+
+
+@pytest.mark.slow
+def test_the_example_of_the_readme(example, model, tmp_path):
+    images, images_without, z_theta, valid = example
+    p = model.probability(images, z_theta)
+    assert p.shape == valid.shape and ((p > 0.5) == valid).mean() > 0.9
+    ends = pipeline.repair(model, images, z_theta)
+    accepted = np.isfinite(ends).all(-1)
+    assert accepted.mean() > 0.8
+    p_ends = model.probability(images, np.nan_to_num(ends))
+    assert (p_ends[accepted] > 0.499).all()
+    np.testing.assert_allclose(ends[p > 0.501], z_theta[p > 0.501], atol=1e-6)  # accepted paths stay
+    effect = pipeline.effect(model, images_without, images, z_theta)
+    assert effect.interval[0] < effect.estimate < effect.interval[1] < 0 and effect.verdict == "effect"
+    assert effect.p < 0.05
+    pipeline.save(model, tmp_path / "model.safetensors")
+    again = pipeline.load(tmp_path / "model.safetensors")
+    assert np.array_equal(again.probability(images, z_theta), p)
+
+
+@pytest.mark.slow
+def test_the_effect_of_nothing_is_zero_and_several_models_are_crossed(example, model):
+    images, _, z_theta, _ = example
+    nothing = pipeline.effect([model, model], images, images, z_theta)
+    assert nothing.estimate == 0 and nothing.verdict == "negligible" and nothing.p == 1
+
+
+def test_one_model_is_a_t_test_over_scenes(example):
+    from scipy.stats import ttest_1samp
+
+    images, images_without, z_theta, _ = example
+    model = library.build({"kind": "vae", "model": library.VAE}, 0)
+    effect = pipeline.effect(model, images_without, images, z_theta)
+    change = (model.probability(images, z_theta) - model.probability(images_without, z_theta)).astype(float).mean(-1)
+    test = ttest_1samp(change, 0)
+    assert effect.p == pytest.approx(test.pvalue, rel=1e-3)
+    np.testing.assert_allclose(effect.interval, test.confidence_interval(), rtol=1e-3)
+
+
+def test_settings_are_those_of_conf():
+    cfg = compose()
+    groups = {"vae": cfg.train, "reward": cfg.irl, "clearance": cfg.clearance}
+    for variant, settings in library.SETTINGS.items():
+        conf = {name: value for name, value in cfg.variants[variant].items() if name != "stage"}
+        assert settings == conf, variant
+    for kind, training in library.TRAINING.items():
+        assert training == {name: value for name, value in groups[kind].items() if name not in ("engine", "model")}
+    assert library.SETTINGS.keys() == cfg.variants.keys()
+    assert {name: cfg.repair[name] for name in library.REPAIR} == library.REPAIR
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda a: a | {"images": a["images"] / 255}, r"images are float64 .* expected uint8 .* scale intensities"),
+        (lambda a: a | {"images": a["images"][:, :50]}, r"shape \(12, 50, 100, 3\): expected uint8"),
+        (lambda a: a | {"z_theta": a["z_theta"] * 100}, r"z_theta reaches 1\d\d: expected metres"),
+        (lambda a: a | {"z_theta": np.where(a["z_theta"] > 1, np.nan, a["z_theta"])}, "z_theta has NaN"),
+        (lambda a: a | {"z_theta": a["z_theta"][:, 0]}, r"z_theta has shape \(12, 2\): expected \(12, path, 2\)"),
+        (lambda a: a | {"z_theta": a["z_theta"][:3]}, r"z_theta has shape \(3, 9, 2\): expected \(12, path, 2\)"),
+        (lambda a: a | {"valid": a["valid"].astype(float)}, "valid is float64 .* expected bool"),
+        (lambda a: a | {"valid": a["valid"][:, 1:]}, r"expected bool of shape \(12, 9\)"),
+        (lambda a: {name: array[:1] for name, array in a.items()}, "1 scenes: expected at least 2"),
+        (lambda a: a | {"variant": "tree"}, "variant 'tree': expected one of full"),
+    ],
+)
+def test_what_does_not_fit_is_refused_with_what_was_expected(example, change, message):
+    images, _, z_theta, valid = example
+    with pytest.raises(InputError, match=message):
+        pipeline.fit(**change({"images": images, "z_theta": z_theta, "valid": valid}))
+
+
+def test_labels_that_are_all_alike_give_one_probability_and_a_warning(example):
+    images, _, z_theta, valid = example
+    with pytest.warns(UserWarning, match="all paths are valid"):
+        model = pipeline.fit(images, z_theta, np.ones_like(valid))
+    assert np.ptp(model.probability(images, z_theta)) < 1e-6
+
+
+def test_a_file_that_holds_no_model_is_refused(tmp_path):
+    path = tmp_path / "model.safetensors"
+    with pytest.raises(InputError, match="is missing"):
+        pipeline.load(path)
+    path.write_bytes(b"no weights")
+    with pytest.raises(InputError, match="not a model that `save` wrote"):
+        pipeline.load(path)
+    model = library.build({"kind": "clearance", "model": {"members": 2}}, 0)
+    with pytest.raises(InputError, match="does not carry its settings"):
+        pipeline.save(model, path)
+    model.settings = {"variant": "clearance", "kind": "clearance", "model": {"members": 2}, "seed": 0}
+    with torch.no_grad():
+        model.get_parameter("margin").fill_(float("nan"))
+    pipeline.save(model, path)
+    with pytest.raises(InputError, match="NaN or infinite values in margin"):
+        pipeline.load(path)
+
+
+def test_parameters_are_read_without_torch():
+    code = "import sys, pipeline; assert 'torch' not in sys.modules and not hasattr(pipeline, 'nothing')"
+    subprocess.run([sys.executable, "-c", code], cwd=Path(__file__).parents[1], check=True)
