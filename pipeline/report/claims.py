@@ -37,7 +37,7 @@ def verdicts(claims: pd.DataFrame) -> dict[str, str]:
 
 
 def _accuracy(results: Results) -> list[dict]:
-    """Accuracy on unseen paths of the training scenes reaches the paper's lower quartile.
+    """Judge whether accuracy on unseen paths of the training scenes reaches the paper's lower quartile.
 
     If no model of ours reaches it, the bar may be out of reach in this world, and the claim is open.
     """
@@ -57,7 +57,7 @@ def _accuracy(results: Results) -> list[dict]:
 
 
 def _autoencoder(results: Results) -> list[dict]:
-    """The full model beats the classifier alone in every test; untestable while it does not autoencode."""
+    """Judge whether the full model beats the classifier alone in every test; untestable unless it autoencodes."""
     tests = _tests(results, ["classifier"])
     if tests.empty:
         return []
@@ -67,7 +67,7 @@ def _autoencoder(results: Results) -> list[dict]:
 
 
 def _irl(results: Results) -> list[dict]:
-    """The full model beats both forms of IRL in every test."""
+    """Judge whether the full model beats both forms of IRL in every test."""
     tests = _tests(results, ["irl_maxent", "irl_ranked"])
     if tests.empty:
         return []
@@ -75,7 +75,7 @@ def _irl(results: Results) -> list[dict]:
 
 
 def _repair(results: Results) -> list[dict]:
-    """Each user's success reaches the paper's rate; below the Wilson interval of 20 repairs it fails."""
+    """Judge whether each user's success reaches the paper's rate; below the Wilson interval of 20 repairs it fails."""
     rows = []
     for user in results.repaired_users:
         if user not in PAPER_TABLE_1:
@@ -93,7 +93,7 @@ def _repair(results: Results) -> list[dict]:
 
 
 def _causes(results: Results) -> list[dict]:
-    """Every verdict on an added item is right; no better than an image-blind model, it fails."""
+    """Judge whether every verdict on an added item is right; no better than an image-blind model, it fails."""
     right, asked = results.verdicts_right(PAPER), results.questions()
     blind = results.image_blind_right()
     verdict = _compare(right == asked, right <= blind, blind == asked)
@@ -101,7 +101,7 @@ def _causes(results: Results) -> list[dict]:
 
 
 def _users_differ(results: Results) -> list[dict]:
-    """Every verdict on a change of user is right; users' shares of valid demonstrations show that as well."""
+    """Judge whether every verdict on a change of user is right; users' shares of valid paths show that, too."""
     asked = results.questions("user")
     if asked == 0:
         return []

@@ -30,7 +30,7 @@ class Reader(HTMLParser):
         self.rows: list[list[str]] = []
         self.links: list[str] = []
         self.ids: list[str] = []
-        self._hidden = False
+        self._hidden = self._in_cell = False
         self.feed(page)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
@@ -42,14 +42,16 @@ class Reader(HTMLParser):
             self.rows.append([])
         if tag in ("td", "th") and self.rows:
             self.rows[-1].append("")
+            self._in_cell = True
 
     def handle_endtag(self, tag: str) -> None:
         self._hidden = False
+        self._in_cell = self._in_cell and tag not in ("td", "th")
 
     def handle_data(self, data: str) -> None:
         if not self._hidden:
             self.words += data.split()
-            if self.rows and self.rows[-1]:
+            if self._in_cell:
                 self.rows[-1][-1] += data.strip()
 
 
