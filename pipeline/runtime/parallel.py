@@ -12,6 +12,7 @@ from typing import TypeVar
 import torch
 from joblib import Parallel, delayed, parallel_config
 from joblib.externals.loky.backend import resource_tracker
+from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from pipeline.runtime.memory import disable_malloc_trim
@@ -43,8 +44,9 @@ def map_jobs(function: Callable[[Job], Result], jobs: Sequence[Job], workers: in
 
 
 def one_thread() -> None:
-    """Give this process one torch thread, on which no result may depend, and let it keep the memory it frees."""
+    """Give this process one thread, in torch and in BLAS: sums in another order round otherwise."""
     torch.set_num_threads(1)
+    threadpool_limits(1)
     disable_malloc_trim()
 
 
