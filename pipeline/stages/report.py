@@ -138,13 +138,8 @@ def _convergence(cfg: DictConfig, scenes: SceneSet) -> pd.DataFrame:
         curves = curves[curves["n_demos"] == cfg.main_n_demos]
         last = curves.sort_values("step").groupby(["user", "seed"]).last().reset_index()
         flat = {
-<<<<<<< HEAD
-            s: scenes.images[train_pool(s)].astype(float).var(axis=(1, 2)).mean() / 255**2
-            for s in last["seed"].unique()
-=======
             seed: scenes.images[train_pool(seed)].astype(float).var(axis=(1, 2)).mean() / 255**2
             for seed in cfg.protocol.seeds
->>>>>>> main
         }
         ratio = np.sqrt(last["reconstruction"] / settings.alpha / last["seed"].map(flat))
         rows.append({"variant": variant, "reconstruction_over_flat": float(ratio.mean())})
