@@ -3,7 +3,7 @@
 Entities (coordinates: see `geometry`):
 
     about, text/overview                    what it was made from; what one sees
-    fixed/{ends,table_edge}                 start and goal on the table; the table in a latent map
+    fixed/{ends,table_edge}                 start and goal on the table; the table in a map
     USER/table/{image,items,kept_clear}     a scene with items never seen in training
     USER/{truth,predicted/VARIANT}/map      P(valid) over z_theta: the user's, the model's
     USER/errors/VARIANT/map                 where the model and the user disagree (`Repairs.errors`)

@@ -98,7 +98,7 @@ def test_a_tab_that_is_not_there_is_refused(run: ViewerClient) -> None:
 def test_without_a_driver_the_error_is_one_line_that_names_the_package(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The viewer answers before it looks for one, and is gone by the time that it should open something."""
+    """The viewer answers before it loads a driver, and has stopped by the time it should open a file."""
     for variable in ("VK_DRIVER_FILES", "VK_ICD_FILENAMES"):
         monkeypatch.setenv(variable, str(tmp_path / "nothing.json"))
     monkeypatch.setenv("WGPU_BACKEND", "vulkan")

@@ -136,7 +136,7 @@ def read_pictures(path: Path, entity: str, timeline: str | None = None) -> list[
     """The images of an entity, decoded."""
     blobs = read(path, entity, "EncodedImage:blob", timeline)
     files = [np.frombuffer(bytes(blob), np.uint8) for (blob,) in blobs]
-    images = [cv2.imdecode(file, cv2.IMREAD_UNCHANGED) for file in files]
+    images = [np.asarray(cv2.imdecode(file, cv2.IMREAD_UNCHANGED)) for file in files]
     rgb = {3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGBA}
     return [cv2.cvtColor(image, rgb[image.shape[-1]]) for image in images]
 

@@ -1,4 +1,4 @@
-"""The two views agree with the world about where things are."""
+"""The views agree with the world about where items are."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Reviewing a recording: found, verified, or a message that says what to do."""
+"""A recording is opened or verified, or an error says what to do."""
 
 from pathlib import Path
 
