@@ -21,9 +21,7 @@ from pipeline.models.base import ValidityModel
 from pipeline.perception.objects import FEATURES, detect_objects
 from pipeline.world.bezier import P_F, P_INIT, basis
 
-PATH_SAMPLES = (
-    160  # points along a path: at most 1 cm apart, so that clearances are exact within half a millimetre
-)
+PATH_SAMPLES = 160  # points along a path: at most 1 cm apart, so that clearances are exact within half a millimetre
 MARGIN_UNIT_M = 0.03  # unit of the margin parameter [m], so that one learning rate suits all parameters
 MIN_WIDTH_M = 0.003  # smallest transition width [m]: a third of a pixel, the limit of an outline's accuracy
 SHARPENING = 1.25  # factor on the log-odds of the members' mean, since averaged probabilities are underconfident
