@@ -1,4 +1,4 @@
-"""Repair paths by gradient ascent of z_theta on a model's log-odds of validity (paper, "Trajectory Backpropagation")."""
+"""Repair paths by gradient ascent on a model's log-odds of validity (paper, "Trajectory Backpropagation")."""
 
 from dataclasses import dataclass
 
