@@ -1,6 +1,6 @@
-"""Stage intervene: ask every model the causal questions of conf/questions, and the simulated world beside them.
+"""Stage intervene: answer the causal questions of conf/questions with every model and with the simulated world.
 
-Models and world are structural causal models that differ in their mechanisms only (pipeline.causal.mechanisms).
+Models and world are structural causal models that differ only in their mechanisms (pipeline.causal.mechanisms).
 """
 
 from collections.abc import Mapping
@@ -41,9 +41,9 @@ SUMMARY = [
 
 @dataclass(frozen=True)
 class Asked:
-    """One question of some users: the changes it averages over (its placements), or the user who takes over.
+    """One question for some users: the changes (placements) that it averages over, or the user that replaces them.
 
-    changes: indices into all changes of the stage, the first of which is no change.
+    changes: indices into all changes of the stage; change 0 leaves the scene unchanged.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Asked:
 
 @dataclass(frozen=True)
 class Job:
-    """The models of one variant and seed, and the image in every scene after each change."""
+    """The models of one variant and seed, and the images of all scenes after each change."""
 
     cfg: DictConfig
     variant: str
@@ -78,10 +78,10 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     )
     asked, changes = _ask(cfg, scenes, additions)
 
-    camera = model_scm({}, renderer(palette))  # do(O := o) and do(T := t) reach the models by their image
+    camera = model_scm({}, renderer(palette))  # do(O := o) and do(T := t) affect the models only through their image
     images = [camera.do(**change).entail(noise, "I")["I"] for change in changes]
     seen = {"Z_theta": noise["Z_theta"], "S": noise["S"], "I": noise["I"], "Z_I": noise["Z_I"]}
-    jobs = [Job(cfg, variant, seed, seen, images) for variant in variants[::-1] for seed in seeds]  # the slowest first
+    jobs = [Job(cfg, variant, seed, seen, images) for variant in variants[::-1] for seed in seeds]  # slowest first
     truth = expected_validities(true_scm(cfg.users), noise, users, changes)  # (change, user, scene)
     answers = np.reshape(map_jobs(_answer, jobs, cfg.workers, "intervene"), (len(variants), len(seeds), *truth.shape))
     by_variant = dict(zip(variants, answers[::-1], strict=True))  # (seed, change, user, scene)
@@ -98,14 +98,14 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 
 def _read_scenes(cfg: DictConfig, catalogue: Catalogue) -> tuple[Scenes, Values]:
-    """Return the scenes of the split and the noises on record: items, table top, render seed and random paths."""
+    """Return the scenes of the split and the recorded noises: items, table top, render seed and random paths."""
     stored, pool = read_scenes(Path(cfg.paths.scenes)), cfg.protocol.splits[cfg.intervene.split]
     stored.check_has(pool)
     layouts, appearance = stored.layouts[pool], stored.appearances[pool]
     splits = set(catalogue.items["split"].iloc[np.unique(layouts.item[layouts.present])])
     if len(splits) != 1:
         raise InputError(f"scenes of {pool} hold items of {sorted(splits)}: expected one split of items.csv")
-    choices = catalogue.pool(splits.pop())  # an added item comes from the split the scenes were drawn with
+    choices = catalogue.pool(splits.pop())  # added items come from the split of items.csv that the scenes use
     rules = LayoutRules.of(cfg.scenes.layout)
     paths = stream(cfg.intervene.root_seed, "intervene", "paths")
     noise: Values = {
@@ -120,9 +120,9 @@ def _read_scenes(cfg: DictConfig, catalogue: Catalogue) -> tuple[Scenes, Values]
 
 
 def _ask(cfg: DictConfig, scenes: Scenes, additions: Mapping[str, list[Layouts]]) -> tuple[list[Asked], list[Values]]:
-    """Return every question, one for each user who may take over, and all changes; the first changes nothing.
+    """Return all questions, one per user who may take over, and all changes; change 0 leaves the scene unchanged.
 
-    InputError if a question makes no sense in these scenes, or if a family's questions are asked in different scenes.
+    InputError if a question does not apply to these scenes, or if a family's questions concern different scenes.
     """
     asked, changes, users = [], [{}], list(cfg.users)
     for name, settings in cfg.questions.items():
@@ -164,7 +164,7 @@ def _no_image(*_: object) -> Array:
 def _sides(
     question: Asked, users: list[str], expected: Float[Array, "*seed change every_user every_scene"]
 ) -> tuple[Float[Array, "user *seed scene"], Float[Array, "user *seed scene"]]:
-    """Return E[V | S = s] and E[V | do(...), S = s] of the question's users, in its scenes, placements averaged."""
+    """Return E[V | S = s] and E[V | do(...), S = s] for the question's users and scenes, averaged over placements."""
     rows = [users.index(user) for user in question.users]
     expected = expected[..., question.scenes]
     baseline = expected[..., 0, rows, :]
@@ -182,7 +182,7 @@ def _effects(
     answers: Float[Array, "seed change user scene"],
     truth: Float[Array, "change user scene"],
 ) -> pd.DataFrame:
-    """Return a row for each user, seed and scene."""
+    """Return one row per user, seed and scene."""
     (baseline, intervened), (true_baseline, true_intervened) = (_sides(question, users, e) for e in (answers, truth))
     keys = [question.users, seeds, np.flatnonzero(question.scenes)]
     table = pd.MultiIndex.from_product(keys, names=["user", "seed", "scene"]).to_frame(index=False)
@@ -200,7 +200,7 @@ def _summary(
     answers: Float[Array, "seed change user scene"],
     truth: Float[Array, "change user scene"],
 ) -> pd.DataFrame:
-    """Return a row for each question and user, p-values corrected by family."""
+    """Return one row per question and user, with p-values corrected within families."""
     tables = []
     for family in dict.fromkeys(question.family for question in asked):
         members = [question for question in asked if question.family == family]
@@ -212,7 +212,7 @@ def _summary(
 
 
 def _metrics(cfg: DictConfig, asked: list[Asked], summary: pd.DataFrame) -> dict:
-    """Return each variant's right verdicts on the paper's questions of users with a margin, and its effects' error."""
+    """Return each variant's right verdicts on the paper's questions for users with a margin, and its effect error."""
     paper = [question.name for question in asked if question.family == PAPER]
     with_margin = [user for user, margins in cfg.users.items() if any(m is not None for m in margins.values())]
     rows = summary[summary["question"].isin(paper) & summary["user"].isin(with_margin)]
