@@ -125,12 +125,9 @@ def effect(
     z_theta: (scene, path, 2) [m], the same paths in both.
 
     Scenes are the unit of replication. For one model, the interval and p are those of a one-sample t-test over scenes
-    and
-    do not cover other training sets. For a sequence of models with separate training sets, models and scenes are
-    crossed
-    random factors (pipeline.stats.crossed). With 20 scenes or more, two pseudo-scenes are added, so that the interval
-    does
-    not collapse if all scenes agree. Raises InputError as `fit`.
+    and do not cover other training sets. For a sequence of models with separate training sets, models and scenes are
+    crossed random factors (pipeline.stats.crossed). With 20 scenes or more, two pseudo-scenes are added, so that the
+    interval does not collapse if all scenes agree. Raises InputError as `fit`.
     """
     from pipeline.stats.crossed import add_pseudo_scenes, estimate, verdict
 

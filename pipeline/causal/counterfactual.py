@@ -117,8 +117,7 @@ def baselines(
     """Return the probability that attribution without a model names the true cause; 0 if there is none.
 
     random_item: any item of the scene. nearest_item: the item with the smallest clearance [m]. base_rate: an item drawn
-    in
-    proportion to how often its symbol is the cause when present (true rates on these paths).
+    in proportion to how often its symbol is the cause when present (true rates on these paths).
     """
     hit = cause[..., None] == np.arange(present.shape[1])  # (scene, path, slot)
     caused = hit.any(-1)  # (scene, path)

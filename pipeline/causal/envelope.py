@@ -72,9 +72,8 @@ def envelopes(
 
     An envelope exists if the response at contact is a positive effect (Holm over the family, items in place of scenes).
     Columns: radius_m, ci_low, ci_high (NaN: no envelope), true_radius_m (NaN: no margin), response (at contact),
-    p_holm,
-    verdict, right (envelope and margin both exist, or neither), covered (the interval contains the margin; None unless
-    both exist).
+    p_holm, verdict, right (envelope and margin both exist, or neither), covered (the interval contains the margin; None
+    unless both exist).
     """
     by_question = [by_item(values, items) for values, items in zip(response, item, strict=True)]
     contacts = []

@@ -57,8 +57,7 @@ def change(
     """Return the interventions of one question.
 
     additions: symbol -> the scenes with an added item, one entry per placement. InputError if the question applies to
-    fewer
-    than MIN_SCENES scenes, or if the texture is unknown.
+    fewer than MIN_SCENES scenes, or if the texture is unknown.
     """
     every = np.ones(len(scenes.layouts), dtype=bool)
     match question:

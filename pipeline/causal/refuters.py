@@ -31,8 +31,7 @@ def placebo_patch(
     """Return `after` with the pixels that differ from `before` shuffled within each scene.
 
     The patch keeps the item's outline, colours and contrast but shows no item. Squares of `piece` x `piece` pixels move
-    as
-    a whole if all of their pixels differ; the remaining pixels at the rim move one by one.
+    as a whole if all of their pixels differ; the remaining pixels at the rim move one by one.
     """
     patched = before.copy()
     for image, old, new in zip(patched, before, after, strict=True):

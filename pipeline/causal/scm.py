@@ -45,8 +45,7 @@ class Node:
     """X_j := f_j(PA_j, N_j): the parents' names, `mechanism(noise, *parents)` and the distribution of the noise.
 
     noise: None if the noise is always recorded. abduce(rng, value, *parents): draw the noise given the node's value;
-    None
-    if that distribution is unknown. expectation(*parents): E[X_j | PA_j]; None if it has no closed form.
+    None if that distribution is unknown. expectation(*parents): E[X_j | PA_j]; None if it has no closed form.
     """
 
     parents: tuple[str, ...]

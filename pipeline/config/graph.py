@@ -40,8 +40,7 @@ def with_variants(text: str, stage_of: dict[str, str], before: set[str]) -> str:
     """Return a dvc.yaml whose matrices and file lists name the variants of `stage_of` (variant -> stage).
 
     `before`: variants that the graph names so far. A list with files of all of them becomes a list of all new ones, one
-    per
-    line. A list with only some of them was chosen by hand and is kept.
+    per line. A list with only some of them was chosen by hand and is kept.
     """
     for stage in FITTED:
         names = ", ".join(v for v, fitted_by in stage_of.items() if fitted_by == stage)

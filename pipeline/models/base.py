@@ -93,10 +93,8 @@ def initialise(network: nn.Module, no_rectifier_after: Container[nn.Module]) -> 
     """Draw weights from torch's global generator so that every layer preserves the mean square; set biases to 0.
 
     Source: He et al. (2015), "Delving deep into rectifiers". A rectifier halves the mean square, so the weights'
-    variance
-    is doubled, except in the layers of `no_rectifier_after`. Torch's default weights shrink the signal with every
-    layer;
-    training then takes twice as many steps before the loss depends on the image
+    variance is doubled, except in the layers of `no_rectifier_after`. Torch's default weights shrink the signal with
+    every layer; training then takes twice as many steps before the loss depends on the image
     (docs/decisions/003-training-budget.md).
     """
     for layer in network.modules():

@@ -15,8 +15,7 @@ def subtract_background(
     """Subtract the table's colour from each pixel; return the difference and the table's whitening matrix.
 
     The table's colour is a quadratic in the pixel's position, since light falls off smoothly. It is fitted to the
-    pixels
-    closest to it, MIN_TABLE_SHARE of all.
+    pixels closest to it, MIN_TABLE_SHARE of all.
     """
     sample = images[..., ::STRIDE, ::STRIDE]
     colours = sample.flatten(2).mT  # (scene, pixel, 3)

@@ -32,8 +32,7 @@ def fit_capsule(points: Float[Array, "point 2"], per_metre: int) -> Capsule:
     """Return the capsule with the same area and moments as points [m] on a grid of `per_metre` points per metre.
 
     Above MIN_LONG_ELONGATION the object's ends determine the length: most cutlery is no capsule, and moments
-    underestimate
-    its length.
+    underestimate its length.
     """
     centre = points.mean(0)
     values, vectors = np.linalg.eigh((points - centre).T @ (points - centre) / len(points))

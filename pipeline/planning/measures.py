@@ -18,8 +18,7 @@ def measures(repairs: pd.DataFrame) -> pd.DataFrame:
     repairs: one row per start and seed (pipeline.artifacts.repairs). Columns of the result:
     seeds, starts (per seed);
     success: share of repaired paths that are truly valid, with quartiles over seeds and a 95 % interval over seeds
-    crossed
-    with scenes (NaN for a single scene);
+    crossed with scenes (NaN for a single scene);
     displacement_ratio: sum of displacements over the sum of displacements to the nearest valid paths;
     accepted: share of repaired paths with p > .5; unsafe: share of all starts accepted although truly invalid.
     The last two are NaN for baselines, which have no model.

@@ -32,11 +32,10 @@ def nearest(
 
     `scenes` holds the scene index of each start. All starts of a scene share a lattice of `side` x `side` z_theta; each
     start then refines its best point `refinements` times. The resolution is (Z_HIGH - Z_LOW) / side /
-    FINER**refinements.
-    The search can miss regions thinner than the first lattice's step. A start stays if no candidate has a higher score.
+    FINER**refinements. The search can miss regions thinner than the first lattice's step. A start stays if no candidate
+    has a higher score.
     distance_penalty [1/m]: the gain in log P(valid) required per metre. If `log_valid` is 0 or -inf, any positive
-    penalty
-    gives the nearest valid path.
+    penalty gives the nearest valid path.
     """
     ends, log_p_ends = np.array(starts, dtype=np.float64), np.zeros(len(starts))
     coarse = lattice(side)

@@ -21,8 +21,7 @@ class Ascent:
     """Settings of gradient ascent (conf/repair.yaml).
 
     optimiser: `gradient` steps by rate * Delta, as in the paper (rate in m^2 per unit of log-odds); `normalised` steps
-    by
-    rate [m] in the direction of Delta; `adam` takes Adam's steps of about rate [m] per coordinate.
+    by rate [m] in the direction of Delta; `adam` takes Adam's steps of about rate [m] per coordinate.
     settle: decrease the rate linearly to zero over the steps.
     """
 

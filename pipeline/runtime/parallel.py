@@ -25,8 +25,8 @@ def map_jobs(function: Callable[[Job], Result], jobs: Sequence[Job], workers: in
     """Return `[function(job) for job in jobs]`, computed in `workers` processes, with a progress bar.
 
     `function` and its jobs must pickle. Results are in the order of the jobs and do not depend on `workers`, since
-    every
-    process has one torch thread. The first error cancels the remaining jobs. Processes are kept for the next call.
+    every process has one torch thread. The first error cancels the remaining jobs. Processes are kept for the next
+    call.
     """
     if workers == 1 or len(jobs) <= 1:
         one_thread()

@@ -22,8 +22,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write runs/{variant}-{user}-s{seed}.rrd of every model at main_n_demos, overview.rrd and recordings.csv.
 
     The overview shows the first seed's models. recordings.csv holds each recording's digest and, for runs, the share of
-    map
-    cells on which model and truth agree.
+    map cells on which model and truth agree.
     """
     check_weights(cfg)
     sources = read_sources(cfg)

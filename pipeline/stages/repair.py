@@ -77,8 +77,7 @@ def _baselines(cfg: DictConfig, scenes: SceneSet, starts: dict[str, Starts]) -> 
     """Return the ends of three references: a random path, the constant detour and the oracle.
 
     The detour is the path that is truly valid in most of a seed's training scenes. It ignores the image but knows the
-    truth
-    of every path there, not only n labels, which makes it a strong baseline.
+    truth of every path there, not only n labels, which makes it a strong baseline.
     """
     tables = []
     for seed in cfg.protocol.seeds:

@@ -71,10 +71,8 @@ def add_pseudo_scenes(
     """Return the effects with two pseudo-scenes added to each question, at its mean plus and minus an offset.
 
     If all sampled scenes agree, the estimated variance is zero and the interval collapses. Following the plus-two idea
-    of
-    Agresti and Coull (1998), we add two pseudo-observations. Their offset is half the largest deviation of a scene in
-    the
-    family. The mean is unchanged. With fewer scenes than MIN_SCENES, the effects are returned unchanged.
+    of Agresti and Coull (1998), we add two pseudo-observations. Their offset is half the largest deviation of a scene
+    in the family. The mean is unchanged. With fewer scenes than MIN_SCENES, the effects are returned unchanged.
     """
     _check(effects)
     if effects.shape[-1] < MIN_SCENES:

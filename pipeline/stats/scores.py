@@ -28,8 +28,7 @@ def reliability(p: Float[Array, " path"], valid: Bool[Array, " path"], bins: int
     """Return bins of equal width, one row each: low, high, count, confidence (mean p), frequency (share valid).
 
     Bins are [low, high), the last one [low, 1]; means of an empty bin are NaN. sklearn's `calibration_curve` drops
-    empty
-    bins and returns no counts. ValueError if a p is outside [0, 1].
+    empty bins and returns no counts. ValueError if a p is outside [0, 1].
     """
     p = np.asarray(p, dtype=np.float64)
     if not ((p >= 0) & (p <= 1)).all():

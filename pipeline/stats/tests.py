@@ -14,10 +14,8 @@ def paired_wilcoxon(a: Float[Array, " seed"], b: Float[Array, " seed"]) -> float
     """Return the exact two-sided signed-rank p-value of paired values; 1.0 if no pair differs.
 
     Equal pairs are dropped; ties share their rank. Differences are rounded to 12 decimals, so that float noise breaks
-    no
-    tie. The p-value is exact up to 13 pairs with ties, and up to 50 without. ValueError unless both are finite vectors
-    of
-    equal length.
+    no tie. The p-value is exact up to 13 pairs with ties, and up to 50 without. ValueError unless both are finite
+    vectors of equal length.
     """
     a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
     if a.shape != b.shape or a.ndim != 1 or not np.isfinite([a, b]).all():
@@ -41,8 +39,7 @@ def verdict(effect: float, p_holm: float, ci90_low: float, ci90_high: float) -> 
     """Return the verdict on an effect, one of VERDICTS.
 
     "effect": significant and larger than SMALLEST_EFFECT in size. "negligible": equivalent to zero by two one-sided
-    tests,
-    that is, the 90 % interval lies within +-SMALLEST_EFFECT (Schuirmann, 1987). "undecided": neither.
+    tests, that is, the 90 % interval lies within +-SMALLEST_EFFECT (Schuirmann, 1987). "undecided": neither.
     """
     if p_holm < LEVEL and abs(effect) > SMALLEST_EFFECT:
         return "effect"

@@ -91,10 +91,8 @@ def read_catalogue(data_dir: Path) -> Catalogue:
     """Read and check data/: items.csv, textures.csv and every image that they name.
 
     Raises CatalogueError if an image is missing, truncated, of the wrong size or without alpha, for an unknown symbol,
-    a
-    duplicate name or a length out of range, if a cutout does not fill its footprint, and if a symbol has fewer items
-    than
-    MIN_ITEMS.
+    a duplicate name or a length out of range, if a cutout does not fill its footprint, and if a symbol has fewer items
+    than MIN_ITEMS.
     """
     items = _read_table(data_dir / "items.csv", ITEMS)
     textures = _read_table(data_dir / "textures.csv", TEXTURES)

@@ -49,8 +49,7 @@ def simulate(rng: np.random.Generator, z_theta: Float[Array, "2"], hand: Hand) -
     """Simulate a hand that follows the Bezier path of `z_theta` [m]; return its trajectory.
 
     The speed profile along the arc has minimum jerk (Flash and Hogan, 1985). The duration is the path's length divided
-    by
-    a random mean speed. Tremor and a slow drift are added; the drift vanishes at both ends.
+    by a random mean speed. Tremor and a slow drift are added; the drift vanishes at both ends.
     """
     path = curve(z_theta, ARC_POINTS)
     passed = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
@@ -100,9 +99,8 @@ def check(trajectory: Array, name: str, ends_within_m: float) -> None:
     """Raise InputError, which names the trajectory, unless the fit can use it.
 
     A trajectory needs at least 3 samples of finite numbers t [s], x, y, z [m], shape (sample, 4). Time increases and
-    spans
-    MIN_DURATION_S to MAX_DURATION_S. The first and last point lie within `ends_within_m` [m] of p_init and p_f, because
-    the fitted path starts and ends there. Every point lies within MAX_BEYOND_M of the table.
+    spans MIN_DURATION_S to MAX_DURATION_S. The first and last point lie within `ends_within_m` [m] of p_init and p_f,
+    because the fitted path starts and ends there. Every point lies within MAX_BEYOND_M of the table.
     """
 
     def need(holds: bool, got: str, expected: str) -> None:

@@ -26,8 +26,7 @@ class Layouts:
     """A batch of scenes, padded to the same number of slots; empty slots have `symbol == EMPTY`.
 
     `item` is the row in items.csv and `symbol` the index into SYMBOLS. Lengths are in metres; angles are in radians
-    from
-    the table's x axis.
+    from the table's x axis.
     """
 
     item: Int[Array, "scene slot"]

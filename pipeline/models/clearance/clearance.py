@@ -53,12 +53,10 @@ class ClearanceModel(ValidityModel):
     """An ensemble with p_valid = p_nothing_missed * (1 - max(relevance * closeness)) in each member.
 
     `relevance` is a logistic function of an object's features and their squares. Features are bounded so that it does
-    not
-    extrapolate to objects unlike the training ones. Each member uses FEATURES_PER_MEMBER random features (random
-    subspaces; Ho, 1998), because several feature sets explain the training objects equally well.
-    `closeness` falls from 1 to 0 around the member's margin, as Student's t distribution with 2 degrees of freedom. Its
-    heavy tails allow for outlines that are far off. `p_nothing_missed` is the probability that no undetected object
-    blocks the path.
+    not extrapolate to objects unlike the training ones. Each member uses FEATURES_PER_MEMBER random features (random
+    subspaces; Ho, 1998), because several feature sets explain the training objects equally well. `closeness` falls from
+    1 to 0 around the member's margin, as Student's t distribution with 2 degrees of freedom. Its heavy tails allow for
+    outlines that are far off. `p_nothing_missed` is the probability that no undetected object blocks the path.
 
     The members' mean is averaged with a constant `rate` by Akaike weights of the two models (Burnham and Anderson,
     2002).

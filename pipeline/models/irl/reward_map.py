@@ -25,8 +25,7 @@ class RewardMap(ValidityModel):
     """A convolutional network from image to reward map; a path is accepted if its soft regret is above a threshold.
 
     The logit is `scale * soft_regret + offset`. Both are buffers, fitted to the labels after training; P > .5 accepts
-    paths
-    above `-offset / scale`. If `symmetric`, the map is averaged over the image's 8 symmetries.
+    paths above `-offset / scale`. If `symmetric`, the map is averaged over the image's 8 symmetries.
     """
 
     scale: Tensor

@@ -85,9 +85,8 @@ def fit(
     """Train `model` in place on n demonstrations [m] per scene; return the learning curve (`CURVE`).
 
     If all labels are equal, there is nothing to rank and no threshold to fit. The model then stays untrained and
-    answers
-    Laplace's probability (valid + 1) / (all + 2) for every image and path.
-    `checkpoints` keeps intermediate weights, each with its own acceptance rule.
+    answers Laplace's probability (valid + 1) / (all + 2) for every image and path. `checkpoints` keeps intermediate
+    weights, each with its own acceptance rule.
     """
     if is_constant(valid):
         p = rule_of_succession(valid)
