@@ -38,7 +38,7 @@ GATE = 3.0  # unit of the gate parameter, so that one learning rate suits all pa
 
 
 class Relations(NamedTuple):
-    """How each path passes each object."""
+    """Relations between paths and objects: clearances and the inputs of relevance."""
 
     clearance: Float[Tensor, "scene path near share"]  # [m]; closer for at most this share of the path (SHARES)
     terms: Float[Tensor, "scene path near term"]  # TERMS; proximity is the logarithm of a gap [m], not yet standardised
