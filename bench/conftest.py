@@ -1,4 +1,4 @@
-"""What every benchmark shares."""
+"""Fixtures shared by all benchmarks."""
 
 import pytest
 import torch
@@ -8,7 +8,7 @@ from pipeline.runtime import parallel
 
 @pytest.fixture(autouse=True)
 def one_thread():
-    """One torch thread and the workers' allocator settings, as in the stages."""
+    """Use one torch thread and the workers' allocator settings, as in the stages."""
     threads = torch.get_num_threads()
     parallel.one_thread()
     yield

@@ -1,4 +1,4 @@
-"""bench/results.json, bench/README.md and its two figures, from what the benchmarks measured.
+"""Write bench/results.json, bench/README.md and its two figures from benchmark results.
 
 python -m bench.page BENCHMARKS.json REPRO.json
 """
@@ -14,7 +14,7 @@ from jinja2 import Environment, StrictUndefined
 from matplotlib.figure import Figure
 
 HERE = Path(__file__).resolve().parent
-AIMS = {  # figure: (what it is, aim)
+AIMS = {  # name of the figure -> (description, aim)
     "environment_minutes": ("`make venv` from the lock [min]", ""),
     "demo_minutes": ("`make demo`: from data to a small page [min]", "at most 5 with the environment"),
     "repro_minutes": ("`make repro`: the paper from an empty cache [min]", "at most 20 with the environment"),
@@ -44,7 +44,7 @@ UNITS = {"n_demos": "demonstrations a scene", "scenes": "training scenes", "mode
 
 
 def main(benchmarks: Path, repro: Path) -> None:
-    """Write everything from the benchmarks' json and, if it is there, the timing of the make targets."""
+    """Write all files from the benchmarks' json and, if it exists, the timing of the make targets."""
     runs = json.loads(benchmarks.read_text())["benchmarks"]
     results: dict = {}
     growth: dict = {}
@@ -62,7 +62,7 @@ def main(benchmarks: Path, repro: Path) -> None:
 
 
 def machine() -> dict[str, str | int]:
-    """Return what the figures were measured on."""
+    """Return the machine on which the figures were measured."""
     lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
     names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
     flags = next((line for line in lines if line.startswith("flags")), "")
@@ -76,7 +76,7 @@ def machine() -> dict[str, str | int]:
 
 
 def page(results: dict) -> str:
-    """Return the README of this folder."""
+    """Return the text of bench/README.md."""
     environment = Environment(
         undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
     )
@@ -109,7 +109,7 @@ def _stages(minutes: dict[str, float]) -> Figure:
 
 
 def _number(value: float) -> str:
-    """Return three significant digits."""
+    """Return a number with three significant digits."""
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
 
 

@@ -1,9 +1,9 @@
-"""One pass over a training set (a gradient step of one model), in three ways; what it costs in time and memory.
+"""Time and memory of one gradient step over a training set, implemented in three ways.
 
-rows: the usual loop, a DataLoader handing out rows (image, trajectory), an image encoded for every path, eager torch.
-eager: the reference engine, each scene encoded once, channels last, fused AdamW.
-stacked: the simd engine, LANES models at once.
-All take the same full-batch step on the same loss (tests/training hold them equal), optimiser included, on one thread.
+rows: the usual loop, with a DataLoader of rows (image, trajectory), one encoding per path, and eager torch.
+eager: the reference engine, with each scene encoded once, channels-last memory and fused AdamW.
+stacked: the simd engine, with LANES models at once.
+All make the same full-batch step on the same loss, including the optimiser, on one thread (tests/training check this).
 """
 
 import multiprocessing
@@ -27,14 +27,14 @@ from pipeline.training.vae.engines.simd import Convolution, Stack, allocate, fit
 from pipeline.training.vae.engines.simd_kernels import LANES, _add, outer, zeros
 
 SCENES, N = 20, 9
-STEPS = 40  # a call: what comes before the first one is shared out among them, as in the stages
+STEPS = 40  # steps per call: fixed costs before the first step are spread over them, as in the stages
 VARIANTS = {"full": Weights(10.0, 0.005, 1.0), "classifier": Weights(0.0, 0.0, 1.0)}
 SCHEDULE = Schedule(STEPS, 2e-3, 0.01, STEPS)
 GIB = 2**30
 
 
 def training_set(scenes: int = SCENES, n: int = N):
-    """Draw images, paths [m] and labels; their content does not matter to the clock."""
+    """Draw images, paths [m] and labels; their content does not affect the timing."""
     rng = np.random.default_rng(0)
     images = rng.integers(0, 256, (scenes, 100, 100, 3), dtype=np.uint8)
     return images, rng.uniform(-0.2, 1.2, (scenes, n, 2)), np.arange(scenes * n).reshape(scenes, n) % 2 == 0
@@ -47,7 +47,7 @@ def untrained(seed: int = 0) -> BetaVae:
 
 
 def rows(weights: Weights, scenes: int = SCENES, n: int = N) -> Callable[[], None]:
-    """Return one pass of one model."""
+    """Return a function that makes one step of one model."""
     model = untrained().to(memory_format=torch.contiguous_format)  # pyright: ignore[reportCallIssue]
     images, z_theta, valid = training_set(scenes, n)
     table = TensorDataset(
@@ -69,13 +69,13 @@ def rows(weights: Weights, scenes: int = SCENES, n: int = N) -> Callable[[], Non
 
 
 def eager(weights: Weights, scenes: int = SCENES, n: int = N) -> Callable[[], object]:
-    """Return STEPS passes of one model."""
+    """Return a function that makes STEPS steps of one model."""
     model, (images, z_theta, valid) = untrained(), training_set(scenes, n)
     return lambda: fit(model, images, z_theta, valid, weights, SCHEDULE, seed=0)
 
 
 def stacked(weights: Weights, scenes: int = SCENES, n: int = N, models: int = LANES) -> Callable[[], object]:
-    """Return STEPS passes of each of several models."""
+    """Return a function that makes STEPS steps of several models."""
     stack = [untrained(seed) for seed in range(models)]
     data = training_set(scenes, n)
 
@@ -93,13 +93,13 @@ def stacked(weights: Weights, scenes: int = SCENES, n: int = N, models: int = LA
     return fit_all
 
 
-WAYS: dict[str, tuple[Callable[..., Callable[[], object]], int]] = {  # how, and passes a call
+WAYS: dict[str, tuple[Callable[..., Callable[[], object]], int]] = {  # way -> (function, steps per call)
     "rows": (rows, 1), "eager": (eager, STEPS), "stacked": (stacked, STEPS * LANES),
 }  # fmt: skip
 
 
 def fastest(action: Callable[[], object], rounds: int) -> float:
-    """Return the seconds of the fastest of some rounds after one to warm up."""
+    """Return the duration [s] of the fastest of several rounds, after one warm-up round."""
     seconds = []
     for _ in range(rounds + 1):
         start = time.perf_counter()
@@ -109,7 +109,7 @@ def fastest(action: Callable[[], object], rounds: int) -> float:
 
 
 def operations(weights: Weights) -> int:
-    """Count the multiplications and additions of one pass, layer by layer, without the optimiser's."""
+    """Return the number of multiplications and additions of one step, summed over layers, without the optimiser."""
     stack, count = Stack([untrained()] * LANES, weights, [N] * LANES, SCENES), 0
     for layer in stack.layers.values():
         size = layer.weight.value[..., 0].size
@@ -129,13 +129,13 @@ def _multiply_and_add(times, x, y):
 
 
 def peak() -> float:
-    """Return the operations a second of one core that only multiplies and adds in registers of the widest vectors."""
+    """Return the operations per second of one core that only multiplies and adds in its widest vector registers."""
     x, y, times = allocate(1).reshape(-1), allocate(12).reshape(-1), 1_000_000
     return 2 * 12 * LANES * times / fastest(lambda: _multiply_and_add(times, x, y), 20)
 
 
 def memory(way: str, variant: str) -> float:
-    """Return the GiB by which a new process grows while it trains that way (models, data and activations)."""
+    """Return the memory [GiB] that a new process allocates for training this way (models, data and activations)."""
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         return pool.apply(_growth, (way, variant))
 
@@ -148,6 +148,6 @@ def _growth(way: str, variant: str) -> float:
 
 
 def _high_water() -> int:
-    """Return the peak memory [bytes] of this process; getrusage would count its parent's before the fork."""
+    """Return the peak memory [bytes] of this process; getrusage would count the parent's before the fork."""
     status = Path("/proc/self/status").read_text()
     return next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmHWM")) * 1024

@@ -1,4 +1,4 @@
-"""Minutes by the clock of what the README promises, in a throwaway clone of the last commit.
+"""Measure the wall-clock minutes of the README's make targets in a temporary clone of the last commit.
 
 python -m bench.repro OUT.json
 """
@@ -34,7 +34,7 @@ def measure(clone: Path) -> dict:
 
 
 def run(clone: Path, target: str) -> tuple[float, dict[str, float], float]:
-    """Make a target: its minutes, the minutes of the stages it ran, and the most memory its processes held [GiB]."""
+    """Run a make target; return its minutes, its stages' minutes, and the peak memory of its processes [GiB]."""
     start = time.perf_counter()
     process = subprocess.Popen(["make", target], cwd=clone, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     peak = [0.0]
@@ -54,13 +54,13 @@ def run(clone: Path, target: str) -> tuple[float, dict[str, float], float]:
 
 
 def _watch(root: psutil.Process, peak: list[float]) -> None:
-    """Keep the largest sum of proportional set sizes [bytes] of a process and its descendants in peak[0]."""
+    """Record in peak[0] the largest sum of proportional set sizes [bytes] of a process and its descendants."""
     while root.is_running():
         time.sleep(1)
         try:
             total = sum(process.memory_full_info().pss for process in [root, *root.children(recursive=True)])
         except psutil.Error:
-            continue  # one has ended meanwhile
+            continue  # one has ended in the meantime
         peak[0] = max(peak[0], total)
 
 

@@ -1,8 +1,8 @@
-"""Fit trajectories all at once, against one `scipy.optimize.least_squares` call a trajectory at equal residual.
+"""Compare fitting all trajectories at once with one `scipy.optimize.least_squares` call per trajectory.
 
-Two baselines: over z_theta and every sample's parameter, with the exact Jacobian (the usual way to write orthogonal
-distances for scipy), and over z_theta alone with our own foot points inside the residual (the quickest way we found
-to use scipy). All on one thread, in the same run; the last test gives and holds the ratios.
+Two baselines: over z_theta and every sample's parameter with the exact Jacobian (the usual formulation of orthogonal
+distances for scipy), and over z_theta alone with our foot points inside the residual (the fastest use of scipy that we
+know). All run on one thread in the same session; the last test reports and checks the ratios at equal residual.
 """
 
 import time
@@ -17,7 +17,7 @@ from pipeline.world.bezier_fit import _Batch, fit
 from pipeline.world.hand import Hand, join, simulate
 
 HAND = Hand(50.0, 0.002, 0.35, 0.2, 0.0007, (8.0, 12.0), 0.002, 0.1, 0.01)
-MANY, FEW = 1000, 10  # recordings fitted at once; one at a time
+MANY, FEW = 1000, 10  # recordings fitted at once, and one at a time
 CONTROL = np.stack([P_INIT, np.zeros(2), P_F])
 
 
@@ -28,7 +28,7 @@ def recordings(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def start(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Closed-form z at parameters by recorded length."""
+    """Return the closed-form z, with parameters by recorded length."""
     steps = np.hypot(*np.diff(x, axis=0).T)
     u = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
     b1 = basis(u)[:, 1:2]
@@ -41,7 +41,7 @@ def path_and_slope(z: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def jointly(x: np.ndarray) -> float:
-    """Root mean square distance at the optimum over z and every sample's parameter."""
+    """Return the root mean square distance at the optimum over z and every sample's parameter."""
     z, u = start(x)
     n = len(x)
 
@@ -61,7 +61,7 @@ def jointly(x: np.ndarray) -> float:
 
 
 def projected(x: np.ndarray) -> float:
-    """Root mean square distance at the optimum over z alone, every sample at its foot point."""
+    """Return the root mean square distance at the optimum over z alone, with every sample at its foot point."""
     z, u = start(x)
     ones = np.ones((1, len(x)))
     away = (x - P_INIT)[None]  # (row, sample, 2)

@@ -1,4 +1,4 @@
-"""A clearance model fitted, and a thousand repairs by it: all starts of a scene at once, and one start at a time."""
+"""Time fitting a clearance model and a thousand repairs by it: all starts of a scene at once, and one at a time."""
 
 import time
 from pathlib import Path
@@ -19,12 +19,12 @@ from pipeline.world.layout import LayoutRules, random_layouts
 from pipeline.world.render import Palette, render_scenes
 from pipeline.world.rules import valid
 
-TRAINING, SCENES, STARTS, ALONE = 20, 100, 10, 20  # scenes; scenes and starts in each; starts searched one at a time
+TRAINING, SCENES, STARTS, ALONE = 20, 100, 10, 20  # scenes; scenes and starts per scene; starts one at a time
 
 
 @pytest.mark.benchmark(group="repair")
 def test_a_thousand_repairs(benchmark):
-    """Seconds to fit a model; milliseconds a repair, with and without detecting the objects in the image."""
+    """Measure seconds per fit and milliseconds per repair, with and without object detection."""
     one_thread()
     cfg, catalogue = compose(), read_catalogue(Path("data"))
     rng, rules = np.random.default_rng(0), LayoutRules.of(cfg.scenes.layout)

@@ -1,4 +1,4 @@
-"""A training pass at 9 demonstrations: models in lanes, against eager torch and against a row per (image, path)."""
+"""Compare a training step at 9 demonstrations: models in lanes, eager torch, and one row per (image, path)."""
 
 import pytest
 
@@ -39,7 +39,7 @@ def test_a_pass_in_three_ways(benchmark, variant):
     ],
 )
 def test_how_the_cost_grows(benchmark, axis, values):
-    """Milliseconds of one step of all models together, every point in turn: a machine's speed changes by the minute."""
+    """Measure milliseconds per step of all models together, alternating, since a machine's speed fluctuates."""
     fits = {value: WAYS["stacked"][0](VARIANTS["full"], **{axis: value}) for value in values}
     rounds = [{value: fastest(fit, 1) for value, fit in fits.items()} for _ in range(3)]
     points = {value: min(seconds[value] for seconds in rounds) / STEPS * 1e3 for value in values}

@@ -1,1 +1,1 @@
-"""Draws data/: kitchenware seen from above, table tops, and their catalogue (`python -m drawing`)."""
+"""Draw data/: kitchenware seen from above, table tops, and their catalogue (`python -m drawing`)."""

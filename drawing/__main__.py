@@ -1,9 +1,9 @@
-"""Write data/ anew, or a contact sheet of what it holds.
+"""Write data/ from scratch, or a contact sheet of its contents.
 
 python -m drawing                              data/items.csv, textures.csv and every image
-python -m drawing --more 24 --seed 11 --into more/    and as many random validation items of each symbol
+python -m drawing --more 24 --seed 11 --into more/    additionally as many random validation items of each symbol
                                                and table tops
-python -m drawing --contact-sheet sheet.png    the items on table tops, a row a symbol
+python -m drawing --contact-sheet sheet.png    the items on table tops, one row per symbol
 """
 
 import argparse
@@ -20,17 +20,17 @@ from drawing.designs import Design, designs, surfaces
 from drawing.shading import SIDE
 from pipeline.world.images import read_image, write_png
 
-SURFACE_WIDTH_M = 1.0  # a table top's image measures this
+SURFACE_WIDTH_M = 1.0  # width of a table top's image [m]
 PROVENANCE = {"source": "drawn by python -m drawing", "licence": "MIT"}
 WRITTEN = ("items", "textures", "items.csv", "textures.csv")
 
-Tops = dict[str, tuple[str, Callable[[], np.ndarray]]]  # by name: the split and how to draw it
+Tops = dict[str, tuple[str, Callable[[], np.ndarray]]]  # name -> (split, function that draws it)
 
 
 def write_data(directory: Path, items: list[Design], tops: Tops) -> None:
-    """Draw items and table tops; replace those in `directory`, and their catalogues, once all are drawn."""
+    """Draw items and table tops; once all are drawn, replace those in `directory` and their catalogues."""
     part = directory / ".part"
-    shutil.rmtree(part, ignore_errors=True)  # of a run that was killed
+    shutil.rmtree(part, ignore_errors=True)  # left by an interrupted run
     new, old = part / "new", part / "old"
     try:
         old.mkdir(parents=True)
@@ -67,7 +67,7 @@ def _draw(directory: Path, items: list[Design], tops: Tops) -> None:
 
 
 def contact_sheet(directory: Path) -> np.ndarray:
-    """Return an RGB image of every item of `directory` on its table tops, a row a symbol, in the catalogue's order."""
+    """Return an RGB image of all items in `directory` on its table tops, one row per symbol, in catalogue order."""
     items = pd.read_csv(directory / "items.csv")
     tops = pd.read_csv(directory / "textures.csv")
     cell = SIDE // 2

@@ -1,4 +1,4 @@
-"""Bowls and plates: turned profiles with painted decoration."""
+"""Draw bowls and plates: turned profiles with painted decoration."""
 
 import numpy as np
 from jaxtyping import UInt8
@@ -13,10 +13,10 @@ Colour = tuple[float, float, float]
 def bowl(
     seed: int, inner: Colour, rim: Colour, accent: Colour, pattern: str, wall: float, outline: Outline = ROUND
 ) -> UInt8[Array, "side side 4"]:
-    """A deep bowl: thick rim, inner wall falling over `wall` of the radius to a flat bottom."""
+    """Draw a deep bowl: thick rim, inner wall falling over `wall` of the radius to a flat bottom."""
     x, y = grid()
     r = outline(x, y)
-    lip = 0.90  # the rim's crest
+    lip = 0.90  # radius of the rim's crest
     bottom = lip - wall
     height = 0.62 * smoothstep(bottom * 0.55, lip, r) - 0.5 * smoothstep(lip, 1.02, r)
     colour = mix(
@@ -24,7 +24,7 @@ def bowl(
         rim,
         smoothstep(lip - 0.07, lip - 0.04, r),
     )
-    depth = 0.58 + 0.42 * smoothstep(0.1, lip, r)  # less sky reaches the bottom
+    depth = 0.58 + 0.42 * smoothstep(0.1, lip, r)  # less sky light reaches the bottom
     crest = 0.22 * np.exp(-(((r - lip) / 0.03) ** 2))
     colour = colour * (sky_light(height) * depth + crest)[..., None]
     colour += 0.16 * _gloss(x, y, 0.18, 0.30, 0.16)[..., None]
@@ -34,7 +34,7 @@ def bowl(
 def plate(
     seed: int, base: Colour, accent: Colour, pattern: str, well: float, outline: Outline = ROUND
 ) -> UInt8[Array, "side side 4"]:
-    """A flat plate: a broad rim outside a shallow well of radius `well`."""
+    """Draw a flat plate: a broad rim outside a shallow well of radius `well`."""
     x, y = grid()
     r = outline(x, y)
     height = 0.10 * smoothstep(well - 0.05, well + 0.06, r) + 0.05 * smoothstep(well, 1.0, r)
@@ -47,12 +47,12 @@ def plate(
 
 
 def _gloss(x: Array, y: Array, x0: float, y0: float, size: float) -> Array:
-    """A soft window's reflection in the glaze."""
+    """Return the reflection of a soft window in the glaze."""
     return np.exp(-((((x - x0) / size) ** 2 + ((y - y0) / (0.6 * size)) ** 2) ** 2))
 
 
 def _painted(seed: int, colour: Array, accent: Colour, pattern: str, r: Array, low: float, high: float) -> Array:
-    """Decoration where the gauge `r` is between `low` and `high`; ValueError if the pattern is unknown."""
+    """Return the decoration between gauge values `low` and `high` of `r`; ValueError for an unknown pattern."""
     rng = np.random.default_rng(seed)
     x, y = grid()
     bearing = np.arctan2(y, x)

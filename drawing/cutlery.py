@@ -1,4 +1,4 @@
-"""Forks, knives and spoons lying along x: silhouettes, rounded metal, handles of several materials."""
+"""Draw forks, knives and spoons lying along x: silhouettes, rounded metal, handles of several materials."""
 
 from collections.abc import Callable
 
@@ -10,22 +10,22 @@ from scipy.ndimage import distance_transform_edt
 from drawing.shading import FINE, finish, grid, mix, noise, plain, smoothstep
 
 Colour = tuple[float, float, float]
-HALF_WIDTH = 0.013  # of every piece's widest part [m]
+HALF_WIDTH = 0.013  # half-width of every piece at its widest [m]
 STEEL, GOLD = (0.72, 0.73, 0.75), (0.80, 0.66, 0.36)
 
 
 def cutlery(
     seed: int, kind: str, length: float, metal: Colour, handle: Colour | None, slim: float
 ) -> UInt8[Array, "side side 4"]:
-    """A piece `length` metres long: `kind` one of PIECES; `handle` None for all metal."""
+    """Draw a piece of `length` [m]: `kind` one of PIECES; `handle` None for all metal."""
     x, y = grid()
-    along, across = (x + 1) / 2 * length, y / 2 * length  # metres from the handle's end, from the axis
+    along, across = (x + 1) / 2 * length, y / 2 * length  # [m] from the handle's end, from the axis
     profile, hole, hollow = PIECES[kind]
     half = profile(along / length, slim) * HALF_WIDTH
     solid = (np.abs(across) < half) & ~hole(along / length, across / HALF_WIDTH)
-    depth = distance_transform_edt(solid) * length / FINE  # metres from the nearest edge
+    depth = distance_transform_edt(solid) * length / FINE  # distance from the nearest edge [m]
     alpha = np.clip(depth / (length / FINE), 0, 1)
-    round_ = 1 - np.exp(-depth / 0.0022)  # the metal's rounded edge
+    round_ = 1 - np.exp(-depth / 0.0022)  # rounded edge of the metal
     colour = plain(metal) * (0.52 + 0.48 * round_)[..., None]
     streak = np.exp(-(((across - 0.25 * half) / np.maximum(0.22 * half, 1e-4)) ** 2))
     colour += (0.34 * streak * round_)[..., None]
@@ -45,7 +45,7 @@ def cutlery(
 
 
 def _handle(s: Array, slim: float) -> Array:
-    """Half-width of the handle over the first half, a neck after it (in HALF_WIDTH)."""
+    """Return the half-width of the handle over the first half and a neck after it [HALF_WIDTH]."""
     end = np.sqrt(np.clip(1 - ((0.06 - s) / 0.06).clip(0, 1) ** 2, 0, 1))
     return end * (slim + (0.22 - slim) * smoothstep(0.30, 0.60, s))
 
@@ -55,7 +55,7 @@ def _oval(s: Array, centre: float, half: float) -> Array:
 
 
 def _ends(s: Array, reach: float = 0.08) -> Array:
-    """1, but for round ends `reach` long: with the default no piece leaves its capsule."""
+    """Return 1 except for round ends of length `reach`; with the default no piece leaves its capsule."""
     return _oval(np.maximum(np.abs(s - 0.5) - (0.5 - reach), 0), 0.0, reach)
 
 
@@ -74,32 +74,32 @@ def _knife(s: Array, slim: float) -> Array:
 
 
 def _cake_fork(s: Array, slim: float) -> Array:
-    """A broad head from the middle on."""
+    """Return the profile of a broad head from the middle on."""
     return np.maximum(_handle(s, slim) * (s < 0.6), smoothstep(0.52, 0.60, s) * _ends(s))
 
 
 def _spreader(s: Array, slim: float) -> Array:
-    """A broad blade, round at the tip, on a short handle."""
+    """Return the profile of a broad blade with a round tip on a short handle."""
     return np.maximum(_handle(s, slim) * (s < 0.45), smoothstep(0.36, 0.46, s) * _ends(s, 0.14))
 
 
 def _server(s: Array, slim: float) -> Array:
-    """A leaf, broadest in its middle and pointed."""
+    """Return the profile of a leaf, broadest in its middle and pointed."""
     return np.maximum(_handle(s, slim) * (s < 0.6), np.sin(np.pi * ((s - 0.44) / 0.56).clip(0, 1)) ** 0.8)
 
 
 def _ladle(s: Array, slim: float) -> Array:
-    """A round head on a long thin rod."""
+    """Return the profile of a round head on a long thin rod."""
     return np.maximum(slim * _ends(s) * (s < 0.9), _oval(s, 0.92, 0.08))
 
 
 def _pair(s: Array, slim: float) -> Array:
-    """Two sticks side by side, the slot between them left to the hole; a little closer at their tips."""
+    """Return the profile of two sticks side by side, slightly closer at their tips, without the slot between them."""
     return _ends(s) * (1 - (1 - slim) * s)
 
 
 def _tines(gaps: int, start: float) -> Callable[[Array, Array], Array]:
-    """Slots between the tines, from `start` of the length to the tip."""
+    """Return the slots between the tines, from `start` of the length to the tip."""
 
     def hole(s: Array, across: Array) -> Array:
         pitch = 1.5 / (gaps + 1)
@@ -111,7 +111,7 @@ def _tines(gaps: int, start: float) -> Callable[[Array, Array], Array]:
 
 
 def _gap(half: float, start: float) -> Callable[[Array, Array], Array]:
-    """One broad slot `half` of the half-width to either side of the axis, from `start` of the length on."""
+    """Return a broad slot, `half` of the half-width to either side of the axis, from `start` of the length on."""
     return lambda s, across: (np.abs(across) < half) & (s > start)
 
 
@@ -120,7 +120,7 @@ def _none(s: Array, across: Array) -> Array:
 
 
 BLADES = ("knife", "spreader", "server")
-PIECES = {  # profile, holes, and where it is hollow: centre and half-length as shares of the length
+PIECES = {  # profile, holes, and hollow part: centre and half-length as shares of the length
     "spoon": (_spoon, _none, (0.845, 0.13)),
     "fork": (_fork, _tines(3, 0.76), None),
     "knife": (_knife, _none, None),

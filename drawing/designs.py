@@ -1,9 +1,9 @@
 # ruff: noqa: E501  (the tables below read best a line an item)
-"""Every item and table top of the world: what it looks like and how large it is.
+"""All items and table tops of the world: appearance and size.
 
-Unseen and validation items share no pattern, no colour but white and steel and, but for a few, no outline with the
-training ones, whose bowls, plates and glasses are round or nearly; what makes a symbol (a bowl's depth, a plate's well, a piece's slenderness,
-a glass's translucency) they share.
+Unseen and validation items share no pattern with the training items, no colour but white and steel, and with few
+exceptions no outline: training bowls, plates and glasses are round or nearly round. They share the characteristics of
+their symbol: a bowl's depth, a plate's well, a cutlery piece's slenderness, a glass's translucency.
 """
 
 from collections.abc import Callable
@@ -22,7 +22,7 @@ from drawing.variety import varied, varied_tops
 
 @dataclass(frozen=True)
 class Design:
-    """One row of the catalogue and how to draw it; lengths in metres at scale 1."""
+    """One row of the catalogue and its drawing function; lengths in metres at scale 1."""
 
     name: str
     symbol: str
@@ -33,12 +33,12 @@ class Design:
 
     @property
     def shape(self) -> str:
-        """Of the footprint."""
+        """Return the shape of the footprint."""
         return "capsule" if self.half_length_m else "disc"
 
     @property
     def width_m(self) -> float:
-        """What the cutout's side measures."""
+        """Return the side of the cutout [m]."""
         return 2 * (self.radius_m + self.half_length_m)
 
 
@@ -135,7 +135,7 @@ SURFACES = [
 
 
 def designs(more: int = 0, seed: int = 0) -> list[Design]:
-    """Every item, in the catalogue's order: symbol by symbol, training items first, `more` random validation items last."""
+    """Return all items in catalogue order: by symbol, training items first, `more` random validation items last."""
     rows = varied(more, seed)
     bowls, plates, pieces, glasses = (
         BOWLS + rows["bowl"],
@@ -158,13 +158,13 @@ def designs(more: int = 0, seed: int = 0) -> list[Design]:
 
 
 def _as_outlined(symbol: str, name: str, split: str, radius: float, draw: partial) -> Design:
-    """An item as long as its outline says."""
+    """Return a design whose footprint has the length of its outline."""
     outline = next((value for value in draw.args if isinstance(value, Outline)), ROUND)
     return Design(name, symbol, split, radius, round(radius * outline.stretch, 4), draw)
 
 
 def surfaces(more: int = 0, seed: int = 0) -> dict[str, tuple[str, Callable[[], np.ndarray]]]:
-    """Every table top: its split and how to draw it; `more` random validation tops last."""
+    """Return all table tops, name -> (split, drawing function); `more` random validation tops last."""
     tops = {name: (split, partial(surface, i, *look)) for i, (name, split, *look) in enumerate(SURFACES)}
     for i, (name, split, *look) in enumerate(varied_tops(more, seed)):
         tops[name] = split, partial(surface, (i, seed), *look)

@@ -1,4 +1,4 @@
-"""Drinking glasses from above: the table shows through; rim, base and caustic are what one sees."""
+"""Draw drinking glasses from above: the table shows through; rim, base and caustic are visible."""
 
 import numpy as np
 from jaxtyping import UInt8
@@ -13,7 +13,7 @@ Colour = tuple[float, float, float]
 def glass(
     tint: Colour, body: float, base: float, thick: float, outline: Outline = ROUND, mouth: float = 1.0
 ) -> UInt8[Array, "side side 4"]:
-    """A tumbler: its wall's opacity, its foot's radius, its rim's thickness; or a wine glass, narrow at the mouth."""
+    """Draw a tumbler (wall's opacity, foot's radius, rim's thickness), or a wine glass with a narrow mouth."""
     x, y = grid()
     r, bearing = outline(x, y), np.arctan2(y, x)
     rim = _ring(r, 0.975 * mouth - thick / 2, thick)

@@ -1,7 +1,7 @@
-"""Outlines seen from above: a gauge r, 0 in the middle and 1 on the edge, in place of the distance to the centre.
+"""Outlines seen from above, as a gauge r: 0 at the centre and 1 on the edge, replacing the distance from the centre.
 
-What is drawn as a function of r (a profile, a rim, a band of decoration) then follows the outline. Every outline
-lies inside its footprint, the disc or capsule that decides whether a path is valid, and all but fills it.
+Anything drawn as a function of r (a profile, a rim, a band of decoration) follows the outline. Every outline lies
+inside its footprint, the disc or capsule that decides path validity, and almost fills it.
 """
 
 from collections.abc import Callable
@@ -14,13 +14,13 @@ from numpy import ndarray as Array
 
 @dataclass(frozen=True)
 class Outline:
-    """A gauge whose unit is the footprint's radius; the footprint's half-length along x is `stretch` such units."""
+    """A gauge in units of the footprint's radius; the footprint's half-length along x is `stretch` units."""
 
     gauge: Callable[[Array, Array], Array]
     stretch: float = 0.0  # 0: the footprint is a disc
 
     def __call__(self, x: Array, y: Array) -> Float[Array, "side side"]:
-        """r at points of the cutout, on which the footprint's ends are at x = -1 and 1."""
+        """Return r at points of the cutout, on which the footprint's ends are at x = -1 and 1."""
         return self.gauge(x * (1 + self.stretch), y * (1 + self.stretch))
 
 
@@ -28,12 +28,12 @@ ROUND = Outline(np.hypot)
 
 
 def oval(stretch: float) -> Outline:
-    """The capsule itself, its rim as broad along the sides as round the ends."""
+    """Return the outline of the capsule, with a rim of constant width."""
     return Outline(lambda x, y: np.hypot(np.maximum(np.abs(x) - stretch, 0), y), stretch)
 
 
 def polygon(corners: int, sharpness: float) -> Outline:
-    """Corners on the unit circle, one at x = 1: a circle at sharpness 2 (if even), straight sides far beyond."""
+    """Return a polygon with corners on the unit circle, one at x = 1; sharpness 2: a circle, large: straight sides."""
     normals = (2 * np.arange(corners) + 1) * np.pi / corners
 
     def norm(x, y):
@@ -43,7 +43,7 @@ def polygon(corners: int, sharpness: float) -> Outline:
 
 
 def scalloped(lobes: int, depth: float) -> Outline:
-    """Lobes that meet in notches `depth` deep, and run out towards the middle."""
+    """Return an outline of lobes that meet in notches `depth` deep and vanish towards the centre."""
 
     def gauge(x, y):
         r = np.hypot(x, y)
@@ -54,7 +54,7 @@ def scalloped(lobes: int, depth: float) -> Outline:
 
 
 def cut(facets: int) -> Outline:
-    """A circle with shallow facets ground into it."""
+    """Return a circle with shallow facets."""
 
     def gauge(x, y):
         r, bearing, sector = np.hypot(x, y), np.arctan2(y, x), np.pi / facets
@@ -65,7 +65,7 @@ def cut(facets: int) -> Outline:
 
 
 def eared(stretch: float, ears: int, breadth: float) -> Outline:
-    """A round body with a flat ear at either end, or with one at the right end: a handle."""
+    """Return a round body with a flat ear at both ends, or with one at the right end: a handle."""
 
     def gauge(x, y):
         body = np.hypot(x + stretch * (2 - ears), y)
@@ -77,7 +77,7 @@ def eared(stretch: float, ears: int, breadth: float) -> Outline:
 
 
 def spouted(stretch: float) -> Outline:
-    """A round body drawn out into a pouring lip at the right end."""
+    """Return a round body with a pouring lip at the right end."""
 
     def gauge(x, y):
         x = x + stretch

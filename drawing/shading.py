@@ -1,33 +1,33 @@
-"""How a height field looks from above under an even sky: steep faces and hollows are darker."""
+"""Shade a height field seen from above under an even sky: steep faces and hollows are darker."""
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray as Array
 from scipy.ndimage import gaussian_filter
 
-SIDE = 320  # pixels of a finished cutout's side
-FINE = 2 * SIDE  # drawn at twice that, then averaged
+SIDE = 320  # side of a finished cutout [px]
+FINE = 2 * SIDE  # side while drawing [px], averaged afterwards
 
 
 def grid() -> tuple[Float[Array, "side side"], Float[Array, "side side"]]:
-    """x to the right and y up, each from -1 to 1 over the cutout."""
+    """Return x to the right and y up, each from -1 to 1 over the cutout."""
     axis = (np.arange(FINE) + 0.5) / FINE * 2 - 1
     return np.broadcast_to(axis, (FINE, FINE)), np.broadcast_to(-axis[:, None], (FINE, FINE))
 
 
 def inside(distance: Float[Array, "side side"]) -> Float[Array, "side side"]:
-    """Coverage of the shape whose signed distance (negative inside) is given, with a soft edge of a pixel."""
+    """Return the coverage of the shape with this signed distance (negative inside), with an edge one pixel soft."""
     return np.clip(0.5 - distance * FINE / 4, 0.0, 1.0)
 
 
 def smoothstep(low: float, high: float, x: Array) -> Array:
-    """0 below `low`, 1 above `high`, smooth between."""
+    """Return 0 below `low`, 1 above `high`, and a smooth transition between."""
     t = np.clip((x - low) / (high - low), 0.0, 1.0)
     return t * t * (3 - 2 * t)
 
 
 def sky_light(height: Float[Array, "side side"], hollow: float = 0.35) -> Float[Array, "side side"]:
-    """Brightness about 1 of a surface of this height (in half-widths): slope and occlusion darken it."""
+    """Return the brightness, about 1, of a surface of this height (in half-widths), darkened by slope and occlusion."""
     slope_y, slope_x = np.gradient(height, 2 / FINE)
     facing = 1 / np.sqrt(1 + slope_x**2 + slope_y**2)
     around = gaussian_filter(height, FINE / 14, mode="nearest")
@@ -41,17 +41,17 @@ def noise(rng: np.random.Generator, *scales: float) -> Float[Array, "side side"]
 
 
 def mix(a: Array, b: Array | tuple, share: Array) -> Array:
-    """Colour `a` towards colour `b` by `share` in [0, 1]."""
+    """Return colour `a` mixed with colour `b` by `share` in [0, 1]."""
     return a + (np.asarray(b) - a) * share[..., None]
 
 
 def plain(colour: tuple[float, float, float]) -> Float[Array, "side side 3"]:
-    """One colour everywhere."""
+    """Return an image of one colour."""
     return np.broadcast_to(np.asarray(colour, dtype=float), (FINE, FINE, 3)).copy()
 
 
 def finish(colour: Float[Array, "side side 3"], alpha: Float[Array, "side side"]) -> Array:
-    """8-bit RGBA, straight alpha, averaged down to SIDE; fully transparent pixels are black."""
+    """Return 8-bit RGBA with straight alpha, averaged down to SIDE; fully transparent pixels are black."""
     premultiplied = np.clip(colour, 0, 1) * alpha[..., None]
     small = np.concatenate([premultiplied, alpha[..., None]], axis=-1)
     small = small.reshape(SIDE, 2, SIDE, 2, 4).mean((1, 3))

@@ -1,7 +1,7 @@
-"""Table tops: a metre of wood, linen, stone or laminate, and patterns that no table of the experiment has.
+"""Draw table tops: a metre of wood, linen, stone or laminate, and patterns that no table of the experiment has.
 
-A camera pixel covers a centimetre of table: grain, weave and crystals are finer than that, so little of their
-contrast is left. What remains is broad and faint.
+A camera pixel covers a centimetre of table. Grain, weave and crystals are finer, so most of their contrast is lost;
+only broad, faint structure remains.
 """
 
 from collections.abc import Sequence
@@ -18,9 +18,9 @@ PATTERNS = ("veins", "checks", "tiles", "stripes", "blotches", "chips", "cracks"
 
 
 def surface(seed: int | Sequence[int], kind: str, light: Colour, dark: Colour) -> UInt8[Array, "side side 3"]:
-    """A table top of `kind` between two colours; ValueError if the kind is unknown.
+    """Draw a table top of `kind` between two colours; ValueError for an unknown kind.
 
-    How large and how bold one of the PATTERNS is, is drawn as well.
+    The size and contrast of one of the PATTERNS are drawn at random as well.
     """
     rng = np.random.default_rng(seed)
     if kind == "wood":
@@ -50,7 +50,7 @@ def surface(seed: int | Sequence[int], kind: str, light: Colour, dark: Colour) -
 
 
 def _pattern(rng: np.random.Generator, kind: str) -> Float[Array, "side side"]:
-    """Share of the dark colour on a table top with one of the PATTERNS."""
+    """Return the share of the dark colour on a table top with one of the PATTERNS."""
     y, x = (np.mgrid[:FINE, :FINE] + 0.5) / FINE
 
     def between(low: float, high: float) -> float:

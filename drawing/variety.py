@@ -1,8 +1,8 @@
-"""More validation items and table tops than anyone would want to design: every property drawn at random.
+"""Draw random designs: any number of further validation items and table tops.
 
-Radii stay within the training items', stretched outlines up to a tenth longer; patterns, colours and outlines are of
-all kinds, and so are table tops. Nothing of the experiment uses them: choices that few items or tables could flatter
-are checked on them (docs/decisions/020-robustness.md).
+Radii stay within those of the training items, and stretched outlines are up to a tenth longer. Patterns, colours,
+outlines and table tops are of all kinds. The experiment does not use them. They check choices that could overfit to few
+items or tables (docs/decisions/020-robustness.md).
 """
 
 import colorsys
@@ -15,22 +15,22 @@ from drawing.outline import ROUND, Outline, cut, eared, oval, polygon, scalloped
 from drawing.surface import PATTERNS as SURFACE_PATTERNS
 
 Colour = tuple[float, float, float]
-Row = tuple  # of one of the tables in drawing.designs
+Row = tuple  # a row of one of the tables in drawing.designs
 
 PATTERNS = ("plain", "band", "rings", "rays", "petals", "dots", "checks", "speckles", "glaze", "spiral")
 METALS = STEEL, GOLD, (0.74, 0.48, 0.36), (0.62, 0.63, 0.66)
 SLIM = {"chopsticks": 0.86, "tongs": 0.95}
-SHARPNESS = {4: 3.3, 6: 16.0, 8: 120.0, 10: 140.0, 12: 160.0}  # of a polygon of so many corners
+SHARPNESS = {4: 3.3, 6: 16.0, 8: 120.0, 10: 140.0, 12: 160.0}  # sharpness of a polygon by its number of corners
 
 
 def varied(count: int, seed: int) -> dict[str, list[Row]]:
-    """`count` validation items of each symbol, as rows of drawing.designs' tables; the first of more are the same."""
+    """Return `count` validation items per symbol as rows of drawing.designs' tables; a larger count adds to them."""
     items = list(_items(np.random.default_rng(seed), count))
     return {symbol: [rows[i] for rows in items] for i, symbol in enumerate(("bowl", "plate", "cutlery", "glass"))}
 
 
 def varied_tops(count: int, seed: int) -> list[Row]:
-    """`count` validation table tops, each of the patterns in turn, as rows of drawing.designs' table."""
+    """Return `count` validation table tops, cycling through the patterns, as rows of drawing.designs' table."""
     rng, tops = np.random.default_rng([seed, 1]), []
     for i in range(count):
         hue, saturation, value = rng.uniform(0, 1), rng.uniform(0, 0.5), rng.uniform(0.25, 0.92)
@@ -69,7 +69,7 @@ def _items(rng: np.random.Generator, count: int) -> Iterator[tuple[Row, Row, Row
         return cut(int(rng.integers(6, 14))) if kind == "cut" else ROUND
 
     def radius(low: float, high: float, around: Outline) -> float:
-        """Less for what is stretched, so that it is not larger than what is round."""
+        """Draw a radius, smaller for stretched outlines, so that they are not larger than round ones."""
         return round(rng.uniform(low, high) * (1 - 0.55 * around.stretch), 4)
 
     for i in range(count):

@@ -1,7 +1,7 @@
 """Learn specifications from demonstrations, and ask the fitted models causal questions.
 
-`fit`, `repair`, `effect`, `save` and `load` (pipeline.library) are the library's front door; a fitted model answers
-`model.probability(images, z_theta)`. They are imported on first use, so that `import pipeline.params` stays quick.
+The library interface is `fit`, `repair`, `effect`, `save` and `load` (pipeline.library); a fitted model predicts by
+`model.probability(images, z_theta)`. These names are imported on first use, so that `import pipeline.params` is fast.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,7 @@ __all__ = ["Effect", "effect", "fit", "load", "repair", "save"]
 
 
 def __getattr__(name: str) -> Any:
-    """Import the front door on first use."""
+    """Import the library interface on first use."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from pipeline import library

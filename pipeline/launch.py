@@ -1,4 +1,4 @@
-"""Run a stage's `main(cfg, out_dir)` from the command line, for DVC (`--params params.yaml`) or by Hydra."""
+"""Run a stage's `main(cfg, out_dir)` from the command line: for DVC (`--params params.yaml`) or through Hydra."""
 
 import hashlib
 import importlib
@@ -28,11 +28,11 @@ python -m {module} --params params.yaml             the run that DVC makes, into
 
 
 def launch(main: Main, stage: str) -> None:
-    """Run a stage from the command line; a person's error ends it with one line and exit code 2.
+    """Run a stage from the command line; a user error ends it with a one-line message and exit code 2.
 
-    `--params FILE [key=value ...]` reads resolved parameters and writes to the stage's folder of `paths`, as DVC
-    wants it. Otherwise Hydra composes conf/, and the run writes to Hydra's output directory. What `main` returns goes
-    to Hydra's sweeper, so that one that optimises can use it.
+    `--params FILE [key=value ...]` reads resolved parameters and writes to the stage's folder in `paths`, for DVC.
+    Otherwise Hydra composes conf/, and the run writes to Hydra's output directory. The return value of `main` goes to
+    Hydra's sweeper, so that an optimising sweeper can use it.
     """
     disable_malloc_trim()
     argv = sys.argv[1:]
@@ -52,7 +52,7 @@ def launch(main: Main, stage: str) -> None:
 
 
 def usage(main: Main, stage: str) -> str:
-    """Return what a stage does, how it is run, the files and parameters it reads and the files it writes."""
+    """Return the help text of a stage: purpose, usage, files read and written, parameters."""
     module = f"studies.{stage}.stage" if (CONF.parent / "studies" / stage).is_dir() else f"pipeline.stages.{stage}"
     text = (importlib.import_module(module).__doc__ or "").strip() if "." in module else ""
     cfg = load(CONF.parent / PARAMS)
@@ -67,12 +67,12 @@ def usage(main: Main, stage: str) -> str:
 
 
 def _root(cfg: DictConfig, stage: str) -> Path:
-    """Return where DVC keeps the stage's files."""
+    """Return the folder in which DVC keeps the stage's files."""
     return Path(cfg.paths[stage]) if stage in cfg.paths else Path(cfg.paths.studies) / stage
 
 
 def _folder(folder: Path, stage: str, cfg: DictConfig) -> Path:
-    """Return where a run writes: variants fitted by one stage lie side by side, as their readers expect."""
+    """Return the output folder of a run: variants fitted by one stage have sibling folders."""
     return folder / cfg.variant if stage in FITTED else folder
 
 
@@ -91,7 +91,7 @@ def _from_params(main: Main, stage: str, argv: list[str]) -> None:
 
 
 def _from_hydra(main: Main, stage: str, argv: list[str]) -> None:
-    """Compose conf/ and run; of a sweep every combination, whatever became of the others."""
+    """Compose conf/ and run; a sweep runs every combination, even after failures."""
     import hydra
     from hydra.core.hydra_config import HydraConfig
     from hydra.errors import HydraException
@@ -103,7 +103,7 @@ def _from_hydra(main: Main, stage: str, argv: list[str]) -> None:
         try:
             return _job(main, stage, cfg, overrides, Path(settings.runtime.output_dir))
         except (InputError, OSError) as error:
-            if settings.mode == RunMode.MULTIRUN:  # Hydra hands on the first failure alone
+            if settings.mode == RunMode.MULTIRUN:  # Hydra reports only the first failure
                 print(f"error: {settings.job.override_dirname}: {error}", file=sys.stderr)
             raise
 
@@ -113,7 +113,7 @@ def _from_hydra(main: Main, stage: str, argv: list[str]) -> None:
     if not any(override.startswith("hydra.job.name=") for override in overrides):
         overrides.insert(0, f"hydra.job.name={stage}")
     sys.argv[1:] = [*overrides, *flags]
-    os.environ["HYDRA_FULL_ERROR"] = "1"  # errors come here instead of into Hydra's own words and exit code
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # errors are reported here, not with Hydra's message and exit code
     _note_other_profile(overrides)
     try:
         hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run)()
@@ -122,7 +122,7 @@ def _from_hydra(main: Main, stage: str, argv: list[str]) -> None:
 
 
 def _job(main: Main, stage: str, cfg: DictConfig, overrides: list[str], folder: Path) -> float | None:
-    """Check one combination of parameters, run it, and log what it was and how long it took."""
+    """Check one combination of parameters, run it, and log its parameters and duration."""
     try:
         OmegaConf.resolve(cfg)
     except OmegaConfBaseException as error:
@@ -138,7 +138,7 @@ def _job(main: Main, stage: str, cfg: DictConfig, overrides: list[str], folder: 
 
 
 def _note_other_profile(overrides: list[str]) -> None:
-    """Say which profile Hydra composes, where params.yaml is of another one."""
+    """Print which profile Hydra composes if params.yaml has another one."""
     asked = next((o.partition("=")[2] for o in reversed(overrides) if o.startswith("profile=")), "paper")
     path = CONF.parent / PARAMS
     found = re.search(r"(?m)^profile: (\S+)", path.read_text()) if path.is_file() else None

@@ -1,6 +1,6 @@
-"""The library: fit a model of one user's valid paths, ask it, repair paths by it, and estimate the effect of an item.
+"""The library interface: fit a model of one user's valid paths, repair paths, and estimate the effect of an item.
 
-Settings are those of the paper's experiment (conf/), as SETTINGS; tests hold the two equal. Arrays in, arrays out.
+All functions take and return arrays. SETTINGS are those of the paper's experiment (conf/); tests check that they agree.
 """
 
 import json
@@ -19,7 +19,7 @@ from pipeline.runtime.errors import InputError
 
 VAE = {"latent": 15, "channels": [16, 8, 4], "hidden": 64}
 REWARD_MAP = {"channels": 16, "dilated": 3, "gain": 10.0, "lattice_side": 12, "symmetric": True, "ceiling": True}
-SETTINGS: dict[str, dict[str, Any]] = {  # conf/variants with conf/train, conf/irl, conf/clearance
+SETTINGS: dict[str, dict[str, Any]] = {  # conf/variants merged with conf/train, conf/irl and conf/clearance
     "full": {"kind": "vae", "alpha": 10.0, "beta": 0.005, "gamma": 1.0, "model": VAE},
     "ae": {"kind": "vae", "alpha": 10.0, "beta": 0.0, "gamma": 1.0, "model": VAE},
     "classifier": {"kind": "vae", "alpha": 0.0, "beta": 0.0, "gamma": 1.0, "model": VAE},
@@ -27,7 +27,7 @@ SETTINGS: dict[str, dict[str, Any]] = {  # conf/variants with conf/train, conf/i
     "irl_ranked": {"kind": "reward", "objective": "ranked", "steps": 200, "model": {**REWARD_MAP, "dropout": 0.3}},
     "clearance": {"kind": "clearance", "model": {"members": 16}},
 }
-TRAINING: dict[str, dict[str, Any]] = {  # by kind
+TRAINING: dict[str, dict[str, Any]] = {  # training schedule by kind
     "vae": {"steps": 600, "rate": 0.003, "weight_decay": 0.01, "curve_every": 10},
     "reward": {
         "rate": 0.018, "weight_decay": 0.0001, "scenes_per_step": 20, "n_augmentations": 12, "sparsity": 0.0,
@@ -37,16 +37,16 @@ TRAINING: dict[str, dict[str, Any]] = {  # by kind
     "clearance": {"steps": 1000, "rate": 0.03, "weight_decay": 0.0, "curve_every": 10},
 }  # fmt: skip
 REPAIR: dict[str, Any] = {"steps": 30, "optimiser": "adam", "rate": 0.5, "settle": True}
-MAX_ABS_Z_M = 2.0  # a control point farther away is no path on this table: most likely in pixels
-ACCEPTED_ABOVE = 0.5  # P(valid) of an accepted path
+MAX_ABS_Z_M = 2.0  # largest coordinate of a control point on this table [m]; larger values are most likely pixels
+ACCEPTED_ABOVE = 0.5  # P(valid) above which a path is accepted
 
 
 class Effect(NamedTuple):
-    """The average causal effect of an item on the validity of paths."""
+    """The average causal effect of an item on the validity of paths (paper, second inequality)."""
 
-    estimate: float  # change of E[V], the mean P(valid) over the paths, averaged over scenes and models
-    interval: tuple[float, float]  # 95 %
-    p: float  # two-sided, of no effect
+    estimate: float  # change in E[V], the mean P(valid) over paths, averaged over scenes and models
+    interval: tuple[float, float]  # 95 % confidence interval
+    p: float  # two-sided p-value of no effect
     verdict: str  # "effect", "negligible" or "undecided" (pipeline.stats.crossed.verdict)
 
 
@@ -57,10 +57,11 @@ def fit(images: Array, z_theta: Array, valid: Array, variant: str = "clearance",
     z_theta: (scene, n, 2) [m], the control point of each demonstrated path.
     valid: bool (scene, n), the user's labels.
     variant: one of SETTINGS (full, ae, classifier, irl_maxent, irl_ranked, clearance).
-    seed: draws the initial weights and all noise of the training.
+    seed: decides the initial weights and all randomness of the training.
 
-    Raises InputError if an argument has another type, shape or unit, or there are fewer than 2 scenes. Labels that are
-    all alike are allowed, with a warning: the model then answers one probability everywhere.
+    Raises InputError if an argument has a wrong type, shape or unit, or if there are fewer than 2 scenes. Labels that
+    are
+    all equal give a warning: the model then predicts one probability everywhere.
     """
     if variant not in SETTINGS:
         raise InputError(f"variant {variant!r}: expected one of {', '.join(SETTINGS)}")
@@ -74,7 +75,7 @@ def fit(images: Array, z_theta: Array, valid: Array, variant: str = "clearance",
 
 
 def _fitter(settings: Mapping[str, Any]):
-    """Return what fits models of a variant: (models, images, z_theta, valid, seeds=) -> learning curves."""
+    """Return the fit function of a variant: (models, images, z_theta, valid, seeds=) -> learning curves."""
     from pipeline.training.loop import Schedule, fit_sequentially
 
     training = TRAINING[settings["kind"]]
@@ -96,10 +97,12 @@ def _fitter(settings: Mapping[str, Any]):
 
 
 def repair(model: ValidityModel, images: Array, starts: Array) -> Array:
-    """Return for each start the z_theta (scene, path, 2) [m] of a path that the model accepts; NaN where it gives up.
+    """Return, for each start, the z_theta (scene, path, 2) [m] of a nearby path that the model accepts; NaN if none.
 
-    Takes the paper's gradient steps on the model's log-odds and returns the accepted point (P(valid) > .5) nearest to
-    the start: the start itself, if it is accepted. starts: (scene, path, 2) [m]. Raises InputError as `fit` does.
+    Takes the paper's gradient steps on the model's log-odds. Of all points with P(valid) > .5 on the way, the one
+    nearest
+    to the start is returned: the start itself, if it is accepted. starts: (scene, path, 2) [m]. Raises InputError as
+    `fit`.
     """
     from pipeline.planning.repair import Ascent
     from pipeline.planning.repair import repair as climb
@@ -116,15 +119,15 @@ def repair(model: ValidityModel, images: Array, starts: Array) -> Array:
 def effect(
     model: ValidityModel | Sequence[ValidityModel], images: Array, images_with_item: Array, z_theta: Array
 ) -> Effect:
-    """Estimate the effect of an added item on the validity of paths: E[V | do(add item)] - E[V].
+    """Return the estimated effect of an added item on the validity of paths: E[V | do(add item)] - E[V].
 
     images, images_with_item: uint8 (scene, 100, 100, 3), the same scenes without and with the item.
     z_theta: (scene, path, 2) [m], the same paths in both.
 
-    Scenes are the unit of replication. Of one model, the interval and p are those of a one-sample t-test over scenes,
-    and say nothing of other training sets. Of a sequence of models, fitted to training sets of their own, models and
-    scenes are crossed and both count (pipeline.stats.crossed). From 20 scenes on, two pseudo-scenes are added, so
-    that scenes which all agree do not give an interval of width 0. Raises InputError as `fit` does.
+    Scenes are the unit of replication. For one model, the interval and p are those of a one-sample t-test over scenes
+    and do not cover other training sets. For a sequence of models with separate training sets, models and scenes are
+    crossed random factors (pipeline.stats.crossed). With 20 scenes or more, two pseudo-scenes are added, so that the
+    interval does not collapse if all scenes agree. Raises InputError as `fit`.
     """
     from pipeline.stats.crossed import add_pseudo_scenes, estimate, verdict
 
@@ -148,7 +151,7 @@ def effect(
 
 
 def save(model: ValidityModel, path: str | Path) -> None:
-    """Write a fitted model as safetensors, its settings in the metadata; `load` reads it back bit for bit."""
+    """Write a fitted model as safetensors with its settings as metadata; `load` restores it bit for bit."""
     from safetensors.torch import save as to_bytes
 
     from pipeline.runtime.writing import atomic_write
@@ -161,7 +164,7 @@ def save(model: ValidityModel, path: str | Path) -> None:
 
 
 def load(path: str | Path) -> ValidityModel:
-    """Return the model that `save` wrote, in eval mode; raise InputError if it is missing, damaged or not finite."""
+    """Return the model written by `save`, in eval mode; raise InputError if it is missing, damaged or not finite."""
     from safetensors import SafetensorError, safe_open
 
     from pipeline.artifacts.trained import read_weights
@@ -181,7 +184,7 @@ def load(path: str | Path) -> ValidityModel:
 
 
 def _check_scenes(images: Any, z_theta: Any, name: str = "z_theta", at_least: int = 2) -> None:
-    """Raise InputError unless images and paths fit each other and the library's units."""
+    """Raise InputError unless images and paths have the library's shapes and units."""
     check_images(images)
     if len(images) < at_least:
         raise InputError(f"{len(images)} scenes: expected at least {at_least}")
@@ -191,7 +194,7 @@ def _check_scenes(images: Any, z_theta: Any, name: str = "z_theta", at_least: in
 
 
 def _check_labels(valid: Any, shape: tuple[int, ...]) -> None:
-    """Raise InputError unless the labels are bool, one a path; warn if they are all alike."""
+    """Raise InputError unless the labels are bool, one per path; warn if they are all equal."""
     labels = np.asarray(valid)
     if labels.dtype != bool or labels.shape != shape:
         raise InputError(f"valid is {labels.dtype} of shape {labels.shape}: expected bool of shape {shape}, one a path")

@@ -24,8 +24,8 @@ from pipeline.runtime.writing import atomic_write
 
 CONF = ROOT / "conf"
 PARAMS = Path("params.yaml")
-GRAPH = tuple(NEEDS)  # the paper's stages that need something of several groups
-# parameters that conf/ composes others of -> the others
+GRAPH = tuple(NEEDS)  # the paper's stages with requirements across several groups
+# parameter -> the parameters in params.yaml that conf/ composes from it
 COMPOSED = {
     "profile": "",
     "protocol": "protocol",
@@ -38,7 +38,7 @@ COMPOSED = {
 def compose(overrides: Sequence[str] = ()) -> DictConfig:
     """Return conf/config.yaml with Hydra `overrides`, resolved and checked.
 
-    Lists of variants and users lose those that an override removed. Raises InputError.
+    Variants and users that an override removes also leave all lists of names. Raises InputError.
     """
     from hydra import compose as hydra_compose
     from hydra import initialize_config_dir
@@ -57,7 +57,7 @@ def compose(overrides: Sequence[str] = ()) -> DictConfig:
 
 
 def drop_absent(cfg: DictConfig) -> None:
-    """Take removed variants, users and studies out of the composed `cfg`'s lists, and questions that need two users."""
+    """Remove absent variants, users and studies from the lists of `cfg`, and questions that lack a second user."""
     variants = {path.stem for path in (CONF / "variants").glob("*.yaml")} - set(cfg.variants)
     users = set(OmegaConf.load(CONF / "users.yaml")["users"]) - set(cfg.users)  # pyright: ignore
     with open_dict(cfg):
@@ -78,14 +78,14 @@ def drop_absent(cfg: DictConfig) -> None:
 
 
 def render(cfg: DictConfig) -> str:
-    """Return the text of params.yaml: the very bytes DVC writes for `dvc exp run -S`."""
+    """Return the text of params.yaml, byte for byte as DVC writes it for `dvc exp run -S`."""
     return OmegaConf.to_yaml(cfg)
 
 
 def load(path: Path, overrides: Sequence[str] = (), stages: Collection[str] = ()) -> DictConfig:
     """Return the parameters of a params.yaml with dotted `overrides` (`variant=ae`), checked as by `validate`.
 
-    Raises InputError for a file or an override that makes no parameters.
+    Raises InputError for an invalid file or override.
     """
     if not path.is_file():
         raise InputError(f"{path} is missing: run `python -m pipeline.params` to write it from conf/")
@@ -108,7 +108,7 @@ def load(path: Path, overrides: Sequence[str] = (), stages: Collection[str] = ()
 
 
 def _refuse_composed(overrides: Sequence[str]) -> None:
-    """Raise InputError for an override of what other parameters in params.yaml were composed of."""
+    """Raise InputError for an override of a parameter from which others in params.yaml were composed."""
     for override in overrides:
         name = override.partition("=")[0]
         for source in COMPOSED:
@@ -120,9 +120,9 @@ def _refuse_composed(overrides: Sequence[str]) -> None:
 
 
 def validate(cfg: DictConfig, stages: Collection[str] = ()) -> None:
-    """Raise InputError for the first parameter that is wrong, before any work is done.
+    """Raise InputError for the first invalid parameter, before any work is done.
 
-    `stages`: those about to run, studies among them; what they need of several groups together is checked, too.
+    `stages`: the stages and studies about to run; their requirements across groups are checked too.
     """
     prefix = ""
     try:
@@ -141,15 +141,15 @@ def validate(cfg: DictConfig, stages: Collection[str] = ()) -> None:
 
 
 def need(cfg: DictConfig, name: str, holds: bool, expected: str) -> None:
-    """Raise InputError, which names a parameter, its value and what was expected, unless `holds`."""
+    """Raise InputError with the parameter's name, its value and what was expected, unless `holds`."""
     if not holds:
         raise InputError(f"parameter {name} is {OmegaConf.select(cfg, name)!r}: expected {expected}")
 
 
 def names_read(stage: str) -> list[str] | None:
-    """Return the names of the parameters a stage reads: those dvc.yaml lists, and those that DVC does not watch.
+    """Return the names of the parameters that a stage reads: those listed in dvc.yaml, and those DVC does not track.
 
-    None for a stage that no dvc.yaml has.
+    None for a stage that no dvc.yaml contains.
     """
     entry = stage_entry(stage)
     if entry is None:
@@ -158,7 +158,7 @@ def names_read(stage: str) -> list[str] | None:
 
 
 def read_by(cfg: DictConfig, stage: str) -> str | None:
-    """Return, as YAML, the parameters that a stage reads; None for a stage that no dvc.yaml has."""
+    """Return, as YAML, the parameters that a stage reads; None for a stage that no dvc.yaml contains."""
     names = names_read(stage)
     if names is None:
         return None
@@ -167,9 +167,9 @@ def read_by(cfg: DictConfig, stage: str) -> str | None:
 
 
 def refuse_unread(cfg: DictConfig, stage: str, overrides: Sequence[str]) -> None:
-    """Raise InputError for an override of what the stage does not read: it would name a result that it did not change.
+    """Raise InputError for an override that the stage does not read, as it would mislabel an unchanged result.
 
-    `overrides`: as on Hydra's command line. Nothing is refused for a stage that no dvc.yaml has.
+    `overrides`: as on Hydra's command line. Stages that no dvc.yaml contains accept every override.
     """
     names = names_read(stage)
     for override in overrides if names is not None else ():

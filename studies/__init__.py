@@ -1,1 +1,1 @@
-"""Studies beyond the paper, one question each; delete a folder and its question is gone."""
+"""Studies beyond the paper, one folder per question; deleting a folder removes its study."""

@@ -1,1 +1,1 @@
-"""What stages hand to one another: one module per artefact, its schema, reader and writer."""
+"""Files exchanged by stages: one module per artefact with its schema, reader and writer."""

@@ -1,4 +1,4 @@
-"""Demonstrations and queries as stages exchange them."""
+"""Read and write demonstrations and queries."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -29,7 +29,7 @@ DEMO_KEY = ["seed", "user", "scene", "demo"]
 
 @dataclass(frozen=True)
 class Queries:
-    """Paths to be judged in a pool of scenes: z (scene, query, 2) [m], valid: user -> (scene, query) bool."""
+    """Labelled test paths in a pool of scenes: z (scene, query, 2) [m], valid: user -> (scene, query) bool."""
 
     z: np.ndarray
     valid: dict[str, np.ndarray]
@@ -37,12 +37,12 @@ class Queries:
 
 @lru_cache(maxsize=1)
 def read_labelled(scenes_dir: str, demos_dir: str) -> tuple[SceneSet, pd.DataFrame, dict[str, Queries]]:
-    """Read the scenes, their demonstrations and queries, once per process."""
+    """Read scenes, demonstrations and queries, once per process."""
     return read_scenes(Path(scenes_dir)), read_demos(Path(demos_dir)), read_queries(Path(demos_dir))
 
 
 def write_demos(out_dir: Path, demos: pd.DataFrame, samples: np.ndarray, offsets: np.ndarray) -> None:
-    """Write demos.parquet and, row for row, trajectories.npz (samples (total, 4): t [s], x, y, z [m])."""
+    """Write demos.parquet and, in the same row order, trajectories.npz (samples (total, 4): t [s], x, y, z [m])."""
     if len(offsets) != len(demos) + 1 or offsets[-1] != len(samples):
         raise ValueError(f"{len(demos)} demonstrations do not match {len(offsets)} offsets into {len(samples)} samples")
     write_table(out_dir / "demos.parquet", demos[DEMO_COLUMNS])
@@ -53,7 +53,7 @@ def write_demos(out_dir: Path, demos: pd.DataFrame, samples: np.ndarray, offsets
 
 
 def read_demos(directory: Path) -> pd.DataFrame:
-    """Read one row a demonstration, sorted by seed, user, scene, demo."""
+    """Return the demonstrations, one row each, sorted by seed, user, scene, demo."""
     demos = read_table(directory / "demos.parquet", DEMO_COLUMNS)
     if not np.isfinite(demos[["z_x", "z_y"]].to_numpy()).all():
         raise InputError(f"{directory}/demos.parquet: a z_theta is not finite; run the demos stage again")
@@ -61,7 +61,7 @@ def read_demos(directory: Path) -> pd.DataFrame:
 
 
 def read_trajectories(directory: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Read samples (total, 4) and offsets (demonstration + 1), in the row order of `read_demos`."""
+    """Return samples (total, 4) and offsets (demonstration + 1), in the row order of `read_demos`."""
     arrays = read_arrays(directory / "trajectories.npz")
     return arrays["samples"], arrays["offsets"]
 
@@ -80,7 +80,7 @@ def demo_arrays(demos: pd.DataFrame, seed: int, user: str, n: int) -> tuple[np.n
 
 
 def write_queries(out_dir: Path, queries: dict[str, Queries]) -> None:
-    """Write queries.npz: `{pool}/z` and `{pool}/{user}`."""
+    """Write queries.npz with the arrays `{pool}/z` and `{pool}/{user}`."""
     arrays = {}
     for pool, q in queries.items():
         arrays[f"{pool}/z"] = q.z.astype(np.float64)
@@ -89,7 +89,7 @@ def write_queries(out_dir: Path, queries: dict[str, Queries]) -> None:
 
 
 def read_queries(directory: Path) -> dict[str, Queries]:
-    """Read the queries by pool."""
+    """Return the queries by pool."""
     arrays = read_arrays(directory / "queries.npz")
     pools: dict[str, Queries] = {}
     for name in (name for name in arrays if name.endswith("/z")):

@@ -1,4 +1,4 @@
-"""Files written whole or not at all, and with the same bytes for the same contents."""
+"""Read and write tables, JSON and arrays: atomically, and with the same bytes for the same contents."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -20,7 +20,7 @@ def write_table(path: Path, table: pd.DataFrame) -> None:
 
 
 def read_table(path: Path, columns: Sequence[str] | None = None) -> pd.DataFrame:
-    """Read a table written by `write_table`; InputError if it is missing, unreadable or lacks a column."""
+    """Return a table written by `write_table`; InputError if it is missing, unreadable or lacks a column."""
     if not path.is_file():
         raise InputError(f"{path} is missing: run `make repro` (or the stage that writes it) first")
     try:
@@ -34,13 +34,13 @@ def read_table(path: Path, columns: Sequence[str] | None = None) -> pd.DataFrame
 
 
 def write_json(path: Path, content: Mapping) -> None:
-    """Write JSON with sorted keys; refuse NaN and infinity (ValueError)."""
+    """Write JSON with sorted keys; raise ValueError for NaN and infinity."""
     text = json.dumps(content, indent=2, sort_keys=True, allow_nan=False) + "\n"
     atomic_write(path, lambda p: p.write_text(text))
 
 
 def read_json(path: Path) -> dict:
-    """Read a JSON object; InputError if it is missing or no JSON."""
+    """Return a JSON object; InputError if the file is missing or invalid."""
     if not path.is_file():
         raise InputError(f"{path} is missing: run `make repro` (or the stage that writes it) first")
     try:
@@ -53,7 +53,7 @@ def read_json(path: Path) -> dict:
 
 
 def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    """Write named arrays as an uncompressed npz, in the order given."""
+    """Write named arrays as an uncompressed npz, in the given order."""
 
     def write(temporary: Path) -> None:
         with temporary.open("wb") as file:
@@ -63,7 +63,7 @@ def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
 
 
 def read_arrays(path: Path) -> dict[str, np.ndarray]:
-    """Read every array of an npz; InputError if it is missing or truncated."""
+    """Return all arrays of an npz by name; InputError if it is missing or truncated."""
     if not path.is_file():
         raise InputError(f"{path} is missing: run `make repro` (or the stage that writes it) first")
     try:

@@ -1,4 +1,4 @@
-"""Scenes with an added item, as stage intervene renders them."""
+"""Read the scenes with an added item that stage intervene rendered."""
 
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -15,19 +15,19 @@ from pipeline.world.layout import SYMBOLS, Layouts
 
 @dataclass(frozen=True)
 class AddedItems:
-    """The first placement of each symbol in every scene of the pool that was intervened on."""
+    """The first placement of each symbol in every scene of the pool."""
 
     images: UInt8[Array, "symbol scene 100 100 3"]
-    layouts: list[Layouts]  # by symbol; the added item stands in the last slot taken
+    layouts: list[Layouts]  # by symbol; the added item is in the last occupied slot
 
     @property
     def placed(self) -> list[Layouts]:
-        """Return the added item of each scene by itself, (scene, 1), by symbol."""
+        """Return the added items alone, as layouts (scene, 1) by symbol."""
         return [_last(x) for x in self.layouts]
 
     @property
     def item(self) -> Int[Array, "symbol scene"]:
-        """Return which item was added (row of items.csv)."""
+        """Return the added items as rows of items.csv."""
         return np.stack([x.item[:, 0] for x in self.placed])
 
 
@@ -37,7 +37,7 @@ def _last(layouts: Layouts) -> Layouts:
 
 
 def read_interventions(directory: Path, scenes: Layouts) -> AddedItems:
-    """Read what stage intervene wrote, its layouts padded as those of the `scenes` are.
+    """Read the outputs of stage intervene, with layouts padded to the slots of `scenes`.
 
     InputError if images and layouts disagree, or if the items were added to other scenes.
     """

@@ -1,4 +1,4 @@
-"""Paths of fitted models' files, their weights, and the columns of their predictions (`trained` reads them back)."""
+"""Paths and weights of fitted models, and the columns of their predictions (`trained` loads them)."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,12 +13,12 @@ PREDICTION_COLUMNS = ["seed", "user", "n_demos", "split", "scene", "query", "p",
 
 
 def model_dir(cfg: DictConfig, variant: str) -> Path:
-    """Return the folder that the stage which fits `variant` writes."""
+    """Return the output folder of the stage that fits `variant`."""
     return Path(cfg.paths[cfg.variants[variant].stage]) / variant
 
 
 def weights_path(directory: Path, user: str, seed: int, n_demos: int, step: int | None = None) -> Path:
-    """Return the file of one model's weights, or of its weights before `step` of its training."""
+    """Return the file of one model's weights, or of its weights before training step `step`."""
     name = f"{user}-s{seed}-n{n_demos}"
     if step is None:
         return directory / "weights" / f"{name}.safetensors"
@@ -26,6 +26,6 @@ def weights_path(directory: Path, user: str, seed: int, n_demos: int, step: int 
 
 
 def save_weights(path: Path, weights: Mapping[str, Tensor]) -> None:
-    """Write parameters and buffers by their names."""
+    """Write parameters and buffers by name."""
     state = {name: value.contiguous() for name, value in weights.items()}
-    atomic_write(path, lambda part: part.write_bytes(save(state)))  # `save_file` lets no other account read it
+    atomic_write(path, lambda part: part.write_bytes(save(state)))  # `save_file` makes files private

@@ -1,4 +1,4 @@
-"""Repairs as stages exchange them: the starts all methods share, and a table row for each end."""
+"""Read and write repairs: the starts shared by all methods, and one table row per repaired path."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,20 +30,20 @@ class Starts:
     margins: Margins
     layouts: Layouts
     scene: Int[Array, " start"]
-    start: Int[Array, " start"]  # number in its scene
-    z: Float[Array, "start 2"]  # [m]
+    start: Int[Array, " start"]  # number of the start within its scene
+    z: Float[Array, "start 2"]  # z_theta [m]
     nearest: Float[Array, "start 2"]  # the nearest truly valid z_theta [m]
 
 
 def check_pool(cfg: DictConfig, scenes: SceneSet) -> str:
-    """Return the pool whose paths are repaired; InputError if stage scenes does not provide it."""
+    """Return the pool whose paths are repaired; InputError if stage scenes has not written it."""
     pool = cfg.protocol.splits[cfg.repair.split]
     scenes.check_has(pool, *map(train_pool, cfg.protocol.seeds))
     return pool
 
 
 def draw_starts(cfg: DictConfig, scenes: SceneSet) -> tuple[Float[Array, "scene start 2"], dict[str, Starts]]:
-    """Draw random z_theta [m] in the pool's scenes; return them, and each user's invalid ones.
+    """Draw random z_theta [m] in the pool's scenes; return all of them, and those invalid to each user.
 
     InputError if all are valid to every user.
     """
@@ -71,9 +71,9 @@ def rows(
     p_start: Float[Array, " start"] | None = None,
     p_end: Float[Array, " start"] | None = None,
 ) -> pd.DataFrame:
-    """Return a row a start: its end [m], what the model makes of both (if there is one), and what is true."""
+    """Return one row per start: end point [m], the model's P(valid) at both (if there is a model), and the truth."""
     ends = ends.astype(np.float64)
-    layouts = starts.layouts[starts.scene]  # each row in its own scene
+    layouts = starts.layouts[starts.scene]  # one layout per row
     clearances = slack(layouts, clearance(layouts, ends[:, None]), starts.margins)[:, 0]
     return pd.DataFrame(
         {
@@ -93,18 +93,18 @@ def rows(
             "accepted": pd.array([None] * len(ends) if p_end is None else p_end > DECISION, dtype="boolean"),
             "displacement_m": np.linalg.norm(ends - starts.z, axis=-1),
             "oracle_displacement_m": np.linalg.norm(starts.nearest - starts.z, axis=-1),
-            "clearance_m": clearances,  # beyond the user's margins
+            "clearance_m": clearances,  # slack: clearance minus the user's margin, smallest over items
         }
     )
 
 
 def paths_name(variant: str, user: str, seed: int) -> str:
-    """Return a model's key in paths.npz."""
+    """Return the key of a model in paths.npz."""
     return f"{variant}-{user}-s{seed}"
 
 
 def read_repairs(cfg: DictConfig) -> tuple[pd.DataFrame, dict[str, Float[Array, "start step 2"]]]:
-    """Return the gradient repairs (columns READ_COLUMNS) and every model's paths [m] by `paths_name`.
+    """Return the gradient repairs (columns READ_COLUMNS), and each model's paths [m] by `paths_name`.
 
     InputError if they do not agree.
     """

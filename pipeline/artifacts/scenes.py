@@ -1,4 +1,4 @@
-"""Scenes as stages exchange them: images, layouts and appearances by pool, and the position prior."""
+"""Read and write scenes: images, layouts and appearances by pool, and the position prior."""
 
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -28,10 +28,10 @@ APPEARANCE_COLUMNS = ["pool", "scene", "texture", "render_seed"]
 
 @dataclass(frozen=True)
 class SceneSet:
-    """Every scene by pool (`train-s0`, ..., `new_scenes`, `new_items`, `val_scenes`, `val_items`).
+    """All scenes by pool (`train-s0`, ..., `new_scenes`, `new_items`, `val_scenes`, `val_items`).
 
-    images: uint8 (scene, 100, 100, 3), row 0 at the far edge; layouts: each item's place;
-    appearances: one row a scene with its `texture` and `render_seed`.
+    images: uint8 (scene, 100, 100, 3), row 0 at the far edge; layouts: the items and their positions;
+    appearances: one row per scene with `texture` and `render_seed`.
     """
 
     images: dict[str, np.ndarray]
@@ -46,7 +46,7 @@ class SceneSet:
 
 
 def train_pool(seed: int) -> str:
-    """Return the name of the pool of a seed's own training scenes."""
+    """Return the pool name of a seed's training scenes."""
     return f"train-s{seed}"
 
 
@@ -62,7 +62,7 @@ def write_scenes(out_dir: Path, scenes: SceneSet) -> None:
 
 
 def read_scenes(directory: Path) -> SceneSet:
-    """Read what `write_scenes` wrote; raise InputError if the three files disagree."""
+    """Return the scenes written by `write_scenes`; raise InputError if the three files disagree."""
     images = read_arrays(directory / "images.npz")
     rows = read_table(directory / "layouts.parquet", LAYOUT_COLUMNS)
     appearance = read_table(directory / "appearance.parquet", APPEARANCE_COLUMNS)
@@ -79,13 +79,13 @@ def read_scenes(directory: Path) -> SceneSet:
                 f"{directory}: pool {pool} holds {array.dtype} images {array.shape}, "
                 f"{len(appearances[pool])} scenes; expected uint8 (scene, 100, 100, 3); run its stage again"
             )
-    # One slot more than any scene uses is free for an added item.
+    # One slot more than any scene uses leaves room for an added item.
     layouts = {pool: padded_layouts(by_pool[pool], len(images[pool]), slots + 1) for pool in images}
     return SceneSet(images, layouts, appearances)
 
 
 def read_position_prior(directory: Path) -> dict[str, np.ndarray]:
-    """Return for each user the true mean validity over z_theta, (side, side) as [y, x] on `bezier.lattice(side)`."""
+    """Return each user's mean true validity over z_theta, (side, side) as [y, x] on `bezier.lattice(side)`."""
     return read_arrays(directory / "position_prior.npz")
 
 
@@ -110,7 +110,7 @@ def layout_table(pool: str, layouts: Layouts) -> pd.DataFrame:
 
 
 def padded_layouts(rows: pd.DataFrame, scenes: int, slots: int) -> Layouts:
-    """Return the layouts that `layout_table` made rows of, padded to `slots`."""
+    """Return the layouts described by rows of `layout_table`, padded to `slots`."""
     layouts = empty(scenes, slots)
     index = rows["scene"].to_numpy(), rows["slot"].to_numpy()
     if len(rows) and (index[0].max() >= scenes or (rows["symbol"] == EMPTY).any()):

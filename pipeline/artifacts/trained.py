@@ -1,4 +1,4 @@
-"""Load fitted models, and predict by all of them."""
+"""Load fitted models and predict with all of them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,9 +21,9 @@ from pipeline.runtime.parallel import map_jobs
 def load_model(
     cfg: DictConfig, variant: str, user: str, seed: int, n_demos: int, step: int | None = None
 ) -> ValidityModel:
-    """Return a fitted model, or the model as it was before `step` of its training, in eval mode.
+    """Return a fitted model, or its state before training step `step`, in eval mode.
 
-    Raises InputError if its weights are missing, damaged, not finite or of another shape.
+    Raises InputError if the weights are missing, damaged, not finite or of a wrong shape.
     """
     path = weights_path(model_dir(cfg, variant), user, seed, n_demos, step)
     if not path.is_file():
@@ -45,7 +45,7 @@ def read_weights(model: ValidityModel, path: Path, variant: str) -> None:
 
 
 def check_weights(cfg: DictConfig) -> None:
-    """Raise InputError for the first model at main_n_demos that is missing."""
+    """Raise InputError for the first missing model at main_n_demos."""
     for variant in cfg.variants:
         for user in cfg.users:
             for seed in cfg.protocol.seeds:
@@ -71,7 +71,7 @@ def predict_all(
     z_theta: Float[Array, "image path 2"],
     desc: str,
 ) -> dict[str, Float[Array, "user seed image path"]]:
-    """Return P(valid) of every path [m] in its image, by every variant's models of these users at main_n_demos."""
+    """Return P(valid) of every path [m] in its image by each variant's models of these users at main_n_demos."""
     longest_first = list(cfg.variants)[::-1]
     jobs = [_Job(cfg, variant, user, images, z_theta) for variant in longest_first for user in users]
     p = map_jobs(_predict, jobs, cfg.workers, desc)

@@ -1,1 +1,1 @@
-"""The structural causal model, interventions on it, and the statistics that judge them."""
+"""The structural causal model, interventions on it, and statistics of their effects."""

@@ -1,6 +1,6 @@
-"""Effects of an added item on E[V], from predictions of the same scenes without and with it.
+"""Effects of an added item on E[V], from predictions in the same scenes without and with the item.
 
-Predictions have an axis `version`: version 0 is the scene as it is, version 1 + k the scene with symbol k added.
+Predictions have an axis `version`: version 0 is the original scene, version 1 + k the scene with symbol k added.
 A question is a pair of user and symbol; questions are ordered by user, then symbol.
 """
 
@@ -16,14 +16,14 @@ from pipeline.world.layout import SYMBOLS
 
 
 def questions(users: Sequence[str]) -> pd.DataFrame:
-    """Return user and symbol of every question."""
+    """Return the user and symbol of each question."""
     return pd.MultiIndex.from_product([list(users), SYMBOLS], names=["user", "symbol"]).to_frame(index=False)
 
 
 def expected_by_version(
     p: Float[Array, "user seed version scene path"],
 ) -> tuple[Float[Array, "question seed scene"], Float[Array, "question seed scene"]]:
-    """Return E[V] = mean p over the paths without the item, and with it."""
+    """Return E[V], the mean of p over paths, without the item and with it."""
     expected = p.mean(-1, dtype=np.float64)
     after = np.moveaxis(expected[:, :, 1:], 2, 1)  # (user, symbol, seed, scene)
     before = np.broadcast_to(expected[:, None, :, 0], after.shape)
@@ -31,7 +31,7 @@ def expected_by_version(
 
 
 def added_item_effects(p: Float[Array, "user seed version scene path"]) -> Float[Array, "question seed scene"]:
-    """Return E[V | do(Z_I := E(I + o)), S = s] - E[V | S = s] of every question."""
+    """Return E[V | do(Z_I := E(I + o)), S = s] - E[V | S = s] of each question (paper, second inequality)."""
     before, after = expected_by_version(p)
     return after - before
 
@@ -39,6 +39,6 @@ def added_item_effects(p: Float[Array, "user seed version scene path"]) -> Float
 def verdicts(
     users: Sequence[str], p: Float[Array, "user seed version scene path"], valid: Bool[Array, "user version scene path"]
 ) -> pd.DataFrame:
-    """Return `study`'s columns for every question, with user and symbol first; all questions are one family."""
+    """Return user, symbol and the columns of `study` for each question; all questions form one family."""
     truth = (x[:, 0] for x in expected_by_version(valid[:, None].astype(float)))
     return pd.concat([questions(users), study(*expected_by_version(p), *truth)], axis=1)

@@ -1,14 +1,14 @@
-"""Attribution: which item a rejected path owes its rejection to, one scene, one path and one user at a time.
+"""Attribution: which item caused the rejection of a path, for single scenes, paths and users.
 
-The effect is V = 0; its possible causes X_j are that item j stands where it does. The noise of V is held
-(pipeline.causal.scm). The answers are Tian and Pearl's probabilities of causation (2000; Pearl, 2009, Definitions
+The effect is V = 0. Its possible causes X_j are the presence of item j at its position. The noise of V is held fixed
+(pipeline.causal.scm). The answers are the probabilities of causation of Tian and Pearl (2000; Pearl, 2009, Definitions
 9.2.1 and 9.2.2):
 
     PN_j = P(V_{O without j} = 1 | V = 0)             necessity: without j the path would be valid
-    PS_j = P(V_{j alone} = 0 | V_{empty table} = 1)   sufficiency: j put on the empty table makes it invalid
+    PS_j = P(V_{j alone} = 0 | V_{empty table} = 1)   sufficiency: j on an empty table makes the path invalid
 
-PN is asked of the scene as it is, PS with every other item removed. A single cause shows as PN = PS = 1;
-overdetermination, where two items each forbid the path, as PN = 0 for both and PS = 1 for both.
+PN refers to the original scene, PS to the scene without all other items. A single cause has PN = PS = 1. Under
+overdetermination two items each forbid the path: PN = 0 and PS = 1 for both.
 """
 
 from collections.abc import Mapping
@@ -23,17 +23,17 @@ from pipeline.stats.crossed import ratio
 from pipeline.stats.scores import DECISION
 from pipeline.world.layout import EMPTY, SYMBOLS, Layouts
 
-NO_SINGLE_CAUSE = -1  # in the place of a slot
-MIN_PAIRS = 30  # pairs of seed and scene with something to count, below which no interval is given ...
-MIN_SCENES = 10  # ... and scenes (Cochran, 1977, Chapter 6)
+NO_SINGLE_CAUSE = -1  # replaces a slot index
+MIN_PAIRS = 30  # fewest pairs of seed and scene with a counted path for which an interval is given ...
+MIN_SCENES = 10  # ... and fewest scenes (Cochran, 1977, Chapter 6)
 
 
 @dataclass(frozen=True)
 class Removals:
     """P(valid), or the true validity, in four versions of each scene.
 
-    factual: as it is; empty: without any item; without: without the item of each slot; alone: with that item only.
-    In a free slot, "without" is the scene as it is and "alone" the empty table.
+    factual: the original scene; empty: without any item; without: without the item of each slot; alone: with only that
+    item. For a free slot, "without" is the original scene and "alone" the empty table.
     """
 
     factual: Float[Array, "*b scene path"]
@@ -43,25 +43,25 @@ class Removals:
 
     @property
     def necessity(self) -> Float[Array, "*b scene path slot"]:
-        """Return PN_j; 0 in free slots, NaN where the path cannot be invalid."""
+        """Return PN_j; 0 in free slots, NaN if the path cannot be invalid."""
         return chance_of_change(False, self.factual[..., None], self.without)
 
     @property
     def sufficiency(self) -> Float[Array, "*b scene path slot"]:
-        """Return PS_j; 0 in free slots, NaN where the path cannot be valid on the empty table."""
+        """Return PS_j; 0 in free slots, NaN if the path cannot be valid on the empty table."""
         return chance_of_change(True, self.empty[..., None], self.alone)
 
     def of_seed(self, seed: int) -> "Removals":
-        """Return the answers of one seed, the first axis."""
+        """Return the values of one seed (first axis)."""
         return Removals(self.factual[seed], self.empty[seed], self.without[seed], self.alone[seed])
 
 
 @dataclass(frozen=True)
 class Subsets:
-    """The distinct versions of some scenes, each listed once.
+    """The distinct versions of several scenes, without duplicates.
 
-    scene, kept: which scene each version is of, and the items left in it; index: the version that answers each
-    question (factual, empty, without each slot, each slot alone).
+    scene, kept: each version's scene, and the items that remain in it; index: the version that answers each question
+    (factual, empty, without each slot, each slot alone).
     """
 
     scene: Int[Array, " version"]
@@ -69,22 +69,22 @@ class Subsets:
     index: Int[Array, "scene question"]
 
     def by_question(self, values: Float[Array, "*b version path"]) -> Removals:
-        """Return the values of all versions by question."""
+        """Return the values of all versions, arranged by question."""
         asked = np.moveaxis(np.asarray(values, dtype=np.float64)[..., self.index, :], -2, -1)  # (..., scene, path, q)
         slots = self.kept.shape[1]
         return Removals(asked[..., 0], asked[..., 1], asked[..., 2 : 2 + slots], asked[..., 2 + slots :])
 
     def pick(self, values: Array, scenes: list[int]) -> dict[str, Array]:
-        """Return what belongs to each question of these scenes, from one value (an image, say) a version."""
+        """Return the values for each question of these scenes, given one value (such as an image) per version."""
         index, slots = self.index[scenes], self.kept.shape[1]
         parts = index[:, 0], index[:, 1], index[:, 2 : 2 + slots], index[:, 2 + slots :]
         return {name: values[part] for name, part in zip(("factual", "empty", "without", "alone"), parts, strict=True)}
 
 
 def item_subsets(present: Bool[Array, "scene slot"]) -> Subsets:
-    """Return the versions to ask about, for scenes with items in the slots that are `present`.
+    """Return the versions needed for scenes with items in the slots that are `present`.
 
-    With two items, the scene without one is the other alone: such duplicates are listed once.
+    With two items, the scene without one equals the other item alone; such duplicates are listed once.
     """
     scenes, slots = present.shape
     one = np.eye(slots, dtype=bool)
@@ -97,12 +97,12 @@ def item_subsets(present: Bool[Array, "scene slot"]) -> Subsets:
 
 
 def keep(layouts: Layouts, kept: Bool[Array, "scene slot"]) -> Layouts:
-    """Return the same scenes without the items of the other slots."""
+    """Return the same scenes with only the items in the `kept` slots."""
     return replace(layouts, item=np.where(kept, layouts.item, EMPTY), symbol=np.where(kept, layouts.symbol, EMPTY))
 
 
 def attribute(necessity: Float[Array, "*b slot"]) -> Int[Array, "*b"]:
-    """Return the slot whose PN is largest; NO_SINGLE_CAUSE if several share it, or no item has any."""
+    """Return the slot with the largest PN; NO_SINGLE_CAUSE if it is tied or zero."""
     largest = necessity.max(-1, keepdims=True)
     single = (largest[..., 0] > 0) & ((necessity == largest).sum(-1) == 1)
     return np.where(single, necessity.argmax(-1), NO_SINGLE_CAUSE)
@@ -114,10 +114,10 @@ def baselines(
     symbol: Int[Array, "scene slot"],
     clearances: Float[Array, "scene path slot"],
 ) -> dict[str, Float[Array, "scene path"]]:
-    """Return the chance that attribution without a model names the true cause; 0 where there is none.
+    """Return the probability that attribution without a model names the true cause; 0 if there is none.
 
-    random_item: any present item. nearest_item: the one with the least clearance [m]. base_rate: one drawn in
-    proportion to how often items of its symbol are the cause when present (the true rates on these very paths).
+    random_item: any item of the scene. nearest_item: the item with the smallest clearance [m]. base_rate: an item drawn
+    in proportion to how often its symbol is the cause when present (true rates on these paths).
     """
     hit = cause[..., None] == np.arange(present.shape[1])  # (scene, path, slot)
     caused = hit.any(-1)  # (scene, path)
@@ -140,15 +140,17 @@ def score_attributions(
     present: Bool[Array, "scene slot"],
     chances: Mapping[str, Float[Array, "scene path"]],
 ) -> dict[str, float]:
-    """Return how well models, (seed, scene, path), attribute the true rejections, (scene, path).
+    """Return scores of the models' attributions (seed, scene, path) of truly rejected paths (scene, path).
 
-    Counted over the paths that model and truth both reject; without any, `rejected` is 0 and nothing else is given.
+    All scores refer to the paths that both model and truth reject. Without such paths only `rejected`, 0, is returned.
 
-    - rejected: such paths a seed; recall: their share of the truly invalid ones; single: share with a single cause.
-    - right: how often the model names that cause; sure: with PN above one half; named: how often it names any item.
-    - baseline_*: the same of each baseline in `chances`; lead: of `right` over baseline_nearest_item.
-    - overdetermined_right: where several items are causes, how often PN and PS of all are on the right side of 1/2.
-    - empty_rejected: how often the model rejects the path on the empty table, too.
+    - rejected: number of these paths per seed; recall: their share of all truly invalid paths; single: share with a
+      single cause.
+    - right: how often the model names the single cause; sure: with PN above one half; named: how often it names any
+      item.
+    - baseline_*: `right` of each baseline in `chances`; lead: `right` minus baseline_nearest_item.
+    - overdetermined_right: without a single cause, how often PN and PS of all items are on the right side of 1/2.
+    - empty_rejected: how often the model also rejects the path on the empty table.
     - pn_error, ps_error: mean absolute errors over items; *_error_constant: those of the best constant answer.
 
     Intervals (ci_low and ci_high of `right`, lead_ci_*, overdetermined_right_ci_*) are Student's over seeds crossed
@@ -188,16 +190,16 @@ def score_attributions(
 
 
 def mean(values: Array, asked: Bool[Array, "*b"]) -> float:
-    """Return the mean of `values`, broadcast to `asked`, where that is true; NaN if it is nowhere."""
+    """Return the mean of `values`, broadcast to the mask `asked`, where the mask is true; NaN if it is nowhere."""
     return float(np.broadcast_to(values, asked.shape)[asked].mean()) if asked.any() else np.nan
 
 
 def mean_with_interval(
     name: str, values: Array, asked: Bool[Array, "seed scene *b"], low: str = "", high: str = ""
 ) -> dict[str, float]:
-    """Return `mean` and its 95 % interval over seeds crossed with scenes, shares within [0, 1].
+    """Return `mean` and its 95 % interval over seeds crossed with scenes; shares are clipped to [0, 1].
 
-    The ends are called `name`_ci_low and `name`_ci_high, or `low` and `high`; NaN where too little is asked.
+    The bounds are called `name`_ci_low and `name`_ci_high, or `low` and `high`. They are NaN for too few observations.
     """
     low, high = low or f"{name}_ci_low", high or f"{name}_ci_high"
     row = {name: mean(values, asked), low: np.nan, high: np.nan}
@@ -211,5 +213,5 @@ def mean_with_interval(
 
 
 def _constant_error(truth: Float[Array, " item"]) -> float:
-    """Return the mean absolute error of the best constant answer to what is 0 or 1."""
+    """Return the mean absolute error of the best constant prediction of values that are 0 or 1."""
     return min(truth.mean(), 1 - truth.mean()) if len(truth) else np.nan

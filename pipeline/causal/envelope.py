@@ -1,21 +1,21 @@
-"""A safety envelope by dose and response: the clearance [m] from an added item at which validity changes.
+"""Estimate a safety envelope by dose and response: the clearance [m] from an added item at which validity changes.
 
 The dose is the clearance c between a path and the added item o. The response is the loss of expected validity
 
     response(c) = E[V | do(Z_theta := z)] - E[V | do(Z_theta := z, Z_I := E(I + o))],  clearance(z, o) = c,
 
-over the same paths z and scenes on both sides. The paths keep farther from every other item than any user asks. The
-true response is therefore 1 within the user's margin and 0 beyond it, whatever else stands in a scene.
+over the same paths z and scenes on both sides. The paths keep farther away from all other items than any user requires.
+The true response is therefore 1 within the user's margin and 0 beyond it, regardless of the other items.
 
 The radius is the dose of half the effect (ED50): response(c) is half of the response at contact. Unlike the mean
-tolerance (Spearman and Kaerber), it does not depend on the largest dose asked, and it needs no model of the curve.
-Its interval inverts a test: it holds the doses at which response(c) - response(0) / 2 does not differ from zero. The
-difference's mean and pointwise bounds are first made to fall (isotonic regression), which harms no bound where the
-curve does fall (Chernozhukov, Fernandez-Val and Galichon, 2009) and leaves one crossing each. A flat curve's interval
-ends where the doses end.
+tolerance (Spearman and Kaerber), it does not depend on the largest dose and needs no model of the curve. Its interval
+inverts a test: it holds the doses at which response(c) - response(0) / 2 does not differ from zero. The difference's
+mean and pointwise bounds are first made decreasing by isotonic regression. This keeps the bounds valid if the true
+curve decreases (Chernozhukov, Fernandez-Val and Galichon, 2009), and gives each a single zero crossing. The interval
+of a flat curve extends to the end of the doses.
 
-The interval covers three sources of chance: training sets, the items added (a planner will meet others of the symbol),
-and the items that all training sets share (pipeline.stats.clusters). It knows nothing of a bias beyond these.
+The interval covers three sources of chance: training sets, added items (a planner will meet other items of the symbol),
+and the items shared by all training sets (pipeline.stats.clusters). It does not cover any further bias.
 """
 
 from collections.abc import Sequence
@@ -31,7 +31,7 @@ from pipeline.stats.crossed import Estimates, estimate, holm, verdict
 
 
 def dose_grid(step: float, doses: int) -> Float[Array, " dose"]:
-    """Return the middle [m] of each interval of clearance, `step` wide; the first lies inside the item: contact."""
+    """Return the centre [m] of each interval of clearance, `step` wide; the first lies inside the item (contact)."""
     return step * (np.arange(doses) - 0.5)
 
 
@@ -42,10 +42,11 @@ def paths_at_doses(
     clear_of_others: float,
     count: int,
 ) -> Int[Array, "scene dose count"]:
-    """Return the first `count` paths at each dose that keep `clear_of_others` [m] from all other items.
+    """Return the first `count` paths at each dose that keep `clear_of_others` [m] away from all other items.
 
-    to_added: clearance [m] from the added item; to_others: the least from any other. Paths drawn uniformly stay so
-    within a dose. A dose with fewer paths is missing in its scene and holds -1; without contact, all doses are.
+    to_added: clearance [m] from the added item; to_others: smallest clearance from any other. Within a dose, the paths
+    remain uniformly distributed. A dose with too few paths is missing in its scene (-1); without contact, all doses
+    are.
     """
     dose = np.floor((to_added - doses[0]) / (doses[1] - doses[0]) + 0.5)
     chosen = np.full((len(to_added), len(doses), count), -1)
@@ -64,20 +65,20 @@ def envelopes(
     margins: Sequence[float | None],
     doses: Float[Array, " dose"],
 ) -> pd.DataFrame:
-    """Return one family's envelopes (questions: users x symbols), a row each in order; lengths in metres.
+    """Return one family's envelopes (questions: users x symbols), one row per question; lengths in metres.
 
-    item: which one was added; trained: how many items of the symbol the training sets share, None if nothing was
-    learned from items; margins: the true ones, None where there is none. NaN: a dose missing in a scene.
+    item: the added item; trained: number of items of the symbol in the training sets, None if nothing was learned from
+    items; margins: the true margins, None if there is none. NaN: the dose is missing in the scene.
 
-    There is an envelope if the response at contact is an effect (Holm over the family, items in place of scenes) and
-    positive. Columns: radius_m, ci_low, ci_high (NaN: no envelope), true_radius_m (NaN: no margin), response (at
-    contact), p_holm, verdict, right (whether both or neither are there), covered (whether the interval holds the
-    margin; None unless both are there).
+    An envelope exists if the response at contact is a positive effect (Holm over the family, items in place of scenes).
+    Columns: radius_m, ci_low, ci_high (NaN: no envelope), true_radius_m (NaN: no margin), response (at contact),
+    p_holm, verdict, right (envelope and margin both exist, or neither), covered (the interval contains the margin; None
+    unless both exist).
     """
     by_question = [by_item(values, items) for values, items in zip(response, item, strict=True)]
     contacts = []
     for values, count in zip(by_question, trained, strict=True):
-        touched = ~np.isnan(values[..., 0]).any(0)  # items of which a path in contact was asked
+        touched = ~np.isnan(values[..., 0]).any(0)  # items with at least one path in contact
         contacts.append(_estimate(values[None, :, touched, 0], count))
     adjusted = holm(np.array([contact.p[0] for contact in contacts]))
     rows = []
@@ -109,9 +110,9 @@ def response_curve(
     trained: int | None,
     doses: Float[Array, " dose"],
 ) -> pd.DataFrame:
-    """Return one question's mean response by dose with its 95 % interval, beside the true one.
+    """Return one question's mean response by dose with its 95 % interval, and the true response.
 
-    Columns: clearance_m, response, ci_low, ci_high, true_response, scenes (in which the dose was asked).
+    Columns: clearance_m, response, ci_low, ci_high, true_response, scenes (number of scenes with the dose).
     """
     estimates = _estimate_doses(by_item(response, item), trained)
     return pd.DataFrame(
@@ -129,9 +130,9 @@ def response_curve(
 def radius(
     response: Float[Array, "seed item dose"], doses: Float[Array, " dose"], trained: int | None = None
 ) -> tuple[float, float, float]:
-    """Return the clearance [m] of half the effect and its 95 % interval; the end of the grid means "at least".
+    """Return the clearance [m] of half the effect and its 95 % interval; a bound at the end of the grid is open.
 
-    trained: how many items the training sets share; None: nothing was learned from items.
+    trained: number of items in the training sets; None: nothing was learned from items.
     """
     halves = _estimate_doses(response - response[..., :1] / 2, trained)
     middle, low, high = (_crossing(halves[name], doses) for name in ("effect", "ci_low", "ci_high"))
@@ -139,7 +140,7 @@ def radius(
 
 
 def _estimate_doses(response: Float[Array, "seed item dose"], trained: int | None) -> dict[str, Float[Array, " dose"]]:
-    """Return effect, ci_low and ci_high of each dose, over the items for which it was asked."""
+    """Return effect, ci_low and ci_high at each dose, over the items with that dose."""
     asked = np.asarray(~np.isnan(response).any(0)).T  # (dose, item)
     ends = {name: np.empty(len(asked)) for name in ("effect", "ci_low", "ci_high")}
     for items in np.unique(asked, axis=0):
@@ -151,14 +152,14 @@ def _estimate_doses(response: Float[Array, "seed item dose"], trained: int | Non
 
 
 def _estimate(response: Float[Array, "question seed item"], trained: int | None) -> Estimates:
-    """Return the estimates, with the chance of the `trained` items that all training sets share."""
+    """Return the estimates, including the variance due to the `trained` items that all training sets share."""
     return estimate(response if trained is None else np.stack([as_from_other_items(r, trained) for r in response]))
 
 
 def _crossing(values: Float[Array, " dose"], doses: Float[Array, " dose"]) -> float:
-    """Return where the falling curve nearest to the values meets zero, linear between doses."""
+    """Return the zero crossing of the decreasing curve nearest to the values, linear between doses."""
     falling = isotonic_regression(values, increasing=False).x
-    after = int((falling > 0).sum())  # the first dose at which it is zero or less
+    after = int((falling > 0).sum())  # the first dose with a value of at most zero
     if after in (0, len(doses)):
         return float(doses[min(after, len(doses) - 1)])
     return float(np.interp(0, -falling[after - 1 : after + 1], doses[after - 1 : after + 1]))

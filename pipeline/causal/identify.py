@@ -1,11 +1,11 @@
-"""Who showed these paths? The posterior over known users given labelled paths, and a test that it is none of them.
+"""Identify the user behind labelled paths: a posterior over known users, and a test that it is none of them.
 
 A user's model gives P_u(V = 1) for every path of a scene. Under a uniform prior over users,
 
     P(u | v_1..v_k) is proportional to the product over i of P_u(V = v_i | scene, z_i).
 
-Everything here is a function of these probabilities and of labels. Where they are the truth, 0 or 1, the same
-functions are the ideal observer: the users that contradict no label share the posterior.
+All functions depend only on these probabilities and on labels. With the true validities, 0 or 1, they give the ideal
+observer: the users that contradict no label share the posterior.
 """
 
 from math import ceil, log
@@ -14,14 +14,14 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
 
-STEP_NATS = 0.25  # surprises count in whole steps, so that their distribution is a finite sum
-DISTINCT = 0.99  # chance with which the paths shown must tell two users apart, for these to count as distinct
+STEP_NATS = 0.25  # surprises are rounded down to multiples of this, so that their distribution is a finite sum
+DISTINCT = 0.99  # probability that a draw of paths distinguishes two users, from which they count as distinct
 
 
 def posterior(
     p: Float[Array, "user *b path"], valid: Bool[Array, "*#b path"], floor: float
 ) -> Float[Array, "user *b path"]:
-    """Return P(u | v_1..v_k) for k = 1, 2, ... along the last axis; p is kept `floor` away from 0 and 1."""
+    """Return P(u | v_1..v_k) for k = 1, 2, ... along the last axis; p is clipped to [floor, 1 - floor]."""
     p = _bounded(p, floor)
     log_likelihood = np.log(np.where(valid, p, 1 - p)).cumsum(-1)
     likelihood = np.exp(log_likelihood - log_likelihood.max(0))
@@ -31,9 +31,9 @@ def posterior(
 def identify(
     p: Float[Array, "user seed scene draw path"], valid: Bool[Array, "user scene draw path"], floor: float
 ) -> tuple[Float[Array, "user path seed scene"], Float[Array, "user path seed scene"]]:
-    """Return how often the most probable user is the true one after 1, 2, ... paths, and its mean probability.
+    """Return the accuracy of the most probable user after 1, 2, ... paths, and the posterior of the true user.
 
-    First axis of the result: the true user. Draws are averaged. Users who tie share the credit.
+    First axis of the result: the true user. Draws are averaged; tied users share the credit.
     """
     correct, confidence = [], []
     for user, labels in enumerate(valid):
@@ -51,9 +51,9 @@ def reject_all_users(
     floor: float,
     level: float,
 ) -> Float[Array, "who path seed scene"]:
-    """Return how often every known user is rejected after 1, 2, ... paths of each demonstrator; draws are averaged.
+    """Return the rate at which every known user is rejected after 1, 2, ... paths of each demonstrator, over draws.
 
-    If p is right about a demonstrator, this happens with probability at most `level`, at each k.
+    If p is correct for the demonstrator, this happens with probability at most `level`, for each k.
     """
     rejected = np.ones((len(valid), *p.shape[1:]), dtype=bool)
     for of_user in p:
@@ -65,11 +65,11 @@ def reject_all_users(
 def reject(
     p: Float[Array, "*b path"], valid: Bool[Array, "who *b path"], floor: float, level: float
 ) -> Bool[Array, "who *b path"]:
-    """Return whether v_1..v_k fit p too badly, for k = 1, 2, ...: an exact test of independent V_i ~ Bernoulli(p_i).
+    """Return whether v_1..v_k contradict p, for k = 1, 2, ...: an exact test of independent V_i ~ Bernoulli(p_i).
 
-    The statistic is log P(v_1..v_k), with |log-odds| rounded down to whole steps. Up to the rounding it is the
-    likelihood ratio of the user against a coin (Neyman and Pearson). One-sided: labels that fit better than p
-    promises speak against p, not against the user.
+    The statistic is log P(v_1..v_k), with |log-odds| rounded down to multiples of STEP_NATS. Up to rounding it is the
+    likelihood ratio of the user against a fair coin (Neyman and Pearson). The test is one-sided: labels that fit better
+    than p predicts are evidence against p, not against the user.
     """
     p = _bounded(p, floor)
     rare = np.minimum(p, 1 - p)
@@ -81,18 +81,18 @@ def reject(
 def critical_surprise(
     weight: Int[Array, "*b path"], rare: Float[Array, "*b path"], level: float
 ) -> Int[Array, "*b path"]:
-    """Return the least s with P(S_k >= s) <= level for k = 1, 2, ...
+    """Return the smallest s with P(S_k >= s) <= level for k = 1, 2, ...
 
-    S_k sums the weights of those among the first k labels that come out the rare way, each with a probability of its
-    own. Its distribution is built label by label, up to a bound: since exp(STEP_NATS * weight) <= (1 - rare) / rare,
-    Markov's inequality gives P(S_k >= s) <= 2^k exp(-STEP_NATS * s).
+    S_k sums the weights of the improbable labels among the first k, each improbable with its own probability. The
+    distribution is built label by label, up to a bound: since exp(STEP_NATS * weight) <= (1 - rare) / rare, Markov's
+    inequality gives P(S_k >= s) <= 2^k exp(-STEP_NATS * s).
     """
     *shape, paths = weight.shape
     weight, rare = weight.reshape(-1, paths), rare.reshape(-1, paths)
     rows, bins, pad = np.arange(len(weight)), ceil((paths * log(2) - log(level)) / STEP_NATS), weight.max()
     padded = np.zeros((len(weight), pad + bins))
     mass = padded[:, pad:]  # P(S_k = s), s < bins
-    shifted = np.lib.stride_tricks.sliding_window_view(padded, bins, axis=1)  # [:, pad - w]: the mass moved up by w
+    shifted = np.lib.stride_tricks.sliding_window_view(padded, bins, axis=1)  # [:, pad - w]: the mass shifted up by w
     mass[:, 0] = 1.0
     critical = np.empty(weight.shape, dtype=int)
     for k in range(paths):
@@ -102,14 +102,14 @@ def critical_surprise(
 
 
 def all_distinct(valid: Bool[Array, "user scene draw path"]) -> Bool[Array, " scene"]:
-    """Return the scenes in which every user is distinct from every other one."""
+    """Return the scenes in which all users are distinct from each other."""
     return np.all([distinct_from(labels, np.delete(valid, user, axis=0)) for user, labels in enumerate(valid)], axis=0)
 
 
 def distinct_from(
     valid: Bool[Array, "scene draw path"], others: Bool[Array, "user scene draw path"]
 ) -> Bool[Array, " scene"]:
-    """Return where these labels differ from each other user's so often that one draw shows it with chance DISTINCT."""
+    """Return whether labels differ from each other user's so often that one draw shows it with probability DISTINCT."""
     differ = (valid != others).mean((-2, -1))  # (user, scene)
     return (1 - (1 - differ) ** valid.shape[-1] >= DISTINCT).all(0)
 
@@ -119,5 +119,5 @@ def _bounded(p: Float[Array, "*b"], floor: float) -> Float[Array, "*b"]:
 
 
 def _by_path(values: Array) -> Float[Array, "who path seed scene"]:
-    """Return (who, seed, scene, draw, path) averaged over draws, k first."""
+    """Return values (who, seed, scene, draw, path) averaged over draws, with the path axis second."""
     return np.moveaxis(values.mean(-2), -1, 1)

@@ -1,10 +1,10 @@
-"""Effects of interventions from arrays of expected validity: no model, image or rule is known here.
+"""Estimate effects of interventions from arrays of expected validity, independently of models, images and rules.
 
-The estimand (the paper's second inequality) is the average causal effect
+The estimand is the average causal effect of the paper's second inequality,
 
     ACE(s, o) = E[V | do(Z_I := E(I + o)), S = s] - E[V | S = s]
 
-over the same scenes, paths and seeds on both sides. For the first inequality do(S := s') takes the place of do(Z_I).
+over the same scenes, paths and seeds on both sides. For the first inequality, do(S := s') replaces do(Z_I).
 """
 
 from collections.abc import Sequence
@@ -23,17 +23,17 @@ JUDGED = ["effect", "q1", "q3", "ci_low", "ci_high", "ci90_low", "ci90_high", "p
 
 
 def expected_validity(p: Float[Array, "*b path"]) -> Float[Array, "*b"]:
-    """Return E[V] over the paths: V is 1 with probability p, so its expectation is the mean of p (Table 2)."""
+    """Return E[V] over paths: V is 1 with probability p, so its expectation is the mean of p (paper, Table 2)."""
     return np.asarray(np.mean(p, axis=-1, dtype=np.float64))
 
 
 def ordered_pairs(users: Sequence[str]) -> list[tuple[str, str]]:
-    """Return every (s, s') with s' != s, for do(S := s') among units of S = s."""
+    """Return all pairs (s, s') with s' != s, for do(S := s') among units with S = s (paper, first inequality)."""
     return list(permutations(users, 2))
 
 
 def judge(effects: Float[Array, "question seed scene"]) -> pd.DataFrame:
-    """Return one family's questions, a row each in order, with the columns JUDGED.
+    """Return estimates and verdicts of one family of questions, one row per question, with the columns JUDGED.
 
     effect: mean over seeds and scenes; q1, q3: quartiles of the seeds' means; ci_, ci90_: 95 % and 90 % intervals over
     seeds crossed with scenes; p_holm: corrected over the family; verdict: one of `pipeline.stats.tests.VERDICTS`.
@@ -53,10 +53,10 @@ def study(
     true_baseline: Float[Array, "question scene"],
     true_intervened: Float[Array, "question scene"],
 ) -> pd.DataFrame:
-    """Return `judge` of the effects beside the truth, a row a question in order.
+    """Return `judge` of the effects together with the truth, one row per question.
 
     Further columns: baseline, intervened (means); truth (the true effect); truth_verdict; right: the verdict is the
-    true one and, for an effect, has the true sign.
+    true one and, for an effect, the sign is correct.
     """
     table = judge(intervened - baseline)
     table["baseline"], table["intervened"] = baseline.mean((1, 2)), intervened.mean((1, 2))

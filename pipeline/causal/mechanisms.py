@@ -1,6 +1,6 @@
-"""The mechanisms that run: the renderer, the models of a seed, and the world's own rule.
+"""Mechanisms of the structural causal model: the renderer, a seed's fitted models, and the world's own rules.
 
-Units are scenes. Each carries all its paths along a second axis: Z_theta is (scene, path, 2) [m], V (scene, path).
+Units are scenes. Each has its paths on a second axis: Z_theta is (scene, path, 2) [m], V is (scene, path).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -19,11 +19,11 @@ from pipeline.world.render import Palette, render_scenes
 from pipeline.world.rules import Margins, valid
 
 Image = UInt8[Array, "scene 100 100 3"]
-Render = Callable[[Int[Array, " scene"], Layouts, Array], Image]  # render seeds, items, names of table tops
+Render = Callable[[Int[Array, " scene"], Layouts, Array], Image]  # arguments: render seeds, items, names of table tops
 
 
 def renderer(palette: Palette) -> Render:
-    """Return the mechanism of I: the image of the items on the table top, light and noise by the render seed."""
+    """Return the mechanism of I: the image of items and table top, with light and noise from the render seed."""
 
     def render(render_seeds: Int[Array, " scene"], items: Layouts, table_tops: Array) -> Image:
         return render_scenes(items, table_tops.tolist(), render_seeds.tolist(), palette)
@@ -32,9 +32,9 @@ def renderer(palette: Palette) -> Render:
 
 
 def model_scm(models: Mapping[str, ValidityModel], render: Render) -> SCM:
-    """Return the model with these users' fitted models as the mechanisms of Z_I and V.
+    """Return the structural causal model with these users' fitted models as the mechanisms of Z_I and V.
 
-    Z_I holds, for each user, the percepts of SCENES_PER_BATCH scenes at a time.
+    Z_I holds each user's percepts, in batches of SCENES_PER_BATCH scenes.
     """
 
     @torch.no_grad()
@@ -52,7 +52,7 @@ def model_scm(models: Mapping[str, ValidityModel], render: Render) -> SCM:
 
 
 def true_scm(users: Mapping[str, Margins]) -> SCM:
-    """Return the simulated world: users see the items themselves, and V is the rule of their margins [m]."""
+    """Return the simulated world as a structural causal model: Z_I is the items, and V follows from the margins [m]."""
 
     def probability(user: str, items: Layouts, z_theta: Array) -> Array:
         return valid(items, z_theta, users[user]).astype(np.float64)
@@ -61,7 +61,7 @@ def true_scm(users: Mapping[str, Margins]) -> SCM:
 
 
 def by_user(probability: Callable[[str, Any, Array], Array]) -> Callable[..., Float[Array, "scene path"]]:
-    """Return C_s from one user's probabilities, (scene, path), for units that need not share their user."""
+    """Return C_s as a function of S, given one user's probabilities (scene, path); units may have different users."""
 
     def classify(s: Array, z_image: Any, z_theta: Array) -> Array:
         users = np.unique(s)
@@ -76,11 +76,11 @@ def by_user(probability: Callable[[str, Any, Array], Array]) -> Callable[..., Fl
 def expected_validities(
     scm: SCM, noise: Values, users: Sequence[str], changes: Sequence[Values]
 ) -> Float[Array, "change user scene"]:
-    """Return E[V | do(Z_I := Z_I under do(change)), S = s] of every user in every scene, over its paths.
+    """Return E[V | do(Z_I := Z_I under do(change)), S = s] of each user in each scene, over the scene's paths.
 
-    The estimand of the paper: `change` sets O, T or I, and {} leaves the scene as it is. Noises are shared, and N_V is
-    averaged in closed form. Since S has no parent and V alone for a child, the row of user s' and no change is also
-    E[V | do(S := s'), S = s].
+    This is the paper's estimand: `change` sets O, T or I, and {} leaves the scene unchanged. All changes share the
+    noises; N_V is averaged in closed form. S has no parent and V as its only child, so the row of user s' without a
+    change is also E[V | do(S := s'), S = s].
     """
     expected = []
     for change in changes:

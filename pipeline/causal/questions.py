@@ -1,4 +1,4 @@
-"""Questions of conf/questions as interventions: what each one sets in the structural causal model, scene by scene."""
+"""Translate the questions of conf/questions into interventions on the structural causal model, scene by scene."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
@@ -22,13 +22,13 @@ from pipeline.world.layout import (
     segment_distance,
 )
 
-TRIES = 100  # random proposals for a moved or swapped item, before its scene is left out
-MIN_SCENES = 2  # of a question: the least from which an error can be estimated
+TRIES = 100  # random proposals for a moved or swapped item before its scene is left out
+MIN_SCENES = 2  # fewest scenes from which a question's standard error can be estimated
 
 
 @dataclass(frozen=True)
 class Scenes:
-    """The scenes that are asked about, and what an added item is drawn from.
+    """The scenes of the questions, and the catalogue from which added items are drawn.
 
     items: the catalogue's footprints; pool: the rows of items.csv to draw from; textures: names of the catalogue's.
     """
@@ -42,9 +42,9 @@ class Scenes:
 
 @dataclass(frozen=True)
 class Change:
-    """do(O := ...) or do(T := ...), an entry a placement, in the `scenes` where the question makes sense.
+    """do(O := ...) or do(T := ...), one entry per placement, in the `scenes` to which the question applies.
 
-    The other scenes stay as they are. No placement: do(S := s'), which the stage asks of the user s' itself.
+    The other scenes stay unchanged. Without placements it is do(S := s'), which the stage evaluates with user s'.
     """
 
     placements: list[Values]
@@ -54,10 +54,10 @@ class Change:
 def change(
     name: str, question: Question, scenes: Scenes, additions: Mapping[str, list[Layouts]], rng: np.random.Generator
 ) -> Change:
-    """Return what the question sets.
+    """Return the interventions of one question.
 
-    additions: the scenes with an added item of each symbol, by placement. InputError if fewer than MIN_SCENES scenes
-    allow the question, or the texture is unknown.
+    additions: symbol -> the scenes with an added item, one entry per placement. InputError if the question applies to
+    fewer than MIN_SCENES scenes, or if the texture is unknown.
     """
     every = np.ones(len(scenes.layouts), dtype=bool)
     match question:
@@ -87,7 +87,7 @@ def change(
 
 
 def draw_additions(rng: np.random.Generator, scenes: Scenes, placements: int) -> dict[str, list[Layouts]]:
-    """Return the scenes with an item of each symbol added at random, `placements` times."""
+    """Return the scenes with a random item of each symbol added, `placements` times."""
     return {
         symbol: [
             add_item(rng, scenes.layouts, index, scenes.items, scenes.pool, scenes.rules) for _ in range(placements)
@@ -97,7 +97,7 @@ def draw_additions(rng: np.random.Generator, scenes: Scenes, placements: int) ->
 
 
 def allowed(layouts: Layouts, slot: Int[Array, " scene"], rules: LayoutRules) -> Bool[Array, " scene"]:
-    """Return where the item in `slot` keeps the rules that scenes are drawn by: in range, clear of items and ends."""
+    """Return whether the item in `slot` keeps the rules for drawing scenes: in range, clear of items and path ends."""
     index = np.arange(len(slot)), slot
     segment, radius, centre = layouts.ends[index], layouts.radius[index], layouts.centre[index]
     others = layouts.present.copy()
@@ -114,7 +114,7 @@ def allowed(layouts: Layouts, slot: Int[Array, " scene"], rules: LayoutRules) ->
 def _pick(
     rng: np.random.Generator, layouts: Layouts, symbol: str
 ) -> tuple[Int[Array, " scene"], Bool[Array, " scene"]]:
-    """Return the slot of one item of the symbol in each scene, at random, and whether the scene has one."""
+    """Return the slot of a random item of the symbol in each scene, and whether the scene has one."""
     matches = layouts.symbol == SYMBOLS.index(symbol)
     return np.where(matches, rng.random(matches.shape), -1.0).argmax(1), matches.any(1)
 
@@ -122,7 +122,7 @@ def _pick(
 def _propose(
     scenes: Scenes, slot: Int[Array, " scene"], pending: Bool[Array, " scene"], draw: Callable[[], Layouts]
 ) -> tuple[Layouts, Bool[Array, " scene"]]:
-    """Return the first proposal in each scene that keeps the rules, and the scenes that have one within TRIES."""
+    """Return each scene's first proposal that keeps the rules, and whether one was found within TRIES."""
     accepted, layouts = np.zeros_like(pending), scenes.layouts
     for _ in range(TRIES):
         proposal = draw()
@@ -140,7 +140,7 @@ def _moved(rng: np.random.Generator, scenes: Scenes, slot: Int[Array, " scene"],
 
 
 def _swapped(rng: np.random.Generator, scenes: Scenes, slot: Int[Array, " scene"], symbol: str) -> Layouts:
-    """Return the scenes with a random item of the symbol, randomly turned, in the place of the item in `slot`."""
+    """Return the scenes with the item in `slot` replaced by a random item of the symbol at a random angle."""
     index = SYMBOLS.index(symbol)
     item = rng.choice(scenes.pool[scenes.items.symbol[scenes.pool] == index], len(slot))
     scale = rng.uniform(scenes.rules.scale_low, scenes.rules.scale_high, len(slot))
@@ -152,7 +152,7 @@ def _swapped(rng: np.random.Generator, scenes: Scenes, slot: Int[Array, " scene"
 
 
 def _with_slot(layouts: Layouts, slot: Int[Array, " scene"], where: Bool[Array, " scene"], **values) -> Layouts:
-    """Return a copy with these values of the item in `slot`, in the scenes `where`."""
+    """Return a copy with these values for the item in `slot`, in the scenes of the mask `where`."""
     copy = Layouts(*(getattr(layouts, f.name).copy() for f in fields(layouts)))
     for name, value in values.items():
         array = getattr(copy, name)
@@ -161,7 +161,7 @@ def _with_slot(layouts: Layouts, slot: Int[Array, " scene"], where: Bool[Array, 
 
 
 def _choose(where: Bool[Array, " scene"], a: Layouts, b: Layouts) -> Layouts:
-    """Return the scenes of `a` where true, else of `b`."""
+    """Return the scenes of `a` where the mask is true, else those of `b`."""
     order = np.arange(len(where))
     both = Layouts(*(np.concatenate([getattr(a, f.name), getattr(b, f.name)]) for f in fields(a)))
     return both[np.where(where, order, order + len(where))]

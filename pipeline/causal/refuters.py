@@ -1,9 +1,9 @@
-"""Refuters: questions whose true answer is known, so that a wrong answer refutes the effects (names as in DoWhy).
+"""Refuters: questions with a known true answer, so that a wrong answer refutes the effects (named as in DoWhy).
 
 dummy_outcome      labels permuted before training: no effect expected
-placebo_treatment  an added item's pixels shuffled in their place: no effect expected
+placebo_treatment  an added item's pixels shuffled in place: no effect expected
 negative_control   only paths far from the added item: no effect expected
-other_environment  the effect on another table top less the effect on the scene's own: no difference expected
+other_environment  the effect on another table top minus the effect on the original one: no difference expected
 data_subset        random halves of the scenes: the verdict of all scenes expected
 """
 
@@ -18,7 +18,7 @@ from pipeline.causal.interventions import judge
 
 DUMMY_OUTCOME, PLACEBO_TREATMENT = "dummy_outcome", "placebo_treatment"
 NEGATIVE_CONTROL, OTHER_ENVIRONMENT, DATA_SUBSET = "negative_control", "other_environment", "data_subset"
-TUNED_PIECE_PX = 1  # of placebo_treatment
+TUNED_PIECE_PX = 1  # piece size of placebo_treatment against which MAX_TEXTURE_DISORDER was tuned
 TUNED_NOTE = "perception's disorder filter was chosen against this test"
 
 
@@ -28,10 +28,10 @@ def placebo_patch(
     after: UInt8[Array, "scene 100 100 3"],
     piece: int = 1,
 ) -> UInt8[Array, "scene 100 100 3"]:
-    """Return `after` with the pixels that differ from `before` shuffled among themselves within each scene.
+    """Return `after` with the pixels that differ from `before` shuffled within each scene.
 
-    The patch keeps the item's outline, colours and contrast, and shows no item. Squares of `piece` x `piece` pixels
-    are moved as a whole if all of their pixels differ; the pixels left at the rim are moved one by one.
+    The patch keeps the item's outline, colours and contrast but shows no item. Squares of `piece` x `piece` pixels move
+    as a whole if all of their pixels differ; the remaining pixels at the rim move one by one.
     """
     patched = before.copy()
     for image, old, new in zip(patched, before, after, strict=True):
@@ -44,24 +44,24 @@ def placebo_patch(
 
 
 def _squares(image: Shaped[Array, "row column channel"], side: int) -> Shaped[Array, "down across _ _ channel"]:
-    """Return a view of an image's squares; `side` divides its height and width."""
+    """Return a view of an image as squares; `side` must divide its height and width."""
     rows, columns, channels = image.shape
     return image.reshape(rows // side, side, columns // side, side, channels).swapaxes(1, 2)
 
 
 def mean_over_paths(p: Float[Array, "*#b path"], chosen: Bool[Array, "*#b path"]) -> Float[Array, "*b_all"]:
-    """Return E[V] over the chosen paths alone; NaN where none is chosen."""
+    """Return E[V] over the chosen paths only; NaN if none is chosen."""
     count = chosen.sum(-1)
     total = np.where(chosen, p, 0.0).sum(-1, dtype=np.float64)
     return np.divide(total, count, out=np.full(total.shape, np.nan), where=np.broadcast_to(count > 0, total.shape))
 
 
 def data_subset(rng: np.random.Generator, effects: Float[Array, "question seed scene"], splits: int) -> pd.DataFrame:
-    """Return each question's answers over random halves of the scenes, a row a question in order.
+    """Return each question's results on random halves of the scenes, one row per question.
 
     effect, ci_low, ci_high: mean and 2.5th and 97.5th percentile of the halves' effects; verdict: the most frequent
-    one; agreement: share of the halves with the verdict of all scenes, which is in the column expected. No hypothesis
-    is tested. ValueError for fewer than four scenes or two splits.
+    one; expected: the verdict of all scenes; agreement: share of the halves with that verdict. No hypothesis is tested.
+    ValueError for fewer than four scenes or two splits.
     """
     scenes = effects.shape[-1]
     if scenes < 4 or splits < 2:

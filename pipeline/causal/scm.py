@@ -1,18 +1,18 @@
-"""The structural causal model behind every question: its graph, its mechanisms and its exogenous noises.
+"""The structural causal model of all questions: its graph, mechanisms and exogenous noises.
 
 The paper (Section "Specification Model Differences") takes X = {Z_theta, Z_I, S, V} and gives each node all others as
-parents. That is a cycle, and a cycle entails no distribution. We commit to the acyclic graph its figure suggests, and
-make explicit what the image I shows: the items O on the table top T.
+parents. This is a cycle, which entails no distribution. We use the acyclic graph suggested by the paper's figure, and
+add the contents of the image I explicitly: the items O on the table top T.
 
     O -> I <- T,    I -> Z_I -> V,    Z_theta -> V,    S -> V
 
-- Z_theta has no parent. In demonstrations O and S do cause Z_theta, since a demonstrator looks at the table. The paths
-  that we ask about are drawn at random, the same for every user and scene.
-- S has V as its only child. Z_I is what the models of all users keep of the image, and C_s reads its own part.
+- Z_theta has no parent. In demonstrations O and S do cause Z_theta, since a demonstrator sees the table. The paths of
+  our questions are drawn at random, the same for every user and scene.
+- S has V as its only child. Z_I holds the percepts of all users' models, and C_s reads those of its own.
 - V := 1[N_V < C_s(Z_I, Z_theta)] with N_V uniform. So E[V | Z_I, Z_theta, S = s] is C_s itself (`SCM.expectation`).
 
-A counterfactual holds the noises (Pearl, 2009, Theorem 7.1.7). Every cause of V is on record (items, table top, render
-seed, path, user), so N_V alone has to be abduced: V = v says where it lies.
+A counterfactual holds the noises fixed (Pearl, 2009, Theorem 7.1.7). All causes of V are recorded (items, table top,
+render seed, path, user), so abduction concerns N_V alone: the observation V = v restricts it to an interval.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -36,16 +36,16 @@ PARENTS = {
     "V": ("S", "Z_I", "Z_theta"),
 }
 Values = dict[str, Any]  # node -> its value in every unit (first axis: unit)
-Draw = Callable[[np.random.Generator, int], Any]  # generator, units -> noise of every unit
-Abduce = Callable[..., Any]  # generator, value, *parents -> noise of every unit, drawn given the value
+Draw = Callable[[np.random.Generator, int], Any]  # generator, number of units -> noise of every unit
+Abduce = Callable[..., Any]  # generator, value, *parents -> noise of every unit, drawn given the node's value
 
 
 @dataclass(frozen=True)
 class Node:
-    """X_j := f_j(PA_j, N_j): the parents' names, `mechanism(noise, *parents)` and how its noise is drawn.
+    """X_j := f_j(PA_j, N_j): the parents' names, `mechanism(noise, *parents)` and the distribution of the noise.
 
-    noise: None if the noise is always on record. abduce(rng, value, *parents): draw the noise given the node's value;
-    None if the value does not determine its law. expectation(*parents): E[X_j | PA_j]; None if it has no closed form.
+    noise: None if the noise is always recorded. abduce(rng, value, *parents): draw the noise given the node's value;
+    None if that distribution is unknown. expectation(*parents): E[X_j | PA_j]; None if it has no closed form.
     """
 
     parents: tuple[str, ...]
@@ -56,13 +56,13 @@ class Node:
 
 
 def no_noise(rng: np.random.Generator, units: int) -> Float[Array, " unit"]:
-    """Return zeros, for a node that its parents determine."""
+    """Return zeros: the noise of a node that its parents determine."""
     return np.zeros(units)
 
 
 @dataclass(frozen=True)
 class SCM:
-    """Structural assignments over an acyclic graph; ValueError if there is a cycle or an unknown parent."""
+    """Structural assignments over an acyclic graph; ValueError for a cycle or an unknown parent."""
 
     nodes: Mapping[str, Node]
 
@@ -75,7 +75,7 @@ class SCM:
 
     @property
     def order(self) -> tuple[str, ...]:
-        """Return the nodes, every one after its parents."""
+        """Return the nodes in topological order."""
         graph = {name: sorted(node.parents) for name, node in sorted(self.nodes.items())}
         try:
             return tuple(TopologicalSorter(graph).static_order())
@@ -84,7 +84,7 @@ class SCM:
             raise ValueError(f"the graph has the cycle {cycle}: a causal model is evaluated in order") from error
 
     def noise(self, rng: np.random.Generator, units: int) -> Values:
-        """Draw N of every node, each from a stream of its own, so that one node's draws never move another's."""
+        """Draw N of every node, each from its own random stream, so that no node's draws affect another's."""
         names = sorted(self.nodes)
         noise: Values = {}
         for name, stream in zip(names, rng.spawn(len(names)), strict=True):
@@ -95,7 +95,7 @@ class SCM:
         return noise
 
     def entail(self, noise: Values, *only: str) -> Values:
-        """Return every node's value in the units with these noises; with `only`, of those nodes and their ancestors."""
+        """Return every node's value given the noises; with `only`, the values of those nodes and their ancestors."""
         wanted = set(only or self.nodes)
         for name in reversed(self.order):
             wanted |= set(self.nodes[name].parents) if name in wanted else set()
@@ -107,9 +107,9 @@ class SCM:
         return values
 
     def expectation(self, name: str, noise: Values) -> Any:
-        """Return E[X | N of all other nodes] of the node in every unit: the mean over its own noise, in closed form.
+        """Return E[X | N of all other nodes] of a node in every unit: the closed-form mean over its own noise.
 
-        ValueError if the node gives no `expectation`.
+        ValueError if the node has no `expectation`.
         """
         node = self.nodes[name]
         if node.expectation is None:
@@ -122,9 +122,9 @@ class SCM:
         return self.entail(self.noise(rng, units))
 
     def do(self, **values: Any) -> "SCM":
-        """Return the model with each named node set and its arrows from its parents cut: do(X := value).
+        """Return the model under do(X := value): each named node is set, and the arrows from its parents are removed.
 
-        A number or a string goes to every unit; anything else holds one value a unit along its first axis. ValueError
+        A number or string applies to every unit; any other value holds one entry per unit on its first axis. ValueError
         for an unknown node.
         """
         unknown = set(values) - set(self.nodes)
@@ -137,27 +137,28 @@ class SCM:
         return SCM({**self.nodes, **cut})
 
     def counterfactual(self, rng: np.random.Generator, recorded: Values, seen: Values, **action: Any) -> Values:
-        """Draw every node's value under do(action) in the very units in which `seen` was seen.
+        """Draw every node's value under do(action) in the units in which `seen` was observed.
 
-        `recorded` holds the noises that are known, `seen` the values of the nodes whose noises are not.
+        `recorded` holds the known noises, `seen` the observed values of nodes whose noises are unknown.
         """
         noise = self.abduction(rng, recorded, seen)  # 1. abduction
         acted = self.do(**action)  # 2. action
         return acted.entail(noise)  # 3. prediction
 
     def probability_of_change(self, recorded: Values, v: bool, **action: Any) -> Float[Array, "*b"]:
-        """Return P(V_action != v | V = v) in every unit, all noises but N_V on record; NaN where V = v cannot be.
+        """Return P(V_action != v | V = v) in every unit, given all noises but N_V; NaN where V = v is impossible.
 
-        The three steps of `counterfactual` for the node V, with the mean over the abduced N_V in closed form.
+        The three steps of `counterfactual` for the node V, with a closed-form mean over the abduced N_V.
         """
         factual, acted = (model.expectation("V", recorded) for model in (self, self.do(**action)))
         return chance_of_change(v, factual, acted)
 
     def abduction(self, rng: np.random.Generator, recorded: Values, seen: Values) -> Values:
-        """Draw N of every node given what is known: a noise on record is kept, others are drawn given the node's value.
+        """Draw N of every node given the observations: recorded noises are kept, others drawn given the node's value.
 
-        Noises are independent and every node's value is entailed, so each depends on its own node and parents alone.
-        ValueError unless every node is either on record or seen, and each seen node can `abduce`.
+        Noises are independent and every node's value is entailed, so each noise depends only on its own node and its
+        parents.
+        ValueError unless every node is either recorded or seen, and each seen node has `abduce`.
         """
         if set(recorded) & set(seen) or set(recorded) | set(seen) != set(self.nodes):
             raise ValueError(
@@ -186,9 +187,9 @@ def _constant(value: Any) -> Callable[[Any], Any]:
 def abduce_threshold(
     rng: np.random.Generator, v: Bool[Array, "*unit"], c: Float[Array, "*unit"]
 ) -> Float[Array, "*unit"]:
-    """Draw N given 1[N < c] = v for N uniform on [0, 1): uniform on [0, c) where v, on [c, 1) elsewhere.
+    """Draw N, uniform on [0, 1), given 1[N < c] = v: uniform on [0, c) where v is true, on [c, 1) elsewhere.
 
-    ValueError where no N gives v: c = 0 and v, or c = 1 and not v.
+    ValueError where no N gives v: c = 0 and v true, or c = 1 and v false.
     """
     c = np.asarray(c, dtype=np.float64)
     low, high = np.where(v, 0.0, c), np.where(v, c, 1.0)
@@ -201,10 +202,11 @@ def abduce_threshold(
 
 
 def chance_of_change(v: bool, before: Float[Array, "*#b"], after: Float[Array, "*#b"]) -> Float[Array, "*b_all"]:
-    """Return P(V_{C := after} != v | V = v, C = before) for V := 1[N_V < C], N_V held; NaN where V = v cannot be.
+    """Return P(V_{C := after} != v | V = v, C = before) for V := 1[N_V < C], N_V held; NaN where V = v is impossible.
 
-    max(0, after - before) / (1 - before) for v = 0, max(0, before - after) / before for v = 1: the least chance that
-    any joint law of the two answers allows (Tian and Pearl, 2000), since a higher C turns no V from 1 to 0.
+    max(0, after - before) / (1 - before) for v = 0, max(0, before - after) / before for v = 1. This is the smallest
+    probability that any joint distribution of both answers allows (Tian and Pearl, 2000): a higher C turns no V from 1
+    to 0.
     """
     before, after = (np.asarray(c, dtype=np.float64) for c in (before, after))
     seen, lost = (before, before - after) if v else (1 - before, after - before)
@@ -221,11 +223,11 @@ def specification_scm(
     draw_table_top: Draw | None = None,
     draw_render_seed: Draw | None = None,
 ) -> SCM:
-    """Return the committed graph with these mechanisms.
+    """Return the graph of this module with the given mechanisms.
 
-    `render(render_seed, items, table_top)` is the image, `encode(image)` what the users' models keep of it, and
+    `render(render_seed, items, table_top)` is the image, `encode(image)` the percepts of the users' models, and
     `classify(s, z_image, z_theta)` the probability C_s that each path [m] is valid. The draws give each unit's items,
-    table top and render seed; without them, these must be on record.
+    table top and render seed; without them, these noises must be recorded.
     """
 
     def v(noise: Any, *parents: Any) -> Any:

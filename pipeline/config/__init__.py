@@ -1,1 +1,1 @@
-"""What conf/ may hold: a pydantic model for each group of parameters, and which files of the graph a stage reads."""
+"""The schema of conf/: a pydantic model per group of parameters, and the files and parameters of each stage."""

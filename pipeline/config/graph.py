@@ -1,4 +1,4 @@
-"""The DVC graph as stages and the command line need it: what a stage reads and writes, and which variants it lists."""
+"""Read the DVC graph: each stage's inputs and outputs, and the variants that it lists."""
 
 import re
 from pathlib import Path
@@ -9,13 +9,13 @@ import yaml
 from pipeline.runtime.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[2]
-FITTED = ("train", "irl", "clearance")  # stages that run once per variant, each variant in a folder of its own
-# what every variant leaves, listed for several variants in a row: (path, stage, variant, file, separator)
+FITTED = ("train", "irl", "clearance")  # stages that run once per variant, each variant in its own folder
+# matches the outputs of a fitted variant: path, stage, variant, file
 LISTED = re.compile(rf"outputs/({'|'.join(FITTED)})/([\w-]+)/([\w.]+)")
 
 
 def graph_files() -> list[Path]:
-    """Return the paper's dvc.yaml and those of the studies that are there."""
+    """Return the paper's dvc.yaml and those of all existing studies."""
     return [ROOT / "dvc.yaml", *sorted(ROOT.glob("studies/*/dvc.yaml"))]
 
 
@@ -29,7 +29,7 @@ def _stages(path: Path) -> dict[str, Any]:
 
 
 def stage_entry(stage: str) -> dict[str, Any] | None:
-    """Return what dvc.yaml, or the study's own, says of a stage; None if neither names it."""
+    """Return the entry of a stage in dvc.yaml or in the study's own file; None if there is none."""
     for path in (ROOT / "dvc.yaml", ROOT / "studies" / stage / "dvc.yaml"):
         if path.is_file() and stage in (stages := _stages(path)):
             return stages[stage]
@@ -37,10 +37,10 @@ def stage_entry(stage: str) -> dict[str, Any] | None:
 
 
 def with_variants(text: str, stage_of: dict[str, str], before: set[str]) -> str:
-    """Return a dvc.yaml whose matrices and lists of files name the variants of `stage_of` (variant -> stage).
+    """Return a dvc.yaml whose matrices and file lists name the variants of `stage_of` (variant -> stage).
 
-    `before`: variants that the graph names so far. A row of files of all of them becomes one of all new ones, a line
-    each; a row of some of them was chosen by hand and stays.
+    `before`: variants that the graph names so far. A list with files of all of them becomes a list of all new ones, one
+    per line. A list with only some of them was chosen by hand and is kept.
     """
     for stage in FITTED:
         names = ", ".join(v for v, fitted_by in stage_of.items() if fitted_by == stage)

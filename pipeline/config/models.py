@@ -1,4 +1,4 @@
-"""How models are fitted, and the variants of each kind."""
+"""Parameters of training, and of the variants of each kind of model."""
 
 from typing import Annotated, Literal
 
@@ -8,7 +8,7 @@ from pipeline.config.values import Chance, Count, Group, Rate, Several, Size, Sp
 
 
 class Schedule(Group):
-    """Steps of AdamW under a one-cycle learning rate."""
+    """Steps of AdamW with a one-cycle learning rate."""
 
     steps: Count
     rate: Rate
@@ -25,7 +25,7 @@ class VaeModel(Group):
 
 
 class Train(Schedule):
-    """conf/train.yaml."""
+    """Parameters of conf/train.yaml."""
 
     engine: Literal["auto", "simd", "cuda", "reference"]
     model: VaeModel
@@ -42,7 +42,7 @@ class Jitter(Group):
 
 
 class Irl(Group):
-    """conf/irl.yaml."""
+    """Parameters of conf/irl.yaml."""
 
     rate: Rate
     weight_decay: Weight
@@ -55,7 +55,7 @@ class Irl(Group):
 
 
 class Vae(Group):
-    """A variant of the paper's model: the weights of its loss."""
+    """A variant of the paper's model: the weights of Eq. 1."""
 
     stage: Annotated[Literal["train"], expected("train, which fits kind vae")]
     kind: Literal["vae"]
@@ -78,7 +78,7 @@ class RewardModel(Group):
 
 
 class Reward(Group):
-    """A variant of the inverse-reinforcement-learning baseline."""
+    """A variant of the inverse reinforcement learning baseline."""
 
     stage: Annotated[Literal["irl"], expected("irl, which fits kind reward")]
     kind: Literal["reward"]

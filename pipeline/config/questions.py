@@ -1,4 +1,4 @@
-"""The causal questions a user can ask: conf/questions/<name>.yaml, one kind of change a file."""
+"""Parameters of the causal questions: conf/questions/<name>.yaml, one change per file."""
 
 from typing import Annotated, Literal, get_args
 

@@ -1,4 +1,4 @@
-"""All parameters together, and what those of one group must be to those of others."""
+"""All parameters together, and the constraints between groups."""
 
 from collections import Counter
 from importlib import import_module
@@ -27,8 +27,8 @@ from pipeline.config.values import (
 )
 from pipeline.config.world import Demos, Scenes
 
-BASELINES = NEAREST, _ = "nearest_demonstration", "position_only"  # as results call them
-MAX_TESTS = 25  # with 10 seeds the smallest p is 2/1024: Holm over more tests could never find an effect
+BASELINES = NEAREST, _ = "nearest_demonstration", "position_only"  # names in result tables
+MAX_TESTS = 25  # with 10 seeds the smallest p is 2/1024: under Holm's correction more tests could never be significant
 
 
 class Splits(Group):
@@ -40,7 +40,7 @@ class Splits(Group):
 
 
 class Protocol(Group):
-    """conf/protocol/*.yaml: which training sets are fitted and where they are judged."""
+    """Parameters of conf/protocol/*.yaml: the training sets that are fitted, and the pools for evaluation."""
 
     name: str
     seeds: Seeds
@@ -48,7 +48,7 @@ class Protocol(Group):
 
 
 class Settings(Group):
-    """All of conf/, as params.yaml holds it. The validation context lists stages that are about to run."""
+    """All of conf/, as in params.yaml. The validation context lists the stages about to run."""
 
     seeds: Seeds
     validation_seeds: Seeds
@@ -97,18 +97,18 @@ class Settings(Group):
 
 
 def several_seeds(s: Settings) -> None:
-    """Refuse a single seed, which has no interval."""
+    """Reject a single seed, which gives no interval."""
     need(len(s.protocol.seeds) > 1, "protocol.seeds", s.protocol.seeds, "at least 2 seeds, or intervals mean nothing")
 
 
 def a_margin(s: Settings) -> None:
-    """Refuse users without any margin: none of their paths is invalid."""
+    """Reject users without any margin: all their paths are valid."""
     if all(margin is None for margins in s.users.values() for margin in margins.values()):
         raise PydanticCustomError("sentence", "users: at least one user must have a margin")
 
 
 def evaluate(s: Settings) -> None:
-    """Refuse comparisons that cannot be made, and more than MAX_TESTS in a family."""
+    """Reject comparisons that cannot be made, and more than MAX_TESTS in a family."""
     several_seeds(s)
     splits, counts = dict(s.protocol.splits), Counter()
     several = s.scenes.validation > 1 or not {"val_scenes", "val_items"} & set(splits.values())
@@ -127,13 +127,13 @@ def evaluate(s: Settings) -> None:
 
 
 def repair(s: Settings) -> None:
-    """Refuse users whose paths cannot be invalid."""
+    """Reject users whose paths are all valid."""
     several_seeds(s)
     a_margin(s)
 
 
 def intervene(s: Settings) -> None:
-    """Refuse questions about another user where there is none of that name, or no other."""
+    """Reject questions about another user if that user is unknown, or if there is only one."""
     several_seeds(s)
     for name, question in s.questions.items():
         if question.kind == "user":
@@ -143,30 +143,30 @@ def intervene(s: Settings) -> None:
 
 
 def record(s: Settings) -> None:
-    """Refuse unknown variants, and two splits, since a recording shows repairs beside interventions."""
+    """Reject unknown variants, and different splits, since a recording shows repairs and interventions together."""
     need_some("record.first", s.record.first, s.variants, or_none=True)
     same = f"repair.split = {s.repair.split!r}, since a recording shows both"
     need(s.intervene.split == s.repair.split, "intervene.split", s.intervene.split, same)
 
 
 def report(s: Settings) -> None:
-    """Refuse variants that are not there."""
+    """Reject unknown variants."""
     need_some("report.shown", s.report.shown, s.variants)
 
 
-# stage -> what it needs of several groups; a study's own needs stand in its settings.py
+# stage -> its constraints between groups; a study's constraints are in its settings.py
 NEEDS = {"evaluate": evaluate, "repair": repair, "intervene": intervene, "record": record, "report": report}
 
 
 def is_study(name: str) -> bool:
-    """Return whether the study has a folder with settings."""
+    """Return whether the study's folder has settings."""
     return (ROOT / "studies" / name / "settings.py").is_file()
 
 
 def check_study(name: str, settings: Settings, agree: bool) -> None:
-    """Raise pydantic's ValidationError for a study's wrong parameters.
+    """Raise pydantic's ValidationError for a study's invalid parameters.
 
-    With `agree`, also PydanticCustomError where they do not suit those of other groups.
+    With `agree`, also raise PydanticCustomError if they conflict with other groups.
     """
     module = import_module(f"studies.{name}.settings")
     study = module.Settings.model_validate(settings.studies.get(name, {}))

@@ -1,4 +1,4 @@
-"""What is asked of fitted models, stage by stage, and how it is shown."""
+"""Parameters of the stages that evaluate fitted models and present results."""
 
 from typing import Annotated, Literal
 
@@ -20,7 +20,7 @@ class Comparison(Group):
 
 
 class Evaluate(Group):
-    """conf/evaluate.yaml."""
+    """Parameters of conf/evaluate.yaml."""
 
     users: Names
     bins: Count
@@ -28,7 +28,7 @@ class Evaluate(Group):
 
 
 class Repair(Group):
-    """conf/repair.yaml."""
+    """Parameters of conf/repair.yaml."""
 
     split: SharedSplit
     starts: Count
@@ -42,7 +42,7 @@ class Repair(Group):
 
 
 class Intervene(Group):
-    """conf/intervene.yaml."""
+    """Parameters of conf/intervene.yaml."""
 
     split: SharedSplit
     paths: Count
@@ -51,7 +51,7 @@ class Intervene(Group):
 
 
 class Record(Group):
-    """conf/record.yaml."""
+    """Parameters of conf/record.yaml."""
 
     scenes: Count
     repairs: Count
@@ -61,7 +61,7 @@ class Record(Group):
 
 
 class Report(Group):
-    """conf/report.yaml."""
+    """Parameters of conf/report.yaml."""
 
     shown: Names
     scenes: Count

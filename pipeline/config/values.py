@@ -1,4 +1,4 @@
-"""What single values may be: types with a range, and how a refusal is worded."""
+"""Types of single values with their ranges, and the wording of validation errors."""
 
 from collections.abc import Callable, Collection
 from typing import Annotated, Any
@@ -8,8 +8,8 @@ from pydantic_core import PydanticCustomError
 
 from pipeline.world.layout import SYMBOLS
 
-RESERVED = "truth", "ideal", "z"  # names that tables and files use for something else
-MAX_N = 10  # demonstrations a scene has at most (paper: 10)
+RESERVED = "truth", "ideal", "z"  # names with another meaning in tables and files
+MAX_N = 10  # largest number of demonstrations per scene (paper: 10)
 
 
 def expected(what: str) -> WrapValidator:
@@ -25,28 +25,28 @@ def expected(what: str) -> WrapValidator:
 
 
 def need(holds: bool, name: str, value: object, what: str) -> None:
-    """Refuse the value of parameter `name`, saying that `what` was expected, unless `holds`."""
+    """Reject the value of parameter `name` unless `holds`; the error says that `what` was expected."""
     if not holds:
         raise PydanticCustomError("expected", "{expected}", {"name": name, "value": value, "expected": what})
 
 
 def need_some(name: str, values: Collection[str], known: Collection[str], or_none: bool = False) -> None:
-    """Refuse `values` unless they are among the `known` names, and at least one or `or_none`."""
+    """Reject `values` unless they are among the `known` names and, without `or_none`, at least one."""
     need((or_none or len(values) > 0) and set(values) <= set(known), name, list(values), f"some of {', '.join(known)}")
 
 
 def need_one(name: str, value: str, known: Collection[str]) -> None:
-    """Refuse `value` unless it is one of the `known` names."""
+    """Reject `value` unless it is one of the `known` names."""
     need(value in known, name, value, f"one of {', '.join(known)}")
 
 
 def explain(error: ValidationError, prefix: str = "") -> str:
-    """Return one plain sentence about the first wrong parameter: its name, its value and what was expected."""
+    """Return a sentence about the first invalid parameter: its name, its value and what was expected."""
     first = error.errors()[0]
     context = first.get("ctx", {})
     keys = [str(key) for key in first["loc"] if not isinstance(key, int)]
     if keys[:1] in (["variants"], ["questions"]) and len(keys) > 2:
-        del keys[2]  # the kind, which pydantic inserts to tell variants or questions apart
+        del keys[2]  # the kind, which pydantic inserts to distinguish variants or questions
     name = context.get("name", prefix + ".".join(keys))
     what = f"expected {context['expected']}" if "expected" in context else first["msg"][:1].lower() + first["msg"][1:]
     if keys[-1:] == ["[key]"]:
@@ -67,14 +67,14 @@ def explain(error: ValidationError, prefix: str = "") -> str:
 
 
 def rising(values: list) -> list:
-    """Return the values; ValueError unless there is one and each is above the one before it."""
+    """Return the values; raise ValueError unless they are strictly increasing and at least one."""
     if not values or values != sorted(set(values)):
         raise ValueError
     return values
 
 
 def each_once(values: list) -> list:
-    """Return the values; refuse repeated ones."""
+    """Return the values; reject repeated ones."""
     if len(set(values)) != len(values):
         raise PydanticCustomError("expected", "{expected}", {"expected": "each one once"})
     return values
@@ -125,6 +125,6 @@ Shares = Annotated[list[Share], AfterValidator(rising), expected("numbers above 
 
 
 class Group(BaseModel):
-    """Parameters that belong together: all of them must be given, no others, and nothing is converted."""
+    """A group of parameters: all are required, unknown ones are rejected, and nothing is converted."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)

@@ -1,4 +1,4 @@
-"""Scenes, and demonstrations in them."""
+"""Parameters of scenes and demonstrations."""
 
 from pydantic import model_validator
 

@@ -1,1 +1,1 @@
-"""Models of P(valid | image, path) for one user, behind one interface (`base`)."""
+"""Models of P(valid | image, path) for one user, all with the interface of `base`."""

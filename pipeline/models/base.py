@@ -1,4 +1,4 @@
-"""The interface every specification model answers to: P(valid | image, path) for one user."""
+"""The common interface of all specification models: P(valid | image, path) for one user."""
 
 import math
 from abc import ABC, abstractmethod
@@ -15,7 +15,7 @@ from pipeline.runtime.errors import InputError
 from pipeline.world.layout import SIDE
 
 Array = np.ndarray
-SCENES_PER_BATCH = 32  # activations stay in the cache; results depend on it in the last bit at most
+SCENES_PER_BATCH = 32  # keeps activations in the cache; changes results at most in the last bit
 
 
 def check_images(images: Any) -> None:
@@ -29,7 +29,7 @@ def check_images(images: Any) -> None:
 
 
 def check_paths(z_theta: Any, scenes: int, name: str = "z_theta") -> None:
-    """Raise InputError unless z_theta, called `name`, is finite and of shape (scenes, path, 2)."""
+    """Raise InputError, which calls the argument `name`, unless z_theta is finite and of shape (scenes, path, 2)."""
     shape = np.shape(z_theta)
     if len(shape) != 3 or shape[0] != scenes or shape[2] != 2:
         raise InputError(
@@ -40,24 +40,24 @@ def check_paths(z_theta: Any, scenes: int, name: str = "z_theta") -> None:
 
 
 def to_tensor(images: UInt8[Array, "scene 100 100 3"]) -> Float[Tensor, "scene 3 100 100"]:
-    """Return images as the networks take them: [0, 1], channels first, stored channels last."""
+    """Return images as network input: float in [0, 1], channels first, in channels-last memory format."""
     return torch.from_numpy(images).permute(0, 3, 1, 2).float().div(255).contiguous(memory_format=torch.channels_last)
 
 
 def to_bytes(images: Float[Tensor, "scene 3 100 100"]) -> list[bytes]:
-    """Return each image's 8-bit pixels by row and column: the inverse of `to_tensor`."""
+    """Return each image's 8-bit pixels in row order, as bytes: the inverse of `to_tensor`."""
     pixels = images.detach().permute(0, 2, 3, 1).mul(255).round().to(torch.uint8).contiguous().numpy()
     return [image.tobytes() for image in pixels]
 
 
 class ValidityModel(nn.Module, ABC):
-    """One user's specification C_s in two steps: a scene to a percept, a percept and a path to the odds of validity."""
+    """One user's specification C_s in two steps: image to percept, then percept and path to log-odds of validity."""
 
-    settings: Mapping[str, Any] = {}  # what `pipeline.fit` built the model of, for `pipeline.save`
+    settings: Mapping[str, Any] = {}  # settings that `pipeline.fit` built the model from, for `pipeline.save`
 
     @abstractmethod
     def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Tensor:
-        """Return the percept of each scene (first axis: scene); no path enters."""
+        """Return the percept of each scene (first axis: scene); it does not depend on the path."""
 
     @abstractmethod
     def logit(self, percept: Tensor, z_theta: Float[Tensor, "scene path 2"]) -> Float[Tensor, "scene path"]:
@@ -66,17 +66,16 @@ class ValidityModel(nn.Module, ABC):
     def forward(
         self, images: Float[Tensor, "scene 3 100 100"], z_theta: Float[Tensor, "scene path 2"]
     ) -> Float[Tensor, "scene path"]:
-        """Return the log-odds of validity from the images themselves."""
+        """Return the log-odds of validity of each path [m] in its image."""
         return self.logit(self.perceive(images), z_theta)
 
     @torch.no_grad()
     def probability(
         self, images: UInt8[Array, "scene 100 100 3"], z_theta: Float[Array, "scene path 2"]
     ) -> Float[Array, "scene path"]:
-        """Return P(valid) of each path [m] as float32; sets `eval()` mode, keeps no gradient.
+        """Return P(valid) of each path [m] as float32; switches to `eval()` mode and keeps no gradient.
 
-        Raises InputError for images that are not uint8 (scene, 100, 100, 3), and for paths that do not fit them or are
-        not finite.
+        Raises InputError unless images are uint8 (scene, 100, 100, 3) and paths are finite (scene, path, 2).
         """
         check_images(images)
         check_paths(z_theta, len(images))
@@ -91,17 +90,17 @@ class ValidityModel(nn.Module, ABC):
 
 @torch.no_grad()
 def initialise(network: nn.Module, no_rectifier_after: Container[nn.Module]) -> None:
-    """Draw weights from torch's global generator so that each layer hands on the mean square it is given; biases are 0.
+    """Draw weights from torch's global generator so that every layer preserves the mean square; set biases to 0.
 
-    He et al. (2015), "Delving deep into rectifiers". A rectifier loses half of the mean square, which weights twice as
-    large in the square make up for; the layers in `no_rectifier_after` have none behind them. Of torch's own weights
-    each layer passes on a part alone, and it takes twice the steps until the loss sees the picture
+    Source: He et al. (2015), "Delving deep into rectifiers". A rectifier halves the mean square, so the weights'
+    variance is doubled, except in the layers of `no_rectifier_after`. Torch's default weights shrink the signal with
+    every layer; training then takes twice as many steps before the loss depends on the image
     (docs/decisions/003-training-budget.md).
     """
     for layer in network.modules():
         if isinstance(layer, nn.Linear | nn.Conv2d | nn.ConvTranspose2d):
             fan_in = layer.weight[0].numel()
-            if isinstance(layer, nn.ConvTranspose2d):  # an output meets the kernel at every stride-th of its taps
+            if isinstance(layer, nn.ConvTranspose2d):  # each output meets only every stride-th kernel tap
                 fan_in = layer.in_channels * math.prod(layer.kernel_size) / math.prod(layer.stride)
             layer.weight.normal_(std=math.sqrt((1 if layer in no_rectifier_after else 2) / fan_in))
             if layer.bias is not None:
@@ -109,9 +108,9 @@ def initialise(network: nn.Module, no_rectifier_after: Container[nn.Module]) -> 
 
 
 def untrained(kind: type[ValidityModel], shape: Mapping[str, Any], seed: int) -> ValidityModel:
-    """Return a `kind` of that `shape` (its keyword arguments) in eval mode, its weights drawn from `seed` alone.
+    """Return a model of class `kind` with keyword arguments `shape`, in eval mode; `seed` alone decides its weights.
 
-    Torch's global generator is left as it was. Raises InputError for a keyword too many or missing.
+    Leaves torch's global generator unchanged. Raises InputError for missing or unknown keyword arguments.
     """
     parameters = signature(kind).parameters.values()
     required = {p.name for p in parameters if p.default is p.empty}

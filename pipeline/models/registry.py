@@ -1,6 +1,6 @@
 """Build untrained models from a variant's settings (conf/variants).
 
-The stages that fit models name their kind themselves, so a change of one kind leaves the others' results fresh.
+The stages that fit models import their class directly, so that a change to one class does not invalidate other stages.
 """
 
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ KINDS: dict[str, type[ValidityModel]] = {"vae": BetaVae, "reward": RewardMap, "c
 
 
 def build(variant: Mapping[str, Any], seed: int = 0) -> ValidityModel:
-    """Return the untrained model of `variant.kind`, of shape `variant.model`; raise InputError for an unknown kind."""
+    """Return the untrained model of `variant.kind` and shape `variant.model`; raise InputError for other kinds."""
     kind = variant["kind"]
     if kind not in KINDS:
         raise InputError(f"kind {kind!r} of variant: expected one of {', '.join(KINDS)}; see conf/variants")

@@ -1,1 +1,1 @@
-"""Perception: the objects on a table, detected in its image."""
+"""Perception: detect the objects on a table in its image."""

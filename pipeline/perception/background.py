@@ -1,21 +1,21 @@
-"""The empty table: its colour over the image, and how much it varies."""
+"""Estimate the empty table: its colour over the image and the variation of that colour."""
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-MIN_TABLE_SHARE = 0.85  # of the pixels show the table
-FLOOR = 0.004  # smallest standard deviation of the table's colour [1 = white], that of a grey level
-STRIDE = 3  # every third row and column suffices for the fit
+MIN_TABLE_SHARE = 0.85  # share of the pixels assumed to show the table
+FLOOR = 0.004  # smallest standard deviation of the table's colour [1 = white]: one grey level
+STRIDE = 3  # the fit uses every third row and column
 
 
 def subtract_background(
     images: Float[Tensor, "scene 3 100 100"],
 ) -> tuple[Float[Tensor, "scene 3 100 100"], Float[Tensor, "scene 3 3"]]:
-    """Subtract the table's colour from each pixel; return the difference and the matrix that whitens the table's own.
+    """Subtract the table's colour from each pixel; return the difference and the table's whitening matrix.
 
-    The table's colour is a quadratic in the pixel's place, since light falls off smoothly. It is fitted to the pixels
-    that differ least from it.
+    The table's colour is a quadratic in the pixel's position, since light falls off smoothly. It is fitted to the
+    pixels closest to it, MIN_TABLE_SHARE of all.
     """
     sample = images[..., ::STRIDE, ::STRIDE]
     colours = sample.flatten(2).mT  # (scene, pixel, 3)
@@ -30,18 +30,18 @@ def subtract_background(
     table = _is_table(residual)
     covariance = (residual * table).mT @ residual / table.sum(1, keepdim=True) + FLOOR**2 * torch.eye(3).to(colours)
     values, vectors = torch.linalg.eigh(covariance)
-    whitening = vectors / values.sqrt()[:, None] @ vectors.mT  # symmetric: colours keep their meaning
+    whitening = vectors / values.sqrt()[:, None] @ vectors.mT  # symmetric, so that colours keep their meaning
     return images - (place.flatten(0, 1) @ surface).mT.unflatten(-1, images.shape[-2:]), whitening
 
 
 def _is_table(residual: Float[Tensor, "scene pixel 3"]) -> Float[Tensor, "scene pixel 1"]:
-    """Return 1 at the MIN_TABLE_SHARE of the pixels that differ least from the table."""
+    """Return 1 for the MIN_TABLE_SHARE of the pixels closest to the table's colour, 0 for the others."""
     distance = residual.norm(dim=-1)
     return (distance <= distance.quantile(MIN_TABLE_SHARE, dim=-1, keepdim=True)).to(residual)[..., None]
 
 
 def _quadratic(side: int) -> Float[Tensor, "row column 6"]:
-    """Return 1, x, y, xy, x^2, y^2 at every pixel, x and y from -1 to 1."""
+    """Return 1, x, y, xy, x^2, y^2 at every pixel, with x and y from -1 to 1."""
     axis = torch.linspace(-1, 1, side)
     y, x = torch.meshgrid(axis, axis, indexing="ij")
     return torch.stack([torch.ones_like(x), x, y, x * y, x * x, y * y], dim=-1)

@@ -1,6 +1,6 @@
-"""Fit a capsule to the points of an outlined object: the points within `radius` of a segment.
+"""Fit a capsule, all points within `radius` of a segment, to the points of an outlined object.
 
-A capsule is how robots commonly bound objects.
+Robots commonly approximate objects by capsules for collision checking.
 """
 
 from typing import NamedTuple
@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray as Array
 
-MIN_LONG_ELONGATION = 2.5  # variance along over across from which an object's ends give its length
+MIN_LONG_ELONGATION = 2.5  # ratio of variances along and across above which an object's ends determine its length
 
-# A capsule of radius 1 and half-length l has the variances ratio ELONGATIONS(l), along to across.
+# A capsule of radius 1 and half-length l has the ratio ELONGATIONS(l) of variances along and across it.
 _LENGTHS = np.linspace(0, 20, 2001)
 _ELONGATIONS = (4 / 3 * _LENGTHS**3 + np.pi * _LENGTHS**2 + 8 / 3 * _LENGTHS + np.pi / 4) / (
     4 / 3 * _LENGTHS + np.pi / 4
@@ -19,20 +19,20 @@ _ELONGATIONS = (4 / 3 * _LENGTHS**3 + np.pi * _LENGTHS**2 + 8 / 3 * _LENGTHS + n
 
 
 class Capsule(NamedTuple):
-    """A fitted capsule and the moments of the points behind it."""
+    """A fitted capsule, with the moments of the points that it was fitted to."""
 
     centre: Float[Array, "2"]  # [m]
-    half: Float[Array, "2"]  # of the segment, from the centre to one end [m]
+    half: Float[Array, "2"]  # of the segment: from the centre to one end [m]
     radius: float  # [m]
-    area: float  # of the points [m^2]
-    elongation: float  # variance along the points' long axis over that across it
+    area: float  # area of the points [m^2]
+    elongation: float  # variance along the points' long axis over the variance across it
 
 
 def fit_capsule(points: Float[Array, "point 2"], per_metre: int) -> Capsule:
-    """Fit the capsule of the same area and moments as points [m] on a grid of `per_metre` points a metre.
+    """Return the capsule with the same area and moments as points [m] on a grid of `per_metre` points per metre.
 
-    An object more elongated than MIN_LONG_ELONGATION gets its length from its ends, since most pieces of cutlery are
-    no capsules and moments make them short.
+    Above MIN_LONG_ELONGATION the object's ends determine the length: most cutlery is no capsule, and moments
+    underestimate its length.
     """
     centre = points.mean(0)
     values, vectors = np.linalg.eigh((points - centre).T @ (points - centre) / len(points))
@@ -50,7 +50,7 @@ def fit_capsule(points: Float[Array, "point 2"], per_metre: int) -> Capsule:
 
 
 def overlap(points: Float[Array, "point 2"], capsule: Capsule, per_metre: int) -> float:
-    """Return the intersection over union of points [m] on a grid of `per_metre` points a metre and a capsule."""
+    """Return the intersection over union of a capsule and points [m] on a grid of `per_metre` points per metre."""
     offsets, half, radius = points - capsule.centre, capsule.half, capsule.radius
     share = np.clip(offsets @ half / max(half @ half, 1e-12), -1, 1)
     inside = np.linalg.norm(offsets - share[:, None] * half, axis=1) <= radius

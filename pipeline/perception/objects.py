@@ -1,11 +1,11 @@
-"""Detect the objects in an image of the table, without labels and without training; each becomes a capsule.
+"""Detect the objects in a table image without labels or training, and fit a capsule to each.
 
-An object is a region whose colour differs from the table's by more than the table itself varies. Five steps:
-1. subtract the background: the table's colour, smooth over the image, and its drift from board to board;
-2. whiten: measure what is left in standard deviations of the table's own variation ("deviations");
+An object is a region whose colour differs from the table's by more than the table's own variation. Five steps:
+1. subtract the background: the table's colour, which is smooth over the image, and its drift from board to board;
+2. whiten: scale the difference by the standard deviation of the table's variation (unit "deviations");
 3. segment: connected pixels that deviate, first large regions, then thin outlines such as a clear glass's rim;
 4. refine each outline on a finer grid, and cut it at its necks;
-5. fit a capsule, and drop what is the table's own pattern.
+5. fit a capsule, and reject regions that belong to the table's own pattern.
 """
 
 from dataclasses import dataclass
@@ -23,40 +23,40 @@ from pipeline.perception.background import subtract_background
 from pipeline.perception.capsule import MIN_LONG_ELONGATION, fit_capsule, overlap
 from pipeline.world.layout import SIDE
 
-FEATURES = ("area", "elongation", "length", "width", "contrast", "plain contrast")  # logarithms all
-MAX_OBJECTS = 12  # kept of an image, the largest
+FEATURES = ("area", "elongation", "length", "width", "contrast", "plain contrast")  # all of them as logarithms
+MAX_OBJECTS = 12  # largest number of objects per image; the largest objects are kept
 
 # Step 1, background
-WIDE_DRIFT = 4, 9  # block [pixels], window [blocks]: medians over 36 x 36 pixels, wider than objects
-CLOSE_DRIFT = 2, 3  # medians over 6 x 6 pixels: removes mottles and leaves lines of one or two pixels
+WIDE_DRIFT = 4, 9  # (block [px], window [blocks]): medians over 36 x 36 pixels, wider than objects
+CLOSE_DRIFT = 2, 3  # medians over 6 x 6 pixels remove mottles and keep lines of one or two pixels
 NARROW_KERNEL, WIDE_KERNEL = (np.array(k, np.float32) / sum(k) for k in ((1, 2, 1), (1, 4, 6, 4, 1)))
 
 # Step 2, whitening
-SHADOW_WEIGHT = 0.4  # of a darkening without a change of hue: objects cast shadows beside them
-MAX_TABLE_DEVIATION = 3.2  # pixels beyond it are no table when its variation is measured [deviations]
+SHADOW_WEIGHT = 0.4  # weight of darkening without a change of hue, since objects cast shadows
+MAX_TABLE_DEVIATION = 3.2  # pixels above it do not count as table when its variation is measured [deviations]
 MIN_TABLE_SPREAD = 0.002  # smallest standard deviation of the table's colour [1 = white]
 
 # Step 3, segmentation
-MIN_REGION_DEVIATION = 4.5  # of every pixel of an object [deviations]
-MIN_LINE_DEVIATION = 3.0  # of every pixel of a thin outline [deviations]
-MIN_PEAK_DEVIATION = 6.0  # of at least one pixel of either [deviations]
-MIN_COMPONENT_PX = 12  # smaller regions belong to the table [pixels]
-MARGIN_PX = 2  # pixels around a region that belong to it
+MIN_REGION_DEVIATION = 4.5  # smallest deviation of every pixel of a region [deviations]
+MIN_LINE_DEVIATION = 3.0  # smallest deviation of every pixel of a thin outline [deviations]
+MIN_PEAK_DEVIATION = 6.0  # smallest peak deviation of a region or outline [deviations]
+MIN_COMPONENT_PX = 12  # smaller regions belong to the table
+MARGIN_PX = 2  # width of the border around a region that is included in it
 
 # Step 4, outlines
-FINER = 4  # outlines lie on a grid that many times finer
+FINER = 4  # outline grid points per pixel along each axis
 OUTLINE_SHARE = 0.5  # an object ends where its deviation falls to this share of its rim's ...
 RIM_PX, RIM_QUANTILE = 3, 0.7  # ... which is this quantile over its outermost pixels ...
-NEARBY_PX = 7  # ... or of the largest in a square of that side, if that is less: a handle is no blade
-MIN_OUTLINE_DEVIATION = 2.7  # on an object's outline [deviations]
-NECK_PX = 5.0  # wide parts joined by less are objects of their own [pixels]
+NEARBY_PX = 7  # ... or over a square of this side, if that is less: a handle is fainter than a blade
+MIN_OUTLINE_DEVIATION = 2.7  # smallest deviation on an object's outline [deviations]
+NECK_PX = 5.0  # parts joined by a narrower neck are separate objects
 
 # Step 5, capsules and the table's own pattern
-LONG_WIDENING_PX = 0.5  # added to a long object's radius: its outline lies that much further in than a round one's
-MIN_LONG_DEVIATION = 2.6  # on average: a fainter long object is the table's grain, such as a board's edge [deviations]
-MAX_SPECK_M2, MAX_SPECK_ELONGATION = 0.003, 4.0  # a speck is faint, smaller and rounder ...
-MIN_CAPSULE_OVERLAP = 0.65  # ... or faint and unlike its capsule (intersection over union)
-MIN_PATTERN_SPECKS = 3  # so many specks are the table's pattern: chips, knots, pieces of veins
+LONG_WIDENING_PX = 0.5  # added to a long object's radius: its outline lies this much too far inside
+MIN_LONG_DEVIATION = 2.6  # smallest mean deviation of a long object: grain is fainter [deviations]
+MAX_SPECK_M2, MAX_SPECK_ELONGATION = 0.003, 4.0  # a speck is faint, smaller and rounder than this ...
+MIN_CAPSULE_OVERLAP = 0.65  # ... or faint and overlaps less with its capsule (intersection over union)
+MIN_PATTERN_SPECKS = 3  # this many specks form the table's pattern: chips, knots, pieces of veins
 # Mean squared distance of an object's pixels from their neighbours' mean, over the pixels' variance. Shuffled pixels
 # reach 1.25. The threshold was chosen against the placebo of the refutation study, so that study cannot judge it.
 MAX_TEXTURE_DISORDER = 0.75
@@ -67,24 +67,24 @@ CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
 Colours = Float[Array, "row column 3"]
 Deviations = Float[Array, "row column"]
-Mask = UInt8[Array, "row column"]  # 0 or 1
-FineMask = UInt8[Array, "fine_row fine_column"]  # on the grid of outlines
+Mask = UInt8[Array, "row column"]  # values 0 or 1
+FineMask = UInt8[Array, "fine_row fine_column"]  # the finer grid of outlines
 
-cv2.setNumThreads(1)  # the stages run one process a core
+cv2.setNumThreads(1)  # stages run one process per core
 
 
 @dataclass(frozen=True)
 class Objects:
-    """Detected objects by scene, the largest first, padded to MAX_OBJECTS."""
+    """Detected objects per scene, largest first, padded to MAX_OBJECTS."""
 
-    ends: Float32[Array, "scene object 2 2"]  # of each capsule's segment [m]
-    radius: Float32[Array, "scene object"]  # [m]
+    ends: Float32[Array, "scene object 2 2"]  # end points of each capsule's segment [m]
+    radius: Float32[Array, "scene object"]  # of each capsule [m]
     features: Float32[Array, "scene object feature"]
     present: Bool[Array, "scene object"]
 
 
 def detect_objects(images: Float[Tensor, "scene 3 100 100"]) -> Objects:
-    """Detect the objects in each image [1 = white], each image by itself."""
+    """Return the objects detected in each image [1 = white]; images do not affect each other."""
     objects = Objects(
         np.zeros((len(images), MAX_OBJECTS, 2, 2), np.float32),
         np.zeros((len(images), MAX_OBJECTS), np.float32),
@@ -100,14 +100,14 @@ def detect_objects(images: Float[Tensor, "scene 3 100 100"]) -> Objects:
 
 
 class _Object(NamedTuple):
-    ends: Float[Array, "2 2"]  # of the capsule's segment [m]
-    radius: float  # [m]
+    ends: Float[Array, "2 2"]  # end points of the capsule's segment [m]
+    radius: float  # of the capsule [m]
     features: Float[Array, " feature"]
-    overlap: float  # with its capsule (intersection over union)
-    disorder: float  # of its texture, see MAX_TEXTURE_DISORDER
+    overlap: float  # intersection over union with its capsule
+    disorder: float  # disorder of its texture, see MAX_TEXTURE_DISORDER
 
 
-@lru_cache(maxsize=4096)  # of 30 kB each; every model looks at the same images
+@lru_cache(maxsize=4096)  # 30 kB each; all models use the same images
 def _detect(image: bytes) -> list[_Object]:
     """Return the MAX_OBJECTS largest objects in an 8-bit RGB image, the largest first."""
     contrast = measure_contrast(np.frombuffer(image, np.uint8).reshape(SIDE, SIDE, 3) / np.float32(255))
@@ -123,18 +123,18 @@ def _detect(image: bytes) -> list[_Object]:
 
 # Steps 1 and 2: background and whitening
 class Contrast(NamedTuple):
-    """How far each pixel is from the table; `wide`, `narrow` and `line` in deviations."""
+    """Each pixel's difference from the table; `wide`, `narrow` and `line` in deviations."""
 
-    wide: Deviations  # smoothed widely: detects objects
-    narrow: Deviations  # smoothed less: outlines them
-    line: Deviations  # of lines one or two pixels wide
-    plain: Deviations  # smoothed narrowly, but in [1 = white]
-    whitened: Colours  # each colour's difference, not smoothed
-    disorder: Deviations  # each pixel's squared distance from its neighbours' mean, less the table's median
+    wide: Deviations  # smoothed widely, to detect objects
+    narrow: Deviations  # smoothed less, to outline them
+    line: Deviations  # response to lines one or two pixels wide
+    plain: Deviations  # smoothed as `narrow`, but in [1 = white]
+    whitened: Colours  # difference in each colour channel, not smoothed
+    disorder: Deviations  # each pixel's squared distance from its neighbours' mean, minus the table's median
 
 
 def measure_contrast(image: Float32[Array, "row column 3"]) -> Contrast:
-    """Subtract the background from an image [1 = white] and whiten the rest."""
+    """Return an image [1 = white] after background subtraction and whitening."""
     background_free = subtract_background(torch.from_numpy(image.transpose(2, 0, 1).copy())[None])[0][0]
     difference = np.ascontiguousarray(background_free.numpy().transpose(1, 2, 0))
     difference = difference - _drift(difference, *WIDE_DRIFT)
@@ -156,7 +156,7 @@ def measure_contrast(image: Float32[Array, "row column 3"]) -> Contrast:
         line=_length(line @ whitening_matrix(line)),
         plain=_length(narrow),
         whitened=whitened,
-        disorder=disorder - np.median(disorder),  # noise is no disorder
+        disorder=disorder - np.median(disorder),  # noise does not count
     )
 
 
@@ -165,7 +165,7 @@ def _length(colours: Float[Array, "*pixel 3"]) -> Float[Array, "*pixel"]:
 
 
 def _drift(difference: Colours, block: int, window: int) -> Colours:
-    """Return how the table changes from place to place (boards, blotches, folds), trends continued beyond the edges.
+    """Return the table's variation from place to place (boards, blotches, folds), extrapolated beyond the edges.
 
     It is the median over `window` by `window` blocks of the medians of `block` by `block` pixels.
     """
@@ -179,9 +179,9 @@ def _drift(difference: Colours, block: int, window: int) -> Colours:
 
 
 def whitening_matrix(difference: Colours) -> Float[Array, "3 3"]:
-    """Return the symmetric matrix that makes the table's variation 1 in every direction of colour.
+    """Return the symmetric matrix that scales the table's variation to 1 in every colour direction.
 
-    Four rounds leave out the pixels that are not the table's.
+    Four rounds exclude the pixels that do not belong to the table.
     """
     colours = difference.reshape(-1, 3)
     is_table, whitening = np.ones(len(colours), bool), np.eye(3)
@@ -195,14 +195,14 @@ def whitening_matrix(difference: Colours) -> Float[Array, "3 3"]:
 
 # Step 3: segmentation
 def segment(deviations: Deviations, least: float) -> list[Mask]:
-    """Return connected regions of pixels above `least`, one at least above MIN_PEAK_DEVIATION, their holes filled."""
+    """Return connected regions above `least` with a peak above MIN_PEAK_DEVIATION, holes filled."""
     count, labels, stats, _ = cv2.connectedComponentsWithStats((deviations > least).astype(np.uint8), connectivity=8)
     large = [label for label in range(1, count) if stats[label, cv2.CC_STAT_AREA] >= MIN_COMPONENT_PX]
     return [_fill(labels == label) for label in large if deviations[labels == label].max() >= MIN_PEAK_DEVIATION]
 
 
 def _fill(mask: Array) -> Array:
-    """Return a mask with all that it encloses."""
+    """Return a mask with its holes filled."""
     contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     return cv2.drawContours(np.zeros(mask.shape, np.uint8), contours, -1, 1, cv2.FILLED)
 
@@ -211,7 +211,7 @@ def _fill(mask: Array) -> Array:
 def refine_outlines(region: Mask, deviations: Deviations, thin: bool = False) -> list[tuple[FineMask, tuple[int, int]]]:
     """Return the outline of each object in a region, as a mask on the finer grid and its corner (row, column).
 
-    A `thin` outline that encloses nothing is broken: all within its convex hull belongs to the object.
+    A `thin` outline that encloses nothing is broken; the object is then its convex hull.
     """
     left, top, width, height = cv2.boundingRect(region)
     corner = max(top - RIM_PX, 0), max(left - RIM_PX, 0)
@@ -236,7 +236,7 @@ def _finer(values: Float[Array, "row column"]) -> Float[Array, "fine_row fine_co
 
 
 def _cut_at_necks(mask: FineMask) -> list[FineMask]:
-    """Return a mask's parts: each pixel goes with the nearest of the parts that are wider than a neck."""
+    """Return a mask's parts, cut at necks: each pixel belongs to the nearest part that is wider than a neck."""
     depth = cv2.distanceTransform(np.pad(mask, 1), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
     count, wide = cv2.connectedComponents((depth > NECK_PX / 2 * FINER).astype(np.uint8), connectivity=4)
     if count < 3:
@@ -247,13 +247,13 @@ def _cut_at_necks(mask: FineMask) -> list[FineMask]:
 
 
 def _convex_hull(mask: FineMask) -> FineMask:
-    """Return every pixel within the convex hull of a mask's pixels."""
+    """Return the convex hull of a mask's pixels, as a mask."""
     return cv2.fillConvexPoly(np.zeros_like(mask), cv2.convexHull(cv2.findNonZero(mask)), 1)
 
 
 # Step 5: capsules and the table's own pattern
 def describe(mask: FineMask, corner: tuple[int, int], contrast: Contrast) -> _Object | None:
-    """Fit a capsule to an outlined object and measure its features; None for a long object as faint as grain."""
+    """Return an outlined object's capsule and features; None for a long object as faint as grain."""
     rows, columns = np.nonzero(mask)
     y, x = corner[0] + (rows + 0.5) / FINER, corner[1] + (columns + 0.5) / FINER  # [pixels]
     points = np.stack([x, SIDE - y], -1) / SIDE  # [m]
@@ -280,7 +280,7 @@ def describe(mask: FineMask, corner: tuple[int, int], contrast: Contrast) -> _Ob
 
 
 def drop_specks(objects: list[_Object]) -> list[_Object]:
-    """Drop faint specks where there are MIN_PATTERN_SPECKS: the table's own pattern. Fewer may be objects, and stay."""
+    """Drop faint specks if there are MIN_PATTERN_SPECKS or more, as the table's pattern; fewer may be objects."""
     features = np.exp(np.reshape([object_.features for object_ in objects], (-1, len(FEATURES))))
     area, elongation, deviation = (features[:, FEATURES.index(name)] for name in ("area", "elongation", "contrast"))
     no_capsule = np.array([object_.overlap for object_ in objects]) < MIN_CAPSULE_OVERLAP

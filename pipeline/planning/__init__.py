@@ -1,1 +1,1 @@
-"""Planning: gradient repair, the nearest valid path, the oracle."""
+"""Planning: gradient repair, the nearest valid path and the oracle."""

@@ -1,4 +1,4 @@
-"""Measure repairs: how many succeed, how far they move, and how many are unsafe."""
+"""Measure repairs: success rate, displacement and share of unsafe repairs (paper, Table 1: success rate)."""
 
 import numpy as np
 import pandas as pd
@@ -13,14 +13,14 @@ COLUMNS = [
 
 
 def measures(repairs: pd.DataFrame) -> pd.DataFrame:
-    """Return the measures of each method, variant and user, a row each, in the order they come in.
+    """Return the measures of each method, variant and user, one row each, in the order of their first row.
 
-    repairs: a row a start and seed (pipeline.artifacts.repairs). Columns of the result:
-    seeds, starts (of each seed);
-    success: the share of ends that are truly valid, with its quartiles over seeds and its 95 % interval over seeds
+    repairs: one row per start and seed (pipeline.artifacts.repairs). Columns of the result:
+    seeds, starts (per seed);
+    success: share of repaired paths that are truly valid, with quartiles over seeds and a 95 % interval over seeds
     crossed with scenes (NaN for a single scene);
-    displacement_ratio: the sum of displacements over the sum of the nearest valid paths' displacements;
-    accepted: the share of ends with p > .5; unsafe: the share of all starts accepted though truly invalid.
+    displacement_ratio: sum of displacements over the sum of displacements to the nearest valid paths;
+    accepted: share of repaired paths with p > .5; unsafe: share of all starts accepted although truly invalid.
     The last two are NaN for baselines, which have no model.
     """
     groups = repairs.groupby(GROUP, sort=False)
@@ -48,7 +48,7 @@ def _measures(rows: pd.DataFrame) -> dict[str, int | float]:
 
 
 def _interval(rows: pd.DataFrame) -> tuple[float, float]:
-    """Return the 95 % interval of the success rate, inside [0, 1]."""
+    """Return the 95 % interval of the success rate, clipped to [0, 1]."""
     sums = rows.groupby(["seed", "scene"])["valid_end"].agg(["sum", "size"])
     successes, starts = (sums[name].unstack().to_numpy(dtype=float)[None] for name in ("sum", "size"))
     if starts.shape[2] < 2:

@@ -1,4 +1,4 @@
-"""Find the nearest valid path: by what a model believes, or by what is true, with the same search."""
+"""Find the nearest path that is valid according to a model or to the true rule; the search is the same."""
 
 from collections.abc import Callable
 
@@ -13,8 +13,8 @@ from pipeline.world.bezier import Z_HIGH, Z_LOW, lattice
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import Margins, valid
 
-REFINED_STEPS = 1.5  # a finer lattice reaches this many of the coarser steps around the best z, on each axis
-FINER = 4  # each refinement divides the step by this
+REFINED_STEPS = 1.5  # half-width of a finer lattice around the best z, in steps of the coarser one
+FINER = 4  # factor by which each refinement divides the step
 
 LogValid = Callable[[int, Float[Array, "path 2"]], Float[Array, " path"]]
 """log P(valid) of paths [m] in the scene of that number."""
@@ -28,20 +28,19 @@ def nearest(
     side: int,
     refinements: int,
 ) -> tuple[Float[Array, "start 2"], Float[Array, " start"]]:
-    """Return for each start the z_theta [m] of the highest log P(valid) - distance_penalty * distance from it.
+    """Return for each start the z_theta [m] with the highest log P(valid) - distance_penalty * distance, and its log P.
 
-    The second array is log P(valid) there.
-
-    `scenes` holds each start's scene. All starts of a scene share a lattice of `side` x `side` z_theta; each then
-    refines its best one `refinements` times. The resolution is (Z_HIGH - Z_LOW) / side / FINER**refinements, and
-    regions thinner than the first lattice's step can be missed. A start stays if nothing improves on it.
-    distance_penalty [1/m]: the log P(valid) that a metre must bring. With a certain `log_valid`, 0 or -inf, any
-    penalty above 0 gives the nearest valid path.
+    `scenes` holds the scene index of each start. All starts of a scene share a lattice of `side` x `side` z_theta; each
+    start then refines its best point `refinements` times. The resolution is (Z_HIGH - Z_LOW) / side /
+    FINER**refinements. The search can miss regions thinner than the first lattice's step. A start stays if no candidate
+    has a higher score.
+    distance_penalty [1/m]: the gain in log P(valid) required per metre. If `log_valid` is 0 or -inf, any positive
+    penalty gives the nearest valid path.
     """
     ends, log_p_ends = np.array(starts, dtype=np.float64), np.zeros(len(starts))
     coarse = lattice(side)
     count = int(REFINED_STEPS * FINER)
-    offsets = np.arange(-count, count + 1) / FINER  # of a finer lattice, in steps of the coarser one
+    offsets = np.arange(-count, count + 1) / FINER  # offsets of a finer lattice, in steps of the coarser one
     around = np.stack(np.meshgrid(offsets, offsets), axis=-1).reshape(-1, 2)
     for scene in np.unique(scenes).tolist():
         z0 = ends[scenes == scene]
@@ -54,7 +53,7 @@ def nearest(
             inside = ((candidates >= Z_LOW) & (candidates <= Z_HIGH)).all(-1)
             score = log_p - distance_penalty * _distance(best, z0)
             cost = distance_penalty * _distance(candidates, z0[:, None])
-            possible = inside & (-cost > score[:, None])  # log P(valid) is at most 0: the others cannot be better
+            possible = inside & (-cost > score[:, None])  # log P(valid) <= 0: no other candidate can improve
             log_p_candidates = np.full(candidates.shape[:2], -np.inf)
             if possible.any():
                 log_p_candidates[possible] = log_valid(scene, candidates[possible])
@@ -71,7 +70,7 @@ def _best(
     log_p_candidates: Float[Array, "start candidate"],
     distance_penalty: float,
 ) -> tuple[Float[Array, "start 2"], Float[Array, " start"]]:
-    """Return each start's best z so far or, where it has a higher score, its best candidate; and their log P(valid)."""
+    """Return the better of each start's best z so far and its best candidate, and its log P(valid)."""
     each = np.arange(len(z0))
     scores = log_p_candidates - distance_penalty * _distance(candidates, z0[:, None])
     chosen = scores.argmax(1)
@@ -85,7 +84,7 @@ def _distance(a: Array, b: Array) -> Array:
 
 
 def by_model(model: ValidityModel, images: UInt8[Array, "scene 100 100 3"]) -> LogValid:
-    """Return a model's log P(valid) in these scenes, each of which it perceives once."""
+    """Return a model's log P(valid) in these scenes; the model perceives each scene once."""
     model.eval()
     with torch.no_grad():
         percept = model.perceive(to_tensor(images))
@@ -99,7 +98,7 @@ def by_model(model: ValidityModel, images: UInt8[Array, "scene 100 100 3"]) -> L
 
 
 def by_truth(layouts: Layouts, margins: Margins) -> LogValid:
-    """Return a user's rule in these scenes: 0 for valid paths and -inf for the others."""
+    """Return a user's true rule in these scenes as log P(valid): 0 for valid paths, -inf for invalid ones."""
 
     def log_valid(scene: int, z: Array) -> Array:
         return np.where(valid(layouts[scene : scene + 1], z[None], margins)[0], 0.0, -np.inf)

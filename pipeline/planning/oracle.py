@@ -1,4 +1,4 @@
-"""References for repairs: the nearest truly valid path, and one detour for every scene."""
+"""References for repairs: the nearest truly valid path, and one detour for all scenes."""
 
 import numpy as np
 from jaxtyping import Float
@@ -9,15 +9,15 @@ from pipeline.world.bezier import lattice
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import Margins, clearance, slack
 
-SLACK_CAP_M = 0.1  # more slack than this does not count for the constant detour's choice
+SLACK_CAP_M = 0.1  # slack counts up to this value when ties of the constant detour are broken
 
 
 def nearest_valid(
     layouts: Layouts, z_theta: Float[Array, "scene start 2"], margins: Margins, side: int, refinements: int
 ) -> Float[Array, "scene start 2"]:
-    """Return the truly valid z_theta nearest to each start [m], to the resolution of `nearest`.
+    """Return the truly valid z_theta nearest to each start [m], at the resolution of `nearest`.
 
-    A start stays where it is if it is valid, or if no point of the lattice is.
+    A start stays if it is valid, or if no lattice point is.
     """
     scenes = np.repeat(np.arange(len(layouts)), z_theta.shape[1])
     starts = np.asarray(z_theta, dtype=np.float64).reshape(-1, 2)
@@ -26,9 +26,9 @@ def nearest_valid(
 
 
 def constant_detour(layouts: Layouts, margins: Margins, side: int) -> Float[Array, "2"]:
-    """Return the one z_theta [m] of a lattice that is truly valid in most of the scenes.
+    """Return the z_theta [m] of a lattice that is truly valid in most scenes.
 
-    Ties go to the largest mean slack, capped at SLACK_CAP_M either way.
+    Ties go to the largest mean slack, clipped to +-SLACK_CAP_M.
     """
     z = lattice(side)
     by_scene = [layouts[i : i + 1] for i in range(len(layouts))]  # one at a time bounds the memory

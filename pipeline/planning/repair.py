@@ -1,4 +1,4 @@
-"""Repair a path by gradient steps: move its z_theta up a model's log-odds of validity."""
+"""Repair paths by gradient ascent on a model's log-odds of validity (paper, "Trajectory Backpropagation")."""
 
 from dataclasses import dataclass
 
@@ -20,9 +20,9 @@ OPTIMISERS = ("gradient", "normalised", "adam")
 class Ascent:
     """Settings of gradient ascent (conf/repair.yaml).
 
-    optimiser: `gradient` moves by rate x Delta [m^2 per unit of log-odds], the paper's step; `normalised` moves by
-    rate [m] along Delta; `adam` takes Adam's steps of about rate [m] per coordinate.
-    settle: let the rate fall linearly to zero over the steps.
+    optimiser: `gradient` steps by rate * Delta, as in the paper (rate in m^2 per unit of log-odds); `normalised` steps
+    by rate [m] in the direction of Delta; `adam` takes Adam's steps of about rate [m] per coordinate.
+    settle: decrease the rate linearly to zero over the steps.
     """
 
     steps: int
@@ -33,10 +33,10 @@ class Ascent:
 
 @dataclass(frozen=True)
 class Repairs:
-    """All steps of all repairs, the start first."""
+    """All steps of all repairs, including the start."""
 
-    z: Float[Array, "scene start point 2"]  # step + 1 points [m], float32
-    p: Float[Array, "scene start point"]  # P(valid) as the model sees it, float32
+    z: Float[Array, "scene start point 2"]  # start and all steps [m], float32
+    p: Float[Array, "scene start point"]  # P(valid) by the model at these points, float32
 
 
 def repair(
@@ -45,10 +45,10 @@ def repair(
     starts: Float[Array, "scene start 2"],
     ascent: Ascent,
 ) -> Repairs:
-    """Take `ascent.steps` steps from every start [m] along Delta = d log-odds(v = 1) / d z_theta.
+    """Take `ascent.steps` steps from each start [m] along Delta = d log-odds(v = 1) / d z_theta; return all points.
 
-    The paper's Delta (Section "Problem Formulation") is the gradient of C_s. The gradient of the log-odds has the
-    same direction and does not vanish where p is near 0 or 1. Steps end at the edge of the z_theta square.
+    The paper's Delta (Section "Problem Formulation") is the gradient of C_s. The gradient of the log-odds has the same
+    direction but does not vanish where p is near 0 or 1. Steps are clipped to the z_theta square.
     The model perceives each scene once; starts do not affect each other.
     """
     model.eval()
@@ -74,7 +74,7 @@ def repair(
 
 
 def _log_odds_and_delta(model: ValidityModel, percept: Tensor, z: Tensor) -> tuple[Tensor, Tensor]:
-    """Return the log-odds of each path and their gradient in its z_theta; the weights get no gradient."""
+    """Return each path's log-odds and their gradient with respect to z_theta; weights receive no gradient."""
     z = z.detach().requires_grad_()
     with torch.enable_grad():
         log_odds = model.logit(percept, z)

@@ -1,1 +1,1 @@
-"""The report: one folder a page under pages/, words in its template, numbers drawn from tables by name."""
+"""The report: one folder per page under pages/, with text in its template and numbers from tables by name."""

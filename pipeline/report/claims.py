@@ -1,8 +1,8 @@
-"""The paper's claims: its number, ours, what an image-blind baseline reaches, and a verdict by rules fixed here.
+"""Verdicts on the paper's claims: its number, ours, that of an image-blind baseline, and fixed rules.
 
-A claim holds if our number meets the paper's and a baseline that never looks at the image does not. It fails only if
-our interval lies below the paper's (whose own sampling error counts) or our tests find the opposite. What our world
-cannot show is untestable; everything else is open.
+A claim holds if our number reaches the paper's and an image-blind baseline's does not. It fails only if our interval
+lies below the paper's (including the paper's sampling error), or if our tests find the opposite. A claim that our world
+cannot test is untestable; all others are open.
 """
 
 import pandas as pd
@@ -20,7 +20,7 @@ COLUMNS = [
 
 
 def claims_table(results: Results) -> pd.DataFrame:
-    """Return a row a claim and measure in the order of COLUMNS; rates in 0..1, counts for verdicts and tests."""
+    """Return one row per claim and measure with the columns COLUMNS; rates in 0..1, counts for verdicts and tests."""
     rules = (_accuracy, _autoencoder, _irl, _repair, _causes, _users_differ) if PAPER in results.variants else ()
     rows = [row for rule in rules for row in rule(results)]
     rows.append({"claim": "clusters", "measure": "not tested", "verdict": OPEN})
@@ -29,7 +29,7 @@ def claims_table(results: Results) -> pd.DataFrame:
 
 
 def verdicts(claims: pd.DataFrame) -> dict[str, str]:
-    """Return claim -> verdict: the worst of its measures."""
+    """Return claim -> verdict: the worst verdict of its measures."""
     worst = {FAILS: 0, OPEN: 1, UNTESTABLE: 2, HOLDS: 3}
     return {
         str(name): min(part["verdict"], key=worst.__getitem__) for name, part in claims.groupby("claim", sort=False)
@@ -39,7 +39,7 @@ def verdicts(claims: pd.DataFrame) -> dict[str, str]:
 def _accuracy(results: Results) -> list[dict]:
     """Judge whether accuracy on unseen paths of the training scenes reaches the paper's lower quartile.
 
-    If no model of ours reaches it, the bar may be out of reach in this world, and the claim is open.
+    If none of our models reaches it, it may be unreachable in this world, and the claim is open.
     """
     n = results.main_n_demos
     if n not in PAPER_ACCURACY:
@@ -57,7 +57,7 @@ def _accuracy(results: Results) -> list[dict]:
 
 
 def _autoencoder(results: Results) -> list[dict]:
-    """Judge whether the full model beats the classifier alone in every test; untestable unless it autoencodes."""
+    """Judge whether the full model beats the classifier in every test; untestable unless its decoder reconstructs."""
     tests = _tests(results, ["classifier"])
     if tests.empty:
         return []
@@ -75,7 +75,7 @@ def _irl(results: Results) -> list[dict]:
 
 
 def _repair(results: Results) -> list[dict]:
-    """Judge whether each user's success reaches the paper's rate; below the Wilson interval of 20 repairs it fails."""
+    """Judge whether each user's success reaches the paper's rate; it fails below the Wilson interval of 20 repairs."""
     rows = []
     for user in results.repaired_users:
         if user not in PAPER_TABLE_1:
@@ -93,7 +93,7 @@ def _repair(results: Results) -> list[dict]:
 
 
 def _causes(results: Results) -> list[dict]:
-    """Judge whether every verdict on an added item is right; no better than an image-blind model, it fails."""
+    """Judge whether every verdict on an added item is right; it fails if an image-blind model is equally good."""
     right, asked = results.verdicts_right(PAPER), results.questions()
     if asked == 0:
         return []
@@ -103,7 +103,7 @@ def _causes(results: Results) -> list[dict]:
 
 
 def _users_differ(results: Results) -> list[dict]:
-    """Judge whether every verdict on a change of user is right; users' shares of valid paths show that, too."""
+    """Judge whether every verdict on a change of user is right; shares of valid paths show this without images."""
     asked = results.questions("user")
     if asked == 0:
         return []
@@ -133,6 +133,6 @@ def _wins(tests: pd.DataFrame) -> int:
 
 
 def _won(tests: pd.DataFrame) -> str:
-    """Return holds if every test is won, fails if every one is lost, else open: no difference found is no proof."""
+    """Return holds if every test is won, fails if every test is lost, else open: no significance is no proof."""
     lost = int((tests["significant"].astype(bool) & (tests["difference"] < 0)).sum())
     return HOLDS if _wins(tests) == len(tests) else FAILS if lost == len(tests) else OPEN

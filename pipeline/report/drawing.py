@@ -1,4 +1,4 @@
-"""What several pages draw: a table with paths on it, a map of P(valid) over control points, bars and intervals."""
+"""Drawings shared by pages: a table with paths, a map of P(valid) over control points, bars and intervals."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -27,7 +27,7 @@ def panels(rows: int, columns: int, width: float, height: float, **options) -> t
 def draw_table(
     axes: Axes, image: Array, layouts: Layouts | None = None, scene: int = 0, margins: Margins | None = None
 ) -> None:
-    """Draw a table from above, and broken lines at the margins a user keeps from its items."""
+    """Draw a table from above, with dashed lines at the user's margins around its items."""
     axes.imshow(image, extent=(0, 1, 0, 1), interpolation="none")
     _bare(axes)
     if layouts is None or margins is None:
@@ -40,7 +40,7 @@ def draw_table(
 
 
 def draw_path(axes: Axes, z_theta: Array, colour: str, width: float = 2.5, linestyle: Any = "-") -> None:
-    """Draw the Bezier path of one control point [m], with a dark rim that shows it on any table top."""
+    """Draw the Bezier path of one control point [m], with a dark outline for contrast on any table top."""
     points = curve(np.asarray(z_theta, float), 80)
     axes.plot(*points.T, color="#111417", linewidth=width + 1.6, alpha=0.6)
     axes.plot(*points.T, color=colour, linewidth=width, linestyle=linestyle)
@@ -49,7 +49,7 @@ def draw_path(axes: Axes, z_theta: Array, colour: str, width: float = 2.5, lines
 
 
 def draw_map(axes: Axes, p: Array, trace: Array | None = None) -> None:
-    """Draw P(valid) (side, side) as [y, x] over control points, the table's edge, and a repair's trace (step, 2)."""
+    """Draw P(valid) (side, side) as [y, x] over control points, the table's edge, and a repair's steps (step, 2)."""
     axes.imshow(
         p, interpolation="none", origin="lower", extent=(Z_LOW, Z_HIGH, Z_LOW, Z_HIGH), cmap=style.MAP, vmin=0, vmax=1
     )
@@ -66,7 +66,7 @@ def draw_map(axes: Axes, p: Array, trace: Array | None = None) -> None:
 def draw_intervals(
     axes: Axes, groups: Sequence[str], series: Mapping[str, Sequence[tuple[float, float, float]]], unit: float = 100.0
 ) -> None:
-    """Draw (mean, low, high) of each series in each group as horizontal intervals, the first group on top."""
+    """Draw (mean, low, high) of each series in each group as horizontal intervals, the first group at the top."""
     for i, (name, rows) in enumerate(series.items()):
         offset = 0.28 * (2 * i / max(len(series) - 1, 1) - 1)
         y = np.arange(len(groups)) + offset
@@ -81,7 +81,7 @@ def draw_intervals(
 
 
 def _capsule(ends: Array, radius: float) -> Array:
-    """Return the outline (point, 2) of everything within `radius` of a segment (2, 2)."""
+    """Return the outline (point, 2) of the capsule of `radius` around a segment (2, 2)."""
     bearing = np.arctan2(*(ends[1] - ends[0])[::-1])
     half = np.linspace(-np.pi / 2, np.pi / 2, 24)
     angle = np.concatenate([bearing + half, bearing + np.pi + half])

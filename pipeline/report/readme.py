@@ -1,4 +1,4 @@
-"""Put the headlines of reports/metrics.json into the README: `python -m pipeline.report.readme`, or `make readme`."""
+"""Copy the headlines of reports/metrics.json into the README: `python -m pipeline.report.readme` or `make readme`."""
 
 import re
 from pathlib import Path
@@ -11,7 +11,7 @@ HEAD = "| Model | Accuracy, unseen items | Repairs, careful | Repairs, normal | 
 
 
 def headlines(metrics: dict) -> str:
-    """Return the table as markdown: a row a variant or baseline, a dash where there is no number."""
+    """Return the headlines as a markdown table: one row per variant or baseline, a dash for missing numbers."""
     pct, rows = FORMATS["pct"], [HEAD, "| --- | --: | --: | --: | --: |"]
     for name in [*metrics["verdicts_right"], "position_only", "constant_detour"]:
         accuracy = metrics["accuracy"].get(name, {}).get("new_items")

@@ -1,4 +1,4 @@
-"""Turn the templates of pages/ into pages: numbers by name and format, figures and tables numbered as they come."""
+"""Render the templates of pages/: numbers by name and format, figures and tables numbered in order of appearance."""
 
 import importlib
 import math
@@ -29,7 +29,7 @@ FOLDER = Path(__file__).parent
 
 @dataclass(frozen=True)
 class Table:
-    """A table of a page: its numbers as csv has them, and the format of each column that is not text."""
+    """A table of a page: its numbers as written to csv, and the format of each numeric column."""
 
     frame: pd.DataFrame
     formats: dict[str, str] = field(default_factory=dict)
@@ -37,7 +37,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Site:
-    """Everything to write: pages by name, figures as SVG text by file name, tables by file name."""
+    """All output: pages by name, figures as SVG text by file name, tables by file name."""
 
     pages: dict[str, str]
     figures: dict[str, str]
@@ -46,9 +46,9 @@ class Site:
 
 
 def render(results: Results, pages: Collection[str] = tuple(PAGES)) -> Site:
-    """Return these pages with the figures and tables their templates ask for.
+    """Return these pages with the figures and tables that their templates use.
 
-    Raise InputError where a template asks for a number that is missing or not finite.
+    Raise InputError if a template uses a number that is missing or not finite.
     """
     results.check()
     claims = claims_table(results)
@@ -97,7 +97,7 @@ def _claim(claims: pd.DataFrame, name: str, measure: str, column: str) -> Any:
 
 
 def _numbered(page: str, results: Results, site: Site, environment: Environment) -> dict[str, Callable]:
-    """Return a page's `figure` and `table`, which draw when called, count, and file what they draw in the site."""
+    """Return a page's `figure` and `table` functions, which draw, number and store their results in the site."""
     counts = {"figure": 0, "table": 0}
 
     def figure(name: str, alt: str, wide: bool = False, caller: Callable[[], str] = str) -> Markup:
@@ -122,14 +122,15 @@ def _numbered(page: str, results: Results, site: Site, environment: Environment)
         return Markup(part.render(file=file, table=made, rows=rows, number=counts["table"], caption=caller()))
 
     def table_number() -> str:
-        """Return the number of a table that the template writes by hand."""
+        """Return the number of a table whose markup is in the template."""
         counts["table"] += 1
         return f"Table {counts['table']}."
 
     return {"figure": figure, "table": table, "table_number": table_number}
 
 
-# Formats: each raises for a number that is not finite; None stands for what cannot exist, such as a baseline's seeds.
+# Formats: each raises for a number that is not finite; None marks a value that cannot exist, such as a baseline's
+# seeds.
 
 
 def _number(pattern: str, scale: float = 1.0) -> Callable[[Any], str]:
@@ -145,7 +146,7 @@ def _number(pattern: str, scale: float = 1.0) -> Callable[[Any], str]:
 
 
 def _spread(low: float, high: float) -> str:
-    """Write a range of rates in per cent."""
+    """Return a range of rates in per cent."""
     return f"{_number('{:.0f}', 100.0)(low)}–{_number('{:.0f}', 100.0)(high)}"
 
 

@@ -1,4 +1,4 @@
-"""What the pages are drawn from: the stages' tables by name, and the arrays behind the figures."""
+"""The data of all pages: the stages' tables by name, and the arrays behind the figures."""
 
 import math
 from collections.abc import Mapping
@@ -14,9 +14,9 @@ from pipeline.world.catalogue import Catalogue
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import Margins
 
-PAPER_TABLE_1 = {"careful": 0.75, "normal": 0.95, "aggressive": 1.0}  # success of repair
-PAPER_SCENES = 20  # test scenes, the most repairs a rate of Table 1 can stand on
-PAPER_ACCURACY = {1: (0.72, 0.673, 0.775), 9: (0.99, 0.978, 0.998)}  # mean, first and third quartile
+PAPER_TABLE_1 = {"careful": 0.75, "normal": 0.95, "aggressive": 1.0}  # success rate of repair by user (paper, Table 1)
+PAPER_SCENES = 20  # test scenes of the paper: the largest number of repairs behind a rate of Table 1
+PAPER_ACCURACY = {1: (0.72, 0.673, 0.775), 9: (0.99, 0.978, 0.998)}  # n_demos -> mean, q1, q3 ("Model Accuracy")
 PAPER_TABLE_2 = pd.DataFrame(
     [
         ("careful", 0.43, 0.27, 0.28, 0.31, 0.30),
@@ -25,7 +25,7 @@ PAPER_TABLE_2 = pd.DataFrame(
     ],
     columns=["user", "none", "bowl", "plate", "cutlery", "glass"],
 ).set_index("user")
-FINITE = {  # columns that figures draw whole
+FINITE = {  # columns whose values must all be finite, since figures draw them
     "accuracy": ["mean"],
     "comparisons": ["difference", "p_holm"],
     "repair": ["success", "displacement_ratio"],
@@ -37,11 +37,11 @@ FINITE = {  # columns that figures draw whole
 
 @dataclass(frozen=True)
 class DrawnScenes:
-    """The scenes that figures show: one pool's images and layouts, and the shown models' maps of P(valid).
+    """The scenes shown in figures: one pool's images and layouts, and the shown models' maps of P(valid).
 
     images: uint8 (scene, 100, 100, 3); maps: variant -> user -> (scene, side, side) as [y, x] on `lattice(side)`,
     for the scenes in `mapped`; truth: user -> bool of the same shape. added_images: uint8 (1 + symbol, 100, 100, 3),
-    one scene as it is and with each item added; added_maps: "truth" or variant -> (1 + symbol, side, side), for
+    one scene without and with each added item; added_maps: "truth" or variant -> (1 + symbol, side, side), for
     `added_user`. training: uint8 (scene, 100, 100, 3), the first training scenes of the first seed.
     """
 
@@ -58,7 +58,7 @@ class DrawnScenes:
 
 @dataclass(frozen=True)
 class Results:
-    """One run's results.
+    """The results of one run.
 
     tables: accuracy, calibration, scores, comparisons, repair (summary), repairs, interventions (summary), p_valid,
     recordings, convergence, demos; paths: paths.npz of stage repair; facts: settings that pages print.
@@ -66,7 +66,7 @@ class Results:
 
     variants: list[str]
     users: dict[str, Margins]
-    judged_users: list[str]  # those means are taken over: every other user finds all paths valid
+    judged_users: list[str]  # users that means are taken over: to all others every path is valid
     seeds: list[int]
     n_demos: list[int]
     main_n_demos: int
@@ -78,7 +78,7 @@ class Results:
     facts: dict[str, Any] = field(default_factory=dict)
 
     def value(self, table: str, column: str, **where: Any) -> Any:
-        """Return the one value of `column` in the row of `table` that `where` names.
+        """Return the value of `column` in the one row of `table` that `where` selects.
 
         Raise InputError if no row or several match, or if the number is missing or not finite.
         """
@@ -99,27 +99,27 @@ class Results:
         return self.value("repair", column, method=method, variant=variant, user=user)
 
     def asked(self, kind: str, variant: str) -> pd.DataFrame:
-        """Return a variant's answers to the questions of a kind ("add", "user") about users that reject some paths."""
+        """Return a variant's rows for one kind of question ("add", "user"), for users with invalid paths."""
         rows = self.tables["interventions"]
         rows = rows[(rows["variant"] == variant) & (rows["kind"] == kind)]
         return rows[rows["user"].isin(self.judged_users)] if kind == "add" else rows
 
     def questions(self, kind: str = "add") -> int:
-        """Return the number of those questions."""
+        """Return the number of these questions."""
         return len(self.asked(kind, self.variants[0]))
 
     def verdicts_right(self, variant: str, kind: str = "add") -> int:
-        """Return how many of them a variant answers rightly."""
+        """Return the number of a variant's right verdicts on these questions."""
         return int(self.asked(kind, variant)["right"].astype(bool).sum())
 
     def image_blind_right(self, kind: str = "add") -> int:
-        """Return how many an image-blind model answers rightly: items have no effect, users differ."""
+        """Return the number of right verdicts of an image-blind model: items have no effect, users differ."""
         answers = self.asked(kind, self.variants[0])["truth_verdict"]
         return int((answers == ("negligible" if kind == "add" else "effect")).sum())
 
     @property
     def largest_difference(self) -> float | None:
-        """Return the largest difference of a true share of valid paths from the paper's Table 2.
+        """Return the largest difference between a true share of valid paths and the paper's Table 2.
 
         None if that table has none of these users.
         """
@@ -155,7 +155,7 @@ class Results:
 
 
 def checked(number: Any, name: str) -> Any:
-    """Return a value as Python has it; raise InputError if it is missing or not finite."""
+    """Return a value as a Python type; raise InputError if it is missing or not finite."""
     if number is None or (isinstance(number, float | np.floating) and not math.isfinite(number)):
         raise InputError(f"{name} is {number}: expected a finite number; run the stage that writes it again")
     return number.item() if isinstance(number, np.generic) else number

@@ -1,4 +1,4 @@
-"""The look that every figure shares: one colour a variant, type sizes, and SVG files with stable bytes."""
+"""The shared style of all figures: one colour per variant, font sizes, and SVG files with reproducible bytes."""
 
 import io
 import re
@@ -8,11 +8,11 @@ import matplotlib
 from matplotlib.figure import Figure
 
 INK, MUTED, RULE = "#1b1f24", "#5d6670", "#d4d8dd"
-VALID, INVALID = "#0072b2", "#d55e00"  # Okabe and Ito's blue and vermilion
-START = "#f0e442"  # a path before its repair: no variant's colour
-MAP = "cividis"  # P(valid), dark 0 to light 1: even steps to every eye
-TRAIN, UNSEEN = "#009e73", "#d55e00"  # the paper's green and red, in Okabe and Ito's hues
-COLOURS = {  # Okabe and Ito; the paper's model and its ablations share blue
+VALID, INVALID = "#0072b2", "#d55e00"  # blue and vermilion of Okabe and Ito
+START = "#f0e442"  # a path before its repair; not used by any variant
+MAP = "cividis"  # colour map of P(valid), 0 dark to 1 light, perceptually uniform
+TRAIN, UNSEEN = "#009e73", "#d55e00"  # green and red as in the paper, in hues of Okabe and Ito
+COLOURS = {  # hues of Okabe and Ito; the paper's model and its ablations share blue
     "full": "#0072b2",
     "ae": "#56b4e9",
     "classifier": "#009e73",
@@ -69,27 +69,27 @@ THEME = """<style>
 
 
 def colour(name: str) -> str:
-    """Return a variant's colour, the same in every figure; grey for baselines and unknown variants."""
+    """Return a variant's colour, the same in all figures; grey for baselines and unknown variants."""
     return COLOURS.get(name, MUTED)
 
 
 def marker(name: str) -> str:
-    """Return a variant's marker, so that colour never stands alone."""
+    """Return a variant's marker, so that colour is never the only distinction."""
     return MARKERS.get(name, "X")
 
 
 def label(name: str) -> str:
-    """Return what pages call a variant, baseline or split; an unknown name stands for itself."""
+    """Return the displayed name of a variant, baseline or split; unknown names are returned unchanged."""
     return LABELS.get(name, name)
 
 
 def svg(figure: Figure) -> str:
-    """Return a figure as SVG text with stable bytes, whose ink follows the reader's light or dark scheme."""
+    """Return a figure as SVG text with reproducible bytes; its text colour follows the light or dark scheme."""
     buffer = io.StringIO()
     with matplotlib.rc_context(RC):
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     text = re.sub(r"<metadata>.*?</metadata>", "", buffer.getvalue(), flags=re.DOTALL)
-    text = re.sub(r"image-rendering:[^;\"]*;?", "", text)  # browsers smooth what they enlarge
+    text = re.sub(r"image-rendering:[^;\"]*;?", "", text)  # browsers then interpolate enlarged images
     text = re.sub(r'( d="|\b[xy]="|translate\()([^")]*)', lambda part: part[1] + _rounded(part[2]), text)
     for hexadecimal, name in ((INK, "ink"), (MUTED, "muted"), (RULE, "rule")):
         text = text.replace(hexadecimal, f"var(--{name})")
@@ -97,5 +97,5 @@ def svg(figure: Figure) -> str:
 
 
 def _rounded(places: str) -> str:
-    """Return coordinates to a hundredth of a point."""
+    """Return coordinates rounded to a hundredth of a point."""
     return re.sub(r"-?\d+\.\d+", lambda number: f"{float(number[0]):.2f}".rstrip("0").rstrip("."), places)

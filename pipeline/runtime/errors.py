@@ -1,5 +1,5 @@
-"""The error that a user can correct; any other is a defect and keeps its traceback."""
+"""The error class for mistakes that a user can correct; all other errors are defects and keep their traceback."""
 
 
 class InputError(ValueError):
-    """Says what came, what was expected and what to do; a stage ends with it in one line and exit code 2."""
+    """An error that names the wrong value, what was expected and what to do; stages print it and exit with code 2."""

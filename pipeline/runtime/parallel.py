@@ -1,4 +1,4 @@
-"""Independent jobs over processes of one torch thread each (joblib)."""
+"""Run independent jobs in processes with one torch thread each (joblib)."""
 
 import os
 import time
@@ -22,10 +22,11 @@ Result = TypeVar("Result")
 
 
 def map_jobs(function: Callable[[Job], Result], jobs: Sequence[Job], workers: int, desc: str) -> list[Result]:
-    """Return `[function(job) for job in jobs]`, over `workers` processes, with a progress bar.
+    """Return `[function(job) for job in jobs]`, computed in `workers` processes, with a progress bar.
 
-    `function` and its jobs must pickle. Results come in the order of the jobs. They do not depend on `workers`, since
-    every process has one torch thread. The first error ends the rest. The processes wait for the next call.
+    `function` and its jobs must pickle. Results are in the order of the jobs and do not depend on `workers`, since
+    every process has one torch thread. The first error cancels the remaining jobs. Processes are kept for the next
+    call.
     """
     if workers == 1 or len(jobs) <= 1:
         one_thread()
@@ -33,18 +34,18 @@ def map_jobs(function: Callable[[Job], Result], jobs: Sequence[Job], workers: in
     call = delayed(_in_worker)
     results = None
     try:
-        # max_nbytes: no read-only memory maps; pre_dispatch: all processes begin within _uninterrupted
+        # max_nbytes: no read-only memory maps; pre_dispatch: all processes start within _uninterrupted
         with _uninterrupted(), parallel_config("loky", inner_max_num_threads=1):
             pool = Parallel(workers, return_as="generator", batch_size=1, max_nbytes=None, pre_dispatch="all")
             results = pool(call(function, job, os.getpid()) for job in jobs)
         return list(tqdm(results, total=len(jobs), desc=desc))
     finally:
         if results is not None:
-            results.close()  # ends the processes if jobs are left
+            results.close()  # stops the processes if jobs are left
 
 
 def one_thread() -> None:
-    """Give this process one thread, in torch and in BLAS: sums in another order round otherwise."""
+    """Limit this process to one thread in torch and BLAS, since the order of sums changes rounding."""
     torch.set_num_threads(1)
     threadpool_limits(1)
     disable_malloc_trim()
@@ -57,13 +58,13 @@ def _in_worker(function: Callable[[Job], Result], job: Job, parent: int) -> Resu
 
 @cache
 def _begin(parent: int) -> None:
-    """Prepare a process, once."""
+    """Set up a worker process, once."""
     one_thread()
     Thread(target=_end_with, args=(parent,), daemon=True).start()
 
 
 def _end_with(parent: int) -> None:
-    """End this process after its parent, even one that was killed: nobody waits for the results any more."""
+    """End this process after its parent ends, even if that was killed."""
     while os.getppid() == parent:
         time.sleep(1)
     os._exit(1)
@@ -71,8 +72,8 @@ def _end_with(parent: int) -> None:
 
 @contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """Hold Ctrl-C back; processes begun within never receive it, so that this one alone answers it."""
-    resource_tracker.ensure_running()  # loky would start it within and let Ctrl-C through again
+    """Block Ctrl-C in this block; processes started within never receive it, so that only this process handles it."""
+    resource_tracker.ensure_running()  # loky would otherwise start it in this block and unblock Ctrl-C
     before = pthread_sigmask(SIG_BLOCK, {SIGINT})
     try:
         yield

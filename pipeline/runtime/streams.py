@@ -1,4 +1,4 @@
-"""Random streams, each seeded by its own names: what one draws changes nothing in another."""
+"""Named random streams: draws from one stream do not affect another."""
 
 import hashlib
 
@@ -6,11 +6,11 @@ import numpy as np
 
 
 def job_seed(*names: str | int) -> int:
-    """Return a 63-bit seed that depends on `names` alone, e.g. (seed, user, n_demos, variant)."""
+    """Return a 63-bit seed that depends only on `names`, e.g. (seed, user, n_demos, variant)."""
     digest = hashlib.sha256("/".join(map(str, names)).encode()).digest()
     return int.from_bytes(digest[:8], "big") >> 1
 
 
 def stream(*names: str | int) -> np.random.Generator:
-    """Return a generator that depends on `names` alone, a stage's root seed first."""
+    """Return a generator that depends only on `names`, the first of which is a stage's root seed."""
     return np.random.default_rng(job_seed(*names))

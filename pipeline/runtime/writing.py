@@ -1,4 +1,4 @@
-"""Files are written whole or not at all."""
+"""Write files atomically: completely or not at all."""
 
 import os
 from collections.abc import Callable
@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def atomic_write(path: Path, write: Callable[[Path], object]) -> None:
-    """Call `write` on a temporary name beside `path`, then move it into place."""
+    """Call `write` on a temporary file in the folder of `path`, then move it to `path`."""
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".part-{path.name}")
     try:

@@ -1,1 +1,1 @@
-"""One module per DVC stage, of the same name: read inputs, call the library, write outputs."""
+"""One module per DVC stage with the same name: read inputs, call the library, write outputs."""

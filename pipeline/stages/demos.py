@@ -1,4 +1,4 @@
-"""Stage demos: record demonstrations of every user, fit Bezier paths to them, draw the paths to be judged."""
+"""Stage demos: record demonstrations of every user, fit Bezier paths to them, and draw the query paths."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,10 +27,10 @@ Key = tuple[int, str, int, int]  # seed, user, scene, demo
 
 @dataclass(frozen=True)
 class Recorded:
-    """Trajectories one after the other, in the order of their keys, and where each begins."""
+    """Concatenated trajectories in the order of their keys, and each one's offset."""
 
     keys: pd.DataFrame
-    samples: Array  # (total, 4) t [s], x, y, z [m], rounded to the float32 that is stored
+    samples: Array  # (total, 4) t [s], x, y, z [m], rounded to the stored float32
     offsets: Array  # (trajectory + 1,)
 
 
@@ -54,7 +54,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 
 def _record(cfg: DictConfig, layouts: dict[str, Layouts]) -> Recorded:
-    """Simulate a trajectory for each demonstration, or take the person's in `demos.recorded`; check each."""
+    """Return the trajectory of each demonstration, simulated or from the csv `demos.recorded`, after checking it."""
     hand = Hand.of(cfg.demos.hand)
     keys = [
         (seed, user, scene, demo)
@@ -73,13 +73,13 @@ def _record(cfg: DictConfig, layouts: dict[str, Layouts]) -> Recorded:
             rng = _generator(cfg, "recording", *key)
             trajectory = simulate(rng, random_z_theta(rng), hand)
         check(trajectory, "seed {} user {} scene {} demo {}".format(*key), cfg.demos.ends_within_m)
-        since_start = trajectory - [trajectory[0, 0], 0.0, 0.0, 0.0]  # float32 cannot hold a clock's own count
+        since_start = trajectory - [trajectory[0, 0], 0.0, 0.0, 0.0]  # float32 cannot represent absolute clock times
         trajectories.append(since_start.astype(np.float32).astype(float))
     return Recorded(pd.DataFrame(keys, columns=DEMO_KEY), *join(trajectories))
 
 
 def _real(cfg: DictConfig, keys: set[Key]) -> dict[Key, Array]:
-    """Return the trajectories of a csv by their keys, unchecked; InputError for one that no demonstration asks for."""
+    """Return a csv's trajectories by key, unchecked; InputError for a key that matches no demonstration."""
     if cfg.demos.recorded is None:
         return {}
     path, columns = Path(cfg.demos.recorded), ["t", "x", "y", "z"]
@@ -98,7 +98,7 @@ def _real(cfg: DictConfig, keys: set[Key]) -> dict[Key, Array]:
 
 
 def _read_csv(path: Path, columns: list[str]) -> pd.DataFrame:
-    """Read a person's own csv; InputError if it is missing, no csv, without a column, or empty."""
+    """Return a user's csv; InputError if it is missing, unreadable, empty or lacks a column."""
     try:
         table = pd.read_csv(path)
     except (OSError, ValueError) as error:
@@ -111,9 +111,9 @@ def _read_csv(path: Path, columns: list[str]) -> pd.DataFrame:
 
 
 def _judge(cfg: DictConfig, layouts: dict[str, Layouts], recorded: Recorded) -> Array:
-    """Return whether each recorded line keeps the user's margins (trajectory,)."""
+    """Return whether each recorded trajectory keeps the user's margins (trajectory,)."""
     kept = np.zeros(len(recorded.keys), dtype=bool)
-    for key, rows in recorded.keys.groupby(["seed", "user"]).indices.items():  # each set's rows are consecutive
+    for key, rows in recorded.keys.groupby(["seed", "user"]).indices.items():  # rows of a set are consecutive
         seed, user = cast(tuple[int, str], key)
         first, last = recorded.offsets[rows[0]], recorded.offsets[rows[-1] + 1]
         offsets = recorded.offsets[rows[0] : rows[-1] + 2] - first
@@ -123,7 +123,7 @@ def _judge(cfg: DictConfig, layouts: dict[str, Layouts], recorded: Recorded) -> 
 
 
 def _queries(cfg: DictConfig, pool: str, layouts: Layouts) -> Queries:
-    """Draw random paths through a pool's scenes, and judge them for every user."""
+    """Draw random paths in a pool's scenes and label them for every user."""
     count = cfg.demos.queries_seen if pool in _training_pools(cfg) else cfg.demos.queries_new
     z = random_z_theta(_generator(cfg, "queries", pool), len(layouts), count)
     return Queries(z, {user: valid(layouts, z, _margins(cfg, user)) for user in cfg.users})
@@ -134,7 +134,7 @@ def _training_pools(cfg: DictConfig) -> list[str]:
 
 
 def _training(layouts: dict[str, Layouts], seed: int) -> Layouts:
-    """Return a seed's own scenes; InputError if the scenes stage has not drawn them."""
+    """Return a seed's training scenes; InputError if stage scenes has not drawn them."""
     if train_pool(seed) not in layouts:
         raise InputError(f"no scenes {train_pool(seed)} among {sorted(layouts)}: run the scenes stage with seed {seed}")
     return layouts[train_pool(seed)]
@@ -145,7 +145,7 @@ def _margins(cfg: DictConfig, user: str) -> Margins:
 
 
 def _generator(cfg: DictConfig, *names: str | int) -> np.random.Generator:
-    """Return a random stream for these names, whatever others there are."""
+    """Return a random stream that depends only on these names."""
     return stream(cfg.demos.root_seed, "demos", *names)
 
 

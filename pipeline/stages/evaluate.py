@@ -1,4 +1,4 @@
-"""Stage evaluate: score every variant and the image-blind baselines on every query, and compare variants."""
+"""Stage evaluate: score every variant and the image-blind baselines on all queries, and compare variants."""
 
 from pathlib import Path
 
@@ -23,7 +23,7 @@ from pipeline.stats.tests import LEVEL, holm, paired_wilcoxon
 NEAREST, POSITION = "nearest_demonstration", "position_only"
 MODEL = ["user", "n_demos", "seed", "split"]
 QUERY = [*MODEL, "scene", "query"]
-HEADLINE = "new_items"  # the split of the accuracy with one demonstration
+HEADLINE = "new_items"  # the split of the reported accuracy with one demonstration
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
@@ -46,7 +46,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 
 def _truth(cfg: DictConfig) -> pd.DataFrame:
-    """Return every query of every model with its path [m] and label; InputError if a pool or user has none."""
+    """Return all queries of every model with path [m] and label; InputError if a pool or user has none."""
     queries, parts = read_queries(Path(cfg.paths.demos)), []
     for user in cfg.users:
         for n in cfg.n_demos:
@@ -67,7 +67,7 @@ def _truth(cfg: DictConfig) -> pd.DataFrame:
 
 
 def _predictions(cfg: DictConfig, variant: str, truth: pd.DataFrame) -> pd.DataFrame:
-    """Return a variant's p of every query; InputError names the first model that lacks some or was asked others."""
+    """Return a variant's p of every query; InputError for the first model with missing or different queries."""
     path = model_dir(cfg, variant) / "predictions.parquet"
     again = f"run stage {cfg.variants[variant].stage} for {variant} again ({path})"
     table = read_table(path, PREDICTION_COLUMNS)
@@ -88,7 +88,7 @@ def _predictions(cfg: DictConfig, variant: str, truth: pd.DataFrame) -> pd.DataF
 
 
 def _baselines(cfg: DictConfig, truth: pd.DataFrame) -> list[pd.DataFrame]:
-    """Return the image-blind baselines' predictions: by position, and by the nearest demonstration in seen scenes."""
+    """Return the image-blind baselines' predictions: position_only, and nearest_demonstration in seen scenes."""
     prior, demos, parts = read_position_prior(Path(cfg.paths.scenes)), read_demos(Path(cfg.paths.demos)), []
     for (user, n, seed, split), rows in truth.groupby(MODEL, observed=True, sort=False):
         z = rows[["z_x", "z_y"]].to_numpy()
@@ -102,7 +102,7 @@ def _baselines(cfg: DictConfig, truth: pd.DataFrame) -> list[pd.DataFrame]:
 
 
 def _accuracies(predictions: pd.DataFrame, bins: int) -> pd.DataFrame:
-    """Return the scores of every model and split; auroc is NaN where all paths are valid."""
+    """Return the scores of every model and split; auroc is NaN if all paths are valid."""
     rows = []
     for key, group in predictions.groupby(["variant", *MODEL], observed=True, sort=False):
         p, valid = group["p"].to_numpy(), group["valid"].to_numpy()
@@ -120,7 +120,7 @@ def _scores(p: Float[Array, " query"], valid: Array, bins: int) -> dict[str, flo
 def _summary(cfg: DictConfig, by_seed: pd.DataFrame, judged: pd.DataFrame) -> pd.DataFrame:
     """Return mean accuracy and quartiles over seeds by variant, split and number of demonstrations.
 
-    At main_n_demos and on the splits that all seeds share, the 95 % interval is over seeds crossed with scenes.
+    At main_n_demos, splits shared by all seeds have a 95 % interval over seeds crossed with scenes.
     """
     shared = [split for split, pool in cfg.protocol.splits.items() if pool is not None]
     right = judged.assign(right=(judged["p"] > DECISION) == judged["valid"])
@@ -138,7 +138,7 @@ def _summary(cfg: DictConfig, by_seed: pd.DataFrame, judged: pd.DataFrame) -> pd
 
 
 def _calibration(judged: pd.DataFrame, bins: int) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return reliability bins and scores by variant and split, users and seeds pooled; bias: mean p - share valid."""
+    """Return reliability bins and scores by variant and split, over users and seeds; bias: mean p - share valid."""
     tables, rows = [], []
     for (variant, split), group in judged.groupby(["variant", "split"], observed=True, sort=False):
         p, valid = group["p"].to_numpy(), group["valid"].to_numpy()
@@ -151,7 +151,7 @@ def _calibration(judged: pd.DataFrame, bins: int) -> tuple[pd.DataFrame, pd.Data
 
 
 def _comparisons(cfg: DictConfig, by_seed: pd.DataFrame) -> pd.DataFrame:
-    """Return the tests fixed in advance: exact paired Wilcoxon over seeds, Holm's correction within each family."""
+    """Return the tests fixed in advance: exact paired Wilcoxon over seeds, Holm-corrected within each family."""
     rows = []
     for group in cfg.evaluate.comparisons:
         n = cfg.main_n_demos if group.n_demos is None else group.n_demos
@@ -172,7 +172,7 @@ def _comparisons(cfg: DictConfig, by_seed: pd.DataFrame) -> pd.DataFrame:
 
 
 def _metrics(cfg: DictConfig, summary: pd.DataFrame) -> dict:
-    """Return mean accuracies by variant and split, and the variants' with the fewest demonstrations."""
+    """Return mean accuracies by variant and split, and the variants' accuracies with the fewest demonstrations."""
     main = summary[summary["n_demos"] == cfg.main_n_demos]
     nested = {v: dict(zip(rows["split"], rows["mean"], strict=True)) for v, rows in main.groupby("variant", sort=False)}
     one = summary[(summary["n_demos"] == 1) & (summary["split"] == HEADLINE) & summary["variant"].isin(cfg.variants)]

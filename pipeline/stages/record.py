@@ -1,4 +1,4 @@
-"""Stage record: write a Rerun recording per variant, user and seed, an overview of them, and a digest of each."""
+"""Stage record: write one Rerun recording per variant, user and seed, an overview, and a digest of each file."""
 
 import shutil
 from itertools import product
@@ -21,16 +21,16 @@ from pipeline.viewer.run import write_run
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write runs/{variant}-{user}-s{seed}.rrd of every model at main_n_demos, overview.rrd and recordings.csv.
 
-    The overview shows the first seed's models. recordings.csv has the digest of each recording and, for runs, the
-    share of the maps' cells on which the model and the truth agree.
+    The overview shows the first seed's models. recordings.csv holds each recording's digest and, for runs, the share of
+    map cells on which model and truth agree.
     """
     check_weights(cfg)
     sources = read_sources(cfg)
     caring = [user for user, margins in cfg.users.items() if any(margin is not None for margin in margins.values())]
     rows, compared = [], []
-    shutil.rmtree(out_dir / "runs", ignore_errors=True)  # of earlier models
+    shutil.rmtree(out_dir / "runs", ignore_errors=True)  # remove recordings of earlier models
     models = list(product(cfg.variants, cfg.users, cfg.protocol.seeds))
-    for variant, user, seed in tqdm(models, desc="recordings"):  # one process: Rerun has hung beside torch's workers
+    for variant, user, seed in tqdm(models, desc="recordings"):  # one process: Rerun has hung next to torch workers
         run = assemble(cfg, sources, variant, user, seed)
         path = out_dir / "runs" / f"{run.name}.rrd"
         atomic_write(path, lambda part, run=run: write_run(part, run))

@@ -1,4 +1,4 @@
-"""Stage repair: make invalid paths valid, by gradient steps and by search, beside baselines and the oracle."""
+"""Stage repair: turn invalid paths into valid ones by gradient steps and by search, with baselines and the oracle."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +20,7 @@ from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
 
-SEARCHED = "clearance"  # the variant whose search is among the metrics
+SEARCHED = "clearance"  # the variant whose search results are reported as metrics
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Job:
     variant: str
     seed: int
     images: np.ndarray  # (scene, 100, 100, 3)
-    candidates: np.ndarray  # (scene, start, 2) [m], the valid ones among them
+    candidates: np.ndarray  # (scene, start, 2) [m], including the valid ones
     starts: Starts
 
 
@@ -59,13 +59,13 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 
 def run(job: Job) -> tuple[pd.DataFrame, pd.DataFrame, np.ndarray]:
-    """Return a model's ends by gradient steps and by search, and its steps (start, step + 1, 2) [m]."""
+    """Return a model's ends by gradient steps and by search, and its gradient steps (start, step + 1, 2) [m]."""
     r, s = job.cfg.repair, job.starts
     if len(s.z) == 0:
         return pd.DataFrame(), pd.DataFrame(), np.zeros((0, r.steps + 1, 2), np.float32)
     model = load_model(job.cfg, job.variant, s.user, job.seed, job.cfg.main_n_demos)
     ascent = Ascent(r.steps, r.optimiser, float(r.rate), bool(r.settle))
-    repairs = repair(model, job.images, job.candidates, ascent)  # all candidates: batches of one shape
+    repairs = repair(model, job.images, job.candidates, ascent)  # all candidates, so that batches have one shape
     z, p = repairs.z[s.scene, s.start], repairs.p[s.scene, s.start]
     log_valid = by_model(model, job.images)
     ends, log_p = nearest(log_valid, s.scene, s.z, float(r.distance_penalty), r.lattice_side, r.refinements)
@@ -74,10 +74,10 @@ def run(job: Job) -> tuple[pd.DataFrame, pd.DataFrame, np.ndarray]:
 
 
 def _baselines(cfg: DictConfig, scenes: SceneSet, starts: dict[str, Starts]) -> list[pd.DataFrame]:
-    """Return the ends of a random path, of a constant detour and of the oracle.
+    """Return the ends of three references: a random path, the constant detour and the oracle.
 
-    The detour is truly valid in most of a seed's own training scenes. It ignores the image, but knows the truth of
-    every path there and not only n labels, which makes it a strong baseline.
+    The detour is the path that is truly valid in most of a seed's training scenes. It ignores the image but knows the
+    truth of every path there, not only n labels, which makes it a strong baseline.
     """
     tables = []
     for seed in cfg.protocol.seeds:
@@ -97,7 +97,7 @@ def _baselines(cfg: DictConfig, scenes: SceneSet, starts: dict[str, Starts]) -> 
 
 
 def _metrics(summary: pd.DataFrame) -> dict:
-    """Return the success of gradient steps and of the constant detour, and SEARCHED's measures of search, by user."""
+    """Return the success of gradient repair and the constant detour, and SEARCHED's search measures, by user."""
     by_method = {str(method): part.set_index("user") for method, part in summary.groupby("method")}
     gradient, detour, search = (by_method[name] for name in ("gradient", "constant_detour", "nearest"))
     success = {str(variant): part["success"].to_dict() for variant, part in gradient.groupby("variant", sort=False)}

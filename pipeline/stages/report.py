@@ -1,4 +1,4 @@
-"""Stage report: the pages, their figures and tables, and the headlines of every stage in one metrics.json."""
+"""Stage report: write the pages with their figures and tables, and the metrics of all stages in one metrics.json."""
 
 import re
 from pathlib import Path
@@ -22,7 +22,7 @@ from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import valid
 
-HEADLINES = ("scenes", "evaluate", "repair", "intervene")  # stages whose metrics.json are joined
+HEADLINES = ("scenes", "evaluate", "repair", "intervene")  # stages whose metrics.json are merged
 TABLES = {  # name -> stage and file
     "accuracy": ("evaluate", "accuracy.csv"),
     "calibration": ("evaluate", "calibration.csv"),
@@ -67,7 +67,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 
 def write_site(site: Site, out_dir: Path) -> None:
-    """Write pages, page.css, figures and tables; remove figures and tables of an earlier run."""
+    """Write pages, page.css, figures and tables; remove those of an earlier run."""
     for folder, suffix in (("figures", "svg"), ("tables", "csv")):
         (out_dir / folder).mkdir(parents=True, exist_ok=True)
         for old in (out_dir / folder).glob(f"*.{suffix}"):
@@ -82,7 +82,7 @@ def write_site(site: Site, out_dir: Path) -> None:
 
 
 def _drawn(cfg: DictConfig, scenes: SceneSet) -> DrawnScenes:
-    """Return the first scenes of the repairs' pool with maps by the first seed's models."""
+    """Return the first scenes of the repairs' pool, with maps by the first seed's models."""
     pool, seed = cfg.protocol.splits[cfg.repair.split], cfg.protocol.seeds[0]
     scenes.check_has(pool, train_pool(seed))
     images, layouts = scenes.images[pool], scenes.layouts[pool]
@@ -114,21 +114,21 @@ def _believed(cfg: DictConfig, variant: str, user: str, images: np.ndarray, side
 
 
 def _true(cfg: DictConfig, user: str, layouts: Layouts, side: int) -> np.ndarray:
-    """Return the truth on the same cells, bool (scene, side, side)."""
+    """Return the true validity on the same cells, bool (scene, side, side)."""
     cells = np.broadcast_to(lattice(side), (len(layouts), side**2, 2))
     return valid(layouts, cells, cfg.users[user]).reshape(-1, side, side)
 
 
 def _true_added(cfg: DictConfig, user: str, layouts: Layouts, added: AddedItems, side: int) -> np.ndarray:
-    """Return the truth of the first scene as it is and with each item added, bool (1 + symbol, side, side)."""
+    """Return the true validity in the first scene without and with each added item, bool (1 + symbol, side, side)."""
     first = [_true(cfg, user, one[:1], side) for one in (layouts, *added.layouts)]
     return np.concatenate(first)
 
 
 def _convergence(cfg: DictConfig, scenes: SceneSet) -> pd.DataFrame:
-    """Return how well each variant with a decoder rebuilds its training images: RMSE at its last step, over flat.
+    """Return the reconstruction error of each variant with a decoder: final RMSE relative to a flat image.
 
-    The flat answer is each scene's mean colour. Columns variant, reconstruction_over_flat (mean over users and seeds).
+    The flat image is each scene's mean colour. Columns variant, reconstruction_over_flat (mean over users and seeds).
     """
     rows = []
     for variant, settings in cfg.variants.items():

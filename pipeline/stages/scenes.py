@@ -1,4 +1,4 @@
-"""Stage scenes: lay out and render every pool of scenes; measure the world's true P(valid)."""
+"""Stage scenes: lay out and render every pool of scenes, and measure the true P(valid) of the world."""
 
 from pathlib import Path
 
@@ -17,12 +17,12 @@ from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, add_item, rando
 from pipeline.world.render import Palette, render_scenes
 from pipeline.world.rules import clearance, slack
 
-PAPER_P_VALID = {  # Table 2 of the paper: the true world is calibrated to it
+PAPER_P_VALID = {  # Table 2 of the paper, to which the users' margins are calibrated
     "careful": {"none": 0.43, "bowl": 0.27, "plate": 0.28, "cutlery": 0.31, "glass": 0.30},
     "normal": {"none": 0.62, "bowl": 0.62, "plate": 0.63, "cutlery": 0.62, "glass": 0.48},
     "aggressive": {"none": 1.0, "bowl": 1.0, "plate": 1.0, "cutlery": 1.0, "glass": 1.0},
 }
-CHUNK = 10  # scenes judged at once: their distances stay in the cache
+CHUNK = 10  # scenes per batch of clearances, so that distances stay in the cache
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
@@ -54,7 +54,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 
 def _pools(cfg: DictConfig) -> dict[str, tuple[int, str]]:
-    """Return every pool: how many scenes, of which split's items."""
+    """Return each pool's number of scenes and the split of its items."""
     training = {train_pool(seed): (cfg.scenes.per_seed, "train") for seed in [*cfg.seeds, *cfg.validation_seeds]}
     return training | {
         "new_scenes": (cfg.scenes.shared, "train"),
@@ -65,12 +65,12 @@ def _pools(cfg: DictConfig) -> dict[str, tuple[int, str]]:
 
 
 def _generator(cfg: DictConfig, name: str) -> np.random.Generator:
-    """Return a random stream for each pool, so that another pool changes none."""
+    """Return a pool's own random stream, so that adding a pool changes no other."""
     return stream(cfg.scenes.root_seed, "scenes", name)
 
 
 def _position_prior(cfg: DictConfig, layouts: Layouts) -> dict[str, np.ndarray]:
-    """Return for each user the true mean validity of each cell of the z_theta lattice over all scenes."""
+    """Return each user's true mean validity over all scenes, in each cell of the z_theta lattice."""
     side = cfg.scenes.prior_side
     z = lattice(side)
     total = {user: np.zeros(len(z)) for user in cfg.users}

@@ -1,8 +1,8 @@
-"""Items as a source of chance: scenes that share an added item are no independent replicates.
+"""Items as a source of chance: scenes that share an added item are not independent replicates.
 
-A model's error on an item, such as an outline seen too wide, recurs in every scene that shows it. Where an answer is
-meant for other items of the symbol, too, an item counts once: the means of clusters are the observations (Donner and
-Klar, 2000). If all training sets share the same few items, these are a further source of chance.
+A model's error on an item, such as an outline detected too wide, recurs in every scene with that item. If a result is
+to hold for other items of the symbol, each item counts once: cluster means are the observations (Donner and Klar,
+2000). If all training sets share the same few items, these are a further source of chance.
 """
 
 import numpy as np
@@ -11,17 +11,18 @@ from numpy import ndarray as Array
 
 
 def by_item(values: Float[Array, "seed scene dose"], item: Int[Array, " scene"]) -> Float[Array, "seed item dose"]:
-    """Return the mean over the scenes to which each item was added, NaN left out; NaN where nothing is left."""
+    """Return the mean over the scenes of each added item, ignoring NaN; NaN if no value remains."""
     members = np.stack([item == i for i in np.unique(item)])[:, :, None] & ~np.isnan(values[0])  # (item, scene, dose)
     sums = np.einsum("sxd,ixd->sid", np.nan_to_num(values), members.astype(float))
     return np.where(members.any(1), sums / np.maximum(members.sum(1), 1), np.nan)
 
 
 def as_from_other_items(values: Float[Array, "seed item"], trained: int) -> Float[Array, "seed item"]:
-    """Return the values with deviations between items enlarged by the chance of the `trained` items of all seeds.
+    """Return the values with deviations between items inflated for the variance of the `trained` items of all seeds.
 
-    Both are drawn from the items of the symbol. Of a mean over n items, the variance over items becomes 1 / n +
-    1 / trained of one item's, if training sets judge an item by how it differs from theirs. The mean is unchanged.
+    Both are drawn from the items of the symbol. For a mean over n items, the variance over items becomes 1 / n +
+    1 / trained of a single item's, if models judge an item by its difference from the training items. The mean is
+    unchanged.
     """
     by_item, n = values.mean(0), values.shape[1]
     return values + (np.sqrt(1 + n / trained) - 1) * (by_item - by_item.mean())

@@ -1,8 +1,8 @@
 """Means, intervals and p-values of effects measured on seeds crossed with scenes.
 
 The unit of replication is the seed (a training set). All seeds share the test scenes, so an effect has two sources of
-chance, other training sets and other scenes, and both count. An effect is the mean of a two-way layout with random
-rows and columns. tests/stats/test_calibration.py simulates how well levels and coverage hold.
+chance: training sets and scenes. It is modelled as the mean of a two-way layout with random rows and columns.
+tests/stats/test_calibration.py checks levels and coverage by simulation.
 """
 
 from dataclasses import dataclass
@@ -31,26 +31,26 @@ __all__ = [
     "verdict",
 ]
 
-PSEUDO_SCENE_OFFSET = 0.5  # of the family's largest deviation of a scene from its question's mean
-MIN_SCENES = 20  # below, two pseudo-scenes would be too large a part of the sample and make intervals narrower
+PSEUDO_SCENE_OFFSET = 0.5  # relative to the family's largest deviation of a scene from its question's mean
+MIN_SCENES = 20  # fewest scenes for adding pseudo-scenes; in smaller samples two would narrow the intervals
 
 
 @dataclass(frozen=True)
 class Estimates:
-    """Estimates of each question's mean effect; every field has shape (question,)."""
+    """Estimates of each question's mean effect; all fields have shape (question,)."""
 
     effect: Float[Array, " question"]  # mean over seeds and scenes
     ci_low: Float[Array, " question"]  # 95 % interval
     ci_high: Float[Array, " question"]
-    ci90_low: Float[Array, " question"]  # 90 % interval, for the test of equivalence
+    ci90_low: Float[Array, " question"]  # 90 % interval, for the equivalence test
     ci90_high: Float[Array, " question"]
-    p: Float[Array, " question"]  # two-sided, of a mean of zero
-    q1: Float[Array, " question"]  # quartiles of the seeds' mean effects
+    p: Float[Array, " question"]  # two-sided p-value of zero mean
+    q1: Float[Array, " question"]  # quartiles over seeds of the mean effect
     q3: Float[Array, " question"]
 
 
 def estimate(effects: Float[Array, "question seed scene"]) -> Estimates:
-    """Return each question's mean effect with Student's intervals and p-value, by `crossed_error`'s standard error.
+    """Return each question's mean effect with Student's intervals and p-value, from the error of `crossed_error`.
 
     ValueError unless the effects are finite and of at least two scenes.
     """
@@ -70,9 +70,9 @@ def add_pseudo_scenes(
 ) -> Float[Array, "*family question seed more_scenes"]:
     """Return the effects with two pseudo-scenes added to each question, at its mean plus and minus an offset.
 
-    If all sampled scenes agree, the estimated variance is zero and the interval collapses. In the spirit of Agresti and
-    Coull (1998) we add two pseudo-observations. Their offset is half the largest deviation of a scene in the family.
-    The mean is unchanged. Fewer scenes than MIN_SCENES are returned as they are.
+    If all sampled scenes agree, the estimated variance is zero and the interval collapses. Following the plus-two idea
+    of Agresti and Coull (1998), we add two pseudo-observations. Their offset is half the largest deviation of a scene
+    in the family. The mean is unchanged. With fewer scenes than MIN_SCENES, the effects are returned unchanged.
     """
     _check(effects)
     if effects.shape[-1] < MIN_SCENES:
@@ -87,9 +87,9 @@ def add_pseudo_scenes(
 def ratio(
     numerators: Float[Array, "question seed scene"], denominators: Float[Array, "question seed scene"]
 ) -> Estimates:
-    """Return the estimates of the sum of `numerators` over the sum of `denominators`, with `linearised`'s error.
+    """Return estimates of sum(numerators) / sum(denominators), with the standard error of `linearised`.
 
-    For a rate of something that seeds and scenes hold unequally often, or not at all.
+    Suitable for rates of events that occur unequally often across seeds and scenes, or not at all in some.
     """
     return estimate(linearised(numerators, denominators))
 
@@ -97,7 +97,7 @@ def ratio(
 def linearised(
     numerators: Float[Array, "question seed scene"], denominators: Float[Array, "question seed scene"]
 ) -> Float[Array, "question seed scene"]:
-    """Return values whose mean is the ratio of the sums and whose error is nearly the ratio's (Cochran, 1977, Ch. 6).
+    """Return values with the ratio of sums as mean and nearly the ratio's standard error (Cochran, 1977, Chapter 6).
 
     ValueError for a question whose denominators sum to zero.
     """
@@ -111,9 +111,9 @@ def linearised(
 def mean_squares(
     effects: Float[Array, "question seed scene"],
 ) -> tuple[Float[Array, " question"], Float[Array, " question"], Float[Array, " question"]]:
-    """Return the mean squares between seeds, between scenes and of the rest: a two-way layout without replication.
+    """Return the mean squares of seeds, scenes and residuals in a two-way layout without replication.
 
-    With a single seed, the mean squares of seeds and of the rest are 0.
+    With a single seed, the mean squares of seeds and residuals are 0.
     """
     seeds, scenes = effects.shape[-2:]
     f_seed, f_scene, f_rest = _degrees_of_freedom(seeds, scenes)
@@ -132,8 +132,9 @@ def crossed_error(
 ) -> tuple[Float[Array, " question"], Float[Array, " question"]]:
     """Return each mean's standard error over random seeds crossed with random scenes, and its degrees of freedom.
 
-    The variance of the mean is (MS_seed + MS_scene - MS_rest) / (seeds * scenes); no source of chance counts less than
-    nothing. Degrees of freedom are Satterthwaite's (1946). Radiology analyses readers crossed with patients alike
+    The variance of the mean is (MS_seed + MS_scene - MS_rest) / (seeds * scenes), with negative variance components set
+    to
+    0. Degrees of freedom are Satterthwaite's (1946). Radiology uses the same analysis for readers crossed with patients
     (Hillis, 2014).
     """
     seeds, scenes = effects.shape[-2:]
@@ -152,13 +153,13 @@ def crossed_error(
 
 
 def quartiles(values: Float[Array, " seed"]) -> dict[str, float]:
-    """Return mean and first and third quartile, as the paper reports its seeds."""
+    """Return mean, first and third quartile over seeds, as the paper reports them."""
     q1, q3 = np.quantile(values, (0.25, 0.75))
     return {"mean": float(np.mean(values)), "q1": float(q1), "q3": float(q3)}
 
 
 def _degrees_of_freedom(seeds: int, scenes: int) -> tuple[int, int, int]:
-    """Return those of the three mean squares; 1 for one that is always 0."""
+    """Return the degrees of freedom of the three mean squares; 1 for one that is always 0."""
     return max(seeds - 1, 1), scenes - 1, max((seeds - 1) * (scenes - 1), 1)
 
 

@@ -1,4 +1,4 @@
-"""Accuracy of accept-or-reject decisions, and how much a change of conditions takes from it."""
+"""Accuracy of accept-or-reject decisions, and its loss under changed conditions."""
 
 from collections.abc import Sequence
 
@@ -10,15 +10,15 @@ from numpy import ndarray as Array
 from pipeline.stats.crossed import Estimates, estimate, ratio
 from pipeline.stats.scores import accuracy, auroc
 
-Accepted = Bool[Array, "user seed scene path"]  # the model calls the path valid
-Valid = Bool[Array, "user scene path"]  # the path is valid
-DIGITS = 9  # of a loss, so that equal accuracies differ by 0
+Accepted = Bool[Array, "user seed scene path"]  # whether the model accepts the path
+Valid = Bool[Array, "user scene path"]  # whether the path is truly valid
+DIGITS = 9  # decimals of a loss, so that equal accuracies differ by exactly 0
 
 
 def accuracy_by_seed(
     p: Float[Array, "user seed scene path"], valid: Valid, users: Sequence[str], seeds: Sequence[int]
 ) -> pd.DataFrame:
-    """Return user, seed, accuracy and auroc, a row a user and seed; auroc is NaN where all paths are alike."""
+    """Return accuracy and auroc, one row per user and seed; auroc is NaN if all labels are equal."""
     rows = [
         (user, seed, accuracy(p[i, j].ravel(), valid[i].ravel()), auroc(p[i, j].ravel(), valid[i].ravel()))
         for i, user in enumerate(users)
@@ -28,9 +28,9 @@ def accuracy_by_seed(
 
 
 def accuracy_estimate(accepted: Accepted, valid: Valid) -> dict[str, float]:
-    """Return accuracy, averaged over users, and unsafe, the share of the invalid paths that is accepted.
+    """Return accuracy, averaged over users, and `unsafe`, the share of invalid paths that are accepted.
 
-    Each with a 95 % interval over seeds crossed with scenes. Where every path is valid, the unsafe share is NaN.
+    Both have a 95 % interval over seeds crossed with scenes. If every path is valid, `unsafe` is NaN.
     """
     accuracy = _within_0_and_1(estimate((accepted == valid[:, None]).mean((0, 3))[None]))
     unsafe = [np.nan] * 3
@@ -47,11 +47,11 @@ def _within_0_and_1(e: Estimates) -> list[float]:
 
 
 def accuracy_loss(accepted: Accepted, valid: Valid, accepted_before: Accepted, valid_before: Valid) -> dict[str, float]:
-    """Return the accuracy before less the accuracy after, with its 95 % interval: loss, loss_ci_low, loss_ci_high.
+    """Return the loss of accuracy, before minus after, with its 95 % interval: loss, loss_ci_low, loss_ci_high.
 
     Seeds and scenes are the same before and after, so the differences are paired.
     """
     before, after = accepted_before == valid_before[:, None], accepted == valid[:, None]
     e = estimate((before.mean((0, 3)) - after.mean((0, 3)))[None])
     losses = {"loss": e.effect, "loss_ci_low": e.ci_low, "loss_ci_high": e.ci_high}
-    return {name: round(float(value[0]), DIGITS) + 0.0 for name, value in losses.items()}  # + 0.0: never -0.0
+    return {name: round(float(value[0]), DIGITS) + 0.0 for name, value in losses.items()}  # + 0.0 turns -0.0 into 0.0

@@ -6,29 +6,29 @@ from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 from sklearn.metrics import brier_score_loss, roc_auc_score
 
-DECISION = 0.5  # a path is called valid if p exceeds it
+DECISION = 0.5  # threshold on p above which a path is accepted
 
 
 def accuracy(p: Float[Array, " path"], valid: Bool[Array, " path"]) -> float:
-    """Return the share of paths on the right side of p = 0.5."""
+    """Return the share of paths on the correct side of p = 0.5."""
     return float(((p > DECISION) == valid).mean())
 
 
 def auroc(p: Float[Array, " path"], valid: Bool[Array, " path"]) -> float:
-    """Return the chance that a valid path scores above an invalid one; NaN if there is only one kind."""
+    """Return the probability that a valid path scores above an invalid one; NaN if all labels are equal."""
     return float("nan") if valid.all() or not valid.any() else float(roc_auc_score(valid, p))
 
 
 def brier(p: Float[Array, " path"], valid: Bool[Array, " path"]) -> float:
-    """Return the mean squared difference between p and the truth, 0 to 1 (Brier, 1950)."""
+    """Return the mean squared difference between p and the label, 0 to 1 (Brier, 1950)."""
     return float(brier_score_loss(valid, np.asarray(p, dtype=np.float64), pos_label=True))
 
 
 def reliability(p: Float[Array, " path"], valid: Bool[Array, " path"], bins: int) -> pd.DataFrame:
-    """Return bins of equal width, a row each: low, high, count, confidence (mean p), frequency (share valid).
+    """Return bins of equal width, one row each: low, high, count, confidence (mean p), frequency (share valid).
 
-    A bin is [low, high), the last one [low, 1]; means of an empty bin are NaN. sklearn's `calibration_curve` drops
-    empty bins and returns no counts. ValueError if a p is not in [0, 1].
+    Bins are [low, high), the last one [low, 1]; means of an empty bin are NaN. sklearn's `calibration_curve` drops
+    empty bins and returns no counts. ValueError if a p is outside [0, 1].
     """
     p = np.asarray(p, dtype=np.float64)
     if not ((p >= 0) & (p <= 1)).all():
@@ -47,5 +47,5 @@ def expected_calibration_error(p: Float[Array, " path"], valid: Bool[Array, " pa
     Source: Naeini et al. (2015).
     """
     table = reliability(p, valid, bins)
-    gaps = (table["confidence"] - table["frequency"]).abs()  # NaN in an empty bin, which `sum` skips
+    gaps = (table["confidence"] - table["frequency"]).abs()  # NaN in an empty bin, which `sum` ignores
     return float((gaps * table["count"]).sum() / table["count"].sum())

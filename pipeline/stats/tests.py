@@ -1,21 +1,21 @@
-"""Significance tests over seeds, and the verdict on an effect: large, equivalent to zero, or neither."""
+"""Significance tests over seeds, and the verdict on an effect: an effect, negligible, or undecided."""
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray as Array
 from scipy.stats import wilcoxon
 
-SMALLEST_EFFECT = 0.05  # smallest effect of interest, on the scale of P(valid)
-LEVEL = 0.05  # family-wise level of the tests, and of each one-sided test of equivalence
+SMALLEST_EFFECT = 0.05  # smallest effect of interest: a change of P(valid)
+LEVEL = 0.05  # family-wise level of the tests, and of each one-sided equivalence test
 VERDICTS = ("effect", "negligible", "undecided")
 
 
 def paired_wilcoxon(a: Float[Array, " seed"], b: Float[Array, " seed"]) -> float:
     """Return the exact two-sided signed-rank p-value of paired values; 1.0 if no pair differs.
 
-    Equal pairs are dropped and ties share their rank. Differences are rounded to 12 digits, so that float noise breaks
+    Equal pairs are dropped; ties share their rank. Differences are rounded to 12 decimals, so that float noise breaks
     no tie. The p-value is exact up to 13 pairs with ties, and up to 50 without. ValueError unless both are finite
-    vectors of one length.
+    vectors of equal length.
     """
     a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
     if a.shape != b.shape or a.ndim != 1 or not np.isfinite([a, b]).all():
@@ -27,7 +27,7 @@ def paired_wilcoxon(a: Float[Array, " seed"], b: Float[Array, " seed"]) -> float
 def holm(p: Float[Array, "*family test"]) -> Float[Array, "*family test"]:
     """Return Holm's adjusted p-values (1979), family by family along the last axis.
 
-    statsmodels' `multipletests` takes one family a call, and 40 ms for it; a test holds the two to each other.
+    statsmodels' `multipletests` handles one family per call in 40 ms; a test checks that both agree.
     """
     p = np.asarray(p, dtype=np.float64)
     order = p.argsort(-1)
@@ -36,10 +36,10 @@ def holm(p: Float[Array, "*family test"]) -> Float[Array, "*family test"]:
 
 
 def verdict(effect: float, p_holm: float, ci90_low: float, ci90_high: float) -> str:
-    """Return one of VERDICTS.
+    """Return the verdict on an effect, one of VERDICTS.
 
-    "effect": significant and above SMALLEST_EFFECT. "negligible": equivalent to zero by two one-sided tests, that is,
-    the 90 % interval lies within the smallest effect (Schuirmann, 1987). "undecided": neither.
+    "effect": significant and larger than SMALLEST_EFFECT in size. "negligible": equivalent to zero by two one-sided
+    tests, that is, the 90 % interval lies within +-SMALLEST_EFFECT (Schuirmann, 1987). "undecided": neither.
     """
     if p_holm < LEVEL and abs(effect) > SMALLEST_EFFECT:
         return "effect"
@@ -49,5 +49,5 @@ def verdict(effect: float, p_holm: float, ci90_low: float, ci90_high: float) -> 
 
 
 def true_verdict(effect: float) -> str:
-    """Return the verdict that a known true effect deserves."""
+    """Return the correct verdict for a known true effect."""
     return "effect" if abs(effect) > SMALLEST_EFFECT else "negligible"

@@ -1,1 +1,1 @@
-"""Fitting models: one loop, one runner over seeds, users and numbers of demonstrations."""
+"""Fitting models: one training loop, and one runner over seeds, users and numbers of demonstrations."""

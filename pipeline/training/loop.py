@@ -1,4 +1,4 @@
-"""The one training loop of every model, and what its callers share: schedule, checkpoints, padded demonstrations."""
+"""The training loop of all models, with schedule, checkpoints, and stacking of models and demonstrations."""
 
 import copy
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -16,27 +16,27 @@ from torch.optim.lr_scheduler import OneCycleLR
 
 Model = TypeVar("Model", bound=nn.Module)
 
-# What a loss hands to `minimise`: the scalar to descend (None: the gradients already lie in the parameters), and the
-# losses before this step as the curve's columns: scalars, or one value per model.
+# The result of a loss function: the scalar to minimise (None: the gradients are already in the parameters), and
+# the loss terms before this step, one curve column each: scalars, or one value per model.
 Losses = tuple[Tensor | None, Sequence[Tensor]]
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """How long and how fast to train (conf/train, conf/clearance; conf/irl has more)."""
+    """Length and speed of training (conf/train.yaml, conf/clearance.yaml; conf/irl.yaml extends it)."""
 
-    steps: int  # of the optimiser
+    steps: int  # optimiser steps
     rate: float  # AdamW's peak learning rate; OneCycle warms up to it and anneals to nearly 0
     weight_decay: float
     curve_every: int  # steps between two points of the learning curve
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> "Schedule":
-        """Return the schedule of conf/train or conf/clearance."""
+        """Return the schedule in conf/train.yaml or conf/clearance.yaml."""
         return cls(values["steps"], float(values["rate"]), float(values["weight_decay"]), values["curve_every"])
 
     def optimiser(self, parameters: Iterable[Tensor]) -> tuple[AdamW, OneCycleLR]:
-        """Return AdamW of `parameters` and its learning-rate schedule; step both after every gradient."""
+        """Return AdamW for `parameters` and its learning-rate schedule; step both after each gradient."""
         optimiser = AdamW(parameters, lr=self.rate, weight_decay=self.weight_decay, fused=True)
         return optimiser, OneCycleLR(optimiser, self.rate, total_steps=self.steps)
 
@@ -48,10 +48,10 @@ def minimise(
     *,
     before_step: Callable[[int], None] | None = None,
 ) -> Float[Array, "point column *model"]:
-    """Descend `loss` in `parameters` for `schedule.steps` steps and return the learning curve.
+    """Minimise `loss` over `parameters` in `schedule.steps` steps; return the learning curve.
 
-    A point of the curve is (step, *losses) before that update, every `curve_every` steps and at the last. A step whose
-    `loss` is None changes no parameter and leaves no point. `before_step` is called with the number of each step.
+    A curve point is (step, *losses) before that step's update, every `curve_every` steps and at the last one. If `loss`
+    returns None, the step changes no parameter and adds no point. `before_step` is called with each step's number.
     """
     optimiser, learning_rate = schedule.optimiser(parameters)
     points: list[tuple[int, list[Tensor]]] = []
@@ -72,13 +72,13 @@ def minimise(
 
 
 def _point(step: int, columns: Sequence[Tensor]) -> Array:
-    """Return one point of the curve (column, *model)."""
+    """Return one curve point (column, *model)."""
     losses = torch.stack(list(columns)).cpu().numpy().astype(np.float64)
     return np.concatenate([np.full_like(losses[:1], step), losses])
 
 
 class Checkpoints:
-    """Weights of models as they were before some steps of their training."""
+    """Copies of models' weights before selected steps of their training."""
 
     def __init__(self, steps: Iterable[int] = ()):
         self.steps = frozenset(steps)
@@ -87,7 +87,7 @@ class Checkpoints:
     def before_step(
         self, models: Sequence[nn.Module], update: Callable[[], object] | None = None
     ) -> Callable[[int], None]:
-        """Return what `minimise` calls before a step: keep the models, once `update` has given them their weights."""
+        """Return `minimise`'s callback that keeps the models' weights, after `update` wrote them into the models."""
 
         def keep(step: int) -> None:
             if step in self.steps:
@@ -104,12 +104,12 @@ class Checkpoints:
             self._states.append((model, step, state))
 
     def of(self, model: nn.Module) -> dict[int, dict[str, Array]]:
-        """Return step -> the model's weights by name."""
+        """Return the model's weights by name, for each kept step."""
         return {step: state for owner, step, state in self._states if owner is model}
 
 
 def stack_models(models: Sequence[Model]) -> Model:
-    """Return a copy of the first model whose parameters and buffers have a first axis for all of them."""
+    """Return a copy of the first model whose parameters and buffers are stacked over all models on the first axis."""
     parameters, buffers = stack_module_state(list(models))
     stacked = copy.deepcopy(models[0])
     for name, value in parameters.items():
@@ -121,20 +121,20 @@ def stack_models(models: Sequence[Model]) -> Model:
 
 @torch.no_grad()
 def unstack_models(parameters: Mapping[str, Tensor], models: Sequence[nn.Module]) -> None:
-    """Copy each model's share of the stacked parameters, by name, into the model."""
+    """Copy each model's slice of the stacked parameters, by name, into the model."""
     for name, stacked in parameters.items():
         for model, value in zip(models, stacked.unbind(), strict=True):
             model.get_parameter(name).copy_(value)
 
 
 def fit_sequentially(fit: Callable[..., Array], models, images, z_theta, valid, seeds, **settings) -> list[Array]:
-    """Fit several models, one at a time by `fit`(model, images, z_theta, valid, seed=, **settings)."""
+    """Fit several models in sequence by `fit`(model, images, z_theta, valid, seed=, **settings)."""
     jobs = zip(models, images, z_theta, valid, seeds, strict=True)
     return [fit(*arguments, seed=seed, **settings) for *arguments, seed in jobs]
 
 
 def is_constant(valid: Bool[Array, "*demo"]) -> bool:
-    """Return whether all labels are alike: they then say nothing about what changes validity."""
+    """Return whether all labels are equal, so that they carry no information on validity."""
     return bool(valid.all() or not valid.any())
 
 
@@ -144,11 +144,11 @@ def rule_of_succession(valid: Bool[Array, "*demo"]) -> float:
 
 
 def pad_demonstrations(demonstrations: Sequence[Array]) -> list[Array]:
-    """Return several models' demonstrations (scene, n, ...) with as many rows each: a scene's first one is repeated."""
+    """Return several models' demonstrations (scene, n, ...) padded to equal n by repeating each scene's first one."""
     rows = max(array.shape[1] for array in demonstrations)
     return [np.concatenate([d, d[:, :1].repeat(rows - d.shape[1], 1)], 1) for d in demonstrations]
 
 
 def row_weights(n_demos: Sequence[int]) -> Float[Array, "row model"]:
-    """Return the weight of each padded row in its scene's mean: 1 / n for the model's own rows, 0 for padding."""
+    """Return the weight of each padded row in its scene's mean: 1 / n for real rows, 0 for padding."""
     return np.where(np.arange(max(n_demos))[:, None] < n_demos, 1 / np.array(n_demos), 0)

@@ -1,6 +1,6 @@
-"""Refit variants to other training sets for stages that only need predictions, as each variant's own stage fits it.
+"""Fit variants to other training sets, as their own stages do, for studies that need only predictions.
 
-VAEs are fitted by the simd engine, whatever `train.engine` is.
+VAEs are fitted by the simd engine, regardless of `train.engine`.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -31,7 +31,7 @@ Answer = TypeVar("Answer")
 
 @dataclass(frozen=True)
 class TrainingSet:
-    """One user's demonstrations in a seed's scenes: what one model is fitted to."""
+    """One user's demonstrations in one seed's scenes: the data that one model is fitted to."""
 
     user: str
     seed: int
@@ -62,7 +62,7 @@ def refit(
     evaluate: Callable[[ValidityModel, TrainingSet], Answer],
     desc: str,
 ) -> dict[str, list[Answer]]:
-    """Fit every variant to its training sets; return `evaluate`(model, training set) of each, which must pickle."""
+    """Fit every variant to its training sets; return `evaluate`(model, training set) of each; results must pickle."""
     batches = [(v, indices) for v, sets in training_sets.items() for indices in _batches(cfg, v, sets)]
     jobs = [(v, [training_sets[v][i] for i in indices]) for v, indices in batches]
     results: dict[str, dict[int, Answer]] = {v: {} for v in training_sets}
@@ -73,7 +73,7 @@ def refit(
 
 
 def _batches(cfg: DictConfig, variant: str, training_sets: Sequence[TrainingSet]) -> list[list[int]]:
-    """Return the training sets to fit together, by index: of as many scenes, and neighbours, which may share images."""
+    """Return batches of training sets, by index: neighbours of equally many scenes, which may share images."""
     batch_size = LANES if cfg.variants[variant].stage == "train" else len(cfg.protocol.seeds)
     by_scenes: dict[int, list[int]] = {}
     for i, training_set in enumerate(training_sets):
@@ -84,7 +84,7 @@ def _batches(cfg: DictConfig, variant: str, training_sets: Sequence[TrainingSet]
 def _fit(
     cfg: DictConfig, evaluate: Callable[[ValidityModel, TrainingSet], Answer], job: tuple[str, Sequence[TrainingSet]]
 ) -> list[Answer]:
-    """Fit one batch of models of a variant, each seeded as in its own stage, and evaluate them."""
+    """Fit one batch of models of a variant, seeded as in the variant's own stage, and evaluate them."""
     variant, training_sets = job
     kind, fit = trainer(cfg, variant)
     seeds = [job_seed(t.seed, t.user, cfg.main_n_demos, variant) for t in training_sets]
@@ -97,7 +97,7 @@ def _fit(
 
 
 def trainer(cfg: DictConfig, variant: str) -> tuple[type[ValidityModel], Fit]:
-    """Return the kind of model that a variant's own stage (train, irl or clearance) fits, and its fit."""
+    """Return the model class and the fit function of a variant's own stage (train, irl or clearance)."""
     v = cfg.variants[variant]
     if v.stage == "train":
         weights = Weights(float(v.alpha), float(v.beta), float(v.gamma))

@@ -1,7 +1,7 @@
-"""Fit one variant as its stage does: jobs, batches, fit, predict, write.
+"""Run a training stage: list the jobs, fit them in batches, predict, and write the results.
 
-A job is one model: a seed, a user and a number of demonstrations. A batch is fitted in one process by one call of the
-variant's `Fit`; either all of its labels vary, or none do.
+A job is one model: a seed, a user and a number of demonstrations. One call of the variant's `Fit` fits a batch in one
+process. Within a batch either all models have varying labels or none has.
 """
 
 import shutil
@@ -42,10 +42,10 @@ class Job:
     settings: dict  # conf/variants/<variant>
     kind: type[ValidityModel]
     fit: Fit
-    pools: dict[str, str]  # split -> pool of scenes that it is judged in
+    pools: dict[str, str]  # split -> pool of scenes that it is evaluated in
     scenes_dir: str
     demos_dir: str
-    checkpoints: tuple[int, ...]  # steps before which its weights are kept as well
+    checkpoints: tuple[int, ...]  # steps before which its weights are also kept
 
     @property
     def key(self) -> tuple[int, str, int]:
@@ -61,11 +61,11 @@ class Fitted:
     weights: dict[str, np.ndarray]
     checkpoints: dict[int, dict[str, np.ndarray]]  # step -> weights
     curve: np.ndarray  # (point, column)
-    predictions: dict[str, np.ndarray]  # split -> (scene, query)
+    predictions: dict[str, np.ndarray]  # split -> P(valid) (scene, query)
 
 
 def variant_settings(cfg: DictConfig, stage: str) -> dict[str, Any]:
-    """Return the settings of `cfg.variant`; raise InputError if another stage fits it."""
+    """Return the settings of `cfg.variant`; raise InputError if it belongs to another stage."""
     variant = cfg.variants[cfg.variant]
     if variant.stage != stage:
         expected = [name for name, v in cfg.variants.items() if v.stage == stage]
@@ -84,7 +84,8 @@ def fit_variant(
 ) -> None:
     """Fit `cfg.variant` for every seed, user and number of demonstrations; write all files under `out_dir` at the end.
 
-    `columns`: of the learning curves, the first one `step`. `batch_size`: models in a batch; None: all of a seed.
+    `columns`: columns of the learning curves, the first one `step`. `batch_size`: models per batch; None: all of a
+    seed.
     """
     jobs = _jobs(cfg, settings, kind, fit)
     queries = _check_inputs(jobs)
@@ -94,7 +95,7 @@ def fit_variant(
 
 
 def _jobs(cfg: DictConfig, settings: dict, kind: type[ValidityModel], fit: Fit) -> list[Job]:
-    """Return every model of this run."""
+    """Return all models of this run."""
     seeds = list(cfg.protocol.seeds) if cfg.seed is None else [cfg.seed]
     return [
         Job(
@@ -107,7 +108,7 @@ def _jobs(cfg: DictConfig, settings: dict, kind: type[ValidityModel], fit: Fit) 
 
 
 def _check_inputs(jobs: list[Job]) -> dict[str, Queries]:
-    """Check that every job's scenes, demonstrations and queries are there; return the queries by pool."""
+    """Check that every job has its scenes, demonstrations and queries; return the queries by pool."""
     scenes, demos, queries = read_labelled(jobs[0].scenes_dir, jobs[0].demos_dir)
     for job in jobs:
         scenes.check_has(train_pool(job.seed), *job.pools.values())
@@ -125,10 +126,10 @@ def _check_inputs(jobs: list[Job]) -> dict[str, Queries]:
 
 
 def _batches(jobs: list[Job], batch_size: int | None, workers: int) -> list[list[Job]]:
-    """Return the jobs to fit together, the longest batch first; last those whose labels are all alike.
+    """Return the batches of jobs, longest batch first; jobs with equal labels come last.
 
-    The models of a batch have about as many demonstrations. Without a `batch_size` a seed's models share a process and
-    what it caches, unless that would leave processes idle.
+    Models of a batch have similar numbers of demonstrations. Without `batch_size`, a seed's models share one process
+    and its cache, unless that would leave processes idle.
     """
     demos = read_labelled(jobs[0].scenes_dir, jobs[0].demos_dir)[1]
     groups: dict[bool, list[Job]] = {False: [], True: []}
@@ -164,7 +165,7 @@ def _fit_and_predict(batch: list[Job]) -> list[Fitted]:
 
 
 def need_finite(curve: np.ndarray, model: str) -> None:
-    """Raise InputError, which names the `model`, if its learning curve (point, column) diverged; column 0: step."""
+    """Raise InputError, naming the `model`, if its learning curve (point, column) diverged; column 0: step."""
     if not np.isfinite(curve).all():
         step = int(curve[~np.isfinite(curve).all(1)][0, 0])
         raise InputError(f"{model}: its loss is no longer finite at step {step}; lower the learning rate of its stage")
@@ -174,9 +175,9 @@ def _write(out_dir: Path, fitted: list[Fitted], queries: dict[str, Queries], col
     """Write weights/, checkpoints/, predictions.parquet, curves.parquet and curves.csv (mean over seeds)."""
     predictions = pd.concat([_prediction_rows(f, queries) for f in fitted], ignore_index=True)
     curves = pd.concat([_curve_rows(f, columns) for f in fitted], ignore_index=True)
-    for folder in ("weights", "checkpoints"):  # models of an earlier run do not stay
+    for folder in ("weights", "checkpoints"):  # remove the models of an earlier run
         shutil.rmtree(out_dir / folder, ignore_errors=True)
-        (out_dir / folder).mkdir(parents=True)  # even where no model has any
+        (out_dir / folder).mkdir(parents=True)  # even if no model has any
     for f in fitted:
         for step, weights in {None: f.weights, **f.checkpoints}.items():
             path = weights_path(out_dir, f.job.user, f.job.seed, f.job.n_demos, step)
@@ -188,7 +189,7 @@ def _write(out_dir: Path, fitted: list[Fitted], queries: dict[str, Queries], col
 
 
 def _prediction_rows(fitted: Fitted, queries: dict[str, Queries]) -> pd.DataFrame:
-    """Return one row per query of every split, with the truth."""
+    """Return one row per query of every split, with the true label."""
     parts = []
     for split, p in fitted.predictions.items():
         scene, query = np.indices(p.shape)

@@ -1,1 +1,1 @@
-"""Rerun recordings: the only place that imports rerun."""
+"""Rerun recordings of models; the only package that imports rerun."""

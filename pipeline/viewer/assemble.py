@@ -1,4 +1,4 @@
-"""Read what the stages wrote, and assemble what the recording of one model shows."""
+"""Read the outputs of the stages, and assemble the contents of one model's recording."""
 
 import hashlib
 from dataclasses import dataclass
@@ -26,18 +26,18 @@ from pipeline.world.rules import clearance, slack, valid
 
 CURVE_KEY = ["seed", "user", "n_demos", "step"]
 EFFECT_COLUMNS = ["question", "variant", "user", "seed", "scene", "effect", "true_effect"]
-DIGITS = 12  # of the data's digest
+DIGITS = 12  # decimals of the scenes' digest
 
 
 @dataclass(frozen=True)
 class Sources:
-    """What the stages wrote, of all models.
+    """Outputs of the stages for all models.
 
     `samples[offsets[i]:offsets[i + 1]]` is the trajectory of row i of `demos`.
     """
 
     scenes: SceneSet
-    pool: str  # of the new scenes
+    pool: str  # pool of the new scenes
     demos: pd.DataFrame
     samples: Array
     offsets: Array
@@ -50,7 +50,7 @@ class Sources:
 
 
 def read_sources(cfg: DictConfig) -> Sources:
-    """Read all artefacts that recordings show; InputError if any is missing or they do not agree."""
+    """Read all artefacts shown in recordings; InputError if any is missing or if they disagree."""
     scenes = read_scenes(Path(cfg.paths.scenes))
     pool = check_pool(cfg, scenes)
     digest = hashlib.sha256()
@@ -70,7 +70,7 @@ def read_sources(cfg: DictConfig) -> Sources:
 
 
 def assemble(cfg: DictConfig, sources: Sources, variant: str, user: str, seed: int) -> Run:
-    """Return all that the recording of one model shows; it is asked about every cell, step and added item."""
+    """Return the contents of one model's recording, with predictions for every map cell, step and added item."""
     by_n_demos = {n: load_model(cfg, variant, user, seed, n) for n in cfg.n_demos}
     model = by_n_demos[cfg.main_n_demos]
     repairs = _repairs(cfg, sources, model, variant, user, seed)
@@ -99,7 +99,7 @@ def _maps(cfg: DictConfig, model: ValidityModel, images: Array) -> Float[Array, 
 
 
 def _true_map(cfg: DictConfig, layout: Layouts, user: str) -> Array:
-    """Return the user's rule over z_theta as [y, x], for the one scene in `layout`."""
+    """Return the user's true validity over z_theta as [y, x], for the one scene in `layout`."""
     side = cfg.record.map_side
     return valid(layout, lattice(side)[None], cfg.users[user]).reshape(side, side)
 
@@ -194,5 +194,5 @@ def _learning(
     for checkpoint in sorted(cfg.checkpoints):
         if weights_path(model_dir(cfg, variant), user, seed, n, checkpoint).is_file():
             by_step[checkpoint] = _maps(cfg, load_model(cfg, variant, user, seed, n, checkpoint), first)[0]
-    trained = int(step[-1]) + 1 if len(step) > 1 else 0  # a curve's points lie before their updates
+    trained = int(step[-1]) + 1 if len(step) > 1 else 0  # curve points precede their step's update
     return Learning(step, losses, by_n, by_step | {trained: by_n[n]})

@@ -1,8 +1,8 @@
-"""How the viewer lays a recording out.
+"""The layout of a recording in the viewer.
 
-A run: a tab per new scene, those with repairs and most errors first, then interventions, learning and training
-scenes. The overview: a tab per user, the table and the truth, and each variant's map beside its errors. Every tab has
-its text beside it.
+A run has one tab per new scene, first those with repairs and with most errors, then interventions, learning and
+training scenes. The overview has one tab per user, with the table, the truth, and each variant's map and errors. Every
+tab shows its text next to the views.
 """
 
 from collections.abc import Sequence
@@ -13,11 +13,11 @@ from pipeline.viewer.contents import Repairs, Run, by_user
 from pipeline.viewer.geometry import PITCH, TABLE_PIXELS
 from pipeline.viewer.scene import SCENE_TITLES
 
-MARGIN = 0.06  # shown around an image, of its side: repairs may leave it
-BACKDROP = (24, 24, 28)  # so that an image's edge and white titles are seen in a light theme, too
+MARGIN = 0.06  # border shown around an image, relative to its side, since repairs may leave it
+BACKDROP = (24, 24, 28)  # dark, so that image edges and white titles are visible in a light theme
 FIXED = ("/fixed/ends", "/fixed/titles", "/fixed/table_edge")
-AROUND = 6.0  # shown around a board, and three times as much above it for titles [pixels of the table]
-OVERVIEW_COLUMNS = 4  # of maps and errors beside the truth: views stay wide enough for their titles
+AROUND = 6.0  # border around a board, and three times as much above it for titles [pixels of the table]
+OVERVIEW_COLUMNS = 4  # columns of maps and errors next to the truth: views stay wide enough for their titles
 
 
 def layout_of(run: Run, timeline: str) -> rrb.Blueprint:
@@ -30,7 +30,7 @@ def layout_of(run: Run, timeline: str) -> rrb.Blueprint:
 
 
 def layout_of_overview(runs: Sequence[Run], timeline: str) -> rrb.Blueprint:
-    """Return the blueprint of the overview of `runs`, in which `timeline` goes from scene to scene."""
+    """Return the blueprint of the overview of `runs`, in which `timeline` steps through the scenes."""
     tabs = [_comparison(user, of_user) for user, of_user in by_user(runs).items()]
     return _blueprint(tabs, rrb.TimePanel(state="collapsed", timeline=timeline, play_state="paused", fps=0.5))
 
@@ -46,7 +46,7 @@ def _blueprint(tabs: Sequence[rrb.Container], time: rrb.TimePanel) -> rrb.Bluepr
 
 
 def _beside_text(name: str, shown: rrb.Container | rrb.View, text: str, *more: rrb.View) -> rrb.Container:
-    """Return a tab: what it shows, and beside it its text and `more` views."""
+    """Return a tab with its contents, and next to them its text and `more` views."""
     what = rrb.TextDocumentView(origin=f"text/{text}", name="What you see")
     words = rrb.Vertical(what, *more) if more else what
     return rrb.Horizontal(shown, words, column_shares=[4, 1], name=name)
@@ -92,13 +92,13 @@ def _scene(shown: Repairs) -> str:
 
 
 def _without(scene: str, *parts: str) -> list[str]:
-    """Return a filter that leaves out `parts` of a new scene's panels."""
+    """Return a filter that excludes `parts` of a new scene's panels."""
     panels = ("table", "latent/predicted", "latent/truth", "latent/difference")
     return [f"- /{scene}/{panel}/{part}/**" for part in parts for panel in panels]
 
 
 def _comparison(user: str, runs: Sequence[Run]) -> rrb.Container:
-    """Return one user's tab: the table and the truth, then each variant's map and its errors."""
+    """Return one user's tab: the table and the truth, then each variant's map and errors."""
     side = len(runs[0].repairs[0].truth)
     table = _spatial(f"{user}/table", "Table", TABLE_PIXELS, "/fixed/ends")
     truth = _spatial(f"{user}/truth", "Truth", side, "/fixed/table_edge")
@@ -127,7 +127,7 @@ def _spatial(origin: str, name: str, size: int, *over: str) -> rrb.Spatial2DView
 
 
 def _board(name: str, *contents: str, rows: int | None = None) -> rrb.Spatial2DView:
-    """Return a view of panels with their titles; Rerun fits it to what is there at first, unless `rows` are given."""
+    """Return a view of panels with titles; Rerun fits it to the contents unless `rows` are given."""
     bounds = None
     if rows is not None:
         width, height = (PITCH * count - (PITCH - TABLE_PIXELS) for count in (len(SCENE_TITLES), rows))

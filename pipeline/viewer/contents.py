@@ -1,4 +1,4 @@
-"""What one recording shows: plain arrays of one model, its training data and its repairs."""
+"""Data classes for the contents of a recording: one model with its training data and repairs, as plain arrays."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ RIGHT, FALSELY_VALID, FALSELY_INVALID = 0, 1, 2  # values of `Repairs.errors`
 class Demonstrations:
     """One user's demonstrations in a training scene.
 
-    image: row 0 at the far edge; layout: of this scene alone; z: the fitted paths [m];
+    image: row 0 at the far edge; layout: this scene only; z: the fitted paths [m];
     samples: each demonstration's trajectory (sample, 4) as t [s], x, y, z [m].
     """
 
@@ -30,11 +30,11 @@ class Demonstrations:
 
 @dataclass(frozen=True)
 class Repairs:
-    """A new scene, the model's and the true validity in it, and the model's gradient repairs.
+    """A new scene with the model's and the true validity, and the model's gradient repairs.
 
-    predicted: P(valid) on `bezier.lattice(side)` as [y, x]; truth: the user's rule on the same lattice;
-    start: each repair's number in the scene; z: its path [m] at every step, the invalid start first;
-    p: P(valid) at every step; slack: how far [m] it stays outside the user's margins, inf without any;
+    predicted: P(valid) on `bezier.lattice(side)` as [y, x]; truth: the true validity on the same lattice;
+    start: each repair's number in the scene; z: its path [m] at every step, including the invalid start;
+    p: P(valid) at every step; slack: clearance in excess of the user's margins [m], inf without margins;
     ends_valid: whether the last step is truly valid.
     """
 
@@ -51,22 +51,22 @@ class Repairs:
 
     @property
     def errors(self) -> UInt8[Array, "side side"]:
-        """Whether the model (valid: p > 0.5) is right about each cell of the map, or how it errs."""
+        """Return RIGHT, FALSELY_VALID or FALSELY_INVALID for each map cell (valid to the model: p > 0.5)."""
         accepted = self.predicted > 0.5
         errors = np.where(accepted, FALSELY_VALID, FALSELY_INVALID)
         return np.where(accepted == self.truth, RIGHT, errors).astype(np.uint8)
 
     @property
     def agreement(self) -> float:
-        """The share of the cells of the map on which the model and the truth agree."""
+        """Return the share of map cells on which model and truth agree."""
         return float(np.mean(self.errors == RIGHT))
 
 
 @dataclass(frozen=True)
 class Intervention:
-    """do(Z_I := E(I + o)): an item added to the first of the new scenes, and its effects.
+    """do(Z_I := E(I + o)): an item added to the first new scene, and its effects.
 
-    image, layout: the scene with the item, which is in the last slot taken; predicted, truth: maps as in `Repairs`;
+    image, layout: the scene with the item in the last occupied slot; predicted, truth: maps as in `Repairs`;
     learned, true: the effect on E[V] in this scene; learned_mean, true_mean: the means over `scenes` scenes.
     """
 
@@ -84,10 +84,10 @@ class Intervention:
 
 @dataclass(frozen=True)
 class Learning:
-    """The model's training: its losses, and maps of the first of the new scenes.
+    """The model's training: its losses, and maps of the first new scene.
 
     step, losses: the learning curve by term; by_n: the maps of models fitted to that many demonstrations per scene;
-    by_step: the maps of this model after that many training steps, the whole training last.
+    by_step: this model's maps after that many training steps, including the last.
     """
 
     step: Int[Array, " step"]
@@ -98,10 +98,10 @@ class Learning:
 
 @dataclass(frozen=True)
 class Run:
-    """One model, its training data, and the scenes to look at.
+    """One model, its training data, and the scenes to show.
 
-    margins: what the user keeps clear of each symbol [m]; None: does not care. profile, data: conf/'s profile and the
-    digest of the scenes, so that a recording names what it was made from.
+    margins: the user's margin for each symbol [m]; None: no margin. profile, data: conf/'s profile and the digest of
+    the scenes, so that a recording names its sources.
     """
 
     variant: str
@@ -118,15 +118,15 @@ class Run:
 
     @property
     def name(self) -> str:
-        """`{variant}-{user}-s{seed}`: the recording's file and id."""
+        """Return `{variant}-{user}-s{seed}`: the recording's file name and id."""
         return f"{self.variant}-{self.user}-s{self.seed}"
 
     @property
     def agreement(self) -> float:
-        """The share of the cells of all maps shown on which the model and the truth agree."""
+        """Return the share of cells, over all shown maps, on which model and truth agree."""
         return float(np.mean([shown.agreement for shown in self.repairs]))
 
 
 def by_user(runs: Sequence[Run]) -> dict[str, list[Run]]:
-    """Return the runs of each user, users and runs in the order they come in."""
+    """Return the runs of each user, in their original order."""
     return {user: [run for run in runs if run.user == user] for user in dict.fromkeys(run.user for run in runs)}

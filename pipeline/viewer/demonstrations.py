@@ -13,14 +13,14 @@ from pipeline.viewer.geometry import TABLE_PIXELS, crosses, on_table
 from pipeline.viewer.scene import INVALID, VALID, log_static, log_table, log_titles, panel
 from pipeline.world.bezier import curve
 
-POINTS = 13  # drawn along a Bezier path
+POINTS = 13  # points drawn along a Bezier path
 ABOVE, TOP = 40.0, 50.0  # draw orders of moving paths and of marks; Rerun's own end at 30 (points)
-MARK_RADIUS = 1.5  # in pixels
+MARK_RADIUS = 1.5  # radius of a mark on the table [px]
 RECORDED = (10, 10, 10)
 
 
 def log_demonstrations(recording: rr.RecordingStream, run: Run) -> None:
-    """Log each training scene in a column of its own."""
+    """Log each training scene in its own column."""
     titles = {(0, i): f"Training scene {shown.scene}" for i, shown in enumerate(run.demonstrations)}
     log_titles(recording, "training", titles)
     for column, shown in enumerate(run.demonstrations):
@@ -31,7 +31,7 @@ def log_demonstrations(recording: rr.RecordingStream, run: Run) -> None:
 
 
 def _log_paths(recording: rr.RecordingStream, entity: str, shown: Demonstrations) -> None:
-    """Log valid paths thick and with a disc, invalid ones thin and with a cross."""
+    """Log valid paths thick with a disc, invalid ones thin with a cross."""
     for valid, colour, radius in ((True, VALID, 0.45), (False, INVALID, 0.2)):
         chosen = np.flatnonzero(shown.valid == valid)
         if len(chosen) == 0:
@@ -46,7 +46,7 @@ def _log_paths(recording: rr.RecordingStream, entity: str, shown: Demonstrations
 
 
 def mark(centres: Array, valid: bool, radius: float, label: str | None = None) -> rr.AsComponents:
-    """Return a disc for each valid path, a cross for each invalid one, with a label."""
+    """Return a disc for each valid path and a cross for each invalid one, with a label."""
     labels = None if label is None else [label] * len(centres)
     if valid:
         return rr.Points2D(centres, colors=VALID, radii=radius, draw_order=TOP, labels=labels)

@@ -1,7 +1,7 @@
-"""A digest of a recording's contents.
+"""Compute a digest of a recording's contents.
 
-The bytes of Rerun's files differ from run to run (ids of rows, chunks and the blueprint). So the contents are read
-with Rerun's own reader, sorted and hashed. The blueprint is left out.
+The bytes of Rerun's files differ from run to run (ids of rows, chunks and the blueprint). The contents are therefore
+read with Rerun's reader, sorted and hashed, without the blueprint.
 """
 
 import hashlib
@@ -25,7 +25,7 @@ def digest(path: Path) -> str:
 
 
 def _cells(chunk: Chunk) -> list[Cell]:
-    """Return a cell for each row and component, without absent values: chunking decides where they appear."""
+    """Return one cell per row and component, without absent values, whose presence depends on chunking."""
     batch = chunk.to_record_batch()
     timelines = sorted(chunk.timeline_names)
     times = {name: _column(batch, name).cast(pa.int64()).to_pylist() for name in timelines}
@@ -46,7 +46,7 @@ def _column(batch: pa.RecordBatch, name: str) -> pa.Array:
 
 
 def _canonical(array: pa.Array) -> bytes:
-    """Return an Arrow array's type, length, absences and values, without its buffers' offsets and padding."""
+    """Return an Arrow array's type, length, nulls and values, without its buffers' offsets and padding."""
     head = f"{array.type}|{len(array)}|".encode() + np.packbits(array.is_valid().to_numpy(False)).tobytes()
     if pa.types.is_fixed_size_list(array.type) or pa.types.is_list(array.type) or pa.types.is_large_list(array.type):
         lengths = np.array(array.value_lengths().fill_null(0).to_pylist(), dtype="<i8")

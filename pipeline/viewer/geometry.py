@@ -1,7 +1,7 @@
-"""Metres to the coordinates of the views, and the outlines drawn in them.
+"""Convert metres to the coordinates of the views, and compute the outlines drawn in them.
 
-On the table one unit is a pixel of the image, which is a centimetre; on a map over z_theta one unit is a cell. Both
-have their origin in the far left corner and y towards the viewer, as images have. On a board one unit is a pixel.
+On the table a unit is a pixel of the image (1 cm); on a map over z_theta a unit is a cell. Both have their origin in
+the far left corner, with y towards the viewer, as in images. On a board a unit is a pixel.
 """
 
 from collections.abc import Mapping
@@ -13,18 +13,18 @@ from numpy import ndarray as Array
 from pipeline.world.bezier import Z_HIGH, Z_LOW
 from pipeline.world.layout import SYMBOLS, Layouts
 
-TABLE_PIXELS = 100  # side of a scene's image; the table is 1 m wide
-PITCH = 112.0  # from one panel of a board to the next
-ARC_POINTS = 16  # of each round end of a footprint
+TABLE_PIXELS = 100  # side of a scene's image [px]; the table is 1 m wide
+PITCH = 112.0  # distance between panels of a board [px]
+ARC_POINTS = 16  # points on each round end of a footprint
 
 
 def on_table(points: Float[Array, "*b 2"]) -> Float[Array, "*b 2"]:
-    """Return points [m] as pixels of the scene's image."""
+    """Return points [m] in pixels of the scene's image."""
     return np.stack([points[..., 0], 1.0 - points[..., 1]], axis=-1) * TABLE_PIXELS
 
 
 def on_map(z_theta: Float[Array, "*b 2"], side: int) -> Float[Array, "*b 2"]:
-    """Return control points [m] as cells of a map of `side` x `side`."""
+    """Return control points [m] in cells of a map of `side` x `side`."""
     cell = (Z_HIGH - Z_LOW) / side
     return np.stack([z_theta[..., 0] - Z_LOW, Z_HIGH - z_theta[..., 1]], axis=-1) / cell
 
@@ -35,17 +35,17 @@ def corner(row: int, column: int) -> Float[Array, "2"]:
 
 
 def map_image(values: Array) -> Array:
-    """Return values [y, x] on `bezier.lattice` as an image: the largest y in row 0."""
+    """Return values [y, x] on `bezier.lattice` as an image, with the largest y in row 0."""
     return np.ascontiguousarray(values[::-1])
 
 
 def percent(difference: Float[Array, "*b"]) -> UInt8[Array, "*b"]:
-    """Return differences from -1 to 1 in hundredths, counted from 0 for -1: 100 is no difference."""
+    """Return differences from -1 to 1 as integers from 0 to 200: 100 is no difference."""
     return np.round(100 * (1 + difference)).astype(np.uint8)
 
 
 def changed(image: UInt8[Array, "100 100 3"], other: UInt8[Array, "100 100 3"]) -> UInt8[Array, "100 100 4"]:
-    """Return the RGBA layer that makes `image` look like `other`: transparent wherever they agree."""
+    """Return the RGBA layer that turns `image` into `other`: transparent where they agree."""
     differs = np.any(image != other, axis=-1, keepdims=True)
     return np.concatenate([other * differs, np.uint8(255) * differs], axis=-1)
 
@@ -56,7 +56,7 @@ def footprints(layout: Layouts) -> list[tuple[str, Float[Array, "point 2"]]]:
 
 
 def kept_clear(layout: Layouts, margins: Mapping[str, float | None]) -> list[tuple[str, Float[Array, "point 2"]]]:
-    """Return the same outlines grown by the user's margin, without the items the user does not care about."""
+    """Return the same outlines enlarged by the user's margin, for items with a margin."""
     return _outlines(layout, margins)
 
 
@@ -87,5 +87,5 @@ def boundary(truth: Bool[Array, "side side"]) -> Float[Array, "edge 2 2"]:
 
 
 def crosses(centres: Float[Array, "mark 2"], arm: float) -> Float[Array, "mark 5 2"]:
-    """Return a line in the shape of an x around each centre, its arms `arm` long along each axis."""
+    """Return an x-shaped line around each centre; `arm`: extent along each axis."""
     return centres[:, None] + arm * np.array([[-1, -1], [1, 1], [0, 0], [-1, 1], [1, -1]])

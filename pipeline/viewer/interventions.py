@@ -1,4 +1,4 @@
-"""What an added item changes: the table, the maps and the effects, on the time line `intervention`, a step a symbol."""
+"""Log the effect of added items on table, maps and E[V], on the time line `intervention`: one step per symbol."""
 
 import numpy as np
 import rerun as rr
@@ -22,7 +22,7 @@ from pipeline.viewer.texts import intervention_effects
 
 TIMELINE, ENTITY = "intervention", "interventions"
 
-# Below row 0, the scene before, which is logged with its repairs.
+# Below row 0, the unchanged scene, which is logged with its repairs.
 TABLE = (1, 0)
 MAPS = {"predicted": (1, 1), "truth": (1, 2), "learned_effect": (2, 1), "true_effect": (2, 2)}
 TITLES = {
@@ -35,7 +35,7 @@ TITLES = {
 
 
 def log_interventions(recording: rr.RecordingStream, run: Run) -> None:
-    """Log every intervention on the first of the run's new scenes."""
+    """Log every intervention on the first new scene of the run."""
     before = run.repairs[0]
     places = {name: panel(place, len(before.truth)) for name, place in MAPS.items()}
     log_static(recording, f"{ENTITY}/table", panel(TABLE, TABLE_PIXELS))

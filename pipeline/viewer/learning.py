@@ -1,4 +1,4 @@
-"""A model's training: its map by the number of demonstrations and by the training step, and its losses."""
+"""Log a model's training: its map by number of demonstrations and by training step, and its losses."""
 
 import numpy as np
 import rerun as rr
@@ -7,7 +7,7 @@ from pipeline.viewer.contents import Run
 from pipeline.viewer.scene import HALF, SCENE_MAPS, TIMELINES, log_difference, log_map, log_static, panel
 
 DEMONSTRATIONS, STEPS = "demonstrations", "train_step"
-TERMS = ((240, 228, 66), (86, 220, 160), (204, 121, 167), (120, 160, 255))  # colours of the losses
+TERMS = ((240, 228, 66), (86, 220, 160), (204, 121, 167), (120, 160, 255))  # colours of the loss terms
 
 
 def log_learning(recording: rr.RecordingStream, run: Run) -> None:

@@ -1,15 +1,15 @@
-"""All variants beside the truth in the same new scenes, written as one Rerun file.
+"""Write the overview: all variants and the truth in the same new scenes, as one Rerun file.
 
 Entities (coordinates: see `geometry`):
 
-    about, text/overview                    what it was made from; what one sees
+    about, text/overview                    sources of the recording; explanation
     fixed/{ends,table_edge}                 start and goal on the table; the table in a map
     USER/table/{image,items,kept_clear}     a scene with items never seen in training
     USER/{truth,predicted/VARIANT}/map      P(valid) over z_theta: the user's, the model's
-    USER/errors/VARIANT/map                 where the model and the user disagree (`Repairs.errors`)
+    USER/errors/VARIANT/map                 cells on which model and user disagree (`Repairs.errors`)
     USER/truth/boundary                     the boundary of the truth
 
-A user's entities lie on the time line `scene`, a row a scene.
+A user's entities are on the time line `scene`, one step per scene.
 """
 
 from collections.abc import Sequence
@@ -47,7 +47,7 @@ CLASSES = (
 
 
 def write_overview(path: Path, runs: Sequence[Run]) -> None:
-    """Write `runs`, one per user and variant and all of the same scenes, to `path` with a blueprint."""
+    """Write `runs` of the same scenes, one per user and variant, to `path` with a blueprint."""
     with recording_at(path, "overview", layout_of_overview(runs, TIMELINE)) as recording:
         log_texts(recording, about_overview(runs), {"overview": overview_text(runs)})
         log_ends(recording)
@@ -64,7 +64,7 @@ def write_overview(path: Path, runs: Sequence[Run]) -> None:
 
 
 def _log_predictions(recording: rr.RecordingStream, run: Run) -> None:
-    """Log one model's map of every scene, and its errors."""
+    """Log one model's map and errors in every scene."""
     for shown in run.repairs:
         recording.set_time(TIMELINE, sequence=shown.scene)
         log_map(recording, f"{run.user}/predicted/{run.variant}", shown.predicted)

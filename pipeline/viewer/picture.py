@@ -1,10 +1,10 @@
-"""Draw a recording as an image file without a screen: in Rerun's own viewer, rendered by software without a GPU.
+"""Save a screenshot of a recording without a screen: by Rerun's own viewer, with software rendering.
 
 python -m pipeline.viewer.picture full-careful-s0 run.png
 python -m pipeline.viewer.picture full-careful-s0 run.png --tab 3 --timeline intervention --step 2
 
-It needs a Vulkan driver (Debian: apt-get install mesa-vulkan-drivers) and opens no port to other machines. The viewer's
-settings, usage data turned off among them, are kept in a temporary folder.
+This needs a Vulkan driver (Debian: apt-get install mesa-vulkan-drivers) and opens no port to other machines. The viewer
+keeps its settings in a temporary folder, with usage data turned off.
 """
 
 import argparse
@@ -29,8 +29,8 @@ from pipeline.params import PARAMS, load
 from pipeline.runtime.errors import InputError
 from pipeline.viewer.review import OVERVIEW, find
 
-START_S, SETTLE_S, PAUSE_S = 60.0, 60.0, 0.3  # to start; until the window stops changing; between two screenshots
-NOTICES_S = 5.0  # until the viewer's notices are gone
+START_S, SETTLE_S, PAUSE_S = 60.0, 60.0, 0.3  # limits: start, stable window; screenshot interval
+NOTICES_S = 5.0  # time until the viewer's notices disappear
 
 
 @contextmanager
@@ -56,7 +56,7 @@ def viewer() -> Iterator[ViewerClient]:
             raise _stopped(log) from error
         finally:
             with suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGTERM)  # the command and the viewer it starts
+                os.killpg(process.pid, signal.SIGTERM)  # the command and the viewer that it starts
             process.wait()
 
 
@@ -68,13 +68,13 @@ def _connect(process: subprocess.Popen, url: str, log: Path) -> ViewerClient:
             client = ViewerClient.connect(url)
             client.get_state()
             return client
-        except Exception:  # whatever Rerun raises while nobody listens yet
+        except Exception:  # any exception of Rerun while the viewer is starting
             time.sleep(PAUSE_S)
     raise _stopped(log)
 
 
 def _stopped(log: Path) -> InputError:
-    """Return the reason in one line: without a driver, Rerun logs pages of a panic."""
+    """Return the cause in one line; without a driver, Rerun logs pages of a panic."""
     lines = [line.strip() for line in log.read_text(errors="replace").splitlines() if line.strip()]
     if any("adapter" in line for line in lines):
         return InputError("no Vulkan driver: Rerun's viewer needs one (Debian: apt-get install mesa-vulkan-drivers)")
@@ -94,7 +94,7 @@ def select(client: ViewerClient, tab: int, timeline: str, step: int) -> None:
 
 
 def settled(client: ViewerClient, view: str | None = None) -> UInt8[Array, "y x 3"]:
-    """Return the window, or one view (its id), as RGB once it stops changing; InputError if it never does."""
+    """Return the window, or one view (by id), as RGB once it is stable; InputError if it never is."""
     before, end = None, time.monotonic() + SETTLE_S
     while time.monotonic() < end:
         png = np.frombuffer(client.take_screenshot(view), np.uint8)
@@ -107,7 +107,7 @@ def settled(client: ViewerClient, view: str | None = None) -> UInt8[Array, "y x 
 
 
 def draw(path: Path, image: Path, tab: int, timeline: str, step: int) -> None:
-    """Write an image of the recording at `path`."""
+    """Write a screenshot of the recording at `path`."""
     if not image.parent.is_dir():
         raise InputError(f"there is no folder {image.parent} to write {image} into: make it first")
     with viewer() as client:

@@ -1,4 +1,4 @@
-"""New scenes and the model's gradient repairs in them, on the time line `repair_step`: a row a step.
+"""Log new scenes and the model's gradient repairs, on the time line `repair_step`: one step per gradient step.
 
 new_items/scene_000/table/{image,items,kept_clear}             the scene
 new_items/scene_000/table/repair/{first,path,ends_valid,ends_invalid}   the paths
@@ -7,7 +7,7 @@ new_items/scene_000/latent/difference/map                      the model's minus
 new_items/scene_000/latent/predicted/boundary                  the boundary of the truth
 new_items/scene_000/latent/{predicted,truth}/repair/{trail,z_theta,ends_valid,ends_invalid}   the z_theta
 new_items/scene_000/p_valid/repairs                            the model's P(valid)
-new_items/scene_000/slack/repairs                              true distance beyond the user's margins [cm]
+new_items/scene_000/slack/repairs                              true clearance in excess of the user's margins [cm]
 """
 
 import numpy as np
@@ -29,13 +29,13 @@ from pipeline.viewer.scene import (
 from pipeline.world.bezier import curve
 
 TIMELINE = "repair_step"
-MAP_MARK_RADIUS = 0.7  # in cells
-COLOURS = ((240, 228, 66), (86, 220, 160), (204, 121, 167), (120, 160, 255))  # of repairs, the same in every view
+MAP_MARK_RADIUS = 0.7  # radius of a mark on a map [cells]
+COLOURS = ((240, 228, 66), (86, 220, 160), (204, 121, 167), (120, 160, 255))  # of repairs, the same in all views
 FIRST, EVEN_ODDS = (230, 97, 0, 140), (128, 128, 128)
 
 
 def log_repairs(recording: rr.RecordingStream, run: Run) -> None:
-    """Log every new scene, its maps and all repairs in it."""
+    """Log every new scene with its maps and all repairs."""
     steps = run.repairs[0].z.shape[1]
     log_static(recording, "fixed/even_odds", rr.SeriesLines(names="even odds", colors=EVEN_ODDS, widths=1))
     recording.send_columns("fixed/even_odds", [_steps(steps)], rr.Scalars.columns(scalars=np.full(steps, 0.5)))
@@ -57,7 +57,7 @@ def log_repairs(recording: rr.RecordingStream, run: Run) -> None:
 
 
 def _log_paths(recording: rr.RecordingStream, entity: str, shown: Repairs) -> None:
-    """Log the paths at each step; the invalid starts stay in view."""
+    """Log the paths at each step; the invalid starts stay visible."""
     paths = on_table(curve(shown.z, POINTS)).swapaxes(0, 1)  # (step, repair, POINTS, 2)
     log_static(recording, f"{entity}/first", rr.LineStrips2D(paths[0], colors=FIRST, radii=0.15))
     for step, lines in enumerate(paths):
@@ -68,7 +68,7 @@ def _log_paths(recording: rr.RecordingStream, entity: str, shown: Repairs) -> No
 
 
 def _log_z_theta(recording: rr.RecordingStream, entity: str, shown: Repairs) -> None:
-    """Log the z_theta at each step, on the trail of all steps."""
+    """Log the z_theta at each step, with the trail of all steps."""
     z = on_map(shown.z, len(shown.truth))  # (repair, step, 2)
     names = [str(start) for start in shown.start]
     log_static(recording, f"{entity}/trail", rr.LineStrips2D(z, colors=_colours(shown), radii=0.15))
@@ -79,7 +79,7 @@ def _log_z_theta(recording: rr.RecordingStream, entity: str, shown: Repairs) -> 
 
 
 def _log_ends(recording: rr.RecordingStream, entity: str, ends: Array, shown: Repairs, radius: float) -> None:
-    """Log at the last step which ends are truly valid; on the table, invalid ones say so."""
+    """Log at the last step which ends are truly valid; on the table, invalid ones are labelled."""
     recording.set_time(TIMELINE, sequence=shown.z.shape[1] - 1)
     for valid, name in ((True, "ends_valid"), (False, "ends_invalid")):
         chosen = shown.ends_valid == valid

@@ -1,9 +1,9 @@
-"""Look at a recording in Rerun's viewer.
+"""Open a recording in Rerun's viewer.
 
-python -m pipeline.viewer.review                   all variants beside the truth
+python -m pipeline.viewer.review                   all variants and the truth
 python -m pipeline.viewer.review full-careful-s0   one run
 python -m pipeline.viewer.review --worst           the run whose maps agree least with the truth
-python -m pipeline.viewer.review --web             in a browser, served to this machine alone
+python -m pipeline.viewer.review --web             in a browser, served to this machine only
 python -m pipeline.viewer.review --check           no window: verify the file and compare its digest
 """
 
@@ -40,11 +40,11 @@ def find(folder: Path, run: str) -> Path:
 
 
 def worst(folder: Path) -> tuple[str, str]:
-    """Return the run whose maps agree least with the truth, the first of equals, and a sentence that says so."""
+    """Return the run whose maps agree least with the truth (the first if tied), and a sentence that states this."""
     rows = [row for row in _listed(folder) if row["run"] != OVERVIEW]
     try:
         agreement = {row["run"]: float(row["agreement"]) for row in rows}
-    except (TypeError, ValueError):  # cut off, or no number
+    except (TypeError, ValueError):  # truncated, or not a number
         agreement = {}
     if not agreement or not all(0 <= share <= 1 for share in agreement.values()):
         raise InputError(f"{folder / 'recordings.csv'} gives no agreement from 0 to 1 for every run: run `make repro`")
@@ -56,7 +56,7 @@ def worst(folder: Path) -> tuple[str, str]:
 
 
 def check(folder: Path, run: str) -> None:
-    """Raise InputError unless Rerun can read the recording and its digest is that of recordings.csv."""
+    """Raise InputError unless Rerun can read the recording and its digest matches recordings.csv."""
     path = find(folder, run)
     verified = subprocess.run(
         [sys.executable, "-m", "rerun", "rrd", "verify", str(path)], capture_output=True, text=True
@@ -85,7 +85,7 @@ def _listed(folder: Path) -> list[dict[str, str]]:
 
 
 def show(path: Path, web: bool = False) -> int:
-    """Open Rerun's viewer on the recording, for this machine alone, until it is closed; return its exit code."""
+    """Open Rerun's viewer on the recording, for this machine only, until it is closed; return its exit code."""
     screen = sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if not (web or screen):
         raise InputError(

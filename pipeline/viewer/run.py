@@ -1,8 +1,8 @@
-"""One model's recording, written as a Rerun file.
+"""Write one model's recording as a Rerun file.
 
 Entities (coordinates: see `geometry`):
 
-    about, text/{repairs,interventions,learning,training}   what it was made from; what one sees in each tab
+    about, text/{repairs,interventions,learning,training}   sources of the recording; explanation of each tab
     fixed/{ends,titles,table_edge}                     start and goal on the table; the titles of a new scene's panels
     fixed/even_odds                                    p = 0.5, above which the model accepts a path
     training/scene_000/...                             see `demonstrations`
@@ -35,7 +35,7 @@ from pipeline.viewer.scene import (
 
 
 def write_run(path: Path, run: Run) -> None:
-    """Write `run`, which shows at least one new scene, to `path` with its blueprint."""
+    """Write `run`, which has at least one new scene, to `path` with its blueprint."""
     with recording_at(path, run.name, layout_of(run, TIMELINE)) as recording:
         by_tab = {
             "repairs": texts.repairs_text(run),

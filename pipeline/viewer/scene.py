@@ -1,7 +1,7 @@
-"""Parts of every recording: the file itself, a scene on the table, a map over z_theta, panels with titles.
+"""Shared parts of recordings: the file, a scene on the table, a map over z_theta, panels with titles.
 
-Entities are logged at the time that is set, or for all times if none is. A run's tables and maps lie side by side
-in one view, on boards: panels of the table's size in rows and columns.
+Entities are logged at the current time, or for all times if none is set. A run's tables and maps are arranged on
+boards: one view with panels of the table's size in rows and columns.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -31,12 +31,12 @@ from pipeline.world.layout import Layouts
 
 APPLICATION = "causal-specifications"
 
-# Okabe and Ito's colours, which colour-blind people tell apart.
+# Colours of Okabe and Ito, distinguishable with colour blindness.
 VALID, INVALID = (0, 158, 255), (230, 97, 0)
 ITEM, KEPT_CLEAR = (255, 255, 255), (255, 255, 255, 110)
 BOUNDARY, TABLE_EDGE = (213, 0, 120), (0, 150, 170)
 ADDED = (240, 228, 66)  # an added item
-SAME = (70, 70, 74)  # where two maps agree
+SAME = (70, 70, 74)  # cells on which two maps agree
 
 # Classes of a difference map's cells: from blue over grey to orange, named by their value.
 DIFFERENCES = tuple(
@@ -48,14 +48,14 @@ DIFFERENCES = tuple(
     for i in range(201)
 )
 
-OVERLAY = -5.0  # draw order: over images (-10), under everything else
-HALF = np.float16  # three digits, in half the bytes: for maps of which a run holds many
+OVERLAY = -5.0  # draw order: above images (-10), below everything else
+HALF = np.float16  # three digits in half the bytes, for maps, of which a run has many
 
-# The time lines of a run's recording, each with the time at which it shows the entities of the others.
+# The time lines of a run's recording, each with the time at which it shows the entities of the other time lines.
 TIMELINES = {"repair_step": 0, "intervention": 0, "demonstrations": 1, "train_step": 0}
 
-Panel = tuple[int, int]  # row, column of a board
-TITLE = np.array([TABLE_PIXELS / 2, -7.0])  # from a panel's corner to its title
+Panel = tuple[int, int]  # row and column on a board
+TITLE = np.array([TABLE_PIXELS / 2, -7.0])  # offset of a title from its panel's corner
 SCENE_MAPS = {"predicted": (0, 1), "truth": (0, 2), "difference": (0, 3)}
 SCENE_TITLES = {(0, 0): "Table", (0, 1): "Model's p(valid)", (0, 2): "Truth", (0, 3): "Difference: model - truth"}
 
@@ -79,14 +79,14 @@ def log_static(recording: rr.RecordingStream, entity: str, value: rr.AsComponent
 
 
 def log_texts(recording: rr.RecordingStream, about: str, texts: Mapping[str, str]) -> None:
-    """Log what the recording was made from, and the text of each tab."""
+    """Log the sources of the recording, and the text of each tab."""
     log_static(recording, "about", markdown(about))
     for name, text in texts.items():
         log_static(recording, f"text/{name}", markdown(text))
 
 
 def markdown(text: str) -> rr.TextDocument:
-    """Return a text as Rerun shows it."""
+    """Return a text as a markdown document for Rerun."""
     return rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
 
 
@@ -109,12 +109,12 @@ def log_table_edge(recording: rr.RecordingStream, entity: str, edges: Float[Arra
 
 
 def table_edge(side: int) -> Float[Array, "5 2"]:
-    """Return the table's edge in a map of `side` cells a side."""
+    """Return the table's edge in a map of `side` cells per side."""
     return on_map(np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]], dtype=float), side)
 
 
 def panel(place: Panel, side: int) -> rr.Transform3D:
-    """Return the transform that puts an entity of `side` units a side at its place on a board."""
+    """Return the transform that puts an entity of `side` units per side at its panel on a board."""
     x, y = corner(*place)
     return rr.Transform3D(translation=[x, y, 0], scale=TABLE_PIXELS / side)
 
@@ -122,7 +122,7 @@ def panel(place: Panel, side: int) -> rr.Transform3D:
 def log_titles(
     recording: rr.RecordingStream, entity: str, titles: Mapping[Panel, str], maps: Sequence[Panel] = ()
 ) -> None:
-    """Log a title over each panel, and the table's edge in those that are maps."""
+    """Log a title over each panel, and the table's edge in panels with maps."""
     above = [corner(*place) + TITLE for place in titles]
     labels = rr.Points2D(above, labels=list(titles.values()), colors=ITEM, radii=0)
     log_static(recording, f"{entity}/titles", labels)
@@ -149,7 +149,7 @@ def log_table(
 
 
 def png(image: UInt8[Array, "100 100 channel"]) -> rr.EncodedImage:
-    """Return an image (RGB or RGBA) as a PNG; with a fourth channel it lies over the others."""
+    """Return an RGB or RGBA image as a PNG; an RGBA image lies above the others."""
     overlay = image.shape[-1] == 4
     bgr = cv2.cvtColor(image, cv2.COLOR_RGBA2BGRA if overlay else cv2.COLOR_RGB2BGR)
     written, file = cv2.imencode(".png", bgr, [cv2.IMWRITE_PNG_COMPRESSION, 9])
@@ -172,10 +172,10 @@ def log_map(
 def log_difference(
     recording: rr.RecordingStream, entity: str, values: Float[Array, "side side"], *place: rr.AsComponents
 ) -> None:
-    """Log the difference of two maps [y, x] to a hundredth, in the classes of `DIFFERENCES`."""
+    """Log the difference of two maps [y, x], rounded to a hundredth, in the classes of `DIFFERENCES`."""
     recording.log(f"{entity}/map", rr.SegmentationImage(map_image(percent(values)), opacity=1.0), *place)
 
 
 def log_boundary(recording: rr.RecordingStream, entity: str, truth: Bool[Array, "side side"]) -> None:
-    """Log the boundary of the truth, over a map."""
+    """Log the boundary of the true valid region, over a map."""
     recording.log(f"{entity}/boundary", rr.LineStrips2D(boundary(truth), colors=BOUNDARY, radii=0.15))

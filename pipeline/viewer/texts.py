@@ -1,4 +1,4 @@
-"""The texts of a recording: what one sees in each tab, in at most 120 words, and what the recording was made from."""
+"""The texts of a recording: an explanation of each tab in at most 120 words, and the recording's sources."""
 
 from collections.abc import Iterable, Sequence
 
@@ -54,7 +54,7 @@ invalid but called valid; blue = valid but called invalid.
 
 
 def interventions_text(run: Run) -> str:
-    """Return the text of the tab of interventions."""
+    """Return the text of the interventions tab."""
     return f"""Each step of `intervention` adds one item (yellow outline) to new scene {run.repairs[0].scene}. \
 Choose that time line at the bottom left, then press play.
 
@@ -69,7 +69,7 @@ probability that a random path is valid.
 
 
 def intervention_effects(run: Run, step: int) -> str:
-    """Return the effects of all interventions, that of one step in bold."""
+    """Return the effects of all interventions as text, with the current step's in bold."""
     done = run.interventions[step]
     rows = [
         f"| {'**' + x.symbol + '**' if x is done else x.symbol} | {x.learned:+.2f} | {x.true:+.2f} | "
@@ -87,7 +87,7 @@ Effect on P(valid) of a random path, by the model and in truth: in this scene, a
 
 
 def learning_text(run: Run) -> str:
-    """Return the text of the tab of learning."""
+    """Return the text of the learning tab."""
     return f"""The model's map of new scene {run.repairs[0].scene}, the true map and their difference (orange: invalid \
 but called valid; blue: valid but called invalid).
 
@@ -99,7 +99,7 @@ Choose a time line at the bottom left:
 
 
 def demonstrations_text() -> str:
-    """Return the text of the tab of training scenes."""
+    """Return the text of the training scenes tab."""
     return """Some of the scenes the model was fitted to, with all demonstrations in them.
 
 - **Valid:** thick, blue, with a disc.
@@ -110,7 +110,7 @@ def demonstrations_text() -> str:
 
 
 def overview_text(runs: Sequence[Run]) -> str:
-    """Return the text beside the overview: what one sees."""
+    """Return the explanation next to the overview."""
     return f"""Scenes with items never seen in training, and each model's map of all paths (z_theta) in them. \
 A tab per user; drag the time line `scene` to change the scene.
 

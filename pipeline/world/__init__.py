@@ -1,1 +1,4 @@
-"""The simulated world: items, layouts, rendering, Bezier paths, hands; `rules` alone decides what is valid."""
+"""The simulated table world: items, layouts, rendering, Bezier paths, hand motion and the users' rules.
+
+`rules` alone decides which paths are valid.
+"""

@@ -1,16 +1,16 @@
-"""Fit quadratic Bezier paths with fixed ends to trajectories, thousands at once.
+"""Fit quadratic Bezier paths with fixed ends to many trajectories at once.
 
 A path is q(u) = p_init + b u + a u^2 with b = 2 (z - p_init) and a = p_init - 2 z + p_f; only z_theta = z is free.
-The fit minimises E(z) = sum_i min_u |x_i - q(u; z)|^2 / 2, the orthogonal distances. The inner minimum is the root
-of a cubic, followed from step to step (reparametrisation); the outer one is Newton's method with the exact Hessian of
-E, the parameters u eliminated (variable projection), damped until every step lowers E.
+The fit minimises the orthogonal distances E(z) = sum_i min_u |x_i - q(u; z)|^2 / 2. The inner minimum is a root of a
+cubic, tracked from step to step (reparametrisation). The outer minimum is found by Newton's method with the exact
+Hessian of E after eliminating the parameters u (variable projection). Damping makes every step lower E.
 
-A nearly straight trajectory does not determine where z lies along it: z may go to infinity and still cover the line.
-A weight of ANCHOR_WEIGHT on |z - z_0|^2 determines it, with z_0 the fit in which equal shares of recorded and of
-fitted length correspond. The weight is too small to matter elsewhere.
+A nearly straight trajectory does not determine z along its own direction. A small penalty, ANCHOR_WEIGHT times
+|z - z_0|^2, then selects a solution. In z_0 equal shares of recorded and fitted length correspond. The penalty is
+negligible for all other trajectories.
 
-One call of scipy.optimize.least_squares a trajectory is the simpler code and gives the same residuals; it takes several
-hundred times as long (bench/test_fit.py).
+A call of scipy.optimize.least_squares per trajectory is simpler and gives the same residuals, but takes several hundred
+times as long (bench/test_fit.py).
 """
 
 from dataclasses import dataclass
@@ -22,23 +22,23 @@ from numpy import ndarray as Array
 from pipeline.runtime.errors import InputError
 from pipeline.world.bezier import P_F, P_INIT
 
-BATCH_ROWS = 256  # trajectories per batch: fewer calls against arrays that still fit a cache
-PAD_SAMPLES = 32  # trajectories are padded to a multiple of it, so that sums round alike whatever else is fitted
-MAX_STEPS = 200  # of Newton's method; a hand's trajectories take about eight
-MAX_BRANCH_ROUNDS = 10  # of moving samples to the nearest branch of a folded path; one or two suffice
-TOLERANCE = 1e-8  # of E: a fit has converged when a step promises to lower E by less
-ANCHOR_WEIGHT = 1e-6  # of |z - z_0|^2 against each sample's squared distance
-LENGTH_ROUNDS = 10  # of matching lengths for z_0; paths that turn back on themselves need them
-LENGTH_STRIDE = 4  # every fourth sample is enough to match lengths
+BATCH_ROWS = 256  # trajectories per batch: large arrays that still fit the cache
+PAD_SAMPLES = 32  # lengths are padded to a multiple of this, so that rounding does not depend on the batch
+MAX_STEPS = 200  # Newton steps; simulated trajectories take about eight
+MAX_BRANCH_ROUNDS = 10  # rounds of moving samples to the nearest branch of a folded path; one or two suffice
+TOLERANCE = 1e-8  # of E: stop when a step is predicted to lower E by less
+ANCHOR_WEIGHT = 1e-6  # weight of |z - z_0|^2 relative to one sample's squared distance
+LENGTH_ROUNDS = 10  # rounds of length matching for z_0; paths that fold back need several
+LENGTH_STRIDE = 4  # use every fourth sample for length matching; it does not need more
 LENGTH_POINTS = 65  # parameters at which a path's length is summed
-MAX_PARAMETER_STEP = 0.1  # beside a turning point a longer step would leave the branch
-BRANCH_STARTS = (0.0, 0.5, 1.0)  # parameters from which the nearest point of a path is searched afresh
-BRANCH_STEPS = 6  # Newton steps from each
+MAX_PARAMETER_STEP = 0.1  # largest parameter step; near a turning point a longer step would leave the branch
+BRANCH_STARTS = (0.0, 0.5, 1.0)  # parameters from which the nearest point is searched again
+BRANCH_STEPS = 6  # Newton steps from each start
 
 
 @dataclass(frozen=True)
 class Fits:
-    """Fitted paths: control point [m], root mean square orthogonal distance [m], and whether that is too much."""
+    """Fitted paths: control point [m], root mean square orthogonal distance [m], whether the fit is poor."""
 
     z_theta: Float[Array, "trajectory 2"]
     residual_m: Float[Array, " trajectory"]
@@ -52,10 +52,11 @@ def fit(
     p_init: Float[Array, "*trajectory_or_all 2"] = P_INIT,
     p_f: Float[Array, "*trajectory_or_all 2"] = P_F,
 ) -> Fits:
-    """Fit a path to each trajectory: `points[offsets[i]:offsets[i + 1]]` [m], in order of time.
+    """Fit a path to each trajectory `points[offsets[i]:offsets[i + 1]]` [m], in time order.
 
-    `p_init` and `p_f` are the fixed ends [m], one pair for all or one a trajectory. Fits whose residual exceeds
-    `poor_above_m` are flagged `poor`, never dropped. Raises InputError for a trajectory of fewer than 3 points.
+    `p_init` and `p_f` are the fixed ends [m], one pair for all trajectories or one per trajectory. Fits with a residual
+    above `poor_above_m` [m] are flagged `poor`, never dropped. Raises InputError for a trajectory with fewer than 3
+    points.
     """
     lengths = np.diff(offsets)
     if len(lengths) and lengths.min() < 3:
@@ -79,10 +80,10 @@ def fit(
 
 
 class _Batch:
-    """Trajectories padded to one length (weight 0 in the padding), relative to p_init; no row affects another."""
+    """Trajectories relative to p_init, padded to one length with weight 0; rows do not affect each other."""
 
     def __init__(self, x: Array, y: Array, weight: Array, end: Array, anchor: Array | None = None):
-        self.x, self.y, self.weight, self.end = x, y, weight, end  # three (row, sample), one (row, 2)
+        self.x, self.y, self.weight, self.end = x, y, weight, end  # x, y, weight: (row, sample); end: (row, 2)
         self.count = weight.sum(1)
         self.anchor = self.matched_lengths() if anchor is None else anchor  # z_0 (row, 2)
 
@@ -90,21 +91,21 @@ class _Batch:
         return _Batch(self.x[rows], self.y[rows], self.weight[rows], self.end[rows], self.anchor[rows])
 
     def solve(self) -> tuple[Array, Array]:
-        """Return control points (row, 2) and root mean square distances (row,) at the minimum of E."""
+        """Return the control points (row, 2) and root mean square distances (row,) at the minimum of E."""
         z, u = self.descend(self.anchor.copy(), self.nearest(self.anchor, np.full_like(self.x, 0.5)))
         rows = np.arange(len(z))
         for _ in range(MAX_BRANCH_ROUNDS):
             nearest = self[rows].nearest(z[rows], u[rows])
             wrong = (nearest != u[rows]).any(1)
             if not wrong.any():
-                break  # every sample is held by the nearest branch of its path
+                break  # every sample is assigned to the nearest branch of its path
             rows = rows[wrong]
             z[rows], u[rows] = self[rows].descend(z[rows], nearest[wrong])
         rx, ry = self.residual(z, u)
         return z, np.sqrt((self.weight * (rx * rx + ry * ry)).sum(1) / self.count)
 
     def matched_lengths(self) -> Array:
-        """Return z_0 (row, 2): the fit whose samples lie at the same share of its length as of the recorded length."""
+        """Return z_0 (row, 2): the fit in which samples divide the path as they divide the recorded length."""
         share = _shares(np.hypot(np.diff(self.x, axis=1), np.diff(self.y, axis=1)))[:, ::LENGTH_STRIDE]
         x, y, weight = (values[:, ::LENGTH_STRIDE] for values in (self.x, self.y, self.weight))
         z, grid = _closed_form(x, y, weight, self.end, share), np.linspace(0.0, 1.0, LENGTH_POINTS)
@@ -116,9 +117,9 @@ class _Batch:
         return z
 
     def descend(self, z: Array, u: Array) -> tuple[Array, Array]:
-        """Minimise E by damped Newton steps from z; return the minimum's z (row, 2) and parameters (row, sample).
+        """Minimise E by damped Newton steps; return z (row, 2) and the parameters u (row, sample) at the minimum.
 
-        A row that has converged leaves the batch.
+        Converged rows leave the batch.
         """
         batch, rows, end_z, end_u = self, np.arange(len(z)), np.empty_like(z), np.empty_like(u)
         u = self.foot_points(z, u, steps=4)
@@ -142,9 +143,9 @@ class _Batch:
         return end_z, end_u
 
     def newton(self, z: Array, u: Array, damping: Array) -> tuple[Array, Array]:
-        """Return a step (row, 2) on E with its exact Hessian, u eliminated, and the decrease of E it promises (row,).
+        """Return a Newton step (row, 2) on E with u eliminated, and the decrease of E that it predicts (row,).
 
-        The Hessian is shifted by `damping` (row,) times its scale, and further if that leaves it indefinite.
+        The Hessian is shifted by `damping` (row,) times its scale, and further if it is still indefinite.
         """
         b, a = 2 * z, self.end - 2 * z
         b1, slope = 2 * u * (1 - u), 2 - 4 * u
@@ -180,14 +181,14 @@ class _Batch:
         )
 
     def quartic(self, z: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the coefficients of |x - q(u)|^2 / 2 - |x|^2 / 2 in u^4, u^3, u^2 and u, for each sample."""
+        """Return each sample's coefficients of |x - q(u)|^2 / 2 - |x|^2 / 2 in u^4, u^3, u^2 and u."""
         b, a = 2 * z, self.end - 2 * z
         aa, ab, bb = ((p * q).sum(1)[:, None] for p, q in ((a, a), (a, b), (b, b)))
         k2 = 0.5 * bb - a[:, :1] * self.x - a[:, 1:] * self.y
         return 0.5 * aa, ab, k2, -(b[:, :1] * self.x + b[:, 1:] * self.y)
 
     def foot_points(self, z: Array, u: Array, steps: int = 2) -> Array:
-        """Take Newton steps towards the parameters (row, sample) of the nearest points, downhill and inside [0, 1]."""
+        """Take Newton steps towards the nearest points' parameters (row, sample): downhill, within [0, 1]."""
         k4, k3, k2, k1 = self.quartic(z)
         floor = 1e-3 * (k4 + abs(k3) + 1e-12)
         for _ in range(steps):
@@ -197,7 +198,7 @@ class _Batch:
         return u
 
     def nearest(self, z: Array, u: Array) -> Array:
-        """Return `u`, or the parameter of a nearer branch of the path if there is one; there are at most two."""
+        """Return `u`, or the parameter on the path's other branch where that is nearer."""
         k4, k3, k2, k1 = self.quartic(z)
         best = u
         for start in BRANCH_STARTS:
@@ -209,7 +210,7 @@ class _Batch:
 
 
 def _shares(steps: Array) -> Array:
-    """Return the share of the whole length passed before each step and at the end: (row, step) -> (row, step + 1)."""
+    """Return the share of the total length before each step and at the end: (row, step) -> (row, step + 1)."""
     passed = np.concatenate([np.zeros((len(steps), 1)), np.cumsum(steps, 1)], 1)
     return passed / np.maximum(passed[:, -1:], 1e-12)
 

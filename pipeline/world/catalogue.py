@@ -1,7 +1,7 @@
-"""The catalogue of items and table textures: what is in data/, checked before anything is rendered.
+"""Read and check the catalogue in data/: items and table textures.
 
-A cutout is a square RGBA image (straight alpha) of one item from above, lit evenly, cropped tightly: its side
-is `width_m` metres, so its scale is known. A capsule lies along the cutout's x axis.
+A cutout is a square RGBA image (straight alpha) of one item seen from above under even light. Its side is `width_m`
+metres long, so its scale is known. The capsule footprint lies along the cutout's x axis.
 """
 
 from dataclasses import dataclass
@@ -21,11 +21,11 @@ from pipeline.world.images import read_image
 from pipeline.world.layout import Items
 from pipeline.world.symbols import SYMBOLS
 
-MIN_ITEMS = {"train": 1, "unseen": 2, "validation": 2}  # of a symbol, by split: two where models are judged
+MIN_ITEMS = {"train": 1, "unseen": 2, "validation": 2}  # items per symbol and split; two where models are evaluated
 SHAPES = ("disc", "capsule")
-MIN_SIDE_PX = 256  # of a cutout
-MIN_VISIBLE_ALPHA = 20  # of 255; a thin glass has 27
-MIN_EXTENT, MAX_EXTENT = 0.75, 1.10  # length and breadth of the visible pixels over those of the footprint
+MIN_SIDE_PX = 256  # smallest side of a cutout [px]
+MIN_VISIBLE_ALPHA = 20  # smallest visible alpha, out of 255; a thin glass has 27
+MIN_EXTENT, MAX_EXTENT = 0.75, 1.10  # allowed length and breadth of the visible pixels relative to the footprint's
 
 LENGTH_M = pa.Check.in_range(0.0, 1.0, include_min=False)
 NAMED = {
@@ -60,12 +60,12 @@ TEXTURES = pa.DataFrameSchema(NAMED, strict=True)
 
 
 class CatalogueError(InputError):
-    """Something in data/ cannot be used; the message says what, and what to do about it."""
+    """Error for unusable data/; the message says what is wrong and how to correct it."""
 
 
 @dataclass(frozen=True)
 class Catalogue:
-    """Every item and table texture: the tables' rows, and the images in the same order."""
+    """All items and table textures: the rows of both tables, and their images in the same order."""
 
     items: pd.DataFrame
     cutouts: list[UInt8[Array, "side side 4"]]
@@ -74,24 +74,25 @@ class Catalogue:
 
     @property
     def footprints(self) -> Items:
-        """Return what the layout needs to know of each item (row of items.csv)."""
+        """Return the columns that layouts need, one entry per item (row of items.csv)."""
         symbol = np.array([SYMBOLS.index(s) for s in self.items["symbol"]])
         return Items(symbol, self.items["half_length_m"].to_numpy(), self.items["radius_m"].to_numpy())
 
     def pool(self, split: str) -> Int[Array, " pool"]:
-        """Return the rows of items.csv whose split is `split`."""
+        """Return the rows of items.csv that belong to `split`."""
         return np.flatnonzero(self.items["split"] == split)
 
     def texture_names(self, split: str) -> list[str]:
-        """Return the names of the table textures of `split`, in the catalogue's order."""
+        """Return the names of the table textures of `split`, in the order of textures.csv."""
         return self.textures.loc[self.textures["split"] == split, "name"].tolist()
 
 
 def read_catalogue(data_dir: Path) -> Catalogue:
-    """Read and check data/: items.csv, textures.csv and every image they name.
+    """Read and check data/: items.csv, textures.csv and every image that they name.
 
-    Raises CatalogueError on a missing, truncated, wrong-size or alpha-less image, an unknown symbol, a duplicate name,
-    a length out of range, a cutout that does not fill its footprint, or fewer items of a symbol than MIN_ITEMS.
+    Raises CatalogueError if an image is missing, truncated, of the wrong size or without alpha, for an unknown symbol,
+    a duplicate name or a length out of range, if a cutout does not fill its footprint, and if a symbol has fewer items
+    than MIN_ITEMS.
     """
     items = _read_table(data_dir / "items.csv", ITEMS)
     textures = _read_table(data_dir / "textures.csv", TEXTURES)
@@ -121,9 +122,9 @@ def _read_table(path: Path, schema: pa.DataFrameSchema) -> pd.DataFrame:
 
 
 def _first_failure(errors: pandera.errors.SchemaErrors) -> str:
-    """Return the first failure in words: which line, what came, what was expected."""
+    """Return the first failure as a sentence: the line, the value and what was expected."""
     cases = errors.failure_cases
-    case = cases.sort_values("schema_context", kind="stable").iloc[0]  # a Column's own failure explains the row's
+    case = cases.sort_values("schema_context", kind="stable").iloc[0]  # a column's failure explains its rows'
     more = f" (and {len(cases) - 1} more)" if len(cases) > 1 else ""
     if case["check"] == "column_in_dataframe":
         return f"column {case['failure_case']!r} is missing: add it{more}"
@@ -145,7 +146,7 @@ def _read_image(path: Path) -> UInt8[Array, "row column channel"]:
 
 
 def _read_cutout(path: Path, row: Any) -> UInt8[Array, "side side 4"]:
-    """Return an item's RGBA cutout; CatalogueError unless it is square, has alpha and fills the item's footprint."""
+    """Return an item's RGBA cutout; raise CatalogueError unless it is square, has alpha and fills the footprint."""
     rgba = _read_image(path)
     height, width, channels = rgba.shape
     if channels != 4:

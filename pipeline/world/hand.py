@@ -1,7 +1,7 @@
-"""Trajectories of a hand that moves an object across the table: simulate them, and check a person's.
+"""Simulate hand trajectories across the table, and check recorded ones.
 
-A trajectory is an array (sample, 4) of t [s], x, y, z [m]; z is the height, which carries no information
-(Section "Dataset" of the paper: kinesthetic demonstrations in the plane above the table).
+A trajectory is an array (sample, 4) of t [s], x, y, z [m]. The height z carries no information, since all
+demonstrations are made in a plane above the table (paper, Section "Dataset").
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,39 +17,39 @@ from pipeline.world.bezier import P_F, P_INIT, curve
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import Margins, line_clearance, slack
 
-ARC_POINTS = 513  # on the intended path, to measure its arc length
+ARC_POINTS = 513  # points on the intended path for measuring its arc length
 
-MIN_DURATION_S, MAX_DURATION_S = 0.2, 60.0  # of one movement across the table
-MAX_BEYOND_M = 0.5  # how far beyond the table's edge a hand may go
+MIN_DURATION_S, MAX_DURATION_S = 0.2, 60.0  # allowed duration of one movement across the table
+MAX_BEYOND_M = 0.5  # largest distance of the hand beyond the table's edge
 
 
 @dataclass(frozen=True)
 class Hand:
-    """How a person moves an arm that gives way, and how the arm is sampled (conf/demos)."""
+    """Parameters of the simulated hand and of the arm's sampling (conf/demos.yaml)."""
 
-    rate_hz: float  # samples per second
-    jitter_s: float  # standard deviation of the sampling instants
-    speed_m_s: float  # median of the mean speeds along the path
-    speed_spread: float  # standard deviation of the log of the mean speed, from movement to movement
-    tremor_m: float  # root mean square of the tremor in each coordinate
-    tremor_hz: tuple[float, float]  # band of physiological tremor
-    drift_m: float  # standard deviation of the slowest deviation from the intended path, in each coordinate
-    height_m: float  # where the object is held above the table
-    height_drift_m: float  # how far that height wanders
+    rate_hz: float  # sampling rate
+    jitter_s: float  # standard deviation of the sampling times
+    speed_m_s: float  # median over movements of the mean speed along the path
+    speed_spread: float  # standard deviation over movements of the log of the mean speed
+    tremor_m: float  # root mean square tremor per coordinate
+    tremor_hz: tuple[float, float]  # frequency band of physiological tremor
+    drift_m: float  # standard deviation per coordinate of the slowest component of the deviation from the intended path
+    height_m: float  # mean height of the hand above the table
+    height_drift_m: float  # standard deviation of the height's slow variation
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> "Hand":
-        """Read the hand from `demos.hand` of conf/."""
+        """Return the hand described by `demos.hand` of conf/."""
         low, high = values["tremor_hz"]
         numbers = {name: float(value) for name, value in values.items() if name != "tremor_hz"}
         return cls(**numbers, tremor_hz=(float(low), float(high)))
 
 
 def simulate(rng: np.random.Generator, z_theta: Float[Array, "2"], hand: Hand) -> Float[Array, "sample 4"]:
-    """Simulate a hand that follows the Bezier path of `z_theta` [m].
+    """Simulate a hand that follows the Bezier path of `z_theta` [m]; return its trajectory.
 
-    The speed along the arc is the minimum-jerk profile of Flash and Hogan (1985); the duration follows from the
-    length and the person's speed. Tremor and a slow drift are added; the drift vanishes at both ends.
+    The speed profile along the arc has minimum jerk (Flash and Hogan, 1985). The duration is the path's length divided
+    by a random mean speed. Tremor and a slow drift are added; the drift vanishes at both ends.
     """
     path = curve(z_theta, ARC_POINTS)
     passed = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
@@ -64,7 +64,7 @@ def simulate(rng: np.random.Generator, z_theta: Float[Array, "2"], hand: Hand) -
 
 
 def _instants(rng: np.random.Generator, duration: float, hand: Hand) -> Float[Array, " sample"]:
-    """Draw sampling instants from 0 to `duration` [s], jittered by less than half a period: time goes forward."""
+    """Draw sampling times from 0 to `duration` [s], jittered by less than half a period so that they increase."""
     count = max(3, round(duration * hand.rate_hz) + 1)
     t, step = np.linspace(0.0, duration, count, retstep=True)
     jitter = hand.jitter_s * rng.standard_normal(count - 2)
@@ -73,34 +73,34 @@ def _instants(rng: np.random.Generator, duration: float, hand: Hand) -> Float[Ar
 
 
 def _tremor(rng: np.random.Generator, t: Float[Array, " sample"], axes: int, hand: Hand) -> Float[Array, "sample axis"]:
-    """Draw a sum of six sinusoids within the band, of random frequencies, phases and weights [m]."""
+    """Draw the tremor [m]: a sum of six sinusoids in the band with random frequencies, phases and weights."""
     frequency = rng.uniform(*hand.tremor_hz, (6, axes))
     phase = rng.uniform(0.0, 2 * np.pi, (6, axes))
-    weight = rng.standard_normal((6, axes)) / np.sqrt(3)  # the sinusoid's own mean square is 1/2
+    weight = rng.standard_normal((6, axes)) / np.sqrt(3)  # a sinusoid's mean square is 1/2
     waves = np.sin(2 * np.pi * frequency * t[:, None, None] + phase)  # (sample, wave, axis)
     return hand.tremor_m * (weight * waves).sum(1)
 
 
 def _drift(rng: np.random.Generator, tau: Float[Array, " sample"], size_m: float) -> Float[Array, "sample 2"]:
-    """Draw a slow deviation [m] from the intended path, zero at both ends: three half waves, the k-th 1/k as strong."""
+    """Draw a slow deviation [m] from the intended path, zero at both ends: three half-waves with amplitudes ~ 1/k."""
     k = np.arange(1, 4)
     weight = size_m * rng.standard_normal((3, 2)) / k[:, None]
     return np.sin(np.pi * k * tau[:, None]) @ weight
 
 
 def _wander(rng: np.random.Generator, tau: Float[Array, " sample"], size_m: float) -> Float[Array, "sample 1"]:
-    """Draw a slow wander of the height [m], free at both ends, and drawn without regard to the path."""
+    """Draw a slow variation of the height [m], which does not vanish at the ends and is independent of the path."""
     k = np.arange(1, 4)
     weight, phase = size_m * rng.standard_normal((3, 1)) / k[:, None], rng.uniform(0, 2 * np.pi, 3)
     return np.sin(np.pi * k * tau[:, None] + phase) @ weight
 
 
 def check(trajectory: Array, name: str, ends_within_m: float) -> None:
-    """Raise InputError, with the trajectory's `name`, unless the fit can use it.
+    """Raise InputError, which names the trajectory, unless the fit can use it.
 
-    It needs (sample, 4) finite numbers t [s], x, y, z [m], and at least 3 samples. Time goes forward, for
-    MIN_DURATION_S to MAX_DURATION_S. The first and last point lie within `ends_within_m` [m] of p_init and p_f, where
-    the fitted path's ends are fixed. Every point lies within MAX_BEYOND_M of the table.
+    A trajectory needs at least 3 samples of finite numbers t [s], x, y, z [m], shape (sample, 4). Time increases and
+    spans MIN_DURATION_S to MAX_DURATION_S. The first and last point lie within `ends_within_m` [m] of p_init and p_f,
+    because the fitted path starts and ends there. Every point lies within MAX_BEYOND_M of the table.
     """
 
     def need(holds: bool, got: str, expected: str) -> None:
@@ -140,13 +140,13 @@ def check(trajectory: Array, name: str, ends_within_m: float) -> None:
 
 
 def join(trajectories: Sequence[Float[Array, "_ 4"]]) -> tuple[Float[Array, "total 4"], Int[Array, " bound"]]:
-    """Return trajectories one after the other, and the offsets at which each begins."""
+    """Return the concatenated trajectories, and the offset of each one's first sample."""
     offsets = np.concatenate([[0], np.cumsum([len(t) for t in trajectories])]).astype(np.int64)
     return np.concatenate(trajectories) if len(trajectories) else np.empty((0, 4)), offsets
 
 
 def polylines(samples: Float[Array, "total 4"], offsets: Int[Array, " bound"]) -> Float[Array, "trajectory point 2"]:
-    """Return the recorded lines as points [m]; shorter trajectories repeat their last point."""
+    """Return the trajectories as polylines [m]; shorter ones repeat their last point."""
     place = np.minimum(np.arange(np.diff(offsets).max()), np.diff(offsets)[:, None] - 1)  # (trajectory, point)
     return samples[offsets[:-1, None] + place, 1:3]
 
@@ -154,7 +154,10 @@ def polylines(samples: Float[Array, "total 4"], offsets: Int[Array, " bound"]) -
 def keeps(
     layouts: Layouts, samples: Float[Array, "total 4"], offsets: Int[Array, " bound"], margins: Margins
 ) -> Bool[Array, "scene demo"]:
-    """Return whether each recorded line keeps a user's margins [m]; every scene has as many, scene by scene."""
+    """Return whether each recorded trajectory keeps the user's margins [m].
+
+    Trajectories are ordered by scene, with the same number per scene.
+    """
     lines = polylines(samples, offsets)
     lines = lines.reshape(len(layouts), -1, *lines.shape[1:])  # (scene, demo, point, 2)
     return slack(layouts, line_clearance(layouts, lines), margins) > 0

@@ -1,4 +1,4 @@
-"""Read and write image files with OpenCV; a file that cannot be used ends in one sentence."""
+"""Read and write image files with OpenCV; an unusable file raises a one-sentence InputError."""
 
 from pathlib import Path
 
@@ -9,18 +9,18 @@ from numpy import ndarray as Array
 
 from pipeline.runtime.errors import InputError
 
-MAX_SIDE_PX = 4096  # larger images are refused before they are decoded: 64 MB of RGBA
+MAX_SIDE_PX = 4096  # largest allowed side: 64 MB as RGBA; larger images are refused before decoding
 PNG_SIGNATURE, JPEG_SIGNATURE = b"\x89PNG\r\n\x1a\n", b"\xff\xd8"
-JPEG_FRAME_MARKERS = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}  # segments that hold the size
+JPEG_FRAME_MARKERS = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}  # segments that contain the image size
 
-cv2.setNumThreads(1)  # the stages run one process a core
-cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # errors are ours to report
+cv2.setNumThreads(1)  # stages run one process per core
+cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # this module reports the errors itself
 
 
 def image_size(path: Path) -> tuple[int, int]:
-    """Return width and height [pixels] of a PNG or JPEG file from its header, without decoding it.
+    """Return width and height [px] of a PNG or JPEG file from its header, without decoding it.
 
-    Raises InputError if the file is missing or is neither a PNG nor a JPEG.
+    Raises InputError if the file is missing, or neither PNG nor JPEG.
     """
     if not path.is_file():
         raise InputError(f"{path} is missing: restore it, or correct the name")
@@ -40,7 +40,7 @@ def image_size(path: Path) -> tuple[int, int]:
 def read_image(path: Path) -> UInt8[Array, "row column channel"]:
     """Return an image as RGB, or as RGBA (straight alpha) if the file has an alpha channel.
 
-    Raises InputError if the file is missing, no PNG or JPEG, larger than MAX_SIDE_PX a side, or truncated.
+    Raises InputError if the file is missing, neither PNG nor JPEG, larger than MAX_SIDE_PX per side, or truncated.
     """
     width, height = image_size(path)
     if max(width, height) > MAX_SIDE_PX:
@@ -56,7 +56,7 @@ def read_image(path: Path) -> UInt8[Array, "row column channel"]:
 
 
 def write_png(path: Path, pixels: UInt8[Array, "row column channel"]) -> None:
-    """Write an RGB or RGBA image as a PNG file of the smallest size that compression gives."""
+    """Write an RGB or RGBA image as a PNG file at the highest compression."""
     colours = cv2.cvtColor(pixels, cv2.COLOR_RGBA2BGRA if pixels.shape[-1] == 4 else cv2.COLOR_RGB2BGR)
     ok, encoded = cv2.imencode(".png", colours, [cv2.IMWRITE_PNG_COMPRESSION, 9])
     if not ok:

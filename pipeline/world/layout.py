@@ -1,7 +1,7 @@
-"""Layouts: items as capsule footprints on a 1 m table, and how a scene is laid out at random.
+"""Place items on the 1 m table at random, as capsule footprints.
 
-Every footprint is a capsule: the points within `radius` of a segment of half-length `half_length`.
-A round item is a capsule of half-length zero, a piece of cutlery a long thin one.
+A capsule holds all points within `radius` of a segment of half-length `half_length`. A round item has half-length 0;
+cutlery is a long, thin capsule.
 """
 
 from collections.abc import Mapping
@@ -14,18 +14,19 @@ from numpy import ndarray as Array
 
 from pipeline.runtime.errors import InputError
 from pipeline.world.bezier import P_F, P_INIT
-from pipeline.world.symbols import SYMBOLS as SYMBOLS  # most modules want both
+from pipeline.world.symbols import SYMBOLS as SYMBOLS  # re-exported: most users of layouts need it too
 
-SIDE = 100  # pixels along an edge of an image of the table, hence per metre
+SIDE = 100  # pixels per side of a table image, and so per metre
 EMPTY = -1  # symbol index of an empty slot
-MAX_TRIES = 1000  # draws of a scene's items, or of an added item's place, before an error
+MAX_TRIES = 1000  # random draws of a scene, or of an added item's position, before giving up
 
 
 @dataclass(frozen=True)
 class Layouts:
     """A batch of scenes, padded to the same number of slots; empty slots have `symbol == EMPTY`.
 
-    `item` indexes the catalogue's rows; lengths in metres, angles in radians from the table's x axis.
+    `item` is the row in items.csv and `symbol` the index into SYMBOLS. Lengths are in metres; angles are in radians
+    from the table's x axis.
     """
 
     item: Int[Array, "scene slot"]
@@ -40,7 +41,7 @@ class Layouts:
         return len(self.symbol)
 
     def __getitem__(self, scenes) -> "Layouts":
-        """Return the chosen scenes (a slice, an index array or a mask)."""
+        """Return the selected scenes (a slice, an index array or a mask)."""
         return Layouts(*(getattr(self, f.name)[scenes] for f in fields(self)))
 
     @property
@@ -50,7 +51,7 @@ class Layouts:
 
     @property
     def ends(self) -> Float[Array, "scene slot 2 2"]:
-        """Return both ends of each footprint's segment [m]."""
+        """Return both end points [m] of each footprint's segment."""
         along = np.stack([np.cos(self.angle), np.sin(self.angle)], axis=-1) * self.half_length[..., None]
         return np.stack([self.centre - along, self.centre + along], axis=-2)
 
@@ -59,7 +60,7 @@ def point_segment_distance(
     p: Float[Array, "*#b 2"], a: Float[Array, "*#b 2"], b: Float[Array, "*#b 2"]
 ) -> Float[Array, "*b_all"]:
     """Return the distance [m] from each point `p` to the segment from `a` to `b` (broadcasting)."""
-    # Coordinate by coordinate: numpy reduces an axis of length 2 several times slower than it adds two arrays.
+    # One coordinate at a time: numpy reduces an axis of length 2 several times slower than it adds two arrays.
     ab_x, ab_y = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
     ap_x, ap_y = p[..., 0] - a[..., 0], p[..., 1] - a[..., 1]
     t = np.clip((ap_x * ab_x + ap_y * ab_y) / np.maximum(ab_x**2 + ab_y**2, 1e-18), 0.0, 1.0)
@@ -67,7 +68,7 @@ def point_segment_distance(
 
 
 def segment_distance(a: Float[Array, "*#s 2 2"], b: Float[Array, "*#s 2 2"]) -> Float[Array, "*s_all"]:
-    """Return the distance [m] between segments given by their two ends (broadcasting); 0 where they cross."""
+    """Return the distance [m] between segments given by their end points (broadcasting); 0 where they cross."""
     a, b = np.broadcast_arrays(a, b)
     ends = [
         point_segment_distance(a[..., 0, :], b[..., 0, :], b[..., 1, :]),
@@ -91,7 +92,7 @@ def _cross(a: Array, b: Array) -> Array:
 
 @dataclass(frozen=True)
 class Items:
-    """The catalogue's columns the layout needs, one entry per item (lengths at scale 1, in metres)."""
+    """The catalogue columns that layouts need, one entry per item; lengths [m] at scale 1."""
 
     symbol: Int[Array, " item"]
     half_length: Float[Array, " item"]
@@ -100,28 +101,28 @@ class Items:
 
 @dataclass(frozen=True)
 class LayoutRules:
-    """How scenes are laid out (conf/scenes): counts, chances and clearances."""
+    """Rules for drawing scenes (conf/scenes.yaml): numbers of items, probabilities and minimum distances."""
 
-    items_per_scene: tuple[int, ...]  # drawn uniformly
-    glasses_chance: tuple[float, ...]  # chance of 0, 1, 2, ... glasses in a scene
-    centre_low: float  # centres are uniform on [centre_low, centre_high]^2 [m]
+    items_per_scene: tuple[int, ...]  # numbers of items, drawn uniformly
+    glasses_chance: tuple[float, ...]  # probability of 0, 1, 2, ... glasses in a scene
+    centre_low: float  # item centres are uniform on [centre_low, centre_high]^2 [m]
     centre_high: float
-    clear_of_ends: float  # footprint to P_INIT and P_F [m]
-    clear_of_items: float  # footprint to footprint [m]
-    scale_low: float  # size of an item relative to its catalogue entry
+    clear_of_ends: float  # minimum distance from a footprint to P_INIT and P_F [m]
+    clear_of_items: float  # minimum distance between two footprints [m]
+    scale_low: float  # item size relative to its catalogue entry
     scale_high: float
     slots: int = 4
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> "LayoutRules":
-        """Read the rules from `scenes.layout` of conf/, whose lists become tuples."""
+        """Return the rules in `scenes.layout` of conf/scenes.yaml."""
         lists = ("items_per_scene", "glasses_chance")
         plain: dict[str, Any] = {name: tuple(v) if name in lists else v for name, v in values.items()}
         return cls(**plain)
 
 
 def empty(scenes: int, slots: int) -> Layouts:
-    """Return scenes with nothing on the table."""
+    """Return scenes without any item."""
     index = np.full((scenes, slots), EMPTY)
     zero = np.zeros((scenes, slots))
     return Layouts(index, index.copy(), np.zeros((scenes, slots, 2)), *(zero.copy() for _ in range(4)))
@@ -130,9 +131,9 @@ def empty(scenes: int, slots: int) -> Layouts:
 def random_layouts(
     rng: np.random.Generator, scenes: int, items: Items, pool: Int[Array, " pool"], rules: LayoutRules
 ) -> Layouts:
-    """Draw scenes of items of `pool` (catalogue indices): the number of glasses first, other symbols uniformly.
+    """Draw scenes with items of `pool` (catalogue rows): first the number of glasses, then other symbols uniformly.
 
-    Raises InputError if there is no room for a scene's items in MAX_TRIES draws of them.
+    Raises InputError if no draw out of MAX_TRIES gives every item a free position.
     """
     layouts = empty(scenes, rules.slots)
     glass = SYMBOLS.index("glass")
@@ -162,9 +163,9 @@ def add_item(
     pool: Int[Array, " pool"],
     rules: LayoutRules,
 ) -> Layouts:
-    """Add one item of `symbol` at random to each scene, under the same clearances; return the new scenes.
+    """Add one random item of `symbol` to each scene under the same minimum distances; return the new scenes.
 
-    Raises InputError if a scene has no free slot or no free place (MAX_TRIES).
+    Raises InputError if a scene has no free slot, or no free position in MAX_TRIES draws.
     """
     added = Layouts(*(getattr(layouts, f.name).copy() for f in fields(layouts)))
     for scene in range(len(layouts)):
@@ -187,7 +188,7 @@ def _place(
     rules: LayoutRules,
     tries: int = 50,
 ) -> bool:
-    """Put a random item of `symbol` in `slot` where it is clear of the ends and the items before it."""
+    """Place a random item of `symbol` in `slot`, clear of path ends and other items; return False on failure."""
     choices = pool[items.symbol[pool] == symbol]
     if len(choices) == 0:
         raise InputError(f"no {SYMBOLS[symbol]} among the items to draw from: add one to the catalogue")

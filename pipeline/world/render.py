@@ -1,7 +1,7 @@
-"""Render a scene from above with OpenCV: 100 x 100 RGB of the 1 m table, row 0 at the far edge.
+"""Render scenes from above with OpenCV: 100 x 100 RGB images of the 1 m table, row 0 at the far edge.
 
-The light, the stretch of table top and the camera's noise come from the scene's render seed alone, never from the
-items. So an added item leaves every pixel away from it and its shadow exactly as it was.
+Light, table-top offset and camera noise depend only on the scene's render seed, never on its items. An added item thus
+changes only the pixels of the item and its shadow.
 """
 
 from collections.abc import Sequence
@@ -19,34 +19,34 @@ from pipeline.world.catalogue import Catalogue, read_catalogue
 from pipeline.world.layout import SIDE, Layouts
 from pipeline.world.symbols import TABLE, Symbol
 
-SAMPLES = 3  # samples per pixel and axis, averaged
-REACH_M = 0.04  # how far beyond its footprint an item and its shadow are drawn; the lens spreads their edge by a pixel
-LAMP = ((0.35, 0.3), (0.7, 0.4), (1.0, 0.3))  # a lamp has a size: share of the shift and weight of each faint shadow
-SHADOW_BLUR = np.array([0.25, 0.5, 0.25], np.float32)  # along each axis
-RIM_SHADOW = 4.0  # a transparent item's alpha counts this many times, at most 1, for its shadow
-EDGE_LIGHT = 0.25  # brightness that an edge gains when it faces the lamp
-LENS = np.array([0.06, 0.88, 0.06], np.float32)  # the camera's blur along each axis
-MIN_MIPMAP_PX = 16  # a cutout is not halved below this side
-TEXTURE_PX_PER_M = 150.0  # a texture is halved while it stays at least this fine
+SAMPLES = 3  # samples per pixel along each axis, averaged
+REACH_M = 0.04  # items and their shadows are drawn up to this far beyond the footprint; the lens blur adds a pixel
+LAMP = ((0.35, 0.3), (0.7, 0.4), (1.0, 0.3))  # a wide lamp: shift and weight of each faint shadow
+SHADOW_BLUR = np.array([0.25, 0.5, 0.25], np.float32)  # blur kernel of a shadow along each axis
+RIM_SHADOW = 4.0  # factor on a transparent item's alpha, up to 1, for its shadow
+EDGE_LIGHT = 0.25  # brightness gained by an edge that faces the lamp
+LENS = np.array([0.06, 0.88, 0.06], np.float32)  # the camera's blur kernel along each axis
+MIN_MIPMAP_PX = 16  # smallest side of a mipmap level
+TEXTURE_PX_PER_M = 150.0  # textures are halved while they keep at least this resolution
 
 _LINEAR = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP  # matrices map image to source
 
 
 @dataclass(frozen=True)
 class Light:
-    """What the render seed decides of a scene: stretch of table top, light, and camera."""
+    """Everything that the render seed decides about a scene: table-top offset, light and camera."""
 
-    offset: Float[Array, "2"]  # of the table top's texture, in texture widths
-    turn: float  # of the texture [rad]
+    offset: Float[Array, "2"]  # of the texture [texture widths]
+    turn: float  # rotation of the texture [rad]
     direction: Float[Array, "2"]  # unit vector on the table towards the lamp
-    gain: Float32[Array, "3"]  # brightness and tint
-    fall_off: float  # share of brightness lost from the lit edge of the table to the other
+    gain: Float32[Array, "3"]  # brightness and tint per channel
+    fall_off: float  # share of brightness lost from the lit edge of the table to the opposite one
     vignette: float  # share of brightness lost in the corners
-    noise: Float32[Array, "side side 3"]  # of the sensor, in grey levels of 0..1
+    noise: Float32[Array, "side side 3"]  # sensor noise [1 = white]
 
 
 def draw_light(seed: int) -> Light:
-    """Draw the light and the camera of the scene whose render seed is `seed`."""
+    """Draw the light and camera of the scene with render seed `seed`."""
     rng = np.random.default_rng(seed)
     bearing = rng.uniform(-np.pi, np.pi)
     return Light(
@@ -61,7 +61,7 @@ def draw_light(seed: int) -> Light:
 
 
 class Palette:
-    """Images prepared for rendering: premultiplied mipmaps of the cutouts, table tops at the scene's scale."""
+    """Images prepared for rendering: premultiplied mipmaps of the cutouts, and table tops at the scene's scale."""
 
     def __init__(self, catalogue: Catalogue) -> None:
         items, textures = catalogue.items, catalogue.textures
@@ -84,7 +84,7 @@ def read_palette(data: str) -> tuple[Catalogue, Palette]:
 def render_scenes(
     layouts: Layouts, textures: Sequence[str], seeds: Sequence[int], palette: Palette
 ) -> UInt8[Array, "scene 100 100 3"]:
-    """Render every scene on its texture and under the light of its render seed."""
+    """Render each scene on its table top under the light of its render seed; return uint8 RGB images."""
     images = np.empty((len(layouts), SIDE, SIDE, 3), np.uint8)
     for scene, (texture, seed) in enumerate(zip(textures, seeds, strict=True)):
         images[scene] = render(layouts, scene, texture, int(seed), palette)
@@ -92,7 +92,7 @@ def render_scenes(
 
 
 def render(layouts: Layouts, scene: int, texture: str, seed: int, palette: Palette) -> UInt8[Array, "100 100 3"]:
-    """Render one scene; raise InputError if the texture or an item is not in the palette."""
+    """Render one scene; raise InputError if the palette lacks its texture or an item."""
     if texture not in palette.surfaces:
         raise InputError(f"unknown texture {texture!r}: the catalogue has {sorted(palette.surfaces)}")
     light = draw_light(seed)
@@ -112,17 +112,17 @@ def _pixel_centres(columns: Array, rows: Array) -> tuple[Array, Array]:
 
 
 def _table_top(light: Light, surface: Array, width: float) -> Float32[Array, "side side 3"]:
-    """Return the texture under a random turn and shift, repeated beyond its edges by reflection."""
+    """Return the table top: the texture, randomly rotated and shifted, reflected beyond its edges."""
     c, s = np.cos(light.turn), np.sin(light.turn)
     per_pixel = np.array(surface.shape[1::-1]) / width / SIDE  # texture columns and rows per image pixel
     turned = np.array([[c, s], [s, -c]]) * per_pixel[:, None]  # image rows grow towards the near edge
-    middle = light.offset[::-1] * surface.shape[1::-1]  # of the table, in the texture
+    middle = light.offset[::-1] * surface.shape[1::-1]  # the table's centre in the texture
     matrix = np.column_stack([turned, middle - turned @ [SIDE / 2 - 0.5, SIDE / 2 - 0.5]])
     return cv2.warpAffine(surface, matrix, (SIDE, SIDE), flags=_LINEAR, borderMode=cv2.BORDER_REFLECT)
 
 
 def _illumination(light: Light) -> Float32[Array, "side side 3"]:
-    """Return the brightness over the table: gain and tint, less light far from the lamp, darker corners."""
+    """Return the illumination of the table: gain and tint, fall-off away from the lamp, vignette."""
     x, y = _pixel_centres(np.arange(SIDE)[None, :], np.arange(SIDE)[:, None])
     towards = (x - 0.5) * light.direction[0] + (y - 0.5) * light.direction[1]
     corner = ((x - 0.5) ** 2 + (y - 0.5) ** 2) / 0.5
@@ -132,7 +132,7 @@ def _illumination(light: Light) -> Float32[Array, "side side 3"]:
 
 @dataclass(frozen=True)
 class _Stamp:
-    """One item in its place: the window of the image it touches, its premultiplied colour and alpha there."""
+    """One placed item: the image window that it touches, with its premultiplied colour and alpha there."""
 
     rows: slice
     columns: slice
@@ -140,7 +140,7 @@ class _Stamp:
     symbol: Symbol
 
     def shade(self, image: Array, light: Light) -> None:
-        """Darken the table by the soft shadow, cast away from the lamp; a transparent item's rim casts one, too."""
+        """Darken the table by the item's soft shadow; the rim of a transparent item casts one too."""
         alpha = self.rgba[..., 3]
         solid = np.minimum(alpha * RIM_SHADOW, 1.0) if self.symbol.transparent else np.ascontiguousarray(alpha)
         height = self.symbol.height_m * SIDE
@@ -152,14 +152,14 @@ class _Stamp:
         image[self.rows, self.columns] *= 1 - self.symbol.shadow * shadow[..., None]
 
     def cover(self, image: Array) -> None:
-        """Lay the item over the table (Porter and Duff's `over`)."""
+        """Composite the item over the table (the `over` operator of Porter and Duff, 1984)."""
         window = image[self.rows, self.columns]
         window *= 1 - self.rgba[..., 3:]
         window += self.rgba[..., :3]
 
 
 def _stamp(layouts: Layouts, scene: int, slot: int, light: Light, palette: Palette) -> _Stamp:
-    """Turn, scale and place one item: samples on a grid of SAMPLES per pixel, averaged over each pixel."""
+    """Rotate, scale and place one item on a grid of SAMPLES per pixel and axis, averaged over each pixel."""
     item = int(layouts.item[scene, slot])
     if not 0 <= item < len(palette.mipmaps):
         raise InputError(f"item {item} is not in the catalogue of {len(palette.mipmaps)} items: rerun stage scenes")
@@ -171,20 +171,20 @@ def _stamp(layouts: Layouts, scene: int, slot: int, light: Light, palette: Palet
     rows, columns = _window(centre, half + REACH_M)
     levels = palette.mipmaps[item]
     cutout = next((level for level in reversed(levels) if len(level) >= width * SIDE * SAMPLES), levels[0])
-    # From sample (i, j) of the window to column and row of the cutout, both counted from the middle of pixel 0.
-    per_sample = len(cutout) / (width * SIDE * SAMPLES)  # cutout pixels
+    # Maps sample (i, j) of the window to column and row of the cutout, counted from the centre of pixel 0.
+    per_sample = len(cutout) / (width * SIDE * SAMPLES)  # cutout pixels per sample
     turned = per_sample * np.array([[c, -s], [s, c]])
     first_x, first_y = (columns.start + 0.5 / SAMPLES) / SIDE, 1 - (rows.start + 0.5 / SAMPLES) / SIDE  # [m]
     first = np.array([[c, s], [s, -c]]) @ [first_x - centre[0], first_y - centre[1]] / width
     matrix = np.column_stack([turned, (first + 0.5) * len(cutout) - 0.5])
     size = (columns.stop - columns.start, rows.stop - rows.start)
     samples = cv2.warpAffine(cutout, matrix, (size[0] * SAMPLES, size[1] * SAMPLES), flags=_LINEAR)
-    rgba = cv2.resize(samples, size, interpolation=cv2.INTER_AREA)  # the mean over each pixel's samples
+    rgba = cv2.resize(samples, size, interpolation=cv2.INTER_AREA)  # mean over each pixel's samples
     return _Stamp(rows, columns, _lit(rgba, rows, columns, centre, half, symbol, light), symbol)
 
 
 def _window(centre: Array, half: Array) -> tuple[slice, slice]:
-    """Return the rows and columns of the image within `half` [m] of `centre`, clipped to the table."""
+    """Return the image rows and columns within `half` [m] of `centre`, clipped to the table."""
     column_low, column_high = np.floor((centre[0] + np.array([-half[0], half[0]])) * SIDE).astype(int)
     row_low, row_high = np.floor((1 - centre[1] + np.array([-half[1], half[1]])) * SIDE).astype(int)
     return (
@@ -202,7 +202,7 @@ def _lit(
     symbol: Symbol,
     light: Light,
 ) -> Float32[Array, "rows columns 4"]:
-    """Light the evenly lit cutout from one side: hollow items are brighter away from the lamp, edges catch it."""
+    """Return the cutout lit from one side: a hollow item is brighter away from the lamp, an edge facing it."""
     x, y = _pixel_centres(np.arange(columns.start, columns.stop)[None, :], np.arange(rows.start, rows.stop)[:, None])
     towards = ((x - centre[0]) * light.direction[0] + (y - centre[1]) * light.direction[1]) / half.max()
     alpha = rgba[..., 3]
@@ -214,7 +214,7 @@ def _lit(
 
 
 def _mipmap(cutout: UInt8[Array, "side side 4"]) -> list[Array]:
-    """Return a cutout in float32, premultiplied by its alpha, and ever coarser: each level half as fine as the last."""
+    """Return a cutout's mipmap: float32, premultiplied by alpha, each level at half the previous resolution."""
     level = cutout.astype(np.float32) / 255
     level[..., :3] *= level[..., 3:]
     levels = [level]
@@ -230,7 +230,7 @@ def _halved(image: Array) -> Array:
 
 
 def _shrink(surface: Array, width_m: float) -> Array:
-    """Halve the texture while it stays finer than TEXTURE_PX_PER_M."""
+    """Return the texture, halved while it stays finer than TEXTURE_PX_PER_M."""
     while surface.shape[1] / 2 / width_m >= TEXTURE_PX_PER_M:
         surface = _halved(surface)
     return surface

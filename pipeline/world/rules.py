@@ -1,6 +1,6 @@
-"""The users' rules: the ground truth of the simulated world, which nothing else computes.
+"""Decide which paths are valid to a user: the ground truth of the simulated world.
 
-A user keeps a margin [m] from the footprint of each symbol it cares about (Section "Dataset").
+A user keeps a margin [m] from the footprint of every item whose symbol it avoids (paper, Section "Dataset").
 """
 
 from collections.abc import Mapping
@@ -13,12 +13,12 @@ from pipeline.world.bezier import curve
 from pipeline.world.layout import Layouts, point_segment_distance, segment_distance
 from pipeline.world.symbols import SYMBOLS
 
-Margins = Mapping[str, float | None]  # symbol -> margin [m]; None: the user does not care
-SAMPLES = 129  # points along a path; with the parabola, a clearance over 3 cm is right within 0.4 mm
+Margins = Mapping[str, float | None]  # symbol -> margin [m]; None: the user does not avoid this symbol
+SAMPLES = 129  # points along a path; with the parabola of `_least`, clearances above 3 cm are exact within 0.4 mm
 
 
 def point_clearance(layouts: Layouts, points: Float[Array, "scene path point 2"]) -> Float[Array, "scene path slot"]:
-    """Return the least distance [m] from the smooth path through evenly timed points to each footprint; inf: empty."""
+    """Return the clearance [m] of smooth paths (evenly timed points) from each footprint; inf in empty slots."""
     ends = layouts.ends
     distances = np.full((*points.shape[:2], layouts.symbol.shape[1]), np.inf)
     for slot in range(layouts.symbol.shape[1]):
@@ -29,7 +29,10 @@ def point_clearance(layouts: Layouts, points: Float[Array, "scene path point 2"]
 
 
 def line_clearance(layouts: Layouts, lines: Float[Array, "scene path point 2"]) -> Float[Array, "scene path slot"]:
-    """Return the least distance [m] from the straight pieces between points, of any spacing, to each footprint."""
+    """Return the clearance [m] of polylines, with points at any spacing, from each footprint.
+
+    Empty slots are inf.
+    """
     pieces = np.stack([lines[:, :, :-1], lines[:, :, 1:]], axis=-2)  # (scene, path, piece, end, 2)
     distances = np.full((*lines.shape[:2], layouts.symbol.shape[1]), np.inf)
     for slot in range(layouts.symbol.shape[1]):
@@ -41,26 +44,29 @@ def line_clearance(layouts: Layouts, lines: Float[Array, "scene path point 2"]) 
 
 
 def _least(distance: Float[Array, "*path point"]) -> Float[Array, "*path"]:
-    """Return the minimum along a smooth path: the vertex of the parabola through the three least squared distances."""
+    """Return the least distance along a smooth path, from the parabola through the three smallest squared distances."""
     if distance.shape[-1] < 3:
         return distance.min(-1)
     square = distance**2
     middle = np.clip(square.argmin(-1), 1, square.shape[-1] - 2)[..., None]
     before, middle_square, after = (np.take_along_axis(square, middle + k, -1)[..., 0] for k in (-1, 0, 1))
     bend = np.maximum(before - 2 * middle_square + after, 1e-18)
-    offset = np.clip(0.5 * (before - after) / bend, -1.0, 1.0)  # of the vertex from the middle point, in steps
+    offset = np.clip(0.5 * (before - after) / bend, -1.0, 1.0)  # from the middle point to the vertex [points]
     return np.sqrt(np.maximum(middle_square - 0.5 * offset * (before - after) + 0.5 * offset**2 * bend, 0.0))
 
 
 def clearance(layouts: Layouts, z_theta: Float[Array, "scene path 2"]) -> Float[Array, "scene path slot"]:
-    """Return the least distance [m] from each Bezier path to each footprint; negative inside, inf if empty."""
+    """Return the clearance [m] of each Bezier path from each footprint: negative inside, inf in empty slots."""
     return point_clearance(layouts, curve(z_theta, SAMPLES))
 
 
 def slack(
     layouts: Layouts, clearances: Float[Array, "scene path slot"], margins: Margins
 ) -> Float[Array, "scene path"]:
-    """Return how far [m] each path stays outside the user's margins; inf if the user keeps away from no item."""
+    """Return each path's slack [m]: its smallest clearance in excess of the user's margins.
+
+    Positive: the path is valid. inf: no item in the scene has a margin.
+    """
     margin = np.array([np.inf if margins[s] is None else margins[s] for s in SYMBOLS] + [np.inf])
     required = np.where(layouts.present, margin[layouts.symbol], np.inf)[:, None, :]
     cares = np.isfinite(required)
@@ -68,5 +74,5 @@ def slack(
 
 
 def valid(layouts: Layouts, z_theta: Float[Array, "scene path 2"], margins: Margins) -> Bool[Array, "scene path"]:
-    """Return whether each path satisfies the user: v of the paper."""
+    """Return whether each path is valid to the user: v in the paper."""
     return slack(layouts, clearance(layouts, z_theta), margins) > 0

@@ -1,1 +1,1 @@
-"""Which paths may a robot accept so that at most a promised share of them is invalid?"""
+"""Study: accept paths such that at most a given share of them is invalid."""

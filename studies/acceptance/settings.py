@@ -1,4 +1,4 @@
-"""Parameters of the study (conf/studies/acceptance.yaml), and what they must agree with."""
+"""Parameters of the study (conf/studies/acceptance.yaml) and their constraints."""
 
 from typing import Annotated
 
@@ -9,7 +9,7 @@ from pipeline.config.values import Between, Count, Group, Some, Whole, expected,
 
 
 class Settings(Group):
-    """See conf/studies/acceptance.yaml for what each value is."""
+    """Parameters of conf/studies/acceptance.yaml, which explains each value."""
 
     variants: Some
     level: Between
@@ -19,7 +19,7 @@ class Settings(Group):
 
 
 def agree(study: Settings, parameters: parameters_of_all.Settings) -> None:
-    """Require known variants, the promised level among the levels, and scenes left to calibrate in."""
+    """Require known variants, `level` among `levels`, and scenes left for calibration."""
     name, per_seed = "studies.acceptance", parameters.scenes.per_seed
     known = set(study.variants) <= set(parameters.variants)
     need(known, f"{name}.variants", study.variants, f"some of {', '.join(parameters.variants)}")

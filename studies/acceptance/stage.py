@@ -1,8 +1,8 @@
-"""Accept paths by conformal selection and by a fixed threshold, and count how many of them are invalid.
+"""Stage acceptance: accept paths by conformal selection and by a fixed threshold, and count the invalid ones.
 
-Conformal selection fits each model to some of its seed's training scenes and calibrates it in the others. The fixed
-threshold, P(valid) > 1/2, uses a model fitted to all of them. All new paths of a split are the candidates of one
-selection; a model that accepts none counts as one without error.
+Conformal selection fits each model to part of its seed's training scenes and calibrates it in the others. The fixed
+threshold, P(valid) > 1/2, uses a model fitted to all of them. All query paths of a split are the candidates of one
+selection; a model that accepts none has an invalid share of 0.
 """
 
 from collections.abc import Sequence
@@ -27,8 +27,8 @@ from pipeline.stats.scores import DECISION
 from pipeline.training.refit import TrainingSet, refit
 
 RULES = CONFORMAL, THRESHOLD = "conformal", "threshold"
-ALL = "all"  # users, in summary.csv
-TOLERANCE = 1e-12  # of a share above the level
+ALL = "all"  # in column `user` of summary.csv
+TOLERANCE = 1e-12  # numerical tolerance when a share is compared with the level
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
@@ -39,7 +39,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     images = np.concatenate([images for images, _ in queries.values()])
     z_theta = np.concatenate([q.z for _, q in queries.values()])
 
-    # per user and seed one model of some scenes, for conformal selection, and one of all, for the threshold
+    # Two models per user and seed: one of some scenes, for conformal selection, and one of all, for the threshold.
     fitted = {seed: choose_scenes(cfg, seed) for seed in seeds}
     training_sets = [part_of(complete[pair], fitted[pair[1]]) for pair in pairs] + [complete[pair] for pair in pairs]
     answers = refit(
@@ -70,9 +70,9 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 def read_inputs(
     cfg: DictConfig, pairs: Sequence[tuple[str, int]]
 ) -> tuple[dict[tuple[str, int], TrainingSet], dict[str, tuple[np.ndarray, Queries]]]:
-    """Read each user's and seed's demonstrations, and images and queries of the splits that all seeds share.
+    """Return each user's and seed's demonstrations, and images and queries of the splits that all seeds share.
 
-    InputError if a pool is missing, or a seed has another number of training scenes than scenes.per_seed.
+    InputError if a pool is missing, or if a seed's number of training scenes is not scenes.per_seed.
     """
     scenes, demos = read_scenes(Path(cfg.paths.scenes)), read_demos(Path(cfg.paths.demos))
     queries, splits = read_queries(Path(cfg.paths.demos)), {s: pool for s, pool in cfg.protocol.splits.items() if pool}
@@ -89,7 +89,7 @@ def read_inputs(
 
 
 def choose_scenes(cfg: DictConfig, seed: int) -> np.ndarray:
-    """Draw the training scenes of a seed that its models are fitted to; the same for every user and variant."""
+    """Draw the training scenes that a seed's models are fitted to; the same for every user and variant."""
     rng = stream(cfg.studies.acceptance.root_seed, "scenes", seed)
     return np.sort(rng.permutation(cfg.scenes.per_seed)[: cfg.studies.acceptance.fitted])
 
@@ -108,7 +108,7 @@ def predict(
     model: ValidityModel,
     training_set: TrainingSet,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return P(valid) of all demonstrations of the model's user and seed, (scene, demo), and of the new paths."""
+    """Return P(valid) of the demonstrations (scene, demo) of the model's user and seed, and of the query paths."""
     demos = complete[training_set.user, training_set.seed]
     return model.probability(demos.images, demos.z_theta), model.probability(images, z_theta)
 
@@ -116,7 +116,7 @@ def predict(
 def accept_conformally(
     complete: TrainingSet, fitted: np.ndarray, p_demos: np.ndarray, p_paths: np.ndarray, levels: Sequence[float]
 ) -> list[np.ndarray]:
-    """Return which paths (scene, path) each level accepts; demonstrations in scenes that were not fitted calibrate."""
+    """Return which paths (scene, path) are accepted at each level, calibrated in the scenes that were not fitted."""
     held_out = np.setdiff1d(np.arange(len(p_demos)), fitted)
     labels = complete.valid[held_out].ravel()
     p = p_values(score(p_demos[held_out].ravel()), labels, score(p_paths.ravel()))
@@ -124,10 +124,10 @@ def accept_conformally(
 
 
 def count_outcome(accepted: np.ndarray, valid: np.ndarray) -> dict[str, np.ndarray]:
-    """Return what selections (user, seed, level, scene, path) are worth, each value (user, seed, level, scene).
+    """Return the outcome of selections (user, seed, level, scene, path); each value is (user, seed, level, scene).
 
     invalid: share of invalid paths among the accepted ones, and power: share of valid paths that are accepted, both
-    by `share_by_scene`; count: accepted paths.
+    by `share_by_scene`; count: number of accepted paths.
     """
     truth = np.broadcast_to(valid[:, None, None], accepted.shape)
     count, correct = accepted.sum(-1), (accepted & truth).sum(-1)
@@ -139,7 +139,7 @@ def count_outcome(accepted: np.ndarray, valid: np.ndarray) -> dict[str, np.ndarr
 
 
 def curve_columns(outcome: dict[str, np.ndarray], levels: Sequence[float]) -> dict[str, object]:
-    """Return means over users for each level, with 95 % intervals over seeds and scenes."""
+    """Return means over users at each level, with 95 % intervals over seeds and scenes."""
     columns: dict[str, object] = {"level": list(levels)}
     for name, prefix, values in (("invalid", "", outcome["invalid"]), ("power", "power_", outcome["power"])):
         e = estimate(np.moveaxis(values.mean(0), 1, 0))  # (level, seed, scene)
@@ -148,11 +148,11 @@ def curve_columns(outcome: dict[str, np.ndarray], levels: Sequence[float]) -> di
 
 
 def summary_rows(outcome: dict[str, np.ndarray], level: float, levels: Sequence[float], users: list[str]) -> list[dict]:
-    """Return a row for all users together and for each one, at the promised level.
+    """Return one row for all users together and one per user, at the promised level.
 
-    invalid (with q1 and q3 over models) and power as in `count_outcome`; accepted: paths a model; above: models with
-    a larger share of invalid paths than promised; abstained: models that accept nothing; invalid_where_any: the mean
-    over the others.
+    invalid (with q1 and q3 over models) and power as in `count_outcome`; accepted: paths per model; above: number of
+    models whose share of invalid paths exceeds the level; abstained: number of models that accept nothing;
+    invalid_where_any: mean over the other models.
     """
     at_level = {name: values[:, :, list(levels).index(level)] for name, values in outcome.items()}
     rows = []

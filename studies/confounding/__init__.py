@@ -1,1 +1,1 @@
-"""Study: association against intervention where glasses stand beside plates."""
+"""Study: association against intervention in a world where glasses stand next to plates."""

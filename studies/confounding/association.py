@@ -1,4 +1,4 @@
-"""Association between passing near an item and being invalid, estimated from labelled paths without intervention."""
+"""Estimate the association between passing near an item and invalidity, from labelled paths without intervention."""
 
 from typing import NamedTuple
 
@@ -13,10 +13,10 @@ from pipeline.world.rules import clearance
 
 
 class Association(NamedTuple):
-    """P(invalid | near) - P(invalid | not near) with a 95 % interval; NaN where it is undefined."""
+    """P(invalid | near) - P(invalid | not near) with a 95 % interval; NaN if undefined."""
 
     demonstrations: int
-    near: int  # of them
+    near: int  # number of paths that pass near
     difference: float = np.nan
     ci_low: float = np.nan
     ci_high: float = np.nan
@@ -33,10 +33,10 @@ def passes_near(
 
 
 def association(invalid: Bool[Array, "scene path"], near: Bool[Array, "scene path"]) -> Association:
-    """Return the association of being invalid with passing near.
+    """Return the association between invalidity and passing near.
 
-    Paths of a scene depend on one another, scenes do not. So the standard error is the jackknife's over scenes (Efron
-    and Stein, 1981) and the interval Student's. Undefined if, without some scene, all paths or none pass near.
+    Paths of a scene are dependent, scenes are independent. The standard error is the jackknife's over scenes (Efron and
+    Stein, 1981), and the interval is Student's. It is undefined if, without some scene, all paths or none pass near.
     """
     count, near_count = invalid.size, int(near.sum())
     table = np.stack([(x & w).sum(1) for w in (near, ~near) for x in (invalid, np.ones_like(invalid))])

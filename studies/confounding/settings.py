@@ -1,4 +1,4 @@
-"""Settings of the confounding study (conf/studies/confounding.yaml)."""
+"""Parameters of the confounding study (conf/studies/confounding.yaml) and their constraints."""
 
 from pipeline.config.settings import Settings as Parameters
 from pipeline.config.values import Chance, Count, Group, Length, Name, Names, Pair, Several, Share, Some, Whole, need
@@ -8,7 +8,7 @@ STUDY = "studies.confounding"
 
 
 class Settings(Group):
-    """What conf/studies/confounding.yaml may hold."""
+    """Parameters of conf/studies/confounding.yaml."""
 
     root_seed: Whole
     scenes: Several
@@ -23,7 +23,7 @@ class Settings(Group):
 
 
 def agree(study: Settings, parameters: Parameters) -> None:
-    """Check that both worlds exist, that items have room in them, and that users and variants exist."""
+    """Require both worlds, room for their items, and known users and variants."""
     layout, (low, high), worlds = parameters.scenes.layout, study.gap_m, list(study.worlds)
     both = f"{CONFOUNDED} and {CONTROL} among them"
     need({CONFOUNDED, CONTROL} <= set(worlds), f"{STUDY}.worlds", worlds, both)

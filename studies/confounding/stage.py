@@ -1,7 +1,7 @@
-"""Stage confounding: what association and what intervention say of a symbol that only stands beside the cause.
+"""Stage confounding: compare association and intervention for a symbol that only co-occurs with the cause.
 
-Models are fitted in a world where glasses stand beside plates (studies.confounding.world). They are asked, as stage
-intervene asks the ordinary ones, what an added item changes in ordinary scenes.
+Models are fitted in a world where glasses stand next to plates (studies.confounding.world). Their effects of added
+items in ordinary scenes are then estimated as in stage intervene.
 """
 
 from pathlib import Path
@@ -37,8 +37,8 @@ VERSIONS = [
     *SYMBOLS,
     CONFOUNDED,
     CONTROL,
-]  # scenes of the questions: ordinary, with each symbol, other worlds
-N_ASKED = 1 + len(SYMBOLS)  # versions of which `verdicts` asks
+]  # scenes of the questions: ordinary, with each added symbol, and other worlds
+N_ASKED = 1 + len(SYMBOLS)  # number of versions used by `verdicts`
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
@@ -89,9 +89,9 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 def read_versions(
     cfg: DictConfig, scenes: SceneSet
 ) -> tuple[list[Layouts], UInt8[Array, "version scene 100 100 3"], Float[Array, "scene path 2"]]:
-    """Return layouts and images of VERSIONS, as many scenes each, and the paths [m] of all of them.
+    """Return layouts and images of VERSIONS, each with the same number of scenes, and their common paths [m].
 
-    Scenes of the confounded world and of its control hold items of the same split as the ordinary ones.
+    Scenes of the confounded world and of its control use items of the same split as the ordinary ones.
     """
     pool, directory = cfg.protocol.splits[cfg.intervene.split], Path(cfg.paths.intervene)
     scenes.check_has(pool, *map(train_pool, cfg.protocol.seeds))
@@ -110,7 +110,7 @@ def read_versions(
 
 
 def association_by_symbol(labelled: Labelled, near_m: float) -> pd.DataFrame:
-    """Return the association of being invalid with passing near each symbol, a row a symbol, over all training sets."""
+    """Return the association of invalidity with passing near each symbol, a row per symbol, over all training sets."""
     invalid = np.concatenate([~labels for _, _, labels in labelled])
     rows = {}
     for i, symbol in enumerate(SYMBOLS):

@@ -1,4 +1,4 @@
-"""Scenes of each world, and demonstrations in them: random paths labelled by the users' rules."""
+"""Draw scenes of each world, and demonstrations in them: random paths labelled by the users' rules."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,16 +27,16 @@ class Scenes:
 
 @dataclass(frozen=True)
 class Draw:
-    """An order for scenes; orders of the same name share their random numbers, whatever the world."""
+    """A request for scenes; requests of the same name share their random numbers in all worlds."""
 
     name: str
     world: str
     count: int
-    split: str  # of the items
+    split: str  # split of the items
 
 
 def draw_all(cfg: DictConfig, draws: Sequence[Draw]) -> list[Scenes]:
-    """Lay out and render the scenes of every order."""
+    """Lay out and render the scenes of every request."""
     return map_jobs(partial(_draw, cfg), draws, cfg.workers, "confounded scenes")
 
 
@@ -54,7 +54,7 @@ def _draw(cfg: DictConfig, draw: Draw) -> Scenes:
 def demonstrations(
     cfg: DictConfig, layouts: Layouts, user: str, seed: int
 ) -> tuple[Float[Array, "scene n 2"], Bool[Array, "scene n"]]:
-    """Draw main_n_demos random z_theta [m] a scene and label them; the paths do not depend on the layouts."""
+    """Draw main_n_demos random z_theta [m] per scene and label them; the paths do not depend on the layouts."""
     rng = stream(cfg.studies.confounding.root_seed, "paths", user, seed)
     z_theta = random_z_theta(rng, len(layouts), cfg.main_n_demos)
     return z_theta, valid(layouts, z_theta, cfg.users[user])

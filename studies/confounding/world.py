@@ -1,8 +1,8 @@
-"""Layouts of a world in which glasses stand beside plates, so that plates look like a cause that only glasses are.
+"""Layouts of a world in which glasses stand next to plates, so that plates are associated with invalid paths.
 
-In a share `together` of the scenes a common cause decides for plate and glasses: the glasses stand beside the plate, or
-both are missing. In the others plate and glasses are drawn independently. How often a symbol occurs does not depend on
-`together`, which is the strength of the confounding and nothing else.
+In a share `together` of the scenes, a common cause decides on plate and glasses: the glasses stand next to the plate,
+or both are missing. In the other scenes, plate and glasses are drawn independently. The frequency of each symbol does
+not depend on `together`, so this parameter changes only the strength of the confounding.
 """
 
 from dataclasses import dataclass, fields
@@ -25,18 +25,18 @@ from pipeline.world.layout import (
 
 GLASS, PLATE = SYMBOLS.index("glass"), SYMBOLS.index("plate")
 OTHERS = [symbol for symbol in range(len(SYMBOLS)) if symbol not in (GLASS, PLATE)]
-CONFOUNDED, CONTROL = "confounded", "control"  # the world of the results, and the one without a common cause
+CONFOUNDED, CONTROL = "confounded", "control"  # the world of the results, and the world without a common cause
 GAP_TOLERANCE_M = 1e-6
 
 
 @dataclass(frozen=True)
 class Setting:
-    """How plates and glasses are drawn (conf/studies/confounding.yaml)."""
+    """Parameters of plates and glasses (conf/studies/confounding.yaml)."""
 
-    together: float  # chance that a scene's plate and glasses have a common cause
-    present: float  # chance of a plate in a scene, and of glasses
-    glasses: int  # in a scene that has any
-    gap_low: float  # footprint to footprint of a plate and a glass beside it: uniform between these [m]
+    together: float  # probability that a scene's plate and glasses have a common cause
+    present: float  # probability of a plate in a scene, and of glasses
+    glasses: int  # number of glasses in a scene that has any
+    gap_low: float  # gap between the footprints of a plate and a glass next to it: uniform between these [m]
     gap_high: float
 
 
@@ -48,17 +48,17 @@ def confounded_layouts(
     rules: LayoutRules,
     setting: Setting,
 ) -> Layouts:
-    """Draw scenes of items of `pool` (catalogue indices): a plate, glasses, and bowls and cutlery.
+    """Draw scenes with items of `pool` (catalogue rows): a plate, glasses, and bowls and cutlery.
 
-    Plate and glasses count as one item each of the scene's `items_per_scene`. Each scene has its own generator, so that
-    another `together` changes only the scenes that gain or lose the common cause.
+    The plate and all glasses together count as one item each of `items_per_scene`. Each scene has its own generator, so
+    that another `together` changes only the scenes that gain or lose the common cause.
     """
     drawn = [_scene(scene_rng, items, pool, rules, setting) for scene_rng in rng.spawn(scenes)]
     return Layouts(*(np.concatenate([getattr(scene, f.name) for scene in drawn]) for f in fields(Layouts)))
 
 
 def _scene(rng, items: Items, pool: Array, rules: LayoutRules, setting: Setting) -> Layouts:
-    """Draw one scene. Which items occur is drawn before any is placed, whether or not it is needed."""
+    """Draw one scene. All items are drawn before any is placed, even items that turn out not to be needed."""
     together = rng.uniform() < setting.together
     plate, independent_glasses = (bool(rng.uniform() < setting.present) for _ in range(2))
     glasses = plate if together else independent_glasses
@@ -79,10 +79,10 @@ def _scene(rng, items: Items, pool: Array, rules: LayoutRules, setting: Setting)
 
 
 def _beside_first(rng, scene: Layouts, slot: int, rules: LayoutRules, setting: Setting) -> bool:
-    """Move the item in `slot` straight towards or away from the one in slot 0 until their gap is a random one.
+    """Move the item in `slot` along the line to the item in slot 0 until their gap is a random one.
 
-    A step by the gap's excess never overshoots. Return False if the item then violates a clearance or lies outside the
-    range of centres.
+    A step by the excess of the gap never overshoots. Return False if the item then violates a minimum distance or lies
+    outside the range of centres.
     """
     gap = rng.uniform(setting.gap_low, setting.gap_high)
     towards = scene.centre[0, 0] - scene.centre[0, slot]
@@ -96,6 +96,6 @@ def _beside_first(rng, scene: Layouts, slot: int, rules: LayoutRules, setting: S
 
 
 def _gaps(scene: Layouts, slot: int) -> Array:
-    """Return the gap [m] between the footprints of the item in `slot` and of each item before it."""
+    """Return the gap [m] between the footprint of the item in `slot` and that of each item before it."""
     apart = segment_distance(scene.ends[0, slot], scene.ends[0, :slot])
     return apart - scene.radius[0, slot] - scene.radius[0, :slot]

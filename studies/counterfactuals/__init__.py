@@ -1,1 +1,1 @@
-"""Which item does a model hold responsible for a rejected path, and how far would it have to move?"""
+"""Study: which item makes a model reject a path, and how far would it have to move?"""

@@ -1,4 +1,4 @@
-"""Worked examples, chosen by rules that were fixed before any was seen."""
+"""Choose worked examples by rules fixed before the results were seen."""
 
 from collections.abc import Collection, Mapping
 
@@ -14,13 +14,13 @@ from pipeline.world.rules import clearance
 
 
 def choose(truth: Mapping[str, Removals], model: Mapping[str, Removals]) -> dict[str, tuple[int, int]]:
-    """Return scene and path of each kind of example, from answers by user; a kind that nothing fits is left out.
+    """Return scene and path of each kind of example, given removals by user; kinds without a match are left out.
 
-    - disagree: the first two users both reject the path, but not for the same item.
-    - one_accepts: the first user rejects it for a single item, the second accepts it.
-    - model_wrong: the model rejects what is invalid and names another item than the cause.
+    - disagree: the first two users both reject the path, but because of different items.
+    - one_accepts: the first user rejects it because of a single item, the second accepts it.
+    - model_wrong: the model rejects an invalid path but attributes it to another item than the cause.
 
-    Each is the first path of the first scene that no other example has.
+    Each example is the first path of the first scene that no other example uses.
     """
     rejected = np.stack([t.factual == 0 for t in truth.values()])  # (user, scene, path)
     cause = np.stack([attribute(t.necessity) for t in truth.values()])
@@ -36,7 +36,7 @@ def choose(truth: Mapping[str, Removals], model: Mapping[str, Removals]) -> dict
 
 
 def wrong_attributions(truth: Mapping[str, Removals], model: Mapping[str, Removals]) -> dict[str, Array]:
-    """Return by user where a single item is the cause, and the model rejects the path but names another item."""
+    """Return by user the paths with a single true cause that the model rejects but attributes to another item."""
     wrong = {}
     for user, answer in model.items():
         cause = attribute(truth[user].necessity)
@@ -47,7 +47,7 @@ def wrong_attributions(truth: Mapping[str, Removals], model: Mapping[str, Remova
 def disagreements(
     rejected: Bool[Array, "user scene path"], cause: Int[Array, "user scene path"]
 ) -> tuple[Bool[Array, "scene path"], Bool[Array, "scene path"]]:
-    """Return where the first two users reject a path for different reasons, and where only the first rejects it."""
+    """Return the paths that the first two users reject for different reasons, and those that only the first rejects."""
     return (
         rejected[0] & rejected[1] & (cause[0] != cause[1]),
         rejected[0] & (cause[0] != NO_SINGLE_CAUSE) & ~rejected[1],
@@ -55,7 +55,7 @@ def disagreements(
 
 
 def first_path(fitting: Bool[Array, "scene path"], taken: Collection[int]) -> tuple[int, int] | None:
-    """Return the first scene that is not taken, and its first path; None if there is none."""
+    """Return the first scene that is not taken and its first path; None if there is none."""
     scene, path = np.nonzero(fitting)
     free = ~np.isin(scene, list(taken))
     return (int(scene[free][0]), int(path[free][0])) if free.any() else None
@@ -69,10 +69,10 @@ def example_rows(
     user: str,
     answers: Mapping[str, Removals],
 ) -> pd.DataFrame:
-    """Return one row for each variant ("truth" among them) and item, lengths in metres.
+    """Return one row per variant (including "truth") and item; lengths in metres.
 
-    p: P(valid) of the scene as it is; p_empty, p_without, p_alone: in its other versions; attributed: whether this
-    item is the one named.
+    p: P(valid) in the original scene; p_empty, p_without, p_alone: in its other versions; attributed: whether the
+    rejection is attributed to this item.
     """
     scene, path = place
     slots = np.flatnonzero(layouts.present[scene])

@@ -1,4 +1,4 @@
-"""Moving the item that rules a path out: how far until the path becomes valid."""
+"""Move the item that makes a path invalid, and find how far it must move until the path is valid."""
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -9,13 +9,13 @@ from pipeline.world.bezier import P_F, P_INIT, curve
 from pipeline.world.layout import LayoutRules, Layouts, point_segment_distance, segment_distance
 from pipeline.world.rules import SAMPLES
 
-MIN_CASES = 2  # of one user, below which nothing is said of moves
+MIN_CASES = 2  # fewest cases per user for which moves are reported
 
 
 def outward_normal(
     layouts: Layouts, slot: Int[Array, " case"], z_theta: Float[Array, "case 2"]
 ) -> Float[Array, "case 2"]:
-    """Return the unit normal of each path at its point nearest the item in `slot`, on the item's side."""
+    """Return the unit normal of each path at its point nearest to the item in `slot`, on the item's side."""
     points, case = curve(z_theta, SAMPLES), np.arange(len(slot))
     offset = layouts.centre[case, slot][:, None] - points  # (case, sample, 2)
     nearest = case, np.linalg.norm(offset, axis=-1).argmin(-1)
@@ -36,7 +36,7 @@ def translate_item(
 
 
 def has_room(layouts: Layouts, slot: Int[Array, " scene"], rules: LayoutRules) -> Bool[Array, " scene"]:
-    """Return whether the item in `slot` stands where scenes may have one: on the table and clear of all else."""
+    """Return whether the item in `slot` has a position that scenes allow: on the table and clear of other items."""
     index = np.arange(len(slot)), slot
     ends, radius, centre = layouts.ends[index], layouts.radius[index], layouts.centre[index]
     others = layouts.present.copy()
@@ -51,7 +51,7 @@ def has_room(layouts: Layouts, slot: Int[Array, " scene"], rules: LayoutRules) -
 
 
 def crossing(distance: Float[Array, " step"], value: Float[Array, "*b step"], threshold: float) -> Float[Array, "*b"]:
-    """Return the first distance at which `value` exceeds the threshold, linear between steps; NaN if never."""
+    """Return the first distance at which `value` exceeds the threshold, linear between steps; NaN if none does."""
     above = value > threshold
     after = above.argmax(-1)[..., None]
     before = np.maximum(after - 1, 0)
@@ -64,10 +64,11 @@ def crossing(distance: Float[Array, " step"], value: Float[Array, "*b step"], th
 def score_moves(
     model_m: Float[Array, "seed case"], rejected: Bool[Array, "seed case"], true_m: Float[Array, " case"]
 ) -> dict[str, float]:
-    """Return how well the models' least moves [m], NaN if none was found, agree with the true ones.
+    """Return scores of the models' smallest moves [m] (NaN: none found) against the true ones.
 
-    Counted over the cases that a model rejects before the move. found: share that some move makes acceptable. Over
-    those: error_m, the mean absolute error; bias_m, the mean error; constant_error_m, that of the median true move.
+    All scores refer to the cases that a model rejects before the move. found: share for which some move makes the path
+    valid to the model. For these: error_m, mean absolute error; bias_m, mean error; constant_error_m, mean absolute
+    error of the median true move.
     """
     row = {"cases": float(len(true_m)), "rejected": rejected.mean() if rejected.size else np.nan}
     if len(true_m) < MIN_CASES or not rejected.any():

@@ -1,4 +1,4 @@
-"""Parameters of the study (conf/studies/counterfactuals.yaml), and what they must agree with."""
+"""Parameters of the study (conf/studies/counterfactuals.yaml) and their constraints."""
 
 from typing import Annotated
 
@@ -10,7 +10,7 @@ from pipeline.config.values import Count, Group, Several, Whole, expected, need
 
 
 class Settings(Group):
-    """See conf/studies/counterfactuals.yaml for what each value is."""
+    """Parameters of conf/studies/counterfactuals.yaml, which explains each value."""
 
     split: SharedSplit
     scenes: Several
@@ -23,7 +23,7 @@ class Settings(Group):
 
 
 def agree(study: Settings, parameters: parameters_of_all.Settings) -> None:
-    """Require a user with a margin, a known example variant, and no more scenes than there are."""
+    """Require a user with a margin, a known example variant, and enough scenes."""
     name, shared = "studies.counterfactuals", parameters.scenes.shared
     margins = {user: dict(by_symbol) for user, by_symbol in parameters.users.items()}
     cares = any(m is not None for by_symbol in margins.values() for m in by_symbol.values())

@@ -1,7 +1,8 @@
-"""Attribute rejected paths to items, and find how far the item would have to move; by every model, beside the truth.
+"""Stage counterfactuals: attribute rejected paths to items, and find how far each item would have to move.
 
-Models and world are structural causal models that differ in their mechanisms only (pipeline.causal.mechanisms). Each
-question is do(O := o) in a scene whose path, user, table top and render seed are on record.
+Every model's answers are compared with the truth. Models and world are structural causal models that differ only in
+their mechanisms (pipeline.causal.mechanisms). Each question is do(O := o) in a scene whose path, user, table top and
+render seed are recorded.
 """
 
 from collections.abc import Sequence
@@ -39,24 +40,24 @@ from pipeline.world.rules import Margins, clearance, slack
 from studies.counterfactuals.examples import choose, example_rows
 from studies.counterfactuals.moves import crossing, has_room, outward_normal, score_moves, translate_item
 
-FINE_STEPS = 10  # parts of a step between two images, for the true least move
+FINE_STEPS = 10  # subdivisions of a step between two images, for the true smallest move
 
 
 @dataclass(frozen=True)
 class Moves:
-    """One user's causes, each moved away from one path; distance 0 is where the item stands."""
+    """One user's causes, each moved away from one path; distance 0 is the original position."""
 
     scene: np.ndarray  # (case,), as path and slot
     path: np.ndarray
     slot: np.ndarray
     distance: np.ndarray  # (step,) [m]
     layouts: Layouts  # (case * step)
-    true_m: np.ndarray  # (case,) the least move that makes the path valid
+    true_m: np.ndarray  # (case,) the smallest move that makes the path valid
 
 
 @dataclass(frozen=True)
 class Job:
-    """The models of one variant and seed, and the units to ask about, whose images are set."""
+    """The models of one variant and seed, and the units of the question, whose images are set."""
 
     cfg: DictConfig
     variant: str
@@ -74,7 +75,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     layouts, z_theta = noise["O"], noise["Z_theta"]
     world, camera = true_scm(cfg.users), model_scm({}, renderer(Palette(read_catalogue(Path(cfg.paths.data)))))
 
-    # every scene as it is, empty, without each item and with each item alone: do(O := subset of its items)
+    # Each scene unchanged, empty, without each item and with each item alone: do(O := subset of its items).
     subsets = item_subsets(layouts.present)
     units = take(noise, subsets.scene)
     kept = keep(units["O"], subsets.kept)
@@ -118,7 +119,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 
 def read_noise(cfg: DictConfig) -> Values:
-    """Return the noises on record of the first scenes of the split: items, table top, render seed and random paths."""
+    """Return the recorded noises of the split's first scenes: items, table top, render seed and random paths."""
     study, scenes = cfg.studies.counterfactuals, read_scenes(Path(cfg.paths.scenes))
     pool = cfg.protocol.splits[study.split]
     scenes.check_has(pool)
@@ -152,7 +153,7 @@ def ask_models(
 
 
 def answer(job: Job) -> np.ndarray:
-    """Return the expectation of V by the models of one variant and seed: (user, unit, path)."""
+    """Return E[V] by the models of one variant and seed: (user, unit, path)."""
     cfg = job.cfg
     models = {user: load_model(cfg, job.variant, user, job.seed, cfg.main_n_demos) for user in job.users}
     acted = model_scm(models, no_image).do(I=job.images)
@@ -160,14 +161,14 @@ def answer(job: Job) -> np.ndarray:
 
 
 def no_image(*_: object) -> np.ndarray:
-    """Raise, as the mechanism of images that every job sets."""
+    """Raise AssertionError: the mechanism of images, which every job replaces."""
     raise AssertionError("every job sets the image")
 
 
 def attribution_rows(
     cfg: DictConfig, names: dict[str, str], answer: Removals, truth: Removals, layouts: Layouts
 ) -> pd.DataFrame:
-    """Return a row for each seed and truly invalid path: the item named, and the true cause; slots are -1 for none."""
+    """Return one row per seed and truly invalid path: attributed item and true cause; slot -1 means none."""
     scene, path = np.nonzero(truth.factual == 0)
     seeds = len(cfg.protocol.seeds)
     cause = attribute(truth.necessity)[scene, path]
@@ -188,10 +189,10 @@ def attribution_rows(
 
 
 def choose_moves(cfg: DictConfig, noise: Values, cause: np.ndarray, margins: Margins) -> Moves:
-    """Choose in each of the first scenes the first invalid path that moving its single cause makes valid.
+    """Choose, in each of the first scenes, the first invalid path that becomes valid by moving its single cause.
 
-    The item moves away from the path along its normal. Everywhere on the way it must stand where scenes may have an
-    item, and before the end the path must become valid.
+    The item moves away from the path along its normal. It must have an allowed position at every step, and the path
+    must become valid before the end of the move.
     """
     study = cfg.studies.counterfactuals
     scene, path = np.nonzero(cause != NO_SINGLE_CAUSE)
@@ -217,12 +218,12 @@ def choose_moves(cfg: DictConfig, noise: Values, cause: np.ndarray, margins: Mar
 def find_least_moves(
     cfg: DictConfig, noise: Values, camera: SCM, user: str, moves: Moves, answers: dict[str, Removals]
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Return by variant (seed, case): the least move [m] that the model accepts, and whether it rejects at 0."""
+    """Return by variant (seed, case): the smallest move [m] that the model accepts, and whether it rejects at 0."""
     if len(moves.scene) == 0:
         none = np.empty((len(cfg.protocol.seeds), 0))
         return dict.fromkeys(answers, (none, none.astype(bool)))
     index = np.arange(len(moves.layouts))
-    index = index[index % len(moves.distance) > 0]  # all but the scenes as they are
+    index = index[index % len(moves.distance) > 0]  # all but the original scenes
     case = index // len(moves.distance)
     units = take(noise, moves.scene[case])
     units["Z_theta"] = noise["Z_theta"][moves.scene[case], moves.path[case]][:, None]
@@ -239,7 +240,7 @@ def find_least_moves(
 def move_rows(
     cfg: DictConfig, names: dict[str, str], moves: Moves, model_m: np.ndarray, rejected: np.ndarray
 ) -> pd.DataFrame:
-    """Return a row for each seed and case; lengths in metres, model_m NaN if no move is accepted."""
+    """Return one row per seed and case; lengths in metres, model_m NaN if no move is accepted."""
     seed, case = (i.ravel() for i in np.indices(model_m.shape))
     first_step = moves.layouts.symbol[:: len(moves.distance)]
     columns = {

@@ -1,1 +1,1 @@
-"""How far does each user want paths to stay from each symbol, by every model and in truth?"""
+"""Study: how far away does each user want paths to stay from each symbol, by every model and in truth?"""

@@ -1,11 +1,11 @@
-"""Parameters of the study (conf/studies/envelope.yaml), and what they must agree with."""
+"""Parameters of the study (conf/studies/envelope.yaml) and their constraints."""
 
 from pipeline.config import settings as parameters_of_all
 from pipeline.config.values import Count, Group, Length, Several, Whole, need
 
 
 class Settings(Group):
-    """See conf/studies/envelope.yaml for what each value is."""
+    """Parameters of conf/studies/envelope.yaml, which explains each value."""
 
     planner: str
     step: Length
@@ -18,7 +18,7 @@ class Settings(Group):
 
 
 def agree(study: Settings, parameters: parameters_of_all.Settings) -> None:
-    """Require a known planner, and paths farther from other items than any user asks."""
+    """Require a known planner, and a distance to other items beyond every user's margin."""
     name = "studies.envelope"
     known = f"one of {', '.join(parameters.variants)}"
     need(study.planner in parameters.variants, f"{name}.planner", study.planner, known)

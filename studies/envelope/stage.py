@@ -1,4 +1,7 @@
-"""Measure the safety distance that each user keeps from each symbol: by every model, beside the true margins."""
+"""Stage envelope: estimate the distance that each user keeps from each symbol, by every model.
+
+The estimates are compared with the true margins.
+"""
 
 from dataclasses import dataclass
 from itertools import product
@@ -23,7 +26,7 @@ from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import SYMBOLS, Layouts
 from pipeline.world.rules import clearance, slack, valid
 
-MAX_ROOM_M = 1.0  # room beyond this counts as this; it is infinite where a user keeps away from nothing
+MAX_ROOM_M = 1.0  # upper limit on room, which is infinite for users without a margin
 HEADER = """\
 # Safety envelopes that model `{variant}` learned from labelled demonstrations: user -> symbol. Lengths in metres.
 # keep_clear_m: distance that a path of this user should keep from the item's outline (the interval's upper end).
@@ -36,13 +39,13 @@ HEADER = """\
 
 @dataclass(frozen=True)
 class Scenes:
-    """The scenes as they are and with each symbol added, and random paths in them."""
+    """The scenes without and with each added symbol, and random paths in them."""
 
     images: np.ndarray  # uint8 (scene, 100, 100, 3)
     layouts: Layouts
     added: AddedItems
     z_theta: np.ndarray  # (scene, candidate, 2) [m]
-    trained: list[int]  # by symbol: items that the training scenes of all seeds together hold
+    trained: list[int]  # number of items of each symbol in the training scenes of all seeds
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
@@ -50,7 +53,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     check_weights(cfg)
     study, users, scenes = cfg.studies.envelope, list(cfg.users), read_inputs(cfg)
 
-    # the same paths at each dose, in the scenes as they are and with the item
+    # the same paths at each dose, in the scenes without and with the item
     doses = dose_grid(study.step, study.doses)
     chosen = choose_paths(cfg, scenes, doses)  # (symbol, scene, dose, path), -1: none
     flat = chosen.reshape(*chosen.shape[:2], -1)
@@ -84,7 +87,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 
 def read_inputs(cfg: DictConfig) -> Scenes:
-    """Read the scenes with and without added items, and draw the candidate paths."""
+    """Read the scenes without and with added items, and draw the candidate paths."""
     study, scenes, pool = (
         cfg.studies.envelope,
         read_scenes(Path(cfg.paths.scenes)),
@@ -105,16 +108,16 @@ def read_inputs(cfg: DictConfig) -> Scenes:
 
 
 def choose_paths(cfg: DictConfig, scenes: Scenes, doses: np.ndarray) -> np.ndarray:
-    """Return the candidates at each dose, (symbol, scene, dose, path); -1 where a scene lacks the dose.
+    """Return the candidates at each dose, (symbol, scene, dose, path); -1 if a scene lacks the dose.
 
-    InputError if a dose was met with fewer than two items of a symbol.
+    InputError if a dose occurs with fewer than two items of a symbol.
     """
     study = cfg.studies.envelope
     to_others = scene_clearance(scenes.layouts, scenes.z_theta).min(-1)
     to_added = [scene_clearance(item, scenes.z_theta)[..., 0] for item in scenes.added.placed]
     chosen = np.stack([paths_at_doses(c, to_others, doses, study.clear_of_others, study.paths) for c in to_added])
     for symbol, item, has_dose in zip(SYMBOLS, scenes.added.item, chosen[..., 0] >= 0, strict=True):
-        items = np.array([len(np.unique(item[scene])) for scene in has_dose.T])  # by dose
+        items = np.array([len(np.unique(item[scene])) for scene in has_dose.T])  # number of items by dose
         if items.min() < 2:
             raise InputError(
                 f"{items.min()} items have {study.paths} paths {doses[items.argmin()]:.4f} m from an added {symbol} "
@@ -125,7 +128,7 @@ def choose_paths(cfg: DictConfig, scenes: Scenes, doses: np.ndarray) -> np.ndarr
 
 
 def scene_clearance(layouts: Layouts, z_theta: np.ndarray) -> np.ndarray:
-    """Return the clearances [m] (scene, path, slot), one scene at a time to bound the memory."""
+    """Return the clearances [m] (scene, path, slot), one scene at a time to limit memory."""
     return np.concatenate([clearance(layouts[[i]], z_theta[[i]]) for i in range(len(layouts))])
 
 
@@ -139,7 +142,7 @@ def ask_truth(cfg: DictConfig, scenes: Scenes, z_theta: np.ndarray, chosen: np.n
 def ask_models(cfg: DictConfig, scenes: Scenes, z_theta: np.ndarray, chosen: np.ndarray) -> dict[str, np.ndarray]:
     """Return each variant's response, (user, symbol, seed, scene, dose).
 
-    A scene as it is is shown once, with the paths of all symbols.
+    Each original scene is perceived once, with the paths of all symbols.
     """
     users = list(cfg.users)
     has_dose = np.nonzero(chosen[:, :, 0, 0] >= 0)  # symbols and scenes with a path in contact, hence with any
@@ -156,16 +159,16 @@ def ask_models(cfg: DictConfig, scenes: Scenes, z_theta: np.ndarray, chosen: np.
 
 
 def mean_loss(before: np.ndarray, after: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """Return how much P(valid) falls on average over the paths at each dose: (..., symbol, scene, dose)."""
+    """Return the mean decrease of P(valid) over the paths at each dose: (..., symbol, scene, dose)."""
     loss = (before - after).reshape(*before.shape[:-1], *chosen.shape[2:]).mean(-1, dtype=np.float64)
     return np.where(chosen[..., 0] >= 0, loss, np.nan)
 
 
 def check_plans(cfg: DictConfig, scenes: Scenes, learned: pd.DataFrame) -> pd.DataFrame:
-    """Move paths just far enough to keep the learned distances, and judge them by the truth: a row a user.
+    """Return how valid paths are after moving just far enough to keep the learned distances, one row per user.
 
-    plans: how many paths had to move, and could; valid: the share that is truly valid; shortfall_m: what 99 % of
-    them lack at most [m]. Users with an envelope only.
+    plans: number of paths that had to move and could; valid: share that is truly valid; shortfall_m: 99th percentile of
+    the distance [m] that they miss. Only users with an envelope.
     """
     starts, rows = scenes.z_theta[:, : cfg.studies.envelope.starts], []
     for user, table in learned.groupby("user", sort=False):
@@ -183,7 +186,7 @@ def check_plans(cfg: DictConfig, scenes: Scenes, learned: pd.DataFrame) -> pd.Da
 
 
 def write_specification(path: Path, variant: str, learned: pd.DataFrame, planning: pd.DataFrame) -> None:
-    """Write the planner's envelopes for a reader of YAML, with a header that says what they are worth."""
+    """Write the planner's envelopes as YAML, with a header on their accuracy."""
     content: dict[str, dict] = {}
     for row in learned.to_dict("records"):
         lengths = {

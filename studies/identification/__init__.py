@@ -1,1 +1,1 @@
-"""Which known user showed these labelled paths in a new scene, and was it a known one at all?"""
+"""Study: which known user demonstrated these labelled paths in a new scene, and was it a known user at all?"""

@@ -1,4 +1,4 @@
-"""Parameters of the study (conf/studies/identification.yaml), and what they must agree with."""
+"""Parameters of the study (conf/studies/identification.yaml) and their constraints."""
 
 from typing import Annotated
 
@@ -11,13 +11,13 @@ from pipeline.world.symbols import SYMBOLS
 
 
 def every_symbol(margins: dict[str, float | None]) -> dict[str, float | None]:
-    """Return a margin for every symbol: null for those that are not named."""
+    """Return a margin for every symbol; null for symbols that are not named."""
     need_some("stranger", margins, SYMBOLS)
     return {symbol: margins.get(symbol) for symbol in SYMBOLS}
 
 
 class Settings(Group):
-    """See conf/studies/identification.yaml for what each value is."""
+    """Parameters of conf/studies/identification.yaml, which explains each value."""
 
     split: SharedSplit
     paths: Count
@@ -29,7 +29,7 @@ class Settings(Group):
 
 
 def agree(study: Settings, parameters: parameters_of_all.Settings) -> None:
-    """Require several users, a stranger who is none of them, and to report only after paths that are shown."""
+    """Require several users, a stranger that differs from all of them, and reported numbers of paths up to `paths`."""
     name, users = "studies.identification", parameters.users
     need(len(users) > 1, "users", list(users), "at least two, to tell one from the other")
     new = study.stranger not in users.values()

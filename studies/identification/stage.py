@@ -1,4 +1,7 @@
-"""Identify the user behind labelled paths in new scenes: by every variant, the ideal observer and a baseline."""
+"""Stage identification: identify the user behind labelled paths in new scenes.
+
+Every variant is compared with the ideal observer and with an image-blind baseline.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,13 +24,13 @@ from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import SYMBOLS
 from pipeline.world.rules import valid
 
-CERTAIN_FLOOR = 1e-6  # distance from 0 and 1 of probabilities that were given, not learned
-IDEAL, ALL, STRANGER = "ideal", "all", "stranger"  # variant, and users, in the tables
+CERTAIN_FLOOR = 1e-6  # clipping of probabilities that are known, not learned
+IDEAL, ALL, STRANGER = "ideal", "all", "stranger"  # names of the variant and of the users in the tables
 
 
 @dataclass(frozen=True)
 class Demonstrations:
-    """Labelled paths in every scene, the same for all: by each user, and by the stranger."""
+    """Labelled paths in every scene, the same for all users and models: labels by each user, and by the stranger."""
 
     images: np.ndarray  # uint8 (scene, 100, 100, 3)
     z_theta: np.ndarray  # (scene, draw * path, 2) [m]
@@ -40,13 +43,13 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     check_weights(cfg)
     study, users, shown = cfg.studies.identification, list(cfg.users), draw_demonstrations(cfg)
 
-    # P(valid) of every path by every observer of every user: (user, seed, scene, draw, path)
+    # P(valid) of every path by each variant's model of each user: (user, seed, scene, draw, path)
     predictions = predict_all(cfg, users, shown.images, shown.z_theta, "identification")
     observers = {variant: by_draw(cfg, p) for variant, p in predictions.items()}
     observers[baselines.POSITION] = by_draw(cfg, position_only(cfg, shown.z_theta))
     observers[IDEAL] = shown.valid[:, None].astype(float)
-    n_labels = cfg.scenes.per_seed * cfg.main_n_demos  # that a model learned from
-    learned_floor = 1 / (n_labels + 2)  # Laplace: n labels allow no more certainty than (n + 1) / (n + 2)
+    n_labels = cfg.scenes.per_seed * cfg.main_n_demos  # number of labels that a model was fitted to
+    learned_floor = 1 / (n_labels + 2)  # Laplace: n labels support no more certainty than (n + 1) / (n + 2)
 
     distinct = all_distinct(shown.valid)
     stranger_distinct = distinct_from(shown.valid_to_stranger, shown.valid)
@@ -90,7 +93,7 @@ def draw_demonstrations(cfg: DictConfig) -> Demonstrations:
 
 
 def by_draw(cfg: DictConfig, values: np.ndarray) -> np.ndarray:
-    """Return (..., draw * path) as (..., draw, path)."""
+    """Return values (..., draw * path) as (..., draw, path)."""
     study = cfg.studies.identification
     return values.reshape(*values.shape[:-1], study.draws, study.paths)
 
@@ -104,9 +107,9 @@ def position_only(cfg: DictConfig, z_theta: np.ndarray) -> np.ndarray:
 
 
 def rate(values: np.ndarray, prefix: str = "", scenes: np.ndarray | None = None) -> dict[str, np.ndarray]:
-    """Return the mean over seeds and the chosen scenes of (path, seed, scene), and its 95 % interval within [0, 1].
+    """Return the mean of (path, seed, scene) over seeds and the chosen scenes, and its 95 % interval within [0, 1].
 
-    NaN below two scenes.
+    NaN for fewer than two scenes.
     """
     chosen = values if scenes is None else values[..., scenes]
     if chosen.shape[-1] < 2:
@@ -118,7 +121,7 @@ def rate(values: np.ndarray, prefix: str = "", scenes: np.ndarray | None = None)
 
 
 def by_path(variant: str, user: str, name: str, columns: Mapping[str, np.ndarray]) -> pd.DataFrame:
-    """Return a row for each number k of paths shown; what `rate` calls a rate is called `name`."""
+    """Return one row per number k of paths; the columns of `rate` are renamed with `name`."""
     table = pd.DataFrame(dict(columns)).rename(columns={"rate": name, "distinct_rate": f"distinct_{name}"})
     table.insert(0, "variant", variant)
     table.insert(1, "user", user)

@@ -1,4 +1,4 @@
-"""Settings of the refutation study (conf/studies/refutation.yaml)."""
+"""Parameters of the refutation study (conf/studies/refutation.yaml) and their constraints."""
 
 from typing import Annotated
 
@@ -10,7 +10,7 @@ from pipeline.world.layout import SIDE
 
 
 class Settings(Group):
-    """What conf/studies/refutation.yaml may hold."""
+    """Parameters of conf/studies/refutation.yaml."""
 
     root_seed: Whole
     scenes: Annotated[int, Field(ge=4), expected("a whole number from 4: data_subset halves the scenes")]
@@ -22,7 +22,7 @@ class Settings(Group):
 
 
 def agree(study: Settings, parameters: Parameters) -> None:
-    """Check that far is beyond every margin, that pieces tile an image, and that one item is added to a scene."""
+    """Require `far_m` beyond every margin, pieces that tile an image, and one placement per scene."""
     variants = parameters.variants
     known = set(study.dummy_outcome) <= set(variants)
     some = f"some of {', '.join(variants)}"

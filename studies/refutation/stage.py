@@ -1,4 +1,4 @@
-"""Stage refutation: ask the models questions whose true answer is known, and judge the answers as intervene does."""
+"""Stage refutation: ask models questions with a known true answer, and judge the answers as stage intervene does."""
 
 from pathlib import Path
 
@@ -25,9 +25,9 @@ from pipeline.world.layout import SYMBOLS
 from pipeline.world.render import Palette, render_scenes
 from pipeline.world.rules import clearance
 
-Images = UInt8[Array, "version scene 100 100 3"]  # version 0 is the scene as it is, 1 + k has symbol k added
+Images = UInt8[Array, "version scene 100 100 3"]  # version 0 is the original scene, 1 + k has symbol k added
 Effects = Float[Array, "question seed scene"]
-NEGLIGIBLE = "negligible"  # the expected verdict of every refuter but data_subset
+NEGLIGIBLE = "negligible"  # expected verdict of every refuter except data_subset
 COLUMNS = ["refuter", "setting", "variant", "user", "symbol", "effect", "ci_low", "ci_high", "p_holm", "verdict",
            "expected", "passed", "agreement", "item_effect", "note"]  # fmt: skip
 
@@ -50,7 +50,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
             "each added item; lower it"
         )
 
-    # Each image set is asked about once; a refuter compares versions of one or two of them.
+    # Each set of images is predicted once; a refuter compares versions of one or two sets.
     patches = {piece: placebo_images(cfg, images, piece) for piece in study.pieces}
     elsewhere = render_elsewhere(cfg, scenes, pool, added)
     image_sets = np.stack([images, *patches.values(), *elsewhere.values()])  # (set, version, scene, ...)
@@ -113,7 +113,7 @@ def render_elsewhere(cfg: DictConfig, scenes: SceneSet, pool: str, added: AddedI
 def refit_on_permuted_labels(
     cfg: DictConfig, scenes: SceneSet, users: list[str], images: Images, z_theta: Float[Array, "scene path 2"]
 ) -> dict[str, Effects]:
-    """Fit variants to demonstrations whose labels are permuted; return variant -> effects of the added items."""
+    """Fit variants to demonstrations with permuted labels; return variant -> effects of the added items."""
     study, seeds, demos = cfg.studies.refutation, list(cfg.protocol.seeds), read_demos(Path(cfg.paths.demos))
     training_sets = []
     for user in users:
@@ -133,8 +133,8 @@ def summary_rows(
 ) -> pd.DataFrame:
     """Return COLUMNS of every question.
 
-    passed: the verdict is the expected one, so an undecided one does not pass; item_effect: the effect of the item
-    itself in the same scenes.
+    passed: the verdict is the expected one, so "undecided" does not pass; item_effect: the effect of the unaltered item
+    in the same scenes.
     """
     tuned = (refuter, setting) == (refuters.PLACEBO_TREATMENT, f"piece={refuters.TUNED_PIECE_PX}")
     table = pd.concat([questions(users), judged], axis=1).assign(
@@ -151,7 +151,7 @@ def summary_rows(
 def effect_rows(
     users: list[str], seeds: list[int], refuter: str, setting: str, variant: str, effects: Effects
 ) -> pd.DataFrame:
-    """Return one row a question, seed and scene (numbered among those asked about)."""
+    """Return one row per question, seed and scene (numbered among the scenes of the question)."""
     index = pd.MultiIndex.from_product(
         [users, SYMBOLS, seeds, range(effects.shape[-1])], names=["user", "symbol", "seed", "scene"]
     )

@@ -1,1 +1,1 @@
-"""Study: how well models judge paths where images, scenes or labels are worse than in training."""
+"""Study: accuracy of models when images, scenes or labels are worse than in training."""

@@ -1,7 +1,7 @@
 """Corruptions of images, scenes and labels.
 
-With the same generator a stronger corruption only deepens a weaker one: the shadow falls on the same side, the arm
-reaches further in at the same place, the weaker clutter and the weaker label errors are part of the stronger ones.
+With the same generator, a stronger corruption extends a weaker one: the shadow falls on the same side, the arm reaches
+further at the same place, and added items and label errors include the weaker ones.
 """
 
 from collections.abc import Callable
@@ -15,13 +15,13 @@ from numpy import ndarray as Array
 from pipeline.world.layout import SIDE, SYMBOLS, Items, LayoutRules, Layouts, add_item, empty
 
 Images = UInt8[Array, "scene 100 100 3"]
-ARM_RADIUS_PX = 4  # an arm is 8 cm thick; a pixel is 1 cm
-PIXEL_CENTRES = (np.arange(SIDE) + 0.5) / SIDE  # of rows and columns [m]
-WARM_LIGHT = np.array([0.0, 0.5, 1.0])  # share of the loss that red, green and blue take
+ARM_RADIUS_PX = 4  # an arm is 8 cm wide; a pixel is 1 cm
+PIXEL_CENTRES = (np.arange(SIDE) + 0.5) / SIDE  # centres of rows and columns [m]
+WARM_LIGHT = np.array([0.0, 0.5, 1.0])  # share of the loss in red, green and blue
 
 
 def shade(rng: np.random.Generator, images: Images, loss: float) -> Images:
-    """Darken the table linearly from one side to the other, by the share `loss` at the far end.
+    """Return the images darkened linearly across the table, by the share `loss` at the far end.
 
     Each image has a random direction.
     """
@@ -33,23 +33,23 @@ def shade(rng: np.random.Generator, images: Images, loss: float) -> Images:
 
 
 def tint(rng: np.random.Generator, images: Images, loss: float) -> Images:
-    """Warm the light: remove the share `loss` of the blue, and half as much of the green."""
+    """Return the images under warmer light: without the share `loss` of the blue and half as much of the green."""
     return _to_uint8(images / 255 * (1 - loss * WARM_LIGHT))
 
 
 def blur(rng: np.random.Generator, images: Images, sigma_px: float) -> Images:
-    """Blur with a Gaussian of this standard deviation [px]."""
+    """Return the images blurred by a Gaussian of this standard deviation [px]."""
     unit = (images / 255).astype(np.float32)
     return _to_uint8(np.stack([cv2.GaussianBlur(x, (0, 0), sigma_px, borderType=cv2.BORDER_REPLICATE) for x in unit]))
 
 
 def noise(rng: np.random.Generator, images: Images, sigma: float) -> Images:
-    """Add normal noise of this standard deviation [1 = white] to every pixel and channel."""
+    """Return the images with normal noise of this standard deviation [1 = white] on every pixel and channel."""
     return _to_uint8(images / 255 + sigma * rng.standard_normal(images.shape))
 
 
 def arm(rng: np.random.Generator, images: Images, reach_m: float) -> Images:
-    """Draw a grey arm with a round end, straight in from a random edge up to `reach_m` [m]."""
+    """Return the images with a grey arm with a round end, reaching straight in from a random edge by `reach_m` [m]."""
     corrupted = images.copy()
     for image in corrupted:
         edge, column, grey = int(rng.integers(4)), round(SIDE * rng.uniform(0.15, 0.85)), rng.uniform(0.2, 0.8)
@@ -72,9 +72,9 @@ def _to_uint8(images: Float[Array, "*shape"]) -> UInt8[Array, "*shape"]:
 def add_clutter(
     rng: np.random.Generator, layouts: Layouts, count: int, items: Items, pool: Int[Array, " pool"], rules: LayoutRules
 ) -> Layouts:
-    """Return the scenes with `count` more items of `pool` (catalogue indices), of random symbols.
+    """Return the scenes with `count` additional items of `pool` (catalogue rows), of random symbols.
 
-    They keep the clearances of `rules`. Raises InputError if a scene has no room for them.
+    Items keep the minimum distances of `rules`. Raises InputError if a scene has no room for them.
     """
     free = empty(len(layouts), count)
     padded = Layouts(*(np.concatenate([getattr(x, f.name) for x in (layouts, free)], axis=1) for f in fields(Layouts)))
@@ -88,7 +88,7 @@ def add_clutter(
 
 
 def flip_labels(rng: np.random.Generator, valid: Bool[Array, "scene n"], share: float) -> Bool[Array, "scene n"]:
-    """Flip this share of the labels at random, rounded to a whole number of labels."""
+    """Return the labels with this share flipped at random, rounded to a whole number of labels."""
     flipped = np.zeros(valid.size, dtype=bool)
     flipped[rng.permutation(valid.size)[: round(share * valid.size)]] = True
     return valid ^ flipped.reshape(valid.shape)

@@ -1,4 +1,4 @@
-"""Settings of the robustness study (conf/studies/robustness.yaml)."""
+"""Parameters of the robustness study (conf/studies/robustness.yaml) and their constraints."""
 
 from typing import Annotated, Literal
 
@@ -13,7 +13,7 @@ SharedSplit = Annotated[
 
 
 class Corruptions(Group):
-    """Strengths of each corruption of images, the weakest first; those left out are not studied."""
+    """Strengths of each corruption of images, weakest first; omitted corruptions are not studied."""
 
     shade: Shares | None = None
     tint: Shares | None = None
@@ -23,7 +23,7 @@ class Corruptions(Group):
 
 
 class Settings(Group):
-    """What conf/studies/robustness.yaml may hold."""
+    """Parameters of conf/studies/robustness.yaml."""
 
     root_seed: Whole
     split: SharedSplit
@@ -35,7 +35,7 @@ class Settings(Group):
 
 
 def agree(study: Settings, parameters: Parameters) -> None:
-    """Check that the split has enough scenes, and that the variants to be refitted exist."""
+    """Require enough scenes in the split, and known variants for refitting."""
     shared, variants = parameters.scenes.shared, parameters.variants
     need(study.scenes <= shared, "studies.robustness.scenes", study.scenes, f"at most scenes.shared = {shared}")
     known = bool(study.mislabelled) and set(study.mislabelled) <= set(variants)

@@ -1,4 +1,4 @@
-"""Stage robustness: how well models judge paths where images, scenes or labels are worse than in training."""
+"""Stage robustness: measure accuracy when images, scenes or labels are worse than in training."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -33,16 +33,16 @@ Predictions = dict[str, Float[Array, "user seed scene path"]]  # variant -> P(va
 
 @dataclass(frozen=True)
 class Condition:
-    """The same scenes, corrupted in one way to one strength."""
+    """The same scenes under one corruption of one strength."""
 
     corruption: str  # "none", one of CORRUPTIONS, "texture", "clutter" or "mislabelled"
-    strength: float | int | str  # a texture has its name; the units are in conf/
+    strength: float | int | str  # the name for a texture; conf/ states the units of the others
     images: UInt8[Array, "scene 100 100 3"]
     valid: Bool[Array, "user scene path"]
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """Write accuracy.parquet, summary.csv, and examples.npz: the first scene under each corruption at its strongest."""
+    """Write accuracy.parquet, summary.csv, and examples.npz: the first scene under each corruption at full strength."""
     check_weights(cfg)
     users, seeds = list(cfg.evaluate.users), list(cfg.protocol.seeds)
     scenes, catalogue = read_scenes(Path(cfg.paths.scenes)), read_catalogue(Path(cfg.paths.data))
@@ -71,7 +71,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 def draw_conditions(
     cfg: DictConfig, scenes: SceneSet, catalogue: Catalogue
 ) -> tuple[list[Condition], Float[Array, "scene path 2"]]:
-    """Return the scenes uncorrupted and under every corruption, the weakest first, and the paths [m] of all of them.
+    """Return the scenes without and with every corruption, weakest first, and their common paths [m].
 
     Raises InputError if the split lacks scenes or queries, or the catalogue a texture.
     """
@@ -133,7 +133,7 @@ def predict_in_conditions(
 def predict_after_label_noise(
     cfg: DictConfig, scenes: SceneSet, uncorrupted: Condition, z_theta: Float[Array, "scene path 2"]
 ) -> list[tuple[Condition, Predictions]]:
-    """Return P(valid) in the uncorrupted scenes of models fitted to partly flipped labels, share by share."""
+    """Return P(valid) in the uncorrupted scenes of models fitted to partly flipped labels, by flipped share."""
     users, seeds, demos = list(cfg.evaluate.users), list(cfg.protocol.seeds), read_demos(Path(cfg.paths.demos))
     study = cfg.studies.robustness
 

@@ -1,1 +1,1 @@
-"""Study: users whose rules belong to another family than keeping a margin."""
+"""Study: users whose rules belong to another family than fixed margins."""

@@ -1,6 +1,6 @@
-"""Rule families: when a path that comes closer to an item than the user's margin is invalid.
+"""Rule families: whether a path is invalid that comes closer to an item than the user's margin.
 
-Every family keeps the margins of conf/users.yaml and forgives some of the paths that break them. So a path that keeps
+Every family uses the margins of conf/users.yaml and permits some of the paths that violate them. A path that keeps
 every margin is valid in every family.
 """
 
@@ -19,12 +19,12 @@ Rule = Callable[[Layouts, Paths, Margins, float], Bool[Array, "scene path"]]  # 
 
 
 def margin(layouts: Layouts, z_theta: Paths, margins: Margins, reduction_m: float) -> Bool[Array, "scene path"]:
-    """Return whether each path keeps the user's margins, each narrower by `reduction_m` [m]."""
+    """Return whether each path keeps the user's margins, each reduced by `reduction_m` [m]."""
     return valid(layouts, z_theta, {s: None if m is None else m - reduction_m for s, m in margins.items()})
 
 
 def dwell(layouts: Layouts, z_theta: Paths, margins: Margins, share: float) -> Bool[Array, "scene path"]:
-    """Return whether each path is within a margin for at most this share of its way."""
+    """Return whether each path is within a margin for at most this share of its length."""
     inside = np.zeros((*z_theta.shape[:2], SAMPLES), bool)
     for _, scenes, slack in _slack_by_slot(layouts, z_theta, margins):
         inside[scenes] |= slack < 0
@@ -34,7 +34,8 @@ def dwell(layouts: Layouts, z_theta: Paths, margins: Margins, share: float) -> B
 def side(layouts: Layouts, z_theta: Paths, margins: Margins, aside_m: float) -> Bool[Array, "scene path"]:
     """Return whether each path keeps the margins of the items it passes on its right.
 
-    An item is on the right if its centre is at least `aside_m` [m] right of the path's tangent where it is closest.
+    An item is on the right if its centre is at least `aside_m` [m] to the right of the path's tangent at the nearest
+    point.
     """
     t, z, points = np.linspace(0.0, 1.0, SAMPLES)[:, None], z_theta[:, :, None], curve(z_theta, SAMPLES)
     tangent = (1 - t) * (z - P_INIT) + t * (P_F - z)  # (scene, path, point, 2)
@@ -64,14 +65,14 @@ def proximity(layouts: Layouts, z_theta: Paths, margins: Margins, within_m: floa
     return ~broken
 
 
-OWN_FAMILY = "margin"  # of conf/users.yaml; the others are compared with it
+OWN_FAMILY = "margin"  # family of conf/users.yaml, with which the others are compared
 FAMILIES: dict[str, Rule] = {f.__name__: f for f in (margin, dwell, side, proximity)}
 
 
 def _slack_by_slot(
     layouts: Layouts, z_theta: Paths, margins: Margins
 ) -> Iterator[tuple[int, Int[Array, " chosen"], Float[Array, "chosen path point"]]]:
-    """Yield each slot, the scenes where its item has a margin, and how far [m] each path point there is outside it."""
+    """Yield each slot, the scenes in which its item has a margin, and each path point's slack [m] there."""
     by_symbol = np.array([np.nan if margins[s] is None else margins[s] for s in SYMBOLS] + [np.nan])
     for slot in range(layouts.symbol.shape[1]):
         margin_m = by_symbol[layouts.symbol[:, slot]]

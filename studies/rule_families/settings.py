@@ -1,4 +1,4 @@
-"""Settings of the rule families study (conf/studies/rule_families.yaml)."""
+"""Parameters of the rule families study (conf/studies/rule_families.yaml) and their constraints."""
 
 from typing import Literal
 
@@ -12,7 +12,7 @@ class Averaged(Schedule):
 
 
 class Settings(Group):
-    """What conf/studies/rule_families.yaml may hold."""
+    """Parameters of conf/studies/rule_families.yaml."""
 
     scenes: Several
     families: dict[Literal["margin", "dwell", "side", "proximity"], Distance]
@@ -21,7 +21,7 @@ class Settings(Group):
 
 
 def agree(study: Settings, parameters: Parameters) -> None:
-    """Check that the users' own family is among the others and that the variants exist."""
+    """Require the users' own family among the families, and known variants."""
     families, own = list(study.families), "margin"
     need(
         own in families, "studies.rule_families.families", families, f"{own} among them: the others are compared to it"

@@ -1,6 +1,6 @@
-"""Stage rule_families: models fitted to users whose rules belong to another family, judged by that family.
+"""Stage rule_families: fit models to users whose rules belong to another family, and evaluate them by that family.
 
-Beside the variants we fit Bayesian model averaging over rule families, weighted by BIC
+In addition to the variants we fit Bayesian model averaging over rule families, weighted by BIC
 (pipeline.models.clearance.rule_averaging).
 """
 
@@ -44,11 +44,11 @@ FITTED_FAMILIES = [*FAMILIES_OF_MODEL, "constant"]  # in the order of its poster
 
 
 class Fitted(NamedTuple):
-    """Answers of one model after its fit."""
+    """Predictions of one fitted model."""
 
     p: Float[Array, "image path"]
     training_accuracy: float
-    posterior: Float[Array, " fitted_family"] | None = None  # only of AVERAGED
+    posterior: Float[Array, " fitted_family"] | None = None  # only for AVERAGED
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
@@ -59,7 +59,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     added = read_interventions(Path(cfg.paths.intervene), scenes.layouts[pool])
     first = slice(study.scenes)
     z_theta = read_arrays(Path(cfg.paths.intervene) / "images.npz")["z_theta"][first]
-    layouts = [x[first] for x in (scenes.layouts[pool], *added.layouts)]  # by version: as it is, each symbol added
+    layouts = [x[first] for x in (scenes.layouts[pool], *added.layouts)]  # by version: original, each symbol added
     images = np.concatenate([scenes.images[pool][None, first], added.images[:, first]])  # (version, scene, ...)
 
     fitted = fit_all(cfg, scenes, images, z_theta)
@@ -101,7 +101,7 @@ def is_valid(
 
 
 def draw_training_sets(cfg: DictConfig, scenes: SceneSet) -> dict[str, list[TrainingSet]]:
-    """Return the demonstrations of every user and seed, labelled anew by each family."""
+    """Return the demonstrations of every user and seed, relabelled by each family."""
     demos, by_family = read_demos(Path(cfg.paths.demos)), {}
     for family in cfg.studies.rule_families.families:
         by_family[family] = []
@@ -119,7 +119,7 @@ def fit_all(
     images: UInt8[Array, "version scene 100 100 3"],
     z_theta: Float[Array, "scene path 2"],
 ) -> dict[tuple[str, str], list[Fitted]]:
-    """Fit every variant to every family; return (family, variant) -> answers by user and seed."""
+    """Fit every variant to every family; return (family, variant) -> predictions by user and seed."""
     by_family = draw_training_sets(cfg, scenes)
     training_sets = [x for sets in by_family.values() for x in sets]
     flat_images, paths = images.reshape(-1, *images.shape[2:]), np.tile(z_theta, (len(images), 1, 1))
@@ -151,7 +151,7 @@ def fit_averaged_models(
     images: UInt8[Array, "image 100 100 3"],
     z_theta: Float[Array, "image path 2"],
 ) -> list[Fitted]:
-    """Fit one averaged model to each training set; images are perceived once, for all of them."""
+    """Fit one averaged model per training set; all models share the percepts of the images."""
     one_thread()
     percept = torch.cat([AveragedModel(1).perceive(to_tensor(batch)) for batch in _batches(images)])
     related = relations(percept, torch.from_numpy(z_theta).float())

@@ -1,1 +1,1 @@
-"""The clearance model: distances of a path to detected objects, and which of them matter."""
+"""The clearance model: distances of a path from detected objects, and the relevance of each object to the user."""

@@ -1,9 +1,10 @@
 """Bayesian model averaging over rule families, weighted by BIC.
 
-Models of every family learn which objects are relevant (pipeline.models.clearance.clearance). Families differ in what
-else counts: nothing (margin), how long a path is too close (dwell), on which side it passes (side), whether an object
-has a neighbour (proximity), or how far along the path it is passed (progress). A family's weight is the likelihood that
-it gives the labels, less Schwarz's price (1978) of its parameters. The weights tell which family the rule belongs to.
+Every family is a clearance model (pipeline.models.clearance.clearance). Families differ in what else decides validity:
+nothing (margin), how long a path is too close (dwell), the side on which it passes an object (side), whether the object
+has a neighbour (proximity), or how far along the path it is passed (progress). A family's weight is its likelihood
+with the penalty of BIC on its additional parameters (Schwarz, 1978). The weights are posterior probabilities of the
+user's rule family.
 """
 
 from typing import NamedTuple
@@ -27,26 +28,27 @@ from pipeline.models.clearance.clearance import (
 from pipeline.world.bezier import P_F, P_INIT, basis
 from pipeline.world.layout import segment_distance
 
-FAMILIES = {"margin": 0, "dwell": 1, "side": 1, "proximity": 1, "progress": 2}  # parameters more than margin's
-TERMS = ("side", "proximity", "progress", "progress")  # what relevance depends on besides appearance, by family
-LONGEST = 0.3  # share of the way, at most, that `dwell` can forgive
-SHARES = np.linspace(0, LONGEST, 13)  # of the way, at which clearances are kept
-ASIDE = 0.02  # metres aside at which an object counts as on one side, and no longer as straight ahead
-GAPS = 0.01, 1.0  # metres between objects, beyond which less or more makes no difference; the latter stands for none
-GATE = 3.0  # a gate's unit as it is trained, so that one rate suits all parameters
+FAMILIES = {"margin": 0, "dwell": 1, "side": 1, "proximity": 1, "progress": 2}  # parameters in addition to margin's
+TERMS = ("side", "proximity", "progress", "progress")  # inputs of relevance besides appearance, by family
+LONGEST = 0.3  # largest share of the path that `dwell` can forgive
+SHARES = np.linspace(0, LONGEST, 13)  # shares of the path at which clearances are kept
+ASIDE = 0.02  # lateral distance [m] at which an object counts as fully on one side
+GAPS = 0.01, 1.0  # range of gaps between objects [m]; a missing neighbour counts as the upper end
+GATE = 3.0  # unit of the gate parameter, so that one learning rate suits all parameters
 
 
 class Relations(NamedTuple):
-    """How each path passes each object."""
+    """Relations between paths and objects: clearances and the inputs of relevance."""
 
-    clearance: Float[Tensor, "scene path near share"]  # [m], undercut for no more than that share (SHARES) of the way
-    terms: Float[Tensor, "scene path near term"]  # TERMS; proximity is still the logarithm of a gap [m]
+    clearance: Float[Tensor, "scene path near share"]  # [m]; closer for at most this share of the path (SHARES)
+    terms: Float[Tensor, "scene path near term"]  # TERMS; proximity is the logarithm of a gap [m], not yet standardised
 
 
 class AveragedModel(ClearanceModel):
-    """`members` clearance models of each family. Relevance depends on how an object is passed, closeness on how long.
+    """An ensemble of `members` clearance models per rule family, averaged over families.
 
-    P(valid) is the mean over families and `rate`, the same for every path, weighed by `posterior_model_probabilities`.
+    Relevance may depend on how an object is passed, closeness on how long. P(valid) is the mean over the families and a
+    constant `rate`, weighted by `posterior_model_probabilities`.
     """
 
     uses: Tensor
@@ -56,42 +58,42 @@ class AveragedModel(ClearanceModel):
 
     def __init__(self, members: int):
         super().__init__(members * len(FAMILIES))
-        family = torch.arange(len(FAMILIES)).repeat_interleave(members)[:, None]  # the family of each member
+        family = torch.arange(len(FAMILIES)).repeat_interleave(members)[:, None]  # family of each member
         uses = torch.tensor([[name == term for term in TERMS] for name in FAMILIES])
         self.register_buffer("uses", uses[family[:, 0]].float())
         self.register_buffer("lasts", (family == list(FAMILIES).index("dwell")).float())
-        self.gate = nn.Parameter(torch.zeros(len(family), len(TERMS)))  # [GATE]
-        self.forgiven = nn.Parameter(torch.full((len(family), 1), -1.5))  # log-odds of the share forgiven, of LONGEST
+        self.gate = nn.Parameter(torch.zeros(len(family), len(TERMS)))  # unit: GATE
+        self.forgiven = nn.Parameter(torch.full((len(family), 1), -1.5))  # log-odds of the share of LONGEST
         self.register_buffer("gaps", torch.tensor([0.0, 1.0]))  # mean and standard deviation of log gaps in training
         self.evidence = torch.full((len(FAMILIES),), -EVIDENCE_PRICE)  # log-odds of each family against `rate`
 
     def logit(
         self, percept: Float[Tensor, "scene object 12"], z_theta: Float[Tensor, "scene path 2"]
     ) -> Float[Tensor, "scene path"]:
-        """Return the log-odds of validity; differentiable in `z_theta` [m]."""
+        """Return the log-odds of validity of each path; differentiable in `z_theta` [m]."""
         return self.judge(percept, relations(percept, z_theta))
 
     def judge(self, percept: Float[Tensor, "scene object 12"], related: Relations) -> Float[Tensor, "scene path"]:
-        """Return the log-odds of validity of paths so related to the objects."""
+        """Return the log-odds of validity of paths with these relations to the objects."""
         by_family = F.logsigmoid(self.logit_by_family(percept, related))
         log_p = torch.cat([by_family, self.rate.log().expand(1, *by_family.shape[1:])])
         return log_odds((log_p + self.posterior_model_probabilities().log()[:, None, None]).logsumexp(0))
 
     def posterior_model_probabilities(self) -> Float[Tensor, " family_or_constant"]:
-        """Return the probability of each family and, last, that no object is relevant."""
+        """Return the posterior probability of each family and, last, of the constant `rate`."""
         return torch.cat([self.evidence, torch.zeros(1)]).softmax(0).clamp(min=1e-30)
 
     def logit_by_family(
         self, percept: Float[Tensor, "scene object 12"], related: Relations
     ) -> Float[Tensor, "family scene path"]:
-        """Return each family's log-odds of validity: of its members' mean, sharpened."""
+        """Return each family's log-odds of validity: of its members' mean, times `sharpening`."""
         by_member = self.log_valid_related(percept, related).unflatten(0, (len(FAMILIES), -1))
         return self.sharpening * log_odds(by_member.logsumexp(1) - float(np.log(by_member.shape[1])))
 
     def log_valid_related(
         self, percept: Float[Tensor, "scene object 12"], related: Relations
     ) -> Float[Tensor, "member scene path"]:
-        """Return each member's log P(valid)."""
+        """Return each member's log P(valid), given the paths' relations to the objects."""
         objects = PerceivedObjects.of(percept[:, : related.terms.shape[2]])
         features = (objects.features - self.centre) / self.spread
         appearance = self.relevance_terms(features) @ (self.weight * self.sees).T
@@ -107,7 +109,7 @@ class AveragedModel(ClearanceModel):
         return torch.stack([side, log_gap, progress, progress.square() - 1 / 3], -1)
 
     def _share(self) -> Float[Tensor, "member share"]:
-        """Return the weights of SHARES by which clearances are interpolated at the share that each member forgives."""
+        """Return each member's interpolation weights over SHARES for the share of the path that it forgives."""
         forgiven = LONGEST * self.forgiven.sigmoid() * self.lasts  # (member, 1)
         return F.relu(1 - (forgiven - torch.from_numpy(SHARES).float()).abs() / float(SHARES[1]))
 
@@ -119,7 +121,7 @@ def relations(percept: Float[Tensor, "scene object 12"], z_theta: Float[Tensor, 
     points = ends + lift * z_theta[:, :, None]  # (scene, path, sample, 2)
     start, goal, t = (torch.tensor(x).to(z_theta) for x in (P_INIT, P_F, t[:, None]))
     heading = (1 - t) * (z_theta[:, :, None] - start) + t * (goal - z_theta[:, :, None])
-    heading = heading / (heading.square().sum(-1, keepdim=True) + 1e-12).sqrt()  # `norm`'s bits depend on the process
+    heading = heading / (heading.square().sum(-1, keepdim=True) + 1e-12).sqrt()  # `norm` rounds differently by process
     near = percept[:, : occupied_slots(percept)]
     log_gap = _log_gap(near)
     at_shares = torch.from_numpy(SHARES * (PATH_SAMPLES - 1)).round().long()
@@ -142,7 +144,7 @@ def relations(percept: Float[Tensor, "scene object 12"], z_theta: Float[Tensor, 
 
 
 def _log_gap(percept: Float[Tensor, "scene object 12"]) -> Float[Tensor, "scene object"]:
-    """Return the logarithm of the gap [m] between each object and the nearest other one, within GAPS."""
+    """Return the logarithm of the gap [m] between each object and its nearest neighbour, clipped to GAPS."""
     objects = PerceivedObjects.of(percept)
     segments = torch.stack([objects.start, objects.end], -2).double().numpy()
     apart = torch.from_numpy(segment_distance(segments[:, :, None], segments[:, None])).to(percept)

@@ -1,1 +1,1 @@
-"""The inverse-reinforcement-learning baseline: a reward map sampled along the path."""
+"""The inverse reinforcement learning baseline: a reward map integrated along the path."""

@@ -1,8 +1,7 @@
-"""The IRL baseline's model: a reward map r_s(p, I), the return of a path on it, and its soft regret.
+"""The IRL baseline (paper, Section "Evaluation"): a reward map r_s(p, I), and a path's soft regret under it.
 
-The paper's baseline prefers the trajectory that is optimal with respect to sum_i r_s(p_i, I) (Section "Evaluation").
-Here a path's return is the *mean* of r_s over SAMPLES points spread evenly over its parameter, so that the number of
-points is no part of the model; every path has the same number, hence the same optimum as with the sum.
+The paper's policy is optimal with respect to sum_i r_s(p_i, I). Here a path's return is the *mean* of r_s over SAMPLES
+points, evenly spaced in the curve parameter. All paths have the same number of points, so the optimum is the same.
 """
 
 from functools import lru_cache
@@ -18,15 +17,15 @@ from pipeline.perception.background import subtract_background
 from pipeline.world.bezier import P_F, P_INIT, basis, lattice
 from pipeline.world.layout import SIDE
 
-SAMPLES = 48  # points along a path: 2 cm apart on the longest, as fine as the map
-SYMMETRIES = 8  # turns by 90 degrees, each with and without a reflection
+SAMPLES = 48  # points along a path: at most 2 cm apart, the resolution of the map
+SYMMETRIES = 8  # rotations by 90 degrees, each with and without reflection
 
 
 class RewardMap(ValidityModel):
-    """Convolutions from the image to a reward map; a path is accepted if its soft regret is small enough.
+    """A convolutional network from image to reward map; a path is accepted if its soft regret is above a threshold.
 
-    The logit is `scale * soft_regret + offset` (buffers, fitted on labels after training), so that P > .5 accepts
-    above the threshold `-offset / scale`. The map is averaged over the image's 8 symmetries, if `symmetric`.
+    The logit is `scale * soft_regret + offset`. Both are buffers, fitted to the labels after training; P > .5 accepts
+    paths above `-offset / scale`. If `symmetric`, the map is averaged over the image's 8 symmetries.
     """
 
     scale: Tensor
@@ -43,9 +42,9 @@ class RewardMap(ValidityModel):
         symmetric: bool,
         ceiling: bool,
     ) -> None:
-        """`channels`: of the 25 x 25 layers, of which `dilated` follow the first; `gain`: multiplies the map.
+        """Build the network: 25 x 25 layers of `channels` channels, one plain and `dilated` dilated ones.
 
-        `ceiling`: rewards are at most 0.
+        `gain` multiplies the map. `ceiling` limits rewards to at most 0.
         """
         super().__init__()
         self.gain, self.symmetric, self.ceiling = gain, symmetric, ceiling
@@ -62,24 +61,24 @@ class RewardMap(ValidityModel):
         initialise(self, no_rectifier_after=[self.layers[-2]])
         self.side = SIDE // 2
         weights = path_weights(torch.from_numpy(lattice(lattice_side)).float(), self.side)
-        self.register_buffer("paths", weights, persistent=False)  # (lattice, side * side)
+        self.register_buffer("paths", weights, persistent=False)  # (z_theta of the lattice, side * side)
         self.register_buffer("scale", torch.tensor(1.0))
         self.register_buffer("offset", torch.tensor(0.0))
 
     def reward(self, contrasts: Float[Tensor, "scene 4 100 100"]) -> Float[Tensor, "scene side side"]:
-        """Return r_s at every cell of the map, row 0 at the far edge, from the images' contrast with the table."""
+        """Return r_s at each cell of the map, row 0 at the far edge, from the images' contrast with the table."""
         raw = self.layers(contrasts).squeeze(1)
         return self.gain * (-F.softplus(raw) if self.ceiling else raw)
 
     def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene cell"]:
-        """Return the reward map's cells and, last, the scene's soft optimum; zeros if the rule ignores them."""
+        """Return the cells of the reward map and, last, the soft optimum of each scene; zeros if `scale` is 0."""
         if not self.scale:
             return images.new_zeros(len(images), self.side**2 + 1)
         return self.perceive_contrasts(torch.cat([_contrast(image) for image in to_bytes(images)]))
 
     def perceive_contrasts(self, contrasts: Float[Tensor, "scene 4 100 100"]) -> Float[Tensor, "scene cell"]:
-        """Return `perceive` from the images' contrast with the table."""
-        channels_last = torch.channels_last  # a third quicker here
+        """Return the same as `perceive`, from the images' contrast with the table."""
+        channels_last = torch.channels_last  # a third faster here
         transformed = [transform(contrasts, g) for g in range(SYMMETRIES if self.symmetric else 1)]
         rewards = [self.reward(x.contiguous(memory_format=channels_last)) for x in transformed]
         turned = [untransform(reward, g) for g, reward in enumerate(rewards)]
@@ -87,26 +86,26 @@ class RewardMap(ValidityModel):
         return torch.cat([reward.flatten(1), self.soft_optimum(reward)[:, None]], dim=-1)
 
     def soft_optimum(self, reward: Float[Tensor, "scene side side"]) -> Float[Tensor, " scene"]:
-        """Return the log of the mean exp(return) over the lattice of z_theta: the partition function up to a factor."""
+        """Return log(mean exp(return)) over the lattice of z_theta: the log partition function up to a constant."""
         returns = reward.flatten(1) @ self.paths.T  # (scene, lattice)
         return returns.logsumexp(-1) - float(np.log(len(self.paths)))
 
     def soft_regret(
         self, reward: Float[Tensor, "scene side side"], z_theta: Float[Tensor, "scene path 2"]
     ) -> Float[Tensor, "scene path"]:
-        """Return each path's return minus the scene's soft optimum, which compares it with all paths of its scene."""
+        """Return each path's return minus the scene's soft optimum: its log-probability relative to a uniform path."""
         return path_return(reward, z_theta) - self.soft_optimum(reward)[:, None]
 
     def logit(self, percept: Tensor, z_theta: Float[Tensor, "scene path 2"]) -> Float[Tensor, "scene path"]:
-        """Return the log-odds of acceptance; differentiable in `z_theta` [m]."""
+        """Return the log-odds of validity of each path; differentiable in `z_theta` [m]."""
         reward = percept[:, :-1].unflatten(1, (self.side, self.side))
         regret = path_return(reward, z_theta) - percept[:, -1:]
         return self.scale * regret + self.offset
 
 
-@lru_cache(maxsize=2048)  # all models see the same images
+@lru_cache(maxsize=2048)  # all models use the same images
 def _contrast(image: bytes) -> Float[Tensor, "1 4 100 100"]:
-    """Return the `contrast` of an 8-bit image."""
+    """Return the `contrast` of one 8-bit image."""
     pixels = np.frombuffer(image, np.uint8).reshape(1, SIDE, SIDE, 3)
     return contrast(*subtract_background(to_tensor(pixels.copy())))
 
@@ -114,10 +113,10 @@ def _contrast(image: bytes) -> Float[Tensor, "1 4 100 100"]:
 def contrast(
     plain: Float[Tensor, "scene 3 100 100"], whitening: Float[Tensor, "scene 3 3"]
 ) -> Float[Tensor, "scene 4 100 100"]:
-    """Return what the network sees of the smoothed difference from the table: size and mean, whitened and plain.
+    """Return the network's input: size and local mean of the smoothed difference from the table, whitened and plain.
 
-    Whitening measures a difference in units of how much the table varies in that direction of colour: a glass stands
-    out from wood whose grain varies more, but along another line. Sizes and means carry no hue, which tells no symbol.
+    Whitening scales each colour direction by the table's own variation there. A glass then stands out from wood, whose
+    grain varies along another colour direction. No channel contains the hue, which does not identify a symbol.
     """
     taps = torch.tensor([1.0, 4.0, 6.0, 4.0, 1.0]).to(plain) / 16
     kernel = (taps[:, None] * taps).expand(3, 1, 5, 5).contiguous()
@@ -129,7 +128,7 @@ def contrast(
 
 
 def path_points(z_theta: Float[Tensor, "*path 2"]) -> Float[Tensor, "*path samples 2"]:
-    """Return SAMPLES points [m] of each quadratic Bezier path, both ends included."""
+    """Return SAMPLES points [m] of each quadratic Bezier path, including both ends."""
     b = basis(np.linspace(0.0, 1.0, SAMPLES))
     ends = torch.from_numpy(b[:, :1] * P_INIT + b[:, 2:] * P_F).to(z_theta)  # (samples, 2)
     return ends + torch.from_numpy(b[:, 1:2]).to(z_theta) * z_theta[..., None, :]
@@ -138,14 +137,14 @@ def path_points(z_theta: Float[Tensor, "*path 2"]) -> Float[Tensor, "*path sampl
 def path_return(
     reward: Float[Tensor, "scene side side"], z_theta: Float[Tensor, "scene path 2"]
 ) -> Float[Tensor, "scene path"]:
-    """Return the mean reward along each path [m], the map sampled bilinearly (its border continued outwards)."""
+    """Return the mean reward along each path [m], from bilinear samples of the map (edge values extended outwards)."""
     grid = (2 * path_points(z_theta) - 1) * torch.tensor([1.0, -1.0]).to(z_theta)  # row 0 is the far edge
     sampled = F.grid_sample(reward[:, None], grid, padding_mode="border", align_corners=False)
     return sampled.squeeze(1).mean(-1)
 
 
 def path_weights(z_theta: Float[Tensor, "path 2"], side: int) -> Float[Tensor, "path cell"]:
-    """Return the weight of every cell of a side x side map in each path's return: `path_return` as a matrix."""
+    """Return each cell's weight in each path's return: `path_return` as a matrix."""
     points = path_points(z_theta)
     row, column = (1 - points[..., 1]) * side - 0.5, points[..., 0] * side - 0.5  # (path, samples)
     row, column = row.clamp(0, side - 1), column.clamp(0, side - 1)
@@ -160,16 +159,16 @@ def path_weights(z_theta: Float[Tensor, "path 2"], side: int) -> Float[Tensor, "
 
 
 def transform(images: Float[Tensor, "*batch row column"], symmetry: int) -> Float[Tensor, "*batch row column"]:
-    """Apply symmetry 0..7 of the square: its bits 2 and 4 reflect rows and columns, then 1 transposes."""
+    """Apply symmetry 0..7 of the square: bits 2 and 4 reflect rows and columns, then bit 1 transposes."""
     images = _reflected(images, symmetry)
     return images.mT if symmetry & 1 else images
 
 
 def untransform(images: Float[Tensor, "*batch row column"], symmetry: int) -> Float[Tensor, "*batch row column"]:
-    """Undo `transform`."""
+    """Apply the inverse of `transform`."""
     return _reflected(images.mT if symmetry & 1 else images, symmetry)
 
 
 def _reflected(images, symmetry):
     axes = [axis for axis, bit in ((-2, 2), (-1, 4)) if symmetry & bit]
-    return images.flip(axes) if axes else images  # copies, and keeps the order in memory
+    return images.flip(axes) if axes else images  # copies, and keeps the memory order

@@ -1,4 +1,4 @@
-"""The paper's specification model: a beta-VAE of the scene and a classifier on [z_image, z_theta]."""
+"""The paper's model (Section "Specification Model"): a beta-VAE and a classifier of [z_image, z_theta]."""
 
 import math
 from collections.abc import Sequence
@@ -13,11 +13,11 @@ from torch import Tensor, nn
 from pipeline.models.base import ValidityModel, initialise, to_tensor
 from pipeline.world.layout import SIDE
 
-Z_CENTRE, Z_SCALE = 0.5, 0.7  # z_theta [m] is uniform on [-.2, 1.2]: this maps it to [-1, 1]
+Z_CENTRE, Z_SCALE = 0.5, 0.7  # maps z_theta [m], uniform on [-.2, 1.2], to [-1, 1]
 
 
 class BetaVae(ValidityModel):
-    """The paper's Figure "arch": convolutions to z_image, their mirror image back, and the classifier C_s."""
+    """The architecture of the paper's Figure "arch": encoder q_phi, mirrored decoder p_psi and classifier C_s."""
 
     def __init__(self, latent: int = 15, channels: Sequence[int] = (16, 8, 4), hidden: int = 64):
         super().__init__()
@@ -25,7 +25,7 @@ class BetaVae(ValidityModel):
         widths = [3, *channels]
         sides = [SIDE]
         for _ in channels:
-            sides.append((sides[-1] + 1) // 2)  # 100, 50, 25, 13
+            sides.append((sides[-1] + 1) // 2)  # image sides: 100, 50, 25, 13
         flat = widths[-1] * sides[-1] ** 2
         self.features = nn.Sequential(*_convolutions(widths), nn.Flatten())
         self.mean = nn.Linear(flat, latent)
@@ -46,26 +46,26 @@ class BetaVae(ValidityModel):
         self.to(memory_format=torch.channels_last)  # pyright: ignore[reportCallIssue]
 
     def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene latent"]:
-        """Return z_image of each scene: the mean of q(z_image | I), never a sample."""
+        """Return z_image of each scene: the mean of q(z_image | I), not a sample."""
         return self.mean(self.features(images))
 
     def logit(
         self, percept: Float[Tensor, "scene latent"], z_theta: Float[Tensor, "scene path 2"]
     ) -> Float[Tensor, "scene path"]:
-        """Return the log-odds of validity of each path [m], given z_image."""
+        """Return the log-odds of validity of each path [m] given z_image."""
         z_image = percept[:, None].expand(-1, z_theta.shape[1], -1)  # (scene, path, latent)
         return self.classifier(torch.cat([z_image, (z_theta - Z_CENTRE) / Z_SCALE], dim=-1)).squeeze(-1)
 
     @torch.no_grad()
     def reconstruct(self, images: UInt8[Array, "scene 100 100 3"]) -> UInt8[Array, "scene 100 100 3"]:
-        """Return each image decoded from its z_image (the mean)."""
+        """Return each image's reconstruction from the mean of z_image."""
         return _to_images(self.decode(self.perceive(to_tensor(images))))
 
     @torch.no_grad()
     def traverse(
         self, image: UInt8[Array, "100 100 3"], values: Float[Array, " value"]
     ) -> UInt8[Array, "latent value 100 100 3"]:
-        """Return the image decoded with one dimension of its z_image at a time set to each of `values`."""
+        """Return the decoded images when one dimension of the image's z_image takes each of `values`."""
         z_image = self.perceive(to_tensor(image[None])).expand(len(values), -1)  # (value, latent)
         rows = []
         for dimension in range(self.latent):
@@ -76,7 +76,7 @@ class BetaVae(ValidityModel):
 
     @torch.no_grad()
     def set_constant_head(self, probability: float) -> None:
-        """Answer `probability` whatever the image and the path: last layer's weight 0, bias its log-odds."""
+        """Make the classifier answer `probability` for all inputs: last layer's weight 0, bias the log-odds."""
         head = self.classifier[-1]
         assert isinstance(head, nn.Linear)
         head.weight.zero_()
@@ -84,7 +84,7 @@ class BetaVae(ValidityModel):
 
 
 def _convolutions(widths: Sequence[int]) -> list[nn.Module]:
-    """Return 3x3 convolutions that halve the side, each followed by a rectifier."""
+    """Return 3x3 convolutions that each halve the side, each followed by a rectifier."""
     layers: list[nn.Module] = []
     for before, after in pairwise(widths):
         layers += [nn.Conv2d(before, after, 3, stride=2, padding=1), nn.ReLU()]
@@ -92,10 +92,10 @@ def _convolutions(widths: Sequence[int]) -> list[nn.Module]:
 
 
 def _transposed_convolutions(widths: Sequence[int], sides: Sequence[int]) -> list[nn.Module]:
-    """Return the convolutions' mirror image, through the same sides; the last layer gives intensities in [0, 1]."""
+    """Return the decoder: transposed convolutions through the same sides in reverse; the output is in [0, 1]."""
     layers: list[nn.Module] = []
     for i, (before, after) in enumerate(pairwise(widths)):
-        odd = sides[i + 1] - (2 * sides[i] - 1)  # what halving with rounding up has lost: 0 or 1 pixel
+        odd = sides[i + 1] - (2 * sides[i] - 1)  # pixel lost by rounding up when halving: 0 or 1
         layers += [nn.ConvTranspose2d(before, after, 3, stride=2, padding=1, output_padding=odd), nn.ReLU()]
     return [*layers[:-1], nn.Sigmoid()]
 

@@ -1,4 +1,4 @@
-"""Eq. 1 of the paper, term by term. The terms mix means with sums, so each one states its reduction."""
+"""The loss of the paper, Eq. 1, term by term; each term states how it is reduced to a scalar."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from pipeline.models.vae.beta_vae import BetaVae
 
 @dataclass(frozen=True)
 class Weights:
-    """alpha, beta and gamma of Eq. 1; a term of weight 0 is never computed."""
+    """The weights alpha, beta and gamma of Eq. 1; a term with weight 0 is not computed."""
 
     alpha: float
     beta: float
@@ -21,7 +21,7 @@ class Weights:
 
 
 class Terms(NamedTuple):
-    """The three terms of Eq. 1 as they enter the sum, weights included; 0 for a term of weight 0."""
+    """The three weighted terms of Eq. 1; 0 for a term with weight 0."""
 
     reconstruction: Tensor
     kl: Tensor
@@ -29,19 +29,19 @@ class Terms(NamedTuple):
 
     @property
     def total(self) -> Tensor:
-        """Return the loss L."""
+        """Return the loss L of Eq. 1."""
         return self.reconstruction + self.kl + self.classification
 
 
 def reconstruction(
     decoded: Float[Tensor, "scene 3 row column"], images: Float[Tensor, "scene 3 row column"]
 ) -> Float[Tensor, ""]:
-    """Return -log p(I | z_image) of a Gaussian decoder, up to scale: squared error, mean over all of its entries."""
+    """Return -log p(I | z_image) of a Gaussian decoder up to scale: the mean squared error over all entries."""
     return F.mse_loss(decoded, images)
 
 
 def kl(mean: Float[Tensor, "scene latent"], log_variance: Float[Tensor, "scene latent"]) -> Float[Tensor, ""]:
-    """Return KL(q(z_image | I) || N(0, 1)) [nat]: summed over latent dimensions, mean over scenes."""
+    """Return KL(q(z_image | I) || N(0, 1)) [nat]: summed over latent dimensions, averaged over scenes."""
     return 0.5 * (mean.square() + log_variance.exp() - log_variance - 1).sum(-1).mean()
 
 
@@ -50,7 +50,7 @@ def classification(
     valid: Bool[Tensor, "scene path"] | Float[Tensor, "scene path"],
     share: Float[Tensor, " path"] | None = None,
 ) -> Float[Tensor, ""]:
-    """Return the binary cross-entropy of validity [nat]: mean over all paths, or by their `share` of a scene."""
+    """Return the binary cross-entropy of validity [nat]: mean over paths, or weighted by their `share`."""
     if share is None:
         return F.binary_cross_entropy_with_logits(logits, valid.to(logits.dtype))
     each = F.binary_cross_entropy_with_logits(logits, valid.to(logits.dtype), reduction="none")
@@ -66,10 +66,10 @@ def equation_1(
     noise: Float[Tensor, "scene latent"],
     share: Float[Tensor, " path"] | None = None,
 ) -> Terms:
-    """Return the loss over demonstrations of `scene` scenes, each encoded once and shared by all of its paths.
+    """Return the terms of Eq. 1 on labelled paths; each scene is encoded once for all its paths.
 
-    With beta > 0 decoder and classifier see a sample, mean + noise * deviation. With beta = 0 no prior keeps
-    the deviation from collapsing, so z_image is the mean and `noise` is unused.
+    With beta > 0 decoder and classifier receive a sample, mean + noise * deviation. With beta = 0 no prior keeps the
+    deviation from collapsing, so they receive the mean, and `noise` is unused.
     """
     features = model.features(images)
     z_image = mean = model.mean(features)  # (scene, latent)

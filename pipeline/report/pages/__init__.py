@@ -1,1 +1,1 @@
-"""The pages, a folder each: page.html.j2 holds the words, figures.py and tables.py what it asks for by name."""
+"""The pages, one folder each: page.html.j2 has the text; figures.py and tables.py draw what it names."""

@@ -1,4 +1,4 @@
-"""Fit clearance models: each member maximises its own weighted likelihood of the labels, all at once."""
+"""Fit clearance models: every member maximises its own weighted likelihood of the labels, in parallel."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,8 +26,8 @@ from pipeline.training.loop import (
     unstack_models,
 )
 
-CERTAIN = 1e4  # nats
-BATCH_SIZE = 10  # models fitted together: what they compute still fits a processor's cache
+CERTAIN = 1e4  # log-odds of certainty [nat]
+BATCH_SIZE = 10  # models fitted together, so that their intermediate results fit the cache
 CURVE = ("step", "total")  # columns of a learning curve
 
 
@@ -40,11 +40,11 @@ def fit(
     seeds: Sequence[int],
     checkpoints: Checkpoints | None = None,
 ) -> list[Float[Array, "point 2"]]:
-    """Train models of one shape in place, each on its demonstrations [m], and return their learning curves (`CURVE`).
+    """Train models of one shape in place on their demonstrations [m]; return their learning curves (`CURVE`).
 
-    Each member maximises its likelihood under its own weights of the scenes, the Bayesian bootstrap's (Rubin, 1981).
-    Where all labels are alike, the model answers Laplace's probability, whatever it sees. All have as many scenes.
-    `checkpoints` keeps the weights on the way, each time with the evidence for them.
+    Each member weights the scenes at random (Bayesian bootstrap; Rubin, 1981) and maximises the weighted likelihood.
+    If all labels are equal, the model answers Laplace's probability for every path. All models have the same number of
+    scenes. `checkpoints` keeps intermediate weights, each with its model evidence.
     """
     curves, training_sets = [np.array([[0.0, 0.0]])] * len(models), {}
     for i, (model, scenes, z, labels) in enumerate(zip(models, images, z_theta, valid, strict=True)):
@@ -62,7 +62,7 @@ def fit(
 
 @dataclass(frozen=True)
 class _TrainingSet:
-    """What one model is fitted to."""
+    """The data that one model is fitted to."""
 
     model: ClearanceModel
     percept: Float[Tensor, "scene object 12"]
@@ -74,7 +74,7 @@ class _TrainingSet:
 def set_feature_scaling(
     model: ClearanceModel, images: UInt8[Array, "scene 100 100 3"]
 ) -> Float[Tensor, "scene object 12"]:
-    """Standardise the model's features by those of the objects in the training images; return the percepts."""
+    """Set the model's feature scaling from the objects in the training images; return the percepts."""
     percept = model.perceive(to_tensor(images))
     objects = PerceivedObjects.of(percept)
     features = objects.features[objects.present > 0]
@@ -86,9 +86,9 @@ def set_feature_scaling(
 
 @torch.no_grad()
 def set_model_evidence(training_set: _TrainingSet) -> None:
-    """Set the log-odds that objects are relevant: what labels gain in likelihood over one rate for every path."""
+    """Set the log-odds that objects are relevant: the gain in log-likelihood over one rate for all paths."""
     model, valid = training_set.model, torch.tensor(training_set.valid)
-    model.evidence.fill_(CERTAIN)  # the members' own probabilities
+    model.evidence.fill_(CERTAIN)  # use the members' probabilities alone
     logit = model.logit(training_set.percept, torch.tensor(training_set.z_theta).float())
     surprise = F.binary_cross_entropy_with_logits(logit, valid.float(), reduction="sum")
     rate = float(valid.float().mean())
@@ -98,7 +98,7 @@ def set_model_evidence(training_set: _TrainingSet) -> None:
 def _ascend(
     training_sets: list[_TrainingSet], schedule: Schedule, checkpoints: Checkpoints
 ) -> list[Float[Array, "point 2"]]:
-    """Train every model's members at once: ten models cost what four do one by one."""
+    """Train all members of all models at once: ten models cost as much as four in sequence."""
     models = [training_set.model for training_set in training_sets]
     stacked = stack_models(models)
     percept = torch.stack([training_set.percept for training_set in training_sets])
@@ -130,5 +130,5 @@ def _ascend(
 
 
 def bootstrap(model: ClearanceModel, scenes: int, seed: int) -> Float[Tensor, "member scene 1"]:
-    """Draw each member's weights of the scenes (Rubin, 1981)."""
+    """Draw each member's random weights of the scenes (Rubin, 1981)."""
     return torch.empty(len(model.margin), scenes, 1).exponential_(generator=torch.Generator().manual_seed(seed))

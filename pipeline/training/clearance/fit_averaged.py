@@ -1,4 +1,4 @@
-"""Fit averaged clearance models: every family's members by likelihood, then each family's weight by its evidence."""
+"""Fit averaged clearance models: first each family's members by likelihood, then each family's weight by BIC."""
 
 import numpy as np
 import torch
@@ -22,9 +22,9 @@ def fit(
     schedule: Schedule,
     seed: int,
 ) -> Float[Array, "point 2"]:
-    """Train every family's members in place as clearance models are, weight the families, return the curve (`CURVE`).
+    """Train all members in place as clearance models are, then set the families' weights; return the curve (`CURVE`).
 
-    Where all labels are alike, the model answers Laplace's probability, whatever it sees.
+    If all labels are equal, the model answers Laplace's probability for every path.
     """
     model.rate.fill_(rule_of_succession(valid))
     if is_constant(valid):
@@ -54,7 +54,7 @@ def fit(
 def set_model_evidence(
     model: AveragedModel, percept: Tensor, related: Relations, valid: Bool[Tensor, "scene n"]
 ) -> None:
-    """Set each family's evidence: the labels' gain in likelihood over one rate, less the price of its parameters."""
+    """Set each family's evidence: its gain in log-likelihood over one rate for all paths, minus its BIC penalty."""
     logits = model.logit_by_family(percept, related)
     targets = valid.float().expand_as(logits)
     surprise = F.binary_cross_entropy_with_logits(logits, targets, reduction="none").sum((1, 2))

@@ -1,6 +1,6 @@
-"""New appearances of training scenes with the same labels: blobs recoloured, and set on other scenes' tables.
+"""Augment training scenes: recolour their blobs, and paste them on other scenes' table tops; labels stay the same.
 
-A blob is a connected region that stands out from the table. No layout and no label is used.
+A blob is a connected region that differs from the table. Neither layouts nor labels are used.
 """
 
 from dataclasses import dataclass
@@ -10,25 +10,25 @@ from jaxtyping import Float32, Int
 from numpy import ndarray as Array
 from scipy import ndimage
 
-MIN_CONTRAST = 2.1  # of a blob's pixels, in the table's standard deviations
-MAX_BLOB_SHARE = 0.1  # of an image's pixels
+MIN_CONTRAST = 2.1  # smallest contrast of a blob's pixels [standard deviations of the table]
+MAX_BLOB_SHARE = 0.1  # largest share of an image's pixels in blobs
 MIN_BLOB_PX = 12  # smaller regions belong to the table
-SOFTENING_PX = 0.5  # standard deviation of the blur that keeps recolouring from drawing edges
+SOFTENING_PX = 0.5  # standard deviation of the blur that prevents recolouring from creating edges
 
 
 @dataclass(frozen=True)
 class ColorJitter:
-    """How far appearances may stray (conf/irl)."""
+    """Range of the random changes in appearance (conf/irl.yaml)."""
 
-    hue: float  # largest turn of a blob's colour about the grey axis [rad]
+    hue: float  # largest rotation of a blob's colour about the grey axis [rad]
     gain: float  # standard deviation of the logarithm of a blob's contrast
-    shift: float  # standard deviation of a colour added to a blob, per channel [1 = white]
+    shift: float  # standard deviation per channel of the colour added to a blob [1 = white]
     scene_gain: float  # standard deviation of the logarithm of a whole scene's contrast
-    other_table: float  # chance that a scene's blobs are set on another training scene's table
+    other_table: float  # probability that a scene's blobs are pasted on another training scene's table top
 
 
 def blobs(contrast: Float32[Array, "scene row column"]) -> Int[Array, "scene row column"]:
-    """Return each pixel's blob, 0 for the table, from `contrast` in the table's standard deviations."""
+    """Return each pixel's blob number, 0 for the table, from `contrast` [standard deviations of the table]."""
     labels = np.zeros(contrast.shape, np.int64)
     for scene, image in enumerate(contrast):
         regions, count = ndimage.label(image > max(MIN_CONTRAST, np.quantile(image, 1 - MAX_BLOB_SHARE)))
@@ -46,7 +46,7 @@ def augment_appearances(
     labels: Int[Array, "scene row column"],
     jitter: ColorJitter,
 ) -> tuple[Float32[Array, "scene 3 row column"], Int[Array, " scene"]]:
-    """Return the scenes' differences from the table in new appearances, and the scene that each one's table is from."""
+    """Return the augmented differences from the table, and the index of the scene that each table top comes from."""
     scenes = np.arange(len(plain))
     table = np.where(rng.random(len(plain)) < jitter.other_table, rng.permutation(len(plain)), scenes)
     recoloured = recolour(rng, plain, labels, jitter)
@@ -63,7 +63,7 @@ def recolour(
     labels: Int[Array, "scene row column"],
     jitter: ColorJitter,
 ) -> Float32[Array, "scene 3 row column"]:
-    """Return the scenes' differences from the table, every blob turned in hue, scaled and shifted at random."""
+    """Return the differences from the table with each blob's colour rotated in hue, scaled and shifted at random."""
     scenes, count = len(plain), int(labels.max()) + 1
     hue = rng.uniform(-jitter.hue, jitter.hue, (scenes, count))
     gain = np.exp(rng.normal(0, jitter.gain, (scenes, count)))

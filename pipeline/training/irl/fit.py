@@ -1,9 +1,9 @@
-"""Fit a reward map by inverse reinforcement learning, in two forms, and its acceptance rule afterwards.
+"""Fit a reward map by inverse reinforcement learning, then an acceptance rule on its soft regret.
 
-`maxent`: maximum entropy IRL on the valid demonstrations alone, as a baseline without negative examples has it
-(Ziebart et al., 2008). z_theta is two-dimensional, so the partition function is a sum over a lattice, not a sample.
+`maxent`: maximum-entropy IRL on the valid demonstrations alone, the usual setting without negative examples (Ziebart
+et al., 2008). z_theta is two-dimensional, so the partition function is an exact sum over a lattice.
 `ranked`: every valid demonstration is preferred to every invalid one (Bradley and Terry, 1952), which uses the same
-labels as the specification model. Both then turn soft regret into P(valid) by a logistic fit on all labels.
+labels as the specification model. Both map soft regret to P(valid) by a logistic fit on all labels.
 """
 
 from collections.abc import Mapping
@@ -34,17 +34,17 @@ CURVE = ("step", "total")  # columns of a learning curve
 
 @dataclass(frozen=True)
 class IrlSchedule(Schedule):
-    """How a reward map is trained (conf/irl)."""
+    """Training settings of a reward map (conf/irl.yaml)."""
 
-    scenes_per_step: int  # drawn without replacement; more than there are: all
-    n_augmentations: int  # appearances of each training scene, the scene as it is among them; drawn once
-    sparsity: float  # weight of the mean absolute reward: no reward where nothing speaks for one
-    across: bool  # rank over all scenes (soft regrets compare) or only within each
+    scenes_per_step: int  # drawn without replacement; a larger number than there are means all
+    n_augmentations: int  # versions of each training scene, including the original; drawn once
+    sparsity: float  # weight of the mean absolute reward in the loss: reward only where the data require it
+    across: bool  # true: rank over all scenes by soft regret; false: within each scene
     color_jitter: ColorJitter
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> "IrlSchedule":
-        """Return the schedule of conf/irl with the variant's `steps`."""
+        """Return the schedule in conf/irl.yaml with the variant's `steps`."""
         numbers = {name: float(values[name]) for name in ("rate", "weight_decay", "sparsity")}
         counts = {name: values[name] for name in ("steps", "curve_every", "scenes_per_step", "n_augmentations")}
         jitter = ColorJitter(**{name: float(value) for name, value in values["color_jitter"].items()})
@@ -52,15 +52,18 @@ class IrlSchedule(Schedule):
 
 
 def maxent(regret: Float[Tensor, "scene path"], valid: Bool[Tensor, "scene path"]) -> Float[Tensor, ""]:
-    """Return -log p(z_theta | I) of the valid demonstrations [nat], relative to uniform: mean over them.
+    """Return the mean of -log p(z_theta | I) over the valid demonstrations [nat], relative to a uniform distribution.
 
-    p is proportional to exp(return), so its logarithm is the soft regret: the lattice's sum is the partition.
+    p is proportional to exp(return), so log p is the soft regret, with the partition function summed over the lattice.
     """
     return -regret[valid].mean()
 
 
 def ranked(regret: Float[Tensor, "scene path"], valid: Bool[Tensor, "scene path"], across: bool) -> Float[Tensor, ""]:
-    """Return -log sigmoid(valid's regret - invalid's) [nat]: mean over a scene's pairs, or all if `across`."""
+    """Return the mean of -log sigmoid(regret of valid - regret of invalid) [nat] over pairs in a scene.
+
+    With `across`, pairs may join demonstrations of different scenes.
+    """
     if across:
         margin = regret[valid][:, None] - regret[~valid][None, :]
         return F.softplus(-margin).mean()
@@ -79,11 +82,11 @@ def fit(
     seed: int,
     checkpoints: Checkpoints | None = None,
 ) -> Float[Array, "point 2"]:
-    """Train `model` in place on n demonstrations [m] a scene and return the learning curve (`CURVE`).
+    """Train `model` in place on n demonstrations [m] per scene; return the learning curve (`CURVE`).
 
-    Labels that are all alike leave nothing to rank and no threshold to fit. The model then stays untrained and accepts
-    with Laplace's probability (valid + 1) / (all + 2), whatever the image and path.
-    `checkpoints` keeps the weights on the way, each time with the acceptance rule that fits them.
+    If all labels are equal, there is nothing to rank and no threshold to fit. The model then stays untrained and
+    answers Laplace's probability (valid + 1) / (all + 2) for every image and path. `checkpoints` keeps intermediate
+    weights, each with its own acceptance rule.
     """
     if is_constant(valid):
         p = rule_of_succession(valid)
@@ -97,11 +100,11 @@ def fit(
     return curve
 
 
-@lru_cache(maxsize=1)  # all models of a training set see the same appearances
+@lru_cache(maxsize=1)  # all models of a training set use the same augmentations
 def _appearances(
     images: bytes, n_augmentations: int, jitter: ColorJitter
 ) -> Float[Tensor, "appearance scene 100 100 4"]:
-    """Return the training scenes' contrast in every appearance, the first as they are; drawn from the pixels alone."""
+    """Return the contrast of all versions of the training scenes, originals first; the images alone decide them."""
     rng = np.random.default_rng(crc32(images))
     scenes = np.frombuffer(images, np.uint8).reshape(-1, SIDE, SIDE, 3)
     plain, whitening = subtract_background(to_tensor(scenes.copy()))
@@ -110,11 +113,11 @@ def _appearances(
     for _ in range(n_augmentations - 1):
         recoloured, table = augment_appearances(rng, plain.numpy(), labels, jitter)
         appearances.append(contrast(torch.from_numpy(recoloured), whitening[torch.from_numpy(table)]))
-    return torch.stack(appearances).permute(0, 1, 3, 4, 2).contiguous()  # channels last: quick to pick
+    return torch.stack(appearances).permute(0, 1, 3, 4, 2).contiguous()  # channels last: fast to index
 
 
 def _descend(model, rng, appearances, z_theta, valid, objective, schedule, checkpoints) -> Float[Array, "point 2"]:
-    """Train the map: each step sees some scenes, each in one appearance, all under one symmetry."""
+    """Train the map: each step uses some scenes, each in one version, all under one random symmetry."""
     z = torch.from_numpy(z_theta.astype(np.float32))
     labels = torch.tensor(valid)
 
@@ -135,14 +138,14 @@ def _descend(model, rng, appearances, z_theta, valid, objective, schedule, check
 
     model.train()
     with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(int(rng.integers(2**62)))  # dropout draws from torch's global generator
+        torch.manual_seed(int(rng.integers(2**62)))  # dropout uses torch's global generator
         curve = minimise(loss, model.parameters(), schedule, before_step=checkpoints.before_step([model], fit_rule))
     model.eval()
-    return curve.reshape(-1, len(CURVE))  # no point where demonstrations allow no pair
+    return curve.reshape(-1, len(CURVE))  # empty if the demonstrations allow no pair
 
 
 def _objective(objective, regret, valid, across) -> Tensor | None:
-    """Return the objective on a batch, or None if the batch holds nothing it could learn from."""
+    """Return the objective on a batch, or None if the batch holds nothing to learn from."""
     if objective == "maxent":
         return maxent(regret, valid) if valid.any() else None
     pairs = valid.any() and not valid.all() if across else (valid.any(1) & ~valid.all(1)).any()
@@ -150,14 +153,14 @@ def _objective(objective, regret, valid, across) -> Tensor | None:
 
 
 def fit_acceptance_rule(model, appearances, z_theta, valid) -> None:
-    """Fit the acceptance rule to the labels; half the appearances do as well as all (docs/decisions/005-irl.md)."""
+    """Fit the acceptance rule to the labels; half of the versions suffice (docs/decisions/005-irl.md)."""
     regrets = _regrets(model, appearances[::2], z_theta)
     set_acceptance_rule(model, *logistic(regrets, np.broadcast_to(valid, regrets.shape)))
 
 
 @torch.no_grad()
 def _regrets(model, appearances, z_theta) -> Float[Array, "appearance scene n"]:
-    """Return the trained model's soft regret of the training demonstrations in these appearances of their scenes."""
+    """Return the trained model's soft regret of the training demonstrations in these versions of their scenes."""
     z = torch.from_numpy(z_theta.astype(np.float32))
     set_acceptance_rule(model, 1.0, 0.0)
     return torch.stack([model.logit(model.perceive_contrasts(x.permute(0, 3, 1, 2)), z) for x in appearances]).numpy()
@@ -172,7 +175,7 @@ def set_acceptance_rule(model: RewardMap, scale: float, offset: float) -> None:
 def logistic(regret: Float[Array, "*demo"], valid: Bool[Array, "*demo"]) -> tuple[float, float]:
     """Return scale (at least 0) and offset of P(valid) = sigmoid(scale * regret + offset) by maximum likelihood.
 
-    The targets are Platt's (1999), a little inside 0 and 1, so that separable labels give a finite scale.
+    The targets are Platt's (1999), slightly inside (0, 1), so that separable labels give a finite scale.
     """
     x, y = regret.ravel().astype(np.float64), valid.ravel()
     target = np.where(y, (y.sum() + 1) / (y.sum() + 2), 1 / ((~y).sum() + 2))
@@ -186,6 +189,6 @@ def logistic(regret: Float[Array, "*demo"], valid: Bool[Array, "*demo"]) -> tupl
         p = expit(w @ design)
         return (design * (p * (1 - p))) @ design.T / len(x)
 
-    w = root(gradient, np.zeros(2), jac=hessian, tol=1e-12).x  # the likelihood is concave: its one stationary point
+    w = root(gradient, np.zeros(2), jac=hessian, tol=1e-12).x  # the likelihood is concave: one stationary point
     scale = max(w[0], 0.0) / spread
     return scale, float(w[1] - scale * mean) if w[0] > 0 else float(np.log(target.mean() / (1 - target.mean())))

@@ -6,12 +6,12 @@ from pipeline.report.drawing import panels
 from pipeline.report.results import PAPER_ACCURACY, Results
 from pipeline.report.style import INK, MUTED, colour, label, marker
 
-MIN_PATHS = 20  # of a bin that is drawn: fewer say little
+MIN_PATHS = 20  # fewest paths in a bin that is drawn
 SPLITS = ("seen_scenes", "new_scenes", "new_items")
 
 
 def by_demonstrations(results: Results) -> Figure:
-    """Draw a panel a split: mean accuracy and quartiles over seeds against demonstrations a scene."""
+    """Draw one panel per split: mean accuracy and quartiles over seeds against demonstrations per scene."""
     figure, axes = panels(1, 3, 12.0, 4.4, sharey=True)
     table = results.tables["accuracy"]
     for panel, split in zip(axes[0], SPLITS, strict=True):
@@ -40,7 +40,7 @@ def by_demonstrations(results: Results) -> Figure:
 
 
 def calibration(results: Results) -> Figure:
-    """Draw the share truly valid against the P(valid) that a model states, new scenes with unseen items."""
+    """Draw the true share of valid paths against the predicted P(valid), in new scenes with unseen items."""
     figure, axes = panels(1, 1, 5.6, 5.2)
     panel, table = axes[0, 0], results.tables["calibration"]
     panel.plot([0, 1], [0, 1], color=MUTED, linewidth=1, linestyle=":")

@@ -7,11 +7,11 @@ from pipeline.report.results import Results
 from pipeline.report.style import label
 
 SPLITS = ("seen_scenes", "new_scenes", "new_items")
-BASELINES = {"nearest_demonstration": SPLITS[:1], "position_only": SPLITS}  # and the splits they exist for
+BASELINES = {"nearest_demonstration": SPLITS[:1], "position_only": SPLITS}  # baselines and the splits they exist for
 
 
 def accuracy(results: Results) -> Table:
-    """Return accuracy at main_n_demos, a row a variant and a column a split, quartiles beside the last."""
+    """Return accuracy at main_n_demos, one row per variant and one column per split, with quartiles for the last."""
     rows = []
     for variant in [*results.variants, *BASELINES]:
         has = BASELINES.get(variant, SPLITS)
@@ -26,7 +26,7 @@ def accuracy(results: Results) -> Table:
 
 
 def comparisons(results: Results) -> Table:
-    """Return every test fixed in advance: difference in percentage points, Holm p, and whether it is significant."""
+    """Return all tests fixed in advance: difference in percentage points, Holm p, and significance."""
     rows = results.tables["comparisons"]
     frame = pd.DataFrame(
         {
@@ -43,7 +43,7 @@ def comparisons(results: Results) -> Table:
 
 
 def scores(results: Results) -> Table:
-    """Return scores of the stated probabilities in new scenes with unseen items."""
+    """Return scores of the predicted probabilities in new scenes with unseen items."""
     columns = {"Calibration error": "ece", "Brier score": "brier", "Bias": "bias", "AUROC": "auroc"}
     rows = [
         {"Model": label(v)} | {h: results.value("scores", c, variant=v, split="new_items") for h, c in columns.items()}

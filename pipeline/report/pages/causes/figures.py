@@ -1,4 +1,4 @@
-"""The causal graph, effects of added items beside the truth, and one scene followed through every added item."""
+"""The causal graph, effects of added items with the truth, and one scene with each added item."""
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -11,7 +11,7 @@ from pipeline.world.layout import SYMBOLS
 
 
 def graph(results: Results) -> Figure:
-    """Draw the structural causal model of the paper: items make the scene; scene, path and user decide validity."""
+    """Draw the paper's structural causal model: items cause the image; image, path and user cause validity."""
     figure, axes = panels(1, 1, 7.2, 3.2)
     panel = axes[0, 0]
     places = {name: (0.2, 2.6 - 2.4 * i / max(len(SYMBOLS) - 1, 1)) for i, name in enumerate(SYMBOLS)}
@@ -40,7 +40,7 @@ def graph(results: Results) -> Figure:
 
 
 def effects(results: Results) -> Figure:
-    """Draw a panel a user: each model's effect of each added item with its 95 % interval; black bars are the truth."""
+    """Draw one panel per user: each model's effect of each added item with its 95 % interval, and the true effect."""
     users, symbols = results.judged_users, results.added_symbols
     figure, axes = panels(1, len(users), 6.0 * len(users), 1.2 + len(symbols), sharey=True)
     for panel, user in zip(axes[0], users, strict=True):
@@ -65,7 +65,7 @@ def effects(results: Results) -> Figure:
 
 
 def one_scene(results: Results) -> Figure:
-    """Draw one scene as it is and with each item added: the image, the truth, and the shown models' maps."""
+    """Draw one scene without and with each added item: the image, the truth, and the shown models' maps."""
     drawn, shown = results.drawn, list(results.drawn.added_maps)
     columns = ["as it is", *(f"added {symbol}" for symbol in SYMBOLS)]
     figure, axes = panels(1 + len(shown), len(columns), 2.4 * len(columns), 2.5 * (1 + len(shown)))

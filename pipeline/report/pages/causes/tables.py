@@ -1,4 +1,4 @@
-"""Verdicts on every question, and how many of them each model answers rightly."""
+"""Verdicts on every question, and each model's number of right verdicts."""
 
 import pandas as pd
 
@@ -8,7 +8,7 @@ from pipeline.report.style import label
 
 
 def score(results: Results) -> Table:
-    """Return the right verdicts of each model on added items and on changes of user."""
+    """Return each model's number of right verdicts on added items and on changes of user."""
     rows = []
     for variant in results.variants:
         row = {"Model": label(variant), "Added items": results.verdicts_right(variant)}
@@ -22,7 +22,7 @@ def score(results: Results) -> Table:
 
 
 def verdicts(results: Results) -> Table:
-    """Return effect, 95 % interval and verdict of the paper's model and the clearance model beside the truth."""
+    """Return effect, 95 % interval and verdict of the paper's model and the clearance model, with the truth."""
     shown = [v for v in ("full", "clearance") if v in results.variants] or results.variants[:1]
     table = pd.concat([results.asked("add", v).sort_values(["user", "symbol"]) for v in shown])
     frame = pd.DataFrame(

@@ -1,4 +1,4 @@
-"""The paper's rates beside ours, as intervals."""
+"""The paper's rates and ours, as intervals."""
 
 from matplotlib.figure import Figure
 
@@ -9,7 +9,7 @@ from pipeline.report.style import label
 
 
 def rates(results: Results) -> Figure:
-    """Draw accuracy in the training scenes and success of gradient repair: the paper's, ours, image-blind."""
+    """Draw accuracy in the training scenes and success of gradient repair: paper, ours, image-blind."""
     claims = claims_table(results).dropna(subset=["paper", "q1"])
     groups = [
         f"accuracy, {label(m)}" if c == "accuracy" else f"repair, {m}"

@@ -1,4 +1,4 @@
-"""Table 2 of the paper beside ours."""
+"""Table 2 of the paper and our values."""
 
 import pandas as pd
 
@@ -11,7 +11,7 @@ SOURCES = (PAPER, "clearance")
 
 
 def table_2(results: Results) -> Table:
-    """Return the mean P(valid) without and with an added item a user and source: paper, truth, models.
+    """Return mean P(valid) without and with an added item, one row per user and source: paper, truth, models.
 
     A dash where nothing was asked, or where the paper has no such symbol.
     """

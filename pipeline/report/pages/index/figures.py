@@ -1,4 +1,4 @@
-"""The overview: the same scene as image, truth and beliefs, with a gradient repair on each."""
+"""The overview: one scene with the truth and the models' maps, and a gradient repair on each."""
 
 from collections.abc import Mapping
 
@@ -11,11 +11,11 @@ from pipeline.report import style
 from pipeline.report.drawing import draw_map, draw_path, draw_table, panels
 from pipeline.report.results import Results
 
-LEAST_DIFFERENCE = 0.05  # share of a map's cells in which two users differ
+LEAST_DIFFERENCE = 0.05  # smallest share of a map's cells in which two users differ
 
 
 def overview(results: Results) -> Figure:
-    """Draw a row a user: image with a repair by each shown model, true map, and each model's map with the trace."""
+    """Draw one row per user: image with a repair by each shown model, true map, and each model's map with its steps."""
     shown = [v for v in ("full", "clearance") if v in results.shown] or results.shown[:1]
     drawn, users, place = results.drawn, results.repaired_users, _place(results)
     scene = drawn.mapped[place]
@@ -36,14 +36,14 @@ def overview(results: Results) -> Figure:
 
 
 def _place(results: Results) -> int:
-    """Return the first mapped scene in which the users truly differ; the first of all if none does."""
+    """Return the first mapped scene in which the users' true maps differ; the first scene if there is none."""
     truths = [results.drawn.truth[user] for user in results.repaired_users]
     differ = np.mean(truths[0] != truths[-1], axis=(1, 2)) > LEAST_DIFFERENCE
     return int(differ.argmax())
 
 
 def draw_repairs(axes: Axes, traces: Mapping[str, Array | None]) -> None:
-    """Draw where repairs start (yellow, broken) and where each variant's ends."""
+    """Draw the starts of repairs (yellow, dashed) and each variant's end."""
     steps = {variant: trace for variant, trace in traces.items() if trace is not None}
     for variant, points in steps.items():
         draw_path(axes, points[-1], style.colour(variant))
@@ -52,7 +52,7 @@ def draw_repairs(axes: Axes, traces: Mapping[str, Array | None]) -> None:
 
 
 def first_start(results: Results, user: str, scene: int) -> int | None:
-    """Return the number of the user's first invalid path in a scene, whatever became of it."""
+    """Return the number of the user's first invalid path in a scene, regardless of its repair."""
     rows = results.tables["repairs"]
     rows = rows[(rows["user"] == user) & (rows["method"] == "gradient") & (rows["scene"] == scene)]
     return None if rows.empty else int(rows["start"].min())

@@ -1,4 +1,4 @@
-"""The items, seen and unseen, and some tables with demonstrations on them."""
+"""The items, seen and unseen, and training scenes with demonstrations."""
 
 import cv2
 import numpy as np
@@ -15,7 +15,7 @@ TILE_PX = 56
 
 
 def items(results: Results) -> Figure:
-    """Draw the catalogue: a row a symbol, training items framed green, unseen ones red."""
+    """Draw the catalogue: one row per symbol, training items framed green, unseen ones red."""
     table = results.catalogue.items
     by_symbol = [
         [(s, i) for s in SPLITS for i in np.flatnonzero((table["symbol"] == o) & (table["split"] == s))]
@@ -35,7 +35,7 @@ def items(results: Results) -> Figure:
 
 
 def _tile(cutout: Array) -> Array:
-    """Return a cutout (side, side, 4) on light grey, small."""
+    """Return a small version of a cutout (side, side, 4) on light grey."""
     small = cv2.resize(cutout, (TILE_PX, TILE_PX), interpolation=cv2.INTER_AREA).astype(float)
     alpha = small[..., 3:] / 255
     return (small[..., :3] * alpha + 225 * (1 - alpha)).round().astype(np.uint8)

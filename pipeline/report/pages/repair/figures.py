@@ -1,4 +1,4 @@
-"""Repairs: rates with their baselines, and some of them drawn."""
+"""Success rates of repairs with baselines, and examples of repairs."""
 
 from matplotlib.figure import Figure
 
@@ -9,7 +9,7 @@ from pipeline.report.results import PAPER_TABLE_1, Results
 
 
 def success(results: Results) -> Figure:
-    """Draw a panel a user: success of gradient repair by variant with quartiles, and two lines to hold it against."""
+    """Draw one panel per user: success of gradient repair by variant with quartiles, and two lines for comparison."""
     users = results.repaired_users
     figure, axes = panels(1, len(users), 5.6 * len(users), 0.5 * len(results.variants) + 1.6, sharey=True)
     for panel, user in zip(axes[0], users, strict=True):
@@ -39,7 +39,7 @@ def success(results: Results) -> Figure:
 
 
 def drawn(results: Results) -> Figure:
-    """Draw the first repair of each mapped scene, a row a user: start, and the end by each shown model."""
+    """Draw the first repair in each mapped scene, one row per user: the start, and the end by each shown model."""
     users, scenes = results.repaired_users, results.drawn.mapped
     figure, axes = panels(len(users), len(scenes), 3.4 * len(scenes), 3.6 * len(users))
     for line, user in zip(axes, users, strict=True):

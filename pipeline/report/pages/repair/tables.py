@@ -1,4 +1,4 @@
-"""Repairs in numbers: every method, variant and user."""
+"""Results of repairs by method, variant and user."""
 
 import pandas as pd
 
@@ -11,17 +11,17 @@ COLUMNS = {"success": ("success", "pct1"), "moved": ("displacement_ratio", "time
 
 
 def gradient(results: Results) -> Table:
-    """Return the paper's repair, gradient steps, by model and user; baselines last."""
+    """Return the results of the paper's gradient repair by model and user, with baselines last."""
     return _table(results, "gradient")
 
 
 def nearest(results: Results) -> Table:
-    """Return the nearest path that a model accepts, by model and user; baselines last."""
+    """Return the results of searching the nearest accepted path, by model and user, with baselines last."""
     return _table(results, "nearest")
 
 
 def _table(results: Results, method: str) -> Table:
-    """Return a row a model; baselines accept nothing, so that they have no unsafe share."""
+    """Return one row per model; baselines accept nothing, so they have no unsafe share."""
     fitted = set(results.tables["repair"].query("method == @method")["variant"])
     keys = [(method, variant) for variant in results.variants if variant in fitted]
     rows, formats = [], {}

@@ -1,7 +1,7 @@
-"""Three engines that fit the paper's model by the same gradients, behind one door.
+"""Three engines that fit the paper's model with the same gradients, behind one interface.
 
-reference: one model at a time with torch. simd: a model in each vector lane of the processor (Numba). cuda: all models
-at once with torch, on a GPU. They round differently, and training amplifies that.
+reference: one model at a time with torch. simd: one model per vector lane of the processor (Numba). cuda: all models at
+once with torch on a GPU. Their results differ by rounding, which training amplifies.
 """
 
 from collections.abc import Callable
@@ -18,16 +18,16 @@ from pipeline.training.loop import fit_sequentially
 
 @dataclass(frozen=True)
 class Engine:
-    """Fits models: `fit`(models, images, z_theta, valid, weights=, schedule=, seeds=, checkpoints=) -> curves."""
+    """An engine with `fit`(models, images, z_theta, valid, weights=, schedule=, seeds=, checkpoints=) -> curves."""
 
     name: str
     fit: Callable[..., list[np.ndarray]]
-    batch_size: int  # models that it fits at once
+    batch_size: int  # models per call of `fit`
     device: str
 
 
 def engine(name: str) -> Engine:
-    """Return the engine of this name; `auto`: cuda with a GPU, else simd with Numba, else reference.
+    """Return the engine called `name`; `auto`: cuda with a GPU, else simd with Numba, else reference.
 
     Raises InputError for an unknown name, and for simd without Numba.
     """
@@ -47,7 +47,7 @@ def _reference() -> Engine:
 def _simd() -> Engine:
     if not find_spec("numba"):
         raise InputError("train.engine=simd needs Numba: install it, or choose train.engine=reference (slower)")
-    from pipeline.training.vae.engines.simd import LANES, fit_stack  # compiles on its first import
+    from pipeline.training.vae.engines.simd import LANES, fit_stack  # compiles on first import
 
     return Engine("simd", fit_stack, LANES, "cpu")
 

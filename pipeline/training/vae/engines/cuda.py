@@ -1,7 +1,7 @@
-"""Fit several users' models at once on any torch device: the reference engine, vectorised by torch.func.vmap.
+"""Fit several users' models at once on any torch device: the reference engine under torch.func.vmap.
 
-The models share their weights of Eq. 1, number of scenes and schedule. Each draws its noise on the CPU as the reference
-does. Device and batch decide the order of sums: trained weights differ from the other engines' by amplified rounding.
+The models share the weights of Eq. 1, the number of scenes and the schedule. As in the reference engine, noise is drawn
+on the CPU. Device and batch size change the order of sums, so trained weights differ by amplified rounding.
 """
 
 from collections.abc import Sequence
@@ -26,11 +26,11 @@ from pipeline.training.loop import (
 )
 from pipeline.training.vae.engines.reference import fit_varied
 
-BATCH_SIZE = 128  # models: about 4 GB of activations in the paper's size
+BATCH_SIZE = 128  # models per batch: about 4 GB of activations at the paper's model size
 
 
 class _Loss(nn.Module):
-    """Eq. 1 as a module's output, since `functional_call` takes a module."""
+    """Eq. 1 as the output of a module, since `functional_call` needs a module."""
 
     def __init__(self, model: BetaVae, weights: Weights):
         super().__init__()
@@ -41,7 +41,7 @@ class _Loss(nn.Module):
 
 
 def device() -> torch.device:
-    """Return the first GPU, or the CPU where there is none."""
+    """Return the first GPU, or the CPU if there is none."""
     return torch.device("cuda" if torch.cuda.is_available() else "cpu")
 
 
@@ -55,9 +55,9 @@ def fit_batch(
     seeds: Sequence[int],
     checkpoints: Checkpoints | None = None,
 ) -> list[Float[Array, "point 5"]]:
-    """Train models in place on `device()`, each on its demonstrations [m], and return their learning curves (`CURVE`).
+    """Train models in place on `device()`, each on its demonstrations [m]; return their learning curves (`CURVE`).
 
-    Does for each model what the reference engine's `fit` does, labels that are all alike included.
+    Treats each model as the reference engine's `fit` does, including models whose labels are all equal.
     """
     with torch.backends.cudnn.flags(enabled=True, deterministic=True, allow_tf32=False):
         return fit_varied(_descend, models, images, z_theta, valid, weights, schedule, seeds, checkpoints)
@@ -78,7 +78,7 @@ def _descend(models, images, z_theta, valid, weights, schedule, seeds, checkpoin
     loss_of_model = _Loss(models[0], weights)
     drawn, _ = stack_module_state(list(models))
     parameters = {name: value.detach().to(device()).requires_grad_() for name, value in drawn.items()}
-    named = {f"model.{name}": value for name, value in parameters.items()}  # as `_Loss` names them
+    named = {f"model.{name}": value for name, value in parameters.items()}  # with the names inside `_Loss`
     losses = vmap(lambda weights_of_model, *data: functional_call(loss_of_model, weights_of_model, data))
 
     def loss() -> Losses:

@@ -23,10 +23,11 @@ def fit(
     seed: int,
     checkpoints: Checkpoints | None = None,
 ) -> Float[Array, "point 5"]:
-    """Train `model` in place on n demonstrations [m] a scene and return the learning curve (`CURVE`).
+    """Train `model` in place on n demonstrations [m] per scene; return the learning curve (`CURVE`).
 
-    Where all labels are alike, the model keeps its untrained encoder and gets a constant head at Laplace's probability.
-    `seed` draws the latent noise; torch's global generator is left alone. `checkpoints` keeps the weights on the way.
+    If all labels are equal, the encoder stays untrained and the classifier answers Laplace's probability for every
+    input.
+    `seed` draws the latent noise; torch's global generator is unchanged. `checkpoints` keeps intermediate weights.
     """
     if is_constant(valid):
         probability = rule_of_succession(valid)
@@ -40,7 +41,7 @@ def fit(
 def fit_varied(
     fit_stack, models, images, z_theta, valid, weights, schedule, seeds, checkpoints
 ) -> list[Float[Array, "point 5"]]:
-    """Fit the models whose labels vary by one call of `fit_stack`, and the others by `fit`; return their curves."""
+    """Fit models with varying labels by one call of `fit_stack` and the others by `fit`; return all curves in order."""
     jobs = list(zip(models, images, z_theta, valid, seeds, strict=True))
     varied = [i for i, labels in enumerate(valid) if not is_constant(labels)]
     curves = {

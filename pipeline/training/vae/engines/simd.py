@@ -1,12 +1,12 @@
-"""Fit several users' models at once, one in each SIMD lane (simd_kernels).
+"""Fit several users' models at once, one per SIMD lane (simd_kernels).
 
-The models of a stack share their weights of Eq. 1, number of scenes and schedule; images, demonstrations (as many as
-there are) and seeds are each model's own. What a model becomes does not depend, to the last bit, on the others.
-The reference engine takes sums in another order, so its trained weights differ by amplified rounding.
+The models of a stack share the weights of Eq. 1, the number of scenes and the schedule. Each has its own images,
+demonstrations (any number) and seed. A model's result does not depend on the other models, to the last bit. The
+reference engine sums in another order, so its trained weights differ by amplified rounding.
 
-A layer reads one array and writes the next. On the way back it finds there the loss's gradient, adds to that of its
-weights and overwrites what it had read with the gradient of that. Planes have a border of zeros. One scene goes forth
-and back at a time: its activations stay in the cache.
+A layer reads one array and writes the next. In the backward pass it finds the loss's gradient in its output array,
+adds to its weights' gradient, and overwrites its input array with the input's gradient. Planes have a border of zeros.
+Scenes pass forward and backward one at a time, so that their activations stay in the cache.
 """
 
 import math
@@ -30,7 +30,7 @@ from pipeline.world.layout import SIDE
 
 
 def allocate(*shape: int) -> Float[Array, "*shape lane"]:
-    """Zeros, aligned to cache lines: a vector across two of them takes twice as long."""
+    """Return zeros aligned to cache lines: a vector that straddles two lines takes twice as long."""
     size = math.prod(shape) * LANES
     buffer = np.zeros(size + 16, np.float32)
     start = -buffer.ctypes.data // 4 % 16
@@ -41,7 +41,7 @@ NO_BIAS = allocate(1)
 
 
 class Parameter:
-    """A layer's weights or biases and their gradient (..., lane); `tensor` is the same memory as optimisers take it."""
+    """A layer's weights or biases and their gradient (..., lane); `tensor` shares the memory, for optimisers."""
 
     def __init__(self, *shape: int):
         self.value, self.gradient = allocate(*shape), allocate(*shape)
@@ -50,36 +50,36 @@ class Parameter:
 
 
 class Layer(ABC):
-    """From array `x` to array `y`, each of one scene."""
+    """A map from array `x` to array `y`, each of one scene."""
 
     x: Array
     y: Array
 
     @abstractmethod
     def forward(self) -> None:
-        """Write y."""
+        """Compute y from x."""
 
     @abstractmethod
     def backward(self, scene: int) -> None:
-        """y holds its gradient: overwrite x with that of x, and use both for that of the weights."""
+        """Overwrite x with its gradient and accumulate the weights' gradient, given the gradient of y in y."""
 
 
 class Trained(Layer):
-    """With weights; `mode` is what `lanes` does to y, `back` what it does to the gradient of x."""
+    """A layer with weights; `mode` is the operation of `product` on y, `back` the one on the gradient of x."""
 
     weight: Parameter
     bias: Parameter
 
     def finish(self) -> None:
-        """All scenes went forth and back: what of the gradient is still to be added to that of weight and bias."""
+        """Add the remaining terms to the gradient of weight and bias, after all scenes."""
 
     @abstractmethod
     def as_torch(self, weight: Array, bias: Array) -> tuple[Array, Array]:
-        """Return views of arrays of the parameters' shape: torch's order of axes, lanes last."""
+        """Return views of arrays of the parameters' shape in torch's axis order, lanes last."""
 
 
 class Convolution(Trained):
-    """nn.Conv2d that halves the side, or nn.ConvTranspose2d that doubles it; x has been rectified, or is the images."""
+    """nn.Conv2d that halves the side, or nn.ConvTranspose2d that doubles it; x is rectified, or holds the images."""
 
     def __init__(
         self,
@@ -121,7 +121,7 @@ class Flatten(Layer):
     def __init__(self, x: Array, y: Array):
         self.x, self.y = x, y
         planes, row = (x, y) if x.ndim > y.ndim else (y, x)
-        inside = planes[0, 1:-1, 1:-1].transpose(2, 0, 1, 3)  # (channel, row, column, lane), as torch has them
+        inside = planes[0, 1:-1, 1:-1].transpose(2, 0, 1, 3)  # (channel, row, column, lane), torch's order
         views = (inside, row.reshape(inside.shape))
         self.source, self.target = views if planes is x else views[::-1]
 
@@ -135,7 +135,7 @@ class Flatten(Layer):
 class Dense(Trained):
     """nn.Linear from rows of features to rows of features.
 
-    Its weights are too many to stay in the cache, so their gradient is written once, from what each scene has left.
+    Its weights exceed the cache, so their gradient is computed once, from values that each scene has stored.
     """
 
     def __init__(
@@ -162,9 +162,9 @@ class Dense(Trained):
 
 
 class Stack:
-    """`LANES` models of one shape, as layers that take one scene at a time with its paths: n of each model's own.
+    """`LANES` models of one shape, as layers that process one scene at a time with its n paths per model.
 
-    A model with fewer than the most has rows to spare after its own. They weigh 0: all they add to a sum is a zero.
+    Models with fewer paths have padded rows with weight 0, which add zeros to every sum.
     """
 
     def __init__(self, models: Sequence[BetaVae], weights: Weights, n: Sequence[int], scenes: int):
@@ -172,7 +172,7 @@ class Stack:
         self.alpha, self.beta = weights.alpha / (scenes * SIDE * SIDE * 3), weights.beta / scenes
         self.gamma = (weights.gamma / scenes * row_weights(n)).astype(np.float32)  # (row, lane)
         names = {module: name for name, module in model.named_modules()}
-        self.layers: dict[tuple[str, ...], Trained] = {}  # by the modules whose weights they hold
+        self.layers: dict[tuple[str, ...], Trained] = {}  # by the modules that own the weights
 
         def add(chain: list[Layer], layer: Layer, *modules: nn.Module) -> Array:
             if isinstance(layer, Trained):
@@ -219,7 +219,7 @@ class Stack:
                 tensor[..., lane] = model.get_parameter(name).detach().reshape(tensor.shape[:-1])
 
     def tensors(self, kind: str) -> Iterator[tuple[str, Float[Array, "*shape lane"]]]:
-        """Every trained tensor's name and its `kind` (an attribute of Parameter): a view in torch's order of axes."""
+        """Yield each trained tensor's name and its `kind` (an attribute of Parameter), a view in torch's axis order."""
         for names, layer in self.layers.items():
             weight, bias = layer.as_torch(getattr(layer.weight, kind), getattr(layer.bias, kind))
             for name, w, b in zip(names, np.split(weight, len(names)), np.split(bias, len(names)), strict=True):
@@ -228,14 +228,14 @@ class Stack:
 
     @torch.no_grad()
     def hand_over(self, models: Sequence[BetaVae]) -> None:
-        """Give the first lanes' weights to as many models."""
+        """Copy the lanes' weights into the models, first lane to first model."""
         for name, tensor in self.tensors("value"):
             for lane, model in enumerate(models):
                 parameter = model.get_parameter(name)
                 parameter.copy_(torch.from_numpy(tensor[..., lane]).reshape(parameter.shape))
 
     def parameters(self) -> list[Parameter]:
-        """Every layer's."""
+        """Return the parameters of all layers."""
         return [parameter for layer in self.layers.values() for parameter in (layer.weight, layer.bias)]
 
     def gradient(
@@ -245,7 +245,7 @@ class Stack:
         valid: Bool[Array, "scene row lane"],
         noise: Float[Array, "scene latent lane"],
     ) -> Float[Array, "3 lane"]:
-        """Return the terms of Eq. 1 as they enter the sum; its gradient is left in the parameters."""
+        """Return the weighted terms of Eq. 1; leave their gradient in the parameters."""
         for parameter in self.parameters():
             parameter.gradient.fill(0)
         terms = allocate(3)
@@ -257,7 +257,7 @@ class Stack:
         return terms
 
     def _scene(self, scene: int, image, z_theta, valid, noise, terms: Float[Array, "3 lane"]) -> None:
-        """Add what one scene does to the gradient, and to the terms, the first of them still without alpha."""
+        """Add one scene's contribution to the gradient and to the terms, the first term without its weight alpha."""
         latent = self.z_image.shape[1]
         lanes.unpack(image[None], self.images)
         _forward(self.encoder)
@@ -308,9 +308,9 @@ def fit_stack(
     seeds: Sequence[int],
     checkpoints: Checkpoints | None = None,
 ) -> list[Float[Array, "point 5"]]:
-    """Train up to `LANES` models in place, each on its demonstrations [m], and return their learning curves (`CURVE`).
+    """Train up to `LANES` models in place, each on its demonstrations [m]; return their learning curves (`CURVE`).
 
-    Does for each model what the reference engine's `fit` does, labels that are all alike included.
+    Treats each model as the reference engine's `fit` does, including models whose labels are all equal.
     """
     if len(models) > LANES:
         raise ValueError(f"{len(models)} models for a stack: it holds {LANES}")
@@ -319,7 +319,7 @@ def fit_stack(
 
 def _descend(models, images, z_theta, valid, weights, schedule, seeds, checkpoints) -> list[Float[Array, "point 5"]]:
     """Train the models of one stack."""
-    lane_models = [*range(len(models)), *[0] * (LANES - len(models))]  # lanes to spare repeat the first model
+    lane_models = [*range(len(models)), *[0] * (LANES - len(models))]  # unused lanes repeat the first model
     n_demos = [valid[i].shape[1] for i in lane_models]
     pixels = np.stack([images[i] for i in lane_models], -1)
     paths, labels = (

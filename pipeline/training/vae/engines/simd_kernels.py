@@ -1,11 +1,11 @@
-"""Kernels that train 8 or 16 models at once, one in each SIMD lane of a float32 vector, compiled by Numba.
+"""Kernels that train 8 or 16 models at once, one per SIMD lane of a float32 vector, compiled by Numba.
 
 Every array ends in an axis of `LANES`: entry [..., lane] belongs to model `lane`. No operation mixes lanes, so a
-model's bits depend neither on its neighbours, nor on its place, nor on the number of lanes. Convolutions and dense
-layers alike are strided matrix products: sums of outer products on a `Tile` of vectors in registers (`_block`).
+model's bits do not depend on its neighbours, its position or the number of lanes. Convolutions and dense layers are
+strided matrix products: sums of outer products on a `Tile` of vectors in registers (`_block`).
 
-This file is longer than 300 lines because Numba compiles a cached function anew when its own file has changed, and
-looks at no other: everything compiled has to stand in one file.
+This file is longer than 300 lines because Numba invalidates a cached function only when its own file changes: all
+compiled code has to be in one file.
 """
 
 # pyright: reportCallIssue=false
@@ -20,7 +20,7 @@ from numba import config, njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, register_model
 
-HALF_WIDTH_AVX512 = ("znver4",)  # processors whose 512-bit instructions run as two of 256 bits each
+HALF_WIDTH_AVX512 = ("znver4",)  # processors that execute each 512-bit instruction as two of 256 bits
 
 
 def processor_features() -> frozenset[str]:
@@ -32,7 +32,7 @@ def processor_features() -> frozenset[str]:
 
 
 def lanes_of(features: frozenset[str], processor: str) -> int:
-    """Return how many float32 lanes the processor's widest full-speed vectors have."""
+    """Return the number of float32 lanes of the processor's widest vectors that run at full speed."""
     return 16 if "avx512vl" in features and processor not in HALF_WIDTH_AVX512 else 8
 
 
@@ -41,8 +41,8 @@ LANES = lanes_of(FEATURES, config.CPU_NAME or get_host_cpu_name())
 VECTOR = ir.VectorType(ir.FloatType(), LANES)
 BYTES = ir.IntType(8).as_pointer()
 INTEGERS = ir.VectorType(ir.IntType(32), LANES)
-PUT, ADD, RELU, GATE = range(4)  # what becomes of a product: see `_put` and its neighbours
-TALL = 5 if "avx512vl" in FEATURES else 2  # rows of a tile: what 32 registers hold, or 16
+PUT, ADD, RELU, GATE = range(4)  # operations on a product: see `_put` and the functions after it
+TALL = 5 if "avx512vl" in FEATURES else 2  # rows of a tile: as many as fit in 32 registers, or in 16
 
 OFFSETS = types.intp[::1]
 FLAT, MATRIX, ROWS = types.float32[::1], types.float32[:, ::1], types.float32[:, :, ::1]
@@ -51,12 +51,12 @@ PIXELS = types.uint8[:, :, :, :, ::1]
 
 
 def compiled(*arguments, returns=types.void):
-    """Compile for these types on import, unless the cache has it: what imports this module is ready to run."""
+    """Compile for these types on import, unless cached, so that importing modules are ready to run."""
     return _bare(njit(returns(*arguments), cache=True, error_model="numpy"))
 
 
 def _bare(decorator):
-    """Apply `decorator` to the function itself, without the checks of its arguments that tests wrap it in."""
+    """Apply `decorator` to the function without the argument checks that tests wrap it in."""
     return lambda function: decorator(inspect.unwrap(function))
 
 
@@ -64,7 +64,7 @@ inlined = _bare(njit(forceinline=True, error_model="numpy"))
 
 
 class Tile(types.Type):
-    """rows x columns vectors in registers: an ordinary local variable of a compiled function."""
+    """rows x columns vectors in registers, used as a local variable of compiled functions."""
 
     def __init__(self, rows: int, columns: int):
         self.rows, self.columns = rows, columns
@@ -78,13 +78,13 @@ class _TileModel(models.PrimitiveModel):
 
 
 def _pointer(context, builder, kind, array, index):
-    """Address of the index-th vector of a contiguous array."""
+    """Return the address of the index-th vector of a contiguous array."""
     data = context.make_array(kind)(context, builder, array).data
     return builder.gep(builder.bitcast(data, VECTOR.as_pointer()), [index])
 
 
 def _pointers(context, builder, kind, array, index, stride, count):
-    """Addresses of vectors index, index + stride, ...: multiples of the stride stay in registers from step to step."""
+    """Return the addresses of vectors index, index + stride, ...; multiples of the stride stay in registers."""
     first = builder.bitcast(_pointer(context, builder, kind, array, index), BYTES)
     stride = builder.mul(stride, ir.Constant(stride.type, 4 * LANES))
     for i in range(count):
@@ -99,13 +99,13 @@ def _load(builder, pointer):
 
 
 def _call(builder, name, *arguments):
-    """LLVM's own `name` on vectors."""
+    """Call LLVM's intrinsic `name` on vectors."""
     kind = ir.FunctionType(VECTOR, [VECTOR] * len(arguments))
     return builder.call(cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{LANES}f32"), arguments)
 
 
 def _each(builder, tile, function):
-    """Return the tile whose entries are function(row, column) -> vector."""
+    """Return the tile with entries function(row, column) -> vector."""
     value = ir.Constant(ir.ArrayType(VECTOR, tile.rows * tile.columns), ir.Undefined)
     for row in range(tile.rows):
         for column in range(tile.columns):
@@ -122,7 +122,7 @@ def zeros(typingctx, rows, columns):
 
 @intrinsic
 def repeat(typingctx, tile, array, index, step):
-    """Return the tile whose every row is array[index + step * column]."""
+    """Return the tile whose rows all equal array[index + step * column]."""
 
     def generate(context, builder, sig, args):
         _, data, first, stride = args
@@ -137,7 +137,7 @@ def repeat(typingctx, tile, array, index, step):
 
 @intrinsic
 def outer(typingctx, tile, left, i, i_step, right, j, j_step):
-    """tile[row, column] + left[i + i_step * row] * right[j + j_step * column], rounded once."""
+    """Return tile[row, column] + left[i + i_step * row] * right[j + j_step * column], rounded once."""
 
     def generate(context, builder, sig, args):
         def vectors(kind, data, first, stride, count):
@@ -153,7 +153,7 @@ def outer(typingctx, tile, left, i, i_step, right, j, j_step):
 
 
 def _writer(combine):
-    """Return an intrinsic that sets array[index + row_step * row + column] to combine(builder, tile, itself)."""
+    """Return an intrinsic that sets array[index + row_step * row + column] to combine(builder, tile, its value)."""
 
     @intrinsic
     def write(typingctx, tile, array, index, row_step):
@@ -174,7 +174,7 @@ def _writer(combine):
 
 
 def _rectified(builder, sign, vector):
-    """`vector` where `sign` is positive, else 0; not-a-number passes through."""
+    """Return `vector` where `sign` is positive, else 0; NaN passes through."""
     zero = ir.Constant(VECTOR, None)
     return builder.select(builder.fcmp_ordered("<=", sign, zero), zero, vector)
 
@@ -186,12 +186,12 @@ _gate = _writer(lambda builder, new, old: _rectified(builder, old, new))
 
 
 def _sigmoid(builder, x):
-    """1 / (1 + exp(-x)) by Cephes' polynomial for exp, within 3 units in the last place; beyond +-87 as there."""
+    """Return 1 / (1 + exp(-x)) by Cephes' polynomial for exp, to 3 units in the last place; constant beyond +-87."""
 
     def constant(value):
         return ir.Constant(VECTOR, [value] * LANES)
 
-    x = builder.select(builder.fcmp_ordered(">", x, constant(87.0)), constant(87.0), x)  # a NaN passes through
+    x = builder.select(builder.fcmp_ordered(">", x, constant(87.0)), constant(87.0), x)  # NaN passes through
     x = builder.fneg(builder.select(builder.fcmp_ordered("<", x, constant(-87.0)), constant(-87.0), x))
     power = _call(builder, "rint", builder.fmul(x, constant(1.44269504)))  # exp(x) = 2**power * exp(rest)
     rest = _call(builder, "fma", power, constant(-0.693359375), x)
@@ -206,7 +206,7 @@ def _sigmoid(builder, x):
 
 @intrinsic
 def _squared_error(typingctx, total, logits, images, index, scale):
-    """total + d**2, where d = sigmoid(logits[index]) - images[index]; scale * d(d**2)/2 overwrites the logits."""
+    """Return total + d**2 with d = sigmoid(logits[index]) - images[index]; scale * d(d**2)/2 overwrites the logits."""
 
     def generate(context, builder, sig, args):
         pointer = _pointer(context, builder, logits, args[1], args[3])
@@ -226,7 +226,7 @@ def _squared_error(typingctx, total, logits, images, index, scale):
 
 @inlined
 def _block(tile, out, a, b, bias, steps, mode):
-    """One tile of `product`."""
+    """Compute one tile of `product`."""
     tile = repeat(tile, *bias)
     a_steps, b_steps = steps
     k = np.uint64(0)
@@ -245,7 +245,7 @@ def _block(tile, out, a, b, bias, steps, mode):
 
 @inlined
 def _strip(tiles, rows, out, a, b, bias, steps, mode):
-    """Every row of `product`, in as many columns as the tiles have."""
+    """Compute all rows of `product` in the columns of the tiles."""
     tall, four, three, two, one = tiles
     for row in range(0, rows, TALL):
         here, left = (out[0], out[1] + row * out[2], out[2]), (a[0], a[1] + row * a[2], a[2])
@@ -266,10 +266,11 @@ OPERAND = types.Tuple((FLAT, types.intp, types.intp))
 
 @compiled(*[types.intp] * 2, *[OPERAND] * 4, types.UniTuple(OFFSETS, 2), types.intp)
 def product(rows, columns, out, a, b, bias, steps, mode):
-    """out[row, column] = bias[column] + sum over k of a[row, k] * b[k, column], or what `mode` makes of that.
+    """Compute out[row, column] = bias[column] + sum over k of a[row, k] * b[k, column], modified by `mode`.
 
-    Operands: (flat array, first vector, stride [vectors]), the stride that of out's and a's rows, of b's and the
-    bias's columns. `steps`: offsets [vectors] of each k, in a and in b; one below 0 in a ends them.
+    Operands: (flat array, first vector, stride [vectors]). The stride separates rows of out and a, columns of b and
+    bias.
+    `steps`: offsets [vectors] of each k in a and b; a negative offset in a ends the list.
     """
     column = 0
     while column < columns:
@@ -292,7 +293,7 @@ def product(rows, columns, out, a, b, bias, steps, mode):
 
 @compiled(*[types.UniTuple(types.intp, 3)] * 3, returns=types.UniTuple(OFFSETS, 2))
 def _sum(counts, a_strides, b_strides):
-    """Offsets in a, none below 0, and in b that three nested loops visit, outermost first: steps of a `product`."""
+    """Return the offsets in a (none negative) and in b visited by three nested loops, outermost first."""
     size = counts[0] * counts[1] * counts[2]
     a_steps = np.full(size + 1, -1)
     b_steps = np.empty_like(a_steps)
@@ -305,7 +306,7 @@ def _sum(counts, a_strides, b_strides):
 
 @compiled(PLANES, KERNEL, MATRIX, PLANES, types.intp)
 def gather(big, weights, bias, small, mode):
-    """Stride-2 3x3 convolution from planes `big` to planes `small`, or the gradient of `scatter`.
+    """Compute a stride-2 3x3 convolution from planes `big` to planes `small`, or the gradient of `scatter`.
 
     Planes: (scene, 1 + row + 1, 1 + column + 1, channel, lane), their border zero. Weights: (3, 3, big channel, small
     channel, lane). Bias: (small channel, lane), or one vector for all.
@@ -324,9 +325,9 @@ def gather(big, weights, bias, small, mode):
 
 @compiled(PLANES, KERNEL, MATRIX, PLANES, types.intp)
 def scatter(small, weights, bias, big, mode):
-    """Transposed convolution from planes `small` to planes `big`, or the gradient of `gather`; arrays as there.
+    """Compute the transposed convolution from planes `small` to `big`, or the gradient of `gather`; same arrays.
 
-    An even row of `big` lies under one row of `small`, an odd one under two; columns likewise.
+    An even row of `big` depends on one row of `small`, an odd one on two; columns likewise.
     """
     scenes, height, width, wide, _ = big.shape
     narrow = small.shape[3]
@@ -351,7 +352,7 @@ def scatter(small, weights, bias, big, mode):
 
 @compiled(PLANES, PLANES, KERNEL)
 def correlate(big, small, weights):
-    """Add to `weights` the gradient of `gather` and `scatter` with respect to theirs, from values and a gradient."""
+    """Add to `weights` the weight gradient of `gather` and `scatter`, from values and a gradient."""
     scenes, height, width, wide, _ = big.shape
     narrow = small.shape[3]
     pitch, small_pitch = width * wide, small.shape[2] * narrow
@@ -386,7 +387,7 @@ def total(values, sums):
 
 @compiled(ROWS, ROWS, MATRIX, ROWS, types.intp)
 def dense(x, weights, bias, y, mode):
-    """y (row, output, lane) = bias + x (row, input, lane) weights (input, output, lane)."""
+    """Compute y (row, output, lane) = bias + x (row, input, lane) weights (input, output, lane)."""
     rows, outputs, _ = y.shape
     out, a, b = (y.reshape(-1), 0, outputs), (x.reshape(-1), 0, x.shape[1]), (weights.reshape(-1), 0, 1)
     steps = _sum((1, 1, x.shape[1]), (0, 0, 1), (0, 0, outputs))
@@ -395,7 +396,7 @@ def dense(x, weights, bias, y, mode):
 
 @compiled(ROWS, ROWS, ROWS, types.intp)
 def dense_backward(dy, weights, x, mode):
-    """Overwrite x with the gradient of `dense` with respect to it."""
+    """Overwrite x with the gradient of `dense` with respect to x."""
     rows, inputs, _ = x.shape
     out, a, b = (x.reshape(-1), 0, inputs), (dy.reshape(-1), 0, dy.shape[1]), (weights.reshape(-1), 0, dy.shape[1])
     steps = _sum((1, 1, dy.shape[1]), (0, 0, 1), (0, 0, 1))
@@ -413,7 +414,7 @@ def dense_weights(x, dy, weights):
 
 @compiled(PIXELS, PLANES)
 def unpack(images, planes):
-    """8-bit images (scene, row, column, channel, lane) as intensities in [0, 1], inside the planes' border."""
+    """Write 8-bit images (scene, row, column, channel, lane) as intensities in [0, 1] inside the planes' border."""
     scenes, height, _, channels, _ = images.shape
     for scene in range(scenes):
         for row in range(height):
