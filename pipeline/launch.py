@@ -63,7 +63,7 @@ def usage(main: Main, stage: str) -> str:
     lines += ["Writes:", *(f"  {out if isinstance(out, str) else next(iter(out))}" for out in outs)]
     lines += [f"Parameters (conf/ says what each is; these are of profile {cfg.profile}):"]
     lines += [f"  {line}" for line in (read_by(cfg, stage) or "").splitlines()]
-    return "\n".join(lines)
+    return "\n".join(lines).replace("${item.variant}", cfg.variant)
 
 
 def _root(cfg: DictConfig, stage: str) -> Path:

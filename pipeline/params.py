@@ -162,8 +162,8 @@ def read_by(cfg: DictConfig, stage: str) -> str | None:
     names = names_read(stage)
     if names is None:
         return None
-    values = {name: OmegaConf.select(cfg, name.replace("${item.variant}", cfg.variant)) for name in names}
-    return OmegaConf.to_yaml(OmegaConf.create(values))
+    names = [name.replace("${item.variant}", cfg.variant) for name in names]
+    return OmegaConf.to_yaml(OmegaConf.create({name: OmegaConf.select(cfg, name) for name in names}))
 
 
 def refuse_unread(cfg: DictConfig, stage: str, overrides: Sequence[str]) -> None:

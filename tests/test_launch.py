@@ -57,8 +57,8 @@ def test_hydra_s_flags_may_stand_before_or_behind_overrides(run, flags: list[str
 def test_help_says_what_a_stage_reads_and_writes(run):
     code, out, _ = run(nothing, "train", "--help")
     assert code == 0
-    assert "outputs/demos/demos.parquet" in out and "outputs/train/${item.variant}/weights" in out
-    assert "steps: 600" in out and "hand:" not in out
+    assert "outputs/demos/demos.parquet" in out and "outputs/train/full/weights" in out
+    assert "steps: 600" in out and "variants.full:" in out and "hand:" not in out
 
 
 @pytest.mark.parametrize("error", [InputError, FileNotFoundError, PermissionError, FileExistsError])

@@ -95,6 +95,8 @@ def _repair(results: Results) -> list[dict]:
 def _causes(results: Results) -> list[dict]:
     """Judge whether every verdict on an added item is right; it fails if an image-blind model is equally good."""
     right, asked = results.verdicts_right(PAPER), results.questions()
+    if asked == 0:
+        return []
     blind = results.image_blind_right()
     verdict = _compare(right == asked, right <= blind, blind == asked)
     return [_counted("causes", right, asked, blind, verdict)]

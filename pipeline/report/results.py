@@ -118,9 +118,26 @@ class Results:
         return int((answers == ("negligible" if kind == "add" else "effect")).sum())
 
     @property
-    def largest_difference(self) -> float:
-        """Return the largest difference between a true share of valid paths and the paper's Table 2."""
-        return checked(self.tables["p_valid"]["difference"].abs().max(skipna=False), "p_valid, largest difference")
+    def largest_difference(self) -> float | None:
+        """Return the largest difference between a true share of valid paths and the paper's Table 2.
+
+        None if that table has none of these users.
+        """
+        known = self._in_the_paper()
+        if known.empty:
+            return None
+        return checked(known["difference"].abs().max(skipna=False), "p_valid, largest difference")
+
+    def _in_the_paper(self) -> pd.DataFrame:
+        """Return the rows of p_valid for the paper's users and symbols: it has no numbers for added ones."""
+        table = self.tables["p_valid"]
+        return table[table["user"].isin(PAPER_TABLE_2.index) & table["added"].isin(PAPER_TABLE_2.columns)]
+
+    @cached_property
+    def added_symbols(self) -> list[str]:
+        """Return the symbols that a question adds, in the order of the questions."""
+        rows = self.tables["interventions"]
+        return rows.loc[rows["kind"] == "add", "symbol"].unique().tolist()
 
     @cached_property
     def repaired_users(self) -> list[str]:
@@ -131,7 +148,7 @@ class Results:
     def check(self) -> None:
         """Raise InputError for the first number behind the figures that is missing or not finite."""
         for name, columns in FINITE.items():
-            frame = self.tables[name]
+            frame = self._in_the_paper() if name == "p_valid" else self.tables[name]
             for column in columns:
                 if not np.isfinite(frame[column].astype(float)).all():
                     raise InputError(f"table {name}, column {column}: expected finite numbers; run its stage again")

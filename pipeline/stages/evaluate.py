@@ -23,6 +23,10 @@ from pipeline.stats.tests import LEVEL, holm, paired_wilcoxon
 NEAREST, POSITION = "nearest_demonstration", "position_only"
 MODEL = ["user", "n_demos", "seed", "split"]
 QUERY = [*MODEL, "scene", "query"]
+COMPARED = [
+    "family", "variant", "against", "split", "n_demos", "mean", "mean_against", "difference", "p", "p_holm",
+    "significant", "seeds",
+]  # fmt: skip
 HEADLINE = "new_items"  # the split of the reported accuracy with one demonstration
 
 
@@ -165,10 +169,12 @@ def _comparisons(cfg: DictConfig, by_seed: pd.DataFrame) -> pd.DataFrame:
                         "p": paired_wilcoxon(a, b), "seeds": len(a),
                     }
                 )  # fmt: skip
+    if not rows:  # one variant alone
+        return pd.DataFrame(columns=COMPARED)
     table = pd.DataFrame(rows)
     table["p_holm"] = table.groupby("family")["p"].transform(lambda p: holm(p.to_numpy()))
     table["significant"] = table["p_holm"] < LEVEL
-    return table[[*table.columns[:9], "p_holm", "significant", "seeds"]]
+    return table[COMPARED]
 
 
 def _metrics(cfg: DictConfig, summary: pd.DataFrame) -> dict:

@@ -14,7 +14,7 @@ def graph(results: Results) -> Figure:
     """Draw the paper's structural causal model: items cause the image; image, path and user cause validity."""
     figure, axes = panels(1, 1, 7.2, 3.2)
     panel = axes[0, 0]
-    places = {name: (0.2, 2.6 - 0.8 * i) for i, name in enumerate(SYMBOLS)}
+    places = {name: (0.2, 2.6 - 2.4 * i / max(len(SYMBOLS) - 1, 1)) for i, name in enumerate(SYMBOLS)}
     places |= {"$Z_I$": (2.2, 1.4), "$Z_\\theta$": (2.9, 2.6), "$S$": (2.9, 0.2), "$V$": (4.4, 1.4)}
     words = {"$Z_I$": "scene", "$Z_\\theta$": "path", "$S$": "user", "$V$": "valid"}
     for name, place in places.items():
@@ -41,22 +41,20 @@ def graph(results: Results) -> Figure:
 
 def effects(results: Results) -> Figure:
     """Draw one panel per user: each model's effect of each added item with its 95 % interval, and the true effect."""
-    table, users = results.tables["interventions"], results.judged_users
-    figure, axes = panels(1, len(users), 6.0 * len(users), 5.2, sharey=True)
-    table = table[table["kind"] == "add"]
+    users, symbols = results.judged_users, results.added_symbols
+    figure, axes = panels(1, len(users), 6.0 * len(users), 1.2 + len(symbols), sharey=True)
     for panel, user in zip(axes[0], users, strict=True):
-        for i, symbol in enumerate(SYMBOLS):
+        for i, symbol in enumerate(symbols):
             for j, variant in enumerate(results.variants):
-                row = table[(table["user"] == user) & (table["symbol"] == symbol) & (table["variant"] == variant)].iloc[
-                    0
-                ]
+                rows = results.asked("add", variant)
+                row = rows[(rows["user"] == user) & (rows["symbol"] == symbol)].iloc[0]
                 y = i + 0.7 * (j - (len(results.variants) - 1) / 2) / max(len(results.variants), 1)
                 panel.hlines(y, row["ci_low"], row["ci_high"], color=style.colour(variant), linewidth=2)
                 panel.plot(row["effect"], y, style.marker(variant), color=style.colour(variant), markersize=6)
                 panel.vlines(row["truth"], i - 0.42, i + 0.42, color=style.INK, linewidth=1.6)
         panel.axvspan(-0.05, 0.05, color=style.RULE, alpha=0.5, linewidth=0)
-        panel.set_yticks(range(len(SYMBOLS)), SYMBOLS)
-        panel.set(title=f"{user} user", xlabel="change in P(valid)", ylim=(len(SYMBOLS) - 0.5, -0.5))
+        panel.set_yticks(range(len(symbols)), symbols)
+        panel.set(title=f"{user} user", xlabel="change in P(valid)", ylim=(len(symbols) - 0.5, -0.5))
     marks = [
         axes[0, 0].plot([], [], style.marker(v), color=style.colour(v), label=style.label(v))[0]
         for v in results.variants
