@@ -15,7 +15,7 @@ from pipeline.runtime.errors import InputError
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import clearance
-from tests.perception.test_objects import RED, WHITE, draw_table
+from tests.factories import RED, WHITE, draw_table
 
 SCENES, PATHS, MARGIN = 12, 9, 0.04
 

@@ -11,7 +11,7 @@ from pipeline.artifacts.repairs import READ_COLUMNS, draw_starts, paths_name, re
 from pipeline.artifacts.scenes import SceneSet, read_scenes
 from pipeline.runtime.errors import InputError
 from pipeline.world.rules import valid
-from tests.stages.inputs import untrained_models
+from tests.factories import untrained_models
 
 
 @pytest.fixture(scope="module")

@@ -10,19 +10,8 @@ from hypothesis import strategies as st
 from pipeline.models.base import to_tensor
 from pipeline.perception.capsule import fit_capsule
 from pipeline.perception.objects import FINER, MAX_OBJECTS, SIDE, detect_objects, measure_contrast
+from tests.factories import RED, WHITE, draw_table, to_pixels
 
-
-def draw_table(*discs, seed=0, grain=0.02):
-    """A table of its own grain, with discs (x, y, radius [m], colour) on it."""
-    rng = np.random.default_rng(seed)
-    image = 0.5 + grain * rng.standard_normal((SIDE, SIDE, 3))
-    y, x = np.mgrid[:SIDE, :SIDE] + 0.5
-    for at_x, at_y, radius, colour in discs:
-        image[np.hypot(x - SIDE * at_x, SIDE * (1 - at_y) - y) < SIDE * radius] = colour
-    return to_pixels(image)
-
-
-RED, WHITE = (0.8, 0.2, 0.2), (0.9, 0.9, 0.9)
 DISCS = (0.3, 0.7, 0.08, RED), (0.75, 0.4, 0.045, WHITE)
 
 
@@ -68,7 +57,7 @@ def test_what_has_an_order_is_an_object_and_its_pixels_shuffled_are_none(wide: i
 
 
 @pytest.mark.parametrize("noise", [0.02, 0.1])
-def test_a_object_of_one_colour_is_one_however_noisy(noise: float):
+def test_an_object_of_one_colour_is_one_however_noisy(noise: float):
     image = draw_table((0.5, 0.5, 0.08, RED), grain=0.0) / 255
     noisy = to_pixels(image + noise * np.random.default_rng(0).standard_normal(image.shape))
     assert detect_objects(to_tensor(noisy[None])).present.sum() == 1
@@ -95,10 +84,6 @@ def mottled(seed: int) -> np.ndarray:
     ]
     grain = 0.01 * rng.standard_normal((SIDE, SIDE, 3))
     return 0.5 + 0.04 * blotches / blotches.std() + grain
-
-
-def to_pixels(image: np.ndarray) -> np.ndarray:
-    return (255 * image.clip(0, 1)).round().astype(np.uint8)
 
 
 @pytest.mark.parametrize("seed", range(5))

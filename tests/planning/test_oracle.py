@@ -5,13 +5,12 @@ import pytest
 
 from pipeline.planning.oracle import constant_detour, nearest_valid
 from pipeline.world.bezier import curve, lattice, random_z_theta
-from pipeline.world.layout import Items, Layouts, empty, random_layouts
+from pipeline.world.layout import Layouts, empty, random_layouts
 from pipeline.world.rules import valid
-from tests.examples import RULES
+from tests.factories import ITEMS, RULES
 
 CAREFUL = {"bowl": 0.045, "plate": 0.045, "cutlery": 0.045, "glass": 0.045}
 NORMAL = {"bowl": None, "plate": None, "cutlery": None, "glass": 0.038}
-ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.075, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
 BELOW, ABOVE = (0.85, 0.15), (0.15, 0.85)  # of the lattice of side 2; its two others lead straight through the middle
 
 

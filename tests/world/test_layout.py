@@ -16,7 +16,7 @@ from pipeline.world.layout import (
     random_layouts,
     segment_distance,
 )
-from tests.examples import RULES
+from tests.factories import RULES
 
 # Per symbol a training item (0-3) and another one (4-7) that must not be drawn when the pool leaves it out.
 ITEMS = Items(

@@ -11,7 +11,7 @@ from pipeline.training.clearance.fit import fit
 from pipeline.training.loop import Checkpoints, Schedule
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import clearance as true_clearance
-from tests.perception.test_objects import RED, WHITE, draw_table
+from tests.factories import RED, WHITE, draw_table
 
 SCHEDULE = Schedule(steps=400, rate=0.03, weight_decay=0.0, curve_every=50)
 MARGIN = 0.04  # metres

@@ -15,8 +15,8 @@ from pipeline.world.layout import SYMBOLS, Layouts, random_layouts
 from pipeline.world.rules import Margins
 from studies.rule_families.families import FAMILIES as RULES
 from studies.rule_families.families import dwell, proximity, side
-from tests.examples import RULES as LAYOUT_RULES
-from tests.stages.inputs import ITEMS
+from tests.factories import ITEMS
+from tests.factories import RULES as LAYOUT_RULES
 
 SCENES, DEMOS = 20, 9
 ALL: Margins = {symbol: 0.045 for symbol in SYMBOLS}

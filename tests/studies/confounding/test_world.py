@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pipeline.world.bezier import P_F, P_INIT
 from pipeline.world.layout import Items, Layouts, point_segment_distance, segment_distance
 from studies.confounding.world import GLASS, PLATE, Setting, confounded_layouts
-from tests.examples import RULES
+from tests.factories import RULES
 
 # Per symbol a training item (0-3) and another one (4-7); the plate and the glass of the latter are oval.
 ITEMS = Items(

@@ -17,8 +17,8 @@ from pipeline.world.layout import SIDE, SYMBOLS
 from pipeline.world.render import REACH_M, Palette
 from pipeline.world.rules import valid
 from studies.counterfactuals import stage
-from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
-from tests.stages.inputs import pictured_models
+from tests.factories import models_in_rendered_scenes
+from tests.stages.facts import names_a_missing_model, refuses, run_as_listed
 
 SCENES, PATHS = 6, 24
 VARIANTS = ("full", "clearance")
@@ -30,14 +30,12 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     """Six scenes of unseen items, and untrained models of two variants and two seeds."""
     sizes = {"scenes": SCENES, "paths": PATHS, "moved_scenes": 3, "move_step": 0.02, "move_steps": 6, "root_seed": 5}
     overrides = [f"studies.counterfactuals.{name}={value}" for name, value in sizes.items()]
-    return pictured_models(tmp_path_factory.mktemp("counterfactuals"), VARIANTS, SCENES, *overrides)
+    return models_in_rendered_scenes(tmp_path_factory.mktemp("counterfactuals"), VARIANTS, SCENES, *overrides)
 
 
 @pytest.fixture(scope="module")
 def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    directory = tmp_path_factory.mktemp("out")
-    stage.main(cfg, directory)
-    return directory
+    return run_as_listed(stage.main, cfg, tmp_path_factory.mktemp("out"))
 
 
 @pytest.fixture(scope="module")
@@ -133,11 +131,6 @@ def test_a_move_ends_where_the_path_becomes_valid(cfg: DictConfig, out: Path):
     for row in moves.drop_duplicates(["user", "scene"]).itertuples():
         assert not valid(noise["O"][[row.scene]], noise["Z_theta"][[row.scene]], cfg.users[row.user])[0, row.path]
         assert row.symbol == SYMBOLS[noise["O"].symbol[row.scene, row.slot]]
-
-
-@pytest.mark.slow
-def test_a_second_run_with_more_workers_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
-    repeats_itself(stage.main, cfg, out, tmp_path, workers=2)
 
 
 def test_scenes_without_room_to_move_an_item_leave_no_moves(cfg: DictConfig, tmp_path: Path):

@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
-from pipeline.world.layout import SYMBOLS, Items, Layouts, empty, random_layouts
+from pipeline.world.layout import SYMBOLS, Layouts, empty, random_layouts
 from pipeline.world.rules import clearance, slack
 from studies.counterfactuals.moves import crossing, has_room, outward_normal, score_moves, translate_item
-from tests.examples import RULES
+from tests.factories import ITEMS, RULES
 
 NORMAL: dict[str, float | None] = {symbol: 0.045 if symbol == "glass" else None for symbol in SYMBOLS}
-ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.075, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
 SCENES = 20
 
 

@@ -9,8 +9,8 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_table, write_arrays
 from studies.identification import stage
-from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
-from tests.stages.inputs import SCENES, untrained_models
+from tests.factories import SCENES, untrained_models
+from tests.stages.facts import names_a_missing_model, refuses, run_as_listed
 
 PATHS = 6
 OBSERVERS = ["full", "irl_ranked", "clearance", "position_only", "ideal"]
@@ -29,9 +29,7 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
 
 @pytest.fixture(scope="module")
 def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    directory = tmp_path_factory.mktemp("out")
-    stage.main(cfg, directory)
-    return directory
+    return run_as_listed(stage.main, cfg, tmp_path_factory.mktemp("out"))
 
 
 def test_every_observer_is_judged_after_every_path_of_every_user(cfg: DictConfig, out: Path):
@@ -81,11 +79,6 @@ def test_the_stranger_changes_nothing_for_the_known_users(cfg: DictConfig, out: 
     for name in ("curve.csv", "open_set.csv"):
         before, after = (read_table(d / name).query("user != 'stranger'") for d in (out, tmp_path))
         pd.testing.assert_frame_equal(before, after)
-
-
-@pytest.mark.slow
-def test_a_second_run_with_more_workers_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
-    repeats_itself(stage.main, cfg, out, tmp_path, workers=2)
 
 
 def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):

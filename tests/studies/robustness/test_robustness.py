@@ -16,15 +16,15 @@ from pipeline.models.registry import build
 from pipeline.runtime.errors import InputError
 from pipeline.world.catalogue import read_catalogue
 from studies.robustness import stage as robustness
-from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
-from tests.stages.inputs import (
-    convinced,
+from tests.factories import (
     labelled_demos,
     labelled_queries,
-    pictured_models,
+    models_in_rendered_scenes,
     same_scenes_for_training,
     save_model,
+    with_evidence,
 )
+from tests.stages.facts import names_a_missing_model, refuses, run_as_listed
 
 pytestmark = pytest.mark.slow
 SCENES, PATHS, VARIANTS = 3, 12, ("full", "clearance")
@@ -36,7 +36,7 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     """Untrained VAEs, and clearance models that find no item relevant: they accept every path."""
     folder = tmp_path_factory.mktemp("robustness")
     settings = [f"{STUDY}.scenes={SCENES}", f"{STUDY}.mislabelled={{clearance: [0.1, 0.2]}}", "clearance.steps=2"]
-    cfg = pictured_models(folder, VARIANTS, SCENES, *settings, f"paths.demos={folder / 'demos'}")
+    cfg = models_in_rendered_scenes(folder, VARIANTS, SCENES, *settings, f"paths.demos={folder / 'demos'}")
     OmegaConf.set_struct(cfg, False)
     cfg.studies.robustness.mislabelled.pop("full")
     for user, seed in product(cfg.users, cfg.protocol.seeds):
@@ -45,7 +45,7 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
         with torch.no_grad():
             model.weight.zero_()
             model.weight[:, 0] = -1e4
-        save_model(cfg, "clearance", convinced(model), user, seed)
+        save_model(cfg, "clearance", with_evidence(model), user, seed)
     scenes = same_scenes_for_training(cfg, "new_items")
     labelled_demos(cfg, scenes)
     labelled_queries(cfg, scenes, ["new_items"], PATHS)
@@ -56,9 +56,7 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
 
 @pytest.fixture(scope="module")
 def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    directory = tmp_path_factory.mktemp("out")
-    robustness.main(cfg, directory)
-    return directory
+    return run_as_listed(robustness.main, cfg, tmp_path_factory.mktemp("out"))
 
 
 @pytest.fixture
@@ -108,10 +106,6 @@ def test_one_scene_is_kept_as_an_example_of_each_corruption(cfg: DictConfig, out
     images = read_arrays(out / "examples.npz")
     assert list(images) == ["none", *cfg.studies.robustness.corruptions, "texture", "clutter"]
     assert len({image.tobytes() for image in images.values()}) == len(images)
-
-
-def test_a_second_run_on_two_workers_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
-    repeats_itself(robustness.main, cfg, out, tmp_path, workers=2)
 
 
 def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):

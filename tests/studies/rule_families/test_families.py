@@ -9,8 +9,7 @@ from pipeline.world.bezier import curve, random_z_theta
 from pipeline.world.layout import SYMBOLS, Layouts, empty, random_layouts
 from pipeline.world.rules import Margins, valid
 from studies.rule_families.families import FAMILIES, OWN_FAMILY, dwell, margin, proximity, side
-from tests.examples import RULES
-from tests.stages.inputs import ITEMS
+from tests.factories import ITEMS, RULES
 
 CONF = compose(["profile=smoke"])
 USERS, AMOUNTS = CONF.users, CONF.studies.rule_families.families
