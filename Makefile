@@ -11,7 +11,7 @@ COMPILE := pip-compile --quiet --strip-extras --no-emit-index-url --no-emit-find
 RUN ?=
 WORST ?=
 
-.PHONY: help venv repro studies demo pull test test-browser test-viewer check-dowhy smoke bench review picture figures lint lock params data clean
+.PHONY: help venv repro studies demo pull test test-browser test-viewer check-dowhy smoke bench review picture figures readme lint lock params data clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -84,6 +84,9 @@ figures: $(READY)  ## the README's images of recordings, made without a screen
 	python -m pipeline.viewer.picture overview docs/pictures/overview.png
 	python -m pipeline.viewer.picture clearance-careful-s0 docs/pictures/repairs.png
 	python -m pipeline.viewer.picture full-careful-s0 docs/pictures/learning.png --tab 4 --timeline train_step --step 700
+
+readme: $(READY)  ## put the headlines of reports/metrics.json into the README
+	python -m pipeline.report.readme
 
 lint: $(READY)  ## format and lint in place
 	ruff format . && ruff check --fix . && pyright

@@ -212,11 +212,11 @@ def _summary(
 
 
 def _metrics(cfg: DictConfig, asked: list[Asked], summary: pd.DataFrame) -> dict:
-    """Return each variant's right verdicts on the paper's questions of users with a margin, and its effects' error."""
+    """Return the right verdicts per variant, of users with a margin on the paper's questions, and the largest error."""
     paper = [question.name for question in asked if question.family == PAPER]
     with_margin = [user for user, margins in cfg.users.items() if any(m is not None for m in margins.values())]
     rows = summary[summary["question"].isin(paper) & summary["user"].isin(with_margin)]
-    error = (rows["effect"] - rows["truth"]).abs().groupby(rows["variant"]).mean()
+    error = (rows["effect"] - rows["truth"]).abs().groupby(rows["variant"]).max()
     right = rows.groupby("variant")["right"].sum()
     return {
         "verdicts_right": {v: int(right[v]) for v in cfg.variants if v in right},

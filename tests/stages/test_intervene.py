@@ -155,7 +155,7 @@ def test_the_metrics_count_the_papers_questions_of_users_with_a_margin(out: Path
     assert len(rows) == 8 * len(VARIANTS)
     assert metrics["verdicts_right"] == rows.groupby("variant")["right"].sum().to_dict()
     errors = (rows["effect"] - rows["truth"]).abs()[rows["variant"] == "clearance"]
-    assert metrics["effect_error"] == {"clearance": pytest.approx(errors.mean(), abs=1e-6)}
+    assert metrics["effect_error"] == {"clearance": pytest.approx(errors.max(), abs=1e-6)}
 
 
 def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
