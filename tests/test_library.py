@@ -67,7 +67,7 @@ def test_the_example_of_the_readme(example, model, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_effect_of_nothing_is_zero_and_several_models_are_crossed(example, model):
+def test_the_effect_of_no_change_is_zero_for_several_models(example, model):
     images, _, z_theta, _ = example
     nothing = pipeline.effect([model, model], images, images, z_theta)
     assert nothing.estimate == 0 and nothing.verdict == "negligible" and nothing.p == 1

@@ -43,7 +43,7 @@ def test_a_capsule_is_recovered_from_its_points(radius, half_length, angle, x, y
 
 @pytest.mark.parametrize("noise", [0.0, 0.05])
 @pytest.mark.parametrize("wide", [2, 3, 4])  # pixels
-def test_what_has_an_order_is_an_object_and_its_pixels_shuffled_are_none(wide: int, noise: float):
+def test_an_ordered_pattern_is_an_object_and_its_shuffled_pixels_are_none(wide: int, noise: float):
     """A disc of rings, red and white in turn."""
     rng = np.random.default_rng(wide)
     image = draw_table().astype(float) / 255
@@ -72,7 +72,7 @@ def test_discs_are_detected_where_they_are_largest_first():
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_nothing_is_detected_on_an_empty_table(seed):
+def test_no_object_is_detected_on_an_empty_table(seed):
     assert not detect_objects(to_tensor(draw_table(seed=seed)[None])).present.any()
 
 
@@ -87,7 +87,7 @@ def mottled(seed: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_thin_rim_is_detected_on_a_mottled_table_and_nothing_else(seed):
+def test_a_thin_rim_is_the_only_object_on_a_mottled_table(seed):
     image, (x, y, radius) = mottled(seed), (0.55, 0.4, 0.05)
     assert not detect_objects(to_tensor(to_pixels(image)[None])).present.any()
     row, column = np.mgrid[:SIDE, :SIDE] + 0.5

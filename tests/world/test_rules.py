@@ -116,7 +116,7 @@ def test_a_point_inside_a_footprint_has_negative_clearance():
 
 
 @pytest.mark.parametrize("user", USERS)
-def test_a_scene_with_nothing_on_the_table_forbids_nothing(user):
+def test_an_empty_table_forbids_no_path(user):
     layouts, z = some(2)
     bare = Layouts(
         np.full_like(layouts.item, -1), np.full_like(layouts.symbol, -1), layouts.centre, layouts.angle,

@@ -63,20 +63,13 @@ def test_constant_head_ignores_image_and_path(images, z_theta):
     np.testing.assert_allclose(model.probability(images, z_theta), 0.9, rtol=1e-6)
 
 
-def test_reconstructions_and_traversals_are_images(images):
-    model = vae()
-    values = np.array([-2.0, 0.0, 2.0])
-    again, moved = model.reconstruct(images), model.traverse(images[0], values)
-    assert again.dtype == moved.dtype == np.uint8
-    assert again.shape == images.shape and moved.shape == (15, 3, 100, 100, 3)
-
-
 def test_a_traversal_through_the_images_own_value_gives_its_reconstruction(images):
     model = vae()
     with torch.no_grad():
-        own = model.perceive(to_tensor(images[:1]))[0].numpy()
-    moved = model.traverse(images[0], own)  # dimension i at value i leaves z_image as it is
+        z_image = model.perceive(to_tensor(images[:1]))[0].numpy()
+    moved = model.traverse(images[0], z_image)  # dimension i at value i leaves z_image as it is
     again = model.reconstruct(images[:1])[0].astype(int)
+    assert moved.shape == (15, 15, 100, 100, 3) and moved.dtype == np.uint8
     assert all(np.abs(moved[i, i].astype(int) - again).max() <= 1 for i in range(15))
 
 
@@ -87,24 +80,24 @@ def test_the_same_seed_gives_the_same_bits_and_another_does_not():
 
 
 def test_untrained_layers_hand_on_the_mean_square_of_what_they_are_given():
-    z_image, z_theta = torch.randn(3, 15, generator=torch.Generator().manual_seed(0)), torch.zeros(3, 2)
-    pictures = torch.rand(3, 3, 100, 100, generator=torch.Generator().manual_seed(1))
+    percept, z_theta = torch.randn(3, 15, generator=torch.Generator().manual_seed(0)), torch.zeros(3, 2)
+    images = torch.rand(3, 3, 100, 100, generator=torch.Generator().manual_seed(1))
     ratios: dict[str, list[float]] = {}
 
     def watch(name: str, x: torch.Tensor, layers: torch.nn.Sequential) -> None:
-        given = x
+        entered = x
         for i, layer in enumerate(layers):
             x = layer(x)
             if isinstance(layer, torch.nn.ReLU):
-                ratios.setdefault(f"{name} {i}", []).append(float(x.square().mean() / given.square().mean()))
-                given = x
+                ratios.setdefault(f"{name} {i}", []).append(float(x.square().mean() / entered.square().mean()))
+                entered = x
 
     with torch.no_grad():
         for seed in range(20):
             model = vae(seed)
-            watch("encoder", pictures, model.features)
-            watch("decoder", z_image, model.decode)
-            watch("classifier", torch.cat([z_image, z_theta], 1), model.classifier)
+            watch("encoder", images, model.features)
+            watch("decoder", percept, model.decode)
+            watch("classifier", torch.cat([percept, z_theta], 1), model.classifier)
     assert len(ratios) == 3 + 3 + 2
     assert all(0.7 < np.mean(of) < 1.4 for of in ratios.values()), ratios
 

@@ -87,25 +87,6 @@ def test_examples_differ_between_worlds_only_in_their_items(cfg: DictConfig, out
     assert (examples["confounded"] == examples["control"]).all(-1).mean() > 0.6
 
 
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("worlds.always", 1.5),
-        ("worlds.control", 0.5),
-        ("gap_m", [0.001, 0.04]),
-        ("worlds", {}),
-        ("glasses", 3),
-        ("near_m", 0),
-        ("users", ["carefull"]),
-        ("variants", {"fulll": ["confounded"]}),
-        ("variants.clearance", ["control"]),
-        ("examples", 0),
-    ],
-)
-def test_settings_out_of_range_are_refused_by_name(cfg: DictConfig, tmp_path: Path, name: str, value):
-    refuses(confounding.main, cfg, f"{STUDY}.{name}", value, f"{STUDY}.{name}", tmp_path / "out")
-
-
 def test_a_seed_without_scenes_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
     refuses(confounding.main, cfg, "protocol.seeds", [0, 100], "no scenes train-s100", tmp_path / "out")
 

@@ -145,21 +145,6 @@ def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Pat
     names_a_missing_model(stage.main, cfg, "clearance", tmp_path / "out")
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "message"),
-    [
-        ("scenes", 1, "studies.counterfactuals.scenes"),
-        ("scenes", 1000, "at most scenes.shared"),
-        ("moved_scenes", SCENES + 1, "at most studies.counterfactuals.scenes"),
-        ("move_step", 0.0, "studies.counterfactuals.move_step"),
-        ("example_variant", "best", "studies.counterfactuals.example_variant"),
-        ("split", "seen_scenes", "new_scenes, new_items"),
-    ],
-)
-def test_parameters_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name, value, message):
-    refuses(stage.main, cfg, f"studies.counterfactuals.{name}", value, message, tmp_path / "out")
-
-
 def test_users_without_margins_are_refused(cfg: DictConfig, tmp_path: Path):
     nobody = {user: dict.fromkeys(SYMBOLS) for user in cfg.users}
     refuses(stage.main, cfg, "users", OmegaConf.create(nobody), "margin", tmp_path / "out")

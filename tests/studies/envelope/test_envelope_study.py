@@ -147,25 +147,13 @@ def test_the_specification_says_what_the_table_says(cfg: DictConfig, out: Path):
             assert values["radius_m"] == pytest.approx(row.radius_m, abs=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "message"),
-    [
-        ("doses", 1, "studies.envelope.doses"),
-        ("paths", 0.5, "studies.envelope.paths"),
-        ("candidates", 0, "studies.envelope.candidates"),
-        ("step", 0.0, "studies.envelope.step"),
-        ("clear_of_others", 0.04, "more than the widest margin in users"),
-        ("planner", "unknown", "studies.envelope.planner"),
-        ("doses", 200, "raise studies.envelope.candidates"),
-    ],
-)
-def test_settings_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name: str, value, message: str):
-    refuses(stage.main, cfg, f"studies.envelope.{name}", value, message, tmp_path / "out")
-
-
 def test_an_item_counts_once_however_many_training_scenes_show_it(cfg: DictConfig):
     scenes, trained = read_scenes(Path(cfg.paths.scenes)), stage.read_inputs(cfg).trained
     layouts = [scenes.layouts[train_pool(seed)] for seed in cfg.protocol.seeds]
     for symbol, count in enumerate(trained):
         shown = {int(item) for x in layouts for item in x.item[x.symbol == symbol]}
         assert count == max(1, len(shown))
+
+
+def test_doses_that_too_few_candidates_reach_are_refused(cfg: DictConfig, tmp_path: Path):
+    refuses(stage.main, cfg, "studies.envelope.doses", 200, "raise studies.envelope.candidates", tmp_path / "out")

@@ -16,7 +16,7 @@ from pipeline.world.layout import SIDE, SYMBOLS, point_segment_distance
 from pipeline.world.render import REACH_M
 from studies.refutation import stage as refutation
 from tests.factories import labelled_demos, models_in_rendered_scenes, same_scenes_for_training, symbols_added
-from tests.stages.facts import names_a_missing_model, refuses, run_as_listed
+from tests.stages.facts import names_a_missing_model, run_as_listed
 
 pytestmark = pytest.mark.slow
 STUDY = "studies.refutation"
@@ -77,7 +77,7 @@ def test_only_the_placebo_that_perception_was_tuned_against_carries_the_note(sum
     assert (noted == ((summary["refuter"] == "placebo_treatment") & (summary["setting"] == "piece=1"))).all()
 
 
-def test_an_untrained_clearance_model_reacts_to_any_ordered_patch_and_to_nothing_else(summary):
+def test_an_untrained_clearance_model_reacts_to_an_ordered_patch_only(summary):
     effect = summary.query("variant == 'clearance'").groupby(["refuter", "setting"])["effect"].mean()
     assert effect["placebo_treatment", "piece=2"] < -0.02
     assert abs(effect["placebo_treatment", "piece=1"]) < 0.01
@@ -109,17 +109,6 @@ def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Pat
     names_a_missing_model(refutation.main, cfg, "clearance", tmp_path / "out")
 
 
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("scenes", 3),
-        ("scenes", 4.5),
-        ("far_m", 0.04),
-        ("far_m", 1.4),
-        ("dummy_outcome", ["irl_ranked"]),
-        ("pieces", [3]),
-        ("textures", "glass"),
-    ],
-)
-def test_settings_out_of_range_are_refused_by_name(cfg: DictConfig, tmp_path: Path, name: str, value):
+@pytest.mark.parametrize(("name", "value"), [("far_m", 1.4), ("textures", "glass")])
+def test_settings_that_no_scene_or_table_top_fits_are_refused(cfg: DictConfig, tmp_path: Path, name: str, value):
     refuses(refutation.main, cfg, f"{STUDY}.{name}", value, f"{STUDY}.{name}", tmp_path / "out")

@@ -1,4 +1,4 @@
-"""Facts about fitting: it repeats bit for bit, learns, and pays nothing for labels that say nothing."""
+"""The reference engine repeats bit for bit, learns, and gives constant labels a constant."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from pipeline.runtime.streams import job_seed
-from pipeline.training.loop import Checkpoints, Schedule, rule_of_succession
+from pipeline.training.loop import Checkpoints, Schedule
 from pipeline.training.vae.engines.reference import CURVE, fit
 from tests.factories import WEIGHTS, vae
 
@@ -78,19 +78,16 @@ def test_classifier_leaves_the_decoder_as_it_was_drawn():
 
 
 @pytest.mark.parametrize("label", [True, False])
-def test_labels_that_never_vary_give_laplaces_constant_and_no_training(label):
+def test_labels_that_never_vary_give_laplaces_constant_without_training(label):
     images, z_theta, valid = data()
     constant = np.full_like(valid, label)
-    model = vae(1)
-    curve = fit(model, images, z_theta, constant, WEIGHTS["full"], SHORT, 1)
+    model, checkpoints = vae(1), Checkpoints([0])
+    curve = fit(model, images, z_theta, constant, WEIGHTS["full"], SHORT, 1, checkpoints)
+    assert not checkpoints.of(model)
     expected = 21 / 22 if label else 1 / 22  # 20 demonstrations
     np.testing.assert_allclose(model.probability(images, z_theta), expected, rtol=1e-5)
     assert torch.equal(model.mean.weight, vae(1).mean.weight)
     assert curve.shape == (1, 5) and curve[0, 4] == pytest.approx(-np.log(21 / 22))
-
-
-def test_laplace_counts_one_success_and_one_failure_more():
-    assert rule_of_succession(np.array([True, True, False])) == 3 / 5
 
 
 def test_every_job_has_a_seed_of_its_own():
@@ -99,7 +96,7 @@ def test_every_job_has_a_seed_of_its_own():
     assert job_seed(1, "careful") == job_seed(1, "careful") != job_seed("1c", "areful")
 
 
-def test_checkpoints_keep_what_the_model_was_before_its_steps_and_change_nothing():
+def test_checkpoints_keep_the_model_before_their_step_and_change_no_weight():
     plain, curve = trained()
     model, checkpoints = vae(1), Checkpoints([0, 19, 400])
     assert np.array_equal(fit(model, *data(), WEIGHTS["full"], SHORT, 1, checkpoints), curve)
@@ -111,10 +108,3 @@ def test_checkpoints_keep_what_the_model_was_before_its_steps_and_change_nothing
         for state in checkpoints.of(model).values()
     ]
     assert 0 < distance[1] < 1e-5 < distance[0]  # the last step's rate is nearly 0
-
-
-def test_a_model_that_is_not_trained_has_no_checkpoints():
-    images, z_theta, valid = data()
-    model, checkpoints = vae(1), Checkpoints([0])
-    fit(model, images, z_theta, np.ones_like(valid), WEIGHTS["full"], SHORT, 1, checkpoints)
-    assert not checkpoints.of(model)

@@ -132,7 +132,7 @@ def test_a_model_is_the_same_bits_whatever_the_n_of_the_others(variant, n, other
     assert curves[0].tobytes() == curve.tobytes()
 
 
-def test_checkpoints_change_nothing_and_hold_every_model_of_the_stack():
+def test_checkpoints_hold_every_model_of_the_stack_and_change_no_weight():
     plain, (curve, _) = stacked([3, 5])
     models, checkpoints = [vae(3), vae(5)], Checkpoints([4])
     images, z_theta, valid = zip(data(3), data(5), strict=True)
