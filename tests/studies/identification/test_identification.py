@@ -10,7 +10,7 @@ from omegaconf import DictConfig
 from pipeline.artifacts.files import read_table, write_arrays
 from studies.identification import stage
 from tests.factories import SCENES, untrained_models
-from tests.stages.facts import names_a_missing_model, run_as_listed
+from tests.stages.facts import names_a_missing_model, refuses, run_as_listed
 
 PATHS = 6
 OBSERVERS = ["full", "irl_ranked", "clearance", "position_only", "ideal"]

@@ -16,7 +16,7 @@ from pipeline.world.layout import SIDE, SYMBOLS, point_segment_distance
 from pipeline.world.render import REACH_M
 from studies.refutation import stage as refutation
 from tests.factories import labelled_demos, models_in_rendered_scenes, same_scenes_for_training, symbols_added
-from tests.stages.facts import names_a_missing_model, run_as_listed
+from tests.stages.facts import names_a_missing_model, refuses, run_as_listed
 
 pytestmark = pytest.mark.slow
 STUDY = "studies.refutation"

@@ -24,7 +24,7 @@ from tests.factories import (
     save_model,
     with_evidence,
 )
-from tests.stages.facts import names_a_missing_model, run_as_listed
+from tests.stages.facts import names_a_missing_model, refuses, run_as_listed
 
 pytestmark = pytest.mark.slow
 SCENES, PATHS, VARIANTS = 3, 12, ("full", "clearance")
