@@ -15,7 +15,7 @@ from pipeline.runtime.errors import InputError
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import clearance
-from tests.perception.test_objects import RED, WHITE, draw_table
+from tests.factories import RED, WHITE, draw_table
 
 SCENES, PATHS, MARGIN = 12, 9, 0.04
 
@@ -67,7 +67,7 @@ def test_the_example_of_the_readme(example, model, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_effect_of_nothing_is_zero_and_several_models_are_crossed(example, model):
+def test_the_effect_of_no_change_is_zero_for_several_models(example, model):
     images, _, z_theta, _ = example
     nothing = pipeline.effect([model, model], images, images, z_theta)
     assert nothing.estimate == 0 and nothing.verdict == "negligible" and nothing.p == 1

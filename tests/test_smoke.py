@@ -62,7 +62,7 @@ def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return directory
 
 
-def test_a_second_repro_has_nothing_to_do(clone: Path):
+def test_a_second_repro_runs_no_stage(clone: Path):
     assert UP_TO_DATE in run(clone, "dvc", "repro", "-P")
 
 
@@ -94,12 +94,27 @@ def test_one_recording_a_variant_user_and_seed(clone: Path):
 
 @pytest.mark.parametrize(
     ("stage", "overrides"),
-    [("demos", []), ("train", ["variant=full"]), ("clearance", ["variant=clearance"]), ("evaluate", [])],
+    [
+        ("scenes", []),
+        ("demos", []),
+        ("train", ["variant=full"]),
+        ("irl", ["variant=irl_ranked"]),
+        ("clearance", ["variant=clearance"]),
+        ("evaluate", []),
+        ("repair", []),
+        ("intervene", []),
+        ("studies/refutation", []),
+        ("studies/acceptance", []),
+    ],
 )
-def test_a_stage_run_by_hand_writes_the_bytes_dvc_has(clone: Path, tmp_path: Path, stage: str, overrides: list[str]):
-    module = f"pipeline.stages.{stage}"
-    run(clone, sys.executable, "-m", module, "--params", "params.yaml", f"paths.{stage}={tmp_path}", *overrides)
-    written, first = files(tmp_path), files(clone / "outputs" / stage)
+def test_a_stage_run_by_hand_on_two_workers_writes_the_bytes_dvc_has(
+    clone: Path, tmp_path: Path, stage: str, overrides: list[str]
+):
+    folder, _, name = stage.rpartition("/")
+    module, out = (f"studies.{name}.stage", "studies") if folder else (f"pipeline.stages.{name}", name)
+    overrides = [f"paths.{out}={tmp_path}", "workers=2", *overrides]
+    run(clone, sys.executable, "-m", module, "--params", "params.yaml", *overrides)
+    written, first = files(tmp_path), files(clone / "outputs" / out)
     assert written and {name: first[name] for name in written} == written
 
 

@@ -35,9 +35,9 @@ def test_recordings_lie_row_for_row_beside_their_table(tmp_path: Path):
     samples = np.random.default_rng(1).random((offsets[-1], 4)).astype(np.float32)
     write_demos(tmp_path, demos, samples, offsets)
     pd.testing.assert_frame_equal(read_demos(tmp_path), demos)
-    back, at = read_trajectories(tmp_path)
+    back, read_offsets = read_trajectories(tmp_path)
     np.testing.assert_array_equal(back, samples)
-    np.testing.assert_array_equal(at, offsets)
+    np.testing.assert_array_equal(read_offsets, offsets)
     with pytest.raises(ValueError, match="do not match"):
         write_demos(tmp_path, demos, samples[:-1], offsets)
 

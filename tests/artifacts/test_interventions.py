@@ -11,8 +11,7 @@ from pipeline.artifacts.interventions import read_interventions
 from pipeline.artifacts.scenes import layout_table
 from pipeline.runtime.errors import InputError
 from pipeline.world.layout import SYMBOLS, Layouts, add_item, empty, random_layouts
-from tests.examples import RULES
-from tests.stages.inputs import ITEMS
+from tests.factories import ITEMS, RULES
 
 SCENES = 3
 

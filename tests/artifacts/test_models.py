@@ -12,7 +12,7 @@ from pipeline.artifacts.trained import load_model
 from pipeline.models.registry import build
 from pipeline.params import compose
 from pipeline.runtime.errors import InputError
-from tests.stages.inputs import save_model
+from tests.factories import save_model
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from pipeline.artifacts.repairs import READ_COLUMNS, draw_starts, paths_name, re
 from pipeline.artifacts.scenes import SceneSet, read_scenes
 from pipeline.runtime.errors import InputError
 from pipeline.world.rules import valid
-from tests.stages.inputs import untrained_models
+from tests.factories import untrained_models
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def test_starts_are_all_candidates_that_are_invalid_to_the_user(cfg: DictConfig,
     assert len(starts["aggressive"].z) == 0
 
 
-def test_without_any_invalid_path_one_is_told_to_draw_more(cfg: DictConfig, scenes: SceneSet):
+def test_without_an_invalid_path_the_error_names_repair_starts(cfg: DictConfig, scenes: SceneSet):
     content = cfg.copy()
     content.users = {"aggressive": cfg.users.aggressive}
     with pytest.raises(InputError, match=r"raise repair\.starts"):

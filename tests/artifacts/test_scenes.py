@@ -28,7 +28,7 @@ def some_scenes() -> SceneSet:
     return SceneSet(images, layouts, appearances)
 
 
-def test_scenes_come_back_with_room_for_one_more_item(tmp_path: Path):
+def test_scenes_come_back_with_their_empty_slots(tmp_path: Path):
     scenes = some_scenes()
     write_scenes(tmp_path, scenes)
     back = read_scenes(tmp_path)

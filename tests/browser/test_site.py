@@ -28,7 +28,7 @@ def test_no_page_scrolls_sideways(opened: Opened, name: str, width: int):
 
 
 @every_page
-def test_every_figure_is_there_and_nothing_is_asked_of_the_network(browser: Browser, site: Path, name: str):
+def test_every_figure_loads_and_no_request_leaves_the_machine(browser: Browser, site: Path, name: str):
     page, messages, requests = browser.new_page(), [], []
     page.on("console", lambda message: messages.append(message.text))
     page.on("request", lambda request: requests.append(request.url))

@@ -14,13 +14,12 @@ from pipeline.causal.counterfactual import (
     score_attributions,
 )
 from pipeline.world.bezier import random_z_theta
-from pipeline.world.layout import SYMBOLS, Items, Layouts, random_layouts
+from pipeline.world.layout import SYMBOLS, Layouts, random_layouts
 from pipeline.world.rules import clearance, valid
-from tests.examples import RULES
+from tests.factories import ITEMS, RULES
 
 CAREFUL: dict[str, float | None] = {symbol: 0.045 for symbol in SYMBOLS}
 NORMAL: dict[str, float | None] = {symbol: 0.045 if symbol == "glass" else None for symbol in SYMBOLS}
-ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.075, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
 SCENES, PATHS = 20, 40
 
 

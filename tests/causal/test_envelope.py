@@ -65,25 +65,16 @@ def test_chosen_paths_are_the_first_that_fit():
 
 
 @settings(max_examples=25, deadline=None)
-@given(st.floats(0.005, 0.09))
-def test_a_step_is_found_within_a_tenth_of_the_dose_step(margin: float):
-    middle, low, high = radius(steps(margin), GRID)
+@given(st.floats(0.005, 0.09), st.floats(0.2, 1.0))
+def test_a_step_of_any_height_is_located_within_a_tenth_of_the_dose_step(margin: float, height: float):
+    middle, low, high = radius(steps(margin, height), GRID)
     assert abs(middle - margin) < STEP / 10
     assert low == pytest.approx(middle) and high == pytest.approx(middle)
-
-
-def test_the_radius_does_not_depend_on_the_size_of_the_effect():
-    assert radius(steps(MARGIN, 0.2), GRID) == pytest.approx(radius(steps(MARGIN), GRID))
 
 
 def test_a_long_faint_tail_hardly_moves_the_radius():
     tailed = np.maximum(steps(MARGIN), 0.2)  # the mean tolerance would be a centimetre more
     assert radius(tailed, GRID)[0] == pytest.approx(MARGIN, abs=STEP / 5)
-
-
-def test_a_normal_curve_gives_its_median():
-    curve = np.broadcast_to(norm.cdf((MARGIN - GRID) / 0.01), (2, 3, DOSES))
-    assert radius(curve, GRID)[0] == pytest.approx(MARGIN, abs=1e-4)
 
 
 def test_a_curve_that_never_falls_by_half_has_the_largest_dose_as_radius():
@@ -183,9 +174,3 @@ def test_a_curve_counts_the_scenes_in_which_each_dose_was_asked():
     assert list(curve["scenes"]) == [30] * 5 + [26] + [30] * (DOSES - 6)
     np.testing.assert_allclose(curve["response"], 0.9 * curve["true_response"])
     np.testing.assert_allclose(curve["clearance_m"], GRID)
-
-
-def test_a_user_without_margins_has_no_envelope():
-    item = np.arange(30)[None] % 6
-    row = envelopes(np.zeros((1, 10, 30, DOSES)), item, [6], [None], GRID).iloc[0]
-    assert np.isnan(row["radius_m"]) and row["response"] == 0 and row["verdict"] == "negligible" and row["right"]

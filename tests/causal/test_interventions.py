@@ -19,7 +19,7 @@ def test_an_expectation_is_the_mean_probability():
     np.testing.assert_allclose(expected_validity(np.array([[0.0, 1.0, 0.5, 0.5], [1, 1, 1, 0]])), [0.5, 0.75])
 
 
-def test_every_user_is_exchanged_for_every_other():
+def test_pairs_of_users_come_in_both_orders():
     pairs = ordered_pairs(["careful", "normal", "aggressive"])
     assert len(pairs) == 6 and {("careful", "normal"), ("normal", "careful")} <= set(pairs)
 

@@ -83,15 +83,6 @@ def test_the_world_answers_by_its_rules(cfg, world, noise):
     assert (empty == 1).all() and (as_it_is[0] < 1).any() and (as_it_is[1] == 1).all()
 
 
-@pytest.mark.parametrize("name", ["scm", "world"])
-def test_an_expectation_is_the_share_of_valid_paths_over_draws_of_their_noise(name, request, noise):
-    model = request.getfixturevalue(name)
-    asked, rng = model.do(S="careful"), np.random.default_rng(1)
-    draws = [asked.entail(noise | {"V": rng.random((SCENES, PATHS))})["V"].mean(-1) for _ in range(60)]
-    expected = expected_validities(model, noise, ["careful"], [{}])[0, 0]
-    np.testing.assert_allclose(np.mean(draws, axis=0), expected, atol=0.06)
-
-
 def test_another_mechanism_gives_another_answer(world, noise):
     before = expected_validities(world, noise, USERS, [{}])
     contrary = SCM({**world.nodes, "V": replace(world.nodes["V"], expectation=lambda *p: 1 - classify(*p))})

@@ -94,7 +94,7 @@ def test_an_item_is_removed_where_there_is_one(scenes: Scenes):
     assert differing(scenes.layouts, layouts).sum() == asked.sum()
 
 
-def test_an_item_is_moved_by_the_distance_and_nothing_else_is(scenes: Scenes):
+def test_one_item_is_moved_by_the_distance_and_no_other_item(scenes: Scenes):
     layouts, asked = ask(scenes, kind="move", symbol="glass", distance=0.07)
     scene, slot = np.nonzero(differing(scenes.layouts, layouts))
     np.testing.assert_array_equal(scene, np.flatnonzero(asked))

@@ -1,4 +1,4 @@
-"""Refuters change what they say they change, and find nothing where there is nothing."""
+"""Refuters change what they say they change, and find no effect where there is none."""
 
 import numpy as np
 import pytest
@@ -46,7 +46,7 @@ def test_a_mean_over_chosen_paths_leaves_the_others_out():
     np.testing.assert_allclose(mean_over_paths(p, np.ones(3, bool)), p.mean(-1))
 
 
-def test_clear_effects_keep_their_verdict_in_every_half_of_the_scenes_and_borderline_ones_do_not():
+def test_clear_effects_keep_their_verdict_in_every_half_and_borderline_ones_do_not():
     rng = np.random.default_rng(0)
     scenes = rng.normal(0, 0.1, (3, 1, 100)) + rng.normal(0, 0.01, (3, 10, 100))
     scenes -= scenes.mean((1, 2), keepdims=True)

@@ -48,12 +48,12 @@ def test_data_holds_what_the_script_draws(file, draw):
     assert np.abs(stored - draw()).max() <= 1
 
 
-def test_data_holds_nothing_else():
-    pictures = {f"items/{design.name}.png" for design in designs()} | {f"textures/{name}.png" for name in surfaces()}
-    assert set(contents(DATA)) == {"items.csv", "textures.csv", *pictures}
+def test_data_holds_no_other_file():
+    images = {f"items/{design.name}.png" for design in designs()} | {f"textures/{name}.png" for name in surfaces()}
+    assert set(contents(DATA)) == {"items.csv", "textures.csv", *images}
 
 
-def test_drawing_anew_leaves_nothing_of_what_was_drawn_before_nor_of_a_run_that_was_killed(tmp_path):
+def test_drawing_anew_removes_old_images_and_those_of_a_killed_run(tmp_path):
     write_data(tmp_path, [painted("kept"), painted("renamed")], TOPS)
     (tmp_path / ".part").mkdir()
     (tmp_path / ".part" / "half.png").touch()
@@ -103,7 +103,7 @@ def test_more_random_items_begin_with_the_fewer():
         np.testing.assert_array_equal(few[name].draw(), many[name].draw())
 
 
-def test_random_table_tops_are_validation_tops_that_differ_with_the_seed_and_come_last():
+def test_random_table_tops_are_validation_tops_and_differ_with_the_seed():
     listed, more, other = surfaces(), surfaces(9, seed=3), surfaces(9, seed=4)
     assert list(more)[: len(listed)] == list(listed) and len(more) == len(listed) + 9
     for name in list(more)[len(listed) :]:
@@ -140,7 +140,7 @@ def test_a_bowl_is_deeper_in_the_middle_than_at_its_rim():
     assert rgba[r < 0.3][:, :3].mean() < 0.85 * rgba[(r > 0.85) & (r < 0.95)][:, :3].mean()
 
 
-def test_the_contact_sheet_shows_every_item_on_its_table_top_in_the_row_of_its_symbol(tmp_path):
+def test_the_contact_sheet_shows_every_item_in_the_row_of_its_symbol(tmp_path):
     rows = {"bowl": [(200, 0, 0), (0, 200, 0), (0, 0, 200)], "plate": [(250, 250, 250)], "glass": [(0, 90, 90)] * 2}
     items = [painted(f"{s}-{i}", s, colour) for s, row in rows.items() for i, colour in enumerate(row)]
     write_data(tmp_path, items, TOPS)

@@ -29,7 +29,7 @@ def test_a_demonstration_is_its_own_nearest():
     np.testing.assert_array_equal(baselines.nearest_demonstration(demos, valid, demos), valid)
 
 
-def test_a_position_reads_its_own_cell_of_the_prior():
+def test_a_position_reads_its_own_square_of_the_prior():
     prior = np.random.default_rng(3).random((7, 7))
     np.testing.assert_array_equal(baselines.position_only(prior, lattice(7)), prior.ravel())
     corners = np.array([[-0.2, -0.2], [1.2, -0.2], [-0.2, 1.2], [1.2, 1.2]])  # the square's edges belong to it

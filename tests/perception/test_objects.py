@@ -10,19 +10,8 @@ from hypothesis import strategies as st
 from pipeline.models.base import to_tensor
 from pipeline.perception.capsule import fit_capsule
 from pipeline.perception.objects import FINER, MAX_OBJECTS, SIDE, detect_objects, measure_contrast
+from tests.factories import RED, WHITE, draw_table, to_pixels
 
-
-def draw_table(*discs, seed=0, grain=0.02):
-    """A table of its own grain, with discs (x, y, radius [m], colour) on it."""
-    rng = np.random.default_rng(seed)
-    image = 0.5 + grain * rng.standard_normal((SIDE, SIDE, 3))
-    y, x = np.mgrid[:SIDE, :SIDE] + 0.5
-    for at_x, at_y, radius, colour in discs:
-        image[np.hypot(x - SIDE * at_x, SIDE * (1 - at_y) - y) < SIDE * radius] = colour
-    return to_pixels(image)
-
-
-RED, WHITE = (0.8, 0.2, 0.2), (0.9, 0.9, 0.9)
 DISCS = (0.3, 0.7, 0.08, RED), (0.75, 0.4, 0.045, WHITE)
 
 
@@ -54,7 +43,7 @@ def test_a_capsule_is_recovered_from_its_points(radius, half_length, angle, x, y
 
 @pytest.mark.parametrize("noise", [0.0, 0.05])
 @pytest.mark.parametrize("wide", [2, 3, 4])  # pixels
-def test_what_has_an_order_is_an_object_and_its_pixels_shuffled_are_none(wide: int, noise: float):
+def test_an_ordered_pattern_is_an_object_and_its_shuffled_pixels_are_none(wide: int, noise: float):
     """A disc of rings, red and white in turn."""
     rng = np.random.default_rng(wide)
     image = draw_table().astype(float) / 255
@@ -68,7 +57,7 @@ def test_what_has_an_order_is_an_object_and_its_pixels_shuffled_are_none(wide: i
 
 
 @pytest.mark.parametrize("noise", [0.02, 0.1])
-def test_a_object_of_one_colour_is_one_however_noisy(noise: float):
+def test_an_object_of_one_colour_is_one_however_noisy(noise: float):
     image = draw_table((0.5, 0.5, 0.08, RED), grain=0.0) / 255
     noisy = to_pixels(image + noise * np.random.default_rng(0).standard_normal(image.shape))
     assert detect_objects(to_tensor(noisy[None])).present.sum() == 1
@@ -83,7 +72,7 @@ def test_discs_are_detected_where_they_are_largest_first():
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_nothing_is_detected_on_an_empty_table(seed):
+def test_no_object_is_detected_on_an_empty_table(seed):
     assert not detect_objects(to_tensor(draw_table(seed=seed)[None])).present.any()
 
 
@@ -97,12 +86,8 @@ def mottled(seed: int) -> np.ndarray:
     return 0.5 + 0.04 * blotches / blotches.std() + grain
 
 
-def to_pixels(image: np.ndarray) -> np.ndarray:
-    return (255 * image.clip(0, 1)).round().astype(np.uint8)
-
-
 @pytest.mark.parametrize("seed", range(5))
-def test_a_thin_rim_is_detected_on_a_mottled_table_and_nothing_else(seed):
+def test_a_thin_rim_is_the_only_object_on_a_mottled_table(seed):
     image, (x, y, radius) = mottled(seed), (0.55, 0.4, 0.05)
     assert not detect_objects(to_tensor(to_pixels(image)[None])).present.any()
     row, column = np.mgrid[:SIDE, :SIDE] + 0.5

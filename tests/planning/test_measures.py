@@ -48,7 +48,7 @@ def test_unsafe_repairs_are_accepted_though_invalid():
     assert row["success"] == pytest.approx(3 / 6)
 
 
-def test_baselines_accept_nothing_and_one_scene_has_no_interval():
+def test_baselines_do_not_accept_and_one_scene_has_no_interval():
     row = measured(np.array([[True], [False]]), None)
     assert row[["accepted", "unsafe", "success_ci_low", "success_ci_high"]].isna().all()
 

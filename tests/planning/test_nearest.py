@@ -48,7 +48,7 @@ def test_a_higher_penalty_never_moves_further():
     assert (np.diff(moves, axis=0) <= 2 * RESOLUTION).all()
 
 
-def test_a_start_that_nothing_improves_on_stays():
+def test_a_start_without_a_better_point_stays():
     ends, log_p = nearest(by_model(Flat(), IMAGES), SCENES, STARTS, 0.3, SIDE, 2)
     np.testing.assert_array_equal(ends, STARTS)
     np.testing.assert_allclose(log_p, float(torch.tensor(-1.0).sigmoid().log()), atol=1e-6)

@@ -26,7 +26,7 @@ def test_every_optimiser_climbs_to_the_peak(optimiser: str):
 
 
 @pytest.mark.parametrize("optimiser", OPTIMISERS)
-def test_a_model_that_ignores_the_path_moves_nothing(optimiser: str):
+def test_a_model_that_ignores_the_path_moves_no_start(optimiser: str):
     repairs = repair(Flat(), IMAGES, STARTS, ascent(optimiser, steps=3))
     assert (repairs.z == repairs.z[:, :, :1]).all()
 

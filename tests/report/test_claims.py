@@ -79,5 +79,5 @@ def test_what_a_simulation_cannot_show_is_untestable():
     assert verdicts(claims_table(factory.results()))["robot"] == "untestable"
 
 
-def test_without_the_papers_model_nothing_of_it_is_judged():
+def test_without_the_papers_model_its_claims_are_not_judged():
     assert set(verdicts(claims_table(factory.results(("clearance",))))) == {"clusters", "robot"}

@@ -181,7 +181,7 @@ def test_figures_and_tables_are_numbered_in_order(site: Site):
 
 
 @pytest.mark.parametrize("name", [name for name in FORMATS if name != "spread"])
-def test_every_format_refuses_what_is_not_finite_and_shows_what_cannot_exist_as_a_dash(name: str):
+def test_every_format_refuses_what_is_not_finite_and_shows_none_as_a_dash(name: str):
     assert FORMATS[name](None) == "–"
     for bad in (np.nan, np.inf, -np.inf):
         with pytest.raises(ValueError, match="finite"):

@@ -21,7 +21,7 @@ def test_every_model_and_baseline_has_a_row_with_its_numbers():
     assert rows[-1] == "| Constant detour (image-blind) | – | 80\u00a0% | 90\u00a0% | – |"
 
 
-def test_filling_twice_changes_nothing_more():
+def test_filling_twice_is_filling_once():
     once = fill((ROOT / "README.md").read_text(), headlines(METRICS))
     assert headlines(METRICS) in once and fill(once, headlines(METRICS)) == once
 

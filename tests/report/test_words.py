@@ -26,10 +26,10 @@ def template_words(path: Path) -> str:
 
 
 def readme_words() -> str:
-    """Return the README's results: what stands between its markers, without code and table rows."""
-    text = (ROOT / "README.md").read_text()
-    block = text[text.index("<!-- results -->") : text.index("<!-- /results -->")]
-    return re.sub(r"^\|.*$|`[^`]*`|!\[([^\]]*)\]\([^)]*\)|<!--.*?-->", r"\1", block, flags=re.MULTILINE)
+    """Return the README's prose: without code, table rows, headings and comments; a link is its text."""
+    text = re.sub(r"```.*?```|<!--.*?-->", ". ", (ROOT / "README.md").read_text(), flags=re.DOTALL)
+    text = re.sub(r"^(\||#|    ).*$", ". ", text, flags=re.MULTILINE)
+    return re.sub(r"`[^`]*`", "9", re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", text))
 
 
 TEXTS = {str(path.relative_to(ROOT)): template_words(path) for path in TEMPLATES} | {"README.md": readme_words()}

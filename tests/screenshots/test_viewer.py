@@ -76,7 +76,7 @@ def test_interventions_show_effects_in_both_colours_and_the_added_item(run: View
     assert share(image, VALID) > 1e-3 and share(image, INVALID) > 1e-4
 
 
-def test_the_overview_shows_errors_and_other_things_than_a_run(run: ViewerClient, overview: ViewerClient) -> None:
+def test_the_overview_shows_errors_and_differs_from_a_run(run: ViewerClient, overview: ViewerClient) -> None:
     select(overview, 0, "scene", 1)
     select(run, REPAIRS, "repair_step", 0)
     compared = screenshot(overview)
@@ -85,7 +85,7 @@ def test_the_overview_shows_errors_and_other_things_than_a_run(run: ViewerClient
     assert (screenshot(run) != compared).any(-1).mean() > 0.05
 
 
-def test_nothing_is_logged_as_an_error(run: ViewerClient, overview: ViewerClient) -> None:
+def test_no_error_is_logged(run: ViewerClient, overview: ViewerClient) -> None:
     for client in (run, overview):
         assert [entry for entry in client.get_logs() if entry.level.upper() == "ERROR"] == []
 

@@ -1,4 +1,4 @@
-"""What is true of every stage: it refuses bad settings before any work, names what is missing, repeats itself."""
+"""What is true of every stage: it refuses bad settings before any work, names what is missing, reads what it lists."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -20,7 +20,7 @@ def stage_name(main: Stage) -> str:
 
 
 def refuses(main: Stage, cfg: DictConfig, name: str, value: object, message: str, out: Path) -> None:
-    """With the parameter `name` set to `value`, the stage, begun as by `launch`, says `message` and leaves no `out`."""
+    """With `name` set to `value`, checks and stage raise `message` and leave no `out`."""
     changed = cfg.copy()
     OmegaConf.set_struct(changed, False)
     OmegaConf.update(changed, name, value, merge=False)
@@ -43,7 +43,7 @@ def names_a_missing_model(main: Stage, cfg: DictConfig, variant: str, out: Path)
 
 
 def listed(cfg: DictConfig, stage: str) -> DictConfig:
-    """The parameters that dvc.yaml lists for the stage, and those DVC does not watch; to read another is an error."""
+    """The parameters that dvc.yaml lists for the stage, and those DVC does not watch."""
     few = OmegaConf.create()
     for name, value in OmegaConf.create(read_by(cfg, stage) or "").items():
         OmegaConf.update(few, str(name).replace("${item.variant}", cfg.variant), value)
@@ -51,11 +51,7 @@ def listed(cfg: DictConfig, stage: str) -> DictConfig:
     return few
 
 
-def repeats_itself(main: Stage, cfg: DictConfig, before: Path, again: Path, workers: int = 1) -> None:
-    """Run anew, with that many workers and no parameter but those it lists for DVC, it writes the same bytes again."""
-    more = listed(cfg, stage_name(main))
-    more.workers = workers
-    main(more, again)
-    assert sorted(p.name for p in again.iterdir()) == sorted(p.name for p in before.iterdir())
-    for path in before.iterdir():
-        assert path.read_bytes() == (again / path.name).read_bytes(), path.name
+def run_as_listed(main: Stage, cfg: DictConfig, out: Path) -> Path:
+    """Run the stage; it fails if it reads a parameter that dvc.yaml does not list for it."""
+    main(listed(cfg, stage_name(main)), out)
+    return out

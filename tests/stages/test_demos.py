@@ -15,7 +15,8 @@ from pipeline.stages.demos import main
 from pipeline.world.hand import keeps
 from pipeline.world.layout import SYMBOLS, Layouts
 from pipeline.world.rules import valid
-from tests.stages.facts import refuses, repeats_itself
+from tests.factories import appearances
+from tests.stages.facts import refuses, run_as_listed
 
 pytestmark = pytest.mark.slow  # every test runs the stage
 SCENES = {"train-s0": 3, "train-s1": 3, "train-s100": 3, "new_scenes": 4, "new_items": 4}
@@ -29,21 +30,26 @@ def layouts(rng: np.random.Generator, scenes: int) -> Layouts:
     return Layouts(symbol, symbol, rng.uniform(0.3, 0.7, (*shape, 2)), zero, zero + 1.0, zero, zero + 0.05)
 
 
-@pytest.fixture
-def cfg(tmp_path: Path) -> DictConfig:
-    cfg = compose(["profile=smoke"])
-    OmegaConf.update(cfg, "paths.scenes", str(tmp_path / "scenes"))
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
+    cfg, folder = compose(["profile=smoke"]), tmp_path_factory.mktemp("scenes")
+    OmegaConf.update(cfg, "paths.scenes", str(folder))
     rng = np.random.default_rng(0)
     blank = {pool: np.zeros((n, 100, 100, 3), np.uint8) for pool, n in SCENES.items()}
-    appearances = {pool: pd.DataFrame({"texture": "oak", "render_seed": range(n)}) for pool, n in SCENES.items()}
-    write_scenes(tmp_path / "scenes", SceneSet(blank, {p: layouts(rng, n) for p, n in SCENES.items()}, appearances))
+    appearance = {pool: appearances(n) for pool, n in SCENES.items()}
+    write_scenes(folder, SceneSet(blank, {p: layouts(rng, n) for p, n in SCENES.items()}, appearance))
     return cfg
 
 
 @pytest.fixture
-def out(cfg: DictConfig, tmp_path: Path) -> Path:
-    main(cfg, tmp_path / "demos")
-    return tmp_path / "demos"
+def cfg(simulated: DictConfig) -> DictConfig:
+    """A copy that a test may change."""
+    return simulated.copy()
+
+
+@pytest.fixture(scope="module")
+def out(simulated: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return run_as_listed(main, simulated, tmp_path_factory.mktemp("demos"))
 
 
 def real_csv(cfg: DictConfig, folder: Path, out: Path, clock_s: float = 0.0, **changes: object) -> Path:
@@ -87,11 +93,9 @@ def test_the_stage_writes_these_files_and_careful_users_accept_least(out: Path):
     assert 0 < share["careful"] < share["normal"] < share["aggressive"] == 1.0
 
 
-def test_labels_are_of_the_lines_that_hands_drew_and_not_of_the_fitted_paths(
-    cfg: DictConfig, out: Path, tmp_path: Path
-):
+def test_labels_are_of_the_lines_that_hands_drew_and_not_of_the_fitted_paths(cfg: DictConfig, out: Path):
     demos, recordings = read_demos(out), read_trajectories(out)
-    scenes, of_fits = read_scenes(tmp_path / "scenes"), []
+    scenes, of_fits = read_scenes(Path(cfg.paths.scenes)), []
     for (seed, user), rows in demos.groupby(["seed", "user"]):  # pyright: ignore
         layouts, first, last = scenes.layouts[train_pool(seed)], rows.index[0], rows.index[-1] + 1
         samples = recordings[0][recordings[1][first] : recordings[1][last]].astype(float)
@@ -103,8 +107,8 @@ def test_labels_are_of_the_lines_that_hands_drew_and_not_of_the_fitted_paths(
     assert 0.95 < np.mean(of_fits) < 1
 
 
-def test_queries_are_labelled_by_the_truth_and_unseen_by_training(cfg: DictConfig, out: Path, tmp_path: Path):
-    scenes, queries = read_scenes(tmp_path / "scenes"), read_queries(out)
+def test_queries_are_labelled_by_the_truth_and_unseen_by_training(cfg: DictConfig, out: Path):
+    scenes, queries = read_scenes(Path(cfg.paths.scenes)), read_queries(out)
     assert set(queries) == set(SCENES)
     assert queries["train-s0"].z.shape == (3, cfg.demos.queries_seen, 2)
     assert queries["new_items"].z.shape == (4, cfg.demos.queries_new, 2)
@@ -116,10 +120,6 @@ def test_queries_are_labelled_by_the_truth_and_unseen_by_training(cfg: DictConfi
     assert np.linalg.norm(seen[:, None] - paths, axis=-1).min() > 0
 
 
-def test_the_stage_run_twice_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
-    repeats_itself(main, cfg, out, tmp_path / "again")
-
-
 def test_fewer_seeds_or_demonstrations_leave_the_recordings_as_they_are(cfg: DictConfig, out: Path, tmp_path: Path):
     OmegaConf.update(cfg, "seeds", [1])
     main(cfg, tmp_path / "fewer")
@@ -128,21 +128,16 @@ def test_fewer_seeds_or_demonstrations_leave_the_recordings_as_they_are(cfg: Dic
     pd.testing.assert_frame_equal(read_demos(tmp_path / "fewer"), kept, check_exact=True)
 
 
-def test_real_recordings_take_the_place_of_simulated_ones(cfg: DictConfig, out: Path, tmp_path: Path):
-    real_csv(cfg, tmp_path, out)
+def test_real_recordings_take_the_place_of_simulated_ones_and_are_counted(
+    cfg: DictConfig, out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    path = real_csv(cfg, tmp_path, out)
     main(cfg, tmp_path / "real")
     before, after = read_demos(out), read_demos(tmp_path / "real")
     moved = np.linalg.norm(after[["z_x", "z_y"]].to_numpy() - before[["z_x", "z_y"]].to_numpy(), axis=1) > 1e-3
     assert moved.sum() == 1
     assert after.loc[moved, ["seed", "user", "scene", "demo"]].iloc[0].tolist() == [0, "careful", 0, 0]
-
-
-def test_the_stage_prints_how_many_recordings_are_real(
-    cfg: DictConfig, out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-):
-    path = real_csv(cfg, tmp_path, out)
-    main(cfg, tmp_path / "real")
-    assert f"1 of {len(read_demos(out))} demonstrations are a person's, from {path}" in capsys.readouterr().out
+    assert f"1 of {len(before)} demonstrations are a person's, from {path}" in capsys.readouterr().out
 
 
 def test_a_recording_may_count_its_time_from_any_moment(cfg: DictConfig, out: Path, tmp_path: Path):
@@ -168,9 +163,7 @@ def test_a_file_without_recordings_is_refused(cfg: DictConfig, tmp_path: Path, c
         (tmp_path / "real.csv").write_text(content)
     OmegaConf.update(cfg, "paths.data", str(tmp_path))
     refuses(main, cfg, "demos.recorded", str(tmp_path / "real.csv"), f"real.csv.* {says}", tmp_path / "bad")
-
-
-def test_recordings_that_dvc_does_not_keep_track_of_are_refused(cfg: DictConfig, tmp_path: Path):
+    cfg.paths.data = "data"  # DVC keeps no track of the file
     refuses(main, cfg, "demos.recorded", str(tmp_path / "real.csv"), "expected a csv in data/", tmp_path / "bad")
 
 

@@ -19,26 +19,23 @@ from pipeline.stages.intervene import EFFECTS, SUMMARY
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SYMBOLS
 from pipeline.world.render import Palette, render_scenes
-from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
-from tests.stages.inputs import pictured_models
+from tests.factories import models_in_rendered_scenes
+from tests.stages.facts import names_a_missing_model, refuses, run_as_listed
 
 SCENES, PATHS, PLACEMENTS = 4, 6, 2
 VARIANTS = ("full", "irl_ranked", "clearance")
-KEPT = ["effects.parquet", "images.npz", "layouts.parquet", "metrics.json", "summary.csv"]
 
 
 @pytest.fixture(scope="module")
 def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     settings = [f"intervene.paths={PATHS}", f"intervene.placements={PLACEMENTS}"]
     settings += [f"+questions@questions.{name}={name}" for name in ("table_top_marble", "remove_glass")]
-    return pictured_models(tmp_path_factory.mktemp("intervene"), VARIANTS, SCENES, *settings)
+    return models_in_rendered_scenes(tmp_path_factory.mktemp("intervene"), VARIANTS, SCENES, *settings)
 
 
 @pytest.fixture(scope="module")
 def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    directory = tmp_path_factory.mktemp("out")
-    intervene.main(cfg, directory)
-    return directory
+    return run_as_listed(intervene.main, cfg, tmp_path_factory.mktemp("out"))
 
 
 def asked_alone(cfg: DictConfig, *names: str) -> DictConfig:
@@ -159,11 +156,6 @@ def test_the_metrics_count_the_papers_questions_of_users_with_a_margin(out: Path
     assert metrics["verdicts_right"] == rows.groupby("variant")["right"].sum().to_dict()
     errors = (rows["effect"] - rows["truth"]).abs()[rows["variant"] == "clearance"]
     assert metrics["effect_error"] == {"clearance": pytest.approx(errors.max(), abs=1e-6)}
-
-
-def test_a_second_run_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
-    assert sorted(path.name for path in out.iterdir()) == KEPT
-    repeats_itself(intervene.main, cfg, out, tmp_path)
 
 
 def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):

@@ -1,6 +1,5 @@
 """Facts about stages irl and clearance: files like stage train's, constant labels, what they refuse."""
 
-import hashlib
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ from pipeline.artifacts.scenes import read_scenes
 from pipeline.artifacts.trained import load_model
 from pipeline.params import compose
 from pipeline.stages import clearance, irl
-from tests.stages.facts import listed
+from tests.stages.facts import run_as_listed
 
 STAGES = {"irl_maxent": irl.main, "irl_ranked": irl.main, "clearance": clearance.main}  # by variant
 USERS = ("aggressive", "careful", "normal")
@@ -30,9 +29,9 @@ def config(small_world: Path, out: Path, *overrides: str):
 @pytest.fixture(scope="module", params=STAGES)
 def run(request, small_world, tmp_path_factory) -> tuple[str, Path]:
     """One run of each variant."""
-    out = tmp_path_factory.mktemp("fitted")
-    STAGES[request.param](config(small_world, out, f"variant={request.param}"), out / request.param)
-    return request.param, out
+    variant, out = request.param, tmp_path_factory.mktemp("fitted")
+    run_as_listed(STAGES[variant], config(small_world, out, f"variant={variant}"), out / variant)
+    return variant, out
 
 
 def test_it_writes_the_files_of_stage_train(run):
@@ -63,15 +62,6 @@ def test_a_user_without_invalid_demonstrations_gets_laplaces_constant(run):
     np.testing.assert_allclose(predictions["p"], 7 / 8, rtol=1e-6)  # 3 scenes x 2 demonstrations, all valid
 
 
-@pytest.mark.slow
-def test_a_second_run_by_two_processes_writes_the_same_bytes(run, small_world, tmp_path):
-    variant, out = run
-    stage = "clearance" if variant == "clearance" else "irl"
-    few = listed(config(small_world, tmp_path, f"variant={variant}", "workers=2"), stage)
-    STAGES[variant](few, tmp_path / variant)
-    assert _digests(tmp_path) == _digests(out)
-
-
 @pytest.mark.parametrize(
     ("fitted", "override", "message"),
     [
@@ -89,8 +79,3 @@ def test_bad_input_ends_before_anything_is_written(small_world, tmp_path, fitted
     with pytest.raises(ValueError, match=message):
         STAGES[fitted](config(small_world, tmp_path, *overrides), tmp_path / fitted)
     assert not (tmp_path / fitted).exists()
-
-
-def _digests(root: Path) -> dict[str, str]:
-    files = sorted(path for path in root.rglob("*") if path.is_file())
-    return {str(path.relative_to(root)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}

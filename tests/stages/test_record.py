@@ -9,7 +9,7 @@ import pytest
 from omegaconf import DictConfig, OmegaConf
 from rerun.chunk import RrdReader
 
-from pipeline.artifacts.demos import write_demos
+from pipeline.artifacts.demos import DEMO_COLUMNS, write_demos
 from pipeline.artifacts.files import read_table, write_arrays, write_table
 from pipeline.artifacts.models import model_dir, save_weights, weights_path
 from pipeline.artifacts.scenes import SceneSet, layout_table, read_scenes, write_scenes
@@ -22,16 +22,29 @@ from pipeline.viewer.assemble import CURVE_KEY, EFFECT_COLUMNS
 from pipeline.world.bezier import curve, lattice, random_z_theta
 from pipeline.world.layout import SYMBOLS, Layouts, add_item, empty
 from pipeline.world.rules import valid
-from tests.examples import RULES
-from tests.stages.facts import listed, refuses
-from tests.stages.inputs import ITEMS, save_model
+from tests.factories import ITEMS, RULES, appearances, random_demos, save_model
+from tests.stages.facts import refuses, run_as_listed
 from tests.viewer.example import read, read_timed
 
 SCENES, STARTS, STEPS, SAMPLES = 4, 2, 5, 20
 
 
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[DictConfig, Path]:
+    """The configuration of a run, and the folder of its inputs and recordings."""
+    folder = tmp_path_factory.mktemp("shared")
+    cfg = write_inputs(folder)
+    run_as_listed(main, cfg, folder / "record")
+    return cfg, folder
+
+
 @pytest.fixture
 def cfg(tmp_path: Path) -> DictConfig:
+    """Inputs that a test may damage."""
+    return write_inputs(tmp_path)
+
+
+def write_inputs(tmp_path: Path) -> DictConfig:
     """Two variants of three users and one seed, untrained, on made-up scenes; aggressive has no repairs."""
     cfg = compose(["profile=smoke", "seeds=[0]", "record.map_side=9", "record.training_scenes=3"])
     cfg.variants = {variant: cfg.variants[variant] for variant in ("full", "classifier")}
@@ -40,16 +53,9 @@ def cfg(tmp_path: Path) -> DictConfig:
         OmegaConf.update(cfg, f"paths.{stage}", str(tmp_path / stage))
     rng = np.random.default_rng(0)
     pools = ("train-s0", "new_items")
-    pictures = {pool: rng.integers(0, 256, (SCENES, 100, 100, 3), dtype=np.uint8) for pool in pools}
+    images = {pool: rng.integers(0, 256, (SCENES, 100, 100, 3), dtype=np.uint8) for pool in pools}
     layouts = {pool: _layouts(rng) for pool in pools}
-    write_scenes(
-        tmp_path / "scenes",
-        SceneSet(
-            pictures,
-            layouts,
-            {pool: pd.DataFrame({"texture": ["oak"] * SCENES, "render_seed": range(SCENES)}) for pool in pools},
-        ),
-    )
+    write_scenes(tmp_path / "scenes", SceneSet(images, layouts, {pool: appearances(SCENES) for pool in pools}))
     _write_demos(tmp_path / "demos", rng, cfg)
     _write_repairs(tmp_path / "repair", rng, cfg)
     _write_interventions(tmp_path / "intervene", rng, cfg, layouts["new_items"])
@@ -71,16 +77,11 @@ def _layouts(rng: np.random.Generator) -> Layouts:
 
 
 def _write_demos(directory: Path, rng: np.random.Generator, cfg: DictConfig) -> None:
-    index = pd.MultiIndex.from_product(
-        [[0], sorted(cfg.users), range(SCENES), range(10)], names=["seed", "user", "scene", "demo"]
-    )
-    demos = index.to_frame(index=False)
-    z = random_z_theta(rng, len(demos))
-    demos = demos.assign(z_x=z[:, 0], z_y=z[:, 1], valid=rng.random(len(demos)) < 0.5, residual_m=0.0)
-    demos = demos.assign(poor_fit=False, duration_s=1.0, samples=SAMPLES)
+    demos = random_demos(rng, cfg, SCENES).assign(residual_m=0.0, poor_fit=False, duration_s=1.0, samples=SAMPLES)
+    z = demos[["z_x", "z_y"]].to_numpy()
     time = np.broadcast_to(np.linspace(0, 1, SAMPLES)[None, :, None], (len(demos), SAMPLES, 1))
     samples = np.concatenate([time, curve(z, SAMPLES), 0 * time], axis=-1).reshape(-1, 4)
-    write_demos(directory, demos, samples, SAMPLES * np.arange(len(demos) + 1))
+    write_demos(directory, demos[DEMO_COLUMNS], samples, SAMPLES * np.arange(len(demos) + 1))
 
 
 def _write_repairs(directory: Path, rng: np.random.Generator, cfg: DictConfig) -> None:
@@ -116,20 +117,20 @@ def _value(path: Path, entity: str, component: str) -> list:
     return column
 
 
-def test_a_recording_a_model_holds_what_the_model_says(cfg: DictConfig, tmp_path: Path) -> None:
-    main(cfg, tmp_path / "record")
+def test_every_model_has_a_recording_of_its_own_probabilities(recorded: tuple[DictConfig, Path]) -> None:
+    cfg, folder = recorded
     names = [f"{variant}-{user}-s0" for variant in cfg.variants for user in cfg.users]
-    assert sorted(p.stem for p in (tmp_path / "record" / "runs").iterdir()) == sorted(names)
-    listed = read_table(tmp_path / "record" / "recordings.csv").set_index("run")
+    assert sorted(p.stem for p in (folder / "record" / "runs").iterdir()) == sorted(names)
+    listed = read_table(folder / "record" / "recordings.csv").set_index("run")
     assert list(listed.index) == [*names, "overview"]
 
-    scenes, scene = read_scenes(tmp_path / "scenes"), 1
-    path = tmp_path / "record" / "runs" / "full-careful-s0.rrd"
+    scenes, scene = read_scenes(folder / "scenes"), 1
+    path = folder / "record" / "runs" / "full-careful-s0.rrd"
     model = load_model(cfg, "full", "careful", 0, cfg.main_n_demos)
     image, layout = scenes.images["new_items"][scene], scenes.layouts["new_items"][scene : scene + 1]
     entity = f"new_items/scene_{scene:03d}"
 
-    z = dict(np.load(tmp_path / "repair" / "paths.npz"))["full-careful-s0"].reshape(SCENES, STARTS, STEPS + 1, 2)
+    z = dict(np.load(folder / "repair" / "paths.npz"))["full-careful-s0"].reshape(SCENES, STARTS, STEPS + 1, 2)
     p = np.array(_value(path, f"{entity}/p_valid/repairs", "Scalars:scalars"))  # (step, start)
     expected = model.probability(image[None], z[scene].reshape(1, -1, 2)).reshape(STARTS, STEPS + 1)
     assert np.allclose(p.T, expected, atol=1e-6)
@@ -149,17 +150,17 @@ def test_a_recording_a_model_holds_what_the_model_says(cfg: DictConfig, tmp_path
     assert listed.loc["full-careful-s0", "agreement"] == pytest.approx((predicted == truth).mean(), abs=1e-6)
 
 
-def test_interventions_are_the_models_maps_and_the_stages_effects(cfg: DictConfig, tmp_path: Path) -> None:
-    main(cfg, tmp_path / "record")
-    path = tmp_path / "record" / "runs" / "classifier-normal-s0.rrd"
+def test_interventions_are_the_models_maps_and_the_stages_effects(recorded: tuple[DictConfig, Path]) -> None:
+    cfg, folder = recorded
+    path = folder / "record" / "runs" / "classifier-normal-s0.rrd"
     model = load_model(cfg, "classifier", "normal", 0, cfg.main_n_demos)
-    images = dict(np.load(tmp_path / "intervene" / "images.npz"))["images"][:, 0, 0]
+    images = dict(np.load(folder / "intervene" / "images.npz"))["images"][:, 0, 0]
     expected = model.probability(images, np.tile(lattice(9), (4, 1, 1))).reshape(4, 9, 9)
     buffers = read(path, "interventions/predicted/map", "Image:buffer", "intervention")
     shown = np.array(buffers, np.uint8).view(np.float16).reshape(4, 9, 9)[:, ::-1]
     assert np.allclose(shown, expected, atol=1e-3)
 
-    effects = read_table(tmp_path / "intervene" / "effects.parquet")
+    effects = read_table(folder / "intervene" / "effects.parquet")
     rows = effects[
         (effects["variant"] == "classifier") & (effects["user"] == "normal") & (effects["question"] == "add_glass")
     ]
@@ -170,10 +171,10 @@ def test_interventions_are_the_models_maps_and_the_stages_effects(cfg: DictConfi
     assert f" | {mean['effect']:+.3f} | {mean['true_effect']:+.3f} |" in page
 
 
-def test_each_n_shows_its_own_model_and_the_losses_are_those_of_the_one_shown(cfg: DictConfig, tmp_path: Path) -> None:
-    main(cfg, tmp_path / "record")
-    path = tmp_path / "record" / "runs" / "full-careful-s0.rrd"
-    image = read_scenes(tmp_path / "scenes").images["new_items"][:1]
+def test_each_n_has_its_own_model_and_the_losses_of_the_final_one(recorded: tuple[DictConfig, Path]) -> None:
+    cfg, folder = recorded
+    path = folder / "record" / "runs" / "full-careful-s0.rrd"
+    image = read_scenes(folder / "scenes").images["new_items"][:1]
     buffers = read(path, "new_items/scene_000/latent/predicted/learning/map", "Image:buffer", "demonstrations")
     for n, (buffer,) in zip(cfg.n_demos, buffers, strict=True):
         shown = np.array(buffer, np.uint8).view(np.float16).reshape(9, 9)[::-1]
@@ -184,7 +185,7 @@ def test_each_n_shows_its_own_model_and_the_losses_are_those_of_the_one_shown(cf
     assert _value(path, "losses", "Scalars:scalars") == [[total] for total in rows["total"]]
 
 
-def test_the_map_along_the_training_is_of_the_weights_kept_then_and_of_the_model_shown_at_its_end(
+def test_maps_during_training_are_of_the_checkpoints_and_end_with_the_final_model(
     cfg: DictConfig, tmp_path: Path
 ) -> None:
     early, cfg.checkpoints = build(cfg.variants.full, 99), [0, 5]
@@ -202,58 +203,40 @@ def test_the_map_along_the_training_is_of_the_weights_kept_then_and_of_the_model
     assert [step for step, _ in not_kept] == [11]
 
 
-def test_true_slack_is_of_the_repairs_paths(cfg: DictConfig, tmp_path: Path) -> None:
-    main(cfg, tmp_path / "record")
-    z = dict(np.load(tmp_path / "repair" / "paths.npz"))["full-normal-s0"].reshape(SCENES, STARTS, STEPS + 1, 2)
-    layout = read_scenes(tmp_path / "scenes").layouts["new_items"][:1]
+def test_true_slack_is_of_the_repairs_paths(recorded: tuple[DictConfig, Path]) -> None:
+    cfg, folder = recorded
+    z = dict(np.load(folder / "repair" / "paths.npz"))["full-normal-s0"].reshape(SCENES, STARTS, STEPS + 1, 2)
+    layout = read_scenes(folder / "scenes").layouts["new_items"][:1]
     room = np.array(
-        _value(tmp_path / "record/runs/full-normal-s0.rrd", "new_items/scene_000/slack/repairs", "Scalars:scalars")
+        _value(folder / "record/runs/full-normal-s0.rrd", "new_items/scene_000/slack/repairs", "Scalars:scalars")
     )
     truth = valid(layout, z[:1].reshape(1, -1, 2).astype(float), cfg.users["normal"]).reshape(STARTS, STEPS + 1)
     assert np.array_equal(room.T > 0, truth)
 
 
-def test_interventions_in_other_scenes_than_the_repairs_are_refused(cfg: DictConfig, tmp_path: Path) -> None:
-    message = r"intervene\.split is 'new_scenes': expected repair\.split = 'new_items'"
-    refuses(main, cfg, "intervene.split", "new_scenes", message, tmp_path / "record")
-
-
-def test_the_overview_lists_every_variant_of_the_users_who_care(cfg: DictConfig, tmp_path: Path) -> None:
-    main(cfg, tmp_path / "record")
-    chunks = RrdReader(tmp_path / "record" / "overview.rrd").stream().to_chunks()
+def test_the_overview_has_every_variant_of_the_users_with_margins(recorded: tuple[DictConfig, Path]) -> None:
+    cfg, folder = recorded
+    chunks = RrdReader(folder / "record" / "overview.rrd").stream().to_chunks()
     shown = {entity.strip("/") for chunk in chunks if "/errors/" in (entity := str(chunk.entity_path))}
     assert shown == {f"{user}/errors/{variant}/map" for user in ("careful", "normal") for variant in cfg.variants}
 
 
-def test_a_variant_to_be_shown_first_must_exist(cfg: DictConfig, tmp_path: Path) -> None:
-    message = r"record\.first is .*unknown.*: expected some of full, classifier"
-    refuses(main, cfg, "record.first", ["classifier", "unknown"], message, tmp_path / "record")
-
-
-def test_with_no_user_who_cares_the_overview_shows_them_all(cfg: DictConfig, tmp_path: Path) -> None:
+def test_without_margins_the_overview_has_every_user(cfg: DictConfig, tmp_path: Path) -> None:
     cfg.users = {"aggressive": cfg.users["aggressive"]}
     main(cfg, tmp_path / "record")
     chunks = RrdReader(tmp_path / "record" / "overview.rrd").stream().to_chunks()
     assert "/aggressive/errors/full/map" in {str(chunk.entity_path) for chunk in chunks}
 
 
-def test_demonstrations_are_the_ones_the_model_was_fitted_to(cfg: DictConfig, tmp_path: Path) -> None:
-    main(cfg, tmp_path / "record")
-    demos = read_table(tmp_path / "demos" / "demos.parquet")
+def test_demonstrations_are_the_ones_the_model_was_fitted_to(recorded: tuple[DictConfig, Path]) -> None:
+    cfg, folder = recorded
+    demos = read_table(folder / "demos" / "demos.parquet")
     rows = demos[(demos["user"] == "normal") & (demos["scene"] == 2) & (demos["demo"] < cfg.main_n_demos)]
     z = rows.loc[rows["valid"], ["z_x", "z_y"]].to_numpy()
-    path = tmp_path / "record" / "runs" / "full-normal-s0.rrd"
+    path = folder / "record" / "runs" / "full-normal-s0.rrd"
     (raw,) = _value(path, "training/scene_002/valid/recorded", "LineStrips2D:strips")
     metres = np.array(raw) / 100 * [1, -1] + [0, 1]
     assert np.allclose(metres, curve(z, SAMPLES), atol=1e-5)
-
-
-def test_a_second_run_has_the_same_digests(cfg: DictConfig, tmp_path: Path) -> None:
-    main(cfg, tmp_path / "first")
-    main(listed(cfg, "record"), tmp_path / "second")
-    first, second = (tmp_path / out / "recordings.csv" for out in ("first", "second"))
-    assert first.read_bytes() == second.read_bytes()
-    assert read_table(first)["sha256"].is_unique
 
 
 def test_nothing_is_written_when_a_model_is_missing(cfg: DictConfig, tmp_path: Path) -> None:
@@ -263,7 +246,7 @@ def test_nothing_is_written_when_a_model_is_missing(cfg: DictConfig, tmp_path: P
     assert not (tmp_path / "record").exists()
 
 
-def test_recordings_of_a_user_who_left_leave_too(cfg: DictConfig, tmp_path: Path) -> None:
+def test_recordings_of_a_removed_user_are_removed(cfg: DictConfig, tmp_path: Path) -> None:
     main(cfg, tmp_path / "record")
     del cfg.users.aggressive
     main(cfg, tmp_path / "record")
@@ -279,6 +262,16 @@ def test_paths_that_do_not_match_the_repairs_are_refused(cfg: DictConfig, tmp_pa
         main(cfg, tmp_path / "record")
 
 
-@pytest.mark.parametrize("name", ["scenes", "repairs", "training_scenes", "map_side"])
-def test_zero_of_anything_is_refused(cfg: DictConfig, tmp_path: Path, name: str) -> None:
-    refuses(main, cfg, f"record.{name}", 0, f"record.{name} is 0", tmp_path / "record")
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("record.scenes", 0, "record.scenes is 0"),
+        ("record.repairs", 0, "record.repairs is 0"),
+        ("record.training_scenes", 0, "record.training_scenes is 0"),
+        ("record.map_side", 0, "record.map_side is 0"),
+        ("record.first", ["classifier", "unknown"], r"record\.first is .*unknown.*: expected some of full, classifier"),
+        ("intervene.split", "new_scenes", r"intervene\.split is 'new_scenes': expected repair\.split = 'new_items'"),
+    ],
+)
+def test_settings_out_of_range_are_refused(recorded, tmp_path: Path, name: str, value: object, message: str) -> None:
+    refuses(main, recorded[0], name, value, message, tmp_path / "record")

@@ -14,8 +14,8 @@ from pipeline.artifacts.scenes import read_scenes, train_pool
 from pipeline.artifacts.trained import load_model
 from pipeline.planning.oracle import constant_detour
 from pipeline.stages.repair import main
-from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
-from tests.stages.inputs import untrained_models
+from tests.factories import untrained_models
+from tests.stages.facts import names_a_missing_model, refuses, run_as_listed
 
 BY_MODEL, BASELINES = ["gradient", "nearest"], ["random_path", "constant_detour", "oracle"]
 
@@ -27,9 +27,7 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
 
 @pytest.fixture(scope="module")
 def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("repair")
-    main(cfg, out)
-    return out
+    return run_as_listed(main, cfg, tmp_path_factory.mktemp("repair"))
 
 
 @pytest.fixture
@@ -111,10 +109,6 @@ def test_the_summary_and_the_metrics_are_those_of_the_table(out: Path, table: pd
 
 def test_a_user_without_an_invalid_path_has_no_row(out: Path, table: pd.DataFrame):
     assert set(read_table(out / "summary.csv")["user"]) == set(table["user"]) == {"careful", "normal"}
-
-
-def test_the_same_inputs_give_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
-    repeats_itself(main, cfg, out, tmp_path)
 
 
 def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):

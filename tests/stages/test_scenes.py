@@ -14,7 +14,7 @@ from pipeline.world.bezier import lattice
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SYMBOLS
 from pipeline.world.rules import clearance, slack
-from tests.stages.facts import refuses, repeats_itself
+from tests.stages.facts import refuses, run_as_listed
 
 pytestmark = pytest.mark.slow  # the fixture runs the stage
 DATA = Path("data")
@@ -29,9 +29,7 @@ def small(**scenes: int) -> DictConfig:
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out_dir = tmp_path_factory.mktemp("scenes")
-    main(small(), out_dir)
-    return out_dir
+    return run_as_listed(main, small(), tmp_path_factory.mktemp("scenes"))
 
 
 def test_every_pool_has_its_scenes_and_only_its_split_s_items(written):
@@ -46,7 +44,7 @@ def test_every_pool_has_its_scenes_and_only_its_split_s_items(written):
         assert np.isin(layouts.item[layouts.present], allowed).all(), pool
 
 
-def test_no_two_scenes_look_alike(written):
+def test_no_two_scenes_have_the_same_image(written):
     images = np.concatenate(list(read_scenes(written).images.values()))
     assert len({image.tobytes() for image in images}) == len(images)
 
@@ -62,12 +60,6 @@ def test_every_user_can_be_satisfied_in_every_scene(written):
         clear = clearance(layouts, np.broadcast_to(z, (len(layouts), *z.shape)))
         for user, margins in small().users.items():
             assert (slack(layouts, clear, dict(margins)) > 0).any(1).all(), (pool, user)
-
-
-def test_the_same_parameters_give_the_same_bytes(tmp_path):
-    cfg = small(calibration=10)
-    main(cfg, tmp_path / "once")
-    repeats_itself(main, cfg, tmp_path / "once", tmp_path / "again")
 
 
 def test_one_more_training_set_changes_no_other_pool(written, tmp_path):
@@ -93,7 +85,7 @@ def test_the_true_table_2_is_near_the_paper_s(written):
     assert read_json(written / "metrics.json") == {"world": {"largest_difference": pytest.approx(largest)}}
 
 
-def test_the_full_calibration_keeps_every_cell_within_3_points():
+def test_the_committed_table_2_is_within_3_points_of_the_paper_s():
     assert sum(map(len, PAPER_P_VALID.values())) == 15
     metrics = read_json(Path("outputs/scenes/metrics.json"))  # committed with the code
     assert metrics["world"]["largest_difference"] <= 0.03
@@ -115,7 +107,7 @@ def test_the_position_prior_is_a_share_symmetric_in_the_diagonal(written):
         ("root_seed", -1, r"scenes\.root_seed is -1: expected a whole number from 0"),
         ("root_seed", 1.5, r"scenes\.root_seed is 1\.5"),
         ("layout.slots", 0, r"scenes\.layout\.slots is 0"),
-        ("layout.items_per_scene", 2, r"scenes\.layout\.items_per_scene is 2: expected a list"),
+        ("layout.items_per_scene", 2, r"scenes\.layout\.items_per_scene is 2"),
         ("layout.items_per_scene", [], r"scenes\.layout\.items_per_scene is \[\]"),
         ("layout.items_per_scene", [2, 4], "from 0 to 3, one less than scenes.layout.slots"),
         ("layout.glasses_chance", [0.5, 0.4], "chances from 0 that add up to 1"),
@@ -129,7 +121,7 @@ def test_what_lays_out_no_scene_is_named(tmp_path: Path, name: str, value: objec
     refuses(main, small(), f"scenes.{name}", value, message, tmp_path / "out")
 
 
-def test_users_whom_the_paper_does_not_know_have_a_world_as_well(tmp_path: Path):
+def test_users_that_the_paper_does_not_have_get_a_world_too(tmp_path: Path):
     cfg = small(calibration=20, shared=2, validation=1, per_seed=1)
     cfg.users = {"hasty": cfg.users.normal}
     main(cfg, tmp_path)

@@ -21,7 +21,7 @@ from pipeline.runtime.streams import job_seed
 from pipeline.stages.train import main
 from pipeline.training.runner import _batches, _jobs
 from pipeline.training.vae.engines import engine
-from tests.stages.facts import listed
+from tests.stages.facts import run_as_listed
 
 SMALL = ["seeds=[0,1]", "n_demos=[1,2]", "main_n_demos=2", "train.steps=4", "train.curve_every=2", "workers=1"]
 SMALL += ["train.engine=simd", "checkpoints=[0,2,50]"]
@@ -36,7 +36,7 @@ def config(small_world: Path, out: Path, *overrides: str):
 def run(small_world, tmp_path_factory) -> Path:
     """One run of variant full."""
     out = tmp_path_factory.mktemp("train")
-    main(config(small_world, out), out / "full")
+    run_as_listed(main, config(small_world, out), out / "full")
     return out
 
 
@@ -91,7 +91,7 @@ def test_curves_name_every_user_and_number_of_demonstrations(run):
 
 @pytest.mark.slow
 def test_two_processes_write_the_bytes_of_one(run, small_world, tmp_path):
-    main(listed(config(small_world, tmp_path, "workers=2"), "train"), tmp_path / "full")
+    main(config(small_world, tmp_path, "workers=2"), tmp_path / "full")
     assert _digests(tmp_path) == _digests(run)
 
 

@@ -64,14 +64,7 @@ def test_a_family_without_effects_rarely_shows_one(regime: Regime):
     assert family_wise_error(add_pseudo_scenes(regime.draw())) <= LEVEL + TOLERANCE
 
 
-@pytest.mark.parametrize("regime", REGIMES.values(), ids=REGIMES)
-def test_95_percent_intervals_hold_the_effect_as_often(regime: Regime):
-    families = add_pseudo_scenes(regime.draw(0.1))
-    e = estimate(families.reshape(-1, *families.shape[2:]))
-    assert 0.94 <= np.mean((e.ci_low <= 0.1) & (e.ci_high >= 0.1)) <= 0.975
-
-
-def test_where_rare_scenes_decide_pseudo_scenes_halve_the_errors_but_do_not_restore_the_level():
+def test_where_rare_scenes_decide_pseudo_scenes_only_halve_the_errors():
     """The honest bound: in this regime one null family in four may still show an effect."""
     families = RARE.draw()
     plain, corrected = family_wise_error(families), family_wise_error(add_pseudo_scenes(families))

@@ -11,7 +11,7 @@ def test_an_items_scenes_are_averaged_where_they_have_the_dose():
     np.testing.assert_array_equal(by_item(drop, np.array([4, 4, 2, 2])), [[[6, np.nan], [2, 2]]])  # item 2, item 4
 
 
-def test_a_second_scene_that_says_the_same_of_an_item_changes_nothing():
+def test_a_second_scene_with_the_same_effect_of_an_item_does_not_count():
     drop = np.random.default_rng(0).normal(size=(3, 4, 2))
     item = np.array([0, 1, 2, 3])
     twice = by_item(np.concatenate([drop, drop[:, :1]], axis=1), np.append(item, 0))

@@ -100,13 +100,8 @@ def test_p_values_count_invalid_demonstrations_that_score_as_high():
     assert p_values(held_out, valid, np.array([0.6, 0.5, 0.05])).tolist() == [1 / 5, 2 / 5, 3 / 5]
 
 
-def test_p_values_fall_with_the_score():
-    scores, labels = draw(np.random.default_rng(1), 50)
-    assert (np.diff(p_values(scores, labels, np.linspace(-3, 5, 100))) <= 0).all()
-
-
 @pytest.mark.parametrize("share", [0.2, 0.43, 1.0])
-def test_with_too_few_demonstrations_nothing_is_accepted(share: float):
+def test_too_few_demonstrations_accept_no_path(share: float):
     """Even if every invalid demonstration scores below every path: N >= 1 / (level * share) - 1."""
     level, paths = 0.02, 100
     fewest = int(np.ceil(round(1 / (level * share), 9))) - 1

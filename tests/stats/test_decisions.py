@@ -22,7 +22,7 @@ def test_right_decisions_are_accurate_and_safe_and_their_opposite_is_neither(lab
     assert (worst["accuracy"], worst["unsafe"]) == (0, 1)
 
 
-def test_accepting_everything_is_right_as_often_as_paths_are_valid(labels: Labels):
+def test_accepting_every_path_is_right_as_often_as_paths_are_valid(labels: Labels):
     valid, _ = labels
     row = accuracy_estimate(np.ones(SHAPE, bool), valid)
     assert row["accuracy"] == pytest.approx(valid.mean()) and row["unsafe"] == 1
@@ -33,7 +33,7 @@ def test_without_an_invalid_path_there_is_no_unsafe_share():
     assert row["accuracy"] == 1 and np.isnan([row["unsafe"], row["unsafe_ci_low"], row["unsafe_ci_high"]]).all()
 
 
-def test_equal_decisions_lose_nothing_and_opposite_ones_everything(labels: Labels):
+def test_equal_decisions_lose_no_accuracy_and_opposite_ones_all(labels: Labels):
     valid, right = labels
     guesses = np.random.default_rng(1).random(SHAPE) < 0.5
     assert set(accuracy_loss(guesses, valid, guesses, valid).values()) == {0.0}

@@ -1,4 +1,4 @@
-"""Models fitted for their answers alone are the ones their own stage would fit."""
+"""Models fitted for their answers alone are the ones their one stage would fit."""
 
 import numpy as np
 import pytest
@@ -31,12 +31,12 @@ def training_set(scenes: int, seed: int = 0) -> TrainingSet:
 
 @pytest.mark.parametrize("variant", ["irl_maxent", "irl_ranked"])
 def test_irl_is_fitted_as_stage_irl_fits_it(cfg: DictConfig, variant: str):
-    v, own = cfg.variants[variant], training_set(3)
+    v, one = cfg.variants[variant], training_set(3)
     seed = job_seed(0, "careful", cfg.main_n_demos, variant)
-    answers = refit_and_predict(cfg, {variant: [own]}, IMAGES, Z, "test")  # from here on by one torch thread
+    answers = refit_and_predict(cfg, {variant: [one]}, IMAGES, Z, "test")  # from here on by one torch thread
     model = untrained(RewardMap, v.model, seed)
     pace = IrlSchedule.of({**cfg.irl, "steps": v.steps})
-    fit(model, own.images, own.z_theta, own.valid, v.objective, pace, seed)  # pyright: ignore
+    fit(model, one.images, one.z_theta, one.valid, v.objective, pace, seed)  # pyright: ignore
     np.testing.assert_array_equal(answers[variant][0], model.probability(IMAGES, Z))
 
 
@@ -52,14 +52,12 @@ def test_training_sets_of_several_sizes_are_answered_in_their_order(cfg: DictCon
 
 
 @pytest.mark.slow
-def test_answers_come_in_the_order_of_the_training_sets_though_only_equal_sizes_are_fitted_together(
-    cfg: DictConfig,
-):
+def test_answers_come_in_the_order_of_the_training_sets(cfg: DictConfig):
     training_sets = [training_set(scenes, seed) for seed, scenes in enumerate((3, 1, 3, 2, 1))]
-    found = refit(
-        cfg, {"full": training_sets, "clearance": training_sets[1:]}, lambda _, own: (own.seed, len(own.images)), "test"
+    answers = refit(
+        cfg, {"full": training_sets, "clearance": training_sets[1:]}, lambda _, one: (one.seed, len(one.images)), "test"
     )
-    assert found == {"full": [(0, 3), (1, 1), (2, 3), (3, 2), (4, 1)], "clearance": [(1, 1), (2, 3), (3, 2), (4, 1)]}
+    assert answers == {"full": [(0, 3), (1, 1), (2, 3), (3, 2), (4, 1)], "clearance": [(1, 1), (2, 3), (3, 2), (4, 1)]}
 
 
 def test_a_fit_that_diverges_is_named_and_judged_by_nobody(cfg: DictConfig):

@@ -132,7 +132,7 @@ def read_timed(path: Path, entity: str, component: str, timeline: str | None = N
     return sorted(rows, key=lambda row: row[0])
 
 
-def read_pictures(path: Path, entity: str, timeline: str | None = None) -> list[np.ndarray]:
+def read_images(path: Path, entity: str, timeline: str | None = None) -> list[np.ndarray]:
     """The images of an entity, decoded."""
     blobs = read(path, entity, "EncodedImage:blob", timeline)
     files = [np.frombuffer(bytes(blob), np.uint8) for (blob,) in blobs]

@@ -14,7 +14,7 @@ def test_a_pixel_centre_lies_where_the_world_says() -> None:
     assert np.allclose(on_table(point), [column + 0.5, row + 0.5])
 
 
-def test_a_lattice_cell_lies_in_the_middle_of_its_pixel_in_the_map() -> None:
+def test_a_lattice_point_lies_in_the_middle_of_its_pixel_in_the_map() -> None:
     side = 7
     values = np.arange(side * side).reshape(side, side)
     column, row = np.floor(on_map(lattice(side), side)).astype(int).T

@@ -12,7 +12,7 @@ from pipeline.viewer.digest import digest
 from pipeline.viewer.geometry import changed, footprints, on_table, percent
 from pipeline.viewer.run import write_run
 from pipeline.viewer.scene import TIMELINES
-from tests.viewer.example import a_run, read, read_maps, read_pictures, read_timed
+from tests.viewer.example import a_run, read, read_images, read_maps, read_timed
 
 
 @pytest.fixture(scope="module")
@@ -46,8 +46,8 @@ def test_hundredths_go_from_minus_one_to_one() -> None:
 
 
 def test_tables_with_an_added_item_are_exact_and_outline_it(run: Run, recording: Path) -> None:
-    (before,) = read_pictures(recording, "interventions/table/image")
-    layers = read_pictures(recording, "interventions/table/changed", "intervention")
+    (before,) = read_images(recording, "interventions/table/image")
+    layers = read_images(recording, "interventions/table/changed", "intervention")
     outlines = read(recording, "interventions/table/added", "LineStrips2D:strips", "intervention")
     assert np.array_equal(before, run.repairs[0].image)
     for done, layer, (outline,) in zip(run.interventions, layers, outlines, strict=True):
@@ -69,16 +69,8 @@ def test_maps_after_and_effects_are_exact(run: Run, recording: Path) -> None:
     assert np.array_equal(maps("true_effect", np.uint8), percent(truth - before.truth.astype(float)))
 
 
-def test_every_effect_is_given(run: Run, recording: Path) -> None:
-    pages = read(recording, "interventions/effects", "TextDocument:text", "intervention")
-    for done, (text,) in zip(run.interventions, pages, strict=True):
-        assert text.startswith(f"## {done.symbol.capitalize()} added")
-        assert f"| **{done.symbol}** | {done.learned:+.2f} | {done.true:+.2f} | " in text
-        assert f" | {done.learned_mean:+.3f} | {done.true_mean:+.3f} |" in text
-
-
 @pytest.mark.parametrize(("way", "timeline"), [("by_n", "demonstrations"), ("by_step", "train_step")])
-def test_maps_on_the_way_lie_at_their_n_or_step(run: Run, recording: Path, way: str, timeline: str) -> None:
+def test_maps_during_learning_lie_at_their_n_or_step(run: Run, recording: Path, way: str, timeline: str) -> None:
     latent, truth, maps = "new_items/scene_000/latent", run.repairs[0].truth, getattr(run.learning, way)
     predicted = read_maps(recording, f"{latent}/predicted/learning/map", np.float16, timeline=timeline)
     difference = read_maps(recording, f"{latent}/difference/learning/map", np.uint8, timeline=timeline)
@@ -89,7 +81,7 @@ def test_maps_on_the_way_lie_at_their_n_or_step(run: Run, recording: Path, way: 
     assert [time for time, _ in rows] == list(maps)
 
 
-def test_on_other_time_lines_the_map_of_the_most_demonstrations_is_seen(run: Run, recording: Path) -> None:
+def test_other_time_lines_show_the_map_of_the_most_demonstrations(run: Run, recording: Path) -> None:
     for timeline in TIMELINES.keys() - {"demonstrations", "train_step"}:
         shown = read_maps(recording, "new_items/scene_000/latent/predicted/learning/map", np.float16, timeline=timeline)
         assert np.array_equal(shown[-1], run.learning.by_n[9].astype(np.float16))
@@ -102,7 +94,7 @@ def test_losses_lie_at_their_step(run: Run, recording: Path) -> None:
     assert read(recording, "losses", "SeriesLines:names") == [list(run.learning.losses)]
 
 
-def test_every_time_line_is_there_and_shows_the_last_of_what_lies_on_another(run: Run, recording: Path) -> None:
+def test_every_time_line_shows_the_last_state_of_the_others(run: Run, recording: Path) -> None:
     chunks = RrdReader(recording).stream().to_chunks()
     assert {name for chunk in chunks for name in chunk.timeline_names} == set(TIMELINES)
     for timeline, first in TIMELINES.items():

@@ -13,7 +13,7 @@ from pipeline.viewer.contents import FALSELY_INVALID, FALSELY_VALID, RIGHT, Run
 from pipeline.viewer.digest import digest
 from pipeline.viewer.geometry import footprints, on_table
 from pipeline.viewer.overview import write_overview
-from tests.viewer.example import read, read_maps, read_pictures, some_runs
+from tests.viewer.example import read, read_images, read_maps, some_runs
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def test_maps_and_errors_of_every_user_and_variant_are_exact(runs: list[Run], re
 
 def test_tables_are_the_scenes_with_their_footprints(runs: list[Run], recording: Path) -> None:
     for user in ("careful", "normal"):
-        images = read_pictures(recording, f"{user}/table/image")
+        images = read_images(recording, f"{user}/table/image")
         strips = read(recording, f"{user}/table/items", "LineStrips2D:strips")
         for shown, image, outlines in zip(runs[0].repairs, images, strips, strict=True):
             assert np.array_equal(image, shown.image)
@@ -51,7 +51,7 @@ def test_tables_are_the_scenes_with_their_footprints(runs: list[Run], recording:
                 assert np.allclose(line, on_table(outline), atol=1e-4)
 
 
-def test_nothing_of_another_scene_stays_in_view(runs: list[Run], recording: Path) -> None:
+def test_an_empty_layer_clears_that_of_the_scene_before(runs: list[Run], recording: Path) -> None:
     """A scene without room to keep clear and without a boundary says so, or the last scene's would be shown."""
     for entity in ("normal/table/kept_clear", "normal/truth/boundary"):
         assert read(recording, entity, "LineStrips2D:strips") == [[]] * len(runs[0].repairs)

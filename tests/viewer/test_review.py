@@ -31,7 +31,7 @@ def test_an_unknown_run_is_answered_with_examples(folder: Path) -> None:
         find(folder, "full-careful-s99")
 
 
-def test_without_recordings_one_is_told_to_make_them(tmp_path: Path) -> None:
+def test_without_recordings_the_error_names_make_repro(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="run `make repro` first"):
         find(tmp_path, "full-careful-s0")
 
@@ -89,7 +89,7 @@ def test_a_truncated_file_is_refused(folder: Path, tmp_path: Path) -> None:
         check(tmp_path, "full-careful-s3")
 
 
-def test_without_a_display_one_is_told_where_to_look(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_display_the_error_says_so(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.platform", "linux")
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)

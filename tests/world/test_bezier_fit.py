@@ -25,8 +25,8 @@ def nearest(points: np.ndarray, z: np.ndarray, ends: tuple[np.ndarray, np.ndarra
     for x in points - ends[0]:
         roots = np.roots([2 * a @ a, 3 * a @ b, b @ b - 2 * a @ x, -b @ x])
         u = np.concatenate([[0.0, 1.0], np.clip(roots[abs(roots.imag) < 1e-6].real, 0, 1)])
-        at = u[:, None] * b + u[:, None] ** 2 * a
-        out.append(at[np.linalg.norm(at - x, axis=1).argmin()] + ends[0])
+        candidates = u[:, None] * b + u[:, None] ** 2 * a
+        out.append(candidates[np.linalg.norm(candidates - x, axis=1).argmin()] + ends[0])
     return np.array(out)
 
 
@@ -36,8 +36,8 @@ def rms(points: np.ndarray, z: np.ndarray, ends: tuple[np.ndarray, np.ndarray]) 
 
 def scipy_rms(points: np.ndarray, start: np.ndarray, ends: tuple[np.ndarray, np.ndarray]) -> float:
     """Root mean square distance at scipy's optimum over z, begun at `start`."""
-    found = least_squares(lambda z: (points - nearest(points, z, ends)).ravel(), start, xtol=1e-10, ftol=1e-10)
-    return rms(points, found.x, ends)
+    optimum = least_squares(lambda z: (points - nearest(points, z, ends)).ravel(), start, xtol=1e-10, ftol=1e-10)
+    return rms(points, optimum.x, ends)
 
 
 def hands(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -66,44 +66,44 @@ def fit_movements(movements: list[np.ndarray]) -> Fits:
 @given(st.floats(-0.2, 1.2), st.floats(-0.2, 1.2), st.integers(8, 80))
 def test_points_of_a_path_are_fitted_by_that_path(x: float, y: float, count: int):
     assume(abs(x - y) > 0.1)  # a straight path's z is not determined along it
-    found = fit(curve(np.array([x, y]), count), np.array([0, count]), 0.004)
-    np.testing.assert_allclose(found.z_theta[0], [x, y], atol=2e-3)
-    assert found.residual_m[0] < 5e-5
+    fits = fit(curve(np.array([x, y]), count), np.array([0, count]), 0.004)
+    np.testing.assert_allclose(fits.z_theta[0], [x, y], atol=2e-3)
+    assert fits.residual_m[0] < 5e-5
 
 
 @pytest.mark.parametrize("z", [(1.2, 1.2), (-0.2, -0.2), (1.1, 1.1)])
 def test_a_path_that_overshoots_and_turns_back_is_found(z: tuple[float, float]):
-    found = fit(curve(np.array(z), 80), np.array([0, 80]), 0.004)
-    np.testing.assert_allclose(found.z_theta[0], z, atol=0.01)
-    assert found.residual_m[0] < 5e-5
+    fits = fit(curve(np.array(z), 80), np.array([0, 80]), 0.004)
+    np.testing.assert_allclose(fits.z_theta[0], z, atol=0.01)
+    assert fits.residual_m[0] < 5e-5
 
 
 def test_the_residual_is_the_root_mean_square_orthogonal_distance():
     points, offsets, _ = hands(8)
-    found = fit(points, offsets, 0.004)
-    for i, z in enumerate(found.z_theta):
+    fits = fit(points, offsets, 0.004)
+    for i, z in enumerate(fits.z_theta):
         expected = rms(points[offsets[i] : offsets[i + 1]], z, (P_INIT, P_F))
-        assert found.residual_m[i] == pytest.approx(expected, rel=1e-6)
+        assert fits.residual_m[i] == pytest.approx(expected, rel=1e-6)
 
 
 @pytest.mark.slow
 def test_scipy_finds_no_better_path_for_a_hands_trajectories():
     points, offsets, z = hands(12)
-    found = fit(points, offsets, 0.004)
+    fits = fit(points, offsets, 0.004)
     for i in range(len(z)):
         x = points[offsets[i] : offsets[i + 1] : 2]
         ours = fit(x, np.array([0, len(x)]), 0.004)
         for start in (z[i], ours.z_theta[0]):
             assert ours.residual_m[0] <= scipy_rms(x, start, (P_INIT, P_F)) * 1.005
-    assert np.median(np.linalg.norm(found.z_theta - z, axis=1)) < 0.02
+    assert np.median(np.linalg.norm(fits.z_theta - z, axis=1)) < 0.02
 
 
 def test_a_hands_trajectories_are_fitted_to_within_tremor_and_drift():
     points, offsets, _ = hands(300)
-    found = fit(points, offsets, 0.004)
-    assert 0.0005 < np.median(found.residual_m) < 0.0015
-    assert found.poor.mean() < 0.01
-    assert np.abs(found.z_theta).max() < 2.0  # nearly straight trajectories do not send z away
+    fits = fit(points, offsets, 0.004)
+    assert 0.0005 < np.median(fits.residual_m) < 0.0015
+    assert fits.poor.mean() < 0.01
+    assert np.abs(fits.z_theta).max() < 2.0  # nearly straight trajectories do not send z away
 
 
 def test_a_fit_does_not_depend_on_the_trajectories_beside_it():
@@ -119,18 +119,18 @@ def test_a_trajectory_that_is_no_quadratic_path_is_kept_and_flagged():
     u = np.linspace(0, 1, 100)
     straight = P_INIT + u[:, None] * (P_F - P_INIT)
     weave = straight + 0.1 * np.sin(4 * np.pi * u)[:, None] * np.array([1, -1])
-    found = fit(np.concatenate([straight, weave]), np.array([0, 100, 200]), 0.004)
-    assert found.poor.tolist() == [False, True]
-    assert np.isfinite(found.z_theta).all()
+    fits = fit(np.concatenate([straight, weave]), np.array([0, 100, 200]), 0.004)
+    assert fits.poor.tolist() == [False, True]
+    assert np.isfinite(fits.z_theta).all()
 
 
 def test_a_movement_that_ends_where_it_began_or_never_moves_gets_a_finite_fit():
     u = np.linspace(0, 1, 50)
     out_and_back = basis(u) @ np.array([[0.5, 0.5], [0.9, 0.6], [0.5, 0.5]])
     still = np.full((50, 2), 0.5)
-    found = fit(np.concatenate([out_and_back, still]), np.array([0, 50, 100]), 0.004, *np.full((2, 2), 0.5))
-    assert np.isfinite(found.z_theta).all()
-    assert found.residual_m.max() < 1e-3
+    fits = fit(np.concatenate([out_and_back, still]), np.array([0, 50, 100]), 0.004, *np.full((2, 2), 0.5))
+    assert np.isfinite(fits.z_theta).all()
+    assert fits.residual_m.max() < 1e-3
 
 
 def test_no_trajectories_give_no_fits():
@@ -153,8 +153,8 @@ def test_lasa_near_quadratic_movements_are_fitted_and_winding_ones_flagged(lasa)
 @pytest.mark.parametrize("name", LASA)
 def test_lasa_scipy_cannot_improve_on_the_fit(lasa, name: str):
     movements = lasa[name][:2]
-    found = fit_movements(movements)
-    for x, z, residual in zip(movements, found.z_theta, found.residual_m, strict=True):
+    fits = fit_movements(movements)
+    for x, z, residual in zip(movements, fits.z_theta, fits.residual_m, strict=True):
         ends = (x[0], x[-1])
         assert residual == pytest.approx(rms(x, z, ends), rel=1e-5)
         assert residual <= scipy_rms(x, z, ends) * 1.005

@@ -101,7 +101,7 @@ def test_new_items_differ_from_the_training_items_in_outline(catalogue, symbol, 
     assert (overlap < 0.9).mean() >= 0.5, overlap
 
 
-def test_the_table_shows_through_glasses_and_nothing_else(catalogue):
+def test_the_table_shows_through_glasses_alone(catalogue):
     for row, cutout in zip(catalogue.items.itertuples(), catalogue.cutouts, strict=True):
         alpha = cutout[..., 3] / 255
         if row.symbol == "glass":
@@ -116,7 +116,7 @@ def test_the_table_shows_through_glasses_and_nothing_else(catalogue):
 
 
 @pytest.mark.parametrize(
-    ("column", "value", "said"),
+    ("column", "value", "message"),
     [
         ("symbol", "saucepan", "saucepan"),
         ("split", "test", "test"),
@@ -129,11 +129,11 @@ def test_the_table_shows_through_glasses_and_nothing_else(catalogue):
         ("licence", None, "licence"),
     ],
 )
-def test_a_wrong_value_is_named_with_its_file(data, column, value, said):
+def test_a_wrong_value_is_named_with_its_file(data, column, value, message):
     spoil(data, column, value)
     with pytest.raises(CatalogueError, match=r"items\.csv") as error:
         read_catalogue(data)
-    assert said in str(error.value)
+    assert message in str(error.value)
     assert "\n" not in str(error.value)
 
 
@@ -160,12 +160,12 @@ def test_a_cutout_that_does_not_fill_its_footprint_is_refused(data, scaled, fact
 
 @pytest.mark.parametrize(("split", "kept"), [("train", 0), ("unseen", 0), ("unseen", 1), ("validation", 1)])
 def test_a_symbol_with_too_few_items_in_a_split_is_refused(data, split, kept):
-    """What is judged has two at least: intervals count items, and one item's tells nothing of others."""
+    """What is judged has two at least: intervals count items."""
     table = pd.read_csv(data / "items.csv")
     glasses = table.index[(table["symbol"] == "glass") & (table["split"] == split)]
     table.drop(index=glasses[kept:]).to_csv(data / "items.csv", index=False)
-    said = rf"too few {split} items \({kept} of glass\): expected at least {MIN_ITEMS[split]} of each symbol"
-    with pytest.raises(CatalogueError, match=said):
+    message = rf"too few {split} items \({kept} of glass\): expected at least {MIN_ITEMS[split]} of each symbol"
+    with pytest.raises(CatalogueError, match=message):
         read_catalogue(data)
 
 
@@ -220,7 +220,7 @@ def enlarge(path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("damage", "said"),
+    ("damage", "message"),
     [
         (Path.unlink, "missing"),
         (truncate, "truncated"),
@@ -232,12 +232,12 @@ def enlarge(path: Path) -> None:
         (enlarge, "15000 x 15000 pixels: expected at most 4096 a side"),
     ],
 )
-def test_a_spoilt_cutout_is_named(data, damage, said):
+def test_a_spoilt_cutout_is_named(data, damage, message):
     path = data / "items" / "bowl-sage.png"
     damage(path)
     with pytest.raises(CatalogueError, match=r"bowl-sage\.png") as error:
         read_catalogue(data)
-    assert said in str(error.value)
+    assert message in str(error.value)
 
 
 def test_a_truncated_table_top_is_named(data):

@@ -68,7 +68,7 @@ def test_drift_vanishes_at_both_ends():
         np.testing.assert_allclose(r[-1, 1:3], P_F, atol=1e-12)
 
 
-def test_the_height_says_nothing_about_the_path():
+def test_the_height_is_independent_of_the_path():
     rng = np.random.default_rng(5)
     z = random_z_theta(rng, 400)
     mean = [simulate(rng, one, HAND)[:, 3].mean() for one in z]
@@ -111,7 +111,7 @@ def test_a_trajectory_keeps_from_a_glass_what_its_straight_pieces_keep(samples: 
             assert together == keeps(tables[[table]], *join([alone]), margins)[0, 0] == keeps_it
 
 
-def test_a_line_keeps_a_user_s_margins_if_it_passes_far_enough_from_what_the_user_cares_about():
+def test_a_line_keeps_the_margins_it_is_far_enough_for():
     made = [simulate(np.random.default_rng(0), np.array(z), STEADY) for z in ([0.5, 0.5], [-0.2, 1.2])]
     zero = np.zeros((2, 1))
     glass = np.full((2, 1), SYMBOLS.index("glass"))
@@ -120,8 +120,3 @@ def test_a_line_keeps_a_user_s_margins_if_it_passes_far_enough_from_what_the_use
     samples, offsets = join([*made, *made])  # straight through and far around, in both scenes
     np.testing.assert_array_equal(keeps(tables, samples, offsets, nothing | {"glass": 0.04}), [[False, True]] * 2)
     assert keeps(tables, samples, offsets, nothing).all()
-
-
-def test_a_hand_is_read_from_its_settings():
-    settings = {**vars(HAND), "tremor_hz": [8, 12], "rate_hz": 50}
-    assert Hand.of(settings) == HAND

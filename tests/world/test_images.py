@@ -1,6 +1,5 @@
 """Images come back as they were written; what cannot be used is refused before it is decoded."""
 
-import ast
 from pathlib import Path
 
 import cv2
@@ -9,12 +8,6 @@ import pytest
 
 from pipeline.runtime.errors import InputError
 from pipeline.world.images import MAX_SIDE_PX, image_size, read_image, write_png
-
-ROOMS = ("pipeline/world", "pipeline/perception", "drawing")
-IMAGE_MODULES = [
-    "drawing/__main__.py", "pipeline/perception/objects.py", "pipeline/world/catalogue.py", "pipeline/world/images.py",
-    "pipeline/world/render.py",
-]  # fmt: skip
 
 
 def noise(*shape: int) -> np.ndarray:
@@ -58,20 +51,3 @@ def test_an_image_that_is_too_large_or_too_deep_is_refused(tmp_path: Path):
     cv2.imwrite(str(tmp_path / "deep.png"), np.zeros((4, 4), np.uint16))
     with pytest.raises(InputError, match="uint16 values: expected 8 bits"):
         read_image(tmp_path / "deep.png")
-
-
-def test_opencv_does_the_images_and_pillow_none():
-    imports = {
-        str(path): {
-            name.split(".")[0]
-            for node in ast.walk(ast.parse(path.read_text()))
-            for name in (
-                [alias.name for alias in node.names] if isinstance(node, ast.Import)
-                else [node.module or ""] if isinstance(node, ast.ImportFrom) else []
-            )
-        }
-        for room in ROOMS
-        for path in Path(room).rglob("*.py")
-    }  # fmt: skip
-    assert not [path for path, names in imports.items() if "PIL" in names]
-    assert all("cv2" in imports[path] for path in IMAGE_MODULES)

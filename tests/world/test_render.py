@@ -67,14 +67,6 @@ def test_an_item_is_as_large_as_its_layout_says():
     assert covered == pytest.approx(np.pi * 0.1**2, rel=0.04)
 
 
-def test_row_0_is_the_far_edge():
-    catalogue = disc_catalogue()
-    layouts = with_item(empty(1, 4), 0, catalogue, 0, 0.5, 0.85)
-    image = render(layouts, 0, "grey", 7, Palette(catalogue)).astype(float)
-    red = image[..., 0] - image[..., 1] > 60
-    assert red[:50].any() and not red[50:].any()
-
-
 @pytest.mark.parametrize("angle", [0.0, 0.6, np.pi / 2, -2.0])
 def test_an_angle_turns_an_item_from_the_x_axis_towards_y(angle):
     catalogue = disc_catalogue()

@@ -7,11 +7,10 @@ from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 
 from pipeline.world.bezier import P_F, P_INIT, random_z_theta
-from pipeline.world.layout import SYMBOLS, Items, Layouts, random_layouts
+from pipeline.world.layout import SYMBOLS, Layouts, random_layouts
 from pipeline.world.rules import clearance, point_clearance, slack, valid
-from tests.examples import RULES
+from tests.factories import ITEMS, RULES
 
-ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.08, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
 USERS = {
     "careful": dict.fromkeys(SYMBOLS, 0.045),
     "normal": {**dict.fromkeys(SYMBOLS), "glass": 0.038},
@@ -117,7 +116,7 @@ def test_a_point_inside_a_footprint_has_negative_clearance():
 
 
 @pytest.mark.parametrize("user", USERS)
-def test_a_scene_with_nothing_on_the_table_forbids_nothing(user):
+def test_an_empty_table_forbids_no_path(user):
     layouts, z = some(2)
     bare = Layouts(
         np.full_like(layouts.item, -1), np.full_like(layouts.symbol, -1), layouts.centre, layouts.angle,

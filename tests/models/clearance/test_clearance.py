@@ -1,4 +1,4 @@
-"""The specification that sees the path: its clearances against the table's own, its symmetries, what it learns."""
+"""The clearance model: its clearances against the world's, its symmetries, what it learns."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from pipeline.training.clearance.fit import fit
 from pipeline.training.loop import Checkpoints, Schedule
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import clearance as true_clearance
-from tests.perception.test_objects import RED, WHITE, draw_table
+from tests.factories import RED, WHITE, draw_table
 
 SCHEDULE = Schedule(steps=400, rate=0.03, weight_decay=0.0, curve_every=50)
 MARGIN = 0.04  # metres
@@ -23,14 +23,14 @@ def model(seed=0, members=4) -> ClearanceModel:
     return built
 
 
-def fit_one(m: ClearanceModel, pictures, z, valid, seed=0, checkpoints=None) -> np.ndarray:
+def fit_one(m: ClearanceModel, images, z, valid, seed=0, checkpoints=None) -> np.ndarray:
     """Its learning curve."""
-    (curve,) = fit([m], [pictures], [z], [valid], SCHEDULE, [seed], checkpoints)
+    (curve,) = fit([m], [images], [z], [valid], SCHEDULE, [seed], checkpoints)
     return curve
 
 
 def percept(layouts: Layouts) -> torch.Tensor:
-    """Layouts as the model perceives things, features apart."""
+    """Layouts as the model perceives them, without features."""
     scenes, slots = layouts.symbol.shape
     parts = (
         layouts.ends.reshape(scenes, slots, 4), layouts.radius[..., None],
@@ -48,7 +48,7 @@ def some_layouts(rng, scenes=20, slots=3) -> Layouts:
     )  # fmt: skip
 
 
-def test_clearances_are_the_tables_own():
+def test_clearances_are_those_of_the_world():
     rng = np.random.default_rng(0)
     layouts, z = some_layouts(rng), rng.uniform(-0.2, 1.2, (20, 50, 2))
     ours, theirs = clearance(percept(layouts), torch.tensor(z)).numpy(), true_clearance(layouts, z)
@@ -105,72 +105,72 @@ def test_labels_that_never_vary_give_laplaces_probability(label):
 
 
 def scenes(rng, count):
-    """Pictures of a large red and a small white disc each, as layouts too."""
-    layouts, pictures = some_layouts(rng, count, 2), []
+    """Layouts and images of a large red and a small white disc each."""
+    layouts, images = some_layouts(rng, count, 2), []
     layouts.half_length[:] = 0
     layouts.radius[:] = 0.075, 0.045
     layouts.centre[:, 0] = rng.uniform((0.12, 0.55), (0.45, 0.88), (count, 2))
     layouts.centre[:, 1] = rng.uniform((0.55, 0.12), (0.88, 0.45), (count, 2))
     for i, (a, b) in enumerate(layouts.centre):
-        pictures.append(draw_table((*a, 0.075, RED), (*b, 0.045, WHITE), seed=i))
-    return layouts, np.stack(pictures)
+        images.append(draw_table((*a, 0.075, RED), (*b, 0.045, WHITE), seed=i))
+    return layouts, np.stack(images)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("cares", [(True, True), (False, True)])
-def test_it_learns_which_things_matter_and_how_much(cares):
+def test_it_learns_which_objects_matter_and_their_margin(cares):
     rng = np.random.default_rng(3)
-    layouts, pictures = scenes(rng, 40)
+    layouts, images = scenes(rng, 40)
     z = rng.uniform(-0.2, 1.2, (40, 10, 2))
     valid = np.where(cares, true_clearance(layouts, z), np.inf).min(-1) > MARGIN
     m = model()
-    curve = fit_one(m, pictures[:20], z[:20], valid[:20])
+    curve = fit_one(m, images[:20], z[:20], valid[:20])
     assert curve[-1, 1] < curve[0, 1]
-    right = (m.probability(pictures[20:], z[20:]) > 0.5) == valid[20:]
+    right = (m.probability(images[20:], z[20:]) > 0.5) == valid[20:]
     assert right.mean() > 0.95
-    relevance = m.relevance(m.perceive(to_tensor(pictures[20:]))).mean((0, 1))[:2].detach().numpy()
+    relevance = m.relevance(m.perceive(to_tensor(images[20:]))).mean((0, 1))[:2].detach().numpy()
     assert ((relevance > 0.5) == cares).all()
 
 
 @pytest.mark.slow
 def test_without_evidence_every_path_is_as_likely_valid_as_any_other():
     rng = np.random.default_rng(5)
-    layouts, pictures = scenes(rng, 20)
+    layouts, images = scenes(rng, 20)
     z = rng.uniform(-0.2, 1.2, (20, 10, 2))
-    np.testing.assert_allclose(model().probability(pictures, z), 0.5, atol=2e-3)  # untrained
+    np.testing.assert_allclose(model().probability(images, z), 0.5, atol=2e-3)  # untrained
     valid = true_clearance(layouts, z).min(-1) > MARGIN
     spread = {}
     for name, labels in {"true": valid, "shuffled": rng.permutation(valid.ravel()).reshape(valid.shape)}.items():
         m = model()
-        fit_one(m, pictures, z, labels)
-        spread[name] = m.probability(pictures, z).std()
+        fit_one(m, images, z, labels)
+        spread[name] = m.probability(images, z).std()
     assert spread["true"] > 0.3 and spread["shuffled"] < 0.1
 
 
 @pytest.mark.slow
-def test_checkpoints_weigh_the_evidence_as_it_then_was():
+def test_checkpoints_keep_the_evidence_of_their_step():
     rng = np.random.default_rng(6)
-    layouts, pictures = scenes(rng, 20)
+    layouts, images = scenes(rng, 20)
     z = rng.uniform(-0.2, 1.2, (20, 10, 2))
     valid = true_clearance(layouts, z).min(-1) > MARGIN
     plain, kept, checkpoints = model(), model(), Checkpoints([0, 200, 399])
-    curve = fit_one(plain, pictures, z, valid)
-    assert np.array_equal(fit_one(kept, pictures, z, valid, 0, checkpoints), curve)
+    curve = fit_one(plain, images, z, valid)
+    assert np.array_equal(fit_one(kept, images, z, valid, 0, checkpoints), curve)
     assert all(torch.equal(a, b) for a, b in zip(plain.parameters(), kept.parameters(), strict=True))
     evidence = [float(state["evidence"]) for state in checkpoints.of(kept).values()]
     assert evidence == sorted(evidence) and evidence[0] < evidence[1] - 10 and evidence[2] < float(kept.evidence) + 1e-3
 
 
 @pytest.mark.slow
-def test_the_same_seed_gives_the_same_bits_another_does_not_and_torchs_generator_stays_put():
+def test_a_seed_gives_the_same_bits_and_leaves_torch_s_generator_alone():
     rng = np.random.default_rng(4)
-    layouts, pictures = scenes(rng, 6)
+    layouts, images = scenes(rng, 6)
     z = rng.uniform(-0.2, 1.2, (6, 5, 2))
     valid = true_clearance(layouts, z).min(-1) > MARGIN
     before = torch.random.get_rng_state()
     models = [model(), model(), model()]
     for m, seed in zip(models, (7, 7, 8), strict=True):
-        fit_one(m, pictures, z, valid, seed)
+        fit_one(m, images, z, valid, seed)
     assert torch.equal(before, torch.random.get_rng_state())
     for a, b in zip(models[0].state_dict().values(), models[1].state_dict().values(), strict=True):
         assert torch.equal(a, b)
@@ -183,19 +183,19 @@ def test_models_fitted_together_answer_as_each_does_alone():
     rng = np.random.default_rng(8)
     training_sets = []
     for n in (10, 3, 5):
-        layouts, pictures = scenes(rng, 8)
+        layouts, images = scenes(rng, 8)
         z = rng.uniform(-0.2, 1.2, (8, n, 2))
-        training_sets.append((pictures, z, true_clearance(layouts, z).min(-1) > MARGIN))
+        training_sets.append((images, z, true_clearance(layouts, z).min(-1) > MARGIN))
     training_sets[1] = (*training_sets[1][:2], np.ones((8, 3), bool))
     alone, together = ([model(seed) for seed in range(3)] for _ in range(2))
     curves = [
         fit_one(m, *training_set, seed=i) for i, (m, training_set) in enumerate(zip(alone, training_sets, strict=True))
     ]
-    pictures, z, valid = zip(*training_sets, strict=True)
-    batch_size = fit(together, pictures, z, valid, SCHEDULE, range(3))
+    images, z, valid = zip(*training_sets, strict=True)
+    batch_size = fit(together, images, z, valid, SCHEDULE, range(3))
     asked = np.random.default_rng(9).uniform(-0.2, 1.2, (8, 30, 2))
-    for i, (pictures, *_) in enumerate(training_sets):
-        one, other = (m.probability(pictures, asked) for m in (alone[i], together[i]))
+    for i, (images, *_) in enumerate(training_sets):
+        one, other = (m.probability(images, asked) for m in (alone[i], together[i]))
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-4)
         np.testing.assert_allclose(curves[i], batch_size[i], rtol=1e-4)
     assert len({float(m.evidence) for m in together}) == 3

@@ -1,4 +1,4 @@
-"""Model averaging over rule families: the labels tell which family they come from."""
+"""Model averaging over rule families: the family behind the labels is the most probable."""
 
 import numpy as np
 import pytest
@@ -15,8 +15,8 @@ from pipeline.world.layout import SYMBOLS, Layouts, random_layouts
 from pipeline.world.rules import Margins
 from studies.rule_families.families import FAMILIES as RULES
 from studies.rule_families.families import dwell, proximity, side
-from tests.examples import RULES as LAYOUT_RULES
-from tests.stages.inputs import ITEMS
+from tests.factories import ITEMS
+from tests.factories import RULES as LAYOUT_RULES
 
 SCENES, DEMOS = 20, 9
 ALL: Margins = {symbol: 0.045 for symbol in SYMBOLS}
@@ -25,8 +25,8 @@ AMOUNTS = {"margin": 0.0, "dwell": 0.1, "side": 0.0, "proximity": 0.2}
 
 def seen(layouts: Layouts) -> torch.Tensor:
     """Return the percept that holds every footprint exactly, and the same features for all objects."""
-    looks = np.zeros((*layouts.present.shape, 6))
-    parts = (layouts.ends.reshape(*layouts.present.shape, 4), layouts.radius[..., None], looks)
+    features = np.zeros((*layouts.present.shape, 6))
+    parts = (layouts.ends.reshape(*layouts.present.shape, 4), layouts.radius[..., None], features)
     return torch.from_numpy(np.concatenate([*parts, layouts.present[..., None]], -1, dtype=np.float32))
 
 
@@ -68,7 +68,7 @@ def test_new_paths_are_judged_by_a_family_that_one_clearance_cannot_represent(wo
     assert (judged == truth).mean() > 0.93 > (nearest == truth).mean()
 
 
-def test_labels_that_say_nothing_leave_one_rate(world):
+def test_random_labels_leave_one_rate(world):
     labels = np.random.default_rng(0).random((SCENES, DEMOS)) < 0.5
     model = fitted(world, labels)
     assert model.posterior_model_probabilities()[-1] > 0.5
@@ -84,12 +84,12 @@ def test_relations_to_objects_are_those_of_the_rules(world):
     related = relations(seen(layouts), torch.tensor(z).float())
     np.testing.assert_allclose(related.clearance[..., 0], clearance(seen(layouts), torch.tensor(z).float()), atol=1e-5)
     assert (related.clearance.diff(dim=-1) >= 0).all()
-    here = layouts.present[:, None, : related.terms.shape[2]]
-    near = (related.clearance[..., 0] < 0.045).numpy() & here
+    present = layouts.present[:, None, : related.terms.shape[2]]
+    near = (related.clearance[..., 0] < 0.045).numpy() & present
     right, log_gap, _, _ = (x.numpy() for x in related.terms.unbind(-1))
     broken = {
         side: near & (right > 0), proximity: near & (log_gap <= np.log(0.2)),
-        dwell: (related.clearance[..., 4] < 0.045).numpy() & here,
+        dwell: (related.clearance[..., 4] < 0.045).numpy() & present,
     }  # fmt: skip
     alone = near.sum(-1) <= 1  # near several items, `dwell` adds up the time near each
     for rule, offends in broken.items():
@@ -121,9 +121,9 @@ def test_answers_have_a_slope_along_the_paths(world):
 
 def test_the_price_of_a_family_grows_with_its_parameters(world, monkeypatch):
     layouts, z = world
-    model, told = AveragedModel(2), torch.tensor(RULES["margin"](layouts, z, ALL, 0.0))
+    model, labels = AveragedModel(2), torch.tensor(RULES["margin"](layouts, z, ALL, 0.0))
     monkeypatch.setattr(AveragedModel, "logit_by_family", lambda *_: torch.zeros(len(FAMILIES), SCENES, DEMOS))
     percept = seen(layouts)
-    fit_averaged.set_model_evidence(model, percept, relations(percept, torch.tensor(z).float()), told)
+    fit_averaged.set_model_evidence(model, percept, relations(percept, torch.tensor(z).float()), labels)
     paid = model.evidence[0] - model.evidence
     np.testing.assert_allclose(paid, 0.5 * np.log(SCENES * DEMOS) * np.array(list(FAMILIES.values())), rtol=1e-4)

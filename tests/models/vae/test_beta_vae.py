@@ -6,16 +6,7 @@ import torch
 
 from pipeline.models.base import to_tensor
 from pipeline.models.registry import build
-from pipeline.models.vae.beta_vae import BetaVae
-
-VAE = {"kind": "vae", "model": {"latent": 15, "channels": [16, 8, 4], "hidden": 64}}
-
-
-def drawn(seed: int = 0) -> BetaVae:
-    """An untrained model of the paper's size."""
-    model = build(VAE, seed)
-    assert isinstance(model, BetaVae)
-    return model
+from tests.factories import vae
 
 
 @pytest.fixture
@@ -29,7 +20,7 @@ def z_theta():
 
 
 def test_decoder_mirrors_the_encoder(images):
-    model = drawn()
+    model = vae()
     shapes = [(3, 100, 100)]
     x = to_tensor(images[:1])
     for layer in model.features:
@@ -47,7 +38,7 @@ def test_decoder_mirrors_the_encoder(images):
 
 
 def test_the_paths_of_a_scene_do_not_see_one_another(images, z_theta):
-    model = drawn()
+    model = vae()
     together = model.probability(images, z_theta)
     one = model.probability(images[1:2], z_theta[1:2, 3:4])
     assert together.dtype == np.float32 and together.shape == (3, 5)
@@ -55,72 +46,65 @@ def test_the_paths_of_a_scene_do_not_see_one_another(images, z_theta):
 
 
 def test_logit_is_differentiable_in_z_theta(images, z_theta):
-    model = drawn()
+    model = vae()
     z = torch.tensor(z_theta, dtype=torch.float32, requires_grad=True)
     model(to_tensor(images), z).sum().backward()
     assert z.grad is not None and (z.grad.abs().sum(-1) > 0).all()
 
 
 def test_prediction_uses_the_mean(images, z_theta):
-    model = drawn().train()
+    model = vae().train()
     assert np.array_equal(model.probability(images, z_theta), model.probability(images, z_theta))
 
 
 def test_constant_head_ignores_image_and_path(images, z_theta):
-    model = drawn()
+    model = vae()
     model.set_constant_head(0.9)
     np.testing.assert_allclose(model.probability(images, z_theta), 0.9, rtol=1e-6)
 
 
-def test_reconstructions_and_traversals_are_images(images):
-    model = drawn()
-    values = np.array([-2.0, 0.0, 2.0])
-    again, moved = model.reconstruct(images), model.traverse(images[0], values)
-    assert again.dtype == moved.dtype == np.uint8
-    assert again.shape == images.shape and moved.shape == (15, 3, 100, 100, 3)
-
-
 def test_a_traversal_through_the_images_own_value_gives_its_reconstruction(images):
-    model = drawn()
+    model = vae()
     with torch.no_grad():
-        own = model.perceive(to_tensor(images[:1]))[0].numpy()
-    moved = model.traverse(images[0], own)  # dimension i at value i leaves z_image as it is
+        z_image = model.perceive(to_tensor(images[:1]))[0].numpy()
+    moved = model.traverse(images[0], z_image)  # dimension i at value i leaves z_image as it is
     again = model.reconstruct(images[:1])[0].astype(int)
+    assert moved.shape == (15, 15, 100, 100, 3) and moved.dtype == np.uint8
     assert all(np.abs(moved[i, i].astype(int) - again).max() <= 1 for i in range(15))
 
 
 def test_the_same_seed_gives_the_same_bits_and_another_does_not():
-    first, again, other = (drawn(seed).state_dict() for seed in (1, 1, 2))
+    first, again, other = (vae(seed).state_dict() for seed in (1, 1, 2))
     assert all(torch.equal(first[k], again[k]) for k in first)
     assert not torch.equal(first["mean.weight"], other["mean.weight"])
 
 
 def test_untrained_layers_hand_on_the_mean_square_of_what_they_are_given():
-    z_image, z_theta = torch.randn(3, 15, generator=torch.Generator().manual_seed(0)), torch.zeros(3, 2)
-    pictures = torch.rand(3, 3, 100, 100, generator=torch.Generator().manual_seed(1))
+    percept, z_theta = torch.randn(3, 15, generator=torch.Generator().manual_seed(0)), torch.zeros(3, 2)
+    images = torch.rand(3, 3, 100, 100, generator=torch.Generator().manual_seed(1))
     ratios: dict[str, list[float]] = {}
 
     def watch(name: str, x: torch.Tensor, layers: torch.nn.Sequential) -> None:
-        given = x
+        entered = x
         for i, layer in enumerate(layers):
             x = layer(x)
             if isinstance(layer, torch.nn.ReLU):
-                ratios.setdefault(f"{name} {i}", []).append(float(x.square().mean() / given.square().mean()))
-                given = x
+                ratios.setdefault(f"{name} {i}", []).append(float(x.square().mean() / entered.square().mean()))
+                entered = x
 
     with torch.no_grad():
         for seed in range(20):
-            model = drawn(seed)
-            watch("encoder", pictures, model.features)
-            watch("decoder", z_image, model.decode)
-            watch("classifier", torch.cat([z_image, z_theta], 1), model.classifier)
+            model = vae(seed)
+            watch("encoder", images, model.features)
+            watch("decoder", percept, model.decode)
+            watch("classifier", torch.cat([percept, z_theta], 1), model.classifier)
     assert len(ratios) == 3 + 3 + 2
     assert all(0.7 < np.mean(of) < 1.4 for of in ratios.values()), ratios
 
 
 def test_building_leaves_the_global_generator_alone():
     before = torch.get_rng_state()
-    drawn(5)
+    vae(5)
     assert torch.equal(before, torch.get_rng_state())
 
 

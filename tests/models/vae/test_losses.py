@@ -6,29 +6,18 @@ import pytest
 import torch
 from torch.distributions import Normal, kl_divergence
 
-from pipeline.models.registry import build
 from pipeline.models.vae import losses
-from pipeline.models.vae.beta_vae import BetaVae
-from pipeline.models.vae.losses import Weights, equation_1
+from pipeline.models.vae.losses import equation_1
+from tests.factories import WEIGHTS, vae
 
 SCENES, PATHS = 3, 4
-FULL = Weights(alpha=10.0, beta=0.005, gamma=1.0)
-AE = Weights(alpha=10.0, beta=0.0, gamma=1.0)
-CLASSIFIER = Weights(alpha=0.0, beta=0.0, gamma=1.0)
-VARIANTS = {"full": FULL, "ae": AE, "classifier": CLASSIFIER}
-
-
-def drawn() -> BetaVae:
-    """An untrained model of the paper's size."""
-    model = build({"kind": "vae", "model": {}}, seed=3)
-    assert isinstance(model, BetaVae)
-    return model
+FULL, AE, CLASSIFIER = WEIGHTS.values()
 
 
 @pytest.fixture
 def model():
     """With biases other than 0, where a rectifier whose inputs are all closed stands on its kink."""
-    model, g = drawn().double(), torch.Generator().manual_seed(5)
+    model, g = vae(3).double(), torch.Generator().manual_seed(5)
     with torch.no_grad():
         for name, parameter in model.named_parameters():
             if name.endswith("bias"):
@@ -64,9 +53,9 @@ def test_classification_is_a_mean_over_demonstrations():
     assert losses.classification(logits, valid).item() == pytest.approx(0.6931472)
 
 
-@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("variant", WEIGHTS)
 def test_gradient_agrees_with_finite_differences(model, batch, variant):
-    weights, step = VARIANTS[variant], 1e-6
+    weights, step = WEIGHTS[variant], 1e-6
     images, z_theta, valid, noise = batch
 
     def loss() -> torch.Tensor:
@@ -90,16 +79,16 @@ def test_gradient_agrees_with_finite_differences(model, batch, variant):
         torch.testing.assert_close((above - below) / (2 * step), slope, rtol=1e-3, atol=1e-8, msg=name)
 
 
-@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("variant", WEIGHTS)
 def test_sharing_a_scenes_encoding_changes_neither_loss_nor_gradient(model, batch, variant):
     images, z_theta, valid, noise = batch
-    shared = equation_1(model, images, z_theta, valid, VARIANTS[variant], noise)
+    shared = equation_1(model, images, z_theta, valid, WEIGHTS[variant], noise)
     shared.total.backward()
     gradient = {name: p.grad.clone() for name, p in model.named_parameters() if p.grad is not None}
     model.zero_grad()
     rows = equation_1(  # one row per (image, trajectory): every image and its noise repeated for each path
         model, images.repeat_interleave(PATHS, 0), z_theta.reshape(-1, 1, 2), valid.reshape(-1, 1),
-        VARIANTS[variant], noise.repeat_interleave(PATHS, 0),
+        WEIGHTS[variant], noise.repeat_interleave(PATHS, 0),
     )  # fmt: skip
     rows.total.backward()
     for ours, theirs in zip(shared, rows, strict=True):

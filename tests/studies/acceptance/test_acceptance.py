@@ -12,8 +12,8 @@ from pipeline.artifacts.scenes import read_scenes, train_pool, write_scenes
 from pipeline.params import compose
 from pipeline.runtime.errors import InputError
 from studies.acceptance import stage
-from tests.stages.facts import refuses, repeats_itself
-from tests.stages.inputs import labelled_demos, labelled_queries, pictured_scenes
+from tests.factories import labelled_demos, labelled_queries, rendered_scenes
+from tests.stages.facts import run_as_listed
 
 TRAINING, SCENES, PATHS, LEVEL = 4, 5, 12, 0.1
 SMALL = ["profile=smoke", "workers=1", f"scenes.per_seed={TRAINING}", "train.steps=2", "clearance.steps=2"]
@@ -27,7 +27,7 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     root = tmp_path_factory.mktemp("acceptance")
     cfg = compose([*SMALL, *(f"paths.{name}={root / name}" for name in ("scenes", "demos"))])
     training = {train_pool(seed): (TRAINING, "train") for seed in cfg.seeds}
-    scenes = pictured_scenes(cfg, training | {"new_scenes": (SCENES, "train"), "new_items": (SCENES, "unseen")})
+    scenes = rendered_scenes(cfg, training | {"new_scenes": (SCENES, "train"), "new_items": (SCENES, "unseen")})
     labelled_demos(cfg, scenes)
     labelled_queries(cfg, scenes, ["new_scenes", "new_items"], PATHS)
     return cfg
@@ -35,9 +35,7 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
 
 @pytest.fixture(scope="module")
 def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    directory = tmp_path_factory.mktemp("out")
-    stage.main(cfg, directory)
-    return directory
+    return run_as_listed(stage.main, cfg, tmp_path_factory.mktemp("out"))
 
 
 def test_every_variant_split_rule_and_user_has_a_row(cfg: DictConfig, out: Path):
@@ -49,7 +47,7 @@ def test_every_variant_split_rule_and_user_has_a_row(cfg: DictConfig, out: Path)
     assert (summary["above"] + summary["abstained"] <= summary["models"]).all()
 
 
-def test_a_model_that_accepts_nothing_accepts_nothing_invalid(out: Path):
+def test_a_model_that_accepts_no_path_accepts_none_that_is_invalid(out: Path):
     summary = read_table(out / "summary.csv")
     silent = summary[summary["abstained"] == summary["models"]]
     assert len(silent) and (silent[["invalid", "power", "accepted"]] == 0).all(axis=None)
@@ -84,26 +82,6 @@ def test_models_are_fitted_to_the_scenes_that_do_not_calibrate(cfg: DictConfig):
         part = stage.part_of(complete[user, seed], fitted)
         np.testing.assert_array_equal(part.images, complete[user, seed].images[fitted])
         np.testing.assert_array_equal(part.valid, complete[user, seed].valid[fitted])
-
-
-@pytest.mark.slow
-def test_a_second_run_with_more_workers_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
-    repeats_itself(stage.main, cfg, out, tmp_path, workers=2)
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "message"),
-    [
-        ("variants", ["unknown"], "studies.acceptance.variants"),
-        ("variants", [], "studies.acceptance.variants"),
-        ("level", 0.03, "studies.acceptance.level = 0.03 among them"),
-        ("level", 1.0, "studies.acceptance.level"),
-        ("levels", [0.2, 0.1], "ascending numbers"),
-        ("fitted", 4, "studies.acceptance.fitted"),
-    ],
-)
-def test_settings_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name, value, message):
-    refuses(stage.main, cfg, f"studies.acceptance.{name}", value, message, tmp_path / "out")
 
 
 def test_another_number_of_training_scenes_is_refused(cfg: DictConfig, tmp_path: Path):

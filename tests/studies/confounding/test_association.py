@@ -8,8 +8,7 @@ from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import SYMBOLS, random_layouts
 from pipeline.world.rules import valid
 from studies.confounding.association import association, passes_near
-from tests.examples import RULES
-from tests.stages.inputs import ITEMS
+from tests.factories import ITEMS, RULES
 
 
 def rng() -> np.random.Generator:

@@ -14,8 +14,8 @@ from pipeline.runtime.errors import InputError
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SYMBOLS
 from studies.confounding import stage as confounding
-from tests.stages.facts import refuses, repeats_itself
-from tests.stages.inputs import labelled_demos, pictured_scenes, symbols_added
+from tests.factories import labelled_demos, rendered_scenes, symbols_added
+from tests.stages.facts import refuses, run_as_listed
 
 pytestmark = pytest.mark.slow
 STUDY = "studies.confounding"
@@ -32,7 +32,7 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     root = tmp_path_factory.mktemp("confounding")
     cfg = compose([*SMALL, *(f"paths.{name}={root / name}" for name in ("scenes", "demos", "intervene"))])
     training = {train_pool(seed): (TRAINING, "train") for seed in cfg.seeds}
-    scenes = pictured_scenes(cfg, training | {"new_items": (SCENES, "unseen")})
+    scenes = rendered_scenes(cfg, training | {"new_items": (SCENES, "unseen")})
     labelled_demos(cfg, scenes)
     symbols_added(cfg, scenes, PATHS)
     return cfg
@@ -40,9 +40,7 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
 
 @pytest.fixture(scope="module")
 def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    directory = tmp_path_factory.mktemp("out")
-    confounding.main(cfg, directory)
-    return directory
+    return run_as_listed(confounding.main, cfg, tmp_path_factory.mktemp("out"))
 
 
 @pytest.fixture
@@ -87,29 +85,6 @@ def test_examples_differ_between_worlds_only_in_their_items(cfg: DictConfig, out
     worlds = cfg.studies.confounding.worlds
     assert {name: x.shape for name, x in examples.items()} == dict.fromkeys(worlds, (2, 100, 100, 3))
     assert (examples["confounded"] == examples["control"]).all(-1).mean() > 0.6
-
-
-def test_a_second_run_on_two_workers_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
-    repeats_itself(confounding.main, cfg, out, tmp_path, workers=2)
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("worlds.always", 1.5),
-        ("worlds.control", 0.5),
-        ("gap_m", [0.001, 0.04]),
-        ("worlds", {}),
-        ("glasses", 3),
-        ("near_m", 0),
-        ("users", ["carefull"]),
-        ("variants", {"fulll": ["confounded"]}),
-        ("variants.clearance", ["control"]),
-        ("examples", 0),
-    ],
-)
-def test_settings_out_of_range_are_refused_by_name(cfg: DictConfig, tmp_path: Path, name: str, value):
-    refuses(confounding.main, cfg, f"{STUDY}.{name}", value, f"{STUDY}.{name}", tmp_path / "out")
 
 
 def test_a_seed_without_scenes_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):

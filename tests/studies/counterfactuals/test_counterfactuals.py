@@ -17,8 +17,8 @@ from pipeline.world.layout import SIDE, SYMBOLS
 from pipeline.world.render import REACH_M, Palette
 from pipeline.world.rules import valid
 from studies.counterfactuals import stage
-from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
-from tests.stages.inputs import pictured_models
+from tests.factories import models_in_rendered_scenes
+from tests.stages.facts import names_a_missing_model, refuses, run_as_listed
 
 SCENES, PATHS = 6, 24
 VARIANTS = ("full", "clearance")
@@ -30,14 +30,12 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     """Six scenes of unseen items, and untrained models of two variants and two seeds."""
     sizes = {"scenes": SCENES, "paths": PATHS, "moved_scenes": 3, "move_step": 0.02, "move_steps": 6, "root_seed": 5}
     overrides = [f"studies.counterfactuals.{name}={value}" for name, value in sizes.items()]
-    return pictured_models(tmp_path_factory.mktemp("counterfactuals"), VARIANTS, SCENES, *overrides)
+    return models_in_rendered_scenes(tmp_path_factory.mktemp("counterfactuals"), VARIANTS, SCENES, *overrides)
 
 
 @pytest.fixture(scope="module")
 def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    directory = tmp_path_factory.mktemp("out")
-    stage.main(cfg, directory)
-    return directory
+    return run_as_listed(stage.main, cfg, tmp_path_factory.mktemp("out"))
 
 
 @pytest.fixture(scope="module")
@@ -135,11 +133,6 @@ def test_a_move_ends_where_the_path_becomes_valid(cfg: DictConfig, out: Path):
         assert row.symbol == SYMBOLS[noise["O"].symbol[row.scene, row.slot]]
 
 
-@pytest.mark.slow
-def test_a_second_run_with_more_workers_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
-    repeats_itself(stage.main, cfg, out, tmp_path, workers=2)
-
-
 def test_scenes_without_room_to_move_an_item_leave_no_moves(cfg: DictConfig, tmp_path: Path):
     far = cfg.copy()
     far.studies.counterfactuals.update(move_step=0.1, move_steps=12)
@@ -150,21 +143,6 @@ def test_scenes_without_room_to_move_an_item_leave_no_moves(cfg: DictConfig, tmp
 
 def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
     names_a_missing_model(stage.main, cfg, "clearance", tmp_path / "out")
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "message"),
-    [
-        ("scenes", 1, "studies.counterfactuals.scenes"),
-        ("scenes", 1000, "at most scenes.shared"),
-        ("moved_scenes", SCENES + 1, "at most studies.counterfactuals.scenes"),
-        ("move_step", 0.0, "studies.counterfactuals.move_step"),
-        ("example_variant", "best", "studies.counterfactuals.example_variant"),
-        ("split", "seen_scenes", "new_scenes, new_items"),
-    ],
-)
-def test_parameters_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name, value, message):
-    refuses(stage.main, cfg, f"studies.counterfactuals.{name}", value, message, tmp_path / "out")
 
 
 def test_users_without_margins_are_refused(cfg: DictConfig, tmp_path: Path):

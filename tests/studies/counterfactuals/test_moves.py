@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
-from pipeline.world.layout import SYMBOLS, Items, Layouts, empty, random_layouts
+from pipeline.world.layout import SYMBOLS, Layouts, empty, random_layouts
 from pipeline.world.rules import clearance, slack
 from studies.counterfactuals.moves import crossing, has_room, outward_normal, score_moves, translate_item
-from tests.examples import RULES
+from tests.factories import ITEMS, RULES
 
 NORMAL: dict[str, float | None] = {symbol: 0.045 if symbol == "glass" else None for symbol in SYMBOLS}
-ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.075, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
 SCENES = 20
 
 
@@ -33,7 +32,7 @@ def test_a_glass_moves_off_a_straight_path_by_what_the_margin_lacks():
     np.testing.assert_array_equal(layouts.centre[0, 0], [0.5, 0.52])  # the scene itself stays as it was
 
 
-def test_items_of_random_scenes_have_room_and_items_off_the_table_or_overlapping_have_none():
+def test_an_item_off_the_table_or_on_another_has_no_room():
     layouts = random_layouts(np.random.default_rng(0), SCENES, ITEMS, np.arange(4), RULES)
     slot = np.zeros(SCENES, int)
     assert has_room(layouts, slot, RULES).all()
@@ -61,15 +60,15 @@ def test_a_crossing_is_the_first_one_linear_between_steps(values: list, expected
 
 def test_moves_are_scored_where_a_model_rejects_first_and_accepts_later():
     true_m = np.array([0.02, 0.04, 0.06])
-    found = np.array([[0.03, np.nan, 0.05], [0.02, 0.04, 0.06]])
+    moved_m = np.array([[0.03, np.nan, 0.05], [0.02, 0.04, 0.06]])
     rejected = np.array([[True, True, True], [True, True, False]])
-    row = score_moves(found, rejected, true_m)
+    row = score_moves(moved_m, rejected, true_m)
     assert (row["cases"], row["true_m"], row["found"]) == pytest.approx((3, 0.04, 0.8))
     assert (row["rejected"], row["error_m"], row["bias_m"]) == pytest.approx((5 / 6, 0.005, 0.0))
     assert row["constant_error_m"] == pytest.approx((0.02 + 0.02 + 0.02 + 0) / 4)
     assert np.isnan(row["error_m_ci_low"]) and np.isnan(row["found_ci_high"]), "too few for an interval"
-    many_seeds = score_moves(np.repeat(found, 15, axis=0), np.ones((30, 3), bool), true_m)
+    many_seeds = score_moves(np.repeat(moved_m, 15, axis=0), np.ones((30, 3), bool), true_m)
     assert np.isnan(many_seeds["error_m_ci_low"]), "many pairs, but three scenes"
-    many = score_moves(np.tile(found, (2, 4)), np.ones((4, 12), bool), np.tile(true_m, 4))
+    many = score_moves(np.tile(moved_m, (2, 4)), np.ones((4, 12), bool), np.tile(true_m, 4))
     assert many["error_m_ci_low"] < many["error_m"] < many["error_m_ci_high"]
-    assert score_moves(found, np.zeros((2, 3), bool), true_m) == {"cases": 3, "rejected": 0}
+    assert score_moves(moved_m, np.zeros((2, 3), bool), true_m) == {"cases": 3, "rejected": 0}

@@ -9,15 +9,15 @@ import yaml
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_table
-from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool, write_scenes
+from pipeline.artifacts.scenes import read_scenes, train_pool
 from pipeline.artifacts.trained import load_model
 from pipeline.causal.envelope import dose_grid
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SYMBOLS, LayoutRules, random_layouts
 from pipeline.world.rules import clearance, valid
 from studies.envelope import stage
-from tests.stages.facts import refuses, repeats_itself
-from tests.stages.inputs import pictured, pictured_models, symbols_added
+from tests.factories import models_in_rendered_scenes, symbols_added, write_rendered
+from tests.stages.facts import refuses, run_as_listed
 
 SCENES = 10
 VARIANTS = ("full", "clearance")
@@ -26,7 +26,7 @@ VARIANTS = ("full", "clearance")
 @pytest.fixture(scope="module")
 def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     """Ten sparse scenes, as they are and with an added item, and untrained models of two variants and two seeds."""
-    cfg = pictured_models(tmp_path_factory.mktemp("envelope"), VARIANTS, SCENES)
+    cfg = models_in_rendered_scenes(tmp_path_factory.mktemp("envelope"), VARIANTS, SCENES)
     catalogue = read_catalogue(Path(cfg.paths.data))
 
     def draw(seed: int, count: int, items: int, split: str):
@@ -35,19 +35,13 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
 
     layouts = {"new_items": draw(0, SCENES, 1, "unseen")}
     layouts |= {train_pool(seed): draw(1 + seed, 1, 3, "train") for seed in cfg.protocol.seeds}
-    images = {pool: pictured(cfg, x) for pool, x in layouts.items()}
-    looks = {pool: pd.DataFrame({"texture": "oak", "render_seed": range(len(x))}) for pool, x in layouts.items()}
-    scenes = SceneSet(images, layouts, looks)
-    write_scenes(Path(cfg.paths.scenes), scenes)
-    symbols_added(cfg, scenes, 2)
+    symbols_added(cfg, write_rendered(cfg, layouts), 2)
     return cfg
 
 
 @pytest.fixture(scope="module")
 def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    directory = tmp_path_factory.mktemp("out")
-    stage.main(cfg, directory)
-    return directory
+    return run_as_listed(stage.main, cfg, tmp_path_factory.mktemp("out"))
 
 
 @pytest.fixture(scope="module")
@@ -153,29 +147,13 @@ def test_the_specification_says_what_the_table_says(cfg: DictConfig, out: Path):
             assert values["radius_m"] == pytest.approx(row.radius_m, abs=1e-4)
 
 
-def test_a_second_run_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
-    repeats_itself(stage.main, cfg, out, tmp_path)
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "message"),
-    [
-        ("doses", 1, "studies.envelope.doses"),
-        ("paths", 0.5, "studies.envelope.paths"),
-        ("candidates", 0, "studies.envelope.candidates"),
-        ("step", 0.0, "studies.envelope.step"),
-        ("clear_of_others", 0.04, "more than the widest margin in users"),
-        ("planner", "unknown", "studies.envelope.planner"),
-        ("doses", 200, "raise studies.envelope.candidates"),
-    ],
-)
-def test_settings_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name: str, value, message: str):
-    refuses(stage.main, cfg, f"studies.envelope.{name}", value, message, tmp_path / "out")
-
-
 def test_an_item_counts_once_however_many_training_scenes_show_it(cfg: DictConfig):
     scenes, trained = read_scenes(Path(cfg.paths.scenes)), stage.read_inputs(cfg).trained
     layouts = [scenes.layouts[train_pool(seed)] for seed in cfg.protocol.seeds]
     for symbol, count in enumerate(trained):
         shown = {int(item) for x in layouts for item in x.item[x.symbol == symbol]}
         assert count == max(1, len(shown))
+
+
+def test_doses_that_too_few_candidates_reach_are_refused(cfg: DictConfig, tmp_path: Path):
+    refuses(stage.main, cfg, "studies.envelope.doses", 200, "raise studies.envelope.candidates", tmp_path / "out")

@@ -9,8 +9,8 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_table, write_arrays
 from studies.identification import stage
-from tests.stages.facts import names_a_missing_model, refuses, repeats_itself
-from tests.stages.inputs import SCENES, untrained_models
+from tests.factories import SCENES, untrained_models
+from tests.stages.facts import names_a_missing_model, refuses, run_as_listed
 
 PATHS = 6
 OBSERVERS = ["full", "irl_ranked", "clearance", "position_only", "ideal"]
@@ -29,9 +29,7 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
 
 @pytest.fixture(scope="module")
 def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    directory = tmp_path_factory.mktemp("out")
-    stage.main(cfg, directory)
-    return directory
+    return run_as_listed(stage.main, cfg, tmp_path_factory.mktemp("out"))
 
 
 def test_every_observer_is_judged_after_every_path_of_every_user(cfg: DictConfig, out: Path):
@@ -74,7 +72,7 @@ def test_a_stranger_with_a_known_users_margins_passes_for_that_user(cfg: DictCon
     assert (rejected["stranger"] == rejected["careful"]).all()
 
 
-def test_the_stranger_changes_nothing_for_the_known_users(cfg: DictConfig, out: Path, tmp_path: Path):
+def test_the_stranger_does_not_change_the_answers_for_known_users(cfg: DictConfig, out: Path, tmp_path: Path):
     other = cfg.copy()
     other.studies.identification.stranger.update(bowl=0.1, glass=0.0)
     stage.main(other, tmp_path)
@@ -83,27 +81,10 @@ def test_the_stranger_changes_nothing_for_the_known_users(cfg: DictConfig, out: 
         pd.testing.assert_frame_equal(before, after)
 
 
-@pytest.mark.slow
-def test_a_second_run_with_more_workers_writes_the_same_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
-    repeats_itself(stage.main, cfg, out, tmp_path, workers=2)
-
-
 def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
     names_a_missing_model(stage.main, cfg, "irl_ranked", tmp_path / "out")
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "message"),
-    [
-        ("paths", 0, "studies.identification.paths"),
-        ("draws", True, "studies.identification.draws"),
-        ("reported", [1, PATHS + 1], f"whole numbers from 1 to studies.identification.paths = {PATHS}"),
-        ("level", 1.0, "studies.identification.level"),
-        ("stranger", {"mug": 0.045}, "some of bowl, plate, cutlery, glass"),
-        ("stranger", dict.fromkeys(SYMBOLS), "margins that no user has"),
-        ("stranger", dict.fromkeys(SYMBOLS, -1.0), "studies.identification.stranger.bowl"),
-        ("split", "seen_scenes", "new_scenes, new_items"),
-    ],
-)
-def test_settings_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name: str, value, message: str):
-    refuses(stage.main, cfg, f"studies.identification.{name}", value, message, tmp_path / "out")
+def test_a_stranger_with_a_margin_to_an_unknown_symbol_is_refused(cfg: DictConfig, tmp_path: Path):
+    unknown = {"mug": 0.045}
+    refuses(stage.main, cfg, "studies.identification.stranger", unknown, "some of bowl, plate", tmp_path / "out")

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.world.bezier import P_F, P_INIT
-from pipeline.world.layout import SIDE, Items, point_segment_distance, random_layouts, segment_distance
+from pipeline.world.layout import SIDE, point_segment_distance, random_layouts, segment_distance
 from studies.robustness.corruptions import (
     ARM_RADIUS_PX,
     CORRUPTIONS,
@@ -20,9 +20,8 @@ from studies.robustness.corruptions import (
     shade,
     tint,
 )
-from tests.examples import RULES
+from tests.factories import ITEMS, RULES
 
-ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.08, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
 POOL = np.arange(4)
 STRONG = {"shade": 0.5, "tint": 0.4, "blur": 2.0, "noise": 0.05, "arm": 0.3}
 seeds = st.integers(0, 2**32 - 1)

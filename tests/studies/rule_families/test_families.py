@@ -9,8 +9,7 @@ from pipeline.world.bezier import curve, random_z_theta
 from pipeline.world.layout import SYMBOLS, Layouts, empty, random_layouts
 from pipeline.world.rules import Margins, valid
 from studies.rule_families.families import FAMILIES, OWN_FAMILY, dwell, margin, proximity, side
-from tests.examples import RULES
-from tests.stages.inputs import ITEMS
+from tests.factories import ITEMS, RULES
 
 CONF = compose(["profile=smoke"])
 USERS, AMOUNTS = CONF.users, CONF.studies.rule_families.families
@@ -46,7 +45,7 @@ def test_a_path_that_keeps_every_margin_is_valid_in_every_family(drawn: Drawn, f
 
 
 @pytest.mark.parametrize(("family", "amount"), [("dwell", 1.0), ("side", 10.0), ("proximity", -10.0)])
-def test_an_extreme_amount_forgives_everything(drawn: Drawn, family: str, amount: float):
+def test_an_extreme_amount_forgives_every_path(drawn: Drawn, family: str, amount: float):
     assert FAMILIES[family](*drawn, ALL, amount).all()
 
 

@@ -1,4 +1,4 @@
-"""Facts about new looks of training scenes: one gain a scene, table tops turned and reflected."""
+"""Augmented training scenes: one gain a scene, table tops turned and reflected."""
 
 import numpy as np
 import torch
@@ -19,6 +19,8 @@ def test_a_scenes_gain_is_one_factor_of_its_own():
 def test_another_table_is_turned_and_reflected_in_every_way():
     top = np.arange(27, dtype=np.float32).reshape(3, 3, 3)
     rng, jitter = np.random.default_rng(0), ColorJitter(0.0, 0.0, 0.0, 0.0, 1.0)
-    looks = [augment_appearances(rng, np.stack([top, top]), np.zeros((2, 3, 3), np.int64), jitter) for _ in range(200)]
-    seen = {scene.tobytes() for scenes, table in looks for scene in scenes[table != [0, 1]]}
+    augmented = [
+        augment_appearances(rng, np.stack([top, top]), np.zeros((2, 3, 3), np.int64), jitter) for _ in range(200)
+    ]
+    seen = {scene.tobytes() for scenes, table in augmented for scene in scenes[table != [0, 1]]}
     assert seen == {transform(torch.tensor(top), g).numpy().tobytes() for g in range(SYMMETRIES)}

@@ -76,7 +76,7 @@ def test_the_gradient_agrees_with_finite_differences_in_the_map(objective):
         return maxent(regret, VALID) if objective == "maxent" else ranked(regret, VALID, "across" in objective)
 
     (gradient,) = torch.autograd.grad(loss(reward), reward)
-    for cell in gradient.abs().flatten().topk(25).indices:  # where it says most
+    for cell in gradient.abs().flatten().topk(25).indices:  # where it is largest
         step = torch.zeros(reward.numel(), dtype=torch.float64)
         step[cell] = 1e-4
         step = step.view_as(reward)
@@ -84,7 +84,7 @@ def test_the_gradient_agrees_with_finite_differences_in_the_map(objective):
         torch.testing.assert_close(difference, gradient.flatten()[cell], rtol=1e-6, atol=1e-10)
 
 
-def test_maxent_looks_at_valid_demonstrations_alone():
+def test_maxent_uses_valid_demonstrations_alone():
     regret = torch.tensor([[1.0, 5.0, 3.0], [9.0, 9.0, 2.0], [0.0, 0.0, 0.0]])
     assert maxent(regret, VALID).item() == pytest.approx(-(1 + 3 + 2) / 6)
     torch.testing.assert_close(maxent(torch.where(VALID, regret, -1e6), VALID), maxent(regret, VALID))
@@ -131,7 +131,7 @@ def test_a_step_judges_paths_on_their_own_scenes_map_under_one_symmetry(seed):
     assert np.abs(losses - curve[0, 1]).min() < 1e-5
 
 
-def test_the_rule_is_fitted_to_half_the_looks(monkeypatch: pytest.MonkeyPatch):
+def test_the_rule_is_fitted_to_half_the_appearances(monkeypatch: pytest.MonkeyPatch):
     asked = []
     monkeypatch.setattr(irl, "logistic", lambda regret, valid: asked.append(regret) or logistic(regret, valid))
     on_one_thread(drawn(), *world(), "ranked", schedule(steps=1, n_augmentations=6), 0)
@@ -140,7 +140,7 @@ def test_the_rule_is_fitted_to_half_the_looks(monkeypatch: pytest.MonkeyPatch):
 
 
 @pytest.mark.parametrize("objective", OBJECTIVES)
-def test_checkpoints_keep_the_rule_that_then_fitted_and_change_nothing(objective):
+def test_checkpoints_keep_the_rule_of_their_step_and_change_no_weight(objective):
     plain, kept, checkpoints = drawn(1), drawn(1), Checkpoints([0, 6])
     curve = on_one_thread(plain, *world(), objective, schedule(), 1)
     assert np.array_equal(on_one_thread(kept, *world(), objective, schedule(), 1, checkpoints), curve)
@@ -154,7 +154,7 @@ def test_checkpoints_keep_the_rule_that_then_fitted_and_change_nothing(objective
 
 def test_a_model_does_not_depend_on_those_fitted_before_it():
     results = []
-    for scenes in (5, 5, 4, 5):  # its training scenes' looks drawn, at hand, replaced by others', drawn again
+    for scenes in (5, 5, 4, 5):  # its training scenes' appearances drawn, cached, replaced by others', drawn again
         model = drawn(1)
         on_one_thread(model, *world(scenes), "ranked", schedule(), 1)
         results.append([value.numpy() for value in model.state_dict().values()])
@@ -164,7 +164,7 @@ def test_a_model_does_not_depend_on_those_fitted_before_it():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("objective", "least"), [("maxent", 0.7), ("ranked", 0.9)])
-def test_training_sets_valid_paths_above_invalid_ones(objective, least):
+def test_fitting_ranks_valid_paths_above_invalid_ones(objective, least):
     images, z, valid = world(12, 9)
     model = drawn(0)
     curve = on_one_thread(model, images, z, valid, objective, schedule(steps=30), 0)
@@ -201,16 +201,18 @@ def test_separable_labels_give_a_finite_rule_and_a_useless_score_is_ignored():
     assert logistic(regret, regret < 0)[0] == 0.0  # worse than nothing: the score's sign is not turned round
 
 
-def test_augment_appearances_move_things_not_their_places():
+def test_augmented_objects_change_their_colour_and_stay_in_place():
     plain = np.zeros((2, 3, 100, 100), np.float32)
     plain[0, :, 20:30, 20:30] = 0.3
     plain[1, :, 60:75, 60:75] = -0.2
     labels = blobs(np.abs(plain).sum(1) * 20)
     assert labels.max() == 1 and (labels[0] > 0).sum() == 100 and (labels[1] > 0).sum() == 225
-    looks, table = augment_appearances(np.random.default_rng(0), plain, labels, ColorJitter(0.5, 0.2, 0.0, 0.0, 1.0))
+    augmented, table = augment_appearances(
+        np.random.default_rng(0), plain, labels, ColorJitter(0.5, 0.2, 0.0, 0.0, 1.0)
+    )
     assert set(table) <= {0, 1}
-    assert (np.abs(looks.mean(1)[labels > 0]) > 0.05).all()
-    assert np.abs(looks.mean(1)[~_near(labels)]).max() < 1e-3
+    assert (np.abs(augmented.mean(1)[labels > 0]) > 0.05).all()
+    assert np.abs(augmented.mean(1)[~_near(labels)]).max() < 1e-3
 
 
 def test_a_turn_of_hue_keeps_brightness():
@@ -222,7 +224,7 @@ def test_a_turn_of_hue_keeps_brightness():
     assert not np.allclose(turned, plain, atol=0.01)
 
 
-def test_a_look_on_another_table_is_measured_by_that_tables_grain():
+def test_contrast_on_another_table_is_measured_by_that_tables_grain():
     rng = np.random.default_rng(0)
     grain = np.array([2, 6, 18])[:, None, None, None]
     images = np.rint(120 + grain * rng.standard_normal((3, 100, 100, 3))).astype(np.uint8)

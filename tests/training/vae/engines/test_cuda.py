@@ -11,7 +11,7 @@ from pipeline.models.vae.losses import equation_1
 from pipeline.training.loop import Checkpoints, Schedule
 from pipeline.training.vae.engines.cuda import fit_batch
 from pipeline.training.vae.engines.reference import fit
-from tests.training.vae.engines.test_reference import VARIANTS, drawn
+from tests.factories import WEIGHTS, vae
 
 SHORT = Schedule(steps=3, rate=2e-3, weight_decay=0.01, curve_every=1)
 NS = (4, 1, 9)
@@ -42,15 +42,15 @@ def exact(model, images, z_theta, valid, weights, seed):
     return losses
 
 
-@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("variant", WEIGHTS)
 def test_in_double_precision_its_weights_are_the_references(variant):
-    ours = [drawn(seed).double() for seed in range(len(NS))]
+    ours = [vae(seed).double() for seed in range(len(NS))]
     theirs = copy.deepcopy(ours)
     sets = [data(seed, n) for seed, n in enumerate(NS)]
     images, z_theta, valid = zip(*sets, strict=True)
-    curves = fit_batch(ours, images, z_theta, valid, VARIANTS[variant], SHORT, range(len(NS)))
+    curves = fit_batch(ours, images, z_theta, valid, WEIGHTS[variant], SHORT, range(len(NS)))
     for seed, (model, reference) in enumerate(zip(ours, theirs, strict=True)):
-        losses = exact(reference, *sets[seed], VARIANTS[variant], seed)
+        losses = exact(reference, *sets[seed], WEIGHTS[variant], seed)
         np.testing.assert_allclose(curves[seed][:, -1], losses, rtol=1e-9)
         for name, wanted in reference.named_parameters():
             error = (model.get_parameter(name) - wanted).norm()
@@ -58,13 +58,13 @@ def test_in_double_precision_its_weights_are_the_references(variant):
 
 
 def test_it_fits_what_the_reference_fits_and_constants_beside():
-    ours, theirs = [drawn(seed) for seed in range(2)], [drawn(seed) for seed in range(2)]
+    ours, theirs = [vae(seed) for seed in range(2)], [vae(seed) for seed in range(2)]
     images, z_theta, valid = zip(data(0, 4), data(1, 2), strict=True)
     valid = valid[0], np.ones_like(valid[1])
     checkpoints, their_checkpoints = Checkpoints([2]), Checkpoints([2])
-    curves = fit_batch(ours, images, z_theta, valid, VARIANTS["full"], SHORT, [5, 6], checkpoints)
+    curves = fit_batch(ours, images, z_theta, valid, WEIGHTS["full"], SHORT, [5, 6], checkpoints)
     for i, (model, reference) in enumerate(zip(ours, theirs, strict=True)):
-        curve = fit(reference, images[i], z_theta[i], valid[i], VARIANTS["full"], SHORT, 5 + i, their_checkpoints)
+        curve = fit(reference, images[i], z_theta[i], valid[i], WEIGHTS["full"], SHORT, 5 + i, their_checkpoints)
         np.testing.assert_allclose(curves[i], curve, rtol=1e-4, atol=1e-6)
         halfway, wanted = checkpoints.of(model), their_checkpoints.of(reference)
         assert halfway.keys() == wanted.keys() and len(wanted) == int(i == 0)  # the second is a constant
@@ -77,9 +77,9 @@ def test_it_fits_what_the_reference_fits_and_constants_beside():
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs CUDA")
 def test_on_cuda_the_same_batch_gives_the_same_bits():
-    runs = [[drawn(seed) for seed in range(len(NS))] for _ in range(2)]
+    runs = [[vae(seed) for seed in range(len(NS))] for _ in range(2)]
     images, z_theta, valid = zip(*(data(seed, n) for seed, n in enumerate(NS)), strict=True)
     for models in runs:
-        fit_batch(models, images, z_theta, valid, VARIANTS["full"], SHORT, range(len(NS)))
+        fit_batch(models, images, z_theta, valid, WEIGHTS["full"], SHORT, range(len(NS)))
     for first, again in zip(*runs, strict=True):
         assert all(torch.equal(value, again.state_dict()[name]) for name, value in first.state_dict().items())

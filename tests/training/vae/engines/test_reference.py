@@ -1,4 +1,4 @@
-"""Facts about fitting: it repeats bit for bit, learns, and pays nothing for labels that say nothing."""
+"""The reference engine repeats bit for bit, learns, and gives constant labels a constant."""
 
 from pathlib import Path
 
@@ -6,27 +6,13 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline.models.registry import build
-from pipeline.models.vae.beta_vae import BetaVae
-from pipeline.models.vae.losses import Weights
 from pipeline.runtime.streams import job_seed
-from pipeline.training.loop import Checkpoints, Schedule, rule_of_succession
+from pipeline.training.loop import Checkpoints, Schedule
 from pipeline.training.vae.engines.reference import CURVE, fit
+from tests.factories import WEIGHTS, vae
 
 GOLDEN = Path(__file__).parents[3] / "golden"
-VARIANTS = {
-    "full": Weights(alpha=10.0, beta=0.005, gamma=1.0),
-    "ae": Weights(alpha=10.0, beta=0.0, gamma=1.0),
-    "classifier": Weights(alpha=0.0, beta=0.0, gamma=1.0),
-}
 SHORT = Schedule(steps=20, rate=2e-3, weight_decay=0.01, curve_every=5)
-
-
-def drawn(seed: int) -> BetaVae:
-    """An untrained model of the paper's size."""
-    model = build({"kind": "vae", "model": {}}, seed)
-    assert isinstance(model, BetaVae)
-    return model
 
 
 def data(scenes: int = 4, n: int = 5):
@@ -41,12 +27,12 @@ def data(scenes: int = 4, n: int = 5):
 
 
 def trained(variant: str = "full", seed: int = 1, schedule: Schedule = SHORT):
-    model = drawn(seed)
-    curve = fit(model, *data(), VARIANTS[variant], schedule, seed)
+    model = vae(seed)
+    curve = fit(model, *data(), WEIGHTS[variant], schedule, seed)
     return model, curve
 
 
-@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("variant", WEIGHTS)
 def test_the_learning_curve_is_the_golden_one(variant):
     _, curve = trained(variant)
     golden = np.loadtxt(GOLDEN / f"curve_{variant}.csv", delimiter=",", skiprows=1)
@@ -78,7 +64,7 @@ def test_classification_loss_falls_on_a_separable_world():
 
 
 def test_the_terms_of_a_curve_add_up_to_its_total():
-    for variant in VARIANTS:
+    for variant in WEIGHTS:
         _, curve = trained(variant)
         np.testing.assert_allclose(curve[:, 1:4].sum(1), curve[:, 4], rtol=1e-5)
         assert list(curve[:, 0]) == [0, 5, 10, 15, 19]
@@ -86,49 +72,39 @@ def test_the_terms_of_a_curve_add_up_to_its_total():
 
 def test_classifier_leaves_the_decoder_as_it_was_drawn():
     model, _ = trained("classifier")
-    before = drawn(1)
+    before = vae(1)
     assert all(torch.equal(v, before.decode.state_dict()[k]) for k, v in model.decode.state_dict().items())
     assert not torch.equal(model.mean.weight, before.mean.weight)
 
 
 @pytest.mark.parametrize("label", [True, False])
-def test_labels_that_never_vary_give_laplaces_constant_and_no_training(label):
+def test_labels_that_never_vary_give_laplaces_constant_without_training(label):
     images, z_theta, valid = data()
     constant = np.full_like(valid, label)
-    model = drawn(1)
-    curve = fit(model, images, z_theta, constant, VARIANTS["full"], SHORT, 1)
+    model, checkpoints = vae(1), Checkpoints([0])
+    curve = fit(model, images, z_theta, constant, WEIGHTS["full"], SHORT, 1, checkpoints)
+    assert not checkpoints.of(model)
     expected = 21 / 22 if label else 1 / 22  # 20 demonstrations
     np.testing.assert_allclose(model.probability(images, z_theta), expected, rtol=1e-5)
-    assert torch.equal(model.mean.weight, drawn(1).mean.weight)
+    assert torch.equal(model.mean.weight, vae(1).mean.weight)
     assert curve.shape == (1, 5) and curve[0, 4] == pytest.approx(-np.log(21 / 22))
 
 
-def test_laplace_counts_one_success_and_one_failure_more():
-    assert rule_of_succession(np.array([True, True, False])) == 3 / 5
-
-
 def test_every_job_has_a_seed_of_its_own():
-    seeds = {job_seed(s, u, n, v) for s in range(10) for u in ("careful", "normal") for n in (1, 9) for v in VARIANTS}
+    seeds = {job_seed(s, u, n, v) for s in range(10) for u in ("careful", "normal") for n in (1, 9) for v in WEIGHTS}
     assert len(seeds) == 10 * 2 * 2 * 3
     assert job_seed(1, "careful") == job_seed(1, "careful") != job_seed("1c", "areful")
 
 
-def test_checkpoints_keep_what_the_model_was_before_its_steps_and_change_nothing():
+def test_checkpoints_keep_the_model_before_their_step_and_change_no_weight():
     plain, curve = trained()
-    model, checkpoints = drawn(1), Checkpoints([0, 19, 400])
-    assert np.array_equal(fit(model, *data(), VARIANTS["full"], SHORT, 1, checkpoints), curve)
+    model, checkpoints = vae(1), Checkpoints([0, 19, 400])
+    assert np.array_equal(fit(model, *data(), WEIGHTS["full"], SHORT, 1, checkpoints), curve)
     assert set(checkpoints.of(model)) == {0, 19} and not checkpoints.of(plain)
-    for name, value in drawn(1).state_dict().items():
+    for name, value in vae(1).state_dict().items():
         assert np.array_equal(checkpoints.of(model)[0][name], value)
     distance = [
         max(np.abs(state[name] - value.numpy()).max() for name, value in plain.state_dict().items())
         for state in checkpoints.of(model).values()
     ]
     assert 0 < distance[1] < 1e-5 < distance[0]  # the last step's rate is nearly 0
-
-
-def test_a_model_that_is_not_trained_has_no_checkpoints():
-    images, z_theta, valid = data()
-    model, checkpoints = drawn(1), Checkpoints([0])
-    fit(model, images, z_theta, np.ones_like(valid), VARIANTS["full"], SHORT, 1, checkpoints)
-    assert not checkpoints.of(model)

@@ -15,20 +15,15 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from llvmlite.binding import get_host_cpu_features
 
-from pipeline.models.registry import build
 from pipeline.models.vae.beta_vae import Z_CENTRE, Z_SCALE, BetaVae
-from pipeline.models.vae.losses import Weights, equation_1
+from pipeline.models.vae.losses import equation_1
 from pipeline.training.loop import Checkpoints, Schedule, pad_demonstrations
 from pipeline.training.vae.engines import simd_kernels as lanes
 from pipeline.training.vae.engines.reference import fit
 from pipeline.training.vae.engines.simd import Stack, fit_stack
 from pipeline.training.vae.engines.simd_kernels import LANES
+from tests.factories import WEIGHTS, vae
 
-VARIANTS = {
-    "full": Weights(alpha=10.0, beta=0.005, gamma=1.0),
-    "ae": Weights(alpha=10.0, beta=0.0, gamma=1.0),
-    "classifier": Weights(alpha=0.0, beta=0.0, gamma=1.0),
-}
 SHORT = Schedule(steps=6, rate=2e-3, weight_decay=0.01, curve_every=4)
 ROOT = Path(__file__).resolve().parents[4]
 SHAPES = {"paper": {}, "other": {"latent": 5, "channels": [6, 7], "hidden": 9}}
@@ -43,16 +38,9 @@ def one_thread():
     torch.set_num_threads(threads)
 
 
-def drawn(seed: int, shape: str = "paper") -> BetaVae:
-    """An untrained model."""
-    model = build({"kind": "vae", "model": SHAPES[shape]}, seed)
-    assert isinstance(model, BetaVae)
-    return model
-
-
 def with_small_logits(seed: int, shape: str) -> BetaVae:
     """An untrained model with torch's own initial weights: all logits are near 0, so no gradient of a bias cancels."""
-    model = drawn(seed, shape)
+    model = vae(seed, **SHAPES[shape])
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         for layer in model.modules():
@@ -71,21 +59,21 @@ def data(seed: int, scenes: int = 3, n: int = 4):
 
 def stacked(seeds, variant: str = "full", n: Sequence[int] = (4,) * LANES):
     """A model for each of the seeds, on its n, trained together; and their learning curves."""
-    models = [drawn(seed) for seed in seeds]
+    models = [vae(seed) for seed in seeds]
     images, z_theta, valid = zip(*(data(seed, n=own) for seed, own in zip(seeds, n, strict=False)), strict=True)
-    return models, fit_stack(models, images, z_theta, valid, VARIANTS[variant], SHORT, seeds)
+    return models, fit_stack(models, images, z_theta, valid, WEIGHTS[variant], SHORT, seeds)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("n_demos", [[9] * LANES, ([9, 1, 7, 3, 5, 2, 9, 1] * 2)[:LANES]], ids=["one n", "mixed n"])
 @pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("variant", WEIGHTS)
 def test_gradient_is_that_of_equation_1_in_double_precision(variant, shape, n_demos):
     models = [with_small_logits(seed, shape) for seed in range(LANES)]
     images, z_theta, valid = zip(*(data(lane, 20, n_demos[lane]) for lane in range(LANES)), strict=True)
     images, z_theta, valid = (np.stack(a, -1) for a in (images, pad_demonstrations(z_theta), pad_demonstrations(valid)))
     noise = np.random.default_rng(0).standard_normal((20, models[0].latent, LANES)).astype(np.float32)
-    stack = Stack(models, VARIANTS[variant], n_demos, scenes=20)
+    stack = Stack(models, WEIGHTS[variant], n_demos, scenes=20)
     terms = stack.gradient(images, ((z_theta - Z_CENTRE) / Z_SCALE).astype(np.float32), valid, noise)
     gradients = dict(stack.tensors("gradient"))
     for lane, model in list(enumerate(models))[::3]:
@@ -93,7 +81,7 @@ def test_gradient_is_that_of_equation_1_in_double_precision(variant, shape, n_de
         x = torch.from_numpy(images[..., lane]).permute(0, 3, 1, 2).double() / 255
         own = (z_theta[:, : n_demos[lane], :, lane], valid[:, : n_demos[lane], lane], noise[..., lane])
         z, labels, own_noise = (torch.from_numpy(array).double() for array in own)
-        loss = equation_1(exact, x, z, labels, VARIANTS[variant], own_noise)
+        loss = equation_1(exact, x, z, labels, WEIGHTS[variant], own_noise)
         loss.total.backward()
         np.testing.assert_allclose(terms[:, lane], [float(term.detach()) for term in loss], rtol=2e-6, atol=1e-9)
         for name, parameter in exact.named_parameters():
@@ -107,11 +95,11 @@ def test_gradient_is_that_of_equation_1_in_double_precision(variant, shape, n_de
 
 def test_a_step_is_that_of_the_reference():
     once = Schedule(steps=4, rate=2e-3, weight_decay=0.01, curve_every=1)
-    ours, theirs = drawn(1), drawn(1)
+    ours, theirs = vae(1), vae(1)
     images, z_theta, valid = data(1)
     checkpoints, its_checkpoints = Checkpoints([0, 2]), Checkpoints([0, 2])
-    (curve,) = fit_stack([ours], [images], [z_theta], [valid], VARIANTS["full"], once, [7], checkpoints)
-    its_curve = fit(theirs, *data(1), VARIANTS["full"], once, 7, its_checkpoints)
+    (curve,) = fit_stack([ours], [images], [z_theta], [valid], WEIGHTS["full"], once, [7], checkpoints)
+    its_curve = fit(theirs, *data(1), WEIGHTS["full"], once, 7, its_checkpoints)
     np.testing.assert_allclose(curve, its_curve, rtol=1e-4, atol=1e-7)
     for step, state in its_checkpoints.of(theirs).items():
         for name, value in state.items():
@@ -120,7 +108,7 @@ def test_a_step_is_that_of_the_reference():
         torch.testing.assert_close(ours.state_dict()[name], value, rtol=0, atol=2e-4)  # rate x steps is 8e-3
 
 
-@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("variant", WEIGHTS)
 def test_a_model_is_the_same_bits_whatever_else_is_in_the_stack(variant):
     alone, (curve,) = stacked([3], variant)
     some, curves = stacked([5, 3], variant)
@@ -133,7 +121,7 @@ def test_a_model_is_the_same_bits_whatever_else_is_in_the_stack(variant):
 
 @pytest.mark.slow
 @settings(max_examples=12, deadline=None)
-@given(st.sampled_from(list(VARIANTS)), st.integers(1, 9), st.lists(st.integers(1, 9), max_size=LANES - 1))
+@given(st.sampled_from(list(WEIGHTS)), st.integers(1, 9), st.lists(st.integers(1, 9), max_size=LANES - 1))
 @example("full", 3, [3, 3])
 @example("full", 3, [9, 9])
 @example("full", 1, [9] * (LANES - 1))
@@ -144,11 +132,11 @@ def test_a_model_is_the_same_bits_whatever_the_n_of_the_others(variant, n, other
     assert curves[0].tobytes() == curve.tobytes()
 
 
-def test_checkpoints_change_nothing_and_hold_every_model_of_the_stack():
+def test_checkpoints_hold_every_model_of_the_stack_and_change_no_weight():
     plain, (curve, _) = stacked([3, 5])
-    models, checkpoints = [drawn(3), drawn(5)], Checkpoints([4])
+    models, checkpoints = [vae(3), vae(5)], Checkpoints([4])
     images, z_theta, valid = zip(data(3), data(5), strict=True)
-    kept, _ = fit_stack(models, images, z_theta, valid, VARIANTS["full"], SHORT, [3, 5], checkpoints)
+    kept, _ = fit_stack(models, images, z_theta, valid, WEIGHTS["full"], SHORT, [3, 5], checkpoints)
     assert np.array_equal(kept, curve) and [digest(m) for m in models] == [digest(m) for m in plain]
     first, second = (checkpoints.of(model)[4] for model in models)
     assert all(not np.array_equal(first[name], second[name]) for name in first if name.endswith("weight"))
@@ -189,9 +177,9 @@ def in_another_process(**environment: str) -> str:
 
 
 def test_demonstrations_that_never_vary_get_the_constant_head_of_the_reference():
-    models = [drawn(0), drawn(1)]
+    models = [vae(0), vae(1)]
     images, z_theta, valid = zip(data(0), data(1), strict=True)
-    curves = fit_stack(models, images, z_theta, [valid[0], np.ones_like(valid[1])], VARIANTS["full"], SHORT, [0, 1])
+    curves = fit_stack(models, images, z_theta, [valid[0], np.ones_like(valid[1])], WEIGHTS["full"], SHORT, [0, 1])
     assert [curve.shape for curve in curves] == [(3, 5), (1, 5)]
     np.testing.assert_allclose(models[1].probability(images[1], z_theta[1]), 13 / 14, rtol=1e-5)
 

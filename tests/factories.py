@@ -1,4 +1,4 @@
-"""What stages read: a few scenes, demonstrations and queries, and untrained models in the place of trained ones."""
+"""Builders that tests of several packages share: tables, scenes, demonstrations, queries and untrained models."""
 
 from collections.abc import Mapping, Sequence
 from itertools import product
@@ -15,20 +15,47 @@ from pipeline.artifacts.scenes import SceneSet, layout_table, read_scenes, train
 from pipeline.models.base import ValidityModel
 from pipeline.models.clearance.clearance import ClearanceModel
 from pipeline.models.registry import build
+from pipeline.models.vae.beta_vae import BetaVae
+from pipeline.models.vae.losses import Weights
 from pipeline.params import compose
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.catalogue import read_catalogue
-from pipeline.world.layout import SYMBOLS, Items, LayoutRules, Layouts, add_item, random_layouts
+from pipeline.world.layout import SIDE, SYMBOLS, Items, LayoutRules, Layouts, add_item, random_layouts
 from pipeline.world.render import Palette, render_scenes
 from pipeline.world.rules import valid
-from tests.examples import RULES
 
+RULES = LayoutRules((2, 3), (0.05, 0.35, 0.40, 0.20), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)  # as in conf/scenes.yaml
 ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.075, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
 SCENES = 3
-SMALL_WORLD = [  # stages scenes and demos, in seconds
-    "profile=smoke", "workers=1", "scenes.shared=3", "scenes.validation=1", "scenes.calibration=5",
-    "scenes.calibration_paths=4", "scenes.prior_side=4", "demos.queries_seen=2",
-]  # fmt: skip
+
+
+WEIGHTS = {  # of Eq. 1
+    "full": Weights(alpha=10.0, beta=0.005, gamma=1.0),
+    "ae": Weights(alpha=10.0, beta=0.0, gamma=1.0),
+    "classifier": Weights(alpha=0.0, beta=0.0, gamma=1.0),
+}
+RED, WHITE = (0.8, 0.2, 0.2), (0.9, 0.9, 0.9)
+
+
+def vae(seed: int = 0, **shape: object) -> BetaVae:
+    """An untrained model, of the paper's size if `shape` names no other."""
+    model = build({"kind": "vae", "model": shape}, seed)
+    assert isinstance(model, BetaVae)
+    return model
+
+
+def draw_table(*discs, seed=0, grain=0.02) -> np.ndarray:
+    """A table of its own grain, with discs (x, y, radius [m], colour) on it."""
+    rng = np.random.default_rng(seed)
+    image = 0.5 + grain * rng.standard_normal((SIDE, SIDE, 3))
+    y, x = np.mgrid[:SIDE, :SIDE] + 0.5
+    for at_x, at_y, radius, colour in discs:
+        image[np.hypot(x - SIDE * at_x, SIDE * (1 - at_y) - y) < SIDE * radius] = colour
+    return to_pixels(image)
+
+
+def to_pixels(image: np.ndarray) -> np.ndarray:
+    return (255 * image.clip(0, 1)).round().astype(np.uint8)
 
 
 def untrained_models(folder: Path, seeds: list[int], *overrides: str) -> DictConfig:
@@ -42,17 +69,17 @@ def untrained_models(folder: Path, seeds: list[int], *overrides: str) -> DictCon
         OmegaConf.update(cfg, f"paths.{stage}", str(folder / stage))
     rng = np.random.default_rng(0)
     pools = [*map(train_pool, seeds), "new_items"]
-    look = pd.DataFrame({"texture": ["oak"] * SCENES, "render_seed": range(SCENES)})
+    appearance = appearances(SCENES)
     scenes = SceneSet(
         {pool: rng.integers(0, 256, (SCENES, 100, 100, 3), dtype=np.uint8) for pool in pools},
         {pool: random_layouts(rng, SCENES, ITEMS, np.arange(4), RULES) for pool in pools},
-        dict.fromkeys(pools, look),
+        dict.fromkeys(pools, appearance),
     )
     write_scenes(folder / "scenes", scenes)
     for variant in cfg.variants:
         for user in cfg.users:
             for seed in seeds:
-                model = convinced(build(cfg.variants[variant]))
+                model = with_evidence(build(cfg.variants[variant]))
                 save_model(cfg, variant, model, user, seed)
     return cfg
 
@@ -62,29 +89,37 @@ def save_model(cfg: DictConfig, variant: str, model: ValidityModel, user: str, s
     save_weights(weights_path(model_dir(cfg, variant), user, seed, n or cfg.main_n_demos), model.state_dict())
 
 
-def convinced(model: ValidityModel) -> ValidityModel:
-    """The model; if it weighs its evidence, as if labels had borne out what it was drawn to believe."""
+def with_evidence(model: ValidityModel) -> ValidityModel:
+    """The model; a clearance model with evidence for what it was drawn to believe."""
     if isinstance(model, ClearanceModel):
         model.evidence.fill_(20.0)
     return model
 
 
-def pictured_scenes(cfg: DictConfig, pools: Mapping[str, tuple[int, str]]) -> SceneSet:
-    """Write real scenes, so many in each pool and of items of that split, all on one table top; they come back."""
+def rendered_scenes(cfg: DictConfig, pools: Mapping[str, tuple[int, str]]) -> SceneSet:
+    """Write rendered scenes: for each pool their number and the split of their items."""
     catalogue, rng = read_catalogue(Path(cfg.paths.data)), np.random.default_rng(0)
     rules = LayoutRules.of(cfg.scenes.layout)
     layouts = {
         pool: random_layouts(rng, count, catalogue.footprints, catalogue.pool(split), rules)
         for pool, (count, split) in pools.items()
     }
-    looks = {pool: pd.DataFrame({"texture": "oak", "render_seed": range(len(x))}) for pool, x in layouts.items()}
-    scenes = SceneSet({pool: pictured(cfg, x) for pool, x in layouts.items()}, layouts, looks)
+    return write_rendered(cfg, layouts)
+
+
+def write_rendered(cfg: DictConfig, layouts: dict[str, Layouts]) -> SceneSet:
+    """Write the scenes of these layouts, rendered on one table top."""
+    images = {pool: rendered(cfg, x) for pool, x in layouts.items()}
+    scenes = SceneSet(images, layouts, {pool: appearances(len(x)) for pool, x in layouts.items()})
     write_scenes(Path(cfg.paths.scenes), scenes)
     return scenes
 
 
-def pictured(cfg: DictConfig, layouts: Layouts) -> np.ndarray:
-    """Their pictures."""
+def appearances(scenes: int) -> pd.DataFrame:
+    return pd.DataFrame({"texture": "oak", "render_seed": range(scenes)})
+
+
+def rendered(cfg: DictConfig, layouts: Layouts) -> np.ndarray:
     palette = Palette(read_catalogue(Path(cfg.paths.data)))
     return render_scenes(layouts, ["oak"] * len(layouts), range(len(layouts)), palette)
 
@@ -95,14 +130,14 @@ def symbols_added(cfg: DictConfig, scenes: SceneSet, paths: int) -> None:
     new, rules, more = scenes.layouts["new_items"], LayoutRules.of(cfg.scenes.layout), catalogue.pool("unseen")
     added = [add_item(rng, new, i, catalogue.footprints, more, rules) for i in range(len(SYMBOLS))]
     tables = [layout_table(f"{symbol}-0", x) for symbol, x in zip(SYMBOLS, added, strict=True)]
-    images = np.stack([pictured(cfg, x)[None] for x in added])
+    images = np.stack([rendered(cfg, x)[None] for x in added])
     write_table(Path(cfg.paths.intervene) / "layouts.parquet", pd.concat(tables))
     arrays = {"images": images, "z_theta": random_z_theta(rng, len(new), paths)}
     write_arrays(Path(cfg.paths.intervene) / "images.npz", arrays)
 
 
 def same_scenes_for_training(cfg: DictConfig, pool: str) -> SceneSet:
-    """Write a pool's scenes as every seed's training scenes as well; all scenes come back."""
+    """Write a pool's scenes as every seed's training scenes, too."""
     scenes = read_scenes(Path(cfg.paths.scenes))
     for part in (scenes.images, scenes.layouts, scenes.appearances):
         part |= {train_pool(seed): part[pool] for seed in cfg.seeds}
@@ -119,8 +154,7 @@ def labelled_demos(cfg: DictConfig, scenes: SceneSet) -> None:
         keys = pd.MultiIndex.from_product([[seed], [user], *map(range, z.shape[:2])], names=DEMO_KEY)
         labels = valid(layouts, z, cfg.users[user]).ravel()
         parts.append(keys.to_frame(index=False).assign(z_x=z[..., 0].ravel(), z_y=z[..., 1].ravel(), valid=labels))
-    demos = pd.concat(parts, ignore_index=True).reindex(columns=DEMO_COLUMNS, fill_value=0)
-    write_demos(Path(cfg.paths.demos), demos, np.zeros((0, 4)), np.zeros(len(demos) + 1))
+    write_table_of_demos(Path(cfg.paths.demos), pd.concat(parts, ignore_index=True))
 
 
 def labelled_queries(cfg: DictConfig, scenes: SceneSet, pools: Sequence[str], count: int) -> None:
@@ -133,16 +167,30 @@ def labelled_queries(cfg: DictConfig, scenes: SceneSet, pools: Sequence[str], co
     write_queries(Path(cfg.paths.demos), queries)
 
 
-def pictured_models(folder: Path, variants: Sequence[str], count: int, *overrides: str) -> DictConfig:
+def models_in_rendered_scenes(folder: Path, variants: Sequence[str], count: int, *overrides: str) -> DictConfig:
     """The configuration of `count` real scenes of unseen items, and models of these variants, under `folder`."""
     cfg = compose(["profile=smoke", "workers=1", *overrides])
     for stage in ("scenes", "train", "irl", "clearance", "intervene"):
         OmegaConf.update(cfg, f"paths.{stage}", str(folder / stage))
     cfg.variants = {variant: cfg.variants[variant] for variant in variants}
-    pictured_scenes(cfg, {"new_items": (count, "unseen")})
+    rendered_scenes(cfg, {"new_items": (count, "unseen")})
     for variant in variants:
         for user in cfg.users:
             for seed in cfg.protocol.seeds:
-                model = convinced(build(cfg.variants[variant], seed))
+                model = with_evidence(build(cfg.variants[variant], seed))
                 save_model(cfg, variant, model, user, seed)
     return cfg
+
+
+def random_demos(rng: np.random.Generator, cfg: DictConfig, scenes: int) -> pd.DataFrame:
+    """Ten demonstrations of every seed and user in each scene, with random paths and labels."""
+    keys = pd.MultiIndex.from_product([list(cfg.seeds), sorted(cfg.users), range(scenes), range(10)], names=DEMO_KEY)
+    demos = keys.to_frame(index=False)
+    z = random_z_theta(rng, len(demos))
+    return demos.assign(z_x=z[:, 0], z_y=z[:, 1], valid=rng.random(len(demos)) < 0.5)
+
+
+def write_table_of_demos(folder: Path, table: pd.DataFrame) -> None:
+    """Write demonstrations without trajectories; columns that `table` lacks are 0."""
+    demos = table.reindex(columns=DEMO_COLUMNS, fill_value=0)
+    write_demos(folder, demos, np.zeros((0, 4)), np.zeros(len(demos) + 1))
