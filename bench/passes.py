@@ -26,11 +26,11 @@ from pipeline.training.vae.engines.reference import fit
 from pipeline.training.vae.engines.simd import Convolution, Stack, allocate, fit_stack
 from pipeline.training.vae.engines.simd_kernels import LANES, _add, outer, zeros
 
-SCENES, N = 20, 9
+SCENES, N = 20, 9  # training scenes; demonstrations per scene
 STEPS = 40  # steps per call: fixed costs before the first step are spread over them, as in the stages
-VARIANTS = {"full": Weights(10.0, 0.005, 1.0), "classifier": Weights(0.0, 0.0, 1.0)}
-SCHEDULE = Schedule(STEPS, 2e-3, 0.01, STEPS)
-GIB = 2**30
+VARIANTS = {"full": Weights(10.0, 0.005, 1.0), "classifier": Weights(0.0, 0.0, 1.0)}  # alpha, beta, gamma
+SCHEDULE = Schedule(STEPS, 2e-3, 0.01, STEPS)  # steps, peak rate, weight decay, curve interval
+GIB = 2**30  # bytes
 
 
 def training_set(scenes: int = SCENES, n: int = N):

@@ -16,7 +16,7 @@ import psutil
 
 ROOT = Path(__file__).resolve().parent.parent
 RUNNING = re.compile(r"Running stage '(?:[^':]+:)?([^']+)'")
-GIB = 2**30
+GIB = 2**30  # bytes
 TARGETS = {"venv": "environment", "demo": "demo", "repro": "repro", "studies": "studies", "test": "test"}
 
 

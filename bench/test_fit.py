@@ -1,8 +1,10 @@
 """Compare fitting all trajectories at once with one `scipy.optimize.least_squares` call per trajectory.
 
-Two baselines: over z_theta and every sample's parameter with the exact Jacobian (the usual formulation of orthogonal
-distances for scipy), and over z_theta alone with our foot points inside the residual (the fastest use of scipy that we
-know). All run on one thread in the same session; the last test reports and checks the ratios at equal residual.
+Two baselines:
+- over z_theta and every sample's parameter with the exact Jacobian: the usual formulation for scipy;
+- over z_theta alone with our foot points inside the residual: the fastest use of scipy that we know.
+
+All run on one thread in the same session; the last test reports and checks the ratios at equal residual.
 """
 
 import time
@@ -16,7 +18,7 @@ from pipeline.world.bezier import P_F, P_INIT, basis, random_z_theta
 from pipeline.world.bezier_fit import _Batch, fit
 from pipeline.world.hand import Hand, join, simulate
 
-HAND = Hand(50.0, 0.002, 0.35, 0.2, 0.0007, (8.0, 12.0), 0.002, 0.1, 0.01)
+HAND = Hand(50.0, 0.002, 0.35, 0.2, 0.0007, (8.0, 12.0), 0.002, 0.1, 0.01)  # conf/demos.yaml
 MANY, FEW = 1000, 10  # recordings fitted at once, and one at a time
 CONTROL = np.stack([P_INIT, np.zeros(2), P_F])
 

@@ -12,7 +12,7 @@ from pipeline.world.catalogue import Catalogue, read_catalogue
 from pipeline.world.layout import LayoutRules, Layouts, random_layouts
 from pipeline.world.render import Palette, render_scenes
 
-SCENES, SIDE = 50, 400
+SCENES, SIDE = 50, 400  # number of scenes; side of the composited image [px]
 
 
 @pytest.fixture(scope="module")

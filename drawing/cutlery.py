@@ -11,7 +11,7 @@ from drawing.shading import FINE, finish, grid, mix, noise, plain, smoothstep
 
 Colour = tuple[float, float, float]
 HALF_WIDTH = 0.013  # half-width of every piece at its widest [m]
-STEEL, GOLD = (0.72, 0.73, 0.75), (0.80, 0.66, 0.36)
+STEEL, GOLD = (0.72, 0.73, 0.75), (0.80, 0.66, 0.36)  # RGB [1 = white]
 
 
 def cutlery(

@@ -42,7 +42,7 @@ class Design:
         return 2 * (self.radius_m + self.half_length_m)
 
 
-WHITE, CREAM = (0.95, 0.95, 0.94), (0.93, 0.88, 0.77)
+WHITE, CREAM = (0.95, 0.95, 0.94), (0.93, 0.88, 0.77)  # RGB [1 = white]
 
 # name, split, radius [m], inner, rim, accent, pattern, wall, outline (round unless given)
 BOWLS = [

@@ -13,7 +13,7 @@ from numpy import ndarray as Array
 from drawing.shading import FINE, mix, noise, plain, smoothstep
 
 Colour = tuple[float, float, float]
-SURFACE_SIDE = FINE // 2
+SURFACE_SIDE = FINE // 2  # side of a table top's image [px]
 PATTERNS = ("veins", "checks", "tiles", "stripes", "blotches", "chips", "cracks", "knots", "boards")
 
 

@@ -18,8 +18,8 @@ Colour = tuple[float, float, float]
 Row = tuple  # a row of one of the tables in drawing.designs
 
 PATTERNS = ("plain", "band", "rings", "rays", "petals", "dots", "checks", "speckles", "glaze", "spiral")
-METALS = STEEL, GOLD, (0.74, 0.48, 0.36), (0.62, 0.63, 0.66)
-SLIM = {"chopsticks": 0.86, "tongs": 0.95}
+METALS = STEEL, GOLD, (0.74, 0.48, 0.36), (0.62, 0.63, 0.66)  # RGB [1 = white]
+SLIM = {"chopsticks": 0.86, "tongs": 0.95}  # fixed slimness of these kinds
 SHARPNESS = {4: 3.3, 6: 16.0, 8: 120.0, 10: 140.0, 12: 160.0}  # sharpness of a polygon by its number of corners
 
 

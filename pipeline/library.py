@@ -17,7 +17,7 @@ from pipeline.models.base import ValidityModel, check_images, check_paths
 from pipeline.models.registry import build
 from pipeline.runtime.errors import InputError
 
-VAE = {"latent": 15, "channels": [16, 8, 4], "hidden": 64}
+VAE = {"latent": 15, "channels": [16, 8, 4], "hidden": 64}  # train.model in conf/train.yaml
 REWARD_MAP = {"channels": 16, "dilated": 3, "gain": 10.0, "lattice_side": 12, "symmetric": True, "ceiling": True}
 SETTINGS: dict[str, dict[str, Any]] = {  # conf/variants merged with conf/train, conf/irl and conf/clearance
     "full": {"kind": "vae", "alpha": 10.0, "beta": 0.005, "gamma": 1.0, "model": VAE},
@@ -36,7 +36,7 @@ TRAINING: dict[str, dict[str, Any]] = {  # training schedule by kind
     },
     "clearance": {"steps": 1000, "rate": 0.03, "weight_decay": 0.0, "curve_every": 10},
 }  # fmt: skip
-REPAIR: dict[str, Any] = {"steps": 30, "optimiser": "adam", "rate": 0.5, "settle": True}
+REPAIR: dict[str, Any] = {"steps": 30, "optimiser": "adam", "rate": 0.5, "settle": True}  # conf/repair.yaml
 MAX_ABS_Z_M = 2.0  # largest coordinate of a control point on this table [m]; larger values are most likely pixels
 ACCEPTED_ABOVE = 0.5  # P(valid) above which a path is accepted
 

@@ -19,7 +19,7 @@ from numpy import ndarray as Array
 from pipeline.stats.crossed import Estimates, add_pseudo_scenes, estimate
 from pipeline.stats.tests import holm, true_verdict, verdict
 
-JUDGED = ["effect", "q1", "q3", "ci_low", "ci_high", "ci90_low", "ci90_high", "p_holm", "verdict"]
+JUDGED = ["effect", "q1", "q3", "ci_low", "ci_high", "ci90_low", "ci90_high", "p_holm", "verdict"]  # columns of `judge`
 
 
 def expected_validity(p: Float[Array, "*b path"]) -> Float[Array, "*b"]:

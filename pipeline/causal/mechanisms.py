@@ -79,8 +79,8 @@ def expected_validities(
     """Return E[V | do(Z_I := Z_I under do(change)), S = s] of each user in each scene, over the scene's paths.
 
     This is the paper's estimand: `change` sets O, T or I, and {} leaves the scene unchanged. All changes share the
-    noises; N_V is averaged in closed form. S has no parent and V as its only child, so the row of user s' without a
-    change is also E[V | do(S := s'), S = s].
+    noises; N_V is averaged in closed form. S has no parent, and V is its only child. The row
+    of user s' without a change is therefore also E[V | do(S := s'), S = s].
     """
     expected = []
     for change in changes:

@@ -225,9 +225,9 @@ def specification_scm(
 ) -> SCM:
     """Return the graph of this module with the given mechanisms.
 
-    `render(render_seed, items, table_top)` is the image, `encode(image)` the percepts of the users' models, and
-    `classify(s, z_image, z_theta)` the probability C_s that each path [m] is valid. The draws give each unit's items,
-    table top and render seed; without them, these noises must be recorded.
+    `render(render_seed, items, table_top)` gives the image and `encode(image)` the percepts of the users' models.
+    `classify(s, z_image, z_theta)` gives the probability C_s that each path [m] is valid. The draws give each unit's
+    items, table top and render seed; without them, these noises must be recorded.
     """
 
     def v(noise: Any, *parents: Any) -> Any:

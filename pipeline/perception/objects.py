@@ -29,7 +29,7 @@ MAX_OBJECTS = 12  # largest number of objects per image; the largest objects are
 # Step 1, background
 WIDE_DRIFT = 4, 9  # (block [px], window [blocks]): medians over 36 x 36 pixels, wider than objects
 CLOSE_DRIFT = 2, 3  # medians over 6 x 6 pixels remove mottles and keep lines of one or two pixels
-NARROW_KERNEL, WIDE_KERNEL = (np.array(k, np.float32) / sum(k) for k in ((1, 2, 1), (1, 4, 6, 4, 1)))
+NARROW_KERNEL, WIDE_KERNEL = (np.array(k, np.float32) / sum(k) for k in ((1, 2, 1), (1, 4, 6, 4, 1)))  # binomial
 
 # Step 2, whitening
 SHADOW_WEIGHT = 0.4  # weight of darkening without a change of hue, since objects cast shadows
@@ -60,9 +60,9 @@ MIN_PATTERN_SPECKS = 3  # this many specks form the table's pattern: chips, knot
 # Mean squared distance of an object's pixels from their neighbours' mean, over the pixels' variance. Shuffled pixels
 # reach 1.25. The threshold was chosen against the placebo of the refutation study, so that study cannot judge it.
 MAX_TEXTURE_DISORDER = 0.75
-NEIGHBOURS = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]]) / 4
+NEIGHBOURS = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]]) / 4  # mean over a pixel's four neighbours
 
-SQUARE = np.ones((3, 3), np.uint8)
+SQUARE = np.ones((3, 3), np.uint8)  # structuring elements of 3 x 3 pixels
 CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
 Colours = Float[Array, "row column 3"]

@@ -20,9 +20,9 @@ def by_item(values: Float[Array, "seed scene dose"], item: Int[Array, " scene"])
 def as_from_other_items(values: Float[Array, "seed item"], trained: int) -> Float[Array, "seed item"]:
     """Return the values with deviations between items inflated for the variance of the `trained` items of all seeds.
 
-    Both are drawn from the items of the symbol. For a mean over n items, the variance over items becomes 1 / n +
-    1 / trained of a single item's, if models judge an item by its difference from the training items. The mean is
-    unchanged.
+    Added and training items are drawn from the items of the symbol. We assume that a model's error on an item depends
+    on its difference from the training items. The variance over items of a mean over n items is then
+    1 / n + 1 / trained of a single item's. The mean is unchanged.
     """
     by_item, n = values.mean(0), values.shape[1]
     return values + (np.sqrt(1 + n / trained) - 1) * (by_item - by_item.mean())

@@ -16,7 +16,7 @@ from pipeline.world.bezier import curve
 POINTS = 13  # points drawn along a Bezier path
 ABOVE, TOP = 40.0, 50.0  # draw orders of moving paths and of marks; Rerun's own end at 30 (points)
 MARK_RADIUS = 1.5  # radius of a mark on the table [px]
-RECORDED = (10, 10, 10)
+RECORDED = (10, 10, 10)  # colour (RGB) of recorded trajectories
 
 
 def log_demonstrations(recording: rr.RecordingStream, run: Run) -> None:

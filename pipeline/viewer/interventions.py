@@ -23,8 +23,8 @@ from pipeline.viewer.texts import intervention_effects
 TIMELINE, ENTITY = "intervention", "interventions"
 
 # Below row 0, the unchanged scene, which is logged with its repairs.
-TABLE = (1, 0)
-MAPS = {"predicted": (1, 1), "truth": (1, 2), "learned_effect": (2, 1), "true_effect": (2, 2)}
+TABLE = (1, 0)  # panel (row, column) of the table
+MAPS = {"predicted": (1, 1), "truth": (1, 2), "learned_effect": (2, 1), "true_effect": (2, 2)}  # panels of the maps
 TITLES = {
     TABLE: "Item added",
     (1, 1): "Model, after",

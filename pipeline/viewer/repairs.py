@@ -31,7 +31,7 @@ from pipeline.world.bezier import curve
 TIMELINE = "repair_step"
 MAP_MARK_RADIUS = 0.7  # radius of a mark on a map [cells]
 COLOURS = ((240, 228, 66), (86, 220, 160), (204, 121, 167), (120, 160, 255))  # of repairs, the same in all views
-FIRST, EVEN_ODDS = (230, 97, 0, 140), (128, 128, 128)
+FIRST, EVEN_ODDS = (230, 97, 0, 140), (128, 128, 128)  # colours of starts and of p = 0.5
 
 
 def log_repairs(recording: rr.RecordingStream, run: Run) -> None:

@@ -21,7 +21,7 @@ from pipeline.runtime.errors import InputError
 from pipeline.viewer.digest import digest
 
 OVERVIEW = "overview"
-EXAMPLES = 3
+EXAMPLES = 3  # recordings listed in an error message
 
 
 def find(folder: Path, run: str) -> Path:

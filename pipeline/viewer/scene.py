@@ -32,9 +32,9 @@ from pipeline.world.layout import Layouts
 APPLICATION = "causal-specifications"
 
 # Colours of Okabe and Ito, distinguishable with colour blindness.
-VALID, INVALID = (0, 158, 255), (230, 97, 0)
-ITEM, KEPT_CLEAR = (255, 255, 255), (255, 255, 255, 110)
-BOUNDARY, TABLE_EDGE = (213, 0, 120), (0, 150, 170)
+VALID, INVALID = (0, 158, 255), (230, 97, 0)  # RGB
+ITEM, KEPT_CLEAR = (255, 255, 255), (255, 255, 255, 110)  # RGB, RGBA
+BOUNDARY, TABLE_EDGE = (213, 0, 120), (0, 150, 170)  # RGB
 ADDED = (240, 228, 66)  # an added item
 SAME = (70, 70, 74)  # cells on which two maps agree
 
@@ -56,7 +56,7 @@ TIMELINES = {"repair_step": 0, "intervention": 0, "demonstrations": 1, "train_st
 
 Panel = tuple[int, int]  # row and column on a board
 TITLE = np.array([TABLE_PIXELS / 2, -7.0])  # offset of a title from its panel's corner
-SCENE_MAPS = {"predicted": (0, 1), "truth": (0, 2), "difference": (0, 3)}
+SCENE_MAPS = {"predicted": (0, 1), "truth": (0, 2), "difference": (0, 3)}  # panels (row, column)
 SCENE_TITLES = {(0, 0): "Table", (0, 1): "Model's p(valid)", (0, 2): "Truth", (0, 3): "Difference: model - truth"}
 
 

@@ -27,7 +27,7 @@ MIN_SIDE_PX = 256  # smallest side of a cutout [px]
 MIN_VISIBLE_ALPHA = 20  # smallest visible alpha, out of 255; a thin glass has 27
 MIN_EXTENT, MAX_EXTENT = 0.75, 1.10  # allowed length and breadth of the visible pixels relative to the footprint's
 
-LENGTH_M = pa.Check.in_range(0.0, 1.0, include_min=False)
+LENGTH_M = pa.Check.in_range(0.0, 1.0, include_min=False)  # up to the table's side
 NAMED = {
     "name": pa.Column(str, pa.Check.str_matches(r"^[a-z0-9-]+$"), unique=True),
     "split": pa.Column(str, pa.Check.isin(list(MIN_ITEMS))),
@@ -90,9 +90,10 @@ class Catalogue:
 def read_catalogue(data_dir: Path) -> Catalogue:
     """Read and check data/: items.csv, textures.csv and every image that they name.
 
-    Raises CatalogueError if an image is missing, truncated, of the wrong size or without alpha, for an unknown symbol,
-    a duplicate name or a length out of range, if a cutout does not fill its footprint, and if a symbol has fewer items
-    than MIN_ITEMS.
+    Raises CatalogueError
+    - if an image is missing, truncated, of the wrong size or without alpha;
+    - for an unknown symbol, a duplicate name or a length out of range;
+    - if a cutout does not fill its footprint, or a symbol has fewer items than MIN_ITEMS.
     """
     items = _read_table(data_dir / "items.csv", ITEMS)
     textures = _read_table(data_dir / "textures.csv", TEXTURES)

@@ -10,7 +10,7 @@ from numpy import ndarray as Array
 from pipeline.runtime.errors import InputError
 
 MAX_SIDE_PX = 4096  # largest allowed side: 64 MB as RGBA; larger images are refused before decoding
-PNG_SIGNATURE, JPEG_SIGNATURE = b"\x89PNG\r\n\x1a\n", b"\xff\xd8"
+PNG_SIGNATURE, JPEG_SIGNATURE = b"\x89PNG\r\n\x1a\n", b"\xff\xd8"  # first bytes of the files
 JPEG_FRAME_MARKERS = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}  # segments that contain the image size
 
 cv2.setNumThreads(1)  # stages run one process per core

@@ -29,13 +29,13 @@ class Layouts:
     from the table's x axis.
     """
 
-    item: Int[Array, "scene slot"]
-    symbol: Int[Array, "scene slot"]
-    centre: Float[Array, "scene slot 2"]
-    angle: Float[Array, "scene slot"]
-    scale: Float[Array, "scene slot"]
-    half_length: Float[Array, "scene slot"]
-    radius: Float[Array, "scene slot"]
+    item: Int[Array, "scene slot"]  # row of items.csv; EMPTY without an item
+    symbol: Int[Array, "scene slot"]  # index into SYMBOLS; EMPTY without an item
+    centre: Float[Array, "scene slot 2"]  # of the footprint [m]
+    angle: Float[Array, "scene slot"]  # of the footprint's long axis [rad]
+    scale: Float[Array, "scene slot"]  # size relative to the catalogue entry
+    half_length: Float[Array, "scene slot"]  # of the footprint's segment [m]
+    radius: Float[Array, "scene slot"]  # of the footprint's capsule [m]
 
     def __len__(self) -> int:
         return len(self.symbol)

@@ -26,7 +26,7 @@ from pipeline.world.layout import (
 GLASS, PLATE = SYMBOLS.index("glass"), SYMBOLS.index("plate")
 OTHERS = [symbol for symbol in range(len(SYMBOLS)) if symbol not in (GLASS, PLATE)]
 CONFOUNDED, CONTROL = "confounded", "control"  # the world of the results, and the world without a common cause
-GAP_TOLERANCE_M = 1e-6
+GAP_TOLERANCE_M = 1e-6  # accepted error of a gap
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,15 @@
 """Bayesian model averaging over rule families, weighted by BIC.
 
 Every family is a clearance model (pipeline.models.clearance.clearance). Families differ in what else decides validity:
-nothing (margin), how long a path is too close (dwell), the side on which it passes an object (side), whether the object
-has a neighbour (proximity), or how far along the path it is passed (progress). A family's weight is its likelihood
-with the penalty of BIC on its additional parameters (Schwarz, 1978). The weights are posterior probabilities of the
-user's rule family.
+
+- margin: nothing;
+- dwell: how long a path is too close;
+- side: the side on which it passes an object;
+- proximity: whether the object has a neighbour;
+- progress: how far along the path the object is passed.
+
+A family's weight is its likelihood with the penalty of BIC on its additional parameters (Schwarz, 1978). The weights
+are posterior probabilities of the user's rule family.
 """
 
 from typing import NamedTuple

@@ -11,7 +11,7 @@ from pipeline.report.results import Results
 from pipeline.world.layout import SYMBOLS
 
 SPLITS = {"train": style.TRAIN, "unseen": style.UNSEEN}
-TILE_PX = 56
+TILE_PX = 56  # side of an item's image in the catalogue figure
 
 
 def items(results: Results) -> Figure:

@@ -4,9 +4,9 @@ The models of a stack share the weights of Eq. 1, the number of scenes and the s
 demonstrations (any number) and seed. A model's result does not depend on the other models, to the last bit. The
 reference engine sums in another order, so its trained weights differ by amplified rounding.
 
-A layer reads one array and writes the next. In the backward pass it finds the loss's gradient in its output array,
-adds to its weights' gradient, and overwrites its input array with the input's gradient. Planes have a border of zeros.
-Scenes pass forward and backward one at a time, so that their activations stay in the cache.
+A layer reads one array and writes the next. In the backward pass its output array holds the loss's gradient. The
+layer adds to its weights' gradient and overwrites its input array with the input's gradient. Planes have a border of
+zeros. Scenes pass forward and backward one at a time, so that their activations stay in the cache.
 """
 
 import math
@@ -37,7 +37,7 @@ def allocate(*shape: int) -> Float[Array, "*shape lane"]:
     return buffer[start : start + size].reshape(*shape, LANES)
 
 
-NO_BIAS = allocate(1)
+NO_BIAS = allocate(1)  # zeros
 
 
 class Parameter:
