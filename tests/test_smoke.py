@@ -120,7 +120,7 @@ def test_a_fresh_clone_of_a_stale_commit_names_the_stale_stage(clone: Path, tmp_
     fresh, question = fresh_clone(clone, tmp_path / "fresh"), ["dvc", "repro", "--dry", "--allow-missing"]
     assert UP_TO_DATE in run(fresh, *question)
     params = fresh / "params.yaml"
-    params.write_text(params.read_text().replace("  steps: 20\n", "  steps: 21\n", 1))  # of stage train
+    params.write_text(params.read_text().replace("train:\n  steps: 20\n", "train:\n  steps: 21\n"))
     answer = subprocess.run(question, cwd=fresh, capture_output=True, text=True)
     assert "train@full" in answer.stdout + answer.stderr and UP_TO_DATE not in answer.stdout
 
