@@ -1,5 +1,6 @@
 """Run a stage's `main(cfg, out_dir)` from the command line: for DVC (`--params params.yaml`) or through Hydra."""
 
+import errno
 import hashlib
 import importlib
 import logging
@@ -47,7 +48,9 @@ def launch(main: Main, stage: str) -> None:
         print("error: interrupted", file=sys.stderr)
         sys.exit(130)
     except (InputError, OSError, yaml.YAMLError) as error:
-        print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
+        too_long = getattr(error, "errno", None) == errno.ENAMETOOLONG
+        hint = "; name the runs by number: hydra.sweep.subdir='${hydra.job.num}'" if too_long else ""
+        print(f"error: {' '.join(str(error).split())}{hint}", file=sys.stderr)
         sys.exit(2)
 
 
@@ -143,4 +146,4 @@ def _note_other_profile(overrides: list[str]) -> None:
     path = CONF.parent / PARAMS
     found = re.search(r"(?m)^profile: (\S+)", path.read_text()) if path.is_file() else None
     if found and found[1] != asked:
-        print(f"profile {asked}; params.yaml is {found[1]}", flush=True)
+        print(f"profile {asked}; params.yaml is {found[1]}", file=sys.stderr, flush=True)

@@ -186,7 +186,8 @@ def refuse_unread(cfg: DictConfig, stage: str, overrides: Sequence[str]) -> None
         )
 
 
-def _main(argv: list[str]) -> int:
+def main(argv: list[str]) -> int:
+    """Write or check params.yaml and dvc.yaml's lists of variants; return the exit code."""
     if {"-h", "--help"} & set(argv):
         print(__doc__)
         return 0
@@ -213,7 +214,7 @@ def _main(argv: list[str]) -> int:
 
 if __name__ == "__main__":
     try:
-        sys.exit(_main(sys.argv[1:]))
+        sys.exit(main(sys.argv[1:]))
     except InputError as error:
         print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
         sys.exit(2)

@@ -167,8 +167,16 @@ def test_one_seed_alone_is_for_sweeps_since_dvc_would_lose_the_others(run, tmp_p
 
 
 def test_another_profile_than_that_of_params_yaml_is_said(run, tmp_path: Path):
-    _, out, _ = run(nothing, "train", f"hydra.run.dir={tmp_path}", "profile=smoke")
-    assert "profile smoke; params.yaml is paper\n" in out
+    _, _, err = run(nothing, "train", f"hydra.run.dir={tmp_path}", "profile=smoke")
+    assert "profile smoke; params.yaml is paper\n" in err
+
+
+def test_a_sweep_of_too_many_parameters_for_a_folder_s_name_says_how_to_name_it(run, tmp_path: Path):
+    many = f"checkpoints={list(range(100))}".replace(" ", "")
+    sweep = ["--multirun", "seed=0,1", many, f"hydra.sweep.dir={tmp_path}"]
+    code, _, err = run(nothing, "train", *sweep)
+    assert code == 2 and "hydra.sweep.subdir='${hydra.job.num}'" in err.splitlines()[-1]
+    assert run(nothing, "train", *sweep, "hydra.sweep.subdir=${hydra.job.num}")[0] == 0
 
 
 @pytest.mark.slow

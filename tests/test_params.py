@@ -9,6 +9,7 @@ import pytest
 from dvc.utils.hydra import compose_and_dump
 from omegaconf import OmegaConf
 
+from pipeline import params
 from pipeline.config.settings import BASELINES, NEEDS, Settings, is_study
 from pipeline.models import baselines
 from pipeline.models.registry import KINDS
@@ -21,6 +22,16 @@ ROOT = CONF.parent
 
 def test_params_yaml_is_what_conf_composes():
     assert (ROOT / "params.yaml").read_text() == render(compose())
+
+
+def test_a_params_yaml_edited_by_hand_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / "params.yaml").read_text()
+    (tmp_path / "params.yaml").write_text(text)
+    assert params.main(["--check"]) == 0
+    (tmp_path / "params.yaml").write_text(text.replace("workers: 2", "workers: 3"))
+    assert params.main(["--check"]) == 1
+    assert "error: params.yaml is not what conf/ composes: run `python -m pipeline.params`" in capsys.readouterr().err
 
 
 def test_dvc_composes_the_same_bytes(tmp_path: Path):

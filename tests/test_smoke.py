@@ -80,6 +80,7 @@ def test_metrics_are_a_screenful(clone: Path):
     shown = json.loads(run(clone, "dvc", "metrics", "show", "--json"))[""]["data"]
     assert 20 <= sum(numbers(file["data"]) for file in shown.values()) <= MAX_NUMBERS
     assert "reports/metrics.json" not in shown
+    assert all("error" not in file for file in shown.values()), "DVC takes a key named error for a failure"
 
 
 def test_plots_draw_a_line_a_variant(clone: Path, tmp_path: Path):
@@ -128,6 +129,15 @@ def test_a_fresh_clone_with_the_cache_reruns_nothing(clone: Path, tmp_path: Path
     shutil.copytree(clone / ".dvc/cache", fresh / ".dvc/cache")
     run(fresh, "dvc", "pull", "--quiet", "data.dvc")
     nothing_is_rerun(fresh)
+
+
+def test_a_fresh_clone_of_a_stale_commit_names_the_stale_stage(clone: Path, tmp_path: Path):
+    fresh, question = fresh_clone(clone, tmp_path / "fresh"), ["dvc", "repro", "--dry", "--allow-missing"]
+    assert UP_TO_DATE in run(fresh, *question)
+    params = fresh / "params.yaml"
+    params.write_text(params.read_text().replace("train:\n  steps: 20\n", "train:\n  steps: 21\n"))
+    answer = subprocess.run(question, cwd=fresh, capture_output=True, text=True)
+    assert "train@full" in answer.stdout + answer.stderr and UP_TO_DATE not in answer.stdout
 
 
 def test_results_pushed_to_a_remote_arrive_in_a_fresh_clone(clone: Path, tmp_path: Path):
