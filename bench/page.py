@@ -38,7 +38,6 @@ WAYS = {
     "rows": "one row per (image, path), eager",
     "eager": "each scene encoded once, eager",
     "stacked": "several models in vector registers",
-    "simd": "several models in vector registers",
 }
 UNITS = {"n_demos": "demonstrations a scene", "scenes": "training scenes", "models": "models (seeds x users)"}
 

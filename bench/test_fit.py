@@ -58,8 +58,8 @@ def jointly(x: np.ndarray) -> float:
 
     low, high = np.concatenate([[-np.inf] * 2, np.zeros(n)]), np.concatenate([[np.inf] * 2, np.ones(n)])
     begin = np.concatenate([z, np.clip(u, 1e-9, 1 - 1e-9)])
-    found = least_squares(residual, begin, jacobian, (low, high), x_scale="jac")  # pyright: ignore[reportArgumentType]
-    return float(np.sqrt(2 * found.cost / n))
+    optimum = least_squares(residual, begin, jacobian, (low, high), x_scale="jac")  # pyright: ignore[reportArgumentType]
+    return float(np.sqrt(2 * optimum.cost / n))
 
 
 def projected(x: np.ndarray) -> float:
@@ -83,8 +83,8 @@ def projected(x: np.ndarray) -> float:
         _, across, weight = normal(z)
         return np.concatenate([-weight[:, None] * across, np.zeros((len(x), 2))])
 
-    found = least_squares(residual, z, jacobian, method="lm")
-    return float(np.sqrt(2 * found.cost / len(x)))
+    optimum = least_squares(residual, z, jacobian, method="lm")
+    return float(np.sqrt(2 * optimum.cost / len(x)))
 
 
 BASELINES: dict[str, Callable[[np.ndarray], float]] = {"jointly": jointly, "projected": projected}
@@ -107,14 +107,14 @@ def test_fit_one_at_a_time(benchmark, baseline):
 @pytest.mark.benchmark(group="fit: the ratio")
 def test_all_at_once_is_a_hundred_times_faster_at_equal_residual(benchmark):
     points, offsets = recordings(MANY)
-    found = benchmark.pedantic(fit, (points, offsets, 0.004), rounds=3, warmup_rounds=1)
+    fits = benchmark.pedantic(fit, (points, offsets, 0.004), rounds=3, warmup_rounds=1)
     ours = benchmark.stats.stats.min / MANY
     for name, way in BASELINES.items():
         begin = time.perf_counter()
         residual = np.array([way(points[offsets[i] : offsets[i + 1]]) for i in range(FEW)])
         theirs = (time.perf_counter() - begin) / FEW
         benchmark.extra_info[f"times_faster_than_{name}"] = round(theirs / ours, 1)
-        excess = found.residual_m[:FEW] / residual - 1
+        excess = fits.residual_m[:FEW] / residual - 1
         assert np.median(excess) < 1e-3 and excess.max() < 0.01, f"{name}: residuals exceed scipy's by {excess}"
     ratio = benchmark.extra_info["times_faster_than_jointly"]
     benchmark.extra_info["results"] = {"fit_speedup_scipy": ratio}

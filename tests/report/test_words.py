@@ -26,10 +26,9 @@ def template_words(path: Path) -> str:
 
 
 def readme_words() -> str:
-    """Return the README's prose: without code, table rows, headings and comments; a link is its text."""
-    text = re.sub(r"```.*?```|<!--.*?-->", ". ", (ROOT / "README.md").read_text(), flags=re.DOTALL)
-    text = re.sub(r"^(\||#|    ).*$", ". ", text, flags=re.MULTILINE)
-    return re.sub(r"`[^`]*`", "9", re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", text))
+    """Return the prose of the README's results: without code, table rows and comments; a link is its text."""
+    block = (ROOT / "README.md").read_text().partition("## Results")[2].partition("\n## ")[0]
+    return re.sub(r"^\|.*$|`[^`]*`|!?\[([^\]]*)\]\([^)]*\)|<!--.*?-->", r"\1", block, flags=re.MULTILINE)
 
 
 TEXTS = {str(path.relative_to(ROOT)): template_words(path) for path in TEMPLATES} | {"README.md": readme_words()}
