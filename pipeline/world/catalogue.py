@@ -112,12 +112,16 @@ def read_catalogue(data_dir: Path) -> Catalogue:
 
 def _read_table(path: Path, schema: pa.DataFrameSchema) -> pd.DataFrame:
     if not path.is_file():
-        raise CatalogueError(f"{path} is missing: get data/ with `dvc pull`, or draw it with `python -m drawing`")
+        raise CatalogueError(
+            f"{path} is missing: get data/ with `dvc pull data.dvc`, or draw it with `python -m drawing`"
+        )
     try:
         table = pd.read_csv(path)
         return cast(pd.DataFrame, schema.validate(table, lazy=True))
     except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        raise CatalogueError(f"{path} is not a readable csv file ({error}): restore it with `dvc pull`") from error
+        raise CatalogueError(
+            f"{path} is not a readable csv file ({error}): restore it with `dvc pull data.dvc`"
+        ) from error
     except pandera.errors.SchemaErrors as error:
         raise CatalogueError(f"{path}: {_first_failure(error)}") from error
 
@@ -143,7 +147,7 @@ def _read_image(path: Path) -> UInt8[Array, "row column channel"]:
     try:
         return read_image(path)
     except InputError as error:
-        raise CatalogueError(f"{error} (or get data/ with `dvc pull`)") from error
+        raise CatalogueError(f"{error} (or get data/ with `dvc pull data.dvc`)") from error
 
 
 def _read_cutout(path: Path, row: Any) -> UInt8[Array, "side side 4"]:
