@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from pipeline.report.render import FORMATS
-from pipeline.report.style import label
+from pipeline.report.style import COLOURS, label
 
 README, METRICS = Path("README.md"), Path("reports/metrics.json")
 HEAD = "| Model | Accuracy, unseen items | Repairs, careful | Repairs, normal | Causal verdicts right |"
@@ -13,7 +13,8 @@ HEAD = "| Model | Accuracy, unseen items | Repairs, careful | Repairs, normal | 
 def headlines(metrics: dict) -> str:
     """Return the headlines as a markdown table: one row per variant or baseline, a dash for missing numbers."""
     pct, rows = FORMATS["pct"], [HEAD, "| --- | --: | --: | --: | --: |"]
-    for name in [*metrics["verdicts_right"], "position_only", "constant_detour"]:
+    order = [*COLOURS, *metrics["verdicts_right"]]  # the paper's model first, added variants last
+    for name in [*sorted(metrics["verdicts_right"], key=order.index), "position_only", "constant_detour"]:
         accuracy = metrics["accuracy"].get(name, {}).get("new_items")
         repairs = [metrics["repair"].get(name, {}).get(user) for user in ("careful", "normal")]
         right = metrics["verdicts_right"].get(name)
