@@ -113,6 +113,8 @@ def test_without_a_driver_the_error_is_one_line_that_names_the_package(
 def test_an_image_file_is_drawn_of_a_recording(tmp_path: Path) -> None:
     write_run(tmp_path / "run.rrd", a_run())
     draw(tmp_path / "run.rrd", tmp_path / "run.png", REPAIRS, "repair_step", STEPS)
-    assert_shows_something(cv2.imread(str(tmp_path / "run.png")))
+    image = cv2.imread(str(tmp_path / "run.png"))
+    assert image is not None
+    assert_shows_something(image)
     with pytest.raises(InputError, match="there is no folder"):
         draw(tmp_path / "run.rrd", tmp_path / "none" / "run.png", REPAIRS, "repair_step", STEPS)

@@ -25,7 +25,7 @@ HALF_WIDTH_AVX512 = ("znver4",)  # processors that execute each 512-bit instruct
 
 def processor_features() -> frozenset[str]:
     """Return the features Numba compiles for: NUMBA_CPU_FEATURES, else the host's. Numba's cache is keyed by them."""
-    flags = config.CPU_FEATURES
+    flags = config.CPU_FEATURES  # pyright: ignore[reportAttributeAccessIssue]
     if flags is None:
         return frozenset(name for name, has in get_host_cpu_features().items() if has)
     return frozenset(flag[1:] for flag in flags.split(",") if flag.startswith("+"))
@@ -37,7 +37,7 @@ def lanes_of(features: frozenset[str], processor: str) -> int:
 
 
 FEATURES = processor_features()
-LANES = lanes_of(FEATURES, config.CPU_NAME or get_host_cpu_name())
+LANES = lanes_of(FEATURES, config.CPU_NAME or get_host_cpu_name())  # pyright: ignore[reportAttributeAccessIssue]
 VECTOR = ir.VectorType(ir.FloatType(), LANES)
 BYTES = ir.IntType(8).as_pointer()
 INTEGERS = ir.VectorType(ir.IntType(32), LANES)
