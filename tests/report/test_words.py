@@ -2,6 +2,7 @@
 
 import re
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -46,7 +47,9 @@ def test_no_home_made_term_is_used(name: str):
 
 
 def test_every_word_is_spelled_as_in_a_dictionary():
-    done = subprocess.run(["codespell", *map(str, TEMPLATES)], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-m", "codespell_lib", *map(str, TEMPLATES)], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stdout
 
 
