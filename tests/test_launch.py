@@ -15,6 +15,8 @@ from omegaconf import DictConfig
 from pipeline.launch import launch
 from pipeline.runtime.errors import InputError
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parent.parent
 PARAMS = ["--params", str(ROOT / "params.yaml")]
 

@@ -16,6 +16,8 @@ from drawing.surface import surface
 from pipeline.world.images import read_image
 from pipeline.world.layout import SYMBOLS
 
+pytestmark = pytest.mark.slow
+
 DATA = Path("data")
 ONE_OF_EACH = {design.symbol: design for design in designs()}
 SAMPLE = {(design.symbol, design.split): design for design in designs()}  # all would take longer than 10 s

@@ -11,6 +11,8 @@ from pipeline.report.render import FORMATS, PAGES, Site, render
 from pipeline.runtime.errors import InputError
 from tests.report import factory
 
+pytestmark = pytest.mark.slow
+
 WORDS = dict.fromkeys(PAGES, 1200) | {"index": 500}
 FEW = ("full", "classifier", "clearance")
 LARGEST_SITE = 2 * 2**20  # bytes

@@ -22,6 +22,8 @@ from pipeline.world.bezier import random_z_theta
 from tests.factories import random_demos, write_table_of_demos
 from tests.stages.facts import refuses, run_as_listed
 
+pytestmark = pytest.mark.slow
+
 SCENES, QUERIES = 3, 8
 
 

@@ -22,6 +22,8 @@ from pipeline.world.render import Palette, render_scenes
 from tests.factories import models_in_rendered_scenes
 from tests.stages.facts import names_a_missing_model, refuses, run_as_listed
 
+pytestmark = pytest.mark.slow
+
 SCENES, PATHS, PLACEMENTS = 4, 6, 2
 VARIANTS = ("full", "irl_ranked", "clearance")
 

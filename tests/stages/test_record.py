@@ -26,6 +26,8 @@ from tests.factories import ITEMS, RULES, appearances, random_demos, save_model
 from tests.stages.facts import refuses, run_as_listed
 from tests.viewer.example import read, read_timed
 
+pytestmark = pytest.mark.slow
+
 SCENES, STARTS, STEPS, SAMPLES = 4, 2, 5, 20
 
 

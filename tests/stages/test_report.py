@@ -20,6 +20,8 @@ from pipeline.stages.report import HEADLINES, TABLES, main
 from pipeline.world.layout import SYMBOLS, add_item
 from tests.report import factory
 
+pytestmark = pytest.mark.slow
+
 VARIANTS = ("full", "clearance")
 METRICS = {
     "scenes": {"world": {"largest_difference": 0.01}},

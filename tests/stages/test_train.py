@@ -23,6 +23,8 @@ from pipeline.training.runner import _batches, _jobs
 from pipeline.training.vae.engines import engine
 from tests.stages.facts import run_as_listed
 
+pytestmark = pytest.mark.slow
+
 SMALL = ["seeds=[0,1]", "n_demos=[1,2]", "main_n_demos=2", "train.steps=4", "train.curve_every=2", "workers=1"]
 SMALL += ["train.engine=simd", "checkpoints=[0,2,50]"]
 

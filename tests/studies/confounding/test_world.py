@@ -12,6 +12,8 @@ from pipeline.world.layout import Items, Layouts, point_segment_distance, segmen
 from studies.confounding.world import GLASS, PLATE, Setting, confounded_layouts
 from tests.factories import RULES
 
+pytestmark = pytest.mark.slow
+
 # Per symbol a training item (0-3) and another one (4-7); the plate and the glass of the latter are oval.
 ITEMS = Items(
     np.tile(np.arange(4), 2),

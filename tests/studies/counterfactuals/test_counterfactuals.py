@@ -20,6 +20,8 @@ from studies.counterfactuals import stage
 from tests.factories import models_in_rendered_scenes
 from tests.stages.facts import names_a_missing_model, refuses, run_as_listed
 
+pytestmark = pytest.mark.slow
+
 SCENES, PATHS = 6, 24
 VARIANTS = ("full", "clearance")
 ROOM_M = 0.03  # around an item's shadow

@@ -19,6 +19,8 @@ from studies.envelope import stage
 from tests.factories import models_in_rendered_scenes, symbols_added, write_rendered
 from tests.stages.facts import refuses, run_as_listed
 
+pytestmark = pytest.mark.slow
+
 SCENES = 10
 VARIANTS = ("full", "clearance")
 
