@@ -6,7 +6,7 @@ from numpy import ndarray as Array
 
 from pipeline.world.bezier import Z_HIGH, Z_LOW
 
-NULLS = NEAREST, POSITION = "nearest_demonstration", "position_only"  # names in result tables
+IMAGE_BLIND_BASELINES = NEAREST, POSITION = "nearest_demonstration", "position_only"  # names in result tables
 
 
 def nearest_demonstration(
@@ -24,6 +24,3 @@ def position_only(prior: Float[Array, "side side"], z_theta: Float[Array, "*path
     side = len(prior)
     cells = np.floor((z_theta - Z_LOW) / (Z_HIGH - Z_LOW) * side).astype(int).clip(0, side - 1)
     return prior[cells[..., 1], cells[..., 0]]
-
-
-nearest, position = nearest_demonstration, position_only  # names used by the first edition

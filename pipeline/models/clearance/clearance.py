@@ -25,7 +25,7 @@ PATH_SAMPLES = 160  # points along a path: at most 1 cm apart, so that clearance
 MARGIN_UNIT_M = 0.03  # unit of the margin parameter [m], so that one learning rate suits all parameters
 MIN_WIDTH_M = 0.003  # smallest transition width [m]: a third of a pixel, the limit of an outline's accuracy
 SHARPENING = 1.25  # factor on the log-odds of the members' mean, since averaged probabilities are underconfident
-EVIDENCE_PRICE = 6.0  # log-likelihood gain [nat] at which relevance is as credible as irrelevance
+EVIDENCE_PENALTY_NATS = 6.0  # log-likelihood gain [nat] at which relevance is as credible as irrelevance
 FEATURES_PER_MEMBER = 4  # number of features that each member uses
 FEATURE_BOUND = 1.5  # bound on standardised features [standard deviations over the training objects]
 
@@ -59,9 +59,8 @@ class ClearanceModel(ValidityModel):
     outlines that are far off. `p_nothing_missed` is the probability that no undetected object blocks the path.
 
     The members' mean is averaged with a constant `rate` by Akaike weights of the two models (Burnham and Anderson,
-    2002).
-    EVIDENCE_PRICE replaces the number of parameters, because averaged members fit the labels less closely than the best
-    one. Without labels, P(valid) is the constant.
+    2002). EVIDENCE_PENALTY_NATS replaces the number of parameters, because averaged members fit the labels less closely
+    than the best one. Without labels, P(valid) is the constant.
     """
 
     sees: Tensor
@@ -74,14 +73,14 @@ class ClearanceModel(ValidityModel):
     def __init__(self, members: int):
         super().__init__()
         self.weight = nn.Parameter(0.3 * torch.randn(members, 1 + 2 * len(FEATURES)))  # coefficients of relevance
-        seen = torch.rand(members, len(FEATURES)).argsort(-1) < FEATURES_PER_MEMBER
-        self.register_buffer("sees", torch.cat([torch.ones(members, 1), seen, seen], 1))  # 1: the member uses the term
+        used = torch.rand(members, len(FEATURES)).argsort(-1) < FEATURES_PER_MEMBER
+        self.register_buffer("sees", torch.cat([torch.ones(members, 1), used, used], 1))  # 1: the member uses the term
         self.margin = nn.Parameter(torch.zeros(members))  # [MARGIN_UNIT_M]; 0 is the object's outline
         self.width = nn.Parameter(torch.full((members,), float(np.log(0.01))))  # logarithm of the transition width [m]
         self.clear = nn.Parameter(torch.full((members,), 4.0))  # log-odds of p_nothing_missed
         self.register_buffer("centre", torch.zeros(len(FEATURES)))  # mean of the training objects' features
         self.register_buffer("spread", torch.ones(len(FEATURES)))  # their standard deviation
-        self.register_buffer("evidence", torch.tensor(-EVIDENCE_PRICE))  # log-odds that objects are relevant at all
+        self.register_buffer("evidence", torch.tensor(-EVIDENCE_PENALTY_NATS))  # log-odds that any object is relevant
         self.register_buffer("rate", torch.tensor(0.5))  # P(valid) if no object is relevant
 
     def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene object 12"]:
