@@ -101,12 +101,12 @@ class AveragedModel(ClearanceModel):
         """Return each member's log P(valid), given the paths' relations to the objects."""
         objects = PerceivedObjects.of(percept[:, : related.terms.shape[2]])
         features = (objects.features - self.centre) / self.spread
-        appearance = self.relevance_terms(features) @ (self.weight * self.sees).T
+        appearance = self.relevance_terms(features) @ (self.weight * self.feature_mask).T
         gate = self._gates(related.terms) @ (GATE * self.gate * self.uses).T  # (scene, path, near, member)
         relevance = (appearance[:, None] + gate).sigmoid() * objects.present[:, None, :, None]
         x = (MARGIN_UNIT_M * self.margin - related.clearance @ self._share().T) / (self.width.exp() + MIN_WIDTH_M)
         threat = (relevance * (0.5 + 0.5 * x / torch.sqrt(1 + x * x))).amax(-2).clamp(max=1 - 1e-6)
-        return (torch.log1p(-threat) + F.logsigmoid(self.clear)).movedim(-1, 0)
+        return (torch.log1p(-threat) + F.logsigmoid(self.logit_nothing_missed)).movedim(-1, 0)
 
     def _gates(self, terms: Float[Tensor, "scene path near term"]) -> Float[Tensor, "scene path near term"]:
         side, log_gap, progress, _ = terms.unbind(-1)
