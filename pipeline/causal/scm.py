@@ -26,15 +26,7 @@ from numpy import ndarray as Array
 
 from pipeline.world.bezier import random_z_theta
 
-PARENTS = {
-    "S": (),
-    "O": (),
-    "T": (),
-    "Z_theta": (),
-    "I": ("O", "T"),
-    "Z_I": ("I",),
-    "V": ("S", "Z_I", "Z_theta"),
-}
+PARENTS = {"S": (), "O": (), "T": (), "Z_theta": (), "I": ("O", "T"), "Z_I": ("I",), "V": ("S", "Z_I", "Z_theta")}
 Values = dict[str, Any]  # node -> its value in every unit (first axis: unit)
 Draw = Callable[[np.random.Generator, int], Any]  # generator, number of units -> noise of every unit
 Abduce = Callable[..., Any]  # generator, value, *parents -> noise of every unit, drawn given the node's value

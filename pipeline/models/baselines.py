@@ -10,9 +10,7 @@ IMAGE_BLIND_BASELINES = NEAREST, POSITION = "nearest_demonstration", "position_o
 
 
 def nearest_demonstration(
-    z_demos: Float[Array, "scene demo 2"],
-    valid_demos: Bool[Array, "scene demo"],
-    z_theta: Float[Array, "scene path 2"],
+    z_demos: Float[Array, "scene demo 2"], valid_demos: Bool[Array, "scene demo"], z_theta: Float[Array, "scene path 2"]
 ) -> Float[Array, "scene path"]:
     """Return P(valid), 0 or 1: the label of the scene's demonstration nearest in z_theta [m] (the first if tied)."""
     distances = np.linalg.norm(z_theta[:, :, None] - z_demos[:, None], axis=-1)  # (scene, path, demo)

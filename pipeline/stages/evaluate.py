@@ -181,10 +181,7 @@ def _metrics(cfg: DictConfig, summary: pd.DataFrame) -> dict:
     main = summary[summary["n_demos"] == cfg.main_n_demos]
     nested = {v: dict(zip(rows["split"], rows["mean"], strict=True)) for v, rows in main.groupby("variant", sort=False)}
     one = summary[(summary["n_demos"] == 1) & (summary["split"] == HEADLINE) & summary["variant"].isin(cfg.variants)]
-    return {
-        "accuracy": nested,
-        "accuracy_one_demo": {row.variant: {HEADLINE: row.mean} for row in one.itertuples()},
-    }
+    return {"accuracy": nested, "accuracy_one_demo": {row.variant: {HEADLINE: row.mean} for row in one.itertuples()}}
 
 
 if __name__ == "__main__":

@@ -38,11 +38,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         appearances[pool] = pd.DataFrame({"texture": textures, "render_seed": rng.integers(2**31, size=count)})
         images[pool] = render_scenes(layouts[pool], list(textures), appearances[pool]["render_seed"].tolist(), palette)
     calibration = random_layouts(
-        _generator(cfg, "calibration"),
-        cfg.scenes.calibration,
-        catalogue.footprints,
-        catalogue.pool("train"),
-        rules,
+        _generator(cfg, "calibration"), cfg.scenes.calibration, catalogue.footprints, catalogue.pool("train"), rules
     )
     prior = _position_prior(cfg, calibration)
     p_valid = _p_valid(cfg, calibration, catalogue, rules)

@@ -187,10 +187,7 @@ def _window(centre: Array, half: Array) -> tuple[slice, slice]:
     """Return the image rows and columns within `half` [m] of `centre`, clipped to the table."""
     column_low, column_high = np.floor((centre[0] + np.array([-half[0], half[0]])) * SIDE).astype(int)
     row_low, row_high = np.floor((1 - centre[1] + np.array([-half[1], half[1]])) * SIDE).astype(int)
-    return (
-        slice(max(row_low, 0), min(row_high + 1, SIDE)),
-        slice(max(column_low, 0), min(column_high + 1, SIDE)),
-    )
+    return (slice(max(row_low, 0), min(row_high + 1, SIDE)), slice(max(column_low, 0), min(column_high + 1, SIDE)))
 
 
 def _apply_lighting(
