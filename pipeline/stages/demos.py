@@ -36,7 +36,9 @@ class Recorded:
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write demos.parquet, trajectories.npz and queries.npz."""
-    layouts = read_scenes(Path(cfg.paths.scenes)).layouts
+    scenes = read_scenes(Path(cfg.paths.scenes))
+    scenes.check_has(*map(train_pool, [*cfg.seeds, *cfg.validation_seeds]))
+    layouts = scenes.layouts
     recorded = _record(cfg, layouts)
     fits = fit(recorded.samples[:, 1:3], recorded.offsets, cfg.demos.poor_above_m)
     demos = recorded.keys.assign(
@@ -60,7 +62,7 @@ def _record(cfg: DictConfig, layouts: dict[str, Layouts]) -> Recorded:
         (seed, user, scene, demo)
         for seed in sorted([*cfg.seeds, *cfg.validation_seeds])
         for user in sorted(cfg.users)
-        for scene in range(len(_training(layouts, seed)))
+        for scene in range(len(layouts[train_pool(seed)]))
         for demo in range(cfg.demos.per_scene)
     ]
     from_csv = _read_trajectories(cfg, set(keys))
@@ -126,13 +128,6 @@ def _queries(cfg: DictConfig, pool: str, layouts: Layouts) -> Queries:
     count = cfg.demos.queries_seen if pool in training else cfg.demos.queries_new
     z = random_z_theta(_generator(cfg, "queries", pool), len(layouts), count)
     return Queries(z, {user: valid(layouts, z, cfg.users[user]) for user in cfg.users})
-
-
-def _training(layouts: dict[str, Layouts], seed: int) -> Layouts:
-    """Return a seed's training scenes; InputError if stage scenes has not drawn them."""
-    if train_pool(seed) not in layouts:
-        raise InputError(f"no scenes {train_pool(seed)} among {sorted(layouts)}: run the scenes stage with seed {seed}")
-    return layouts[train_pool(seed)]
 
 
 def _generator(cfg: DictConfig, *names: str | int) -> np.random.Generator:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.planning.repair import OPTIMISERS, Ascent, repair
+from pipeline.planning.repair import Ascent, repair
 from pipeline.world.bezier import Z_HIGH, random_z_theta
 from tests.planning.hills import Flat, Hill, Slope
 
@@ -16,7 +16,7 @@ def ascent(optimiser: str, settle: bool = True, steps: int = 60) -> Ascent:
     return Ascent(steps, optimiser, RATES[optimiser], settle)
 
 
-@pytest.mark.parametrize("optimiser", OPTIMISERS)
+@pytest.mark.parametrize("optimiser", RATES)
 def test_every_optimiser_climbs_to_the_peak(optimiser: str):
     repairs = repair(Hill(), IMAGES, STARTS, ascent(optimiser))
     assert np.abs(repairs.z[:, :, -1] - [0.3, 0.8]).max() < 0.05
@@ -25,13 +25,13 @@ def test_every_optimiser_climbs_to_the_peak(optimiser: str):
     np.testing.assert_array_equal(repairs.z[:, :, 0], STARTS.astype(np.float32))
 
 
-@pytest.mark.parametrize("optimiser", OPTIMISERS)
+@pytest.mark.parametrize("optimiser", RATES)
 def test_a_model_that_ignores_the_path_moves_no_start(optimiser: str):
     repairs = repair(Flat(), IMAGES, STARTS, ascent(optimiser, steps=3))
     assert (repairs.z == repairs.z[:, :, :1]).all()
 
 
-@pytest.mark.parametrize("optimiser", OPTIMISERS)
+@pytest.mark.parametrize("optimiser", RATES)
 def test_steps_end_at_the_edge_of_the_square(optimiser: str):
     repairs = repair(Slope(), IMAGES, STARTS, ascent(optimiser, settle=False))
     np.testing.assert_allclose(repairs.z[:, :, -1, 0], Z_HIGH, rtol=1e-6)
