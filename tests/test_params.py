@@ -88,7 +88,8 @@ def test_every_study_runs_with_the_composed_parameters(profile: str):
         ("intervene.split=new_scenes", "intervene.split is 'new_scenes'", "repair.split = 'new_items'"),
         ("record.first=[nobody]", "record.first is ['nobody']", "some of full"),
         ("profile=none", "does not compose", "profile/none"),
-        ("no_such_key=1", "does not compose", "no_such_key"),
+        ("no_such_key=1", "unknown parameter 'no_such_key'", "conf/"),
+        ("users.careful={mug: 0.1}", "unknown parameter 'users.careful.mug'", "conf/"),
     ],
 )
 def test_a_wrong_parameter_is_named_with_what_was_expected(override: str, names: str, expected: str):
