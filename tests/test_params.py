@@ -10,8 +10,7 @@ from dvc.utils.hydra import compose_and_dump
 from omegaconf import OmegaConf
 
 from pipeline import params
-from pipeline.config.settings import BASELINES, NEEDS, Settings, is_study
-from pipeline.models import baselines
+from pipeline.config.settings import NEEDS, Settings, is_study
 from pipeline.models.registry import KINDS
 from pipeline.params import COMPOSED, CONF, GRAPH, compose, load, render, validate
 from pipeline.runtime.errors import InputError
@@ -76,7 +75,7 @@ def test_every_study_runs_with_the_composed_parameters(profile: str):
         ("+train.step=3", "unknown parameter 'train.step'", ""),
         ("train.steps=abc", "train.steps is 'abc'", "whole number"),
         ("train.engine=eager", "train.engine is 'eager'", "'auto', 'simd', 'cuda' or 'reference'"),
-        ("irl.across=1", "irl.across is 1", "boolean"),
+        ("irl.rank_across_scenes=1", "irl.rank_across_scenes is 1", "boolean"),
         ("users=null", "parameter users is None", "dictionary"),
         ("users.normal=3", "parameter users.normal is 3", "dictionary"),
         ("users.careful.glass=-0.01", "users.careful.glass is -0.01", "margin from 0 to 1 [m]"),
@@ -132,7 +131,6 @@ def test_an_interval_over_validation_scenes_needs_two_of_them():
 def test_names_in_the_parameters_are_those_of_the_library():
     variants = Settings.model_json_schema()["properties"]["variants"]["patternProperties"]
     assert set(next(iter(variants.values()))["discriminator"]["mapping"]) == set(KINDS)
-    assert {*BASELINES} <= {value for value in vars(baselines).values() if isinstance(value, str)} | set(BASELINES)
     assert set(NEEDS) <= {path.stem for path in (ROOT / "pipeline" / "stages").glob("*.py")} | {"report"}
 
 

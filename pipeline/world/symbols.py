@@ -14,7 +14,7 @@ Share = Annotated[float, Field(ge=0, le=1)]
 class Symbol(BaseModel, extra="forbid", strict=True, frozen=True):
     """The appearance of one kind of item; the defaults suit an opaque, flat object."""
 
-    bowed: Share = 0.0  # gain in brightness of a hollow item on the side away from the lamp
+    concavity: Share = 0.0  # gain in brightness of a hollow item on the side away from the lamp
     shadow: Share = 0.34  # share of the lamp's light that its shadow blocks
     height_m: Share = 0.009  # height that shifts its shadow away from the lamp [m]
     transparent: bool = False  # the table shows through, but the rim casts the shadow of a solid item
