@@ -16,7 +16,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from pipeline.config.graph import FITTED, stage_entry
-from pipeline.params import CONF, GRAPH, PARAMS, drop_absent, load, need, read_by, refuse_unread, validate
+from pipeline.params import CONF, GRAPH, PARAMS, drop_absent, explained, load, need, read_by, refuse_unread, validate
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.memory import disable_malloc_trim
 
@@ -111,7 +111,7 @@ def _from_hydra(main: Main, stage: str, argv: list[str]) -> None:
             raise
 
     # Hydra names its folders after the job; argparse wants all overrides in a row
-    overrides = [argument for argument in argv if ("=" in argument and argument[0] != "-") or argument[0] in "~+"]
+    overrides = [argument for argument in argv if re.match(r"[~+]|(?!-).*=", argument)]
     flags = [argument for argument in argv if argument not in overrides]
     if not any(override.startswith("hydra.job.name=") for override in overrides):
         overrides.insert(0, f"hydra.job.name={stage}")
@@ -121,7 +121,7 @@ def _from_hydra(main: Main, stage: str, argv: list[str]) -> None:
     try:
         hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run)()
     except HydraException as error:
-        raise InputError(str(error)) from error
+        raise InputError(explained(error)) from error
 
 
 def _job(main: Main, stage: str, cfg: DictConfig, overrides: list[str], folder: Path) -> float | None:

@@ -45,11 +45,17 @@ def compose(overrides: Sequence[str] = ()) -> DictConfig:
             cfg = hydra_compose("config", overrides=list(overrides))
         OmegaConf.resolve(cfg)
     except (HydraException, OmegaConfBaseException, yaml.YAMLError) as error:
-        raise InputError(f"conf/ with overrides {list(overrides)} does not compose: {error}") from error
+        raise InputError(f"conf/ with overrides {list(overrides)} does not compose: {explained(error)}") from error
     if all(isinstance(value, DictConfig) for value in (cfg.variants, cfg.users, cfg.evaluate, cfg.record, cfg.report)):
         drop_absent(cfg)
     validate(cfg)
     return cfg
+
+
+def explained(error: Exception) -> str:
+    """Return Hydra's message, or the unknown parameter, which that leaves out if it is in an override's dictionary."""
+    name = getattr(error.__cause__, "full_key", None)
+    return f"unknown parameter {name!r} (see conf/; + in front of the override adds it)" if name else str(error)
 
 
 def drop_absent(cfg: DictConfig) -> None:
