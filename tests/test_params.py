@@ -68,7 +68,7 @@ def test_every_profile_and_protocol_composes_for_graph_and_studies(choice: str):
         ("+train.step=3", "unknown parameter 'train.step'", ""),
         ("train.steps=abc", "train.steps is 'abc'", "whole number"),
         ("train.engine=eager", "train.engine is 'eager'", "'auto', 'simd', 'cuda' or 'reference'"),
-        ("irl.across=1", "irl.across is 1", "boolean"),
+        ("irl.rank_across_scenes=1", "irl.rank_across_scenes is 1", "boolean"),
         ("users=null", "parameter users is None", "dictionary"),
         ("users.normal=3", "parameter users.normal is 3", "dictionary"),
         ("users.careful.glass=-0.01", "users.careful.glass is -0.01", "margin from 0 to 1 [m]"),

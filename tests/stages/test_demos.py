@@ -10,7 +10,7 @@ from omegaconf import DictConfig, OmegaConf
 from pipeline.artifacts.demos import DEMO_KEY, demo_arrays, read_demos, read_queries, read_trajectories
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool, write_scenes
 from pipeline.stages.demos import main
-from pipeline.world.hand import keeps
+from pipeline.world.hand import valid_trajectories
 from pipeline.world.layout import SYMBOLS, Layouts
 from pipeline.world.rules import valid
 from tests.factories import appearances, composed, with_value
@@ -75,7 +75,7 @@ def test_labels_are_of_the_lines_that_hands_drew_and_not_of_the_fitted_paths(cfg
         layouts, first, last = scenes.layouts[train_pool(seed)], rows.index[0], rows.index[-1] + 1
         samples = recordings[0][recordings[1][first] : recordings[1][last]].astype(float)
         offsets = recordings[1][first : last + 1] - recordings[1][first]
-        of_lines = keeps(layouts, samples, offsets, dict(cfg.users[user])).ravel()
+        of_lines = valid_trajectories(layouts, samples, offsets, dict(cfg.users[user])).ravel()
         np.testing.assert_array_equal(rows["valid"].to_numpy(), of_lines)
         z, _ = demo_arrays(demos, seed, user, cfg.demos.per_scene)
         of_fits += list(valid(layouts, z, dict(cfg.users[user])).ravel() == of_lines)

@@ -7,7 +7,7 @@ from pipeline.models.base import to_tensor
 from pipeline.models.irl import reward_map
 from pipeline.models.irl.reward_map import SYMMETRIES, RewardMap, contrast, path_return, path_weights, transform
 from pipeline.models.registry import build
-from pipeline.perception.background import FLOOR, subtract_background
+from pipeline.perception.background import MIN_COLOUR_STD, subtract_background
 from pipeline.world.bezier import curve, lattice
 
 SHAPE = {"channels": 8, "dilated": 2, "gain": 10.0, "dropout": 0.0, "lattice_side": 12}
@@ -94,7 +94,7 @@ def test_an_object_stands_out_from_an_unevenly_lit_table_and_rewards_have_a_ceil
     assert (drawn(ceiling=True).reward(seen.double()) <= 0).all()
     assert (drawn(ceiling=False).reward(seen.double()) > 0).any()
     _, whitening = subtract_background(torch.full((1, 3, 100, 100), 0.5))  # of one colour: in grey levels
-    torch.testing.assert_close(whitening[0], torch.eye(3) / FLOOR, rtol=1e-3, atol=0.1)
+    torch.testing.assert_close(whitening[0], torch.eye(3) / MIN_COLOUR_STD, rtol=1e-3, atol=0.1)
 
 
 def test_the_logit_of_the_percept_is_scaled_soft_regret_and_its_gradient_is_right():
