@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from pipeline.report.render import FORMATS
+from pipeline.report.page import FORMATS
 from pipeline.report.style import COLOURS, label
 
 README, METRICS = Path("README.md"), Path("reports/metrics.json")

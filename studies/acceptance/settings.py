@@ -5,10 +5,10 @@ from typing import Annotated
 from pydantic import AfterValidator
 
 from pipeline.config import settings as parameters_of_all
-from pipeline.config.values import Between, Count, Group, Some, Whole, expected, need, rising
+from pipeline.config.values import Between, Count, Some, StudyGroup, Whole, expected, need, rising
 
 
-class Settings(Group):
+class Settings(StudyGroup):
     """Parameters of conf/studies/acceptance.yaml, which explains each value."""
 
     variants: Some

@@ -1,13 +1,26 @@
 """Parameters of the confounding study (conf/studies/confounding.yaml) and their constraints."""
 
 from pipeline.config.settings import Settings as Parameters
-from pipeline.config.values import Chance, Count, Group, Length, Name, Names, Pair, Several, Share, Some, Whole, need
+from pipeline.config.values import (
+    Chance,
+    Count,
+    Length,
+    Name,
+    Names,
+    Pair,
+    Several,
+    Share,
+    Some,
+    StudyGroup,
+    Whole,
+    need,
+)
 from studies.confounding.world import CONFOUNDED, CONTROL
 
 STUDY = "studies.confounding"
 
 
-class Settings(Group):
+class Settings(StudyGroup):
     """Parameters of conf/studies/confounding.yaml."""
 
     root_seed: Whole

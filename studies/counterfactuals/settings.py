@@ -6,10 +6,10 @@ from pydantic import Field
 
 from pipeline.config import settings as parameters_of_all
 from pipeline.config.stages import SharedSplit
-from pipeline.config.values import Count, Group, Several, Whole, expected, need
+from pipeline.config.values import Count, Several, StudyGroup, Whole, expected, need
 
 
-class Settings(Group):
+class Settings(StudyGroup):
     """Parameters of conf/studies/counterfactuals.yaml, which explains each value."""
 
     split: SharedSplit

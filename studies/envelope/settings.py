@@ -1,10 +1,10 @@
 """Parameters of the study (conf/studies/envelope.yaml) and their constraints."""
 
 from pipeline.config import settings as parameters_of_all
-from pipeline.config.values import Count, Group, Length, Several, Whole, need
+from pipeline.config.values import Count, Length, Several, StudyGroup, Whole, need
 
 
-class Settings(Group):
+class Settings(StudyGroup):
     """Parameters of conf/studies/envelope.yaml, which explains each value."""
 
     planner: str

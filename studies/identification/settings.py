@@ -6,7 +6,7 @@ from pydantic import AfterValidator, Field
 
 from pipeline.config import settings as parameters_of_all
 from pipeline.config.stages import SharedSplit
-from pipeline.config.values import Between, Count, Group, Margin, Whole, need, need_some
+from pipeline.config.values import Between, Count, Margin, StudyGroup, Whole, need, need_some
 from pipeline.world.symbols import SYMBOLS
 
 
@@ -16,7 +16,7 @@ def every_symbol(margins: dict[str, float | None]) -> dict[str, float | None]:
     return {symbol: margins.get(symbol) for symbol in SYMBOLS}
 
 
-class Settings(Group):
+class Settings(StudyGroup):
     """Parameters of conf/studies/identification.yaml, which explains each value."""
 
     split: SharedSplit

@@ -5,11 +5,11 @@ from typing import Annotated
 from pydantic import AfterValidator, Field
 
 from pipeline.config.settings import Settings as Parameters
-from pipeline.config.values import Count, Group, Length, Names, Several, Whole, expected, need, rising
+from pipeline.config.values import Count, Length, Names, Several, StudyGroup, Whole, expected, need, rising
 from pipeline.world.layout import SIDE
 
 
-class Settings(Group):
+class Settings(StudyGroup):
     """Parameters of conf/studies/refutation.yaml."""
 
     root_seed: Whole

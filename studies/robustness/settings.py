@@ -5,7 +5,19 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator
 
 from pipeline.config.settings import Settings as Parameters
-from pipeline.config.values import Count, Group, Several, Shares, Some, Strengths, Whole, expected, need, rising
+from pipeline.config.values import (
+    Count,
+    Group,
+    Several,
+    Shares,
+    Some,
+    Strengths,
+    StudyGroup,
+    Whole,
+    expected,
+    need,
+    rising,
+)
 
 SharedSplit = Annotated[
     Literal["new_scenes", "new_items"], expected("a split that all seeds share, one of new_scenes, new_items")
@@ -22,7 +34,7 @@ class Corruptions(Group):
     arm: Shares | None = None
 
 
-class Settings(Group):
+class Settings(StudyGroup):
     """Parameters of conf/studies/robustness.yaml."""
 
     root_seed: Whole

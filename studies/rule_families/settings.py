@@ -4,14 +4,14 @@ from typing import Literal
 
 from pipeline.config.models import Schedule
 from pipeline.config.settings import Settings as Parameters
-from pipeline.config.values import Count, Distance, Group, Several, Some, need
+from pipeline.config.values import Count, Distance, Several, Some, StudyGroup, need
 
 
 class Averaged(Schedule):
     members: Count
 
 
-class Settings(Group):
+class Settings(StudyGroup):
     """Parameters of conf/studies/rule_families.yaml."""
 
     scenes: Several

@@ -102,10 +102,15 @@ def test_a_model_that_accepts_every_path_is_unsafe_and_loses_accuracy_to_clutter
     assert accepting["accuracy"].is_monotonic_decreasing and accepting["loss"].iloc[-1] > 0
 
 
-def test_one_scene_is_kept_as_an_example_of_each_corruption(cfg: DictConfig, out: Path):
-    images = read_arrays(out / "examples.npz")
-    assert list(images) == ["none", *cfg.studies.robustness.corruptions, "texture", "clutter"]
-    assert len({image.tobytes() for image in images.values()}) == len(images)
+def test_one_scene_is_kept_as_an_example_of_each_corruption_and_texture(cfg: DictConfig, out: Path):
+    study, examples = cfg.studies.robustness, read_arrays(out / "examples.npz")
+    strongest = [f"{name} {strengths[-1]}" for name, strengths in study.corruptions.items()]
+    textures = [f"texture {name}" for name in study.textures]
+    assert examples["names"].tolist() == ["none 0", *strongest, *textures, f"clutter {study.clutter[-1]}"]
+    assert len({image.tobytes() for image in examples["images"]}) == len(examples["names"])
+    assert (examples["truth"][0] == examples["truth"][1]).all(), "shade changes the image and not the truth"
+    assert (examples["truth"][-1] <= examples["truth"][0]).all(), "an added item forbids paths and allows none"
+    assert examples["clearance"].shape == examples["truth"].shape
 
 
 def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
