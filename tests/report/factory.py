@@ -94,6 +94,7 @@ def results(variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MAR
             "data_md5": "9bf8cba6a5daf2c6",
             "root_seed": 2040,
             "profile": "paper",
+            "studies": {"robustness": "How much do worse images hurt?"},
             "scenes_per_seed": 20,
             "test_scenes": SCENES,
             "repair_steps": STEPS,
