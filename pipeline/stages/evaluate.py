@@ -21,7 +21,6 @@ from pipeline.stats.crossed import estimate, quartiles
 from pipeline.stats.scores import DECISION, accuracy, auroc, brier, expected_calibration_error, reliability
 from pipeline.stats.tests import LEVEL, holm, paired_wilcoxon
 
-NEAREST, POSITION = "nearest_demonstration", "position_only"
 MODEL = ["user", "n_demos", "seed", "split"]
 QUERY = [*MODEL, "scene", "query"]
 COMPARED = [
@@ -101,13 +100,13 @@ def _baselines(cfg: DictConfig, truth: pd.DataFrame) -> list[pd.DataFrame]:
     prior, demos, parts = read_position_prior(Path(cfg.paths.scenes)), read_demos(Path(cfg.paths.demos)), []
     for (user, n, seed, split), rows in truth.groupby(MODEL, observed=True, sort=False):
         z = rows[["z_x", "z_y"]].to_numpy()
-        parts.append(rows.assign(variant=POSITION, p=baselines.position_only(prior[user], z)))
+        parts.append(rows.assign(variant=baselines.POSITION, p=baselines.position_only(prior[user], z)))
         if cfg.protocol.splits[split] is None:
             shape = (rows["scene"].nunique(), -1, 2)
             p = baselines.nearest_demonstration(*demo_arrays(demos, seed, user, n), z.reshape(shape))
-            parts.append(rows.assign(variant=NEAREST, p=p.ravel()))
+            parts.append(rows.assign(variant=baselines.NEAREST, p=p.ravel()))
     columns = [*QUERY, "p", "valid", "variant"]
-    return [table[columns] for table in sorted(parts, key=lambda rows: rows["variant"].iloc[0] != NEAREST)]
+    return [table[columns] for table in sorted(parts, key=lambda rows: rows["variant"].iloc[0] != baselines.NEAREST)]
 
 
 def _accuracies(predictions: pd.DataFrame, bins: int) -> pd.DataFrame:
