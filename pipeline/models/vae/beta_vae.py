@@ -69,7 +69,7 @@ class BetaVae(ValidityModel):
 
     @torch.no_grad()
     def _smooth_decoder(self) -> None:
-        """Start from smooth images and little noise: 600 steps then suffice (docs/decisions/025-convergence.md).
+        """Start from smooth images and little noise: 500 steps then suffice (docs/decisions/025-convergence.md).
 
         The transposed convolutions interpolate bilinearly (Long et al., 2015, "Fully convolutional networks"); random
         kernels draw a checkerboard instead. The first layer's weights are nearly the same for all cells of a channel.
