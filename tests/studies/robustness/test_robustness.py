@@ -9,7 +9,7 @@ import pytest
 import torch
 from omegaconf import DictConfig, OmegaConf
 
-from pipeline.artifacts.files import read_table, write_arrays
+from pipeline.artifacts.files import read_arrays, read_table, write_arrays
 from pipeline.artifacts.scenes import SceneSet, read_scenes, write_scenes
 from pipeline.models.clearance.clearance import ClearanceModel
 from pipeline.models.registry import build
