@@ -60,18 +60,18 @@ def usage(main: Main, stage: str) -> str:
     text = (importlib.import_module(module).__doc__ or "").strip() if "." in module else ""
     cfg = load(CONF.parent / PARAMS)
     entry = stage_entry(stage) or {}
-    lines = [text, USAGE.format(module=module, stage=stage, out=_folder(_root(cfg, stage), stage, cfg))]
+    lines = [text, USAGE.format(module=module, stage=stage, out=_dvc_folder(cfg, stage))]
     lines += ["Reads:", *(f"  {dep}" for dep in entry.get("deps", []) if not dep.startswith(("pipeline/", "studies/")))]
     outs = [out for key in ("outs", "metrics") for out in entry.get(key, [])]
     lines += ["Writes:", *(f"  {out if isinstance(out, str) else next(iter(out))}" for out in outs)]
     lines += [f"Parameters (conf/ says what each is; these are of profile {cfg.profile}):"]
-    lines += [f"  {line}" for line in (read_by(cfg, stage) or "").splitlines()]
+    lines += [f"  {line}" for line in read_by(cfg, stage).splitlines()]
     return "\n".join(lines).replace("${item.variant}", cfg.variant)
 
 
-def _root(cfg: DictConfig, stage: str) -> Path:
+def _dvc_folder(cfg: DictConfig, stage: str) -> Path:
     """Return the folder in which DVC keeps the stage's files."""
-    return Path(cfg.paths[stage]) if stage in cfg.paths else Path(cfg.paths.studies) / stage
+    return _folder(Path(cfg.paths[stage]) if stage in cfg.paths else Path(cfg.paths.studies) / stage, stage, cfg)
 
 
 def _folder(folder: Path, stage: str, cfg: DictConfig) -> Path:
@@ -88,7 +88,7 @@ def _from_params(main: Main, stage: str, argv: list[str]) -> None:
     cfg = load(Path(argv[index + 1]), overrides, [stage] if overrides else [*GRAPH, stage])
     refuse_unread(cfg, stage, overrides)
     need(cfg, "seed", cfg.seed is None, "null, since DVC keeps the files of all seeds; for one, leave --params out")
-    out_dir = _folder(_root(cfg, stage), stage, cfg)
+    out_dir = _dvc_folder(cfg, stage)
     out_dir.mkdir(parents=True, exist_ok=True)
     main(cfg, out_dir)
 
@@ -135,7 +135,7 @@ def _job(main: Main, stage: str, cfg: DictConfig, overrides: list[str], folder: 
     refuse_unread(cfg, stage, overrides)
     start = time.perf_counter()
     value = main(cfg, _folder(folder, stage, cfg))
-    digest = hashlib.sha256((read_by(cfg, stage) or OmegaConf.to_yaml(cfg)).encode()).hexdigest()[:12]
+    digest = hashlib.sha256(read_by(cfg, stage).encode()).hexdigest()[:12]
     logging.getLogger(stage).info("done in %.1f s, parameters %s: %s", time.perf_counter() - start, digest, overrides)
     return value
 

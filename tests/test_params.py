@@ -162,7 +162,7 @@ def test_a_stage_is_not_refused_for_what_another_needs():
     cfg = load(ROOT / "params.yaml")
     cfg.users, cfg.evaluate.users = {"aggressive": dict.fromkeys(SYMBOLS)}, ["aggressive"]
     validate(cfg, ["train"])
-    with pytest.raises(InputError, match="users: at least one user must have a margin"):
+    with pytest.raises(InputError, match="expected at least one user with a margin"):
         validate(cfg, ["repair"])
 
 
