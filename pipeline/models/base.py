@@ -15,6 +15,7 @@ from pipeline.runtime.errors import InputError
 from pipeline.world.layout import SIDE
 
 Array = np.ndarray
+MAX_ABS_Z_M = 2.0  # largest coordinate of a control point on this table [m]; larger values are most likely pixels
 SCENES_PER_BATCH = 32  # keeps activations in the cache; changes results at most in the last bit
 
 
@@ -29,7 +30,7 @@ def check_images(images: Any) -> None:
 
 
 def check_paths(z_theta: Any, scenes: int, name: str = "z_theta") -> None:
-    """Raise InputError, which calls the argument `name`, unless z_theta is finite and of shape (scenes, path, 2)."""
+    """Raise InputError, which calls the argument `name`, unless z_theta is metres of shape (scenes, path, 2)."""
     if not isinstance(z_theta, np.ndarray) or z_theta.dtype.kind not in "fiu":
         given = getattr(z_theta, "dtype", type(z_theta).__name__)
         raise InputError(f"{name} is {given}: expected an array of numbers [m]")
@@ -40,6 +41,8 @@ def check_paths(z_theta: Any, scenes: int, name: str = "z_theta") -> None:
         )
     if not np.isfinite(z_theta).all():
         raise InputError(f"{name} has NaN or infinite values: drop those paths")
+    if (largest := float(np.abs(z_theta).max(initial=0.0))) > MAX_ABS_Z_M:
+        raise InputError(f"{name} reaches {largest:.3g}: expected metres within [-0.2, 1.2]; 100 pixels are one metre")
 
 
 def to_tensor(images: UInt8[Array, "scene 100 100 3"]) -> Float[Tensor, "scene 3 100 100"]:
@@ -79,7 +82,7 @@ class ValidityModel(nn.Module, ABC):
     ) -> Float[Array, "scene path"]:
         """Return P(valid) of each path [m] as float32; switches to `eval()` mode and keeps no gradient.
 
-        Raises InputError unless images are uint8 (scene, 100, 100, 3) and paths are finite (scene, path, 2).
+        Raises InputError unless images are uint8 (scene, 100, 100, 3) and paths are finite metres (scene, path, 2).
         """
         check_images(images)
         check_paths(z_theta, len(images))
