@@ -14,6 +14,7 @@ from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import read_table, write_json, write_table
 from pipeline.artifacts.models import PREDICTION_COLUMNS, fitted_n_demos, model_dir
 from pipeline.artifacts.scenes import read_position_prior, train_pool
+from pipeline.config.settings import NEAREST, POSITION
 from pipeline.launch import launch
 from pipeline.models import baselines
 from pipeline.runtime.errors import InputError
@@ -100,13 +101,13 @@ def _baselines(cfg: DictConfig, truth: pd.DataFrame) -> list[pd.DataFrame]:
     prior, demos, parts = read_position_prior(Path(cfg.paths.scenes)), read_demos(Path(cfg.paths.demos)), []
     for (user, n, seed, split), rows in truth.groupby(MODEL, observed=True, sort=False):
         z = rows[["z_x", "z_y"]].to_numpy()
-        parts.append(rows.assign(variant=baselines.POSITION, p=baselines.position_only(prior[user], z)))
+        parts.append(rows.assign(variant=POSITION, p=baselines.position_only(prior[user], z)))
         if cfg.protocol.splits[split] is None:
             shape = (rows["scene"].nunique(), -1, 2)
             p = baselines.nearest_demonstration(*demo_arrays(demos, seed, user, n), z.reshape(shape))
-            parts.append(rows.assign(variant=baselines.NEAREST, p=p.ravel()))
+            parts.append(rows.assign(variant=NEAREST, p=p.ravel()))
     columns = [*QUERY, "p", "valid", "variant"]
-    return [table[columns] for table in sorted(parts, key=lambda rows: rows["variant"].iloc[0] != baselines.NEAREST)]
+    return [table[columns] for table in sorted(parts, key=lambda rows: rows["variant"].iloc[0] != NEAREST)]
 
 
 def _accuracies(predictions: pd.DataFrame, bins: int) -> pd.DataFrame:
