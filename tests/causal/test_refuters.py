@@ -5,7 +5,7 @@ import pytest
 
 from pipeline.causal.interventions import estimate_effects
 from pipeline.causal.refuters import data_subset, mean_over_paths, placebo_patch
-from pipeline.stats.crossed import SMALLEST_EFFECT
+from pipeline.stats.tests import SMALLEST_EFFECT
 
 
 def test_a_placebo_keeps_the_item_s_pixels_in_its_place_and_changes_no_other_pixel():
