@@ -183,6 +183,7 @@ if __name__ == "__main__":
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # ignored, where the tests run behind `&`
     )  # fmt: skip
     while len(workers := psutil.Process(stage.pid).children(recursive=True)) < 3:  # two, and what keeps track of them
+        assert stage.poll() is None, "it ended before its workers began"
         time.sleep(0.1)
     time.sleep(2)  # in the middle of their imports
     os.killpg(stage.pid, signal.SIGINT)

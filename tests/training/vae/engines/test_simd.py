@@ -166,8 +166,8 @@ def in_another_process(**environment: str) -> str:
         "torch.set_num_threads(1); print(LANES, digest(stacked([3])[0][0]))"
     )
     command = [sys.executable, "-c", code]
-    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, env=os.environ | environment)
-    return result.stdout.strip()
+    there = {"cwd": ROOT, "env": os.environ | environment, "timeout": 600}
+    return subprocess.run(command, capture_output=True, text=True, check=True, **there).stdout.strip()
 
 
 def test_demonstrations_that_never_vary_get_the_constant_head_of_the_reference():
