@@ -151,7 +151,7 @@ def test_results_pushed_to_a_remote_arrive_in_a_fresh_clone(clone: Path, tmp_pat
         run(clone, "dvc", "remote", "remove", "--local", "lab")
     run(fresh, "dvc", "pull")
     nothing_is_rerun(fresh)
-    assert (fresh / "outputs/record/overview.rrd").is_file()
+    assert (fresh / "outputs/record/runs/overview.rrd").is_file()
 
 
 def test_pulling_what_was_never_pushed_is_no_error(clone: Path, tmp_path: Path):
