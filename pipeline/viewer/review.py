@@ -48,11 +48,9 @@ def recordings(folder: Path) -> dict[str, Path]:
 
 def worst(folder: Path) -> tuple[str, str]:
     """Return the run with the lowest accuracy of those there are, and a sentence that states this."""
-    here = recordings(folder)
+    rows, here = _listed(folder), recordings(folder).keys() - {OVERVIEW}
     try:
-        accuracy = {
-            row["run"]: float(row["accuracy"]) for row in _listed(folder) if row["run"] in here.keys() - {OVERVIEW}
-        }
+        accuracy = {row["run"]: float(row["accuracy"]) for row in rows if row["run"] in here}
     except (TypeError, ValueError):  # truncated, or not a number
         accuracy = {}
     if not accuracy or not all(0 <= share <= 1 for share in accuracy.values()):

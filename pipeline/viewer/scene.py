@@ -149,12 +149,12 @@ def jpeg(image: UInt8[Array, "100 100 3"]) -> rr.EncodedImage:
     return rr.EncodedImage(contents=file.tobytes(), media_type="image/jpeg")
 
 
-def p_classes(values: Array) -> UInt8[Array, "*map side side"]:
+def p_classes(values: Array) -> UInt8[Array, "*map"]:
     """Return the classes of P(valid) or of validity."""
     return (P_VALID + np.round(100 * values.astype(float))).astype(np.uint8)
 
 
-def effect_classes(values: Float[Array, "*map side side"]) -> UInt8[Array, "*map side side"]:
+def effect_classes(values: Float[Array, "*map"]) -> UInt8[Array, "*map"]:
     """Return the classes of differences of P(valid)."""
     return (EFFECT + np.round(50 * (1 + values))).astype(np.uint8)
 
