@@ -1,7 +1,4 @@
-"""Stage record: write a Rerun recording per variant, user and seed, an overview, and a digest of each file.
-
-Git keeps selection/, which a clone can open at once: the overview, and the worst run of each variant in `record.first`.
-"""
+"""Stage record: write a Rerun recording per variant, user and seed, an overview, and a digest of each file."""
 
 import shutil
 from itertools import product
@@ -16,18 +13,16 @@ from pipeline.artifacts.trained import check_weights
 from pipeline.launch import launch
 from pipeline.runtime.writing import atomic_write
 from pipeline.viewer.assemble import assemble, read_sources
-from pipeline.viewer.digest import digest, update
+from pipeline.viewer.digest import digest
 from pipeline.viewer.overview import write_overview
 from pipeline.viewer.run import write_run
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """Write runs/{variant}-{user}-s{seed}.rrd of every model at main_n_demos, selection/ and recordings.csv.
+    """Write runs/{variant}-{user}-s{seed}.rrd of every model at main_n_demos, runs/overview.rrd and recordings.csv.
 
     A user without margins has no runs if another has some: all their paths are valid. The overview shows the first
-    seed's models. The worst run of a variant is the one with the lowest accuracy in the scenes shown. A file in
-    selection/ is replaced only if its contents changed. recordings.csv holds each recording's digest, whether it is in
-    selection/, and the accuracy of runs.
+    seed's models. recordings.csv holds each recording's digest, and the accuracy of runs.
     """
     check_weights(cfg)
     sources = read_sources(cfg)
@@ -47,15 +42,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     compared.sort(key=lambda run: (*cfg.record.first, run.variant).index(run.variant))
     path = out_dir / "runs" / "overview.rrd"
     atomic_write(path, lambda part: write_overview(part, compared))
-    worst = pd.DataFrame(rows).set_index("run").groupby("variant")["accuracy"].idxmin()
-    selected = ["overview", *worst[list(cfg.record.first)]]
-    table = pd.DataFrame([*rows, {"run": "overview", "sha256": digest(path)}])
-    write_table(out_dir / "recordings.csv", table.assign(selected=table["run"].isin(selected)))
-    for name in selected:
-        update(out_dir / "selection" / f"{name}.rrd", out_dir / "runs" / f"{name}.rrd")
-    for path in (out_dir / "selection").iterdir():
-        if path.stem not in selected:
-            path.unlink()
+    write_table(out_dir / "recordings.csv", pd.DataFrame([*rows, {"run": "overview", "sha256": digest(path)}]))
 
 
 def _accuracy(cfg: DictConfig) -> pd.Series:

@@ -5,14 +5,11 @@ are therefore read with Rerun's reader, sorted and hashed.
 """
 
 import hashlib
-import shutil
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 from rerun.chunk import Chunk, RrdReader
-
-from pipeline.runtime.writing import atomic_write
 
 Cell = tuple[str, str, tuple[tuple[str, int], ...], bytes]  # entity, component, times, value
 
@@ -27,12 +24,6 @@ def digest(path: Path) -> str:
         for part in (entity.encode(), component.encode(), repr(times).encode(), value):
             hashed.update(len(part).to_bytes(8, "little") + part)
     return hashed.hexdigest()
-
-
-def update(path: Path, new: Path) -> None:
-    """Copy the recording `new` to `path` unless that has the same contents: git then has nothing to add."""
-    if not (path.is_file() and digest(path) == digest(new)):
-        atomic_write(path, lambda part: shutil.copyfile(new, part))
 
 
 def _cells(chunk: Chunk) -> list[Cell]:

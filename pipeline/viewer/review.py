@@ -23,15 +23,15 @@ from pipeline.viewer.digest import digest
 OVERVIEW, EXAMPLES = "overview", 5  # EXAMPLES: recordings listed in an error message
 
 
-def find(folder: Path, run: str) -> Path:
-    """Return the recording of `run`, or the overview, in the record stage's `folder`; InputError if there is none.
+def find(kept: Path, runs: Path, run: str) -> Path:
+    """Return the recording of `run`, or the overview; InputError if there is none.
 
-    Git keeps those in selection/; runs/ has all of them once the stage ran.
+    kept: the recordings in git; runs: those of stage record, which come first.
     """
-    here = recordings(folder)
+    here = recordings(kept, runs)
     if not here:
-        raise InputError(f"no recordings in {folder}: run `make repro` first")
-    if run not in here and run in {row["run"] for row in _listed(folder)}:
+        raise InputError(f"no recordings in {kept} or {runs}: run `make repro` first")
+    if run not in here and run in {row["run"] for row in _listed(kept)}:
         raise InputError(f"git does not keep {run}: run `make repro` first, or open one of {', '.join(here)}")
     if run not in here:
         raise InputError(
@@ -40,39 +40,37 @@ def find(folder: Path, run: str) -> Path:
     return here[run]
 
 
-def recordings(folder: Path) -> dict[str, Path]:
+def recordings(kept: Path, runs: Path) -> dict[str, Path]:
     """Return the recordings there are by name."""
-    paths = [*sorted((folder / "selection").glob("*.rrd")), *sorted((folder / "runs").glob("*.rrd"))]
-    return {path.stem: path for path in paths}
+    return {path.stem: path for folder in (kept, runs) for path in sorted(folder.glob("*.rrd"))}
 
 
-def worst(folder: Path) -> tuple[str, str]:
+def worst(kept: Path, runs: Path) -> tuple[str, str]:
     """Return the run with the lowest accuracy of those there are, and a sentence that states this."""
-    rows, here = _listed(folder), recordings(folder).keys() - {OVERVIEW}
+    rows, here = _listed(kept), recordings(kept, runs).keys() - {OVERVIEW}
     try:
         accuracy = {row["run"]: float(row["accuracy"]) for row in rows if row["run"] in here}
     except (TypeError, ValueError):  # truncated, or not a number
         accuracy = {}
     if not accuracy or not all(0 <= share <= 1 for share in accuracy.values()):
-        raise InputError(f"{folder / 'recordings.csv'} gives no accuracy from 0 to 1 for every run: run `make repro`")
+        raise InputError(f"{kept / 'recordings.csv'} gives no accuracy from 0 to 1 for every run: run `make repro`")
     run = min(accuracy, key=accuracy.__getitem__)
-    return run, f"{run}: accuracy {accuracy[run]:.1%}, the lowest of the {len(accuracy)} runs in {folder}"
+    return run, f"{run}: accuracy {accuracy[run]:.1%}, the lowest of the {len(accuracy)} recordings here"
 
 
-def check(folder: Path, run: str) -> None:
+def check(kept: Path, runs: Path, run: str) -> None:
     """Raise InputError unless Rerun can read the recording and its digest matches recordings.csv."""
-    path = find(folder, run)
+    path = find(kept, runs, run)
     verified = subprocess.run(
         [sys.executable, "-m", "rerun", "rrd", "verify", str(path)], capture_output=True, text=True
     )
     if verified.returncode:
         raise InputError(f"{path} is damaged: delete it and run `make repro`\n{verified.stderr.strip()}")
-    expected = {row["run"]: row["sha256"] for row in _listed(folder)}
+    expected = {row["run"]: row["sha256"] for row in _listed(kept)}
     contents = digest(path)
     if expected.get(run) != contents:
         raise InputError(
-            f"{path} has digest {contents}, recordings.csv says {expected.get(run)}: "
-            f"delete {folder} and run `make repro`"
+            f"{path} has digest {contents}, recordings.csv says {expected.get(run)}: delete it and run `make repro`"
         )
 
 
@@ -126,16 +124,17 @@ def _main() -> int:
     parser.add_argument("--web", action="store_true", help="serve Rerun's web viewer to this machine")
     parser.add_argument("--check", action="store_true", help="verify the file and compare its digest; no window")
     args = parser.parse_args()
-    folder = Path(load(PARAMS).paths.record)
+    paths = load(PARAMS).paths
+    folders = Path(paths.selection), Path(paths.record) / "runs"
     run = args.run
     if args.worst:
-        run, reason = worst(folder)
+        run, reason = worst(*folders)
         print(reason, flush=True)
     if args.check:
-        check(folder, run)
+        check(*folders, run)
         print(f"{run}: readable, and its digest is that of recordings.csv")
         return 0
-    return show(find(folder, run), args.web)
+    return show(find(*folders, run), args.web)
 
 
 if __name__ == "__main__":

@@ -145,7 +145,7 @@ def _sources(run: Run, name: str) -> str:
 - **Scenes' root seed:** {run.root_seed}
 
 To reproduce it, run `make repro` at this data version with these parameters.
-`python -m pipeline.viewer.review {name} --check` compares its contents with those of outputs/record/recordings.csv.
+`python -m pipeline.viewer.review {name} --check` compares its contents with their digest in recordings.csv.
 
 ```yaml
 {run.parameters}```

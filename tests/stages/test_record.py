@@ -113,7 +113,10 @@ def test_every_model_of_a_user_with_margins_has_a_recording_of_its_own_probabili
     cfg, folder = recorded
     names = [f"{variant}-{user}-s0" for variant in cfg.variants for user in ("careful", "normal")]
     assert sorted(p.stem for p in (folder / "record" / "runs").iterdir()) == sorted([*names, "overview"])
-    assert read_table(folder / "record" / "recordings.csv")["run"].tolist() == [*names, "overview"]
+    listed, scores = (read_table(folder / path) for path in ("record/recordings.csv", "evaluate/accuracy.parquet"))
+    assert listed["run"].tolist() == [*names, "overview"]
+    scores = scores[(scores["split"] == "new_items") & (scores["n_demos"] == 9) & (scores["user"] != "aggressive")]
+    assert np.allclose(listed["accuracy"][:-1], scores["accuracy"], atol=1e-6)
 
     scenes, scene = read_scenes(folder / "scenes"), 1
     path = folder / "record" / "runs" / "full-careful-s0.rrd"
@@ -132,27 +135,6 @@ def test_every_model_of_a_user_with_margins_has_a_recording_of_its_own_probabili
     assert np.array_equal(read_maps(path, f"predicted/{entity}", 9)[0], p_classes(predicted))
     right = read_maps(path, f"outcomes/{entity}", 9)[0] <= OUTCOME + ACCEPTED
     assert np.array_equal(right, (predicted > 0.5) == truth)
-
-
-def test_the_worst_run_of_each_first_variant_and_the_overview_are_selected(recorded: tuple[DictConfig, Path]) -> None:
-    _, folder = recorded
-    scores = read_table(folder / "evaluate" / "accuracy.parquet")
-    scores = scores[(scores["split"] == "new_items") & (scores["n_demos"] == 9) & (scores["variant"] == "classifier")]
-    worst = scores[scores["user"] != "aggressive"].sort_values("accuracy").iloc[0]
-    name = f"classifier-{worst['user']}-s0"
-    listed = read_table(folder / "record" / "recordings.csv").set_index("run")
-    assert listed.index[listed["selected"]].tolist() == [name, "overview"]
-    assert listed.loc[name, "accuracy"] == pytest.approx(worst["accuracy"], abs=1e-6)
-    assert {path.stem for path in (folder / "record" / "selection").iterdir()} == {name, "overview"}
-
-
-def test_selected_recordings_of_unchanged_contents_keep_their_bytes(cfg: DictConfig, tmp_path: Path) -> None:
-    main(cfg, tmp_path / "record")
-    selection = tmp_path / "record" / "selection"
-    before = {path.name: path.read_bytes() for path in selection.iterdir()}
-    (selection / "full-careful-s7.rrd").touch()  # of an earlier run
-    main(cfg, tmp_path / "record")
-    assert {path.name: path.read_bytes() for path in selection.iterdir()} == before
 
 
 def test_interventions_are_the_models_maps_and_the_stages_effects(recorded: tuple[DictConfig, Path]) -> None:
@@ -214,7 +196,7 @@ def test_true_slack_is_of_the_repairs_paths(recorded: tuple[DictConfig, Path]) -
 
 def test_the_overview_has_every_variant_of_the_users_with_margins(recorded: tuple[DictConfig, Path]) -> None:
     cfg, folder = recorded
-    chunks = RrdReader(folder / "record" / "selection" / "overview.rrd").stream().to_chunks()
+    chunks = RrdReader(folder / "record" / "runs" / "overview.rrd").stream().to_chunks()
     shown = {str(chunk.entity_path) for chunk in chunks if str(chunk.entity_path).endswith("/map")}
     assert shown == {f"/{user}/{name}/map" for user in ("careful", "normal") for name in ("truth", *cfg.variants)}
 

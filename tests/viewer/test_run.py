@@ -11,7 +11,7 @@ from rerun.chunk import RrdReader
 
 from pipeline.viewer.contents import ACCEPTED, FALSELY_INVALID, FALSELY_VALID, REJECTED, Run
 from pipeline.viewer.demonstrations import EVERY, POINTS
-from pipeline.viewer.digest import digest, update
+from pipeline.viewer.digest import digest
 from pipeline.viewer.geometry import boundary, footprints, on_map, on_table
 from pipeline.viewer.run import write_run
 from pipeline.viewer.scene import INVALID, OUTCOME, TIMELINES, VALID, classes, effect_classes, p_classes
@@ -195,16 +195,11 @@ def test_rerun_verifies_the_file_with_its_blueprint(run: Run, recording: Path) -
     assert len(reader.blueprints()) == 1
 
 
-def test_only_changed_contents_replace_a_file(run: Run, recording: Path, tmp_path: Path) -> None:
-    again, kept = tmp_path / "again.rrd", tmp_path / "kept.rrd"
+def test_the_digest_is_of_the_contents(run: Run, recording: Path, tmp_path: Path) -> None:
+    again = tmp_path / "again.rrd"
     write_run(again, run)
-    update(kept, recording)
-    update(kept, again)
-    assert digest(again) == digest(recording) and again.read_bytes() != recording.read_bytes()
-    assert kept.read_bytes() == recording.read_bytes()
-    write_run(again, replace(run, profile="demo"))
-    update(kept, again)
-    assert kept.read_bytes() == again.read_bytes()
+    assert digest(again) == digest(recording)
+    assert again.read_bytes() != recording.read_bytes()  # why bytes cannot be compared
 
 
 LAST = a_run().repairs[-1]
