@@ -62,7 +62,7 @@ def usage(main: Main, stage: str) -> str:
     entry = stage_entry(stage) or {}
     lines = [text, USAGE.format(module=module, stage=stage, out=_folder(_root(cfg, stage), stage, cfg))]
     lines += ["Reads:", *(f"  {dep}" for dep in entry.get("deps", []) if not dep.startswith(("pipeline/", "studies/")))]
-    outs = [out for key in ("outs", "metrics", "plots") for out in entry.get(key, [])]
+    outs = [out for key in ("outs", "metrics") for out in entry.get(key, [])]
     lines += ["Writes:", *(f"  {out if isinstance(out, str) else next(iter(out))}" for out in outs)]
     lines += [f"Parameters (conf/ says what each is; these are of profile {cfg.profile}):"]
     lines += [f"  {line}" for line in (read_by(cfg, stage) or "").splitlines()]

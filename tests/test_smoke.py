@@ -83,12 +83,6 @@ def test_metrics_are_a_screenful(clone: Path):
     assert all("error" not in file for file in shown.values()), "DVC takes a key named error for a failure"
 
 
-def test_plots_draw_a_line_a_variant(clone: Path, tmp_path: Path):
-    shown = json.loads(run(clone, "dvc", "plots", "show", "--json", "--out", str(tmp_path)))["data"]
-    assert {"accuracy by demonstrations", "calibration"} <= set(shown)
-    assert all("variant" in json.dumps(plot) for plot in shown.values())
-
-
 def test_one_recording_a_variant_user_and_seed(clone: Path):
     assert len(list((clone / "outputs/record/runs").glob("*.rrd"))) >= 6 * 3 * 2
 

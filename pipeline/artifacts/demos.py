@@ -47,8 +47,7 @@ def write_demos(out_dir: Path, demos: pd.DataFrame, samples: np.ndarray, offsets
         raise ValueError(f"{len(demos)} demonstrations do not match {len(offsets)} offsets into {len(samples)} samples")
     write_table(out_dir / "demos.parquet", demos[DEMO_COLUMNS])
     write_arrays(
-        out_dir / "trajectories.npz",
-        {"samples": samples.astype(np.float32), "offsets": offsets.astype(np.int64)},
+        out_dir / "trajectories.npz", {"samples": samples.astype(np.float32), "offsets": offsets.astype(np.int64)}
     )
 
 

@@ -49,7 +49,7 @@ class Irl(Group):
     scenes_per_step: Count
     n_augmentations: Count
     sparsity: Weight
-    across: bool
+    rank_across_scenes: bool
     curve_every: Count
     color_jitter: Jitter
 

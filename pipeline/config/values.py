@@ -73,7 +73,7 @@ def rising(values: list) -> list:
     return values
 
 
-def each_once(values: list) -> list:
+def unique(values: list) -> list:
     """Return the values; reject repeated ones."""
     if len(set(values)) != len(values):
         raise PydanticCustomError("expected", "{expected}", {"expected": "each one once"})
@@ -114,10 +114,10 @@ Name = Annotated[
     AfterValidator(_not_reserved),
     expected(f"a name of letters, digits, - and _ that begins with a letter, none of {', '.join(RESERVED)}"),
 ]
-Names = Annotated[list[str], AfterValidator(each_once)]
+Names = Annotated[list[str], AfterValidator(unique)]
 Some = Annotated[Names, Field(min_length=1)]
 Pair = Annotated[list[float], Field(min_length=2, max_length=2), expected("two numbers, the smaller first")]
-Seeds = Annotated[list[Whole], Field(min_length=1), AfterValidator(each_once)]
+Seeds = Annotated[list[Whole], Field(min_length=1), AfterValidator(unique)]
 Strengths = Annotated[
     list[Annotated[float, Field(gt=0)]], AfterValidator(rising), expected("numbers above 0, the smallest first")
 ]

@@ -40,10 +40,7 @@ class Repairs:
 
 
 def repair(
-    model: ValidityModel,
-    images: UInt8[Array, "scene 100 100 3"],
-    starts: Float[Array, "scene start 2"],
-    ascent: Ascent,
+    model: ValidityModel, images: UInt8[Array, "scene 100 100 3"], starts: Float[Array, "scene start 2"], ascent: Ascent
 ) -> Repairs:
     """Take `ascent.steps` steps from each start [m] along Delta = d log-odds(v = 1) / d z_theta; return all points.
 

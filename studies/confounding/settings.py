@@ -40,8 +40,8 @@ def agree(study: Settings, parameters: Parameters) -> None:
     layout, (low, high), worlds = parameters.scenes.layout, study.gap_m, list(study.worlds)
     both = f"{CONFOUNDED} and {CONTROL} among them"
     need({CONFOUNDED, CONTROL} <= set(worlds), f"{STUDY}.worlds", worlds, both)
-    together = study.worlds[CONTROL]
-    need(together == 0, f"{STUDY}.worlds.{CONTROL}", together, "0, no common cause")
+    p_common_cause = study.worlds[CONTROL]
+    need(p_common_cause == 0, f"{STUDY}.worlds.{CONTROL}", p_common_cause, "0, no common cause")
     lengths = f"two lengths from scenes.layout.clear_of_items = {layout.clear_of_items} on, the smaller first [m]"
     need(layout.clear_of_items <= low <= high, f"{STUDY}.gap_m", study.gap_m, lengths)
     room = layout.slots - max(layout.items_per_scene) + 1

@@ -17,7 +17,7 @@ from pipeline.artifacts.files import read_arrays, write_arrays, write_table
 from pipeline.artifacts.interventions import read_interventions
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.causal.added_items import added_item_effects, verdicts
-from pipeline.causal.interventions import judge
+from pipeline.causal.interventions import estimate_effects
 from pipeline.launch import launch
 from pipeline.runtime.errors import InputError
 from pipeline.stats.crossed import quartiles
@@ -38,7 +38,7 @@ VERSIONS = [
     CONFOUNDED,
     CONTROL,
 ]  # scenes of the questions: ordinary, with each added symbol, and other worlds
-N_ASKED = 1 + len(SYMBOLS)  # number of versions used by `verdicts`
+N_QUESTION_VERSIONS = 1 + len(SYMBOLS)  # number of versions used by `verdicts`
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
@@ -71,11 +71,11 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     effects, accuracies = [], []
     for (variant, world), predictions in p.items():
         key = {"world": world, "variant": variant}
-        asked = predictions[:, :, :N_ASKED]
-        rows = verdicts(users, asked, truth[:, :N_ASKED])
+        versions = predictions[:, :, :N_QUESTION_VERSIONS]
+        rows = verdicts(users, versions, truth[:, :N_QUESTION_VERSIONS])
         if world != CONTROL and (variant, CONTROL) in p:
-            control = added_item_effects(p[variant, CONTROL][:, :, :N_ASKED])
-            shift = judge(added_item_effects(asked) - control)[["effect", "ci_low", "ci_high", "p_holm"]]
+            control = added_item_effects(p[variant, CONTROL][:, :, :N_QUESTION_VERSIONS])
+            shift = estimate_effects(added_item_effects(versions) - control)[["effect", "ci_low", "ci_high", "p_holm"]]
             rows = rows.join(shift.set_axis(["shift", "shift_ci_low", "shift_ci_high", "shift_p_holm"], axis=1))
         effects.append(pd.DataFrame(key, index=rows.index).join(rows))
         rows = accuracy_by_world(users, predictions, truth)

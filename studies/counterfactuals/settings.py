@@ -26,8 +26,8 @@ def agree(study: Settings, parameters: parameters_of_all.Settings) -> None:
     """Require a user with a margin, a known example variant, and enough scenes."""
     name, shared = "studies.counterfactuals", parameters.scenes.shared
     margins = {user: dict(by_symbol) for user, by_symbol in parameters.users.items()}
-    cares = any(m is not None for by_symbol in margins.values() for m in by_symbol.values())
-    need(cares, "users", margins, "at least one user with a margin, or no path is invalid")
+    has_margin = any(m is not None for by_symbol in margins.values() for m in by_symbol.values())
+    need(has_margin, "users", margins, "at least one user with a margin, or no path is invalid")
     need(study.scenes <= shared, f"{name}.scenes", study.scenes, f"at most scenes.shared = {shared}")
     at_most = f"at most {name}.scenes = {study.scenes}"
     need(study.moved_scenes <= study.scenes, f"{name}.moved_scenes", study.moved_scenes, at_most)

@@ -23,8 +23,8 @@ from pipeline.causal.counterfactual import (
     attribute,
     baselines,
     item_subsets,
-    keep,
     score_attributions,
+    select_items,
 )
 from pipeline.causal.mechanisms import model_scm, renderer, true_scm
 from pipeline.causal.scm import SCM, Values
@@ -78,9 +78,9 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     # Each scene unchanged, empty, without each item and with each item alone: do(O := subset of its items).
     subsets = item_subsets(layouts.present)
     units = take(noise, subsets.scene)
-    kept = keep(units["O"], subsets.kept)
+    kept = select_items(units["O"], subsets.kept)
     images = camera.do(O=kept).entail(units, "I")["I"]
-    predictions = ask_models(cfg, users, units, images, "counterfactuals")
+    predictions = predict_versions(cfg, users, units, images, "counterfactuals")
     truth, answers = {}, {}
     for i, user in enumerate(users):
         truth[user] = subsets.by_question(world.do(O=kept, S=user).expectation("V", units))
@@ -115,7 +115,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         for user in users
     ]
     write_table(out_dir / "examples.csv", pd.concat(examples) if examples else pd.DataFrame({"example": []}))
-    write_arrays(out_dir / "examples.npz", subsets.pick(images, [scene for scene, _ in chosen.values()]))
+    write_arrays(out_dir / "examples.npz", subsets.select_scenes(images, [scene for scene, _ in chosen.values()]))
 
 
 def read_noise(cfg: DictConfig) -> Values:
@@ -139,7 +139,7 @@ def take(noise: Values, scene: np.ndarray) -> Values:
     return {name: values[scene] for name, values in noise.items()}
 
 
-def ask_models(
+def predict_versions(
     cfg: DictConfig, users: Sequence[str], noise: Values, images: np.ndarray, desc: str
 ) -> dict[str, np.ndarray]:
     """Return by variant E[V | do(I := images), S = s] of every path: (user, seed, unit, path)."""
@@ -229,7 +229,7 @@ def find_least_moves(
     units["Z_theta"] = noise["Z_theta"][moves.scene[case], moves.path[case]][:, None]
     images = camera.do(O=moves.layouts[index]).entail(units, "I")["I"]
     least_moves = {}
-    for variant, p in ask_models(cfg, [user], units, images, f"moves, {user}").items():
+    for variant, p in predict_versions(cfg, [user], units, images, f"moves, {user}").items():
         before = answers[variant].factual[:, moves.scene, moves.path, None]
         after = p[0, ..., 0].reshape(*before.shape[:2], -1)  # (seed, case, step)
         p_valid = np.concatenate([before, after], axis=-1)

@@ -12,7 +12,7 @@ from pipeline.world.symbols import SYMBOLS
 
 def every_symbol(margins: dict[str, float | None]) -> dict[str, float | None]:
     """Return a margin for every symbol; null for symbols that are not named."""
-    need_some("stranger", margins, SYMBOLS)
+    need_some("studies.identification.stranger", margins, SYMBOLS)
     return {symbol: margins.get(symbol) for symbol in SYMBOLS}
 
 

@@ -10,8 +10,8 @@ from pipeline.causal.counterfactual import (
     attribute,
     baselines,
     item_subsets,
-    keep,
     score_attributions,
+    select_items,
 )
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import SYMBOLS, Layouts, random_layouts
@@ -39,7 +39,7 @@ def subsets(layouts: Layouts) -> Subsets:
 
 
 def true_removals(layouts: Layouts, z_theta: np.ndarray, subsets: Subsets, margins: dict) -> Removals:
-    left = keep(layouts[subsets.scene], subsets.kept)
+    left = select_items(layouts[subsets.scene], subsets.kept)
     return subsets.by_question(valid(left, z_theta[subsets.scene], margins).astype(float))
 
 
@@ -53,11 +53,11 @@ def test_every_version_of_a_scene_is_asked_about_once(layouts: Layouts, subsets:
     assert len(subsets.scene) == (2**items).sum()  # with two or three items, the questions are all subsets
     rows = np.concatenate([subsets.scene[:, None], subsets.kept], axis=1)
     assert len(np.unique(rows, axis=0)) == len(rows)
-    asked = subsets.pick(subsets.kept, list(range(SCENES)))
-    np.testing.assert_array_equal(asked["factual"], layouts.present)
-    assert not asked["empty"].any()
-    np.testing.assert_array_equal(asked["without"].sum(-1), items[:, None] - layouts.present)
-    np.testing.assert_array_equal(asked["alone"].sum(-1), layouts.present)
+    versions = subsets.select_scenes(subsets.kept, list(range(SCENES)))
+    np.testing.assert_array_equal(versions["factual"], layouts.present)
+    assert not versions["empty"].any()
+    np.testing.assert_array_equal(versions["without"].sum(-1), items[:, None] - layouts.present)
+    np.testing.assert_array_equal(versions["alone"].sum(-1), layouts.present)
 
 
 @pytest.mark.parametrize("margins", [CAREFUL, NORMAL])

@@ -80,12 +80,6 @@ def test_a_file_that_is_no_question_is_refused(values: dict):
         question(**values)
 
 
-@pytest.mark.parametrize("override", ["questions.add_bowl.symbol=spoon", "questions.add_bowl.kind=break"])
-def test_a_wrong_parameter_is_named(override: str):
-    with pytest.raises(InputError, match=r"questions\.add_bowl"):
-        compose(["profile=smoke", override])
-
-
 def test_an_item_is_removed_where_there_is_one(scenes: Scenes):
     layouts, asked = ask(scenes, kind="remove", symbol="glass")
     glasses = (scenes.layouts.symbol == GLASS).sum(1)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.causal.interventions import judge
+from pipeline.causal.interventions import estimate_effects
 from pipeline.causal.refuters import data_subset, mean_over_paths, placebo_patch
 from pipeline.stats.crossed import SMALLEST_EFFECT
 
@@ -52,7 +52,7 @@ def test_clear_effects_keep_their_verdict_in_every_half_and_borderline_ones_do_n
     scenes -= scenes.mean((1, 2), keepdims=True)
     effects = scenes + np.array([0.3, 0.0, 0.9 * SMALLEST_EFFECT])[:, None, None]
     table = data_subset(rng, effects, 100)
-    assert list(table["expected"]) == list(judge(effects)["verdict"])
+    assert list(table["expected"]) == list(estimate_effects(effects)["verdict"])
     agreement = table["agreement"]
     assert agreement[0] == 1 and agreement[1] > 0.95 and agreement[2] < agreement[1]
     assert table["verdict"][0] == "effect" and table["verdict"][1] == "negligible"

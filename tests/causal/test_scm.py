@@ -177,10 +177,10 @@ def test_an_impossible_observation_has_no_counterfactual():
 def test_a_noise_neither_on_record_nor_abducible_is_refused(scm: SCM, observed):
     recorded, seen, values = observed
     rng = np.random.default_rng(0)
-    with pytest.raises(ValueError, match=r"noises of .* on record, \[\] seen"):
+    with pytest.raises(ValueError, match=r"noises of .* on record, \[\] observed"):
         scm.counterfactual(rng, recorded, {}, O=values["O"])
     without = {name: n for name, n in recorded.items() if name != "I"}
-    with pytest.raises(ValueError, match="I was seen, but its noise cannot be told"):
+    with pytest.raises(ValueError, match="I was observed, but its noise is unknown"):
         scm.counterfactual(rng, without, seen | {"I": values["I"]}, O=values["O"])
 
 

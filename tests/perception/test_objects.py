@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from pipeline.models.base import to_tensor
 from pipeline.perception.capsule import fit_capsule
-from pipeline.perception.objects import FINER, MAX_OBJECTS, SIDE, detect_objects, measure_contrast
+from pipeline.perception.objects import MAX_OBJECTS, SIDE, SUPERSAMPLING, detect_objects, measure_contrast
 from tests.factories import RED, WHITE, draw_table, to_pixels
 
 DISCS = (0.3, 0.7, 0.08, RED), (0.75, 0.4, 0.045, WHITE)
@@ -20,7 +20,7 @@ DISCS = (0.3, 0.7, 0.08, RED), (0.75, 0.4, 0.045, WHITE)
 )  # radius, half-length [m], angle [rad], centre [m]
 @settings(max_examples=50, deadline=None)
 def test_a_capsule_is_recovered_from_its_points(radius, half_length, angle, x, y):
-    fine = FINER * SIDE
+    fine = SUPERSAMPLING * SIDE
     grid = (np.mgrid[:fine, :fine].reshape(2, -1).T[:, ::-1] + 0.5) / fine
     along = np.array([np.cos(angle), np.sin(angle)])
     offset = grid - (x, y)
@@ -206,7 +206,7 @@ def test_a_pale_handle_belongs_to_its_blade():
 
 
 def test_a_tapering_object_is_as_long_as_it_is():
-    fine = FINER * SIDE
+    fine = SUPERSAMPLING * SIDE
     grid = (np.mgrid[:fine, :fine].reshape(2, -1).T[:, ::-1] + 0.5) / fine
     along = (grid[:, 0] - 0.4) / 0.2
     points = grid[(along > 0) & (along < 1) & (np.abs(grid[:, 1] - 0.5) < 0.02 * (1 - 0.9 * along))]

@@ -23,7 +23,7 @@ from pipeline.world.bezier import curve, lattice, random_z_theta
 from pipeline.world.layout import SYMBOLS, Layouts, add_item, empty
 from pipeline.world.rules import valid
 from tests.factories import ITEMS, RULES, appearances, random_demos, save_model
-from tests.stages.facts import refuses, run_as_listed
+from tests.stages.facts import run_as_listed
 from tests.viewer.example import read, read_timed
 
 pytestmark = pytest.mark.slow
@@ -262,18 +262,3 @@ def test_paths_that_do_not_match_the_repairs_are_refused(cfg: DictConfig, tmp_pa
     write_arrays(tmp_path / "repair" / "paths.npz", paths)
     with pytest.raises(InputError, match="8 repairs of full-normal-s0, 7 paths"):
         main(cfg, tmp_path / "record")
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "message"),
-    [
-        ("record.scenes", 0, "record.scenes is 0"),
-        ("record.repairs", 0, "record.repairs is 0"),
-        ("record.training_scenes", 0, "record.training_scenes is 0"),
-        ("record.map_side", 0, "record.map_side is 0"),
-        ("record.first", ["classifier", "unknown"], r"record\.first is .*unknown.*: expected some of full, classifier"),
-        ("intervene.split", "new_scenes", r"intervene\.split is 'new_scenes': expected repair\.split = 'new_items'"),
-    ],
-)
-def test_settings_out_of_range_are_refused(recorded, tmp_path: Path, name: str, value: object, message: str) -> None:
-    refuses(main, recorded[0], name, value, message, tmp_path / "record")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.world.bezier import P_F, P_INIT, curve, random_z_theta
-from pipeline.world.hand import Hand, check, join, keeps, polylines, simulate
+from pipeline.world.hand import Hand, check, join, polylines, simulate, valid_trajectories
 from pipeline.world.layout import SYMBOLS, Layouts
 
 HAND = Hand(50.0, 0.002, 0.35, 0.2, 0.0007, (8.0, 12.0), 0.002, 0.1, 0.01)
@@ -107,8 +107,8 @@ def test_a_trajectory_keeps_from_a_glass_what_its_straight_pieces_keep(samples: 
         away = np.linalg.norm(fine - where[table, 0], axis=1).min() - 0.05
         for margin, keeps_it in ((away - 1e-3, True), (away + 1e-3, False)):
             margins = {s: margin if s == "glass" else None for s in SYMBOLS}
-            together = keeps(tables, *join(made), margins)[table, 0]
-            assert together == keeps(tables[[table]], *join([alone]), margins)[0, 0] == keeps_it
+            together = valid_trajectories(tables, *join(made), margins)[table, 0]
+            assert together == valid_trajectories(tables[[table]], *join([alone]), margins)[0, 0] == keeps_it
 
 
 def test_a_line_keeps_the_margins_it_is_far_enough_for():
@@ -118,5 +118,7 @@ def test_a_line_keeps_the_margins_it_is_far_enough_for():
     tables = Layouts(glass, glass, np.full((2, 1, 2), 0.5), zero, zero + 1, zero, zero + 0.05)  # one in the middle
     nothing: dict[str, float | None] = dict.fromkeys(SYMBOLS)
     samples, offsets = join([*made, *made])  # straight through and far around, in both scenes
-    np.testing.assert_array_equal(keeps(tables, samples, offsets, nothing | {"glass": 0.04}), [[False, True]] * 2)
-    assert keeps(tables, samples, offsets, nothing).all()
+    np.testing.assert_array_equal(
+        valid_trajectories(tables, samples, offsets, nothing | {"glass": 0.04}), [[False, True]] * 2
+    )
+    assert valid_trajectories(tables, samples, offsets, nothing).all()

@@ -8,14 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.world.bezier import P_F, P_INIT
-from pipeline.world.layout import (
-    SYMBOLS,
-    Items,
-    add_item,
-    point_segment_distance,
-    random_layouts,
-    segment_distance,
-)
+from pipeline.world.layout import SYMBOLS, Items, add_item, point_segment_distance, random_layouts, segment_distance
 from tests.factories import RULES
 
 # Per symbol a training item (0-3) and another one (4-7) that must not be drawn when the pool leaves it out.

@@ -117,19 +117,19 @@ def scenes(rng, count):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("cares", [(True, True), (False, True)])
-def test_it_learns_which_objects_matter_and_their_margin(cares):
+@pytest.mark.parametrize("relevant", [(True, True), (False, True)])
+def test_it_learns_which_objects_matter_and_their_margin(relevant):
     rng = np.random.default_rng(3)
     layouts, images = scenes(rng, 40)
     z = rng.uniform(-0.2, 1.2, (40, 10, 2))
-    valid = np.where(cares, true_clearance(layouts, z), np.inf).min(-1) > MARGIN
+    valid = np.where(relevant, true_clearance(layouts, z), np.inf).min(-1) > MARGIN
     m = model()
     curve = fit_one(m, images[:20], z[:20], valid[:20])
     assert curve[-1, 1] < curve[0, 1]
     right = (m.probability(images[20:], z[20:]) > 0.5) == valid[20:]
     assert right.mean() > 0.95
     relevance = m.relevance(m.perceive(to_tensor(images[20:]))).mean((0, 1))[:2].detach().numpy()
-    assert ((relevance > 0.5) == cares).all()
+    assert ((relevance > 0.5) == relevant).all()
 
 
 @pytest.mark.slow

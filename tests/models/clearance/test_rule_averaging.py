@@ -101,9 +101,9 @@ def test_the_margin_family_is_the_clearance_model(world):
     layouts, z = world
     model, other = AveragedModel(2), ClearanceModel(2)
     with torch.no_grad():
-        for name in ("weight", "margin", "width", "clear"):
+        for name in ("weight", "margin", "width", "logit_nothing_missed"):
             other.get_parameter(name).copy_(model.get_parameter(name)[:2])
-        other.get_buffer("sees").copy_(model.get_buffer("sees")[:2])
+        other.get_buffer("feature_mask").copy_(model.get_buffer("feature_mask")[:2])
         model.gate.normal_()  # without effect on the margin family
         where = torch.tensor(z).float()
         mine = model.logit_by_family(seen(layouts), relations(seen(layouts), where))[list(FAMILIES).index("margin")]

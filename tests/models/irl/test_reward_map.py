@@ -15,7 +15,7 @@ from pipeline.models.irl.reward_map import (
     untransform,
 )
 from pipeline.models.registry import build
-from pipeline.perception.background import FLOOR, subtract_background
+from pipeline.perception.background import MIN_COLOUR_STD, subtract_background
 from pipeline.world.bezier import curve, lattice
 
 SHAPE = {
@@ -128,7 +128,7 @@ def test_an_object_stands_out_from_an_unevenly_lit_table():
 
 def test_a_table_of_one_colour_is_measured_in_grey_levels():
     _, whitening = subtract_background(torch.full((1, 3, 100, 100), 0.5))
-    torch.testing.assert_close(whitening[0], torch.eye(3) / FLOOR, rtol=1e-3, atol=0.1)
+    torch.testing.assert_close(whitening[0], torch.eye(3) / MIN_COLOUR_STD, rtol=1e-3, atol=0.1)
 
 
 def test_rewards_have_a_ceiling_if_asked():

@@ -10,7 +10,7 @@ from omegaconf import DictConfig, OmegaConf
 from pipeline.artifacts.files import read_arrays, read_table
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.artifacts.trained import load_model
-from pipeline.causal.counterfactual import item_subsets, keep
+from pipeline.causal.counterfactual import item_subsets, select_items
 from pipeline.causal.mechanisms import model_scm, renderer
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SIDE, SYMBOLS
@@ -83,12 +83,12 @@ def test_necessity_is_the_scms_probability_of_change(cfg: DictConfig):
     units = stage.take(noise, subsets.scene)
     models = {"careful": load_model(cfg, "clearance", "careful", 0, cfg.main_n_demos)}
     scm = model_scm(models, renderer(Palette(read_catalogue(Path(cfg.paths.data))))).do(S="careful")
-    kept = keep(units["O"], subsets.kept)
+    kept = select_items(units["O"], subsets.kept)
     images = scm.do(O=kept).entail(units, "I")["I"]
-    p = stage.ask_models(cfg, ["careful"], units, images, "test")["clearance"][0, 0]
+    p = stage.predict_versions(cfg, ["careful"], units, images, "test")["clearance"][0, 0]
     necessity = subsets.by_question(p).necessity
     for slot in range(noise["O"].present.shape[1]):
-        without = keep(noise["O"], noise["O"].present & (np.arange(noise["O"].present.shape[1]) != slot))
+        without = select_items(noise["O"], noise["O"].present & (np.arange(noise["O"].present.shape[1]) != slot))
         np.testing.assert_allclose(necessity[..., slot], scm.probability_of_change(noise, False, O=without), atol=1e-4)
 
 

@@ -150,7 +150,7 @@ def test_the_specification_says_what_the_table_says(cfg: DictConfig, out: Path):
 
 
 def test_an_item_counts_once_however_many_training_scenes_show_it(cfg: DictConfig):
-    scenes, trained = read_scenes(Path(cfg.paths.scenes)), stage.read_inputs(cfg).trained
+    scenes, trained = read_scenes(Path(cfg.paths.scenes)), stage.read_inputs(cfg).n_training
     layouts = [scenes.layouts[train_pool(seed)] for seed in cfg.protocol.seeds]
     for symbol, count in enumerate(trained):
         shown = {int(item) for x in layouts for item in x.item[x.symbol == symbol]}

@@ -10,11 +10,10 @@ from omegaconf import DictConfig
 from pipeline.artifacts.files import read_table, write_arrays
 from studies.identification import stage
 from tests.factories import SCENES, untrained_models
-from tests.stages.facts import names_a_missing_model, refuses, run_as_listed
+from tests.stages.facts import names_a_missing_model, run_as_listed
 
 PATHS = 6
 OBSERVERS = ["full", "irl_ranked", "clearance", "position_only", "ideal"]
-SYMBOLS = ("bowl", "plate", "cutlery", "glass")
 
 
 @pytest.fixture(scope="module")
@@ -83,8 +82,3 @@ def test_the_stranger_does_not_change_the_answers_for_known_users(cfg: DictConfi
 
 def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
     names_a_missing_model(stage.main, cfg, "irl_ranked", tmp_path / "out")
-
-
-def test_a_stranger_with_a_margin_to_an_unknown_symbol_is_refused(cfg: DictConfig, tmp_path: Path):
-    unknown = {"mug": 0.045}
-    refuses(stage.main, cfg, "studies.identification.stranger", unknown, "some of bowl, plate", tmp_path / "out")

@@ -28,7 +28,7 @@ JITTER = ColorJitter(hue=0.3, gain=0.15, shift=0.01, scene_gain=0.1, other_table
 def schedule(**changes) -> IrlSchedule:
     values = {
         "steps": 12, "rate": 0.01, "weight_decay": 1e-4, "scenes_per_step": 20, "n_augmentations": 2, "curve_every": 1,
-        "sparsity": 0.0, "across": True, "color_jitter": JITTER,
+        "sparsity": 0.0, "rank_across_scenes": True, "color_jitter": JITTER,
     }  # fmt: skip
     return IrlSchedule(**(values | changes))
 
