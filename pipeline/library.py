@@ -129,7 +129,8 @@ def effect(
     crossed random factors (pipeline.stats.crossed). With 20 scenes or more, two pseudo-scenes are added, so that the
     interval does not collapse if all scenes agree. Raises InputError as `fit`.
     """
-    from pipeline.stats.crossed import add_pseudo_scenes, estimate, verdict
+    from pipeline.stats.crossed import add_pseudo_scenes, estimate
+    from pipeline.stats.tests import verdict
 
     _check_scenes(images, z_theta)
     check_images(images_with_item)

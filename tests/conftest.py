@@ -3,9 +3,12 @@
 Hypothesis tries the same examples in every run; `--hypothesis-profile=default` draws new ones.
 """
 
+from pathlib import Path
+
 import pytest
 from hypothesis import settings
 from jaxtyping import install_import_hook
+from omegaconf import DictConfig
 
 install_import_hook("pipeline", "beartype.beartype")
 settings.register_profile("repeatable", derandomize=True)
@@ -23,3 +26,11 @@ def one_thread() -> None:
     from pipeline.runtime.parallel import one_thread
 
     one_thread()
+
+
+@pytest.fixture(scope="module")
+def out(request: pytest.FixtureRequest, cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What the module's stage writes by `cfg`; it fails if it reads a parameter that dvc.yaml does not list for it."""
+    from tests.stages.facts import run_as_listed
+
+    return run_as_listed(request.module.main, cfg, tmp_path_factory.mktemp("out"))

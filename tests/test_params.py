@@ -93,7 +93,8 @@ def test_every_profile_and_protocol_composes_for_graph_and_studies(choice: str):
         ("questions.add_bowl.kind=break", "questions.add_bowl", "add"),
         ("questions.another_user.to=nobody", "questions.another_user.to is 'nobody'", "one of careful"),
         ("profile=none", "does not compose", "profile/none"),
-        ("no_such_key=1", "does not compose", "no_such_key"),
+        ("no_such_key=1", "unknown parameter 'no_such_key'", "conf/"),
+        ("users.careful={mug: 0.1}", "unknown parameter 'users.careful.mug'", "conf/"),
     ],
 )
 def test_a_wrong_parameter_is_named_with_what_was_expected(override: str, names: str, expected: str):
@@ -161,7 +162,7 @@ def test_a_stage_is_not_refused_for_what_another_needs():
     cfg = load(ROOT / "params.yaml")
     cfg.users, cfg.evaluate.users = {"aggressive": dict.fromkeys(SYMBOLS)}, ["aggressive"]
     validate(cfg, ["train"])
-    with pytest.raises(InputError, match="users: at least one user must have a margin"):
+    with pytest.raises(InputError, match="expected at least one user with a margin"):
         validate(cfg, ["repair"])
 
 

@@ -11,20 +11,8 @@ from pipeline.artifacts.files import read_arrays, read_table, write_arrays, writ
 from pipeline.artifacts.scenes import SceneSet, read_scenes
 from pipeline.runtime.errors import InputError
 
-DEMO_COLUMNS = [
-    "seed",
-    "user",
-    "scene",
-    "demo",
-    "z_x",
-    "z_y",
-    "valid",
-    "residual_m",
-    "poor_fit",
-    "duration_s",
-    "samples",
-]
 DEMO_KEY = ["seed", "user", "scene", "demo"]
+DEMO_COLUMNS = [*DEMO_KEY, "z_x", "z_y", "valid", "residual_m", "poor_fit", "duration_s", "samples"]
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,8 @@ from numpy import ndarray as Array
 from scipy.optimize import isotonic_regression
 
 from pipeline.stats.clusters import by_item, inflate_item_variance
-from pipeline.stats.crossed import Estimates, estimate, holm, verdict
+from pipeline.stats.crossed import Estimates, estimate
+from pipeline.stats.tests import holm, verdict
 
 
 def dose_grid(step: float, doses: int) -> Float[Array, " dose"]:

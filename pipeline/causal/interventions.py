@@ -7,9 +7,7 @@ The estimand is the average causal effect of the paper's second inequality,
 over the same scenes, paths and seeds on both sides. For the first inequality, do(S := s') replaces do(Z_I).
 """
 
-from collections.abc import Sequence
 from dataclasses import fields
-from itertools import permutations
 
 import numpy as np
 import pandas as pd
@@ -25,11 +23,6 @@ ESTIMATE_COLUMNS = ["effect", "q1", "q3", "ci_low", "ci_high", "ci90_low", "ci90
 def expected_validity(p: Float[Array, "*b path"]) -> Float[Array, "*b"]:
     """Return E[V] over paths: V is 1 with probability p, so its expectation is the mean of p (paper, Table 2)."""
     return np.asarray(np.mean(p, axis=-1, dtype=np.float64))
-
-
-def ordered_pairs(users: Sequence[str]) -> list[tuple[str, str]]:
-    """Return all pairs (s, s') with s' != s, for do(S := s') among units with S = s (paper, first inequality)."""
-    return list(permutations(users, 2))
 
 
 def estimate_effects(effects: Float[Array, "question seed scene"]) -> pd.DataFrame:

@@ -5,26 +5,13 @@ from importlib import import_module
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, model_validator
-from pydantic_core import PydanticCustomError
 
+from pipeline.config.checks import need, need_one, need_some, widest_margin
 from pipeline.config.graph import ROOT
 from pipeline.config.models import Irl, Schedule, Train, Variant
 from pipeline.config.questions import Question
 from pipeline.config.stages import Evaluate, Intervene, Record, Repair, Report
-from pipeline.config.values import (
-    MAX_N,
-    Count,
-    Demonstrations,
-    Group,
-    Margins,
-    Name,
-    Seeds,
-    Whole,
-    need,
-    need_one,
-    need_some,
-    unique,
-)
+from pipeline.config.values import MAX_N, Count, Demonstrations, Group, Margins, Name, Seeds, Whole, unique
 from pipeline.config.world import Demos, Scenes
 from pipeline.models.baselines import IMAGE_BLIND_BASELINES, NEAREST
 
@@ -101,12 +88,6 @@ def need_several_seeds(s: Settings) -> None:
     need(len(s.protocol.seeds) > 1, "protocol.seeds", s.protocol.seeds, "at least 2 seeds, or intervals mean nothing")
 
 
-def need_margin(s: Settings) -> None:
-    """Reject users without any margin: all their paths are valid."""
-    if all(margin is None for margins in s.users.values() for margin in margins.values()):
-        raise PydanticCustomError("sentence", "users: at least one user must have a margin")
-
-
 def evaluate(s: Settings) -> None:
     """Reject comparisons that cannot be made, and more than MAX_TESTS in a family."""
     need_several_seeds(s)
@@ -129,7 +110,7 @@ def evaluate(s: Settings) -> None:
 def repair(s: Settings) -> None:
     """Reject users whose paths are all valid."""
     need_several_seeds(s)
-    need_margin(s)
+    need(widest_margin(s.users) is not None, "users", s.users, "at least one user with a margin, or no path is invalid")
 
 
 def intervene(s: Settings) -> None:

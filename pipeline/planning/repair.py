@@ -13,8 +13,6 @@ from torch.optim.lr_scheduler import LambdaLR
 from pipeline.models.base import ValidityModel, to_tensor
 from pipeline.world.bezier import Z_HIGH, Z_LOW
 
-OPTIMISERS = ("gradient", "normalised", "adam")
-
 
 @dataclass(frozen=True)
 class Ascent:

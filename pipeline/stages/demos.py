@@ -20,7 +20,7 @@ from pipeline.world.bezier import random_z_theta
 from pipeline.world.bezier_fit import fit
 from pipeline.world.hand import Hand, check, join, simulate, valid_trajectories
 from pipeline.world.layout import Layouts
-from pipeline.world.rules import Margins, valid
+from pipeline.world.rules import valid
 
 Key = tuple[int, str, int, int]  # seed, user, scene, demo
 
@@ -36,7 +36,9 @@ class Recorded:
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write demos.parquet, trajectories.npz and queries.npz."""
-    layouts = read_scenes(Path(cfg.paths.scenes)).layouts
+    scenes = read_scenes(Path(cfg.paths.scenes))
+    scenes.check_has(*map(train_pool, [*cfg.seeds, *cfg.validation_seeds]))
+    layouts = scenes.layouts
     recorded = _record(cfg, layouts)
     fits = fit(recorded.samples[:, 1:3], recorded.offsets, cfg.demos.poor_above_m)
     demos = recorded.keys.assign(
@@ -60,7 +62,7 @@ def _record(cfg: DictConfig, layouts: dict[str, Layouts]) -> Recorded:
         (seed, user, scene, demo)
         for seed in sorted([*cfg.seeds, *cfg.validation_seeds])
         for user in sorted(cfg.users)
-        for scene in range(len(_training(layouts, seed)))
+        for scene in range(len(layouts[train_pool(seed)]))
         for demo in range(cfg.demos.per_scene)
     ]
     from_csv = _read_trajectories(cfg, set(keys))
@@ -68,10 +70,8 @@ def _record(cfg: DictConfig, layouts: dict[str, Layouts]) -> Recorded:
         print(f"{len(from_csv)} of {len(keys)} demonstrations are a person's, from {cfg.demos.recorded}", flush=True)
     trajectories = []
     for key in tqdm(keys, desc="demos"):
-        trajectory = from_csv.get(key)
-        if trajectory is None:
-            rng = _generator(cfg, "recording", *key)
-            trajectory = simulate(rng, random_z_theta(rng), hand)
+        rng = _generator(cfg, "recording", *key)
+        trajectory = from_csv[key] if key in from_csv else simulate(rng, random_z_theta(rng), hand)
         check(trajectory, "seed {} user {} scene {} demo {}".format(*key), cfg.demos.ends_within_m)
         since_start = trajectory - [trajectory[0, 0], 0.0, 0.0, 0.0]  # float32 cannot represent absolute clock times
         trajectories.append(since_start.astype(np.float32).astype(float))
@@ -118,30 +118,16 @@ def _label(cfg: DictConfig, layouts: dict[str, Layouts], recorded: Recorded) -> 
         first, last = recorded.offsets[rows[0]], recorded.offsets[rows[-1] + 1]
         offsets = recorded.offsets[rows[0] : rows[-1] + 2] - first
         samples, scenes = recorded.samples[first:last], layouts[train_pool(seed)]
-        labels[rows] = valid_trajectories(scenes, samples, offsets, _margins(cfg, user)).ravel()
+        labels[rows] = valid_trajectories(scenes, samples, offsets, cfg.users[user]).ravel()
     return labels
 
 
 def _queries(cfg: DictConfig, pool: str, layouts: Layouts) -> Queries:
     """Draw random paths in a pool's scenes and label them for every user."""
-    count = cfg.demos.queries_seen if pool in _training_pools(cfg) else cfg.demos.queries_new
+    training = [train_pool(seed) for seed in (*cfg.seeds, *cfg.validation_seeds)]
+    count = cfg.demos.queries_seen if pool in training else cfg.demos.queries_new
     z = random_z_theta(_generator(cfg, "queries", pool), len(layouts), count)
-    return Queries(z, {user: valid(layouts, z, _margins(cfg, user)) for user in cfg.users})
-
-
-def _training_pools(cfg: DictConfig) -> list[str]:
-    return [train_pool(seed) for seed in (*cfg.seeds, *cfg.validation_seeds)]
-
-
-def _training(layouts: dict[str, Layouts], seed: int) -> Layouts:
-    """Return a seed's training scenes; InputError if stage scenes has not drawn them."""
-    if train_pool(seed) not in layouts:
-        raise InputError(f"no scenes {train_pool(seed)} among {sorted(layouts)}: run the scenes stage with seed {seed}")
-    return layouts[train_pool(seed)]
-
-
-def _margins(cfg: DictConfig, user: str) -> Margins:
-    return dict(cfg.users[user])
+    return Queries(z, {user: valid(layouts, z, cfg.users[user]) for user in cfg.users})
 
 
 def _generator(cfg: DictConfig, *names: str | int) -> np.random.Generator:

@@ -18,7 +18,7 @@ from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.artifacts.scenes import layout_table, read_scenes
 from pipeline.artifacts.trained import check_weights, load_model
 from pipeline.causal.interventions import compare_with_truth
-from pipeline.causal.mechanisms import expected_validities, model_scm, renderer, true_scm
+from pipeline.causal.mechanisms import expected_validities, model_scm, recorded_noise, renderer, true_scm
 from pipeline.causal.questions import Scenes, change, draw_additions
 from pipeline.causal.scm import Values
 from pipeline.config.questions import Question as QuestionSettings
@@ -108,14 +108,7 @@ def _read_scenes(cfg: DictConfig, catalogue: Catalogue) -> tuple[Scenes, Values]
     choices = catalogue.pool(splits.pop())  # an added item comes from the split the scenes were drawn with
     rules = LayoutRules.of(cfg.scenes.layout)
     paths = stream(cfg.intervene.root_seed, "intervene", "paths")
-    noise: Values = {
-        "S": np.zeros(len(layouts), dtype=int),
-        "O": layouts,
-        "T": appearance["texture"].to_numpy(),
-        "I": appearance["render_seed"].to_numpy(),
-        "Z_theta": random_z_theta(paths, len(layouts), cfg.intervene.paths),
-        "Z_I": np.zeros(len(layouts)),
-    }
+    noise = recorded_noise(layouts, appearance, random_z_theta(paths, len(layouts), cfg.intervene.paths))
     return Scenes(layouts, catalogue.footprints, choices, rules, list(catalogue.textures["name"])), noise
 
 
@@ -152,13 +145,7 @@ def _answer(job: Job) -> Float[Array, "change user scene"]:
     """Return the expected validities of one variant and seed."""
     cfg = job.cfg
     models = {user: load_model(cfg, job.variant, user, job.seed, cfg.main_n_demos) for user in cfg.users}
-    return expected_validities(
-        model_scm(models, _no_image), job.noise, list(cfg.users), [{"I": image} for image in job.images]
-    )
-
-
-def _no_image(*_: object) -> Array:
-    raise AssertionError("every question sets the image")
+    return expected_validities(model_scm(models), job.noise, list(cfg.users), [{"I": image} for image in job.images])
 
 
 def _expectations(

@@ -32,12 +32,7 @@ from studies.confounding.world import CONFOUNDED, CONTROL
 
 Labelled = list[tuple[Layouts, Float[Array, "scene n 2"], Bool[Array, "scene n"]]]  # layouts, z_theta [m], valid
 ORDINARY = "ordinary"  # the world of stage scenes
-VERSIONS = [
-    ORDINARY,
-    *SYMBOLS,
-    CONFOUNDED,
-    CONTROL,
-]  # scenes of the questions: ordinary, with each added symbol, and other worlds
+VERSIONS = [ORDINARY, *SYMBOLS, CONFOUNDED, CONTROL]  # scenes of the questions: SYMBOLS are added to ordinary ones
 N_QUESTION_VERSIONS = 1 + len(SYMBOLS)  # number of versions used by `verdicts`
 
 
@@ -98,9 +93,7 @@ def read_versions(
     ordinary, first = scenes.layouts[pool], slice(cfg.studies.confounding.scenes)
     added, z_theta = read_interventions(directory, ordinary), read_arrays(directory / "images.npz")["z_theta"]
     if len({len(z_theta), *map(len, (ordinary, *added.layouts))}) != 1:
-        raise InputError(
-            f"{directory} holds {len(z_theta)} scenes, {pool} {len(ordinary)}: run the intervene stage again"
-        )
+        raise InputError(f"{directory} holds {len(z_theta)} scenes, {pool} {len(ordinary)}: rerun stage intervene")
     split = read_catalogue(Path(cfg.paths.data)).items["split"].iloc[ordinary.item[ordinary.present][0]]
     count = len(z_theta[first])
     others = draw_all(cfg, [Draw(pool, world, count, str(split)) for world in (CONFOUNDED, CONTROL)])

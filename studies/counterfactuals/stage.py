@@ -26,7 +26,8 @@ from pipeline.causal.counterfactual import (
     score_attributions,
     select_items,
 )
-from pipeline.causal.mechanisms import model_scm, renderer, true_scm
+from pipeline.causal.mechanisms import model_scm, recorded_noise, renderer, true_scm
+from pipeline.causal.questions import allowed
 from pipeline.causal.scm import SCM, Values
 from pipeline.launch import launch
 from pipeline.runtime.parallel import map_jobs
@@ -38,7 +39,7 @@ from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts
 from pipeline.world.render import Palette
 from pipeline.world.rules import Margins, clearance, slack
 from studies.counterfactuals.examples import choose, example_rows
-from studies.counterfactuals.moves import crossing, has_room, outward_normal, score_moves, translate_item
+from studies.counterfactuals.moves import crossing, outward_normal, score_moves, translate_item
 
 FINE_STEPS = 10  # subdivisions of a step between two images, for the true smallest move
 
@@ -124,14 +125,8 @@ def read_noise(cfg: DictConfig) -> Values:
     pool = cfg.protocol.splits[study.split]
     scenes.check_has(pool)
     layouts, appearance = scenes.layouts[pool][: study.scenes], scenes.appearances[pool][: study.scenes]
-    return {
-        "S": np.zeros(len(layouts), dtype=int),
-        "O": layouts,
-        "T": appearance["texture"].to_numpy(),
-        "I": appearance["render_seed"].to_numpy(),
-        "Z_theta": random_z_theta(stream(study.root_seed, "counterfactual"), len(layouts), study.paths),
-        "Z_I": np.zeros(len(layouts)),
-    }
+    rng = stream(study.root_seed, "counterfactual")
+    return recorded_noise(layouts, appearance, random_z_theta(rng, len(layouts), study.paths))
 
 
 def take(noise: Values, scene: np.ndarray) -> Values:
@@ -147,22 +142,16 @@ def predict_versions(
     seen = {name: noise[name] for name in ("S", "I", "Z_I", "Z_theta")}
     jobs = [Job(cfg, variant, seed, users, seen, images) for variant, seed in product(variants, seeds)]
     answers = np.array(map_jobs(answer, jobs, cfg.workers, desc))  # (variant * seed, user, unit, path)
-    return dict(
-        zip(variants, answers.reshape(len(variants), len(seeds), *answers.shape[1:]).swapaxes(1, 2), strict=True)
-    )
+    answers = answers.reshape(len(variants), len(seeds), *answers.shape[1:]).swapaxes(1, 2)
+    return dict(zip(variants, answers, strict=True))
 
 
 def answer(job: Job) -> np.ndarray:
     """Return E[V] by the models of one variant and seed: (user, unit, path)."""
     cfg = job.cfg
     models = {user: load_model(cfg, job.variant, user, job.seed, cfg.main_n_demos) for user in job.users}
-    acted = model_scm(models, no_image).do(I=job.images)
+    acted = model_scm(models).do(I=job.images)
     return np.array([acted.do(S=user).expectation("V", job.noise) for user in job.users])
-
-
-def no_image(*_: object) -> np.ndarray:
-    """Raise AssertionError: the mechanism of images, which every job replaces."""
-    raise AssertionError("every job sets the image")
 
 
 def attribution_rows(
@@ -207,7 +196,7 @@ def choose_moves(cfg: DictConfig, noise: Values, cause: np.ndarray, margins: Mar
 
     distance = study.move_step * np.arange(study.move_steps + 1)
     moved, room = move(np.arange(len(scene)), distance)
-    free = has_room(moved, np.repeat(slot, len(distance)), LayoutRules.of(cfg.scenes.layout)).reshape(room.shape)
+    free = allowed(moved, np.repeat(slot, len(distance)), LayoutRules.of(cfg.scenes.layout)).reshape(room.shape)
     possible = np.flatnonzero(free.all(1) & (room > 0).any(1))
     case = possible[np.unique(scene[possible], return_index=True)[1]][: study.moved_scenes]
     fine = study.move_step / FINE_STEPS * np.arange(FINE_STEPS * study.move_steps + 1)

@@ -88,11 +88,8 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 def read_inputs(cfg: DictConfig) -> Scenes:
     """Read the scenes without and with added items, and draw the candidate paths."""
-    study, scenes, pool = (
-        cfg.studies.envelope,
-        read_scenes(Path(cfg.paths.scenes)),
-        cfg.protocol.splits[cfg.intervene.split],
-    )
+    study, pool = cfg.studies.envelope, cfg.protocol.splits[cfg.intervene.split]
+    scenes = read_scenes(Path(cfg.paths.scenes))
     scenes.check_has(pool, *map(train_pool, cfg.protocol.seeds))
     images, layouts = scenes.images[pool], scenes.layouts[pool]
     added = read_interventions(Path(cfg.paths.intervene), layouts)

@@ -4,9 +4,10 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from pipeline.config import settings as parameters_of_all
+from pipeline.config.checks import need, need_some
+from pipeline.config.settings import Settings as Parameters
 from pipeline.config.stages import SharedSplit
-from pipeline.config.values import Between, Count, Margin, StudyGroup, Whole, need, need_some
+from pipeline.config.values import Between, Count, Margin, StudyGroup, Whole
 from pipeline.world.symbols import SYMBOLS
 
 
@@ -17,8 +18,6 @@ def every_symbol(margins: dict[str, float | None]) -> dict[str, float | None]:
 
 
 class Settings(StudyGroup):
-    """Parameters of conf/studies/identification.yaml, which explains each value."""
-
     split: SharedSplit
     paths: Count
     draws: Count
@@ -28,7 +27,7 @@ class Settings(StudyGroup):
     level: Between
 
 
-def agree(study: Settings, parameters: parameters_of_all.Settings) -> None:
+def agree(study: Settings, parameters: Parameters) -> None:
     """Require several users, a stranger that differs from all of them, and reported numbers of paths up to `paths`."""
     name, users = "studies.identification", parameters.users
     need(len(users) > 1, "users", list(users), "at least two, to tell one from the other")

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.causal.interventions import compare_with_truth, estimate_effects, expected_validity, ordered_pairs
+from pipeline.causal.interventions import compare_with_truth, estimate_effects, expected_validity
 
 
 def family(effects: list[float], truths: list[float], spread: float = 0.001) -> pd.DataFrame:
@@ -17,11 +17,6 @@ def family(effects: list[float], truths: list[float], spread: float = 0.001) -> 
 
 def test_an_expectation_is_the_mean_probability():
     np.testing.assert_allclose(expected_validity(np.array([[0.0, 1.0, 0.5, 0.5], [1, 1, 1, 0]])), [0.5, 0.75])
-
-
-def test_pairs_of_users_come_in_both_orders():
-    pairs = ordered_pairs(["careful", "normal", "aggressive"])
-    assert len(pairs) == 6 and {("careful", "normal"), ("normal", "careful")} <= set(pairs)
 
 
 def test_a_row_holds_the_paired_difference_beside_the_true_one():

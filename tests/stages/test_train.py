@@ -44,7 +44,7 @@ def run(small_world, tmp_path_factory) -> Path:
     return out
 
 
-def test_every_query_of_every_model_gets_one_prediction(run):
+def test_every_query_of_every_model_gets_one_prediction_laplaces_constant_without_invalid_demonstrations(run):
     predictions = read_table(run / "full" / "predictions.parquet", PREDICTION_COLUMNS)
     models = 2 * 3 * 2  # seeds, users, n
     assert len(predictions) == models * (3 + 2 + 2) * 4
@@ -52,6 +52,8 @@ def test_every_query_of_every_model_gets_one_prediction(run):
     assert predictions["p"].dtype == np.float32 and predictions["p"].between(0, 1).all()
     curves = read_table(run / "full" / "curves.csv")
     assert set(zip(curves["user"], curves["n_demos"], strict=True)) == set(product(USERS, (1, 2)))
+    predictions = read_table(run / "full" / "predictions.parquet").query("user == 'aggressive' and n_demos == 2")
+    np.testing.assert_allclose(predictions["p"], 7 / 8, rtol=1e-6)  # 3 scenes x 2 demonstrations, all valid
 
 
 def test_saved_weights_give_the_predictions_that_were_written(run, small_world):
@@ -85,11 +87,6 @@ def test_neither_processes_nor_checkpoints_nor_other_seeds_change_a_weight(run, 
     assert list((tmp_path / "full" / "checkpoints").iterdir()) == []
     alone = _digests(tmp_path / "full" / "weights")
     assert len(alone) == 6 and alone.items() <= _digests(run / "full" / "weights").items()
-
-
-def test_a_user_without_invalid_demonstrations_gets_laplaces_constant(run):
-    predictions = read_table(run / "full" / "predictions.parquet").query("user == 'aggressive' and n_demos == 2")
-    np.testing.assert_allclose(predictions["p"], 7 / 8, rtol=1e-6)  # 3 scenes x 2 demonstrations, all valid
 
 
 @pytest.mark.parametrize("engine", ["reference", "cuda"])

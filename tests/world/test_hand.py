@@ -19,17 +19,10 @@ def trajectories(count: int, hand: Hand = HAND) -> list[np.ndarray]:
     return [simulate(rng, z, hand) for z in random_z_theta(rng, count)]
 
 
-def good() -> np.ndarray:
-    return simulate(np.random.default_rng(0), np.array([0.2, 0.7]), HAND)
-
-
-def test_every_simulated_trajectory_passes_the_check():
-    for i, trajectory in enumerate(trajectories(200)):
-        check(trajectory, str(i), WITHIN)
-
-
-def test_trajectories_vary_in_length_and_are_sampled_at_about_50_hz():
+def test_simulated_trajectories_pass_the_check_vary_in_length_and_are_sampled_at_about_50_hz():
     made = trajectories(200)
+    for i, trajectory in enumerate(made):
+        check(trajectory, str(i), WITHIN)
     assert len({len(r) for r in made}) > 50
     steps = np.concatenate([np.diff(r[:, 0]) for r in made])
     assert abs(steps.mean() - 0.02) < 2e-4
@@ -73,12 +66,6 @@ def test_the_height_is_independent_of_the_path():
     z = random_z_theta(rng, 400)
     mean = [simulate(rng, one, HAND)[:, 3].mean() for one in z]
     assert all(abs(np.corrcoef(mean, z[:, i])[0, 1]) < 0.15 for i in (0, 1))  # three standard errors
-
-
-def with_value(row: int, column: int, value: float) -> np.ndarray:
-    trajectory = good()
-    trajectory[row, column] = value
-    return trajectory
 
 
 def test_polylines_pass_through_every_sample_and_end_with_the_last():
