@@ -90,7 +90,8 @@ def draw_conditions(
         raise InputError(f"studies.robustness.textures is {list(study.textures)}: expected some of {', '.join(unseen)}")
 
     first = slice(study.scenes)
-    images, layouts, appearance = (x[pool][first] for x in (scenes.images, scenes.layouts, scenes.appearances))
+    images, layouts = scenes.images[pool][first], scenes.layouts[pool][first]
+    appearance = scenes.appearances[pool][first]
     textures, render_seeds = appearance["texture"].tolist(), appearance["render_seed"].tolist()
     z_theta, truth = queries.z[first], np.stack([queries.valid[user][first] for user in users])
     render = partial(render_scenes, palette=Palette(catalogue))
