@@ -40,7 +40,8 @@ class DrawnScenes:
     """The scenes shown in figures: one pool's images and layouts, and the shown models' maps of P(valid).
 
     images: uint8 (scene, 100, 100, 3); maps: variant -> user -> (scene, side, side) as [y, x] on `lattice(side)`,
-    for the scenes in `mapped`; truth: user -> bool of the same shape. added_images: uint8 (1 + symbol, 100, 100, 3),
+    for the scenes in `mapped`; truth: user -> bool of the same shape. patterned, patterned_maps: the images and maps of
+    the same scenes on a patterned table top. added_images: uint8 (1 + symbol, 100, 100, 3),
     one scene without and with each added item; added_maps: "truth" or variant -> (1 + symbol, side, side), for
     `added_user`. training: uint8 (scene, 100, 100, 3), the first training scenes of the first seed.
     """
@@ -50,6 +51,8 @@ class DrawnScenes:
     mapped: list[int]
     maps: dict[str, dict[str, np.ndarray]]
     truth: dict[str, np.ndarray]
+    patterned: np.ndarray
+    patterned_maps: dict[str, dict[str, np.ndarray]]
     added_user: str
     added_images: np.ndarray
     added_maps: dict[str, np.ndarray]

@@ -20,6 +20,7 @@ from pipeline.runtime.writing import atomic_write
 from pipeline.world.bezier import lattice
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import Layouts
+from pipeline.world.render import read_palette, render_scenes
 from pipeline.world.rules import valid
 
 HEADLINES = ("scenes", "evaluate", "repair", "intervene")  # stages whose metrics.json are merged
@@ -90,6 +91,7 @@ def _drawn(cfg: DictConfig, scenes: SceneSet) -> DrawnScenes:
     shown = [variant for variant in cfg.report.shown if variant in cfg.variants]
     side, users = cfg.report.map_side, [user for user in cfg.evaluate.users if user in cfg.users]
     maps = {v: {u: _believed(cfg, v, u, images[mapped], side) for u in users} for v in shown}
+    patterned = _patterned(cfg, layouts[mapped], scenes.appearances[pool].iloc[mapped])
     added, user = read_interventions(Path(cfg.paths.intervene), layouts), users[-1]
     added_images = np.concatenate([images[:1], added.images[:, 0]])
     added_maps = {v: _believed(cfg, v, user, added_images, side) for v in shown if v in ("full", "clearance")}
@@ -99,11 +101,19 @@ def _drawn(cfg: DictConfig, scenes: SceneSet) -> DrawnScenes:
         mapped=mapped,
         maps=maps,
         truth={u: _true(cfg, u, layouts[mapped], side) for u in users},
+        patterned=patterned,
+        patterned_maps={v: {u: _believed(cfg, v, u, patterned, side) for u in users} for v in shown},
         added_user=user,
         added_images=added_images,
         added_maps={"truth": _true_added(cfg, user, layouts, added, side)} | added_maps,
         training=scenes.images[train_pool(seed)][: cfg.report.scenes],
     )
+
+
+def _patterned(cfg: DictConfig, layouts: Layouts, appearance: pd.DataFrame) -> np.ndarray:
+    """Return the scenes rendered on the table top `report.patterned_top`, uint8 (scene, 100, 100, 3)."""
+    tops, seeds = [cfg.report.patterned_top] * len(layouts), appearance["render_seed"].tolist()
+    return render_scenes(layouts, tops, seeds, read_palette(cfg.paths.data)[1])
 
 
 def _believed(cfg: DictConfig, variant: str, user: str, images: np.ndarray, side: int) -> np.ndarray:
@@ -155,6 +165,7 @@ def _facts(cfg: DictConfig, scenes: SceneSet) -> dict:
     paper = cfg.variants.get("full")
     return {
         "data_md5": digest[1],
+        "patterned_top": cfg.report.patterned_top,
         "root_seed": cfg.scenes.root_seed,
         "profile": cfg.profile,
         "scenes_per_seed": cfg.scenes.per_seed,

@@ -92,6 +92,7 @@ def results(variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MAR
         catalogue=catalogue,
         facts={
             "data_md5": "9bf8cba6a5daf2c6",
+            "patterned_top": "marble",
             "root_seed": 2040,
             "profile": "paper",
             "scenes_per_seed": 20,
@@ -114,6 +115,8 @@ def drawn(layouts: Layouts, shown: Sequence[str], users: Sequence[str]) -> Drawn
         mapped=list(range(SCENES)),
         maps={v: dict.fromkeys(users, maps) for v in shown},
         truth={u: maps > 0.5 for u in users},
+        patterned=grey,
+        patterned_maps={v: dict.fromkeys(users, 1 - maps) for v in shown},
         added_user=users[-1],
         added_images=np.stack([grey[0]] * 5),
         added_maps={"truth": np.stack([maps[0] > 0.5] * 5), shown[0]: np.stack([maps[0]] * 5)},
