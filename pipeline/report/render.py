@@ -118,8 +118,8 @@ def _numbered(page: str, results: Results, site: Site, environment: Environment)
         file = f"{page}-{name.replace('_', '-')}"
         site.figures[file] = style.svg(drawn)
         width, height = (round(96 * inches) for inches in drawn.get_size_inches())
-        part = environment.get_template("figure.html.j2")
-        size = {"width": width, "height": height, "wide": wide}
+        part, chart = environment.get_template("figure.html.j2"), "<script>" in site.figures[file]
+        size = {"width": width, "height": height, "wide": wide, "chart": chart}
         return Markup(part.render(file=file, alt=alt, number=counts["figure"], caption=caller(), **size))
 
     def table(name: str, caller: Callable[[], str] = str) -> Markup:

@@ -70,9 +70,8 @@
       const verdicts = values.map(value => value > 0.5);
       row.querySelectorAll("td").forEach((cell, source) => {
         const wrong = verdicts[source] !== verdicts[0];
-        const said = source === 0 ? "" : `, ${wrong ? "wrong" : "right"}`;
-        const number = source === 0 ? "" : ` ${values[source].toFixed(2)}`;
-        cell.querySelector(".said").textContent = `${verdicts[source] ? "valid" : "not valid"}${number}${said}`;
+        const stated = `${values[source].toFixed(2)}: ${wrong ? "wrong" : "right"}`;
+        cell.querySelector(".said").textContent = source > 0 ? stated : verdicts[0] ? "valid" : "not valid";
         cell.classList.toggle("wrong", wrong);
         const [dot] = cell.getElementsByClassName("dot");
         dot.style.left = `${(100 * (z[0] - low)) / (high - low)}%`;
