@@ -10,6 +10,8 @@ for (const mark of svg.querySelectorAll(".series:has(> title)")) {
   const title = mark.querySelector("title");
   const text = title.textContent;
   title.remove(); // else the browser shows it a second time
+  mark.setAttribute("role", "img");
+  mark.setAttribute("aria-label", text);
   mark.addEventListener("pointerenter", () => {
     words.textContent = text;
     tip.style.display = "block";

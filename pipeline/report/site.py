@@ -43,7 +43,7 @@ def _article(body: str, file: Path, ids: Mapping[Path, str]) -> str:
     own = ids[file]
     body = re.sub(r'<a class="skip".*?</a>|<nav class="pages".*?</nav>', "", body, flags=re.DOTALL)
     body = body.replace('<main id="main" tabindex="-1"', "<div").replace("</main>", "</div>")
-    body = body.replace('"On this page"', f'"On the page {own}"')
+    body = body.replace(' loading="lazy"', "").replace('"On this page"', f'"On the page {own}"')
     body = re.sub(r'\b(id|aria-labelledby|aria-describedby)="([^"]+)"', rf'\1="{own}-\2"', body)
     return f'<article id="{own}">\n{_linked(body, file, ids)}</article>\n'
 
