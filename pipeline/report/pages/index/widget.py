@@ -10,6 +10,7 @@ from matplotlib.colors import to_hex
 from numpy import ndarray as Array
 
 from pipeline.report import style
+from pipeline.report.drawing import fewer_levels
 from pipeline.report.results import Results
 from pipeline.world.bezier import P_F, P_INIT, Z_HIGH, Z_LOW
 
@@ -29,7 +30,7 @@ def widget(results: Results) -> dict[str, Any]:
     ):
         for place, scene in enumerate(drawn.mapped):
             image = images[place if top else scene]
-            tables.append({"scene": scene, "patterned": bool(top), "image": _png(image[..., ::-1])})
+            tables.append({"scene": scene, "patterned": bool(top), "image": _png(fewer_levels(image)[..., ::-1])})
             for user in users:
                 maps += [drawn.truth[user][place], *(by_variant[v][user][place] for v in models)]
     stacked = np.rint(255 * np.concatenate(maps).astype(float)).astype(np.uint8)
