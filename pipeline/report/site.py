@@ -4,6 +4,7 @@ import base64
 import mimetypes
 import os
 import re
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -68,5 +69,8 @@ def _linked(text: str, file: Path, ids: Mapping[Path, str]) -> str:
 
 
 if __name__ == "__main__":
-    atomic_write(OUT, lambda part: part.write_text(join(REPORTS, STUDIES)))
+    try:
+        atomic_write(OUT, lambda part: part.write_text(join(REPORTS, STUDIES)))
+    except InputError as error:
+        sys.exit(f"error: {error}")
     print(f"{OUT}: {OUT.stat().st_size / 2**20:.1f} MiB")
