@@ -66,3 +66,4 @@ class Report(Group):
     shown: Names
     scenes: Count
     map_side: Count
+    patterned_top: str

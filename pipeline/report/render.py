@@ -22,7 +22,11 @@ PAGES = {
     "accuracy": "Accuracy",
     "repair": "Repair",
     "causes": "Causes",
+    "limits": "Limits",
+    "users": "Users",
+    "card": "Model card",
     "method": "Method",
+    "history": "History",
 }
 FOLDER = Path(__file__).parent
 
@@ -73,6 +77,7 @@ def _environment(results: Results, claims: pd.DataFrame) -> Environment:
         "value": results.value,
         "accuracy": results.accuracy,
         "repair": results.repair,
+        "sliced": results.sliced,
         "variants": results.variants,
         "users": list(results.users),
         "judged": results.judged_users,
