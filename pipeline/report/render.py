@@ -14,7 +14,7 @@ from markupsafe import Markup
 
 from pipeline.report import style
 from pipeline.report.claims import claims_table, verdicts
-from pipeline.report.results import PAPER_ACCURACY, PAPER_TABLE_1, PAPER_TABLE_2, Results, checked
+from pipeline.report.results import PAPER_ACCURACY, PAPER_TABLE_1, PAPER_TABLE_2, SOURCES, Results, checked
 
 PAGES = {
     "index": "Overview",
@@ -56,7 +56,8 @@ def render(results: Results, pages: Collection[str] = tuple(PAGES)) -> Site:
     """
     results.check()
     claims = claims_table(results)
-    site = Site({}, {}, {"claims": claims}, verdicts(claims))
+    tables = {"claims": claims} | {name: results.tables[name] for name in SOURCES}
+    site = Site({}, {}, tables, verdicts(claims))
     environment = _environment(results, claims)
     for name in pages:
         template = environment.get_template(f"pages/{name}/page.html.j2")

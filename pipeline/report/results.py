@@ -26,6 +26,9 @@ PAPER_TABLE_2 = pd.DataFrame(
     columns=["user", "none", "bowl", "plate", "cutlery", "glass"],
 ).set_index("user")
 UNSURE = (0.3, 0.8)  # P(valid) of a path about which a model is unsure
+SOURCES = (  # tables of whose numbers the pages' texts are made: written beside the pages
+    "accuracy", "calibration", "scores", "comparisons", "repair", "interventions", "p_valid", "convergence", "slices",
+)  # fmt: skip
 FINITE = {  # columns whose values must all be finite, since figures draw them
     "accuracy": ["mean"],
     "comparisons": ["difference", "p_holm"],

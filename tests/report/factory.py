@@ -13,6 +13,7 @@ from pipeline.stages.report import HISTORY
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, random_layouts
 
+DATA = Path("data")
 VARIANTS = ("full", "ae", "classifier", "irl_maxent", "irl_ranked", "clearance")
 MARGINS = {
     "careful": dict.fromkeys(SYMBOLS, 0.045),
@@ -86,7 +87,7 @@ def results(variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MAR
     """Return results of these variants and users; `changes` replace tables by name."""
     judged = [user for user in ("careful", "normal") if user in users]
     shown = [v for v in ("full", "clearance", "irl_ranked") if v in variants] or [variants[0]]
-    catalogue = read_catalogue(Path("data"))
+    catalogue = read_catalogue(DATA)
     rng = np.random.default_rng(0)
     layouts = random_layouts(rng, SCENES, catalogue.footprints, catalogue.pool("unseen"), RULES)
     return Results(
