@@ -74,7 +74,7 @@ def overlap(judged: pd.DataFrame, users: Sequence[str], split: str) -> pd.DataFr
     keys, rows = ["variant", "seed", "scene", "query"], []
     part = judged[judged["split"] == split]
     both = [part[part["user"] == user].set_index(keys)[["p", "valid"]] for user in users]
-    joined = both[0].join(both[1], lsuffix="_a", rsuffix="_b")
+    joined = both[0].add_suffix("_a").join(both[1].add_suffix("_b"))
     true_a, true_b = joined["valid_a"].astype(bool), joined["valid_b"].astype(bool)
     sources = {"truth": (true_a, true_b)} | {
         str(v): (joined["p_a"] > 0.5, joined["p_b"] > 0.5) for v in joined.index.unique("variant")

@@ -35,9 +35,7 @@ def holm(p: Float[Array, "*family test"]) -> Float[Array, "*family test"]:
     return np.take_along_axis(np.minimum(stepped, 1.0), order.argsort(-1), -1)
 
 
-def verdict(
-    effect: float, p_holm: float, ci90_low: float, ci90_high: float, smallest: float = SMALLEST_EFFECT
-) -> str:
+def verdict(effect: float, p_holm: float, ci90_low: float, ci90_high: float, smallest: float = SMALLEST_EFFECT) -> str:
     """Return the verdict on an effect, one of VERDICTS.
 
     "effect": significant and larger than `smallest` in size. "negligible": equivalent to zero by two one-sided

@@ -32,7 +32,7 @@ def by_demonstrations(results: Results) -> Figure:
             panel.plot(rows["n_demos"], 100 * rows["mean"], color=colour(name), linewidth=2, markersize=5, **marks)
             if known and rows["q1"].notna().all():
                 panel.fill_between(rows["n_demos"], 100 * rows["q1"], 100 * rows["q3"], color=colour(name), alpha=0.15)
-            ends.append((100 * rows["mean"].iloc[-1], name))
+            ends.append((float(100 * rows["mean"].iloc[-1]), name))
         if split == "seen_scenes":
             for n, (mean, low, high) in PAPER_ACCURACY.items():
                 error = [[100 * (mean - low)], [100 * (high - mean)]]
@@ -83,7 +83,7 @@ def by_distance(results: Results) -> Figure:
         panel.plot(
             x, 100 * rows["accuracy"], "--" if blind else "-", marker="" if blind else marker(name), color=colour(name)
         )
-        ends.append((100 * rows["accuracy"].iloc[-1], SHORT.get(name, label(name)), colour(name)))
+        ends.append((float(100 * rows["accuracy"].iloc[-1]), SHORT.get(name, label(name)), colour(name)))
     label_ends(panel, x[-1], ends)
     share = table[table["variant"] == shown[-1]].set_index("value")["share"].reindex(DISTANCE_LABELS).fillna(0)
     panel.set_xticks(x, [f"{name}\n{100 * part:.0f} % of paths" for name, part in share.items()])

@@ -18,7 +18,7 @@ def draws(results: Results) -> Figure:
     for name in VARIANTS:
         rows = table.dropna(subset=[name])
         panel.plot(rows["root_seed"], 100 * rows[name], marker=marker(name), markersize=5, color=colour(name))
-        end = 100 * rows[name].iloc[-1]
+        end = float(100 * rows[name].iloc[-1])
         if name in results.variants:
             end = 100 * results.accuracy(name, "new_items")
             panel.plot(this, end, marker(name), color=colour(name), markersize=11, markeredgecolor=INK)
