@@ -39,7 +39,7 @@ def by_demonstrations(results: Results) -> Figure:
                 panel.errorbar(n, 100 * mean, yerr=error, fmt="*", color=INK, markersize=12)
             options = {"textcoords": "offset points", "ha": "right", "fontsize": 10}
             panel.annotate("the paper", (9, 100 * PAPER_ACCURACY[9][0]), (8, 9), **options)
-        label_ends(panel, max(results.n_demos), _grouped(ends))
+        label_ends(panel, float(max(results.n_demos)), _grouped(ends))
         panel.set(title=label(split), xlabel="demonstrations a scene", xticks=results.n_demos)
         panel.grid(axis="y")
     axes[0, 0].set(ylabel="accuracy, per cent", ylim=(None, 104))
@@ -84,7 +84,7 @@ def by_distance(results: Results) -> Figure:
             x, 100 * rows["accuracy"], "--" if blind else "-", marker="" if blind else marker(name), color=colour(name)
         )
         ends.append((float(100 * rows["accuracy"].iloc[-1]), SHORT.get(name, label(name)), colour(name)))
-    label_ends(panel, x[-1], ends)
+    label_ends(panel, float(x[-1]), ends)
     share = table[table["variant"] == shown[-1]].set_index("value")["share"].reindex(DISTANCE_LABELS).fillna(0)
     panel.set_xticks(x, [f"{name}\n{100 * part:.0f} % of paths" for name, part in share.items()])
     panel.set(xlabel="distance of the path to the user’s boundary", ylabel="accuracy, per cent", ylim=(45, 102))

@@ -23,7 +23,7 @@ def draws(results: Results) -> Figure:
             end = 100 * results.accuracy(name, "new_items")
             panel.plot(this, end, marker(name), color=colour(name), markersize=11, markeredgecolor=INK)
         ends.append((end, label(name), colour(name)))
-    label_ends(panel, last, ends)
+    label_ends(panel, float(last), ends)
     panel.set(xlabel="root seed of the test scenes, in the order they were opened", ylabel="accuracy, per cent")
     panel.set_xticks([int(seed) for seed in table["root_seed"]])
     panel.grid(axis="y")
