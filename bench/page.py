@@ -14,16 +14,18 @@ from jinja2 import Environment, StrictUndefined
 from matplotlib.figure import Figure
 
 HERE = Path(__file__).resolve().parent
+COMMANDS = {  # of bench.repro -> (command, aim)
+    "environment": ("`make venv`", ""),
+    "demo": ("`make demo`", "at most 5, with the environment"),
+    "repro": ("`make repro`, from an empty cache", "at most 20, with the environment"),
+    "studies": ("`make studies`, after it", "at most 40"),
+    "test": ("`make test`", "at most 8"),
+    "quick_tests": ('`pytest -m "not slow"`', "at most 1"),
+}
 AIMS = {  # name of the figure -> (description, aim)
-    "environment_minutes": ("`make venv` from the lock [min]", ""),
-    "demo_minutes": ("`make demo`: from data to a small page [min]", "at most 5 with the environment"),
-    "repro_minutes": ("`make repro`: the paper from an empty cache [min]", "at most 20 with the environment"),
-    "studies_minutes": ("`make studies` after it [min]", "at most 40"),
-    "test_minutes": ("`make test` [min]", "at most 8"),
-    "repro_peak_gib": ("most memory that the stages' processes hold [GiB]", "at most 4"),
     "train_speedup_rows": ("a pass of full, n_demos = 9: times one row per (image, path)", "at least 30"),
     "train_speedup_best_eager": ("the same: times the best eager form", "at least 3"),
-    "fma_peak_share": ("share of what one core can multiply and add", "at least .60"),
+    "fma_peak_share_stacked": ("the same: share of what one core can multiply and add", "at least .60"),
     "fit_speedup_scipy": ("fitting demonstrations: times one scipy call per trajectory", "at least 100"),
     "train_seconds_clearance": (
         "fitting one clearance model to 20 scenes, n_demos = 9, objects detected anew [s]",
@@ -32,7 +34,9 @@ AIMS = {  # name of the figure -> (description, aim)
     "repair_ms": ("one repair of 1,000 searched at once, objects known [ms]", "at most 2"),
     "repair_ms_perceived": ("the same with detecting the objects in 100 images [ms]", ""),
     "repair_speedup_one_by_one": ("1,000 at once: times one start at a time", ""),
+    "detect_ms": ("detecting the objects in one image [ms]", ""),
     "scenes_per_second": ("scenes rendered a second", ""),
+    "render_speedup_composite": ("rendering: times compositing without light at four times the size", ""),
 }
 WAYS = {
     "rows": "one row per (image, path), eager",
@@ -43,20 +47,22 @@ UNITS = {"n_demos": "demonstrations a scene", "scenes": "training scenes", "mode
 
 
 def main(benchmarks: Path, repro: Path) -> None:
-    """Write all files from the benchmarks' json and, if it exists, the timing of the make targets."""
+    """Write all files from the benchmarks' json and, if it exists, bench.repro's."""
     runs = json.loads(benchmarks.read_text())["benchmarks"]
     results: dict = {}
     growth: dict = {}
     for run in runs:
         results |= run["extra_info"].get("results", {})
         growth |= run["extra_info"].get("growth", {})
-    if repro.is_file():
-        results |= json.loads(repro.read_text())
-    results = {"machine": machine(), "growth": growth} | results
+    commands = json.loads(repro.read_text()) if repro.is_file() else {}
+    results = {"machine": machine(), "growth": growth, "commands": commands} | results
     (HERE / "results.json").write_text(json.dumps(_rounded(results), indent=2, sort_keys=True) + "\n")
     _growth(growth).savefig(HERE / "growth.svg")
-    if "stage_minutes" in results:
-        _stages(results["stage_minutes"]).savefig(HERE / "repro.svg")
+    stages: dict = {}
+    for name in ("repro", "studies"):
+        stages |= commands.get(name, {}).get("stages", {})
+    if stages:
+        _stages(stages).savefig(HERE / "repro.svg")
     (HERE / "README.md").write_text(page(results))
 
 
@@ -81,7 +87,7 @@ def page(results: dict) -> str:
     )
     environment.filters["number"] = _number
     template = environment.from_string((HERE / "page.md.j2").read_text())
-    return template.render(results=results, aims=AIMS, ways=WAYS)
+    return template.render(results=results, aims=AIMS, ways=WAYS, commands=COMMANDS)
 
 
 def _growth(growth: dict) -> Figure:

@@ -1,15 +1,20 @@
-"""Measure the wall-clock minutes of the README's make targets in a temporary clone of the last commit.
+"""Measure minutes and memory of the README's commands in a fresh clone of the last commit.
 
-python -m bench.repro OUT.json
+python -m bench.repro OUT.json                    all of them, one after the other, in a temporary clone
+python -m bench.repro OUT.json FOLDER demo test   these, in a clone that is kept; FOLDER is made if it is missing
+
+Each result is added to OUT.json with the commit that was measured. A clone's first command makes the environment.
 """
 
 import json
 import re
+import shlex
 import subprocess
 import sys
 import tempfile
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import psutil
@@ -17,40 +22,49 @@ import psutil
 ROOT = Path(__file__).resolve().parent.parent
 RUNNING = re.compile(r"Running stage '(?:[^':]+:)?([^']+)'")
 GIB = 2**30  # bytes
-TARGETS = {"venv": "environment", "demo": "demo", "repro": "repro", "studies": "studies", "test": "test"}
+COMMANDS = {
+    "environment": "make venv",
+    "demo": "make demo",
+    "repro": "make repro",
+    "studies": "make studies",
+    "test": "make test",
+    "quick_tests": ".venv/bin/python -m pytest -m 'not slow'",
+}
 
 
-def measure(clone: Path) -> dict:
-    """Return minutes of each make target in order, minutes of each stage, and peak memory [GiB]."""
-    subprocess.run(["git", "clone", "--quiet", str(ROOT), str(clone)], check=True)
-    results: dict = {"stage_minutes": {}}
-    for target, name in TARGETS.items():
-        minutes, stages, peak = run(clone, target)
-        results[f"{name}_minutes"] = minutes
-        if target in ("repro", "studies"):
-            results["stage_minutes"] |= stages
-            results["repro_peak_gib"] = max(peak, results.get("repro_peak_gib", 0.0))
-    return results
+def measure(out: Path, clone: Path, names: Sequence[str]) -> None:
+    """Run the commands in the clone and add their results to `out`, each as soon as it has ended."""
+    if not clone.exists():
+        subprocess.run(["git", "clone", "--quiet", str(ROOT), str(clone)], check=True)
+    if not (clone / ".venv" / ".ready").exists():
+        names = ["environment", *(name for name in names if name != "environment")]
+    commit = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=clone, capture_output=True, text=True)
+    for name in names:
+        results = json.loads(out.read_text()) if out.is_file() else {}
+        results[name] = run(clone, COMMANDS[name]) | {"commit": commit.stdout.strip()}
+        out.write_text(json.dumps(results, indent=2) + "\n")
 
 
-def run(clone: Path, target: str) -> tuple[float, dict[str, float], float]:
-    """Run a make target; return its minutes, its stages' minutes, and the peak memory of its processes [GiB]."""
+def run(clone: Path, command: str) -> dict:
+    """Run a command; return its minutes, those of its stages, and the peak memory of its processes [GiB]."""
     start = time.perf_counter()
-    process = subprocess.Popen(["make", target], cwd=clone, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    process = subprocess.Popen(
+        shlex.split(command), cwd=clone, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
     peak = [0.0]
     threading.Thread(target=_watch, args=(psutil.Process(process.pid), peak), daemon=True).start()
     starts: list[tuple[str, float]] = []
     assert process.stdout is not None
     for line in process.stdout:
-        print(line, end="")
+        print(line, end="", flush=True)
         if match := RUNNING.search(line):
             starts.append((match[1], time.perf_counter()))
     end = time.perf_counter()
     if process.wait():
-        raise SystemExit(f"error: make {target} ended with {process.returncode} in {clone}; its output is above")
-    ends = [*(at for _, at in starts[1:]), end]
+        raise SystemExit(f"error: {command} ended with {process.returncode} in {clone}; its output is above")
+    ends = [*(time for _, time in starts[1:]), end]
     stages = {stage: (after - before) / 60 for (stage, before), after in zip(starts, ends, strict=True)}
-    return (end - start) / 60, stages, peak[0] / GIB
+    return {"minutes": (end - start) / 60, "stages": stages, "peak_gib": peak[0] / GIB}
 
 
 def _watch(root: psutil.Process, peak: list[float]) -> None:
@@ -65,5 +79,8 @@ def _watch(root: psutil.Process, peak: list[float]) -> None:
 
 
 if __name__ == "__main__":
+    out, *rest = sys.argv[1:] or ["--help"]
+    if out.startswith("-") or not set(rest[1:]) <= set(COMMANDS) or len(rest) == 1:
+        sys.exit(f"{__doc__}\nCommands: {', '.join(COMMANDS)}")
     with tempfile.TemporaryDirectory() as folder:
-        Path(sys.argv[1]).write_text(json.dumps(measure(Path(folder) / "clone"), indent=2) + "\n")
+        measure(Path(out), Path(rest[0]) if rest else Path(folder) / "clone", rest[1:] or list(COMMANDS))

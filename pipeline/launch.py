@@ -16,7 +16,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from pipeline.config.graph import FITTED, stage_entry
-from pipeline.params import CONF, GRAPH, PARAMS, drop_absent, load, need, read_by, refuse_unread, validate
+from pipeline.params import CONF, GRAPH, PARAMS, drop_absent, explained, load, need, read_by, refuse_unread, validate
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.memory import disable_malloc_trim
 
@@ -60,18 +60,18 @@ def usage(main: Main, stage: str) -> str:
     text = (importlib.import_module(module).__doc__ or "").strip() if "." in module else ""
     cfg = load(CONF.parent / PARAMS)
     entry = stage_entry(stage) or {}
-    lines = [text, USAGE.format(module=module, stage=stage, out=_folder(_root(cfg, stage), stage, cfg))]
+    lines = [text, USAGE.format(module=module, stage=stage, out=_dvc_folder(cfg, stage))]
     lines += ["Reads:", *(f"  {dep}" for dep in entry.get("deps", []) if not dep.startswith(("pipeline/", "studies/")))]
-    outs = [out for key in ("outs", "metrics", "plots") for out in entry.get(key, [])]
+    outs = [out for key in ("outs", "metrics") for out in entry.get(key, [])]
     lines += ["Writes:", *(f"  {out if isinstance(out, str) else next(iter(out))}" for out in outs)]
     lines += [f"Parameters (conf/ says what each is; these are of profile {cfg.profile}):"]
-    lines += [f"  {line}" for line in (read_by(cfg, stage) or "").splitlines()]
+    lines += [f"  {line}" for line in read_by(cfg, stage).splitlines()]
     return "\n".join(lines).replace("${item.variant}", cfg.variant)
 
 
-def _root(cfg: DictConfig, stage: str) -> Path:
+def _dvc_folder(cfg: DictConfig, stage: str) -> Path:
     """Return the folder in which DVC keeps the stage's files."""
-    return Path(cfg.paths[stage]) if stage in cfg.paths else Path(cfg.paths.studies) / stage
+    return _folder(Path(cfg.paths[stage]) if stage in cfg.paths else Path(cfg.paths.studies) / stage, stage, cfg)
 
 
 def _folder(folder: Path, stage: str, cfg: DictConfig) -> Path:
@@ -88,7 +88,7 @@ def _from_params(main: Main, stage: str, argv: list[str]) -> None:
     cfg = load(Path(argv[index + 1]), overrides, [stage] if overrides else [*GRAPH, stage])
     refuse_unread(cfg, stage, overrides)
     need(cfg, "seed", cfg.seed is None, "null, since DVC keeps the files of all seeds; for one, leave --params out")
-    out_dir = _folder(_root(cfg, stage), stage, cfg)
+    out_dir = _dvc_folder(cfg, stage)
     out_dir.mkdir(parents=True, exist_ok=True)
     main(cfg, out_dir)
 
@@ -111,7 +111,7 @@ def _from_hydra(main: Main, stage: str, argv: list[str]) -> None:
             raise
 
     # Hydra names its folders after the job; argparse wants all overrides in a row
-    overrides = [argument for argument in argv if ("=" in argument and argument[0] != "-") or argument[0] in "~+"]
+    overrides = [argument for argument in argv if re.match(r"[~+]|(?!-).*=", argument)]
     flags = [argument for argument in argv if argument not in overrides]
     if not any(override.startswith("hydra.job.name=") for override in overrides):
         overrides.insert(0, f"hydra.job.name={stage}")
@@ -121,7 +121,7 @@ def _from_hydra(main: Main, stage: str, argv: list[str]) -> None:
     try:
         hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run)()
     except HydraException as error:
-        raise InputError(str(error)) from error
+        raise InputError(explained(error)) from error
 
 
 def _job(main: Main, stage: str, cfg: DictConfig, overrides: list[str], folder: Path) -> float | None:
@@ -135,7 +135,7 @@ def _job(main: Main, stage: str, cfg: DictConfig, overrides: list[str], folder: 
     refuse_unread(cfg, stage, overrides)
     start = time.perf_counter()
     value = main(cfg, _folder(folder, stage, cfg))
-    digest = hashlib.sha256((read_by(cfg, stage) or OmegaConf.to_yaml(cfg)).encode()).hexdigest()[:12]
+    digest = hashlib.sha256(read_by(cfg, stage).encode()).hexdigest()[:12]
     logging.getLogger(stage).info("done in %.1f s, parameters %s: %s", time.perf_counter() - start, digest, overrides)
     return value
 

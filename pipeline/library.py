@@ -31,7 +31,7 @@ TRAINING: dict[str, dict[str, Any]] = {  # training schedule by kind
     "vae": {"steps": 600, "rate": 0.003, "weight_decay": 0.01, "curve_every": 10},
     "reward": {
         "rate": 0.018, "weight_decay": 0.0001, "scenes_per_step": 20, "n_augmentations": 12, "sparsity": 0.0,
-        "across": True, "curve_every": 10,
+        "rank_across_scenes": True, "curve_every": 10,
         "color_jitter": {"hue": 0.3, "gain": 0.15, "shift": 0.01, "scene_gain": 0.1, "other_table": 0.67},
     },
     "clearance": {"steps": 1000, "rate": 0.03, "weight_decay": 0.0, "curve_every": 10},
@@ -129,7 +129,8 @@ def effect(
     crossed random factors (pipeline.stats.crossed). With 20 scenes or more, two pseudo-scenes are added, so that the
     interval does not collapse if all scenes agree. Raises InputError as `fit`.
     """
-    from pipeline.stats.crossed import add_pseudo_scenes, estimate, verdict
+    from pipeline.stats.crossed import add_pseudo_scenes, estimate
+    from pipeline.stats.tests import verdict
 
     _check_scenes(images, z_theta)
     check_images(images_with_item)

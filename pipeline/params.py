@@ -8,6 +8,7 @@ python -m pipeline.params --check          exit 1 if params.yaml or dvc.yaml is 
 
 import sys
 from collections.abc import Collection, Sequence
+from itertools import product
 from pathlib import Path
 
 import yaml
@@ -26,13 +27,8 @@ CONF = ROOT / "conf"
 PARAMS = Path("params.yaml")
 GRAPH = tuple(NEEDS)  # the paper's stages with requirements across several groups
 # parameter -> the parameters in params.yaml that conf/ composes from it
-COMPOSED = {
-    "profile": "",
-    "protocol": "protocol",
-    "seeds": "protocol",
-    "validation_seeds": "protocol",
-    "train.model": "variants",
-}
+COMPOSED = {"profile": "", "train.model": "variants"}
+COMPOSED |= dict.fromkeys(("protocol", "seeds", "validation_seeds"), "protocol")
 
 
 def compose(overrides: Sequence[str] = ()) -> DictConfig:
@@ -49,11 +45,17 @@ def compose(overrides: Sequence[str] = ()) -> DictConfig:
             cfg = hydra_compose("config", overrides=list(overrides))
         OmegaConf.resolve(cfg)
     except (HydraException, OmegaConfBaseException, yaml.YAMLError) as error:
-        raise InputError(f"conf/ with overrides {list(overrides)} does not compose: {error}") from error
+        raise InputError(f"conf/ with overrides {list(overrides)} does not compose: {explained(error)}") from error
     if all(isinstance(value, DictConfig) for value in (cfg.variants, cfg.users, cfg.evaluate, cfg.record, cfg.report)):
         drop_absent(cfg)
     validate(cfg)
     return cfg
+
+
+def explained(error: Exception) -> str:
+    """Return Hydra's message, or the unknown parameter, which that leaves out if it is in an override's dictionary."""
+    name = getattr(error.__cause__, "full_key", None)
+    return f"unknown parameter {name!r} (see conf/; + in front of the override adds it)" if name else str(error)
 
 
 def drop_absent(cfg: DictConfig) -> None:
@@ -67,14 +69,13 @@ def drop_absent(cfg: DictConfig) -> None:
                 cfg.evaluate.comparisons.remove(comparison)
         cfg.record.first = [name for name in cfg.record.first if name not in variants]
         cfg.report.shown = [name for name in cfg.report.shown if name not in variants] or list(cfg.variants)[:3]
-        for name in [n for n, question in cfg.get("questions", {}).items() if question.get("kind") == "user"]:
-            if len(cfg.users) < 2:
-                del cfg.questions[name]
+        if len(cfg.users) < 2:
+            cfg.questions = {n: q for n, q in cfg.get("questions", {}).items() if q.get("kind") != "user"}
         cfg.evaluate.users = [name for name in cfg.evaluate.users if name not in users]
         if cfg.variant in variants:
             cfg.variant = next(iter(cfg.variants))
-        for name in [name for name in cfg.get("studies", {}) if not (ROOT / "studies" / name / "stage.py").is_file()]:
-            del cfg.studies[name]
+        if "studies" in cfg:
+            cfg.studies = {n: s for n, s in cfg.studies.items() if (ROOT / "studies" / str(n) / "stage.py").is_file()}
 
 
 def render(cfg: DictConfig) -> str:
@@ -94,7 +95,12 @@ def load(path: Path, overrides: Sequence[str] = (), stages: Collection[str] = ()
         if not isinstance(cfg, DictConfig) or not cfg:
             raise InputError(f"{path} is not a mapping: run `python -m pipeline.params` to write it again")
         OmegaConf.set_struct(cfg, True)
-        _refuse_composed(overrides)
+        for override, source in product(overrides, COMPOSED):
+            if f"{override.partition('=')[0]}.".startswith(f"{source}."):
+                raise InputError(
+                    f"{override}: params.yaml holds other parameters that were composed of {source}. Run "
+                    f"`python -m pipeline.params {override}`, or the stage without --params"
+                )
         cfg.merge_with_dotlist(list(overrides))
         OmegaConf.resolve(cfg)
     except ConfigAttributeError as error:
@@ -105,18 +111,6 @@ def load(path: Path, overrides: Sequence[str] = (), stages: Collection[str] = ()
         ) from error
     validate(cfg, stages)
     return cfg
-
-
-def _refuse_composed(overrides: Sequence[str]) -> None:
-    """Raise InputError for an override of a parameter from which others in params.yaml were composed."""
-    for override in overrides:
-        name = override.partition("=")[0]
-        for source in COMPOSED:
-            if name == source or name.startswith(f"{source}."):
-                raise InputError(
-                    f"{override}: params.yaml holds other parameters that were composed of {source}. Run "
-                    f"`python -m pipeline.params {override}`, or the stage without --params"
-                )
 
 
 def validate(cfg: DictConfig, stages: Collection[str] = ()) -> None:
@@ -134,10 +128,8 @@ def validate(cfg: DictConfig, stages: Collection[str] = ()) -> None:
     except ValidationError as error:
         raise InputError(f"{explain(error, prefix)}; change it in conf/ or on the command line") from error
     except PydanticCustomError as error:
-        context = error.context or {}
-        stated = f"parameter {context['name']} is {context['value']!r}: " if "name" in context else ""
-        expected = "expected " if error.type == "expected" else ""
-        raise InputError(f"{stated}{expected}{error.message()}; change it in conf/ or on the command line") from error
+        stated = "parameter {name} is {value!r}: expected ".format(**error.context) if error.context else ""
+        raise InputError(f"{stated}{error.message()}; change it in conf/ or on the command line") from error
 
 
 def need(cfg: DictConfig, name: str, holds: bool, expected: str) -> None:
@@ -146,24 +138,22 @@ def need(cfg: DictConfig, name: str, holds: bool, expected: str) -> None:
         raise InputError(f"parameter {name} is {OmegaConf.select(cfg, name)!r}: expected {expected}")
 
 
-def names_read(stage: str) -> list[str] | None:
+def names_read(cfg: DictConfig, stage: str) -> list[str]:
     """Return the names of the parameters that a stage reads: those listed in dvc.yaml, and those DVC does not track.
 
-    None for a stage that no dvc.yaml contains.
+    Empty for a stage that no dvc.yaml contains.
     """
     entry = stage_entry(stage)
     if entry is None:
-        return None
-    return [*entry.get("params", []), *(("variant", "seed") if "matrix" in entry else ()), "workers", "paths"]
+        return []
+    names = [*entry.get("params", []), *(("variant", "seed") if "matrix" in entry else ()), "workers", "paths"]
+    return [str(name).replace("${item.variant}", cfg.variant) for name in names]
 
 
-def read_by(cfg: DictConfig, stage: str) -> str | None:
-    """Return, as YAML, the parameters that a stage reads; None for a stage that no dvc.yaml contains."""
-    names = names_read(stage)
-    if names is None:
-        return None
-    names = [name.replace("${item.variant}", cfg.variant) for name in names]
-    return OmegaConf.to_yaml(OmegaConf.create({name: OmegaConf.select(cfg, name) for name in names}))
+def read_by(cfg: DictConfig, stage: str) -> str:
+    """Return, as YAML, the parameters that a stage reads; all of them for a stage that no dvc.yaml contains."""
+    names = names_read(cfg, stage)
+    return OmegaConf.to_yaml(OmegaConf.create({name: OmegaConf.select(cfg, name) for name in names}) if names else cfg)
 
 
 def refuse_unread(cfg: DictConfig, stage: str, overrides: Sequence[str]) -> None:
@@ -171,19 +161,16 @@ def refuse_unread(cfg: DictConfig, stage: str, overrides: Sequence[str]) -> None
 
     `overrides`: as on Hydra's command line. Stages that no dvc.yaml contains accept every override.
     """
-    names = names_read(stage)
-    for override in overrides if names is not None else ():
+    read = names_read(cfg, stage)
+    for override in overrides if read else ():
         name = override.lstrip("+~").partition("=")[0].rpartition("@")[2]
         targets = [name, *(target for source, target in COMPOSED.items() if f"{name}.".startswith(f"{source}."))]
-        read = [str(own).replace("${item.variant}", cfg.variant) for own in names or ()]
-        if "" in targets or any(
-            f"{t}.".startswith(f"{r}.") or f"{r}.".startswith(f"{t}.") for t in targets for r in read
-        ):
-            continue
-        raise InputError(
-            f"{override}: stage {stage} does not read {name} (it reads {', '.join(read)}). If an earlier stage reads "
-            f"it, run that one again, too: `dvc exp run -S {override} {stage}`"
-        )
+        pairs = [(f"{target}.", f"{own}.") for target, own in product(targets, read)]
+        if "" not in targets and not any(a.startswith(b) or b.startswith(a) for a, b in pairs):
+            raise InputError(
+                f"{override}: stage {stage} does not read {name} (it reads {', '.join(read)}). If an earlier stage "
+                f"reads it, run that one again, too: `dvc exp run -S {override} {stage}`"
+            )
 
 
 def main(argv: list[str]) -> int:

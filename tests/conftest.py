@@ -3,14 +3,14 @@
 Hypothesis tries the same examples in every run; `--hypothesis-profile=default` draws new ones.
 """
 
+from pathlib import Path
+
 import pytest
 from hypothesis import settings
 from jaxtyping import install_import_hook
-
-from pipeline.runtime.memory import disable_malloc_trim
+from omegaconf import DictConfig
 
 install_import_hook("pipeline", "beartype.beartype")
-disable_malloc_trim()  # as every stage's process does
 settings.register_profile("repeatable", derandomize=True)
 settings.load_profile("repeatable")
 
@@ -18,3 +18,19 @@ settings.load_profile("repeatable")
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put the smoke run first: it takes longest, and the other worker does the rest meanwhile (`make test`)."""
     items.sort(key=lambda item: item.path.name != "test_smoke.py")
+
+
+@pytest.fixture(autouse=True, scope="session")
+def one_thread() -> None:
+    """As in every stage's process; two threads that wait for each other on a busy machine take minutes for seconds."""
+    from pipeline.runtime.parallel import one_thread
+
+    one_thread()
+
+
+@pytest.fixture(scope="module")
+def out(request: pytest.FixtureRequest, cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What the module's stage writes by `cfg`; it fails if it reads a parameter that dvc.yaml does not list for it."""
+    from tests.stages.facts import run_as_listed
+
+    return run_as_listed(request.module.main, cfg, tmp_path_factory.mktemp("out"))

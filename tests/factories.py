@@ -1,11 +1,13 @@
 """Builders that tests of several packages share: tables, scenes, demonstrations, queries and untrained models."""
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import yaml
 from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.demos import DEMO_COLUMNS, DEMO_KEY, Queries, write_demos, write_queries
@@ -37,6 +39,24 @@ WEIGHTS = {  # of Eq. 1
 RED, WHITE = (0.8, 0.2, 0.2), (0.9, 0.9, 0.9)
 
 
+@cache
+def _composed(*overrides: str) -> DictConfig:
+    return compose(list(overrides))
+
+
+def composed(*overrides: str) -> DictConfig:
+    """What `compose` gives, composed once for all tests: a copy that a test may change."""
+    return _composed(*overrides).copy()
+
+
+def with_value(cfg: DictConfig, row: str) -> DictConfig:
+    """The configuration after a value in YAML was set, e.g. "users.careful.glass=null"."""
+    name, _, value = row.partition("=")
+    OmegaConf.set_struct(cfg, False)
+    OmegaConf.update(cfg, name, yaml.safe_load(value), merge=False)
+    return cfg
+
+
 def vae(seed: int = 0, **shape: object) -> BetaVae:
     """An untrained model, of the paper's size if `shape` names no other."""
     model = build({"kind": "vae", "model": shape}, seed)
@@ -61,7 +81,7 @@ def to_pixels(image: np.ndarray) -> np.ndarray:
 def untrained_models(folder: Path, seeds: list[int], *overrides: str) -> DictConfig:
     """The configuration of three variants whose scenes and models, of every user and seed, lie under `folder`."""
     few = ["workers=1", "repair.starts=8", "repair.lattice_side=14"]  # starts: some invalid to each user, however drawn
-    cfg = compose(["profile=smoke", f"seeds={seeds}", *few, *overrides])
+    cfg = composed("profile=smoke", f"seeds={seeds}", *few, *overrides)
     OmegaConf.set_struct(cfg, False)
     for name in ("ae", "classifier", "irl_maxent"):
         del cfg.variants[name]
@@ -169,7 +189,7 @@ def labelled_queries(cfg: DictConfig, scenes: SceneSet, pools: Sequence[str], co
 
 def models_in_rendered_scenes(folder: Path, variants: Sequence[str], count: int, *overrides: str) -> DictConfig:
     """The configuration of `count` real scenes of unseen items, and models of these variants, under `folder`."""
-    cfg = compose(["profile=smoke", "workers=1", *overrides])
+    cfg = composed("profile=smoke", "workers=1", *overrides)
     for stage in ("scenes", "train", "irl", "clearance", "intervene"):
         OmegaConf.update(cfg, f"paths.{stage}", str(folder / stage))
     cfg.variants = {variant: cfg.variants[variant] for variant in variants}

@@ -64,25 +64,24 @@ def test_help_says_what_a_stage_reads_and_writes(run):
     assert "steps: 600" in out and "variants.full:" in out and "hand:" not in out
 
 
-@pytest.mark.parametrize("error", [InputError, FileNotFoundError, PermissionError, FileExistsError])
-@pytest.mark.parametrize("by_hydra", [False, True])
-def test_a_person_s_error_is_one_line_and_exit_code_2(run, error: type[Exception], by_hydra: bool, tmp_path: Path):
+def by(hydra: bool, folder: Path) -> list[str]:
+    return [f"hydra.run.dir={folder}"] if hydra else [*PARAMS, f"paths.scenes={folder}"]
+
+
+def raising(error: type[Exception]) -> Callable:
     def main(cfg: DictConfig, out_dir: Path) -> None:
         raise error("no room")
 
-    where = [f"hydra.run.dir={tmp_path}"] if by_hydra else [*PARAMS, f"paths.scenes={tmp_path}"]
-    code, _, err = run(main, "scenes", *where)
-    assert code == 2 and err.splitlines()[-1] == "error: no room"
+    return main
 
 
-@pytest.mark.parametrize("by_hydra", [False, True])
-def test_a_defect_keeps_its_traceback(run, by_hydra: bool, tmp_path: Path):
-    def main(cfg: DictConfig, out_dir: Path) -> None:
-        raise ValueError("operands could not be broadcast together")
-
-    where = [f"hydra.run.dir={tmp_path}"] if by_hydra else [*PARAMS, f"paths.scenes={tmp_path}"]
-    with pytest.raises(ValueError, match="broadcast"):
-        run(main, "scenes", *where)
+@pytest.mark.parametrize("hydra", [False, True])
+def test_a_person_s_error_is_one_line_and_exit_code_2_and_a_defect_keeps_its_traceback(run, hydra, tmp_path: Path):
+    for error in (InputError, FileNotFoundError, PermissionError, FileExistsError):
+        code, _, err = run(raising(error), "scenes", *by(hydra, tmp_path))
+        assert code == 2 and err.splitlines()[-1] == "error: no room"
+    with pytest.raises(ValueError, match="no room"):
+        run(raising(ValueError), "scenes", *by(hydra, tmp_path))
 
 
 @pytest.mark.parametrize("by_hydra", [False, True])
@@ -120,17 +119,11 @@ def test_a_stage_s_value_is_what_a_sweeper_gets(tmp_path: Path, monkeypatch: pyt
 
 @pytest.mark.parametrize("mode", [[], ["--multirun"]])
 @pytest.mark.parametrize(
-    ("stage", "override"),
-    [
-        ("train", "scenes.root_seed=1"),
-        ("train", "variants.ae.beta=1.0"),
-        ("evaluate", "seed=0"),
-        ("irl", "train.steps=5"),
-    ],
+    "given", ["train scenes.root_seed=1", "train variants.ae.beta=1.0", "evaluate seed=0", "irl train.steps=5"]
 )
-def test_what_a_stage_does_not_read_is_refused(run, stage: str, override: str, mode: list[str], tmp_path: Path):
+def test_what_a_stage_does_not_read_is_refused(run, given: str, mode: list[str], tmp_path: Path):
     """The result would bear the name of a parameter that had no part in it."""
-    hydra = [f"hydra.run.dir={tmp_path}", f"hydra.sweep.dir={tmp_path}"]
+    hydra, (stage, override) = [f"hydra.run.dir={tmp_path}", f"hydra.sweep.dir={tmp_path}"], given.split()
     code, _, err = run(lambda cfg, out_dir: pytest.fail("begun"), stage, *mode, *hydra, override)
     assert code == 2 and f"stage {stage} does not read {override.partition('=')[0]}" in err
 
@@ -152,24 +145,16 @@ def test_the_log_names_the_stage_and_its_parameters(run, tmp_path: Path):
     assert digests[0] == digests[2] != digests[1] and all("[train]" in line for line in lines)
 
 
-def test_variants_fitted_by_one_stage_lie_side_by_side(run, tmp_path: Path):
+def test_variants_fitted_by_one_stage_lie_side_by_side_and_a_study_beside_the_others(run, tmp_path: Path):
     folders = []
     run(lambda cfg, out_dir: folders.append(out_dir), "train", f"hydra.run.dir={tmp_path}", "variant=ae")
-    assert folders == [tmp_path / "ae"]
+    run(lambda cfg, out_dir: folders.append(out_dir), "robustness", *PARAMS, f"paths.studies={tmp_path}")
+    assert folders == [tmp_path / "ae", tmp_path / "robustness"]
 
 
-def test_a_study_writes_beside_the_others(run, tmp_path: Path):
-    folders = []
-    code, _, err = run(lambda cfg, out_dir: folders.append(out_dir), "robustness", *PARAMS, f"paths.studies={tmp_path}")
-    assert code == 0 and folders == [tmp_path / "robustness"], err
-
-
-def test_one_seed_alone_is_for_sweeps_since_dvc_would_lose_the_others(run, tmp_path: Path):
-    code, _, err = run(nothing, "train", *PARAMS, "seed=0", f"paths.train={tmp_path}")
+def test_one_seed_alone_is_for_sweeps_and_another_profile_than_that_of_params_yaml_is_said(run, tmp_path: Path):
+    code, _, err = run(nothing, "train", *PARAMS, "seed=0", f"paths.train={tmp_path}")  # DVC would lose the others
     assert code == 2 and "parameter seed is 0: expected null" in err and not list(tmp_path.iterdir())
-
-
-def test_another_profile_than_that_of_params_yaml_is_said(run, tmp_path: Path):
     _, _, err = run(nothing, "train", f"hydra.run.dir={tmp_path}", "profile=smoke")
     assert "profile smoke; params.yaml is paper\n" in err
 
@@ -182,7 +167,6 @@ def test_a_sweep_of_too_many_parameters_for_a_folder_s_name_says_how_to_name_it(
     assert run(nothing, "train", *sweep, "hydra.sweep.subdir=${hydra.job.num}")[0] == 0
 
 
-@pytest.mark.slow
 def test_ctrl_c_ends_a_stage_and_its_workers_at_once(tmp_path: Path):
     script = """
 import time

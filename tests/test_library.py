@@ -10,12 +10,11 @@ import torch
 
 import pipeline
 from pipeline import library
-from pipeline.params import compose
 from pipeline.runtime.errors import InputError
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import clearance
-from tests.factories import RED, WHITE, draw_table
+from tests.factories import RED, WHITE, composed, draw_table
 
 SCENES, PATHS, MARGIN = 12, 9, 0.04
 
@@ -41,15 +40,10 @@ def example():
     return images, images_without, z_theta, clearance(layouts, z_theta).min(-1) > MARGIN
 
 
-@pytest.fixture(scope="module")
-def model(example):
-    images, _, z_theta, valid = example
-    return pipeline.fit(images, z_theta, valid, variant="clearance", seed=0)
-
-
 @pytest.mark.slow
-def test_the_example_of_the_readme(example, model, tmp_path):
+def test_the_example_of_the_readme(example, tmp_path):
     images, images_without, z_theta, valid = example
+    model = pipeline.fit(images, z_theta, valid, variant="clearance", seed=0)
     p = model.probability(images, z_theta)
     assert p.shape == valid.shape and ((p > 0.5) == valid).mean() > 0.9
     ends = pipeline.repair(model, images, z_theta)
@@ -66,10 +60,10 @@ def test_the_example_of_the_readme(example, model, tmp_path):
     assert np.array_equal(again.probability(images, z_theta), p)
 
 
-@pytest.mark.slow
-def test_the_effect_of_no_change_is_zero_for_several_models(example, model):
+def test_the_effect_of_no_change_is_zero_for_several_models(example):
     images, _, z_theta, _ = example
-    nothing = pipeline.effect([model, model], images, images, z_theta)
+    models = [library.build({"kind": "vae", "model": library.VAE}, seed) for seed in (0, 1)]
+    nothing = pipeline.effect(models, images, images, z_theta)
     assert nothing.estimate == 0 and nothing.verdict == "negligible" and nothing.p == 1
 
 
@@ -86,7 +80,7 @@ def test_one_model_is_a_t_test_over_scenes(example):
 
 
 def test_settings_are_those_of_conf():
-    cfg = compose()
+    cfg = composed()
     groups = {"vae": cfg.train, "reward": cfg.irl, "clearance": cfg.clearance}
     for variant, settings in library.SETTINGS.items():
         conf = {name: value for name, value in cfg.variants[variant].items() if name != "stage"}
@@ -145,4 +139,4 @@ def test_a_file_that_holds_no_model_is_refused(tmp_path):
 
 def test_parameters_are_read_without_torch():
     code = "import sys, pipeline; assert 'torch' not in sys.modules and not hasattr(pipeline, 'nothing')"
-    subprocess.run([sys.executable, "-c", code], cwd=Path(__file__).parents[1], check=True)
+    subprocess.run([sys.executable, "-c", code], cwd=Path(__file__).parents[1], check=True, timeout=60)

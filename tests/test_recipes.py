@@ -84,7 +84,8 @@ def add_a_user(repository: Path) -> None:
 
 def add_a_symbol(repository: Path) -> None:
     """Mugs: as large as bowls, their cut-outs those of bowls under other names; careful users keep away from them."""
-    insert(repository / "pipeline/world/symbols.py", ")  # layouts store", '    Symbol("mug", height_m=0.02),')
+    with (repository / "pipeline/world/symbols.yaml").open("a") as symbols:
+        symbols.write("mug: {height_m: 0.02}\n")
     items = pd.read_csv(repository / "data/items.csv")
     mugs = items[items["symbol"] == "bowl"].assign(
         symbol="mug",

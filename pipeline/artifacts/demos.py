@@ -11,20 +11,8 @@ from pipeline.artifacts.files import read_arrays, read_table, write_arrays, writ
 from pipeline.artifacts.scenes import SceneSet, read_scenes
 from pipeline.runtime.errors import InputError
 
-DEMO_COLUMNS = [
-    "seed",
-    "user",
-    "scene",
-    "demo",
-    "z_x",
-    "z_y",
-    "valid",
-    "residual_m",
-    "poor_fit",
-    "duration_s",
-    "samples",
-]
 DEMO_KEY = ["seed", "user", "scene", "demo"]
+DEMO_COLUMNS = [*DEMO_KEY, "z_x", "z_y", "valid", "residual_m", "poor_fit", "duration_s", "samples"]
 
 
 @dataclass(frozen=True)
@@ -47,8 +35,7 @@ def write_demos(out_dir: Path, demos: pd.DataFrame, samples: np.ndarray, offsets
         raise ValueError(f"{len(demos)} demonstrations do not match {len(offsets)} offsets into {len(samples)} samples")
     write_table(out_dir / "demos.parquet", demos[DEMO_COLUMNS])
     write_arrays(
-        out_dir / "trajectories.npz",
-        {"samples": samples.astype(np.float32), "offsets": offsets.astype(np.int64)},
+        out_dir / "trajectories.npz", {"samples": samples.astype(np.float32), "offsets": offsets.astype(np.int64)}
     )
 
 

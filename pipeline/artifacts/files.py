@@ -11,6 +11,11 @@ from pipeline.runtime.errors import InputError
 from pipeline.runtime.writing import atomic_write
 
 
+def _need_file(path: Path) -> None:
+    if not path.is_file():
+        raise InputError(f"{path} is missing: run `make repro` (or the stage that writes it) first")
+
+
 def write_table(path: Path, table: pd.DataFrame) -> None:
     """Write a data frame as parquet (`.parquet`) or as csv (`.csv`, 6 significant digits)."""
     if path.suffix == ".csv":
@@ -21,8 +26,7 @@ def write_table(path: Path, table: pd.DataFrame) -> None:
 
 def read_table(path: Path, columns: Sequence[str] | None = None) -> pd.DataFrame:
     """Return a table written by `write_table`; InputError if it is missing, unreadable or lacks a column."""
-    if not path.is_file():
-        raise InputError(f"{path} is missing: run `make repro` (or the stage that writes it) first")
+    _need_file(path)
     try:
         table = pd.read_csv(path) if path.suffix == ".csv" else pd.read_parquet(path)
     except Exception as error:
@@ -41,8 +45,7 @@ def write_json(path: Path, content: Mapping) -> None:
 
 def read_json(path: Path) -> dict:
     """Return a JSON object; InputError if the file is missing or invalid."""
-    if not path.is_file():
-        raise InputError(f"{path} is missing: run `make repro` (or the stage that writes it) first")
+    _need_file(path)
     try:
         content = json.loads(path.read_text())
     except ValueError as error:  # json's own, and UnicodeDecodeError
@@ -64,8 +67,7 @@ def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
 
 def read_arrays(path: Path) -> dict[str, np.ndarray]:
     """Return all arrays of an npz by name; InputError if it is missing or truncated."""
-    if not path.is_file():
-        raise InputError(f"{path} is missing: run `make repro` (or the stage that writes it) first")
+    _need_file(path)
     try:
         with np.load(path, allow_pickle=False) as file:
             return {name: file[name] for name in file.files}

@@ -1,6 +1,7 @@
 """Read and write repairs: the starts shared by all methods, and one table row per repaired path."""
 
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -54,9 +55,8 @@ def draw_starts(cfg: DictConfig, scenes: SceneSet) -> tuple[Float[Array, "scene 
     for user, margins in cfg.users.items():
         scene, start = np.nonzero(~valid(layouts, candidates, margins))
         nearest = nearest_valid(layouts, candidates, margins, cfg.repair.lattice_side, cfg.repair.refinements)
-        starts[str(user)] = Starts(
-            str(user), margins, layouts, scene, start, candidates[scene, start], nearest[scene, start]
-        )
+        z, nearest = candidates[scene, start], nearest[scene, start]
+        starts[str(user)] = Starts(str(user), margins, layouts, scene, start, z, nearest)
     if not any(len(s.z) for s in starts.values()):
         raise InputError(f"no user has an invalid path among those drawn in {pool}: raise repair.starts")
     return candidates, starts
@@ -112,13 +112,8 @@ def read_repairs(cfg: DictConfig) -> tuple[pd.DataFrame, dict[str, Float[Array, 
     table = read_table(directory / "repairs.parquet", READ_COLUMNS).query("method == 'gradient'")
     paths = read_arrays(directory / "paths.npz")
     counts = table.groupby(["variant", "user", "seed"]).size().to_dict()
-    for variant in cfg.variants:
-        for user in cfg.users:
-            for seed in cfg.protocol.seeds:
-                name, expected = paths_name(variant, user, seed), counts.get((variant, user, seed), 0)
-                if len(paths.get(name, ())) != expected:
-                    raise InputError(
-                        f"{directory}: {expected} repairs of {name}, {len(paths.get(name, ()))} paths; "
-                        "run the repair stage again"
-                    )
+    for key in product(cfg.variants, cfg.users, cfg.protocol.seeds):
+        name, expected, count = paths_name(*key), counts.get(key, 0), len(paths.get(paths_name(*key), ()))
+        if count != expected:
+            raise InputError(f"{directory}: {expected} repairs of {name}, {count} paths; run the repair stage again")
     return table, paths

@@ -1,6 +1,6 @@
 """Read and write scenes: images, layouts and appearances by pool, and the position prior."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,19 +10,8 @@ from pipeline.artifacts.files import read_arrays, read_table, write_arrays, writ
 from pipeline.runtime.errors import InputError
 from pipeline.world.layout import EMPTY, Layouts, empty
 
-LAYOUT_COLUMNS = [
-    "pool",
-    "scene",
-    "slot",
-    "item",
-    "symbol",
-    "x_m",
-    "y_m",
-    "angle_rad",
-    "scale",
-    "half_length_m",
-    "radius_m",
-]
+LENGTHS = {"angle": "angle_rad", "scale": "scale", "half_length": "half_length_m", "radius": "radius_m"}  # column names
+LAYOUT_COLUMNS = ["pool", "scene", "slot", "item", "symbol", "x_m", "y_m", *LENGTHS.values()]
 APPEARANCE_COLUMNS = ["pool", "scene", "texture", "render_seed"]
 
 
@@ -91,22 +80,11 @@ def read_position_prior(directory: Path) -> dict[str, np.ndarray]:
 
 def layout_table(pool: str, layouts: Layouts) -> pd.DataFrame:
     """Return one row per placed item."""
-    scene, slot = np.nonzero(layouts.present)
-    values = {f.name: getattr(layouts, f.name)[scene, slot] for f in fields(layouts)}
-    columns = [
-        pool,
-        scene,
-        slot,
-        values["item"],
-        values["symbol"],
-        values["centre"][:, 0],
-        values["centre"][:, 1],
-        values["angle"],
-        values["scale"],
-        values["half_length"],
-        values["radius"],
-    ]
-    return pd.DataFrame(dict(zip(LAYOUT_COLUMNS, columns, strict=True)))
+    scene, slot = index = np.nonzero(layouts.present)
+    table = pd.DataFrame({"pool": pool, "scene": scene, "slot": slot})
+    table["item"], table["symbol"] = layouts.item[index], layouts.symbol[index]
+    table[["x_m", "y_m"]] = layouts.centre[index]
+    return table.assign(**{column: getattr(layouts, name)[index] for name, column in LENGTHS.items()})
 
 
 def padded_layouts(rows: pd.DataFrame, scenes: int, slots: int) -> Layouts:
@@ -114,16 +92,9 @@ def padded_layouts(rows: pd.DataFrame, scenes: int, slots: int) -> Layouts:
     layouts = empty(scenes, slots)
     index = rows["scene"].to_numpy(), rows["slot"].to_numpy()
     if len(rows) and (index[0].max() >= scenes or (rows["symbol"] == EMPTY).any()):
-        raise InputError(
-            "layouts name a scene without an image or an item without a symbol; run the scenes stage again"
-        )
+        raise InputError("layouts name a scene without an image or an item without a symbol; rerun stage scenes")
     layouts.item[index], layouts.symbol[index] = rows["item"], rows["symbol"]
     layouts.centre[index] = rows[["x_m", "y_m"]].to_numpy()
-    for name, column in (
-        ("angle", "angle_rad"),
-        ("scale", "scale"),
-        ("half_length", "half_length_m"),
-        ("radius", "radius_m"),
-    ):
+    for name, column in LENGTHS.items():
         getattr(layouts, name)[index] = rows[column]
     return layouts

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -46,13 +47,11 @@ def read_weights(model: ValidityModel, path: Path, variant: str) -> None:
 
 def check_weights(cfg: DictConfig) -> None:
     """Raise InputError for the first missing model at main_n_demos."""
-    for variant in cfg.variants:
-        for user in cfg.users:
-            for seed in cfg.protocol.seeds:
-                path = weights_path(model_dir(cfg, variant), user, seed, cfg.main_n_demos)
-                if not path.is_file():
-                    stage = cfg.variants[variant].stage
-                    raise InputError(f"{path} is missing: run stage {stage} for variant {variant} first")
+    for variant, user, seed in product(cfg.variants, cfg.users, cfg.protocol.seeds):
+        path = weights_path(model_dir(cfg, variant), user, seed, cfg.main_n_demos)
+        if not path.is_file():
+            stage = cfg.variants[variant].stage
+            raise InputError(f"{path} is missing: run stage {stage} for variant {variant} first")
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import pandas as pd
 from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 
-from pipeline.causal.interventions import study
+from pipeline.causal.interventions import compare_with_truth
 from pipeline.world.layout import SYMBOLS
 
 
@@ -39,6 +39,6 @@ def added_item_effects(p: Float[Array, "user seed version scene path"]) -> Float
 def verdicts(
     users: Sequence[str], p: Float[Array, "user seed version scene path"], valid: Bool[Array, "user version scene path"]
 ) -> pd.DataFrame:
-    """Return user, symbol and the columns of `study` for each question; all questions form one family."""
+    """Return user, symbol and the columns of `compare_with_truth` for each question; all questions form one family."""
     truth = (x[:, 0] for x in expected_by_version(valid[:, None].astype(float)))
-    return pd.concat([questions(users), study(*expected_by_version(p), *truth)], axis=1)
+    return pd.concat([questions(users), compare_with_truth(*expected_by_version(p), *truth)], axis=1)

@@ -70,11 +70,11 @@ class Subsets:
 
     def by_question(self, values: Float[Array, "*b version path"]) -> Removals:
         """Return the values of all versions, arranged by question."""
-        asked = np.moveaxis(np.asarray(values, dtype=np.float64)[..., self.index, :], -2, -1)  # (..., scene, path, q)
+        arranged = np.moveaxis(np.asarray(values, dtype=np.float64)[..., self.index, :], -2, -1)  # question last
         slots = self.kept.shape[1]
-        return Removals(asked[..., 0], asked[..., 1], asked[..., 2 : 2 + slots], asked[..., 2 + slots :])
+        return Removals(arranged[..., 0], arranged[..., 1], arranged[..., 2 : 2 + slots], arranged[..., 2 + slots :])
 
-    def pick(self, values: Array, scenes: list[int]) -> dict[str, Array]:
+    def select_scenes(self, values: Array, scenes: list[int]) -> dict[str, Array]:
         """Return the values for each question of these scenes, given one value (such as an image) per version."""
         index, slots = self.index[scenes], self.kept.shape[1]
         parts = index[:, 0], index[:, 1], index[:, 2 : 2 + slots], index[:, 2 + slots :]
@@ -96,7 +96,7 @@ def item_subsets(present: Bool[Array, "scene slot"]) -> Subsets:
     return Subsets(versions[:, 0], versions[:, 1:].astype(bool), index.reshape(scenes, -1))
 
 
-def keep(layouts: Layouts, kept: Bool[Array, "scene slot"]) -> Layouts:
+def select_items(layouts: Layouts, kept: Bool[Array, "scene slot"]) -> Layouts:
     """Return the same scenes with only the items in the `kept` slots."""
     return replace(layouts, item=np.where(kept, layouts.item, EMPTY), symbol=np.where(kept, layouts.symbol, EMPTY))
 
@@ -189,24 +189,24 @@ def score_attributions(
     return {name: float(value) for name, value in row.items()}
 
 
-def mean(values: Array, asked: Bool[Array, "*b"]) -> float:
-    """Return the mean of `values`, broadcast to the mask `asked`, where the mask is true; NaN if it is nowhere."""
-    return float(np.broadcast_to(values, asked.shape)[asked].mean()) if asked.any() else np.nan
+def mean(values: Array, mask: Bool[Array, "*b"]) -> float:
+    """Return the mean of `values`, broadcast to `mask`, where it is true; NaN if it is nowhere."""
+    return float(np.broadcast_to(values, mask.shape)[mask].mean()) if mask.any() else np.nan
 
 
 def mean_with_interval(
-    name: str, values: Array, asked: Bool[Array, "seed scene *b"], low: str = "", high: str = ""
+    name: str, values: Array, mask: Bool[Array, "seed scene *b"], low: str = "", high: str = ""
 ) -> dict[str, float]:
     """Return `mean` and its 95 % interval over seeds crossed with scenes; shares are clipped to [0, 1].
 
     The bounds are called `name`_ci_low and `name`_ci_high, or `low` and `high`. They are NaN for too few observations.
     """
     low, high = low or f"{name}_ci_low", high or f"{name}_ci_high"
-    row = {name: mean(values, asked), low: np.nan, high: np.nan}
-    axes = tuple(range(2, asked.ndim))
-    count = asked.sum(axes)  # (seed, scene)
+    row = {name: mean(values, mask), low: np.nan, high: np.nan}
+    axes = tuple(range(2, mask.ndim))
+    count = mask.sum(axes)  # (seed, scene)
     if (count > 0).sum() >= MIN_PAIRS and (count > 0).any(0).sum() >= MIN_SCENES:
-        e = ratio(np.where(asked, values, 0.0).sum(axes)[None], count[None].astype(float))
+        e = ratio(np.where(mask, values, 0.0).sum(axes)[None], count[None].astype(float))
         ends = np.array([e.ci_low[0], e.ci_high[0]])
         row[low], row[high] = ends.clip(0, 1) if values.dtype == bool else ends
     return row

@@ -26,8 +26,9 @@ from jaxtyping import Float, Int
 from numpy import ndarray as Array
 from scipy.optimize import isotonic_regression
 
-from pipeline.stats.clusters import as_from_other_items, by_item
-from pipeline.stats.crossed import Estimates, estimate, holm, verdict
+from pipeline.stats.clusters import by_item, inflate_item_variance
+from pipeline.stats.crossed import Estimates, estimate
+from pipeline.stats.tests import holm, verdict
 
 
 def dose_grid(step: float, doses: int) -> Float[Array, " dose"]:
@@ -61,14 +62,14 @@ def paths_at_doses(
 def envelopes(
     response: Float[Array, "question seed scene dose"],
     item: Int[Array, "question scene"],
-    trained: Sequence[int | None],
+    n_training: Sequence[int | None],
     margins: Sequence[float | None],
     doses: Float[Array, " dose"],
 ) -> pd.DataFrame:
     """Return one family's envelopes (questions: users x symbols), one row per question; lengths in metres.
 
-    item: the added item; trained: number of items of the symbol in the training sets, None if nothing was learned from
-    items; margins: the true margins, None if there is none. NaN: the dose is missing in the scene.
+    item: the added item; n_training: number of items of the symbol in the training sets, None if nothing was learned
+    from items; margins: the true margins, None if there is none. NaN: the dose is missing in the scene.
 
     An envelope exists if the response at contact is a positive effect (Holm over the family, items in place of scenes).
     Columns: radius_m, ci_low, ci_high (NaN: no envelope), true_radius_m (NaN: no margin), response (at contact),
@@ -77,16 +78,16 @@ def envelopes(
     """
     by_question = [by_item(values, items) for values, items in zip(response, item, strict=True)]
     contacts = []
-    for values, count in zip(by_question, trained, strict=True):
+    for values, count in zip(by_question, n_training, strict=True):
         touched = ~np.isnan(values[..., 0]).any(0)  # items with at least one path in contact
         contacts.append(_estimate(values[None, :, touched, 0], count))
     adjusted = holm(np.array([contact.p[0] for contact in contacts]))
     rows = []
-    for values, count, contact, p_holm, margin in zip(by_question, trained, contacts, adjusted, margins, strict=True):
+    for values, n, contact, p_holm, margin in zip(by_question, n_training, contacts, adjusted, margins, strict=True):
         at_contact = float(contact.effect[0])
         judged = verdict(at_contact, p_holm, contact.ci90_low[0], contact.ci90_high[0])
         is_there = judged == "effect" and at_contact > 0
-        middle, low, high = radius(values, doses, count) if is_there else (np.nan,) * 3
+        middle, low, high = radius(values, doses, n) if is_there else (np.nan,) * 3
         rows.append(
             {
                 "radius_m": middle,
@@ -107,14 +108,14 @@ def response_curve(
     response: Float[Array, "seed scene dose"],
     true_response: Float[Array, "scene dose"],
     item: Int[Array, " scene"],
-    trained: int | None,
+    n_training: int | None,
     doses: Float[Array, " dose"],
 ) -> pd.DataFrame:
     """Return one question's mean response by dose with its 95 % interval, and the true response.
 
     Columns: clearance_m, response, ci_low, ci_high, true_response, scenes (number of scenes with the dose).
     """
-    estimates = _estimate_doses(by_item(response, item), trained)
+    estimates = _estimate_doses(by_item(response, item), n_training)
     return pd.DataFrame(
         {
             "clearance_m": doses,
@@ -128,32 +129,34 @@ def response_curve(
 
 
 def radius(
-    response: Float[Array, "seed item dose"], doses: Float[Array, " dose"], trained: int | None = None
+    response: Float[Array, "seed item dose"], doses: Float[Array, " dose"], n_training: int | None = None
 ) -> tuple[float, float, float]:
     """Return the clearance [m] of half the effect and its 95 % interval; a bound at the end of the grid is open.
 
-    trained: number of items in the training sets; None: nothing was learned from items.
+    n_training: number of items in the training sets; None: nothing was learned from items.
     """
-    halves = _estimate_doses(response - response[..., :1] / 2, trained)
+    halves = _estimate_doses(response - response[..., :1] / 2, n_training)
     middle, low, high = (_crossing(halves[name], doses) for name in ("effect", "ci_low", "ci_high"))
     return middle, low, high
 
 
-def _estimate_doses(response: Float[Array, "seed item dose"], trained: int | None) -> dict[str, Float[Array, " dose"]]:
-    """Return effect, ci_low and ci_high at each dose, over the items with that dose."""
-    asked = np.asarray(~np.isnan(response).any(0)).T  # (dose, item)
-    ends = {name: np.empty(len(asked)) for name in ("effect", "ci_low", "ci_high")}
-    for items in np.unique(asked, axis=0):
-        doses = (asked == items).all(1)
-        estimates = _estimate(np.moveaxis(response[:, items][..., doses], -1, 0), trained)
+def _estimate_doses(response: Float[Array, "seed item dose"], n_training: int | None) -> dict[str, Array]:
+    """Return effect, ci_low and ci_high, each (dose,), over the items with that dose."""
+    has_dose = np.asarray(~np.isnan(response).any(0)).T  # (dose, item)
+    ends = {name: np.empty(len(has_dose)) for name in ("effect", "ci_low", "ci_high")}
+    for items in np.unique(has_dose, axis=0):
+        doses = (has_dose == items).all(1)
+        estimates = _estimate(np.moveaxis(response[:, items][..., doses], -1, 0), n_training)
         for name, values in ends.items():
             values[doses] = getattr(estimates, name)
     return ends
 
 
-def _estimate(response: Float[Array, "question seed item"], trained: int | None) -> Estimates:
-    """Return the estimates, including the variance due to the `trained` items that all training sets share."""
-    return estimate(response if trained is None else np.stack([as_from_other_items(r, trained) for r in response]))
+def _estimate(response: Float[Array, "question seed item"], n_training: int | None) -> Estimates:
+    """Return the estimates, including the variance due to the `n_training` items that all training sets share."""
+    if n_training is not None:
+        response = np.stack([inflate_item_variance(values, n_training) for values in response])
+    return estimate(response)
 
 
 def _crossing(values: Float[Array, " dose"], doses: Float[Array, " dose"]) -> float:

@@ -46,10 +46,7 @@ def identify(
 
 
 def reject_all_users(
-    p: Float[Array, "user seed scene draw path"],
-    valid: Bool[Array, "who scene draw path"],
-    floor: float,
-    level: float,
+    p: Float[Array, "user seed scene draw path"], valid: Bool[Array, "who scene draw path"], floor: float, level: float
 ) -> Float[Array, "who path seed scene"]:
     """Return the rate at which every known user is rejected after 1, 2, ... paths of each demonstrator, over draws.
 

@@ -7,9 +7,7 @@ The estimand is the average causal effect of the paper's second inequality,
 over the same scenes, paths and seeds on both sides. For the first inequality, do(S := s') replaces do(Z_I).
 """
 
-from collections.abc import Sequence
 from dataclasses import fields
-from itertools import permutations
 
 import numpy as np
 import pandas as pd
@@ -19,7 +17,7 @@ from numpy import ndarray as Array
 from pipeline.stats.crossed import Estimates, add_pseudo_scenes, estimate
 from pipeline.stats.tests import holm, true_verdict, verdict
 
-JUDGED = ["effect", "q1", "q3", "ci_low", "ci_high", "ci90_low", "ci90_high", "p_holm", "verdict"]  # columns of `judge`
+ESTIMATE_COLUMNS = ["effect", "q1", "q3", "ci_low", "ci_high", "ci90_low", "ci90_high", "p_holm", "verdict"]
 
 
 def expected_validity(p: Float[Array, "*b path"]) -> Float[Array, "*b"]:
@@ -27,13 +25,8 @@ def expected_validity(p: Float[Array, "*b path"]) -> Float[Array, "*b"]:
     return np.asarray(np.mean(p, axis=-1, dtype=np.float64))
 
 
-def ordered_pairs(users: Sequence[str]) -> list[tuple[str, str]]:
-    """Return all pairs (s, s') with s' != s, for do(S := s') among units with S = s (paper, first inequality)."""
-    return list(permutations(users, 2))
-
-
-def judge(effects: Float[Array, "question seed scene"]) -> pd.DataFrame:
-    """Return estimates and verdicts of one family of questions, one row per question, with the columns JUDGED.
+def estimate_effects(effects: Float[Array, "question seed scene"]) -> pd.DataFrame:
+    """Return estimates and verdicts of a family of questions, one row per question, with ESTIMATE_COLUMNS.
 
     effect: mean over seeds and scenes; q1, q3: quartiles of the seeds' means; ci_, ci90_: 95 % and 90 % intervals over
     seeds crossed with scenes; p_holm: corrected over the family; verdict: one of `pipeline.stats.tests.VERDICTS`.
@@ -44,21 +37,21 @@ def judge(effects: Float[Array, "question seed scene"]) -> pd.DataFrame:
     table["p_holm"] = holm(estimates.p)
     columns = (table[name] for name in ("effect", "p_holm", "ci90_low", "ci90_high"))
     table["verdict"] = [verdict(*row) for row in zip(*columns, strict=True)]
-    return table[JUDGED]
+    return table[ESTIMATE_COLUMNS]
 
 
-def study(
+def compare_with_truth(
     baseline: Float[Array, "question seed scene"],
     intervened: Float[Array, "question seed scene"],
     true_baseline: Float[Array, "question scene"],
     true_intervened: Float[Array, "question scene"],
 ) -> pd.DataFrame:
-    """Return `judge` of the effects together with the truth, one row per question.
+    """Return `estimate_effects` of the effects together with the truth, one row per question.
 
     Further columns: baseline, intervened (means); truth (the true effect); truth_verdict; right: the verdict is the
     true one and, for an effect, the sign is correct.
     """
-    table = judge(intervened - baseline)
+    table = estimate_effects(intervened - baseline)
     table["baseline"], table["intervened"] = baseline.mean((1, 2)), intervened.mean((1, 2))
     table["truth"] = (true_intervened - true_baseline).mean(-1)
     table["truth_verdict"] = [true_verdict(effect) for effect in table["truth"]]

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import torch
 from jaxtyping import Float, Int, UInt8
 from numpy import ndarray as Array
@@ -31,7 +32,19 @@ def renderer(palette: Palette) -> Render:
     return render
 
 
-def model_scm(models: Mapping[str, ValidityModel], render: Render) -> SCM:
+def recorded_noise(layouts: Layouts, appearance: pd.DataFrame, z_theta: Array) -> Values:
+    """Return the noises on record of scenes and paths [m]: items, table top and render seed; 0 for S and Z_I."""
+    top, render_seed = (appearance[column].to_numpy() for column in ("texture", "render_seed"))
+    zero = np.zeros(len(layouts), dtype=int)
+    return {"S": zero, "O": layouts, "T": top, "I": render_seed, "Z_theta": z_theta, "Z_I": zero.astype(float)}
+
+
+def no_image(*_: object) -> Any:
+    """Raise AssertionError: the mechanism of I where every question sets the image."""
+    raise AssertionError("every question sets the image")
+
+
+def model_scm(models: Mapping[str, ValidityModel], render: Render = no_image) -> SCM:
     """Return the structural causal model with these users' fitted models as the mechanisms of Z_I and V.
 
     Z_I holds each user's percepts, in batches of SCENES_PER_BATCH scenes.

@@ -73,17 +73,17 @@ def change(
     slot, has_symbol = _pick(rng, scenes.layouts, question.symbol)
     match question:
         case Remove():
-            layouts, asked = _with_slot(scenes.layouts, slot, has_symbol, item=EMPTY, symbol=EMPTY), has_symbol
+            layouts, possible = _with_slot(scenes.layouts, slot, has_symbol, item=EMPTY, symbol=EMPTY), has_symbol
         case Move():
-            layouts, asked = _propose(scenes, slot, has_symbol, lambda: _moved(rng, scenes, slot, question.distance))
+            layouts, possible = _propose(scenes, slot, has_symbol, lambda: _moved(rng, scenes, slot, question.distance))
         case Swap():
-            layouts, asked = _propose(scenes, slot, has_symbol, lambda: _swapped(rng, scenes, slot, question.to))
-    if asked.sum() < MIN_SCENES:
+            layouts, possible = _propose(scenes, slot, has_symbol, lambda: _swapped(rng, scenes, slot, question.to))
+    if possible.sum() < MIN_SCENES:
         raise InputError(
-            f"question {name}: {asked.sum()} scenes allow it, expected at least {MIN_SCENES}; "
+            f"question {name}: {possible.sum()} scenes allow it, expected at least {MIN_SCENES}; "
             f"ask about another symbol than {question.symbol}, a smaller distance or more scenes"
         )
-    return Change([{"O": layouts}], asked)
+    return Change([{"O": layouts}], possible)
 
 
 def draw_additions(rng: np.random.Generator, scenes: Scenes, placements: int) -> dict[str, list[Layouts]]:

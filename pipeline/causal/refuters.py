@@ -14,7 +14,7 @@ import pandas as pd
 from jaxtyping import Bool, Float, Shaped, UInt8
 from numpy import ndarray as Array
 
-from pipeline.causal.interventions import judge
+from pipeline.causal.interventions import estimate_effects
 
 DUMMY_OUTCOME, PLACEBO_TREATMENT = "dummy_outcome", "placebo_treatment"
 NEGATIVE_CONTROL, OTHER_ENVIRONMENT, DATA_SUBSET = "negative_control", "other_environment", "data_subset"
@@ -66,11 +66,11 @@ def data_subset(rng: np.random.Generator, effects: Float[Array, "question seed s
     scenes = effects.shape[-1]
     if scenes < 4 or splits < 2:
         raise ValueError(f"{scenes} scenes in {splits} splits: expected at least 4 scenes and 2 splits")
-    halves = [judge(effects[..., rng.permutation(scenes)[: scenes // 2]]) for _ in range(splits)]
+    halves = [estimate_effects(effects[..., rng.permutation(scenes)[: scenes // 2]]) for _ in range(splits)]
     means = np.array([half["effect"] for half in halves])  # (split, question)
     verdicts = np.array([half["verdict"] for half in halves])
     low, high = np.quantile(means, (0.025, 0.975), axis=0)
-    expected = judge(effects)["verdict"].to_numpy()
+    expected = estimate_effects(effects)["verdict"].to_numpy()
     return pd.DataFrame(
         {
             "effect": means.mean(0),

@@ -26,15 +26,7 @@ from numpy import ndarray as Array
 
 from pipeline.world.bezier import random_z_theta
 
-PARENTS = {
-    "S": (),
-    "O": (),
-    "T": (),
-    "Z_theta": (),
-    "I": ("O", "T"),
-    "Z_I": ("I",),
-    "V": ("S", "Z_I", "Z_theta"),
-}
+PARENTS = {"S": (), "O": (), "T": (), "Z_theta": (), "I": ("O", "T"), "Z_I": ("I",), "V": ("S", "Z_I", "Z_theta")}
 Values = dict[str, Any]  # node -> its value in every unit (first axis: unit)
 Draw = Callable[[np.random.Generator, int], Any]  # generator, number of units -> noise of every unit
 Abduce = Callable[..., Any]  # generator, value, *parents -> noise of every unit, drawn given the node's value
@@ -136,12 +128,12 @@ class SCM:
         }
         return SCM({**self.nodes, **cut})
 
-    def counterfactual(self, rng: np.random.Generator, recorded: Values, seen: Values, **action: Any) -> Values:
-        """Draw every node's value under do(action) in the units in which `seen` was observed.
+    def counterfactual(self, rng: np.random.Generator, recorded: Values, observed: Values, **action: Any) -> Values:
+        """Draw every node's value under do(action) in the units with the values `observed`.
 
-        `recorded` holds the known noises, `seen` the observed values of nodes whose noises are unknown.
+        `recorded` holds the known noises, `observed` the observed values of nodes whose noises are unknown.
         """
-        noise = self.abduction(rng, recorded, seen)  # 1. abduction
+        noise = self.abduction(rng, recorded, observed)  # 1. abduction
         acted = self.do(**action)  # 2. action
         return acted.entail(noise)  # 3. prediction
 
@@ -153,27 +145,27 @@ class SCM:
         factual, acted = (model.expectation("V", recorded) for model in (self, self.do(**action)))
         return chance_of_change(v, factual, acted)
 
-    def abduction(self, rng: np.random.Generator, recorded: Values, seen: Values) -> Values:
+    def abduction(self, rng: np.random.Generator, recorded: Values, observed: Values) -> Values:
         """Draw N of every node given the observations: recorded noises are kept, others drawn given the node's value.
 
         Noises are independent and every node's value is entailed, so each noise depends only on its own node and its
         parents.
-        ValueError unless every node is either recorded or seen, and each seen node has `abduce`.
+        ValueError unless every node is either recorded or observed, and each observed node has `abduce`.
         """
-        if set(recorded) & set(seen) or set(recorded) | set(seen) != set(self.nodes):
+        if set(recorded) & set(observed) or set(recorded) | set(observed) != set(self.nodes):
             raise ValueError(
-                f"noises of {sorted(recorded)} on record, {sorted(seen)} seen: expected each of "
+                f"noises of {sorted(recorded)} on record, {sorted(observed)} observed: expected each of "
                 f"{', '.join(sorted(self.nodes))} in one of the two"
             )
         noise, values = dict(recorded), {}
-        streams = dict(zip(sorted(seen), rng.spawn(len(seen)), strict=True))
+        streams = dict(zip(sorted(observed), rng.spawn(len(observed)), strict=True))
         for name in self.order:
             node = self.nodes[name]
             parents = [values[p] for p in node.parents]
-            if name in seen:
+            if name in observed:
                 if node.abduce is None:
-                    raise ValueError(f"{name} was seen, but its noise cannot be told from its value: put it on record")
-                noise[name] = node.abduce(streams[name], seen[name], *parents)
+                    raise ValueError(f"{name} was observed, but its noise is unknown given its value: put it on record")
+                noise[name] = node.abduce(streams[name], observed[name], *parents)
             values[name] = node.mechanism(noise[name], *parents)
         return noise
 
@@ -209,9 +201,9 @@ def chance_of_change(v: bool, before: Float[Array, "*#b"], after: Float[Array, "
     to 0.
     """
     before, after = (np.asarray(c, dtype=np.float64) for c in (before, after))
-    seen, lost = (before, before - after) if v else (1 - before, after - before)
+    observed, lost = (before, before - after) if v else (1 - before, after - before)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(seen > 0, np.maximum(lost, 0.0) / seen, np.nan)
+        return np.where(observed > 0, np.maximum(lost, 0.0) / observed, np.nan)
 
 
 def specification_scm(

@@ -4,29 +4,25 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from pipeline.config.values import Chance, Count, Group, Rate, Several, Size, Spread, Weight, expected
+from pipeline.config.values import Chance, Count, Group, Several, Size, Spread, Weight, expected
 
 
 class Schedule(Group):
     """Steps of AdamW with a one-cycle learning rate."""
 
     steps: Count
-    rate: Rate
+    rate: Size
     weight_decay: Weight
     curve_every: Count
 
 
 class VaeModel(Group):
-    """Sizes of the paper's model."""
-
     latent: Count
     channels: Annotated[list[Count], Field(min_length=3, max_length=3), expected("three whole numbers from 1")]
     hidden: Count
 
 
 class Train(Schedule):
-    """Parameters of conf/train.yaml."""
-
     engine: Literal["auto", "simd", "cuda", "reference"]
     model: VaeModel
 
@@ -42,14 +38,12 @@ class Jitter(Group):
 
 
 class Irl(Group):
-    """Parameters of conf/irl.yaml."""
-
-    rate: Rate
+    rate: Size
     weight_decay: Weight
     scenes_per_step: Count
     n_augmentations: Count
     sparsity: Weight
-    across: bool
+    rank_across_scenes: bool
     curve_every: Count
     color_jitter: Jitter
 
@@ -66,8 +60,6 @@ class Vae(Group):
 
 
 class RewardModel(Group):
-    """Sizes of the reward map."""
-
     channels: Several
     dilated: Count
     gain: Size
@@ -88,8 +80,6 @@ class Reward(Group):
 
 
 class ClearanceModel(Group):
-    """Size of the clearance model's ensemble."""
-
     members: Count
 
 

@@ -5,29 +5,16 @@ from importlib import import_module
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, model_validator
-from pydantic_core import PydanticCustomError
 
+from pipeline.config.checks import need, need_one, need_some, widest_margin
 from pipeline.config.graph import ROOT
 from pipeline.config.models import Irl, Schedule, Train, Variant
 from pipeline.config.questions import Question
 from pipeline.config.stages import Evaluate, Intervene, Record, Repair, Report
-from pipeline.config.values import (
-    MAX_N,
-    Count,
-    Demonstrations,
-    Group,
-    Margins,
-    Name,
-    Seeds,
-    Whole,
-    each_once,
-    need,
-    need_one,
-    need_some,
-)
+from pipeline.config.values import MAX_N, Count, Demonstrations, Group, Margins, Name, Seeds, Whole, unique
 from pipeline.config.world import Demos, Scenes
+from pipeline.models.baselines import IMAGE_BLIND_BASELINES, NEAREST
 
-BASELINES = NEAREST, _ = "nearest_demonstration", "position_only"  # names in result tables
 MAX_TESTS = 25  # with 10 seeds the smallest p is 2/1024: under Holm's correction more tests could never be significant
 
 
@@ -52,9 +39,9 @@ class Settings(Group):
 
     seeds: Seeds
     validation_seeds: Seeds
-    n_demos: Annotated[list[Demonstrations], Field(min_length=1), AfterValidator(each_once)]
+    n_demos: Annotated[list[Demonstrations], Field(min_length=1), AfterValidator(unique)]
     main_n_demos: int
-    checkpoints: Annotated[list[Whole], AfterValidator(each_once)]
+    checkpoints: Annotated[list[Whole], AfterValidator(unique)]
     variant: str
     seed: Whole | None
     workers: Count
@@ -96,26 +83,20 @@ class Settings(Group):
         return self
 
 
-def several_seeds(s: Settings) -> None:
+def need_several_seeds(s: Settings) -> None:
     """Reject a single seed, which gives no interval."""
     need(len(s.protocol.seeds) > 1, "protocol.seeds", s.protocol.seeds, "at least 2 seeds, or intervals mean nothing")
 
 
-def a_margin(s: Settings) -> None:
-    """Reject users without any margin: all their paths are valid."""
-    if all(margin is None for margins in s.users.values() for margin in margins.values()):
-        raise PydanticCustomError("sentence", "users: at least one user must have a margin")
-
-
 def evaluate(s: Settings) -> None:
     """Reject comparisons that cannot be made, and more than MAX_TESTS in a family."""
-    several_seeds(s)
+    need_several_seeds(s)
     splits, counts = dict(s.protocol.splits), Counter()
     several = s.scenes.validation > 1 or not {"val_scenes", "val_items"} & set(splits.values())
     need(several, "scenes.validation", s.scenes.validation, "at least 2, or intervals over scenes mean nothing")
     for c in s.evaluate.comparisons:
         for name in (c.variant, *c.against):
-            need_one("evaluate.comparisons", name, [*s.variants, *BASELINES])
+            need_one("evaluate.comparisons", name, [*s.variants, *IMAGE_BLIND_BASELINES])
         for split in c.splits:
             judged = split in splits and (NEAREST not in (c.variant, *c.against) or splits[split] is None)
             where = f"one of {', '.join(splits)}; {NEAREST} has demonstrations only in seen scenes"
@@ -128,13 +109,13 @@ def evaluate(s: Settings) -> None:
 
 def repair(s: Settings) -> None:
     """Reject users whose paths are all valid."""
-    several_seeds(s)
-    a_margin(s)
+    need_several_seeds(s)
+    need(widest_margin(s.users) is not None, "users", s.users, "at least one user with a margin, or no path is invalid")
 
 
 def intervene(s: Settings) -> None:
     """Reject questions about another user if that user is unknown, or if there is only one."""
-    several_seeds(s)
+    need_several_seeds(s)
     for name, question in s.questions.items():
         if question.kind == "user":
             need(len(s.users) > 1, "users", list(s.users), f"at least 2 users for question {name}")
@@ -171,5 +152,5 @@ def check_study(name: str, settings: Settings, agree: bool) -> None:
     module = import_module(f"studies.{name}.settings")
     study = module.Settings.model_validate(settings.studies.get(name, {}))
     if agree:
-        several_seeds(settings)
+        need_several_seeds(settings)
         module.agree(study, settings)

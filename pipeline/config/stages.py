@@ -20,16 +20,12 @@ class Comparison(Group):
 
 
 class Evaluate(Group):
-    """Parameters of conf/evaluate.yaml."""
-
     users: Names
     bins: Count
     comparisons: list[Comparison]
 
 
 class Repair(Group):
-    """Parameters of conf/repair.yaml."""
-
     split: SharedSplit
     starts: Count
     steps: Count
@@ -42,8 +38,6 @@ class Repair(Group):
 
 
 class Intervene(Group):
-    """Parameters of conf/intervene.yaml."""
-
     split: SharedSplit
     paths: Count
     placements: Count
@@ -51,8 +45,6 @@ class Intervene(Group):
 
 
 class Record(Group):
-    """Parameters of conf/record.yaml."""
-
     scenes: Count
     repairs: Count
     training_scenes: Count
@@ -61,8 +53,6 @@ class Record(Group):
 
 
 class Report(Group):
-    """Parameters of conf/report.yaml."""
-
     shown: Names
     scenes: Count
     map_side: Count

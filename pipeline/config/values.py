@@ -1,6 +1,6 @@
 """Types of single values with their ranges, and the wording of validation errors."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, WrapValidator
@@ -24,22 +24,6 @@ def expected(what: str) -> WrapValidator:
     return WrapValidator(validate)
 
 
-def need(holds: bool, name: str, value: object, what: str) -> None:
-    """Reject the value of parameter `name` unless `holds`; the error says that `what` was expected."""
-    if not holds:
-        raise PydanticCustomError("expected", "{expected}", {"name": name, "value": value, "expected": what})
-
-
-def need_some(name: str, values: Collection[str], known: Collection[str], or_none: bool = False) -> None:
-    """Reject `values` unless they are among the `known` names and, without `or_none`, at least one."""
-    need((or_none or len(values) > 0) and set(values) <= set(known), name, list(values), f"some of {', '.join(known)}")
-
-
-def need_one(name: str, value: str, known: Collection[str]) -> None:
-    """Reject `value` unless it is one of the `known` names."""
-    need(value in known, name, value, f"one of {', '.join(known)}")
-
-
 def explain(error: ValidationError, prefix: str = "") -> str:
     """Return a sentence about the first invalid parameter: its name, its value and what was expected."""
     first = error.errors()[0]
@@ -60,8 +44,6 @@ def explain(error: ValidationError, prefix: str = "") -> str:
             return f"parameter {name}.kind is {context['tag']!r}: expected one of {context['expected_tags']}"
         case "extra_forbidden":
             return f"unknown parameter {name!r}"
-        case "sentence":
-            return first["msg"]
         case _:
             return f"parameter {name} is {context.get('value', first['input'])!r}: {what}"
 
@@ -73,7 +55,7 @@ def rising(values: list) -> list:
     return values
 
 
-def each_once(values: list) -> list:
+def unique(values: list) -> list:
     """Return the values; reject repeated ones."""
     if len(set(values)) != len(values):
         raise PydanticCustomError("expected", "{expected}", {"expected": "each one once"})
@@ -100,7 +82,6 @@ Length = Annotated[float, Field(gt=0), expected("a length above 0 [m]")]
 Distance = Annotated[float, Field(ge=0), expected("a length from 0 [m]")]
 Place = Annotated[float, Field(ge=0, le=1), expected("a place from 0 to 1 [m]")]
 Size = Annotated[float, Field(gt=0), expected("a number above 0")]
-Rate = Size
 Weight = Annotated[float, Field(ge=0), expected("a weight from 0")]
 Spread = Annotated[float, Field(ge=0), expected("a standard deviation from 0")]
 Chance = Annotated[float, Field(ge=0, le=1), expected("a probability from 0 to 1")]
@@ -114,10 +95,10 @@ Name = Annotated[
     AfterValidator(_not_reserved),
     expected(f"a name of letters, digits, - and _ that begins with a letter, none of {', '.join(RESERVED)}"),
 ]
-Names = Annotated[list[str], AfterValidator(each_once)]
+Names = Annotated[list[str], AfterValidator(unique)]
 Some = Annotated[Names, Field(min_length=1)]
 Pair = Annotated[list[float], Field(min_length=2, max_length=2), expected("two numbers, the smaller first")]
-Seeds = Annotated[list[Whole], Field(min_length=1), AfterValidator(each_once)]
+Seeds = Annotated[list[Whole], Field(min_length=1), AfterValidator(unique)]
 Strengths = Annotated[
     list[Annotated[float, Field(gt=0)]], AfterValidator(rising), expected("numbers above 0, the smallest first")
 ]

@@ -2,6 +2,7 @@
 
 from pydantic import model_validator
 
+from pipeline.config.checks import need
 from pipeline.config.values import (
     Chance,
     Count,
@@ -15,7 +16,6 @@ from pipeline.config.values import (
     Size,
     Spread,
     Whole,
-    need,
 )
 
 

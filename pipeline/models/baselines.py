@@ -6,13 +6,11 @@ from numpy import ndarray as Array
 
 from pipeline.world.bezier import Z_HIGH, Z_LOW
 
-NULLS = NEAREST, POSITION = "nearest_demonstration", "position_only"  # names in result tables
+IMAGE_BLIND_BASELINES = NEAREST, POSITION = "nearest_demonstration", "position_only"  # names in result tables
 
 
 def nearest_demonstration(
-    z_demos: Float[Array, "scene demo 2"],
-    valid_demos: Bool[Array, "scene demo"],
-    z_theta: Float[Array, "scene path 2"],
+    z_demos: Float[Array, "scene demo 2"], valid_demos: Bool[Array, "scene demo"], z_theta: Float[Array, "scene path 2"]
 ) -> Float[Array, "scene path"]:
     """Return P(valid), 0 or 1: the label of the scene's demonstration nearest in z_theta [m] (the first if tied)."""
     distances = np.linalg.norm(z_theta[:, :, None] - z_demos[:, None], axis=-1)  # (scene, path, demo)
@@ -24,6 +22,3 @@ def position_only(prior: Float[Array, "side side"], z_theta: Float[Array, "*path
     side = len(prior)
     cells = np.floor((z_theta - Z_LOW) / (Z_HIGH - Z_LOW) * side).astype(int).clip(0, side - 1)
     return prior[cells[..., 1], cells[..., 0]]
-
-
-nearest, position = nearest_demonstration, position_only  # names used by the first edition

@@ -5,7 +5,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 MIN_TABLE_SHARE = 0.85  # share of the pixels assumed to show the table
-FLOOR = 0.004  # smallest standard deviation of the table's colour [1 = white]: one grey level
+MIN_COLOUR_STD = 0.004  # smallest standard deviation of the table's colour [1 = white]: one grey level
 STRIDE = 3  # the fit uses every third row and column
 
 
@@ -28,7 +28,8 @@ def subtract_background(
         surface = torch.linalg.solve(weighted.mT @ sampled_place, weighted.mT @ colours)  # (scene, 6, 3)
         residual = colours - sampled_place @ surface
     table = _is_table(residual)
-    covariance = (residual * table).mT @ residual / table.sum(1, keepdim=True) + FLOOR**2 * torch.eye(3).to(colours)
+    floor = MIN_COLOUR_STD**2 * torch.eye(3).to(colours)
+    covariance = (residual * table).mT @ residual / table.sum(1, keepdim=True) + floor
     values, vectors = torch.linalg.eigh(covariance)
     whitening = vectors / values.sqrt()[:, None] @ vectors.mT  # symmetric, so that colours keep their meaning
     return images - (place.flatten(0, 1) @ surface).mT.unflatten(-1, images.shape[-2:]), whitening

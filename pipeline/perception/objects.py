@@ -44,7 +44,7 @@ MIN_COMPONENT_PX = 12  # smaller regions belong to the table
 MARGIN_PX = 2  # width of the border around a region that is included in it
 
 # Step 4, outlines
-FINER = 4  # outline grid points per pixel along each axis
+SUPERSAMPLING = 4  # outline grid points per pixel along each axis
 OUTLINE_SHARE = 0.5  # an object ends where its deviation falls to this share of its rim's ...
 RIM_PX, RIM_QUANTILE = 3, 0.7  # ... which is this quantile over its outermost pixels ...
 NEARBY_PX = 7  # ... or over a square of this side, if that is less: a handle is fainter than a blade
@@ -226,19 +226,20 @@ def refine_outlines(region: Mask, deviations: Deviations, thin: bool = False) ->
     count, pieces = cv2.connectedComponents(_fill(inside), connectivity=4)
     parts = []
     for piece in ((pieces == label).astype(np.uint8) for label in range(1, count)):
-        is_broken = thin and (piece & ~inside).sum() < MIN_COMPONENT_PX * FINER**2
+        is_broken = thin and (piece & ~inside).sum() < MIN_COMPONENT_PX * SUPERSAMPLING**2
         parts += [_convex_hull(piece)] if is_broken else _cut_at_necks(piece)
-    return [(part, corner) for part in parts if part.sum() >= MIN_COMPONENT_PX * FINER**2]
+    return [(part, corner) for part in parts if part.sum() >= MIN_COMPONENT_PX * SUPERSAMPLING**2]
 
 
 def _finer(values: Float[Array, "row column"]) -> Float[Array, "fine_row fine_column"]:
-    return cv2.resize(values.astype(np.float32), None, fx=FINER, fy=FINER, interpolation=cv2.INTER_LINEAR)
+    scale = SUPERSAMPLING
+    return cv2.resize(values.astype(np.float32), None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR)
 
 
 def _cut_at_necks(mask: FineMask) -> list[FineMask]:
     """Return a mask's parts, cut at necks: each pixel belongs to the nearest part that is wider than a neck."""
     depth = cv2.distanceTransform(np.pad(mask, 1), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
-    count, wide = cv2.connectedComponents((depth > NECK_PX / 2 * FINER).astype(np.uint8), connectivity=4)
+    count, wide = cv2.connectedComponents((depth > NECK_PX / 2 * SUPERSAMPLING).astype(np.uint8), connectivity=4)
     if count < 3:
         return [mask]
     elsewhere = [(wide != part).astype(np.uint8) for part in range(1, count)]
@@ -255,9 +256,9 @@ def _convex_hull(mask: FineMask) -> FineMask:
 def describe(mask: FineMask, corner: tuple[int, int], contrast: Contrast) -> _Object | None:
     """Return an outlined object's capsule and features; None for a long object as faint as grain."""
     rows, columns = np.nonzero(mask)
-    y, x = corner[0] + (rows + 0.5) / FINER, corner[1] + (columns + 0.5) / FINER  # [pixels]
+    y, x = corner[0] + (rows + 0.5) / SUPERSAMPLING, corner[1] + (columns + 0.5) / SUPERSAMPLING  # [pixels]
     points = np.stack([x, SIDE - y], -1) / SIDE  # [m]
-    capsule = fit_capsule(points, FINER * SIDE)
+    capsule = fit_capsule(points, SUPERSAMPLING * SIDE)
     pixels = y.astype(int), x.astype(int)
     deviation = contrast.narrow[pixels].mean()
     radius = capsule.radius
@@ -274,7 +275,7 @@ def describe(mask: FineMask, corner: tuple[int, int], contrast: Contrast) -> _Ob
         np.stack([capsule.centre - capsule.half, capsule.centre + capsule.half]),
         radius,
         np.log(np.array(features)),
-        overlap(points, capsule._replace(radius=radius), FINER * SIDE),
+        overlap(points, capsule._replace(radius=radius), SUPERSAMPLING * SIDE),
         contrast.disorder[covered].mean() / contrast.whitened[covered].var(0).sum(),
     )
 

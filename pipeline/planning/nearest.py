@@ -14,7 +14,7 @@ from pipeline.world.layout import Layouts
 from pipeline.world.rules import Margins, valid
 
 REFINED_STEPS = 1.5  # half-width of a finer lattice around the best z, in steps of the coarser one
-FINER = 4  # factor by which each refinement divides the step
+REFINEMENT = 4  # factor by which each refinement divides the step
 
 LogValid = Callable[[int, Float[Array, "path 2"]], Float[Array, " path"]]
 """log P(valid) of paths [m] in the scene of that number."""
@@ -31,16 +31,15 @@ def nearest(
     """Return for each start the z_theta [m] with the highest log P(valid) - distance_penalty * distance, and its log P.
 
     `scenes` holds the scene index of each start. All starts of a scene share a lattice of `side` x `side` z_theta; each
-    start then refines its best point `refinements` times. The resolution is (Z_HIGH - Z_LOW) / side /
-    FINER**refinements. The search can miss regions thinner than the first lattice's step. A start stays if no candidate
-    has a higher score.
+    start then refines its best point `refinements` times, to (Z_HIGH - Z_LOW) / side / REFINEMENT**refinements. The
+    search can miss regions thinner than the first lattice's step. A start stays if no candidate has a higher score.
     distance_penalty [1/m]: the gain in log P(valid) required per metre. If `log_valid` is 0 or -inf, any positive
     penalty gives the nearest valid path.
     """
     ends, log_p_ends = np.array(starts, dtype=np.float64), np.zeros(len(starts))
     coarse = lattice(side)
-    count = int(REFINED_STEPS * FINER)
-    offsets = np.arange(-count, count + 1) / FINER  # offsets of a finer lattice, in steps of the coarser one
+    count = int(REFINED_STEPS * REFINEMENT)
+    offsets = np.arange(-count, count + 1) / REFINEMENT  # offsets of a finer lattice, in steps of the coarser one
     around = np.stack(np.meshgrid(offsets, offsets), axis=-1).reshape(-1, 2)
     for scene in np.unique(scenes).tolist():
         z0 = ends[scenes == scene]
@@ -49,7 +48,7 @@ def nearest(
         log_p_candidates = np.broadcast_to(log_valid(scene, coarse), candidates.shape[:2])
         best, log_p = _best(z0, best, log_p, candidates, log_p_candidates, distance_penalty)
         for level in range(refinements):
-            candidates = best[:, None] + around * (Z_HIGH - Z_LOW) / side / FINER**level
+            candidates = best[:, None] + around * (Z_HIGH - Z_LOW) / side / REFINEMENT**level
             inside = ((candidates >= Z_LOW) & (candidates <= Z_HIGH)).all(-1)
             score = log_p - distance_penalty * _distance(best, z0)
             cost = distance_penalty * _distance(candidates, z0[:, None])

@@ -13,8 +13,6 @@ from torch.optim.lr_scheduler import LambdaLR
 from pipeline.models.base import ValidityModel, to_tensor
 from pipeline.world.bezier import Z_HIGH, Z_LOW
 
-OPTIMISERS = ("gradient", "normalised", "adam")
-
 
 @dataclass(frozen=True)
 class Ascent:
@@ -40,10 +38,7 @@ class Repairs:
 
 
 def repair(
-    model: ValidityModel,
-    images: UInt8[Array, "scene 100 100 3"],
-    starts: Float[Array, "scene start 2"],
-    ascent: Ascent,
+    model: ValidityModel, images: UInt8[Array, "scene 100 100 3"], starts: Float[Array, "scene start 2"], ascent: Ascent
 ) -> Repairs:
     """Take `ascent.steps` steps from each start [m] along Delta = d log-odds(v = 1) / d z_theta; return all points.
 

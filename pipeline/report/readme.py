@@ -3,22 +3,29 @@
 import re
 from pathlib import Path
 
+import pandas as pd
+
+from pipeline.artifacts.files import read_json, read_table
 from pipeline.report.render import FORMATS
 from pipeline.report.style import COLOURS, label
 
-README, METRICS = Path("README.md"), Path("reports/metrics.json")
+README, METRICS, VERDICTS = Path("README.md"), Path("reports/metrics.json"), Path("reports/tables/causes-verdicts.csv")
 HEAD = "| Model | Accuracy, unseen items | Repairs, careful | Repairs, normal | Causal verdicts right |"
 
 
-def headlines(metrics: dict) -> str:
-    """Return the headlines as a markdown table: one row per variant or baseline, a dash for missing numbers."""
+def headlines(metrics: dict, verdicts: pd.DataFrame) -> str:
+    """Return the headlines as a markdown table: one row per variant or baseline, a dash for missing numbers.
+
+    `verdicts`: the report's table with a row per model and question.
+    """
+    questions = verdicts["Model"].value_counts().max()
     pct, rows = FORMATS["pct"], [HEAD, "| --- | --: | --: | --: | --: |"]
     order = [*COLOURS, *metrics["verdicts_right"]]  # the paper's model first, added variants last
     for name in [*sorted(metrics["verdicts_right"], key=order.index), "position_only", "constant_detour"]:
         accuracy = metrics["accuracy"].get(name, {}).get("new_items")
         repairs = [metrics["repair"].get(name, {}).get(user) for user in ("careful", "normal")]
         right = metrics["verdicts_right"].get(name)
-        cells = [label(name), *map(pct, (accuracy, *repairs)), "–" if right is None else f"{right} of 8"]
+        cells = [label(name), *map(pct, (accuracy, *repairs)), "–" if right is None else f"{right} of {questions}"]
         rows.append("| " + " | ".join(cells) + " |")
     return "\n".join(rows)
 
@@ -31,6 +38,4 @@ def fill(text: str, table: str) -> str:
 
 
 if __name__ == "__main__":
-    from pipeline.artifacts.files import read_json
-
-    README.write_text(fill(README.read_text(), headlines(read_json(METRICS))))
+    README.write_text(fill(README.read_text(), headlines(read_json(METRICS), read_table(VERDICTS))))

@@ -7,10 +7,9 @@ from typing import Any
 import matplotlib
 from matplotlib.figure import Figure
 
+from pipeline.legend import INVALID, MAP, START, VALID, label  # noqa: F401  # the rest of the style
+
 INK, MUTED, RULE = "#1b1f24", "#5d6670", "#d4d8dd"
-VALID, INVALID = "#0072b2", "#d55e00"  # blue and vermilion of Okabe and Ito
-START = "#f0e442"  # a path before its repair; not used by any variant
-MAP = "cividis"  # colour map of P(valid), 0 dark to 1 light, perceptually uniform
 TRAIN, UNSEEN = "#009e73", "#d55e00"  # green and red as in the paper, in hues of Okabe and Ito
 COLOURS = {  # hues of Okabe and Ito; the paper's model and its ablations share blue
     "full": "#0072b2",
@@ -22,24 +21,6 @@ COLOURS = {  # hues of Okabe and Ito; the paper's model and its ablations share 
     "paper": "#f0e442",
 }
 MARKERS = {"full": "o", "ae": "s", "classifier": "^", "irl_maxent": "v", "irl_ranked": "D", "clearance": "P"}
-LABELS = {
-    "full": "Paper’s model",
-    "ae": "Without the prior (β = 0)",
-    "classifier": "Classifier alone",
-    "irl_maxent": "IRL, maximum entropy",
-    "irl_ranked": "IRL, ranked",
-    "clearance": "Clearance model",
-    "position_only": "Position only (image-blind)",
-    "nearest_demonstration": "Nearest demonstration (image-blind)",
-    "constant_detour": "Fixed detour (image-blind)",
-    "random_path": "Random path (image-blind)",
-    "paper": "The paper",
-    "blind": "Image-blind baseline",
-    "oracle": "Nearest valid path (truth)",
-    "seen_scenes": "training scenes",
-    "new_scenes": "new scenes",
-    "new_items": "new scenes, unseen items",
-}
 RC: dict[Any, Any] = {
     "svg.hashsalt": "causal-specifications",
     "svg.fonttype": "path",
@@ -76,11 +57,6 @@ def colour(name: str) -> str:
 def marker(name: str) -> str:
     """Return a variant's marker, so that colour is never the only distinction."""
     return MARKERS.get(name, "X")
-
-
-def label(name: str) -> str:
-    """Return the displayed name of a variant, baseline or split; unknown names are returned unchanged."""
-    return LABELS.get(name, name)
 
 
 def svg(figure: Figure) -> str:

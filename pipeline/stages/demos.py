@@ -18,9 +18,9 @@ from pipeline.runtime.errors import InputError
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.bezier_fit import fit
-from pipeline.world.hand import Hand, check, join, keeps, simulate
+from pipeline.world.hand import Hand, check, join, simulate, valid_trajectories
 from pipeline.world.layout import Layouts
-from pipeline.world.rules import Margins, valid
+from pipeline.world.rules import valid
 
 Key = tuple[int, str, int, int]  # seed, user, scene, demo
 
@@ -36,13 +36,15 @@ class Recorded:
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write demos.parquet, trajectories.npz and queries.npz."""
-    layouts = read_scenes(Path(cfg.paths.scenes)).layouts
+    scenes = read_scenes(Path(cfg.paths.scenes))
+    scenes.check_has(*map(train_pool, [*cfg.seeds, *cfg.validation_seeds]))
+    layouts = scenes.layouts
     recorded = _record(cfg, layouts)
     fits = fit(recorded.samples[:, 1:3], recorded.offsets, cfg.demos.poor_above_m)
     demos = recorded.keys.assign(
         z_x=fits.z_theta[:, 0],
         z_y=fits.z_theta[:, 1],
-        valid=_judge(cfg, layouts, recorded),
+        valid=_label(cfg, layouts, recorded),
         residual_m=fits.residual_m,
         poor_fit=fits.poor,
         duration_s=recorded.samples[recorded.offsets[1:] - 1, 0] - recorded.samples[recorded.offsets[:-1], 0],
@@ -60,25 +62,23 @@ def _record(cfg: DictConfig, layouts: dict[str, Layouts]) -> Recorded:
         (seed, user, scene, demo)
         for seed in sorted([*cfg.seeds, *cfg.validation_seeds])
         for user in sorted(cfg.users)
-        for scene in range(len(_training(layouts, seed)))
+        for scene in range(len(layouts[train_pool(seed)]))
         for demo in range(cfg.demos.per_scene)
     ]
-    real = _real(cfg, set(keys))
-    if real:
-        print(f"{len(real)} of {len(keys)} demonstrations are a person's, from {cfg.demos.recorded}", flush=True)
+    from_csv = _read_trajectories(cfg, set(keys))
+    if from_csv:
+        print(f"{len(from_csv)} of {len(keys)} demonstrations are a person's, from {cfg.demos.recorded}", flush=True)
     trajectories = []
     for key in tqdm(keys, desc="demos"):
-        trajectory = real.get(key)
-        if trajectory is None:
-            rng = _generator(cfg, "recording", *key)
-            trajectory = simulate(rng, random_z_theta(rng), hand)
+        rng = _generator(cfg, "recording", *key)
+        trajectory = from_csv[key] if key in from_csv else simulate(rng, random_z_theta(rng), hand)
         check(trajectory, "seed {} user {} scene {} demo {}".format(*key), cfg.demos.ends_within_m)
         since_start = trajectory - [trajectory[0, 0], 0.0, 0.0, 0.0]  # float32 cannot represent absolute clock times
         trajectories.append(since_start.astype(np.float32).astype(float))
     return Recorded(pd.DataFrame(keys, columns=DEMO_KEY), *join(trajectories))
 
 
-def _real(cfg: DictConfig, keys: set[Key]) -> dict[Key, Array]:
+def _read_trajectories(cfg: DictConfig, keys: set[Key]) -> dict[Key, Array]:
     """Return a csv's trajectories by key, unchecked; InputError for a key that matches no demonstration."""
     if cfg.demos.recorded is None:
         return {}
@@ -86,15 +86,15 @@ def _real(cfg: DictConfig, keys: set[Key]) -> dict[Key, Array]:
     known = path.resolve().is_relative_to(Path(cfg.paths.data).resolve())
     need(cfg, "demos.recorded", known, f"a csv in {cfg.paths.data}/, which DVC keeps track of")
     table = _read_csv(path, [*DEMO_KEY, *columns])
-    real: dict[Key, Array] = {}
+    from_csv: dict[Key, Array] = {}
     for key, rows in table.groupby(DEMO_KEY, sort=False, dropna=False).indices.items():
         if key not in keys:
             raise InputError(
                 f"{path}: trajectory (seed, user, scene, demo) = {key} belongs to no demonstration; expected seeds, "
                 "users, scenes and demos of conf/; correct or remove it"
             )
-        real[key] = table[columns].to_numpy()[rows]
-    return real
+        from_csv[key] = table[columns].to_numpy()[rows]
+    return from_csv
 
 
 def _read_csv(path: Path, columns: list[str]) -> pd.DataFrame:
@@ -110,38 +110,24 @@ def _read_csv(path: Path, columns: list[str]) -> pd.DataFrame:
     return table
 
 
-def _judge(cfg: DictConfig, layouts: dict[str, Layouts], recorded: Recorded) -> Array:
+def _label(cfg: DictConfig, layouts: dict[str, Layouts], recorded: Recorded) -> Array:
     """Return whether each recorded trajectory keeps the user's margins (trajectory,)."""
-    kept = np.zeros(len(recorded.keys), dtype=bool)
+    labels = np.zeros(len(recorded.keys), dtype=bool)
     for key, rows in recorded.keys.groupby(["seed", "user"]).indices.items():  # rows of a set are consecutive
         seed, user = cast(tuple[int, str], key)
         first, last = recorded.offsets[rows[0]], recorded.offsets[rows[-1] + 1]
         offsets = recorded.offsets[rows[0] : rows[-1] + 2] - first
-        accepted = keeps(layouts[train_pool(seed)], recorded.samples[first:last], offsets, _margins(cfg, user))
-        kept[rows] = accepted.ravel()
-    return kept
+        samples, scenes = recorded.samples[first:last], layouts[train_pool(seed)]
+        labels[rows] = valid_trajectories(scenes, samples, offsets, cfg.users[user]).ravel()
+    return labels
 
 
 def _queries(cfg: DictConfig, pool: str, layouts: Layouts) -> Queries:
     """Draw random paths in a pool's scenes and label them for every user."""
-    count = cfg.demos.queries_seen if pool in _training_pools(cfg) else cfg.demos.queries_new
+    training = [train_pool(seed) for seed in (*cfg.seeds, *cfg.validation_seeds)]
+    count = cfg.demos.queries_seen if pool in training else cfg.demos.queries_new
     z = random_z_theta(_generator(cfg, "queries", pool), len(layouts), count)
-    return Queries(z, {user: valid(layouts, z, _margins(cfg, user)) for user in cfg.users})
-
-
-def _training_pools(cfg: DictConfig) -> list[str]:
-    return [train_pool(seed) for seed in (*cfg.seeds, *cfg.validation_seeds)]
-
-
-def _training(layouts: dict[str, Layouts], seed: int) -> Layouts:
-    """Return a seed's training scenes; InputError if stage scenes has not drawn them."""
-    if train_pool(seed) not in layouts:
-        raise InputError(f"no scenes {train_pool(seed)} among {sorted(layouts)}: run the scenes stage with seed {seed}")
-    return layouts[train_pool(seed)]
-
-
-def _margins(cfg: DictConfig, user: str) -> Margins:
-    return dict(cfg.users[user])
+    return Queries(z, {user: valid(layouts, z, cfg.users[user]) for user in cfg.users})
 
 
 def _generator(cfg: DictConfig, *names: str | int) -> np.random.Generator:

@@ -20,7 +20,6 @@ from pipeline.stats.crossed import estimate, quartiles
 from pipeline.stats.scores import DECISION, accuracy, auroc, brier, expected_calibration_error, reliability
 from pipeline.stats.tests import LEVEL, holm, paired_wilcoxon
 
-NEAREST, POSITION = "nearest_demonstration", "position_only"
 MODEL = ["user", "n_demos", "seed", "split"]
 QUERY = [*MODEL, "scene", "query"]
 COMPARED = [
@@ -96,13 +95,13 @@ def _baselines(cfg: DictConfig, truth: pd.DataFrame) -> list[pd.DataFrame]:
     prior, demos, parts = read_position_prior(Path(cfg.paths.scenes)), read_demos(Path(cfg.paths.demos)), []
     for (user, n, seed, split), rows in truth.groupby(MODEL, observed=True, sort=False):
         z = rows[["z_x", "z_y"]].to_numpy()
-        parts.append(rows.assign(variant=POSITION, p=baselines.position_only(prior[user], z)))
+        parts.append(rows.assign(variant=baselines.POSITION, p=baselines.position_only(prior[user], z)))
         if cfg.protocol.splits[split] is None:
             shape = (rows["scene"].nunique(), -1, 2)
             p = baselines.nearest_demonstration(*demo_arrays(demos, seed, user, n), z.reshape(shape))
-            parts.append(rows.assign(variant=NEAREST, p=p.ravel()))
+            parts.append(rows.assign(variant=baselines.NEAREST, p=p.ravel()))
     columns = [*QUERY, "p", "valid", "variant"]
-    return [table[columns] for table in sorted(parts, key=lambda rows: rows["variant"].iloc[0] != NEAREST)]
+    return [table[columns] for table in sorted(parts, key=lambda rows: rows["variant"].iloc[0] != baselines.NEAREST)]
 
 
 def _accuracies(predictions: pd.DataFrame, bins: int) -> pd.DataFrame:
@@ -182,10 +181,7 @@ def _metrics(cfg: DictConfig, summary: pd.DataFrame) -> dict:
     main = summary[summary["n_demos"] == cfg.main_n_demos]
     nested = {v: dict(zip(rows["split"], rows["mean"], strict=True)) for v, rows in main.groupby("variant", sort=False)}
     one = summary[(summary["n_demos"] == 1) & (summary["split"] == HEADLINE) & summary["variant"].isin(cfg.variants)]
-    return {
-        "accuracy": nested,
-        "accuracy_one_demo": {row.variant: {HEADLINE: row.mean} for row in one.itertuples()},
-    }
+    return {"accuracy": nested, "accuracy_one_demo": {row.variant: {HEADLINE: row.mean} for row in one.itertuples()}}
 
 
 if __name__ == "__main__":

@@ -17,18 +17,18 @@ from pydantic import TypeAdapter
 from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.artifacts.scenes import layout_table, read_scenes
 from pipeline.artifacts.trained import check_weights, load_model
-from pipeline.causal.interventions import study
-from pipeline.causal.mechanisms import expected_validities, model_scm, renderer, true_scm
+from pipeline.causal.interventions import compare_with_truth
+from pipeline.causal.mechanisms import expected_validities, model_scm, recorded_noise, renderer, true_scm
 from pipeline.causal.questions import Scenes, change, draw_additions
 from pipeline.causal.scm import Values
-from pipeline.config.questions import Question
+from pipeline.config.questions import Question as QuestionSettings
 from pipeline.launch import launch
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.catalogue import Catalogue
-from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts
+from pipeline.world.layout import SYMBOLS, LayoutRules
 from pipeline.world.render import read_palette
 
 PAPER = "paper"  # the family of the paper's questions (Table 2)
@@ -40,7 +40,7 @@ SUMMARY = [
 
 
 @dataclass(frozen=True)
-class Asked:
+class Question:
     """One question of some users: the changes it averages over (its placements), or the user who takes over.
 
     changes: indices into all changes of the stage, the first of which is no change.
@@ -76,25 +76,25 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     additions = draw_additions(
         stream(cfg.intervene.root_seed, "intervene", "placements"), scenes, cfg.intervene.placements
     )
-    asked, changes = _ask(cfg, scenes, additions)
+    questions, changes = _read_questions(cfg, scenes, additions)
 
     camera = model_scm({}, renderer(palette))  # do(O := o) and do(T := t) reach the models by their image
     images = [camera.do(**change).entail(noise, "I")["I"] for change in changes]
-    seen = {"Z_theta": noise["Z_theta"], "S": noise["S"], "I": noise["I"], "Z_I": noise["Z_I"]}
-    jobs = [Job(cfg, variant, seed, seen, images) for variant in variants[::-1] for seed in seeds]  # the slowest first
+    recorded = {"Z_theta": noise["Z_theta"], "S": noise["S"], "I": noise["I"], "Z_I": noise["Z_I"]}
+    jobs = [Job(cfg, v, seed, recorded, images) for v in variants[::-1] for seed in seeds]  # the slowest first
     truth = expected_validities(true_scm(cfg.users), noise, users, changes)  # (change, user, scene)
     answers = np.reshape(map_jobs(_answer, jobs, cfg.workers, "intervene"), (len(variants), len(seeds), *truth.shape))
     by_variant = dict(zip(variants, answers[::-1], strict=True))  # (seed, change, user, scene)
 
-    effects = [_effects(v, question, users, seeds, a, truth) for v, a in by_variant.items() for question in asked]
-    summary = pd.concat([_summary(v, asked, users, a, truth) for v, a in by_variant.items()], ignore_index=True)
+    effects = [_effects(v, question, users, seeds, a, truth) for v, a in by_variant.items() for question in questions]
+    summary = pd.concat([_summary(v, questions, users, a, truth) for v, a in by_variant.items()], ignore_index=True)
     write_table(out_dir / "effects.parquet", pd.concat(effects, ignore_index=True)[EFFECTS])
     write_table(out_dir / "summary.csv", summary[SUMMARY])
     added = [camera.do(O=additions[symbol][0]).entail(noise, "I")["I"][None] for symbol in SYMBOLS]
     write_arrays(out_dir / "images.npz", {"images": np.stack(added), "z_theta": noise["Z_theta"]})
     rows = [layout_table(f"{symbol}-0", additions[symbol][0]) for symbol in SYMBOLS]
     write_table(out_dir / "layouts.parquet", pd.concat(rows, ignore_index=True))
-    write_json(out_dir / "metrics.json", _metrics(cfg, asked, summary))
+    write_json(out_dir / "metrics.json", _metrics(cfg, questions, summary))
 
 
 def _read_scenes(cfg: DictConfig, catalogue: Catalogue) -> tuple[Scenes, Values]:
@@ -108,61 +108,48 @@ def _read_scenes(cfg: DictConfig, catalogue: Catalogue) -> tuple[Scenes, Values]
     choices = catalogue.pool(splits.pop())  # an added item comes from the split the scenes were drawn with
     rules = LayoutRules.of(cfg.scenes.layout)
     paths = stream(cfg.intervene.root_seed, "intervene", "paths")
-    noise: Values = {
-        "S": np.zeros(len(layouts), dtype=int),
-        "O": layouts,
-        "T": appearance["texture"].to_numpy(),
-        "I": appearance["render_seed"].to_numpy(),
-        "Z_theta": random_z_theta(paths, len(layouts), cfg.intervene.paths),
-        "Z_I": np.zeros(len(layouts)),
-    }
+    noise = recorded_noise(layouts, appearance, random_z_theta(paths, len(layouts), cfg.intervene.paths))
     return Scenes(layouts, catalogue.footprints, choices, rules, list(catalogue.textures["name"])), noise
 
 
-def _ask(cfg: DictConfig, scenes: Scenes, additions: Mapping[str, list[Layouts]]) -> tuple[list[Asked], list[Values]]:
+def _read_questions(cfg, scenes: Scenes, additions: Mapping) -> tuple[list[Question], list[Values]]:
     """Return every question, one for each user who may take over, and all changes; the first changes nothing.
 
     InputError if a question makes no sense in these scenes, or if a family's questions are asked in different scenes.
     """
-    asked, changes, users = [], [{}], list(cfg.users)
+    questions, changes, users = [], [{}], list(cfg.users)
     for name, settings in cfg.questions.items():
-        question = TypeAdapter(Question).validate_python(OmegaConf.to_container(settings))
+        question = TypeAdapter(QuestionSettings).validate_python(OmegaConf.to_container(settings))
         effect = change(name, question, scenes, additions, stream(cfg.intervene.root_seed, "intervene", name))
         family, symbol = question.family or name, getattr(question, "symbol", "")
         if question.kind == "user":
             for other in users if question.to is None else [question.to]:
                 label = name if question.to else f"{name}_{other}"
                 others = [user for user in users if user != other]
-                asked.append(Asked(label, question.kind, symbol, family, others, effect.scenes, [0], other))
+                questions.append(Question(label, question.kind, symbol, family, others, effect.scenes, [0], other))
             continue
         indices = list(range(len(changes), len(changes) + len(effect.placements)))
         changes += effect.placements
-        asked.append(Asked(name, question.kind, symbol, family, users, effect.scenes, indices))
-    for question in asked:
-        first = next(q for q in asked if q.family == question.family)
+        questions.append(Question(name, question.kind, symbol, family, users, effect.scenes, indices))
+    for question in questions:
+        first = next(q for q in questions if q.family == question.family)
         if (question.scenes != first.scenes).any():
             raise InputError(
                 f"family {question.family}: {first.name} and {question.name} are asked in different scenes; "
                 "give each a family of its own"
             )
-    return asked, changes
+    return questions, changes
 
 
 def _answer(job: Job) -> Float[Array, "change user scene"]:
     """Return the expected validities of one variant and seed."""
     cfg = job.cfg
     models = {user: load_model(cfg, job.variant, user, job.seed, cfg.main_n_demos) for user in cfg.users}
-    return expected_validities(
-        model_scm(models, _no_image), job.noise, list(cfg.users), [{"I": image} for image in job.images]
-    )
+    return expected_validities(model_scm(models), job.noise, list(cfg.users), [{"I": image} for image in job.images])
 
 
-def _no_image(*_: object) -> Array:
-    raise AssertionError("every question sets the image")
-
-
-def _sides(
-    question: Asked, users: list[str], expected: Float[Array, "*seed change every_user every_scene"]
+def _expectations(
+    question: Question, users: list[str], expected: Float[Array, "*seed change every_user every_scene"]
 ) -> tuple[Float[Array, "user *seed scene"], Float[Array, "user *seed scene"]]:
     """Return E[V | S = s] and E[V | do(...), S = s] of the question's users, in its scenes, placements averaged."""
     rows = [users.index(user) for user in question.users]
@@ -176,14 +163,15 @@ def _sides(
 
 def _effects(
     variant: str,
-    question: Asked,
+    question: Question,
     users: list[str],
     seeds: list[int],
     answers: Float[Array, "seed change user scene"],
     truth: Float[Array, "change user scene"],
 ) -> pd.DataFrame:
     """Return a row for each user, seed and scene."""
-    (baseline, intervened), (true_baseline, true_intervened) = (_sides(question, users, e) for e in (answers, truth))
+    baseline, intervened = _expectations(question, users, answers)
+    true_baseline, true_intervened = _expectations(question, users, truth)
     keys = [question.users, seeds, np.flatnonzero(question.scenes)]
     table = pd.MultiIndex.from_product(keys, names=["user", "seed", "scene"]).to_frame(index=False)
     true_effect = np.broadcast_to((true_intervened - true_baseline)[:, None], baseline.shape)
@@ -195,25 +183,25 @@ def _effects(
 
 def _summary(
     variant: str,
-    asked: list[Asked],
+    questions: list[Question],
     users: list[str],
     answers: Float[Array, "seed change user scene"],
     truth: Float[Array, "change user scene"],
 ) -> pd.DataFrame:
     """Return a row for each question and user, p-values corrected by family."""
     tables = []
-    for family in dict.fromkeys(question.family for question in asked):
-        members = [question for question in asked if question.family == family]
-        sides = [(*_sides(q, users, answers), *_sides(q, users, truth)) for q in members]
+    for family in dict.fromkeys(question.family for question in questions):
+        members = [question for question in questions if question.family == family]
+        expectations = [(*_expectations(q, users, answers), *_expectations(q, users, truth)) for q in members]
         keys = [(q.name, q.kind, q.symbol, variant, user) for q in members for user in q.users]
-        table = study(*(np.concatenate(arrays) for arrays in zip(*sides, strict=True)))
+        table = compare_with_truth(*(np.concatenate(arrays) for arrays in zip(*expectations, strict=True)))
         tables.append(pd.DataFrame(keys, columns=SUMMARY[:5]).join(table))
     return pd.concat(tables, ignore_index=True)
 
 
-def _metrics(cfg: DictConfig, asked: list[Asked], summary: pd.DataFrame) -> dict:
+def _metrics(cfg: DictConfig, questions: list[Question], summary: pd.DataFrame) -> dict:
     """Return the right verdicts per variant, of users with a margin on the paper's questions, and the largest error."""
-    paper = [question.name for question in asked if question.family == PAPER]
+    paper = [question.name for question in questions if question.family == PAPER]
     with_margin = [user for user, margins in cfg.users.items() if any(m is not None for m in margins.values())]
     rows = summary[summary["question"].isin(paper) & summary["user"].isin(with_margin)]
     error = (rows["effect"] - rows["truth"]).abs().groupby(rows["variant"]).max()

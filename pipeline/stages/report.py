@@ -101,19 +101,19 @@ def _drawn(cfg: DictConfig, scenes: SceneSet) -> DrawnScenes:
     mapped = list(range(min(cfg.report.scenes, len(images))))
     shown = [variant for variant in cfg.report.shown if variant in cfg.variants]
     side, users = cfg.report.map_side, [user for user in cfg.evaluate.users if user in cfg.users]
-    maps = {v: {u: _believed(cfg, v, u, images[mapped], side) for u in users} for v in shown}
+    maps = {v: {u: _predicted_map(cfg, v, u, images[mapped], side) for u in users} for v in shown}
     patterned = _patterned(cfg, layouts[mapped], scenes.appearances[pool].iloc[mapped])
     added, user = read_interventions(Path(cfg.paths.intervene), layouts), users[0]
     added_images = np.concatenate([images[:1], added.images[:, 0]])
-    added_maps = {v: _believed(cfg, v, user, added_images, side) for v in shown if v in ("full", "clearance")}
+    added_maps = {v: _predicted_map(cfg, v, user, added_images, side) for v in shown if v in ("full", "clearance")}
     return DrawnScenes(
         images=images,
         layouts=layouts,
         mapped=mapped,
         maps=maps,
-        truth={u: _true(cfg, u, layouts[mapped], side) for u in users},
+        truth={u: _true_map(cfg, u, layouts[mapped], side) for u in users},
         patterned=patterned,
-        patterned_maps={v: {u: _believed(cfg, v, u, patterned, side) for u in users} for v in shown},
+        patterned_maps={v: {u: _predicted_map(cfg, v, u, patterned, side) for u in users} for v in shown},
         added_user=user,
         added_images=added_images,
         added_maps={"truth": _true_added(cfg, user, layouts, added, side)} | added_maps,
@@ -153,14 +153,14 @@ def _patterned(cfg: DictConfig, layouts: Layouts, appearance: pd.DataFrame) -> n
     return render_scenes(layouts, tops, seeds, read_palette(cfg.paths.data)[1])
 
 
-def _believed(cfg: DictConfig, variant: str, user: str, images: np.ndarray, side: int) -> np.ndarray:
+def _predicted_map(cfg: DictConfig, variant: str, user: str, images: np.ndarray, side: int) -> np.ndarray:
     """Return P(valid) (scene, side, side) by the first seed's model at main_n_demos."""
     model = load_model(cfg, variant, user, cfg.protocol.seeds[0], cfg.main_n_demos)
     cells = np.broadcast_to(lattice(side), (len(images), side**2, 2))
     return model.probability(images, cells).reshape(-1, side, side)
 
 
-def _true(cfg: DictConfig, user: str, layouts: Layouts, side: int) -> np.ndarray:
+def _true_map(cfg: DictConfig, user: str, layouts: Layouts, side: int) -> np.ndarray:
     """Return the true validity on the same cells, bool (scene, side, side)."""
     cells = np.broadcast_to(lattice(side), (len(layouts), side**2, 2))
     return valid(layouts, cells, cfg.users[user]).reshape(-1, side, side)
@@ -168,7 +168,7 @@ def _true(cfg: DictConfig, user: str, layouts: Layouts, side: int) -> np.ndarray
 
 def _true_added(cfg: DictConfig, user: str, layouts: Layouts, added: AddedItems, side: int) -> np.ndarray:
     """Return the true validity in the first scene without and with each added item, bool (1 + symbol, side, side)."""
-    first = [_true(cfg, user, one[:1], side) for one in (layouts, *added.layouts)]
+    first = [_true_map(cfg, user, one[:1], side) for one in (layouts, *added.layouts)]
     return np.concatenate(first)
 
 

@@ -38,11 +38,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         appearances[pool] = pd.DataFrame({"texture": textures, "render_seed": rng.integers(2**31, size=count)})
         images[pool] = render_scenes(layouts[pool], list(textures), appearances[pool]["render_seed"].tolist(), palette)
     calibration = random_layouts(
-        _generator(cfg, "calibration"),
-        cfg.scenes.calibration,
-        catalogue.footprints,
-        catalogue.pool("train"),
-        rules,
+        _generator(cfg, "calibration"), cfg.scenes.calibration, catalogue.footprints, catalogue.pool("train"), rules
     )
     prior = _position_prior(cfg, calibration)
     p_valid = _p_valid(cfg, calibration, catalogue, rules)
@@ -75,9 +71,9 @@ def _position_prior(cfg: DictConfig, layouts: Layouts) -> dict[str, np.ndarray]:
     z = lattice(side)
     total = {user: np.zeros(len(z)) for user in cfg.users}
     for chunk in _chunks(layouts, "position prior"):
-        clear = clearance(chunk, np.broadcast_to(z, (len(chunk), *z.shape)))
+        clearances = clearance(chunk, np.broadcast_to(z, (len(chunk), *z.shape)))
         for user, margins in cfg.users.items():
-            total[user] += (slack(chunk, clear, margins) > 0).sum(0)
+            total[user] += (slack(chunk, clearances, margins) > 0).sum(0)
     return {user: (count / len(layouts)).reshape(side, side) for user, count in total.items()}
 
 
@@ -93,9 +89,9 @@ def _p_valid(cfg: DictConfig, layouts: Layouts, catalogue: Catalogue, rules: Lay
     for added, batch in worlds.items():
         counts = dict.fromkeys(cfg.users, 0)
         for i, chunk in enumerate(_chunks(batch, f"P(valid), {added}")):
-            clear = clearance(chunk, z[i * CHUNK : (i + 1) * CHUNK])
+            clearances = clearance(chunk, z[i * CHUNK : (i + 1) * CHUNK])
             for user, margins in cfg.users.items():
-                counts[user] += int((slack(chunk, clear, margins) > 0).sum())
+                counts[user] += int((slack(chunk, clearances, margins) > 0).sum())
         for user, count in counts.items():
             truth = round(count / (z.shape[0] * z.shape[1]), 4)
             rows.append((user, added, truth, PAPER_P_VALID.get(user, {}).get(added, np.nan)))

@@ -17,12 +17,12 @@ def by_item(values: Float[Array, "seed scene dose"], item: Int[Array, " scene"])
     return np.where(members.any(1), sums / np.maximum(members.sum(1), 1), np.nan)
 
 
-def as_from_other_items(values: Float[Array, "seed item"], trained: int) -> Float[Array, "seed item"]:
-    """Return the values with deviations between items inflated for the variance of the `trained` items of all seeds.
+def inflate_item_variance(values: Float[Array, "seed item"], n_training: int) -> Float[Array, "seed item"]:
+    """Return the values with deviations between items inflated for the variance of the `n_training` items of all seeds.
 
     Added and training items are drawn from the items of the symbol. We assume that a model's error on an item depends
     on its difference from the training items. The variance over items of a mean over n items is then
-    1 / n + 1 / trained of a single item's. The mean is unchanged.
+    1 / n + 1 / n_training of a single item's. The mean is unchanged.
     """
     by_item, n = values.mean(0), values.shape[1]
-    return values + (np.sqrt(1 + n / trained) - 1) * (by_item - by_item.mean())
+    return values + (np.sqrt(1 + n / n_training) - 1) * (by_item - by_item.mean())

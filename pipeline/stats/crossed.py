@@ -12,25 +12,6 @@ from jaxtyping import Float
 from numpy import ndarray as Array
 from scipy.stats import t as student
 
-from pipeline.stats.tests import LEVEL, SMALLEST_EFFECT, VERDICTS, holm, true_verdict, verdict
-
-__all__ = [
-    "LEVEL",
-    "SMALLEST_EFFECT",
-    "VERDICTS",
-    "Estimates",
-    "add_pseudo_scenes",
-    "crossed_error",
-    "estimate",
-    "holm",
-    "linearised",
-    "mean_squares",
-    "quartiles",
-    "ratio",
-    "true_verdict",
-    "verdict",
-]
-
 PSEUDO_SCENE_OFFSET = 0.5  # relative to the family's largest deviation of a scene from its question's mean
 MIN_SCENES = 20  # fewest scenes for adding pseudo-scenes; in smaller samples two would narrow the intervals
 

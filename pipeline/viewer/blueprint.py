@@ -16,7 +16,7 @@ from pipeline.viewer.scene import SCENE_TITLES
 MARGIN = 0.06  # border shown around an image, relative to its side, since repairs may leave it
 BACKDROP = (24, 24, 28)  # dark, so that image edges and white titles are visible in a light theme
 FIXED = ("/fixed/ends", "/fixed/titles", "/fixed/table_edge")
-AROUND = 6.0  # border around a board, and three times as much above it for titles [pixels of the table]
+BORDER = 6.0  # border around a board, and three times as much above it for titles [pixels of the table]
 OVERVIEW_COLUMNS = 4  # columns of maps and errors next to the truth: views stay wide enough for their titles
 
 
@@ -131,7 +131,7 @@ def _board(name: str, *contents: str, rows: int | None = None) -> rrb.Spatial2DV
     bounds = None
     if rows is not None:
         width, height = (PITCH * count - (PITCH - TABLE_PIXELS) for count in (len(SCENE_TITLES), rows))
-        bounds = rrb.VisualBounds2D(x_range=(-AROUND, width + AROUND), y_range=(-3 * AROUND, height + AROUND))
+        bounds = rrb.VisualBounds2D(x_range=(-BORDER, width + BORDER), y_range=(-3 * BORDER, height + BORDER))
     return rrb.Spatial2DView(origin="/", contents=list(contents), name=name, background=BACKDROP, visual_bounds=bounds)
 
 

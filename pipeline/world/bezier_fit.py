@@ -175,10 +175,7 @@ class _Batch:
 
     def residual(self, z: Array, u: Array) -> tuple[Array, Array]:
         b, a = 2 * z, self.end - 2 * z
-        return (
-            self.x - (a[:, :1] * u + b[:, :1]) * u,
-            self.y - (a[:, 1:] * u + b[:, 1:]) * u,
-        )
+        return (self.x - (a[:, :1] * u + b[:, :1]) * u, self.y - (a[:, 1:] * u + b[:, 1:]) * u)
 
     def quartic(self, z: Array) -> tuple[Array, Array, Array, Array]:
         """Return each sample's coefficients of |x - q(u)|^2 / 2 - |x|^2 / 2 in u^4, u^3, u^2 and u."""

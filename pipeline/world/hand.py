@@ -59,7 +59,7 @@ def simulate(rng: np.random.Generator, z_theta: Float[Array, "2"], hand: Hand) -
     s = passed[-1] * tau**3 * (10 - 15 * tau + 6 * tau**2)
     xy = np.stack([np.interp(s, passed, path[:, i]) for i in (0, 1)], axis=-1)
     xy += _drift(rng, tau, hand.drift_m) + _tremor(rng, t, 2, hand)
-    height = hand.height_m + _wander(rng, tau, hand.height_drift_m) + _tremor(rng, t, 1, hand)
+    height = hand.height_m + _height_drift(rng, tau, hand.height_drift_m) + _tremor(rng, t, 1, hand)
     return np.concatenate([t[:, None], xy, height], axis=1)
 
 
@@ -88,7 +88,7 @@ def _drift(rng: np.random.Generator, tau: Float[Array, " sample"], size_m: float
     return np.sin(np.pi * k * tau[:, None]) @ weight
 
 
-def _wander(rng: np.random.Generator, tau: Float[Array, " sample"], size_m: float) -> Float[Array, "sample 1"]:
+def _height_drift(rng: np.random.Generator, tau: Float[Array, " sample"], size_m: float) -> Float[Array, "sample 1"]:
     """Draw a slow variation of the height [m], which does not vanish at the ends and is independent of the path."""
     k = np.arange(1, 4)
     weight, phase = size_m * rng.standard_normal((3, 1)) / k[:, None], rng.uniform(0, 2 * np.pi, 3)
@@ -151,7 +151,7 @@ def polylines(samples: Float[Array, "total 4"], offsets: Int[Array, " bound"]) -
     return samples[offsets[:-1, None] + place, 1:3]
 
 
-def keeps(
+def valid_trajectories(
     layouts: Layouts, samples: Float[Array, "total 4"], offsets: Int[Array, " bound"], margins: Margins
 ) -> Bool[Array, "scene demo"]:
     """Return whether each recorded trajectory keeps the user's margins [m].

@@ -156,12 +156,7 @@ def random_layouts(
 
 
 def add_item(
-    rng: np.random.Generator,
-    layouts: Layouts,
-    symbol: int,
-    items: Items,
-    pool: Int[Array, " pool"],
-    rules: LayoutRules,
+    rng: np.random.Generator, layouts: Layouts, symbol: int, items: Items, pool: Int[Array, " pool"], rules: LayoutRules
 ) -> Layouts:
     """Add one random item of `symbol` to each scene under the same minimum distances; return the new scenes.
 

@@ -21,7 +21,7 @@ from pipeline.world.symbols import TABLE, Symbol
 
 SAMPLES = 3  # samples per pixel along each axis, averaged
 REACH_M = 0.04  # items and their shadows are drawn up to this far beyond the footprint; the lens blur adds a pixel
-LAMP = ((0.35, 0.3), (0.7, 0.4), (1.0, 0.3))  # a wide lamp: shift and weight of each faint shadow
+PENUMBRA = ((0.35, 0.3), (0.7, 0.4), (1.0, 0.3))  # shift and weight of the shadows that approximate a wide lamp's
 SHADOW_BLUR = np.array([0.25, 0.5, 0.25], np.float32)  # blur kernel of a shadow along each axis
 RIM_SHADOW = 4.0  # factor on a transparent item's alpha, up to 1, for its shadow
 EDGE_LIGHT = 0.25  # brightness gained by an edge that faces the lamp
@@ -37,7 +37,7 @@ class Light:
     """Everything that the render seed decides about a scene: table-top offset, light and camera."""
 
     offset: Float[Array, "2"]  # of the texture [texture widths]
-    turn: float  # rotation of the texture [rad]
+    rotation: float  # rotation of the texture [rad]
     direction: Float[Array, "2"]  # unit vector on the table towards the lamp
     gain: Float32[Array, "3"]  # brightness and tint per channel
     fall_off: float  # share of brightness lost from the lit edge of the table to the opposite one
@@ -51,7 +51,7 @@ def draw_light(seed: int) -> Light:
     bearing = rng.uniform(-np.pi, np.pi)
     return Light(
         offset=rng.uniform(0.0, 1.0, 2),
-        turn=rng.uniform(-np.pi, np.pi),
+        rotation=rng.uniform(-np.pi, np.pi),
         direction=np.array([np.cos(bearing), np.sin(bearing)]),
         gain=(rng.uniform(0.86, 1.08) * rng.normal(1.0, 0.025, 3)).astype(np.float32),
         fall_off=rng.uniform(0.02, 0.12),
@@ -113,7 +113,7 @@ def _pixel_centres(columns: Array, rows: Array) -> tuple[Array, Array]:
 
 def _table_top(light: Light, surface: Array, width: float) -> Float32[Array, "side side 3"]:
     """Return the table top: the texture, randomly rotated and shifted, reflected beyond its edges."""
-    c, s = np.cos(light.turn), np.sin(light.turn)
+    c, s = np.cos(light.rotation), np.sin(light.rotation)
     per_pixel = np.array(surface.shape[1::-1]) / width / SIDE  # texture columns and rows per image pixel
     turned = np.array([[c, s], [s, -c]]) * per_pixel[:, None]  # image rows grow towards the near edge
     middle = light.offset[::-1] * surface.shape[1::-1]  # the table's centre in the texture
@@ -145,7 +145,7 @@ class _Stamp:
         solid = np.minimum(alpha * RIM_SHADOW, 1.0) if self.symbol.transparent else np.ascontiguousarray(alpha)
         height = self.symbol.height_m * SIDE
         shadow = np.zeros_like(solid)
-        for reach, weight in LAMP:
+        for reach, weight in PENUMBRA:
             right, down = -light.direction[0] * height * reach, light.direction[1] * height * reach
             shadow += weight * cv2.warpAffine(solid, np.array([[1, 0, right], [0, 1, down]]), solid.shape[::-1])
         shadow = cv2.sepFilter2D(shadow, -1, SHADOW_BLUR, SHADOW_BLUR, borderType=cv2.BORDER_CONSTANT)
@@ -180,20 +180,17 @@ def _stamp(layouts: Layouts, scene: int, slot: int, light: Light, palette: Palet
     size = (columns.stop - columns.start, rows.stop - rows.start)
     samples = cv2.warpAffine(cutout, matrix, (size[0] * SAMPLES, size[1] * SAMPLES), flags=_LINEAR)
     rgba = cv2.resize(samples, size, interpolation=cv2.INTER_AREA)  # mean over each pixel's samples
-    return _Stamp(rows, columns, _lit(rgba, rows, columns, centre, half, symbol, light), symbol)
+    return _Stamp(rows, columns, _apply_lighting(rgba, rows, columns, centre, half, symbol, light), symbol)
 
 
 def _window(centre: Array, half: Array) -> tuple[slice, slice]:
     """Return the image rows and columns within `half` [m] of `centre`, clipped to the table."""
     column_low, column_high = np.floor((centre[0] + np.array([-half[0], half[0]])) * SIDE).astype(int)
     row_low, row_high = np.floor((1 - centre[1] + np.array([-half[1], half[1]])) * SIDE).astype(int)
-    return (
-        slice(max(row_low, 0), min(row_high + 1, SIDE)),
-        slice(max(column_low, 0), min(column_high + 1, SIDE)),
-    )
+    return (slice(max(row_low, 0), min(row_high + 1, SIDE)), slice(max(column_low, 0), min(column_high + 1, SIDE)))
 
 
-def _lit(
+def _apply_lighting(
     rgba: Float32[Array, "rows columns 4"],
     rows: slice,
     columns: slice,
@@ -208,7 +205,7 @@ def _lit(
     alpha = rgba[..., 3]
     slope_rows, slope_columns = np.gradient(alpha)
     edge = slope_rows * light.direction[1] - slope_columns * light.direction[0]  # > 0: the edge faces the lamp
-    brightness = 1 - symbol.bowed * np.clip(towards, -1, 1) + EDGE_LIGHT * edge
+    brightness = 1 - symbol.concavity * np.clip(towards, -1, 1) + EDGE_LIGHT * edge
     colour = np.clip(rgba[..., :3] * brightness[..., None], 0, alpha[..., None])
     return np.dstack([colour, alpha]).astype(np.float32)
 

@@ -14,7 +14,7 @@ from pipeline.world.layout import Layouts, point_segment_distance, segment_dista
 from pipeline.world.symbols import SYMBOLS
 
 Margins = Mapping[str, float | None]  # symbol -> margin [m]; None: the user does not avoid this symbol
-SAMPLES = 129  # points along a path; with the parabola of `_least`, clearances above 3 cm are exact within 0.4 mm
+SAMPLES = 129  # points along a path; with `_smallest_distance`, clearances above 3 cm are exact within 0.4 mm
 
 
 def point_clearance(layouts: Layouts, points: Float[Array, "scene path point 2"]) -> Float[Array, "scene path slot"]:
@@ -23,7 +23,7 @@ def point_clearance(layouts: Layouts, points: Float[Array, "scene path point 2"]
     distances = np.full((*points.shape[:2], layouts.symbol.shape[1]), np.inf)
     for slot in range(layouts.symbol.shape[1]):
         a, b = ends[:, slot, 0, :][:, None, None], ends[:, slot, 1, :][:, None, None]
-        distance = _least(point_segment_distance(points, a, b)) - layouts.radius[:, slot, None]
+        distance = _smallest_distance(point_segment_distance(points, a, b)) - layouts.radius[:, slot, None]
         distances[:, :, slot] = np.where(layouts.present[:, slot, None], distance, np.inf)
     return distances
 
@@ -43,7 +43,7 @@ def line_clearance(layouts: Layouts, lines: Float[Array, "scene path point 2"]) 
     return distances
 
 
-def _least(distance: Float[Array, "*path point"]) -> Float[Array, "*path"]:
+def _smallest_distance(distance: Float[Array, "*path point"]) -> Float[Array, "*path"]:
     """Return the least distance along a smooth path, from the parabola through the three smallest squared distances."""
     if distance.shape[-1] < 3:
         return distance.min(-1)
@@ -69,8 +69,8 @@ def slack(
     """
     margin = np.array([np.inf if margins[s] is None else margins[s] for s in SYMBOLS] + [np.inf])
     required = np.where(layouts.present, margin[layouts.symbol], np.inf)[:, None, :]
-    cares = np.isfinite(required)
-    return np.where(cares, clearances - np.where(cares, required, 0.0), np.inf).min(-1)
+    has_margin = np.isfinite(required)
+    return np.where(has_margin, clearances - np.where(has_margin, required, 0.0), np.inf).min(-1)
 
 
 def valid(layouts: Layouts, z_theta: Float[Array, "scene path 2"], margins: Margins) -> Bool[Array, "scene path"]:

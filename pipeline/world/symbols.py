@@ -1,28 +1,32 @@
-"""The symbols O of the paper: the kinds of item that users' rules name, and the appearance of each kind.
+"""The symbols O of the paper: the kinds of item that users' rules name, and their appearance, as in symbols.yaml."""
 
-No other module lists them. To add a symbol, add a row to TABLE, its items to data/items.csv, and each user's margin for
-it to conf/users.yaml.
-"""
+from pathlib import Path
+from typing import Annotated
 
-from dataclasses import dataclass
+import yaml
+from pydantic import BaseModel, Field, TypeAdapter, ValidationError
+
+from pipeline.runtime.errors import InputError
+
+Share = Annotated[float, Field(ge=0, le=1)]
 
 
-@dataclass(frozen=True)
-class Symbol:
-    """One kind of item; the defaults suit an opaque, flat object."""
+class Symbol(BaseModel, extra="forbid", strict=True, frozen=True):
+    """The appearance of one kind of item; the defaults suit an opaque, flat object."""
 
-    name: str
-    bowed: float = 0.0  # gain in brightness of a hollow item on the side away from the lamp
-    shadow: float = 0.34  # share of the lamp's light that its shadow blocks
-    height_m: float = 0.009  # height that shifts its shadow away from the lamp [m]
+    concavity: Share = 0.0  # gain in brightness of a hollow item on the side away from the lamp
+    shadow: Share = 0.34  # share of the lamp's light that its shadow blocks
+    height_m: Share = 0.009  # height that shifts its shadow away from the lamp [m]
     transparent: bool = False  # the table shows through, but the rim casts the shadow of a solid item
 
 
-TABLE = (
-    Symbol("bowl", bowed=0.16, shadow=0.42, height_m=0.016),
-    Symbol("plate", bowed=0.05, shadow=0.34, height_m=0.009),
-    Symbol("cutlery", bowed=0.0, shadow=0.30, height_m=0.005),
-    Symbol("glass", bowed=0.04, shadow=0.13, height_m=0.018, transparent=True),
-)  # layouts store a symbol as its position in this order: append, never reorder
+def read_symbols(path: Path) -> dict[str, Symbol]:
+    """Return the kinds of item in a symbols.yaml; raise InputError for an unknown key or a value out of range."""
+    try:
+        return TypeAdapter(dict[str, Symbol]).validate_python(yaml.safe_load(path.read_text()))
+    except (yaml.YAMLError, ValidationError) as error:
+        raise InputError(f"{path}: {' '.join(str(error).split())}") from error
 
-SYMBOLS = tuple(symbol.name for symbol in TABLE)
+
+_KINDS = read_symbols(Path(__file__).with_suffix(".yaml"))
+SYMBOLS, TABLE = tuple(_KINDS), tuple(_KINDS.values())  # layouts store a symbol as its position

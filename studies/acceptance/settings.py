@@ -4,13 +4,12 @@ from typing import Annotated
 
 from pydantic import AfterValidator
 
-from pipeline.config import settings as parameters_of_all
-from pipeline.config.values import Between, Count, Group, Some, Whole, expected, need, rising
+from pipeline.config.checks import need, need_some
+from pipeline.config.settings import Settings as Parameters
+from pipeline.config.values import Between, Count, Group, Some, Whole, expected, rising
 
 
 class Settings(Group):
-    """Parameters of conf/studies/acceptance.yaml, which explains each value."""
-
     variants: Some
     level: Between
     levels: Annotated[list[Between], AfterValidator(rising), expected("ascending numbers between 0 and 1")]
@@ -18,11 +17,10 @@ class Settings(Group):
     root_seed: Whole
 
 
-def agree(study: Settings, parameters: parameters_of_all.Settings) -> None:
+def agree(study: Settings, parameters: Parameters) -> None:
     """Require known variants, `level` among `levels`, and scenes left for calibration."""
     name, per_seed = "studies.acceptance", parameters.scenes.per_seed
-    known = set(study.variants) <= set(parameters.variants)
-    need(known, f"{name}.variants", study.variants, f"some of {', '.join(parameters.variants)}")
+    need_some(f"{name}.variants", study.variants, parameters.variants)
     need(study.level in study.levels, f"{name}.levels", study.levels, f"{name}.level = {study.level} among them")
     most = f"a whole number from 1 to scenes.per_seed - 1 = {per_seed - 1}"
     need(study.fitted < per_seed, f"{name}.fitted", study.fitted, most)

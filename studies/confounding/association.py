@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 from scipy.stats import t as student
 
-from pipeline.stats.crossed import LEVEL
+from pipeline.stats.tests import LEVEL
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import clearance
 

@@ -1,15 +1,14 @@
 """Parameters of the confounding study (conf/studies/confounding.yaml) and their constraints."""
 
+from pipeline.config.checks import need, need_some
 from pipeline.config.settings import Settings as Parameters
-from pipeline.config.values import Chance, Count, Group, Length, Name, Names, Pair, Several, Share, Some, Whole, need
+from pipeline.config.values import Chance, Count, Group, Length, Name, Names, Pair, Several, Share, Some, Whole
 from studies.confounding.world import CONFOUNDED, CONTROL
 
 STUDY = "studies.confounding"
 
 
 class Settings(Group):
-    """Parameters of conf/studies/confounding.yaml."""
-
     root_seed: Whole
     scenes: Several
     worlds: dict[Name, Chance]
@@ -27,16 +26,14 @@ def agree(study: Settings, parameters: Parameters) -> None:
     layout, (low, high), worlds = parameters.scenes.layout, study.gap_m, list(study.worlds)
     both = f"{CONFOUNDED} and {CONTROL} among them"
     need({CONFOUNDED, CONTROL} <= set(worlds), f"{STUDY}.worlds", worlds, both)
-    together = study.worlds[CONTROL]
-    need(together == 0, f"{STUDY}.worlds.{CONTROL}", together, "0, no common cause")
+    p_common_cause = study.worlds[CONTROL]
+    need(p_common_cause == 0, f"{STUDY}.worlds.{CONTROL}", p_common_cause, "0, no common cause")
     lengths = f"two lengths from scenes.layout.clear_of_items = {layout.clear_of_items} on, the smaller first [m]"
     need(layout.clear_of_items <= low <= high, f"{STUDY}.gap_m", study.gap_m, lengths)
     room = layout.slots - max(layout.items_per_scene) + 1
     need(study.glasses <= room, f"{STUDY}.glasses", study.glasses, f"a whole number from 1 to {room} (layout.slots)")
-    users, variants = parameters.users, parameters.variants
-    need(set(study.users) <= set(users), f"{STUDY}.users", study.users, f"some of {', '.join(users)}")
-    known = bool(study.variants) and set(study.variants) <= set(variants)
-    need(known, f"{STUDY}.variants", list(study.variants), f"some of {', '.join(variants)}")
+    need_some(f"{STUDY}.users", study.users, parameters.users)
+    need_some(f"{STUDY}.variants", study.variants, parameters.variants)
     for name, fitted_in in study.variants.items():
         holds = CONFOUNDED in fitted_in and set(fitted_in) <= set(worlds)
         need(holds, f"{STUDY}.variants.{name}", fitted_in, f"{CONFOUNDED} and others of {', '.join(worlds)}")

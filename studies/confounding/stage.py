@@ -17,7 +17,7 @@ from pipeline.artifacts.files import read_arrays, write_arrays, write_table
 from pipeline.artifacts.interventions import read_interventions
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.causal.added_items import added_item_effects, verdicts
-from pipeline.causal.interventions import judge
+from pipeline.causal.interventions import estimate_effects
 from pipeline.launch import launch
 from pipeline.runtime.errors import InputError
 from pipeline.stats.crossed import quartiles
@@ -32,13 +32,8 @@ from studies.confounding.world import CONFOUNDED, CONTROL
 
 Labelled = list[tuple[Layouts, Float[Array, "scene n 2"], Bool[Array, "scene n"]]]  # layouts, z_theta [m], valid
 ORDINARY = "ordinary"  # the world of stage scenes
-VERSIONS = [
-    ORDINARY,
-    *SYMBOLS,
-    CONFOUNDED,
-    CONTROL,
-]  # scenes of the questions: ordinary, with each added symbol, and other worlds
-N_ASKED = 1 + len(SYMBOLS)  # number of versions used by `verdicts`
+VERSIONS = [ORDINARY, *SYMBOLS, CONFOUNDED, CONTROL]  # scenes of the questions: SYMBOLS are added to ordinary ones
+N_QUESTION_VERSIONS = 1 + len(SYMBOLS)  # number of versions used by `verdicts`
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
@@ -71,11 +66,11 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     effects, accuracies = [], []
     for (variant, world), predictions in p.items():
         key = {"world": world, "variant": variant}
-        asked = predictions[:, :, :N_ASKED]
-        rows = verdicts(users, asked, truth[:, :N_ASKED])
+        versions = predictions[:, :, :N_QUESTION_VERSIONS]
+        rows = verdicts(users, versions, truth[:, :N_QUESTION_VERSIONS])
         if world != CONTROL and (variant, CONTROL) in p:
-            control = added_item_effects(p[variant, CONTROL][:, :, :N_ASKED])
-            shift = judge(added_item_effects(asked) - control)[["effect", "ci_low", "ci_high", "p_holm"]]
+            control = added_item_effects(p[variant, CONTROL][:, :, :N_QUESTION_VERSIONS])
+            shift = estimate_effects(added_item_effects(versions) - control)[["effect", "ci_low", "ci_high", "p_holm"]]
             rows = rows.join(shift.set_axis(["shift", "shift_ci_low", "shift_ci_high", "shift_p_holm"], axis=1))
         effects.append(pd.DataFrame(key, index=rows.index).join(rows))
         rows = accuracy_by_world(users, predictions, truth)
@@ -98,9 +93,7 @@ def read_versions(
     ordinary, first = scenes.layouts[pool], slice(cfg.studies.confounding.scenes)
     added, z_theta = read_interventions(directory, ordinary), read_arrays(directory / "images.npz")["z_theta"]
     if len({len(z_theta), *map(len, (ordinary, *added.layouts))}) != 1:
-        raise InputError(
-            f"{directory} holds {len(z_theta)} scenes, {pool} {len(ordinary)}: run the intervene stage again"
-        )
+        raise InputError(f"{directory} holds {len(z_theta)} scenes, {pool} {len(ordinary)}: rerun stage intervene")
     split = read_catalogue(Path(cfg.paths.data)).items["split"].iloc[ordinary.item[ordinary.present][0]]
     count = len(z_theta[first])
     others = draw_all(cfg, [Draw(pool, world, count, str(split)) for world in (CONFOUNDED, CONTROL)])

@@ -14,7 +14,7 @@ from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import LayoutRules, Layouts
 from pipeline.world.render import read_palette, render_scenes
 from pipeline.world.rules import valid
-from studies.confounding.world import Setting, confounded_layouts
+from studies.confounding.world import Confounding, confounded_layouts
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,8 @@ def _draw(cfg: DictConfig, draw: Draw) -> Scenes:
     study, (catalogue, palette) = cfg.studies.confounding, read_palette(cfg.paths.data)
     rng = stream(study.root_seed, "scenes", draw.name)
     rules = LayoutRules.of(cfg.scenes.layout)
-    setting = Setting(study.worlds[draw.world], study.present, study.glasses, *study.gap_m)
-    layouts = confounded_layouts(rng, draw.count, catalogue.footprints, catalogue.pool(draw.split), rules, setting)
+    confounding = Confounding(study.worlds[draw.world], study.present, study.glasses, *study.gap_m)
+    layouts = confounded_layouts(rng, draw.count, catalogue.footprints, catalogue.pool(draw.split), rules, confounding)
     textures, seeds = rng.choice(catalogue.texture_names("train"), draw.count), rng.integers(2**31, size=draw.count)
     return Scenes(layouts, render_scenes(layouts, list(textures), seeds.tolist(), palette))
 

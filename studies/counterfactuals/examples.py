@@ -24,7 +24,9 @@ def choose(truth: Mapping[str, Removals], model: Mapping[str, Removals]) -> dict
     """
     rejected = np.stack([t.factual == 0 for t in truth.values()])  # (user, scene, path)
     cause = np.stack([attribute(t.necessity) for t in truth.values()])
-    fitting = {"model_wrong": np.any(list(wrong_attributions(truth, model).values()), axis=0)}
+    rejects = np.stack([model[user].factual <= DECISION for user in truth])
+    attributed = np.stack([attribute(model[user].necessity) for user in truth])
+    fitting = {"model_wrong": (rejects & (cause != NO_SINGLE_CAUSE) & (attributed != cause)).any(0)}
     if len(truth) > 1:
         fitting = dict(zip(("disagree", "one_accepts"), disagreements(rejected, cause), strict=True)) | fitting
     chosen: dict[str, tuple[int, int]] = {}
@@ -33,15 +35,6 @@ def choose(truth: Mapping[str, Removals], model: Mapping[str, Removals]) -> dict
         if place is not None:
             chosen[kind] = place
     return chosen
-
-
-def wrong_attributions(truth: Mapping[str, Removals], model: Mapping[str, Removals]) -> dict[str, Array]:
-    """Return by user the paths with a single true cause that the model rejects but attributes to another item."""
-    wrong = {}
-    for user, answer in model.items():
-        cause = attribute(truth[user].necessity)
-        wrong[user] = (answer.factual <= DECISION) & (cause != NO_SINGLE_CAUSE) & (attribute(answer.necessity) != cause)
-    return wrong
 
 
 def disagreements(

@@ -5,8 +5,8 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
 
 from pipeline.causal.counterfactual import mean, mean_with_interval
-from pipeline.world.bezier import P_F, P_INIT, curve
-from pipeline.world.layout import LayoutRules, Layouts, point_segment_distance, segment_distance
+from pipeline.world.bezier import curve
+from pipeline.world.layout import Layouts
 from pipeline.world.rules import SAMPLES
 
 MIN_CASES = 2  # fewest cases per user for which moves are reported
@@ -33,21 +33,6 @@ def translate_item(
     moved = layouts[case]
     moved.centre[np.arange(len(case)), slot[case]] += direction[case] * np.tile(distance, len(layouts))[:, None]
     return moved
-
-
-def has_room(layouts: Layouts, slot: Int[Array, " scene"], rules: LayoutRules) -> Bool[Array, " scene"]:
-    """Return whether the item in `slot` has a position that scenes allow: on the table and clear of other items."""
-    index = np.arange(len(slot)), slot
-    ends, radius, centre = layouts.ends[index], layouts.radius[index], layouts.centre[index]
-    others = layouts.present.copy()
-    others[index] = False
-    gaps = segment_distance(ends[:, None], layouts.ends) - layouts.radius - radius[:, None]
-    to_path_ends = [point_segment_distance(p, ends[:, 0], ends[:, 1]) - radius for p in (P_INIT, P_F)]
-    return (
-        ((centre >= rules.centre_low) & (centre <= rules.centre_high)).all(-1)
-        & (np.where(others, gaps, np.inf).min(-1) >= rules.clear_of_items)
-        & (np.min(to_path_ends, axis=0) >= rules.clear_of_ends)
-    )
 
 
 def crossing(distance: Float[Array, " step"], value: Float[Array, "*b step"], threshold: float) -> Float[Array, "*b"]:

@@ -4,14 +4,13 @@ from typing import Annotated
 
 from pydantic import Field
 
-from pipeline.config import settings as parameters_of_all
+from pipeline.config.checks import need, need_one, widest_margin
+from pipeline.config.settings import Settings as Parameters
 from pipeline.config.stages import SharedSplit
-from pipeline.config.values import Count, Group, Several, Whole, expected, need
+from pipeline.config.values import Count, Group, Several, Whole, expected
 
 
 class Settings(Group):
-    """Parameters of conf/studies/counterfactuals.yaml, which explains each value."""
-
     split: SharedSplit
     scenes: Several
     paths: Count
@@ -22,14 +21,12 @@ class Settings(Group):
     root_seed: Whole
 
 
-def agree(study: Settings, parameters: parameters_of_all.Settings) -> None:
+def agree(study: Settings, parameters: Parameters) -> None:
     """Require a user with a margin, a known example variant, and enough scenes."""
     name, shared = "studies.counterfactuals", parameters.scenes.shared
-    margins = {user: dict(by_symbol) for user, by_symbol in parameters.users.items()}
-    cares = any(m is not None for by_symbol in margins.values() for m in by_symbol.values())
-    need(cares, "users", margins, "at least one user with a margin, or no path is invalid")
+    users = parameters.users
+    need(widest_margin(users) is not None, "users", users, "at least one user with a margin, or no path is invalid")
     need(study.scenes <= shared, f"{name}.scenes", study.scenes, f"at most scenes.shared = {shared}")
     at_most = f"at most {name}.scenes = {study.scenes}"
     need(study.moved_scenes <= study.scenes, f"{name}.moved_scenes", study.moved_scenes, at_most)
-    known = f"one of {', '.join(parameters.variants)}"
-    need(study.example_variant in parameters.variants, f"{name}.example_variant", study.example_variant, known)
+    need_one(f"{name}.example_variant", study.example_variant, parameters.variants)

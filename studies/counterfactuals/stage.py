@@ -23,10 +23,11 @@ from pipeline.causal.counterfactual import (
     attribute,
     baselines,
     item_subsets,
-    keep,
     score_attributions,
+    select_items,
 )
-from pipeline.causal.mechanisms import model_scm, renderer, true_scm
+from pipeline.causal.mechanisms import model_scm, recorded_noise, renderer, true_scm
+from pipeline.causal.questions import allowed
 from pipeline.causal.scm import SCM, Values
 from pipeline.launch import launch
 from pipeline.runtime.parallel import map_jobs
@@ -38,7 +39,7 @@ from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts
 from pipeline.world.render import Palette
 from pipeline.world.rules import Margins, clearance, slack
 from studies.counterfactuals.examples import choose, example_rows
-from studies.counterfactuals.moves import crossing, has_room, outward_normal, score_moves, translate_item
+from studies.counterfactuals.moves import crossing, outward_normal, score_moves, translate_item
 
 FINE_STEPS = 10  # subdivisions of a step between two images, for the true smallest move
 
@@ -78,9 +79,9 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     # Each scene unchanged, empty, without each item and with each item alone: do(O := subset of its items).
     subsets = item_subsets(layouts.present)
     units = take(noise, subsets.scene)
-    kept = keep(units["O"], subsets.kept)
+    kept = select_items(units["O"], subsets.kept)
     images = camera.do(O=kept).entail(units, "I")["I"]
-    predictions = ask_models(cfg, users, units, images, "counterfactuals")
+    predictions = predict_versions(cfg, users, units, images, "counterfactuals")
     truth, answers = {}, {}
     for i, user in enumerate(users):
         truth[user] = subsets.by_question(world.do(O=kept, S=user).expectation("V", units))
@@ -115,7 +116,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         for user in users
     ]
     write_table(out_dir / "examples.csv", pd.concat(examples) if examples else pd.DataFrame({"example": []}))
-    write_arrays(out_dir / "examples.npz", subsets.pick(images, [scene for scene, _ in chosen.values()]))
+    write_arrays(out_dir / "examples.npz", subsets.select_scenes(images, [scene for scene, _ in chosen.values()]))
 
 
 def read_noise(cfg: DictConfig) -> Values:
@@ -124,14 +125,8 @@ def read_noise(cfg: DictConfig) -> Values:
     pool = cfg.protocol.splits[study.split]
     scenes.check_has(pool)
     layouts, appearance = scenes.layouts[pool][: study.scenes], scenes.appearances[pool][: study.scenes]
-    return {
-        "S": np.zeros(len(layouts), dtype=int),
-        "O": layouts,
-        "T": appearance["texture"].to_numpy(),
-        "I": appearance["render_seed"].to_numpy(),
-        "Z_theta": random_z_theta(stream(study.root_seed, "counterfactual"), len(layouts), study.paths),
-        "Z_I": np.zeros(len(layouts)),
-    }
+    rng = stream(study.root_seed, "counterfactual")
+    return recorded_noise(layouts, appearance, random_z_theta(rng, len(layouts), study.paths))
 
 
 def take(noise: Values, scene: np.ndarray) -> Values:
@@ -139,7 +134,7 @@ def take(noise: Values, scene: np.ndarray) -> Values:
     return {name: values[scene] for name, values in noise.items()}
 
 
-def ask_models(
+def predict_versions(
     cfg: DictConfig, users: Sequence[str], noise: Values, images: np.ndarray, desc: str
 ) -> dict[str, np.ndarray]:
     """Return by variant E[V | do(I := images), S = s] of every path: (user, seed, unit, path)."""
@@ -147,22 +142,16 @@ def ask_models(
     seen = {name: noise[name] for name in ("S", "I", "Z_I", "Z_theta")}
     jobs = [Job(cfg, variant, seed, users, seen, images) for variant, seed in product(variants, seeds)]
     answers = np.array(map_jobs(answer, jobs, cfg.workers, desc))  # (variant * seed, user, unit, path)
-    return dict(
-        zip(variants, answers.reshape(len(variants), len(seeds), *answers.shape[1:]).swapaxes(1, 2), strict=True)
-    )
+    answers = answers.reshape(len(variants), len(seeds), *answers.shape[1:]).swapaxes(1, 2)
+    return dict(zip(variants, answers, strict=True))
 
 
 def answer(job: Job) -> np.ndarray:
     """Return E[V] by the models of one variant and seed: (user, unit, path)."""
     cfg = job.cfg
     models = {user: load_model(cfg, job.variant, user, job.seed, cfg.main_n_demos) for user in job.users}
-    acted = model_scm(models, no_image).do(I=job.images)
+    acted = model_scm(models).do(I=job.images)
     return np.array([acted.do(S=user).expectation("V", job.noise) for user in job.users])
-
-
-def no_image(*_: object) -> np.ndarray:
-    """Raise AssertionError: the mechanism of images, which every job replaces."""
-    raise AssertionError("every job sets the image")
 
 
 def attribution_rows(
@@ -207,7 +196,7 @@ def choose_moves(cfg: DictConfig, noise: Values, cause: np.ndarray, margins: Mar
 
     distance = study.move_step * np.arange(study.move_steps + 1)
     moved, room = move(np.arange(len(scene)), distance)
-    free = has_room(moved, np.repeat(slot, len(distance)), LayoutRules.of(cfg.scenes.layout)).reshape(room.shape)
+    free = allowed(moved, np.repeat(slot, len(distance)), LayoutRules.of(cfg.scenes.layout)).reshape(room.shape)
     possible = np.flatnonzero(free.all(1) & (room > 0).any(1))
     case = possible[np.unique(scene[possible], return_index=True)[1]][: study.moved_scenes]
     fine = study.move_step / FINE_STEPS * np.arange(FINE_STEPS * study.move_steps + 1)
@@ -229,7 +218,7 @@ def find_least_moves(
     units["Z_theta"] = noise["Z_theta"][moves.scene[case], moves.path[case]][:, None]
     images = camera.do(O=moves.layouts[index]).entail(units, "I")["I"]
     least_moves = {}
-    for variant, p in ask_models(cfg, [user], units, images, f"moves, {user}").items():
+    for variant, p in predict_versions(cfg, [user], units, images, f"moves, {user}").items():
         before = answers[variant].factual[:, moves.scene, moves.path, None]
         after = p[0, ..., 0].reshape(*before.shape[:2], -1)  # (seed, case, step)
         p_valid = np.concatenate([before, after], axis=-1)

@@ -1,12 +1,11 @@
 """Parameters of the study (conf/studies/envelope.yaml) and their constraints."""
 
-from pipeline.config import settings as parameters_of_all
-from pipeline.config.values import Count, Group, Length, Several, Whole, need
+from pipeline.config.checks import need, need_one, widest_margin
+from pipeline.config.settings import Settings as Parameters
+from pipeline.config.values import Count, Group, Length, Several, Whole
 
 
 class Settings(Group):
-    """Parameters of conf/studies/envelope.yaml, which explains each value."""
-
     planner: str
     step: Length
     doses: Several
@@ -17,12 +16,10 @@ class Settings(Group):
     root_seed: Whole
 
 
-def agree(study: Settings, parameters: parameters_of_all.Settings) -> None:
+def agree(study: Settings, parameters: Parameters) -> None:
     """Require a known planner, and a distance to other items beyond every user's margin."""
     name = "studies.envelope"
-    known = f"one of {', '.join(parameters.variants)}"
-    need(study.planner in parameters.variants, f"{name}.planner", study.planner, known)
-    margins = [m for by_symbol in parameters.users.values() for m in by_symbol.values() if m is not None]
-    widest = max(margins, default=0.0)
+    need_one(f"{name}.planner", study.planner, parameters.variants)
+    widest = widest_margin(parameters.users) or 0.0
     above = f"more than the widest margin in users, {widest} m"
     need(study.clear_of_others > widest, f"{name}.clear_of_others", study.clear_of_others, above)

@@ -45,7 +45,7 @@ class Scenes:
     layouts: Layouts
     added: AddedItems
     z_theta: np.ndarray  # (scene, candidate, 2) [m]
-    trained: list[int]  # number of items of each symbol in the training scenes of all seeds
+    n_training: list[int]  # number of items of each symbol in the training scenes of all seeds
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
@@ -58,8 +58,8 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     chosen = choose_paths(cfg, scenes, doses)  # (symbol, scene, dose, path), -1: none
     flat = chosen.reshape(*chosen.shape[:2], -1)
     z_theta = np.take_along_axis(scenes.z_theta[None], flat[..., None], axis=2)  # (symbol, scene, dose * path, 2)
-    true_response = ask_truth(cfg, scenes, z_theta, chosen)  # (user, symbol, scene, dose)
-    responses = ask_models(cfg, scenes, z_theta, chosen)  # variant -> (user, symbol, seed, scene, dose)
+    true_response = true_responses(cfg, scenes, z_theta, chosen)  # (user, symbol, scene, dose)
+    responses = model_responses(cfg, scenes, z_theta, chosen)  # variant -> (user, symbol, seed, scene, dose)
 
     questions = list(product(users, SYMBOLS))
     names = pd.DataFrame(questions, columns=["user", "symbol"])
@@ -69,12 +69,12 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     tables, curves = [], []
     for variant, response in [*responses.items(), ("truth", true_response[:, :, None])]:
         values = response.reshape(len(questions), *response.shape[2:])
-        trained = [None] * len(questions) if variant == "truth" else scenes.trained * len(users)
-        table = pd.concat([names, envelopes(values, item, trained, margins, doses)], axis=1)
+        n_training = [None] * len(questions) if variant == "truth" else scenes.n_training * len(users)
+        table = pd.concat([names, envelopes(values, item, n_training, margins, doses)], axis=1)
         table.insert(0, "variant", variant)
         tables.append(table)
         for q, (user, symbol) in enumerate(questions):
-            curve = response_curve(values[q], truth[q], item[q], trained[q], doses)
+            curve = response_curve(values[q], truth[q], item[q], n_training[q], doses)
             curves.append(pd.DataFrame({"variant": variant, "user": user, "symbol": symbol} | dict(curve.items())))
     found = pd.concat(tables, ignore_index=True)
     write_table(out_dir / "envelope.csv", found)
@@ -88,11 +88,8 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 def read_inputs(cfg: DictConfig) -> Scenes:
     """Read the scenes without and with added items, and draw the candidate paths."""
-    study, scenes, pool = (
-        cfg.studies.envelope,
-        read_scenes(Path(cfg.paths.scenes)),
-        cfg.protocol.splits[cfg.intervene.split],
-    )
+    study, pool = cfg.studies.envelope, cfg.protocol.splits[cfg.intervene.split]
+    scenes = read_scenes(Path(cfg.paths.scenes))
     scenes.check_has(pool, *map(train_pool, cfg.protocol.seeds))
     images, layouts = scenes.images[pool], scenes.layouts[pool]
     added = read_interventions(Path(cfg.paths.intervene), layouts)
@@ -132,14 +129,14 @@ def scene_clearance(layouts: Layouts, z_theta: np.ndarray) -> np.ndarray:
     return np.concatenate([clearance(layouts[[i]], z_theta[[i]]) for i in range(len(layouts))])
 
 
-def ask_truth(cfg: DictConfig, scenes: Scenes, z_theta: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+def true_responses(cfg: DictConfig, scenes: Scenes, z_theta: np.ndarray, chosen: np.ndarray) -> np.ndarray:
     """Return the true response, (user, symbol, scene, dose)."""
     before = [[valid(scenes.layouts, z, m) for z in z_theta] for m in cfg.users.values()]
     after = [[valid(x, z, m) for x, z in zip(scenes.added.layouts, z_theta, strict=True)] for m in cfg.users.values()]
     return mean_loss(np.array(before, float), np.array(after, float), chosen)
 
 
-def ask_models(cfg: DictConfig, scenes: Scenes, z_theta: np.ndarray, chosen: np.ndarray) -> dict[str, np.ndarray]:
+def model_responses(cfg: DictConfig, scenes: Scenes, z_theta: np.ndarray, chosen: np.ndarray) -> dict[str, np.ndarray]:
     """Return each variant's response, (user, symbol, seed, scene, dose).
 
     Each original scene is perceived once, with the paths of all symbols.

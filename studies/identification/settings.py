@@ -4,21 +4,20 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from pipeline.config import settings as parameters_of_all
+from pipeline.config.checks import need, need_some
+from pipeline.config.settings import Settings as Parameters
 from pipeline.config.stages import SharedSplit
-from pipeline.config.values import Between, Count, Group, Margin, Whole, need, need_some
+from pipeline.config.values import Between, Count, Group, Margin, Whole
 from pipeline.world.symbols import SYMBOLS
 
 
 def every_symbol(margins: dict[str, float | None]) -> dict[str, float | None]:
     """Return a margin for every symbol; null for symbols that are not named."""
-    need_some("stranger", margins, SYMBOLS)
+    need_some("studies.identification.stranger", margins, SYMBOLS)
     return {symbol: margins.get(symbol) for symbol in SYMBOLS}
 
 
 class Settings(Group):
-    """Parameters of conf/studies/identification.yaml, which explains each value."""
-
     split: SharedSplit
     paths: Count
     draws: Count
@@ -28,7 +27,7 @@ class Settings(Group):
     level: Between
 
 
-def agree(study: Settings, parameters: parameters_of_all.Settings) -> None:
+def agree(study: Settings, parameters: Parameters) -> None:
     """Require several users, a stranger that differs from all of them, and reported numbers of paths up to `paths`."""
     name, users = "studies.identification", parameters.users
     need(len(users) > 1, "users", list(users), "at least two, to tell one from the other")

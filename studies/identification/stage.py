@@ -123,10 +123,7 @@ def rate(values: np.ndarray, prefix: str = "", scenes: np.ndarray | None = None)
 def by_path(variant: str, user: str, name: str, columns: Mapping[str, np.ndarray]) -> pd.DataFrame:
     """Return one row per number k of paths; the columns of `rate` are renamed with `name`."""
     table = pd.DataFrame(dict(columns)).rename(columns={"rate": name, "distinct_rate": f"distinct_{name}"})
-    table.insert(0, "variant", variant)
-    table.insert(1, "user", user)
-    table.insert(2, "k", 1 + np.arange(len(table)))
-    return table
+    return pd.DataFrame({"variant": variant, "user": user, "k": 1 + np.arange(len(table))}).join(table)
 
 
 if __name__ == "__main__":

@@ -4,14 +4,13 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
+from pipeline.config.checks import need, need_some, widest_margin
 from pipeline.config.settings import Settings as Parameters
-from pipeline.config.values import Count, Group, Length, Names, Several, Whole, expected, need, rising
+from pipeline.config.values import Count, Group, Length, Names, Several, Whole, expected, rising
 from pipeline.world.layout import SIDE
 
 
 class Settings(Group):
-    """Parameters of conf/studies/refutation.yaml."""
-
     root_seed: Whole
     scenes: Annotated[int, Field(ge=4), expected("a whole number from 4: data_subset halves the scenes")]
     dummy_outcome: Names
@@ -23,12 +22,9 @@ class Settings(Group):
 
 def agree(study: Settings, parameters: Parameters) -> None:
     """Require `far_m` beyond every margin, pieces that tile an image, and one placement per scene."""
-    variants = parameters.variants
-    known = set(study.dummy_outcome) <= set(variants)
-    some = f"some of {', '.join(variants)}"
-    need(known, "studies.refutation.dummy_outcome", study.dummy_outcome, some)
+    need_some("studies.refutation.dummy_outcome", study.dummy_outcome, parameters.variants, or_none=True)
     tiles = all(SIDE % piece == 0 for piece in study.pieces)
     need(tiles, "studies.refutation.pieces", study.pieces, f"numbers that divide {SIDE}, an image's side [px]")
-    widest = max((m for margins in parameters.users.values() for m in margins.values() if m is not None), default=0.0)
+    widest = widest_margin(parameters.users) or 0.0
     beyond = f"more than the widest margin in users, {widest} m"
     need(study.far_m > widest, "studies.refutation.far_m", study.far_m, beyond)

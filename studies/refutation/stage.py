@@ -15,7 +15,7 @@ from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.artifacts.trained import check_weights, predict_all
 from pipeline.causal import refuters
 from pipeline.causal.added_items import added_item_effects, questions
-from pipeline.causal.interventions import judge
+from pipeline.causal.interventions import estimate_effects
 from pipeline.launch import launch
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.streams import stream
@@ -75,7 +75,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         for texture, effects in zip(elsewhere, other_effects, strict=True):
             by_refuter[refuters.OTHER_ENVIRONMENT, f"texture={texture}"] = effects - item_effects
         for (refuter, setting), effects in by_refuter.items():
-            judged = judge(effects).assign(expected=NEGLIGIBLE)
+            judged = estimate_effects(effects).assign(expected=NEGLIGIBLE)
             summary.append(summary_rows(users, refuter, setting, variant, judged, item_effects))
             rows.append(effect_rows(users, seeds, refuter, setting, variant, effects))
         halves = refuters.data_subset(stream(study.root_seed, "halves", variant), item_effects, study.halves)

@@ -1,15 +1,13 @@
 """Parameters of the robustness study (conf/studies/robustness.yaml) and their constraints."""
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import AfterValidator
 
+from pipeline.config.checks import need, need_some
 from pipeline.config.settings import Settings as Parameters
-from pipeline.config.values import Count, Group, Several, Shares, Some, Strengths, Whole, expected, need, rising
-
-SharedSplit = Annotated[
-    Literal["new_scenes", "new_items"], expected("a split that all seeds share, one of new_scenes, new_items")
-]
+from pipeline.config.stages import SharedSplit
+from pipeline.config.values import Count, Group, Several, Shares, Some, Strengths, Whole, expected, rising
 
 
 class Corruptions(Group):
@@ -23,8 +21,6 @@ class Corruptions(Group):
 
 
 class Settings(Group):
-    """Parameters of conf/studies/robustness.yaml."""
-
     root_seed: Whole
     split: SharedSplit
     scenes: Several
@@ -36,8 +32,6 @@ class Settings(Group):
 
 def agree(study: Settings, parameters: Parameters) -> None:
     """Require enough scenes in the split, and known variants for refitting."""
-    shared, variants = parameters.scenes.shared, parameters.variants
+    shared = parameters.scenes.shared
     need(study.scenes <= shared, "studies.robustness.scenes", study.scenes, f"at most scenes.shared = {shared}")
-    known = bool(study.mislabelled) and set(study.mislabelled) <= set(variants)
-    refitted = list(study.mislabelled)
-    need(known, "studies.robustness.mislabelled", refitted, f"some of {', '.join(variants)}")
+    need_some("studies.robustness.mislabelled", study.mislabelled, parameters.variants)

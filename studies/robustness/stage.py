@@ -1,6 +1,6 @@
 """Stage robustness: measure accuracy when images, scenes or labels are worse than in training."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -75,11 +75,8 @@ def draw_conditions(
 
     Raises InputError if the split lacks scenes or queries, or the catalogue a texture.
     """
-    study, users, pool = (
-        cfg.studies.robustness,
-        list(cfg.evaluate.users),
-        cfg.protocol.splits[cfg.studies.robustness.split],
-    )
+    study, users = cfg.studies.robustness, list(cfg.evaluate.users)
+    pool = cfg.protocol.splits[study.split]
     scenes.check_has(pool, *map(train_pool, cfg.protocol.seeds))
     queries = read_queries(Path(cfg.paths.demos)).get(pool)
     if queries is None or not set(users) <= set(queries.valid):
@@ -90,11 +87,7 @@ def draw_conditions(
         raise InputError(f"studies.robustness.textures is {list(study.textures)}: expected some of {', '.join(unseen)}")
 
     first = slice(study.scenes)
-    images, layouts, appearance = (
-        scenes.images[pool][first],
-        scenes.layouts[pool][first],
-        scenes.appearances[pool][first],
-    )
+    images, layouts, appearance = (x[pool][first] for x in (scenes.images, scenes.layouts, scenes.appearances))
     textures, render_seeds = appearance["texture"].tolist(), appearance["render_seed"].tolist()
     z_theta, truth = queries.z[first], np.stack([queries.valid[user][first] for user in users])
     render = partial(render_scenes, palette=Palette(catalogue))
@@ -151,10 +144,7 @@ def predict_after_label_noise(
         p = refitted[variant].reshape(len(shares), len(users), len(seeds), *z_theta.shape[:2])
         for share, p_of_share in zip(shares, p, strict=True):
             by_share[share][variant] = p_of_share
-    return [
-        (Condition("mislabelled", share, uncorrupted.images, uncorrupted.valid), predictions)
-        for share, predictions in by_share.items()
-    ]
+    return [(replace(uncorrupted, corruption="mislabelled", strength=share), p) for share, p in by_share.items()]
 
 
 if __name__ == "__main__":

@@ -2,9 +2,10 @@
 
 from typing import Literal
 
+from pipeline.config.checks import need, need_some
 from pipeline.config.models import Schedule
 from pipeline.config.settings import Settings as Parameters
-from pipeline.config.values import Count, Distance, Group, Several, Some, need
+from pipeline.config.values import Count, Distance, Group, Several, Some
 
 
 class Averaged(Schedule):
@@ -12,8 +13,6 @@ class Averaged(Schedule):
 
 
 class Settings(Group):
-    """Parameters of conf/studies/rule_families.yaml."""
-
     scenes: Several
     families: dict[Literal["margin", "dwell", "side", "proximity"], Distance]
     variants: Some
@@ -22,9 +21,7 @@ class Settings(Group):
 
 def agree(study: Settings, parameters: Parameters) -> None:
     """Require the users' own family among the families, and known variants."""
-    families, own = list(study.families), "margin"
-    need(
-        own in families, "studies.rule_families.families", families, f"{own} among them: the others are compared to it"
-    )
-    known = set(study.variants) <= set(parameters.variants)
-    need(known, "studies.rule_families.variants", study.variants, f"some of {', '.join(parameters.variants)}")
+    families = list(study.families)
+    among = "margin among them: the others are compared to it"
+    need("margin" in families, "studies.rule_families.families", families, among)
+    need_some("studies.rule_families.variants", study.variants, parameters.variants)

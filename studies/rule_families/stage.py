@@ -171,7 +171,7 @@ def _fit_averaged(cfg: DictConfig, arrays: list[Array], training_set: TrainingSe
     correct = (model.probability(training_set.images, training_set.z_theta) > DECISION) == training_set.valid
     with torch.no_grad():
         batches = zip(*(_batches(torch.tensor(x)) for x in arrays), strict=True)
-        p = torch.cat([model.judge(percept, Relations(*related)).sigmoid() for percept, *related in batches])
+        p = torch.cat([model.logit_related(percept, Relations(*related)).sigmoid() for percept, *related in batches])
         posterior = model.posterior_model_probabilities()
     return Fitted(p.numpy(), float(correct.mean()), posterior.numpy())
 

@@ -32,27 +32,25 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path):
     assert list(tmp_path.iterdir()) == [path]
 
 
-@pytest.mark.parametrize("name", ["t.parquet", "t.csv"])
-def test_a_table_comes_back_and_its_bytes_repeat(tmp_path: Path, name: str):
-    table = pd.DataFrame({"seed": [0, 1], "p": [0.25, 0.5]})
-    write_table(tmp_path / name, table)
+TABLE = pd.DataFrame({"seed": [0, 1], "p": [0.25, 0.5]})
+ARRAYS = {"b": np.arange(6).reshape(2, 3), "a": np.array([0.5], dtype=np.float32)}
+
+
+@pytest.mark.parametrize(
+    ("name", "write", "content"),
+    [("t.parquet", write_table, TABLE), ("t.csv", write_table, TABLE), ("a.npz", write_arrays, ARRAYS)],
+)
+def test_tables_and_arrays_come_back_and_their_bytes_repeat(tmp_path: Path, name: str, write, content):
+    write(tmp_path / name, content)
     first = (tmp_path / name).read_bytes()
-    write_table(tmp_path / name, table)
+    write(tmp_path / name, content)
     assert (tmp_path / name).read_bytes() == first
-    pd.testing.assert_frame_equal(read_table(tmp_path / name, ["seed", "p"]), table)
-
-
-def test_arrays_come_back_and_their_bytes_repeat(tmp_path: Path):
-    arrays = {"b": np.arange(6).reshape(2, 3), "a": np.array([0.5], dtype=np.float32)}
-    write_arrays(tmp_path / "a.npz", arrays)
-    first = (tmp_path / "a.npz").read_bytes()
-    write_arrays(tmp_path / "a.npz", arrays)
-    assert (tmp_path / "a.npz").read_bytes() == first
-    back = read_arrays(tmp_path / "a.npz")
-    assert list(back) == ["b", "a"]
-    for name, array in arrays.items():
-        np.testing.assert_array_equal(back[name], array)
-        assert back[name].dtype == array.dtype
+    if write is write_table:
+        return pd.testing.assert_frame_equal(read_table(tmp_path / name, ["seed", "p"]), content)
+    back = read_arrays(tmp_path / name)
+    assert list(back) == list(content) and [x.dtype for x in back.values()] == [x.dtype for x in content.values()]
+    for array, read in zip(content.values(), back.values(), strict=True):
+        np.testing.assert_array_equal(read, array)
 
 
 @pytest.mark.parametrize(("name", "read"), [("x.npz", read_arrays), ("x.parquet", read_table), ("x.json", read_json)])
@@ -64,13 +62,10 @@ def test_a_missing_or_truncated_file_says_what_to_do(tmp_path: Path, name: str, 
         read(tmp_path / name)
 
 
-def test_a_table_without_a_wanted_column_is_refused(tmp_path: Path):
-    write_table(tmp_path / "t.parquet", pd.DataFrame({"seed": [0]}))
+def test_a_missing_column_and_a_json_number_that_is_none_are_refused(tmp_path: Path):
+    write_table(tmp_path / "t.parquet", TABLE)
     with pytest.raises(InputError, match="expected also \\['user'\\]"):
         read_table(tmp_path / "t.parquet", ["seed", "user"])
-
-
-def test_json_refuses_numbers_that_are_none(tmp_path: Path):
     with pytest.raises(ValueError):
         write_json(tmp_path / "x.json", {"accuracy": float("nan")})
     assert not (tmp_path / "x.json").exists()

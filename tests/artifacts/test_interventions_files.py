@@ -28,39 +28,26 @@ def written(tmp_path: Path) -> tuple[Path, Layouts, list[Layouts]]:
     return tmp_path, bare, added
 
 
-def test_layouts_and_images_come_back(written: tuple[Path, Layouts, list[Layouts]]):
+def test_layouts_and_images_come_back_and_what_was_added_stands_by_itself(written: tuple[Path, Layouts, list[Layouts]]):
     folder, bare, layouts = written
     added = read_interventions(folder, bare)
-    for read, wrote in zip(added.layouts, layouts, strict=True):
-        np.testing.assert_array_equal(read.symbol, wrote.symbol)
-        np.testing.assert_array_equal(read.ends, wrote.ends)
-        np.testing.assert_array_equal(read.radius, wrote.radius)
     assert added.images[2, 1, 0, 0, 0] == 2 * SCENES + 1
-
-
-def test_what_was_added_stands_by_itself(written: tuple[Path, Layouts, list[Layouts]]):
-    folder, bare, layouts = written
-    added = read_interventions(folder, bare)
-    for symbol, (alone, wrote) in enumerate(zip(added.placed, layouts, strict=True)):
+    for symbol, (read, alone, wrote) in enumerate(zip(added.layouts, added.placed, layouts, strict=True)):
+        for name in ("symbol", "ends", "radius"):
+            np.testing.assert_array_equal(getattr(read, name), getattr(wrote, name))
         assert alone.present.all() and (alone.symbol == symbol).all()
-        for scene in range(SCENES):
-            at = np.flatnonzero(wrote.present[scene])[-1]
-            assert added.item[symbol, scene] == wrote.item[scene, at]
-            np.testing.assert_array_equal(alone.centre[scene, 0], wrote.centre[scene, at])
+        at = np.arange(SCENES), wrote.present.sum(1) - 1
+        np.testing.assert_array_equal(added.item[symbol], wrote.item[at])
+        np.testing.assert_array_equal(alone.centre[:, 0], wrote.centre[at])
 
 
-def test_too_few_slots_or_scenes_are_refused(written: tuple[Path, Layouts, list[Layouts]]):
+def test_too_few_slots_and_other_scenes_are_refused(written: tuple[Path, Layouts, list[Layouts]]):
     folder, bare, _ = written
-    with pytest.raises(InputError, match="run the intervene stage again"):
-        read_interventions(folder, empty(SCENES, 2))
+    elsewhere = random_layouts(np.random.default_rng(1), SCENES, ITEMS, np.arange(4), RULES)
+    other = "not these scenes with an added bowl in each"
+    for scenes, message in ((elsewhere, other), (bare[:2], other), (empty(SCENES, 2), "run the intervene stage again")):
+        with pytest.raises(InputError, match=message):
+            read_interventions(folder, scenes)
     write_arrays(folder / "images.npz", {"images": np.zeros((4, 1, SCENES + 1, 100, 100, 3), np.uint8)})
     with pytest.raises(InputError, match="4 images of scenes with an added bowl, layouts of 3"):
         read_interventions(folder, bare)
-
-
-def test_items_added_to_other_scenes_are_refused(written: tuple[Path, Layouts, list[Layouts]]):
-    folder, bare, _ = written
-    elsewhere = random_layouts(np.random.default_rng(1), SCENES, ITEMS, np.arange(4), RULES)
-    for scenes in (elsewhere, bare[:2]):
-        with pytest.raises(InputError, match="not these scenes with an added bowl in each"):
-            read_interventions(folder, scenes)

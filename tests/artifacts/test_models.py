@@ -10,14 +10,13 @@ from omegaconf import DictConfig, OmegaConf
 from pipeline.artifacts.models import model_dir, weights_path
 from pipeline.artifacts.trained import load_model
 from pipeline.models.registry import build
-from pipeline.params import compose
 from pipeline.runtime.errors import InputError
-from tests.factories import save_model
+from tests.factories import composed, save_model
 
 
 @pytest.fixture
 def cfg(tmp_path: Path) -> DictConfig:
-    cfg = compose()
+    cfg = composed()
     for stage in ("train", "irl"):
         OmegaConf.update(cfg, f"paths.{stage}", str(tmp_path / stage))
     return cfg

@@ -42,16 +42,11 @@ def test_scenes_come_back_with_their_empty_slots(tmp_path: Path):
             )
 
 
-def test_a_pool_without_images_is_refused(tmp_path: Path):
+def test_a_pool_without_images_and_images_of_another_size_are_refused(tmp_path: Path):
     scenes = some_scenes()
-    write_scenes(tmp_path, SceneSet({"new_items": scenes.images["new_items"]}, scenes.layouts, scenes.appearances))
-    with pytest.raises(InputError, match="different pools"):
-        read_scenes(tmp_path)
-
-
-def test_images_of_another_size_are_refused(tmp_path: Path):
-    scenes = some_scenes()
+    one_pool = {"new_items": scenes.images["new_items"]}
     small = {pool: images[:, :50] for pool, images in scenes.images.items()}
-    write_scenes(tmp_path, SceneSet(small, scenes.layouts, scenes.appearances))
-    with pytest.raises(InputError, match=r"expected uint8 \(scene, 100, 100, 3\)"):
-        read_scenes(tmp_path)
+    for images, message in ((one_pool, "different pools"), (small, r"expected uint8 \(scene, 100, 100, 3\)")):
+        write_scenes(tmp_path, SceneSet(images, scenes.layouts, scenes.appearances))
+        with pytest.raises(InputError, match=message):
+            read_scenes(tmp_path)

@@ -48,10 +48,6 @@ def covers_margin(response: np.ndarray, trained: int | None = None) -> bool:
     return low <= MARGIN <= high
 
 
-def test_the_first_dose_lies_inside_the_item_and_the_rest_outside():
-    np.testing.assert_allclose(dose_grid(0.01, 3), [-0.005, 0.005, 0.015])
-
-
 def test_chosen_paths_are_the_first_that_fit():
     to_added, to_others = rng().uniform(-0.02, 0.12, (6, 200)), rng(1).uniform(0, 0.1, (6, 200))
     chosen = paths_at_doses(to_added, to_others, GRID, 0.05, 3)
@@ -72,12 +68,9 @@ def test_a_step_of_any_height_is_located_within_a_tenth_of_the_dose_step(margin:
     assert low == pytest.approx(middle) and high == pytest.approx(middle)
 
 
-def test_a_long_faint_tail_hardly_moves_the_radius():
+def test_a_faint_tail_hardly_moves_the_radius_and_a_curve_that_never_falls_has_the_largest_dose():
     tailed = np.maximum(steps(MARGIN), 0.2)  # the mean tolerance would be a centimetre more
     assert radius(tailed, GRID)[0] == pytest.approx(MARGIN, abs=STEP / 5)
-
-
-def test_a_curve_that_never_falls_by_half_has_the_largest_dose_as_radius():
     assert radius(np.ones((2, 3, DOSES)), GRID) == (GRID[-1],) * 3
 
 
@@ -127,10 +120,16 @@ def test_intervals_cover_when_all_training_sets_share_their_items(trained: int):
     assert not_counted < counted - 0.02
 
 
-def test_scenes_without_a_dose_do_not_count_there():
+def test_scenes_without_a_dose_and_items_without_a_path_in_contact_do_not_count():
     response = responses(rng(3), 0.002, 0.01)
     spoilt = np.concatenate([response, np.full((10, 5, DOSES), np.nan)], axis=1)
     assert radius(spoilt, GRID) == radius(response, GRID)
+    item = np.tile(np.arange(30) % 6, (1, 1))
+    response = rng(5).normal(0, 0.01, (1, 10, 30, DOSES)) + 0.9 * steps(MARGIN)[0, 0]
+    rest, spoilt = item[0] != 2, response.copy()
+    spoilt[:, :, ~rest] = np.nan
+    expected = envelopes(response[:, :, rest], item[:, rest], [6], [MARGIN], GRID)
+    pd.testing.assert_frame_equal(envelopes(spoilt, item, [6], [MARGIN], GRID), expected)
 
 
 def test_an_envelope_needs_a_positive_effect_at_contact():
@@ -142,16 +141,6 @@ def test_an_envelope_needs_a_positive_effect_at_contact():
     assert list(table["radius_m"].notna()) == [True, False, False, True]
     assert list(table["right"]) == [True, True, False, False]
     assert table["covered"][0] and table["covered"][1:].isna().all()
-
-
-def test_items_without_a_path_in_contact_do_not_count():
-    item = np.tile(np.arange(30) % 6, (1, 1))
-    response = rng(5).normal(0, 0.01, (1, 10, 30, DOSES)) + 0.9 * steps(MARGIN)[0, 0]
-    spoilt = response.copy()
-    spoilt[:, :, item[0] == 2] = np.nan
-    rest = item[0] != 2
-    expected = envelopes(response[:, :, rest], item[:, rest], [6], [MARGIN], GRID)
-    pd.testing.assert_frame_equal(envelopes(spoilt, item, [6], [MARGIN], GRID), expected)
 
 
 def test_intervals_are_wider_where_training_sets_share_fewer_items():

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.causal.interventions import expected_validity, judge, ordered_pairs, study
+from pipeline.causal.interventions import compare_with_truth, estimate_effects, expected_validity
 
 
 def family(effects: list[float], truths: list[float], spread: float = 0.001) -> pd.DataFrame:
@@ -12,16 +12,11 @@ def family(effects: list[float], truths: list[float], spread: float = 0.001) -> 
     noise = np.random.default_rng(0).normal(0, spread, (len(effects), 10, 30))
     before, true_before = np.full_like(noise, 0.5), np.full((len(effects), 30), 0.5)
     after = before + np.array(effects)[:, None, None] + noise
-    return study(before, after, true_before, true_before + np.array(truths)[:, None])
+    return compare_with_truth(before, after, true_before, true_before + np.array(truths)[:, None])
 
 
 def test_an_expectation_is_the_mean_probability():
     np.testing.assert_allclose(expected_validity(np.array([[0.0, 1.0, 0.5, 0.5], [1, 1, 1, 0]])), [0.5, 0.75])
-
-
-def test_pairs_of_users_come_in_both_orders():
-    pairs = ordered_pairs(["careful", "normal", "aggressive"])
-    assert len(pairs) == 6 and {("careful", "normal"), ("normal", "careful")} <= set(pairs)
 
 
 def test_a_row_holds_the_paired_difference_beside_the_true_one():
@@ -47,12 +42,12 @@ def test_an_effect_of_the_wrong_sign_is_wrong():
 
 def test_a_constant_model_of_an_indifferent_user_is_right():
     ones = np.ones((4, 10, 20))
-    table = study(ones, ones, ones[:, 0], ones[:, 0])
+    table = compare_with_truth(ones, ones, ones[:, 0], ones[:, 0])
     assert (table[["effect", "ci_low", "ci_high"]] == 0).all(axis=None)
     assert (table["p_holm"] == 1).all() and (table["verdict"] == "negligible").all() and table["right"].all()
 
 
 def test_a_judgement_depends_on_no_truth():
     effects = np.random.default_rng(1).normal(0, 0.1, (3, 4, 25))
-    table = study(np.zeros_like(effects), effects, np.zeros((3, 25)), np.ones((3, 25)))
-    pd.testing.assert_frame_equal(table[judge(effects).columns], judge(effects))
+    table = compare_with_truth(np.zeros_like(effects), effects, np.zeros((3, 25)), np.ones((3, 25)))
+    pd.testing.assert_frame_equal(table[estimate_effects(effects).columns], estimate_effects(effects))

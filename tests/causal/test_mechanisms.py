@@ -9,12 +9,12 @@ import pytest
 from pipeline.causal.mechanisms import expected_validities, model_scm, renderer, true_scm
 from pipeline.causal.scm import SCM, Values
 from pipeline.models.registry import build
-from pipeline.params import compose
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import EMPTY, LayoutRules, random_layouts
 from pipeline.world.render import Palette, render_scenes
 from pipeline.world.rules import valid
+from tests.factories import composed
 
 SCENES, PATHS = 5, 40
 USERS = ["careful", "aggressive"]
@@ -22,7 +22,7 @@ USERS = ["careful", "aggressive"]
 
 @pytest.fixture(scope="module")
 def cfg():
-    return compose(["profile=smoke"])
+    return composed("profile=smoke")
 
 
 @pytest.fixture(scope="module")
@@ -92,14 +92,11 @@ def test_another_mechanism_gives_another_answer(world, noise):
     assert (expected_validities(blind, noise, USERS, [{}]) == 1).all()
 
 
-def test_setting_the_items_to_what_they_are_changes_nothing(scm, world, noise):
+def test_setting_items_to_what_they_are_changes_nothing_and_each_unit_has_its_own_user(scm, world, noise):
     for model in (scm, world):
         same = expected_validities(model, noise, USERS, [{}, {"O": noise["O"]}, {"T": noise["T"]}])
         np.testing.assert_array_equal(same[0], same[1])
         np.testing.assert_array_equal(same[0], same[2])
-
-
-def test_units_of_several_users_are_each_judged_by_their_own(scm, noise):
     asked = np.array(["careful", "aggressive", "careful", "careful", "aggressive"])
     together = scm.do(S=asked).expectation("V", noise)
     for user in USERS:

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pipeline.causal.interventions import judge
+from pipeline.causal.interventions import estimate_effects
 from pipeline.causal.refuters import data_subset, mean_over_paths, placebo_patch
-from pipeline.stats.crossed import SMALLEST_EFFECT
+from pipeline.stats.tests import SMALLEST_EFFECT
 
 
 def test_a_placebo_keeps_the_item_s_pixels_in_its_place_and_changes_no_other_pixel():
@@ -39,11 +39,13 @@ def test_a_placebo_of_squares_keeps_each_of_them_whole():
     assert (patched[22:40, 30:50] != after[0, 22:40, 30:50]).any(-1).mean() > 0.9
 
 
-def test_a_mean_over_chosen_paths_leaves_the_others_out():
+def test_a_mean_over_chosen_paths_leaves_the_others_out_and_too_few_scenes_to_halve_are_refused():
     p = np.array([[0.1, 0.3, 0.9], [0.2, 0.4, 0.6]])
     chosen = np.array([[True, True, False], [False, False, False]])
     np.testing.assert_allclose(mean_over_paths(p, chosen), [0.2, np.nan])
     np.testing.assert_allclose(mean_over_paths(p, np.ones(3, bool)), p.mean(-1))
+    with pytest.raises(ValueError, match="3 scenes in 10 splits: expected at least 4"):
+        data_subset(np.random.default_rng(0), np.zeros((1, 2, 3)), 10)
 
 
 def test_clear_effects_keep_their_verdict_in_every_half_and_borderline_ones_do_not():
@@ -52,14 +54,9 @@ def test_clear_effects_keep_their_verdict_in_every_half_and_borderline_ones_do_n
     scenes -= scenes.mean((1, 2), keepdims=True)
     effects = scenes + np.array([0.3, 0.0, 0.9 * SMALLEST_EFFECT])[:, None, None]
     table = data_subset(rng, effects, 100)
-    assert list(table["expected"]) == list(judge(effects)["verdict"])
+    assert list(table["expected"]) == list(estimate_effects(effects)["verdict"])
     agreement = table["agreement"]
     assert agreement[0] == 1 and agreement[1] > 0.95 and agreement[2] < agreement[1]
     assert table["verdict"][0] == "effect" and table["verdict"][1] == "negligible"
     width = 2 * 1.96 * 0.1 / np.sqrt(100)  # of half of 100 scenes, drawn without replacement
     np.testing.assert_allclose(table["ci_high"] - table["ci_low"], width, rtol=0.35)
-
-
-def test_too_few_scenes_to_halve_are_refused():
-    with pytest.raises(ValueError, match="3 scenes in 10 splits: expected at least 4"):
-        data_subset(np.random.default_rng(0), np.zeros((1, 2, 3)), 10)

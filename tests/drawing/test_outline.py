@@ -30,12 +30,8 @@ def test_an_outline_lies_in_its_footprint_and_reaches_both_ends(name):
     assert x[drawn].max() - x[drawn].min() > 2 * 0.99
 
 
-def test_an_even_polygon_of_sharpness_2_is_a_circle():
+def test_an_even_polygon_of_sharpness_2_is_a_circle_and_facets_leave_it_almost_as_it_was():
     x, y = grid()
     np.testing.assert_allclose(polygon(6, 2.0)(x, y), np.hypot(x, y))
-
-
-def test_facets_leave_a_circle_almost_as_it_was():
-    x, y = grid()
     ratio = cut(10)(x, y) / ROUND(x, y)
     assert ratio.min() > 0.96 and ratio.max() < 1.03

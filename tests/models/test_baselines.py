@@ -7,13 +7,6 @@ from pipeline.models import baselines
 from pipeline.world.bezier import lattice, random_z_theta
 
 
-def test_with_one_demonstration_the_nearest_label_is_copied():
-    rng = np.random.default_rng(0)
-    valid = np.array([[True], [False], [True]])
-    p = baselines.nearest_demonstration(random_z_theta(rng, 3, 1), valid, random_z_theta(rng, 3, 40))
-    np.testing.assert_array_equal(p, np.repeat(valid, 40, axis=1))
-
-
 def test_the_nearest_label_is_scikit_learns_one_neighbour_scene_by_scene():
     rng = np.random.default_rng(1)
     demos, valid, paths = random_z_theta(rng, 4, 9), rng.random((4, 9)) < 0.5, random_z_theta(rng, 4, 50)
@@ -21,12 +14,6 @@ def test_the_nearest_label_is_scikit_learns_one_neighbour_scene_by_scene():
     for scene in range(4):
         neighbour = KNeighborsClassifier(1).fit(demos[scene], valid[scene])
         np.testing.assert_array_equal(p[scene], neighbour.predict(paths[scene]))
-
-
-def test_a_demonstration_is_its_own_nearest():
-    rng = np.random.default_rng(2)
-    demos, valid = random_z_theta(rng, 5, 9), rng.random((5, 9)) < 0.5
-    np.testing.assert_array_equal(baselines.nearest_demonstration(demos, valid, demos), valid)
 
 
 def test_a_position_reads_its_own_square_of_the_prior():

@@ -41,14 +41,11 @@ def test_a_rate_that_differs_by_scene_alone_has_the_interval_of_the_scenes():
     assert (row["seeds"], row["starts"]) == (4, 12)
 
 
-def test_unsafe_repairs_are_accepted_though_invalid():
+def test_unsafe_repairs_are_accepted_though_invalid_and_baselines_do_not_accept():
     valid, accepted = np.array([[True, False, False], [True, True, False]]), np.array([[True, True, False]] * 2)
     row = measured(valid, accepted)
     assert row["unsafe"] == pytest.approx(1 / 6) and row["accepted"] == pytest.approx(4 / 6)
     assert row["success"] == pytest.approx(3 / 6)
-
-
-def test_baselines_do_not_accept_and_one_scene_has_no_interval():
     row = measured(np.array([[True], [False]]), None)
     assert row[["accepted", "unsafe", "success_ci_low", "success_ci_high"]].isna().all()
 

@@ -66,13 +66,10 @@ def test_a_valid_start_and_a_hopeless_one_stay_where_they_are(layouts, starts):
     np.testing.assert_array_equal(nearest_valid(layouts, starts, nowhere, 14, 1), starts)
 
 
-def test_the_constant_detour_is_valid_in_as_many_scenes_as_any_other(layouts):
+def test_the_constant_detour_is_valid_in_as_many_scenes_as_any_other_rather_than_roomier(layouts):
     z = constant_detour(layouts, CAREFUL, 28)
     share = valid(layouts, np.broadcast_to(lattice(28), (6, 784, 2)), CAREFUL).mean(0)
     assert valid(layouts, np.broadcast_to(z, (6, 1, 2)), CAREFUL).mean() == share.max()
-
-
-def test_the_constant_detour_is_valid_in_more_scenes_rather_than_roomier():
     narrow = [outside(BELOW, 0.01)]
     layouts = with_glasses(narrow, narrow, [(0.5, 0.5), outside(ABOVE, -0.01)])
     np.testing.assert_allclose(constant_detour(layouts, NORMAL, 2), BELOW)

@@ -59,9 +59,9 @@ def test_after_a_process_that_ended_the_next_call_is_none_the_worse():
 
 def test_jobs_may_be_handed_out_by_any_thread():
     found = []
-    thread = Thread(target=lambda: found.extend(map_jobs(fail_on_two, [0, 1], 2, "test")))
+    thread = Thread(target=lambda: found.extend(map_jobs(fail_on_two, [0, 1], 2, "test")), daemon=True)
     thread.start()
-    thread.join()
+    thread.join(timeout=120)
     assert found == [0, 1]
 
 

@@ -7,20 +7,17 @@ import pandas as pd
 import pytest
 from omegaconf import DictConfig, OmegaConf
 
-from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries, read_trajectories
+from pipeline.artifacts.demos import DEMO_KEY, demo_arrays, read_demos, read_queries, read_trajectories
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool, write_scenes
-from pipeline.params import compose
-from pipeline.runtime.errors import InputError
 from pipeline.stages.demos import main
-from pipeline.world.hand import keeps
+from pipeline.world.hand import valid_trajectories
 from pipeline.world.layout import SYMBOLS, Layouts
 from pipeline.world.rules import valid
-from tests.factories import appearances
-from tests.stages.facts import refuses, run_as_listed
+from tests.factories import appearances, composed, with_value
+from tests.stages.facts import refuses
 
 pytestmark = pytest.mark.slow  # every test runs the stage
 SCENES = {"train-s0": 3, "train-s1": 3, "train-s100": 3, "new_scenes": 4, "new_items": 4}
-FILES = ("demos.parquet", "trajectories.npz", "queries.npz")
 
 
 def layouts(rng: np.random.Generator, scenes: int) -> Layouts:
@@ -31,8 +28,8 @@ def layouts(rng: np.random.Generator, scenes: int) -> Layouts:
 
 
 @pytest.fixture(scope="module")
-def simulated(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
-    cfg, folder = compose(["profile=smoke"]), tmp_path_factory.mktemp("scenes")
+def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
+    cfg, folder = composed("profile=smoke"), tmp_path_factory.mktemp("scenes")
     OmegaConf.update(cfg, "paths.scenes", str(folder))
     rng = np.random.default_rng(0)
     blank = {pool: np.zeros((n, 100, 100, 3), np.uint8) for pool, n in SCENES.items()}
@@ -41,19 +38,8 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     return cfg
 
 
-@pytest.fixture
-def cfg(simulated: DictConfig) -> DictConfig:
-    """A copy that a test may change."""
-    return simulated.copy()
-
-
-@pytest.fixture(scope="module")
-def out(simulated: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return run_as_listed(main, simulated, tmp_path_factory.mktemp("demos"))
-
-
-def real_csv(cfg: DictConfig, folder: Path, out: Path, clock_s: float = 0.0, **changes: object) -> Path:
-    """Let the stage read a person's file in `folder`: seed 0's first careful recording, moved 5 mm aside midway."""
+def real_csv(cfg: DictConfig, folder: Path, out: Path, clock_s: float = 0.0, **changes: object) -> DictConfig:
+    """Have the stage read a person's file in `folder`: seed 0's first careful recording, moved 5 mm aside midway."""
     samples, offsets = read_trajectories(out)
     demos = read_demos(out)
     first = int(np.flatnonzero((demos["seed"] == 0) & (demos["user"] == "careful"))[0])
@@ -63,34 +49,23 @@ def real_csv(cfg: DictConfig, folder: Path, out: Path, clock_s: float = 0.0, **c
     for name, value in changes.items():
         table.loc[20, name] = value
     table["t"] += clock_s
-    OmegaConf.update(cfg, "paths.data", str(folder))
-    OmegaConf.update(cfg, "demos.recorded", str(folder / "real.csv"))
     table.to_csv(folder / "real.csv", index=False)
-    return folder / "real.csv"
+    return with_value(with_value(cfg.copy(), f"paths.data={folder}"), f"demos.recorded={folder / 'real.csv'}")
 
 
-def test_every_seed_user_and_scene_has_its_demonstrations(cfg: DictConfig, out: Path):
+def test_every_seed_user_and_scene_has_its_demonstrations_and_careful_users_accept_least(out: Path):
+    assert {path.name for path in out.iterdir()} == {"demos.parquet", "trajectories.npz", "queries.npz"}
     demos = read_demos(out)
-    assert len(demos) == 3 * 3 * 3 * 10
-    assert not demos.duplicated(["seed", "user", "scene", "demo"]).any()
-    for seed in (0, 1, 100):
-        for user in cfg.users:
-            z, labels = demo_arrays(demos, seed, user, 10)
-            assert z.shape == (3, 10, 2) and labels.shape == (3, 10)
+    assert len(demos) == 3 * 3 * 3 * 10 and not demos.duplicated(DEMO_KEY).any()
+    share = demos.groupby("user")["valid"].mean()
+    assert 0 < share["careful"] < share["normal"] < share["aggressive"] == 1.0
 
 
 def test_recordings_lie_in_the_order_of_the_demonstrations(out: Path):
     demos, (samples, offsets) = read_demos(out), read_trajectories(out)
     np.testing.assert_array_equal(np.diff(offsets), demos["samples"])
     np.testing.assert_allclose(samples[offsets[1:] - 1, 0], demos["duration_s"], rtol=1e-6)
-    key = ["seed", "user", "scene", "demo"]
-    pd.testing.assert_frame_equal(demos[key], demos[key].sort_values(key, ignore_index=True))
-
-
-def test_the_stage_writes_these_files_and_careful_users_accept_least(out: Path):
-    assert {path.name for path in out.iterdir()} == set(FILES)
-    share = read_demos(out).groupby("user")["valid"].mean()
-    assert 0 < share["careful"] < share["normal"] < share["aggressive"] == 1.0
+    pd.testing.assert_frame_equal(demos[DEMO_KEY], demos[DEMO_KEY].sort_values(DEMO_KEY, ignore_index=True))
 
 
 def test_labels_are_of_the_lines_that_hands_drew_and_not_of_the_fitted_paths(cfg: DictConfig, out: Path):
@@ -100,7 +75,7 @@ def test_labels_are_of_the_lines_that_hands_drew_and_not_of_the_fitted_paths(cfg
         layouts, first, last = scenes.layouts[train_pool(seed)], rows.index[0], rows.index[-1] + 1
         samples = recordings[0][recordings[1][first] : recordings[1][last]].astype(float)
         offsets = recordings[1][first : last + 1] - recordings[1][first]
-        of_lines = keeps(layouts, samples, offsets, dict(cfg.users[user])).ravel()
+        of_lines = valid_trajectories(layouts, samples, offsets, dict(cfg.users[user])).ravel()
         np.testing.assert_array_equal(rows["valid"].to_numpy(), of_lines)
         z, _ = demo_arrays(demos, seed, user, cfg.demos.per_scene)
         of_fits += list(valid(layouts, z, dict(cfg.users[user])).ravel() == of_lines)
@@ -121,32 +96,22 @@ def test_queries_are_labelled_by_the_truth_and_unseen_by_training(cfg: DictConfi
 
 
 def test_fewer_seeds_or_demonstrations_leave_the_recordings_as_they_are(cfg: DictConfig, out: Path, tmp_path: Path):
-    OmegaConf.update(cfg, "seeds", [1])
-    main(cfg, tmp_path / "fewer")
+    main(with_value(cfg.copy(), "seeds=[1]"), tmp_path / "fewer")
     kept = read_demos(out)
     kept = kept[kept["seed"].isin([1, 100])].reset_index(drop=True)
     pd.testing.assert_frame_equal(read_demos(tmp_path / "fewer"), kept, check_exact=True)
 
 
+@pytest.mark.parametrize("clock_s", [0.0, 1.7e9], ids=["from zero", "since 1970"])
 def test_real_recordings_take_the_place_of_simulated_ones_and_are_counted(
-    cfg: DictConfig, out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    cfg: DictConfig, out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], clock_s: float
 ):
-    path = real_csv(cfg, tmp_path, out)
-    main(cfg, tmp_path / "real")
+    main(real_csv(cfg, tmp_path, out, clock_s), tmp_path / "real")
     before, after = read_demos(out), read_demos(tmp_path / "real")
     moved = np.linalg.norm(after[["z_x", "z_y"]].to_numpy() - before[["z_x", "z_y"]].to_numpy(), axis=1) > 1e-3
-    assert moved.sum() == 1
-    assert after.loc[moved, ["seed", "user", "scene", "demo"]].iloc[0].tolist() == [0, "careful", 0, 0]
-    assert f"1 of {len(before)} demonstrations are a person's, from {path}" in capsys.readouterr().out
-
-
-def test_a_recording_may_count_its_time_from_any_moment(cfg: DictConfig, out: Path, tmp_path: Path):
-    for name, clock_s in (("zero", 0.0), ("epoch", 1.7e9)):
-        (tmp_path / name).mkdir()
-        real_csv(cfg, tmp_path / name, out, clock_s)
-        main(cfg, tmp_path / name / "out")
-    zero, epoch = (read_demos(tmp_path / name / "out")["duration_s"] for name in ("zero", "epoch"))
-    pd.testing.assert_series_equal(zero, epoch, atol=1e-5)
+    assert moved.sum() == 1 and after.loc[moved, DEMO_KEY].iloc[0].tolist() == [0, "careful", 0, 0]
+    pd.testing.assert_series_equal(after["duration_s"], before["duration_s"], atol=1e-5)
+    assert f"1 of {len(before)} demonstrations are a person's, from {tmp_path / 'real.csv'}" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -161,9 +126,8 @@ def test_a_recording_may_count_its_time_from_any_moment(cfg: DictConfig, out: Pa
 def test_a_file_without_recordings_is_refused(cfg: DictConfig, tmp_path: Path, content: str | None, says: str):
     if content is not None:
         (tmp_path / "real.csv").write_text(content)
-    OmegaConf.update(cfg, "paths.data", str(tmp_path))
-    refuses(main, cfg, "demos.recorded", str(tmp_path / "real.csv"), f"real.csv.* {says}", tmp_path / "bad")
-    cfg.paths.data = "data"  # DVC keeps no track of the file
+    there = with_value(cfg.copy(), f"paths.data={tmp_path}")
+    refuses(main, there, "demos.recorded", str(tmp_path / "real.csv"), f"real.csv.* {says}", tmp_path / "bad")
     refuses(main, cfg, "demos.recorded", str(tmp_path / "real.csv"), "expected a csv in data/", tmp_path / "bad")
 
 
@@ -178,27 +142,10 @@ def test_a_file_without_recordings_is_refused(cfg: DictConfig, tmp_path: Path, c
 def test_a_bad_recording_ends_the_stage_before_anything_is_written(
     cfg: DictConfig, out: Path, tmp_path: Path, changes: dict, says: str
 ):
-    real_csv(cfg, tmp_path, out, **changes)
     with pytest.raises(ValueError, match=says):
-        main(cfg, tmp_path / "bad")
+        main(real_csv(cfg, tmp_path, out, **changes), tmp_path / "bad")
     assert not (tmp_path / "bad").exists()
 
 
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("queries_new", 0),
-        ("queries_new", True),
-        ("ends_within_m", "abc"),
-        ("poor_above_m", -1.0),
-        ("hand.tremor_m", -1.0),
-    ],
-)
-def test_a_parameter_out_of_range_is_named(cfg: DictConfig, tmp_path: Path, name: str, value: object):
-    refuses(main, cfg, f"demos.{name}", value, f"demos.{name}", tmp_path / "bad")
-
-
 def test_missing_scenes_of_a_seed_are_named(cfg: DictConfig, tmp_path: Path):
-    OmegaConf.update(cfg, "seeds", [7])
-    with pytest.raises(InputError, match="no scenes train-s7"):
-        main(cfg, tmp_path / "bad")
+    refuses(main, cfg, "seeds", [7], "no scenes train-s7", tmp_path / "bad")

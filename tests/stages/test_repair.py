@@ -15,7 +15,7 @@ from pipeline.artifacts.trained import load_model
 from pipeline.planning.oracle import constant_detour
 from pipeline.stages.repair import main
 from tests.factories import untrained_models
-from tests.stages.facts import names_a_missing_model, refuses, run_as_listed
+from tests.stages.facts import names_a_missing_model, names_a_model_with_nan, refuses
 
 BY_MODEL, BASELINES = ["gradient", "nearest"], ["random_path", "constant_detour", "oracle"]
 
@@ -23,11 +23,6 @@ BY_MODEL, BASELINES = ["gradient", "nearest"], ["random_path", "constant_detour"
 @pytest.fixture(scope="module")
 def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     return untrained_models(tmp_path_factory.mktemp("inputs"), [0, 1], "repair.steps=4")
-
-
-@pytest.fixture(scope="module")
-def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return run_as_listed(main, cfg, tmp_path_factory.mktemp("repair"))
 
 
 @pytest.fixture
@@ -70,14 +65,13 @@ def test_a_search_ends_no_worse_than_it_starts(cfg: DictConfig, table: pd.DataFr
     assert (gain >= cfg.repair.distance_penalty * rows["displacement_m"] - 1e-5).all()
 
 
-def test_the_constant_detour_is_chosen_in_the_seeds_own_training_scenes(cfg: DictConfig, table: pd.DataFrame):
+def test_random_ends_are_drawn_anew_and_the_constant_detour_is_chosen_in_the_seeds_own_training_scenes(
+    cfg: DictConfig, table: pd.DataFrame
+):
     layouts = read_scenes(Path(cfg.paths.scenes)).layouts
     for (seed, user), rows in table.query("method == 'constant_detour'").groupby(["seed", "user"]):
         detour = constant_detour(layouts[train_pool(seed)], cfg.users[user], cfg.repair.lattice_side)
         assert (rows[["z_x", "z_y"]] == detour).all(axis=None)
-
-
-def test_random_ends_are_drawn_anew_for_every_seed_and_user_and_are_no_starts(table: pd.DataFrame):
     rows = table.query("method == 'random_path'")
     assert rows.groupby(["seed", "user"]).ngroups == 4
     assert not rows.duplicated(["z_x", "z_y"]).any()
@@ -92,9 +86,10 @@ def test_the_oracle_always_succeeds_and_no_success_with_room_is_shorter(table: p
     assert (others["displacement_m"] >= others["oracle_displacement_m"] - off).all()
 
 
-def test_the_summary_and_the_metrics_are_those_of_the_table(out: Path, table: pd.DataFrame):
+def test_the_summary_and_the_metrics_are_of_the_table_s_users_with_an_invalid_path(out: Path, table: pd.DataFrame):
     summary = read_table(out / "summary.csv").fillna({"variant": ""}).set_index(["method", "variant", "user"])
     metrics = json.loads((out / "metrics.json").read_text())
+    assert set(summary.index.get_level_values("user")) == set(table["user"]) == {"careful", "normal"}
     for key, rows in table.groupby(["method", "variant", "user"]):
         row = summary.loc[key]
         assert row["success"] == pytest.approx(rows["valid_end"].mean(), rel=1e-5)
@@ -107,24 +102,10 @@ def test_the_summary_and_the_metrics_are_those_of_the_table(out: Path, table: pd
         assert value == pytest.approx(search[name], rel=1e-5)
 
 
-def test_a_user_without_an_invalid_path_has_no_row(out: Path, table: pd.DataFrame):
-    assert set(read_table(out / "summary.csv")["user"]) == set(table["user"]) == {"careful", "normal"}
+@pytest.mark.parametrize("fact", [names_a_missing_model, names_a_model_with_nan])
+def test_a_missing_model_or_one_with_nan_is_named_and_nothing_written(cfg: DictConfig, tmp_path: Path, fact):
+    fact(main, cfg, "full", tmp_path / "out")
 
 
-def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
-    names_a_missing_model(main, cfg, "full", tmp_path / "out")
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "message"),
-    [
-        ("repair.steps", 0, "repair.steps is 0"),
-        ("repair.starts", 0, "repair.starts is 0"),
-        ("repair.distance_penalty", 0, "repair.distance_penalty is 0"),
-        ("repair.split", "seen_scenes", "expected a split that all seeds share, one of new_scenes, new_items"),
-        ("repair.split", "new_scenes", "no scenes new_scenes"),
-        ("repair.optimiser", "newton", "expected 'gradient'"),
-    ],
-)
-def test_settings_out_of_range_are_refused(cfg: DictConfig, tmp_path: Path, name: str, value, message: str):
-    refuses(main, cfg, name, value, message, tmp_path / "out")
+def test_a_split_without_scenes_is_named(cfg: DictConfig, tmp_path: Path):
+    refuses(main, cfg, "repair.split", "new_scenes", "no scenes new_scenes", tmp_path / "out")

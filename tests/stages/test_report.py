@@ -13,11 +13,11 @@ from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.artifacts.models import model_dir, save_weights, weights_path
 from pipeline.artifacts.scenes import SceneSet, layout_table, train_pool, write_scenes
 from pipeline.models.registry import build
-from pipeline.params import compose
 from pipeline.report.results import Results
 from pipeline.runtime.errors import InputError
 from pipeline.stages.report import HEADLINES, TABLES, main
 from pipeline.world.layout import SYMBOLS, add_item
+from tests.factories import composed
 from tests.report import factory
 
 pytestmark = pytest.mark.slow
@@ -35,7 +35,7 @@ METRICS = {
 def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     """The configuration of two variants whose inputs hold the factory's numbers and untrained models."""
     root = tmp_path_factory.mktemp("inputs")
-    cfg = compose(["profile=smoke", "report.map_side=6"])
+    cfg = composed("profile=smoke", "report.map_side=6")
     OmegaConf.set_struct(cfg, False)
     for variant in set(cfg.variants) - set(VARIANTS):
         del cfg.variants[variant]

@@ -1,6 +1,7 @@
 """Facts about stage train: what it writes, that it repeats byte for byte, and what it refuses."""
 
 import hashlib
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ from tests.stages.facts import run_as_listed
 
 pytestmark = pytest.mark.slow
 
+USERS = ("careful", "normal", "aggressive")
 SMALL = ["seeds=[0,1]", "n_demos=[1,2]", "main_n_demos=2", "train.steps=4", "train.curve_every=2", "workers=1"]
 SMALL += ["train.engine=simd", "checkpoints=[0,2,50]"]
 
@@ -42,12 +44,16 @@ def run(small_world, tmp_path_factory) -> Path:
     return out
 
 
-def test_every_query_of_every_model_gets_one_prediction(run):
+def test_every_query_of_every_model_gets_one_prediction_laplaces_constant_without_invalid_demonstrations(run):
     predictions = read_table(run / "full" / "predictions.parquet", PREDICTION_COLUMNS)
     models = 2 * 3 * 2  # seeds, users, n
     assert len(predictions) == models * (3 + 2 + 2) * 4
     assert not predictions.duplicated(["seed", "user", "n_demos", "split", "scene", "query"]).any()
     assert predictions["p"].dtype == np.float32 and predictions["p"].between(0, 1).all()
+    curves = read_table(run / "full" / "curves.csv")
+    assert set(zip(curves["user"], curves["n_demos"], strict=True)) == set(product(USERS, (1, 2)))
+    predictions = read_table(run / "full" / "predictions.parquet").query("user == 'aggressive' and n_demos == 2")
+    np.testing.assert_allclose(predictions["p"], 7 / 8, rtol=1e-6)  # 3 scenes x 2 demonstrations, all valid
 
 
 def test_saved_weights_give_the_predictions_that_were_written(run, small_world):
@@ -73,37 +79,16 @@ def test_weights_on_the_way_are_kept_of_the_models_studied_that_learn(run, small
     assert not torch.equal(later.get_parameter("mean.weight"), kept.get_parameter("mean.weight"))
 
 
-def test_without_checkpoints_there_is_an_empty_folder_and_the_same_weights(run, small_world, tmp_path):
-    main(config(small_world, tmp_path, "checkpoints=[]"), tmp_path / "full")
+def test_neither_processes_nor_checkpoints_nor_other_seeds_change_a_weight(run, small_world, tmp_path):
+    whole = _digests(run)
+    main(config(small_world, tmp_path / "two", "workers=2"), tmp_path / "two" / "full")
+    assert _digests(tmp_path / "two") == whole
+    main(config(small_world, tmp_path, "checkpoints=[]", "seed=1"), tmp_path / "full")
     assert list((tmp_path / "full" / "checkpoints").iterdir()) == []
-    assert _digests(tmp_path / "full" / "weights") == _digests(run / "full" / "weights")
+    alone = _digests(tmp_path / "full" / "weights")
+    assert len(alone) == 6 and alone.items() <= _digests(run / "full" / "weights").items()
 
 
-def test_a_user_without_invalid_demonstrations_gets_laplaces_constant(run):
-    predictions = read_table(run / "full" / "predictions.parquet").query("user == 'aggressive' and n_demos == 2")
-    np.testing.assert_allclose(predictions["p"], 7 / 8, rtol=1e-6)  # 3 scenes x 2 demonstrations, all valid
-
-
-def test_curves_name_every_user_and_number_of_demonstrations(run):
-    curves = read_table(run / "full" / "curves.csv")
-    assert set(map(tuple, curves[["user", "n_demos"]].to_numpy())) == {
-        (user, n) for user in ("careful", "normal", "aggressive") for n in (1, 2)
-    }
-
-
-@pytest.mark.slow
-def test_two_processes_write_the_bytes_of_one(run, small_world, tmp_path):
-    main(config(small_world, tmp_path, "workers=2"), tmp_path / "full")
-    assert _digests(tmp_path) == _digests(run)
-
-
-def test_one_seed_alone_is_that_seed_of_the_whole_run(run, small_world, tmp_path):
-    main(config(small_world, tmp_path, "seed=1"), tmp_path / "full")
-    alone, whole = _digests(tmp_path / "full" / "weights"), _digests(run / "full" / "weights")
-    assert len(alone) == 6 and alone.items() <= whole.items()
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["reference", "cuda"])
 def test_every_engine_learns_the_same_and_is_named(run, small_world, tmp_path, capsys, engine):
     main(config(small_world, tmp_path, f"train.engine={engine}"), tmp_path / "full")
@@ -119,7 +104,7 @@ def test_auto_is_cuda_where_there_is_a_gpu_and_simd_elsewhere(small_world, tmp_p
     assert expected in capsys.readouterr().out
 
 
-def test_jobs_fitted_together_are_of_like_n_and_none_is_left_out(small_world, tmp_path):
+def test_jobs_fitted_together_are_of_like_n_and_leave_no_process_idle(small_world, tmp_path):
     jobs = _jobs(config(small_world, tmp_path), {}, BetaVae, lambda *data, seeds: [])
     batches = _batches(jobs, 3, workers=1)
     assert sorted(job.key for batch in batches for job in batch) == sorted(job.key for job in jobs)
@@ -128,10 +113,6 @@ def test_jobs_fitted_together_are_of_like_n_and_none_is_left_out(small_world, tm
     assert all(job.user != "aggressive" for batch in learning for job in batch)
     n_demos = [job.n_demos for batch in learning for job in batch]
     assert n_demos == sorted(n_demos, reverse=True)  # the longest batch first
-
-
-def test_without_a_batch_size_a_seed_is_fitted_together_if_no_process_stays_idle(small_world, tmp_path):
-    jobs = _jobs(config(small_world, tmp_path), {}, BetaVae, lambda *data, seeds: [])
     assert [len({job.seed for job in batch}) for batch in _batches(jobs, None, workers=2)] == [1] * 4
     assert [len(batch) for batch in _batches(jobs, None, workers=3)] == [1] * len(jobs)
 
@@ -140,8 +121,6 @@ def test_without_a_batch_size_a_seed_is_fitted_together_if_no_process_stays_idle
     ("override", "message"),
     [
         ("variant=irl_ranked", "not fitted by stage train: expected one of full, ae, classifier"),
-        ("variants.full.beta=-1", "beta is -1"),
-        ("train.steps=0", "steps is 0"),
         ("seeds=[0,7]", "no scenes train-s7"),
     ],
 )
@@ -160,22 +139,22 @@ def test_without_numba_the_simd_engine_is_refused_and_auto_takes_the_reference(s
         assert engine("auto").name == "reference"
 
 
-def test_more_demonstrations_than_there_are_is_refused(small_world, tmp_path):
-    with pytest.raises(InputError, match="expected 9 in each scene"):
-        main(config(small_world, tmp_path, "n_demos=[9]", "main_n_demos=9"), tmp_path)
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (["n_demos=[9]", "main_n_demos=9"], "expected 9 in each scene"),
+        (["train.rate=1e30"], r"full of careful, seed 0, n_demos 2: its loss is no longer finite at step \d+"),
+    ],
+)
+def test_too_few_demonstrations_or_a_fit_that_diverges_is_no_result(small_world, tmp_path, overrides, message):
+    with pytest.raises(InputError, match=message):
+        main(config(small_world, tmp_path, *overrides), tmp_path / "full")
+    assert not (tmp_path / "full").exists()
 
 
 def _digests(root: Path) -> dict[str, str]:
     files = sorted(path for path in root.rglob("*") if path.is_file())
     return {str(path.relative_to(root)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
-
-
-def test_a_fit_that_diverges_is_no_result(small_world, tmp_path):
-    with pytest.raises(
-        InputError, match=r"full of careful, seed 0, n_demos 2: its loss is no longer finite at step \d+"
-    ):
-        main(config(small_world, tmp_path, "train.rate=1e30"), tmp_path / "full")
-    assert not (tmp_path / "full").exists()
 
 
 def test_models_of_an_earlier_run_into_the_same_folder_do_not_stay(small_world, tmp_path):

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from pipeline.causal.interventions import judge
+from pipeline.causal.interventions import estimate_effects
 from pipeline.stats.crossed import add_pseudo_scenes, estimate
 from pipeline.stats.tests import LEVEL, SMALLEST_EFFECT, holm
 
@@ -74,11 +74,12 @@ def test_where_rare_scenes_decide_pseudo_scenes_only_halve_the_errors():
 
 @pytest.mark.parametrize(("effect", "deserved"), [(0.0, "negligible"), (0.15, "effect")])
 def test_verdicts_where_both_sources_matter_are_those_the_effect_deserves(effect: float, deserved: str):
-    verdicts = np.concatenate([judge(family)["verdict"] for family in REGIMES["both matter"].draw(effect)[:100]])
+    families = REGIMES["both matter"].draw(effect)[:100]
+    verdicts = np.concatenate([estimate_effects(family)["verdict"] for family in families])
     assert np.mean(verdicts == deserved) >= 0.9
 
 
 def test_an_effect_at_the_bound_is_rarely_called_negligible():
     families = REGIMES["both matter"].draw(SMALLEST_EFFECT)[:100]
-    verdicts = np.concatenate([judge(family)["verdict"] for family in families])
+    verdicts = np.concatenate([estimate_effects(family)["verdict"] for family in families])
     assert np.mean(verdicts == "negligible") <= LEVEL + TOLERANCE

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.stats.clusters import as_from_other_items, by_item
+from pipeline.stats.clusters import by_item, inflate_item_variance
 
 
 def test_an_items_scenes_are_averaged_where_they_have_the_dose():
@@ -18,11 +18,11 @@ def test_a_second_scene_with_the_same_effect_of_an_item_does_not_count():
     np.testing.assert_array_equal(twice, by_item(drop, item))
 
 
-@pytest.mark.parametrize("trained", [2, 6, 100])
-def test_items_lie_further_apart_by_the_chance_of_those_that_were_trained_on(trained: int):
-    """The variance of the mean over items grows from 1 / n to 1 / n + 1 / trained; nothing else changes."""
+@pytest.mark.parametrize("n_training", [2, 6, 100])
+def test_items_lie_further_apart_by_the_chance_of_those_that_were_trained_on(n_training: int):
+    """The variance of the mean over items grows from 1 / n to 1 / n + 1 / n_training; nothing else changes."""
     values = np.random.default_rng(1).normal(size=(10, 6))
-    wider = as_from_other_items(values, trained)
-    assert wider.mean(0).var() == pytest.approx(values.mean(0).var() * 6 * (1 / 6 + 1 / trained))
+    wider = inflate_item_variance(values, n_training)
+    assert wider.mean(0).var() == pytest.approx(values.mean(0).var() * 6 * (1 / 6 + 1 / n_training))
     np.testing.assert_allclose(wider.mean(1), values.mean(1))  # seed by seed
     np.testing.assert_allclose(wider - wider.mean(0), values - values.mean(0))

@@ -38,13 +38,10 @@ def covers(e: Estimates, effect: float) -> float:
     return float(((e.ci_low <= effect) & (effect <= e.ci_high)).mean())
 
 
-def test_a_model_that_never_changes_has_certainly_no_effect():
+def test_a_model_that_never_changes_has_certainly_no_effect_and_a_question_no_neighbours():
     e = estimate(np.zeros((1, 10, 100)))
     assert (e.effect[0], e.ci_low[0], e.ci_high[0], e.p[0]) == (0, 0, 0, 1)
     assert verdict(e.effect[0], e.p[0], e.ci90_low[0], e.ci90_high[0]) == "negligible"
-
-
-def test_a_question_does_not_depend_on_its_neighbours():
     effects = crossed(5, 0.03, 0.1)
     together, alone = (estimate(x) for x in (effects, effects[3:4]))
     np.testing.assert_allclose([together.ci_low[3], together.p[3]], [alone.ci_low[0], alone.p[0]])
@@ -82,9 +79,11 @@ def test_the_error_behind_every_interval_is_that_of_the_mean_squares(squares, to
     assert freedom[0] == pytest.approx(total**2 / spread)
 
 
-def test_effects_with_nan_are_refused():
+def test_effects_with_nan_and_a_ratio_over_zero_are_refused():
     with pytest.raises(ValueError, match="1 of them NaN"):
         estimate(np.array([[[0.1, np.nan]]]))
+    with pytest.raises(ValueError, match="1 of 2 denominators sum to 0"):
+        ratio(np.zeros((2, 3, 4)), np.stack([np.ones((3, 4)), np.zeros((3, 4))]))
 
 
 def test_quartiles_are_the_papers_summary():
@@ -110,27 +109,21 @@ def test_95_percent_intervals_cover_the_effect_and_pseudo_scenes_hardly_widen_th
     assert ((wider.ci_high - wider.ci_low) / (plain.ci_high - plain.ci_low)).mean() < 1.06
 
 
-def test_where_all_scenes_of_a_family_agree_pseudo_scenes_agree_too():
+def test_pseudo_scenes_agree_where_all_scenes_of_the_family_do_and_know_no_other_family():
     effects = np.tile(rng(2).normal(size=(3, 4, 1)), (1, 1, 50))
     np.testing.assert_allclose(add_pseudo_scenes(effects), np.tile(effects[..., :1], (1, 1, 52)))
+    families = crossed(8, 0.03, 0.1).reshape(2, 4, 10, 100) * np.array([1.0, 5.0])[:, None, None, None]
+    np.testing.assert_allclose(add_pseudo_scenes(families)[0], add_pseudo_scenes(families[0]))
 
 
-def test_few_scenes_get_no_pseudo_scenes():
+def test_few_scenes_get_no_pseudo_scenes_and_fewer_than_two_are_refused():
     few, enough = crossed(4, 0.03, 0.1)[..., : MIN_SCENES - 1], crossed(4, 0.03, 0.1)[..., :MIN_SCENES]
     assert add_pseudo_scenes(few) is few
     plain, wider = estimate(enough), estimate(add_pseudo_scenes(enough))
     assert ((wider.ci_high - wider.ci_low) / (plain.ci_high - plain.ci_low)).mean() > 0.98
-
-
-@pytest.mark.parametrize("scenes", [0, 1])
-def test_effects_without_two_scenes_get_no_pseudo_scenes(scenes: int):
-    with pytest.raises(ValueError, match="at least two scenes"):
-        add_pseudo_scenes(np.zeros((3, 4, scenes)))
-
-
-def test_a_familys_offset_comes_from_its_own_scenes():
-    families = crossed(8, 0.03, 0.1).reshape(2, 4, 10, 100) * np.array([1.0, 5.0])[:, None, None, None]
-    np.testing.assert_allclose(add_pseudo_scenes(families)[0], add_pseudo_scenes(families[0]))
+    for scenes in (0, 1):
+        with pytest.raises(ValueError, match="at least two scenes"):
+            add_pseudo_scenes(np.zeros((3, 4, scenes)))
 
 
 def test_the_mean_squares_are_those_of_an_analysis_of_variance():
@@ -142,16 +135,11 @@ def test_the_mean_squares_are_those_of_an_analysis_of_variance():
     np.testing.assert_allclose(squares, anova["sum_sq"] / anova["df"])
 
 
-def test_one_seed_leaves_students_test_over_the_scenes():
-    effects = rng(3).normal(0.02, 0.1, 60)
-    e, expected = estimate(effects[None, None]), ttest_1samp(effects, 0)
-    assert e.p[0] == pytest.approx(expected.pvalue)
-    np.testing.assert_allclose([e.ci_low[0], e.ci_high[0]], expected.confidence_interval())
-
-
-def test_where_scenes_agree_it_is_students_test_over_the_seeds():
-    by_seed = rng(4).normal(0.02, 0.05, 10)
-    e, expected = estimate(np.repeat(by_seed[None, :, None], 100, axis=2)), ttest_1samp(by_seed, 0)
+@pytest.mark.parametrize(("shape", "count"), [((1, 1, -1), 60), ((1, -1, 1), 10)], ids=["one seed", "equal scenes"])
+def test_where_one_source_varies_it_is_students_test_over_that_one(shape: tuple, count: int):
+    values = rng(3).normal(0.02, 0.1, count)
+    e = estimate(np.repeat(values.reshape(shape), 1 if shape[-1] == -1 else 100, axis=2))
+    expected = ttest_1samp(values, 0)
     assert e.p[0] == pytest.approx(expected.pvalue)
     np.testing.assert_allclose([e.ci_low[0], e.ci_high[0]], expected.confidence_interval())
 
@@ -171,8 +159,3 @@ def test_a_ratios_interval_covers_it_where_seeds_and_scenes_hold_unequally_many(
     parts = g.binomial(wholes.astype(int), np.broadcast_to(chance, wholes.shape)).astype(float)
     truth = parts.sum() / wholes.sum()
     assert 0.92 <= covers(ratio(parts, wholes), truth) <= 0.97
-
-
-def test_a_ratio_over_zero_is_refused():
-    with pytest.raises(ValueError, match="1 of 2 denominators sum to 0"):
-        ratio(np.zeros((2, 3, 4)), np.stack([np.ones((3, 4)), np.zeros((3, 4))]))

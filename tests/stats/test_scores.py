@@ -17,14 +17,11 @@ def drawn(seed: int, paths: int) -> tuple[np.ndarray, np.ndarray]:
     return p, rng.random(paths) < p
 
 
-def test_scores_agree_with_scikit_learn():
+def test_scores_and_reliability_agree_with_scikit_learn():
     p, valid = drawn(0, 500)
     assert accuracy(p, valid) == pytest.approx(accuracy_score(valid, p > 0.5))
     assert auroc(p, valid) == pytest.approx(roc_auc_score(valid, p))
     assert brier(p, valid) == pytest.approx(brier_score_loss(valid, p))
-
-
-def test_reliability_agrees_with_scikit_learn_and_counts_every_path():
     p, valid = drawn(1, 2000)
     r = reliability(p, valid, 10)
     frequency, confidence = calibration_curve(valid, p, n_bins=10)

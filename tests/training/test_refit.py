@@ -6,11 +6,11 @@ from omegaconf import DictConfig
 
 from pipeline.models.base import untrained
 from pipeline.models.irl.reward_map import RewardMap
-from pipeline.params import compose
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.streams import job_seed
 from pipeline.training.irl.fit import IrlSchedule, fit
 from pipeline.training.refit import TrainingSet, refit, refit_and_predict
+from tests.factories import composed
 
 FEW = ["train.steps=2", "clearance.steps=2", "variants.irl_maxent.steps=3", "variants.irl_ranked.steps=3"]
 RNG = np.random.default_rng(0)
@@ -19,7 +19,7 @@ IMAGES, Z = RNG.integers(0, 255, (2, 100, 100, 3), dtype=np.uint8), RNG.uniform(
 
 @pytest.fixture(scope="module")
 def cfg() -> DictConfig:
-    return compose(["profile=smoke", "workers=1", *FEW])
+    return composed("profile=smoke", "workers=1", *FEW)
 
 
 def training_set(scenes: int, seed: int = 0) -> TrainingSet:
@@ -49,10 +49,6 @@ def test_training_sets_of_several_sizes_are_answered_in_their_order(cfg: DictCon
         alone = refit_and_predict(cfg, {variant: [one] for variant in variants}, IMAGES, Z, "test")
         for variant in variants:
             np.testing.assert_array_equal(together[variant][i], alone[variant][0], err_msg=variant)
-
-
-@pytest.mark.slow
-def test_answers_come_in_the_order_of_the_training_sets(cfg: DictConfig):
     training_sets = [training_set(scenes, seed) for seed, scenes in enumerate((3, 1, 3, 2, 1))]
     answers = refit(
         cfg, {"full": training_sets, "clearance": training_sets[1:]}, lambda _, one: (one.seed, len(one.images)), "test"

@@ -5,7 +5,7 @@ import io
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
@@ -64,26 +64,15 @@ def fit_movements(movements: list[np.ndarray]) -> Fits:
 
 @settings(max_examples=50, deadline=None)
 @given(st.floats(-0.2, 1.2), st.floats(-0.2, 1.2), st.integers(8, 80))
+@example(1.2, 1.2, 80)  # overshoots and turns back
+@example(-0.2, -0.2, 80)
+@example(1.1, 1.1, 80)
 def test_points_of_a_path_are_fitted_by_that_path(x: float, y: float, count: int):
-    assume(abs(x - y) > 0.1)  # a straight path's z is not determined along it
+    turns_back = x == y and not 0 <= x <= 1
+    assume(abs(x - y) > 0.1 or turns_back)  # a straight path's z is not determined along it
     fits = fit(curve(np.array([x, y]), count), np.array([0, count]), 0.004)
-    np.testing.assert_allclose(fits.z_theta[0], [x, y], atol=2e-3)
+    np.testing.assert_allclose(fits.z_theta[0], [x, y], atol=0.01 if turns_back else 2e-3)
     assert fits.residual_m[0] < 5e-5
-
-
-@pytest.mark.parametrize("z", [(1.2, 1.2), (-0.2, -0.2), (1.1, 1.1)])
-def test_a_path_that_overshoots_and_turns_back_is_found(z: tuple[float, float]):
-    fits = fit(curve(np.array(z), 80), np.array([0, 80]), 0.004)
-    np.testing.assert_allclose(fits.z_theta[0], z, atol=0.01)
-    assert fits.residual_m[0] < 5e-5
-
-
-def test_the_residual_is_the_root_mean_square_orthogonal_distance():
-    points, offsets, _ = hands(8)
-    fits = fit(points, offsets, 0.004)
-    for i, z in enumerate(fits.z_theta):
-        expected = rms(points[offsets[i] : offsets[i + 1]], z, (P_INIT, P_F))
-        assert fits.residual_m[i] == pytest.approx(expected, rel=1e-6)
 
 
 @pytest.mark.slow
@@ -115,16 +104,13 @@ def test_a_fit_does_not_depend_on_the_trajectories_beside_it():
         assert alone.residual_m[0] == together.residual_m[i]
 
 
-def test_a_trajectory_that_is_no_quadratic_path_is_kept_and_flagged():
+def test_a_movement_that_is_no_quadratic_path_ends_where_it_began_or_never_moves_gets_a_finite_fit():
     u = np.linspace(0, 1, 100)
     straight = P_INIT + u[:, None] * (P_F - P_INIT)
     weave = straight + 0.1 * np.sin(4 * np.pi * u)[:, None] * np.array([1, -1])
     fits = fit(np.concatenate([straight, weave]), np.array([0, 100, 200]), 0.004)
     assert fits.poor.tolist() == [False, True]
     assert np.isfinite(fits.z_theta).all()
-
-
-def test_a_movement_that_ends_where_it_began_or_never_moves_gets_a_finite_fit():
     u = np.linspace(0, 1, 50)
     out_and_back = basis(u) @ np.array([[0.5, 0.5], [0.9, 0.6], [0.5, 0.5]])
     still = np.full((50, 2), 0.5)
@@ -133,11 +119,8 @@ def test_a_movement_that_ends_where_it_began_or_never_moves_gets_a_finite_fit():
     assert fits.residual_m.max() < 1e-3
 
 
-def test_no_trajectories_give_no_fits():
+def test_no_trajectories_give_no_fits_and_two_points_are_refused():
     assert len(fit(np.empty((0, 2)), np.array([0]), 0.004).z_theta) == 0
-
-
-def test_two_points_are_refused():
     with pytest.raises(ValueError, match="trajectory 1 has 2 points: expected at least 3"):
         fit(np.zeros((7, 2)), np.array([0, 5, 7]), 0.004)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.world.bezier import P_F, P_INIT, curve, random_z_theta
-from pipeline.world.hand import Hand, check, join, keeps, polylines, simulate
+from pipeline.world.hand import Hand, check, join, polylines, simulate, valid_trajectories
 from pipeline.world.layout import SYMBOLS, Layouts
 
 HAND = Hand(50.0, 0.002, 0.35, 0.2, 0.0007, (8.0, 12.0), 0.002, 0.1, 0.01)
@@ -19,17 +19,10 @@ def trajectories(count: int, hand: Hand = HAND) -> list[np.ndarray]:
     return [simulate(rng, z, hand) for z in random_z_theta(rng, count)]
 
 
-def good() -> np.ndarray:
-    return simulate(np.random.default_rng(0), np.array([0.2, 0.7]), HAND)
-
-
-def test_every_simulated_trajectory_passes_the_check():
-    for i, trajectory in enumerate(trajectories(200)):
-        check(trajectory, str(i), WITHIN)
-
-
-def test_trajectories_vary_in_length_and_are_sampled_at_about_50_hz():
+def test_simulated_trajectories_pass_the_check_vary_in_length_and_are_sampled_at_about_50_hz():
     made = trajectories(200)
+    for i, trajectory in enumerate(made):
+        check(trajectory, str(i), WITHIN)
     assert len({len(r) for r in made}) > 50
     steps = np.concatenate([np.diff(r[:, 0]) for r in made])
     assert abs(steps.mean() - 0.02) < 2e-4
@@ -75,12 +68,6 @@ def test_the_height_is_independent_of_the_path():
     assert all(abs(np.corrcoef(mean, z[:, i])[0, 1]) < 0.15 for i in (0, 1))  # three standard errors
 
 
-def with_value(row: int, column: int, value: float) -> np.ndarray:
-    trajectory = good()
-    trajectory[row, column] = value
-    return trajectory
-
-
 def test_polylines_pass_through_every_sample_and_end_with_the_last():
     made = trajectories(5)
     samples, offsets = join(made)
@@ -107,8 +94,8 @@ def test_a_trajectory_keeps_from_a_glass_what_its_straight_pieces_keep(samples: 
         away = np.linalg.norm(fine - where[table, 0], axis=1).min() - 0.05
         for margin, keeps_it in ((away - 1e-3, True), (away + 1e-3, False)):
             margins = {s: margin if s == "glass" else None for s in SYMBOLS}
-            together = keeps(tables, *join(made), margins)[table, 0]
-            assert together == keeps(tables[[table]], *join([alone]), margins)[0, 0] == keeps_it
+            together = valid_trajectories(tables, *join(made), margins)[table, 0]
+            assert together == valid_trajectories(tables[[table]], *join([alone]), margins)[0, 0] == keeps_it
 
 
 def test_a_line_keeps_the_margins_it_is_far_enough_for():
@@ -118,5 +105,7 @@ def test_a_line_keeps_the_margins_it_is_far_enough_for():
     tables = Layouts(glass, glass, np.full((2, 1, 2), 0.5), zero, zero + 1, zero, zero + 0.05)  # one in the middle
     nothing: dict[str, float | None] = dict.fromkeys(SYMBOLS)
     samples, offsets = join([*made, *made])  # straight through and far around, in both scenes
-    np.testing.assert_array_equal(keeps(tables, samples, offsets, nothing | {"glass": 0.04}), [[False, True]] * 2)
-    assert keeps(tables, samples, offsets, nothing).all()
+    np.testing.assert_array_equal(
+        valid_trajectories(tables, samples, offsets, nothing | {"glass": 0.04}), [[False, True]] * 2
+    )
+    assert valid_trajectories(tables, samples, offsets, nothing).all()

@@ -1,5 +1,6 @@
 """Images come back as they were written; what cannot be used is refused before it is decoded."""
 
+import re
 from pathlib import Path
 
 import cv2
@@ -22,16 +23,21 @@ def test_a_png_comes_back_as_it_was(tmp_path: Path, channels: int):
     assert image_size(tmp_path / "a.png") == (30, 20)
 
 
-def test_a_jpeg_is_read_as_rgb_and_its_size_from_its_header(tmp_path: Path):
+def test_a_jpeg_is_read_as_rgb_and_a_grey_image_has_three_channels(tmp_path: Path):
     red = np.full((20, 30, 3), (0, 0, 255), np.uint8)  # blue first, as OpenCV writes
     cv2.imwrite(str(tmp_path / "a.jpg"), red)
     assert image_size(tmp_path / "a.jpg") == (30, 20)
     np.testing.assert_allclose(read_image(tmp_path / "a.jpg"), red[..., ::-1], atol=3)
-
-
-def test_a_grey_image_has_three_channels(tmp_path: Path):
     cv2.imwrite(str(tmp_path / "a.png"), noise(20, 30))
     assert read_image(tmp_path / "a.png").shape == (20, 30, 3)
+
+
+def test_opencv_alone_reads_and_writes_images():
+    other = re.compile(
+        r"^\s*(import|from) (PIL|imageio|skimage|torchvision|matplotlib\.image)|plt\.im(read|save)", re.M
+    )
+    files = [path for folder in ("pipeline", "studies", "drawing") for path in Path(folder).rglob("*.py")]
+    assert len(files) > 100 and [path for path in files if other.search(path.read_text())] == []
 
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg"])

@@ -8,14 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.world.bezier import P_F, P_INIT
-from pipeline.world.layout import (
-    SYMBOLS,
-    Items,
-    add_item,
-    point_segment_distance,
-    random_layouts,
-    segment_distance,
-)
+from pipeline.world.layout import SYMBOLS, Items, add_item, point_segment_distance, random_layouts, segment_distance
 from tests.factories import RULES
 
 # Per symbol a training item (0-3) and another one (4-7) that must not be drawn when the pool leaves it out.
@@ -49,17 +42,7 @@ def least_gaps(layouts, scene: int) -> tuple[float, float]:
 
 @settings(max_examples=8, deadline=None)
 @given(seeds)
-def test_footprints_keep_clear_of_one_another_and_of_the_ends(seed):
-    layouts = drawn(seed)
-    for scene in range(len(layouts)):
-        apart, away = least_gaps(layouts, scene)
-        assert apart >= RULES.clear_of_items - 1e-9
-        assert away >= RULES.clear_of_ends - 1e-9
-
-
-@settings(max_examples=8, deadline=None)
-@given(seeds)
-def test_scenes_hold_two_or_three_items_of_the_pool_within_the_table(seed):
+def test_scenes_hold_two_or_three_items_of_the_pool_clear_of_one_another_and_of_the_ends(seed):
     layouts = drawn(seed)
     on = layouts.present
     assert set(on.sum(1)) <= {2, 3}
@@ -67,6 +50,16 @@ def test_scenes_hold_two_or_three_items_of_the_pool_within_the_table(seed):
     np.testing.assert_array_equal(ITEMS.symbol[layouts.item[on]], layouts.symbol[on])
     assert (layouts.centre[on] >= RULES.centre_low).all() and (layouts.centre[on] <= RULES.centre_high).all()
     np.testing.assert_allclose(layouts.radius[on], ITEMS.radius[layouts.item[on]] * layouts.scale[on])
+    for scene in range(len(layouts)):
+        apart, away = least_gaps(layouts, scene)
+        assert apart >= RULES.clear_of_items - 1e-9 and away >= RULES.clear_of_ends - 1e-9
+
+
+def test_the_same_seed_draws_the_same_scenes_and_another_draws_others():
+    first, again, other = drawn(3), drawn(3), drawn(4)
+    for field in fields(first):
+        np.testing.assert_array_equal(getattr(first, field.name), getattr(again, field.name))
+    assert (first.centre != other.centre).any((1, 2)).all()
 
 
 @settings(max_examples=6, deadline=None)
@@ -93,14 +86,11 @@ def test_glasses_come_as_often_as_asked():
     np.testing.assert_allclose(share, [0.05, 0.35, 0.50, 0.10], atol=0.06)
 
 
-def test_a_full_scene_takes_no_more():
+def test_a_full_scene_takes_no_more_and_a_pool_without_a_symbol_is_refused():
     crowded = add_item(np.random.default_rng(0), drawn(2), 0, ITEMS, POOL, RULES)
     with pytest.raises(ValueError, match=r"no free (slot|place) for a bowl"):
         for _ in range(3):
             crowded = add_item(np.random.default_rng(0), crowded, 0, ITEMS, POOL, RULES)
-
-
-def test_a_pool_without_a_symbol_is_refused():
     with pytest.raises(ValueError, match="no glass among the items"):
         add_item(np.random.default_rng(0), drawn(2), 3, ITEMS, np.arange(3), RULES)
 
@@ -111,10 +101,5 @@ def test_segment_distance_agrees_with_dense_points(seed):
     a, b = np.random.default_rng(seed).uniform(size=(2, 2, 2))
     t = np.linspace(0, 1, 400)[:, None]
     p, q = a[0] + t * (a[1] - a[0]), b[0] + t * (b[1] - b[0])
-    dense = np.linalg.norm(p[:, None] - q, axis=-1).min()
-    assert segment_distance(a, b) == pytest.approx(dense, abs=5e-3)
-
-
-def test_distance_to_a_segment_of_no_length_is_the_distance_to_a_point():
-    p, a = np.array([0.3, 0.4]), np.zeros(2)
-    assert point_segment_distance(p, a, a) == pytest.approx(0.5)
+    assert segment_distance(a, b) == pytest.approx(np.linalg.norm(p[:, None] - q, axis=-1).min(), abs=5e-3)
+    assert point_segment_distance(a[0], a[1], a[1]) == pytest.approx(np.linalg.norm(a[0] - a[1]))  # of no length

@@ -1,7 +1,19 @@
 """The kinds of item."""
 
-from pipeline.world.symbols import SYMBOLS
+from pathlib import Path
+
+import pytest
+
+from pipeline.runtime.errors import InputError
+from pipeline.world.symbols import SYMBOLS, read_symbols
 
 
 def test_the_four_kinds_of_the_paper_keep_their_order():
     assert SYMBOLS[:4] == ("bowl", "plate", "cutlery", "glass")
+
+
+@pytest.mark.parametrize("kind", ["mug: {height: 0.02}", "mug: {height_m: 2}", "mug: {transparent: rim}", "[mug]", "{"])
+def test_a_kind_with_a_wrong_value_is_refused(kind: str, tmp_path: Path):
+    (tmp_path / "symbols.yaml").write_text(kind)
+    with pytest.raises(InputError, match=r"symbols\.yaml: .*(height|transparent|dictionary|parsing)"):
+        read_symbols(tmp_path / "symbols.yaml")

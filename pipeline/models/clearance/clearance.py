@@ -25,7 +25,7 @@ PATH_SAMPLES = 160  # points along a path: at most 1 cm apart, so that clearance
 MARGIN_UNIT_M = 0.03  # unit of the margin parameter [m], so that one learning rate suits all parameters
 MIN_WIDTH_M = 0.003  # smallest transition width [m]: a third of a pixel, the limit of an outline's accuracy
 SHARPENING = 1.25  # factor on the log-odds of the members' mean, since averaged probabilities are underconfident
-EVIDENCE_PRICE = 6.0  # log-likelihood gain [nat] at which relevance is as credible as irrelevance
+EVIDENCE_PENALTY_NATS = 6.0  # log-likelihood gain [nat] at which relevance is as credible as irrelevance
 FEATURES_PER_MEMBER = 4  # number of features that each member uses
 FEATURE_BOUND = 1.5  # bound on standardised features [standard deviations over the training objects]
 
@@ -59,12 +59,11 @@ class ClearanceModel(ValidityModel):
     outlines that are far off. `p_nothing_missed` is the probability that no undetected object blocks the path.
 
     The members' mean is averaged with a constant `rate` by Akaike weights of the two models (Burnham and Anderson,
-    2002).
-    EVIDENCE_PRICE replaces the number of parameters, because averaged members fit the labels less closely than the best
-    one. Without labels, P(valid) is the constant.
+    2002). EVIDENCE_PENALTY_NATS replaces the number of parameters, because averaged members fit the labels less closely
+    than the best one. Without labels, P(valid) is the constant.
     """
 
-    sees: Tensor
+    feature_mask: Tensor
     centre: Tensor
     spread: Tensor
     evidence: Tensor
@@ -74,14 +73,15 @@ class ClearanceModel(ValidityModel):
     def __init__(self, members: int):
         super().__init__()
         self.weight = nn.Parameter(0.3 * torch.randn(members, 1 + 2 * len(FEATURES)))  # coefficients of relevance
-        seen = torch.rand(members, len(FEATURES)).argsort(-1) < FEATURES_PER_MEMBER
-        self.register_buffer("sees", torch.cat([torch.ones(members, 1), seen, seen], 1))  # 1: the member uses the term
+        used = torch.rand(members, len(FEATURES)).argsort(-1) < FEATURES_PER_MEMBER
+        mask = torch.cat([torch.ones(members, 1), used, used], 1)
+        self.register_buffer("feature_mask", mask)  # 1: the member uses the term
         self.margin = nn.Parameter(torch.zeros(members))  # [MARGIN_UNIT_M]; 0 is the object's outline
         self.width = nn.Parameter(torch.full((members,), float(np.log(0.01))))  # logarithm of the transition width [m]
-        self.clear = nn.Parameter(torch.full((members,), 4.0))  # log-odds of p_nothing_missed
+        self.logit_nothing_missed = nn.Parameter(torch.full((members,), 4.0))  # log-odds of p_nothing_missed
         self.register_buffer("centre", torch.zeros(len(FEATURES)))  # mean of the training objects' features
         self.register_buffer("spread", torch.ones(len(FEATURES)))  # their standard deviation
-        self.register_buffer("evidence", torch.tensor(-EVIDENCE_PRICE))  # log-odds that objects are relevant at all
+        self.register_buffer("evidence", torch.tensor(-EVIDENCE_PENALTY_NATS))  # log-odds that any object is relevant
         self.register_buffer("rate", torch.tensor(0.5))  # P(valid) if no object is relevant
 
     def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene object 12"]:
@@ -113,7 +113,7 @@ class ClearanceModel(ValidityModel):
         x = (margin - clearances[..., None]) / width  # (*model, scene, path, near, member)
         closeness = 0.5 + 0.5 * x / torch.sqrt(1 + x * x)
         relevance = self._relevance(percept[..., : clearances.shape[-1], :])[..., None, :, :]
-        log_p_nothing_missed = F.logsigmoid(self.clear)[..., None, None, :]
+        log_p_nothing_missed = F.logsigmoid(self.logit_nothing_missed)[..., None, None, :]
         # p_valid = p_nothing_missed * (1 - max(relevance * closeness)), as logarithms
         threat = (relevance * closeness).amax(-2).clamp(max=1 - 1e-6)
         return (torch.log1p(-threat) + log_p_nothing_missed).movedim(-1, -3)
@@ -129,7 +129,7 @@ class ClearanceModel(ValidityModel):
     ) -> Float[Tensor, "*model scene object member"]:
         objects = PerceivedObjects.of(percept)
         features = (objects.features - self.centre[..., None, None, :]) / self.spread[..., None, None, :]
-        weight = self.weight * self.sees
+        weight = self.weight * self.feature_mask
         return (self.relevance_terms(features) @ weight.mT.unsqueeze(-3)).sigmoid() * objects.present[..., None]
 
     def relevance_terms(self, features: Float[Tensor, "*object feature"]) -> Float[Tensor, "*object term"]:

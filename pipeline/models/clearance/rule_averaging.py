@@ -21,7 +21,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from pipeline.models.clearance.clearance import (
-    EVIDENCE_PRICE,
+    EVIDENCE_PENALTY_NATS,
     MARGIN_UNIT_M,
     MIN_WIDTH_M,
     PATH_SAMPLES,
@@ -35,10 +35,10 @@ from pipeline.world.layout import segment_distance
 
 FAMILIES = {"margin": 0, "dwell": 1, "side": 1, "proximity": 1, "progress": 2}  # parameters in addition to margin's
 TERMS = ("side", "proximity", "progress", "progress")  # inputs of relevance besides appearance, by family
-LONGEST = 0.3  # largest share of the path that `dwell` can forgive
-SHARES = np.linspace(0, LONGEST, 13)  # shares of the path at which clearances are kept
-ASIDE = 0.02  # lateral distance [m] at which an object counts as fully on one side
-GAPS = 0.01, 1.0  # range of gaps between objects [m]; a missing neighbour counts as the upper end
+MAX_FORGIVEN_SHARE = 0.3  # largest share of the path that `dwell` can forgive
+SHARES = np.linspace(0, MAX_FORGIVEN_SHARE, 13)  # shares of the path at which clearances are kept
+LATERAL_SCALE_M = 0.02  # lateral distance [m] at which an object counts as fully on one side
+GAP_RANGE_M = 0.01, 1.0  # range of gaps between objects [m]; a missing neighbour counts as the upper end
 GATE = 3.0  # unit of the gate parameter, so that one learning rate suits all parameters
 
 
@@ -68,17 +68,17 @@ class AveragedModel(ClearanceModel):
         self.register_buffer("uses", uses[family[:, 0]].float())
         self.register_buffer("lasts", (family == list(FAMILIES).index("dwell")).float())
         self.gate = nn.Parameter(torch.zeros(len(family), len(TERMS)))  # unit: GATE
-        self.forgiven = nn.Parameter(torch.full((len(family), 1), -1.5))  # log-odds of the share of LONGEST
+        self.forgiven = nn.Parameter(torch.full((len(family), 1), -1.5))  # log-odds of the share of MAX_FORGIVEN_SHARE
         self.register_buffer("gaps", torch.tensor([0.0, 1.0]))  # mean and standard deviation of log gaps in training
-        self.evidence = torch.full((len(FAMILIES),), -EVIDENCE_PRICE)  # log-odds of each family against `rate`
+        self.evidence = torch.full((len(FAMILIES),), -EVIDENCE_PENALTY_NATS)  # log-odds of each family against `rate`
 
     def logit(
         self, percept: Float[Tensor, "scene object 12"], z_theta: Float[Tensor, "scene path 2"]
     ) -> Float[Tensor, "scene path"]:
         """Return the log-odds of validity of each path; differentiable in `z_theta` [m]."""
-        return self.judge(percept, relations(percept, z_theta))
+        return self.logit_related(percept, relations(percept, z_theta))
 
-    def judge(self, percept: Float[Tensor, "scene object 12"], related: Relations) -> Float[Tensor, "scene path"]:
+    def logit_related(self, percept: Tensor, related: Relations) -> Float[Tensor, "scene path"]:
         """Return the log-odds of validity of paths with these relations to the objects."""
         by_family = F.logsigmoid(self.logit_by_family(percept, related))
         log_p = torch.cat([by_family, self.rate.log().expand(1, *by_family.shape[1:])])
@@ -101,12 +101,12 @@ class AveragedModel(ClearanceModel):
         """Return each member's log P(valid), given the paths' relations to the objects."""
         objects = PerceivedObjects.of(percept[:, : related.terms.shape[2]])
         features = (objects.features - self.centre) / self.spread
-        appearance = self.relevance_terms(features) @ (self.weight * self.sees).T
+        appearance = self.relevance_terms(features) @ (self.weight * self.feature_mask).T
         gate = self._gates(related.terms) @ (GATE * self.gate * self.uses).T  # (scene, path, near, member)
         relevance = (appearance[:, None] + gate).sigmoid() * objects.present[:, None, :, None]
         x = (MARGIN_UNIT_M * self.margin - related.clearance @ self._share().T) / (self.width.exp() + MIN_WIDTH_M)
         threat = (relevance * (0.5 + 0.5 * x / torch.sqrt(1 + x * x))).amax(-2).clamp(max=1 - 1e-6)
-        return (torch.log1p(-threat) + F.logsigmoid(self.clear)).movedim(-1, 0)
+        return (torch.log1p(-threat) + F.logsigmoid(self.logit_nothing_missed)).movedim(-1, 0)
 
     def _gates(self, terms: Float[Tensor, "scene path near term"]) -> Float[Tensor, "scene path near term"]:
         side, log_gap, progress, _ = terms.unbind(-1)
@@ -115,7 +115,7 @@ class AveragedModel(ClearanceModel):
 
     def _share(self) -> Float[Tensor, "member share"]:
         """Return each member's interpolation weights over SHARES for the share of the path that it forgives."""
-        forgiven = LONGEST * self.forgiven.sigmoid() * self.lasts  # (member, 1)
+        forgiven = MAX_FORGIVEN_SHARE * self.forgiven.sigmoid() * self.lasts  # (member, 1)
         return F.relu(1 - (forgiven - torch.from_numpy(SHARES).float()).abs() / float(SHARES[1]))
 
 
@@ -141,19 +141,19 @@ def relations(percept: Float[Tensor, "scene object 12"], z_theta: Float[Tensor, 
         nearest = distance.argmin(-1)[..., None, None]
         ahead, here = (torch.take_along_dim(x, nearest, 2)[:, :, 0] for x in (heading, points))
         to = (first + along / 2)[:, :, 0] - here
-        aside = (ahead[..., 1] * to[..., 0] - ahead[..., 0] * to[..., 1]) / ASIDE
+        lateral = (ahead[..., 1] * to[..., 0] - ahead[..., 0] * to[..., 1]) / LATERAL_SCALE_M
         progress = 2 * nearest[..., 0, 0].to(z_theta) / (PATH_SAMPLES - 1) - 1
         clearances.append(distance.sort(-1).values[..., at_shares])
-        terms.append(torch.stack([aside.tanh(), gap[:, None].expand_as(progress), progress, progress], -1))
+        terms.append(torch.stack([lateral.tanh(), gap[:, None].expand_as(progress), progress, progress], -1))
     return Relations(torch.stack(clearances, 2), torch.stack(terms, 2))
 
 
 def _log_gap(percept: Float[Tensor, "scene object 12"]) -> Float[Tensor, "scene object"]:
-    """Return the logarithm of the gap [m] between each object and its nearest neighbour, clipped to GAPS."""
+    """Return the logarithm of the gap [m] between each object and its nearest neighbour, clipped to GAP_RANGE_M."""
     objects = PerceivedObjects.of(percept)
     segments = torch.stack([objects.start, objects.end], -2).double().numpy()
     apart = torch.from_numpy(segment_distance(segments[:, :, None], segments[:, None])).to(percept)
     gap = apart - objects.radius[:, :, None] - objects.radius[:, None, :]
     present = objects.present > 0
     other = present[:, :, None] & present[:, None] & ~torch.eye(percept.shape[1], dtype=torch.bool)
-    return torch.where(other, gap, GAPS[1]).amin(-1).clamp(*GAPS).log()
+    return torch.where(other, gap, GAP_RANGE_M[1]).amin(-1).clamp(*GAP_RANGE_M).log()

@@ -12,7 +12,7 @@ from scipy.special import entr
 from torch import Tensor
 
 from pipeline.models.base import to_tensor
-from pipeline.models.clearance.clearance import EVIDENCE_PRICE, ClearanceModel, PerceivedObjects, clearance
+from pipeline.models.clearance.clearance import EVIDENCE_PENALTY_NATS, ClearanceModel, PerceivedObjects, clearance
 from pipeline.training.loop import (
     Checkpoints,
     Losses,
@@ -26,7 +26,7 @@ from pipeline.training.loop import (
     unstack_models,
 )
 
-CERTAIN = 1e4  # log-odds of certainty [nat]
+CERTAIN_LOG_ODDS = 1e4  # log-odds of certainty [nat]
 BATCH_SIZE = 10  # models fitted together, so that their intermediate results fit the cache
 CURVE = ("step", "total")  # columns of a learning curve
 
@@ -50,7 +50,7 @@ def fit(
     for i, (model, scenes, z, labels) in enumerate(zip(models, images, z_theta, valid, strict=True)):
         model.rate.fill_(rule_of_succession(labels))
         if is_constant(labels):
-            model.evidence.fill_(-CERTAIN)
+            model.evidence.fill_(-CERTAIN_LOG_ODDS)
         else:
             training_sets[i] = _TrainingSet(model, set_feature_scaling(model, scenes), z, labels, seeds[i])
     if training_sets:
@@ -88,11 +88,12 @@ def set_feature_scaling(
 def set_model_evidence(training_set: _TrainingSet) -> None:
     """Set the log-odds that objects are relevant: the gain in log-likelihood over one rate for all paths."""
     model, valid = training_set.model, torch.tensor(training_set.valid)
-    model.evidence.fill_(CERTAIN)  # use the members' probabilities alone
+    model.evidence.fill_(CERTAIN_LOG_ODDS)  # use the members' probabilities alone
     logit = model.logit(training_set.percept, torch.tensor(training_set.z_theta).float())
-    surprise = F.binary_cross_entropy_with_logits(logit, valid.float(), reduction="sum")
+    negative_log_likelihood = F.binary_cross_entropy_with_logits(logit, valid.float(), reduction="sum")
     rate = float(valid.float().mean())
-    model.evidence.fill_(valid.numel() * (entr(rate) + entr(1 - rate)) - float(surprise) - EVIDENCE_PRICE)
+    at_rate = valid.numel() * (entr(rate) + entr(1 - rate))
+    model.evidence.fill_(at_rate - float(negative_log_likelihood) - EVIDENCE_PENALTY_NATS)
 
 
 def _ascend(
@@ -114,8 +115,8 @@ def _ascend(
 
     def loss() -> Losses:
         log_valid = stacked.log_valid(percept, clearances).clamp(max=-1e-6)
-        surprise = -torch.where(valid, log_valid, torch.log(-torch.expm1(log_valid)))
-        by_member = (weights * surprise).sum(-1).mean(-1)  # (model, member)
+        negative_log_likelihood = -torch.where(valid, log_valid, torch.log(-torch.expm1(log_valid)))
+        by_member = (weights * negative_log_likelihood).sum(-1).mean(-1)  # (model, member)
         return by_member.sum(), [by_member.mean(-1)]
 
     def hand_over() -> None:

@@ -8,9 +8,9 @@ from numpy import ndarray as Array
 from scipy.special import entr
 from torch import Tensor
 
-from pipeline.models.clearance.clearance import EVIDENCE_PRICE, PerceivedObjects
+from pipeline.models.clearance.clearance import EVIDENCE_PENALTY_NATS, PerceivedObjects
 from pipeline.models.clearance.rule_averaging import FAMILIES, TERMS, AveragedModel, Relations, relations
-from pipeline.training.clearance.fit import CERTAIN, bootstrap, set_feature_scaling
+from pipeline.training.clearance.fit import CERTAIN_LOG_ODDS, bootstrap, set_feature_scaling
 from pipeline.training.loop import Losses, Schedule, is_constant, minimise, rule_of_succession
 
 
@@ -28,7 +28,7 @@ def fit(
     """
     model.rate.fill_(rule_of_succession(valid))
     if is_constant(valid):
-        model.evidence.fill_(-CERTAIN)
+        model.evidence.fill_(-CERTAIN_LOG_ODDS)
         return np.array([[0.0, 0.0]])
     percept = set_feature_scaling(model, images)
     related = relations(percept, torch.tensor(z_theta).float())
@@ -41,8 +41,8 @@ def fit(
 
     def loss() -> Losses:
         log_valid = model.log_valid_related(percept, related).clamp(max=-1e-6)
-        surprise = -torch.where(labels, log_valid, torch.log(-torch.expm1(log_valid)))
-        by_member = (weights * surprise).sum(-1).mean(-1)  # (member,)
+        negative_log_likelihood = -torch.where(labels, log_valid, torch.log(-torch.expm1(log_valid)))
+        by_member = (weights * negative_log_likelihood).sum(-1).mean(-1)  # (member,)
         return by_member.sum(), [by_member.mean()]
 
     curve = minimise(loss, model.parameters(), schedule)
@@ -57,8 +57,8 @@ def set_model_evidence(
     """Set each family's evidence: its gain in log-likelihood over one rate for all paths, minus its BIC penalty."""
     logits = model.logit_by_family(percept, related)
     targets = valid.float().expand_as(logits)
-    surprise = F.binary_cross_entropy_with_logits(logits, targets, reduction="none").sum((1, 2))
+    negative_log_likelihood = F.binary_cross_entropy_with_logits(logits, targets, reduction="none").sum((1, 2))
     rate = float(valid.float().mean())
-    surprise_at_rate = valid.numel() * (entr(rate) + entr(1 - rate))
+    negative_log_likelihood_at_rate = valid.numel() * (entr(rate) + entr(1 - rate))
     price = 0.5 * np.log(valid.numel()) * torch.tensor(list(FAMILIES.values()))
-    model.evidence.copy_(surprise_at_rate - surprise - EVIDENCE_PRICE - price)
+    model.evidence.copy_(negative_log_likelihood_at_rate - negative_log_likelihood - EVIDENCE_PENALTY_NATS - price)

@@ -39,7 +39,7 @@ class IrlSchedule(Schedule):
     scenes_per_step: int  # drawn without replacement; a larger number than there are means all
     n_augmentations: int  # versions of each training scene, including the original; drawn once
     sparsity: float  # weight of the mean absolute reward in the loss: reward only where the data require it
-    across: bool  # true: rank over all scenes by soft regret; false: within each scene
+    rank_across_scenes: bool  # true: rank over all scenes by soft regret; false: within each scene
     color_jitter: ColorJitter
 
     @classmethod
@@ -48,7 +48,7 @@ class IrlSchedule(Schedule):
         numbers = {name: float(values[name]) for name in ("rate", "weight_decay", "sparsity")}
         counts = {name: values[name] for name in ("steps", "curve_every", "scenes_per_step", "n_augmentations")}
         jitter = ColorJitter(**{name: float(value) for name, value in values["color_jitter"].items()})
-        return cls(**numbers, **counts, across=values["across"], color_jitter=jitter)
+        return cls(**numbers, **counts, rank_across_scenes=values["rank_across_scenes"], color_jitter=jitter)
 
 
 def maxent(regret: Float[Tensor, "scene path"], valid: Bool[Tensor, "scene path"]) -> Float[Tensor, ""]:
@@ -59,12 +59,12 @@ def maxent(regret: Float[Tensor, "scene path"], valid: Bool[Tensor, "scene path"
     return -regret[valid].mean()
 
 
-def ranked(regret: Float[Tensor, "scene path"], valid: Bool[Tensor, "scene path"], across: bool) -> Float[Tensor, ""]:
+def ranked(regret: Float[Tensor, "scene path"], valid: Bool[Tensor, "scene path"], across_scenes: bool) -> Tensor:
     """Return the mean of -log sigmoid(regret of valid - regret of invalid) [nat] over pairs in a scene.
 
-    With `across`, pairs may join demonstrations of different scenes.
+    With `across_scenes`, pairs may join demonstrations of different scenes.
     """
-    if across:
+    if across_scenes:
         margin = regret[valid][:, None] - regret[~valid][None, :]
         return F.softplus(-margin).mean()
     margin = regret[:, :, None] - regret[:, None, :]  # (scene, better, worse)
@@ -129,7 +129,7 @@ def _descend(model, rng, appearances, z_theta, valid, objective, schedule, check
         batch = transform(contrasts, symmetry).contiguous(memory_format=torch.channels_last)
         reward = untransform(model.reward(batch), symmetry)
         regret = model.soft_regret(reward, z[scene])
-        total = _objective(objective, regret, labels[scene], schedule.across)
+        total = _objective(objective, regret, labels[scene], schedule.rank_across_scenes)
         return None if total is None else (total + schedule.sparsity * reward.abs().mean(), [total])
 
     def fit_rule() -> None:
@@ -144,12 +144,12 @@ def _descend(model, rng, appearances, z_theta, valid, objective, schedule, check
     return curve.reshape(-1, len(CURVE))  # empty if the demonstrations allow no pair
 
 
-def _objective(objective, regret, valid, across) -> Tensor | None:
+def _objective(objective, regret, valid, across_scenes) -> Tensor | None:
     """Return the objective on a batch, or None if the batch holds nothing to learn from."""
     if objective == "maxent":
         return maxent(regret, valid) if valid.any() else None
-    pairs = valid.any() and not valid.all() if across else (valid.any(1) & ~valid.all(1)).any()
-    return ranked(regret, valid, across) if pairs else None
+    pairs = valid.any() and not valid.all() if across_scenes else (valid.any(1) & ~valid.all(1)).any()
+    return ranked(regret, valid, across_scenes) if pairs else None
 
 
 def fit_acceptance_rule(model, appearances, z_theta, valid) -> None:

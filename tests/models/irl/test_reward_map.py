@@ -1,32 +1,17 @@
 """Facts about the reward map: returns are line averages, the partition is a sum, symmetries and constants cancel."""
 
 import numpy as np
-import pytest
 import torch
 
 from pipeline.models.base import to_tensor
-from pipeline.models.irl.reward_map import (
-    SYMMETRIES,
-    RewardMap,
-    contrast,
-    path_return,
-    path_weights,
-    transform,
-    untransform,
-)
+from pipeline.models.irl import reward_map
+from pipeline.models.irl.reward_map import SYMMETRIES, RewardMap, contrast, path_return, path_weights, transform
 from pipeline.models.registry import build
-from pipeline.perception.background import FLOOR, subtract_background
+from pipeline.perception.background import MIN_COLOUR_STD, subtract_background
 from pipeline.world.bezier import curve, lattice
 
-SHAPE = {
-    "channels": 8,
-    "dilated": 2,
-    "gain": 10.0,
-    "dropout": 0.0,
-    "lattice_side": 12,
-    "symmetric": True,
-    "ceiling": True,
-}
+SHAPE = {"channels": 8, "dilated": 2, "gain": 10.0, "dropout": 0.0, "lattice_side": 12}
+SHAPE |= {"symmetric": True, "ceiling": True}
 
 
 def drawn(seed: int = 0, **changes) -> RewardMap:
@@ -54,35 +39,22 @@ def tables(scenes: int = 2) -> np.ndarray:
     return np.clip(image + rng.normal(0, 2, image.shape), 0, 255).astype(np.uint8)
 
 
-def test_the_return_of_a_constant_map_is_the_constant():
-    z = paths()
-    torch.testing.assert_close(path_return(torch.full_like(maps(), 2.5), z), torch.full_like(z[..., 0], 2.5))
-
-
-def test_the_return_on_a_linear_map_is_the_mean_height_along_the_path():
-    rows = torch.linspace(0.99, 0.01, 50, dtype=torch.float64)  # y of the rows' centres, the far edge first
+def test_returns_are_means_along_the_path_and_the_matrix_of_path_weights_gives_the_same():
     z = paths(1)
-    expected = curve(z.numpy(), 48)[..., 1].mean(-1)
-    np.testing.assert_allclose(path_return(rows[None, :, None].expand(1, 50, 50), z).numpy(), expected, rtol=1e-9)
+    torch.testing.assert_close(path_return(torch.full_like(maps(1), 2.5), z), torch.full_like(z[..., 0], 2.5))
+    rows = torch.linspace(0.99, 0.01, 50, dtype=torch.float64)  # y of the rows' centres, the far edge first
+    height = path_return(rows[None, :, None].expand(1, 50, 50), z)
+    np.testing.assert_allclose(height, curve(z.numpy(), 48)[..., 1].mean(-1), rtol=1e-9)
+    torch.testing.assert_close(maps(1).flatten(1) @ path_weights(z[0], 50).T, path_return(maps(1), z))
 
 
-def test_the_matrix_of_path_weights_gives_the_same_returns():
-    reward, z = maps(1), paths(1)
-    torch.testing.assert_close(reward.flatten(1) @ path_weights(z[0], 50).T, path_return(reward, z))
-
-
-def test_the_probabilities_of_the_lattice_add_up_to_one():
+def test_probabilities_of_the_lattice_add_up_to_one_and_a_constant_reward_is_not_seen():
     model, reward = drawn(), maps()
     z = torch.from_numpy(lattice(12)).expand(2, -1, 2)
     model.paths = path_weights(z[0], 50)  # in float64 from the start
     p = model.soft_regret(reward, z).exp() / len(z[0])
     torch.testing.assert_close(p.sum(-1), torch.ones(2, dtype=torch.float64))
-
-
-def test_soft_regret_does_not_see_a_constant_reward():
-    model, z = drawn(), paths()
-    model.paths = path_weights(torch.from_numpy(lattice(12)), 50)
-    torch.testing.assert_close(model.soft_regret(maps() + 7.0, z), model.soft_regret(maps(), z))
+    torch.testing.assert_close(model.soft_regret(reward + 7.0, paths()), model.soft_regret(reward, paths()))
 
 
 def test_a_reflection_of_the_map_reflects_the_returns():
@@ -100,41 +72,29 @@ def test_a_better_map_along_a_path_ranks_it_higher():
     assert regret[0, 0] < regret[0, 1]
 
 
-@pytest.mark.parametrize("symmetry", range(SYMMETRIES))
-def test_every_symmetry_is_undone(symmetry):
-    torch.testing.assert_close(untransform(transform(maps(), symmetry), symmetry), maps())
-
-
 def test_the_untrained_map_varies_about_as_much_as_what_is_seen():
     seen = torch.randn(2, 4, 100, 100, generator=torch.Generator().manual_seed(4), dtype=torch.float64)
     raw = torch.cat([drawn(seed).layers(seen) for seed in range(40)]).detach()
     assert 0.7 < float(raw.square().mean() / seen.square().mean()) < 1.4  # layers hand on the mean square
 
 
-def test_a_turned_image_gives_the_turned_map():
+def test_every_symmetry_is_undone_and_a_turned_image_gives_the_turned_map():
     model = drawn()
     seen = contrast(*subtract_background(to_tensor(tables()))).double()
     cells = model.perceive_contrasts(seen)[:, :-1].unflatten(1, (50, 50))
     for symmetry in range(SYMMETRIES):
+        torch.testing.assert_close(reward_map.untransform(transform(maps(), symmetry), symmetry), maps())
         turned = model.perceive_contrasts(transform(seen, symmetry))[:, :-1].unflatten(1, (50, 50))
-        torch.testing.assert_close(untransform(turned, symmetry), cells)
+        torch.testing.assert_close(reward_map.untransform(turned, symmetry), cells)
 
 
-def test_an_object_stands_out_from_an_unevenly_lit_table():
-    seen = contrast(*subtract_background(to_tensor(tables())))[:, 0]  # asinh of the whitened size
-    assert (seen[:, 66:75, 36:45] > 3).all()
-    assert seen[:, :50].quantile(0.95) < 1.7
-
-
-def test_a_table_of_one_colour_is_measured_in_grey_levels():
-    _, whitening = subtract_background(torch.full((1, 3, 100, 100), 0.5))
-    torch.testing.assert_close(whitening[0], torch.eye(3) / FLOOR, rtol=1e-3, atol=0.1)
-
-
-def test_rewards_have_a_ceiling_if_asked():
-    seen = contrast(*subtract_background(to_tensor(tables()))).double()
-    assert (drawn(ceiling=True).reward(seen) <= 0).all()
-    assert (drawn(ceiling=False).reward(seen) > 0).any()
+def test_an_object_stands_out_from_an_unevenly_lit_table_and_rewards_have_a_ceiling_if_asked():
+    seen = contrast(*subtract_background(to_tensor(tables())))  # first, asinh of the whitened size
+    assert (seen[:, 0, 66:75, 36:45] > 3).all() and seen[:, 0, :50].quantile(0.95) < 1.7
+    assert (drawn(ceiling=True).reward(seen.double()) <= 0).all()
+    assert (drawn(ceiling=False).reward(seen.double()) > 0).any()
+    _, whitening = subtract_background(torch.full((1, 3, 100, 100), 0.5))  # of one colour: in grey levels
+    torch.testing.assert_close(whitening[0], torch.eye(3) / MIN_COLOUR_STD, rtol=1e-3, atol=0.1)
 
 
 def test_the_logit_of_the_percept_is_scaled_soft_regret_and_its_gradient_is_right():

@@ -69,7 +69,7 @@ def test_a_traversal_through_the_images_own_value_gives_its_reconstruction(image
         z_image = model.perceive(to_tensor(images[:1]))[0].numpy()
     moved = model.traverse(images[0], z_image)  # dimension i at value i leaves z_image as it is
     again = model.reconstruct(images[:1])[0].astype(int)
-    assert moved.shape == (15, 15, 100, 100, 3) and moved.dtype == np.uint8
+    assert again.shape == (100, 100, 3) and moved.shape == (15, 15, 100, 100, 3) and moved.dtype == np.uint8
     assert all(np.abs(moved[i, i].astype(int) - again).max() <= 1 for i in range(15))
 
 

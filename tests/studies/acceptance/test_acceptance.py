@@ -12,8 +12,8 @@ from pipeline.artifacts.scenes import read_scenes, train_pool, write_scenes
 from pipeline.params import compose
 from pipeline.runtime.errors import InputError
 from studies.acceptance import stage
+from studies.acceptance.stage import main
 from tests.factories import labelled_demos, labelled_queries, rendered_scenes
-from tests.stages.facts import run_as_listed
 
 TRAINING, SCENES, PATHS, LEVEL = 4, 5, 12, 0.1
 SMALL = ["profile=smoke", "workers=1", f"scenes.per_seed={TRAINING}", "train.steps=2", "clearance.steps=2"]
@@ -33,11 +33,6 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     return cfg
 
 
-@pytest.fixture(scope="module")
-def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return run_as_listed(stage.main, cfg, tmp_path_factory.mktemp("out"))
-
-
 def test_every_variant_split_rule_and_user_has_a_row(cfg: DictConfig, out: Path):
     summary, curve = read_table(out / "summary.csv"), read_table(out / "curve.csv")
     rules = len(cfg.studies.acceptance.variants) * 2 * len(stage.RULES)
@@ -47,16 +42,15 @@ def test_every_variant_split_rule_and_user_has_a_row(cfg: DictConfig, out: Path)
     assert (summary["above"] + summary["abstained"] <= summary["models"]).all()
 
 
-def test_a_model_that_accepts_no_path_accepts_none_that_is_invalid(out: Path):
+def test_a_model_that_accepts_no_path_accepts_none_that_is_invalid_and_27_demonstrations_promise_no_2_per_cent(
+    out: Path,
+):
     summary = read_table(out / "summary.csv")
     silent = summary[summary["abstained"] == summary["models"]]
     assert len(silent) and (silent[["invalid", "power", "accepted"]] == 0).all(axis=None)
     accepting = summary["models"] - summary["abstained"]
     total = (summary["invalid_where_any"].fillna(0) * accepting).to_numpy()
     np.testing.assert_allclose(total, summary["invalid"] * summary["models"], atol=1e-4)
-
-
-def test_27_demonstrations_are_too_few_to_promise_two_per_cent(out: Path):
     strict = read_table(out / "curve.csv").query("rule == 'conformal' and level <= 0.02")
     assert len(strict) == 2 * 2 * 2 and (strict["abstained"] == 1).all() and (strict["power"] == 0).all()
 
@@ -91,4 +85,4 @@ def test_another_number_of_training_scenes_is_refused(cfg: DictConfig, tmp_path:
     fewer = {name: part | {pool: part[pool][:3]} for name, part in vars(scenes).items()}
     write_scenes(tmp_path / "scenes", replace(scenes, **fewer))
     with pytest.raises(InputError, match=f"3 scenes {pool}: expected 4"):
-        stage.main(changed, tmp_path / "out")
+        main(changed, tmp_path / "out")

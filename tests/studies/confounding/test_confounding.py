@@ -14,8 +14,9 @@ from pipeline.runtime.errors import InputError
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SYMBOLS
 from studies.confounding import stage as confounding
+from studies.confounding.stage import main
 from tests.factories import labelled_demos, rendered_scenes, symbols_added
-from tests.stages.facts import refuses, run_as_listed
+from tests.stages.facts import refuses
 
 pytestmark = pytest.mark.slow
 STUDY = "studies.confounding"
@@ -38,11 +39,6 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     return cfg
 
 
-@pytest.fixture(scope="module")
-def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return run_as_listed(confounding.main, cfg, tmp_path_factory.mktemp("out"))
-
-
 @pytest.fixture
 def effects(out: Path) -> pd.DataFrame:
     """One row a world, variant, user and symbol."""
@@ -59,17 +55,17 @@ def test_every_variant_answers_every_question_in_each_of_its_worlds(cfg: DictCon
     assert (accuracy["majority"] >= 0.5).all()
 
 
-def test_association_counts_every_demonstration_of_every_world(cfg: DictConfig, out: Path):
-    table = read_table(out / "association.csv")
-    assert set(table["world"]) == {"ordinary", *cfg.studies.confounding.worlds}
+def test_every_demonstration_of_every_world_counts_and_worlds_differ_in_their_items_alone(cfg: DictConfig, out: Path):
+    table, examples, worlds = (
+        read_table(out / "association.csv"),
+        read_arrays(out / "examples.npz"),
+        cfg.studies.confounding.worlds,
+    )
+    assert set(table["world"]) == {"ordinary", *worlds}
     assert len(table) == 4 * len(cfg.studies.confounding.users) * len(SYMBOLS)
     assert set(table["demonstrations"]) == {len(cfg.seeds) * TRAINING * cfg.main_n_demos}
-
-
-def test_in_truth_the_normal_user_keeps_away_from_glasses_alone(effects):
-    truth = effects["truth"]
-    assert (truth.xs("normal", level="user").drop("glass", level="symbol") == 0).all()
-    assert (truth.xs("careful", level="user") <= 0).all()
+    assert {name: x.shape for name, x in examples.items()} == dict.fromkeys(worlds, (2, 100, 100, 3))
+    assert (examples["confounded"] == examples["control"]).all(-1).mean() > 0.6
 
 
 def test_the_shift_is_the_effect_less_that_of_the_control(effects):
@@ -80,25 +76,15 @@ def test_the_shift_is_the_effect_less_that_of_the_control(effects):
     assert clearance.loc["control"]["shift"].isna().all() and without_control["shift"].isna().all()
 
 
-def test_examples_differ_between_worlds_only_in_their_items(cfg: DictConfig, out: Path):
-    examples = read_arrays(out / "examples.npz")
-    worlds = cfg.studies.confounding.worlds
-    assert {name: x.shape for name, x in examples.items()} == dict.fromkeys(worlds, (2, 100, 100, 3))
-    assert (examples["confounded"] == examples["control"]).all(-1).mean() > 0.6
-
-
-def test_a_seed_without_scenes_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
-    refuses(confounding.main, cfg, "protocol.seeds", [0, 100], "no scenes train-s100", tmp_path / "out")
-
-
-def test_added_items_of_other_scenes_are_refused(cfg: DictConfig, tmp_path: Path):
+def test_a_seed_without_scenes_and_items_added_to_other_scenes_are_refused(cfg: DictConfig, tmp_path: Path):
+    refuses(main, cfg, "protocol.seeds", [0, 100], "no scenes train-s100", tmp_path / "out")
     changed, directory = cfg.copy(), Path(cfg.paths.intervene)
     changed.paths.intervene = str(tmp_path)
     arrays = read_arrays(directory / "images.npz")
     write_arrays(tmp_path / "images.npz", arrays | {"z_theta": arrays["z_theta"][1:]})
     (tmp_path / "layouts.parquet").write_bytes((directory / "layouts.parquet").read_bytes())
     with pytest.raises(InputError, match="run the intervene stage again"):
-        confounding.main(changed, tmp_path / "out")
+        main(changed, tmp_path / "out")
 
 
 def test_models_are_judged_in_scenes_of_the_split_s_own_items(cfg: DictConfig):

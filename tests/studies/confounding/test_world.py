@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from pipeline.world.bezier import P_F, P_INIT
 from pipeline.world.layout import Items, Layouts, point_segment_distance, segment_distance
-from studies.confounding.world import GLASS, PLATE, Setting, confounded_layouts
+from studies.confounding.world import GLASS, PLATE, Confounding, confounded_layouts
 from tests.factories import RULES
 
 pytestmark = pytest.mark.slow
@@ -20,13 +20,13 @@ ITEMS = Items(
     np.array([0.0, 0.0, 0.08, 0.0, 0.0, 0.038, 0.07, 0.015]),
     np.array([0.065, 0.075, 0.013, 0.045, 0.06, 0.054, 0.013, 0.0375]),
 )
-SETTING = Setting(together=0.9, present=0.8, glasses=2, gap_low=0.015, gap_high=0.04)
+CONFOUNDING = Confounding(p_common_cause=0.9, present=0.8, glasses=2, gap_low=0.015, gap_high=0.04)
 ROUND, OVAL = np.arange(4), np.arange(4, 8)
 seeds = st.integers(0, 2**32 - 1)
 
 
 def drawn(seed: int, scenes: int, pool: np.ndarray = ROUND, **changes) -> Layouts:
-    return confounded_layouts(np.random.default_rng(seed), scenes, ITEMS, pool, RULES, replace(SETTING, **changes))
+    return confounded_layouts(np.random.default_rng(seed), scenes, ITEMS, pool, RULES, replace(CONFOUNDING, **changes))
 
 
 def gaps(layouts: Layouts, scene: int, first: np.ndarray, second: np.ndarray) -> np.ndarray:
@@ -54,31 +54,31 @@ def test_footprints_keep_the_clearances(pool, seed):
 
 @pytest.mark.parametrize("pool", [ROUND, OVAL])
 def test_with_a_common_cause_every_glass_stands_beside_a_plate(pool):
-    layouts = drawn(1, 60, pool, together=1.0)
+    layouts = drawn(1, 60, pool, p_common_cause=1.0)
     for scene in range(len(layouts)):
         plates, glasses = (np.flatnonzero(layouts.symbol[scene] == s) for s in (PLATE, GLASS))
-        assert (len(plates), len(glasses)) in ((0, 0), (1, SETTING.glasses))
+        assert (len(plates), len(glasses)) in ((0, 0), (1, CONFOUNDING.glasses))
         if len(plates):
             apart = gaps(layouts, scene, plates, glasses)
-            assert ((apart >= SETTING.gap_low - 1e-5) & (apart <= SETTING.gap_high + 1e-5)).all()
+            assert ((apart >= CONFOUNDING.gap_low - 1e-5) & (apart <= CONFOUNDING.gap_high + 1e-5)).all()
 
 
-@pytest.mark.parametrize("together", [0.0, 0.5, 1.0])
-def test_plates_and_glasses_occur_equally_often_whatever_their_cause(together):
-    layouts = drawn(2, 200, together=together)
+@pytest.mark.parametrize("p_common_cause", [0.0, 0.5, 1.0])
+def test_plates_and_glasses_occur_equally_often_whatever_their_cause(p_common_cause):
+    layouts = drawn(2, 200, p_common_cause=p_common_cause)
     for symbol in (PLATE, GLASS):
         share = (layouts.symbol == symbol).any(1).mean()
-        assert share == pytest.approx(SETTING.present, abs=4 * np.sqrt(0.16 / 200))
+        assert share == pytest.approx(CONFOUNDING.present, abs=4 * np.sqrt(0.16 / 200))
 
 
 def test_without_a_common_cause_plates_and_glasses_occur_independently():
-    layouts = drawn(3, 400, together=0.0)
+    layouts = drawn(3, 400, p_common_cause=0.0)
     plate, glass = ((layouts.symbol == symbol).any(1) for symbol in (PLATE, GLASS))
     assert np.corrcoef(plate, glass)[0, 1] == pytest.approx(0, abs=4 / np.sqrt(400))
 
 
 def test_a_stronger_cause_changes_more_scenes_and_leaves_the_others_as_they_are():
-    weak, strong, full = (drawn(4, 200, together=t) for t in (0.5, 0.8, 1.0))
+    weak, strong, full = (drawn(4, 200, p_common_cause=t) for t in (0.5, 0.8, 1.0))
 
     def same(a: Layouts, b: Layouts) -> np.ndarray:
         return np.all([(getattr(a, f.name) == getattr(b, f.name)).reshape(200, -1).all(1) for f in fields(a)], 0)

@@ -10,15 +10,16 @@ from omegaconf import DictConfig, OmegaConf
 from pipeline.artifacts.files import read_arrays, read_table
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.artifacts.trained import load_model
-from pipeline.causal.counterfactual import item_subsets, keep
+from pipeline.causal.counterfactual import item_subsets, select_items
 from pipeline.causal.mechanisms import model_scm, renderer
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SIDE, SYMBOLS
 from pipeline.world.render import REACH_M, Palette
 from pipeline.world.rules import valid
 from studies.counterfactuals import stage
+from studies.counterfactuals.stage import main
 from tests.factories import models_in_rendered_scenes
-from tests.stages.facts import names_a_missing_model, refuses, run_as_listed
+from tests.stages.facts import names_a_missing_model, refuses
 
 pytestmark = pytest.mark.slow
 
@@ -33,11 +34,6 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     sizes = {"scenes": SCENES, "paths": PATHS, "moved_scenes": 3, "move_step": 0.02, "move_steps": 6, "root_seed": 5}
     overrides = [f"studies.counterfactuals.{name}={value}" for name, value in sizes.items()]
     return models_in_rendered_scenes(tmp_path_factory.mktemp("counterfactuals"), VARIANTS, SCENES, *overrides)
-
-
-@pytest.fixture(scope="module")
-def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return run_as_listed(stage.main, cfg, tmp_path_factory.mktemp("out"))
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +52,9 @@ def test_every_variant_and_every_user_with_a_margin_has_a_row(cfg: DictConfig, o
         assert row.true_invalid == pytest.approx(share, abs=1e-5)
 
 
-def test_attributions_have_a_row_for_every_seed_and_invalid_path(cfg: DictConfig, out: Path):
+def test_attributions_have_a_row_for_every_seed_and_invalid_path_and_the_summary_counts_them(
+    cfg: DictConfig, out: Path
+):
     rows, noise = read_table(out / "attributions.parquet"), stage.read_noise(cfg)
     for (_, user), table in rows.groupby(["variant", "user"]):
         invalid = ~valid(noise["O"], noise["Z_theta"], cfg.users[user])
@@ -66,9 +64,6 @@ def test_attributions_have_a_row_for_every_seed_and_invalid_path(cfg: DictConfig
     np.testing.assert_array_equal(named["attributed_symbol"], symbols)
     assert (rows.loc[rows["cause"] < 0, "cause_symbol"] == "").all()
     assert (rows["rejected"] == (rows["p"] <= 0.5)).all()
-
-
-def test_the_summary_counts_the_rows_of_attributions(out: Path):
     rows, summary = read_table(out / "attributions.parquet"), read_table(out / "summary.csv")
     for row in summary[summary["right"].notna()].itertuples():
         table = rows[(rows["variant"] == row.variant) & (rows["user"] == row.user) & rows["rejected"]]
@@ -83,12 +78,12 @@ def test_necessity_is_the_scms_probability_of_change(cfg: DictConfig):
     units = stage.take(noise, subsets.scene)
     models = {"careful": load_model(cfg, "clearance", "careful", 0, cfg.main_n_demos)}
     scm = model_scm(models, renderer(Palette(read_catalogue(Path(cfg.paths.data))))).do(S="careful")
-    kept = keep(units["O"], subsets.kept)
+    kept = select_items(units["O"], subsets.kept)
     images = scm.do(O=kept).entail(units, "I")["I"]
-    p = stage.ask_models(cfg, ["careful"], units, images, "test")["clearance"][0, 0]
+    p = stage.predict_versions(cfg, ["careful"], units, images, "test")["clearance"][0, 0]
     necessity = subsets.by_question(p).necessity
     for slot in range(noise["O"].present.shape[1]):
-        without = keep(noise["O"], noise["O"].present & (np.arange(noise["O"].present.shape[1]) != slot))
+        without = select_items(noise["O"], noise["O"].present & (np.arange(noise["O"].present.shape[1]) != slot))
         np.testing.assert_allclose(necessity[..., slot], scm.probability_of_change(noise, False, O=without), atol=1e-4)
 
 
@@ -110,19 +105,6 @@ def test_a_removed_item_leaves_every_pixel_far_from_it(cfg: DictConfig, out: Pat
                 assert changed.any() and not changed[far].any()
 
 
-def test_examples_follow_their_rules(examples: pd.DataFrame):
-    assert not examples.drop_duplicates("example").duplicated("scene").any()
-    truth = examples[examples["variant"] == "truth"].set_index(["example", "user"])
-    careful, normal = truth.loc[("one_accepts", "careful")], truth.loc[("one_accepts", "normal")]
-    assert (careful["p"] == 0).all() and (normal["p"] == 1).all()
-    assert careful["attributed"].sum() == 1 and not normal["attributed"].any()
-    assert (careful.loc[careful["attributed"], ["pn", "ps"]] == 1).all(axis=None)
-    if "disagree" in truth.index.get_level_values(0):
-        careful, normal = truth.loc[("disagree", "careful")], truth.loc[("disagree", "normal")]
-        assert (careful["p"] == 0).all() and (normal["p"] == 0).all()
-        assert list(careful["attributed"]) != list(normal["attributed"])
-
-
 def test_a_move_ends_where_the_path_becomes_valid(cfg: DictConfig, out: Path):
     moves, noise = read_table(out / "moves.parquet"), stage.read_noise(cfg)
     assert ((moves["true_m"] > 0) & (moves["true_m"] <= 0.12)).all()
@@ -138,15 +120,12 @@ def test_a_move_ends_where_the_path_becomes_valid(cfg: DictConfig, out: Path):
 def test_scenes_without_room_to_move_an_item_leave_no_moves(cfg: DictConfig, tmp_path: Path):
     far = cfg.copy()
     far.studies.counterfactuals.update(move_step=0.1, move_steps=12)
-    stage.main(far, tmp_path)
+    main(far, tmp_path)
     assert len(read_table(tmp_path / "moves.parquet")) == 0
     assert (read_table(tmp_path / "moves.csv")["cases"] == 0).all()
 
 
-def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
-    names_a_missing_model(stage.main, cfg, "clearance", tmp_path / "out")
-
-
-def test_users_without_margins_are_refused(cfg: DictConfig, tmp_path: Path):
+def test_a_missing_model_and_users_without_margins_are_named_before_any_work(cfg: DictConfig, tmp_path: Path):
+    names_a_missing_model(main, cfg, "clearance", tmp_path / "out")
     nobody = {user: dict.fromkeys(SYMBOLS) for user in cfg.users}
-    refuses(stage.main, cfg, "users", OmegaConf.create(nobody), "margin", tmp_path / "out")
+    refuses(main, cfg, "users", OmegaConf.create(nobody), "margin", tmp_path / "out")

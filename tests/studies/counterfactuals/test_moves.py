@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from pipeline.causal.questions import allowed
 from pipeline.world.layout import SYMBOLS, Layouts, empty, random_layouts
 from pipeline.world.rules import clearance, slack
-from studies.counterfactuals.moves import crossing, has_room, outward_normal, score_moves, translate_item
+from studies.counterfactuals.moves import crossing, outward_normal, score_moves, translate_item
 from tests.factories import ITEMS, RULES
 
 NORMAL: dict[str, float | None] = {symbol: 0.045 if symbol == "glass" else None for symbol in SYMBOLS}
@@ -35,19 +36,19 @@ def test_a_glass_moves_off_a_straight_path_by_what_the_margin_lacks():
 def test_an_item_off_the_table_or_on_another_has_no_room():
     layouts = random_layouts(np.random.default_rng(0), SCENES, ITEMS, np.arange(4), RULES)
     slot = np.zeros(SCENES, int)
-    assert has_room(layouts, slot, RULES).all()
+    assert allowed(layouts, slot, RULES).all()
     off = translate_item(layouts, slot, np.tile([1.0, 0.0], (SCENES, 1)), np.array([0.9]))
-    assert not has_room(off, slot, RULES).any()
+    assert not allowed(off, slot, RULES).any()
     onto = layouts[np.arange(SCENES)]
     onto.centre[:, 0] = onto.centre[:, 1]
-    assert not has_room(onto, slot, RULES).any()
+    assert not allowed(onto, slot, RULES).any()
 
 
 @pytest.mark.parametrize(
     ("at", "fitting"), [(0.15, False), (0.85, False), (0.5, True), (0.2, True), (0.8, True)]
 )  # a glass of 4 cm, from the ends at .08 and .92
 def test_an_item_close_to_an_end_of_the_paths_has_no_room(at: float, fitting: bool):
-    assert has_room(one_glass(at, at), np.array([0]), RULES) == [fitting]
+    assert allowed(one_glass(at, at), np.array([0]), RULES) == [fitting]
 
 
 @pytest.mark.parametrize(

@@ -9,13 +9,14 @@ import pytest
 import torch
 from omegaconf import DictConfig, OmegaConf
 
-from pipeline.artifacts.files import read_arrays, read_table, write_arrays
+from pipeline.artifacts.files import read_table, write_arrays
 from pipeline.artifacts.scenes import SceneSet, read_scenes, write_scenes
 from pipeline.models.clearance.clearance import ClearanceModel
 from pipeline.models.registry import build
 from pipeline.runtime.errors import InputError
 from pipeline.world.catalogue import read_catalogue
 from studies.robustness import stage as robustness
+from studies.robustness.stage import main
 from tests.factories import (
     labelled_demos,
     labelled_queries,
@@ -24,7 +25,7 @@ from tests.factories import (
     save_model,
     with_evidence,
 )
-from tests.stages.facts import names_a_missing_model, refuses, run_as_listed
+from tests.stages.facts import names_a_missing_model, refuses
 
 pytestmark = pytest.mark.slow
 SCENES, PATHS, VARIANTS = 3, 12, ("full", "clearance")
@@ -52,11 +53,6 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     even = {user: np.random.default_rng(0).random((5, 5)) for user in cfg.users}
     write_arrays(Path(cfg.paths.scenes) / "position_prior.npz", even)
     return cfg
-
-
-@pytest.fixture(scope="module")
-def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return run_as_listed(robustness.main, cfg, tmp_path_factory.mktemp("out"))
 
 
 @pytest.fixture
@@ -89,27 +85,18 @@ def test_the_accuracy_is_the_mean_over_users_and_seeds_and_the_loss_is_the_rest(
     assert (summary["loss_ci_low"] <= summary["loss"]).all() and (summary["loss"] <= summary["loss_ci_high"]).all()
 
 
-def test_a_model_that_ignores_the_image_loses_no_accuracy_to_corruptions(summary):
+def test_models_that_ignore_the_image_lose_nothing_to_corruptions_and_if_they_accept_all_to_clutter(summary):
     """Neither the prior of positions nor a clearance model without relevant items looks."""
     images_only = summary[~summary["corruption"].isin(["clutter", "mislabelled"]) & (summary["variant"] != "full")]
     assert len(images_only) > 10
     assert (images_only[["loss", "loss_ci_low", "loss_ci_high"]] == 0).all(axis=None)
-
-
-def test_a_model_that_accepts_every_path_is_unsafe_and_loses_accuracy_to_clutter(summary):
     accepting = summary.query("variant == 'clearance' and corruption in ['none', 'clutter']")
     assert (accepting["unsafe"] == 1).all()
     assert accepting["accuracy"].is_monotonic_decreasing and accepting["loss"].iloc[-1] > 0
 
 
-def test_one_scene_is_kept_as_an_example_of_each_corruption(cfg: DictConfig, out: Path):
-    images = read_arrays(out / "examples.npz")
-    assert list(images) == ["none", *cfg.studies.robustness.corruptions, "texture", "clutter"]
-    assert len({image.tobytes() for image in images.values()}) == len(images)
-
-
 def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
-    names_a_missing_model(robustness.main, cfg, "clearance", tmp_path / "out")
+    names_a_missing_model(main, cfg, "clearance", tmp_path / "out")
 
 
 def test_a_corruption_left_out_is_not_studied(cfg: DictConfig):
@@ -121,14 +108,11 @@ def test_a_corruption_left_out_is_not_studied(cfg: DictConfig):
     assert "shade" not in names and "tint" in names
 
 
-def test_a_pool_without_queries_is_named(cfg: DictConfig, tmp_path: Path):
+def test_a_pool_without_queries_and_a_table_top_of_training_are_refused(cfg: DictConfig, tmp_path: Path):
+    refuses(main, cfg, f"{STUDY}.textures", ["oak"], f"{STUDY}.textures", tmp_path / "out")
     scenes, changed = read_scenes(Path(cfg.paths.scenes)), cfg.copy()
     changed.paths.scenes, changed.studies.robustness.split = str(tmp_path / "scenes"), "new_scenes"
     pools = ({**x, "new_scenes": x["new_items"]} for x in (scenes.images, scenes.layouts, scenes.appearances))
     write_scenes(tmp_path / "scenes", SceneSet(*pools))  # pyright: ignore[reportArgumentType]
     with pytest.raises(InputError, match="new_scenes"):
-        robustness.main(changed, tmp_path / "out")
-
-
-def test_a_table_top_of_training_is_refused(cfg: DictConfig, tmp_path: Path):
-    refuses(robustness.main, cfg, f"{STUDY}.textures", ["oak"], f"{STUDY}.textures", tmp_path / "out")
+        main(changed, tmp_path / "out")

@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
-from pipeline.params import compose
 from pipeline.world.bezier import curve, random_z_theta
 from pipeline.world.layout import SYMBOLS, Layouts, empty, random_layouts
 from pipeline.world.rules import Margins, valid
 from studies.rule_families.families import FAMILIES, OWN_FAMILY, dwell, margin, proximity, side
-from tests.factories import ITEMS, RULES
+from tests.factories import ITEMS, RULES, composed
 
-CONF = compose(["profile=smoke"])
+CONF = composed("profile=smoke")
 USERS, AMOUNTS = CONF.users, CONF.studies.rule_families.families
 ALL: Margins = {symbol: 0.045 for symbol in SYMBOLS}
 STRAIGHT = np.array([[[0.5, 0.5]]])

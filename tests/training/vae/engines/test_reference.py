@@ -33,41 +33,27 @@ def trained(variant: str = "full", seed: int = 1, schedule: Schedule = SHORT):
 
 
 @pytest.mark.parametrize("variant", WEIGHTS)
-def test_the_learning_curve_is_the_golden_one(variant):
+def test_the_learning_curve_is_the_golden_one_and_its_terms_add_up_to_its_total(variant):
     _, curve = trained(variant)
     golden = np.loadtxt(GOLDEN / f"curve_{variant}.csv", delimiter=",", skiprows=1)
     np.testing.assert_allclose(curve, golden, rtol=5e-3, atol=1e-5)
+    np.testing.assert_allclose(curve[:, 1:4].sum(1), curve[:, 4], rtol=1e-5)
+    assert list(curve[:, 0]) == [0, 5, 10, 15, 19]
 
 
-def test_the_same_seed_gives_the_same_bits_and_another_does_not():
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)  # as in the stage's processes
-    try:
-        (first, curve), (again, same), (other, _) = (trained(seed=s) for s in (1, 1, 2))
-    finally:
-        torch.set_num_threads(threads)
+def test_the_same_seed_gives_the_same_bits_another_does_not_and_the_global_generator_is_left_alone():
+    before = torch.get_rng_state()
+    (first, curve), (again, same), (other, _) = (trained(seed=s) for s in (1, 1, 2))
+    assert torch.equal(before, torch.get_rng_state())
     assert np.array_equal(curve, same)
     assert all(torch.equal(v, again.state_dict()[k]) for k, v in first.state_dict().items())
     assert not torch.equal(first.mean.weight, other.mean.weight)
-
-
-def test_training_leaves_the_global_generator_alone():
-    before = torch.get_rng_state()
-    trained()
-    assert torch.equal(before, torch.get_rng_state())
 
 
 @pytest.mark.slow
 def test_classification_loss_falls_on_a_separable_world():
     _, curve = trained("classifier", schedule=Schedule(150, 4e-3, 0.01, 50))
     assert curve[-1, CURVE.index("classification")] < 0.25 * curve[0, CURVE.index("classification")]
-
-
-def test_the_terms_of_a_curve_add_up_to_its_total():
-    for variant in WEIGHTS:
-        _, curve = trained(variant)
-        np.testing.assert_allclose(curve[:, 1:4].sum(1), curve[:, 4], rtol=1e-5)
-        assert list(curve[:, 0]) == [0, 5, 10, 15, 19]
 
 
 def test_classifier_leaves_the_decoder_as_it_was_drawn():

@@ -29,15 +29,6 @@ ROOT = Path(__file__).resolve().parents[4]
 SHAPES = {"paper": {}, "other": {"latent": 5, "channels": [6, 7], "hidden": 9}}
 
 
-@pytest.fixture(autouse=True, scope="module")
-def one_thread():
-    """As in the stage's processes."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
-
-
 def with_small_logits(seed: int, shape: str) -> BetaVae:
     """An untrained model with torch's own initial weights: all logits are near 0, so no gradient of a bias cancels."""
     model = vae(seed, **SHAPES[shape])
