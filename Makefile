@@ -11,7 +11,7 @@ COMPILE := pip-compile --quiet --strip-extras --no-emit-index-url --no-emit-find
 RUN ?=
 WORST ?=
 
-.PHONY: help venv repro studies demo pull test test-browser test-viewer check-dowhy smoke bench review picture figures readme lint lock params data clean
+.PHONY: help venv repro studies demo pull test test-browser test-viewer check-dowhy smoke bench review picture site figures readme lint lock params data clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -79,6 +79,9 @@ review: $(READY)  ## open the overview of the recordings, or one of them: RUN=fu
 
 picture: $(READY)  ## an image of a recording, made without a screen: RUN=full-careful-s0; writes picture.png
 	python -m pipeline.viewer.picture $(or $(RUN),overview) picture.png
+
+site: $(READY)  ## all pages in one file to mail: site.html
+	python -m pipeline.report.site
 
 figures: $(READY)  ## the README's images of recordings, made without a screen
 	python -m pipeline.viewer.picture overview docs/pictures/overview.png

@@ -57,8 +57,8 @@ def draw_map(axes: Axes, p: Array, trace: Array | None = None) -> None:
     if trace is not None:
         axes.plot(*trace.T, color="#111417", linewidth=3.2)
         axes.plot(*trace.T, color="white", linewidth=1.6)
-        axes.plot(*trace[0], "o", color="white", markersize=8, markeredgecolor="#111417")
-        axes.plot(*trace[-1], "*", color="white", markersize=13, markeredgecolor="#111417")
+        for place, mark, size in ((trace[0], "o", 8), (trace[-1], "*", 13)):
+            axes.plot(*place, mark, color="white", markersize=size, markeredgecolor="#111417", clip_on=False)
     _bare(axes)
     axes.set(xlim=(Z_LOW, Z_HIGH), ylim=(Z_LOW, Z_HIGH))
 
@@ -78,6 +78,21 @@ def draw_intervals(
     axes.set_yticks(range(len(groups)), list(groups))
     axes.set_ylim(len(groups) - 0.5, -0.5)
     axes.grid(axis="x")
+
+
+def label_ends(axes: Axes, x: int, ends: Mapping[str, float], gap: float = 0.055) -> None:
+    """Write the names of series beside their last points (x, y), at least `gap` of the axis apart, as toggles."""
+    low, high = axes.get_ylim()
+    y, places = -np.inf, {}
+    for name in sorted(ends, key=ends.__getitem__):
+        y = places[name] = max(ends[name], y + gap * (high - low))
+    over = max(0.0, y - high)
+    for name, place in places.items():
+        text = axes.annotate(style.label(name), (x, place - over), (16, 0), textcoords="offset points", va="center")
+        mark = axes.annotate("●", (x, place - over), (7, 0), textcoords="offset points", va="center", ha="center")
+        mark.set(color=style.colour(name), fontsize=8)
+        style.of_series(mark, name)
+        style.toggles(text, name)
 
 
 def _capsule(ends: Array, radius: float) -> Array:

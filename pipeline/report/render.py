@@ -2,6 +2,7 @@
 
 import importlib
 import math
+import re
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +15,7 @@ from markupsafe import Markup
 
 from pipeline.report import style
 from pipeline.report.claims import claims_table, verdicts
+from pipeline.report.pages.index.widget import widget
 from pipeline.report.results import PAPER_ACCURACY, PAPER_TABLE_1, PAPER_TABLE_2, SOURCES, Results, checked
 
 PAGES = {
@@ -92,9 +94,17 @@ def _environment(results: Results, claims: pd.DataFrame) -> Environment:
         "paper_valid": PAPER_TABLE_2,
         "label": style.label,
         "pages": PAGES,
+        "widget": lambda: widget(results),
+        "headings": headings,
+        "brief": False,
         "formats": FORMATS,
     }
     return environment
+
+
+def headings(content: str) -> list[tuple[str, str]]:
+    """Return the id and the text of each section's heading, for the table of contents."""
+    return re.findall(r'<h2 id="([^"]+)">([^<]+)</h2>', content)
 
 
 def _claim(claims: pd.DataFrame, name: str, measure: str, column: str) -> Any:
@@ -114,8 +124,8 @@ def _numbered(page: str, results: Results, site: Site, environment: Environment)
         file = f"{page}-{name.replace('_', '-')}"
         site.figures[file] = style.svg(drawn)
         width, height = (round(96 * inches) for inches in drawn.get_size_inches())
-        part = environment.get_template("figure.html.j2")
-        size = {"width": width, "height": height, "wide": wide}
+        part, chart = environment.get_template("figure.html.j2"), "<script>" in site.figures[file]
+        size = {"width": width, "height": height, "wide": wide, "chart": chart}
         return Markup(part.render(file=file, alt=alt, number=counts["figure"], caption=caller(), **size))
 
     def table(name: str, caller: Callable[[], str] = str) -> Markup:

@@ -19,8 +19,11 @@ def effects(results: Results) -> Figure:
                 rows = results.asked("add", variant)
                 row = rows[(rows["user"] == user) & (rows["symbol"] == symbol)].iloc[0]
                 y = i + 0.7 * (j - (len(results.variants) - 1) / 2) / max(len(results.variants), 1)
-                panel.hlines(y, row["ci_low"], row["ci_high"], color=style.colour(variant), linewidth=2)
-                panel.plot(row["effect"], y, style.marker(variant), color=style.colour(variant), markersize=6)
+                interval = panel.hlines(y, row["ci_low"], row["ci_high"], color=style.colour(variant), linewidth=2)
+                mark = panel.plot(row["effect"], y, style.marker(variant), color=style.colour(variant), markersize=6)[0]
+                value = f"{row['effect']:+.2f} ({row['ci_low']:+.2f} to {row['ci_high']:+.2f})"
+                style.of_series(interval, variant)
+                style.of_series(mark, variant, f"{style.label(variant)}, {symbol}: {value}")
                 panel.vlines(row["truth"], i - 0.42, i + 0.42, color=style.INK, linewidth=1.6)
         panel.axvspan(-SMALLEST_EFFECT, SMALLEST_EFFECT, color=style.RULE, alpha=0.5, linewidth=0)
         panel.set_yticks(range(len(symbols)), symbols)
@@ -30,7 +33,9 @@ def effects(results: Results) -> Figure:
         for v in results.variants
     ]
     marks += [axes[0, 0].plot([], [], "|", color=style.INK, markersize=14, label="Truth")[0]]
-    figure.legend(handles=marks, loc="outside lower center", ncols=4, fontsize=10)
+    legend = figure.legend(handles=marks, loc="outside lower center", ncols=4, fontsize=10)
+    for variant, text in zip(results.variants, legend.get_texts(), strict=False):
+        style.toggles(text, variant)
     return figure
 
 
