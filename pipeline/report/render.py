@@ -16,7 +16,7 @@ from markupsafe import Markup
 from pipeline.report import style
 from pipeline.report.claims import claims_table, verdicts
 from pipeline.report.pages.index.widget import widget
-from pipeline.report.results import PAPER_ACCURACY, PAPER_TABLE_1, PAPER_TABLE_2, Results, checked
+from pipeline.report.results import PAPER_ACCURACY, PAPER_TABLE_1, PAPER_TABLE_2, SOURCES, Results, checked
 
 PAGES = {
     "index": "Overview",
@@ -24,7 +24,11 @@ PAGES = {
     "accuracy": "Accuracy",
     "repair": "Repair",
     "causes": "Causes",
+    "limits": "Limits",
+    "users": "Users",
+    "card": "Model card",
     "method": "Method",
+    "history": "History",
 }
 FOLDER = Path(__file__).parent
 
@@ -54,7 +58,8 @@ def render(results: Results, pages: Collection[str] = tuple(PAGES)) -> Site:
     """
     results.check()
     claims = claims_table(results)
-    site = Site({}, {}, {"claims": claims}, verdicts(claims))
+    tables = {"claims": claims} | {name: results.tables[name] for name in SOURCES}
+    site = Site({}, {}, tables, verdicts(claims))
     environment = _environment(results, claims)
     for name in pages:
         template = environment.get_template(f"pages/{name}/page.html.j2")
@@ -75,6 +80,7 @@ def _environment(results: Results, claims: pd.DataFrame) -> Environment:
         "value": results.value,
         "accuracy": results.accuracy,
         "repair": results.repair,
+        "sliced": results.sliced,
         "variants": results.variants,
         "users": list(results.users),
         "judged": results.judged_users,

@@ -25,6 +25,10 @@ PAPER_TABLE_2 = pd.DataFrame(
     ],
     columns=["user", "none", "bowl", "plate", "cutlery", "glass"],
 ).set_index("user")
+UNSURE = (0.3, 0.8)  # P(valid) of a path about which a model is unsure
+SOURCES = (  # tables of whose numbers the pages' texts are made: written beside the pages
+    "accuracy", "calibration", "scores", "comparisons", "repair", "interventions", "p_valid", "convergence", "slices",
+)  # fmt: skip
 FINITE = {  # columns whose values must all be finite, since figures draw them
     "accuracy": ["mean"],
     "comparisons": ["difference", "p_holm"],
@@ -32,6 +36,8 @@ FINITE = {  # columns whose values must all be finite, since figures draw them
     "interventions": ["effect", "ci_low", "ci_high", "truth"],
     "p_valid": ["truth", "paper", "difference"],
     "demos": ["z_x", "z_y"],
+    "judged": ["p", "z_x", "z_y"],
+    "slices": ["accuracy", "share"],
 }
 
 
@@ -64,7 +70,8 @@ class Results:
     """The results of one run.
 
     tables: accuracy, calibration, scores, comparisons, repair (summary), repairs, interventions (summary), p_valid,
-    recordings, convergence, demos; paths: paths.npz of stage repair; facts: settings that pages print.
+    recordings, convergence, demos, judged (paths, by `slices.describe`), slices, draws, changes, effort; paths:
+    paths.npz of stage repair; facts: settings that pages print.
     """
 
     variants: list[str]
@@ -100,6 +107,28 @@ class Results:
     def repair(self, method: str, variant: str, user: str, column: str = "success") -> float:
         """Return one number of repair/summary.csv; baselines have the variant \"\"."""
         return self.value("repair", column, method=method, variant=variant, user=user)
+
+    def sliced(
+        self,
+        variant: str,
+        column: str,
+        slice: str = "all",
+        value: str = "all",
+        split: str = "new_items",
+        **missing: Any,
+    ) -> Any:
+        """Return one number of a slice of the judged paths; `missing`, where it is given, if no path is in it."""
+        where = {"variant": variant, "split": split, "slice": slice, "value": value}
+        table = self.tables["slices"]
+        if "missing" in missing and not (table[list(where)] == pd.Series(where)).all(axis=1).any():
+            return missing["missing"]
+        return self.value("slices", column, **where)
+
+    def unsure(self, variant: str) -> dict[str, float] | None:
+        """Return the mean stated P(valid), the share valid and the number of the unseen-item paths given .3 to .8."""
+        rows = self.tables["judged"]
+        rows = rows[(rows["variant"] == variant) & (rows["split"] == "new_items") & rows["p"].between(*UNSURE)]
+        return {"stated": rows["p"].mean(), "valid": rows["valid"].mean(), "count": len(rows)} if len(rows) else None
 
     def asked(self, kind: str, variant: str) -> pd.DataFrame:
         """Return a variant's rows for one kind of question ("add", "user"), for users with invalid paths."""
