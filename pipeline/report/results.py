@@ -1,6 +1,5 @@
 """The data of all pages: the stages' tables by name, and the arrays behind the figures."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -9,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.runtime.errors import InputError
+from pipeline.report.page import check_finite, checked, lookup
 from pipeline.world.catalogue import Catalogue
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import Margins
@@ -92,12 +91,7 @@ class Results:
 
         Raise InputError if no row or several match, or if the number is missing or not finite.
         """
-        frame = self.tables[table]
-        for name, wanted in where.items():
-            frame = frame[frame[name] == wanted]
-        if len(frame) != 1:
-            raise InputError(f"table {table} has {len(frame)} rows with {where}, expected 1; run its stage again")
-        return checked(frame[column].iloc[0], f"table {table}, column {column}, {where}")
+        return lookup(self.tables[table], table, column, **where)
 
     def accuracy(self, variant: str, split: str, column: str = "mean", n: int | None = None) -> float:
         """Return one number of accuracy.csv, at main_n_demos unless `n` is given."""
@@ -181,13 +175,4 @@ class Results:
         """Raise InputError for the first number behind the figures that is missing or not finite."""
         for name, columns in FINITE.items():
             frame = self._in_the_paper() if name == "p_valid" else self.tables[name]
-            for column in columns:
-                if not np.isfinite(frame[column].astype(float)).all():
-                    raise InputError(f"table {name}, column {column}: expected finite numbers; run its stage again")
-
-
-def checked(number: Any, name: str) -> Any:
-    """Return a value as a Python type; raise InputError if it is missing or not finite."""
-    if number is None or (isinstance(number, float | np.floating) and not math.isfinite(number)):
-        raise InputError(f"{name} is {number}: expected a finite number; run the stage that writes it again")
-    return number.item() if isinstance(number, np.generic) else number
+            check_finite(frame, name, columns)

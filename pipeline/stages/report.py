@@ -1,6 +1,5 @@
 """Stage report: write the pages with their figures and tables, and the metrics of all stages in one metrics.json."""
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -8,17 +7,17 @@ import pandas as pd
 from omegaconf import DictConfig
 
 from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
-from pipeline.artifacts.files import read_arrays, read_json, read_table, write_json, write_table
+from pipeline.artifacts.files import read_arrays, read_json, read_table, write_json
 from pipeline.artifacts.interventions import AddedItems, read_interventions
 from pipeline.artifacts.models import PREDICTION_COLUMNS, model_dir
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.artifacts.trained import load_model
 from pipeline.launch import launch
 from pipeline.models.baselines import nearest_demonstration
-from pipeline.report.render import FOLDER, Site, render
+from pipeline.report.page import FOLDER, Site, provenance, write_files
+from pipeline.report.render import render
 from pipeline.report.results import DrawnScenes, Results
 from pipeline.report.slices import describe, slices
-from pipeline.runtime.errors import InputError
 from pipeline.runtime.writing import atomic_write
 from pipeline.world.bezier import lattice
 from pipeline.world.catalogue import read_catalogue
@@ -80,17 +79,8 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 def write_site(site: Site, out_dir: Path) -> None:
     """Write pages, page.css, figures and tables; remove those of an earlier run."""
-    for folder, suffix in (("figures", "svg"), ("tables", "csv")):
-        (out_dir / folder).mkdir(parents=True, exist_ok=True)
-        for old in (out_dir / folder).glob(f"*.{suffix}"):
-            old.unlink()
-    texts = {"page.css": (FOLDER / "page.css").read_text()}
-    texts |= {f"{name}.html": page for name, page in site.pages.items()}
-    texts |= {f"figures/{name}.svg": figure for name, figure in site.figures.items()}
-    for name, text in texts.items():
-        atomic_write(out_dir / name, lambda part, text=text: part.write_text(text))
-    for name, table in site.tables.items():
-        write_table(out_dir / "tables" / f"{name}.csv", table)
+    write_files(site, out_dir)
+    atomic_write(out_dir / "page.css", lambda part: part.write_text((FOLDER / "page.css").read_text()))
 
 
 def _drawn(cfg: DictConfig, scenes: SceneSet) -> DrawnScenes:
@@ -195,16 +185,10 @@ def _convergence(cfg: DictConfig, scenes: SceneSet) -> pd.DataFrame:
 
 def _facts(cfg: DictConfig, scenes: SceneSet) -> dict:
     """Return the settings that pages print."""
-    version = Path(f"{cfg.paths.data}.dvc")
-    digest = re.search(r"md5: (\w+)", version.read_text()) if version.is_file() else None
-    if digest is None:
-        raise InputError(f"{version} names no md5 of the data: get it with `git checkout {version}`")
     paper = cfg.variants.get("full")
-    return {
-        "data_md5": digest[1],
+    return provenance(cfg) | {
         "patterned_top": cfg.report.patterned_top,
-        "root_seed": cfg.scenes.root_seed,
-        "profile": cfg.profile,
+        "studies": {name: study.question for name, study in cfg.studies.items()},
         "scenes_per_seed": cfg.scenes.per_seed,
         "test_scenes": len(scenes.images[cfg.protocol.splits[cfg.repair.split]]),
         "repair_steps": cfg.repair.steps,

@@ -107,6 +107,7 @@ def results(variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MAR
             "patterned_top": "marble",
             "root_seed": 2040,
             "profile": "paper",
+            "studies": {"robustness": "How much do worse images hurt?"},
             "scenes_per_seed": 20,
             "test_scenes": SCENES,
             "repair_steps": STEPS,

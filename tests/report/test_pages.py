@@ -137,6 +137,7 @@ def test_pages_stay_short(site: Site, page: str):
 def test_every_link_leads_somewhere_in_the_site_and_none_out_of_it(site: Site, page: str):
     ids = {name: Reader(text).ids for name, text in site.pages.items()}
     files = {f"figures/{name}.svg" for name in site.figures} | {f"tables/{name}.csv" for name in site.tables}
+    files |= {f"../studies/{name}/index.html" for name in factory.results(FEW).facts["studies"]}
     for link in Reader(site.pages[page]).links:
         target, _, anchor = link.partition("#")
         name = (target or f"{page}.html").removesuffix(".html")

@@ -12,7 +12,7 @@ from pipeline.report.render import PAGES, render
 from tests.report import factory
 
 ROOT = Path(__file__).parents[2]
-TEMPLATES = sorted((ROOT / "pipeline/report").rglob("*.j2"))
+TEMPLATES = sorted([*(ROOT / "pipeline/report").rglob("*.j2"), *(ROOT / "studies").glob("*/*.j2")])
 BANNED = [
     line for line in (Path(__file__).parent / "banned_words.txt").read_text().splitlines() if not line.startswith("#")
 ]

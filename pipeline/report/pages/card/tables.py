@@ -2,8 +2,8 @@
 
 import pandas as pd
 
+from pipeline.report.page import Table
 from pipeline.report.pages.limits.figures import failing
-from pipeline.report.render import Table
 from pipeline.report.results import Results
 from pipeline.report.slices import DISTANCE_LABELS, NOTHING, SLICES
 

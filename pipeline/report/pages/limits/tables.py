@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 
+from pipeline.report.page import Table
 from pipeline.report.pages.limits.figures import failing, worst_scenes
-from pipeline.report.render import Table
 from pipeline.report.results import Results
 from pipeline.report.style import label
 

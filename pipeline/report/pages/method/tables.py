@@ -1,6 +1,6 @@
 """Convergence of the autoencoders."""
 
-from pipeline.report.render import Table
+from pipeline.report.page import Table
 from pipeline.report.results import Results
 from pipeline.report.style import label
 

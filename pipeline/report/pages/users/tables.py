@@ -2,8 +2,8 @@
 
 import pandas as pd
 
+from pipeline.report.page import Table
 from pipeline.report.pages.users.figures import pair
-from pipeline.report.render import Table
 from pipeline.report.results import PAPER_TABLE_2, Results
 from pipeline.report.slices import overlap as overlaps
 from pipeline.report.style import label
