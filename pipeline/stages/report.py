@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from omegaconf import DictConfig
 
 from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
