@@ -17,7 +17,7 @@ from tests.factories import labelled_demos, labelled_queries, rendered_scenes
 
 TRAINING, SCENES, PATHS, LEVEL = 4, 5, 12, 0.1
 SMALL = ["profile=smoke", "workers=1", f"scenes.per_seed={TRAINING}", "train.steps=2", "clearance.steps=2"]
-SMALL += ["studies.acceptance.variants=[full,clearance]", "studies.acceptance.fitted=1"]
+SMALL += ["train.engine=reference", "studies.acceptance.variants=[full,clearance]", "studies.acceptance.fitted=1"]
 SMALL += [f"studies.acceptance.level={LEVEL}"]
 
 
