@@ -61,7 +61,7 @@ def test_help_says_what_a_stage_reads_and_writes(run):
     code, out, _ = run(nothing, "train", "--help")
     assert code == 0
     assert "outputs/demos/demos.parquet" in out and "outputs/train/full/weights" in out
-    assert "steps: 600" in out and "variants.full:" in out and "hand:" not in out
+    assert "steps: 500" in out and "variants.full:" in out and "hand:" not in out
 
 
 def by(hydra: bool, folder: Path) -> list[str]:

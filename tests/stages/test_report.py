@@ -1,7 +1,6 @@
 """The report stage reads what the other stages wrote, and leaves a whole site and every headline."""
 
 import json
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -67,9 +66,6 @@ def write_inputs(root: Path, cfg: DictConfig, results: Results) -> None:
     for stage in HEADLINES:
         write_json(root / stage / "metrics.json", METRICS[stage])
     for variant, settings in cfg.variants.items():
-        rows = list(product(cfg.protocol.seeds, cfg.users, [cfg.main_n_demos], [0, 9]))
-        curves = pd.DataFrame(rows, columns=["seed", "user", "n_demos", "step"]).assign(reconstruction=0.05)
-        write_table(model_dir(cfg, variant) / "curves.parquet", curves)
         for user in cfg.users:
             path = weights_path(model_dir(cfg, variant), user, cfg.protocol.seeds[0], cfg.main_n_demos)
             save_weights(path, build(settings).state_dict())
