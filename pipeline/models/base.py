@@ -94,6 +94,13 @@ class ValidityModel(nn.Module, ABC):
         ]
         return torch.cat(parts).numpy()
 
+    def reconstruction_over_flat(self, images: UInt8[Array, "scene 100 100 3"]) -> float:
+        """Return the root mean square error of reconstructed images over that of a flat colour per scene.
+
+        NaN for a model without a decoder.
+        """
+        return math.nan
+
 
 @torch.no_grad()
 def initialise(network: nn.Module, no_rectifier_after: Container[nn.Module]) -> None:

@@ -7,7 +7,7 @@ import pandas as pd
 
 from pipeline.artifacts.files import read_json, read_table
 from pipeline.config.graph import ROOT
-from pipeline.report.render import FORMATS
+from pipeline.report.page import FORMATS
 from pipeline.report.style import COLOURS, label
 from pipeline.runtime.errors import InputError
 

@@ -60,6 +60,11 @@ class Stack:
             return add(chain, Dense(x, y, mode, back, scenes), *modules)
 
         self.encoder: list[Layer] = []
+        self.centre, self.factor = allocate(3), allocate(3)  # standardise the encoder's input
+        for lane, of_lane in enumerate(models):
+            self.centre[:, lane] = of_lane.centre.flatten()
+            self.factor[:, lane] = 1 / of_lane.spread.flatten()
+        self.intensities = allocate(1, SIDE + 2, SIDE + 2, 3)
         self.images = planes = allocate(1, SIDE + 2, SIDE + 2, 3)
         for module in model.features:
             if isinstance(module, nn.Conv2d):
@@ -134,7 +139,7 @@ class Stack:
     def _scene(self, scene: int, image, z_theta, valid, noise, terms: Float[Array, "3 lane"]) -> None:
         """Add one scene's contribution to the gradient and to the terms, the first term without its weight alpha."""
         latent = self.z_image.shape[1]
-        lanes.unpack(image[None], self.images)
+        lanes.unpack(image[None], self.centre, self.factor, self.intensities, self.images)
         forward(self.encoder)
         mean, log_variance = self.code[0, :latent], self.code[0, latent:]
         deviation = np.exp(0.5 * log_variance) if self.beta else np.float32(0)
@@ -150,7 +155,7 @@ class Stack:
 
         if self.alpha:
             forward(self.decoder)
-            lanes.squared_error(self.decoded, self.images, 2 * self.alpha, terms[:1])
+            lanes.squared_error(self.decoded, self.intensities, 2 * self.alpha, terms[:1])
             backward(self.decoder, scene)
             slope += self.z_image[0]
 
