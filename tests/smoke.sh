@@ -6,11 +6,19 @@
 set -euo pipefail
 root=$(cd "$(dirname "$0")/.." && pwd)
 profile=smoke pipelines=-P
-if [ "${1:-}" = --profile ]; then
+if [ "${1:-}" = --profile ] && [ $# -eq 3 ]; then
   profile=$2 pipelines=
   shift 2
 fi
+if [ $# -gt 1 ] || [[ "${1:-}" = -* ]]; then
+  sed -n '2,5s/^# //p' "$0"
+  exit 2
+fi
 if [ $# -gt 0 ]; then
+  if [ -n "$(ls -A "$1" 2> /dev/null)" ] && [ "$(git -C "$1" config user.email)" != smoke@localhost ]; then
+    echo "error: $1 holds something else than an earlier run: name another folder" >&2
+    exit 2
+  fi
   rm -rf "$1"
   mkdir -p "$1"
   clone=$(cd "$1" && pwd)
