@@ -23,7 +23,7 @@ MAX_NUMBERS = 60  # of `dvc metrics show`: what fits on a screen
 
 def run(clone: Path, *command: str) -> str:
     """The command's output; fails with all of it if the command does."""
-    done = subprocess.run(command, cwd=clone, capture_output=True, text=True)
+    done = subprocess.run(command, cwd=clone, capture_output=True, text=True, timeout=1800)
     assert done.returncode == 0, f"{' '.join(command)}\n{done.stdout[-3000:]}{done.stderr[-3000:]}"
     return done.stdout
 

@@ -109,3 +109,9 @@ class Group(BaseModel):
     """A group of parameters: all are required, unknown ones are rejected, and nothing is converted."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class StudyGroup(Group):
+    """What every study has: the question it answers, which its page and the list of studies print."""
+
+    question: Annotated[str, Field(pattern=r"\?$"), expected("a question that ends in ?")]

@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 
 from pipeline.artifacts.files import read_json, read_table
-from pipeline.report.render import FORMATS
+from pipeline.report.page import FORMATS
 from pipeline.report.style import COLOURS, label
 
 README, METRICS, VERDICTS = Path("README.md"), Path("reports/metrics.json"), Path("reports/tables/causes-verdicts.csv")

@@ -13,7 +13,7 @@ from omegaconf import DictConfig, OmegaConf
 from pipeline.artifacts.demos import DEMO_KEY, demo_arrays, read_demos, read_trajectories
 from pipeline.artifacts.files import read_table
 from pipeline.artifacts.interventions import AddedItems, read_interventions
-from pipeline.artifacts.models import model_dir, weights_path
+from pipeline.artifacts.models import fitted_n_demos, model_dir, weights_path
 from pipeline.artifacts.repairs import check_pool, paths_name, read_repairs
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.artifacts.trained import load_model
@@ -75,7 +75,7 @@ def _data_version(path: Path) -> str:
 
 def assemble(cfg: DictConfig, sources: Sources, variant: str, user: str, seed: int) -> Run:
     """Return the contents of one model's recording, with predictions for every map cell, step and added item."""
-    by_n_demos = {n: load_model(cfg, variant, user, seed, n) for n in cfg.n_demos}
+    by_n_demos = {n: load_model(cfg, variant, user, seed, n) for n in fitted_n_demos(cfg, variant)}
     model = by_n_demos[cfg.main_n_demos]
     repairs = _repairs(cfg, sources, model, variant, user, seed)
     first = sources.scenes.images[sources.pool][:1]

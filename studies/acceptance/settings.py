@@ -6,10 +6,10 @@ from pydantic import AfterValidator
 
 from pipeline.config.checks import need, need_some
 from pipeline.config.settings import Settings as Parameters
-from pipeline.config.values import Between, Count, Group, Some, Whole, expected, rising
+from pipeline.config.values import Between, Count, Some, StudyGroup, Whole, expected, rising
 
 
-class Settings(Group):
+class Settings(StudyGroup):
     variants: Some
     level: Between
     levels: Annotated[list[Between], AfterValidator(rising), expected("ascending numbers between 0 and 1")]

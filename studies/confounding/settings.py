@@ -2,13 +2,13 @@
 
 from pipeline.config.checks import need, need_some
 from pipeline.config.settings import Settings as Parameters
-from pipeline.config.values import Chance, Count, Group, Length, Name, Names, Pair, Several, Share, Some, Whole
+from pipeline.config.values import Chance, Count, Length, Name, Names, Pair, Several, Share, Some, StudyGroup, Whole
 from studies.confounding.world import CONFOUNDED, CONTROL
 
 STUDY = "studies.confounding"
 
 
-class Settings(Group):
+class Settings(StudyGroup):
     root_seed: Whole
     scenes: Several
     worlds: dict[Name, Chance]

@@ -7,10 +7,10 @@ from pydantic import Field
 from pipeline.config.checks import need, need_one, widest_margin
 from pipeline.config.settings import Settings as Parameters
 from pipeline.config.stages import SharedSplit
-from pipeline.config.values import Count, Group, Several, Whole, expected
+from pipeline.config.values import Count, Several, StudyGroup, Whole, expected
 
 
-class Settings(Group):
+class Settings(StudyGroup):
     split: SharedSplit
     scenes: Several
     paths: Count

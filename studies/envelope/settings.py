@@ -2,10 +2,10 @@
 
 from pipeline.config.checks import need, need_one, widest_margin
 from pipeline.config.settings import Settings as Parameters
-from pipeline.config.values import Count, Group, Length, Several, Whole
+from pipeline.config.values import Count, Length, Several, StudyGroup, Whole
 
 
-class Settings(Group):
+class Settings(StudyGroup):
     planner: str
     step: Length
     doses: Several

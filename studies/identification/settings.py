@@ -7,7 +7,7 @@ from pydantic import AfterValidator, Field
 from pipeline.config.checks import need, need_some
 from pipeline.config.settings import Settings as Parameters
 from pipeline.config.stages import SharedSplit
-from pipeline.config.values import Between, Count, Group, Margin, Whole
+from pipeline.config.values import Between, Count, Margin, StudyGroup, Whole
 from pipeline.world.symbols import SYMBOLS
 
 
@@ -17,7 +17,7 @@ def every_symbol(margins: dict[str, float | None]) -> dict[str, float | None]:
     return {symbol: margins.get(symbol) for symbol in SYMBOLS}
 
 
-class Settings(Group):
+class Settings(StudyGroup):
     split: SharedSplit
     paths: Count
     draws: Count

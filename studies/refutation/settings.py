@@ -6,11 +6,11 @@ from pydantic import AfterValidator, Field
 
 from pipeline.config.checks import need, need_some, widest_margin
 from pipeline.config.settings import Settings as Parameters
-from pipeline.config.values import Count, Group, Length, Names, Several, Whole, expected, rising
+from pipeline.config.values import Count, Length, Names, Several, StudyGroup, Whole, expected, rising
 from pipeline.world.layout import SIDE
 
 
-class Settings(Group):
+class Settings(StudyGroup):
     root_seed: Whole
     scenes: Annotated[int, Field(ge=4), expected("a whole number from 4: data_subset halves the scenes")]
     dummy_outcome: Names

@@ -7,7 +7,7 @@ from pydantic import AfterValidator
 from pipeline.config.checks import need, need_some
 from pipeline.config.settings import Settings as Parameters
 from pipeline.config.stages import SharedSplit
-from pipeline.config.values import Count, Group, Several, Shares, Some, Strengths, Whole, expected, rising
+from pipeline.config.values import Count, Group, Several, Shares, Some, Strengths, StudyGroup, Whole, expected, rising
 
 
 class Corruptions(Group):
@@ -20,7 +20,7 @@ class Corruptions(Group):
     arm: Shares | None = None
 
 
-class Settings(Group):
+class Settings(StudyGroup):
     root_seed: Whole
     split: SharedSplit
     scenes: Several

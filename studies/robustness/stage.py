@@ -14,7 +14,7 @@ from omegaconf import DictConfig
 from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import write_arrays, write_table
 from pipeline.artifacts.scenes import SceneSet, read_position_prior, read_scenes, train_pool
-from pipeline.artifacts.trained import check_weights, predict_all
+from pipeline.artifacts.trained import check_weights, load_model, predict_all
 from pipeline.launch import launch
 from pipeline.models import baselines
 from pipeline.runtime.errors import InputError
@@ -22,12 +22,14 @@ from pipeline.runtime.streams import stream
 from pipeline.stats.decisions import accuracy_by_seed, accuracy_estimate, accuracy_loss
 from pipeline.stats.scores import DECISION
 from pipeline.training.refit import TrainingSet, refit_and_predict
+from pipeline.world.bezier import lattice
 from pipeline.world.catalogue import Catalogue, read_catalogue
-from pipeline.world.layout import LayoutRules
+from pipeline.world.layout import LayoutRules, Layouts
 from pipeline.world.render import Palette, render_scenes
 from pipeline.world.rules import valid
 from studies.robustness.corruptions import CORRUPTIONS, add_clutter, flip_labels
 
+MAP_SIDE = 50  # cells per side of the maps of P(valid)
 Predictions = dict[str, Float[Array, "user seed scene path"]]  # variant -> P(valid)
 
 
@@ -39,10 +41,11 @@ class Condition:
     strength: float | int | str  # the name for a texture; conf/ states the units of the others
     images: UInt8[Array, "scene 100 100 3"]
     valid: Bool[Array, "user scene path"]
+    layouts: Layouts
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """Write accuracy.parquet, summary.csv, and examples.npz: the first scene under each corruption at full strength."""
+    """Write accuracy.parquet, summary.csv, and examples.npz: the first scene, corrupted, with models' maps."""
     check_weights(cfg)
     users, seeds = list(cfg.evaluate.users), list(cfg.protocol.seeds)
     scenes, catalogue = read_scenes(Path(cfg.paths.scenes)), read_catalogue(Path(cfg.paths.data))
@@ -65,7 +68,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
             summary.append(key | {"variant": variant} | accuracy | loss)
     write_table(out_dir / "accuracy.parquet", pd.concat(accuracies, ignore_index=True))
     write_table(out_dir / "summary.csv", pd.DataFrame(summary))
-    write_arrays(out_dir / "examples.npz", {c.corruption: c.images[0] for c in conditions})
+    write_arrays(out_dir / "examples.npz", draw_examples(cfg, conditions))
 
 
 def draw_conditions(
@@ -87,25 +90,48 @@ def draw_conditions(
         raise InputError(f"studies.robustness.textures is {list(study.textures)}: expected some of {', '.join(unseen)}")
 
     first = slice(study.scenes)
-    images, layouts, appearance = (x[pool][first] for x in (scenes.images, scenes.layouts, scenes.appearances))
+    images, layouts = scenes.images[pool][first], scenes.layouts[pool][first]
+    appearance = scenes.appearances[pool][first]
     textures, render_seeds = appearance["texture"].tolist(), appearance["render_seed"].tolist()
     z_theta, truth = queries.z[first], np.stack([queries.valid[user][first] for user in users])
     render = partial(render_scenes, palette=Palette(catalogue))
 
-    conditions = [Condition("none", 0, images, truth)]
+    conditions = [Condition("none", 0, images, truth, layouts)]
     for name, strengths in study.corruptions.items():
         for strength in strengths or ():
             corrupted = CORRUPTIONS[name](stream(study.root_seed, name), images, float(strength))
-            conditions.append(Condition(name, strength, corrupted, truth))
+            conditions.append(Condition(name, strength, corrupted, truth, layouts))
     for texture in study.textures:
-        conditions.append(Condition("texture", texture, render(layouts, [texture] * len(layouts), render_seeds), truth))
+        on_texture = render(layouts, [texture] * len(layouts), render_seeds)
+        conditions.append(Condition("texture", texture, on_texture, truth, layouts))
     rules = LayoutRules.of(cfg.scenes.layout)
     items = catalogue.pool(str(catalogue.items["split"].iloc[layouts.item[layouts.present][0]]))
     for count in study.clutter:
         fuller = add_clutter(stream(study.root_seed, "clutter"), layouts, count, catalogue.footprints, items, rules)
         truth_there = np.stack([valid(fuller, z_theta, cfg.users[user]) for user in users])
-        conditions.append(Condition("clutter", count, render(fuller, textures, render_seeds), truth_there))
+        conditions.append(Condition("clutter", count, render(fuller, textures, render_seeds), truth_there, fuller))
     return conditions, z_theta
+
+
+def draw_examples(cfg: DictConfig, conditions: list[Condition]) -> dict[str, Array]:
+    """Return the first scene in the strongest form of each corruption and on each texture.
+
+    names: "corruption strength"; images: uint8 (example, 100, 100, 3); truth: bool (example, user, side, side) as
+    [y, x] on `lattice(MAP_SIDE)`; each variant: P(valid) of the same shape, by the first seed's models.
+    """
+    users, seed = list(cfg.evaluate.users), cfg.protocol.seeds[0]
+    strongest = {(c.corruption, c.strength if c.corruption == "texture" else ""): c for c in conditions}
+    shown = list(strongest.values())
+    shape, cells = (len(shown), len(users), MAP_SIDE, MAP_SIDE), np.tile(lattice(MAP_SIDE), (len(shown), 1, 1))
+    images = np.stack([c.images[0] for c in shown])
+    truth = [[valid(c.layouts[:1], cells[:1], cfg.users[user]) for user in users] for c in shown]
+    examples = {"names": np.array([f"{c.corruption} {c.strength}" for c in shown]), "images": images}
+    examples["truth"] = np.reshape(truth, shape)
+    for variant in cfg.variants:
+        models = [load_model(cfg, variant, user, seed, cfg.main_n_demos) for user in users]
+        p = np.stack([model.probability(images, cells) for model in models], axis=1)
+        examples[variant] = p.reshape(shape).astype(np.float32)
+    return examples
 
 
 def predict_in_conditions(

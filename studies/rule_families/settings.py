@@ -5,14 +5,14 @@ from typing import Literal
 from pipeline.config.checks import need, need_some
 from pipeline.config.models import Schedule
 from pipeline.config.settings import Settings as Parameters
-from pipeline.config.values import Count, Distance, Group, Several, Some
+from pipeline.config.values import Count, Distance, Several, Some, StudyGroup
 
 
 class Averaged(Schedule):
     members: Count
 
 
-class Settings(Group):
+class Settings(StudyGroup):
     scenes: Several
     families: dict[Literal["margin", "dwell", "side", "proximity"], Distance]
     variants: Some

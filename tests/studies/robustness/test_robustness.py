@@ -9,7 +9,7 @@ import pytest
 import torch
 from omegaconf import DictConfig, OmegaConf
 
-from pipeline.artifacts.files import read_table, write_arrays
+from pipeline.artifacts.files import read_arrays, read_table, write_arrays
 from pipeline.artifacts.scenes import SceneSet, read_scenes, write_scenes
 from pipeline.models.clearance.clearance import ClearanceModel
 from pipeline.models.registry import build
@@ -93,6 +93,17 @@ def test_models_that_ignore_the_image_lose_nothing_to_corruptions_and_if_they_ac
     accepting = summary.query("variant == 'clearance' and corruption in ['none', 'clutter']")
     assert (accepting["unsafe"] == 1).all()
     assert accepting["accuracy"].is_monotonic_decreasing and accepting["loss"].iloc[-1] > 0
+
+
+def test_one_scene_is_kept_as_an_example_of_each_corruption_and_texture(cfg: DictConfig, out: Path):
+    study, examples = cfg.studies.robustness, read_arrays(out / "examples.npz")
+    strongest = [f"{name} {strengths[-1]}" for name, strengths in study.corruptions.items()]
+    textures = [f"texture {name}" for name in study.textures]
+    assert examples["names"].tolist() == ["none 0", *strongest, *textures, f"clutter {study.clutter[-1]}"]
+    assert len({image.tobytes() for image in examples["images"]}) == len(examples["names"])
+    assert (examples["truth"][0] == examples["truth"][1]).all(), "shade changes the image and not the truth"
+    assert (examples["truth"][-1] <= examples["truth"][0]).all(), "an added item forbids paths and allows none"
+    assert examples["clearance"].shape == examples["truth"].shape
 
 
 def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):

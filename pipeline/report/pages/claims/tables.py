@@ -3,7 +3,7 @@
 import pandas as pd
 
 from pipeline.report.claims import PAPER
-from pipeline.report.render import Table
+from pipeline.report.page import Table
 from pipeline.report.results import PAPER_TABLE_2, Results
 from pipeline.report.style import label
 

@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from pipeline.report.render import Table
+from pipeline.report.page import Table
 from pipeline.report.results import Results
 from pipeline.report.style import label
 

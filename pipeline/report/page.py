@@ -1,0 +1,212 @@
+"""One page from its template: numbers by name and format, figures and tables numbered in order of appearance."""
+
+import importlib
+import math
+import re
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import matplotlib
+import numpy as np
+import pandas as pd
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+from omegaconf import DictConfig
+
+from pipeline.artifacts.files import write_table
+from pipeline.report import style
+from pipeline.runtime.errors import InputError
+from pipeline.runtime.writing import atomic_write
+
+FOLDER = Path(__file__).parent
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of a page: its numbers as written to csv, and the format of each numeric column."""
+
+    frame: pd.DataFrame
+    formats: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Site:
+    """All output: pages by name, figures as SVG text by file name, tables by file name."""
+
+    pages: dict[str, str] = field(default_factory=dict)
+    figures: dict[str, str] = field(default_factory=dict)
+    tables: dict[str, pd.DataFrame] = field(default_factory=dict)
+    claims: dict[str, str] = field(default_factory=dict)  # of the paper: claim -> holds | fails | open | untestable
+
+
+@runtime_checkable
+class Data(Protocol):
+    """What every page's data has: the fits that were made, each with a recording."""
+
+    @property
+    def variants(self) -> Sequence[str]: ...
+    @property
+    def users(self) -> Mapping[str, Any]: ...
+    @property
+    def seeds(self) -> Sequence[int]: ...
+
+
+def environment(folders: Sequence[Path], **names: Any) -> Environment:
+    """Return Jinja2's environment for templates in `folders` and this one; `names` are global in templates."""
+    made = Environment(
+        loader=FileSystemLoader([*folders, FOLDER]),
+        undefined=StrictUndefined,
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.globals |= FORMATS | {"label": style.label, "formats": FORMATS, "headings": headings} | names
+    return made
+
+
+def headings(content: str) -> list[tuple[str, str]]:
+    """Return the id and the text of each section's heading, for the table of contents."""
+    return re.findall(r'<h2 id="([^"]+)">([^<]+)</h2>', content)
+
+
+def render_page(
+    name: str, template: str, package: str, data: Data, made: Environment, site: Site, prefix: str = ""
+) -> None:
+    """Add page `name` with its figures and tables to `site`.
+
+    package: where the modules `figures` and `tables` lie, whose functions the template names; prefix: begins the names
+    of their files. Raise InputError or ValueError if the page uses a number that is missing or not finite.
+    """
+    counts = {"figure": 0, "table": 0}
+
+    def figure(name: str, alt: str, wide: bool = False, recording: str = "", caller: Callable[[], str] = str) -> Markup:
+        """Draw a figure; `recording` names the run, or `overview`, that shows the same where it was recorded."""
+        draw = getattr(importlib.import_module(f"{package}.figures"), name)
+        counts["figure"] += 1
+        with matplotlib.rc_context(style.RC):
+            drawn = draw(data)
+        file = prefix + name.replace("_", "-")
+        site.figures[file] = style.svg(drawn)
+        width, height = (round(96 * inches) for inches in drawn.get_size_inches())
+        text = {"file": file, "alt": alt, "number": counts["figure"], "caption": caller()}
+        text |= {"width": width, "height": height, "wide": wide, "chart": "<script>" in site.figures[file]}
+        text |= {"command": review_command(data, recording)}
+        return Markup(made.get_template("figure.html.j2").render(text))
+
+    def table(name: str, caller: Callable[[], str] = str) -> Markup:
+        shown: Table = getattr(importlib.import_module(f"{package}.tables"), name)(data)
+        counts["table"] += 1
+        file = prefix + name.replace("_", "-")
+        site.tables[file] = shown.frame
+        text = {"file": file, "table": shown, "rows": shown.frame.to_dict("records")}
+        text |= {"number": counts["table"], "caption": caller()}
+        return Markup(made.get_template("table.html.j2").render(text))
+
+    def table_number() -> str:
+        """Return the number of a table whose markup is in the template."""
+        counts["table"] += 1
+        return f"Table {counts['table']}."
+
+    numbered = {"figure": figure, "table": table, "table_number": table_number}
+    site.pages[name] = made.get_template(template).render(page=name, **numbered)
+
+
+def review_command(data: Data, recording: str) -> str:
+    """Return the command that opens a recording; empty for a fit that this run has not made."""
+    if recording == "overview":
+        return "make review"
+    runs = {f"{variant}-{user}-s{seed}" for variant in data.variants for user in data.users for seed in data.seeds}
+    return f"make review RUN={recording}" if recording in runs else ""
+
+
+def write_files(site: Site, out_dir: Path) -> None:
+    """Write pages, figures and tables; remove figures and tables of an earlier run."""
+    for folder, suffix in (("figures", "svg"), ("tables", "csv")):
+        (out_dir / folder).mkdir(parents=True, exist_ok=True)
+        for old in (out_dir / folder).glob(f"*.{suffix}"):
+            old.unlink()
+    texts = {f"{name}.html": page for name, page in site.pages.items()}
+    texts |= {f"figures/{name}.svg": figure for name, figure in site.figures.items()}
+    for name, text in texts.items():
+        atomic_write(out_dir / name, lambda part, text=text: part.write_text(text))
+    for name, table in site.tables.items():
+        write_table(out_dir / "tables" / f"{name}.csv", table)
+
+
+def provenance(cfg: DictConfig) -> dict[str, Any]:
+    """Return what every footer states: version of the data, profile, root seed of the scenes.
+
+    Raise InputError if no file names the data's version.
+    """
+    version = Path(f"{cfg.paths.data}.dvc")
+    digest = re.search(r"md5: (\w+)", version.read_text()) if version.is_file() else None
+    if digest is None:
+        raise InputError(f"{version} names no md5 of the data: get it with `git checkout {version}`")
+    return {"data_md5": digest[1], "root_seed": cfg.scenes.root_seed, "profile": cfg.profile}
+
+
+# Numbers
+
+
+def lookup(frame: pd.DataFrame, table: str, column: str, **where: Any) -> Any:
+    """Return the value of `column` in the one row of a table that `where` selects.
+
+    Raise InputError if no row or several match, or if the number is missing or not finite.
+    """
+    for name, wanted in where.items():
+        frame = frame[frame[name] == wanted]
+    if len(frame) != 1:
+        raise InputError(f"table {table} has {len(frame)} rows with {where}, expected 1; run its stage again")
+    return checked(frame[column].iloc[0], f"table {table}, column {column}, {where}")
+
+
+def check_finite(frame: pd.DataFrame, table: str, columns: Collection[str]) -> None:
+    """Raise InputError for the first of these columns with a number that is missing or not finite."""
+    for column in columns:
+        if not np.isfinite(frame[column].astype(float)).all():
+            raise InputError(f"table {table}, column {column}: expected finite numbers; run its stage again")
+
+
+def checked(number: Any, name: str) -> Any:
+    """Return a value as a Python type; raise InputError if it is missing or not finite."""
+    if number is None or (isinstance(number, float | np.floating) and not math.isfinite(number)):
+        raise InputError(f"{name} is {number}: expected a finite number; run the stage that writes it again")
+    return number.item() if isinstance(number, np.generic) else number
+
+
+# Formats: each raises for a number that is not finite; None marks a value that cannot exist, such as a baseline's
+# seeds.
+
+
+def _number(pattern: str, scale: float = 1.0) -> Callable[[Any], str]:
+    def write(number: Any) -> str:
+        if number is None:
+            return "–"
+        if not math.isfinite(number):
+            raise ValueError(f"{number} in a page: expected a finite number; run the stage that writes it again")
+        text = pattern.format(scale * number).replace("-", "−")
+        return text.lstrip("+−") if float(pattern.format(scale * number).split("\u00a0")[0]) == 0 else text
+
+    return write
+
+
+def _spread(low: float, high: float) -> str:
+    """Return a range of rates in per cent."""
+    return f"{_number('{:.0f}', 100.0)(low)}–{_number('{:.0f}', 100.0)(high)}"
+
+
+FORMATS: dict[str, Callable] = {
+    "pct": _number("{:.0f}\u00a0%", 100.0),  # prose: whole per cents
+    "pct1": _number("{:.1f}\u00a0%", 100.0),  # tables
+    "points": _number("{:+.0f}", 100.0),
+    "points1": _number("{:+.1f}", 100.0),
+    "effect": _number("{:+.2f}"),
+    "rate": _number("{:.2f}"),
+    "fine": _number("{:.3f}"),
+    "times": _number("{:.1f}"),
+    "cm": _number("{:.1f}\u00a0cm", 100.0),
+    "count": _number("{:.0f}"),
+    "spread": _spread,
+}

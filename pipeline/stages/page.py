@@ -1,0 +1,75 @@
+"""Stage page of a study: write its index.html, figures and tables into the study's own folder."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from omegaconf import DictConfig, OmegaConf
+
+from pipeline.params import PARAMS, load
+from pipeline.report.page import Site, environment, provenance, render_page, write_files
+from pipeline.report.study import Study
+from pipeline.runtime.errors import InputError
+
+HOME = "../../reports/"  # the paper's pages, seen from a study's folder
+
+
+def main(argv: list[str]) -> None:
+    """Read the study's results and parameters, and write its page."""
+    parser = argparse.ArgumentParser(prog="python -m pipeline.stages.page", description=__doc__)
+    parser.add_argument("study", help="name of a folder in studies/")
+    parser.add_argument("overrides", nargs="*", metavar="parameter=value")
+    parser.add_argument("--params", type=Path, default=PARAMS, metavar="FILE")
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="default: studies/STUDY")
+    given = parser.parse_args(argv)
+    folder = Path("studies") / given.study
+    if not (folder / "page.html.j2").is_file():
+        raise InputError(f"{folder} has no page.html.j2: expected the name of a study with a page")
+    study = read_study(load(given.params, given.overrides), given.study)
+    write_files(render(study, folder), given.out or folder)
+
+
+def read_study(cfg: DictConfig, name: str) -> Study:
+    """Return the study's results and parameters. Raise InputError if params.yaml has none."""
+    if name not in cfg.studies:
+        raise InputError(f"{PARAMS} has no studies.{name}: run `python -m pipeline.params`")
+    settings: Any = OmegaConf.to_container(cfg.studies[name], resolve=True)
+    return Study(
+        name=name,
+        folder=Path(cfg.paths.studies) / name,
+        settings=settings,
+        variants=list(cfg.variants),
+        users={user: dict(margins) for user, margins in cfg.users.items()},
+        judged_users=[user for user in cfg.evaluate.users if user in cfg.users],
+        seeds=list(cfg.protocol.seeds),
+        main_n_demos=cfg.main_n_demos,
+        facts=provenance(cfg) | {"settings": OmegaConf.to_yaml(cfg.studies[name]), "studies": [name]},
+    )
+
+
+def render(study: Study, folder: Path) -> Site:
+    """Return the page of a study by the template in `folder`.
+
+    Raise InputError or ValueError if it uses a number that is missing or not finite.
+    """
+    names = {
+        "home": HOME,
+        "r": study,
+        "facts": study.facts,
+        "settings": study.settings,
+        "value": study.value,
+        "values": study.values,
+    }
+    names |= {"question": study.settings["question"], "variants": study.variants, "n": study.main_n_demos}
+    made, site = environment([folder], pages={"index": "Overview"}, **names), Site()
+    render_page("study", "page.html.j2", f"studies.{study.name}", study, made, site)
+    return Site({"index": site.pages["study"]}, site.figures, site.tables)
+
+
+if __name__ == "__main__":
+    try:
+        main(sys.argv[1:])
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)
