@@ -144,10 +144,10 @@ def test_the_numbers_of_every_table_are_those_of_its_csv(site: Site):
             continue
         cells = {tuple(row) for row in Reader(site.pages[name.partition("-")[0]]).rows}
         for row in table.to_dict("records"):
-            assert any(_same(row, shown) for shown in cells), (name, row)
+            assert any(same_row(row, shown) for shown in cells), (name, row)
 
 
-def _same(row: dict, shown: tuple[str, ...]) -> bool:
+def same_row(row: dict, shown: tuple[str, ...]) -> bool:
     """Whether a page's cells are a row's values within their last digit."""
     return len(row) == len(shown) and all(map(_equal, row.values(), shown))
 
@@ -157,11 +157,11 @@ def _equal(value: object, text: str) -> bool:
         return text == "–"
     if isinstance(value, str):
         return text == value
-    number = re.fullmatch(r"([+−]?\d+)(\.\d+)?(\u00a0%)?", text)
+    number = re.fullmatch(r"([+−]?\d+)(\.\d+)?(\u00a0(%|cm))?", text)
     if number is None or pd.isna(value):
         return False
     digits = len(number[2] or ".") - 1
-    shown = float(text.replace("−", "-").removesuffix("\u00a0%"))
+    shown = float(text.replace("−", "-").partition("\u00a0")[0])
     return any(abs(shown - scale * float(value)) <= 0.501 * 10**-digits for scale in (1, 100))  # type: ignore[arg-type]
 
 
