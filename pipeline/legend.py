@@ -12,7 +12,7 @@ LABELS = {
     "clearance": "Clearance model",
     "position_only": "Position only (image-blind)",
     "nearest_demonstration": "Nearest demonstration (image-blind)",
-    "constant_detour": "Constant detour (image-blind)",
+    "constant_detour": "Fixed detour (image-blind)",
     "random_path": "Random path (image-blind)",
     "paper": "The paper",
     "blind": "Image-blind baseline",

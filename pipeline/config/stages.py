@@ -56,3 +56,4 @@ class Report(Group):
     shown: Names
     scenes: Count
     map_side: Count
+    patterned_top: str

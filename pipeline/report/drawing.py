@@ -7,11 +7,12 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Polygon
+from matplotlib.patches import PathPatch, Polygon
+from matplotlib.path import Path
 from numpy import ndarray as Array
 
 from pipeline.report import style
-from pipeline.world.bezier import P_F, P_INIT, Z_HIGH, Z_LOW, curve
+from pipeline.world.bezier import P_F, P_INIT, Z_HIGH, Z_LOW
 from pipeline.world.layout import SYMBOLS, Layouts
 from pipeline.world.rules import Margins
 
@@ -28,7 +29,7 @@ def draw_table(
     axes: Axes, image: Array, layouts: Layouts | None = None, scene: int = 0, margins: Margins | None = None
 ) -> None:
     """Draw a table from above, with dashed lines at the user's margins around its items."""
-    axes.imshow(image, extent=(0, 1, 0, 1), interpolation="none")
+    axes.imshow(fewer_levels(image), extent=(0, 1, 0, 1), interpolation="none")
     _bare(axes)
     if layouts is None or margins is None:
         return
@@ -39,11 +40,17 @@ def draw_table(
             axes.add_patch(Polygon(outline, fill=False, edgecolor="white", linewidth=1.2, linestyle=(0, (3, 2))))
 
 
+def fewer_levels(image: Array) -> Array:
+    """Return a uint8 image with 32 levels a channel, whose PNG is half as large: the camera's noise hides the steps."""
+    return (image & 0xF8) | 4
+
+
 def draw_path(axes: Axes, z_theta: Array, colour: str, width: float = 2.5, linestyle: Any = "-") -> None:
     """Draw the Bezier path of one control point [m], with a dark outline for contrast on any table top."""
-    points = curve(np.asarray(z_theta, float), 80)
-    axes.plot(*points.T, color="#111417", linewidth=width + 1.6, alpha=0.6)
-    axes.plot(*points.T, color=colour, linewidth=width, linestyle=linestyle)
+    parabola = Path([P_INIT, np.asarray(z_theta, float), P_F], [Path.MOVETO, Path.CURVE3, Path.CURVE3])
+    style = {"facecolor": "none", "capstyle": "butt"}
+    axes.add_patch(PathPatch(parabola, edgecolor="#111417", linewidth=width + 1.6, alpha=0.6, **style))
+    axes.add_patch(PathPatch(parabola, edgecolor=colour, linewidth=width, linestyle=linestyle, **style))
     axes.plot(*P_INIT, "o", *P_F, "s", color="white", markersize=4.5, markeredgecolor="#111417")
     axes.set(xlim=(0, 1), ylim=(0, 1))
 
@@ -57,8 +64,8 @@ def draw_map(axes: Axes, p: Array, trace: Array | None = None) -> None:
     if trace is not None:
         axes.plot(*trace.T, color="#111417", linewidth=3.2)
         axes.plot(*trace.T, color="white", linewidth=1.6)
-        axes.plot(*trace[0], "o", color="white", markersize=8, markeredgecolor="#111417")
-        axes.plot(*trace[-1], "*", color="white", markersize=13, markeredgecolor="#111417")
+        for place, mark, size in ((trace[0], "o", 8), (trace[-1], "*", 13)):
+            axes.plot(*place, mark, color="white", markersize=size, markeredgecolor="#111417", clip_on=False)
     _bare(axes)
     axes.set(xlim=(Z_LOW, Z_HIGH), ylim=(Z_LOW, Z_HIGH))
 
@@ -78,6 +85,21 @@ def draw_intervals(
     axes.set_yticks(range(len(groups)), list(groups))
     axes.set_ylim(len(groups) - 0.5, -0.5)
     axes.grid(axis="x")
+
+
+def label_ends(axes: Axes, x: int, ends: Mapping[str, float], gap: float = 0.055) -> None:
+    """Write the names of series beside their last points (x, y), at least `gap` of the axis apart, as toggles."""
+    low, high = axes.get_ylim()
+    y, places = -np.inf, {}
+    for name in sorted(ends, key=ends.__getitem__):
+        y = places[name] = max(ends[name], y + gap * (high - low))
+    over = max(0.0, y - high)
+    for name, place in places.items():
+        text = axes.annotate(style.label(name), (x, place - over), (16, 0), textcoords="offset points", va="center")
+        mark = axes.annotate("●", (x, place - over), (7, 0), textcoords="offset points", va="center", ha="center")
+        mark.set(color=style.colour(name), fontsize=8)
+        style.of_series(mark, name)
+        style.toggles(text, name)
 
 
 def _capsule(ends: Array, radius: float) -> Array:

@@ -62,8 +62,13 @@ def environment(folders: Sequence[Path], **names: Any) -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.globals |= FORMATS | {"label": style.label, "formats": FORMATS} | names
+    made.globals |= FORMATS | {"label": style.label, "formats": FORMATS, "headings": headings} | names
     return made
+
+
+def headings(content: str) -> list[tuple[str, str]]:
+    """Return the id and the text of each section's heading, for the table of contents."""
+    return re.findall(r'<h2 id="([^"]+)">([^<]+)</h2>', content)
 
 
 def render_page(
@@ -86,7 +91,8 @@ def render_page(
         site.figures[file] = style.svg(drawn)
         width, height = (round(96 * inches) for inches in drawn.get_size_inches())
         text = {"file": file, "alt": alt, "number": counts["figure"], "caption": caller()}
-        text |= {"width": width, "height": height, "wide": wide, "command": review_command(data, recording)}
+        text |= {"width": width, "height": height, "wide": wide, "chart": "<script>" in site.figures[file]}
+        text |= {"command": review_command(data, recording)}
         return Markup(made.get_template("figure.html.j2").render(text))
 
     def table(name: str, caller: Callable[[], str] = str) -> Markup:

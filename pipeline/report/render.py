@@ -7,7 +7,8 @@ import pandas as pd
 
 from pipeline.report.claims import claims_table, verdicts
 from pipeline.report.page import FOLDER, FORMATS, Site, Table, checked, environment, render_page
-from pipeline.report.results import PAPER_ACCURACY, PAPER_TABLE_1, PAPER_TABLE_2, Results
+from pipeline.report.pages.index.widget import widget
+from pipeline.report.results import PAPER_ACCURACY, PAPER_TABLE_1, PAPER_TABLE_2, SOURCES, Results
 
 __all__ = ["FORMATS", "PAGES", "Site", "Table", "render"]
 PAGES = {
@@ -16,7 +17,11 @@ PAGES = {
     "accuracy": "Accuracy",
     "repair": "Repair",
     "causes": "Causes",
+    "limits": "Limits",
+    "users": "Users",
+    "card": "Model card",
     "method": "Method",
+    "history": "History",
 }
 
 
@@ -27,7 +32,8 @@ def render(results: Results, pages: Collection[str] = tuple(PAGES)) -> Site:
     """
     results.check()
     claims = claims_table(results)
-    site = Site(tables={"claims": claims}, claims=verdicts(claims))
+    tables = {"claims": claims} | {name: results.tables[name] for name in SOURCES}
+    site = Site(tables=tables, claims=verdicts(claims))
     made = environment([FOLDER], **_names(results, claims))
     for name in pages:
         template, package = f"pages/{name}/page.html.j2", f"pipeline.report.pages.{name}"
@@ -43,6 +49,7 @@ def _names(results: Results, claims: pd.DataFrame) -> dict[str, Any]:
         "value": results.value,
         "accuracy": results.accuracy,
         "repair": results.repair,
+        "sliced": results.sliced,
         "variants": results.variants,
         "users": list(results.users),
         "judged": results.judged_users,
@@ -55,6 +62,8 @@ def _names(results: Results, claims: pd.DataFrame) -> dict[str, Any]:
         "paper_repair": PAPER_TABLE_1,
         "paper_valid": PAPER_TABLE_2,
         "pages": PAGES,
+        "widget": lambda: widget(results),
+        "brief": False,
     }
 
 

@@ -24,6 +24,10 @@ PAPER_TABLE_2 = pd.DataFrame(
     ],
     columns=["user", "none", "bowl", "plate", "cutlery", "glass"],
 ).set_index("user")
+UNSURE = (0.3, 0.8)  # P(valid) of a path about which a model is unsure
+SOURCES = (  # tables of whose numbers the pages' texts are made: written beside the pages
+    "accuracy", "calibration", "scores", "comparisons", "repair", "interventions", "p_valid", "convergence", "slices",
+)  # fmt: skip
 FINITE = {  # columns whose values must all be finite, since figures draw them
     "accuracy": ["mean"],
     "comparisons": ["difference", "p_holm"],
@@ -31,6 +35,8 @@ FINITE = {  # columns whose values must all be finite, since figures draw them
     "interventions": ["effect", "ci_low", "ci_high", "truth"],
     "p_valid": ["truth", "paper", "difference"],
     "demos": ["z_x", "z_y"],
+    "judged": ["p", "z_x", "z_y"],
+    "slices": ["accuracy", "share"],
 }
 
 
@@ -39,7 +45,8 @@ class DrawnScenes:
     """The scenes shown in figures: one pool's images and layouts, and the shown models' maps of P(valid).
 
     images: uint8 (scene, 100, 100, 3); maps: variant -> user -> (scene, side, side) as [y, x] on `lattice(side)`,
-    for the scenes in `mapped`; truth: user -> bool of the same shape. added_images: uint8 (1 + symbol, 100, 100, 3),
+    for the scenes in `mapped`; truth: user -> bool of the same shape. patterned, patterned_maps: the images and maps of
+    the same scenes on a patterned table top. added_images: uint8 (1 + symbol, 100, 100, 3),
     one scene without and with each added item; added_maps: "truth" or variant -> (1 + symbol, side, side), for
     `added_user`. training: uint8 (scene, 100, 100, 3), the first training scenes of the first seed.
     """
@@ -49,6 +56,8 @@ class DrawnScenes:
     mapped: list[int]
     maps: dict[str, dict[str, np.ndarray]]
     truth: dict[str, np.ndarray]
+    patterned: np.ndarray
+    patterned_maps: dict[str, dict[str, np.ndarray]]
     added_user: str
     added_images: np.ndarray
     added_maps: dict[str, np.ndarray]
@@ -60,7 +69,8 @@ class Results:
     """The results of one run.
 
     tables: accuracy, calibration, scores, comparisons, repair (summary), repairs, interventions (summary), p_valid,
-    recordings, convergence, demos; paths: paths.npz of stage repair; facts: settings that pages print.
+    recordings, convergence, demos, judged (paths, by `slices.describe`), slices, draws, changes, effort; paths:
+    paths.npz of stage repair; facts: settings that pages print.
     """
 
     variants: list[str]
@@ -91,6 +101,28 @@ class Results:
     def repair(self, method: str, variant: str, user: str, column: str = "success") -> float:
         """Return one number of repair/summary.csv; baselines have the variant \"\"."""
         return self.value("repair", column, method=method, variant=variant, user=user)
+
+    def sliced(
+        self,
+        variant: str,
+        column: str,
+        slice: str = "all",
+        value: str = "all",
+        split: str = "new_items",
+        **missing: Any,
+    ) -> Any:
+        """Return one number of a slice of the judged paths; `missing`, where it is given, if no path is in it."""
+        where = {"variant": variant, "split": split, "slice": slice, "value": value}
+        table = self.tables["slices"]
+        if "missing" in missing and not (table[list(where)] == pd.Series(where)).all(axis=1).any():
+            return missing["missing"]
+        return self.value("slices", column, **where)
+
+    def unsure(self, variant: str) -> dict[str, float] | None:
+        """Return the mean stated P(valid), the share valid and the number of the unseen-item paths given .3 to .8."""
+        rows = self.tables["judged"]
+        rows = rows[(rows["variant"] == variant) & (rows["split"] == "new_items") & rows["p"].between(*UNSURE)]
+        return {"stated": rows["p"].mean(), "valid": rows["valid"].mean(), "count": len(rows)} if len(rows) else None
 
     def asked(self, kind: str, variant: str) -> pd.DataFrame:
         """Return a variant's rows for one kind of question ("add", "user"), for users with invalid paths."""

@@ -2,13 +2,16 @@
 
 import io
 import re
+from pathlib import Path
 from typing import Any
 
 import matplotlib
+from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
 from pipeline.legend import INVALID, MAP, START, VALID, label  # noqa: F401  # the rest of the style
 
+SCRIPT = Path(__file__).with_name("chart.js")
 INK, MUTED, RULE = "#1b1f24", "#5d6670", "#d4d8dd"
 TRAIN, UNSEEN = "#009e73", "#d55e00"  # green and red as in the paper, in hues of Okabe and Ito
 COLOURS = {  # hues of Okabe and Ito; the paper's model and its ablations share blue
@@ -43,9 +46,20 @@ RC: dict[Any, Any] = {
     "xtick.labelcolor": INK,
     "ytick.labelcolor": INK,
 }
+CHART = """<style>
+:root { width: 100%; height: 100%; }
+.toggle { cursor: pointer; }
+.toggle[aria-pressed=false] { opacity: .35; }
+.toggle:focus-visible { outline: 2px solid var(--ink); }
+.tip { display: none; pointer-events: none; }
+.tip rect { fill: var(--paper); stroke: var(--muted); }
+.tip text { fill: var(--ink); font: 12px system-ui, sans-serif; }
+</style>"""
 THEME = """<style>
-:root { --ink: #1b1f24; --muted: #5d6670; --rule: #d4d8dd; }
-@media screen and (prefers-color-scheme: dark) { :root { --ink: #e7eaed; --muted: #a3acb6; --rule: #3a4148; } }
+:root { --paper: #ffffff; --ink: #1b1f24; --muted: #5d6670; --rule: #d4d8dd; color-scheme: light dark; }
+@media screen and (prefers-color-scheme: dark) {
+  :root { --paper: #14171a; --ink: #e7eaed; --muted: #a3acb6; --rule: #3a4148; }
+}
 </style>"""
 
 
@@ -59,8 +73,21 @@ def marker(name: str) -> str:
     return MARKERS.get(name, "X")
 
 
+def of_series(artist: Artist, name: str, value: str = "") -> None:
+    """Mark an artist as a part of a series, which a legend entry hides, with the value shown under the pointer."""
+    artist.set_gid(f"series:{name}|{value}")
+
+
+def toggles(artist: Artist, name: str) -> None:
+    """Mark an artist as the button that shows and hides a series."""
+    artist.set_gid(f"toggle:{name}|{label(name)}")
+
+
 def svg(figure: Figure) -> str:
-    """Return a figure as SVG text with reproducible bytes; its text colour follows the light or dark scheme."""
+    """Return a figure as SVG text with reproducible bytes; its text colour follows the light or dark scheme.
+
+    Charts with series carry the script chart.js.
+    """
     buffer = io.StringIO()
     with matplotlib.rc_context(RC):
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
@@ -69,7 +96,15 @@ def svg(figure: Figure) -> str:
     text = re.sub(r'( d="|\b[xy]="|translate\()([^")]*)', lambda part: part[1] + _rounded(part[2]), text)
     for hexadecimal, name in ((INK, "ink"), (MUTED, "muted"), (RULE, "rule")):
         text = text.replace(hexadecimal, f"var(--{name})")
-    return re.sub(r"(<svg[^>]*>)", lambda tag: tag[1] + "\n" + THEME, text, count=1)
+    text, count = re.subn(r'<g id="(series|toggle):([^|"]+)\|([^"]*)">', _part, text)
+    text = re.sub(r"(<svg[^>]*>)", lambda tag: tag[1] + "\n" + THEME + CHART * (count > 0), text, count=1)
+    return text.replace("</svg>", f"<script><![CDATA[\n{SCRIPT.read_text()}]]></script>\n</svg>") if count else text
+
+
+def _part(group: re.Match) -> str:
+    """Return the opening tag of a marked group, with its value as title."""
+    title = f"<title>{group[3]}</title>" if group[3] else ""
+    return f'<g class="{group[1]}" data-series="{group[2]}">{title}'
 
 
 def _rounded(places: str) -> str:

@@ -6,27 +6,37 @@ import numpy as np
 import pandas as pd
 from omegaconf import DictConfig
 
+from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import read_arrays, read_json, read_table, write_json
 from pipeline.artifacts.interventions import AddedItems, read_interventions
-from pipeline.artifacts.models import model_dir
+from pipeline.artifacts.models import PREDICTION_COLUMNS, model_dir
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.artifacts.trained import load_model
 from pipeline.launch import launch
+from pipeline.models.baselines import nearest_demonstration
 from pipeline.report.page import FOLDER, Site, provenance, write_files
 from pipeline.report.render import render
 from pipeline.report.results import DrawnScenes, Results
+from pipeline.report.slices import describe, slices
 from pipeline.runtime.writing import atomic_write
 from pipeline.world.bezier import lattice
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import Layouts
+from pipeline.world.render import read_palette, render_scenes
 from pipeline.world.rules import valid
 
 HEADLINES = ("scenes", "evaluate", "repair", "intervene")  # stages whose metrics.json are merged
+HISTORY = {  # name -> file of docs/
+    "draws": Path("docs/decisions/data/test_draws.csv"),
+    "changes": Path("docs/decisions/data/changes_after_tests.csv"),
+    "effort": Path("docs/decisions/data/search_effort.csv"),
+}
 TABLES = {  # name -> stage and file
     "accuracy": ("evaluate", "accuracy.csv"),
     "calibration": ("evaluate", "calibration.csv"),
     "scores": ("evaluate", "scores.csv"),
     "comparisons": ("evaluate", "comparisons.csv"),
+    "convergence": ("evaluate", "convergence.csv"),
     "repair": ("repair", "summary.csv"),
     "repairs": ("repair", "repairs.parquet"),
     "interventions": ("intervene", "summary.csv"),
@@ -42,7 +52,9 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     tables = {name: read_table(Path(cfg.paths[stage]) / file) for name, (stage, file) in TABLES.items()}
     for name, column in (("repair", "variant"), ("repairs", "variant"), ("interventions", "symbol")):
         tables[name] = tables[name].assign(**{column: tables[name][column].fillna("")})  # csv reads "" as missing
-    tables["convergence"] = _convergence(cfg, scenes)
+    tables["judged"] = _judged(cfg, scenes)
+    tables["slices"] = slices(tables["judged"])
+    tables |= {name: read_table(path) for name, path in HISTORY.items()}
     results = Results(
         variants=list(cfg.variants),
         users={user: dict(margins) for user, margins in cfg.users.items()},
@@ -80,7 +92,8 @@ def _drawn(cfg: DictConfig, scenes: SceneSet) -> DrawnScenes:
     shown = [variant for variant in cfg.report.shown if variant in cfg.variants]
     side, users = cfg.report.map_side, [user for user in cfg.evaluate.users if user in cfg.users]
     maps = {v: {u: _predicted_map(cfg, v, u, images[mapped], side) for u in users} for v in shown}
-    added, user = read_interventions(Path(cfg.paths.intervene), layouts), users[-1]
+    patterned = _patterned(cfg, layouts[mapped], scenes.appearances[pool].iloc[mapped])
+    added, user = read_interventions(Path(cfg.paths.intervene), layouts), users[0]
     added_images = np.concatenate([images[:1], added.images[:, 0]])
     added_maps = {v: _predicted_map(cfg, v, user, added_images, side) for v in shown if v in ("full", "clearance")}
     return DrawnScenes(
@@ -89,11 +102,45 @@ def _drawn(cfg: DictConfig, scenes: SceneSet) -> DrawnScenes:
         mapped=mapped,
         maps=maps,
         truth={u: _true_map(cfg, u, layouts[mapped], side) for u in users},
+        patterned=patterned,
+        patterned_maps={v: {u: _predicted_map(cfg, v, u, patterned, side) for u in users} for v in shown},
         added_user=user,
         added_images=added_images,
         added_maps={"truth": _true_added(cfg, user, layouts, added, side)} | added_maps,
         training=scenes.images[train_pool(seed)][: cfg.report.scenes],
     )
+
+
+def _judged(cfg: DictConfig, scenes: SceneSet) -> pd.DataFrame:
+    """Return the judged paths of the shown variants, and of the nearest demonstration in the training scenes.
+
+    Columns of `describe`, and variant, user, split, seed, p, valid; at main_n_demos, for `evaluate.users`.
+    """
+    queries, demos = read_queries(Path(cfg.paths.demos)), read_demos(Path(cfg.paths.demos))
+    key, parts, blind = ["user", "split", "seed", "scene", "query"], [], []
+    for user in (user for user in cfg.evaluate.users if user in cfg.users):
+        for split, shared in cfg.protocol.splits.items():
+            for seed in cfg.protocol.seeds:
+                pool = shared or train_pool(seed)
+                tops, asked = list(scenes.appearances[pool]["texture"]), queries[pool]
+                rows = describe(scenes.layouts[pool], asked.z, cfg.users[user], tops)
+                rows = rows.assign(user=user, split=split, seed=seed, valid=asked.valid[user].ravel())
+                parts.append(rows)
+                if shared is None:
+                    p = nearest_demonstration(*demo_arrays(demos, seed, user, cfg.main_n_demos), asked.z)
+                    blind.append(rows.assign(variant="nearest_demonstration", p=p.ravel()))
+    paths = pd.concat(parts, ignore_index=True)
+    for variant in (variant for variant in cfg.report.shown if variant in cfg.variants):
+        p = read_table(model_dir(cfg, variant) / "predictions.parquet", PREDICTION_COLUMNS)
+        p = p.loc[p["n_demos"] == cfg.main_n_demos, [*key, "p"]]
+        blind.append(paths.merge(p, on=key, validate="one_to_one").assign(variant=variant))
+    return pd.concat(blind, ignore_index=True)
+
+
+def _patterned(cfg: DictConfig, layouts: Layouts, appearance: pd.DataFrame) -> np.ndarray:
+    """Return the scenes rendered on the table top `report.patterned_top`, uint8 (scene, 100, 100, 3)."""
+    tops, seeds = [cfg.report.patterned_top] * len(layouts), appearance["render_seed"].tolist()
+    return render_scenes(layouts, tops, seeds, read_palette(cfg.paths.data)[1])
 
 
 def _predicted_map(cfg: DictConfig, variant: str, user: str, images: np.ndarray, side: int) -> np.ndarray:
@@ -115,36 +162,18 @@ def _true_added(cfg: DictConfig, user: str, layouts: Layouts, added: AddedItems,
     return np.concatenate(first)
 
 
-def _convergence(cfg: DictConfig, scenes: SceneSet) -> pd.DataFrame:
-    """Return the reconstruction error of each variant with a decoder: final RMSE relative to a flat image.
-
-    The flat image is each scene's mean colour. Columns variant, reconstruction_over_flat (mean over users and seeds).
-    """
-    rows = []
-    for variant, settings in cfg.variants.items():
-        if not settings.get("alpha"):
-            continue
-        curves = read_table(model_dir(cfg, str(variant)) / "curves.parquet")
-        curves = curves[curves["n_demos"] == cfg.main_n_demos]
-        last = curves.sort_values("step").groupby(["user", "seed"]).last().reset_index()
-        flat = {
-            seed: scenes.images[train_pool(seed)].astype(float).var(axis=(1, 2)).mean() / 255**2
-            for seed in cfg.protocol.seeds
-        }
-        ratio = np.sqrt(last["reconstruction"] / settings.alpha / last["seed"].map(flat))
-        rows.append({"variant": variant, "reconstruction_over_flat": float(ratio.mean())})
-    return pd.DataFrame(rows, columns=["variant", "reconstruction_over_flat"])
-
-
 def _facts(cfg: DictConfig, scenes: SceneSet) -> dict:
     """Return the settings that pages print."""
     paper = cfg.variants.get("full")
     return provenance(cfg) | {
+        "patterned_top": cfg.report.patterned_top,
         "studies": {name: study.question for name, study in cfg.studies.items()},
         "scenes_per_seed": cfg.scenes.per_seed,
         "test_scenes": len(scenes.images[cfg.protocol.splits[cfg.repair.split]]),
         "repair_steps": cfg.repair.steps,
         "optimiser": cfg.repair.optimiser,
+        "repair_rate": cfg.repair.rate,
+        "distance_penalty": cfg.repair.distance_penalty,
         "train": cfg.train,
         "weights": None if paper is None else {name: paper[name] for name in ("alpha", "beta", "gamma")},
     }

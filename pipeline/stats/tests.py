@@ -35,15 +35,15 @@ def holm(p: Float[Array, "*family test"]) -> Float[Array, "*family test"]:
     return np.take_along_axis(np.minimum(stepped, 1.0), order.argsort(-1), -1)
 
 
-def verdict(effect: float, p_holm: float, ci90_low: float, ci90_high: float) -> str:
+def verdict(effect: float, p_holm: float, ci90_low: float, ci90_high: float, smallest: float = SMALLEST_EFFECT) -> str:
     """Return the verdict on an effect, one of VERDICTS.
 
-    "effect": significant and larger than SMALLEST_EFFECT in size. "negligible": equivalent to zero by two one-sided
-    tests, that is, the 90 % interval lies within +-SMALLEST_EFFECT (Schuirmann, 1987). "undecided": neither.
+    "effect": significant and larger than `smallest` in size. "negligible": equivalent to zero by two one-sided
+    tests, that is, the 90 % interval lies within +-`smallest` (Schuirmann, 1987). "undecided": neither.
     """
-    if p_holm < LEVEL and abs(effect) > SMALLEST_EFFECT:
+    if p_holm < LEVEL and abs(effect) > smallest:
         return "effect"
-    if ci90_low > -SMALLEST_EFFECT and ci90_high < SMALLEST_EFFECT:
+    if ci90_low > -smallest and ci90_high < smallest:
         return "negligible"
     return "undecided"
 

@@ -8,9 +8,12 @@ import numpy as np
 import pandas as pd
 
 from pipeline.report.results import PAPER_TABLE_2, DrawnScenes, Results
+from pipeline.report.slices import DISTANCE_LABELS, NOTHING, slices
+from pipeline.stages.report import HISTORY
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, random_layouts
 
+DATA = Path("data")
 VARIANTS = ("full", "ae", "classifier", "irl_maxent", "irl_ranked", "clearance")
 MARGINS = {
     "careful": dict.fromkeys(SYMBOLS, 0.045),
@@ -26,6 +29,7 @@ RULES = LayoutRules((2, 3), (0.05, 0.35, 0.4, 0.2), 0.12, 0.88, 0.12, 0.015, 0.9
 def tables(variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MARGINS)) -> dict[str, pd.DataFrame]:
     """Return every table the pages draw from."""
     judged = [user for user in ("careful", "normal") if user in users]
+    judged_paths = _judged(variants, judged)
     return {
         "accuracy": pd.DataFrame([_accuracy(v, s, n) for v, s, n in product(variants, SPLITS, N_DEMOS)] + _blind()),
         "calibration": pd.DataFrame(
@@ -65,9 +69,17 @@ def tables(variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MARG
             ]
         ),
         "convergence": pd.DataFrame(
-            [{"variant": v, "reconstruction_over_flat": 2.2} for v in ("full", "ae") if v in variants],
-            columns=["variant", "reconstruction_over_flat"],
+            [
+                {"variant": v, "reconstruction_over_flat": 2.2, "own_demonstrations": 0.9, "passed": 0.0}
+                for v in ("full", "ae")
+                if v in variants
+            ],
+            columns=["variant", "reconstruction_over_flat", "own_demonstrations", "passed"],
         ),
+        "judged": judged_paths,
+        "slices": slices(judged_paths),
+    } | {
+        name: pd.read_csv(path) for name, path in HISTORY.items()
     }  # fmt: skip
 
 
@@ -75,7 +87,7 @@ def results(variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MAR
     """Return results of these variants and users; `changes` replace tables by name."""
     judged = [user for user in ("careful", "normal") if user in users]
     shown = [v for v in ("full", "clearance", "irl_ranked") if v in variants] or [variants[0]]
-    catalogue = read_catalogue(Path("data"))
+    catalogue = read_catalogue(DATA)
     rng = np.random.default_rng(0)
     layouts = random_layouts(rng, SCENES, catalogue.footprints, catalogue.pool("unseen"), RULES)
     return Results(
@@ -92,6 +104,7 @@ def results(variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MAR
         catalogue=catalogue,
         facts={
             "data_md5": "9bf8cba6a5daf2c6",
+            "patterned_top": "marble",
             "root_seed": 2040,
             "profile": "paper",
             "studies": {"robustness": "How much do worse images hurt?"},
@@ -99,10 +112,33 @@ def results(variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MAR
             "test_scenes": SCENES,
             "repair_steps": STEPS,
             "optimiser": "adam",
+            "repair_rate": 0.5,
+            "distance_penalty": 0.3,
             "weights": {"alpha": 10.0, "beta": 0.005, "gamma": 1.0},
-            "train": {"steps": 600, "rate": 0.003, "model": {"latent": 15, "channels": [16, 8, 4], "hidden": 64}},
+            "train": {
+                "steps": 600,
+                "rate": 0.003,
+                "weight_decay": 0.01,
+                "model": {"latent": 15, "channels": [16, 8, 4], "hidden": 64},
+            },
         },
     )
+
+
+def _judged(variants: Sequence[str], users: Sequence[str]) -> pd.DataFrame:
+    """Return judged paths: every fifth answer is wrong, and the description of a path follows its number."""
+    shown = [v for v in ("full", "clearance", "irl_ranked") if v in variants] or [variants[0]]
+    keys = product(
+        [*shown, "nearest_demonstration"], users, ("seen_scenes", "new_items"), SEEDS, range(SCENES), range(5)
+    )
+    rows = pd.DataFrame(list(keys), columns=["variant", "user", "split", "seed", "scene", "query"])
+    rows = rows[(rows["variant"] != "nearest_demonstration") | (rows["split"] == "seen_scenes")]
+    number, valid = rows["query"], (rows["query"] + rows["scene"]) % 2 == 0
+    return rows.assign(
+        valid=valid, p=np.where(valid ^ (number == 3), 0.7, 0.2), z_x=0.2 * number, z_y=0.9 - 0.2 * number,
+        distance=number.map(dict(enumerate(DISTANCE_LABELS))), nearest=number.map(dict(enumerate([*SYMBOLS, NOTHING]))),
+        items=2 + rows["scene"] % 2, table_top="oak",
+    )  # fmt: skip
 
 
 def drawn(layouts: Layouts, shown: Sequence[str], users: Sequence[str]) -> DrawnScenes:
@@ -115,6 +151,8 @@ def drawn(layouts: Layouts, shown: Sequence[str], users: Sequence[str]) -> Drawn
         mapped=list(range(SCENES)),
         maps={v: dict.fromkeys(users, maps) for v in shown},
         truth={u: maps > 0.5 for u in users},
+        patterned=grey,
+        patterned_maps={v: dict.fromkeys(users, 1 - maps) for v in shown},
         added_user=users[-1],
         added_images=np.stack([grey[0]] * 5),
         added_maps={"truth": np.stack([maps[0] > 0.5] * 5), shown[0]: np.stack([maps[0]] * 5)},
@@ -188,5 +226,6 @@ def _question(question: str, kind: str, symbol: str, variant: str, user: str, ef
     verdict, true_verdict = ("effect" if abs(e) > 0.05 else "negligible" for e in (effect, truth))
     row = {"question": question, "kind": kind, "symbol": symbol, "variant": variant, "user": user, "baseline": 0.5}
     row |= {"intervened": 0.5 + effect, "effect": effect, "ci_low": effect - 0.02, "ci_high": effect + 0.02}
+    row |= {"ci90_low": effect - 0.017, "ci90_high": effect + 0.017}
     row |= {"verdict": verdict, "truth": truth, "truth_verdict": true_verdict, "right": verdict == true_verdict}
     return row | {"q1": effect - 0.01, "q3": effect + 0.01, "p_holm": 0.01}

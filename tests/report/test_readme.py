@@ -20,7 +20,7 @@ FIVE = pd.DataFrame({"Model": ["full"] * 5})
 def test_every_model_and_baseline_has_a_row_with_its_numbers():
     rows = headlines(METRICS, FIVE).splitlines()
     assert rows[2] == "| Paper’s model | 54\u00a0% | 65\u00a0% | 75\u00a0% | 3 of 5 |"
-    assert rows[-1] == "| Constant detour (image-blind) | – | 80\u00a0% | 90\u00a0% | – |"
+    assert rows[-1] == "| Fixed detour (image-blind) | – | 80\u00a0% | 90\u00a0% | – |"
 
 
 def test_filling_twice_is_filling_once():

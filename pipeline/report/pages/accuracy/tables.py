@@ -26,20 +26,18 @@ def accuracy(results: Results) -> Table:
 
 
 def comparisons(results: Results) -> Table:
-    """Return all tests fixed in advance: difference in percentage points, Holm p, and significance."""
-    rows = results.tables["comparisons"]
-    frame = pd.DataFrame(
-        {
-            "Model": rows["variant"].map(label),
-            "Against": rows["against"].map(label),
-            "Paths in": rows["split"].map(label),
-            "Demonstrations": rows["n_demos"],
-            "Points": rows["difference"],
-            "Holm p": rows["p_holm"],
-            "Different": rows["significant"].astype(bool).map({True: "yes", False: "no"}),
-        }
-    )
-    return Table(frame, {"Demonstrations": "count", "Points": "points1", "Holm p": "fine"})
+    """Return all tests fixed in advance, a row per pair: differences in accuracy by split, and where Holm's p < .05."""
+    rows, formats = [], {"Demonstrations": "count"} | {label(s).capitalize(): "points1" for s in SPLITS}
+    tests = results.tables["comparisons"]
+    for (variant, against, n), part in tests.groupby(["variant", "against", "n_demos"], sort=False):
+        part = part.set_index("split")
+        won = [s for s in SPLITS if s in part.index and part.loc[s, "significant"]]
+        row = {"Model": label(str(variant)), "Against": label(str(against)), "Demonstrations": n}
+        row |= {label(s).capitalize(): part["difference"].get(s) for s in SPLITS}
+        where = "everywhere" if len(won) == len(part) else ", ".join(map(label, won)) or "nowhere"
+        rows.append(row | {"Significant": where})
+    frame = pd.DataFrame(rows).astype(object)
+    return Table(frame.where(frame.notna(), None), formats)
 
 
 def scores(results: Results) -> Table:

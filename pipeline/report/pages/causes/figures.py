@@ -1,42 +1,12 @@
-"""The causal graph, effects of added items with the truth, and one scene with each added item."""
+"""Effects of added items with the truth, and one scene with each added item."""
 
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
 
 from pipeline.report import style
 from pipeline.report.drawing import draw_map, draw_table, panels
 from pipeline.report.results import Results
+from pipeline.stats.tests import SMALLEST_EFFECT
 from pipeline.world.layout import SYMBOLS
-
-
-def graph(results: Results) -> Figure:
-    """Draw the paper's structural causal model: items cause the image; image, path and user cause validity."""
-    figure, axes = panels(1, 1, 7.2, 3.2)
-    panel = axes[0, 0]
-    places = {name: (0.2, 2.6 - 2.4 * i / max(len(SYMBOLS) - 1, 1)) for i, name in enumerate(SYMBOLS)}
-    places |= {"$Z_I$": (2.2, 1.4), "$Z_\\theta$": (2.9, 2.6), "$S$": (2.9, 0.2), "$V$": (4.4, 1.4)}
-    words = {"$Z_I$": "scene", "$Z_\\theta$": "path", "$S$": "user", "$V$": "valid"}
-    for name, place in places.items():
-        if name in SYMBOLS:
-            _arrow(panel, place, places["$Z_I$"], 0.42)
-            panel.text(
-                *place,
-                name,
-                ha="center",
-                va="center",
-                fontsize=11,
-                bbox={"boxstyle": "round", "fc": "none", "ec": style.MUTED},
-            )
-            continue
-        if name != "$V$":
-            _arrow(panel, place, places["$V$"], 0.32)
-        panel.add_patch(Circle(place, 0.3, fill=False, edgecolor=style.INK, linewidth=1.4))
-        panel.text(*place, name, ha="center", va="center", fontsize=13)
-        panel.text(place[0] + 0.4, place[1] + 0.02, words[name], ha="left", va="bottom", fontsize=10, color=style.MUTED)
-    panel.set(xlim=(-0.5, 5.3), ylim=(-0.3, 3.1), aspect="equal")
-    panel.axis("off")
-    return figure
 
 
 def effects(results: Results) -> Figure:
@@ -49,10 +19,13 @@ def effects(results: Results) -> Figure:
                 rows = results.asked("add", variant)
                 row = rows[(rows["user"] == user) & (rows["symbol"] == symbol)].iloc[0]
                 y = i + 0.7 * (j - (len(results.variants) - 1) / 2) / max(len(results.variants), 1)
-                panel.hlines(y, row["ci_low"], row["ci_high"], color=style.colour(variant), linewidth=2)
-                panel.plot(row["effect"], y, style.marker(variant), color=style.colour(variant), markersize=6)
+                interval = panel.hlines(y, row["ci_low"], row["ci_high"], color=style.colour(variant), linewidth=2)
+                mark = panel.plot(row["effect"], y, style.marker(variant), color=style.colour(variant), markersize=6)[0]
+                value = f"{row['effect']:+.2f} ({row['ci_low']:+.2f} to {row['ci_high']:+.2f})"
+                style.of_series(interval, variant)
+                style.of_series(mark, variant, f"{style.label(variant)}, {symbol}: {value}")
                 panel.vlines(row["truth"], i - 0.42, i + 0.42, color=style.INK, linewidth=1.6)
-        panel.axvspan(-0.05, 0.05, color=style.RULE, alpha=0.5, linewidth=0)
+        panel.axvspan(-SMALLEST_EFFECT, SMALLEST_EFFECT, color=style.RULE, alpha=0.5, linewidth=0)
         panel.set_yticks(range(len(symbols)), symbols)
         panel.set(title=f"{user} user", xlabel="change in P(valid)", ylim=(len(symbols) - 0.5, -0.5))
     marks = [
@@ -60,7 +33,9 @@ def effects(results: Results) -> Figure:
         for v in results.variants
     ]
     marks += [axes[0, 0].plot([], [], "|", color=style.INK, markersize=14, label="Truth")[0]]
-    figure.legend(handles=marks, loc="outside lower center", ncols=4, fontsize=10)
+    legend = figure.legend(handles=marks, loc="outside lower center", ncols=4, fontsize=10)
+    for variant, text in zip(results.variants, legend.get_texts(), strict=False):
+        style.toggles(text, variant)
     return figure
 
 
@@ -77,8 +52,3 @@ def one_scene(results: Results) -> Figure:
     for j, name in enumerate(shown, 1):
         axes[j, 0].set_ylabel("Truth" if name == "truth" else style.label(name), color=style.INK)
     return figure
-
-
-def _arrow(axes: Axes, start: tuple[float, float], end: tuple[float, float], gap: float) -> None:
-    options = {"arrowstyle": "-|>", "color": style.MUTED, "shrinkA": 72 * gap, "shrinkB": 72 * 0.32, "linewidth": 1.2}
-    axes.annotate("", end, start, arrowprops=options)

@@ -5,6 +5,9 @@ import pandas as pd
 from pipeline.report.page import Table
 from pipeline.report.results import Results
 from pipeline.report.style import label
+from pipeline.stats.tests import verdict
+
+SMALLEST = (0.02, 0.03, 0.04, 0.05, 0.06, 0.08)  # smallest effects of interest to compare
 
 
 def score(results: Results) -> Table:
@@ -39,3 +42,18 @@ def verdicts(results: Results) -> Table:
         }
     )
     return Table(frame, dict.fromkeys(("Effect", "low", "high", "Truth"), "effect"))
+
+
+def sensitivity(results: Results) -> Table:
+    """Return each model's number of right verdicts on added items for several smallest effects of interest.
+
+    The truth stays as it is judged at the limit fixed in advance.
+    """
+    rows = []
+    for variant in results.variants:
+        asked = results.asked("add", variant)
+        numbers = asked[["effect", "p_holm", "ci90_low", "ci90_high"]].itertuples(index=False)
+        questions = list(zip(numbers, asked["truth_verdict"], strict=True))
+        right = {f"{s:.2f}": sum(verdict(*x, smallest=s) == truth for x, truth in questions) for s in SMALLEST}
+        rows.append({"Model": label(variant)} | right)
+    return Table(pd.DataFrame(rows), {f"{s:.2f}": "count" for s in SMALLEST})

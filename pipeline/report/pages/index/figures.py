@@ -15,24 +15,35 @@ LEAST_DIFFERENCE = 0.05  # smallest share of a map's cells in which two users di
 
 
 def overview(results: Results) -> Figure:
-    """Draw one row per user: image with a repair by each shown model, true map, and each model's map with its steps."""
+    """Draw one row per user: the image with repairs, true map, each model's map, and the last one on a patterned top.
+
+    Titles give the share of a map that a model has right.
+    """
     shown = [v for v in ("full", "clearance") if v in results.shown] or results.shown[:1]
     drawn, users, place = results.drawn, results.repaired_users, _place(results)
-    scene = drawn.mapped[place]
-    figure, axes = panels(len(users), 2 + len(shown), 3.0 * (2 + len(shown)), 3.15 * len(users))
+    scene, top = drawn.mapped[place], results.facts["patterned_top"]
+    columns = 4 + len(shown)
+    figure, axes = panels(len(users), columns, 2.15 * columns, 2.5 * len(users))
     for line, user in zip(axes, users, strict=True):
-        start = first_start(results, user, scene)
+        start, truth = first_start(results, user, scene), drawn.truth[user][place]
         traces = {v: None if start is None else trace(results, v, user, scene, start) for v in shown}
         draw_table(line[0], drawn.images[scene], drawn.layouts, scene, results.users[user])
         draw_repairs(line[0], traces)
-        draw_map(line[1], drawn.truth[user][place])
-        for panel, variant in zip(line[2:], shown, strict=True):
-            draw_map(panel, drawn.maps[variant][user][place], traces[variant])
-        line[0].set_ylabel(f"{user} user", color=style.INK, fontsize=12)
-    titles = ["Table, start (broken), repairs", "Truth", *map(style.label, shown)]
-    for panel, title in zip(axes[0], titles, strict=True):
-        panel.set_title(title)
+        draw_map(line[1], truth)
+        line[0].set(title="Bad path, repairs", ylabel=f"{user} user")
+        line[1].set_title("Truth")
+        for panel, variant in zip(line[2:], shown, strict=False):
+            _judged_map(panel, drawn.maps[variant][user][place], truth, style.label(variant), traces[variant])
+        draw_table(line[-2], drawn.patterned[place])
+        line[-2].set_title(f"The same on {top}")
+        _judged_map(line[-1], drawn.patterned_maps[shown[-1]][user][place], truth, style.label(shown[-1]))
     return figure
+
+
+def _judged_map(axes: Axes, p: Array, truth: Array, name: str, steps: Array | None = None) -> None:
+    """Draw a model's map, with the share of control points that it judges correctly in the title."""
+    draw_map(axes, p, steps)
+    axes.set_title(f"{name}: {np.mean((p > 0.5) == truth):.0%}")
 
 
 def _place(results: Results) -> int:

@@ -1,8 +1,10 @@
-"""The items, seen and unseen, and training scenes with demonstrations."""
+"""The items, training scenes with demonstrations, the paper's architecture and its causal model."""
 
 import cv2
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle, FancyBboxPatch
 from numpy import ndarray as Array
 
 from pipeline.report import style
@@ -44,7 +46,7 @@ def _tile(cutout: Array) -> Array:
 def demonstrations(results: Results) -> Figure:
     """Draw the first training scenes with each user's demonstrations: valid ones blue, invalid ones orange."""
     users, scenes = results.judged_users, range(len(results.drawn.training))
-    figure, axes = panels(len(users), len(scenes), 3.4 * len(scenes), 3.5 * len(users))
+    figure, axes = panels(len(users), len(scenes), 2.8 * len(scenes), 2.95 * len(users))
     table = results.tables["demos"]
     table = table[table["seed"] == results.seeds[0]]
     for line, user in zip(axes, users, strict=True):
@@ -55,3 +57,70 @@ def demonstrations(results: Results) -> Figure:
                 draw_path(panel, np.array([x, y]), style.VALID if valid else style.INVALID, 1.6)
             panel.set_title(f"{user}, scene {scene}")
     return figure
+
+
+def architecture(results: Results) -> Figure:
+    """Draw the paper's network with our sizes: encoder, latent code, decoder, and the classifier of code and path."""
+    model = results.facts["train"]["model"]
+    widths = " – ".join(map(str, model["channels"]))
+    figure, axes = panels(1, 1, 11.0, 3.4)
+    panel = axes[0, 0]
+    boxes = {  # name -> centre, text
+        "image": (0.9, 2.2, "image $I$\n100 × 100 × 3"),
+        "encoder": (3.1, 2.2, f"encoder\n3 × 3, stride 2\n{widths} channels"),
+        "code": (5.3, 2.2, f"$Z_I$\nmean, variance\n{model['latent']} dimensions"),
+        "decoder": (7.5, 2.9, "decoder\nthe mirror image"),
+        "rebuilt": (9.7, 2.9, "image, rebuilt\nα · reconstruction"),
+        "path": (5.3, 0.5, "$Z_\\theta$\ncontrol point, 2"),
+        "classifier": (7.5, 1.3, f"classifier $C_s$\n{model['hidden']} – {model['hidden']} – 1"),
+        "valid": (9.7, 1.3, "P(valid)\nγ · cross-entropy"),
+    }
+    for x, y, text in boxes.values():
+        panel.add_patch(
+            FancyBboxPatch((x - 0.8, y - 0.32), 1.6, 0.64, "round,pad=0.06", fc="none", ec=style.MUTED, linewidth=1.2)
+        )
+        panel.text(x, y, text, ha="center", va="center", fontsize=9.5)
+    links = (
+        "image encoder, encoder code, code decoder, decoder rebuilt, code classifier, path classifier, classifier valid"
+    )
+    for start, end in (link.split() for link in links.split(", ")):
+        (x0, y0, _), (x1, y1, _) = boxes[start], boxes[end]
+        panel.annotate("", (x1 - 0.88, y1), (x0 + 0.88, y0), arrowprops={"arrowstyle": "-|>", "color": style.MUTED})
+    panel.text(5.3, 2.8, "β · KL to N(0, 1)", ha="center", va="center", fontsize=9.5, color=style.MUTED)
+    panel.set(xlim=(-0.1, 10.7), ylim=(0, 3.5))
+    panel.axis("off")
+    return figure
+
+
+def graph(results: Results) -> Figure:
+    """Draw the paper's structural causal model: items cause the image; image, path and user cause validity."""
+    figure, axes = panels(1, 1, 7.2, 3.2)
+    panel = axes[0, 0]
+    places = {name: (0.2, 2.6 - 2.4 * i / max(len(SYMBOLS) - 1, 1)) for i, name in enumerate(SYMBOLS)}
+    places |= {"$Z_I$": (2.2, 1.4), "$Z_\\theta$": (2.9, 2.6), "$S$": (2.9, 0.2), "$V$": (4.4, 1.4)}
+    words = {"$Z_I$": "scene", "$Z_\\theta$": "path", "$S$": "user", "$V$": "valid"}
+    for name, place in places.items():
+        if name in SYMBOLS:
+            _arrow(panel, place, places["$Z_I$"], 0.42)
+            panel.text(
+                *place,
+                name,
+                ha="center",
+                va="center",
+                fontsize=11,
+                bbox={"boxstyle": "round", "fc": "none", "ec": style.MUTED},
+            )
+            continue
+        if name != "$V$":
+            _arrow(panel, place, places["$V$"], 0.32)
+        panel.add_patch(Circle(place, 0.3, fill=False, edgecolor=style.INK, linewidth=1.4))
+        panel.text(*place, name, ha="center", va="center", fontsize=13)
+        panel.text(place[0] + 0.4, place[1] + 0.02, words[name], ha="left", va="bottom", fontsize=10, color=style.MUTED)
+    panel.set(xlim=(-0.5, 5.3), ylim=(-0.3, 3.1), aspect="equal")
+    panel.axis("off")
+    return figure
+
+
+def _arrow(axes: Axes, start: tuple[float, float], end: tuple[float, float], gap: float) -> None:
+    options = {"arrowstyle": "-|>", "color": style.MUTED, "shrinkA": 72 * gap, "shrinkB": 72 * 0.32, "linewidth": 1.2}
+    axes.annotate("", end, start, arrowprops=options)

@@ -1,4 +1,4 @@
-"""Reconstruction error of the autoencoders."""
+"""Convergence of the autoencoders."""
 
 from pipeline.report.page import Table
 from pipeline.report.results import Results
@@ -6,7 +6,13 @@ from pipeline.report.style import label
 
 
 def convergence(results: Results) -> Table:
-    """Return the reconstruction error relative to a flat image per scene, for each variant with a decoder."""
-    frame = results.tables["convergence"].assign(variant=lambda t: t["variant"].map(label))
-    names = {"variant": "Model", "reconstruction_over_flat": "Error over a flat colour’s"}
-    return Table(frame.rename(columns=names), {"Error over a flat colour’s": "times"})
+    """Return the two checks of each variant with a decoder: reconstruction, and its own demonstrations."""
+    names = {
+        "variant": "Model", "reconstruction_over_flat": "Error over a flat colour’s",
+        "own_demonstrations": "Own demonstrations right", "passed": "Fits that pass",
+    }  # fmt: skip
+    frame = results.tables["convergence"][list(names)]
+    frame = frame.assign(variant=frame["variant"].map(label)).rename(columns=names)
+    return Table(
+        frame, {"Error over a flat colour’s": "rate", "Own demonstrations right": "pct1", "Fits that pass": "pct"}
+    )

@@ -1,55 +1,70 @@
-"""Success rates of repairs with baselines, and examples of repairs."""
+"""Success rates of repairs with baselines, and examples of repairs, failures among them."""
 
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from pipeline.report import style
 from pipeline.report.drawing import draw_table, panels
 from pipeline.report.pages.index.figures import draw_repairs, first_start, trace
 from pipeline.report.results import PAPER_TABLE_1, Results
+from pipeline.world.bezier import curve
+from pipeline.world.rules import valid
+
+MIDDLE = 40  # of 81 points along a path: where its mark stands
 
 
 def success(results: Results) -> Figure:
-    """Draw one panel per user: success of gradient repair by variant with quartiles, and two lines for comparison."""
+    """Draw one panel per user: success of gradient repair by variant with quartiles, the detour and the paper."""
     users = results.repaired_users
-    figure, axes = panels(1, len(users), 5.6 * len(users), 0.5 * len(results.variants) + 1.6, sharey=True)
+    figure, axes = panels(1, len(users), 6.2 * len(users), 0.5 * len(results.variants) + 1.9, sharey=True)
     for panel, user in zip(axes[0], users, strict=True):
         rows = [
-            [results.repair("gradient", v, user, c) for c in ("success", "success_q1", "success_q3")]
+            [100 * results.repair("gradient", v, user, c) for c in ("success", "success_q1", "success_q3")]
             for v in results.variants
         ]
         panel.set_yticks(range(len(rows)), [style.label(v) for v in results.variants])
-        panel.set_ylim(len(rows) - 0.5, -0.5)
+        panel.set_ylim(len(rows) - 0.5, -0.9)
         panel.grid(axis="x")
         for place, (variant, (mean, low, high)) in enumerate(zip(results.variants, rows, strict=True)):
-            panel.hlines(place, 100 * low, 100 * high, color=style.colour(variant), linewidth=2.5)
-            panel.plot(100 * mean, place, style.marker(variant), color=style.colour(variant), markersize=9)
+            panel.hlines(place, low, high, color=style.colour(variant), linewidth=2.5)
+            panel.plot(mean, place, style.marker(variant), color=style.colour(variant), markersize=9)
+            panel.text(mean, place - 0.2, f"{mean:.0f}", ha="center", va="bottom", fontsize=9)
         detour = 100 * results.repair("constant_detour", "", user)
         panel.axvline(detour, color=style.MUTED, linestyle="--")
-        panel.text(detour - 1, -0.42, "constant detour", ha="right", va="top", fontsize=9)
-        if user in PAPER_TABLE_1:
-            panel.plot(
-                100 * PAPER_TABLE_1[user],
-                results.variants.index("full") if "full" in results.variants else 0,
-                "*",
-                color=style.INK,
-                markersize=13,
-            )
-        panel.set(title=f"{user} user (star: the paper)", xlim=(0, 103), xlabel="paths that end valid, per cent")
+        panel.text(detour - 1, -0.85, "one detour for all", ha="right", va="top", fontsize=9, color=style.MUTED)
+        if user in PAPER_TABLE_1 and "full" in results.variants:
+            rate, place = 100 * PAPER_TABLE_1[user], results.variants.index("full")
+            panel.plot(rate, place, "*", color=style.INK, markersize=13)
+            panel.text(rate, place + 0.25, "the paper", ha="center", va="top", fontsize=9)
+        panel.set(title=f"{user} user", xlim=(0, 105), xlabel="paths that end valid, per cent")
     return figure
 
 
 def drawn(results: Results) -> Figure:
-    """Draw the first repair in each mapped scene, one row per user: the start, and the end by each shown model."""
+    """Draw the first repair in each mapped scene, one row per user: the start, and each shown model's end.
+
+    An end that is truly invalid has a cross.
+    """
     users, scenes = results.repaired_users, results.drawn.mapped
-    figure, axes = panels(len(users), len(scenes), 3.4 * len(scenes), 3.6 * len(users))
+    figure, axes = panels(len(users), len(scenes), 3.9 * len(scenes), 4.0 * len(users))
     for line, user in zip(axes, users, strict=True):
         for panel, scene in zip(line, scenes, strict=True):
             draw_table(panel, results.drawn.images[scene], results.drawn.layouts, scene, results.users[user])
+            panel.set_title(f"{user} user, scene {scene}")
             start = first_start(results, user, scene)
-            if start is not None:
-                draw_repairs(panel, {v: trace(results, v, user, scene, start) for v in results.shown})
-            panel.set_title(f"{user}, scene {scene}")
-    for variant in results.shown:
-        axes[0, 0].plot([], [], color=style.colour(variant), linewidth=3, label=style.label(variant))
-    figure.legend(loc="outside lower center", ncols=3)
+            if start is None:
+                panel.set_xlabel("no invalid path")
+                continue
+            traces = {v: trace(results, v, user, scene, start) for v in results.shown}
+            draw_repairs(panel, traces)
+            for steps in traces.values():
+                if not valid(results.drawn.layouts[[scene]], steps[None, -1:], results.users[user])[0, 0]:
+                    panel.plot(
+                        *curve(steps[-1], 81)[MIDDLE], "X", color="white", markersize=11, markeredgecolor="black"
+                    )
+    handles = [Line2D([], [], color=style.START, linewidth=3, linestyle="--", label="start")]
+    handles += [Line2D([], [], color=style.colour(v), linewidth=3, label=style.label(v)) for v in results.shown]
+    cross = {"linestyle": "", "markersize": 11, "markeredgecolor": "black", "label": "ends invalid"}
+    handles.append(Line2D([], [], marker="X", color="white", **cross))
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
     return figure

@@ -1,0 +1,41 @@
+"""Every draw of test scenes, every change made because of a test, and how many settings each learner was given."""
+
+import pandas as pd
+
+from pipeline.report.page import Table
+from pipeline.report.results import Results
+from pipeline.report.style import label
+
+VARIANTS = ("clearance", "irl_ranked", "irl_maxent", "full")
+
+
+def draws(results: Results) -> Table:
+    """Return a row per draw: accuracies with unseen items, and what was changed after it was opened."""
+    table = results.tables["draws"]
+    frame = pd.DataFrame({"Root seed": table["root_seed"].map(str)})
+    frame = frame.assign(**{label(v): table[v] for v in VARIANTS})
+    frame["Changed afterwards"] = table["changed_after_opening"].fillna("nothing")
+    frame = frame.astype(object)
+    return Table(frame.where(frame.notna(), None), dict.fromkeys(map(label, VARIANTS), "pct1"))
+
+
+def changes(results: Results) -> Table:
+    """Return every change made because of a test, in the order of the draws."""
+    table = results.tables["changes"].sort_values("after_draw", kind="stable")
+    return Table(
+        pd.DataFrame(
+            {
+                "After": table["after_draw"].map(str),
+                "Test": table["test"],
+                "It showed": table["what_it_showed"],
+                "So we changed": table["change"],
+                "Record": table["record"].map("{:03d}".format),
+            }
+        ).reset_index(drop=True)
+    )
+
+
+def effort(results: Results) -> Table:
+    """Return how many settings were tried for each learner in the first edition."""
+    names = {"learner": "Learner", "settings": "Settings tried", "what_was_varied": "Varied"}
+    return Table(results.tables["effort"].rename(columns=names), {"Settings tried": "count"})
