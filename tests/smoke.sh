@@ -5,9 +5,9 @@
 #   tests/smoke.sh --profile demo DIR     the paper alone at profile demo
 set -euo pipefail
 root=$(cd "$(dirname "$0")/.." && pwd)
-profile=smoke pipelines=-P
+profile=smoke pipelines=-P left_out=()
 if [ "${1:-}" = --profile ] && [ $# -eq 3 ]; then
-  profile=$2 pipelines=
+  profile=$2 pipelines= left_out=(':!studies')
   shift 2
 fi
 if [ $# -gt 1 ] || [[ "${1:-}" = -* ]]; then
@@ -26,7 +26,8 @@ else
   clone=$(mktemp -d)
   trap 'rm -rf "$clone"' EXIT
 fi
-git -C "$root" ls-files -z --cached --others --exclude-standard -- ':!outputs' ':!reports' ':!dvc.lock' ':!studies/*/dvc.lock' |
+git -C "$root" ls-files -z --cached --others --exclude-standard -- ':!outputs' ':!reports' ':!dvc.lock' \
+  ':!studies/*/dvc.lock' ':!studies/*/index.html' ':!studies/*/figures' ':!studies/*/tables' "${left_out[@]}" |
   (cd "$root" && while IFS= read -r -d '' f; do [ ! -e "$f" ] || printf '%s\0' "$f"; done) |
   (cd "$root" && tar --null -T - -cf -) | tar -C "$clone" -xf -
 cd "$clone"
