@@ -23,8 +23,9 @@ from pipeline.models.vae.losses import Weights, equation_1
 from pipeline.runtime.parallel import one_thread
 from pipeline.training.loop import Schedule
 from pipeline.training.vae.engines.reference import fit
-from pipeline.training.vae.engines.simd import Convolution, Stack, allocate, fit_stack
+from pipeline.training.vae.engines.simd import Stack, fit_stack
 from pipeline.training.vae.engines.simd_kernels import LANES, _add, outer, zeros
+from pipeline.training.vae.engines.simd_layers import Convolution, allocate
 
 SCENES, N = 20, 9  # training scenes; demonstrations per scene
 STEPS = 40  # steps per call: fixed costs before the first step are spread over them, as in the stages

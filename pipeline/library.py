@@ -37,7 +37,6 @@ TRAINING: dict[str, dict[str, Any]] = {  # training schedule by kind
     "clearance": {"steps": 1000, "rate": 0.03, "weight_decay": 0.0, "curve_every": 10},
 }  # fmt: skip
 REPAIR: dict[str, Any] = {"steps": 30, "optimiser": "adam", "rate": 0.5, "settle": True}  # conf/repair.yaml
-MAX_ABS_Z_M = 2.0  # largest coordinate of a control point on this table [m]; larger values are most likely pixels
 ACCEPTED_ABOVE = 0.5  # P(valid) above which a path is accepted
 
 
@@ -60,14 +59,15 @@ def fit(images: Array, z_theta: Array, valid: Array, variant: str = "clearance",
     seed: decides the initial weights and all randomness of the training.
 
     Raises InputError if an argument has a wrong type, shape or unit, or if there are fewer than 2 scenes. Labels that
-    are
-    all equal give a warning: the model then predicts one probability everywhere.
+    are all equal give a warning: the model then predicts one probability everywhere.
     """
-    if variant not in SETTINGS:
+    if variant not in list(SETTINGS):
         raise InputError(f"variant {variant!r}: expected one of {', '.join(SETTINGS)}")
+    if not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
+        raise InputError(f"seed {seed!r}: expected a whole number from 0")
     _check_scenes(images, z_theta)
     _check_labels(valid, np.shape(z_theta)[:2])
-    settings = SETTINGS[variant]
+    settings, seed = SETTINGS[variant], int(seed)
     model = build(settings, seed)
     _fitter(settings)([model], [images], [np.asarray(z_theta, dtype=np.float64)], [valid], seeds=[seed])
     model.settings = {"variant": variant, "kind": settings["kind"], "model": settings["model"], "seed": seed}
@@ -99,14 +99,15 @@ def _fitter(settings: Mapping[str, Any]):
 def repair(model: ValidityModel, images: Array, starts: Array) -> Array:
     """Return, for each start, the z_theta (scene, path, 2) [m] of a nearby path that the model accepts; NaN if none.
 
+    images: uint8 (scene, 100, 100, 3). starts: (scene, path, 2) [m].
+
     Takes the paper's gradient steps on the model's log-odds. Of all points with P(valid) > .5 on the way, the one
-    nearest
-    to the start is returned: the start itself, if it is accepted. starts: (scene, path, 2) [m]. Raises InputError as
-    `fit`.
+    nearest to the start is returned: the start itself, if it is accepted. Raises InputError as `fit`.
     """
     from pipeline.planning.repair import Ascent
     from pipeline.planning.repair import repair as climb
 
+    _check_model(model)
     _check_scenes(images, starts, name="starts", at_least=1)
     steps = climb(model, images, np.asarray(starts, dtype=np.float64), Ascent(**REPAIR))
     distances = np.linalg.norm(steps.z - steps.z[:, :, :1], axis=-1)  # (scene, path, step)
@@ -138,9 +139,11 @@ def effect(
         raise InputError(
             f"{len(images_with_item)} images_with_item: expected {len(images)}, one for each of the images"
         )
-    models = [model] if isinstance(model, ValidityModel) else list(model)
+    models = list(model) if isinstance(model, Sequence) else [model]
     if not models:
         raise InputError("no model: expected a model or a sequence of models")
+    for one in models:
+        _check_model(one)
     z = np.asarray(z_theta, dtype=np.float64)
     changes = [m.probability(images_with_item, z).astype(float) - m.probability(images, z) for m in models]
     effects = np.stack(changes).mean(-1)  # (model, scene)
@@ -152,13 +155,19 @@ def effect(
 
 
 def save(model: ValidityModel, path: str | Path) -> None:
-    """Write a fitted model as safetensors with its settings as metadata; `load` restores it bit for bit."""
+    """Write a fitted model as safetensors with its settings as metadata; `load` restores it bit for bit.
+
+    Makes missing folders. Raises InputError for a folder, and for a model that `fit` or `load` did not return.
+    """
     from safetensors.torch import save as to_bytes
 
     from pipeline.runtime.writing import atomic_write
 
+    _check_model(model)
     if not model.settings:
         raise InputError("the model does not carry its settings: save a model that `fit` or `load` returned")
+    if Path(path).is_dir():
+        raise InputError(f"{path} is a folder: expected the name of a file")
     state = {name: value.contiguous() for name, value in model.state_dict().items()}
     content = to_bytes(state, metadata={"settings": json.dumps(model.settings, sort_keys=True)})
     atomic_write(Path(path), lambda temporary: temporary.write_bytes(content))
@@ -184,21 +193,27 @@ def load(path: str | Path) -> ValidityModel:
     return model.eval()
 
 
+def _check_model(model: Any) -> None:
+    """Raise InputError unless it is a model."""
+    if not isinstance(model, ValidityModel):
+        raise InputError(f"model is {type(model).__name__}: expected what `fit` or `load` returned")
+
+
 def _check_scenes(images: Any, z_theta: Any, name: str = "z_theta", at_least: int = 2) -> None:
     """Raise InputError unless images and paths have the library's shapes and units."""
     check_images(images)
     if len(images) < at_least:
         raise InputError(f"{len(images)} scenes: expected at least {at_least}")
     check_paths(z_theta, len(images), name)
-    if (largest := float(np.abs(z_theta).max(initial=0.0))) > MAX_ABS_Z_M:
-        raise InputError(f"{name} reaches {largest:.3g}: expected metres within [-0.2, 1.2]; 100 pixels are one metre")
+    if not np.shape(z_theta)[1]:
+        raise InputError(f"{name} has no paths: expected at least one a scene")
 
 
 def _check_labels(valid: Any, shape: tuple[int, ...]) -> None:
     """Raise InputError unless the labels are bool, one per path; warn if they are all equal."""
-    labels = np.asarray(valid)
-    if labels.dtype != bool or labels.shape != shape:
-        raise InputError(f"valid is {labels.dtype} of shape {labels.shape}: expected bool of shape {shape}, one a path")
-    if labels.all() or not labels.any():
-        kind = "valid" if labels.all() else "invalid"
+    dtype = str(valid.dtype) if isinstance(valid, np.ndarray) else type(valid).__name__
+    if dtype != "bool" or valid.shape != shape:
+        raise InputError(f"valid is {dtype} of shape {np.shape(valid)}: expected bool of shape {shape}, one a path")
+    if valid.all() or not valid.any():
+        kind = "valid" if valid.all() else "invalid"
         warnings.warn(f"all paths are {kind}: the model answers one probability everywhere", stacklevel=3)

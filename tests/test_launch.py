@@ -61,7 +61,7 @@ def test_help_says_what_a_stage_reads_and_writes(run):
     code, out, _ = run(nothing, "train", "--help")
     assert code == 0
     assert "outputs/demos/demos.parquet" in out and "outputs/train/full/weights" in out
-    assert "steps: 600" in out and "variants.full:" in out and "hand:" not in out
+    assert "steps: 500" in out and "variants.full:" in out and "hand:" not in out
 
 
 def by(hydra: bool, folder: Path) -> list[str]:
@@ -183,6 +183,7 @@ if __name__ == "__main__":
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # ignored, where the tests run behind `&`
     )  # fmt: skip
     while len(workers := psutil.Process(stage.pid).children(recursive=True)) < 3:  # two, and what keeps track of them
+        assert stage.poll() is None, "it ended before its workers began"
         time.sleep(0.1)
     time.sleep(2)  # in the middle of their imports
     os.killpg(stage.pid, signal.SIGINT)

@@ -103,13 +103,27 @@ def test_settings_are_those_of_conf():
         (lambda a: a | {"valid": a["valid"].astype(float)}, "valid is float64 .* expected bool"),
         (lambda a: a | {"valid": a["valid"][:, 1:]}, r"expected bool of shape \(12, 9\)"),
         (lambda a: {name: array[:1] for name, array in a.items()}, "1 scenes: expected at least 2"),
+        (lambda a: a | {"z_theta": a["z_theta"].astype(str)}, "z_theta is <U32: expected an array of numbers"),
+        (lambda a: a | {"z_theta": a["z_theta"][:, :0], "valid": a["valid"][:, :0]}, "z_theta has no paths"),
         (lambda a: a | {"variant": "tree"}, "variant 'tree': expected one of full"),
+        (lambda a: a | {"seed": -1}, "seed -1: expected a whole number from 0"),
     ],
 )
 def test_what_does_not_fit_is_refused_with_what_was_expected(example, change, message):
     images, _, z_theta, valid = example
     with pytest.raises(InputError, match=message):
         pipeline.fit(**change({"images": images, "z_theta": z_theta, "valid": valid}))
+
+
+def test_probability_refuses_pixels_and_takes_reversed_images(example):
+    images, _, z_theta, _ = example
+    model = library.build({"kind": "vae", "model": library.VAE}, 0)
+    with pytest.raises(InputError, match=r"z_theta reaches 1\d\d: expected metres"):
+        model.probability(images, 100 * z_theta)
+    reversed_images = images[:, ::-1]
+    assert np.array_equal(
+        model.probability(reversed_images, z_theta), model.probability(reversed_images.copy(), z_theta)
+    )
 
 
 def test_labels_that_are_all_alike_give_one_probability_and_a_warning(example):

@@ -171,7 +171,7 @@ def test_a_stage_refuses_bad_parameters_before_any_work(tmp_path: Path):
     bad.n_demos = [0]
     (tmp_path / "params.yaml").write_text(OmegaConf.to_yaml(bad))
     command = [sys.executable, "-m", "pipeline.stages.train", "--params", str(tmp_path / "params.yaml")]
-    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120)
     assert run.returncode == 2
     assert run.stderr.strip().startswith("error: parameter n_demos is 0")
     assert "Traceback" not in run.stderr
@@ -191,7 +191,8 @@ def test_broken_yaml_is_one_line(broken: str, tmp_path: Path):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "dvc.yaml", tmp_path)
     (tmp_path / broken).write_text("train: [1\n")
-    done = subprocess.run([sys.executable, "-m", "pipeline.params"], cwd=tmp_path, capture_output=True, text=True)
+    command = [sys.executable, "-m", "pipeline.params"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
     assert done.returncode == 2 and done.stderr.startswith("error: ") and "Traceback" not in done.stderr
 
 

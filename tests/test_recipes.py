@@ -47,7 +47,7 @@ def repository(tmp_path: Path) -> Path:
 
 
 def run(repository: Path, *command: str) -> None:
-    done = subprocess.run([sys.executable, *command], cwd=repository, capture_output=True, text=True)
+    done = subprocess.run([sys.executable, *command], cwd=repository, capture_output=True, text=True, timeout=1800)
     assert done.returncode == 0, done.stderr[-3000:]
 
 

@@ -17,6 +17,12 @@ def model_dir(cfg: DictConfig, variant: str) -> Path:
     return Path(cfg.paths[cfg.variants[variant].stage]) / variant
 
 
+def fitted_n_demos(cfg: DictConfig, variant: str) -> list[int]:
+    """Return those of the experiment's numbers of demonstrations that `variant` is fitted at (conf/variants)."""
+    numbers = cfg.variants[variant].n_demos
+    return [n for n in cfg.n_demos if numbers is None or n in numbers or n == cfg.main_n_demos]
+
+
 def weights_path(directory: Path, user: str, seed: int, n_demos: int, step: int | None = None) -> Path:
     """Return the file of one model's weights, or of its weights before training step `step`."""
     name = f"{user}-s{seed}-n{n_demos}"

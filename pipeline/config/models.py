@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from pipeline.config.values import Chance, Count, Group, Several, Size, Spread, Weight, expected
+from pipeline.config.values import Chance, Count, Demonstrations, Group, Several, Size, Spread, Weight, expected
 
 
 class Schedule(Group):
@@ -48,7 +48,13 @@ class Irl(Group):
     color_jitter: Jitter
 
 
-class Vae(Group):
+class Fitted(Group):
+    """What all variants have: numbers of demonstrations they are fitted at besides main_n_demos; null: all."""
+
+    n_demos: Annotated[list[Demonstrations], Field(min_length=1)] | None
+
+
+class Vae(Fitted):
     """A variant of the paper's model: the weights of Eq. 1."""
 
     stage: Annotated[Literal["train"], expected("train, which fits kind vae")]
@@ -69,7 +75,7 @@ class RewardModel(Group):
     ceiling: bool
 
 
-class Reward(Group):
+class Reward(Fitted):
     """A variant of the inverse reinforcement learning baseline."""
 
     stage: Annotated[Literal["irl"], expected("irl, which fits kind reward")]
@@ -83,7 +89,7 @@ class ClearanceModel(Group):
     members: Count
 
 
-class Clearance(Group):
+class Clearance(Fitted):
     """A variant of the clearance model."""
 
     stage: Annotated[Literal["clearance"], expected("clearance, which fits kind clearance")]

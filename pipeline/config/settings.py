@@ -13,8 +13,8 @@ from pipeline.config.questions import Question
 from pipeline.config.stages import Evaluate, Intervene, Record, Repair, Report
 from pipeline.config.values import MAX_N, Count, Demonstrations, Group, Margins, Name, Seeds, Whole, unique
 from pipeline.config.world import Demos, Scenes
-from pipeline.models.baselines import IMAGE_BLIND_BASELINES, NEAREST
 
+IMAGE_BLIND_BASELINES = NEAREST, POSITION = "nearest_demonstration", "position_only"  # names in result tables
 MAX_TESTS = 25  # with 10 seeds the smallest p is 2/1024: under Holm's correction more tests could never be significant
 
 

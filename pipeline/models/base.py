@@ -15,33 +15,40 @@ from pipeline.runtime.errors import InputError
 from pipeline.world.layout import SIDE
 
 Array = np.ndarray
+MAX_ABS_Z_M = 2.0  # largest coordinate of a control point on this table [m]; larger values are most likely pixels
 SCENES_PER_BATCH = 32  # keeps activations in the cache; changes results at most in the last bit
 
 
 def check_images(images: Any) -> None:
     """Raise InputError unless images are uint8 (scene, 100, 100, 3)."""
     shape, dtype = getattr(images, "shape", None), getattr(images, "dtype", type(images).__name__)
-    if shape is None or len(shape) != 4 or shape[1:] != (SIDE, SIDE, 3) or dtype != np.uint8:
+    if shape is None or len(shape) != 4 or not shape[0] or shape[1:] != (SIDE, SIDE, 3) or dtype != np.uint8:
+        hint = "" if dtype == np.uint8 else "; scale intensities in [0, 1] by 255 and convert them"
         raise InputError(
-            f"images are {dtype} of shape {shape}: expected uint8 of shape (scene, {SIDE}, {SIDE}, 3); "
-            "scale intensities in [0, 1] by 255 and convert them"
+            f"images are {dtype} of shape {shape}: expected uint8 of shape (scene, {SIDE}, {SIDE}, 3){hint}"
         )
 
 
 def check_paths(z_theta: Any, scenes: int, name: str = "z_theta") -> None:
-    """Raise InputError, which calls the argument `name`, unless z_theta is finite and of shape (scenes, path, 2)."""
-    shape = np.shape(z_theta)
+    """Raise InputError, which calls the argument `name`, unless z_theta is metres of shape (scenes, path, 2)."""
+    if not isinstance(z_theta, np.ndarray) or z_theta.dtype.kind not in "fiu":
+        given = getattr(z_theta, "dtype", type(z_theta).__name__)
+        raise InputError(f"{name} is {given}: expected an array of numbers [m]")
+    shape = z_theta.shape
     if len(shape) != 3 or shape[0] != scenes or shape[2] != 2:
         raise InputError(
             f"{name} has shape {shape}: expected ({scenes}, path, 2), the paths of each of {scenes} scenes"
         )
     if not np.isfinite(z_theta).all():
         raise InputError(f"{name} has NaN or infinite values: drop those paths")
+    if (largest := float(np.abs(z_theta).max(initial=0.0))) > MAX_ABS_Z_M:
+        raise InputError(f"{name} reaches {largest:.3g}: expected metres within [-0.2, 1.2]; 100 pixels are one metre")
 
 
 def to_tensor(images: UInt8[Array, "scene 100 100 3"]) -> Float[Tensor, "scene 3 100 100"]:
     """Return images as network input: float in [0, 1], channels first, in channels-last memory format."""
-    return torch.from_numpy(images).permute(0, 3, 1, 2).float().div(255).contiguous(memory_format=torch.channels_last)
+    pixels = torch.from_numpy(np.ascontiguousarray(images)).permute(0, 3, 1, 2)
+    return pixels.float().div(255).contiguous(memory_format=torch.channels_last)
 
 
 def to_bytes(images: Float[Tensor, "scene 3 100 100"]) -> list[bytes]:
@@ -75,7 +82,7 @@ class ValidityModel(nn.Module, ABC):
     ) -> Float[Array, "scene path"]:
         """Return P(valid) of each path [m] as float32; switches to `eval()` mode and keeps no gradient.
 
-        Raises InputError unless images are uint8 (scene, 100, 100, 3) and paths are finite (scene, path, 2).
+        Raises InputError unless images are uint8 (scene, 100, 100, 3) and paths are finite metres (scene, path, 2).
         """
         check_images(images)
         check_paths(z_theta, len(images))
@@ -86,6 +93,13 @@ class ValidityModel(nn.Module, ABC):
             for i in range(0, len(images), SCENES_PER_BATCH)
         ]
         return torch.cat(parts).numpy()
+
+    def reconstruction_over_flat(self, images: UInt8[Array, "scene 100 100 3"]) -> float:
+        """Return the root mean square error of reconstructed images over that of a flat colour per scene.
+
+        NaN for a model without a decoder.
+        """
+        return math.nan
 
 
 @torch.no_grad()

@@ -58,11 +58,11 @@ def _accuracy(results: Results) -> list[dict]:
 
 
 def _autoencoder(results: Results) -> list[dict]:
-    """Judge whether the full model beats the classifier in every test; not tested unless it passed the gate.
+    """Judge whether the full model beats the classifier in every test; not tested unless all fits passed the gate.
 
     The gate: it reconstructs its training images better than a flat colour, and judges its demonstrations rightly.
     """
-    trained = results.value("convergence", "passed", variant=PAPER)
+    trained = results.value("convergence", "passed", variant=PAPER) == 1
     return _tested(results, "autoencoder", ["classifier"], trained)
 
 

@@ -1,5 +1,6 @@
 """Stage evaluate: score every variant and the image-blind baselines on all queries, and compare variants."""
 
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,9 @@ from tqdm import tqdm
 
 from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import read_table, write_json, write_table
-from pipeline.artifacts.models import PREDICTION_COLUMNS, model_dir
+from pipeline.artifacts.models import PREDICTION_COLUMNS, fitted_n_demos, model_dir
 from pipeline.artifacts.scenes import read_position_prior, train_pool
+from pipeline.config.settings import NEAREST, POSITION
 from pipeline.launch import launch
 from pipeline.models import baselines
 from pipeline.runtime.errors import InputError
@@ -26,11 +28,12 @@ COMPARED = [
     "family", "variant", "against", "split", "n_demos", "mean", "mean_against", "difference", "p", "p_holm",
     "significant", "seeds",
 ]  # fmt: skip
+CONVERGENCE = ["reconstruction_over_flat", "own_demonstrations", "passed"]
 HEADLINE = "new_items"  # the split of the reported accuracy with one demonstration
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """Write accuracy.parquet, accuracy.csv, calibration.csv, scores.csv, comparisons.csv and metrics.json."""
+    """Write accuracy.parquet, metrics.json, and accuracy, calibration, scores, comparisons and convergence as csv."""
     truth = _truth(cfg)
     parts = [_predictions(cfg, variant, truth) for variant in tqdm(list(cfg.variants), desc="predictions")]
     predictions = pd.concat([*parts, *_baselines(cfg, truth)], ignore_index=True)
@@ -45,7 +48,9 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     write_table(out_dir / "calibration.csv", calibration)
     write_table(out_dir / "scores.csv", scores)
     write_table(out_dir / "comparisons.csv", _comparisons(cfg, by_seed))
-    write_json(out_dir / "metrics.json", _metrics(cfg, summary))
+    convergence = _convergence(cfg)
+    write_table(out_dir / "convergence.csv", convergence)
+    write_json(out_dir / "metrics.json", _metrics(cfg, summary, convergence))
 
 
 def _truth(cfg: DictConfig) -> pd.DataFrame:
@@ -74,6 +79,7 @@ def _predictions(cfg: DictConfig, variant: str, truth: pd.DataFrame) -> pd.DataF
     path = model_dir(cfg, variant) / "predictions.parquet"
     again = f"run stage {cfg.variants[variant].stage} for {variant} again ({path})"
     table = read_table(path, PREDICTION_COLUMNS)
+    truth = truth[truth["n_demos"].isin(fitted_n_demos(cfg, variant))]
     for name in ("user", "split"):
         table[name] = pd.Categorical(table[name], truth[name].cat.categories)
     merged = truth.merge(table, on=QUERY, how="left", suffixes=("", "_predicted"))
@@ -95,13 +101,13 @@ def _baselines(cfg: DictConfig, truth: pd.DataFrame) -> list[pd.DataFrame]:
     prior, demos, parts = read_position_prior(Path(cfg.paths.scenes)), read_demos(Path(cfg.paths.demos)), []
     for (user, n, seed, split), rows in truth.groupby(MODEL, observed=True, sort=False):
         z = rows[["z_x", "z_y"]].to_numpy()
-        parts.append(rows.assign(variant=baselines.POSITION, p=baselines.position_only(prior[user], z)))
+        parts.append(rows.assign(variant=POSITION, p=baselines.position_only(prior[user], z)))
         if cfg.protocol.splits[split] is None:
             shape = (rows["scene"].nunique(), -1, 2)
             p = baselines.nearest_demonstration(*demo_arrays(demos, seed, user, n), z.reshape(shape))
-            parts.append(rows.assign(variant=baselines.NEAREST, p=p.ravel()))
+            parts.append(rows.assign(variant=NEAREST, p=p.ravel()))
     columns = [*QUERY, "p", "valid", "variant"]
-    return [table[columns] for table in sorted(parts, key=lambda rows: rows["variant"].iloc[0] != baselines.NEAREST)]
+    return [table[columns] for table in sorted(parts, key=lambda rows: rows["variant"].iloc[0] != NEAREST)]
 
 
 def _accuracies(predictions: pd.DataFrame, bins: int) -> pd.DataFrame:
@@ -158,8 +164,8 @@ def _comparisons(cfg: DictConfig, by_seed: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for group in cfg.evaluate.comparisons:
         n = cfg.main_n_demos if group.n_demos is None else group.n_demos
-        for against in group.against if n in cfg.n_demos else ():
-            for split in group.splits:
+        for against, split in product(group.against, group.splits):
+            if {(group.variant, split, n), (against, split, n)} <= set(by_seed.index):
                 a, b = (by_seed.loc[(variant, split, n)].to_numpy() for variant in (group.variant, against))
                 rows.append(
                     {
@@ -176,12 +182,26 @@ def _comparisons(cfg: DictConfig, by_seed: pd.DataFrame) -> pd.DataFrame:
     return table[COMPARED]
 
 
-def _metrics(cfg: DictConfig, summary: pd.DataFrame) -> dict:
-    """Return mean accuracies by variant and split, and the variants' accuracies with the fewest demonstrations."""
+def _convergence(cfg: DictConfig) -> pd.DataFrame:
+    """Return the means over seeds and users, at main_n_demos, of each variant with a decoder (convergence.csv)."""
+    rows = []
+    for variant in cfg.variants:
+        fits = read_table(model_dir(cfg, variant) / "convergence.csv")
+        fits = fits[(fits["n_demos"] == cfg.main_n_demos) & fits["user"].isin(cfg.evaluate.users)]
+        rows.append({"variant": variant} | {name: fits[name].mean() for name in CONVERGENCE})
+    return pd.DataFrame(rows).dropna(ignore_index=True)
+
+
+def _metrics(cfg: DictConfig, summary: pd.DataFrame, convergence: pd.DataFrame) -> dict:
+    """Return accuracies by variant and split, those with one demonstration, and the convergence of autoencoders."""
     main = summary[summary["n_demos"] == cfg.main_n_demos]
     nested = {v: dict(zip(rows["split"], rows["mean"], strict=True)) for v, rows in main.groupby("variant", sort=False)}
     one = summary[(summary["n_demos"] == 1) & (summary["split"] == HEADLINE) & summary["variant"].isin(cfg.variants)]
-    return {"accuracy": nested, "accuracy_one_demo": {row.variant: {HEADLINE: row.mean} for row in one.itertuples()}}
+    return {
+        "accuracy": nested,
+        "accuracy_one_demo": {row.variant: {HEADLINE: row.mean} for row in one.itertuples()},
+        "convergence": convergence.set_index("variant")[CONVERGENCE[:2]].to_dict("index"),
+    }
 
 
 if __name__ == "__main__":

@@ -36,6 +36,7 @@ TABLES = {  # name -> stage and file
     "calibration": ("evaluate", "calibration.csv"),
     "scores": ("evaluate", "scores.csv"),
     "comparisons": ("evaluate", "comparisons.csv"),
+    "convergence": ("evaluate", "convergence.csv"),
     "repair": ("repair", "summary.csv"),
     "repairs": ("repair", "repairs.parquet"),
     "interventions": ("intervene", "summary.csv"),
@@ -51,7 +52,6 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     tables = {name: read_table(Path(cfg.paths[stage]) / file) for name, (stage, file) in TABLES.items()}
     for name, column in (("repair", "variant"), ("repairs", "variant"), ("interventions", "symbol")):
         tables[name] = tables[name].assign(**{column: tables[name][column].fillna("")})  # csv reads "" as missing
-    tables["convergence"] = _convergence(cfg, scenes)
     tables["judged"] = _judged(cfg, scenes)
     tables["slices"] = slices(tables["judged"])
     tables |= {name: read_table(path) for name, path in HISTORY.items()}
@@ -160,27 +160,6 @@ def _true_added(cfg: DictConfig, user: str, layouts: Layouts, added: AddedItems,
     """Return the true validity in the first scene without and with each added item, bool (1 + symbol, side, side)."""
     first = [_true_map(cfg, user, one[:1], side) for one in (layouts, *added.layouts)]
     return np.concatenate(first)
-
-
-def _convergence(cfg: DictConfig, scenes: SceneSet) -> pd.DataFrame:
-    """Return the reconstruction error of each variant with a decoder: final RMSE relative to a flat image.
-
-    The flat image is each scene's mean colour. Columns variant, reconstruction_over_flat (mean over users and seeds).
-    """
-    rows = []
-    for variant, settings in cfg.variants.items():
-        if not settings.get("alpha"):
-            continue
-        curves = read_table(model_dir(cfg, str(variant)) / "curves.parquet")
-        curves = curves[curves["n_demos"] == cfg.main_n_demos]
-        last = curves.sort_values("step").groupby(["user", "seed"]).last().reset_index()
-        flat = {
-            seed: scenes.images[train_pool(seed)].astype(float).var(axis=(1, 2)).mean() / 255**2
-            for seed in cfg.protocol.seeds
-        }
-        ratio = np.sqrt(last["reconstruction"] / settings.alpha / last["seed"].map(flat))
-        rows.append({"variant": variant, "reconstruction_over_flat": float(ratio.mean())})
-    return pd.DataFrame(rows, columns=["variant", "reconstruction_over_flat"])
 
 
 def _facts(cfg: DictConfig, scenes: SceneSet) -> dict:

@@ -18,7 +18,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.demos import Queries, demo_arrays, read_labelled
 from pipeline.artifacts.files import write_table
-from pipeline.artifacts.models import PREDICTION_COLUMNS, save_weights, weights_path
+from pipeline.artifacts.models import PREDICTION_COLUMNS, fitted_n_demos, save_weights, weights_path
 from pipeline.artifacts.scenes import train_pool
 from pipeline.models.base import ValidityModel, untrained
 from pipeline.runtime.errors import InputError
@@ -27,6 +27,7 @@ from pipeline.runtime.streams import job_seed
 from pipeline.training.loop import Checkpoints, is_constant
 
 KEY = ["seed", "user", "n_demos"]
+MIN_OWN_DEMONSTRATIONS = 0.995  # share judged right that a converged model reaches
 # (models, images, z_theta, valid, seeds=, checkpoints=) -> learning curves; must pickle
 Fit = Callable[..., list[np.ndarray]]
 
@@ -62,6 +63,7 @@ class Fitted:
     checkpoints: dict[int, dict[str, np.ndarray]]  # step -> weights
     curve: np.ndarray  # (point, column)
     predictions: dict[str, np.ndarray]  # split -> P(valid) (scene, query)
+    convergence: dict[str, Any]  # reconstruction_over_flat, own_demonstrations and passed
 
 
 def variant_settings(cfg: DictConfig, stage: str) -> dict[str, Any]:
@@ -103,7 +105,7 @@ def _jobs(cfg: DictConfig, settings: dict, kind: type[ValidityModel], fit: Fit) 
             {split: pool or train_pool(seed) for split, pool in cfg.protocol.splits.items()},
             cfg.paths.scenes, cfg.paths.demos, tuple(cfg.checkpoints) if n_demos == cfg.main_n_demos else (),
         )
-        for seed in seeds for user in cfg.users for n_demos in cfg.n_demos
+        for seed in seeds for user in cfg.users for n_demos in fitted_n_demos(cfg, cfg.variant)
     ]  # fmt: skip
 
 
@@ -156,12 +158,25 @@ def _fit_and_predict(batch: list[Job]) -> list[Fitted]:
     checkpoints = Checkpoints(step for job in batch for step in job.checkpoints)
     curves = batch[0].fit(models, images, z, valid, seeds=seeds, checkpoints=checkpoints)
     results = []
-    for job, model, curve in zip(batch, models, curves, strict=True):
+    for i, (job, model, curve) in enumerate(zip(batch, models, curves, strict=True)):
         need_finite(curve, f"{job.variant} of {job.user}, seed {job.seed}, n_demos {job.n_demos}")
         p = {split: model.probability(scenes.images[pool], queries[pool].z) for split, pool in job.pools.items()}
         weights = {name: value.numpy() for name, value in model.state_dict().items()}
-        results.append(Fitted(job, weights, checkpoints.of(model) if job.checkpoints else {}, curve, p))
+        kept = checkpoints.of(model) if job.checkpoints else {}
+        convergence = _convergence(model, images[i], z[i], valid[i], has_decoder=bool(job.settings.get("alpha")))
+        results.append(Fitted(job, weights, kept, curve, p, convergence))
     return results
+
+
+def _convergence(model: ValidityModel, images, z_theta, valid, has_decoder: bool) -> dict[str, Any]:
+    """Return whether the model reconstructs its training images and judges its own demonstrations right.
+
+    The encoder of constant labels is never trained: no ratio.
+    """
+    ratio = model.reconstruction_over_flat(images) if has_decoder and not is_constant(valid) else np.nan
+    share = float(((model.probability(images, z_theta) > 0.5) == valid).mean())
+    passed = share >= MIN_OWN_DEMONSTRATIONS and not ratio >= 1
+    return {"reconstruction_over_flat": ratio, "own_demonstrations": share, "passed": passed}
 
 
 def need_finite(curve: np.ndarray, model: str) -> None:
@@ -172,7 +187,7 @@ def need_finite(curve: np.ndarray, model: str) -> None:
 
 
 def _write(out_dir: Path, fitted: list[Fitted], queries: dict[str, Queries], columns: Sequence[str]) -> None:
-    """Write weights/, checkpoints/, predictions.parquet, curves.parquet and curves.csv (mean over seeds)."""
+    """Write weights/, checkpoints/, predictions, curves, their means over seeds (curves.csv) and convergence.csv."""
     predictions = pd.concat([_prediction_rows(f, queries) for f in fitted], ignore_index=True)
     curves = pd.concat([_curve_rows(f, columns) for f in fitted], ignore_index=True)
     for folder in ("weights", "checkpoints"):  # remove the models of an earlier run
@@ -183,6 +198,8 @@ def _write(out_dir: Path, fitted: list[Fitted], queries: dict[str, Queries], col
             path = weights_path(out_dir, f.job.user, f.job.seed, f.job.n_demos, step)
             save_weights(path, {name: torch.from_numpy(value) for name, value in weights.items()})
     write_table(out_dir / "predictions.parquet", predictions)
+    convergence = [dict(zip(KEY, f.job.key, strict=True)) | f.convergence for f in fitted]
+    write_table(out_dir / "convergence.csv", pd.DataFrame(convergence))
     write_table(out_dir / "curves.parquet", curves)
     means = curves.groupby(["user", "n_demos", "step"], as_index=False)[list(columns[1:])].mean()
     write_table(out_dir / "curves.csv", means)

@@ -1,6 +1,6 @@
 """Read the outputs of the stages, and assemble the contents of one model's recording."""
 
-import hashlib
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,12 +8,12 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float
 from numpy import ndarray as Array
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.demos import DEMO_KEY, demo_arrays, read_demos, read_trajectories
 from pipeline.artifacts.files import read_table
 from pipeline.artifacts.interventions import AddedItems, read_interventions
-from pipeline.artifacts.models import model_dir, weights_path
+from pipeline.artifacts.models import fitted_n_demos, model_dir, weights_path
 from pipeline.artifacts.repairs import check_pool, paths_name, read_repairs
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.artifacts.trained import load_model
@@ -26,7 +26,6 @@ from pipeline.world.rules import clearance, slack, valid
 
 CURVE_KEY = ["seed", "user", "n_demos", "step"]
 EFFECT_COLUMNS = ["question", "variant", "user", "seed", "scene", "effect", "true_effect"]
-DIGITS = 12  # decimals of the scenes' digest
 
 
 @dataclass(frozen=True)
@@ -46,16 +45,13 @@ class Sources:
     added: AddedItems
     effects: pd.DataFrame
     curves: dict[str, pd.DataFrame]  # by variant
-    data: str  # digest of the scenes
+    data: str  # md5 of data/
 
 
 def read_sources(cfg: DictConfig) -> Sources:
     """Read all artefacts shown in recordings; InputError if any is missing or if they disagree."""
     scenes = read_scenes(Path(cfg.paths.scenes))
     pool = check_pool(cfg, scenes)
-    digest = hashlib.sha256()
-    for name in ("layouts.parquet", "images.npz"):
-        digest.update((Path(cfg.paths.scenes) / name).read_bytes())
     return Sources(
         scenes,
         pool,
@@ -65,13 +61,21 @@ def read_sources(cfg: DictConfig) -> Sources:
         read_interventions(Path(cfg.paths.intervene), scenes.layouts[pool]),
         read_table(Path(cfg.paths.intervene) / "effects.parquet", EFFECT_COLUMNS),
         {variant: read_table(model_dir(cfg, variant) / "curves.parquet") for variant in cfg.variants},
-        f"sha256 {digest.hexdigest()[:DIGITS]}",
+        _data_version(Path(f"{cfg.paths.data}.dvc")),
     )
+
+
+def _data_version(path: Path) -> str:
+    """Return the md5 of data/ that DVC's file names."""
+    digest = re.search(r"md5: (\w+)", path.read_text()) if path.is_file() else None
+    if digest is None:
+        raise InputError(f"{path} names no md5 of the data: get it with `git checkout {path}`")
+    return digest[1]
 
 
 def assemble(cfg: DictConfig, sources: Sources, variant: str, user: str, seed: int) -> Run:
     """Return the contents of one model's recording, with predictions for every map cell, step and added item."""
-    by_n_demos = {n: load_model(cfg, variant, user, seed, n) for n in cfg.n_demos}
+    by_n_demos = {n: load_model(cfg, variant, user, seed, n) for n in fitted_n_demos(cfg, variant)}
     model = by_n_demos[cfg.main_n_demos]
     repairs = _repairs(cfg, sources, model, variant, user, seed)
     first = sources.scenes.images[sources.pool][:1]
@@ -83,12 +87,23 @@ def assemble(cfg: DictConfig, sources: Sources, variant: str, user: str, seed: i
         n_demos=cfg.main_n_demos,
         profile=cfg.profile,
         data=sources.data,
+        root_seed=cfg.scenes.root_seed,
+        parameters=_parameters(cfg, variant),
         margins=dict(cfg.users[user]),
         demonstrations=_demonstrations(cfg, sources, user, seed),
         repairs=repairs,
         interventions=_interventions(cfg, sources, model, variant, user, seed),
         learning=_learning(cfg, sources, by_n, variant, user, seed),
     )
+
+
+def _parameters(cfg: DictConfig, variant: str) -> str:
+    """Return as YAML what a variant's fit read."""
+    stage = str(cfg.variants[variant].stage)
+    names = ["variants", "users", "protocol", "n_demos", "main_n_demos", stage]
+    kept = OmegaConf.masked_copy(cfg, names)
+    kept.variants = {variant: cfg.variants[variant]}
+    return OmegaConf.to_yaml(kept)
 
 
 def _maps(cfg: DictConfig, model: ValidityModel, images: Array) -> Float[Array, "scene side side"]:

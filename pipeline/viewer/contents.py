@@ -9,7 +9,8 @@ from numpy import ndarray as Array
 
 from pipeline.world.layout import Layouts
 
-RIGHT, FALSELY_VALID, FALSELY_INVALID = 0, 1, 2  # values of `Repairs.errors`
+# values of `Repairs.outcomes`: in truth, and to the model
+REJECTED, ACCEPTED, FALSELY_VALID, FALSELY_INVALID = range(4)
 
 
 @dataclass(frozen=True)
@@ -50,16 +51,16 @@ class Repairs:
     ends_valid: Bool[Array, " repair"]
 
     @property
-    def errors(self) -> UInt8[Array, "side side"]:
-        """Return RIGHT, FALSELY_VALID or FALSELY_INVALID for each map cell (valid to the model: p > 0.5)."""
+    def outcomes(self) -> UInt8[Array, "side side"]:
+        """Return for each map cell whether it is valid, and whether the model (p > 0.5) is wrong about it."""
         accepted = self.predicted > 0.5
-        errors = np.where(accepted, FALSELY_VALID, FALSELY_INVALID)
-        return np.where(accepted == self.truth, RIGHT, errors).astype(np.uint8)
+        wrong = np.where(accepted, FALSELY_VALID, FALSELY_INVALID)
+        return np.where(accepted == self.truth, np.where(accepted, ACCEPTED, REJECTED), wrong).astype(np.uint8)
 
     @property
     def agreement(self) -> float:
         """Return the share of map cells on which model and truth agree."""
-        return float(np.mean(self.errors == RIGHT))
+        return float(np.mean((self.predicted > 0.5) == self.truth))
 
 
 @dataclass(frozen=True)
@@ -100,8 +101,8 @@ class Learning:
 class Run:
     """One model, its training data, and the scenes to show.
 
-    margins: the user's margin for each symbol [m]; None: no margin. profile, data: conf/'s profile and the digest of
-    the scenes, so that a recording names its sources.
+    margins: the user's margin for each symbol [m]; None: no margin. The recording names its sources: conf/'s profile,
+    data (md5 of data/), root_seed of the scenes, parameters (YAML) of the fit.
     """
 
     variant: str
@@ -110,6 +111,8 @@ class Run:
     n_demos: int
     profile: str
     data: str
+    root_seed: int
+    parameters: str
     margins: Mapping[str, float | None]
     demonstrations: tuple[Demonstrations, ...]
     repairs: tuple[Repairs, ...]

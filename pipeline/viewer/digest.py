@@ -1,7 +1,7 @@
 """Compute a digest of a recording's contents.
 
-The bytes of Rerun's files differ from run to run (ids of rows, chunks and the blueprint). The contents are therefore
-read with Rerun's reader, sorted and hashed, without the blueprint.
+The bytes of Rerun's files differ from run to run (ids of rows, chunks and stores, times of the blueprint). The contents
+are therefore read with Rerun's reader, sorted and hashed.
 """
 
 import hashlib
@@ -16,7 +16,9 @@ Cell = tuple[str, str, tuple[tuple[str, int], ...], bytes]  # entity, component,
 
 def digest(path: Path) -> str:
     """Return the sha256 (hexadecimal) of all values in the recording at `path`, with entity, component and times."""
-    cells = [cell for chunk in RrdReader(path).stream().to_chunks() for cell in _cells(chunk)]
+    reader = RrdReader(path)
+    stores = [*reader.recordings(), *reader.blueprints()]
+    cells = [cell for store in stores for chunk in reader.stream(store=store).to_chunks() for cell in _cells(chunk)]
     hashed = hashlib.sha256()
     for entity, component, times, value in sorted(cells):
         for part in (entity.encode(), component.encode(), repr(times).encode(), value):
@@ -27,7 +29,7 @@ def digest(path: Path) -> str:
 def _cells(chunk: Chunk) -> list[Cell]:
     """Return one cell per row and component, without absent values, whose presence depends on chunking."""
     batch = chunk.to_record_batch()
-    timelines = sorted(chunk.timeline_names)
+    timelines = sorted(name for name in chunk.timeline_names if name != "log_time")  # of the blueprint alone
     times = {name: _column(batch, name).cast(pa.int64()).to_pylist() for name in timelines}
     cells = []
     for i, field in enumerate(batch.schema):

@@ -7,7 +7,7 @@ the far left corner, with y towards the viewer, as in images. On a board a unit 
 from collections.abc import Mapping
 
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 
 from pipeline.world.bezier import Z_HIGH, Z_LOW
@@ -37,17 +37,6 @@ def corner(row: int, column: int) -> Float[Array, "2"]:
 def map_image(values: Array) -> Array:
     """Return values [y, x] on `bezier.lattice` as an image, with the largest y in row 0."""
     return np.ascontiguousarray(values[::-1])
-
-
-def percent(difference: Float[Array, "*b"]) -> UInt8[Array, "*b"]:
-    """Return differences from -1 to 1 as integers from 0 to 200: 100 is no difference."""
-    return np.round(100 * (1 + difference)).astype(np.uint8)
-
-
-def changed(image: UInt8[Array, "100 100 3"], other: UInt8[Array, "100 100 3"]) -> UInt8[Array, "100 100 4"]:
-    """Return the RGBA layer that turns `image` into `other`: transparent where they agree."""
-    differs = np.any(image != other, axis=-1, keepdims=True)
-    return np.concatenate([other * differs, np.uint8(255) * differs], axis=-1)
 
 
 def footprints(layout: Layouts) -> list[tuple[str, Float[Array, "point 2"]]]:

@@ -1,10 +1,12 @@
 """Log a model's training: its map by number of demonstrations and by training step, and its losses."""
 
+from dataclasses import replace
+
 import numpy as np
 import rerun as rr
 
 from pipeline.viewer.contents import Run
-from pipeline.viewer.scene import HALF, SCENE_MAPS, TIMELINES, log_difference, log_map, log_static, panel
+from pipeline.viewer.scene import OUTCOME, TIMELINES, log_map, log_static, p_classes
 
 DEMONSTRATIONS, STEPS = "demonstrations", "train_step"
 TERMS = ((240, 228, 66), (86, 220, 160), (204, 121, 167), (120, 160, 255))  # colours of the loss terms
@@ -12,9 +14,7 @@ TERMS = ((240, 228, 66), (86, 220, 160), (204, 121, 167), (120, 160, 255))  # co
 
 def log_learning(recording: rr.RecordingStream, run: Run) -> None:
     """Log the map of the first new scene by number of demonstrations and by training step, and every loss."""
-    shown, learning = run.repairs[0], run.learning
-    latent = f"new_items/scene_{shown.scene:03d}/latent"
-    place = panel(SCENE_MAPS["difference"], len(shown.truth))
+    learning = run.learning
     others = {timeline: first for timeline, first in TIMELINES.items() if timeline != STEPS}
     maps = [({**others, DEMONSTRATIONS: n}, predicted) for n, predicted in learning.by_n.items()]
     maps += [({STEPS: step}, predicted) for step, predicted in learning.by_step.items()]
@@ -22,8 +22,8 @@ def log_learning(recording: rr.RecordingStream, run: Run) -> None:
         recording.reset_time()
         for timeline, time in times.items():
             recording.set_time(timeline, sequence=time)
-        log_map(recording, f"{latent}/predicted/learning", predicted, precision=HALF)
-        log_difference(recording, f"{latent}/difference/learning", predicted - shown.truth, place)
+        log_map(recording, "predicted/learning", p_classes(predicted))
+        log_map(recording, "outcomes/learning", OUTCOME + replace(run.repairs[0], predicted=predicted).outcomes)
     recording.reset_time()
     terms = list(learning.losses)
     colours = [TERMS[i % len(TERMS)] for i in range(len(terms))]

@@ -2,71 +2,66 @@
 
 Entities (coordinates: see `geometry`):
 
-    about, text/overview                    sources of the recording; explanation
-    fixed/{ends,table_edge}                 start and goal on the table; the table in a map
-    USER/table/{image,items,kept_clear}     a scene with items never seen in training
-    USER/{truth,predicted/VARIANT}/map      P(valid) over z_theta: the user's, the model's
-    USER/errors/VARIANT/map                 cells on which model and user disagree (`Repairs.errors`)
-    USER/truth/boundary                     the boundary of the truth
+    about, text/overview               sources of the recording; explanation
+    fixed/table_edges                  the table's edge in every map
+    USER/table/{image,outlines,names}  a scene with items never seen in training
+    USER/truth/map                     which z_theta are valid
+    USER/VARIANT/map                   the model's verdicts against the truth (`Repairs.outcomes`)
+    USER/titles                        the panels' titles, with the share of right verdicts
 
-A user's entities are on the time line `scene`, one step per scene.
+A user's entities are on the time line `scene`, one step per scene, the one with most wrong verdicts first.
 """
 
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import rerun as rr
 
+from pipeline.legend import label
 from pipeline.viewer.blueprint import layout_of_overview
-from pipeline.viewer.contents import FALSELY_INVALID, FALSELY_VALID, RIGHT, Run, by_user
-from pipeline.viewer.geometry import map_image
+from pipeline.viewer.contents import Run, by_user
 from pipeline.viewer.scene import (
-    INVALID,
-    SAME,
-    VALID,
-    log_boundary,
-    log_ends,
+    OUTCOME,
     log_map,
-    log_static,
     log_table,
-    log_table_edge,
+    log_table_edges,
     log_texts,
+    log_titles,
+    panel,
     recording_at,
-    table_edge,
 )
 from pipeline.viewer.texts import about_overview, overview_text
 
-TIMELINE = "scene"
-
-# An error has the colour of the truth.
-CLASSES = (
-    (RIGHT, "right", SAME),
-    (FALSELY_VALID, "invalid, called valid", INVALID),
-    (FALSELY_INVALID, "valid, called invalid", VALID),
-)
+TIMELINE, COLUMNS = "scene", 4  # columns of the board
 
 
 def write_overview(path: Path, runs: Sequence[Run]) -> None:
     """Write `runs` of the same scenes, one per user and variant, to `path` with a blueprint."""
-    with recording_at(path, "overview", layout_of_overview(runs, TIMELINE)) as recording:
+    users = by_user(runs)
+    count = 2 + max(map(len, users.values()))  # table, truth, variants
+    places = [divmod(i, COLUMNS) for i in range(count)]
+    layout = layout_of_overview(runs, TIMELINE, (places[-1][0] + 1, min(count, COLUMNS)))
+    with recording_at(path, "overview", layout) as recording:
         log_texts(recording, about_overview(runs), {"overview": overview_text(runs)})
-        log_ends(recording)
-        log_table_edge(recording, "fixed", table_edge(len(runs[0].repairs[0].truth))[None], 0.12)
-        log_static(recording, "/", rr.AnnotationContext(CLASSES))
-        for user, of_user in by_user(runs).items():
-            for shown in of_user[0].repairs:
-                recording.set_time(TIMELINE, sequence=shown.scene)
-                log_table(recording, f"{user}/table", shown.image, shown.layout, of_user[0].margins)
-                log_map(recording, f"{user}/truth", shown.truth)
-                log_boundary(recording, f"{user}/truth", shown.truth)
-            for run in of_user:
-                _log_predictions(recording, run)
+        log_table_edges(recording, "fixed", places[1:])
+        for of_user in users.values():
+            agreement = np.mean([[shown.agreement for shown in run.repairs] for run in of_user], axis=0)
+            worst_first = np.argsort(agreement, kind="stable").tolist()
+            for step, scene in enumerate(worst_first):
+                recording.set_time(TIMELINE, sequence=step)
+                _log_scene(recording, of_user, scene, places)
 
 
-def _log_predictions(recording: rr.RecordingStream, run: Run) -> None:
-    """Log one model's map and errors in every scene."""
-    for shown in run.repairs:
-        recording.set_time(TIMELINE, sequence=shown.scene)
-        log_map(recording, f"{run.user}/predicted/{run.variant}", shown.predicted)
-        errors = rr.SegmentationImage(map_image(shown.errors), opacity=1.0)
-        recording.log(f"{run.user}/errors/{run.variant}/map", errors)
+def _log_scene(
+    recording: rr.RecordingStream, runs: Sequence[Run], scene: int, places: Sequence[tuple[int, int]]
+) -> None:
+    """Log one user's table, the truth and every model's verdicts in one scene."""
+    user, shown = runs[0].user, [run.repairs[scene] for run in runs]
+    titles = [f"New scene {shown[0].scene}", "Truth"]
+    titles += [f"{label(run.variant)}: {of_run.agreement:.0%} right" for run, of_run in zip(runs, shown, strict=True)]
+    log_titles(recording, user, dict(zip(places, titles, strict=True)))
+    log_table(recording, f"{user}/table", shown[0].image, shown[0].layout, runs[0].margins)
+    maps = {"truth": shown[0].truth, **{run.variant: of_run.outcomes for run, of_run in zip(runs, shown, strict=True)}}
+    for place, (name, values) in zip(places[1:], maps.items(), strict=True):
+        log_map(recording, f"{user}/{name}", OUTCOME + values.astype(np.uint8), panel(place, len(values)))

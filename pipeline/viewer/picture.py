@@ -136,7 +136,9 @@ def _main() -> None:
     if args.timeline not in (None, timeline):
         timeline, step = args.timeline, 0
     step = step if args.step is None else args.step
-    draw(find(Path(cfg.paths.record), args.run), args.image, args.tab, timeline, step)
+    draw(
+        find(Path(cfg.paths.selection), Path(cfg.paths.record) / "runs", args.run), args.image, args.tab, timeline, step
+    )
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 python -m pipeline.viewer.review                   all variants and the truth
 python -m pipeline.viewer.review full-careful-s0   one run
-python -m pipeline.viewer.review --worst           the run whose maps agree least with the truth
+python -m pipeline.viewer.review --worst           the run with the lowest accuracy
 python -m pipeline.viewer.review --web             in a browser, served to this machine only
 python -m pipeline.viewer.review --check           no window: verify the file and compare its digest
 """
@@ -20,55 +20,57 @@ from pipeline.params import PARAMS, load
 from pipeline.runtime.errors import InputError
 from pipeline.viewer.digest import digest
 
-OVERVIEW = "overview"
-EXAMPLES = 3  # recordings listed in an error message
+OVERVIEW, EXAMPLES = "overview", 5  # EXAMPLES: recordings listed in an error message
 
 
-def find(folder: Path, run: str) -> Path:
-    """Return the recording of `run`, or the overview, in the record stage's `folder`; InputError if there is none."""
-    paths = [*sorted((folder / "runs").glob("*.rrd")), folder / f"{OVERVIEW}.rrd"]
-    recordings = {path.stem: path for path in paths if path.is_file()}
-    known = [name for name in recordings if name != OVERVIEW]
-    if not known or (run == OVERVIEW and run not in recordings):
-        raise InputError(f"no {'overview' if known else 'recordings'} in {folder}: run `make repro` first")
-    if run not in recordings:
-        names = ", ".join(known[:: max(1, len(known) // EXAMPLES)][:EXAMPLES])
+def find(kept: Path, runs: Path, run: str) -> Path:
+    """Return the recording of `run`, or the overview; InputError if there is none.
+
+    kept: the recordings in git; runs: those of stage record, which come first.
+    """
+    here = recordings(kept, runs)
+    if not here:
+        raise InputError(f"no recordings in {kept} or {runs}: run `make repro` first")
+    if run not in here and run in {row["run"] for row in _listed(kept)}:
+        raise InputError(f"git does not keep {run}: run `make repro` first, or open one of {', '.join(here)}")
+    if run not in here:
         raise InputError(
-            f"no recording {run!r}: expected <variant>-<user>-s<seed>, one of {len(known)}, such as {names}"
+            f"no recording {run!r}: expected <variant>-<user>-s<seed>, such as {', '.join(list(here)[:EXAMPLES])}"
         )
-    return recordings[run]
+    return here[run]
 
 
-def worst(folder: Path) -> tuple[str, str]:
-    """Return the run whose maps agree least with the truth (the first if tied), and a sentence that states this."""
-    rows = [row for row in _listed(folder) if row["run"] != OVERVIEW]
+def recordings(kept: Path, runs: Path) -> dict[str, Path]:
+    """Return the recordings there are by name."""
+    return {path.stem: path for folder in (kept, runs) for path in sorted(folder.glob("*.rrd"))}
+
+
+def worst(kept: Path, runs: Path) -> tuple[str, str]:
+    """Return the run with the lowest accuracy of those there are, and a sentence that states this."""
+    rows, here = _listed(kept), recordings(kept, runs).keys() - {OVERVIEW}
     try:
-        agreement = {row["run"]: float(row["agreement"]) for row in rows}
+        accuracy = {row["run"]: float(row["accuracy"]) for row in rows if row["run"] in here}
     except (TypeError, ValueError):  # truncated, or not a number
-        agreement = {}
-    if not agreement or not all(0 <= share <= 1 for share in agreement.values()):
-        raise InputError(f"{folder / 'recordings.csv'} gives no agreement from 0 to 1 for every run: run `make repro`")
-    run = min(agreement, key=agreement.__getitem__)
-    return run, (
-        f"{run}: its maps agree with the truth on {agreement[run]:.1%} of their cells, "
-        f"the least of {len(agreement)} runs"
-    )
+        accuracy = {}
+    if not accuracy or not all(0 <= share <= 1 for share in accuracy.values()):
+        raise InputError(f"{kept / 'recordings.csv'} gives no accuracy from 0 to 1 for every run: run `make repro`")
+    run = min(accuracy, key=accuracy.__getitem__)
+    return run, f"{run}: accuracy {accuracy[run]:.1%}, the lowest of the {len(accuracy)} recordings here"
 
 
-def check(folder: Path, run: str) -> None:
+def check(kept: Path, runs: Path, run: str) -> None:
     """Raise InputError unless Rerun can read the recording and its digest matches recordings.csv."""
-    path = find(folder, run)
+    path = find(kept, runs, run)
     verified = subprocess.run(
         [sys.executable, "-m", "rerun", "rrd", "verify", str(path)], capture_output=True, text=True
     )
     if verified.returncode:
         raise InputError(f"{path} is damaged: delete it and run `make repro`\n{verified.stderr.strip()}")
-    expected = {row["run"]: row["sha256"] for row in _listed(folder)}
+    expected = {row["run"]: row["sha256"] for row in _listed(kept)}
     contents = digest(path)
     if expected.get(run) != contents:
         raise InputError(
-            f"{path} has digest {contents}, recordings.csv says {expected.get(run)}: "
-            f"delete {folder} and run `make repro`"
+            f"{path} has digest {contents}, recordings.csv says {expected.get(run)}: delete it and run `make repro`"
         )
 
 
@@ -79,8 +81,8 @@ def _listed(folder: Path) -> list[dict[str, str]]:
         raise InputError(f"{listed} is missing: run `make repro` first")
     with listed.open(newline="") as file:
         rows = list(csv.DictReader(file))
-    if not rows or not {"run", "sha256", "agreement"} <= set(rows[0]):
-        raise InputError(f"{listed} does not list runs, their digests and agreement: run `make repro` first")
+    if not rows or not {"run", "sha256", "accuracy"} <= set(rows[0]):
+        raise InputError(f"{listed} does not list runs, their digests and accuracy: run `make repro` first")
     return rows
 
 
@@ -118,20 +120,21 @@ def _main() -> int:
     )
     which = parser.add_mutually_exclusive_group()
     which.add_argument("run", nargs="?", default=OVERVIEW, help=f"<variant>-<user>-s<seed> (default: {OVERVIEW})")
-    which.add_argument("--worst", action="store_true", help="the run whose maps agree least with the truth")
+    which.add_argument("--worst", action="store_true", help="the run with the lowest accuracy")
     parser.add_argument("--web", action="store_true", help="serve Rerun's web viewer to this machine")
     parser.add_argument("--check", action="store_true", help="verify the file and compare its digest; no window")
     args = parser.parse_args()
-    folder = Path(load(PARAMS).paths.record)
+    paths = load(PARAMS).paths
+    folders = Path(paths.selection), Path(paths.record) / "runs"
     run = args.run
     if args.worst:
-        run, reason = worst(folder)
+        run, reason = worst(*folders)
         print(reason, flush=True)
     if args.check:
-        check(folder, run)
+        check(*folders, run)
         print(f"{run}: readable, and its digest is that of recordings.csv")
         return 0
-    return show(find(folder, run), args.web)
+    return show(find(*folders, run), args.web)
 
 
 if __name__ == "__main__":

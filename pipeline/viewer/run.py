@@ -2,18 +2,15 @@
 
 Entities (coordinates: see `geometry`):
 
-    about, text/{repairs,interventions,learning,training}   sources of the recording; explanation of each tab
-    fixed/{ends,titles,table_edge}                     start and goal on the table; the titles of a new scene's panels
-    fixed/even_odds                                    p = 0.5, above which the model accepts a path
-    training/scene_000/...                             see `demonstrations`
-    new_items/scene_000/...                            see `repairs`; on the time line `repair_step`
-    new_items/scene_000/latent/{predicted,difference}/learning/map, losses   see `learning`
-    interventions/...                                  see `interventions`
+    about, text/{repairs,interventions,learning,training}    sources of the recording; explanation of each tab
+    fixed/{titles,table_edges}                               titles and edges of a new scene's panels
+    {table,predicted,outcomes,p_valid,slack}/scene_000/...   see `repairs`; on the time line `repair_step`
+    {predicted,outcomes}/learning/map, losses                see `learning`
+    interventions/...                                        see `interventions`
+    training/scene_000/...                                   see `demonstrations`
 """
 
 from pathlib import Path
-
-import rerun as rr
 
 from pipeline.viewer import texts
 from pipeline.viewer.blueprint import layout_of
@@ -22,16 +19,7 @@ from pipeline.viewer.demonstrations import log_demonstrations
 from pipeline.viewer.interventions import log_interventions
 from pipeline.viewer.learning import log_learning
 from pipeline.viewer.repairs import TIMELINE, log_repairs
-from pipeline.viewer.scene import (
-    DIFFERENCES,
-    SCENE_MAPS,
-    SCENE_TITLES,
-    log_ends,
-    log_static,
-    log_texts,
-    log_titles,
-    recording_at,
-)
+from pipeline.viewer.scene import MAPS, TITLES, log_table_edges, log_texts, log_titles, recording_at
 
 
 def write_run(path: Path, run: Run) -> None:
@@ -41,13 +29,12 @@ def write_run(path: Path, run: Run) -> None:
             "repairs": texts.repairs_text(run),
             "interventions": texts.interventions_text(run),
             "learning": texts.learning_text(run),
-            "training": texts.demonstrations_text(),
+            "training": texts.demonstrations_text(run),
         }
         log_texts(recording, texts.about_run(run), by_tab)
-        log_ends(recording)
-        log_titles(recording, "fixed", SCENE_TITLES, list(SCENE_MAPS.values()))
-        log_static(recording, "/", rr.AnnotationContext(DIFFERENCES))
-        log_demonstrations(recording, run)
+        log_titles(recording, "fixed", TITLES)
+        log_table_edges(recording, "fixed", MAPS.values())
         log_repairs(recording, run)
         log_interventions(recording, run)
         log_learning(recording, run)
+        log_demonstrations(recording, run)

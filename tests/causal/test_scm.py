@@ -123,8 +123,8 @@ def test_a_removed_item_makes_no_valid_path_invalid(scm: SCM, observed):
 def test_certain_answers_change_with_certainty_and_an_impossible_one_has_no_counterfactual():
     before = np.array([0.0, 0.0, 0.0, 0.4, 1.0])
     after = np.array([0.0, 0.3, 1.0, 1.0, 0.5])
-    np.testing.assert_array_equal(chance_of_change(False, before, after), [0, 0.3, 1, 1, np.nan])
-    np.testing.assert_array_equal(chance_of_change(True, 1 - before, 1 - after), [0, 0.3, 1, 1, np.nan])
+    np.testing.assert_allclose(chance_of_change(False, before, after), [0, 0.3, 1, 1, np.nan])
+    np.testing.assert_allclose(chance_of_change(True, 1 - before, 1 - after), [0, 0.3, 1, 1, np.nan])
     for v, c in ((False, 1.0), (True, 0.0)):
         with pytest.raises(ValueError, match="1 units show what has probability 0"):
             abduce_threshold(np.random.default_rng(0), np.array([v]), np.array([c]))

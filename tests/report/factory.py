@@ -70,7 +70,7 @@ def tables(variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MARG
         ),
         "convergence": pd.DataFrame(
             [
-                {"variant": v, "reconstruction_over_flat": 2.2, "own_demonstrations": 0.91, "passed": False}
+                {"variant": v, "reconstruction_over_flat": 2.2, "own_demonstrations": 0.9, "passed": 0.0}
                 for v in ("full", "ae")
                 if v in variants
             ],

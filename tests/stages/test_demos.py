@@ -9,6 +9,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.demos import DEMO_KEY, demo_arrays, read_demos, read_queries, read_trajectories
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool, write_scenes
+from pipeline.runtime.errors import InputError
 from pipeline.stages.demos import main
 from pipeline.world.hand import valid_trajectories
 from pipeline.world.layout import SYMBOLS, Layouts
@@ -148,4 +149,5 @@ def test_a_bad_recording_ends_the_stage_before_anything_is_written(
 
 
 def test_missing_scenes_of_a_seed_are_named(cfg: DictConfig, tmp_path: Path):
-    refuses(main, cfg, "seeds", [7], "no scenes train-s7", tmp_path / "bad")
+    with pytest.raises(InputError, match="no scenes train-s7"):
+        main(with_value(cfg.copy(), "seeds=[7]"), tmp_path / "bad")

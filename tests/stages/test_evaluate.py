@@ -1,6 +1,7 @@
 """The evaluation scores what it is given, and refuses what is incomplete."""
 
 import shutil
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +41,10 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     write_arrays(tmp_path / "scenes" / "position_prior.npz", {u: rng.random((5, 5)) for u in cfg.users})
     for variant in cfg.variants:
         write_table(model_dir(cfg, variant) / "predictions.parquet", _predictions(cfg, variant, queries))
+        fits = pd.DataFrame(product(cfg.seeds, cfg.users, cfg.n_demos), columns=["seed", "user", "n_demos"])
+        ratio = 0.5 + fits["seed"] if cfg.variants[variant].get("alpha") else np.nan
+        fits = fits.assign(reconstruction_over_flat=ratio, own_demonstrations=1.0, passed=fits["seed"] == 0)
+        write_table(model_dir(cfg, variant) / "convergence.csv", fits)
     return cfg
 
 
@@ -164,6 +169,24 @@ def test_the_tests_are_those_fixed_in_advance_corrected_family_by_family(cfg: Di
     main(paper, tmp_path)
     alone = read_table(tmp_path / "comparisons.csv")
     pd.testing.assert_frame_equal(table.query("family == 'paper'").reset_index(drop=True), alone, check_dtype=False)
+
+
+def test_convergence_is_the_mean_over_seeds_and_judged_users_of_each_autoencoder(cfg: DictConfig, out: Path):
+    table = read_table(out / "convergence.csv").set_index("variant")
+    assert list(table.index) == ["full", "ae"]
+    assert table.loc["full"].to_dict() == {"reconstruction_over_flat": 1.0, "own_demonstrations": 1.0, "passed": 0.5}
+    metrics = read_json(out / "metrics.json")["convergence"]
+    assert metrics["ae"] == {"reconstruction_over_flat": 1.0, "own_demonstrations": 1.0}
+
+
+def test_a_variant_fitted_at_fewer_numbers_of_demonstrations_is_judged_and_compared_at_these(cfg: DictConfig, tmp_path):
+    fewer = cfg.copy()
+    fewer.variants.ae.n_demos = [9]
+    main(fewer, tmp_path / "fewer")
+    accuracy, comparisons = (read_table(tmp_path / "fewer" / f"{name}.csv") for name in ("accuracy", "comparisons"))
+    assert set(accuracy.query("variant == 'ae'")["n_demos"]) == {9}
+    assert set(comparisons.query("against == 'ae'")["n_demos"]) == {9}
+    assert set(comparisons.query("against == 'classifier'")["n_demos"]) == {1, 9}
 
 
 def test_of_ten_seeds_the_smallest_p_is_corrected_by_its_own_family_alone(cfg: DictConfig):

@@ -18,12 +18,16 @@ from pipeline.models.registry import build
 from pipeline.runtime.errors import InputError
 from pipeline.stages.record import main
 from pipeline.viewer.assemble import CURVE_KEY, EFFECT_COLUMNS
+from pipeline.viewer.contents import ACCEPTED
+from pipeline.viewer.demonstrations import EVERY
+from pipeline.viewer.geometry import on_table
+from pipeline.viewer.scene import OUTCOME, p_classes
 from pipeline.world.bezier import curve, lattice, random_z_theta
 from pipeline.world.layout import SYMBOLS, add_item, random_layouts
 from pipeline.world.rules import valid
 from tests.factories import ITEMS, RULES, appearances, composed, random_demos, save_model
 from tests.stages.facts import run_as_listed
-from tests.viewer.example import read, read_timed
+from tests.viewer.example import read, read_maps, read_timed
 
 pytestmark = pytest.mark.slow
 
@@ -50,12 +54,16 @@ def write_inputs(tmp_path: Path) -> DictConfig:
     cfg = composed("profile=smoke", "seeds=[0]", "record.map_side=9", "record.training_scenes=3")
     cfg.variants = {variant: cfg.variants[variant] for variant in ("full", "classifier")}
     cfg.record.first = ["classifier"]
-    for stage in ("scenes", "demos", "train", "irl", "clearance", "repair", "intervene"):
+    for stage in ("scenes", "demos", "train", "irl", "clearance", "evaluate", "repair", "intervene"):
         OmegaConf.update(cfg, f"paths.{stage}", str(tmp_path / stage))
     rng, pools = np.random.default_rng(0), ("train-s0", "new_items")
     images = {pool: rng.integers(0, 256, (SCENES, 100, 100, 3), dtype=np.uint8) for pool in pools}
     layouts = {pool: random_layouts(rng, SCENES, ITEMS, np.arange(4), RULES) for pool in pools}
     write_scenes(tmp_path / "scenes", SceneSet(images, layouts, dict.fromkeys(pools, appearances(SCENES))))
+    levels = [list(cfg.variants), list(cfg.users), list(cfg.n_demos), [0], ["seen_scenes", "new_items"]]
+    accuracy = pd.MultiIndex.from_product(levels, names=["variant", "user", "n_demos", "seed", "split"])
+    scores = accuracy.to_frame(index=False).assign(accuracy=rng.random(len(accuracy)))
+    write_table(tmp_path / "evaluate" / "accuracy.parquet", scores)
 
     demos = random_demos(rng, cfg, SCENES).assign(residual_m=0.0, poor_fit=False, duration_s=1.0, samples=SAMPLES)
     time = np.broadcast_to(np.linspace(0, 1, SAMPLES)[None, :, None], (len(demos), SAMPLES, 1))
@@ -92,11 +100,6 @@ def write_inputs(tmp_path: Path) -> DictConfig:
     return cfg
 
 
-def _map(buffer: list, dtype: type = np.float16) -> np.ndarray:
-    """A recorded map, its first row at the near edge."""
-    return np.array(buffer, np.uint8).view(dtype).reshape(9, 9)[::-1]
-
-
 def _value(path: Path, entity: str, component: str) -> list:
     chunks = RrdReader(path).stream().filter(content=f"/{entity}").to_chunks()
     batches = [chunk.to_record_batch() for chunk in chunks]
@@ -104,36 +107,34 @@ def _value(path: Path, entity: str, component: str) -> list:
     return column
 
 
-def test_every_model_has_a_recording_of_its_own_probabilities(recorded: tuple[DictConfig, Path]) -> None:
+def test_every_model_of_a_user_with_margins_has_a_recording_of_its_own_probabilities(
+    recorded: tuple[DictConfig, Path],
+) -> None:
     cfg, folder = recorded
-    names = [f"{variant}-{user}-s0" for variant in cfg.variants for user in cfg.users]
-    assert sorted(p.stem for p in (folder / "record" / "runs").iterdir()) == sorted(names)
-    listed = read_table(folder / "record" / "recordings.csv").set_index("run")
-    assert list(listed.index) == [*names, "overview"]
+    names = [f"{variant}-{user}-s0" for variant in cfg.variants for user in ("careful", "normal")]
+    assert sorted(p.stem for p in (folder / "record" / "runs").iterdir()) == sorted([*names, "overview"])
+    listed, scores = (read_table(folder / path) for path in ("record/recordings.csv", "evaluate/accuracy.parquet"))
+    assert listed["run"].tolist() == [*names, "overview"]
+    scores = scores[(scores["split"] == "new_items") & (scores["n_demos"] == 9) & (scores["user"] != "aggressive")]
+    assert np.allclose(listed["accuracy"][:-1], scores["accuracy"], atol=1e-6)
 
     scenes, scene = read_scenes(folder / "scenes"), 1
     path = folder / "record" / "runs" / "full-careful-s0.rrd"
     model = load_model(cfg, "full", "careful", 0, cfg.main_n_demos)
     image, layout = scenes.images["new_items"][scene], scenes.layouts["new_items"][scene : scene + 1]
-    entity = f"new_items/scene_{scene:03d}"
+    entity = f"scene_{scene:03d}"
 
     z = dict(np.load(folder / "repair" / "paths.npz"))["full-careful-s0"].reshape(SCENES, STARTS, STEPS + 1, 2)
-    p = np.array(_value(path, f"{entity}/p_valid/repairs", "Scalars:scalars"))  # (step, start)
+    p = np.array(_value(path, f"p_valid/{entity}", "Scalars:scalars"))  # (step, start)
     expected = model.probability(image[None], z[scene].reshape(1, -1, 2)).reshape(STARTS, STEPS + 1)
     assert np.allclose(p.T, expected, atol=1e-6)
 
     cells = lattice(9)[None]
-    for name, values in (
-        ("predicted", model.probability(image[None], cells)),
-        ("truth", valid(layout, cells, cfg.users["careful"])),
-    ):
-        ((buffer,),) = _value(path, f"{entity}/latent/{name}/map", "Image:buffer")
-        assert np.allclose(_map(buffer, np.float32), values.reshape(9, 9), atol=1e-6)
-
-    everything = np.broadcast_to(cells, (cfg.record.scenes, *cells.shape[1:]))
-    predicted = model.probability(scenes.images["new_items"][: cfg.record.scenes], everything) > 0.5
-    truth = valid(scenes.layouts["new_items"][: cfg.record.scenes], everything, cfg.users["careful"])
-    assert listed.loc["full-careful-s0", "agreement"] == pytest.approx((predicted == truth).mean(), abs=1e-6)
+    predicted = model.probability(image[None], cells).reshape(9, 9)
+    truth = valid(layout, cells, cfg.users["careful"]).reshape(9, 9)
+    assert np.array_equal(read_maps(path, f"predicted/{entity}", 9)[0], p_classes(predicted))
+    right = read_maps(path, f"outcomes/{entity}", 9)[0] <= OUTCOME + ACCEPTED
+    assert np.array_equal(right, (predicted > 0.5) == truth)
 
 
 def test_interventions_are_the_models_maps_and_the_stages_effects(recorded: tuple[DictConfig, Path]) -> None:
@@ -142,8 +143,8 @@ def test_interventions_are_the_models_maps_and_the_stages_effects(recorded: tupl
     model = load_model(cfg, "classifier", "normal", 0, cfg.main_n_demos)
     images = dict(np.load(folder / "intervene" / "images.npz"))["images"][:, 0, 0]
     expected = model.probability(images, np.tile(lattice(9), (4, 1, 1))).reshape(4, 9, 9)
-    buffers = read(path, "interventions/predicted/map", "Image:buffer", "intervention")
-    assert np.allclose([_map(buffer) for buffer in buffers], expected, atol=1e-3)
+    shown = read_maps(path, "interventions/predicted", 9, "intervention")
+    assert np.array_equal(shown, p_classes(expected))
 
     effects = read_table(folder / "intervene" / "effects.parquet")
     rows = effects[
@@ -152,18 +153,18 @@ def test_interventions_are_the_models_maps_and_the_stages_effects(recorded: tupl
     pages = [text for (text,) in read(path, "interventions/effects", "TextDocument:text", "intervention")]
     (page,) = [page for page in pages if page.startswith("## Glass added")]
     here, mean = rows[rows["scene"] == 0].iloc[0], rows[["effect", "true_effect"]].mean()
-    assert f"| {here['effect']:+.2f} | {here['true_effect']:+.2f} | " in page
-    assert f" | {mean['effect']:+.3f} | {mean['true_effect']:+.3f} |" in page
+    assert "Question `add_glass`, normal user" in page
+    assert f"model {here['effect']:+.2f}, truth {here['true_effect']:+.2f}." in page
+    assert f"| **glass** | {mean['effect']:+.3f} | {mean['true_effect']:+.3f} |" in page
 
 
 def test_each_n_has_its_own_model_and_the_losses_of_the_final_one(recorded: tuple[DictConfig, Path]) -> None:
     cfg, folder = recorded
     path = folder / "record" / "runs" / "full-careful-s0.rrd"
     image = read_scenes(folder / "scenes").images["new_items"][:1]
-    buffers = read(path, "new_items/scene_000/latent/predicted/learning/map", "Image:buffer", "demonstrations")
-    for n, (buffer,) in zip(cfg.n_demos, buffers, strict=True):
+    for n, shown in zip(cfg.n_demos, read_maps(path, "predicted/learning", 9, "demonstrations"), strict=True):
         expected = load_model(cfg, "full", "careful", 0, n).probability(image, lattice(9)[None]).reshape(9, 9)
-        assert np.allclose(_map(buffer), expected, atol=1e-3)
+        assert np.array_equal(shown, p_classes(expected))
     curves = read_table(model_dir(cfg, "full") / "curves.parquet")
     rows = curves[(curves["user"] == "careful") & (curves["n_demos"] == cfg.main_n_demos)]
     assert _value(path, "losses", "Scalars:scalars") == [[total] for total in rows["total"]]
@@ -177,52 +178,46 @@ def test_maps_during_training_are_of_the_checkpoints_and_end_with_the_final_mode
     main(cfg, tmp_path / "record")
     image = read_scenes(tmp_path / "scenes").images["new_items"][:1]
     last = load_model(cfg, "full", "careful", 0, cfg.main_n_demos)
-    entity = "new_items/scene_000/latent/predicted/learning/map"
-    rows = read_timed(tmp_path / "record/runs/full-careful-s0.rrd", entity, "Image:buffer", "train_step")
+    path = tmp_path / "record/runs/full-careful-s0.rrd"
+    rows = read_timed(path, "predicted/learning/map", "SegmentationImage:buffer", "train_step")
     assert [step for step, _ in rows] == [5, 11]  # the curve's last point lies before the update of step 10
-    for model, (_, (buffer,)) in zip((early, last), rows, strict=True):
-        assert np.allclose(_map(buffer), model.probability(image, lattice(9)[None]).reshape(9, 9), atol=1e-3)
-    not_kept = read_timed(tmp_path / "record/runs/full-normal-s0.rrd", entity, "Image:buffer", "train_step")
-    assert [step for step, _ in not_kept] == [11]
+    for model, shown in zip((early, last), read_maps(path, "predicted/learning", 9, "train_step"), strict=True):
+        assert np.array_equal(shown, p_classes(model.probability(image, lattice(9)[None]).reshape(9, 9)))
 
 
 def test_true_slack_is_of_the_repairs_paths(recorded: tuple[DictConfig, Path]) -> None:
     cfg, folder = recorded
     z = dict(np.load(folder / "repair" / "paths.npz"))["full-normal-s0"].reshape(SCENES, STARTS, STEPS + 1, 2)
     layout = read_scenes(folder / "scenes").layouts["new_items"][:1]
-    path = folder / "record/runs/full-normal-s0.rrd"
-    room = np.array(_value(path, "new_items/scene_000/slack/repairs", "Scalars:scalars"))
+    room = np.array(_value(folder / "record/runs/full-normal-s0.rrd", "slack/scene_000", "Scalars:scalars"))
     truth = valid(layout, z[:1].reshape(1, -1, 2).astype(float), cfg.users["normal"]).reshape(STARTS, STEPS + 1)
     assert np.array_equal(room.T > 0, truth)
 
 
 def test_the_overview_has_every_variant_of_the_users_with_margins(recorded: tuple[DictConfig, Path]) -> None:
     cfg, folder = recorded
-    chunks = RrdReader(folder / "record" / "overview.rrd").stream().to_chunks()
-    shown = {entity.strip("/") for chunk in chunks if "/errors/" in (entity := str(chunk.entity_path))}
-    assert shown == {f"{user}/errors/{variant}/map" for user in ("careful", "normal") for variant in cfg.variants}
+    chunks = RrdReader(folder / "record" / "runs" / "overview.rrd").stream().to_chunks()
+    shown = {str(chunk.entity_path) for chunk in chunks if str(chunk.entity_path).endswith("/map")}
+    assert shown == {f"/{user}/{name}/map" for user in ("careful", "normal") for name in ("truth", *cfg.variants)}
 
 
-def test_recordings_of_removed_users_are_removed_and_without_margins_the_overview_has_every_user(cfg, tmp_path) -> None:
+def test_recordings_of_removed_users_are_removed_and_without_margins_every_user_has_some(cfg, tmp_path) -> None:
     for removed in ([], ["careful", "normal"]):
         cfg.users = {user: margins for user, margins in cfg.users.items() if user not in removed}
         main(cfg, tmp_path / "record")
     listed = read_table(tmp_path / "record" / "recordings.csv")["run"]
     assert set(listed) == {"full-aggressive-s0", "classifier-aggressive-s0", "overview"}
-    assert {path.stem for path in (tmp_path / "record" / "runs").iterdir()} == set(listed) - {"overview"}
-    chunks = RrdReader(tmp_path / "record" / "overview.rrd").stream().to_chunks()
-    assert "/aggressive/errors/full/map" in {str(chunk.entity_path) for chunk in chunks}
+    assert {path.stem for path in (tmp_path / "record" / "runs").iterdir()} == set(listed)
 
 
 def test_demonstrations_are_the_ones_the_model_was_fitted_to(recorded: tuple[DictConfig, Path]) -> None:
     cfg, folder = recorded
     demos = read_table(folder / "demos" / "demos.parquet")
     rows = demos[(demos["user"] == "normal") & (demos["scene"] == 2) & (demos["demo"] < cfg.main_n_demos)]
-    z = rows.loc[rows["valid"], ["z_x", "z_y"]].to_numpy()
     path = folder / "record" / "runs" / "full-normal-s0.rrd"
-    (raw,) = _value(path, "training/scene_002/valid/recorded", "LineStrips2D:strips")
-    metres = np.array(raw) / 100 * [1, -1] + [0, 1]
-    assert np.allclose(metres, curve(z, SAMPLES), atol=1e-5)
+    (lines,) = _value(path, "training/scene_002/paths", "LineStrips2D:strips")  # fitted, then recorded
+    expected = on_table(curve(rows[["z_x", "z_y"]].to_numpy(), SAMPLES))[:, ::EVERY]
+    assert np.allclose(lines[len(rows) :], expected, atol=1e-3)
 
 
 def test_paths_that_do_not_match_the_repairs_and_a_missing_model_are_refused(cfg: DictConfig, tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
 """The report stage reads what the other stages wrote, and leaves a whole site and every headline."""
 
 import json
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -67,9 +66,6 @@ def write_inputs(root: Path, cfg: DictConfig, results: Results) -> None:
     for stage in HEADLINES:
         write_json(root / stage / "metrics.json", METRICS[stage])
     for variant, settings in cfg.variants.items():
-        rows = list(product(cfg.protocol.seeds, cfg.users, [cfg.main_n_demos], [0, 9]))
-        curves = pd.DataFrame(rows, columns=["seed", "user", "n_demos", "step"]).assign(reconstruction=0.05)
-        write_table(model_dir(cfg, variant) / "curves.parquet", curves)
         for user in cfg.users:
             path = weights_path(model_dir(cfg, variant), user, cfg.protocol.seeds[0], cfg.main_n_demos)
             save_weights(path, build(settings).state_dict())
@@ -82,18 +78,16 @@ def out(cfg: DictConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-def test_the_site_is_whole(out: Path):
+def test_the_site_is_whole_and_metrics_join_every_headline_with_the_claims(out: Path):
     assert {path.name for path in out.glob("*.html")} == {f"{page}.html" for page in
         ("index", "claims", "accuracy", "repair", "causes", "method")}  # fmt: skip
     assert (
         (out / "page.css").is_file() and list((out / "figures").glob("*.svg")) and list((out / "tables").glob("*.csv"))
     )
-
-
-def test_metrics_join_every_headline_with_the_claims(out: Path):
     metrics = json.loads((out / "metrics.json").read_text())
     assert set(metrics) == {"world", "accuracy", "repair", "verdicts_right", "claims"}
     assert set(metrics["claims"].values()) <= {"holds", "fails", "open", "untestable"}
+    assert "smoke run" in (out / "index.html").read_text()
 
 
 def test_a_second_run_leaves_the_same_bytes_and_no_old_figure(cfg: DictConfig, out: Path):
@@ -101,10 +95,6 @@ def test_a_second_run_leaves_the_same_bytes_and_no_old_figure(cfg: DictConfig, o
     (out / "figures" / "of-an-earlier-run.svg").write_text("")
     main(cfg, out)
     assert {path: path.read_bytes() for path in out.rglob("*.*")} == before
-
-
-def test_a_smoke_run_says_so_on_its_first_page(out: Path):
-    assert "smoke run" in (out / "index.html").read_text()
 
 
 @pytest.mark.parametrize("file", ["evaluate/accuracy.csv", "intervene/summary.csv", "repair/metrics.json"])

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 import torch
 
-from pipeline.artifacts.demos import read_queries
+from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import read_table
 from pipeline.artifacts.models import PREDICTION_COLUMNS
 from pipeline.artifacts.scenes import read_scenes
@@ -73,6 +73,8 @@ def test_weights_on_the_way_are_kept_of_the_models_studied_that_learn(run, small
     assert {path.stem for path in (run / "full" / "checkpoints").iterdir()} == names
     kept = load_model(cfg, "full", "careful", 1, 2, step=0)
     drawn = untrained(BetaVae, cfg.variants.full.model, job_seed(1, "careful", 2, "full"))
+    assert isinstance(drawn, BetaVae)
+    drawn.standardise(read_scenes(small_world / "scenes").images["train-s1"])
     for name, value in drawn.state_dict().items():
         assert torch.equal(kept.state_dict()[name], value)
     later = load_model(cfg, "full", "careful", 1, 2, step=2)
@@ -87,6 +89,26 @@ def test_neither_processes_nor_checkpoints_nor_other_seeds_change_a_weight(run, 
     assert list((tmp_path / "full" / "checkpoints").iterdir()) == []
     alone = _digests(tmp_path / "full" / "weights")
     assert len(alone) == 6 and alone.items() <= _digests(run / "full" / "weights").items()
+
+
+def test_convergence_is_what_the_saved_model_gives_on_its_own_training_set(run, small_world):
+    table = read_table(run / "full" / "convergence.csv")
+    assert len(table) == 12 and not table.duplicated(["seed", "user", "n_demos"]).any()
+    images = read_scenes(small_world / "scenes").images["train-s1"]
+    z, valid = demo_arrays(read_demos(small_world / "demos"), 1, "careful", 2)
+    model = load_model(config(small_world, run), "full", "careful", 1, 2)
+    row = table.query("seed == 1 and user == 'careful' and n_demos == 2").iloc[0]
+    right = (model.probability(images, z) > 0.5) == valid
+    assert row["own_demonstrations"] == pytest.approx(right.mean(), abs=1e-6)
+    assert row["reconstruction_over_flat"] == pytest.approx(model.reconstruction_over_flat(images), rel=1e-5)
+    expected = (table["own_demonstrations"] >= 0.995) & ~(table["reconstruction_over_flat"] >= 1)
+    assert (table["passed"] == expected).all()
+    assert table.loc[table["user"] == "aggressive", "reconstruction_over_flat"].isna().all()  # never trained
+
+
+def test_a_variant_is_fitted_at_its_own_numbers_of_demonstrations(small_world, tmp_path):
+    cfg = config(small_world, tmp_path, "n_demos=[1,2,5]", "variants.full.n_demos=[5,7]")
+    assert {job.n_demos for job in _jobs(cfg, {}, BetaVae, lambda *data, seeds: [])} == {2, 5}  # 2: main_n_demos
 
 
 @pytest.mark.parametrize("engine", ["reference", "cuda"])

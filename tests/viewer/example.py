@@ -76,7 +76,9 @@ def a_run(repairs: int = 3) -> Run:
         3,
         9,
         "paper",
-        "sha256 0123456789ab",
+        "0123456789ab",
+        2040,
+        "train: {rate: 0.003}\n",
         MARGINS,
         tuple(demonstrations[:2]),
         tuple(repaired),
@@ -134,15 +136,11 @@ def read_timed(path: Path, entity: str, component: str, timeline: str | None = N
 
 def read_images(path: Path, entity: str, timeline: str | None = None) -> list[np.ndarray]:
     """The images of an entity, decoded."""
-    blobs = read(path, entity, "EncodedImage:blob", timeline)
-    files = [np.frombuffer(bytes(blob), np.uint8) for (blob,) in blobs]
-    images = [np.asarray(cv2.imdecode(file, cv2.IMREAD_UNCHANGED)) for file in files]
-    rgb = {3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGBA}
-    return [cv2.cvtColor(image, rgb[image.shape[-1]]) for image in images]
+    files = [np.frombuffer(bytes(blob), np.uint8) for (blob,) in read(path, entity, "EncodedImage:blob", timeline)]
+    return [np.asarray(cv2.imdecode(file, cv2.IMREAD_COLOR_RGB)) for file in files]
 
 
-def read_maps(path: Path, entity: str, dtype: type, side: int = SIDE, timeline: str | None = None) -> np.ndarray:
-    """The maps [row, y, x] of an entity, the largest y last; of whole numbers, their classes."""
-    kind = "SegmentationImage" if dtype is np.uint8 else "Image"
-    buffers = [buffer for (buffer,) in read(path, entity, f"{kind}:buffer", timeline)]
-    return np.array(buffers, np.uint8).view(dtype).reshape(-1, side, side)[:, ::-1]
+def read_maps(path: Path, entity: str, side: int = SIDE, timeline: str | None = None) -> np.ndarray:
+    """The classes [row, y, x] of an entity's maps, the largest y last."""
+    buffers = [buffer for (buffer,) in read(path, f"{entity}/map", "SegmentationImage:buffer", timeline)]
+    return np.array(buffers, np.uint8).reshape(-1, side, side)[:, ::-1]

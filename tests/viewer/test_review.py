@@ -4,94 +4,99 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.config.graph import ROOT
+from pipeline.params import PARAMS, load
 from pipeline.runtime.errors import InputError
 from pipeline.viewer.digest import digest
 from pipeline.viewer.review import check, find, show, worst
 from pipeline.viewer.run import write_run
 from tests.viewer.example import a_run
 
+NONE = Path("no such folder")  # of recordings by the stage
+
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("record")
-    (folder / "runs").mkdir()
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A clone: git keeps one run of two."""
+    kept = tmp_path_factory.mktemp("kept")
     run = a_run(repairs=1)
-    write_run(folder / "runs" / f"{run.name}.rrd", run)
-    contents = digest(folder / "runs" / f"{run.name}.rrd")
-    (folder / "recordings.csv").write_text(f"run,sha256,agreement\n{run.name},{contents},0.5\n")
-    return folder
+    path = kept / f"{run.name}.rrd"
+    write_run(path, run)
+    rows = ["run,sha256,accuracy", f"{run.name},{digest(path)},0.5", "ae-normal-s0,0123,0.4"]
+    (kept / "recordings.csv").write_text("\n".join(rows))
+    return kept
 
 
-def test_a_recording_that_holds_what_was_written_passes(folder: Path) -> None:
-    check(folder, "full-careful-s3")
+def test_a_recording_that_holds_what_was_written_passes(kept: Path) -> None:
+    check(kept, NONE, "full-careful-s3")
 
 
-def test_an_unknown_run_is_answered_with_examples(folder: Path) -> None:
-    with pytest.raises(InputError, match=r"'full-careful-s99'.*such as full-careful-s3"):
-        find(folder, "full-careful-s99")
+def test_a_clone_opens_what_git_keeps_and_the_stage_s_files_once_there_are_any(kept: Path, tmp_path: Path) -> None:
+    assert find(kept, tmp_path, "full-careful-s3") == kept / "full-careful-s3.rrd"
+    (tmp_path / "full-careful-s3.rrd").touch()
+    assert find(kept, tmp_path, "full-careful-s3") == tmp_path / "full-careful-s3.rrd"
+
+
+@pytest.mark.parametrize(
+    ("run", "message"),
+    [
+        ("ae-normal-s0", "git does not keep ae-normal-s0: run `make repro` first, or open one of full-careful-s3"),
+        ("full-careful-s99", "no recording 'full-careful-s99'.*such as full-careful-s3"),
+    ],
+)
+def test_a_run_that_is_not_there_is_answered_with_what_to_do(kept: Path, run: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        find(kept, NONE, run)
 
 
 def test_without_recordings_the_error_names_make_repro(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="run `make repro` first"):
-        find(tmp_path, "full-careful-s0")
+        find(tmp_path, NONE, "overview")
 
 
-def test_the_overview_is_found_beside_the_runs(folder: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"no overview in .*run `make repro` first"):
-        find(folder, "overview")
-    (tmp_path / "runs").symlink_to(folder / "runs")
-    (tmp_path / "overview.rrd").touch()
-    assert find(tmp_path, "overview") == tmp_path / "overview.rrd"
-
-
-def test_the_worst_run_is_the_one_that_agrees_least(tmp_path: Path) -> None:
-    rows = [
-        "run,sha256,agreement",
-        "full-careful-s0,a,0.61",
-        "full-normal-s1,b,0.425",
-        "ae-careful-s0,c,1",
-        "overview,d,",
-    ]
-    (tmp_path / "recordings.csv").write_text("\n".join(rows) + "\n")
-    run, why = worst(tmp_path)
-    assert run == "full-normal-s1"
-    assert "42.5%" in why and "of 3 runs" in why
+def test_the_worst_run_is_the_least_accurate_of_those_there_are(kept: Path) -> None:
+    run, why = worst(kept, NONE)
+    assert run == "full-careful-s3" and "accuracy 50.0%, the lowest of the 1 recordings" in why
 
 
 @pytest.mark.parametrize("text", [None, "", "run,sha256\nfull-careful-s0,a\n"])
-def test_without_agreements_there_is_no_worst(tmp_path: Path, text: str | None) -> None:
+def test_without_a_list_there_is_no_worst(tmp_path: Path, text: str | None) -> None:
     if text is not None:
         (tmp_path / "recordings.csv").write_text(text)
     with pytest.raises(InputError, match=r"recordings.csv .*run `make repro` first"):
-        worst(tmp_path)
+        worst(tmp_path, NONE)
 
 
-@pytest.mark.parametrize("row", ["full-careful-s0,a", "full-careful-s0,a,half", "full-careful-s0,a,nan", "overview,d,"])
-def test_an_agreement_that_is_no_share_is_refused(tmp_path: Path, row: str) -> None:
-    (tmp_path / "recordings.csv").write_text(f"run,sha256,agreement\n{row}\n")
-    with pytest.raises(InputError, match="no agreement from 0 to 1"):
-        worst(tmp_path)
+@pytest.mark.parametrize("share", ["", "half", "nan", "1.2"])
+def test_an_accuracy_that_is_no_share_is_refused(kept: Path, tmp_path: Path, share: str) -> None:
+    (tmp_path / "recordings.csv").write_text(f"run,sha256,accuracy\nfull-careful-s3,a,{share}\n")
+    with pytest.raises(InputError, match="no accuracy from 0 to 1"):
+        worst(tmp_path, kept)
 
 
-def test_other_contents_than_those_listed_are_refused(folder: Path, tmp_path: Path) -> None:
-    (tmp_path / "runs").symlink_to(folder / "runs")
-    (tmp_path / "recordings.csv").write_text("run,sha256,agreement\nfull-careful-s3,0123,0.5\n")
+def test_damaged_files_and_other_contents_than_those_listed_are_refused(kept: Path, tmp_path: Path) -> None:
+    (tmp_path / "recordings.csv").write_text("run,sha256,accuracy\nfull-careful-s3,0123,0.5\n")
     with pytest.raises(InputError, match="says 0123"):
-        check(tmp_path, "full-careful-s3")
+        check(tmp_path, kept, "full-careful-s3")
+    whole = (kept / "full-careful-s3.rrd").read_bytes()
+    (tmp_path / "full-careful-s3.rrd").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InputError, match="is damaged"):
+        check(kept, tmp_path, "full-careful-s3")
 
 
-def test_a_truncated_file_is_refused(folder: Path, tmp_path: Path) -> None:
-    (tmp_path / "runs").mkdir()
-    whole = (folder / "runs" / "full-careful-s3.rrd").read_bytes()
-    (tmp_path / "runs" / "full-careful-s3.rrd").write_bytes(whole[: len(whole) // 2])
-    (tmp_path / "recordings.csv").write_text((folder / "recordings.csv").read_text())
-    with pytest.raises(InputError, match="make repro"):
-        check(tmp_path, "full-careful-s3")
-
-
-def test_without_a_display_the_error_says_so(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_display_the_error_says_so(kept: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.platform", "linux")
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     with pytest.raises(InputError, match="no display"):
-        show(find(folder, "full-careful-s3"))
+        show(kept / "full-careful-s3.rrd")
+
+
+def test_git_keeps_at_most_two_and_a_half_megabytes_of_readable_recordings() -> None:
+    """What a clone opens: the overview and the worst run of each first variant."""
+    cfg, folder = load(ROOT / PARAMS), ROOT / "reports" / "recordings"
+    kept = sorted(folder.glob("*.rrd"))
+    assert len(kept) == 1 + len(cfg.record.first)
+    assert sum(path.stat().st_size for path in kept) <= 2_500_000
+    for path in kept:
+        check(folder, NONE, path.stem)

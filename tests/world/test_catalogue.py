@@ -124,11 +124,13 @@ def test_a_wrong_value_is_named_with_its_file(data, column, value, message):
 
 
 def test_a_wrong_value_is_named_with_its_line_and_a_missing_column_by_name(data):
+    table = pd.read_csv(data / "items.csv")
+    table.drop(columns="source").to_csv(data / "items.csv", index=False)
+    with pytest.raises(CatalogueError, match="source"):
+        read_catalogue(data)
+    table.to_csv(data / "items.csv", index=False)
     spoil(data, "width_m", -0.1, row=3)
     with pytest.raises(CatalogueError, match="line 5, width_m"):
-        read_catalogue(data)
-    pd.read_csv(data / "items.csv").drop(columns="source").to_csv(data / "items.csv", index=False)
-    with pytest.raises(CatalogueError, match="source"):
         read_catalogue(data)
 
 

@@ -14,10 +14,21 @@ from pipeline.models.base import ValidityModel, initialise, to_tensor
 from pipeline.world.layout import SIDE
 
 Z_CENTRE, Z_SCALE = 0.5, 0.7  # maps z_theta [m], uniform on [-.2, 1.2], to [-1, 1]
+MIN_SPREAD = 0.01  # of a channel that is constant in all training images [1 = white]
+CELL_SHARE = 0.3  # standard deviation of a cell's own part of the initial weights, relative to the whole
+LOG_VARIANCE = -4.0  # initial value of q's log-variance: nearly no noise
+OUTPUT_GAIN = 0.3  # of the decoder's initial output weights: its first images are nearly the mean colour
+TAPS = torch.tensor([0.5, 1.0, 0.5])  # of bilinear interpolation between pixels two apart
 
 
 class BetaVae(ValidityModel):
-    """The architecture of the paper's Figure "arch": encoder q_phi, mirrored decoder p_psi and classifier C_s."""
+    """The architecture of the paper's Figure "arch": encoder q_phi, mirrored decoder p_psi and classifier C_s.
+
+    The encoder reads images minus `centre`, divided by `spread`: buffers that `standardise` sets.
+    """
+
+    centre: Tensor
+    spread: Tensor
 
     def __init__(self, latent: int = 15, channels: Sequence[int] = (16, 8, 4), hidden: int = 64):
         super().__init__()
@@ -43,11 +54,47 @@ class BetaVae(ValidityModel):
         )
         last = (self.mean, self.log_variance, self.decode[-2], self.classifier[-1])
         initialise(self, no_rectifier_after=last)
+        self._smooth_decoder()
+        self.register_buffer("centre", torch.zeros(3, 1, 1))
+        self.register_buffer("spread", torch.ones(3, 1, 1))
         self.to(memory_format=torch.channels_last)  # pyright: ignore[reportCallIssue]
 
     def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene latent"]:
         """Return z_image of each scene: the mean of q(z_image | I), not a sample."""
-        return self.mean(self.features(images))
+        return self.mean(self.encode(images))
+
+    def encode(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene feature"]:
+        """Return the features that mean and log-variance of q(z_image | I) are linear in."""
+        return self.features((images - self.centre) / self.spread)
+
+    @torch.no_grad()
+    def _smooth_decoder(self) -> None:
+        """Start from smooth images and little noise: 500 steps then suffice (docs/decisions/025-convergence.md).
+
+        The transposed convolutions interpolate bilinearly (Long et al., 2015, "Fully convolutional networks"); random
+        kernels draw a checkerboard instead. The first layer's weights are nearly the same for all cells of a channel.
+        """
+        transposed = [layer for layer in self.decode if isinstance(layer, nn.ConvTranspose2d)]
+        cells = (
+            self.decode[0].get_parameter("weight").unflatten(0, (transposed[0].in_channels, -1))
+        )  # (channel, cell, latent)
+        cells.copy_(math.sqrt(1 - CELL_SHARE**2) * cells[:, :1] + CELL_SHARE * cells)
+        for layer in transposed:
+            centre = layer.weight[..., 1:2, 1:2]
+            layer.weight.copy_(1.5 * centre * TAPS[:, None] * TAPS)  # 1.5: He's variance is shared by 9 / 4 taps
+        transposed[-1].weight.mul_(OUTPUT_GAIN)
+        self.log_variance.bias.fill_(LOG_VARIANCE)
+
+    @torch.no_grad()
+    def standardise(self, images: UInt8[Array, "scene 100 100 3"]) -> None:
+        """Set each channel's centre and spread to the training images' mean and standard deviation.
+
+        The decoder's output bias becomes the mean colour.
+        """
+        pixels = to_tensor(images).transpose(0, 1).flatten(1).double()  # (channel, pixel)
+        self.centre.copy_(pixels.mean(1)[:, None, None])
+        self.spread.copy_(pixels.std(1).clamp(min=MIN_SPREAD)[:, None, None])
+        self.decode[-2].get_parameter("bias").copy_(self.centre.flatten().clamp(0.01, 0.99).logit())
 
     def logit(
         self, percept: Float[Tensor, "scene latent"], z_theta: Float[Tensor, "scene path 2"]
@@ -60,6 +107,13 @@ class BetaVae(ValidityModel):
     def reconstruct(self, images: UInt8[Array, "scene 100 100 3"]) -> UInt8[Array, "scene 100 100 3"]:
         """Return each image's reconstruction from the mean of z_image."""
         return _to_images(self.decode(self.perceive(to_tensor(images))))
+
+    @torch.no_grad()
+    def reconstruction_over_flat(self, images: UInt8[Array, "scene 100 100 3"]) -> float:
+        """Return the root mean square error of decoded means of z_image over that of each scene's mean colour."""
+        x = to_tensor(images)
+        squared_error = (self.decode(self.perceive(x)) - x).square().mean()
+        return float((squared_error / x.var((2, 3), correction=0).mean()).sqrt())
 
     @torch.no_grad()
     def traverse(

@@ -71,7 +71,7 @@ def equation_1(
     With beta > 0 decoder and classifier receive a sample, mean + noise * deviation. With beta = 0 no prior keeps the
     deviation from collapsing, so they receive the mean, and `noise` is unused.
     """
-    features = model.features(images)
+    features = model.encode(images)
     z_image = mean = model.mean(features)  # (scene, latent)
     zero = mean.new_zeros(())
     divergence = error = zero

@@ -68,6 +68,7 @@ def test_new_paths_are_judged_by_a_family_that_one_clearance_cannot_represent(wo
     assert (judged == truth).mean() > 0.93 > (nearest == truth).mean()
 
 
+@pytest.mark.slow
 def test_random_labels_leave_one_rate(world):
     labels = np.random.default_rng(0).random((SCENES, DEMOS)) < 0.5
     model = fitted(world, labels)

@@ -102,6 +102,28 @@ def test_untrained_layers_hand_on_the_mean_square_of_what_they_are_given():
     assert all(0.7 < np.mean(of) < 1.4 for of in ratios.values()), ratios
 
 
+def test_standardised_images_have_mean_0_and_variance_1_and_the_decoder_starts_from_their_mean_colour(images):
+    model = vae()
+    model.standardise(images // 4)
+    x = (to_tensor(images // 4) - model.centre) / model.spread
+    torch.testing.assert_close(x.mean((0, 2, 3)), torch.zeros(3), atol=1e-5, rtol=0)
+    torch.testing.assert_close(x.std((0, 2, 3)), torch.ones(3), atol=1e-4, rtol=0)
+    colour = model.reconstruct(images // 4).mean((0, 1, 2)) / 255
+    np.testing.assert_allclose(colour, model.centre.flatten(), atol=0.05)
+
+
+def test_reconstruction_over_flat_is_1_for_a_scenes_mean_colour(images):
+    model = vae()
+    model.standardise(images[:1])
+    with torch.no_grad():
+        model.decode[-2].get_parameter("weight").zero_()
+    assert model.reconstruction_over_flat(images[:1]) == pytest.approx(1, abs=1e-4)
+    offset = (to_tensor(images[1:2]).mean((0, 2, 3)) - model.centre.flatten()).square().mean()
+    variance = to_tensor(images[1:2]).var((2, 3)).mean()
+    expected = (1 + offset / variance).sqrt().item()  # of another scene
+    assert model.reconstruction_over_flat(images[1:2]) == pytest.approx(expected, abs=1e-4)
+
+
 def test_building_leaves_the_global_generator_alone():
     before = torch.get_rng_state()
     vae(5)

@@ -35,20 +35,14 @@ def batch():
     return images, z_theta, valid, torch.randn(SCENES, 15, generator=g, dtype=torch.double)
 
 
-def test_kl_is_the_closed_form_summed_over_dimensions_and_averaged_over_scenes():
+def test_each_term_has_the_closed_form_and_the_reduction_of_equation_1():
     mean, log_variance = torch.randn(2, 5, 15, generator=torch.Generator().manual_seed(1)).double()
     expected = kl_divergence(Normal(mean, (0.5 * log_variance).exp()), Normal(0.0, 1.0)).sum(-1).mean()
     torch.testing.assert_close(losses.kl(mean, log_variance), expected)
-
-
-def test_reconstruction_is_a_mean_over_scenes_channels_and_pixels():
     images = torch.zeros(2, 3, 4, 4)
     decoded = images.clone()
     decoded[0, 1, 2, 3] = 0.5
     assert losses.reconstruction(decoded, images).item() == pytest.approx(0.25 / images.numel())
-
-
-def test_classification_is_a_mean_over_demonstrations():
     logits, valid = torch.zeros(2, 7), torch.ones(2, 7, dtype=torch.bool)
     assert losses.classification(logits, valid).item() == pytest.approx(0.6931472)
 

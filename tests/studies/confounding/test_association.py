@@ -24,7 +24,7 @@ def test_a_path_passes_near_a_symbol_if_a_user_with_that_margin_finds_it_invalid
     np.testing.assert_array_equal(near, ~valid(layouts, z_theta, margins))
 
 
-def test_the_difference_is_the_one_counted_by_hand():
+def test_the_difference_is_the_one_counted_by_hand_and_undefined_if_all_paths_or_none_pass_near():
     invalid = np.array([[1, 1, 0, 0], [1, 0, 0, 0]], dtype=bool)
     near = np.array([[1, 1, 1, 0], [0, 0, 1, 0]], dtype=bool)
     row = association(invalid, near)

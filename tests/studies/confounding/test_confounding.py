@@ -83,7 +83,7 @@ def test_a_seed_without_scenes_and_items_added_to_other_scenes_are_refused(cfg: 
     arrays = read_arrays(directory / "images.npz")
     write_arrays(tmp_path / "images.npz", arrays | {"z_theta": arrays["z_theta"][1:]})
     (tmp_path / "layouts.parquet").write_bytes((directory / "layouts.parquet").read_bytes())
-    with pytest.raises(InputError, match="run the intervene stage again"):
+    with pytest.raises(InputError, match="rerun stage intervene"):
         main(changed, tmp_path / "out")
 
 

@@ -1,5 +1,6 @@
 """Facts about inverse reinforcement learning: gradients, what each form learns from, and the acceptance rule."""
 
+import cv2
 import numpy as np
 import pytest
 import torch
@@ -8,7 +9,6 @@ from pipeline.models.base import to_tensor
 from pipeline.models.irl.reward_map import SYMMETRIES, RewardMap, contrast, transform, untransform
 from pipeline.models.registry import build
 from pipeline.perception.background import subtract_background
-from pipeline.training.irl import fit as irl
 from pipeline.training.irl.augment import ColorJitter, augment_appearances, blobs, recolour
 from pipeline.training.irl.fit import OBJECTIVES, IrlSchedule, fit, logistic, maxent, ranked
 from pipeline.training.loop import Checkpoints
@@ -175,8 +175,10 @@ def test_augmented_objects_change_their_colour_and_stay_in_place():
         np.random.default_rng(0), plain, labels, ColorJitter(0.5, 0.2, 0.0, 0.0, 1.0)
     )
     assert set(table) <= {0, 1}
+    grown = [cv2.dilate(blob, np.ones((9, 9))) for blob in (labels > 0).astype(np.uint8)]  # by 4 pixels
+    near = np.stack(grown) > 0
     assert (np.abs(augmented.mean(1)[labels > 0]) > 0.05).all()
-    assert np.abs(augmented.mean(1)[~_near(labels)]).max() < 1e-3
+    assert np.abs(augmented.mean(1)[~near]).max() < 1e-3
 
 
 def test_a_turn_of_hue_keeps_brightness():
@@ -186,23 +188,3 @@ def test_a_turn_of_hue_keeps_brightness():
     turned = recolour(np.random.default_rng(3), plain, labels, ColorJitter(2.0, 0.0, 0.0, 0.0, 0.0))
     np.testing.assert_allclose(turned.mean(1), plain.mean(1), atol=1e-5)
     assert not np.allclose(turned, plain, atol=0.01)
-
-
-def test_contrast_on_another_table_is_measured_by_that_tables_grain():
-    rng = np.random.default_rng(0)
-    grain = np.array([2, 6, 18])[:, None, None, None]
-    images = np.rint(120 + grain * rng.standard_normal((3, 100, 100, 3))).astype(np.uint8)
-    first, second = (
-        irl._appearances(images.tobytes(), 2, ColorJitter(0.0, 0.0, 0.0, 0.0, 1.0)).flatten(2, 3).median(2).values
-    )
-    np.testing.assert_allclose(second[:, 0], first[:, 0], rtol=0.2)  # whitened
-    assert not np.allclose(second[:, 2], first[:, 2], rtol=0.5)  # as they are
-
-
-def _near(labels: np.ndarray) -> np.ndarray:
-    """Pixels within 4 of a blob of either scene."""
-    grown = np.zeros_like(labels, bool)
-    for dy in range(-4, 5):
-        for dx in range(-4, 5):
-            grown |= np.roll(labels > 0, (dy, dx), (1, 2))
-    return grown

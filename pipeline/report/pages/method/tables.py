@@ -9,9 +9,10 @@ def convergence(results: Results) -> Table:
     """Return the two checks of each variant with a decoder: reconstruction, and its own demonstrations."""
     names = {
         "variant": "Model", "reconstruction_over_flat": "Error over a flat colour’s",
-        "own_demonstrations": "Own demonstrations right", "passed": "Passes",
+        "own_demonstrations": "Own demonstrations right", "passed": "Fits that pass",
     }  # fmt: skip
     frame = results.tables["convergence"][list(names)]
-    passed = frame["passed"].astype(bool).map({True: "yes", False: "no"})
-    frame = frame.assign(variant=frame["variant"].map(label), passed=passed).rename(columns=names)
-    return Table(frame, {"Error over a flat colour’s": "rate", "Own demonstrations right": "pct1"})
+    frame = frame.assign(variant=frame["variant"].map(label)).rename(columns=names)
+    return Table(
+        frame, {"Error over a flat colour’s": "rate", "Own demonstrations right": "pct1", "Fits that pass": "pct"}
+    )

@@ -76,9 +76,10 @@ def _descend(models, images, z_theta, valid, weights, schedule, seeds, checkpoin
     share = stacked(torch.from_numpy(row_weights([of_model.shape[1] for of_model in valid])).unbind(1))
     generators = [torch.Generator().manual_seed(seed) for seed in seeds]
     loss_of_model = _Loss(models[0], weights)
-    drawn, _ = stack_module_state(list(models))
+    drawn, buffers = stack_module_state(list(models))
     parameters = {name: value.detach().to(device()).requires_grad_() for name, value in drawn.items()}
-    named = {f"model.{name}": value for name, value in parameters.items()}  # with the names inside `_Loss`
+    fixed = {name: value.to(device()) for name, value in buffers.items()}
+    named = {f"model.{name}": value for name, value in (parameters | fixed).items()}  # with the names inside `_Loss`
     losses = vmap(lambda weights_of_model, *data: functional_call(loss_of_model, weights_of_model, data))
 
     def loss() -> Losses:

@@ -29,6 +29,7 @@ def fit(
     input.
     `seed` draws the latent noise; torch's global generator is unchanged. `checkpoints` keeps intermediate weights.
     """
+    model.standardise(images)
     if is_constant(valid):
         probability = rule_of_succession(valid)
         model.set_constant_head(probability)
@@ -50,6 +51,8 @@ def fit_varied(
         if i not in varied
     }
     if varied:
+        for i in varied:
+            models[i].standardise(images[i])
         *data, varied_seeds = zip(*(jobs[i] for i in varied), strict=True)
         varied_curves = fit_stack(*data, weights, schedule, varied_seeds, checkpoints or Checkpoints())
         curves |= zip(varied, varied_curves, strict=True)

@@ -412,16 +412,25 @@ def dense_weights(x, dy, weights):
     product(inputs, outputs, out, a, b, (np.zeros(LANES, np.float32), 0, 0), steps, ADD)
 
 
-@compiled(PIXELS, PLANES)
-def unpack(images, planes):
-    """Write 8-bit images (scene, row, column, channel, lane) as intensities in [0, 1] inside the planes' border."""
-    scenes, height, _, channels, _ = images.shape
+@compiled(PIXELS, MATRIX, MATRIX, PLANES, PLANES)
+def unpack(images, centre, factor, intensities, standardised):
+    """Write 8-bit images (scene, row, column, channel, lane) inside the border of two planes.
+
+    `intensities` are in [0, 1]; `standardised` are (intensity - centre) * factor, both (channel, lane).
+    """
+    scenes, height, width, channels, _ = images.shape
+    pixel = channels * LANES
+    centre, factor = centre.reshape(-1), factor.reshape(-1)
     for scene in range(scenes):
         for row in range(height):
             source = images[scene, row].reshape(-1)
-            inside = planes[scene, row + 1].reshape(-1)[channels * LANES :]
-            for i in range(source.size):
-                inside[i] = np.float32(source[i]) / np.float32(255)
+            target = intensities[scene, row + 1].reshape(-1)[pixel:]
+            inside = standardised[scene, row + 1].reshape(-1)[pixel:]
+            for column in range(width):
+                for i in range(pixel):
+                    intensity = np.float32(source[column * pixel + i]) / np.float32(255)
+                    target[column * pixel + i] = intensity
+                    inside[column * pixel + i] = (intensity - centre[i]) * factor[i]
 
 
 @compiled(PLANES, PLANES, types.float32, MATRIX)

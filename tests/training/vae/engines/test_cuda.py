@@ -29,6 +29,7 @@ def exact(model, images, z_theta, valid, weights, seed):
     """The reference's steps in double precision; the losses before each."""
     x, z, labels = to_tensor(images).double(), torch.from_numpy(z_theta), torch.from_numpy(valid)
     generator = torch.Generator().manual_seed(seed)
+    model.standardise(images)
     optimiser, cycle = SHORT.optimiser(model.parameters())
     losses = []
     for _ in range(SHORT.steps):
