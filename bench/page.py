@@ -125,4 +125,6 @@ def _rounded(value):
 
 
 if __name__ == "__main__":
+    if len(sys.argv) != 3 or not Path(sys.argv[1]).is_file():
+        sys.exit(f"{__doc__}\nBENCHMARKS.json is what `python -m pytest bench --benchmark-json=BENCHMARKS.json` wrote.")
     main(Path(sys.argv[1]), Path(sys.argv[2]))

@@ -178,8 +178,10 @@ def main(argv: list[str]) -> int:
     if {"-h", "--help"} & set(argv):
         print(__doc__)
         return 0
-    check = "--check" in argv
-    cfg = compose([argument for argument in argv if argument != "--check"])
+    check, overrides = "--check" in argv, [argument for argument in argv if argument != "--check"]
+    if unknown := [argument for argument in overrides if argument.startswith("-")]:
+        raise InputError(f"unknown option {unknown[0]!r}: expected --check or overrides such as train.steps=100")
+    cfg = compose(overrides)
     validate(cfg, GRAPH)
     stage_of = {str(name): str(variant.stage) for name, variant in cfg.variants.items()}
     before = listed_variants()

@@ -5,12 +5,20 @@
 #   tests/smoke.sh --profile demo DIR     the paper alone at profile demo
 set -euo pipefail
 root=$(cd "$(dirname "$0")/.." && pwd)
-profile=smoke pipelines=-P
-if [ "${1:-}" = --profile ]; then
-  profile=$2 pipelines=
+profile=smoke pipelines=-P left_out=()
+if [ "${1:-}" = --profile ] && [ $# -eq 3 ]; then
+  profile=$2 pipelines= left_out=(':!studies')
   shift 2
 fi
+if [ $# -gt 1 ] || [[ "${1:-}" = -* ]]; then
+  sed -n '2,5s/^# //p' "$0"
+  exit 2
+fi
 if [ $# -gt 0 ]; then
+  if [ -n "$(ls -A "$1" 2> /dev/null)" ] && [ "$(git -C "$1" config user.email)" != smoke@localhost ]; then
+    echo "error: $1 holds something else than an earlier run: name another folder" >&2
+    exit 2
+  fi
   rm -rf "$1"
   mkdir -p "$1"
   clone=$(cd "$1" && pwd)
@@ -18,7 +26,8 @@ else
   clone=$(mktemp -d)
   trap 'rm -rf "$clone"' EXIT
 fi
-git -C "$root" ls-files -z --cached --others --exclude-standard -- ':!outputs' ':!reports' ':!dvc.lock' ':!studies/*/dvc.lock' |
+git -C "$root" ls-files -z --cached --others --exclude-standard -- ':!outputs' ':!reports' ':!dvc.lock' \
+  ':!studies/*/dvc.lock' ':!studies/*/index.html' ':!studies/*/figures' ':!studies/*/tables' "${left_out[@]}" |
   (cd "$root" && while IFS= read -r -d '' f; do [ ! -e "$f" ] || printf '%s\0' "$f"; done) |
   (cd "$root" && tar --null -T - -cf -) | tar -C "$clone" -xf -
 cd "$clone"

@@ -57,6 +57,35 @@ def test_hydra_s_flags_may_stand_before_or_behind_overrides(run, flags: list[str
     assert code == 0 and ("variant: ae" in out or "Defaults List" in out)
 
 
+@pytest.mark.parametrize("argument", ["", "=", "nonsense", "-x", "--config-name=nope"])
+def test_an_argument_that_is_none_ends_with_a_message(run, argument: str):
+    code, _, err = run(lambda cfg, out_dir: pytest.fail("begun"), "scenes", argument)
+    assert code == 2 and "error: " in err
+
+
+@pytest.mark.parametrize(
+    ("command", "expected"),
+    [
+        ([sys.executable, "-m", "pipeline.params", "--chek"], "error: unknown option '--chek'"),
+        ([sys.executable, "-m", "bench.page"], "python -m bench.page BENCHMARKS.json"),
+        ([sys.executable, "-m", "bench.repro", "out.json", "folder"], "Commands: environment, demo"),
+        (["bash", "tests/smoke.sh", "--help"], "tests/smoke.sh DIR"),
+    ],
+    ids=["params", "page", "repro", "smoke"],
+)
+def test_a_tool_called_wrongly_says_what_it_takes(command: list[str], expected: str):
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    said = done.stdout + done.stderr
+    assert done.returncode in (1, 2) and expected in said and "Traceback" not in said
+
+
+def test_a_smoke_run_replaces_no_folder_of_another_kind(tmp_path: Path):
+    (tmp_path / "mine").touch()
+    done = subprocess.run(["bash", "tests/smoke.sh", tmp_path], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 2 and "holds something else than an earlier run" in done.stderr
+    assert (tmp_path / "mine").exists()
+
+
 def test_help_says_what_a_stage_reads_and_writes(run):
     code, out, _ = run(nothing, "train", "--help")
     assert code == 0

@@ -1,15 +1,19 @@
 """Copy the headlines of reports/metrics.json into the README: `python -m pipeline.report.readme` or `make readme`."""
 
 import re
-from pathlib import Path
+import sys
 
 import pandas as pd
 
 from pipeline.artifacts.files import read_json, read_table
+from pipeline.config.graph import ROOT
 from pipeline.report.page import FORMATS
 from pipeline.report.style import COLOURS, label
+from pipeline.runtime.errors import InputError
 
-README, METRICS, VERDICTS = Path("README.md"), Path("reports/metrics.json"), Path("reports/tables/causes-verdicts.csv")
+README, METRICS, VERDICTS = (
+    ROOT / name for name in ("README.md", "reports/metrics.json", "reports/tables/causes-verdicts.csv")
+)
 HEAD = "| Model | Accuracy, unseen items | Repairs, careful | Repairs, normal | Causal verdicts right |"
 
 
@@ -38,4 +42,7 @@ def fill(text: str, table: str) -> str:
 
 
 if __name__ == "__main__":
-    README.write_text(fill(README.read_text(), headlines(read_json(METRICS), read_table(VERDICTS))))
+    try:
+        README.write_text(fill(README.read_text(), headlines(read_json(METRICS), read_table(VERDICTS))))
+    except InputError as error:
+        sys.exit(f"error: {error}")

@@ -53,14 +53,19 @@ class Study:
         """
         return lookup(self.table(file), f"{self.name}/{file}", column, **where)
 
-    def values(self, file: str, column: str, **where: Any) -> list:
-        """Return the values of `column` in the rows that `where` selects; a list selects any of its values.
-
-        Raise InputError if no row matches, or for a number that is missing or not finite.
-        """
+    def rows(self, file: str, **where: Any) -> pd.DataFrame:
+        """Return the rows of a table that `where` selects; a list selects any of its values."""
         frame = self.table(file)
         for name, wanted in where.items():
             frame = frame[frame[name].isin(wanted if isinstance(wanted, list | tuple) else [wanted])]
-        if frame.empty:
+        return frame
+
+    def values(self, file: str, column: str, **where: Any) -> list:
+        """Return the values of `column` in the rows that `where` selects.
+
+        Raise InputError if there is none, or for a number that is missing or not finite.
+        """
+        rows = self.rows(file, **where)
+        if rows.empty:
             raise InputError(f"table {self.name}/{file} has no row with {where}; run its stage again")
-        return [checked(number, f"table {self.name}/{file}, column {column}, {where}") for number in frame[column]]
+        return [checked(number, f"table {self.name}/{file}, column {column}, {where}") for number in rows[column]]

@@ -16,9 +16,10 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.demos import Queries, demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import write_table
-from pipeline.artifacts.scenes import read_scenes, train_pool
+from pipeline.artifacts.scenes import read_position_prior, read_scenes, train_pool
 from pipeline.launch import launch
 from pipeline.models.base import ValidityModel
+from pipeline.models.baselines import POSITION, position_only
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.streams import stream
 from pipeline.stats.conformal import accept, p_values, score, share_by_scene
@@ -45,6 +46,13 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     answers = refit(
         cfg, dict.fromkeys(study.variants, training_sets), partial(predict, complete, images, z_theta), "accept"
     )
+
+    prior = read_position_prior(Path(cfg.paths.scenes))
+    blind = [
+        (position_only(prior[user], complete[user, seed].z_theta), position_only(prior[user], z_theta))
+        for user, seed in pairs
+    ]
+    answers[POSITION] = 2 * blind  # fitted to no demonstrations
 
     summary, curve = [], []
     for variant, predictions in answers.items():

@@ -9,6 +9,7 @@ from playwright.sync_api import Browser
 from pipeline.report.render import PAGES
 from pipeline.report.site import join
 from tests.browser.conftest import Opened
+from tests.report import factory
 
 PHONE, DESK, SHEET = 390, 1440, 688  # [px]; the last is A4's 210 mm less the margins of page.css
 every_page = pytest.mark.parametrize("name", PAGES)
@@ -126,7 +127,7 @@ def test_the_pointer_drags_the_path_over_table_and_maps(opened: Opened, width: i
 def test_a_model_that_is_wrong_on_a_patterned_table_is_marked(opened: Opened):
     page = opened("index")
     assert page.locator(".wrong").count() == 0
-    page.get_by_role("radio", name="1 on marble").check()
+    page.get_by_role("checkbox", name="on marble").check()
     assert page.locator(".wrong").count() == 4  # two users, two models
     assert "wrong" in page.locator(".wrong").first.inner_text()
 
@@ -156,7 +157,12 @@ def test_a_chart_is_whole_without_scripts(browser: Browser, site: Path):
 
 def test_the_site_in_one_file_asks_for_nothing_and_leads_to_every_page(browser: Browser, site: Path, tmp_path: Path):
     file = tmp_path / "site.html"
-    file.write_text(join(site, site / "studies"))
+    for name in factory.results().facts["studies"]:
+        study = site.parent / "studies" / name / "index.html"
+        study.parent.mkdir(parents=True)
+        back = f'<a href="../../{site.name}/index.html#studies">Studies</a>'
+        study.write_text(f'<body><main id="main" tabindex="-1"><h1>A study</h1>{back}</main></body>')
+    file.write_text(join(site, site.parent / "studies"))
     page, messages, requests = browser.new_page(), [], []
     page.on("console", lambda message: messages.append(message.text))
     page.on("request", lambda request: requests.append(request.url))

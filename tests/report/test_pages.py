@@ -152,7 +152,7 @@ def test_the_numbers_of_every_table_are_those_of_its_csv(site: Site):
             continue
         cells = {tuple(row) for row in Reader(site.pages[name.partition("-")[0]]).rows}
         for row in table.to_dict("records"):
-            assert any(_same(row, shown) for shown in cells), (name, row)
+            assert any(same_row(row, shown) for shown in cells), (name, row)
 
 
 COMMITTED = {name: TABLES / f"{name}.csv" for name in SOURCES if (TABLES / f"{name}.csv").is_file()}
@@ -176,7 +176,7 @@ def test_a_model_fitted_at_few_numbers_of_demonstrations_leaves_no_gap():
     assert "Accuracy by the number of demonstrations" in page
 
 
-def _same(row: dict, shown: tuple[str, ...]) -> bool:
+def same_row(row: dict, shown: tuple[str, ...]) -> bool:
     """Whether a page's cells are a row's values within their last digit."""
     return len(row) == len(shown) and all(map(_equal, row.values(), shown))
 

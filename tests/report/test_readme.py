@@ -1,14 +1,12 @@
 """The README's headline table."""
 
 import json
-from pathlib import Path
 
 import pandas as pd
 
 from pipeline.report.readme import METRICS as COMMITTED
-from pipeline.report.readme import VERDICTS, fill, headlines
+from pipeline.report.readme import README, VERDICTS, fill, headlines
 
-ROOT = Path(__file__).parents[2]
 METRICS = {
     "accuracy": {"full": {"new_items": 0.54}, "position_only": {"new_items": 0.59}},
     "repair": {"full": {"careful": 0.65, "normal": 0.75}, "constant_detour": {"careful": 0.8, "normal": 0.9}},
@@ -24,10 +22,10 @@ def test_every_model_and_baseline_has_a_row_with_its_numbers():
 
 
 def test_filling_twice_is_filling_once():
-    once = fill((ROOT / "README.md").read_text(), headlines(METRICS, FIVE))
+    once = fill(README.read_text(), headlines(METRICS, FIVE))
     assert headlines(METRICS, FIVE) in once and fill(once, headlines(METRICS, FIVE)) == once
 
 
 def test_the_readme_has_the_numbers_of_the_committed_run():
-    metrics, verdicts = json.loads((ROOT / COMMITTED).read_text()), pd.read_csv(ROOT / VERDICTS)
-    assert headlines(metrics, verdicts) in (ROOT / "README.md").read_text()
+    metrics, verdicts = json.loads(COMMITTED.read_text()), pd.read_csv(VERDICTS)
+    assert headlines(metrics, verdicts) in README.read_text()

@@ -57,6 +57,7 @@ def test_after_a_process_that_ended_the_next_call_is_none_the_worse():
     assert signal.pthread_sigmask(signal.SIG_BLOCK, []) == set()
 
 
+@pytest.mark.slow
 def test_jobs_may_be_handed_out_by_any_thread():
     found = []
     thread = Thread(target=lambda: found.extend(map_jobs(fail_on_two, [0, 1], 2, "test")), daemon=True)
@@ -65,6 +66,7 @@ def test_jobs_may_be_handed_out_by_any_thread():
     assert found == [0, 1]
 
 
+@pytest.mark.slow
 def test_the_next_call_meets_the_same_processes():
     first, second = (set(map_jobs(process, range(8), 2, "test")) for _ in range(2))
     assert os.getpid() not in first

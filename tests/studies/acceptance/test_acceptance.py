@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from omegaconf import DictConfig
 
-from pipeline.artifacts.files import read_table
+from pipeline.artifacts.files import read_table, write_arrays
 from pipeline.artifacts.scenes import read_scenes, train_pool, write_scenes
+from pipeline.models.baselines import POSITION
 from pipeline.params import compose
 from pipeline.runtime.errors import InputError
 from studies.acceptance import stage
@@ -17,7 +18,7 @@ from tests.factories import labelled_demos, labelled_queries, rendered_scenes
 
 TRAINING, SCENES, PATHS, LEVEL = 4, 5, 12, 0.1
 SMALL = ["profile=smoke", "workers=1", f"scenes.per_seed={TRAINING}", "train.steps=2", "clearance.steps=2"]
-SMALL += ["studies.acceptance.variants=[full,clearance]", "studies.acceptance.fitted=1"]
+SMALL += ["train.engine=reference", "studies.acceptance.variants=[full,clearance]", "studies.acceptance.fitted=1"]
 SMALL += [f"studies.acceptance.level={LEVEL}"]
 
 
@@ -30,12 +31,16 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     scenes = rendered_scenes(cfg, training | {"new_scenes": (SCENES, "train"), "new_items": (SCENES, "unseen")})
     labelled_demos(cfg, scenes)
     labelled_queries(cfg, scenes, ["new_scenes", "new_items"], PATHS)
+    prior = {user: np.full((2, 2), 0.7) for user in cfg.evaluate.users}
+    write_arrays(Path(cfg.paths.scenes) / "position_prior.npz", prior)
     return cfg
 
 
 def test_every_variant_split_rule_and_user_has_a_row(cfg: DictConfig, out: Path):
     summary, curve = read_table(out / "summary.csv"), read_table(out / "curve.csv")
-    rules = len(cfg.studies.acceptance.variants) * 2 * len(stage.RULES)
+    judged = [*cfg.studies.acceptance.variants, POSITION]
+    rules = len(judged) * 2 * len(stage.RULES)
+    assert set(summary["variant"]) == set(judged)
     assert len(summary) == rules * (1 + len(cfg.evaluate.users)) and len(curve) == rules * 5
     assert ((summary["ci_low"] <= summary["invalid"]) & (summary["invalid"] <= summary["ci_high"])).all()
     assert summary["power"].between(0, 1).all()
@@ -52,7 +57,7 @@ def test_a_model_that_accepts_no_path_accepts_none_that_is_invalid_and_27_demons
     total = (summary["invalid_where_any"].fillna(0) * accepting).to_numpy()
     np.testing.assert_allclose(total, summary["invalid"] * summary["models"], atol=1e-4)
     strict = read_table(out / "curve.csv").query("rule == 'conformal' and level <= 0.02")
-    assert len(strict) == 2 * 2 * 2 and (strict["abstained"] == 1).all() and (strict["power"] == 0).all()
+    assert len(strict) == 3 * 2 * 2 and (strict["abstained"] == 1).all() and (strict["power"] == 0).all()
 
 
 def test_a_weaker_promise_accepts_more_and_the_threshold_ignores_it(cfg: DictConfig, out: Path):

@@ -55,7 +55,7 @@
 
   function chooseTable(number) {
     table = number;
-    svg.querySelector("image").setAttribute("href", data.tables[table].image);
+    svg.querySelector("image").setAttribute("href", data.images[table]);
     rows.forEach((row, user) => row.querySelectorAll("canvas").forEach((canvas, source) => drawMap(canvas, map(user, source))));
     move(z);
   }
@@ -100,7 +100,10 @@
     event.preventDefault();
     move(z.map((coordinate, k) => coordinate + (event.shiftKey ? 5 : 1) * step * steps[event.key][k]));
   });
-  widget.addEventListener("change", event => chooseTable(Number(event.target.value)));
+  widget.addEventListener("change", () => {
+    const chosen = [...widget.querySelectorAll("input:checked")];
+    chooseTable(chosen.reduce((sum, input) => sum + Number(input.value), 0));
+  });
   widget.hidden = false;
   chooseTable(0);
 })();

@@ -23,14 +23,14 @@ def widget(results: Results) -> dict[str, Any]:
     """
     drawn, users = results.drawn, results.judged_users
     models = [v for v in ("full", "clearance") if v in results.shown] or results.shown[:1]
-    tables, maps = [], []
+    shown, maps = [], []
     for top, images, by_variant in (
         ("", drawn.images, drawn.maps),
         ("patterned", drawn.patterned, drawn.patterned_maps),
     ):
         for place, scene in enumerate(drawn.mapped):
             image = images[place if top else scene]
-            tables.append({"scene": scene, "patterned": bool(top), "image": _png(fewer_levels(image)[..., ::-1])})
+            shown.append(_png(fewer_levels(image)[..., ::-1]))
             for user in users:
                 maps += [drawn.truth[user][place], *(by_variant[v][user][place] for v in models)]
     stacked = np.rint(255 * np.concatenate(maps).astype(float)).astype(np.uint8)
@@ -42,7 +42,8 @@ def widget(results: Results) -> dict[str, Any]:
         "side": stacked.shape[1],
         "users": users,
         "sources": ["Truth", *map(style.label, models)],
-        "tables": tables,
+        "scenes": drawn.mapped,
+        "images": shown,  # of each scene on its own table top, then on the patterned one
         "maps": _png(stacked),
         "palette": [to_hex(colour) for colour in matplotlib.colormaps[style.MAP](np.linspace(0, 1, 9))],
     }

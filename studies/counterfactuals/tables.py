@@ -1,0 +1,33 @@
+"""The item that each model names, and how far it would have to move."""
+
+import pandas as pd
+
+from pipeline.report import style
+from pipeline.report.page import Table
+from pipeline.report.study import Study
+
+
+def attributions(study: Study) -> Table:
+    """Return how often each model names the true cause of a rejection, beside image-blind rules that name an item."""
+    table = study.table("summary.csv", finite=("right", "ci_low", "ci_high", "baseline_nearest_item"))
+    rows = []
+    for row in table.to_dict("records"):
+        shown = {"User": row["user"], "Model": style.label(row["variant"]), "Right": row["right"]}
+        shown |= {"low": row["ci_low"], "high": row["ci_high"], "Nearest item": row["baseline_nearest_item"]}
+        shown |= {"Random item": row["baseline_random_item"]}
+        rows.append(shown | {"Rejects the empty table": row["empty_rejected"]})
+    rows.sort(key=lambda row: study.judged_users.index(row["User"]))
+    return Table(pd.DataFrame(rows), dict.fromkeys(list(rows[0])[2:], "pct1"))
+
+
+def moves(study: Study) -> Table:
+    """Return how far the responsible item has to move, by truth and model, in cases that the model rejects."""
+    table = study.table("moves.csv", finite=("true_m", "rejected", "found"))
+    rows = []
+    for row in table.to_dict("records"):
+        shown = {"User": row["user"], "Model": style.label(row["variant"]), "Rejected": row["rejected"]}
+        lengths = {"True move": "true_m", "Error": "error_m", "Error of a constant": "constant_error_m"}
+        shown |= {"Move found": row["found"]}
+        rows.append(shown | {name: None if pd.isna(row[column]) else row[column] for name, column in lengths.items()})
+    formats = dict.fromkeys(("Rejected", "Move found"), "pct") | dict.fromkeys(lengths, "cm")
+    return Table(pd.DataFrame(rows, dtype=object), formats)

@@ -1,0 +1,65 @@
+"""Study pages: each lies whole in its study's folder, and none shows a number that is missing."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline.artifacts.files import read_table, write_table
+from pipeline.report.study import Study
+from pipeline.runtime.errors import InputError
+from pipeline.stages.page import render
+from tests.report.test_pages import Reader, same_row
+
+ROOT = Path(__file__).parents[2]
+FOLDERS = sorted(path.parent for path in ROOT.glob("studies/*/page.html.j2"))
+
+
+@pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
+def test_a_study_has_a_short_page_whose_links_lead_somewhere(folder: Path):
+    text = (folder / "index.html").read_text()
+    assert len(Reader(text).words) <= 1200
+    page = Reader(text)
+    for link in page.links:
+        target, _, anchor = link.partition("#")
+        assert not target or (folder / target).resolve().is_file(), link
+        assert target or anchor in page.ids, link
+    assert {path.stem for path in folder.glob("figures/*.svg")} == {
+        Path(link).stem for link in page.links if link.startswith("figures/")
+    }
+    for path in folder.glob("tables/*.csv"):
+        for row in read_table(path).to_dict("records"):
+            assert any(same_row(row, tuple(shown)) for shown in page.rows), (path.name, row)
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Study:
+    """A study whose page prints one number, and its table."""
+    write_table(tmp_path / "summary.csv", pd.DataFrame({"variant": ["full", ""], "accuracy": [0.5, 0.6]}))
+    template = '{% extends "study.html.j2" %}{% block study %}{{ pct(value("summary.csv", "accuracy", variant="")) }}'
+    (tmp_path / "page.html.j2").write_text(template + "{% endblock %}")
+    facts = {"data_md5": "0123456789", "profile": "smoke", "root_seed": 1, "settings": "seeds: 2", "studies": ["q"]}
+    settings = {"question": "Does it hold?"}
+    return Study("q", tmp_path, settings, ["full"], {"careful": {}}, ["careful"], [0], 9, facts)
+
+
+def test_a_study_s_page_prints_its_question_its_numbers_and_how_it_was_made(study: Study):
+    page = render(study, study.folder).pages["index"]
+    for text in ("<h1>Does it hold?</h1>", "60\u00a0%", "smoke run", "01234567", "seeds: 2", "../../reports/page.css"):
+        assert text in page
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_number_that_is_not_finite_is_refused(study: Study, bad: float):
+    write_table(study.folder / "summary.csv", pd.DataFrame({"variant": ["full", ""], "accuracy": [0.5, bad]}))
+    with pytest.raises(InputError, match="expected a finite number"):
+        render(study, study.folder)
+
+
+def test_a_number_that_is_missing_is_refused(study: Study):
+    write_table(study.folder / "summary.csv", pd.DataFrame({"variant": ["full"], "accuracy": [0.5]}))
+    with pytest.raises(InputError, match="has 0 rows"):
+        render(study, study.folder)
+    with pytest.raises(InputError, match="no row"):
+        study.values("summary.csv", "accuracy", variant="ae")
