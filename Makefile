@@ -11,7 +11,7 @@ COMPILE := pip-compile --quiet --strip-extras --no-emit-index-url --no-emit-find
 RUN ?=
 WORST ?=
 
-.PHONY: help venv repro studies demo pull test test-browser test-viewer check-dowhy smoke bench review picture site figures pictures readme lint lock params data clean
+.PHONY: help venv repro studies demo pull test test-browser test-viewer check-dowhy smoke bench review picture site figures readme lint lock params data clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -74,7 +74,7 @@ bench: data-here  ## every benchmark, the whole graph among them; writes bench/R
 	python -m bench.repro .benchmarks/repro.json
 	python -m bench.page .benchmarks/latest.json .benchmarks/repro.json
 
-review: $(READY)  ## open the overview of the recordings, or one of them: RUN=full-careful-s0, or WORST=1; WEB=1: in a browser
+review: $(READY)  ## open the overview of the recordings, or one of them: RUN=<variant>-<user>-s<seed>, or WORST=1; WEB=1: in a browser
 	python -m pipeline.viewer.review $(RUN) $(if $(WORST),--worst) $(if $(WEB),--web)
 
 picture: $(READY)  ## an image of a recording, made without a screen: RUN=full-careful-s0; writes picture.png
@@ -85,11 +85,6 @@ site: $(READY)  ## all pages in one file to mail: site.html
 
 figures: $(READY)  ## every figure of the pages as a PDF, in pdf/
 	python -m pipeline.report.pdf
-
-pictures: $(READY)  ## the README's images of recordings, made without a screen
-	python -m pipeline.viewer.picture overview docs/pictures/overview.png
-	python -m pipeline.viewer.picture clearance-careful-s0 docs/pictures/repairs.png
-	python -m pipeline.viewer.picture full-careful-s0 docs/pictures/learning.png --tab 4 --timeline train_step --step 700
 
 readme: $(READY)  ## put the headlines of reports/metrics.json into the README
 	python -m pipeline.report.readme

@@ -37,7 +37,7 @@ def closure_of(modules: list[str], imports: grimp.ImportGraph) -> set[str]:
 
 def file_of(module: str) -> Path:
     path = ROOT.joinpath(*module.split("."))
-    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+    return path.with_suffix(".py") if path.with_suffix(".py").is_file() else path / "__init__.py"
 
 
 def holds_code(module: str) -> bool:

@@ -143,6 +143,11 @@ class Results:
         answers = self.asked(kind, self.variants[0])["truth_verdict"]
         return int((answers == ("negligible" if kind == "add" else "effect")).sum())
 
+    def patterned_accuracy(self, variant: str) -> float:
+        """Return the share of control points that the first seed's models judge rightly, on the patterned top."""
+        maps, truth = self.drawn.patterned_maps[variant], self.drawn.truth
+        return float(np.mean([(maps[user] > 0.5) == truth[user] for user in truth]))
+
     @property
     def largest_difference(self) -> float | None:
         """Return the largest difference between a true share of valid paths and the paper's Table 2.

@@ -9,6 +9,7 @@ from playwright.sync_api import Browser
 from pipeline.report.render import PAGES
 from pipeline.report.site import join
 from tests.browser.conftest import Opened
+from tests.report import factory
 
 PHONE, DESK, SHEET = 390, 1440, 688  # [px]; the last is A4's 210 mm less the margins of page.css
 every_page = pytest.mark.parametrize("name", PAGES)
@@ -58,7 +59,7 @@ def test_the_dark_scheme_turns_page_and_figures_dark(opened: Opened):
 def test_paper_shows_every_table_and_figure_within_the_sheet(opened: Opened, name: str):
     page = opened(name, SHEET)
     page.emulate_media(media="print")
-    parts = page.locator("table, img")
+    parts = page.locator("table, img, object")
     assert parts.evaluate_all("all => Math.max(...all.map(one => one.getBoundingClientRect().right))") <= SHEET
     assert not page.get_by_role("navigation").is_visible()
     assert page.pdf(prefer_css_page_size=True).startswith(b"%PDF")
@@ -156,7 +157,12 @@ def test_a_chart_is_whole_without_scripts(browser: Browser, site: Path):
 
 def test_the_site_in_one_file_asks_for_nothing_and_leads_to_every_page(browser: Browser, site: Path, tmp_path: Path):
     file = tmp_path / "site.html"
-    file.write_text(join(site, site / "studies"))
+    for name in factory.results().facts["studies"]:
+        study = site.parent / "studies" / name / "index.html"
+        study.parent.mkdir(parents=True)
+        back = f'<a href="../../{site.name}/index.html#studies">Studies</a>'
+        study.write_text(f'<body><main id="main" tabindex="-1"><h1>A study</h1>{back}</main></body>')
+    file.write_text(join(site, site.parent / "studies"))
     page, messages, requests = browser.new_page(), [], []
     page.on("console", lambda message: messages.append(message.text))
     page.on("request", lambda request: requests.append(request.url))

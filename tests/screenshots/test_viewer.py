@@ -46,7 +46,7 @@ def screenshot(client: ViewerClient) -> np.ndarray:
     return image[80:-60, : int(0.74 * image.shape[1])]
 
 
-def share(image: np.ndarray, colour: tuple[int, int, int]) -> float:
+def share(image: np.ndarray, colour: tuple[int, ...]) -> float:
     """Return the share of an image that is nearly of this colour."""
     return float((np.abs(image.astype(int) - colour).max(-1) < 12).mean())
 

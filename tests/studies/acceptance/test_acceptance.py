@@ -9,7 +9,7 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_table, write_arrays
 from pipeline.artifacts.scenes import read_scenes, train_pool, write_scenes
-from pipeline.models.baselines import POSITION
+from pipeline.config.settings import POSITION
 from pipeline.params import compose
 from pipeline.runtime.errors import InputError
 from studies.acceptance import stage
