@@ -10,7 +10,16 @@ from pipeline.models.irl.reward_map import SYMMETRIES, RewardMap, contrast, tran
 from pipeline.models.registry import build
 from pipeline.perception.background import subtract_background
 from pipeline.training.irl.augment import ColorJitter, augment_appearances, blobs, recolour
-from pipeline.training.irl.fit import OBJECTIVES, IrlSchedule, _appearances, fit, logistic, maxent, ranked
+from pipeline.training.irl.fit import (
+    OBJECTIVES,
+    IrlSchedule,
+    _appearances,
+    fit,
+    fit_acceptance_rule,
+    logistic,
+    maxent,
+    ranked,
+)
 from pipeline.training.loop import Checkpoints
 
 SHAPE = {"channels": 8, "dilated": 2, "gain": 10.0, "dropout": 0.1, "lattice_side": 10}
@@ -110,6 +119,18 @@ def test_a_step_judges_paths_on_their_own_scenes_map_under_one_symmetry(seed):
         losses = np.array([float(ranked(model.soft_regret(r, paths), labels, True)) for r in maps])
     curve = fit(model, images, z, valid, "ranked", schedule(steps=1, n_augmentations=1), seed)
     assert np.abs(losses - curve[0, 1]).min() < 1e-5
+
+
+def test_the_rule_is_fitted_to_every_other_appearance():
+    images, z, valid = world()
+    model, appearances = drawn(dropout=0.0), _appearances(images.tobytes(), 4, JITTER)
+    rules = []
+    for spoilt in (slice(0), slice(1, None, 2), slice(0, None, 2)):
+        changed = appearances.clone()
+        changed[spoilt] = 0
+        fit_acceptance_rule(model, changed, z, valid)
+        rules.append((float(model.scale), float(model.offset)))
+    assert rules[0] == rules[1] != rules[2]
 
 
 @pytest.mark.parametrize("objective", OBJECTIVES)
