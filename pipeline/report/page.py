@@ -48,7 +48,7 @@ class Data(Protocol):
     @property
     def variants(self) -> Sequence[str]: ...
     @property
-    def users(self) -> Mapping[str, Any]: ...
+    def users(self) -> Mapping[str, Mapping[str, float | None]]: ...
     @property
     def seeds(self) -> Sequence[int]: ...
 
@@ -117,7 +117,8 @@ def review_command(data: Data, recording: str) -> str:
     """Return the command that opens a recording; empty for a fit that this run has not made."""
     if recording == "overview":
         return "make review"
-    runs = {f"{variant}-{user}-s{seed}" for variant in data.variants for user in data.users for seed in data.seeds}
+    users = [user for user, margins in data.users.items() if any(m is not None for m in margins.values())]
+    runs = {f"{variant}-{user}-s{seed}" for variant in data.variants for user in users for seed in data.seeds}
     return f"make review RUN={recording}" if recording in runs else ""
 
 
