@@ -48,7 +48,7 @@ data-here: $(READY)
 test: data-here  ## ruff, pyright, spelling, the test suite (it includes the smoke run); `pytest -m "not slow"` takes about a minute
 	ruff check . && ruff format --check .
 	pyright
-	codespell README.md CONTRIBUTING.md CHANGELOG.md docs conf pipeline studies
+	codespell --skip '*.svg' README.md CONTRIBUTING.md CHANGELOG.md docs conf pipeline studies reports
 	python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 test-browser: $(READY)  ## the report in headless Chromium: keyboard, accessibility, phone, print
