@@ -74,7 +74,7 @@ bench: data-here  ## every benchmark, the whole graph among them; writes bench/R
 	python -m bench.repro .benchmarks/repro.json
 	python -m bench.page .benchmarks/latest.json .benchmarks/repro.json
 
-review: $(READY)  ## open the overview of the recordings, or one of them: RUN=<variant>-<user>-s<seed>, or WORST=1 (it comes before RUN); WEB=1: in a browser
+review: $(READY)  ## open the overview of the recordings, or one of them: RUN=<variant>-<user>-s<seed>, or WORST=1, not both; WEB=1: in a browser
 	python -m pipeline.viewer.review $(RUN) $(if $(WORST),--worst) $(if $(WEB),--web)
 
 picture: $(READY)  ## an image of a recording, made without a screen: RUN=full-careful-s0; writes picture.png
