@@ -201,7 +201,7 @@ def _check_model(model: Any) -> None:
 
 
 def _check_images(images: Any, name: str) -> None:
-    """Raise InputError, which calls the argument `name`, unless images are uint8 (scene, 100, 100, 3), none mostly black."""
+    """Raise InputError, which calls the argument `name`, unless images are uint8 (scene, 100, 100, 3) and not black."""
     if not isinstance(images, np.ndarray):
         raise InputError(f"{name} is {type(images).__name__}: expected an array, uint8 (scene, 100, 100, 3)")
     try:
