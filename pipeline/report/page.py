@@ -82,7 +82,7 @@ def render_page(
     counts = {"figure": 0, "table": 0}
 
     def figure(name: str, alt: str, wide: bool = False, recording: str = "", caller: Callable[[], str] = str) -> Markup:
-        """Draw a figure; `recording` names the run, or `overview`, that shows the same where it was recorded."""
+        """Draw a figure; `recording`: `overview` or `worst`, the recording in git that shows the same."""
         draw = getattr(importlib.import_module(f"{package}.figures"), name)
         counts["figure"] += 1
         with matplotlib.rc_context(style.RC):
@@ -92,7 +92,7 @@ def render_page(
         width, height = (round(96 * inches) for inches in drawn.get_size_inches())
         text = {"file": file, "alt": alt, "number": counts["figure"], "caption": caller()}
         text |= {"width": width, "height": height, "wide": wide, "chart": "<script>" in site.figures[file]}
-        text |= {"command": review_command(data, recording)}
+        text |= {"command": {"overview": "make review", "worst": "make review WORST=1"}.get(recording, "")}
         return Markup(made.get_template("figure.html.j2").render(text))
 
     def table(name: str, caller: Callable[[], str] = str) -> Markup:
@@ -111,15 +111,6 @@ def render_page(
 
     numbered = {"figure": figure, "table": table, "table_number": table_number}
     site.pages[name] = made.get_template(template).render(page=name, **numbered)
-
-
-def review_command(data: Data, recording: str) -> str:
-    """Return the command that opens a recording; empty for a fit that this run has not made."""
-    if recording == "overview":
-        return "make review"
-    users = [user for user, margins in data.users.items() if any(m is not None for m in margins.values())]
-    runs = {f"{variant}-{user}-s{seed}" for variant in data.variants for user in users for seed in data.seeds}
-    return f"make review RUN={recording}" if recording in runs else ""
 
 
 def write_files(site: Site, out_dir: Path) -> None:
