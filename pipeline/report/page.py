@@ -3,10 +3,10 @@
 import importlib
 import math
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -41,18 +41,6 @@ class Site:
     claims: dict[str, str] = field(default_factory=dict)  # of the paper: claim -> holds | fails | open | untestable
 
 
-@runtime_checkable
-class Data(Protocol):
-    """What every page's data has: the fits that were made, each with a recording."""
-
-    @property
-    def variants(self) -> Sequence[str]: ...
-    @property
-    def users(self) -> Mapping[str, Mapping[str, float | None]]: ...
-    @property
-    def seeds(self) -> Sequence[int]: ...
-
-
 def environment(folders: Sequence[Path], **names: Any) -> Environment:
     """Return Jinja2's environment for templates in `folders` and this one; `names` are global in templates."""
     made = Environment(
@@ -72,7 +60,7 @@ def headings(content: str) -> list[tuple[str, str]]:
 
 
 def render_page(
-    name: str, template: str, package: str, data: Data, made: Environment, site: Site, prefix: str = ""
+    name: str, template: str, package: str, data: Any, made: Environment, site: Site, prefix: str = ""
 ) -> None:
     """Add page `name` with its figures and tables to `site`.
 

@@ -20,7 +20,7 @@ def examples(study: Study) -> Figure:
     table, images = study.table("examples.csv"), study.arrays("examples.npz")
     kinds = list(dict.fromkeys(table["example"]))
     width = 1 + int(table.groupby("example")["slot"].nunique().max())
-    figure, axes = panels(len(kinds), width, 3.3 * width, 4.3 * len(kinds))
+    figure, axes = panels(len(kinds), width, 3.3 * width, 4.6 * len(kinds))
     for row, (line, kind) in enumerate(zip(axes, kinds, strict=True)):
         rows = table[table["example"] == kind]
         slots = rows.drop_duplicates("slot")
