@@ -28,7 +28,7 @@ SETTINGS: dict[str, dict[str, Any]] = {  # conf/variants merged with conf/train,
     "clearance": {"kind": "clearance", "model": {"members": 16}},
 }
 TRAINING: dict[str, dict[str, Any]] = {  # training schedule by kind
-    "vae": {"steps": 500, "rate": 0.01, "weight_decay": 0.01, "curve_every": 10},
+    "vae": {"steps": 500, "rate": 0.01, "weight_decay": 0.01, "adam_beta2": 0.99, "curve_every": 10},
     "reward": {
         "rate": 0.018, "weight_decay": 0.0001, "scenes_per_step": 20, "n_augmentations": 12, "sparsity": 0.0,
         "rank_across_scenes": True, "curve_every": 10,

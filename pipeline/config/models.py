@@ -23,6 +23,7 @@ class VaeModel(Group):
 
 
 class Train(Schedule):
+    adam_beta2: Annotated[float, Field(ge=0, lt=1), expected("a number from 0, below 1")]
     engine: Literal["auto", "simd", "cuda", "reference"]
     model: VaeModel
 

@@ -2,7 +2,7 @@
 
 import copy
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 import numpy as np
@@ -29,15 +29,20 @@ class Schedule:
     rate: float  # AdamW's peak learning rate; OneCycle warms up to it and anneals to nearly 0
     weight_decay: float
     curve_every: int  # steps between two points of the learning curve
+    adam_beta2: float = field(default=0.999, kw_only=True)  # decay of AdamW's mean squared gradient
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> "Schedule":
         """Return the schedule in conf/train.yaml or conf/clearance.yaml."""
-        return cls(values["steps"], float(values["rate"]), float(values["weight_decay"]), values["curve_every"])
+        optional = {name: values[name] for name in ("adam_beta2",) if name in values}
+        return cls(
+            values["steps"], float(values["rate"]), float(values["weight_decay"]), values["curve_every"], **optional
+        )
 
     def optimiser(self, parameters: Iterable[Tensor]) -> tuple[AdamW, OneCycleLR]:
         """Return AdamW for `parameters` and its learning-rate schedule; step both after each gradient."""
-        optimiser = AdamW(parameters, lr=self.rate, weight_decay=self.weight_decay, fused=True)
+        betas = 0.9, self.adam_beta2
+        optimiser = AdamW(parameters, lr=self.rate, betas=betas, weight_decay=self.weight_decay, fused=True)
         return optimiser, OneCycleLR(optimiser, self.rate, total_steps=self.steps)
 
 
