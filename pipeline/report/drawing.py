@@ -103,8 +103,8 @@ def draw_band(axes: Axes, x: Any, middle: Any, low: Any, high: Any, name: str, *
     axes.fill_between(x, low, high, color=colour, alpha=0.13)
 
 
-def draw_images(rows: Mapping[str, Sequence[Array]], titles: Sequence[str] = ()) -> Figure:
-    """Return a figure of tables from above in named rows, with titles over the columns."""
+def draw_images(rows: Mapping[str, Any], titles: Sequence[str] = ()) -> Figure:
+    """Return a figure of images uint8 (image, 100, 100, 3) in named rows, with titles over the columns."""
     width = min(map(len, rows.values()))
     figure, axes = panels(len(rows), width, 2.5 * width, 2.6 * len(rows))
     for line, (name, images) in zip(axes, rows.items(), strict=True):
