@@ -1,5 +1,7 @@
 """Users' margins, the paths that suit two of them, and the effects of a change of user."""
 
+import pandas as pd
+
 from pipeline.report.page import Table, pick, with_gaps
 from pipeline.report.pages.users.figures import pair
 from pipeline.report.results import PAPER_TABLE_2, Results
@@ -48,9 +50,9 @@ def reactions(results: Results) -> Table:
                 row |= {symbol: mine["effect"]} | {f"{symbol}, {end}": mine[end] for end in ENDS}
             rows.append(row)
         rows.append({"User": user, "According to": label("blind")} | dict.fromkeys(results.added_symbols, 0.0))
-    frame = with_gaps(rows)
     numbers = [f"{symbol}{end}" for symbol in results.added_symbols for end in ("", ", q1", ", q3")]
-    return Table(frame.reindex(columns=["User", "According to", *numbers]), dict.fromkeys(numbers, "effect"))
+    frame = with_gaps(pd.DataFrame(rows, columns=["User", "According to", *numbers]))
+    return Table(frame, dict.fromkeys(numbers, "effect"))
 
 
 def change_of_user(results: Results) -> Table:
