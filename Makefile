@@ -11,7 +11,7 @@ COMPILE := pip-compile --quiet --strip-extras --no-emit-index-url --no-emit-find
 RUN ?=
 WORST ?=
 
-.PHONY: help venv repro studies demo pull test test-browser test-viewer check-dowhy smoke bench review picture site figures readme lint lock params data clean
+.PHONY: help venv repro studies demo pull test test-browser test-viewer check-dowhy smoke bench review site figures readme lint lock params data clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -77,9 +77,6 @@ bench: data-here  ## every benchmark, the whole graph among them; writes bench/R
 review: $(READY)  ## open the overview of the recordings, or one of them: RUN=<variant>-<user>-s<seed>, or WORST=1, not both; WEB=1: in a browser
 	python -m pipeline.viewer.review $(RUN) $(if $(WORST),--worst) $(if $(WEB),--web)
 
-picture: $(READY)  ## an image of a recording, made without a screen: RUN=full-careful-s0; writes picture.png
-	python -m pipeline.viewer.picture $(or $(RUN),overview) picture.png
-
 site: $(READY)  ## all pages in one file to mail: site.html
 	python -m pipeline.report.site
 
@@ -105,4 +102,4 @@ data: $(READY)  ## draw data/ anew and put it into the store
 	dvc add data && dvc push data.dvc
 
 clean:  ## remove environments, demo/, other products and DVC's cache, with the results that nobody pushed
-	rm -rf $(VENV) .venv-dowhy .benchmarks multirun demo pdf site.html picture.png .dvc/cache .dvc/tmp
+	rm -rf $(VENV) .venv-dowhy .benchmarks multirun demo pdf site.html .dvc/cache .dvc/tmp

@@ -16,6 +16,8 @@ LABELS = {
     "random_path": "Random path (image-blind)",
     "paper": "The paper",
     "blind": "Image-blind baseline",
+    "clearance_averaged": "Averaged over rules",
+    "ideal": "Knows the rules (truth)",
     "oracle": "Nearest valid path (truth)",
     "seen_scenes": "training scenes",
     "new_scenes": "new scenes",

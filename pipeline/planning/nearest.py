@@ -69,7 +69,7 @@ def _best(
     log_p_candidates: Float[Array, "start candidate"],
     distance_penalty: float,
 ) -> tuple[Float[Array, "start 2"], Float[Array, " start"]]:
-    """Return the better of each start's best z so far and its best candidate, and its log P(valid)."""
+    """Return for each start the z_theta [m] of higher score, its present best or a candidate, and its log P(valid)."""
     each = np.arange(len(z0))
     scores = log_p_candidates - distance_penalty * _distance(candidates, z0[:, None])
     chosen = scores.argmax(1)

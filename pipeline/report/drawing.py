@@ -87,6 +87,40 @@ def draw_intervals(
     axes.grid(axis="x")
 
 
+def draw_series(axes: Axes, x: Any, y: Any, name: str, places: Sequence[str], line: str, mark: str = ".") -> float:
+    """Draw a series with a mark at each value, named under the pointer by its place; return the last value."""
+    style.of_series(axes.plot(x, y, line, color=style.colour(name), linewidth=2)[0], name)
+    for one, value, place in zip(x, y, places, strict=True):
+        artist = axes.plot(one, value, mark, color=style.colour(name), markersize=6)[0]
+        style.of_series(artist, name, f"{style.label(name)}, {place}: {value:.1f} %")
+    return float(np.asarray(y)[-1])
+
+
+def draw_band(axes: Axes, x: Any, middle: Any, low: Any, high: Any, name: str, **line: Any) -> None:
+    """Draw a series with its interval as a band."""
+    colour = style.colour(name)
+    axes.plot(x, middle, **({"color": colour, "linewidth": 2, "label": style.label(name)} | line))
+    axes.fill_between(x, low, high, color=colour, alpha=0.13)
+
+
+def draw_images(rows: Mapping[str, Any], titles: Sequence[str] = ()) -> Figure:
+    """Return a figure of images uint8 (image, 100, 100, 3) in named rows, with titles over the columns."""
+    width = min(map(len, rows.values()))
+    figure, axes = panels(len(rows), width, 2.5 * width, 2.6 * len(rows))
+    for line, (name, images) in zip(axes, rows.items(), strict=True):
+        for panel, image in zip(line, images, strict=False):
+            draw_table(panel, image)
+        line[0].set_ylabel(name, color=style.INK)
+    for panel, title in zip(axes[0], titles, strict=False):
+        panel.set_title(title)
+    return figure
+
+
+def legend_below(figure: Figure, axes: Axes, columns: int) -> None:
+    """Draw the legend of one panel below all of them."""
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=columns, fontsize=10)
+
+
 def label_ends(axes: Axes, x: int, ends: Mapping[str, float], gap: float = 0.055) -> None:
     """Write the names of series beside their last points (x, y), at least `gap` of the axis apart, as toggles."""
     low, high = axes.get_ylim()
@@ -95,8 +129,8 @@ def label_ends(axes: Axes, x: int, ends: Mapping[str, float], gap: float = 0.055
         y = places[name] = max(ends[name], y + gap * (high - low))
     over = max(0.0, y - high)
     for name, place in places.items():
-        text = axes.annotate(style.label(name), (x, place - over), (16, 0), textcoords="offset points", va="center")
-        mark = axes.annotate("●", (x, place - over), (7, 0), textcoords="offset points", va="center", ha="center")
+        text = axes.annotate(style.label(name), (x, place - over), (24, 0), textcoords="offset points", va="center")
+        mark = axes.annotate("●", (x, place - over), (16, 0), textcoords="offset points", va="center", ha="center")
         mark.set(color=style.colour(name), fontsize=8)
         style.of_series(mark, name)
         style.toggles(text, name)

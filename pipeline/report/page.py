@@ -3,7 +3,7 @@
 import importlib
 import math
 import re
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,10 @@ FOLDER = Path(__file__).parent
 
 @dataclass(frozen=True)
 class Table:
-    """A table of a page: its numbers as written to csv, and the format of each numeric column."""
+    """A table of a page: its numbers as written to csv, and the format of each numeric column.
+
+    Columns "X, q1" and "X, q3" are shown in brackets behind X: the quartiles over training sets.
+    """
 
     frame: pd.DataFrame
     formats: dict[str, str] = field(default_factory=dict)
@@ -50,8 +53,28 @@ def environment(folders: Sequence[Path], **names: Any) -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.globals |= FORMATS | {"label": style.label, "formats": FORMATS, "headings": headings} | names
+    made.globals |= (
+        FORMATS | {"label": style.label, "formats": FORMATS, "headings": headings, "in_brackets": in_brackets} | names
+    )
     return made
+
+
+def with_gaps(rows: Any) -> pd.DataFrame:
+    """Return rows as a frame in which a number that cannot exist is None, which a page shows as a dash."""
+    frame = pd.DataFrame(rows).astype(object)
+    return frame.where(frame.notna(), None)
+
+
+def pick(table: pd.DataFrame, titles: Mapping[str, str], **words: Callable | Mapping) -> pd.DataFrame:
+    """Return the columns of a table that `titles` names, under their titles; `words` translate a column."""
+    shown = table.assign(**{column: table[column].map(word) for column, word in words.items()})
+    return shown[list(titles)].rename(columns=dict(titles)).reset_index(drop=True)
+
+
+def in_brackets(row: Mapping[str, Any], column: str, write: Callable[[Any], str]) -> str:
+    """Return the quartiles of a cell, in brackets and without their unit; nothing where there are none."""
+    ends = [row.get(f"{column}, {end}") for end in ("q1", "q3")]
+    return "" if None in ends else " ({} to {})".format(*(write(end).partition("\u00a0")[0] for end in ends))
 
 
 def headings(content: str) -> list[tuple[str, str]]:
@@ -112,7 +135,7 @@ def write_files(site: Site, out_dir: Path) -> None:
     for name, text in texts.items():
         atomic_write(out_dir / name, lambda part, text=text: part.write_text(text))
     for name, table in site.tables.items():
-        write_table(out_dir / "tables" / f"{name}.csv", table)
+        write_table(out_dir / "tables" / f"{name}.csv", table.infer_objects())
 
 
 def provenance(cfg: DictConfig) -> dict[str, Any]:

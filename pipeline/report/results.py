@@ -118,6 +118,11 @@ class Results:
             return missing["missing"]
         return self.value("slices", column, **where)
 
+    @property
+    def paths_judged(self) -> int:
+        """Return the number of test paths in new scenes with unseen items."""
+        return len(self.tables["judged"].query("split == 'new_items'").drop_duplicates(["scene", "query"]))
+
     def unsure(self, variant: str) -> dict[str, float] | None:
         """Return the mean stated P(valid), the share valid and the number of the unseen-item paths given .3 to .8."""
         rows = self.tables["judged"]

@@ -15,6 +15,8 @@ NOTHING = "nothing to avoid"  # slice of paths in scenes without an item that th
 SLICES = {"user": "user", "nearest": "kind of item nearest", "items": "items on the table", "table_top": "table top",
           "distance": "distance to the boundary"}  # fmt: skip
 
+OVERLAP = ("source", "both", "first", "second", "neither", "overlap_found", "q1", "q3")
+
 
 def describe(layouts: Layouts, z_theta: Array, margins: Margins, table_tops: Sequence[str]) -> pd.DataFrame:
     """Return a row per path of z_theta (scene, path, 2) [m], in order: scene, query, z_x, z_y, and what it is like.
@@ -45,8 +47,8 @@ def describe(layouts: Layouts, z_theta: Array, margins: Margins, table_tops: Seq
 def slices(judged: pd.DataFrame) -> pd.DataFrame:
     """Return scores by variant, split and slice (`all` first), a row for each value that has paths.
 
-    accuracy; unsafe: share of accepted paths that are invalid; refused: share of valid paths rejected; both NaN if
-    there are none, and 0 for `all`; share: of all paths.
+    accuracy, with its quartiles q1 and q3 over seeds; unsafe: share of accepted paths that are invalid; refused: share
+    of valid paths rejected; both NaN if there are none, and 0 for `all`; share: of all paths.
     """
     table = judged.assign(
         right=(judged["p"] > 0.5) == judged["valid"],
@@ -56,8 +58,11 @@ def slices(judged: pd.DataFrame) -> pd.DataFrame:
     )
     parts = []
     for name in ("all", *SLICES):
-        groups = table.groupby(["variant", "split", name], observed=True)
-        part = groups[["right", "unsafe", "refused"]].mean().assign(count=groups.size()).reset_index()
+        keys = ["variant", "split", name]
+        groups = table.groupby(keys, observed=True)
+        part = groups[["right", "unsafe", "refused"]].mean().assign(count=groups.size())
+        by_seed = table.groupby([*keys, "seed"], observed=True)["right"].mean().groupby(keys, observed=True)
+        part = part.assign(q1=by_seed.quantile(0.25), q3=by_seed.quantile(0.75)).reset_index()
         parts.append(part.rename(columns={name: "value", "right": "accuracy"}).assign(slice=name))
     rows = pd.concat(parts, ignore_index=True)
     rows["value"] = rows["value"].astype(str)
@@ -65,26 +70,29 @@ def slices(judged: pd.DataFrame) -> pd.DataFrame:
     rows.loc[whole, errors] = rows.loc[whole, errors].fillna(0.0)  # who accepts nothing accepts nothing invalid
     total = rows[whole].set_index(["variant", "split"])["count"]
     rows["share"] = rows["count"] / total.loc[list(zip(rows["variant"], rows["split"], strict=True))].to_numpy()
-    return rows[["variant", "split", "slice", "value", "accuracy", "unsafe", "refused", "share", "count"]]
+    return rows[["variant", "split", "slice", "value", "accuracy", "q1", "q3", "unsafe", "refused", "share", "count"]]
 
 
 def overlap(judged: pd.DataFrame, users: Sequence[str], split: str) -> pd.DataFrame:
     """Return which paths are valid to both, to one or to neither of two users: the truth first, then each variant.
 
-    Shares of paths, and the intersection over union of the paths valid to both with the true ones.
+    Shares of paths; overlap_found: the intersection over union of the paths valid to both with the true ones, with
+    its quartiles q1 and q3 over seeds (NaN for the truth and an image-blind baseline).
     """
     keys, rows = ["variant", "seed", "scene", "query"], []
     part = judged[judged["split"] == split]
     both = [part[part["user"] == user].set_index(keys)[["p", "valid"]] for user in users]
     joined = both[0].add_suffix("_a").join(both[1].add_suffix("_b"))
-    true_a, true_b = joined["valid_a"].astype(bool), joined["valid_b"].astype(bool)
-    sources = {"truth": (true_a, true_b)} | {
-        str(v): (joined["p_a"] > 0.5, joined["p_b"] > 0.5) for v in joined.index.unique("variant")
-    }
-    for name, (a, b) in sources.items():
-        mine = a.index.get_level_values("variant") == (name if name != "truth" else joined.index[0][0])
-        a, b, true = a[mine], b[mine], (true_a & true_b)[mine]
+    variants = joined.index.unique("variant").tolist()
+    for name in ("truth", *variants):
+        mine = joined.xs(variants[0] if name == "truth" else name)
+        true_a, true_b = mine["valid_a"].astype(bool), mine["valid_b"].astype(bool)
+        a, b = (true_a, true_b) if name == "truth" else (mine["p_a"] > 0.5, mine["p_b"] > 0.5)
+        hits, union = a & b & true_a & true_b, (a & b) | (true_a & true_b)
         row = {"source": name, "both": (a & b).mean(), "first": (a & ~b).mean(), "second": (~a & b).mean()}
-        row |= {"neither": (~a & ~b).mean(), "overlap_found": (a & b & true).sum() / max(((a & b) | true).sum(), 1)}
+        row |= {"neither": (~a & ~b).mean(), "overlap_found": hits.sum() / max(union.sum(), 1)}
+        by_seed = hits.groupby("seed").sum() / union.groupby("seed").sum().clip(lower=1)
+        if name not in ("truth", "position_only"):
+            row |= {"q1": by_seed.quantile(0.25), "q3": by_seed.quantile(0.75)}
         rows.append(row)
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows).reindex(columns=[*OVERLAP])

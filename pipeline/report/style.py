@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from pipeline.legend import INVALID, MAP, START, VALID, label  # noqa: F401  # the rest of the style
 
-SCRIPT = Path(__file__).with_name("chart.js")
+SCRIPT, CHART, THEME = ((Path(__file__).with_name(name)).read_text() for name in ("chart.js", "chart.css", "theme.css"))
 INK, MUTED, RULE = "#1b1f24", "#5d6670", "#d4d8dd"
 TRAIN, UNSEEN = "#009e73", "#d55e00"  # green and red as in the paper, in hues of Okabe and Ito
 COLOURS = {  # hues of Okabe and Ito; the paper's model and its ablations share blue
@@ -22,6 +22,8 @@ COLOURS = {  # hues of Okabe and Ito; the paper's model and its ablations share 
     "irl_ranked": "#d55e00",
     "clearance": "#cc79a7",
     "paper": "#f0e442",
+    "clearance_averaged": INK,
+    "ideal": INK,
 }
 MARKERS = {"full": "o", "ae": "s", "classifier": "^", "irl_maxent": "v", "irl_ranked": "D", "clearance": "P"}
 RC: dict[Any, Any] = {
@@ -30,37 +32,13 @@ RC: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 11,
     "axes.titlesize": 11,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.edgecolor": MUTED,
-    "axes.facecolor": "none",
-    "figure.facecolor": "none",
-    "savefig.facecolor": "none",
     "legend.frameon": False,
     "grid.color": RULE,
-    "text.color": INK,
-    "axes.labelcolor": INK,
-    "axes.titlecolor": INK,
-    "xtick.color": MUTED,
-    "ytick.color": MUTED,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
 }
-CHART = """<style>
-:root { width: 100%; height: 100%; }
-.toggle { cursor: pointer; }
-.toggle[aria-pressed=false] { opacity: .35; }
-.toggle:focus-visible { outline: 2px solid var(--ink); }
-.tip { display: none; pointer-events: none; }
-.tip rect { fill: var(--paper); stroke: var(--muted); }
-.tip text { fill: var(--ink); font: 12px system-ui, sans-serif; }
-</style>"""
-THEME = """<style>
-:root { --paper: #ffffff; --ink: #1b1f24; --muted: #5d6670; --rule: #d4d8dd; color-scheme: light dark; }
-@media screen and (prefers-color-scheme: dark) {
-  :root { --paper: #14171a; --ink: #e7eaed; --muted: #a3acb6; --rule: #3a4148; }
-}
-</style>"""
+RC |= dict.fromkeys(("axes.spines.top", "axes.spines.right"), False)
+RC |= dict.fromkeys(("axes.facecolor", "figure.facecolor", "savefig.facecolor"), "none")
+RC |= dict.fromkeys(("axes.edgecolor", "xtick.color", "ytick.color"), MUTED)
+RC |= dict.fromkeys(("text.color", "axes.labelcolor", "axes.titlecolor", "xtick.labelcolor", "ytick.labelcolor"), INK)
 
 
 def colour(name: str) -> str:
@@ -97,8 +75,9 @@ def svg(figure: Figure) -> str:
     for hexadecimal, name in ((INK, "ink"), (MUTED, "muted"), (RULE, "rule")):
         text = text.replace(hexadecimal, f"var(--{name})")
     text, count = re.subn(r'<g id="(series|toggle):([^|"]+)\|([^"]*)">', _part, text)
-    text = re.sub(r"(<svg[^>]*>)", lambda tag: tag[1] + "\n" + THEME + CHART * (count > 0), text, count=1)
-    return text.replace("</svg>", f"<script><![CDATA[\n{SCRIPT.read_text()}]]></script>\n</svg>") if count else text
+    css = f"\n<style>\n{THEME}{CHART * (count > 0)}</style>"
+    text = re.sub(r"(<svg[^>]*>)", lambda tag: tag[1] + css, text, count=1)
+    return text.replace("</svg>", f"<script><![CDATA[\n{SCRIPT}]]></script>\n</svg>") if count else text
 
 
 def _part(group: re.Match) -> str:

@@ -36,10 +36,11 @@ class Recorded:
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write demos.parquet, trajectories.npz and queries.npz."""
+    from_csv = _read_trajectories(cfg)
     scenes = read_scenes(Path(cfg.paths.scenes))
     scenes.check_has(*map(train_pool, [*cfg.seeds, *cfg.validation_seeds]))
     layouts = scenes.layouts
-    recorded = _record(cfg, layouts)
+    recorded = _record(cfg, layouts, from_csv)
     fits = fit(recorded.samples[:, 1:3], recorded.offsets, cfg.demos.poor_above_m)
     demos = recorded.keys.assign(
         z_x=fits.z_theta[:, 0],
@@ -55,8 +56,11 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     write_queries(out_dir, queries)
 
 
-def _record(cfg: DictConfig, layouts: dict[str, Layouts]) -> Recorded:
-    """Return the trajectory of each demonstration, simulated or from the csv `demos.recorded`, after checking it."""
+def _record(cfg: DictConfig, layouts: dict[str, Layouts], from_csv: dict[Key, Array]) -> Recorded:
+    """Return the trajectory of each demonstration, simulated or a person's, after checking it.
+
+    InputError if one of `from_csv` belongs to no demonstration.
+    """
     hand = Hand.of(cfg.demos.hand)
     keys = [
         (seed, user, scene, demo)
@@ -65,7 +69,12 @@ def _record(cfg: DictConfig, layouts: dict[str, Layouts]) -> Recorded:
         for scene in range(len(layouts[train_pool(seed)]))
         for demo in range(cfg.demos.per_scene)
     ]
-    from_csv = _read_trajectories(cfg, set(keys))
+    known = set(keys)
+    if unknown := next((key for key in from_csv if key not in known), None):
+        raise InputError(
+            f"{cfg.demos.recorded}: trajectory (seed, user, scene, demo) = {unknown} belongs to no demonstration; "
+            "expected seeds, users, scenes and demos of conf/; correct or remove it"
+        )
     if from_csv:
         print(f"{len(from_csv)} of {len(keys)} demonstrations are a person's, from {cfg.demos.recorded}", flush=True)
     trajectories = []
@@ -78,23 +87,16 @@ def _record(cfg: DictConfig, layouts: dict[str, Layouts]) -> Recorded:
     return Recorded(pd.DataFrame(keys, columns=DEMO_KEY), *join(trajectories))
 
 
-def _read_trajectories(cfg: DictConfig, keys: set[Key]) -> dict[Key, Array]:
-    """Return a csv's trajectories by key, unchecked; InputError for a key that matches no demonstration."""
+def _read_trajectories(cfg: DictConfig) -> dict[Key, Array]:
+    """Return the trajectories of the csv `demos.recorded` by key, unchecked; none without a csv."""
     if cfg.demos.recorded is None:
         return {}
     path, columns = Path(cfg.demos.recorded), ["t", "x", "y", "z"]
     known = path.resolve().is_relative_to(Path(cfg.paths.data).resolve())
     need(cfg, "demos.recorded", known, f"a csv in {cfg.paths.data}/, which DVC keeps track of")
     table = _read_csv(path, [*DEMO_KEY, *columns])
-    from_csv: dict[Key, Array] = {}
-    for key, rows in table.groupby(DEMO_KEY, sort=False, dropna=False).indices.items():
-        if key not in keys:
-            raise InputError(
-                f"{path}: trajectory (seed, user, scene, demo) = {key} belongs to no demonstration; expected seeds, "
-                "users, scenes and demos of conf/; correct or remove it"
-            )
-        from_csv[key] = table[columns].to_numpy()[rows]
-    return from_csv
+    groups = table.groupby(DEMO_KEY, sort=False, dropna=False).indices
+    return {cast(Key, key): table[columns].to_numpy()[rows] for key, rows in groups.items()}
 
 
 def _read_csv(path: Path, columns: list[str]) -> pd.DataFrame:

@@ -25,7 +25,7 @@ from pipeline.stats.tests import LEVEL, holm, paired_wilcoxon
 MODEL = ["user", "n_demos", "seed", "split"]
 QUERY = [*MODEL, "scene", "query"]
 COMPARED = [
-    "family", "variant", "against", "split", "n_demos", "mean", "mean_against", "difference", "p", "p_holm",
+    "family", "variant", "against", "split", "n_demos", "mean", "mean_against", "difference", "q1", "q3", "p", "p_holm",
     "significant", "seeds",
 ]  # fmt: skip
 CONVERGENCE = ["reconstruction_over_flat", "own_demonstrations", "passed"]
@@ -116,13 +116,13 @@ def _accuracies(predictions: pd.DataFrame, bins: int) -> pd.DataFrame:
     for key, group in predictions.groupby(["variant", *MODEL], observed=True, sort=False):
         p, valid = group["p"].to_numpy(), group["valid"].to_numpy()
         rows.append((*key, *_scores(p, valid, bins).values(), len(p)))
-    return pd.DataFrame(rows, columns=["variant", *MODEL, "accuracy", "auroc", "brier", "ece", "count"])
+    return pd.DataFrame(rows, columns=["variant", *MODEL, "accuracy", "auroc", "brier", "ece", "bias", "count"])
 
 
 def _scores(p: Float[Array, " query"], valid: Array, bins: int) -> dict[str, float]:
     return {
         "accuracy": accuracy(p, valid), "auroc": auroc(p, valid), "brier": brier(p, valid),
-        "ece": expected_calibration_error(p, valid, bins),
+        "ece": expected_calibration_error(p, valid, bins), "bias": p.mean() - valid.mean(),
     }  # fmt: skip
 
 
@@ -147,16 +147,23 @@ def _summary(cfg: DictConfig, by_seed: pd.DataFrame, judged: pd.DataFrame) -> pd
 
 
 def _calibration(judged: pd.DataFrame, bins: int) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return reliability bins and scores by variant and split, over users and seeds; bias: mean p - share valid."""
+    """Return reliability bins and scores by variant and split, over users and seeds; bias: mean p - share valid.
+
+    Scores have quartiles over seeds, `_q1` and `_q3`.
+    """
     tables, rows = [], []
     for (variant, split), group in judged.groupby(["variant", "split"], observed=True, sort=False):
         p, valid = group["p"].to_numpy(), group["valid"].to_numpy()
         table = reliability(p, valid, bins).query("count > 0")
         tables.append(table.assign(variant=variant, split=split))
-        rows.append({"variant": variant, "split": split} | _scores(p, valid, bins) | {"bias": p.mean() - valid.mean()})
+        row = {"variant": variant, "split": split} | _scores(p, valid, bins)
+        seeds = (part[["p", "valid"]].to_numpy(float).T for _, part in group.groupby("seed"))
+        for name, values in pd.DataFrame([_scores(p, valid == 1, bins) for p, valid in seeds]).items():
+            row |= {f"{name}_q1": values.quantile(0.25), f"{name}_q3": values.quantile(0.75)}
+        rows.append(row)
     columns = ["variant", "split", "low", "high", "count", "confidence", "frequency"]
-    scores = pd.DataFrame(rows)[["variant", "split", "ece", "brier", "bias", "auroc"]]
-    return pd.concat(tables, ignore_index=True)[columns], scores
+    scores = [f"{name}{end}" for name in ("ece", "brier", "bias", "auroc") for end in ("", "_q1", "_q3")]
+    return pd.concat(tables, ignore_index=True)[columns], pd.DataFrame(rows)[["variant", "split", *scores]]
 
 
 def _comparisons(cfg: DictConfig, by_seed: pd.DataFrame) -> pd.DataFrame:
@@ -171,7 +178,8 @@ def _comparisons(cfg: DictConfig, by_seed: pd.DataFrame) -> pd.DataFrame:
                     {
                         "family": group.family, "variant": group.variant, "against": against, "split": split,
                         "n_demos": n, "mean": a.mean(), "mean_against": b.mean(), "difference": (a - b).mean(),
-                        "p": paired_wilcoxon(a, b), "seeds": len(a),
+                        "q1": np.quantile(a - b, 0.25), "q3": np.quantile(a - b, 0.75), "p": paired_wilcoxon(a, b),
+                        "seeds": len(a),
                     }
                 )  # fmt: skip
     if not rows:  # one variant alone

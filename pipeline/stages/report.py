@@ -10,10 +10,11 @@ from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import read_arrays, read_json, read_table, write_json
 from pipeline.artifacts.interventions import AddedItems, read_interventions
 from pipeline.artifacts.models import PREDICTION_COLUMNS, model_dir
-from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
+from pipeline.artifacts.scenes import SceneSet, read_position_prior, read_scenes, train_pool
 from pipeline.artifacts.trained import load_model
+from pipeline.config.settings import NEAREST, POSITION
 from pipeline.launch import launch
-from pipeline.models.baselines import nearest_demonstration
+from pipeline.models.baselines import nearest_demonstration, position_only
 from pipeline.report.page import FOLDER, Site, provenance, write_files
 from pipeline.report.render import render
 from pipeline.report.results import DrawnScenes, Results
@@ -109,12 +110,13 @@ def _drawn(cfg: DictConfig, scenes: SceneSet) -> DrawnScenes:
 
 
 def _judged(cfg: DictConfig, scenes: SceneSet) -> pd.DataFrame:
-    """Return the judged paths of the shown variants, and of the nearest demonstration in the training scenes.
+    """Return the judged paths of the shown variants and of the image-blind baselines.
 
     Columns of `describe`, and variant, user, split, seed, p, valid; at main_n_demos, for `evaluate.users`.
     """
     queries, demos = read_queries(Path(cfg.paths.demos)), read_demos(Path(cfg.paths.demos))
     key, parts, blind = ["user", "split", "seed", "scene", "query"], [], []
+    prior = read_position_prior(Path(cfg.paths.scenes))
     for user in (user for user in cfg.evaluate.users if user in cfg.users):
         for split, shared in cfg.protocol.splits.items():
             for seed in cfg.protocol.seeds:
@@ -123,9 +125,10 @@ def _judged(cfg: DictConfig, scenes: SceneSet) -> pd.DataFrame:
                 rows = describe(scenes.layouts[pool], asked.z, cfg.users[user], tops)
                 rows = rows.assign(user=user, split=split, seed=seed, valid=asked.valid[user].ravel())
                 parts.append(rows)
+                blind.append(rows.assign(variant=POSITION, p=position_only(prior[user], asked.z).ravel()))
                 if shared is None:
                     p = nearest_demonstration(*demo_arrays(demos, seed, user, cfg.main_n_demos), asked.z)
-                    blind.append(rows.assign(variant="nearest_demonstration", p=p.ravel()))
+                    blind.append(rows.assign(variant=NEAREST, p=p.ravel()))
     paths = pd.concat(parts, ignore_index=True)
     for variant in (variant for variant in cfg.report.shown if variant in cfg.variants):
         p = read_table(model_dir(cfg, variant) / "predictions.parquet", PREDICTION_COLUMNS)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import rerun.blueprint as rrb
 
-from pipeline.viewer.contents import Repairs, Run, by_user
+from pipeline.viewer.contents import Repairs, Run, grouped
 from pipeline.viewer.geometry import PITCH, TABLE_PIXELS
 from pipeline.viewer.scene import APPLICATION, scene_name
 
@@ -34,7 +34,7 @@ def layout_of_overview(runs: Sequence[Run], timeline: str, shape: tuple[int, int
     """Return the blueprint of the overview: boards of `shape` (rows, columns), and `timeline` for the scenes."""
     tabs = [
         _beside_text(f"{user} user", _board(shape, f"/{user}/**", "/fixed/table_edges"), "overview")
-        for user in by_user(runs)
+        for user in grouped(runs, "user")
     ]
     time = rrb.TimePanel(state="collapsed", timeline=timeline, play_state="paused", fps=0.5)
     return _blueprint("overview", tabs, time)

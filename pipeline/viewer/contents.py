@@ -129,7 +129,23 @@ class Run:
         """Return the share of cells, over all shown maps, on which model and truth agree."""
         return float(np.mean([shown.agreement for shown in self.repairs]))
 
+    @property
+    def repaired(self) -> int:
+        """Return the number of repairs shown."""
+        return sum(len(shown.start) for shown in self.repairs)
 
-def by_user(runs: Sequence[Run]) -> dict[str, list[Run]]:
-    """Return the runs of each user, in their original order."""
-    return {user: [run for run in runs if run.user == user] for user in dict.fromkeys(run.user for run in runs)}
+    @property
+    def repaired_validly(self) -> int:
+        """Return the number of repairs whose end is truly valid."""
+        return sum(int(shown.ends_valid.sum()) for shown in self.repairs)
+
+    @property
+    def unsafe(self) -> int:
+        """Return the number of repairs whose end the model accepts although it is invalid."""
+        return sum(int(((shown.p[:, -1] > 0.5) & ~shown.ends_valid).sum()) for shown in self.repairs)
+
+
+def grouped(runs: Sequence[Run], name: str) -> dict[str, list[Run]]:
+    """Return the runs of each user, or of each variant, in their original order."""
+    names = dict.fromkeys(getattr(run, name) for run in runs)
+    return {wanted: [run for run in runs if getattr(run, name) == wanted] for wanted in names}

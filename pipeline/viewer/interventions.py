@@ -18,7 +18,7 @@ from pipeline.viewer.scene import (
     panel,
     set_time,
 )
-from pipeline.viewer.texts import intervention_effects
+from pipeline.viewer.texts import text
 
 TIMELINE, ENTITY = "intervention", "interventions"
 
@@ -55,5 +55,5 @@ def log_interventions(recording: rr.RecordingStream, run: Run) -> None:
         }
         for name, values in maps.items():
             log_map(recording, f"{ENTITY}/{name}", values, places[name])
-        recording.log(f"{ENTITY}/effects", markdown(intervention_effects(run, step)))
+        recording.log(f"{ENTITY}/effects", markdown(text("effects", run, step)))
         recording.reset_time()

@@ -20,7 +20,7 @@ import rerun as rr
 
 from pipeline.legend import label
 from pipeline.viewer.blueprint import layout_of_overview
-from pipeline.viewer.contents import Run, by_user
+from pipeline.viewer.contents import Run, grouped
 from pipeline.viewer.scene import (
     OUTCOME,
     log_map,
@@ -31,19 +31,19 @@ from pipeline.viewer.scene import (
     panel,
     recording_at,
 )
-from pipeline.viewer.texts import about_overview, overview_text
+from pipeline.viewer.texts import text
 
 TIMELINE, COLUMNS = "scene", 4  # columns of the board
 
 
 def write_overview(path: Path, runs: Sequence[Run]) -> None:
     """Write `runs` of the same scenes, one per user and variant, to `path` with a blueprint."""
-    users = by_user(runs)
+    users = grouped(runs, "user")
     count = 2 + max(map(len, users.values()))  # table, truth, variants
     places = [divmod(i, COLUMNS) for i in range(count)]
     layout = layout_of_overview(runs, TIMELINE, (places[-1][0] + 1, min(count, COLUMNS)))
     with recording_at(path, "overview", layout) as recording:
-        log_texts(recording, about_overview(runs), {"overview": overview_text(runs)})
+        log_texts(recording, text("about_overview", runs), {"overview": text("overview", runs)})
         log_table_edges(recording, "fixed", places[1:])
         for of_user in users.values():
             agreement = np.mean([[shown.agreement for shown in run.repairs] for run in of_user], axis=0)

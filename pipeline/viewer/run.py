@@ -12,7 +12,6 @@ Entities (coordinates: see `geometry`):
 
 from pathlib import Path
 
-from pipeline.viewer import texts
 from pipeline.viewer.blueprint import layout_of
 from pipeline.viewer.contents import Run
 from pipeline.viewer.demonstrations import log_demonstrations
@@ -20,18 +19,14 @@ from pipeline.viewer.interventions import log_interventions
 from pipeline.viewer.learning import log_learning
 from pipeline.viewer.repairs import TIMELINE, log_repairs
 from pipeline.viewer.scene import MAPS, TITLES, log_table_edges, log_texts, log_titles, recording_at
+from pipeline.viewer.texts import text
 
 
 def write_run(path: Path, run: Run) -> None:
     """Write `run`, which has at least one new scene, to `path` with its blueprint."""
     with recording_at(path, run.name, layout_of(run, TIMELINE)) as recording:
-        by_tab = {
-            "repairs": texts.repairs_text(run),
-            "interventions": texts.interventions_text(run),
-            "learning": texts.learning_text(run),
-            "training": texts.demonstrations_text(run),
-        }
-        log_texts(recording, texts.about_run(run), by_tab)
+        tabs = ("repairs", "interventions", "learning", "training")
+        log_texts(recording, text("about_run", run), {tab: text(tab, run) for tab in tabs})
         log_titles(recording, "fixed", TITLES)
         log_table_edges(recording, "fixed", MAPS.values())
         log_repairs(recording, run)

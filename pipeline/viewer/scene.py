@@ -52,7 +52,7 @@ def classes() -> list[tuple[int, str, tuple[int, ...]]]:
     p = matplotlib.colormaps[legend.MAP](np.linspace(0, 1, 101), bytes=True)[:, :3].tolist()
     labelled = [(f"{i / 100:.2f}", tuple(colour)) for i, colour in enumerate(p)]
     labelled += OUTCOMES
-    ends = list(zip(VALID, DARK, INVALID, strict=True))
+    ends = list(zip(INVALID, DARK, VALID, strict=True))  # from becoming invalid to becoming valid
     for i in range(101):
         labelled.append((f"{i / 50 - 1:+.2f}", tuple(round(np.interp(i, [0, 50, 100], channel)) for channel in ends)))
     return [(number, *entry) for number, entry in enumerate(labelled)]

@@ -5,7 +5,7 @@ from itertools import product
 from matplotlib.figure import Figure
 
 from pipeline.report import style
-from pipeline.report.drawing import panels
+from pipeline.report.drawing import draw_band, legend_below, panels
 from pipeline.report.study import Study
 
 LINES = {"conformal": ("-", "conformal selection"), "threshold": ("--", "P(valid) > 1/2")}
@@ -28,11 +28,11 @@ def by_level(study: Study) -> Figure:
         marks = {"color": style.colour(variant), "linestyle": line, "linewidth": 2}
         for panel, split in zip(axes[0], splits, strict=False):
             rows = own.loc[split]
-            panel.plot(rows["level"], rows["invalid"], label=f"{style.label(variant)}, {name}", **marks)
-            panel.fill_between(rows["level"], rows["ci_low"], rows["ci_high"], color=style.colour(variant), alpha=0.13)
+            names = {"label": f"{style.label(variant)}, {name}", "linestyle": line}
+            draw_band(panel, rows["level"], rows["invalid"], rows["ci_low"], rows["ci_high"], variant, **names)
         accepted.plot(own.loc[splits[-1], "level"], own.loc[splits[-1], "power"], **marks)
     for panel in axes[0]:
         panel.set_xlabel("promised share")
         panel.grid(axis="y")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=10)
+    legend_below(figure, axes[0, 0], 3)
     return figure

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from pipeline.report import style
-from pipeline.report.drawing import draw_table, panels
+from pipeline.report.drawing import draw_images, legend_below, panels
 from pipeline.report.study import Study
 from pipeline.world.symbols import SYMBOLS
 from studies.confounding.tables import WORLDS
@@ -18,13 +18,7 @@ def worlds(study: Study) -> Figure:
     """Draw the first training scenes of the control and of the confounded world."""
     images = study.arrays("examples.npz")
     shown = [world for world in ("control", CONFOUNDED) if world in images]
-    count = min(PER_WORLD, *(len(images[world]) for world in shown))
-    figure, axes = panels(len(shown), count, 2.45 * count, 2.5 * len(shown))
-    for line, world in zip(axes, shown, strict=True):
-        for panel, image in zip(line, images[world], strict=False):
-            draw_table(panel, image)
-        line[0].set_ylabel(WORLDS[world].partition(" (")[0], color=style.INK)
-    return figure
+    return draw_images({WORLDS[world].partition(" (")[0]: images[world][:PER_WORLD] for world in shown})
 
 
 def association_and_effect(study: Study) -> Figure:
@@ -55,5 +49,5 @@ def association_and_effect(study: Study) -> Figure:
         panel.set_yticks(y, SYMBOLS)
         panel.set_ylim(len(SYMBOLS) - 0.5, -0.5)
         panel.grid(axis="x")
-    figure.legend(*right.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=10)
+    legend_below(figure, right, 4)
     return figure

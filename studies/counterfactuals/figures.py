@@ -4,7 +4,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from pipeline.report import style
-from pipeline.report.drawing import draw_path, draw_table, panels
+from pipeline.report.drawing import draw_path, draw_table, legend_below, panels
 from pipeline.report.study import Study
 
 TITLES = {
@@ -64,7 +64,7 @@ def named(study: Study) -> Figure:
             title=f"{user} user", xlabel="true cause named, per cent", xlim=(0, 103), ylim=(len(rows) - 0.5, -0.5)
         )
         panel.grid(axis="x")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=10)
+    legend_below(figure, axes[0, 0], 2)
     return figure
 
 

@@ -1,9 +1,7 @@
 """The item that each model names, and how far it would have to move."""
 
-import pandas as pd
-
 from pipeline.report import style
-from pipeline.report.page import Table
+from pipeline.report.page import Table, pick, with_gaps
 from pipeline.report.study import Study
 
 
@@ -13,14 +11,14 @@ def attributions(study: Study) -> Table:
     Intervals are None where there are too few cases for one.
     """
     table = study.table("summary.csv", finite=("right", "baseline_nearest_item"))
-    rows = []
-    for row in table.to_dict("records"):
-        shown = {"User": row["user"], "Model": style.label(row["variant"]), "Right": row["right"]}
-        shown |= {name: None if pd.isna(row[f"ci_{name}"]) else row[f"ci_{name}"] for name in ("low", "high")}
-        shown |= {"Nearest item": row["baseline_nearest_item"], "Random item": row["baseline_random_item"]}
-        rows.append(shown | {"Rejects the empty table": row["empty_rejected"]})
-    rows.sort(key=lambda row: study.judged_users.index(row["User"]))
-    return Table(pd.DataFrame(rows, dtype=object), dict.fromkeys(list(rows[0])[2:], "pct1"))
+    titles = {
+        "user": "User", "variant": "Model", "right": "Right", "ci_low": "low", "ci_high": "high",
+        "baseline_nearest_item": "Nearest item", "baseline_random_item": "Random item",
+        "empty_rejected": "Rejects the empty table",
+    }  # fmt: skip
+    table = table.sort_values("user", key=lambda users: users.map(study.judged_users.index), kind="stable")
+    frame = with_gaps(pick(table, titles, variant=style.label))
+    return Table(frame, dict.fromkeys(frame.columns[2:], "pct1"))
 
 
 def moves(study: Study) -> Table:
@@ -29,13 +27,9 @@ def moves(study: Study) -> Table:
     Errors and intervals are None where there are too few cases.
     """
     table = study.table("moves.csv", finite=("true_m", "rejected", "found"))
-    rows = []
-    for row in table.to_dict("records"):
-        shown = {"User": row["user"], "Model": style.label(row["variant"]), "Rejected": row["rejected"]}
-        shares = {"Move found": "found", "found low": "found_ci_low", "found high": "found_ci_high"}
-        lengths = {"Error": "error_m", "error low": "error_m_ci_low", "error high": "error_m_ci_high"}
-        lengths |= {"Error of a constant": "constant_error_m"}
-        columns = (shares | lengths).items()
-        rows.append(shown | {name: None if pd.isna(row[column]) else row[column] for name, column in columns})
-    formats = dict.fromkeys(("Rejected", *shares), "pct") | dict.fromkeys(lengths, "cm")
-    return Table(pd.DataFrame(rows, dtype=object), formats)
+    shares = {"found": "Move found", "found_ci_low": "found low", "found_ci_high": "found high"}
+    lengths = {"error_m": "Error", "error_m_ci_low": "error low", "error_m_ci_high": "error high"}
+    lengths |= {"constant_error_m": "Error of a constant"}
+    titles = {"user": "User", "variant": "Model", "rejected": "Rejected"} | shares | lengths
+    formats = dict.fromkeys(("Rejected", *shares.values()), "pct") | dict.fromkeys(lengths.values(), "cm")
+    return Table(with_gaps(pick(table, titles, variant=style.label)), formats)

@@ -3,7 +3,7 @@
 from matplotlib.figure import Figure
 
 from pipeline.report import style
-from pipeline.report.drawing import panels
+from pipeline.report.drawing import draw_band, legend_below, panels
 from pipeline.report.study import Study
 
 MODELS = ("full", "irl_ranked", "clearance")
@@ -23,14 +23,13 @@ def curves(study: Study) -> Figure:
             )
             for variant in (v for v in MODELS if v in study.variants):
                 own = rows[rows["variant"] == variant]
-                x = 100 * own["clearance_m"]
-                panel.plot(x, own["response"], color=style.colour(variant), label=style.label(variant), linewidth=2)
-                panel.fill_between(x, own["ci_low"], own["ci_high"], color=style.colour(variant), alpha=0.15)
+                x, low, high = 100 * own["clearance_m"], own["ci_low"], own["ci_high"]
+                draw_band(panel, x, own["response"], low, high, variant)
             panel.set(title=f"{symbol}, {user} user", ylim=(-0.15, 1.1))
             panel.grid(axis="y")
     for panel in axes[-1]:
         panel.set_xlabel("clearance, cm")
     for panel in axes[:, 0]:
         panel.set_ylabel("fall in P(valid)")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=10)
+    legend_below(figure, axes[0, 0], 4)
     return figure

@@ -6,13 +6,6 @@ from pipeline.report import style
 from pipeline.report.page import Table
 from pipeline.report.study import Study
 
-NAMES = {"ideal": "Knows the rules (truth)", "position_only": "Position only (image-blind)"}
-
-
-def name_of(variant: str) -> str:
-    """Return the displayed name of a variant, the ideal observer or the baseline."""
-    return NAMES.get(variant) or style.label(variant)
-
 
 def after_all_paths(study: Study) -> Table:
     """Return accuracy over all scenes and over those where users differ, and the share of users rejected."""
@@ -21,7 +14,7 @@ def after_all_paths(study: Study) -> Table:
     rejected = unknown[unknown["k"] == k].pivot(index="variant", columns="user", values="rejected")
     rows = []
     for row in table[table["k"] == k].to_dict("records"):
-        shown = {"Model": name_of(row["variant"]), "All scenes": row["accuracy"], "low": row["ci_low"]}
+        shown = {"Model": style.label(row["variant"]), "All scenes": row["accuracy"], "low": row["ci_low"]}
         shown |= {"high": row["ci_high"], "Users differ": row["distinct_accuracy"]}
         shown |= {"Stranger noticed": rejected.loc[row["variant"], "stranger"]}
         rows.append(shown | {"Known user rejected": rejected.loc[row["variant"], "all"]})

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from pipeline.report import style
-from pipeline.report.drawing import draw_table, panels
+from pipeline.report.drawing import draw_images, panels
 from pipeline.report.study import Study
 from pipeline.world.symbols import SYMBOLS
 from studies.refutation.tables import name_of
@@ -16,13 +16,8 @@ NEGLIGIBLE = 0.05  # smallest effect of interest
 def placebos(study: Study) -> Figure:
     """Draw the first table with each item's pixels shuffled, a row for each size of the pieces."""
     images = study.arrays("examples.npz")
-    figure, axes = panels(len(images), len(SYMBOLS), 2.6 * len(SYMBOLS), 2.75 * len(images))
-    for line, (setting, versions) in zip(axes, images.items(), strict=True):
-        for panel, image, symbol in zip(line, versions, SYMBOLS, strict=True):
-            draw_table(panel, image)
-            panel.set_title(f"placebo of {symbol}")
-        line[0].set_ylabel(f"{setting.partition('=')[2]} px pieces", color=style.INK)
-    return figure
+    rows = {f"{setting.partition('=')[2]} px pieces": list(versions) for setting, versions in images.items()}
+    return draw_images(rows, [f"placebo of {symbol}" for symbol in SYMBOLS])
 
 
 def effects(study: Study) -> Figure:

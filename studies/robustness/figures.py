@@ -3,7 +3,7 @@
 from matplotlib.figure import Figure
 
 from pipeline.report import style
-from pipeline.report.drawing import draw_map, draw_table, panels
+from pipeline.report.drawing import draw_map, draw_table, legend_below, panels
 from pipeline.report.study import Study
 from studies.robustness.tables import LABELS, SHOWN
 
@@ -52,7 +52,7 @@ def by_strength(study: Study) -> Figure:
         panel.grid(axis="y")
     for panel in axes[:, 0]:
         panel.set_ylabel("accuracy, per cent")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=5, fontsize=10)
+    legend_below(figure, axes[0, 0], 5)
     return figure
 
 

@@ -31,12 +31,7 @@ def strongest(study: Study) -> Table:
         of = group.set_index("variant")
         name = "none" if kind == "none" else f"{LABELS[str(kind)]}, {strength}"
         row = {"Disturbance": name + (" +" if f"{kind} {strength}" in CHANGED else "")}
-        for variant, title in (
-            ("position_only", "Position only"),
-            ("full", "Paper’s model"),
-            ("clearance", "Clearance"),
-        ):
-            row[title] = of["accuracy"].get(variant)
+        row |= {title: of["accuracy"].get(variant) for variant, title in MODELS.items()}
         row |= {"low": of["ci_low"].get("clearance"), "high": of["ci_high"].get("clearance")}
         rows.append(row | {"Accepts invalid": of["unsafe"].get("clearance")})
     columns = (*MODELS.values(), "low", "high", "Accepts invalid")

@@ -5,10 +5,9 @@ from textwrap import fill
 import numpy as np
 from matplotlib.figure import Figure
 
-from pipeline.report import style
-from pipeline.report.drawing import panels
+from pipeline.report.drawing import draw_intervals, legend_below, panels
 from pipeline.report.study import Study
-from studies.rule_families.tables import AVERAGED, RULES, name_of
+from studies.rule_families.tables import RULES
 
 MEASURES = {
     "accuracy": ("ci_low", "ci_high", "accuracy, per cent"),
@@ -22,16 +21,13 @@ def by_rule(study: Study) -> Figure:
     rules, variants = list(dict.fromkeys(table["family"])), list(dict.fromkeys(table["variant"]))
     figure, axes = panels(1, 2, 12.0, 1.2 + 0.9 * len(rules), sharey=True)
     for panel, (measure, (low, high, title)) in zip(axes[0], MEASURES.items(), strict=True):
-        for i, variant in enumerate(variants):
-            rows = table[table["variant"] == variant].set_index("family").loc[rules]
-            y = np.arange(len(rules)) + 0.6 * (i / max(len(variants) - 1, 1) - 0.5)
-            colour = style.INK if variant == AVERAGED else style.colour(variant)
-            panel.hlines(y, 100 * rows[low], 100 * rows[high], color=colour, linewidth=2)
-            panel.plot(100 * rows[measure], y, style.marker(variant), color=colour, label=name_of(variant))
-        panel.set(xlabel=title, xlim=(0 if measure == "unsafe" else 55, 102), ylim=(len(rules) - 0.5, -0.5))
-        panel.set_yticks(range(len(rules)), [RULES[rule] for rule in rules])
-        panel.grid(axis="x")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=10)
+        by_variant = {
+            variant: table[table["variant"] == variant].set_index("family").loc[rules, [measure, low, high]].to_numpy()
+            for variant in variants
+        }
+        draw_intervals(panel, [RULES[rule] for rule in rules], by_variant)
+        panel.set(xlabel=title, xlim=(0 if measure == "unsafe" else 55, 102))
+    legend_below(figure, axes[0, 0], 4)
     return figure
 
 

@@ -41,8 +41,9 @@ def tables(variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MARG
         ),
         "scores": pd.DataFrame(
             [
-                {"variant": v, "split": s, "ece": 0.03, "brier": 0.12, "bias": 0.01, "auroc": LEVEL[v]}
-                for v, s in product(variants, SPLITS)
+                {"variant": v, "split": s, "ece": 0.03, "brier": 0.12, "bias": 0.01, "auroc": LEVEL.get(v, 0.6)}
+                | {f"{name}_{end}": 0.1 for name in ("ece", "brier", "bias", "auroc") for end in ("q1", "q3")}
+                for v, s in product([*variants, "position_only"], SPLITS)
             ]
         ),
         "comparisons": pd.DataFrame(
@@ -129,7 +130,12 @@ def _judged(variants: Sequence[str], users: Sequence[str]) -> pd.DataFrame:
     """Return judged paths: every fifth answer is wrong, and the description of a path follows its number."""
     shown = [v for v in ("full", "clearance", "irl_ranked") if v in variants] or [variants[0]]
     keys = product(
-        [*shown, "nearest_demonstration"], users, ("seen_scenes", "new_items"), SEEDS, range(SCENES), range(5)
+        [*shown, "position_only", "nearest_demonstration"],
+        users,
+        ("seen_scenes", "new_items"),
+        SEEDS,
+        range(SCENES),
+        range(5),
     )
     rows = pd.DataFrame(list(keys), columns=["variant", "user", "split", "seed", "scene", "query"])
     rows = rows[(rows["variant"] != "nearest_demonstration") | (rows["split"] == "seen_scenes")]
@@ -185,6 +191,7 @@ def _comparison(variant: str, against: str, split: str) -> dict:
     difference = LEVEL[variant] - LEVEL[against]
     row = {"family": "paper", "variant": variant, "against": against, "split": split, "n_demos": 9}
     row |= {"mean": LEVEL[variant], "mean_against": LEVEL[against], "difference": difference, "p": 0.002}
+    row |= {"q1": difference - 0.01, "q3": difference + 0.01}
     return row | {"p_holm": 0.03, "significant": abs(difference) > 0.05, "seeds": len(SEEDS)}
 
 

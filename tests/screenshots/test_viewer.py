@@ -1,18 +1,15 @@
 """Rerun's own viewer, without a screen, shows the recordings: nothing blank, no error, each recording its own."""
 
 from collections.abc import Iterator
-from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from rerun.experimental import ViewerClient
 
-from pipeline.runtime.errors import InputError
 from pipeline.viewer.overview import write_overview
-from pipeline.viewer.picture import draw, select, settled, viewer
 from pipeline.viewer.run import write_run
 from pipeline.viewer.scene import INVALID, START, TIMELINES, VALID
+from tests.screenshots.window import select, settled, viewer
 from tests.viewer.example import STEPS, a_run, some_runs
 
 REPAIRS, INTERVENTIONS = 0, 3  # tabs of a run
@@ -88,33 +85,3 @@ def test_the_overview_shows_errors_and_differs_from_a_run(run: ViewerClient, ove
 def test_no_error_is_logged(run: ViewerClient, overview: ViewerClient) -> None:
     for client in (run, overview):
         assert [entry for entry in client.get_logs() if entry.level.upper() == "ERROR"] == []
-
-
-def test_a_tab_that_is_not_there_is_refused(run: ViewerClient) -> None:
-    with pytest.raises(InputError, match="no tab 99: expected a number from 0 to 6"):
-        select(run, 99, "repair_step", 0)
-
-
-def test_without_a_driver_the_error_is_one_line_that_names_the_package(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The viewer answers before it loads a driver, and has stopped by the time it should open a file."""
-    for variable in ("VK_DRIVER_FILES", "VK_ICD_FILENAMES"):
-        monkeypatch.setenv(variable, str(tmp_path / "nothing.json"))
-    monkeypatch.setenv("WGPU_BACKEND", "vulkan")
-    write_run(tmp_path / "run.rrd", a_run())
-    with (
-        pytest.raises(InputError, match=r"^no Vulkan driver: .*mesa-vulkan-drivers\)$"),
-        viewer() as client,
-    ):
-        client.open(str(tmp_path / "run.rrd"))
-
-
-def test_an_image_file_is_drawn_of_a_recording(tmp_path: Path) -> None:
-    write_run(tmp_path / "run.rrd", a_run())
-    draw(tmp_path / "run.rrd", tmp_path / "run.png", REPAIRS, "repair_step", STEPS)
-    image = cv2.imread(str(tmp_path / "run.png"))
-    assert image is not None
-    assert_shows_something(image)
-    with pytest.raises(InputError, match="there is no folder"):
-        draw(tmp_path / "run.rrd", tmp_path / "none" / "run.png", REPAIRS, "repair_step", STEPS)

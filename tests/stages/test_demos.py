@@ -132,6 +132,11 @@ def test_a_file_without_recordings_is_refused(cfg: DictConfig, tmp_path: Path, c
     refuses(main, cfg, "demos.recorded", str(tmp_path / "real.csv"), "expected a csv in data/", tmp_path / "bad")
 
 
+def test_a_missing_csv_is_named_before_missing_scenes(cfg: DictConfig, tmp_path: Path):
+    nowhere = with_value(cfg.copy(), f"paths.scenes={tmp_path / 'none'}")
+    refuses(main, nowhere, "demos.recorded", f"{cfg.paths.data}/nope.csv", "nope.csv cannot be read", tmp_path / "bad")
+
+
 @pytest.mark.parametrize(
     ("changes", "says"),
     [

@@ -47,6 +47,7 @@ def test_every_class_of_a_map_is_named_by_its_value() -> None:
     colour = {name: rgb for _, name, rgb in classes()}
     assert colour["invalid, called valid"] == INVALID == (0xD5, 0x5E, 0x00)
     assert colour["valid, called invalid"] == VALID == (0x00, 0x72, 0xB2)
+    assert (colour["-1.00"], colour["+1.00"]) == (INVALID, VALID)  # effects have the colours of paths
     assert sorted(label) == list(range(206))  # one byte each
 
 

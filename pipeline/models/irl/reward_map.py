@@ -93,7 +93,7 @@ class RewardMap(ValidityModel):
     def soft_regret(
         self, reward: Float[Tensor, "scene side side"], z_theta: Float[Tensor, "scene path 2"]
     ) -> Float[Tensor, "scene path"]:
-        """Return each path's return minus the scene's soft optimum: its log-probability relative to a uniform path."""
+        """Return the log of how many times likelier each path is under the reward than under uniform choice."""
         return path_return(reward, z_theta) - self.soft_optimum(reward)[:, None]
 
     def logit(self, percept: Tensor, z_theta: Float[Tensor, "scene path 2"]) -> Float[Tensor, "scene path"]:

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from pipeline.report.drawing import label_ends, panels
+from pipeline.report.drawing import draw_series, label_ends, legend_below, panels
 from pipeline.report.results import PAPER_ACCURACY, Results
 from pipeline.report.slices import DISTANCE_LABELS
 from pipeline.report.style import INK, MUTED, colour, label, marker, of_series
@@ -20,17 +20,12 @@ def by_demonstrations(results: Results) -> Figure:
         ends = {}
         for name, rows in table[table["split"] == split].groupby("variant", sort=False):
             rows, name = rows.sort_values("n_demos"), str(name)
-            n, mean, known = rows["n_demos"], 100 * rows["mean"], name in results.variants
-            line = "-" if known else ":" if name == "position_only" else "--"
-            of_series(panel.plot(n, mean, color=colour(name), linewidth=2, linestyle=line)[0], name)
+            n, known = rows["n_demos"], name in results.variants
             if known:
-                of_series(
-                    panel.fill_between(n, 100 * rows["q1"], 100 * rows["q3"], color=colour(name), alpha=0.15), name
-                )
-            for x, y in zip(n, mean, strict=True):
-                mark = panel.plot(x, y, marker(name) if known else ".", color=colour(name), markersize=6)[0]
-                of_series(mark, name, f"{label(name)}, {x} demonstrations: {y:.1f} %")
-            ends[name] = mean.iloc[-1]
+                band = panel.fill_between(n, 100 * rows["q1"], 100 * rows["q3"], color=colour(name), alpha=0.15)
+                of_series(band, name)
+            style = ("-", marker(name)) if known else (":" if name == "position_only" else "--",)
+            ends[name] = draw_series(panel, n, 100 * rows["mean"], name, [f"{x} demonstrations" for x in n], *style)
         if split == "seen_scenes":
             for n, (mean, low, high) in PAPER_ACCURACY.items():
                 error = [[100 * (mean - low)], [100 * (high - mean)]]
@@ -52,14 +47,10 @@ def by_distance(results: Results) -> Figure:
     panel, table = axes[0, 0], results.tables["slices"]
     table = table[(table["split"] == "seen_scenes") & (table["slice"] == "distance")]
     ends, x = {}, np.arange(len(DISTANCE_LABELS))
-    for name, rows in table.groupby("variant", sort=False):
+    for name, rows in table[table["variant"] != "position_only"].groupby("variant", sort=False):
         name, accuracy = str(name), 100 * rows.set_index("value")["accuracy"].reindex(DISTANCE_LABELS)
-        known = name in results.variants
-        of_series(panel.plot(x, accuracy, "-" if known else "--", color=colour(name), linewidth=2)[0], name)
-        for place, y in zip(x, accuracy, strict=True):
-            mark = panel.plot(place, y, marker(name) if known else ".", color=colour(name), markersize=6)[0]
-            of_series(mark, name, f"{label(name)}, {DISTANCE_LABELS[place]}: {y:.0f} %")
-        ends[name] = float(accuracy.iloc[-1])
+        style = ("-", marker(name)) if name in results.variants else ("--",)
+        ends[name] = draw_series(panel, x, accuracy, name, DISTANCE_LABELS, *style)
     share = table.groupby("value")["share"].first().reindex(DISTANCE_LABELS).fillna(0)
     panel.set_xticks(x, [f"{name}\n{100 * part:.0f} % of paths" for name, part in share.items()])
     panel.set(xlabel="distance of the path to the user’s boundary", ylabel="accuracy, per cent", ylim=(45, 102))
@@ -79,5 +70,5 @@ def calibration(results: Results) -> Figure:
         rows = table[(table["variant"] == name) & (table["split"] == "new_items") & (table["count"] >= MIN_PATHS)]
         panel.plot(rows["confidence"], rows["frequency"], color=colour(name), marker=marker(name), label=label(name))
     panel.set(xlabel="P(valid) as stated", ylabel="share truly valid", xlim=(0, 1), ylim=(0, 1))
-    panel.legend(loc="upper left")
+    legend_below(figure, panel, 3)
     return figure

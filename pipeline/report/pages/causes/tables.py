@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from pipeline.report.page import Table
+from pipeline.report.page import Table, pick
 from pipeline.report.results import Results
 from pipeline.report.style import label
 from pipeline.stats.tests import verdict
@@ -18,9 +18,8 @@ def score(results: Results) -> Table:
         rows.append(row | {"Change of user": results.verdicts_right(variant, "user")})
     blind = {"Added items": results.image_blind_right(), "Change of user": results.image_blind_right("user")}
     rows.append({"Model": "A model that never sees the image"} | blind)
-    rows.append(
-        {"Model": "Questions"} | {"Added items": results.questions(), "Change of user": results.questions("user")}
-    )
+    asked = {"Added items": results.questions(), "Change of user": results.questions("user")}
+    rows.append({"Model": "Questions"} | asked)
     return Table(pd.DataFrame(rows), {"Added items": "count", "Change of user": "count"})
 
 
@@ -28,19 +27,11 @@ def verdicts(results: Results) -> Table:
     """Return effect, 95 % interval and verdict of the paper's model and the clearance model, with the truth."""
     shown = [v for v in ("full", "clearance") if v in results.variants] or results.variants[:1]
     table = pd.concat([results.asked("add", v).sort_values(["user", "symbol"]) for v in shown])
-    frame = pd.DataFrame(
-        {
-            "Model": table["variant"].map(label),
-            "User": table["user"],
-            "Added": table["symbol"],
-            "Effect": table["effect"],
-            "low": table["ci_low"],
-            "high": table["ci_high"],
-            "Truth": table["truth"],
-            "Verdict": table["verdict"],
-            "Right": table["right"].astype(bool).map({True: "yes", False: "no"}),
-        }
-    )
+    titles = {
+        "variant": "Model", "user": "User", "symbol": "Added", "effect": "Effect", "ci_low": "low", "ci_high": "high",
+        "truth": "Truth", "verdict": "Verdict", "right": "Right",
+    }  # fmt: skip
+    frame = pick(table, titles, variant=label, right=lambda right: "yes" if right else "no")
     return Table(frame, dict.fromkeys(("Effect", "low", "high", "Truth"), "effect"))
 
 

@@ -2,7 +2,7 @@
 
 from matplotlib.figure import Figure
 
-from pipeline.report.drawing import label_ends, panels
+from pipeline.report.drawing import draw_series, label_ends, panels
 from pipeline.report.results import Results
 from pipeline.report.style import INK, colour, label, marker, of_series
 
@@ -16,11 +16,8 @@ def draws(results: Results) -> Figure:
     this, seeds = results.facts["root_seed"], [int(seed) for seed in table["root_seed"]]
     for name in VARIANTS:
         rows = table.dropna(subset=[name])
-        of_series(panel.plot(rows["root_seed"], 100 * rows[name], color=colour(name), linewidth=2)[0], name)
-        for x, y in zip(rows["root_seed"], 100 * rows[name], strict=True):
-            mark = panel.plot(x, y, marker(name), markersize=5, color=colour(name))[0]
-            of_series(mark, name, f"{label(name)}, scenes of {x}: {y:.1f} %")
-        ends[name] = float(100 * rows[name].iloc[-1])
+        places = [f"scenes of {seed}" for seed in rows["root_seed"]]
+        ends[name] = draw_series(panel, rows["root_seed"], 100 * rows[name], name, places, "-", marker(name))
         if name in results.variants:
             ends[name] = 100 * results.accuracy(name, "new_items")
             mark = panel.plot(this, ends[name], marker(name), color=colour(name), markersize=11, markeredgecolor=INK)[0]

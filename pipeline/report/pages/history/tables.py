@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from pipeline.report.page import Table
+from pipeline.report.page import Table, pick, with_gaps
 from pipeline.report.results import Results
 from pipeline.report.style import label
 
@@ -15,27 +15,17 @@ def draws(results: Results) -> Table:
     frame = pd.DataFrame({"Root seed": table["root_seed"].map(str)})
     frame = frame.assign(**{label(v): table[v] for v in VARIANTS})
     frame["Changed afterwards"] = table["changed_after_opening"].fillna("nothing")
-    frame = frame.astype(object)
-    return Table(frame.where(frame.notna(), None), dict.fromkeys(map(label, VARIANTS), "pct1"))
+    return Table(with_gaps(frame), dict.fromkeys(map(label, VARIANTS), "pct1"))
 
 
 def changes(results: Results) -> Table:
     """Return every change made because of a test, in the order of the draws."""
     table = results.tables["changes"].sort_values("after_draw", kind="stable")
-    return Table(
-        pd.DataFrame(
-            {
-                "After": table["after_draw"].map(str),
-                "Test": table["test"],
-                "It showed": table["what_it_showed"],
-                "So we changed": table["change"],
-                "Record": table["record"].map("{:03d}".format),
-            }
-        ).reset_index(drop=True)
-    )
+    titles = {"after_draw": "After", "test": "Test", "what_it_showed": "It showed", "change": "So we changed"}
+    return Table(pick(table, titles | {"record": "Record"}, after_draw=str, record="{:03d}".format))
 
 
 def effort(results: Results) -> Table:
     """Return how many settings were tried for each learner in the first edition."""
     names = {"learner": "Learner", "settings": "Settings tried", "what_was_varied": "Varied"}
-    return Table(results.tables["effort"].rename(columns=names), {"Settings tried": "count"})
+    return Table(pick(results.tables["effort"], names), {"Settings tried": "count"})

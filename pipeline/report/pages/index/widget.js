@@ -10,7 +10,7 @@
   const rows = [...widget.querySelectorAll("tbody tr")];
   const p = await greys(data.maps); // (table, user, source, y, x)
   const palette = data.palette.map(hex => [1, 3, 5].map(i => parseInt(hex.slice(i, i + 2), 16)));
-  let z = [0.43, 0.91].map(snapped); // the control point, in the middle of a square of the maps
+  let z = data.first.map(snapped); // the control point, in the middle of a square of the maps
   let table = 0;
 
   async function greys(uri) {

@@ -1,6 +1,7 @@
 """The data of the widget: tables, and maps of what is true and what models state, packed for the browser."""
 
 import base64
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
@@ -12,7 +13,7 @@ from numpy import ndarray as Array
 from pipeline.report import style
 from pipeline.report.drawing import fewer_levels
 from pipeline.report.results import Results
-from pipeline.world.bezier import P_F, P_INIT, Z_HIGH, Z_LOW
+from pipeline.world.bezier import P_F, P_INIT, Z_HIGH, Z_LOW, lattice
 
 
 def widget(results: Results) -> dict[str, Any]:
@@ -41,12 +42,25 @@ def widget(results: Results) -> dict[str, Any]:
         "high": Z_HIGH,
         "side": stacked.shape[1],
         "users": users,
+        "first": _first_control_point(drawn.truth[users[0]][0], [drawn.maps[v][users[0]][0] for v in models]),
         "sources": ["Truth", *map(style.label, models)],
         "scenes": drawn.mapped,
         "images": shown,  # of each scene on its own table top, then on the patterned one
         "maps": _png(stacked),
         "palette": [to_hex(colour) for colour in matplotlib.colormaps[style.MAP](np.linspace(0, 1, 9))],
     }
+
+
+def _first_control_point(truth: Array, maps: Sequence[Array]) -> list[float]:
+    """Return a control point [m] on the table where models differ: the last one is right, the first one wrong.
+
+    It lies deepest inside such a region; without one it is any.
+    """
+    z, last, first = lattice(len(truth)), maps[-1] > 0.5, maps[0] > 0.5
+    on_table = ((z > 0) & (z < 1)).all(-1).reshape(truth.shape)
+    differ = np.pad(on_table & (last == truth) & (first != truth), 1).astype(np.uint8)
+    depth = cv2.distanceTransform(differ, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
+    return z[int(depth.argmax())].tolist()
 
 
 def _png(pixels: Array) -> str:

@@ -1,9 +1,8 @@
 """Numbers of failures: maps on a patterned table top, and the scenes with most errors."""
 
 import numpy as np
-import pandas as pd
 
-from pipeline.report.page import Table
+from pipeline.report.page import Table, pick, with_gaps
 from pipeline.report.pages.limits.figures import failing, worst_scenes
 from pipeline.report.results import Results
 from pipeline.report.style import label
@@ -23,8 +22,8 @@ def patterned(results: Results) -> Table:
                 row |= {f"{name}: valid refused": float(np.mean(~accepted[truth])) if truth.any() else None}
                 row |= {f"{name}: invalid accepted": float(np.mean(accepted[~truth])) if not truth.all() else None}
             rows.append(row)
-    frame = pd.DataFrame(rows).astype(object)
-    return Table(frame.where(frame.notna(), None), dict.fromkeys(frame.columns[2:], "pct"))
+    frame = with_gaps(rows)
+    return Table(frame, dict.fromkeys(frame.columns[2:], "pct"))
 
 
 def worst(results: Results) -> Table:
@@ -33,8 +32,7 @@ def worst(results: Results) -> Table:
         "scene": "Scene", "user": "User", "table_top": "Table top", "items": "Items", "accuracy": "Right",
         "unsafe": "Invalid and accepted", "errors": "Of all errors",
     }  # fmt: skip
-    frame = worst_scenes(results)[list(names)].rename(columns=names).reset_index(drop=True)
-    frame["Scene"] = frame["Scene"].map(str)
+    frame = pick(worst_scenes(results), names, scene=str)
     return Table(frame, {"Items": "count", **dict.fromkeys(("Right", "Invalid and accepted", "Of all errors"), "pct")})
 
 
@@ -48,9 +46,9 @@ def unsafe(results: Results) -> Table:
     for variant in dict.fromkeys([failing(results), *(v for v in results.shown if v in results.variants)]):
         accepted = judged[(judged["variant"] == variant) & (judged["p"] > 0.5)]
         q1, q3 = (1 - accepted.groupby("seed")["valid"].mean()).quantile([0.25, 0.75])
-        rates = {unsafe: results.sliced(variant, "unsafe"), "q1": q1, "q3": q3}
+        rates = {unsafe: results.sliced(variant, "unsafe"), f"{unsafe}, q1": q1, f"{unsafe}, q3": q3}
         rows.append({"Model": label(variant)} | rates | {refused: results.sliced(variant, "refused")})
     paths = judged[judged["variant"] == failing(results)]
-    rows.append({"Model": label("blind"), unsafe: 1 - paths["valid"].mean(), "q1": None, "q3": None, refused: 0.0})
-    frame = pd.DataFrame(rows).astype(object)
-    return Table(frame.where(frame.notna(), None), dict.fromkeys(frame.columns[1:], "pct1"))
+    rows.append({"Model": label("blind"), unsafe: 1 - paths["valid"].mean(), refused: 0.0})
+    frame = with_gaps(rows)
+    return Table(frame, dict.fromkeys(frame.columns[1:], "pct1"))

@@ -1,6 +1,6 @@
 """Convergence of the autoencoders."""
 
-from pipeline.report.page import Table
+from pipeline.report.page import Table, pick
 from pipeline.report.results import Results
 from pipeline.report.style import label
 
@@ -11,8 +11,5 @@ def convergence(results: Results) -> Table:
         "variant": "Model", "reconstruction_over_flat": "Error over a flat colour’s",
         "own_demonstrations": "Own demonstrations right", "passed": "Fits that pass",
     }  # fmt: skip
-    frame = results.tables["convergence"][list(names)]
-    frame = frame.assign(variant=frame["variant"].map(label)).rename(columns=names)
-    return Table(
-        frame, {"Error over a flat colour’s": "rate", "Own demonstrations right": "pct1", "Fits that pass": "pct"}
-    )
+    formats = {"Error over a flat colour’s": "rate", "Own demonstrations right": "pct1", "Fits that pass": "pct"}
+    return Table(pick(results.tables["convergence"], names, variant=label), formats)

@@ -4,7 +4,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pipeline.report import style
-from pipeline.report.drawing import draw_table, panels
+from pipeline.report.drawing import draw_table, legend_below, panels
 from pipeline.report.pages.index.figures import draw_repairs, first_start, trace
 from pipeline.report.results import PAPER_TABLE_1, Results
 from pipeline.world.bezier import curve
@@ -18,25 +18,22 @@ def success(results: Results) -> Figure:
     users = results.repaired_users
     figure, axes = panels(1, len(users), 6.2 * len(users), 0.5 * len(results.variants) + 1.9, sharey=True)
     for panel, user in zip(axes[0], users, strict=True):
-        rows = [
-            [100 * results.repair("gradient", v, user, c) for c in ("success", "success_q1", "success_q3")]
-            for v in results.variants
-        ]
-        panel.set_yticks(range(len(rows)), [style.label(v) for v in results.variants])
-        panel.set_ylim(len(rows) - 0.5, -0.9)
-        panel.grid(axis="x")
-        for place, (variant, (mean, low, high)) in enumerate(zip(results.variants, rows, strict=True)):
+        for place, variant in enumerate(results.variants):
+            columns = ("success", "success_q1", "success_q3")
+            mean, low, high = (100 * results.repair("gradient", variant, user, column) for column in columns)
             panel.hlines(place, low, high, color=style.colour(variant), linewidth=2.5)
             panel.plot(mean, place, style.marker(variant), color=style.colour(variant), markersize=9)
-            panel.text(mean, place - 0.2, f"{mean:.0f}", ha="center", va="bottom", fontsize=9)
+            panel.text(112, place, f"{mean:.0f}", ha="right", va="center")
         detour = 100 * results.repair("constant_detour", "", user)
-        panel.axvline(detour, color=style.MUTED, linestyle="--")
-        panel.text(detour - 1, -0.85, "one detour for all", ha="right", va="top", fontsize=9, color=style.MUTED)
+        panel.axvline(detour, color=style.MUTED, linestyle="--", label="one detour for all", zorder=0)
         if user in PAPER_TABLE_1 and "full" in results.variants:
             rate, place = 100 * PAPER_TABLE_1[user], results.variants.index("full")
-            panel.plot(rate, place, "*", color=style.INK, markersize=13)
-            panel.text(rate, place + 0.25, "the paper", ha="center", va="top", fontsize=9)
-        panel.set(title=f"{user} user", xlim=(0, 105), xlabel="paths that end valid, per cent")
+            panel.plot(rate, place, "*", color=style.INK, markersize=13, linestyle="", label="the paper")
+        panel.set_yticks(range(len(results.variants)), [style.label(v) for v in results.variants])
+        panel.set(ylim=(len(results.variants) - 0.5, -0.5), xticks=range(0, 101, 20))
+        panel.grid(axis="x")
+        panel.set(title=f"{user} user", xlim=(0, 113), xlabel="paths that end valid, per cent")
+    legend_below(figure, axes[0, 0], 2)
     return figure
 
 

@@ -1,13 +1,14 @@
 """Results of repairs by method, variant and user."""
 
-import pandas as pd
-
-from pipeline.report.page import Table
+from pipeline.report.page import Table, with_gaps
 from pipeline.report.results import Results
 from pipeline.report.style import label
 
 BASELINES = ("random_path", "constant_detour", "oracle")
-COLUMNS = {"success": ("success", "pct1"), "moved": ("displacement_ratio", "times"), "unsafe": ("unsafe", "pct1")}
+COLUMNS = {
+    "success": ("success", "pct1"), "success, q1": ("success_q1", "pct1"), "success, q3": ("success_q3", "pct1"),
+    "moved": ("displacement_ratio", "times"), "unsafe": ("unsafe", "pct1"),
+}  # fmt: skip
 
 
 def gradient(results: Results) -> Table:
@@ -33,5 +34,4 @@ def _table(results: Results, method: str) -> Table:
                 row[f"{user}, {name}"] = results.repair(method, variant, user, column) if exists else None
                 formats[f"{user}, {name}"] = form
         rows.append(row)
-    frame = pd.DataFrame(rows)
-    return Table(frame.astype(object).where(frame.notna(), None), formats)
+    return Table(with_gaps(rows), formats)
