@@ -44,11 +44,11 @@ def check_paths(z_theta: Any, scenes: int, name: str = "z_theta") -> None:
         raise InputError(f"{name} has shape {z_theta.shape}: expected {expected}")
     if not np.isfinite(z_theta).all():
         raise InputError(f"{name} has NaN or infinite values: drop those paths")
-    low, high = float(z_theta.min(initial=0.0)), float(z_theta.max(initial=0.0))
-    if low < Z_RANGE_M[0] or high > Z_RANGE_M[1]:
+    furthest = float(z_theta.flat[np.abs(z_theta - 0.5).argmax()]) if z_theta.size else 0.0
+    if not Z_RANGE_M[0] <= furthest <= Z_RANGE_M[1]:
         raise InputError(
-            f"{name} reaches {low if low < Z_RANGE_M[0] else high:.3g}: expected metres within [{Z_LOW}, {Z_HIGH}], or "
-            f"little beyond ({Z_RANGE_M[0]} to {Z_RANGE_M[1]}); 100 pixels are one metre"
+            f"{name} reaches {furthest:.3g}: expected metres within [{Z_LOW}, {Z_HIGH}], or little beyond "
+            f"({Z_RANGE_M[0]} to {Z_RANGE_M[1]}); 100 pixels are one metre"
         )
 
 
