@@ -10,6 +10,7 @@ import torch
 
 import pipeline
 from pipeline import library
+from pipeline.models.base import check_images, check_paths
 from pipeline.runtime.errors import InputError
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import Layouts
@@ -102,7 +103,6 @@ def test_settings_are_those_of_conf():
     ("change", "message"),
     [
         (lambda a: a | {"images": a["images"] / 255}, r"images are float64 .* expected uint8 .* scale intensities"),
-        (lambda a: a | {"images": list(a["images"])}, "images is list: expected a NumPy array, uint8 of shape"),
         (lambda a: a | {"images": a["images"][:, :50]}, r"shape \(12, 50, 100, 3\): expected uint8"),
         (lambda a: a | {"z_theta": a["z_theta"] * 100}, r"z_theta reaches 1\d\d: expected metres"),
         (lambda a: a | {"z_theta": np.where(a["z_theta"] > 1, np.nan, a["z_theta"])}, "z_theta has NaN"),
@@ -111,7 +111,7 @@ def test_settings_are_those_of_conf():
         (lambda a: a | {"valid": a["valid"].astype(float)}, "valid is float64 .* expected bool"),
         (lambda a: a | {"valid": a["valid"][:, 1:]}, r"expected bool of shape \(12, 9\)"),
         (lambda a: {name: array[:1] for name, array in a.items()}, "number of scenes is 1: expected at least 2"),
-        (lambda a: a | {"z_theta": a["z_theta"].astype(str)}, "z_theta is <U32: expected an array of numbers"),
+        (lambda a: a | {"z_theta": a["z_theta"].astype(str)}, "z_theta is <U32: expected a NumPy array of numbers"),
         (lambda a: a | {"z_theta": a["z_theta"][:, :0], "valid": a["valid"][:, :0]}, "z_theta has no paths"),
         (lambda a: a | {"variant": "tree"}, "variant 'tree': expected one of full"),
         (lambda a: a | {"seed": -1}, "seed -1: expected a whole number from 0"),
@@ -132,18 +132,21 @@ def test_probability_refuses_pixels_and_takes_reversed_images(example):
         model.probability(images, 100 * z_theta)
     with pytest.raises(InputError, match=r"z_theta reaches -0\.\d+: expected metres within \[-0.2, 1.2\]"):
         model.probability(images, z_theta - 0.7)
-    with pytest.raises(
-        InputError, match=r"z_theta is list: expected a NumPy array of numbers \[m\] of shape \(12, path"
-    ):
-        model.probability(images, z_theta.tolist())
-    with pytest.raises(
-        InputError, match=r"images is list: expected a NumPy array, uint8 of shape \(scene, 100, 100, 3"
-    ):
-        model.probability(images.tolist(), z_theta)
     reversed_images = images[:, ::-1]
     assert np.array_equal(
         model.probability(reversed_images, z_theta), model.probability(reversed_images.copy(), z_theta)
     )
+
+
+def test_lists_are_refused_with_what_came_and_what_was_expected():
+    with pytest.raises(
+        InputError, match=r"z_theta is list: expected a NumPy array of numbers \[m\] of shape \(2, path"
+    ):
+        check_paths([[[0.1, 0.2]]] * 2, 2)
+    with pytest.raises(
+        InputError, match=r"images is list: expected a NumPy array, uint8 of shape \(scene, 100, 100, 3"
+    ):
+        check_images([[0]])
 
 
 def test_labels_that_are_all_alike_give_one_probability_and_a_warning(example):
