@@ -10,6 +10,7 @@ import torch
 
 import pipeline
 from pipeline import library
+from pipeline.models.base import check_images, check_paths
 from pipeline.runtime.errors import InputError
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import Layouts
@@ -60,23 +61,30 @@ def test_the_example_of_the_readme(example, tmp_path):
     assert np.array_equal(again.probability(images, z_theta), p)
 
 
-def test_the_effect_of_no_change_is_zero_for_several_models(example):
-    images, _, z_theta, _ = example
+@pytest.mark.parametrize(("repeats", "verdict", "half"), [(1, "undecided", 0.265), (5, "negligible", 0.0596)])
+def test_no_change_in_60_scenes_is_negligible_and_in_12_undecided(example, repeats, verdict, half):
+    """The interval is Clopper and Pearson's of 0 in so many."""
+    images, z_theta = (np.concatenate([x] * repeats) for x in (example[0], example[2]))
     models = [library.build({"kind": "vae", "model": library.VAE}, seed) for seed in (0, 1)]
     nothing = pipeline.effect(models, images, images, z_theta)
-    assert nothing.estimate == 0 and nothing.verdict == "negligible" and nothing.p == 1
+    assert (nothing.estimate, nothing.p, nothing.verdict) == (0, 1, verdict)
+    np.testing.assert_allclose(nothing.interval, (-half, half), atol=1e-3)
 
 
-def test_one_model_is_a_t_test_over_scenes(example):
+def test_one_model_is_a_t_test_over_scenes_corrected_for_skewness(example, monkeypatch):
+    from scipy.stats import t as student
     from scipy.stats import ttest_1samp
 
     images, images_without, z_theta, _ = example
     model = library.build({"kind": "vae", "model": library.VAE}, 0)
+    monkeypatch.setattr(library, "INFORMATIVE_CHANGE", 0.0)  # an untrained model hardly changes its answer
     effect = pipeline.effect(model, images_without, images, z_theta)
     change = (model.probability(images, z_theta) - model.probability(images_without, z_theta)).astype(float).mean(-1)
-    test = ttest_1samp(change, 0)
-    assert effect.p == pytest.approx(test.pvalue, rel=1e-3)
-    np.testing.assert_allclose(effect.interval, test.confidence_interval(), rtol=1e-3)
+    skewness = ((change - change.mean()) ** 3).mean() / change.std(ddof=1) ** 3 / SCENES**0.5
+    for bound, low in ((0.0, 0.5 * effect.p), (effect.interval[0], 0.025), (effect.interval[1], 0.025)):
+        t = ttest_1samp(change, bound).statistic
+        transformed = ((1 + skewness * t / 3) ** 3 - 1) / skewness + skewness / 6  # Hall (1992)
+        assert student.sf(abs(transformed), SCENES - 1) == pytest.approx(low, rel=1e-3)
 
 
 def test_settings_are_those_of_conf():
@@ -103,7 +111,7 @@ def test_settings_are_those_of_conf():
         (lambda a: a | {"valid": a["valid"].astype(float)}, "valid is float64 .* expected bool"),
         (lambda a: a | {"valid": a["valid"][:, 1:]}, r"expected bool of shape \(12, 9\)"),
         (lambda a: {name: array[:1] for name, array in a.items()}, "number of scenes is 1: expected at least 2"),
-        (lambda a: a | {"z_theta": a["z_theta"].astype(str)}, "z_theta is <U32: expected an array of numbers"),
+        (lambda a: a | {"z_theta": a["z_theta"].astype(str)}, "z_theta is <U32: expected a NumPy array of numbers"),
         (lambda a: a | {"z_theta": a["z_theta"][:, :0], "valid": a["valid"][:, :0]}, "z_theta has no paths"),
         (lambda a: a | {"variant": "tree"}, "variant 'tree': expected one of full"),
         (lambda a: a | {"seed": -1}, "seed -1: expected a whole number from 0"),
@@ -122,10 +130,23 @@ def test_probability_refuses_pixels_and_takes_reversed_images(example):
     model = library.build({"kind": "vae", "model": library.VAE}, 0)
     with pytest.raises(InputError, match=r"z_theta reaches 1\d\d: expected metres"):
         model.probability(images, 100 * z_theta)
+    with pytest.raises(InputError, match=r"z_theta reaches -0\.\d+: expected metres within \[-0.2, 1.2\]"):
+        model.probability(images, z_theta - 0.7)
     reversed_images = images[:, ::-1]
     assert np.array_equal(
         model.probability(reversed_images, z_theta), model.probability(reversed_images.copy(), z_theta)
     )
+
+
+def test_lists_are_refused_with_what_came_and_what_was_expected():
+    with pytest.raises(
+        InputError, match=r"z_theta is list: expected a NumPy array of numbers \[m\] of shape \(2, path"
+    ):
+        check_paths([[[0.1, 0.2]]] * 2, 2)
+    with pytest.raises(
+        InputError, match=r"images is list: expected a NumPy array, uint8 of shape \(scene, 100, 100, 3"
+    ):
+        check_images([[0]])
 
 
 def test_labels_that_are_all_alike_give_one_probability_and_a_warning(example):

@@ -14,7 +14,7 @@ import pandas as pd
 from jaxtyping import Float
 from numpy import ndarray as Array
 
-from pipeline.stats.crossed import Estimates, add_pseudo_scenes, estimate
+from pipeline.stats.crossed import Estimates, estimate
 from pipeline.stats.tests import holm, true_verdict, verdict
 
 ESTIMATE_COLUMNS = ["effect", "q1", "q3", "ci_low", "ci_high", "ci90_low", "ci90_high", "p_holm", "verdict"]
@@ -29,10 +29,10 @@ def estimate_effects(effects: Float[Array, "question seed scene"]) -> pd.DataFra
     """Return estimates and verdicts of a family of questions, one row per question, with ESTIMATE_COLUMNS.
 
     effect: mean over seeds and scenes; q1, q3: quartiles of the seeds' means; ci_, ci90_: 95 % and 90 % intervals over
-    seeds crossed with scenes; p_holm: corrected over the family; verdict: one of `pipeline.stats.tests.VERDICTS`.
-    ValueError unless the effects are finite and of at least two scenes.
+    seeds crossed with scenes, corrected for skewness; p_holm: corrected over the family; verdict: one of
+    `pipeline.stats.tests.VERDICTS`. ValueError unless the effects are finite and of at least two scenes.
     """
-    estimates = estimate(add_pseudo_scenes(effects))
+    estimates = estimate(effects, skewed=True)
     table = pd.DataFrame({field.name: getattr(estimates, field.name) for field in fields(Estimates)})
     table["p_holm"] = holm(estimates.p)
     columns = (table[name] for name in ("effect", "p_holm", "ci90_low", "ci90_high"))

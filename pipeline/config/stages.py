@@ -39,6 +39,7 @@ class Repair(Group):
 
 class Intervene(Group):
     split: SharedSplit
+    more_scenes: Whole
     paths: Count
     placements: Count
     root_seed: Whole

@@ -12,37 +12,44 @@ from jaxtyping import Float, UInt8
 from torch import Tensor, nn
 
 from pipeline.runtime.errors import InputError
+from pipeline.world.bezier import Z_HIGH, Z_LOW
 from pipeline.world.layout import SIDE
 
 Array = np.ndarray
-MAX_ABS_Z_M = 2.0  # largest coordinate of a control point on this table [m]; larger values are most likely pixels
+Z_RANGE_M = -0.5, 1.5  # of a control point [m]: those fitted to demonstrations lie up to .2 beyond Z_LOW and Z_HIGH
 SCENES_PER_BATCH = 32  # keeps activations in the cache; changes results at most in the last bit
 
 
-def check_images(images: Any) -> None:
-    """Raise InputError unless images are uint8 (scene, 100, 100, 3)."""
-    shape, dtype = getattr(images, "shape", None), getattr(images, "dtype", type(images).__name__)
-    if shape is None or len(shape) != 4 or not shape[0] or shape[1:] != (SIDE, SIDE, 3) or dtype != np.uint8:
-        hint = "" if dtype == np.uint8 else "; scale intensities in [0, 1] by 255 and convert them"
+def check_images(images: Any, name: str = "images") -> None:
+    """Raise InputError, which calls the argument `name`, unless images are uint8 (scene, 100, 100, 3)."""
+    if not isinstance(images, np.ndarray):
         raise InputError(
-            f"images are {dtype} of shape {shape}: expected uint8 of shape (scene, {SIDE}, {SIDE}, 3){hint}"
+            f"{name} is {type(images).__name__}: expected a NumPy array, uint8 of shape (scene, {SIDE}, {SIDE}, 3)"
+        )
+    if images.ndim != 4 or not len(images) or images.shape[1:] != (SIDE, SIDE, 3) or images.dtype != np.uint8:
+        hint = "" if images.dtype == np.uint8 else "; scale intensities in [0, 1] by 255 and convert them"
+        raise InputError(
+            f"{name} are {images.dtype} of shape {images.shape}: "
+            f"expected uint8 of shape (scene, {SIDE}, {SIDE}, 3){hint}"
         )
 
 
 def check_paths(z_theta: Any, scenes: int, name: str = "z_theta") -> None:
     """Raise InputError, which calls the argument `name`, unless z_theta is metres of shape (scenes, path, 2)."""
+    expected = f"({scenes}, path, 2), the paths of each of {scenes} scenes"
     if not isinstance(z_theta, np.ndarray) or z_theta.dtype.kind not in "fiu":
         given = getattr(z_theta, "dtype", type(z_theta).__name__)
-        raise InputError(f"{name} is {given}: expected an array of numbers [m]")
-    shape = z_theta.shape
-    if len(shape) != 3 or shape[0] != scenes or shape[2] != 2:
-        raise InputError(
-            f"{name} has shape {shape}: expected ({scenes}, path, 2), the paths of each of {scenes} scenes"
-        )
+        raise InputError(f"{name} is {given}: expected a NumPy array of numbers [m] of shape {expected}")
+    if z_theta.ndim != 3 or len(z_theta) != scenes or z_theta.shape[2] != 2:
+        raise InputError(f"{name} has shape {z_theta.shape}: expected {expected}")
     if not np.isfinite(z_theta).all():
         raise InputError(f"{name} has NaN or infinite values: drop those paths")
-    if (largest := float(np.abs(z_theta).max(initial=0.0))) > MAX_ABS_Z_M:
-        raise InputError(f"{name} reaches {largest:.3g}: expected metres within [-0.2, 1.2]; 100 pixels are one metre")
+    furthest = float(z_theta.flat[np.abs(z_theta - 0.5).argmax()]) if z_theta.size else 0.0
+    if not Z_RANGE_M[0] <= furthest <= Z_RANGE_M[1]:
+        raise InputError(
+            f"{name} reaches {furthest:.3g}: expected metres within [{Z_LOW}, {Z_HIGH}], or little beyond "
+            f"({Z_RANGE_M[0]} to {Z_RANGE_M[1]}); 100 pixels are one metre"
+        )
 
 
 def to_tensor(images: UInt8[Array, "scene 100 100 3"]) -> Float[Tensor, "scene 3 100 100"]:

@@ -4,7 +4,7 @@ Models and world are structural causal models that differ in their mechanisms on
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -23,14 +23,16 @@ from pipeline.causal.questions import Scenes, change, draw_additions
 from pipeline.causal.scm import Values
 from pipeline.config.questions import Question as QuestionSettings
 from pipeline.launch import launch
+from pipeline.models.base import SCENES_PER_BATCH
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
-from pipeline.world.catalogue import Catalogue
-from pipeline.world.layout import SYMBOLS, LayoutRules
+from pipeline.world.catalogue import Catalogue, random_scenes
+from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, concatenated
 from pipeline.world.render import read_palette
 
+SCENES_PER_JOB = 4 * SCENES_PER_BATCH  # whole batches, so that results do not depend on it
 PAPER = "paper"  # the family of the paper's questions (Table 2)
 EFFECTS = ["question", "variant", "user", "seed", "scene", "baseline", "intervened", "effect", "true_effect"]
 SUMMARY = [
@@ -58,58 +60,85 @@ class Question:
 
 @dataclass(frozen=True)
 class Job:
-    """The models of one variant and seed, and the image in every scene after each change."""
+    """Some of the scenes: their noises on record, and what each change sets in them."""
 
     cfg: DictConfig
-    variant: str
-    seed: int
     noise: Values
-    images: list[Array]
+    changes: list[Values]
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """Write effects.parquet, summary.csv, metrics.json and, for the added items, images.npz and layouts.parquet."""
+    """Write effects.parquet, summary.csv and metrics.json of all scenes, and images.npz and layouts.parquet.
+
+    The last two hold the added items in the scenes of the split alone, which stages and studies look at.
+    """
     check_weights(cfg)
     users, seeds, variants = list(cfg.users), list(cfg.protocol.seeds), list(cfg.variants)
     catalogue, palette = read_palette(cfg.paths.data)
-    scenes, noise = _read_scenes(cfg, catalogue)
-    additions = draw_additions(
-        stream(cfg.intervene.root_seed, "intervene", "placements"), scenes, cfg.intervene.placements
-    )
+    scenes, noise, split = _read_scenes(cfg, catalogue)
+    additions = _draw_additions(cfg, scenes, split)
     questions, changes = _read_questions(cfg, scenes, additions)
 
-    camera = model_scm({}, renderer(palette))  # do(O := o) and do(T := t) reach the models by their image
-    images = [camera.do(**change).entail(noise, "I")["I"] for change in changes]
-    recorded = {"Z_theta": noise["Z_theta"], "S": noise["S"], "I": noise["I"], "Z_I": noise["Z_I"]}
-    jobs = [Job(cfg, v, seed, recorded, images) for v in variants[::-1] for seed in seeds]  # the slowest first
+    chunks = [slice(i, i + SCENES_PER_JOB) for i in range(0, len(scenes.layouts), SCENES_PER_JOB)]
+    jobs = [Job(cfg, _rows(noise, chunk), [_rows(change, chunk) for change in changes]) for chunk in chunks]
     truth = expected_validities(true_scm(cfg.users), noise, users, changes)  # (change, user, scene)
-    answers = np.reshape(map_jobs(_answer, jobs, cfg.workers, "intervene"), (len(variants), len(seeds), *truth.shape))
-    by_variant = dict(zip(variants, answers[::-1], strict=True))  # (seed, change, user, scene)
+    answers = np.concatenate(map_jobs(_answer, jobs, cfg.workers, "intervene"), axis=-1)
+    answers = answers.reshape(len(changes), len(variants), len(seeds), *truth.shape[1:])
+    by_variant = dict(zip(variants, np.moveaxis(answers, 0, 2), strict=True))  # (seed, change, user, scene)
 
     effects = [_effects(v, question, users, seeds, a, truth) for v, a in by_variant.items() for question in questions]
     summary = pd.concat([_summary(v, questions, users, a, truth) for v, a in by_variant.items()], ignore_index=True)
     write_table(out_dir / "effects.parquet", pd.concat(effects, ignore_index=True)[EFFECTS])
     write_table(out_dir / "summary.csv", summary[SUMMARY])
-    added = [camera.do(O=additions[symbol][0]).entail(noise, "I")["I"][None] for symbol in SYMBOLS]
-    write_arrays(out_dir / "images.npz", {"images": np.stack(added), "z_theta": noise["Z_theta"]})
-    rows = [layout_table(f"{symbol}-0", additions[symbol][0]) for symbol in SYMBOLS]
+    first, render = _rows(noise, split), renderer(palette)
+    added = {symbol: additions[symbol][0][split] for symbol in SYMBOLS}
+    images = np.stack([render(first["I"], layouts, first["T"])[None] for layouts in added.values()])
+    write_arrays(out_dir / "images.npz", {"images": images, "z_theta": first["Z_theta"]})
+    rows = [layout_table(f"{symbol}-0", layouts) for symbol, layouts in added.items()]
     write_table(out_dir / "layouts.parquet", pd.concat(rows, ignore_index=True))
     write_json(out_dir / "metrics.json", _metrics(cfg, questions, summary))
 
 
-def _read_scenes(cfg: DictConfig, catalogue: Catalogue) -> tuple[Scenes, Values]:
-    """Return the scenes of the split and the noises on record: items, table top, render seed and random paths."""
+def _rows(values: Values, rows: slice) -> Values:
+    """Return the nodes' values in some of the scenes."""
+    return {name: value[rows] for name, value in values.items()}
+
+
+def _read_scenes(cfg: DictConfig, catalogue: Catalogue) -> tuple[Scenes, Values, slice]:
+    """Return the scenes of the split and after them `intervene.more_scenes`, their noises on record, and the split's.
+
+    The noises are items, table top, render seed and random paths. More scenes are drawn like those of the split.
+    """
     stored, pool = read_scenes(Path(cfg.paths.scenes)), cfg.protocol.splits[cfg.intervene.split]
     stored.check_has(pool)
-    layouts, appearance = stored.layouts[pool], stored.appearances[pool]
+    layouts = stored.layouts[pool]
     splits = set(catalogue.items["split"].iloc[np.unique(layouts.item[layouts.present])])
     if len(splits) != 1:
         raise InputError(f"scenes of {pool} hold items of {sorted(splits)}: expected one split of items.csv")
-    choices = catalogue.pool(splits.pop())  # an added item comes from the split the scenes were drawn with
-    rules = LayoutRules.of(cfg.scenes.layout)
-    paths = stream(cfg.intervene.root_seed, "intervene", "paths")
-    noise = recorded_noise(layouts, appearance, random_z_theta(paths, len(layouts), cfg.intervene.paths))
-    return Scenes(layouts, catalogue.footprints, choices, rules, list(catalogue.textures["name"])), noise
+    items, rules = splits.pop(), LayoutRules.of(cfg.scenes.layout)  # an added item comes from the same split
+    more, tops = random_scenes(_stream(cfg, f"more {pool}"), cfg.intervene.more_scenes, catalogue, items, rules)
+    split, layouts = slice(len(layouts)), concatenated([layouts, more])
+    appearance = pd.concat([stored.appearances[pool], tops], ignore_index=True)
+    noise = recorded_noise(
+        layouts, appearance, random_z_theta(_stream(cfg, "paths"), len(layouts), cfg.intervene.paths)
+    )
+    textures = list(catalogue.textures["name"])
+    return Scenes(layouts, catalogue.footprints, catalogue.pool(items), rules, textures), noise, split
+
+
+def _stream(cfg: DictConfig, name: str) -> np.random.Generator:
+    return stream(cfg.intervene.root_seed, "intervene", name)
+
+
+def _draw_additions(cfg: DictConfig, scenes: Scenes, split: slice) -> dict[str, list[Layouts]]:
+    """Return symbol -> the scenes with an added item, one entry per placement; more scenes change none of the split."""
+    parts = [
+        draw_additions(_stream(cfg, name), replace(scenes, layouts=scenes.layouts[rows]), cfg.intervene.placements)
+        for name, rows in (("placements", split), ("more placements", slice(split.stop, None)))
+    ]
+    return {
+        symbol: [concatenated(pair) for pair in zip(*(x[symbol] for x in parts), strict=True)] for symbol in SYMBOLS
+    }
 
 
 def _read_questions(cfg, scenes: Scenes, additions: Mapping) -> tuple[list[Question], list[Values]]:
@@ -120,7 +149,7 @@ def _read_questions(cfg, scenes: Scenes, additions: Mapping) -> tuple[list[Quest
     questions, changes, users = [], [{}], list(cfg.users)
     for name, settings in cfg.questions.items():
         question = TypeAdapter(QuestionSettings).validate_python(OmegaConf.to_container(settings))
-        effect = change(name, question, scenes, additions, stream(cfg.intervene.root_seed, "intervene", name))
+        effect = change(name, question, scenes, additions, _stream(cfg, name))
         family, symbol = question.family or name, getattr(question, "symbol", "")
         if question.kind == "user":
             for other in users if question.to is None else [question.to]:
@@ -141,11 +170,16 @@ def _read_questions(cfg, scenes: Scenes, additions: Mapping) -> tuple[list[Quest
     return questions, changes
 
 
-def _answer(job: Job) -> Float[Array, "change user scene"]:
-    """Return the expected validities of one variant and seed."""
+def _answer(job: Job) -> Float[Array, "change model scene"]:
+    """Return the expected validities of every variant, seed and user, in this order.
+
+    One causal model holds them all, so that each image is rendered, and its objects detected, once.
+    """
     cfg = job.cfg
-    models = {user: load_model(cfg, job.variant, user, job.seed, cfg.main_n_demos) for user in cfg.users}
-    return expected_validities(model_scm(models), job.noise, list(cfg.users), [{"I": image} for image in job.images])
+    keys = [(variant, seed, user) for variant in cfg.variants for seed in cfg.protocol.seeds for user in cfg.users]
+    models = {"/".join(map(str, key)): load_model(cfg, key[0], key[2], key[1], cfg.main_n_demos) for key in keys}
+    scm = model_scm(models, renderer(read_palette(cfg.paths.data)[1]))
+    return expected_validities(scm, job.noise, list(models), job.changes)
 
 
 def _expectations(

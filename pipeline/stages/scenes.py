@@ -12,7 +12,7 @@ from pipeline.artifacts.scenes import SceneSet, train_pool, write_scenes
 from pipeline.launch import launch
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import lattice, random_z_theta
-from pipeline.world.catalogue import Catalogue, read_catalogue
+from pipeline.world.catalogue import Catalogue, random_scenes, read_catalogue
 from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, add_item, random_layouts
 from pipeline.world.render import Palette, render_scenes
 from pipeline.world.rules import clearance, slack
@@ -32,11 +32,9 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     palette = Palette(catalogue)
     images, layouts, appearances = {}, {}, {}
     for pool, (count, split) in tqdm(_pools(cfg).items(), desc="scenes"):
-        rng = _generator(cfg, pool)
-        layouts[pool] = random_layouts(rng, count, catalogue.footprints, catalogue.pool(split), rules)
-        textures = rng.choice(catalogue.texture_names("train"), count)
-        appearances[pool] = pd.DataFrame({"texture": textures, "render_seed": rng.integers(2**31, size=count)})
-        images[pool] = render_scenes(layouts[pool], list(textures), appearances[pool]["render_seed"].tolist(), palette)
+        layouts[pool], appearances[pool] = random_scenes(_generator(cfg, pool), count, catalogue, split, rules)
+        textures, render_seeds = (appearances[pool][name].tolist() for name in ("texture", "render_seed"))
+        images[pool] = render_scenes(layouts[pool], textures, render_seeds, palette)
     calibration = random_layouts(
         _generator(cfg, "calibration"), cfg.scenes.calibration, catalogue.footprints, catalogue.pool("train"), rules
     )

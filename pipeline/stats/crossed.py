@@ -12,9 +12,6 @@ from jaxtyping import Float
 from numpy import ndarray as Array
 from scipy.stats import t as student
 
-PSEUDO_SCENE_OFFSET = 0.5  # relative to the family's largest deviation of a scene from its question's mean
-MIN_SCENES = 20  # fewest scenes for adding pseudo-scenes; in smaller samples two would narrow the intervals
-
 
 @dataclass(frozen=True)
 class Estimates:
@@ -30,39 +27,41 @@ class Estimates:
     q3: Float[Array, " question"]
 
 
-def estimate(effects: Float[Array, "question seed scene"]) -> Estimates:
+def estimate(effects: Float[Array, "question seed scene"], skewed: bool = False) -> Estimates:
     """Return each question's mean effect with Student's intervals and p-value, from the error of `crossed_error`.
 
-    ValueError unless the effects are finite and of at least two scenes.
+    skewed: correct them for the skewness of the scenes' means by Hall's transformation (1992). If few scenes decide, a
+    sample with too few of them has a mean and an error that are both too small. The correction needs scenes enough to
+    estimate a third moment. ValueError unless the effects are finite and of at least two scenes.
     """
-    _check(effects)
+    if effects.ndim != 3 or 0 in effects.shape or effects.shape[-1] < 2 or not np.isfinite(effects).all():
+        raise ValueError(
+            f"effects of shape {effects.shape}, {np.isnan(effects).sum()} of them NaN: expected finite numbers "
+            "(question, seed, scene) of at least two scenes; check the models' predictions"
+        )
     effects = np.asarray(effects, dtype=np.float64)
-    mean = effects.mean((1, 2))
+    mean, by_scene = effects.mean((1, 2)), effects.mean(1)
     error, freedom = crossed_error(effects)
-    half95, half90 = (student.ppf(q, freedom) * error for q in (0.975, 0.95))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        p = np.where(error > 0, 2 * student.sf(np.abs(mean) / error, freedom), np.where(mean == 0, 1.0, 0.0))
+    some = error > 0
+    third_moment = ((by_scene - mean[:, None]) ** 3).mean(-1) / by_scene.shape[-1] ** 2  # of the mean
+    skewness = np.divide(third_moment, error**3, out=np.zeros_like(mean), where=some & skewed)
+    t = np.divide(mean, error, out=np.zeros_like(mean), where=some)
+    p = np.where(some, 2 * student.sf(np.abs(_without_skewness(t, skewness)), freedom), mean == 0)
+    quantiles = student.ppf([[0.975], [0.025], [0.95], [0.05]], freedom)
+    low95, high95, low90, high90 = mean - error * _with_skewness(quantiles, skewness)
     q1, q3 = np.quantile(effects.mean(2), (0.25, 0.75), axis=1)
-    return Estimates(mean, mean - half95, mean + half95, mean - half90, mean + half90, p, q1, q3)
+    return Estimates(mean, low95, high95, low90, high90, p, q1, q3)
 
 
-def add_pseudo_scenes(
-    effects: Float[Array, "*family question seed scene"],
-) -> Float[Array, "*family question seed more_scenes"]:
-    """Return the effects with two pseudo-scenes added to each question, at its mean plus and minus an offset.
+def _without_skewness(t: Float[Array, "*b"], skewness: Float[Array, "*#b"]) -> Float[Array, "*b"]:
+    """Return Hall's transformation of a studentised mean, given the mean's skewness."""
+    return t + skewness * t**2 / 3 + skewness**2 * t**3 / 27 + skewness / 6
 
-    If all sampled scenes agree, the estimated variance is zero and the interval collapses. Following the plus-two idea
-    of Agresti and Coull (1998), we add two pseudo-observations. Their offset is half the largest deviation of a scene
-    in the family. The mean is unchanged. With fewer scenes than MIN_SCENES, the effects are returned unchanged.
-    """
-    _check(effects)
-    if effects.shape[-1] < MIN_SCENES:
-        return effects
-    mean = effects.mean(-1, keepdims=True)
-    by_scene = effects.mean(-2)
-    deviations = np.abs(by_scene - by_scene.mean(-1, keepdims=True))
-    offset = (PSEUDO_SCENE_OFFSET * deviations.max((-2, -1)))[..., None, None, None]
-    return np.concatenate([effects, mean - offset, mean + offset], axis=-1)
+
+def _with_skewness(q: Float[Array, "*b"], skewness: Float[Array, "*#b"]) -> Float[Array, "*b"]:
+    """Return the studentised mean of which `_without_skewness` is q."""
+    safe = np.where(np.abs(skewness) > 1e-6, skewness, 1.0)
+    return np.where(safe == skewness, 3 / safe * (np.cbrt(1 + safe * (q - safe / 6)) - 1), q)
 
 
 def ratio(
@@ -142,11 +141,3 @@ def quartiles(values: Float[Array, " seed"]) -> dict[str, float]:
 def _degrees_of_freedom(seeds: int, scenes: int) -> tuple[int, int, int]:
     """Return the degrees of freedom of the three mean squares; 1 for one that is always 0."""
     return max(seeds - 1, 1), scenes - 1, max((seeds - 1) * (scenes - 1), 1)
-
-
-def _check(effects: Float[Array, "*family question seed scene"]) -> None:
-    if effects.ndim < 3 or 0 in effects.shape or effects.shape[-1] < 2 or not np.isfinite(effects).all():
-        raise ValueError(
-            f"effects of shape {effects.shape}, {np.isnan(effects).sum()} of them NaN: expected finite numbers "
-            "(question, seed, scene) of at least two scenes; check the models' predictions"
-        )

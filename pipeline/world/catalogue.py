@@ -18,7 +18,7 @@ from numpy import ndarray as Array
 
 from pipeline.runtime.errors import InputError
 from pipeline.world.images import read_image
-from pipeline.world.layout import Items
+from pipeline.world.layout import Items, LayoutRules, Layouts, random_layouts
 from pipeline.world.symbols import SYMBOLS
 
 MIN_ITEMS = {"train": 1, "unseen": 2, "validation": 2}  # items per symbol and split; two where models are evaluated
@@ -85,6 +85,15 @@ class Catalogue:
     def texture_names(self, split: str) -> list[str]:
         """Return the names of the table textures of `split`, in the order of textures.csv."""
         return self.textures.loc[self.textures["split"] == split, "name"].tolist()
+
+
+def random_scenes(
+    rng: np.random.Generator, count: int, catalogue: Catalogue, split: str, rules: LayoutRules
+) -> tuple[Layouts, pd.DataFrame]:
+    """Draw scenes with items of `split` on training table tops; return layouts and the `texture` and `render_seed`."""
+    layouts = random_layouts(rng, count, catalogue.footprints, catalogue.pool(split), rules)
+    textures = rng.choice(catalogue.texture_names("train"), count)
+    return layouts, pd.DataFrame({"texture": textures, "render_seed": rng.integers(2**31, size=count)})
 
 
 def read_catalogue(data_dir: Path) -> Catalogue:

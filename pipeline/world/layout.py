@@ -4,7 +4,7 @@ A capsule holds all points within `radius` of a segment of half-length `half_len
 cutlery is a long, thin capsule.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -126,6 +126,16 @@ def empty(scenes: int, slots: int) -> Layouts:
     index = np.full((scenes, slots), EMPTY)
     zero = np.zeros((scenes, slots))
     return Layouts(index, index.copy(), np.zeros((scenes, slots, 2)), *(zero.copy() for _ in range(4)))
+
+
+def concatenated(parts: Sequence[Layouts]) -> Layouts:
+    """Return the scenes of all parts one after another, padded to the largest number of slots."""
+    together, start = empty(sum(map(len, parts)), max(part.symbol.shape[1] for part in parts)), 0
+    for part in parts:
+        for field in fields(part):
+            getattr(together, field.name)[start : start + len(part), : part.symbol.shape[1]] = getattr(part, field.name)
+        start += len(part)
+    return together
 
 
 def random_layouts(

@@ -22,13 +22,14 @@ from tests.stages.facts import names_a_missing_model, names_a_model_with_nan, re
 
 pytestmark = pytest.mark.slow
 
-SCENES, PATHS, PLACEMENTS = 4, 6, 2
+SCENES, MORE, PATHS, PLACEMENTS = 4, 3, 6, 2
 VARIANTS = ("full", "irl_ranked", "clearance")
 
 
 @pytest.fixture(scope="module")
 def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     settings = [f"intervene.paths={PATHS}", f"intervene.placements={PLACEMENTS}"]
+    settings += [f"intervene.more_scenes={MORE}"]
     settings += [f"+questions@questions.{name}={name}" for name in ("table_top_marble", "remove_glass")]
     return models_in_rendered_scenes(tmp_path_factory.mktemp("intervene"), VARIANTS, SCENES, *settings)
 
@@ -49,7 +50,7 @@ def test_every_question_has_a_row_for_each_user_the_mean_of_an_effect_in_each_sc
     assert set(summary["question"]) == {*(f"add_{s}" for s in SYMBOLS), *others, "table_top_marble", "remove_glass"}
     assert (summary.groupby(["variant", "kind"]).size() == [12, 3, 3, 6] * len(VARIANTS)).all()
     counts = effects.groupby(["variant", "question", "user"]).size()
-    assert (counts.drop("remove_glass", level="question") == SCENES * len(cfg.protocol.seeds)).all()
+    assert (counts.drop("remove_glass", level="question") == (SCENES + MORE) * len(cfg.protocol.seeds)).all()
     keys, columns = ["question", "variant", "user"], ["baseline", "intervened", "effect", "true_effect"]
     means = effects.groupby(keys)[columns].mean().loc[list(summary[keys].itertuples(index=False, name=None))]
     np.testing.assert_allclose(means, summary[["baseline", "intervened", "effect", "truth"]], atol=1e-5)
@@ -66,7 +67,7 @@ def test_a_models_answer_is_its_mean_probability_before_and_after(cfg: DictConfi
     effects = read_table(tmp_path / "effects.parquet").query(f"user == '{user}' and seed == {seed}")
     model = load_model(cfg, "full", user, seed, cfg.main_n_demos)
     for question, image in {"add_cutlery": arrays["images"][2, 0], "table_top_marble": marble}.items():
-        rows = effects[effects["question"] == question].sort_values("scene")
+        rows = effects[effects["question"] == question].sort_values("scene")[:SCENES]
         for column, seen in (("baseline", scenes.images["new_items"]), ("intervened", image)):
             p = model.probability(seen, arrays["z_theta"]).mean(-1)
             np.testing.assert_allclose(rows[column], p, atol=1e-6)
@@ -106,6 +107,20 @@ def test_the_world_answers_by_its_rules_and_another_user_and_back_again_is_no_ch
     for effect in ("effect", "true_effect"):
         np.testing.assert_array_equal(there[effect].to_numpy(), -back[effect].to_numpy())
     assert (there["true_effect"] > 0).any()
+
+
+def test_more_scenes_add_rows_and_change_no_other(cfg: DictConfig, tmp_path: Path):
+    alone = asked_alone(cfg, "add_glass")
+    for more in (0, MORE):
+        alone.intervene.more_scenes = more
+        main(alone, tmp_path / str(more))
+    few, many = (read_table(tmp_path / str(more) / "effects.parquet") for more in (0, MORE))
+    assert set(many["scene"]) == set(range(SCENES + MORE))
+    shared = many[many["scene"] < SCENES].reset_index(drop=True)
+    np.testing.assert_allclose(shared["effect"], few["effect"], atol=1e-6)
+    np.testing.assert_array_equal(shared["true_effect"], few["true_effect"])
+    for name in ("images.npz", "layouts.parquet"):
+        assert (tmp_path / "0" / name).read_bytes() == (tmp_path / str(MORE) / name).read_bytes()
 
 
 def test_another_rule_changes_the_truth_and_no_model(cfg: DictConfig, tmp_path: Path):

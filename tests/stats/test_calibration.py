@@ -1,19 +1,20 @@
 """The procedure on simulated families: family-wise error, coverage and verdicts, where the true effects are known.
 
-Each family has twelve questions on ten seeds crossed with a hundred scenes, as stage intervene's. An effect is a mean
-plus the chance of its seed, of its scene and of the pair; the regimes differ in which of them rules.
+Each family has twelve questions on ten seeds crossed with 500 scenes, as stage intervene's. An effect is a mean plus
+the chance of its seed, of its scene and of the pair; the regimes differ in which of them rules.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 from pipeline.causal.interventions import estimate_effects
-from pipeline.stats.crossed import add_pseudo_scenes, estimate
+from pipeline.stats.crossed import estimate
 from pipeline.stats.tests import LEVEL, SMALLEST_EFFECT, holm
 
-FAMILIES, QUESTIONS, SEEDS, SCENES = 400, 12, 10, 100
+FAMILIES, QUESTIONS, SEEDS, SCENES = 400, 12, 10, 500
 TOLERANCE = 3 * (LEVEL * (1 - LEVEL) / FAMILIES) ** 0.5  # three standard errors of a share of LEVEL
 
 pytestmark = pytest.mark.slow
@@ -23,63 +24,73 @@ pytestmark = pytest.mark.slow
 class Regime:
     """Standard deviations [P(valid)] of the three sources of chance.
 
-    rare: the share of the scenes in which all the scenes' chance lies; 0: in all, normally distributed.
+    informative: the number of scenes in which all the scenes' chance lies, on average; 0: normal chance in all.
     """
 
     by_seed: float
     by_scene: float
     rest: float
-    rare: float = 0.0
+    informative: int = 0
 
-    def draw(self, effect: float = 0.0) -> np.ndarray:
-        """Return families (family, question, seed, scene) whose every question has the effect."""
-        rng, shape = np.random.default_rng(7), (FAMILIES, QUESTIONS)
-        scenes = rng.standard_normal((*shape, 1, SCENES))
-        if self.rare:
-            scenes = (self.rare - (rng.random(scenes.shape) < self.rare)) / np.sqrt(self.rare * (1 - self.rare))
-        return (
-            effect
-            + self.by_seed * rng.standard_normal((*shape, SEEDS, 1))
-            + self.by_scene * scenes
-            + self.rest * rng.standard_normal((*shape, SEEDS, SCENES), dtype=np.float32)
-        )
+    def draw(self, effect: float = 0.0, families: int = FAMILIES) -> Iterator[np.ndarray]:
+        """Yield families (question, seed, scene) whose every question has the effect."""
+        rng, share = np.random.default_rng(7), self.informative / SCENES
+        for _ in range(families):
+            scenes = rng.standard_normal((QUESTIONS, 1, SCENES))
+            if share:
+                scenes = (share - (rng.random(scenes.shape) < share)) / np.sqrt(share * (1 - share))
+            yield (
+                effect
+                + self.by_seed * rng.standard_normal((QUESTIONS, SEEDS, 1))
+                + self.by_scene * scenes
+                + self.rest * rng.standard_normal((QUESTIONS, SEEDS, SCENES), dtype=np.float32)
+            )
 
 
 REGIMES = {
     "seeds rule": Regime(0.1, 0.0, 0.1),
     "scenes rule": Regime(0.0, 0.3, 0.1),
     "both matter": Regime(0.03, 0.1, 0.1),
+    "20 scenes decide": Regime(0.0, 0.06, 0.01, informative=20),
+    "50 scenes decide": Regime(0.0, 0.06, 0.01, informative=50),
 }
-RARE = Regime(0.0, 0.06, 0.01, rare=0.04)  # one scene in 25 decides: the regime the pseudo-scenes are for
 
 
-def family_wise_error(families: np.ndarray) -> float:
-    """Return the share of null families in which Holm rejects something."""
-    p = estimate(families.reshape(-1, *families.shape[2:])).p.reshape(families.shape[:2])
-    return float((holm(p) < LEVEL).any(1).mean())
+def error_and_coverage(regime: Regime, skewed: bool = True) -> tuple[float, float]:
+    """Return the share of null families in which Holm rejects something, and of 95 % intervals that hold 0."""
+    estimates = [estimate(family, skewed) for family in regime.draw()]
+    rejects = [(holm(e.p) < LEVEL).any() for e in estimates]
+    return float(np.mean(rejects)), float(np.mean([(e.ci_low <= 0) & (e.ci_high >= 0) for e in estimates]))
+
+
+def verdicts(regime: Regime, effect: float, families: int = 100) -> np.ndarray:
+    return np.concatenate([estimate_effects(family)["verdict"] for family in regime.draw(effect, families)])
 
 
 @pytest.mark.parametrize("regime", REGIMES.values(), ids=REGIMES)
-def test_a_family_without_effects_rarely_shows_one(regime: Regime):
-    assert family_wise_error(add_pseudo_scenes(regime.draw())) <= LEVEL + TOLERANCE
+def test_a_family_without_effects_rarely_shows_one_and_intervals_cover(regime: Regime):
+    error, coverage = error_and_coverage(regime)
+    assert error <= LEVEL + TOLERANCE
+    assert 0.935 <= coverage <= 0.975
 
 
-def test_where_rare_scenes_decide_pseudo_scenes_only_halve_the_errors():
-    """The honest bound: in this regime one null family in four may still show an effect."""
-    families = RARE.draw()
-    plain, corrected = family_wise_error(families), family_wise_error(add_pseudo_scenes(families))
-    assert corrected < plain / 2
-    assert LEVEL + TOLERANCE < corrected <= 0.25
+def test_students_t_alone_errs_twice_as_often_where_20_scenes_decide():
+    assert error_and_coverage(REGIMES["20 scenes decide"], skewed=False)[0] > LEVEL + TOLERANCE
 
 
-@pytest.mark.parametrize(("effect", "deserved"), [(0.0, "negligible"), (0.15, "effect")])
+def test_fewer_informative_scenes_make_p_too_small_and_no_verdict_wrong():
+    """Nineteen of 500 scenes cannot move the mean by the smallest effect, even if their validity changes by 1."""
+    rare = Regime(0.0, 0.06, 0.01, informative=3)
+    assert error_and_coverage(rare)[0] > 4 * LEVEL
+    assert (verdicts(rare, 0.0) == "negligible").all()
+    assert 19 / SCENES < SMALLEST_EFFECT
+
+
+@pytest.mark.parametrize(("effect", "deserved"), [(0.0, "negligible"), (0.1, "effect")])
 def test_verdicts_where_both_sources_matter_are_those_the_effect_deserves(effect: float, deserved: str):
-    families = REGIMES["both matter"].draw(effect)[:100]
-    verdicts = np.concatenate([estimate_effects(family)["verdict"] for family in families])
-    assert np.mean(verdicts == deserved) >= 0.9
+    assert np.mean(verdicts(REGIMES["both matter"], effect) == deserved) >= 0.9
 
 
-def test_an_effect_at_the_bound_is_rarely_called_negligible():
-    families = REGIMES["both matter"].draw(SMALLEST_EFFECT)[:100]
-    verdicts = np.concatenate([estimate_effects(family)["verdict"] for family in families])
-    assert np.mean(verdicts == "negligible") <= LEVEL + TOLERANCE
+@pytest.mark.parametrize("regime", ["both matter", "20 scenes decide"])
+def test_an_effect_at_the_bound_is_rarely_called_negligible(regime: str):
+    assert np.mean(verdicts(REGIMES[regime], SMALLEST_EFFECT) == "negligible") <= LEVEL + TOLERANCE

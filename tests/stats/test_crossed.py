@@ -8,9 +8,7 @@ from statsmodels.formula.api import ols
 from statsmodels.stats.anova import anova_lm
 
 from pipeline.stats.crossed import (
-    MIN_SCENES,
     Estimates,
-    add_pseudo_scenes,
     crossed_error,
     estimate,
     mean_squares,
@@ -102,31 +100,32 @@ def test_the_p_value_keeps_its_level_whether_seeds_or_scenes_vary_more(by_seed: 
 
 
 @pytest.mark.parametrize(("by_seed", "by_scene"), REGIMES)
-def test_95_percent_intervals_cover_the_effect_and_pseudo_scenes_hardly_widen_them(by_seed: float, by_scene: float):
-    families = crossed(12 * 100, by_seed, by_scene).reshape(100, 12, 10, 100) + 0.1
-    plain, wider = (estimate(x.reshape(-1, *x.shape[2:])) for x in (families, add_pseudo_scenes(families)))
-    np.testing.assert_allclose(wider.effect, plain.effect)
-    np.testing.assert_allclose([wider.q1, wider.q3], [plain.q1, plain.q3])
-    assert 0.93 <= covers(plain, 0.1) <= 0.97
-    assert 0.93 <= covers(wider, 0.1) <= 0.975
-    assert ((wider.ci_high - wider.ci_low) / (plain.ci_high - plain.ci_low)).mean() < 1.06
+@pytest.mark.parametrize("skewed", [False, True])
+def test_95_percent_intervals_cover_the_effect(by_seed: float, by_scene: float, skewed: bool):
+    assert 0.93 <= covers(estimate(crossed(1200, by_seed, by_scene) + 0.1, skewed), 0.1) <= 0.97
 
 
-def test_pseudo_scenes_agree_where_all_scenes_of_the_family_do_and_know_no_other_family():
-    effects = np.tile(rng(2).normal(size=(3, 4, 1)), (1, 1, 50))
-    np.testing.assert_allclose(add_pseudo_scenes(effects), np.tile(effects[..., :1], (1, 1, 52)))
-    families = crossed(8, 0.03, 0.1).reshape(2, 4, 10, 100) * np.array([1.0, 5.0])[:, None, None, None]
-    np.testing.assert_allclose(add_pseudo_scenes(families)[0], add_pseudo_scenes(families[0]))
+@pytest.mark.parametrize("skewed", [False, True])
+def test_p_is_005_where_the_interval_ends_at_zero(skewed: bool):
+    effects = np.exp(crossed(6, 0.03, 1.0))  # scenes are skewed
+    e = estimate(effects, skewed)
+    for end in (e.ci_low, e.ci_high):
+        np.testing.assert_allclose(estimate(effects - end[:, None, None], skewed).p, 0.05, rtol=1e-6)
 
 
-def test_few_scenes_get_no_pseudo_scenes_and_fewer_than_two_are_refused():
-    few, enough = crossed(4, 0.03, 0.1)[..., : MIN_SCENES - 1], crossed(4, 0.03, 0.1)[..., :MIN_SCENES]
-    assert add_pseudo_scenes(few) is few
-    plain, wider = estimate(enough), estimate(add_pseudo_scenes(enough))
-    assert ((wider.ci_high - wider.ci_low) / (plain.ci_high - plain.ci_low)).mean() > 0.98
-    for scenes in (0, 1):
-        with pytest.raises(ValueError, match="at least two scenes"):
-            add_pseudo_scenes(np.zeros((3, 4, scenes)))
+def test_the_correction_for_skewness_widens_the_side_of_the_long_tail_and_knows_no_other_side():
+    effects = np.exp(crossed(6, 0.0, 1.0))
+    plain, corrected, mirrored = estimate(effects), estimate(effects, True), estimate(-effects, True)
+    assert (corrected.ci_high > plain.ci_high).all() and (corrected.ci_low > plain.ci_low).all()
+    np.testing.assert_allclose([mirrored.ci_low, mirrored.ci_high], [-corrected.ci_high, -corrected.ci_low])
+    symmetric = np.concatenate([effects, 2 * effects.mean((1, 2), keepdims=True) - effects], -1)
+    np.testing.assert_allclose(estimate(symmetric, True).ci_low, estimate(symmetric).ci_low)
+
+
+@pytest.mark.parametrize("scenes", [0, 1])
+def test_fewer_than_two_scenes_are_refused(scenes: int):
+    with pytest.raises(ValueError, match="at least two scenes"):
+        estimate(np.zeros((3, 4, scenes)))
 
 
 def test_the_mean_squares_are_those_of_an_analysis_of_variance():
