@@ -132,22 +132,6 @@ def test_a_study_s_unknown_parameter_is_named(study: str):
         validate(with_value(composed(), f"studies.{study}.no_such=1"), [study])
 
 
-@pytest.mark.parametrize(
-    "removed",
-    [
-        ["~variants.ae"],
-        [f"~variants.{v}" for v in ("ae", "classifier", "irl_maxent", "irl_ranked", "full")],
-        ["~users.normal", "~users.aggressive"],
-    ],
-)
-def test_a_smaller_graph_composes(removed: list[str]):
-    cfg = compose(removed)
-    validate(cfg, GRAPH)
-    names = {override.rpartition(".")[2] for override in removed}
-    compared = {name for c in cfg.evaluate.comparisons for name in (c.variant, *c.against)}
-    assert not names & {*compared, *cfg.record.first, *cfg.report.shown, *cfg.evaluate.users, cfg.variant}
-
-
 def test_an_interval_over_validation_scenes_needs_two_of_them():
     one_scene = ["scenes.validation=1"]
     validate(compose(one_scene), ["evaluate"])

@@ -56,22 +56,6 @@ def test_the_ideal_observer_is_right_as_often_as_labels_allow(seed: int):
 
 
 @settings(deadline=None)
-@given(st.integers(0, 999))
-def test_no_observer_beats_the_ideal_one_in_any_scene(seed: int):
-    p, valid = drawn(seed)
-    ideal, _ = identify(valid[:, None].astype(float), valid, TINY)
-    right, _ = identify(p, valid, TINY)
-    assert (right.mean(0) <= ideal.mean(0) + 1e-12).all()
-
-
-def test_a_calibrated_posterior_is_right_as_often_as_it_says():
-    rng = np.random.default_rng(3)
-    p = rng.uniform(size=(3, 1, 400, 20, 5))
-    right, sure = identify(p, rng.random((3, 400, 20, 5)) < p[:, 0], TINY)
-    np.testing.assert_allclose(right.mean((0, 2, 3)), sure.mean((0, 2, 3)), atol=0.01)
-
-
-@settings(deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 12), st.floats(0.01, 1.0)), min_size=1, max_size=6), st.floats(0.01, 0.5))
 def test_the_critical_surprise_agrees_with_enumeration(labels: list, level: float):
     weight = np.array([w for w, _ in labels])

@@ -71,12 +71,6 @@ def test_plates_and_glasses_occur_equally_often_whatever_their_cause(p_common_ca
         assert share == pytest.approx(CONFOUNDING.present, abs=4 * np.sqrt(0.16 / 200))
 
 
-def test_without_a_common_cause_plates_and_glasses_occur_independently():
-    layouts = drawn(3, 400, p_common_cause=0.0)
-    plate, glass = ((layouts.symbol == symbol).any(1) for symbol in (PLATE, GLASS))
-    assert np.corrcoef(plate, glass)[0, 1] == pytest.approx(0, abs=4 / np.sqrt(400))
-
-
 def test_a_stronger_cause_changes_more_scenes_and_leaves_the_others_as_they_are():
     weak, strong, full = (drawn(4, 200, p_common_cause=t) for t in (0.5, 0.8, 1.0))
 

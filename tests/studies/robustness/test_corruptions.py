@@ -14,7 +14,6 @@ from studies.robustness.corruptions import (
     CORRUPTIONS,
     add_clutter,
     arm,
-    blur,
     flip_labels,
     noise,
     shade,
@@ -70,16 +69,6 @@ def test_tint_and_noise_take_what_their_strength_says():
     assert tint(rng(), grey(200), 0.4)[0, 50, 50].tolist() == [200, 160, 120]
     error = noise(rng(), grey(128, 4), 0.05) / 255 - 128 / 255
     assert error.std() == pytest.approx(0.05, rel=0.02) and abs(error.mean()) < 0.001
-
-
-def test_blur_keeps_the_brightness_and_spreads_a_point_as_its_deviation_says():
-    point = grey(0)
-    point[0, 50, 50] = 255
-    dot = blur(rng(), np.kron(point[:, 48:53, 48:53], np.ones((1, 20, 20, 1), np.uint8)), 2.0)[0, ..., 0] / 255
-    columns = np.arange(SIDE) - (SIDE - 1) / 2
-    spread = (dot.sum(0) * columns**2).sum() / dot.sum()
-    assert dot.sum() == pytest.approx(400, rel=0.01)
-    assert spread == pytest.approx((20**2 - 1) / 12 + 2.0**2, rel=0.02)
 
 
 @given(seed=seeds)

@@ -126,16 +126,6 @@ def test_a_model_is_the_same_bits_whatever_the_n_of_the_others(variant, n, other
     assert curves[0].tobytes() == curve.tobytes()
 
 
-def test_checkpoints_hold_every_model_of_the_stack_and_change_no_weight():
-    plain, (curve, _) = stacked([3, 5])
-    models, checkpoints = [vae(3), vae(5)], Checkpoints([4])
-    images, z_theta, valid = zip(data(3), data(5), strict=True)
-    kept, _ = fit_stack(models, images, z_theta, valid, WEIGHTS["full"], SHORT, [3, 5], checkpoints)
-    assert np.array_equal(kept, curve) and [digest(m) for m in models] == [digest(m) for m in plain]
-    first, second = (checkpoints.of(model)[4] for model in models)
-    assert all(not np.array_equal(first[name], second[name]) for name in first if name.endswith("weight"))
-
-
 @pytest.mark.slow
 def test_another_process_gives_the_same_bits():
     assert in_another_process() == f"{LANES} {digest(stacked([4, 3])[0][1])}"
