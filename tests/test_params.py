@@ -133,10 +133,10 @@ def test_a_study_s_unknown_parameter_is_named(study: str):
 
 
 def test_an_interval_over_validation_scenes_needs_two_of_them():
-    one_scene = ["scenes.validation=1"]
-    validate(compose(one_scene), ["evaluate"])
+    one_scene = "scenes.validation=1"
+    validate(with_value(composed(), one_scene), ["evaluate"])
     with pytest.raises(InputError, match=r"scenes\.validation is 1: expected at least 2"):
-        validate(compose([*one_scene, "protocol=validation"]), ["evaluate"])
+        validate(with_value(composed("protocol=validation"), one_scene), ["evaluate"])
 
 
 def test_names_in_the_parameters_are_those_of_the_library():
@@ -153,6 +153,7 @@ def test_a_stage_is_not_refused_for_what_another_needs():
         validate(cfg, ["repair"])
 
 
+@pytest.mark.slow
 def test_a_stage_refuses_bad_parameters_before_any_work(tmp_path: Path):
     bad = OmegaConf.create((ROOT / "params.yaml").read_text())
     bad.n_demos = [0]

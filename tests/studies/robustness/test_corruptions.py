@@ -110,6 +110,7 @@ def test_less_clutter_and_fewer_flips_are_part_of_more():
     assert (many | ~few).all()
 
 
+@pytest.mark.slow
 def test_a_scene_without_room_for_clutter_is_refused():
     layouts = random_layouts(rng(), 1, ITEMS, POOL, RULES)
     with pytest.raises(ValueError, match="the scene is too full"):
