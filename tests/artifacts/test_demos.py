@@ -6,12 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.artifacts.demos import (
-    DEMO_COLUMNS,
-    demo_arrays,
-    read_demos,
-    write_demos,
-)
+from pipeline.artifacts.demos import DEMO_COLUMNS, demo_arrays, read_demos, write_demos
 from pipeline.runtime.errors import InputError
 
 

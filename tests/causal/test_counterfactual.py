@@ -124,14 +124,6 @@ def test_the_base_rate_counts_only_paths_with_a_single_cause():
     assert chance[0].sum() == chance[0, 3] and (chance[1] == 1).all()
 
 
-@pytest.mark.parametrize(("without", "right"), [(0.0, 1.0), (1.0, 0.0)])
-def test_of_several_causes_each_must_be_sufficient_and_none_necessary(without: float, right: float):
-    several = {"factual": np.zeros((2, 1)), "empty": np.ones((2, 1)), "alone": np.zeros((2, 1, 2))}
-    truth = Removals(without=np.zeros((2, 1, 2)), **several)  # either item alone forbids the path
-    model = Removals(without=np.full((1, 2, 1, 2), without), **{name: x[None] for name, x in several.items()})
-    assert score_attributions(model, truth, np.ones((2, 2), bool), {})["overdetermined_right"] == right
-
-
 def test_scores_agree_with_a_count_by_hand():
     """One path in each of two scenes of two items: the first item is the cause in the first, both in the second."""
     one, none = np.ones((2, 1)), np.zeros((2, 1))

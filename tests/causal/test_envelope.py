@@ -67,21 +67,19 @@ def test_a_faint_tail_hardly_moves_the_radius_and_a_curve_that_never_falls_has_t
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("by_seed", "by_scene"), [(0.002, 0.0), (0.0, 0.01), (0.002, 0.01)])
-def test_95_percent_intervals_cover_the_median_in_95_percent(by_seed: float, by_scene: float):
+def test_95_percent_intervals_cover_the_median_in_95_percent():
     g = rng(7)
-    covered = [covers_margin(responses(g, by_seed, by_scene)) for _ in range(200)]
+    covered = [covers_margin(responses(g, 0.002, 0.01)) for _ in range(200)]
     assert 0.91 <= np.mean(covered) <= 0.995  # 0.95, and nearly three of its own errors either way
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("by_outline", [0.003, 0.006])
-def test_intervals_over_items_cover_differing_items_and_those_over_scenes_do_not(by_outline: float):
+def test_intervals_over_items_cover_differing_items_and_those_over_scenes_do_not():
     """Six items in sixty scenes; each is seen too wide or too narrow in all of its scenes."""
     g, item = rng(11), np.arange(60) % 6
     over_items, over_scenes = [], []
     for i in range(400):
-        wider = by_outline * g.normal(size=6)
+        wider = 0.006 * g.normal(size=6)
         response = responses(g, 0.002, 0.003, margin=MARGIN + wider[item][:, None])
         over_items.append(covers_margin(by_item(response, item)))
         if i < 100:
@@ -91,7 +89,7 @@ def test_intervals_over_items_cover_differing_items_and_those_over_scenes_do_not
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("trained", [4, 6, 12])
+@pytest.mark.parametrize("trained", [4, 12])
 def test_intervals_cover_when_all_training_sets_share_their_items(trained: int):
     """The shared items bias all seeds' margins alike; six other items are asked about."""
     g, item, by_outline = rng(12), np.arange(60) % 6, 0.004

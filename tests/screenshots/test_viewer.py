@@ -103,10 +103,7 @@ def test_without_a_driver_the_error_is_one_line_that_names_the_package(
         monkeypatch.setenv(variable, str(tmp_path / "nothing.json"))
     monkeypatch.setenv("WGPU_BACKEND", "vulkan")
     write_run(tmp_path / "run.rrd", a_run())
-    with (
-        pytest.raises(InputError, match=r"^no Vulkan driver: .*mesa-vulkan-drivers\)$"),
-        viewer() as client,
-    ):
+    with pytest.raises(InputError, match=r"^no Vulkan driver: .*mesa-vulkan-drivers\)$"), viewer() as client:
         client.open(str(tmp_path / "run.rrd"))
 
 

@@ -9,16 +9,7 @@ from hypothesis import strategies as st
 
 from pipeline.world.bezier import P_F, P_INIT
 from pipeline.world.layout import SIDE, point_segment_distance, random_layouts, segment_distance
-from studies.robustness.corruptions import (
-    ARM_RADIUS_PX,
-    CORRUPTIONS,
-    add_clutter,
-    arm,
-    flip_labels,
-    noise,
-    shade,
-    tint,
-)
+from studies.robustness.corruptions import ARM_RADIUS_PX, CORRUPTIONS, add_clutter, arm, flip_labels, noise, shade, tint
 from tests.factories import ITEMS, RULES
 
 POOL = np.arange(4)
