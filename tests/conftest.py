@@ -3,6 +3,7 @@
 Hypothesis tries the same examples in every run; `--hypothesis-profile=default` draws new ones.
 """
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ from hypothesis import settings
 from jaxtyping import install_import_hook
 from omegaconf import DictConfig
 
+sys.dont_write_bytecode = False  # the hook would compile what it loads, and torch and scipy with it, in every run
 install_import_hook("pipeline", "beartype.beartype")
 settings.register_profile("repeatable", derandomize=True)
 settings.load_profile("repeatable")

@@ -117,7 +117,7 @@ def test_metrics_are_a_screenful(clone: Path):
 @pytest.mark.parametrize(
     "command",
     [
-        *("scenes", "demos", "train variant=full", "irl variant=irl_ranked", "clearance variant=clearance"),
+        *("scenes", "demos", "irl variant=irl_ranked", "clearance variant=clearance"),
         *("evaluate", "repair", "intervene", "studies/refutation", "studies/acceptance"),
     ],
 )

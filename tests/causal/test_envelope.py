@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from pipeline.causal.envelope import dose_grid, envelopes, paths_at_doses, radius, response_curve
+from pipeline.causal.envelope import dose_grid, envelopes, radius, response_curve
 from pipeline.stats.clusters import by_item
 
 STEP, DOSES = 0.005, 20
@@ -52,18 +52,6 @@ def test_the_first_dose_lies_inside_the_item_and_the_rest_outside():
     np.testing.assert_allclose(dose_grid(0.01, 3), [-0.005, 0.005, 0.015])
 
 
-def test_chosen_paths_are_the_first_that_fit():
-    to_added, to_others = rng().uniform(-0.02, 0.12, (6, 200)), rng(1).uniform(0, 0.1, (6, 200))
-    chosen = paths_at_doses(to_added, to_others, GRID, 0.05, 3)
-    for scene in range(6):
-        free = to_others[scene] >= 0.05
-        by_dose = [np.flatnonzero(free & (np.abs(to_added[scene] - dose) < STEP / 2))[:3] for dose in GRID]
-        for k in range(DOSES):
-            missing = len(by_dose[k]) < 3 or len(by_dose[0]) < 3
-            np.testing.assert_array_equal(chosen[scene, k], [-1] * 3 if missing else by_dose[k])
-    assert (chosen >= 0).any() and (chosen < 0).any()
-
-
 @settings(max_examples=25, deadline=None)
 @given(st.floats(0.005, 0.09), st.floats(0.2, 1.0))
 def test_a_step_of_any_height_is_located_within_a_tenth_of_the_dose_step(margin: float, height: float):
@@ -78,29 +66,20 @@ def test_a_faint_tail_hardly_moves_the_radius_and_a_curve_that_never_falls_has_t
     assert radius(np.ones((2, 3, DOSES)), GRID) == (GRID[-1],) * 3
 
 
-@settings(max_examples=25, deadline=None)
-@given(st.integers(0, 1000))
-def test_the_interval_holds_the_radius_of_any_curve(seed: int):
-    middle, low, high = radius(rng(seed).normal(0.3, 1, (3, 4, DOSES)), GRID)
-    assert GRID[0] <= low <= middle <= high <= GRID[-1]
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(("by_seed", "by_scene"), [(0.002, 0.0), (0.0, 0.01), (0.002, 0.01)])
-def test_95_percent_intervals_cover_the_median_in_95_percent(by_seed: float, by_scene: float):
+def test_95_percent_intervals_cover_the_median_in_95_percent():
     g = rng(7)
-    covered = [covers_margin(responses(g, by_seed, by_scene)) for _ in range(200)]
+    covered = [covers_margin(responses(g, 0.002, 0.01)) for _ in range(200)]
     assert 0.91 <= np.mean(covered) <= 0.995  # 0.95, and nearly three of its own errors either way
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("by_outline", [0.003, 0.006])
-def test_intervals_over_items_cover_differing_items_and_those_over_scenes_do_not(by_outline: float):
+def test_intervals_over_items_cover_differing_items_and_those_over_scenes_do_not():
     """Six items in sixty scenes; each is seen too wide or too narrow in all of its scenes."""
     g, item = rng(11), np.arange(60) % 6
     over_items, over_scenes = [], []
     for i in range(400):
-        wider = by_outline * g.normal(size=6)
+        wider = 0.006 * g.normal(size=6)
         response = responses(g, 0.002, 0.003, margin=MARGIN + wider[item][:, None])
         over_items.append(covers_margin(by_item(response, item)))
         if i < 100:
@@ -110,7 +89,7 @@ def test_intervals_over_items_cover_differing_items_and_those_over_scenes_do_not
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("trained", [4, 6, 12])
+@pytest.mark.parametrize("trained", [4, 12])
 def test_intervals_cover_when_all_training_sets_share_their_items(trained: int):
     """The shared items bias all seeds' margins alike; six other items are asked about."""
     g, item, by_outline = rng(12), np.arange(60) % 6, 0.004
@@ -145,18 +124,6 @@ def test_an_envelope_needs_a_positive_effect_at_contact():
     assert list(table["radius_m"].notna()) == [True, False, False, True]
     assert list(table["right"]) == [True, True, False, False]
     assert table["covered"][0] and table["covered"][1:].isna().all()
-
-
-def test_intervals_are_wider_where_training_sets_share_fewer_items():
-    g, item = rng(6), np.arange(60) % 6
-    response = responses(g, 0.002, 0.003, margin=MARGIN + 0.004 * g.normal(size=6)[item][:, None])
-    table = envelopes(np.stack([response] * 2), np.tile(item, (2, 1)), [2, 20], [MARGIN] * 2, GRID)
-    curves = [response_curve(response, np.zeros((60, DOSES)), item, trained, GRID) for trained in (2, 20)]
-    assert table["radius_m"][0] == table["radius_m"][1]
-    width = table["ci_high"] - table["ci_low"]
-    assert width[0] > 1.5 * width[1]
-    few, many = (curve["ci_high"] - curve["ci_low"] for curve in curves)
-    assert (few >= many).all()
 
 
 def test_a_curve_counts_the_scenes_in_which_each_dose_was_asked():

@@ -61,11 +61,7 @@ class Reader(HTMLParser):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "variants",
-    [("full",), ("clearance", "irl_ranked"), ("classifier",)],
-    ids="-".join,
-)
+@pytest.mark.parametrize("variants", [("full",), ("clearance", "irl_ranked"), ("classifier",)], ids="-".join)
 def test_every_page_renders_with_fewer_variants(variants: tuple[str, ...]):
     pages = render(factory.results(variants)).pages
     assert list(pages) == list(PAGES)
@@ -193,13 +189,6 @@ def _equal(value: object, text: str) -> bool:
     digits = len(number[2] or ".") - 1
     shown = float(text.replace("−", "-").partition("\u00a0")[0])
     return any(abs(shown - scale * float(value)) <= 0.501 * 10**-digits for scale in (1, 100))  # type: ignore[arg-type]
-
-
-@pytest.mark.slow
-def test_rendering_twice_gives_the_same_bytes(site: Site):
-    again = render(factory.results(), ["index", "causes"])
-    assert all(site.pages[name] == page for name, page in again.pages.items())
-    assert all(site.figures[name] == figure for name, figure in again.figures.items())
 
 
 def test_the_site_is_small(site: Site):

@@ -22,10 +22,6 @@ def noisy_sum(seed: int) -> float:
     return float(torch.randn(1000, generator=generator).sum())
 
 
-def process(_: int) -> int:
-    return os.getpid()
-
-
 def fail_on_two(job: int) -> int:
     if job == 2:
         raise ValueError("job 2 is bad")
@@ -64,13 +60,6 @@ def test_jobs_may_be_handed_out_by_any_thread():
     thread.start()
     thread.join(timeout=120)
     assert found == [0, 1]
-
-
-@pytest.mark.slow
-def test_the_next_call_meets_the_same_processes():
-    first, second = (set(map_jobs(process, range(8), 2, "test")) for _ in range(2))
-    assert os.getpid() not in first
-    assert len(first | second) <= 2
 
 
 SLEEPERS = """

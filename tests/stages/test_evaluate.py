@@ -15,7 +15,6 @@ from pipeline.artifacts.models import model_dir
 from pipeline.artifacts.scenes import read_position_prior
 from pipeline.models import baselines
 from pipeline.runtime.errors import InputError
-from pipeline.stages import evaluate
 from pipeline.stages.evaluate import main
 from pipeline.stats.scores import accuracy
 from pipeline.world.bezier import random_z_theta
@@ -187,19 +186,6 @@ def test_a_variant_fitted_at_fewer_numbers_of_demonstrations_is_judged_and_compa
     assert set(accuracy.query("variant == 'ae'")["n_demos"]) == {9}
     assert set(comparisons.query("against == 'ae'")["n_demos"]) == {9}
     assert set(comparisons.query("against == 'classifier'")["n_demos"]) == {1, 9}
-
-
-def test_of_ten_seeds_the_smallest_p_is_corrected_by_its_own_family_alone(cfg: DictConfig):
-    """Nine tests of .00195 each stay significant; as one family of 27 they would not."""
-    variants = [*cfg.variants, "nearest_demonstration", "position_only"]
-    names = ["variant", "split", "n_demos"]
-    rows = pd.MultiIndex.from_product([variants, list(cfg.protocol.splits), list(cfg.n_demos)], names=names)
-    by_seed = pd.DataFrame(0.0, rows, range(10))
-    by_seed.loc["clearance"] = 0.1 + 0.01 * np.arange(10)
-    table = evaluate._comparisons(cfg, by_seed)
-    clearance = table[table["family"] == "clearance"]
-    assert len(clearance) == 9 and clearance["p_holm"].to_numpy() == pytest.approx(9 * 2 / 1024)
-    assert clearance["significant"].all() and (table.loc[table["family"] == "paper", "p_holm"] == 1).all()
 
 
 @pytest.mark.parametrize(

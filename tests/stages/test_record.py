@@ -194,13 +194,6 @@ def test_true_slack_is_of_the_repairs_paths(recorded: tuple[DictConfig, Path]) -
     assert np.array_equal(room.T > 0, truth)
 
 
-def test_the_overview_has_every_variant_of_the_users_with_margins(recorded: tuple[DictConfig, Path]) -> None:
-    cfg, folder = recorded
-    chunks = RrdReader(folder / "record" / "runs" / "overview.rrd").stream().to_chunks()
-    shown = {str(chunk.entity_path) for chunk in chunks if str(chunk.entity_path).endswith("/map")}
-    assert shown == {f"/{user}/{name}/map" for user in ("careful", "normal") for name in ("truth", *cfg.variants)}
-
-
 def test_recordings_of_removed_users_are_removed_and_without_margins_every_user_has_some(cfg, tmp_path) -> None:
     for removed in ([], ["careful", "normal"]):
         cfg.users = {user: margins for user, margins in cfg.users.items() if user not in removed}

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pipeline.viewer.geometry import boundary, crosses, footprints, kept_clear, map_image, on_map, on_table
+from pipeline.viewer.geometry import boundary, footprints, kept_clear, map_image, on_map, on_table
 from pipeline.world.bezier import lattice
 from pipeline.world.layout import SYMBOLS, empty, point_segment_distance
 from tests.viewer.example import a_layout
@@ -48,10 +48,3 @@ def test_the_boundary_runs_between_cells_that_differ() -> None:
     edges = {tuple(map(tuple, edge)) for edge in boundary(truth).tolist()}
     assert edges == {((2, 2), (2, 3)), ((2, 2), (3, 2))}
     assert len(boundary(np.ones((3, 3), dtype=bool))) == 0
-
-
-def test_a_cross_is_a_line_through_its_centre_to_four_corners() -> None:
-    (line,) = crosses(np.array([[2.0, 3.0]]), 0.5)
-    corners = {tuple(corner) for corner in np.delete(line, 2, axis=0).tolist()}
-    assert corners == {(1.5, 2.5), (2.5, 3.5), (1.5, 3.5), (2.5, 2.5)}
-    assert line[2].tolist() == [2.0, 3.0]

