@@ -84,7 +84,7 @@ def test_every_profile_and_protocol_composes_for_graph_and_studies(choice: str):
         ("scenes.layout.glasses_chance=[0.5,0.4]", "glasses_chance", "chances from 0 that add up to 1"),
         ("scenes.layout.centre_low=0.9", "scenes.layout.centre_high is 0.88", "a place from centre_low"),
         ("evaluate.comparisons.1.splits=[new_items]", "evaluate.comparisons", "only in seen scenes"),
-        ("evaluate.comparisons.3.family=paper", "evaluate.comparisons", "27 tests in family paper"),
+        ("evaluate.comparisons.4.family=paper", "evaluate.comparisons", "27 tests in family paper"),
         ("intervene.split=seen_scenes", "intervene.split", "a split that all seeds share"),
         ("repair.split=seen_scenes", "repair.split", "a split that all seeds share, one of new_scenes, new_items"),
         ("repair.optimiser=newton", "repair.optimiser", "'gradient'"),

@@ -3,7 +3,8 @@
 A claim holds if our number reaches the paper's, an image-blind baseline's does not, and another draw of training sets
 would not undo it. It fails only if our interval lies below the paper's (including the paper's sampling error), or if
 our tests find the opposite, and if some model of ours does reach it. What this world cannot show is untestable, what we
-did not test is not tested, all else is open.
+did not test is not tested, all else is open. Claims about clusters, overlap and samples are judged by study solutions,
+since the paper's pages do not depend on studies.
 """
 
 import pandas as pd
@@ -24,7 +25,6 @@ def claims_table(results: Results) -> pd.DataFrame:
     """Return one row per claim and measure with the columns COLUMNS; rates in 0..1, counts for verdicts and tests."""
     rules = (_accuracy, _autoencoder, _irl, _repair, _causes, _users_differ) if PAPER in results.variants else ()
     rows = [row for rule in rules for row in rule(results)]
-    rows.append({"claim": "clusters", "measure": "not tested", "verdict": NOT_TESTED})
     rows.append({"claim": "robot", "measure": "no robot", "verdict": UNTESTABLE})
     return pd.DataFrame(rows, columns=COLUMNS)
 
@@ -40,7 +40,7 @@ def verdicts(claims: pd.DataFrame) -> dict[str, str]:
 def _accuracy(results: Results) -> list[dict]:
     """Judge whether accuracy on unseen paths of the training scenes reaches the paper's lower quartile.
 
-    If none of our models reaches it, it may be unreachable in this world, and the claim is open.
+    It holds if our lower quartile over training sets does, and fails if our upper one does not.
     """
     n = results.main_n_demos
     if n not in PAPER_ACCURACY:
@@ -50,7 +50,7 @@ def _accuracy(results: Results) -> list[dict]:
     quartile_low, quartile_high = results.accuracy(PAPER, SEEN, "q1"), results.accuracy(PAPER, SEEN, "q3")
     baseline = results.accuracy("nearest_demonstration", SEEN)
     reached = max(results.accuracy(variant, SEEN) for variant in results.variants) >= low
-    verdict = _compare(ours >= low, quartile_high < low and reached, baseline >= low)
+    verdict = _compare(quartile_low >= low, quartile_high < low and reached, baseline >= low)
     numbers = {"paper": mean, "paper_low": low, "paper_high": high, "ours": ours, "baseline": baseline}
     return [
         {"claim": "accuracy", "measure": SEEN, "q1": quartile_low, "q3": quartile_high, "verdict": verdict} | numbers
@@ -63,21 +63,26 @@ def _autoencoder(results: Results) -> list[dict]:
     The gate: it reconstructs its training images better than a flat colour, and judges its demonstrations rightly.
     """
     trained = results.value("convergence", "passed", variant=PAPER) == 1
-    return _tested(results, "autoencoder", ["classifier"], trained)
+    return _tested(results, "autoencoder", ["classifier"], results.n_demos, trained)
 
 
 def _irl(results: Results) -> list[dict]:
-    """Judge whether the full model beats both of our forms of IRL in every test."""
-    return _tested(results, "irl", ["irl_maxent", "irl_ranked"], True)
+    """Judge whether the full model beats both of our forms of IRL in every test, and does so with one demonstration.
+
+    The second is the claim that IRL needs much more information.
+    """
+    forms = ["irl_maxent", "irl_ranked"]
+    rows = _tested(results, "irl", forms, [results.main_n_demos])
+    return rows + (_tested(results, "irl_needs_more", forms, [1]) if results.main_n_demos > 1 else [])
 
 
-def _tested(results: Results, claim: str, against: list[str], trained: bool) -> list[dict]:
+def _tested(results: Results, claim: str, against: list[str], n_demos: list[int], trained: bool = True) -> list[dict]:
     """Return the tests won, of those asked, and the range of the differences in accuracy.
 
     Holds if every test is won, fails if every one is lost, else open: no significance is no proof of equality.
     """
     tests = results.tables["comparisons"]
-    tests = tests[(tests["variant"] == PAPER) & tests["against"].isin(against)]
+    tests = tests[(tests["variant"] == PAPER) & tests["against"].isin(against) & tests["n_demos"].isin(n_demos)]
     if tests.empty:
         return []
     difference = tests["difference"]
@@ -107,19 +112,20 @@ def _repair(results: Results) -> list[dict]:
         numbers = {name: results.repair("gradient", PAPER, user, column) for name, column in names.items()}
         baseline = results.repair("constant_detour", "", user)
         met = numbers["ours"] >= paper and numbers["ci_low"] >= low
-        verdict = _compare(met, numbers["ci_high"] < low, baseline >= numbers["ours"])
+        reached = max(results.repair("gradient", variant, user) for variant in results.variants) >= low
+        verdict = _compare(met, numbers["ci_high"] < low and reached, baseline >= numbers["ours"])
         beside = {"paper": paper, "paper_low": low, "paper_high": high, "baseline": baseline, "verdict": verdict}
         rows.append({"claim": "repair", "measure": user} | numbers | beside)
     return rows
 
 
 def _causes(results: Results) -> list[dict]:
-    """Judge whether every verdict on an added item is right; it fails if an image-blind model is equally good."""
+    """Judge whether every verdict on an added item is right; it fails if an image-blind model is as good as ours."""
     right, asked = results.verdicts_right(PAPER), results.questions()
     if asked == 0:
         return []
-    blind = results.image_blind_right()
-    verdict = _compare(right == asked, right <= blind, blind == asked)
+    blind, best = results.image_blind_right(), max(map(results.verdicts_right, results.variants))
+    verdict = _compare(right == asked, right <= blind < best, blind == asked)
     return [_counted("causes", right, asked, blind, verdict)]
 
 

@@ -47,7 +47,11 @@ def tables(variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MARG
             ]
         ),
         "comparisons": pd.DataFrame(
-            [_comparison("full", a, s) for a, s in product(variants, SPLITS) if a != "full" and "full" in variants],
+            [
+                _comparison("full", a, s) | {"n_demos": n}
+                for n, a, s in product((9, 1), variants, SPLITS)
+                if "full" in variants and (a != "full" if n == 9 else a.startswith("irl"))
+            ],
             columns=list(_comparison("full", "ae", SPLITS[0])),
         ),
         "repair": pd.DataFrame([_repair(*key) for key in product(["gradient", "nearest"], variants, judged)] + [

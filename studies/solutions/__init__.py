@@ -1,0 +1,1 @@
+"""Study: whether users’ solutions cluster, overlap and vary."""

@@ -1,0 +1,25 @@
+"""Parameters of the study (conf/studies/solutions.yaml) and their constraints."""
+
+from pipeline.config.checks import need, need_some
+from pipeline.config.settings import Settings as Parameters
+from pipeline.config.stages import SharedSplit
+from pipeline.config.values import Count, Some, StudyGroup, Whole
+
+
+class Settings(StudyGroup):
+    variants: Some
+    split: SharedSplit
+    root_seed: Whole
+    neighbours: Count
+    permutations: Count
+    candidates: Count
+    draws: Count
+
+
+def agree(study: Settings, parameters: Parameters) -> None:
+    """Require known variants, several users, and more candidates than draws."""
+    name, users = "studies.solutions", parameters.users
+    need_some(f"{name}.variants", study.variants, parameters.variants)
+    need(len(users) > 1, "users", list(users), "at least two, or there is nothing to compare")
+    most = f"at most {name}.candidates = {study.candidates}"
+    need(study.draws <= study.candidates, f"{name}.draws", study.draws, most)
