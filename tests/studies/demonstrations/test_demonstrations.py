@@ -1,0 +1,83 @@
+"""Demonstrations of every kind are what they are said to be, and judge models by paths that were not shown."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from omegaconf import DictConfig
+
+from pipeline.artifacts.files import read_arrays, read_table, write_arrays
+from pipeline.artifacts.scenes import read_scenes, train_pool
+from pipeline.params import compose
+from pipeline.world.rules import clearance, slack
+from studies.demonstrations import stage
+from studies.demonstrations.stage import FEW, HELD_OUT, NEAREST, NEW, OWN, clear_cases, show_all
+from tests.factories import rendered_scenes
+
+main = stage.main  # of the fixture `out`
+TRAINING, NEW_SCENES = 4, 3
+SMALL = ["profile=smoke", "workers=1", "train.steps=2", "clearance.steps=2", "studies.demonstrations.candidates=400"]
+
+
+@given(seed=st.integers(0, 1000), clear_m=st.sampled_from([0.0, 0.05, 0.1]), shift=st.sampled_from([-0.3, 0.0, 0.05]))
+@settings(max_examples=40, deadline=None)
+def test_cases_are_different_and_clear_and_others_fill_in_only_where_a_scene_has_too_few(seed, clear_m, shift):
+    rng = np.random.default_rng(seed)
+    slacks = rng.uniform(-0.15, 0.15, 200) + shift
+    chosen = clear_cases(rng, slacks, clear_m, 20)
+    assert len(set(chosen.tolist())) == 20
+    clear = (slacks > clear_m) | (slacks <= -clear_m)
+    if clear.sum() >= 20:
+        assert clear[chosen].all()
+    else:
+        assert set(np.flatnonzero(clear)) <= set(chosen.tolist())
+
+
+def test_half_of_the_clear_cases_are_valid_where_most_paths_are():
+    rng = np.random.default_rng(0)
+    slacks = rng.uniform(-0.05, 0.3, 2000)
+    shares = [(slacks[clear_cases(rng, slacks, 0.02, 20)] > 0).mean() for _ in range(200)]
+    assert np.mean(shares) == pytest.approx(0.5, abs=0.03) and np.std(shares) > 0.05
+
+
+@pytest.fixture(scope="module")
+def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
+    """Two seeds' training scenes, and new ones."""
+    cfg = compose([*SMALL, f"paths.scenes={tmp_path_factory.mktemp('demonstrations')}"])
+    training = {train_pool(seed): (TRAINING, "train") for seed in cfg.seeds}
+    rendered_scenes(cfg, training | {"val_scenes": (NEW_SCENES, "train")})
+    prior = {user: np.full((2, 2), 0.4) for user in cfg.evaluate.users}
+    write_arrays(Path(cfg.paths.scenes) / "position_prior.npz", prior)
+    return cfg
+
+
+def test_labels_are_true_and_no_judged_path_was_shown(cfg: DictConfig):
+    scenes, families = read_scenes(Path(cfg.paths.scenes)), np.array(cfg.studies.demonstrations.families)
+    shown = list(show_all(cfg, scenes))
+    assert len(shown) == 2 * 2 * 2 * 2, "routes, distances, seeds, users"
+    for x in shown:
+        for split, (z, valid) in x.judged.items():
+            layouts = scenes.layouts["val_scenes" if split == NEW else train_pool(x.seed)]
+            np.testing.assert_array_equal(slack(layouts, clearance(layouts, z), cfg.users[x.user]) > 0, valid)
+            if x.routes == FEW:
+                far = np.linalg.norm(z[:, :, None] - families, axis=-1).min(-1)
+                assert far.max() <= cfg.studies.demonstrations.family_radius + 1e-9
+        demos, held_out = (x.judged[split][0] for split in (OWN, HELD_OUT))
+        assert x.z_theta is demos or (x.z_theta == demos).all()
+        assert np.linalg.norm(demos[:, :, None] - held_out[:, None], axis=-1).min() > 0
+
+
+def test_every_kind_is_judged_and_the_nearest_demonstration_leads_itself_by_nothing(cfg: DictConfig, out: Path):
+    study, summary = cfg.studies.demonstrations, read_table(out / "summary.csv")
+    kinds = 2 * len(study.clear_cm)
+    expected = kinds * (3 * len(study.seeds) + 3 + 1)  # three splits of each variant and of position only
+    assert len(summary) == expected and summary["accuracy"].between(0, 1).all()
+    assert (summary.query(f"variant == '{NEAREST}'")[["lead", "lead_q1", "lead_q3"]] == 0).all(axis=None)
+    full = summary.query(f"variant == 'full' and split == '{HELD_OUT}'").set_index(["routes", "clear_cm"])["accuracy"]
+    nearest = summary.query(f"variant == '{NEAREST}'").set_index(["routes", "clear_cm"])["accuracy"]
+    lead = summary.query(f"variant == 'full' and split == '{HELD_OUT}'").set_index(["routes", "clear_cm"])["lead"]
+    np.testing.assert_allclose(full - nearest, lead, atol=2e-6)
+    examples = read_arrays(out / "examples.npz")
+    assert len(examples["names"]) == kinds and examples["z_theta"].shape == (kinds, cfg.main_n_demos, 2)
