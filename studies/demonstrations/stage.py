@@ -50,7 +50,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     scenes.check_has(NEW_POOL, *map(train_pool, cfg.protocol.seeds))
     shown = list(show_all(cfg, scenes))
     prior = read_position_prior(Path(cfg.paths.scenes))
-    rows = [row for x in shown for row in judge_blind(prior[x.user], x)]
+    rows = [blind for x in shown for blind in judge_blind(prior[x.user], x)]
     seeds = list(cfg.protocol.seeds)
     fitted = {variant: [x for x in shown if x.seed in seeds[:count]] for variant, count in study.seeds.items()}
     answers = refit(cfg, fitted, partial(judge, scenes.images[NEW_POOL]), "demonstrations")
