@@ -27,18 +27,22 @@ from pipeline.training.vae.engines.simd import Stack, fit_stack
 from pipeline.training.vae.engines.simd_kernels import LANES, _add, outer, zeros
 from pipeline.training.vae.engines.simd_layers import Convolution, allocate
 
-SCENES, N = 20, 9  # training scenes; demonstrations per scene
+SCENES, N_DEMOS = 20, 9  # training scenes; demonstrations per scene
 STEPS = 40  # steps per call: fixed costs before the first step are spread over them, as in the stages
 VARIANTS = {"full": Weights(10.0, 0.005, 1.0), "classifier": Weights(0.0, 0.0, 1.0)}  # alpha, beta, gamma
 SCHEDULE = Schedule(STEPS, 2e-3, 0.01, STEPS)  # steps, peak rate, weight decay, curve interval
 GIB = 2**30  # bytes
 
 
-def training_set(scenes: int = SCENES, n: int = N):
+def training_set(scenes: int = SCENES, n_demos: int = N_DEMOS):
     """Draw images, paths [m] and labels; their content does not affect the timing."""
     rng = np.random.default_rng(0)
     images = rng.integers(0, 256, (scenes, 100, 100, 3), dtype=np.uint8)
-    return images, rng.uniform(-0.2, 1.2, (scenes, n, 2)), np.arange(scenes * n).reshape(scenes, n) % 2 == 0
+    return (
+        images,
+        rng.uniform(-0.2, 1.2, (scenes, n_demos, 2)),
+        np.arange(scenes * n_demos).reshape(scenes, n_demos) % 2 == 0,
+    )
 
 
 def untrained(seed: int = 0) -> BetaVae:
@@ -47,17 +51,17 @@ def untrained(seed: int = 0) -> BetaVae:
     return model
 
 
-def rows(weights: Weights, scenes: int = SCENES, n: int = N) -> Callable[[], None]:
+def rows(weights: Weights, scenes: int = SCENES, n_demos: int = N_DEMOS) -> Callable[[], None]:
     """Return a function that makes one step of one model."""
     model = untrained().to(memory_format=torch.contiguous_format)  # pyright: ignore[reportCallIssue]
-    images, z_theta, valid = training_set(scenes, n)
+    images, z_theta, valid = training_set(scenes, n_demos)
     table = TensorDataset(
-        to_tensor(images).contiguous().repeat_interleave(n, 0),
+        to_tensor(images).contiguous().repeat_interleave(n_demos, 0),
         torch.from_numpy(z_theta).float().reshape(-1, 1, 2),
         torch.from_numpy(valid).reshape(-1, 1),
     )
     optimiser = torch.optim.AdamW(model.parameters(), lr=SCHEDULE.rate)
-    loader = DataLoader(table, batch_size=scenes * n, shuffle=True)
+    loader = DataLoader(table, batch_size=scenes * n_demos, shuffle=True)
 
     def one_pass() -> None:
         for x, z, v in loader:
@@ -69,16 +73,18 @@ def rows(weights: Weights, scenes: int = SCENES, n: int = N) -> Callable[[], Non
     return one_pass
 
 
-def eager(weights: Weights, scenes: int = SCENES, n: int = N) -> Callable[[], object]:
+def eager(weights: Weights, scenes: int = SCENES, n_demos: int = N_DEMOS) -> Callable[[], object]:
     """Return a function that makes STEPS steps of one model."""
-    model, (images, z_theta, valid) = untrained(), training_set(scenes, n)
+    model, (images, z_theta, valid) = untrained(), training_set(scenes, n_demos)
     return lambda: fit(model, images, z_theta, valid, weights, SCHEDULE, seed=0)
 
 
-def stacked(weights: Weights, scenes: int = SCENES, n: int = N, models: int = LANES) -> Callable[[], object]:
+def stacked(
+    weights: Weights, scenes: int = SCENES, n_demos: int = N_DEMOS, models: int = LANES
+) -> Callable[[], object]:
     """Return a function that makes STEPS steps of several models."""
     stack = [untrained(seed) for seed in range(models)]
-    data = training_set(scenes, n)
+    data = training_set(scenes, n_demos)
 
     def fit_all() -> None:
         for start in range(0, models, LANES):
@@ -111,7 +117,7 @@ def fastest(action: Callable[[], object], rounds: int) -> float:
 
 def operations(weights: Weights) -> int:
     """Return the number of multiplications and additions of one step, summed over layers, without the optimiser."""
-    stack, count = Stack([untrained()] * LANES, weights, [N] * LANES, SCENES), 0
+    stack, count = Stack([untrained()] * LANES, weights, [N_DEMOS] * LANES, SCENES), 0
     for layer in stack.layers.values():
         size = layer.weight.value[..., 0].size
         if isinstance(layer, Convolution):

@@ -181,9 +181,12 @@ def test_variants_fitted_by_one_stage_lie_side_by_side_and_a_study_beside_the_ot
     assert folders == [tmp_path / "ae", tmp_path / "robustness"]
 
 
-def test_one_seed_alone_is_for_sweeps_and_another_profile_than_that_of_params_yaml_is_said(run, tmp_path: Path):
-    code, _, err = run(nothing, "train", *PARAMS, "seed=0", f"paths.train={tmp_path}")  # DVC would lose the others
+def test_one_seed_alone_is_for_sweeps_since_dvc_would_lose_the_others(run, tmp_path: Path):
+    code, _, err = run(nothing, "train", *PARAMS, "seed=0", f"paths.train={tmp_path}")
     assert code == 2 and "parameter seed is 0: expected null" in err and not list(tmp_path.iterdir())
+
+
+def test_another_profile_than_that_of_params_yaml_is_said(run, tmp_path: Path):
     _, _, err = run(nothing, "train", f"hydra.run.dir={tmp_path}", "profile=smoke")
     assert "profile smoke; params.yaml is paper\n" in err
 

@@ -94,7 +94,10 @@ def test_every_profile_and_protocol_composes_for_graph_and_studies(choice: str):
         ("questions.another_user.to=nobody", "questions.another_user.to is 'nobody'", "one of careful"),
         ("profile=none", "does not compose", "profile/none"),
         ("no_such_key=1", "unknown parameter 'no_such_key'", "conf/"),
-        ("+users.careful.mug=0.1", "users.careful is", "a margin for each of"),
+        ("+users.careful.mug=0.1", "unknown parameter 'users.careful.mug'", ""),
+        ("users.careful={mug: 0.1}", "unknown parameter 'users.careful.mug'", ""),
+        ("users.careful={bowl: 0.1}", "users.careful is {'bowl': 0.1}", "a margin for each of bowl, plate"),
+        ("+studies.robustness.no_such=1", "unknown parameter 'studies.robustness.no_such'", ""),
     ],
 )
 def test_a_wrong_parameter_is_named_with_what_was_expected(override: str, names: str, expected: str):

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from itertools import product
 from pathlib import Path
 
 import psutil
@@ -71,6 +72,13 @@ def test_a_second_repro_runs_no_stage_and_every_output_is_listed(clone: Path):
             written = {p.relative_to(clone) for p in folder.iterdir() if p.name != ".gitignore"}
             if name not in ("report", "selection"):  # pages besides
                 assert written <= listed, f"{name} writes {written - listed}, which no dvc.yaml lists"
+
+
+def test_every_model_of_a_user_with_margins_has_a_recording(clone: Path):
+    params = yaml.safe_load((clone / "params.yaml").read_text())
+    models = product(params["variants"], ("careful", "normal"), params["protocol"]["seeds"])
+    names = {f"{variant}-{user}-s{seed}" for variant, user, seed in models}
+    assert {path.stem for path in (clone / "outputs/record/runs").glob("*.rrd")} == names | {"overview"}
 
 
 def test_metrics_are_a_screenful(clone: Path):

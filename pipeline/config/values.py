@@ -44,6 +44,8 @@ def explain(error: ValidationError, prefix: str = "") -> str:
             return f"parameter {name}.kind is {context['tag']!r}: expected one of {context['expected_tags']}"
         case "extra_forbidden":
             return f"unknown parameter {name!r}"
+        case "unknown_symbol":
+            return f"unknown parameter '{name}.{context['symbol']}'"
         case _:
             return f"parameter {name} is {context.get('value', first['input'])!r}: {what}"
 
@@ -69,6 +71,8 @@ def _not_reserved(name: str) -> str:
 
 
 def _every_symbol(margins: dict) -> dict:
+    if unknown := sorted(set(margins) - set(SYMBOLS)):
+        raise PydanticCustomError("unknown_symbol", "unknown symbol", {"symbol": unknown[0]})
     if set(margins) != set(SYMBOLS):
         raise PydanticCustomError("expected", "{expected}", {"expected": f"a margin for each of {', '.join(SYMBOLS)}"})
     return margins

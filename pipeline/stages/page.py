@@ -22,7 +22,7 @@ def main(argv: list[str]) -> None:
     parser.add_argument("overrides", nargs="*", metavar="parameter=value")
     parser.add_argument("--params", type=Path, default=PARAMS, metavar="FILE")
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="default: studies/STUDY")
-    given = parser.parse_args(argv)
+    given = parser.parse_intermixed_args(argv)
     folder = Path("studies") / given.study
     if not (folder / "page.html.j2").is_file():
         raise InputError(f"{folder} has no page.html.j2: expected the name of a study with a page")

@@ -45,7 +45,7 @@ def examples(study: Study) -> Figure:
 
 def named(study: Study) -> Figure:
     """Draw how often each model names the true cause, with 95 % intervals, beside two image-blind rules."""
-    table = study.table("summary.csv", finite=("right", "ci_low", "ci_high"))
+    table = study.table("summary.csv", finite=("right", "baseline_nearest_item"))
     users = [user for user in study.judged_users if user in set(table["user"])]
     figure, axes = panels(1, len(users), 6.0 * len(users), 1.3 + 0.42 * len(study.variants), sharey=True)
     for panel, user in zip(axes[0], users, strict=True):

@@ -8,16 +8,19 @@ from pipeline.report.study import Study
 
 
 def attributions(study: Study) -> Table:
-    """Return how often each model names the true cause of a rejection, beside image-blind rules that name an item."""
-    table = study.table("summary.csv", finite=("right", "ci_low", "ci_high", "baseline_nearest_item"))
+    """Return how often each model names the true cause of a rejection, beside image-blind rules.
+
+    Intervals are None where there are too few cases for one.
+    """
+    table = study.table("summary.csv", finite=("right", "baseline_nearest_item"))
     rows = []
     for row in table.to_dict("records"):
         shown = {"User": row["user"], "Model": style.label(row["variant"]), "Right": row["right"]}
-        shown |= {"low": row["ci_low"], "high": row["ci_high"], "Nearest item": row["baseline_nearest_item"]}
-        shown |= {"Random item": row["baseline_random_item"]}
+        shown |= {name: None if pd.isna(row[f"ci_{name}"]) else row[f"ci_{name}"] for name in ("low", "high")}
+        shown |= {"Nearest item": row["baseline_nearest_item"], "Random item": row["baseline_random_item"]}
         rows.append(shown | {"Rejects the empty table": row["empty_rejected"]})
     rows.sort(key=lambda row: study.judged_users.index(row["User"]))
-    return Table(pd.DataFrame(rows), dict.fromkeys(list(rows[0])[2:], "pct1"))
+    return Table(pd.DataFrame(rows, dtype=object), dict.fromkeys(list(rows[0])[2:], "pct1"))
 
 
 def moves(study: Study) -> Table:

@@ -15,6 +15,7 @@ from pipeline.artifacts.files import write_table
 from pipeline.artifacts.scenes import read_position_prior, read_scenes
 from pipeline.artifacts.trained import check_weights, predict_all
 from pipeline.causal.identify import all_distinct, distinct_from, identify, reject_all_users
+from pipeline.config.settings import POSITION
 from pipeline.launch import launch
 from pipeline.models import baselines
 from pipeline.runtime.errors import InputError
@@ -46,7 +47,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     # P(valid) of every path by each variant's model of each user: (user, seed, scene, draw, path)
     predictions = predict_all(cfg, users, shown.images, shown.z_theta, "identification")
     observers = {variant: by_draw(cfg, p) for variant, p in predictions.items()}
-    observers[baselines.POSITION] = by_draw(cfg, position_only(cfg, shown.z_theta))
+    observers[POSITION] = by_draw(cfg, position_only(cfg, shown.z_theta))
     observers[IDEAL] = shown.valid[:, None].astype(float)
     n_labels = cfg.scenes.per_seed * cfg.main_n_demos  # number of labels that a model was fitted to
     learned_floor = 1 / (n_labels + 2)  # Laplace: n labels support no more certainty than (n + 1) / (n + 2)

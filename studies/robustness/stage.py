@@ -15,6 +15,7 @@ from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import write_arrays, write_table
 from pipeline.artifacts.scenes import SceneSet, read_position_prior, read_scenes, train_pool
 from pipeline.artifacts.trained import check_weights, load_model, predict_all
+from pipeline.config.settings import POSITION
 from pipeline.launch import launch
 from pipeline.models import baselines
 from pipeline.runtime.errors import InputError
@@ -144,7 +145,7 @@ def predict_in_conditions(
     p = predict_all(cfg, users, images, paths, "robustness")
     prior = read_position_prior(Path(cfg.paths.scenes))
     blind = np.stack([baselines.position_only(prior[user], paths) for user in users])[:, None]
-    p[baselines.POSITION] = np.repeat(blind, len(seeds), axis=1)
+    p[POSITION] = np.repeat(blind, len(seeds), axis=1)
     by_condition = {variant: np.split(x, len(conditions), axis=2) for variant, x in p.items()}
     return [{variant: x[i] for variant, x in by_condition.items()} for i in range(len(conditions))]
 

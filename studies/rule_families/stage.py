@@ -22,6 +22,7 @@ from pipeline.artifacts.files import read_arrays, write_table
 from pipeline.artifacts.interventions import read_interventions
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.causal.added_items import verdicts
+from pipeline.config.settings import POSITION
 from pipeline.launch import launch
 from pipeline.models import baselines
 from pipeline.models.base import SCENES_PER_BATCH, ValidityModel, to_tensor, untrained
@@ -72,7 +73,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         p = {v: x.reshape(len(users), len(seeds), *images.shape[:2], -1) for v, x in p.items()}
         blind = np.stack([baselines.position_only(_prior(cfg, scenes, family, user), z_theta) for user in users])
         in_scenes = {v: x[:, :, 0] for v, x in p.items()}  # (user, seed, scene, path)
-        in_scenes[baselines.POSITION] = np.repeat(blind[:, None], len(seeds), axis=1)
+        in_scenes[POSITION] = np.repeat(blind[:, None], len(seeds), axis=1)
         for variant, predictions in in_scenes.items():
             key = {"family": family, "variant": variant}
             rows = accuracy_by_seed(predictions, valid[:, 0], users, seeds)

@@ -6,7 +6,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.artifacts.demos import DEMO_COLUMNS, demo_arrays, read_demos, read_trajectories, write_demos
+from pipeline.artifacts.demos import (
+    DEMO_COLUMNS,
+    Queries,
+    demo_arrays,
+    read_demos,
+    read_queries,
+    read_trajectories,
+    write_demos,
+    write_queries,
+)
 from pipeline.runtime.errors import InputError
 
 
@@ -33,13 +42,17 @@ def test_recordings_lie_row_for_row_beside_their_table(tmp_path: Path):
         write_demos(tmp_path, demos, samples[:-1], offsets)
 
 
-def test_fewer_demonstrations_are_the_first_of_more_and_all_of_them_finite(tmp_path: Path):
+def test_fewer_demonstrations_are_the_first_of_more():
     demos = some_demos()
     z, valid = demo_arrays(demos, 0, "normal", 4)
     fewer, fewer_valid = demo_arrays(demos, 0, "normal", 2)
     assert z.shape == (3, 4, 2) and valid.dtype == bool
     np.testing.assert_array_equal(fewer, z[:, :2])
     np.testing.assert_array_equal(fewer_valid, valid[:, :2])
+
+
+def test_a_z_theta_that_is_not_finite_is_refused(tmp_path: Path):
+    demos = some_demos()
     demos.loc[3, "z_x"] = np.nan
     write_demos(tmp_path, demos, np.zeros((0, 4)), np.zeros(len(demos) + 1, dtype=int))
     with pytest.raises(InputError, match="not finite"):
@@ -50,3 +63,19 @@ def test_fewer_demonstrations_are_the_first_of_more_and_all_of_them_finite(tmp_p
 def test_too_few_demonstrations_are_refused(seed: int, user: str, n: int):
     with pytest.raises(InputError, match=f"user {user}, seed {seed}: expected {n}"):
         demo_arrays(some_demos(), seed, user, n)
+
+
+def test_queries_come_back_by_pool_and_user(tmp_path: Path):
+    rng = np.random.default_rng(0)
+    queries = {
+        pool: Queries(rng.random((2, 3, 2)), {user: rng.random((2, 3)) > 0.5 for user in ("careful", "normal")})
+        for pool in ("train-s0", "new_items")
+    }
+    write_queries(tmp_path, queries)
+    back = read_queries(tmp_path)
+    assert set(back) == set(queries)
+    for pool, q in queries.items():
+        np.testing.assert_array_equal(back[pool].z, q.z)
+        assert set(back[pool].valid) == {"careful", "normal"}
+        for user, valid in q.valid.items():
+            np.testing.assert_array_equal(back[pool].valid[user], valid)

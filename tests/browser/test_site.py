@@ -59,7 +59,7 @@ def test_the_dark_scheme_turns_page_and_figures_dark(opened: Opened):
 def test_paper_shows_every_table_and_figure_within_the_sheet(opened: Opened, name: str):
     page = opened(name, SHEET)
     page.emulate_media(media="print")
-    parts = page.locator("table, img")
+    parts = page.locator("table, img, object")
     assert parts.evaluate_all("all => Math.max(...all.map(one => one.getBoundingClientRect().right))") <= SHEET
     assert not page.get_by_role("navigation").is_visible()
     assert page.pdf(prefer_css_page_size=True).startswith(b"%PDF")

@@ -113,6 +113,16 @@ def test_the_nearest_item_is_the_cause_for_a_user_with_equal_margins_only(
         assert chances["nearest_item"][cause != NO_SINGLE_CAUSE].all() == always
 
 
+def test_the_base_rate_of_a_user_with_a_margin_to_glasses_alone_names_a_glass(
+    layouts: Layouts, z_theta: np.ndarray, subsets: Subsets
+):
+    cause = attribute(true_removals(layouts, z_theta, subsets, NORMAL).necessity)
+    chance = baselines(cause, layouts.present, layouts.symbol, clearance(layouts, z_theta))["base_rate"]
+    glasses = (layouts.symbol == SYMBOLS.index("glass")).sum(1)
+    scene, path = np.nonzero(cause != NO_SINGLE_CAUSE)
+    np.testing.assert_allclose(chance[scene, path], 1 / glasses[scene])
+
+
 def test_the_base_rate_counts_only_paths_with_a_single_cause():
     """The glass causes the one such path beside it, the bowl 10 of the 11 beside that."""
     bowl, glass, plate = (SYMBOLS.index(s) for s in ("bowl", "glass", "plate"))
@@ -122,6 +132,14 @@ def test_the_base_rate_counts_only_paths_with_a_single_cause():
     chance = baselines(cause, np.ones((2, 2), bool), symbol, np.ones((2, 10, 2)))["base_rate"]
     assert chance[0, 3] == pytest.approx(1 / (1 + 10 / 11))
     assert chance[0].sum() == chance[0, 3] and (chance[1] == 1).all()
+
+
+@pytest.mark.parametrize(("without", "right"), [(0.0, 1.0), (1.0, 0.0)])
+def test_of_several_causes_each_must_be_sufficient_and_none_necessary(without: float, right: float):
+    several = {"factual": np.zeros((2, 1)), "empty": np.ones((2, 1)), "alone": np.zeros((2, 1, 2))}
+    truth = Removals(without=np.zeros((2, 1, 2)), **several)  # either item alone forbids the path
+    model = Removals(without=np.full((1, 2, 1, 2), without), **{name: x[None] for name, x in several.items()})
+    assert score_attributions(model, truth, np.ones((2, 2), bool), {})["overdetermined_right"] == right
 
 
 def test_a_model_that_ignores_the_image_names_no_item(layouts: Layouts, z_theta: np.ndarray, subsets: Subsets):

@@ -48,6 +48,10 @@ def covers_margin(response: np.ndarray, trained: int | None = None) -> bool:
     return low <= MARGIN <= high
 
 
+def test_the_first_dose_lies_inside_the_item_and_the_rest_outside():
+    np.testing.assert_allclose(dose_grid(0.01, 3), [-0.005, 0.005, 0.015])
+
+
 def test_chosen_paths_are_the_first_that_fit():
     to_added, to_others = rng().uniform(-0.02, 0.12, (6, 200)), rng(1).uniform(0, 0.1, (6, 200))
     chosen = paths_at_doses(to_added, to_others, GRID, 0.05, 3)

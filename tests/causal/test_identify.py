@@ -85,6 +85,18 @@ def test_the_critical_surprise_agrees_with_enumeration(labels: list, level: floa
         assert chance[surprise >= critical[k - 1] - 1].sum() > level - 1e-9
 
 
+def test_surprise_is_rounded_down():
+    """So that exp(STEP_NATS * weight) is at most the odds, on which the bound rests."""
+    p = np.full((1, 1, 1, 6), 0.9)
+    weight = int(np.floor(np.log(9) / STEP_NATS))
+    assert np.exp(STEP_NATS * weight) <= 9 < np.exp(STEP_NATS * (weight + 1))
+    critical = critical_surprise(np.full((1, 6), weight), np.full((1, 6), 0.1), 0.05)
+    for rare in range(7):
+        valid = (np.arange(6) >= rare)[None, None, None, None]
+        surprise = weight * np.minimum(np.arange(1, 7), rare)
+        np.testing.assert_array_equal(reject(p, valid, TINY, 0.05)[0, 0, 0, 0], surprise >= critical[0])
+
+
 def test_a_constant_model_is_rejected_by_the_binomial_tail():
     p, level, k = 0.9, 0.05, 20
     for surprises in range(5):

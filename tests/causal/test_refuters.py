@@ -39,11 +39,14 @@ def test_a_placebo_of_squares_keeps_each_of_them_whole():
     assert (patched[22:40, 30:50] != after[0, 22:40, 30:50]).any(-1).mean() > 0.9
 
 
-def test_a_mean_over_chosen_paths_leaves_the_others_out_and_too_few_scenes_to_halve_are_refused():
+def test_a_mean_over_chosen_paths_leaves_the_others_out():
     p = np.array([[0.1, 0.3, 0.9], [0.2, 0.4, 0.6]])
     chosen = np.array([[True, True, False], [False, False, False]])
     np.testing.assert_allclose(mean_over_paths(p, chosen), [0.2, np.nan])
     np.testing.assert_allclose(mean_over_paths(p, np.ones(3, bool)), p.mean(-1))
+
+
+def test_too_few_scenes_to_halve_are_refused():
     with pytest.raises(ValueError, match="3 scenes in 10 splits: expected at least 4"):
         data_subset(np.random.default_rng(0), np.zeros((1, 2, 3)), 10)
 

@@ -98,6 +98,25 @@ def test_a_counterfactual_is_what_brute_force_finds(v: bool, c: float, c_after: 
     assert ((abduced < c_after) != v).mean() == pytest.approx(changed, abs=0.005)
 
 
+def test_the_chance_of_a_counterfactual_is_the_formula_unit_by_unit(scm: SCM, observed):
+    """Rejection in the whole model: the units drawn anew whose V came out as seen, answered under do(O := 0)."""
+    recorded, seen, values = observed
+    c = classify(values["S"], values["Z_I"], values["Z_theta"])
+    after = scm.do(S="careful", O=np.zeros(UNITS, int))
+    c_after = classify(values["S"], np.zeros(UNITS), values["Z_theta"])
+    expected = np.where(seen["V"], chance_of_change(True, c, c_after), chance_of_change(False, c, c_after))
+    rng, changed, kept = np.random.default_rng(2), np.zeros(UNITS), np.zeros(UNITS)
+    for _ in range(200):
+        noise = recorded | {"V": rng.random(UNITS)}
+        same = (noise["V"] < c) == seen["V"]
+        kept += same
+        changed += same & (after.entail(noise)["V"] != seen["V"])
+    assert changed.sum() / kept.sum() == pytest.approx(np.average(expected, weights=kept), abs=0.01)
+    careful = scm.do(S="careful")
+    draws = [careful.counterfactual(rng, recorded, seen, O=np.zeros(UNITS, int))["V"] for _ in range(50)]
+    assert (np.array(draws) != seen["V"]).mean() == pytest.approx(expected.mean(), abs=0.01)
+
+
 def test_setting_a_node_to_its_factual_or_counterfactual_value_changes_nothing(scm: SCM, observed):
     """Consistency and composition."""
     recorded, seen, values = observed

@@ -94,6 +94,12 @@ def test_random_items_are_validation_items_no_larger_than_the_training_ones():
     assert [design.name for design in more if design.name in names] == names
 
 
+def test_more_random_items_begin_with_the_fewer():
+    few, many = ({design.name: design for design in designs(more, seed=3)} for more in (1, 30))
+    for name in (name for name in few if name.endswith("-r0")):
+        np.testing.assert_array_equal(few[name].draw(), many[name].draw())
+
+
 def test_random_table_tops_are_validation_tops_and_differ_with_the_seed():
     listed, more, other = surfaces(), surfaces(9, seed=3), surfaces(9, seed=4)
     assert list(more)[: len(listed)] == list(listed) and len(more) == len(listed) + 9

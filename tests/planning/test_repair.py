@@ -17,15 +17,23 @@ def ascent(optimiser: str, settle: bool = True, steps: int = 60) -> Ascent:
 
 
 @pytest.mark.parametrize("optimiser", RATES)
-def test_every_optimiser_climbs_to_the_peak_ends_at_the_edge_and_stays_where_the_path_is_ignored(optimiser: str):
+def test_every_optimiser_climbs_to_the_peak(optimiser: str):
     repairs = repair(Hill(), IMAGES, STARTS, ascent(optimiser))
     assert np.abs(repairs.z[:, :, -1] - [0.3, 0.8]).max() < 0.05
     assert (repairs.p[:, :, -1] > 0.98).all()
     assert repairs.z.shape == (3, 20, 61, 2)
     np.testing.assert_array_equal(repairs.z[:, :, 0], STARTS.astype(np.float32))
+
+
+@pytest.mark.parametrize("optimiser", RATES)
+def test_steps_end_at_the_edge_of_the_square(optimiser: str):
     edge = repair(Slope(), IMAGES, STARTS, ascent(optimiser, settle=False)).z[:, :, -1]
     np.testing.assert_allclose(edge[..., 0], Z_HIGH, rtol=1e-6)
     np.testing.assert_array_equal(edge[..., 1], STARTS.astype(np.float32)[..., 1])
+
+
+@pytest.mark.parametrize("optimiser", RATES)
+def test_a_model_that_ignores_the_path_moves_no_start(optimiser: str):
     flat = repair(Flat(), IMAGES, STARTS, ascent(optimiser, steps=3))
     assert (flat.z == flat.z[:, :, :1]).all()
 

@@ -64,7 +64,7 @@ def test_accuracy_fails_only_if_some_model_reaches_the_bar():
 
 def test_the_autoencoder_claim_is_not_tested_until_it_autoencodes():
     assert verdicts(claims_table(factory.results()))["autoencoder"] == "not tested"
-    better = judged("convergence", "passed", {"variant": "full"}, True)
+    better = judged("convergence", "passed", {"variant": "full"}, 1.0)
     assert better["autoencoder"] == "open"  # no difference found is no proof of none
 
 

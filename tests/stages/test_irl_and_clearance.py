@@ -34,7 +34,7 @@ def run(request, small_world, tmp_path_factory) -> tuple[str, Path]:
     return variant, out
 
 
-def test_it_writes_the_files_of_stage_train_and_laplaces_constant_for_a_user_without_invalid_demonstrations(run):
+def test_it_writes_the_files_of_stage_train(run):
     variant, out = run
     predictions = read_table(out / variant / "predictions.parquet", PREDICTION_COLUMNS)
     assert len(predictions) == 3 * 2 * (3 + 2 + 2) * 4  # users, n, scenes of the splits, queries
@@ -42,6 +42,9 @@ def test_it_writes_the_files_of_stage_train_and_laplaces_constant_for_a_user_wit
     curves = read_table(out / variant / "curves.parquet")
     assert list(curves.columns) == ["seed", "user", "n_demos", "step", "total"] and curves["total"].notna().all()
     assert set(read_table(out / variant / "curves.csv")["user"]) == set(USERS)
+
+
+def test_a_user_without_invalid_demonstrations_gets_laplaces_constant(run):
     variant, out = run
     predictions = read_table(out / variant / "predictions.parquet").query("user == 'aggressive' and n_demos == 2")
     np.testing.assert_allclose(predictions["p"], 7 / 8, rtol=1e-6)  # 3 scenes x 2 demonstrations, all valid

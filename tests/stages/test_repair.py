@@ -65,13 +65,14 @@ def test_a_search_ends_no_worse_than_it_starts(cfg: DictConfig, table: pd.DataFr
     assert (gain >= cfg.repair.distance_penalty * rows["displacement_m"] - 1e-5).all()
 
 
-def test_random_ends_are_drawn_anew_and_the_constant_detour_is_chosen_in_the_seeds_own_training_scenes(
-    cfg: DictConfig, table: pd.DataFrame
-):
+def test_the_constant_detour_is_chosen_in_the_seeds_own_training_scenes(cfg: DictConfig, table: pd.DataFrame):
     layouts = read_scenes(Path(cfg.paths.scenes)).layouts
     for (seed, user), rows in table.query("method == 'constant_detour'").groupby(["seed", "user"]):
         detour = constant_detour(layouts[train_pool(seed)], cfg.users[user], cfg.repair.lattice_side)
         assert (rows[["z_x", "z_y"]] == detour).all(axis=None)
+
+
+def test_random_ends_are_drawn_anew_for_every_seed_and_user_and_are_no_starts(table: pd.DataFrame):
     rows = table.query("method == 'random_path'")
     assert rows.groupby(["seed", "user"]).ngroups == 4
     assert not rows.duplicated(["z_x", "z_y"]).any()

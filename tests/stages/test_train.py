@@ -44,7 +44,7 @@ def run(small_world, tmp_path_factory) -> Path:
     return out
 
 
-def test_every_query_of_every_model_gets_one_prediction_laplaces_constant_without_invalid_demonstrations(run):
+def test_every_query_of_every_model_gets_one_prediction_and_every_model_a_curve(run):
     predictions = read_table(run / "full" / "predictions.parquet", PREDICTION_COLUMNS)
     models = 2 * 3 * 2  # seeds, users, n
     assert len(predictions) == models * (3 + 2 + 2) * 4
@@ -52,6 +52,9 @@ def test_every_query_of_every_model_gets_one_prediction_laplaces_constant_withou
     assert predictions["p"].dtype == np.float32 and predictions["p"].between(0, 1).all()
     curves = read_table(run / "full" / "curves.csv")
     assert set(zip(curves["user"], curves["n_demos"], strict=True)) == set(product(USERS, (1, 2)))
+
+
+def test_a_user_without_invalid_demonstrations_gets_laplaces_constant(run):
     predictions = read_table(run / "full" / "predictions.parquet").query("user == 'aggressive' and n_demos == 2")
     np.testing.assert_allclose(predictions["p"], 7 / 8, rtol=1e-6)  # 3 scenes x 2 demonstrations, all valid
 

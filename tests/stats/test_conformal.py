@@ -52,6 +52,17 @@ def test_the_promise_breaks_where_demonstrations_score_better_than_paths(demonst
     assert rate > LEVEL + 10 * error
 
 
+@pytest.mark.parametrize("grain", [0.0, 1.0])
+def test_the_p_value_of_an_invalid_path_is_valid(grain: float):
+    rng = np.random.default_rng(7)
+    values = []
+    for _ in range(WORLDS):
+        scores, valid = draw(rng, DEMONSTRATIONS + 1, grain=grain)
+        values.append(1.0 if valid[0] else p_values(scores[1:], valid[1:], scores[:1])[0])
+    for level in (0.02, 0.05, 0.1, 0.2, 0.4):
+        assert np.mean(np.array(values) <= level) < level + 3 * (level / WORLDS) ** 0.5
+
+
 @settings(deadline=None)
 @given(st.lists(st.floats(0.0001, 1.0), min_size=1, max_size=40), st.floats(0.001, 0.999))
 def test_scipy_and_statsmodels_accept_the_same_paths(p: list[float], level: float):
@@ -77,6 +88,11 @@ def test_what_the_model_calls_invalid_is_accepted_only_with_all_the_rest(seed: i
     accepted = accept(p_values(score(expit(demonstrations)), valid, score(p)), level)
     assert accepted.all() or not accepted[p <= 0.5].any()
     assert (p[accepted].min(initial=1) >= p[~accepted]).all()
+
+
+def test_all_paths_may_be_accepted_where_hardly_any_is_invalid():
+    p, valid = np.linspace(0.1, 0.9, 99), np.arange(99) > 1
+    assert accept(p_values(score(p), valid, score(p)), 0.05).all()
 
 
 def test_p_values_count_invalid_demonstrations_that_score_as_high():

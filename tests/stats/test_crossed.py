@@ -38,10 +38,13 @@ def covers(e: Estimates, effect: float) -> float:
     return float(((e.ci_low <= effect) & (effect <= e.ci_high)).mean())
 
 
-def test_a_model_that_never_changes_has_certainly_no_effect_and_a_question_no_neighbours():
+def test_a_model_that_never_changes_has_certainly_no_effect():
     e = estimate(np.zeros((1, 10, 100)))
     assert (e.effect[0], e.ci_low[0], e.ci_high[0], e.p[0]) == (0, 0, 0, 1)
     assert verdict(e.effect[0], e.p[0], e.ci90_low[0], e.ci90_high[0]) == "negligible"
+
+
+def test_a_question_does_not_depend_on_its_neighbours():
     effects = crossed(5, 0.03, 0.1)
     together, alone = (estimate(x) for x in (effects, effects[3:4]))
     np.testing.assert_allclose([together.ci_low[3], together.p[3]], [alone.ci_low[0], alone.p[0]])

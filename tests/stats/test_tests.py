@@ -27,12 +27,18 @@ def test_wilcoxon_is_the_exact_permutation_test(rounded: bool):
         assert paired_wilcoxon(differences, np.zeros_like(differences)) == pytest.approx(extreme.mean())
 
 
-def test_wilcoxons_smallest_p_is_a_512th_float_noise_breaks_no_tie_and_nan_is_refused():
-    assert paired_wilcoxon(np.arange(1.0, 11), np.zeros(10)) == 2 / 1024  # .00195, of ten seeds
+def test_wilcoxons_smallest_p_with_ten_seeds_is_a_512th():
+    assert paired_wilcoxon(np.arange(1.0, 11), np.zeros(10)) == 2 / 1024  # .00195
     assert paired_wilcoxon(np.ones(10), np.ones(10)) == 1.0
+
+
+def test_float_noise_breaks_no_tie():
     a = np.array([0.1 + 0.2, 0.3, 0.5, -0.3])
     assert paired_wilcoxon(a, np.zeros(4)) == paired_wilcoxon(a.round(6), np.zeros(4))
     assert paired_wilcoxon(np.array([0.1 + 0.2, 0.3]), np.array([0.3, 0.3])) == 1.0
+
+
+def test_wilcoxon_refuses_nan():
     with pytest.raises(ValueError, match="two finite vectors"):
         paired_wilcoxon(np.array([1.0, np.nan]), np.ones(2))
 

@@ -78,6 +78,14 @@ def test_a_path_that_overshoots_and_turns_back_is_found(z: tuple[float, float]):
     assert fits.residual_m[0] < 5e-5
 
 
+def test_the_residual_is_the_root_mean_square_orthogonal_distance():
+    points, offsets, _ = hands(8)
+    fits = fit(points, offsets, 0.004)
+    for i, z in enumerate(fits.z_theta):
+        expected = rms(points[offsets[i] : offsets[i + 1]], z, (P_INIT, P_F))
+        assert fits.residual_m[i] == pytest.approx(expected, rel=1e-6)
+
+
 @pytest.mark.slow
 def test_scipy_finds_no_better_path_for_a_hands_trajectories():
     points, offsets, z = hands(12)
@@ -107,13 +115,16 @@ def test_a_fit_does_not_depend_on_the_trajectories_beside_it():
         assert alone.residual_m[0] == together.residual_m[i]
 
 
-def test_a_movement_that_is_no_quadratic_path_ends_where_it_began_or_never_moves_gets_a_finite_fit():
+def test_a_trajectory_that_is_no_quadratic_path_is_kept_and_flagged():
     u = np.linspace(0, 1, 100)
     straight = P_INIT + u[:, None] * (P_F - P_INIT)
     weave = straight + 0.1 * np.sin(4 * np.pi * u)[:, None] * np.array([1, -1])
     fits = fit(np.concatenate([straight, weave]), np.array([0, 100, 200]), 0.004)
     assert fits.poor.tolist() == [False, True]
     assert np.isfinite(fits.z_theta).all()
+
+
+def test_a_movement_that_ends_where_it_began_or_never_moves_gets_a_finite_fit():
     u = np.linspace(0, 1, 50)
     out_and_back = basis(u) @ np.array([[0.5, 0.5], [0.9, 0.6], [0.5, 0.5]])
     still = np.full((50, 2), 0.5)

@@ -61,6 +61,13 @@ def test_drift_vanishes_at_both_ends():
         np.testing.assert_allclose(r[-1, 1:3], P_F, atol=1e-12)
 
 
+def test_the_height_is_independent_of_the_path():
+    rng = np.random.default_rng(5)
+    z = random_z_theta(rng, 400)
+    mean = [simulate(rng, one, HAND)[:, 3].mean() for one in z]
+    assert all(abs(np.corrcoef(mean, z[:, i])[0, 1]) < 0.15 for i in (0, 1))  # three standard errors
+
+
 def test_polylines_pass_through_every_sample_and_end_with_the_last():
     made = trajectories(5)
     samples, offsets = join(made)

@@ -111,6 +111,15 @@ def test_the_margin_family_is_the_clearance_model(world):
         torch.testing.assert_close(mine, other.logit_if_relevant(seen(layouts), where), atol=1e-4, rtol=1e-4)
 
 
+def test_answers_have_a_slope_along_the_paths(world):
+    layouts, z = world
+    model = AveragedModel(2)
+    model.evidence.fill_(10.0)
+    where = torch.tensor(z).float().requires_grad_()
+    (slope,) = torch.autograd.grad(model.logit(seen(layouts), where).sum(), where)
+    assert slope.isfinite().all() and (slope != 0).any(-1).float().mean() > 0.5
+
+
 def test_the_price_of_a_family_grows_with_its_parameters(world, monkeypatch):
     layouts, z = world
     model, labels = AveragedModel(2), torch.tensor(RULES["margin"](layouts, z, ALL, 0.0))

@@ -68,6 +68,12 @@ def test_every_demonstration_of_every_world_counts_and_worlds_differ_in_their_it
     assert (examples["confounded"] == examples["control"]).all(-1).mean() > 0.6
 
 
+def test_in_truth_the_normal_user_keeps_away_from_glasses_alone(effects):
+    truth = effects["truth"]
+    assert (truth.xs("normal", level="user").drop("glass", level="symbol") == 0).all()
+    assert (truth.xs("careful", level="user") <= 0).all()
+
+
 def test_the_shift_is_the_effect_less_that_of_the_control(effects):
     clearance = effects.xs("clearance", level="variant")
     difference = clearance.loc["confounded"]["effect"] - clearance.loc["control"]["effect"]

@@ -105,6 +105,19 @@ def test_a_removed_item_leaves_every_pixel_far_from_it(cfg: DictConfig, out: Pat
                 assert changed.any() and not changed[far].any()
 
 
+def test_examples_follow_their_rules(examples: pd.DataFrame):
+    assert not examples.drop_duplicates("example").duplicated("scene").any()
+    truth = examples[examples["variant"] == "truth"].set_index(["example", "user"])
+    careful, normal = truth.loc[("one_accepts", "careful")], truth.loc[("one_accepts", "normal")]
+    assert (careful["p"] == 0).all() and (normal["p"] == 1).all()
+    assert careful["attributed"].sum() == 1 and not normal["attributed"].any()
+    assert (careful.loc[careful["attributed"], ["pn", "ps"]] == 1).all(axis=None)
+    if "disagree" in truth.index.get_level_values(0):
+        careful, normal = truth.loc[("disagree", "careful")], truth.loc[("disagree", "normal")]
+        assert (careful["p"] == 0).all() and (normal["p"] == 0).all()
+        assert list(careful["attributed"]) != list(normal["attributed"])
+
+
 def test_a_move_ends_where_the_path_becomes_valid(cfg: DictConfig, out: Path):
     moves, noise = read_table(out / "moves.parquet"), stage.read_noise(cfg)
     assert ((moves["true_m"] > 0) & (moves["true_m"] <= 0.12)).all()

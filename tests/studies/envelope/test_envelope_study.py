@@ -68,6 +68,14 @@ def test_the_method_recovers_the_true_margins_from_the_true_answers(cfg: DictCon
             assert abs(row.radius_m - margin) < cfg.studies.envelope.step / 2
 
 
+def test_an_item_truly_matters_within_the_margin_only(cfg: DictConfig, out: Path):
+    half = cfg.studies.envelope.step / 2
+    for (_, user, symbol), curve in read_table(out / "curve.parquet").groupby(["variant", "user", "symbol"]):
+        margin = cfg.users[user][symbol] or -1.0
+        assert (curve.loc[curve["clearance_m"] < margin - half, "true_response"] == 1).all()
+        assert (curve.loc[curve["clearance_m"] > margin + half, "true_response"] == 0).all()
+
+
 def test_chosen_paths_have_the_dose_and_are_clear_of_other_items(cfg: DictConfig, chosen: tuple):
     scenes, doses, paths = chosen
     study = cfg.studies.envelope

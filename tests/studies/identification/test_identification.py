@@ -51,6 +51,13 @@ def test_nobody_beats_the_ideal_observer(out: Path):
     assert (alarms["rejected"] == 0).all()
 
 
+def test_rows_of_all_users_are_the_mean_over_users(out: Path):
+    for name, column in (("curve.csv", "accuracy"), ("open_set.csv", "rejected")):
+        table = read_table(out / name).query("user != 'stranger'")
+        by_user = table[table["user"] != "all"].groupby(["variant", "k"], sort=False)[column].mean()
+        np.testing.assert_allclose(table[table["user"] == "all"][column], by_user, atol=1e-5)
+
+
 def test_the_stranger_passes_for_the_user_of_its_margins_and_changes_no_answer_for_others(
     cfg: DictConfig, tmp_path: Path, out: Path
 ):

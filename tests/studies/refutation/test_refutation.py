@@ -52,10 +52,14 @@ def test_every_refuter_asks_every_variant_about_every_symbol_and_user(cfg: DictC
     assert (families.size() == len(cfg.evaluate.users) * len(SYMBOLS)).all()
 
 
-def test_no_effect_is_expected_but_of_halves_and_the_placebo_of_the_tuning_carries_the_note(summary):
+def test_a_refuter_passes_if_its_verdict_is_the_expected_one(summary):
+    assert (summary["passed"] == (summary["verdict"] == summary["expected"])).all()
     halves = summary["refuter"] == "data_subset"
     assert (summary[~halves]["expected"] == "negligible").all()
     assert summary[halves]["agreement"].between(0, 1).all() and summary[~halves]["agreement"].isna().all()
+
+
+def test_only_the_placebo_that_perception_was_tuned_against_carries_the_note(summary):
     noted = summary["note"].fillna("") == TUNED_NOTE
     assert (noted == ((summary["refuter"] == "placebo_treatment") & (summary["setting"] == "piece=1"))).all()
 

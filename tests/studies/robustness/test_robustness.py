@@ -85,11 +85,14 @@ def test_the_accuracy_is_the_mean_over_users_and_seeds_and_the_loss_is_the_rest(
     assert (summary["loss_ci_low"] <= summary["loss"]).all() and (summary["loss"] <= summary["loss_ci_high"]).all()
 
 
-def test_models_that_ignore_the_image_lose_nothing_to_corruptions_and_if_they_accept_all_to_clutter(summary):
+def test_a_model_that_ignores_the_image_loses_no_accuracy_to_corruptions(summary):
     """Neither the prior of positions nor a clearance model without relevant items looks."""
     images_only = summary[~summary["corruption"].isin(["clutter", "mislabelled"]) & (summary["variant"] != "full")]
     assert len(images_only) > 10
     assert (images_only[["loss", "loss_ci_low", "loss_ci_high"]] == 0).all(axis=None)
+
+
+def test_a_model_that_accepts_every_path_is_unsafe_and_loses_accuracy_to_clutter(summary):
     accepting = summary.query("variant == 'clearance' and corruption in ['none', 'clutter']")
     assert (accepting["unsafe"] == 1).all()
     assert accepting["accuracy"].is_monotonic_decreasing and accepting["loss"].iloc[-1] > 0

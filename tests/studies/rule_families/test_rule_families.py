@@ -10,7 +10,9 @@ from omegaconf import DictConfig
 from pipeline.artifacts.demos import demo_arrays, read_demos
 from pipeline.artifacts.files import read_table
 from pipeline.artifacts.scenes import read_scenes, train_pool
+from pipeline.models.base import ValidityModel
 from pipeline.params import compose
+from pipeline.training.refit import TrainingSet
 from pipeline.world.layout import SYMBOLS
 from studies.rule_families import stage as rule_families
 from studies.rule_families.families import FAMILIES
@@ -60,6 +62,11 @@ def test_the_margin_family_loses_no_accuracy_and_every_other_forgives_paths(summ
     assert (summary["valid"] >= summary.loc["margin"]["valid"].iloc[0]).all()
 
 
+def test_the_image_blind_baseline_is_fitted_to_no_demonstrations(summary):
+    blind = summary.index.get_level_values("variant") == "position_only"
+    assert summary["training_accuracy"].isna().to_numpy().tolist() == blind.tolist()
+
+
 def test_posterior_probabilities_of_the_fitted_families_add_up_to_one(cfg: DictConfig, out: Path):
     posterior = read_table(out / "posterior.csv")
     assert {*FAMILIES, "progress", "constant"} == set(posterior["fitted_family"])
@@ -81,3 +88,22 @@ def test_training_sets_hold_the_same_paths_with_the_labels_of_each_family(cfg: D
 
 def test_a_seed_without_scenes_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
     refuses(main, cfg, "protocol.seeds", [0, 100], "no scenes train-s100", tmp_path / "out")
+
+
+class Brightness(ValidityModel):
+    """Accepts paths whose control point lies right of x = grey level / 100 m."""
+
+    def perceive(self, images):
+        return 255 * images[:, 0, 0, :1]
+
+    def logit(self, percept, z_theta):
+        return 100 * z_theta[..., 0] - percept
+
+
+def test_the_training_accuracy_is_that_on_the_model_s_own_demonstrations():
+    z_theta = np.array([[[0.1, 0], [0.3, 0]], [[0.1, 0], [0.3, 0]]])
+    images = np.stack([np.full((100, 100, 3), grey, np.uint8) for grey in (20, 40)])
+    training_set = TrainingSet("careful", 0, images, z_theta, np.array([[False, True], [True, False]]))
+    fitted = rule_families.answer(images[::-1].copy(), z_theta[::-1], Brightness(), training_set)
+    np.testing.assert_array_equal(fitted.p > 0.5, [[False, False], [False, True]])
+    assert fitted.training_accuracy == 0.75

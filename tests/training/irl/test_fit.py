@@ -10,7 +10,16 @@ from pipeline.models.irl.reward_map import SYMMETRIES, RewardMap, contrast, tran
 from pipeline.models.registry import build
 from pipeline.perception.background import subtract_background
 from pipeline.training.irl.augment import ColorJitter, augment_appearances, blobs, recolour
-from pipeline.training.irl.fit import OBJECTIVES, IrlSchedule, fit, logistic, maxent, ranked
+from pipeline.training.irl.fit import (
+    OBJECTIVES,
+    IrlSchedule,
+    _appearances,
+    fit,
+    fit_acceptance_rule,
+    logistic,
+    maxent,
+    ranked,
+)
 from pipeline.training.loop import Checkpoints
 
 SHAPE = {"channels": 8, "dilated": 2, "gain": 10.0, "dropout": 0.1, "lattice_side": 10}
@@ -68,13 +77,19 @@ def test_the_gradient_agrees_with_finite_differences_in_the_map(objective):
         torch.testing.assert_close(difference, gradient.flatten()[cell], rtol=1e-6, atol=1e-10)
 
 
-def test_maxent_uses_valid_demonstrations_alone_and_ranking_rewards_a_valid_path_above_an_invalid_one():
+def test_maxent_uses_valid_demonstrations_alone():
     regret = torch.tensor([[1.0, 5.0, 3.0], [9.0, 9.0, 2.0], [0.0, 0.0, 0.0]])
     assert maxent(regret, VALID).item() == pytest.approx(-(1 + 3 + 2) / 6)
     torch.testing.assert_close(maxent(torch.where(VALID, regret, -1e6), VALID), maxent(regret, VALID))
+
+
+def test_ranking_rewards_a_valid_path_above_an_invalid_one():
     good = torch.tensor([[2.0, -2.0, 2.0], [-2.0, -2.0, 2.0], [2.0, 2.0, 2.0]])
     for across in (True, False):
         assert ranked(good, VALID, across) < ranked(torch.zeros(3, 3), VALID, across) < ranked(-good, VALID, across)
+
+
+def test_ranking_within_scenes_does_not_compare_scenes():
     regret = torch.randn(3, 3, generator=torch.Generator().manual_seed(0))
     moved = regret + torch.tensor([[5.0], [-3.0], [1.0]])
     torch.testing.assert_close(ranked(moved, VALID, False), ranked(regret, VALID, False))
@@ -104,6 +119,18 @@ def test_a_step_judges_paths_on_their_own_scenes_map_under_one_symmetry(seed):
         losses = np.array([float(ranked(model.soft_regret(r, paths), labels, True)) for r in maps])
     curve = fit(model, images, z, valid, "ranked", schedule(steps=1, n_augmentations=1), seed)
     assert np.abs(losses - curve[0, 1]).min() < 1e-5
+
+
+def test_the_rule_is_fitted_to_every_other_appearance():
+    images, z, valid = world()
+    model, appearances = drawn(dropout=0.0), _appearances(images.tobytes(), 4, JITTER)
+    rules = []
+    for spoilt in (slice(0), slice(1, None, 2), slice(0, None, 2)):
+        changed = appearances.clone()
+        changed[spoilt] = 0
+        fit_acceptance_rule(model, changed, z, valid)
+        rules.append((float(model.scale), float(model.offset)))
+    assert rules[0] == rules[1] != rules[2]
 
 
 @pytest.mark.parametrize("objective", OBJECTIVES)
@@ -188,3 +215,14 @@ def test_a_turn_of_hue_keeps_brightness():
     turned = recolour(np.random.default_rng(3), plain, labels, ColorJitter(2.0, 0.0, 0.0, 0.0, 0.0))
     np.testing.assert_allclose(turned.mean(1), plain.mean(1), atol=1e-5)
     assert not np.allclose(turned, plain, atol=0.01)
+
+
+def test_contrast_on_another_table_is_measured_by_that_tables_grain():
+    rng = np.random.default_rng(0)
+    grain = np.array([2, 6, 18])[:, None, None, None]
+    images = np.rint(120 + grain * rng.standard_normal((3, 100, 100, 3))).astype(np.uint8)
+    first, second = (
+        _appearances(images.tobytes(), 2, ColorJitter(0.0, 0.0, 0.0, 0.0, 1.0)).flatten(2, 3).median(2).values
+    )
+    np.testing.assert_allclose(second[:, 0], first[:, 0], rtol=0.2)  # whitened
+    assert not np.allclose(second[:, 2], first[:, 2], rtol=0.5)  # as they are
