@@ -51,6 +51,10 @@ class PathDrawn(BetaVae):
         initialise(self.path, no_rectifier_after=())
         self.code, self.mean = self.mean, nn.Identity()
 
+    def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene channel 50 50"]:
+        """Return the first layer's response to the images."""
+        return self.encode(images)
+
     def encode(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene channel 50 50"]:
         """Return the first layer's response to the images."""
         return self.features[0]((images - self.centre) / self.spread)

@@ -18,6 +18,7 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.files import write_table
 from pipeline.artifacts.scenes import read_position_prior
+from pipeline.config.settings import NEAREST, POSITION
 from pipeline.launch import launch
 from pipeline.models import baselines
 from pipeline.models.base import ValidityModel, untrained
@@ -39,7 +40,6 @@ from studies.ceiling.models import Coordinates, PathDrawn, true_code
 PERFECT = "perfect"
 CHANGED = {"coordinates": Coordinates, "path_drawn": PathDrawn}
 OWN, SEEN, NEW = "demonstrations", "seen_scenes", "new_scenes"
-NEAREST = "nearest_demonstration"
 
 
 @dataclass(frozen=True)
@@ -184,10 +184,7 @@ def judge_blind(jobs: list[Job], prior: dict[str, Float[Array, "side side"]]) ->
     for job in {(job.user, job.seed): job for job in jobs}.values():  # the smallest of each
         seen = job.judged[SEEN]
         demos, labels = job.z_theta[: len(seen.valid)], job.valid[: len(seen.valid)]
-        p = {
-            (baselines.POSITION, split): baselines.position_only(prior[job.user], x.z_theta)
-            for split, x in job.judged.items()
-        }
+        p = {(POSITION, split): baselines.position_only(prior[job.user], x.z_theta) for split, x in job.judged.items()}
         p[NEAREST, SEEN] = baselines.nearest_demonstration(demos, labels, seen.z_theta)
         for (name, split), of_paths in p.items():
             right = accuracy(of_paths.ravel(), (truth := job.judged[split].valid).ravel())

@@ -18,6 +18,7 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.files import write_arrays, write_table
 from pipeline.artifacts.scenes import SceneSet, read_position_prior, read_scenes, train_pool
+from pipeline.config.settings import NEAREST, POSITION
 from pipeline.launch import launch
 from pipeline.models import baselines
 from pipeline.models.base import ValidityModel
@@ -30,7 +31,6 @@ from pipeline.world.rules import clearance, slack
 ANY, FEW = ROUTES = "any", "few"
 OWN, HELD_OUT, NEW = "demonstrations", "held_out", "new_scenes"
 NEW_POOL = "val_scenes"
-NEAREST = "nearest_demonstration"
 KEY = ["routes", "clear_cm", "split", "variant"]
 Labelled = tuple[Float[Array, "scene path 2"], Bool[Array, "scene path"]]
 
@@ -148,7 +148,7 @@ def judge_blind(prior: Float[Array, "side side"], shown: Shown) -> Iterator[dict
     Half of the paths are valid, so position only accepts a path that is valid more often than the user's average one.
     """
     for split, (z, valid) in shown.judged.items():
-        p = {baselines.POSITION: baselines.position_only(prior - prior.mean() + DECISION, z)}
+        p = {POSITION: baselines.position_only(prior - prior.mean() + DECISION, z)}
         if split == HELD_OUT:
             p[NEAREST] = baselines.nearest_demonstration(shown.z_theta, shown.valid, z)
         for variant, of_variant in p.items():

@@ -8,14 +8,14 @@ import torch
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_table, write_arrays
+from pipeline.config.settings import NEAREST, POSITION
 from pipeline.models.base import untrained
-from pipeline.models.baselines import POSITION
 from pipeline.params import compose
 from pipeline.world.bezier import curve, random_z_theta
 from pipeline.world.layout import EMPTY, SIDE, SYMBOLS, random_layouts
 from studies.ceiling import stage
 from studies.ceiling.models import Coordinates, PathDrawn, draw_paths, true_code
-from studies.ceiling.stage import NEAREST, NEW, OWN, PERFECT, SEEN, draw_jobs
+from studies.ceiling.stage import NEW, OWN, PERFECT, SEEN, draw_jobs
 from tests.factories import ITEMS, RULES
 
 main = stage.main  # of the fixture `out`

@@ -10,10 +10,11 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_arrays, read_table, write_arrays
 from pipeline.artifacts.scenes import read_scenes, train_pool
+from pipeline.config.settings import NEAREST
 from pipeline.params import compose
 from pipeline.world.rules import clearance, slack
 from studies.demonstrations import stage
-from studies.demonstrations.stage import FEW, HELD_OUT, NEAREST, NEW, OWN, clear_cases, show_all
+from studies.demonstrations.stage import FEW, HELD_OUT, NEW, OWN, clear_cases, show_all
 from tests.factories import rendered_scenes
 
 main = stage.main  # of the fixture `out`
