@@ -149,6 +149,7 @@ def fit_changed(cfg: DictConfig, job: Job) -> dict[str, float]:
     """Fit a classifier that reads more than the image; return its accuracies."""
     v, seed = cfg.variants.classifier, _seed(cfg, job)
     model = untrained(CHANGED[job.learner], cfg.train.model, seed)
+    assert isinstance(model, BetaVae)
     weights = Weights(float(v.alpha), float(v.beta), float(v.gamma))
     data = job.images, job.z_theta, job.valid
     curve = reference.fit(model, *data, weights=weights, schedule=Schedule.of(cfg.train), seed=seed)
