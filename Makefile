@@ -45,10 +45,10 @@ data-here: $(READY)
 	@[ -s .dvc/tmp/rwlock ] || rm -f .dvc/tmp/rwlock  # emptied where DVC was killed as it wrote it: DVC would refuse to run
 	dvc pull --allow-missing --quiet data.dvc
 
-test: data-here  ## ruff, pyright, spelling, the test suite (it includes the smoke run); `pytest -m "not slow"` takes about a minute
+test: data-here  ## ruff, pyright, spelling, the test suite (it includes the smoke run); `pytest -m "not slow"` takes some 85 s
 	ruff check . && ruff format --check .
 	pyright
-	codespell README.md CONTRIBUTING.md CHANGELOG.md docs conf pipeline studies
+	codespell --skip '*.svg' README.md CONTRIBUTING.md CHANGELOG.md docs conf pipeline studies reports
 	python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 test-browser: $(READY)  ## the report in headless Chromium: keyboard, accessibility, phone, print
@@ -74,7 +74,7 @@ bench: data-here  ## every benchmark, the whole graph among them; writes bench/R
 	python -m bench.repro .benchmarks/repro.json
 	python -m bench.page .benchmarks/latest.json .benchmarks/repro.json
 
-review: $(READY)  ## open the overview of the recordings, or one of them: RUN=<variant>-<user>-s<seed>, or WORST=1; WEB=1: in a browser
+review: $(READY)  ## open the overview of the recordings, or one of them: RUN=<variant>-<user>-s<seed>, or WORST=1, not both; WEB=1: in a browser
 	python -m pipeline.viewer.review $(RUN) $(if $(WORST),--worst) $(if $(WEB),--web)
 
 picture: $(READY)  ## an image of a recording, made without a screen: RUN=full-careful-s0; writes picture.png
@@ -104,5 +104,5 @@ data: $(READY)  ## draw data/ anew and put it into the store
 	python -m drawing
 	dvc add data && dvc push data.dvc
 
-clean:  ## remove the environment, demo/ and DVC's cache
-	rm -rf $(VENV) demo .dvc/cache .dvc/tmp
+clean:  ## remove environments, demo/, other products and DVC's cache, with the results that nobody pushed
+	rm -rf $(VENV) .venv-dowhy .benchmarks multirun demo pdf site.html picture.png .dvc/cache .dvc/tmp

@@ -62,7 +62,7 @@ def run(clone: Path, command: str) -> dict:
     end = time.perf_counter()
     if process.wait():
         raise SystemExit(f"error: {command} ended with {process.returncode} in {clone}; its output is above")
-    ends = [*(time for _, time in starts[1:]), end]
+    ends = [*(time for _, time in starts), end][1:]
     stages = {stage: (after - before) / 60 for (stage, before), after in zip(starts, ends, strict=True)}
     return {"minutes": (end - start) / 60, "stages": stages, "peak_gib": peak[0] / GIB}
 

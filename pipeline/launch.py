@@ -100,6 +100,8 @@ def _from_hydra(main: Main, stage: str, argv: list[str]) -> None:
     from hydra.errors import HydraException
     from hydra.types import RunMode
 
+    refused: list[Exception] = []
+
     def run(cfg: DictConfig) -> float | None:
         settings = HydraConfig.get()
         overrides = [override for override in settings.overrides.task if not override.startswith("hydra.")]
@@ -108,7 +110,9 @@ def _from_hydra(main: Main, stage: str, argv: list[str]) -> None:
         except (InputError, OSError) as error:
             if settings.mode == RunMode.MULTIRUN:  # Hydra reports only the first failure
                 print(f"error: {settings.job.override_dirname}: {error}", file=sys.stderr)
-            raise
+                raise
+            refused.append(error)  # raised after Hydra's return, as Hydra would print a message of its own
+            return None
 
     # Hydra names its folders after the job; argparse wants all overrides in a row
     overrides = [argument for argument in argv if re.match(r"[~+]|(?!-).*=", argument)]
@@ -122,6 +126,8 @@ def _from_hydra(main: Main, stage: str, argv: list[str]) -> None:
         hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run)()
     except HydraException as error:
         raise InputError(explained(error)) from error
+    if refused:
+        raise refused[0]
 
 
 def _job(main: Main, stage: str, cfg: DictConfig, overrides: list[str], folder: Path) -> float | None:

@@ -20,15 +20,15 @@ from pipeline.runtime.errors import InputError
 VAE = {"latent": 15, "channels": [16, 8, 4], "hidden": 64}  # train.model in conf/train.yaml
 REWARD_MAP = {"channels": 16, "dilated": 3, "gain": 10.0, "lattice_side": 12, "symmetric": True, "ceiling": True}
 SETTINGS: dict[str, dict[str, Any]] = {  # conf/variants merged with conf/train, conf/irl and conf/clearance
-    "full": {"kind": "vae", "alpha": 10.0, "beta": 0.005, "gamma": 1.0, "model": VAE},
-    "ae": {"kind": "vae", "alpha": 10.0, "beta": 0.0, "gamma": 1.0, "model": VAE},
+    "full": {"kind": "vae", "alpha": 100.0, "beta": 0.002, "gamma": 1.0, "model": VAE},
+    "ae": {"kind": "vae", "alpha": 100.0, "beta": 0.0, "gamma": 1.0, "model": VAE},
     "classifier": {"kind": "vae", "alpha": 0.0, "beta": 0.0, "gamma": 1.0, "model": VAE},
     "irl_maxent": {"kind": "reward", "objective": "maxent", "steps": 150, "model": {**REWARD_MAP, "dropout": 0.5}},
     "irl_ranked": {"kind": "reward", "objective": "ranked", "steps": 200, "model": {**REWARD_MAP, "dropout": 0.3}},
     "clearance": {"kind": "clearance", "model": {"members": 16}},
 }
 TRAINING: dict[str, dict[str, Any]] = {  # training schedule by kind
-    "vae": {"steps": 600, "rate": 0.003, "weight_decay": 0.01, "curve_every": 10},
+    "vae": {"steps": 500, "rate": 0.01, "weight_decay": 0.01, "curve_every": 10},
     "reward": {
         "rate": 0.018, "weight_decay": 0.0001, "scenes_per_step": 20, "n_augmentations": 12, "sparsity": 0.0,
         "rank_across_scenes": True, "curve_every": 10,
@@ -63,7 +63,7 @@ def fit(images: Array, z_theta: Array, valid: Array, variant: str = "clearance",
     """
     if variant not in list(SETTINGS):
         raise InputError(f"variant {variant!r}: expected one of {', '.join(SETTINGS)}")
-    if not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
         raise InputError(f"seed {seed!r}: expected a whole number from 0")
     _check_scenes(images, z_theta)
     _check_labels(valid, np.shape(z_theta)[:2])
@@ -97,12 +97,13 @@ def _fitter(settings: Mapping[str, Any]):
 
 
 def repair(model: ValidityModel, images: Array, starts: Array) -> Array:
-    """Return, for each start, the z_theta (scene, path, 2) [m] of a nearby path that the model accepts; NaN if none.
+    """Return, for each start, the z_theta (scene, path, 2) [m] of a path that the model accepts; NaN if none.
 
     images: uint8 (scene, 100, 100, 3). starts: (scene, path, 2) [m].
 
-    Takes the paper's gradient steps on the model's log-odds. Of all points with P(valid) > .5 on the way, the one
-    nearest to the start is returned: the start itself, if it is accepted. Raises InputError as `fit`.
+    Takes the paper's gradient steps on the model's log-odds and returns the nearest accepted point on the way, that
+    is, one with P(valid) > .5: the start itself, if it is accepted. It can be far from the start. Raises InputError
+    as `fit`.
     """
     from pipeline.planning.repair import Ascent
     from pipeline.planning.repair import repair as climb
@@ -134,7 +135,7 @@ def effect(
     from pipeline.stats.tests import verdict
 
     _check_scenes(images, z_theta)
-    check_images(images_with_item)
+    _check_images(images_with_item, "images_with_item")
     if len(images_with_item) != len(images):
         raise InputError(
             f"{len(images_with_item)} images_with_item: expected {len(images)}, one for each of the images"
@@ -199,12 +200,28 @@ def _check_model(model: Any) -> None:
         raise InputError(f"model is {type(model).__name__}: expected what `fit` or `load` returned")
 
 
+def _check_images(images: Any, name: str) -> None:
+    """Raise InputError, which calls the argument `name`, unless images are uint8 (scene, 100, 100, 3) and not black."""
+    if not isinstance(images, np.ndarray):
+        raise InputError(f"{name} is {type(images).__name__}: expected an array, uint8 (scene, 100, 100, 3)")
+    try:
+        check_images(images)
+    except InputError as error:
+        raise InputError(str(error).replace("images", name, 1)) from error
+    black = ~np.median(images.reshape(len(images), -1, 3), axis=1).any(1)  # the detector divides by the median colour
+    if black.any():
+        raise InputError(f"{name}[{black.argmax()}] is mostly black: expected the image of a table in each scene")
+
+
 def _check_scenes(images: Any, z_theta: Any, name: str = "z_theta", at_least: int = 2) -> None:
     """Raise InputError unless images and paths have the library's shapes and units."""
-    check_images(images)
+    _check_images(images, "images")
     if len(images) < at_least:
-        raise InputError(f"{len(images)} scenes: expected at least {at_least}")
-    check_paths(z_theta, len(images), name)
+        raise InputError(f"number of scenes is {len(images)}: expected at least {at_least}")
+    try:
+        check_paths(z_theta, len(images), name)
+    except InputError as error:
+        raise InputError(str(error).replace("those paths", f"those of {name}")) from error
     if not np.shape(z_theta)[1]:
         raise InputError(f"{name} has no paths: expected at least one a scene")
 

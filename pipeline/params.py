@@ -6,6 +6,7 @@ python -m pipeline.params '~variants.ae'   a smaller graph: dvc.yaml's lists of 
 python -m pipeline.params --check          exit 1 if params.yaml or dvc.yaml is not what conf/ composes
 """
 
+import shlex
 import sys
 from collections.abc import Collection, Sequence
 from itertools import product
@@ -55,7 +56,8 @@ def compose(overrides: Sequence[str] = ()) -> DictConfig:
 def explained(error: Exception) -> str:
     """Return Hydra's message, or the unknown parameter, which that leaves out if it is in an override's dictionary."""
     name = getattr(error.__cause__, "full_key", None)
-    return f"unknown parameter {name!r} (see conf/; + in front of the override adds it)" if name else str(error)
+    message = str(error).partition("\nConfig search path:")[0]
+    return f"unknown parameter {name!r} (see conf/; + in front of the override adds it)" if name else message
 
 
 def drop_absent(cfg: DictConfig) -> None:
@@ -189,7 +191,8 @@ def main(argv: list[str]) -> int:
     files |= {path: with_variants(path.read_text(), stage_of, before) for path in graph_files()}
     stale = [path for path, text in files.items() if not path.is_file() or path.read_text() != text]
     if check and stale:
-        print(f"error: {stale[0]} is not what conf/ composes: run `python -m pipeline.params`", file=sys.stderr)
+        command = shlex.join(["python", "-m", "pipeline.params", *overrides])
+        print(f"error: {stale[0]} is not what conf/ composes: run `{command}`", file=sys.stderr)
         return 1
     for path in stale:
         atomic_write(path, lambda part, path=path: part.write_text(files[path]))

@@ -83,7 +83,7 @@ def test_settings_are_those_of_conf():
     cfg = composed()
     groups = {"vae": cfg.train, "reward": cfg.irl, "clearance": cfg.clearance}
     for variant, settings in library.SETTINGS.items():
-        conf = {name: value for name, value in cfg.variants[variant].items() if name != "stage"}
+        conf = {name: value for name, value in cfg.variants[variant].items() if name not in ("stage", "n_demos")}
         assert settings == conf, variant
     for kind, training in library.TRAINING.items():
         assert training == {name: value for name, value in groups[kind].items() if name not in ("engine", "model")}
@@ -102,11 +102,13 @@ def test_settings_are_those_of_conf():
         (lambda a: a | {"z_theta": a["z_theta"][:3]}, r"z_theta has shape \(3, 9, 2\): expected \(12, path, 2\)"),
         (lambda a: a | {"valid": a["valid"].astype(float)}, "valid is float64 .* expected bool"),
         (lambda a: a | {"valid": a["valid"][:, 1:]}, r"expected bool of shape \(12, 9\)"),
-        (lambda a: {name: array[:1] for name, array in a.items()}, "1 scenes: expected at least 2"),
+        (lambda a: {name: array[:1] for name, array in a.items()}, "number of scenes is 1: expected at least 2"),
         (lambda a: a | {"z_theta": a["z_theta"].astype(str)}, "z_theta is <U32: expected an array of numbers"),
         (lambda a: a | {"z_theta": a["z_theta"][:, :0], "valid": a["valid"][:, :0]}, "z_theta has no paths"),
         (lambda a: a | {"variant": "tree"}, "variant 'tree': expected one of full"),
         (lambda a: a | {"seed": -1}, "seed -1: expected a whole number from 0"),
+        (lambda a: a | {"seed": True}, "seed True: expected a whole number from 0"),
+        (lambda a: a | {"images": 0 * a["images"]}, r"images\[0\] is mostly black: expected the image of a table"),
     ],
 )
 def test_what_does_not_fit_is_refused_with_what_was_expected(example, change, message):

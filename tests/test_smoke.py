@@ -15,7 +15,11 @@ import psutil
 import pytest
 import yaml
 
+from pipeline.artifacts.files import read_table, write_table
 from pipeline.config.graph import ROOT
+from pipeline.params import load
+from pipeline.runtime.errors import InputError
+from pipeline.stages.page import read_study, render
 
 pytestmark = pytest.mark.slow
 UP_TO_DATE = "Data and pipelines are up to date"
@@ -70,8 +74,30 @@ def test_a_second_repro_runs_no_stage_and_every_output_is_listed(clone: Path):
             folder = clone / Path(stage["outs"][0]["path"]).parent
             listed = {Path(out["path"]) for out in stage["outs"]}
             written = {p.relative_to(clone) for p in folder.iterdir() if p.name != ".gitignore"}
-            if name not in ("report", "selection"):  # pages besides
+            if name not in ("report", "selection", "page"):  # pages and code besides
                 assert written <= listed, f"{name} writes {written - listed}, which no dvc.yaml lists"
+
+
+STUDIES = sorted(path.parent.name for path in ROOT.glob("studies/*/page.html.j2"))
+
+
+def test_the_overview_links_to_every_study_s_page(clone: Path):
+    overview = (clone / "reports/index.html").read_text()
+    for name in STUDIES:
+        assert f"../studies/{name}/index.html" in overview
+        assert "smoke run" in (clone / "studies" / name / "index.html").read_text()
+
+
+def test_a_study_s_page_refuses_tables_without_numbers(clone: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(clone)
+    shutil.copytree("outputs/studies", tmp_path / "studies")
+    for path in (path for path in (tmp_path / "studies").rglob("*") if path.suffix in (".csv", ".parquet")):
+        table = read_table(path)
+        write_table(path, table.assign(**dict.fromkeys(table.select_dtypes("float").columns, float("nan"))))
+    cfg = load(Path("params.yaml"), [f"paths.studies={tmp_path / 'studies'}"])
+    for name in STUDIES:
+        with pytest.raises((InputError, ValueError), match="finite"):
+            render(read_study(cfg, name), Path("studies") / name)
 
 
 def test_every_model_of_a_user_with_margins_has_a_recording(clone: Path):

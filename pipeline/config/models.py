@@ -49,7 +49,7 @@ class Irl(Group):
 
 
 class Fitted(Group):
-    """What all variants have: numbers of demonstrations they are fitted at besides main_n_demos; null: all."""
+    """Check the setting of all variants: numbers of demonstrations to fit at besides main_n_demos; null: all."""
 
     n_demos: Annotated[list[Demonstrations], Field(min_length=1)] | None
 

@@ -116,6 +116,6 @@ class Group(BaseModel):
 
 
 class StudyGroup(Group):
-    """What every study has: the question it answers, which its page and the list of studies print."""
+    """Check the setting of all studies: the question that the page and the list of studies print."""
 
     question: Annotated[str, Field(pattern=r"\?$"), expected("a question that ends in ?")]

@@ -65,7 +65,7 @@ def draw_map(axes: Axes, p: Array, trace: Array | None = None) -> None:
         axes.plot(*trace.T, color="#111417", linewidth=3.2)
         axes.plot(*trace.T, color="white", linewidth=1.6)
         for place, mark, size in ((trace[0], "o", 8), (trace[-1], "*", 13)):
-            axes.plot(*place, mark, color="white", markersize=size, markeredgecolor="#111417", clip_on=False)
+            axes.plot(*place, mark, color="white", markersize=size, markeredgecolor="#111417")
     _bare(axes)
     axes.set(xlim=(Z_LOW, Z_HIGH), ylim=(Z_LOW, Z_HIGH))
 

@@ -3,10 +3,10 @@
 import importlib
 import math
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -41,18 +41,6 @@ class Site:
     claims: dict[str, str] = field(default_factory=dict)  # of the paper: claim -> holds | fails | open | untestable
 
 
-@runtime_checkable
-class Data(Protocol):
-    """What every page's data has: the fits that were made, each with a recording."""
-
-    @property
-    def variants(self) -> Sequence[str]: ...
-    @property
-    def users(self) -> Mapping[str, Any]: ...
-    @property
-    def seeds(self) -> Sequence[int]: ...
-
-
 def environment(folders: Sequence[Path], **names: Any) -> Environment:
     """Return Jinja2's environment for templates in `folders` and this one; `names` are global in templates."""
     made = Environment(
@@ -72,7 +60,7 @@ def headings(content: str) -> list[tuple[str, str]]:
 
 
 def render_page(
-    name: str, template: str, package: str, data: Data, made: Environment, site: Site, prefix: str = ""
+    name: str, template: str, package: str, data: Any, made: Environment, site: Site, prefix: str = ""
 ) -> None:
     """Add page `name` with its figures and tables to `site`.
 
@@ -82,7 +70,7 @@ def render_page(
     counts = {"figure": 0, "table": 0}
 
     def figure(name: str, alt: str, wide: bool = False, recording: str = "", caller: Callable[[], str] = str) -> Markup:
-        """Draw a figure; `recording` names the run, or `overview`, that shows the same where it was recorded."""
+        """Draw a figure; `recording`: `overview` or `worst`, the recording in git that shows the same."""
         draw = getattr(importlib.import_module(f"{package}.figures"), name)
         counts["figure"] += 1
         with matplotlib.rc_context(style.RC):
@@ -92,7 +80,7 @@ def render_page(
         width, height = (round(96 * inches) for inches in drawn.get_size_inches())
         text = {"file": file, "alt": alt, "number": counts["figure"], "caption": caller()}
         text |= {"width": width, "height": height, "wide": wide, "chart": "<script>" in site.figures[file]}
-        text |= {"command": review_command(data, recording)}
+        text |= {"command": {"overview": "make review", "worst": "make review WORST=1"}.get(recording, "")}
         return Markup(made.get_template("figure.html.j2").render(text))
 
     def table(name: str, caller: Callable[[], str] = str) -> Markup:
@@ -111,14 +99,6 @@ def render_page(
 
     numbered = {"figure": figure, "table": table, "table_number": table_number}
     site.pages[name] = made.get_template(template).render(page=name, **numbered)
-
-
-def review_command(data: Data, recording: str) -> str:
-    """Return the command that opens a recording; empty for a fit that this run has not made."""
-    if recording == "overview":
-        return "make review"
-    runs = {f"{variant}-{user}-s{seed}" for variant in data.variants for user in data.users for seed in data.seeds}
-    return f"make review RUN={recording}" if recording in runs else ""
 
 
 def write_files(site: Site, out_dir: Path) -> None:

@@ -46,7 +46,7 @@ def slices(judged: pd.DataFrame) -> pd.DataFrame:
     """Return scores by variant, split and slice (`all` first), a row for each value that has paths.
 
     accuracy; unsafe: share of accepted paths that are invalid; refused: share of valid paths rejected; both NaN if
-    there are none; share: of all paths.
+    there are none, and 0 for `all`; share: of all paths.
     """
     table = judged.assign(
         right=(judged["p"] > 0.5) == judged["valid"],
@@ -61,7 +61,9 @@ def slices(judged: pd.DataFrame) -> pd.DataFrame:
         parts.append(part.rename(columns={name: "value", "right": "accuracy"}).assign(slice=name))
     rows = pd.concat(parts, ignore_index=True)
     rows["value"] = rows["value"].astype(str)
-    total = rows[rows["slice"] == "all"].set_index(["variant", "split"])["count"]
+    whole, errors = rows["slice"] == "all", ["unsafe", "refused"]
+    rows.loc[whole, errors] = rows.loc[whole, errors].fillna(0.0)  # who accepts nothing accepts nothing invalid
+    total = rows[whole].set_index(["variant", "split"])["count"]
     rows["share"] = rows["count"] / total.loc[list(zip(rows["variant"], rows["split"], strict=True))].to_numpy()
     return rows[["variant", "split", "slice", "value", "accuracy", "unsafe", "refused", "share", "count"]]
 

@@ -26,11 +26,8 @@ from pipeline.world.render import read_palette, render_scenes
 from pipeline.world.rules import valid
 
 HEADLINES = ("scenes", "evaluate", "repair", "intervene")  # stages whose metrics.json are merged
-HISTORY = {  # name -> file of docs/
-    "draws": Path("docs/decisions/data/test_draws.csv"),
-    "changes": Path("docs/decisions/data/changes_after_tests.csv"),
-    "effort": Path("docs/decisions/data/search_effort.csv"),
-}
+DECISIONS = Path(__file__).parents[2] / "docs" / "decisions" / "data"
+HISTORY = {"draws": "test_draws.csv", "changes": "changes_after_tests.csv", "effort": "search_effort.csv"}
 TABLES = {  # name -> stage and file
     "accuracy": ("evaluate", "accuracy.csv"),
     "calibration": ("evaluate", "calibration.csv"),
@@ -54,7 +51,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         tables[name] = tables[name].assign(**{column: tables[name][column].fillna("")})  # csv reads "" as missing
     tables["judged"] = _judged(cfg, scenes)
     tables["slices"] = slices(tables["judged"])
-    tables |= {name: read_table(path) for name, path in HISTORY.items()}
+    tables |= {name: read_table(DECISIONS / file) for name, file in HISTORY.items()}
     results = Results(
         variants=list(cfg.variants),
         users={user: dict(margins) for user, margins in cfg.users.items()},

@@ -1,4 +1,4 @@
-"""What each rule of acceptance lets through, by the promised share."""
+"""Draw the invalid and valid paths that each rule accepts, by the promised share of invalid ones."""
 
 from itertools import product
 

@@ -20,7 +20,7 @@ def examples(study: Study) -> Figure:
     table, images = study.table("examples.csv"), study.arrays("examples.npz")
     kinds = list(dict.fromkeys(table["example"]))
     width = 1 + int(table.groupby("example")["slot"].nunique().max())
-    figure, axes = panels(len(kinds), width, 3.3 * width, 4.3 * len(kinds))
+    figure, axes = panels(len(kinds), width, 3.3 * width, 4.6 * len(kinds))
     for row, (line, kind) in enumerate(zip(axes, kinds, strict=True)):
         rows = table[table["example"] == kind]
         slots = rows.drop_duplicates("slot")
@@ -34,7 +34,7 @@ def examples(study: Study) -> Figure:
             draw_table(panel, image)
             draw_path(panel, path, style.START)
             panel.set_title(title)
-            panel.set_xlabel(_answers(answers, column), fontsize=10, family="DejaVu Sans Mono", loc="left")
+            panel.set_xlabel(_answers(answers, column), fontsize=14, family="DejaVu Sans Mono", loc="left")
         for panel, slot in zip(line[1:], slots.to_dict("records"), strict=False):
             panel.plot(slot["x_m"], slot["y_m"], "x", color="white", markersize=10, markeredgewidth=2.2)
         for panel in line[len(versions) :]:
@@ -71,7 +71,7 @@ def named(study: Study) -> Figure:
 def _answers(rows: pd.DataFrame, column: str) -> str:
     """Return P(valid) as text: a line for the truth and each shown model, a column for each user."""
     p = rows.pivot(index="variant", columns="user", values=column)
-    lines = ["".join([" " * 10, *(f"{user[:8]:>9}" for user in p.columns)])]
+    lines = ["".join([" " * 9, *(f"{user[:7]:>8}" for user in p.columns)])]
     for name in (name for name in MODELS if name in p.index):
-        lines.append(f"{MODELS[name]:10}" + "".join(f"{value:9.2f}" for value in p.loc[name]))
+        lines.append(f"{MODELS[name]:9}" + "".join(f"{value:8.2f}" for value in p.loc[name]))
     return "\n".join(lines)

@@ -24,13 +24,18 @@ def attributions(study: Study) -> Table:
 
 
 def moves(study: Study) -> Table:
-    """Return how far the responsible item has to move, by truth and model, in cases that the model rejects."""
+    """Return how often a move of the responsible item is found, and its error, in cases that the model rejects.
+
+    Errors and intervals are None where there are too few cases.
+    """
     table = study.table("moves.csv", finite=("true_m", "rejected", "found"))
     rows = []
     for row in table.to_dict("records"):
         shown = {"User": row["user"], "Model": style.label(row["variant"]), "Rejected": row["rejected"]}
-        lengths = {"True move": "true_m", "Error": "error_m", "Error of a constant": "constant_error_m"}
-        shown |= {"Move found": row["found"]}
-        rows.append(shown | {name: None if pd.isna(row[column]) else row[column] for name, column in lengths.items()})
-    formats = dict.fromkeys(("Rejected", "Move found"), "pct") | dict.fromkeys(lengths, "cm")
+        shares = {"Move found": "found", "found low": "found_ci_low", "found high": "found_ci_high"}
+        lengths = {"Error": "error_m", "error low": "error_m_ci_low", "error high": "error_m_ci_high"}
+        lengths |= {"Error of a constant": "constant_error_m"}
+        columns = (shares | lengths).items()
+        rows.append(shown | {name: None if pd.isna(row[column]) else row[column] for name, column in columns})
+    formats = dict.fromkeys(("Rejected", *shares), "pct") | dict.fromkeys(lengths, "cm")
     return Table(pd.DataFrame(rows, dtype=object), formats)

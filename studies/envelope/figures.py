@@ -1,4 +1,4 @@
-"""How the effect of an item fades with a path's clearance from it."""
+"""Draw the effect of an item against a path's clearance from it [cm]."""
 
 from matplotlib.figure import Figure
 

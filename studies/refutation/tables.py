@@ -1,4 +1,4 @@
-"""How many questions each model passes, by refuter."""
+"""Count the questions that each model passes, by refuter."""
 
 import pandas as pd
 

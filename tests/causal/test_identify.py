@@ -123,7 +123,7 @@ def test_open_set_rejection_controls_the_level():
     assert none.mean((2, 3)).max() < 0.1 + 3 * np.sqrt(0.1 * 0.9 / 2000)
 
 
-def test_the_ideal_observer_rejects_a_stranger_once_he_contradicts_every_user():
+def test_the_ideal_observer_rejects_a_stranger_once_it_contradicts_every_user():
     valid = np.random.default_rng(9).random((4, 6, 5, 7)) < 0.7  # the stranger last
     none = reject_all_users(valid[:3, None].astype(float), valid, TINY, 0.05)
     contradicted = (valid[None, :3] != valid[:, None]).cumsum(-1) > 0  # (who, user, scene, draw, path)

@@ -59,7 +59,7 @@ def test_coarse_to_fine_comes_within_its_resolution_of_a_fine_search(layouts, st
     assert longer.max() < 0.004 and longer.min() > -0.0071  # a fine point is up to 5 mm x sqrt 2 off its best
 
 
-def test_a_valid_start_and_a_hopeless_one_stay_where_they_are(layouts, starts):
+def test_a_valid_start_and_a_start_without_a_valid_path_stay_where_they_are(layouts, starts):
     anywhere = dict.fromkeys(CAREFUL)
     np.testing.assert_array_equal(nearest_valid(layouts, starts, anywhere, 14, 1), starts)
     nowhere = dict.fromkeys(CAREFUL, 0.9)

@@ -9,7 +9,7 @@ import pandas as pd
 
 from pipeline.report.results import PAPER_TABLE_2, DrawnScenes, Results
 from pipeline.report.slices import DISTANCE_LABELS, NOTHING, slices
-from pipeline.stages.report import HISTORY
+from pipeline.stages.report import DECISIONS, HISTORY
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, random_layouts
 
@@ -79,7 +79,7 @@ def tables(variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MARG
         "judged": judged_paths,
         "slices": slices(judged_paths),
     } | {
-        name: pd.read_csv(path) for name, path in HISTORY.items()
+        name: pd.read_csv(DECISIONS / file) for name, file in HISTORY.items()
     }  # fmt: skip
 
 

@@ -69,7 +69,7 @@ def test_a_run_shows_its_scenes_and_its_repairs_move(run: ViewerClient) -> None:
 
 
 def test_interventions_show_effects_in_both_colours_and_the_added_item(run: ViewerClient) -> None:
-    select(run, INTERVENTIONS, "intervention", 3)
+    select(run, INTERVENTIONS, "intervention", 1)
     image = screenshot(run)
     assert_shows_something(image)
     assert share(image, START) > 1e-5

@@ -97,7 +97,7 @@ REGIMES = [(0.03, 0.0), (0.0, 0.1), (0.03, 0.1), (0.01, 0.1)]  # standard deviat
 
 
 @pytest.mark.parametrize(("by_seed", "by_scene"), REGIMES)
-def test_the_p_value_keeps_its_level_whichever_source_of_chance_rules(by_seed: float, by_scene: float):
+def test_the_p_value_keeps_its_level_whether_seeds_or_scenes_vary_more(by_seed: float, by_scene: float):
     assert (estimate(crossed(2000, by_seed, by_scene)).p < 0.05).mean() <= 0.065  # .05, three of its own errors above
 
 

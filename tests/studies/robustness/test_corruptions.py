@@ -60,7 +60,7 @@ def test_a_stronger_corruption_deepens_a_weaker_one(name: str):
 
 @given(seed=seeds)
 @settings(max_examples=10, deadline=None)
-def test_shade_leaves_the_light_at_one_end_and_takes_the_share_at_the_other(seed: int):
+def test_shade_keeps_full_light_at_one_end_and_removes_the_share_at_the_other(seed: int):
     lit = shade(rng(seed), grey(200), 0.5)[0, ..., 0] / 200
     assert lit.max() == pytest.approx(1.0, abs=0.02) and lit.min() == pytest.approx(0.5, abs=0.02)
     assert lit.mean() == pytest.approx(0.75, abs=0.01)

@@ -38,7 +38,7 @@ def by_demonstrations(results: Results) -> Figure:
             panel.annotate("the paper", (9, 99), (4, 10), textcoords="offset points", ha="right")
             if (nearest := ends.get("nearest_demonstration")) is not None:
                 below = {"textcoords": "offset points", "ha": "right", "va": "top"}
-                panel.annotate("nearest demonstration", (max(results.n_demos), nearest), (4, -30), **below)
+                panel.annotate("nearest demonstration", (max(results.n_demos), nearest), (4, -46), **below)
         panel.set(title=label(split), xlabel="demonstrations a scene", xticks=results.n_demos)
         panel.grid(axis="y")
     axes[0, 0].set(ylabel="accuracy, per cent", ylim=(None, 105))

@@ -1,4 +1,4 @@
-"""Where models fail: a table top with a pattern, the scenes with most errors, and stated against true validity."""
+"""Draw where models fail: on a patterned table top, in the scenes with most errors, and in calibration."""
 
 import numpy as np
 import pandas as pd

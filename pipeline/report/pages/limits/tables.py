@@ -39,16 +39,18 @@ def worst(results: Results) -> Table:
 
 
 def unsafe(results: Results) -> Table:
-    """Return how often accepted paths are invalid and valid ones refused, for new scenes with unseen items."""
-    shown = [v for v in results.shown if v in results.variants]
-    rows = [
-        {"Model": label(v)} | {
-            name: results.sliced(v, column, **where)
-            for name, column, where in (
-                ("Accepted, but invalid", "unsafe", {}),
-                ("Valid, but refused", "refused", {}),
-            )
-        }
-        for v in dict.fromkeys([failing(results), *shown])
-    ]  # fmt: skip
-    return Table(pd.DataFrame(rows), dict.fromkeys(("Accepted, but invalid", "Valid, but refused"), "pct1"))
+    """Return how often accepted paths are invalid and valid ones refused, in new scenes with unseen items.
+
+    With quartiles over training sets of the first kind; the last row accepts every path.
+    """
+    judged, unsafe, refused = results.tables["judged"], "Accepted, but invalid", "Valid, but refused"
+    judged, rows = judged[judged["split"] == "new_items"], []
+    for variant in dict.fromkeys([failing(results), *(v for v in results.shown if v in results.variants)]):
+        accepted = judged[(judged["variant"] == variant) & (judged["p"] > 0.5)]
+        q1, q3 = (1 - accepted.groupby("seed")["valid"].mean()).quantile([0.25, 0.75])
+        rates = {unsafe: results.sliced(variant, "unsafe"), "q1": q1, "q3": q3}
+        rows.append({"Model": label(variant)} | rates | {refused: results.sliced(variant, "refused")})
+    paths = judged[judged["variant"] == failing(results)]
+    rows.append({"Model": label("blind"), unsafe: 1 - paths["valid"].mean(), "q1": None, "q3": None, refused: 0.0})
+    frame = pd.DataFrame(rows).astype(object)
+    return Table(frame.where(frame.notna(), None), dict.fromkeys(frame.columns[1:], "pct1"))

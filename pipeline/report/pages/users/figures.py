@@ -32,7 +32,7 @@ def who_accepts(results: Results) -> Figure:
     for panel, name in zip(axes[0], ["Table", *columns], strict=True):
         panel.set_title({"truth": "Truth", "Table": f"Table, {first} user’s margins"}.get(name, style.label(name)))
     names = ["neither", f"{first} only", f"{second} only", "both"]
-    handles = [Patch(facecolor=KINDS(i), edgecolor=style.MUTED, label=f"valid to {n}") for i, n in enumerate(names)]
+    handles = [Patch(facecolor=KINDS(i), edgecolor=style.MUTED, label=f"valid for {n}") for i, n in enumerate(names)]
     figure.legend(handles=handles, loc="outside lower center", ncols=4)
     return figure
 
