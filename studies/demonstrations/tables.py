@@ -11,7 +11,6 @@ COLUMNS = {  # column -> variant and split
     style.label("full"): ("full", "held_out"),
     style.label("nearest_demonstration"): ("nearest_demonstration", "held_out"),
     style.label("position_only"): ("position_only", "held_out"),
-    style.label("clearance"): ("clearance", "held_out"),
     "New tables: " + style.label("full"): ("full", "new_scenes"),
 }
 
