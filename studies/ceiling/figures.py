@@ -17,6 +17,7 @@ TITLES = {"seen_scenes": "Other paths, training tables", "new_scenes": "New tabl
 def by_scenes(study: Study) -> Figure:
     """Draw mean accuracy with quartiles over training sets; dotted lines are image-blind baselines."""
     table = study.table("summary.csv", finite=("accuracy", "q1", "q3"))
+    table = table[table["clear_cm"] == 0]
     figure, axes = panels(1, 2, 12.0, 5.0, sharex=True, sharey=True)
     for panel, (split, title) in zip(axes[0], TITLES.items(), strict=True):
         for learner, rows in table[table["split"] == split].groupby("learner", sort=False):

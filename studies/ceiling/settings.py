@@ -6,7 +6,7 @@ from pydantic import AfterValidator
 
 from pipeline.config.checks import need, need_some
 from pipeline.config.settings import Settings as Parameters
-from pipeline.config.values import Count, Several, StudyGroup, Whole, expected, rising
+from pipeline.config.values import Count, Names, Several, StudyGroup, Whole, expected, rising
 
 Numbers = Annotated[list[Count], AfterValidator(rising), expected("ascending whole numbers from 1")]
 
@@ -14,6 +14,9 @@ Numbers = Annotated[list[Count], AfterValidator(rising), expected("ascending who
 class Settings(StudyGroup):
     root_seed: Whole
     scenes: dict[str, Numbers]
+    clear_cm: Annotated[list[Whole], AfterValidator(rising), expected("ascending whole numbers from 0 [cm]")]
+    clear_learners: Names
+    candidates: Count
     seeds: dict[str, Several]
     seen_scenes: Count
     new_scenes: Several
@@ -27,5 +30,14 @@ def agree(study: Settings, parameters: Parameters) -> None:
     need_some(f"{name}.scenes", study.scenes, known)
     need("classifier" in variants, "variants", list(variants), "classifier among them: its weights of Eq. 1 are used")
     need(set(study.scenes) <= set(study.seeds), f"{name}.seeds", study.seeds, "a number for each learner of `scenes`")
+    need_some(f"{name}.clear_learners", study.clear_learners, study.scenes, or_none=True)
+    need(
+        study.clear_cm[0] == 0,
+        f"{name}.clear_cm",
+        study.clear_cm,
+        "0 first: learners not in `clear_learners` have no other",
+    )
+    paths = parameters.main_n_demos + study.paths
+    need(study.candidates >= paths, f"{name}.candidates", study.candidates, f"at least main_n_demos + paths = {paths}")
     fewest = min(numbers[0] for numbers in study.scenes.values())
     need(study.seen_scenes <= fewest, f"{name}.seen_scenes", study.seen_scenes, f"at most {fewest}, as in `scenes`")

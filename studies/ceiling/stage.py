@@ -1,10 +1,10 @@
 """Stage ceiling: fit the paper's model to more scenes, and with a better input, and judge it in new scenes.
 
-Each training set has scenes and paths of its own; fewer scenes are the first ones. Every learner is fitted as in stage
-train: the same schedule, width and labels.
+Each training set has scenes and paths of its own; fewer scenes are the first ones. Half of the paths are valid. Some
+learners are also fitted to clear cases and judged on them. Every learner has the schedule and the width of stage train.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
@@ -32,9 +32,9 @@ from pipeline.training.refit import TrainingSet, refit
 from pipeline.training.runner import need_finite
 from pipeline.training.vae.engines import reference
 from pipeline.world.bezier import random_z_theta
-from pipeline.world.layout import LayoutRules, Layouts, random_layouts
+from pipeline.world.clear_cases import Candidates
+from pipeline.world.layout import LayoutRules, random_layouts
 from pipeline.world.render import read_palette, render_scenes
-from pipeline.world.rules import valid
 from studies.ceiling.models import Coordinates, PathDrawn, true_code
 
 PERFECT = "perfect"
@@ -54,9 +54,13 @@ class Labelled:
 
 @dataclass(frozen=True)
 class Job(TrainingSet):
-    """A training set, with its learner, the truth about its scenes, and what judges the learner by split."""
+    """A training set, with its learner, the truth about its scenes, and what judges the learner by split.
+
+    clear_cm: least distance of all paths from the boundary of validity [cm].
+    """
 
     learner: str
+    clear_cm: int
     code: Float[Array, "scene number"]
     judged: dict[str, Labelled]
 
@@ -70,15 +74,14 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     for name, fit in ((PERFECT, fit_head), *dict.fromkeys(CHANGED, fit_changed).items()):
         scored[name] = map_jobs(partial(fit, cfg), of.get(name, []), cfg.workers, f"ceiling, {name}")
     rows = [
-        {"learner": learner, "scenes": len(job.z_theta), "split": split, "user": job.user, "seed": job.seed}
-        | {"accuracy": right, "valid": job.judged[split].valid.mean() if split in job.judged else job.valid.mean()}
+        row(job, learner, len(job.z_theta), split, right)
         for learner, accuracies in scored.items()
         for job, by_split in zip(of[learner], accuracies, strict=True)
         for split, right in by_split.items()
     ]
-    table = pd.DataFrame(rows + judge_blind(jobs, prior))
+    table = pd.DataFrame([*rows, *judge_blind(jobs, prior)])
     write_table(out_dir / "accuracy.parquet", table)
-    key = ["learner", "scenes", "split"]
+    key = ["learner", "scenes", "clear_cm", "split"]
     by_seed = table.groupby([*key, "seed"], sort=False)[["accuracy", "valid"]].mean().reset_index()
     first, third = partial(pd.Series.quantile, q=0.25), partial(pd.Series.quantile, q=0.75)
     columns = {"accuracy": ("accuracy", "mean"), "q1": ("accuracy", first), "q3": ("accuracy", third)}
@@ -88,50 +91,55 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
 def draw_jobs(cfg: DictConfig) -> list[Job]:
     """Draw all training sets: the largest number of scenes first, which takes longest."""
-    study, users, n = cfg.studies.ceiling, list(cfg.evaluate.users), cfg.main_n_demos
+    study, n, jobs = cfg.studies.ceiling, cfg.main_n_demos, []
     seeds = list(cfg.protocol.seeds)[: max(study.seeds.values())]
-    counts = [(learner, count) for learner, numbers in study.scenes.items() for count in numbers]
-    most = max(count for _, count in counts)
-    pictures = max((count for learner, count in counts if learner != PERFECT), default=study.seen_scenes)
-    orders = [(NEW, study.new_scenes, study.new_scenes), *((f"train-{seed}", most, pictures) for seed in seeds)]
+    most = {x: max(numbers) for x, numbers in study.scenes.items()}
+    pictures = max((count for x, count in most.items() if x != PERFECT), default=study.seen_scenes)
+    orders = [(NEW, study.new_scenes, study.new_scenes)]
+    for i, seed in enumerate(seeds):
+        orders.append((f"train-{seed}", max(c for x, c in most.items() if i < study.seeds[x]), pictures))
     (new, new_images), *training = map_jobs(partial(draw_scenes, cfg), orders, cfg.workers, "scenes")
-    new_code, seen = _code(cfg, new), slice(study.seen_scenes)
-    jobs = []
-    for (seed, (layouts, images)), user in product(zip(seeds, training, strict=True), users):
-        draw, code = partial(draw_paths, cfg, user, seed), _code(cfg, layouts)
+    seen = slice(study.seen_scenes)
+    cases = list(product(cfg.evaluate.users, study.clear_cm))
+    for (i, (pool, images)), (user, clear_cm) in product(enumerate(training), cases):
+        z, labels = choose(cfg, orders[i + 1][0], pool, user, clear_cm)
+        new_z, new_labels = choose(cfg, NEW, new, user, clear_cm)
+        code = _code(cfg, pool)
         judged = {
-            SEEN: Labelled(images[seen], code[seen], *draw(SEEN, layouts[seen], study.paths)),
-            NEW: Labelled(new_images, new_code, *draw(NEW, new, study.paths)),
+            SEEN: Labelled(images[seen], code[seen], z[seen, n:], labels[seen, n:]),
+            NEW: Labelled(new_images, _code(cfg, new), new_z[:, n:], new_labels[:, n:]),
         }
-        z, labels = draw(OWN, layouts, n)
-        for learner, count in counts:
-            if seed in seeds[: study.seeds[learner]]:
-                part, shown = slice(count), slice(0 if learner == PERFECT else count)
-                data = images[shown], z[part], labels[part]
-                jobs.append(Job(user, seed, *data, learner, code[part], judged))
+        fitted = [x for x in study.scenes if i < study.seeds[x] and (clear_cm == 0 or x in study.clear_learners)]
+        for learner, count in ((x, count) for x in fitted for count in study.scenes[x]):
+            data = images[: 0 if learner == PERFECT else count], z[:count, :n], labels[:count, :n]
+            jobs.append(Job(user, seeds[i], *data, learner, clear_cm, code[:count], judged))
     return sorted(jobs, key=lambda job: -len(job.z_theta))
 
 
-def draw_paths(
-    cfg: DictConfig, user: str, seed: int, name: str, layouts: Layouts, count: int
-) -> tuple[Float[Array, "scene path 2"], Bool[Array, "scene path"]]:
-    """Draw random paths [m] in each scene and label them by the user's rules."""
-    z_theta = random_z_theta(stream(cfg.studies.ceiling.root_seed, name, user, seed), len(layouts), count)
-    return z_theta, valid(layouts, z_theta, cfg.users[user])
+def choose(cfg: DictConfig, name: str, pool: Candidates, user: str, clear_cm: int) -> tuple[Array, Array]:
+    """Choose each scene's demonstrations, then the paths that judge a learner; return all with their labels."""
+    study = cfg.studies.ceiling
+    rng = stream(study.root_seed, "choose", name, user, clear_cm)
+    return pool.choose(rng, cfg.users[user], clear_cm / 100, cfg.main_n_demos + study.paths)
 
 
-def _code(cfg: DictConfig, layouts: Layouts) -> Float[Array, "scene number"]:
-    return true_code(layouts, max(cfg.scenes.layout.items_per_scene))
+def _code(cfg: DictConfig, pool: Candidates) -> Float[Array, "scene number"]:
+    return true_code(pool.layouts, max(cfg.scenes.layout.items_per_scene))
 
 
-def draw_scenes(cfg: DictConfig, order: tuple[str, int, int]) -> tuple[Layouts, UInt8[Array, "picture 100 100 3"]]:
-    """Draw a number of scenes as stage scenes does, with training items, and render the first ones."""
+def draw_scenes(cfg: DictConfig, order: tuple[str, int, int]) -> tuple[Candidates, UInt8[Array, "picture 100 100 3"]]:
+    """Draw scenes as stage scenes does, with training items, and random paths in each; render the first scenes.
+
+    order: name, number of scenes, number of pictures.
+    """
     (name, count, pictures), (catalogue, palette) = order, read_palette(cfg.paths.data)
-    rng, rules = stream(cfg.studies.ceiling.root_seed, "scenes", name), LayoutRules.of(cfg.scenes.layout)
+    study, rules = cfg.studies.ceiling, LayoutRules.of(cfg.scenes.layout)
+    rng = stream(study.root_seed, "scenes", name)
     layouts = random_layouts(rng, count, catalogue.footprints, catalogue.pool("train"), rules)
     textures, seeds = rng.choice(catalogue.texture_names("train"), count), rng.integers(2**31, size=count)
     first = slice(pictures)
-    return layouts, render_scenes(layouts[first], list(textures[first]), seeds[first].tolist(), palette)
+    images = render_scenes(layouts[first], list(textures[first]), seeds[first].tolist(), palette)
+    return Candidates.of(layouts, random_z_theta(rng, count, study.candidates)), images
 
 
 def judge(model: ValidityModel, job: TrainingSet) -> dict[str, float]:
@@ -179,19 +187,22 @@ def _seed(cfg: DictConfig, job: Job) -> int:
     return job_seed(job.seed, job.user, cfg.main_n_demos, job.learner)
 
 
-def judge_blind(jobs: list[Job], prior: dict[str, Float[Array, "side side"]]) -> list[dict]:
-    """Return the accuracies of both image-blind baselines, a row for each training set; 0 scenes: not fitted to any."""
-    rows = []
-    for job in {(job.user, job.seed): job for job in jobs}.values():  # the smallest of each
-        seen = job.judged[SEEN]
-        demos, labels = job.z_theta[: len(seen.valid)], job.valid[: len(seen.valid)]
-        p = {(POSITION, split): baselines.position_only(prior[job.user], x.z_theta) for split, x in job.judged.items()}
-        p[NEAREST, SEEN] = baselines.nearest_demonstration(demos, labels, seen.z_theta)
+def judge_blind(jobs: list[Job], prior: dict[str, Float[Array, "side side"]]) -> Iterator[dict]:
+    """Yield the accuracies of both image-blind baselines, for which the number of scenes is 0: any will do."""
+    for job in {(job.user, job.seed, job.clear_cm): job for job in jobs}.values():  # the smallest of each
+        seen = len(job.judged[SEEN].valid)
+        demos = job.z_theta[:seen], job.valid[:seen]
+        p = {(POSITION, s): baselines.position_only_of_half(prior[job.user], x.z_theta) for s, x in job.judged.items()}
+        p[NEAREST, SEEN] = baselines.nearest_demonstration(*demos, job.judged[SEEN].z_theta)
         for (name, split), of_paths in p.items():
-            right = accuracy(of_paths.ravel(), (truth := job.judged[split].valid).ravel())
-            key = {"learner": name, "scenes": 0, "split": split, "user": job.user, "seed": job.seed}
-            rows.append(key | {"accuracy": right, "valid": truth.mean()})
-    return rows
+            yield row(job, name, 0, split, accuracy(of_paths.ravel(), job.judged[split].valid.ravel()))
+
+
+def row(job: Job, learner: str, scenes: int, split: str, right: float) -> dict:
+    """Return a row of accuracy.parquet; `valid`: share of the judged paths that are valid."""
+    key = {"learner": learner, "scenes": scenes, "clear_cm": job.clear_cm, "split": split}
+    valid = job.judged[split].valid if split in job.judged else job.valid
+    return key | {"user": job.user, "seed": job.seed, "accuracy": right, "valid": valid.mean()}
 
 
 if __name__ == "__main__":

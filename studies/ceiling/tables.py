@@ -21,10 +21,12 @@ def name_of(learner: str) -> str:
 def learners(study: Study) -> Table:
     """Return accuracy by learner and number of training scenes, with quartiles over training sets in new scenes."""
     rows = []
-    for (learner, scenes), of_learner in study.table("summary.csv").groupby(["learner", "scenes"], sort=False):
+    keys = ["learner", "scenes", "clear_cm"]
+    for (learner, scenes, clear_cm), of_learner in study.table("summary.csv").groupby(keys, sort=False):
         by_split = of_learner.set_index("split")
         accuracy = by_split["accuracy"].reindex(["demonstrations", "seen_scenes", "new_scenes"])
         shown = {"Model": name_of(str(learner)), "Training scenes": scenes or "–"}
+        shown["Clear by"] = f"{clear_cm} cm"
         shown |= dict(zip(("Own demonstrations", "Training tables", "New tables"), accuracy, strict=True))
         shown |= {"q1": by_split["q1"].get("new_scenes"), "q3": by_split["q3"].get("new_scenes")}
         rows.append(shown | {"Training sets": by_split["seeds"].iloc[0]})

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
 from omegaconf import DictConfig
 
@@ -23,10 +23,10 @@ from pipeline.launch import launch
 from pipeline.models import baselines
 from pipeline.models.base import ValidityModel
 from pipeline.runtime.streams import stream
-from pipeline.stats.scores import DECISION, accuracy
+from pipeline.stats.scores import accuracy
 from pipeline.training.refit import TrainingSet, refit
 from pipeline.world.bezier import random_z_theta
-from pipeline.world.rules import clearance, slack
+from pipeline.world.clear_cases import Candidates
 
 ANY, FEW = ROUTES = "any", "few"
 OWN, HELD_OUT, NEW = "demonstrations", "held_out", "new_scenes"
@@ -78,19 +78,17 @@ def show_all(cfg: DictConfig, scenes: SceneSet) -> Iterator[Shown]:
             pool = train_pool(seed)
             seen = _candidates(cfg, scenes, pool, routes)
             for clear_cm, user in product(study.clear_cm, cfg.evaluate.users):
-                z, valid = choose(cfg, scenes, pool, *seen, user, clear_cm, n + study.held_out)
+                z, valid = choose(cfg, pool, seen, user, clear_cm, n + study.held_out)
                 judged = {
                     OWN: (z[:, :n], valid[:, :n]),
                     HELD_OUT: (z[:, n:], valid[:, n:]),
-                    NEW: choose(cfg, scenes, NEW_POOL, *new, user, clear_cm, study.held_out),
+                    NEW: choose(cfg, NEW_POOL, new, user, clear_cm, study.held_out),
                 }
                 yield Shown(user, seed, scenes.images[pool], *judged[OWN], routes, clear_cm, judged)
 
 
-def _candidates(
-    cfg: DictConfig, scenes: SceneSet, pool: str, routes: str
-) -> tuple[Float[Array, "scene candidate 2"], Float[Array, "scene candidate slot"]]:
-    """Draw random paths [m] of these routes in each scene; return them with their clearances [m]."""
+def _candidates(cfg: DictConfig, scenes: SceneSet, pool: str, routes: str) -> Candidates:
+    """Draw random paths of these routes in each scene."""
     study, layouts = cfg.studies.demonstrations, scenes.layouts[pool]
     rng = stream(study.root_seed, routes, pool)
     shape = len(layouts), study.candidates
@@ -99,40 +97,13 @@ def _candidates(
         centre = np.array(study.families, float)[rng.integers(len(study.families), size=shape)]
         bearing, reach = rng.uniform(-np.pi, np.pi, shape), study.family_radius * np.sqrt(rng.random(shape))
         z = centre + reach[..., None] * np.stack([np.cos(bearing), np.sin(bearing)], -1)
-    return z, np.concatenate([clearance(layouts[[i]], z[[i]]) for i in range(len(layouts))])
+    return Candidates.of(layouts, z)
 
 
-def choose(
-    cfg: DictConfig,
-    scenes: SceneSet,
-    pool: str,
-    z_theta: Array,
-    clearances: Array,
-    user: str,
-    clear_cm: int,
-    count: int,
-) -> Labelled:
+def choose(cfg: DictConfig, pool: str, candidates: Candidates, user: str, clear_cm: int, count: int) -> Labelled:
     """Choose `count` candidates in each scene that are clear cases to the user; return them with their labels."""
-    slacks = slack(scenes.layouts[pool], clearances, cfg.users[user])
     rng = stream(cfg.studies.demonstrations.root_seed, "choose", pool, user, clear_cm)
-    rows = np.stack([clear_cases(rng, of_scene, clear_cm / 100, count) for of_scene in slacks])
-    chosen = np.take_along_axis(slacks, rows, 1)
-    return np.take_along_axis(z_theta, rows[..., None], 1), chosen > 0
-
-
-def clear_cases(
-    rng: np.random.Generator, slacks: Float[Array, " path"], clear_m: float, count: int
-) -> Int[Array, " count"]:
-    """Return the indices of different paths at least `clear_m` [m] from the boundary, each valid with probability 1/2.
-
-    Where a scene has too few of one label, the other fills in; where it has too few of both, the clearest others.
-    """
-    valid, invalid = np.flatnonzero(slacks > clear_m), np.flatnonzero(slacks <= -clear_m)
-    n_valid = np.clip(rng.binomial(count, 0.5), count - len(invalid), len(valid))
-    chosen = np.concatenate([valid[:n_valid], invalid[: count - n_valid]])
-    clearest = np.argsort(-np.abs(slacks), kind="stable")
-    rest = clearest[~np.isin(clearest, chosen)][: count - len(chosen)]
-    return rng.permutation(np.concatenate([chosen, rest]))
+    return candidates.choose(rng, cfg.users[user], clear_cm / 100, count)
 
 
 def judge(new_images: UInt8[Array, "scene 100 100 3"], model: ValidityModel, shown: TrainingSet) -> dict[str, float]:
@@ -143,12 +114,9 @@ def judge(new_images: UInt8[Array, "scene 100 100 3"], model: ValidityModel, sho
 
 
 def judge_blind(prior: Float[Array, "side side"], shown: Shown) -> Iterator[dict]:
-    """Yield the accuracy of both image-blind baselines.
-
-    Half of the paths are valid, so position only accepts a path that is valid more often than the user's average one.
-    """
+    """Yield the accuracy of both image-blind baselines."""
     for split, (z, valid) in shown.judged.items():
-        p = {POSITION: baselines.position_only(prior - prior.mean() + DECISION, z)}
+        p = {POSITION: baselines.position_only_of_half(prior, z)}
         if split == HELD_OUT:
             p[NEAREST] = baselines.nearest_demonstration(shown.z_theta, shown.valid, z)
         for variant, of_variant in p.items():

@@ -73,7 +73,7 @@ def test_the_true_code_knows_each_item_and_nothing_of_empty_slots():
 
 @pytest.fixture(scope="module")
 def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
-    """A smoke run's settings, and a prior by which every path is valid."""
+    """A smoke run's settings, and a prior that prefers no position."""
     cfg = compose(["profile=smoke", "workers=1", "train.steps=2", f"paths.scenes={tmp_path_factory.mktemp('ceiling')}"])
     write_arrays(Path(cfg.paths.scenes) / "position_prior.npz", {u: np.ones((2, 2)) for u in cfg.evaluate.users})
     return cfg
@@ -82,7 +82,9 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
 def test_fewer_scenes_are_the_first_ones_and_judges_are_the_same_for_all(cfg: DictConfig):
     jobs = draw_jobs(cfg)
     for job in jobs:
-        largest = next(x for x in jobs if (x.user, x.seed, x.learner) == (job.user, job.seed, PERFECT))
+        largest = next(
+            x for x in jobs if (x.user, x.seed, x.clear_cm, x.learner) == (job.user, job.seed, job.clear_cm, PERFECT)
+        )
         np.testing.assert_array_equal(job.z_theta, largest.z_theta[: len(job.z_theta)])
         np.testing.assert_array_equal(job.code, largest.code[: len(job.code)])
         assert len(job.images) == (0 if job.learner == PERFECT else len(job.z_theta))
@@ -93,9 +95,12 @@ def test_fewer_scenes_are_the_first_ones_and_judges_are_the_same_for_all(cfg: Di
 
 def test_each_learner_has_a_row_for_each_number_of_scenes_and_split(cfg: DictConfig, out: Path):
     study, summary = cfg.studies.ceiling, read_table(out / "summary.csv")
-    expected = {(x, n, split) for x, ns in study.scenes.items() for n in ns for split in (OWN, SEEN, NEW)}
-    expected |= {(POSITION, 0, SEEN), (POSITION, 0, NEW), (NEAREST, 0, SEEN)}
-    assert set(summary[["learner", "scenes", "split"]].itertuples(index=False, name=None)) == expected
-    accepts_all = summary[summary["learner"] == POSITION]
-    np.testing.assert_allclose(accepts_all["accuracy"], accepts_all["valid"], atol=2e-6)
+    distances = {x: study.clear_cm if x in study.clear_learners else [0] for x in study.scenes}
+    cells = [(x, n, cm) for x, numbers in study.scenes.items() for n in numbers for cm in distances[x]]
+    expected = {(*cell, split) for cell in cells for split in (OWN, SEEN, NEW)}
+    blind = [(POSITION, SEEN), (POSITION, NEW), (NEAREST, SEEN)]
+    expected |= {(x, 0, cm, split) for cm in study.clear_cm for x, split in blind}
+    assert set(summary[["learner", "scenes", "clear_cm", "split"]].itertuples(index=False, name=None)) == expected
+    rejects_all = summary[summary["learner"] == POSITION]
+    np.testing.assert_allclose(rejects_all["accuracy"], 1 - rejects_all["valid"], atol=2e-6)
     assert (summary["q1"] <= summary["q3"]).all() and (summary["seeds"] == len(cfg.seeds)).all()
