@@ -28,7 +28,7 @@ def reached(study: Study) -> Figure:
         "Nearest demonstration": {"source": "evaluate", "learner": "nearest_demonstration"},
         "Position only": {"source": "evaluate", "learner": "position_only"},
     }
-    figure, axes = panels(1, 1, 5.6, 4.2)
+    figure, axes = panels(1, 1, 5.0, 3.8)
     axes = axes[0, 0]
     marks = {"seen_scenes": (-0.16, "o", style.INK), "new_scenes": (0.16, "D", style.colour("full"))}
     for (y, where), (split, (offset, marker, colour)) in product(enumerate(rows.values()), marks.items()):
@@ -55,7 +55,7 @@ def clear_cases(study: Study) -> Figure:
     """Draw accuracy on held-out paths of the training scenes against clearness, with and without the image."""
     table = study.table("accuracy.csv", finite=("accuracy", "q1", "q3"))
     table = table[(table["source"] == "demonstrations") & (table["split"] == "held_out")]
-    figure, axes = panels(1, 1, 5.6, 4.2)
+    figure, axes = panels(1, 1, 5.0, 3.8)
     axes = axes[0, 0]
     names = {"full": "Paper’s model", "nearest_demonstration": "Nearest demonstration"}
     for (learner, name), (routes, line) in product(names.items(), {"any": "-", "few": "--"}.items()):
@@ -85,23 +85,23 @@ def claims_map(study: Study) -> Figure:
         sorted(set(table["clear_cm"])),
     )  # the first number is 0: baselines
     learners = ["full", "perfect"]
-    figure, axes = panels(len(learners), len(SPLITS), 6.0, 5.6, sharex=True, sharey=True)
+    figure, axes = panels(len(learners), len(SPLITS), 3.7, 4.4, sharex=True, sharey=True)
     for (i, learner), (j, split) in product(enumerate(learners), enumerate(SPLITS)):
         panel = axes[i, j]
         rows = table[table["learner"].isin([learner, BLIND[split]]) & (table["split"] == split)]
         for row in rows.to_dict("records"):
             x, y = numbers.index(row["scenes"]), distances.index(row["clear_cm"])
             _cell(panel, x, y, row["accuracy"], bool(row["reaches"]))
-        panel.set_title(f"{name_of(learner)}\n{SPLITS[split].lower()}")
+        panel.set_title(f"{name_of(learner)}\n{SPLITS[split].lower()}", fontsize=9)
         panel.set(xlim=(-0.5, len(numbers) - 0.5), ylim=(-0.5, len(distances) - 0.5))
         panel.set_xticks(range(len(numbers)), ["blind", *(f"{number:,.0f}" for number in numbers[1:])])
         panel.set_yticks(range(len(distances)), [f"{distance:.0f}" for distance in distances])
-        panel.tick_params(length=0)
+        panel.tick_params(length=0, labelsize=8, pad=1)
         panel.spines[:].set_visible(False)
     for panel in axes[-1]:
-        panel.set_xlabel("training tables")
+        panel.set_xlabel("training tables", fontsize=9)
     for panel in axes[:, 0]:
-        panel.set_ylabel("clear by, cm")
+        panel.set_ylabel("clear by, cm", fontsize=9)
     return figure
 
 
@@ -111,5 +111,5 @@ def _cell(axes: Axes, x: int, y: int, rate: float, reaches: bool) -> None:
     axes.add_patch(Rectangle((x - 0.47, y - 0.47), 0.94, 0.94, facecolor=grey, edgecolor="none"))
     ink = LIGHT if float(grey) < 0.5 else DARK
     if reaches:
-        axes.add_patch(Rectangle((x - 0.4, y - 0.4), 0.8, 0.8, facecolor="none", edgecolor=ink, linewidth=2))
-    axes.text(x, y, f"{100 * rate:.0f}", ha="center", va="center", color=ink, fontsize=12)
+        axes.add_patch(Rectangle((x - 0.41, y - 0.41), 0.82, 0.82, facecolor="none", edgecolor=ink, linewidth=1.5))
+    axes.text(x, y, f"{100 * rate:.0f}", ha="center", va="center", color=ink, fontsize=9)

@@ -14,8 +14,8 @@ def name_of(learner: str) -> str:
     return "Perfect encoder" if learner == "perfect" else style.label(learner)
 
 
-def cells(study: Study) -> Table:
-    """Return every cell of the map; image-blind baselines have no number of training scenes."""
+def conditions(study: Study) -> Table:
+    """Return every condition of the map; image-blind baselines have no number of training scenes."""
     rows = []
     for row in study.rows("accuracy.csv", source="ceiling").to_dict("records"):
         shown = {"Learner": name_of(row["learner"]), "Training tables": int(row["scenes"]) or "–"}
