@@ -20,3 +20,8 @@ def position_only(prior: Float[Array, "side side"], z_theta: Float[Array, "*path
     side = len(prior)
     cells = np.floor((z_theta - Z_LOW) / (Z_HIGH - Z_LOW) * side).astype(int).clip(0, side - 1)
     return prior[cells[..., 1], cells[..., 0]]
+
+
+def position_only_of_half(prior: Float[Array, "side side"], z_theta: Float[Array, "*path 2"]) -> Float[Array, "*path"]:
+    """Return `position_only` for paths of which half are valid: above 1/2 where more are valid than on average."""
+    return position_only(prior - prior.mean() + 0.5, z_theta)

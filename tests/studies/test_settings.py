@@ -9,9 +9,13 @@ from tests.factories import composed, with_value
 MARGINS = "{" + ", ".join(f"{symbol}: MARGIN" for symbol in SYMBOLS) + "}"
 OUT_OF_RANGE = {  # study: values of its settings, each refused by the setting's name
     "acceptance": "variants=[unknown] | variants=[] | level=1.0 | fitted=20",
+    "ceiling": "scenes={unknown: [20]} | scenes={irl_ranked: [20]} | scenes.full=[12, 6] | seeds={full: 2}"
+    " | new_scenes=1 | seen_scenes=7",
     "confounding": "worlds.always=1.5 | worlds.control=0.5 | gap_m=[0.001, 0.04] | worlds={} | glasses=3 | near_m=0"
     " | users=[carefull] | variants={fulll: [confounded]} | variants.clearance=[control] | examples=0",
     "counterfactuals": "scenes=1 | move_step=0.0 | example_variant=best",
+    "demonstrations": "seeds={clearance: 2} | seeds={full: 2, unknown: 2} | candidates=10 | clear_cm=[4, 0]"
+    " | clear_cm=[] | families=[] | families=[[0.5]] | family_radius=0",
     "envelope": "doses=1 | paths=0.5 | candidates=0 | step=0.0 | planner=unknown",
     "identification": "paths=0 | draws=true | level=1.0",
     "refutation": "scenes=3 | scenes=4.5 | far_m=0.04 | dummy_outcome=[unknown] | pieces=[3]",

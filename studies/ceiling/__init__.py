@@ -1,0 +1,1 @@
+"""Study: what the paper's model would need to judge new scenes."""

@@ -1,0 +1,43 @@
+"""Parameters of the ceiling study (conf/studies/ceiling.yaml) and their constraints."""
+
+from typing import Annotated
+
+from pydantic import AfterValidator
+
+from pipeline.config.checks import need, need_some
+from pipeline.config.settings import Settings as Parameters
+from pipeline.config.values import Count, Names, Several, StudyGroup, Whole, expected, rising
+
+Numbers = Annotated[list[Count], AfterValidator(rising), expected("ascending whole numbers from 1")]
+
+
+class Settings(StudyGroup):
+    root_seed: Whole
+    scenes: dict[str, Numbers]
+    clear_cm: Annotated[list[Whole], AfterValidator(rising), expected("ascending whole numbers from 0 [cm]")]
+    clear_learners: Names
+    candidates: Count
+    seeds: dict[str, Several]
+    seen_scenes: Count
+    new_scenes: Several
+    paths: Count
+
+
+def agree(study: Settings, parameters: Parameters) -> None:
+    """Require known learners, with seeds, and training scenes enough to judge them in."""
+    name, variants = "studies.ceiling", parameters.variants
+    known = [*(v for v in variants if variants[v].kind == "vae"), "coordinates", "path_drawn", "perfect"]
+    need_some(f"{name}.scenes", study.scenes, known)
+    need("classifier" in variants, "variants", list(variants), "classifier among them: its weights of Eq. 1 are used")
+    need(set(study.scenes) <= set(study.seeds), f"{name}.seeds", study.seeds, "a number for each learner of `scenes`")
+    need_some(f"{name}.clear_learners", study.clear_learners, study.scenes, or_none=True)
+    need(
+        study.clear_cm[0] == 0,
+        f"{name}.clear_cm",
+        study.clear_cm,
+        "0 first: learners not in `clear_learners` have no other",
+    )
+    paths = parameters.main_n_demos + study.paths
+    need(study.candidates >= paths, f"{name}.candidates", study.candidates, f"at least main_n_demos + paths = {paths}")
+    fewest = min(numbers[0] for numbers in study.scenes.values())
+    need(study.seen_scenes <= fewest, f"{name}.seen_scenes", study.seen_scenes, f"at most {fewest}, as in `scenes`")

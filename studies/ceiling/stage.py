@@ -1,0 +1,209 @@
+"""Stage ceiling: fit the paper's model to more scenes, and with a better input, and judge it in new scenes.
+
+Each training set has scenes and paths of its own; fewer scenes are the first ones. Half of the paths are valid. Some
+learners are also fitted to clear cases and judged on them. Every learner has the schedule and the width of stage train.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+from pathlib import Path
+
+import pandas as pd
+import torch
+from jaxtyping import Bool, Float, UInt8
+from numpy import ndarray as Array
+from omegaconf import DictConfig
+
+from pipeline.artifacts.files import write_table
+from pipeline.artifacts.scenes import read_position_prior
+from pipeline.config.settings import NEAREST, POSITION
+from pipeline.launch import launch
+from pipeline.models import baselines
+from pipeline.models.base import ValidityModel, untrained
+from pipeline.models.vae.beta_vae import BetaVae
+from pipeline.models.vae.losses import Weights, classification
+from pipeline.runtime.parallel import map_jobs
+from pipeline.runtime.streams import job_seed, stream
+from pipeline.stats.scores import accuracy
+from pipeline.training.loop import Losses, Schedule, minimise
+from pipeline.training.refit import TrainingSet, refit
+from pipeline.training.runner import need_finite
+from pipeline.training.vae.engines import reference
+from pipeline.world.bezier import random_z_theta
+from pipeline.world.clear_cases import Candidates
+from pipeline.world.layout import LayoutRules, random_layouts
+from pipeline.world.render import read_palette, render_scenes
+from studies.ceiling.models import Coordinates, PathDrawn, true_code
+
+PERFECT = "perfect"
+CHANGED = {"coordinates": Coordinates, "path_drawn": PathDrawn}
+OWN, SEEN, NEW = "demonstrations", "seen_scenes", "new_scenes"
+
+
+@dataclass(frozen=True)
+class Labelled:
+    """Scenes as images and as the truth, with one user's labelled paths."""
+
+    images: UInt8[Array, "scene 100 100 3"]
+    code: Float[Array, "scene number"]
+    z_theta: Float[Array, "scene path 2"]  # [m]
+    valid: Bool[Array, "scene path"]
+
+
+@dataclass(frozen=True)
+class Job(TrainingSet):
+    """A training set, with its learner, the truth about its scenes, and what judges the learner by split.
+
+    clear_cm: least distance of all paths from the boundary of validity [cm].
+    """
+
+    learner: str
+    clear_cm: int
+    code: Float[Array, "scene number"]
+    judged: dict[str, Labelled]
+
+
+def main(cfg: DictConfig, out_dir: Path) -> None:
+    """Write accuracy.parquet and summary.csv."""
+    study, prior = cfg.studies.ceiling, read_position_prior(Path(cfg.paths.scenes))
+    jobs = draw_jobs(cfg)
+    of = {learner: [job for job in jobs if job.learner == learner] for learner in study.scenes}
+    scored = refit(cfg, {x: of[x] for x in of if x in cfg.variants}, judge, "ceiling, as in stage train")
+    for name, fit in ((PERFECT, fit_head), *dict.fromkeys(CHANGED, fit_changed).items()):
+        scored[name] = map_jobs(partial(fit, cfg), of.get(name, []), cfg.workers, f"ceiling, {name}")
+    rows = [
+        row(job, learner, len(job.z_theta), split, right)
+        for learner, accuracies in scored.items()
+        for job, by_split in zip(of[learner], accuracies, strict=True)
+        for split, right in by_split.items()
+    ]
+    table = pd.DataFrame([*rows, *judge_blind(jobs, prior)])
+    write_table(out_dir / "accuracy.parquet", table)
+    key = ["learner", "scenes", "clear_cm", "split"]
+    by_seed = table.groupby([*key, "seed"], sort=False)[["accuracy", "valid"]].mean().reset_index()
+    first, third = partial(pd.Series.quantile, q=0.25), partial(pd.Series.quantile, q=0.75)
+    columns = {"accuracy": ("accuracy", "mean"), "q1": ("accuracy", first), "q3": ("accuracy", third)}
+    columns |= {"valid": ("valid", "mean"), "seeds": ("seed", "size")}
+    write_table(out_dir / "summary.csv", by_seed.groupby(key, sort=False).agg(**columns).reset_index())
+
+
+def draw_jobs(cfg: DictConfig) -> list[Job]:
+    """Draw all training sets: the largest number of scenes first, which takes longest."""
+    study, n, jobs = cfg.studies.ceiling, cfg.main_n_demos, []
+    seeds = list(cfg.protocol.seeds)[: max(study.seeds.values())]
+    most = {x: max(numbers) for x, numbers in study.scenes.items()}
+    pictures = max((count for x, count in most.items() if x != PERFECT), default=study.seen_scenes)
+    orders = [(NEW, study.new_scenes, study.new_scenes)]
+    for i, seed in enumerate(seeds):
+        orders.append((f"train-{seed}", max(c for x, c in most.items() if i < study.seeds[x]), pictures))
+    (new, new_images), *training = map_jobs(partial(draw_scenes, cfg), orders, cfg.workers, "scenes")
+    seen = slice(study.seen_scenes)
+    cases = list(product(cfg.evaluate.users, study.clear_cm))
+    for (i, (pool, images)), (user, clear_cm) in product(enumerate(training), cases):
+        z, labels = choose(cfg, orders[i + 1][0], pool, user, clear_cm)
+        new_z, new_labels = choose(cfg, NEW, new, user, clear_cm)
+        code = _code(cfg, pool)
+        judged = {
+            SEEN: Labelled(images[seen], code[seen], z[seen, n:], labels[seen, n:]),
+            NEW: Labelled(new_images, _code(cfg, new), new_z[:, n:], new_labels[:, n:]),
+        }
+        fitted = [x for x in study.scenes if i < study.seeds[x] and (clear_cm == 0 or x in study.clear_learners)]
+        for learner, count in ((x, count) for x in fitted for count in study.scenes[x]):
+            data = images[: 0 if learner == PERFECT else count], z[:count, :n], labels[:count, :n]
+            jobs.append(Job(user, seeds[i], *data, learner, clear_cm, code[:count], judged))
+    return sorted(jobs, key=lambda job: -len(job.z_theta))
+
+
+def choose(cfg: DictConfig, name: str, pool: Candidates, user: str, clear_cm: int) -> tuple[Array, Array]:
+    """Choose each scene's demonstrations, then the paths that judge a learner; return all with their labels."""
+    study = cfg.studies.ceiling
+    rng = stream(study.root_seed, "choose", name, user, clear_cm)
+    return pool.choose(rng, cfg.users[user], clear_cm / 100, cfg.main_n_demos + study.paths)
+
+
+def _code(cfg: DictConfig, pool: Candidates) -> Float[Array, "scene number"]:
+    return true_code(pool.layouts, max(cfg.scenes.layout.items_per_scene))
+
+
+def draw_scenes(cfg: DictConfig, order: tuple[str, int, int]) -> tuple[Candidates, UInt8[Array, "picture 100 100 3"]]:
+    """Draw scenes as stage scenes does, with training items, and random paths in each; render the first scenes.
+
+    order: name, number of scenes, number of pictures.
+    """
+    (name, count, pictures), (catalogue, palette) = order, read_palette(cfg.paths.data)
+    study, rules = cfg.studies.ceiling, LayoutRules.of(cfg.scenes.layout)
+    rng = stream(study.root_seed, "scenes", name)
+    layouts = random_layouts(rng, count, catalogue.footprints, catalogue.pool("train"), rules)
+    textures, seeds = rng.choice(catalogue.texture_names("train"), count), rng.integers(2**31, size=count)
+    first = slice(pictures)
+    images = render_scenes(layouts[first], list(textures[first]), seeds[first].tolist(), palette)
+    return Candidates.of(layouts, random_z_theta(rng, count, study.candidates)), images
+
+
+def judge(model: ValidityModel, job: TrainingSet) -> dict[str, float]:
+    """Return the model's accuracy on its own demonstrations and in each split."""
+    assert isinstance(job, Job)
+    return _accuracies(job, lambda x: model.probability(x.images, x.z_theta))
+
+
+def _accuracies(job: Job, p: Callable[[Labelled], Array]) -> dict[str, float]:
+    own = Labelled(job.images, job.code, job.z_theta, job.valid)
+    return {split: accuracy(p(x).ravel(), x.valid.ravel()) for split, x in {OWN: own, **job.judged}.items()}
+
+
+def fit_changed(cfg: DictConfig, job: Job) -> dict[str, float]:
+    """Fit a classifier that reads more than the image; return its accuracies."""
+    v, seed = cfg.variants.classifier, _seed(cfg, job)
+    model = untrained(CHANGED[job.learner], cfg.train.model, seed)
+    assert isinstance(model, BetaVae)
+    weights = Weights(float(v.alpha), float(v.beta), float(v.gamma))
+    data = job.images, job.z_theta, job.valid
+    curve = reference.fit(model, *data, weights=weights, schedule=Schedule.of(cfg.train), seed=seed)
+    need_finite(curve, f"{job.learner} of {job.user}, seed {job.seed}")
+    return judge(model, job)
+
+
+def fit_head(cfg: DictConfig, job: Job) -> dict[str, float]:
+    """Fit the paper's classifier to the true codes of its scenes; return its accuracies."""
+    head = untrained(BetaVae, {**cfg.train.model, "latent": job.code.shape[1]}, _seed(cfg, job))
+    assert isinstance(head, BetaVae)
+    labels = torch.from_numpy(job.valid)
+
+    def logit(code: Array, z_theta: Array) -> torch.Tensor:
+        return head.logit(torch.from_numpy(code).float(), torch.from_numpy(z_theta).float())
+
+    def loss() -> Losses:
+        value = classification(logit(job.code, job.z_theta), labels)
+        return value, [value]
+
+    need_finite(minimise(loss, head.classifier.parameters(), Schedule.of(cfg.train)), f"{PERFECT}, seed {job.seed}")
+    with torch.no_grad():
+        return _accuracies(job, lambda x: logit(x.code, x.z_theta).sigmoid().numpy())
+
+
+def _seed(cfg: DictConfig, job: Job) -> int:
+    return job_seed(job.seed, job.user, cfg.main_n_demos, job.learner)
+
+
+def judge_blind(jobs: list[Job], prior: dict[str, Float[Array, "side side"]]) -> Iterator[dict]:
+    """Yield the accuracies of both image-blind baselines, for which the number of scenes is 0: any will do."""
+    for job in {(job.user, job.seed, job.clear_cm): job for job in jobs}.values():  # the smallest of each
+        seen = len(job.judged[SEEN].valid)
+        demos = job.z_theta[:seen], job.valid[:seen]
+        p = {(POSITION, s): baselines.position_only_of_half(prior[job.user], x.z_theta) for s, x in job.judged.items()}
+        p[NEAREST, SEEN] = baselines.nearest_demonstration(*demos, job.judged[SEEN].z_theta)
+        for (name, split), of_paths in p.items():
+            yield row(job, name, 0, split, accuracy(of_paths.ravel(), job.judged[split].valid.ravel()))
+
+
+def row(job: Job, learner: str, scenes: int, split: str, right: float) -> dict:
+    """Return a row of accuracy.parquet; `valid`: share of the judged paths that are valid."""
+    key = {"learner": learner, "scenes": scenes, "clear_cm": job.clear_cm, "split": split}
+    valid = job.judged[split].valid if split in job.judged else job.valid
+    return key | {"user": job.user, "seed": job.seed, "accuracy": right, "valid": valid.mean()}
+
+
+if __name__ == "__main__":
+    launch(main, "ceiling")

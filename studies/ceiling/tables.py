@@ -1,0 +1,35 @@
+"""Every learner and number of training scenes: own demonstrations, training scenes and new scenes."""
+
+import pandas as pd
+
+from pipeline.report import style
+from pipeline.report.page import Table
+from pipeline.report.study import Study
+
+NAMES = {
+    "perfect": "Perfect encoder",
+    "coordinates": "Classifier with coordinates",
+    "path_drawn": "Classifier with the path drawn",
+}
+
+
+def name_of(learner: str) -> str:
+    """Return the displayed name of a learner or baseline."""
+    return NAMES.get(learner) or style.label(learner)
+
+
+def learners(study: Study) -> Table:
+    """Return accuracy by learner and number of training scenes, with quartiles over training sets in new scenes."""
+    rows = []
+    keys = ["learner", "scenes", "clear_cm"]
+    for (learner, scenes, clear_cm), of_learner in study.table("summary.csv").groupby(keys, sort=False):
+        by_split = of_learner.set_index("split")
+        accuracy = by_split["accuracy"].reindex(["demonstrations", "seen_scenes", "new_scenes"])
+        shown = {"Model": name_of(str(learner)), "Training scenes": scenes or "–"}
+        shown["Clear by"] = f"{clear_cm} cm"
+        shown |= dict(zip(("Own demonstrations", "Training tables", "New tables"), accuracy, strict=True))
+        shown |= {"q1": by_split["q1"].get("new_scenes"), "q3": by_split["q3"].get("new_scenes")}
+        rows.append(shown | {"Training sets": by_split["seeds"].iloc[0]})
+    columns = ("Own demonstrations", "Training tables", "New tables", "q1", "q3")
+    frame = pd.DataFrame(rows, dtype=object)
+    return Table(frame.where(frame.notna(), None), dict.fromkeys(columns, "pct1"))

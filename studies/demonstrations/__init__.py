@@ -1,0 +1,1 @@
+"""Study: accuracy of the paper's model on demonstrations as people may show them."""

@@ -1,0 +1,106 @@
+"""Learners of the ceiling study read what they are said to read, and are judged in scenes of the study's own."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from omegaconf import DictConfig
+
+from pipeline.artifacts.files import read_table, write_arrays
+from pipeline.config.settings import NEAREST, POSITION
+from pipeline.models.base import untrained
+from pipeline.params import compose
+from pipeline.world.bezier import curve, random_z_theta
+from pipeline.world.layout import EMPTY, SIDE, SYMBOLS, random_layouts
+from studies.ceiling import stage
+from studies.ceiling.models import Coordinates, PathDrawn, draw_paths, true_code
+from studies.ceiling.stage import NEW, OWN, PERFECT, SEEN, draw_jobs
+from tests.factories import ITEMS, RULES
+
+main = stage.main  # of the fixture `out`
+SHAPE = {"latent": 15, "channels": (16, 8, 4), "hidden": 64}
+
+
+def test_a_drawn_path_covers_its_curve_and_nothing_far_from_it():
+    z = torch.from_numpy(random_z_theta(np.random.default_rng(0), 2, 5)).float()
+    drawn = draw_paths(z).numpy()
+    assert drawn.shape == (2, 5, SIDE, SIDE) and set(np.unique(drawn)) == {0, 1}
+    for path, points in zip(drawn.reshape(-1, SIDE, SIDE), curve(z.numpy().reshape(-1, 2), 3000), strict=True):
+        points = points[((points >= 0) & (points < 1)).all(-1)]
+        assert path[SIDE - 1 - (SIDE * points[:, 1]).astype(int), (SIDE * points[:, 0]).astype(int)].all()
+        row, column = np.nonzero(path)
+        centres = np.stack([column + 0.5, SIDE - row - 0.5], -1) / SIDE
+        assert np.linalg.norm(centres[:, None] - points, axis=-1).min(1).max() < 0.022, "two pixels, diagonally less"
+
+
+@torch.no_grad()
+def test_the_path_is_a_fourth_channel_of_the_first_convolution():
+    model = untrained(PathDrawn, SHAPE, 0)
+    assert isinstance(model, PathDrawn)
+    images, z = torch.rand(2, 3, SIDE, SIDE), torch.rand(2, 4, 2)
+    pictures = torch.cat([images.repeat_interleave(4, 0), draw_paths(z).flatten(0, 1)[:, None]], 1)
+    first = model.features[0]
+    weight = torch.cat([first.get_parameter("weight"), model.path.weight], 1)
+    response = torch.nn.functional.conv2d(pictures, weight, first.get_parameter("bias"), stride=2, padding=1)
+    code = model.code(model.features[1:](response)).unflatten(0, (2, 4))
+    expected = model.classifier(torch.cat([code, (z - 0.5) / 0.7], -1)).squeeze(-1)
+    torch.testing.assert_close(model(images, z), expected, rtol=1e-4, atol=1e-5)
+
+
+@torch.no_grad()
+def test_coordinates_tell_places_of_a_blank_image_apart():
+    model = untrained(Coordinates, SHAPE, 0)
+    assert isinstance(model, Coordinates)
+    x, y = model.places
+    assert x[0, -1] == 1 and y[0, 0] == 1, "x to the right, y away from the robot"
+    first = model.features[0](torch.cat([torch.zeros(1, 3, SIDE, SIDE), model.places[None]], 1))
+    assert first[0, :, 5, 5].sub(first[0, :, 40, 40]).abs().max() > 0.1
+    assert model(torch.zeros(2, 3, SIDE, SIDE), torch.rand(2, 4, 2)).shape == (2, 4)
+
+
+def test_the_true_code_knows_each_item_and_nothing_of_empty_slots():
+    layouts = random_layouts(np.random.default_rng(0), 40, ITEMS, np.arange(4), RULES)
+    code = true_code(layouts, 3).reshape(40, 3, -1)
+    present = layouts.present[:, :3]
+    assert (code[~present] == 0).all() and (~present).any()
+    np.testing.assert_array_equal(code[..., -len(SYMBOLS) :].argmax(-1)[present], layouts.symbol[:, :3][present])
+    np.testing.assert_allclose(code[..., 0][present] * 0.7 + 0.5, layouts.centre[:, :3, 0][present])
+    layouts.angle[:] += np.pi
+    np.testing.assert_allclose(true_code(layouts, 3).reshape(code.shape), code, atol=1e-9)
+    assert (layouts.symbol[:, 3:] == EMPTY).all()
+
+
+@pytest.fixture(scope="module")
+def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
+    """A smoke run's settings, and a prior that prefers no position."""
+    cfg = compose(["profile=smoke", "workers=1", "train.steps=2", f"paths.scenes={tmp_path_factory.mktemp('ceiling')}"])
+    write_arrays(Path(cfg.paths.scenes) / "position_prior.npz", {u: np.ones((2, 2)) for u in cfg.evaluate.users})
+    return cfg
+
+
+def test_fewer_scenes_are_the_first_ones_and_judges_are_the_same_for_all(cfg: DictConfig):
+    jobs = draw_jobs(cfg)
+    for job in jobs:
+        largest = next(
+            x for x in jobs if (x.user, x.seed, x.clear_cm, x.learner) == (job.user, job.seed, job.clear_cm, PERFECT)
+        )
+        np.testing.assert_array_equal(job.z_theta, largest.z_theta[: len(job.z_theta)])
+        np.testing.assert_array_equal(job.code, largest.code[: len(job.code)])
+        assert len(job.images) == (0 if job.learner == PERFECT else len(job.z_theta))
+        assert [len(x.valid) for x in job.judged.values()] == [6, 6]
+    new = {x.judged[NEW].images.tobytes() for x in jobs}
+    assert len(new) == 1 and not new & {x.judged[SEEN].images.tobytes() for x in jobs}
+
+
+def test_each_learner_has_a_row_for_each_number_of_scenes_and_split(cfg: DictConfig, out: Path):
+    study, summary = cfg.studies.ceiling, read_table(out / "summary.csv")
+    distances = {x: study.clear_cm if x in study.clear_learners else [0] for x in study.scenes}
+    cells = [(x, n, cm) for x, numbers in study.scenes.items() for n in numbers for cm in distances[x]]
+    expected = {(*cell, split) for cell in cells for split in (OWN, SEEN, NEW)}
+    blind = [(POSITION, SEEN), (POSITION, NEW), (NEAREST, SEEN)]
+    expected |= {(x, 0, cm, split) for cm in study.clear_cm for x, split in blind}
+    assert set(summary[["learner", "scenes", "clear_cm", "split"]].itertuples(index=False, name=None)) == expected
+    rejects_all = summary[summary["learner"] == POSITION]
+    np.testing.assert_allclose(rejects_all["accuracy"], 1 - rejects_all["valid"], atol=2e-6)
+    assert (summary["q1"] <= summary["q3"]).all() and (summary["seeds"] == len(cfg.seeds)).all()
