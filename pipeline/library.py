@@ -20,8 +20,8 @@ from pipeline.runtime.errors import InputError
 VAE = {"latent": 15, "channels": [16, 8, 4], "hidden": 64}  # train.model in conf/train.yaml
 REWARD_MAP = {"channels": 16, "dilated": 3, "gain": 10.0, "lattice_side": 12, "symmetric": True, "ceiling": True}
 SETTINGS: dict[str, dict[str, Any]] = {  # conf/variants merged with conf/train, conf/irl and conf/clearance
-    "full": {"kind": "vae", "alpha": 100.0, "beta": 0.002, "gamma": 1.0, "model": VAE},
-    "ae": {"kind": "vae", "alpha": 100.0, "beta": 0.0, "gamma": 1.0, "model": VAE},
+    "full": {"kind": "vae", "alpha": 100.0, "beta": 0.002, "gamma": 6.0, "model": VAE},
+    "ae": {"kind": "vae", "alpha": 100.0, "beta": 0.0, "gamma": 6.0, "model": VAE},
     "classifier": {"kind": "vae", "alpha": 0.0, "beta": 0.0, "gamma": 1.0, "model": VAE},
     "irl_maxent": {"kind": "reward", "objective": "maxent", "steps": 150, "model": {**REWARD_MAP, "dropout": 0.5}},
     "irl_ranked": {"kind": "reward", "objective": "ranked", "steps": 200, "model": {**REWARD_MAP, "dropout": 0.3}},
