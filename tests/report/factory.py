@@ -124,6 +124,7 @@ def results(variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MAR
                 "steps": 600,
                 "rate": 0.003,
                 "weight_decay": 0.01,
+                "adam_beta2": 0.99,
                 "model": {"latent": 15, "channels": [16, 8, 4], "hidden": 64},
             },
         },
