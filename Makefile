@@ -45,7 +45,7 @@ data-here: $(READY)
 	@[ -s .dvc/tmp/rwlock ] || rm -f .dvc/tmp/rwlock  # emptied where DVC was killed as it wrote it: DVC would refuse to run
 	dvc pull --allow-missing --quiet data.dvc
 
-test: data-here  ## ruff, pyright, spelling, the test suite (it includes the smoke run); `pytest -m "not slow"` takes some 50 s
+test: data-here  ## ruff, pyright, spelling, the test suite (it includes the smoke run); `pytest -n 2 -m "not slow"` takes some 50 s
 	ruff check . && ruff format --check .
 	pyright
 	codespell --skip '*.svg' README.md CONTRIBUTING.md CHANGELOG.md docs conf pipeline studies reports

@@ -20,7 +20,7 @@ COMMANDS = {  # of bench.repro -> (command, aim)
     "repro": ("`make repro`, from an empty cache", "at most 20, with the environment"),
     "studies": ("`make studies`, after it", "at most 40"),
     "test": ("`make test`", "at most 8"),
-    "quick_tests": ('`pytest -m "not slow"`', "at most 1"),
+    "quick_tests": ('`pytest -n 2 -m "not slow"`', "at most 1"),
 }
 AIMS = {  # name of the figure -> (description, aim)
     "train_speedup_rows": ("a pass of full, n_demos = 9: times one row per (image, path)", "at least 30"),

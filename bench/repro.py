@@ -28,7 +28,7 @@ COMMANDS = {
     "repro": "make repro",
     "studies": "make studies",
     "test": "make test",
-    "quick_tests": ".venv/bin/python -m pytest -m 'not slow'",
+    "quick_tests": ".venv/bin/python -m pytest -n 2 -m 'not slow'",
 }
 
 
