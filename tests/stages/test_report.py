@@ -57,6 +57,7 @@ def write_inputs(root: Path, cfg: DictConfig, results: Results) -> None:
     for name, (stage, file) in TABLES.items():
         write_table(root / stage / file, results.tables[name])
     write_scenes(root / "scenes", drawn)
+    write_arrays(root / "scenes" / "position_prior.npz", {user: rng.random((5, 5)) for user in cfg.users})
     labelled_demos(cfg, drawn)
     labelled_queries(cfg, drawn, pools, QUERIES)
     write_arrays(root / "repair" / "paths.npz", dict(results.paths))
