@@ -15,6 +15,8 @@ from pipeline.report.drawing import fewer_levels
 from pipeline.report.results import Results
 from pipeline.world.bezier import P_F, P_INIT, Z_HIGH, Z_LOW, lattice
 
+ANYWHERE = [0.43, 0.91]  # a control point on the table [m]
+
 
 def widget(results: Results) -> dict[str, Any]:
     """Return the widget's data, ready for JSON.
@@ -54,13 +56,13 @@ def widget(results: Results) -> dict[str, Any]:
 def _first_control_point(truth: Array, maps: Sequence[Array]) -> list[float]:
     """Return a control point [m] on the table where models differ: the last one is right, the first one wrong.
 
-    It lies deepest inside such a region; without one it is any.
+    It lies deepest inside such a region; without one it is `ANYWHERE`.
     """
     z, last, first = lattice(len(truth)), maps[-1] > 0.5, maps[0] > 0.5
     on_table = ((z > 0) & (z < 1)).all(-1).reshape(truth.shape)
     differ = np.pad(on_table & (last == truth) & (first != truth), 1).astype(np.uint8)
     depth = cv2.distanceTransform(differ, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
-    return z[int(depth.argmax())].tolist()
+    return z[int(depth.argmax())].tolist() if depth.any() else ANYWHERE
 
 
 def _png(pixels: Array) -> str:
