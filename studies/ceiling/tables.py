@@ -12,6 +12,8 @@ NAMES = {
     "path_drawn": "Classifier with the path drawn",
 }
 
+SPLITS = {"seen_scenes": "Training tables", "new_scenes": "New tables"}
+
 
 def name_of(learner: str) -> str:
     """Return the displayed name of a learner or baseline."""
@@ -19,17 +21,17 @@ def name_of(learner: str) -> str:
 
 
 def learners(study: Study) -> Table:
-    """Return accuracy by learner and number of training scenes, with quartiles over training sets in new scenes."""
+    """Return accuracy by learner and number of training scenes, with quartiles over training sets."""
     rows = []
     keys = ["learner", "scenes", "clear_cm"]
     for (learner, scenes, clear_cm), of_learner in study.table("summary.csv").groupby(keys, sort=False):
         by_split = of_learner.set_index("split")
         accuracy = by_split["accuracy"].reindex(["demonstrations", "seen_scenes", "new_scenes"])
-        shown = {"Model": name_of(str(learner)), "Training scenes": scenes or "–"}
-        shown["Clear by"] = f"{clear_cm} cm"
-        shown |= dict(zip(("Own demonstrations", "Training tables", "New tables"), accuracy, strict=True))
-        shown |= {"q1": by_split["q1"].get("new_scenes"), "q3": by_split["q3"].get("new_scenes")}
-        rows.append(shown | {"Training sets": by_split["seeds"].iloc[0]})
-    columns = ("Own demonstrations", "Training tables", "New tables", "q1", "q3")
+        shown = {"Model": name_of(str(learner)), "Tables": scenes or "–", "Clear by": f"{clear_cm} cm"}
+        shown |= dict(zip(("Own demonstrations", *SPLITS.values()), accuracy, strict=True))
+        for split, name in SPLITS.items():
+            shown |= {f"{name}, {end}": by_split[end].get(split) for end in ("q1", "q3")}
+        rows.append(shown | {"n": by_split["seeds"].iloc[0]})
+    columns = ["Own demonstrations", *(f"{name}{end}" for name in SPLITS.values() for end in ("", ", q1", ", q3"))]
     frame = pd.DataFrame(rows, dtype=object)
     return Table(frame.where(frame.notna(), None), dict.fromkeys(columns, "pct1"))

@@ -1,4 +1,4 @@
-"""What the paper's model reaches, what clear cases give without the image, and the map of both claims."""
+"""Draw what the paper's model reaches, what clear cases give without the image, and the map of both claims."""
 
 from itertools import product
 

@@ -22,7 +22,7 @@ def verdicts(study: Study) -> Table:
     table = study.table("verdicts.csv", finite=("bar", "ours", "ci_low", "ci_high"))
     columns = {"claim": "Claim", "measure": "Measure", "bar": "Bar", "ours": "Ours", "ci_low": "low", "ci_high": "high"}
     frame = table[[*columns, "verdict"]].rename(columns=columns | {"verdict": "Holds in our world?"})
-    return Table(frame, dict.fromkeys(["Bar", "Ours", "low", "high"], "rate"))
+    return Table(frame, dict.fromkeys(["Bar", "Ours", "low", "high"], "fine"))
 
 
 def clusters(study: Study) -> Table:
