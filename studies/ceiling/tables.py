@@ -27,7 +27,7 @@ def learners(study: Study) -> Table:
     for (learner, scenes, clear_cm), of_learner in study.table("summary.csv").groupby(keys, sort=False):
         by_split = of_learner.set_index("split")
         accuracy = by_split["accuracy"].reindex(["demonstrations", "seen_scenes", "new_scenes"])
-        shown = {"Model": name_of(str(learner)), "Tables": scenes or "–", "Clear by": f"{clear_cm} cm"}
+        shown = {"Model": name_of(str(learner)), "Tables": scenes or "–", "Clear by, cm": clear_cm}
         shown |= dict(zip(("Own demonstrations", *SPLITS.values()), accuracy, strict=True))
         for split, name in SPLITS.items():
             shown |= {f"{name}, {end}": by_split[end].get(split) for end in ("q1", "q3")}

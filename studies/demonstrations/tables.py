@@ -28,5 +28,6 @@ def kinds(study: Study) -> Table:
         lead = {"Lead": full["lead"], "Lead, q1": full["lead_q1"], "Lead, q3": full["lead_q3"]}
         rows.append(shown | lead)
     frame = pd.DataFrame(rows, dtype=object)
-    formats = dict.fromkeys(frame.columns[2:], "pct1") | dict.fromkeys(("Lead", "Lead, q1", "Lead, q3"), "points1")
+    accuracies = [f"{name}{end}" for name in COLUMNS for end in ("", ", q1", ", q3")]
+    formats = dict.fromkeys(["Valid", *accuracies], "pct") | dict.fromkeys(("Lead", "Lead, q1", "Lead, q3"), "points1")
     return Table(frame.where(frame.notna(), None), formats)
