@@ -26,10 +26,10 @@ def learners(study: Study) -> Table:
     keys = ["learner", "scenes", "clear_cm"]
     for (learner, scenes, clear_cm), of_learner in study.table("summary.csv").groupby(keys, sort=False):
         by_split = of_learner.set_index("split")
-        accuracy = by_split["accuracy"].reindex(["demonstrations", "seen_scenes", "new_scenes"])
         shown = {"Model": name_of(str(learner)), "Tables": scenes or "–", "Clear by, cm": clear_cm}
-        shown |= dict(zip(("Own demonstrations", *SPLITS.values()), accuracy, strict=True))
+        shown["Own demonstrations"] = by_split["accuracy"].get("demonstrations")
         for split, name in SPLITS.items():
+            shown[name] = by_split["accuracy"].get(split)
             shown |= {f"{name}, {end}": by_split[end].get(split) for end in ("q1", "q3")}
         rows.append(shown | {"n": by_split["seeds"].iloc[0]})
     columns = ["Own demonstrations", *(f"{name}{end}" for name in SPLITS.values() for end in ("", ", q1", ", q3"))]
