@@ -20,7 +20,14 @@ from pipeline.perception.outlines import SUPERSAMPLING, Outline, find_outlines
 from pipeline.perception.segmenter import Maps, segment
 from pipeline.world.layout import SIDE
 
-FEATURES = ("area", "elongation", "length", "width", "see-through", "contrast")  # as logarithms; see-through as log-odds
+FEATURES = (
+    "area",
+    "elongation",
+    "length",
+    "width",
+    "see-through",
+    "contrast",
+)  # as logarithms; see-through as log-odds
 MAX_OBJECTS = 12  # largest number of objects per image; the largest objects are kept
 SURE = 0.02  # probabilities of see-through are kept this far from 0 and 1, so that log-odds stay comparable
 MIN_CONTRAST = 1 / 255  # smallest mean difference from the table's colour [1 = white]

@@ -118,5 +118,7 @@ def read_segmenter(path: Path = WEIGHTS) -> Segmenter:
     try:
         segmenter.load_state_dict({name: value.float() for name, value in load_file(path).items()})
     except (SafetensorError, RuntimeError) as error:
-        raise InputError(f"{path} does not hold this segmenter's weights ({str(error).split(chr(10))[0]}): {again}") from error
+        raise InputError(
+            f"{path} does not hold this segmenter's weights ({str(error).split(chr(10))[0]}): {again}"
+        ) from error
     return segmenter.eval().to(memory_format=torch.channels_last)  # pyright: ignore

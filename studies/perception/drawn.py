@@ -56,7 +56,9 @@ def _solid(layouts: Layouts, scene: int, slot: int, catalogue: Catalogue) -> Arr
     """Return the pixels of which an item covers at least half."""
     item = int(layouts.item[scene, slot])
     cutout = catalogue.cutouts[item]
-    outline = cv2.findContours((cutout[..., 3] > SOLID_ALPHA).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    outline = cv2.findContours(
+        (cutout[..., 3] > SOLID_ALPHA).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
+    )
     solid = cv2.drawContours(np.zeros(cutout.shape[:2], np.float32), outline[0], -1, 1, cv2.FILLED)
     width = catalogue.items["width_m"].iloc[item] * layouts.scale[scene, slot]
     c, s = np.cos(layouts.angle[scene, slot]), np.sin(layouts.angle[scene, slot])
@@ -68,5 +70,3 @@ def _solid(layouts: Layouts, scene: int, slot: int, catalogue: Catalogue) -> Arr
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     covered = cv2.warpAffine(solid, cv2.getAffineTransform(samples, pixels), (fine, fine), flags=flags)
     return cv2.resize(covered, (SIDE, SIDE), interpolation=cv2.INTER_AREA) > 0.5
-
-

@@ -31,7 +31,9 @@ def match(objects: Objects, scene: int, instances: UInt8[Array, "row column"]) -
     Objects are capsules, so an item counts as the capsule fitted to its true pixels.
     """
     items = [i for i in range(1, instances.max() + 1) if (instances == i).sum() >= MIN_VISIBLE_PX]
-    capsules = [covered(objects.ends[scene, k], objects.radius[scene, k]) for k in np.flatnonzero(objects.present[scene])]
+    capsules = [
+        covered(objects.ends[scene, k], objects.radius[scene, k]) for k in np.flatnonzero(objects.present[scene])
+    ]
     true = [_true_capsule(instances == i) for i in items]
     iou = np.array([[_iou(a, b) for b in capsules] for a in true]).reshape(len(items), len(capsules))
     rows, columns = linear_sum_assignment(-iou)
@@ -39,7 +41,9 @@ def match(objects: Objects, scene: int, instances: UInt8[Array, "row column"]) -
     best[rows] = iou[rows, columns]
     small = (instances > 0) & ~np.isin(instances, items)  # objects on the rest of a hidden item are no error
     fine_small = small.repeat(FINE, 0).repeat(FINE, 1)
-    free = [c for k, c in enumerate(capsules) if k not in columns[iou[rows, columns] > 0] and not (c & fine_small).any()]
+    free = [
+        c for k, c in enumerate(capsules) if k not in columns[iou[rows, columns] > 0] and not (c & fine_small).any()
+    ]
     return Matches(np.array(items, int), best, len(free))
 
 

@@ -37,7 +37,9 @@ SEE_THROUGH_WEIGHT = 0.1  # weight of the third map in the loss: outlines matter
 CHECKPOINT_EVERY = 250  # steps
 
 
-def change(rng: np.random.Generator, pictures: Part) -> tuple[Float[Tensor, "picture 7 100 100"], Float[Tensor, "picture 3 100 100"]]:
+def change(
+    rng: np.random.Generator, pictures: Part
+) -> tuple[Float[Tensor, "picture 7 100 100"], Float[Tensor, "picture 3 100 100"]]:
     """Return pictures as the segmenter's input and the truth, each turned, mirrored, recoloured and with more noise."""
     n, levels = len(pictures), np.arange(256, dtype=np.float32) / 255
     colours, truth = np.empty((n, 100, 100, 6), np.float32), np.empty((n, 100, 100, 3), np.uint8)
@@ -49,7 +51,10 @@ def change(rng: np.random.Generator, pictures: Part) -> tuple[Float[Tensor, "pic
         order = rng.permutation(3) if rng.random() < P_SHUFFLE else range(3)
         for channel, source in enumerate(order):
             curve = levels**gamma * np.float32(rng.uniform(*GAIN))
-            colours[i, ..., channel], colours[i, ..., channel + 3] = curve[turned[..., source]], curve[turned[..., source + 3]]
+            colours[i, ..., channel], colours[i, ..., channel + 3] = (
+                curve[turned[..., source]],
+                curve[turned[..., source + 3]],
+            )
     first = rng.integers(len(NOISE) - colours.size)
     noise = NOISE[first : first + colours.size].reshape(colours.shape)
     colours += noise * rng.uniform(0, MAX_NOISE, (n, 1, 1, 1)).astype(np.float32)
@@ -102,7 +107,10 @@ def train(pool: Path, out: Path, steps: int) -> None:
         schedule.step()
         running = 0.98 * running + 0.02 * float(objective.detach())
         if step % 50 == 49:
-            print(f"{step + 1} steps, {time.monotonic() - began:.0f} s, loss {running / (1 - 0.98 ** (step + 1)):.4f}, parts {len(parts)}", flush=True)
+            print(
+                f"{step + 1} steps, {time.monotonic() - began:.0f} s, loss {running / (1 - 0.98 ** (step + 1)):.4f}, parts {len(parts)}",
+                flush=True,
+            )
         if step % CHECKPOINT_EVERY == CHECKPOINT_EVERY - 1 or step == steps - 1:
             save(segmenter, out)
 
