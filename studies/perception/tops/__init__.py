@@ -25,12 +25,16 @@ _TAUGHT = (
     + (patterns.mosaic, patterns.square_tiles, patterns.scales, patterns.polygons, patterns.rays, patterns.waves)
     + (patterns.labyrinth, patterns.leather, cloth.damask)
 )
-_HELD_OUT = (
-    (wood.herringbone, stone.terrazzo, stone.agate, cloth.tartan, cloth.knit, cloth.lace, patterns.hexagons)
-    + (patterns.truchet, patterns.brushed_metal, patterns.newspaper, patterns.cork)
+_HELD_OUT = (wood.herringbone, stone.terrazzo, stone.agate, cloth.tartan, cloth.knit, cloth.lace, patterns.hexagons) + (
+    patterns.truchet,
+    patterns.brushed_metal,
+    patterns.newspaper,
+    patterns.cork,
 )
 FAMILIES: dict[str, Family] = {
-    draw.__name__: Family(draw, kind) for kind, draws in (("taught", _TAUGHT), ("held_out", _HELD_OUT)) for draw in draws
+    draw.__name__: Family(draw, kind)
+    for kind, draws in (("taught", _TAUGHT), ("held_out", _HELD_OUT))
+    for draw in draws
 }
 
 

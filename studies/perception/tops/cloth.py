@@ -3,7 +3,21 @@
 import cv2
 import numpy as np
 
-from studies.perception.tops.paint import Colour, Field, Top, bend, blend, cloth, colour, flat, grid, near, noise, ramp, step
+from studies.perception.tops.paint import (
+    Colour,
+    Field,
+    Top,
+    bend,
+    blend,
+    cloth,
+    colour,
+    flat,
+    grid,
+    near,
+    noise,
+    ramp,
+    step,
+)
 
 
 def threads(rng: np.random.Generator, side: int, strength: float) -> Field:
@@ -53,7 +67,9 @@ def crumpled(rng: np.random.Generator, side: int) -> Top:
     height = np.zeros((side, side), np.float32)
     for _ in range(rng.integers(3, 7)):
         height += np.abs(noise(rng, side, rng.uniform(2, 8), 2, 0.4))
-    light = cv2.Sobel(height, -1, 1, 0, scale=side / 900) + rng.uniform(-1, 1) * cv2.Sobel(height, -1, 0, 1, scale=side / 900)
+    light = cv2.Sobel(height, -1, 1, 0, scale=side / 900) + rng.uniform(-1, 1) * cv2.Sobel(
+        height, -1, 0, 1, scale=side / 900
+    )
     return cloth(rng) * np.clip(1 + rng.uniform(0.02, 0.12) * light, 0.3, 1.6)[..., None]
 
 
@@ -125,7 +141,9 @@ def damask(rng: np.random.Generator, side: int) -> Top:
     field = np.tile(motif, (n + 2, n + 2))[:side, :side]
     field = cv2.resize(field, (side, side))
     base = cloth(rng)
-    return finished(rng, ramp(step(field - rng.uniform(-0.3, 0.5), 0.15), [base, near(rng, base, rng.uniform(0.03, 0.2))]))
+    return finished(
+        rng, ramp(step(field - rng.uniform(-0.3, 0.5), 0.15), [base, near(rng, base, rng.uniform(0.03, 0.2))])
+    )
 
 
 def knit(rng: np.random.Generator, side: int) -> Top:
@@ -152,4 +170,6 @@ def lace(rng: np.random.Generator, side: int) -> Top:
     net = np.maximum(np.sin(x * 2 * np.pi * n * 5), np.sin(y * 2 * np.pi * n * 5))
     thread = np.where(radius < 0.42, rosette, net)
     under = flat(side, colour(rng)) * (1 + 0.05 * noise(rng, side, 20, 3, stretch=8))[..., None]
-    return blend(under, colour(rng, saturation=(0, 0.2), value=(0.7, 1)), step(thread + rng.uniform(-0.2, 0.4), 0.4) * 0.9)
+    return blend(
+        under, colour(rng, saturation=(0, 0.2), value=(0.7, 1)), step(thread + rng.uniform(-0.2, 0.4), 0.4) * 0.9
+    )

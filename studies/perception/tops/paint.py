@@ -122,9 +122,7 @@ def points(places: Array) -> Array:
     return np.int32(np.asarray(places) * 2**FRACTION_BITS)  # pyright: ignore[reportReturnType]
 
 
-def bend(
-    picture: Float[Array, "side side ..."], right: Field, down: Field
-) -> Float[Array, "side side ..."]:
+def bend(picture: Float[Array, "side side ..."], right: Field, down: Field) -> Float[Array, "side side ..."]:
     """Return a picture whose pixels are fetched from `right` and `down` [share of its side]; it is mirrored outside."""
     side = len(picture)
     columns, rows = np.meshgrid(np.arange(side, dtype=np.float32), np.arange(side, dtype=np.float32))

@@ -3,7 +3,26 @@
 import cv2
 import numpy as np
 
-from studies.perception.tops.paint import FRACTION_BITS, Colour, Field, Top, blend, cloth, colour, dried, flat, grid, ink, near, noise, points, ramp, sheet, step, wet
+from studies.perception.tops.paint import (
+    FRACTION_BITS,
+    Colour,
+    Field,
+    Top,
+    blend,
+    cloth,
+    colour,
+    dried,
+    flat,
+    grid,
+    ink,
+    near,
+    noise,
+    points,
+    ramp,
+    sheet,
+    step,
+    wet,
+)
 from studies.perception.tops.stone import cells
 
 
@@ -28,7 +47,9 @@ def gradient(rng: np.random.Generator, side: int) -> Top:
 
 def clouds(rng: np.random.Generator, side: int) -> Top:
     """Draw noise of several octaves in a few colours."""
-    field = noise(rng, side, np.exp(rng.uniform(0.5, 4)), rng.integers(1, 6), rng.uniform(0.4, 0.9), rng.uniform(0.5, 4))
+    field = noise(
+        rng, side, np.exp(rng.uniform(0.5, 4)), rng.integers(1, 6), rng.uniform(0.4, 0.9), rng.uniform(0.5, 4)
+    )
     return ramp(0.5 + rng.uniform(0.1, 0.4) * field, shades(rng))
 
 

@@ -3,7 +3,25 @@
 import cv2
 import numpy as np
 
-from studies.perception.tops.paint import FRACTION_BITS, Colour, Field, Top, blend, colour, dried, flat, grid, ink, near, noise, points, ramp, step, stone, wet
+from studies.perception.tops.paint import (
+    FRACTION_BITS,
+    Colour,
+    Field,
+    Top,
+    blend,
+    colour,
+    dried,
+    flat,
+    grid,
+    ink,
+    near,
+    noise,
+    points,
+    ramp,
+    step,
+    stone,
+    wet,
+)
 
 
 def marble(rng: np.random.Generator, side: int) -> Top:
@@ -74,7 +92,9 @@ def cells(rng: np.random.Generator, side: int, count: int, jitter: float = 1.0) 
     Distances are shares of the side. The points lie on a grid, shifted by up to `jitter` of half its step.
     """
     n = max(int(np.sqrt(count)), 2)
-    places = np.stack(np.meshgrid(np.arange(n) + 0.5, np.arange(n) + 0.5), -1) + rng.uniform(-0.5, 0.5, (n, n, 2)) * jitter
+    places = (
+        np.stack(np.meshgrid(np.arange(n) + 0.5, np.arange(n) + 0.5), -1) + rng.uniform(-0.5, 0.5, (n, n, 2)) * jitter
+    )
     column, row = np.clip(places * side / n, 0, side - 1).astype(int).reshape(-1, 2).T
     free = np.ones((side, side), np.uint8)
     free[row, column] = 0
@@ -93,7 +113,9 @@ def terrazzo(rng: np.random.Generator, side: int) -> Top:
     chips = [colour(rng, saturation=(0, 0.6)) for _ in range(rng.integers(2, 6))]
     length = rng.uniform(0.006, 0.03)
     for _ in range(int(min(0.35 / length**2, 900))):
-        corners = rng.uniform(0, side, 2) + rng.normal(0, length * side * rng.uniform(0.3, 0.8), (rng.integers(4, 7), 2))
+        corners = rng.uniform(0, side, 2) + rng.normal(
+            0, length * side * rng.uniform(0.3, 0.8), (rng.integers(4, 7), 2)
+        )
         shade = ink(chips[rng.integers(len(chips))])
         cv2.fillConvexPoly(picture, cv2.convexHull(points(corners)), shade, cv2.LINE_AA, FRACTION_BITS)
     return dried(picture)
@@ -105,7 +127,9 @@ def cracked(rng: np.random.Generator, side: int) -> Top:
     base = colour(rng)
     picture = base * (1 + rng.uniform(0, 0.4) * (number - 0.5) + 0.06 * noise(rng, side, 20, 3))[..., None]
     seam = 1 - step(edge - rng.uniform(0, 0.003), rng.uniform(0.003, 0.012))
-    return blend(picture, picture * 0.4 if rng.random() < 0.7 else np.float32(1) - 0.3 * picture, seam * rng.uniform(0.3, 1))
+    return blend(
+        picture, picture * 0.4 if rng.random() < 0.7 else np.float32(1) - 0.3 * picture, seam * rng.uniform(0.3, 1)
+    )
 
 
 def pebbles(rng: np.random.Generator, side: int) -> Top:

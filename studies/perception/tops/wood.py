@@ -3,7 +3,24 @@
 import cv2
 import numpy as np
 
-from studies.perception.tops.paint import FRACTION_BITS, Colour, Field, Top, blend, colour, dried, grid, ink, near, noise, points, ramp, sheet, step, wood
+from studies.perception.tops.paint import (
+    FRACTION_BITS,
+    Colour,
+    Field,
+    Top,
+    blend,
+    colour,
+    dried,
+    grid,
+    ink,
+    near,
+    noise,
+    points,
+    ramp,
+    sheet,
+    step,
+    wood,
+)
 
 
 def grain(rng: np.random.Generator, side: int) -> Field:
@@ -79,7 +96,12 @@ def bamboo(rng: np.random.Generator, side: int) -> Top:
     node = np.abs((x * rng.uniform(2, 6) + shift) % 1 - 0.5)
     light = colour(rng, (0.1, 0.14), (0.25, 0.55), (0.6, 0.95))
     picture = ramp(np.clip(shift * 0.5 + 0.5 * grain(rng, side), 0, 1), [light * 0.8, light])
-    return picture * (1 - 0.3 * np.exp(-((node / 0.012) ** 2)) - 0.2 * step(np.abs((y * strips) % 1 - 0.5) - 0.42, 0.05))[..., None]
+    return (
+        picture
+        * (1 - 0.3 * np.exp(-((node / 0.012) ** 2)) - 0.2 * step(np.abs((y * strips) % 1 - 0.5) - 0.42, 0.05))[
+            ..., None
+        ]
+    )
 
 
 def chipboard(rng: np.random.Generator, side: int) -> Top:
