@@ -32,6 +32,7 @@ MAX_SHADOW_M = 0.08
 CUTOUT_CHANCE = 0.3  # share of items that are cut-outs of the catalogue, the others being procedural
 MIN_GAP_M = 0.012  # smallest distance between footprints, a pixel; TIGHT_CHANCE of the scenes aim at it
 TIGHT_CHANCE = 0.2
+SEE_THROUGH = 0.5  # mean alpha below which an item lets the table show through
 TOP_USES = 2  # scenes that share a drawn top, each with a turn, tint and light of its own
 
 
@@ -42,6 +43,7 @@ class Composites(NamedTuple):
     instances: UInt8[Array, "n 100 100"]  # 0 is table, shadows included; 1.. are items
     empty: UInt8[Array, "n 100 100 3"]  # the same table, light and camera without items
     family: Array  # names of the tops' families (n,)
+    see_through: UInt8[Array, "n 100 100"]  # 1 where the item there lets the table show through
 
 
 class Palette(NamedTuple):
@@ -80,14 +82,15 @@ def draw_composites(rng: np.random.Generator, n: int, families: Sequence[str], p
     if unknown := sorted(set(families) - set(FAMILIES)):
         raise ValueError(f"unknown families {unknown}: expected names from {sorted(FAMILIES)}")
     images, empty = np.empty((2, n, SIDE, SIDE, 3), np.uint8)
-    instances = np.empty((n, SIDE, SIDE), np.uint8)
+    instances, see_through = np.empty((2, n, SIDE, SIDE), np.uint8)
     names: list[str] = []
     for scene in range(n):
         if scene % TOP_USES == 0:
             name, top = draw_top(rng, families)
         names.append(name)
-        images[scene], instances[scene], empty[scene] = draw_scene(rng, top, palette)
-    return Composites(images, instances, empty, np.array(names))
+        images[scene], instances[scene], empty[scene], clear = draw_scene(rng, top, palette)
+        see_through[scene] = np.isin(instances[scene], clear)
+    return Composites(images, instances, empty, np.array(names), see_through)
 
 
 def draw_top(rng: np.random.Generator, families: Sequence[str]) -> tuple[str, Top]:
@@ -131,8 +134,8 @@ class Lamp(NamedTuple):
     softness_m: float
 
 
-def draw_scene(rng: np.random.Generator, top: Top, palette: Palette) -> tuple[Array, Array, Array]:
-    """Draw one scene on a top; return its picture, instances and picture without items."""
+def draw_scene(rng: np.random.Generator, top: Top, palette: Palette) -> tuple[Array, Array, Array, list[int]]:
+    """Draw one scene on a top; return its picture, instances, picture without items and the see-through instances."""
     table = turned(rng, top)
     lamps = draw_lamps(rng)
     illumination = draw_illumination(rng, lamps)
@@ -146,7 +149,8 @@ def draw_scene(rng: np.random.Generator, top: Top, palette: Palette) -> tuple[Ar
     camera = draw_camera(rng)
     empty = camera.take(rng, table * illumination)
     image = camera.take(rng, scene * illumination) if drawn else camera.take(rng, table * illumination)
-    return image, camera.label(labels, len(drawn)), empty
+    clear = [k for k, item in enumerate(drawn, 1) if item.alpha[item.silhouette].mean() < SEE_THROUGH]
+    return image, camera.label(labels, len(drawn)), empty, clear
 
 
 def turned(rng: np.random.Generator, top: Top) -> Top:
