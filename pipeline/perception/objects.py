@@ -1,7 +1,7 @@
 """Detect the objects in a table image, and fit a capsule to each.
 
-The segmenter marks the items' pixels (segmenter.py), OpenCV turns its maps into outlines (outlines.py), and each outline
-is fitted by a capsule (capsule.py) and described by what tells glasses from bowls, plates and cutlery.
+The segmenter marks the items' pixels (segmenter.py), and OpenCV turns its maps into outlines (outlines.py). To each
+outline a capsule is fitted (capsule.py), with features that tell glasses from bowls, plates and cutlery.
 """
 
 from dataclasses import dataclass
@@ -11,13 +11,13 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Float32, UInt8
+from jaxtyping import Bool, Float, Float32
 from numpy import ndarray as Array
 from torch import Tensor
 
 from pipeline.perception.capsule import fit_capsule
 from pipeline.perception.outlines import SUPERSAMPLING, Outline, find_outlines
-from pipeline.perception.segmenter import Maps, segment
+from pipeline.perception.segmenter import STRIDE, segment
 from pipeline.world.layout import SIDE
 
 FEATURES = (
@@ -84,21 +84,21 @@ def _detect(image: bytes, table: bytes | None) -> list[_Object]:
         None if data is None else np.frombuffer(data, np.uint8).reshape(SIDE, SIDE, 3) for data in (image, table)
     )
     maps = segment(pixels, empty)
-    objects = [describe(outline, maps, pixels) for outline in find_outlines(maps)]
+    table = np.median(pixels[::STRIDE, ::STRIDE], axis=(0, 1))
+    contrast = np.linalg.norm(pixels - table.astype(np.float32), axis=-1) / 255
+    objects = [describe(outline, maps.see_through, contrast) for outline in find_outlines(maps)]
     return sorted(objects, key=lambda object_: -object_.features[0])[:MAX_OBJECTS]
 
 
-def describe(outline: Outline, maps: Maps, pixels: UInt8[Array, "100 100 3"]) -> _Object:
-    """Return an outlined item's capsule and features."""
+def describe(outline: Outline, see_through: Float32[Array, "100 100"], contrast: Float32[Array, "100 100"]) -> _Object:
+    """Return an outlined item's capsule and features; `contrast`: each pixel's distance from the table's colour."""
     rows, columns = np.nonzero(outline.mask)
     y, x = (outline.row + rows + 0.5) / SUPERSAMPLING, (outline.column + columns + 0.5) / SUPERSAMPLING  # [pixels]
     capsule = fit_capsule(np.stack([x, SIDE - y], -1) / SIDE, SUPERSAMPLING * SIDE)
     covered = y.astype(int), x.astype(int)
-    see_through = np.clip(maps.see_through[covered].mean(), SURE, 1 - SURE)
-    table = np.median(pixels[maps.item < 0.5], axis=0) if (maps.item < 0.5).any() else np.zeros(3)
-    contrast = np.linalg.norm(pixels[covered] - table, axis=1).mean() / 255
+    share = np.clip(see_through[covered].mean(), SURE, 1 - SURE)
     length = 2 * (np.linalg.norm(capsule.half) + capsule.radius)
-    logarithms = np.log([capsule.area, capsule.elongation, length, 2 * capsule.radius])
-    log_odds = np.log(see_through / (1 - see_through))
-    features = np.array([*logarithms, log_odds, np.log(max(contrast, MIN_CONTRAST))])
-    return _Object(np.stack([capsule.centre - capsule.half, capsule.centre + capsule.half]), capsule.radius, features)
+    sizes = np.log([capsule.area, capsule.elongation, length, 2 * capsule.radius])
+    features = [*sizes, np.log(share / (1 - share)), np.log(max(contrast[covered].mean(), MIN_CONTRAST))]
+    ends = np.stack([capsule.centre - capsule.half, capsule.centre + capsule.half])
+    return _Object(ends, capsule.radius, np.array(features))

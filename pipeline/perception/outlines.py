@@ -28,7 +28,8 @@ class Outline(NamedTuple):
 def find_outlines(maps: Maps) -> list[Outline]:
     """Return the items: regions whose probability exceeds OUTLINE, cut where two items are close, holes filled."""
     inside = _finer(maps.item) > OUTLINE
-    cores = (inside & (_finer(maps.between) < OUTLINE)).astype(np.uint8)
+    apart = _finer(maps.between) < OUTLINE if (maps.between > OUTLINE).any() else inside
+    cores = (inside & apart).astype(np.uint8)
     regions = cv2.connectedComponentsWithStats(inside.astype(np.uint8), connectivity=4)
     outlines = []
     for label in range(1, regions[0]):

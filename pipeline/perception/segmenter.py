@@ -4,6 +4,7 @@ It was trained once, without any user's labels, on composites (studies/perceptio
 """
 
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -43,8 +44,8 @@ class Segmenter(nn.Module):
     def __init__(self, normalised: bool = False):
         super().__init__()
         widths = (4 * INPUTS, *CHANNELS)
-        self.down = nn.ModuleList(_two_layers(a, b, normalised) for a, b in zip(widths, CHANNELS, strict=False))
-        self.lift = nn.ModuleList(nn.Conv2d(b, a, 1) for a, b in zip(CHANNELS, CHANNELS[1:], strict=False))
+        self.down = nn.ModuleList(_two_layers(a, b, normalised) for a, b in pairwise(widths))
+        self.lift = nn.ModuleList(nn.Conv2d(b, a, 1) for a, b in pairwise(CHANNELS))
         self.up = nn.ModuleList(_two_layers(a, a, normalised) for a in CHANNELS[:-1])
         self.head = nn.Conv2d(CHANNELS[0], 4 * len(MAPS), 1)
 
@@ -102,8 +103,8 @@ def network_input(
 @torch.inference_mode()
 def segment(image: UInt8[Array, "100 100 3"], empty: UInt8[Array, "100 100 3"] | None = None) -> Maps:
     """Return the maps of one image; images are segmented one by one, so that they never change each other's bits."""
-    one, none = np.float32(255), None
-    inputs = network_input(image[None] / one, none if empty is None else empty[None] / one)
+    white = np.float32(255)
+    inputs = network_input(image[None] / white, None if empty is None else empty[None] / white)
     probabilities = read_segmenter()(inputs)[0].sigmoid().mul(255).round().div(255)
     return Maps(*probabilities.numpy())
 

@@ -23,4 +23,3 @@ def by_kind(study: Study) -> Table:
         }
     )  # fmt: skip
     return Table(shown, dict.fromkeys(["Found", "Overlap", "Made up"], "pct1"))
-

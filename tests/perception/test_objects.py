@@ -1,6 +1,5 @@
 """Items are detected where they are, by the trained segmenter."""
 
-
 import numpy as np
 import pytest
 import torch
