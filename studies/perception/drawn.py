@@ -31,9 +31,9 @@ class DrawnScenes(NamedTuple):
 def draw_scenes(rng: np.random.Generator, n: int, catalogue: Catalogue, palette: Palette) -> DrawnScenes:
     """Draw `n` scenes with items and table tops of split `train`."""
     layouts = random_layouts(rng, n, catalogue.footprints, catalogue.pool("train"), RULES)
-    textures, seeds = rng.choice(catalogue.texture_names("train"), n), rng.integers(2**31, size=n)
-    bare = render_scenes(empty(n, RULES.slots), textures, seeds, palette)  # pyright: ignore
-    images = render_scenes(layouts, textures, seeds, palette)  # pyright: ignore
+    textures, seeds = rng.choice(catalogue.texture_names("train"), n).tolist(), rng.integers(2**31, size=n).tolist()
+    bare = render_scenes(empty(n, RULES.slots), textures, seeds, palette)
+    images = render_scenes(layouts, textures, seeds, palette)
     instances, see_through = draw_instances(layouts, catalogue)
     return DrawnScenes(images, bare, instances, see_through)
 
