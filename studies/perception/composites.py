@@ -1,6 +1,6 @@
 """Draw training pictures for the segmenter: cut-outs and procedural items on procedural table tops.
 
-Pictures are those of pipeline/world/render.py: 100 x 100 pixels of a 1 m table. They are drawn at twice that resolution.
+Pictures are those of pipeline/world/render.py: 100 x 100 pixels of a 1 m table, drawn at twice that resolution.
 """
 
 from collections.abc import Sequence
@@ -21,6 +21,7 @@ from studies.perception.items import Drawn, Frame
 from studies.perception.tops import FAMILIES as FAMILIES
 from studies.perception.tops import family_names as family_names
 from studies.perception.tops.paint import SIDE_M, Top, noise
+from studies.perception.tops.wear import worn
 
 SAMPLES = 2  # samples per pixel along each axis
 PX_PER_M = SIDE * SAMPLES
@@ -102,6 +103,8 @@ def draw_top(rng: np.random.Generator, families: Sequence[str]) -> tuple[str, To
             )
         else:
             top += (other - top) * patch(rng)[..., None]
+    if rng.random() < 0.3:
+        top = worn(rng, top)
     return name, np.clip(top, 0.005, 1.2).astype(np.float32)
 
 
@@ -136,6 +139,7 @@ def draw_scene(rng: np.random.Generator, top: Top, palette: Palette) -> tuple[Ar
     table = turned(rng, top)
     lamps = draw_lamps(rng)
     illumination = draw_illumination(rng, lamps)
+    illumination *= np.float32(exposed(rng, table, illumination))
     windows, drawn = draw_items(rng, palette, lamps)
     light = shadows(windows, drawn, lamps, rng)
     scene = table * light
@@ -171,13 +175,13 @@ def turned(rng: np.random.Generator, top: Top) -> Top:
 def draw_lamps(rng: np.random.Generator) -> list[Lamp]:
     """Draw one to three lamps that share the direct light; the rest is ambient."""
     count = int(rng.choice([1, 2, 3], p=[0.65, 0.25, 0.1]))
-    direct = rng.uniform(0.15, 0.75)
+    direct = rng.uniform(0.2, 0.9)
     shares = rng.dirichlet(np.full(count, 2.0)) * direct
     lamps = []
     for share in shares:
         bearing = rng.uniform(0, 2 * np.pi)
         direction = np.array([np.cos(bearing), np.sin(bearing)])
-        lamps.append(Lamp(direction, np.exp(rng.uniform(-1.2, 1)), float(share), rng.uniform(0.003, 0.03)))
+        lamps.append(Lamp(direction, np.exp(rng.uniform(-1.2, 1.1)), float(share), rng.uniform(0.003, 0.03)))
     return lamps
 
 
@@ -196,8 +200,13 @@ def draw_illumination(rng: np.random.Generator, lamps: list[Lamp]) -> Float32[Ar
         field = field * (
             1 - rng.uniform(0.05, 0.4) * np.clip((shade - rng.uniform(-0.5, 1)) / rng.uniform(0.1, 1), 0, 1)
         )
-    gain = np.exp(rng.normal(-0.05, 0.2)) * rng.normal(1, 0.06, 3)
-    return field[..., None].astype(np.float32) * gain.astype(np.float32)
+    return field[..., None].astype(np.float32) * rng.normal(1, 0.06, 3).astype(np.float32)
+
+
+def exposed(rng: np.random.Generator, table: Top, illumination: Float32[Array, "side side 3"]) -> float:
+    """Return the gain of a camera that brings the table part of the way to a medium brightness."""
+    brightness = float((table[::8, ::8] * illumination[::8, ::8]).mean())
+    return (rng.uniform(0.25, 0.7) / max(brightness, 0.03)) ** rng.uniform(0.2, 1) * np.exp(rng.normal(0, 0.1))
 
 
 def draw_items(rng: np.random.Generator, palette: Palette, lamps: list[Lamp]) -> tuple[list, list[Drawn]]:
