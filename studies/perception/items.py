@@ -214,11 +214,11 @@ def clear_glass(rng: np.random.Generator, frame: Frame, radius: float, lean: Arr
         over(drink, level * np.float32(rng.uniform(0.05, 0.9)))
     towards_foot = (x * lamp[0] + y * lamp[1]) / np.maximum(r_foot, 1e-4)
     towards = (top_x * lamp[0] + top_y * lamp[1]) / np.maximum(r_top, 1e-4)
-    strength = rng.uniform(0.1, 1)
+    strength = rng.uniform(0.15, 1.2)
     for r, ring, side in ((r_foot, foot * rng.uniform(0.7, 0.97), towards_foot), (r_top, rim_r * 0.95, towards)):
         width = radius * rng.uniform(0.03, 0.1)
         share = np.exp(-(((r - ring) / width) ** 2)) * np.float32(strength * rng.uniform(0.2, 0.9))
-        bright = np.clip(rng.uniform(0.2, 1) + rng.uniform(-0.7, 0.7) * side, 0, 1.2)
+        bright = np.clip(rng.uniform(0, 1.2) + rng.uniform(-0.7, 0.7) * side, 0, 1.3)
         over(tint * bright[..., None], share * np.clip(0.6 + rng.uniform(-0.6, 0.6) * side, 0, 1))
     for _ in range(rng.integers(0, 5)):
         turn, width = rng.uniform(0, 2 * np.pi), rng.uniform(0.03, 0.4)

@@ -305,19 +305,7 @@ def cork(rng: np.random.Generator, side: int) -> Top:
 
 
 TAUGHT = (
-    *(
-        plain,
-        gradient,
-        clouds,
-        camouflage,
-        squares,
-        stripes,
-        zigzag,
-        lattice,
-        scattered_motifs,
-        strokes,
-        crossing_lines,
-    ),
-    *(mosaic, square_tiles, scales, polygons, rays, waves, labyrinth, leather),
+    *(plain, gradient, clouds, camouflage, squares, stripes, zigzag, lattice, scattered_motifs, strokes),
+    *(crossing_lines, mosaic, square_tiles, scales, polygons, rays, waves, labyrinth, leather),
 )
 HELD_OUT = (hexagons, truchet, brushed_metal, cork)
