@@ -1,6 +1,6 @@
 """Draw training pictures for the segmenter: cut-outs and procedural items on procedural table tops.
 
-Pictures are those of pipeline/world/render.py: 100 x 100 pixels of a 1 m table. They are drawn at twice that resolution.
+Pictures are those of pipeline/world/render.py: 100 x 100 pixels of a 1 m table, drawn at twice that resolution.
 """
 
 from collections.abc import Sequence
@@ -21,6 +21,7 @@ from studies.perception.items import Drawn, Frame
 from studies.perception.tops import FAMILIES as FAMILIES
 from studies.perception.tops import family_names as family_names
 from studies.perception.tops.paint import SIDE_M, Top, noise
+from studies.perception.tops.wear import worn
 
 SAMPLES = 2  # samples per pixel along each axis
 PX_PER_M = SIDE * SAMPLES
@@ -34,6 +35,8 @@ MIN_GAP_M = 0.012  # smallest distance between footprints, a pixel; TIGHT_CHANCE
 TIGHT_CHANCE = 0.2
 SEE_THROUGH = 0.5  # mean alpha below which an item lets the table show through
 TOP_USES = 2  # scenes that share a drawn top, each with a turn, tint and light of its own
+
+Window = tuple[slice, slice]  # rows and columns of the canvas
 
 
 class Composites(NamedTuple):
@@ -105,6 +108,8 @@ def draw_top(rng: np.random.Generator, families: Sequence[str]) -> tuple[str, To
             )
         else:
             top += (other - top) * patch(rng)[..., None]
+    if rng.random() < 0.3:
+        top = worn(rng, top)
     return name, np.clip(top, 0.005, 1.2).astype(np.float32)
 
 
@@ -139,7 +144,8 @@ def draw_scene(rng: np.random.Generator, top: Top, palette: Palette) -> tuple[Ar
     table = turned(rng, top)
     lamps = draw_lamps(rng)
     illumination = draw_illumination(rng, lamps)
-    windows, drawn = draw_items(rng, palette, lamps)
+    illumination *= np.float32(exposed(rng, table, illumination))
+    windows, drawn = draw_items(rng, palette, lamps, top)
     light = shadows(windows, drawn, lamps, rng)
     scene = table * light
     labels = np.zeros((CANVAS, CANVAS), np.uint8)
@@ -175,13 +181,14 @@ def turned(rng: np.random.Generator, top: Top) -> Top:
 def draw_lamps(rng: np.random.Generator) -> list[Lamp]:
     """Draw one to three lamps that share the direct light; the rest is ambient."""
     count = int(rng.choice([1, 2, 3], p=[0.65, 0.25, 0.1]))
-    direct = rng.uniform(0.15, 0.75)
+    direct = rng.uniform(0.2, 0.9)
     shares = rng.dirichlet(np.full(count, 2.0)) * direct
     lamps = []
     for share in shares:
         bearing = rng.uniform(0, 2 * np.pi)
         direction = np.array([np.cos(bearing), np.sin(bearing)])
-        lamps.append(Lamp(direction, np.exp(rng.uniform(-1.2, 1)), float(share), rng.uniform(0.003, 0.03)))
+        slant = float(np.exp(rng.uniform(-1.2, 1.1))) if rng.random() < 0.5 else rng.uniform(1, 4)
+        lamps.append(Lamp(direction, slant, float(share), rng.uniform(0.002, 0.03)))
     return lamps
 
 
@@ -200,12 +207,19 @@ def draw_illumination(rng: np.random.Generator, lamps: list[Lamp]) -> Float32[Ar
         field = field * (
             1 - rng.uniform(0.05, 0.4) * np.clip((shade - rng.uniform(-0.5, 1)) / rng.uniform(0.1, 1), 0, 1)
         )
-    gain = np.exp(rng.normal(-0.05, 0.2)) * rng.normal(1, 0.06, 3)
-    return field[..., None].astype(np.float32) * gain.astype(np.float32)
+    return field[..., None].astype(np.float32) * rng.normal(1, 0.06, 3).astype(np.float32)
 
 
-def draw_items(rng: np.random.Generator, palette: Palette, lamps: list[Lamp]) -> tuple[list, list[Drawn]]:
-    """Draw the items and the windows of the canvas that they fill."""
+def exposed(rng: np.random.Generator, table: Top, illumination: Float32[Array, "side side 3"]) -> float:
+    """Return the gain of a camera that brings the table part of the way to a medium brightness."""
+    brightness = float((table[::8, ::8] * illumination[::8, ::8]).mean())
+    return (rng.uniform(0.25, 0.7) / max(brightness, 0.03)) ** rng.uniform(0.2, 1) * np.exp(rng.normal(0, 0.1))
+
+
+def draw_items(
+    rng: np.random.Generator, palette: Palette, lamps: list[Lamp], top: Top
+) -> tuple[list[Window], list[Drawn]]:
+    """Draw the items and the windows of the canvas that they fill; some are made of what tops are made of."""
     count = int(rng.choice(MAX_ITEMS + 1, p=[0.06, 0.14, 0.24, 0.24, 0.16, 0.1, 0.06]))
     tight, tall = rng.random() < TIGHT_CHANCE, rng.random() < 0.5
     segments, radii = np.empty((0, 2, 2)), np.empty(0)
@@ -236,9 +250,27 @@ def draw_items(rng: np.random.Generator, palette: Palette, lamps: list[Lamp]) ->
             item = draw.box(rng, frame, half, radius)
         else:
             item = (draw.mug if kind == "mug" else draw.crockery)(rng, frame, radius)
+        if item.bend_m is None and kind != "cutout" and rng.random() < 0.12:
+            item = resurfaced(rng, item, top)
         windows.append(window)
         drawn.append(item)
     return windows, drawn
+
+
+def resurfaced(rng: np.random.Generator, item: Drawn, top: Top) -> Drawn:
+    """Return an item of another material: of the table's own, in other colours or not, or translucent."""
+    if rng.random() < 0.4:
+        share = np.float32(rng.uniform(0.3, 0.85))
+        return item._replace(alpha=item.alpha * share, blocks=item.blocks * share)
+    rows, columns = item.alpha.shape
+    side = int(rng.uniform(60, TOP))
+    left, up = rng.integers(0, TOP - side + 1, 2)
+    swatch = cv2.resize(top[up : up + side, left : left + side], (columns, rows), interpolation=cv2.INTER_AREA)
+    swatch = swatch[..., rng.permutation(3)] if rng.random() < 0.6 else swatch
+    light = item.rgb.mean(2, keepdims=True) / max(
+        float(item.rgb[item.silhouette].mean() if item.silhouette.any() else 1), 0.05
+    )
+    return item._replace(rgb=(swatch * light * np.float32(rng.uniform(0.6, 1.4))).astype(np.float32))
 
 
 KINDS = ("crockery", "glass", "cutlery", "mug", "box")
@@ -279,7 +311,7 @@ def place_item(
     return centres[pick], float(angles[pick]), places[pick]
 
 
-def frame_of(centre: Array, angle: float, reach: float, lamp: Lamp) -> tuple[tuple[slice, slice], Frame]:
+def frame_of(centre: Array, angle: float, reach: float, lamp: Lamp) -> tuple[Window, Frame]:
     """Return the canvas window around an item and its pixels in the item's own coordinates."""
     first = np.clip(np.floor((centre - reach) * PX_PER_M), 0, CANVAS - 2).astype(int)
     last = np.clip(np.ceil((centre + reach) * PX_PER_M), first + 2, CANVAS).astype(int)
@@ -315,7 +347,7 @@ def cut_out(rng: np.random.Generator, palette: Palette, index: int, scale: float
 
 
 def shadows(
-    windows: list, drawn: list[Drawn], lamps: list[Lamp], rng: np.random.Generator
+    windows: list[Window], drawn: list[Drawn], lamps: list[Lamp], rng: np.random.Generator
 ) -> Float32[Array, "side side 3"]:
     """Return the share of the light that reaches the table: shadows of each lamp, contact shade and caustics."""
     light = np.ones((CANVAS, CANVAS, 3), np.float32)
@@ -343,7 +375,7 @@ def shadows(
     return np.clip(light, 0.05, 2)
 
 
-def paste(layer: Array, window: tuple[slice, slice], mask: Array, shift: Array) -> None:
+def paste(layer: Array, window: Window, mask: Array, shift: Array) -> None:
     """Set the maximum of a layer and a mask that is moved by whole pixels."""
     right, down = np.rint(shift).astype(int)
     rows, columns = window
@@ -356,7 +388,7 @@ def paste(layer: Array, window: tuple[slice, slice], mask: Array, shift: Array) 
     np.maximum(layer[inner], part, out=layer[inner])
 
 
-def caustic(light: Array, window: tuple[slice, slice], item: Drawn, lamp: Lamp, rng: np.random.Generator) -> None:
+def caustic(light: Array, window: Window, item: Drawn, lamp: Lamp, rng: np.random.Generator) -> None:
     """Brighten the middle of a clear item's shadow."""
     rows, columns = window
     size = (columns.stop - columns.start) / 2
@@ -377,7 +409,7 @@ def caustic(light: Array, window: tuple[slice, slice], item: Drawn, lamp: Lamp, 
     light[low[1] : high[1], low[0] : high[0]] += (glow * rng.uniform(0.1, 0.7) * lamp.share)[..., None]
 
 
-def cover(scene: Array, window: tuple[slice, slice], item: Drawn) -> None:
+def cover(scene: Array, window: Window, item: Drawn) -> None:
     """Set an item over the scene; through a clear one the scene is seen bent."""
     part = scene[window]
     if item.bend_m is not None:
@@ -399,6 +431,7 @@ class Camera(NamedTuple):
     noise: float
     shot: float  # noise that grows with the square root of the light
     gamma: float
+    shoulder: bool  # whether highlights are compressed, as on film, or clipped
     jpeg: int | None
     glare: Float32[Array, "side side"] | None
 
@@ -415,6 +448,8 @@ class Camera(NamedTuple):
         if self.glare is not None:
             picture = picture + self.glare[..., None]
         picture = np.clip(picture, 0, None) ** np.float32(self.gamma)
+        if self.shoulder:
+            picture = 1.05 * (1 - np.exp(-1.5 * picture))
         spread = self.noise + self.shot * np.sqrt(np.clip(picture, 0, 1))
         picture = picture + rng.standard_normal(picture.shape, np.float32) * spread
         picture = np.rint(np.clip(picture, 0, 1) * 255).astype(np.uint8)
@@ -457,9 +492,10 @@ def draw_camera(rng: np.random.Generator) -> Camera:
     return Camera(
         view,
         rng.uniform(0.3, 1.6) if rng.random() < 0.6 else 0.0,
-        rng.uniform(0.001, 0.02),
-        rng.uniform(0, 0.015),
+        float(np.exp(rng.uniform(-7, -4))),
+        rng.uniform(0, 0.15) ** 2,
         float(np.exp(rng.normal(0, 0.15))),
+        rng.random() < 0.5,
         int(rng.integers(50, 96)) if rng.random() < 0.3 else None,
         glare,
     )

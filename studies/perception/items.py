@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32
 from numpy import ndarray as Array
 
-from studies.perception.tops.paint import Colour, colour, near, noise, ramp
+from studies.perception.tops.paint import colour, near, noise, ramp
 
 EDGE_M = 0.004  # width over which an outline fades [m], less than a pixel of the camera
 Plane = Float32[Array, "row column"]
@@ -214,11 +214,11 @@ def clear_glass(rng: np.random.Generator, frame: Frame, radius: float, lean: Arr
         over(drink, level * np.float32(rng.uniform(0.05, 0.9)))
     towards_foot = (x * lamp[0] + y * lamp[1]) / np.maximum(r_foot, 1e-4)
     towards = (top_x * lamp[0] + top_y * lamp[1]) / np.maximum(r_top, 1e-4)
-    strength = rng.uniform(0.1, 1)
+    strength = rng.uniform(0.15, 1.2)
     for r, ring, side in ((r_foot, foot * rng.uniform(0.7, 0.97), towards_foot), (r_top, rim_r * 0.95, towards)):
         width = radius * rng.uniform(0.03, 0.1)
         share = np.exp(-(((r - ring) / width) ** 2)) * np.float32(strength * rng.uniform(0.2, 0.9))
-        bright = np.clip(rng.uniform(0.2, 1) + rng.uniform(-0.7, 0.7) * side, 0, 1.2)
+        bright = np.clip(rng.uniform(0, 1.2) + rng.uniform(-0.7, 0.7) * side, 0, 1.3)
         over(tint * bright[..., None], share * np.clip(0.6 + rng.uniform(-0.6, 0.6) * side, 0, 1))
     for _ in range(rng.integers(0, 5)):
         turn, width = rng.uniform(0, 2 * np.pi), rng.uniform(0.03, 0.4)
@@ -267,10 +267,10 @@ def metal(rng: np.random.Generator, across: Plane, along: Plane, turned: float) 
 
 
 def cutlery(rng: np.random.Generator, frame: Frame, half: float, breadth: float) -> Drawn:
-    """Draw a fork, knife, spoon, pair of sticks, ladle, whisk, pencil or tongs of half-length `half` and half-width `breadth`."""
+    """Draw a fork, knife, spoon, rod, pair of sticks or tongs, of this half-length and half-width [m]."""
     kind = rng.choice(["fork", "knife", "spoon", "sticks", "rod", "tongs"], p=[0.3, 0.27, 0.25, 0.06, 0.07, 0.05])
     x, y = frame.x, frame.y
-    thin = breadth * rng.uniform(0.25, 0.6)
+    thin = max(breadth * rng.uniform(0.25, 0.75), 0.0035)
     neck = half * rng.uniform(-0.05, 0.45)
     handle, along = to_segment(x, y, (-half + thin, 0), (neck, 0))
     narrow = rng.uniform(0.35, 1)
@@ -284,9 +284,7 @@ def cutlery(rng: np.random.Generator, frame: Frame, half: float, breadth: float)
         tine = breadth / n * rng.uniform(0.5, 0.8)
         for place in np.linspace(-breadth + tine, breadth - tine, n):
             parts.append(to_segment(x, y, (base, float(place)), (half - tine, float(place)))[0] - tine)
-        gap = np.maximum(np.abs(y) - breadth, base + breadth * 0.5 - x)
         parts[2] = np.maximum(parts[2], x - base - breadth * 0.4)
-        del gap
     elif kind == "spoon":
         length = breadth * rng.uniform(1.1, 1.8)
         parts.append((np.hypot((x - half + length) / length, y / breadth) - 1) * breadth)
@@ -333,7 +331,7 @@ def box(rng: np.random.Generator, frame: Frame, half: float, breadth: float) -> 
     distance = np.hypot(np.maximum(dx, 0), np.maximum(dy, 0)) + np.minimum(np.maximum(dx, dy), 0) - corner
     rgb = decorated(rng, frame.x, frame.y, half)
     if rng.random() < 0.4:
-        field = noise(rng, max(frame.x.shape + (16,)), rng.uniform(2, 20), 3, 0.6, rng.uniform(1, 8))
+        field = noise(rng, max(*frame.x.shape, 16), rng.uniform(2, 20), 3, 0.6, rng.uniform(1, 8))
         field = field[: frame.x.shape[0], : frame.x.shape[1]]
         rgb = ramp(0.5 + 0.25 * field, [colour(rng), colour(rng)])
     border = np.exp(-((distance + rng.uniform(0.003, 0.012)) ** 2) / 0.004**2)
@@ -341,6 +339,3 @@ def box(rng: np.random.Generator, frame: Frame, half: float, breadth: float) -> 
     rgb = rgb * (1 + border * edge + rng.uniform(-0.15, 0.15) * frame.x / half)[..., None]
     alpha = inside(distance.astype(np.float32))
     return Drawn(rgb.astype(np.float32), alpha, alpha > 0.5, rng.uniform(0.003, 0.05), alpha)
-
-
-Tint = Colour

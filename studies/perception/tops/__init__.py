@@ -5,7 +5,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from studies.perception.tops import cloth, patterns, stone, wood
+from studies.perception.tops import cloth, materials, patterns, prints, stone, wood
 from studies.perception.tops.paint import Top
 
 
@@ -16,24 +16,11 @@ class Family(NamedTuple):
     kind: Literal["taught", "held_out"]
 
 
-_TAUGHT = (
-    (wood.straight_grain, wood.planks, wood.butcher_block, wood.cathedral_grain, wood.bamboo, wood.chipboard)
-    + (wood.worn_paint, stone.marble, stone.granite, stone.concrete, stone.slate, stone.travertine, stone.cracked)
-    + (stone.pebbles, cloth.plain_cloth, cloth.crumpled, cloth.striped_cloth, cloth.gingham, cloth.weave, cloth.twill)
-    + (patterns.plain, patterns.gradient, patterns.clouds, patterns.camouflage, patterns.squares, patterns.stripes)
-    + (patterns.zigzag, patterns.lattice, patterns.scattered_motifs, patterns.strokes, patterns.crossing_lines)
-    + (patterns.mosaic, patterns.square_tiles, patterns.scales, patterns.polygons, patterns.rays, patterns.waves)
-    + (patterns.labyrinth, patterns.leather, cloth.damask)
-)
-_HELD_OUT = (wood.herringbone, stone.terrazzo, stone.agate, cloth.tartan, cloth.knit, cloth.lace, patterns.hexagons) + (
-    patterns.truchet,
-    patterns.brushed_metal,
-    patterns.newspaper,
-    patterns.cork,
-)
+_MODULES = (wood, stone, cloth, materials, patterns, prints)  # each says which of its families are taught
 FAMILIES: dict[str, Family] = {
     draw.__name__: Family(draw, kind)
-    for kind, draws in (("taught", _TAUGHT), ("held_out", _HELD_OUT))
+    for module in _MODULES
+    for kind, draws in (("taught", module.TAUGHT), ("held_out", module.HELD_OUT))
     for draw in draws
 }
 

@@ -74,7 +74,7 @@ def crumpled(rng: np.random.Generator, side: int) -> Top:
 
 
 def band_shares(rng: np.random.Generator, side: int) -> tuple[Field, Field]:
-    """Return stripes along x from one sequence of widths: each stripe's number from 0 to 1, rows (y) and columns (x)."""
+    """Return one sequence of stripes along x and along y, as each stripe's random number from 0 to 1."""
     widths = rng.uniform(0.1, 1, rng.integers(2, 9)) ** 2 + 0.02
     ends = np.cumsum(widths) / widths.sum()
     numbers = rng.random(len(ends)).astype(np.float32)
@@ -165,7 +165,7 @@ def lace(rng: np.random.Generator, side: int) -> Top:
     n = rng.uniform(4, 14)
     u, v = (x * n) % 1 - 0.5, (y * n + 0.5 * (np.floor(x * n) % 2)) % 1 - 0.5
     radius, angle = np.hypot(u, v), np.arctan2(v, u)
-    petals = np.cos(angle * rng.integers(5, 12)) * rng.uniform(0.2, 0.8)
+    petals = np.cos(angle * float(rng.integers(5, 12))) * rng.uniform(0.2, 0.8)
     rosette = np.sin(radius * 2 * np.pi * rng.uniform(3, 6) + petals * 2)
     net = np.maximum(np.sin(x * 2 * np.pi * n * 5), np.sin(y * 2 * np.pi * n * 5))
     thread = np.where(radius < 0.42, rosette, net)
@@ -173,3 +173,7 @@ def lace(rng: np.random.Generator, side: int) -> Top:
     return blend(
         under, colour(rng, saturation=(0, 0.2), value=(0.7, 1)), step(thread + rng.uniform(-0.2, 0.4), 0.4) * 0.9
     )
+
+
+TAUGHT = (plain_cloth, crumpled, striped_cloth, gingham, weave, twill, damask)
+HELD_OUT = (tartan, knit, lace)

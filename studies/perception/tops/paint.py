@@ -26,8 +26,9 @@ def colour(
     saturation: tuple[float, float] = (0, 0.8),
     value: tuple[float, float] = (0.1, 0.95),
 ) -> Colour:
-    """Draw a colour, uniform in hue, saturation and value."""
-    h, s, v = rng.uniform(*hue) % 1, rng.uniform(*saturation), rng.uniform(*value)
+    """Draw a colour, uniform in hue and value; dull ones are more frequent than saturated ones."""
+    h, v = rng.uniform(*hue) % 1, rng.uniform(*value)
+    s = saturation[0] + (saturation[1] - saturation[0]) * rng.random() ** 1.6
     return np.array(colorsys.hsv_to_rgb(h, s, v), np.float32)
 
 
@@ -59,7 +60,7 @@ def noise(
 ) -> Field:
     """Draw smooth noise of several octaves, with mean 0 and standard deviation 1.
 
-    The coarsest octave has `cells` random values from top to bottom and `cells / stretch` from left to right, so a large
+    The coarsest octave has `cells` random values from top to bottom and `cells / stretch` from left to right: a large
     `stretch` gives streaks along x. Each further octave has twice as many, weighted by `gain`.
     """
     total = np.zeros((side, side), np.float32)

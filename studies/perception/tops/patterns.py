@@ -111,7 +111,7 @@ def motif(rng: np.random.Generator, radius: Field, angle: Field) -> Field:
 def lattice(rng: np.random.Generator, side: int) -> Top:
     """Draw ornaments on a lattice, as on printed cloth or oilcloth."""
     x, y = grid(side)
-    n = np.exp(rng.uniform(1.4, 3.5))
+    n = float(np.exp(rng.uniform(1.4, 3.5)))
     stagger = 0.5 * float(rng.integers(2))
     column = np.floor(x * n)
     u, v = (x * n) % 1 - 0.5, (y * n + stagger * (column % 2)) % 1 - 0.5
@@ -198,7 +198,7 @@ def hexagons(rng: np.random.Generator, side: int) -> Top:
     x, y = x * n, y * n / np.float32(np.sqrt(3))
     first = np.stack([np.round(x), np.round(y)])
     second = np.stack([np.floor(x) + 0.5, np.floor(y) + 0.5])
-    d_first, d_second = (np.hypot(x - c[0], (y - c[1]) * np.sqrt(3)) for c in (first, second))
+    d_first, d_second = (np.hypot(x - c[0], (y - c[1]) * float(np.sqrt(3))) for c in (first, second))
     centre = np.where(d_first < d_second, first, second) * 2
     number = rng.random(4096).astype(np.float32)[(centre[0].astype(int) * 67 + centre[1].astype(int) * 29) % 4096]
     picture = ramp(number, shades(rng, 2, 5))
@@ -298,28 +298,14 @@ def brushed_metal(rng: np.random.Generator, side: int) -> Top:
 
 def cork(rng: np.random.Generator, side: int) -> Top:
     """Draw cork: crumbs of one brown with dark flecks."""
-    number, _, edge = cells(rng, side, int(rng.uniform(900, 3000)))
+    number, _, _ = cells(rng, side, int(rng.uniform(900, 3000)))
     base = colour(rng, (0.05, 0.11), (0.3, 0.65), (0.45, 0.85))
     picture = base * (0.8 + 0.35 * number + 0.06 * noise(rng, side, 100))[..., None]
     return blend(picture, base * 0.35, step(noise(rng, side, 70) - 1.6, 0.3) * 0.9)
 
 
-def newspaper(rng: np.random.Generator, side: int) -> Top:
-    """Draw printed pages: columns of words, headlines and grey pictures."""
-    paper, ink = colour(rng, (0.08, 0.16), (0, 0.2), (0.7, 0.97)), colour(rng, saturation=(0, 0.3), value=(0.02, 0.3))
-    share = np.zeros((side, side), np.float32)
-    line, gutter = max(int(side * rng.uniform(0.008, 0.02)), 3), int(side * 0.02)
-    width = int(side / rng.integers(3, 8))
-    for left in range(0, side, width):
-        top = 0
-        while top < side:
-            kind = rng.random()
-            tall = int(side * rng.uniform(0.05, 0.2)) if kind < 0.1 else 2 * line if kind < 0.2 else line
-            rows, columns = slice(top, top + int(tall * 0.65)), slice(left, left + width - gutter)
-            if kind < 0.1:
-                share[rows, columns] = rng.uniform(0.2, 0.8)
-            else:
-                words = cv2.resize((rng.random((1, width // 3)) < 0.75).astype(np.float32), (width - gutter, 1))
-                share[rows, columns] = words[:, : share[rows, columns].shape[1]] * rng.uniform(0.5, 0.9)
-            top += tall
-    return blend(flat(side, paper), ink, share)
+TAUGHT = (
+    *(plain, gradient, clouds, camouflage, squares, stripes, zigzag, lattice, scattered_motifs, strokes),
+    *(crossing_lines, mosaic, square_tiles, scales, polygons, rays, waves, labyrinth, leather),
+)
+HELD_OUT = (hexagons, truchet, brushed_metal, cork)

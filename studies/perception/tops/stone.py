@@ -12,7 +12,6 @@ from studies.perception.tops.paint import (
     colour,
     dried,
     flat,
-    grid,
     ink,
     near,
     noise,
@@ -138,3 +137,7 @@ def pebbles(rng: np.random.Generator, side: int) -> Top:
     shades: list[Colour] = [stone(rng) for _ in range(4)]
     picture = ramp(number, shades) * (1.1 - middle / max(float(middle.max()), 1e-3) * 0.5)[..., None]
     return blend(stone(rng) * np.ones((side, side, 1), np.float32), picture, step(edge - 0.004, 0.006))
+
+
+TAUGHT = (marble, granite, concrete, slate, travertine, cracked, pebbles)
+HELD_OUT = (terrazzo, agate)
