@@ -20,7 +20,7 @@ from torch.nn import functional as F
 from pipeline.runtime.errors import InputError
 
 WEIGHTS = Path(__file__).with_name("segmenter.safetensors")
-CHANNELS = 32, 48, 64, 96  # at 1/2, 1/4, 1/8 and 1/16 of the image's resolution
+CHANNELS = 24, 32, 64, 96  # at 1/2, 1/4, 1/8 and 1/16 of the image's resolution
 MAPS = ("item", "between", "see_through")  # what each output says of a pixel, see `Maps`
 INPUTS = 7  # colours, differences from the empty table's colours, and whether that is known
 STRIDE = 3  # median and spread are those of every third row and column

@@ -26,7 +26,8 @@ from studies.perception.pool import PART, Part, part_file
 SEED = 0
 BATCH = 16
 RATE = 3e-3  # AdamW's peak learning rate
-WARM_UP = 0.15  # share of the steps before that peak
+WARM_UP = 300  # steps in which the rate rises to its peak
+COOL_DOWN = 0.25  # share of the steps, the last ones, in which it falls to 0
 WEIGHT_DECAY = 1e-3
 REUSE = 8  # times that a picture is used on average, each time changed
 FIRST_PARTS = 8  # parts drawn before training begins
@@ -102,9 +103,9 @@ def train(pool: Path, out: Path, steps: int) -> list[float]:
     rng = np.random.default_rng(SEED)
     segmenter = Segmenter(normalised=True).to(memory_format=torch.channels_last)  # pyright: ignore
     optimiser = torch.optim.AdamW(segmenter.parameters(), lr=RATE, weight_decay=WEIGHT_DECAY, fused=True)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, total_steps=steps, pct_start=WARM_UP)
     losses, began = [], time.monotonic()
-    for step, pictures in zip(range(1, steps + 1), batches(rng, pool), strict=False):
+    for step, pictures in enumerate(batches(rng, pool)):
+        optimiser.param_groups[0]["lr"] = RATE * min(step / WARM_UP, 1, (1 - step / steps) / COOL_DOWN)
         inputs, truth = change(rng, pictures)
         with torch.autocast("cpu", torch.bfloat16):
             log_odds = segmenter(inputs)
@@ -112,13 +113,14 @@ def train(pool: Path, out: Path, steps: int) -> list[float]:
         optimiser.zero_grad()
         objective.backward()
         optimiser.step()
-        schedule.step()
         losses.append(float(objective.detach()))
-        if step % CHECKPOINT_EVERY == 0 or step == steps:
+        if len(losses) % CHECKPOINT_EVERY == 0 or len(losses) == steps:
             save(segmenter, out)
             mean = np.mean(losses[-CHECKPOINT_EVERY:])
-            print(f"{step} of {steps} steps, {time.monotonic() - began:.0f} s, loss {mean:.4f}", flush=True)
-    return losses
+            print(f"{len(losses)} of {steps} steps, {time.monotonic() - began:.0f} s, loss {mean:.4f}", flush=True)
+        if len(losses) == steps:
+            return losses
+    raise AssertionError("batches never end")
 
 
 def save(segmenter: Segmenter, path: Path) -> None:
