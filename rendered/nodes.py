@@ -59,7 +59,7 @@ class Nodes:
 
     def noise(self, where: Socket, scale: float, detail: float = 3.0, warp: float = 0.0) -> Socket:
         """Return Perlin noise, in about 0.2 to 0.8, with `scale` features a metre."""
-        inputs = {"Vector": where, "Scale": scale, "Detail": detail, "Distortion": warp}
+        inputs: dict[int | str, Any] = {"Vector": where, "Scale": scale, "Detail": detail, "Distortion": warp}
         return self.add("TexNoise", inputs)
 
     def cells(self, where: Socket, scale: float, out: int = 1, **settings: Any) -> Socket:
@@ -72,7 +72,7 @@ class Nodes:
 
     def step(self, value: Socket, low: float, high: float) -> Socket:
         """Return 0 below `low`, 1 above `high` and a smooth transition between."""
-        inputs = {"Value": value, 1: low, 2: high, 3: 0.0, 4: 1.0}
+        inputs: dict[int | str, Any] = {"Value": value, 1: low, 2: high, 3: 0.0, 4: 1.0}
         return self.add("MapRange", inputs, interpolation_type="SMOOTHSTEP")
 
     def mix(self, share: Socket, a: Socket, b: Socket) -> Socket:

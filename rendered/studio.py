@@ -14,7 +14,7 @@ from pipeline.world.layout import SIDE
 from rendered.kitchenware import Design
 from rendered.tops import table_top
 
-SAMPLES = 24  # paths a pixel, before the denoiser
+SAMPLES = 12  # paths a pixel, before the denoiser
 GROUND_M = 3.0  # side of the table top, which reaches beyond the picture [m]
 SHARP_RAD = 0.6  # edges of a wider angle are sharp; a smooth base would bend light like a lens [rad]
 LAMPS = ("window", "lamp", "two lamps", "sun", "low sun", "overcast")

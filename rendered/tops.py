@@ -38,7 +38,7 @@ def _wood(rng: Rng, n: Nodes) -> Socket:
     grain = _grain(rng, n, n.place(rng))
     return n.principled(
         n.mix(grain, dark, light), Roughness=rng.uniform(0.3, 0.6), Coat_Weight=float(rng.random() < 0.35),
-        Coat_Roughness=rng.uniform(0.1, 0.3), Normal=n.bump(grain, 0.0004),
+        Coat_Roughness=rng.uniform(0.1, 0.3),
     )  # fmt: skip
 
 
@@ -75,7 +75,7 @@ def _stone(rng: Rng, n: Nodes) -> Socket:
         for mineral in (random_colour(rng, 0.9), random_colour(rng, 0.9)):
             grains = n.add("SeparateColor", {0: n.cells(n.place(rng), rng.uniform(90, 280))})
             painted = n.mix(n.step(grains, 0.72, 0.76), painted, mineral)
-    return n.principled(painted, Roughness=rng.uniform(0.12, 0.6), Normal=n.bump(clouds, 0.001))
+    return n.principled(painted, Roughness=rng.uniform(0.12, 0.6))
 
 
 def _stripes(rng: Rng, n: Nodes) -> Socket:

@@ -88,7 +88,7 @@ def test_items_differ_from_the_empty_table_more_than_the_table_does(rendered):
     inside, outside = [], []
     for scene in range(len(rendered.layouts)):
         slots = np.flatnonzero(rendered.layouts.present[scene])
-        nearest = np.min([distance_to_footprint(rendered.layouts, scene, slot) for slot in slots], axis=0)
+        nearest = np.min([distance_to_footprint(rendered.layouts, scene, int(slot)) for slot in slots], axis=0)
         inside.append(changed[scene][nearest < -0.002].mean())
         outside.append(changed[scene][nearest > 0.15].mean())
     assert np.mean(np.array(inside) > 1.5 * np.array(outside)) > 0.95
