@@ -6,6 +6,8 @@ from pipeline.config.values import Count, StudyGroup, Whole
 
 class Settings(StudyGroup):
     pictures: Count
+    rendered: list[str]
+    paths: Count
     root_seed: Whole
 
 

@@ -1,15 +1,14 @@
 """Stage perception: find the items in composites, on families of table tops that the segmenter was taught and others.
 
-It judges the segmenter, without and with a picture of the empty table, and the hand-tuned finder that it replaced.
+It judges the segmenter, without and with a picture of the empty table, and the hand-tuned finder that it replaced:
+by the items they find, and by the accuracy of clearance models on path-traced tables.
 """
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from omegaconf import DictConfig
-from torch import Tensor
 from tqdm import tqdm
 
 from pipeline.artifacts.files import write_arrays, write_table
@@ -17,13 +16,11 @@ from pipeline.launch import launch
 from pipeline.models.base import to_tensor
 from pipeline.perception.objects import Objects, detect_objects
 from pipeline.runtime.streams import stream
-from pipeline.world.render import read_palette
 from studies.perception import finder
-from studies.perception.composites import draw_composites
+from studies.perception.accuracy import Detector, on_rendered_tables
+from studies.perception.composites import draw_composites, read_palette
 from studies.perception.measure import FOUND_IOU, match
 from studies.perception.tops import FAMILIES
-
-Detector = Callable[[Tensor, Tensor], Objects]  # images, and the empty tables
 
 DETECTORS: dict[str, Detector] = {
     "finder": lambda images, empty: finder.detect_objects(images),
@@ -34,9 +31,9 @@ SHOWN = 1  # pictures of each family in examples.npz
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """Write items.parquet (a row an item and detector), families.csv, summary.csv and examples.npz."""
+    """Write items.parquet (a row an item and detector), families.csv, summary.csv, examples.npz and accuracy.csv."""
     study = cfg.studies.perception
-    _, palette = read_palette(cfg.paths.data)
+    palette = read_palette(cfg.paths.data)
     parts, examples = [], {}
     for family in tqdm(FAMILIES, desc="families"):
         rng = stream(study.root_seed, "perception", family)
@@ -55,6 +52,10 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     write_table(out_dir / "families.csv", summary(items, ["kind", "family", "detector"]))
     write_table(out_dir / "summary.csv", summary(items, ["kind", "detector"]))
     write_arrays(out_dir / "examples.npz", examples)
+    accuracies = on_rendered_tables(cfg, DETECTORS).groupby(["split", "top", "detector", "user"], sort=False)[
+        "accuracy"
+    ]
+    write_table(out_dir / "accuracy.csv", accuracies.mean().reset_index())
 
 
 def judged(objects: Objects, instances: np.ndarray) -> pd.DataFrame:
