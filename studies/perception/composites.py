@@ -203,7 +203,27 @@ def draw_illumination(rng: np.random.Generator, lamps: list[Lamp]) -> Float32[Ar
         field = field * (
             1 - rng.uniform(0.05, 0.4) * np.clip((shade - rng.uniform(-0.5, 1)) / rng.uniform(0.1, 1), 0, 1)
         )
+    if rng.random() < 0.2:
+        field = field * (1 - rng.uniform(0.1, 0.6) * outside_shadow(rng))
     return field[..., None].astype(np.float32) * rng.normal(1, 0.06, 3).astype(np.float32)
+
+
+def outside_shadow(rng: np.random.Generator) -> Float32[Array, "side side"]:
+    """Return the shadow of what stands or hangs outside the picture: window bars, edges, blots."""
+    mask = np.zeros((CANVAS, CANVAS), np.uint8)
+    turn, kind = rng.uniform(0, 180), rng.integers(3)
+    for _ in range(rng.integers(1, 5)):
+        centre = rng.uniform(0, CANVAS, 2)
+        if kind < 2:
+            size = [2.0 * CANVAS, rng.uniform(0.02, 0.08 if kind else 0.5) * CANVAS]
+            turn += 90.0 * rng.integers(2)
+        else:
+            size, turn = rng.uniform(0.06, 0.4, 2) * CANVAS, rng.uniform(0, 180)
+        if kind < 2:
+            cv2.fillConvexPoly(mask, np.int32(cv2.boxPoints((centre.tolist(), list(size), turn))), 255)  # pyright: ignore
+        else:
+            cv2.ellipse(mask, (centre.tolist(), list(size), turn), 255, -1)  # pyright: ignore
+    return cv2.GaussianBlur(mask, (0, 0), np.exp(rng.uniform(0, 2.3))).astype(np.float32) / 255
 
 
 def exposed(rng: np.random.Generator, table: Top, illumination: Float32[Array, "side side 3"]) -> float:
@@ -246,7 +266,7 @@ def draw_items(
             item = draw.box(rng, frame, half, radius)
         else:
             item = (draw.mug if kind == "mug" else draw.crockery)(rng, frame, radius)
-        if item.bend_m is None and kind != "cutout" and rng.random() < 0.12:
+        if item.bend_m is None and kind != "cutout" and rng.random() < 0.18:
             item = resurfaced(rng, item, top)
         windows.append(window)
         drawn.append(item)
@@ -254,18 +274,22 @@ def draw_items(
 
 
 def resurfaced(rng: np.random.Generator, item: Drawn, top: Top) -> Drawn:
-    """Return an item of another material: of the table's own, in other colours or not, or translucent."""
-    if rng.random() < 0.4:
+    """Return an item that is hard to see: translucent, of the table's colour, or of a material of tables."""
+    kind = rng.random()
+    if kind < 0.3:
         share = np.float32(rng.uniform(0.3, 0.85))
         return item._replace(alpha=item.alpha * share, blocks=item.blocks * share)
+    if kind < 0.65:
+        shade = item.rgb[item.silhouette].mean(0) if item.silhouette.any() else np.ones(3)
+        likeness = top[::16, ::16].mean((0, 1)) * rng.normal(1, 0.1) / np.maximum(shade, 0.05)
+        return item._replace(rgb=(item.rgb * np.minimum(likeness, 4)).astype(np.float32))
     rows, columns = item.alpha.shape
     side = int(rng.uniform(60, TOP))
     left, up = rng.integers(0, TOP - side + 1, 2)
     swatch = cv2.resize(top[up : up + side, left : left + side], (columns, rows), interpolation=cv2.INTER_AREA)
     swatch = swatch[..., rng.permutation(3)] if rng.random() < 0.6 else swatch
-    light = item.rgb.mean(2, keepdims=True) / max(
-        float(item.rgb[item.silhouette].mean() if item.silhouette.any() else 1), 0.05
-    )
+    mean = float(item.rgb[item.silhouette].mean()) if item.silhouette.any() else 1.0
+    light = item.rgb.mean(2, keepdims=True) / max(mean, 0.05)
     return item._replace(rgb=(swatch * light * np.float32(rng.uniform(0.6, 1.4))).astype(np.float32))
 
 
