@@ -25,6 +25,7 @@ from studies.perception.tops.layers import draw_top
 from studies.perception.tops.paint import SIDE_M, Top
 
 TOP = round(SIDE_M * PX_PER_M)  # side of a drawn top [pixels]
+SEE_THROUGH = 0.5  # mean alpha below which an item lets the table show through
 TOP_USES = 2  # scenes that share a drawn top, each with a turn, tint and light of its own
 
 
@@ -35,6 +36,7 @@ class Composites(NamedTuple):
     instances: UInt8[Array, "n 100 100"]  # 0 is table, shadows included; 1.. are items
     empty: UInt8[Array, "n 100 100 3"]  # the same table, light and camera without items
     family: Array  # names of the tops' families (n,)
+    see_through: UInt8[Array, "n 100 100"]  # 1 where the item there lets the table show through
 
 
 def draw_composites(rng: np.random.Generator, n: int, families: Sequence[str], palette: Palette) -> Composites:
@@ -45,18 +47,18 @@ def draw_composites(rng: np.random.Generator, n: int, families: Sequence[str], p
     if unknown := sorted(set(families) - set(FAMILIES)):
         raise ValueError(f"unknown families {unknown}: expected names from {sorted(FAMILIES)}")
     images, empty = np.empty((2, n, SIDE, SIDE, 3), np.uint8)
-    instances = np.empty((n, SIDE, SIDE), np.uint8)
+    instances, see_through = np.empty((2, n, SIDE, SIDE), np.uint8)
     names: list[str] = []
     for scene in range(n):
         if scene % TOP_USES == 0:
             name, top = draw_top(rng, families, TOP)
         names.append(name)
-        images[scene], instances[scene], empty[scene] = draw_scene(rng, top, palette)
-    return Composites(images, instances, empty, np.array(names))
+        images[scene], instances[scene], empty[scene], see_through[scene] = draw_scene(rng, top, palette)
+    return Composites(images, instances, empty, np.array(names), see_through)
 
 
-def draw_scene(rng: np.random.Generator, top: Top, palette: Palette) -> tuple[Array, Array, Array]:
-    """Draw one scene on a top; return its picture, instances and picture without items."""
+def draw_scene(rng: np.random.Generator, top: Top, palette: Palette) -> tuple[Array, Array, Array, Array]:
+    """Draw one scene on a top; return its picture, instances, picture without items and see-through pixels."""
     table = turned(rng, top)
     lamps = draw_lamps(rng)
     illumination = draw_illumination(rng, lamps)
@@ -64,13 +66,15 @@ def draw_scene(rng: np.random.Generator, top: Top, palette: Palette) -> tuple[Ar
     windows, drawn = draw_items(rng, palette, lamps, top)
     light = shadows(windows, drawn, lamps, rng)
     scene = table * light
-    labels = np.zeros((CANVAS, CANVAS), np.uint8)
+    labels, clear = np.zeros((2, CANVAS, CANVAS), np.uint8)
     for k, (window, item) in enumerate(zip(windows, drawn, strict=True), 1):
         cover(scene, window, item)
         labels[window][item.silhouette] = k
+        clear[window][item.silhouette] = item.alpha[item.silhouette].sum() < SEE_THROUGH * item.silhouette.sum()
     camera = draw_camera(rng)
     image, empty = (camera.take(rng, lit * illumination) for lit in (scene, table))
-    return image, camera.label(labels, len(drawn)), empty
+    instances = camera.label(labels, len(drawn))
+    return image, instances, empty, camera.label(clear, 1) * (instances > 0)
 
 
 def turned(rng: np.random.Generator, top: Top) -> Top:
@@ -88,8 +92,8 @@ def turned(rng: np.random.Generator, top: Top) -> Top:
     if rng.random() < 0.3:
         table = table[..., rng.permutation(3)]
     grey = cv2.cvtColor(table, cv2.COLOR_RGB2GRAY)[..., None]
-    table = grey + (table - grey) * np.float32(rng.uniform(0.3, 1.2))
-    table = (table - table.mean()) * np.float32(rng.uniform(0.4, 1.15)) + table.mean()
+    table = grey + (table - grey) * np.float32(rng.uniform(0.4, 1.3))
+    table = (table - table.mean()) * np.float32(rng.uniform(0.45, 1.3)) + table.mean()
     return np.clip(table, 0.01, 1.1) ** np.float32(np.exp(rng.normal(0, 0.15)))
 
 
