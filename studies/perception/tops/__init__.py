@@ -5,7 +5,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from studies.perception.tops import cloth, materials, patterns, prints, stone, wood
+from studies.perception.tops import cloth, generic, materials, patterns, prints, stone, wood
 from studies.perception.tops.paint import Top
 
 Kind = Literal["taught", "held_out"]
@@ -19,7 +19,7 @@ class Family(NamedTuple):
 
 
 _KINDS: tuple[Kind, ...] = ("taught", "held_out")
-_MODULES = (wood, stone, cloth, materials, patterns, prints)  # each says which of its families are taught
+_MODULES = (wood, stone, cloth, materials, patterns, prints, generic)  # each says which of its families are taught
 FAMILIES: dict[str, Family] = {
     draw.__name__: Family(draw, kind)
     for module in _MODULES
