@@ -215,7 +215,10 @@ def clear_glass(rng: np.random.Generator, frame: Frame, radius: float, lean: Arr
     towards_foot = (x * lamp[0] + y * lamp[1]) / np.maximum(r_foot, 1e-4)
     towards = (top_x * lamp[0] + top_y * lamp[1]) / np.maximum(r_top, 1e-4)
     strength = rng.uniform(0.15, 1.2)
-    for r, ring, side in ((r_foot, foot * rng.uniform(0.7, 0.97), towards_foot), (r_top, rim_r * 0.95, towards)):
+    rings = [(r_foot, foot * rng.uniform(0.7, 0.97), towards_foot), (r_top, rim_r * 0.95, towards)]
+    if rng.random() < 0.3:
+        rings.append((r_foot, foot * rng.uniform(0.1, 0.7), towards_foot))
+    for r, ring, side in rings:
         width = radius * rng.uniform(0.03, 0.1)
         share = np.exp(-(((r - ring) / width) ** 2)) * np.float32(strength * rng.uniform(0.2, 0.9))
         bright = np.clip(rng.uniform(0, 1.2) + rng.uniform(-0.7, 0.7) * side, 0, 1.3)
@@ -231,7 +234,7 @@ def clear_glass(rng: np.random.Generator, frame: Frame, radius: float, lean: Arr
         over(np.ones(3, np.float32), (glint * rng.uniform(0.2, 1)).astype(np.float32))
     share = (alpha * cover).astype(np.float32)
     straight = rgb / np.maximum(alpha, 1e-3)[..., None]
-    power, swap = rng.uniform(1, 4), rng.uniform(0.05, 0.9) * (-1 if rng.random() < 0.7 else 1.5)
+    power, swap = rng.uniform(0, 4), rng.uniform(0.05, 0.9) * (-1 if rng.random() < 0.7 else 1.5)
     pull = (np.clip(r_foot / radius, 0, 1) ** power * swap).astype(np.float32)
     bend = np.stack([x * pull, y * pull], -1) * cover[..., None]
     hollow = np.clip(rng.uniform(0.15, 0.6) + 0.8 * np.clip(inner, 0, 1) ** 4, 0, 1) * rng.uniform(0.3, 0.9)

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
 from numpy import ndarray as Array
+from numpy.typing import ArrayLike
 
 SIDE_M = 1.2  # side of a painted top [m]; the camera sees 1 m of it
 
@@ -118,7 +119,7 @@ def wet(top: Top) -> Sheet:
     return (np.clip(top, 0, 1) * 255).astype(np.uint8)
 
 
-def points(places: Array) -> Array:
+def points(places: ArrayLike) -> Array:
     """Return places [pixels] in OpenCV's fixed point with FRACTION_BITS bits."""
     return np.int32(np.asarray(places) * 2**FRACTION_BITS)  # pyright: ignore[reportReturnType]
 

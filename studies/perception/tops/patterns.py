@@ -48,7 +48,7 @@ def gradient(rng: np.random.Generator, side: int) -> Top:
 def clouds(rng: np.random.Generator, side: int) -> Top:
     """Draw noise of several octaves in a few colours."""
     field = noise(
-        rng, side, np.exp(rng.uniform(0.5, 4)), rng.integers(1, 6), rng.uniform(0.4, 0.9), rng.uniform(0.5, 4)
+        rng, side, np.exp(rng.uniform(0.5, 4)), int(rng.integers(1, 6)), rng.uniform(0.4, 0.9), rng.uniform(0.5, 4)
     )
     return ramp(0.5 + rng.uniform(0.1, 0.4) * field, shades(rng))
 
@@ -57,7 +57,7 @@ def camouflage(rng: np.random.Generator, side: int) -> Top:
     """Draw blots with sharp edges, one over the other."""
     picture = flat(side, colour(rng))
     for shade in shades(rng):
-        field = noise(rng, side, np.exp(rng.uniform(1, 3.5)), rng.integers(1, 4), 0.5, rng.uniform(0.5, 3))
+        field = noise(rng, side, np.exp(rng.uniform(1, 3.5)), int(rng.integers(1, 4)), 0.5, rng.uniform(0.5, 3))
         picture = blend(picture, shade, step(field - rng.uniform(0, 1.2), 0.1))
     return picture
 

@@ -98,6 +98,7 @@ def cells(rng: np.random.Generator, side: int, count: int, jitter: float = 1.0) 
     free = np.ones((side, side), np.uint8)
     free[row, column] = 0
     to_point, owner = cv2.distanceTransformWithLabels(free, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+    owner = np.asarray(owner, np.int64)
     inside = np.ones((side, side), np.uint8)
     inside[1:] &= owner[1:] == owner[:-1]
     inside[:, 1:] &= owner[:, 1:] == owner[:, :-1]

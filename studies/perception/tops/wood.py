@@ -141,7 +141,8 @@ def herringbone(rng: np.random.Generator, side: int) -> Top:
     field = grain(rng, side)
     streaks = np.where(lies, field, field.T)
     picture = ramp(np.clip(0.6 * streaks + 0.4 * number, 0, 1), shades(rng))
-    return blend(picture, picture * 0.4, (1 - step(edge, 0.15)) * rng.uniform(0.2, 0.9))
+    seam = (1 - step(edge, 0.15)).astype(np.float32)
+    return blend(picture, picture * 0.4, seam * rng.uniform(0.2, 0.9))
 
 
 TAUGHT = (straight_grain, planks, butcher_block, cathedral_grain, bamboo, chipboard, worn_paint)

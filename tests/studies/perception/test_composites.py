@@ -83,3 +83,13 @@ def test_an_unknown_family_is_an_error(palette: Palette):
 
 def test_cutouts_are_of_the_training_split_alone(palette: Palette):
     assert len(palette.cutouts) == 24
+
+
+def test_see_through_pixels_are_whole_items(composites: Composites):
+    shares = [
+        see_through[instances == k].mean()
+        for instances, see_through in zip(composites.instances, composites.see_through, strict=True)
+        for k in range(1, instances.max() + 1)
+    ]
+    assert np.mean([share < 0.1 or share > 0.9 for share in shares]) > 0.97
+    assert 0.15 < np.mean(shares) < 0.6
