@@ -63,7 +63,7 @@ def draw_scene(rng: np.random.Generator, top: Top, palette: Palette) -> tuple[Ar
     lamps = draw_lamps(rng)
     illumination = draw_illumination(rng, lamps)
     illumination *= np.float32(exposed(rng, table, illumination))
-    windows, drawn = draw_items(rng, palette, lamps, top)
+    windows, drawn = draw_items(rng, palette, lamps, table)
     light = shadows(windows, drawn, lamps, rng)
     scene = table * light
     labels, clear = np.zeros((2, CANVAS, CANVAS), np.uint8)

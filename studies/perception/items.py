@@ -198,7 +198,7 @@ def clear_glass(rng: np.random.Generator, frame: Frame, radius: float, lean: Arr
         else colour(rng, (0.3, 0.65), (0, 0.1), (0.6, 1))
     )
     rgb = np.zeros((*x.shape, 3), np.float32)
-    alpha = np.full(x.shape, rng.uniform(0, 0.12) if rng.random() < 0.7 else rng.uniform(0.1, 0.45), np.float32)
+    alpha = np.full(x.shape, rng.uniform(0, 0.08) if rng.random() < 0.7 else rng.uniform(0.1, 0.45), np.float32)
     rgb += tint * alpha[..., None]
 
     def over(shade: Array, share: Plane) -> None:
@@ -206,15 +206,16 @@ def clear_glass(rng: np.random.Generator, frame: Frame, radius: float, lean: Arr
         rgb = rgb * (1 - share[..., None]) + shade * share[..., None]
         alpha = alpha * (1 - share) + share
 
+    faint = rng.uniform(0.15, 0.6) if rng.random() < 0.4 else 1.0
     inner = np.clip(r_top / rim_r, 0, 1)
-    over(tint * rng.uniform(0.1, 0.6), (inner ** rng.uniform(3, 12) * rng.uniform(0, 0.5)).astype(np.float32))
-    if rng.random() < 0.35:
+    over(tint * rng.uniform(0.1, 0.6), (inner ** rng.uniform(3, 12) * rng.uniform(0, 0.5) * faint).astype(np.float32))
+    if rng.random() < 0.35 * faint:
         level = inside(r_top - rim_r * rng.uniform(0.75, 0.93))
         drink = colour(rng, (0, 1), (0.2, 0.9), (0.1, 0.9))
         over(drink, level * np.float32(rng.uniform(0.05, 0.9)))
     towards_foot = (x * lamp[0] + y * lamp[1]) / np.maximum(r_foot, 1e-4)
     towards = (top_x * lamp[0] + top_y * lamp[1]) / np.maximum(r_top, 1e-4)
-    strength = rng.uniform(0.15, 1.2)
+    strength = rng.uniform(0.15, 1.2) * faint
     rings = [(r_foot, foot * rng.uniform(0.7, 0.97), towards_foot), (r_top, rim_r * 0.95, towards)]
     if rng.random() < 0.3:
         rings.append((r_foot, foot * rng.uniform(0.1, 0.7), towards_foot))
@@ -231,13 +232,13 @@ def clear_glass(rng: np.random.Generator, frame: Frame, radius: float, lean: Arr
         glint = np.exp(
             -((off / width) ** 2) - (((r_top / rim_r - rng.uniform(0.5, 0.97)) / rng.uniform(0.02, 0.08)) ** 2)
         )
-        over(np.ones(3, np.float32), (glint * rng.uniform(0.2, 1)).astype(np.float32))
+        over(np.ones(3, np.float32), (glint * rng.uniform(0.2, 1) * faint).astype(np.float32))
     share = (alpha * cover).astype(np.float32)
     straight = rgb / np.maximum(alpha, 1e-3)[..., None]
-    power, swap = rng.uniform(0, 4), rng.uniform(0.05, 0.9) * (-1 if rng.random() < 0.7 else 1.5)
+    power, swap = rng.uniform(0, 4), rng.uniform(0.02, 0.9) * faint * (-1 if rng.random() < 0.7 else 1.5)
     pull = (np.clip(r_foot / radius, 0, 1) ** power * swap).astype(np.float32)
     bend = np.stack([x * pull, y * pull], -1) * cover[..., None]
-    hollow = np.clip(rng.uniform(0.15, 0.6) + 0.8 * np.clip(inner, 0, 1) ** 4, 0, 1) * rng.uniform(0.3, 0.9)
+    hollow = np.clip(rng.uniform(0.15, 0.6) + 0.8 * np.clip(inner, 0, 1) ** 4, 0, 1) * rng.uniform(0.1, 0.9)
     return Drawn(
         straight.astype(np.float32),
         share,

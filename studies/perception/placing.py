@@ -25,6 +25,7 @@ KINDS = ("crockery", "glass", "cutlery", "mug", "box")
 SHARES = (0.34, 0.32, 0.22, 0.06, 0.06)  # of the procedural kinds
 MIN_GAP_M = 0.012  # smallest distance between footprints, a pixel; TIGHT_CHANCE of the scenes aim at it
 TIGHT_CHANCE = 0.2
+RESURFACED_CHANCE = 0.16  # share of opaque items made translucent, or of the table's colour or material
 PLACES = 96  # random places among which a free one is sought
 
 
@@ -55,7 +56,7 @@ def read_palette(data: str) -> Palette:
 
 
 def draw_items(
-    rng: np.random.Generator, palette: Palette, lamps: list[Lamp], top: Top
+    rng: np.random.Generator, palette: Palette, lamps: list[Lamp], table: Top
 ) -> tuple[list[Window], list[Drawn]]:
     """Draw the items and the windows of the canvas that they fill; some are made of what tops are made of."""
     count = int(rng.choice(MAX_ITEMS + 1, p=COUNTS))
@@ -75,27 +76,25 @@ def draw_items(
         lean = np.zeros(2) if not tall else (centre - CANVAS_M / 2) * 0.06
         reach = half + 0.01 + np.abs(lean).max()
         window, frame = frame_of(centre, angle, reach, lamps[0])
-        turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        to_item = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
         if kind == "cutout":
             item = cut_out(rng, palette, index, scale, frame)
         elif kind == "glass":
-            item = draw.clear_glass(rng, frame, radius, turn @ lean)
-            assert item.bend_m is not None
-            item = item._replace(bend_m=item.bend_m @ turn)
-        elif kind == "cutlery":
-            item = draw.cutlery(rng, frame, half, radius)
-        elif kind == "box":
-            item = draw.box(rng, frame, half, radius)
+            item = draw.clear_glass(rng, frame, radius, to_item @ lean)
+        elif kind in ("cutlery", "box"):
+            item = (draw.cutlery if kind == "cutlery" else draw.box)(rng, frame, half, radius)
         else:
             item = (draw.mug if kind == "mug" else draw.crockery)(rng, frame, radius)
-        if item.bend_m is None and kind != "cutout" and rng.random() < 0.18:
-            item = resurfaced(rng, item, top)
+        if item.bend_m is not None:
+            item = item._replace(bend_m=item.bend_m @ to_item)
+        elif rng.random() < RESURFACED_CHANCE:
+            item = resurfaced(rng, item, table)
         windows.append(window)
         drawn.append(item)
     return windows, drawn
 
 
-def resurfaced(rng: np.random.Generator, item: Drawn, top: Top) -> Drawn:
+def resurfaced(rng: np.random.Generator, item: Drawn, table: Top) -> Drawn:
     """Return an item that is hard to see: translucent, of the table's colour, or of a material of tables."""
     kind = rng.random()
     if kind < 0.3:
@@ -103,12 +102,12 @@ def resurfaced(rng: np.random.Generator, item: Drawn, top: Top) -> Drawn:
         return item._replace(alpha=item.alpha * share, blocks=item.blocks * share)
     if kind < 0.65:
         shade = item.rgb[item.silhouette].mean(0) if item.silhouette.any() else np.ones(3)
-        likeness = top[::16, ::16].mean((0, 1)) * rng.normal(1, 0.1) / np.maximum(shade, 0.05)
+        likeness = table[::16, ::16].mean((0, 1)) * rng.normal(1, 0.1) / np.maximum(shade, 0.05)
         return item._replace(rgb=(item.rgb * np.minimum(likeness, 4)).astype(np.float32))
     rows, columns = item.alpha.shape
-    side = int(rng.uniform(60, len(top)))
-    left, up = rng.integers(0, len(top) - side + 1, 2)
-    swatch = cv2.resize(top[up : up + side, left : left + side], (columns, rows), interpolation=cv2.INTER_AREA)
+    side = int(rng.uniform(60, len(table)))
+    left, up = rng.integers(0, len(table) - side + 1, 2)
+    swatch = cv2.resize(table[up : up + side, left : left + side], (columns, rows), interpolation=cv2.INTER_AREA)
     swatch = swatch[..., rng.permutation(3)] if rng.random() < 0.6 else swatch
     mean = float(item.rgb[item.silhouette].mean()) if item.silhouette.any() else 1.0
     light = item.rgb.mean(2, keepdims=True) / max(mean, 0.05)
@@ -176,9 +175,13 @@ def cut_out(rng: np.random.Generator, palette: Palette, index: int, scale: float
         rgb = rgb * (draw.decorated(rng, frame.x, frame.y, half) + 0.15)
     towards = (frame.x * frame.lamp[0] + frame.y * frame.lamp[1]) / (palette.width_m[index] * scale / 2)
     rgb = rgb * (1 - rng.uniform(0, 2) * symbol.concavity * np.clip(towards, -1, 1))[..., None]
-    height = symbol.height_m * rng.uniform(0.5, 3)
+    height = symbol.height_m * rng.uniform(0.5, 5)
     if not symbol.transparent:
         return Drawn(rgb.astype(np.float32), alpha, alpha > 0.5, height, alpha)
     outline, _ = cv2.findContours((alpha > 0.05).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     filled = cv2.drawContours(np.zeros(alpha.shape, np.uint8), outline, -1, 1, cv2.FILLED).astype(bool)
-    return Drawn(rgb.astype(np.float32), alpha, filled, height * 2, np.minimum(alpha * rng.uniform(1, 4), 1))
+    blocks = np.minimum(alpha * rng.uniform(1, 4), 1)
+    alpha = alpha * np.float32(rng.uniform(0.4, 1))
+    pull = np.float32(rng.uniform(-0.6, 0.3)) * filled
+    bend = np.stack([frame.x * pull, frame.y * pull], -1)
+    return Drawn(rgb.astype(np.float32), alpha, filled, height * 2, blocks, bend)

@@ -91,7 +91,7 @@ def zigzag(rng: np.random.Generator, side: int) -> Top:
 
 def motif(rng: np.random.Generator, radius: Field, angle: Field) -> Field:
     """Return a random ornament within radius 1: a disc, ring, star, flower, cross or diamond, from 0 to 1."""
-    kind, points = rng.integers(6), rng.integers(3, 9)
+    kind, points = rng.integers(6), float(rng.integers(3, 9))
     size = rng.uniform(0.4, 0.95)
     if kind == 0:
         outline = radius
