@@ -10,6 +10,8 @@ from numpy import ndarray as Array
 from pipeline.world.layout import SIDE
 from studies.perception.canvas import CANVAS_M, PX_PER_M, SAMPLES, Plane
 
+MIN_COVER = 62  # share [1 / 255] from which a pixel is an item's: a quarter, as handles are thinner than pixels
+
 
 class Camera(NamedTuple):
     """A camera: where it sees the table, its blur, noise, gamma and JPEG quality."""
@@ -47,11 +49,11 @@ class Camera(NamedTuple):
         return picture
 
     def label(self, labels: UInt8[Array, "side side"], count: int) -> UInt8[Array, "100 100"]:
-        """Return the item that covers at least half of each pixel, 0 for the table."""
+        """Return the item that covers most of each pixel, at least a quarter; 0 for the table."""
         side = SIDE * SAMPLES
         flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
         seen = cv2.warpPerspective(labels, self.view, (side, side), flags=flags, borderMode=cv2.BORDER_REFLECT)
-        result, best = np.zeros((SIDE, SIDE), np.uint8), np.full((SIDE, SIDE), 126, np.uint8)
+        result, best = np.zeros((SIDE, SIDE), np.uint8), np.full((SIDE, SIDE), MIN_COVER, np.uint8)
         number = 0
         for k in range(1, count + 1):
             share = cv2.resize(

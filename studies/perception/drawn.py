@@ -16,6 +16,7 @@ RULES = LayoutRules(  # as conf/scenes.yaml, but from empty tables to crowded on
     items_per_scene=(0, 1, 2, 3, 4), glasses_chance=(0.2, 0.3, 0.3, 0.2), centre_low=0.05, centre_high=0.95,
     clear_of_ends=0.0, clear_of_items=0.0, scale_low=0.9, scale_high=1.1,
 )  # fmt: skip
+MIN_COVER = 0.25  # share of a pixel: handles are thinner than pixels
 SOLID_ALPHA = 64  # alpha above which a cut-out counts as solid; what it encloses, such as a clear glass, does too
 
 
@@ -53,7 +54,7 @@ def draw_instances(
 
 
 def _solid(layouts: Layouts, scene: int, slot: int, catalogue: Catalogue) -> Array:
-    """Return the pixels of which an item covers at least half."""
+    """Return the pixels of which an item covers at least MIN_COVER."""
     item = int(layouts.item[scene, slot])
     cutout = catalogue.cutouts[item]
     outline = cv2.findContours(
@@ -69,4 +70,4 @@ def _solid(layouts: Layouts, scene: int, slot: int, catalogue: Catalogue) -> Arr
     pixels = ((along + 0.5) * len(cutout) - 0.5).astype(np.float32)
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     covered = cv2.warpAffine(solid, cv2.getAffineTransform(samples, pixels), (fine, fine), flags=flags)
-    return cv2.resize(covered, (SIDE, SIDE), interpolation=cv2.INTER_AREA) > 0.5
+    return cv2.resize(covered, (SIDE, SIDE), interpolation=cv2.INTER_AREA) > MIN_COVER
