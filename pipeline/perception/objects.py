@@ -11,7 +11,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Float32
+from jaxtyping import Bool, Float, Float32, UInt8
 from numpy import ndarray as Array
 from torch import Tensor
 
@@ -80,14 +80,16 @@ def _to_bytes(images: Float[Tensor, "scene 3 100 100"]) -> list[bytes]:
 @lru_cache(maxsize=4096)  # 30 kB each; all models use the same images
 def _detect(image: bytes, table: bytes | None) -> list[_Object]:
     """Return the MAX_OBJECTS largest objects in an 8-bit RGB image, the largest first."""
-    pixels, empty = (
-        None if data is None else np.frombuffer(data, np.uint8).reshape(SIDE, SIDE, 3) for data in (image, table)
-    )
-    maps = segment(pixels, empty)
+    pixels = _pixels(image)
+    maps = segment(pixels, None if table is None else _pixels(table))
     table = np.median(pixels[::STRIDE, ::STRIDE], axis=(0, 1))
     contrast = np.linalg.norm(pixels - table.astype(np.float32), axis=-1) / 255
     objects = [describe(outline, maps.see_through, contrast) for outline in find_outlines(maps)]
     return sorted(objects, key=lambda object_: -object_.features[0])[:MAX_OBJECTS]
+
+
+def _pixels(image: bytes) -> UInt8[Array, "100 100 3"]:
+    return np.frombuffer(image, np.uint8).reshape(SIDE, SIDE, 3)
 
 
 def describe(outline: Outline, see_through: Float32[Array, "100 100"], contrast: Float32[Array, "100 100"]) -> _Object:
@@ -98,7 +100,7 @@ def describe(outline: Outline, see_through: Float32[Array, "100 100"], contrast:
     covered = y.astype(int), x.astype(int)
     share = np.clip(see_through[covered].mean(), SURE, 1 - SURE)
     length = 2 * (np.linalg.norm(capsule.half) + capsule.radius)
-    sizes = np.log([capsule.area, capsule.elongation, length, 2 * capsule.radius])
-    features = [*sizes, np.log(share / (1 - share)), np.log(max(contrast[covered].mean(), MIN_CONTRAST))]
+    sizes = np.log(np.array([capsule.area, capsule.elongation, length, 2 * capsule.radius]))
+    seen = [np.log(share / (1 - share)), np.log(max(float(contrast[covered].mean()), MIN_CONTRAST))]
     ends = np.stack([capsule.centre - capsule.half, capsule.centre + capsule.half])
-    return _Object(ends, capsule.radius, np.array(features))
+    return _Object(ends, capsule.radius, np.array([*sizes, *seen]))

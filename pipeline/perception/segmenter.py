@@ -71,7 +71,7 @@ class Segmenter(nn.Module):
                 gain = module.weight / (module.running_var + module.eps).sqrt()  # pyright: ignore
                 state[f"{convolution}.weight"] = self.get_parameter(f"{convolution}.weight") * gain[:, None, None, None]
                 before = self.get_parameter(f"{convolution}.bias")
-                state[f"{convolution}.bias"] = (before - module.running_mean) * gain + module.bias
+                state[f"{convolution}.bias"] = (before - module.running_mean) * gain + module.bias  # pyright: ignore
         plain.load_state_dict(state)
         return plain
 

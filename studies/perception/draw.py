@@ -27,10 +27,12 @@ def draw(rng: np.random.Generator, n: int, data: str) -> list[Part]:
     drawn = round(DRAWN_SHARE * n)
     scenes = draw_scenes(rng, drawn, *render.read_palette(data))
     on_tops = draw_composites(rng, n - drawn, family_names("taught"), composites.read_palette(data))
-    return [pack(disorder(rng, scenes)), pack(disorder(rng, on_tops))]
+    disorder(rng, scenes)
+    disorder(rng, on_tops)
+    return [pack(scenes), pack(on_tops)]
 
 
-def disorder(rng: np.random.Generator, pictures: DrawnScenes | Composites) -> DrawnScenes | Composites:
+def disorder(rng: np.random.Generator, pictures: DrawnScenes | Composites) -> None:
     """Shuffle the pixels of some items in place, and call them table: colours without order are no item.
 
     The refuter placebo_treatment asks for just that, so it cannot judge the segmenter.
@@ -41,7 +43,6 @@ def disorder(rng: np.random.Generator, pictures: DrawnScenes | Composites) -> Dr
             patch = cv2.dilate(item.astype(np.uint8), SQUARE) > 0
             image[patch] = rng.permutation(image[patch])
             instances[item] = 0
-    return pictures
 
 
 if __name__ == "__main__":

@@ -64,7 +64,7 @@ def _solid(layouts: Layouts, scene: int, slot: int, catalogue: Catalogue) -> Arr
     width = catalogue.items["width_m"].iloc[item] * layouts.scale[scene, slot]
     c, s = np.cos(layouts.angle[scene, slot]), np.sin(layouts.angle[scene, slot])
     fine = SIDE * SAMPLES
-    samples = np.float32([[0, 0], [fine, 0], [0, fine]])  # column and row of three samples
+    samples = np.array([[0, 0], [fine, 0], [0, fine]], np.float32)  # column and row of three samples
     place = np.stack([samples[:, 0] + 0.5, fine - samples[:, 1] - 0.5], -1) / fine - layouts.centre[scene, slot]  # [m]
     along = place @ [[c, -s], [s, c]] / width * [1, -1]  # from the cut-out's middle, to the right and down
     pixels = ((along + 0.5) * len(cutout) - 0.5).astype(np.float32)

@@ -2,12 +2,14 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
 
 import cv2
 import numpy as np
 from jaxtyping import UInt8
 from numpy import ndarray as Array
+
+from studies.perception.composites import Composites
+from studies.perception.drawn import DrawnScenes
 
 PART = 500  # pictures in a part: 40 MB
 NEAR_PX = 2  # two items this near to a pixel are too close to tell apart there
@@ -16,13 +18,7 @@ _NEAR = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * NEAR_PX + 1, 2 * NEAR_
 Part = UInt8[Array, "picture 100 100 9"]  # colours, the empty table's colours, item, between, see-through
 
 
-class Pictures(Protocol):
-    """Pictures of tables with the truth of each pixel."""
-
-    images: UInt8[Array, "picture 100 100 3"]
-    empty: UInt8[Array, "picture 100 100 3"]  # the same tables in the same light, without items
-    instances: UInt8[Array, "picture 100 100"]  # 0: table; 1, 2, ...: items
-    see_through: UInt8[Array, "picture 100 100"]  # 1: a transparent item
+Pictures = DrawnScenes | Composites
 
 
 def pack(pictures: Pictures) -> Part:

@@ -53,7 +53,7 @@ def change(rng: np.random.Generator, pictures: Part) -> tuple[Inputs, Truth]:
     n, levels = len(pictures), np.arange(256, dtype=np.float32) / 255
     colours, truth = np.empty((n, SIDE, SIDE, 6), np.float32), np.empty((n, SIDE, SIDE, 3), np.uint8)
     for i, picture in enumerate(pictures):
-        turned = np.rot90(picture, rng.integers(4))
+        turned = np.rot90(picture, int(rng.integers(4)))
         turned = turned[:, ::-1] if rng.random() < 0.5 else turned
         truth[i] = turned[..., 6:]
         gamma = math.exp(rng.uniform(-MAX_LOG_GAMMA, MAX_LOG_GAMMA))
