@@ -82,8 +82,8 @@ def _detect(image: bytes, table: bytes | None) -> list[_Object]:
     """Return the MAX_OBJECTS largest objects in an 8-bit RGB image, the largest first."""
     pixels = _pixels(image)
     maps = segment(pixels, None if table is None else _pixels(table))
-    table = np.median(pixels[::STRIDE, ::STRIDE], axis=(0, 1))
-    contrast = np.linalg.norm(pixels - table.astype(np.float32), axis=-1) / 255
+    typical = np.median(pixels[::STRIDE, ::STRIDE], axis=(0, 1))
+    contrast = np.linalg.norm(pixels - typical.astype(np.float32), axis=-1) / 255
     objects = [describe(outline, maps.see_through, contrast) for outline in find_outlines(maps)]
     return sorted(objects, key=lambda object_: -object_.features[0])[:MAX_OBJECTS]
 

@@ -10,7 +10,7 @@ from numpy import ndarray as Array
 from pipeline.perception.segmenter import Maps
 
 SUPERSAMPLING = 4  # grid points per pixel along each axis
-OUTLINE = 0.3  # probability on an outline: at .5 thin handles are missed (validation)
+OUTLINE = 0.35  # probability on an outline: at .5 some handles are missed (validation)
 MIN_ITEM_PX = 12  # smaller regions are no items [pixels of the image]: a teaspoon has 40
 MIN_CORE_PX = 3  # smallest part that is an item of its own where items touch [pixels of the image]
 

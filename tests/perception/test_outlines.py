@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from pipeline.perception.outlines import MIN_ITEM_PX, SUPERSAMPLING, find_outlines
+from pipeline.perception.outlines import MIN_ITEM_PX, OUTLINE, SUPERSAMPLING, find_outlines
 from pipeline.perception.segmenter import Maps
 from pipeline.world.layout import SIDE
 
 
 def disc(x: float, y: float, radius: float) -> np.ndarray:
-    """A map that is 1 inside a disc [pixels] and falls to 0 over a pixel."""
+    """A map that is 1 inside a disc [pixels] and falls to 0 over a pixel, OUTLINE at its edge."""
     row, column = np.mgrid[:SIDE, :SIDE] + 0.5
-    return np.clip(0.5 + radius - np.hypot(column - x, row - y), 0, 1).astype(np.float32)
+    return np.clip(OUTLINE + radius - np.hypot(column - x, row - y), 0, 1).astype(np.float32)
 
 
 def maps(*discs: np.ndarray, between: np.ndarray | None = None) -> Maps:
