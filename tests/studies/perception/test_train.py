@@ -37,6 +37,7 @@ def test_items_stay_where_their_truth_is(few: Path):
 def test_a_short_training_lowers_the_loss(few: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(train, "PART", 20)
     monkeypatch.setattr(train, "FIRST_PARTS", 2)
+    monkeypatch.setattr(train, "WARM_UP", 2)
     losses = train.train(few, tmp_path / "weights.safetensors", steps=12)
     assert losses[-1] < 0.9 * losses[0]
     assert torch.isfinite(read_segmenter(tmp_path / "weights.safetensors").head.weight).all()
