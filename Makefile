@@ -98,8 +98,8 @@ params: $(READY)  ## write params.yaml, and dvc.yaml's lists of variants, from c
 	python -m pipeline.params
 
 POOL := outputs/segmenter
-segmenter: data-here  ## train perception anew on composites, 60 minutes on two cores; its weights are in git, so no other target needs it
-	python -m studies.perception.draw --pool $(POOL) --parts 100 & python -m studies.perception.train --pool $(POOL) --steps 8000 && wait
+segmenter: data-here  ## train perception anew on composites, an hour on two cores; its weights are in git, so no other target needs it
+	python -m studies.perception.draw --pool $(POOL) --parts 65 & python -m studies.perception.train --pool $(POOL) --steps 15000 && wait
 
 data: $(READY)  ## draw data/ anew and put it into the store
 	python -m drawing
