@@ -23,7 +23,7 @@ OUT_OF_RANGE = {  # study: values of its settings, each refused by the setting's
     "robustness": "split=seen_scenes | scenes=1 | scenes=10000 | corruptions.shade=[0.5, 1.5] | corruptions.blur=[2, 1]"
     " | corruptions.noise=[0.0] | clutter=[1.5] | mislabelled={unknown: [0.1]} | mislabelled.clearance=[]",
     "rule_families": "families={dwell: 0.1} | families={margin: 0.0, taste: 1.0} | families.dwell=-0.1"
-    " | variants=[nobody] | averaged.members=0",
+    " | variants=[nobody] | variants=[irl_ranked]",
 }
 WITH_REASON = [  # study, value, what the error says after the setting's name
     ("acceptance", "level=0.03", " = 0.03 among them"),

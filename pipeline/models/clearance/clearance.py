@@ -34,7 +34,7 @@ FAMILIES = {  # parameters of each rule family in addition to `margin`'s; BIC ch
     "progress": 2,  # ... on how far along the path the object is passed
 }
 GATES = ("side", "progress", "progress")  # the family that uses each relation (`Passing.relations`)
-PATH_SAMPLES = 160  # points along a path: at most 1 cm apart, so that clearances are exact within half a millimetre
+PATH_SAMPLES = 161  # points along a path: at most 1 cm apart, so that clearances are exact within half a millimetre
 MARGIN_UNIT_M = 0.03  # unit of the margin parameter [m], so that one learning rate suits all parameters
 MIN_WIDTH_M = 0.003  # smallest transition width [m]: a third of a pixel, the limit of an outline's accuracy
 SHARPENING = 1.25  # factor on the log-odds of the members' mean, since averaged probabilities are underconfident
@@ -44,7 +44,7 @@ FEATURES_PER_MEMBER = 4  # number of features of appearance that each member use
 FEATURE_BOUND = 1.5  # bound on standardised features [standard deviations over the training objects]
 GAP_RANGE_M = 0.01, 1.0  # range of gaps between objects [m]; a missing neighbour counts as the upper end
 DWELL_STRIDE = 4  # family `dwell` looks at every fourth point of the path
-DWELL_SHARES = torch.arange(13) / (PATH_SAMPLES / DWELL_STRIDE)  # shares of the path that it can forgive: up to .3
+DWELL_SHARES = torch.arange(13) * DWELL_STRIDE / PATH_SAMPLES  # shares of the path that it can forgive: up to .3
 LATERAL_SCALE_M = 0.02  # lateral distance [m] at which an object counts as fully on one side
 GATE_UNIT = 3.0  # unit of the gates of `side` and `progress`, so that one learning rate suits all parameters
 
