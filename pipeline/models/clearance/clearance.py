@@ -206,9 +206,8 @@ def pack(start: Tensor, end: Tensor, radius: Tensor, features: Tensor, present: 
     gap = apart - radius[:, :, None] - radius[:, None, :]
     other = present[:, :, None] & present[:, None] & ~torch.eye(present.shape[1], dtype=torch.bool)
     log_gap = torch.where(other, gap, GAP_RANGE_M[1]).amin(-1).clamp(*GAP_RANGE_M).log()
-    return PerceivedObjects(
-        start, end, radius, torch.cat([features, log_gap[..., None]], -1), present.float()
-    ).percept()
+    features = torch.cat([features, log_gap[..., None]], -1)
+    return PerceivedObjects(start, end, radius, features, present.float()).percept()
 
 
 def passes(
@@ -223,7 +222,8 @@ def passes(
     lift = torch.from_numpy(b[:, 1]).to(z_theta)
     # One coordinate at a time: torch reduces an axis of length 2 several times slower than it adds two tensors.
     x, y = (c + lift * z[..., None] for c, z in zip(fixed.unbind(-1), z_theta.unbind(-1), strict=True))
-    objects = PerceivedObjects.of(percept[:, : occupied_slots(percept)])
+    occupied = max(1, int(PerceivedObjects.of(percept).present.sum(1).max()))  # detections fill slots from the first
+    objects = PerceivedObjects.of(percept[:, :occupied])
     distances, samples = [], []
     for start, end in zip(objects.start.unbind(1), objects.end.unbind(1), strict=True):
         start_x, start_y = (c[:, None, None] for c in start.unbind(-1))
@@ -254,8 +254,3 @@ def _side(
     heading, towards = (1 - t) * (z - start) + t * (goal - z), middle - point
     lateral = heading[..., 1] * towards[..., 0] - heading[..., 0] * towards[..., 1]
     return (lateral / (heading.square().sum(-1) + 1e-12).sqrt() / LATERAL_SCALE_M).tanh()
-
-
-def occupied_slots(percept: Float[Tensor, "scene object 13"]) -> int:
-    """Return the largest number of objects in a scene, at least 1; detections fill slots from the first."""
-    return max(1, int(PerceivedObjects.of(percept).present.sum(1).max()))

@@ -100,9 +100,8 @@ def set_model_evidence(training_set: _TrainingSet) -> None:
     log_likelihood = -F.binary_cross_entropy_with_logits(logits, valid.expand_as(logits), reduction="none").sum((1, 2))
     rate = float(valid.mean())
     log_likelihood_at_rate = -valid.numel() * (entr(rate) + entr(1 - rate))
-    penalty = EVIDENCE_PENALTY_NATS + 0.5 * np.log(valid.numel()) * torch.tensor(
-        [FAMILIES[family] for family in model.families]
-    )
+    parameters = torch.tensor([FAMILIES[family] for family in model.families])
+    penalty = EVIDENCE_PENALTY_NATS + 0.5 * np.log(valid.numel()) * parameters
     model.evidence.copy_(log_likelihood - log_likelihood_at_rate - penalty)
 
 
