@@ -117,7 +117,8 @@ def fit_all(
     by_family = draw_training_sets(cfg, scenes)
     training_sets = [x for sets in by_family.values() for x in sets]
     flat_images, paths = images.reshape(-1, *images.shape[2:]), np.tile(z_theta, (len(images), 1, 1))
-    each = dict.fromkeys((*cfg.studies.rule_families.variants, MARGIN_ALONE), training_sets)
+    variants: list[str] = [*cfg.studies.rule_families.variants, MARGIN_ALONE]
+    each = dict.fromkeys(variants, training_sets)
     answers = refit(with_margin_alone(cfg), each, partial(answer, flat_images, paths), "rule families")
     size = len(training_sets) // len(by_family)
     return {

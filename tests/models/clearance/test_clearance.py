@@ -32,7 +32,7 @@ def fit_one(m: ClearanceModel, images, z, valid, seed=0, checkpoints=None) -> np
 def percept(layouts: Layouts) -> torch.Tensor:
     """Layouts as the model perceives them, without features."""
     ends, radius, present = (torch.tensor(x) for x in (layouts.ends, layouts.radius, layouts.present))
-    return pack(*ends.unbind(-2), radius, torch.zeros(*present.shape, len(FEATURES)), present)
+    return pack(ends[..., 0, :], ends[..., 1, :], radius, torch.zeros(*present.shape, len(FEATURES)), present)
 
 
 def some_layouts(rng, scenes=20, slots=3) -> Layouts:

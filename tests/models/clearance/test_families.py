@@ -26,7 +26,7 @@ def seen(layouts: Layouts) -> torch.Tensor:
     """Return the percept that holds every footprint exactly, and the same features for all objects."""
     ends, radius = (torch.tensor(x, dtype=torch.float32) for x in (layouts.ends, layouts.radius))
     present = torch.tensor(layouts.present)
-    return pack(*ends.unbind(-2), radius, torch.zeros(*present.shape, len(FEATURES)), present)
+    return pack(ends[..., 0, :], ends[..., 1, :], radius, torch.zeros(*present.shape, len(FEATURES)), present)
 
 
 @pytest.fixture(scope="module")
