@@ -39,7 +39,7 @@ MARGIN_UNIT_M = 0.03  # unit of the margin parameter [m], so that one learning r
 MIN_WIDTH_M = 0.003  # smallest transition width [m]: a third of a pixel, the limit of an outline's accuracy
 SHARPENING = 1.25  # factor on the log-odds of the members' mean, since averaged probabilities are underconfident
 EVIDENCE_PENALTY_NATS = 6.0  # log-likelihood gain [nat] at which a family is as credible as irrelevance
-OCCAM_NATS = 5.0  # families this much less probable [nat] than the most probable one are left out
+OCCAM_NATS = 3.0  # families this much less probable [nat] than the most probable one are left out: 20 times
 FEATURES_PER_MEMBER = 4  # number of features of appearance that each member uses
 FEATURE_BOUND = 1.5  # bound on standardised features [standard deviations over the training objects]
 GAP_RANGE_M = 0.01, 1.0  # range of gaps between objects [m]; a missing neighbour counts as the upper end
@@ -86,8 +86,9 @@ class ClearanceModel(ValidityModel):
     the probability that no undetected object blocks the path.
 
     A family's weight is its posterior probability against a constant `rate`, by BIC (Schwarz, 1978) on FAMILIES and,
-    for all of them, EVIDENCE_PENALTY_NATS: averaged members fit the labels less closely than the best one. Families
-    outside Occam's window have no weight (Madigan and Raftery, 1994). Without labels, P(valid) is the constant.
+    for all of them, EVIDENCE_PENALTY_NATS: averaged members fit the labels less closely than the best one. Only families
+    in Occam's window have weight (Madigan and Raftery, 1994): not much less probable than the best one, nor less than
+    the first one, `margin`, which the others extend. Without labels, P(valid) is the constant.
     """
 
     feature_mask: Tensor
@@ -143,8 +144,8 @@ class ClearanceModel(ValidityModel):
 
     def posterior(self) -> Float[Tensor, " family_or_constant"]:
         """Return the posterior probability of each family and, last, of the constant; 0 outside Occam's window."""
-        evidence = F.pad(self.evidence, (0, 1))
-        return evidence.masked_fill(evidence < evidence.max() - OCCAM_NATS, -np.inf).softmax(0)
+        least = torch.maximum(self.evidence[0], self.evidence.max() - OCCAM_NATS)
+        return F.pad(self.evidence.masked_fill(self.evidence < least, -np.inf), (0, 1)).softmax(0)
 
     def logit_by_family(
         self, percept: Tensor, passing: Passing, chosen: Sequence[int] | slice = slice(None)
