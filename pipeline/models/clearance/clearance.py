@@ -105,8 +105,7 @@ class ClearanceModel(ValidityModel):
         used = torch.rand(members, len(FEATURES)).argsort(-1) < FEATURES_PER_MEMBER
         gap = self.is_family("proximity")[:, None, None].expand(*shape, 1)
         seen = torch.cat([used.expand(*shape, -1), gap], -1)
-        mask = torch.cat([torch.ones(*shape, 1), seen, seen], -1)
-        self.register_buffer("feature_mask", mask)  # 1: the member uses the term
+        self.register_buffer("feature_mask", torch.cat([torch.ones(*shape, 1), seen, seen], -1))  # 1: term is used
         self.weight = nn.Parameter(start.repeat(shape[0], 1, 1))  # coefficients of relevance
         self.margin = nn.Parameter(torch.zeros(shape))  # [MARGIN_UNIT_M]; 0 is the object's outline
         self.width = nn.Parameter(torch.full(shape, float(np.log(0.01))))  # logarithm of the transition width [m]
