@@ -1,0 +1,79 @@
+"""Audit the results of a commit, or compare those of two. Needs no data.
+
+python -m pipeline.audit                     the last commit: do code, parameters, data, locks, pages and README agree?
+python -m pipeline.audit REV                 the same of another commit
+python -m pipeline.audit BEFORE AFTER        what differs: claims, headlines, parameters, data, packages, code
+  --format terminal | markdown | json        terminal by default
+  --out FILE                                 write there instead
+
+Exit status: 0 if everything agrees, or no verdict changed and no headline is worse; 1 if not; 2 for a mistake in use.
+"""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.markdown import Markdown
+
+from pipeline.audit import text
+from pipeline.audit.consistency import audit
+from pipeline.audit.difference import compare
+from pipeline.audit.revision import checked_out, resolve
+from pipeline.runtime.errors import InputError
+from pipeline.runtime.writing import atomic_write
+
+
+def main(arguments: list[str]) -> int:
+    """Run an audit from the command line; return the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m pipeline.audit", description=__doc__)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.add_argument("revision", nargs="*", default=["HEAD"], help="one commit to audit, or two to compare")
+    parser.add_argument("--format", choices=["terminal", "markdown", "json"], default="terminal")
+    parser.add_argument("--out", type=Path, help="file to write")
+    given = parser.parse_args(arguments)
+    try:
+        if len(given.revision) > 2:
+            raise InputError(f"{len(given.revision)} commits: expected one to audit, or two to compare")
+        content, markdown, status = _compare(*given.revision) if len(given.revision) == 2 else _audit(*given.revision)
+        _write(given, content, markdown)
+    except (InputError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return status
+
+
+def _audit(revision: str) -> tuple[Any, str, int]:
+    with checked_out(revision) as clone:
+        checks = audit(clone)
+    content = [check._asdict() | {"faults": [fault._asdict() for fault in check.faults]} for check in checks]
+    return content, text.of_audit(revision, checks), int(any(check.faults for check in checks))
+
+
+def _compare(before: str, after: str) -> tuple[Any, str, int]:
+    for revision in (before, after):
+        resolve(revision)
+    d = compare(before, after)
+    content = d._asdict() | {
+        "headlines": [line._asdict() | {"change": line.change} for line in d.headlines],
+        "modules": d.modules.reset_index().to_dict("records"),
+        "by_seed": d.by_seed.to_dict("records"),
+    }
+    worse = len(d.by_seed) > 0 and (d.by_seed["word"] == "worse").any()
+    return content, text.of_difference(before, after, d), int(bool(d.claims) or bool(worse))
+
+
+def _write(given: argparse.Namespace, content: Any, markdown: str) -> None:
+    text = json.dumps(content, indent=2) + "\n" if given.format == "json" else markdown
+    if given.out:
+        atomic_write(given.out, lambda part: part.write_text(text))
+    elif given.format == "terminal":
+        Console().print(Markdown(text))
+    else:
+        print(text, end="")
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
