@@ -1,8 +1,7 @@
 """Check one commit without its data: do code, parameters, data and locks agree, and do pages say what tables hold."""
 
 import json
-import re
-from collections.abc import Iterator
+from collections.abc import Iterable
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import NamedTuple
@@ -16,7 +15,6 @@ from pipeline.report.page import FORMATS
 from pipeline.report.readme import fill, headlines
 from pipeline.runtime.errors import InputError
 
-WOULD_RUN = re.compile(r"Running stage '([^']+)'")
 MISSING = ("deleted", "not in cache")  # what DVC calls data and results that a clone has not pulled
 
 
@@ -46,7 +44,7 @@ def audit(clone: Path) -> list[Checked]:
     return [*checks, readme(clone)]
 
 
-def _gather(check: str, what: str, results: Iterator[tuple[int, list[tuple[Path, str]]]], clone: Path) -> Checked:
+def _gather(check: str, what: str, results: Iterable[tuple[int, list[tuple[Path, str]]]], clone: Path) -> Checked:
     items, faults = 0, []
     for count, messages in results:
         items += count
@@ -56,33 +54,54 @@ def _gather(check: str, what: str, results: Iterator[tuple[int, list[tuple[Path,
 
 def stages(clone: Path) -> Checked:
     """Check that every stage's code, parameters and inputs are those its lock was written for."""
-    plan = dvc(clone, "repro", "-P", "--dry", "--allow-missing")
-    stale = WOULD_RUN.findall(plan)
-    why = _changes(clone, "changed deps")
-    faults = [Fault("stages", name, why.get(name, "comes after a stage that is stale")) for name in stale]
-    total = len(stale) + plan.count("didn't change, skipping")
-    return Checked("stages", "code, parameters, data and locks agree", total, faults)
+    locks, status = _locks(clone), _status(clone)
+    made = {out["path"]: out.get("md5") for stage in locks.values() for out in stage.get("outs", [])}
+    for tracked in clone.glob("[!.]*.dvc"):
+        made |= {out["path"]: out["md5"] for out in yaml.safe_load(tracked.read_text())["outs"]}
+    names = dvc(clone, "stage", "list", "--all", "--name-only").split()
+    faults = [Fault("stages", name, text) for name, text in _changes(status, "changed deps").items()]
+    faults += [
+        Fault("stages", name, "it was never run: it has no lock")
+        for name in names
+        if name not in locks and name[-4:] != ".dvc"
+    ]
+    for name, stage in locks.items():
+        if name not in names:
+            faults.append(Fault("stages", name, "its lock has no stage: delete its entry"))
+            continue
+        others = [dep["path"] for dep in stage.get("deps", []) if made.get(dep["path"], dep["md5"]) != dep["md5"]]
+        faults += [Fault("stages", name, f"its lock was made from another {other}") for other in others]
+    return Checked("stages", "code, parameters, data and locks agree", len(names), faults)
 
 
 def outputs(clone: Path) -> Checked:
     """Check that every result in git is the one that its stage's lock names, and that nothing else lies there."""
-    faults = [Fault("outputs", name, text) for name, text in _changes(clone, "changed outs").items()]
-    known = _outputs(clone)
+    faults = [Fault("outputs", name, text) for name, text in _changes(_status(clone), "changed outs").items()]
+    known = [out["path"] for stage in _locks(clone).values() for out in stage.get("outs", [])]
     tracked = git(clone, "ls-files", "reports").split()
     stray = [file for file in tracked if not any(Path(file).is_relative_to(out) for out in known)]
     faults += [Fault("outputs", file, "no stage writes it") for file in stray]
     return Checked("outputs", "files under reports/ are what the locks name", len(tracked), faults)
 
 
-def _outputs(clone: Path) -> list[str]:
-    """Return the outputs that the locks of all stages name."""
-    locks = [yaml.safe_load(lock.read_text()) for lock in (clone / "dvc.lock", *clone.glob("studies/*/dvc.lock"))]
-    return [out["path"] for lock in locks for stage in lock["stages"].values() for out in stage.get("outs", [])]
+def _locks(clone: Path) -> dict[str, dict]:
+    """Return the lock of every stage, named as DVC does."""
+    locks = {}
+    for file in (clone / "dvc.lock", *sorted(clone.glob("studies/*/dvc.lock"))):
+        folder = file.parent.relative_to(clone)
+        prefix = "" if folder == Path() else f"{folder}/dvc.yaml:"
+        locks |= {f"{prefix}{name}": stage for name, stage in yaml.safe_load(file.read_text())["stages"].items()}
+    return locks
 
 
-def _changes(clone: Path, kind: str) -> dict[str, str]:
-    """Return by stage what DVC finds changed, leaving out files that are merely missing here."""
-    status, changed = json.loads(dvc(clone, "status", "--json")), {}
+def _status(clone: Path) -> dict[str, list]:
+    """Return what DVC finds changed, by stage; data and results that are merely missing here are among it."""
+    return {name: entries for name, entries in json.loads(dvc(clone, "status", "--json")).items() if ".dvc" not in name}
+
+
+def _changes(status: dict[str, list], kind: str) -> dict[str, str]:
+    """Return in words what changed of each stage, leaving out files that are merely missing here."""
+    changed = {}
     for stage, entries in status.items():
         parts = [part for entry in entries if isinstance(entry, dict) for part in entry.get(kind, {}).items()]
         texts = [_words(name, value) for name, value in parts if value not in MISSING]

@@ -53,6 +53,7 @@ class Difference(NamedTuple):
 def compare(before: str, after: str) -> Difference:
     """Return what differs between two commits. Raise InputError if one lacks reports/metrics.json."""
     old, new = _headlines(before), _headlines(after)
+    seeds = _table(before, SEEDS), _table(after, SEEDS)
     names = sorted({*old, *new})
     claims = [
         (name.removeprefix("claims."), str(old.get(name, "–")), str(new.get(name, "–")))
@@ -72,7 +73,7 @@ def compare(before: str, after: str) -> Difference:
         data=[path for path in _tracked(after, ".dvc") if _data(before, path) != _data(after, path)],
         modules=_modules(before, after),
         recordings=_recordings(before, after),
-        by_seed=paired(before, after),
+        by_seed=pd.DataFrame() if seeds[0] is None or seeds[1] is None else paired(*seeds),
     )
 
 
@@ -148,16 +149,13 @@ def _table(revision: str, path: str) -> pd.DataFrame | None:
     return pd.read_csv(io.StringIO(text)) if text else None
 
 
-def paired(before: str, after: str) -> pd.DataFrame:
-    """Return the paired differences over seeds of the headlines that both commits have by seed.
+def paired(old: pd.DataFrame, new: pd.DataFrame) -> pd.DataFrame:
+    """Return the paired differences over seeds of the headlines in two tables (headline, seed, value).
 
     Columns: headline, before, after, difference, ci_low, ci_high (95 %, Student's t), p_holm (paired t, Holm's
     correction over all headlines), seeds, word. Word: better or worse if p_holm < .05; same if the interval lies within
     +-SAME; else undecided.
     """
-    old, new = (_table(revision, SEEDS) for revision in (before, after))
-    if old is None or new is None:
-        return pd.DataFrame()
     both = old.merge(new, on=["headline", "seed"], suffixes=("_before", "_after"))
     rows = [_pair(str(name), part) for name, part in both.groupby("headline", sort=False) if len(part) > 1]
     table = pd.DataFrame(rows)
