@@ -1,8 +1,11 @@
-"""Audit the results of a commit, or compare those of two. Needs no data.
+"""Audit the results of a commit, or compare those of two. Needs no data, except to run a commit again.
 
 python -m pipeline.audit                     the last commit: do code, parameters, data, locks, pages and README agree?
 python -m pipeline.audit REV                 the same of another commit
 python -m pipeline.audit BEFORE AFTER        what differs: claims, headlines, parameters, data, packages, code
+python -m pipeline.audit REV --rerun [STAGE ...]
+                                             run these stages (default: all of the paper) again in a clean clone, with
+                                             the commit's own packages, and compare every output
   --format terminal | markdown | json        terminal by default
   --out FILE                                 write there instead
 
@@ -20,8 +23,9 @@ from rich.markdown import Markdown
 
 from pipeline.audit import text
 from pipeline.audit.consistency import audit
-from pipeline.audit.difference import compare
-from pipeline.audit.revision import checked_out, resolve
+from pipeline.audit.difference import Commit, Difference, compare
+from pipeline.audit.rerun import rerun
+from pipeline.audit.revision import checked_out, git, resolve
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.writing import atomic_write
 
@@ -33,11 +37,17 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("revision", nargs="*", default=["HEAD"], help="one commit to audit, or two to compare")
     parser.add_argument("--format", choices=["terminal", "markdown", "json"], default="terminal")
     parser.add_argument("--out", type=Path, help="file to write")
+    parser.add_argument("--rerun", nargs="*", metavar="STAGE", help="run these stages again, by default all")
     given = parser.parse_args(arguments)
     try:
-        if len(given.revision) > 2:
-            raise InputError(f"{len(given.revision)} commits: expected one to audit, or two to compare")
-        content, markdown, status = _compare(*given.revision) if len(given.revision) == 2 else _audit(*given.revision)
+        if len(given.revision) > (2 if given.rerun is None else 1):
+            raise InputError(f"{len(given.revision)} commits: expected one to audit or to run again, or two to compare")
+        if given.rerun is not None:
+            content, markdown, status = _rerun(given.revision[0], given.rerun)
+        elif len(given.revision) == 2:
+            content, markdown, status = _compare(*given.revision)
+        else:
+            content, markdown, status = _audit(*given.revision)
         _write(given, content, markdown)
     except (InputError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
@@ -52,17 +62,33 @@ def _audit(revision: str) -> tuple[Any, str, int]:
     return content, text.of_audit(revision, checks), int(any(check.faults for check in checks))
 
 
+def _rerun(revision: str, stages: list[str]) -> tuple[Any, str, int]:
+    with checked_out(revision) as clone:
+        commit = Commit(git(clone, "rev-parse", "HEAD").strip(), clone)
+        ran = rerun(clone, stages)
+        difference = compare(commit, Commit("HEAD", clone))
+    content = {"outputs": [output._asdict() for output in ran]} | _as_json(difference)
+    return content, text.of_rerun(revision, ran, difference), _status(difference)
+
+
 def _compare(before: str, after: str) -> tuple[Any, str, int]:
     for revision in (before, after):
         resolve(revision)
-    d = compare(before, after)
-    content = d._asdict() | {
+    difference = compare(Commit(before), Commit(after))
+    return _as_json(difference), text.of_difference(before, after, difference), _status(difference)
+
+
+def _status(d: Difference) -> int:
+    worse = len(d.by_seed) > 0 and (d.by_seed["word"] == "worse").any()
+    return int(bool(d.claims) or bool(worse))
+
+
+def _as_json(d: Difference) -> dict[str, Any]:
+    return d._asdict() | {
         "headlines": [line._asdict() | {"change": line.change} for line in d.headlines],
         "modules": d.modules.reset_index().to_dict("records"),
         "by_seed": d.by_seed.to_dict("records"),
     }
-    worse = len(d.by_seed) > 0 and (d.by_seed["word"] == "worse").any()
-    return content, text.of_difference(before, after, d), int(bool(d.claims) or bool(worse))
 
 
 def _write(given: argparse.Namespace, content: Any, markdown: str) -> None:

@@ -24,6 +24,37 @@ SEEDS = "reports/tables/seeds.csv"  # headline, seed, value
 SAME = 0.01  # two commits are the same within one per cent: a tenth of the least difference that pages comment on
 
 
+class Commit(NamedTuple):
+    """A commit of a repository or of its clone."""
+
+    revision: str
+    repository: Path = ROOT
+
+    def file(self, path: str) -> str:
+        """Return a file's text; "" if the commit has no such file."""
+        try:
+            return git(self.repository, "show", f"{self.revision}:{path}")
+        except InputError:
+            return ""
+
+    def files(self, suffix: str) -> list[str]:
+        """Return the paths of all files with this suffix."""
+        names = git(self.repository, "ls-tree", "-r", "--name-only", self.revision).splitlines()
+        return [name for name in names if name.endswith(suffix)]
+
+    def table(self, path: str) -> pd.DataFrame | None:
+        """Return a csv; None if the commit has no such file."""
+        text = self.file(path)
+        return pd.read_csv(io.StringIO(text)) if text else None
+
+    def headlines(self) -> dict[str, Any]:
+        """Return reports/metrics.json, flat: accuracy.full.new_items -> number; raise InputError if it is missing."""
+        text = self.file("reports/metrics.json")
+        if not text:
+            raise InputError(f"commit {self.revision} has no reports/metrics.json: choose one with results")
+        return flat(json.loads(text))
+
+
 class Headline(NamedTuple):
     """One number of reports/metrics.json in both commits."""
 
@@ -50,10 +81,10 @@ class Difference(NamedTuple):
     by_seed: pd.DataFrame  # of `paired`; empty if one of the commits has no results by seed
 
 
-def compare(before: str, after: str) -> Difference:
+def compare(before: Commit, after: Commit) -> Difference:
     """Return what differs between two commits. Raise InputError if one lacks reports/metrics.json."""
-    old, new = _headlines(before), _headlines(after)
-    seeds = _table(before, SEEDS), _table(after, SEEDS)
+    old, new = before.headlines(), after.headlines()
+    seeds = before.table(SEEDS), after.table(SEEDS)
     names = sorted({*old, *new})
     claims = [
         (name.removeprefix("claims."), str(old.get(name, "–")), str(new.get(name, "–")))
@@ -70,27 +101,11 @@ def compare(before: str, after: str) -> Difference:
         headlines=[line for line in numbers if line.before != line.after],
         parameters=_parameters(before, after),
         packages=_packages(before, after),
-        data=[path for path in _tracked(after, ".dvc") if _data(before, path) != _data(after, path)],
+        data=[path for path in after.files(".dvc") if _data(before, path) != _data(after, path)],
         modules=_modules(before, after),
         recordings=_recordings(before, after),
         by_seed=pd.DataFrame() if seeds[0] is None or seeds[1] is None else paired(*seeds),
     )
-
-
-def _show(revision: str, path: str) -> str:
-    """Return a file of a commit; "" if the commit has none."""
-    try:
-        return git(ROOT, "show", f"{revision}:{path}")
-    except InputError:
-        return ""
-
-
-def _headlines(revision: str) -> dict[str, Any]:
-    """Return reports/metrics.json of a commit, flat: accuracy.full.new_items -> number."""
-    text = _show(revision, "reports/metrics.json")
-    if not text:
-        raise InputError(f"commit {revision} has no reports/metrics.json: choose one with results")
-    return flat(json.loads(text))
 
 
 def flat(tree: Any, prefix: str = "") -> dict[str, Any]:
@@ -105,48 +120,39 @@ def _number(value: Any) -> float | None:
     return None if value is None else float(value)
 
 
-def _parameters(before: str, after: str) -> list[tuple[str, Any, Any]]:
-    old, new = (flat(yaml.safe_load(_show(revision, "params.yaml")) or {}) for revision in (before, after))
+def _parameters(before: Commit, after: Commit) -> list[tuple[str, Any, Any]]:
+    old, new = (flat(yaml.safe_load(commit.file("params.yaml")) or {}) for commit in (before, after))
     return [(name, old.get(name), new.get(name)) for name in sorted({*old, *new}) if old.get(name) != new.get(name)]
 
 
-def _packages(before: str, after: str) -> list[str]:
-    old, new = (_show(revision, LOCKS).splitlines() for revision in (before, after))
+def _packages(before: Commit, after: Commit) -> list[str]:
+    old, new = (commit.file(LOCKS).splitlines() for commit in (before, after))
     lines = difflib.unified_diff(old, new, lineterm="", n=0)
     return [line for line in lines if re.match(r"[+-]\w", line)]
 
 
-def _tracked(revision: str, suffix: str) -> list[str]:
-    return [path for path in git(ROOT, "ls-tree", "-r", "--name-only", revision).splitlines() if path.endswith(suffix)]
+def _data(commit: Commit, path: str) -> list[str]:
+    return DATA.findall(commit.file(path))
 
 
-def _data(revision: str, path: str) -> list[str]:
-    return DATA.findall(_show(revision, path))
-
-
-def _modules(before: str, after: str) -> pd.DataFrame:
+def _modules(before: Commit, after: Commit) -> pd.DataFrame:
     """Return the Python lines that changed, by package."""
-    lines = git(ROOT, "diff", "--numstat", before, after, "--", "*.py").splitlines()
+    lines = git(after.repository, "diff", "--numstat", before.revision, after.revision, "--", "*.py").splitlines()
     rows = [line.split("\t") for line in lines if not line.startswith("-")]
     table = pd.DataFrame(rows, columns=["added", "removed", "file"]).astype({"added": int, "removed": int})
     table["package"] = ["/".join(re.sub(r"\{.* => (.*)\}", r"\1", name).split("/")[:2]) for name in table["file"]]
     return table.groupby("package").agg(files=("file", "size"), added=("added", "sum"), removed=("removed", "sum"))
 
 
-def _recordings(before: str, after: str) -> list[str]:
+def _recordings(before: Commit, after: Commit) -> list[str]:
     old, new = _digests(before), _digests(after)
-    kept = [Path(path).stem for path in _tracked(after, ".rrd")]
+    kept = [Path(path).stem for path in after.files(".rrd")]
     return [name for name in kept if name in new and old.get(name) != new[name]]
 
 
-def _digests(revision: str) -> dict[str, str]:
-    table = _table(revision, "reports/recordings/recordings.csv")
+def _digests(commit: Commit) -> dict[str, str]:
+    table = commit.table("reports/recordings/recordings.csv")
     return {} if table is None else dict(zip(table["run"], table["sha256"], strict=True))
-
-
-def _table(revision: str, path: str) -> pd.DataFrame | None:
-    text = _show(revision, path)
-    return pd.read_csv(io.StringIO(text)) if text else None
 
 
 def paired(old: pd.DataFrame, new: pd.DataFrame) -> pd.DataFrame:

@@ -5,6 +5,7 @@ from typing import Any
 
 from pipeline.audit.consistency import Checked
 from pipeline.audit.difference import Difference
+from pipeline.audit.rerun import Output
 
 WORDS = ("worse", "better", "undecided", "same")  # in the order of a report
 MAX_CELL = 80  # characters
@@ -21,6 +22,22 @@ def of_audit(revision: str, checks: Sequence[Checked]) -> str:
         if check.faults:
             parts += [f"## {check.what}: not so", items(f"`{fault.place}`: {fault.message}" for fault in check.faults)]
     return "\n\n".join(parts) + "\n"
+
+
+def of_rerun(revision: str, outputs: Sequence[Output], difference: Difference) -> str:
+    """Return what running a commit again gave: how many outputs have the same bytes, and what that did to results."""
+    other = [output for output in outputs if not output.identical]
+    d = difference
+    if not other:
+        word = "identical"
+    elif not d.claims and len(d.by_seed) and (d.by_seed["word"] == "same").all():
+        word = "equal"
+    else:
+        word = "changed"
+    parts = [f"# {revision}, run again: {word}"]
+    parts += [f"{len(outputs) - len(other)} of {len(outputs)} outputs have the same bytes. The others:"]
+    parts += [table(["stage", "output"], [(output.stage, output.path) for output in other])]
+    return "\n\n".join(parts) + "\n\n" + of_difference(revision, "run again", difference).partition("\n\n")[2]
 
 
 def of_difference(before: str, after: str, difference: Difference) -> str:
