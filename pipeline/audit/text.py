@@ -8,6 +8,7 @@ from pipeline.audit.difference import Difference
 from pipeline.audit.rerun import Output
 
 WORDS = ("worse", "better", "undecided", "same")  # in the order of a report
+PAIRED = ("headline", "before", "after", "difference", "ci_low", "ci_high", "p_holm", "seeds", "word")
 MAX_CELL = 80  # characters
 MAX_LINES = 30  # of a list; the JSON has all
 
@@ -35,51 +36,56 @@ def of_rerun(revision: str, outputs: Sequence[Output], difference: Difference) -
     else:
         word = "changed"
     parts = [f"# {revision}, run again: {word}"]
-    parts += [f"{len(outputs) - len(other)} of {len(outputs)} outputs have the same bytes. The others:"]
-    parts += [table(["stage", "output"], [(output.stage, output.path) for output in other])]
-    return "\n\n".join(parts) + "\n\n" + of_difference(revision, "run again", difference).partition("\n\n")[2]
+    parts += [f"{len(outputs) - len(other)} of {len(outputs)} outputs have the same bytes."]
+    parts += _sections({"Other outputs": table(["stage", "output"], [output[:2] for output in other])})
+    return "\n\n".join(parts + _sections(_differences(d))) + "\n"
 
 
 def of_difference(before: str, after: str, difference: Difference) -> str:
     """Return what differs between two commits: claims first, then headlines, then their possible causes."""
-    d = difference
-    parts = [f"# {before} to {after}"]
-    parts += ["## Claims whose verdict changed", table(["claim", "before", "after"], d.claims)]
+    sections = _sections(_differences(difference)) or ["Nothing differs."]
+    return "\n\n".join([f"# {before} to {after}", *sections]) + "\n"
+
+
+def _differences(d: Difference) -> dict[str, str]:
+    """Return the sections of a difference by title; "" where nothing differs."""
+    paired = table(PAIRED, [])
     if len(d.by_seed):
-        columns = ["headline", "before", "after", "difference", "ci_low", "ci_high", "p_holm", "seeds", "word"]
         order = d.by_seed.sort_values("word", key=lambda words: words.map(WORDS.index))
-        parts += ["## Headlines, paired by seed", table(columns, order[columns].itertuples(index=False))]
-    paired = set(d.by_seed["headline"]) if len(d.by_seed) else set()
-    rest = [line for line in d.headlines if line.name not in paired]
-    rows = [(line.name, line.before, line.after, line.change) for line in rest]
-    parts += ["## Other headlines that changed", table(["headline", "before", "after", "change"], rows)]
-    parts += ["## Parameters", table(["parameter", "before", "after"], d.parameters)]
-    parts += [
-        "## Data",
-        items(f"`{path}`" for path in d.data),
-        "## Packages",
-        items(f"`{line}`" for line in d.packages),
-    ]
+        paired = table(PAIRED, order[list(PAIRED)].itertuples(index=False))
+    known = set(d.by_seed["headline"]) if len(d.by_seed) else set()
+    rows = [(line.name, line.before, line.after, line.change) for line in d.headlines if line.name not in known]
     modules = d.modules.reset_index().itertuples(index=False)
-    parts += ["## Code", table(["package", "files", "lines added", "lines removed"], modules)]
-    parts += ["## Recordings to open", items(f"`make review RUN={name}`" for name in d.recordings)]
-    return "\n\n".join(parts) + "\n"
+    return {
+        "Claims whose verdict changed": table(["claim", "before", "after"], d.claims),
+        "Headlines, paired by seed": paired,
+        "Other headlines that changed": table(["headline", "before", "after", "change"], rows),
+        "Parameters": table(["parameter", "before", "after"], d.parameters),
+        "Data": items(f"`{path}`" for path in d.data),
+        "Packages": items(f"`{line}`" for line in d.packages),
+        "Code": table(["package", "files", "lines added", "lines removed"], modules),
+        "Recordings to open": items(f"`make review RUN={name}`" for name in d.recordings),
+    }
+
+
+def _sections(contents: dict[str, str]) -> list[str]:
+    return [f"## {title}\n\n{content}" for title, content in contents.items() if content]
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """Return a Markdown table of at most MAX_LINES rows; "None." if there are no rows."""
+    """Return a Markdown table of at most MAX_LINES rows; "" if there are no rows."""
     lines = ["| " + " | ".join(_cell(value) for value in row) + " |" for row in rows]
     if not lines:
-        return "None."
+        return ""
     more = [f"| ... {len(lines) - MAX_LINES} more" + " |" * len(head)] if len(lines) > MAX_LINES else []
     return "\n".join(["| " + " | ".join(head) + " |", "| --- " * len(head) + "|", *lines[:MAX_LINES], *more])
 
 
 def items(lines: Iterable[str]) -> str:
-    """Return a Markdown list of at most MAX_LINES lines; "None." if there are none."""
+    """Return a Markdown list of at most MAX_LINES lines; "" if there are none."""
     every = list(lines)
     more = [f"- ... {len(every) - MAX_LINES} more"] if len(every) > MAX_LINES else []
-    return "\n".join([f"- {line}" for line in every[:MAX_LINES]] + more) or "None."
+    return "\n".join([f"- {line}" for line in every[:MAX_LINES]] + more)
 
 
 def _cell(value: Any) -> str:
