@@ -96,9 +96,10 @@ def compare(before: Commit, after: Commit) -> Difference:
         for name in names
         if not name.startswith("claims.")
     ]
+    changed = [line for line in numbers if line.before != line.after]
     return Difference(
         claims=[claim for claim in claims if claim[1] != claim[2]],
-        headlines=[line for line in numbers if line.before != line.after],
+        headlines=sorted(changed, key=lambda line: line.change is None),  # numbers that only one of them has come last
         parameters=_parameters(before, after),
         packages=_packages(before, after),
         data=[path for path in after.files(".dvc") if _data(before, path) != _data(after, path)],
@@ -117,7 +118,7 @@ def flat(tree: Any, prefix: str = "") -> dict[str, Any]:
 
 
 def _number(value: Any) -> float | None:
-    return None if value is None else float(value)
+    return float(value) if isinstance(value, int | float) else None
 
 
 def _parameters(before: Commit, after: Commit) -> list[tuple[str, Any, Any]]:
