@@ -85,10 +85,10 @@ class ClearanceModel(ValidityModel):
     distribution with 2 degrees of freedom. Its heavy tails allow for outlines that are far off. `p_nothing_missed` is
     the probability that no undetected object blocks the path.
 
-    A family's weight is its posterior probability against a constant `rate`, by BIC (Schwarz, 1978) on FAMILIES and,
-    for all of them, EVIDENCE_PENALTY_NATS: averaged members fit the labels less closely than the best one. Only families
-    in Occam's window have weight (Madigan and Raftery, 1994): not much less probable than the best one, nor less than
-    the first one, `margin`, which the others extend. Without labels, P(valid) is the constant.
+    A family's weight is its posterior probability against a constant `rate`, by BIC (Schwarz, 1978) on FAMILIES and
+    EVIDENCE_PENALTY_NATS: averaged members fit the labels less closely than the best one. Only families in Occam's
+    window have weight (Madigan and Raftery, 1994): nearly as probable as the best, and at least as `margin`, the first,
+    which the others extend. Without labels, P(valid) is the constant.
     """
 
     feature_mask: Tensor
