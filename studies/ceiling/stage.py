@@ -5,11 +5,12 @@ learners are also fitted to clear cases and judged on them. Every learner has th
 Those that read images see a batch of scenes a step, and have more steps where there are more scenes.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import torch
@@ -74,7 +75,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     parts = stacks(cfg, jobs)
     scored = map_jobs(partial(fit, cfg), parts, cfg.workers, "ceiling")
     rows = [
-        row(job, job.learner, len(job.z_theta), split, right)
+        row(job, job.learner, len(job.z_theta), split, right) | {"steps": steps(cfg, job.learner, len(job.z_theta))}
         for part, accuracies in zip(parts, scored, strict=True)
         for job, by_split in zip(part, accuracies, strict=True)
         for split, right in by_split.items()
@@ -82,10 +83,10 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     table = pd.DataFrame([*rows, *judge_blind(jobs, prior)])
     write_table(out_dir / "accuracy.parquet", table)
     key = ["learner", "scenes", "clear_cm", "split"]
-    by_seed = table.groupby([*key, "seed"], sort=False)[["accuracy", "valid"]].mean().reset_index()
+    by_seed = table.groupby([*key, "seed"], sort=False)[["accuracy", "valid", "steps"]].mean().reset_index()
     first, third = partial(pd.Series.quantile, q=0.25), partial(pd.Series.quantile, q=0.75)
     columns = {"accuracy": ("accuracy", "mean"), "q1": ("accuracy", first), "q3": ("accuracy", third)}
-    columns |= {"valid": ("valid", "mean"), "seeds": ("seed", "size")}
+    columns |= {"valid": ("valid", "mean"), "seeds": ("seed", "size"), "steps": ("steps", "first")}
     write_table(out_dir / "summary.csv", by_seed.groupby(key, sort=False).agg(**columns).reset_index())
 
 
@@ -165,12 +166,12 @@ def fit(cfg: DictConfig, jobs: Sequence[Job]) -> list[dict[str, float]]:
     rng = stream(study.root_seed, "batches", scenes)  # the same batches for all learners
     settings = {
         "weights": Weights(float(v.alpha), float(v.beta), float(v.gamma)),
-        "schedule": replace(Schedule.of(cfg.train), steps=steps(cfg, scenes)),
+        "schedule": replace(Schedule.of(cfg.train), steps=steps(cfg, learner, scenes)),
         "batch": study.batch,
         "rng": rng,
     }
     seeds = [_seed(cfg, job) for job in jobs]
-    models = [untrained(CHANGED.get(learner, BetaVae), cfg.train.model, seed) for seed in seeds]
+    models = [_untrained(CHANGED.get(learner, BetaVae), cfg.train.model, seed) for seed in seeds]
     images, z_theta, valid = ([getattr(job, x) for job in jobs] for x in ("images", "z_theta", "valid"))
     if learner in CHANGED:
         paths = study.drawn_paths if learner == "path_drawn" else valid[0].shape[1]
@@ -181,10 +182,11 @@ def fit(cfg: DictConfig, jobs: Sequence[Job]) -> list[dict[str, float]]:
     return [_judge(model, job) for model, job in zip(models, jobs, strict=True)]
 
 
-def steps(cfg: DictConfig, scenes: int) -> int:
-    """Return the number of training steps: those of stage train for one batch of scenes, more for more scenes."""
+def steps(cfg: DictConfig, learner: str, scenes: int) -> int:
+    """Return the training steps: those of stage train for full batches, more for more scenes than fit into one."""
     study = cfg.studies.ceiling
-    return round(cfg.train.steps * max(1, scenes / study.batch) ** study.growth)
+    growth = 0 if learner == PERFECT else study.growth
+    return round(cfg.train.steps * max(1, scenes / study.batch) ** growth)
 
 
 def _judge(model: ValidityModel, job: Job) -> dict[str, float]:
@@ -197,8 +199,7 @@ def _accuracies(job: Job, p: Callable[[Labelled], Array]) -> dict[str, float]:
 
 def fit_head(cfg: DictConfig, job: Job) -> dict[str, float]:
     """Fit the paper's classifier to the true codes of its scenes; return its accuracies."""
-    head = untrained(BetaVae, {**cfg.train.model, "latent": job.code.shape[1]}, _seed(cfg, job))
-    assert isinstance(head, BetaVae)
+    head = _untrained(BetaVae, {**cfg.train.model, "latent": job.code.shape[1]}, _seed(cfg, job))
     labels = torch.from_numpy(job.valid)
 
     def logit(code: Array, z_theta: Array) -> torch.Tensor:
@@ -213,6 +214,12 @@ def fit_head(cfg: DictConfig, job: Job) -> dict[str, float]:
         return _accuracies(job, lambda x: logit(x.code, x.z_theta).sigmoid().numpy())
 
 
+def _untrained(kind: type[BetaVae], shape: Mapping[str, Any], seed: int) -> BetaVae:
+    model = untrained(kind, shape, seed)
+    assert isinstance(model, BetaVae)
+    return model
+
+
 def _seed(cfg: DictConfig, job: Job) -> int:
     return job_seed(job.seed, job.user, cfg.main_n_demos, job.learner)
 
@@ -225,7 +232,7 @@ def judge_blind(jobs: list[Job], prior: dict[str, Float[Array, "side side"]]) ->
         p = {(POSITION, s): baselines.position_only_of_half(prior[job.user], x.z_theta) for s, x in job.judged.items()}
         p[NEAREST, SEEN] = baselines.nearest_demonstration(*demos, job.judged[SEEN].z_theta)
         for (name, split), of_paths in p.items():
-            yield row(job, name, 0, split, accuracy(of_paths.ravel(), job.judged[split].valid.ravel()))
+            yield row(job, name, 0, split, accuracy(of_paths.ravel(), job.judged[split].valid.ravel())) | {"steps": 0}
 
 
 def row(job: Job, learner: str, scenes: int, split: str, right: float) -> dict:

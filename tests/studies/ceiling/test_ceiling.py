@@ -95,7 +95,8 @@ def test_fewer_scenes_are_the_first_ones_and_judges_are_the_same_for_all(cfg: Di
 
 def test_steps_grow_with_the_scenes_and_are_never_fewer_than_in_stage_train():
     cfg = compose(["train.steps=500", "studies.ceiling.batch=20", "studies.ceiling.growth=0.5"])
-    assert [stage.steps(cfg, scenes) for scenes in (10, 20, 80, 500)] == [500, 500, 1000, 2500]
+    assert [stage.steps(cfg, "full", scenes) for scenes in (10, 20, 80, 500)] == [500, 500, 1000, 2500]
+    assert stage.steps(cfg, PERFECT, 80) == 500, "full-batch steps, whatever the number of scenes"
 
 
 def test_learners_fitted_together_are_of_one_kind_and_of_one_size(cfg: DictConfig):
