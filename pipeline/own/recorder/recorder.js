@@ -139,7 +139,7 @@ async function judge(valid) {
   await attempt(async () => {
     const stored = await ask("/api/paths", { scene: scene.name, user, valid, samples: tool.samples });
     tool.clear();
-    say(`Stored: path ${stored.demo} of ${user} in this scene, ${valid ? "valid" : "not valid"}. Draw the next, or skip to another scene.`, "good");
+    say(`Stored: path ${stored.demo} of ${user} in this scene, ${valid ? "valid" : "not valid"}.`, "good");
     await refresh();
   });
   sending = false;
