@@ -1,6 +1,7 @@
 """The recorder's web application: a page, the pictures, and the few requests that change the folder."""
 
 from collections.abc import Collection
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -16,13 +17,13 @@ from starlette.routing import Route
 import pipeline.report
 from pipeline.legend import INVALID, VALID
 from pipeline.own.recorder.guard import Guard, TooLarge, body_of
-from pipeline.own.recorder.pictures import MAX_UPLOAD_BYTES
 from pipeline.own.recorder.storage import Recordings
 from pipeline.runtime.errors import InputError
 
 BESIDE = Path(__file__).parent
 STATIC = {name: BESIDE / name for name in ("recorder.css", "recorder.js", "canvas.js", "tools.js", "icon.svg")}
 STATIC["page.css"] = Path(pipeline.report.__path__[0]) / "page.css"  # the report's own style
+MAX_UPLOAD_BYTES = 25_000_000  # of one picture; a phone's has some 5 MB
 MAX_REQUEST_BYTES = 4_000_000  # of a path: half an hour at 60 samples a second
 Point = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2)]
 Sample = Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]
@@ -52,9 +53,10 @@ class SentItem(Sent):
 
 
 class SentTable(Sent):
-    """The table: corners [px] for one scene or, if `scene` is null, for all; lengths in metres."""
+    """The table: corners [px] in one scene or everywhere, or null to leave them; lengths in metres."""
 
-    scene: str | None
+    scene: str
+    everywhere: bool
     corners: Annotated[list[Point], Field(min_length=4, max_length=4)] | None
     side_m: FiniteFloat
     start: Point
@@ -79,8 +81,8 @@ def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
         return FileResponse(file) if file else Response(status_code=404)
 
     async def overview(_: Request) -> Response:
-        colours = {"valid": VALID, "invalid": INVALID}
-        return JSONResponse(await run_in_threadpool(recordings.overview) | {"colours": colours})
+        drawn = {"colours": {"valid": VALID, "invalid": INVALID}, "max_upload_bytes": MAX_UPLOAD_BYTES}
+        return JSONResponse(await run_in_threadpool(recordings.overview) | drawn)
 
     async def scene(request: Request) -> Response:
         return JSONResponse(await run_in_threadpool(recordings.scene, request.path_params["name"]))
@@ -90,20 +92,19 @@ def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
 
     async def add_path(request: Request) -> Response:
         sent = SentPath.model_validate_json(await body_of(request, MAX_REQUEST_BYTES))
-        samples = np.array(sent.samples)
-        return JSONResponse(
-            await run_in_threadpool(recordings.add_path, sent.scene, sent.user, sent.valid, samples), 201
-        )
+        samples = np.array(sent.samples, float)
+        stored = await run_in_threadpool(recordings.add_path, sent.scene, sent.user, sent.valid, samples)
+        return JSONResponse(stored, 201)
 
     async def add_item(request: Request) -> Response:
         sent = SentItem.model_validate_json(await body_of(request, MAX_REQUEST_BYTES))
-        stored = await run_in_threadpool(recordings.add_item, sent.scene, sent.kind, np.array(sent.points))
-        return JSONResponse(stored, 201)
+        await run_in_threadpool(recordings.add_item, sent.scene, sent.kind, np.array(sent.points, float))
+        return JSONResponse({}, 201)
 
-    async def set_table(request: Request) -> Response:
+    async def place_table(request: Request) -> Response:
         sent = SentTable.model_validate_json(await body_of(request, MAX_REQUEST_BYTES))
-        ends = {"start": sent.start, "goal": sent.goal}
-        await run_in_threadpool(recordings.set_table, sent.scene, sent.corners, sent.side_m, ends)
+        values = sent.model_dump() | {"corners": None if sent.corners is None else np.array(sent.corners, float)}
+        await run_in_threadpool(partial(recordings.place_table, **values))
         return JSONResponse({})
 
     async def remove(request: Request) -> Response:
@@ -114,7 +115,7 @@ def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
 
     async def add_picture(request: Request) -> Response:
         content = await body_of(request, MAX_UPLOAD_BYTES)
-        name = await run_in_threadpool(recordings.add_picture, request.query_params.get("name", ""), content)
+        name = await run_in_threadpool(recordings.import_picture, request.query_params.get("name", ""), content)
         return JSONResponse({"scene": name}, 201)
 
     return Starlette(
@@ -126,7 +127,7 @@ def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
             Route("/api/scenes/{name}", scene),
             Route("/api/paths", add_path, methods=["POST"]),
             Route("/api/items", add_item, methods=["POST"]),
-            Route("/api/table", set_table, methods=["POST"]),
+            Route("/api/table", place_table, methods=["POST"]),
             Route("/api/remove", remove, methods=["POST"]),
             Route("/api/pictures", add_picture, methods=["POST"]),
         ],
@@ -135,7 +136,7 @@ def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
             InputError: lambda _, error: _refused(str(error), 400),
             TooLarge: lambda _, error: _refused(str(error), 413),
             ValidationError: lambda _, error: _refused("the page sent what the recorder does not know: reload it", 400),
-            OSError: lambda _, error: _refused(f"not stored: {error.strerror or error}", 500),
+            OSError: lambda _, error: _refused(f"not stored: {error}", 500),
         },
     )
 

@@ -3,55 +3,45 @@
 import cv2
 import numpy as np
 from jaxtyping import Float
+from numpy import ndarray as Array
 
 from pipeline.runtime.errors import InputError
 
-CORNERS = ("far left", "far right", "near right", "near left")  # in the order in which they are stored
-MIN_EDGE_PX = 20  # a shorter edge of the table resolves no centimetres
+MIN_DEPTH = 1e-9  # relative to the picture's corner; no point of a table is so near to its horizon
 
 
-def to_metres(corners: Float[np.ndarray, "4 2"], side_m: float) -> Float[np.ndarray, "3 3"]:
-    """Return the homography from pixels to metres; the near left corner is (0, 0), the far right (side, side).
+def homography(corners: Float[Array, "4 2"], side_m: float) -> Float[Array, "3 3"]:
+    """Return the homography from pixels to metres: near left corner to (0, 0), far right to (side, side).
 
-    Raise InputError if the corners are not a convex quadrilateral in the order of `CORNERS`.
+    corners: far left, far right, near right, near left, [column, row] in pixels.
     """
-    check_corners(corners)
     table = np.array([[0, side_m], [side_m, side_m], [side_m, 0], [0, 0]])
-    homography = cv2.getPerspectiveTransform(corners.astype(np.float32), table.astype(np.float32))
-    depth = corners.mean(axis=0) @ homography[2, :2] + homography[2, 2]
-    return homography * np.sign(depth)  # so that depths are positive on this side of the horizon
+    matrix = cv2.getPerspectiveTransform(corners.astype(np.float32), table.astype(np.float32))
+    depth = corners.mean(axis=0) @ matrix[2, :2] + matrix[2, 2]
+    return matrix * np.sign(depth)  # depths are positive on this side of the table's horizon
 
 
-def check_corners(corners: Float[np.ndarray, "4 2"]) -> None:
-    """Raise InputError unless the corners [px] turn clockwise as seen in the picture, without crossing."""
-    edges = np.roll(corners, -1, axis=0) - corners
-    after = np.roll(edges, -1, axis=0)
-    turns = edges[:, 0] * after[:, 1] - edges[:, 1] * after[:, 0]  # positive: clockwise, since rows run downwards
-    if np.linalg.norm(edges, axis=1).min() < MIN_EDGE_PX:
-        raise InputError(f"two corners of the table are less than {MIN_EDGE_PX} pixels apart: mark all four again")
-    if not (turns > 0).all():
-        raise InputError(f"the corners do not go around the table: mark {', '.join(CORNERS)}, in this order")
-
-
-def transform(homography: Float[np.ndarray, "3 3"], points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
+def transform(matrix: Float[Array, "3 3"], points: Float[Array, "n 2"]) -> Float[Array, "n 2"]:
     """Return the points mapped by a homography; raise InputError for points at or beyond the table's horizon."""
-    depths = points @ homography[2, :2] + homography[2, 2]
-    if (depths <= 1e-9).any():
+    depths = points @ matrix[2, :2] + matrix[2, 2]
+    if (depths <= MIN_DEPTH).any():
         raise InputError("a point lies above the horizon of the table: draw on the table")
-    return cv2.perspectiveTransform(points[:, None].astype(np.float64), homography)[:, 0]
-
-
-def circle(centre: Float[np.ndarray, "2"], radius: float) -> Float[np.ndarray, "n 2"]:
-    """Return the outline of a circle."""
-    return capsule(centre, 0.0, radius, 0.0)
+    return cv2.perspectiveTransform(points[:, None].astype(np.float64), matrix)[:, 0]
 
 
 def capsule(
-    centre: Float[np.ndarray, "2"], angle_deg: float, radius: float, half_length: float
-) -> Float[np.ndarray, "n 2"]:
-    """Return the outline of a capsule: all points within `radius` of a segment of twice `half_length`."""
+    centre: Float[Array, "2"], radius: float, half_length: float = 0.0, angle_deg: float = 0.0
+) -> Float[Array, "n 2"]:
+    """Return the outline of a capsule: all points within `radius` of a segment; a circle without `half_length`."""
     turn = np.linspace(-np.pi / 2, np.pi / 2, 17)
-    arc = radius * np.stack([np.cos(turn), np.sin(turn)], axis=-1) + [half_length, 0]
-    outline = np.concatenate([arc, -arc])
+    cap = radius * np.stack([np.cos(turn), np.sin(turn)], axis=-1) + [half_length, 0]
+    outline = np.concatenate([cap, -cap])
     c, s = np.cos(np.deg2rad(angle_deg)), np.sin(np.deg2rad(angle_deg))
     return centre + outline @ np.array([[c, s], [-s, c]])
+
+
+def grid(side_m: float) -> list[Float[Array, "2 2"]]:
+    """Return the ends [m] of the lines that divide a table into ten fields a side."""
+    tenths = np.linspace(0, side_m, 11)[1:-1]
+    lines = [np.array([[tenth, 0], [tenth, side_m]]) for tenth in tenths]
+    return lines + [line[:, ::-1] for line in lines]

@@ -5,7 +5,6 @@ import { PathTool, PointTool, metres } from "/static/tools.js";
 const $ = id => document.getElementById(id);
 const STEPS = ["scenes", "table", "items", "paths"];
 const CORNERS = ["far left", "far right", "near right", "near left"];
-const MIN_SCENES = 4; // of each person, for cross-validation
 const board = new Board($("picture"), $("canvas"));
 let overview = null; // what is recorded, from the server
 let scene = null; // what stands over the current picture, from the server
@@ -205,7 +204,7 @@ function startTable() {
   const { table } = overview;
   $("side").value = table.side_m;
   for (const end of ["start", "goal"]) ["x", "y"].forEach((axis, i) => { $(`${end}-${axis}`).value = table[end][i]; });
-  form.holds.value = overview.corners_for_each_scene ? "one" : "all";
+  form.holds.value = table.for_each_scene ? "one" : "all";
   const paths = Object.values(overview.counts).flatMap(Object.values).reduce((sum, count) => sum + count.valid + count.invalid, 0);
   $("kept").textContent = paths ? `${paths} paths are stored in metres of the table as it was. Moving it now does not move them.` : "";
   choosePlace();
@@ -221,7 +220,7 @@ function choosePlace() {
     board.tool = null;
   } else {
     board.tool = new PointTool(1, ([point]) => {
-      const [x, y] = metres(scene.to_metres, point);
+      const [x, y] = metres(scene.matrix, point);
       $(`${place}-x`).value = x.toFixed(3);
       $(`${place}-y`).value = y.toFixed(3);
     }, () => say(`The ${place} is placed. Save the table to keep it.`));
@@ -246,7 +245,8 @@ async function saveTable() {
   const number = id => $(id).valueAsNumber;
   await attempt(async () => {
     await ask("/api/table", {
-      scene: form.holds.value === "one" ? scene.name : null,
+      scene: scene.name,
+      everywhere: form.holds.value === "all",
       corners: points.length ? points : null,
       side_m: number("side"),
       start: [number("start-x"), number("start-y")],
@@ -273,10 +273,10 @@ function drawScene(context, unit) {
   if (step === "items") return;
   for (const [end, label] of [["start", "Start"], ["goal", "Goal"]]) {
     stroke(context, unit, scene.zones[end], "#ffffff", { closed: true, width: 2, fill: "#ffffff40" });
-    dot(context, unit, scene.places[end], "#ffffff", 3);
+    dot(context, unit, scene.ends[end], "#ffffff", 3);
     const low = Math.max(...scene.zones[end].map(([, y]) => y)) + 12 * unit;
     const high = Math.min(...scene.zones[end].map(([, y]) => y)) - 12 * unit;
-    write(context, unit, label, [scene.places[end][0], low < board.image.naturalHeight - 8 * unit ? low : high]);
+    write(context, unit, label, [scene.ends[end][0], low < board.image.naturalHeight - 8 * unit ? low : high]);
   }
 }
 
@@ -351,7 +351,7 @@ function showCounts() {
 function missing(person) { // what a report about this person needs, still
   const counts = Object.values(overview.counts).map(users => users[person]).filter(Boolean);
   const needs = [];
-  if (counts.length < MIN_SCENES) needs.push(`paths in ${MIN_SCENES - counts.length} more scenes`);
+  if (counts.length < overview.min_scenes) needs.push(`paths in ${overview.min_scenes - counts.length} more scenes`);
   if (!counts.some(count => count.valid)) needs.push("valid paths");
   if (!counts.some(count => count.invalid)) needs.push("paths that are not valid");
   return needs.length ? `A report about ${person} still needs ${needs.join(" and ")}.` : "";

@@ -8,7 +8,7 @@ import sys
 import threading
 import webbrowser
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from pipeline.runtime.errors import InputError
@@ -43,7 +43,7 @@ def record(folder: Path, port: int = 0, open_browser: bool = True) -> None:
         from pipeline.own.recorder.app import build
         from pipeline.own.recorder.storage import Recordings
     except ModuleNotFoundError as error:
-        if error.name not in ("starlette", "uvicorn", "PIL"):
+        if error.name not in ("starlette", "uvicorn"):
             raise
         raise InputError(f"the recorder needs {error.name}: pip install 'causal-specifications[record]'") from error
     if not folder.is_dir():
@@ -58,10 +58,8 @@ def record(folder: Path, port: int = 0, open_browser: bool = True) -> None:
             threading.Timer(0.5, webbrowser.open, [address]).start()
         app = build(recordings, {f"{LOOPBACK}:{port}", f"localhost:{port}"})
         config = uvicorn.Config(app, log_level="warning", access_log=False, lifespan="off", ws="none")
-        try:
+        with suppress(KeyboardInterrupt):
             uvicorn.Server(config).run(sockets=[listener])
-        except KeyboardInterrupt:
-            pass
         counts = recordings.overview()["counts"].values()
         paths = sum(sum(count.values()) for scene in counts for count in scene.values())
         print(f"{folder} holds {paths} paths. Next: python -m pipeline.own check {folder}")

@@ -1,322 +1,373 @@
-"""The folder that is recorded into: every change is one read, one check and one replaced file, under one lock."""
+"""What is recorded in a folder: every change reads, checks and replaces one file, one change at a time."""
 
 import hashlib
 import math
-import unicodedata
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from threading import RLock
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
+from numpy import ndarray as Array
 
-from pipeline.own.recorder import geometry, pictures
-from pipeline.own.recorder.table_top import ENDS_WITHIN_M, TableTop, read_table_top, write_table_top
-from pipeline.own.recorder.tables import Table, read_table, write_table
+from pipeline.own.folder import (
+    DEMONSTRATIONS,
+    ENDS_WITHIN_M,
+    ITEMS,
+    KINDS,
+    MIN_SAMPLES,
+    MIN_SCENES,
+    SQUARE_WITHIN,
+    Settings,
+)
+from pipeline.own.pictures import read_picture
+from pipeline.own.recorder import files, geometry
+from pipeline.own.recorder.files import Row, Table
+from pipeline.own.tables import normal
 from pipeline.runtime.errors import InputError
+from pipeline.world.hand import MAX_BEYOND_M
 
-DEMONSTRATIONS = ("scene", "user", "demo", "t", "x", "y", "valid")
-ITEMS = ("scene", "kind", "x", "y", "angle_deg", "radius_m", "half_length_m")
-TRUE, FALSE = ("true", "1", "yes"), ("false", "0", "no")
-MIN_SAMPLES = 3
-MIN_STEP_S = 0.008  # between two stored samples; pens report up to 240 a second
-MIN_ITEM_M, MAX_ITEM_SHARE = 0.002, 0.5  # radius of an item: from 2 mm to half the table
-Row = dict[str, str]
+COLUMNS = {
+    DEMONSTRATIONS: ("scene", "user", "demo", "t", "x", "y", "valid"),
+    ITEMS: ("scene", "kind", "x", "y", "angle_deg", "radius_m", "half_length_m"),
+}
+MIN_STEP_S = 0.008  # between stored samples; some pens report 240 a second
+MIN_RADIUS_M = 0.002  # of an item
+MAX_NAME = 60  # characters of a person's or a kind's name
+FORMULA = "=+-@"  # a spreadsheet runs a cell that begins so
 
 
 @dataclass(frozen=True)
-class Placed:
-    """A scene's picture and the homographies between it and the table."""
+class View:
+    """A scene's picture, and where the table is in it. size: width, height [px]; matrix: pixels to metres."""
 
     size: tuple[int, int]
-    to_metres: Float[np.ndarray, "3 3"]
+    corners: Float[Array, "4 2"]
+    matrix: Float[Array, "3 3"]
 
-    def metres(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
+    def metres(self, points: Float[Array, "n 2"]) -> Float[Array, "n 2"]:
         """Return pixels as metres on the table."""
-        return geometry.transform(self.to_metres, points)
+        return geometry.transform(self.matrix, points)
 
-    def pixels(self, points: Float[np.ndarray, "n 2"]) -> list[list[float]]:
-        """Return metres on the table as pixels, rounded to a tenth."""
-        inverse = np.linalg.inv(self.to_metres)
-        return np.round(geometry.transform(inverse / inverse[2, 2], points), 1).tolist()
+    def pixels(self, points: Float[Array, "n 2"]) -> list[list[float]]:
+        """Return metres on the table as pixels, to a tenth."""
+        return np.round(geometry.transform(np.linalg.inv(self.matrix), points), 1).tolist()
 
 
 class Recordings:
-    """The scenes, paths, items and table of one folder."""
+    """The scenes, paths, items and the table of one folder. Its methods may be called from several threads."""
 
     def __init__(self, folder: Path) -> None:
-        """Open a folder; raise InputError if what it holds cannot be added to."""
+        """Open a folder; raise InputError if what it holds cannot be read."""
         self.folder = folder
         self._lock = RLock()
+        self._read: dict[str, tuple[tuple[int, ...], Table]] = {}  # tables by file name, and the files' states then
         self.overview()
 
     def overview(self) -> dict[str, Any]:
-        """Return what is recorded: scenes, users, kinds, counts for each scene and user, and the table."""
+        """Return scenes, users, kinds, the number of paths and items, and start and goal."""
         with self._lock:
-            scenes, table = pictures.list_scenes(self.folder), read_table_top(self.folder)
+            scenes, settings = files.list_scenes(self.folder), files.read_table_place(self.folder)
+            paths, items = _by_path(self._rows(DEMONSTRATIONS)), self._rows(ITEMS)
             counts: dict[str, dict[str, dict[str, int]]] = {scene: {} for scene in scenes}
-            users: list[str] = []
-            for rows in _paths(self._demonstrations().rows):
+            for rows in paths:
                 first = rows[0]
-                users += [first["user"]] * (first["user"] not in users)
                 count = counts.setdefault(first["scene"], {}).setdefault(first["user"], {"valid": 0, "invalid": 0})
-                count["valid" if _truth(first["valid"]) else "invalid"] += 1
-            items = self._items().rows
+                count["valid" if _is_true(first["valid"]) else "invalid"] += 1
+            kinds = {normal(path.name) for path in (self.folder / KINDS).glob("*") if path.is_dir()}
             return {
                 "folder": self.folder.resolve().name,
                 "scenes": list(scenes),
-                "users": users,
+                "users": list(dict.fromkeys(rows[0]["user"] for rows in paths)),
                 "counts": counts,
                 "items": {scene: sum(row["scene"] == scene for row in items) for scene in scenes},
-                "kinds": sorted({row["kind"] for row in items} | _subfolders(self.folder / "kinds")),
-                "table": {"side_m": table.side_m, "start": table.start, "goal": table.goal},
-                "corners_for_each_scene": bool(table.corners),
+                "kinds": sorted(kinds | {row["kind"] for row in items}),
+                "table": {
+                    "side_m": settings.side_m,
+                    "start": settings.start.tolist(),
+                    "goal": settings.goal.tolist(),
+                    "for_each_scene": isinstance(settings.corners, dict),
+                },
                 "ends_within_m": ENDS_WITHIN_M,
-                "max_upload_bytes": pictures.MAX_UPLOAD_BYTES,
+                "min_samples": MIN_SAMPLES,
+                "min_scenes": MIN_SCENES,
             }
 
     def scene(self, name: str) -> dict[str, Any]:
-        """Return what is drawn over a scene's picture [px], and the homography to metres; None where no corners are."""
+        """Return what stands over a scene's picture [px], and its homography to metres; None for unknown corners."""
         with self._lock:
-            path, table = self.picture(name), read_table_top(self.folder)
-            size = pictures.picture_size(path)
-            described: dict[str, Any] = {"name": name, "size": size, "corners": None, "paths": [], "items": []}
-            if (placed := self._placed(name, table)) is None:
-                return described
-            places = {"start": np.array(table.start), "goal": np.array(table.goal)}
-            corners = table.corners_in(name, size)
-            described["corners"] = None if corners is None else corners.tolist()
-            described["to_metres"] = placed.to_metres.tolist()
-            described["places"] = {end: placed.pixels(place[None])[0] for end, place in places.items()}
-            described["zones"] = {
-                end: placed.pixels(geometry.circle(place, ENDS_WITHIN_M)) for end, place in places.items()
+            settings = files.read_table_place(self.folder)
+            view = self._view(name, settings)
+            if view is None:
+                return {"name": name, "corners": None, "paths": [], "items": []}
+            ends = {"start": settings.start, "goal": settings.goal}
+            paths = _by_path(row for row in self._rows(DEMONSTRATIONS) if row["scene"] == name)
+            items = [row for row in self._rows(ITEMS) if row["scene"] == name]
+            return {
+                "name": name,
+                "corners": view.corners.tolist(),
+                "matrix": view.matrix.tolist(),
+                "grid": [view.pixels(line) for line in geometry.grid(settings.side_m)],
+                "ends": {end: view.pixels(place[None])[0] for end, place in ends.items()},
+                "zones": {end: view.pixels(geometry.capsule(place, ENDS_WITHIN_M)) for end, place in ends.items()},
+                "paths": [_described(rows) | {"points": view.pixels(_numbers(rows, "x", "y"))} for rows in paths],
+                "items": [
+                    {"id": _identity([row]), "kind": row["kind"], "outline": view.pixels(_outline(row))}
+                    for row in items
+                ],
             }
-            described["grid"] = [placed.pixels(line) for line in _grid(table.side_m)]
-            for rows in _paths(row for row in self._demonstrations().rows if row["scene"] == name):
-                points = np.array([[_number(row, "x"), _number(row, "y")] for row in rows])
-                described["paths"].append(
-                    {
-                        "id": _identity(rows),
-                        "user": rows[0]["user"],
-                        "demo": rows[0]["demo"],
-                        "valid": _truth(rows[0]["valid"]),
-                        "points": placed.pixels(points),
-                    }
-                )
-            for row in (row for row in self._items().rows if row["scene"] == name):
-                x, y, angle, radius, half = (_number(row, column) for column in ITEMS[2:])
-                outline = geometry.capsule(np.array([x, y]), angle, radius, half)
-                described["items"].append(
-                    {"id": _identity([row]), "kind": row["kind"], "outline": placed.pixels(outline)}
-                )
-            return described
 
-    def picture(self, name: str) -> Path:
-        """Return the file of a scene's picture; raise InputError if there is no such scene."""
-        scenes = pictures.list_scenes(self.folder)
-        if name not in scenes:
-            raise InputError(f"there is no scene {name!r} in scenes/: reload the page")
-        return scenes[name]
+    def picture(self, scene: str) -> Path:
+        """Return the file of a scene's picture; raise InputError if there is none."""
+        scenes = files.list_scenes(self.folder)
+        if scene not in scenes:
+            raise InputError(f"there is no picture of scene {scene!r}: reload the page")
+        return scenes[scene]
 
-    def add_path(self, scene: str, user: str, valid: bool, samples: Float[np.ndarray, "n 3"]) -> dict[str, str]:
-        """Store a path and return its demo and id; a path that is stored already is not stored again.
+    def add_path(self, scene: str, user: str, valid: bool, samples: Float[Array, "n 3"]) -> dict[str, Any]:
+        """Store a path and return its demo, id and label; a path that is stored already is not stored twice.
 
-        `samples` are t [ms], column and row [px]. Raise InputError if the path does not lead from start to goal.
+        samples: t [ms], column and row [px]. Raise InputError if they do not lead from start to goal.
         """
-        user = cell("user", user)
+        user = tidy_name("person’s name", user)
         with self._lock:
-            table, path = self._demonstrations(), self._path()
-            values = self._to_metres(scene, samples)
             rows = [
-                {"scene": scene, "user": user, "t": f"{t:.3f}", "x": f"{x:.4f}", "y": f"{y:.4f}"} for t, x, y in values
+                {"t": f"{t:.3f}", "x": f"{x:.4f}", "y": f"{y:.4f}", "scene": scene, "user": user}
+                for t, x, y in self._measured(scene, samples)
             ]
-            for row in rows:
-                row["valid"] = "true" if valid else "false"
-            taken = {r["demo"]: r for r in table.rows if r["scene"] == scene and r["user"] == user}
-            for stored in _paths(row for row in table.rows if row["scene"] == scene and row["user"] == user):
-                if [{column: row[column] for column in rows[0]} for row in stored] == rows:
-                    return {"demo": stored[0]["demo"], "id": _identity(stored)}  # sent again after a lost answer
-            demo = str(1 + max((int(name) for name in taken if name.isdecimal()), default=0))
-            for row in rows:
-                row["demo"] = demo
-            table.rows += rows
-            write_table(path, table)
-            return {"demo": demo, "id": _identity(rows)}
+            word = {"valid": "true" if valid else "false"}
+            rows = [row | word for row in rows]
+            stored = _by_path(r for r in self._rows(DEMONSTRATIONS) if r["scene"] == scene and r["user"] == user)
+            for path in stored:  # the page sends it again if the first answer got lost
+                if [{column: row[column] for column in rows[0]} for row in path] == rows:
+                    return _described(path)
+            last = max((int(path[0]["demo"]) for path in stored if path[0]["demo"].isdecimal()), default=0)
+            rows = [row | {"demo": str(last + 1)} for row in rows]
+            self._replace(DEMONSTRATIONS, [*self._rows(DEMONSTRATIONS), *rows])
+            return _described(rows)
 
     def remove_path(self, identity: str) -> None:
-        """Remove a path; raise InputError if it is not there (any more)."""
+        """Remove a path; raise InputError if it is not there as the page saw it."""
         with self._lock:
-            table = self._demonstrations()
-            removed = next((rows for rows in _paths(table.rows) if _identity(rows) == identity), None)
-            if removed is None:
-                raise InputError("this path is gone already: somebody removed it")
-            table.rows = [row for row in table.rows if not any(row is other for other in removed)]
-            write_table(self._path(), table)
+            paths = _by_path(self._rows(DEMONSTRATIONS))
+            removed = {id(row) for rows in paths if _identity(rows) == identity for row in rows}
+            if not removed:
+                raise InputError("this path has been removed already")
+            self._replace(DEMONSTRATIONS, [row for row in self._rows(DEMONSTRATIONS) if id(row) not in removed])
 
-    def add_item(self, scene: str, kind: str, points: Float[np.ndarray, "n 2"]) -> dict[str, str]:
-        """Store an item's footprint and return its id.
+    def add_item(self, scene: str, kind: str, points: Float[Array, "n 2"]) -> None:
+        """Store an item's footprint.
 
-        `points` [px] are the centre and a place on the rim of a round item, or both ends and a place on the side of a
-        long one. Raise InputError if they describe no item on the table.
+        points: centre and rim [px], or both ends and a place on the side. Raise InputError if they outline no item.
         """
-        kind = cell("kind", kind)
+        kind = tidy_name("kind", kind)
         with self._lock:
-            x, y, angle, radius, half = self._capsule(scene, points)
+            x, y, angle, radius, half = self._footprint(scene, points)
             row = {"scene": scene, "kind": kind, "x": f"{x:.4f}", "y": f"{y:.4f}", "angle_deg": f"{angle:.1f}"}
             row |= {"radius_m": f"{radius:.4f}", "half_length_m": f"{half:.4f}"}
-            table = self._items()
-            if row not in [{column: other[column] for column in ITEMS} for other in table.rows]:
-                table.rows.append(row)
-                write_table(self._path("items.csv"), table)
-            return {"id": _identity([row])}
+            if _identity([row]) not in {_identity([other]) for other in self._rows(ITEMS)}:
+                self._replace(ITEMS, [*self._rows(ITEMS), row])
 
     def remove_item(self, identity: str) -> None:
-        """Remove an item; raise InputError if it is not there (any more)."""
+        """Remove an item; raise InputError if it is not there as the page saw it."""
         with self._lock:
-            table = self._items()
-            kept = [row for row in table.rows if _identity([row]) != identity]
-            if len(kept) == len(table.rows):
-                raise InputError("this item is gone already: somebody removed it")
-            table.rows = kept
-            write_table(self._path("items.csv"), table)
+            kept = [row for row in self._rows(ITEMS) if _identity([row]) != identity]
+            if len(kept) == len(self._rows(ITEMS)):
+                raise InputError("this item has been removed already")
+            self._replace(ITEMS, kept)
 
-    def set_table(
-        self, scene: str | None, corners: list[list[float]] | None, side_m: float, ends: dict[str, list[float]]
+    def place_table(
+        self,
+        scene: str,
+        everywhere: bool,
+        corners: Float[Array, "4 2"] | None,
+        side_m: float,
+        start: Sequence[float],
+        goal: Sequence[float],
     ) -> None:
-        """Write table.yaml; `corners` [px] hold for `scene`, or for every scene if that is None."""
+        """Write table.yaml; corners [px] hold in `scene` or `everywhere`, and None leaves them as they are."""
         with self._lock:
-            if scene is not None:
-                self.picture(scene)
-            write_table_top(self.folder, scene, corners, side_m, ends)
+            settings, size = files.read_table_place(self.folder), self._size(scene)
+            shared = settings.corners
+            if corners is not None:
+                if ((corners < 0) | (corners > size)).any():
+                    raise InputError("a corner lies outside the picture: mark it again")
+                each = shared if isinstance(shared, dict) else {}
+                if not isinstance(shared, dict) and shared is not None:
+                    each = dict.fromkeys(files.list_scenes(self.folder), shared)
+                shared = corners if everywhere else {**each, scene: corners}
+            values: dict[str, Any] = {"side_m": side_m}
+            if isinstance(shared, dict):
+                values["corners"] = {name: _rounded(places) for name, places in shared.items()}
+            elif shared is not None:
+                values["corners"] = _rounded(shared)
+            else:
+                values["rectified"] = True
+            files.write_table_place(self.folder, values | {"start": list(start), "goal": list(goal)})
 
-    def add_picture(self, file_name: str, content: bytes) -> str:
+    def import_picture(self, file_name: str, content: bytes) -> str:
         """Store a picture as a new scene and return its name."""
         with self._lock:
-            return pictures.import_picture(self.folder, file_name, content)
+            return files.import_picture(self.folder, file_name, content)
 
-    def _path(self, name: str = "demonstrations.csv") -> Path:
-        return pictures.inside(self.folder, self.folder / name)
+    def _rows(self, name: str) -> list[Row]:
+        return self._table(name).rows
 
-    def _demonstrations(self) -> Table:
-        return read_table(self._path(), DEMONSTRATIONS)
+    def _table(self, name: str) -> Table:
+        """Return a csv file's table, read again if the file has changed."""
+        path = files.inside(self.folder, self.folder / name)
+        state = _state(path)
+        if name not in self._read or self._read[name][0] != state:
+            self._read[name] = state, files.read_table(path, COLUMNS[name])
+        return self._read[name][1]
 
-    def _items(self) -> Table:
-        return read_table(self._path("items.csv"), ITEMS)
+    def _replace(self, name: str, rows: list[Row]) -> None:
+        table = Table(self._table(name).columns, rows)
+        files.write_table(self.folder / name, table)
+        self._read[name] = _state(self.folder / name), table
 
-    def _placed(self, scene: str, table: TableTop) -> Placed | None:
-        """Return the homography of a scene's picture, or None if the table's corners are not known."""
-        size = pictures.picture_size(self.picture(scene))
-        corners = table.corners_in(scene, size)
-        return None if corners is None else Placed(size, geometry.to_metres(corners, table.side_m))
+    def _size(self, scene: str) -> tuple[int, int]:
+        """Return width and height [px] of a scene's picture, upright."""
+        path = self.picture(scene)
+        return _picture_size(path, _state(path))
 
-    def _located(self, scene: str) -> tuple[Placed, TableTop]:
-        table = read_table_top(self.folder)
-        placed = self._placed(scene, table)
-        if placed is None:
-            raise InputError(f"the table's corners in scene {scene} are not known: mark them first, under Table")
-        return placed, table
+    def _view(self, scene: str, settings: Settings) -> View | None:
+        """Return where the table is in a scene's picture, or None if its corners are not known."""
+        width, height = self._size(scene)
+        corners = settings.corners_of(scene)
+        if corners is None and settings.rectified and abs(width - height) <= SQUARE_WITHIN * max(width, height):
+            corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], float)
+        if corners is None:
+            return None
+        return View((width, height), corners, geometry.homography(corners, settings.side_m))
 
-    def _to_metres(self, scene: str, samples: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """Return samples as t [s] from 0, x and y [m]; raise InputError if they are no path from start to goal."""
-        placed, table = self._located(scene)
+    def _known_view(self, scene: str) -> tuple[View, Settings]:
+        settings = files.read_table_place(self.folder)
+        view = self._view(scene, settings)
+        if view is None:
+            raise InputError(f"the table's corners in scene {scene} are not known: mark them first")
+        return view, settings
+
+    def _measured(self, scene: str, samples: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
+        """Return a path's samples as t [s] from 0, x and y [m]; raise InputError if it is none from start to goal."""
+        view, settings = self._known_view(scene)
         samples = _thinned(samples)
         if len(samples) < MIN_SAMPLES:
-            raise InputError(f"the path has {len(samples)} samples, at least {MIN_SAMPLES} are needed: draw it slower")
-        metres = placed.metres(samples[:, 1:])
-        for end, place, point in (("start", table.start, metres[0]), ("goal", table.goal, metres[-1])):
-            distance = math.dist(place, point)
-            if distance > ENDS_WITHIN_M:
-                word = "begins" if end == "start" else "ends"
+            raise InputError(f"not stored: the path has {len(samples)} samples, expected {MIN_SAMPLES}; draw it slower")
+        metres = view.metres(samples[:, 1:])
+        ends = (("begins", "start", settings.start, metres[0]), ("ends", "goal", settings.goal, metres[-1]))
+        for verb, end, place, point in ends:
+            if (distance := math.dist(place, point)) > ENDS_WITHIN_M:
                 raise InputError(
-                    f"not stored: the path {word} {100 * distance:.0f} cm from the {end}, "
-                    f"at most {100 * ENDS_WITHIN_M:.0f} cm are allowed; draw it again"
+                    f"not stored: the path {verb} {100 * distance:.0f} cm from the {end}, expected at most "
+                    f"{100 * ENDS_WITHIN_M:.0f} cm; draw it again"
                 )
+        if np.maximum(-metres, metres - settings.side_m).max() > MAX_BEYOND_M * settings.side_m:
+            raise InputError("not stored: the path goes far off the table; draw it again")
         return np.column_stack([(samples[:, 0] - samples[0, 0]) / 1000, metres])
 
-    def _capsule(self, scene: str, points: Float[np.ndarray, "n 2"]) -> tuple[float, float, float, float, float]:
-        """Return centre x, y [m], angle [deg], radius and half-length [m] of the item that the points mark."""
-        placed, table = self._located(scene)
-        metres = placed.metres(points)
-        angle = half = 0.0
+    def _footprint(self, scene: str, points: Float[Array, "n 2"]) -> tuple[float, float, float, float, float]:
+        """Return x, y [m], angle [deg], radius and half-length [m] of the capsule that the points mark."""
+        view, settings = self._known_view(scene)
+        metres = view.metres(points)
         if len(metres) == 2:
-            centre = metres[0]
-            radius = math.dist(*metres)
+            (x, y), angle, radius, half = metres[0], 0.0, math.dist(*metres), 0.0
         else:
-            centre, along = metres[:2].mean(axis=0), metres[1] - metres[0]
-            length = max(float(np.hypot(*along)), 1e-9)
-            aside = metres[2] - metres[0]
+            (x, y), along, aside = metres[:2].mean(axis=0), metres[1] - metres[0], metres[2] - metres[0]
+            length = max(math.hypot(*along), MIN_RADIUS_M)
             radius = abs(along[0] * aside[1] - along[1] * aside[0]) / length
-            angle = math.degrees(math.atan2(along[1], along[0]))
-            half = length / 2 - radius
+            angle, half = math.degrees(math.atan2(along[1], along[0])), length / 2 - radius
             if half < 0:
                 raise InputError("the item is wider than long: mark it as a round one")
-        if not MIN_ITEM_M <= radius <= MAX_ITEM_SHARE * table.side_m:
-            raise InputError(f"the item's radius would be {100 * radius:.1f} cm: mark it again")
-        if not ((centre >= 0) & (centre <= table.side_m)).all():
+        if not MIN_RADIUS_M <= radius <= settings.side_m / 2:
+            raise InputError(f"the item would have a radius of {100 * radius:.1f} cm: mark it again")
+        if not (0 <= x <= settings.side_m and 0 <= y <= settings.side_m):
             raise InputError("the item's centre is not on the table: mark it again")
-        return float(centre[0]), float(centre[1]), angle, radius, half
+        return float(x), float(y), angle, radius, half
 
 
-def cell(what: str, name: str) -> str:
-    """Return a person's or a kind's name, tidied; raise InputError if a spreadsheet could take it for a formula."""
-    name = " ".join(unicodedata.normalize("NFC", name).split())
-    if not 1 <= len(name) <= 60:
-        raise InputError(f"the {what} has {len(name)} characters: expected 1 to 60")
-    if name[0] in "=+-@" or not name.isprintable():
-        raise InputError(f"the {what} {name!r} begins with one of = + - @ or holds control characters: choose another")
+def tidy_name(what: str, name: str) -> str:
+    """Return a name without needless spaces; raise InputError for one that a csv file should not hold."""
+    name = " ".join(normal(name).split())
+    if not 1 <= len(name) <= MAX_NAME:
+        raise InputError(f"the {what} has {len(name)} characters: expected 1 to {MAX_NAME}")
+    if name[0] in FORMULA or not name.isprintable():
+        raise InputError(f"the {what} {name!r} would be a formula in a spreadsheet, or cannot be printed: change it")
     return name
 
 
-def _paths(rows: Iterable[Row]) -> list[list[Row]]:
-    """Return the rows of each path, in the order in which paths begin in the file."""
+def _by_path(rows: Iterable[Row]) -> list[list[Row]]:
+    """Return the rows of each path, in the order in which the paths begin."""
     paths: dict[tuple[str, str, str], list[Row]] = {}
     for row in rows:
         paths.setdefault((row["scene"], row["user"], row["demo"]), []).append(row)
     return list(paths.values())
 
 
-def _thinned(samples: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-    """Return the samples at least `MIN_STEP_S` apart, the last one included."""
-    kept: list[int] = []
+def _described(rows: list[Row]) -> dict[str, Any]:
+    first = rows[0]
+    return {"id": _identity(rows), "user": first["user"], "demo": first["demo"], "valid": _is_true(first["valid"])}
+
+
+def _identity(rows: list[Row]) -> str:
+    """Return a name that changes with the content of these rows, so that nobody removes what they have not seen."""
+    known = {*COLUMNS[DEMONSTRATIONS], *COLUMNS[ITEMS]}
+    content = [sorted((column, text) for column, text in row.items() if column in known) for row in rows]
+    return hashlib.sha256(repr(content).encode()).hexdigest()[:16]
+
+
+def _outline(row: Row) -> Float[Array, "n 2"]:
+    """Return the outline [m] of an item."""
+    ((x, y, angle, radius, half),) = _numbers([row], *COLUMNS[ITEMS][2:])
+    return geometry.capsule(np.array([x, y]), radius, half, angle)
+
+
+def _numbers(rows: list[Row], *columns: str) -> Float[Array, "row column"]:
+    try:
+        return np.array([[float(row[column]) for column in columns] for row in rows])
+    except ValueError as error:
+        raise InputError(
+            f"scene {rows[0]['scene']}: a csv file holds no number where one is needed ({error})"
+        ) from error
+
+
+def _is_true(word: str) -> bool:
+    if word.lower() not in ("true", "false"):
+        raise InputError(f"{DEMONSTRATIONS}: valid is {word!r}: expected true or false")
+    return word.lower() == "true"
+
+
+def _thinned(samples: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
+    """Return samples at least `MIN_STEP_S` apart; the path's end stays."""
+    kept = [0]
     for index, t in enumerate(samples[:, 0]):
-        if not kept or t - samples[kept[-1], 0] >= 1000 * MIN_STEP_S:
+        if t - samples[kept[-1], 0] >= 1000 * MIN_STEP_S:
             kept.append(index)
-    if kept and kept[-1] != len(samples) - 1 and samples[-1, 0] >= samples[kept[-1], 0] and len(kept) > 1:
+    if len(kept) > 1 and samples[-1, 0] >= samples[kept[-1], 0]:
         kept[-1] = len(samples) - 1
     return samples[kept]
 
 
-def _grid(side_m: float) -> list[Float[np.ndarray, "2 2"]]:
-    """Return the ends [m] of lines that divide the table into ten fields a side."""
-    tenths = np.linspace(0, side_m, 11)[1:-1]
-    lines = [np.array([[at, 0], [at, side_m]]) for at in tenths]
-    return lines + [line[:, ::-1] for line in lines]
+def _rounded(corners: Float[Array, "4 2"]) -> list[list[float]]:
+    return np.round(corners, 1).tolist()
 
 
-def _truth(word: str) -> bool:
-    """Return the value of a cell in column valid."""
-    if word.strip().lower() not in TRUE + FALSE:
-        raise InputError(f"demonstrations.csv: valid is {word!r}: expected true or false")
-    return word.strip().lower() in TRUE
+def _state(path: Path) -> tuple[int, ...]:
+    """Return what changes when a file is replaced or edited."""
+    if not path.exists():
+        return ()
+    stat = path.stat()
+    return stat.st_ino, stat.st_size, stat.st_mtime_ns
 
 
-def _number(row: Row, column: str) -> float:
+@lru_cache(maxsize=1000)
+def _picture_size(path: Path, state: tuple[int, ...]) -> tuple[int, int]:
+    """Return width and height [px] of a picture in this state, upright."""
     try:
-        return float(row[column])
-    except ValueError as error:
-        raise InputError(
-            f"scene {row['scene']}: {column} is {row[column]!r}, no number: correct the csv file"
-        ) from error
-
-
-def _identity(rows: list[Row]) -> str:
-    """Return a name for these rows that changes with their content: nobody removes what they have not seen."""
-    known = {*DEMONSTRATIONS, *ITEMS}
-    text = repr([sorted(cell for cell in row.items() if cell[0] in known) for row in rows])
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
-def _subfolders(folder: Path) -> set[str]:
-    return {path.name for path in folder.glob("*") if path.is_dir()}
+        height, width = read_picture(path).shape[:2]
+    except InputError as error:
+        raise InputError(f"{path.parent.name}/{path.name} {error}") from error
+    return width, height

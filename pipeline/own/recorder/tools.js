@@ -1,8 +1,6 @@
 // What a person does on the picture: draw a path, or mark points.
 import { dot, stroke } from "/static/canvas.js";
 
-const MIN_SAMPLES = 3;
-
 export class PathTool {
   continuous = true;
 
@@ -14,11 +12,11 @@ export class PathTool {
 
   get busy() { return this.state === "drawing"; }
 
-  home() { return [...this.current().scene.places.start]; }
+  home() { return [...this.current().scene.ends.start]; }
 
   isOff(point, place) { // the distance [m] from start or goal if it is too large, else 0
     const { scene, overview } = this.current();
-    const [x, y] = metres(scene.to_metres, point);
+    const [x, y] = metres(scene.matrix, point);
     const distance = Math.hypot(x - overview.table[place][0], y - overview.table[place][1]);
     return distance <= overview.ends_within_m ? 0 : distance;
   }
@@ -44,7 +42,7 @@ export class PathTool {
     this.samples.push([t, ...point]);
     const off = this.isOff(point, "goal");
     if (off) this.refuse(`The path ends ${cm(off)} from the goal: it is not stored. Draw it again.`);
-    else if (this.samples.length < MIN_SAMPLES) this.refuse("That was too quick for a path. Draw it slower.");
+    else if (this.samples.length < this.current().overview.min_samples) this.refuse("That was too quick for a path. Draw it slower.");
     else {
       this.turn("drawn");
       const seconds = (this.samples.at(-1)[0] - this.samples[0][0]) / 1000;
