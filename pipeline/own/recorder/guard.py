@@ -55,8 +55,8 @@ class Guard:
         """Return why a request is refused, or an empty string."""
         if headers.get("host") not in self.hosts:
             return "refused: the recorder answers only under the address that it printed"
-        origin = headers.get("origin", "" if method in SAFE else "none")
-        if origin and origin not in {f"http://{host}" for host in self.hosts}:
+        origins = {f"http://{host}" for host in self.hosts} | ({None} if method in SAFE else set())
+        if headers.get("origin") not in origins:
             return "refused: the request comes from another page than the recorder's"
         if headers.get("sec-fetch-site", "none") not in ("same-origin", "none"):
             return "refused: the request comes from another site"

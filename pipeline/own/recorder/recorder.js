@@ -3,9 +3,9 @@ import { Board, dot, stroke, write } from "/static/canvas.js";
 import { PathTool, PointTool, metres } from "/static/tools.js";
 
 const $ = id => document.getElementById(id);
-const STEPS = ["scenes", "table", "items", "paths"];
+const STEPS = { scenes: "Scenes", table: "Place the table", items: "Outline items", paths: "Record paths" };
 const CORNERS = ["far left", "far right", "near right", "near left"];
-const board = new Board($("picture"), $("canvas"));
+export const board = new Board($("picture"), $("canvas"));
 let overview = null; // what is recorded, from the server
 let scene = null; // what stands over the current picture, from the server
 let step = "paths";
@@ -61,14 +61,14 @@ const sceneUrl = (prefix, name) => prefix + encodeURIComponent(name);
 
 async function go() {
   const [asked, name] = location.hash.slice(1).split("/").map(decodeURIComponent);
-  step = STEPS.includes(asked) ? asked : overview.scenes.length ? "paths" : "scenes";
+  step = overview.scenes.length ? (asked in STEPS ? asked : "paths") : "scenes";
   document.querySelectorAll(".pages a").forEach(link => {
     if (link.hash === `#${step}`) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   });
-  document.title = `${{ scenes: "Scenes", table: "Table", items: "Items", paths: "Record paths" }[step]} – Causal specifications`;
-  document.querySelector("h1").textContent = { scenes: "Scenes", table: "Place the table", items: "Outline items", paths: "Record paths" }[step];
-  const onPicture = step !== "scenes" && overview.scenes.length > 0;
+  document.querySelector("h1").textContent = STEPS[step];
+  document.title = `${STEPS[step]} – Causal specifications`;
+  const onPicture = step !== "scenes";
   $("board").hidden = !onPicture;
   $("scenes").hidden = onPicture;
   document.querySelectorAll(".paths-only").forEach(part => { part.hidden = step !== "paths"; });
@@ -351,7 +351,8 @@ function showCounts() {
 function missing(person) { // what a report about this person needs, still
   const counts = Object.values(overview.counts).map(users => users[person]).filter(Boolean);
   const needs = [];
-  if (counts.length < overview.min_scenes) needs.push(`paths in ${overview.min_scenes - counts.length} more scenes`);
+  const more = overview.min_scenes - counts.length;
+  if (more > 0) needs.push(`paths in ${more} more ${more === 1 ? "scene" : "scenes"}`);
   if (!counts.some(count => count.valid)) needs.push("valid paths");
   if (!counts.some(count => count.invalid)) needs.push("paths that are not valid");
   return needs.length ? `A report about ${person} still needs ${needs.join(" and ")}.` : "";

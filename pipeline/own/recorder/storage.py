@@ -251,7 +251,7 @@ class Recordings:
             raise InputError(f"the table's corners in scene {scene} are not known: mark them first")
         return view, settings
 
-    def _measured(self, scene: str, samples: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
+    def _measured(self, scene: str, samples: Float[Array, "n 3"]) -> Float[Array, "kept 3"]:
         """Return a path's samples as t [s] from 0, x and y [m]; raise InputError if it is none from start to goal."""
         view, settings = self._known_view(scene)
         samples = _thinned(samples)
@@ -340,7 +340,7 @@ def _is_true(word: str) -> bool:
     return word.lower() == "true"
 
 
-def _thinned(samples: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
+def _thinned(samples: Float[Array, "n 3"]) -> Float[Array, "kept 3"]:
     """Return samples at least `MIN_STEP_S` apart; the path's end stays."""
     kept = [0]
     for index, t in enumerate(samples[:, 0]):
