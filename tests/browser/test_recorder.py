@@ -28,6 +28,10 @@ from tests.own.recorder.factory import (
 
 PHONE, DESK = 390, 1280  # [px]
 Points = list[tuple[float, float]]
+ONCE_CROSS_PASSES = """async ([axis, sign, end]) => {
+  const { board } = await import("/static/recorder.js");
+  while (board.cross[axis] * sign < end * sign) await new Promise(requestAnimationFrame);
+}"""
 
 
 @pytest.fixture
@@ -148,10 +152,7 @@ def test_a_path_drawn_with_the_arrow_keys_is_stored(tab, folder: Path):
     goal = pixels([GOAL])[0]
     for key, axis, sign in (("ArrowUp", 1, -1), ("ArrowRight", 0, 1)):
         page.keyboard.down(key)
-        page.wait_for_function(
-            "async ([axis, sign, end]) => (await import('/static/recorder.js')).board.cross[axis] * sign >= end * sign",
-            arg=[axis, sign, float(goal[axis])],
-        )
+        page.evaluate(ONCE_CROSS_PASSES, [axis, sign, float(goal[axis])])
         page.keyboard.up(key)
     page.keyboard.press("Enter")
     page.keyboard.press("v")
@@ -255,10 +256,12 @@ def test_corners_and_goal_are_placed_by_clicking(browser: Browser, tab, folder: 
     page = tab("paths", user=None)
     expect(page.locator("#message")).to_contain_text("Mark its corners first")
     page.get_by_role("link", name="Table", exact=True).click()
+    expect(page.locator("#message")).to_contain_text("Mark the far left corner")
     click(page, CORNERS, metres=False)
     page.get_by_role("button", name="Save the table").click()
     expect(page.locator("#message")).to_contain_text("The table is stored")
     page.get_by_label("The goal").check()
+    expect(page.locator("#message")).to_contain_text("Click where every path ends")
     click(page, [(0.8, 0.85)])
     page.get_by_role("button", name="Save the table").click()
     expect(page.locator("#message")).to_contain_text("The table is stored")
@@ -269,6 +272,7 @@ def test_corners_and_goal_are_placed_by_clicking(browser: Browser, tab, folder: 
 
 def test_a_round_and_a_long_item_are_outlined_by_clicking(tab, folder: Path):
     page = tab("items")
+    expect(page.locator("#message")).to_contain_text("mark its centre")
     page.get_by_label("Kind of item").fill("plate")
     click(page, [(0.4, 0.5), (0.5, 0.5)])
     expect(page.locator("#message")).to_contain_text("Stored: plate")
