@@ -6,6 +6,7 @@ from typing import Any
 
 from pipeline.artifacts.files import write_json, write_table
 from pipeline.own.fitting import FOLDS, VARIANT
+from pipeline.own.recording import write_recording
 from pipeline.own.results import Results
 from pipeline.own.tables import without_formulas
 from pipeline.report.page import FOLDER as SHARED
@@ -59,6 +60,7 @@ def write_report(results: Results, out_dir: Path) -> None:
     for name, table in results.tables.items():
         write_table(part / "tables" / f"{name}.parquet", table)
     write_json(part / "metrics.json", results.metrics)
+    write_recording(part / "recording.rrd", results)
     shutil.copy(SHARED / "page.css", part)
     old = out_dir.with_name(f".{out_dir.name}-old")
     shutil.rmtree(old, ignore_errors=True)
