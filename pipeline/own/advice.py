@@ -18,6 +18,8 @@ def disagreement(fitted: Fitted, scenes: Scenes) -> pd.DataFrame:
     """
     paths = np.broadcast_to(lattice(SIDE), (len(scenes.names), SIDE**2, 2))
     p = np.stack([model.probability(scenes.images, paths) for model in fitted.fold_models])
-    table = pd.DataFrame({"user": fitted.data.user, "scene": scenes.names, "disagreement": p.std(0).mean(1).astype(float)})
+    table = pd.DataFrame(
+        {"user": fitted.data.user, "scene": scenes.names, "disagreement": p.std(0).mean(1).astype(float)}
+    )
     table["shown"] = table["scene"].isin(fitted.data.scenes)
     return table.sort_values(["shown", "disagreement"], ascending=[True, False], ignore_index=True)

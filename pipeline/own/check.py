@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pandas as pd
 
+from pipeline.own.csv_files import Faults
 from pipeline.own.folder import Folder, read_folder
 from pipeline.own.paths import fit_demonstrations
-from pipeline.own.tables import Faults
 
 
 def check(path: Path) -> tuple[Folder | None, pd.DataFrame, Faults]:

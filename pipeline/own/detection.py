@@ -1,6 +1,5 @@
 """Compare the detected objects with the items that a person listed."""
 
-import numpy as np
 import pandas as pd
 
 from pipeline.own.folder import Folder

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import yaml
-from jaxtyping import Float, UInt8
+from jaxtyping import UInt8
 from numpy import ndarray as Array
 
+from pipeline.own.csv_files import Faults, check_names, normal, numbers, read_csv, row_numbers
 from pipeline.own.frame import Frame, rectify
 from pipeline.own.pictures import ENDINGS, read_cutout, read_picture
-from pipeline.own.tables import Faults, check_names, normal, numbers, read_csv, row_numbers
 from pipeline.runtime.errors import InputError
 from pipeline.world.hand import MAX_BEYOND_M
 
@@ -256,9 +256,7 @@ def _read_empty(path: Path, settings: Settings, faults: Faults) -> Array | None:
 # demonstrations.csv
 
 
-def _read_samples(
-    path: Path, scenes: Mapping[str, Path], settings: Settings, faults: Faults
-) -> pd.DataFrame | None:
+def _read_samples(path: Path, scenes: Mapping[str, Path], settings: Settings, faults: Faults) -> pd.DataFrame | None:
     """Return the samples of all demonstrations, sorted by demonstration and in their own order; None after a fault."""
     file, before = DEMONSTRATIONS, len(faults)
     if not (path / file).is_file():
@@ -346,7 +344,9 @@ def _check_demonstrations(samples: pd.DataFrame, settings: Settings, faults: Fau
     faults.rows(
         file,
         beyond > MAX_BEYOND_M * settings.side_m,
-        lambda i: f"the path is at ({x[i]:g}, {y[i]:g}) m, far off the table: expected metres from 0 to {settings.side_m:g}",
+        lambda i: (
+            f"the path is at ({x[i]:g}, {y[i]:g}) m, far off the table: expected metres from 0 to {settings.side_m:g}"
+        ),
         rows,
     )
 
@@ -411,7 +411,9 @@ def _read_optional(path: Path, file: str, columns: list[str], faults: Faults) ->
 
 def _read_cutouts(path: Path, faults: Faults) -> dict[str, list[tuple[Array, float]]]:
     """Return each kind's cut-outs with the width of their pictures [m]; add a fault for a kind without one."""
-    folders = {normal(f.name): f for f in sorted((path / KINDS).iterdir()) if f.is_dir()} if (path / KINDS).is_dir() else {}
+    folders = (
+        {normal(f.name): f for f in sorted((path / KINDS).iterdir()) if f.is_dir()} if (path / KINDS).is_dir() else {}
+    )
     if folders and not (path / CUTOUTS).is_file():
         faults.append(f"{CUTOUTS} is missing: expected the columns kind, file, width_m and a row for each cut-out")
         return {}

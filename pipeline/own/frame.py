@@ -56,11 +56,12 @@ class Frame:
 
     def to_model(self, points: Float[Array, "*p 2"]) -> Float[Array, "*p 2"]:
         """Return points on the table [m] as the model's [m]."""
-        return _pairs(self.turn * _complex(points) + self.shift)
+        return np.asarray(points, float) @ self._matrix.T + [self.shift.real, self.shift.imag]
 
     def to_table(self, points: Float[Array, "*p 2"]) -> Float[Array, "*p 2"]:
         """Return the model's points [m] on the table [m]."""
-        return _pairs((_complex(points) - self.shift) / self.turn)
+        shifted = np.asarray(points, float) - [self.shift.real, self.shift.imag]
+        return shifted @ self._matrix / self.scale**2
 
     def image(self, canvas: UInt8[Array, "side side 3"]) -> UInt8[Array, "100 100 3"]:
         """Return the model's image of a rectified table.
@@ -77,6 +78,11 @@ class Frame:
             on_table = cv2.warpPerspective(white, self._pixels(), canvas.shape[:2], flags=cv2.INTER_NEAREST)
             canvas = np.where(on_table[..., None] > 0, inside, beyond)
         return cv2.resize(canvas, (SIDE, SIDE), interpolation=cv2.INTER_AREA)
+
+    @property
+    def _matrix(self) -> Float[Array, "2 2"]:
+        """Return the matrix that multiplies by `turn`."""
+        return np.array([[self.turn.real, -self.turn.imag], [self.turn.imag, self.turn.real]])
 
     def _pixels(self) -> Float[Array, "3 3"]:
         """Return the homography from the canvas' pixels to those of the model's canvas."""
@@ -111,12 +117,3 @@ def without_pattern(
     """Return images divided by that of the empty table, times its mean colour: the table becomes plain."""
     gain = empty.reshape(-1, 3).mean(0) / np.maximum(empty.astype(float), MIN_EMPTY)
     return np.clip(np.rint(images * gain), 0, 255).astype(np.uint8)
-
-
-def _complex(points: Float[Array, "*p 2"]) -> Array:
-    points = np.asarray(points, float)
-    return points[..., 0] + 1j * points[..., 1]
-
-
-def _pairs(numbers: Array) -> Float[Array, "*p 2"]:
-    return np.stack([numbers.real, numbers.imag], -1)

@@ -26,7 +26,7 @@ from pipeline.runtime.streams import stream
 from pipeline.stats.tests import LEVEL, SMALLEST_EFFECT, holm
 from pipeline.world.bezier import P_F, P_INIT, random_z_theta
 from pipeline.world.catalogue import MIN_VISIBLE_ALPHA
-from pipeline.world.layout import EMPTY, SIDE, Layouts, point_segment_distance, segment_distance
+from pipeline.world.layout import EMPTY, Layouts, point_segment_distance, segment_distance
 from pipeline.world.rules import clearance
 
 PLACES = 60  # places of each kind over all scenes, at least: no change in 60 is negligible (library.effect)
@@ -36,6 +36,7 @@ CENTRE_M = 0.12, 0.88  # objects' centres in each coordinate [m of the model], a
 CLEAR_OF_ENDS_M, CLEAR_OF_ITEMS_M = 0.12, 0.015  # least distances from path ends and other objects, as there
 STEP_M, DOSES = 0.01, 13  # of clearance from the object, for the envelope [m of the model]
 CLEAR_OF_OTHERS_M = 0.06  # clearance of these paths from all other objects, as conf/studies/envelope.yaml
+PER_METRE = 1000  # points per metre at which a cut-out's outline is measured
 CANDIDATES = 768  # random paths a scene among which those at each clearance are chosen
 
 
@@ -76,8 +77,12 @@ def add_kind(folder: Folder, scenes: Scenes, kind: str) -> Added | None:
             found = free_place(rng, folder, scenes.objects, scene, capsule)
             if found is not None:
                 centre, angle = found
-                canvas = paste(folder.canvases[name], cutout, width / folder.frame.side_m, centre / folder.frame.side_m, angle)
-                rows.append((scene, folder.frame.image(canvas), ends_of(folder, capsule, centre, angle), capsule.radius))
+                canvas = paste(
+                    folder.canvases[name], cutout, width / folder.frame.side_m, centre / folder.frame.side_m, angle
+                )
+                rows.append(
+                    (scene, folder.frame.image(canvas), ends_of(folder, capsule, centre, angle), capsule.radius)
+                )
     if len({row[0] for row in rows}) < 2:
         return None
     number, with_object, ends, radii = (np.array(column) for column in zip(*rows, strict=True))
@@ -87,10 +92,11 @@ def add_kind(folder: Folder, scenes: Scenes, kind: str) -> Added | None:
 
 def footprint(cutout: UInt8[Array, "row column 4"], width_m: float) -> Capsule:
     """Return the capsule of a cut-out's visible part, its centre relative to the picture's [m], y upwards."""
-    small = cv2.resize(cutout[..., 3], (SIDE, round(SIDE * cutout.shape[0] / cutout.shape[1])), interpolation=cv2.INTER_AREA)
-    rows, columns = np.nonzero(small > MIN_VISIBLE_ALPHA)
-    points = np.stack([columns - (SIDE - 1) / 2, (small.shape[0] - 1) / 2 - rows], -1) / SIDE * width_m
-    return fit_capsule(points, SIDE / width_m)
+    across = max(1, round(width_m * PER_METRE))
+    size = across, max(1, round(across * cutout.shape[0] / cutout.shape[1]))
+    rows, columns = np.nonzero(cv2.resize(cutout[..., 3], size, interpolation=cv2.INTER_AREA) > MIN_VISIBLE_ALPHA)
+    points = np.stack([columns - (size[0] - 1) / 2, (size[1] - 1) / 2 - rows], -1) / PER_METRE
+    return fit_capsule(points, PER_METRE)
 
 
 def free_place(
@@ -106,7 +112,9 @@ def free_place(
         reach = np.linalg.norm(capsule.half) + capsule.radius
         on_table = (centre > reach).all() and (centre < frame.side_m - reach).all()
         near_end = min(point_segment_distance(end, *ends) for end in (P_INIT, P_F)) - wide < CLEAR_OF_ENDS_M
-        gaps = segment_distance(ends, objects.ends[scene, present].astype(float)) - wide - objects.radius[scene, present]
+        gaps = (
+            segment_distance(ends, objects.ends[scene, present].astype(float)) - wide - objects.radius[scene, present]
+        )
         if on_table and not near_end and not (gaps < CLEAR_OF_ITEMS_M).any():
             return centre, float(angle)
     return None
@@ -115,7 +123,9 @@ def free_place(
 def ends_of(folder: Folder, capsule: Capsule, centre: Array, angle: float) -> Float[Array, "2 2"]:
     """Return the ends [m of the model] of a footprint whose picture lies at `centre` [m on the table]."""
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    return folder.frame.to_model(centre + np.stack([capsule.centre - capsule.half, capsule.centre + capsule.half]) @ turn.T)
+    return folder.frame.to_model(
+        centre + np.stack([capsule.centre - capsule.half, capsule.centre + capsule.half]) @ turn.T
+    )
 
 
 def paste(canvas: Array, cutout: Array, width: float, centre: Array, angle: float) -> UInt8[Array, "side side 3"]:
@@ -199,7 +209,9 @@ def confirmed(row: Mapping) -> str:
     return row["verdict"] if holds[row["verdict"]] else "undecided"
 
 
-def envelopes(fitted: Fitted, added: Mapping[str, Added], scenes: Scenes, table: pd.DataFrame, scale: float) -> pd.DataFrame:
+def envelopes(
+    fitted: Fitted, added: Mapping[str, Added], scenes: Scenes, table: pd.DataFrame, scale: float
+) -> pd.DataFrame:
     """Return one row for each kind that the user keeps away from: the clearance [m on the table] of half the effect.
 
     radius_m, ci_low, ci_high (95 % over scenes), scenes; a kind without enough paths at its outline is left out.
@@ -216,7 +228,14 @@ def envelopes(fitted: Fitted, added: Mapping[str, Added], scenes: Scenes, table:
         middle, low, high = (value / scale for value in radius(response, doses))
         counted = int((~np.isnan(response[0, :, 0])).sum())
         rows.append(
-            {"user": fitted.data.user, "kind": kind, "radius_m": middle, "ci_low": low, "ci_high": high, "scenes": counted}
+            {
+                "user": fitted.data.user,
+                "kind": kind,
+                "radius_m": middle,
+                "ci_low": low,
+                "ci_high": high,
+                "scenes": counted,
+            }
         )
     return pd.DataFrame(rows, columns=["user", "kind", "radius_m", "ci_low", "ci_high", "scenes"])
 
@@ -229,7 +248,9 @@ def responses(
     to_added = np.concatenate([clearance(places.footprint[[i]], z[[i]])[..., 0] for i in range(len(z))])
     chosen = paths_at_doses(to_added, to_others[places.scene], doses, CLEAR_OF_OTHERS_M, 1)[..., 0]  # (row, dose)
     paths = np.take_along_axis(z, np.maximum(chosen, 0)[..., None], axis=1)
-    fall = fitted.model.probability(places.images, paths) - fitted.model.probability(places.images_with, paths).astype(float)
+    fall = fitted.model.probability(places.images, paths) - fitted.model.probability(places.images_with, paths).astype(
+        float
+    )
     by_scene = by_scene_mean(np.where(chosen >= 0, fall, np.nan), places.scene)
     enough = (~np.isnan(by_scene)).sum(0) >= 2
     count = len(doses) if enough.all() else int(enough.argmin())

@@ -12,8 +12,8 @@ from jaxtyping import Float
 from numpy import ndarray as Array
 
 from pipeline.models.base import Z_RANGE_M
+from pipeline.own.csv_files import Faults
 from pipeline.own.folder import DEMONSTRATIONS, KEY, Folder
-from pipeline.own.tables import Faults
 from pipeline.world.bezier import P_F, P_INIT
 from pipeline.world.bezier_fit import fit
 from pipeline.world.layout import SIDE

@@ -1,92 +1,125 @@
-"""Read csv files that people write: as text, row by row, with sentences that name file and row."""
-
-import unicodedata
-from collections.abc import Callable, Sequence
-from pathlib import Path
+"""Tables of the page of one's own table; the template names these functions."""
 
 import numpy as np
 import pandas as pd
-from numpy import ndarray as Array
 
-from pipeline.runtime.errors import InputError
+from pipeline.own import detection
+from pipeline.own.fitting import VARIANT
+from pipeline.own.paths import DEGREES
+from pipeline.own.results import Results
+from pipeline.report import style
+from pipeline.report.page import Table, pick, with_gaps
 
-FIRST_ROW = 2  # the number of the first row below the header, as a spreadsheet counts
-
-
-class Faults(list[str]):
-    """Sentences that each name a file, what came, what was expected and what to do."""
-
-    def rows(self, file: str, wrong: Array, sentence: Callable[[int], str], numbers: Array | None = None) -> bool:
-        """Add one sentence for the first wrong row and the number of rows like it; return whether there is any.
-
-        wrong: bool (row,); sentence: what is wrong with row i; numbers: of the rows in the file, by default from 2.
-        """
-        places = np.flatnonzero(wrong)
-        if len(places):
-            row = places[0] + FIRST_ROW if numbers is None else numbers[places[0]]
-            more = f" ({len(places) - 1} more like it)" if len(places) > 1 else ""
-            self.append(f"{file}, row {row}: {sentence(int(places[0]))}{more}")
-        return bool(len(places))
+FIRST_REPAIRS, FIRST_SCENES = 12, 5  # rows shown for each user; the csv files hold all
 
 
-def normal(name: str) -> str:
-    """Return a name without spaces around it and with composed accents, as other computers may decompose them."""
-    return unicodedata.normalize("NFC", name.strip())
+def degrees(results: Results) -> Table:
+    """Return the residual on held-out stretches of the demonstrations by degree of the path."""
+    demos = results.demos
+    rows = [
+        {
+            "Control points": degree - 1,
+            "Median residual": float(demos[f"held_out_{degree}"].median()),
+            "90th percentile": float(demos[f"held_out_{degree}"].quantile(0.9)),
+            "Picked for": float((demos["degree"] == degree).mean()),
+        }
+        for degree in DEGREES
+    ]
+    return Table(pd.DataFrame(rows), {"Median residual": "cm", "90th percentile": "cm", "Picked for": "pct"})
 
 
-def read_csv(path: Path, columns: Sequence[str]) -> pd.DataFrame:
-    """Return a csv as text, row by row, names normalised; InputError unless it is UTF-8 with these columns."""
-    try:
-        table = pd.read_csv(path, dtype=str, keep_default_na=False, encoding="utf-8-sig", skip_blank_lines=False)
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path.name} is not UTF-8: save it as “CSV UTF-8”") from error
-    except pd.errors.EmptyDataError as error:
-        raise InputError(f"{path.name} is empty: expected a header line with {', '.join(columns)}") from error
-    except (pd.errors.ParserError, ValueError) as error:
-        reason = " ".join(str(error).split()).removeprefix("Error tokenizing data. C error: ")
-        raise InputError(f"{path.name} cannot be read as csv: {reason}; correct that line") from error
-    table.columns = [normal(str(column)).lower() for column in table.columns]
-    missing = [column for column in columns if column not in table.columns]
-    if missing:
-        semicolons = "; separate columns by commas" if any(";" in column for column in table.columns) else ""
-        raise InputError(
-            f"{path.name} has the columns {', '.join(table.columns)}: expected also {', '.join(missing)}{semicolons}"
-        )
-    if table.columns.duplicated().any():
-        raise InputError(f"{path.name} has two columns {table.columns[table.columns.duplicated()][0]!r}: remove one")
-    return table[(table != "").any(axis=1)].map(normal)  # keeps the index, so rows keep their numbers
+def recall(results: Results) -> Table:
+    """Return the share of listed items that were detected, by kind."""
+    assert results.detected is not None
+    shown = pick(detection.recall(results.detected), {"kind": "Kind", "items": "Items", "recall": "Detected"})
+    return Table(shown, {"Items": "count", "Detected": "pct"})
 
 
-def numbers(table: pd.DataFrame, columns: Sequence[str], file: str, faults: Faults) -> pd.DataFrame:
-    """Return these columns as numbers; rows that hold none are NaN and named in `faults`."""
-    made = table[list(columns)].apply(pd.to_numeric, errors="coerce").astype(float)
-    made = made.where(np.isfinite(made))
-    for column in columns:
-        values = table[column].tolist()
-        faults.rows(
-            file,
-            made[column].isna().to_numpy(),
-            lambda i, column=column, values=values: f"{column} is {values[i]!r}: expected a number with a decimal point",
-            row_numbers(table),
-        )
-    return made
+def accuracy(results: Results) -> Table:
+    """Return the scores of each predictor on scenes that it was not fitted to."""
+    whole = results.scores[results.scores["share"] == 1]
+    titles = {
+        "user": "User",
+        "predictor": "Predictor",
+        "accuracy": "Accuracy",
+        "ci_low": "From",
+        "ci_high": "To",
+        "balanced": "Balanced accuracy",
+        "missed": "Invalid paths accepted",
+        "calibration_error": "Calibration error",
+    }
+    shown = pick(whole, titles, predictor=style.label)
+    return Table(with_gaps(shown), dict.fromkeys(list(titles.values())[2:], "pct"))
 
 
-def check_names(table: pd.DataFrame, columns: Sequence[str], file: str, faults: Faults) -> None:
-    """Add a fault for names that are empty or hold characters that cannot be printed."""
-    for column in columns:
-        values = table[column].tolist()
-        wrong = np.array([not value or not value.isprintable() for value in values], bool)
-        faults.rows(
-            file,
-            wrong,
-            lambda i, column=column, values=values: (
-                f"{column} is {values[i]!r}: expected a name of letters, digits and signs"
-            ),
-            row_numbers(table),
-        )
+def effects(results: Results) -> Table:
+    """Return what adding each kind does to each user's accepted share of paths, and the verdict."""
+    assert results.effects is not None
+    titles = {
+        "user": "User",
+        "kind": "Kind",
+        "verdict": "Verdict",
+        "effect": "Change of P(valid)",
+        "ci_low": "From",
+        "ci_high": "To",
+        "lowest": "Least of the fold models",
+        "highest": "Most of the fold models",
+    }
+    return Table(pick(results.effects, titles), dict.fromkeys(list(titles.values())[3:], "effect"))
 
 
-def row_numbers(table: pd.DataFrame) -> Array:
-    """Return the number of each row in its file."""
-    return table.index.to_numpy() + FIRST_ROW
+def envelopes(results: Results) -> Table:
+    """Return the distance that each user keeps from each kind."""
+    assert results.envelopes is not None
+    titles = {"user": "User", "kind": "Kind", "radius_m": "Distance kept", "ci_low": "From", "ci_high": "To"}
+    return Table(pick(results.envelopes, titles), dict.fromkeys(list(titles.values())[2:], "cm"))
+
+
+def repairs(results: Results) -> Table:
+    """Return the first repairs of each user's invalid demonstrations."""
+    shown = results.repairs.groupby("user", sort=False).head(FIRST_REPAIRS)
+    titles = {
+        "user": "User",
+        "scene": "Scene",
+        "demo": "Demonstration",
+        "p_before": "P(valid) before",
+        "p_after": "P(valid) after",
+        "moved_m": "Path’s middle moves",
+    }
+    return Table(
+        with_gaps(pick(shown, titles)),
+        {"P(valid) before": "rate", "P(valid) after": "rate", "Path’s middle moves": "cm"},
+    )
+
+
+def scenes_to_show(results: Results) -> Table:
+    """Return the scenes about which each user's models disagree most."""
+    shown = results.advice.groupby("user", sort=False).head(FIRST_SCENES)
+    titles = {"user": "User", "scene": "Scene", "shown": "Has demonstrations", "disagreement": "Disagreement"}
+    return Table(pick(shown, titles, shown=lambda yes: "yes" if yes else "no"), {"Disagreement": "fine"})
+
+
+def learning(results: Results) -> Table:
+    """Return accuracy by number of training scenes."""
+    rows = results.scores[results.scores["predictor"] == VARIANT].sort_values(["user", "share"], kind="stable")
+    shown = pick(
+        rows,
+        {
+            "user": "User",
+            "share": "Share of training scenes",
+            "accuracy": "Accuracy",
+            "ci_low": "From",
+            "ci_high": "To",
+        },
+    )
+    return Table(shown, dict.fromkeys(("Share of training scenes", "Accuracy", "From", "To"), "pct"))
+
+
+def without_formulas(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table for csv whose texts no spreadsheet takes for a formula: ' stands before = + - @ tab and return."""
+
+    def safe(value: object) -> object:
+        return f"'{value}" if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r")) else value
+
+    texts = [c for c in table.columns if not pd.api.types.is_numeric_dtype(table[c]) or table[c].dtype == object]
+    return table.assign(**{str(column): table[column].map(safe) for column in texts}).replace({np.nan: None})
