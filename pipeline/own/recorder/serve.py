@@ -4,7 +4,6 @@ import argparse
 import fcntl
 import os
 import socket
-import sys
 import threading
 import webbrowser
 from collections.abc import Iterator, Sequence
@@ -17,25 +16,24 @@ LOOPBACK = "127.0.0.1"
 LOCK = ".recorder.lock"  # in the folder; held by the recorder's process, holds its address
 
 
-def main(argv: Sequence[str] | None = None) -> None:
-    """Serve the recorder's page for a folder; a user error ends it with a sentence and exit code 2."""
-    parser = argparse.ArgumentParser(prog="python -m pipeline.own record", description=record.__doc__)
-    parser.add_argument("folder", type=Path, help="pictures in FOLDER/scenes; recordings are written beside them")
+def main(arguments: Sequence[str]) -> int:
+    """Serve the recorder's page as the command line says; return 0 after Ctrl-C, or raise InputError."""
+    parser = argparse.ArgumentParser(
+        prog="python -m pipeline.own record",
+        description="Open a page in which people draw paths over the pictures of a folder and say which are valid.",
+    )
+    parser.add_argument("folder", type=Path, help="has pictures in FOLDER/scenes; recordings are written beside them")
     parser.add_argument("--port", type=int, default=0, help="0, the default, takes any that is free")
-    parser.add_argument("--no-browser", action="store_true", help="print the address, open nothing")
-    arguments = parser.parse_args(argv)
-    try:
-        record(arguments.folder, arguments.port, not arguments.no_browser)
-    except (InputError, OSError) as error:
-        print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
-        sys.exit(2)
+    parser.add_argument("--no-browser", action="store_true", help="print the address and open nothing")
+    parsed = parser.parse_args(arguments)
+    record(parsed.folder, parsed.port, not parsed.no_browser)
+    return 0
 
 
 def record(folder: Path, port: int = 0, open_browser: bool = True) -> None:
-    """Open a page in which people draw paths over the pictures of a folder and say which are valid.
+    """Serve the page on the loopback device until Ctrl-C, and hold the folder's lock meanwhile.
 
-    Return after Ctrl-C. Raise InputError if the folder cannot be recorded into, another recorder has it, or a package
-    is missing.
+    Raise InputError if the folder cannot be recorded into, another recorder has it, or a package is missing.
     """
     try:
         import uvicorn

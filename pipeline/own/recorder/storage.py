@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray as Array
 
+from pipeline.own.csv_files import normal
 from pipeline.own.folder import (
     DEMONSTRATIONS,
     ENDS_WITHIN_M,
@@ -26,7 +27,6 @@ from pipeline.own.folder import (
 from pipeline.own.pictures import read_picture
 from pipeline.own.recorder import files, geometry
 from pipeline.own.recorder.files import Row, Table
-from pipeline.own.tables import normal
 from pipeline.runtime.errors import InputError
 from pipeline.world.hand import MAX_BEYOND_M
 

@@ -81,7 +81,7 @@ class Served:
 
 
 def command(folder: Path, *options: str) -> list[str]:
-    return [sys.executable, "-m", "pipeline.own.recorder", str(folder), "--no-browser", *options]
+    return [sys.executable, "-m", "pipeline.own", "record", str(folder), "--no-browser", *options]
 
 
 @contextmanager
