@@ -27,7 +27,7 @@ export class Board {
     this.cross = null;
     this.image.alt = alt;
     this.image.src = url;
-    await this.image.decode();
+    await this.image.decode().catch(() => {}); // another picture was asked for meanwhile
     this.image.parentElement.style.setProperty("--ratio", this.image.naturalWidth / this.image.naturalHeight);
     this.redraw();
   }

@@ -11,6 +11,7 @@ let scene = null; // what stands over the current picture, from the server
 let step = "paths";
 let user = localStorage.getItem("user") ?? "";
 let sending = false;
+let opened = 0; // counts the scenes that were asked for
 
 // ---- talk to the server
 
@@ -84,14 +85,20 @@ function firstOpenScene() { // the first without a path of this person, so that 
 }
 
 async function open(name) {
-  scene = await ask(sceneUrl("/api/scenes/", name));
+  board.tool = null;
+  const request = ++opened;
+  const answer = await ask(sceneUrl("/api/scenes/", name));
+  if (request !== opened) return; // the person has gone on
+  scene = answer;
   const index = overview.scenes.indexOf(name);
   $("scene-title").textContent = `Scene ${index + 1} of ${overview.scenes.length}: ${name}`;
   $("back").disabled = index === 0;
   $("next").disabled = index === overview.scenes.length - 1;
   await board.show(sceneUrl("/pictures/", name), `Scene ${name}`);
+  if (request !== opened) return;
   start();
   showCounts();
+  showItems();
 }
 
 function turn(by) {
@@ -182,20 +189,21 @@ function tellItem() {
 }
 
 async function addItem(points) {
+  const tool = board.tool;
   const kind = $("kind").value.trim();
   if (!kind) {
     say("Name the kind of item first, then mark it.", "bad");
-    board.tool.cancel();
+    tool.cancel();
     $("kind").focus();
     return;
   }
   await attempt(async () => {
     await ask("/api/items", { scene: scene.name, kind, points });
-    board.tool.points = [];
+    tool.points = [];
     await refresh();
     say(`Stored: ${kind}. Mark the next.`, "good");
   });
-  board.tool.points = [];
+  tool.points = [];
   board.redraw();
 }
 
