@@ -28,10 +28,12 @@ from tests.own.recorder.factory import (
 
 PHONE, DESK = 390, 1280  # [px]
 Points = list[tuple[float, float]]
-ONCE_CROSS_PASSES = """async ([axis, sign, end]) => {
+LET_GO_ONCE_CROSS_PASSES = """async ([key, axis, sign, end]) => {
   const { board } = await import("/static/recorder.js");
   while (board.cross[axis] * sign < end * sign) await new Promise(requestAnimationFrame);
+  board.canvas.dispatchEvent(new KeyboardEvent("keyup", { key }));
 }"""
+expect.set_options(timeout=20_000)  # [ms]; a busy machine answers late
 
 
 @pytest.fixture
@@ -159,7 +161,7 @@ def test_a_path_drawn_with_the_arrow_keys_is_stored(tab, folder: Path):
     goal = pixels([GOAL])[0]
     for key, axis, sign in (("ArrowUp", 1, -1), ("ArrowRight", 0, 1)):
         page.keyboard.down(key)
-        page.evaluate(ONCE_CROSS_PASSES, [axis, sign, float(goal[axis])])
+        page.evaluate(LET_GO_ONCE_CROSS_PASSES, [key, axis, sign, float(goal[axis])])
         page.keyboard.up(key)
     page.keyboard.press("Enter")
     page.keyboard.press("v")

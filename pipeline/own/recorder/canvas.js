@@ -1,6 +1,7 @@
 // A picture with a canvas over it: turns pointer and keys into presses, moves and releases of a tool, in pixels of the picture.
 const SPEED = 0.25; // of the cross under the arrow keys, in widths of the picture a second
 const SLOW = 0.2; // with Shift
+const LONGEST_FRAME_MS = 50; // a busy machine slows the cross down rather than let it jump
 const STEPS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 export class Board {
@@ -94,7 +95,7 @@ export class Board {
     let before = performance.now();
     const frame = now => {
       if (!this.held.size || !this.cross) return;
-      const step = (Math.max(now - before, 0) / 1000) * SPEED * (this.slow ? SLOW : 1) * this.image.naturalWidth;
+      const step = (Math.min(Math.max(now - before, 0), LONGEST_FRAME_MS) / 1000) * SPEED * (this.slow ? SLOW : 1) * this.image.naturalWidth;
       before = now;
       for (const key of this.held) STEPS[key].forEach((sign, axis) => { this.cross[axis] += sign * step; });
       this.cross[0] = Math.min(Math.max(this.cross[0], 0), this.image.naturalWidth);
