@@ -5,24 +5,23 @@ python -m pipeline.own check FOLDER     only explain what is wrong with it
 python -m pipeline.own record FOLDER    a local page on which people draw paths and judge them
 """
 
-import importlib
 import shutil
 import sys
 import time
 from pathlib import Path
 
-from pipeline.own.check import check
-from pipeline.own.report import write_report
-from pipeline.own.results import compute
 from pipeline.runtime.errors import InputError
-from pipeline.runtime.parallel import one_thread
 
 REPORT, KEPT = "report", ".models"  # folders that a run makes: the report, and models until it is done
-VERBS = ("run", "check", "record")
+VERBS = ("run", "check")
 
 
 def main(arguments: list[str]) -> int:
     """Run one command; return 0, 1 if the folder has faults, 2 for a wrong command."""
+    if arguments[:1] == ["record"]:
+        from pipeline.own.recorder.serve import main as record
+
+        return record(arguments[1:])
     if {"-h", "--help"} & set(arguments) or not arguments:
         print(__doc__)
         return 0 if arguments else 2
@@ -30,14 +29,16 @@ def main(arguments: list[str]) -> int:
     if len(arguments) != 1:
         print(f"error: got {' '.join(arguments)}: expected one folder; see --help", file=sys.stderr)
         return 2
-    folder = Path(arguments[0])
-    if verb == "record":
-        return importlib.import_module("pipeline.own.recorder.serve").main(folder)
-    return run(folder, only_check=verb == "check")
+    return run(Path(arguments[0]), only_check=verb == "check")
 
 
 def run(path: Path, only_check: bool = False) -> int:
     """Check a folder and, unless that is all, write its report; return 0, or 1 if it has faults."""
+    from pipeline.own.check import check  # torch and the models take seconds to import: the recorder needs none of it
+    from pipeline.own.report import write_report
+    from pipeline.own.results import compute
+    from pipeline.runtime.parallel import one_thread
+
     one_thread()
     folder, demos, faults = check(path)
     for fault in faults:
