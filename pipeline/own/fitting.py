@@ -1,4 +1,4 @@
-"""Fit one user's models: one on all scenes, one without each fold, and some on fewer scenes, kept until the report is done.
+"""Fit one user's models: one on all scenes, one without each fold of scenes, and some on fewer scenes.
 
 Folds are groups of scenes, so that a model never judges a scene it was fitted to. A model that was fitted before an
 interruption is read again: its file is named after a digest of all that decides it.

@@ -94,9 +94,7 @@ class Frame:
         return cv2.getPerspectiveTransform((corners - 0.5).astype(np.float32), (there - 0.5).astype(np.float32))
 
 
-def rectify(
-    picture: UInt8[Array, "row column 3"], corners: Float[Array, "4 2"] | None
-) -> UInt8[Array, "side side 3"]:
+def rectify(picture: UInt8[Array, "row column 3"], corners: Float[Array, "4 2"] | None) -> UInt8[Array, "side side 3"]:
     """Return the table seen from straight above, CANVAS_PX pixels a side.
 
     corners: [column, row] in the picture, far left, far right, near right, near left; None: the whole picture.

@@ -1,7 +1,7 @@
 """Ask what a user reacts to: composite an object into the pictures, and see what the model makes of it.
 
-Only what the models learned is asked, so a verdict is about the user as far as the models are right. The shadow that the
-object would cast is missing.
+Only what the models learned is asked, so a verdict is about the user as far as the models are right. The object casts
+no shadow.
 """
 
 from collections.abc import Mapping, Sequence
@@ -102,7 +102,7 @@ def footprint(cutout: UInt8[Array, "row column 4"], width_m: float) -> Capsule:
 def free_place(
     rng: np.random.Generator, folder: Folder, objects: Objects, scene: int, capsule: Capsule
 ) -> tuple[Float[Array, "2"], float] | None:
-    """Return centre [m on the table] and angle [rad] of a place clear of all else; None if there is none in TRIES draws."""
+    """Return centre [m on the table] and angle [rad] of a place clear of all else; None after TRIES draws."""
     frame, present = folder.frame, objects.present[scene]
     wide = frame.scale * capsule.radius
     for _ in range(TRIES):
@@ -214,7 +214,8 @@ def envelopes(
 ) -> pd.DataFrame:
     """Return one row for each kind that the user keeps away from: the clearance [m on the table] of half the effect.
 
-    radius_m, ci_low, ci_high (95 % over scenes, both those asked and those fitted to), scenes; a kind without enough paths at its outline is left out.
+    radius_m, ci_low, ci_high (95 % over scenes, both those asked and those fitted to), scenes. A kind without enough
+    paths at its outline is left out.
     """
     others = capsules(scenes.objects.ends, scenes.objects.radius, scenes.objects.present)
     to_others = np.concatenate(

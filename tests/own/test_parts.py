@@ -88,12 +88,13 @@ def test_the_position_prior_is_the_share_of_valid_demonstrations_nearby():
     assert prior.shape == (PRIOR_SIDE, PRIOR_SIDE) and prior[4, 4] > 0.99 and prior[-5, -5] < 0.01
 
 
-@pytest.mark.parametrize(("half", "state"), [(0.5, "rising"), (1.0, "flat"), (0.97, "open")])
-def test_whether_more_scenes_would_help_follows_from_the_second_half(half: float, state: str):
+@pytest.mark.parametrize(("half", "scenes", "state"), [(0.5, 25, "rising"), (1.0, 25, "flat"), (1.0, 6, "open")])
+def test_whether_more_scenes_would_help_follows_from_the_second_half(half: float, scenes: int, state: str):
+    """No change in 6 scenes proves nothing."""
     rng = np.random.default_rng(1)
     rows = []
     for share, right in ((1.0, 1.0), (0.5, half)):
-        for scene in range(25):
+        for scene in range(scenes):
             for demo in range(8):
                 p = 0.9 if rng.random() < right else 0.1
                 rows.append(("Ana", "clearance", share, f"s{scene}", str(demo), True, p))
