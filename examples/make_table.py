@@ -36,6 +36,7 @@ MOST_RESIDUAL_M = 0.012  # residual of a movement's parabola on the table, at mo
 STRIDE = 25  # every so many of a movement's 1000 points
 TABLE_TOP, LIGHT, DRAWN_PX = "oak", 7, 480
 PHOTOGRAPH = 640, 480  # width and height [px]
+FLOOR, NOISE, QUALITY = (70, 74, 80), 3.0, 85  # colour; the sensor's noise [grey levels]; of the JPEG
 CORNERS = [[148, 62], [498, 71], [612, 441], [37, 428]]  # far left, far right, near right, near left
 CUTOUT_PX, CUTOUTS = 160, 2  # side of a cut-out's picture; cut-outs of each kind
 
@@ -65,9 +66,10 @@ def write_photograph(path: Path, layouts: Layouts, scene: int, palette: render.P
         table = render.render(layouts, scene, TABLE_TOP, LIGHT, palette)
     square = np.array([[0, 0], [DRAWN_PX, 0], [DRAWN_PX, DRAWN_PX], [0, DRAWN_PX]], np.float32)
     matrix = cv2.getPerspectiveTransform(square - 0.5, np.array(CORNERS, np.float32) - 0.5)
-    floor = np.clip(rng.normal((70, 74, 80), 4, (*PHOTOGRAPH[::-1], 3)), 0, 255).astype(np.uint8)
+    floor = np.full((*PHOTOGRAPH[::-1], 3), FLOOR, np.uint8)
     picture = cv2.warpPerspective(table, matrix, PHOTOGRAPH, floor, borderMode=cv2.BORDER_TRANSPARENT)
-    _, encoded = cv2.imencode(".jpg", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 85])
+    noisy = np.clip(np.rint(picture + rng.normal(0, NOISE, picture.shape)), 0, 255).astype(np.uint8)
+    _, encoded = cv2.imencode(".jpg", cv2.cvtColor(noisy, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
     path.write_bytes(encoded.tobytes())
 
 

@@ -15,7 +15,7 @@ from pipeline.own.frame import without_pattern
 class UserData:
     """A user's scenes with the same number of demonstrations each: where there are fewer, they repeat in turn.
 
-    So each scene counts the same in a fit. `real` marks the demonstrations that are no repetition: only they are scored.
+    So each scene counts the same in a fit. `real` marks those that are no repetition: only they are scored.
     """
 
     user: str

@@ -19,6 +19,7 @@ from pipeline.world.layout import SIDE
 
 SHEET = 6, 2  # columns and rows of the contact sheet
 DRAWN_REPAIRS = 4  # for each user
+PHOTOGRAPH_PX = 240  # side of a photograph on which paths are drawn
 CIRCLE = np.linspace(0, 2 * np.pi, 48)
 
 
@@ -92,15 +93,15 @@ def learning(results: Results) -> Figure:
 
 def repairs(results: Results) -> Figure:
     """Draw the first repairs of each user: the demonstration's path and the nearest path that the model accepts."""
-    drawn = {user: results.repairs.query("user == @user").dropna().head(DRAWN_REPAIRS) for user in results.users}
-    drawn = {user: rows for user, rows in drawn.items() if len(rows)}
+    first = results.repairs.dropna().groupby(["user", "scene"]).head(1)  # of each scene
+    drawn = {user: first[first["user"] == user].head(DRAWN_REPAIRS) for user in first["user"].unique()}
     width = max(map(len, drawn.values()))
     figure, axes = panels(len(drawn), width, 2.7 * width, 2.95 * len(drawn))
     for line, (user, rows) in zip(axes, drawn.items(), strict=True):
         for panel in line[len(rows) :]:
             panel.set_axis_off()
         for number, (panel, row) in enumerate(zip(line, rows.itertuples(), strict=False)):
-            draw_table(panel, results.scenes.images[results.scenes.names.index(row.scene)])
+            draw_table(panel, results.folder.frame.image(results.folder.canvases[row.scene], PHOTOGRAPH_PX))
             draw_path(panel, np.array([row.z_x, row.z_y]), style.START, linestyle="--")
             draw_path(panel, np.array([row.end_x, row.end_y]), style.VALID)
             panel.set_title(f"{title(results, user)}, {number + 1}: {row.p_before:.2f} to {row.p_after:.2f}")

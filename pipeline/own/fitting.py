@@ -1,4 +1,4 @@
-"""Fit one user's models: one on all scenes, one without each fold, and some on fewer scenes, kept until the report is done.
+"""Fit one user's models: one on all scenes, one without each fold of scenes, and some on fewer scenes.
 
 Folds are groups of scenes, so that a model never judges a scene it was fitted to. A model that was fitted before an
 interruption is read again: its file is named after a digest of all that decides it.
@@ -51,11 +51,11 @@ def fit_user(data: UserData, kept: Path, progress: Callable[[str], object]) -> F
     fold = folds(data)
     parts, models = [], []
     for k in range(fold.max() + 1):
+        progress(f"{data.user}: scenes of fold {k + 1} left out")
         test, training = np.flatnonzero(fold == k), np.flatnonzero(fold != k)
         order = stream("own", data.user, "share", k).permutation(training)
         for share in (*SHARES, 1.0):
             scenes = np.sort(order[: max(2, round(share * len(order)))])
-            progress(f"{data.user}: fold {k + 1}, {len(scenes)} scenes")
             model = fit_on(data, scenes, kept)
             p = model.probability(data.images[test], data.z_theta[test])
             parts.append(judged(data, test, p, VARIANT, share))

@@ -49,7 +49,7 @@ class Settings:
 class Folder:
     """All that a folder holds, checked.
 
-    samples: a row for each sample, with scene, user, demo, t [s], x, y [m on the table], valid; sorted by demonstration.
+    samples: a row for each sample: scene, user, demo, t [s], x, y [m on the table], valid; sorted by demonstration.
     """
 
     path: Path
@@ -231,7 +231,8 @@ def _read_canvas(file: Path, name: str, corners: Array | None, faults: Faults) -
     height, width = picture.shape[:2]
     if corners is None and abs(width - height) > SQUARE_WITHIN * max(width, height):
         faults.append(
-            f"{name} has {width} x {height} pixels: expected a square picture of just the table, or corners in {SETTINGS}"
+            f"{name} has {width} x {height} pixels: expected a square picture of just the table, or corners in "
+            f"{SETTINGS}"
         )
     elif corners is not None and ((corners < 0) | (corners > [width, height])).any():
         faults.append(f"{name} has {width} x {height} pixels, and corners in {SETTINGS} lie outside: correct them")
@@ -334,8 +335,8 @@ def _check_demonstrations(samples: pd.DataFrame, settings: Settings, faults: Fau
             file,
             away > ENDS_WITHIN_M,
             lambda i, verb=verb, ends=ends, place=place, away=away, goal=goal: (
-                f"demonstration ({names[i]}) {verb} at ({x[ends[i]]:.3g}, {y[ends[i]]:.3g}) m, {away[i]:.2g} m from the "
-                f"{goal} ({place[0]:g}, {place[1]:g}): expected at most {ENDS_WITHIN_M:g} m; positions are in metres, "
+                f"demonstration ({names[i]}) {verb} at ({x[ends[i]]:.3g}, {y[ends[i]]:.3g}) m, {away[i]:.2g} m from "
+                f"the {goal} ({place[0]:g}, {place[1]:g}): expected at most {ENDS_WITHIN_M:g} m; positions are in metres, "
                 f"and {SETTINGS} sets the {goal}"
             ),
             rows[ends],

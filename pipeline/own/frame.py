@@ -18,6 +18,7 @@ from pipeline.world.layout import SIDE
 CANVAS_PX = 4 * SIDE  # side of a rectified table: fine enough to place cut-outs at a quarter of a model's pixel
 MAX_FINER = 4  # a photograph is warped at up to this many times CANVAS_PX, then averaged, so that nothing aliases
 SMOOTH_PX = 101  # the median that removes objects from the rim which continues the table beyond its edge
+RIM_PX = CANVAS_PX // 100  # the canvas' outermost hundredth repeats its neighbour: nobody marks corners to the pixel
 MIN_EMPTY = 8  # smallest grey level of the empty table that divides
 
 
@@ -63,8 +64,8 @@ class Frame:
         shifted = np.asarray(points, float) - [self.shift.real, self.shift.imag]
         return shifted @ self._matrix / self.scale**2
 
-    def image(self, canvas: UInt8[Array, "side side 3"]) -> UInt8[Array, "100 100 3"]:
-        """Return the model's image of a rectified table.
+    def image(self, canvas: UInt8[Array, "side side 3"], side_px: int = SIDE) -> UInt8[Array, "px px 3"]:
+        """Return the model's image of a rectified table, 100 pixels a side unless it is for people.
 
         Beyond the table's edge it continues the colours of the rim without their objects, so that the edge is no
         object either.
@@ -77,7 +78,7 @@ class Frame:
             white = np.full(canvas.shape[:2], 255, np.uint8)
             on_table = cv2.warpPerspective(white, self._pixels(), canvas.shape[:2], flags=cv2.INTER_NEAREST)
             canvas = np.where(on_table[..., None] > 0, inside, beyond)
-        return cv2.resize(canvas, (SIDE, SIDE), interpolation=cv2.INTER_AREA)
+        return cv2.resize(canvas, (side_px, side_px), interpolation=cv2.INTER_AREA)
 
     @property
     def _matrix(self) -> Float[Array, "2 2"]:
@@ -93,10 +94,8 @@ class Frame:
         return cv2.getPerspectiveTransform((corners - 0.5).astype(np.float32), (there - 0.5).astype(np.float32))
 
 
-def rectify(
-    picture: UInt8[Array, "row column 3"], corners: Float[Array, "4 2"] | None, side_px: int = CANVAS_PX
-) -> UInt8[Array, "side side 3"]:
-    """Return the table seen from straight above, `side_px` pixels a side.
+def rectify(picture: UInt8[Array, "row column 3"], corners: Float[Array, "4 2"] | None) -> UInt8[Array, "side side 3"]:
+    """Return the table seen from straight above, CANVAS_PX pixels a side.
 
     corners: [column, row] in the picture, far left, far right, near right, near left; None: the whole picture.
     """
@@ -104,11 +103,13 @@ def rectify(
         height, width = picture.shape[:2]
         corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], float)
     longest = max(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1))
-    side = side_px * int(np.clip(np.ceil(longest / side_px), 1, MAX_FINER))
+    side = CANVAS_PX * int(np.clip(np.ceil(longest / CANVAS_PX), 1, MAX_FINER))
     square = np.array([[0, 0], [side, 0], [side, side], [0, side]], np.float32)
     matrix = cv2.getPerspectiveTransform((corners - 0.5).astype(np.float32), square - 0.5)
     warped = cv2.warpPerspective(picture, matrix, (side, side), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return cv2.resize(warped, (side_px, side_px), interpolation=cv2.INTER_AREA)
+    canvas = cv2.resize(warped, (CANVAS_PX, CANVAS_PX), interpolation=cv2.INTER_AREA)
+    inner = np.ascontiguousarray(canvas[RIM_PX:-RIM_PX, RIM_PX:-RIM_PX])
+    return cv2.copyMakeBorder(inner, *[RIM_PX] * 4, cv2.BORDER_REPLICATE)
 
 
 def without_pattern(

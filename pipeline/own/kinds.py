@@ -1,7 +1,7 @@
 """Ask what a user reacts to: composite an object into the pictures, and see what the model makes of it.
 
-Only what the models learned is asked, so a verdict is about the user as far as the models are right. The shadow that the
-object would cast is missing.
+Only what the models learned is asked, so a verdict is about the user as far as the models are right. The object casts
+no shadow.
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,7 +29,7 @@ from pipeline.world.catalogue import MIN_VISIBLE_ALPHA
 from pipeline.world.layout import EMPTY, Layouts, point_segment_distance, segment_distance
 from pipeline.world.rules import clearance
 
-PLACES = 60  # places of each kind over all scenes, at least: no change in 60 is negligible (library.effect)
+PLACES = 120  # places of each kind over all scenes, at least: library.effect calls no change in 60 negligible
 PATHS = 40  # random paths at each place
 TRIES = 200  # draws of a free place before a scene counts as full
 CENTRE_M = 0.12, 0.88  # objects' centres in each coordinate [m of the model], as scenes.layout in conf/scenes.yaml
@@ -102,7 +102,7 @@ def footprint(cutout: UInt8[Array, "row column 4"], width_m: float) -> Capsule:
 def free_place(
     rng: np.random.Generator, folder: Folder, objects: Objects, scene: int, capsule: Capsule
 ) -> tuple[Float[Array, "2"], float] | None:
-    """Return centre [m on the table] and angle [rad] of a place clear of all else; None if there is none in TRIES draws."""
+    """Return centre [m on the table] and angle [rad] of a place clear of all else; None after TRIES draws."""
     frame, present = folder.frame, objects.present[scene]
     wide = frame.scale * capsule.radius
     for _ in range(TRIES):
@@ -214,7 +214,8 @@ def envelopes(
 ) -> pd.DataFrame:
     """Return one row for each kind that the user keeps away from: the clearance [m on the table] of half the effect.
 
-    radius_m, ci_low, ci_high (95 % over scenes), scenes; a kind without enough paths at its outline is left out.
+    radius_m, ci_low, ci_high (95 % over scenes, both those asked and those fitted to), scenes. A kind without enough
+    paths at its outline is left out.
     """
     others = capsules(scenes.objects.ends, scenes.objects.radius, scenes.objects.present)
     to_others = np.concatenate(
@@ -242,19 +243,26 @@ def envelopes(
 
 def responses(
     fitted: Fitted, places: Added, scenes: Scenes, to_others: Float[Array, "scene path"]
-) -> tuple[Float[Array, "1 scene dose"], Float[Array, " dose"]]:
-    """Return the fall of P(valid) by scene and clearance from the added object, and those clearances."""
+) -> tuple[Float[Array, "model scene dose"], Float[Array, " dose"]]:
+    """Return the fall of P(valid) by fold model, scene and clearance from the added object, and those clearances.
+
+    Each model lacks one of K groups of scenes. Deviations between models are multiplied by K - 1, so that their
+    standard error is the jackknife's over groups of scenes (Tukey, 1958).
+    """
     doses, z = dose_grid(STEP_M, DOSES), scenes.candidates[places.scene]
     to_added = np.concatenate([clearance(places.footprint[[i]], z[[i]])[..., 0] for i in range(len(z))])
     chosen = paths_at_doses(to_added, to_others[places.scene], doses, CLEAR_OF_OTHERS_M, 1)[..., 0]  # (row, dose)
     paths = np.take_along_axis(z, np.maximum(chosen, 0)[..., None], axis=1)
-    fall = fitted.model.probability(places.images, paths) - fitted.model.probability(places.images_with, paths).astype(
-        float
-    )
-    by_scene = by_scene_mean(np.where(chosen >= 0, fall, np.nan), places.scene)
-    enough = (~np.isnan(by_scene)).sum(0) >= 2
-    count = len(doses) if enough.all() else int(enough.argmin())
-    return by_scene[None, :, :count], doses[:count]
+    falls = []
+    for model in fitted.fold_models:
+        fall = model.probability(places.images, paths) - model.probability(places.images_with, paths).astype(float)
+        falls.append(by_scene_mean(np.where(chosen >= 0, fall, np.nan), places.scene))
+    response = np.stack(falls)
+    middle = response.mean(0)
+    response = middle + (len(response) - 1) * (response - middle)
+    has_dose = (~np.isnan(middle)).sum(0) >= 2
+    count = len(doses) if has_dose.all() else int(has_dose.argmin())
+    return response[..., :count], doses[:count]
 
 
 def by_scene_mean(values: Float[Array, "row dose"], scene: Sequence[int] | Array) -> Float[Array, "scene dose"]:

@@ -21,8 +21,9 @@ from pipeline.world.layout import SIDE
 DEGREES = (2, 3, 4, 5)
 POINTS = 40  # points of a demonstration, equally far apart, that cross-validation uses
 FOLDS = 5  # each holds two stretches of the path
-CURVE_POINTS = 101  # points of a curve among which the nearest is searched
-ROUNDS = 4  # of assigning points to places on the curve
+CURVE_POINTS = 65  # points of a curve among which the nearest is searched
+ROUNDS = 8  # of assigning points to places on the curve
+DAMPING = 1e-4  # added to the normal equations' diagonal: what the points leave open stays as it is
 POOR_ABOVE_M = 1 / SIDE  # a pixel of the model's image [m]
 
 
@@ -31,7 +32,7 @@ def fit_demonstrations(folder: Folder, faults: Faults) -> pd.DataFrame:
 
     Columns: scene, user, demo, valid, z_x, z_y (control point in the model's metres), residual_m (root mean square
     distance from the path, metres on the table), degree (picked by cross-validation), needs_more, and held_out_2 to
-    held_out_5 (residuals [m] on held-out stretches, by degree). Adds a fault for control points out of the models' range.
+    held_out_5 (residuals [m] on held-out stretches, by degree). Adds a fault for paths out of the models' range.
     """
     samples = folder.samples
     start = np.flatnonzero((samples[KEY] != samples[KEY].shift()).any(axis=1).to_numpy())
@@ -72,22 +73,53 @@ def held_out_errors(points: Float[Array, "demo 40 2"]) -> Float[Array, "degree f
 
 
 def _error(points: Array, held_out: Array, degree: int) -> Float[Array, " demo"]:
-    kept, grid = points[:, ~held_out], np.linspace(0.0, 1.0, CURVE_POINTS)
+    """Return the error of curves of one degree, fitted by minimising distances along the curves' normals.
+
+    Each round linearises the distances at the nearest points (tangent distance minimisation; Blake and Isard, 1998).
+    """
+    kept = points[:, ~held_out]
     u = np.broadcast_to(np.linspace(0.0, 1.0, POINTS)[~held_out], kept.shape[:2])
-    on_curve = _basis(grid, degree)  # (curve point, control point)
-    curves = kept
+    inner = _basis(u, degree)[..., 1:-1]
+    rest = kept - _at(u, np.zeros((len(points), degree - 1, 2)))
+    control = np.linalg.solve(inner.mT @ inner + DAMPING * np.eye(degree - 1), inner.mT @ rest)
     for _ in range(ROUNDS):
-        basis = _basis(u, degree)  # (demo, point, control point)
-        inner, rest = basis[..., 1:-1], kept - basis[..., :1] * P_INIT - basis[..., -1:] * P_F
-        normal = inner.mT @ inner + 1e-9 * np.eye(degree - 1)
-        control = np.linalg.solve(normal, inner.mT @ rest)  # (demo, inner control point, 2)
-        curves = on_curve[:, :1] * P_INIT + on_curve[:, -1:] * P_F + on_curve[:, 1:-1] @ control
-        u = grid[_square_distances(kept, curves).argmin(-1)]
-    return _square_distances(points[:, held_out], curves).min(-1).mean(-1)
+        u = _nearest(kept, control)
+        along = _speed(u, control)
+        normal = np.stack([-along[..., 1], along[..., 0]], -1) / np.linalg.norm(along, axis=-1, keepdims=True)
+        inner = _basis(u, degree)[..., 1:-1]
+        rows = (inner[..., None] * normal[:, :, None]).reshape(*inner.shape[:2], -1)  # (demo, point, coordinate)
+        apart = ((kept - _at(u, control)) * normal).sum(-1, keepdims=True)
+        matrix = rows.mT @ rows + DAMPING * np.eye(rows.shape[-1])
+        control = control + np.linalg.solve(matrix, rows.mT @ apart).reshape(control.shape)
+    tested = points[:, held_out]
+    return ((tested - _at(_nearest(tested, control), control)) ** 2).sum(-1).mean(-1)
 
 
-def _square_distances(points: Array, curves: Array) -> Float[Array, "demo point curve_point"]:
-    return ((points[:, :, None] - curves[:, None]) ** 2).sum(-1)
+def _nearest(points: Float[Array, "demo point 2"], control: Float[Array, "demo inner 2"]) -> Float[Array, "demo point"]:
+    """Return the parameter of each point's nearest place on its curve: the best of a grid, then Newton's steps."""
+    grid = np.broadcast_to(np.linspace(0.0, 1.0, CURVE_POINTS), (len(points), CURVE_POINTS))
+    curves = _at(grid, control)
+    u = grid[0][((points[:, :, None] - curves[:, None]) ** 2).sum(-1).argmin(-1)]
+    for _ in range(2):
+        along = _speed(u, control)
+        step = ((points - _at(u, control)) * along).sum(-1) / np.maximum((along**2).sum(-1), 1e-12)
+        u = np.clip(u + np.clip(step, -1 / CURVE_POINTS, 1 / CURVE_POINTS), 0.0, 1.0)
+    return u
+
+
+def _at(u: Float[Array, "demo point"], control: Float[Array, "demo inner 2"]) -> Float[Array, "demo point 2"]:
+    """Return points [m] on curves from P_INIT to P_F with these inner control points."""
+    basis = _basis(u, control.shape[1] + 1)
+    return basis[..., :1] * P_INIT + basis[..., 1:-1] @ control + basis[..., -1:] * P_F
+
+
+def _speed(u: Float[Array, "demo point"], control: Float[Array, "demo inner 2"]) -> Float[Array, "demo point 2"]:
+    """Return the curves' derivatives by the parameter."""
+    ends = (np.broadcast_to(end, (len(control), 1, 2)) for end in (P_INIT, P_F))
+    start, goal = ends
+    every = np.concatenate([start, control, goal], axis=1)
+    degree = every.shape[1] - 1
+    return _basis(u, degree - 1) @ (degree * np.diff(every, axis=1)) + 1e-9
 
 
 def _basis(u: Float[Array, "*u"], degree: int) -> Float[Array, "*u control_point"]:

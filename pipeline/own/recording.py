@@ -1,7 +1,7 @@
 """Write a Rerun recording of a folder: a tab for each user, a step for each scene.
 
 user_1/table/{image,outlines,demonstrations,repairs}   the picture as the model sees it, detected objects, paths
-user_1/map/map                                         P(valid) over control points, by the model that had not seen the scene
+user_1/map/map                                         P(valid) over control points, by a model new to the scene
 user_1/titles                                          titles with the scene's name
 
 A scene without demonstrations shows the model of all scenes.
@@ -82,7 +82,8 @@ def _log_scene(recording: rr.RecordingStream, entity: str, results: Results, fit
     recording.log(f"{entity}/table/image", jpeg(image))
     present = objects.present[scene]
     outlines = [
-        on_table(outline(*capsule)) for capsule in zip(objects.ends[scene, present], objects.radius[scene, present], strict=True)
+        on_table(outline(*capsule))
+        for capsule in zip(objects.ends[scene, present], objects.radius[scene, present], strict=True)
     ]
     recording.log(f"{entity}/table/outlines", rr.LineStrips2D(outlines, colors=ITEM, radii=0.2))
     z, valid = (np.empty((0, 2)), np.empty(0, bool))

@@ -2,12 +2,14 @@
 
 import numpy as np
 import pandas as pd
+from scipy.stats import beta
 
 from pipeline.stats.crossed import estimate, ratio
 from pipeline.stats.scores import DECISION, accuracy, auroc, brier, expected_calibration_error, reliability
 
 BINS = 5  # of the calibration; twenty scenes have some 150 demonstrations
-FLAT = 0.02  # gain of accuracy from the second half of the scenes, below which the curve counts as flat; ours
+FLAT = 0.05  # gain of accuracy from the second half of the scenes, below which the curve counts as flat; ours
+FEW_CHANGES = 20  # changed decisions below which the interval follows from their number, as in library.effect
 
 
 def scores(judged: pd.DataFrame) -> pd.DataFrame:
@@ -62,14 +64,20 @@ def enough(judged: pd.DataFrame, predictor: str) -> pd.DataFrame:
     """Return for each user the gain of accuracy from half of the training scenes to all, paired by scene.
 
     gain, ci_low, ci_high (95 % over scenes); state: `rising` (the interval lies above 0), `flat` (it lies below FLAT)
-    or `open`.
+    or `open`. If fewer than FEW_CHANGES decisions differ, the interval is at least as wide as their share allows
+    (Clopper and Pearson, 1934): scenes without any change prove little.
     """
     rows = []
     for user, part in judged[judged["predictor"] == predictor].groupby("user", sort=False):
         right = part.assign(right=(part["p"] > DECISION) == part["valid"])
-        by_scene = right.groupby(["scene", "share"])["right"].mean().unstack()
-        result = estimate((by_scene[1.0] - by_scene[0.5]).to_numpy()[None, None])
+        by_demo = right.set_index(["scene", "demo", "share"])["right"].unstack().astype(float)
+        gains = by_demo[1.0] - by_demo[0.5]
+        result = estimate(gains.groupby("scene").mean().to_numpy()[None, None])
         gain, low, high = (float(v[0]) for v in (result.effect, result.ci_low, result.ci_high))
+        changed = int((gains != 0).sum())
+        if changed < FEW_CHANGES:
+            share = float(beta.ppf(0.975, changed + 1, len(gains) - changed))
+            low, high = min(low, -share), max(high, share)
         state = "rising" if low > 0 else "flat" if high < FLAT else "open"
         rows.append({"user": user, "gain": gain, "ci_low": low, "ci_high": high, "state": state})
     return pd.DataFrame(rows)

@@ -15,7 +15,7 @@ COLUMNS = ["scene", "user", "demo", "t", "x", "y", "valid"]
 
 
 def make_folder(path: Path) -> Path:
-    """Four scenes with two discs each, two users, four demonstrations a scene: those that pass far right are invalid."""
+    """Four scenes of two discs, two users, four demonstrations a scene: those that pass on the right are invalid."""
     (path / "scenes").mkdir(parents=True)
     for i, scene in enumerate(SCENES):
         write_picture(

@@ -113,7 +113,7 @@ FAULTS: dict[str, tuple[Callable[[Path], object], str]] = {
     "unknown setting": (settings("corner: []"), "table.yaml holds corner: expected some of side_m, corners"),
     "no yaml": (settings("corners: ["), "table.yaml cannot be read"),
     "side": (settings("side_m: wide"), "side_m is 'wide': expected metres"),
-    "times run backwards": (cell(5, "t", "0.05"), "row 5: t goes back from 0.1 to 0.05 s in demonstration (breakfast,"),
+    "times run backwards": (cell(5, "t", "0.05"), "row 5: t goes back from 0.2 to 0.05 s in demonstration (breakfast,"),
     "text for a number": (cell(7, "x", "0,5"), "row 7: x is '0,5': expected a number with a decimal point"),
     "infinite": (cell(7, "y", "inf"), "row 7: y is 'inf'"),
     "other word": (cell(3, "valid", "maybe"), "row 3: valid is 'maybe': expected true or false"),
