@@ -94,7 +94,7 @@ lint: $(READY)  ## format and lint in place
 
 lock: $(READY)  ## pin pyproject.toml's dependencies anew
 	$(COMPILE) -o requirements.lock pyproject.toml
-	$(COMPILE) --extra dev -c requirements.lock -o requirements-dev.lock pyproject.toml
+	$(COMPILE) --extra dev --extra record -c requirements.lock -o requirements-dev.lock pyproject.toml
 	sed -i 's/^torch==\([0-9.]*\)+cpu/torch==\1/' requirements.lock requirements-dev.lock  # either build will do
 
 params: $(READY)  ## write params.yaml, and dvc.yaml's lists of variants, from conf/
