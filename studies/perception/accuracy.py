@@ -13,7 +13,7 @@ from torch import Tensor
 from pipeline.artifacts.demos import demo_arrays, read_labelled
 from pipeline.artifacts.scenes import train_pool
 from pipeline.models.base import to_tensor, untrained
-from pipeline.models.clearance.clearance import ClearanceModel, PerceivedObjects
+from pipeline.models.clearance.clearance import ClearanceModel, pack
 from pipeline.perception.objects import Objects
 from pipeline.runtime.streams import job_seed, stream
 from pipeline.stats.scores import DECISION
@@ -31,16 +31,16 @@ VARIANT = "clearance"
 class FinderModel(ClearanceModel):
     """A clearance model that sees what the hand-tuned finder detects."""
 
-    def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene object 12"]:
+    def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene object 13"]:
         """Return the detected objects, packed as by `PerceivedObjects.percept`."""
         return percept(finder.detect_objects(images))
 
 
-def percept(objects: Objects) -> Float[Tensor, "scene object 12"]:
+def percept(objects: Objects) -> Float[Tensor, "scene object 13"]:
     """Return objects packed as a clearance model sees them."""
     start, end = torch.from_numpy(objects.ends).unbind(-2)
     radius, features, present = map(torch.from_numpy, (objects.radius, objects.features, objects.present))
-    return PerceivedObjects(start, end, radius, features, present.float()).percept()
+    return pack(start, end, radius, features, present)
 
 
 def on_rendered_tables(cfg: DictConfig, detectors: dict[str, Detector]) -> pd.DataFrame:
