@@ -6,6 +6,7 @@ from pipeline.config.values import Count, StudyGroup, Whole
 
 class Settings(StudyGroup):
     pictures: Count
+    folder: str
     rendered: list[str]
     paths: Count
     root_seed: Whole

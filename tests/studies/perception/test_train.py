@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline.perception.segmenter import read_segmenter
 from studies.perception import pool, train
 from studies.perception.draw import draw
+from studies.perception.segmenter import read_segmenter
 
 
 @pytest.fixture(scope="module")
