@@ -143,7 +143,7 @@ script from random numbers; nothing comes from elsewhere. Licence: MIT.
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(prog="python -m rendered", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="python -m rendered", description="Render a split of scenes.")
     parser.add_argument("--split", choices=SPLITS, required=True, help="kinds of top and item, and how many scenes")
     parser.add_argument("--seed", type=int, required=True, help="of everything random")
     parser.add_argument("--scenes", type=int, help="number of scenes, if not the split's own")
