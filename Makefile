@@ -104,7 +104,7 @@ data: $(READY)  ## draw data/ anew and put it into the store
 render:  ## path-trace data/rendered/ anew by Blender, in an environment of its own (Python 3.11), and put it into the store; an hour
 	test -x .venv-rendered/bin/python || python3.11 -m venv .venv-rendered
 	.venv-rendered/bin/python -m pip install --quiet --disable-pip-version-check -r rendered/requirements.txt
-	set -- train 4 validation_taught 5 validation_held_out 6; while [ $$# -gt 0 ]; do \
+	set -- train 4 validation_taught 5 validation_held_out 7; while [ $$# -gt 0 ]; do \
 	    PYTHONPATH=. .venv-rendered/bin/python -m rendered --split $$1 --seed $$2 --into data/rendered/$$1; shift 2; done
 	dvc add data && dvc push data.dvc
 
