@@ -11,7 +11,7 @@ COMPILE := pip-compile --quiet --strip-extras --no-emit-index-url --no-emit-find
 RUN ?=
 WORST ?=
 
-.PHONY: help venv repro studies demo pull test test-browser test-viewer check-dowhy smoke bench review site figures readme lint lock params data clean
+.PHONY: help venv repro studies demo pull test test-browser test-viewer check-dowhy smoke bench review audit site figures readme lint lock params data clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -76,6 +76,9 @@ bench: data-here  ## every benchmark, the whole graph among them; writes bench/R
 
 review: $(READY)  ## open the overview of the recordings, or one of them: RUN=<variant>-<user>-s<seed>, or WORST=1, not both; WEB=1: in a browser
 	python -m pipeline.viewer.review $(RUN) $(if $(WORST),--worst) $(if $(WEB),--web)
+
+audit: $(READY)  ## do code, locks, pages and tables of the last commit agree? docs/audit.md compares two commits
+	python -m pipeline.audit
 
 site: $(READY)  ## all pages in one file to mail: site.html
 	python -m pipeline.report.site

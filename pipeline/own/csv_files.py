@@ -53,16 +53,16 @@ def read_csv(path: Path, columns: Sequence[str]) -> pd.DataFrame:
                 f"{path.name}, row {number + FIRST_ROW}: has {len(row)} cells, the header {len(rows[0])}: correct it; "
                 "texts with commas need quotes"
             )
-    table = pd.DataFrame(list(numbered.values()), index=list(numbered), columns=rows[0], dtype=str)
-    table.columns = [normal(column).lower() for column in rows[0]]
-    missing = [column for column in columns if column not in table.columns]
+    header = [normal(column).lower() for column in rows[0]]
+    table = pd.DataFrame(list(numbered.values()), index=list(numbered), columns=header, dtype=str)
+    missing = [column for column in columns if column not in header]
     if missing:
-        semicolons = "; separate columns by commas" if any(";" in column for column in table.columns) else ""
+        semicolons = "; separate columns by commas" if any(";" in column for column in header) else ""
         raise InputError(
-            f"{path.name} has the columns {', '.join(table.columns)}: expected also {', '.join(missing)}{semicolons}"
+            f"{path.name} has the columns {', '.join(header)}: expected also {', '.join(missing)}{semicolons}"
         )
-    if table.columns.duplicated().any():
-        raise InputError(f"{path.name} has two columns {table.columns[table.columns.duplicated()][0]!r}: remove one")
+    if twice := [column for column in header if header.count(column) > 1]:
+        raise InputError(f"{path.name} has two columns {twice[0]!r}: remove one")
     return table.map(normal)
 
 
