@@ -10,6 +10,7 @@ was killed goes on where it stopped. SOURCE.md in the folder says what was made 
 import argparse
 import os
 import shutil
+from importlib.util import find_spec
 from pathlib import Path
 
 import cv2
@@ -143,7 +144,7 @@ script from random numbers; nothing comes from elsewhere. Licence: MIT.
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(prog="python -m rendered", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="python -m rendered", description="Render a split of scenes.")
     parser.add_argument("--split", choices=SPLITS, required=True, help="kinds of top and item, and how many scenes")
     parser.add_argument("--seed", type=int, required=True, help="of everything random")
     parser.add_argument("--scenes", type=int, help="number of scenes, if not the split's own")
@@ -151,4 +152,6 @@ if __name__ == "__main__":
     asked = parser.parse_args()
     if asked.seed < 0 or (asked.scenes is not None and asked.scenes < 1):
         parser.error(f"--seed {asked.seed} --scenes {asked.scenes}: expected whole numbers from 0 and from 1")
+    if find_spec("bpy") is None:
+        parser.error("Blender's module bpy is missing here: `make render` runs this in an environment that has it")
     main(asked.split, asked.seed, asked.scenes or SPLITS[asked.split][1], asked.into)

@@ -11,7 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rendered import finishes
-from rendered.meshes import Mesh, check_outline, into_capsule, rounded, swept, turned
+from rendered.meshes import Mesh, into_capsule, outline_gap, rounded, swept, turned
+
+MAX_GAP_M = 0.0005  # largest distance between a mesh's outline from above and its footprint
+MAX_TRIES = 10  # draws of a design until its outline fits
 
 Rng = np.random.Generator
 Paint = Callable[[str], Any]  # name -> Blender's material
@@ -50,12 +53,18 @@ FINISHES: dict[str, dict[str, tuple[str, ...]]] = {
 
 
 def design(rng: Rng, symbol: str, kinds: str) -> Design:
-    """Draw an item of `symbol` whose shape and finish are `kinds`: taught or held_out; check its footprint."""
-    shape, finish = str(rng.choice(SHAPES[symbol][kinds])), str(rng.choice(FINISHES[symbol][kinds]))
-    made = {"bowl": _bowl, "plate": _plate, "cutlery": _cutlery, "glass": _glass}[symbol](rng, shape, finish)
-    meshes = [part.mesh for part in made.parts]
-    check_outline(meshes, made.radius, made.half_length, filled=symbol != "cutlery")
-    return made
+    """Draw an item of `symbol` whose shape and finish are `kinds`: taught or held_out.
+
+    Its outline from above is its footprint within MAX_GAP_M. A draw that misses it, as chopsticks may, is drawn again.
+    """
+    for _ in range(MAX_TRIES):
+        shape, finish = str(rng.choice(SHAPES[symbol][kinds])), str(rng.choice(FINISHES[symbol][kinds]))
+        made = {"bowl": _bowl, "plate": _plate, "cutlery": _cutlery, "glass": _glass}[symbol](rng, shape, finish)
+        meshes = [part.mesh for part in made.parts]
+        gap = outline_gap(meshes, made.radius, made.half_length, filled=symbol != "cutlery")
+        if gap <= MAX_GAP_M:
+            return made
+    raise ValueError(f"{shape}: outline and footprint differ by {1000 * gap:.2f} mm in {MAX_TRIES} draws")
 
 
 def _wall(outer: list[tuple[float, float]], thickness: float, floor: float, foot: float = 0.0) -> np.ndarray:
