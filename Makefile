@@ -33,7 +33,7 @@ repro: data-here  ## the paper: data from the store, every stage, the report
 studies: data-here  ## the paper and every study beyond it
 	dvc repro -P
 
-search: data-here  ## settings of every learner on validation scenes, until studies/search/settings.csv is complete; an hour, can be interrupted
+search: data-here  ## settings of every learner on validation scenes, until studies/search/settings.csv is complete; half an hour, can be interrupted
 	dvc repro demos
 	python -m studies.search.search
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from pipeline.report import style
 from pipeline.report.drawing import panels
@@ -11,7 +12,7 @@ COLUMNS = 3  # panels in a row
 
 
 def searched(study: Study) -> Figure:
-    """Draw each setting's result in the order drawn, the ensembles last; the band is the default over initial weights."""
+    """Draw each setting's result in the order drawn, ensembles last; a band is the default over initial weights."""
     table, learners = study.table("settings.csv", finite=("new_scenes",)), study.table("learners.csv")
     rows = -(-len(learners) // COLUMNS)
     figure, axes = panels(rows, COLUMNS, 12.0, 3.3 * rows + 0.4, sharex=True, sharey=True)
@@ -23,8 +24,10 @@ def searched(study: Study) -> Figure:
         panel.axhspan(low, high, color=style.MUTED, alpha=0.25, linewidth=0)
         panel.axhline(100 * row["default"], color=style.INK, linewidth=1, label="default, ± 2 standard deviations")
         single = settings[settings["origin"] == "sampled"]
+        without_gate = single["reconstruction_over_flat"].isna()  # learners without a decoder
+        converged = single["passed"].astype(bool) | without_gate
         for passed, fill in ((True, style.colour(learner)), (False, "none")):
-            shown = single[single["passed"].astype(bool) == passed]
+            shown = single[converged == passed]
             label = "setting, converged" if passed else "setting, not converged"
             marks = {"facecolors": fill, "edgecolors": style.colour(learner)}
             panel.scatter(shown["number"], 100 * shown["new_scenes"], s=18, label=label, **marks)
@@ -35,6 +38,7 @@ def searched(study: Study) -> Figure:
         panel.grid(axis="y")
     for panel in axes[-1]:
         panel.set_xlabel("number of the setting")
+        panel.xaxis.set_major_locator(MaxNLocator(integer=True))
     for panel in axes[:, 0]:
         panel.set_ylabel("balanced accuracy, per cent")
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=10)

@@ -48,25 +48,26 @@ def searched(settings: pd.DataFrame, chosen: pd.DataFrame) -> pd.DataFrame:
     """Return what the search found of each learner, on validation scenes.
 
     settings: those judged; spread: standard deviation of the default over initial weights; passed: share that pass the
-    gate; best_passed: the best result among these, empty if none does.
+    gate; best_passed: the best result among these, empty if none does; _seen: on other paths of the training scenes.
     """
     rows = []
     for learner, row in chosen.iterrows():
         of_learner = settings[settings["learner"] == learner]
-        repeats = of_learner.loc[of_learner["origin"] == REPEAT, "new_scenes"]
+        repeated = of_learner[of_learner["origin"] == REPEAT]
         judged = of_learner[of_learner["origin"] != REPEAT]
         rows.append(
             {
                 "learner": learner,
                 "settings": len(judged),
-                "default": repeats.mean(),
-                "spread": repeats.std(),
-                "repeats": len(repeats),
+                "default": repeated["new_scenes"].mean(),
+                "spread": repeated["new_scenes"].std(),
+                "repeats": len(repeated),
                 "best": row["new_scenes"],
                 "number": row["number"],
                 "members": row["members_averaged"],
                 "passed": judged["passed"].astype(bool).mean(),
                 "best_passed": judged.loc[judged["passed"].astype(bool), "new_scenes"].max(),
+                "default_seen": repeated["seen_scenes"].mean(),
                 "best_seen": judged["seen_scenes"].max(),
                 "minutes": of_learner["seconds"].sum() / 60,
             }
