@@ -11,7 +11,7 @@ COMPILE := pip-compile --quiet --strip-extras --no-emit-index-url --no-emit-find
 RUN ?=
 WORST ?=
 
-.PHONY: help venv repro studies search demo pull test test-browser test-viewer check-dowhy smoke bench review site figures readme lint lock params data clean
+.PHONY: help venv repro studies search demo pull test test-browser test-viewer check-dowhy smoke bench review audit site figures readme lint lock params data render clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -81,6 +81,9 @@ bench: data-here  ## every benchmark, the whole graph among them; writes bench/R
 review: $(READY)  ## open the overview of the recordings, or one of them: RUN=<variant>-<user>-s<seed>, or WORST=1, not both; WEB=1: in a browser
 	python -m pipeline.viewer.review $(RUN) $(if $(WORST),--worst) $(if $(WEB),--web)
 
+audit: $(READY)  ## do code, locks, pages and tables of the last commit agree? docs/audit.md compares two commits
+	python -m pipeline.audit
+
 site: $(READY)  ## all pages in one file to mail: site.html
 	python -m pipeline.report.site
 
@@ -95,7 +98,7 @@ lint: $(READY)  ## format and lint in place
 
 lock: $(READY)  ## pin pyproject.toml's dependencies anew
 	$(COMPILE) -o requirements.lock pyproject.toml
-	$(COMPILE) --extra dev -c requirements.lock -o requirements-dev.lock pyproject.toml
+	$(COMPILE) --extra dev --extra record -c requirements.lock -o requirements-dev.lock pyproject.toml
 	sed -i 's/^torch==\([0-9.]*\)+cpu/torch==\1/' requirements.lock requirements-dev.lock  # either build will do
 
 params: $(READY)  ## write params.yaml, and dvc.yaml's lists of variants, from conf/
@@ -105,5 +108,12 @@ data: $(READY)  ## draw data/ anew and put it into the store
 	python -m drawing
 	dvc add data && dvc push data.dvc
 
+render:  ## path-trace data/rendered/ anew by Blender, in an environment of its own (Python 3.11), and put it into the store; an hour
+	test -x .venv-rendered/bin/python || python3.11 -m venv .venv-rendered
+	.venv-rendered/bin/python -m pip install --quiet --disable-pip-version-check -r rendered/requirements.txt
+	set -- train 4 validation_taught 5 validation_held_out 7; while [ $$# -gt 0 ]; do \
+	    PYTHONPATH=. .venv-rendered/bin/python -m rendered --split $$1 --seed $$2 --into data/rendered/$$1; shift 2; done
+	dvc add data && dvc push data.dvc
+
 clean:  ## remove environments, demo/, other products and DVC's cache, with the results that nobody pushed
-	rm -rf $(VENV) .venv-dowhy .benchmarks multirun demo pdf site.html .dvc/cache .dvc/tmp
+	rm -rf $(VENV) .venv-dowhy .venv-rendered .benchmarks multirun demo pdf site.html .dvc/cache .dvc/tmp

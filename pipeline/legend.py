@@ -16,7 +16,7 @@ LABELS = {
     "random_path": "Random path (image-blind)",
     "paper": "The paper",
     "blind": "Image-blind baseline",
-    "clearance_averaged": "Averaged over rules",
+    "clearance_margin": "Clearance, one rule",
     "ideal": "Knows the rules (truth)",
     "oracle": "Nearest valid path (truth)",
     "seen_scenes": "training scenes",

@@ -25,7 +25,7 @@ SETTINGS: dict[str, dict[str, Any]] = {  # conf/variants merged with conf/train,
     "classifier": {"kind": "vae", "alpha": 0.0, "beta": 0.0, "gamma": 1.0, "model": VAE},
     "irl_maxent": {"kind": "reward", "objective": "maxent", "steps": 150, "model": {**REWARD_MAP, "dropout": 0.5}},
     "irl_ranked": {"kind": "reward", "objective": "ranked", "steps": 200, "model": {**REWARD_MAP, "dropout": 0.3}},
-    "clearance": {"kind": "clearance", "model": {"members": 16}},
+    "clearance": {"kind": "clearance", "model": {"members": 8}},
 }
 TRAINING: dict[str, dict[str, Any]] = {  # training schedule by kind
     "vae": {"steps": 500, "rate": 0.01, "weight_decay": 0.01, "adam_beta2": 0.99, "curve_every": 10},

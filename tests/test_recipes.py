@@ -70,7 +70,7 @@ def insert(path: Path, before: str, *lines: str) -> None:
 
 
 def add_a_variant(repository: Path) -> None:
-    text = (repository / "conf/variants/clearance.yaml").read_text().replace("members: 16", f"members: {MEMBERS}")
+    text = (repository / "conf/variants/clearance.yaml").read_text().replace("members: 8", f"members: {MEMBERS}")
     (repository / "conf/variants/few.yaml").write_text(text)
     insert(repository / "conf/config.yaml", "  - questions@", "  - variants@variants.few: few")
 

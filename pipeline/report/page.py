@@ -1,6 +1,7 @@
 """One page from its template: numbers by name and format, figures and tables numbered in order of appearance."""
 
 import importlib
+import json
 import math
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -153,6 +154,25 @@ def provenance(cfg: DictConfig) -> dict[str, Any]:
 # Numbers
 
 
+class Traced(float):
+    """A number that knows which cell of which table it is; a page shows that on hover, and an audit checks it."""
+
+    source: tuple[str, str, dict[str, Any]]  # table, column, and the values that select the row
+
+    def __new__(cls, number: float, table: str, column: str, where: Mapping[str, Any]):
+        """Return the number with its source."""
+        made = super().__new__(cls, number)
+        made.source = table, column, dict(where)
+        return made
+
+    def mark(self, text: str) -> Markup:
+        """Return its text as HTML that carries the source."""
+        table, column, where = self.source
+        row = ", ".join(f"{name} {value}" for name, value in where.items())
+        html = '<data value="{}" title="{}" data-source="{}">{}</data>'
+        return Markup(html).format(float(self), f"{table}, {column}: {row}", json.dumps(self.source), text)
+
+
 def lookup(frame: pd.DataFrame, table: str, column: str, **where: Any) -> Any:
     """Return the value of `column` in the one row of a table that `where` selects.
 
@@ -162,7 +182,8 @@ def lookup(frame: pd.DataFrame, table: str, column: str, **where: Any) -> Any:
         frame = frame[frame[name] == wanted]
     if len(frame) != 1:
         raise InputError(f"table {table} has {len(frame)} rows with {where}, expected 1; run its stage again")
-    return checked(frame[column].iloc[0], f"table {table}, column {column}, {where}")
+    value = checked(frame[column].iloc[0], f"table {table}, column {column}, {where}")
+    return Traced(value, table, column, where) if isinstance(value, float) else value
 
 
 def check_finite(frame: pd.DataFrame, table: str, columns: Collection[str]) -> None:
@@ -190,14 +211,16 @@ def _number(pattern: str, scale: float = 1.0) -> Callable[[Any], str]:
         if not math.isfinite(number):
             raise ValueError(f"{number} in a page: expected a finite number; run the stage that writes it again")
         text = pattern.format(scale * number).replace("-", "−")
-        return text.lstrip("+−") if float(pattern.format(scale * number).split("\u00a0")[0]) == 0 else text
+        text = text.lstrip("+−") if float(pattern.format(scale * number).split("\u00a0")[0]) == 0 else text
+        return number.mark(text) if isinstance(number, Traced) else text
 
     return write
 
 
 def _spread(low: float, high: float) -> str:
     """Return a range of rates in per cent."""
-    return f"{_number('{:.0f}', 100.0)(low)}–{_number('{:.0f}', 100.0)(high)}"
+    write = _number("{:.0f}", 100.0)
+    return f"{write(float(low))}–{write(float(high))}"
 
 
 FORMATS: dict[str, Callable] = {

@@ -27,6 +27,7 @@ PAPER_TABLE_2 = pd.DataFrame(
 UNSURE = (0.3, 0.8)  # P(valid) of a path about which a model is unsure
 SOURCES = (  # tables of whose numbers the pages' texts are made: written beside the pages
     "accuracy", "calibration", "scores", "comparisons", "repair", "interventions", "p_valid", "convergence", "slices",
+    "seeds",
 )  # fmt: skip
 FINITE = {  # columns whose values must all be finite, since figures draw them
     "accuracy": ["mean"],
@@ -69,8 +70,8 @@ class Results:
     """The results of one run.
 
     tables: accuracy, calibration, scores, comparisons, repair (summary), repairs, interventions (summary), p_valid,
-    recordings, convergence, demos, judged (paths, by `slices.describe`), slices, draws, changes, effort; paths:
-    paths.npz of stage repair; facts: settings that pages print.
+    recordings, convergence, demos, judged (paths, by `slices.describe`), slices, seeds (headlines by training set),
+    draws, changes, effort; paths: paths.npz of stage repair; facts: settings that pages print.
     """
 
     variants: list[str]

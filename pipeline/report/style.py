@@ -22,7 +22,7 @@ COLOURS = {  # hues of Okabe and Ito; the paper's model and its ablations share 
     "irl_ranked": "#d55e00",
     "clearance": "#cc79a7",
     "paper": "#f0e442",
-    "clearance_averaged": INK,
+    "clearance_margin": INK,
     "ideal": INK,
 }
 MARKERS = {"full": "o", "ae": "s", "classifier": "^", "irl_maxent": "v", "irl_ranked": "D", "clearance": "P"}

@@ -50,6 +50,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     tables = {name: read_table(Path(cfg.paths[stage]) / file) for name, (stage, file) in TABLES.items()}
     for name, column in (("repair", "variant"), ("repairs", "variant"), ("interventions", "symbol")):
         tables[name] = tables[name].assign(**{column: tables[name][column].fillna("")})  # csv reads "" as missing
+    tables["seeds"] = _by_seed(cfg, tables["repairs"])
     tables["judged"] = _judged(cfg, scenes)
     tables["slices"] = slices(tables["judged"])
     tables |= {name: read_table(DECISIONS / file) for name, file in HISTORY.items()}
@@ -79,6 +80,24 @@ def write_site(site: Site, out_dir: Path) -> None:
     """Write pages, page.css, figures and tables; remove those of an earlier run."""
     write_files(site, out_dir)
     atomic_write(out_dir / "page.css", lambda part: part.write_text((FOLDER / "page.css").read_text()))
+
+
+def _by_seed(cfg: DictConfig, repairs: pd.DataFrame) -> pd.DataFrame:
+    """Return the headlines on accuracy and repair of each training set (headline, seed, value), for paired tests."""
+    users = list(cfg.evaluate.users)
+    scores = read_table(Path(cfg.paths.evaluate) / "accuracy.parquet").query("user in @users")
+    gradient = repairs[(repairs["method"] == "gradient") & repairs["user"].isin(users)]
+    parts = {
+        "accuracy": (scores[scores["n_demos"] == cfg.main_n_demos], ["variant", "split"], "accuracy"),
+        "accuracy_one_demo": (scores.query("n_demos == 1 and split == 'new_items'"), ["variant", "split"], "accuracy"),
+        "repair": (gradient, ["variant", "user"], "valid_end"),
+    }
+    rows = []
+    for name, (table, columns, value) in parts.items():
+        for key, mean in table.groupby([*columns, "seed"], sort=False, observed=True)[value].mean().items():
+            *names, seed = key  # pyright: ignore[reportGeneralTypeIssues]
+            rows.append({"headline": ".".join([name, *map(str, names)]), "seed": seed, "value": float(mean)})
+    return pd.DataFrame(rows)
 
 
 def _drawn(cfg: DictConfig, scenes: SceneSet) -> DrawnScenes:

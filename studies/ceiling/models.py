@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
+import cv2
 import numpy as np
 import torch
-import torch.nn.functional as F
 from jaxtyping import Float
 from numpy import ndarray as Array
 from torch import Tensor, nn
@@ -14,7 +14,9 @@ from pipeline.models.vae.beta_vae import Z_CENTRE, Z_SCALE, BetaVae
 from pipeline.world.bezier import curve
 from pipeline.world.layout import SIDE, SYMBOLS, Layouts
 
-POINTS = 512  # points of a drawn path: at most half a pixel apart
+POINTS = 64  # corners of a drawn path
+WIDTH_PX = 3  # of a drawn path
+SUBPIXEL_BITS = 4  # of its corners' coordinates
 LENGTH_UNIT_M = 0.1  # unit of an item's size in its code [m]
 
 
@@ -50,6 +52,7 @@ class PathDrawn(BetaVae):
         self.path = nn.Conv2d(1, channels[0], 3, stride=2, padding=1, bias=False)
         initialise(self.path, no_rectifier_after=())
         self.code, self.mean = self.mean, nn.Identity()
+        self.to(memory_format=torch.channels_last)  # pyright: ignore[reportCallIssue]
 
     def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene channel 50 50"]:
         """Return the first layer's response to the images."""
@@ -71,12 +74,13 @@ class PathDrawn(BetaVae):
 
 def draw_paths(z_theta: Float[Tensor, "scene path 2"]) -> Float[Tensor, "scene path 100 100"]:
     """Draw each path [m] three pixels wide: 1 on it, 0 elsewhere; row 0 is at the far edge, as in images."""
-    points = curve(z_theta.detach().numpy().reshape(-1, 2), POINTS)
-    column, row = (np.floor(SIDE * points[..., axis]).astype(int) for axis in (0, 1))
-    path, point = np.nonzero((np.minimum(column, row) >= 0) & (np.maximum(column, row) < SIDE))
-    drawn = np.zeros((len(points), 1, SIDE, SIDE), np.float32)
-    drawn[path, 0, SIDE - 1 - row[path, point], column[path, point]] = 1
-    return F.max_pool2d(torch.from_numpy(drawn), 3, stride=1, padding=1).reshape(*z_theta.shape[:2], SIDE, SIDE)
+    x, y = np.moveaxis(SIDE * curve(z_theta.detach().numpy().reshape(-1, 2), POINTS), -1, 0)  # [pixel]
+    corners = np.stack([x - 0.5, SIDE - 0.5 - y], -1)  # OpenCV counts from the first pixel's centre
+    corners = np.round(corners * 2**SUBPIXEL_BITS).astype(np.int32)
+    drawn = np.zeros((len(corners), SIDE, SIDE), np.float32)
+    for image, path in zip(drawn, corners, strict=True):
+        cv2.polylines(image, [path], isClosed=False, color=1, thickness=WIDTH_PX, shift=SUBPIXEL_BITS)
+    return torch.from_numpy(drawn).unflatten(0, z_theta.shape[:2])
 
 
 def true_code(layouts: Layouts, slots: int) -> Float[Array, "scene number"]:

@@ -6,7 +6,7 @@ from pydantic import AfterValidator
 
 from pipeline.config.checks import need, need_some
 from pipeline.config.settings import Settings as Parameters
-from pipeline.config.values import Count, Names, Several, StudyGroup, Whole, expected, rising
+from pipeline.config.values import Count, Names, Several, StudyGroup, Weight, Whole, expected, rising
 
 Numbers = Annotated[list[Count], AfterValidator(rising), expected("ascending whole numbers from 1")]
 
@@ -14,6 +14,9 @@ Numbers = Annotated[list[Count], AfterValidator(rising), expected("ascending who
 class Settings(StudyGroup):
     root_seed: Whole
     scenes: dict[str, Numbers]
+    batch: Count
+    growth: Weight
+    drawn_paths: Count
     clear_cm: Annotated[list[Whole], AfterValidator(rising), expected("ascending whole numbers from 0 [cm]")]
     clear_learners: Names
     candidates: Count

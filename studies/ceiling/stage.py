@@ -1,14 +1,16 @@
 """Stage ceiling: fit the paper's model to more scenes, and with a better input, and judge it in new scenes.
 
 Each training set has scenes and paths of its own; fewer scenes are the first ones. Half of the paths are valid. Some
-learners are also fitted to clear cases and judged on them. Every learner has the schedule and the width of stage train.
+learners are also fitted to clear cases and judged on them. Every learner has the rate and the width of stage train.
+Those that read images see a batch of scenes a step, and have more steps where there are more scenes.
 """
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import torch
@@ -28,13 +30,13 @@ from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.streams import job_seed, stream
 from pipeline.stats.scores import accuracy
 from pipeline.training.loop import Losses, Schedule, minimise
-from pipeline.training.refit import TrainingSet, refit
 from pipeline.training.runner import need_finite
-from pipeline.training.vae.engines import reference
+from pipeline.training.vae.engines.simd import LANES
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.clear_cases import Candidates
 from pipeline.world.layout import LayoutRules, random_layouts
 from pipeline.world.render import read_palette, render_scenes
+from studies.ceiling.batches import fit_one, fit_stack
 from studies.ceiling.models import Coordinates, PathDrawn, true_code
 
 PERFECT = "perfect"
@@ -53,39 +55,38 @@ class Labelled:
 
 
 @dataclass(frozen=True)
-class Job(TrainingSet):
-    """A training set, with its learner, the truth about its scenes, and what judges the learner by split.
+class Job(Labelled):
+    """A training set of one user, with its learner, and what judges the learner by split; no images for `perfect`.
 
     clear_cm: least distance of all paths from the boundary of validity [cm].
     """
 
+    user: str
+    seed: int
     learner: str
     clear_cm: int
-    code: Float[Array, "scene number"]
     judged: dict[str, Labelled]
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write accuracy.parquet and summary.csv."""
-    study, prior = cfg.studies.ceiling, read_position_prior(Path(cfg.paths.scenes))
+    prior = read_position_prior(Path(cfg.paths.scenes))
     jobs = draw_jobs(cfg)
-    of = {learner: [job for job in jobs if job.learner == learner] for learner in study.scenes}
-    scored = refit(cfg, {x: of[x] for x in of if x in cfg.variants}, judge, "ceiling, as in stage train")
-    for name, fit in ((PERFECT, fit_head), *dict.fromkeys(CHANGED, fit_changed).items()):
-        scored[name] = map_jobs(partial(fit, cfg), of.get(name, []), cfg.workers, f"ceiling, {name}")
+    parts = stacks(cfg, jobs)
+    scored = map_jobs(partial(fit, cfg), parts, cfg.workers, "ceiling")
     rows = [
-        row(job, learner, len(job.z_theta), split, right)
-        for learner, accuracies in scored.items()
-        for job, by_split in zip(of[learner], accuracies, strict=True)
+        row(job, job.learner, len(job.z_theta), split, right) | {"steps": steps(cfg, job.learner, len(job.z_theta))}
+        for part, accuracies in zip(parts, scored, strict=True)
+        for job, by_split in zip(part, accuracies, strict=True)
         for split, right in by_split.items()
     ]
     table = pd.DataFrame([*rows, *judge_blind(jobs, prior)])
     write_table(out_dir / "accuracy.parquet", table)
     key = ["learner", "scenes", "clear_cm", "split"]
-    by_seed = table.groupby([*key, "seed"], sort=False)[["accuracy", "valid"]].mean().reset_index()
+    by_seed = table.groupby([*key, "seed"], sort=False)[["accuracy", "valid", "steps"]].mean().reset_index()
     first, third = partial(pd.Series.quantile, q=0.25), partial(pd.Series.quantile, q=0.75)
     columns = {"accuracy": ("accuracy", "mean"), "q1": ("accuracy", first), "q3": ("accuracy", third)}
-    columns |= {"valid": ("valid", "mean"), "seeds": ("seed", "size")}
+    columns |= {"valid": ("valid", "mean"), "seeds": ("seed", "size"), "steps": ("steps", "first")}
     write_table(out_dir / "summary.csv", by_seed.groupby(key, sort=False).agg(**columns).reset_index())
 
 
@@ -93,11 +94,11 @@ def draw_jobs(cfg: DictConfig) -> list[Job]:
     """Draw all training sets: the largest number of scenes first, which takes longest."""
     study, n, jobs = cfg.studies.ceiling, cfg.main_n_demos, []
     seeds = list(cfg.protocol.seeds)[: max(study.seeds.values())]
-    most = {x: max(numbers) for x, numbers in study.scenes.items()}
-    pictures = max((count for x, count in most.items() if x != PERFECT), default=study.seen_scenes)
     orders = [(NEW, study.new_scenes, study.new_scenes)]
     for i, seed in enumerate(seeds):
-        orders.append((f"train-{seed}", max(c for x, c in most.items() if i < study.seeds[x]), pictures))
+        most = {x: max(numbers) for x, numbers in study.scenes.items() if i < study.seeds[x]}
+        pictures = max((count for x, count in most.items() if x != PERFECT), default=study.seen_scenes)
+        orders.append((f"train-{seed}", max(most.values()), pictures))
     (new, new_images), *training = map_jobs(partial(draw_scenes, cfg), orders, cfg.workers, "scenes")
     seen = slice(study.seen_scenes)
     cases = list(product(cfg.evaluate.users, study.clear_cm))
@@ -111,9 +112,23 @@ def draw_jobs(cfg: DictConfig) -> list[Job]:
         }
         fitted = [x for x in study.scenes if i < study.seeds[x] and (clear_cm == 0 or x in study.clear_learners)]
         for learner, count in ((x, count) for x in fitted for count in study.scenes[x]):
-            data = images[: 0 if learner == PERFECT else count], z[:count, :n], labels[:count, :n]
-            jobs.append(Job(user, seeds[i], *data, learner, clear_cm, code[:count], judged))
+            pictures = images[: 0 if learner == PERFECT else count]
+            data = pictures, code[:count], z[:count, :n], labels[:count, :n]
+            jobs.append(Job(*data, user, seeds[i], learner, clear_cm, judged))
     return sorted(jobs, key=lambda job: -len(job.z_theta))
+
+
+def stacks(cfg: DictConfig, jobs: Sequence[Job]) -> list[list[Job]]:
+    """Return the jobs in parts that are fitted together: up to `LANES` of a variant and number of scenes, else one."""
+    groups: dict[tuple[str, int], list[Job]] = {}
+    for job in jobs:
+        groups.setdefault((job.learner, len(job.z_theta)), []).append(job)
+    sizes = {learner: LANES if learner in cfg.variants else 1 for learner, _ in groups}
+    return [
+        group[i : i + sizes[learner]]
+        for (learner, _), group in groups.items()
+        for i in range(0, len(group), sizes[learner])
+    ]
 
 
 def choose(cfg: DictConfig, name: str, pool: Candidates, user: str, clear_cm: int) -> tuple[Array, Array]:
@@ -142,33 +157,49 @@ def draw_scenes(cfg: DictConfig, order: tuple[str, int, int]) -> tuple[Candidate
     return Candidates.of(layouts, random_z_theta(rng, count, study.candidates)), images
 
 
-def judge(model: ValidityModel, job: TrainingSet) -> dict[str, float]:
-    """Return the model's accuracy on its own demonstrations and in each split."""
-    assert isinstance(job, Job)
+def fit(cfg: DictConfig, jobs: Sequence[Job]) -> list[dict[str, float]]:
+    """Fit one part of `stacks`; return each learner's accuracy on its own demonstrations and in each split."""
+    learner, scenes = jobs[0].learner, len(jobs[0].z_theta)
+    if learner == PERFECT:
+        return [fit_head(cfg, job) for job in jobs]
+    study, v = cfg.studies.ceiling, cfg.variants.get(learner, cfg.variants.classifier)
+    rng = stream(study.root_seed, "batches", scenes)  # the same batches for all learners
+    settings = {
+        "weights": Weights(float(v.alpha), float(v.beta), float(v.gamma)),
+        "schedule": replace(Schedule.of(cfg.train), steps=steps(cfg, learner, scenes)),
+        "batch": study.batch,
+        "rng": rng,
+    }
+    seeds = [_seed(cfg, job) for job in jobs]
+    models = [_untrained(CHANGED.get(learner, BetaVae), cfg.train.model, seed) for seed in seeds]
+    images, z_theta, valid = ([getattr(job, x) for job in jobs] for x in ("images", "z_theta", "valid"))
+    if learner in CHANGED:
+        paths = study.drawn_paths if learner == "path_drawn" else valid[0].shape[1]
+        curve = fit_one(models[0], images[0], z_theta[0], valid[0], seed=seeds[0], paths=paths, **settings)
+    else:
+        curve = fit_stack(models, images, z_theta, valid, seeds=seeds, **settings)
+    need_finite(curve.reshape(len(curve), -1), f"{learner}, {scenes} scenes")
+    return [_judge(model, job) for model, job in zip(models, jobs, strict=True)]
+
+
+def steps(cfg: DictConfig, learner: str, scenes: int) -> int:
+    """Return the training steps: those of stage train for full batches, more for more scenes than fit into one."""
+    study = cfg.studies.ceiling
+    growth = 0 if learner == PERFECT else study.growth
+    return round(cfg.train.steps * max(1, scenes / study.batch) ** growth)
+
+
+def _judge(model: ValidityModel, job: Job) -> dict[str, float]:
     return _accuracies(job, lambda x: model.probability(x.images, x.z_theta))
 
 
 def _accuracies(job: Job, p: Callable[[Labelled], Array]) -> dict[str, float]:
-    own = Labelled(job.images, job.code, job.z_theta, job.valid)
-    return {split: accuracy(p(x).ravel(), x.valid.ravel()) for split, x in {OWN: own, **job.judged}.items()}
-
-
-def fit_changed(cfg: DictConfig, job: Job) -> dict[str, float]:
-    """Fit a classifier that reads more than the image; return its accuracies."""
-    v, seed = cfg.variants.classifier, _seed(cfg, job)
-    model = untrained(CHANGED[job.learner], cfg.train.model, seed)
-    assert isinstance(model, BetaVae)
-    weights = Weights(float(v.alpha), float(v.beta), float(v.gamma))
-    data = job.images, job.z_theta, job.valid
-    curve = reference.fit(model, *data, weights=weights, schedule=Schedule.of(cfg.train), seed=seed)
-    need_finite(curve, f"{job.learner} of {job.user}, seed {job.seed}")
-    return judge(model, job)
+    return {split: accuracy(p(x).ravel(), x.valid.ravel()) for split, x in {OWN: job, **job.judged}.items()}
 
 
 def fit_head(cfg: DictConfig, job: Job) -> dict[str, float]:
     """Fit the paper's classifier to the true codes of its scenes; return its accuracies."""
-    head = untrained(BetaVae, {**cfg.train.model, "latent": job.code.shape[1]}, _seed(cfg, job))
-    assert isinstance(head, BetaVae)
+    head = _untrained(BetaVae, {**cfg.train.model, "latent": job.code.shape[1]}, _seed(cfg, job))
     labels = torch.from_numpy(job.valid)
 
     def logit(code: Array, z_theta: Array) -> torch.Tensor:
@@ -183,6 +214,12 @@ def fit_head(cfg: DictConfig, job: Job) -> dict[str, float]:
         return _accuracies(job, lambda x: logit(x.code, x.z_theta).sigmoid().numpy())
 
 
+def _untrained(kind: type[BetaVae], shape: Mapping[str, Any], seed: int) -> BetaVae:
+    model = untrained(kind, shape, seed)
+    assert isinstance(model, BetaVae)
+    return model
+
+
 def _seed(cfg: DictConfig, job: Job) -> int:
     return job_seed(job.seed, job.user, cfg.main_n_demos, job.learner)
 
@@ -195,7 +232,7 @@ def judge_blind(jobs: list[Job], prior: dict[str, Float[Array, "side side"]]) ->
         p = {(POSITION, s): baselines.position_only_of_half(prior[job.user], x.z_theta) for s, x in job.judged.items()}
         p[NEAREST, SEEN] = baselines.nearest_demonstration(*demos, job.judged[SEEN].z_theta)
         for (name, split), of_paths in p.items():
-            yield row(job, name, 0, split, accuracy(of_paths.ravel(), job.judged[split].valid.ravel()))
+            yield row(job, name, 0, split, accuracy(of_paths.ravel(), job.judged[split].valid.ravel())) | {"steps": 0}
 
 
 def row(job: Job, learner: str, scenes: int, split: str, right: float) -> dict:

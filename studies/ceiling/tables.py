@@ -27,6 +27,7 @@ def learners(study: Study) -> Table:
     for (learner, scenes, clear_cm), of_learner in study.table("summary.csv").groupby(keys, sort=False):
         by_split = of_learner.set_index("split")
         shown = {"Model": name_of(str(learner)), "Tables": scenes or "–", "Clear by, cm": clear_cm}
+        shown["Steps"] = of_learner["steps"].iloc[0] or "–"
         shown["Own demonstrations"] = by_split["accuracy"].get("demonstrations")
         for split, name in SPLITS.items():
             shown[name] = by_split["accuracy"].get(split)

@@ -1,4 +1,4 @@
-"""Accuracy and unsafe answers by rule, and which rule the averaged model finds."""
+"""Accuracy and unsafe answers by rule, and which rule the clearance model finds."""
 
 from textwrap import fill
 

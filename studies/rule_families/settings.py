@@ -3,25 +3,20 @@
 from typing import Literal
 
 from pipeline.config.checks import need, need_some
-from pipeline.config.models import Schedule
 from pipeline.config.settings import Settings as Parameters
-from pipeline.config.values import Count, Distance, Several, Some, StudyGroup
-
-
-class Averaged(Schedule):
-    members: Count
+from pipeline.config.values import Distance, Several, Some, StudyGroup
 
 
 class Settings(StudyGroup):
     scenes: Several
     families: dict[Literal["margin", "dwell", "side", "proximity"], Distance]
     variants: Some
-    averaged: Averaged
 
 
 def agree(study: Settings, parameters: Parameters) -> None:
-    """Require the users' own family among the families, and known variants."""
+    """Require the users' own family among the families, and known variants, the clearance model among them."""
     families = list(study.families)
     among = "margin among them: the others are compared to it"
     need("margin" in families, "studies.rule_families.families", families, among)
     need_some("studies.rule_families.variants", study.variants, parameters.variants)
+    need("clearance" in study.variants, "studies.rule_families.variants", study.variants, "clearance among them")

@@ -1,21 +1,18 @@
 """Stage rule_families: fit models to users whose rules belong to another family, and evaluate them by that family.
 
-In addition to the variants we fit Bayesian model averaging over rule families, weighted by BIC
-(pipeline.models.clearance.rule_averaging).
+In addition to the variants we fit the clearance model of family `margin` alone, without averaging over families
+(pipeline.models.clearance.clearance).
 """
 
-from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-import torch
 from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
-from omegaconf import DictConfig
-from torch import Tensor
+from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.demos import demo_arrays, read_demos
 from pipeline.artifacts.files import read_arrays, write_table
@@ -25,22 +22,17 @@ from pipeline.causal.added_items import verdicts
 from pipeline.config.settings import POSITION
 from pipeline.launch import launch
 from pipeline.models import baselines
-from pipeline.models.base import SCENES_PER_BATCH, ValidityModel, to_tensor, untrained
-from pipeline.models.clearance.rule_averaging import FAMILIES as FAMILIES_OF_MODEL
-from pipeline.models.clearance.rule_averaging import AveragedModel, Relations, relations
-from pipeline.runtime.parallel import map_jobs, one_thread
-from pipeline.runtime.streams import job_seed
+from pipeline.models.base import ValidityModel
+from pipeline.models.clearance.clearance import FAMILIES as FAMILIES_OF_MODEL
+from pipeline.models.clearance.clearance import ClearanceModel
 from pipeline.stats.decisions import accuracy_by_seed, accuracy_estimate, accuracy_loss
 from pipeline.stats.scores import DECISION
-from pipeline.training.clearance import fit_averaged
-from pipeline.training.loop import Schedule
 from pipeline.training.refit import TrainingSet, refit
-from pipeline.training.runner import need_finite
 from pipeline.world.bezier import lattice
 from pipeline.world.layout import Layouts
 from studies.rule_families.families import FAMILIES, OWN_FAMILY
 
-AVERAGED = "clearance_averaged"  # the variant that averages over rule families
+AVERAGED, MARGIN_ALONE = "clearance", "clearance_margin"  # the clearance model, and the same of one family
 FITTED_FAMILIES = [*FAMILIES_OF_MODEL, "constant"]  # in the order of its posterior probabilities
 
 
@@ -49,7 +41,7 @@ class Fitted(NamedTuple):
 
     p: Float[Array, "image path"]
     training_accuracy: float
-    posterior: Float[Array, " fitted_family"] | None = None  # only for AVERAGED
+    posterior: Float[Array, " fitted_family"] | None  # only of AVERAGED
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
@@ -68,7 +60,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     before: dict[str, tuple[Array, Array]] = {}  # variant -> accepted and valid in the users' own family
     for family in [OWN_FAMILY, *(x for x in study.families if x != OWN_FAMILY)]:
         valid = np.stack([[is_valid(cfg, family, x, z_theta, user) for x in layouts] for user in users])
-        models = {variant: fitted[family, variant] for variant in (*study.variants, AVERAGED)}
+        models = {variant: fitted[family, variant] for variant in (*study.variants, MARGIN_ALONE)}
         p = {variant: _stack(models[variant], lambda m: m.p) for variant in models}
         p = {v: x.reshape(len(users), len(seeds), *images.shape[:2], -1) for v, x in p.items()}
         blind = np.stack([baselines.position_only(_prior(cfg, scenes, family, user), z_theta) for user in users])
@@ -87,7 +79,8 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
             if variant in p:
                 rows = verdicts(users, p[variant], valid)
                 judged.append(pd.DataFrame(key, index=rows.index).join(rows))
-        posteriors.append(_posterior_table(family, users, seeds, _stack(models[AVERAGED], lambda m: m.posterior)))
+        posterior = _stack(models[AVERAGED], lambda m: m.posterior)
+        posteriors.append(_posterior_table(family, users, seeds, posterior))
     write_table(out_dir / "accuracy.parquet", pd.concat(accuracies, ignore_index=True))
     write_table(out_dir / "summary.csv", pd.DataFrame(summary))
     write_table(out_dir / "verdicts.csv", pd.concat(judged, ignore_index=True))
@@ -124,15 +117,24 @@ def fit_all(
     by_family = draw_training_sets(cfg, scenes)
     training_sets = [x for sets in by_family.values() for x in sets]
     flat_images, paths = images.reshape(-1, *images.shape[2:]), np.tile(z_theta, (len(images), 1, 1))
-    each = dict.fromkeys(cfg.studies.rule_families.variants, training_sets)
-    answers = refit(cfg, each, partial(answer, flat_images, paths), "rule families")
-    answers[AVERAGED] = fit_averaged_models(cfg, training_sets, flat_images, paths)
+    variants: list[str] = [*cfg.studies.rule_families.variants, MARGIN_ALONE]
+    each = dict.fromkeys(variants, training_sets)
+    answers = refit(with_margin_alone(cfg), each, partial(answer, flat_images, paths), "rule families")
     size = len(training_sets) // len(by_family)
     return {
         (family, variant): fitted[i * size : (i + 1) * size]
         for variant, fitted in answers.items()
         for i, family in enumerate(by_family)
     }
+
+
+def with_margin_alone(cfg: DictConfig) -> DictConfig:
+    """Return the parameters with variant MARGIN_ALONE: the clearance model of one family, with as many members."""
+    members = cfg.variants[AVERAGED].model.members * len(FAMILIES_OF_MODEL)
+    cfg = cfg.copy()
+    OmegaConf.set_struct(cfg, False)
+    cfg.variants[MARGIN_ALONE] = {**cfg.variants[AVERAGED], "model": {"members": members, "families": [OWN_FAMILY]}}
+    return cfg
 
 
 def answer(
@@ -143,42 +145,8 @@ def answer(
 ) -> Fitted:
     """Return P(valid) of every path [m] in its image, and the accuracy on the model's own demonstrations."""
     correct = (model.probability(training_set.images, training_set.z_theta) > DECISION) == training_set.valid
-    return Fitted(model.probability(images, z_theta), float(correct.mean()))
-
-
-def fit_averaged_models(
-    cfg: DictConfig,
-    training_sets: Sequence[TrainingSet],
-    images: UInt8[Array, "image 100 100 3"],
-    z_theta: Float[Array, "image path 2"],
-) -> list[Fitted]:
-    """Fit one averaged model per training set; all models share the percepts of the images."""
-    one_thread()
-    percept = torch.cat([AveragedModel(1).perceive(to_tensor(batch)) for batch in _batches(images)])
-    related = relations(percept, torch.from_numpy(z_theta).float())
-    arrays = [x.numpy() for x in (percept, *related)]
-    return map_jobs(partial(_fit_averaged, cfg, arrays), training_sets, cfg.workers, "model averaging")
-
-
-def _fit_averaged(cfg: DictConfig, arrays: list[Array], training_set: TrainingSet) -> Fitted:
-    """Fit to one training set. arrays: the percept of every image and the relations of its paths to the objects."""
-    settings = cfg.studies.rule_families.averaged
-    seed = job_seed(training_set.seed, training_set.user, cfg.main_n_demos, AVERAGED)
-    model = untrained(AveragedModel, {"members": settings.members}, seed)
-    assert isinstance(model, AveragedModel)
-    data = training_set.images, training_set.z_theta, training_set.valid
-    curve = fit_averaged.fit(model, *data, schedule=Schedule.of(settings), seed=seed)
-    need_finite(curve, f"{AVERAGED} of {training_set.user}, seed {training_set.seed}")
-    correct = (model.probability(training_set.images, training_set.z_theta) > DECISION) == training_set.valid
-    with torch.no_grad():
-        batches = zip(*(_batches(torch.tensor(x)) for x in arrays), strict=True)
-        p = torch.cat([model.logit_related(percept, Relations(*related)).sigmoid() for percept, *related in batches])
-        posterior = model.posterior_model_probabilities()
-    return Fitted(p.numpy(), float(correct.mean()), posterior.numpy())
-
-
-def _batches(scenes: Array | Tensor) -> Iterator:
-    return (scenes[i : i + SCENES_PER_BATCH] for i in range(0, len(scenes), SCENES_PER_BATCH))
+    posterior = model.posterior().numpy() if isinstance(model, ClearanceModel) else None
+    return Fitted(model.probability(images, z_theta), float(correct.mean()), posterior)
 
 
 def _prior(cfg: DictConfig, scenes: SceneSet, family: str, user: str) -> Float[Array, "side side"]:

@@ -58,6 +58,7 @@ def tables(variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MARG
             _repair(method, "", user) for method, user in product(["random_path", "constant_detour", "oracle"], judged)
         ]),
         "repairs": _repairs(variants, judged),
+        "seeds": pd.DataFrame([{"headline": "accuracy.full.new_items", "seed": seed, "value": 0.5} for seed in SEEDS]),
         "interventions": pd.DataFrame([row for v in variants for row in _questions(v, users)]),
         "p_valid": pd.DataFrame(
             [

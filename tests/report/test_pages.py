@@ -35,11 +35,12 @@ class Reader(HTMLParser):
         self.rows: list[list[str]] = []
         self.links: list[str] = []
         self.ids: list[str] = []
-        self._hidden = self._in_cell = False
+        self._hidden = self._in_cell = self._within_word = False
         self.feed(page)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         values = dict(attrs)
+        self._within_word &= tag == "data"  # a traced number may be part of a word: "80 %."
         self._hidden = tag in ("title", "style", "script")
         self.links += [link for name in ("href", "src") if (link := values.get(name))]
         self.ids += [name for name in [values.get("id")] if name]
@@ -51,11 +52,16 @@ class Reader(HTMLParser):
 
     def handle_endtag(self, tag: str) -> None:
         self._hidden = False
+        self._within_word &= tag == "data"
         self._in_cell = self._in_cell and tag not in ("td", "th")
 
     def handle_data(self, data: str) -> None:
         if not self._hidden:
-            self.words += data.split()
+            words = data.split()
+            if self._within_word and words and not data[0].isspace():
+                self.words[-1] += words.pop(0)
+            self.words += words
+            self._within_word = not data[-1].isspace()
             if self._in_cell:
                 self.rows[-1][-1] += data.strip()
 

@@ -10,7 +10,7 @@ MARGINS = "{" + ", ".join(f"{symbol}: MARGIN" for symbol in SYMBOLS) + "}"
 OUT_OF_RANGE = {  # study: values of its settings, each refused by the setting's name
     "acceptance": "variants=[unknown] | variants=[] | level=1.0 | fitted=20",
     "ceiling": "scenes={unknown: [20]} | scenes={irl_ranked: [20]} | scenes.full=[12, 6] | seeds={full: 2}"
-    " | new_scenes=1 | seen_scenes=7",
+    " | new_scenes=1 | seen_scenes=7 | batch=0 | growth=-0.5 | drawn_paths=0",
     "confounding": "worlds.always=1.5 | worlds.control=0.5 | gap_m=[0.001, 0.04] | worlds={} | glasses=3 | near_m=0"
     " | users=[carefull] | variants={fulll: [confounded]} | variants.clearance=[control] | examples=0",
     "counterfactuals": "scenes=1 | move_step=0.0 | example_variant=best",
@@ -25,7 +25,7 @@ OUT_OF_RANGE = {  # study: values of its settings, each refused by the setting's
     "robustness": "split=seen_scenes | scenes=1 | scenes=10000 | corruptions.shade=[0.5, 1.5] | corruptions.blur=[2, 1]"
     " | corruptions.noise=[0.0] | clutter=[1.5] | mislabelled={unknown: [0.1]} | mislabelled.clearance=[]",
     "rule_families": "families={dwell: 0.1} | families={margin: 0.0, taste: 1.0} | families.dwell=-0.1"
-    " | variants=[nobody] | averaged.members=0",
+    " | variants=[nobody] | variants=[irl_ranked]",
 }
 WITH_REASON = [  # study, value, what the error says after the setting's name
     ("acceptance", "level=0.03", " = 0.03 among them"),

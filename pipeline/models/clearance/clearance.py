@@ -2,32 +2,51 @@
 
 Objects are detected in the image without training (pipeline.perception.objects). Each has a relevance: the probability
 that this user keeps away from objects of its appearance. Each path has a clearance [m] from each object. A path is
-invalid if it comes too close to a relevant object, or to one that the detector missed. The labels also decide whether
-any object is relevant at all; without such evidence all paths have the same P(valid).
+invalid if it comes too close to a relevant object, or to one that the detector missed.
 
-Rotating or reflecting scene and path together changes neither clearance nor relevance, so the model has the task's
-symmetries exactly.
+What "too close" and "relevant" mean depends on the user's rule family (FAMILIES). Every family is an ensemble; the
+model averages over families and a constant P(valid), weighted by BIC (Bayesian model averaging; Hoeting et al., 1999).
+Without evidence that any object is relevant, all paths have the same P(valid).
+
+Rotating or reflecting scene and path together changes neither clearance nor relevance. So the model has the task's
+symmetries exactly, except that family `side` tells left from right and family `progress` start from goal.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 import torch
 import torch.nn.functional as F
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from pipeline.models.base import ValidityModel
 from pipeline.perception.objects import FEATURES, detect_objects
 from pipeline.world.bezier import P_F, P_INIT, basis
+from pipeline.world.layout import segment_distance
 
-PATH_SAMPLES = 160  # points along a path: at most 1 cm apart, so that clearances are exact within half a millimetre
+FAMILIES = {  # parameters of each rule family in addition to `margin`'s; BIC charges for them
+    "margin": 0,  # a path is invalid within a margin of a relevant object
+    "dwell": 1,  # only if it stays within the margin for longer than a share of the path
+    "side": 1,  # relevance also depends on the side on which the path passes the object
+    "proximity": 2,  # ... on the gap between the object and its nearest neighbour
+    "progress": 2,  # ... on how far along the path the object is passed
+}
+GATES = ("side", "progress", "progress")  # the family that uses each relation (`Passing.relations`)
+PATH_SAMPLES = 161  # points along a path: at most 1 cm apart, so that clearances are exact within half a millimetre
 MARGIN_UNIT_M = 0.03  # unit of the margin parameter [m], so that one learning rate suits all parameters
 MIN_WIDTH_M = 0.003  # smallest transition width [m]: a third of a pixel, the limit of an outline's accuracy
 SHARPENING = 1.25  # factor on the log-odds of the members' mean, since averaged probabilities are underconfident
-EVIDENCE_PENALTY_NATS = 6.0  # log-likelihood gain [nat] at which relevance is as credible as irrelevance
-FEATURES_PER_MEMBER = 4  # number of features that each member uses
+EVIDENCE_PENALTY_NATS = 6.0  # log-likelihood gain [nat] at which a family is as credible as irrelevance
+OCCAM_NATS = 3.0  # families this much less probable [nat] than the most probable one are left out: 20 times
+FEATURES_PER_MEMBER = 4  # number of features of appearance that each member uses
 FEATURE_BOUND = 1.5  # bound on standardised features [standard deviations over the training objects]
+GAP_RANGE_M = 0.01, 1.0  # range of gaps between objects [m]; a missing neighbour counts as the upper end
+DWELL_STRIDE = 4  # family `dwell` looks at every fourth point of the path
+DWELL_SHARES = torch.arange(13) * DWELL_STRIDE / PATH_SAMPLES  # shares of the path that it can forgive: up to .3
+LATERAL_SCALE_M = 0.02  # lateral distance [m] at which an object counts as fully on one side
+GATE_UNIT = 3.0  # unit of the gates of `side` and `progress`, so that one learning rate suits all parameters
 
 
 class PerceivedObjects(NamedTuple):
@@ -36,31 +55,40 @@ class PerceivedObjects(NamedTuple):
     start: Float[Tensor, "*scene object 2"]  # of the capsule's segment [m]
     end: Float[Tensor, "*scene object 2"]  # of the capsule's segment [m]
     radius: Float[Tensor, "*scene object"]  # of the capsule [m]
-    features: Float[Tensor, "*scene object feature"]
+    features: Float[Tensor, "*scene object feature"]  # FEATURES, then the logarithm of the gap to a neighbour [m]
     present: Float[Tensor, "*scene object"]  # 1 for an object, 0 for an empty slot
 
     @classmethod
-    def of(cls, percept: Float[Tensor, "*scene object 12"]) -> "PerceivedObjects":
+    def of(cls, percept: Float[Tensor, "*scene object 13"]) -> "PerceivedObjects":
         """Return views of the percept's columns."""
         return cls(percept[..., :2], percept[..., 2:4], percept[..., 4], percept[..., 5:-1], percept[..., -1])
 
-    def percept(self) -> Float[Tensor, "*scene object 12"]:
+    def percept(self) -> Float[Tensor, "*scene object 13"]:
         """Return the percept: all fields as columns of one tensor."""
         return torch.cat([self.start, self.end, self.radius[..., None], self.features, self.present[..., None]], -1)
 
 
+class Passing(NamedTuple):
+    """How each path passes each object."""
+
+    clearance: Float[Tensor, "*scene path near share"]  # [m]; closer for this share of the path (DWELL_SHARES)
+    relations: Float[Tensor, "*scene path near 3"]  # side, 1 right to -1 left; progress, -1 to 1; its centred square
+
+
 class ClearanceModel(ValidityModel):
-    """An ensemble with p_valid = p_nothing_missed * (1 - max(relevance * closeness)) in each member.
+    """An ensemble per rule family with p_valid = p_nothing_missed * (1 - max(relevance * closeness)) in each member.
 
-    `relevance` is a logistic function of an object's features and their squares. Features are bounded so that it does
-    not extrapolate to objects unlike the training ones. Each member uses FEATURES_PER_MEMBER random features (random
-    subspaces; Ho, 1998), because several feature sets explain the training objects equally well. `closeness` falls from
-    1 to 0 around the member's margin, as Student's t distribution with 2 degrees of freedom. Its heavy tails allow for
-    outlines that are far off. `p_nothing_missed` is the probability that no undetected object blocks the path.
+    `relevance` is a logistic function of an object's features and their squares, and of the family's relation between
+    object and path. Features are bounded so that it does not extrapolate to objects unlike the training ones. Each
+    member uses FEATURES_PER_MEMBER random features (random subspaces; Ho, 1998), because several feature sets explain
+    the training objects equally well. `closeness` falls from 1 to 0 around the member's margin, as Student's t
+    distribution with 2 degrees of freedom. Its heavy tails allow for outlines that are far off. `p_nothing_missed` is
+    the probability that no undetected object blocks the path.
 
-    The members' mean is averaged with a constant `rate` by Akaike weights of the two models (Burnham and Anderson,
-    2002). EVIDENCE_PENALTY_NATS replaces the number of parameters, because averaged members fit the labels less closely
-    than the best one. Without labels, P(valid) is the constant.
+    A family's weight is its posterior probability against a constant `rate`, by BIC (Schwarz, 1978) on FAMILIES and
+    EVIDENCE_PENALTY_NATS: averaged members fit the labels less closely than the best one. Only families in Occam's
+    window have weight (Madigan and Raftery, 1994): nearly as probable as the best, and at least as `margin`, the first,
+    which the others extend. Without labels, P(valid) is the constant.
     """
 
     feature_mask: Tensor
@@ -70,72 +98,99 @@ class ClearanceModel(ValidityModel):
     rate: Tensor
     bound, sharpening = FEATURE_BOUND, SHARPENING
 
-    def __init__(self, members: int):
+    def __init__(self, members: int, families: Sequence[str] = tuple(FAMILIES)):
         super().__init__()
-        self.weight = nn.Parameter(0.3 * torch.randn(members, 1 + 2 * len(FEATURES)))  # coefficients of relevance
+        self.families, shape, features = tuple(families), (len(families), members), len(FEATURES) + 1
+        start = 0.3 * torch.randn(members, 1 + 2 * features)  # families start alike, so that they compare fairly
         used = torch.rand(members, len(FEATURES)).argsort(-1) < FEATURES_PER_MEMBER
-        mask = torch.cat([torch.ones(members, 1), used, used], 1)
-        self.register_buffer("feature_mask", mask)  # 1: the member uses the term
-        self.margin = nn.Parameter(torch.zeros(members))  # [MARGIN_UNIT_M]; 0 is the object's outline
-        self.width = nn.Parameter(torch.full((members,), float(np.log(0.01))))  # logarithm of the transition width [m]
-        self.logit_nothing_missed = nn.Parameter(torch.full((members,), 4.0))  # log-odds of p_nothing_missed
-        self.register_buffer("centre", torch.zeros(len(FEATURES)))  # mean of the training objects' features
-        self.register_buffer("spread", torch.ones(len(FEATURES)))  # their standard deviation
-        self.register_buffer("evidence", torch.tensor(-EVIDENCE_PENALTY_NATS))  # log-odds that any object is relevant
+        gap = self.is_family("proximity")[:, None, None].expand(*shape, 1)
+        seen = torch.cat([used.expand(*shape, -1), gap], -1)
+        self.register_buffer("feature_mask", torch.cat([torch.ones(*shape, 1), seen, seen], -1))  # 1: term is used
+        self.weight = nn.Parameter(start.repeat(shape[0], 1, 1))  # coefficients of relevance
+        self.margin = nn.Parameter(torch.zeros(shape))  # [MARGIN_UNIT_M]; 0 is the object's outline
+        self.width = nn.Parameter(torch.full(shape, float(np.log(0.01))))  # logarithm of the transition width [m]
+        self.logit_nothing_missed = nn.Parameter(torch.full(shape, 4.0))  # log-odds of p_nothing_missed
+        self.forgiven = nn.Parameter(torch.full(shape, -1.5))  # log-odds of the share that `dwell` forgives
+        self.gates = nn.Parameter(torch.zeros(*shape, len(GATES)))  # coefficients of relations [GATE_UNIT]
+        self.register_buffer("centre", torch.zeros(features))  # mean of the training objects' features
+        self.register_buffer("spread", torch.ones(features))  # their standard deviation
+        self.register_buffer("evidence", torch.full(shape[:1], -EVIDENCE_PENALTY_NATS))  # log-odds against `rate`
         self.register_buffer("rate", torch.tensor(0.5))  # P(valid) if no object is relevant
 
-    def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene object 12"]:
+    def is_family(self, name: str) -> Bool[Tensor, " family"]:
+        """Return which of the model's families has that name."""
+        return torch.tensor([family == name for family in self.families])
+
+    def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene object 13"]:
         """Return the detected objects, packed as by `PerceivedObjects.percept`."""
         objects = detect_objects(images)
         start, end = torch.from_numpy(objects.ends).unbind(-2)
         radius, features, present = map(torch.from_numpy, (objects.radius, objects.features, objects.present))
-        return PerceivedObjects(start, end, radius, features, present.float()).percept()
+        return pack(start, end, radius, features, present)
 
     def logit(
-        self, percept: Float[Tensor, "scene object 12"], z_theta: Float[Tensor, "scene path 2"]
+        self, percept: Float[Tensor, "scene object 13"], z_theta: Float[Tensor, "scene path 2"]
     ) -> Float[Tensor, "scene path"]:
         """Return the log-odds of validity of each path; differentiable in `z_theta` [m]."""
-        log_p_relevant = F.logsigmoid(self.logit_if_relevant(percept, z_theta)) + F.logsigmoid(self.evidence)
-        log_p_irrelevant = self.rate.log() + F.logsigmoid(-self.evidence)
-        return log_odds(torch.logaddexp(log_p_relevant, log_p_irrelevant))
+        *posterior, p_constant = self.posterior().unbind()
+        kept = [i for i, p in enumerate(posterior) if p > 0]
+        log_p = [(p_constant * self.rate).log().expand(z_theta.shape[:2])]
+        if kept:
+            passing = passes(percept, z_theta, dwell="dwell" in (self.families[i] for i in kept))
+            by_family = F.logsigmoid(self.logit_by_family(percept, passing, kept))
+            log_p += [posterior[i].log() + log_p_family for i, log_p_family in zip(kept, by_family, strict=True)]
+        return log_odds(torch.stack(log_p).logsumexp(0))
 
-    def logit_if_relevant(self, percept: Tensor, z_theta: Float[Tensor, "scene path 2"]) -> Float[Tensor, "scene path"]:
-        """Return the log-odds of validity given that objects are relevant: of the members' mean, times `sharpening`."""
-        log_p_members = self.log_valid(percept, clearance(percept, z_theta))
-        return self.sharpening * log_odds(log_p_members.logsumexp(0) - float(np.log(len(log_p_members))))
+    def posterior(self) -> Float[Tensor, " family_or_constant"]:
+        """Return the posterior probability of each family and, last, of the constant; 0 outside Occam's window."""
+        least = torch.maximum(self.evidence[0], self.evidence.max() - OCCAM_NATS)
+        return F.pad(self.evidence.masked_fill(self.evidence < least, -np.inf), (0, 1)).softmax(0)
+
+    def logit_by_family(
+        self, percept: Tensor, passing: Passing, chosen: Sequence[int] | slice = slice(None)
+    ) -> Float[Tensor, "family scene path"]:
+        """Return the log-odds of validity under each chosen family: of its members' mean, times `sharpening`."""
+        members = self.margin.shape[-1]
+        log_p = self.log_valid(percept, passing, chosen).unflatten(0, (-1, members))
+        return self.sharpening * log_odds(log_p.logsumexp(1) - float(np.log(members)))
 
     def log_valid(
-        self, percept: Float[Tensor, "*model scene object 12"], clearances: Float[Tensor, "*model scene path near"]
+        self,
+        percept: Float[Tensor, "*model scene object 13"],
+        passing: Passing,
+        chosen: Sequence[int] | slice = slice(None),
     ) -> Float[Tensor, "*model member scene path"]:
-        """Return each member's log p_valid, given the paths' `clearances` [m] from the objects in the first slots."""
-        margin = (MARGIN_UNIT_M * self.margin)[..., None, None, None, :]  # members last: fastest access
-        width = (self.width.exp() + MIN_WIDTH_M)[..., None, None, None, :]
-        x = (margin - clearances[..., None]) / width  # (*model, scene, path, near, member)
-        closeness = 0.5 + 0.5 * x / torch.sqrt(1 + x * x)
-        relevance = self._relevance(percept[..., : clearances.shape[-1], :])[..., None, :, :]
-        log_p_nothing_missed = F.logsigmoid(self.logit_nothing_missed)[..., None, None, :]
+        """Return log p_valid by the chosen families' members, given how paths pass the objects in the first slots."""
+
+        def of_members(parameter: Tensor) -> Tensor:
+            """Return (*model, 1, 1, 1, member): members last, for fastest access."""
+            return parameter[..., chosen, :].flatten(-2)[..., None, None, None, :]
+
+        near, shares = passing.clearance.shape[-2:]
+        forgiven = DWELL_SHARES[-1] * self.forgiven.sigmoid() * self.is_family("dwell")[:, None]
+        from_share = (of_members(forgiven)[..., 0, 0, :, :] - DWELL_SHARES[:shares, None]).abs() / DWELL_SHARES[1]
+        clearance = torch.einsum("...abns,...sm->...abnm", passing.clearance, F.relu(1 - from_share))  # interpolated
+        used = torch.stack([self.is_family(family) for family in GATES], -1)[:, None]  # (family, 1, relation)
+        gates = (GATE_UNIT * self.gates * used)[..., chosen, :, :].flatten(-3, -2)  # (*model, member, relation)
+        gate = torch.einsum("...abnr,...mr->...abnm", passing.relations, gates)
+        relevance = (self.logit_relevance(percept[..., :near, :], chosen)[..., None, :, :] + gate).sigmoid()
+        relevance = relevance * PerceivedObjects.of(percept[..., :near, :]).present[..., None, :, None]
+        x = (MARGIN_UNIT_M * of_members(self.margin) - clearance) * of_members(1 / (self.width.exp() + MIN_WIDTH_M))
+        closeness = 0.5 + 0.5 * x * torch.rsqrt(1 + x * x)
         # p_valid = p_nothing_missed * (1 - max(relevance * closeness)), as logarithms
-        threat = (relevance * closeness).amax(-2).clamp(max=1 - 1e-6)
-        return (torch.log1p(-threat) + log_p_nothing_missed).movedim(-1, -3)
+        threat = (relevance * closeness).amax(-2).clamp(max=1 - 1e-6)  # (*model, scene, path, member)
+        return (torch.log1p(-threat) + F.logsigmoid(of_members(self.logit_nothing_missed)[..., 0, :])).movedim(-1, -3)
 
-    def relevance(
-        self, percept: Float[Tensor, "*model scene object 12"]
-    ) -> Float[Tensor, "*model member scene object"]:
-        """Return each member's probability that the user keeps away from each object; 0 in empty slots."""
-        return self._relevance(percept).movedim(-1, -3)
-
-    def _relevance(
-        self, percept: Float[Tensor, "*model scene object 12"]
+    def logit_relevance(
+        self, percept: Float[Tensor, "*model scene object 13"], chosen: Sequence[int] | slice = slice(None)
     ) -> Float[Tensor, "*model scene object member"]:
-        objects = PerceivedObjects.of(percept)
-        features = (objects.features - self.centre[..., None, None, :]) / self.spread[..., None, None, :]
-        weight = self.weight * self.feature_mask
-        return (self.relevance_terms(features) @ weight.mT.unsqueeze(-3)).sigmoid() * objects.present[..., None]
-
-    def relevance_terms(self, features: Float[Tensor, "*object feature"]) -> Float[Tensor, "*object term"]:
-        """Return the terms in which relevance is linear: constant, bounded features and their squares."""
+        """Return each member's log-odds that the user keeps away from each object, by its features alone."""
+        features = PerceivedObjects.of(percept).features
+        features = (features - self.centre[..., None, None, :]) / self.spread[..., None, None, :]
         bounded = features.clamp(-self.bound, self.bound)
-        return torch.cat([torch.ones_like(features[..., :1]), bounded, features.tanh().square()], -1)
+        terms = torch.cat([torch.ones_like(features[..., :1]), bounded, features.tanh().square()], -1)
+        weight = (self.weight * self.feature_mask)[..., chosen, :, :].flatten(-3, -2)
+        return terms @ weight.mT.unsqueeze(-3)
 
 
 def log_odds(log_p: Tensor) -> Tensor:
@@ -144,10 +199,21 @@ def log_odds(log_p: Tensor) -> Tensor:
     return log_p - torch.log(-torch.expm1(log_p))
 
 
-def clearance(
-    percept: Float[Tensor, "scene object 12"], z_theta: Float[Tensor, "scene path 2"]
-) -> Float[Tensor, "scene path near"]:
-    """Return the clearance [m] of each path from each object's outline, negative inside.
+def pack(start: Tensor, end: Tensor, radius: Tensor, features: Tensor, present: Tensor) -> Tensor:
+    """Return the percept of objects (`PerceivedObjects`) with the gap [m] to each one's neighbour as last feature."""
+    segments = torch.stack([start, end], -2).double().numpy()
+    apart = torch.from_numpy(segment_distance(segments[:, :, None], segments[:, None])).to(radius)
+    gap = apart - radius[:, :, None] - radius[:, None, :]
+    other = present[:, :, None] & present[:, None] & ~torch.eye(present.shape[1], dtype=torch.bool)
+    log_gap = torch.where(other, gap, GAP_RANGE_M[1]).amin(-1).clamp(*GAP_RANGE_M).log()
+    features = torch.cat([features, log_gap[..., None]], -1)
+    return PerceivedObjects(start, end, radius, features, present.float()).percept()
+
+
+def passes(
+    percept: Float[Tensor, "scene object 13"], z_theta: Float[Tensor, "scene path 2"], dwell: bool = True
+) -> Passing:
+    """Return how each path [m] passes each object; unless `dwell`, only share 0 of clearances, the least one.
 
     Leaves out slots that are empty in every scene.
     """
@@ -156,19 +222,35 @@ def clearance(
     lift = torch.from_numpy(b[:, 1]).to(z_theta)
     # One coordinate at a time: torch reduces an axis of length 2 several times slower than it adds two tensors.
     x, y = (c + lift * z[..., None] for c, z in zip(fixed.unbind(-1), z_theta.unbind(-1), strict=True))
-    distances = []
-    for slot in percept[:, : occupied_slots(percept)].unbind(1):
-        objects = PerceivedObjects.of(slot)
-        start_x, start_y = (c[:, None, None] for c in objects.start.unbind(-1))
-        end_x, end_y = (c[:, None, None] for c in objects.end.unbind(-1))
+    occupied = max(1, int(PerceivedObjects.of(percept).present.sum(1).max()))  # detections fill slots from the first
+    objects = PerceivedObjects.of(percept[:, :occupied])
+    distances, samples = [], []
+    for start, end in zip(objects.start.unbind(1), objects.end.unbind(1), strict=True):
+        start_x, start_y = (c[:, None, None] for c in start.unbind(-1))
+        end_x, end_y = (c[:, None, None] for c in end.unbind(-1))
         along_x, along_y, from_x, from_y = end_x - start_x, end_y - start_y, x - start_x, y - start_y
         length = (along_x.square() + along_y.square()).clamp(min=1e-12)
         share = ((from_x * along_x + from_y * along_y) / length).clamp(0, 1)
-        nearest = ((from_x - share * along_x).square() + (from_y - share * along_y).square()).amin(-1)
-        distances.append(nearest.clamp(min=1e-12).sqrt() - objects.radius[:, None])
-    return torch.stack(distances, -1)
+        squared = (from_x - share * along_x).square() + (from_y - share * along_y).square()
+        nearest, sample = squared.min(-1, keepdim=True)
+        if dwell:
+            ascending = squared[..., ::DWELL_STRIDE].topk(len(DWELL_SHARES), largest=False).values
+            nearest = torch.cat([nearest, ascending[..., 1:]], -1)
+        distances.append(nearest)
+        samples.append(sample[..., 0])
+    clearance = torch.stack(distances, 2).clamp(min=1e-12).sqrt() - objects.radius[:, None, :, None]
+    t = torch.stack(samples, 2).to(z_theta) / (PATH_SAMPLES - 1)
+    progress = 2 * t - 1
+    return Passing(clearance, torch.stack([_side(objects, z_theta, t), progress, progress.square() - 1 / 3], -1))
 
 
-def occupied_slots(percept: Float[Tensor, "scene object 12"]) -> int:
-    """Return the largest number of objects in a scene, at least 1; detections fill slots from the first."""
-    return max(1, int(PerceivedObjects.of(percept).present.sum(1).max()))
+def _side(
+    objects: PerceivedObjects, z_theta: Float[Tensor, "scene path 2"], t: Float[Tensor, "scene path near"]
+) -> Float[Tensor, "scene path near"]:
+    """Return on which side each path passes each object at parameter `t`: 1 right, -1 left, between them in line."""
+    z, t, middle = z_theta[:, :, None], t[..., None], ((objects.start + objects.end) / 2)[:, None]
+    start, goal = (torch.from_numpy(p).to(z_theta) for p in (P_INIT, P_F))
+    point = (1 - t).square() * start + 2 * t * (1 - t) * z + t.square() * goal  # (scene, path, near, 2)
+    heading, towards = (1 - t) * (z - start) + t * (goal - z), middle - point
+    lateral = heading[..., 1] * towards[..., 0] - heading[..., 0] * towards[..., 1]
+    return (lateral / (heading.square().sum(-1) + 1e-12).sqrt() / LATERAL_SCALE_M).tanh()

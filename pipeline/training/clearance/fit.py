@@ -1,4 +1,4 @@
-"""Fit clearance models: every member maximises its own weighted likelihood of the labels, in parallel."""
+"""Fit clearance models: every member maximises its own weighted likelihood; then BIC weights the rule families."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +12,14 @@ from scipy.special import entr
 from torch import Tensor
 
 from pipeline.models.base import to_tensor
-from pipeline.models.clearance.clearance import EVIDENCE_PENALTY_NATS, ClearanceModel, PerceivedObjects, clearance
+from pipeline.models.clearance.clearance import (
+    EVIDENCE_PENALTY_NATS,
+    FAMILIES,
+    ClearanceModel,
+    Passing,
+    PerceivedObjects,
+    passes,
+)
 from pipeline.training.loop import (
     Checkpoints,
     Losses,
@@ -65,7 +72,7 @@ class _TrainingSet:
     """The data that one model is fitted to."""
 
     model: ClearanceModel
-    percept: Float[Tensor, "scene object 12"]
+    percept: Float[Tensor, "scene object 13"]
     z_theta: Float[Array, "scene n 2"]
     valid: Bool[Array, "scene n"]
     seed: int
@@ -73,7 +80,7 @@ class _TrainingSet:
 
 def set_feature_scaling(
     model: ClearanceModel, images: UInt8[Array, "scene 100 100 3"]
-) -> Float[Tensor, "scene object 12"]:
+) -> Float[Tensor, "scene object 13"]:
     """Set the model's feature scaling from the objects in the training images; return the percepts."""
     percept = model.perceive(to_tensor(images))
     objects = PerceivedObjects.of(percept)
@@ -86,14 +93,16 @@ def set_feature_scaling(
 
 @torch.no_grad()
 def set_model_evidence(training_set: _TrainingSet) -> None:
-    """Set the log-odds that objects are relevant: the gain in log-likelihood over one rate for all paths."""
-    model, valid = training_set.model, torch.tensor(training_set.valid)
-    model.evidence.fill_(CERTAIN_LOG_ODDS)  # use the members' probabilities alone
-    logit = model.logit(training_set.percept, torch.tensor(training_set.z_theta).float())
-    negative_log_likelihood = F.binary_cross_entropy_with_logits(logit, valid.float(), reduction="sum")
-    rate = float(valid.float().mean())
-    at_rate = valid.numel() * (entr(rate) + entr(1 - rate))
-    model.evidence.fill_(at_rate - float(negative_log_likelihood) - EVIDENCE_PENALTY_NATS)
+    """Set each family's log-odds against one rate for all paths: its gain in log-likelihood minus its BIC penalty."""
+    model, valid = training_set.model, torch.tensor(training_set.valid).float()
+    passing = passes(training_set.percept, torch.tensor(training_set.z_theta).float())
+    logits = model.logit_by_family(training_set.percept, passing)
+    log_likelihood = -F.binary_cross_entropy_with_logits(logits, valid.expand_as(logits), reduction="none").sum((1, 2))
+    rate = float(valid.mean())
+    log_likelihood_at_rate = -valid.numel() * (entr(rate) + entr(1 - rate))
+    parameters = torch.tensor([FAMILIES[family] for family in model.families])
+    penalty = EVIDENCE_PENALTY_NATS + 0.5 * np.log(valid.numel()) * parameters
+    model.evidence.copy_(log_likelihood - log_likelihood_at_rate - penalty)
 
 
 def _ascend(
@@ -103,18 +112,17 @@ def _ascend(
     models = [training_set.model for training_set in training_sets]
     stacked = stack_models(models)
     percept = torch.stack([training_set.percept for training_set in training_sets])
-    paths = pad_demonstrations([training_set.z_theta for training_set in training_sets])
+    paths = np.stack(pad_demonstrations([training_set.z_theta for training_set in training_sets]))
     labels = pad_demonstrations([training_set.valid for training_set in training_sets])
-    by_model = [clearance(p, torch.tensor(z).float()) for p, z in zip(percept, paths, strict=True)]
-    slots = max(c.shape[-1] for c in by_model)
-    clearances = torch.stack([F.pad(c, (0, slots - c.shape[-1])) for c in by_model])  # (model, scene, row, object)
+    flat = passes(percept.flatten(0, 1), torch.tensor(paths).float().flatten(0, 1))
+    passing = Passing(*(x.unflatten(0, percept.shape[:2]) for x in flat))
     valid = torch.tensor(np.stack(labels))[:, None]
     scene_weights = torch.stack([bootstrap(t.model, len(t.valid), t.seed) for t in training_sets])
     rows = torch.from_numpy(row_weights([t.valid.shape[1] for t in training_sets]).T).float()[:, None, None]
     weights = rows * scene_weights  # (model, member, scene, row)
 
     def loss() -> Losses:
-        log_valid = stacked.log_valid(percept, clearances).clamp(max=-1e-6)
+        log_valid = stacked.log_valid(percept, passing).clamp(max=-1e-6)
         negative_log_likelihood = -torch.where(valid, log_valid, torch.log(-torch.expm1(log_valid)))
         by_member = (weights * negative_log_likelihood).sum(-1).mean(-1)  # (model, member)
         return by_member.sum(), [by_member.mean(-1)]
@@ -131,5 +139,7 @@ def _ascend(
 
 
 def bootstrap(model: ClearanceModel, scenes: int, seed: int) -> Float[Tensor, "member scene 1"]:
-    """Draw each member's random weights of the scenes (Rubin, 1981)."""
-    return torch.empty(len(model.margin), scenes, 1).exponential_(generator=torch.Generator().manual_seed(seed))
+    """Draw each member's random weights of the scenes, the same for all families (Rubin, 1981)."""
+    families, members = model.margin.shape
+    weights = torch.empty(members, scenes, 1).exponential_(generator=torch.Generator().manual_seed(seed))
+    return weights.repeat(families, 1, 1)

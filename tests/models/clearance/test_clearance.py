@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from pipeline.models.base import to_tensor, untrained
-from pipeline.models.clearance.clearance import FEATURES_PER_MEMBER, ClearanceModel, clearance
+from pipeline.models.clearance.clearance import FAMILIES, FEATURES_PER_MEMBER, ClearanceModel, pack, passes
 from pipeline.perception.objects import FEATURES
 from pipeline.training.clearance.fit import fit
 from pipeline.training.loop import Checkpoints, Schedule
@@ -31,12 +31,8 @@ def fit_one(m: ClearanceModel, images, z, valid, seed=0, checkpoints=None) -> np
 
 def percept(layouts: Layouts) -> torch.Tensor:
     """Layouts as the model perceives them, without features."""
-    scenes, slots = layouts.symbol.shape
-    parts = (
-        layouts.ends.reshape(scenes, slots, 4), layouts.radius[..., None],
-        np.zeros((scenes, slots, len(FEATURES))), layouts.present[..., None],
-    )  # fmt: skip
-    return torch.tensor(np.concatenate(parts, -1))
+    ends, radius, present = (torch.tensor(x) for x in (layouts.ends, layouts.radius, layouts.present))
+    return pack(ends[..., 0, :], ends[..., 1, :], radius, torch.zeros(*present.shape, len(FEATURES)), present)
 
 
 def some_layouts(rng, scenes=20, slots=3) -> Layouts:
@@ -51,7 +47,8 @@ def some_layouts(rng, scenes=20, slots=3) -> Layouts:
 def test_clearances_are_those_of_the_world():
     rng = np.random.default_rng(0)
     layouts, z = some_layouts(rng), rng.uniform(-0.2, 1.2, (20, 50, 2))
-    ours, theirs = clearance(percept(layouts), torch.tensor(z)).numpy(), true_clearance(layouts, z)
+    ours = passes(percept(layouts), torch.tensor(z), dwell=False).clearance[..., 0].numpy()
+    theirs = true_clearance(layouts, z)
     apart = theirs > 0.02  # nearer, and inside, both only need to say that it is too near
     np.testing.assert_allclose(ours[apart], theirs[apart], rtol=0, atol=6e-4)
     assert (ours[~apart] < 0.0205).all()
@@ -60,7 +57,8 @@ def test_clearances_are_those_of_the_world():
 def test_turned_and_reflected_scenes_are_the_same_to_it():
     rng = np.random.default_rng(2)
     seen, z = percept(some_layouts(rng)), torch.tensor(rng.uniform(-0.2, 1.2, (20, 8, 2)))
-    m = model().double()
+    m = untrained(ClearanceModel, {"members": 4, "families": ["margin", "dwell", "proximity"]}, 0).double()
+    m.get_buffer("evidence").fill_(1.0)
     here = m.logit(seen, z)
     for same in (lambda p: p.flip(-1), lambda p: 1 - p):  # across the start-goal diagonal; by 180 degrees
         ends = same(seen[..., :4].unflatten(-1, (2, 2))).flatten(-2)
@@ -70,12 +68,14 @@ def test_turned_and_reflected_scenes_are_the_same_to_it():
 
 def test_each_member_judges_by_the_features_that_it_sees():
     m = model(members=40)
-    x = torch.linspace(-1, 1, len(FEATURES))[None, None].requires_grad_()
+    x = torch.linspace(-1, 1, len(FEATURES) + 1)[None, None].requires_grad_()
     seen = torch.cat([torch.zeros(1, 1, 5), x, torch.ones(1, 1, 1)], -1)
-    slopes = (torch.autograd.grad(r, x, retain_graph=True)[0] for r in m.relevance(seen).flatten())
-    moved = torch.stack([slope.flatten() != 0 for slope in slopes])
-    assert (moved.sum(1) == FEATURES_PER_MEMBER).all()
-    assert len({tuple(row) for row in moved.tolist()}) > 10 and moved.any(0).all()
+    slopes = (torch.autograd.grad(r, x, retain_graph=True)[0] for r in m.logit_relevance(seen).flatten())
+    moved = torch.stack([slope.flatten() != 0 for slope in slopes]).unflatten(0, (len(FAMILIES), -1))
+    appearance, gap = moved[..., :-1], moved[..., -1]
+    assert (appearance.sum(-1) == FEATURES_PER_MEMBER).all()
+    assert len({tuple(row) for row in appearance[0].tolist()}) > 10 and appearance[0].any(0).all()
+    assert gap.all(1).tolist() == [family == "proximity" for family in FAMILIES] == gap.any(1).tolist()
 
 
 @pytest.mark.parametrize("label", [True, False])
@@ -110,7 +110,7 @@ def test_it_learns_which_objects_matter_and_their_margin(relevant):
     assert curve[-1, 1] < curve[0, 1]
     right = (m.probability(images[20:], z[20:]) > 0.5) == valid[20:]
     assert right.mean() > 0.95
-    relevance = m.relevance(m.perceive(to_tensor(images[20:]))).mean((0, 1))[:2].detach().numpy()
+    relevance = m.logit_relevance(m.perceive(to_tensor(images[20:])), [0]).sigmoid().mean((0, 2))[:2].detach().numpy()
     assert ((relevance > 0.5) == relevant).all()
 
 
@@ -143,8 +143,9 @@ def test_a_seed_gives_the_same_bits_and_checkpoints_keep_the_evidence_of_their_s
     assert torch.equal(before, torch.random.get_rng_state())
     assert all(torch.equal(value, kept.state_dict()[name]) for name, value in plain.state_dict().items())
     assert not torch.equal(plain.margin, other.margin)
-    evidence = [float(state["evidence"]) for state in checkpoints.of(kept).values()]
-    assert evidence == sorted(evidence) and evidence[0] < evidence[1] - 10 and evidence[2] < float(kept.evidence) + 1e-3
+    evidence = [float(state["evidence"][0]) for state in checkpoints.of(kept).values()]
+    assert evidence == sorted(evidence) and evidence[0] < evidence[1] - 10
+    assert evidence[2] < float(kept.evidence[0]) + 1e-3
 
 
 @pytest.mark.slow
@@ -168,4 +169,4 @@ def test_models_fitted_together_answer_as_each_does_alone():
         one, other = (m.probability(images, asked) for m in (alone[i], together[i]))
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-4)
         np.testing.assert_allclose(curves[i], batch_size[i], rtol=1e-4)
-    assert len({float(m.evidence) for m in together}) == 3
+    assert len({float(m.evidence[0]) for m in together}) == 3

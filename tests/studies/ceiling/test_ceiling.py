@@ -27,11 +27,11 @@ def test_a_drawn_path_covers_its_curve_and_nothing_far_from_it():
     drawn = draw_paths(z).numpy()
     assert drawn.shape == (2, 5, SIDE, SIDE) and set(np.unique(drawn)) == {0, 1}
     for path, points in zip(drawn.reshape(-1, SIDE, SIDE), curve(z.numpy().reshape(-1, 2), 3000), strict=True):
-        points = points[((points >= 0) & (points < 1)).all(-1)]
-        assert path[SIDE - 1 - (SIDE * points[:, 1]).astype(int), (SIDE * points[:, 0]).astype(int)].all()
+        on_table = points[((points >= 0) & (points < 1)).all(-1)]
+        assert path[SIDE - 1 - (SIDE * on_table[:, 1]).astype(int), (SIDE * on_table[:, 0]).astype(int)].all()
         row, column = np.nonzero(path)
         centres = np.stack([column + 0.5, SIDE - row - 0.5], -1) / SIDE
-        assert np.linalg.norm(centres[:, None] - points, axis=-1).min(1).max() < 0.022, "two pixels, diagonally less"
+        assert np.linalg.norm(centres[:, None] - points, axis=-1).min(1).max() < 0.03, "three pixels"
 
 
 @torch.no_grad()
@@ -91,6 +91,21 @@ def test_fewer_scenes_are_the_first_ones_and_judges_are_the_same_for_all(cfg: Di
         assert [len(x.valid) for x in job.judged.values()] == [6, 6]
     new = {x.judged[NEW].images.tobytes() for x in jobs}
     assert len(new) == 1 and not new & {x.judged[SEEN].images.tobytes() for x in jobs}
+
+
+def test_steps_grow_with_the_scenes_and_are_never_fewer_than_in_stage_train():
+    cfg = compose(["train.steps=500", "studies.ceiling.batch=20", "studies.ceiling.growth=0.5"])
+    assert [stage.steps(cfg, "full", scenes) for scenes in (10, 20, 80, 500)] == [500, 500, 1000, 2500]
+    assert stage.steps(cfg, PERFECT, 80) == 500, "full-batch steps, whatever the number of scenes"
+
+
+def test_learners_fitted_together_are_of_one_kind_and_of_one_size(cfg: DictConfig):
+    jobs = draw_jobs(cfg)
+    parts = stage.stacks(cfg, jobs)
+    assert sorted(id(job) for part in parts for job in part) == sorted(map(id, jobs))
+    for part in parts:
+        assert len({(job.learner, len(job.z_theta)) for job in part}) == 1
+        assert len(part) == 1 or part[0].learner in cfg.variants
 
 
 def test_each_learner_has_a_row_for_each_number_of_scenes_and_split(cfg: DictConfig, out: Path):

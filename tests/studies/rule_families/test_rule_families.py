@@ -46,7 +46,7 @@ def summary(out: Path) -> pd.DataFrame:
 
 def test_every_family_and_variant_has_accuracies_and_a_verdict_on_every_question(cfg: DictConfig, out, summary):
     families = set(cfg.studies.rule_families.families)
-    fitted = {*cfg.studies.rule_families.variants, rule_families.AVERAGED}
+    fitted = {*cfg.studies.rule_families.variants, rule_families.MARGIN_ALONE}
     assert set(summary.index) == {(f, v) for f in families for v in (*fitted, "position_only")}
     accuracy, verdicts = read_table(out / "accuracy.parquet"), read_table(out / "verdicts.csv")
     assert len(accuracy) == len(summary) * len(cfg.evaluate.users) * len(cfg.protocol.seeds)

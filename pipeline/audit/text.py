@@ -1,0 +1,96 @@
+"""Write an audit as Markdown: for the terminal, a pull request or a file."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from pipeline.audit.consistency import Checked
+from pipeline.audit.difference import Difference
+from pipeline.audit.rerun import Output
+
+WORDS = ("worse", "better", "undecided", "same")  # in the order of a report
+PAIRED = ("headline", "before", "after", "difference", "ci_low", "ci_high", "p_holm", "seeds", "word")
+MAX_CELL = 80  # characters
+MAX_LINES = 30  # of a list; the JSON has all
+
+
+def of_audit(revision: str, checks: Sequence[Checked]) -> str:
+    """Return the result of all checks of a commit."""
+    faults = sum(len(check.faults) for check in checks)
+    verdict = "everything agrees" if not faults else f"{faults} fault{'s' * (faults != 1)}"
+    rows = [(check.what, check.items, len(check.faults)) for check in checks]
+    parts = [f"# Audit of {revision}: {verdict}", table(["check", "items", "faults"], rows)]
+    for check in checks:
+        if check.faults:
+            parts += [f"## {check.what}: not so", items(f"`{fault.place}`: {fault.message}" for fault in check.faults)]
+    return "\n\n".join(parts) + "\n"
+
+
+def of_rerun(revision: str, outputs: Sequence[Output], difference: Difference) -> str:
+    """Return what running a commit again gave: how many outputs have the same bytes, and what that did to results."""
+    other = [output for output in outputs if not output.identical]
+    d = difference
+    if not other:
+        word = "identical"
+    elif not d.claims and len(d.by_seed) and (d.by_seed["word"] == "same").all():
+        word = "equal"
+    else:
+        word = "changed"
+    parts = [f"# {revision}, run again: {word}"]
+    parts += [f"{len(outputs) - len(other)} of {len(outputs)} outputs have the same bytes."]
+    parts += _sections({"Other outputs": table(["stage", "output"], [output[:2] for output in other])})
+    return "\n\n".join(parts + _sections(_differences(d))) + "\n"
+
+
+def of_difference(before: str, after: str, difference: Difference) -> str:
+    """Return what differs between two commits: claims first, then headlines, then their possible causes."""
+    sections = _sections(_differences(difference)) or ["Nothing differs."]
+    return "\n\n".join([f"# {before} to {after}", *sections]) + "\n"
+
+
+def _differences(d: Difference) -> dict[str, str]:
+    """Return the sections of a difference by title; "" where nothing differs."""
+    paired = table(PAIRED, [])
+    if len(d.by_seed):
+        order = d.by_seed.sort_values("word", key=lambda words: words.map(WORDS.index))
+        paired = table(PAIRED, order[list(PAIRED)].itertuples(index=False))
+    known = set(d.by_seed["headline"]) if len(d.by_seed) else set()
+    rows = [(line.name, line.before, line.after, line.change) for line in d.headlines if line.name not in known]
+    modules = d.modules.reset_index().itertuples(index=False)
+    return {
+        "Claims whose verdict changed": table(["claim", "before", "after"], d.claims),
+        "Headlines, paired by seed": paired,
+        "Other headlines that changed": table(["headline", "before", "after", "change"], rows),
+        "Parameters": table(["parameter", "before", "after"], d.parameters),
+        "Data": items(f"`{path}`" for path in d.data),
+        "Packages": items(f"`{line}`" for line in d.packages),
+        "Code": table(["package", "files", "lines added", "lines removed"], modules),
+        "Recordings to open": items(f"`make review RUN={name}`" for name in d.recordings),
+    }
+
+
+def _sections(contents: dict[str, str]) -> list[str]:
+    return [f"## {title}\n\n{content}" for title, content in contents.items() if content]
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """Return a Markdown table of at most MAX_LINES rows; "" if there are no rows."""
+    lines = ["| " + " | ".join(_cell(value) for value in row) + " |" for row in rows]
+    if not lines:
+        return ""
+    more = [f"| ... {len(lines) - MAX_LINES} more" + " |" * len(head)] if len(lines) > MAX_LINES else []
+    return "\n".join(["| " + " | ".join(head) + " |", "| --- " * len(head) + "|", *lines[:MAX_LINES], *more])
+
+
+def items(lines: Iterable[str]) -> str:
+    """Return a Markdown list of at most MAX_LINES lines; "" if there are none."""
+    every = list(lines)
+    more = [f"- ... {len(every) - MAX_LINES} more"] if len(every) > MAX_LINES else []
+    return "\n".join([f"- {line}" for line in every[:MAX_LINES]] + more)
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return "–"
+    text = f"{value:.4g}" if isinstance(value, float) else str(value)
+    text = text if len(text) <= MAX_CELL else f"{text[: MAX_CELL - 3]}..."
+    return text.replace("|", "\\|").replace("\n", " ")

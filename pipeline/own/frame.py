@@ -1,0 +1,120 @@
+"""From a photograph to the model's table: a homography to the table, then a similarity to the model's start and goal.
+
+The models know one start and one goal, P_INIT and P_F. Another start and goal are mapped there by moving, turning and
+scaling picture and paths together, which keeps angles and ratios of lengths. One metre on the table is `scale` metres
+to the model.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Float, UInt8
+from numpy import ndarray as Array
+
+from pipeline.world.bezier import P_F, P_INIT
+from pipeline.world.layout import SIDE
+
+CANVAS_PX = 4 * SIDE  # side of a rectified table: fine enough to place cut-outs at a quarter of a model's pixel
+MAX_FINER = 4  # a photograph is warped at up to this many times CANVAS_PX, then averaged, so that nothing aliases
+SMOOTH_PX = 101  # the median that removes objects from the rim which continues the table beyond its edge
+RIM_PX = CANVAS_PX // 100  # the canvas' outermost hundredth repeats its neighbour: nobody marks corners to the pixel
+MIN_EMPTY = 8  # smallest grey level of the empty table that divides
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The similarity from metres on the table to the model's metres: model = turn * table + shift, as complex numbers.
+
+    side_m: side of the square table [m].
+    """
+
+    side_m: float
+    turn: complex
+    shift: complex
+
+    @classmethod
+    def between(cls, side_m: float, start: Float[Array, "2"], goal: Float[Array, "2"]) -> "Frame":
+        """Return the frame in which start and goal [m on the table], which differ, are P_INIT and P_F."""
+        first, last, begin, end = (complex(*map(float, p)) for p in (start, goal, P_INIT, P_F))
+        turn = (end - begin) / (last - first)
+        return cls(side_m, turn, begin - turn * first)
+
+    @property
+    def scale(self) -> float:
+        """Return how many of the model's metres one metre on the table is."""
+        return abs(self.turn)
+
+    @property
+    def is_whole_table(self) -> bool:
+        """Return whether the model sees the whole table unturned, as without a `start` and `goal`."""
+        return abs(self.turn * self.side_m - 1) < 1e-9 and abs(self.shift) < 1e-9
+
+    @property
+    def degrees(self) -> float:
+        """Return the counter-clockwise turn [degrees]."""
+        return float(np.degrees(np.angle(self.turn)))
+
+    def to_model(self, points: Float[Array, "*p 2"]) -> Float[Array, "*p 2"]:
+        """Return points on the table [m] as the model's [m]."""
+        return np.asarray(points, float) @ self._matrix.T + [self.shift.real, self.shift.imag]
+
+    def to_table(self, points: Float[Array, "*p 2"]) -> Float[Array, "*p 2"]:
+        """Return the model's points [m] on the table [m]."""
+        shifted = np.asarray(points, float) - [self.shift.real, self.shift.imag]
+        return shifted @ self._matrix / self.scale**2
+
+    def image(self, canvas: UInt8[Array, "side side 3"], side_px: int = SIDE) -> UInt8[Array, "px px 3"]:
+        """Return the model's image of a rectified table, 100 pixels a side unless it is for people.
+
+        Beyond the table's edge it continues the colours of the rim without their objects, so that the edge is no
+        object either.
+        """
+        if not self.is_whole_table:
+            inside, beyond = (
+                cv2.warpPerspective(layer, self._pixels(), canvas.shape[:2], borderMode=cv2.BORDER_REPLICATE)
+                for layer in (canvas, cv2.medianBlur(canvas, SMOOTH_PX))
+            )
+            white = np.full(canvas.shape[:2], 255, np.uint8)
+            on_table = cv2.warpPerspective(white, self._pixels(), canvas.shape[:2], flags=cv2.INTER_NEAREST)
+            canvas = np.where(on_table[..., None] > 0, inside, beyond)
+        return cv2.resize(canvas, (side_px, side_px), interpolation=cv2.INTER_AREA)
+
+    @property
+    def _matrix(self) -> Float[Array, "2 2"]:
+        """Return the matrix that multiplies by `turn`."""
+        return np.array([[self.turn.real, -self.turn.imag], [self.turn.imag, self.turn.real]])
+
+    def _pixels(self) -> Float[Array, "3 3"]:
+        """Return the homography from the canvas' pixels to those of the model's canvas."""
+        corners = np.array([[0, 0], [CANVAS_PX, 0], [CANVAS_PX, CANVAS_PX], [0, CANVAS_PX]], float)
+        on_table = np.stack([corners[:, 0], CANVAS_PX - corners[:, 1]], -1) / CANVAS_PX * self.side_m
+        model = self.to_model(on_table)
+        there = np.stack([model[:, 0], 1 - model[:, 1]], -1) * CANVAS_PX
+        return cv2.getPerspectiveTransform((corners - 0.5).astype(np.float32), (there - 0.5).astype(np.float32))
+
+
+def rectify(picture: UInt8[Array, "row column 3"], corners: Float[Array, "4 2"] | None) -> UInt8[Array, "side side 3"]:
+    """Return the table seen from straight above, CANVAS_PX pixels a side.
+
+    corners: [column, row] in the picture, far left, far right, near right, near left; None: the whole picture.
+    """
+    if corners is None:
+        height, width = picture.shape[:2]
+        corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], float)
+    longest = max(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1))
+    side = CANVAS_PX * int(np.clip(np.ceil(longest / CANVAS_PX), 1, MAX_FINER))
+    square = np.array([[0, 0], [side, 0], [side, side], [0, side]], np.float32)
+    matrix = cv2.getPerspectiveTransform((corners - 0.5).astype(np.float32), square - 0.5)
+    warped = cv2.warpPerspective(picture, matrix, (side, side), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    canvas = cv2.resize(warped, (CANVAS_PX, CANVAS_PX), interpolation=cv2.INTER_AREA)
+    inner = np.ascontiguousarray(canvas[RIM_PX:-RIM_PX, RIM_PX:-RIM_PX])
+    return cv2.copyMakeBorder(inner, *[RIM_PX] * 4, cv2.BORDER_REPLICATE)
+
+
+def without_pattern(
+    images: UInt8[Array, "scene 100 100 3"], empty: UInt8[Array, "100 100 3"]
+) -> UInt8[Array, "scene 100 100 3"]:
+    """Return images divided by that of the empty table, times its mean colour: the table becomes plain."""
+    gain = empty.reshape(-1, 3).mean(0) / np.maximum(empty.astype(float), MIN_EMPTY)
+    return np.clip(np.rint(images * gain), 0, 255).astype(np.uint8)

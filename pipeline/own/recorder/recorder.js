@@ -1,0 +1,447 @@
+// The recorder's page: shows scenes, sends what a person draws and judges, and says what is recorded.
+import { Board, dot, stroke, write } from "/static/canvas.js";
+import { PathTool, PointTool, metres } from "/static/tools.js";
+
+const $ = id => document.getElementById(id);
+const STEPS = { scenes: "Scenes", table: "Place the table", items: "Outline items", paths: "Record paths" };
+const CORNERS = ["far left", "far right", "near right", "near left"];
+export const board = new Board($("picture"), $("canvas"));
+let overview = null; // what is recorded, from the server
+let scene = null; // what stands over the current picture, from the server
+let step = "paths";
+let user = localStorage.getItem("user") ?? "";
+let sending = false;
+let opened = 0; // counts the scenes that were asked for
+
+// ---- talk to the server
+
+async function ask(path, body) {
+  const options = body === undefined ? {} : { method: "POST", body: body instanceof Blob ? body : JSON.stringify(body) };
+  let answer;
+  try {
+    answer = await fetch(path, options);
+  } catch {
+    throw new Error(`The recorder does not answer. Start it again with --port ${location.port}, then try again here.`);
+  }
+  const told = await answer.json().catch(() => ({}));
+  if (!answer.ok) throw new Error(sentence(told.error ?? `The recorder failed (${answer.status}).`));
+  return told;
+}
+
+const sentence = text => text.charAt(0).toUpperCase() + text.slice(1) + (text.endsWith(".") ? "" : ".");
+
+function say(text, kind = "", target = $("message")) {
+  target.textContent = text;
+  target.className = `message ${kind}`;
+}
+
+async function attempt(action, target) { // an action whose error is shown
+  try {
+    await action();
+  } catch (error) {
+    say(error.message, "bad", target);
+  }
+}
+
+async function refresh() {
+  overview = await ask("/api/overview");
+  document.documentElement.style.setProperty("--valid", overview.colours.valid);
+  document.documentElement.style.setProperty("--invalid", overview.colours.invalid);
+  if (!allUsers().includes(user)) user = overview.users.at(-1) ?? "";
+  if (scene && overview.scenes.includes(scene.name)) scene = await ask(sceneUrl("/api/scenes/", scene.name));
+  showCounts();
+  showUsers();
+  showItems();
+  showThumbnails();
+  board.redraw();
+}
+
+const sceneUrl = (prefix, name) => prefix + encodeURIComponent(name);
+
+// ---- where we are: #paths/kitchen
+
+async function go() {
+  const [asked, name] = location.hash.slice(1).split("/").map(decodeURIComponent);
+  step = overview.scenes.length ? (asked in STEPS ? asked : "paths") : "scenes";
+  document.querySelectorAll(".pages a").forEach(link => {
+    if (link.hash === `#${step}`) link.setAttribute("aria-current", "page");
+    else link.removeAttribute("aria-current");
+  });
+  document.querySelector("h1").textContent = STEPS[step];
+  document.title = `${STEPS[step]} – Causal specifications`;
+  const onPicture = step !== "scenes";
+  $("board").hidden = !onPicture;
+  $("scenes").hidden = onPicture;
+  document.querySelectorAll(".paths-only").forEach(part => { part.hidden = step !== "paths"; });
+  document.querySelectorAll(".items-only").forEach(part => { part.hidden = step !== "items"; });
+  document.querySelectorAll(".table-only").forEach(part => { part.hidden = step !== "table"; });
+  document.querySelectorAll(".other-help").forEach(part => { part.hidden = step === "paths"; });
+  $("next").firstChild.textContent = step === "paths" ? "Skip" : "Next";
+  if (onPicture) await open(overview.scenes.includes(name) ? name : scene?.name ?? firstOpenScene());
+}
+
+function firstOpenScene() { // the first without a path of this person, so that one goes on where one stopped
+  return overview.scenes.find(name => !overview.counts[name]?.[user]) ?? overview.scenes[0];
+}
+
+async function open(name) {
+  board.tool = null;
+  const request = ++opened;
+  const answer = await ask(sceneUrl("/api/scenes/", name));
+  if (request !== opened) return; // the person has gone on
+  scene = answer;
+  const index = overview.scenes.indexOf(name);
+  $("scene-title").textContent = `Scene ${index + 1} of ${overview.scenes.length}: ${name}`;
+  $("back").disabled = index === 0;
+  $("next").disabled = index === overview.scenes.length - 1;
+  await board.show(sceneUrl("/pictures/", name), `Scene ${name}`);
+  if (request !== opened) return;
+  start();
+  showCounts();
+  showItems();
+}
+
+function turn(by) {
+  const name = overview.scenes[overview.scenes.indexOf(scene.name) + by];
+  if (name !== undefined && mayLeave()) location.hash = `${step}/${encodeURIComponent(name)}`;
+}
+
+const waiting = () => board.tool instanceof PathTool && board.tool.state === "drawn";
+
+function mayLeave() {
+  return !waiting() || confirm("The drawn path has not been judged. Leave it?");
+}
+
+// ---- what can be done on this step's picture
+
+function start() {
+  board.tool = null;
+  if (step === "paths") startPaths();
+  if (step === "items") startItems();
+  if (step === "table") startTable();
+  showButtons();
+  board.redraw();
+}
+
+function startPaths() {
+  if (!scene.corners) {
+    say("The recorder does not know where the table is in this picture. Mark its corners first, under Table.", "bad");
+    return;
+  }
+  board.tool = new PathTool(() => ({ scene, overview }), say, showButtons);
+  say(user ? `Draw a path from Start to Goal for ${user}.` : "Add the name of the person who judges, then draw a path from Start to Goal.");
+}
+
+async function judge(valid) {
+  const tool = board.tool;
+  if (!waiting() || sending) return;
+  if (!user) {
+    say("Say first who judges: add a name.", "bad");
+    $("user-name").focus();
+    return;
+  }
+  sending = true;
+  showButtons();
+  await attempt(async () => {
+    const stored = await ask("/api/paths", { scene: scene.name, user, valid, samples: tool.samples });
+    tool.clear();
+    say(`Stored: path ${stored.demo} of ${user} in this scene, ${valid ? "valid" : "not valid"}.`, "good");
+    await refresh();
+  });
+  sending = false;
+  showButtons();
+}
+
+async function undo() {
+  const last = ownPaths().at(-1);
+  if (!last || sending) return;
+  await attempt(async () => {
+    await ask("/api/remove", { what: "path", id: last.id });
+    say(`Removed path ${last.demo} of ${user}.`);
+  });
+  await attempt(refresh);
+  showButtons();
+}
+
+const ownPaths = () => scene?.paths.filter(path => path.user === user) ?? [];
+
+function showButtons() {
+  const drawn = waiting() && !sending;
+  for (const id of ["valid", "invalid", "discard"]) $(id).disabled = !drawn;
+  $("undo").disabled = sending || !ownPaths().length;
+}
+
+function startItems() {
+  if (!scene.corners) {
+    say("The recorder does not know where the table is in this picture. Mark its corners first, under Table.", "bad");
+    return;
+  }
+  const long = $("item-form").elements.shape.value === "long";
+  board.tool = new PointTool(long ? 3 : 2, addItem, tellItem);
+  tellItem();
+}
+
+function tellItem() {
+  const long = board.tool.count === 3;
+  const next = long ? ["one end", "the other end", "a place on its side"] : ["its centre", "a place on its rim"];
+  const index = board.tool.points.length;
+  if (index < next.length) say(`${long ? "Long" : "Round"} item: mark ${next[index]}.`);
+}
+
+async function addItem(points) {
+  const tool = board.tool;
+  const kind = $("kind").value.trim();
+  if (!kind) {
+    say("Name the kind of item first, then mark it.", "bad");
+    tool.cancel();
+    $("kind").focus();
+    return;
+  }
+  await attempt(async () => {
+    await ask("/api/items", { scene: scene.name, kind, points });
+    tool.points = [];
+    await refresh();
+    say(`Stored: ${kind}. Mark the next.`, "good");
+  });
+  tool.points = [];
+  board.redraw();
+}
+
+function startTable() {
+  const form = $("table-form").elements;
+  const { table } = overview;
+  $("side").value = table.side_m;
+  for (const end of ["start", "goal"]) ["x", "y"].forEach((axis, i) => { $(`${end}-${axis}`).value = table[end][i]; });
+  form.holds.value = table.for_each_scene ? "one" : "all";
+  const paths = Object.values(overview.counts).flatMap(Object.values).reduce((sum, count) => sum + count.valid + count.invalid, 0);
+  $("kept").textContent = paths ? `${paths} paths are stored in metres of the table as it was. Moving it now does not move them.` : "";
+  choosePlace();
+}
+
+function choosePlace() {
+  const place = $("table-form").elements.place.value;
+  if (place === "corners") {
+    board.tool = new PointTool(4, () => {}, tellCorner);
+    tellCorner();
+  } else if (!scene.corners) {
+    say("Mark the table’s corners and save them first.", "bad");
+    board.tool = null;
+  } else {
+    board.tool = new PointTool(1, ([point]) => {
+      const [x, y] = metres(scene.matrix, point);
+      $(`${place}-x`).value = x.toFixed(3);
+      $(`${place}-y`).value = y.toFixed(3);
+    }, () => say(`The ${place} is placed. Save the table to keep it.`));
+    say(`Click where every path ${place === "start" ? "begins" : "ends"}.`);
+  }
+  board.redraw();
+}
+
+function tellCorner() {
+  const index = board.tool.points.length;
+  if (index === 4) say("All four corners are marked. Save the table, or click to begin anew.");
+  else say(`Mark the ${CORNERS[index]} corner of the table${index ? "" : scene.corners ? ", to place the table anew" : ""}.`);
+}
+
+async function saveTable() {
+  const form = $("table-form").elements;
+  const points = form.place.value === "corners" && board.tool ? board.tool.points : [];
+  if (points.length % 4) {
+    say(`${points.length} of four corners are marked: mark the others, too, or press Escape on the picture.`, "bad");
+    return;
+  }
+  const number = id => $(id).valueAsNumber;
+  await attempt(async () => {
+    await ask("/api/table", {
+      scene: scene.name,
+      everywhere: form.holds.value === "all",
+      corners: points.length ? points : null,
+      side_m: number("side"),
+      start: [number("start-x"), number("start-y")],
+      goal: [number("goal-x"), number("goal-y")],
+    });
+    await refresh();
+    start();
+    say("The table is stored. The grid over the picture has ten fields a side: does it fit?", "good");
+  });
+}
+
+// ---- what stands over the picture
+
+function drawScene(context, unit) {
+  if (!scene?.corners) return;
+  if (step === "table") drawGrid(context, unit);
+  stroke(context, unit, scene.corners, "#ffffff", { closed: true, width: 1.5, alpha: 0.8 });
+  if (step === "items") for (const item of scene.items) {
+    stroke(context, unit, item.outline, "#7cc4f2", { closed: true, width: 2, fill: "#7cc4f233" });
+    write(context, unit, item.kind, middle(item.outline));
+  }
+  if (step === "paths" && $("earlier").checked) for (const path of ownPaths())
+    stroke(context, unit, path.points, overview.colours[path.valid ? "valid" : "invalid"], { dashed: !path.valid, alpha: 0.75, width: 2.5 });
+  if (step === "items") return;
+  for (const [end, label] of [["start", "Start"], ["goal", "Goal"]]) {
+    stroke(context, unit, scene.zones[end], "#ffffff", { closed: true, width: 2, fill: "#ffffff40" });
+    dot(context, unit, scene.ends[end], "#ffffff", 3);
+    const low = Math.max(...scene.zones[end].map(([, y]) => y)) + 12 * unit;
+    const high = Math.min(...scene.zones[end].map(([, y]) => y)) - 12 * unit;
+    write(context, unit, label, [scene.ends[end][0], low < board.image.naturalHeight - 8 * unit ? low : high]);
+  }
+}
+
+function drawGrid(context, unit) {
+  for (const line of scene.grid) stroke(context, unit, line, "#ffffff", { width: 0.75, alpha: 0.5 });
+}
+
+function middle(points) {
+  const mean = axis => points.reduce((sum, point) => sum + point[axis], 0) / points.length;
+  return [mean(0), mean(1)];
+}
+
+// ---- lists
+
+function element(name, text, attributes = {}) {
+  const made = document.createElement(name);
+  if (text !== null) made.textContent = text;
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  return made;
+}
+
+const added = []; // names that were typed and have no path yet
+const allUsers = () => [...new Set([...(overview?.users ?? []), ...added])];
+
+function showUsers() {
+  $("users").replaceChildren(...allUsers().map(name => {
+    const label = element("label", null, { class: "check" });
+    const radio = element("input", null, { type: "radio", name: "user", value: name });
+    radio.checked = name === user;
+    radio.addEventListener("change", () => choose(name));
+    label.append(radio, element("span", name));
+    return label;
+  }));
+  if (!allUsers().length) $("users").append(element("p", "Nobody yet: add a name.", { class: "note" }));
+}
+
+function choose(name) {
+  user = name;
+  localStorage.setItem("user", name);
+  showUsers();
+  showButtons();
+  if (waiting()) say(`Is it valid for ${user}?`);
+  else if (scene?.corners && step === "paths") say(`Draw a path from Start to Goal for ${user}.`);
+  board.redraw();
+}
+
+function showCounts() {
+  const users = overview.users;
+  const number = count => (count ? `${count.valid} + ${count.invalid}` : "–");
+  const head = element("tr", null);
+  head.append(element("th", "Scene", { scope: "col" }));
+  for (const name of users) head.append(element("th", name, { scope: "col" }));
+  head.append(element("th", "Items", { scope: "col", class: "number" }));
+  const rows = overview.scenes.map(name => {
+    const row = element("tr", null);
+    const title = element("th", null, { scope: "row" });
+    const link = element("a", name, { href: `#${step === "scenes" ? "paths" : step}/${encodeURIComponent(name)}` });
+    if (name === scene?.name) link.setAttribute("aria-current", "true");
+    title.append(link);
+    row.append(title, ...users.map(person => element("td", number(overview.counts[name]?.[person]))));
+    row.append(element("td", String(overview.items[name]), { class: "number" }));
+    return row;
+  });
+  const table = document.querySelector("#recorded table");
+  table.tHead.replaceChildren(head);
+  table.tBodies[0].replaceChildren(...rows);
+  $("recorded").hidden = !overview.scenes.length;
+  $("missing").replaceChildren(...users.map(missing).filter(Boolean).map(text => element("li", text)));
+  $("where").textContent = `Everything is stored in the folder ${overview.folder} on this machine, as soon as you judge it.`;
+}
+
+function missing(person) { // what a report about this person needs, still
+  const counts = Object.values(overview.counts).map(users => users[person]).filter(Boolean);
+  const needs = [];
+  const more = overview.min_scenes - counts.length;
+  if (more > 0) needs.push(`paths in ${more} more ${more === 1 ? "scene" : "scenes"}`);
+  if (!counts.some(count => count.valid)) needs.push("valid paths");
+  if (!counts.some(count => count.invalid)) needs.push("paths that are not valid");
+  return needs.length ? `A report about ${person} still needs ${needs.join(" and ")}.` : "";
+}
+
+function showItems() {
+  $("kinds").replaceChildren(...overview.kinds.map(kind => element("option", null, { value: kind })));
+  $("item-list").replaceChildren(...(scene?.items ?? []).map(item => {
+    const line = element("li", null);
+    const button = element("button", "Remove", { type: "button", "aria-label": `Remove ${item.kind}` });
+    button.addEventListener("click", async () => {
+      await attempt(() => ask("/api/remove", { what: "item", id: item.id }));
+      await attempt(refresh);
+      $("kind").focus();
+    });
+    line.append(element("span", item.kind), button);
+    return line;
+  }));
+}
+
+function showThumbnails() {
+  $("thumbnails").replaceChildren(...overview.scenes.map(name => {
+    const line = element("li", null);
+    const link = element("a", null, { href: `#paths/${encodeURIComponent(name)}` });
+    link.append(element("img", null, { src: sceneUrl("/pictures/", name), alt: "", loading: "lazy" }), element("span", name));
+    const paths = Object.values(overview.counts[name] ?? {}).reduce((sum, count) => sum + count.valid + count.invalid, 0);
+    line.append(link, element("small", `${paths} ${paths === 1 ? "path" : "paths"}`));
+    return line;
+  }));
+}
+
+async function importPictures() {
+  const target = $("import-message");
+  const names = [];
+  await attempt(async () => {
+    for (const file of $("file").files) {
+      if (file.size > overview.max_upload_bytes) throw new Error(`${file.name} has more than ${overview.max_upload_bytes / 1e6} MB: scale it down.`);
+      say(`Importing ${file.name} …`, "", target);
+      names.push((await ask(`/api/pictures?name=${encodeURIComponent(file.name)}`, file)).scene);
+    }
+    say(`Imported ${names.join(", ")}.`, "good", target);
+  }, target);
+  $("file").value = "";
+  await attempt(refresh, target);
+}
+
+// ---- wiring
+
+board.layers = [drawScene];
+$("back").addEventListener("click", () => turn(-1));
+$("next").addEventListener("click", () => turn(1));
+$("valid").addEventListener("click", () => judge(true));
+$("invalid").addEventListener("click", () => judge(false));
+$("discard").addEventListener("click", () => board.stop());
+$("undo").addEventListener("click", undo);
+$("earlier").addEventListener("change", () => board.redraw());
+$("file").addEventListener("change", importPictures);
+$("user-form").addEventListener("submit", event => {
+  event.preventDefault();
+  const name = $("user-name").value.normalize("NFC").trim().split(/\s+/).join(" ");
+  if (!name) return;
+  added.push(name);
+  $("user-name").value = "";
+  choose(name);
+  $("canvas").focus();
+});
+$("item-form").addEventListener("submit", event => event.preventDefault());
+$("item-form").addEventListener("change", event => { if (event.target.name === "shape") startItems(); });
+$("table-form").addEventListener("change", event => { if (event.target.name === "place") choosePlace(); });
+$("table-form").addEventListener("submit", event => { event.preventDefault(); saveTable(); });
+$("board").addEventListener("keydown", event => { // letters act on the picture and its buttons, never in a field
+  if (event.target.matches("input:not([type=radio], [type=checkbox])") || event.ctrlKey || event.metaKey || event.altKey) return;
+  const keys = { s: () => turn(1), b: () => turn(-1) };
+  if (step === "paths") Object.assign(keys, { v: () => judge(true), n: () => judge(false), u: undo });
+  const action = keys[event.key.toLowerCase()];
+  if (!action || event.repeat) return;
+  event.preventDefault();
+  action();
+});
+document.addEventListener("click", event => { if (event.target.closest('a[href^="#"]:not(.skip)') && !mayLeave()) event.preventDefault(); });
+window.addEventListener("beforeunload", event => { if (waiting()) event.preventDefault(); });
+window.addEventListener("focus", () => { if (overview && !waiting() && !sending) attempt(refresh); }); // another tab may have stored
+window.addEventListener("hashchange", () => attempt(async () => { await refresh(); await go(); }));
+attempt(async () => { await refresh(); await go(); });

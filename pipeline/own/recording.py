@@ -1,0 +1,101 @@
+"""Write a Rerun recording of a folder: a tab for each user, a step for each scene.
+
+user_1/table/{image,outlines,demonstrations,repairs}   the picture as the model sees it, detected objects, paths
+user_1/map/map                                         P(valid) over control points, by a model new to the scene
+user_1/titles                                          titles with the scene's name
+
+A scene without demonstrations shows the model of all scenes.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from pipeline.own.figures import outline
+from pipeline.own.fitting import Fitted
+from pipeline.own.results import Results
+from pipeline.viewer.geometry import PITCH, TABLE_PIXELS, on_table
+from pipeline.viewer.scene import (
+    INVALID,
+    ITEM,
+    START,
+    VALID,
+    jpeg,
+    log_map,
+    log_static,
+    log_table_edges,
+    log_titles,
+    markdown,
+    p_classes,
+    panel,
+    recording_at,
+)
+from pipeline.world.bezier import curve, lattice
+
+TIMELINE, MAP_SIDE, POINTS, AROUND = "scene", 40, 33, 4.0
+ABOUT = """Step through the scenes on the time line.
+Left: the picture as the model sees it; white outlines are detected objects. Blue paths are valid by the user’s word,
+vermilion ones invalid; yellow paths are where repairs of invalid ones end. Right: P(valid) over control points, dark 0 to
+light 1, by the model that was not fitted to this scene; the square is the table's edge.
+"""
+
+
+def write_recording(path: Path, results: Results) -> None:
+    """Write the recording with its blueprint."""
+    entities = {user: f"user_{number + 1}" for number, user in enumerate(results.users)}
+    tabs = [
+        rrb.Horizontal(
+            _board(entity), rrb.TextDocumentView(origin="about", name="What you see"), column_shares=[3, 1], name=user
+        )
+        for user, entity in entities.items()
+    ]
+    time = rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused", fps=0.5)
+    hidden = rrb.BlueprintPanel(state="hidden"), rrb.SelectionPanel(state="hidden")
+    blueprint = rrb.Blueprint(rrb.Tabs(*tabs, active_tab=0), *hidden, time, auto_views=False)
+    with recording_at(path, "own-table", blueprint) as recording:
+        log_static(recording, "about", markdown(ABOUT))
+        for user, entity in entities.items():
+            log_table_edges(recording, entity, [(0, 1)])
+            log_static(recording, f"{entity}/map", panel((0, 1), MAP_SIDE))
+            for step in range(len(results.scenes.names)):
+                recording.set_time(TIMELINE, sequence=step)
+                _log_scene(recording, entity, results, results.fitted[user], step)
+
+
+def _board(entity: str) -> rrb.Spatial2DView:
+    bounds = rrb.VisualBounds2D(
+        x_range=(-AROUND, PITCH + TABLE_PIXELS + AROUND), y_range=(-4 * AROUND, TABLE_PIXELS + 2 * AROUND)
+    )
+    return rrb.Spatial2DView(
+        origin="/", contents=[f"/{entity}/**"], background=(24, 24, 28), visual_bounds=bounds, titlebar=False
+    )
+
+
+def _log_scene(recording: rr.RecordingStream, entity: str, results: Results, fitted: Fitted, scene: int) -> None:
+    """Log one scene of one user."""
+    name, image = results.scenes.names[scene], results.scenes.images[scene]
+    data, objects = fitted.data, results.scenes.objects
+    index = data.scenes.index(name) if name in data.scenes else None
+    log_titles(recording, entity, {(0, 0): name, (0, 1): "P(valid)"})
+    recording.log(f"{entity}/table/image", jpeg(image))
+    present = objects.present[scene]
+    outlines = [
+        on_table(outline(*capsule))
+        for capsule in zip(objects.ends[scene, present], objects.radius[scene, present], strict=True)
+    ]
+    recording.log(f"{entity}/table/outlines", rr.LineStrips2D(outlines, colors=ITEM, radii=0.2))
+    z, valid = (np.empty((0, 2)), np.empty(0, bool))
+    if index is not None:
+        z, valid = data.z_theta[index][data.real[index]], data.valid[index][data.real[index]]
+    colours = [VALID if word else INVALID for word in valid]
+    recording.log(
+        f"{entity}/table/demonstrations", rr.LineStrips2D(on_table(curve(z, POINTS)), colors=colours, radii=0.35)
+    )
+    rows = results.repairs[(results.repairs["user"] == data.user) & (results.repairs["scene"] == name)].dropna()
+    ends = on_table(curve(rows[["end_x", "end_y"]].to_numpy(float), POINTS))
+    recording.log(f"{entity}/table/repairs", rr.LineStrips2D(ends, colors=START, radii=0.2))
+    model = fitted.model if index is None else fitted.unseeing(index)
+    p = model.probability(image[None], lattice(MAP_SIDE)[None])[0].reshape(MAP_SIDE, MAP_SIDE)
+    log_map(recording, f"{entity}/map", p_classes(p))

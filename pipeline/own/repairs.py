@@ -1,0 +1,32 @@
+"""Repair a user's invalid demonstrations by the model that was not fitted to their scene."""
+
+import numpy as np
+import pandas as pd
+
+from pipeline import library
+from pipeline.own.fitting import Fitted
+
+COLUMNS = ["user", "scene", "row", "p_before", "p_after", "moved_m", "z_x", "z_y", "end_x", "end_y"]
+
+
+def repairs(fitted: Fitted, scale: float) -> pd.DataFrame:
+    """Return one row for each invalid demonstration: P(valid) before and after, and how far the path's middle moves.
+
+    moved_m: [m on the table]; z and end: control points before and after [m of the model]; NaN where the model finds no
+    path that it accepts. A path that the model accepts already (p_before > 1/2) stays: there the model is wrong.
+    """
+    data, rows = fitted.data, []
+    for scene, name in enumerate(data.scenes):
+        wrong = np.flatnonzero(~data.valid[scene] & data.real[scene])
+        if not len(wrong):
+            continue
+        model, image, starts = fitted.unseeing(scene), data.images[[scene]], data.z_theta[[scene]][:, wrong]
+        ends = library.repair(model, image, starts)
+        p_before, p_after = model.probability(image, starts)[0], model.probability(image, np.nan_to_num(ends))[0]
+        for i, demo in enumerate(wrong):
+            start, end = starts[0, i], ends[0, i]
+            found = bool(np.isfinite(end).all())
+            moved = np.linalg.norm(end - start) / 2 / scale  # the middle of a parabola moves half as far as z_theta
+            p_end = float(p_after[i]) if found else np.nan
+            rows.append((data.user, name, int(data.row[scene, demo]), float(p_before[i]), p_end, moved, *start, *end))
+    return pd.DataFrame(rows, columns=COLUMNS)

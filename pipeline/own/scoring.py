@@ -1,0 +1,90 @@
+"""Score predictions of held-out scenes: accuracy, calibration, the learning curve."""
+
+import numpy as np
+import pandas as pd
+from scipy.stats import beta
+
+from pipeline.stats.crossed import estimate, ratio
+from pipeline.stats.scores import DECISION, accuracy, auroc, brier, expected_calibration_error, reliability
+
+BINS = 5  # of the calibration; twenty scenes have some 150 demonstrations
+FLAT = 0.05  # gain of accuracy from the second half of the scenes, below which the curve counts as flat; ours
+FEW_CHANGES = 20  # changed decisions below which the interval follows from their number, as in library.effect
+
+
+def scores(judged: pd.DataFrame) -> pd.DataFrame:
+    """Return one row for each user, predictor and share of the training scenes.
+
+    accuracy has a 95 % interval over scenes (ci_low, ci_high); balanced: the mean of the shares of valid and of invalid
+    paths on the right side; missed: share of invalid paths that are accepted.
+    """
+    rows = []
+    for (user, predictor, share), part in judged.groupby(["user", "predictor", "share"], sort=False):
+        p, valid = part["p"].to_numpy(), part["valid"].to_numpy(bool)
+        right = (p > DECISION) == valid
+        low, high = _interval(part.assign(right=right))
+        rows.append(
+            {
+                "user": user,
+                "predictor": predictor,
+                "share": share,
+                "scenes": part["scene"].nunique(),
+                "demonstrations": len(part),
+                "accuracy": accuracy(p, valid),
+                "ci_low": low,
+                "ci_high": high,
+                "balanced": float((right[valid].mean() + right[~valid].mean()) / 2),
+                "missed": float((p > DECISION)[~valid].mean()),
+                "auroc": auroc(p, valid),
+                "brier": brier(p, valid),
+                "calibration_error": expected_calibration_error(p, valid, BINS),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _interval(part: pd.DataFrame) -> tuple[float, float]:
+    """Return the 95 % interval of the share of right answers over scenes."""
+    sums = part.groupby("scene")["right"].agg(["sum", "size"]).to_numpy(float).T
+    result = ratio(sums[:1, None], sums[1:, None])
+    return float(result.ci_low[0].clip(0, 1)), float(result.ci_high[0].clip(0, 1))
+
+
+def calibration(judged: pd.DataFrame) -> pd.DataFrame:
+    """Return the bins of `reliability` for each user and predictor fitted to all training scenes."""
+    groups = judged[judged["share"] == 1].groupby(["user", "predictor"], sort=False)
+    parts = [
+        reliability(part["p"].to_numpy(), part["valid"].to_numpy(bool), BINS).assign(user=user, predictor=predictor)
+        for (user, predictor), part in groups
+    ]
+    return pd.concat(parts, ignore_index=True)
+
+
+def enough(judged: pd.DataFrame, predictor: str) -> pd.DataFrame:
+    """Return for each user the gain of accuracy from half of the training scenes to all, paired by scene.
+
+    gain, ci_low, ci_high (95 % over scenes); state: `rising` (the interval lies above 0), `flat` (it lies below FLAT)
+    or `open`. If fewer than FEW_CHANGES decisions differ, the interval is at least as wide as their share allows
+    (Clopper and Pearson, 1934): scenes without any change prove little.
+    """
+    rows = []
+    for user, part in judged[judged["predictor"] == predictor].groupby("user", sort=False):
+        right = part.assign(right=(part["p"] > DECISION) == part["valid"])
+        by_demo = right.set_index(["scene", "demo", "share"])["right"].unstack().astype(float)
+        gains = by_demo[1.0] - by_demo[0.5]
+        result = estimate(gains.groupby("scene").mean().to_numpy()[None, None])
+        gain, low, high = (float(v[0]) for v in (result.effect, result.ci_low, result.ci_high))
+        changed = int((gains != 0).sum())
+        if changed < FEW_CHANGES:
+            share = float(beta.ppf(0.975, changed + 1, len(gains) - changed))
+            low, high = min(low, -share), max(high, share)
+        state = "rising" if low > 0 else "flat" if high < FLAT else "open"
+        rows.append({"user": user, "gain": gain, "ci_low": low, "ci_high": high, "state": state})
+    return pd.DataFrame(rows)
+
+
+def metrics(table: pd.DataFrame, predictor: str) -> dict[str, dict[str, float]]:
+    """Return the headlines by user: accuracy and its interval, balanced accuracy, calibration error."""
+    names = ["accuracy", "ci_low", "ci_high", "balanced", "missed", "calibration_error"]
+    whole = table[(table["predictor"] == predictor) & (table["share"] == 1)].set_index("user")
+    return {str(user): {name: float(np.round(row[name], 6)) for name in names} for user, row in whole.iterrows()}

@@ -1,0 +1,64 @@
+"""The audit of one commit: what it finds in this repository, and in a clone that somebody tampered with."""
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from pipeline.audit import consistency
+from pipeline.audit.__main__ import main
+from pipeline.audit.revision import checked_out
+from pipeline.report.page import FORMATS, Traced
+
+CSV = 'Model,Right,"Right, q1","Right, q3",Known\nclearance,0.9774,0.97,0.98,\n'
+PAGE = """<table><caption>1 <a href="tables/t.csv">csv</a></caption><tr><th>Model</th><th>Right</th><th>Known</th></tr>
+<tr><th>clearance</th><td>{} (97 to 98)</td><td>–</td></tr></table><p>It is right about {} of paths.</p>"""
+
+
+def write(folder: Path, cell: str, sentence: str) -> Path:
+    (folder / "tables").mkdir()
+    (folder / "tables/t.csv").write_text(CSV)
+    (folder / "page.html").write_text(PAGE.format(cell, sentence))
+    return folder / "page.html"
+
+
+def traced(number: float) -> str:
+    return str(FORMATS["pct"](Traced(number, "t", "Right", {"Model": "clearance"})))
+
+
+def test_a_page_that_says_what_its_tables_hold_has_no_fault(tmp_path: Path):
+    page = write(tmp_path, "97.7\u00a0%", traced(0.9774))
+    assert consistency.table_cells(page) == (3, [])
+    assert consistency.prose(page) == (1, [])
+
+
+def test_a_cell_that_was_changed_is_found(tmp_path: Path):
+    page = write(tmp_path, "98.7\u00a0%", traced(0.9774))
+    ((_, message),) = consistency.table_cells(page)[1]
+    assert "t.csv, Right" in message and "98.7" in message and "0.9774" in message
+
+
+def test_a_sentence_that_was_changed_is_found(tmp_path: Path):
+    page = write(tmp_path, "97.7\u00a0%", traced(0.89))
+    ((_, message),) = consistency.prose(page)[1]
+    assert "89" in message and "0.9774" in message
+
+
+@pytest.mark.slow
+def test_a_changed_result_a_stray_file_and_a_changed_parameter_are_found():
+    with checked_out("HEAD") as clone:
+        table = clone / "reports/tables/repair.csv"
+        table.write_text(table.read_text().replace("gradient", "descent", 1))
+        (clone / "reports/stray.csv").write_text("a\n1\n")
+        subprocess.run(["git", "add", "reports/stray.csv"], cwd=clone, check=True)
+        params = clone / "params.yaml"
+        params.write_text(params.read_text().replace("rate_hz: 50", "rate_hz: 60"))
+        outputs = {fault.message for fault in consistency.outputs(clone).faults}
+        stale = {fault.place: fault.message for fault in consistency.stages(clone).faults}
+    assert outputs >= {"reports/tables is modified", "no stage writes it"}
+    assert stale["demos"] == "demos in params.yaml"
+
+
+def test_an_unknown_commit_is_refused(capsys: pytest.CaptureFixture[str]):
+    assert main(["nothing-of-that-name"]) == 2
+    assert "is unknown: `git log --oneline`" in capsys.readouterr().err

@@ -1,0 +1,59 @@
+"""The difference of two commits: paired over seeds, with one word a headline."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import ttest_rel
+
+from pipeline.audit.__main__ import main
+from pipeline.audit.difference import flat, paired
+from pipeline.audit.text import MAX_LINES, table
+
+RNG = np.random.default_rng(3)
+
+
+def seeds(**values: np.ndarray) -> pd.DataFrame:
+    rows = [(name, seed, value) for name, column in values.items() for seed, value in enumerate(column)]
+    return pd.DataFrame(rows, columns=["headline", "seed", "value"])
+
+
+@pytest.fixture(scope="module")
+def compared() -> pd.DataFrame:
+    base, noise = RNG.normal(0.8, 0.02, 10), RNG.normal(0, 0.001, 10)
+    far = RNG.normal(0, 0.05, 10)
+    before = seeds(better=base, worse=base, same=base, undecided=base)
+    after = seeds(better=base + 0.1 + noise, worse=base - 0.1 + noise, same=base + noise, undecided=base + far)
+    return paired(before, after).set_index("headline")
+
+
+def test_each_headline_gets_its_word(compared: pd.DataFrame):
+    assert dict(compared["word"]) == {word: word for word in ("better", "worse", "same", "undecided")}
+
+
+def test_the_interval_is_that_of_scipys_paired_test():
+    before, after = RNG.normal(0, 1, (2, 10))
+    row = paired(seeds(x=before), seeds(x=after)).iloc[0]
+    test = ttest_rel(after, before)
+    assert row["p_holm"] == pytest.approx(test.pvalue)
+    assert (row["ci_low"], row["ci_high"]) == pytest.approx(tuple(test.confidence_interval()))
+
+
+def test_a_headline_without_any_change_is_the_same():
+    values = seeds(x=RNG.normal(0, 1, 10))
+    assert paired(values, values)["word"].item() == "same"
+
+
+def test_a_commit_does_not_differ_from_itself(capsys: pytest.CaptureFixture[str]):
+    assert main(["HEAD", "HEAD", "--format", "json"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    assert not any(content[name] for name in ("claims", "headlines", "parameters", "data", "packages", "modules"))
+
+
+def test_long_tables_say_how_much_they_leave_out():
+    assert f"... {7} more" in table(["a"], [(i,) for i in range(MAX_LINES + 7)])
+
+
+def test_nested_names_are_joined_by_dots():
+    assert flat({"a": {"b": 1}, "c": [2]}) == {"a.b": 1, "c": [2]}

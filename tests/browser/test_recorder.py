@@ -1,0 +1,348 @@
+"""The recorder in a real browser: mouse, finger and keys draw; two tabs, a kill and a foreign page lose nothing."""
+
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Browser, Page, expect
+
+from tests.own.recorder.factory import (
+    CORNERS,
+    DETOUR,
+    GOAL,
+    HEIGHT,
+    START,
+    WIDTH,
+    Served,
+    make_folder,
+    picture,
+    pixels,
+    recorder,
+)
+
+PHONE, DESK = 390, 1280  # [px]
+Points = list[tuple[float, float]]
+LET_GO_ONCE_CROSS_PASSES = """async ([key, axis, sign, end]) => {
+  const { board } = await import("/static/recorder.js");
+  while (board.cross[axis] * sign < end * sign) await new Promise(requestAnimationFrame);
+  board.canvas.dispatchEvent(new KeyboardEvent("keyup", { key }));
+}"""
+expect.set_options(timeout=20_000)  # [ms]; a busy machine answers late
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return make_folder(tmp_path)
+
+
+@pytest.fixture
+def served(folder: Path) -> Iterator[Served]:
+    with recorder(folder) as served:
+        yield served
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    """A recorder for tests that do not ask what is stored."""
+    with recorder(make_folder(tmp_path_factory.mktemp("shared"))) as served:
+        yield served
+
+
+@pytest.fixture
+def tab(browser: Browser, served: Served) -> Iterator[Callable[..., Page]]:
+    """Opens a step of the recorder in a tab; the test fails if the page reports an error."""
+    contexts, errors = [], []
+
+    def open_tab(step: str = "paths", user: str | None = "Zoë", width: int = DESK, **options) -> Page:
+        context = browser.new_context(viewport={"width": width, "height": 900}, **options)
+        contexts.append(context)
+        page = context.new_page()
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.goto(f"{served.url}#{step}")
+        if user and step.startswith("paths"):
+            add_user(page, user)
+        return page
+
+    yield open_tab
+    for context in contexts:
+        context.close()
+    assert errors == []
+
+
+def add_user(page: Page, name: str) -> None:
+    page.get_by_label("Another person’s name").fill(name)
+    page.get_by_role("button", name="Add", exact=True).click()
+
+
+def on_screen(page: Page, points: Points | list[list[int]], metres: bool = True) -> list[tuple[float, float]]:
+    """Places on the table [m], or in the picture [px], as places on the screen."""
+    canvas = page.locator("canvas")
+    canvas.scroll_into_view_if_needed()
+    page.wait_for_function("document.getElementById('picture').complete")
+    box = canvas.bounding_box()
+    assert box
+    places = pixels([(x, y) for x, y in points]) if metres else np.array(points, float)
+    return [(box["x"] + x / WIDTH * box["width"], box["y"] + y / HEIGHT * box["height"]) for x, y in places]
+
+
+def drag(page: Page, points: Points, let_go: bool = True) -> None:
+    first, *rest = on_screen(page, points)
+    page.mouse.move(*first)
+    page.mouse.down()
+    for place in rest:
+        page.mouse.move(*place, steps=15)
+    if let_go:
+        page.mouse.up()
+
+
+def click(page: Page, points: Points | list[list[int]], metres: bool = True) -> None:
+    for place in on_screen(page, points, metres):
+        page.mouse.click(*place)
+
+
+def judge(page: Page, word: str = "Valid") -> None:
+    page.get_by_role("button", name=word, exact=True).click()
+    expect(page.locator("#message")).to_contain_text("Stored")
+
+
+def paths(folder: Path) -> list[pd.DataFrame]:
+    file = folder / "demonstrations.csv"
+    if not file.exists():
+        return []
+    return [rows for _, rows in pd.read_csv(file).groupby(["scene", "user", "demo"], sort=False)]
+
+
+def distance_to(points: Points, rows: pd.DataFrame) -> float:
+    """The largest distance [m] of a path's samples from the polygon through `points`."""
+    polygon = np.array(points)
+    along, each = np.diff(polygon, axis=0), rows[["x", "y"]].to_numpy()[:, None]
+    share = np.clip(((each - polygon[:-1]) * along).sum(-1) / (along**2).sum(-1), 0, 1)
+    return float(np.linalg.norm(polygon[:-1] + share[..., None] * along - each, axis=-1).min(axis=1).max())
+
+
+def test_a_path_drawn_with_the_mouse_is_stored_in_metres_within_a_centimetre(tab, folder: Path):
+    page = tab()
+    drag(page, DETOUR)
+    judge(page)
+    (rows,) = paths(folder)
+    assert distance_to(DETOUR, rows) < 0.01 and len(rows) >= 20
+    assert np.allclose(rows[["x", "y"]].iloc[[0, -1]], [START, GOAL], atol=0.01)
+    assert rows["t"].is_monotonic_increasing and rows["valid"].all() and set(rows["user"]) == {"Zoë"}
+
+
+def test_a_path_drawn_with_a_finger_on_a_phone_is_stored(tab, folder: Path):
+    page = tab(width=PHONE, has_touch=True, is_mobile=True)
+    session = page.context.new_cdp_session(page)
+    steps = np.linspace(0, 3, 40)
+    curve = [
+        (float(np.interp(s, range(4), [p[0] for p in DETOUR])), float(np.interp(s, range(4), [p[1] for p in DETOUR])))
+        for s in steps
+    ]
+    places = on_screen(page, curve)
+    for index, (x, y) in enumerate(places):
+        kind = "touchMove" if index else "touchStart"
+        session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": x, "y": y}]})
+    session.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    judge(page, "Not valid")
+    (rows,) = paths(folder)
+    assert distance_to(DETOUR, rows) < 0.01 and not rows["valid"].any()
+
+
+def test_a_path_drawn_with_the_arrow_keys_is_stored(tab, folder: Path):
+    page = tab()
+    page.locator("canvas").focus()
+    page.keyboard.press("Enter")
+    goal = pixels([GOAL])[0]
+    for key, axis, sign in (("ArrowUp", 1, -1), ("ArrowRight", 0, 1)):
+        page.keyboard.down(key)
+        page.evaluate(LET_GO_ONCE_CROSS_PASSES, [key, axis, sign, float(goal[axis])])
+        page.keyboard.up(key)
+    page.keyboard.press("Enter")
+    page.keyboard.press("v")
+    expect(page.locator("#message")).to_contain_text("Stored")
+    (rows,) = paths(folder)
+    assert rows["t"].iloc[-1] > 1 and len(rows) > 20
+
+
+def test_a_path_that_begins_or_ends_elsewhere_is_named_at_once_and_not_stored(tab, folder: Path):
+    page = tab()
+    drag(page, [START, (0.5, 0.5), (0.92, 0.7)])
+    expect(page.locator("#message")).to_contain_text("ends 22 cm from the goal")
+    drag(page, [(0.3, 0.08), GOAL])
+    expect(page.locator("#message")).to_contain_text("22 cm away")
+    for word in ("Valid", "Not valid", "Discard"):
+        expect(page.get_by_role("button", name=word, exact=True)).to_be_disabled()
+    assert paths(folder) == []
+
+
+def test_undo_removes_the_last_path_of_this_person(tab, folder: Path):
+    page = tab()
+    for word in ("Valid", "Not valid"):
+        drag(page, DETOUR)
+        judge(page, word)
+    page.get_by_role("button", name="Undo").click()
+    expect(page.locator("#message")).to_contain_text("Removed path 2")
+    (rows,) = paths(folder)
+    assert rows["valid"].all()
+
+
+def test_skip_and_back_walk_through_the_scenes_and_the_table_counts_them(tab):
+    page = tab()
+    expect(page.get_by_role("heading", name="Scene 1 of 2: first")).to_be_visible()
+    drag(page, DETOUR)
+    judge(page)
+    page.get_by_role("button", name="Skip").click()
+    expect(page.get_by_role("heading", name="Scene 2 of 2: second")).to_be_visible()
+    page.get_by_role("button", name="Back").click()
+    expect(page.get_by_role("heading", name="Scene 1 of 2: first")).to_be_visible()
+    expect(page.get_by_role("row", name="first 1 + 0 0")).to_be_visible()
+    expect(page.get_by_role("row", name="second – 0")).to_be_visible()
+    page.goto(page.url.partition("#")[0])
+    page.reload()
+    expect(page.get_by_role("heading", name="Scene 2 of 2: second")).to_be_visible()  # goes on where it stopped
+
+
+def test_two_tabs_that_store_at_once_lose_nothing(tab, folder: Path):
+    tabs = [tab(user="Zoë"), tab(user="Ben"), tab(user="Zoë")]
+    for height in (0.3, 0.5, 0.7):
+        for page in tabs:
+            drag(page, [START, (0.4, height), GOAL])
+        for page in tabs:  # asks for all of them before any answer
+            page.evaluate("document.getElementById('valid').click()")
+        for page in tabs:
+            expect(page.locator("#message")).to_contain_text("Stored")
+    users = [rows["user"].iloc[0] for rows in paths(folder)]
+    assert (users.count("Ben") == 3 and users.count("Zoë") == 3) or users.count("Zoë") == 6
+
+
+def test_a_kill_in_the_middle_of_drawing_loses_only_that_path(browser: Browser, folder: Path):
+    page = browser.new_page(viewport={"width": DESK, "height": 900})
+    with recorder(folder) as served:
+        page.goto(served.url)
+        add_user(page, "Zoë")
+        for _ in range(3):
+            drag(page, DETOUR)
+            judge(page)
+        drag(page, DETOUR[:-1], let_go=False)
+        served.process.kill()
+        served.process.wait()
+        drag(page, [DETOUR[-1]])
+        assert len(paths(folder)) == 3
+        drag(page, DETOUR)
+        page.get_by_role("button", name="Valid", exact=True).click()
+        expect(page.locator("#message")).to_contain_text(f"--port {served.port}")
+    with recorder(folder, served.port):
+        page.get_by_role("button", name="Valid", exact=True).click()  # the tab kept the path
+        expect(page.locator("#message")).to_contain_text("Stored: path 4")
+        page.reload()
+        expect(page.get_by_role("row", name="first 4 + 0 0")).to_be_visible()
+    assert [len(rows) > 20 for rows in paths(folder)] == [True] * 4
+    page.close()
+
+
+def test_a_script_of_another_site_can_neither_store_nor_read(browser: Browser, served: Served, tmp_path: Path):
+    with recorder(make_folder(tmp_path / "other")) as other:
+        page = browser.new_page()
+        page.goto(other.url)
+        body = '{"scene": "first", "user": "eve", "valid": true, "samples": [[0, 1, 1]]}'
+        for method, path in (("POST", "api/paths"), ("GET", "api/overview")):
+            answer = page.evaluate(
+                "([url, sent]) => fetch(url, {mode: 'no-cors', ...sent}).then(answer => answer.type, () => 'refused')",
+                [served.url + path, {"method": method} | ({"body": body} if method == "POST" else {})],
+            )
+            assert answer == "refused"
+        page.close()
+
+
+def test_corners_and_goal_are_placed_by_clicking(browser: Browser, tab, folder: Path):
+    (folder / "table.yaml").unlink()
+    page = tab("paths", user=None)
+    expect(page.locator("#message")).to_contain_text("Mark its corners first")
+    page.get_by_role("link", name="Table", exact=True).click()
+    expect(page.locator("#message")).to_contain_text("Mark the far left corner")
+    click(page, CORNERS, metres=False)
+    page.get_by_role("button", name="Save the table").click()
+    expect(page.locator("#message")).to_contain_text("The table is stored")
+    page.get_by_label("The goal").check()
+    expect(page.locator("#message")).to_contain_text("Click where every path ends")
+    click(page, [(0.8, 0.85)])
+    page.get_by_role("button", name="Save the table").click()
+    expect(page.locator("#message")).to_contain_text("The table is stored")
+    content = yaml.safe_load((folder / "table.yaml").read_text())
+    assert np.allclose(content["corners"], CORNERS, atol=1)
+    assert np.allclose(content["goal"], (0.8, 0.85), atol=0.01)
+
+
+def test_a_round_and_a_long_item_are_outlined_by_clicking(tab, folder: Path):
+    page = tab("items")
+    expect(page.locator("#message")).to_contain_text("mark its centre")
+    page.get_by_label("Kind of item").fill("plate")
+    click(page, [(0.4, 0.5), (0.5, 0.5)])
+    expect(page.locator("#message")).to_contain_text("Stored: plate")
+    page.get_by_label("Kind of item").fill("knife")
+    page.get_by_label("Long: one end").check()
+    click(page, [(0.6, 0.3), (0.8, 0.3), (0.7, 0.32)])
+    expect(page.locator("#message")).to_contain_text("Stored: knife")
+    plate, knife = pd.read_csv(folder / "items.csv").to_dict("records")
+    assert plate["radius_m"] == pytest.approx(0.1, abs=0.01)
+    assert knife["half_length_m"] + knife["radius_m"] == pytest.approx(0.1, abs=0.01)
+    page.get_by_role("button", name="Remove plate").click()
+    expect(page.get_by_role("button", name="Remove plate")).to_have_count(0)
+    assert pd.read_csv(folder / "items.csv")["kind"].tolist() == ["knife"]
+
+
+def test_a_picture_is_imported_into_an_empty_folder(browser: Browser, tmp_path: Path):
+    folder, file = tmp_path / "empty", tmp_path / "tea.jpg"
+    folder.mkdir()
+    cv2.imwrite(str(file), picture())
+    with recorder(folder) as served:
+        page = browser.new_page()
+        page.goto(served.url)
+        page.get_by_label("Import pictures").set_input_files([file])
+        expect(page.locator("#import-message")).to_have_text("Imported tea.")
+        expect(page.get_by_role("link", name="tea").first).to_be_visible()
+        page.get_by_label("Import pictures").set_input_files([file])
+        expect(page.locator("#import-message")).to_contain_text("There is a scene tea already")
+        page.close()
+    assert (folder / "scenes" / "tea.jpg").read_bytes() == file.read_bytes()
+
+
+def test_a_name_is_shown_as_text_whatever_it_holds(tab, folder: Path):
+    page = tab(user="<img src=x onerror=alert(1)>")
+    drag(page, DETOUR)
+    judge(page)
+    expect(page.get_by_role("columnheader", name="<img src=x onerror=alert(1)>")).to_be_visible()
+    assert page.locator("img[src=x]").count() == 0
+
+
+@pytest.mark.parametrize("step", ["paths", "items", "table", "scenes"])
+@pytest.mark.parametrize(("width", "scheme"), [(DESK, "light"), (PHONE, "dark")])
+def test_axe_finds_no_violation_and_no_step_scrolls_sideways(browser: Browser, shared: Served, step, width, scheme):
+    page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
+    page.goto(f"{shared.url}#{step}")
+    expect(page.locator("#where")).to_contain_text("kitchen")
+    if step == "paths":
+        add_user(page, "Zoë")
+        drag(page, DETOUR)
+        judge(page)
+        drag(page, DETOUR)  # not judged: all buttons are on
+    results = Axe().run(page)
+    assert results.violations_count == 0, results.generate_report()
+    assert page.evaluate("document.documentElement.scrollWidth") == width
+    page.close()
+
+
+def test_nothing_is_loaded_from_elsewhere(browser: Browser, shared: Served):
+    page, requests, messages = browser.new_page(), [], []
+    page.on("request", lambda request: requests.append(request.url))
+    page.on("console", lambda message: messages.append(message.text))
+    page.goto(shared.url)
+    expect(page.get_by_role("heading", name="Scene 1")).to_be_visible()
+    page.close()
+    assert messages == [] and all(re.match(re.escape(shared.url), url) for url in requests)

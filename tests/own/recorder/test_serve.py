@@ -1,0 +1,90 @@
+"""The recorder's process: one a folder, for its own page only, and killed without loss."""
+
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from pipeline.config.graph import ROOT
+from tests.own.recorder.factory import Served, command, make_folder, recorder, samples
+
+PATH = {"scene": "first", "user": "Zoë", "valid": True, "samples": samples().tolist()}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return make_folder(tmp_path_factory.mktemp("recorder"))
+
+
+@pytest.fixture(scope="module")
+def served(folder: Path) -> Iterator[Served]:
+    with recorder(folder) as served:
+        yield served
+
+
+def run(folder: Path, *options: str) -> subprocess.CompletedProcess:
+    return subprocess.run(command(folder, *options), cwd=ROOT, capture_output=True, text=True, timeout=60)
+
+
+def test_a_second_recorder_of_a_folder_is_refused_with_the_address_of_the_first(served: Served, folder: Path):
+    done = run(folder)
+    assert done.returncode == 2 and done.stderr.count("\n") == 1
+    assert served.url in done.stderr
+
+
+def test_a_missing_folder_and_a_taken_port_are_named(served: Served, tmp_path: Path):
+    assert "there is no folder" in run(tmp_path / "nowhere").stderr
+    assert f"port {served.port} cannot be used" in run(make_folder(tmp_path), "--port", str(served.port)).stderr
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Origin": "http://example.org"},
+        {"Origin": "null"},
+        {"Host": "example.org"},
+        {"Host": "127.0.0.1"},
+        {"Sec_Fetch_Site": "cross-site"},
+    ],
+)
+def test_other_pages_can_neither_write_nor_read(served: Served, folder: Path, headers: dict[str, str]):
+    assert served.ask("POST", "/api/paths", PATH, **headers)[0] == 403
+    assert served.ask("GET", "/api/overview", **headers)[0] == 403
+    assert not (folder / "demonstrations.csv").exists()
+
+
+def test_a_change_must_name_its_origin(served: Served):
+    assert served.ask("POST", "/api/paths", PATH, Origin="")[0] == 403
+
+
+@pytest.mark.parametrize(
+    "path", ["/pictures/..%2f..%2ftable.yaml", "/pictures/%2e%2e", "/static/..%2fapp.py", "/../app.py"]
+)
+def test_no_address_leads_out_of_the_pictures(served: Served, path: str):
+    assert served.ask("GET", path)[0] in (400, 404)
+
+
+@pytest.mark.parametrize(
+    ("body", "status"),
+    [
+        ({**PATH, "samples": [[0, 1]]}, 400),
+        ({**PATH, "samples": [[0, 1e400, 1]] * 3}, 400),
+        ({**PATH, "scene": "third"}, 400),
+        ({**PATH, "more": 1}, 400),
+        (b"[", 400),
+        (b" " * 4_000_001, 413),
+    ],
+)
+def test_what_the_page_never_sends_is_refused_with_a_sentence(served: Served, body: object, status: int):
+    code, answer = served.ask("POST", "/api/paths", body)
+    assert code == status and len(answer["error"]) > 20
+
+
+def test_a_folder_whose_tables_break_while_it_is_open_says_so(tmp_path: Path):
+    folder = make_folder(tmp_path)
+    with recorder(folder) as served:
+        (folder / "demonstrations.csv").write_text("scene;user\n")
+        status, answer = served.ask("POST", "/api/paths", PATH)
+    assert status == 400 and "demonstrations.csv" in answer["error"]
+    assert (folder / "demonstrations.csv").read_text() == "scene;user\n"

@@ -1,0 +1,131 @@
+"""A folder gives a report: the numbers are in it, names are harmless, an interrupted run goes on."""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from pipeline import library
+from pipeline.config.graph import ROOT
+from pipeline.own.__main__ import main
+from tests.own.folders import USERS, demonstrations, make_folder, write_cutout
+
+EXAMPLE = ROOT / "examples" / "table"
+HOSTILE = {"Ana": '<script>alert("x")</script>', "Jürgen": "=HYPERLINK(1)$_{2}"}
+
+
+def fewer_steps(patch: pytest.MonkeyPatch, steps: int) -> None:
+    patch.setitem(library.TRAINING["clearance"], "steps", steps)
+
+
+@pytest.fixture(scope="module")
+def example(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The report of the example folder, after a fifth of the training."""
+    folder = tmp_path_factory.mktemp("own") / "table"
+    shutil.copytree(EXAMPLE, folder, ignore=shutil.ignore_patterns("report", ".*"))
+    with pytest.MonkeyPatch.context() as patch:
+        fewer_steps(patch, 200)
+        assert main([str(folder)]) == 0
+    return folder / "report"
+
+
+def table(report: Path, name: str) -> pd.DataFrame:
+    return pd.read_parquet(report / "tables" / f"{name}.parquet")
+
+
+@pytest.mark.slow
+def test_the_example_folder_is_predicted_far_better_than_without_its_pictures(example: Path):
+    scores = table(example, "scores").query("share == 1").set_index(["user", "predictor"])
+    for user in USERS:
+        model, blind = (scores.loc[(user, name)] for name in ("clearance", "position_only"))
+        assert model.accuracy > 0.8 and model.accuracy > blind.accuracy + 0.15
+        assert model.ci_low < model.accuracy < model.ci_high and model.demonstrations == 96
+    assert set(scores.index.get_level_values("predictor")) == {"clearance", "nearest_demonstration", "position_only"}
+
+
+@pytest.mark.slow
+def test_the_example_s_users_react_to_what_they_keep_away_from(example: Path):
+    """Ana keeps away from everything, Jürgen from glasses; nobody needs to be certain of the rest."""
+    verdicts = table(example, "interventions").set_index(["user", "kind"])["verdict"]
+    assert (verdicts["Ana"] == "effect").all() and verdicts["Jürgen", "glass"] == "effect"
+    assert (verdicts["Jürgen"].drop("glass") != "effect").all()
+    distances = table(example, "distances").set_index(["user", "kind"])["radius_m"]
+    assert distances["Jürgen", "glass"] == pytest.approx(0.042, abs=0.015)
+
+
+@pytest.mark.slow
+def test_the_page_shows_the_numbers_of_the_tables(example: Path):
+    page, metrics = (example / "index.html").read_text(), json.loads((example / "metrics.json").read_text())
+    assert (metrics["scenes"], metrics["demonstrations"], metrics["recall"]) == (14, 192, 1.0)
+    for user in USERS:
+        assert f"{100 * metrics['users'][user]['accuracy']:.0f}\u00a0% right" in page
+    assert "The detector finds 100\u00a0% of the 34 listed items" in page
+    for section in ("read", "accuracy", "causes", "repairs", "enough", "limits"):
+        assert f'id="{section}"' in page
+    assert list(table(example, "disagreement").query("not shown")["scene"].unique()) != []
+    links = set(re.findall(r'(?:src|href|data)="([^"#:]+)"', page))
+    assert links and all((example / link).is_file() for link in links)
+
+
+@pytest.mark.slow
+def test_rerun_verifies_the_recording(example: Path):
+    command = [sys.executable, "-m", "rerun", "rrd", "verify", str(example / "recording.rrd")]
+    assert subprocess.run(command, capture_output=True).returncode == 0
+
+
+@pytest.mark.slow
+def test_names_are_harmless_in_the_page_the_figures_and_a_spreadsheet(tmp_path: Path, monkeypatch):
+    folder = make_folder(tmp_path / "<b>&table")
+    hands = demonstrations(folder)
+    hands["user"] = hands["user"].map(HOSTILE)
+    hands.to_csv(folder / "demonstrations.csv", index=False)
+    fewer_steps(monkeypatch, 20)
+    assert main([str(folder)]) == 0
+    page = (folder / "report" / "index.html").read_text()
+    assert "<script>" not in page and "&lt;script&gt;" in page and "<b>&table" not in page
+    for file in (folder / "report" / "tables").glob("*.csv"):
+        cells = pd.read_csv(file, dtype=str, keep_default_na=False).to_numpy().ravel()
+        assert not [cell for cell in cells if cell.startswith(("=", "@"))], file
+    assert "'=HYPERLINK" in (folder / "report" / "tables" / "scores.csv").read_text()
+
+
+@pytest.mark.slow
+def test_what_a_folder_cannot_tell_is_left_out_and_said(tmp_path: Path, monkeypatch):
+    folder = make_folder(tmp_path / "plain")
+    fewer_steps(monkeypatch, 20)
+    assert main([str(folder)]) == 0
+    page = (folder / "report" / "index.html").read_text()
+    assert "There is no items.csv" in page and "There are no cut-outs in kinds/" in page
+    assert not (folder / "report" / "tables" / "interventions.csv").exists()
+    assert not (folder / ".models").exists()
+
+
+@pytest.mark.slow
+def test_an_interrupted_run_leaves_no_report_and_goes_on_with_its_models(tmp_path: Path, monkeypatch):
+    folder = make_folder(tmp_path / "t")
+    write_cutout(folder / "kinds" / "cup" / "blue.png")
+    (folder / "kinds.csv").write_text("kind,file,width_m\ncup,blue.png,0.1\n")
+    fewer_steps(monkeypatch, 20)
+    fit, fitted = library.fit, []
+
+    def interrupted(*arguments, **options):
+        if len(fitted) == 6:
+            raise KeyboardInterrupt
+        fitted.append(1)
+        return fit(*arguments, **options)
+
+    monkeypatch.setattr(library, "fit", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        main([str(folder)])
+    assert not (folder / "report").exists() and len(list((folder / ".models").iterdir())) == 6
+    monkeypatch.setattr(library, "fit", lambda *a, **o: fitted.append(1) or fit(*a, **o))
+    assert main([str(folder)]) == 0
+    again = len(fitted)
+    fitted.clear()
+    assert main([str(folder)]) == 0, "a report is replaced by the next"
+    assert len(fitted) == again, "6 models were not fitted twice"

@@ -1,0 +1,115 @@
+"""The rendered pictures in data/ obey the layout rules, and show their items where the footprints say."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+from pipeline.runtime.errors import InputError
+from pipeline.world.bezier import P_F, P_INIT
+from pipeline.world.layout import SIDE, LayoutRules, point_segment_distance, segment_distance
+from pipeline.world.symbols import SYMBOLS
+from rendered.read import Rendered, read_rendered
+from rendered.sheets import pictures, sheet
+
+FOLDER = Path("data/rendered")
+VALIDATION = ("validation_taught", "validation_held_out")
+ROUNDING_M = 3e-5  # lengths in items.csv have five decimals
+VISIBLE = 6  # smallest change of a channel that camera noise seldom makes, out of 255
+
+needs_data = pytest.mark.skipif(not FOLDER.is_dir(), reason=f"{FOLDER} is absent: dvc pull data.dvc")
+
+
+@pytest.fixture(scope="module", params=["train", *VALIDATION])
+def rendered(request) -> Rendered:
+    return read_rendered(FOLDER / request.param)
+
+
+@pytest.fixture(scope="module")
+def rules() -> LayoutRules:
+    return LayoutRules.of(yaml.safe_load(Path("conf/scenes.yaml").read_text())["scenes"]["layout"])
+
+
+def distance_to_footprint(layouts, scene: int, slot: int) -> np.ndarray:
+    """Distance [m] of each pixel's centre from a footprint, negative inside."""
+    centres = (np.arange(SIDE) + 0.5) / SIDE
+    points = np.stack(np.meshgrid(centres, 1 - centres), -1)
+    return point_segment_distance(points, *layouts.ends[scene, slot]) - layouts.radius[scene, slot]
+
+
+@needs_data
+def test_items_keep_the_distances_of_the_layout_rules(rendered, rules):
+    for layouts in (rendered.layouts, *rendered.layouts_with_item.values()):
+        ends, radius, present = layouts.ends, layouts.radius, layouts.present
+        centre = layouts.centre[present]
+        assert centre.min() >= rules.centre_low - ROUNDING_M and centre.max() <= rules.centre_high + ROUNDING_M
+        for p in (P_INIT, P_F):
+            gap = point_segment_distance(p, ends[:, :, 0], ends[:, :, 1]) - radius
+            assert gap[present].min() >= rules.clear_of_ends - ROUNDING_M
+        for i in range(1, rules.slots):
+            for j in range(i):
+                gap = segment_distance(ends[:, i], ends[:, j]) - radius[:, i] - radius[:, j]
+                assert gap[present[:, i] & present[:, j]].min(initial=1) >= rules.clear_of_items - ROUNDING_M
+    assert set(rendered.layouts.present.sum(1)) == set(rules.items_per_scene)
+
+
+@needs_data
+@pytest.mark.parametrize("split", VALIDATION)
+def test_every_scene_has_a_picture_with_one_more_item_of_each_symbol(split):
+    rendered = read_rendered(FOLDER / split)
+    assert tuple(rendered.with_item) == SYMBOLS
+    for symbol, layouts in rendered.layouts_with_item.items():
+        added = layouts.present & ~rendered.layouts.present
+        assert (added.sum(1) == 1).all()
+        assert (layouts.symbol[added] == SYMBOLS.index(symbol)).all()
+
+
+@needs_data
+@pytest.mark.parametrize("split", VALIDATION)
+def test_an_added_item_changes_the_picture_inside_its_footprint_and_not_far_away(split):
+    rendered = read_rendered(FOLDER / split)
+    for symbol, images in rendered.with_item.items():
+        layouts = rendered.layouts_with_item[symbol]
+        changed = np.abs(images.astype(int) - rendered.images).max(-1) > VISIBLE
+        inside, far = [], []
+        for scene, slot in np.argwhere(layouts.present & ~rendered.layouts.present):
+            distance = distance_to_footprint(layouts, scene, slot)
+            inside.append(changed[scene][distance < -0.002].mean())
+            far.append(changed[scene][distance > 0.4].mean())
+        assert np.median(inside) > 0.9
+        assert np.mean(far) < 0.01
+
+
+@needs_data
+def test_items_differ_from_the_empty_table_more_than_the_table_does(rendered):
+    changed = np.abs(rendered.images.astype(int) - rendered.empty).max(-1)
+    inside, outside = [], []
+    for scene in range(len(rendered.layouts)):
+        slots = np.flatnonzero(rendered.layouts.present[scene])
+        nearest = np.min([distance_to_footprint(rendered.layouts, scene, int(slot)) for slot in slots], axis=0)
+        inside.append(changed[scene][nearest < -0.002].mean())
+        outside.append(changed[scene][nearest > 0.15].mean())
+    assert np.mean(np.array(inside) > 1.5 * np.array(outside)) > 0.95
+
+
+@needs_data
+def test_kinds_held_out_stand_in_no_training_picture():
+    items, scenes = (
+        {split: pd.read_csv(FOLDER / split / name) for split in ("train", "validation_held_out")}
+        for name in ("items.csv", "scenes.csv")
+    )
+    for tables, column in ((items, "shape"), (items, "finish"), (scenes, "top")):
+        shared = set(tables["train"][column]) & set(tables["validation_held_out"][column])
+        assert not shared, column
+
+
+def test_a_contact_sheet_holds_the_pictures_in_order():
+    images = np.random.default_rng(0).integers(0, 256, (13, SIDE, SIDE, 3), dtype=np.uint8)
+    np.testing.assert_array_equal(pictures(sheet(images))[:13], images)
+
+
+def test_a_missing_split_is_a_sentence(tmp_path):
+    with pytest.raises(InputError, match=r"scenes\.csv is missing: get it with"):
+        read_rendered(tmp_path)
