@@ -1,5 +1,6 @@
 """Read csv files that people write: as text, row by row, with sentences that name file and row."""
 
+import csv
 import unicodedata
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -37,24 +38,32 @@ def normal(name: str) -> str:
 def read_csv(path: Path, columns: Sequence[str]) -> pd.DataFrame:
     """Return a csv as text, row by row, names normalised; InputError unless it is UTF-8 with these columns."""
     try:
-        table = pd.read_csv(path, dtype=str, keep_default_na=False, encoding="utf-8-sig", skip_blank_lines=False)
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = list(csv.reader(file, strict=True))
     except UnicodeDecodeError as error:
         raise InputError(f"{path.name} is not UTF-8: save it as “CSV UTF-8”") from error
-    except pd.errors.EmptyDataError as error:
-        raise InputError(f"{path.name} is empty: expected a header line with {', '.join(columns)}") from error
-    except (pd.errors.ParserError, ValueError) as error:
-        reason = " ".join(str(error).split()).removeprefix("Error tokenizing data. C error: ")
-        raise InputError(f"{path.name} cannot be read as csv: {reason}; correct that line") from error
-    table.columns = [normal(str(column)).lower() for column in table.columns]
-    missing = [column for column in columns if column not in table.columns]
+    except csv.Error as error:
+        raise InputError(f"{path.name} cannot be read as csv ({error}): save it anew") from error
+    if not rows or not any(rows[0]):
+        raise InputError(f"{path.name} is empty: expected a header line with {', '.join(columns)}")
+    numbered = {number: row for number, row in enumerate(rows[1:]) if any(row)}  # blank rows keep their numbers
+    for number, row in numbered.items():
+        if len(row) != len(rows[0]):
+            raise InputError(
+                f"{path.name}, row {number + FIRST_ROW}: has {len(row)} cells, the header {len(rows[0])}: correct it; "
+                "texts with commas need quotes"
+            )
+    header = [normal(column).lower() for column in rows[0]]
+    table = pd.DataFrame(list(numbered.values()), index=list(numbered), columns=header, dtype=str)
+    missing = [column for column in columns if column not in header]
     if missing:
-        semicolons = "; separate columns by commas" if any(";" in column for column in table.columns) else ""
+        semicolons = "; separate columns by commas" if any(";" in column for column in header) else ""
         raise InputError(
-            f"{path.name} has the columns {', '.join(table.columns)}: expected also {', '.join(missing)}{semicolons}"
+            f"{path.name} has the columns {', '.join(header)}: expected also {', '.join(missing)}{semicolons}"
         )
-    if table.columns.duplicated().any():
-        raise InputError(f"{path.name} has two columns {table.columns[table.columns.duplicated()][0]!r}: remove one")
-    return table[(table != "").any(axis=1)].map(normal)  # keeps the index, so rows keep their numbers
+    if twice := [column for column in header if header.count(column) > 1]:
+        raise InputError(f"{path.name} has two columns {twice[0]!r}: remove one")
+    return table.map(normal)
 
 
 def numbers(table: pd.DataFrame, columns: Sequence[str], file: str, faults: Faults) -> pd.DataFrame:

@@ -50,7 +50,7 @@ def sheet(results: Results) -> Figure:
     return figure
 
 
-def outline(ends: Array, radius: float) -> Array:
+def outline(ends: Array, radius: float | np.floating) -> Array:
     """Return the outline (point, 2) of a capsule [m]."""
     along = ends[1] - ends[0]
     round_ = radius * np.stack([np.cos(CIRCLE), np.sin(CIRCLE)], -1)

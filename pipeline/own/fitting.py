@@ -94,9 +94,9 @@ def blind(data: UserData, training: Array, test: Array) -> dict[str, Float[Array
     real = data.real[training]
     z, valid = data.z_theta[training][real], data.valid[training][real]
     queries = data.z_theta[test]
-    all_demos = (np.broadcast_to(a, (len(test), *a.shape)) for a in (z, valid))
+    all_z, all_valid = (np.broadcast_to(a, (len(test), *a.shape)) for a in (z, valid))
     return {
-        "nearest_demonstration": nearest_demonstration(*all_demos, queries),
+        "nearest_demonstration": nearest_demonstration(all_z, all_valid, queries),
         "position_only": position_only(position_prior(z, valid), queries),
     }
 

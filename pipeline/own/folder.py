@@ -336,8 +336,8 @@ def _check_demonstrations(samples: pd.DataFrame, settings: Settings, faults: Fau
             away > ENDS_WITHIN_M,
             lambda i, verb=verb, ends=ends, place=place, away=away, goal=goal: (
                 f"demonstration ({names[i]}) {verb} at ({x[ends[i]]:.3g}, {y[ends[i]]:.3g}) m, {away[i]:.2g} m from "
-                f"the {goal} ({place[0]:g}, {place[1]:g}): expected at most {ENDS_WITHIN_M:g} m; positions are in metres, "
-                f"and {SETTINGS} sets the {goal}"
+                f"the {goal} ({place[0]:g}, {place[1]:g}): expected at most {ENDS_WITHIN_M:g} m; positions are in "
+                f"metres, and {SETTINGS} sets the {goal}"
             ),
             rows[ends],
         )

@@ -109,7 +109,7 @@ def rectify(picture: UInt8[Array, "row column 3"], corners: Float[Array, "4 2"] 
     warped = cv2.warpPerspective(picture, matrix, (side, side), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     canvas = cv2.resize(warped, (CANVAS_PX, CANVAS_PX), interpolation=cv2.INTER_AREA)
     inner = np.ascontiguousarray(canvas[RIM_PX:-RIM_PX, RIM_PX:-RIM_PX])
-    return cv2.copyMakeBorder(inner, *[RIM_PX] * 4, cv2.BORDER_REPLICATE)
+    return cv2.copyMakeBorder(inner, RIM_PX, RIM_PX, RIM_PX, RIM_PX, cv2.BORDER_REPLICATE)
 
 
 def without_pattern(

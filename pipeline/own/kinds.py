@@ -243,8 +243,8 @@ def envelopes(
 
 def responses(
     fitted: Fitted, places: Added, scenes: Scenes, to_others: Float[Array, "scene path"]
-) -> tuple[Float[Array, "model scene dose"], Float[Array, " dose"]]:
-    """Return the fall of P(valid) by fold model, scene and clearance from the added object, and those clearances.
+) -> tuple[Float[Array, "model asked dose"], Float[Array, " dose"]]:
+    """Return the fall of P(valid) by fold model, scene with a place and clearance from the object, and the clearances.
 
     Each model lacks one of K groups of scenes. Deviations between models are multiplied by K - 1, so that their
     standard error is the jackknife's over groups of scenes (Tukey, 1958).

@@ -43,11 +43,11 @@ def fit_demonstrations(folder: Folder, faults: Faults) -> pd.DataFrame:
     demos = samples.loc[start, [*KEY, "valid", "row"]].reset_index(drop=True)
     demos[["z_x", "z_y"]] = fits.z_theta
     demos["residual_m"] = fits.residual_m / scale
-    far = ((fits.z_theta < Z_RANGE_M[0]) | (fits.z_theta > Z_RANGE_M[1])).any(axis=1)
+    far = (np.abs(fits.z_theta - np.mean(Z_RANGE_M)) > np.ptp(Z_RANGE_M) / 2).any(axis=1)
     names = [", ".join(key) for key in demos[KEY].itertuples(index=False)]
     faults.rows(
         DEMONSTRATIONS,
-        far,
+        np.asarray(far),
         lambda i: f"demonstration ({names[i]}) swings out farther than the models' paths can: leave it out",
         demos["row"].to_numpy(),
     )

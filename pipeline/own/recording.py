@@ -37,7 +37,7 @@ from pipeline.world.bezier import curve, lattice
 TIMELINE, MAP_SIDE, POINTS, AROUND = "scene", 40, 33, 4.0
 ABOUT = """Step through the scenes on the time line.
 Left: the picture as the model sees it; white outlines are detected objects. Blue paths are valid by the user’s word,
-vermilion ones invalid; yellow paths are where repairs of invalid ones end. Right: P(valid) over control points, dark 0 to
+vermilion ones invalid; yellow paths are the repairs of these. Right: P(valid) over control points, dark 0 to
 light 1, by the model that was not fitted to this scene; the square is the table's edge.
 """
 

@@ -60,7 +60,7 @@ class Results:
         users = scoring.metrics(self.scores, VARIANT)
         for row in self.enough.to_dict("records"):
             users[row["user"]] |= {"gain_from_half": round(row["gain"], 6)}
-        counted = {"scenes": len(self.scenes.names), "demonstrations": len(self.demos)}
+        counted: dict[str, float] = {"scenes": len(self.scenes.names), "demonstrations": len(self.demos)}
         counted |= {"need_more_control_points": int(self.demos["needs_more"].sum())}
         if self.detected is not None:
             counted["recall"] = round(float(self.detected["detected"].mean()), 6)

@@ -123,7 +123,7 @@ FAULTS: dict[str, tuple[Callable[[Path], object], str]] = {
     "ends elsewhere": (cell(13, "x", "0.5"), "row 13: demonstration (breakfast, Ana, 0) ends at (0.5, 0.92) m, 0.42 m"),
     "starts elsewhere": (cell(2, "y", "0.5"), "row 2: demonstration (breakfast, Ana, 0) starts at (0.08, 0.5) m"),
     "off the table": (cell(8, "x", "50"), "row 8: the path is at (50, "),
-    "short": (rows(lambda t: (t.index > 9) | (t.index < 2)), "has 2 rows: expected at least 3"),
+    "short": (rows(lambda t: (t.index > 11) | (t.index < 2)), "has 2 rows: expected at least 3"),
     "one kind of label": (all_valid, "row 2: all 16 demonstrations of user Ana are valid: expected both"),
     "few scenes": (rows(lambda t: t["scene"].isin(SCENES[:3])), "user Ana has 3 scenes: expected at least 4"),
     "no column": (text("demonstrations.csv", b"scene;user;demo;t;x;y;valid\n"), "separate columns by commas"),
@@ -131,7 +131,10 @@ FAULTS: dict[str, tuple[Callable[[Path], object], str]] = {
     "empty csv": (text("demonstrations.csv", b""), "demonstrations.csv is empty: expected a header line"),
     "no rows": (text("demonstrations.csv", b"scene,user,demo,t,x,y,valid\n"), "has no row below its header"),
     "not UTF-8": (text("demonstrations.csv", "scene,Jürgen".encode("latin-1")), "is not UTF-8: save it as"),
-    "ragged": (text("demonstrations.csv", b"scene,user,demo,t,x,y,valid\na,b,c,1,1,1,true,9,9\n"), "row 2: "),
+    "ragged": (
+        text("demonstrations.csv", b"scene,user,demo,t,x,y,valid\na,b,c,1,1,1,true,9,9\n"),
+        "demonstrations.csv, row 2: has 9 cells, the header 7",
+    ),
     "link out of the folder": (link_out, "scenes/tea.png is a link out of the folder"),
     "kind without cut-outs": (lambda p: (p / "kinds" / "cup").mkdir(parents=True), "kinds.csv is missing"),
     "empty kind": (
