@@ -21,12 +21,12 @@ def name_of(learner: str) -> str:
 
 
 def learners(study: Study) -> Table:
-    """Return accuracy by learner and number of training scenes, with quartiles over training sets."""
+    """Return accuracy at random paths by learner and number of training scenes, with quartiles over training sets."""
     rows = []
-    keys = ["learner", "scenes", "clear_cm"]
-    for (learner, scenes, clear_cm), of_learner in study.table("summary.csv").groupby(keys, sort=False):
+    table = study.table("summary.csv").query("clear_cm == 0")
+    for (learner, scenes), of_learner in table.groupby(["learner", "scenes"], sort=False):
         by_split = of_learner.set_index("split")
-        shown = {"Model": name_of(str(learner)), "Tables": scenes or "–", "Clear by, cm": clear_cm}
+        shown = {"Model": name_of(str(learner)), "Tables": scenes or "–"}
         shown["Steps"] = of_learner["steps"].iloc[0] or "–"
         shown["Own demonstrations"] = by_split["accuracy"].get("demonstrations")
         for split, name in SPLITS.items():
