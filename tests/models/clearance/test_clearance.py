@@ -5,7 +5,14 @@ import pytest
 import torch
 
 from pipeline.models.base import to_tensor, untrained
-from pipeline.models.clearance.clearance import FAMILIES, FEATURES_PER_MEMBER, ClearanceModel, pack, passes
+from pipeline.models.clearance.clearance import (
+    EVIDENCE_PENALTY_NATS,
+    FAMILIES,
+    FEATURES_PER_MEMBER,
+    ClearanceModel,
+    pack,
+    passes,
+)
 from pipeline.perception.objects import FEATURES
 from pipeline.training.clearance.fit import fit
 from pipeline.training.loop import Checkpoints, Schedule
@@ -119,7 +126,8 @@ def test_without_evidence_every_path_is_as_likely_valid_as_any_other():
     rng = np.random.default_rng(5)
     layouts, images = scenes(rng, 20)
     z = rng.uniform(-0.2, 1.2, (20, 10, 2))
-    np.testing.assert_allclose(model().probability(images, z), 0.5, atol=2e-3)  # untrained
+    families = len(FAMILIES) * np.exp(-EVIDENCE_PENALTY_NATS)  # their weight before any label, against the rate's 1
+    np.testing.assert_allclose(model().probability(images, z), 0.5, atol=families / 2)
     valid = true_clearance(layouts, z).min(-1) > MARGIN
     spread = {}
     for name, labels in {"true": valid, "shuffled": rng.permutation(valid.ravel()).reshape(valid.shape)}.items():
