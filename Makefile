@@ -43,7 +43,7 @@ pull: $(READY)  ## what the remote has: data, and results where somebody pushed 
 .PHONY: data-here
 data-here: $(READY)
 	@[ -s .dvc/tmp/rwlock ] || rm -f .dvc/tmp/rwlock  # emptied where DVC was killed as it wrote it: DVC would refuse to run
-	dvc pull --allow-missing --quiet data.dvc
+	dvc pull --allow-missing --quiet data.dvc rendered/pictures.dvc
 
 test: data-here  ## ruff, pyright, spelling, the test suite (it includes the smoke run); `pytest -n 2 -m "not slow"` takes some 50 s
 	ruff check . && ruff format --check .
@@ -104,12 +104,12 @@ data: $(READY)  ## draw data/ anew and put it into the store
 	python -m drawing
 	dvc add data && dvc push data.dvc
 
-render:  ## path-trace data/rendered/ anew by Blender, in an environment of its own (Python 3.11), and put it into the store; an hour
+render:  ## path-trace rendered/pictures/ anew by Blender, in an environment of its own (Python 3.11), and put it into the store; an hour
 	test -x .venv-rendered/bin/python || python3.11 -m venv .venv-rendered
 	.venv-rendered/bin/python -m pip install --quiet --disable-pip-version-check -r rendered/requirements.txt
 	set -- train 4 validation_taught 5 validation_held_out 7; while [ $$# -gt 0 ]; do \
-	    PYTHONPATH=. .venv-rendered/bin/python -m rendered --split $$1 --seed $$2 --into data/rendered/$$1; shift 2; done
-	dvc add data && dvc push data.dvc
+	    PYTHONPATH=. .venv-rendered/bin/python -m rendered --split $$1 --seed $$2 --into rendered/pictures/$$1; shift 2; done
+	dvc add rendered/pictures && dvc push rendered/pictures.dvc
 
 clean:  ## remove environments, demo/, other products and DVC's cache, with the results that nobody pushed
 	rm -rf $(VENV) .venv-dowhy .venv-rendered .benchmarks multirun demo pdf site.html .dvc/cache .dvc/tmp

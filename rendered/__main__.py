@@ -1,7 +1,7 @@
 """Render a split of scenes.
 
-python -m rendered --split validation_taught --seed 5 --into data/rendered/validation_taught
-python -m rendered.read data/rendered/validation_taught sheet.png     an overview to look at
+python -m rendered --split validation_taught --seed 5 --into rendered/pictures/validation_taught
+python -m rendered.read rendered/pictures/validation_taught sheet.png     an overview to look at
 
 It runs in an environment of its own (requirements.txt beside this file), with PYTHONPATH=. and Python 3.11. A run that
 was killed goes on where it stopped. SOURCE.md in the folder says what was made and how.

@@ -42,7 +42,7 @@ def _pictures(path: Path, scenes: int) -> UInt8[Array, "scene 100 100 3"]:
 
 
 def read_rendered(folder: Path) -> Rendered:
-    """Read pictures, footprints and kinds of table top of one split, e.g. data/rendered/validation_taught.
+    """Read pictures, footprints and kinds of table top of one split, e.g. rendered/pictures/validation_taught.
 
     Raises InputError if a file is missing or a picture has the wrong size.
     """

@@ -32,7 +32,7 @@ SQUARE_WITHIN = 0.02  # a picture of just the table is square within this share
 
 @dataclass
 class Settings:
-    """What table.yaml says: side [m], corners of all scenes or by scene [px], start and goal [m]."""
+    """Hold what table.yaml says: side [m], corners (4, 2) of all scenes or by scene [px], start and goal (2,) [m]."""
 
     side_m: float = 1.0
     corners: Array | dict[str, Array] | None = None
@@ -47,7 +47,7 @@ class Settings:
 
 @dataclass
 class Folder:
-    """All that a folder holds, checked.
+    """Hold all that a folder contains, checked.
 
     samples: a row for each sample: scene, user, demo, t [s], x, y [m on the table], valid; sorted by demonstration.
     """

@@ -14,12 +14,12 @@ from pipeline.world.symbols import SYMBOLS
 from rendered.read import Rendered, read_rendered
 from rendered.sheets import pictures, sheet
 
-FOLDER = Path("data/rendered")
+FOLDER = Path("rendered/pictures")
 VALIDATION = ("validation_taught", "validation_held_out")
 ROUNDING_M = 3e-5  # lengths in items.csv have five decimals
 VISIBLE = 6  # smallest change of a channel that camera noise seldom makes, out of 255
 
-needs_data = pytest.mark.skipif(not FOLDER.is_dir(), reason=f"{FOLDER} is absent: dvc pull data.dvc")
+needs_data = pytest.mark.skipif(not FOLDER.is_dir(), reason=f"{FOLDER} is absent: dvc pull rendered/pictures.dvc")
 
 
 @pytest.fixture(scope="module", params=["train", *VALIDATION])

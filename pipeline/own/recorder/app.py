@@ -30,13 +30,13 @@ Sample = Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]
 
 
 class Sent(BaseModel):
-    """What a page sends."""
+    """Validate what a page sends."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
 
 class SentPath(Sent):
-    """A drawn path: samples of t [ms], column and row [px]."""
+    """Hold a drawn path: samples of t [ms], column and row [px]."""
 
     scene: str
     user: str
@@ -45,7 +45,7 @@ class SentPath(Sent):
 
 
 class SentItem(Sent):
-    """An item: centre and rim, or both ends and a side [px]."""
+    """Hold an item: centre and rim, or both ends and a side [px]."""
 
     scene: str
     kind: str
@@ -53,7 +53,7 @@ class SentItem(Sent):
 
 
 class SentTable(Sent):
-    """The table: corners [px] in one scene or everywhere, or null to leave them; lengths in metres."""
+    """Hold the table: corners [px] in one scene or everywhere, or null to leave them; lengths in metres."""
 
     scene: str
     everywhere: bool
@@ -64,7 +64,7 @@ class SentTable(Sent):
 
 
 class Removal(Sent):
-    """What is to be removed: a path or an item, by its id."""
+    """Name what to remove: a path or an item, by its id."""
 
     what: Literal["path", "item"]
     id: str

@@ -1,4 +1,4 @@
-"""What is recorded in a folder: every change reads, checks and replaces one file, one change at a time."""
+"""Store what is recorded in a folder: every change reads, checks and replaces one file, one change at a time."""
 
 import hashlib
 import math
