@@ -35,7 +35,7 @@ git init -q
 git config user.name smoke
 git config user.email smoke@localhost
 git add -A && git commit -qm smoke
-dvc pull --quiet data.dvc
+dvc pull --quiet data.dvc rendered/pictures.dvc
 python -m pipeline.params "profile=$profile"
 dvc repro $pipelines
 git add -A && git commit -qm "$profile run"

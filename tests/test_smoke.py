@@ -139,7 +139,7 @@ def test_recordings_written_twice_have_the_same_digests(clone: Path, tmp_path: P
 def test_a_fresh_clone_with_the_cache_reruns_nothing(clone: Path, tmp_path: Path):
     fresh = fresh_clone(clone, tmp_path / "fresh")
     shutil.copytree(clone / ".dvc/cache", fresh / ".dvc/cache")
-    run(fresh, "dvc", "pull", "--quiet", "data.dvc")
+    run(fresh, "dvc", "pull", "--quiet", "data.dvc", "rendered/pictures.dvc")
     nothing_is_rerun(fresh)
 
 

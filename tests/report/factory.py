@@ -219,7 +219,7 @@ def _repair(method: str, variant: str, user: str) -> dict:
 def _repairs(variants: Sequence[str], users: Sequence[str]) -> pd.DataFrame:
     keys = product(variants, users, SEEDS, range(SCENES), range(STARTS))
     rows = pd.DataFrame(list(keys), columns=["variant", "user", "seed", "scene", "start"])
-    return rows.assign(method="gradient", z0_x=1.0, z0_y=0.1, z_x=0.5, z_y=0.5)
+    return rows.assign(method="gradient", z0_x=1.0, z0_y=0.1, z_x=0.5, z_y=0.5, valid_end=True)
 
 
 def _questions(variant: str, users: Sequence[str]) -> list[dict]:

@@ -56,6 +56,9 @@ def write_inputs(root: Path, cfg: DictConfig, results: Results) -> None:
     drawn = SceneSet(images, {pool: layouts for pool in pools}, {pool: appearance for pool in pools})
     for name, (stage, file) in TABLES.items():
         write_table(root / stage / file, results.tables[name])
+    keys = [(v, u, n, s, "new_items") for v in VARIANTS for u in cfg.users for n in (1, 9) for s in factory.SEEDS]
+    by_seed = pd.DataFrame(keys, columns=["variant", "user", "n_demos", "seed", "split"]).assign(accuracy=0.5)
+    write_table(root / "evaluate" / "accuracy.parquet", by_seed)
     write_scenes(root / "scenes", drawn)
     write_arrays(root / "scenes" / "position_prior.npz", {user: rng.random((5, 5)) for user in cfg.users})
     labelled_demos(cfg, drawn)
