@@ -79,8 +79,11 @@ def _listed(folder: Path) -> list[dict[str, str]]:
     listed = folder / "recordings.csv"
     if not listed.is_file():
         raise InputError(f"{listed} is missing: run `make repro` first")
-    with listed.open(newline="") as file:
-        rows = list(csv.DictReader(file))
+    try:
+        with listed.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{listed} cannot be read ({error}): run `make repro` first") from error
     if not rows or not {"run", "sha256", "accuracy"} <= set(rows[0]):
         raise InputError(f"{listed} does not list runs, their digests and accuracy: run `make repro` first")
     return rows

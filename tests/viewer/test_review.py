@@ -59,10 +59,10 @@ def test_the_worst_run_is_the_least_accurate_of_those_there_are(kept: Path) -> N
     assert run == "full-careful-s3" and "accuracy 50.0%, the lowest of the 1 recordings" in why
 
 
-@pytest.mark.parametrize("text", [None, "", "run,sha256\nfull-careful-s0,a\n"])
-def test_without_a_list_there_is_no_worst(tmp_path: Path, text: str | None) -> None:
-    if text is not None:
-        (tmp_path / "recordings.csv").write_text(text)
+@pytest.mark.parametrize("content", [None, b"", b"run,sha256\nfull-careful-s0,a\n", b"run,sha256,accuracy\n\x80,a,1\n"])
+def test_without_a_list_there_is_no_worst(tmp_path: Path, content: bytes | None) -> None:
+    if content is not None:
+        (tmp_path / "recordings.csv").write_bytes(content)
     with pytest.raises(InputError, match=r"recordings.csv .*run `make repro` first"):
         worst(tmp_path, NONE)
 
