@@ -1,0 +1,25 @@
+"""Stages run with the same instruction sets on every processor."""
+
+import os
+import platform
+import subprocess
+import sys
+
+import pytest
+
+from pipeline.config.graph import ROOT
+from pipeline.runtime.instructions import SETTINGS
+
+CODE = """import {package}, torch
+from numpy._core._multiarray_umath import __cpu_features__ as features
+print(torch.backends.cpu.get_cpu_capability(), features["X86_V4"])"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="other processors have other instruction sets")
+@pytest.mark.parametrize("package", ["pipeline.stages", "studies"])
+def test_stages_and_studies_use_avx2_at_most(package: str):
+    clean = {name: value for name, value in os.environ.items() if name not in SETTINGS}
+    command = [sys.executable, "-c", CODE.format(package=package)]
+    said = subprocess.run(command, cwd=ROOT, env=clean, capture_output=True, text=True, check=True)
+    assert said.stdout.split() == ["AVX2", "False"]
