@@ -42,7 +42,7 @@ def main(argv: list[str]) -> int:
         if argv[:1] == ["summary"]:
             if len(argv) != 2:
                 raise InputError(f"summary of {len(argv) - 1} folders: expected one")
-            return _summarise(Path(argv[1]).resolve(), planned=None)
+            return _summarise(Path(argv[1]).resolve())
         return _sweep(_arguments(argv))
     except (InputError, OSError, subprocess.CalledProcessError) as error:
         print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
@@ -93,14 +93,19 @@ def _sweep(given: argparse.Namespace) -> int:
         overrides = ["hydra/launcher=joblib", *overrides]
     plan = make_plan(overrides, targets)
     _check_objective(plan, objective)
+    fixed = (before or {}).get("fixed", plan.fixed)
+    if missing := [text for text in fixed if text not in plan.fixed]:
+        raise InputError(f"{folder} is a sweep with {' '.join(missing)}: give that, too, or name another folder")
     folder.mkdir(parents=True, exist_ok=True)
     try:
         with FileLock(folder / ".lock", timeout=0):
             cache = Path(dvc(ROOT, "cache", "dir").strip())
-            sweep = Sweep(ROOT, folder, cache, commit, tuple(targets), objective)
+            sweep = Sweep(ROOT, folder, cache, commit, tuple(targets), tuple(fixed), objective)
+            earlier = before or {"jobs": [], "defaults": {}}
+            planned = {tuple(job): None for job in [*earlier["jobs"], *(plan.jobs or [])]}
             record = {"commit": commit, "code": code, "targets": targets, "overrides": overrides, "objective": objective}
-            planned = [list(job) for job in {tuple(job): 0 for job in [*((before or {}).get("jobs") or []), *(plan.jobs or [])]}]
-            write_json(folder / "sweep.json", record | {"jobs": planned, "defaults": {**(before or {}).get("defaults", {}), **plan.defaults}})
+            record |= {"fixed": fixed, "defaults": earlier["defaults"] | plan.defaults, "jobs": [*map(list, planned)]}
+            write_json(folder / "sweep.json", record)
             head = git(ROOT, "rev-parse", "HEAD").strip()
             if commit != head:
                 (folder / "uncommitted.diff").write_text(git(ROOT, "diff", head, commit))
@@ -108,7 +113,7 @@ def _sweep(given: argparse.Namespace) -> int:
             print(f"{len(plan.jobs) if plan.jobs else 'chosen'} jobs up to {', '.join(targets)} into {folder}", flush=True)
             _launch(sweep, plan)
             shutil.rmtree(folder / "clones", ignore_errors=True)
-            return _summarise(folder, planned)
+            return _summarise(folder)
     except Timeout:
         raise InputError(f"another sweep is writing into {folder}: wait for it, or name another --folder") from None
 
@@ -134,7 +139,7 @@ def _launch(sweep: Sweep, plan: Plan) -> None:
         return run_job(sweep, [text for text in overrides if not text.startswith("hydra")])
 
     os.environ["HYDRA_FULL_ERROR"] = "1"  # errors are reported here
-    # git and paths: the jobs' processes on other machines import the same code
+    # jobs import the same code wherever they start
     os.environ["PYTHONPATH"] = os.pathsep.join([str(sweep.root), *filter(None, [os.environ.get("PYTHONPATH")])])
     sys.argv[1:] = ["--multirun", "hydra.job.name=sweep", f"hydra.sweep.dir={sweep.folder}", *QUIET, *plan.overrides]
     try:
@@ -162,8 +167,9 @@ def _progress(sweep: Sweep, plan: Plan) -> Iterator[None]:
             while True:
                 last = ended.wait(WATCH_S)
                 number, failed = count()
-                bar.set_postfix_str(f"{failed} failed" if failed else "", refresh=False)
-                bar.update(number - bar.n)
+                if number > bar.n:
+                    bar.set_postfix_str(f"{failed} failed" if failed else "", refresh=False)
+                    bar.update(number - bar.n)
                 if last:
                     return
 
@@ -176,7 +182,7 @@ def _progress(sweep: Sweep, plan: Plan) -> Iterator[None]:
         thread.join()
 
 
-def _summarise(folder: Path, planned: list[list[str]] | None) -> int:
+def _summarise(folder: Path) -> int:
     """Write the summary, print where it is and which jobs failed or are missing; return the exit status."""
     record = read_json(folder / "sweep.json") if (folder / "sweep.json").is_file() else None
     if record is None:

@@ -34,11 +34,12 @@ class Sweep:
     cache: Path  # DVC's
     commit: str
     targets: tuple[str, ...]  # stages that jobs run up to
+    fixed: tuple[str, ...] = ()  # overrides of every job, which its folder's name leaves out
     objective: str | None = None  # the headline whose mean a job returns to Hydra's sweeper
 
     def job_folder(self, overrides: Sequence[str]) -> Path:
         """Return the folder of a job."""
-        name = ",".join(overrides).replace("/", "_") or "default"
+        name = ",".join(text for text in overrides if text not in self.fixed).replace("/", "_") or "default"
         if len(name) > MAX_NAME:
             name = f"{name[:MAX_NAME]}~{hashlib.sha256(name.encode()).hexdigest()[:8]}"
         return self.folder / "jobs" / name

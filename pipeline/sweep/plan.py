@@ -22,6 +22,7 @@ EXTRAS = {
     "joblib": ("hydra_plugins.hydra_joblib_launcher", "joblib"),
     "submitit_local": ("hydra_plugins.hydra_submitit_launcher", "submitit"),
     "submitit_slurm": ("hydra_plugins.hydra_submitit_launcher", "submitit"),
+    "slurm": ("hydra_plugins.hydra_submitit_launcher", "submitit"),
     "ray": ("hydra_plugins.hydra_ray_launcher", "ray"),
     "ray_cluster": ("hydra_plugins.hydra_ray_launcher", "ray"),
     "optuna": ("hydra_plugins.hydra_optuna_sweeper", "optuna"),
@@ -81,7 +82,8 @@ def make_plan(overrides: Sequence[str], targets: Sequence[str]) -> Plan:
 
 
 def _text(override: Override) -> str:
-    return override.input_line or ""
+    """Return an override as Hydra hands it to a job."""
+    return f"{override.get_key_element()}={override.get_value_element_as_str()}"
 
 
 def _values(override: Override) -> list[str]:
@@ -109,12 +111,9 @@ def _seeds_together(overrides: Sequence[str]) -> list[str]:
 
 def _need_extra(name: str) -> None:
     package, extra = EXTRAS.get(name, ("", ""))
-    if package and importlib.util.find_spec(package.partition(".")[0]) is None or _missing(package):
+    namespace = package.partition(".")[0]
+    if package and (importlib.util.find_spec(namespace) is None or importlib.util.find_spec(package) is None):
         raise InputError(f"{name} is not installed: `pip install '.[{extra}]'`, or choose hydra/launcher=basic")
-
-
-def _missing(package: str) -> bool:
-    return bool(package) and importlib.util.find_spec(package) is None
 
 
 def _need_cluster(launcher) -> None:

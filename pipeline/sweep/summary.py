@@ -50,10 +50,10 @@ def read_jobs(folder: Path, record: dict[str, Any]) -> list[dict[str, Any]]:
         found[tuple(job["overrides"])] = job | {"path": path.parent}
     planned = {tuple(job): {"overrides": job, "state": "missing"} for job in record["jobs"]}
     jobs = [found.get(key, job) for key, job in (planned | found).items()]
-    shared = set.intersection(*(set(job["overrides"]) for job in jobs)) if len(jobs) > 1 else set()
     for job in jobs:
-        job["values"] = dict(text.lstrip("+").partition("=")[::2] for text in job["overrides"])
-        job["name"] = ", ".join(text for text in job["overrides"] if text not in shared) or "default"
+        own = [text for text in job["overrides"] if text not in record["fixed"]]
+        job["values"] = dict(text.lstrip("+").partition("=")[::2] for text in own)
+        job["name"] = ", ".join(own) or "default"
     return jobs
 
 
