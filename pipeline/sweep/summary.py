@@ -107,11 +107,11 @@ def _differences(results: pd.DataFrame, reference: str) -> pd.DataFrame:
 
 def write_summary(folder: Path, record: dict[str, Any], jobs: list[dict[str, Any]]) -> Path:
     """Write index.html with its figures and tables, results.parquet and differences.parquet; return the page's path."""
-    from pipeline.sweep.page.tables import best
+    from pipeline.sweep.page.tables import best, title
 
     summary = summarise(record, jobs)
     site = Site()
-    names = {"home": "", "pages": {"index": "Sweep"}, "facts": {"studies": []}, "s": summary, "best": best}
+    names = {"home": "", "pages": {"index": "Sweep"}, "facts": {"studies": []}, "s": summary, "best": best, "title": title}
     made = environment([Path(__file__).parent / "page"], **names)
     render_page("index", "page.html.j2", "pipeline.sweep.page", summary, made, site)
     write_files(site, folder)

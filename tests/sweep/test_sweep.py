@@ -1,10 +1,8 @@
 """A sweep runs for real: in processes of this machine, on a clone of the working tree with a cache of its own."""
 
-import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -12,39 +10,17 @@ import psutil
 import pytest
 
 from pipeline.artifacts.files import read_json, read_table
-from pipeline.config.graph import ROOT
-from pipeline.sweep.clone import snapshot
+from tests.sweep.running import SMALL, clone_of_working_tree, command, environment, jobs, sweep
 
 pytestmark = pytest.mark.slow
-LEFT_OUT = [f"~variants.{name}" for name in ("full", "ae", "classifier", "irl_maxent", "irl_ranked")]
-SMALL = ["profile=smoke", *LEFT_OUT, "clearance.steps=4", "n_demos=[9]"]  # the quickest graph up to evaluate
 SWEPT = [*SMALL, "evaluate.bins=5,10", "hydra.launcher.n_jobs=2"]
-
-
-def sweep(repository: Path, *arguments: str) -> subprocess.CompletedProcess:
-    return subprocess.run(command(*arguments), cwd=repository, capture_output=True, text=True, env=environment(repository))
-
-
-def command(*arguments: str) -> list[str]:
-    return [sys.executable, "-m", "pipeline.sweep", *arguments]
-
-
-def environment(repository: Path) -> dict[str, str]:
-    return os.environ | {"PYTHONPATH": str(repository)}
-
-
-def jobs(folder: Path) -> dict[str, dict]:
-    return {path.parent.name: json.loads(path.read_text()) for path in folder.glob("jobs/*/job.json")}
 
 
 @pytest.fixture(scope="module")
 def repository(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A clone of the working tree, with an empty cache."""
     pytest.importorskip("hydra_plugins.hydra_joblib_launcher")
-    clone = tmp_path_factory.mktemp("sweeps") / "repository"
-    subprocess.run(["git", "clone", "--quiet", "--shared", "--no-checkout", ROOT, clone], check=True)
-    subprocess.run(["git", "checkout", "--quiet", "--detach", snapshot(ROOT)], cwd=clone, check=True)
-    return clone
+    return clone_of_working_tree(tmp_path_factory.mktemp("sweeps") / "repository")
 
 
 @pytest.fixture(scope="module")

@@ -6,6 +6,7 @@ import yaml
 from matplotlib.figure import Figure
 
 from pipeline.report import style
+from pipeline.sweep.page.tables import title
 from pipeline.sweep.summary import Summary
 
 MAX_PANELS = 4  # results beside one another
@@ -19,7 +20,7 @@ def parameters(summary: Summary) -> Figure:
     for row, parameter in zip(axes, summary.parameters, strict=True):
         at = at_reference(summary, parameter)
         values = sorted(at[parameter].unique(), key=_order)
-        for panel, (title, names) in zip(row, shown.items(), strict=True):
+        for panel, (heading, names) in zip(row, shown.items(), strict=True):
             for offset, (headline, variant) in enumerate(names.items()):
                 part = at[at["headline"] == headline]
                 by = part.groupby(parameter)["value"].agg(["mean", lambda x: x.quantile(0.25), lambda x: x.quantile(0.75)])
@@ -31,7 +32,7 @@ def parameters(summary: Summary) -> Figure:
                 panel.errorbar(x, by["mean"], yerr=reach, label=style.label(variant), **look)
             panel.set_xticks(range(len(values)), values)
             panel.set_xlabel(parameter)
-            panel.set_title(title)
+            panel.set_title(heading)
             panel.grid(axis="y")
     axes[0][0].legend(fontsize=9)
     return figure
@@ -42,8 +43,7 @@ def panels(headlines: list[str]) -> dict[str, dict[str, str]]:
     found: dict[str, dict[str, str]] = {}
     for headline in headlines:
         kind, variant, *rest = [*headline.split("."), ""]
-        title = " ".join([style.label(part) for part in (kind, *rest) if part]).replace("_", " ")
-        found.setdefault(title, {})[headline] = variant
+        found.setdefault(title(".".join(part for part in (kind, *rest) if part)).replace(", ", "\n", 1), {})[headline] = variant
     return dict(list(found.items())[:MAX_PANELS])
 
 

@@ -3,12 +3,22 @@
 import pandas as pd
 
 from pipeline.report.page import Table, with_gaps
+from pipeline.report.style import label
 from pipeline.sweep.results import LOWER_IS_BETTER
 from pipeline.sweep.summary import Summary
 
 RATES = ("accuracy", "repair")  # shown in per cent, differences in points
 WORDS = {"better": "better", "worse": "worse", "same": "same within 1 point", "undecided": "undecided"}
 MAX_SHOWN = 6  # headlines beside one another in a table
+KINDS = {"accuracy_one_demo": "accuracy with one demonstration", "effect_error": "largest effect error"}
+DIFFERENCE = ["Difference", "95 %, from", "to"]
+
+
+def title(headline: str) -> str:
+    """Return a headline in words: accuracy.full.new_items as Accuracy, paper's model, unseen items."""
+    kind, *rest = headline.split(".")
+    text = ", ".join([KINDS.get(kind, kind.replace("_", " ")), *(label(part) for part in rest)])
+    return text[:1].upper() + text[1:]
 
 
 def best(summary: Summary) -> list[dict]:
@@ -27,7 +37,7 @@ def verdicts(summary: Summary) -> Table:
     """Return the best setting by headline, and whether it differs from the reference."""
     rows = [
         {
-            "Result": row["headline"],
+            "Result": title(row["headline"]),
             "Reference": row["reference"],
             "Best setting": row["setting"],
             "Its mean": row["mean"],
@@ -42,9 +52,6 @@ def verdicts(summary: Summary) -> Table:
     return Table(with_gaps(rows), dict.fromkeys(["Reference", "Its mean", *DIFFERENCE], "fine") | {"p (Holm)": "fine"})
 
 
-DIFFERENCE = ["Difference", "95 %, from", "to"]
-
-
 def settings(summary: Summary) -> Table:
     """Return the mean and quartiles over seeds of the first changed headlines, a row a setting."""
     rows = []
@@ -53,10 +60,10 @@ def settings(summary: Summary) -> Table:
         for headline in summary.headlines[:MAX_SHOWN]:
             cell = part[part["headline"] == headline]
             for end, column in (("", "mean"), (", q1", "q1"), (", q3", "q3")):
-                row[headline + end] = float(cell[column].iloc[0]) if len(cell) else None
+                row[title(headline) + end] = float(cell[column].iloc[0]) if len(cell) else None
         rows.append(row)
     frame = with_gaps(rows)
-    formats = {c: "pct1" if str(c).startswith(RATES) else "fine" for c in frame.columns[1:]}
+    formats = {c: "pct1" if str(c).lower().startswith(RATES) else "fine" for c in frame.columns[1:]}
     return Table(frame, formats)
 
 
@@ -65,7 +72,7 @@ def differences(summary: Summary) -> Table:
     shown = summary.differences
     frame = pd.DataFrame(
         {
-            "Result": shown["headline"],
+            "Result": shown["headline"].map(title),
             "Setting": shown["setting"],
             "Difference": shown["difference"],
             "95 %, from": shown["ci_low"],
