@@ -33,11 +33,16 @@ from pipeline.sweep.summary import read_jobs, write_summary
 
 WATCH_S = 0.5  # between two looks at the jobs' files
 # What Hydra writes itself stays out of the jobs' folders
-QUIET = ["hydra.sweep.subdir=.", "hydra.output_subdir=null", "hydra/job_logging=disabled", "hydra/hydra_logging=disabled"]
+QUIET = [
+    "hydra.sweep.subdir=.",
+    "hydra.output_subdir=null",
+    "hydra/job_logging=disabled",
+    "hydra/hydra_logging=disabled",
+]
 
 
 def main(argv: list[str]) -> int:
-    """Run or summarise a sweep; return the exit status: 0, 1 if a job failed, 2 for a mistake in use, 130 for Ctrl-C."""
+    """Run or summarise a sweep; return 0, 1 if a job failed, 2 for a mistake in use, 130 after Ctrl-C."""
     try:
         if argv[:1] == ["summary"]:
             if len(argv) != 2:
@@ -59,7 +64,9 @@ def _arguments(argv: list[str]) -> argparse.Namespace:
     parser.add_argument("--folder", type=Path, help="of the sweep; by default multirun/sweep/DATE_TIME")
     parser.add_argument("--resume", type=Path, metavar="FOLDER", help="run what a sweep lacks")
     parser.add_argument("--stages", metavar="A,B", help="run the graph up to these stages or studies (evaluate)")
-    parser.add_argument("--objective", metavar="HEADLINE", help="what hydra/sweeper=optuna sees, e.g. accuracy.full.new_items")
+    parser.add_argument(
+        "--objective", metavar="HEADLINE", help="what hydra/sweeper=optuna sees, e.g. accuracy.full.new_items"
+    )
     given, overrides = parser.parse_known_args(argv)
     if wrong := [text for text in overrides if not re.match(r"[~+]|(?!-).*=", text)]:
         raise InputError(f"{wrong[0]!r}: expected an override such as train.steps=100,200, or an option of --help")
@@ -75,7 +82,9 @@ def _sweep(given: argparse.Namespace) -> int:
     if given.resume and before is None:
         raise InputError(f"{folder} holds no sweep: --resume wants a folder with a sweep.json")
     if before and not given.resume:
-        raise InputError(f"{folder} holds a sweep already: --resume {given.folder} adds to it, or name another --folder")
+        raise InputError(
+            f"{folder} holds a sweep already: --resume {given.folder} adds to it, or name another --folder"
+        )
     commit = snapshot(ROOT)
     code = code_digest(ROOT, commit)
     if before and before["code"] != code:
@@ -103,14 +112,22 @@ def _sweep(given: argparse.Namespace) -> int:
             sweep = Sweep(ROOT, folder, cache, commit, tuple(targets), tuple(fixed), objective)
             earlier = before or {"jobs": [], "defaults": {}}
             planned = {tuple(job): None for job in [*earlier["jobs"], *(plan.jobs or [])]}
-            record = {"commit": commit, "code": code, "targets": targets, "overrides": overrides, "objective": objective}
+            record = {
+                "commit": commit,
+                "code": code,
+                "targets": targets,
+                "overrides": overrides,
+                "objective": objective,
+            }
             record |= {"fixed": fixed, "defaults": earlier["defaults"] | plan.defaults, "jobs": [*map(list, planned)]}
             write_json(folder / "sweep.json", record)
             head = git(ROOT, "rev-parse", "HEAD").strip()
             if commit != head:
                 (folder / "uncommitted.diff").write_text(git(ROOT, "diff", head, commit))
                 print(f"runs uncommitted changes, kept in {folder}/uncommitted.diff", flush=True)
-            print(f"{len(plan.jobs) if plan.jobs else 'chosen'} jobs up to {', '.join(targets)} into {folder}", flush=True)
+            print(
+                f"{len(plan.jobs) if plan.jobs else 'chosen'} jobs up to {', '.join(targets)} into {folder}", flush=True
+            )
             _launch(sweep, plan)
             shutil.rmtree(folder / "clones", ignore_errors=True)
             return _summarise(folder)
@@ -158,7 +175,9 @@ def _progress(sweep: Sweep, plan: Plan) -> Iterator[None]:
     ended = Event()
 
     def count() -> tuple[int, int]:
-        records = [read_json(path) for path in (sweep.folder / "jobs").glob("*/job.json") if path.stat().st_mtime > started]
+        records = [
+            read_json(path) for path in (sweep.folder / "jobs").glob("*/job.json") if path.stat().st_mtime > started
+        ]
         states = [record["state"] for record in records]
         return sum(state in ("done", "failed") for state in states), states.count("failed")
 

@@ -41,7 +41,9 @@ def snapshot(root: Path) -> str:
     env = os.environ | identity | {"GIT_INDEX_FILE": str(index), "GIT_AUTHOR_DATE": date, "GIT_COMMITTER_DATE": date}
 
     def run(*arguments: str) -> str:
-        return subprocess.run(["git", "-C", root, *arguments], env=env, check=True, capture_output=True, text=True).stdout
+        return subprocess.run(
+            ["git", "-C", root, *arguments], env=env, check=True, capture_output=True, text=True
+        ).stdout
 
     try:
         run("read-tree", "HEAD")

@@ -67,7 +67,9 @@ def run_job(sweep: Sweep, overrides: Sequence[str]) -> float:
             record |= {"state": "interrupted"}
             raise
         finally:
-            write_json(folder / "job.json", {"state": "interrupted"} | record | {"seconds": round(time.time() - start, 1)})
+            write_json(
+                folder / "job.json", {"state": "interrupted"} | record | {"seconds": round(time.time() - start, 1)}
+            )
     return _objective(sweep, folder)
 
 

@@ -68,7 +68,9 @@ def make_plan(overrides: Sequence[str], targets: Sequence[str]) -> Plan:
     base = compose_parameters(plan.fixed)
     swept = [key for key, o in given.items() if o.is_sweep_override()]
     plan.defaults = {key: OmegaConf.select(base, key.lstrip("+")) for key in swept}
-    plan.defaults = {key: OmegaConf.to_container(v) if OmegaConf.is_config(v) else v for key, v in plan.defaults.items()}
+    plan.defaults = {
+        key: OmegaConf.to_container(v) if OmegaConf.is_config(v) else v for key, v in plan.defaults.items()
+    }
     if "optuna" in str(hydra.sweeper._target_).lower() or not discrete:
         plan.axes = {key: [] for key in swept}
         return plan

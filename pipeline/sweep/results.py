@@ -43,8 +43,8 @@ def _mean(table: pd.DataFrame, name: str, keys: list[str], value: str) -> pd.Dat
 
 
 def _accuracy(cfg: DictConfig, folder: Path) -> pd.DataFrame:
-    path, users = folder / cfg.paths.evaluate, list(cfg.evaluate.users)
-    scores = read_table(path / "accuracy.parquet").query("user in @users")
+    scores = read_table(folder / cfg.paths.evaluate / "accuracy.parquet")
+    scores = scores[scores["user"].isin(list(cfg.evaluate.users))]
     main = scores[scores["n_demos"] == cfg.main_n_demos]
     parts = [_mean(main, "accuracy", ["variant", "split"], "accuracy")]
     one = scores.query("n_demos == 1 and split == 'new_items'")

@@ -43,7 +43,7 @@ class Summary:
 
 
 def read_jobs(folder: Path, record: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return planned jobs and those that have a folder: name, path, overrides as a mapping, state, and what they wrote."""
+    """Return the records of planned jobs and of those with a folder, with their name, path and swept values."""
     found = {}
     for path in sorted((folder / "jobs").glob("*/job.json")):
         job = read_json(path)
@@ -72,7 +72,9 @@ def summarise(record: dict[str, Any], jobs: list[dict[str, Any]]) -> Summary:
         parts.append(table.assign(setting=job["name"], **values)[["setting", *parameters, *table.columns]])
     results = pd.concat(parts, ignore_index=True)
     by = results.groupby(["setting", "headline"], sort=False)["value"]
-    means = by.agg(mean="mean", q1=lambda x: x.quantile(0.25), q3=lambda x: x.quantile(0.75), seeds="size").reset_index()
+    means = by.agg(
+        mean="mean", q1=lambda x: x.quantile(0.25), q3=lambda x: x.quantile(0.75), seeds="size"
+    ).reset_index()
     cfg = yaml.safe_load((reference["path"] / "params.yaml").read_text())
     differences = _differences(results, reference["name"])
     facts = {"protocol": cfg["protocol"]["name"], "profile": cfg["profile"]}
@@ -91,7 +93,9 @@ def _differences(results: pd.DataFrame, reference: str) -> pd.DataFrame:
     """
     columns = ["setting", "headline", "seed", "value"]
     base = results.loc[results["setting"] == reference, ["headline", "seed", "value"]]
-    others = results.loc[results["setting"] != reference, columns].merge(base, on=["headline", "seed"], suffixes=("", "_before"))
+    others = results.loc[results["setting"] != reference, columns].merge(
+        base, on=["headline", "seed"], suffixes=("", "_before")
+    )
     changed = others.loc[others["value"] != others["value_before"], "headline"].unique()
     others = others[others["headline"].isin(changed)]
     both = others.assign(headline=others["setting"] + "|" + others["headline"])
@@ -111,7 +115,14 @@ def write_summary(folder: Path, record: dict[str, Any], jobs: list[dict[str, Any
 
     summary = summarise(record, jobs)
     site = Site()
-    names = {"home": "", "pages": {"index": "Sweep"}, "facts": {"studies": []}, "s": summary, "best": best, "title": title}
+    names = {
+        "home": "",
+        "pages": {"index": "Sweep"},
+        "facts": {"studies": []},
+        "s": summary,
+        "best": best,
+        "title": title,
+    }
     made = environment([Path(__file__).parent / "page"], **names)
     render_page("index", "page.html.j2", "pipeline.sweep.page", summary, made, site)
     write_files(site, folder)

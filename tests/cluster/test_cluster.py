@@ -96,7 +96,9 @@ def test_submitit_gives_the_serial_run_s_bytes(repository: Path, serial: Path):
     ended = sweep(repository, "--multirun", *SMALL, values, "hydra/launcher=submitit_local", "--folder", "by_submitit")
     assert ended.returncode == 0, ended.stderr[-3000:]
     for value in SERIAL:
-        assert results(repository / "by_submitit", f"evaluate.bins={value}") == results(serial, f"evaluate.bins={value}")
+        assert results(repository / "by_submitit", f"evaluate.bins={value}") == results(
+            serial, f"evaluate.bins={value}"
+        )
 
 
 def test_slurm_s_job_file_asks_for_what_conf_says(repository: Path, tmp_path: Path):
@@ -114,11 +116,18 @@ def test_slurm_s_job_file_asks_for_what_conf_says(repository: Path, tmp_path: Pa
 
 def test_optuna_finds_the_better_of_two_settings_on_validation_data(repository: Path):
     values = [*SMALL, "protocol=validation", "validation_seeds=[100,101]", "clearance.steps=choice(1,40)"]
-    optuna = ["hydra/sweeper=optuna", "hydra.sweeper.n_trials=2", "hydra.sweeper.n_jobs=2", "hydra.sweeper.direction=maximize"]
+    optuna = [
+        "hydra/sweeper=optuna",
+        "hydra.sweeper.n_trials=2",
+        "hydra.sweeper.n_jobs=2",
+        "hydra.sweeper.direction=maximize",
+    ]
     objective = ["--objective", "accuracy.clearance.new_items"]
     ended = sweep(repository, "--multirun", *values, *optuna, *objective, "--folder", "by_optuna")
     assert ended.returncode == 0, ended.stderr[-3000:]
     assert {job["state"] for job in jobs(repository / "by_optuna").values()} == {"done"}
     assert (repository / "by_optuna" / "index.html").is_file()
-    refused = sweep(repository, "--multirun", *SMALL, "clearance.steps=choice(1,40)", *optuna, *objective, "--folder", "x")
+    refused = sweep(
+        repository, "--multirun", *SMALL, "clearance.steps=choice(1,40)", *optuna, *objective, "--folder", "x"
+    )
     assert refused.returncode == 2 and "protocol=validation" in refused.stderr

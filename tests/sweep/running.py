@@ -28,7 +28,9 @@ def environment(repository: Path) -> dict[str, str]:
 
 
 def sweep(repository: Path, *arguments: str) -> subprocess.CompletedProcess:
-    return subprocess.run(command(*arguments), cwd=repository, capture_output=True, text=True, env=environment(repository))
+    return subprocess.run(
+        command(*arguments), cwd=repository, capture_output=True, text=True, env=environment(repository)
+    )
 
 
 def jobs(folder: Path) -> dict[str, dict]:

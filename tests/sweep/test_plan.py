@@ -32,7 +32,7 @@ def test_seeds_are_fitted_together_in_each_job(capsys: pytest.CaptureFixture):
     [
         ("train.beta=0,1", "train.beta"),
         ("train.steps=10,-1", "train.steps is -1"),
-        ("train.steps=10,,20", "mismatched input"),
+        ("train.steps=10,,20", "extraneous input"),
         ("main_n_demos=9,4", "main_n_demos is 4"),
         ("seed=3", "seed=0,1,2"),
         ("+experiment=nonsense", "experiment/nonsense"),

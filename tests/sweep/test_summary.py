@@ -30,7 +30,9 @@ def folder(tmp_path: Path) -> Path:
         (path / "params.yaml").write_text(yaml.safe_dump({"protocol": {"name": "validation"}, "profile": "paper"}))
         write_json(path / "job.json", {"overrides": jobs[-1], "state": "done"})
     jobs.append(["profile=paper", "beta=3"])
-    write_json(tmp_path / "jobs" / "beta=3" / "job.json", {"overrides": jobs[-1], "state": "failed", "error": "too <wide>"})
+    write_json(
+        tmp_path / "jobs" / "beta=3" / "job.json", {"overrides": jobs[-1], "state": "failed", "error": "too <wide>"}
+    )
     record = {"commit": "0" * 40, "targets": ["evaluate"], "overrides": ["beta=0,1,2,3"], "fixed": ["profile=paper"]}
     write_json(tmp_path / "sweep.json", record | {"defaults": {"beta": 0}, "jobs": jobs})
     return tmp_path
@@ -39,7 +41,9 @@ def folder(tmp_path: Path) -> Path:
 def test_the_better_setting_is_called_better_and_an_equal_one_is_not(folder: Path):
     assert main(["summary", str(folder)]) == 1  # a job failed
     table = read_table(folder / "differences.parquet").set_index(["headline", "setting"])
-    assert set(table.index) == {(h, f"beta={b}") for h in ("accuracy.full.new_items", "effect_error.full") for b in (1, 2)}
+    assert set(table.index) == {
+        (h, f"beta={b}") for h in ("accuracy.full.new_items", "effect_error.full") for b in (1, 2)
+    }
     better = table.loc[("accuracy.full.new_items", "beta=1")]
     assert better["word"] == "better" and better["difference"] == pytest.approx(0.05, abs=0.003)
     assert better["ci_low"] < 0.05 < better["ci_high"] and better["p_holm"] < 0.001

@@ -80,7 +80,10 @@ def test_more_values_may_be_added_to_a_sweep_and_only_they_run(repository: Path,
         (["--multirun", *SWEPT, "--folder", "swept"], "holds a sweep already"),
         (["--multirun", *SWEPT, "--folder", "x", "--stages", "evalute"], "stage 'evalute' is unknown"),
         (["--resume", "nowhere"], "holds no sweep"),
-        (["--multirun", "hydra/sweeper=basic", "evaluate.bins=5", "--folder", "x", "bins"], "'bins': expected an override"),
+        (
+            ["--multirun", "hydra/sweeper=basic", "evaluate.bins=5", "--folder", "x", "bins"],
+            "'bins': expected an override",
+        ),
         (["evaluate.bins=5,10"], "--multirun"),
     ],
 )

@@ -16,14 +16,18 @@ def parameters(summary: Summary) -> Figure:
     """Draw the results against each swept parameter, a row a parameter; the others are as in the reference."""
     shown = panels(summary.headlines)
     rows, columns = len(summary.parameters), len(shown)
-    figure, axes = plt.subplots(rows, columns, figsize=(3.2 * columns + 0.6, 2.9 * rows), squeeze=False, layout="constrained")
+    figure, axes = plt.subplots(
+        rows, columns, figsize=(3.2 * columns + 0.6, 2.9 * rows), squeeze=False, layout="constrained"
+    )
     for row, parameter in zip(axes, summary.parameters, strict=True):
         at = at_reference(summary, parameter)
         values = sorted(at[parameter].unique(), key=_order)
         for panel, (heading, names) in zip(row, shown.items(), strict=True):
             for offset, (headline, variant) in enumerate(names.items()):
                 part = at[at["headline"] == headline]
-                by = part.groupby(parameter)["value"].agg(["mean", lambda x: x.quantile(0.25), lambda x: x.quantile(0.75)])
+                by = part.groupby(parameter)["value"].agg(
+                    ["mean", lambda x: x.quantile(0.25), lambda x: x.quantile(0.75)]
+                )
                 by.columns = ["mean", "q1", "q3"]
                 by = by.reindex(values)
                 x = [place + 0.06 * (offset - (len(names) - 1) / 2) for place in range(len(values))]
@@ -43,12 +47,14 @@ def panels(headlines: list[str]) -> dict[str, dict[str, str]]:
     found: dict[str, dict[str, str]] = {}
     for headline in headlines:
         kind, variant, *rest = [*headline.split("."), ""]
-        found.setdefault(title(".".join(part for part in (kind, *rest) if part)).replace(", ", "\n", 1), {})[headline] = variant
+        found.setdefault(title(".".join(part for part in (kind, *rest) if part)).replace(", ", "\n", 1), {})[
+            headline
+        ] = variant
     return dict(list(found.items())[:MAX_PANELS])
 
 
 def at_reference(summary: Summary, parameter: str) -> pd.DataFrame:
-    """Return the results in which all other parameters are as in the reference; all results where these vary too little."""
+    """Return the results with all other parameters as in the reference; all results if these are of one value."""
     others = [name for name in summary.parameters if name != parameter]
     reference = summary.results[summary.results["setting"] == summary.reference].iloc[0]
     held = summary.results[(summary.results[others] == reference[others]).all(axis=1)]

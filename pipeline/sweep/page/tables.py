@@ -87,5 +87,7 @@ def differences(summary: Summary) -> Table:
 
 def broken(summary: Summary) -> Table:
     """Return the jobs without a result."""
-    rows = [{"Job": j["name"], "State": j["state"], "Why": j.get("error", "")} for j in summary.jobs if j["state"] != "done"]
+    rows = [
+        {"Job": j["name"], "State": j["state"], "Why": j.get("error", "")} for j in summary.jobs if j["state"] != "done"
+    ]
     return Table(with_gaps(rows))
