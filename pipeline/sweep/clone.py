@@ -6,7 +6,6 @@ import shutil
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
-from itertools import count
 from pathlib import Path
 
 from filelock import FileLock, Timeout
@@ -69,24 +68,30 @@ def borrowed_clone(root: Path, commit: str, cache: Path, pool: Path) -> Iterator
     clone is deleted.
     """
     pool.mkdir(parents=True, exist_ok=True)
-    for number in count():
-        lock = FileLock(pool / f"{number}.lock", timeout=0)
-        try:
-            lock.acquire()
-            break
-        except Timeout:
-            continue
-    clone = pool / str(number)
-    with lock:
-        try:
-            if not (clone / ".dvc" / "config.local").is_file():
-                shutil.rmtree(clone, ignore_errors=True)
-                _make_clone(root, commit, cache, clone)
-            git(clone, "reset", "--quiet", "--hard")  # parameters, graph and locks of the job before
-            yield clone
-        except BaseException:
+    clone, lock = _take_free(pool)
+    try:
+        if not (clone / ".dvc" / "config.local").is_file():
             shutil.rmtree(clone, ignore_errors=True)
-            raise
+            _make_clone(root, commit, cache, clone)
+        git(clone, "reset", "--quiet", "--hard")  # parameters, graph and locks of the job before
+        yield clone
+    except BaseException:
+        shutil.rmtree(clone, ignore_errors=True)
+        raise
+    finally:
+        lock.release()
+
+
+def _take_free(pool: Path) -> tuple[Path, FileLock]:
+    """Return the folder of the first clone that no other job holds, and its lock, acquired."""
+    number = 0
+    while True:
+        lock = FileLock(pool / f"{number}.lock")
+        try:
+            lock.acquire(timeout=0)
+            return pool / str(number), lock
+        except Timeout:
+            number += 1
 
 
 def _make_clone(root: Path, commit: str, cache: Path, clone: Path) -> None:

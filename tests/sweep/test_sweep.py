@@ -78,7 +78,7 @@ def test_more_values_may_be_added_to_a_sweep_and_only_they_run(repository: Path,
     ("arguments", "message"),
     [
         (["--multirun", *SWEPT, "--folder", "swept"], "holds a sweep already"),
-        (["--multirun", *SWEPT, "--folder", "x", "--stages", "evalute"], "stage 'evalute' is unknown"),
+        (["--multirun", *SWEPT, "--folder", "x", "--stages", "evaluates"], "stage 'evaluates' is unknown"),
         (["--resume", "nowhere"], "holds no sweep"),
         (
             ["--multirun", "hydra/sweeper=basic", "evaluate.bins=5", "--folder", "x", "bins"],
