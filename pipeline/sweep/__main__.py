@@ -53,7 +53,7 @@ def main(argv: list[str]) -> int:
         print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("interrupted: `python -m pipeline.sweep --resume FOLDER` runs what is missing", file=sys.stderr)
+        print("interrupted before any job started", file=sys.stderr)
         return 130
 
 
@@ -128,7 +128,11 @@ def _sweep(given: argparse.Namespace) -> int:
             print(
                 f"{len(plan.jobs) if plan.jobs else 'chosen'} jobs up to {', '.join(targets)} into {folder}", flush=True
             )
-            _launch(sweep, plan)
+            try:
+                _launch(sweep, plan)
+            except KeyboardInterrupt:
+                print(f"interrupted; `python -m pipeline.sweep --resume {folder}` runs the others", file=sys.stderr)
+                return 130
             shutil.rmtree(folder / "clones", ignore_errors=True)
             return _summarise(folder)
     except Timeout:

@@ -47,6 +47,9 @@ class Plan:
 
 def make_plan(overrides: Sequence[str], targets: Sequence[str]) -> Plan:
     """Return the plan of Hydra's overrides; raise InputError for one that cannot be run, before any work is done."""
+    for text in overrides:
+        if text.startswith(("hydra/launcher=", "hydra/sweeper=")):
+            _need_extra(text.partition("=")[2])
     plan = Plan(_seeds_together(overrides))
     try:
         parsed = OverridesParser.create().parse_overrides(plan.overrides)
@@ -58,8 +61,6 @@ def make_plan(overrides: Sequence[str], targets: Sequence[str]) -> Plan:
         preset = OverridesParser.create().parse_overrides([f"{k}={v}" for k, v in params.items()])  # pyright: ignore
     except (HydraException, OmegaConfBaseException) as error:
         raise InputError(explained(error)) from error
-    for name in (hydra.runtime.choices.get("hydra/launcher"), hydra.runtime.choices.get("hydra/sweeper")):
-        _need_extra(str(name))
     _need_cluster(hydra.launcher)
     ours = [o for o in [*preset, *parsed] if not (o.key_or_group or "").startswith("hydra")]
     given = {o.get_key_element(): o for o in ours}  # the command line's last, as in Hydra
@@ -112,6 +113,7 @@ def _seeds_together(overrides: Sequence[str]) -> list[str]:
 
 
 def _need_extra(name: str) -> None:
+    """Raise InputError if the package of a launcher or sweeper is not installed."""
     package, extra = EXTRAS.get(name, ("", ""))
     namespace = package.partition(".")[0]
     if package and (importlib.util.find_spec(namespace) is None or importlib.util.find_spec(package) is None):

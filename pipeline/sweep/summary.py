@@ -53,7 +53,11 @@ def read_jobs(folder: Path, record: dict[str, Any]) -> list[dict[str, Any]]:
     for job in jobs:
         own = [text for text in job["overrides"] if text not in record["fixed"]]
         job["values"] = dict(text.lstrip("+").partition("=")[::2] for text in own)
-        job["name"] = ", ".join(own) or "default"
+    keys = list(dict.fromkeys(key for job in jobs for key in job["values"]))
+    short = {key: key.rpartition(".")[2] for key in keys}
+    names = short if len(set(short.values())) == len(keys) else {key: key for key in keys}
+    for job in jobs:
+        job["name"] = ", ".join(f"{names[key]}={value}" for key, value in job["values"].items()) or "default"
     return jobs
 
 

@@ -9,7 +9,7 @@ from pipeline.sweep.summary import Summary
 
 RATES = ("accuracy", "repair")  # shown in per cent, differences in points
 WORDS = {"better": "better", "worse": "worse", "same": "same within 1 point", "undecided": "undecided"}
-MAX_SHOWN = 6  # headlines beside one another in a table
+MAX_SHOWN = 4  # headlines beside one another in a table
 KINDS = {"accuracy_one_demo": "accuracy with one demonstration", "effect_error": "largest effect error"}
 DIFFERENCE = ["Difference", "95 %, from", "to"]
 
