@@ -12,6 +12,8 @@ from pathlib import Path
 import psutil
 import pytest
 
+from pipeline.runtime.errors import InputError
+from pipeline.sweep.plan import make_plan
 from tests.sweep.running import SMALL, clone_of_working_tree, command, environment, jobs, results, sweep
 
 JOBS = 20
@@ -89,6 +91,16 @@ def test_a_ray_cluster_that_loses_a_node_does_every_job_with_the_serial_run_s_by
     assert len(done) == JOBS and {job["state"] for job in done.values()} == {"done"}
     for value in SERIAL:
         assert results(folder, f"evaluate.bins={value}") == results(serial, f"evaluate.bins={value}")
+
+
+def test_a_cluster_that_does_not_answer_is_refused():
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{free.getsockname()[1]}"
+    with pytest.raises(InputError, match=f"{address} does not answer"):
+        make_plan(
+            ["hydra/launcher=ray_cluster", f"hydra.launcher.ray.init.address={address}", "train.steps=1,2"], ["train"]
+        )
 
 
 def test_submitit_gives_the_serial_run_s_bytes(repository: Path, serial: Path):
