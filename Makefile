@@ -11,7 +11,7 @@ COMPILE := pip-compile --quiet --strip-extras --no-emit-index-url --no-emit-find
 RUN ?=
 WORST ?=
 
-.PHONY: help venv repro studies demo pull test test-browser test-viewer test-cluster check-dowhy smoke bench review audit site figures readme lint lock params data render clean
+.PHONY: help venv repro studies search demo pull test test-browser test-viewer test-cluster check-dowhy smoke bench review audit site figures readme lint lock params data render clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -32,6 +32,10 @@ repro: data-here  ## the paper: data from the store, every stage, the report
 
 studies: data-here  ## the paper and every study beyond it
 	dvc repro -P
+
+search: data-here  ## settings of every learner on validation scenes, until studies/search/settings.csv is complete; half an hour, can be interrupted
+	dvc repro demos
+	python -m studies.search.search
 
 demo: $(READY)  ## a small run of the paper in demo/, from data to page in a few minutes; prints where the page is
 	bash tests/smoke.sh --profile demo demo
