@@ -37,11 +37,13 @@ def run_stages(targets: list[str]) -> dict[str, dict]:
             for stage in pending:
                 if set(graph.successors(stage)) & set(pending):  # in DVC's graph a stage points to what it needs
                     continue
-                key = content_key(repo, stage.addressing)
+                key = content_key(stage)
                 try:
                     with FileLock(locks / key, timeout=0):
                         start, cached = time.perf_counter(), run_cache(repo, key).is_dir()
-                        repo.reproduce(stage.addressing, single_item=True)
+                        with repo.lock:  # `repo.reproduce` would read every dvc.yaml again for each stage
+                            stage.reproduce()
+                            stage.dump(update_pipeline=False)
                 except Timeout:
                     continue
                 done[stage.addressing] = {"ran": not cached, "seconds": round(time.perf_counter() - start, 2)}
@@ -53,11 +55,10 @@ def run_stages(targets: list[str]) -> dict[str, dict]:
     return done
 
 
-def content_key(repo, addressing: str) -> str:
+def content_key(stage) -> str:
     """Return DVC's key of a stage in its run cache: command, parameters and the content of all that it reads."""
     from dvc.stage.cache import _get_stage_hash
 
-    (stage,) = repo.stage.collect(addressing)
     stage.save_deps()
     return _get_stage_hash(stage)
 
