@@ -3,16 +3,16 @@
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
-import pinocchio as pin
-import rtbdata
+import pinocchio as pin  # pyright: ignore[reportMissingImports]
 from jaxtyping import Float
 from numpy import ndarray as Array
-from xacrodoc import XacroDoc, packages
+from xacrodoc import XacroDoc, packages  # pyright: ignore[reportMissingImports]
 
 TURN = 2 * np.pi  # a joint without stops may turn once either way from zero [rad]
 GRIP = "grip"  # frame between the fingers; its z axis points up while the arm carries
@@ -39,7 +39,7 @@ class Arm:
 
 def load_arm(name: str, settings: Mapping[str, Any]) -> Arm:
     """Return the arm of `settings` (studies.execution.arms) from the robot descriptions in the package rtb-data."""
-    root = Path(rtbdata.__file__).parent / "xacro"
+    root = Path(str(files("rtbdata"))) / "xacro"
     packages.update_package_cache({folder.name: str(folder) for folder in root.iterdir() if folder.is_dir()})
     text = with_angles(XacroDoc.from_file(str(root / settings["file"])).to_urdf_string())
     model = pin.buildModelFromXML(text)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
+import pinocchio as pin  # pyright: ignore[reportMissingImports]
 from jaxtyping import Float
 from numpy import ndarray as Array
 

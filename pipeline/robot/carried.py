@@ -6,10 +6,11 @@ that reaches from its lower edge upwards, so distances between the two are exact
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import product
 
-import coal
+import coal  # pyright: ignore[reportMissingImports]
 import numpy as np
-import pinocchio as pin
+import pinocchio as pin  # pyright: ignore[reportMissingImports]
 from jaxtyping import Float
 from numpy import ndarray as Array
 
@@ -33,18 +34,17 @@ def gripper_of(arm: Arm) -> Part:
     model, data = arm.model, arm.model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
     grip = model.frames[model.getFrameId(GRIP)]
-    corners = []
+    corners: list[Array] = []
     for shape in arm.shapes.geometryObjects:
         if shape.parentJoint == grip.parentJoint:
             shape.geometry.computeLocalAABB()
             box: coal.AABB = shape.geometry.aabb_local
-            ends = np.stack([box.min_, box.max_])
-            all_corners = np.stack(np.meshgrid(*ends.T, indexing="ij"), -1).reshape(-1, 3)
+            all_corners = np.array(list(product(*zip(box.min_, box.max_, strict=True))))
             pose = grip.placement.inverse() * shape.placement
             corners.append(all_corners @ pose.rotation.T + pose.translation)
-    low, high = np.concatenate(corners).min(0), np.concatenate(corners).max(0)
-    radius = float(np.abs([low[1], high[1]]).max())
-    return Part(float(min(low[0] + radius, 0)), float(max(high[0] - radius, 0)), radius, float(-low[2]), float(high[2]))
+    (x0, y0, z0), (x1, y1, z1) = np.concatenate(corners).min(0), np.concatenate(corners).max(0)
+    radius = float(max(-y0, y1))
+    return Part(float(min(x0 + radius, 0)), float(max(x1 - radius, 0)), radius, float(-z0), float(z1))
 
 
 def item_heights(layouts: Layouts, heights: Mapping[str, float]) -> Float[Array, "scene slot"]:
@@ -71,7 +71,7 @@ def clearances(
     lower = grip[..., 2] - part.bottom_m
     tall = side_m * item_heights(layouts, heights)
     least = np.full(layouts.symbol.shape, np.inf)
-    for slot in range(least.shape[1]):
+    for slot in range(layouts.symbol.shape[1]):
         footprint = side_m * layouts.ends[:, slot][:, None]
         apart = segment_distance(ends, footprint) - part.radius_m - side_m * layouts.radius[:, slot, None]
         above = lower - tall[:, slot, None]

@@ -1,8 +1,8 @@
 """Collisions of an arm with its own robot, and with the table and the space that items take."""
 
-import coal
+import coal  # pyright: ignore[reportMissingImports]
 import numpy as np
-import pinocchio as pin
+import pinocchio as pin  # pyright: ignore[reportMissingImports]
 from jaxtyping import Float
 from numpy import ndarray as Array
 

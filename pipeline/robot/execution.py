@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-import pinocchio as pin
-from jaxtyping import Float, Int
+import pinocchio as pin  # pyright: ignore[reportMissingImports]
+from jaxtyping import Float
 from numpy import ndarray as Array
 
 from pipeline.robot.arm import GRIP, Arm

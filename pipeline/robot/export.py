@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray as Array
-from rosbags.rosbag2 import Reader, StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
+from rosbags.rosbag2 import Reader, StoragePlugin, Writer  # pyright: ignore[reportMissingImports]
+from rosbags.typesys import Stores, get_typestore  # pyright: ignore[reportMissingImports]
 
 KIND = "trajectory_msgs/msg/JointTrajectory"
 TYPES = get_typestore(Stores.ROS2_HUMBLE)

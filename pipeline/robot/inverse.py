@@ -7,12 +7,12 @@ the preferred one. So joint positions are a function of the point on the table, 
 from dataclasses import dataclass
 
 import numpy as np
-import pink
-import pinocchio as pin
+import pink  # pyright: ignore[reportMissingImports]
+import pinocchio as pin  # pyright: ignore[reportMissingImports]
 from jaxtyping import Float, Int
 from numpy import ndarray as Array
-from pink.limits import ConfigurationLimit
-from pink.tasks import FrameTask, PostureTask
+from pink.limits import ConfigurationLimit  # pyright: ignore[reportMissingImports]
+from pink.tasks import FrameTask, PostureTask  # pyright: ignore[reportMissingImports]
 from scipy.ndimage import map_coordinates, spline_filter
 
 from pipeline.robot.arm import GRIP, Arm
@@ -43,9 +43,14 @@ class PostureMap:
         return np.stack(joints, -1)
 
     def worst(self, points: Float[Array, "*path point 2"]) -> Int[Array, "*path"]:
-        """Return the gravest status along each path, at the lattice points nearest to its points."""
-        row, column = np.moveaxis(np.round(np.asarray(points)[..., ::-1] * (len(self.q) - 1)).astype(int), -1, 0)
-        return self.status[row, column].max(-1)
+        """Return the gravest status along each path, at the lattice points nearest to its points.
+
+        Beyond the table's edge, where the map ends, points are out of reach.
+        """
+        index = np.round(np.asarray(points)[..., ::-1] * (len(self.q) - 1)).astype(int)
+        row, column = np.moveaxis(index.clip(0, len(self.q) - 1), -1, 0)
+        beyond = (np.abs(np.asarray(points) - 0.5) > 0.5).any(-1)
+        return np.where(beyond, REACH, self.status[row, column]).max(-1)
 
 
 def posture_map(arm: Arm, bench: Bench, side: int, obstacle_m: float) -> PostureMap:

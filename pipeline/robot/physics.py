@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from xml.sax.saxutils import quoteattr
 
-import mujoco
+import mujoco  # pyright: ignore[reportMissingImports]
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray as Array
@@ -47,7 +47,7 @@ def simulate(
 ) -> Outcome:
     """Move the parts along the grip [m] (table's frame) and heading [rad] in `duration_s`; return what they met.
 
-    The parts cannot be pushed back. Items stand free on the table and scale with it: sizes by side_m, masses by side_m³.
+    The parts cannot be pushed back. Items stand free and scale with the table: sizes by side_m, masses by side_m³.
     """
     slots = np.flatnonzero(layouts.present[scene])
     model = mujoco.MjModel.from_xml_string(_scene_xml(layouts, scene, slots, side_m, solids, parts))
@@ -106,7 +106,8 @@ def _prism(back: float, front: float, radius: float, bottom: float, top: float, 
     half, middle = (top - bottom) / 2, (top + bottom) / 2
     ends = {back, front}
     solid = "".join(
-        f'<geom type="cylinder" size="{radius:.6f} {half:.6f}" pos="{x:.6f} 0 {middle:.6f}" {mass}/>' for x in sorted(ends)
+        f'<geom type="cylinder" size="{radius:.6f} {half:.6f}" pos="{x:.6f} 0 {middle:.6f}" {mass}/>'
+        for x in sorted(ends)
     )
     if len(ends) == 1:
         return solid

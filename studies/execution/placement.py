@@ -58,37 +58,39 @@ def place(
 ) -> tuple[Bench, PostureMap, pd.DataFrame]:
     """Return the placement of one arm, its fine map of postures, and a row for each placement tried.
 
-    Sizes are tried from the largest down to the first at which some base executes every demonstration, and the base
-    is the first such one. If there is no such size, the placement that executes most. Raise InputError if that is none,
-    or if the start of all paths is out of reach.
+    z_theta: the demonstrations that judge it, those left out that cross the table's edge. Sizes are tried from the
+    largest down to the first at which some base executes every demonstration, and the base is the first such one. If
+    there is no such size, the placement that executes most. Raise InputError if that is none, or if the start of all
+    paths is out of reach.
     """
-    points, tried, placed = minimum_jerk(z_theta, study.instants), [], {}
-    text = json.dumps(settings)
-    for side_m in sorted(study.side_m, reverse=True):
+    points = minimum_jerk(z_theta, study.instants)
+    points = points[(np.abs(points - 0.5) <= 0.5).all((1, 2))]
+    text, tried, placed = json.dumps(settings), [], []
+    for side_m in sorted(settings["side_m"], reverse=True):
         jobs = [
             Try(name, text, _bench(settings, study, side_m, x, y), study.coarse, tallest_m, points)
             for x, y in product(settings["base_x"], settings["base_y_m"])
         ]
         rows = map_jobs(judge, jobs, workers, f"{name} at a table of {side_m:g} m")
         tried += rows
-        placed |= {len(placed) + i: job for i, job in enumerate(jobs)}
+        placed += jobs
         if any(row["executed"] == 1 for row in rows):
             break
     best = int(np.argmax([row["executed"] for row in tried]))
     if tried[best]["executed"] == 0:
         why = max(FAILURES[1:4], key=lambda failure: tried[best][failure])
         raise InputError(
-            f"{name} executes no demonstration on any table of studies.execution.side_m ({why}): "
-            f"move its base nearer (studies.execution.arms.{name}.base_x, base_y_m) or add a smaller table"
+            f"{name} executes no demonstration on any table of studies.execution.arms.{name}.side_m ({why}): "
+            f"move its base nearer (studies.execution.arms.{name}.base_x, base_y_m) or list a smaller table"
         )
     chosen = replace(placed[best], side=study.lattice)
     postures = mapped(chosen)
-    status = int(postures.worst(P_INIT[None]))
+    status = int(postures.worst(P_INIT[None, None])[0])
     if status != FREE:
         raise InputError(
             f"{name} cannot reach the start of all paths at ({P_INIT[0]:g}, {P_INIT[1]:g}) of a table of "
-            f"{chosen.bench.side_m:g} m ({FAILURES[status]}): move its base (studies.execution.arms.{name}) "
-            "or list a smaller table in studies.execution.side_m"
+            f"{chosen.bench.side_m:g} m ({FAILURES[status]}): move its base (base_x, base_y_m) or list a smaller "
+            f"table (side_m) in studies.execution.arms.{name}"
         )
     return chosen.bench, postures, pd.DataFrame(tried).assign(chosen=np.arange(len(tried)) == best)
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import pinocchio as pin
+import pinocchio as pin  # pyright: ignore[reportMissingImports]
 from jaxtyping import Float
 from numpy import ndarray as Array
 from omegaconf import DictConfig, OmegaConf
@@ -26,9 +26,10 @@ from pipeline.robot.motion import lengths
 from pipeline.robot.physics import Solid, simulate
 from pipeline.runtime.parallel import map_jobs
 from pipeline.world.layout import Layouts, concatenated
-from studies.execution.paths import DEMONSTRATIONS, GROUP, KEY, REPAIRS, UNREPAIRED, all_paths
+from studies.execution.paths import GROUP, KEY, REPAIRS, UNREPAIRED, all_paths
 from studies.execution.placement import arm_of, place
 
+PUSHED = 50  # simulated executions of one job
 ARM_INSTANTS = 5  # of the picture
 ALL = "all"  # variants or users of a row of the summary
 CLOSE = 0.05  # quantile of clearances in the summary
@@ -108,7 +109,7 @@ def run(cfg: DictConfig, out_dir: Path) -> None:
     chosen = simulated_paths(cfg, paths)
     jobs = [
         Job(work, part[["z_x", "z_y"]].to_numpy(), scenes.layouts[pool][part["scene"].to_numpy()])
-        for part in np.array_split(chosen, max(1, len(chosen) // 50))
+        for _, part in chosen.groupby(chosen.index // PUSHED)
     ]
     outcomes = pd.concat(map_jobs(push, jobs, cfg.workers, "physics"), ignore_index=True)
     physics = pd.concat([chosen.reset_index(drop=True), outcomes], axis=1)

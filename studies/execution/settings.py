@@ -25,6 +25,7 @@ class ArmSettings(Group):
     posture: dict[str, float]
     height_m: float
     turn_deg: float
+    side_m: Sizes
     base_x: Numbers
     base_y_m: Numbers
 
@@ -46,7 +47,6 @@ class SolidSettings(Group):
 
 class Settings(StudyGroup):
     arms: dict[str, ArmSettings]
-    side_m: Sizes
     grip_m: Length
     shaker: Carried
     solids: dict[str, SolidSettings]
@@ -68,7 +68,12 @@ class Settings(StudyGroup):
 def agree(study: Settings, parameters: Parameters) -> None:
     """Require a solid for every symbol, known variants, starts that exist, and a grip above every item."""
     name = "studies.execution"
-    need(set(study.solids) == set(SYMBOLS), f"{name}.solids", sorted(study.solids), f"one of each of {', '.join(SYMBOLS)}")
+    need(
+        set(study.solids) == set(SYMBOLS),
+        f"{name}.solids",
+        sorted(study.solids),
+        f"one of each of {', '.join(SYMBOLS)}",
+    )
     need_one(f"{name}.physics_arm", study.physics_arm, study.arms)
     need_some(f"{name}.physics", study.physics, ["gradient", "nearest"])
     for method, variants in study.physics.items():
