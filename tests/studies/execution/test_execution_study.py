@@ -11,15 +11,11 @@ from omegaconf import DictConfig, OmegaConf
 from pipeline import robot
 from pipeline.artifacts.files import read_arrays, read_table, write_table
 from pipeline.artifacts.scenes import read_scenes
+from pipeline.robot.export import read_bag
 from pipeline.runtime.errors import InputError
 from studies.execution.paths import random_starts
 from studies.execution.stage import main
 from tests.factories import SCENES, random_demos, untrained_models, write_table_of_demos
-
-for package in robot.PACKAGES:
-    pytest.importorskip(package)
-
-from pipeline.robot.export import read_bag
 
 pytestmark = pytest.mark.slow
 SMALL = {"coarse": 5, "lattice": 15, "instants": 24, "error_m": 0.01, "physics_starts": 1, "exported": 2, "chunk": 40}
@@ -45,8 +41,8 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
                 rows.append(row | {"accepted": accepted, "valid_end": True})
     write_table(folder / "repair" / "repairs.parquet", pd.DataFrame(rows).astype({"accepted": "boolean"}))
     cfg.studies.execution.update(SMALL)
-    cfg.studies.execution.arms = {"pr2": cfg.studies.execution.arms.pr2}
     cfg.studies.execution.arms.pr2.update(PLACED)
+    del cfg.studies.execution.arms.panda
     return cfg
 
 
