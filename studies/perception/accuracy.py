@@ -1,0 +1,82 @@
+"""Accuracy of clearance models on path-traced tables, by the detector that shows them the objects."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import torch
+from jaxtyping import Float
+from omegaconf import DictConfig
+from torch import Tensor
+
+from pipeline.artifacts.demos import demo_arrays, read_labelled
+from pipeline.artifacts.scenes import train_pool
+from pipeline.models.base import to_tensor, untrained
+from pipeline.models.clearance.clearance import ClearanceModel, pack
+from pipeline.perception.objects import Objects
+from pipeline.runtime.streams import job_seed, stream
+from pipeline.stats.scores import DECISION
+from pipeline.training.clearance.fit import fit
+from pipeline.training.loop import Schedule
+from pipeline.world.bezier import random_z_theta
+from pipeline.world.rules import valid
+from rendered.read import Rendered, read_rendered
+from studies.perception import detector
+
+Detector = Callable[[Tensor, Tensor], Objects]  # images, and the empty tables
+VARIANT = "clearance"
+
+
+class SegmenterModel(ClearanceModel):
+    """A clearance model that sees what the segmenter detects; all others see what the finder of the pipeline does."""
+
+    def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene object 13"]:
+        """Return the detected objects, packed as by `PerceivedObjects.percept`."""
+        return percept(detector.detect_objects(images))
+
+
+def percept(objects: Objects) -> Float[Tensor, "scene object 13"]:
+    """Return objects packed as a clearance model sees them."""
+    start, end = torch.from_numpy(objects.ends).unbind(-2)
+    radius, features, present = map(torch.from_numpy, (objects.radius, objects.features, objects.present))
+    return pack(start, end, radius, features, present)
+
+
+def on_rendered_tables(cfg: DictConfig, detectors: dict[str, Detector]) -> pd.DataFrame:
+    """Return a row for each detector, split, user, seed and scene with the share of random paths judged right.
+
+    Models are fitted in the drawn world, to what the finder or the segmenter sees without the empty table's picture.
+    """
+    study = cfg.studies.perception
+    models = {kind: _fitted(cfg, kind) for kind in (ClearanceModel, SegmenterModel)}
+    rows = []
+    for split in study.rendered:
+        tables = read_rendered(Path(study.folder) / split)
+        z = random_z_theta(stream(study.root_seed, "paths", split), len(tables.images), study.paths)
+        for name, detect in detectors.items():
+            seen = percept(detect(to_tensor(tables.images), to_tensor(tables.empty)))
+            for (seed, user), model in models[ClearanceModel if name == "finder" else SegmenterModel].items():
+                right = _judged(model, seen, z, tables, cfg.users[user])
+                columns = {"scene": range(len(z)), "top": tables.tops, "accuracy": right.mean(1)}
+                rows.append(pd.DataFrame(columns).assign(split=split, detector=name, user=user, seed=seed))
+    return pd.concat(rows, ignore_index=True)
+
+
+def _fitted(cfg: DictConfig, kind: type[ClearanceModel]) -> dict[tuple[int, str], ClearanceModel]:
+    """Return a model of each validation seed and judged user, fitted in the drawn world."""
+    scenes, demos, _ = read_labelled(cfg.paths.scenes, cfg.paths.demos)
+    keys = [(seed, user) for seed in cfg.validation_seeds for user in cfg.evaluate.users]
+    seeds = [job_seed(seed, user, cfg.main_n_demos, VARIANT) for seed, user in keys]
+    models = [untrained(kind, cfg.variants[VARIANT].model, seed) for seed in seeds]
+    images = [scenes.images[train_pool(seed)] for seed, _ in keys]
+    z, labels = zip(*(demo_arrays(demos, seed, user, cfg.main_n_demos) for seed, user in keys), strict=True)
+    fit(models, images, z, labels, Schedule.of(cfg.clearance), seeds)  # pyright: ignore
+    return dict(zip(keys, models, strict=True))  # pyright: ignore
+
+
+@torch.no_grad()
+def _judged(model: ClearanceModel, seen: Tensor, z: np.ndarray, tables: Rendered, margins) -> np.ndarray:
+    """Return whether each path is judged right: (scene, path)."""
+    p = model.logit(seen, torch.from_numpy(z).float()).sigmoid().numpy()
+    return (p > DECISION) == valid(tables.layouts, z, margins)

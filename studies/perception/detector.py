@@ -1,0 +1,89 @@
+"""Detect the objects in a table image, and fit a capsule to each.
+
+The segmenter marks the items' pixels (segmenter.py), and OpenCV turns its maps into outlines (outlines.py). To each
+outline a capsule is fitted (capsule.py), with features that tell glasses from bowls, plates and cutlery.
+"""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+import torch
+from jaxtyping import Float, Float32, UInt8
+from numpy import ndarray as Array
+from torch import Tensor
+
+from pipeline.perception.capsule import fit_capsule
+from pipeline.perception.objects import MAX_OBJECTS, Objects
+from pipeline.world.layout import SIDE
+from studies.perception.outlines import SUPERSAMPLING, Outline, find_outlines
+from studies.perception.segmenter import STRIDE, segment
+
+# As logarithms; see-through as log-odds. As many as the finder's, so that one model reads either.
+FEATURES = ("area", "elongation", "length", "width", "see-through", "contrast")
+SURE = 0.02  # probabilities of see-through are kept this far from 0 and 1, so that log-odds stay comparable
+MIN_CONTRAST = 1 / 255  # smallest mean difference from the table's colour [1 = white]
+
+cv2.setNumThreads(1)  # stages run one process per core
+
+
+def detect_objects(
+    images: Float[Tensor, "scene 3 100 100"], empty: Float[Tensor, "scene 3 100 100"] | None = None
+) -> Objects:
+    """Return the objects detected in each image [1 = white]; images do not affect each other.
+
+    `empty`: pictures of the same tables without items, from the same camera in the same light, where there are any.
+    """
+    objects = Objects(
+        np.zeros((len(images), MAX_OBJECTS, 2, 2), np.float32),
+        np.zeros((len(images), MAX_OBJECTS), np.float32),
+        np.zeros((len(images), MAX_OBJECTS, len(FEATURES)), np.float32),
+        np.zeros((len(images), MAX_OBJECTS), bool),
+    )
+    tables = [None] * len(images) if empty is None else _to_bytes(empty)
+    for scene, (image, table) in enumerate(zip(_to_bytes(images), tables, strict=True)):
+        for i, object_ in enumerate(_detect(image, table)):
+            objects.ends[scene, i], objects.radius[scene, i] = object_.ends, object_.radius
+            objects.features[scene, i], objects.present[scene, i] = object_.features, True
+    return objects
+
+
+class _Object(NamedTuple):
+    ends: Float[Array, "2 2"]  # end points of the capsule's segment [m]
+    radius: float  # of the capsule [m]
+    features: Float[Array, " feature"]
+
+
+def _to_bytes(images: Float[Tensor, "scene 3 100 100"]) -> list[bytes]:
+    pixels = images.detach().permute(0, 2, 3, 1).mul(255).round().to(torch.uint8).contiguous().numpy()
+    return [image.tobytes() for image in pixels]
+
+
+@lru_cache(maxsize=4096)  # 30 kB each; all models use the same images
+def _detect(image: bytes, table: bytes | None) -> list[_Object]:
+    """Return the MAX_OBJECTS largest objects in an 8-bit RGB image, the largest first."""
+    pixels = _pixels(image)
+    maps = segment(pixels, None if table is None else _pixels(table))
+    typical = np.median(pixels[::STRIDE, ::STRIDE], axis=(0, 1))
+    contrast = np.linalg.norm(pixels - typical.astype(np.float32), axis=-1) / 255
+    objects = [describe(outline, maps.see_through, contrast) for outline in find_outlines(maps)]
+    return sorted(objects, key=lambda object_: -object_.features[0])[:MAX_OBJECTS]
+
+
+def _pixels(image: bytes) -> UInt8[Array, "100 100 3"]:
+    return np.frombuffer(image, np.uint8).reshape(SIDE, SIDE, 3)
+
+
+def describe(outline: Outline, see_through: Float32[Array, "100 100"], contrast: Float32[Array, "100 100"]) -> _Object:
+    """Return an outlined item's capsule and features; `contrast`: each pixel's distance from the table's colour."""
+    rows, columns = np.nonzero(outline.mask)
+    y, x = (outline.row + rows + 0.5) / SUPERSAMPLING, (outline.column + columns + 0.5) / SUPERSAMPLING  # [pixels]
+    capsule = fit_capsule(np.stack([x, SIDE - y], -1) / SIDE, SUPERSAMPLING * SIDE)
+    covered = y.astype(int), x.astype(int)
+    share = np.clip(see_through[covered].mean(), SURE, 1 - SURE)
+    length = 2 * (np.linalg.norm(capsule.half) + capsule.radius)
+    sizes = np.log(np.array([capsule.area, capsule.elongation, length, 2 * capsule.radius]))
+    seen = [np.log(share / (1 - share)), np.log(max(float(contrast[covered].mean()), MIN_CONTRAST))]
+    ends = np.stack([capsule.centre - capsule.half, capsule.centre + capsule.half])
+    return _Object(ends, capsule.radius, np.array([*sizes, *seen]))

@@ -1,0 +1,74 @@
+"""Items are detected where they are, by the trained segmenter."""
+
+import numpy as np
+import pytest
+import torch
+
+from pipeline.models.base import to_tensor
+from pipeline.perception.objects import MAX_OBJECTS, Objects
+from pipeline.world.catalogue import random_scenes
+from pipeline.world.layout import SYMBOLS, Layouts, empty
+from pipeline.world.render import read_palette, render_scenes
+from studies.perception.detector import FEATURES, detect_objects
+from tests.factories import RULES
+
+SCENES = 12
+
+
+@pytest.fixture(scope="module")
+def scenes() -> tuple[Layouts, np.ndarray, np.ndarray]:
+    """Layouts of validation items, their images, and those of the empty tables."""
+    catalogue, palette = read_palette("data")
+    layouts, appearance = random_scenes(np.random.default_rng(3), SCENES, catalogue, "validation", RULES)
+    textures, seeds = appearance["texture"].tolist(), appearance["render_seed"].tolist()
+    bare = render_scenes(empty(SCENES, 4), textures, seeds, palette)
+    return layouts, render_scenes(layouts, textures, seeds, palette), bare
+
+
+def nearest(objects: Objects, layouts: Layouts, scene: int, slot: int) -> int:
+    """The object nearest to an item, which must be nearer than its own radius."""
+    centres = objects.ends[scene].mean(1)
+    away = np.linalg.norm(centres - layouts.centre[scene, slot], axis=1)
+    away[~objects.present[scene]] = np.inf
+    return int(away.argmin()) if away.min() < layouts.radius[scene, slot] else -1
+
+
+@pytest.mark.parametrize("with_empty", [False, True])
+def test_nine_in_ten_items_are_found_and_little_is_made_up(scenes, with_empty: bool):
+    layouts, images, bare = scenes
+    objects = detect_objects(to_tensor(images), to_tensor(bare) if with_empty else None)
+    slots = [(scene, slot) for scene in range(SCENES) for slot in map(int, np.flatnonzero(layouts.present[scene]))]
+    found = [nearest(objects, layouts, scene, slot) for scene, slot in slots]
+    assert np.mean(np.array(found) >= 0) > 0.9
+    assert objects.present.sum() <= 1.05 * len(slots)
+    off = [
+        objects.radius[scene, i] - layouts.radius[scene, slot]
+        for (scene, slot), i in zip(slots, found, strict=True)
+        if i >= 0 and layouts.half_length[scene, slot] == 0
+    ]
+    assert np.median(np.abs(off)) < 0.003  # a third of a pixel
+
+
+def test_glasses_are_more_see_through_than_all_else(scenes):
+    layouts, images, _ = scenes
+    objects, seen = detect_objects(to_tensor(images)), {True: [], False: []}
+    for scene in range(SCENES):
+        for slot in map(int, np.flatnonzero(layouts.present[scene])):
+            if (i := nearest(objects, layouts, scene, slot)) >= 0:
+                is_glass = SYMBOLS[layouts.symbol[scene, slot]] == "glass"
+                seen[is_glass].append(objects.features[scene, i, FEATURES.index("see-through")])
+    assert np.median(seen[True]) > np.median(seen[False]) + 2  # log-odds
+
+
+@pytest.mark.parametrize("with_empty", [False, True])
+def test_an_empty_table_has_no_objects(scenes, with_empty: bool):
+    bare = to_tensor(scenes[2])
+    assert detect_objects(bare, bare if with_empty else None).present.sum() == 0
+
+
+def test_objects_are_the_same_bits_in_any_batch_and_images_may_need_gradients(scenes):
+    images = to_tensor(scenes[1])
+    together, alone = detect_objects(images.requires_grad_()), detect_objects(images[4:5])
+    for name in ("ends", "radius", "features", "present"):
+        np.testing.assert_array_equal(getattr(together, name)[4:5], getattr(alone, name))
+    assert together.present.shape == (SCENES, MAX_OBJECTS) and torch.is_grad_enabled()
