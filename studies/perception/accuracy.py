@@ -22,18 +22,18 @@ from pipeline.training.loop import Schedule
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.rules import valid
 from rendered.read import Rendered, read_rendered
-from studies.perception import detector
+from studies.perception import finder
 
 Detector = Callable[[Tensor, Tensor], Objects]  # images, and the empty tables
 VARIANT = "clearance"
 
 
-class SegmenterModel(ClearanceModel):
-    """A clearance model that sees what the segmenter detects; all others see what the finder of the pipeline does."""
+class FinderModel(ClearanceModel):
+    """A clearance model that sees what the hand-tuned finder detects."""
 
     def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene object 13"]:
         """Return the detected objects, packed as by `PerceivedObjects.percept`."""
-        return percept(detector.detect_objects(images))
+        return percept(finder.detect_objects(images))
 
 
 def percept(objects: Objects) -> Float[Tensor, "scene object 13"]:
@@ -49,14 +49,14 @@ def on_rendered_tables(cfg: DictConfig, detectors: dict[str, Detector]) -> pd.Da
     Models are fitted in the drawn world, to what the finder or the segmenter sees without the empty table's picture.
     """
     study = cfg.studies.perception
-    models = {kind: _fitted(cfg, kind) for kind in (ClearanceModel, SegmenterModel)}
+    models = {kind: _fitted(cfg, kind) for kind in (FinderModel, ClearanceModel)}
     rows = []
     for split in study.rendered:
         tables = read_rendered(Path(study.folder) / split)
         z = random_z_theta(stream(study.root_seed, "paths", split), len(tables.images), study.paths)
         for name, detect in detectors.items():
             seen = percept(detect(to_tensor(tables.images), to_tensor(tables.empty)))
-            for (seed, user), model in models[ClearanceModel if name == "finder" else SegmenterModel].items():
+            for (seed, user), model in models[FinderModel if name == "finder" else ClearanceModel].items():
                 right = _judged(model, seen, z, tables, cfg.users[user])
                 columns = {"scene": range(len(z)), "top": tables.tops, "accuracy": right.mean(1)}
                 rows.append(pd.DataFrame(columns).assign(split=split, detector=name, user=user, seed=seed))

@@ -9,8 +9,8 @@ from scipy.optimize import linear_sum_assignment
 
 from pipeline.perception.capsule import fit_capsule
 from pipeline.perception.objects import Objects
+from pipeline.perception.outlines import SUPERSAMPLING
 from pipeline.world.layout import SIDE, point_segment_distance
-from studies.perception.outlines import SUPERSAMPLING
 
 FOUND_IOU = 0.5  # intersection over union from which an item counts as found
 MIN_VISIBLE_PX = 12  # items with fewer visible pixels are neither asked for nor made up

@@ -1,6 +1,6 @@
 """Stage perception: find the items in composites, on families of table tops that the segmenter was taught and others.
 
-It judges the segmenter, without and with a picture of the empty table, and the hand-tuned finder of the pipeline:
+It judges the segmenter, without and with a picture of the empty table, and the hand-tuned finder that it replaced:
 by the items they find, and by the accuracy of clearance models on path-traced tables.
 """
 
@@ -14,17 +14,16 @@ from tqdm import tqdm
 from pipeline.artifacts.files import write_arrays, write_table
 from pipeline.launch import launch
 from pipeline.models.base import to_tensor
-from pipeline.perception.objects import Objects
-from pipeline.perception.objects import detect_objects as find
+from pipeline.perception.objects import Objects, detect_objects
 from pipeline.runtime.streams import stream
+from studies.perception import finder
 from studies.perception.accuracy import Detector, on_rendered_tables
 from studies.perception.composites import draw_composites, read_palette
-from studies.perception.detector import detect_objects
 from studies.perception.measure import FOUND_IOU, match
 from studies.perception.tops import FAMILIES
 
 DETECTORS: dict[str, Detector] = {
-    "finder": lambda images, empty: find(images),
+    "finder": lambda images, empty: finder.detect_objects(images),
     "segmenter": lambda images, empty: detect_objects(images),
     "segmenter_empty": detect_objects,
 }

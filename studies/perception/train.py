@@ -19,9 +19,9 @@ from safetensors.torch import save_file
 from torch import Tensor
 from torch.nn import functional as F
 
+from pipeline.perception.segmenter import WEIGHTS, Segmenter, network_input
 from pipeline.world.layout import SIDE
 from studies.perception.pool import PART, Part, part_file
-from studies.perception.segmenter import WEIGHTS, Segmenter, network_input
 
 SEED = 0
 BATCH = 16

@@ -8,7 +8,7 @@ import torch
 
 from studies.perception import pool, train
 from studies.perception.draw import draw
-from studies.perception.segmenter import read_segmenter
+from pipeline.perception.segmenter import read_segmenter
 
 
 @pytest.fixture(scope="module")

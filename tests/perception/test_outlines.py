@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from pipeline.world.layout import SIDE
-from studies.perception.outlines import MIN_ITEM_PX, OUTLINE, SUPERSAMPLING, find_outlines
-from studies.perception.segmenter import Maps
+from pipeline.perception.outlines import MIN_ITEM_PX, OUTLINE, SUPERSAMPLING, find_outlines
+from pipeline.perception.segmenter import Maps
 
 
 def disc(x: float, y: float, radius: float) -> np.ndarray:

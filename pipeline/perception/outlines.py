@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 from numpy import ndarray as Array
 
-from studies.perception.segmenter import Maps
+from pipeline.perception.segmenter import Maps
 
 SUPERSAMPLING = 4  # grid points per pixel along each axis
 OUTLINE = 0.35  # probability on an outline: at .5 some handles are missed (validation)

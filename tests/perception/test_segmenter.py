@@ -8,7 +8,7 @@ import torch
 from safetensors.torch import save_file
 
 from pipeline.runtime.errors import InputError
-from studies.perception.segmenter import INPUTS, WEIGHTS, Segmenter, network_input, read_segmenter
+from pipeline.perception.segmenter import INPUTS, WEIGHTS, Segmenter, network_input, read_segmenter
 from tests.factories import RED, draw_table
 
 
