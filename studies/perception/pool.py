@@ -15,8 +15,10 @@ PART = 500  # pictures in a part: 40 MB
 NEAR_PX = 2  # two items this near to a pixel are too close to tell apart there
 _NEAR = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * NEAR_PX + 1, 2 * NEAR_PX + 1))
 
-Part = UInt8[Array, "picture 100 100 9"]  # colours, the empty table's colours, item, between, see-through
-
+Part = UInt8[Array, "picture 100 100 10"]  # channels: as named below
+COLOURS, EMPTY = slice(3), slice(3, 6)  # of the picture, and of the empty table's
+ITEM, BETWEEN, SEE_THROUGH = 6, 7, 8  # the truth, see `segmenter.Maps`
+KNOWN = 9  # whether item and between are known there
 
 Pictures = DrawnScenes | Composites
 
@@ -24,6 +26,7 @@ Pictures = DrawnScenes | Composites
 def pack(pictures: Pictures) -> Part:
     """Return pictures as one array, with the truth that the segmenter learns: see `segmenter.MAPS`."""
     truth = [pictures.instances > 0, [between(i) for i in pictures.instances], pictures.see_through > 0]
+    truth.append(np.ones_like(truth[0]))
     return np.concatenate([pictures.images, pictures.empty, np.stack(truth, -1).astype(np.uint8)], -1)
 
 

@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import cv2
 import numpy as np
 import torch
 from jaxtyping import Float
@@ -19,8 +20,9 @@ from safetensors.torch import save_file
 from torch import Tensor
 from torch.nn import functional as F
 
-from pipeline.perception.segmenter import WEIGHTS, Segmenter, network_input
-from pipeline.world.layout import SIDE
+from pipeline.perception.segmenter import WEIGHTS, Segmenter
+from studies.perception.changes import Truth, change
+from studies.perception.path_traced import read_path_traced
 from studies.perception.pool import PART, Part, part_file
 
 SEED = 0
@@ -32,59 +34,43 @@ WEIGHT_DECAY = 1e-3
 REUSE = 8  # times that a picture is used on average, each time changed
 FIRST_PARTS = 8  # parts drawn before training begins
 CHECKPOINT_EVERY = 250  # steps
-
-# What is changed in a picture each time
-GAIN = 0.8, 1.2  # of each colour channel
-MAX_LOG_GAMMA = 0.4
-P_SHUFFLE = 0.5  # probability that colour channels change places
-MAX_NOISE = 0.012  # standard deviation of the noise that is added [1 = white]
-NOISE = np.random.default_rng(1).standard_normal(4_000_000, np.float32)  # drawn once: noise takes long to draw
-P_EMPTY = 0.5  # probability that the empty table's picture is given
+P_PATH_TRACED = 0.14  # share of the pictures that are of the path-traced training split
+PATH_TRACED = Path("rendered/pictures/train")
 
 # Weights in the loss: outlines matter most
 DICE, BETWEEN, BETWEEN_DICE, SEE_THROUGH = 0.5, 0.5, 0.1, 0.1
-
-Inputs = Float[Tensor, "picture 7 100 100"]
-Truth = Float[Tensor, "picture 3 100 100"]
-
-
-def change(rng: np.random.Generator, pictures: Part) -> tuple[Inputs, Truth]:
-    """Return pictures as the segmenter's input and the truth, each turned, mirrored, recoloured and with more noise."""
-    n, levels = len(pictures), np.arange(256, dtype=np.float32) / 255
-    colours, truth = np.empty((n, SIDE, SIDE, 6), np.float32), np.empty((n, SIDE, SIDE, 3), np.uint8)
-    for i, picture in enumerate(pictures):
-        turned = np.rot90(picture, int(rng.integers(4)))
-        turned = turned[:, ::-1] if rng.random() < 0.5 else turned
-        truth[i] = turned[..., 6:]
-        gamma = math.exp(rng.uniform(-MAX_LOG_GAMMA, MAX_LOG_GAMMA))
-        order = rng.permutation(3) if rng.random() < P_SHUFFLE else range(3)
-        for channel, source in enumerate(order):
-            curve = levels**gamma * np.float32(rng.uniform(*GAIN))
-            for first in (0, 3):  # the picture, and the empty table's
-                colours[i, ..., first + channel] = curve[turned[..., first + source]]
-    first = rng.integers(len(NOISE) - colours.size)
-    noise = NOISE[first : first + colours.size].reshape(colours.shape)
-    colours += noise * rng.uniform(0, MAX_NOISE, (n, 1, 1, 1)).astype(np.float32)
-    np.clip(colours, 0, 1, out=colours)
-    inputs = network_input(colours[..., :3], colours[..., 3:])
-    inputs[torch.from_numpy(rng.random(n) >= P_EMPTY), 3:] = 0
-    return inputs, torch.from_numpy(truth).permute(0, 3, 1, 2).float()
+TYPICAL_PX, BALANCE = 200, (0.7, 2.5)  # an item's pixels weigh as the root of this area over its own, within bounds
 
 
 def loss(log_odds: Float[Tensor, "picture 3 100 100"], truth: Truth) -> Tensor:
     """Return cross-entropy and Dice loss of items and gaps, plus the cross-entropy of see-through on items' pixels."""
+    truth, known = truth[:, :3], truth[:, 3]
     entropy = F.binary_cross_entropy_with_logits(log_odds, truth, reduction="none")
-    item, between, _ = entropy.mean((0, 2, 3))
+    weight = known * balance(truth[:, 0])
+    item, between = (weight * entropy[:, 0]).mean(), (known * entropy[:, 1]).mean()
     see_through = (entropy[:, 2] * truth[:, 0]).sum() / truth[:, 0].sum().clamp(min=1)
-    p = log_odds[:, :2].sigmoid()
-    both, either = (p * truth[:, :2]).sum((0, 2, 3)), (p + truth[:, :2]).sum((0, 2, 3))
+    weights, p = torch.stack([weight, known], 1), log_odds[:, :2].sigmoid()
+    both = (weights * p * truth[:, :2]).sum((0, 2, 3))
+    either = (weights * (p + truth[:, :2])).sum((0, 2, 3))
     dice = 1 - (2 * both + 1) / (either + 1)
     return item + DICE * dice[0] + BETWEEN * between + BETWEEN_DICE * dice[1] + SEE_THROUGH * see_through
+
+
+def balance(item: Float[Tensor, "picture 100 100"]) -> Float[Tensor, "picture 100 100"]:
+    """Return weights of pixels: those of small and thin items count more, those of the table 1."""
+    weights = np.ones(item.shape, np.float32)
+    for weight, mask in zip(weights, item.numpy().astype(np.uint8), strict=True):
+        _, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+        of_region = np.sqrt(TYPICAL_PX / stats[:, cv2.CC_STAT_AREA]).clip(*BALANCE).astype(np.float32)
+        of_region[0] = 1
+        weight[:] = of_region[labels]
+    return torch.from_numpy(weights)
 
 
 def batches(rng: np.random.Generator, pool: Path) -> Iterator[Part]:
     """Yield batches from a growing number of parts, so that each picture is used REUSE times on average."""
     parts: list[Part] = []
+    path_traced = read_path_traced(PATH_TRACED)
     step = 0
     while True:
         while len(parts) < max(FIRST_PARTS, math.ceil(step * BATCH / (PART * REUSE))):
@@ -93,7 +79,10 @@ def batches(rng: np.random.Generator, pool: Path) -> Iterator[Part]:
                 time.sleep(1)
             parts.append(np.load(path, mmap_mode="r"))
         chosen = rng.integers(len(parts) * PART, size=BATCH)
-        yield np.stack([parts[i // PART][i % PART] for i in chosen])
+        pictures = np.stack([parts[i // PART][i % PART] for i in chosen])
+        replaced = rng.random(BATCH) < P_PATH_TRACED
+        pictures[replaced] = path_traced[rng.integers(len(path_traced), size=replaced.sum())]
+        yield pictures
         step += 1
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pipeline.world.layout import SIDE
 from pipeline.perception.outlines import MIN_ITEM_PX, OUTLINE, SUPERSAMPLING, find_outlines
 from pipeline.perception.segmenter import Maps
+from pipeline.world.layout import SIDE
 
 
 def disc(x: float, y: float, radius: float) -> np.ndarray:

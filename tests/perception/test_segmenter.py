@@ -7,8 +7,8 @@ import pytest
 import torch
 from safetensors.torch import save_file
 
-from pipeline.runtime.errors import InputError
 from pipeline.perception.segmenter import INPUTS, WEIGHTS, Segmenter, network_input, read_segmenter
+from pipeline.runtime.errors import InputError
 from tests.factories import RED, draw_table
 
 

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 import torch
 
-from studies.perception import pool, train
-from studies.perception.draw import draw
 from pipeline.perception.segmenter import read_segmenter
+from studies.perception import pool, train
+from studies.perception.changes import change, fade, paint
+from studies.perception.draw import draw
+from studies.perception.path_traced import read_path_traced
 
 
 @pytest.fixture(scope="module")
@@ -28,10 +30,35 @@ def test_a_part_depends_on_its_number_alone(few: Path):
 def test_items_stay_where_their_truth_is(few: Path):
     """The difference from the empty table is larger on items than elsewhere."""
     pictures = np.load(pool.part_file(few, 0))
-    inputs, truth = train.change(np.random.default_rng(0), pictures[pictures[..., 6].any((1, 2))])
+    inputs, truth = change(np.random.default_rng(0), pictures[pictures[..., 6].any((1, 2))])
     known = inputs[:, 6, 0, 0] == 1
     difference, item = inputs[known, 3:6].abs().mean(1), truth[known, 0] == 1
     assert difference[item].mean() > 3 * difference[~item].mean()
+
+
+def test_patterns_are_painted_on_items_alone(few: Path):
+    pictures = np.load(pool.part_file(few, 0))
+    painted = pictures.copy()
+    rng = np.random.default_rng(0)
+    for picture in painted:
+        paint(rng, picture)
+    changed = (painted != pictures).any(-1)
+    assert changed.any()
+    assert (pictures[changed][:, pool.ITEM] == 1).all()
+    np.testing.assert_array_equal(painted[..., 3:], pictures[..., 3:])
+
+
+def test_what_fades_away_leaves_the_empty_table(few: Path):
+    picture = np.load(pool.part_file(few, 0))[0]
+    fade(picture, 0)
+    np.testing.assert_array_equal(picture[..., pool.COLOURS], picture[..., pool.EMPTY])
+
+
+def test_path_traced_items_differ_from_the_empty_table_more_than_the_table_does():
+    pictures = read_path_traced(train.PATH_TRACED)
+    change_ = np.abs(pictures[..., pool.COLOURS].astype(float) - pictures[..., pool.EMPTY]).mean(-1)
+    item, known = pictures[..., pool.ITEM] == 1, pictures[..., pool.KNOWN] == 1
+    assert change_[item & known].mean() > 3 * change_[~item & known].mean()
 
 
 def test_a_short_training_lowers_the_loss(few: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
