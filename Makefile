@@ -11,7 +11,7 @@ COMPILE := pip-compile --quiet --strip-extras --no-emit-index-url --no-emit-find
 RUN ?=
 WORST ?=
 
-.PHONY: help venv repro studies demo pull test test-browser test-viewer check-dowhy smoke bench review audit site figures readme lint lock params data render clean
+.PHONY: help venv repro studies demo pull test test-browser test-viewer check-dowhy smoke bench review audit site figures readme lint lock params segmenter data render clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -99,6 +99,10 @@ lock: $(READY)  ## pin pyproject.toml's dependencies anew
 
 params: $(READY)  ## write params.yaml, and dvc.yaml's lists of variants, from conf/
 	python -m pipeline.params
+
+POOL := outputs/segmenter
+segmenter: data-here  ## train perception anew on composites, 30 minutes on two cores; its weights are in git, so no other target needs it
+	python -m studies.perception.draw --pool $(POOL) --parts 60 & python -m studies.perception.train --pool $(POOL) --steps 14000 && wait
 
 data: $(READY)  ## draw data/ anew and put it into the store
 	python -m drawing

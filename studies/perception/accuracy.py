@@ -1,17 +1,17 @@
-"""Accuracy of clearance models on path-traced tables, by the detector that shows them the objects."""
+"""Accuracy of clearance models by the detector that shows them the objects, drawn and path-traced."""
 
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import torch
 from jaxtyping import Float
+from numpy import ndarray as Array
 from omegaconf import DictConfig
 from torch import Tensor
 
 from pipeline.artifacts.demos import demo_arrays, read_labelled
-from pipeline.artifacts.scenes import train_pool
+from pipeline.artifacts.scenes import SceneSet, train_pool
 from pipeline.models.base import to_tensor, untrained
 from pipeline.models.clearance.clearance import ClearanceModel, pack
 from pipeline.perception.objects import Objects
@@ -21,11 +21,12 @@ from pipeline.training.clearance.fit import fit
 from pipeline.training.loop import Schedule
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.rules import valid
-from rendered.read import Rendered, read_rendered
+from rendered.read import read_rendered
 from studies.perception import finder
 
 Detector = Callable[[Tensor, Tensor], Objects]  # images, and the empty tables
 VARIANT = "clearance"
+DRAWN = ("val_scenes", "val_items")  # pools of the drawn world: items known from training, and others
 
 
 class FinderModel(ClearanceModel):
@@ -43,29 +44,41 @@ def percept(objects: Objects) -> Float[Tensor, "scene object 13"]:
     return pack(start, end, radius, features, present)
 
 
-def on_rendered_tables(cfg: DictConfig, detectors: dict[str, Detector]) -> pd.DataFrame:
-    """Return a row for each detector, split, user, seed and scene with the share of random paths judged right.
+def accuracies(cfg: DictConfig, detectors: dict[str, Detector]) -> pd.DataFrame:
+    """Return a row for each source, kind of table top, detector, user, seed and scene: the share of paths judged right.
 
-    Models are fitted in the drawn world, to what the finder or the segmenter sees without the empty table's picture.
+    Sources are the drawn world's validation scenes, and path-traced splits with and without the empty table's picture.
+    Models are fitted in the drawn world, to what the finder or the segmenter sees without that picture.
     """
     study = cfg.studies.perception
-    models = {kind: _fitted(cfg, kind) for kind in (FinderModel, ClearanceModel)}
+    scenes, demos, queries = read_labelled(cfg.paths.scenes, cfg.paths.demos)
+    models = {kind: _fitted(cfg, kind, scenes, demos) for kind in (FinderModel, ClearanceModel)}
     rows = []
+
+    def judge(source: str, tops: list[str], name: str, seen: Tensor, z: Array, true: dict[str, Array]) -> None:
+        for (seed, user), model in models[FinderModel if name == "finder" else ClearanceModel].items():
+            right = _judged(model, seen, z) == true[user]
+            columns = {"scene": range(len(z)), "top": tops, "accuracy": right.mean(1)}
+            rows.append(pd.DataFrame(columns).assign(source=source, detector=name, user=user, seed=seed))
+
+    for pool in DRAWN:
+        images, tops, asked = to_tensor(scenes.images[pool]), ["drawn"] * len(scenes.images[pool]), queries[pool]
+        for name in ("finder", "segmenter"):
+            judge(pool, tops, name, percept(detectors[name](images, images)), asked.z, asked.valid)
     for split in study.rendered:
         tables = read_rendered(Path(study.folder) / split)
         z = random_z_theta(stream(study.root_seed, "paths", split), len(tables.images), study.paths)
+        true = {user: valid(tables.layouts, z, cfg.users[user]) for user in cfg.evaluate.users}
         for name, detect in detectors.items():
             seen = percept(detect(to_tensor(tables.images), to_tensor(tables.empty)))
-            for (seed, user), model in models[FinderModel if name == "finder" else ClearanceModel].items():
-                right = _judged(model, seen, z, tables, cfg.users[user])
-                columns = {"scene": range(len(z)), "top": tables.tops, "accuracy": right.mean(1)}
-                rows.append(pd.DataFrame(columns).assign(split=split, detector=name, user=user, seed=seed))
+            judge(split, tables.tops, name, seen, z, true)
     return pd.concat(rows, ignore_index=True)
 
 
-def _fitted(cfg: DictConfig, kind: type[ClearanceModel]) -> dict[tuple[int, str], ClearanceModel]:
+def _fitted(
+    cfg: DictConfig, kind: type[ClearanceModel], scenes: SceneSet, demos: pd.DataFrame
+) -> dict[tuple[int, str], ClearanceModel]:
     """Return a model of each validation seed and judged user, fitted in the drawn world."""
-    scenes, demos, _ = read_labelled(cfg.paths.scenes, cfg.paths.demos)
     keys = [(seed, user) for seed in cfg.validation_seeds for user in cfg.evaluate.users]
     seeds = [job_seed(seed, user, cfg.main_n_demos, VARIANT) for seed, user in keys]
     models = [untrained(kind, cfg.variants[VARIANT].model, seed) for seed in seeds]
@@ -76,7 +89,6 @@ def _fitted(cfg: DictConfig, kind: type[ClearanceModel]) -> dict[tuple[int, str]
 
 
 @torch.no_grad()
-def _judged(model: ClearanceModel, seen: Tensor, z: np.ndarray, tables: Rendered, margins) -> np.ndarray:
-    """Return whether each path is judged right: (scene, path)."""
-    p = model.logit(seen, torch.from_numpy(z).float()).sigmoid().numpy()
-    return (p > DECISION) == valid(tables.layouts, z, margins)
+def _judged(model: ClearanceModel, seen: Tensor, z: Array) -> Array:
+    """Return whether each path is judged valid: (scene, path)."""
+    return model.logit(seen, torch.from_numpy(z).float()).sigmoid().numpy() > DECISION

@@ -1,7 +1,7 @@
 """Stage perception: find the items in composites, on families of table tops that the segmenter was taught and others.
 
 It judges the segmenter, without and with a picture of the empty table, and the hand-tuned finder that it replaced:
-by the items they find, and by the accuracy of clearance models on path-traced tables.
+by the items they find, and by the accuracy of clearance models on drawn and path-traced tables.
 """
 
 from pathlib import Path
@@ -17,7 +17,7 @@ from pipeline.models.base import to_tensor
 from pipeline.perception.objects import Objects, detect_objects
 from pipeline.runtime.streams import stream
 from studies.perception import finder
-from studies.perception.accuracy import Detector, on_rendered_tables
+from studies.perception.accuracy import Detector, accuracies
 from studies.perception.composites import draw_composites, read_palette
 from studies.perception.measure import FOUND_IOU, match
 from studies.perception.tops import FAMILIES
@@ -52,10 +52,10 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     write_table(out_dir / "families.csv", summary(items, ["kind", "family", "detector"]))
     write_table(out_dir / "summary.csv", summary(items, ["kind", "detector"]))
     write_arrays(out_dir / "examples.npz", examples)
-    accuracies = on_rendered_tables(cfg, DETECTORS).groupby(["split", "top", "detector", "user"], sort=False)[
-        "accuracy"
-    ]
-    write_table(out_dir / "accuracy.csv", accuracies.mean().reset_index())
+    groups = accuracies(cfg, DETECTORS).groupby(["source", "top", "detector", "user"], sort=False)
+    write_table(
+        out_dir / "accuracy.csv", groups.agg(scenes=("scene", "nunique"), accuracy=("accuracy", "mean")).reset_index()
+    )
 
 
 def judged(objects: Objects, instances: np.ndarray) -> pd.DataFrame:

@@ -10,6 +10,12 @@ DETECTORS = {
     "segmenter": "Segmenter",
     "segmenter_empty": "Segmenter, empty table known",
 }
+SOURCES = {
+    "val_scenes": "drawn, items known",
+    "val_items": "drawn, items unseen",
+    "validation_taught": "path-traced, tops taught",
+    "validation_held_out": "path-traced, tops held out",
+}
 KINDS = {"taught": "taught", "held_out": "held out"}
 
 
@@ -23,3 +29,17 @@ def by_kind(study: Study) -> Table:
         }
     )  # fmt: skip
     return Table(shown, dict.fromkeys(["Found", "Overlap", "Made up"], "pct1"))
+
+
+def by_source(study: Study) -> Table:
+    """Return the mean accuracy over users in each source and, path-traced, on each kind of table top."""
+    table = study.table("accuracy.csv", finite=("accuracy",)).assign(source=lambda rows: rows["source"].map(SOURCES))
+    by_top = table.groupby(["source", "top", "detector"], sort=False).mean(numeric_only=True)
+    weighted = table.assign(accuracy=table["accuracy"] * table["scenes"]).groupby(["source", "detector"], sort=False)
+    whole = (weighted["accuracy"].sum() / weighted["scenes"].sum()).unstack()[list(DETECTORS)]
+    path_traced = by_top["accuracy"].unstack()[list(DETECTORS)].drop("drawn", level="top")
+    whole.index = pd.MultiIndex.from_product([whole.index, ["all"]])
+    shown = pd.concat([whole, path_traced]).rename_axis(["Source", "Table tops"]).rename(columns=DETECTORS)
+    order = shown.index.get_level_values(0).map(list(SOURCES.values()).index)
+    shown = shown.iloc[order.argsort(kind="stable")].reset_index()
+    return Table(shown, dict.fromkeys(DETECTORS.values(), "pct1"))
