@@ -69,7 +69,7 @@ class PerceivedObjects(NamedTuple):
 
 
 class Passing(NamedTuple):
-    """How each path passes each object."""
+    """Clearance and relations of each path to each object."""
 
     clearance: Float[Tensor, "*scene path near share"]  # [m]; closer for this share of the path (DWELL_SHARES)
     relations: Float[Tensor, "*scene path near 3"]  # side, 1 right to -1 left; progress, -1 to 1; its centred square
