@@ -9,7 +9,7 @@ from pipeline.report.drawing import draw_path, draw_table, panels
 from pipeline.report.study import Study
 
 MIDDLE = 2  # instant of five at which the arm is half way
-VIEW = (-0.25, 1.05), (-0.45, 1.05)  # x and y of the panels [table sides]
+VIEW = (-0.1, 1.1), (-0.3, 1.02)  # x and y of the panels [table sides]
 
 
 def strip(study: Study) -> Figure:
@@ -17,7 +17,7 @@ def strip(study: Study) -> Figure:
     arrays = study.arrays("shown.npz")
     before, after = arrays["z_theta"]
     arm = arrays["arm"][..., :2] / arrays["side_m"]  # (path, instant, joint, 2) [table sides]
-    figure, axes = panels(1, 4, 12.8, 4.0)
+    figure, axes = panels(1, 4, 12.8, 3.9)
     shown = [("before the repair", before, arm[0, MIDDLE], style.INVALID)]
     shown += [
         (f"after it, {name}", after, arm[1, instant], style.VALID)

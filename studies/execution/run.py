@@ -139,22 +139,22 @@ def summary(executions: pd.DataFrame) -> pd.DataFrame:
     "all"); method "repairs": both kinds of repair.
 
     executed and failures: shares of accepted paths; touching: share of accepted paths on which shaker or gripper meets
-    an item; touching_valid: the same of truly valid ones.
+    an item; valid, touching_valid: numbers of accepted paths that are truly valid, and of those that meet an item.
     """
     together = executions.assign(variant=ALL, user=ALL)
     repairs = together[together["method"].isin(REPAIRS)].assign(method="repairs")
     rows = []
     for group, part in pd.concat([executions, together, repairs]).groupby(["arm", *GROUP], sort=False):
         accepted = part[part["accepted"]]
+        meets = accepted[["shaker_m", "gripper_m"]].min(axis=1)
         row = dict(zip(["arm", *GROUP], group, strict=True)) | {"paths": len(part), "accepted": len(accepted)}
+        row |= {"valid": int(accepted["valid"].sum()), "touching_valid": int((meets[accepted["valid"]] < 0).sum())}
         if len(accepted):
             row |= {name or "executed": float((accepted["failure"] == name).mean()) for name in FAILURES}
-            meets = accepted[["shaker_m", "gripper_m"]].min(axis=1)
             row |= {"error_mean_mm": 1e3 * accepted["error_mean_m"].mean()}
             row |= {"error_max_mm": 1e3 * accepted["error_max_m"].max(), "duration_s": accepted["duration_s"].mean()}
             row |= {"speed_share": accepted["speed_share"].max(), "clearance_mm": 1e3 * meets.quantile(CLOSE)}
             row |= {"touching": float((meets < 0).mean())}
-            row |= {"touching_valid": float((meets[accepted["valid"]] < 0).mean()), "valid": accepted["valid"].mean()}
         rows.append(row)
     return pd.DataFrame(rows)
 

@@ -1,4 +1,4 @@
-"""What each arm executes, and what it pushes over."""
+"""What each arm executes, and which items it pushes."""
 
 import pandas as pd
 
@@ -6,14 +6,14 @@ from pipeline.report import style
 from pipeline.report.page import Table, with_gaps
 from pipeline.report.study import Study
 
-ARMS = {"pr2": "PR2, right arm", "panda": "Franka Panda"}
+ARMS = {"pr2": "PR2", "panda": "Panda"}
 METHODS = {
-    "gradient": "Repairs by gradient steps",
-    "nearest": "Repairs by search",
-    "oracle": "Nearest valid paths (truth)",
-    "unrepaired": "Random paths, unrepaired",
-    "straight": "Straight path",
-    "demonstrations": "Demonstrations",
+    "gradient": "repairs, gradient",
+    "nearest": "repairs, search",
+    "oracle": "nearest valid (truth)",
+    "unrepaired": "unrepaired",
+    "straight": "straight path",
+    "demonstrations": "demonstrations",
 }
 FAILURES = ("out of reach", "joint limit", "collision", "joint speed", "tracking")
 
