@@ -26,12 +26,16 @@ $(READY): requirements-dev.lock
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -e .
 	@touch $@
 
+$(VENV)/.robot: requirements-robot.lock $(READY)
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check -r requirements-robot.lock
+	@touch $@
+
 repro: data-here  ## the paper: data from the store, every stage, the report
 	dvc repro
 	@dvc metrics show --md
 	@echo "report: $(CURDIR)/reports/index.html"
 
-studies: data-here  ## the paper and every study beyond it
+studies: data-here $(VENV)/.robot  ## the paper and every study beyond it
 	dvc repro -P
 
 search: data-here  ## settings of every learner on validation scenes, until studies/search/settings.csv is complete; half an hour, can be interrupted
@@ -109,7 +113,8 @@ lint: $(READY)  ## format and lint in place
 lock: $(READY)  ## pin pyproject.toml's dependencies anew
 	$(COMPILE) -o requirements.lock pyproject.toml
 	$(COMPILE) --extra dev --extra record -c requirements.lock -o requirements-dev.lock pyproject.toml
-	sed -i 's/^torch==\([0-9.]*\)+cpu/torch==\1/' requirements.lock requirements-dev.lock  # either build will do
+	$(COMPILE) --extra robot -c requirements-dev.lock -o requirements-robot.lock pyproject.toml
+	sed -i 's/^torch==\([0-9.]*\)+cpu/torch==\1/' requirements.lock requirements-dev.lock requirements-robot.lock  # either build will do
 
 sbom: $(READY)  ## software bill of materials of .venv with licences, sbom.json (CycloneDX), by a tool in an environment of its own
 	test -x .venv-sbom/bin/python || $(PYTHON) -m venv .venv-sbom

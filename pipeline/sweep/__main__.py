@@ -162,7 +162,9 @@ def _launch(sweep: Sweep, plan: Plan) -> None:
     os.environ["HYDRA_FULL_ERROR"] = "1"  # errors are reported here
     # jobs import the same code wherever they start
     os.environ["PYTHONPATH"] = os.pathsep.join([str(sweep.root), *filter(None, [os.environ.get("PYTHONPATH")])])
-    sys.argv[1:] = ["--multirun", "hydra.job.name=sweep", f"hydra.sweep.dir={sweep.folder}", *QUIET, *plan.overrides]
+    chosen = ["hydra.sweeper.max_failure_rate=1"] if plan.jobs is None else []  # a failed job takes no other along
+    sweep_dir = f"hydra.sweep.dir={sweep.folder}"
+    sys.argv[1:] = ["--multirun", "hydra.job.name=sweep", sweep_dir, *QUIET, *chosen, *plan.overrides]
     try:
         with _progress(sweep, plan):
             hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(task)()

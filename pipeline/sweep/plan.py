@@ -3,8 +3,9 @@
 import importlib.util
 import socket
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 from hydra import compose, initialize_config_dir
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -34,54 +35,52 @@ CONNECT_S = 5.0  # how long a cluster may take to answer
 class Plan:
     """The jobs of a sweep.
 
-    overrides: of Hydra's command line; fixed: overrides of every job; axes: swept parameter -> its overrides; jobs: the
-    overrides of each job, None if the sweeper chooses them.
+    overrides: of Hydra's command line; fixed: overrides of every job; defaults: swept parameter -> its default; jobs:
+    the overrides of each job, None if Optuna chooses them.
     """
 
     overrides: list[str]
-    fixed: list[str] = field(default_factory=list)
-    axes: dict[str, list[str]] = field(default_factory=dict)
+    fixed: list[str]
+    defaults: dict[str, Any]
     jobs: list[list[str]] | None = None
-    defaults: dict[str, object] = field(default_factory=dict)  # of the swept parameters
 
 
-def make_plan(overrides: Sequence[str], targets: Sequence[str]) -> Plan:
+def make_plan(arguments: Sequence[str], targets: Sequence[str]) -> Plan:
     """Return the plan of Hydra's overrides; raise InputError for one that cannot be run, before any work is done."""
-    for text in overrides:
+    for text in arguments:
         if text.startswith(("hydra/launcher=", "hydra/sweeper=")):
             _need_extra(text.partition("=")[2])
-    plan = Plan(_seeds_together(overrides))
     try:
-        parsed = OverridesParser.create().parse_overrides(plan.overrides)
-        single = [o for o in parsed if not o.is_sweep_override()]
-        first = [_text(o) for o in single]
+        overrides = _seeds_together(arguments)
+        parsed = OverridesParser.create().parse_overrides(overrides)
         with initialize_config_dir(str(CONF), version_base="1.3"):
-            hydra = compose("config", overrides=first, return_hydra_config=True).hydra
-            params = OmegaConf.to_container(hydra.sweeper.get("params") or OmegaConf.create({}))
+            single = [_text(override) for override in parsed if not override.is_sweep_override()]
+            hydra = compose("config", overrides=single, return_hydra_config=True).hydra
+        params = OmegaConf.to_container(hydra.sweeper.get("params") or OmegaConf.create({}))
         preset = OverridesParser.create().parse_overrides([f"{k}={v}" for k, v in params.items()])  # pyright: ignore
     except (HydraException, OmegaConfBaseException) as error:
         raise InputError(explained(error)) from error
     _need_cluster(hydra.launcher)
-    ours = [o for o in [*preset, *parsed] if not (o.key_or_group or "").startswith("hydra")]
-    given = {o.get_key_element(): o for o in ours}  # the command line's last, as in Hydra
-    plan.fixed = [_text(o) for o in given.values() if not o.is_sweep_override()]
-    discrete = all(o.is_discrete_sweep() for o in given.values() if o.is_sweep_override())
-    base = compose_parameters(plan.fixed)
-    swept = [key for key, o in given.items() if o.is_sweep_override()]
-    plan.defaults = {key: OmegaConf.select(base, key.lstrip("+")) for key in swept}
-    plan.defaults = {
-        key: OmegaConf.to_container(v) if OmegaConf.is_config(v) else v for key, v in plan.defaults.items()
-    }
-    if "optuna" in str(hydra.sweeper._target_).lower() or not discrete:
-        plan.axes = {key: [] for key in swept}
-        return plan
-    values = {key: _values(o) for key, o in given.items()}
-    plan.axes = {key: values[key] for key in swept}
-    plan.jobs = [list(job) for job in product(*values.values())]
-    for override in [text for axis in plan.axes.values() for text in axis] or [None]:
-        others = [axis[0] for key, axis in plan.axes.items() if override not in axis]
-        validate(compose_parameters([*plan.fixed, *others, *([override] if override else [])]), targets)
-    return plan
+    ours = [override for override in [*preset, *parsed] if not (override.key_or_group or "").startswith("hydra")]
+    given = {override.get_key_element(): override for override in ours}  # the last of a name counts, as in Hydra
+    swept = {key: override for key, override in given.items() if override.is_sweep_override()}
+    fixed = [_text(override) for key, override in given.items() if key not in swept]
+    base = compose_parameters(fixed)
+    values = {key: OmegaConf.select(base, key.lstrip("+")) for key in swept}
+    defaults = {key: OmegaConf.to_container(v) if OmegaConf.is_config(v) else v for key, v in values.items()}
+    if "optuna" in str(hydra.sweeper._target_):
+        return Plan(overrides, fixed, defaults)
+    for override in swept.values():
+        if not override.is_discrete_sweep():
+            raise InputError(
+                f"{override.input_line}: only hydra/sweeper=optuna can choose from an interval; list values"
+            )
+    axes = {key: _values(override) for key, override in given.items()}
+    for key in swept or list(axes)[:1]:  # each value once, with the first value of every other parameter
+        others = [axis[0] for name, axis in axes.items() if name != key]
+        for value in axes[key]:
+            validate(compose_parameters([*others, value]), targets)
+    return Plan(overrides, fixed, defaults, [list(job) for job in product(*axes.values())])
 
 
 def _text(override: Override) -> str:

@@ -119,14 +119,8 @@ def write_summary(folder: Path, record: dict[str, Any], jobs: list[dict[str, Any
 
     summary = summarise(record, jobs)
     site = Site()
-    names = {
-        "home": "",
-        "pages": {"index": "Sweep"},
-        "facts": {"studies": []},
-        "s": summary,
-        "best": best,
-        "title": title,
-    }
+    names = {"home": "", "pages": {"index": "Sweep"}, "facts": {"studies": []}}
+    names |= {"s": summary, "best": best, "title": title, "origins": ()}  # its tables are made of no other tables
     made = environment([Path(__file__).parent / "page"], **names)
     render_page("index", "page.html.j2", "pipeline.sweep.page", summary, made, site)
     write_files(site, folder)

@@ -122,3 +122,12 @@ def test_ctrl_c_ends_every_process_and_resuming_completes(repository: Path):
     left = [p.cmdline() for p in psutil.process_iter(["cwd"]) if str(repository / "stopped") in str(p.info["cwd"])]
     assert not left
     assert {job["state"] for job in jobs(repository / "stopped").values()} <= {"running", "interrupted"}
+
+
+def test_an_experiment_runs_with_fewer_values_if_the_command_line_names_them(repository: Path):
+    fewer = ["scenes.per_seed=6", "scenes.layout.items_per_scene=[1]"]
+    ended = sweep(repository, "--multirun", *SMALL, "+experiment=worlds", *fewer, "--folder", "worlds")
+    assert ended.returncode == 0 and "2 of 2 jobs done" in ended.stdout, ended.stderr[-2000:]
+    table = read_table(repository / "worlds" / "results.parquet")
+    assert table["users.careful"].nunique() == 2
+    assert "Sweep of users.careful" in (repository / "worlds" / "index.html").read_text()
