@@ -220,7 +220,7 @@ def _check_model(model: Any) -> None:
 def _check_images(images: Any, name: str) -> None:
     """Raise InputError, which calls the argument `name`, unless images are uint8 (scene, 100, 100, 3) and not black."""
     check_images(images, name)
-    black = ~np.median(images.reshape(len(images), -1, 3), axis=1).any(1)  # the detector divides by the median colour
+    black = ~np.median(images.reshape(len(images), -1, 3), axis=1).any(1)
     if black.any():
         raise InputError(f"{name}[{black.argmax()}] is mostly black: expected the image of a table in each scene")
 

@@ -10,6 +10,7 @@ if [ "${1:-}" = --profile ] && [ $# -eq 3 ]; then
   profile=$2 pipelines= left_out=(':!studies')
   shift 2
 fi
+python -c 'import pinocchio' 2> /dev/null || left_out+=(':!studies/execution')  # needs the extra robot
 if [ $# -gt 1 ] || [[ "${1:-}" = -* ]]; then
   sed -n '2,5s/^# //p' "$0"
   exit 2
