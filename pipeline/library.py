@@ -203,7 +203,9 @@ def load(path: str | Path) -> ValidityModel:
             settings = json.loads((file.metadata() or {})["settings"])
         model = build(settings)
         read_weights(model, path, settings["variant"])
-    except (SafetensorError, KeyError, json.JSONDecodeError) as error:
+    except InputError:
+        raise
+    except (SafetensorError, KeyError, TypeError, ValueError, AttributeError, RuntimeError) as error:  # wrong settings
         raise InputError(f"{path} is not a model that `save` wrote ({error!r}): fit and save it again") from error
     model.settings = settings
     return model.eval()

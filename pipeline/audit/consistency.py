@@ -248,6 +248,8 @@ def provenance(clone: Path) -> Checked:
 def readme(clone: Path) -> Checked:
     """Check that the README's table of headlines is the one that today's results give."""
     text, what = (clone / "README.md").read_text(), "the README's headlines are those of reports/metrics.json"
+    if not (clone / "reports/tables/causes-verdicts.csv").is_file():  # the first edition, whose README had other tables
+        return Checked("README", what, 0, [])
     try:
         metrics = read_json(clone / "reports/metrics.json")
         table = headlines(metrics, pd.read_csv(clone / "reports/tables/causes-verdicts.csv"))

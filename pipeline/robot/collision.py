@@ -31,11 +31,10 @@ class Collisions:
                 if abs(joints[first] - joints[second]) > 1 and second != table:
                     shapes.addCollisionPair(pin.CollisionPair(first, second))
         self.shapes, self.data = shapes, arm.model.createData()
-        touching = self._touching(arm.posture)
-        for pair in touching:
+        for pair in self._touching(arm.posture):
             shapes.removeCollisionPair(pair)
-        for shape in np.flatnonzero(joints > 1):
-            shapes.addCollisionPair(pin.CollisionPair(int(shape), table))
+        for shape in range(table):  # the robot's body, too: it must not stand in the table
+            shapes.addCollisionPair(pin.CollisionPair(shape, table))
         self.geometry = pin.GeometryData(shapes)
 
     def _touching(self, q: Float[Array, " joint"]) -> list[pin.CollisionPair]:
@@ -48,8 +47,3 @@ class Collisions:
     def at(self, q: Float[Array, " joint"]) -> bool:
         """Return whether any pair touches at joint positions [rad]."""
         return bool(pin.computeCollisions(self.arm.model, self.data, self.shapes, self.geometry, q, True))
-
-    def names(self, q: Float[Array, " joint"]) -> list[str]:
-        """Return the pairs of shapes that touch at joint positions [rad]."""
-        shapes = self.shapes.geometryObjects
-        return [f"{shapes[pair.first].name} and {shapes[pair.second].name}" for pair in self._touching(q)]

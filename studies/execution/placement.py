@@ -60,8 +60,8 @@ def place(
 
     z_theta: the demonstrations that judge it, those left out that cross the table's edge. Sizes are tried from the
     largest down to the first at which some base executes every demonstration, and the base is the first such one. If
-    there is no such size, the placement that executes most. Raise InputError if that is none, or if the start of all
-    paths is out of reach.
+    there is no such size, the placement that executes most. Raise InputError if that is none, and name the start of
+    all paths if that is out of reach.
     """
     points = minimum_jerk(z_theta, study.instants)
     points = points[(np.abs(points - 0.5) <= 0.5).all((1, 2))]
@@ -78,21 +78,16 @@ def place(
             break
     best = int(np.argmax([row["executed"] for row in tried]))
     if tried[best]["executed"] == 0:
-        why = max(FAILURES[1:4], key=lambda failure: tried[best][failure])
+        start = int(mapped(placed[best]).worst(P_INIT[None, None])[0])
+        why = FAILURES[start] or max(FAILURES[1:4], key=lambda failure: tried[best][failure])
+        start_at = f"cannot reach the start of all paths, ({P_INIT[0]:g}, {P_INIT[1]:g}) of the table's side,"
+        what = "executes no demonstration" if start == FREE else start_at
         raise InputError(
-            f"{name} executes no demonstration on any table of studies.execution.arms.{name}.side_m ({why}): "
-            f"move its base nearer (studies.execution.arms.{name}.base_x, base_y_m) or list a smaller table"
+            f"{name} {what} on any table of studies.execution.arms.{name}.side_m ({why}): "
+            "move its base (base_x, base_y_m) or list a smaller table"
         )
     chosen = replace(placed[best], side=study.lattice)
-    postures = mapped(chosen)
-    status = int(postures.worst(P_INIT[None, None])[0])
-    if status != FREE:
-        raise InputError(
-            f"{name} cannot reach the start of all paths at ({P_INIT[0]:g}, {P_INIT[1]:g}) of a table of "
-            f"{chosen.bench.side_m:g} m ({FAILURES[status]}): move its base (base_x, base_y_m) or list a smaller "
-            f"table (side_m) in studies.execution.arms.{name}"
-        )
-    return chosen.bench, postures, pd.DataFrame(tried).assign(chosen=np.arange(len(tried)) == best)
+    return chosen.bench, mapped(chosen), pd.DataFrame(tried).assign(chosen=np.arange(len(tried)) == best)
 
 
 def _bench(settings: Mapping[str, Any], study: Any, side_m: float, x: float, y: float) -> Bench:

@@ -195,14 +195,15 @@ def push(job: Job) -> pd.DataFrame:
 def touched(physics: pd.DataFrame) -> pd.DataFrame:
     """Return, for each method, variant and user, executions and the shares with items touched, moved or fallen.
 
-    touched_valid: of executions of truly valid paths.
+    touched, touched_valid: numbers of executions, and of those of truly valid paths, in which an item is touched.
     """
     rows = []
     for group, part in physics.groupby(GROUP, sort=False):
         met = {f"{what}_share": float((part[what] > 0).mean()) for what in ("touched", "moved", "fallen")}
         of_valid = part[part["valid"]]
         met |= {"valid": float(part["valid"].mean()), "touched_valid": int((of_valid["touched"] > 0).sum())}
-        rows.append(dict(zip(GROUP, group, strict=True)) | {"executions": len(part)} | met)
+        counts = {"executions": len(part), "touched": int((part["touched"] > 0).sum())}
+        rows.append(dict(zip(GROUP, group, strict=True)) | counts | met)
     return pd.DataFrame(rows)
 
 

@@ -25,6 +25,8 @@ from pipeline.artifacts.files import write_table
 ROOT = Path(__file__).parents[2]
 REPRO = ["make", "--assume-old=.venv/.ready", "repro"]
 STUDY = ["dvc", "repro", "studies/identification/dvc.yaml"]
+STAGES = ("scenes", "demos", "train", "irl", "clearance", "evaluate", "repair", "intervene", "record")
+PAPER = (*(f"outputs/{stage}" for stage in STAGES), "reports")
 RESULTS = ("outputs", "reports", "studies/identification")
 SAME, MESSAGE, WRONG = "correct result", "clear message", "WRONG"
 MEAN_S = 8.0  # between kills: most stages of the smoke profile last as long
@@ -106,7 +108,7 @@ def _kills(broken: Broken, command: list[str], rng: np.random.Generator, kills: 
 
 def kill_the_paper(whole: Path, folder: Path, rng: np.random.Generator, kills: int) -> Ends:
     """kill -9 of `make repro`, resumed"""
-    return _kills(Broken(whole, folder, results=False, cache=False), REPRO, rng, kills, ("reports",))
+    return _kills(Broken(whole, folder, results=False, cache=False), REPRO, rng, kills, PAPER)
 
 
 def kill_a_study(whole: Path, folder: Path, rng: np.random.Generator, kills: int) -> Ends:
@@ -140,7 +142,7 @@ def _damaged(
         _damage(candidates[int(rng.integers(len(candidates)))], rng, how)
         if remove:
             shutil.rmtree(broken.folder / remove)
-        ends.append(broken.judge(broken.run(*REPRO), ("outputs", "reports")))
+        ends.append(broken.judge(broken.run(*REPRO), PAPER))
     return ends
 
 
@@ -167,9 +169,9 @@ def damaged_store(whole: Path, folder: Path, rng: np.random.Generator, kills: in
         shutil.rmtree(broken.folder / "data")
         shutil.rmtree(broken.folder / ".dvc/cache", ignore_errors=True)
         shutil.rmtree(broken.folder / ".dvc/tmp", ignore_errors=True)
-        table = [p for p in broken.folder.glob("store/files/md5/*/*") if p.read_bytes()[:5] == b"item,"]
+        table = [p for p in broken.folder.glob("store/files/md5/*/*") if p.read_bytes()[:5] == b"name,"]
         _damage((table or sorted(broken.folder.glob("store/files/md5/*/*")))[0], rng, how)
-        ends.append(broken.judge(broken.run(*REPRO), ("reports",)))
+        ends.append(broken.judge(broken.run(*REPRO), PAPER))
     return ends
 
 
@@ -193,7 +195,7 @@ def two_at_once(whole: Path, folder: Path, rng: np.random.Generator, kills: int)
     second = broken.run(*REPRO)
     text, _ = first.communicate()
     ended = subprocess.CompletedProcess(REPRO, first.returncode, text, "")
-    return [broken.judge(ended, ("reports",)), broken.judge(second, ("reports",))]
+    return [broken.judge(ended, PAPER), broken.judge(second, PAPER)]
 
 
 def read_only_reports(whole: Path, folder: Path, rng: np.random.Generator, kills: int) -> Ends:
@@ -214,13 +216,13 @@ def clock_set_back(whole: Path, folder: Path, rng: np.random.Generator, kills: i
         shutil.rmtree(broken.folder / "outputs" / name)
     shutil.rmtree(broken.folder / ".dvc/cache/runs", ignore_errors=True)
     (broken.folder / "reports/index.html").unlink()
-    return [broken.judge(broken.run("faketime", "-f", "-3d", *REPRO), ("outputs", "reports"))]
+    return [broken.judge(broken.run("faketime", "-f", "-3d", *REPRO), PAPER)]
 
 
 def no_network(whole: Path, folder: Path, rng: np.random.Generator, kills: int) -> Ends:
     """no network"""
     broken = Broken(whole, folder, results=False, cache=False)
-    return [broken.judge(broken.run("unshare", "--net", *REPRO), ("reports",))]
+    return [broken.judge(broken.run("unshare", "--net", *REPRO), PAPER)]
 
 
 def full_disk(whole: Path, folder: Path, rng: np.random.Generator, kills: int) -> Ends:
@@ -236,7 +238,7 @@ def full_disk(whole: Path, folder: Path, rng: np.random.Generator, kills: int) -
         (folder / "filler").unlink()
         return [
             said(refused) if refused.returncode else (WRONG, "it fitted"),
-            broken.judge(broken.run(*REPRO), ("reports",)),
+            broken.judge(broken.run(*REPRO), PAPER),
         ]
     finally:
         subprocess.run(["umount", "--lazy", str(folder)], check=True)

@@ -61,8 +61,11 @@ def test_a_table_too_large_or_too_far_fails_by_reach(pr2: Arm, bench: Bench):
 
 def test_items_as_tall_as_the_arm_are_in_its_way(pr2: Arm, bench: Bench):
     assert COLLISION in posture_map(pr2, bench, 5, 0.4).status
-    collisions = Collisions(pr2, bench, 0.4)
-    assert not collisions.at(pr2.posture) or any("table" in name for name in collisions.names(pr2.posture))
+
+
+def test_a_robot_that_stands_in_the_table_collides(pr2: Arm, bench: Bench):
+    assert not Collisions(pr2, bench, 0.0).at(pr2.posture)
+    assert Collisions(pr2, replace(bench, base_y=0.2), 0.0).at(pr2.posture)
 
 
 @pytest.mark.slow

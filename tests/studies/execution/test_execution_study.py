@@ -87,8 +87,11 @@ def test_exports_agree_and_the_picture_has_the_whole_arm(out: Path):
 @pytest.mark.parametrize(
     ("where", "message"),
     [
-        ({"base_y_m": [-3.0]}, "pr2 executes no demonstration on any table .*out of reach.*: move its base nearer"),
-        ({"side_m": [0.9], "base_y_m": [-0.1], "base_x": [0.8]}, "pr2 (executes no|cannot reach the start)"),
+        (
+            {"base_y_m": [-3.0]},
+            r"pr2 cannot reach the start of all paths, \(0.08, 0.08\) .* \(out of reach\): move its base",
+        ),
+        ({"side_m": [0.95], "base_y_m": [-0.1]}, r"pr2 executes no demonstration on any table .*: move its base"),
     ],
 )
 def test_a_table_where_the_arm_cannot_go_is_refused(cfg: DictConfig, tmp_path: Path, where: dict, message: str):
