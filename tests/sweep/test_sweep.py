@@ -1,6 +1,5 @@
 """A sweep runs for real: in processes of this machine, on a clone of the working tree with a cache of its own."""
 
-import os
 import signal
 import subprocess
 import time
