@@ -174,7 +174,7 @@ def render_page(
             site.read.setdefault(page, {})[file] = sorted(set(reads))
             site.sources.update({table: data.sources[table] for table in reads if table in data.sources})
         text = {"file": file, "table": shown, "rows": _rows(shown.frame)}
-        text |= {"number": counts["table"], "caption": caller()}
+        text |= {"number": counts["table"], "caption": caller(), "origins": ()}
         if isinstance(data, Traceable):
             origins = dict.fromkeys(str(site.sources.get(table, table)) for table in sorted(set(reads)))
             text |= {"origins": origins, "seeds": in_words(data.seeds)}

@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from pipeline.report.page import Table
+from pipeline.report.page import Table, with_gaps
 from pipeline.report.study import Study
 
 DETECTORS = {
@@ -42,4 +42,4 @@ def by_source(study: Study) -> Table:
     shown = pd.concat([whole, path_traced]).rename_axis(["Source", "Table tops"]).rename(columns=DETECTORS)
     order = shown.index.get_level_values(0).map(list(SOURCES.values()).index)
     shown = shown.iloc[order.argsort(kind="stable")].reset_index()
-    return Table(shown, dict.fromkeys(DETECTORS.values(), "pct1"))
+    return Table(with_gaps(shown), dict.fromkeys(DETECTORS.values(), "pct1"))
