@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.sweep.running import SMALL, clone_of_working_tree, sweep
+from tests.sweep.running import SMALL, clone_of_working_tree, environment, sweep
 
 JOBS = 8
 LAUNCHERS = {"basic": ["hydra/launcher=basic"], "joblib": ["hydra/launcher=joblib", "hydra.launcher.n_jobs=2"]}
@@ -24,6 +24,7 @@ def repository(tmp_path_factory: pytest.TempPathFactory) -> Path:
     clone = clone_of_working_tree(tmp_path_factory.mktemp("bench") / "repository")
     ended = sweep(clone, "--multirun", *SMALL, *TARGET, "--folder", "warm")
     assert ended.returncode == 0, ended.stderr
+    subprocess.run([sys.executable, "-m", "dvc", "pull", "--quiet", "data.dvc"], cwd=clone, check=True)
     return clone
 
 
@@ -33,7 +34,13 @@ def bare_loop(repository: Path) -> None:
         shutil.rmtree(repository / "outputs", ignore_errors=True)
         compose = ["pipeline.params", *SMALL, f"report.scenes={value + 1}"]
         for arguments in (compose, ["dvc", "repro", "demos"]):
-            subprocess.run([sys.executable, "-m", *arguments], cwd=repository, check=True, capture_output=True)
+            subprocess.run(
+                [sys.executable, "-m", *arguments],
+                cwd=repository,
+                check=True,
+                capture_output=True,
+                env=environment(repository),
+            )
 
 
 def test_bare_loop(benchmark, repository: Path):

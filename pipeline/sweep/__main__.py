@@ -7,6 +7,7 @@ python -m pipeline.sweep summary FOLDER                    the page of a sweep a
 """
 
 import argparse
+import os
 import re
 import shutil
 import subprocess
@@ -86,7 +87,7 @@ def _sweep(given: argparse.Namespace) -> int:
         record["fixed"] = before["fixed"]
     planned = {tuple(job): None for job in [*before.get("jobs", []), *(plan.jobs or [])]}
     cache = Path(dvc(ROOT, "cache", "dir").strip())
-    sweep = Sweep(ROOT, folder, cache, commit, tuple(targets), tuple(record["fixed"]), objective)
+    sweep = Sweep(ROOT, folder, cache, commit, tuple(targets), tuple(record["fixed"]), objective, os.getpid())
     folder.mkdir(parents=True, exist_ok=True)
     try:
         with FileLock(folder / ".lock", timeout=0):

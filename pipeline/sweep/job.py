@@ -21,6 +21,7 @@ from pipeline.runtime.errors import InputError
 from pipeline.sweep.clone import borrowed_clone
 from pipeline.sweep.results import headlines, read_metrics
 
+WATCH_S = 0.5  # between two looks at the parent process
 MAX_NAME = 120  # characters of a folder's name; longer ones end in a digest
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 
@@ -36,6 +37,7 @@ class Sweep:
     targets: tuple[str, ...]  # stages that jobs run up to
     fixed: tuple[str, ...] = ()  # overrides of every job, which its folder's name leaves out
     objective: str | None = None  # the headline whose mean a job returns to Hydra's sweeper
+    process: int = 0  # the sweep's own, the parent of joblib's processes
 
     def job_folder(self, overrides: Sequence[str]) -> Path:
         """Return the folder of a job."""
@@ -86,7 +88,7 @@ def _run_stages(sweep: Sweep, overrides: Sequence[str], clone: Path, folder: Pat
     with (folder / "log.txt").open("w") as log:
         process = subprocess.Popen(command, cwd=clone, env=env, stdout=log, stderr=log, start_new_session=True)
         try:
-            status = process.wait()
+            status = _wait(process, sweep.process)
         finally:
             if process.poll() is None:
                 os.killpg(process.pid, signal.SIGKILL)
@@ -94,6 +96,20 @@ def _run_stages(sweep: Sweep, overrides: Sequence[str], clone: Path, folder: Pat
     if status:
         raise InputError(_last_error((folder / "log.txt").read_text(errors="replace")))
     return read_json(clone / "stages.json")
+
+
+def _wait(process: subprocess.Popen, parent: int) -> int:
+    """Return the exit status of `process`; end this process if it was a child of `parent` and that was killed.
+
+    joblib's processes would otherwise go on. The stages end with this process.
+    """
+    child = os.getppid() == parent
+    while True:
+        try:
+            return process.wait(WATCH_S)
+        except subprocess.TimeoutExpired:
+            if child and os.getppid() != parent:
+                os._exit(1)
 
 
 def _last_error(log: str) -> str:

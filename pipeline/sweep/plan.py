@@ -69,6 +69,8 @@ def make_plan(arguments: Sequence[str], targets: Sequence[str]) -> Plan:
     values = {key: OmegaConf.select(base, key.lstrip("+")) for key in swept}
     defaults = {key: OmegaConf.to_container(v) if OmegaConf.is_config(v) else v for key, v in values.items()}
     if "optuna" in str(hydra.sweeper._target_):
+        if twice := [override.input_line for override in ours if given[override.get_key_element()] is not override]:
+            raise InputError(f"{twice[0]}: the parameter is given twice; Optuna wants it once")
         return Plan(overrides, fixed, defaults)
     for override in swept.values():
         if not override.is_discrete_sweep():

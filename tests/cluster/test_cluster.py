@@ -126,8 +126,9 @@ def test_slurm_s_job_file_asks_for_what_conf_says(repository: Path, tmp_path: Pa
     assert "#SBATCH --array=0-1" in job and "#SBATCH --mem=4GB" in job and "#SBATCH --time=600" in job
 
 
-def test_optuna_finds_the_better_of_two_settings_on_validation_data(repository: Path):
-    values = [*SMALL, "protocol=validation", "validation_seeds=[100,101]", "clearance.steps=choice(1,40)"]
+def test_optuna_tries_settings_on_validation_data_alone(repository: Path):
+    small = [text for text in SMALL if not text.startswith("clearance.steps=")]
+    values = [*small, "protocol=validation", "validation_seeds=[100,101]", "clearance.steps=choice(1,40)"]
     optuna = [
         "hydra/sweeper=optuna",
         "hydra.sweeper.n_trials=2",
@@ -137,9 +138,10 @@ def test_optuna_finds_the_better_of_two_settings_on_validation_data(repository: 
     objective = ["--objective", "accuracy.clearance.new_items"]
     ended = sweep(repository, "--multirun", *values, *optuna, *objective, "--folder", "by_optuna")
     assert ended.returncode == 0, ended.stderr[-3000:]
-    assert {job["state"] for job in jobs(repository / "by_optuna").values()} == {"done"}
+    tried = {name: job["state"] for name, job in jobs(repository / "by_optuna").items()}
+    assert tried and tried.items() <= {"clearance.steps=1": "done", "clearance.steps=40": "done"}.items()
     assert (repository / "by_optuna" / "index.html").is_file()
     refused = sweep(
-        repository, "--multirun", *SMALL, "clearance.steps=choice(1,40)", *optuna, *objective, "--folder", "x"
+        repository, "--multirun", *small, "clearance.steps=choice(1,40)", *optuna, *objective, "--folder", "x"
     )
     assert refused.returncode == 2 and "protocol=validation" in refused.stderr

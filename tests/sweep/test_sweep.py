@@ -1,6 +1,5 @@
 """A sweep runs for real: in processes of this machine, on a clone of the working tree with a cache of its own."""
 
-import os
 import signal
 import subprocess
 import time
@@ -109,19 +108,22 @@ def test_a_folder_of_other_code_and_one_in_use_are_refused(repository: Path, fol
     assert ended.returncode == 2 and "another sweep is writing" in ended.stderr
 
 
-def test_ctrl_c_ends_every_process_and_resuming_completes(repository: Path):
-    arguments = ["--multirun", *SMALL, "scenes.root_seed=1,2", "--folder", "stopped"]
-    started = subprocess.Popen(command(*arguments), cwd=repository, env=environment(repository), start_new_session=True)
-    log = repository / "stopped" / "jobs" / "scenes.root_seed=1" / "log.txt"
+@pytest.mark.parametrize(("sent", "status"), [(signal.SIGINT, 130), (signal.SIGKILL, -signal.SIGKILL)])
+def test_ctrl_c_or_a_kill_ends_every_process(repository: Path, sent: signal.Signals, status: int):
+    arguments = ["--multirun", *SMALL, f"scenes.root_seed={sent}1,{sent}2", "--folder", f"stopped{sent}"]
+    heard = lambda: signal.signal(signal.SIGINT, signal.default_int_handler)  # noqa: E731  # a shell's & mutes it
+    place = {"cwd": repository, "env": environment(repository)}
+    started = subprocess.Popen(command(*arguments), **place, start_new_session=True, preexec_fn=heard)
+    log = repository / f"stopped{sent}" / "jobs" / f"scenes.root_seed={sent}1" / "log.txt"
     while not log.is_file() or "Running stage" not in log.read_text():
         assert started.poll() is None
         time.sleep(0.2)
-    os.killpg(started.pid, signal.SIGINT)
-    assert started.wait(timeout=60) == 130
-    time.sleep(2)
-    left = [p.cmdline() for p in psutil.process_iter(["cwd"]) if str(repository / "stopped") in str(p.info["cwd"])]
+    started.send_signal(sent)
+    assert started.wait(timeout=60) == status
+    time.sleep(4)
+    left = [p.cmdline() for p in psutil.process_iter(["cwd"]) if str(repository) in str(p.info["cwd"])]
     assert not left
-    assert {job["state"] for job in jobs(repository / "stopped").values()} <= {"running", "interrupted"}
+    assert {job["state"] for job in jobs(log.parents[2]).values()} <= {"running", "interrupted"}
 
 
 def test_an_experiment_runs_with_fewer_values_if_the_command_line_names_them(repository: Path):
