@@ -10,8 +10,9 @@ READY := $(VENV)/.ready
 COMPILE := pip-compile --quiet --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-trusted-host
 RUN ?=
 WORST ?=
+KILLS ?=
 
-.PHONY: help venv repro studies demo pull test test-browser test-viewer check-dowhy smoke bench review audit site figures readme lint lock params data render clean
+.PHONY: help venv repro studies search demo pull test test-browser test-viewer test-cluster test-faults check-dowhy smoke bench review audit site figures readme lint lock sbom params segmenter data render clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -25,13 +26,21 @@ $(READY): requirements-dev.lock
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -e .
 	@touch $@
 
+$(VENV)/.robot: requirements-robot.lock $(READY)
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check -r requirements-robot.lock
+	@touch $@
+
 repro: data-here  ## the paper: data from the store, every stage, the report
 	dvc repro
 	@dvc metrics show --md
 	@echo "report: $(CURDIR)/reports/index.html"
 
-studies: data-here  ## the paper and every study beyond it
+studies: data-here $(VENV)/.robot  ## the paper and every study beyond it
 	dvc repro -P
+
+search: data-here  ## settings of every learner on validation scenes, until studies/search/settings.csv is complete; half an hour, can be interrupted
+	dvc repro demos
+	python -m studies.search.search
 
 demo: $(READY)  ## a small run of the paper in demo/, from data to page in a few minutes; prints where the page is
 	bash tests/smoke.sh --profile demo demo
@@ -58,6 +67,15 @@ test-browser: $(READY)  ## the report in headless Chromium: keyboard, accessibil
 test-viewer: $(READY)  ## recordings in Rerun's viewer, without a screen or a GPU
 	@[ -n "$$(ls /usr/share/vulkan/icd.d/*.json /etc/vulkan/icd.d/*.json 2> /dev/null)" ] || { echo "error: a Vulkan driver is missing: apt-get install mesa-vulkan-drivers" >&2; exit 1; }
 	python -m pytest tests/screenshots
+
+test-faults: $(READY)  ## break smoke runs on purpose (kill -9, damaged files, full disk, ...); Linux, root; KILLS=50 as in docs/faults.csv
+	python -m tests.faults $(if $(KILLS),--kills $(KILLS))
+
+test-cluster: data-here  ## sweeps on Ray (two nodes, one is killed), by submitit and Optuna, in an environment above .venv
+	test -x .venv-cluster/bin/python || $(VENV)/bin/python -m venv .venv-cluster
+	$(VENV)/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))' > "$$(.venv-cluster/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/venv.pth"
+	.venv-cluster/bin/python -m pip install --quiet --disable-pip-version-check -r tests/cluster/requirements.txt
+	PATH="$(CURDIR)/.venv-cluster/bin:$$PATH" .venv-cluster/bin/python -m pytest tests/cluster
 
 check-dowhy:  ## a small graph's and the stages' own numbers by dowhy.gcm, in an environment of its own
 	test -x .venv-dowhy/bin/python || $(PYTHON) -m venv .venv-dowhy
@@ -95,10 +113,20 @@ lint: $(READY)  ## format and lint in place
 lock: $(READY)  ## pin pyproject.toml's dependencies anew
 	$(COMPILE) -o requirements.lock pyproject.toml
 	$(COMPILE) --extra dev --extra record -c requirements.lock -o requirements-dev.lock pyproject.toml
-	sed -i 's/^torch==\([0-9.]*\)+cpu/torch==\1/' requirements.lock requirements-dev.lock  # either build will do
+	$(COMPILE) --extra robot -c requirements-dev.lock -o requirements-robot.lock pyproject.toml
+	sed -i 's/^torch==\([0-9.]*\)+cpu/torch==\1/' requirements.lock requirements-dev.lock requirements-robot.lock  # either build will do
+
+sbom: $(READY)  ## software bill of materials of .venv with licences, sbom.json (CycloneDX), by a tool in an environment of its own
+	test -x .venv-sbom/bin/python || $(PYTHON) -m venv .venv-sbom
+	.venv-sbom/bin/python -m pip install --quiet --disable-pip-version-check cyclonedx-bom==7.5.0
+	.venv-sbom/bin/cyclonedx-py environment --output-reproducible --output-file sbom.json $(VENV)
 
 params: $(READY)  ## write params.yaml, and dvc.yaml's lists of variants, from conf/
 	python -m pipeline.params
+
+POOL := outputs/segmenter
+segmenter: data-here  ## train perception anew on composites, 30 minutes on two cores; its weights are in git, so no other target needs it
+	python -m studies.perception.draw --pool $(POOL) --parts 60 & python -m studies.perception.train --pool $(POOL) --steps 14000 && wait
 
 data: $(READY)  ## draw data/ anew and put it into the store
 	python -m drawing
@@ -112,4 +140,4 @@ render:  ## path-trace rendered/pictures/ anew by Blender, in an environment of 
 	dvc add rendered/pictures && dvc push rendered/pictures.dvc
 
 clean:  ## remove environments, demo/, other products and DVC's cache, with the results that nobody pushed
-	rm -rf $(VENV) .venv-dowhy .venv-rendered .benchmarks multirun demo pdf site.html .dvc/cache .dvc/tmp
+	rm -rf $(VENV) .venv-cluster .venv-dowhy .venv-rendered .venv-sbom sbom.json .benchmarks multirun demo pdf site.html .dvc/cache .dvc/tmp

@@ -37,6 +37,9 @@ AIMS = {  # name of the figure -> (description, aim)
     "detect_ms": ("detecting the objects in one image [ms]", ""),
     "scenes_per_second": ("scenes rendered a second", ""),
     "render_speedup_composite": ("rendering: times compositing without light at four times the size", ""),
+    "sweep_job_s_bare_loop": ("a job whose stages are all cached, in a bare loop over `dvc repro` [s]", ""),
+    "sweep_job_s_basic": ("the same in a sweep, one job after the other, start and summary included [s]", ""),
+    "sweep_job_s_joblib": ("the same with two jobs at once [s]", ""),
 }
 WAYS = {
     "rows": "one row per (image, path), eager",

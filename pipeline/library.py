@@ -203,7 +203,9 @@ def load(path: str | Path) -> ValidityModel:
             settings = json.loads((file.metadata() or {})["settings"])
         model = build(settings)
         read_weights(model, path, settings["variant"])
-    except (SafetensorError, KeyError, json.JSONDecodeError) as error:
+    except InputError:
+        raise
+    except (SafetensorError, KeyError, TypeError, ValueError, AttributeError, RuntimeError) as error:  # wrong settings
         raise InputError(f"{path} is not a model that `save` wrote ({error!r}): fit and save it again") from error
     model.settings = settings
     return model.eval()
@@ -218,7 +220,7 @@ def _check_model(model: Any) -> None:
 def _check_images(images: Any, name: str) -> None:
     """Raise InputError, which calls the argument `name`, unless images are uint8 (scene, 100, 100, 3) and not black."""
     check_images(images, name)
-    black = ~np.median(images.reshape(len(images), -1, 3), axis=1).any(1)  # the detector divides by the median colour
+    black = ~np.median(images.reshape(len(images), -1, 3), axis=1).any(1)
     if black.any():
         raise InputError(f"{name}[{black.argmax()}] is mostly black: expected the image of a table in each scene")
 

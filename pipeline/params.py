@@ -45,7 +45,7 @@ def compose(overrides: Sequence[str] = ()) -> DictConfig:
         with initialize_config_dir(str(CONF), version_base="1.3"):
             cfg = hydra_compose("config", overrides=list(overrides))
         OmegaConf.resolve(cfg)
-    except (HydraException, OmegaConfBaseException, yaml.YAMLError) as error:
+    except (HydraException, OmegaConfBaseException, yaml.YAMLError, OSError, ValueError) as error:  # no name of a file
         raise InputError(f"conf/ with overrides {list(overrides)} does not compose: {explained(error)}") from error
     if all(isinstance(value, DictConfig) for value in (cfg.variants, cfg.users, cfg.evaluate, cfg.record, cfg.report)):
         drop_absent(cfg)

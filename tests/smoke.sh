@@ -10,6 +10,7 @@ if [ "${1:-}" = --profile ] && [ $# -eq 3 ]; then
   profile=$2 pipelines= left_out=(':!studies')
   shift 2
 fi
+python -c 'import pinocchio' 2> /dev/null || left_out+=(':!studies/execution')  # needs the extra robot
 if [ $# -gt 1 ] || [[ "${1:-}" = -* ]]; then
   sed -n '2,5s/^# //p' "$0"
   exit 2
@@ -27,7 +28,8 @@ else
   trap 'rm -rf "$clone"' EXIT
 fi
 git -C "$root" ls-files -z --cached --others --exclude-standard -- ':!outputs' ':!reports' ':!dvc.lock' \
-  ':!studies/*/dvc.lock' ':!studies/*/index.html' ':!studies/*/figures' ':!studies/*/tables' "${left_out[@]}" |
+  ':!studies/*/dvc.lock' ':!studies/*/index.html' ':!studies/*/figures' ':!studies/*/tables' \
+  ':!studies/*/provenance.json' "${left_out[@]}" |
   (cd "$root" && while IFS= read -r -d '' f; do [ ! -e "$f" ] || printf '%s\0' "$f"; done) |
   (cd "$root" && tar --null -T - -cf -) | tar -C "$clone" -xf -
 cd "$clone"

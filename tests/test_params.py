@@ -198,7 +198,8 @@ def test_an_override_of_what_others_were_composed_of_is_refused(override: str):
 
 def test_what_other_parameters_are_composed_of_is_known():
     text = "\n".join(path.read_text() for path in CONF.rglob("*.yaml"))
-    groups = {path.name for path in CONF.iterdir() if path.is_dir()} - {"variants", "studies", "questions"}
+    others = {"variants", "studies", "questions", "experiment", "hydra"}
+    groups = {path.name for path in CONF.iterdir() if path.is_dir()} - others
     sources = set(re.findall(r"\$\{(?!hydra)([\w.]+)\}", text))
     assert {*sources, *groups} == set(COMPOSED)
 

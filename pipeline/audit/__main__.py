@@ -6,6 +6,7 @@ python -m pipeline.audit BEFORE AFTER        what differs: claims, headlines, pa
 python -m pipeline.audit REV --rerun [STAGE ...]
                                              run these stages (default: all of the paper) again in a clean clone, with
                                              the commit's own packages, and compare every output
+python -m pipeline.audit [REV] --history     every commit up to this one that changed the results; some 20 s each
   --format terminal | markdown | json        terminal by default
   --out FILE                                 write there instead
 
@@ -22,8 +23,9 @@ from rich.console import Console
 from rich.markdown import Markdown
 
 from pipeline.audit import text
-from pipeline.audit.consistency import audit
+from pipeline.audit.consistency import Checked, audit
 from pipeline.audit.difference import Commit, Difference, compare
+from pipeline.audit.history import history
 from pipeline.audit.rerun import rerun
 from pipeline.audit.revision import checked_out, git, resolve
 from pipeline.runtime.errors import InputError
@@ -38,11 +40,14 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--format", choices=["terminal", "markdown", "json"], default="terminal")
     parser.add_argument("--out", type=Path, help="file to write")
     parser.add_argument("--rerun", nargs="*", metavar="STAGE", help="run these stages again, by default all")
+    parser.add_argument("--history", action="store_true", help="audit every commit with results up to this one")
     given = parser.parse_args(arguments)
     try:
         if len(given.revision) > (2 if given.rerun is None else 1):
             raise InputError(f"{len(given.revision)} commits: expected one to audit or to run again, or two to compare")
-        if given.rerun is not None:
+        if given.history:
+            content, markdown, status = _history(given.revision[0])
+        elif given.rerun is not None:
             content, markdown, status = _rerun(given.revision[0], given.rerun)
         elif len(given.revision) == 2:
             content, markdown, status = _compare(*given.revision)
@@ -58,8 +63,19 @@ def main(arguments: list[str]) -> int:
 def _audit(revision: str) -> tuple[Any, str, int]:
     with checked_out(revision) as clone:
         checks = audit(clone)
-    content = [check._asdict() | {"faults": [fault._asdict() for fault in check.faults]} for check in checks]
+    content = [_check(check) for check in checks]
     return content, text.of_audit(revision, checks), int(any(check.faults for check in checks))
+
+
+def _check(check: Checked) -> dict[str, Any]:
+    return check._asdict() | {"faults": [fault._asdict() for fault in check.faults]}
+
+
+def _history(revision: str) -> tuple[Any, str, int]:
+    entries = history(resolve(revision))
+    content = [entry._asdict() | {"checks": [_check(check) for check in entry.checks]} for entry in entries]
+    faults = any(check.faults for entry in entries for check in entry.checks)
+    return content, text.of_history(revision, entries), int(faults)
 
 
 def _rerun(revision: str, stages: list[str]) -> tuple[Any, str, int]:

@@ -5,6 +5,7 @@ from typing import Any
 
 from pipeline.audit.consistency import Checked
 from pipeline.audit.difference import Difference
+from pipeline.audit.history import Entry
 from pipeline.audit.rerun import Output
 
 WORDS = ("worse", "better", "undecided", "same")  # in the order of a report
@@ -23,6 +24,18 @@ def of_audit(revision: str, checks: Sequence[Checked]) -> str:
         if check.faults:
             parts += [f"## {check.what}: not so", items(f"`{fault.place}`: {fault.message}" for fault in check.faults)]
     return "\n\n".join(parts) + "\n"
+
+
+def of_history(revision: str, entries: Sequence[Entry]) -> str:
+    """Return a row a commit with results: its faults by check, and the claims whose verdict changed."""
+    rows = []
+    for entry in entries:
+        faults = [f"{check.check} {len(check.faults)}" for check in entry.checks if check.faults]
+        found = ", ".join(faults) or ("none" if entry.checks else "cannot be audited")
+        changed = "; ".join(f"{claim}: {before} to {after}" for claim, before, after in entry.claims)
+        rows.append((entry.date, f"`{entry.commit}`", entry.subject, found, changed or "–"))
+    head = ["date", "commit", "it says", "faults", "verdicts that changed"]
+    return f"# Commits with results up to {revision}\n\n{table(head, rows, len(rows))}\n"
 
 
 def of_rerun(revision: str, outputs: Sequence[Output], difference: Difference) -> str:
@@ -72,13 +85,13 @@ def _sections(contents: dict[str, str]) -> list[str]:
     return [f"## {title}\n\n{content}" for title, content in contents.items() if content]
 
 
-def table(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """Return a Markdown table of at most MAX_LINES rows; "" if there are no rows."""
+def table(head: Sequence[str], rows: Iterable[Sequence[Any]], most: int = MAX_LINES) -> str:
+    """Return a Markdown table of at most `most` rows; "" if there are no rows."""
     lines = ["| " + " | ".join(_cell(value) for value in row) + " |" for row in rows]
     if not lines:
         return ""
-    more = [f"| ... {len(lines) - MAX_LINES} more" + " |" * len(head)] if len(lines) > MAX_LINES else []
-    return "\n".join(["| " + " | ".join(head) + " |", "| --- " * len(head) + "|", *lines[:MAX_LINES], *more])
+    more = [f"| ... {len(lines) - most} more" + " |" * len(head)] if len(lines) > most else []
+    return "\n".join(["| " + " | ".join(head) + " |", "| --- " * len(head) + "|", *lines[:most], *more])
 
 
 def items(lines: Iterable[str]) -> str:

@@ -3,46 +3,21 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
-import yaml
 from jaxtyping import UInt8
 from numpy import ndarray as Array
 
 from pipeline.own.csv_files import Faults, check_names, normal, numbers, read_csv, row_numbers
+from pipeline.own.demonstrations import DEMONSTRATIONS, KEY, read_samples
 from pipeline.own.frame import Frame, rectify
 from pipeline.own.pictures import ENDINGS, read_cutout, read_picture
+from pipeline.own.settings import SETTINGS, SIDES_M, Settings, read_settings
 from pipeline.runtime.errors import InputError
-from pipeline.world.hand import MAX_BEYOND_M
 
-SCENES, KINDS, SETTINGS = "scenes", "kinds", "table.yaml"
-DEMONSTRATIONS, ITEMS, CUTOUTS = "demonstrations.csv", "items.csv", "kinds.csv"
-KEY = ["scene", "user", "demo"]
-ENDS_WITHIN_M = 0.05  # largest distance of a path's ends from start and goal [m]; a hand that is not in a hurry
-MIN_SAMPLES = 3  # rows of a demonstration
-MIN_SCENES = 4  # scenes of a user: fewer leave nothing to fit on and nothing to judge by
-MIN_APART = 0.2  # smallest distance from start to goal, relative to the table's side
-MIN_TABLE_PX = 50  # shortest side of the table in a picture
-SIDES_M = (0.1, 10.0)  # side of a table [m]
-DEFAULT_START, DEFAULT_GOAL = (0.08, 0.08), (0.92, 0.92)  # the paper's ends, relative to the table's side
+SCENES, KINDS, ITEMS, CUTOUTS = "scenes", "kinds", "items.csv", "kinds.csv"
 SQUARE_WITHIN = 0.02  # a picture of just the table is square within this share
-
-
-@dataclass
-class Settings:
-    """Hold what table.yaml says: side [m], corners (4, 2) of all scenes or by scene [px], start and goal (2,) [m]."""
-
-    side_m: float = 1.0
-    corners: Array | dict[str, Array] | None = None
-    rectified: bool = False
-    start: Array = field(default_factory=lambda: np.array(DEFAULT_START))
-    goal: Array = field(default_factory=lambda: np.array(DEFAULT_GOAL))
-
-    def corners_of(self, scene: str) -> Array | None:
-        """Return the corners (4, 2) [column, row] of the table in a scene's picture; None: the whole picture."""
-        return self.corners.get(scene) if isinstance(self.corners, dict) else self.corners
 
 
 @dataclass
@@ -80,7 +55,7 @@ def read_folder(path: Path) -> tuple[Folder | None, Faults]:
         return None, faults
     scenes = scene_files(path, faults)
     settings = read_settings(path, faults)
-    samples = _read_samples(path, scenes, settings, faults) if settings else None
+    samples = read_samples(path, scenes, settings, faults) if settings else None
     items = _read_items(path, scenes, faults)
     cutouts = _read_cutouts(path, faults)
     canvases = _read_canvases(scenes, settings, faults) if settings else {}
@@ -119,87 +94,6 @@ def scene_files(path: Path, faults: Faults) -> dict[str, Path]:
     if not found:
         faults.append(f"{SCENES}/ holds no picture: expected files that end in {', '.join(ENDINGS)}")
     return found
-
-
-# table.yaml
-
-
-def read_settings(path: Path, faults: Faults) -> Settings | None:
-    """Return the settings of table.yaml, or the defaults; None after a fault."""
-    if not (path / SETTINGS).is_file():
-        return Settings(rectified=True)
-    try:
-        content = yaml.safe_load((path / SETTINGS).read_text(encoding="utf-8")) or {}
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        faults.append(f"{SETTINGS} cannot be read: {' '.join(str(error).split())}; correct it")
-        return None
-    known = ("side_m", "corners", "rectified", "start", "goal")
-    if not isinstance(content, dict) or set(content) - set(known):
-        names = ", ".join(map(str, content)) if isinstance(content, dict) else type(content).__name__
-        faults.append(f"{SETTINGS} holds {names}: expected some of {', '.join(known)}")
-        return None
-    before = len(faults)
-    side = content.get("side_m", 1.0)
-    if not _is_number(side) or not SIDES_M[0] <= side <= SIDES_M[1]:
-        faults.append(f"{SETTINGS}: side_m is {side!r}: expected metres from {SIDES_M[0]} to {SIDES_M[1]:g}")
-        return None
-    settings = Settings(float(side))
-    settings.rectified = content.get("rectified", False)
-    if not isinstance(settings.rectified, bool):
-        faults.append(f"{SETTINGS}: rectified is {settings.rectified!r}: expected true or false")
-    settings.start = _point(content, "start", DEFAULT_START, side, faults)
-    settings.goal = _point(content, "goal", DEFAULT_GOAL, side, faults)
-    if len(faults) == before and np.linalg.norm(settings.goal - settings.start) < MIN_APART * side:
-        faults.append(f"{SETTINGS}: start and goal are closer than {MIN_APART * side:g} m: expected two places")
-    settings.corners = _corners(content.get("corners"), faults)
-    if settings.corners is not None and settings.rectified:
-        faults.append(f"{SETTINGS}: corners and rectified: true exclude each other: remove one of them")
-    if settings.corners is None and "corners" not in content:
-        settings.rectified = True
-    return settings if len(faults) == before else None
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
-
-
-def _point(content: Mapping, name: str, default: tuple[float, float], side: float, faults: Faults) -> Array:
-    value = content.get(name, [side * c for c in default])
-    if isinstance(value, list) and len(value) == 2 and all(_is_number(v) and 0 <= v <= side for v in value):
-        return np.array(value, float)
-    faults.append(f"{SETTINGS}: {name} is {value!r}: expected [x, y] in metres on the table, 0 to {side:g}")
-    return np.zeros(2)
-
-
-def _corners(value: Any, faults: Faults) -> Array | dict[str, Array] | None:
-    """Return corners of all scenes or by scene; add a fault unless each is a quadrilateral in the right order."""
-    if value is None:
-        return None
-    if isinstance(value, dict):
-        made = {normal(str(scene)): _quadrilateral(points, f" of {scene}", faults) for scene, points in value.items()}
-        return {scene: points for scene, points in made.items() if points is not None}
-    return _quadrilateral(value, "", faults)
-
-
-def _quadrilateral(value: Any, whose: str, faults: Faults) -> Array | None:
-    name = f"{SETTINGS}: corners{whose}"
-    order = "far left, far right, near right, near left"
-    pairs = isinstance(value, list) and len(value) == 4 and all(isinstance(p, list) and len(p) == 2 for p in value)
-    if not pairs or not all(_is_number(number) for pair in value for number in pair):
-        faults.append(f"{name} are {value!r}: expected four [column, row] in pixels, {order}")
-        return None
-    points = np.array(value, float)
-    sides = np.roll(points, -1, axis=0) - points
-    turns = sides[:, 0] * np.roll(sides[:, 1], -1) - sides[:, 1] * np.roll(sides[:, 0], -1)
-    if (turns < 0).all():
-        faults.append(f"{name} run counter-clockwise: expected {order}")
-    elif not (turns > 0).all():
-        faults.append(f"{name} cross or lie on a line: expected a convex quadrilateral, {order}")
-    elif np.linalg.norm(sides, axis=1).min() < MIN_TABLE_PX:
-        faults.append(f"{name} are less than {MIN_TABLE_PX} pixels apart: expected a larger table in the picture")
-    else:
-        return points
-    return None
 
 
 # Pictures
@@ -252,122 +146,6 @@ def _read_empty(path: Path, settings: Settings, faults: Faults) -> Array | None:
         faults.append(f"{files[0].name} needs a fixed camera, and corners differ by scene: remove one of them")
         return None
     return _read_canvas(files[0], files[0].name, settings.corners, faults)
-
-
-# demonstrations.csv
-
-
-def _read_samples(path: Path, scenes: Mapping[str, Path], settings: Settings, faults: Faults) -> pd.DataFrame | None:
-    """Return the samples of all demonstrations, sorted by demonstration and in their own order; None after a fault."""
-    file, before = DEMONSTRATIONS, len(faults)
-    if not (path / file).is_file():
-        faults.append(f"{file} is missing: draw paths with `python -m pipeline.own record {path}`, or write it")
-        return None
-    try:
-        text = read_csv(path / file, [*KEY, "t", "x", "y", "valid"])
-    except InputError as error:
-        faults.append(str(error))
-        return None
-    if text.empty:
-        faults.append(f"{file} has no row below its header: expected demonstrations")
-        return None
-    check_names(text, KEY, file, faults)
-    names = text["scene"].tolist()
-    faults.rows(
-        file,
-        ~text["scene"].isin(scenes.keys()).to_numpy(),
-        lambda i: f"scene {names[i]!r} has no picture in {SCENES}/: add it, or correct the name",
-        row_numbers(text),
-    )
-    made = numbers(text, ["t", "x", "y"], file, faults)
-    words = text["valid"].str.lower()
-    faults.rows(
-        file,
-        ~words.isin(["true", "false"]).to_numpy(),
-        lambda i: f"valid is {text['valid'].iloc[i]!r}: expected true or false",
-        row_numbers(text),
-    )
-    if len(faults) > before:
-        return None
-    samples = pd.concat([text[KEY], made], axis=1).assign(valid=words == "true", row=row_numbers(text))
-    samples = samples.sort_values(KEY, kind="stable", ignore_index=True)
-    _check_demonstrations(samples, settings, faults)
-    _check_users(samples, faults)
-    return samples if len(faults) == before else None
-
-
-def _check_demonstrations(samples: pd.DataFrame, settings: Settings, faults: Faults) -> None:
-    """Add faults of whole demonstrations: labels, length, times, ends."""
-    file, rows = DEMONSTRATIONS, samples["row"].to_numpy()
-    number = samples.groupby(KEY, sort=False).ngroup().to_numpy()
-    first, last = np.flatnonzero(np.diff(number, prepend=-1)), np.flatnonzero(np.diff(number, append=-1))
-    names = [", ".join(key) for key in samples.loc[first, KEY].itertuples(index=False)]
-    same = np.diff(number, prepend=-1) == 0
-    t, x, y, valid = (samples[name].to_numpy() for name in ("t", "x", "y", "valid"))
-    faults.rows(
-        file,
-        same & (valid != np.roll(valid, 1)),
-        lambda i: f"valid changes within demonstration ({names[number[i]]}): expected one word for all of it",
-        rows,
-    )
-    back = same & (t < np.roll(t, 1))
-    faults.rows(
-        file,
-        back,
-        lambda i: (
-            f"t goes back from {t[i - 1]:g} to {t[i]:g} s in demonstration ({names[number[i]]}): expected times that "
-            "increase, and a name of its own for each demonstration"
-        ),
-        rows,
-    )
-    length = last - first + 1
-    faults.rows(
-        file,
-        length < MIN_SAMPLES,
-        lambda i: f"demonstration ({names[i]}) has {length[i]} rows: expected at least {MIN_SAMPLES}",
-        rows[first],
-    )
-    points = np.stack([x, y], -1)
-    for verb, ends, place in (("starts", first, settings.start), ("ends", last, settings.goal)):
-        away = np.linalg.norm(points[ends] - place, axis=1)
-        goal = "start" if verb == "starts" else "goal"
-        faults.rows(
-            file,
-            away > ENDS_WITHIN_M,
-            lambda i, verb=verb, ends=ends, place=place, away=away, goal=goal: (
-                f"demonstration ({names[i]}) {verb} at ({x[ends[i]]:.3g}, {y[ends[i]]:.3g}) m, {away[i]:.2g} m from "
-                f"the {goal} ({place[0]:g}, {place[1]:g}): expected at most {ENDS_WITHIN_M:g} m; positions are in "
-                f"metres, and {SETTINGS} sets the {goal}"
-            ),
-            rows[ends],
-        )
-    beyond = np.maximum(-points, points - settings.side_m).max(1)
-    faults.rows(
-        file,
-        beyond > MAX_BEYOND_M * settings.side_m,
-        lambda i: (
-            f"the path is at ({x[i]:g}, {y[i]:g}) m, far off the table: expected metres from 0 to {settings.side_m:g}"
-        ),
-        rows,
-    )
-
-
-def _check_users(samples: pd.DataFrame, faults: Faults) -> None:
-    """Add a fault for each user with too few scenes or with labels of one kind."""
-    demos = samples.drop_duplicates(KEY)
-    for user, rows in demos.groupby("user"):
-        scenes, row = rows["scene"].nunique(), rows["row"].min()
-        if scenes < MIN_SCENES:
-            faults.append(
-                f"{DEMONSTRATIONS}, row {row}: user {user} has {scenes} scenes: expected at least {MIN_SCENES}; add "
-                "demonstrations, or leave the user out"
-            )
-        if rows["valid"].nunique() == 1:
-            word = "valid" if rows["valid"].iloc[0] else "invalid"
-            faults.append(
-                f"{DEMONSTRATIONS}, row {row}: all {len(rows)} demonstrations of user {user} are {word}: expected both "
-                "valid and invalid ones; add the other kind, or leave the user out"
-            )
 
 
 # items.csv, kinds.csv

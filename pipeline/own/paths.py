@@ -13,7 +13,8 @@ from numpy import ndarray as Array
 
 from pipeline.models.base import Z_RANGE_M
 from pipeline.own.csv_files import Faults
-from pipeline.own.folder import DEMONSTRATIONS, KEY, Folder
+from pipeline.own.demonstrations import DEMONSTRATIONS, KEY
+from pipeline.own.folder import Folder
 from pipeline.world.bezier import P_F, P_INIT
 from pipeline.world.bezier_fit import fit
 from pipeline.world.layout import SIDE

@@ -47,13 +47,3 @@ def fit_capsule(points: Float[Array, "point 2"], per_metre: int) -> Capsule:
     radius = float((extent - np.sqrt(extent**2 - (4 - np.pi) * area)) / (4 - np.pi))
     middle = centre + (along.min() + along.max()) / 2 * axis
     return Capsule(middle, (extent / 2 - radius) * axis, radius, area, elongation)
-
-
-def overlap(points: Float[Array, "point 2"], capsule: Capsule, per_metre: int) -> float:
-    """Return the intersection over union of a capsule and points [m] on a grid of `per_metre` points per metre."""
-    offsets, half, radius = points - capsule.centre, capsule.half, capsule.radius
-    share = np.clip(offsets @ half / max(half @ half, 1e-12), -1, 1)
-    inside = np.linalg.norm(offsets - share[:, None] * half, axis=1) <= radius
-    intersection = inside.sum() / per_metre**2
-    union = len(points) / per_metre**2 + np.pi * radius**2 + 4 * radius * np.linalg.norm(half) - intersection
-    return float(intersection / union)

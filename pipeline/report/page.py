@@ -1,5 +1,6 @@
 """One page from its template: numbers by name and format, figures and tables numbered in order of appearance."""
 
+import hashlib
 import importlib
 import json
 import math
@@ -7,7 +8,7 @@ import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import matplotlib
 import numpy as np
@@ -16,7 +17,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 from omegaconf import DictConfig
 
-from pipeline.artifacts.files import write_table
+from pipeline.artifacts.files import write_json, write_table
 from pipeline.report import style
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.writing import atomic_write
@@ -36,6 +37,43 @@ class Table:
 
 
 @dataclass(frozen=True)
+class Source:
+    """The files, by stage and name, that a table of results was read or computed from."""
+
+    files: tuple[tuple[str, Path], ...]  # stage, and the file in its folder
+
+    def __str__(self) -> str:
+        """Return the files' names by stage."""
+        return ", ".join(f"{file.name} of {stage}" for stage, file in self.files)
+
+    def digests(self) -> list[dict[str, str]]:
+        """Return stage, name and md5 of each file; a stage's lock names the same md5."""
+        parts = [{"stage": stage, "file": file.name} for stage, file in self.files]
+        sums = [hashlib.md5(file.read_bytes()).hexdigest() for _, file in self.files]
+        return [part | {"md5": md5} for part, md5 in zip(parts, sums, strict=True)]
+
+
+@runtime_checkable
+class Traceable(Protocol):
+    """Results whose tables can say what they are made of."""
+
+    @property
+    def reads(self) -> list[str]:
+        """Return the names of the tables that were asked for."""
+        ...
+
+    @property
+    def sources(self) -> Mapping[str, Source]:
+        """Return what is behind each table."""
+        ...
+
+    @property
+    def seeds(self) -> list[int]:
+        """Return the training sets that the results are over."""
+        ...
+
+
+@dataclass(frozen=True)
 class Site:
     """All output: pages by name, figures as SVG text by file name, tables by file name."""
 
@@ -43,6 +81,8 @@ class Site:
     figures: dict[str, str] = field(default_factory=dict)
     tables: dict[str, pd.DataFrame] = field(default_factory=dict)
     claims: dict[str, str] = field(default_factory=dict)  # of the paper: claim -> holds | fails | open | untestable
+    sources: dict[str, Source] = field(default_factory=dict)  # of each table of results that a page's table reads
+    read: dict[str, dict[str, list[str]]] = field(default_factory=dict)  # page -> its table -> tables of results
 
 
 def environment(folders: Sequence[Path], **names: Any) -> Environment:
@@ -55,14 +95,17 @@ def environment(folders: Sequence[Path], **names: Any) -> Environment:
         lstrip_blocks=True,
     )
     made.globals |= (
-        FORMATS | {"label": style.label, "formats": FORMATS, "headings": headings, "in_brackets": in_brackets} | names
+        FORMATS
+        | {"label": style.label, "formats": FORMATS, "headings": headings, "in_brackets": in_brackets}
+        | {"number_alone": number_alone}
+        | names
     )
     return made
 
 
 def with_gaps(rows: Any) -> pd.DataFrame:
     """Return rows as a frame in which a number that cannot exist is None, which a page shows as a dash."""
-    frame = pd.DataFrame(rows).astype(object)
+    frame = pd.DataFrame(rows, dtype=object)
     return frame.where(frame.notna(), None)
 
 
@@ -74,8 +117,20 @@ def pick(table: pd.DataFrame, titles: Mapping[str, str], **words: Callable | Map
 
 def in_brackets(row: Mapping[str, Any], column: str, write: Callable[[Any], str]) -> str:
     """Return the quartiles of a cell, in brackets and without their unit; nothing where there are none."""
-    ends = [row.get(f"{column}, {end}") for end in ("q1", "q3")]
-    return "" if None in ends else " ({} to {})".format(*(write(end).partition("\u00a0")[0] for end in ends))
+    ends: list[Any] = [row.get(f"{column}, {end}") for end in ("q1", "q3")]
+    return "" if None in ends else " ({} to {})".format(*(write(float(end)).partition("\u00a0")[0] for end in ends))
+
+
+def number_alone(cell: Any) -> float | None:
+    """Return a cell's number without its source, which its `title` states."""
+    return None if cell is None else float(cell)
+
+
+def in_words(seeds: Sequence[int]) -> str:
+    """Return seeds as text: `seeds 0–9` where they follow one another."""
+    first, last = min(seeds), max(seeds)
+    whole = len(seeds) > 2 and sorted(seeds) == list(range(first, last + 1))
+    return f"seeds {first}–{last}" if whole else f"seeds {', '.join(map(str, seeds))}"
 
 
 def headings(content: str) -> list[tuple[str, str]]:
@@ -89,9 +144,10 @@ def render_page(
     """Add page `name` with its figures and tables to `site`.
 
     package: where the modules `figures` and `tables` lie, whose functions the template names; prefix: begins the names
-    of their files. Raise InputError or ValueError if the page uses a number that is missing or not finite.
+    of their files. If `data` is Traceable, each table says what it is made of. Raise InputError or ValueError if the
+    page uses a number that is missing or not finite.
     """
-    counts = {"figure": 0, "table": 0}
+    counts, page = {"figure": 0, "table": 0}, name
 
     def figure(name: str, alt: str, wide: bool = False, recording: str = "", caller: Callable[[], str] = str) -> Markup:
         """Draw a figure; `recording`: `overview` or `worst`, the recording in git that shows the same."""
@@ -108,12 +164,20 @@ def render_page(
         return Markup(made.get_template("figure.html.j2").render(text))
 
     def table(name: str, caller: Callable[[], str] = str) -> Markup:
+        reads = data.reads if isinstance(data, Traceable) else []
+        reads.clear()
         shown: Table = getattr(importlib.import_module(f"{package}.tables"), name)(data)
         counts["table"] += 1
         file = prefix + name.replace("_", "-")
         site.tables[file] = shown.frame
-        text = {"file": file, "table": shown, "rows": shown.frame.to_dict("records")}
-        text |= {"number": counts["table"], "caption": caller()}
+        if isinstance(data, Traceable):
+            site.read.setdefault(page, {})[file] = sorted(set(reads))
+            site.sources.update({table: data.sources[table] for table in reads if table in data.sources})
+        text = {"file": file, "table": shown, "rows": _rows(shown.frame)}
+        text |= {"number": counts["table"], "caption": caller(), "origins": ()}
+        if isinstance(data, Traceable):
+            origins = dict.fromkeys(str(site.sources.get(table, table)) for table in sorted(set(reads)))
+            text |= {"origins": origins, "seeds": in_words(data.seeds)}
         return Markup(made.get_template("table.html.j2").render(text))
 
     def table_number() -> str:
@@ -123,6 +187,11 @@ def render_page(
 
     numbered = {"figure": figure, "table": table, "table_number": table_number}
     site.pages[name] = made.get_template(template).render(page=name, **numbered)
+
+
+def _rows(frame: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return the rows of a table; unlike `to_dict`, leave its Traced numbers as they are."""
+    return [dict(zip(frame.columns, row, strict=True)) for row in frame.astype(object).to_numpy()]
 
 
 def write_files(site: Site, out_dir: Path) -> None:
@@ -139,8 +208,14 @@ def write_files(site: Site, out_dir: Path) -> None:
         write_table(out_dir / "tables" / f"{name}.csv", table.infer_objects())
 
 
+def write_provenance(site: Site, out_dir: Path, facts: Mapping[str, Any]) -> None:
+    """Write provenance.json: `facts`, the tables behind each page's tables, and the md5 of the files behind those."""
+    sources = {name: source.digests() for name, source in sorted(site.sources.items())}
+    write_json(out_dir / "provenance.json", {**facts, "sources": sources, "pages": site.read})
+
+
 def provenance(cfg: DictConfig) -> dict[str, Any]:
-    """Return what every footer states: version of the data, profile, root seed of the scenes.
+    """Return what every page's numbers depend on: version of the data, profile, seeds, splits, demonstrations.
 
     Raise InputError if no file names the data's version.
     """
@@ -148,7 +223,9 @@ def provenance(cfg: DictConfig) -> dict[str, Any]:
     digest = re.search(r"md5: (\w+)", version.read_text()) if version.is_file() else None
     if digest is None:
         raise InputError(f"{version} names no md5 of the data: get it with `git checkout {version}`")
-    return {"data_md5": digest[1], "root_seed": cfg.scenes.root_seed, "profile": cfg.profile}
+    facts: dict[str, Any] = {"data_md5": digest[1], "root_seed": cfg.scenes.root_seed, "profile": cfg.profile}
+    facts |= {"seeds": list(cfg.protocol.seeds), "splits": dict(cfg.protocol.splits)}
+    return facts | {"main_n_demos": cfg.main_n_demos}
 
 
 # Numbers
@@ -167,10 +244,14 @@ class Traced(float):
 
     def mark(self, text: str) -> Markup:
         """Return its text as HTML that carries the source."""
-        table, column, where = self.source
-        row = ", ".join(f"{name} {value}" for name, value in where.items())
         html = '<data value="{}" title="{}" data-source="{}">{}</data>'
-        return Markup(html).format(float(self), f"{table}, {column}: {row}", json.dumps(self.source), text)
+        return Markup(html).format(float(self), self.words, json.dumps(self.source), text)
+
+    @property
+    def words(self) -> str:
+        """Return its source in words: table, column, and what selects the row."""
+        table, column, where = self.source
+        return f"{table}, {column}: {', '.join(f'{name} {value}' for name, value in where.items())}"
 
 
 def lookup(frame: pd.DataFrame, table: str, column: str, **where: Any) -> Any:

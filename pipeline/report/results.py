@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.report.page import check_finite, checked, lookup
+from pipeline.report.page import Source, check_finite, checked, lookup
 from pipeline.world.catalogue import Catalogue
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import Margins
@@ -39,6 +39,18 @@ FINITE = {  # columns whose values must all be finite, since figures draw them
     "judged": ["p", "z_x", "z_y"],
     "slices": ["accuracy", "share"],
 }
+
+
+class _Noting(dict[str, pd.DataFrame]):
+    """Tables by name that note which of them are asked for."""
+
+    def __init__(self, tables: Mapping[str, pd.DataFrame], reads: list[str]):
+        super().__init__(tables)
+        self._reads = reads
+
+    def __getitem__(self, name: str) -> pd.DataFrame:
+        self._reads.append(name)
+        return super().__getitem__(name)
 
 
 @dataclass(frozen=True)
@@ -86,6 +98,12 @@ class Results:
     drawn: DrawnScenes
     catalogue: Catalogue
     facts: dict[str, Any] = field(default_factory=dict)
+    sources: Mapping[str, Source] = field(default_factory=dict)  # of each table
+    reads: list[str] = field(default_factory=list)  # tables that were asked for
+
+    def __post_init__(self):
+        """Let the tables note in `reads` which of them are asked for."""
+        object.__setattr__(self, "tables", _Noting(self.tables, self.reads))
 
     def value(self, table: str, column: str, **where: Any) -> Any:
         """Return the value of `column` in the one row of `table` that `where` selects.

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.artifacts.files import read_arrays, read_table
-from pipeline.report.page import check_finite, checked, lookup
+from pipeline.report.page import Source, check_finite, checked, lookup
 from pipeline.runtime.errors import InputError
 from pipeline.world.rules import Margins
 
@@ -30,12 +30,19 @@ class Study:
     seeds: list[int]
     main_n_demos: int
     facts: dict[str, Any] = field(default_factory=dict)
+    reads: list[str] = field(default_factory=list)  # files that were asked for
+
+    @property
+    def sources(self) -> dict[str, Source]:
+        """Return the file behind each table that was read."""
+        return {file: Source(((self.name, self.folder / file),)) for file in self.reads}
 
     def table(self, file: str, finite: tuple[str, ...] = ()) -> pd.DataFrame:
         """Return a table of the study; raise InputError if a number of the columns `finite` is not finite.
 
         Empty names, such as the variant of a baseline, are \"\".
         """
+        self.reads.append(file)
         frame = read_table(self.folder / file)
         names = frame.select_dtypes(["object", "string"]).columns
         frame = frame.assign(**{name: frame[name].fillna("") for name in names})

@@ -2,13 +2,14 @@
 
 import argparse
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
 from pipeline.params import PARAMS, load
-from pipeline.report.page import Site, environment, provenance, render_page, write_files
+from pipeline.report.page import Site, environment, provenance, render_page, write_files, write_provenance
 from pipeline.report.study import Study
 from pipeline.runtime.errors import InputError
 
@@ -16,7 +17,7 @@ HOME = "../../reports/"  # the paper's pages, seen from a study's folder
 
 
 def main(argv: list[str]) -> None:
-    """Read the study's results and parameters, and write its page."""
+    """Read the study's results and parameters, and write its page with provenance.json."""
     parser = argparse.ArgumentParser(prog="python -m pipeline.stages.page", description=__doc__)
     parser.add_argument("study", help="name of a folder in studies/")
     parser.add_argument("overrides", nargs="*", metavar="parameter=value")
@@ -26,8 +27,10 @@ def main(argv: list[str]) -> None:
     folder = Path("studies") / given.study
     if not (folder / "page.html.j2").is_file():
         raise InputError(f"{folder} has no page.html.j2: expected the name of a study with a page")
-    study = read_study(load(given.params, given.overrides), given.study)
-    write_files(render(study, folder), given.out or folder)
+    cfg = load(given.params, given.overrides)
+    site, out_dir = render(read_study(cfg, given.study), folder), given.out or folder
+    write_files(site, out_dir)
+    write_provenance(site, out_dir, provenance(cfg))
 
 
 def read_study(cfg: DictConfig, name: str) -> Study:
@@ -64,7 +67,7 @@ def render(study: Study, folder: Path) -> Site:
     names |= {"question": study.settings["question"], "variants": study.variants, "n": study.main_n_demos}
     made, site = environment([folder], pages={"index": "Overview"}, **names), Site()
     render_page("study", "page.html.j2", f"studies.{study.name}", study, made, site)
-    return Site({"index": site.pages["study"]}, site.figures, site.tables)
+    return replace(site, pages={"index": site.pages["study"]}, read={"index": site.read.get("study", {})})
 
 
 if __name__ == "__main__":

@@ -1,6 +1,8 @@
 """Stage report: write the pages with their figures and tables, and the metrics of all stages in one metrics.json."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,7 +17,7 @@ from pipeline.artifacts.trained import load_model
 from pipeline.config.settings import NEAREST, POSITION
 from pipeline.launch import launch
 from pipeline.models.baselines import nearest_demonstration, position_only
-from pipeline.report.page import FOLDER, Site, provenance, write_files
+from pipeline.report.page import FOLDER, Site, Source, provenance, write_files, write_provenance
 from pipeline.report.render import render
 from pipeline.report.results import DrawnScenes, Results
 from pipeline.report.slices import describe, slices
@@ -45,7 +47,7 @@ TABLES = {  # name -> stage and file
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """Write index.html and its pages, page.css, figures/*.svg, tables/*.csv and metrics.json."""
+    """Write index.html and its pages, page.css, figures/*.svg, tables/*.csv, provenance.json and metrics.json."""
     scenes = read_scenes(Path(cfg.paths.scenes))
     tables = {name: read_table(Path(cfg.paths[stage]) / file) for name, (stage, file) in TABLES.items()}
     for name, column in (("repair", "variant"), ("repairs", "variant"), ("interventions", "symbol")):
@@ -67,19 +69,32 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         drawn=_drawn(cfg, scenes),
         catalogue=read_catalogue(Path(cfg.paths.data)),
         facts=_facts(cfg, scenes),
+        sources=_sources(cfg),
     )
     site = render(results)
-    write_site(site, out_dir)
+    write_site(site, out_dir, provenance(cfg))
     metrics: dict = {"claims": site.claims}
     for stage in HEADLINES:
         metrics |= read_json(Path(cfg.paths[stage]) / "metrics.json")
     write_json(out_dir / "metrics.json", metrics)
 
 
-def write_site(site: Site, out_dir: Path) -> None:
-    """Write pages, page.css, figures and tables; remove those of an earlier run."""
+def write_site(site: Site, out_dir: Path, facts: Mapping[str, Any]) -> None:
+    """Write pages, page.css, figures, tables and provenance.json; remove figures and tables of an earlier run."""
     write_files(site, out_dir)
+    write_provenance(site, out_dir, facts)
     atomic_write(out_dir / "page.css", lambda part: part.write_text((FOLDER / "page.css").read_text()))
+
+
+def _sources(cfg: DictConfig) -> dict[str, Source]:
+    """Return the files behind each table, as DVC names their stages."""
+    files = {name: [(stage, Path(cfg.paths[stage]) / file)] for name, (stage, file) in TABLES.items()}
+    files |= {name: [("docs/decisions", DECISIONS / file)] for name, file in HISTORY.items()}
+    files["seeds"] = [("evaluate", Path(cfg.paths.evaluate) / "accuracy.parquet"), *files["repairs"]]
+    shown = [variant for variant in cfg.report.shown if variant in cfg.variants]
+    judged = [(f"{cfg.variants[v].stage}@{v}", model_dir(cfg, v) / "predictions.parquet") for v in shown]
+    files["judged"] = files["slices"] = [("demos", Path(cfg.paths.demos) / "queries.npz"), *judged]
+    return {name: Source(tuple(parts)) for name, parts in files.items()}
 
 
 def _by_seed(cfg: DictConfig, repairs: pd.DataFrame) -> pd.DataFrame:

@@ -1,6 +1,6 @@
 """Stage chance: set results about the paper's model side by side, and mark those that reach the paper's rate.
 
-It reads the convergence and the accuracy of stage evaluate, and the studies demonstrations and ceiling.
+It reads the convergence and the accuracy of stage evaluate, and the studies search, demonstrations and ceiling.
 """
 
 from pathlib import Path
@@ -13,7 +13,7 @@ from pipeline.config.settings import NEAREST, POSITION
 from pipeline.launch import launch
 
 MODEL, PERFECT = "full", "perfect"
-KEY = ["source", "learner", "routes", "clear_cm", "scenes", "split"]
+KEY = ["source", "learner", "setting", "routes", "clear_cm", "scenes", "split"]
 RESULTS = ["accuracy", "q1", "q3", "seeds"]
 
 
@@ -28,9 +28,12 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     write_table(out_dir / "convergence.csv", convergence[convergence["variant"] == MODEL].assign(fits=fits))
     evaluated = read_table(evaluate / "accuracy.csv").rename(columns={"variant": "learner", "mean": "accuracy"})
     evaluated = evaluated[evaluated["n_demos"] == cfg.main_n_demos]
+    search = read_table(studies / "search" / "summary.csv")
+    search = search[search["setting"] == "best"]
     shown = read_table(studies / "demonstrations" / "summary.csv").rename(columns={"variant": "learner"})
     ceiling = read_table(studies / "ceiling" / "summary.csv")
-    parts = {"evaluate": evaluated, "demonstrations": shown, "ceiling": ceiling}
+    parts = {"evaluate": evaluated.assign(setting="default"), "search": search}
+    parts |= {"demonstrations": shown, "ceiling": ceiling}
     table = pd.concat([part.assign(source=source) for source, part in parts.items()], ignore_index=True)
     table = table[table["learner"].isin([MODEL, PERFECT, NEAREST, POSITION]) & (table["split"] != "demonstrations")]
     table = table.reindex(columns=[*KEY, *RESULTS])

@@ -1,5 +1,6 @@
 """The audit of one commit: what it finds in this repository, and in a clone that somebody tampered with."""
 
+import json
 import subprocess
 from pathlib import Path
 
@@ -57,6 +58,18 @@ def test_a_changed_result_a_stray_file_and_a_changed_parameter_are_found():
         stale = {fault.place: fault.message for fault in consistency.stages(clone).faults}
     assert outputs >= {"reports/tables is modified", "no stage writes it"}
     assert stale["demos"] == "demos in params.yaml"
+
+
+def test_a_page_made_of_another_table_than_the_lock_names_is_found(tmp_path: Path):
+    (tmp_path / "reports").mkdir()
+    lock = {"stages": {"evaluate": {"outs": [{"path": "outputs/evaluate/accuracy.csv", "md5": "aa"}]}}}
+    (tmp_path / "dvc.lock").write_text(json.dumps(lock))
+    source = {"accuracy": [{"stage": "evaluate", "file": "accuracy.csv", "md5": "aa"}]}
+    for md5, faults in (("aa", 0), ("bb", 1)):
+        source["accuracy"][0]["md5"] = md5
+        (tmp_path / "reports/provenance.json").write_text(json.dumps({"sources": source}))
+        checked = consistency.provenance(tmp_path)
+        assert (checked.items, len(checked.faults)) == (1, faults)
 
 
 def test_an_unknown_commit_is_refused(capsys: pytest.CaptureFixture[str]):

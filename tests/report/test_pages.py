@@ -157,6 +157,14 @@ def test_the_numbers_of_every_table_are_those_of_its_csv(site: Site):
             assert any(same_row(row, shown) for shown in cells), (name, row)
 
 
+def test_every_table_says_what_it_is_from_and_a_cell_drawn_from_one_row_says_which(site: Site):
+    for name, page in site.pages.items():
+        tables = re.findall(r'aria-label="Table \d+"( title="From [^"]+; seeds 0, 1")?>', page)
+        assert all(tables) and len(tables) == len(site.read.get(name, ())), name
+    cell = "repair, success: method gradient, variant clearance, user normal; seeds 0, 1"
+    assert f'title="{cell}">97.0\u00a0% (95.0 to 99.0)' in site.pages["repair"]
+
+
 def test_every_page_renders_from_the_committed_tables():
     tables = {name: pd.read_csv(TABLES / f"{name}.csv") for name in SOURCES}
     for name, column in (("repair", "variant"), ("interventions", "symbol")):

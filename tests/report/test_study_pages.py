@@ -1,12 +1,14 @@
 """Study pages: each lies whole in its study's folder, and none shows a number that is missing."""
 
+import hashlib
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.artifacts.files import read_table, write_table
+from pipeline.artifacts.files import read_json, read_table, write_table
+from pipeline.report.page import Site, Source, write_provenance
 from pipeline.report.study import Study
 from pipeline.runtime.errors import InputError
 from pipeline.stages.page import render
@@ -48,6 +50,15 @@ def test_a_study_s_page_prints_its_question_its_numbers_and_how_it_was_made(stud
     page = render(study, study.folder).pages["index"]
     for text in ("<h1>Does it hold?</h1>", "60\u00a0%", "smoke run", "01234567", "seeds: 2", "../../reports/page.css"):
         assert text in page
+
+
+def test_provenance_names_the_file_behind_each_table_and_its_md5(study: Study):
+    site = Site(sources={"summary.csv": Source((("q", study.folder / "summary.csv"),))}, read={"index": {"t": []}})
+    write_provenance(site, study.folder, {"seeds": [0]})
+    written = read_json(study.folder / "provenance.json")
+    md5 = hashlib.md5((study.folder / "summary.csv").read_bytes()).hexdigest()
+    assert written["sources"] == {"summary.csv": [{"stage": "q", "file": "summary.csv", "md5": md5}]}
+    assert written["pages"] == {"index": {"t": []}} and written["seeds"] == [0]
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])

@@ -1,8 +1,8 @@
 """The clearance model: a path is valid if it keeps away from every object that is relevant to the user.
 
-Objects are detected in the image without training (pipeline.perception.objects). Each has a relevance: the probability
-that this user keeps away from objects of its appearance. Each path has a clearance [m] from each object. A path is
-invalid if it comes too close to a relevant object, or to one that the detector missed.
+Objects are detected in the image (pipeline.perception.objects), without any label of the user. Each has a relevance:
+the probability that this user keeps away from objects of its appearance. Each path has a clearance [m] from each
+object. A path is invalid if it comes too close to a relevant object, or to one that the detector missed.
 
 What "too close" and "relevant" mean depends on the user's rule family (FAMILIES). Every family is an ensemble; the
 model averages over families and a constant P(valid), weighted by BIC (Bayesian model averaging; Hoeting et al., 1999).
@@ -69,7 +69,7 @@ class PerceivedObjects(NamedTuple):
 
 
 class Passing(NamedTuple):
-    """How each path passes each object."""
+    """Clearance and relations of each path to each object."""
 
     clearance: Float[Tensor, "*scene path near share"]  # [m]; closer for this share of the path (DWELL_SHARES)
     relations: Float[Tensor, "*scene path near 3"]  # side, 1 right to -1 left; progress, -1 to 1; its centred square

@@ -14,19 +14,12 @@ from jaxtyping import Float
 from numpy import ndarray as Array
 
 from pipeline.own.csv_files import normal
-from pipeline.own.folder import (
-    DEMONSTRATIONS,
-    ENDS_WITHIN_M,
-    ITEMS,
-    KINDS,
-    MIN_SAMPLES,
-    MIN_SCENES,
-    SQUARE_WITHIN,
-    Settings,
-)
+from pipeline.own.demonstrations import DEMONSTRATIONS, ENDS_WITHIN_M, MIN_SAMPLES, MIN_SCENES
+from pipeline.own.folder import ITEMS, KINDS, SQUARE_WITHIN
 from pipeline.own.pictures import read_picture
 from pipeline.own.recorder import files, geometry
 from pipeline.own.recorder.files import Row, Table
+from pipeline.own.settings import Settings
 from pipeline.runtime.errors import InputError
 from pipeline.world.hand import MAX_BEYOND_M
 

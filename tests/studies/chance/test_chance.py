@@ -26,6 +26,10 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
             {"variant": x, "reconstruction_over_flat": 0.7, "passed": 1.0} for x in ("full", "ae")
         ],
         "evaluate/accuracy": [evaluated, evaluated | {"n_demos": 1}, evaluated | {"variant": "clearance"}],
+        "studies/search/summary": [
+            {"learner": x, "setting": setting, **result, "accuracy": 0.99, "q1": 0.98}
+            for x, setting in (("full", "best"), ("full", "default"), ("ae", "best"))
+        ],
         "studies/demonstrations/summary": [{"variant": NEAREST, "routes": "few", "clear_cm": 4, **result}],
         "studies/ceiling/summary": [
             {"learner": x, "scenes": 6, "clear_cm": 0, **result, "split": split}
@@ -43,10 +47,11 @@ def test_each_source_gives_its_row_and_the_paper_s_lower_quartile_is_the_bar(out
     table = read_table(out / "accuracy.csv").set_index("source")
     assert table[["learner", "accuracy", "reaches"]].to_dict("index") == {
         "evaluate": {"learner": "full", "accuracy": 0.978, "reaches": True},
+        "search": {"learner": "full", "accuracy": 0.99, "reaches": True},
         "demonstrations": {"learner": NEAREST, "accuracy": 0.977, "reaches": False},
         "ceiling": {"learner": "perfect", "accuracy": 0.977, "reaches": False},
     }
-    assert table.loc["ceiling", "scenes"] == 6
+    assert table.loc["search", "q1"] == 0.98 and table.loc["ceiling", "scenes"] == 6
     assert read_table(out / "convergence.csv")["fits"].tolist() == [4]
 
 

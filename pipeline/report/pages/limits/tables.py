@@ -7,10 +7,13 @@ from pipeline.report.pages.limits.figures import failing, worst_scenes
 from pipeline.report.results import Results
 from pipeline.report.style import label
 
+DRAWN = "maps by the first seed’s models"  # not from a table
+
 
 def patterned(results: Results) -> Table:
     """Return shares over the maps of the mapped scenes, as they are and on the patterned top, by model and user."""
     drawn, rows = results.drawn, []
+    results.reads.append(DRAWN)
     for variant in results.shown:
         for user, truth in drawn.truth.items():
             row: dict[str, str | float | None] = {"Model": label(variant), "User": user}

@@ -1,0 +1,59 @@
+"""Time a job of a sweep whose stages are all in the cache, by launcher, against a bare loop over `dvc repro`.
+
+The jobs differ in a parameter that no stage up to the target reads, so that all of their time is overhead.
+"""
+
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.sweep.running import SMALL, clone_of_working_tree, environment, sweep
+
+JOBS = 8
+LAUNCHERS = {"basic": ["hydra/launcher=basic"], "joblib": ["hydra/launcher=joblib", "hydra.launcher.n_jobs=2"]}
+TARGET = ["--stages", "demos"]
+
+
+@pytest.fixture(scope="module")
+def repository(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A clone whose cache holds every stage up to demos."""
+    clone = clone_of_working_tree(tmp_path_factory.mktemp("bench") / "repository")
+    ended = sweep(clone, "--multirun", *SMALL, *TARGET, "--folder", "warm")
+    assert ended.returncode == 0, ended.stderr
+    subprocess.run([sys.executable, "-m", "dvc", "pull", "--quiet", "data.dvc"], cwd=clone, check=True)
+    return clone
+
+
+def bare_loop(repository: Path) -> None:
+    """Compose and reproduce one after the other in one folder, outputs removed before each."""
+    for value in range(JOBS):
+        shutil.rmtree(repository / "outputs", ignore_errors=True)
+        compose = ["pipeline.params", *SMALL, f"report.scenes={value + 1}"]
+        for arguments in (compose, ["dvc", "repro", "demos"]):
+            subprocess.run(
+                [sys.executable, "-m", *arguments],
+                cwd=repository,
+                check=True,
+                capture_output=True,
+                env=environment(repository),
+            )
+
+
+def test_bare_loop(benchmark, repository: Path):
+    start = time.perf_counter()
+    benchmark.pedantic(bare_loop, args=(repository,), rounds=1)
+    benchmark.extra_info["results"] = {"sweep_job_s_bare_loop": (time.perf_counter() - start) / JOBS}
+
+
+@pytest.mark.parametrize("launcher", LAUNCHERS)
+def test_sweep(benchmark, repository: Path, tmp_path: Path, launcher: str):
+    values = f"report.scenes={','.join(str(value + 1) for value in range(JOBS))}"
+    arguments = ["--multirun", *SMALL, values, *LAUNCHERS[launcher], *TARGET, "--folder", str(tmp_path / "swept")]
+    start = time.perf_counter()
+    ended = benchmark.pedantic(sweep, args=(repository, *arguments), rounds=1)
+    benchmark.extra_info["results"] = {f"sweep_job_s_{launcher}": (time.perf_counter() - start) / JOBS}
+    assert ended.returncode == 0, ended.stderr

@@ -1,0 +1,125 @@
+"""The segmenter: a small U-Net (Ronneberger et al., 2015) that marks the items in a table image.
+
+It was trained once, without any user's labels, on composites (studies/perception); its weights are part of the package.
+"""
+
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from jaxtyping import Float, Float32, UInt8
+from numpy import ndarray as Array
+from safetensors import SafetensorError
+from safetensors.torch import load_file
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from pipeline.runtime.errors import InputError
+
+WEIGHTS = Path(__file__).with_name("segmenter.safetensors")
+CHANNELS = 24, 32, 64, 96  # at 1/2, 1/4, 1/8 and 1/16 of the image's resolution
+MAPS = ("item", "between", "see_through")  # what each output says of a pixel, see `Maps`
+INPUTS = 7  # colours, differences from the empty table's colours, and whether that is known
+STRIDE = 3  # median and spread are those of every third row and column
+MIN_SPREAD = 4 / 255  # smallest standard deviation by which colours are divided [1 = white]: sensor noise
+
+
+class Maps(NamedTuple):
+    """What the segmenter says of each pixel, as probabilities in steps of 1 / 255."""
+
+    item: Float32[Array, "row column"]  # an item covers it
+    between: Float32[Array, "row column"]  # two items are within two pixels
+    see_through: Float32[Array, "row column"]  # the item there, if any, lets the table show through
+
+
+class Segmenter(nn.Module):
+    """A U-Net on squares of 2 x 2 pixels: fewer positions make it fast, and no pixel is lost.
+
+    `normalised` adds batch normalisation, for training; `folded` returns the same function without it.
+    """
+
+    def __init__(self, normalised: bool = False):
+        super().__init__()
+        widths = (4 * INPUTS, *CHANNELS)
+        self.down = nn.ModuleList(_two_layers(a, b, normalised) for a, b in pairwise(widths))
+        self.lift = nn.ModuleList(nn.Conv2d(b, a, 1) for a, b in pairwise(CHANNELS))
+        self.up = nn.ModuleList(_two_layers(a, a, normalised) for a in CHANNELS[:-1])
+        self.head = nn.Conv2d(CHANNELS[0], 4 * len(MAPS), 1)
+
+    def forward(self, inputs: Float[Tensor, "scene 7 100 100"]) -> Float[Tensor, "scene 3 100 100"]:
+        """Return the log-odds of each of MAPS."""
+        x, skipped = F.pixel_unshuffle(inputs, 2), []  # (scene, 28, 50, 50)
+        for depth, layers in enumerate(self.down):
+            x = layers(F.max_pool2d(x, 2, ceil_mode=True) if depth else x)
+            skipped.append(x)
+        for lift, layers, fine in reversed(list(zip(self.lift, self.up, skipped, strict=False))):
+            x = layers(fine + F.interpolate(lift(x), fine.shape[-2:], mode="bilinear"))
+        return F.pixel_shuffle(self.head(x), 2)
+
+    @torch.no_grad()
+    def folded(self) -> "Segmenter":
+        """Return the same function with each batch normalisation folded into the convolution before it."""
+        plain = Segmenter()
+        state = {name: value for name, value in self.state_dict().items() if name in plain.state_dict()}
+        for name, module in self.named_modules():
+            if isinstance(module, nn.BatchNorm2d):
+                stem, position = name.rsplit(".", 1)
+                convolution = f"{stem}.{int(position) - 1}"
+                gain = module.weight / (module.running_var + module.eps).sqrt()  # pyright: ignore
+                state[f"{convolution}.weight"] = self.get_parameter(f"{convolution}.weight") * gain[:, None, None, None]
+                before = self.get_parameter(f"{convolution}.bias")
+                state[f"{convolution}.bias"] = (before - module.running_mean) * gain + module.bias  # pyright: ignore
+        plain.load_state_dict(state)
+        return plain
+
+
+def _two_layers(inputs: int, outputs: int, normalised: bool) -> nn.Sequential:
+    layers = []
+    for width in (inputs, outputs):
+        layers += [nn.Conv2d(width, outputs, 3, padding=1), nn.BatchNorm2d(outputs) if normalised else nn.Identity()]
+        layers += [nn.ReLU()]
+    return nn.Sequential(*layers)
+
+
+def network_input(
+    images: Float32[Array, "scene 100 100 3"], empty: Float32[Array, "scene 100 100 3"] | None
+) -> Float[Tensor, "scene 7 100 100"]:
+    """Return images [1 = white] as the segmenter's input: relative to their own median and spread.
+
+    `empty`: the same tables without items, in the same light; None where there is no such picture.
+    """
+    sample = np.ascontiguousarray(images[:, ::STRIDE, ::STRIDE].reshape(len(images), -1, 3).swapaxes(1, 2))
+    spread = np.maximum(sample.std(-1).mean(-1), MIN_SPREAD)[:, None, None, None]
+    inputs = np.zeros((*images.shape[:3], INPUTS), np.float32)
+    inputs[..., :3] = (images - np.median(sample, -1)[:, None, None]) / spread
+    if empty is not None:
+        inputs[..., 3:6], inputs[..., 6] = (images - empty) / spread, 1
+    return torch.from_numpy(inputs).permute(0, 3, 1, 2)  # in channels-last memory format
+
+
+@torch.inference_mode()
+def segment(image: UInt8[Array, "100 100 3"], empty: UInt8[Array, "100 100 3"] | None = None) -> Maps:
+    """Return the maps of one image; images are segmented one by one, so that they never change each other's bits."""
+    white = np.float32(255)
+    inputs = network_input(image[None] / white, None if empty is None else empty[None] / white)
+    probabilities = read_segmenter()(inputs)[0].sigmoid().mul(255).round().div(255)
+    return Maps(*probabilities.numpy())
+
+
+@cache
+def read_segmenter(path: Path = WEIGHTS) -> Segmenter:
+    """Return the trained segmenter, read once per process; raise InputError if its weights are missing or damaged."""
+    again = "restore it with `git checkout`, install the package again, or train it by `make segmenter`"
+    if not path.is_file():
+        raise InputError(f"{path} is missing: {again}")
+    segmenter = Segmenter()
+    try:
+        segmenter.load_state_dict({name: value.float() for name, value in load_file(path).items()})
+    except (SafetensorError, RuntimeError) as error:
+        raise InputError(
+            f"{path} does not hold this segmenter's weights ({str(error).split(chr(10))[0]}): {again}"
+        ) from error
+    return segmenter.eval().to(memory_format=torch.channels_last)  # pyright: ignore

@@ -1,0 +1,158 @@
+"""Sweep any parameter of the graph by Hydra's multirun, and summarise what it did.
+
+python -m pipeline.sweep --multirun variants.full.beta=0,.002,.02 train.model.latent=2,15
+python -m pipeline.sweep --multirun +experiment=beta       a sweep that conf/experiment/ names
+python -m pipeline.sweep --resume FOLDER                   what is missing or failed; more values may follow
+python -m pipeline.sweep summary FOLDER                    the page of a sweep again
+"""
+
+import argparse
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+from pipeline.artifacts.files import read_json, write_json
+from pipeline.audit.revision import dvc, git
+from pipeline.config.graph import ROOT, stage_entry
+from pipeline.runtime.errors import InputError
+from pipeline.sweep.clone import code_digest, snapshot
+from pipeline.sweep.job import Sweep
+from pipeline.sweep.launch import launch
+from pipeline.sweep.plan import Plan, make_plan
+from pipeline.sweep.summary import read_jobs, write_summary
+
+
+def main(argv: list[str]) -> int:
+    """Run or summarise a sweep; return 0, 1 if a job failed, 2 for a mistake in use, 130 after Ctrl-C."""
+    try:
+        if argv[:1] == ["summary"]:
+            if len(argv) != 2:
+                raise InputError(f"summary of {len(argv) - 1} folders: expected one")
+            return _summarise(Path(argv[1]).resolve())
+        return _sweep(_arguments(argv))
+    except (InputError, OSError, subprocess.CalledProcessError) as error:
+        print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("interrupted before any job started", file=sys.stderr)
+        return 130
+
+
+def _arguments(argv: list[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m pipeline.sweep", description=__doc__, allow_abbrev=False)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.add_argument("--multirun", "-m", action="store_true", help="start a sweep")
+    parser.add_argument("--folder", type=Path, help="of the sweep; by default multirun/sweep/DATE_TIME")
+    parser.add_argument("--resume", type=Path, metavar="FOLDER", help="run what a sweep lacks")
+    parser.add_argument("--stages", metavar="A,B", help="run the graph up to these stages or studies (evaluate)")
+    parser.add_argument(
+        "--objective", metavar="HEADLINE", help="what hydra/sweeper=optuna sees, e.g. accuracy.full.new_items"
+    )
+    given, overrides = parser.parse_known_args(argv)
+    if wrong := [text for text in overrides if not re.match(r"[~+]|(?!-).*=", text)]:
+        raise InputError(f"{wrong[0]!r}: expected an override such as train.steps=100,200, or an option of --help")
+    if not given.multirun and given.resume is None:
+        raise InputError("nothing to do: start with --multirun and overrides, or --resume FOLDER; --help says more")
+    given.overrides = overrides
+    return given
+
+
+def _sweep(given: argparse.Namespace) -> int:
+    folder = (given.resume or given.folder or Path("multirun/sweep") / time.strftime("%Y-%m-%d_%H-%M-%S")).resolve()
+    before = read_json(folder / "sweep.json") if (folder / "sweep.json").is_file() else {}
+    if given.resume and not before:
+        raise InputError(f"{folder} holds no sweep: --resume wants a folder with a sweep.json")
+    if before and not given.resume:
+        raise InputError(f"{folder} holds a sweep already: --resume it, or name another --folder")
+    targets = given.stages.split(",") if given.stages else before.get("targets", ["evaluate"])
+    overrides = given.overrides or before.get("overrides", [])
+    if not any(text.startswith("hydra/launcher=") for text in overrides):
+        overrides = ["hydra/launcher=joblib", *overrides]
+    objective = given.objective or before.get("objective")
+    if unknown := [target for target in targets if stage_entry(target) is None]:
+        raise InputError(f"stage {unknown[0]!r} is unknown: `dvc stage list --all` lists them")
+    commit = snapshot(ROOT)
+    plan = make_plan(overrides, targets)
+    _check_objective(plan, objective)
+    record = {"commit": commit, "code": code_digest(ROOT, commit), "targets": targets, "fixed": plan.fixed}
+    record |= {"overrides": overrides, "objective": objective, "defaults": before.get("defaults", {}) | plan.defaults}
+    if before:
+        _check_fits(folder, before, record)
+        record["fixed"] = before["fixed"]
+    planned = {tuple(job): None for job in [*before.get("jobs", []), *(plan.jobs or [])]}
+    cache = Path(dvc(ROOT, "cache", "dir").strip())
+    sweep = Sweep(ROOT, folder, cache, commit, tuple(targets), tuple(record["fixed"]), objective, os.getpid())
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        with FileLock(folder / ".lock", timeout=0):
+            write_json(folder / "sweep.json", record | {"jobs": [*map(list, planned)]})
+            _keep_uncommitted(folder, commit)
+            count = "jobs that the sweeper chooses" if plan.jobs is None else f"{len(plan.jobs)} jobs"
+            print(f"{count}, up to {', '.join(targets)}, into {folder}", flush=True)
+            launch(sweep, plan)
+            shutil.rmtree(folder / "clones", ignore_errors=True)
+            return _summarise(folder)
+    except Timeout:
+        raise InputError(f"another sweep is writing into {folder}: wait for it, or name another --folder") from None
+    except KeyboardInterrupt:
+        print(f"interrupted; `python -m pipeline.sweep --resume {folder}` runs the others", file=sys.stderr)
+        return 130
+
+
+def _check_fits(folder: Path, before: dict, record: dict) -> None:
+    """Raise InputError unless jobs of `record` may stand beside those of the sweep that the folder holds."""
+    if before["code"] != record["code"]:
+        raise InputError(
+            f"{folder} is a sweep of commit {before['commit'][:10]}, and the code has changed since: check that commit "
+            "out to add to it, or start a sweep in another folder"
+        )
+    if before["targets"] != record["targets"]:
+        raise InputError(f"{folder} is a sweep up to {', '.join(before['targets'])}: name another folder")
+    if missing := [text for text in before["fixed"] if text not in record["fixed"]]:
+        raise InputError(f"{folder} is a sweep with {' '.join(missing)}: give that, too, or name another folder")
+
+
+def _keep_uncommitted(folder: Path, commit: str) -> None:
+    head = git(ROOT, "rev-parse", "HEAD").strip()
+    if commit != head:
+        (folder / "uncommitted.diff").write_text(git(ROOT, "diff", head, commit))
+        print(f"these jobs run uncommitted changes, kept in {folder}/uncommitted.diff", flush=True)
+
+
+def _check_objective(plan: Plan, objective: str | None) -> None:
+    """Raise InputError unless a sweeper that chooses has an objective, on validation data."""
+    if plan.jobs is not None:
+        return
+    if objective is None:
+        raise InputError("a sweeper that chooses needs --objective, e.g. --objective accuracy.full.new_items")
+    if "protocol=validation" not in plan.fixed:
+        raise InputError("choices are made on validation data: add protocol=validation")
+
+
+def _summarise(folder: Path) -> int:
+    """Write the summary, print where it is and which jobs failed or are missing; return the exit status."""
+    if not (folder / "sweep.json").is_file():
+        raise InputError(f"{folder} holds no sweep: expected a folder with a sweep.json")
+    record = read_json(folder / "sweep.json")
+    jobs = read_jobs(folder, record)
+    broken = [job for job in jobs if job["state"] != "done"]
+    for job in broken:
+        print(f"{job['state']}: {job['name']}: {job.get('error', '')}", file=sys.stderr)
+    if len(broken) == len(jobs):
+        print(f"error: no job of {folder} is done", file=sys.stderr)
+        return 1
+    page = write_summary(folder, record, jobs)
+    print(f"{len(jobs) - len(broken)} of {len(jobs)} jobs done; summary: {page}")
+    if broken:
+        print(f"`python -m pipeline.sweep --resume {folder}` runs the others", file=sys.stderr)
+    return int(bool(broken))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

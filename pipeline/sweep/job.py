@@ -1,0 +1,139 @@
+"""One job of a sweep: run the stages in a clone, and keep what tells its result in a folder named by its overrides.
+
+The folder holds `job.json` (overrides, commit, state, stages run or restored, seconds), `params.yaml`, `dvc.lock`,
+`metrics.json`, `results.parquet` (headline, seed, value) and `log.txt`.
+"""
+
+import hashlib
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.artifacts.files import read_json, write_json, write_table
+from pipeline.params import load
+from pipeline.runtime.errors import InputError
+from pipeline.sweep.clone import borrowed_clone
+from pipeline.sweep.results import headlines, read_metrics
+
+WATCH_S = 0.5  # between two looks at the parent process
+MAX_NAME = 120  # characters of a folder's name; longer ones end in a digest
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """What all jobs of a sweep share; paths are absolute and must mean the same on every machine that runs jobs."""
+
+    root: Path  # the repository
+    folder: Path  # of the sweep
+    cache: Path  # DVC's
+    commit: str
+    targets: tuple[str, ...]  # stages that jobs run up to
+    fixed: tuple[str, ...] = ()  # overrides of every job, which its folder's name leaves out
+    objective: str | None = None  # the headline whose mean a job returns to Hydra's sweeper
+    process: int = 0  # the sweep's own, the parent of joblib's processes
+
+    def job_folder(self, overrides: Sequence[str]) -> Path:
+        """Return the folder of a job."""
+        name = ",".join(text for text in overrides if text not in self.fixed).replace("/", "_") or "default"
+        if len(name) > MAX_NAME:
+            name = f"{name[:MAX_NAME]}~{hashlib.sha256(name.encode()).hexdigest()[:8]}"
+        return self.folder / "jobs" / name
+
+
+def run_job(sweep: Sweep, overrides: Sequence[str]) -> float:
+    """Run one job unless it is done, and return its objective, NaN if it fails or the sweep has none.
+
+    A failure is written into its `job.json` and raises nothing, so that it takes no other job along.
+    """
+    folder = sweep.job_folder(overrides)
+    if not is_done(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        record = {"overrides": list(overrides), "commit": sweep.commit, "targets": list(sweep.targets)}
+        start = time.time()
+        write_json(folder / "job.json", record | {"state": "running"})
+        try:
+            with borrowed_clone(sweep.root, sweep.commit, sweep.cache, sweep.folder / "clones") as clone:
+                stages = _run_stages(sweep, overrides, clone, folder)
+                _keep_results(sweep, clone, folder)
+            record |= {"state": "done", "stages": stages}
+        except (InputError, OSError) as error:
+            record |= {"state": "failed", "error": " ".join(str(error).split())}
+        except BaseException:
+            record |= {"state": "interrupted"}
+            raise
+        finally:
+            write_json(
+                folder / "job.json", {"state": "interrupted"} | record | {"seconds": round(time.time() - start, 1)}
+            )
+    return _objective(sweep, folder)
+
+
+def is_done(folder: Path) -> bool:
+    """Return whether a job's folder holds a complete result."""
+    return (folder / "job.json").is_file() and read_json(folder / "job.json")["state"] == "done"
+
+
+def _run_stages(sweep: Sweep, overrides: Sequence[str], clone: Path, folder: Path) -> dict:
+    """Run the stages in a process group of their own; raise InputError with the last line of the log if they fail."""
+    command = [sys.executable, "-m", "pipeline.sweep.stages", *sweep.targets, "--overrides", "workers=1", *overrides]
+    env = os.environ | ONE_THREAD | {"PYTHONHASHSEED": "0", "TQDM_DISABLE": "1", "PYTHONPATH": str(clone)}
+    env["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{env['PATH']}"  # stages are run as `python -m ...`
+    with (folder / "log.txt").open("w") as log:
+        process = subprocess.Popen(command, cwd=clone, env=env, stdout=log, stderr=log, start_new_session=True)
+        try:
+            status = _wait(process, sweep.process)
+        finally:
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
+    if status:
+        raise InputError(_last_error((folder / "log.txt").read_text(errors="replace")))
+    return read_json(clone / "stages.json")
+
+
+def _wait(process: subprocess.Popen, parent: int) -> int:
+    """Return the exit status of `process`; end this process if it was a child of `parent` and that was killed.
+
+    joblib's processes would otherwise go on. The stages end with this process.
+    """
+    child = os.getppid() == parent
+    while True:
+        try:
+            return process.wait(WATCH_S)
+        except subprocess.TimeoutExpired:
+            if child and os.getppid() != parent:
+                os._exit(1)
+
+
+def _last_error(log: str) -> str:
+    """Return the line of a log that says why it ended."""
+    lines = [line.strip() for line in log.splitlines() if line.strip()]
+    stated = [line for line in lines if line.startswith("error: ")]
+    return (stated or lines or ["error: no output"])[-1].removeprefix("error: ")
+
+
+def _keep_results(sweep: Sweep, clone: Path, folder: Path) -> None:
+    for name in ("params.yaml", "dvc.lock"):
+        shutil.copy(clone / name, folder)
+    cfg = load(clone / "params.yaml")
+    write_json(folder / "metrics.json", read_metrics(clone, sweep.targets))
+    write_table(folder / "results.parquet", headlines(cfg, clone, sweep.targets))
+
+
+def _objective(sweep: Sweep, folder: Path) -> float:
+    from pipeline.artifacts.files import read_table
+
+    if sweep.objective is None or not is_done(folder):
+        return float("nan")
+    table = read_table(folder / "results.parquet")
+    values = table.loc[table["headline"] == sweep.objective, "value"]
+    if values.empty:
+        raise InputError(f"objective {sweep.objective!r}: expected one of {', '.join(table['headline'].unique())}")
+    return float(values.mean())

@@ -1,0 +1,70 @@
+"""Hand the jobs of a sweep to Hydra's sweeper and launcher, and show how far they are."""
+
+import os
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from threading import Event, Thread
+
+import hydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.errors import HydraException
+from tqdm import tqdm
+
+from pipeline.artifacts.files import read_json
+from pipeline.params import CONF, explained
+from pipeline.runtime.errors import InputError
+from pipeline.sweep.job import Sweep, is_done, run_job
+from pipeline.sweep.plan import Plan
+
+WATCH_S = 0.5  # between two looks at the jobs' files
+# Hydra writes no files and no lines of its own: jobs do
+QUIET = ["hydra.sweep.subdir=.", "hydra.output_subdir=null"]
+QUIET += [f"hydra/{kind}_logging=disabled" for kind in ("job", "hydra")]
+
+
+def launch(sweep: Sweep, plan: Plan) -> None:
+    """Run the jobs of a plan; raise InputError if Hydra refuses the command line."""
+
+    def task(_) -> float:
+        return run_job(sweep, [text for text in HydraConfig.get().overrides.task if not text.startswith("hydra")])
+
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # errors are reported by us
+    paths = [str(sweep.root), *filter(None, [os.environ.get("PYTHONPATH")])]
+    os.environ["PYTHONPATH"] = os.pathsep.join(paths)  # processes that launchers start import the same code
+    chosen = ["hydra.sweeper.max_failure_rate=1"] if plan.jobs is None else []  # a failed job takes no other along
+    folder = ["hydra.job.name=sweep", f"hydra.sweep.dir={sweep.folder}"]
+    sys.argv[1:] = ["--multirun", *folder, *QUIET, *chosen, *plan.overrides]
+    try:
+        with _progress(sweep, plan):
+            hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(task)()
+    except HydraException as error:
+        raise InputError(explained(error)) from error
+
+
+@contextmanager
+def _progress(sweep: Sweep, plan: Plan) -> Iterator[None]:
+    """Show how many jobs are done or failed, as their files tell, and the remaining time."""
+    started, ended = time.time(), Event()
+    total = None if plan.jobs is None else sum(not is_done(sweep.job_folder(job)) for job in plan.jobs)
+
+    def watch() -> None:
+        with tqdm(total=total, desc="jobs", unit="job") as bar:
+            last = False
+            while not last:
+                last = ended.wait(WATCH_S)
+                if (number := count()) > bar.n:
+                    bar.update(number - bar.n)
+
+    def count() -> int:
+        new = [path for path in sweep.folder.glob("jobs/*/job.json") if path.stat().st_mtime > started]
+        return sum(read_json(path)["state"] in ("done", "failed") for path in new)
+
+    thread = Thread(target=watch)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()

@@ -1,0 +1,1 @@
+"""The page of a sweep: template, figures and tables."""

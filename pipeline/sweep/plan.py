@@ -1,0 +1,136 @@
+"""What a command line of a sweep asks for: its jobs, and whether they can run at all."""
+
+import importlib.util
+import socket
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+from hydra import compose, initialize_config_dir
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Override
+from hydra.errors import HydraException
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from pipeline.params import CONF, explained, validate
+from pipeline.params import compose as compose_parameters
+from pipeline.runtime.errors import InputError
+
+# launcher or sweeper -> the package that it needs, and the extra of pyproject.toml that brings it
+EXTRAS = {
+    "joblib": ("hydra_plugins.hydra_joblib_launcher", "joblib"),
+    "submitit_local": ("hydra_plugins.hydra_submitit_launcher", "submitit"),
+    "submitit_slurm": ("hydra_plugins.hydra_submitit_launcher", "submitit"),
+    "slurm": ("hydra_plugins.hydra_submitit_launcher", "submitit"),
+    "ray": ("hydra_plugins.hydra_ray_launcher", "ray"),
+    "ray_cluster": ("hydra_plugins.hydra_ray_launcher", "ray"),
+    "optuna": ("hydra_plugins.hydra_optuna_sweeper", "optuna"),
+}
+CONNECT_S = 5.0  # how long a cluster may take to answer
+
+
+@dataclass
+class Plan:
+    """The jobs of a sweep.
+
+    overrides: of Hydra's command line; fixed: overrides of every job; defaults: swept parameter -> its default; jobs:
+    the overrides of each job, None if Optuna chooses them.
+    """
+
+    overrides: list[str]
+    fixed: list[str]
+    defaults: dict[str, Any]
+    jobs: list[list[str]] | None = None
+
+
+def make_plan(arguments: Sequence[str], targets: Sequence[str]) -> Plan:
+    """Return the plan of Hydra's overrides; raise InputError for one that cannot be run, before any work is done."""
+    for text in arguments:
+        if text.startswith(("hydra/launcher=", "hydra/sweeper=")):
+            _need_extra(text.partition("=")[2])
+    try:
+        overrides = _seeds_together(arguments)
+        parsed = OverridesParser.create().parse_overrides(overrides)
+        with initialize_config_dir(str(CONF), version_base="1.3"):
+            single = [_text(override) for override in parsed if not override.is_sweep_override()]
+            hydra = compose("config", overrides=single, return_hydra_config=True).hydra
+        params = OmegaConf.to_container(hydra.sweeper.get("params") or OmegaConf.create({}))
+        preset = OverridesParser.create().parse_overrides([f"{k}={v}" for k, v in params.items()])  # pyright: ignore
+    except (HydraException, OmegaConfBaseException) as error:
+        raise InputError(explained(error)) from error
+    _need_cluster(hydra.launcher)
+    ours = [override for override in [*preset, *parsed] if not (override.key_or_group or "").startswith("hydra")]
+    given = {override.get_key_element(): override for override in ours}  # the last of a name counts, as in Hydra
+    swept = {key: override for key, override in given.items() if override.is_sweep_override()}
+    fixed = [_text(override) for key, override in given.items() if key not in swept]
+    base = compose_parameters(fixed)
+    values = {key: OmegaConf.select(base, key.lstrip("+")) for key in swept}
+    defaults = {key: OmegaConf.to_container(v) if OmegaConf.is_config(v) else v for key, v in values.items()}
+    if "optuna" in str(hydra.sweeper._target_):
+        if twice := [override.input_line for override in ours if given[override.get_key_element()] is not override]:
+            raise InputError(f"{twice[0]}: the parameter is given twice; Optuna wants it once")
+        return Plan(overrides, fixed, defaults)
+    for override in swept.values():
+        if not override.is_discrete_sweep():
+            raise InputError(
+                f"{override.input_line}: only hydra/sweeper=optuna can choose from an interval; list values"
+            )
+    axes = {key: _values(override) for key, override in given.items()}
+    for key in swept or list(axes)[:1]:  # each value once, with the first value of every other parameter
+        others = [axis[0] for name, axis in axes.items() if name != key]
+        for value in axes[key]:
+            validate(compose_parameters([*others, value]), targets)
+    return Plan(overrides, fixed, defaults, [list(job) for job in product(*axes.values())])
+
+
+def _text(override: Override) -> str:
+    """Return an override as Hydra hands it to a job."""
+    return f"{override.get_key_element()}={override.get_value_element_as_str()}"
+
+
+def _values(override: Override) -> list[str]:
+    """Return the override for each of its values."""
+    if not override.is_sweep_override():
+        return [_text(override)]
+    return [f"{override.get_key_element()}={value}" for value in override.sweep_string_iterator()]
+
+
+def _seeds_together(overrides: Sequence[str]) -> list[str]:
+    """Return overrides with a sweep over `seed` as one list of seeds, since every job fits all of its seeds."""
+    kept = []
+    for text in overrides:
+        if text.partition("=")[0] != "seed":
+            kept.append(text)
+            continue
+        (override,) = OverridesParser.create().parse_overrides([text])
+        if not override.is_sweep_override():
+            raise InputError(f"{text}: a job fits several training sets, which the summary compares: seed=0,1,2")
+        name = "validation_seeds" if "protocol=validation" in overrides else "seeds"
+        kept.append(f"{name}=[{','.join(override.sweep_string_iterator())}]")
+        print(f"{text}: every job fits all of them ({kept[-1]})", flush=True)
+    return kept
+
+
+def _need_extra(name: str) -> None:
+    """Raise InputError if the package of a launcher or sweeper is not installed."""
+    package, extra = EXTRAS.get(name, ("", ""))
+    namespace = package.partition(".")[0]
+    if package and (importlib.util.find_spec(namespace) is None or importlib.util.find_spec(package) is None):
+        raise InputError(f"{name} is not installed: `pip install '.[{extra}]'`, or choose hydra/launcher=basic")
+
+
+def _need_cluster(launcher) -> None:
+    """Raise InputError if the launcher's Ray cluster does not answer."""
+    address = OmegaConf.select(launcher, "ray.init.address")
+    if address in (None, "auto", "local"):
+        return
+    host, _, port = str(address).removeprefix("ray://").rpartition(":")
+    try:
+        socket.create_connection((host, int(port)), timeout=CONNECT_S).close()
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"the Ray cluster at {address} does not answer ({error}): start it with `ray start --head --port={port}`, "
+            "or correct hydra.launcher.ray.init.address"
+        ) from error

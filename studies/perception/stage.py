@@ -1,0 +1,83 @@
+"""Stage perception: find the items in composites, on families of table tops that the segmenter was taught and others.
+
+It judges the segmenter, without and with a picture of the empty table, and the hand-tuned finder that it replaced:
+by the items they find, and by the accuracy of clearance models on drawn and path-traced tables.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from omegaconf import DictConfig
+from tqdm import tqdm
+
+from pipeline.artifacts.files import write_arrays, write_table
+from pipeline.launch import launch
+from pipeline.models.base import to_tensor
+from pipeline.perception.objects import Objects, detect_objects
+from pipeline.runtime.streams import stream
+from studies.perception import finder
+from studies.perception.accuracy import Detector, accuracies
+from studies.perception.composites import draw_composites, read_palette
+from studies.perception.measure import FOUND_IOU, match
+from studies.perception.tops import FAMILIES
+
+DETECTORS: dict[str, Detector] = {
+    "finder": lambda images, empty: finder.detect_objects(images),
+    "segmenter": lambda images, empty: detect_objects(images),
+    "segmenter_empty": detect_objects,
+}
+SHOWN = 1  # pictures of each family in examples.npz
+
+
+def main(cfg: DictConfig, out_dir: Path) -> None:
+    """Write items.parquet (a row an item and detector), families.csv, summary.csv, examples.npz and accuracy.csv."""
+    study = cfg.studies.perception
+    palette = read_palette(cfg.paths.data)
+    parts, examples = [], {}
+    for family in tqdm(FAMILIES, desc="families"):
+        rng = stream(study.root_seed, "perception", family)
+        composites = draw_composites(rng, study.pictures, [family], palette)
+        images, empty = to_tensor(composites.images), to_tensor(composites.empty)
+        for name, detect in DETECTORS.items():
+            objects = detect(images, empty)
+            table = judged(objects, composites.instances)
+            parts.append(table.assign(kind=FAMILIES[family].kind, family=family, detector=name))
+            if name != "segmenter_empty":
+                examples[f"{family}.{name}.ends"] = objects.ends[:SHOWN]
+                examples[f"{family}.{name}.radius"] = np.where(objects.present, objects.radius, np.nan)[:SHOWN]
+        examples[f"{family}.image"] = composites.images[:SHOWN]
+    items = pd.concat(parts, ignore_index=True)
+    write_table(out_dir / "items.parquet", items)
+    write_table(out_dir / "families.csv", summary(items, ["kind", "family", "detector"]))
+    write_table(out_dir / "summary.csv", summary(items, ["kind", "detector"]))
+    write_arrays(out_dir / "examples.npz", examples)
+    groups = accuracies(cfg, DETECTORS).groupby(["source", "top", "detector", "user"], sort=False)
+    write_table(
+        out_dir / "accuracy.csv", groups.agg(scenes=("scene", "nunique"), accuracy=("accuracy", "mean")).reset_index()
+    )
+
+
+def judged(objects: Objects, instances: np.ndarray) -> pd.DataFrame:
+    """Return a row for each item with its `iou`, and one with item -1 for each object that is none."""
+    rows = []
+    for scene, truth in enumerate(instances):
+        matches = match(objects, scene, truth)
+        rows += [{"scene": scene, "item": i, "iou": x} for i, x in zip(matches.item, matches.iou, strict=True)]
+        rows += [{"scene": scene, "item": -1, "iou": 0.0}] * matches.made_up
+    return pd.DataFrame(rows, columns=["scene", "item", "iou"])
+
+
+def summary(items: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
+    """Return recall, mean IoU of the items found, and objects made up for each item there is."""
+    rows = []
+    for key, group in items.groupby(keys, sort=False):
+        iou = group.loc[group["item"] >= 0, "iou"]
+        found = iou[iou >= FOUND_IOU]
+        row = dict(zip(keys, key, strict=True)) | {"items": len(iou), "recall": len(found) / len(iou)}
+        rows.append(row | {"iou": found.mean(), "made_up": (group["item"] < 0).sum() / len(iou)})
+    return pd.DataFrame(rows)
+
+
+if __name__ == "__main__":
+    launch(main, "perception")

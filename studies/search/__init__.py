@@ -1,0 +1,1 @@
+"""Study: the same search of settings for every learner, on validation scenes."""

@@ -1,0 +1,147 @@
+"""Launchers for clusters give the serial run's bytes, also when a node is lost; `make test-cluster`."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+
+from pipeline.runtime.errors import InputError
+from pipeline.sweep.plan import make_plan
+from tests.sweep.running import SMALL, clone_of_working_tree, command, environment, jobs, results, sweep
+
+JOBS = 20
+BINS = [*SMALL, f"evaluate.bins={','.join(map(str, range(5, 5 + JOBS)))}"]
+SERIAL = [5, 6, 23, 24]  # values that are run serially, too
+RAY = str(Path(sys.executable).parent / "ray")
+
+
+@pytest.fixture(scope="module")
+def repository(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return clone_of_working_tree(tmp_path_factory.mktemp("cluster") / "repository")
+
+
+@pytest.fixture(scope="module")
+def serial(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Some of the jobs one after the other, in a repository whose cache nobody shares."""
+    alone = clone_of_working_tree(tmp_path_factory.mktemp("serial") / "repository")
+    values = f"evaluate.bins={','.join(map(str, SERIAL))}"
+    ended = sweep(alone, "--multirun", *SMALL, values, "hydra/launcher=basic", "--folder", "serial")
+    assert ended.returncode == 0, ended.stderr[-3000:]
+    return alone / "serial"
+
+
+@pytest.fixture
+def cluster(tmp_path: Path, repository: Path) -> Iterator[tuple[str, psutil.Process]]:
+    """A Ray cluster of two nodes with one core each: its address, and the second node's process."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{free.getsockname()[1]}"
+    env = environment(repository) | {"RAY_AUTH_MODE": "disabled"}
+    start = [RAY, "start", "--block", "--num-cpus=1", "--disable-usage-stats", "--object-store-memory=80000000"]
+    head = [*start, "--head", f"--port={address.partition(':')[2]}", "--node-ip-address=127.0.0.1"]
+    nodes = []
+    for arguments in ([*head, "--include-dashboard=false"], [*start, f"--address={address}"]):
+        log = (tmp_path / f"node-{len(nodes)}.txt").open("w")
+        nodes.append(psutil.Popen(arguments, env=env, stdout=log, stderr=log, start_new_session=True))
+        wait_for(lambda log=log: "Ray runtime started" in Path(log.name).read_text(), nodes[-1])
+    yield address, nodes[1]
+    for node in nodes:
+        end(node)
+
+
+def wait_for(condition, process: psutil.Process, seconds: float = 120) -> None:
+    until = time.monotonic() + seconds
+    while not condition():
+        assert process.is_running() and time.monotonic() < until
+        time.sleep(0.5)
+
+
+def end(process: psutil.Process) -> None:
+    """Kill a process and all that it started."""
+    with_children = [*process.children(recursive=True), process] if process.is_running() else []
+    for each in with_children:
+        try:
+            each.send_signal(signal.SIGKILL)
+        except psutil.NoSuchProcess:
+            continue
+
+
+def test_a_ray_cluster_that_loses_a_node_does_every_job_with_the_serial_run_s_bytes(
+    repository: Path, serial: Path, cluster: tuple[str, psutil.Process]
+):
+    address, node = cluster
+    launcher = ["hydra/launcher=ray_cluster", f"hydra.launcher.ray.init.address={address}"]
+    arguments = command("--multirun", *BINS, *launcher, "--folder", "on_ray")
+    env = environment(repository) | {"RAY_AUTH_MODE": "disabled"}
+    log = (repository / "on_ray.txt").open("w")
+    running = psutil.Popen(arguments, cwd=repository, env=env, stdout=log, stderr=log)
+    folder = repository / "on_ray"
+    states = lambda: [job["state"] for job in jobs(folder).values()]  # noqa: E731
+    wait_for(lambda: states().count("done") >= 3 and states().count("running") == 2, running, 900)
+    end(node)
+    assert running.wait(timeout=3600) == 0, Path(log.name).read_text()[-3000:]
+    done = jobs(folder)
+    assert len(done) == JOBS and {job["state"] for job in done.values()} == {"done"}
+    for value in SERIAL:
+        assert results(folder, f"evaluate.bins={value}") == results(serial, f"evaluate.bins={value}")
+
+
+def test_a_cluster_that_does_not_answer_is_refused():
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{free.getsockname()[1]}"
+    with pytest.raises(InputError, match=f"{address} does not answer"):
+        make_plan(
+            ["hydra/launcher=ray_cluster", f"hydra.launcher.ray.init.address={address}", "train.steps=1,2"], ["train"]
+        )
+
+
+def test_submitit_gives_the_serial_run_s_bytes(repository: Path, serial: Path):
+    values = f"evaluate.bins={','.join(map(str, SERIAL))}"
+    ended = sweep(repository, "--multirun", *SMALL, values, "hydra/launcher=submitit_local", "--folder", "by_submitit")
+    assert ended.returncode == 0, ended.stderr[-3000:]
+    for value in SERIAL:
+        assert results(repository / "by_submitit", f"evaluate.bins={value}") == results(
+            serial, f"evaluate.bins={value}"
+        )
+
+
+def test_slurm_s_job_file_asks_for_what_conf_says(repository: Path, tmp_path: Path):
+    """A `sbatch` that only keeps its job file: no Slurm here."""
+    fake = tmp_path / "sbatch"
+    fake.write_text(f'#!/bin/sh\ncp "$1" {tmp_path}/job.sh\nexit 1\n')
+    fake.chmod(0o755)
+    (tmp_path / "srun").symlink_to(fake)
+    env = environment(repository) | {"PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}"}
+    arguments = command("--multirun", *SMALL, "evaluate.bins=5,6", "hydra/launcher=slurm", "--folder", "on_slurm")
+    subprocess.run(arguments, cwd=repository, env=env, capture_output=True)
+    job = (tmp_path / "job.sh").read_text()
+    assert "#SBATCH --array=0-1" in job and "#SBATCH --mem=4GB" in job and "#SBATCH --time=600" in job
+
+
+def test_optuna_tries_settings_on_validation_data_alone(repository: Path):
+    small = [text for text in SMALL if not text.startswith("clearance.steps=")]
+    values = [*small, "protocol=validation", "validation_seeds=[100,101]", "clearance.steps=choice(1,40)"]
+    optuna = [
+        "hydra/sweeper=optuna",
+        "hydra.sweeper.n_trials=2",
+        "hydra.sweeper.n_jobs=2",
+        "hydra.sweeper.direction=maximize",
+    ]
+    objective = ["--objective", "accuracy.clearance.new_items"]
+    ended = sweep(repository, "--multirun", *values, *optuna, *objective, "--folder", "by_optuna")
+    assert ended.returncode == 0, ended.stderr[-3000:]
+    tried = {name: job["state"] for name, job in jobs(repository / "by_optuna").items()}
+    assert tried and tried.items() <= {"clearance.steps=1": "done", "clearance.steps=40": "done"}.items()
+    assert (repository / "by_optuna" / "index.html").is_file()
+    refused = sweep(
+        repository, "--multirun", *small, "clearance.steps=choice(1,40)", *optuna, *objective, "--folder", "x"
+    )
+    assert refused.returncode == 2 and "protocol=validation" in refused.stderr

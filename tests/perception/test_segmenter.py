@@ -1,0 +1,50 @@
+"""The segmenter sees pictures relative to themselves, and says what is wrong with its weights."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from safetensors.torch import save_file
+
+from pipeline.perception.segmenter import INPUTS, WEIGHTS, Segmenter, network_input, read_segmenter
+from pipeline.runtime.errors import InputError
+from tests.factories import RED, draw_table
+
+
+def test_brightness_and_contrast_change_nothing():
+    image = draw_table((0.5, 0.5, 0.08, RED))[None].astype(np.float32) / 255
+    before, after = (network_input(x, None) for x in (image, 0.1 + 0.5 * image))
+    assert before.shape == (1, INPUTS, 100, 100)
+    torch.testing.assert_close(before, after, atol=1e-4, rtol=0)
+
+
+def test_only_a_known_empty_table_raises_the_flag():
+    image = draw_table((0.5, 0.5, 0.08, RED))[None].astype(np.float32) / 255
+    without, same = network_input(image, None), network_input(image, image)
+    assert (without[:, 3:] == 0).all()
+    assert (same[:, 3:6] == 0).all() and (same[:, 6] == 1).all()
+
+
+def test_folding_keeps_the_function():
+    torch.manual_seed(0)
+    trained = Segmenter(normalised=True)
+    trained(torch.randn(4, INPUTS, 100, 100))  # moves the running means
+    inputs = torch.randn(2, INPUTS, 100, 100)
+    torch.testing.assert_close(trained.eval()(inputs), trained.folded()(inputs), atol=1e-4, rtol=1e-4)
+
+
+def test_the_weights_are_small():
+    assert sum(p.numel() for p in Segmenter().parameters()) <= 1_000_000
+    assert WEIGHTS.stat().st_size < 1_000_000
+
+
+@pytest.mark.parametrize("content", ["nothing", "no weights", "other weights"])
+def test_unusable_weights_are_named(tmp_path: Path, content: str):
+    path = tmp_path / "segmenter.safetensors"
+    if content == "no weights":
+        path.write_text("x")
+    elif content == "other weights":
+        save_file({"weight": torch.zeros(1)}, path)
+    with pytest.raises(InputError, match=rf"{path.name}.*make segmenter"):
+        read_segmenter(path)

@@ -1,0 +1,54 @@
+"""What a sweep's command line asks for, and which mistakes are refused before any work is done."""
+
+import importlib.util
+
+import pytest
+
+from pipeline.params import CONF
+from pipeline.runtime.errors import InputError
+from pipeline.sweep.plan import make_plan
+
+EXPERIMENTS = sorted(path.stem for path in (CONF / "experiment").glob("*.yaml"))
+
+
+def test_every_combination_is_a_job_and_defaults_are_known():
+    plan = make_plan(["profile=smoke", "variants.full.beta=0,0.002", "train.model.latent=2,15"], ["evaluate"])
+    assert plan.fixed == ["profile=smoke"]
+    assert plan.jobs is not None and len(plan.jobs) == 4
+    assert ["profile=smoke", "variants.full.beta=0.002", "train.model.latent=15"] in plan.jobs
+    assert plan.defaults == {"variants.full.beta": 0.002, "train.model.latent": 15}
+
+
+def test_seeds_are_fitted_together_in_each_job(capsys: pytest.CaptureFixture):
+    plan = make_plan(["variants.full.beta=0,0.002", "seed=range(0,3)"], ["evaluate"])
+    assert plan.fixed == ["seeds=[0,1,2]"] and plan.jobs is not None and len(plan.jobs) == 2
+    assert "every job fits all of them" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("train.beta=0,1", "train.beta"),
+        ("train.steps=10,-1", "train.steps is -1"),
+        ("train.steps=10,,20", "extraneous input"),
+        ("main_n_demos=9,4", "main_n_demos is 4"),
+        ("seed=3", "seed=0,1,2"),
+        ("+experiment=nonsense", "experiment/nonsense"),
+    ],
+)
+def test_what_cannot_run_is_refused_with_a_sentence(override: str, message: str):
+    with pytest.raises(InputError, match=message):
+        make_plan([override], ["evaluate"])
+
+
+def test_a_launcher_without_its_extra_names_the_extra(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(InputError, match=r"pip install '\.\[ray\]'"):
+        make_plan(["hydra/launcher=ray_cluster", "train.steps=10,20"], ["evaluate"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("experiment", EXPERIMENTS)
+def test_every_experiment_composes_and_all_its_values_are_valid(experiment: str):
+    plan = make_plan([f"+experiment={experiment}"], ["evaluate"])
+    assert plan.jobs is not None and len(plan.jobs) > 1 and None not in plan.defaults.values()

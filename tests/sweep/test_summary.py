@@ -1,0 +1,71 @@
+"""The summary of a sweep finds a difference that is there, and none that is not."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+from pipeline.artifacts.files import read_table, write_json, write_table
+from pipeline.sweep.__main__ import main
+
+SEEDS = range(10)
+NOISE = np.random.default_rng(0).normal(0, 0.01, len(SEEDS))
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A sweep over beta: at 1 accuracy is 5 points better than at the default 0 and the error lower; at 2 as at 0."""
+    jobs = []
+    for beta, accuracy, error in (("0", 0.80, 0.2), ("1", 0.85, 0.1), ("2", 0.80, 0.2)):
+        path = tmp_path / "jobs" / f"beta={beta}"
+        jobs.append(["profile=paper", f"beta={beta}"])
+        shaken = np.random.default_rng(int(beta)).normal(0, 0.002, len(SEEDS))
+        rows = [("accuracy.full.new_items", s, accuracy + NOISE[s] + shaken[s]) for s in SEEDS]
+        rows += [("effect_error.full", s, error + NOISE[s] + shaken[s]) for s in SEEDS]
+        rows += [("accuracy.clearance.new_items", s, 0.97 + NOISE[s]) for s in SEEDS]
+        write_table(path / "results.parquet", pd.DataFrame(rows, columns=["headline", "seed", "value"]))
+        (path / "params.yaml").write_text(yaml.safe_dump({"protocol": {"name": "validation"}, "profile": "paper"}))
+        write_json(path / "job.json", {"overrides": jobs[-1], "state": "done"})
+    jobs.append(["profile=paper", "beta=3"])
+    write_json(
+        tmp_path / "jobs" / "beta=3" / "job.json", {"overrides": jobs[-1], "state": "failed", "error": "too <wide>"}
+    )
+    record = {"commit": "0" * 40, "targets": ["evaluate"], "overrides": ["beta=0,1,2,3"], "fixed": ["profile=paper"]}
+    write_json(tmp_path / "sweep.json", record | {"defaults": {"beta": 0}, "jobs": jobs})
+    return tmp_path
+
+
+def test_the_better_setting_is_called_better_and_an_equal_one_is_not(folder: Path):
+    assert main(["summary", str(folder)]) == 1  # a job failed
+    table = read_table(folder / "differences.parquet").set_index(["headline", "setting"])
+    assert set(table.index) == {
+        (h, f"beta={b}") for h in ("accuracy.full.new_items", "effect_error.full") for b in (1, 2)
+    }
+    better = table.loc[("accuracy.full.new_items", "beta=1")]
+    assert better["word"] == "better" and better["difference"] == pytest.approx(0.05, abs=0.003)
+    assert better["ci_low"] < 0.05 < better["ci_high"] and better["p_holm"] < 0.001
+    assert table.loc[("accuracy.full.new_items", "beta=2"), "word"] in ("same", "undecided")
+    assert table.loc[("effect_error.full", "beta=1"), "word"] == "better"  # lower is better
+
+
+def test_the_page_names_the_better_setting_and_the_failed_job(folder: Path, capsys: pytest.CaptureFixture):
+    main(["summary", str(folder)])
+    page = re.sub(r"\s+", " ", (folder / "index.html").read_text())
+    assert '<p class="big">beta=1</p>' in page and "The difference is real." in page
+    assert "too &lt;wide&gt;" in page and "clearance.new_items" not in page  # what did not change is left out
+    assert "beta=3" in capsys.readouterr().err
+
+
+def test_the_tidy_table_has_a_row_for_each_setting_headline_and_seed(folder: Path):
+    main(["summary", str(folder)])
+    results = read_table(folder / "results.parquet")
+    assert list(results.columns) == ["setting", "beta", "headline", "seed", "value"]
+    assert len(results) == 3 * 3 * len(SEEDS) and not results.duplicated(["setting", "headline", "seed"]).any()
+
+
+def test_a_folder_without_a_sweep_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture):
+    assert main(["summary", str(tmp_path)]) == 2
+    assert "holds no sweep" in capsys.readouterr().err
