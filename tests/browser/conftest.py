@@ -26,7 +26,8 @@ def browser() -> Iterator[Browser]:
 @pytest.fixture(scope="session")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("site")
-    write_site(render(factory.results()), folder)
+    results = factory.results()
+    write_site(render(results), folder, results.facts)
     (folder / "metrics.json").write_text("{}")
     return folder
 

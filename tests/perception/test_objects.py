@@ -36,7 +36,7 @@ def nearest(objects: Objects, layouts: Layouts, scene: int, slot: int) -> int:
 def test_nine_in_ten_items_are_found_and_little_is_made_up(scenes, with_empty: bool):
     layouts, images, bare = scenes
     objects = detect_objects(to_tensor(images), to_tensor(bare) if with_empty else None)
-    slots = [(scene, slot) for scene in range(SCENES) for slot in np.flatnonzero(layouts.present[scene])]
+    slots = [(scene, slot) for scene in range(SCENES) for slot in np.flatnonzero(layouts.present[scene]).tolist()]
     found = [nearest(objects, layouts, scene, slot) for scene, slot in slots]
     assert np.mean(np.array(found) >= 0) > 0.9
     assert objects.present.sum() <= 1.05 * len(slots)
@@ -52,7 +52,7 @@ def test_glasses_are_more_see_through_than_all_else(scenes):
     layouts, images, _ = scenes
     objects, seen = detect_objects(to_tensor(images)), {True: [], False: []}
     for scene in range(SCENES):
-        for slot in np.flatnonzero(layouts.present[scene]):
+        for slot in np.flatnonzero(layouts.present[scene]).tolist():
             if (i := nearest(objects, layouts, scene, slot)) >= 0:
                 is_glass = SYMBOLS[layouts.symbol[scene, slot]] == "glass"
                 seen[is_glass].append(objects.features[scene, i, FEATURES.index("see-through")])
