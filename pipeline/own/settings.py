@@ -44,7 +44,7 @@ def read_settings(path: Path, faults: Faults) -> Settings | None:
         return None
     known = ("side_m", "corners", "rectified", "start", "goal")
     if not isinstance(content, dict) or set(content) - set(known):
-        names = ", ".join(map(str, content)) if isinstance(content, dict) else type(content).__name__
+        names = ", ".join(map(repr, content)) if isinstance(content, dict) else type(content).__name__
         faults.append(f"{SETTINGS} holds {names}: expected some of {', '.join(known)}")
         return None
     before = len(faults)

@@ -73,9 +73,9 @@ def summary(items: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
     rows = []
     for key, group in items.groupby(keys, sort=False):
         iou = group.loc[group["item"] >= 0, "iou"]
-        found = iou[iou >= FOUND_IOU]
-        row = dict(zip(keys, key, strict=True)) | {"items": len(iou), "recall": len(found) / len(iou)}
-        rows.append(row | {"iou": found.mean(), "made_up": (group["item"] < 0).sum() / len(iou)})
+        found, items = iou[iou >= FOUND_IOU], len(iou) or np.nan  # a few pictures may hold no item
+        row = dict(zip(keys, key, strict=True)) | {"items": len(iou), "recall": len(found) / items}
+        rows.append(row | {"iou": found.mean(), "made_up": (group["item"] < 0).sum() / items})
     return pd.DataFrame(rows)
 
 

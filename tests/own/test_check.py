@@ -110,7 +110,7 @@ FAULTS: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "start is goal": (settings("start: [0.5, 0.5]\ngoal: [0.5, 0.5]"), "start and goal are closer than 0.2 m"),
     "goal off the table": (settings("goal: [1.5, 0.5]"), "goal is [1.5, 0.5]: expected [x, y] in metres"),
-    "unknown setting": (settings("corner: []"), "table.yaml holds corner: expected some of side_m, corners"),
+    "unknown setting": (settings("corner: []"), "table.yaml holds 'corner': expected some of side_m, corners"),
     "no yaml": (settings("corners: ["), "table.yaml cannot be read"),
     "side": (settings("side_m: wide"), "side_m is 'wide': expected metres"),
     "times run backwards": (cell(5, "t", "0.05"), "row 5: t goes back from 0.2 to 0.05 s in demonstration (breakfast,"),

@@ -43,7 +43,7 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
         assert isinstance(model, ClearanceModel)
         with torch.no_grad():
             model.weight.zero_()
-            model.weight[:, 0] = -1e4
+            model.weight[..., 0] = -1e4
         save_model(cfg, "clearance", with_evidence(model), user, seed)
     scenes = same_scenes_for_training(cfg, "new_items")
     labelled_demos(cfg, scenes)
