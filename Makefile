@@ -68,7 +68,7 @@ test-viewer: $(READY)  ## recordings in Rerun's viewer, without a screen or a GP
 	@[ -n "$$(ls /usr/share/vulkan/icd.d/*.json /etc/vulkan/icd.d/*.json 2> /dev/null)" ] || { echo "error: a Vulkan driver is missing: apt-get install mesa-vulkan-drivers" >&2; exit 1; }
 	python -m pytest tests/screenshots
 
-test-faults: $(READY)  ## break smoke runs on purpose (kill -9, damaged files, full disk, ...); Linux, root; KILLS=50 as in docs/faults.csv
+test-faults: $(READY)  ## break smoke runs on purpose (kill -9, damaged files, full disk, ...); Linux, root; KILLS=50 for more kills than 5
 	python -m tests.faults $(if $(KILLS),--kills $(KILLS))
 
 test-cluster: data-here  ## sweeps on Ray (two nodes, one is killed), by submitit and Optuna, in an environment above .venv

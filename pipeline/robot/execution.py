@@ -18,7 +18,7 @@ FAILURES = ("", "out of reach", "joint limit", "collision", "joint speed", "trac
 
 @dataclass(frozen=True)
 class Tolerances:
-    """What an executed path may deviate."""
+    """Hold how far an executed path may deviate."""
 
     error_m: float  # largest distance of the grip from the path
     tilt_rad: float  # largest tilt of what it carries

@@ -19,7 +19,7 @@ MIN_HALF_M = 0.001  # least half-size of a solid
 
 @dataclass(frozen=True)
 class Solid:
-    """What an item of a symbol is made of at full size."""
+    """Hold height and mass of an item of a symbol at full size."""
 
     height_m: float
     mass_kg: float
@@ -27,7 +27,7 @@ class Solid:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What happened to the items of one scene, one entry a slot."""
+    """Hold what happened to the items of one scene, one entry a slot."""
 
     touched: Bool[Array, " slot"]
     fallen: Bool[Array, " slot"]  # tilted beyond the limit at the end

@@ -261,7 +261,7 @@ def main() -> int:
     """Inject every fault, print how each ended, and write the table."""
     parser = argparse.ArgumentParser(prog="python -m tests.faults", description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.add_argument("--kills", type=int, default=5, help="times that a run is killed; 50 in docs/faults.csv")
+    parser.add_argument("--kills", type=int, default=5, help="times that a run is killed")
     parser.add_argument("--seed", type=int, default=0, help="of the moments and places")
     parser.add_argument("--only", default="", help="faults whose name holds this word")
     parser.add_argument("--whole", type=Path, help="a finished smoke run")
