@@ -28,7 +28,7 @@ ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_
 
 @dataclass(frozen=True)
 class Sweep:
-    """Hold what all jobs of a sweep share; paths are absolute and must mean the same on every machine that runs jobs."""
+    """Hold what all jobs of a sweep share; paths are absolute and mean the same on every machine that runs jobs."""
 
     root: Path  # the repository
     folder: Path  # of the sweep
