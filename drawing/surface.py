@@ -35,9 +35,6 @@ def surface(seed: int | Sequence[int], kind: str, light: Colour, dark: Colour) -
         share = 0.5 + 0.08 * noise(rng, 0.002, 0.03) + 0.08 * noise(rng, 0.03, 0.002) + 0.04 * noise(rng, 0.1, 0.1)
     elif kind == "stone":
         share = 0.5 + 0.08 * noise(rng, 0.1, 0.1) + 0.05 * noise(rng, 0.012, 0.012) + 0.06 * noise(rng, 0.003, 0.003)
-    elif kind == "marble":
-        vein = np.abs(noise(rng, 0.10, 0.06) + 0.25 * noise(rng, 0.02, 0.02))
-        share = 0.75 * (1 - smoothstep(0.0, 0.22, vein)) + 0.08 * noise(rng, 0.08, 0.08)
     elif kind == "laminate":
         share = 0.4 + 0.05 * noise(rng, 0.15, 0.15) + 0.05 * noise(rng, 0.002, 0.002)
     elif kind in PATTERNS:

@@ -30,7 +30,7 @@ SPLITS = {  # name: kinds of table top, shape and finish; scenes; whether with i
     "validation_taught": ("taught", 60, True),
     "validation_held_out": ("held_out", 60, True),
     "test_taught": ("taught", 150, True),
-    "test_held_out": ("held_out", 150, True),
+    "test_held_out": ("sealed", 150, True),
 }
 
 

@@ -1,7 +1,7 @@
 """Draw kitchenware at random: bowls, plates, cutlery and glasses as meshes with their materials.
 
-Each symbol has shapes and finishes that are `taught` and others that are `held_out`. A design of kinds `held_out` has a
-shape and a finish of which the training split holds none.
+Each symbol has shapes and finishes that are `taught`, others that are `held_out` and others that are `sealed`. A design
+of kinds `held_out` or `sealed` has a shape and a finish of which no other kind of split holds any.
 """
 
 from collections.abc import Callable
@@ -39,21 +39,53 @@ class Design(NamedTuple):
 
 
 SHAPES: dict[str, dict[str, tuple[str, ...]]] = {
-    "bowl": {"taught": ("hemisphere", "footed", "straight"), "held_out": ("oval", "lipped", "stepped")},
-    "plate": {"taught": ("rimmed", "coupe"), "held_out": ("platter", "tray", "saucer")},
-    "cutlery": {"taught": ("fork", "knife", "spoon"), "held_out": ("spatula", "chopsticks", "dessert fork")},
-    "glass": {"taught": ("tumbler", "tapered", "stemless"), "held_out": ("oval tumbler", "goblet", "heavy")},
+    "bowl": {
+        "taught": ("hemisphere", "footed", "straight"),
+        "held_out": ("oval", "lipped", "stepped"),
+        "sealed": ("flared", "incurved", "boat"),
+    },
+    "plate": {
+        "taught": ("rimmed", "coupe"),
+        "held_out": ("platter", "tray", "saucer"),
+        "sealed": ("pasta plate", "cake stand"),
+    },
+    "cutlery": {
+        "taught": ("fork", "knife", "spoon"),
+        "held_out": ("spatula", "chopsticks", "dessert fork"),
+        "sealed": ("ladle", "tongs", "cake server"),
+    },
+    "glass": {
+        "taught": ("tumbler", "tapered", "stemless"),
+        "held_out": ("oval tumbler", "goblet", "heavy"),
+        "sealed": ("waisted", "coupe glass"),
+    },
 }
 FINISHES: dict[str, dict[str, tuple[str, ...]]] = {
-    "bowl": {"taught": ("glazed", "ringed", "speckled"), "held_out": ("sectors", "wood", "metal", "two glazes")},
-    "plate": {"taught": ("glazed", "ringed", "speckled"), "held_out": ("sectors", "wood", "metal", "two glazes")},
-    "cutlery": {"taught": ("steel", "plastic handle"), "held_out": ("brass", "wood", "plastic")},
-    "glass": {"taught": ("clear", "pale tint"), "held_out": ("deep tint", "frosted", "coloured rim")},
+    "bowl": {
+        "taught": ("glazed", "ringed", "speckled"),
+        "held_out": ("sectors", "wood", "metal", "two glazes"),
+        "sealed": ("crackled", "dotted", "gilded"),
+    },
+    "plate": {
+        "taught": ("glazed", "ringed", "speckled"),
+        "held_out": ("sectors", "wood", "metal", "two glazes"),
+        "sealed": ("crackled", "dotted", "gilded"),
+    },
+    "cutlery": {
+        "taught": ("steel", "plastic handle"),
+        "held_out": ("brass", "wood", "plastic"),
+        "sealed": ("black steel", "striped handle"),
+    },
+    "glass": {
+        "taught": ("clear", "pale tint"),
+        "held_out": ("deep tint", "frosted", "coloured rim"),
+        "sealed": ("smoked", "ribbed"),
+    },
 }
 
 
 def design(rng: Rng, symbol: str, kinds: str) -> Design:
-    """Draw an item of `symbol` whose shape and finish are `kinds`: taught or held_out.
+    """Draw an item of `symbol` whose shape and finish are `kinds`: taught, held_out or sealed.
 
     Its outline from above is its footprint within MAX_GAP_M. A draw that misses it, as chopsticks may, is drawn again.
     """
@@ -87,11 +119,11 @@ def _bowl(rng: Rng, shape: str, finish: str) -> Design:
     high, foot = radius * rng.uniform(0.55, 0.9), radius * rng.uniform(0.38, 0.6)
     raised = rng.uniform(0.004, 0.009) if shape == "footed" else rng.uniform(0.0005, 0.002)
     wall = rng.uniform(0.0035, 0.0065)
-    if shape == "oval":
+    if shape in ("oval", "boat"):
         half_length = radius * rng.uniform(0.15, 0.5)
         radius = radius / (1 + 0.6 * half_length / radius)
     steps = np.linspace(0, 1, 7)
-    bulge = {"straight": 1.1, "lipped": 1.7}.get(shape, 2.2) * rng.uniform(0.85, 1.2)
+    bulge = {"straight": 1.1, "lipped": 1.7, "flared": 0.7, "boat": 0.8}.get(shape, 2.2) * rng.uniform(0.85, 1.2)
     if shape == "stepped":
         steps = np.array([0, 0.5, 0.55, 0.56, 1.0])
         bulge = 1.3
@@ -100,6 +132,10 @@ def _bowl(rng: Rng, shape: str, finish: str) -> Design:
     if shape == "lipped":
         lip = radius * rng.uniform(0.12, 0.22)
         outer = [(r * (radius - lip) / radius, z) for r, z in outer] + [(radius, high + 0.002)]
+    if shape == "incurved":
+        mouth = radius * rng.uniform(0.74, 0.88)
+        belly = [(0.86, 0.25), (0.97, 0.45), (1.0, 0.6), (0.97, 0.78)]
+        outer = [(foot, 0.0), *((share * radius, height * high) for share, height in belly), (mouth, high)]
     mesh = turned(_wall(outer, wall, raised + wall), radius, half_length)
     return Design("bowl", shape, finish, radius, half_length, [Part(mesh, _crockery(rng, finish))])
 
@@ -118,11 +154,17 @@ def _plate(rng: Rng, shape: str, finish: str) -> Design:
         "platter": [(well, lift), (well * 1.04, lift * 1.2), (radius, high)],
         "coupe": [(0.75 * radius, 0.3 * high), (0.92 * radius, 0.6 * high), (radius, high)],
         "tray": [(0.97 * radius, 0.002), (0.98 * radius, 0.003), (0.985 * radius, 0.9 * high), (radius, high)],
+        "pasta plate": [(0.6 * radius, 0.7 * high + 0.006), (0.64 * radius, high + 0.006), (radius, high + 0.01)],
+        "cake stand": [(foot, 0.003), (0.15 * radius, 0.01), (0.15 * radius, high + 0.015), (radius, high + 0.02)],
         "saucer": [(0.3 * radius + 0.5 * foot, 0.004), (well, 0.006), (0.9 * radius, high), (radius, high * 0.95)],
     }[shape]
     below = np.array([(0.0, 0.001), (foot, 0.0), *outer])
     above = below[::-1] + np.array([0.0, thick])
     above[0, 0] -= thick / 2
+    if shape == "cake stand":
+        top, lip = high + 0.02 + thick, rng.uniform(0.002, 0.006)
+        edge = radius - 0.004
+        above = np.array([(radius, top + lip), (edge, top + lip), (edge - 0.003, top), (0.0, top)])
     if shape == "saucer":
         ring = rng.uniform(0.2, 0.3) * radius
         extra = [(ring * 1.25, thick + 0.001), (ring * 1.12, thick + 0.004), (ring, thick + 0.001)]
@@ -154,7 +196,16 @@ def _glass(rng: Rng, shape: str, finish: str) -> Design:
         half_length = radius * rng.uniform(0.2, 0.45)
         radius = radius / (1 + 0.6 * half_length / radius)
         foot = min(foot, 0.95 * radius)
-    if shape in ("stemless", "goblet"):
+    if shape == "waisted":
+        waist = radius * rng.uniform(0.68, 0.8)
+        start = 0.0
+        outer = [(foot, 0.0), (foot, 0.004), (waist, 0.4 * high), (0.97 * waist, 0.55 * high), (radius, high)]
+    elif shape == "coupe glass":
+        start, foot = rng.uniform(0.05, 0.075), radius * rng.uniform(0.6, 0.75)
+        cup = [(0.35, 0.0), (0.75, 0.25), (0.95, 0.6), (1.0, 1.0)]
+        stem = [(foot, 0.0), (foot, 0.002), (0.006, 0.006), (0.005, start - 0.006)]
+        outer, base = stem + [(r * radius, start + z * 0.4 * high) for r, z in cup], min(base, 0.006) + start
+    elif shape in ("stemless", "goblet"):
         mouth, waist = radius * rng.uniform(0.66, 0.8), rng.uniform(0.35, 0.5)
         cup = [(0.5, 0.0), (0.86, 0.12), (0.98, 0.28), (1.0, waist), (0.93, 0.72), (mouth / radius, 1.0)]
         start, foot = (0.0, 0.0) if shape == "stemless" else (rng.uniform(0.035, 0.06), 0.8 * radius)
@@ -180,8 +231,11 @@ def _cutlery(rng: Rng, shape: str, finish: str) -> Design:
         length = rng.uniform(0.135, 0.16)
     half_length = length / 2 - radius
     seed = int(rng.integers(2**31))
-    head: Paint = partial(finishes.metal, seed, "steel" if finish in ("steel", "plastic handle") else "brass")
+    alloy = {"brass": "brass", "black steel": "black steel"}.get(finish, "steel")
+    head: Paint = partial(finishes.metal, seed, alloy)
     handle: Paint = head
+    if finish == "striped handle":
+        handle = partial(finishes.striped, seed)
     if finish in ("plastic handle", "plastic"):
         handle = partial(finishes.plastic, seed)
     if finish == "wood":
@@ -206,6 +260,11 @@ def _piece(rng: Rng, shape: str, radius: float, reach: float) -> list[tuple[Mesh
             y = side * (radius - 0.0038) * np.linspace(1.0, spread, len(x))
             sticks.append((_rod(x, y, width, width, 0.001), False))
         return sticks
+    if shape == "tongs":
+        x = np.linspace(-reach, reach, 36)
+        width = np.interp(x, [-reach, -0.8 * reach, 0.7 * reach, reach], [0.0022, 0.0028, 0.0030, 0.0045])
+        apart = (radius - 0.003) * np.interp(x, [-reach, -0.9 * reach, 0.4 * reach, reach], [0.1, 0.5, 1.0, 0.55])
+        return [(_rod(x, side * apart, width, np.full_like(x, 0.0015), 0.001), True) for side in (-1, 1)]
     neck = reach * rng.uniform(0.18, 0.34)  # x at which the head begins
     x = np.linspace(-reach, neck + 0.003, 36)
     butt, slim = radius * rng.uniform(0.6, 0.95), radius * rng.uniform(0.22, 0.4)
@@ -224,6 +283,13 @@ def _piece(rng: Rng, shape: str, radius: float, reach: float) -> list[tuple[Mesh
     if shape == "spatula":
         width = radius * np.interp(share, [0, 0.25, 0.9, 1], [slim / radius, 0.8, 1, 0.9])
         return [(handle, False), (_rod(x, 0 * x, width, thin, 0.001), True)]
+    if shape == "cake server":
+        width = radius * np.interp(share, [0, 0.08, 0.15, 1], [slim / radius, 0.5, 1, 0.15])
+        return [(handle, False), (_rod(x, 0 * x, width, thin, 0.001), True)]
+    if shape == "ladle":
+        round_ = np.sqrt(np.clip(1 - ((x - (reach - radius)) / radius) ** 2, 0, 1))
+        width = np.maximum(radius * round_, slim * (x < reach - radius))
+        return [(handle, False), (_rod(x, 0 * x, width, thin, 0.0012, cup=0.009 * round_), True)]
     if shape == "spoon":
         oval = np.sqrt(np.clip(1 - ((share - 0.58) / 0.42) ** 2, 0, 1))
         width = np.maximum(radius * oval, slim * (share < 0.3))

@@ -1,4 +1,7 @@
-"""Make table tops as Blender's shader nodes, of kinds that are `taught` and kinds that are `held_out`."""
+"""Make table tops as Blender's shader nodes.
+
+Families are `taught`, `held_out` or `sealed`: no table of a sealed family was rendered before the sealed test.
+"""
 
 from collections.abc import Callable
 from typing import Any
@@ -174,11 +177,174 @@ def _lacquer(rng: Rng, n: Nodes) -> Socket:
     )  # fmt: skip
 
 
+def _block(n: Nodes, where: Socket, width: float, length: int) -> tuple[Socket, Socket, Socket]:
+    """Return for herringbone blocks `length` times as long as wide: place along and across [m], and the block's number.
+
+    Cells of a square lattice in a row of 2 `length` alternate: `length` belong to one lying block, the others to one
+    upright block each.
+    """
+    x, y = (n.math("DIVIDE", n.axis(where, i), width) for i in (0, 1))
+    column, row = (n.math("FLOOR", value) for value in (x, y))
+    turn = n.math("FLOORED_MODULO", n.math("SUBTRACT", column, row), 2.0 * length)
+    is_upright = n.math("GREATER_THAN", turn, length - 0.5)
+    start_x = n.math("SUBTRACT", column, turn)
+    start_y = n.math("SUBTRACT", row, n.math("SUBTRACT", 2.0 * length - 1, turn))
+
+    def either(lying: Socket, upright: Socket) -> Socket:
+        return n.add("Mix", {0: is_upright, 2: lying, 3: upright}, data_type="FLOAT")
+
+    along = either(n.math("SUBTRACT", x, start_x), n.math("SUBTRACT", y, start_y))
+    across = either(n.math("SUBTRACT", y, row), n.math("SUBTRACT", x, column))
+    number = n.random(n.vector(either(start_x, column), either(row, start_y), is_upright))
+    return n.math("MULTIPLY", along, width), n.math("MULTIPLY", across, width), number
+
+
+def _herringbone(rng: Rng, n: Nodes) -> Socket:
+    width, length = rng.uniform(0.028, 0.06), int(rng.integers(3, 6))
+    along, across, number = _block(n, n.place(rng), width, length)
+    dark, light = _two_browns(rng)
+    shifted = n.vector(n.math("ADD", along, n.math("MULTIPLY", number, 9.0)), n.math("ADD", across, number), number)
+    painted = n.mix(_grain(rng, n, shifted), dark, light)
+    painted = n.mix(n.math("MULTIPLY", number, rng.uniform(0.2, 0.7)), painted, dark)
+    edges = n.math("MINIMUM", across, n.math("SUBTRACT", width, across))
+    ends = n.math("MINIMUM", along, n.math("SUBTRACT", length * width, along))
+    seam = n.step(n.math("MINIMUM", edges, ends), rng.uniform(0.0012, 0.002), 0.0004)
+    return n.principled(
+        n.mix(seam, painted, (0.012, 0.008, 0.005)), Roughness=rng.uniform(0.25, 0.6), Normal=n.bump(seam, -0.001),
+        Coat_Weight=float(rng.random() < 0.5), Coat_Roughness=rng.uniform(0.05, 0.3),
+    )  # fmt: skip
+
+
+def _cork(rng: Rng, n: Nodes) -> Socket:
+    hue, value = rng.uniform(0.06, 0.1), rng.uniform(0.5, 0.8)
+    light, dark = colour(hue, rng.uniform(0.35, 0.6), value), colour(hue - 0.01, 0.6, 0.55 * value)
+    where = n.place(rng)
+    crumb = n.add("SeparateColor", {0: n.cells(where, rng.uniform(120, 320))})
+    painted = n.mix(n.math("MULTIPLY", crumb, rng.uniform(0.3, 0.9)), light, dark)
+    flecks = n.step(n.noise(n.place(rng, (1.0, rng.uniform(1.0, 2.5))), rng.uniform(60, 140), 4.0), 0.6, 0.66)
+    painted = n.mix(n.math("MULTIPLY", flecks, rng.uniform(0.5, 0.95)), painted, colour(0.06, 0.6, 0.18))
+    return n.principled(painted, Roughness=rng.uniform(0.7, 0.95), Normal=n.bump(crumb, 0.0004))
+
+
+def _brushed_metal(rng: Rng, n: Nodes) -> Socket:
+    tint = colour(rng.choice([0.6, 0.09]), rng.uniform(0.0, 0.12), rng.uniform(0.6, 0.85))
+    streaks = n.noise(n.place(rng, (rng.uniform(1, 4), rng.uniform(150, 400))), 1.0, 4.0)
+    rough = n.math("ADD", rng.uniform(0.25, 0.4), n.math("MULTIPLY", streaks, 0.2))
+    painted = n.mix(n.math("MULTIPLY", streaks, rng.uniform(0.2, 0.6)), tint, tuple(0.6 * c for c in tint))
+    return n.principled(painted, Metallic=1.0, Roughness=rough, Normal=n.bump(streaks, 0.0002))
+
+
+def _leather(rng: Rng, n: Nodes) -> Socket:
+    where = n.place(rng)
+    base = colour(rng.uniform(0.02, 0.09), rng.uniform(0.3, 0.75), rng.uniform(0.15, 0.65))
+    if rng.random() < 0.4:
+        base = random_colour(rng, 0.3)
+    bent = n.add("Mapping", {"Vector": where, "Scale": (1.0, rng.uniform(1.0, 1.5), 1.0)})
+    grain = n.cells(bent, rng.uniform(120, 300), out=0, feature="DISTANCE_TO_EDGE")
+    crease = n.step(grain, 0.12, 0.0)
+    worn = n.step(n.noise(where, rng.uniform(2, 8), 4.0, 0.8), 0.35, 0.7)
+    painted = n.mix(n.math("MULTIPLY", worn, rng.uniform(0.1, 0.6)), base, tuple(0.5 * c for c in base))
+    painted = n.mix(n.math("MULTIPLY", crease, 0.5), painted, tuple(0.3 * c for c in base))
+    return n.principled(painted, Roughness=rng.uniform(0.35, 0.6), Normal=n.bump(crease, -0.0006))
+
+
+def _bamboo_mat(rng: Rng, n: Nodes) -> Socket:
+    slat, where = rng.uniform(0.004, 0.012), n.place(rng)
+    along, across = n.axis(where, 0), n.axis(where, 1)
+    number = n.whole(across, slat)
+    dark, light = _two_browns(rng)
+    if rng.random() < 0.3:  # dyed
+        light, dark = random_colour(rng, 0.4), random_colour(rng, 0.4)
+    painted = n.mix(n.random(n.vector(number, 0.5)), light, dark)
+    shifted = n.math("ADD", along, n.math("MULTIPLY", n.random(n.vector(number, 1.5)), 5.0))
+    node = n.step(n.wave(shifted, rng.uniform(0.2, 0.4)), 0.985, 1.0)
+    painted = n.mix(n.math("MULTIPLY", node, 0.7), painted, tuple(0.4 * c for c in dark))
+    flank = n.wave(across, slat)  # 0 in the middle of a slat, 1 between two
+    painted = n.mix(n.step(flank, 0.8, 0.97), painted, (0.01, 0.008, 0.006))
+    tie = n.step(n.wave(along, rng.uniform(0.05, 0.16)), 0.955, 0.98)
+    painted = n.mix(tie, painted, random_colour(rng, 0.6))
+    height = n.math("SUBTRACT", 1.0, n.math("POWER", flank, 2.0))
+    return n.principled(painted, Roughness=rng.uniform(0.4, 0.75), Normal=n.bump(height, 0.25 * slat))
+
+
+def _slate(rng: Rng, n: Nodes) -> Socket:
+    where = n.place(rng)
+    base = colour(rng.choice([0.58, 0.4, 0.85, 0.08]), rng.uniform(0.03, 0.25), rng.uniform(0.2, 0.5))
+    layers = float(rng.integers(4, 9))
+    field = n.math("MULTIPLY", n.noise(where, rng.uniform(1.5, 4), 5.0, rng.uniform(0.3, 1.0)), layers)
+    level = n.math("FLOOR", field)
+    step = n.math("ADD", level, n.step(n.math("FRACT", field), 0.85, 1.0))
+    tone = n.random(n.vector(level, rng.uniform(0, 9)))
+    painted = n.mix(n.math("MULTIPLY", tone, rng.uniform(0.2, 0.7)), base, tuple(1.6 * c for c in base))
+    dust = n.step(n.noise(n.place(rng), rng.uniform(10, 40), 5.0), 0.5, 0.8)
+    painted = n.mix(n.math("MULTIPLY", dust, 0.3), painted, colour(0.08, 0.15, 0.6))
+    return n.principled(painted, Roughness=rng.uniform(0.35, 0.7), Normal=n.bump(step, 0.0012))
+
+
+def _pebbles(rng: Rng, n: Nodes) -> Socket:
+    where, scale = n.place(rng, (1.0, rng.uniform(1.0, 1.5))), rng.uniform(25, 70)
+    edge = n.cells(where, scale, out=0, feature="DISTANCE_TO_EDGE")
+    cell = n.cells(where, scale)
+    first, second = (n.add("SeparateColor", {0: cell}, out=i) for i in (0, 1))
+    stones = [random_colour(rng, 0.85) for _ in range(3)]
+    painted = n.mix(n.step(first, 0.3, 0.7), n.mix(second, *stones[:2]), stones[2])
+    mortar = n.step(edge, rng.uniform(0.05, 0.12), 0.02)
+    painted = n.mix(mortar, painted, colour(0.1, 0.08, rng.uniform(0.25, 0.85)))
+    return n.principled(
+        painted, Roughness=n.math("ADD", rng.uniform(0.1, 0.4), n.math("MULTIPLY", mortar, 0.4)),
+        Normal=n.bump(n.step(edge, 0.0, 0.3), 0.12 / scale),
+    )  # fmt: skip
+
+
+def _from_centre(rng: Rng, n: Nodes) -> Socket:
+    """Return the place [m] from the table's centre, turned at random."""
+    centred = n.add("Mapping", {"Vector": n.add("NewGeometry"), "Location": (-0.5, -0.5, 0.0)}, vector_type="POINT")
+    return n.add("Mapping", {"Vector": centred, "Rotation": (0.0, 0.0, rng.uniform(-np.pi, np.pi))})
+
+
+def _resin(rng: Rng, n: Nodes) -> Socket:
+    """Make two slabs of wood with their natural edges, joined by a river of coloured resin."""
+    where, (dark, light) = _from_centre(rng, n), _two_browns(rng)
+    painted = n.mix(_grain(rng, n, where), dark, light)
+    bends = n.math("MULTIPLY", n.noise(n.place(rng), rng.uniform(1.5, 4), 4.0), rng.uniform(0.15, 0.4))
+    straight = n.math("SUBTRACT", n.axis(where, 1), rng.uniform(-0.2, 0.2))
+    middle = n.math("ADD", straight, n.math("SUBTRACT", bends, 0.15))
+    away = n.math("SUBTRACT", n.math("ABSOLUTE", middle), rng.uniform(0.03, 0.12))  # [m] from the river's bank
+    painted = n.mix(n.step(away, 0.02, 0.0), painted, tuple(0.25 * c for c in dark))
+    swirls = n.step(n.noise(n.place(rng), rng.uniform(4, 12), 4.0, 2.0), 0.35, 0.7)
+    resin = n.mix(swirls, random_colour(rng, 0.1), random_colour(rng, 0.2))
+    river = n.step(away, 0.001, -0.001)
+    return n.principled(
+        n.mix(river, painted, resin), Roughness=rng.uniform(0.3, 0.5),
+        Coat_Weight=n.math("MAXIMUM", river, float(rng.random() < 0.5)), Coat_Roughness=rng.uniform(0.02, 0.1),
+    )  # fmt: skip
+
+
+def _bordered(rng: Rng, n: Nodes) -> Socket:
+    """Make a cloth with woven borders along its edges; beyond one edge the wooden table shows."""
+    where, ground = _from_centre(rng, n), random_colour(rng, 0.5)
+    reach = rng.uniform(0.2, 0.45), rng.uniform(0.55, 0.8)  # [m] from the centre to the cloth's edges
+    inside = [n.math("SUBTRACT", r, n.math("ABSOLUTE", n.axis(where, i))) for i, r in enumerate(reach)]
+    depth = n.math("MINIMUM", *inside)  # [m] from the nearest edge
+    painted: Socket = ground
+    for _ in range(rng.integers(1, 4)):
+        away = n.math("ABSOLUTE", n.math("SUBTRACT", depth, rng.uniform(0.02, 0.14)))
+        band = n.math("LESS_THAN", away, rng.uniform(0.003, 0.02))
+        painted = n.mix(band, painted, random_colour(rng, 0.15))
+    cloth = _cloth_of(rng, n, painted, 0.0)
+    return n.add("MixShader", {0: n.math("GREATER_THAN", depth, 0.0), 1: _wood(rng, n), 2: cloth})
+
+
 FAMILIES = {
     "taught": ("wood", "cloth", "stone"),
     "held_out": ("stripes", "checks", "marble", "terrazzo", "tiles", "weave", "planks", "lacquer"),
-}
+    "sealed": (
+        "herringbone", "cork", "brushed metal", "leather", "bamboo mat", "slate", "pebbles", "resin", "bordered cloth",
+    ),
+}  # fmt: skip
 TOPS: dict[str, Callable[[Rng, Nodes], Socket]] = {
     "wood": _wood, "cloth": _cloth, "stone": _stone, "stripes": _stripes, "checks": _checks, "marble": _marble,
     "terrazzo": _terrazzo, "tiles": _tiles, "weave": _weave, "planks": _planks, "lacquer": _lacquer,
+    "herringbone": _herringbone, "cork": _cork, "brushed metal": _brushed_metal, "leather": _leather,
+    "bamboo mat": _bamboo_mat, "slate": _slate, "pebbles": _pebbles, "resin": _resin, "bordered cloth": _bordered,
 }  # fmt: skip
