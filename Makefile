@@ -52,12 +52,13 @@ pull: $(READY)  ## what the remote has: data, and results where somebody pushed 
 .PHONY: data-here
 data-here: $(READY)
 	@[ -s .dvc/tmp/rwlock ] || rm -f .dvc/tmp/rwlock  # emptied where DVC was killed as it wrote it: DVC would refuse to run
-	dvc pull --allow-missing --quiet data.dvc rendered/pictures.dvc
+	@dvc pull --allow-missing --quiet data.dvc rendered/pictures.dvc || dvc pull --allow-missing data.dvc rendered/pictures.dvc || \
+	  { echo "error: data/ or rendered/pictures/ is not what git names: the lines above say why. If a file was edited or is damaged, \`dvc checkout --force\` drops your changes; if the store is, \`git checkout store\` restores it" >&2; exit 1; }
 
 test: data-here  ## ruff, pyright, spelling, the test suite (it includes the smoke run); `pytest -n 2 -m "not slow"` takes some 50 s
 	ruff check . && ruff format --check .
 	pyright
-	codespell --skip '*.svg' README.md CONTRIBUTING.md CHANGELOG.md docs conf pipeline studies reports
+	codespell README.md CONTRIBUTING.md CHANGELOG.md docs conf pipeline studies reports
 	python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 test-browser: $(READY)  ## the report in headless Chromium: keyboard, accessibility, phone, print
@@ -92,7 +93,7 @@ bench: data-here  ## every benchmark, the whole graph among them; writes bench/R
 	python -m bench.repro .benchmarks/repro.json
 	python -m bench.page .benchmarks/latest.json .benchmarks/repro.json
 
-review: $(READY)  ## open the overview of the recordings, or one of them: RUN=<variant>-<user>-s<seed>, or WORST=1, not both; WEB=1: in a browser
+review: $(READY)  ## open the overview of the recordings, or one of them: RUN=<variant>-<user>-s<seed> or a study's name, or WORST=1, not both; WEB=1: in a browser
 	python -m pipeline.viewer.review $(RUN) $(if $(WORST),--worst) $(if $(WEB),--web)
 
 audit: $(READY)  ## do code, locks, pages and tables of the last commit agree? docs/audit.md compares two commits
@@ -126,16 +127,16 @@ params: $(READY)  ## write params.yaml, and dvc.yaml's lists of variants, from c
 
 POOL := outputs/segmenter
 segmenter: data-here  ## train perception anew on composites, 30 minutes on two cores; its weights are in git, so no other target needs it
-	python -m studies.perception.draw --pool $(POOL) --parts 60 & python -m studies.perception.train --pool $(POOL) --steps 14000 && wait
+	python -m studies.perception.draw --pool $(POOL) --parts 44 & python -m studies.perception.train --pool $(POOL) --steps 11000 && wait
 
 data: $(READY)  ## draw data/ anew and put it into the store
 	python -m drawing
 	dvc add data && dvc push data.dvc
 
-render:  ## path-trace rendered/pictures/ anew by Blender, in an environment of its own (Python 3.11), and put it into the store; an hour
+render:  ## path-trace rendered/pictures/ anew by Blender, in an environment of its own (Python 3.11), and put it into the store; an hour and a half
 	test -x .venv-rendered/bin/python || python3.11 -m venv .venv-rendered
 	.venv-rendered/bin/python -m pip install --quiet --disable-pip-version-check -r rendered/requirements.txt
-	set -- train 4 validation_taught 5 validation_held_out 7; while [ $$# -gt 0 ]; do \
+	set -- train 4 validation_taught 5 validation_held_out 7 test_taught 11 test_held_out 13; while [ $$# -gt 0 ]; do \
 	    PYTHONPATH=. .venv-rendered/bin/python -m rendered --split $$1 --seed $$2 --into rendered/pictures/$$1; shift 2; done
 	dvc add rendered/pictures && dvc push rendered/pictures.dvc
 

@@ -3,8 +3,10 @@
 import errno
 import hashlib
 import importlib
+import json
 import logging
 import os
+import platform
 import re
 import sys
 import time
@@ -19,8 +21,10 @@ from pipeline.config.graph import FITTED, stage_entry
 from pipeline.params import CONF, GRAPH, PARAMS, drop_absent, explained, load, need, read_by, refuse_unread, validate
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.memory import disable_malloc_trim
+from pipeline.runtime.writing import atomic_write
 
 Main = Callable[[DictConfig, Path], float | None]
+PROCESSORS = "processors.json"
 USAGE = """
 python -m {module} [parameter=value ...]            one run by Hydra, into multirun/single/{stage}
 python -m {module} --multirun parameter=a,b ...     a sweep, into multirun/{stage}; --cfg job shows the parameters
@@ -91,6 +95,28 @@ def _from_params(main: Main, stage: str, argv: list[str]) -> None:
     out_dir = _dvc_folder(cfg, stage)
     out_dir.mkdir(parents=True, exist_ok=True)
     main(cfg, out_dir)
+    if "DVC_STAGE" in os.environ:  # DVC runs this: its name for the stage, such as train@full
+        note_processor(os.environ["DVC_STAGE"], Path(PROCESSORS))
+
+
+def note_processor(stage: str, path: Path) -> None:
+    """Note in a file of git, beside dvc.lock, on which processor a stage's results were made."""
+    try:
+        known = json.loads(path.read_text())
+    except (FileNotFoundError, ValueError):  # the first stage, or a merge left its marks in the file
+        known = {}
+    lines = json.dumps(known | {stage: processor()}, indent=2, sort_keys=True) + "\n"
+    atomic_write(path, lambda part: part.write_text(lines))
+
+
+def processor(cpuinfo: Path = Path("/proc/cpuinfo")) -> str:
+    """Return the processor's name, family and model as Linux gives them, and whether it has AVX-512."""
+    if not cpuinfo.is_file():
+        return f"{platform.machine()} {platform.processor()}".strip()
+    fields = dict(re.findall(r"(?m)^([^\t:]+)\t*: (.*)$", cpuinfo.read_text()))
+    parts = [fields.get("model name", platform.machine())]
+    parts += [f"{name.removeprefix('cpu ')} {fields[name]}" for name in ("cpu family", "model") if name in fields]
+    return ", ".join([*parts, *(["AVX-512"] if "avx512f" in fields.get("flags", "") else [])])
 
 
 def _from_hydra(main: Main, stage: str, argv: list[str]) -> None:

@@ -38,7 +38,7 @@ TRAINING: dict[str, dict[str, Any]] = {  # training schedule by kind
 }  # fmt: skip
 REPAIR: dict[str, Any] = {"steps": 30, "optimiser": "adam", "rate": 0.5, "settle": True}  # conf/repair.yaml
 INFORMATIVE_SCENES, INFORMATIVE_CHANGE = 20, 0.01  # see `effect`
-ACCEPTED_ABOVE = 0.5  # P(valid) above which a path is accepted
+ACCEPTED_ABOVE = 0.8  # P(valid) above which `repair` accepts a path: odds of 4 to 1
 
 
 class Effect(NamedTuple):
@@ -103,8 +103,8 @@ def repair(model: ValidityModel, images: Array, starts: Array) -> Array:
     images: uint8 (scene, 100, 100, 3). starts: (scene, path, 2) [m].
 
     Takes the paper's gradient steps on the model's log-odds and returns the nearest accepted point on the way, that
-    is, one with P(valid) > .5: the start itself, if it is accepted. It can be far from the start. Raises InputError
-    as `fit`.
+    is, one with P(valid) > .8: the start itself, if it is accepted. It can be far from the start. A clearance model
+    lowers its confidence in a picture unlike its training ones, and so returns NaN there. Raises InputError as `fit`.
     """
     from pipeline.planning.repair import Ascent
     from pipeline.planning.repair import repair as climb

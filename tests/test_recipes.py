@@ -2,8 +2,6 @@
 
 import json
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pandas as pd
@@ -13,6 +11,7 @@ import yaml
 from pipeline.artifacts.files import read_table
 from pipeline.config.graph import ROOT
 from pipeline.world.symbols import SYMBOLS
+from tests.reproduce import reproduce
 
 pytestmark = pytest.mark.slow
 TINY = [
@@ -23,16 +22,6 @@ TINY = [
     "intervene.paths=4", "record.map_side=6", "record.scenes=1", "record.training_scenes=1", "report.map_side=8",
 ]  # fmt: skip
 IRL = [f"variants.{name}.steps=2" for name in ("irl_maxent", "irl_ranked")]
-# `dvc repro`, but in one process and without hashing: every command of dvc.yaml in its order
-REPRO = """
-import importlib, sys, yaml
-from pipeline.launch import launch
-for name, stage in yaml.safe_load(open("dvc.yaml"))["stages"].items():
-    for variant in stage.get("matrix", {}).get("variant", [""]):
-        command = stage["cmd"].replace("${item.variant}", variant).split()
-        sys.argv = command[command.index("-m") + 1 :]
-        launch(importlib.import_module(sys.argv[0]).main, name)
-"""
 MEMBERS = 4  # of the added variant
 
 
@@ -46,15 +35,9 @@ def repository(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def run(repository: Path, *command: str) -> None:
-    done = subprocess.run([sys.executable, *command], cwd=repository, capture_output=True, text=True, timeout=1800)
-    assert done.returncode == 0, done.stderr[-3000:]
-
-
-def reproduce(repository: Path, *overrides: str) -> None:
-    """Compose the parameters, run the paper's graph, and check that dvc.yaml lists what was read and written."""
-    run(repository, "-m", "pipeline.params", *TINY, *overrides)
-    run(repository, "-c", REPRO)
+def paper(repository: Path, *overrides: str) -> None:
+    """Run the paper's graph on these parameters, and check that dvc.yaml lists what was read and written."""
+    reproduce(repository, ["dvc.yaml"], *TINY, *overrides)
     for name, stage in yaml.safe_load((repository / "dvc.yaml").read_text())["stages"].items():
         for variant in stage.get("matrix", {}).get("variant", [""]):
             for listed in [*stage["deps"], *stage["outs"], *stage.get("metrics", [])]:
@@ -121,7 +104,7 @@ def test_a_variant_a_user_a_symbol_and_a_question_reach_the_pages(repository: Pa
     add_a_user(repository)
     add_a_symbol(repository)
     ask_a_question(repository)
-    reproduce(repository, *IRL, "~variants.ae", "~variants.classifier", "~variants.irl_maxent")
+    paper(repository, *IRL, "~variants.ae", "~variants.classifier", "~variants.irl_maxent")
 
     outputs, variants = repository / "outputs", {"full", "irl_ranked", "clearance", "few"}
     p_valid = read_table(outputs / "scenes/p_valid.csv").pivot(index="added", columns="user", values="truth")
@@ -145,7 +128,7 @@ def test_a_variant_a_user_a_symbol_and_a_question_reach_the_pages(repository: Pa
 
 def test_one_variant_and_one_user_reach_the_pages(repository: Path):
     others = ("full", "ae", "classifier", "irl_maxent", "irl_ranked")
-    reproduce(repository, *(f"~variants.{name}" for name in others), "~users.normal", "~users.aggressive")
+    paper(repository, *(f"~variants.{name}" for name in others), "~users.normal", "~users.aggressive")
     summary = read_table(repository / "outputs/intervene/summary.csv")
     assert set(summary["variant"]) == {"clearance"} and set(summary["user"]) == {"careful"}
     assert set(summary["question"]) == {f"add_{symbol}" for symbol in SYMBOLS}

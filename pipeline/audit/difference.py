@@ -14,6 +14,7 @@ from scipy.stats import t
 
 from pipeline.audit.revision import git
 from pipeline.config.graph import ROOT
+from pipeline.launch import PROCESSORS
 from pipeline.runtime.errors import InputError
 from pipeline.stats.tests import LEVEL, holm
 
@@ -76,6 +77,7 @@ class Difference(NamedTuple):
     parameters: list[tuple[str, Any, Any]]  # name, before, after
     packages: list[str]  # lines of requirements.lock, - before and + after
     data: list[str]  # .dvc files whose data changed
+    processors: list[tuple[str, str, str]]  # before, after, the stages that ran on another one
     modules: pd.DataFrame  # package, files, lines added, lines removed
     recordings: list[str]  # recordings of the later commit whose content changed
     by_seed: pd.DataFrame  # of `paired`; empty if one of the commits has no results by seed
@@ -103,6 +105,7 @@ def compare(before: Commit, after: Commit) -> Difference:
         parameters=_parameters(before, after),
         packages=_packages(before, after),
         data=[path for path in after.files(".dvc") if _data(before, path) != _data(after, path)],
+        processors=_processors(before, after),
         modules=_modules(before, after),
         recordings=_recordings(before, after),
         by_seed=pd.DataFrame() if seeds[0] is None or seeds[1] is None else paired(*seeds),
@@ -134,6 +137,16 @@ def _packages(before: Commit, after: Commit) -> list[str]:
 
 def _data(commit: Commit, path: str) -> list[str]:
     return DATA.findall(commit.file(path))
+
+
+def _processors(before: Commit, after: Commit) -> list[tuple[str, str, str]]:
+    """Return the stages that ran on another processor, by the processors; none if one commit does not say."""
+    old, new = (json.loads(commit.file(PROCESSORS) or "{}") for commit in (before, after))
+    moved: dict[tuple[str, str], list[str]] = {}
+    for stage in sorted(old.keys() & new.keys()):
+        if old[stage] != new[stage]:
+            moved.setdefault((old[stage], new[stage]), []).append(stage)
+    return [(*pair, ", ".join(stages)) for pair, stages in moved.items()]
 
 
 def _modules(before: Commit, after: Commit) -> pd.DataFrame:

@@ -3,13 +3,15 @@
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from pipeline.audit.consistency import Checked
+import pandas as pd
+
+from pipeline.audit.consistency import Checked, Fault
 from pipeline.audit.difference import Difference
 from pipeline.audit.history import Entry
 from pipeline.audit.rerun import Output
 
 WORDS = ("worse", "better", "undecided", "same")  # in the order of a report
-PAIRED = ("headline", "before", "after", "difference", "ci_low", "ci_high", "p_holm", "seeds", "word")
+PAIRED = ("word", "headline", "before", "after", "difference (95 % interval)", "p (Holm)", "seeds")
 MAX_CELL = 80  # characters
 MAX_LINES = 30  # of a list; the JSON has all
 
@@ -22,23 +24,39 @@ def of_audit(revision: str, checks: Sequence[Checked]) -> str:
     parts = [f"# Audit of {revision}: {verdict}", table(["check", "items", "faults"], rows)]
     for check in checks:
         if check.faults:
-            parts += [f"## {check.what}: not so", items(f"`{fault.place}`: {fault.message}" for fault in check.faults)]
+            parts += [f"## {check.what}: not so", items(_faults(check.faults))]
     return "\n\n".join(parts) + "\n"
 
 
+def _faults(faults: Sequence[Fault]) -> list[str]:
+    """Return a line a message, with the places that share it."""
+    places: dict[str, list[str]] = {}
+    for fault in faults:
+        places.setdefault(fault.message, []).append(f"`{fault.place.replace('/dvc.yaml', '')}`")
+    return [
+        f"{message}: {', '.join(names)}" if len(names) == 1 else f"{message} ({len(names)}): {', '.join(names)}"
+        for message, names in places.items()
+    ]
+
+
 def of_history(revision: str, entries: Sequence[Entry]) -> str:
-    """Return a row a commit with results: its faults by check, and the claims whose verdict changed."""
+    """Return a row a commit with results: its faults by check, and the claims whose verdict changed.
+
+    A check that had nothing to look at is not counted.
+    """
     rows = []
     for entry in entries:
         faults = [f"{check.check} {len(check.faults)}" for check in entry.checks if check.faults]
-        found = ", ".join(faults) or ("none" if entry.checks else "cannot be audited")
+        asked, of = sum(check.items > 0 for check in entry.checks), len(entry.checks)
+        clean = "none" if asked == of else f"none in {asked} of {of} checks"
+        found = ", ".join(faults) or (clean if asked else "cannot be audited")
         changed = "; ".join(f"{claim}: {before} to {after}" for claim, before, after in entry.claims)
         rows.append((entry.date, f"`{entry.commit}`", entry.subject, found, changed or "–"))
     head = ["date", "commit", "it says", "faults", "verdicts that changed"]
     return f"# Commits with results up to {revision}\n\n{table(head, rows, len(rows))}\n"
 
 
-def of_rerun(revision: str, outputs: Sequence[Output], difference: Difference) -> str:
+def of_rerun(title: str, outputs: Sequence[Output], difference: Difference) -> str:
     """Return what running a commit again gave: how many outputs have the same bytes, and what that did to results."""
     other = [output for output in outputs if not output.identical]
     d = difference
@@ -48,7 +66,7 @@ def of_rerun(revision: str, outputs: Sequence[Output], difference: Difference) -
         word = "equal"
     else:
         word = "changed"
-    parts = [f"# {revision}, run again: {word}"]
+    parts = [f"# {title}: {word}"]
     parts += [f"{len(outputs) - len(other)} of {len(outputs)} outputs have the same bytes."]
     parts += _sections({"Other outputs": table(["stage", "output"], [output[:2] for output in other])})
     return "\n\n".join(parts + _sections(_differences(d))) + "\n"
@@ -57,28 +75,46 @@ def of_rerun(revision: str, outputs: Sequence[Output], difference: Difference) -
 def of_difference(before: str, after: str, difference: Difference) -> str:
     """Return what differs between two commits: claims first, then headlines, then their possible causes."""
     sections = _sections(_differences(difference)) or ["Nothing differs."]
-    return "\n\n".join([f"# {before} to {after}", *sections]) + "\n"
+    return "\n\n".join([f"# {before} to {after}", summary(difference), *sections]) + "\n"
+
+
+def summary(d: Difference) -> str:
+    """Return a sentence: how many claims changed their verdict, and how many headlines have each word."""
+    counts = d.by_seed["word"].value_counts() if len(d.by_seed) else {}
+    words = ", ".join(f"{counts[word]} {word}" for word in WORDS if word in counts) or "no headlines by seed"
+    return f"Verdicts that changed: {len(d.claims)}. Headlines: {words}."
 
 
 def _differences(d: Difference) -> dict[str, str]:
     """Return the sections of a difference by title; "" where nothing differs."""
-    paired = table(PAIRED, [])
-    if len(d.by_seed):
-        order = d.by_seed.sort_values("word", key=lambda words: words.map(WORDS.index))
-        paired = table(PAIRED, order[list(PAIRED)].itertuples(index=False))
     known = set(d.by_seed["headline"]) if len(d.by_seed) else set()
-    rows = [(line.name, line.before, line.after, line.change) for line in d.headlines if line.name not in known]
-    modules = d.modules.reset_index().itertuples(index=False)
+    rows = [(f"`{line.name}`", line.before, line.after, line.change) for line in d.headlines if line.name not in known]
+    modules = [(f"`{name}`", *counts) for name, *counts in d.modules.reset_index().itertuples(index=False)]
+    parameters = [(f"`{name}`", *values) for name, *values in d.parameters]
     return {
         "Claims whose verdict changed": table(["claim", "before", "after"], d.claims),
-        "Headlines, paired by seed": paired,
+        "Headlines, paired by seed": _paired(d.by_seed),
         "Other headlines that changed": table(["headline", "before", "after", "change"], rows),
-        "Parameters": table(["parameter", "before", "after"], d.parameters),
+        "Parameters": table(["parameter", "before", "after"], parameters),
         "Data": items(f"`{path}`" for path in d.data),
         "Packages": items(f"`{line}`" for line in d.packages),
+        "Processors": table(["before", "after", "stages"], d.processors),
         "Code": table(["package", "files", "lines added", "lines removed"], modules),
         "Recordings to open": items(f"`make review RUN={name}`" for name in d.recordings),
     }
+
+
+def _paired(by_seed: pd.DataFrame) -> str:
+    """Return the table of paired headlines, the worse ones first; those without any change are only counted."""
+    if not len(by_seed):
+        return ""
+    zero = (by_seed[["difference", "ci_low", "ci_high"]] == 0).all(axis=1)
+    rows = []
+    for row in by_seed[~zero].sort_values("word", key=lambda words: words.map(WORDS.index)).itertuples():
+        difference = f"{row.difference:+.3g} ({row.ci_low:.2g} to {row.ci_high:.2g})"
+        rows.append((row.word, f"`{row.headline}`", row.before, row.after, difference, f"{row.p_holm:.2g}", row.seeds))
+    same = f"{zero.sum()} {'others' if rows else 'headlines'} have the same values for every seed."
+    return "\n\n".join(part for part in (table(PAIRED, rows), same if zero.any() else "") if part)
 
 
 def _sections(contents: dict[str, str]) -> list[str]:

@@ -13,7 +13,7 @@ def repairs(fitted: Fitted, scale: float) -> pd.DataFrame:
     """Return one row for each invalid demonstration: P(valid) before and after, and how far the path's middle moves.
 
     moved_m: [m on the table]; z and end: control points before and after [m of the model]; NaN where the model finds no
-    path that it accepts. A path that the model accepts already (p_before > 1/2) stays: there the model is wrong.
+    path that it accepts. A path that the model accepts already (p_before > .8) stays: there the model is wrong.
     """
     data, rows = fitted.data, []
     for scene, name in enumerate(data.scenes):

@@ -16,6 +16,7 @@ from numpy import ndarray as Array
 from torch import Tensor
 
 from pipeline.perception.capsule import fit_capsule
+from pipeline.perception.doubt import doubt
 from pipeline.perception.outlines import SUPERSAMPLING, Outline, find_outlines
 from pipeline.perception.segmenter import STRIDE, segment
 from pipeline.world.layout import SIDE
@@ -41,6 +42,7 @@ class Objects:
     radius: Float32[Array, "scene object"]  # of each capsule [m]
     features: Float32[Array, "scene object feature"]
     present: Bool[Array, "scene object"]
+    doubt: Float32[Array, " scene"]  # how unsure the detector is of each picture (pipeline.perception.doubt)
 
 
 def detect_objects(
@@ -55,10 +57,12 @@ def detect_objects(
         np.zeros((len(images), MAX_OBJECTS), np.float32),
         np.zeros((len(images), MAX_OBJECTS, len(FEATURES)), np.float32),
         np.zeros((len(images), MAX_OBJECTS), bool),
+        np.zeros(len(images), np.float32),
     )
     tables = [None] * len(images) if empty is None else _to_bytes(empty)
     for scene, (image, table) in enumerate(zip(_to_bytes(images), tables, strict=True)):
-        for i, object_ in enumerate(_detect(image, table)):
+        found, objects.doubt[scene] = _detect(image, table)
+        for i, object_ in enumerate(found):
             objects.ends[scene, i], objects.radius[scene, i] = object_.ends, object_.radius
             objects.features[scene, i], objects.present[scene, i] = object_.features, True
     return objects
@@ -76,8 +80,8 @@ def _to_bytes(images: Float[Tensor, "scene 3 100 100"]) -> list[bytes]:
 
 
 @lru_cache(maxsize=4096)  # 30 kB each; all models use the same images
-def _detect(image: bytes, table: bytes | None) -> list[_Object]:
-    """Return the MAX_OBJECTS largest objects in an 8-bit RGB image, the largest first."""
+def _detect(image: bytes, table: bytes | None) -> tuple[list[_Object], float]:
+    """Return the MAX_OBJECTS largest objects in an 8-bit RGB image, the largest first, and the doubt about it."""
     pixels = _pixels(image)
     maps = segment(pixels, None if table is None else _pixels(table))
     typical = np.median(pixels[::STRIDE, ::STRIDE], axis=(0, 1))
@@ -89,7 +93,7 @@ def _detect(image: bytes, table: bytes | None) -> list[_Object]:
         if not d >= MAX_TEXTURE_DISORDER
     ]
     objects = [describe(outline, maps.see_through, contrast) for outline in ordered]
-    return sorted(objects, key=lambda object_: -object_.features[0])[:MAX_OBJECTS]
+    return sorted(objects, key=lambda object_: -object_.features[0])[:MAX_OBJECTS], doubt(maps.item)
 
 
 def _pixels(image: bytes) -> UInt8[Array, "100 100 3"]:

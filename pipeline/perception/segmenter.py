@@ -28,7 +28,7 @@ MIN_SPREAD = 4 / 255  # smallest standard deviation by which colours are divided
 
 
 class Maps(NamedTuple):
-    """What the segmenter says of each pixel, as probabilities in steps of 1 / 255."""
+    """Hold what the segmenter says of each pixel, as probabilities in steps of 1 / 255."""
 
     item: Float32[Array, "row column"]  # an item covers it
     between: Float32[Array, "row column"]  # two items are within two pixels

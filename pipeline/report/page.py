@@ -313,6 +313,7 @@ FORMATS: dict[str, Callable] = {
     "rate": _number("{:.2f}"),
     "fine": _number("{:.3f}"),
     "times": _number("{:.1f}"),
+    "digits": _number("{:.3g}"),
     "cm": _number("{:.1f}\u00a0cm", 100.0),
     "count": _number("{:.0f}"),
     "spread": _spread,

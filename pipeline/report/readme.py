@@ -23,15 +23,20 @@ def headlines(metrics: dict, verdicts: pd.DataFrame) -> str:
     `verdicts`: the report's table with a row per model and question.
     """
     questions = verdicts["Model"].value_counts().max()
-    pct, rows = FORMATS["pct"], [HEAD, "| --- | --: | --: | --: | --: |"]
+    rows = [HEAD, "| --- | --: | --: | --: | --: |"]
     order = [*COLOURS, *metrics["verdicts_right"]]  # the paper's model first, added variants last
     for name in [*sorted(metrics["verdicts_right"], key=order.index), "position_only", "constant_detour"]:
         accuracy = metrics["accuracy"].get(name, {}).get("new_items")
         repairs = [metrics["repair"].get(name, {}).get(user) for user in ("careful", "normal")]
         right = metrics["verdicts_right"].get(name)
-        cells = [label(name), *map(pct, (accuracy, *repairs)), "–" if right is None else f"{right} of {questions}"]
+        cells = [label(name), *map(_share, (accuracy, *repairs)), "–" if right is None else f"{right} of {questions}"]
         rows.append("| " + " | ".join(cells) + " |")
     return "\n".join(rows)
+
+
+def _share(value: float | None) -> str:
+    """Return a share in per cent, with a decimal where it would else read as all."""
+    return FORMATS["pct1" if value is not None and 0.995 <= value < 1 else "pct"](value)
 
 
 def fill(text: str, table: str) -> str:

@@ -13,7 +13,7 @@ from pipeline.robot.bench import Bench
 from pipeline.robot.inverse import PostureMap
 from pipeline.robot.motion import lengths, minimum_jerk
 
-FAILURES = ("", "out of reach", "joint limit", "collision", "joint speed", "tracking")  # "": executed
+FAILURES = ("", "out of reach", "joint limit", "collision", "off the table", "joint speed", "tracking")  # "": executed
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def execute(
     share = (speed / arm.model.velocityLimit).max((1, 2))
     status = postures.worst(points)
     off = (error.max(1) > allowed.error_m) | (tilt.max(1) > allowed.tilt_rad)
-    named = np.select([status > 0, share > 1, off], [status, 4, 5], 0)
+    named = np.select([status > 0, share > 1, off], [status, 5, 6], 0)
     results = pd.DataFrame(
         {
             "duration_s": duration,

@@ -19,7 +19,7 @@ from pipeline.robot.arm import GRIP, Arm
 from pipeline.robot.bench import Bench
 from pipeline.robot.collision import Collisions
 
-FREE, REACH, LIMIT, COLLISION = range(4)  # status of a point: the arm gets there, or why not
+FREE, REACH, LIMIT, COLLISION, OFF = range(5)  # status of a point: the arm gets there, or why not; OFF: off the table
 REACHED_M, REACHED_RAD = 1e-3, 0.01  # a point counts as reached within this distance and tilt
 TILT_COST = 0.3  # [m/rad] of tilt against distance
 POSTURE_COST = 3e-3  # [m/rad] of leaving the preferred posture: too small to move the grip by a millimetre
@@ -45,12 +45,12 @@ class PostureMap:
     def worst(self, points: Float[Array, "*path point 2"]) -> Int[Array, "*path"]:
         """Return the gravest status along each path, at the lattice points nearest to its points.
 
-        Beyond the table's edge, where the map ends, points are out of reach.
+        The map ends at the table's edge.
         """
         index = np.round(np.asarray(points)[..., ::-1] * (len(self.q) - 1)).astype(int)
         row, column = np.moveaxis(index.clip(0, len(self.q) - 1), -1, 0)
         beyond = (np.abs(np.asarray(points) - 0.5) > 0.5).any(-1)
-        return np.where(beyond, REACH, self.status[row, column]).max(-1)
+        return np.where(beyond, OFF, self.status[row, column]).max(-1)
 
 
 def posture_map(arm: Arm, bench: Bench, side: int, obstacle_m: float) -> PostureMap:

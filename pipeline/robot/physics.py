@@ -32,6 +32,7 @@ class Outcome:
     touched: Bool[Array, " slot"]
     fallen: Bool[Array, " slot"]  # tilted beyond the limit at the end
     moved_m: Float[Array, " slot"]  # displacement at the end
+    poses: Float[Array, "instant slot 7"]  # place [m] and unit quaternion (w first) at each instant; nan in empty slots
 
 
 def simulate(
@@ -57,15 +58,19 @@ def simulate(
         body = model.body(f"item{slot}").id
         owner[model.geom_bodyid == body] = slot
     carried = model.geom_bodyid == model.body("carried").id
-    bodies = [model.body(f"item{slot}").id for slot in slots]
-    start = np.array([data.qpos[model.jnt_qposadr[model.body_jntadr[b]] :][:3].copy() for b in bodies])
+    bodies = np.array([model.body(f"item{slot}").id for slot in slots], int)
+    free = model.jnt_qposadr[model.body_jntadr[bodies]][:, None] + np.arange(7)  # (item, 7) places in data.qpos
+    start = data.qpos[free][:, :3]
+    poses = np.full((len(grip), layouts.symbol.shape[1], 7), np.nan)
     touched = np.zeros(layouts.symbol.shape[1], bool)
     steps = round(duration_s / STEP_S)
     at = np.linspace(0, len(grip) - 1, steps + 1)
     path = np.stack([np.interp(at, np.arange(len(grip)), one) for one in grip.T], -1)
     half = np.interp(at, np.arange(len(grip)), np.unwrap(heading)) / 2
     turn = np.stack([np.cos(half), 0 * half, 0 * half, np.sin(half)], -1)
+    instants = np.linspace(0, steps, len(grip)).round().astype(int)
     for step in range(steps + round(SETTLE_S / STEP_S)):
+        poses[np.ix_(instants == step, slots)] = data.qpos[free]
         data.mocap_pos[0], data.mocap_quat[0] = path[min(step, steps)], turn[min(step, steps)]
         mujoco.mj_step(model, data)
         if data.ncon:
@@ -76,7 +81,7 @@ def simulate(
     for slot, body, first in zip(slots, bodies, start, strict=True):
         fallen[slot] = np.arccos(np.clip(data.xmat[body][8], -1, 1)) > fallen_rad
         moved[slot] = np.linalg.norm((data.xpos[body] - first)[:2])
-    return Outcome(touched, fallen, moved)
+    return Outcome(touched, fallen, moved, poses)
 
 
 def _scene_xml(

@@ -22,7 +22,7 @@ from pipeline.audit.revision import dvc, git
 from pipeline.config.graph import ROOT, stage_entry
 from pipeline.runtime.errors import InputError
 from pipeline.sweep.clone import code_digest, snapshot
-from pipeline.sweep.job import Sweep
+from pipeline.sweep.job import Sweep, reason
 from pipeline.sweep.launch import launch
 from pipeline.sweep.plan import Plan, make_plan
 from pipeline.sweep.summary import read_jobs, write_summary
@@ -100,6 +100,8 @@ def _sweep(given: argparse.Namespace) -> int:
             return _summarise(folder)
     except Timeout:
         raise InputError(f"another sweep is writing into {folder}: wait for it, or name another --folder") from None
+    except OSError as error:
+        raise InputError(reason(error, folder)) from error
     except KeyboardInterrupt:
         print(f"interrupted; `python -m pipeline.sweep --resume {folder}` runs the others", file=sys.stderr)
         return 130
@@ -114,7 +116,8 @@ def _check_fits(folder: Path, before: dict, record: dict) -> None:
         )
     if before["targets"] != record["targets"]:
         raise InputError(f"{folder} is a sweep up to {', '.join(before['targets'])}: name another folder")
-    if missing := [text for text in before["fixed"] if text not in record["fixed"]]:
+    given = {text.partition("=")[0] for text in record["overrides"]}
+    if missing := [text for text in before["fixed"] if text.partition("=")[0] not in given]:
         raise InputError(f"{folder} is a sweep with {' '.join(missing)}: give that, too, or name another folder")
 
 

@@ -23,6 +23,7 @@ from pipeline.sweep.results import headlines, read_metrics
 
 WATCH_S = 0.5  # between two looks at the parent process
 MAX_NAME = 120  # characters of a folder's name; longer ones end in a digest
+FULL = ("No space left on device", "Out of diskspace")  # what the system and git say of a full disk
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 
 
@@ -64,7 +65,7 @@ def run_job(sweep: Sweep, overrides: Sequence[str]) -> float:
                 _keep_results(sweep, clone, folder)
             record |= {"state": "done", "stages": stages}
         except (InputError, OSError) as error:
-            record |= {"state": "failed", "error": " ".join(str(error).split())}
+            record |= {"state": "failed", "error": reason(error, sweep.folder)}
         except BaseException:
             record |= {"state": "interrupted"}
             raise
@@ -73,6 +74,13 @@ def run_job(sweep: Sweep, overrides: Sequence[str]) -> float:
                 folder / "job.json", {"state": "interrupted"} | record | {"seconds": round(time.time() - start, 1)}
             )
     return _objective(sweep, folder)
+
+
+def reason(error: Exception, folder: Path) -> str:
+    """Return why a job failed, in one line; `folder` is the sweep's."""
+    text = " ".join(str(error).split())
+    full = any(words in text for words in FULL)
+    return f"the disk of {folder} is full: make room, then --resume it ({text})" if full else text
 
 
 def is_done(folder: Path) -> bool:

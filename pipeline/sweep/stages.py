@@ -56,11 +56,19 @@ def run_stages(targets: list[str]) -> dict[str, dict]:
 
 
 def content_key(stage) -> str:
-    """Return DVC's key of a stage in its run cache: command, parameters and the content of all that it reads."""
+    """Return DVC's key of a stage in its run cache: command, parameters and the content of all that it reads.
+
+    The stage keeps what its lock says of these, or DVC would take it for unchanged whatever its parameters are now.
+    """
     from dvc.stage.cache import _get_stage_hash
 
+    locked = [dict(vars(dep)) for dep in stage.deps]
     stage.save_deps()
-    return _get_stage_hash(stage)
+    key = _get_stage_hash(stage)
+    for dep, state in zip(stage.deps, locked, strict=True):
+        vars(dep).clear()
+        vars(dep).update(state)
+    return key
 
 
 def run_cache(repo, key: str) -> Path:

@@ -2,11 +2,13 @@
 
 import shutil
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 import yaml
+from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from pipeline.artifacts.files import read_json, read_table, write_table
 from pipeline.audit.difference import paired
@@ -21,7 +23,8 @@ class Summary:
     """A sweep's results as its page shows them.
 
     results: (setting, the swept parameters, headline, seed, value); means: by setting and headline, with quartiles;
-    differences: of each setting from the reference, for headlines that the sweep changes.
+    differences: of each setting from the reference, for headlines that the sweep changes; comparisons: of variants
+    within each setting.
     """
 
     record: dict[str, Any]
@@ -32,6 +35,7 @@ class Summary:
     results: pd.DataFrame
     means: pd.DataFrame
     differences: pd.DataFrame
+    comparisons: pd.DataFrame
     protocol: str
     profile: str
 
@@ -50,9 +54,10 @@ def read_jobs(folder: Path, record: dict[str, Any]) -> list[dict[str, Any]]:
         found[tuple(job["overrides"])] = job | {"path": path.parent}
     planned = {tuple(job): {"overrides": job, "state": "missing"} for job in record["jobs"]}
     jobs = [found.get(key, job) for key, job in (planned | found).items()]
+    parser = OverridesParser.create()
     for job in jobs:
-        own = [text for text in job["overrides"] if text not in record["fixed"]]
-        job["values"] = dict(text.lstrip("+").partition("=")[::2] for text in own)
+        swept = [parser.parse_override(text) for text in job["overrides"] if text not in record["fixed"]]
+        job["values"] = {each.get_key_element().lstrip("+"): shown(each.value()) for each in swept}
     keys = list(dict.fromkeys(key for job in jobs for key in job["values"]))
     short = {key: key.rpartition(".")[2] for key in keys}
     names = short if len(set(short.values())) == len(keys) else {key: key for key in keys}
@@ -61,18 +66,33 @@ def read_jobs(folder: Path, record: dict[str, Any]) -> list[dict[str, Any]]:
     return jobs
 
 
+def shown(value: Any) -> str:
+    """Return a parameter's value as text; a mapping whose values are all the same is shown as that value."""
+    if isinstance(value, dict):
+        same = len({shown(part) for part in value.values()}) == 1
+        parts = [f"{key}:{shown(part)}" for key, part in value.items()]
+        return shown(next(iter(value.values()))) if same else f"{{{','.join(parts)}}}"
+    if isinstance(value, list):
+        return f"[{','.join(map(shown, value))}]"
+    if isinstance(value, float) and value.is_integer():
+        return str(int(value))
+    if value is None or isinstance(value, bool):
+        return {None: "null", True: "true", False: "false"}[value]
+    return str(value)
+
+
 def summarise(record: dict[str, Any], jobs: list[dict[str, Any]]) -> Summary:
     """Return the summary of the jobs that are done."""
     done = [job for job in jobs if job["state"] == "done"]
     keys = list(dict.fromkeys(key for job in done for key in job["values"]))
     parameters = [key for key in keys if len({job["values"].get(key) for job in done}) > 1]
-    defaults = record.get("defaults", {})
-    at_default = [j for j in done if all(_same(j["values"].get(p), defaults.get(p)) for p in parameters)]
+    defaults = {key: shown(value) for key, value in record.get("defaults", {}).items()}
+    at_default = [job for job in done if all(job["values"].get(p) in (None, defaults.get(p)) for p in parameters)]
     reference = (at_default or done)[0]
     parts = []
     for job in done:
         table = read_table(job["path"] / "results.parquet")
-        values = {p: job["values"].get(p, str(defaults.get(p))) for p in parameters}
+        values = {p: job["values"].get(p, defaults.get(p)) for p in parameters}
         parts.append(table.assign(setting=job["name"], **values)[["setting", *parameters, *table.columns]])
     results = pd.concat(parts, ignore_index=True)
     by = results.groupby(["setting", "headline"], sort=False)["value"]
@@ -81,12 +101,9 @@ def summarise(record: dict[str, Any], jobs: list[dict[str, Any]]) -> Summary:
     ).reset_index()
     cfg = yaml.safe_load((reference["path"] / "params.yaml").read_text())
     differences = _differences(results, reference["name"])
-    facts = {"protocol": cfg["protocol"]["name"], "profile": cfg["profile"]}
+    comparisons = _comparisons(results, cfg["evaluate"]["comparisons"])
+    facts = {"comparisons": comparisons, "protocol": cfg["protocol"]["name"], "profile": cfg["profile"]}
     return Summary(record, jobs, parameters, reference["name"], bool(at_default), results, means, differences, **facts)
-
-
-def _same(text: str | None, default: Any) -> bool:
-    return text is None or yaml.safe_load(text) == default
 
 
 def _differences(results: pd.DataFrame, reference: str) -> pd.DataFrame:
@@ -113,8 +130,33 @@ def _differences(results: pd.DataFrame, reference: str) -> pd.DataFrame:
     return table
 
 
+def _comparisons(results: pd.DataFrame, families: list[dict[str, Any]]) -> pd.DataFrame:
+    """Return how much better a variant is than another in each setting, for the pairs of `evaluate.comparisons`.
+
+    Columns: setting, variant, against, split and those of `paired`: accuracies at main_n_demos, Holm's correction over
+    all rows.
+    """
+    accuracy = results[results["headline"].str.startswith("accuracy.")]
+    parts = []
+    for family in families:
+        if family["n_demos"] is None:
+            for against, split in product(family["against"], family["splits"]):
+                for place, variant in enumerate((against, family["variant"])):
+                    rows = accuracy[accuracy["headline"] == f"accuracy.{variant}.{split}"]
+                    name = f"|{family['variant']}|{against}|{split}"
+                    parts.append(rows.assign(headline=rows["setting"] + name, place=place))
+    both = pd.concat(parts) if parts else accuracy.assign(place=0)
+    columns = ["headline", "seed", "value"]
+    table = paired(*(both.loc[both["place"] == place, columns] for place in (0, 1)))
+    if len(table):
+        names = table.pop("headline").str.rsplit("|", n=3, expand=True)
+        for index, column in enumerate(("setting", "variant", "against", "split")):
+            table.insert(index, column, names[index])
+    return table
+
+
 def write_summary(folder: Path, record: dict[str, Any], jobs: list[dict[str, Any]]) -> Path:
-    """Write index.html with its figures and tables, results.parquet and differences.parquet; return the page's path."""
+    """Write index.html with its figures and tables, and the tidy tables as parquet; return the page's path."""
     from pipeline.sweep.page.tables import best, title
 
     summary = summarise(record, jobs)
@@ -127,4 +169,5 @@ def write_summary(folder: Path, record: dict[str, Any], jobs: list[dict[str, Any
     shutil.copy(FOLDER / "page.css", folder)
     write_table(folder / "results.parquet", summary.results)
     write_table(folder / "differences.parquet", summary.differences)
+    write_table(folder / "comparisons.parquet", summary.comparisons)
     return folder / "index.html"

@@ -26,21 +26,22 @@ def layout_of(run: Run, timeline: str) -> rrb.Blueprint:
     tabs = [*map(_repairs, worst_first), _interventions(first), _learning(first)]
     if run.demonstrations:
         board = _board((1, len(run.demonstrations)), "/training/**")
-        tabs.append(_beside_text("Training scenes", board, "training"))
-    return _blueprint(run.name, tabs, rrb.TimePanel(state="collapsed", timeline=timeline, fps=6.0, loop_mode="all"))
+        tabs.append(beside_text("Training scenes", board, "training"))
+    return tabbed(run.name, tabs, rrb.TimePanel(state="collapsed", timeline=timeline, fps=6.0, loop_mode="all"))
 
 
 def layout_of_overview(runs: Sequence[Run], timeline: str, shape: tuple[int, int]) -> rrb.Blueprint:
     """Return the blueprint of the overview: boards of `shape` (rows, columns), and `timeline` for the scenes."""
     tabs = [
-        _beside_text(f"{user} user", _board(shape, f"/{user}/**", "/fixed/table_edges"), "overview")
+        beside_text(f"{user} user", _board(shape, f"/{user}/**", "/fixed/table_edges"), "overview")
         for user in grouped(runs, "user")
     ]
     time = rrb.TimePanel(state="collapsed", timeline=timeline, play_state="paused", fps=0.5)
-    return _blueprint("overview", tabs, time)
+    return tabbed("overview", tabs, time)
 
 
-def _blueprint(name: str, tabs: Sequence[rrb.Container], time: rrb.TimePanel) -> rrb.Blueprint:
+def tabbed(name: str, tabs: Sequence[rrb.Container], time: rrb.TimePanel) -> rrb.Blueprint:
+    """Return the blueprint of the recording `name`: its tabs, and one with the parameters."""
     about = rrb.TextDocumentView(origin="about", name="Parameters and data")
     root = rrb.Tabs(*tabs, about, active_tab=0)
     parts: list[rrb.Container | rrb.View] = [root]
@@ -51,7 +52,7 @@ def _blueprint(name: str, tabs: Sequence[rrb.Container], time: rrb.TimePanel) ->
     return rrb.Blueprint(root, *hidden, time, auto_views=False)
 
 
-def _beside_text(name: str, shown: rrb.Container | rrb.View, text: str, *more: rrb.View) -> rrb.Container:
+def beside_text(name: str, shown: rrb.Container | rrb.View, text: str, *more: rrb.View) -> rrb.Container:
     """Return a tab with its contents, and next to them its text and `more` views."""
     what = rrb.TextDocumentView(origin=f"text/{text}", name="What you see")
     words = rrb.Vertical(what, *more) if more else what
@@ -68,7 +69,7 @@ def _repairs(shown: Repairs) -> rrb.Container:
         slack = _series(f"slack/{scene}", "True distance beyond the margin [cm]: valid above 0")
         views.append(rrb.Horizontal(accepted, slack))
     name = f"New scene {shown.scene}: {1 - shown.agreement:.0%} wrong"
-    return _beside_text(name, rrb.Vertical(*views, row_shares=[4, 3][: len(views)]), "repairs")
+    return beside_text(name, rrb.Vertical(*views, row_shares=[4, 3][: len(views)]), "repairs")
 
 
 def _table(scene: str) -> list[str]:
@@ -79,13 +80,13 @@ def _table(scene: str) -> list[str]:
 def _interventions(scene: str) -> rrb.Container:
     board = _board((2, 3), *_table(scene), "/interventions/**")
     effects = rrb.TextDocumentView(origin="interventions/effects", name="Effects")
-    return _beside_text("Interventions", board, "interventions", effects)
+    return beside_text("Interventions", board, "interventions", effects)
 
 
 def _learning(scene: str) -> rrb.Container:
     maps = "/predicted/learning/**", "/outcomes/learning/**"
     views = _board((1, 3), *_table(scene), *maps, *FIXED), _series("losses", "Losses, on train_step")
-    return _beside_text("Learning", rrb.Vertical(*views, row_shares=[4, 3]), "learning")
+    return beside_text("Learning", rrb.Vertical(*views, row_shares=[4, 3]), "learning")
 
 
 def _board(shape: tuple[int, int], *contents: str) -> rrb.Spatial2DView:

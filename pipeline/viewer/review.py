@@ -2,6 +2,7 @@
 
 python -m pipeline.viewer.review                   all variants and the truth
 python -m pipeline.viewer.review full-careful-s0   one run
+python -m pipeline.viewer.review execution         a study's
 python -m pipeline.viewer.review --worst           the run with the lowest accuracy
 python -m pipeline.viewer.review --web             in a browser, served to this machine only
 python -m pipeline.viewer.review --check           no window: verify the file and compare its digest
@@ -79,11 +80,20 @@ def _listed(folder: Path) -> list[dict[str, str]]:
     listed = folder / "recordings.csv"
     if not listed.is_file():
         raise InputError(f"{listed} is missing: run `make repro` first")
-    with listed.open(newline="") as file:
-        rows = list(csv.DictReader(file))
+    try:
+        with listed.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{listed} cannot be read ({error}): run `make repro` first") from error
     if not rows or not {"run", "sha256", "accuracy"} <= set(rows[0]):
         raise InputError(f"{listed} does not list runs, their digests and accuracy: run `make repro` first")
     return rows
+
+
+def folders_of(run: str) -> tuple[Path, Path]:
+    """Return where git keeps a run's recording, and where its stage writes it; a study's bears the study's name."""
+    of_study, paths = Path("studies", run, "recording"), load(PARAMS).paths
+    return (of_study, of_study) if of_study.is_dir() else (Path(paths.selection), Path(paths.record) / "runs")
 
 
 def show(path: Path, web: bool = False) -> int:
@@ -119,14 +129,13 @@ def _main() -> int:
         "python -m pipeline.viewer.review", None, about, examples, formatter_class=argparse.RawTextHelpFormatter
     )
     which = parser.add_mutually_exclusive_group()
-    which.add_argument("run", nargs="?", default=OVERVIEW, help=f"<variant>-<user>-s<seed> (default: {OVERVIEW})")
+    names = f"<variant>-<user>-s<seed>, or a study's name (default: {OVERVIEW})"
+    which.add_argument("run", nargs="?", default=OVERVIEW, help=names)
     which.add_argument("--worst", action="store_true", help="the run with the lowest accuracy")
     parser.add_argument("--web", action="store_true", help="serve Rerun's web viewer to this machine")
     parser.add_argument("--check", action="store_true", help="verify the file and compare its digest; no window")
     args = parser.parse_args()
-    paths = load(PARAMS).paths
-    folders = Path(paths.selection), Path(paths.record) / "runs"
-    run = args.run
+    run, folders = args.run, folders_of(args.run)
     if args.worst:
         run, reason = worst(*folders)
         print(reason, flush=True)

@@ -20,15 +20,6 @@ def some_demos(scenes: int = 3, demos: int = 4) -> pd.DataFrame:
     )[DEMO_COLUMNS]  # fmt: skip
 
 
-def test_fewer_demonstrations_are_the_first_of_more():
-    demos = some_demos()
-    z, valid = demo_arrays(demos, 0, "normal", 4)
-    fewer, fewer_valid = demo_arrays(demos, 0, "normal", 2)
-    assert z.shape == (3, 4, 2) and valid.dtype == bool
-    np.testing.assert_array_equal(fewer, z[:, :2])
-    np.testing.assert_array_equal(fewer_valid, valid[:, :2])
-
-
 def test_a_z_theta_that_is_not_finite_is_refused(tmp_path: Path):
     demos = some_demos()
     demos.loc[3, "z_x"] = np.nan

@@ -57,7 +57,7 @@ def test_a_changed_result_a_stray_file_and_a_changed_parameter_are_found():
         outputs = {fault.message for fault in consistency.outputs(clone).faults}
         stale = {fault.place: fault.message for fault in consistency.stages(clone).faults}
     assert outputs >= {"reports/tables is modified", "no stage writes it"}
-    assert stale["demos"] == "demos in params.yaml"
+    assert "demos in params.yaml" in stale["demos"]
 
 
 def test_a_page_made_of_another_table_than_the_lock_names_is_found(tmp_path: Path):

@@ -1,6 +1,7 @@
 """The difference of two commits: paired over seeds, with one word a headline."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -8,9 +9,12 @@ import pytest
 from scipy.stats import ttest_rel
 
 from pipeline.audit.__main__ import main
-from pipeline.audit.difference import flat, paired
+from pipeline.audit.difference import Commit, _processors, paired
+from pipeline.audit.revision import git
 from pipeline.audit.text import MAX_LINES, table
+from pipeline.launch import PROCESSORS
 
+AUTHOR = ("-c", "user.name=tests", "-c", "user.email=tests@localhost")
 RNG = np.random.default_rng(3)
 
 
@@ -40,20 +44,24 @@ def test_the_interval_is_that_of_scipys_paired_test():
     assert (row["ci_low"], row["ci_high"]) == pytest.approx(tuple(test.confidence_interval()))
 
 
-def test_a_headline_without_any_change_is_the_same():
-    values = seeds(x=RNG.normal(0, 1, 10))
-    assert paired(values, values)["word"].item() == "same"
-
-
 def test_a_commit_does_not_differ_from_itself(capsys: pytest.CaptureFixture[str]):
     assert main(["HEAD", "HEAD", "--format", "json"]) == 0
     content = json.loads(capsys.readouterr().out)
     assert not any(content[name] for name in ("claims", "headlines", "parameters", "data", "packages", "modules"))
 
 
+def test_stages_that_ran_on_another_processor_are_named(tmp_path: Path):
+    def commit(**processors: str) -> Commit:
+        (tmp_path / PROCESSORS).write_text(json.dumps(processors))
+        git(tmp_path, "add", "--all")
+        git(tmp_path, *AUTHOR, "commit", "--quiet", "--message", "ran")
+        return Commit(git(tmp_path, "rev-parse", "HEAD").strip(), tmp_path)
+
+    git(tmp_path, "init", "--quiet")
+    before = commit(scenes="Xeon", train="Xeon", irl="EPYC")
+    after = commit(scenes="EPYC", train="EPYC", irl="EPYC", repair="EPYC")
+    assert _processors(before, after) == [("Xeon", "EPYC", "scenes, train")]
+
+
 def test_long_tables_say_how_much_they_leave_out():
     assert f"... {7} more" in table(["a"], [(i,) for i in range(MAX_LINES + 7)])
-
-
-def test_nested_names_are_joined_by_dots():
-    assert flat({"a": {"b": 1}, "c": [2]}) == {"a.b": 1, "c": [2]}

@@ -22,7 +22,9 @@ def test_a_row_names_the_faults_of_a_commit_and_the_verdicts_that_it_changed():
         Entry("0a1b2c3d", "2026-11-25", "Results", [stale], changed),
         Entry("4e5f6a7b", "2026-11-25", "Results anew", [stale._replace(faults=[])], []),
         Entry("8c9d0e1f", "2026-11-25", "Other folders", [], []),
+        Entry("2a3b4c5d", "2026-11-25", "No README", [stale._replace(faults=[]), Checked("README", "", 0, [])], []),
     ]
-    rows = text.of_history("HEAD", entries).splitlines()[-3:]
+    rows = text.of_history("HEAD", entries).splitlines()[-4:]
     assert "| stages 1 | repair_succeeds: holds to fails |" in rows[0]
     assert "| none | – |" in rows[1] and "| cannot be audited |" in rows[2]
+    assert "| none in 1 of 2 checks |" in rows[3]

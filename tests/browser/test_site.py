@@ -127,7 +127,7 @@ def test_the_pointer_drags_the_path_over_table_and_maps(opened: Opened, width: i
 def test_a_model_that_is_wrong_on_a_patterned_table_is_marked(opened: Opened):
     page = opened("index")
     assert page.locator(".wrong").count() == 0
-    page.get_by_role("checkbox", name="on marble").check()
+    page.get_by_role("checkbox", name="on onyx").check()
     assert page.locator(".wrong").count() == 4  # two users, two models
     assert "wrong" in page.locator(".wrong").first.inner_text()
 

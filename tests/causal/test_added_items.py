@@ -1,9 +1,8 @@
 """Effects of added items are differences of mean validity, in the order of the questions."""
 
 import numpy as np
-import pandas as pd
 
-from pipeline.causal.added_items import added_item_effects, expected_by_version, questions, verdicts
+from pipeline.causal.added_items import added_item_effects, expected_by_version, questions
 from pipeline.world.layout import SYMBOLS
 
 USERS = ["careful", "normal"]
@@ -18,11 +17,3 @@ def test_a_question_compares_the_scene_as_it_is_with_its_symbol_s_version():
         np.testing.assert_allclose(before[i], row[:, 0].mean(-1))
         np.testing.assert_allclose(after[i], row[:, 1 + SYMBOLS.index(symbol)].mean(-1))
     np.testing.assert_allclose(added_item_effects(P), after - before)
-
-
-def test_verdicts_name_the_question_and_hold_the_model_against_the_truth():
-    valid = RNG.random((2, 1 + len(SYMBOLS), 5, 6)) < 0.5
-    perfect = np.repeat(valid[:, None].astype(float), 3, axis=1)
-    table = verdicts(USERS, perfect, valid)
-    pd.testing.assert_frame_equal(table[["user", "symbol"]], questions(USERS))
-    np.testing.assert_allclose(table["effect"], table["truth"])

@@ -104,15 +104,6 @@ def test_models_that_know_the_truth_are_never_wrong(
     assert row["lead"] == pytest.approx(1 - row["baseline_nearest_item"])
 
 
-def test_the_nearest_item_is_the_cause_for_a_user_with_equal_margins_only(
-    layouts: Layouts, z_theta: np.ndarray, subsets: Subsets
-):
-    for margins, always in ((CAREFUL, True), (NORMAL, False)):
-        cause = attribute(true_removals(layouts, z_theta, subsets, margins).necessity)
-        chances = baselines(cause, layouts.present, layouts.symbol, clearance(layouts, z_theta))
-        assert chances["nearest_item"][cause != NO_SINGLE_CAUSE].all() == always
-
-
 def test_the_base_rate_counts_only_paths_with_a_single_cause():
     """The glass causes the one such path beside it, the bowl 10 of the 11 beside that."""
     bowl, glass, plate = (SYMBOLS.index(s) for s in ("bowl", "glass", "plate"))

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.causal.interventions import compare_with_truth, estimate_effects, expected_validity
+from pipeline.causal.interventions import compare_with_truth
 
 
 def family(effects: list[float], truths: list[float], spread: float = 0.001) -> pd.DataFrame:
@@ -13,10 +13,6 @@ def family(effects: list[float], truths: list[float], spread: float = 0.001) -> 
     before, true_before = np.full_like(noise, 0.5), np.full((len(effects), 30), 0.5)
     after = before + np.array(effects)[:, None, None] + noise
     return compare_with_truth(before, after, true_before, true_before + np.array(truths)[:, None])
-
-
-def test_an_expectation_is_the_mean_probability():
-    np.testing.assert_allclose(expected_validity(np.array([[0.0, 1.0, 0.5, 0.5], [1, 1, 1, 0]])), [0.5, 0.75])
 
 
 def test_a_row_holds_the_paired_difference_beside_the_true_one():
@@ -45,9 +41,3 @@ def test_a_constant_model_of_an_indifferent_user_is_right():
     table = compare_with_truth(ones, ones, ones[:, 0], ones[:, 0])
     assert (table[["effect", "ci_low", "ci_high"]] == 0).all(axis=None)
     assert (table["p_holm"] == 1).all() and (table["verdict"] == "negligible").all() and table["right"].all()
-
-
-def test_a_judgement_depends_on_no_truth():
-    effects = np.random.default_rng(1).normal(0, 0.1, (3, 4, 25))
-    table = compare_with_truth(np.zeros_like(effects), effects, np.zeros((3, 25)), np.ones((3, 25)))
-    pd.testing.assert_frame_equal(table[estimate_effects(effects).columns], estimate_effects(effects))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.causal.interventions import estimate_effects
-from pipeline.causal.refuters import data_subset, mean_over_paths, placebo_patch
+from pipeline.causal.refuters import data_subset, placebo_patch
 from pipeline.stats.tests import SMALLEST_EFFECT
 
 
@@ -37,13 +37,6 @@ def test_a_placebo_of_squares_keeps_each_of_them_whole():
 
     assert squares(patched) == squares(after[0])
     assert (patched[22:40, 30:50] != after[0, 22:40, 30:50]).any(-1).mean() > 0.9
-
-
-def test_a_mean_over_chosen_paths_leaves_the_others_out():
-    p = np.array([[0.1, 0.3, 0.9], [0.2, 0.4, 0.6]])
-    chosen = np.array([[True, True, False], [False, False, False]])
-    np.testing.assert_allclose(mean_over_paths(p, chosen), [0.2, np.nan])
-    np.testing.assert_allclose(mean_over_paths(p, np.ones(3, bool)), p.mean(-1))
 
 
 def test_too_few_scenes_to_halve_are_refused():

@@ -140,14 +140,6 @@ def test_sampled_interventions_average_to_the_estimand(scm: SCM):
     assert asked.expectation("V", noise).mean() == pytest.approx(0.4, abs=0.003)  # without the noise of V
 
 
-def test_an_expectation_is_the_mean_over_the_nodes_own_noise(scm: SCM):
-    rng, noise = np.random.default_rng(6), scm.noise(np.random.default_rng(0), 200)
-    sampled = np.mean([scm.entail(noise | {"V": rng.random(200)})["V"] for _ in range(2000)], axis=0)
-    np.testing.assert_allclose(scm.expectation("V", noise), sampled, atol=0.05)
-    with pytest.raises(ValueError, match="Z_I has no expectation"):
-        scm.expectation("Z_I", noise)
-
-
 @pytest.mark.parametrize("v", [False, True])
 def test_the_probability_of_change_is_that_of_sampled_counterfactuals(scm: SCM, v: bool):
     """Units that all show v, by abduction, action and prediction, many times over."""

@@ -1,6 +1,7 @@
 """Launchers for clusters give the serial run's bytes, also when a node is lost; `make test-cluster`."""
 
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -20,6 +21,26 @@ JOBS = 20
 BINS = [*SMALL, f"evaluate.bins={','.join(map(str, range(5, 5 + JOBS)))}"]
 SERIAL = [5, 6, 23, 24]  # values that are run serially, too
 RAY = str(Path(sys.executable).parent / "ray")
+HOST = socket.gethostname().partition(".")[0]
+SLURM_DAEMONS = ("slurmctld", "slurmd")
+SLURM = """
+ClusterName=here
+SlurmctldHost={host}(127.0.0.1)
+SlurmctldPort={ports[0]}
+SlurmdPort={ports[1]}
+SlurmUser=root
+StateSaveLocation={folder}/state
+SlurmdSpoolDir={folder}/spool
+SlurmctldPidFile={folder}/slurmctld.pid
+SlurmdPidFile={folder}/slurmd.pid
+ProctrackType=proctrack/linuxproc
+TaskPlugin=task/none
+SelectType=select/cons_tres
+SelectTypeParameters=CR_Core
+MpiDefault=none
+NodeName={host} NodeAddr=127.0.0.1 CPUs={cores} RealMemory=8000
+PartitionName=cpu Nodes=ALL Default=YES
+"""
 
 
 @pytest.fixture(scope="module")
@@ -40,9 +61,7 @@ def serial(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def cluster(tmp_path: Path, repository: Path) -> Iterator[tuple[str, psutil.Process]]:
     """A Ray cluster of two nodes with one core each: its address, and the second node's process."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        address = f"127.0.0.1:{free.getsockname()[1]}"
+    address = f"127.0.0.1:{free_port()}"
     env = environment(repository) | {"RAY_AUTH_MODE": "disabled"}
     start = [RAY, "start", "--block", "--num-cpus=1", "--disable-usage-stats", "--object-store-memory=80000000"]
     head = [*start, "--head", f"--port={address.partition(':')[2]}", "--node-ip-address=127.0.0.1"]
@@ -54,6 +73,38 @@ def cluster(tmp_path: Path, repository: Path) -> Iterator[tuple[str, psutil.Proc
     yield address, nodes[1]
     for node in nodes:
         end(node)
+
+
+@pytest.fixture
+def slurm(tmp_path: Path) -> Iterator[Path]:
+    """Slurm on this machine alone, by Debian's slurmctld, slurmd and munge: the path of its slurm.conf."""
+    if os.geteuid() or not all(map(shutil.which, ("slurmctld", "slurmd", "munged"))):
+        pytest.skip("needs root and apt-get install slurmctld slurmd slurm-client munge")
+    munge = None
+    if not any(process.name() == "munged" for process in psutil.process_iter()):
+        Path("/run/munge").mkdir(exist_ok=True)
+        shutil.chown("/run/munge", "munge", "munge")
+        munge = psutil.Popen(["munged", "--foreground"], user="munge", group="munge")
+    for name in ("state", "spool"):
+        (tmp_path / name).mkdir()
+    conf = tmp_path / "slurm.conf"
+    ports = free_port(), free_port()
+    conf.write_text(SLURM.format(host=HOST, ports=ports, folder=tmp_path, cores=os.cpu_count()))
+    env = os.environ | {"SLURM_CONF": str(conf)}
+    daemons = [
+        psutil.Popen([name, "-D", "-f", conf, "-L", tmp_path / f"{name}.log"], env=env) for name in SLURM_DAEMONS
+    ]
+    idle = ["sinfo", "--noheader", "--format=%T"]
+    wait_for(lambda: "idle" in subprocess.run(idle, env=env, capture_output=True, text=True).stdout, daemons[0])
+    yield conf
+    for process in filter(None, [*daemons, munge]):
+        end(process)
+
+
+def free_port() -> int:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        return free.getsockname()[1]
 
 
 def wait_for(condition, process: psutil.Process, seconds: float = 120) -> None:
@@ -94,9 +145,7 @@ def test_a_ray_cluster_that_loses_a_node_does_every_job_with_the_serial_run_s_by
 
 
 def test_a_cluster_that_does_not_answer_is_refused():
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        address = f"127.0.0.1:{free.getsockname()[1]}"
+    address = f"127.0.0.1:{free_port()}"
     with pytest.raises(InputError, match=f"{address} does not answer"):
         make_plan(
             ["hydra/launcher=ray_cluster", f"hydra.launcher.ray.init.address={address}", "train.steps=1,2"], ["train"]
@@ -124,6 +173,18 @@ def test_slurm_s_job_file_asks_for_what_conf_says(repository: Path, tmp_path: Pa
     subprocess.run(arguments, cwd=repository, env=env, capture_output=True)
     job = (tmp_path / "job.sh").read_text()
     assert "#SBATCH --array=0-1" in job and "#SBATCH --mem=4GB" in job and "#SBATCH --time=600" in job
+
+
+def test_slurm_gives_the_serial_run_s_bytes(
+    repository: Path, serial: Path, slurm: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setenv("SLURM_CONF", str(slurm))
+    values = f"evaluate.bins={','.join(map(str, SERIAL[:2]))}"
+    launcher = ["hydra/launcher=slurm", "hydra.launcher.partition=cpu", "hydra.launcher.mem_gb=3"]
+    ended = sweep(repository, "--multirun", *SMALL, values, *launcher, "--folder", "by_slurm")
+    assert ended.returncode == 0, ended.stderr[-3000:]
+    for value in SERIAL[:2]:
+        assert results(repository / "by_slurm", f"evaluate.bins={value}") == results(serial, f"evaluate.bins={value}")
 
 
 def test_optuna_tries_settings_on_validation_data_alone(repository: Path):

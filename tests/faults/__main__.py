@@ -3,10 +3,12 @@
 python -m tests.faults [--kills N] [--seed S] [--only WORD] [--whole DIR] [--out FILE]
 
 A fault must end in a clear message or in the bytes of an unbroken run. Exit status 1 if one does not. --whole names a
-finished `tests/smoke.sh DIR` to compare with, and saves making one.
+finished `tests/smoke.sh DIR` to compare with, and saves making one. --out keeps a table: what runs replaces its rows
+there, so that a long count can be made in parts.
 """
 
 import argparse
+import itertools
 import os
 import shutil
 import signal
@@ -14,22 +16,26 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from pipeline.artifacts.files import write_table
+from tests.sweep.running import SMALL
 
 ROOT = Path(__file__).parents[2]
 REPRO = ["make", "--assume-old=.venv/.ready", "repro"]
 STUDY = ["dvc", "repro", "studies/identification/dvc.yaml"]
+SWEEP = [sys.executable, "-m", "pipeline.sweep"]
+SWEPT = ["--multirun", "--folder", "swept", *SMALL, "evaluate.bins=5,10", "hydra.launcher.n_jobs=2"]
 STAGES = ("scenes", "demos", "train", "irl", "clearance", "evaluate", "repair", "intervene", "record")
 PAPER = (*(f"outputs/{stage}" for stage in STAGES), "reports")
 RESULTS = ("outputs", "reports", "studies/identification")
 SAME, MESSAGE, WRONG = "correct result", "clear message", "WRONG"
-MEAN_S = 8.0  # between kills: most stages of the smoke profile last as long
+MEAN_S = float(os.environ.get("MEAN_S", "8"))  # between kills: most stages of the smoke profile last as long
 
 
 class Broken:
@@ -50,7 +56,14 @@ class Broken:
 
     def run(self, *command: str, timeout: float = 3600) -> subprocess.CompletedProcess[str]:
         """Return the ended command with what it said."""
-        return subprocess.run(command, cwd=self.folder, capture_output=True, text=True, timeout=timeout)
+        return subprocess.run(
+            command, cwd=self.folder, env=self.environment, capture_output=True, text=True, timeout=timeout
+        )
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """The caller's, in which Python finds the clone's own code."""
+        return os.environ | {"PYTHONPATH": str(self.folder)}
 
     def differing(self, folders: tuple[str, ...] = RESULTS) -> list[str]:
         """Return the files that differ from the whole run's; of recordings, their digests are compared."""
@@ -67,7 +80,7 @@ class Broken:
 def said(done: subprocess.CompletedProcess[str]) -> tuple[str, str]:
     """Return the message of a failed command; a traceback or silence is wrong."""
     lines = [line.strip() for line in (done.stderr + done.stdout).splitlines()]
-    errors = [line for line in lines if line.lower().startswith(("error", "make: ***"))]
+    errors = [line for line in lines if line.lower().startswith("error")]
     if "Traceback (most recent call last)" in done.stderr + done.stdout:
         return WRONG, f"traceback: {lines[-1] if lines else ''}"
     return (MESSAGE, errors[0]) if errors else (WRONG, "no message")
@@ -75,11 +88,17 @@ def said(done: subprocess.CompletedProcess[str]) -> tuple[str, str]:
 
 def _differing(first: Path, second: Path) -> list[str]:
     def contents(folder: Path) -> dict[str, bytes]:
-        files = [path for path in folder.rglob("*") if path.is_file() and path.suffix not in (".rrd", ".lock", ".pyc")]
+        files = [path for path in folder.rglob("*") if path.is_file() and not _varies(path)]
         return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
     before, after = contents(first), contents(second)
     return sorted(name for name in before.keys() | after.keys() if before.get(name) != after.get(name))
+
+
+def _varies(path: Path) -> bool:
+    """Whether a file holds hashes of recordings, whose digests are compared, or a sweep's durations."""
+    dated = (path.parent / "sweep.json").is_file() and path.suffix != ".parquet"
+    return dated or path.name in ("job.json", "log.txt") or path.suffix in (".rrd", ".lock", ".pyc")
 
 
 # Faults. Each takes the whole run, an empty folder, a generator and the number of kills, and returns how it ended, for
@@ -88,35 +107,75 @@ def _differing(first: Path, second: Path) -> list[str]:
 Ends = list[tuple[str, str]]
 
 
-def _kills(broken: Broken, command: list[str], rng: np.random.Generator, kills: int, folders: tuple[str, ...]) -> Ends:
-    """Kill the command with all its children again and again, then let it end."""
-    done = 0
-    for _ in range(kills):
-        process = subprocess.Popen(
-            command, cwd=broken.folder, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-        )
-        try:
-            process.wait(rng.exponential(MEAN_S) + 0.5)
-            break  # it came to its end
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
-            done += 1
-    end = broken.judge(broken.run(*command), folders)
-    return [end] * max(done, 1)
+def _kills(
+    make: Callable[[Path], Broken],
+    command: Callable[[Path], list[str]],
+    folder: Path,
+    rng: np.random.Generator,
+    kills: int,
+    folders: tuple[str, ...],
+) -> Ends:
+    """Kill a command with all its children, resume it until it ends, and begin anew until it was killed often enough.
+
+    Each kill ends as the run that it hit.
+    """
+    ends: Ends = []
+    for clone in itertools.count():
+        broken, killed = make(folder / str(clone)), 0
+        while len(ends) + killed < kills and _killed(broken, command(broken.folder), rng):
+            killed += 1
+        if killed:
+            ends += [broken.judge(broken.run(*command(broken.folder)), folders)] * killed
+        shutil.rmtree(broken.folder)
+        if len(ends) >= kills:
+            return ends
+    return ends
+
+
+def _killed(broken: Broken, command: list[str], rng: np.random.Generator) -> bool:
+    """Start a command and kill it after a random time; return False if it came to its end before."""
+    place = {"cwd": broken.folder, "env": broken.environment, "start_new_session": True}
+    process = subprocess.Popen(command, **place, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        process.wait(rng.exponential(MEAN_S) + 0.5)
+        return False
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        return True
 
 
 def kill_the_paper(whole: Path, folder: Path, rng: np.random.Generator, kills: int) -> Ends:
     """kill -9 of `make repro`, resumed"""
-    return _kills(Broken(whole, folder, results=False, cache=False), REPRO, rng, kills, PAPER)
+    make = partial(Broken, whole, results=False, cache=False)
+    return _kills(make, lambda _: REPRO, folder, rng, kills, PAPER)
 
 
 def kill_a_study(whole: Path, folder: Path, rng: np.random.Generator, kills: int) -> Ends:
     """kill -9 of a study, resumed"""
-    broken = Broken(whole, folder, results=True, cache=False)
-    shutil.rmtree(broken.folder / "outputs/studies/identification")
-    (broken.folder / "studies/identification/dvc.lock").unlink()
-    return _kills(broken, STUDY, rng, -(-kills // 5), ("outputs/studies/identification", "studies/identification"))
+
+    def make(clone: Path) -> Broken:
+        broken = Broken(whole, clone, results=True, cache=False)
+        shutil.rmtree(clone / "outputs/studies/identification")
+        (clone / "studies/identification/dvc.lock").unlink()
+        return broken
+
+    folders = ("outputs/studies/identification", "studies/identification")
+    return _kills(make, lambda _: STUDY, folder, rng, kills, folders)
+
+
+def kill_a_sweep(whole: Path, folder: Path, rng: np.random.Generator, kills: int) -> Ends:
+    """kill -9 of a sweep, resumed"""
+    reference = Broken(whole, folder / "reference", results=False, cache=False)
+    reference.run(*SWEEP, *SWEPT).check_returncode()
+
+    def command(clone: Path) -> list[str]:
+        return [*SWEEP, *(["--resume", "swept"] if (clone / "swept/sweep.json").is_file() else SWEPT)]
+
+    def make(clone: Path) -> Broken:
+        return Broken(reference.folder, clone, results=False, cache=False)
+
+    return _kills(make, command, folder, rng, kills, ("swept",))
 
 
 def _damage(path: Path, rng: np.random.Generator, how: str) -> None:
@@ -165,13 +224,16 @@ def damaged_store(whole: Path, folder: Path, rng: np.random.Generator, kills: in
     """damaged file in the store of data, pulled"""
     ends = []
     for how in ("cut", "flip"):
-        broken = Broken(whole, folder / how, results=False, cache=False)
-        shutil.rmtree(broken.folder / "data")
-        shutil.rmtree(broken.folder / ".dvc/cache", ignore_errors=True)
-        shutil.rmtree(broken.folder / ".dvc/tmp", ignore_errors=True)
-        table = [p for p in broken.folder.glob("store/files/md5/*/*") if p.read_bytes()[:5] == b"name,"]
-        _damage((table or sorted(broken.folder.glob("store/files/md5/*/*")))[0], rng, how)
-        ends.append(broken.judge(broken.run(*REPRO), PAPER))
+        for suffix in (".csv", ".png"):
+            broken = Broken(whole, folder / how / suffix, results=False, cache=False)
+            names = [p for p in sorted(broken.folder.glob("data/**/*")) if p.suffix == suffix]
+            content = names[int(rng.integers(len(names)))].read_bytes()
+            shutil.rmtree(broken.folder / "data")
+            shutil.rmtree(broken.folder / ".dvc/cache", ignore_errors=True)
+            shutil.rmtree(broken.folder / ".dvc/tmp", ignore_errors=True)
+            (stored,) = [p for p in broken.folder.glob("store/files/md5/*/*") if p.read_bytes() == content]
+            _damage(stored, rng, how)
+            ends.append(broken.judge(broken.run(*REPRO), PAPER))
     return ends
 
 
@@ -252,8 +314,8 @@ def workers_and_folder(whole: Path, folder: Path, rng: np.random.Generator, kill
 
 
 FAULTS = (
-    kill_the_paper, kill_a_study, damaged_cache, damaged_store, damaged_weights, damaged_data, two_at_once,
-    read_only_reports, clock_set_back, no_network, full_disk, workers_and_folder,
+    kill_the_paper, kill_a_study, kill_a_sweep, damaged_cache, damaged_store, damaged_weights, damaged_data,
+    two_at_once, read_only_reports, clock_set_back, no_network, full_disk, workers_and_folder,
 )  # fmt: skip
 
 
@@ -267,7 +329,7 @@ def main() -> int:
     parser.add_argument("--whole", type=Path, help="a finished smoke run")
     parser.add_argument("--out", type=Path, help="csv to write")
     given = parser.parse_args()
-    rows = []
+    table = pd.read_csv(given.out, keep_default_na=False) if given.out and given.out.is_file() else pd.DataFrame()
     with tempfile.TemporaryDirectory() as temporary:
         whole = (given.whole or Path(temporary) / "whole").absolute()
         if not given.whole:
@@ -276,13 +338,24 @@ def main() -> int:
             folder = Path(temporary) / fault.__name__
             ends = fault(whole, folder, np.random.default_rng(given.seed), given.kills)
             shutil.rmtree(folder, ignore_errors=True)
-            for (end, message), times in pd.Series(ends).value_counts(sort=False).items():
-                text = message.replace(str(folder), "").replace(temporary, "")
-                rows.append({"fault": fault.__doc__, "times": times, "end": end, "message": text})
-                print(f"{fault.__doc__}: {times} x {end} {text}", flush=True)
-    if given.out:
-        write_table(given.out, pd.DataFrame(rows))
-    return int(any(row["end"] == WRONG for row in rows))
+            table = _with_rows(table, str(fault.__doc__), ends, (str(folder), temporary))
+            print(table[table["fault"] == fault.__doc__].to_string(index=False, header=False), flush=True)
+            if given.out:
+                write_table(given.out, table)
+    return int((table["end"] == WRONG).any())
+
+
+def _with_rows(table: pd.DataFrame, fault: str, ends: Ends, folders: Sequence[str]) -> pd.DataFrame:
+    """Return a table (fault, times, end, message) in the order of FAULTS with a fault's rows replaced by new ones."""
+    rows = []
+    for (end, message), times in pd.Series(ends).value_counts(sort=False).items():
+        for name in folders:
+            message = message.replace(name, "")
+        rows.append({"fault": fault, "times": times, "end": end, "message": message})
+    others = table[table["fault"] != fault] if len(table) else table
+    order = [str(fault.__doc__) for fault in FAULTS]
+    both = pd.concat([others, pd.DataFrame(rows)])
+    return both.sort_values("fault", key=lambda names: names.map(order.index), kind="stable").reset_index(drop=True)
 
 
 if __name__ == "__main__":

@@ -46,12 +46,6 @@ def test_any_start_and_goal_become_the_models(side: float, start: tuple, goal: t
     np.testing.assert_allclose(distances[1], frame.scale * distances[0])
 
 
-def test_picture_and_paths_are_mapped_alike():
-    frame = Frame.between(1.0, np.array([0.1, 0.5]), np.array([0.9, 0.5]))
-    image = frame.image(rectify(draw_table((0.6, 0.4, 0.05, RED)), None))
-    np.testing.assert_allclose(centre_of_red(image), frame.to_model(np.array([0.6, 0.4])), atol=0.006)
-
-
 def test_beyond_the_tables_edge_the_rim_goes_on_without_its_objects():
     frame = Frame.between(
         1.0, np.array([0.1, 0.05]), np.array([0.9, 0.05])

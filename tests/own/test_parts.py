@@ -7,10 +7,8 @@ import pytest
 from pipeline.own import kinds, scoring
 from pipeline.own.check import check
 from pipeline.own.data import user_data
-from pipeline.own.fitting import PRIOR_SIDE, position_prior
 from pipeline.own.frame import CANVAS_PX
 from pipeline.own.paths import held_out_errors, picked_degrees, spread
-from pipeline.own.tables import without_formulas
 from pipeline.perception.objects import Objects
 from pipeline.world.bezier import P_F, P_INIT, curve
 from tests.own.folders import make_folder, write_cutout
@@ -72,7 +70,7 @@ def test_places_are_clear_of_objects_and_path_ends_and_a_full_table_has_none(fol
     rng, shape = np.random.default_rng(0), (1, 12)
     objects = Objects(
         np.zeros((*shape, 2, 2), np.float32), np.zeros(shape, np.float32), np.zeros((*shape, 6), np.float32),
-        np.zeros(shape, bool),
+        np.zeros(shape, bool), np.zeros(1, np.float32),
     )  # fmt: skip
     objects.ends[0, 0], objects.radius[0, 0], objects.present[0, 0] = (0.5, 0.5), 0.2, True
     centres = np.array([kinds.free_place(rng, found, objects, 0, capsule)[0] for _ in range(50)])  # type: ignore[index]
@@ -80,12 +78,6 @@ def test_places_are_clear_of_objects_and_path_ends_and_a_full_table_has_none(fol
     assert (np.linalg.norm(centres - P_INIT, axis=1) > 0.12 + capsule.radius - 0.002).all()
     objects.radius[0, 0] = 0.7
     assert kinds.free_place(rng, found, objects, 0, capsule) is None
-
-
-def test_the_position_prior_is_the_share_of_valid_demonstrations_nearby():
-    z, valid = np.array([[0.0, 0.0], [1.0, 1.0]]), np.array([True, False])
-    prior = position_prior(z, valid)
-    assert prior.shape == (PRIOR_SIDE, PRIOR_SIDE) and prior[4, 4] > 0.99 and prior[-5, -5] < 0.01
 
 
 @pytest.mark.parametrize(("half", "scenes", "state"), [(0.5, 25, "rising"), (1.0, 25, "flat"), (1.0, 6, "open")])
@@ -100,9 +92,3 @@ def test_whether_more_scenes_would_help_follows_from_the_second_half(half: float
                 rows.append(("Ana", "clearance", share, f"s{scene}", str(demo), True, p))
     judged = pd.DataFrame(rows, columns=["user", "predictor", "share", "scene", "demo", "valid", "p"])
     assert scoring.enough(judged, "clearance")["state"].tolist() == [state]
-
-
-def test_a_spreadsheet_takes_no_text_for_a_formula():
-    table = pd.DataFrame({"user": ["=1+1", "+a", "-b", "@c", "\t=d", "Ana"], "p": [-1.0, 1, 2, 3, 4, 5]})
-    safe = without_formulas(table)
-    assert safe["user"].tolist() == ["'=1+1", "'+a", "'-b", "'@c", "'\t=d", "Ana"] and safe["p"].tolist()[0] == -1

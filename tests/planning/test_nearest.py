@@ -44,12 +44,3 @@ def test_a_start_without_a_better_point_stays():
     ends, log_p = nearest(by_model(Flat(), IMAGES), SCENES, STARTS, 0.3, SIDE, 2)
     np.testing.assert_array_equal(ends, STARTS)
     np.testing.assert_allclose(log_p, float(torch.tensor(-1.0).sigmoid().log()), atol=1e-6)
-
-
-def test_scenes_are_searched_by_themselves():
-    def moving(scene: int, z: np.ndarray) -> np.ndarray:
-        return np.where(np.linalg.norm(z - [0.2, 0.3 * scene], axis=-1) < 0.1, 0.0, -np.inf)
-
-    ends, _ = nearest(moving, SCENES, STARTS, 1.0, SIDE, 1)
-    for scene in range(3):
-        assert np.isfinite(moving(scene, ends[scene == SCENES])).all()

@@ -73,8 +73,3 @@ def test_the_constant_detour_is_valid_in_as_many_scenes_as_any_other_rather_than
     narrow = [outside(BELOW, 0.01)]
     layouts = with_glasses(narrow, narrow, [(0.5, 0.5), outside(ABOVE, -0.01)])
     np.testing.assert_allclose(constant_detour(layouts, NORMAL, 2), BELOW)
-
-
-def test_clearance_beyond_a_limit_does_not_make_up_for_little_in_another_scene():
-    layouts = with_glasses([(0.5, 0.5), outside(BELOW, 0.02)], [outside(ABOVE, 0.09)])
-    np.testing.assert_allclose(constant_detour(layouts, NORMAL, 2), ABOVE)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rendered.meshes import into_capsule, outline_gap, rounded, swept, turned
+from rendered.meshes import into_capsule, outline_gap, swept, turned
 
 PROFILE = np.array([[0.0, 0.0], [0.03, 0.0], [0.06, 0.04], [0.055, 0.04], [0.0, 0.005]])
 
@@ -28,7 +28,3 @@ def test_a_rod_moved_into_its_capsule_touches_ends_and_sides():
     mesh = swept(np.stack([x, 0 * x, 0 * x], -1), np.full_like(x, 0.012), np.full_like(x, 0.001))
     assert outline_gap([into_capsule(mesh, 0.012, 0.088)], 0.012, 0.088, filled=False) < 5e-4
     assert outline_gap([mesh], 0.012, 0.088, filled=False) > 0.004  # its corners
-
-
-def test_cutting_corners_keeps_both_ends():
-    np.testing.assert_array_equal(rounded(PROFILE)[[0, -1]], PROFILE[[0, -1]])

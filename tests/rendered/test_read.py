@@ -15,14 +15,14 @@ from rendered.read import Rendered, read_rendered
 from rendered.sheets import pictures, sheet
 
 FOLDER = Path("rendered/pictures")
-VALIDATION = ("validation_taught", "validation_held_out")
+JUDGED = ("validation_taught", "validation_held_out", "test_taught", "test_held_out")  # splits with added items
 ROUNDING_M = 3e-5  # lengths in items.csv have five decimals
 VISIBLE = 6  # smallest change of a channel that camera noise seldom makes, out of 255
 
 needs_data = pytest.mark.skipif(not FOLDER.is_dir(), reason=f"{FOLDER} is absent: dvc pull rendered/pictures.dvc")
 
 
-@pytest.fixture(scope="module", params=["train", *VALIDATION])
+@pytest.fixture(scope="module", params=["train", *JUDGED])
 def rendered(request) -> Rendered:
     return read_rendered(FOLDER / request.param)
 
@@ -56,7 +56,7 @@ def test_items_keep_the_distances_of_the_layout_rules(rendered, rules):
 
 
 @needs_data
-@pytest.mark.parametrize("split", VALIDATION)
+@pytest.mark.parametrize("split", JUDGED)
 def test_every_scene_has_a_picture_with_one_more_item_of_each_symbol(split):
     rendered = read_rendered(FOLDER / split)
     assert tuple(rendered.with_item) == SYMBOLS
@@ -67,7 +67,7 @@ def test_every_scene_has_a_picture_with_one_more_item_of_each_symbol(split):
 
 
 @needs_data
-@pytest.mark.parametrize("split", VALIDATION)
+@pytest.mark.parametrize("split", JUDGED)
 def test_an_added_item_changes_the_picture_inside_its_footprint_and_not_far_away(split):
     rendered = read_rendered(FOLDER / split)
     for symbol, images in rendered.with_item.items():
@@ -95,14 +95,18 @@ def test_items_differ_from_the_empty_table_more_than_the_table_does(rendered):
 
 
 @needs_data
-def test_kinds_held_out_stand_in_no_training_picture():
-    items, scenes = (
-        {split: pd.read_csv(FOLDER / split / name) for split in ("train", "validation_held_out")}
-        for name in ("items.csv", "scenes.csv")
-    )
-    for tables, column in ((items, "shape"), (items, "finish"), (scenes, "top")):
-        shared = set(tables["train"][column]) & set(tables["validation_held_out"][column])
-        assert not shared, column
+@pytest.mark.parametrize(
+    ("split", "others"),
+    [
+        ("validation_held_out", ["train"]),
+        ("test_held_out", ["train", "validation_taught", "validation_held_out", "test_taught"]),
+    ],
+)
+def test_no_other_split_shows_the_kinds_that_one_of_kinds_held_out_holds(split, others):
+    """So that no training picture shows those held out, and no earlier picture those of the sealed test."""
+    for name, column in (("items.csv", "shape"), ("items.csv", "finish"), ("scenes.csv", "top")):
+        held_out, *shown = (set(pd.read_csv(FOLDER / s / name)[column]) for s in (split, *others))
+        assert not held_out & set().union(*shown), column
 
 
 def test_a_contact_sheet_holds_the_pictures_in_order():

@@ -21,11 +21,6 @@ def judged(table: str, column: str, where: dict, value: object) -> dict[str, str
     return verdicts(claims_table(factory.results(**{table: frame})))
 
 
-def test_every_verdict_is_one_of_five():
-    known = {"holds", "fails", "open", "untestable", "not tested"}
-    assert set(verdicts(claims_table(factory.results())).values()) <= known
-
-
 @pytest.mark.parametrize(
     ("careful", "normal", "verdict"), [(0.9, 0.97, "holds"), (0.65, 0.97, "open"), (0.3, 0.97, "fails")]
 )
@@ -37,12 +32,6 @@ def test_repair_fails_only_below_the_interval_of_the_papers_few_scenes(careful: 
     assert verdicts(claims_table(factory.results(repair=frame)))["repair"] == verdict
 
 
-def test_a_repair_that_new_training_sets_could_undo_is_open():
-    frame = factory.tables()["repair"]
-    frame.loc[frame["variant"] == "full", ["success", "success_ci_low", "success_ci_high"]] = 0.97, 0.5, 1.0
-    assert verdicts(claims_table(factory.results(repair=frame)))["repair"] == "open"
-
-
 def test_repair_is_open_if_a_constant_detour_does_as_well():
     frame = factory.tables()["repair"]
     frame.loc[frame["variant"] == "full", ["success", "success_ci_low", "success_ci_high"]] = 0.97, 0.9, 1.0
@@ -51,10 +40,6 @@ def test_repair_is_open_if_a_constant_detour_does_as_well():
 
 
 FULL_SEEN = {"variant": "full", "split": "seen_scenes", "n_demos": 9}
-
-
-def test_accuracy_holds_at_the_papers_lower_quartile():
-    assert judged("accuracy", ["mean", "q1", "q3"], FULL_SEEN, 0.98)["accuracy"] == "holds"  # pyright: ignore
 
 
 def test_an_accuracy_that_many_training_sets_miss_is_open():
@@ -112,14 +97,6 @@ def test_what_no_model_reaches_does_not_fail():
     questions.loc[questions["truth_verdict"] == "effect", "right"] = False
     judged_so = verdicts(claims_table(factory.results(repair=repair, interventions=questions)))
     assert judged_so["repair"] == judged_so["causes"] == "open"
-
-
-def test_what_an_image_blind_model_passes_does_not_hold():
-    assert verdicts(claims_table(factory.results()))["users_differ"] == "open"
-
-
-def test_what_a_simulation_cannot_show_is_untestable():
-    assert verdicts(claims_table(factory.results()))["robot"] == "untestable"
 
 
 def test_without_the_papers_model_its_claims_are_not_judged():

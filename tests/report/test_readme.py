@@ -5,7 +5,7 @@ import json
 import pandas as pd
 
 from pipeline.report.readme import METRICS as COMMITTED
-from pipeline.report.readme import README, VERDICTS, fill, headlines
+from pipeline.report.readme import README, VERDICTS, headlines
 
 METRICS = {
     "accuracy": {"full": {"new_items": 0.54}, "position_only": {"new_items": 0.59}},
@@ -19,11 +19,6 @@ def test_every_model_and_baseline_has_a_row_with_its_numbers():
     rows = headlines(METRICS, FIVE).splitlines()
     assert rows[2] == "| Paper’s model | 54\u00a0% | 65\u00a0% | 75\u00a0% | 3 of 5 |"
     assert rows[-1] == "| Fixed detour (image-blind) | – | 80\u00a0% | 90\u00a0% | – |"
-
-
-def test_filling_twice_is_filling_once():
-    once = fill(README.read_text(), headlines(METRICS, FIVE))
-    assert headlines(METRICS, FIVE) in once and fill(once, headlines(METRICS, FIVE)) == once
 
 
 def test_the_readme_has_the_numbers_of_the_committed_run():

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.report.render import PAGES, render
-from tests.report import factory
+from pipeline.report.render import PAGES, Site
 
 ROOT = Path(__file__).parents[2]
 TEMPLATES = sorted([*(ROOT / "pipeline/report").rglob("*.j2"), *(ROOT / "studies").glob("*/*.j2")])
@@ -76,8 +75,8 @@ def test_every_word_is_spelled_as_in_a_dictionary():
 
 
 @pytest.mark.slow
-def test_rendered_pages_read_as_well_as_their_templates(tmp_path: Path):
-    pages = {name: page_words(page) for name, page in render(factory.results()).pages.items()}
+def test_rendered_pages_read_as_well_as_their_templates(site: Site, tmp_path: Path):
+    pages = {name: page_words(page) for name, page in site.pages.items()}
     for name, text in pages.items():
         (tmp_path / f"{name}.txt").write_text(text)
     assert {name: found for name, text in pages.items() if (found := too_long(text) + home_made(text))} == {}

@@ -55,8 +55,13 @@ def test_a_movement_that_is_too_fast_fails_by_joint_speed(pr2: Arm, bench: Bench
 def test_a_table_too_large_or_too_far_fails_by_reach(pr2: Arm, bench: Bench):
     far = replace(bench, side_m=1.0, base_y=-1.0)
     result = execute(pr2, far, posture_map(pr2, far, 7, TALLEST_M), Z_THETA, 16, 0.35, ALLOWED).results
-    assert set(result["failure"]) <= {"out of reach", "joint limit", "collision"} and len(set(result["failure"])) > 0
     assert "out of reach" in set(result["failure"])
+    assert set(result["failure"]) <= {"out of reach", "joint limit", "collision", "off the table"}
+
+
+def test_a_path_across_the_table_s_edge_fails_by_name(pr2: Arm, bench: Bench, postures: PostureMap):
+    beyond = execute(pr2, bench, postures, np.array([[1.4, 1.4]]), 64, 0.35, ALLOWED).results
+    assert beyond["failure"].tolist() == ["off the table"]
 
 
 def test_items_as_tall_as_the_arm_are_in_its_way(pr2: Arm, bench: Bench):

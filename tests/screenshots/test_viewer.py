@@ -1,11 +1,13 @@
 """Rerun's own viewer, without a screen, shows the recordings: nothing blank, no error, each recording its own."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
 from rerun.experimental import ViewerClient
 
+from pipeline.config.graph import ROOT
 from pipeline.viewer.overview import write_overview
 from pipeline.viewer.run import write_run
 from pipeline.viewer.scene import INVALID, START, TIMELINES, VALID
@@ -80,6 +82,15 @@ def test_the_overview_shows_errors_and_differs_from_a_run(run: ViewerClient, ove
     assert_shows_something(compared)
     assert share(compared, VALID) > 0.01 and share(compared, INVALID) > 0.01
     assert (screenshot(run) != compared).any(-1).mean() > 0.05
+
+
+@pytest.mark.parametrize("path", sorted(ROOT.glob("studies/*/recording/*.rrd")), ids=lambda path: path.stem)
+def test_a_study_s_recording_shows_something(path: Path) -> None:
+    with viewer() as client:
+        client.open(str(path))
+        client.set_time("time", duration=1.5, play_state="paused")
+        assert_shows_something(screenshot(client))
+        assert [entry for entry in client.get_logs() if entry.level.upper() == "ERROR"] == []
 
 
 def test_no_error_is_logged(run: ViewerClient, overview: ViewerClient) -> None:

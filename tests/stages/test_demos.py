@@ -62,14 +62,17 @@ def test_every_seed_user_and_scene_has_its_demonstrations_and_careful_users_acce
     assert 0 < share["careful"] < share["normal"] < share["aggressive"] == 1.0
 
 
-def test_recordings_lie_in_the_order_of_the_demonstrations(out: Path):
-    demos, (samples, offsets) = read_demos(out), read_trajectories(out)
-    np.testing.assert_array_equal(np.diff(offsets), demos["samples"])
-    np.testing.assert_allclose(samples[offsets[1:] - 1, 0], demos["duration_s"], rtol=1e-6)
-    pd.testing.assert_frame_equal(demos[DEMO_KEY], demos[DEMO_KEY].sort_values(DEMO_KEY, ignore_index=True))
+def test_labels_are_of_the_lines_that_hands_drew_and_not_of_the_fitted_paths(
+    cfg: DictConfig, out: Path, tmp_path: Path
+):
+    assert fits_that_agree(cfg, out) > 0.95
+    shaky = with_value(cfg.copy(), "demos.hand.drift_m=0.008")
+    main(shaky, tmp_path)
+    assert 0.8 < fits_that_agree(shaky, tmp_path) < 1
 
 
-def test_labels_are_of_the_lines_that_hands_drew_and_not_of_the_fitted_paths(cfg: DictConfig, out: Path):
+def fits_that_agree(cfg: DictConfig, out: Path) -> float:
+    """The share of fitted paths with the label of their line; every label is its line's."""
     demos, recordings = read_demos(out), read_trajectories(out)
     scenes, of_fits = read_scenes(Path(cfg.paths.scenes)), []
     for (seed, user), rows in demos.groupby(["seed", "user"]):  # pyright: ignore
@@ -80,7 +83,7 @@ def test_labels_are_of_the_lines_that_hands_drew_and_not_of_the_fitted_paths(cfg
         np.testing.assert_array_equal(rows["valid"].to_numpy(), of_lines)
         z, _ = demo_arrays(demos, seed, user, cfg.demos.per_scene)
         of_fits += list(valid(layouts, z, dict(cfg.users[user])).ravel() == of_lines)
-    assert 0.95 < np.mean(of_fits) < 1
+    return float(np.mean(of_fits))
 
 
 def test_queries_are_labelled_by_the_truth_and_unseen_by_training(cfg: DictConfig, out: Path):
@@ -103,11 +106,10 @@ def test_fewer_seeds_or_demonstrations_leave_the_recordings_as_they_are(cfg: Dic
     pd.testing.assert_frame_equal(read_demos(tmp_path / "fewer"), kept, check_exact=True)
 
 
-@pytest.mark.parametrize("clock_s", [0.0, 1.7e9], ids=["from zero", "since 1970"])
 def test_real_recordings_take_the_place_of_simulated_ones_and_are_counted(
-    cfg: DictConfig, out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], clock_s: float
+    cfg: DictConfig, out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
-    main(real_csv(cfg, tmp_path, out, clock_s), tmp_path / "real")
+    main(real_csv(cfg, tmp_path, out, clock_s=1.7e9), tmp_path / "real")  # since 1970
     before, after = read_demos(out), read_demos(tmp_path / "real")
     moved = np.linalg.norm(after[["z_x", "z_y"]].to_numpy() - before[["z_x", "z_y"]].to_numpy(), axis=1) > 1e-3
     assert moved.sum() == 1 and after.loc[moved, DEMO_KEY].iloc[0].tolist() == [0, "careful", 0, 0]
@@ -130,11 +132,6 @@ def test_a_file_without_recordings_is_refused(cfg: DictConfig, tmp_path: Path, c
     there = with_value(cfg.copy(), f"paths.data={tmp_path}")
     refuses(main, there, "demos.recorded", str(tmp_path / "real.csv"), f"real.csv.* {says}", tmp_path / "bad")
     refuses(main, cfg, "demos.recorded", str(tmp_path / "real.csv"), "expected a csv in data/", tmp_path / "bad")
-
-
-def test_a_missing_csv_is_named_before_missing_scenes(cfg: DictConfig, tmp_path: Path):
-    nowhere = with_value(cfg.copy(), f"paths.scenes={tmp_path / 'none'}")
-    refuses(main, nowhere, "demos.recorded", f"{cfg.paths.data}/nope.csv", "nope.csv cannot be read", tmp_path / "bad")
 
 
 @pytest.mark.parametrize(

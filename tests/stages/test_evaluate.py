@@ -98,19 +98,9 @@ def test_a_right_model_scores_one_and_a_wrong_one_zero(cfg: DictConfig, out: Pat
     assert row(out, "scores", variant="classifier", split="seen_scenes")["brier"] == 0.25
     metrics = read_json(out / "metrics.json")
     assert metrics["accuracy"]["full"] == {"seen_scenes": 1, "new_scenes": 1, "new_items": 1}
-    assert set(metrics["accuracy"]) == {*cfg.variants, "position_only", "nearest_demonstration"}
-    assert set(metrics["accuracy"]["nearest_demonstration"]) == {"seen_scenes"}
+    assert set(metrics["accuracy"]) == {*cfg.variants, "position_only"}
+    assert set(metrics["accuracy"]["position_only"]) == {"new_items"}
     assert metrics["accuracy_one_demo"]["ae"] == {"new_items": 0}
-
-
-def test_every_model_and_split_has_a_row(cfg: DictConfig, out: Path):
-    scores = read_table(out / "accuracy.parquet")
-    models = len(cfg.users) * len(cfg.n_demos) * len(cfg.seeds)
-    assert len(scores) == models * (3 * (len(cfg.variants) + 1) + 1)
-    assert set(scores[scores["variant"] == "nearest_demonstration"]["split"]) == {"seen_scenes"}
-    assert (scores["count"] == SCENES * QUERIES).all()
-    right = scores[scores["variant"] == "full"].set_index("user")["auroc"]
-    assert right["aggressive"].isna().all() and (right.drop("aggressive") == 1).all()
 
 
 def test_baselines_know_the_n_demonstrations_that_were_given_or_the_users_own_prior(cfg: DictConfig, out: Path):
@@ -125,16 +115,6 @@ def test_baselines_know_the_n_demonstrations_that_were_given_or_the_users_own_pr
         assert scored.accuracy == accuracy(p.ravel(), queries["new_items"].valid[scored.user].ravel())
 
 
-def test_shared_splits_have_intervals_over_scenes_at_the_main_n_demos(out: Path):
-    table = read_table(out / "accuracy.csv")
-    expected = (table["n_demos"] == 9) & (table["split"] != "seen_scenes")
-    np.testing.assert_array_equal(table["ci_low"].notna(), expected)
-    rows = table[expected]
-    assert ((rows["ci_low"] <= rows["mean"]) & (rows["mean"] <= rows["ci_high"])).all()
-    position = rows[rows["variant"] == "position_only"]
-    assert (position["ci_low"] < position["ci_high"]).all()
-
-
 def test_users_are_averaged_as_configured(cfg: DictConfig, out: Path):
     scores = read_table(out / "accuracy.parquet").query(
         "variant == 'position_only' and split == 'new_items' and n_demos == 9"
@@ -146,13 +126,6 @@ def test_users_are_averaged_as_configured(cfg: DictConfig, out: Path):
     share = np.mean([truth["careful"], truth["normal"]])
     bias = row(out, "scores", variant="classifier", split="new_items")["bias"]
     assert bias == pytest.approx(0.5 - share, abs=1e-5)
-
-
-def test_calibration_counts_every_query_once(cfg: DictConfig, out: Path):
-    table = read_table(out / "calibration.csv")
-    queries = len(cfg.seeds) * len(cfg.evaluate.users) * SCENES * QUERIES
-    assert (table.groupby(["variant", "split"])["count"].sum() == queries).all()
-    assert (table["confidence"].between(table["low"], table["high"])).all()
 
 
 def test_the_tests_are_those_fixed_in_advance_corrected_family_by_family(cfg: DictConfig, out: Path, tmp_path: Path):
@@ -192,8 +165,6 @@ def test_a_variant_fitted_at_fewer_numbers_of_demonstrations_is_judged_and_compa
     ("drop", "message"),
     [
         ("seed == 1", "classifier has 0 predictions for user careful, 1 demonstrations, seed 1"),
-        ("user == 'normal' and n_demos == 9", "0 predictions for user normal, 9 demonstrations, seed 0"),
-        ("split == 'new_items'", "seed 0, split new_items"),
         ("scene == 2 and query == 7", "has 23 predictions for .* expected 24"),
     ],
 )

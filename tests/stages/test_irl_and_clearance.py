@@ -7,7 +7,6 @@ import pytest
 
 from pipeline.artifacts.demos import read_queries
 from pipeline.artifacts.files import read_table
-from pipeline.artifacts.models import PREDICTION_COLUMNS
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.artifacts.trained import load_model
 from pipeline.params import compose
@@ -32,16 +31,6 @@ def run(request, small_world, tmp_path_factory) -> tuple[str, Path]:
     variant, out = request.param, tmp_path_factory.mktemp("fitted")
     run_as_listed(STAGES[variant], config(small_world, out, f"variant={variant}"), out / variant)
     return variant, out
-
-
-def test_it_writes_the_files_of_stage_train(run):
-    variant, out = run
-    predictions = read_table(out / variant / "predictions.parquet", PREDICTION_COLUMNS)
-    assert len(predictions) == 3 * 2 * (3 + 2 + 2) * 4  # users, n, scenes of the splits, queries
-    assert predictions["p"].dtype == np.float32 and predictions["p"].between(0, 1).all()
-    curves = read_table(out / variant / "curves.parquet")
-    assert list(curves.columns) == ["seed", "user", "n_demos", "step", "total"] and curves["total"].notna().all()
-    assert set(read_table(out / variant / "curves.csv")["user"]) == set(USERS)
 
 
 def test_a_user_without_invalid_demonstrations_gets_laplaces_constant(run):

@@ -19,8 +19,6 @@ from pipeline.runtime.errors import InputError
 from pipeline.stages.record import main
 from pipeline.viewer.assemble import CURVE_KEY, EFFECT_COLUMNS
 from pipeline.viewer.contents import ACCEPTED
-from pipeline.viewer.demonstrations import EVERY
-from pipeline.viewer.geometry import on_table
 from pipeline.viewer.scene import OUTCOME, p_classes
 from pipeline.world.bezier import curve, lattice, random_z_theta
 from pipeline.world.layout import SYMBOLS, add_item, random_layouts
@@ -158,18 +156,6 @@ def test_interventions_are_the_models_maps_and_the_stages_effects(recorded: tupl
     assert f"| **glass** | {mean['effect']:+.3f} | {mean['true_effect']:+.3f} |" in page
 
 
-def test_each_n_has_its_own_model_and_the_losses_of_the_final_one(recorded: tuple[DictConfig, Path]) -> None:
-    cfg, folder = recorded
-    path = folder / "record" / "runs" / "full-careful-s0.rrd"
-    image = read_scenes(folder / "scenes").images["new_items"][:1]
-    for n, shown in zip(cfg.n_demos, read_maps(path, "predicted/learning", 9, "demonstrations"), strict=True):
-        expected = load_model(cfg, "full", "careful", 0, n).probability(image, lattice(9)[None]).reshape(9, 9)
-        assert np.array_equal(shown, p_classes(expected))
-    curves = read_table(model_dir(cfg, "full") / "curves.parquet")
-    rows = curves[(curves["user"] == "careful") & (curves["n_demos"] == cfg.main_n_demos)]
-    assert _value(path, "losses", "Scalars:scalars") == [[total] for total in rows["total"]]
-
-
 def test_maps_during_training_are_of_the_checkpoints_and_end_with_the_final_model(
     cfg: DictConfig, tmp_path: Path
 ) -> None:
@@ -185,15 +171,6 @@ def test_maps_during_training_are_of_the_checkpoints_and_end_with_the_final_mode
         assert np.array_equal(shown, p_classes(model.probability(image, lattice(9)[None]).reshape(9, 9)))
 
 
-def test_true_slack_is_of_the_repairs_paths(recorded: tuple[DictConfig, Path]) -> None:
-    cfg, folder = recorded
-    z = dict(np.load(folder / "repair" / "paths.npz"))["full-normal-s0"].reshape(SCENES, STARTS, STEPS + 1, 2)
-    layout = read_scenes(folder / "scenes").layouts["new_items"][:1]
-    room = np.array(_value(folder / "record/runs/full-normal-s0.rrd", "slack/scene_000", "Scalars:scalars"))
-    truth = valid(layout, z[:1].reshape(1, -1, 2).astype(float), cfg.users["normal"]).reshape(STARTS, STEPS + 1)
-    assert np.array_equal(room.T > 0, truth)
-
-
 def test_recordings_of_removed_users_are_removed_and_without_margins_every_user_has_some(cfg, tmp_path) -> None:
     for removed in ([], ["careful", "normal"]):
         cfg.users = {user: margins for user, margins in cfg.users.items() if user not in removed}
@@ -201,16 +178,6 @@ def test_recordings_of_removed_users_are_removed_and_without_margins_every_user_
     listed = read_table(tmp_path / "record" / "recordings.csv")["run"]
     assert set(listed) == {"full-aggressive-s0", "classifier-aggressive-s0", "overview"}
     assert {path.stem for path in (tmp_path / "record" / "runs").iterdir()} == set(listed)
-
-
-def test_demonstrations_are_the_ones_the_model_was_fitted_to(recorded: tuple[DictConfig, Path]) -> None:
-    cfg, folder = recorded
-    demos = read_table(folder / "demos" / "demos.parquet")
-    rows = demos[(demos["user"] == "normal") & (demos["scene"] == 2) & (demos["demo"] < cfg.main_n_demos)]
-    path = folder / "record" / "runs" / "full-normal-s0.rrd"
-    (lines,) = _value(path, "training/scene_002/paths", "LineStrips2D:strips")  # fitted, then recorded
-    expected = on_table(curve(rows[["z_x", "z_y"]].to_numpy(), SAMPLES))[:, ::EVERY]
-    assert np.allclose(lines[len(rows) :], expected, atol=1e-3)
 
 
 def test_paths_that_do_not_match_the_repairs_and_a_missing_model_are_refused(cfg: DictConfig, tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
 """Facts about stage train: what it writes, that it repeats byte for byte, and what it refuses."""
 
 import hashlib
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,6 @@ import torch
 
 from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import read_table
-from pipeline.artifacts.models import PREDICTION_COLUMNS
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.artifacts.trained import load_model
 from pipeline.models.base import untrained
@@ -20,7 +18,7 @@ from pipeline.params import compose
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.streams import job_seed
 from pipeline.stages.train import main
-from pipeline.training.runner import _batches, _jobs
+from pipeline.training.runner import _jobs
 from pipeline.training.vae.engines import engine
 from tests.stages.facts import run_as_listed
 
@@ -42,16 +40,6 @@ def run(small_world, tmp_path_factory) -> Path:
     out = tmp_path_factory.mktemp("train")
     run_as_listed(main, config(small_world, out), out / "full")
     return out
-
-
-def test_every_query_of_every_model_gets_one_prediction_and_every_model_a_curve(run):
-    predictions = read_table(run / "full" / "predictions.parquet", PREDICTION_COLUMNS)
-    models = 2 * 3 * 2  # seeds, users, n
-    assert len(predictions) == models * (3 + 2 + 2) * 4
-    assert not predictions.duplicated(["seed", "user", "n_demos", "split", "scene", "query"]).any()
-    assert predictions["p"].dtype == np.float32 and predictions["p"].between(0, 1).all()
-    curves = read_table(run / "full" / "curves.csv")
-    assert set(zip(curves["user"], curves["n_demos"], strict=True)) == set(product(USERS, (1, 2)))
 
 
 def test_a_user_without_invalid_demonstrations_gets_laplaces_constant(run):
@@ -127,19 +115,6 @@ def test_auto_is_cuda_where_there_is_a_gpu_and_simd_elsewhere(small_world, tmp_p
     main(config(small_world, tmp_path, "train.engine=auto", "train.steps=1"), tmp_path / "full")
     expected = "engine cuda on cuda" if torch.cuda.is_available() else "engine simd on cpu"
     assert expected in capsys.readouterr().out
-
-
-def test_jobs_fitted_together_are_of_like_n_and_leave_no_process_idle(small_world, tmp_path):
-    jobs = _jobs(config(small_world, tmp_path), {}, BetaVae, lambda *data, seeds: [])
-    batches = _batches(jobs, 3, workers=1)
-    assert sorted(job.key for batch in batches for job in batch) == sorted(job.key for job in jobs)
-    learning = [batch for batch in batches if batch[0].user != "aggressive"]  # its labels never vary
-    assert [len(batch) for batch in learning] == [3, 3, 2]  # 2 seeds, 2 users, 2 n
-    assert all(job.user != "aggressive" for batch in learning for job in batch)
-    n_demos = [job.n_demos for batch in learning for job in batch]
-    assert n_demos == sorted(n_demos, reverse=True)  # the longest batch first
-    assert [len({job.seed for job in batch}) for batch in _batches(jobs, None, workers=2)] == [1] * 4
-    assert [len(batch) for batch in _batches(jobs, None, workers=3)] == [1] * len(jobs)
 
 
 @pytest.mark.parametrize(

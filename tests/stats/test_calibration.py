@@ -14,7 +14,7 @@ from pipeline.causal.interventions import estimate_effects
 from pipeline.stats.crossed import estimate
 from pipeline.stats.tests import LEVEL, SMALLEST_EFFECT, holm
 
-FAMILIES, QUESTIONS, SEEDS, SCENES = 400, 12, 10, 500
+FAMILIES, QUESTIONS, SEEDS, SCENES = 200, 12, 10, 500
 TOLERANCE = 3 * (LEVEL * (1 - LEVEL) / FAMILIES) ** 0.5  # three standard errors of a share of LEVEL
 
 pytestmark = pytest.mark.slow
@@ -63,7 +63,7 @@ def error_and_coverage(regime: Regime, skewed: bool = True) -> tuple[float, floa
     return float(np.mean(rejects)), float(np.mean([(e.ci_low <= 0) & (e.ci_high >= 0) for e in estimates]))
 
 
-def verdicts(regime: Regime, effect: float, families: int = 100) -> np.ndarray:
+def verdicts(regime: Regime, effect: float, families: int = 50) -> np.ndarray:
     return np.concatenate([estimate_effects(family)["verdict"] for family in regime.draw(effect, families)])
 
 

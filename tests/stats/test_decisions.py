@@ -22,22 +22,9 @@ def test_right_decisions_are_accurate_and_safe_and_their_opposite_is_neither(lab
     assert (worst["accuracy"], worst["unsafe"]) == (0, 1)
 
 
-def test_accepting_every_path_is_right_as_often_as_paths_are_valid(labels: Labels):
-    valid, _ = labels
-    row = accuracy_estimate(np.ones(SHAPE, bool), valid)
-    assert row["accuracy"] == pytest.approx(valid.mean()) and row["unsafe"] == 1
-
-
 def test_without_an_invalid_path_there_is_no_unsafe_share():
     row = accuracy_estimate(np.ones(SHAPE, bool), np.ones((SHAPE[0], *SHAPE[2:]), bool))
     assert row["accuracy"] == 1 and np.isnan([row["unsafe"], row["unsafe_ci_low"], row["unsafe_ci_high"]]).all()
-
-
-def test_equal_decisions_lose_no_accuracy_and_opposite_ones_all(labels: Labels):
-    valid, right = labels
-    guesses = np.random.default_rng(1).random(SHAPE) < 0.5
-    assert set(accuracy_loss(guesses, valid, guesses, valid).values()) == {0.0}
-    assert accuracy_loss(~right, valid, right, valid)["loss"] == 1
 
 
 def test_the_loss_is_the_difference_of_accuracies_even_if_the_truth_changes(labels: Labels):

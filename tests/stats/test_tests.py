@@ -8,7 +8,7 @@ from statsmodels.stats.multitest import multipletests
 from statsmodels.stats.weightstats import ttost_paired
 
 from pipeline.stats.crossed import estimate
-from pipeline.stats.tests import holm, paired_wilcoxon, true_verdict, verdict
+from pipeline.stats.tests import holm, paired_wilcoxon, verdict
 
 
 def rng(seed: int = 0) -> np.random.Generator:
@@ -30,12 +30,6 @@ def test_wilcoxon_is_the_exact_permutation_test(rounded: bool):
 def test_wilcoxons_smallest_p_with_ten_seeds_is_a_512th():
     assert paired_wilcoxon(np.arange(1.0, 11), np.zeros(10)) == 2 / 1024  # .00195
     assert paired_wilcoxon(np.ones(10), np.ones(10)) == 1.0
-
-
-def test_float_noise_breaks_no_tie():
-    a = np.array([0.1 + 0.2, 0.3, 0.5, -0.3])
-    assert paired_wilcoxon(a, np.zeros(4)) == paired_wilcoxon(a.round(6), np.zeros(4))
-    assert paired_wilcoxon(np.array([0.1 + 0.2, 0.3]), np.array([0.3, 0.3])) == 1.0
 
 
 def test_wilcoxon_refuses_nan():
@@ -71,7 +65,3 @@ def test_equivalence_by_the_90_percent_interval_is_two_one_sided_tests():
 )
 def test_the_verdict_follows_the_rules_fixed_in_advance(effect, p_holm, low, high, expected):
     assert verdict(effect, p_holm, low, high) == expected
-
-
-def test_the_truth_has_an_effect_only_above_the_smallest_of_interest():
-    assert [true_verdict(e) for e in (-0.051, 0.05, 0.0)] == ["effect", "negligible", "negligible"]

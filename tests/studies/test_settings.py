@@ -21,6 +21,7 @@ OUT_OF_RANGE = {  # study: values of its settings, each refused by the setting's
     " | physics_starts=1000 | shown_scene=1000 | shaker.below_m=0.2 | arms.pr2.side_m=[] | arms.pr2.offset_m=[0.1]"
     " | solids.bowl.height_m=0.0",
     "identification": "paths=0 | draws=true | level=1.0",
+    "perception": "pictures=0 | paths=0 | rendered=[] | headlines.taught_tops=train | headlines={}",
     "refutation": "scenes=3 | scenes=4.5 | far_m=0.04 | dummy_outcome=[unknown] | pieces=[3]",
     "search": "training_set=0 | settings=0 | members=1 | repeats=1 | ensembles=97 | space={}"
     " | space.vae.rate={log: [0.0, 1.0]} | space.vae.rate={even: [1.0, 0.5]} | space.vae.rate={}",

@@ -10,8 +10,11 @@ import yaml
 
 from pipeline.artifacts.files import read_table, write_json, write_table
 from pipeline.sweep.__main__ import main
+from pipeline.sweep.summary import shown
 
 SEEDS = range(10)
+COMPARED = {"variant": "clearance", "against": ["full", "ae"], "splits": ["new_items"], "n_demos": None}
+PARAMETERS = {"protocol": {"name": "validation"}, "profile": "paper", "evaluate": {"comparisons": [COMPARED]}}
 NOISE = np.random.default_rng(0).normal(0, 0.01, len(SEEDS))
 
 
@@ -27,7 +30,7 @@ def folder(tmp_path: Path) -> Path:
         rows += [("effect_error.full", s, error + NOISE[s] + shaken[s]) for s in SEEDS]
         rows += [("accuracy.clearance.new_items", s, 0.97 + NOISE[s]) for s in SEEDS]
         write_table(path / "results.parquet", pd.DataFrame(rows, columns=["headline", "seed", "value"]))
-        (path / "params.yaml").write_text(yaml.safe_dump({"protocol": {"name": "validation"}, "profile": "paper"}))
+        (path / "params.yaml").write_text(yaml.safe_dump(PARAMETERS))
         write_json(path / "job.json", {"overrides": jobs[-1], "state": "done"})
     jobs.append(["profile=paper", "beta=3"])
     write_json(
@@ -57,6 +60,23 @@ def test_the_page_names_the_better_setting_and_the_failed_job(folder: Path, caps
     assert '<p class="big">beta=1</p>' in page and "The difference is real." in page
     assert "too &lt;wide&gt;" in page and "clearance.new_items" not in page  # what did not change is left out
     assert "beta=3" in capsys.readouterr().err
+
+
+def test_models_are_compared_within_each_setting(folder: Path):
+    main(["summary", str(folder)])
+    table = read_table(folder / "comparisons.parquet").set_index("setting")
+    assert list(table.index) == ["beta=0", "beta=1", "beta=2"] and set(table["against"]) == {"full"}  # ae was not run
+    assert table.loc["beta=1", "difference"] == pytest.approx(0.12, abs=0.003) and set(table["word"]) == {"better"}
+    page = (folder / "index.html").read_text()
+    assert "Where is one model better than another?" in page and "Clearance model" in page
+
+
+def test_a_mapping_of_one_value_is_shown_as_that_value():
+    assert (
+        shown({"bowl": 0.02, "glass": 0.02}) == "0.02"
+        and shown({"bowl": 0.02, "glass": None}) == "{bowl:0.02,glass:null}"
+    )
+    assert shown([2, 3]) == "[2,3]" and shown(0.0) == shown(0) == "0" and shown(True) == "true"
 
 
 def test_the_tidy_table_has_a_row_for_each_setting_headline_and_seed(folder: Path):

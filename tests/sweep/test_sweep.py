@@ -1,7 +1,10 @@
 """A sweep runs for real: in processes of this machine, on a clone of the working tree with a cache of its own."""
 
+import os
+import shutil
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -49,47 +52,57 @@ def test_a_job_keeps_its_parameters_metrics_log_and_commit(folder: Path, reposit
     assert not (folder / "clones").exists()
 
 
-def test_a_failing_job_is_named_and_takes_no_other_along_and_resuming_runs_it_alone(repository: Path, folder: Path):
+def test_a_failing_job_takes_no_other_along_and_resuming_runs_it_and_added_values_alone(repository: Path, folder: Path):
     before = {name: job["seconds"] for name, job in jobs(folder).items()}
-    missing = repository / "data" / "mine.csv"
-    values = [*SMALL, "evaluate.bins=10", f"demos.recorded=null,{missing.relative_to(repository)}"]
+    missing = "demos.recorded=null,data/mine.csv"
     other = repository / "failing"
-    ended = sweep(repository, "--multirun", *values, "--folder", "failing")
+    ended = sweep(repository, "--multirun", *SMALL, "evaluate.bins=10", missing, "--folder", "failing")
     assert ended.returncode == 1 and "mine.csv" in ended.stderr and "failed" in ended.stderr
-    states = {name: job["state"] for name, job in jobs(other).items()}
-    assert sorted(states.values()) == ["done", "failed"]
+    (done,) = (name for name, job in jobs(other).items() if job["state"] == "done")
     assert "mine.csv" in (other / "index.html").read_text()
     assert before == {name: job["seconds"] for name, job in jobs(folder).items()}
-    done = next(name for name, state in states.items() if state == "done")
     stamp = (other / "jobs" / done / "job.json").stat().st_mtime_ns
-    assert sweep(repository, "--resume", "failing").returncode == 1
+    ended = sweep(repository, "--resume", "failing", *SMALL, "evaluate.bins=10,20", missing)
+    assert ended.returncode == 1 and "2 of 4 jobs done" in ended.stdout, ended.stderr[-2000:]
+    assert sorted(job["state"] for job in jobs(other).values()) == ["done", "done", "failed", "failed"]
     assert (other / "jobs" / done / "job.json").stat().st_mtime_ns == stamp
 
 
-def test_more_values_may_be_added_to_a_sweep_and_only_they_run(repository: Path, folder: Path):
-    stamps = {path: path.stat().st_mtime_ns for path in folder.glob("jobs/*/job.json")}
-    ended = sweep(repository, "--resume", "swept", *SMALL, "evaluate.bins=5,10,20")
-    assert ended.returncode == 0 and "3 of 3 jobs done" in ended.stdout, ended.stderr[-2000:]
-    assert {path: path.stat().st_mtime_ns for path in stamps} == stamps
+def test_a_job_in_a_used_clone_runs_what_its_parameters_change_though_outputs_are_those_of_the_lock(
+    repository: Path, folder: Path
+):
+    """After the first job the clone's outputs are those of HEAD's lock, but for its parameters."""
+    first, second = (folder / "jobs" / f"evaluate.bins={bins}" for bins in (5, 10))
+    other = clone_of_working_tree(repository.parent / "locked")
+    shutil.copy(first / "dvc.lock", other)
+    subprocess.run(
+        ["git", "-c", "user.name=t", "-c", "user.email=t@t", "commit", "-qam", "lock"], cwd=other, check=True
+    )
+    (other / ".dvc" / "config.local").write_text(f"[cache]\n    dir = {repository / '.dvc' / 'cache'}\n")
+    ended = sweep(other, "--multirun", *SWEPT[:-1], "hydra/launcher=basic", "--folder", "again")
+    assert ended.returncode == 0, ended.stderr[-2000:]
+    for job in (first, second):
+        again = other / "again" / "jobs" / job.name
+        assert (again / "results.parquet").read_bytes() == (job / "results.parquet").read_bytes()
+        assert (again / "dvc.lock").read_bytes() == (job / "dvc.lock").read_bytes()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--multirun", *SWEPT, "--folder", "swept"], "holds a sweep already"),
-        (["--multirun", *SWEPT, "--folder", "x", "--stages", "evaluates"], "stage 'evaluates' is unknown"),
-        (["--resume", "nowhere"], "holds no sweep"),
-        (
-            ["--multirun", "hydra/sweeper=basic", "evaluate.bins=5", "--folder", "x", "bins"],
-            "'bins': expected an override",
-        ),
-        (["evaluate.bins=5,10"], "--multirun"),
-    ],
-)
-def test_wrong_use_is_refused_and_results_stay(repository: Path, folder: Path, arguments: list[str], message: str):
+WRONG = {
+    "holds a sweep already": ["--multirun", *SWEPT, "--folder", "swept"],
+    "stage 'evaluates' is unknown": ["--multirun", *SWEPT, "--folder", "x", "--stages", "evaluates"],
+    "holds no sweep": ["--resume", "nowhere"],
+    "'bins': expected an override": ["--multirun", "hydra/sweeper=basic", "evaluate.bins=5", "--folder", "x", "bins"],
+    "start with --multirun": ["evaluate.bins=5,10"],
+}
+
+
+def test_wrong_use_is_refused_and_results_stay(repository: Path, folder: Path):
     results = (folder / "results.parquet").read_bytes()
-    ended = sweep(repository, *arguments)
-    assert ended.returncode == 2 and message in ended.stderr and "Traceback" not in ended.stderr
+    code = f"from pipeline.sweep.__main__ import main; print(*map(main, {list(WRONG.values())}))"
+    place = {"cwd": repository, "env": environment(repository)}
+    ended = subprocess.run([sys.executable, "-c", code], **place, capture_output=True, text=True)
+    assert ended.stdout.split() == ["2"] * len(WRONG), ended.stderr
+    assert all(message in ended.stderr for message in WRONG), ended.stderr
     assert (folder / "results.parquet").read_bytes() == results and not (repository / "x").exists()
 
 
@@ -108,6 +121,24 @@ def test_a_folder_of_other_code_and_one_in_use_are_refused(repository: Path, fol
     assert ended.returncode == 2 and "another sweep is writing" in ended.stderr
 
 
+@pytest.mark.skipif(os.geteuid() != 0 or sys.platform != "linux", reason="mounts a small disk")
+def test_a_full_disk_is_named_and_resuming_with_room_runs_what_it_stopped(repository: Path, folder: Path):
+    results = (folder / "results.parquet").read_bytes()
+    disk = repository / "small_disk"
+    disk.mkdir()
+    subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", disk], check=True)
+    try:
+        ended = sweep(repository, "--multirun", *SWEPT, "--folder", "small_disk/swept")
+        assert ended.returncode in (1, 2) and f"the disk of {disk}/swept is full" in ended.stderr, ended.stderr[-2000:]
+        assert "Traceback" not in ended.stderr and (folder / "results.parquet").read_bytes() == results
+        subprocess.run(["mount", "-o", "remount,size=900m", disk], check=True)
+        ended = sweep(repository, "--resume", "small_disk/swept")
+        assert ended.returncode == 0 and "2 of 2 jobs done" in ended.stdout, ended.stderr[-2000:]
+        assert (disk / "swept" / "results.parquet").read_bytes() == results
+    finally:
+        subprocess.run(["umount", "--lazy", disk], check=True)
+
+
 @pytest.mark.parametrize(("sent", "status"), [(signal.SIGINT, 130), (signal.SIGKILL, -signal.SIGKILL)])
 def test_ctrl_c_or_a_kill_ends_every_process(repository: Path, sent: signal.Signals, status: int):
     arguments = ["--multirun", *SMALL, f"scenes.root_seed={sent}1,{sent}2", "--folder", f"stopped{sent}"]
@@ -124,12 +155,3 @@ def test_ctrl_c_or_a_kill_ends_every_process(repository: Path, sent: signal.Sign
     left = [p.cmdline() for p in psutil.process_iter(["cwd"]) if str(repository) in str(p.info["cwd"])]
     assert not left
     assert {job["state"] for job in jobs(log.parents[2]).values()} <= {"running", "interrupted"}
-
-
-def test_an_experiment_runs_with_fewer_values_if_the_command_line_names_them(repository: Path):
-    fewer = ["scenes.per_seed=6", "scenes.layout.items_per_scene=[1]"]
-    ended = sweep(repository, "--multirun", *SMALL, "+experiment=worlds", *fewer, "--folder", "worlds")
-    assert ended.returncode == 0 and "2 of 2 jobs done" in ended.stdout, ended.stderr[-2000:]
-    table = read_table(repository / "worlds" / "results.parquet")
-    assert table["users.careful"].nunique() == 2
-    assert "Sweep of users.careful" in (repository / "worlds" / "index.html").read_text()

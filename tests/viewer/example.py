@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-import cv2
 import numpy as np
 from rerun.chunk import RrdReader
 
@@ -70,21 +70,8 @@ def a_run(repairs: int = 3) -> Run:
         {n: rng.random((SIDE, SIDE), dtype=np.float32) for n in (1, 3, 5, 7, 9)},
         {step: rng.random((SIDE, SIDE), dtype=np.float32) for step in (0, 50, 100, 200, 400, 700, 1000)},
     )
-    return Run(
-        "full",
-        "careful",
-        3,
-        9,
-        "paper",
-        "0123456789ab",
-        2040,
-        "train: {rate: 0.003}\n",
-        MARGINS,
-        tuple(demonstrations[:2]),
-        tuple(repaired),
-        interventions,
-        learning,
-    )
+    names = ("full", "careful", 3, 9, "paper", "0123456789ab", 2040, "train: {rate: 0.003}\n")
+    return Run(*names, MARGINS, tuple(demonstrations[:2]), tuple(repaired), interventions, learning)
 
 
 def _an_intervention(rng: np.random.Generator, symbol: str, before: np.ndarray) -> Intervention:
@@ -122,7 +109,7 @@ def read(path: Path, entity: str, component: str, timeline: str | None = None) -
     return [value for _, value in read_timed(path, entity, component, timeline)]
 
 
-def read_timed(path: Path, entity: str, component: str, timeline: str | None = None) -> list[tuple[int, list]]:
+def read_timed(path: Path, entity: str, component: str, timeline: str | None = None) -> list[tuple[Any, list]]:
     """The same rows, each with its time."""
     rows = []
     for chunk in RrdReader(path).stream().filter(content=f"/{entity}").to_chunks():
@@ -132,12 +119,6 @@ def read_timed(path: Path, entity: str, component: str, timeline: str | None = N
             times = batch[timeline or chunk.timeline_names[0]].to_pylist() if chunk.timeline_names else [-1]
             rows += zip(times, batch[component].to_pylist(), strict=True)
     return sorted(rows, key=lambda row: row[0])
-
-
-def read_images(path: Path, entity: str, timeline: str | None = None) -> list[np.ndarray]:
-    """The images of an entity, decoded."""
-    files = [np.frombuffer(bytes(blob), np.uint8) for (blob,) in read(path, entity, "EncodedImage:blob", timeline)]
-    return [np.asarray(cv2.imdecode(file, cv2.IMREAD_COLOR_RGB)) for file in files]
 
 
 def read_maps(path: Path, entity: str, side: int = SIDE, timeline: str | None = None) -> np.ndarray:

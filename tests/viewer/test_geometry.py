@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from pipeline.viewer.geometry import boundary, footprints, kept_clear, map_image, on_map, on_table
+from pipeline.viewer.geometry import boundary, footprints, map_image, on_map, on_table
 from pipeline.world.bezier import lattice
-from pipeline.world.layout import SYMBOLS, empty, point_segment_distance
+from pipeline.world.layout import SYMBOLS, point_segment_distance
 from tests.viewer.example import a_layout
 
 
@@ -30,16 +30,6 @@ def test_an_outline_is_closed_and_one_radius_from_the_items_segment() -> None:
         assert symbol == SYMBOLS[layout.symbol[0, slot]]
         assert np.allclose(distance, layout.radius[0, slot])
         assert np.allclose(outline[0], outline[-1])
-
-
-def test_only_what_the_user_cares_about_is_kept_clear() -> None:
-    layout = a_layout()
-    margins = {"bowl": None, "plate": 0.1, "cutlery": 0.02, "glass": 0.1}
-    ((symbol, outline),) = kept_clear(layout, margins)
-    a, b = layout.ends[0, 1]
-    assert symbol == "cutlery"
-    assert np.allclose(point_segment_distance(outline, a[None], b[None]), layout.radius[0, 1] + 0.02)
-    assert footprints(empty(1, 4)) == []
 
 
 def test_the_boundary_runs_between_cells_that_differ() -> None:

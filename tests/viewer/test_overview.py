@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +9,6 @@ import pytest
 from rerun.chunk import RrdReader
 
 from pipeline.viewer.contents import ACCEPTED, FALSELY_VALID, Repairs, Run
-from pipeline.viewer.digest import digest
-from pipeline.viewer.geometry import footprints, on_table
 from pipeline.viewer.overview import write_overview
 from pipeline.viewer.scene import OUTCOME
 from tests.viewer.example import read, read_maps, some_runs
@@ -61,16 +58,6 @@ def test_titles_name_the_scene_and_each_model_s_share_of_right_verdicts(runs: li
             assert models == [f"{name}: {of_model.agreement:.0%} right" for name, of_model in expected]
 
 
-def test_tables_are_the_scenes_with_their_footprints(runs: list[Run], recording: Path) -> None:
-    for run in runs[:2]:
-        strips = read(recording, f"{run.user}/table/outlines", "LineStrips2D:strips")
-        for shown, outlines in zip(worst_first(runs, run), strips, strict=True):
-            items = footprints(shown.layout)
-            assert len(outlines) == len(items) * (2 if run.user == "careful" else 1)  # with margins, or without any
-            for line, (_, outline) in zip(outlines, items, strict=False):
-                assert np.allclose(line, on_table(outline), atol=1e-4)
-
-
 def test_the_text_gives_every_variant_s_agreement_by_user(runs: list[Run], recording: Path) -> None:
     ((text,),) = read(recording, "text/overview", "TextDocument:text")
     assert len(text.split()) <= 120
@@ -87,13 +74,3 @@ def test_rerun_verifies_the_file_with_its_blueprint(recording: Path) -> None:
     reader = RrdReader(recording)
     assert [entry.recording_id for entry in reader.recordings()] == ["overview"]
     assert len(reader.blueprints()) == 1
-
-
-def test_the_digest_is_of_the_contents(runs: list[Run], recording: Path, tmp_path: Path) -> None:
-    again, other = tmp_path / "again.rrd", tmp_path / "other.rrd"
-    write_overview(again, runs)
-    assert digest(again) == digest(recording)
-    last = runs[-1].repairs[-1]
-    changed = replace(last, predicted=1 - last.predicted)
-    write_overview(other, [*runs[:-1], replace(runs[-1], repairs=(*runs[-1].repairs[:-1], changed))])
-    assert digest(other) != digest(recording)

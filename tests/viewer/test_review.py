@@ -8,7 +8,7 @@ from pipeline.config.graph import ROOT
 from pipeline.params import PARAMS, load
 from pipeline.runtime.errors import InputError
 from pipeline.viewer.digest import digest
-from pipeline.viewer.review import check, find, show, worst
+from pipeline.viewer.review import check, find, folders_of, show, worst
 from pipeline.viewer.run import write_run
 from tests.viewer.example import a_run
 
@@ -25,10 +25,6 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rows = ["run,sha256,accuracy", f"{run.name},{digest(path)},0.5", "ae-normal-s0,0123,0.4"]
     (kept / "recordings.csv").write_text("\n".join(rows))
     return kept
-
-
-def test_a_recording_that_holds_what_was_written_passes(kept: Path) -> None:
-    check(kept, NONE, "full-careful-s3")
 
 
 def test_a_clone_opens_what_git_keeps_and_the_stage_s_files_once_there_are_any(kept: Path, tmp_path: Path) -> None:
@@ -49,20 +45,15 @@ def test_a_run_that_is_not_there_is_answered_with_what_to_do(kept: Path, run: st
         find(kept, NONE, run)
 
 
-def test_without_recordings_the_error_names_make_repro(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="run `make repro` first"):
-        find(tmp_path, NONE, "overview")
-
-
 def test_the_worst_run_is_the_least_accurate_of_those_there_are(kept: Path) -> None:
     run, why = worst(kept, NONE)
     assert run == "full-careful-s3" and "accuracy 50.0%, the lowest of the 1 recordings" in why
 
 
-@pytest.mark.parametrize("text", [None, "", "run,sha256\nfull-careful-s0,a\n"])
-def test_without_a_list_there_is_no_worst(tmp_path: Path, text: str | None) -> None:
-    if text is not None:
-        (tmp_path / "recordings.csv").write_text(text)
+@pytest.mark.parametrize("content", [None, b"", b"run,sha256\nfull-careful-s0,a\n", b"run,sha256,accuracy\n\x80,a,1\n"])
+def test_without_a_list_there_is_no_worst(tmp_path: Path, content: bytes | None) -> None:
+    if content is not None:
+        (tmp_path / "recordings.csv").write_bytes(content)
     with pytest.raises(InputError, match=r"recordings.csv .*run `make repro` first"):
         worst(tmp_path, NONE)
 
@@ -101,3 +92,15 @@ def test_git_keeps_at_most_two_and_a_half_megabytes_of_readable_recordings() -> 
     assert sum(path.stat().st_size for path in kept) <= 2_500_000
     for path in kept:
         check(folder, NONE, path.stem)
+
+
+STUDIES = sorted(ROOT.glob("studies/*/recording"))
+
+
+@pytest.mark.parametrize("folder", STUDIES, ids=lambda folder: folder.parent.name)
+def test_a_study_s_recording_is_called_as_the_study_and_small(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    study = folder.parent.name
+    assert folders_of(study)[0].resolve() == folder and folders_of("overview")[0] != folders_of(study)[0]
+    check(*folders_of(study), study)
+    assert find(*folders_of(study), study).stat().st_size <= 2_000_000

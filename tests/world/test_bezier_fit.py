@@ -98,14 +98,6 @@ def test_scipy_finds_no_better_path_for_a_hands_trajectories():
     assert np.median(np.linalg.norm(fits.z_theta - z, axis=1)) < 0.02
 
 
-def test_a_hands_trajectories_are_fitted_to_within_tremor_and_drift():
-    points, offsets, _ = hands(300)
-    fits = fit(points, offsets, 0.004)
-    assert 0.0005 < np.median(fits.residual_m) < 0.0015
-    assert fits.poor.mean() < 0.01
-    assert np.abs(fits.z_theta).max() < 2.0  # nearly straight trajectories do not send z away
-
-
 def test_a_fit_does_not_depend_on_the_trajectories_beside_it():
     points, offsets, _ = hands(60)
     together = fit(points, offsets, 0.004)

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from pipeline.world.bezier import P_F, P_INIT, curve, random_z_theta
+from pipeline.world.bezier import curve, random_z_theta
 from pipeline.world.hand import Hand, check, join, simulate, valid_trajectories
 from pipeline.world.layout import SYMBOLS, Layouts
 
@@ -52,13 +52,6 @@ def test_tremor_lies_in_its_band_and_has_its_size():
         frequency = np.fft.rfftfreq(500, 1 / 50)
         power += np.bincount(np.round(frequency).astype(int), spectrum, 26)
     assert power[7:14].sum() / power.sum() > 0.95
-
-
-def test_drift_vanishes_at_both_ends():
-    drifting = Hand(50.0, 0.0, 0.35, 0.2, 0.0, (8.0, 12.0), 0.01, 0.1, 0.0)
-    for r in trajectories(20, drifting):
-        np.testing.assert_allclose(r[0, 1:3], P_INIT, atol=1e-12)
-        np.testing.assert_allclose(r[-1, 1:3], P_F, atol=1e-12)
 
 
 @pytest.mark.parametrize("samples", [3, 8, 200])

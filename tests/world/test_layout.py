@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.world.bezier import P_F, P_INIT
-from pipeline.world.layout import SYMBOLS, Items, add_item, point_segment_distance, random_layouts, segment_distance
+from pipeline.world.layout import Items, add_item, point_segment_distance, random_layouts, segment_distance
 from tests.factories import RULES
 
 # Per symbol a training item (0-3) and another one (4-7) that must not be drawn when the pool leaves it out.
@@ -75,15 +75,6 @@ def test_an_added_item_has_its_symbol_is_clear_of_the_rest_and_changes_no_other(
     for scene in range(len(after)):
         apart, away = least_gaps(after, scene)
         assert apart >= RULES.clear_of_items - 1e-9 and away >= RULES.clear_of_ends - 1e-9
-
-
-@pytest.mark.slow
-def test_glasses_come_as_often_as_asked():
-    layouts = drawn(1, scenes=800)
-    glasses = (layouts.symbol == SYMBOLS.index("glass")).sum(1)
-    share = np.bincount(glasses, minlength=4) / len(layouts)
-    # a third glass only fits the scenes of three items, so half of the threes become twos
-    np.testing.assert_allclose(share, [0.05, 0.35, 0.50, 0.10], atol=0.06)
 
 
 def test_a_full_scene_takes_no_more_and_a_pool_without_a_symbol_is_refused():

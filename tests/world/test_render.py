@@ -67,16 +67,6 @@ def test_an_angle_turns_an_item_from_the_x_axis_towards_y(angle):
     assert np.cos(bearing - angle) > 0.999
 
 
-def test_half_transparent_items_let_the_table_show():
-    through, solid = disc_catalogue((255, 255, 255, 51)), disc_catalogue((255, 255, 255, 255))
-    bare = render(empty(1, 4), 0, "grey", 7, Palette(through)).astype(float)
-    change = [
-        abs(render(with_item(empty(1, 4), 0, c, 0, 0.5, 0.5), 0, "grey", 7, Palette(c)) - bare)[45:55, 45:55].mean()
-        for c in (through, solid)
-    ]
-    assert change[0] < change[1] / 2
-
-
 @pytest.mark.parametrize("symbol", SYMBOLS)
 def test_an_added_item_leaves_every_pixel_away_from_it_as_it_was(symbol):
     catalogue = read_catalogue(DATA)

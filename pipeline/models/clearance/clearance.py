@@ -47,6 +47,8 @@ DWELL_STRIDE = 4  # family `dwell` looks at every fourth point of the path
 DWELL_SHARES = torch.arange(13) * DWELL_STRIDE / PATH_SAMPLES  # shares of the path that it can forgive: up to .3
 LATERAL_SCALE_M = 0.02  # lateral distance [m] at which an object counts as fully on one side
 GATE_UNIT = 3.0  # unit of the gates of `side` and `progress`, so that one learning rate suits all parameters
+USUAL_OVER_LARGEST = 1.25  # usual doubt over the largest of the training pictures: a new picture may exceed it a little
+UNLIMITED = 1e6  # above any doubt: that of a model that saw no pictures
 
 
 class PerceivedObjects(NamedTuple):
@@ -57,15 +59,18 @@ class PerceivedObjects(NamedTuple):
     radius: Float[Tensor, "*scene object"]  # of the capsule [m]
     features: Float[Tensor, "*scene object feature"]  # FEATURES, then the logarithm of the gap to a neighbour [m]
     present: Float[Tensor, "*scene object"]  # 1 for an object, 0 for an empty slot
+    doubt: Float[Tensor, "*scene object"]  # about the picture (pipeline.perception.doubt), the same in all slots
 
     @classmethod
-    def of(cls, percept: Float[Tensor, "*scene object 13"]) -> "PerceivedObjects":
+    def of(cls, percept: Float[Tensor, "*scene object 14"]) -> "PerceivedObjects":
         """Return views of the percept's columns."""
-        return cls(percept[..., :2], percept[..., 2:4], percept[..., 4], percept[..., 5:-1], percept[..., -1])
+        start, end, radius, features = percept[..., :2], percept[..., 2:4], percept[..., 4], percept[..., 5:-2]
+        return cls(start, end, radius, features, percept[..., -2], percept[..., -1])
 
-    def percept(self) -> Float[Tensor, "*scene object 13"]:
+    def percept(self) -> Float[Tensor, "*scene object 14"]:
         """Return the percept: all fields as columns of one tensor."""
-        return torch.cat([self.start, self.end, self.radius[..., None], self.features, self.present[..., None]], -1)
+        last = torch.stack([self.present, self.doubt], -1)
+        return torch.cat([self.start, self.end, self.radius[..., None], self.features, last], -1)
 
 
 class Passing(NamedTuple):
@@ -89,6 +94,8 @@ class ClearanceModel(ValidityModel):
     EVIDENCE_PENALTY_NATS: averaged members fit the labels less closely than the best one. Only families in Occam's
     window have weight (Madigan and Raftery, 1994): nearly as probable as the best, and at least as `margin`, the first,
     which the others extend. Without labels, P(valid) is the constant.
+
+    In a picture whose doubt exceeds `usual_doubt` the log-odds shrink (`trust`), so that decisions at 1/2 stay.
     """
 
     feature_mask: Tensor
@@ -96,6 +103,7 @@ class ClearanceModel(ValidityModel):
     spread: Tensor
     evidence: Tensor
     rate: Tensor
+    usual_doubt: Tensor
     bound, sharpening = FEATURE_BOUND, SHARPENING
 
     def __init__(self, members: int, families: Sequence[str] = tuple(FAMILIES)):
@@ -115,23 +123,24 @@ class ClearanceModel(ValidityModel):
         self.register_buffer("centre", torch.zeros(features))  # mean of the training objects' features
         self.register_buffer("spread", torch.ones(features))  # their standard deviation
         self.register_buffer("evidence", torch.full(shape[:1], -EVIDENCE_PENALTY_NATS))  # log-odds against `rate`
+        self.register_buffer("usual_doubt", torch.tensor(UNLIMITED))  # largest that leaves answers as they are
         self.register_buffer("rate", torch.tensor(0.5))  # P(valid) if no object is relevant
 
     def is_family(self, name: str) -> Bool[Tensor, " family"]:
         """Return which of the model's families has that name."""
         return torch.tensor([family == name for family in self.families])
 
-    def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene object 13"]:
+    def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene object 14"]:
         """Return the detected objects, packed as by `PerceivedObjects.percept`."""
         objects = detect_objects(images)
         start, end = torch.from_numpy(objects.ends).unbind(-2)
         radius, features, present = map(torch.from_numpy, (objects.radius, objects.features, objects.present))
-        return pack(start, end, radius, features, present)
+        return pack(start, end, radius, features, present, torch.from_numpy(objects.doubt))
 
     def logit(
-        self, percept: Float[Tensor, "scene object 13"], z_theta: Float[Tensor, "scene path 2"]
+        self, percept: Float[Tensor, "scene object 14"], z_theta: Float[Tensor, "scene path 2"]
     ) -> Float[Tensor, "scene path"]:
-        """Return the log-odds of validity of each path; differentiable in `z_theta` [m]."""
+        """Return the log-odds of validity of each path, times `trust`; differentiable in `z_theta` [m]."""
         *posterior, p_constant = self.posterior().unbind()
         kept = [i for i, p in enumerate(posterior) if p > 0]
         log_p = [(p_constant * self.rate).log().expand(z_theta.shape[:2])]
@@ -139,7 +148,12 @@ class ClearanceModel(ValidityModel):
             passing = passes(percept, z_theta, dwell="dwell" in (self.families[i] for i in kept))
             by_family = F.logsigmoid(self.logit_by_family(percept, passing, kept))
             log_p += [posterior[i].log() + log_p_family for i, log_p_family in zip(kept, by_family, strict=True)]
-        return log_odds(torch.stack(log_p).logsumexp(0))
+        return log_odds(torch.stack(log_p).logsumexp(0)) * self.trust(percept)[:, None]
+
+    def trust(self, percept: Float[Tensor, "scene object 14"]) -> Float[Tensor, " scene"]:
+        """Return the factor on the log-odds, in (0, 1]: 1 up to the usual doubt, then (usual / doubt)^2."""
+        doubt = PerceivedObjects.of(percept).doubt[:, 0]
+        return (self.usual_doubt / torch.maximum(doubt, self.usual_doubt)).square()
 
     def posterior(self) -> Float[Tensor, " family_or_constant"]:
         """Return the posterior probability of each family and, last, of the constant; 0 outside Occam's window."""
@@ -156,7 +170,7 @@ class ClearanceModel(ValidityModel):
 
     def log_valid(
         self,
-        percept: Float[Tensor, "*model scene object 13"],
+        percept: Float[Tensor, "*model scene object 14"],
         passing: Passing,
         chosen: Sequence[int] | slice = slice(None),
     ) -> Float[Tensor, "*model member scene path"]:
@@ -182,7 +196,7 @@ class ClearanceModel(ValidityModel):
         return (torch.log1p(-threat) + F.logsigmoid(of_members(self.logit_nothing_missed)[..., 0, :])).movedim(-1, -3)
 
     def logit_relevance(
-        self, percept: Float[Tensor, "*model scene object 13"], chosen: Sequence[int] | slice = slice(None)
+        self, percept: Float[Tensor, "*model scene object 14"], chosen: Sequence[int] | slice = slice(None)
     ) -> Float[Tensor, "*model scene object member"]:
         """Return each member's log-odds that the user keeps away from each object, by its features alone."""
         features = PerceivedObjects.of(percept).features
@@ -199,19 +213,25 @@ def log_odds(log_p: Tensor) -> Tensor:
     return log_p - torch.log(-torch.expm1(log_p))
 
 
-def pack(start: Tensor, end: Tensor, radius: Tensor, features: Tensor, present: Tensor) -> Tensor:
-    """Return the percept of objects (`PerceivedObjects`) with the gap [m] to each one's neighbour as last feature."""
+def pack(
+    start: Tensor, end: Tensor, radius: Tensor, features: Tensor, present: Tensor, doubt: Float[Tensor, " scene"]
+) -> Tensor:
+    """Return the percept of objects (`PerceivedObjects`) with the gap [m] to each one's neighbour as last feature.
+
+    doubt: about each picture; it rides along as the last column.
+    """
     segments = torch.stack([start, end], -2).double().numpy()
     apart = torch.from_numpy(segment_distance(segments[:, :, None], segments[:, None])).to(radius)
     gap = apart - radius[:, :, None] - radius[:, None, :]
     other = present[:, :, None] & present[:, None] & ~torch.eye(present.shape[1], dtype=torch.bool)
     log_gap = torch.where(other, gap, GAP_RANGE_M[1]).amin(-1).clamp(*GAP_RANGE_M).log()
     features = torch.cat([features, log_gap[..., None]], -1)
-    return PerceivedObjects(start, end, radius, features, present.float()).percept()
+    doubts = doubt[:, None].expand(present.shape).to(radius)
+    return PerceivedObjects(start, end, radius, features, present.float(), doubts).percept()
 
 
 def passes(
-    percept: Float[Tensor, "scene object 13"], z_theta: Float[Tensor, "scene path 2"], dwell: bool = True
+    percept: Float[Tensor, "scene object 14"], z_theta: Float[Tensor, "scene path 2"], dwell: bool = True
 ) -> Passing:
     """Return how each path [m] passes each object; unless `dwell`, only share 0 of clearances, the least one.
 

@@ -4,7 +4,6 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 
-import numpy as np
 import torch
 from jaxtyping import Float, UInt8
 from numpy import ndarray as Array
@@ -104,29 +103,11 @@ class BetaVae(ValidityModel):
         return self.classifier(torch.cat([z_image, (z_theta - Z_CENTRE) / Z_SCALE], dim=-1)).squeeze(-1)
 
     @torch.no_grad()
-    def reconstruct(self, images: UInt8[Array, "scene 100 100 3"]) -> UInt8[Array, "scene 100 100 3"]:
-        """Return each image's reconstruction from the mean of z_image."""
-        return _to_images(self.decode(self.perceive(to_tensor(images))))
-
-    @torch.no_grad()
     def reconstruction_over_flat(self, images: UInt8[Array, "scene 100 100 3"]) -> float:
         """Return the root mean square error of decoded means of z_image over that of each scene's mean colour."""
         x = to_tensor(images)
         squared_error = (self.decode(self.perceive(x)) - x).square().mean()
         return float((squared_error / x.var((2, 3), correction=0).mean()).sqrt())
-
-    @torch.no_grad()
-    def traverse(
-        self, image: UInt8[Array, "100 100 3"], values: Float[Array, " value"]
-    ) -> UInt8[Array, "latent value 100 100 3"]:
-        """Return the decoded images when one dimension of the image's z_image takes each of `values`."""
-        z_image = self.perceive(to_tensor(image[None])).expand(len(values), -1)  # (value, latent)
-        rows = []
-        for dimension in range(self.latent):
-            moved = z_image.clone()
-            moved[:, dimension] = torch.as_tensor(np.asarray(values, dtype=np.float32))
-            rows.append(_to_images(self.decode(moved)))
-        return np.stack(rows)
 
     @torch.no_grad()
     def set_constant_head(self, probability: float) -> None:
@@ -152,8 +133,3 @@ def _transposed_convolutions(widths: Sequence[int], sides: Sequence[int]) -> lis
         odd = sides[i + 1] - (2 * sides[i] - 1)  # pixel lost by rounding up when halving: 0 or 1
         layers += [nn.ConvTranspose2d(before, after, 3, stride=2, padding=1, output_padding=odd), nn.ReLU()]
     return [*layers[:-1], nn.Sigmoid()]
-
-
-def _to_images(decoded: Float[Tensor, "scene 3 100 100"]) -> UInt8[Array, "scene 100 100 3"]:
-    """Return intensities in [0, 1] as 8-bit images."""
-    return decoded.permute(0, 2, 3, 1).mul(255).round().to(torch.uint8).contiguous().numpy()

@@ -5,11 +5,13 @@ import pandas as pd
 import yaml
 from matplotlib.figure import Figure
 
+from pipeline.legend import label
 from pipeline.report import style
 from pipeline.sweep.page.tables import title
 from pipeline.sweep.summary import Summary
 
 MAX_PANELS = 4  # results beside one another
+REACH = 0.3  # difference in accuracy at which colours end
 
 
 def parameters(summary: Summary) -> Figure:
@@ -33,12 +35,42 @@ def parameters(summary: Summary) -> Figure:
                 x = [place + 0.06 * (offset - (len(names) - 1) / 2) for place in range(len(values))]
                 reach = [(by["mean"] - by["q1"]).clip(lower=0), (by["q3"] - by["mean"]).clip(lower=0)]
                 look = {"color": style.colour(variant), "marker": style.marker(variant), "capsize": 2, "markersize": 5}
-                panel.errorbar(x, by["mean"], yerr=reach, label=style.label(variant), **look)
+                panel.errorbar(x, by["mean"], yerr=reach, label=label(variant), **look)
             panel.set_xticks(range(len(values)), values)
             panel.set_xlabel(parameter)
             panel.set_title(heading)
             panel.grid(axis="y")
     axes[0][0].legend(fontsize=9)
+    return figure
+
+
+def comparisons(summary: Summary) -> Figure:
+    """Draw how much better a variant is than another, a row a setting and a panel a split; bold if p (Holm) < .05."""
+    table = summary.comparisons
+    table = table.assign(pair=[f"{label(v)}\nagainst {label(a)}" for v, a in table[["variant", "against"]].to_numpy()])
+    settings, splits = list(dict.fromkeys(table["setting"])), list(dict.fromkeys(table["split"]))
+    widths = [table.loc[table["split"] == split, "pair"].nunique() for split in splits]
+    size = (4 + 0.75 * sum(widths), 2.6 + 0.3 * len(settings))
+    figure, axes = plt.subplots(
+        1, len(splits), figsize=size, width_ratios=widths, sharey=True, squeeze=False, layout="constrained"
+    )
+    for panel, split in zip(axes[0], splits, strict=True):
+        part = table[table["split"] == split]
+        grid = part.pivot(index="setting", columns="pair", values="difference").reindex(
+            index=settings, columns=part["pair"].unique()
+        )
+        panel.pcolormesh(100 * grid, cmap="RdBu", vmin=-100 * REACH, vmax=100 * REACH, edgecolors="white", linewidth=1)
+        for row in part.itertuples():
+            x, y = grid.columns.get_loc(row.pair) + 0.5, settings.index(str(row.setting)) + 0.5
+            weight = "bold" if row.word in ("better", "worse") else "normal"
+            ink = (
+                "white" if abs(row.difference) > 0.7 * REACH else "#1b1f25"
+            )  # not style.INK: cells stay light at night
+            panel.text(x, y, f"{100 * row.difference:+.0f}", ha="center", va="center", weight=weight, color=ink)
+        panel.set_xticks([x + 0.5 for x in range(grid.shape[1])], grid.columns, rotation=90, fontsize=8)
+        panel.set_yticks([y + 0.5 for y in range(len(settings))], settings, fontsize=9)
+        panel.set_title(label(split))
+    axes[0][0].invert_yaxis()
     return figure
 
 

@@ -85,6 +85,28 @@ def differences(summary: Summary) -> Table:
     return Table(with_gaps(frame), dict.fromkeys(DIFFERENCE, "fine") | {"p (Holm)": "fine", "Seeds": "count"})
 
 
+def comparisons(summary: Summary) -> Table:
+    """Return every comparison of variants within a setting."""
+    shown = summary.comparisons
+    frame = pd.DataFrame(
+        {
+            "Setting": shown["setting"],
+            "Model": shown["variant"].map(label),
+            "Against": shown["against"].map(label),
+            "On": shown["split"].map(label),
+            "Accuracy": shown["after"],
+            "Of the other": shown["before"],
+            "Difference": shown["difference"],
+            "95 %, from": shown["ci_low"],
+            "to": shown["ci_high"],
+            "p (Holm)": shown["p_holm"],
+            "Than the other": shown["word"].map(WORDS),
+        }
+    )
+    formats = dict.fromkeys(["Accuracy", "Of the other"], "pct1") | dict.fromkeys(DIFFERENCE, "points1")
+    return Table(with_gaps(frame), formats | {"p (Holm)": "fine"})
+
+
 def broken(summary: Summary) -> Table:
     """Return the jobs without a result."""
     rows = [

@@ -15,6 +15,7 @@ from pipeline.models.base import to_tensor
 from pipeline.models.clearance.clearance import (
     EVIDENCE_PENALTY_NATS,
     FAMILIES,
+    USUAL_OVER_LARGEST,
     ClearanceModel,
     Passing,
     PerceivedObjects,
@@ -72,7 +73,7 @@ class _TrainingSet:
     """The data that one model is fitted to."""
 
     model: ClearanceModel
-    percept: Float[Tensor, "scene object 13"]
+    percept: Float[Tensor, "scene object 14"]
     z_theta: Float[Array, "scene n 2"]
     valid: Bool[Array, "scene n"]
     seed: int
@@ -80,14 +81,15 @@ class _TrainingSet:
 
 def set_feature_scaling(
     model: ClearanceModel, images: UInt8[Array, "scene 100 100 3"]
-) -> Float[Tensor, "scene object 13"]:
-    """Set the model's feature scaling from the objects in the training images; return the percepts."""
+) -> Float[Tensor, "scene object 14"]:
+    """Set feature scaling and usual doubt from the training images; return the percepts."""
     percept = model.perceive(to_tensor(images))
     objects = PerceivedObjects.of(percept)
     features = objects.features[objects.present > 0]
     if len(features) > 1:
         model.centre.copy_(features.mean(0))
         model.spread.copy_(features.std(0).clamp(min=1e-3))
+    model.usual_doubt.copy_(USUAL_OVER_LARGEST * objects.doubt.max().clamp(min=1e-3))
     return percept
 
 

@@ -28,7 +28,6 @@ from pipeline.training.irl.augment import ColorJitter, augment_appearances, blob
 from pipeline.training.loop import Checkpoints, Losses, Schedule, is_constant, minimise, rule_of_succession
 from pipeline.world.layout import SIDE
 
-OBJECTIVES = ("maxent", "ranked")
 CURVE = ("step", "total")  # columns of a learning curve
 
 

@@ -9,7 +9,7 @@ from pipeline.models.vae.losses import equation_1
 from tests.factories import WEIGHTS, vae
 
 SCENES, PATHS = 3, 4
-FULL, AE, CLASSIFIER = WEIGHTS.values()
+AE = WEIGHTS["ae"]
 
 
 @pytest.fixture
@@ -71,12 +71,3 @@ def test_ae_has_no_divergence_and_ignores_the_noise(model, batch):
     assert terms.total.item() == louder.total.item()
     terms.total.backward()
     assert all(p.grad is None for p in model.log_variance.parameters())
-
-
-def test_full_trains_on_a_sample_of_z_image(model, batch):
-    images, z_theta, valid, noise = batch
-    terms = equation_1(model, images, z_theta, valid, FULL, noise)
-    louder = equation_1(model, images, z_theta, valid, FULL, 100 * noise)
-    assert terms.kl.item() == louder.kl.item()
-    assert terms.reconstruction.item() != louder.reconstruction.item()
-    assert terms.classification.item() != louder.classification.item()

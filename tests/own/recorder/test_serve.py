@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 
 from pipeline.config.graph import ROOT
+from pipeline.own.__main__ import main
+from pipeline.runtime.errors import InputError
 from tests.own.recorder.factory import Served, command, make_folder, recorder, samples
 
 PATH = {"scene": "first", "user": "Zoë", "valid": True, "samples": samples().tolist()}
@@ -23,19 +25,13 @@ def served(folder: Path) -> Iterator[Served]:
         yield served
 
 
-def run(folder: Path, *options: str) -> subprocess.CompletedProcess:
-    return subprocess.run(command(folder, *options), cwd=ROOT, capture_output=True, text=True, timeout=60)
-
-
-def test_a_second_recorder_of_a_folder_is_refused_with_the_address_of_the_first(served: Served, folder: Path):
-    done = run(folder)
-    assert done.returncode == 2 and done.stderr.count("\n") == 1
-    assert served.url in done.stderr
-
-
-def test_a_missing_folder_and_a_taken_port_are_named(served: Served, tmp_path: Path):
-    assert "there is no folder" in run(tmp_path / "nowhere").stderr
-    assert f"port {served.port} cannot be used" in run(make_folder(tmp_path), "--port", str(served.port)).stderr
+def test_a_second_recorder_of_a_folder_a_missing_folder_and_a_taken_port_are_refused(served, folder, tmp_path: Path):
+    done = subprocess.run(command(folder), cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2 and done.stderr.count("\n") == 1 and served.url in done.stderr
+    with pytest.raises(InputError, match="there is no folder"):
+        main(["record", str(tmp_path / "nowhere"), "--no-browser"])
+    with pytest.raises(InputError, match=f"port {served.port} cannot be used"):
+        main(["record", str(make_folder(tmp_path)), "--no-browser", "--port", str(served.port)])
 
 
 @pytest.mark.parametrize(
@@ -63,22 +59,6 @@ def test_a_change_must_name_its_origin(served: Served):
 )
 def test_no_address_leads_out_of_the_pictures(served: Served, path: str):
     assert served.ask("GET", path)[0] in (400, 404)
-
-
-@pytest.mark.parametrize(
-    ("body", "status"),
-    [
-        ({**PATH, "samples": [[0, 1]]}, 400),
-        ({**PATH, "samples": [[0, 1e400, 1]] * 3}, 400),
-        ({**PATH, "scene": "third"}, 400),
-        ({**PATH, "more": 1}, 400),
-        (b"[", 400),
-        (b" " * 4_000_001, 413),
-    ],
-)
-def test_what_the_page_never_sends_is_refused_with_a_sentence(served: Served, body: object, status: int):
-    code, answer = served.ask("POST", "/api/paths", body)
-    assert code == status and len(answer["error"]) > 20
 
 
 def test_a_folder_whose_tables_break_while_it_is_open_says_so(tmp_path: Path):

@@ -15,7 +15,6 @@ from pipeline.own.recorder.storage import Recordings
 from pipeline.runtime.errors import InputError
 from tests.own.recorder.factory import (
     CORNERS,
-    DETOUR,
     GOAL,
     HEIGHT,
     START,
@@ -34,16 +33,6 @@ def recordings(tmp_path: Path) -> Recordings:
 
 def stored(recordings: Recordings, name: str = "demonstrations.csv") -> pd.DataFrame:
     return pd.read_csv(recordings.folder / name, dtype={"user": str, "demo": str})
-
-
-def test_a_path_is_stored_in_metres_and_seconds(recordings: Recordings):
-    recordings.add_path("first", "Zoë", True, samples())
-    rows = stored(recordings)
-    assert list(rows.columns) == ["scene", "user", "demo", "t", "x", "y", "valid"]
-    assert rows["t"].iloc[0] == 0 and rows["t"].iloc[-1] == pytest.approx(39 * 0.025)
-    assert np.allclose(rows[["x", "y"]].iloc[[0, -1]], [START, GOAL], atol=1e-3)
-    assert np.allclose(rows[["x", "y"]].iloc[13], DETOUR[1], atol=1e-3)
-    assert rows["valid"].all() and set(rows["user"]) == {"Zoë"}
 
 
 def test_the_report_reads_what_the_recorder_wrote(tmp_path: Path):
@@ -76,12 +65,6 @@ def test_a_path_that_is_sent_again_is_stored_once(recordings: Recordings):
     first = recordings.add_path("first", "Zoë", True, samples())
     assert recordings.add_path("first", "Zoë", True, samples()) == first
     assert stored(recordings)["demo"].nunique() == 1
-
-
-def test_times_increase_even_if_a_pen_reports_them_twice(recordings: Recordings):
-    doubled = np.repeat(samples(), 2, axis=0)
-    recordings.add_path("first", "Zoë", True, doubled)
-    assert (np.diff(stored(recordings)["t"]) > 0).all()
 
 
 def test_rows_and_columns_that_a_person_wrote_stay(recordings: Recordings):

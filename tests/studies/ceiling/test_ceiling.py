@@ -7,18 +7,15 @@ import pytest
 import torch
 from omegaconf import DictConfig
 
-from pipeline.artifacts.files import read_table, write_arrays
-from pipeline.config.settings import NEAREST, POSITION
-from pipeline.models.base import untrained
+from pipeline.artifacts.files import write_arrays
 from pipeline.params import compose
 from pipeline.world.bezier import curve, random_z_theta
 from pipeline.world.layout import EMPTY, SIDE, SYMBOLS, random_layouts
 from studies.ceiling import stage
-from studies.ceiling.models import Coordinates, PathDrawn, draw_paths, true_code
-from studies.ceiling.stage import NEW, OWN, PERFECT, SEEN, draw_jobs
+from studies.ceiling.models import draw_paths, true_code
+from studies.ceiling.stage import NEW, PERFECT, SEEN, draw_jobs
 from tests.factories import ITEMS, RULES
 
-main = stage.main  # of the fixture `out`
 SHAPE = {"latent": 15, "channels": (16, 8, 4), "hidden": 64}
 
 
@@ -32,31 +29,6 @@ def test_a_drawn_path_covers_its_curve_and_nothing_far_from_it():
         row, column = np.nonzero(path)
         centres = np.stack([column + 0.5, SIDE - row - 0.5], -1) / SIDE
         assert np.linalg.norm(centres[:, None] - points, axis=-1).min(1).max() < 0.03, "three pixels"
-
-
-@torch.no_grad()
-def test_the_path_is_a_fourth_channel_of_the_first_convolution():
-    model = untrained(PathDrawn, SHAPE, 0)
-    assert isinstance(model, PathDrawn)
-    images, z = torch.rand(2, 3, SIDE, SIDE), torch.rand(2, 4, 2)
-    pictures = torch.cat([images.repeat_interleave(4, 0), draw_paths(z).flatten(0, 1)[:, None]], 1)
-    first = model.features[0]
-    weight = torch.cat([first.get_parameter("weight"), model.path.weight], 1)
-    response = torch.nn.functional.conv2d(pictures, weight, first.get_parameter("bias"), stride=2, padding=1)
-    code = model.code(model.features[1:](response)).unflatten(0, (2, 4))
-    expected = model.classifier(torch.cat([code, (z - 0.5) / 0.7], -1)).squeeze(-1)
-    torch.testing.assert_close(model(images, z), expected, rtol=1e-4, atol=1e-5)
-
-
-@torch.no_grad()
-def test_coordinates_tell_places_of_a_blank_image_apart():
-    model = untrained(Coordinates, SHAPE, 0)
-    assert isinstance(model, Coordinates)
-    x, y = model.places
-    assert x[0, -1] == 1 and y[0, 0] == 1, "x to the right, y away from the robot"
-    first = model.features[0](torch.cat([torch.zeros(1, 3, SIDE, SIDE), model.places[None]], 1))
-    assert first[0, :, 5, 5].sub(first[0, :, 40, 40]).abs().max() > 0.1
-    assert model(torch.zeros(2, 3, SIDE, SIDE), torch.rand(2, 4, 2)).shape == (2, 4)
 
 
 def test_the_true_code_knows_each_item_and_nothing_of_empty_slots():
@@ -97,25 +69,3 @@ def test_steps_grow_with_the_scenes_and_are_never_fewer_than_in_stage_train():
     cfg = compose(["train.steps=500", "studies.ceiling.batch=20", "studies.ceiling.growth=0.5"])
     assert [stage.steps(cfg, "full", scenes) for scenes in (10, 20, 80, 500)] == [500, 500, 1000, 2500]
     assert stage.steps(cfg, PERFECT, 80) == 500, "full-batch steps, whatever the number of scenes"
-
-
-def test_learners_fitted_together_are_of_one_kind_and_of_one_size(cfg: DictConfig):
-    jobs = draw_jobs(cfg)
-    parts = stage.stacks(cfg, jobs)
-    assert sorted(id(job) for part in parts for job in part) == sorted(map(id, jobs))
-    for part in parts:
-        assert len({(job.learner, len(job.z_theta)) for job in part}) == 1
-        assert len(part) == 1 or part[0].learner in cfg.variants
-
-
-def test_each_learner_has_a_row_for_each_number_of_scenes_and_split(cfg: DictConfig, out: Path):
-    study, summary = cfg.studies.ceiling, read_table(out / "summary.csv")
-    distances = {x: study.clear_cm if x in study.clear_learners else [0] for x in study.scenes}
-    cells = [(x, n, cm) for x, numbers in study.scenes.items() for n in numbers for cm in distances[x]]
-    expected = {(*cell, split) for cell in cells for split in (OWN, SEEN, NEW)}
-    blind = [(POSITION, SEEN), (POSITION, NEW), (NEAREST, SEEN)]
-    expected |= {(x, 0, cm, split) for cm in study.clear_cm for x, split in blind}
-    assert set(summary[["learner", "scenes", "clear_cm", "split"]].itertuples(index=False, name=None)) == expected
-    rejects_all = summary[summary["learner"] == POSITION]
-    np.testing.assert_allclose(rejects_all["accuracy"], 1 - rejects_all["valid"], atol=2e-6)
-    assert (summary["q1"] <= summary["q3"]).all() and (summary["seeds"] == len(cfg.seeds)).all()

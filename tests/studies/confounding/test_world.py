@@ -54,7 +54,7 @@ def test_footprints_keep_the_clearances(pool, seed):
 
 @pytest.mark.parametrize("pool", [ROUND, OVAL])
 def test_with_a_common_cause_every_glass_stands_beside_a_plate(pool):
-    layouts = drawn(1, 60, pool, p_common_cause=1.0)
+    layouts = drawn(1, 30, pool, p_common_cause=1.0)
     for scene in range(len(layouts)):
         plates, glasses = (np.flatnonzero(layouts.symbol[scene] == s) for s in (PLATE, GLASS))
         assert (len(plates), len(glasses)) in ((0, 0), (1, CONFOUNDING.glasses))
@@ -63,22 +63,14 @@ def test_with_a_common_cause_every_glass_stands_beside_a_plate(pool):
             assert ((apart >= CONFOUNDING.gap_low - 1e-5) & (apart <= CONFOUNDING.gap_high + 1e-5)).all()
 
 
-@pytest.mark.parametrize("p_common_cause", [0.0, 1.0])
-def test_plates_and_glasses_occur_equally_often_whatever_their_cause(p_common_cause):
-    layouts = drawn(2, 200, p_common_cause=p_common_cause)
-    for symbol in (PLATE, GLASS):
-        share = (layouts.symbol == symbol).any(1).mean()
-        assert share == pytest.approx(CONFOUNDING.present, abs=4 * np.sqrt(0.16 / 200))
-
-
 def test_a_stronger_cause_changes_more_scenes_and_leaves_the_others_as_they_are():
-    weak, strong, full = (drawn(4, 80, p_common_cause=t) for t in (0.5, 0.8, 1.0))
+    weak, strong, full = (drawn(4, 40, p_common_cause=t) for t in (0.5, 0.8, 1.0))
 
     def same(a: Layouts, b: Layouts) -> np.ndarray:
-        return np.all([(getattr(a, f.name) == getattr(b, f.name)).reshape(80, -1).all(1) for f in fields(a)], 0)
+        return np.all([(getattr(a, f.name) == getattr(b, f.name)).reshape(40, -1).all(1) for f in fields(a)], 0)
 
-    assert same(weak, full).mean() == pytest.approx(0.5, abs=0.14)
-    assert same(strong, full).mean() == pytest.approx(0.8, abs=0.12)
+    assert same(weak, full).mean() == pytest.approx(0.5, abs=0.2)
+    assert same(strong, full).mean() == pytest.approx(0.8, abs=0.17)
     assert same(strong, full)[same(weak, full)].all()
 
 

@@ -9,7 +9,7 @@ import yaml
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_table
-from pipeline.artifacts.scenes import read_scenes, train_pool
+from pipeline.artifacts.scenes import train_pool
 from pipeline.artifacts.trained import load_model
 from pipeline.causal.envelope import dose_grid
 from pipeline.world.catalogue import read_catalogue
@@ -48,14 +48,6 @@ def chosen(cfg: DictConfig) -> tuple[stage.Scenes, np.ndarray, np.ndarray]:
     study, scenes = cfg.studies.envelope, stage.read_inputs(cfg)
     doses = dose_grid(study.step, study.doses)
     return scenes, doses, stage.choose_paths(cfg, scenes, doses)
-
-
-def test_every_variant_and_the_truth_have_a_row_for_every_user_and_symbol(cfg: DictConfig, out: Path):
-    expected = pd.MultiIndex.from_product([[*VARIANTS, "truth"], list(cfg.users), SYMBOLS])
-    table, curve = read_table(out / "envelope.csv"), read_table(out / "curve.parquet")
-    assert list(pd.MultiIndex.from_frame(table[["variant", "user", "symbol"]])) == list(expected)
-    counts = curve.groupby(["variant", "user", "symbol"], sort=False).size()
-    assert list(counts.index) == list(expected) and (counts == cfg.studies.envelope.doses).all()
 
 
 def test_the_method_recovers_the_true_margins_from_the_true_answers(cfg: DictConfig, out: Path):
@@ -131,14 +123,6 @@ def test_the_specification_says_what_the_table_says(cfg: DictConfig, out: Path):
         assert (values["radius_m"] is None) == np.isnan(row.radius_m)
         if values["radius_m"] is not None:
             assert values["radius_m"] == pytest.approx(row.radius_m, abs=1e-4)
-
-
-def test_an_item_counts_once_however_many_training_scenes_show_it(cfg: DictConfig):
-    scenes, trained = read_scenes(Path(cfg.paths.scenes)), stage.read_inputs(cfg).n_training
-    layouts = [scenes.layouts[train_pool(seed)] for seed in cfg.protocol.seeds]
-    for symbol, count in enumerate(trained):
-        shown = {int(item) for x in layouts for item in x.item[x.symbol == symbol]}
-        assert count == max(1, len(shown))
 
 
 def test_doses_that_too_few_candidates_reach_are_refused(cfg: DictConfig, tmp_path: Path):

@@ -11,11 +11,15 @@ from omegaconf import DictConfig, OmegaConf
 from pipeline import robot
 from pipeline.artifacts.files import read_arrays, read_table, write_table
 from pipeline.artifacts.scenes import read_scenes
+from pipeline.robot.execution import FAILURES
 from pipeline.robot.export import read_bag
 from pipeline.runtime.errors import InputError
+from pipeline.viewer.digest import digest
 from studies.execution.paths import random_starts
+from studies.execution.recording import record
 from studies.execution.stage import main
 from tests.factories import SCENES, random_demos, untrained_models, write_table_of_demos
+from tests.viewer.example import read_timed
 
 pytestmark = pytest.mark.slow
 SMALL = {"coarse": 5, "lattice": 15, "instants": 24, "error_m": 0.01, "physics_starts": 1, "exported": 2, "chunk": 40}
@@ -54,7 +58,7 @@ def test_every_path_is_executed_once_and_failures_have_a_name(cfg: DictConfig, o
     expected |= {"demonstrations": seeds * users * SCENES * 10}
     assert executions["method"].value_counts().to_dict() == expected
     assert executions[["error_mean_m", "shaker_m", "gripper_m"]].notna().all(axis=None)
-    shares = summary[["executed", "out of reach", "joint limit", "collision", "joint speed", "tracking"]].sum(axis=1)
+    shares = summary[["executed", *FAILURES[1:]]].sum(axis=1)
     np.testing.assert_allclose(shares, 1, atol=1e-5)
     repairs = summary[summary["method"] == "repairs"].iloc[0]
     assert repairs["paths"] == 3 * seeds * SCENES * 2 and repairs["accepted"] == repairs["paths"] / 2
@@ -80,8 +84,26 @@ def test_exports_agree_and_the_picture_has_the_whole_arm(out: Path):
     for name, move in moves.items():
         assert [p["positions"] for p in move["points"]] == [p["positions"] for p in read[name]["points"]]
     shown = read_arrays(out / "shown.npz")
-    assert shown["arm"].shape == (2, 5, 8, 3) and shown["image"].shape == (100, 100, 3)
-    np.testing.assert_allclose(shown["arm"][:, 0, -1], shown["grip"][:, 0], atol=1e-6)
+    instants, joints = SMALL["instants"], 7
+    assert shown["chain"].shape == (2, instants, joints + 1, 3) and shown["image"].shape == (100, 100, 3)
+    np.testing.assert_allclose(shown["chain"][:, :, -1], shown["grip"], atol=1e-6)
+    assert ((shown["share"] >= 0) & (shown["share"] <= 1)).all()
+    moved = np.nanmax(np.linalg.norm(shown["items"][:, -1, :, :2] - shown["items"][:, 0, :, :2], axis=-1), axis=1)
+    assert (moved[shown["clearance"].min(1) > 0] < 1e-3).all()
+
+
+def test_the_recording_holds_both_movements_and_keeps_its_bytes(cfg: DictConfig, out: Path, tmp_path: Path):
+    shown = read_arrays(out / "shown.npz")
+    record(cfg, shown, tmp_path)
+    path = tmp_path / "execution.rrd"
+    first = path.read_bytes()
+    record(cfg, shown, tmp_path)
+    assert path.read_bytes() == first and [file.name for file in tmp_path.glob("*.rrd")] == [path.name]
+    assert read_table(tmp_path / "recordings.csv")["sha256"].tolist() == [digest(path)]
+    for index, when in enumerate(("before", "after")):
+        rows = read_timed(path, f"{when}/shaker", "Cylinders3D:centers", "time")
+        np.testing.assert_allclose([time.total_seconds() for time, _ in rows], shown["t"][index], atol=1e-5)
+        np.testing.assert_allclose([place[0][:2] for _, place in rows], shown["grip"][index, :, :2], atol=1e-6)
 
 
 @pytest.mark.parametrize(

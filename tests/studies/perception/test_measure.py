@@ -26,6 +26,7 @@ def objects(*discs: tuple[float, float, float]) -> Objects:
         none,
         np.zeros((1, MAX_OBJECTS, len(FEATURES)), np.float32),
         none > 0,
+        np.zeros(1, np.float32),
     )
     for i, (x, y, radius) in enumerate(discs):
         found.ends[0, i], found.radius[0, i], found.present[0, i] = (x, y), radius, True

@@ -8,7 +8,7 @@ import torch
 
 from pipeline.perception.segmenter import read_segmenter
 from studies.perception import pool, train
-from studies.perception.changes import change, fade, paint
+from studies.perception.changes import change, paint
 from studies.perception.draw import draw
 from studies.perception.path_traced import read_path_traced
 
@@ -46,12 +46,6 @@ def test_patterns_are_painted_on_items_alone(few: Path):
     assert changed.any()
     assert (pictures[changed][:, pool.ITEM] == 1).all()
     np.testing.assert_array_equal(painted[..., 3:], pictures[..., 3:])
-
-
-def test_what_fades_away_leaves_the_empty_table(few: Path):
-    picture = np.load(pool.part_file(few, 0))[0]
-    fade(picture, 0)
-    np.testing.assert_array_equal(picture[..., pool.COLOURS], picture[..., pool.EMPTY])
 
 
 def test_path_traced_items_differ_from_the_empty_table_more_than_the_table_does():

@@ -12,7 +12,7 @@ from pipeline.artifacts.interventions import read_interventions
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.causal.refuters import TUNED_NOTE
 from pipeline.world.catalogue import read_catalogue
-from pipeline.world.layout import SIDE, SYMBOLS, point_segment_distance
+from pipeline.world.layout import SIDE, point_segment_distance
 from pipeline.world.render import REACH_M
 from studies.refutation import stage as refutation
 from studies.refutation.stage import main
@@ -40,28 +40,11 @@ def summary(out: Path) -> pd.DataFrame:
     return read_table(out / "summary.csv")
 
 
-def test_every_refuter_asks_every_variant_about_every_symbol_and_user(cfg: DictConfig, summary):
-    tops = read_catalogue(Path(cfg.paths.data)).texture_names("unseen")
-    settings = {("placebo_treatment", "piece=1"), ("placebo_treatment", "piece=2"), ("negative_control", "far_m=0.1")}
-    settings |= {("other_environment", f"texture={top}") for top in tops}
-    settings |= {("data_subset", f"halves={cfg.studies.refutation.halves}")}
-    expected = {(*setting, variant) for setting in settings for variant in VARIANTS}
-    expected |= {("dummy_outcome", "permuted labels", "clearance")}
-    families = summary.groupby(["refuter", "setting", "variant"])
-    assert set(families.groups) == expected
-    assert (families.size() == len(cfg.evaluate.users) * len(SYMBOLS)).all()
-
-
 def test_a_refuter_passes_if_its_verdict_is_the_expected_one(summary):
     assert (summary["passed"] == (summary["verdict"] == summary["expected"])).all()
     halves = summary["refuter"] == "data_subset"
     assert (summary[~halves]["expected"] == "negligible").all()
     assert summary[halves]["agreement"].between(0, 1).all() and summary[~halves]["agreement"].isna().all()
-
-
-def test_only_the_placebo_that_perception_was_tuned_against_carries_the_note(summary):
-    noted = summary["note"].fillna("") == TUNED_NOTE
-    assert (noted == ((summary["refuter"] == "placebo_treatment") & (summary["setting"] == "piece=1"))).all()
 
 
 def test_the_mean_of_the_effects_is_the_summary_s(out: Path, summary):
@@ -95,3 +78,8 @@ def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Pat
 @pytest.mark.parametrize(("name", "value"), [("far_m", 1.4), ("textures", "glass")])
 def test_settings_that_no_scene_or_table_top_fits_are_refused(cfg: DictConfig, tmp_path: Path, name: str, value):
     refuses(main, cfg, f"{STUDY}.{name}", value, f"{STUDY}.{name}", tmp_path / "out")
+
+
+def test_only_the_placebo_that_perception_was_tuned_against_carries_the_note(summary):
+    noted = summary["note"].fillna("") == TUNED_NOTE
+    assert (noted == ((summary["refuter"] == "placebo_treatment") & (summary["setting"] == "piece=1"))).all()

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from pipeline.world.bezier import P_F, P_INIT
 from pipeline.world.layout import SIDE, point_segment_distance, random_layouts, segment_distance
-from studies.robustness.corruptions import ARM_RADIUS_PX, CORRUPTIONS, add_clutter, arm, flip_labels, noise, shade, tint
+from studies.robustness.corruptions import ARM_RADIUS_PX, CORRUPTIONS, add_clutter, arm, flip_labels, noise, tint
 from tests.factories import ITEMS, RULES
 
 POOL = np.arange(4)
@@ -46,14 +46,6 @@ def test_a_stronger_corruption_deepens_a_weaker_one(name: str):
     weak, strong = (np.abs(CORRUPTIONS[name](rng(), grey(128, 3), s * STRONG[name]) - 128.0) for s in (0.5, 1.0))
     touched = weak > 0
     assert touched.any() and (strong[touched] >= weak[touched] - 1).all() and strong.sum() > weak.sum()
-
-
-@given(seed=seeds)
-@settings(max_examples=10, deadline=None)
-def test_shade_keeps_full_light_at_one_end_and_removes_the_share_at_the_other(seed: int):
-    lit = shade(rng(seed), grey(200), 0.5)[0, ..., 0] / 200
-    assert lit.max() == pytest.approx(1.0, abs=0.02) and lit.min() == pytest.approx(0.5, abs=0.02)
-    assert lit.mean() == pytest.approx(0.75, abs=0.01)
 
 
 def test_tint_and_noise_take_what_their_strength_says():
@@ -108,9 +100,7 @@ def test_a_scene_without_room_for_clutter_is_refused():
         add_clutter(rng(), layouts, 1, ITEMS, POOL, replace(RULES, clear_of_items=0.9))
 
 
-@pytest.mark.parametrize(
-    ("share", "flipped"), [(0.0, 0), (0.05, 9), (0.1, 18), (0.2, 36), (0.004, 1), (0.002, 0), (1.0, 180)]
-)
+@pytest.mark.parametrize(("share", "flipped"), [(0.0, 0), (0.05, 9), (0.004, 1), (0.002, 0), (1.0, 180)])
 def test_the_number_of_flipped_labels_is_the_share_rounded(share: float, flipped: int):
     labels = rng().random((20, 9)) < 0.4
     assert (flip_labels(rng(), labels, share) != labels).sum() == flipped

@@ -9,7 +9,7 @@ import pytest
 import torch
 from omegaconf import DictConfig, OmegaConf
 
-from pipeline.artifacts.files import read_arrays, read_table, write_arrays
+from pipeline.artifacts.files import read_table, write_arrays
 from pipeline.artifacts.scenes import SceneSet, read_scenes, write_scenes
 from pipeline.models.clearance.clearance import ClearanceModel
 from pipeline.models.registry import build
@@ -59,18 +59,6 @@ def summary(out: Path) -> pd.DataFrame:
     return read_table(out / "summary.csv").astype({"strength": str})
 
 
-def test_every_variant_and_the_image_blind_baseline_are_judged_at_every_strength(cfg: DictConfig, out, summary):
-    study = cfg.studies.robustness
-    strengths = {"none": [0], **study.corruptions, "texture": study.textures, "clutter": study.clutter}
-    expected = {(c, str(s), v) for c, xs in strengths.items() for s in xs for v in (*VARIANTS, "position_only")}
-    expected |= {("mislabelled", str(s), "clearance") for s in study.mislabelled.clearance}
-    keys = ["corruption", "strength", "variant"]
-    assert set(summary[keys].itertuples(index=False, name=None)) == expected
-    by_seed = read_table(out / "accuracy.parquet")
-    assert set(by_seed[keys].itertuples(index=False, name=None)) == expected
-    assert len(by_seed) == len(expected) * len(cfg.evaluate.users) * len(cfg.protocol.seeds)
-
-
 def test_the_accuracy_is_the_mean_over_users_and_seeds_and_the_loss_is_the_rest(out, summary):
     keys = ["corruption", "strength", "variant"]
     means = read_table(out / "accuracy.parquet").groupby(keys)["accuracy"].mean()
@@ -94,17 +82,6 @@ def test_a_model_that_accepts_every_path_is_unsafe_and_loses_accuracy_to_clutter
     accepting = summary.query("variant == 'clearance' and corruption in ['none', 'clutter']")
     assert (accepting["unsafe"] == 1).all()
     assert accepting["accuracy"].is_monotonic_decreasing and accepting["loss"].iloc[-1] > 0
-
-
-def test_one_scene_is_kept_as_an_example_of_each_corruption_and_texture(cfg: DictConfig, out: Path):
-    study, examples = cfg.studies.robustness, read_arrays(out / "examples.npz")
-    strongest = [f"{name} {strengths[-1]}" for name, strengths in study.corruptions.items()]
-    textures = [f"texture {name}" for name in study.textures]
-    assert examples["names"].tolist() == ["none 0", *strongest, *textures, f"clutter {study.clutter[-1]}"]
-    assert len({image.tobytes() for image in examples["images"]}) == len(examples["names"])
-    assert (examples["truth"][0] == examples["truth"][1]).all(), "shade changes the image and not the truth"
-    assert (examples["truth"][-1] <= examples["truth"][0]).all(), "an added item forbids paths and allows none"
-    assert examples["clearance"].shape == examples["truth"].shape
 
 
 def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):

@@ -11,7 +11,6 @@ from pipeline.models.registry import build
 from pipeline.perception.background import subtract_background
 from pipeline.training.irl.augment import ColorJitter, augment_appearances, blobs
 from pipeline.training.irl.fit import (
-    OBJECTIVES,
     IrlSchedule,
     _appearances,
     fit,
@@ -24,6 +23,7 @@ from pipeline.training.loop import Checkpoints
 
 SHAPE = {"channels": 8, "dilated": 2, "gain": 10.0, "dropout": 0.1, "lattice_side": 10}
 SHAPE |= {"symmetric": True, "ceiling": True}
+OBJECTIVES = ("maxent", "ranked")
 JITTER = ColorJitter(hue=0.3, gain=0.15, shift=0.01, scene_gain=0.1, other_table=0.5)
 
 
@@ -82,7 +82,7 @@ def test_the_same_seed_gives_the_same_bits_and_another_does_not(objective):
     assert all(np.array_equal(weights[k], same[k]) for k in weights)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_step_judges_paths_on_their_own_scenes_map_under_one_symmetry(seed):
     images, z, valid = world()
     model = drawn(seed, dropout=0.0)
@@ -93,18 +93,6 @@ def test_a_step_judges_paths_on_their_own_scenes_map_under_one_symmetry(seed):
         losses = np.array([float(ranked(model.soft_regret(r, paths), labels, True)) for r in maps])
     curve = fit(model, images, z, valid, "ranked", schedule(steps=1, n_augmentations=1), seed)
     assert np.abs(losses - curve[0, 1]).min() < 1e-5
-
-
-def test_the_rule_is_fitted_to_every_other_appearance():
-    images, z, valid = world()
-    model, appearances = drawn(dropout=0.0), _appearances(images.tobytes(), 4, JITTER)
-    rules = []
-    for spoilt in (slice(0), slice(1, None, 2), slice(0, None, 2)):
-        changed = appearances.clone()
-        changed[spoilt] = 0
-        fit_acceptance_rule(model, changed, z, valid)
-        rules.append((float(model.scale), float(model.offset)))
-    assert rules[0] == rules[1] != rules[2]
 
 
 @pytest.mark.parametrize("objective", OBJECTIVES)
@@ -180,3 +168,15 @@ def test_augmented_objects_change_their_colour_and_stay_in_place():
     near = np.stack(grown) > 0
     assert (np.abs(augmented.mean(1)[labels > 0]) > 0.05).all()
     assert np.abs(augmented.mean(1)[~near]).max() < 1e-3
+
+
+def test_the_rule_is_fitted_to_every_other_appearance():
+    images, z, valid = world()
+    model, appearances = drawn(dropout=0.0), _appearances(images.tobytes(), 4, JITTER)
+    rules = []
+    for spoilt in (slice(0), slice(1, None, 2), slice(0, None, 2)):
+        changed = appearances.clone()
+        changed[spoilt] = 0
+        fit_acceptance_rule(model, changed, z, valid)
+        rules.append((float(model.scale), float(model.offset)))
+    assert rules[0] == rules[1] != rules[2]

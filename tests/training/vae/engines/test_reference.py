@@ -50,14 +50,6 @@ def test_the_same_seed_gives_the_same_bits_another_does_not_and_the_global_gener
     assert not torch.equal(first.mean.weight, other.mean.weight)
 
 
-def test_classifier_leaves_the_decoder_as_it_was_drawn():
-    model, _ = trained("classifier")
-    before = vae(1)
-    before.standardise(data()[0])
-    assert all(torch.equal(v, before.decode.state_dict()[k]) for k, v in model.decode.state_dict().items())
-    assert not torch.equal(model.mean.weight, before.mean.weight)
-
-
 @pytest.mark.parametrize("label", [True, False])
 def test_labels_that_never_vary_give_laplaces_constant_without_training(label):
     images, z_theta, valid = data()

@@ -1,0 +1,11 @@
+"""The pages from the factory's tables, drawn once."""
+
+import pytest
+
+from pipeline.report.render import Site, render
+from tests.report import factory
+
+
+@pytest.fixture(scope="session")
+def site() -> Site:
+    return render(factory.results())
