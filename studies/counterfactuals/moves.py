@@ -51,17 +51,19 @@ def score_moves(
 ) -> dict[str, float]:
     """Return scores of the models' smallest moves [m] (NaN: none found) against the true ones.
 
-    All scores refer to the cases that a model rejects before the move. found: share for which some move makes the path
-    valid to the model. For these: error_m, mean absolute error; bias_m, mean error; constant_error_m, mean absolute
-    error of the median true move.
+    true_m: mean true move. All other scores refer to the cases that a model rejects before the move. found: share for
+    which some move makes the path valid to the model. For these: error_m, mean absolute error; bias_m, mean error;
+    constant_error_m, mean absolute error of the median true move.
     """
     row = {"cases": float(len(true_m)), "rejected": rejected.mean() if rejected.size else np.nan}
-    if len(true_m) < MIN_CASES or not rejected.any():
+    if len(true_m) < MIN_CASES:
+        return row
+    row["true_m"] = true_m.mean()
+    if not rejected.any():
         return row
     found = rejected & np.isfinite(model_m)
     return (
         row
-        | {"true_m": true_m.mean()}
         | mean_with_interval("found", np.isfinite(model_m), rejected)
         | mean_with_interval("error_m", np.abs(model_m - true_m), found)
         | mean_with_interval("bias_m", model_m - true_m, found)

@@ -24,9 +24,9 @@ def attributions(study: Study) -> Table:
 def moves(study: Study) -> Table:
     """Return how often a move of the responsible item is found, and its error, in cases that the model rejects.
 
-    Errors and intervals are None where there are too few cases.
+    Shares of moves found, errors and intervals are None where there are too few cases.
     """
-    table = study.table("moves.csv", finite=("true_m", "rejected", "found"))
+    table = study.table("moves.csv", finite=("true_m", "rejected"))
     shares = {"found": "Move found", "found_ci_low": "found low", "found_ci_high": "found high"}
     lengths = {"error_m": "Error", "error_m_ci_low": "error low", "error_m_ci_high": "error high"}
     lengths |= {"constant_error_m": "Error of a constant"}

@@ -8,7 +8,6 @@ from pipeline.report import style
 from pipeline.report.drawing import draw_path, draw_table, panels
 from pipeline.report.study import Study
 
-MIDDLE = 2  # instant of five at which the arm is half way
 VIEW = (-0.1, 1.1), (-0.3, 1.02)  # x and y of the panels [table sides]
 
 
@@ -16,12 +15,13 @@ def strip(study: Study) -> Figure:
     """Draw the unrepaired path with the arm half way, then the repaired path with the arm at its start, middle, end."""
     arrays = study.arrays("shown.npz")
     before, after = arrays["z_theta"]
-    arm = arrays["arm"][..., :2] / arrays["side_m"]  # (path, instant, joint, 2) [table sides]
+    arm = arrays["chain"][..., :2] / arrays["side_m"]  # (path, instant, joint, 2) [table sides]
+    middle = arm.shape[1] // 2
     figure, axes = panels(1, 4, 12.8, 3.9)
-    shown = [("before the repair", before, arm[0, MIDDLE], style.INVALID)]
+    shown = [("before the repair", before, arm[0, middle], style.INVALID)]
     shown += [
         (f"after it, {name}", after, arm[1, instant], style.VALID)
-        for name, instant in (("start", 0), ("half way", MIDDLE), ("end", -1))
+        for name, instant in (("start", 0), ("half way", middle), ("end", -1))
     ]
     for panel, (title, z_theta, joints, colour) in zip(axes[0], shown, strict=True):
         draw_table(panel, arrays["image"])

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import pinocchio as pin  # pyright: ignore[reportMissingImports]
 from jaxtyping import Float
 from numpy import ndarray as Array
 from omegaconf import DictConfig, OmegaConf
@@ -16,51 +15,21 @@ from omegaconf import DictConfig, OmegaConf
 from pipeline.artifacts.demos import read_demos
 from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.artifacts.scenes import read_scenes, train_pool
-from pipeline.robot.arm import GRIP, Arm
-from pipeline.robot.bench import Bench
-from pipeline.robot.carried import Part, clearances, gripper_of
-from pipeline.robot.execution import FAILURES, Motion, Tolerances, execute
+from pipeline.robot.carried import clearances
+from pipeline.robot.execution import FAILURES
 from pipeline.robot.export import trajectory, write_bag
-from pipeline.robot.inverse import PostureMap
 from pipeline.robot.motion import lengths
-from pipeline.robot.physics import Solid, simulate
+from pipeline.robot.physics import simulate
 from pipeline.runtime.parallel import map_jobs
 from pipeline.world.layout import Layouts, concatenated
 from studies.execution.paths import GROUP, KEY, REPAIRS, UNREPAIRED, all_paths
-from studies.execution.placement import arm_of, place
+from studies.execution.placement import place
+from studies.execution.shown import shown
+from studies.execution.work import Work
 
 PUSHED = 50  # simulated executions of one job
-ARM_INSTANTS = 5  # of the picture
 ALL = "all"  # variants or users of a row of the summary
 CLOSE = 0.05  # quantile of clearances in the summary
-
-
-@dataclass(frozen=True)
-class Work:
-    """One arm in its place, with everything that its executions share."""
-
-    name: str
-    settings: str
-    bench: Bench
-    postures: PostureMap
-    study: Any
-    speed_m_s: float
-
-    @property
-    def arm(self) -> Arm:
-        """Return the arm, loaded once in each process."""
-        return arm_of(self.name, self.settings)
-
-    def run(self, z_theta: Float[Array, "path 2"]) -> Motion:
-        """Carry out paths."""
-        study = self.study
-        allowed = Tolerances(study.error_m, study.tilt_rad)
-        return execute(self.arm, self.bench, self.postures, z_theta, study.instants, self.speed_m_s, allowed)
-
-    def parts(self) -> tuple[Part, Part]:
-        """Return the shaker and the gripper."""
-        shaker = self.study.shaker
-        return Part(0.0, 0.0, shaker.radius_m, shaker.below_m, shaker.above_m), gripper_of(self.arm)
 
 
 @dataclass(frozen=True)
@@ -120,15 +89,14 @@ def run(cfg: DictConfig, out_dir: Path) -> None:
     mine = (paths["method"] == method) & (paths["variant"] == variants[0]) & (paths["user"] == next(iter(cfg.users)))
     repaired = paths[mine & (paths["seed"] == cfg.protocol.seeds[0])]
     export(work, repaired.head(study.exported), out_dir)
-    write_arrays(out_dir / "shown.npz", shown(work, repaired, paths, scenes.images[pool]))
+    write_arrays(out_dir / "shown.npz", shown(work, repaired, paths, scenes.images[pool], scenes.layouts[pool]))
 
 
 def carry_out(job: Job) -> pd.DataFrame:
     """Return a row a path: how it was executed, and the least clearance [m] of shaker and gripper from any item."""
     motion = job.work.run(job.z_theta)
-    heights = {symbol: solid.height_m for symbol, solid in job.work.study.solids.items()}
     near = [
-        clearances(part, motion.grip, motion.heading, job.layouts, job.work.bench.side_m, heights).min(1)
+        clearances(part, motion.grip, motion.heading, job.layouts, job.work.bench.side_m, job.work.heights()).min(1)
         for part in job.work.parts()
     ]
     return motion.results.assign(shaker_m=near[0], gripper_m=near[1])
@@ -179,13 +147,11 @@ def simulated_paths(cfg: DictConfig, paths: pd.DataFrame) -> pd.DataFrame:
 
 def push(job: Job) -> pd.DataFrame:
     """Return a row an execution: numbers of items touched, moved and fallen, and the farthest displacement [m]."""
-    study, motion = job.work.study, job.work.run(job.z_theta)
-    solids = {str(symbol): Solid(solid.height_m, solid.mass_kg) for symbol, solid in study.solids.items()}
-    rows = []
+    study, motion, rows = job.work.study, job.work.run(job.z_theta), []
     for i, duration in enumerate(motion.results["duration_s"]):
         outcome = simulate(
-            job.layouts, i, job.work.bench.side_m, solids, job.work.parts(), motion.grip[i], motion.heading[i],
-            duration, study.fallen_rad,
+            job.layouts, i, job.work.bench.side_m, job.work.solids(), job.work.parts(), motion.grip[i],
+            motion.heading[i], duration, study.fallen_rad,
         )  # fmt: skip
         counts = {"touched": outcome.touched.sum(), "moved": (outcome.moved_m > study.moved_m).sum()}
         rows.append(counts | {"fallen": outcome.fallen.sum(), "farthest_m": outcome.moved_m.max()})
@@ -217,26 +183,3 @@ def export(work: Work, paths: pd.DataFrame, out_dir: Path) -> None:
     write_json(out_dir / "trajectories.json", moves)
     shutil.rmtree(out_dir / "bag", ignore_errors=True)
     write_bag(out_dir / "bag", moves, work.arm.model.frames[1].name)
-
-
-def shown(work: Work, repaired: pd.DataFrame, paths: pd.DataFrame, images: Array) -> dict[str, Array]:
-    """Return what the picture needs: image, z_theta before and after, and the arm's joints in the table's frame.
-
-    arm: (path, instant, joint, 3) [m].
-    """
-    scene = work.study.shown_scene
-    after = repaired[repaired["scene"] >= scene].iloc[0]
-    drawn = paths[(paths["method"] == UNREPAIRED) & (paths["user"] == after["user"])]
-    before = drawn[(drawn["scene"] == after["scene"]) & (drawn["start"] == after["start"])].iloc[0]
-    z_theta = np.array([[row["z_x"], row["z_y"]] for row in (before, after)], float)
-    motion, model = work.run(z_theta), work.arm.model
-    data, instants = model.createData(), np.linspace(0, work.study.instants - 1, ARM_INSTANTS).round().astype(int)
-    arm = np.empty((2, ARM_INSTANTS, model.njoints, 3))
-    for path in range(2):
-        for i, instant in enumerate(instants):
-            pin.framesForwardKinematics(model, data, motion.q[path, instant])
-            joints = [data.oMi[j].translation for j in range(1, model.njoints)]
-            joints.append(data.oMf[model.getFrameId(GRIP)].translation)
-            arm[path, i] = work.bench.to_table(np.array(joints))
-    where = {"scene": np.array(int(after["scene"])), "side_m": np.array(work.bench.side_m)}
-    return where | {"image": images[int(after["scene"])], "z_theta": z_theta, "arm": arm, "grip": motion.grip}

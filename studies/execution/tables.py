@@ -15,7 +15,7 @@ METHODS = {
     "straight": "straight path",
     "demonstrations": "demonstrations",
 }
-FAILURES = ("out of reach", "joint limit", "collision", "joint speed", "tracking")
+FAILURES = ("out of reach", "joint limit", "collision", "off the table", "joint speed", "tracking")
 
 
 def executed(study: Study) -> Table:
@@ -35,25 +35,24 @@ def executed(study: Study) -> Table:
                 "Executed": row["executed"],
                 "Main failure": worst,
                 "Mean error [mm]": row["error_mean_mm"],
-                "Largest error [mm]": row["error_max_mm"],
                 "Time [s]": row["duration_s"],
                 "Clearance [mm]": row["clearance_mm"],
                 "Touching": row["touching"],
             }
         )
-    formats = {"Paths": "count", "Executed": "pct1", "Mean error [mm]": "rate", "Largest error [mm]": "rate"}
+    formats = {"Paths": "count", "Executed": "pct1", "Mean error [mm]": "rate"}
     formats |= {"Time [s]": "times", "Clearance [mm]": "count", "Touching": "pct1"}
     return Table(with_gaps(rows), formats)
 
 
 def touched(study: Study) -> Table:
-    """Return, for each user and repair, the simulated executions with items touched, moved or fallen."""
+    """Return, for each user and repair, the simulated executions with items touched or fallen."""
     rows = []
     for row in study.table("touched.csv").to_dict("records"):
         name = METHODS[row["method"]] + (f", {style.label(row['variant']).lower()}" if row["variant"] else "")
-        shown = {"User": row["user"], "Path": name, "Executions": row["executions"], "Valid": row["valid"]}
-        shown |= {"Touched": row["touched_share"], "Moved": row["moved_share"], "Fallen": row["fallen_share"]}
+        shown = {"User": row["user"], "Path": name, "Valid": row["valid"]}
+        shown |= {"Touched": row["touched_share"], "Fallen": row["fallen_share"]}
         rows.append(shown | {"Touched on valid paths": row["touched_valid"]})
-    formats = dict.fromkeys(("Valid", "Touched", "Moved", "Fallen"), "pct1")
+    formats = dict.fromkeys(("Valid", "Touched", "Fallen"), "pct1")
     frame = pd.DataFrame(rows).sort_values("User", kind="stable", ignore_index=True)
-    return Table(frame, formats | {"Executions": "count", "Touched on valid paths": "count"})
+    return Table(frame, formats | {"Touched on valid paths": "count"})

@@ -1,94 +1,133 @@
-"""Accuracy of clearance models by the detector that shows them the objects, drawn and path-traced."""
+"""Accuracy on the drawn world's validation scenes, and of models that see what the hand-tuned finder detects."""
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from pathlib import Path
 
 import pandas as pd
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 from omegaconf import DictConfig
 from torch import Tensor
 
 from pipeline.artifacts.demos import demo_arrays, read_labelled
 from pipeline.artifacts.scenes import SceneSet, train_pool
-from pipeline.models.base import to_tensor, untrained
+from pipeline.artifacts.trained import load_model
+from pipeline.models.base import ValidityModel, to_tensor, untrained
 from pipeline.models.clearance.clearance import ClearanceModel, pack
-from pipeline.perception.objects import Objects
+from pipeline.perception.objects import Objects, detect_objects
 from pipeline.runtime.streams import job_seed, stream
 from pipeline.stats.scores import DECISION
 from pipeline.training.clearance.fit import fit
 from pipeline.training.loop import Schedule
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.rules import valid
-from rendered.read import read_rendered
+from rendered.read import Rendered, read_rendered
 from studies.perception import finder
 
-Detector = Callable[[Tensor, Tensor], Objects]  # images, and the empty tables
+Models = Mapping[tuple[str, int], ValidityModel]  # by user and seed
 VARIANT = "clearance"
 DRAWN = ("val_scenes", "val_items")  # pools of the drawn world: items known from training, and others
+COMPARED = "validation"  # the finder sees path-traced splits with this prefix only: none that are sealed
+ALL = "all"  # stands for every table top, or for the mean over users
 
 
 class FinderModel(ClearanceModel):
     """A clearance model that sees what the hand-tuned finder detects."""
 
-    def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene object 13"]:
+    def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene object 14"]:
         """Return the detected objects, packed as by `PerceivedObjects.percept`."""
         return percept(finder.detect_objects(images))
 
 
-def percept(objects: Objects) -> Float[Tensor, "scene object 13"]:
+def percept(objects: Objects) -> Float[Tensor, "scene object 14"]:
     """Return objects packed as a clearance model sees them."""
     start, end = torch.from_numpy(objects.ends).unbind(-2)
     radius, features, present = map(torch.from_numpy, (objects.radius, objects.features, objects.present))
-    return pack(start, end, radius, features, present)
+    return pack(start, end, radius, features, present, torch.from_numpy(objects.doubt))
 
 
-def accuracies(cfg: DictConfig, detectors: dict[str, Detector]) -> pd.DataFrame:
-    """Return a row for each source, kind of table top, detector, user, seed and scene: the share of paths judged right.
+def trained(cfg: DictConfig) -> Models:
+    """Return stage clearance's models of the judged users and the protocol's seeds."""
+    keys = [(user, seed) for user in cfg.evaluate.users for seed in cfg.protocol.seeds]
+    return {(user, seed): load_model(cfg, VARIANT, user, seed, cfg.main_n_demos) for user, seed in keys}
 
-    Sources are the drawn world's validation scenes, and path-traced splits with and without the empty table's picture.
-    Models are fitted in the drawn world, to what the finder or the segmenter sees without that picture.
+
+def accuracies(cfg: DictConfig) -> pd.DataFrame:
+    """Return a row for each source, detector, user, seed and scene (`judged`).
+
+    The segmenter is judged on drawn scenes by stage clearance's models; the finder there and on path-traced splits for
+    validation, by models fitted to what it sees, on the validation seeds.
     """
-    study = cfg.studies.perception
     scenes, demos, queries = read_labelled(cfg.paths.scenes, cfg.paths.demos)
-    models = {kind: _fitted(cfg, kind, scenes, demos) for kind in (FinderModel, ClearanceModel)}
-    rows = []
-
-    def judge(source: str, tops: list[str], name: str, seen: Tensor, z: Array, true: dict[str, Array]) -> None:
-        for (seed, user), model in models[FinderModel if name == "finder" else ClearanceModel].items():
-            right = _judged(model, seen, z) == true[user]
-            columns = {"scene": range(len(z)), "top": tops, "accuracy": right.mean(1)}
-            rows.append(pd.DataFrame(columns).assign(source=source, detector=name, user=user, seed=seed))
-
+    by_finder, by_segmenter = _fitted(cfg, scenes, demos), trained(cfg)
+    parts = []
     for pool in DRAWN:
-        images, tops, asked = to_tensor(scenes.images[pool]), ["drawn"] * len(scenes.images[pool]), queries[pool]
-        for name in ("finder", "segmenter"):
-            judge(pool, tops, name, percept(detectors[name](images, images)), asked.z, asked.valid)
-    for split in study.rendered:
-        tables = read_rendered(Path(study.folder) / split)
-        z = random_z_theta(stream(study.root_seed, "paths", split), len(tables.images), study.paths)
-        true = {user: valid(tables.layouts, z, cfg.users[user]) for user in cfg.evaluate.users}
-        for name, detect in detectors.items():
-            seen = percept(detect(to_tensor(tables.images), to_tensor(tables.empty)))
-            judge(split, tables.tops, name, seen, z, true)
+        images, asked = to_tensor(scenes.images[pool]), queries[pool]
+        for name, detect, models in (
+            ("finder", finder.detect_objects, by_finder),
+            ("segmenter", detect_objects, by_segmenter),
+        ):
+            part = judged(models, percept(detect(images)), asked.z, asked.valid)
+            parts.append(part.assign(source=pool, top=ALL, detector=name))
+    for split in cfg.studies.perception.rendered:
+        if split.startswith(COMPARED):
+            tables, z = tables_and_paths(cfg, split)
+            true = {user: valid(tables.layouts, z, cfg.users[user]) for user in cfg.evaluate.users}
+            seen = percept(finder.detect_objects(to_tensor(tables.images)))
+            part = judged(by_finder, seen, z, true)
+            tops = [tables.tops[scene] for scene in part["scene"]]
+            parts.append(part.assign(source=split, top=tops, detector="finder"))
+    return pd.concat(parts, ignore_index=True)
+
+
+def tables_and_paths(cfg: DictConfig, split: str) -> tuple[Rendered, Float[Array, "scene path 2"]]:
+    """Return a path-traced split and the random paths [m] that are judged in its scenes."""
+    study = cfg.studies.perception
+    tables = read_rendered(Path(study.folder) / split)
+    return tables, random_z_theta(stream(study.root_seed, "paths", split), len(tables.images), study.paths)
+
+
+def judged(
+    models: Models,
+    seen: Float[Tensor, "scene object column"],
+    z: Float[Array, "scene path 2"],
+    true: Mapping[str, Bool[Array, "scene path"]],
+) -> pd.DataFrame:
+    """Return a row for each user, seed and scene: the share of paths judged right."""
+    rows = []
+    for (user, seed), model in models.items():
+        right = (probability(model, seen, z) > DECISION) == true[user]
+        rows.append(pd.DataFrame({"user": user, "seed": seed, "scene": range(len(z)), "accuracy": right.mean(1)}))
     return pd.concat(rows, ignore_index=True)
 
 
-def _fitted(
-    cfg: DictConfig, kind: type[ClearanceModel], scenes: SceneSet, demos: pd.DataFrame
-) -> dict[tuple[int, str], ClearanceModel]:
-    """Return a model of each validation seed and judged user, fitted in the drawn world."""
-    keys = [(seed, user) for seed in cfg.validation_seeds for user in cfg.evaluate.users]
-    seeds = [job_seed(seed, user, cfg.main_n_demos, VARIANT) for seed, user in keys]
-    models = [untrained(kind, cfg.variants[VARIANT].model, seed) for seed in seeds]
-    images = [scenes.images[train_pool(seed)] for seed, _ in keys]
-    z, labels = zip(*(demo_arrays(demos, seed, user, cfg.main_n_demos) for seed, user in keys), strict=True)
-    fit(models, images, z, labels, Schedule.of(cfg.clearance), seeds)  # pyright: ignore
-    return dict(zip(keys, models, strict=True))  # pyright: ignore
-
-
 @torch.no_grad()
-def _judged(model: ClearanceModel, seen: Tensor, z: Array) -> Array:
-    """Return whether each path is judged valid: (scene, path)."""
-    return model.logit(seen, torch.from_numpy(z).float()).sigmoid().numpy() > DECISION
+def probability(
+    model: ValidityModel, seen: Float[Tensor, "scene object column"], z: Float[Array, "scene path 2"]
+) -> Float[Array, "scene path"]:
+    """Return P(valid) of each path [m] among the objects seen."""
+    return model.logit(seen, torch.from_numpy(z).float()).sigmoid().numpy()
+
+
+def summarised(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return mean accuracies with quartiles over seeds, by source, table top (or all), detector and user (or all)."""
+    rows = pd.concat([rows, rows[rows["top"] != ALL].assign(top=ALL)])
+    rows = pd.concat([rows, rows.assign(user=ALL)])
+    key = ["source", "top", "detector", "user"]
+    by_seed = rows.groupby([*key, "seed"], sort=False).agg(accuracy=("accuracy", "mean"), scenes=("scene", "nunique"))
+    groups = by_seed.reset_index().groupby(key, sort=False)
+    quartiles = {name: groups["accuracy"].quantile(q) for name, q in (("q1", 0.25), ("q3", 0.75))}
+    means = groups.agg(seeds=("seed", "size"), scenes=("scenes", "first"), accuracy=("accuracy", "mean"))
+    return means.assign(**quartiles).reset_index()
+
+
+def _fitted(cfg: DictConfig, scenes: SceneSet, demos: pd.DataFrame) -> Models:
+    """Return a model of each judged user and validation seed, fitted to what the finder sees in the drawn world."""
+    keys = [(user, seed) for user in cfg.evaluate.users for seed in cfg.validation_seeds]
+    seeds = [job_seed(seed, user, cfg.main_n_demos, VARIANT) for user, seed in keys]
+    models = [untrained(FinderModel, cfg.variants[VARIANT].model, seed) for seed in seeds]
+    images = [scenes.images[train_pool(seed)] for _, seed in keys]
+    z, labels = zip(*(demo_arrays(demos, seed, user, cfg.main_n_demos) for user, seed in keys), strict=True)
+    fit(models, images, z, labels, Schedule.of(cfg.clearance), seeds)  # pyright: ignore
+    return dict(zip(keys, models, strict=True))

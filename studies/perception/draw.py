@@ -1,6 +1,6 @@
 """Draw the pool of pictures that the segmenter learns from.
 
-python -m studies.perception.draw --pool FOLDER --parts 60
+python -m studies.perception.draw --pool FOLDER --parts 44
 """
 
 import argparse

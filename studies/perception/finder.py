@@ -79,6 +79,7 @@ def detect_objects(images: Float[Tensor, "scene 3 100 100"]) -> Objects:
         np.zeros((len(images), MAX_OBJECTS), np.float32),
         np.zeros((len(images), MAX_OBJECTS, len(FEATURES)), np.float32),
         np.zeros((len(images), MAX_OBJECTS), bool),
+        np.zeros(len(images), np.float32),
     )
     pixels = images.detach().permute(0, 2, 3, 1).mul(255).round().to(torch.uint8).contiguous().numpy()
     for scene, image in enumerate(pixels):

@@ -1,16 +1,28 @@
 """Parameters of the study (conf/studies/perception.yaml) and their constraints."""
 
+from pipeline.config.checks import need, need_one
 from pipeline.config.settings import Settings as Parameters
-from pipeline.config.values import Count, StudyGroup, Whole
+from pipeline.config.values import Count, Group, Some, StudyGroup, Whole
+
+
+class Headlines(Group):
+    """The splits behind the accuracies of transfer.clearance in metrics.json."""
+
+    taught_tops: str
+    held_out_tops: str
 
 
 class Settings(StudyGroup):
     pictures: Count
     folder: str
-    rendered: list[str]
+    rendered: Some
+    headlines: Headlines
     paths: Count
     root_seed: Whole
 
 
 def agree(study: Settings, parameters: Parameters) -> None:
-    """Accept any settings: none depends on the others."""
+    """Reject headlines on splits that are not judged, and parameters without the variant that is."""
+    for name, split in study.headlines:
+        need_one(f"studies.perception.headlines.{name}", split, study.rendered)
+    need("clearance" in parameters.variants, "variants", list(parameters.variants), "clearance among them")

@@ -1,28 +1,32 @@
 """Stage perception: find the items in composites, on families of table tops that the segmenter was taught and others.
 
 It judges the segmenter, without and with a picture of the empty table, and the hand-tuned finder that it replaced:
-by the items they find, and by the accuracy of clearance models on drawn and path-traced tables.
+by the items they find, and by the accuracy of clearance models. On path-traced tables it also judges the models'
+verdicts on added items, and the search for the nearest valid path.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from omegaconf import DictConfig
+from torch import Tensor
 from tqdm import tqdm
 
-from pipeline.artifacts.files import write_arrays, write_table
+from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.launch import launch
 from pipeline.models.base import to_tensor
 from pipeline.perception.objects import Objects, detect_objects
 from pipeline.runtime.streams import stream
 from studies.perception import finder
-from studies.perception.accuracy import Detector, accuracies
+from studies.perception.accuracy import accuracies, summarised
 from studies.perception.composites import draw_composites, read_palette
 from studies.perception.measure import FOUND_IOU, match
 from studies.perception.tops import FAMILIES
+from studies.perception.transfer import headlines, transfer
 
-DETECTORS: dict[str, Detector] = {
+DETECTORS: dict[str, Callable[[Tensor, Tensor], Objects]] = {  # of images, and of the empty tables
     "finder": lambda images, empty: finder.detect_objects(images),
     "segmenter": lambda images, empty: detect_objects(images),
     "segmenter_empty": detect_objects,
@@ -31,7 +35,10 @@ SHOWN = 1  # pictures of each family in examples.npz
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """Write items.parquet (a row an item and detector), families.csv, summary.csv, examples.npz and accuracy.csv."""
+    """Write items.parquet (a row an item and detector), families.csv, summary.csv and examples.npz of composites.
+
+    Of clearance models, write accuracy.csv, verdicts.csv, search.csv and metrics.json.
+    """
     study = cfg.studies.perception
     palette = read_palette(cfg.paths.data)
     parts, examples = [], {}
@@ -52,9 +59,14 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     write_table(out_dir / "families.csv", summary(items, ["kind", "family", "detector"]))
     write_table(out_dir / "summary.csv", summary(items, ["kind", "detector"]))
     write_arrays(out_dir / "examples.npz", examples)
-    groups = accuracies(cfg, DETECTORS).groupby(["source", "top", "detector", "user"], sort=False)
-    write_table(
-        out_dir / "accuracy.csv", groups.agg(scenes=("scene", "nunique"), accuracy=("accuracy", "mean")).reset_index()
+    on_tables = transfer(cfg)
+    accuracy = summarised(pd.concat([accuracies(cfg), on_tables.accuracy], ignore_index=True))
+    write_table(out_dir / "accuracy.csv", accuracy)
+    write_table(out_dir / "verdicts.csv", on_tables.verdicts)
+    write_table(out_dir / "search.csv", on_tables.search)
+    write_json(
+        out_dir / "metrics.json",
+        {"transfer": {"clearance": headlines(study.headlines, accuracy, on_tables.verdicts)}},
     )
 
 

@@ -1,6 +1,6 @@
 """Train the segmenter on a pool of composites, without any user's label; `make segmenter` runs it.
 
-python -m studies.perception.train --pool FOLDER --steps 14000
+python -m studies.perception.train --pool FOLDER --steps 11000
 
 Another process draws the pool meanwhile (studies/perception/draw.py). The training waits for parts that are not there
 yet, so its result does not depend on their speeds.
@@ -96,9 +96,7 @@ def train(pool: Path, out: Path, steps: int) -> list[float]:
     for step, pictures in enumerate(batches(rng, pool)):
         optimiser.param_groups[0]["lr"] = RATE * min(step / WARM_UP, 1, (1 - step / steps) / COOL_DOWN)
         inputs, truth = change(rng, pictures)
-        with torch.autocast("cpu", torch.bfloat16):
-            log_odds = segmenter(inputs)
-        objective = loss(log_odds.float(), truth)
+        objective = loss(segmenter(inputs), truth)
         optimiser.zero_grad()
         objective.backward()
         optimiser.step()

@@ -17,7 +17,6 @@ LABELS = {
 }
 MODELS = {"position_only": "Position only", "full": "Paper’s model", "clearance": "Clearance"}  # columns of the table
 SHOWN = ("full", "irl_maxent", "irl_ranked", "clearance")  # variants in figures
-CHANGED = ("texture marble",)  # disturbances after which perception was changed because of the result
 
 
 def strongest(study: Study) -> Table:
@@ -30,7 +29,7 @@ def strongest(study: Study) -> Table:
             continue
         of = group.set_index("variant")
         name = "none" if kind == "none" else f"{LABELS[str(kind)]}, {strength}"
-        row = {"Disturbance": name + (" +" if f"{kind} {strength}" in CHANGED else "")}
+        row: dict[str, object] = {"Disturbance": name}
         row |= {title: of["accuracy"].get(variant) for variant, title in MODELS.items()}
         row |= {"low": of["ci_low"].get("clearance"), "high": of["ci_high"].get("clearance")}
         rows.append(row | {"Accepts invalid": of["unsafe"].get("clearance")})
