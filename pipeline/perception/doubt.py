@@ -1,4 +1,4 @@
-"""How unsure the segmenter is of a picture, without any label (docs/decisions/031-doubt.md)."""
+"""Measure how unsure the segmenter is of a picture, without any label (docs/decisions/031-doubt.md)."""
 
 import cv2
 import numpy as np

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 import pinocchio as pin  # pyright: ignore[reportMissingImports]
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 
 from pipeline.robot.arm import GRIP, Arm
 from pipeline.robot.bench import Bench
-from pipeline.robot.inverse import PostureMap
+from pipeline.robot.inverse import FREE, PostureMap, polished
 from pipeline.robot.motion import lengths, minimum_jerk
 
 FAILURES = ("", "out of reach", "joint limit", "collision", "off the table", "joint speed", "tracking")  # "": executed
@@ -45,20 +45,22 @@ def execute(
 ) -> Motion:
     """Carry out each Bezier path at a mean speed [m/s] of the grip.
 
-    Joint positions come from the map, within the joints' stops; the grip's place follows from them by forward
+    Joint positions come from the map, within the joints' stops. Where they deviate too far from a path that the map
+    reaches, they are polished by inverse kinematics at each instant. The grip's place follows from them by forward
     kinematics. speed_share: largest joint speed as a share of the joint's limit.
     """
     points = minimum_jerk(z_theta, instants)
     q = np.clip(postures.postures(points), arm.model.lowerPositionLimit, arm.model.upperPositionLimit)
-    place, rotation = forward(arm, q)
-    error = np.linalg.norm(place - bench.to_base(points), axis=-1)
-    tilt = np.arccos(np.clip(rotation[..., 2, 2], -1.0, 1.0))
+    targets, status = bench.to_base(points), postures.worst(points)
+    place, rotation, error, tilt = deviation(arm, q, targets)
+    again = np.flatnonzero(_off(error, tilt, allowed) & (status == FREE))
+    if len(again):
+        q[again] = polished(arm, q[again], targets[again])
+        place[again], rotation[again], error[again], tilt[again] = deviation(arm, q[again], targets[again])
     duration = lengths(z_theta) * bench.side_m / speed_m_s
     speed = np.abs(np.diff(q, axis=1)) * (instants - 1) / duration[:, None, None]
     share = (speed / arm.model.velocityLimit).max((1, 2))
-    status = postures.worst(points)
-    off = (error.max(1) > allowed.error_m) | (tilt.max(1) > allowed.tilt_rad)
-    named = np.select([status > 0, share > 1, off], [status, 5, 6], 0)
+    named = np.select([status > 0, share > 1, _off(error, tilt, allowed)], [status, 5, 6], 0)
     results = pd.DataFrame(
         {
             "duration_s": duration,
@@ -70,6 +72,21 @@ def execute(
     )
     ahead = bench.base.rotation @ rotation[..., :, 0, None]
     return Motion(q, bench.to_table(place), np.arctan2(ahead[..., 1, 0], ahead[..., 0, 0]), results)
+
+
+def _off(
+    error: Float[Array, "path instant"], tilt: Float[Array, "path instant"], allowed: Tolerances
+) -> Bool[Array, " path"]:
+    return (error.max(1) > allowed.error_m) | (tilt.max(1) > allowed.tilt_rad)
+
+
+def deviation(
+    arm: Arm, q: Float[Array, "path instant joint"], targets: Float[Array, "path instant 3"]
+) -> tuple[Array, Array, Float[Array, "path instant"], Float[Array, "path instant"]]:
+    """Return the grip's place [m], its rotation, its distance from the targets [m], and its tilt [rad]."""
+    place, rotation = forward(arm, q)
+    error = np.linalg.norm(place - targets, axis=-1)
+    return place, rotation, error, np.arccos(np.clip(rotation[..., 2, 2], -1.0, 1.0))
 
 
 def forward(

@@ -33,7 +33,7 @@ def write_bag(folder: Path, trajectories: Mapping[str, Mapping[str, Any]], frame
     with Writer(folder, version=8, storage_plugin=StoragePlugin.MCAP) as bag:
         for second, (name, one) in enumerate(trajectories.items()):
             stamp = types["builtin_interfaces/msg/Time"](sec=second, nanosec=0)
-            points = [
+            points: Any = [
                 types["trajectory_msgs/msg/JointTrajectoryPoint"](
                     positions=np.array(point["positions"]),
                     velocities=np.array(point["velocities"]),

@@ -26,6 +26,7 @@ POSTURE_COST = 3e-3  # [m/rad] of leaving the preferred posture: too small to mo
 ENDLESS = 1e3  # [rad] where stops are ignored
 SOLVED = 1e-4  # a step is the last if no joint moves further [rad]
 FIRST, STEPS = 200, 12  # most steps for the first point, from the preferred posture, and from a neighbour
+POLISHING = 3  # most steps from an interpolated posture
 
 
 @dataclass(frozen=True)
@@ -80,6 +81,15 @@ def posture_map(arm: Arm, bench: Bench, side: int, obstacle_m: float) -> Posture
         else:
             status[row, column] = LIMIT if free.solve(q[row, column], targets[row, column], steps)[1] else REACH
     return PostureMap(q, status, np.stack([spline_filter(q[..., i], 3, mode="nearest") for i in range(q.shape[-1])]))
+
+
+def polished(
+    arm: Arm, q: Float[Array, "path instant joint"], targets: Float[Array, "path instant 3"]
+) -> Float[Array, "path instant joint"]:
+    """Return interpolated joint positions [rad] after a few more steps of inverse kinematics to the targets [m]."""
+    solver = Solver(arm, stops=True)
+    pairs = zip(q.reshape(-1, q.shape[-1]), targets.reshape(-1, 3), strict=True)
+    return np.stack([solver.solve(start, target, POLISHING)[0] for start, target in pairs]).reshape(q.shape)
 
 
 class Solver:

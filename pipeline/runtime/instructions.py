@@ -1,8 +1,11 @@
-"""Let libraries use the same instructions on every x86-64 processor with AVX2, so that sums are rounded alike."""
+"""Let libraries use one thread, and the same instructions on every x86-64 processor with AVX2: sums round alike."""
 
 import os
 import platform
 
+THREADS = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
+)  # of torch, numpy and scipy
 SETTINGS = {
     "ATEN_CPU_CAPABILITY": "avx2",  # torch's own kernels
     "ONEDNN_MAX_CPU_ISA": "AVX2",  # torch's convolutions
@@ -14,6 +17,6 @@ SETTINGS = {
 
 def fix_instructions() -> None:
     """Set the variables that libraries read when they are imported; those of the caller's environment win."""
-    if platform.machine() in ("x86_64", "AMD64"):
-        for name, value in SETTINGS.items():
-            os.environ.setdefault(name, value)
+    x86 = platform.machine() in ("x86_64", "AMD64")
+    for name, value in (THREADS | SETTINGS if x86 else THREADS).items():
+        os.environ.setdefault(name, value)

@@ -24,7 +24,6 @@ from pipeline.sweep.results import headlines, read_metrics
 WATCH_S = 0.5  # between two looks at the parent process
 MAX_NAME = 120  # characters of a folder's name; longer ones end in a digest
 FULL = ("No space left on device", "Out of diskspace")  # what the system and git say of a full disk
-ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 
 
 @dataclass(frozen=True)
@@ -91,7 +90,7 @@ def is_done(folder: Path) -> bool:
 def _run_stages(sweep: Sweep, overrides: Sequence[str], clone: Path, folder: Path) -> dict:
     """Run the stages in a process group of their own; raise InputError with the last line of the log if they fail."""
     command = [sys.executable, "-m", "pipeline.sweep.stages", *sweep.targets, "--overrides", "workers=1", *overrides]
-    env = os.environ | ONE_THREAD | {"PYTHONHASHSEED": "0", "TQDM_DISABLE": "1", "PYTHONPATH": str(clone)}
+    env = os.environ | {"PYTHONHASHSEED": "0", "TQDM_DISABLE": "1", "PYTHONPATH": str(clone)}
     env["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{env['PATH']}"  # stages are run as `python -m ...`
     with (folder / "log.txt").open("w") as log:
         process = subprocess.Popen(command, cwd=clone, env=env, stdout=log, stderr=log, start_new_session=True)

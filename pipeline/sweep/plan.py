@@ -1,4 +1,4 @@
-"""What a command line of a sweep asks for: its jobs, and whether they can run at all."""
+"""Read the command line of a sweep: its jobs, and whether they can run at all."""
 
 import importlib.util
 import socket

@@ -1,4 +1,4 @@
-"""What a sweep found: a tidy table, means by setting, paired differences from a reference setting, and a page."""
+"""Summarise a sweep: a tidy table, means by setting, paired differences from a reference setting, and a page."""
 
 import shutil
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What each arm executes, and which items it pushes."""
+"""Tables of what each arm executes, and of which items it pushes."""
 
 import pandas as pd
 

@@ -8,8 +8,9 @@ import pytest
 from pipeline.robot.arm import Arm
 from pipeline.robot.bench import Bench
 from pipeline.robot.collision import Collisions
-from pipeline.robot.execution import Tolerances, execute
+from pipeline.robot.execution import Tolerances, deviation, execute
 from pipeline.robot.inverse import COLLISION, FREE, PostureMap, posture_map
+from pipeline.robot.motion import minimum_jerk
 from pipeline.world.bezier import P_F, P_INIT, random_z_theta
 from tests.robot.conftest import TALLEST_M, arm
 
@@ -43,6 +44,14 @@ def test_executed_paths_keep_limits_and_stay_on_the_path(pr2: Arm, bench: Bench,
     np.testing.assert_allclose(motion.grip[..., 2], bench.grip_m, atol=2e-3)
     collisions = Collisions(pr2, bench, bench.side_m * TALLEST_M)
     assert not any(collisions.at(q) for q in motion.q[:, ::9].reshape(-1, 7))
+
+
+def test_what_a_coarse_map_would_miss_is_polished_until_it_tracks(pr2: Arm, bench: Bench):
+    coarse = posture_map(pr2, bench, 7, bench.side_m * TALLEST_M)
+    interpolated = deviation(pr2, coarse.postures(minimum_jerk(Z_THETA, 64)), bench.to_base(minimum_jerk(Z_THETA, 64)))
+    assert interpolated[2].max() > ALLOWED.error_m
+    motion = execute(pr2, bench, coarse, Z_THETA, 64, 0.35, ALLOWED)
+    assert set(motion.results["failure"]) == {""} and motion.results["error_max_m"].max() < ALLOWED.error_m
 
 
 def test_a_movement_that_is_too_fast_fails_by_joint_speed(pr2: Arm, bench: Bench, postures: PostureMap):
