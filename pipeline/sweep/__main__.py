@@ -24,8 +24,9 @@ from pipeline.runtime.errors import InputError
 from pipeline.sweep.clone import code_digest, snapshot
 from pipeline.sweep.job import Sweep, reason
 from pipeline.sweep.launch import launch
+from pipeline.sweep.page.write import write_summary
 from pipeline.sweep.plan import Plan, make_plan
-from pipeline.sweep.summary import read_jobs, write_summary
+from pipeline.sweep.summary import read_jobs
 
 
 def main(argv: list[str]) -> int:

@@ -28,7 +28,7 @@ def run_stages(targets: list[str]) -> dict[str, dict]:
         locks = Path(repo.cache.local.path).parents[1] / "sweep-locks"
         locks.mkdir(parents=True, exist_ok=True)
         graph = repo.index.graph
-        plan = plan_repro(graph, [stage for target in targets for stage in repo.stage.collect(target)])
+        plan = plan_repro(graph, [stage for target in targets for stage in repo.stage.collect(address(target))])
         sources = [stage for stage in plan if stage.is_data_source]
         with FileLock(locks / "data"):
             repo.pull(targets=[stage.addressing for stage in sources])
@@ -53,6 +53,12 @@ def run_stages(targets: list[str]) -> dict[str, dict]:
             else:
                 time.sleep(POLL_S)
     return done
+
+
+def address(target: str) -> str:
+    """Return what DVC calls a stage: a study's is in a file of its own."""
+    path = f"studies/{target}/dvc.yaml"
+    return f"{path}:{target}" if Path(path).is_file() else target
 
 
 def content_key(stage) -> str:

@@ -1,6 +1,5 @@
-"""Summarise a sweep: a tidy table, means by setting, paired differences from a reference setting, and a page."""
+"""Summarise a sweep: a tidy table, means by setting, paired differences from a reference setting."""
 
-import shutil
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -10,9 +9,8 @@ import pandas as pd
 import yaml
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
-from pipeline.artifacts.files import read_json, read_table, write_table
+from pipeline.artifacts.files import read_json, read_table
 from pipeline.audit.difference import paired
-from pipeline.report.page import FOLDER, Site, environment, render_page, write_files
 from pipeline.sweep.results import LOWER_IS_BETTER
 
 FLIPPED = {"better": "worse", "worse": "better"}
@@ -153,21 +151,3 @@ def _comparisons(results: pd.DataFrame, families: list[dict[str, Any]]) -> pd.Da
         for index, column in enumerate(("setting", "variant", "against", "split")):
             table.insert(index, column, names[index])
     return table
-
-
-def write_summary(folder: Path, record: dict[str, Any], jobs: list[dict[str, Any]]) -> Path:
-    """Write index.html with its figures and tables, and the tidy tables as parquet; return the page's path."""
-    from pipeline.sweep.page.tables import best, title
-
-    summary = summarise(record, jobs)
-    site = Site()
-    names = {"home": "", "pages": {"index": "Sweep"}, "facts": {"studies": []}}
-    names |= {"s": summary, "best": best, "title": title, "origins": ()}  # its tables are made of no other tables
-    made = environment([Path(__file__).parent / "page"], **names)
-    render_page("index", "page.html.j2", "pipeline.sweep.page", summary, made, site)
-    write_files(site, folder)
-    shutil.copy(FOLDER / "page.css", folder)
-    write_table(folder / "results.parquet", summary.results)
-    write_table(folder / "differences.parquet", summary.differences)
-    write_table(folder / "comparisons.parquet", summary.comparisons)
-    return folder / "index.html"

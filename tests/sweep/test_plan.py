@@ -3,10 +3,13 @@
 import importlib.util
 
 import pytest
+from dvc.repo import Repo
 
+from pipeline.config.graph import ROOT
 from pipeline.params import CONF
 from pipeline.runtime.errors import InputError
 from pipeline.sweep.plan import make_plan
+from pipeline.sweep.stages import address
 
 EXPERIMENTS = sorted(path.stem for path in (CONF / "experiment").glob("*.yaml"))
 
@@ -59,3 +62,10 @@ def test_an_experiment_has_fewer_values_if_the_command_line_names_them():
     plan = make_plan(["profile=smoke", "+experiment=worlds", *fewer], ["evaluate"])
     assert plan.jobs is not None and len(plan.jobs) == 3
     assert all("scenes.per_seed=6" in [*job, *plan.fixed] for job in plan.jobs)
+
+
+def test_dvc_finds_every_study_by_the_name_that_stages_takes():
+    with Repo(str(ROOT)) as repo:
+        for study in ROOT.glob("studies/*/dvc.yaml"):
+            (stage,) = repo.stage.collect(address(study.parent.name))
+            assert stage.name == study.parent.name

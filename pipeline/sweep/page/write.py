@@ -1,0 +1,26 @@
+"""Write the page of a sweep."""
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+from pipeline.artifacts.files import write_table
+from pipeline.report.page import FOLDER, Site, environment, render_page, write_files
+from pipeline.sweep.page.tables import best, title
+from pipeline.sweep.summary import summarise
+
+
+def write_summary(folder: Path, record: dict[str, Any], jobs: list[dict[str, Any]]) -> Path:
+    """Write index.html with its figures and tables, and the tidy tables as parquet; return the page's path."""
+    summary = summarise(record, jobs)
+    site = Site()
+    names = {"home": "", "pages": {"index": "Sweep"}, "facts": {"studies": []}}
+    names |= {"s": summary, "best": best, "title": title, "origins": ()}  # its tables are made of no other tables
+    made = environment([Path(__file__).parent], **names)
+    render_page("index", "page.html.j2", "pipeline.sweep.page", summary, made, site)
+    write_files(site, folder)
+    shutil.copy(FOLDER / "page.css", folder)
+    write_table(folder / "results.parquet", summary.results)
+    write_table(folder / "differences.parquet", summary.differences)
+    write_table(folder / "comparisons.parquet", summary.comparisons)
+    return folder / "index.html"
