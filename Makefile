@@ -72,10 +72,14 @@ test-viewer: $(READY)  ## recordings in Rerun's viewer, without a screen or a GP
 test-faults: $(READY)  ## break smoke runs on purpose (kill -9, damaged files, full disk, ...); Linux, root; KILLS=50 for more kills than 5
 	python -m tests.faults $(if $(KILLS),--kills $(KILLS))
 
-test-cluster: data-here  ## sweeps on Ray (two nodes, one is killed), by submitit and Optuna, in an environment above .venv
+CLUSTER := .venv-cluster/.ready
+$(CLUSTER): tests/cluster/requirements.txt $(READY)
 	test -x .venv-cluster/bin/python || $(VENV)/bin/python -m venv .venv-cluster
 	$(VENV)/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))' > "$$(.venv-cluster/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/venv.pth"
 	.venv-cluster/bin/python -m pip install --quiet --disable-pip-version-check -r tests/cluster/requirements.txt
+	@touch $@
+
+test-cluster: data-here $(CLUSTER)  ## sweeps on Ray (two nodes, one is killed), by submitit, Slurm and Optuna, in an environment above .venv
 	PATH="$(CURDIR)/.venv-cluster/bin:$$PATH" .venv-cluster/bin/python -m pytest tests/cluster
 
 check-dowhy:  ## a small graph's and the stages' own numbers by dowhy.gcm, in an environment of its own
@@ -87,9 +91,9 @@ check-dowhy:  ## a small graph's and the stages' own numbers by dowhy.gcm, in an
 smoke: $(READY)  ## the whole graph, studies too, tiny, in a throwaway clone
 	bash tests/smoke.sh
 
-bench: data-here  ## every benchmark, the whole graph among them; writes bench/README.md
+bench: data-here $(CLUSTER)  ## every benchmark, the whole graph among them; writes bench/README.md
 	mkdir -p .benchmarks
-	python -m pytest bench --benchmark-only --benchmark-json=.benchmarks/latest.json
+	PATH="$(CURDIR)/.venv-cluster/bin:$$PATH" .venv-cluster/bin/python -m pytest bench --benchmark-only --benchmark-json=.benchmarks/latest.json
 	python -m bench.repro .benchmarks/repro.json
 	python -m bench.page .benchmarks/latest.json .benchmarks/repro.json
 

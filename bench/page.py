@@ -39,7 +39,9 @@ AIMS = {  # name of the figure -> (description, aim)
     "render_speedup_composite": ("rendering: times compositing without light at four times the size", ""),
     "sweep_job_s_bare_loop": ("a job whose stages are all cached, in a bare loop over `dvc repro` [s]", ""),
     "sweep_job_s_basic": ("the same in a sweep, one job after the other, start and summary included [s]", ""),
-    "sweep_job_s_joblib": ("the same with two jobs at once [s]", ""),
+    "sweep_job_s_joblib": ("the same by joblib, as many jobs at once as there are cores [s]", ""),
+    "sweep_job_s_ray": ("the same by Ray on this machine, its start included [s]", ""),
+    "sweep_job_s_submitit_local": ("the same by submitit, a process for each job [s]", ""),
 }
 WAYS = {
     "rows": "one row per (image, path), eager",

@@ -7,14 +7,16 @@ import shutil
 import subprocess
 import sys
 import time
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
+from pipeline.sweep.plan import EXTRAS
 from tests.sweep.running import SMALL, clone_of_working_tree, environment, sweep
 
 JOBS = 8
-LAUNCHERS = {"basic": ["hydra/launcher=basic"], "joblib": ["hydra/launcher=joblib", "hydra.launcher.n_jobs=2"]}
+LAUNCHERS = ("basic", "joblib", "ray", "submitit_local")  # the last two need the environment of `make bench`
 TARGET = ["--stages", "demos"]
 
 
@@ -51,8 +53,18 @@ def test_bare_loop(benchmark, repository: Path):
 
 @pytest.mark.parametrize("launcher", LAUNCHERS)
 def test_sweep(benchmark, repository: Path, tmp_path: Path, launcher: str):
+    if launcher in EXTRAS and find_spec(EXTRAS[launcher][0]) is None:
+        pytest.skip(f"needs the extra {EXTRAS[launcher][1]}")
     values = f"report.scenes={','.join(str(value + 1) for value in range(JOBS))}"
-    arguments = ["--multirun", *SMALL, values, *LAUNCHERS[launcher], *TARGET, "--folder", str(tmp_path / "swept")]
+    arguments = [
+        "--multirun",
+        *SMALL,
+        values,
+        f"hydra/launcher={launcher}",
+        *TARGET,
+        "--folder",
+        str(tmp_path / "swept"),
+    ]
     start = time.perf_counter()
     ended = benchmark.pedantic(sweep, args=(repository, *arguments), rounds=1)
     benchmark.extra_info["results"] = {f"sweep_job_s_{launcher}": (time.perf_counter() - start) / JOBS}
