@@ -204,6 +204,7 @@ def _facts(cfg: DictConfig, scenes: SceneSet) -> dict:
         "studies": {name: study.question for name, study in cfg.studies.items()},
         "scenes_per_seed": cfg.scenes.per_seed,
         "test_scenes": len(scenes.images[cfg.protocol.splits[cfg.repair.split]]),
+        "effect_scenes": len(scenes.images[cfg.protocol.splits[cfg.intervene.split]]) + cfg.intervene.more_scenes,
         "repair_steps": cfg.repair.steps,
         "optimiser": cfg.repair.optimiser,
         "repair_rate": cfg.repair.rate,

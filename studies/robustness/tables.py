@@ -32,6 +32,6 @@ def strongest(study: Study) -> Table:
         row: dict[str, object] = {"Disturbance": name}
         row |= {title: of["accuracy"].get(variant) for variant, title in MODELS.items()}
         row |= {"low": of["ci_low"].get("clearance"), "high": of["ci_high"].get("clearance")}
-        rows.append(row | {"Accepts invalid": of["unsafe"].get("clearance")})
-    columns = (*MODELS.values(), "low", "high", "Accepts invalid")
+        rows.append(row | {"Invalid paths accepted": of["unsafe"].get("clearance")})
+    columns = (*MODELS.values(), "low", "high", "Invalid paths accepted")
     return Table(pd.DataFrame(rows, dtype=object), dict.fromkeys(columns, "pct1"))

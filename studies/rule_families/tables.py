@@ -21,8 +21,8 @@ def models(study: Study) -> Table:
     table = table.assign(right=[right.get(key, "–") for key in keys])
     titles = {
         "family": "Rule", "variant": "Model", "accuracy": "Accuracy", "ci_low": "low", "ci_high": "high",
-        "unsafe": "Accepts invalid", "training_accuracy": "On its demonstrations", "right": "Right verdicts",
+        "unsafe": "Invalid paths accepted", "training_accuracy": "On its demonstrations", "right": "Right verdicts",
     }  # fmt: skip
     frame = with_gaps(pick(table, titles, family=RULES, variant=style.label))
-    columns = ("Accuracy", "low", "high", "Accepts invalid", "On its demonstrations")
+    columns = ("Accuracy", "low", "high", "Invalid paths accepted", "On its demonstrations")
     return Table(frame, dict.fromkeys(columns, "pct1"))
