@@ -1,4 +1,4 @@
-"""Accuracy on the drawn world's validation scenes, and of models that see what the hand-tuned finder detects."""
+"""Accuracy on the drawn world's validation scenes, and the baselines: the hand-tuned finder, and no image at all."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,9 +11,10 @@ from omegaconf import DictConfig
 from torch import Tensor
 
 from pipeline.artifacts.demos import demo_arrays, read_labelled
-from pipeline.artifacts.scenes import SceneSet, train_pool
+from pipeline.artifacts.scenes import SceneSet, read_position_prior, train_pool
 from pipeline.artifacts.trained import load_model
 from pipeline.models.base import ValidityModel, to_tensor, untrained
+from pipeline.models.baselines import position_only
 from pipeline.models.clearance.clearance import ClearanceModel, pack
 from pipeline.perception.objects import Objects, detect_objects
 from pipeline.runtime.streams import job_seed, stream
@@ -29,6 +30,7 @@ Models = Mapping[tuple[str, int], ValidityModel]  # by user and seed
 VARIANT = "clearance"
 DRAWN = ("val_scenes", "val_items")  # pools of the drawn world: items known from training, and others
 COMPARED = "validation"  # the finder sees path-traced splits with this prefix only: none that are sealed
+BLIND = "position_only"  # the image-blind baseline, in place of a detector
 ALL = "all"  # stands for every table top, or for the mean over users
 
 
@@ -57,8 +59,9 @@ def accuracies(cfg: DictConfig) -> pd.DataFrame:
     """Return a row for each source, detector, user, seed and scene (`judged`).
 
     The segmenter is judged on drawn scenes by stage clearance's models; the finder there and on path-traced splits for
-    validation, by models fitted to what it sees, on the validation seeds.
+    validation, by models fitted to what it sees, on the validation seeds; the image-blind baseline everywhere.
     """
+    prior = read_position_prior(Path(cfg.paths.scenes))
     scenes, demos, queries = read_labelled(cfg.paths.scenes, cfg.paths.demos)
     by_finder, by_segmenter = _fitted(cfg, scenes, demos), trained(cfg)
     parts = []
@@ -70,14 +73,17 @@ def accuracies(cfg: DictConfig) -> pd.DataFrame:
         ):
             part = judged(models, percept(detect(images)), asked.z, asked.valid)
             parts.append(part.assign(source=pool, top=ALL, detector=name))
+        parts.append(judged_blind(cfg, prior, asked.z, asked.valid).assign(source=pool, top=ALL, detector=BLIND))
     for split in cfg.studies.perception.rendered:
+        tables, z = tables_and_paths(cfg, split)
+        true = {user: valid(tables.layouts, z, cfg.users[user]) for user in cfg.evaluate.users}
+        by_detector = {BLIND: judged_blind(cfg, prior, z, true)}
         if split.startswith(COMPARED):
-            tables, z = tables_and_paths(cfg, split)
-            true = {user: valid(tables.layouts, z, cfg.users[user]) for user in cfg.evaluate.users}
             seen = percept(finder.detect_objects(to_tensor(tables.images)))
-            part = judged(by_finder, seen, z, true)
+            by_detector["finder"] = judged(by_finder, seen, z, true)
+        for name, part in by_detector.items():
             tops = [tables.tops[scene] for scene in part["scene"]]
-            parts.append(part.assign(source=split, top=tops, detector="finder"))
+            parts.append(part.assign(source=split, top=tops, detector=name))
     return pd.concat(parts, ignore_index=True)
 
 
@@ -99,6 +105,20 @@ def judged(
     for (user, seed), model in models.items():
         right = (probability(model, seen, z) > DECISION) == true[user]
         rows.append(pd.DataFrame({"user": user, "seed": seed, "scene": range(len(z)), "accuracy": right.mean(1)}))
+    return pd.concat(rows, ignore_index=True)
+
+
+def judged_blind(
+    cfg: DictConfig,
+    prior: Mapping[str, Float[Array, "side side"]],
+    z: Float[Array, "scene path 2"],
+    true: Mapping[str, Bool[Array, "scene path"]],
+) -> pd.DataFrame:
+    """Return a row for each user and scene: the share of paths that their position alone judges right, as seed 0."""
+    rows = []
+    for user in cfg.evaluate.users:
+        right = (position_only(prior[user], z) > DECISION) == true[user]
+        rows.append(pd.DataFrame({"user": user, "seed": 0, "scene": range(len(z)), "accuracy": right.mean(1)}))
     return pd.concat(rows, ignore_index=True)
 
 

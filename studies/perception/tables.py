@@ -11,6 +11,7 @@ DETECTORS = {
     "segmenter": "Segmenter",
     "segmenter_empty": "Segmenter, empty table",
 }
+BLIND = {"position_only": "Position only (image-blind)"}  # one prediction for all training sets
 DRAWN = {"val_scenes": "drawn, items known", "val_items": "drawn, items unseen"}
 KINDS = {"taught": "taught", "held_out": "held out"}
 SEARCH = {
@@ -50,12 +51,12 @@ def by_source(study: Study) -> Table:
         for top in ["all", *(top for top in by_top if top != "all")]:
             row = {"Scenes": source_name(source), "Table tops": top, "n": by_top[top]["scenes"].iloc[0]}
             for _, one in by_top[top].iterrows():
-                title = DETECTORS[one["detector"]]
+                title = (DETECTORS | BLIND)[one["detector"]]
                 row[title] = one["accuracy"]
-                if top == "all":
+                if top == "all" and one["detector"] in DETECTORS:
                     row |= {f"{title}, q1": one["q1"], f"{title}, q3": one["q3"]}
             rows.append(row)
-    return Table(with_gaps(rows), dict.fromkeys(DETECTORS.values(), "pct1"))
+    return Table(with_gaps(rows), dict.fromkeys([*DETECTORS.values(), *BLIND.values()], "pct1"))
 
 
 def verdicts(study: Study) -> Table:
