@@ -1,6 +1,6 @@
 """Stage sealed: set what was expected of each headline beside what came.
 
-expectations.csv was committed before the sealed tests were opened: headline, expected, low and high (an interval, empty
+expectations.csv was written before the sealed tests were opened: headline, expected, low and high (an interval, empty
 for a claim's verdict), why. Headlines are those of reports/metrics.json and of study perception. surprises.csv was
 written afterwards: headline, what came, and what we know of the reason.
 """
