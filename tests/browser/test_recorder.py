@@ -84,7 +84,7 @@ def on_screen(page: Page, points: Points | list[list[int]], metres: bool = True)
     """Places on the table [m], or in the picture [px], as places on the screen."""
     canvas = page.locator("canvas")
     canvas.scroll_into_view_if_needed()
-    page.wait_for_function("document.getElementById('picture').complete")
+    expect(page.locator("#picture")).to_have_js_property("complete", True)  # the page's policy forbids to poll by eval
     box = canvas.bounding_box()
     assert box
     places = pixels([(x, y) for x, y in points]) if metres else np.array(points, float)
