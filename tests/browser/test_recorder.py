@@ -65,6 +65,7 @@ def tab(browser: Browser, served: Served) -> Iterator[Callable[..., Page]]:
         page = context.new_page()
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.goto(f"{served.url}#{step}")
+        until_ready(page)
         if user and step.startswith("paths"):
             add_user(page, user)
         return page
@@ -73,6 +74,11 @@ def tab(browser: Browser, served: Served) -> Iterator[Callable[..., Page]]:
     for context in contexts:
         context.close()
     assert errors == []
+
+
+def until_ready(page: Page) -> None:
+    """Wait until the page knows what is recorded, as a person would."""
+    expect(page.locator("body")).to_have_attribute("aria-busy", "false")
 
 
 def add_user(page: Page, name: str) -> None:
@@ -204,6 +210,7 @@ def test_skip_and_back_walk_through_the_scenes_and_the_table_counts_them(tab):
     expect(page.get_by_role("row", name="first 1 + 0 0")).to_be_visible()
     expect(page.get_by_role("row", name="second – 0")).to_be_visible()
     page.goto(page.url.partition("#")[0])
+    until_ready(page)
     page.reload()
     expect(page.get_by_role("heading", name="Scene 2 of 2: second")).to_be_visible()  # goes on where it stopped
 
@@ -225,6 +232,7 @@ def test_a_kill_in_the_middle_of_drawing_loses_only_that_path(browser: Browser, 
     page = browser.new_page(viewport={"width": DESK, "height": 900})
     with recorder(folder) as served:
         page.goto(served.url)
+        until_ready(page)
         add_user(page, "Zoë")
         for _ in range(3):
             drag(page, DETOUR)
@@ -250,6 +258,7 @@ def test_a_script_of_another_site_can_neither_store_nor_read(browser: Browser, s
     with recorder(make_folder(tmp_path / "other")) as other:
         page = browser.new_page()
         page.goto(other.url)
+        until_ready(page)
         body = '{"scene": "first", "user": "eve", "valid": true, "samples": [[0, 1, 1]]}'
         for method, path in (("POST", "api/paths"), ("GET", "api/overview")):
             answer = page.evaluate(
@@ -304,6 +313,7 @@ def test_a_picture_is_imported_into_an_empty_folder(browser: Browser, tmp_path: 
     with recorder(folder) as served:
         page = browser.new_page()
         page.goto(served.url)
+        until_ready(page)
         page.get_by_label("Import pictures").set_input_files([file])
         expect(page.locator("#import-message")).to_have_text("Imported tea.")
         expect(page.get_by_role("link", name="tea").first).to_be_visible()
@@ -326,6 +336,7 @@ def test_a_name_is_shown_as_text_whatever_it_holds(tab, folder: Path):
 def test_axe_finds_no_violation_and_no_step_scrolls_sideways(browser: Browser, shared: Served, step, width, scheme):
     page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
     page.goto(f"{shared.url}#{step}")
+    until_ready(page)
     expect(page.locator("#where")).to_contain_text("kitchen")
     if step == "paths":
         add_user(page, "Zoë")
@@ -343,6 +354,7 @@ def test_nothing_is_loaded_from_elsewhere(browser: Browser, shared: Served):
     page.on("request", lambda request: requests.append(request.url))
     page.on("console", lambda message: messages.append(message.text))
     page.goto(shared.url)
+    until_ready(page)
     expect(page.get_by_role("heading", name="Scene 1")).to_be_visible()
     page.close()
     assert messages == [] and all(re.match(re.escape(shared.url), url) for url in requests)

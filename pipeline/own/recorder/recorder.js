@@ -396,6 +396,7 @@ async function importPictures() {
   const target = $("import-message");
   const names = [];
   await attempt(async () => {
+    if (!overview) await refresh(); // somebody was faster than the server
     for (const file of $("file").files) {
       if (file.size > overview.max_upload_bytes) throw new Error(`${file.name} has more than ${overview.max_upload_bytes / 1e6} MB: scale it down.`);
       say(`Importing ${file.name} …`, "", target);
@@ -444,4 +445,4 @@ document.addEventListener("click", event => { if (event.target.closest('a[href^=
 window.addEventListener("beforeunload", event => { if (waiting()) event.preventDefault(); });
 window.addEventListener("focus", () => { if (overview && !waiting() && !sending) attempt(refresh); }); // another tab may have stored
 window.addEventListener("hashchange", () => attempt(async () => { await refresh(); await go(); }));
-attempt(async () => { await refresh(); await go(); });
+attempt(async () => { await refresh(); await go(); }).then(() => document.body.setAttribute("aria-busy", "false"));
