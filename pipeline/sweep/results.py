@@ -9,6 +9,7 @@ from omegaconf import DictConfig
 from pipeline.artifacts.files import read_json, read_table
 
 COLUMNS = ["headline", "seed", "value"]
+DETOUR = "constant_detour"  # image-blind repair
 LOWER_IS_BETTER = ("effect_error.", "convergence.", "unsafe")
 
 
@@ -55,7 +56,8 @@ def _accuracy(cfg: DictConfig, folder: Path) -> pd.DataFrame:
 
 def _repair(cfg: DictConfig, folder: Path) -> pd.DataFrame:
     rows = read_table(folder / cfg.paths.repair / "repairs.parquet")
-    rows = rows[(rows["method"] == "gradient") & rows["user"].isin(list(cfg.evaluate.users))]
+    rows = rows[rows["method"].isin(["gradient", DETOUR]) & rows["user"].isin(list(cfg.evaluate.users))]
+    rows = rows.assign(variant=rows["variant"].astype(object).where(rows["method"] == "gradient", DETOUR))
     return _mean(rows, "repair", ["variant", "user"], "valid_end")
 
 

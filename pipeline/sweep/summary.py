@@ -11,7 +11,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from pipeline.artifacts.files import read_json, read_table
 from pipeline.audit.difference import paired
-from pipeline.sweep.results import LOWER_IS_BETTER
+from pipeline.sweep.results import DETOUR, LOWER_IS_BETTER
 
 FLIPPED = {"better": "worse", "worse": "better"}
 
@@ -131,19 +131,27 @@ def _differences(results: pd.DataFrame, reference: str) -> pd.DataFrame:
 def _comparisons(results: pd.DataFrame, families: list[dict[str, Any]]) -> pd.DataFrame:
     """Return how much better a variant is than another in each setting, for the pairs of `evaluate.comparisons`.
 
-    Columns: setting, variant, against, split and those of `paired`: accuracies at main_n_demos, Holm's correction over
-    all rows.
+    Columns: setting, variant, against, split and those of `paired`: accuracies at main_n_demos, and, with a split
+    "repair, <user>", shares of repairs that end valid against the image-blind detour. Holm corrects over all rows.
     """
-    accuracy = results[results["headline"].str.startswith("accuracy.")]
-    parts = []
-    for family in families:
-        if family["n_demos"] is None:
-            for against, split in product(family["against"], family["splits"]):
-                for place, variant in enumerate((against, family["variant"])):
-                    rows = accuracy[accuracy["headline"] == f"accuracy.{variant}.{split}"]
-                    name = f"|{family['variant']}|{against}|{split}"
-                    parts.append(rows.assign(headline=rows["setting"] + name, place=place))
-    both = pd.concat(parts) if parts else accuracy.assign(place=0)
+    families = [family for family in families if family["n_demos"] is None]
+    pairs = [
+        (family["variant"], against, split, "accuracy.{}." + split)
+        for family in families
+        for against, split in product(family["against"], family["splits"])
+    ]
+    detours = results.loc[results["headline"].str.startswith(f"repair.{DETOUR}."), "headline"].unique()
+    pairs += [
+        (variant, DETOUR, f"repair, {user}", f"repair.{{}}.{user}")
+        for variant in dict.fromkeys(family["variant"] for family in families)
+        for user in (name.rpartition(".")[2] for name in detours)
+    ]
+    parts = [results.iloc[:0].assign(place=0)]
+    for variant, against, split, headline in pairs:
+        for place, name in enumerate((against, variant)):
+            rows = results[results["headline"] == headline.format(name)]
+            parts.append(rows.assign(headline=rows["setting"] + f"|{variant}|{against}|{split}", place=place))
+    both = pd.concat(parts)
     columns = ["headline", "seed", "value"]
     table = paired(*(both.loc[both["place"] == place, columns] for place in (0, 1)))
     if len(table):

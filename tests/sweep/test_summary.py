@@ -29,6 +29,8 @@ def folder(tmp_path: Path) -> Path:
         rows = [("accuracy.full.new_items", s, accuracy + NOISE[s] + shaken[s]) for s in SEEDS]
         rows += [("effect_error.full", s, error + NOISE[s] + shaken[s]) for s in SEEDS]
         rows += [("accuracy.clearance.new_items", s, 0.97 + NOISE[s]) for s in SEEDS]
+        rows += [("repair.clearance.careful", s, 0.90 + NOISE[s]) for s in SEEDS]
+        rows += [("repair.constant_detour.careful", s, 0.80) for s in SEEDS]  # image-blind: the same for every seed
         write_table(path / "results.parquet", pd.DataFrame(rows, columns=["headline", "seed", "value"]))
         (path / "params.yaml").write_text(yaml.safe_dump(PARAMETERS))
         write_json(path / "job.json", {"overrides": jobs[-1], "state": "done"})
@@ -64,9 +66,12 @@ def test_the_page_names_the_better_setting_and_the_failed_job(folder: Path, caps
 
 def test_models_are_compared_within_each_setting(folder: Path):
     main(["summary", str(folder)])
-    table = read_table(folder / "comparisons.parquet").set_index("setting")
-    assert list(table.index) == ["beta=0", "beta=1", "beta=2"] and set(table["against"]) == {"full"}  # ae was not run
-    assert table.loc["beta=1", "difference"] == pytest.approx(0.12, abs=0.003) and set(table["word"]) == {"better"}
+    table = read_table(folder / "comparisons.parquet").set_index(["split", "setting"])
+    accuracy, repair = table.loc["new_items"], table.loc["repair, careful"]
+    assert list(accuracy.index) == list(repair.index) == ["beta=0", "beta=1", "beta=2"]
+    assert set(accuracy["against"]) == {"full"} and set(repair["against"]) == {"constant_detour"}  # ae was not run
+    assert accuracy.loc["beta=1", "difference"] == pytest.approx(0.12, abs=0.003)
+    assert repair.loc["beta=1", "difference"] == pytest.approx(0.10, abs=0.01) and set(table["word"]) == {"better"}
     page = (folder / "index.html").read_text()
     assert "Where is one model better than another?" in page and "Clearance model" in page
 
@@ -83,7 +88,7 @@ def test_the_tidy_table_has_a_row_for_each_setting_headline_and_seed(folder: Pat
     main(["summary", str(folder)])
     results = read_table(folder / "results.parquet")
     assert list(results.columns) == ["setting", "beta", "headline", "seed", "value"]
-    assert len(results) == 3 * 3 * len(SEEDS) and not results.duplicated(["setting", "headline", "seed"]).any()
+    assert len(results) == 5 * 3 * len(SEEDS) and not results.duplicated(["setting", "headline", "seed"]).any()
 
 
 def test_a_folder_without_a_sweep_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture):

@@ -40,7 +40,7 @@ def parameters(summary: Summary) -> Figure:
             panel.set_xlabel(parameter)
             panel.set_title(heading)
             panel.grid(axis="y")
-    axes[0][0].legend(fontsize=9)
+    figure.legend(*axes[0][0].get_legend_handles_labels(), loc="outside upper center", ncols=4, fontsize=9)
     return figure
 
 
@@ -48,29 +48,24 @@ def comparisons(summary: Summary) -> Figure:
     """Draw how much better a variant is than another, a row a setting and a panel a split; bold if p (Holm) < .05."""
     table = summary.comparisons
     table = table.assign(pair=[f"{label(v)}\nagainst {label(a)}" for v, a in table[["variant", "against"]].to_numpy()])
-    settings, splits = list(dict.fromkeys(table["setting"])), list(dict.fromkeys(table["split"]))
-    widths = [table.loc[table["split"] == split, "pair"].nunique() for split in splits]
-    size = (4 + 0.75 * sum(widths), 2.6 + 0.3 * len(settings))
-    figure, axes = plt.subplots(
-        1, len(splits), figsize=size, width_ratios=widths, sharey=True, squeeze=False, layout="constrained"
-    )
-    for panel, split in zip(axes[0], splits, strict=True):
+    settings, splits, pairs = (list(dict.fromkeys(table[column])) for column in ("setting", "split", "pair"))
+    size = (2.6 + 0.8 * len(pairs), 2 + (0.4 + 0.24 * len(settings)) * len(splits))
+    figure, axes = plt.subplots(len(splits), 1, figsize=size, sharex=True, squeeze=False, layout="constrained")
+    for panel, split in zip(axes[:, 0], splits, strict=True):
         part = table[table["split"] == split]
-        grid = part.pivot(index="setting", columns="pair", values="difference").reindex(
-            index=settings, columns=part["pair"].unique()
-        )
+        grid = part.pivot(index="setting", columns="pair", values="difference").reindex(index=settings, columns=pairs)
         panel.pcolormesh(100 * grid, cmap="RdBu", vmin=-100 * REACH, vmax=100 * REACH, edgecolors="white", linewidth=1)
         for row in part.itertuples():
-            x, y = grid.columns.get_loc(row.pair) + 0.5, settings.index(str(row.setting)) + 0.5
+            x, y = pairs.index(str(row.pair)) + 0.5, settings.index(str(row.setting)) + 0.5
             weight = "bold" if row.word in ("better", "worse") else "normal"
             ink = (
                 "white" if abs(row.difference) > 0.7 * REACH else "#1b1f25"
             )  # not style.INK: cells stay light at night
             panel.text(x, y, f"{100 * row.difference:+.0f}", ha="center", va="center", weight=weight, color=ink)
-        panel.set_xticks([x + 0.5 for x in range(grid.shape[1])], grid.columns, rotation=90, fontsize=8)
         panel.set_yticks([y + 0.5 for y in range(len(settings))], settings, fontsize=9)
         panel.set_title(label(split))
-    axes[0][0].invert_yaxis()
+        panel.invert_yaxis()
+    axes[-1, 0].set_xticks([x + 0.5 for x in range(len(pairs))], pairs, rotation=90, fontsize=9)
     return figure
 
 
