@@ -4,6 +4,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from pipeline.runtime.roots import square_root
+
 MIN_TABLE_SHARE = 0.85  # share of the pixels assumed to show the table
 MIN_COLOUR_STD = 0.004  # smallest standard deviation of the table's colour [1 = white]: one grey level
 STRIDE = 3  # the fit uses every third row and column
@@ -31,7 +33,7 @@ def subtract_background(
     floor = MIN_COLOUR_STD**2 * torch.eye(3).to(colours)
     covariance = (residual * table).mT @ residual / table.sum(1, keepdim=True) + floor
     values, vectors = torch.linalg.eigh(covariance)
-    whitening = vectors / values.sqrt()[:, None] @ vectors.mT  # symmetric, so that colours keep their meaning
+    whitening = vectors / square_root(values)[:, None] @ vectors.mT  # symmetric, so that colours keep their meaning
     return images - (place.flatten(0, 1) @ surface).mT.unflatten(-1, images.shape[-2:]), whitening
 
 

@@ -68,7 +68,7 @@ class Segmenter(nn.Module):
             if isinstance(module, nn.BatchNorm2d):
                 stem, position = name.rsplit(".", 1)
                 convolution = f"{stem}.{int(position) - 1}"
-                gain = module.weight / (module.running_var + module.eps).sqrt()  # pyright: ignore
+                gain = module.weight * (module.running_var + module.eps).rsqrt()  # pyright: ignore
                 state[f"{convolution}.weight"] = self.get_parameter(f"{convolution}.weight") * gain[:, None, None, None]
                 before = self.get_parameter(f"{convolution}.bias")
                 state[f"{convolution}.bias"] = (before - module.running_mean) * gain + module.bias  # pyright: ignore

@@ -50,7 +50,7 @@ def repair(
     with torch.no_grad():
         percept = model.perceive(to_tensor(images))
     z = torch.as_tensor(np.asarray(starts, dtype=np.float32)).clamp(Z_LOW, Z_HIGH)
-    optimiser = (Adam if ascent.optimiser == "adam" else SGD)([z], lr=ascent.rate, maximize=True)
+    optimiser = (Adam if ascent.optimiser == "adam" else SGD)([z], lr=ascent.rate, maximize=True, fused=True)
     schedule = LambdaLR(optimiser, lambda step: 1 - step / ascent.steps if ascent.settle else 1.0)
     path, log_odds = [z.clone()], []
     for _ in range(ascent.steps):

@@ -19,6 +19,7 @@ from torch.optim.lr_scheduler import OneCycleLR
 
 from pipeline.models.vae.beta_vae import Z_CENTRE, Z_SCALE, BetaVae
 from pipeline.models.vae.losses import Weights
+from pipeline.runtime.roots import square_root
 from pipeline.runtime.streams import stream
 from pipeline.training.irl.augment import ColorJitter
 from pipeline.training.loop import Losses, Schedule, minimise, row_weights
@@ -110,7 +111,7 @@ class LaneAdamW(Optimizer):
                     state |= {"mean": torch.zeros_like(tensor), "square": torch.zeros_like(tensor)}
                 mean = state["mean"].lerp_(tensor.grad, 1 - beta1)
                 square = state["square"].mul_(beta2).addcmul_(tensor.grad, tensor.grad, value=1 - beta2)
-                spread = (square / (1 - beta2**self.count)).sqrt_().add_(group["eps"])
+                spread = square_root(square / (1 - beta2**self.count)).add_(group["eps"])
                 tensor.mul_(1 - rate * self.decay)
                 tensor.sub_(mean / spread * (rate / (1 - beta1**self.count)))
 

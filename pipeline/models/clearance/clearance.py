@@ -23,6 +23,7 @@ from torch import Tensor, nn
 
 from pipeline.models.base import ValidityModel
 from pipeline.perception.objects import FEATURES, detect_objects
+from pipeline.runtime.roots import square_root
 from pipeline.world.bezier import P_F, P_INIT, basis
 from pipeline.world.layout import segment_distance
 
@@ -258,7 +259,7 @@ def passes(
             nearest = torch.cat([nearest, ascending[..., 1:]], -1)
         distances.append(nearest)
         samples.append(sample[..., 0])
-    clearance = torch.stack(distances, 2).clamp(min=1e-12).sqrt() - objects.radius[:, None, :, None]
+    clearance = square_root(torch.stack(distances, 2).clamp(min=1e-12)) - objects.radius[:, None, :, None]
     t = torch.stack(samples, 2).to(z_theta) / (PATH_SAMPLES - 1)
     progress = 2 * t - 1
     return Passing(clearance, torch.stack([_side(objects, z_theta, t), progress, progress.square() - 1 / 3], -1))
@@ -273,4 +274,4 @@ def _side(
     point = (1 - t).square() * start + 2 * t * (1 - t) * z + t.square() * goal  # (scene, path, near, 2)
     heading, towards = (1 - t) * (z - start) + t * (goal - z), middle - point
     lateral = heading[..., 1] * towards[..., 0] - heading[..., 0] * towards[..., 1]
-    return (lateral / (heading.square().sum(-1) + 1e-12).sqrt() / LATERAL_SCALE_M).tanh()
+    return (lateral / square_root(heading.square().sum(-1) + 1e-12) / LATERAL_SCALE_M).tanh()

@@ -107,7 +107,7 @@ class BetaVae(ValidityModel):
         """Return the root mean square error of decoded means of z_image over that of each scene's mean colour."""
         x = to_tensor(images)
         squared_error = (self.decode(self.perceive(x)) - x).square().mean()
-        return float((squared_error / x.var((2, 3), correction=0).mean()).sqrt())
+        return math.sqrt(squared_error / x.var((2, 3), correction=0).mean())
 
     @torch.no_grad()
     def set_constant_head(self, probability: float) -> None:

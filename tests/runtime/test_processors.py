@@ -1,0 +1,31 @@
+"""Models compute the same bytes on an AMD and an older Intel processor, both emulated by QEMU (Debian: qemu-user)."""
+
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+import pytest
+
+from pipeline.config.graph import ROOT
+from pipeline.runtime.instructions import SETTINGS, THREADS
+
+PROGRAM = Path(__file__).with_name("emulated.py")
+PLACES = f"{ROOT}:{sysconfig.get_path('purelib')}"  # QEMU runs the interpreter itself, which knows no environment
+CLEAN = {name: value for name, value in os.environ.items() if name not in SETTINGS | THREADS} | {"PYTHONPATH": PLACES}
+
+
+def digests(*emulator: str) -> list[str]:
+    command = [*emulator, str(Path(sys.executable).resolve()), str(PROGRAM)]
+    said = subprocess.run(command, cwd=ROOT, env=CLEAN, capture_output=True, text=True, check=True)
+    return said.stdout.splitlines()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("qemu-x86_64") is None, reason="needs qemu-x86_64, from Debian's package qemu-user")
+@pytest.mark.parametrize("processor", ["EPYC-Rome", "Haswell"])
+def test_models_compute_the_same_bytes_on_other_processors(processor: str):
+    here = digests()
+    assert len(here) == 4 and here == digests("qemu-x86_64", "-cpu", processor)
