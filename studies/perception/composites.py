@@ -12,6 +12,7 @@ from jaxtyping import UInt8
 from numpy import ndarray as Array
 
 from pipeline.world.layout import SIDE
+from pipeline.world.paint import SIDE_M, Top
 from studies.perception.camera import draw_camera
 from studies.perception.canvas import CANVAS, PX_PER_M, Window
 from studies.perception.items import Drawn
@@ -22,7 +23,6 @@ from studies.perception.placing import read_palette as read_palette
 from studies.perception.tops import FAMILIES as FAMILIES
 from studies.perception.tops import family_names as family_names
 from studies.perception.tops.layers import draw_top
-from studies.perception.tops.paint import SIDE_M, Top
 
 TOP = round(SIDE_M * PX_PER_M)  # side of a drawn top [pixels]
 SEE_THROUGH = 0.5  # mean alpha below which an item lets the table show through

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 from numpy import ndarray as Array
 
+from pipeline.world.paint import Top, noise
 from studies.perception.canvas import CANVAS, PX_PER_M, Picture, Plane, Window, axes
 from studies.perception.items import Drawn
-from studies.perception.tops.paint import Top, noise
 
 MAX_SHADOW_M = 0.08  # longest shadow [m]
 SHADOW_STEPS = (0.15, 0.4, 0.7, 1.0)  # shares of a shadow's length at which an item's outline is laid down

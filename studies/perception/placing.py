@@ -11,12 +11,12 @@ from numpy import ndarray as Array
 
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import segment_distance
+from pipeline.world.paint import Top
 from pipeline.world.symbols import SYMBOLS, TABLE
 from studies.perception import items as draw
 from studies.perception.canvas import CANVAS, CANVAS_M, PX_PER_M, Window
 from studies.perception.items import Drawn, Frame
 from studies.perception.light import Lamp
-from studies.perception.tops.paint import Top
 
 MAX_ITEMS = 6
 COUNTS = (0.06, 0.14, 0.24, 0.24, 0.16, 0.1, 0.06)  # chances of 0 .. MAX_ITEMS items

@@ -5,8 +5,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from pipeline.world.paint import Top
 from studies.perception.tops import cloth, generic, materials, patterns, prints, stone, wood
-from studies.perception.tops.paint import Top
 
 Kind = Literal["taught", "held_out"]
 

@@ -3,11 +3,10 @@
 import cv2
 import numpy as np
 
-from studies.perception.tops.paint import (
+from pipeline.world.paint import (
     Colour,
     Field,
     Top,
-    bend,
     blend,
     cloth,
     colour,
@@ -18,34 +17,13 @@ from studies.perception.tops.paint import (
     ramp,
     step,
 )
+from pipeline.world.patterns import checks, draped, ironed_folds, weave
 
 
 def threads(rng: np.random.Generator, side: int, strength: float) -> Field:
     """Return the gain of uneven warp and weft threads, about 1."""
     warp, weft = noise(rng, side, 120, stretch=20), noise(rng, side, 120, stretch=20).T
     return 1 + np.float32(strength) * (warp + weft)
-
-
-def draped(rng: np.random.Generator, picture: Top) -> Top:
-    """Return a cloth that lies unevenly: its pattern is bent and its folds are shaded."""
-    side = len(picture)
-    height = noise(rng, side, rng.uniform(1.2, 4), 2, 0.4, rng.uniform(1, 3))
-    slope_x, slope_y = cv2.Sobel(height, -1, 1, 0, scale=side / 900), cv2.Sobel(height, -1, 0, 1, scale=side / 900)
-    strength = rng.uniform(0, 1) ** 2
-    bent = bend(picture, slope_x * np.float32(0.02 * strength), slope_y * np.float32(0.02 * strength))
-    shade = 1 + np.float32(0.12 * strength) * (slope_x + rng.uniform(-1, 1) * slope_y)
-    return bent * np.clip(shade, 0.4, 1.5)[..., None]
-
-
-def ironed_folds(rng: np.random.Generator, picture: Top) -> Top:
-    """Return a cloth with the creases of having been folded, lit from one side."""
-    x, y = grid(len(picture))
-    shade = np.ones(x.shape, np.float32)
-    for along in (x, y):
-        for place in ((np.arange(rng.integers(0, 4)) + rng.random()) / 3).tolist():
-            side_of_fold = (along - place) / rng.uniform(0.005, 0.03)
-            shade = shade + rng.uniform(-0.25, 0.25) * side_of_fold * np.exp(-(side_of_fold**2))
-    return picture * shade[..., None]
 
 
 def finished(rng: np.random.Generator, picture: Top) -> Top:
@@ -91,12 +69,8 @@ def striped_cloth(rng: np.random.Generator, side: int) -> Top:
 
 
 def gingham(rng: np.random.Generator, side: int) -> Top:
-    """Draw a checked cloth: two colours and their mixture where the bands cross."""
-    x, y = grid(side)
-    n = rng.uniform(5, 45)
-    share = ((x * n % 1 < 0.5).astype(np.float32) + (y * n % 1 < 0.5)) / 2
-    base = cloth(rng)
-    return finished(rng, ramp(share, [base, near(rng, base, 0.25) if rng.random() < 0.3 else cloth(rng)]))
+    """Draw a checked cloth."""
+    return finished(rng, checks(rng, side))
 
 
 def tartan(rng: np.random.Generator, side: int) -> Top:
@@ -106,19 +80,6 @@ def tartan(rng: np.random.Generator, side: int) -> Top:
     x, y = grid(side)
     twill = 0.5 + 0.5 * np.sin((x + y) * 2 * np.pi * rng.uniform(40, 100)) * rng.uniform(0, 1)
     return finished(rng, blend(ramp(rows, shades), ramp(columns, shades), twill.astype(np.float32)))
-
-
-def weave(rng: np.random.Generator, side: int) -> Top:
-    """Draw a coarse weave, as of rush, raffia or burlap."""
-    x, y = grid(side)
-    n, m = rng.uniform(15, 90), rng.uniform(15, 90)
-    over = ((np.floor(x * n) + np.floor(y * m)) % 2).astype(np.float32)
-    bulge = np.where(over > 0, np.sin(np.pi * (y * m % 1)), np.sin(np.pi * (x * n % 1)))
-    warp, weft = cloth(rng), cloth(rng)
-    if rng.random() < 0.6:
-        weft = near(rng, warp, 0.1)
-    picture = ramp(over, [warp, weft]) * (1 - rng.uniform(0.1, 0.5) * (1 - bulge))[..., None]
-    return picture * (1 + 0.08 * noise(rng, side, 60, 2, stretch=3))[..., None]
 
 
 def twill(rng: np.random.Generator, side: int) -> Top:

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from studies.perception.tops.paint import (
+from pipeline.world.paint import (
     FRACTION_BITS,
     Field,
     Top,
@@ -19,7 +19,7 @@ from studies.perception.tops.paint import (
     ramp,
     sheet,
 )
-from studies.perception.tops.patterns import shades
+from pipeline.world.patterns import shades
 
 COARSE = 2  # random networks are computed on a grid coarser by this factor
 

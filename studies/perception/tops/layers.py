@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
+from pipeline.world.paint import FRACTION_BITS, Field, Top, noise, points
 from studies.perception.tops import FAMILIES
-from studies.perception.tops.paint import FRACTION_BITS, Field, Top, noise, points
 from studies.perception.tops.wear import worn
 
 

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from studies.perception.tops.paint import (
+from pipeline.world.paint import (
     FRACTION_BITS,
     Top,
     blend,

@@ -3,9 +3,8 @@
 import cv2
 import numpy as np
 
-from studies.perception.tops.paint import (
+from pipeline.world.paint import (
     FRACTION_BITS,
-    Colour,
     Field,
     Top,
     blend,
@@ -23,14 +22,8 @@ from studies.perception.tops.paint import (
     step,
     wet,
 )
+from pipeline.world.patterns import shades, stripes
 from studies.perception.tops.stone import cells
-
-
-def shades(rng: np.random.Generator, least: int = 2, most: int = 5) -> list[Colour]:
-    """Draw some colours: unrelated ones, or shades of one."""
-    base = colour(rng)
-    alike = rng.random() < 0.4
-    return [near(rng, base, 0.2) if alike else colour(rng) for _ in range(rng.integers(least, most + 1))]
 
 
 def plain(rng: np.random.Generator, side: int) -> Top:
@@ -68,15 +61,6 @@ def squares(rng: np.random.Generator, side: int) -> Top:
     n, m = (rng.uniform(3, 30),) * 2 if rng.random() < 0.6 else rng.uniform(3, 30, 2)
     dark = ((np.floor(x * n) + np.floor(y * m)) % 2).astype(np.float32)
     return ramp(dark, shades(rng, 2, 2)) * (1 + 0.04 * noise(rng, side, 10, 4))[..., None]
-
-
-def stripes(rng: np.random.Generator, side: int) -> Top:
-    """Draw printed stripes, straight or wavy."""
-    x, y = grid(side)
-    wave = rng.uniform(0, 0.03) * np.sin(x * 2 * np.pi * rng.uniform(0.5, 6)) if rng.random() < 0.5 else 0
-    field = ((y + wave) * rng.uniform(3, 30)) % 1
-    sharp = step(np.abs(field - 0.5) - rng.uniform(0.05, 0.4), 0.06)
-    return ramp(sharp if rng.random() < 0.7 else field, shades(rng, 2, 4))
 
 
 def zigzag(rng: np.random.Generator, side: int) -> Top:

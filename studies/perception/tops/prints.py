@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from studies.perception.tops.paint import (
+from pipeline.world.paint import (
     FRACTION_BITS,
     Top,
     blend,
@@ -20,7 +20,7 @@ from studies.perception.tops.paint import (
     sheet,
     step,
 )
-from studies.perception.tops.patterns import shades
+from pipeline.world.patterns import shades
 
 
 def flowers(rng: np.random.Generator, side: int) -> Top:

@@ -3,10 +3,8 @@
 import cv2
 import numpy as np
 
-from studies.perception.tops.paint import (
+from pipeline.world.paint import (
     FRACTION_BITS,
-    Colour,
-    Field,
     Top,
     blend,
     colour,
@@ -21,53 +19,18 @@ from studies.perception.tops.paint import (
     step,
     wood,
 )
-
-
-def grain(rng: np.random.Generator, side: int) -> Field:
-    """Return the streaks of straight grain, from 0 to 1: fine fibres over broad bands."""
-    fibres = noise(rng, side, rng.uniform(60, 160), 2, 0.7, stretch=rng.uniform(12, 40))
-    bands = noise(rng, side, rng.uniform(5, 25), 2, 0.6, stretch=rng.uniform(4, 15))
-    return np.clip(0.5 + rng.uniform(0.05, 0.25) * fibres + rng.uniform(0.05, 0.3) * bands, 0, 1)
-
-
-def shades(rng: np.random.Generator) -> list[Colour]:
-    """Draw the dark and the light colour of one wood."""
-    light = wood(rng)
-    return [light * rng.uniform(0.45, 0.9) * np.array([1, 0.96, 0.92], np.float32), light]
+from pipeline.world.patterns import boards, grain, planks, wood_shades
 
 
 def straight_grain(rng: np.random.Generator, side: int) -> Top:
     """Draw one board with straight grain."""
-    return ramp(grain(rng, side), shades(rng))
-
-
-def boards(rng: np.random.Generator, side: int, rows: float, lengths: tuple[float, float]) -> tuple[Field, Field]:
-    """Return a random number from 0 to 1 for each board of a floor, and each pixel's distance from its edge."""
-    x, y = grid(side)
-    row = np.floor(y * rows).astype(int)
-    length = rng.uniform(*lengths, row.max() + 1)[row].astype(np.float32)
-    along = x / length + rng.random(row.max() + 1)[row].astype(np.float32)
-    number = rng.random(4096).astype(np.float32)[(row * 97 + np.floor(along).astype(int) * 31) % 4096]
-    across = np.abs((y * rows) % 1 - 0.5)
-    to_end = (0.5 - np.abs(along % 1 - 0.5)) * length
-    return number, np.minimum((0.5 - across) / rows, to_end)
-
-
-def planks(rng: np.random.Generator, side: int) -> Top:
-    """Draw planks side by side, each with a shade and grain of its own."""
-    number, edge = boards(rng, side, rng.uniform(4, 16), (0.5, 3))
-    field = grain(rng, side)
-    rows = (np.arange(side)[:, None] + (number * side).astype(int)) % side
-    field = np.take_along_axis(field, rows, 0)
-    picture = ramp(field, shades(rng)) * (1 + rng.uniform(0.1, 0.6) * (number - 0.5))[..., None]
-    gap = 1 - step(edge - rng.uniform(0, 0.002), 0.004)
-    return blend(picture, picture * rng.uniform(0.15, 0.8), gap * rng.uniform(0.4, 1))
+    return ramp(grain(rng, side), wood_shades(rng))
 
 
 def butcher_block(rng: np.random.Generator, side: int) -> Top:
     """Draw glued staves of many shades."""
     number, edge = boards(rng, side, rng.uniform(20, 45), (0.15, 0.6))
-    dark, light = shades(rng)
+    dark, light = wood_shades(rng)
     field = np.clip(number + 0.3 * (grain(rng, side) - 0.5), 0, 1)
     picture = ramp(field, [dark, near(rng, light, 0.1), light])
     return blend(picture, picture * 0.6, (1 - step(edge, 0.003)) * rng.uniform(0, 0.7))
@@ -84,7 +47,7 @@ def cathedral_grain(rng: np.random.Generator, side: int) -> Top:
     depth = depth + 0.02 * noise(rng, side, 6, 3, stretch=5)
     rings = (depth * rng.uniform(8, 40)) % 1
     field = np.clip(rings ** rng.uniform(0.7, 3) + 0.15 * (grain(rng, side) - 0.5), 0, 1)
-    return ramp(field, shades(rng)[::-1])
+    return ramp(field, wood_shades(rng)[::-1])
 
 
 def bamboo(rng: np.random.Generator, side: int) -> Top:
@@ -140,7 +103,7 @@ def herringbone(rng: np.random.Generator, side: int) -> Top:
     edge = np.minimum(np.minimum(across, 1 - across), np.minimum(along, ratio - along))
     field = grain(rng, side)
     streaks = np.where(lies, field, field.T)
-    picture = ramp(np.clip(0.6 * streaks + 0.4 * number, 0, 1), shades(rng))
+    picture = ramp(np.clip(0.6 * streaks + 0.4 * number, 0, 1), wood_shades(rng))
     seam = (1 - step(edge, 0.15)).astype(np.float32)
     return blend(picture, picture * 0.4, seam * rng.uniform(0.2, 0.9))
 
