@@ -57,6 +57,13 @@ def rising(values: list) -> list:
     return values
 
 
+def ordered(values: list) -> list:
+    """Return the values; raise ValueError unless none is below the one before it."""
+    if values != sorted(values):
+        raise ValueError
+    return values
+
+
 def unique(values: list) -> list:
     """Return the values; reject repeated ones."""
     if len(set(values)) != len(values):
@@ -101,6 +108,18 @@ Name = Annotated[
 ]
 Names = Annotated[list[str], AfterValidator(unique)]
 Some = Annotated[Names, Field(min_length=1)]
+Range = Annotated[
+    list[Annotated[float, Field(ge=0)]],
+    Field(min_length=2, max_length=2),
+    AfterValidator(ordered),
+    expected("two numbers from 0, the smaller first"),
+]
+ShareRange = Annotated[
+    list[Annotated[float, Field(ge=0, le=1)]],
+    Field(min_length=2, max_length=2),
+    AfterValidator(ordered),
+    expected("two numbers from 0 to 1, the smaller first"),
+]
 Pair = Annotated[list[float], Field(min_length=2, max_length=2), expected("two numbers, the smaller first")]
 Seeds = Annotated[list[Whole], Field(min_length=1), AfterValidator(unique)]
 Strengths = Annotated[

@@ -2,7 +2,7 @@
 
 from pydantic import model_validator
 
-from pipeline.config.checks import need
+from pipeline.config.checks import need, need_some
 from pipeline.config.values import (
     Chance,
     Count,
@@ -12,11 +12,15 @@ from pipeline.config.values import (
     Length,
     Pair,
     Place,
+    Range,
     Several,
+    ShareRange,
     Size,
+    Some,
     Spread,
     Whole,
 )
+from pipeline.world.patterns import PATTERNS
 
 
 class Layout(Group):
@@ -44,6 +48,31 @@ class Layout(Group):
         return self
 
 
+class Source(Group):
+    exposure: Range
+    white_balance: Spread
+    fall_off: ShareRange
+    vignette: ShareRange
+    noise: ShareRange
+    shadow_length: Range
+    shadow_softness: Range
+    shadow_depth: Range
+    refraction: ShareRange
+    caustic: Range
+    highlight: ShareRange
+    glare: ShareRange
+    pattern_chance: Chance
+    patterns: Some
+    fold_chance: Chance
+    parallax: ShareRange
+    tilt_px: Range
+
+    @model_validator(mode="after")
+    def _agrees(self) -> "Source":
+        need_some("scenes.source.patterns", self.patterns, PATTERNS)
+        return self
+
+
 class Scenes(Group):
     root_seed: Whole
     per_seed: Count
@@ -53,6 +82,7 @@ class Scenes(Group):
     calibration_paths: Count
     prior_side: Count
     layout: Layout
+    source: Source
 
 
 class Hand(Group):

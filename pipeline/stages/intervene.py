@@ -31,6 +31,7 @@ from pipeline.world.bezier import random_z_theta
 from pipeline.world.catalogue import Catalogue, random_scenes
 from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, concatenated
 from pipeline.world.render import read_palette
+from pipeline.world.source import ImageSource
 
 SCENES_PER_JOB = 4 * SCENES_PER_BATCH  # whole batches, so that results do not depend on it
 PAPER = "paper"  # the family of the paper's questions (Table 2)
@@ -74,7 +75,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     """
     check_weights(cfg)
     users, seeds, variants = list(cfg.users), list(cfg.protocol.seeds), list(cfg.variants)
-    catalogue, palette = read_palette(cfg.paths.data)
+    catalogue, palette = read_palette(cfg.paths.data, ImageSource.of(cfg.scenes.source))
     scenes, noise, split = _read_scenes(cfg, catalogue)
     additions = _draw_additions(cfg, scenes, split)
     questions, changes = _read_questions(cfg, scenes, additions)
@@ -178,7 +179,7 @@ def _answer(job: Job) -> Float[Array, "change model scene"]:
     cfg = job.cfg
     keys = [(variant, seed, user) for variant in cfg.variants for seed in cfg.protocol.seeds for user in cfg.users]
     models = {"/".join(map(str, key)): load_model(cfg, key[0], key[2], key[1], cfg.main_n_demos) for key in keys}
-    scm = model_scm(models, renderer(read_palette(cfg.paths.data)[1]))
+    scm = model_scm(models, renderer(read_palette(cfg.paths.data, ImageSource.of(cfg.scenes.source))[1]))
     return expected_validities(scm, job.noise, list(models), job.changes)
 
 

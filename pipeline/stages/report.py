@@ -27,6 +27,7 @@ from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import Layouts
 from pipeline.world.render import read_palette, render_scenes
 from pipeline.world.rules import valid
+from pipeline.world.source import ImageSource
 
 HEADLINES = ("scenes", "evaluate", "repair", "intervene")  # stages whose metrics.json are merged
 DECISIONS = Path(__file__).parents[2] / "docs" / "decisions" / "data"
@@ -174,7 +175,7 @@ def _judged(cfg: DictConfig, scenes: SceneSet) -> pd.DataFrame:
 def _patterned(cfg: DictConfig, layouts: Layouts, appearance: pd.DataFrame) -> np.ndarray:
     """Return the scenes rendered on the table top `report.patterned_top`, uint8 (scene, 100, 100, 3)."""
     tops, seeds = [cfg.report.patterned_top] * len(layouts), appearance["render_seed"].tolist()
-    return render_scenes(layouts, tops, seeds, read_palette(cfg.paths.data)[1])
+    return render_scenes(layouts, tops, seeds, read_palette(cfg.paths.data, ImageSource.of(cfg.scenes.source))[1])
 
 
 def _predicted_map(cfg: DictConfig, variant: str, user: str, images: np.ndarray, side: int) -> np.ndarray:

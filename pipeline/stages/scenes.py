@@ -16,6 +16,7 @@ from pipeline.world.catalogue import Catalogue, random_scenes, read_catalogue
 from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, add_item, random_layouts
 from pipeline.world.render import Palette, render_scenes
 from pipeline.world.rules import clearance, slack
+from pipeline.world.source import ImageSource
 
 PAPER_P_VALID = {  # Table 2 of the paper, to which the users' margins are calibrated
     "careful": {"none": 0.43, "bowl": 0.27, "plate": 0.28, "cutlery": 0.31, "glass": 0.30},
@@ -29,7 +30,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write images.npz, layouts.parquet, appearance.parquet, position_prior.npz, p_valid.csv and metrics.json."""
     catalogue = read_catalogue(Path(cfg.paths.data))
     rules = LayoutRules.of(cfg.scenes.layout)
-    palette = Palette(catalogue)
+    palette = Palette(catalogue, ImageSource.of(cfg.scenes.source))
     images, layouts, appearances = {}, {}, {}
     for pool, (count, split) in tqdm(_pools(cfg).items(), desc="scenes"):
         layouts[pool], appearances[pool] = random_scenes(_generator(cfg, pool), count, catalogue, split, rules)

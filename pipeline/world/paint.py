@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 SIDE_M = 1.2  # side of a painted top [m]; the camera sees 1 m of it
 
+Number = float | int  # the tests' beartype takes no int for a float
 Field = Float32[Array, "side side"]
 Top = Float32[Array, "side side 3"]
 Colour = Float32[Array, "3"]
@@ -23,9 +24,9 @@ FRACTION_BITS = 4
 
 def colour(
     rng: np.random.Generator,
-    hue: tuple[float, float] = (0, 1),
-    saturation: tuple[float, float] = (0, 0.8),
-    value: tuple[float, float] = (0.1, 0.95),
+    hue: tuple[Number, Number] = (0, 1),
+    saturation: tuple[Number, Number] = (0, 0.8),
+    value: tuple[Number, Number] = (0.1, 0.95),
 ) -> Colour:
     """Draw a colour, uniform in hue and value; dull ones are more frequent than saturated ones."""
     h, v = rng.uniform(*hue) % 1, rng.uniform(*value)
@@ -57,7 +58,7 @@ def near(rng: np.random.Generator, base: Colour, spread: float) -> Colour:
 
 
 def noise(
-    rng: np.random.Generator, side: int, cells: float, levels: int = 1, gain: float = 0.5, stretch: float = 1.0
+    rng: np.random.Generator, side: int, cells: Number, levels: int = 1, gain: float = 0.5, stretch: Number = 1.0
 ) -> Field:
     """Draw smooth noise of several octaves, with mean 0 and standard deviation 1.
 
@@ -78,12 +79,12 @@ def grid(side: int) -> tuple[Field, Field]:
     return np.broadcast_to(along, (side, side)), np.broadcast_to(along[:, None], (side, side))
 
 
-def step(distance: Field, width: float) -> Field:
+def step(distance: Array, width: float) -> Array:
     """Return 0 where `distance` is below 0 and 1 above `width`, linear between."""
     return np.clip(distance / np.float32(width), 0, 1)
 
 
-def ramp(field: Array, colours: Sequence[Colour]) -> Top:
+def ramp(field: Array, colours: Sequence[Colour]) -> Float32[Array, "rows columns 3"]:
     """Map a field from 0 to 1 to colours, linear between those given."""
     table = cv2.resize(np.asarray(colours, np.float32)[:, None], (1, 256), interpolation=cv2.INTER_LINEAR)[:, 0]
     return table[np.clip(field * 255, 0, 255).astype(np.uint8)]
@@ -119,9 +120,9 @@ def wet(top: Top) -> Sheet:
     return (np.clip(top, 0, 1) * 255).astype(np.uint8)
 
 
-def points(places: ArrayLike) -> Array:
+def points(places: ArrayLike | float) -> Array:
     """Return places [pixels] in OpenCV's fixed point with FRACTION_BITS bits."""
-    return np.int32(np.asarray(places) * 2**FRACTION_BITS)  # pyright: ignore[reportReturnType]
+    return np.asarray(np.asarray(places) * 2**FRACTION_BITS, np.int32)
 
 
 def bend(picture: Float[Array, "side side ..."], right: Field, down: Field) -> Float[Array, "side side ..."]:

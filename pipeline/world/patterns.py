@@ -8,6 +8,7 @@ import numpy as np
 from pipeline.world.paint import (
     Colour,
     Field,
+    Number,
     Top,
     bend,
     blend,
@@ -62,7 +63,7 @@ def wood_shades(rng: np.random.Generator) -> list[Colour]:
     return [light * rng.uniform(0.45, 0.9) * np.array([1, 0.96, 0.92], np.float32), light]
 
 
-def boards(rng: np.random.Generator, side: int, rows: float, lengths: tuple[float, float]) -> tuple[Field, Field]:
+def boards(rng: np.random.Generator, side: int, rows: float, lengths: tuple[Number, Number]) -> tuple[Field, Field]:
     """Return a random number from 0 to 1 for each board of a floor, and each pixel's distance from its edge."""
     x, y = grid(side)
     row = np.floor(y * rows).astype(int)
@@ -125,17 +126,6 @@ def weave(rng: np.random.Generator, side: int) -> Top:
     return picture * (1 + 0.08 * noise(rng, side, 60, 2, stretch=3))[..., None]
 
 
-def draped(rng: np.random.Generator, picture: Top) -> Top:
-    """Return a cloth that lies unevenly: its pattern is bent and its folds are shaded."""
-    side = len(picture)
-    height = noise(rng, side, rng.uniform(1.2, 4), 2, 0.4, rng.uniform(1, 3))
-    slope_x, slope_y = cv2.Sobel(height, -1, 1, 0, scale=side / 900), cv2.Sobel(height, -1, 0, 1, scale=side / 900)
-    strength = rng.uniform(0, 1) ** 2
-    bent = bend(picture, slope_x * np.float32(0.02 * strength), slope_y * np.float32(0.02 * strength))
-    shade = 1 + np.float32(0.12 * strength) * (slope_x + rng.uniform(-1, 1) * slope_y)
-    return bent * np.clip(shade, 0.4, 1.5)[..., None]
-
-
 def ironed_folds(rng: np.random.Generator, picture: Top) -> Top:
     """Return a cloth with the creases of having been folded, lit from one side."""
     x, y = grid(len(picture))
@@ -145,6 +135,15 @@ def ironed_folds(rng: np.random.Generator, picture: Top) -> Top:
             side_of_fold = (along - place) / rng.uniform(0.005, 0.03)
             shade = shade + rng.uniform(-0.25, 0.25) * side_of_fold * np.exp(-(side_of_fold**2))
     return picture * shade[..., None]
+
+
+def folded(rng: np.random.Generator, picture: Top) -> Top:
+    """Return a cloth that lies in folds and creases: its pattern is bent and its slopes are shaded."""
+    height = noise(rng, len(picture), rng.uniform(2, 6), 2, 0.3, rng.uniform(1.5, 4))
+    slope = cv2.Sobel(height, -1, 0, 1)
+    slope = slope / float(slope.std())
+    bent = bend(picture, np.zeros_like(slope), 0.006 * slope)
+    return ironed_folds(rng, bent * np.clip(1 + rng.uniform(0.05, 0.15) * slope, 0.5, 1.5)[..., None])
 
 
 PATTERNS: dict[str, Callable[[np.random.Generator, int], Top]] = {  # name -> draws a top of so many pixels a side

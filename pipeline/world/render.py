@@ -1,7 +1,7 @@
 """Render scenes from above with OpenCV: 100 x 100 RGB images of the 1 m table, row 0 at the far edge.
 
-Light, table-top offset and camera noise depend only on the scene's render seed, never on its items. An added item thus
-changes only the pixels of the item and its shadow.
+Light, table top and camera depend only on the scene's render seed (source.py), never on its items. An added item thus
+changes only the pixels of the item, its shadow and its caustic.
 """
 
 from collections.abc import Sequence
@@ -17,6 +17,8 @@ from numpy import ndarray as Array
 from pipeline.runtime.errors import InputError
 from pipeline.world.catalogue import Catalogue, read_catalogue
 from pipeline.world.layout import SIDE, Layouts
+from pipeline.world.paint import SIDE_M
+from pipeline.world.source import DRAWN, ImageSource, Light, draw_light
 from pipeline.world.symbols import TABLE, Symbol
 
 SAMPLES = 3  # samples per pixel along each axis, averaged
@@ -25,45 +27,21 @@ PENUMBRA = ((0.35, 0.3), (0.7, 0.4), (1.0, 0.3))  # shift and weight of the shad
 SHADOW_BLUR = np.array([0.25, 0.5, 0.25], np.float32)  # blur kernel of a shadow along each axis
 RIM_SHADOW = 4.0  # factor on a transparent item's alpha, up to 1, for its shadow
 EDGE_LIGHT = 0.25  # brightness gained by an edge that faces the lamp
+HIGHLIGHT_AT, HIGHLIGHT_RADIUS = 0.6, 0.2  # the lamp's reflection in an item, as shares of the way to its rim
+CAUSTIC_RADIUS = 0.35  # radius of a transparent item's caustic, as a share of the item's
 LENS = np.array([0.06, 0.88, 0.06], np.float32)  # the camera's blur kernel along each axis
 MIN_MIPMAP_PX = 16  # smallest side of a mipmap level
 TEXTURE_PX_PER_M = 150.0  # textures are halved while they keep at least this resolution
 
+_ALL = slice(0, SIDE)  # all rows or columns
 _LINEAR = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP  # matrices map image to source
 
 
-@dataclass(frozen=True)
-class Light:
-    """Everything that the render seed decides about a scene: table-top offset, light and camera."""
-
-    offset: Float[Array, "2"]  # of the texture [texture widths]
-    rotation: float  # rotation of the texture [rad]
-    direction: Float[Array, "2"]  # unit vector on the table towards the lamp
-    gain: Float32[Array, "3"]  # brightness and tint per channel
-    fall_off: float  # share of brightness lost from the lit edge of the table to the opposite one
-    vignette: float  # share of brightness lost in the corners
-    noise: Float32[Array, "side side 3"]  # sensor noise [1 = white]
-
-
-def draw_light(seed: int) -> Light:
-    """Draw the light and camera of the scene with render seed `seed`."""
-    rng = np.random.default_rng(seed)
-    bearing = rng.uniform(-np.pi, np.pi)
-    return Light(
-        offset=rng.uniform(0.0, 1.0, 2),
-        rotation=rng.uniform(-np.pi, np.pi),
-        direction=np.array([np.cos(bearing), np.sin(bearing)]),
-        gain=(rng.uniform(0.86, 1.08) * rng.normal(1.0, 0.025, 3)).astype(np.float32),
-        fall_off=rng.uniform(0.02, 0.12),
-        vignette=rng.uniform(0.02, 0.10),
-        noise=rng.standard_normal((SIDE, SIDE, 3), np.float32) * np.float32(rng.uniform(0.006, 0.016)),
-    )
-
-
 class Palette:
-    """Images prepared for rendering: premultiplied mipmaps of the cutouts, and table tops at the scene's scale."""
+    """Images prepared for rendering, premultiplied mipmaps of the cutouts and table tops at scale, and the source."""
 
-    def __init__(self, catalogue: Catalogue) -> None:
+    def __init__(self, catalogue: Catalogue, source: ImageSource = DRAWN) -> None:
+        self.source = source
         items, textures = catalogue.items, catalogue.textures
         self.mipmaps = [_mipmap(cutout) for cutout in catalogue.cutouts]  # by item
         self.item_widths = items["width_m"].to_numpy(float)
@@ -75,10 +53,10 @@ class Palette:
 
 
 @lru_cache(maxsize=1)
-def read_palette(data: str) -> tuple[Catalogue, Palette]:
+def read_palette(data: str, source: ImageSource = DRAWN) -> tuple[Catalogue, Palette]:
     """Read the catalogue in a folder and prepare its images for rendering, once per process."""
     catalogue = read_catalogue(Path(data))
-    return catalogue, Palette(catalogue)
+    return catalogue, Palette(catalogue, source)
 
 
 def render_scenes(
@@ -95,20 +73,34 @@ def render(layouts: Layouts, scene: int, texture: str, seed: int, palette: Palet
     """Render one scene; raise InputError if the palette lacks its texture or an item."""
     if texture not in palette.surfaces:
         raise InputError(f"unknown texture {texture!r}: the catalogue has {sorted(palette.surfaces)}")
-    light = draw_light(seed)
-    image = _table_top(light, palette.surfaces[texture], palette.surface_widths[texture])
+    light = draw_light(seed, palette.source)
+    if light.pattern is None:
+        image = _table_top(light, palette.surfaces[texture], palette.surface_widths[texture])
+    else:
+        image = _table_top(light, light.pattern.draw(round(SIDE_M * TEXTURE_PX_PER_M)), SIDE_M)
+    if light.glare:
+        image += light.glare * _spot(_ALL, _ALL, light.glare_centre, light.glare_radius)
     stamps = [_stamp(layouts, scene, int(slot), light, palette) for slot in np.flatnonzero(layouts.present[scene])]
     for stamp in stamps:
         stamp.shade(image, light)
     for stamp in stamps:
-        stamp.cover(image)
-    image = cv2.sepFilter2D(image * _illumination(light), -1, LENS, LENS, borderType=cv2.BORDER_REPLICATE)
+        stamp.cover(image, light)
+    image *= _illumination(light)
+    if light.view is not None:
+        image = cv2.warpPerspective(image, light.view, (SIDE, SIDE), flags=_LINEAR, borderMode=cv2.BORDER_REFLECT)
+    image = cv2.sepFilter2D(image, -1, LENS, LENS, borderType=cv2.BORDER_REPLICATE)
     return np.rint(np.clip(image + light.noise, 0, 1) * 255).astype(np.uint8)
 
 
 def _pixel_centres(columns: Array, rows: Array) -> tuple[Array, Array]:
     """Return the table coordinates x, y [m] of pixel columns and rows."""
     return (columns + 0.5) / SIDE, 1.0 - (rows + 0.5) / SIDE
+
+
+def _spot(rows: slice, columns: slice, centre: Array, radius: float) -> Float32[Array, "rows columns 1"]:
+    """Return a soft spot of light, 1 at its centre [m], whose standard deviation is `radius` [m]."""
+    x, y = _pixel_centres(np.arange(columns.start, columns.stop)[None, :], np.arange(rows.start, rows.stop)[:, None])
+    return np.exp(-((x - centre[0]) ** 2 + (y - centre[1]) ** 2) / (2 * radius**2))[..., None].astype(np.float32)
 
 
 def _table_top(light: Light, surface: Array, width: float) -> Float32[Array, "side side 3"]:
@@ -138,24 +130,45 @@ class _Stamp:
     columns: slice
     rgba: Float32[Array, "rows columns 4"]
     symbol: Symbol
+    centre: Float[Array, "2"]  # of the item [m]
+    radius: float  # of a circle around it [m]
 
     def shade(self, image: Array, light: Light) -> None:
-        """Darken the table by the item's soft shadow; the rim of a transparent item casts one too."""
+        """Darken the table by the item's soft shadow; a transparent item's rim casts one too, its body a caustic."""
         alpha = self.rgba[..., 3]
         solid = np.minimum(alpha * RIM_SHADOW, 1.0) if self.symbol.transparent else np.ascontiguousarray(alpha)
-        height = self.symbol.height_m * SIDE
+        height = self.symbol.height_m * light.shadow_length * SIDE
         shadow = np.zeros_like(solid)
         for reach, weight in PENUMBRA:
             right, down = -light.direction[0] * height * reach, light.direction[1] * height * reach
-            shadow += weight * cv2.warpAffine(solid, np.array([[1, 0, right], [0, 1, down]]), solid.shape[::-1])
+            copy = cv2.warpAffine(solid, np.array([[1, 0, right], [0, 1, down]]), solid.shape[::-1])
+            if (sigma := light.shadow_softness * height * reach) > 0:
+                copy = cv2.GaussianBlur(copy, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
+            shadow += weight * copy
         shadow = cv2.sepFilter2D(shadow, -1, SHADOW_BLUR, SHADOW_BLUR, borderType=cv2.BORDER_CONSTANT)
-        image[self.rows, self.columns] *= 1 - self.symbol.shadow * shadow[..., None]
+        image[self.rows, self.columns] *= 1 - min(self.symbol.shadow * light.shadow_depth, 1) * shadow[..., None]
+        if light.caustic and self.symbol.transparent:
+            middle = self.centre - light.direction * (self.symbol.height_m * light.shadow_length + self.radius / 2)
+            glow = _spot(self.rows, self.columns, middle, self.radius * CAUSTIC_RADIUS)
+            image[self.rows, self.columns] *= 1 + light.caustic * glow
 
-    def cover(self, image: Array) -> None:
+    def cover(self, image: Array, light: Light) -> None:
         """Composite the item over the table (the `over` operator of Porter and Duff, 1984)."""
         window = image[self.rows, self.columns]
+        if light.refraction and self.symbol.transparent:
+            window[:] = self.refracted(window, light.refraction)
         window *= 1 - self.rgba[..., 3:]
         window += self.rgba[..., :3]
+
+    def refracted(self, window: Array, refraction: float) -> Array:
+        """Return the table seen through a transparent item: magnified in the middle, unchanged at the rim."""
+        column = self.centre[0] * SIDE - 0.5 - self.columns.start
+        row = (1 - self.centre[1]) * SIDE - 0.5 - self.rows.start
+        right, down = np.meshgrid(np.arange(window.shape[1]) - column, np.arange(window.shape[0]) - row)
+        inside = np.clip(1 - (right**2 + down**2) / (self.radius * SIDE) ** 2, 0, None)  # 1 in the middle, 0 at the rim
+        share = 1 - refraction * inside
+        places = np.float32(right * share + column), np.float32(down * share + row)
+        return cv2.remap(window, *places, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # pyright: ignore
 
 
 def _stamp(layouts: Layouts, scene: int, slot: int, light: Light, palette: Palette) -> _Stamp:
@@ -165,10 +178,13 @@ def _stamp(layouts: Layouts, scene: int, slot: int, light: Light, palette: Palet
         raise InputError(f"item {item} is not in the catalogue of {len(palette.mipmaps)} items: rerun stage scenes")
     symbol = TABLE[layouts.symbol[scene, slot]]
     centre, angle, scale = layouts.centre[scene, slot], layouts.angle[scene, slot], layouts.scale[scene, slot]
+    lean = symbol.height_m * light.parallax  # by perspective: the nearer the camera, the larger and the farther off
+    centre, scale = centre + lean * (centre - light.foot), scale * (1 + lean)
     width = palette.item_widths[item] * scale
     c, s = np.cos(angle), np.sin(angle)
     half = np.abs([c, s]) * layouts.half_length[scene, slot] + layouts.radius[scene, slot]  # of the bounding box [m]
-    rows, columns = _window(centre, half + REACH_M)
+    longest = symbol.height_m * light.shadow_length
+    rows, columns = _window(centre, half + max(REACH_M, longest * (1 + 3 * light.shadow_softness) + REACH_M / 2))
     levels = palette.mipmaps[item]
     cutout = next((level for level in reversed(levels) if len(level) >= width * SIDE * SAMPLES), levels[0])
     # Maps sample (i, j) of the window to column and row of the cutout, counted from the centre of pixel 0.
@@ -180,7 +196,14 @@ def _stamp(layouts: Layouts, scene: int, slot: int, light: Light, palette: Palet
     size = (columns.stop - columns.start, rows.stop - rows.start)
     samples = cv2.warpAffine(cutout, matrix, (size[0] * SAMPLES, size[1] * SAMPLES), flags=_LINEAR)
     rgba = cv2.resize(samples, size, interpolation=cv2.INTER_AREA)  # mean over each pixel's samples
-    return _Stamp(rows, columns, _apply_lighting(rgba, rows, columns, centre, half, symbol, light), symbol)
+    rgba = _apply_lighting(rgba, rows, columns, centre, half, symbol, light)
+    if light.highlight:
+        radius = layouts.radius[scene, slot]
+        end = layouts.half_length[scene, slot] * np.sign(c * light.direction[0] + s * light.direction[1])
+        middle = centre + HIGHLIGHT_AT * (end * np.array([c, s]) + radius * light.direction)  # on the side of the lamp
+        spot = light.highlight * _spot(rows, columns, middle, radius * HIGHLIGHT_RADIUS)
+        rgba[..., :3] += spot * np.minimum(rgba[..., 3:] * RIM_SHADOW, 1)
+    return _Stamp(rows, columns, rgba, symbol, centre, half.max())
 
 
 def _window(centre: Array, half: Array) -> tuple[slice, slice]:

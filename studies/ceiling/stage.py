@@ -36,6 +36,7 @@ from pipeline.world.bezier import random_z_theta
 from pipeline.world.clear_cases import Candidates
 from pipeline.world.layout import LayoutRules, random_layouts
 from pipeline.world.render import read_palette, render_scenes
+from pipeline.world.source import ImageSource
 from studies.ceiling.batches import fit_one, fit_stack
 from studies.ceiling.models import Coordinates, PathDrawn, true_code
 
@@ -147,7 +148,8 @@ def draw_scenes(cfg: DictConfig, order: tuple[str, int, int]) -> tuple[Candidate
 
     order: name, number of scenes, number of pictures.
     """
-    (name, count, pictures), (catalogue, palette) = order, read_palette(cfg.paths.data)
+    name, count, pictures = order
+    catalogue, palette = read_palette(cfg.paths.data, ImageSource.of(cfg.scenes.source))
     study, rules = cfg.studies.ceiling, LayoutRules.of(cfg.scenes.layout)
     rng = stream(study.root_seed, "scenes", name)
     layouts = random_layouts(rng, count, catalogue.footprints, catalogue.pool("train"), rules)

@@ -14,6 +14,7 @@ from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import LayoutRules, Layouts
 from pipeline.world.render import read_palette, render_scenes
 from pipeline.world.rules import valid
+from pipeline.world.source import ImageSource
 from studies.confounding.world import Confounding, confounded_layouts
 
 
@@ -42,7 +43,8 @@ def draw_all(cfg: DictConfig, draws: Sequence[Draw]) -> list[Scenes]:
 
 def _draw(cfg: DictConfig, draw: Draw) -> Scenes:
     """Draw one set of scenes; textures, lights and cameras do not depend on the world."""
-    study, (catalogue, palette) = cfg.studies.confounding, read_palette(cfg.paths.data)
+    study = cfg.studies.confounding
+    catalogue, palette = read_palette(cfg.paths.data, ImageSource.of(cfg.scenes.source))
     rng = stream(study.root_seed, "scenes", draw.name)
     rules = LayoutRules.of(cfg.scenes.layout)
     confounding = Confounding(study.worlds[draw.world], study.present, study.glasses, *study.gap_m)

@@ -38,6 +38,7 @@ from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts
 from pipeline.world.render import Palette
 from pipeline.world.rules import Margins, clearance, slack
+from pipeline.world.source import ImageSource
 from studies.counterfactuals.examples import choose, example_rows
 from studies.counterfactuals.moves import crossing, outward_normal, score_moves, translate_item
 
@@ -74,7 +75,8 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     users = [user for user, margins in cfg.users.items() if any(m is not None for m in margins.values())]
     noise = read_noise(cfg)
     layouts, z_theta = noise["O"], noise["Z_theta"]
-    world, camera = true_scm(cfg.users), model_scm({}, renderer(Palette(read_catalogue(Path(cfg.paths.data)))))
+    palette = Palette(read_catalogue(Path(cfg.paths.data)), ImageSource.of(cfg.scenes.source))
+    world, camera = true_scm(cfg.users), model_scm({}, renderer(palette))
 
     # Each scene unchanged, empty, without each item and with each item alone: do(O := subset of its items).
     subsets = item_subsets(layouts.present)

@@ -24,6 +24,7 @@ from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SYMBOLS
 from pipeline.world.render import Palette, render_scenes
 from pipeline.world.rules import clearance
+from pipeline.world.source import ImageSource
 
 Images = UInt8[Array, "version scene 100 100 3"]  # version 0 is the original scene, 1 + k has symbol k added
 Effects = Float[Array, "question seed scene"]
@@ -102,7 +103,8 @@ def render_elsewhere(cfg: DictConfig, scenes: SceneSet, pool: str, added: AddedI
     if not textures:
         splits = ", ".join(sorted(set(catalogue.textures["split"])))
         raise InputError(f"studies.refutation.textures is {study.textures!r}: expected one of {splits}")
-    layouts, palette = [x[first] for x in (scenes.layouts[pool], *added.layouts)], Palette(catalogue)
+    layouts = [x[first] for x in (scenes.layouts[pool], *added.layouts)]
+    palette = Palette(catalogue, ImageSource.of(cfg.scenes.source))
     seeds = stream(study.root_seed, "lights").integers(2**31, size=len(layouts[0])).tolist()
     return {
         texture: np.stack([render_scenes(x, [texture] * len(x), seeds, palette) for x in layouts])

@@ -28,6 +28,7 @@ from pipeline.world.catalogue import Catalogue, read_catalogue
 from pipeline.world.layout import LayoutRules, Layouts
 from pipeline.world.render import Palette, render_scenes
 from pipeline.world.rules import valid
+from pipeline.world.source import ImageSource
 from studies.robustness.corruptions import CORRUPTIONS, add_clutter, flip_labels
 
 MAP_SIDE = 50  # cells per side of the maps of P(valid)
@@ -95,7 +96,7 @@ def draw_conditions(
     appearance = scenes.appearances[pool][first]
     textures, render_seeds = appearance["texture"].tolist(), appearance["render_seed"].tolist()
     z_theta, truth = queries.z[first], np.stack([queries.valid[user][first] for user in users])
-    render = partial(render_scenes, palette=Palette(catalogue))
+    render = partial(render_scenes, palette=Palette(catalogue, ImageSource.of(cfg.scenes.source)))
 
     conditions = [Condition("none", 0, images, truth, layouts)]
     for name, strengths in study.corruptions.items():

@@ -8,7 +8,8 @@ import pytest
 
 from pipeline.world.catalogue import Catalogue, read_catalogue
 from pipeline.world.layout import SIDE, SYMBOLS, Layouts, empty
-from pipeline.world.render import REACH_M, Palette, draw_light, render, render_scenes
+from pipeline.world.render import REACH_M, Palette, render, render_scenes
+from pipeline.world.source import draw_light
 
 DATA = Path("data")
 

@@ -7,6 +7,7 @@ from pipeline.world.paint import (
     Colour,
     Field,
     Top,
+    bend,
     blend,
     cloth,
     colour,
@@ -17,13 +18,24 @@ from pipeline.world.paint import (
     ramp,
     step,
 )
-from pipeline.world.patterns import checks, draped, ironed_folds, weave
+from pipeline.world.patterns import checks, ironed_folds, weave
 
 
 def threads(rng: np.random.Generator, side: int, strength: float) -> Field:
     """Return the gain of uneven warp and weft threads, about 1."""
     warp, weft = noise(rng, side, 120, stretch=20), noise(rng, side, 120, stretch=20).T
     return 1 + np.float32(strength) * (warp + weft)
+
+
+def draped(rng: np.random.Generator, picture: Top) -> Top:
+    """Return a cloth that lies unevenly: its pattern is bent and its folds are shaded."""
+    side = len(picture)
+    height = noise(rng, side, rng.uniform(1.2, 4), 2, 0.4, rng.uniform(1, 3))
+    slope_x, slope_y = cv2.Sobel(height, -1, 1, 0, scale=side / 900), cv2.Sobel(height, -1, 0, 1, scale=side / 900)
+    strength = rng.uniform(0, 1) ** 2
+    bent = bend(picture, slope_x * np.float32(0.02 * strength), slope_y * np.float32(0.02 * strength))
+    shade = 1 + np.float32(0.12 * strength) * (slope_x + rng.uniform(-1, 1) * slope_y)
+    return bent * np.clip(shade, 0.4, 1.5)[..., None]
 
 
 def finished(rng: np.random.Generator, picture: Top) -> Top:
