@@ -7,11 +7,12 @@ import torch
 from jaxtyping import Float, UInt8
 from numpy import ndarray as Array
 from torch import Tensor
-from torch.optim import SGD, Adam
-from torch.optim.lr_scheduler import LambdaLR
 
 from pipeline.models.base import ValidityModel, to_tensor
+from pipeline.runtime.roots import square_root
 from pipeline.world.bezier import Z_HIGH, Z_LOW
+
+DECAY, SQUARES_DECAY, EPSILON = 0.9, 0.999, 1e-8  # beta_1, beta_2 and epsilon of Adam (Kingma and Ba, 2015)
 
 
 @dataclass(frozen=True)
@@ -50,18 +51,20 @@ def repair(
     with torch.no_grad():
         percept = model.perceive(to_tensor(images))
     z = torch.as_tensor(np.asarray(starts, dtype=np.float32)).clamp(Z_LOW, Z_HIGH)
-    optimiser = (Adam if ascent.optimiser == "adam" else SGD)([z], lr=ascent.rate, maximize=True, fused=True)
-    schedule = LambdaLR(optimiser, lambda step: 1 - step / ascent.steps if ascent.settle else 1.0)
-    path, log_odds = [z.clone()], []
-    for _ in range(ascent.steps):
+    mean, squares = torch.zeros_like(z), torch.zeros_like(z)
+    path, log_odds = [z], []
+    for step in range(ascent.steps):
         value, delta = _log_odds_and_delta(model, percept, z)
         if ascent.optimiser == "normalised":
             delta = delta / delta.norm(dim=-1, keepdim=True).clamp(min=torch.finfo(delta.dtype).tiny)
-        z.grad = delta
-        optimiser.step()
-        schedule.step()
-        z.clamp_(Z_LOW, Z_HIGH)
-        path.append(z.clone())
+        elif ascent.optimiser == "adam":
+            mean = DECAY * mean + (1 - DECAY) * delta
+            squares = SQUARES_DECAY * squares + (1 - SQUARES_DECAY) * delta.square()
+            spread = square_root(squares / (1 - SQUARES_DECAY ** (step + 1)))
+            delta = mean / (1 - DECAY ** (step + 1)) / (spread + EPSILON)
+        share = 1 - step / ascent.steps if ascent.settle else 1.0
+        z = (z + ascent.rate * share * delta).clamp(Z_LOW, Z_HIGH)
+        path.append(z)
         log_odds.append(value)
     with torch.no_grad():
         log_odds.append(model.logit(percept, z))

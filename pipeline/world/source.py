@@ -107,17 +107,7 @@ def draw_light(seed: int, source: ImageSource = DRAWN) -> Light:
     gain = rng.uniform(*source.exposure) * rng.normal(1.0, source.white_balance, 3)
     fall_off, vignette = rng.uniform(*source.fall_off), rng.uniform(*source.vignette)
     noise = rng.standard_normal((SIDE, SIDE, 3), np.float32) * np.float32(rng.uniform(*source.noise))
-    names = (
-        "shadow_length",
-        "shadow_softness",
-        "shadow_depth",
-        "refraction",
-        "caustic",
-        "highlight",
-        "glare",
-        "parallax",
-    )
-    optics = {name: more.uniform(*getattr(source, name)) for name in names}
+    optics = {name: more.uniform(*getattr(source, name)) for name in OPTICS}
     patterned, folded = more.uniform(size=2) < (source.pattern_chance, source.fold_chance)
     pick, pattern_seed = more.uniform(), int(more.integers(2**31))
     name = source.patterns[int(pick * len(source.patterns))]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import torch
 
 from pipeline.planning.repair import Ascent, repair
 from pipeline.world.bezier import Z_HIGH, random_z_theta
@@ -48,3 +49,14 @@ def test_starts_do_not_affect_each_other():
     together = repair(Hill(), IMAGES, STARTS, ascent("adam"))
     alone = repair(Hill(), IMAGES, STARTS[:, :1], ascent("adam"))
     np.testing.assert_array_equal(together.z[:, :1], alone.z)
+
+
+def test_adam_takes_the_steps_of_torch_s_adam():
+    ours = repair(Hill(), IMAGES, STARTS, ascent("adam", settle=False, steps=20))
+    z = torch.from_numpy(STARTS.astype(np.float32))
+    optimiser = torch.optim.Adam([z], lr=RATES["adam"], maximize=True)
+    for step in range(20):
+        np.testing.assert_allclose(ours.z[:, :, step], z.numpy(), atol=1e-5)
+        z.grad = -32 * (z - torch.tensor([0.3, 0.8]))  # of the hill's log-odds
+        optimiser.step()
+        z.clamp_(-0.2, 1.2)
