@@ -34,8 +34,9 @@ def launch(sweep: Sweep, plan: Plan) -> None:
     paths = [str(sweep.root), *filter(None, [os.environ.get("PYTHONPATH")])]
     os.environ["PYTHONPATH"] = os.pathsep.join(paths)  # processes that launchers start import the same code
     chosen = ["hydra.sweeper.max_failure_rate=1"] if plan.jobs is None else []  # a failed job takes no other along
+    ray = ["hydra.launcher.ray.init.address=local"] if "hydra/launcher=ray" in plan.overrides else []  # one of its own
     folder = ["hydra.job.name=sweep", f"hydra.sweep.dir={sweep.folder}"]
-    sys.argv[1:] = ["--multirun", *folder, *QUIET, *chosen, *plan.overrides]
+    sys.argv[1:] = ["--multirun", *folder, *QUIET, *chosen, *ray, *plan.overrides]
     try:
         with _progress(sweep, plan):
             hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(task)()

@@ -144,6 +144,20 @@ def test_a_ray_cluster_that_loses_a_node_does_every_job_with_the_serial_run_s_by
         assert results(folder, f"evaluate.bins={value}") == results(serial, f"evaluate.bins={value}")
 
 
+def test_ray_on_this_machine_gives_the_serial_run_s_bytes_also_after_a_cluster_was_lost(
+    repository: Path, serial: Path, tmp_path: Path
+):
+    (tmp_path / "ray").mkdir()
+    (tmp_path / "ray" / "ray_current_cluster").write_text(f"127.0.0.1:{free_port()}")  # Ray leaves it behind
+    values = f"evaluate.bins={','.join(map(str, SERIAL))}"
+    arguments = command("--multirun", *SMALL, values, "hydra/launcher=ray", "--folder", "by_ray")
+    env = environment(repository) | {"RAY_TMPDIR": str(tmp_path)}
+    ended = subprocess.run(arguments, cwd=repository, env=env, capture_output=True, text=True)
+    assert ended.returncode == 0, ended.stderr[-3000:]
+    for value in SERIAL:
+        assert results(repository / "by_ray", f"evaluate.bins={value}") == results(serial, f"evaluate.bins={value}")
+
+
 def test_a_cluster_that_does_not_answer_is_refused():
     address = f"127.0.0.1:{free_port()}"
     with pytest.raises(InputError, match=f"{address} does not answer"):
