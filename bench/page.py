@@ -4,6 +4,7 @@ python -m bench.page BENCHMARKS.json REPRO.json
 """
 
 import json
+import math
 import os
 import platform
 import sys
@@ -48,6 +49,8 @@ WAYS = {
     "eager": "each scene encoded once, eager",
     "stacked": "several models in vector registers",
 }
+SWEPT = ("scenes", "demos", "train@", "irl@", "clearance@", "evaluate", "repair", "intervene")  # stages of a setting
+SETTINGS, CORES = 100, (1, 2, 16, 100, 256)
 UNITS = {"n_demos": "demonstrations a scene", "scenes": "training scenes", "models": "models (seeds x users)"}
 
 
@@ -71,6 +74,22 @@ def main(benchmarks: Path, repro: Path) -> None:
     (HERE / "README.md").write_text(page(results))
 
 
+def scaling(results: dict) -> list[dict[str, float]]:
+    """Return, for each of CORES, how long SETTINGS settings of the paper's grid take on paper, and the speed-up.
+
+    A job is a setting with all of its training sets, on one core. Its work is that of `make repro`, whose two processes are
+    counted as busy throughout; a launcher adds its overhead. No stage is shared.
+    """
+    stages = results["commands"]["repro"]["stages"]
+    minutes = 2 * sum(minutes for name, minutes in stages.items() if name.startswith(SWEPT))
+    job = minutes / 60 + results["sweep_job_s_ray"] / 3600
+    return [
+        {"cores": cores, "jobs": min(cores, SETTINGS), "hours": hours, "speedup": SETTINGS * job / hours}
+        for cores in CORES
+        for hours in [math.ceil(SETTINGS / cores) * job]
+    ]
+
+
 def machine() -> dict[str, str | int]:
     """Return the machine on which the figures were measured."""
     lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
@@ -92,7 +111,9 @@ def page(results: dict) -> str:
     )
     environment.filters["number"] = _number
     template = environment.from_string((HERE / "page.md.j2").read_text())
-    return template.render(results=results, aims=AIMS, ways=WAYS, commands=COMMANDS)
+    known = "repro" in results["commands"] and "sweep_job_s_ray" in results
+    grid = scaling(results) if known else []
+    return template.render(results=results, aims=AIMS, ways=WAYS, commands=COMMANDS, grid=grid, settings=SETTINGS)
 
 
 def _growth(growth: dict) -> Figure:
