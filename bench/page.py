@@ -77,8 +77,8 @@ def main(benchmarks: Path, repro: Path) -> None:
 def scaling(results: dict) -> list[dict[str, float]]:
     """Return, for each of CORES, how long SETTINGS settings of the paper's grid take on paper, and the speed-up.
 
-    A job is a setting with all of its training sets, on one core. Its work is that of `make repro`, whose two processes are
-    counted as busy throughout; a launcher adds its overhead. No stage is shared.
+    A job is a setting with all of its training sets, on one core. Its work is that of `make repro`, both of whose
+    processes count as busy throughout; a launcher adds its overhead. No stage is shared.
     """
     stages = results["commands"]["repro"]["stages"]
     minutes = 2 * sum(minutes for name, minutes in stages.items() if name.startswith(SWEPT))
