@@ -16,7 +16,7 @@ from pipeline.models.irl.reward_map import RewardMap  # noqa: E402
 
 
 def main() -> None:
-    """Perceive a scene twice with each model, a training step between, and judge paths by their clearance."""
+    """Perceive a scene before and after a training step of each model; judge paths by their clearance."""
     torch.manual_seed(0)
     torch.set_num_threads(1)
     rng = np.random.default_rng(0)
@@ -28,13 +28,14 @@ def main() -> None:
     reward_map.scale.fill_(1)
     for model in (clearance, reward_map):
         optimiser = AdamW(model.parameters(), lr=0.01, fused=True)
-        for _ in range(2):
+        for step in range(2):
             percept = model.perceive(image)
             judged = model.logit(percept, z_theta) if model is clearance else percept  # QEMU 7.2 samples maps wrongly
-            judged.square().mean().backward()
-            optimiser.step()
-            digests = [hashlib.md5(x.detach().numpy().tobytes()).hexdigest() for x in (percept, judged)]
-            print(type(model).__name__, int((percept != 0).sum()), *digests)
+            md5s = [hashlib.md5(x.detach().numpy().tobytes()).hexdigest() for x in (percept, judged)]
+            print(type(model).__name__, int((percept != 0).sum()), *md5s)
+            if step == 0:
+                judged.square().mean().backward()
+                optimiser.step()
 
 
 if __name__ == "__main__":

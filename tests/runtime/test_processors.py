@@ -1,4 +1,4 @@
-"""Models compute the same bytes on an AMD and an older Intel processor, both emulated by QEMU (Debian: qemu-user)."""
+"""Models compute the same bytes when QEMU (Debian: qemu-user) reports an AMD or an older Intel processor."""
 
 import os
 import shutil
