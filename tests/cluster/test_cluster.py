@@ -6,6 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -144,15 +145,14 @@ def test_a_ray_cluster_that_loses_a_node_does_every_job_with_the_serial_run_s_by
         assert results(folder, f"evaluate.bins={value}") == results(serial, f"evaluate.bins={value}")
 
 
-def test_ray_on_this_machine_gives_the_serial_run_s_bytes_also_after_a_cluster_was_lost(
-    repository: Path, serial: Path, tmp_path: Path
-):
-    (tmp_path / "ray").mkdir()
-    (tmp_path / "ray" / "ray_current_cluster").write_text(f"127.0.0.1:{free_port()}")  # Ray leaves it behind
+def test_ray_on_this_machine_gives_the_serial_run_s_bytes_also_after_a_cluster_was_lost(repository: Path, serial: Path):
     values = f"evaluate.bins={','.join(map(str, SERIAL))}"
     arguments = command("--multirun", *SMALL, values, "hydra/launcher=ray", "--folder", "by_ray")
-    env = environment(repository) | {"RAY_TMPDIR": str(tmp_path)}
-    ended = subprocess.run(arguments, cwd=repository, env=env, capture_output=True, text=True)
+    with tempfile.TemporaryDirectory() as folder:  # a short path: Ray's sockets lie below
+        (Path(folder) / "ray").mkdir()
+        (Path(folder) / "ray" / "ray_current_cluster").write_text(f"127.0.0.1:{free_port()}")  # Ray leaves it behind
+        env = environment(repository) | {"RAY_TMPDIR": folder}
+        ended = subprocess.run(arguments, cwd=repository, env=env, capture_output=True, text=True)
     assert ended.returncode == 0, ended.stderr[-3000:]
     for value in SERIAL:
         assert results(repository / "by_ray", f"evaluate.bins={value}") == results(serial, f"evaluate.bins={value}")
