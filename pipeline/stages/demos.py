@@ -1,5 +1,6 @@
 """Stage demos: record demonstrations of every user, fit Bezier paths to them, and draw the query paths."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
@@ -18,9 +19,12 @@ from pipeline.runtime.errors import InputError
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.bezier_fit import fit
+from pipeline.world.clear_cases import Candidates
 from pipeline.world.hand import Hand, check, join, simulate, valid_trajectories
 from pipeline.world.layout import Layouts
-from pipeline.world.rules import valid
+from pipeline.world.rules import slack, valid
+
+DRAWS_PER_CLEAR_PATH = 20  # random paths of which one clear of the boundary is kept
 
 Key = tuple[int, str, int, int]  # seed, user, scene, demo
 
@@ -77,14 +81,40 @@ def _record(cfg: DictConfig, layouts: dict[str, Layouts], from_csv: dict[Key, Ar
         )
     if from_csv:
         print(f"{len(from_csv)} of {len(keys)} demonstrations are a person's, from {cfg.demos.recorded}", flush=True)
+    clear = _clear_demonstrations(cfg, layouts) if cfg.demos.clear_m else {}
     trajectories = []
     for key in tqdm(keys, desc="demos"):
         rng = _generator(cfg, "recording", *key)
-        trajectory = from_csv[key] if key in from_csv else simulate(rng, random_z_theta(rng), hand)
+        z_theta = clear[key[:2]][key[2:]] if clear else random_z_theta(rng)
+        trajectory = from_csv[key] if key in from_csv else simulate(rng, z_theta, hand)
         check(trajectory, "seed {} user {} scene {} demo {}".format(*key), cfg.demos.ends_within_m)
         since_start = trajectory - [trajectory[0, 0], 0.0, 0.0, 0.0]  # float32 cannot represent absolute clock times
         trajectories.append(since_start.astype(np.float32).astype(float))
     return Recorded(pd.DataFrame(keys, columns=DEMO_KEY), *join(trajectories))
+
+
+def _clear_demonstrations(cfg: DictConfig, layouts: dict[str, Layouts]) -> dict[tuple[int, str], Array]:
+    """Return the paths (scene, demo, 2) [m] that each seed's users mean to show: clear of their own boundary."""
+    return {
+        (seed, user): _clear_paths(cfg, layouts[train_pool(seed)], cfg.demos.per_scene, [user], seed, user)
+        for seed in (*cfg.seeds, *cfg.validation_seeds)
+        for user in cfg.users
+    }
+
+
+def _clear_paths(cfg: DictConfig, layouts: Layouts, count: int, users: Collection[str], *names: str | int) -> Array:
+    """Draw random paths (scene, count, 2) [m] at least `demos.clear_m` from these users' boundaries of validity.
+
+    InputError if a scene has too few.
+    """
+    rng = _generator(cfg, "clear", *names)
+    candidates = Candidates.of(layouts, random_z_theta(rng, len(layouts), count * DRAWS_PER_CLEAR_PATH))
+    slacks = np.stack([slack(layouts, candidates.clearances, cfg.users[user]) for user in users])
+    near = (np.abs(slacks) < cfg.demos.clear_m).any(0)  # (scene, candidate)
+    few = (~near).sum(1).min()
+    need(cfg, "demos.clear_m", few >= count, f"a distance at which each scene has {count} paths: one has {few}")
+    first = np.argsort(near, axis=1, kind="stable")[:, :count]  # the clear ones, in the order drawn
+    return np.take_along_axis(candidates.z_theta, first[..., None], 1)
 
 
 def _read_trajectories(cfg: DictConfig) -> dict[Key, Array]:
@@ -125,10 +155,13 @@ def _label(cfg: DictConfig, layouts: dict[str, Layouts], recorded: Recorded) -> 
 
 
 def _queries(cfg: DictConfig, pool: str, layouts: Layouts) -> Queries:
-    """Draw random paths in a pool's scenes and label them for every user."""
+    """Draw random paths in a pool's scenes, clear of every user's boundary, and label them for every user."""
     training = [train_pool(seed) for seed in (*cfg.seeds, *cfg.validation_seeds)]
     count = cfg.demos.queries_seen if pool in training else cfg.demos.queries_new
-    z = random_z_theta(_generator(cfg, "queries", pool), len(layouts), count)
+    if cfg.demos.clear_m:
+        z = _clear_paths(cfg, layouts, count, cfg.users, "queries", pool)
+    else:
+        z = random_z_theta(_generator(cfg, "queries", pool), len(layouts), count)
     return Queries(z, {user: valid(layouts, z, cfg.users[user]) for user in cfg.users})
 
 
