@@ -111,7 +111,7 @@ def _clear_paths(cfg: DictConfig, layouts: Layouts, count: int, users: Collectio
     candidates = Candidates.of(layouts, random_z_theta(rng, len(layouts), count * DRAWS_PER_CLEAR_PATH))
     slacks = np.stack([slack(layouts, candidates.clearances, cfg.users[user]) for user in users])
     near = (np.abs(slacks) < cfg.demos.clear_m).any(0)  # (scene, candidate)
-    few = (~near).sum(1).min()
+    few = int((~near).sum(1).min())
     need(cfg, "demos.clear_m", few >= count, f"a distance at which each scene has {count} paths: one has {few}")
     first = np.argsort(near, axis=1, kind="stable")[:, :count]  # the clear ones, in the order drawn
     return np.take_along_axis(candidates.z_theta, first[..., None], 1)
