@@ -12,7 +12,7 @@ RUN ?=
 WORST ?=
 KILLS ?=
 
-.PHONY: help venv repro studies search demo pull test test-browser test-viewer test-cluster test-faults check-dowhy smoke bench review audit site figures readme lint lock sbom params segmenter data render clean
+.PHONY: help venv venv-cluster repro studies search demo pull test test-browser test-viewer test-cluster test-faults check-dowhy smoke bench review audit site figures readme lint lock sbom params segmenter data render clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -78,6 +78,8 @@ $(CLUSTER): tests/cluster/requirements.txt $(READY)
 	$(VENV)/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))' > "$$(.venv-cluster/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/venv.pth"
 	.venv-cluster/bin/python -m pip install --quiet --disable-pip-version-check -r tests/cluster/requirements.txt
 	@touch $@
+
+venv-cluster: $(CLUSTER)  ## create .venv-cluster above .venv: sweeps on Ray, by submitit on Slurm, and by Optuna
 
 test-cluster: data-here $(CLUSTER)  ## sweeps on Ray (two nodes, one is killed), by submitit, Slurm and Optuna, in an environment above .venv
 	PATH="$(CURDIR)/.venv-cluster/bin:$$PATH" .venv-cluster/bin/python -m pytest tests/cluster
