@@ -137,14 +137,14 @@ segmenter: data-here  ## train perception anew on composites, 30 minutes on two 
 
 data: $(READY)  ## draw data/ anew and put it into the store
 	python -m drawing
-	dvc add data && dvc push data.dvc
+	dvc add data && dvc push --remote store data.dvc
 
 render:  ## path-trace rendered/pictures/ anew by Blender, in an environment of its own (Python 3.11), and put it into the store; an hour and a half
 	test -x .venv-rendered/bin/python || python3.11 -m venv .venv-rendered
 	.venv-rendered/bin/python -m pip install --quiet --disable-pip-version-check -r rendered/requirements.txt
 	set -- train 4 validation_taught 5 validation_held_out 7 test_taught 11 test_held_out 13; while [ $$# -gt 0 ]; do \
 	    PYTHONPATH=. .venv-rendered/bin/python -m rendered --split $$1 --seed $$2 --into rendered/pictures/$$1; shift 2; done
-	dvc add rendered/pictures && dvc push rendered/pictures.dvc
+	dvc add rendered/pictures && dvc push --remote store rendered/pictures.dvc
 
 clean:  ## remove environments, demo/, other products and DVC's cache, with the results that nobody pushed
 	rm -rf $(VENV) .venv-cluster .venv-dowhy .venv-rendered .venv-sbom sbom.json .benchmarks multirun demo pdf site.html .dvc/cache .dvc/tmp
