@@ -5,8 +5,6 @@ python -m bench.page BENCHMARKS.json REPRO.json
 
 import json
 import math
-import os
-import platform
 import sys
 from pathlib import Path
 
@@ -56,20 +54,17 @@ UNITS = {"n_demos": "demonstrations a scene", "scenes": "training scenes", "mode
 
 def main(benchmarks: Path, repro: Path) -> None:
     """Write all files from the benchmarks' json and, if it exists, bench.repro's."""
-    runs = json.loads(benchmarks.read_text())["benchmarks"]
-    results: dict = {}
+    measured = json.loads(benchmarks.read_text())
     growth: dict = {}
-    for run in runs:
+    commands = json.loads(repro.read_text()) if repro.is_file() else {}
+    results = {"machine": machine(measured["machine_info"]), "growth": growth, "commands": commands}
+    for run in measured["benchmarks"]:
         results |= run["extra_info"].get("results", {})
         growth |= run["extra_info"].get("growth", {})
-    commands = json.loads(repro.read_text()) if repro.is_file() else {}
-    results = {"machine": machine(), "growth": growth, "commands": commands} | results
-    (HERE / "results.json").write_text(json.dumps(_rounded(results), indent=2, sort_keys=True) + "\n")
+    rounded = json.loads(json.dumps(results), parse_float=lambda text: float(f"{float(text):.4g}"))
+    (HERE / "results.json").write_text(json.dumps(rounded, indent=2, sort_keys=True) + "\n")
     _growth(growth).savefig(HERE / "growth.svg")
-    stages: dict = {}
-    for name in ("repro", "studies"):
-        stages |= commands.get(name, {}).get("stages", {})
-    if stages:
+    if stages := {k: v for name in ("repro", "studies") for k, v in commands.get(name, {}).get("stages", {}).items()}:
         _stages(stages).savefig(HERE / "repro.svg")
     (HERE / "README.md").write_text(page(results))
 
@@ -90,16 +85,14 @@ def scaling(results: dict) -> list[dict[str, float]]:
     ]
 
 
-def machine() -> dict[str, str | int]:
-    """Return the machine on which the figures were measured."""
-    lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
-    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    flags = next((line for line in lines if line.startswith("flags")), "")
+def machine(info: dict) -> dict[str, str | int]:
+    """Return the machine on which the figures were measured, from what pytest-benchmark says of it."""
+    cpu, flags = info["cpu"], info["cpu"].get("flags", [])
     return {
-        "processor": names[0] if names else platform.processor(),
-        "cores": os.cpu_count() or 0,
+        "processor": cpu.get("brand_raw", info["processor"]),
+        "cores": cpu["count"],
         "vectors": "AVX-512" if "avx512f" in flags else "AVX2" if "avx2" in flags else "unknown",
-        "python": platform.python_version(),
+        "python": info["python_version"],
         "torch": torch.__version__,
     }
 
@@ -142,12 +135,6 @@ def _stages(minutes: dict[str, float]) -> Figure:
 def _number(value: float) -> str:
     """Return a number with three significant digits."""
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
-
-
-def _rounded(value):
-    if isinstance(value, dict):
-        return {str(name): _rounded(part) for name, part in value.items()}
-    return float(f"{value:.4g}") if isinstance(value, float) else value
 
 
 if __name__ == "__main__":

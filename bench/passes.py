@@ -38,11 +38,8 @@ def training_set(scenes: int = SCENES, n_demos: int = N_DEMOS):
     """Draw images, paths [m] and labels; their content does not affect the timing."""
     rng = np.random.default_rng(0)
     images = rng.integers(0, 256, (scenes, 100, 100, 3), dtype=np.uint8)
-    return (
-        images,
-        rng.uniform(-0.2, 1.2, (scenes, n_demos, 2)),
-        np.arange(scenes * n_demos).reshape(scenes, n_demos) % 2 == 0,
-    )
+    z_theta = rng.uniform(-0.2, 1.2, (scenes, n_demos, 2))
+    return images, z_theta, np.arange(scenes * n_demos).reshape(scenes, n_demos) % 2 == 0
 
 
 def untrained(seed: int = 0) -> BetaVae:
@@ -89,13 +86,8 @@ def stacked(
     def fit_all() -> None:
         for start in range(0, models, LANES):
             some = stack[start : start + LANES]
-            fit_stack(
-                some,
-                *([array] * len(some) for array in data),
-                weights=weights,
-                schedule=SCHEDULE,
-                seeds=range(len(some)),
-            )
+            arrays = ([array] * len(some) for array in data)
+            fit_stack(some, *arrays, weights=weights, schedule=SCHEDULE, seeds=range(len(some)))
 
     return fit_all
 

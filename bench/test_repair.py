@@ -10,7 +10,6 @@ from pipeline.models.base import untrained
 from pipeline.models.clearance.clearance import ClearanceModel
 from pipeline.params import compose
 from pipeline.planning.nearest import by_model, nearest
-from pipeline.runtime.parallel import one_thread
 from pipeline.training.clearance.fit import fit
 from pipeline.training.loop import Schedule
 from pipeline.world.bezier import random_z_theta
@@ -25,7 +24,6 @@ TRAINING, SCENES, STARTS, ALONE = 20, 100, 10, 20  # scenes; scenes and starts p
 @pytest.mark.benchmark(group="repair")
 def test_a_thousand_repairs(benchmark):
     """Measure seconds per fit and milliseconds per repair, with and without object detection."""
-    one_thread()
     cfg, catalogue = compose(), read_catalogue(Path("data"))
     rng, rules = np.random.default_rng(0), LayoutRules.of(cfg.scenes.layout)
     layouts = random_layouts(rng, TRAINING + SCENES, catalogue.footprints, catalogue.pool("train"), rules)

@@ -36,13 +36,8 @@ def bare_loop(repository: Path) -> None:
         shutil.rmtree(repository / "outputs", ignore_errors=True)
         compose = ["pipeline.params", *SMALL, f"report.scenes={value + 1}"]
         for arguments in (compose, ["dvc", "repro", "demos"]):
-            subprocess.run(
-                [sys.executable, "-m", *arguments],
-                cwd=repository,
-                check=True,
-                capture_output=True,
-                env=environment(repository),
-            )
+            place = {"cwd": repository, "env": environment(repository)}
+            subprocess.run([sys.executable, "-m", *arguments], **place, check=True, capture_output=True)
 
 
 def test_bare_loop(benchmark, repository: Path):
@@ -56,15 +51,8 @@ def test_sweep(benchmark, repository: Path, tmp_path: Path, launcher: str):
     if launcher in EXTRAS and find_spec(EXTRAS[launcher][0]) is None:
         pytest.skip(f"needs the extra {EXTRAS[launcher][1]}")
     values = f"report.scenes={','.join(str(value + 1) for value in range(JOBS))}"
-    arguments = [
-        "--multirun",
-        *SMALL,
-        values,
-        f"hydra/launcher={launcher}",
-        *TARGET,
-        "--folder",
-        str(tmp_path / "swept"),
-    ]
+    folder = ["--folder", str(tmp_path / "swept")]
+    arguments = ["--multirun", *SMALL, values, f"hydra/launcher={launcher}", *TARGET, *folder]
     start = time.perf_counter()
     ended = benchmark.pedantic(sweep, args=(repository, *arguments), rounds=1)
     benchmark.extra_info["results"] = {f"sweep_job_s_{launcher}": (time.perf_counter() - start) / JOBS}

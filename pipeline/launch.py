@@ -43,7 +43,7 @@ def launch(main: Main, stage: str) -> None:
     argv = sys.argv[1:]
     try:
         if {"-h", "--help"} & set(argv):
-            print(usage(main, stage))
+            print(usage(stage))
         elif "--params" in argv:
             _from_params(main, stage, argv)
         else:
@@ -58,13 +58,13 @@ def launch(main: Main, stage: str) -> None:
         sys.exit(2)
 
 
-def usage(main: Main, stage: str) -> str:
+def usage(stage: str) -> str:
     """Return the help text of a stage: purpose, usage, files read and written, parameters."""
     module = f"studies.{stage}.stage" if (CONF.parent / "studies" / stage).is_dir() else f"pipeline.stages.{stage}"
-    text = (importlib.import_module(module).__doc__ or "").strip() if "." in module else ""
+    text = (importlib.import_module(module).__doc__ or "").strip()
     cfg = load(CONF.parent / PARAMS)
     entry = stage_entry(stage) or {}
-    lines = [text, USAGE.format(module=module, stage=stage, out=_dvc_folder(cfg, stage))]
+    lines = [text, USAGE.format(module=module, stage=stage, out=_folder(cfg, stage))]
     lines += ["Reads:", *(f"  {dep}" for dep in entry.get("deps", []) if not dep.startswith(("pipeline/", "studies/")))]
     outs = [out for key in ("outs", "metrics") for out in entry.get(key, [])]
     lines += ["Writes:", *(f"  {out if isinstance(out, str) else next(iter(out))}" for out in outs)]
@@ -73,13 +73,10 @@ def usage(main: Main, stage: str) -> str:
     return "\n".join(lines).replace("${item.variant}", cfg.variant)
 
 
-def _dvc_folder(cfg: DictConfig, stage: str) -> Path:
-    """Return the folder in which DVC keeps the stage's files."""
-    return _folder(Path(cfg.paths[stage]) if stage in cfg.paths else Path(cfg.paths.studies) / stage, stage, cfg)
-
-
-def _folder(folder: Path, stage: str, cfg: DictConfig) -> Path:
-    """Return the output folder of a run: variants fitted by one stage have sibling folders."""
+def _folder(cfg: DictConfig, stage: str, folder: Path | None = None) -> Path:
+    """Return the output folder of a run, by default DVC's: variants fitted by one stage have sibling folders."""
+    if folder is None:
+        folder = Path(cfg.paths[stage]) if stage in cfg.paths else Path(cfg.paths.studies) / stage
     return folder / cfg.variant if stage in FITTED else folder
 
 
@@ -92,7 +89,7 @@ def _from_params(main: Main, stage: str, argv: list[str]) -> None:
     cfg = load(Path(argv[index + 1]), overrides, [stage] if overrides else [*GRAPH, stage])
     refuse_unread(cfg, stage, overrides)
     need(cfg, "seed", cfg.seed is None, "null, since DVC keeps the files of all seeds; for one, leave --params out")
-    out_dir = _dvc_folder(cfg, stage)
+    out_dir = _folder(cfg, stage)
     out_dir.mkdir(parents=True, exist_ok=True)
     main(cfg, out_dir)
     if "DVC_STAGE" in os.environ:  # DVC runs this: its name for the stage, such as train@full
@@ -166,7 +163,7 @@ def _job(main: Main, stage: str, cfg: DictConfig, overrides: list[str], folder: 
     validate(cfg, [stage])
     refuse_unread(cfg, stage, overrides)
     start = time.perf_counter()
-    value = main(cfg, _folder(folder, stage, cfg))
+    value = main(cfg, _folder(cfg, stage, folder))
     digest = hashlib.sha256(read_by(cfg, stage).encode()).hexdigest()[:12]
     logging.getLogger(stage).info("done in %.1f s, parameters %s: %s", time.perf_counter() - start, digest, overrides)
     return value

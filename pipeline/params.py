@@ -80,11 +80,6 @@ def drop_absent(cfg: DictConfig) -> None:
             cfg.studies = {n: s for n, s in cfg.studies.items() if (ROOT / "studies" / str(n) / "stage.py").is_file()}
 
 
-def render(cfg: DictConfig) -> str:
-    """Return the text of params.yaml, byte for byte as DVC writes it for `dvc exp run -S`."""
-    return OmegaConf.to_yaml(cfg)
-
-
 def load(path: Path, overrides: Sequence[str] = (), stages: Collection[str] = ()) -> DictConfig:
     """Return the parameters of a params.yaml with dotted `overrides` (`variant=ae`), checked as by `validate`.
 
@@ -187,7 +182,7 @@ def main(argv: list[str]) -> int:
     validate(cfg, GRAPH)
     stage_of = {str(name): str(variant.stage) for name, variant in cfg.variants.items()}
     before = listed_variants()
-    files = {PARAMS: render(cfg)}
+    files = {PARAMS: OmegaConf.to_yaml(cfg)}  # byte for byte as DVC writes it for `dvc exp run -S`
     files |= {path: with_variants(path.read_text(), stage_of, before) for path in graph_files()}
     stale = [path for path, text in files.items() if not path.is_file() or path.read_text() != text]
     if check and stale:

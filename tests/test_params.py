@@ -13,7 +13,7 @@ from omegaconf import OmegaConf
 from pipeline import params
 from pipeline.config.settings import NEEDS, Settings, is_study
 from pipeline.models.registry import KINDS
-from pipeline.params import COMPOSED, CONF, GRAPH, compose, load, render, validate
+from pipeline.params import COMPOSED, CONF, GRAPH, compose, load, validate
 from pipeline.runtime.errors import InputError
 from pipeline.world.layout import SYMBOLS
 from tests.factories import composed, with_value
@@ -24,7 +24,7 @@ ROOT = CONF.parent
 def test_params_yaml_is_what_conf_and_dvc_compose(tmp_path: Path):
     text = (ROOT / "params.yaml").read_text()
     compose_and_dump(tmp_path / "params.yaml", str(CONF), None, "config", str(ROOT / "plugins"), [])
-    assert text == render(composed()) == (tmp_path / "params.yaml").read_text()
+    assert text == OmegaConf.to_yaml(composed()) == (tmp_path / "params.yaml").read_text()
 
 
 def test_a_params_yaml_edited_by_hand_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys):
@@ -151,18 +151,6 @@ def test_a_stage_is_not_refused_for_what_another_needs():
     validate(cfg, ["train"])
     with pytest.raises(InputError, match="expected at least one user with a margin"):
         validate(cfg, ["repair"])
-
-
-@pytest.mark.slow
-def test_a_stage_refuses_bad_parameters_before_any_work(tmp_path: Path):
-    bad = OmegaConf.create((ROOT / "params.yaml").read_text())
-    bad.n_demos = [0]
-    (tmp_path / "params.yaml").write_text(OmegaConf.to_yaml(bad))
-    command = [sys.executable, "-m", "pipeline.stages.train", "--params", str(tmp_path / "params.yaml")]
-    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120)
-    assert run.returncode == 2
-    assert run.stderr.strip().startswith("error: parameter n_demos is 0")
-    assert "Traceback" not in run.stderr
 
 
 @pytest.mark.parametrize("text", [None, "", "- 1\n", "seeds: [1", "a: ${b}\n"])

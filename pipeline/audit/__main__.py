@@ -20,13 +20,15 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from pipeline.audit import text
-from pipeline.audit.consistency import Checked, audit
+import pandas as pd
+
+from pipeline.audit.consistency import audit
 from pipeline.audit.difference import Commit, Difference, compare
 from pipeline.audit.history import history
-from pipeline.audit.rerun import rerun, run_both
+from pipeline.audit.rerun import Output, outputs, run
 from pipeline.audit.revision import checked_out, git, resolve
 from pipeline.audit.show import as_page, in_terminal
+from pipeline.audit.text import of_audit, of_difference, of_history, of_rerun
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.writing import atomic_write
 
@@ -42,95 +44,68 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--profile", help="of the rerun, such as smoke: run twice, or two commits, and compare")
     parser.add_argument("--history", action="store_true", help="audit every commit with results up to this one")
     given = parser.parse_args(arguments)
+    first, last = given.revision[0], given.revision[-1]
     try:
         if len(given.revision) > (2 if given.rerun is None or given.profile else 1):
             raise InputError(f"{len(given.revision)} commits: expected one to audit or to run again, or two to compare")
         if given.profile and given.rerun is None:
             raise InputError(f"--profile {given.profile} wants --rerun: results in git are those of profile paper")
+        for revision in given.revision:
+            resolve(revision)  # refuse an unknown one before any work
+        content: Any
         if given.history:
-            content, markdown, status = _history(given.revision[0])
-        elif given.rerun is not None and given.profile:
-            content, markdown, status = _rerun_both(given.revision[0], given.revision[-1], given.rerun, given.profile)
+            content = history(first)
+            markdown, checks = of_history(first, content), [check for entry in content for check in entry.checks]
+            wrong = any(check.faults for check in checks)
         elif given.rerun is not None:
-            content, markdown, status = _rerun(given.revision[0], given.rerun)
+            content, markdown, wrong = _rerun(first, last, given.rerun, given.profile)
         elif len(given.revision) == 2:
-            content, markdown, status = _compare(*given.revision)
+            content = compare(Commit(first), Commit(last))
+            markdown, wrong = of_difference(first, last, content), _is_worse(content)
         else:
-            content, markdown, status = _audit(*given.revision)
-        _write(given, content, markdown)
+            with checked_out(first) as clone:
+                content = audit(clone)
+            markdown, wrong = of_audit(first, content), any(check.faults for check in content)
+        text = as_page(markdown) if given.format == "html" else markdown
+        if given.format == "json":
+            text = json.dumps(content, indent=2, default=_plain) + "\n"
+        if given.out:
+            atomic_write(given.out, lambda part: part.write_text(text))
+        elif given.format == "terminal":
+            in_terminal(markdown)
+        else:
+            print(text, end="")
     except (InputError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    return status
+    return int(wrong)
 
 
-def _audit(revision: str) -> tuple[Any, str, int]:
-    with checked_out(revision) as clone:
-        checks = audit(clone)
-    content = [_check(check) for check in checks]
-    return content, text.of_audit(revision, checks), int(any(check.faults for check in checks))
+def _rerun(before: str, after: str, stages: list[str], profile: str | None) -> tuple[dict[str, Any], str, bool]:
+    """Run a commit's stages again and compare with its results; with a profile, run both commits and compare these.
 
-
-def _check(check: Checked) -> dict[str, Any]:
-    return check._asdict() | {"faults": [fault._asdict() for fault in check.faults]}
-
-
-def _history(revision: str) -> tuple[Any, str, int]:
-    entries = history(resolve(revision))
-    content = [entry._asdict() | {"checks": [_check(check) for check in entry.checks]} for entry in entries]
-    faults = any(check.faults for entry in entries for check in entry.checks)
-    return content, text.of_history(revision, entries), int(faults)
-
-
-def _rerun(revision: str, stages: list[str]) -> tuple[Any, str, int]:
-    with checked_out(revision) as clone:
-        commit = Commit(git(clone, "rev-parse", "HEAD").strip(), clone)
-        ran = rerun(clone, stages)
-        difference = compare(commit, Commit("HEAD", clone))
-    content = {"outputs": [output._asdict() for output in ran]} | _as_json(difference)
-    return content, text.of_rerun(f"{revision}, run again", ran, difference), _status(difference)
-
-
-def _rerun_both(before: str, after: str, stages: list[str], profile: str) -> tuple[Any, str, int]:
+    Return the answer for JSON, the same as Markdown, and whether something is wrong or worse.
+    """
     with checked_out(before) as first, checked_out(after) as second:
-        ran = run_both(first, second, stages, profile)
+        known = run(first, stages, profile) if profile else outputs(first)
+        ran = [Output(*key, known.get(key) == md5) for key, md5 in run(second, stages, profile).items()]
         git(second, "fetch", "--quiet", str(first), "HEAD")
         difference = compare(Commit("FETCH_HEAD", second), Commit("HEAD", second))
-    content = {"outputs": [output._asdict() for output in ran]} | _as_json(difference)
-    runs = f"{before}, run twice" if before == after else f"{before} and {after}"
-    status = int(not all(output.identical for output in ran)) if before == after else _status(difference)
-    return content, text.of_rerun(f"{runs} at profile {profile}", ran, difference), status
+    runs, wrong = f"{before} and {after}", _is_worse(difference)
+    if before == after:
+        runs = f"{before}, run {'twice' if profile else 'again'}"
+        wrong = not all(output.identical for output in ran) if profile else wrong
+    title = f"{runs} at profile {profile}" if profile else runs
+    return {"outputs": ran} | vars(difference), of_rerun(title, ran, difference), wrong
 
 
-def _compare(before: str, after: str) -> tuple[Any, str, int]:
-    for revision in (before, after):
-        resolve(revision)
-    difference = compare(Commit(before), Commit(after))
-    return _as_json(difference), text.of_difference(before, after, difference), _status(difference)
+def _is_worse(d: Difference) -> bool:
+    return bool(d.claims) or (len(d.by_seed) > 0 and bool((d.by_seed["word"] == "worse").any()))
 
 
-def _status(d: Difference) -> int:
-    worse = len(d.by_seed) > 0 and (d.by_seed["word"] == "worse").any()
-    return int(bool(d.claims) or bool(worse))
-
-
-def _as_json(d: Difference) -> dict[str, Any]:
-    return d._asdict() | {
-        "headlines": [line._asdict() | {"change": line.change} for line in d.headlines],
-        "modules": d.modules.reset_index().to_dict("records"),
-        "by_seed": d.by_seed.to_dict("records"),
-    }
-
-
-def _write(given: argparse.Namespace, content: Any, markdown: str) -> None:
-    forms = {"json": lambda: json.dumps(content, indent=2) + "\n", "html": lambda: as_page(markdown)}
-    text = forms.get(given.format, lambda: markdown)()
-    if given.out:
-        atomic_write(given.out, lambda part: part.write_text(text))
-    elif given.format == "terminal":
-        in_terminal(markdown)
-    else:
-        print(text, end="")
+def _plain(value: Any) -> Any:
+    """Return a table or a dataclass as lists and dictionaries, for JSON."""
+    return value.to_dict("records") if isinstance(value, pd.DataFrame) else vars(value)
 
 
 if __name__ == "__main__":

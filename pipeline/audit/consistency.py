@@ -1,10 +1,11 @@
 """Check one commit without its data: do code, parameters, data and locks agree, and do pages say what tables hold."""
 
+import html
 import json
-from collections.abc import Iterable
-from html.parser import HTMLParser
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import pandas as pd
 import yaml
@@ -18,18 +19,19 @@ from pipeline.runtime.errors import InputError
 MISSING = ("deleted", "not in cache")  # what DVC calls data and results that a clone has not pulled
 
 
-class Fault(NamedTuple):
+@dataclass(frozen=True)
+class Fault:
     """Something in a commit that does not agree."""
 
-    check: str  # stages, outputs, tables, prose, provenance or README
     place: str  # stage or file
     message: str
 
 
-class Checked(NamedTuple):
+@dataclass(frozen=True)
+class Checked:
     """The result of one check: how many items it looked at, and the faults among them."""
 
-    check: str
+    check: str  # stages, outputs, tables, prose, provenance or README
     what: str  # what it asks
     items: int
     faults: list[Fault]
@@ -37,154 +39,117 @@ class Checked(NamedTuple):
 
 def audit(clone: Path) -> list[Checked]:
     """Return every check of a commit in its clone (`pipeline.audit.revision.checked_out`)."""
-    checks = [stages(clone), outputs(clone)]
-    pages = [page for folder in ("reports", "studies/*") for page in sorted(clone.glob(f"{folder}/*.html"))]
-    checks.append(_gather("tables", "each cell of a page's table is its csv's", map(table_cells, pages), clone))
-    checks.append(_gather("prose", "each traced number in a sentence is its table's", map(prose, pages), clone))
-    return [*checks, provenance(clone), readme(clone)]
-
-
-def _gather(check: str, what: str, results: Iterable[tuple[int, list[tuple[Path, str]]]], clone: Path) -> Checked:
-    items, faults = 0, []
-    for count, messages in results:
-        items += count
-        faults += [Fault(check, str(page.relative_to(clone)), message) for page, message in messages]
-    return Checked(check, what, items, faults)
-
-
-def stages(clone: Path) -> Checked:
-    """Check that every stage's code, parameters and inputs are those its lock was written for."""
-    locks, status = _locks(clone), _status(clone)
-    made = {out["path"]: out.get("md5") for stage in locks.values() for out in stage.get("outs", [])}
-    for tracked in clone.glob("[!.]*.dvc"):
-        made |= {out["path"]: out["md5"] for out in yaml.safe_load(tracked.read_text())["outs"]}
-    names = dvc(clone, "stage", "list", "--all", "--name-only").split()
-    faults = [Fault("stages", name, text) for name, text in _changes(status, "changed deps").items()]
-    faults += [
-        Fault("stages", name, "it was never run: it has no lock")
-        for name in names
-        if name not in locks and name[-4:] != ".dvc"
+    locks, status = read_locks(clone), read_status(clone)
+    return [
+        stages(clone, locks, status),
+        outputs(clone, locks, status),
+        _each_page(clone, "tables", "each cell of a page's table is its csv's", table_cells),
+        _each_page(clone, "prose", "each traced number in a sentence is its table's", prose),
+        provenance(clone, locks),
+        readme(clone),
     ]
-    for name, stage in locks.items():
-        if name not in names:
-            faults.append(Fault("stages", name, "its lock has no stage: delete its entry"))
-            continue
-        others = [dep["path"] for dep in stage.get("deps", []) if made.get(dep["path"], dep["md5"]) != dep["md5"]]
-        faults += [Fault("stages", name, f"its lock was made from another {other}") for other in others]
-    return Checked("stages", "code, parameters, data and locks agree", len(names), faults)
 
 
-def outputs(clone: Path) -> Checked:
-    """Check that every result in git is the one that its stage's lock names, and that nothing else lies there."""
-    faults = [Fault("outputs", name, text) for name, text in _changes(_status(clone), "changed outs").items()]
-    known = [out["path"] for stage in _locks(clone).values() for out in stage.get("outs", [])]
-    tracked = git(clone, "ls-files", "reports").split()
-    stray = [file for file in tracked if not any(Path(file).is_relative_to(out) for out in known)]
-    faults += [Fault("outputs", file, "no stage writes it") for file in stray]
-    return Checked("outputs", "files under reports/ are what the locks name", len(tracked), faults)
-
-
-def _locks(clone: Path) -> dict[str, dict]:
+def read_locks(clone: Path) -> dict[str, dict]:
     """Return the lock of every stage, named as DVC does."""
     locks = {}
     for file in (clone / "dvc.lock", *sorted(clone.glob("studies/*/dvc.lock"))):
-        folder = file.parent.relative_to(clone)
-        prefix = "" if folder == Path() else f"{folder}/dvc.yaml:"
+        prefix = "" if file.parent == clone else f"{file.parent.relative_to(clone)}/dvc.yaml:"
         locks |= {f"{prefix}{name}": stage for name, stage in yaml.safe_load(file.read_text())["stages"].items()}
     return locks
 
 
-def _status(clone: Path) -> dict[str, list]:
+def read_status(clone: Path) -> dict[str, list]:
     """Return what DVC finds changed, by stage; data and results that are merely missing here are among it."""
     return {name: entries for name, entries in json.loads(dvc(clone, "status", "--json")).items() if ".dvc" not in name}
 
 
-def _changes(status: dict[str, list], kind: str) -> dict[str, str]:
+def stages(clone: Path, locks: dict[str, dict], status: dict[str, list]) -> Checked:
+    """Check that every stage's code, parameters and inputs are those its lock was written for."""
+    made = {out["path"]: out.get("md5") for stage in locks.values() for out in stage.get("outs", [])}
+    for tracked in clone.glob("[!.]*.dvc"):
+        made |= {out["path"]: out["md5"] for out in yaml.safe_load(tracked.read_text())["outs"]}
+    names = dvc(clone, "stage", "list", "--all", "--name-only").split()
+    never_run = [name for name in names if name not in locks and not name.endswith(".dvc")]
+    faults = _changes(status, "changed deps")
+    faults += [Fault(name, "it was never run: it has no lock") for name in never_run]
+    for name, stage in locks.items():
+        if name not in names:
+            faults.append(Fault(name, "its lock has no stage: delete its entry"))
+            continue
+        others = [dep["path"] for dep in stage.get("deps", []) if made.get(dep["path"], dep["md5"]) != dep["md5"]]
+        faults += [Fault(name, f"its lock was made from another {other}") for other in others]
+    return Checked("stages", "code, parameters, data and locks agree", len(names), faults)
+
+
+def outputs(clone: Path, locks: dict[str, dict], status: dict[str, list]) -> Checked:
+    """Check that every result in git is the one that its stage's lock names, and that nothing else lies there."""
+    known = [out["path"] for stage in locks.values() for out in stage.get("outs", [])]
+    tracked = git(clone, "ls-files", "reports").split()
+    stray = [file for file in tracked if not any(Path(file).is_relative_to(out) for out in known)]
+    faults = _changes(status, "changed outs") + [Fault(file, "no stage writes it") for file in stray]
+    return Checked("outputs", "files under reports/ are what the locks name", len(tracked), faults)
+
+
+def _changes(status: dict[str, list], kind: str) -> list[Fault]:
     """Return in words what changed of each stage, leaving out files that are merely missing here."""
-    changed = {}
+    faults = []
     for stage, entries in status.items():
-        parts = [part for entry in entries if isinstance(entry, dict) for part in entry.get(kind, {}).items()]
-        texts = [_words(name, value) for name, value in parts if value not in MISSING]
+        changed = {
+            name: how for entry in entries if isinstance(entry, dict) for name, how in entry.get(kind, {}).items()
+        }
+        texts = [
+            f"{', '.join(how)} in {name}" if isinstance(how, dict) else f"{name} is {how}"  # {parameter: modified}
+            for name, how in changed.items()
+            if how not in MISSING
+        ]
         if kind == "changed deps":
             texts += [entry for entry in entries if isinstance(entry, str)]  # such as "changed command"
         if texts:
-            changed[stage] = "; ".join(texts)
-    return changed
+            faults.append(Fault(stage, "; ".join(texts)))
+    return faults
 
 
-def _words(name: str, value: object) -> str:
-    if isinstance(value, dict):  # a file of parameters: {parameter: modified}
-        return f"{', '.join(value)} in {name}"
-    return f"{name} is {value}"
+def _each_page(clone: Path, check: str, what: str, compare: Callable[[Path], tuple[int, list[str]]]) -> Checked:
+    pages = [page for folder in ("reports", "studies/*") for page in sorted(clone.glob(f"{folder}/*.html"))]
+    compared = [(str(page.relative_to(clone)), *compare(page)) for page in pages]
+    faults = [Fault(place, message) for place, _, messages in compared for message in messages]
+    return Checked(check, what, sum(count for _, count, _ in compared), faults)
 
 
-class _Cells(HTMLParser):
-    """Read the tables of a page that link to a csv: the text of their cells, row by row."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.tables: list[tuple[str, list[list[str]]]] = []
-        self.numbers: list[tuple[str, str]] = []  # source and text of each traced number
-        self._csv, self._rows, self._text, self._source = "", [], None, None
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        given = dict(attrs)
-        if tag == "table":
-            self._csv, self._rows = "", []
-        elif tag == "a" and (given.get("href") or "").endswith(".csv"):
-            self._csv = str(given["href"])
-        elif tag == "tr":
-            self._rows.append([])
-        elif tag in ("td", "th"):
-            self._text = ""
-        elif tag == "data" and given.get("data-source"):
-            self._source, self._text = str(given["data-source"]), ""
-
-    def handle_data(self, data: str) -> None:
-        if self._text is not None:
-            self._text += data
-
-    def handle_endtag(self, tag: str) -> None:
-        if tag in ("td", "th") and self._text is not None and self._rows:
-            self._rows[-1].append(self._text.strip())
-            self._text = None
-        elif tag == "table" and self._csv:
-            self.tables.append((self._csv, self._rows))
-        elif tag == "data" and self._source:
-            self.numbers.append((self._source, (self._text or "").strip()))
-            self._source = self._text = None
-
-
-def table_cells(page: Path) -> tuple[int, list[tuple[Path, str]]]:
+def table_cells(page: Path) -> tuple[int, list[str]]:
     """Compare the tables of a page with the csv that each links to; return the number of cells and the faults."""
     count, faults = 0, []
-    for link, rows in _read(page).tables:
+    for markup in re.findall(r"(?s)<table.*?</table>", page.read_text()):
+        links = re.findall(r'href="([^"]+\.csv)"', markup)
+        if not links:
+            continue
+        link = links[-1]  # a caption may name others first
         csv = page.parent / link
         if not csv.is_file():
-            faults.append((page, f"{link} is missing"))
+            faults.append(f"{link} is missing")
             continue
         frame = _csv(csv)
         columns = [i for i, name in enumerate(frame.columns) if not name.endswith((", q1", ", q3"))]
-        shown = rows[1:]  # after the header
-        if len(shown) != len(frame):
-            faults.append((page, f"{link} has {len(frame)} rows, the page shows {len(shown)}"))
+        rows = re.findall(r"(?s)<tr.*?</tr>", markup)[1:]  # after the header
+        if len(rows) != len(frame):
+            faults.append(f"{link} has {len(frame)} rows, the page shows {len(rows)}")
             continue
-        for row, texts in zip(frame.itertuples(index=False), shown, strict=True):
-            for column, text in zip(columns, texts, strict=False):
-                count += 1
-                if not _shows(text, row[column]):
-                    faults.append(
-                        (page, f"{link}, {frame.columns[column]}: the page says {text!r}, the csv {row[column]!r}")
-                    )
+        for values, row in zip(frame.itertuples(index=False), rows, strict=True):
+            for column, cell in zip(columns, re.findall(r"(?s)<t[dh]\b.*?</t[dh]>", row), strict=False):
+                count, text = count + 1, _text(cell)
+                if not _shows(text, values[column]):
+                    name = frame.columns[column]
+                    faults.append(f"{link}, {name}: the page says {text!r}, the csv {values[column]!r}")
     return count, faults
 
 
-def prose(page: Path) -> tuple[int, list[tuple[Path, str]]]:
+def prose(page: Path) -> tuple[int, list[str]]:
     """Compare the numbers in sentences that name a committed table as their source with that table."""
     count, faults = 0, []
-    for source, text in _read(page).numbers:
-        table, column, where = json.loads(source)
-        csv = page.parent / "tables" / f"{table}.csv"
+    for source, number in re.findall(r'(?s)<data [^>]*data-source="([^"]+)"[^>]*>(.*?)</data>', page.read_text()):
+        table, column, where = json.loads(html.unescape(source))
+        csv, text = page.parent / "tables" / f"{table}.csv", _text(number)
         if not csv.is_file():
             continue  # a table that git does not keep: only a rerun can tell
         count += 1
@@ -192,16 +157,14 @@ def prose(page: Path) -> tuple[int, list[tuple[Path, str]]]:
         for name, wanted in where.items():
             frame = frame[frame[name] == str(wanted)]
         if len(frame) != 1 or not _shows(text, frame[column].iloc[0]):
-            faults.append(
-                (page, f"{table}.csv, {column}, {where}: the page says {text!r}, the csv {frame[column].tolist()}")
-            )
+            values = frame[column].tolist()
+            faults.append(f"{table}.csv, {column}, {where}: the page says {text!r}, the csv {values}")
     return count, faults
 
 
-def _read(page: Path) -> _Cells:
-    reader = _Cells()
-    reader.feed(page.read_text())
-    return reader
+def _text(markup: str) -> str:
+    """Return the text of an element."""
+    return html.unescape(re.sub(r"<[^>]*>", "", markup)).strip()
 
 
 def _shows(text: str, value: str) -> bool:
@@ -225,23 +188,20 @@ def _csv(path: Path) -> pd.DataFrame:
     return pd.read_csv(path, dtype=str, keep_default_na=False)
 
 
-def provenance(clone: Path) -> Checked:
+def provenance(clone: Path, locks: dict[str, dict]) -> Checked:
     """Check that the files which a page's tables were made of are those that the locks name."""
-    made: dict[tuple[str, str], str] = {}
-    for name, stage in _locks(clone).items():
-        for out in stage.get("outs", []):
-            made[name.rpartition(":")[2], Path(out["path"]).name] = out.get("md5")
+    made = {}
+    for name, stage in locks.items():
+        made |= {(name.rpartition(":")[2], Path(out["path"]).name): out.get("md5") for out in stage.get("outs", [])}
     count, faults = 0, []
     for path in [*clone.glob("reports/provenance.json"), *sorted(clone.glob("studies/*/provenance.json"))]:
-        sources = {
-            (part["stage"], part["file"]): part["md5"] for file in read_json(path)["sources"].values() for part in file
-        }
+        sources = {(x["stage"], x["file"]): x["md5"] for file in read_json(path)["sources"].values() for x in file}
         known = {key: md5 for key, md5 in sources.items() if key in made}  # others are files in git
         count += len(known)
         for (stage, file), md5 in known.items():
             if made[stage, file] != md5:
                 text = f"it was made of another {file} of stage {stage} than the lock names"
-                faults.append(Fault("provenance", str(path.relative_to(clone)), text))
+                faults.append(Fault(str(path.relative_to(clone)), text))
     return Checked("provenance", "tables were made of the files that the locks name", count, faults)
 
 
@@ -254,7 +214,7 @@ def readme(clone: Path) -> Checked:
         metrics = read_json(clone / "reports/metrics.json")
         table = headlines(metrics, pd.read_csv(clone / "reports/tables/causes-verdicts.csv"))
     except (InputError, OSError, KeyError) as error:
-        return Checked("README", what, 1, [Fault("README", "reports/", f"its headlines cannot be read: {error}")])
+        return Checked("README", what, 1, [Fault("reports/", f"its headlines cannot be read: {error}")])
     same = fill(text, table) == text
-    faults = [] if same else [Fault("README", "README.md", "its table differs: run `make readme`")]
+    faults = [] if same else [Fault("README.md", "its table differs: run `make readme`")]
     return Checked("README", what, table.count("\n") - 1, faults)

@@ -4,6 +4,7 @@ import difflib
 import io
 import json
 import re
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,6 +21,7 @@ from pipeline.stats.tests import LEVEL, holm
 
 LOCKS = "requirements.lock"
 DATA = re.compile(r"md5: (\S+)")
+METRICS = "reports/metrics.json"
 CLAIM = "claims."
 SEEDS = "reports/tables/seeds.csv"  # headline, seed, value
 SAME = 0.01  # two commits are the same within one per cent: a tenth of the least difference that pages comment on
@@ -50,26 +52,24 @@ class Commit(NamedTuple):
 
     def headlines(self) -> dict[str, Any]:
         """Return reports/metrics.json, flat: accuracy.full.new_items -> number; raise InputError if it is missing."""
-        text = self.file("reports/metrics.json")
+        text = self.file(METRICS)
         if not text:
-            raise InputError(f"commit {self.revision} has no reports/metrics.json: choose one with results")
+            raise InputError(f"commit {self.revision} has no {METRICS}: choose one with results")
         return flat(json.loads(text))
 
 
-class Headline(NamedTuple):
-    """One number of reports/metrics.json in both commits."""
+@dataclass(frozen=True)
+class Headline:
+    """One number of reports/metrics.json in both commits; None where it is missing."""
 
     name: str
     before: float | None
     after: float | None
-
-    @property
-    def change(self) -> float | None:
-        """Return after minus before; None if one is missing."""
-        return None if self.before is None or self.after is None else self.after - self.before
+    change: float | None
 
 
-class Difference(NamedTuple):
+@dataclass(frozen=True)
+class Difference:
     """All that differs between two commits."""
 
     claims: list[tuple[str, str, str]]  # claim, verdict before, verdict after
@@ -86,25 +86,26 @@ class Difference(NamedTuple):
 def compare(before: Commit, after: Commit) -> Difference:
     """Return what differs between two commits. Raise InputError if one lacks reports/metrics.json."""
     old, new = before.headlines(), after.headlines()
+    claims, numbers = [], []
+    for name in sorted({*old, *new}):
+        values = old.get(name), new.get(name)
+        if name.startswith(CLAIM) and values[0] != values[1]:
+            claims.append((name.removeprefix(CLAIM), *("–" if value is None else str(value) for value in values)))
+        elif not name.startswith(CLAIM):
+            x, y = (float(value) if isinstance(value, int | float) else None for value in values)
+            if x != y:
+                numbers.append(Headline(name, x, y, None if x is None or y is None else y - x))
+    pinned, pinned_now = (commit.file(LOCKS).splitlines() for commit in (before, after))
+    packages = difflib.unified_diff(pinned, pinned_now, lineterm="", n=0)
     seeds = before.table(SEEDS), after.table(SEEDS)
-    names = sorted({*old, *new})
-    claims = [
-        (name.removeprefix("claims."), str(old.get(name, "–")), str(new.get(name, "–")))
-        for name in names
-        if name.startswith("claims.")
-    ]
-    numbers = [
-        Headline(name, _number(old.get(name)), _number(new.get(name)))
-        for name in names
-        if not name.startswith("claims.")
-    ]
-    changed = [line for line in numbers if line.before != line.after]
     return Difference(
-        claims=[claim for claim in claims if claim[1] != claim[2]],
-        headlines=sorted(changed, key=lambda line: line.change is None),  # numbers that only one of them has come last
+        claims=claims,
+        headlines=sorted(numbers, key=lambda line: line.change is None),  # numbers that only one of them has come last
         parameters=_parameters(before, after),
-        packages=_packages(before, after),
-        data=[path for path in after.files(".dvc") if _data(before, path) != _data(after, path)],
+        packages=[line for line in packages if re.match(r"[+-]\w", line)],
+        data=[
+            path for path in after.files(".dvc") if DATA.findall(before.file(path)) != DATA.findall(after.file(path))
+        ],
         processors=_processors(before, after),
         modules=_modules(before, after),
         recordings=_recordings(before, after),
@@ -120,23 +121,9 @@ def flat(tree: Any, prefix: str = "") -> dict[str, Any]:
     return {name: value for part in parts for name, value in part.items()}
 
 
-def _number(value: Any) -> float | None:
-    return float(value) if isinstance(value, int | float) else None
-
-
 def _parameters(before: Commit, after: Commit) -> list[tuple[str, Any, Any]]:
     old, new = (flat(yaml.safe_load(commit.file("params.yaml")) or {}) for commit in (before, after))
     return [(name, old.get(name), new.get(name)) for name in sorted({*old, *new}) if old.get(name) != new.get(name)]
-
-
-def _packages(before: Commit, after: Commit) -> list[str]:
-    old, new = (commit.file(LOCKS).splitlines() for commit in (before, after))
-    lines = difflib.unified_diff(old, new, lineterm="", n=0)
-    return [line for line in lines if re.match(r"[+-]\w", line)]
-
-
-def _data(commit: Commit, path: str) -> list[str]:
-    return DATA.findall(commit.file(path))
 
 
 def _processors(before: Commit, after: Commit) -> list[tuple[str, str, str]]:
@@ -155,46 +142,41 @@ def _modules(before: Commit, after: Commit) -> pd.DataFrame:
     rows = [line.split("\t") for line in lines if not line.startswith("-")]
     table = pd.DataFrame(rows, columns=["added", "removed", "file"]).astype({"added": int, "removed": int})
     table["package"] = ["/".join(re.sub(r"\{.* => (.*)\}", r"\1", name).split("/")[:2]) for name in table["file"]]
-    return table.groupby("package").agg(files=("file", "size"), added=("added", "sum"), removed=("removed", "sum"))
+    counts = {"files": ("file", "size"), "added": ("added", "sum"), "removed": ("removed", "sum")}
+    return table.groupby("package", as_index=False).agg(**counts)  # pyright: ignore[reportArgumentType]
 
 
 def _recordings(before: Commit, after: Commit) -> list[str]:
-    old, new = _digests(before), _digests(after)
+    tables = (commit.table("reports/recordings/recordings.csv") for commit in (before, after))
+    old, new = ({} if table is None else dict(zip(table["run"], table["sha256"], strict=True)) for table in tables)
     kept = [Path(path).stem for path in after.files(".rrd")]
     return [name for name in kept if name in new and old.get(name) != new[name]]
 
 
-def _digests(commit: Commit) -> dict[str, str]:
-    table = commit.table("reports/recordings/recordings.csv")
-    return {} if table is None else dict(zip(table["run"], table["sha256"], strict=True))
-
-
 def paired(old: pd.DataFrame, new: pd.DataFrame) -> pd.DataFrame:
-    """Return the paired differences over seeds of the headlines in two tables (headline, seed, value).
+    """Return the paired differences over seeds of two tables: a row for each of `new`'s keys, such as headline.
 
-    Columns: headline, before, after, difference, ci_low, ci_high (95 %, Student's t), p_holm (paired t, Holm's
-    correction over all headlines), seeds, word. Word: better or worse if p_holm < .05; same if the interval lies within
-    +-SAME; else undecided.
+    Keys are all columns but seed and value; `old` need not have all of them. Other columns: before, after, difference,
+    seeds, ci_low, ci_high (95 %, Student's t), p_holm (paired t, Holm's correction over all rows), word. Word: better
+    or worse if p_holm < .05; same if the interval lies within +-SAME; else undecided. Seeds with no value are left out.
     """
-    both = old.merge(new, on=["headline", "seed"], suffixes=("_before", "_after"))
-    rows = [_pair(str(name), part) for name, part in both.groupby("headline", sort=False) if len(part) > 1]
-    table = pd.DataFrame(rows)
-    if len(table):
-        table["p_holm"] = holm(table.pop("p").to_numpy())
-        table["word"] = [_word(row) for row in table.itertuples()]
-    return table
-
-
-def _pair(name: str, part: pd.DataFrame) -> dict[str, Any]:
-    differences = (part["value_after"] - part["value_before"]).to_numpy()
-    mean, error = differences.mean(), differences.std(ddof=1) / np.sqrt(len(differences))
-    reach = error * t.ppf(0.975, len(differences) - 1)
-    p = 2 * t.sf(abs(mean) / error, len(differences) - 1) if error > 0 else float(mean == 0)
-    row = {"headline": name, "before": part["value_before"].mean(), "after": part["value_after"].mean()}
-    return row | {"difference": mean, "ci_low": mean - reach, "ci_high": mean + reach, "p": p, "seeds": len(part)}
-
-
-def _word(row: Any) -> str:
-    if row.p_holm < LEVEL and row.difference:
-        return "better" if row.difference > 0 else "worse"
-    return "same" if row.ci_low > -SAME and row.ci_high < SAME else "undecided"
+    keys = [column for column in new if column not in ("seed", "value")]
+    both = new.merge(old, on=[column for column in old if column != "value"], suffixes=("_after", "_before"))
+    both = both.dropna(subset=["value_before", "value_after"])
+    groups = both.assign(difference=both["value_after"] - both["value_before"]).groupby(keys, sort=False)
+    table = groups.agg(
+        before=("value_before", "mean"),
+        after=("value_after", "mean"),
+        difference=("difference", "mean"),
+        seeds=("difference", "size"),
+        error=("difference", "sem"),
+    )
+    table = table[table["seeds"] > 1].reset_index()
+    difference, error, freedom = table["difference"], table.pop("error"), table["seeds"] - 1
+    reach = error * t.ppf(0.975, freedom)
+    p = pd.Series(2 * t.sf(difference.abs() / error, freedom)).fillna(1.0)  # 0 / 0 where all seeds are the same
+    p_holm, low, high = holm(p.to_numpy()), difference - reach, difference + reach
+    clear = p_holm < LEVEL
+    cases = [clear & (difference > 0), clear & (difference < 0), (low > -SAME) & (high < SAME)]
+    word = np.select(cases, ["better", "worse", "same"], "undecided")
+    return table.assign(ci_low=low, ci_high=high, p_holm=p_holm, word=word)

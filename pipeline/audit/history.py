@@ -1,17 +1,17 @@
 """Audit every commit of a history that changed the results."""
 
-from typing import NamedTuple
+from contextlib import suppress
+from dataclasses import dataclass
 
 from pipeline.audit.consistency import Checked, audit
-from pipeline.audit.difference import CLAIM, Commit
+from pipeline.audit.difference import CLAIM, METRICS, Commit
 from pipeline.audit.revision import checked_out, git
 from pipeline.config.graph import ROOT
 from pipeline.runtime.errors import InputError
 
-METRICS = "reports/metrics.json"
 
-
-class Entry(NamedTuple):
+@dataclass(frozen=True)
+class Entry:
     """One commit with results: what it says it is, what its audit found, and which claims changed their verdict."""
 
     commit: str
@@ -30,28 +30,15 @@ def history(revision: str) -> list[Entry]:
     """Return the audit of every commit with results up to `revision`; takes some 20 s a commit."""
     entries, before = [], dict[str, str]()
     for commit in with_results(revision):
-        verdicts = {name: str(value) for name, value in _headlines(commit).items() if name.startswith(CLAIM)}
-        changed = [
-            (name.removeprefix(CLAIM), before[name], verdict)
-            for name, verdict in verdicts.items()
-            if name in before and before[name] != verdict
-        ]
+        verdicts, checks = dict[str, str](), list[Checked]()
+        with suppress(InputError):  # the commit removed its headlines
+            found = Commit(commit).headlines()
+            verdicts = {name.removeprefix(CLAIM): str(found[name]) for name in found if name.startswith(CLAIM)}
+        with suppress(InputError, KeyError, ValueError), checked_out(commit) as clone:  # the first edition's folders
+            checks = audit(clone)
+        known = {claim: verdict for claim, verdict in verdicts.items() if claim in before}
+        changed = [(claim, before[claim], verdict) for claim, verdict in known.items() if before[claim] != verdict]
         before = verdicts or before
         date, subject = git(ROOT, "log", "-1", "--format=%cs%n%s", commit).strip().split("\n", 1)
-        entries.append(Entry(commit[:8], date, subject, _checks(commit), changed))
+        entries.append(Entry(commit[:8], date, subject, checks, changed))
     return entries
-
-
-def _headlines(commit: str) -> dict[str, object]:
-    try:
-        return Commit(commit).headlines()
-    except InputError:  # the commit removed them
-        return {}
-
-
-def _checks(commit: str) -> list[Checked]:
-    try:
-        with checked_out(commit) as clone:
-            return audit(clone)
-    except (InputError, KeyError, ValueError):  # of the first edition, whose folders were others
-        return []

@@ -3,7 +3,7 @@
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -19,10 +19,19 @@ def checked_out(revision: str) -> Iterator[Path]:
     """
     commit = resolve(revision)
     with tempfile.TemporaryDirectory(prefix="audit-") as folder:
-        clone = Path(folder) / "clone"
-        git(ROOT, "clone", "--quiet", "--shared", "--no-checkout", str(ROOT), str(clone))
-        git(clone, "checkout", "--quiet", commit)
-        yield clone
+        yield make_clone(ROOT, commit, Path(folder) / "clone")
+
+
+def make_clone(root: Path, commit: str, clone: Path, left_out: Sequence[str] = ()) -> Path:
+    """Check out a commit of the repository `root`, but for the folders `left_out`, in the new folder `clone`.
+
+    Both share git's objects. Return the folder.
+    """
+    git(root, "clone", "--quiet", "--shared", "--no-checkout", str(root), str(clone))
+    if left_out:
+        git(clone, "sparse-checkout", "set", "--no-cone", "/*", *(f"!/{folder}/" for folder in left_out))
+    git(clone, "checkout", "--quiet", "--detach", commit)
+    return clone
 
 
 def resolve(revision: str) -> str:
@@ -35,9 +44,9 @@ def resolve(revision: str) -> str:
         raise InputError(f"commit {revision!r} is unknown: `git log --oneline` lists those of this clone") from None
 
 
-def git(folder: Path, *arguments: str) -> str:
+def git(folder: Path, *arguments: str, env: Mapping[str, str] | None = None) -> str:
     """Return what git prints; raise InputError with its message if it fails."""
-    return _run(["git", *arguments], folder)
+    return _run(["git", *arguments], folder, env)
 
 
 def dvc(folder: Path, *arguments: str) -> str:
@@ -45,8 +54,8 @@ def dvc(folder: Path, *arguments: str) -> str:
     return _run([sys.executable, "-m", "dvc", *arguments], folder)
 
 
-def _run(command: list[str], folder: Path) -> str:
-    ended = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+def _run(command: list[str], folder: Path, env: Mapping[str, str] | None = None) -> str:
+    ended = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True)
     if ended.returncode:
         message = " ".join((ended.stderr or ended.stdout).split())[-400:]
         raise InputError(f"`{' '.join(command[:3])}` failed: {message}")

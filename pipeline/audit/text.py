@@ -1,6 +1,6 @@
 """Write an audit as Markdown: for the terminal, a pull request or a file."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import pandas as pd
@@ -21,22 +21,17 @@ def of_audit(revision: str, checks: Sequence[Checked]) -> str:
     faults = sum(len(check.faults) for check in checks)
     verdict = "everything agrees" if not faults else f"{faults} fault{'s' * (faults != 1)}"
     rows = [(check.what, check.items, len(check.faults)) for check in checks]
-    parts = [f"# Audit of {revision}: {verdict}", table(["check", "items", "faults"], rows)]
-    for check in checks:
-        if check.faults:
-            parts += [f"## {check.what}: not so", items(_faults(check.faults))]
-    return "\n\n".join(parts) + "\n"
+    wrong = {f"{check.what}: not so": _faults(check.faults) for check in checks}
+    return _page(f"Audit of {revision}: {verdict}", table(["check", "items", "faults"], rows), wrong)
 
 
-def _faults(faults: Sequence[Fault]) -> list[str]:
+def _faults(faults: Sequence[Fault]) -> str:
     """Return a line a message, with the places that share it."""
     places: dict[str, list[str]] = {}
     for fault in faults:
         places.setdefault(fault.message, []).append(f"`{fault.place.replace('/dvc.yaml', '')}`")
-    return [
-        f"{message}: {', '.join(names)}" if len(names) == 1 else f"{message} ({len(names)}): {', '.join(names)}"
-        for message, names in places.items()
-    ]
+    counts = {message: f" ({len(names)})" if len(names) > 1 else "" for message, names in places.items()}
+    return items(f"{message}{counts[message]}: {', '.join(names)}" for message, names in places.items())
 
 
 def of_history(revision: str, entries: Sequence[Entry]) -> str:
@@ -53,43 +48,39 @@ def of_history(revision: str, entries: Sequence[Entry]) -> str:
         changed = "; ".join(f"{claim}: {before} to {after}" for claim, before, after in entry.claims)
         rows.append((entry.date, f"`{entry.commit}`", entry.subject, found, changed or "–"))
     head = ["date", "commit", "it says", "faults", "verdicts that changed"]
-    return f"# Commits with results up to {revision}\n\n{table(head, rows, len(rows))}\n"
+    return _page(f"Commits with results up to {revision}", table(head, rows, len(rows)))
 
 
 def of_rerun(title: str, outputs: Sequence[Output], difference: Difference) -> str:
     """Return what running a commit again gave: how many outputs have the same bytes, and what that did to results."""
-    other = [output for output in outputs if not output.identical]
-    d = difference
+    other = [(output.stage, output.path) for output in outputs if not output.identical]
+    d, word = difference, "changed"
     if not other:
         word = "identical"
     elif not d.claims and len(d.by_seed) and (d.by_seed["word"] == "same").all():
         word = "equal"
-    else:
-        word = "changed"
-    parts = [f"# {title}: {word}"]
-    parts += [f"{len(outputs) - len(other)} of {len(outputs)} outputs have the same bytes."]
-    parts += _sections({"Other outputs": table(["stage", "output"], [output[:2] for output in other])})
-    return "\n\n".join(parts + _sections(_differences(d))) + "\n"
+    count = f"{len(outputs) - len(other)} of {len(outputs)} outputs have the same bytes."
+    sections = {"Other outputs": table(["stage", "output"], other)} | _differences(d)
+    return _page(f"{title}: {word}", count, sections)
 
 
 def of_difference(before: str, after: str, difference: Difference) -> str:
-    """Return what differs between two commits: claims first, then headlines, then their possible causes."""
-    sections = _sections(_differences(difference)) or ["Nothing differs."]
-    return "\n\n".join([f"# {before} to {after}", summary(difference), *sections]) + "\n"
+    """Return what differs between two commits: claims first, then headlines, then their possible causes.
 
-
-def summary(d: Difference) -> str:
-    """Return a sentence: how many claims changed their verdict, and how many headlines have each word."""
+    It begins with how many claims changed their verdict, and how many headlines have each word.
+    """
+    d, sections = difference, _differences(difference)
     counts = d.by_seed["word"].value_counts() if len(d.by_seed) else {}
     words = ", ".join(f"{counts[word]} {word}" for word in WORDS if word in counts) or "no headlines by seed"
-    return f"Verdicts that changed: {len(d.claims)}. Headlines: {words}."
+    lead = f"Verdicts that changed: {len(d.claims)}. Headlines: {words}."
+    return _page(f"{before} to {after}", lead if any(sections.values()) else f"{lead}\n\nNothing differs.", sections)
 
 
 def _differences(d: Difference) -> dict[str, str]:
     """Return the sections of a difference by title; "" where nothing differs."""
     known = set(d.by_seed["headline"]) if len(d.by_seed) else set()
     rows = [(f"`{line.name}`", line.before, line.after, line.change) for line in d.headlines if line.name not in known]
-    modules = [(f"`{name}`", *counts) for name, *counts in d.modules.reset_index().itertuples(index=False)]
+    modules = [(f"`{name}`", *counts) for name, *counts in d.modules.itertuples(index=False)]
     parameters = [(f"`{name}`", *values) for name, *values in d.parameters]
     return {
         "Claims whose verdict changed": table(["claim", "before", "after"], d.claims),
@@ -117,8 +108,10 @@ def _paired(by_seed: pd.DataFrame) -> str:
     return "\n\n".join(part for part in (table(PAIRED, rows), same if zero.any() else "") if part)
 
 
-def _sections(contents: dict[str, str]) -> list[str]:
-    return [f"## {title}\n\n{content}" for title, content in contents.items() if content]
+def _page(title: str, lead: str, sections: Mapping[str, str] | None = None) -> str:
+    """Return Markdown: a title, what comes first, and the sections that are not empty."""
+    parts = [f"## {title}\n\n{content}" for title, content in (sections or {}).items() if content]
+    return "\n\n".join([f"# {title}", lead, *parts]) + "\n"
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[Any]], most: int = MAX_LINES) -> str:

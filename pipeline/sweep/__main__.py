@@ -10,7 +10,6 @@ import argparse
 import os
 import re
 import shutil
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -25,7 +24,7 @@ from pipeline.sweep.clone import code_digest, snapshot
 from pipeline.sweep.job import Sweep, reason
 from pipeline.sweep.launch import launch
 from pipeline.sweep.page.write import write_summary
-from pipeline.sweep.plan import Plan, make_plan
+from pipeline.sweep.plan import make_plan
 from pipeline.sweep.summary import read_jobs
 
 
@@ -37,7 +36,7 @@ def main(argv: list[str]) -> int:
                 raise InputError(f"summary of {len(argv) - 1} folders: expected one")
             return _summarise(Path(argv[1]).resolve())
         return _sweep(_arguments(argv))
-    except (InputError, OSError, subprocess.CalledProcessError) as error:
+    except (InputError, OSError) as error:
         print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
@@ -66,11 +65,9 @@ def _arguments(argv: list[str]) -> argparse.Namespace:
 
 def _sweep(given: argparse.Namespace) -> int:
     folder = (given.resume or given.folder or Path("multirun/sweep") / time.strftime("%Y-%m-%d_%H-%M-%S")).resolve()
-    before = read_json(folder / "sweep.json") if (folder / "sweep.json").is_file() else {}
-    if given.resume and not before:
-        raise InputError(f"{folder} holds no sweep: --resume wants a folder with a sweep.json")
-    if before and not given.resume:
+    if not given.resume and (folder / "sweep.json").is_file():
         raise InputError(f"{folder} holds a sweep already: --resume it, or name another --folder")
+    before = _read_record(folder) if given.resume else {}
     targets = given.stages.split(",") if given.stages else before.get("targets", ["evaluate"])
     overrides = given.overrides or before.get("overrides", [])
     if not any(text.startswith("hydra/launcher=") for text in overrides):
@@ -80,7 +77,10 @@ def _sweep(given: argparse.Namespace) -> int:
         raise InputError(f"stage {unknown[0]!r} is unknown: `dvc stage list --all` lists them")
     commit = snapshot(ROOT)
     plan = make_plan(overrides, targets)
-    _check_objective(plan, objective)
+    if plan.jobs is None and objective is None:
+        raise InputError("a sweeper that chooses needs --objective, e.g. --objective accuracy.full.new_items")
+    if plan.jobs is None and "protocol=validation" not in plan.fixed:
+        raise InputError("choices are made on validation data: add protocol=validation")
     record = {"commit": commit, "code": code_digest(ROOT, commit), "targets": targets, "fixed": plan.fixed}
     record |= {"overrides": overrides, "objective": objective, "defaults": before.get("defaults", {}) | plan.defaults}
     if before:
@@ -93,7 +93,9 @@ def _sweep(given: argparse.Namespace) -> int:
     try:
         with FileLock(folder / ".lock", timeout=0):
             write_json(folder / "sweep.json", record | {"jobs": [*map(list, planned)]})
-            _keep_uncommitted(folder, commit)
+            if commit != (head := git(ROOT, "rev-parse", "HEAD").strip()):
+                (folder / "uncommitted.diff").write_text(git(ROOT, "diff", head, commit))
+                print(f"these jobs run uncommitted changes, kept in {folder}/uncommitted.diff", flush=True)
             count = "jobs that the sweeper chooses" if plan.jobs is None else f"{len(plan.jobs)} jobs"
             print(f"{count}, up to {', '.join(targets)}, into {folder}", flush=True)
             launch(sweep, plan)
@@ -106,6 +108,12 @@ def _sweep(given: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         print(f"interrupted; `python -m pipeline.sweep --resume {folder}` runs the others", file=sys.stderr)
         return 130
+
+
+def _read_record(folder: Path) -> dict:
+    if not (folder / "sweep.json").is_file():
+        raise InputError(f"{folder} holds no sweep: expected a folder with a sweep.json")
+    return read_json(folder / "sweep.json")
 
 
 def _check_fits(folder: Path, before: dict, record: dict) -> None:
@@ -122,28 +130,9 @@ def _check_fits(folder: Path, before: dict, record: dict) -> None:
         raise InputError(f"{folder} is a sweep with {' '.join(missing)}: give that, too, or name another folder")
 
 
-def _keep_uncommitted(folder: Path, commit: str) -> None:
-    head = git(ROOT, "rev-parse", "HEAD").strip()
-    if commit != head:
-        (folder / "uncommitted.diff").write_text(git(ROOT, "diff", head, commit))
-        print(f"these jobs run uncommitted changes, kept in {folder}/uncommitted.diff", flush=True)
-
-
-def _check_objective(plan: Plan, objective: str | None) -> None:
-    """Raise InputError unless a sweeper that chooses has an objective, on validation data."""
-    if plan.jobs is not None:
-        return
-    if objective is None:
-        raise InputError("a sweeper that chooses needs --objective, e.g. --objective accuracy.full.new_items")
-    if "protocol=validation" not in plan.fixed:
-        raise InputError("choices are made on validation data: add protocol=validation")
-
-
 def _summarise(folder: Path) -> int:
     """Write the summary, print where it is and which jobs failed or are missing; return the exit status."""
-    if not (folder / "sweep.json").is_file():
-        raise InputError(f"{folder} holds no sweep: expected a folder with a sweep.json")
-    record = read_json(folder / "sweep.json")
+    record = _read_record(folder)
     jobs = read_jobs(folder, record)
     broken = [job for job in jobs if job["state"] != "done"]
     for job in broken:

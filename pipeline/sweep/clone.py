@@ -3,18 +3,19 @@
 import hashlib
 import os
 import shutil
-import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from filelock import FileLock, Timeout
 
-from pipeline.audit.revision import git
+from pipeline.audit.revision import git, make_clone
 
-# What a job runs; pages and locks in studies/ are results, not code.
-CODE = ("conf", "pipeline", "studies", "dvc.yaml", "data.dvc", "rendered")
-RESULTS = tuple(f":!studies/*/{name}" for name in ("dvc.lock", "index.html", "figures", "tables"))
+# What a job runs; pages and locks in studies/ are results, not code. A pathspec with a * matches files, not folders.
+CODE = ["conf", "pipeline", "studies", "dvc.yaml", "data.dvc", "rendered"]
+CODE += [f":!studies/*/{name}" for name in ("dvc.lock", "index.html", "provenance.json", "figures/*", "tables/*")]
+EMPTY_TREE = "4b825dc642cb6eb9a060e54bf8d69288fbee4904"  # git's name of a tree without files
 LEFT_OUT = ("store", "examples", "tests", "bench", "drawing")  # folders that no stage reads
 CONFIG = """[core]
     site_cache_dir = {clone}/.dvc/tmp/site
@@ -32,32 +33,21 @@ def snapshot(root: Path) -> str:
     The made commit is on no branch and touches neither index nor working tree. The same changes give the same commit.
     """
     head = git(root, "rev-parse", "HEAD").strip()
-    if not git(root, "status", "--porcelain", "--untracked-files=all", "--", *CODE, *RESULTS).strip():
+    if not git(root, "status", "--porcelain", "--untracked-files=all", "--", *CODE):
         return head
-    date, index = git(root, "log", "-1", "--format=%cI").strip(), root / ".dvc" / "tmp" / f"sweep-index-{os.getpid()}"
-    index.parent.mkdir(parents=True, exist_ok=True)
-    identity = {f"GIT_{who}_{what}": "sweep" for who in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")}
-    env = os.environ | identity | {"GIT_INDEX_FILE": str(index), "GIT_AUTHOR_DATE": date, "GIT_COMMITTER_DATE": date}
-
-    def run(*arguments: str) -> str:
-        return subprocess.run(
-            ["git", "-C", root, *arguments], env=env, check=True, capture_output=True, text=True
-        ).stdout
-
-    try:
-        run("read-tree", "HEAD")
-        run("add", "--all", "--", *CODE, *RESULTS)
-        return run("commit-tree", run("write-tree").strip(), "-p", head, "-m", "Uncommitted changes of a sweep").strip()
-    finally:
-        index.unlink(missing_ok=True)
+    date = git(root, "log", "-1", "--format=%cI").strip()
+    env = os.environ | {f"GIT_{who}_{what}": "sweep" for who in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")}
+    with TemporaryDirectory() as folder:
+        env |= {"GIT_INDEX_FILE": f"{folder}/index", "GIT_AUTHOR_DATE": date, "GIT_COMMITTER_DATE": date}
+        git(root, "read-tree", "HEAD", env=env)
+        git(root, "add", "--all", "--", *CODE, env=env)
+        tree = git(root, "write-tree", env=env).strip()
+        return git(root, "commit-tree", tree, "-p", head, "-m", "Uncommitted changes of a sweep", env=env).strip()
 
 
 def code_digest(root: Path, commit: str) -> str:
     """Return a digest of everything in a commit that a job runs."""
-    listed = git(root, "ls-tree", "-r", commit, "--", *CODE).splitlines()
-    results = tuple(f"/{name}" for name in ("dvc.lock", "index.html")), ("/figures/", "/tables/")
-    code = [x for x in listed if not (x.endswith(results[0]) or any(part in x for part in results[1]))]
-    return hashlib.sha256("\n".join(code).encode()).hexdigest()[:16]
+    return hashlib.sha256(git(root, "diff-tree", "-r", EMPTY_TREE, commit, "--", *CODE).encode()).hexdigest()[:16]
 
 
 @contextmanager
@@ -72,7 +62,8 @@ def borrowed_clone(root: Path, commit: str, cache: Path, pool: Path) -> Iterator
     try:
         if not (clone / ".dvc" / "config.local").is_file():
             shutil.rmtree(clone, ignore_errors=True)
-            _make_clone(root, commit, cache, clone)
+            make_clone(root, commit, clone, LEFT_OUT)
+            (clone / ".dvc" / "config.local").write_text(CONFIG.format(clone=clone, cache=cache, root=root))
         git(clone, "reset", "--quiet", "--hard")  # parameters, graph and locks of the job before
         yield clone
     except BaseException:
@@ -92,11 +83,3 @@ def _take_free(pool: Path) -> tuple[Path, FileLock]:
             return pool / str(number), lock
         except Timeout:
             number += 1
-
-
-def _make_clone(root: Path, commit: str, cache: Path, clone: Path) -> None:
-    """Check out `commit` of the repository `root` in the new folder `clone`; git objects and DVC's cache are shared."""
-    git(root, "clone", "--quiet", "--shared", "--no-checkout", str(root), str(clone))
-    git(clone, "sparse-checkout", "set", "--no-cone", "/*", *(f"!/{folder}/" for folder in LEFT_OUT))
-    git(clone, "checkout", "--quiet", "--detach", commit)
-    (clone / ".dvc" / "config.local").write_text(CONFIG.format(clone=clone, cache=cache, root=root))

@@ -15,11 +15,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.artifacts.files import read_json, write_json, write_table
+from pipeline.artifacts.files import read_json, read_table, write_json, write_table
 from pipeline.params import load
 from pipeline.runtime.errors import InputError
 from pipeline.sweep.clone import borrowed_clone
-from pipeline.sweep.results import headlines, read_metrics
+from pipeline.sweep.results import headlines
 
 WATCH_S = 0.5  # between two looks at the parent process
 MAX_NAME = 120  # characters of a folder's name; longer ones end in a digest
@@ -58,20 +58,22 @@ def run_job(sweep: Sweep, overrides: Sequence[str]) -> float:
         record = {"overrides": list(overrides), "commit": sweep.commit, "targets": list(sweep.targets)}
         start = time.time()
         write_json(folder / "job.json", record | {"state": "running"})
+        record["state"] = "interrupted"  # unless it ends
         try:
             with borrowed_clone(sweep.root, sweep.commit, sweep.cache, sweep.folder / "clones") as clone:
                 stages = _run_stages(sweep, overrides, clone, folder)
-                _keep_results(sweep, clone, folder)
+                for name in ("params.yaml", "dvc.lock"):
+                    shutil.copy(clone / name, folder)
+                metrics = {name: clone / "outputs" / name / "metrics.json" for name in sweep.targets}
+                measured = {name: read_json(path) for name, path in metrics.items() if path.is_file()}
+                write_json(folder / "metrics.json", measured)
+                results = headlines(load(clone / "params.yaml"), clone, sweep.targets)
+                write_table(folder / "results.parquet", results)
             record |= {"state": "done", "stages": stages}
         except (InputError, OSError) as error:
             record |= {"state": "failed", "error": reason(error, sweep.folder)}
-        except BaseException:
-            record |= {"state": "interrupted"}
-            raise
         finally:
-            write_json(
-                folder / "job.json", {"state": "interrupted"} | record | {"seconds": round(time.time() - start, 1)}
-            )
+            write_json(folder / "job.json", record | {"seconds": round(time.time() - start, 1)})
     return _objective(sweep, folder)
 
 
@@ -126,17 +128,7 @@ def _last_error(log: str) -> str:
     return (stated or lines or ["error: no output"])[-1].removeprefix("error: ")
 
 
-def _keep_results(sweep: Sweep, clone: Path, folder: Path) -> None:
-    for name in ("params.yaml", "dvc.lock"):
-        shutil.copy(clone / name, folder)
-    cfg = load(clone / "params.yaml")
-    write_json(folder / "metrics.json", read_metrics(clone, sweep.targets))
-    write_table(folder / "results.parquet", headlines(cfg, clone, sweep.targets))
-
-
 def _objective(sweep: Sweep, folder: Path) -> float:
-    from pipeline.artifacts.files import read_table
-
     if sweep.objective is None or not is_done(folder):
         return float("nan")
     table = read_table(folder / "results.parquet")

@@ -55,12 +55,10 @@ def _progress(sweep: Sweep, plan: Plan) -> Iterator[None]:
             last = False
             while not last:
                 last = ended.wait(WATCH_S)
-                if (number := count()) > bar.n:
+                new = [path for path in sweep.folder.glob("jobs/*/job.json") if path.stat().st_mtime > started]
+                number = sum(read_json(path)["state"] in ("done", "failed") for path in new)
+                if number > bar.n:
                     bar.update(number - bar.n)
-
-    def count() -> int:
-        new = [path for path in sweep.folder.glob("jobs/*/job.json") if path.stat().st_mtime > started]
-        return sum(read_json(path)["state"] in ("done", "failed") for path in new)
 
     thread = Thread(target=watch)
     thread.start()

@@ -18,16 +18,11 @@ from pipeline.params import CONF, explained, validate
 from pipeline.params import compose as compose_parameters
 from pipeline.runtime.errors import InputError
 
+SUBMITIT = "hydra_plugins.hydra_submitit_launcher", "submitit"
+RAY = "hydra_plugins.hydra_ray_launcher", "ray"
 # launcher or sweeper -> the package that it needs, and the extra of pyproject.toml that brings it
-EXTRAS = {
-    "joblib": ("hydra_plugins.hydra_joblib_launcher", "joblib"),
-    "submitit_local": ("hydra_plugins.hydra_submitit_launcher", "submitit"),
-    "submitit_slurm": ("hydra_plugins.hydra_submitit_launcher", "submitit"),
-    "slurm": ("hydra_plugins.hydra_submitit_launcher", "submitit"),
-    "ray": ("hydra_plugins.hydra_ray_launcher", "ray"),
-    "ray_cluster": ("hydra_plugins.hydra_ray_launcher", "ray"),
-    "optuna": ("hydra_plugins.hydra_optuna_sweeper", "optuna"),
-}
+EXTRAS = {"submitit_local": SUBMITIT, "submitit_slurm": SUBMITIT, "slurm": SUBMITIT, "ray": RAY, "ray_cluster": RAY}
+EXTRAS |= {"optuna": ("hydra_plugins.hydra_optuna_sweeper", "optuna")}
 CONNECT_S = 5.0  # how long a cluster may take to answer
 
 
@@ -48,8 +43,10 @@ class Plan:
 def make_plan(arguments: Sequence[str], targets: Sequence[str]) -> Plan:
     """Return the plan of Hydra's overrides; raise InputError for one that cannot be run, before any work is done."""
     for text in arguments:
-        if text.startswith(("hydra/launcher=", "hydra/sweeper=")):
-            _need_extra(text.partition("=")[2])
+        group, _, name = text.partition("=")
+        package, extra = EXTRAS.get(name, ("", "")) if group in ("hydra/launcher", "hydra/sweeper") else ("", "")
+        if package and importlib.util.find_spec(package) is None:
+            raise InputError(f"{name} is not installed: `pip install '.[{extra}]'`, or choose hydra/launcher=basic")
     try:
         overrides = _seeds_together(arguments)
         parsed = OverridesParser.create().parse_overrides(overrides)
@@ -74,10 +71,12 @@ def make_plan(arguments: Sequence[str], targets: Sequence[str]) -> Plan:
         return Plan(overrides, fixed, defaults)
     for override in swept.values():
         if not override.is_discrete_sweep():
-            raise InputError(
-                f"{override.input_line}: only hydra/sweeper=optuna can choose from an interval; list values"
-            )
-    axes = {key: _values(override) for key, override in given.items()}
+            line = override.input_line
+            raise InputError(f"{line}: only hydra/sweeper=optuna can choose from an interval; list values")
+    axes = {
+        key: [f"{key}={value}" for value in override.sweep_string_iterator()] if key in swept else [_text(override)]
+        for key, override in given.items()
+    }
     for key in swept or list(axes)[:1]:  # each value once, with the first value of every other parameter
         others = [axis[0] for name, axis in axes.items() if name != key]
         for value in axes[key]:
@@ -90,35 +89,18 @@ def _text(override: Override) -> str:
     return f"{override.get_key_element()}={override.get_value_element_as_str()}"
 
 
-def _values(override: Override) -> list[str]:
-    """Return the override for each of its values."""
-    if not override.is_sweep_override():
-        return [_text(override)]
-    return [f"{override.get_key_element()}={value}" for value in override.sweep_string_iterator()]
-
-
 def _seeds_together(overrides: Sequence[str]) -> list[str]:
     """Return overrides with a sweep over `seed` as one list of seeds, since every job fits all of its seeds."""
-    kept = []
-    for text in overrides:
-        if text.partition("=")[0] != "seed":
-            kept.append(text)
-            continue
-        (override,) = OverridesParser.create().parse_overrides([text])
-        if not override.is_sweep_override():
-            raise InputError(f"{text}: a job fits several training sets, which the summary compares: seed=0,1,2")
-        name = "validation_seeds" if "protocol=validation" in overrides else "seeds"
-        kept.append(f"{name}=[{','.join(override.sweep_string_iterator())}]")
-        print(f"{text}: every job fits all of them ({kept[-1]})", flush=True)
+    kept = list(overrides)
+    for i, text in enumerate(overrides):
+        if text.startswith("seed="):
+            override = OverridesParser.create().parse_override(text)
+            if not override.is_sweep_override():
+                raise InputError(f"{text}: a job fits several training sets, which the summary compares: seed=0,1,2")
+            name = "validation_seeds" if "protocol=validation" in overrides else "seeds"
+            kept[i] = f"{name}=[{','.join(override.sweep_string_iterator())}]"
+            print(f"{text}: every job fits all of them ({kept[i]})", flush=True)
     return kept
-
-
-def _need_extra(name: str) -> None:
-    """Raise InputError if the package of a launcher or sweeper is not installed."""
-    package, extra = EXTRAS.get(name, ("", ""))
-    namespace = package.partition(".")[0]
-    if package and (importlib.util.find_spec(namespace) is None or importlib.util.find_spec(package) is None):
-        raise InputError(f"{name} is not installed: `pip install '.[{extra}]'`, or choose hydra/launcher=basic")
 
 
 def _need_cluster(launcher) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 from omegaconf import DictConfig
 
-from pipeline.artifacts.files import read_json, read_table
+from pipeline.artifacts.files import read_table
 
 COLUMNS = ["headline", "seed", "value"]
 DETOUR = "constant_detour"  # image-blind repair
@@ -28,12 +28,6 @@ def headlines(cfg: DictConfig, folder: Path, targets: Sequence[str]) -> pd.DataF
             parts += _study(cfg, folder / cfg.paths.studies / target)
     table = pd.concat([part for part in parts if len(part)] or parts, ignore_index=True)
     return table.astype({"headline": str, "seed": int, "value": float})
-
-
-def read_metrics(folder: Path, targets: Sequence[str]) -> dict:
-    """Return the metrics that git keeps of the target stages, by stage."""
-    files = {target: folder / "outputs" / target / "metrics.json" for target in targets}
-    return {target: read_json(path) for target, path in files.items() if path.is_file()}
 
 
 def _mean(table: pd.DataFrame, name: str, keys: list[str], value: str) -> pd.DataFrame:

@@ -40,7 +40,8 @@ def run_stages(targets: list[str]) -> dict[str, dict]:
                 key = content_key(stage)
                 try:
                     with FileLock(locks / key, timeout=0):
-                        start, cached = time.perf_counter(), run_cache(repo, key).is_dir()
+                        start = time.perf_counter()
+                        cached = (Path(repo.stage_cache.cache_dir) / key[:2] / key).is_dir()  # a run with this key
                         with repo.lock:  # `repo.reproduce` would read every dvc.yaml again for each stage
                             stage.reproduce()
                             stage.dump(update_pipeline=False)
@@ -75,11 +76,6 @@ def content_key(stage) -> str:
         vars(dep).clear()
         vars(dep).update(state)
     return key
-
-
-def run_cache(repo, key: str) -> Path:
-    """Return the folder of a key in DVC's run cache; it exists once a stage with this key has run."""
-    return Path(repo.stage_cache.cache_dir) / key[:2] / key
 
 
 def end_with_parent() -> None:

@@ -13,6 +13,7 @@ from pipeline.artifacts.files import read_json, read_table
 from pipeline.audit.difference import paired
 from pipeline.sweep.results import DETOUR, LOWER_IS_BETTER
 
+QUARTILES = {"mean": "mean", "q1": lambda x: x.quantile(0.25), "q3": lambda x: x.quantile(0.75)}
 FLIPPED = {"better": "worse", "worse": "better"}
 
 
@@ -40,8 +41,10 @@ class Summary:
     @property
     def headlines(self) -> list[str]:
         """Return the headlines that the sweep changes, those on unseen items first."""
-        names = list(dict.fromkeys(self.differences["headline"])) if len(self.differences) else []
-        return sorted(names, key=lambda name: (not name.endswith("new_items"), name.startswith("convergence")))
+        return sorted(
+            self.differences["headline"].unique(),
+            key=lambda name: (not name.endswith("new_items"), name.startswith("convergence")),
+        )
 
 
 def read_jobs(folder: Path, record: dict[str, Any]) -> list[dict[str, Any]]:
@@ -94,9 +97,7 @@ def summarise(record: dict[str, Any], jobs: list[dict[str, Any]]) -> Summary:
         parts.append(table.assign(setting=job["name"], **values)[["setting", *parameters, *table.columns]])
     results = pd.concat(parts, ignore_index=True)
     by = results.groupby(["setting", "headline"], sort=False)["value"]
-    means = by.agg(
-        mean="mean", q1=lambda x: x.quantile(0.25), q3=lambda x: x.quantile(0.75), seeds="size"
-    ).reset_index()
+    means = by.agg(**QUARTILES, seeds="size").reset_index()
     cfg = yaml.safe_load((reference["path"] / "params.yaml").read_text())
     differences = _differences(results, reference["name"])
     comparisons = _comparisons(results, cfg["evaluate"]["comparisons"])
@@ -110,22 +111,13 @@ def _differences(results: pd.DataFrame, reference: str) -> pd.DataFrame:
     Columns as of `paired`; Holm's correction is over all settings and headlines. A word says what is better, not what
     is larger.
     """
-    columns = ["setting", "headline", "seed", "value"]
-    base = results.loc[results["setting"] == reference, ["headline", "seed", "value"]]
-    others = results.loc[results["setting"] != reference, columns].merge(
-        base, on=["headline", "seed"], suffixes=("", "_before")
-    )
-    changed = others.loc[others["value"] != others["value_before"], "headline"].unique()
-    others = others[others["headline"].isin(changed)]
-    both = others.assign(headline=others["setting"] + "|" + others["headline"])
-    table = paired(both[["headline", "seed"]].assign(value=both["value_before"]), both[["headline", "seed", "value"]])
-    if len(table):
-        parts = table.pop("headline").str.rpartition("|")
-        table.insert(0, "headline", parts[2])
-        table.insert(1, "setting", parts[0])
-        lower = table["headline"].str.startswith(LOWER_IS_BETTER)
-        table.loc[lower, "word"] = table.loc[lower, "word"].replace(FLIPPED)
-    return table
+    is_reference, columns = results["setting"] == reference, ["headline", "seed", "value"]
+    base, others = results.loc[is_reference, columns], results.loc[~is_reference, ["headline", "setting", *columns[1:]]]
+    both = others.merge(base, on=columns[:2], suffixes=("", "_before"))
+    changed = both.loc[both["value"] != both["value_before"], "headline"].unique()
+    table = paired(base, others[others["headline"].isin(changed)])
+    lower = table["headline"].str.startswith(LOWER_IS_BETTER)
+    return table.assign(word=table["word"].where(~lower, table["word"].replace(FLIPPED)))
 
 
 def _comparisons(results: pd.DataFrame, families: list[dict[str, Any]]) -> pd.DataFrame:
@@ -136,7 +128,7 @@ def _comparisons(results: pd.DataFrame, families: list[dict[str, Any]]) -> pd.Da
     """
     families = [family for family in families if family["n_demos"] is None]
     pairs = [
-        (family["variant"], against, split, "accuracy.{}." + split)
+        (family["variant"], against, split, f"accuracy.{{}}.{split}")
         for family in families
         for against, split in product(family["against"], family["splits"])
     ]
@@ -146,16 +138,11 @@ def _comparisons(results: pd.DataFrame, families: list[dict[str, Any]]) -> pd.Da
         for variant in dict.fromkeys(family["variant"] for family in families)
         for user in (name.rpartition(".")[2] for name in detours)
     ]
-    parts = [results.iloc[:0].assign(place=0)]
+    if not pairs:
+        return pd.DataFrame()
+    before, after = [], []
     for variant, against, split, headline in pairs:
-        for place, name in enumerate((against, variant)):
-            rows = results[results["headline"] == headline.format(name)]
-            parts.append(rows.assign(headline=rows["setting"] + f"|{variant}|{against}|{split}", place=place))
-    both = pd.concat(parts)
-    columns = ["headline", "seed", "value"]
-    table = paired(*(both.loc[both["place"] == place, columns] for place in (0, 1)))
-    if len(table):
-        names = table.pop("headline").str.rsplit("|", n=3, expand=True)
-        for index, column in enumerate(("setting", "variant", "against", "split")):
-            table.insert(index, column, names[index])
-    return table
+        for tables, name in ((before, against), (after, variant)):
+            table = results.loc[results["headline"] == headline.format(name), ["setting", "seed", "value"]]
+            tables.append(table.assign(variant=variant, against=against, split=split))
+    return paired(pd.concat(before), pd.concat(after))

@@ -16,13 +16,14 @@ def test_the_commits_with_results_are_those_that_changed_the_headlines_the_oldes
 
 
 def test_a_row_names_the_faults_of_a_commit_and_the_verdicts_that_it_changed():
-    stale = Checked("stages", "code and locks agree", 12, [Fault("stages", "evaluate", "train.py is modified")])
+    clean = Checked("stages", "code and locks agree", 12, [])
+    stale = Checked("stages", "code and locks agree", 12, [Fault("evaluate", "train.py is modified")])
     changed = [("repair_succeeds", "holds", "fails")]
     entries = [
         Entry("0a1b2c3d", "2026-11-25", "Results", [stale], changed),
-        Entry("4e5f6a7b", "2026-11-25", "Results anew", [stale._replace(faults=[])], []),
+        Entry("4e5f6a7b", "2026-11-25", "Results anew", [clean], []),
         Entry("8c9d0e1f", "2026-11-25", "Other folders", [], []),
-        Entry("2a3b4c5d", "2026-11-25", "No README", [stale._replace(faults=[]), Checked("README", "", 0, [])], []),
+        Entry("2a3b4c5d", "2026-11-25", "No README", [clean, Checked("README", "", 0, [])], []),
     ]
     rows = text.of_history("HEAD", entries).splitlines()[-4:]
     assert "| stages 1 | repair_succeeds: holds to fails |" in rows[0]

@@ -19,7 +19,6 @@ from pipeline.sweep.plan import make_plan
 from tests.sweep.running import SMALL, clone_of_working_tree, command, environment, jobs, results, sweep
 
 JOBS = 20
-BINS = [*SMALL, f"evaluate.bins={','.join(map(str, range(5, 5 + JOBS)))}"]
 SERIAL = [5, 6, 23, 24]  # values that are run serially, too
 RAY = str(Path(sys.executable).parent / "ray")
 HOST = socket.gethostname().partition(".")[0]
@@ -53,8 +52,7 @@ def repository(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def serial(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Some of the jobs one after the other, in a repository whose cache nobody shares."""
     alone = clone_of_working_tree(tmp_path_factory.mktemp("serial") / "repository")
-    values = f"evaluate.bins={','.join(map(str, SERIAL))}"
-    ended = sweep(alone, "--multirun", *SMALL, values, "hydra/launcher=basic", "--folder", "serial")
+    ended = sweep(alone, *swept(SERIAL, "hydra/launcher=basic"), "--folder", "serial")
     assert ended.returncode == 0, ended.stderr[-3000:]
     return alone / "serial"
 
@@ -125,12 +123,23 @@ def end(process: psutil.Process) -> None:
             continue
 
 
+def agree(folder: Path, serial: Path, values: list[int]) -> bool:
+    """Whether these jobs of a sweep have the bytes of the serial run."""
+    return all(
+        results(folder, f"evaluate.bins={value}") == results(serial, f"evaluate.bins={value}") for value in values
+    )
+
+
+def swept(values: list[int], *launcher: str) -> list[str]:
+    return ["--multirun", *SMALL, f"evaluate.bins={','.join(map(str, values))}", *launcher]
+
+
 def test_a_ray_cluster_that_loses_a_node_does_every_job_with_the_serial_run_s_bytes(
     repository: Path, serial: Path, cluster: tuple[str, psutil.Process]
 ):
     address, node = cluster
     launcher = ["hydra/launcher=ray_cluster", f"hydra.launcher.ray.init.address={address}"]
-    arguments = command("--multirun", *BINS, *launcher, "--folder", "on_ray")
+    arguments = command(*swept(list(range(5, 5 + JOBS)), *launcher), "--folder", "on_ray")
     env = environment(repository) | {"RAY_AUTH_MODE": "disabled"}
     log = (repository / "on_ray.txt").open("w")
     running = psutil.Popen(arguments, cwd=repository, env=env, stdout=log, stderr=log)
@@ -141,39 +150,31 @@ def test_a_ray_cluster_that_loses_a_node_does_every_job_with_the_serial_run_s_by
     assert running.wait(timeout=3600) == 0, Path(log.name).read_text()[-3000:]
     done = jobs(folder)
     assert len(done) == JOBS and {job["state"] for job in done.values()} == {"done"}
-    for value in SERIAL:
-        assert results(folder, f"evaluate.bins={value}") == results(serial, f"evaluate.bins={value}")
+    assert agree(folder, serial, SERIAL)
 
 
 def test_ray_on_this_machine_gives_the_serial_run_s_bytes_also_after_a_cluster_was_lost(repository: Path, serial: Path):
-    values = f"evaluate.bins={','.join(map(str, SERIAL))}"
-    arguments = command("--multirun", *SMALL, values, "hydra/launcher=ray", "--folder", "by_ray")
+    arguments = command(*swept(SERIAL, "hydra/launcher=ray"), "--folder", "by_ray")
     with tempfile.TemporaryDirectory() as folder:  # a short path: Ray's sockets lie below
         (Path(folder) / "ray").mkdir()
         (Path(folder) / "ray" / "ray_current_cluster").write_text(f"127.0.0.1:{free_port()}")  # Ray leaves it behind
         env = environment(repository) | {"RAY_TMPDIR": folder}
         ended = subprocess.run(arguments, cwd=repository, env=env, capture_output=True, text=True)
     assert ended.returncode == 0, ended.stderr[-3000:]
-    for value in SERIAL:
-        assert results(repository / "by_ray", f"evaluate.bins={value}") == results(serial, f"evaluate.bins={value}")
+    assert agree(repository / "by_ray", serial, SERIAL)
 
 
 def test_a_cluster_that_does_not_answer_is_refused():
     address = f"127.0.0.1:{free_port()}"
+    launcher = ["hydra/launcher=ray_cluster", f"hydra.launcher.ray.init.address={address}"]
     with pytest.raises(InputError, match=f"{address} does not answer"):
-        make_plan(
-            ["hydra/launcher=ray_cluster", f"hydra.launcher.ray.init.address={address}", "train.steps=1,2"], ["train"]
-        )
+        make_plan([*launcher, "train.steps=1,2"], ["train"])
 
 
 def test_submitit_gives_the_serial_run_s_bytes(repository: Path, serial: Path):
-    values = f"evaluate.bins={','.join(map(str, SERIAL))}"
-    ended = sweep(repository, "--multirun", *SMALL, values, "hydra/launcher=submitit_local", "--folder", "by_submitit")
+    ended = sweep(repository, *swept(SERIAL, "hydra/launcher=submitit_local"), "--folder", "by_submitit")
     assert ended.returncode == 0, ended.stderr[-3000:]
-    for value in SERIAL:
-        assert results(repository / "by_submitit", f"evaluate.bins={value}") == results(
-            serial, f"evaluate.bins={value}"
-        )
+    assert agree(repository / "by_submitit", serial, SERIAL)
 
 
 def test_slurm_s_job_file_asks_for_what_conf_says(repository: Path, tmp_path: Path):
@@ -183,7 +184,7 @@ def test_slurm_s_job_file_asks_for_what_conf_says(repository: Path, tmp_path: Pa
     fake.chmod(0o755)
     (tmp_path / "srun").symlink_to(fake)
     env = environment(repository) | {"PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}"}
-    arguments = command("--multirun", *SMALL, "evaluate.bins=5,6", "hydra/launcher=slurm", "--folder", "on_slurm")
+    arguments = command(*swept([5, 6], "hydra/launcher=slurm"), "--folder", "on_slurm")
     subprocess.run(arguments, cwd=repository, env=env, capture_output=True)
     job = (tmp_path / "job.sh").read_text()
     assert "#SBATCH --array=0-1" in job and "#SBATCH --mem=4GB" in job and "#SBATCH --time=600" in job
@@ -193,30 +194,21 @@ def test_slurm_gives_the_serial_run_s_bytes(
     repository: Path, serial: Path, slurm: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setenv("SLURM_CONF", str(slurm))
-    values = f"evaluate.bins={','.join(map(str, SERIAL[:2]))}"
     launcher = ["hydra/launcher=slurm", "hydra.launcher.partition=cpu", "hydra.launcher.mem_gb=3"]
-    ended = sweep(repository, "--multirun", *SMALL, values, *launcher, "--folder", "by_slurm")
+    ended = sweep(repository, *swept(SERIAL[:2], *launcher), "--folder", "by_slurm")
     assert ended.returncode == 0, ended.stderr[-3000:]
-    for value in SERIAL[:2]:
-        assert results(repository / "by_slurm", f"evaluate.bins={value}") == results(serial, f"evaluate.bins={value}")
+    assert agree(repository / "by_slurm", serial, SERIAL[:2])
 
 
 def test_optuna_tries_settings_on_validation_data_alone(repository: Path):
     small = [text for text in SMALL if not text.startswith("clearance.steps=")]
     values = [*small, "protocol=validation", "validation_seeds=[100,101]", "clearance.steps=choice(1,40)"]
-    optuna = [
-        "hydra/sweeper=optuna",
-        "hydra.sweeper.n_trials=2",
-        "hydra.sweeper.n_jobs=2",
-        "hydra.sweeper.direction=maximize",
-    ]
-    objective = ["--objective", "accuracy.clearance.new_items"]
-    ended = sweep(repository, "--multirun", *values, *optuna, *objective, "--folder", "by_optuna")
+    optuna = ["hydra/sweeper=optuna", "hydra.sweeper.n_trials=2", "hydra.sweeper.n_jobs=2"]
+    optuna += ["hydra.sweeper.direction=maximize", "--objective", "accuracy.clearance.new_items"]
+    ended = sweep(repository, "--multirun", *values, *optuna, "--folder", "by_optuna")
     assert ended.returncode == 0, ended.stderr[-3000:]
     tried = {name: job["state"] for name, job in jobs(repository / "by_optuna").items()}
     assert tried and tried.items() <= {"clearance.steps=1": "done", "clearance.steps=40": "done"}.items()
     assert (repository / "by_optuna" / "index.html").is_file()
-    refused = sweep(
-        repository, "--multirun", *small, "clearance.steps=choice(1,40)", *optuna, *objective, "--folder", "x"
-    )
+    refused = sweep(repository, "--multirun", *small, "clearance.steps=choice(1,40)", *optuna, "--folder", "x")
     assert refused.returncode == 2 and "protocol=validation" in refused.stderr

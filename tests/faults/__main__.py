@@ -17,11 +17,12 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+import yaml
 
 from pipeline.artifacts.files import write_table
 from tests.sweep.running import SMALL
@@ -54,27 +55,22 @@ class Broken:
             shutil.copytree(whole / ".dvc/cache", folder / ".dvc/cache")
         subprocess.run(["dvc", "pull", "--quiet", "data.dvc", "rendered/pictures.dvc"], cwd=folder, check=True)
 
-    def run(self, *command: str, timeout: float = 3600) -> subprocess.CompletedProcess[str]:
+    def run(self, *command: str) -> subprocess.CompletedProcess[str]:
         """Return the ended command with what it said."""
-        return subprocess.run(
-            command, cwd=self.folder, env=self.environment, capture_output=True, text=True, timeout=timeout
-        )
+        place = {"cwd": self.folder, "env": self.environment}
+        return subprocess.run(command, **place, capture_output=True, text=True, timeout=3600)
 
     @property
     def environment(self) -> dict[str, str]:
         """The caller's, in which Python finds the clone's own code."""
         return os.environ | {"PYTHONPATH": str(self.folder)}
 
-    def differing(self, folders: tuple[str, ...] = RESULTS) -> list[str]:
-        """Return the files that differ from the whole run's; of recordings, their digests are compared."""
-        return [name for folder in folders for name in _differing(self.whole / folder, self.folder / folder)]
-
     def judge(self, done: subprocess.CompletedProcess[str], folders: tuple[str, ...] = RESULTS) -> tuple[str, str]:
-        """Return how the fault ended, and the sentence or what is wrong."""
-        if done.returncode == 0:
-            different = self.differing(folders)
-            return (WRONG, f"differs: {', '.join(different[:5])}") if different else (SAME, "")
-        return said(done)
+        """Return how the fault ended, and the sentence or what is wrong: files that differ from the whole run's."""
+        if done.returncode:
+            return said(done)
+        different = [name for folder in folders for name in _differing(self.whole / folder, self.folder / folder)]
+        return (WRONG, f"differs: {', '.join(different[:5])}") if different else (SAME, "")
 
 
 def said(done: subprocess.CompletedProcess[str]) -> tuple[str, str]:
@@ -101,38 +97,52 @@ def _varies(path: Path) -> bool:
     return dated or path.name in ("job.json", "log.txt") or path.suffix in (".rrd", ".lock", ".pyc")
 
 
-# Faults. Each takes the whole run, an empty folder, a generator and the number of kills, and returns how it ended, for
-# each time that it was injected.
+class Fault(NamedTuple):
+    """What a fault is injected into: the whole run, an empty folder for its clones, and how often a run is killed."""
 
-Ends = list[tuple[str, str]]
+    whole: Path
+    folder: Path
+    rng: np.random.Generator
+    kills: int
+
+    def broken(self, name: str = "clone", *, results: bool, cache: bool) -> Broken:
+        """Return a new clone of the whole run."""
+        return Broken(self.whole, self.folder / name, results=results, cache=cache)
+
+    def killed(self, make: Callable[[str], Broken], command: Callable[[Path], list[str]], folders: tuple) -> "Ends":
+        """Kill a command with all its children, resume it until it ends, and begin anew, until `kills` are done.
+
+        Each kill ends as the run that it hit.
+        """
+        ends: Ends = []
+        for clone in itertools.count():
+            broken, killed = make(str(clone)), 0
+            while len(ends) + killed < self.kills and _is_killed(broken, command(broken.folder), self.rng):
+                killed += 1
+            if killed:
+                ends += [broken.judge(broken.run(*command(broken.folder)), folders)] * killed
+            shutil.rmtree(broken.folder)
+            if len(ends) >= self.kills:
+                break
+        return ends
+
+    def damaged(self, find: Callable[[Path], list[Path]], remove: str = "") -> "Ends":
+        """Damage a file of a clone that has results and cache, once cut and once flipped, and run it again."""
+        ends = []
+        for how in ("cut", "flip"):
+            broken = self.broken(how, results=True, cache=True)
+            candidates = sorted(path for path in find(broken.folder) if path.stat().st_size > 100)
+            _damage(candidates[int(self.rng.integers(len(candidates)))], self.rng, how)
+            if remove:
+                shutil.rmtree(broken.folder / remove)
+            ends.append(broken.judge(broken.run(*REPRO), PAPER))
+        return ends
 
 
-def _kills(
-    make: Callable[[Path], Broken],
-    command: Callable[[Path], list[str]],
-    folder: Path,
-    rng: np.random.Generator,
-    kills: int,
-    folders: tuple[str, ...],
-) -> Ends:
-    """Kill a command with all its children, resume it until it ends, and begin anew until it was killed often enough.
-
-    Each kill ends as the run that it hit.
-    """
-    ends: Ends = []
-    for clone in itertools.count():
-        broken, killed = make(folder / str(clone)), 0
-        while len(ends) + killed < kills and _killed(broken, command(broken.folder), rng):
-            killed += 1
-        if killed:
-            ends += [broken.judge(broken.run(*command(broken.folder)), folders)] * killed
-        shutil.rmtree(broken.folder)
-        if len(ends) >= kills:
-            return ends
-    return ends
+Ends = list[tuple[str, str]]  # how a fault ended, for each time that it was injected
 
 
-def _killed(broken: Broken, command: list[str], rng: np.random.Generator) -> bool:
+def _is_killed(broken: Broken, command: list[str], rng: np.random.Generator) -> bool:
     """Start a command and kill it after a random time; return False if it came to its end before."""
     place = {"cwd": broken.folder, "env": broken.environment, "start_new_session": True}
     process = subprocess.Popen(command, **place, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -143,39 +153,6 @@ def _killed(broken: Broken, command: list[str], rng: np.random.Generator) -> boo
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
         return True
-
-
-def kill_the_paper(whole: Path, folder: Path, rng: np.random.Generator, kills: int) -> Ends:
-    """kill -9 of `make repro`, resumed"""
-    make = partial(Broken, whole, results=False, cache=False)
-    return _kills(make, lambda _: REPRO, folder, rng, kills, PAPER)
-
-
-def kill_a_study(whole: Path, folder: Path, rng: np.random.Generator, kills: int) -> Ends:
-    """kill -9 of a study, resumed"""
-
-    def make(clone: Path) -> Broken:
-        broken = Broken(whole, clone, results=True, cache=False)
-        shutil.rmtree(clone / "outputs/studies/identification")
-        (clone / "studies/identification/dvc.lock").unlink()
-        return broken
-
-    folders = ("outputs/studies/identification", "studies/identification")
-    return _kills(make, lambda _: STUDY, folder, rng, kills, folders)
-
-
-def kill_a_sweep(whole: Path, folder: Path, rng: np.random.Generator, kills: int) -> Ends:
-    """kill -9 of a sweep, resumed"""
-    reference = Broken(whole, folder / "reference", results=False, cache=False)
-    reference.run(*SWEEP, *SWEPT).check_returncode()
-
-    def command(clone: Path) -> list[str]:
-        return [*SWEEP, *(["--resume", "swept"] if (clone / "swept/sweep.json").is_file() else SWEPT)]
-
-    def make(clone: Path) -> Broken:
-        return Broken(reference.folder, clone, results=False, cache=False)
-
-    return _kills(make, command, folder, rng, kills, ("swept",))
 
 
 def _damage(path: Path, rng: np.random.Generator, how: str) -> None:
@@ -190,125 +167,124 @@ def _damage(path: Path, rng: np.random.Generator, how: str) -> None:
     path.write_bytes(content)
 
 
-def _damaged(
-    whole: Path, folder: Path, rng: np.random.Generator, find: Callable[[Path], list[Path]], remove: str = ""
-) -> Ends:
-    """Damage a file of a clone that has results and cache, once cut and once flipped, and run it again."""
+def kill_the_paper(fault: Fault) -> Ends:
+    """kill -9 of `make repro`, resumed"""
+    return fault.killed(lambda name: fault.broken(name, results=False, cache=False), lambda _: REPRO, PAPER)
+
+
+def kill_a_study(fault: Fault) -> Ends:
+    """kill -9 of a study, resumed"""
+
+    def make(name: str) -> Broken:
+        broken = fault.broken(name, results=True, cache=False)
+        shutil.rmtree(broken.folder / "outputs/studies/identification")
+        (broken.folder / "studies/identification/dvc.lock").unlink()
+        return broken
+
+    return fault.killed(make, lambda _: STUDY, ("outputs/studies/identification", "studies/identification"))
+
+
+def kill_a_sweep(fault: Fault) -> Ends:
+    """kill -9 of a sweep, resumed"""
+    reference = fault.broken("reference", results=False, cache=False)
+    reference.run(*SWEEP, *SWEPT).check_returncode()
+
+    def command(clone: Path) -> list[str]:
+        return [*SWEEP, *(["--resume", "swept"] if (clone / "swept/sweep.json").is_file() else SWEPT)]
+
+    against = fault._replace(whole=reference.folder)
+    return against.killed(lambda name: against.broken(name, results=False, cache=False), command, ("swept",))
+
+
+def damaged_cache(fault: Fault) -> Ends:
+    """damaged file in DVC's cache, its result restored"""
+    outs = yaml.safe_load((fault.whole / "dvc.lock").read_text())["stages"]["evaluate"]["outs"]
+    paths = [f".dvc/cache/files/md5/{out['md5'][:2]}/{out['md5'][2:]}" for out in outs if "md5" in out]
+    return fault.damaged(lambda clone: [p for path in paths for p in clone.glob(path)], remove="outputs/evaluate")
+
+
+def damaged_store(fault: Fault) -> Ends:
+    """damaged file in the store of data, pulled"""
     ends = []
-    for how in ("cut", "flip"):
-        broken = Broken(whole, folder / how, results=True, cache=True)
-        candidates = sorted(path for path in find(broken.folder) if path.stat().st_size > 100)
-        _damage(candidates[int(rng.integers(len(candidates)))], rng, how)
-        if remove:
-            shutil.rmtree(broken.folder / remove)
+    for how, suffix in itertools.product(("cut", "flip"), (".csv", ".png")):
+        broken = fault.broken(how + suffix, results=False, cache=False)
+        names = sorted(broken.folder.glob(f"data/**/*{suffix}"))
+        content = names[int(fault.rng.integers(len(names)))].read_bytes()
+        for folder in ("data", ".dvc/cache", ".dvc/tmp"):
+            shutil.rmtree(broken.folder / folder, ignore_errors=True)
+        (stored,) = [p for p in broken.folder.glob("store/files/md5/*/*") if p.read_bytes() == content]
+        _damage(stored, fault.rng, how)
         ends.append(broken.judge(broken.run(*REPRO), PAPER))
     return ends
 
 
-def damaged_cache(whole: Path, folder: Path, rng: np.random.Generator, kills: int) -> Ends:
-    """damaged file in DVC's cache, its result restored"""
-    import yaml
-
-    lock = yaml.safe_load((whole / "dvc.lock").read_text())["stages"]["evaluate"]["outs"]
-    names = [out["md5"] for out in lock if "md5" in out]
-    return _damaged(
-        whole,
-        folder,
-        rng,
-        lambda clone: [p for m in names for p in clone.glob(f".dvc/cache/files/md5/{m[:2]}/{m[2:]}")],
-        remove="outputs/evaluate",
-    )
-
-
-def damaged_store(whole: Path, folder: Path, rng: np.random.Generator, kills: int) -> Ends:
-    """damaged file in the store of data, pulled"""
-    ends = []
-    for how in ("cut", "flip"):
-        for suffix in (".csv", ".png"):
-            broken = Broken(whole, folder / how / suffix, results=False, cache=False)
-            names = [p for p in sorted(broken.folder.glob("data/**/*")) if p.suffix == suffix]
-            content = names[int(rng.integers(len(names)))].read_bytes()
-            shutil.rmtree(broken.folder / "data")
-            shutil.rmtree(broken.folder / ".dvc/cache", ignore_errors=True)
-            shutil.rmtree(broken.folder / ".dvc/tmp", ignore_errors=True)
-            (stored,) = [p for p in broken.folder.glob("store/files/md5/*/*") if p.read_bytes() == content]
-            _damage(stored, rng, how)
-            ends.append(broken.judge(broken.run(*REPRO), PAPER))
-    return ends
-
-
-def damaged_weights(whole: Path, folder: Path, rng: np.random.Generator, kills: int) -> Ends:
+def damaged_weights(fault: Fault) -> Ends:
     """damaged weights"""
-    return _damaged(whole, folder, rng, lambda clone: list(clone.glob("outputs/*/*/weights/*.safetensors")))
+    return fault.damaged(lambda clone: list(clone.glob("outputs/*/*/weights/*.safetensors")))
 
 
-def damaged_data(whole: Path, folder: Path, rng: np.random.Generator, kills: int) -> Ends:
+def damaged_data(fault: Fault) -> Ends:
     """damaged file in data/"""
-    return _damaged(whole, folder, rng, lambda clone: [p for p in clone.glob("data/items/*") if p.is_file()])
+    return fault.damaged(lambda clone: [p for p in clone.glob("data/items/*") if p.is_file()])
 
 
-def two_at_once(whole: Path, folder: Path, rng: np.random.Generator, kills: int) -> Ends:
+def two_at_once(fault: Fault) -> Ends:
     """two `make repro` at once"""
-    broken = Broken(whole, folder, results=False, cache=False)
-    first = subprocess.Popen(
-        REPRO, cwd=broken.folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
-    )
-    time.sleep(float(rng.uniform(4, 12)))
+    broken = fault.broken(results=False, cache=False)
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+    first = subprocess.Popen(REPRO, cwd=broken.folder, **pipes, start_new_session=True)
+    time.sleep(float(fault.rng.uniform(4, 12)))
     second = broken.run(*REPRO)
     text, _ = first.communicate()
     ended = subprocess.CompletedProcess(REPRO, first.returncode, text, "")
     return [broken.judge(ended, PAPER), broken.judge(second, PAPER)]
 
 
-def read_only_reports(whole: Path, folder: Path, rng: np.random.Generator, kills: int) -> Ends:
+def read_only_reports(fault: Fault) -> Ends:
     """reports/ read-only, then writable again"""
-    broken = Broken(whole, folder, results=True, cache=True)
+    broken = fault.broken(results=True, cache=True)
     (broken.folder / "reports/accuracy.html").write_text("edited")
     mount = "mount --bind reports reports && mount -o remount,bind,ro reports && exec " + " ".join(REPRO)
     refused = broken.run("unshare", "--mount", "bash", "-c", mount)
     return [said(refused) if refused.returncode else (WRONG, "wrote"), broken.judge(broken.run(*REPRO))]
 
 
-def clock_set_back(whole: Path, folder: Path, rng: np.random.Generator, kills: int) -> Ends:
+def clock_set_back(fault: Fault) -> Ends:
     """clock set back by three days in the middle"""
     if not shutil.which("faketime"):
         return [("not tested", "faketime is not installed: apt-get install faketime")]
-    broken = Broken(whole, folder, results=True, cache=True)
-    for name in ("evaluate", "repair"):
-        shutil.rmtree(broken.folder / "outputs" / name)
-    shutil.rmtree(broken.folder / ".dvc/cache/runs", ignore_errors=True)
+    broken = fault.broken(results=True, cache=True)
+    for folder in ("outputs/evaluate", "outputs/repair", ".dvc/cache/runs"):
+        shutil.rmtree(broken.folder / folder, ignore_errors=True)
     (broken.folder / "reports/index.html").unlink()
     return [broken.judge(broken.run("faketime", "-f", "-3d", *REPRO), PAPER)]
 
 
-def no_network(whole: Path, folder: Path, rng: np.random.Generator, kills: int) -> Ends:
+def no_network(fault: Fault) -> Ends:
     """no network"""
-    broken = Broken(whole, folder, results=False, cache=False)
+    broken = fault.broken(results=False, cache=False)
     return [broken.judge(broken.run("unshare", "--net", *REPRO), PAPER)]
 
 
-def full_disk(whole: Path, folder: Path, rng: np.random.Generator, kills: int) -> Ends:
+def full_disk(fault: Fault) -> Ends:
     """full disk (a small tmpfs), then room again"""
-    folder.mkdir()
-    subprocess.run(["mount", "-t", "tmpfs", "-o", "size=400m", "tmpfs", str(folder)], check=True)
+    fault.folder.mkdir()
+    subprocess.run(["mount", "-t", "tmpfs", "-o", "size=400m", "tmpfs", fault.folder], check=True)
     try:
-        broken = Broken(whole, folder / "clone", results=False, cache=False)
-        free = shutil.disk_usage(folder).free
-        with (folder / "filler").open("wb") as filler:
-            filler.write(bytes(free - int(rng.integers(1_000_000, 4_000_000))))
+        broken = fault.broken(results=False, cache=False)
+        free, filler = shutil.disk_usage(fault.folder).free, fault.folder / "filler"
+        filler.write_bytes(bytes(free - int(fault.rng.integers(1_000_000, 4_000_000))))
         refused = broken.run(*REPRO)
-        (folder / "filler").unlink()
-        return [
-            said(refused) if refused.returncode else (WRONG, "it fitted"),
-            broken.judge(broken.run(*REPRO), PAPER),
-        ]
+        filler.unlink()
+        first = said(refused) if refused.returncode else (WRONG, "it fitted")
+        return [first, broken.judge(broken.run(*REPRO), PAPER)]
     finally:
-        subprocess.run(["umount", "--lazy", str(folder)], check=True)
+        subprocess.run(["umount", "--lazy", fault.folder], check=True)
 
 
-def workers_and_folder(whole: Path, folder: Path, rng: np.random.Generator, kills: int) -> Ends:
+def workers_and_folder(fault: Fault) -> Ends:
     """two workers, everything with all studies, in a folder of another name"""
-    broken = Broken(whole, folder / "a folder of another name", results=False, cache=False)
+    broken = fault.broken("a folder of another name", results=False, cache=False)
     broken.run(sys.executable, "-m", "pipeline.params", "profile=smoke", "workers=2")
     return [broken.judge(broken.run("dvc", "repro", "-P"), ("outputs", "reports", "studies"))]
 
@@ -336,7 +312,7 @@ def main() -> int:
             subprocess.run(["bash", "tests/smoke.sh", str(whole)], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
         for fault in (fault for fault in FAULTS if given.only in fault.__name__):
             folder = Path(temporary) / fault.__name__
-            ends = fault(whole, folder, np.random.default_rng(given.seed), given.kills)
+            ends = fault(Fault(whole, folder, np.random.default_rng(given.seed), given.kills))
             shutil.rmtree(folder, ignore_errors=True)
             table = _with_rows(table, str(fault.__doc__), ends, (str(folder), temporary))
             print(table[table["fault"] == fault.__doc__].to_string(index=False, header=False), flush=True)
@@ -347,14 +323,13 @@ def main() -> int:
 
 def _with_rows(table: pd.DataFrame, fault: str, ends: Ends, folders: Sequence[str]) -> pd.DataFrame:
     """Return a table (fault, times, end, message) in the order of FAULTS with a fault's rows replaced by new ones."""
-    rows = []
-    for (end, message), times in pd.Series(ends).value_counts(sort=False).items():
-        for name in folders:
-            message = message.replace(name, "")
-        rows.append({"fault": fault, "times": times, "end": end, "message": message})
+    rows = pd.DataFrame(ends, columns=["end", "message"]).assign(fault=fault)
+    for name in folders:
+        rows["message"] = rows["message"].str.replace(name, "", regex=False)
+    counts = rows.value_counts(["fault", "end", "message"], sort=False).reset_index(name="times")
     others = table[table["fault"] != fault] if len(table) else table
     order = [str(fault.__doc__) for fault in FAULTS]
-    both = pd.concat([others, pd.DataFrame(rows)])
+    both = pd.concat([others, counts[["fault", "times", "end", "message"]]])
     return both.sort_values("fault", key=lambda names: names.map(order.index), kind="stable").reset_index(drop=True)
 
 

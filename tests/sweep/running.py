@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+from pipeline.audit.revision import make_clone
 from pipeline.config.graph import ROOT
 from pipeline.sweep.clone import snapshot
 
@@ -14,9 +15,7 @@ SMALL = ["profile=smoke", *LEFT_OUT, "clearance.steps=4", "n_demos=[9]"]  # the 
 
 
 def clone_of_working_tree(clone: Path) -> Path:
-    subprocess.run(["git", "clone", "--quiet", "--shared", "--no-checkout", ROOT, clone], check=True)
-    subprocess.run(["git", "checkout", "--quiet", "--detach", snapshot(ROOT)], cwd=clone, check=True)
-    return clone
+    return make_clone(ROOT, snapshot(ROOT), clone)
 
 
 def command(*arguments: str) -> list[str]:

@@ -89,8 +89,3 @@ def test_the_tidy_table_has_a_row_for_each_setting_headline_and_seed(folder: Pat
     results = read_table(folder / "results.parquet")
     assert list(results.columns) == ["setting", "beta", "headline", "seed", "value"]
     assert len(results) == 5 * 3 * len(SEEDS) and not results.duplicated(["setting", "headline", "seed"]).any()
-
-
-def test_a_folder_without_a_sweep_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture):
-    assert main(["summary", str(tmp_path)]) == 2
-    assert "holds no sweep" in capsys.readouterr().err

@@ -8,10 +8,11 @@ from matplotlib.figure import Figure
 from pipeline.legend import label
 from pipeline.report import style
 from pipeline.sweep.page.tables import title
-from pipeline.sweep.summary import Summary
+from pipeline.sweep.summary import QUARTILES, Summary
 
 MAX_PANELS = 4  # results beside one another
 REACH = 0.3  # difference in accuracy at which colours end
+DARK = "#1b1f25"  # not style.INK: cells stay light at night
 
 
 def parameters(summary: Summary) -> Figure:
@@ -27,11 +28,7 @@ def parameters(summary: Summary) -> Figure:
         for panel, (heading, names) in zip(row, shown.items(), strict=True):
             for offset, (headline, variant) in enumerate(names.items()):
                 part = at[at["headline"] == headline]
-                by = part.groupby(parameter)["value"].agg(
-                    ["mean", lambda x: x.quantile(0.25), lambda x: x.quantile(0.75)]
-                )
-                by.columns = ["mean", "q1", "q3"]
-                by = by.reindex(values)
+                by = part.groupby(parameter)["value"].agg(**QUARTILES).reindex(values)
                 x = [place + 0.06 * (offset - (len(names) - 1) / 2) for place in range(len(values))]
                 reach = [(by["mean"] - by["q1"]).clip(lower=0), (by["q3"] - by["mean"]).clip(lower=0)]
                 look = {"color": style.colour(variant), "marker": style.marker(variant), "capsize": 2, "markersize": 5}
@@ -58,9 +55,7 @@ def comparisons(summary: Summary) -> Figure:
         for row in part.itertuples():
             x, y = pairs.index(str(row.pair)) + 0.5, settings.index(str(row.setting)) + 0.5
             weight = "bold" if row.word in ("better", "worse") else "normal"
-            ink = (
-                "white" if abs(row.difference) > 0.7 * REACH else "#1b1f25"
-            )  # not style.INK: cells stay light at night
+            ink = "white" if abs(row.difference) > 0.7 * REACH else DARK
             panel.text(x, y, f"{100 * row.difference:+.0f}", ha="center", va="center", weight=weight, color=ink)
         panel.set_yticks([y + 0.5 for y in range(len(settings))], settings, fontsize=9)
         panel.set_title(label(split))
@@ -71,13 +66,12 @@ def comparisons(summary: Summary) -> Figure:
 
 def panels(headlines: list[str]) -> dict[str, dict[str, str]]:
     """Return panel -> {headline: variant}: results that differ in nothing but the variant share a panel."""
-    found: dict[str, dict[str, str]] = {}
+    shared: dict[str, dict[str, str]] = {}
     for headline in headlines:
         kind, variant, *rest = [*headline.split("."), ""]
-        found.setdefault(title(".".join(part for part in (kind, *rest) if part)).replace(", ", "\n", 1), {})[
-            headline
-        ] = variant
-    return dict(list(found.items())[:MAX_PANELS])
+        heading = title(".".join(part for part in (kind, *rest) if part)).replace(", ", "\n", 1)
+        shared.setdefault(heading, {})[headline] = variant
+    return dict(list(shared.items())[:MAX_PANELS])
 
 
 def at_reference(summary: Summary, parameter: str) -> pd.DataFrame:

@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from pipeline.report.page import Table, with_gaps
+from pipeline.report.page import Table, pick, with_gaps
 from pipeline.report.style import label
 from pipeline.sweep.results import LOWER_IS_BETTER
 from pipeline.sweep.summary import Summary
@@ -11,7 +11,8 @@ RATES = ("accuracy", "repair")  # shown in per cent, differences in points
 WORDS = {"better": "better", "worse": "worse", "same": "same within 1 point", "undecided": "undecided"}
 MAX_SHOWN = 4  # headlines beside one another in a table
 KINDS = {"accuracy_one_demo": "accuracy with one demonstration", "effect_error": "largest effect error"}
-DIFFERENCE = ["Difference", "95 %, from", "to"]
+DIFFERENCE = {"difference": "Difference", "ci_low": "95 %, from", "ci_high": "to"}
+P_HOLM = {"p_holm": "p (Holm)"}
 
 
 def title(headline: str) -> str:
@@ -35,21 +36,12 @@ def best(summary: Summary) -> list[dict]:
 
 def verdicts(summary: Summary) -> Table:
     """Return the best setting by headline, and whether it differs from the reference."""
-    rows = [
-        {
-            "Result": title(row["headline"]),
-            "Reference": row["reference"],
-            "Best setting": row["setting"],
-            "Its mean": row["mean"],
-            "Difference": row.get("difference"),
-            "95 %, from": row.get("ci_low"),
-            "to": row.get("ci_high"),
-            "p (Holm)": row.get("p_holm"),
-            "Than the reference": WORDS.get(row["word"], "is the reference"),
-        }
-        for row in best(summary)
-    ]
-    return Table(with_gaps(rows), dict.fromkeys(["Reference", "Its mean", *DIFFERENCE], "fine") | {"p (Holm)": "fine"})
+    columns = {"headline": "Result", "reference": "Reference", "setting": "Best setting", "mean": "Its mean"}
+    columns |= DIFFERENCE | P_HOLM | {"word": "Than the reference"}
+    rows = pd.DataFrame(best(summary)).reindex(columns=list(columns))
+    words = WORDS | {"reference": "is the reference"}
+    formats = dict.fromkeys(["Reference", "Its mean", *DIFFERENCE.values(), *P_HOLM.values()], "fine")
+    return Table(with_gaps(pick(rows, columns, headline=title, word=words)), formats)
 
 
 def settings(summary: Summary) -> Table:
@@ -69,47 +61,22 @@ def settings(summary: Summary) -> Table:
 
 def differences(summary: Summary) -> Table:
     """Return every paired difference from the reference."""
-    shown = summary.differences
-    frame = pd.DataFrame(
-        {
-            "Result": shown["headline"].map(title),
-            "Setting": shown["setting"],
-            "Difference": shown["difference"],
-            "95 %, from": shown["ci_low"],
-            "to": shown["ci_high"],
-            "p (Holm)": shown["p_holm"],
-            "Seeds": shown["seeds"],
-            "Than the reference": shown["word"].map(WORDS),
-        }
-    )
-    return Table(with_gaps(frame), dict.fromkeys(DIFFERENCE, "fine") | {"p (Holm)": "fine", "Seeds": "count"})
+    columns = {"headline": "Result", "setting": "Setting"} | DIFFERENCE | P_HOLM
+    columns |= {"seeds": "Seeds", "word": "Than the reference"}
+    formats = dict.fromkeys([*DIFFERENCE.values(), *P_HOLM.values()], "fine") | {"Seeds": "count"}
+    return Table(with_gaps(pick(summary.differences, columns, headline=title, word=WORDS)), formats)
 
 
 def comparisons(summary: Summary) -> Table:
     """Return every comparison of variants within a setting."""
-    shown = summary.comparisons
-    frame = pd.DataFrame(
-        {
-            "Setting": shown["setting"],
-            "Model": shown["variant"].map(label),
-            "Against": shown["against"].map(label),
-            "On": shown["split"].map(label),
-            "Accuracy": shown["after"],
-            "Of the other": shown["before"],
-            "Difference": shown["difference"],
-            "95 %, from": shown["ci_low"],
-            "to": shown["ci_high"],
-            "p (Holm)": shown["p_holm"],
-            "Than the other": shown["word"].map(WORDS),
-        }
-    )
-    formats = dict.fromkeys(["Accuracy", "Of the other"], "pct1") | dict.fromkeys(DIFFERENCE, "points1")
-    return Table(with_gaps(frame), formats | {"p (Holm)": "fine"})
+    columns = {"setting": "Setting", "variant": "Model", "against": "Against", "split": "On", "after": "Accuracy"}
+    columns |= {"before": "Of the other"} | DIFFERENCE | P_HOLM | {"word": "Than the other"}
+    formats = dict.fromkeys(["Accuracy", "Of the other"], "pct1") | dict.fromkeys(DIFFERENCE.values(), "points1")
+    shown = pick(summary.comparisons, columns, variant=label, against=label, split=label, word=WORDS)
+    return Table(with_gaps(shown), formats | {"p (Holm)": "fine"})
 
 
 def broken(summary: Summary) -> Table:
     """Return the jobs without a result."""
-    rows = [
-        {"Job": j["name"], "State": j["state"], "Why": j.get("error", "")} for j in summary.jobs if j["state"] != "done"
-    ]
-    return Table(with_gaps(rows))
+    jobs = [job for job in summary.jobs if job["state"] != "done"]
+    return Table(with_gaps([{"Job": j["name"], "State": j["state"], "Why": j.get("error", "")} for j in jobs]))
