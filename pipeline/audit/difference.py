@@ -122,7 +122,9 @@ def flat(tree: Any, prefix: str = "") -> dict[str, Any]:
 
 
 def _parameters(before: Commit, after: Commit) -> list[tuple[str, Any, Any]]:
-    old, new = (flat(yaml.safe_load(commit.file("params.yaml")) or {}) for commit in (before, after))
+    """Return the parameters that differ: name, value before, after; None if a commit lacks it, "null" if empty."""
+    both = (flat(yaml.safe_load(commit.file("params.yaml")) or {}) for commit in (before, after))
+    old, new = ({name: "null" if value is None else value for name, value in values.items()} for values in both)
     return [(name, old.get(name), new.get(name)) for name in sorted({*old, *new}) if old.get(name) != new.get(name)]
 
 
@@ -137,13 +139,20 @@ def _processors(before: Commit, after: Commit) -> list[tuple[str, str, str]]:
 
 
 def _modules(before: Commit, after: Commit) -> pd.DataFrame:
-    """Return the Python lines that changed, by package."""
+    """Return the Python lines that changed, by package, the most changed first."""
     lines = git(after.repository, "diff", "--numstat", before.revision, after.revision, "--", "*.py").splitlines()
     rows = [line.split("\t") for line in lines if not line.startswith("-")]
     table = pd.DataFrame(rows, columns=["added", "removed", "file"]).astype({"added": int, "removed": int})
-    table["package"] = ["/".join(re.sub(r"\{.* => (.*)\}", r"\1", name).split("/")[:2]) for name in table["file"]]
+    table["package"] = [_package(re.sub(r"\{.* => (.*)\}", r"\1", name)) for name in table["file"]]
     counts = {"files": ("file", "size"), "added": ("added", "sum"), "removed": ("removed", "sum")}
-    return table.groupby("package", as_index=False).agg(**counts)  # pyright: ignore[reportArgumentType]
+    packages = table.groupby("package", as_index=False).agg(**counts)  # pyright: ignore[reportArgumentType]
+    return packages.sort_values("added", ascending=False, kind="stable")
+
+
+def _package(path: str) -> str:
+    """Return the folder that a file's changes are counted in: one of pipeline/ and studies/, else the outermost."""
+    depth = 2 if path.startswith(("pipeline/", "studies/")) else 1
+    return "/".join(path.split("/")[:depth])
 
 
 def _recordings(before: Commit, after: Commit) -> list[str]:

@@ -79,20 +79,28 @@ def of_difference(before: str, after: str, difference: Difference) -> str:
 def _differences(d: Difference) -> dict[str, str]:
     """Return the sections of a difference by title; "" where nothing differs."""
     known = set(d.by_seed["headline"]) if len(d.by_seed) else set()
-    rows = [(f"`{line.name}`", line.before, line.after, line.change) for line in d.headlines if line.name not in known]
+    headlines = [(line.name, line.before, line.after, line.change) for line in d.headlines if line.name not in known]
     modules = [(f"`{name}`", *counts) for name, *counts in d.modules.itertuples(index=False)]
-    parameters = [(f"`{name}`", *values) for name, *values in d.parameters]
     return {
         "Claims whose verdict changed": table(["claim", "before", "after"], d.claims),
         "Headlines, paired by seed": _paired(d.by_seed),
-        "Other headlines that changed": table(["headline", "before", "after", "change"], rows),
-        "Parameters": table(["parameter", "before", "after"], parameters),
+        "Other headlines that changed": _of_both(["headline", "before", "after", "change"], headlines),
+        "Parameters": _of_both(["parameter", "before", "after"], d.parameters),
         "Data": items(f"`{path}`" for path in d.data),
         "Packages": items(f"`{line}`" for line in d.packages),
         "Processors": table(["before", "after", "stages"], d.processors),
         "Code": table(["package", "files", "lines added", "lines removed"], modules),
         "Recordings to open": items(f"`make review RUN={name}`" for name in d.recordings),
     }
+
+
+def _of_both(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """Return the table of the names (first column) that both commits have, and how many only one of them has."""
+    rows = list(rows)
+    gone, new = (sum(row[place] is None for row in rows) for place in (2, 1))
+    both = [(f"`{row[0]}`", *row[1:]) for row in rows if row[1] is not None and row[2] is not None]
+    counts = f"Only before: {gone}. Only after: {new}." if gone or new else ""
+    return "\n\n".join(part for part in (table(head, both), counts) if part)
 
 
 def _paired(by_seed: pd.DataFrame) -> str:

@@ -25,7 +25,7 @@ QUIET += [f"hydra/{kind}_logging=disabled" for kind in ("job", "hydra")]
 
 
 def launch(sweep: Sweep, plan: Plan) -> None:
-    """Run the jobs of a plan; raise InputError if Hydra refuses the command line."""
+    """Run the jobs of a plan; raise InputError if Hydra refuses the command line, or its launcher fails."""
 
     def task(_) -> float:
         return run_job(sweep, [text for text in HydraConfig.get().overrides.task if not text.startswith("hydra")])
@@ -42,6 +42,9 @@ def launch(sweep: Sweep, plan: Plan) -> None:
             hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(task)()
     except HydraException as error:
         raise InputError(explained(error)) from error
+    except Exception as error:  # such as a Ray that does not start; jobs' own failures are in their job.json
+        why = f"the launcher failed ({type(error).__name__}: {error}): `--resume {sweep.folder}` runs what is missing"
+        raise InputError(why) from error
 
 
 @contextmanager

@@ -9,9 +9,9 @@ import pytest
 from scipy.stats import ttest_rel
 
 from pipeline.audit.__main__ import main
-from pipeline.audit.difference import Commit, _processors, paired
+from pipeline.audit.difference import Commit, Difference, Headline, _processors, paired
 from pipeline.audit.revision import git
-from pipeline.audit.text import MAX_LINES, table
+from pipeline.audit.text import MAX_LINES, of_difference, table
 from pipeline.launch import PROCESSORS
 
 AUTHOR = ("-c", "user.name=tests", "-c", "user.email=tests@localhost")
@@ -61,6 +61,14 @@ def test_stages_that_ran_on_another_processor_are_named(tmp_path: Path):
     before = commit(scenes="Xeon", train="Xeon", irl="EPYC")
     after = commit(scenes="EPYC", train="EPYC", irl="EPYC", repair="EPYC")
     assert _processors(before, after) == [("Xeon", "EPYC", "scenes, train")]
+
+
+def test_names_that_only_one_commit_has_are_counted_and_not_listed():
+    headlines = [Headline("kept", 0.1, 0.2, 0.1), Headline("gone", 0.1, None, None), Headline("new", None, 0.2, None)]
+    nothing = Difference([], headlines, [("emptied", 3, "null")], [], [], [], pd.DataFrame(), [], pd.DataFrame())
+    text = of_difference("before", "after", nothing)
+    assert "| `kept` | 0.1 | 0.2 | 0.1 |\n\nOnly before: 1. Only after: 1." in text
+    assert "gone" not in text and "| `emptied` | 3 | null |" in text
 
 
 def test_long_tables_say_how_much_they_leave_out():
