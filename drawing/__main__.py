@@ -22,7 +22,6 @@ from pipeline.world.images import read_image, write_png
 
 SURFACE_WIDTH_M = 1.0  # width of a table top's image [m]
 PROVENANCE = {"source": "drawn by python -m drawing", "licence": "MIT"}
-WRITTEN = ("items", "textures", "items.csv", "textures.csv")
 
 Tops = dict[str, tuple[str, Callable[[], np.ndarray]]]  # name -> (split, function that draws it)
 
@@ -31,14 +30,11 @@ def write_data(directory: Path, items: list[Design], tops: Tops) -> None:
     """Draw items and table tops; once all are drawn, replace those in `directory` and their catalogues."""
     part = directory / ".part"
     shutil.rmtree(part, ignore_errors=True)  # left by an interrupted run
-    new, old = part / "new", part / "old"
     try:
-        old.mkdir(parents=True)
-        _draw(new, items, tops)
-        for name in WRITTEN:
-            if (directory / name).exists():
-                (directory / name).rename(old / name)
-            (new / name).rename(directory / name)
+        _draw(part, items, tops)
+        for path in part.iterdir():
+            shutil.rmtree(directory / path.name, ignore_errors=True)  # a folder; a file is replaced
+            path.rename(directory / path.name)
     finally:
         shutil.rmtree(part, ignore_errors=True)
 

@@ -57,31 +57,22 @@ def _painted(seed: int, colour: Array, accent: Colour, pattern: str, r: Array, l
     x, y = grid()
     bearing = np.arctan2(y, x)
     band = smoothstep(low - 0.01, low + 0.01, r) * (1 - smoothstep(high - 0.01, high + 0.01, r))
-    middle = (low + high) / 2
-    soft = 0.012
-    if pattern == "plain":
-        share = 0 * r
-    elif pattern == "band":
-        share = band * smoothstep(middle + 0.08, middle + 0.10, r)
-    elif pattern == "rings":
-        share = band * (0.5 + 0.5 * np.tanh(np.sin((r - low) * 2 * np.pi / 0.11) / 0.25))
-    elif pattern == "rays":
-        share = band * (0.5 + 0.5 * np.tanh(np.sin(bearing * 18) / 0.3))
-    elif pattern == "petals":
-        share = band * smoothstep(
-            -soft, soft, np.abs(np.sin(bearing * 4)) * (high - low) * 0.9 - np.abs(r - middle) * 1.6
-        )
-    elif pattern == "dots":
-        arc = (bearing / (2 * np.pi) * 20) % 1 - 0.5
-        share = 1 - smoothstep(0.035, 0.05, np.hypot(arc * 2 * np.pi * middle / 20, r - middle))
-    elif pattern == "checks":
-        share = band * (0.5 + 0.5 * np.tanh(np.sin(bearing * 14) * np.sin((r - low) * 2 * np.pi / 0.2) / 0.15))
-    elif pattern == "speckles":
-        share = smoothstep(1.9, 2.2, noise(rng, 0.006, 0.006))
-    elif pattern == "glaze":
-        share = np.clip(0.5 + 0.35 * noise(rng, 0.05, 0.05) + 0.8 * (r - 0.6), 0, 1)
-    elif pattern == "spiral":
-        share = band * (0.5 + 0.5 * np.tanh(np.sin(bearing * 3 + r * 22) / 0.3))
-    else:
+    middle, arc = (low + high) / 2, (bearing / (2 * np.pi) * 20) % 1 - 0.5
+    petal = np.abs(np.sin(bearing * 4)) * (high - low) * 0.9 - np.abs(r - middle) * 1.6
+    shares = {
+        "plain": lambda: 0 * r,
+        "band": lambda: band * smoothstep(middle + 0.08, middle + 0.10, r),
+        "rings": lambda: band * (0.5 + 0.5 * np.tanh(np.sin((r - low) * 2 * np.pi / 0.11) / 0.25)),
+        "rays": lambda: band * (0.5 + 0.5 * np.tanh(np.sin(bearing * 18) / 0.3)),
+        "petals": lambda: band * smoothstep(-0.012, 0.012, petal),
+        "dots": lambda: 1 - smoothstep(0.035, 0.05, np.hypot(arc * 2 * np.pi * middle / 20, r - middle)),
+        "checks": lambda: (
+            band * (0.5 + 0.5 * np.tanh(np.sin(bearing * 14) * np.sin((r - low) * 2 * np.pi / 0.2) / 0.15))
+        ),
+        "speckles": lambda: smoothstep(1.9, 2.2, noise(rng, 0.006, 0.006)),
+        "glaze": lambda: np.clip(0.5 + 0.35 * noise(rng, 0.05, 0.05) + 0.8 * (r - 0.6), 0, 1),
+        "spiral": lambda: band * (0.5 + 0.5 * np.tanh(np.sin(bearing * 3 + r * 22) / 0.3)),
+    }
+    if pattern not in shares:
         raise ValueError(f"unknown pattern {pattern!r}")
-    return mix(colour, accent, share)
+    return mix(colour, accent, shares[pattern]())

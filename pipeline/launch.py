@@ -11,6 +11,7 @@ import re
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import yaml
@@ -92,18 +93,12 @@ def _from_params(main: Main, stage: str, argv: list[str]) -> None:
     out_dir = _folder(cfg, stage)
     out_dir.mkdir(parents=True, exist_ok=True)
     main(cfg, out_dir)
-    if "DVC_STAGE" in os.environ:  # DVC runs this: its name for the stage, such as train@full
-        note_processor(os.environ["DVC_STAGE"], Path(PROCESSORS))
-
-
-def note_processor(stage: str, path: Path) -> None:
-    """Note in a file of git, beside dvc.lock, on which processor a stage's results were made."""
-    try:
-        known = json.loads(path.read_text())
-    except (FileNotFoundError, ValueError):  # the first stage, or a merge left its marks in the file
-        known = {}
-    lines = json.dumps(known | {stage: processor()}, indent=2, sort_keys=True) + "\n"
-    atomic_write(path, lambda part: part.write_text(lines))
+    if "DVC_STAGE" in os.environ:  # DVC runs this: note the processor beside dvc.lock, by DVC's name such as train@full
+        known, path = {}, Path(PROCESSORS)
+        with suppress(FileNotFoundError, ValueError):  # the first stage, or a merge left its marks in the file
+            known = json.loads(path.read_text())
+        lines = json.dumps(known | {os.environ["DVC_STAGE"]: processor()}, indent=2, sort_keys=True) + "\n"
+        atomic_write(path, lambda part: part.write_text(lines))
 
 
 def processor(cpuinfo: Path = Path("/proc/cpuinfo")) -> str:

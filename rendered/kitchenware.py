@@ -60,17 +60,14 @@ SHAPES: dict[str, dict[str, tuple[str, ...]]] = {
         "sealed": ("waisted", "coupe glass"),
     },
 }
+CROCKERY = {
+    "taught": ("glazed", "ringed", "speckled"),
+    "held_out": ("sectors", "wood", "metal", "two glazes"),
+    "sealed": ("crackled", "dotted", "gilded"),
+}
 FINISHES: dict[str, dict[str, tuple[str, ...]]] = {
-    "bowl": {
-        "taught": ("glazed", "ringed", "speckled"),
-        "held_out": ("sectors", "wood", "metal", "two glazes"),
-        "sealed": ("crackled", "dotted", "gilded"),
-    },
-    "plate": {
-        "taught": ("glazed", "ringed", "speckled"),
-        "held_out": ("sectors", "wood", "metal", "two glazes"),
-        "sealed": ("crackled", "dotted", "gilded"),
-    },
+    "bowl": CROCKERY,
+    "plate": CROCKERY,
     "cutlery": {
         "taught": ("steel", "plastic handle"),
         "held_out": ("brass", "wood", "plastic"),

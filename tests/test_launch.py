@@ -13,7 +13,7 @@ import psutil
 import pytest
 from omegaconf import DictConfig
 
-from pipeline.launch import PROCESSORS, launch, note_processor, processor
+from pipeline.launch import PROCESSORS, launch, processor
 from pipeline.runtime.errors import InputError
 
 pytestmark = pytest.mark.slow
@@ -179,20 +179,14 @@ def test_a_sweep_of_too_many_parameters_for_a_folder_s_name_says_how_to_name_it(
     assert run(nothing, "train", *sweep, "hydra.sweep.subdir=${hydra.job.num}")[0] == 0
 
 
-def test_only_runs_of_dvc_note_their_processor(run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_only_runs_of_dvc_note_their_processor_beside_those_of_others(run, tmp_path: Path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for name, noted in ((None, False), ("train@full", True)):
+    for name in (None, "train@full", "train@ae", "train@full"):
         if name:
             monkeypatch.setenv("DVC_STAGE", name)
         assert run(nothing, "train", *PARAMS, f"paths.train={tmp_path}")[0] == 0
-        assert (tmp_path / PROCESSORS).is_file() is noted
-    assert json.loads((tmp_path / PROCESSORS).read_text()) == {"train@full": processor()}
-
-
-def test_a_stage_s_processor_is_noted_beside_those_of_others(tmp_path: Path):
-    for stage in ("scenes", "demos", "scenes"):
-        note_processor(stage, tmp_path / PROCESSORS)
-    assert list(json.loads((tmp_path / PROCESSORS).read_text())) == ["demos", "scenes"]
+        assert (tmp_path / PROCESSORS).is_file() is (name is not None)
+    assert json.loads((tmp_path / PROCESSORS).read_text()) == {"train@ae": processor(), "train@full": processor()}
 
 
 def test_a_processor_has_a_name_and_its_widest_vectors(tmp_path: Path):

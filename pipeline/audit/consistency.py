@@ -39,7 +39,8 @@ class Checked:
 
 def audit(clone: Path) -> list[Checked]:
     """Return every check of a commit in its clone (`pipeline.audit.revision.checked_out`)."""
-    locks, status = read_locks(clone), read_status(clone)
+    locks, status = read_locks(clone), json.loads(dvc(clone, "status", "--json"))
+    status = {stage: entries for stage, entries in status.items() if ".dvc" not in stage}  # stage -> what changed
     return [
         stages(clone, locks, status),
         outputs(clone, locks, status),
@@ -57,11 +58,6 @@ def read_locks(clone: Path) -> dict[str, dict]:
         prefix = "" if file.parent == clone else f"{file.parent.relative_to(clone)}/dvc.yaml:"
         locks |= {f"{prefix}{name}": stage for name, stage in yaml.safe_load(file.read_text())["stages"].items()}
     return locks
-
-
-def read_status(clone: Path) -> dict[str, list]:
-    """Return what DVC finds changed, by stage; data and results that are merely missing here are among it."""
-    return {name: entries for name, entries in json.loads(dvc(clone, "status", "--json")).items() if ".dvc" not in name}
 
 
 def stages(clone: Path, locks: dict[str, dict], status: dict[str, list]) -> Checked:

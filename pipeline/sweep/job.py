@@ -103,7 +103,9 @@ def _run_stages(sweep: Sweep, overrides: Sequence[str], clone: Path, folder: Pat
                 os.killpg(process.pid, signal.SIGKILL)
                 process.wait()
     if status:
-        raise InputError(_last_error((folder / "log.txt").read_text(errors="replace")))
+        lines = [line.strip() for line in (folder / "log.txt").read_text(errors="replace").splitlines() if line.strip()]
+        stated = [line for line in lines if line.startswith("error: ")]
+        raise InputError((stated or lines or ["no output"])[-1].removeprefix("error: "))
     return read_json(clone / "stages.json")
 
 
@@ -119,13 +121,6 @@ def _wait(process: subprocess.Popen, parent: int) -> int:
         except subprocess.TimeoutExpired:
             if child and os.getppid() != parent:
                 os._exit(1)
-
-
-def _last_error(log: str) -> str:
-    """Return the line of a log that says why it ended."""
-    lines = [line.strip() for line in log.splitlines() if line.strip()]
-    stated = [line for line in lines if line.startswith("error: ")]
-    return (stated or lines or ["error: no output"])[-1].removeprefix("error: ")
 
 
 def _objective(sweep: Sweep, folder: Path) -> float:

@@ -19,12 +19,22 @@ JUDGED = ("validation_taught", "validation_held_out", "test_taught", "test_held_
 ROUNDING_M = 3e-5  # lengths in items.csv have five decimals
 VISIBLE = 6  # smallest change of a channel that camera noise seldom makes, out of 255
 
-needs_data = pytest.mark.skipif(not FOLDER.is_dir(), reason=f"{FOLDER} is absent: dvc pull rendered/pictures.dvc")
+
+@pytest.fixture(scope="module")
+def folder() -> Path:
+    if not FOLDER.is_dir():
+        pytest.skip(f"{FOLDER} is absent: dvc pull rendered/pictures.dvc")
+    return FOLDER
 
 
 @pytest.fixture(scope="module", params=["train", *JUDGED])
-def rendered(request) -> Rendered:
-    return read_rendered(FOLDER / request.param)
+def rendered(folder: Path, request: pytest.FixtureRequest) -> Rendered:
+    return read_rendered(folder / request.param)
+
+
+@pytest.fixture(scope="module", params=JUDGED)
+def judged(folder: Path, request: pytest.FixtureRequest) -> Rendered:
+    return read_rendered(folder / request.param)
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +49,6 @@ def distance_to_footprint(layouts, scene: int, slot: int) -> np.ndarray:
     return point_segment_distance(points, *layouts.ends[scene, slot]) - layouts.radius[scene, slot]
 
 
-@needs_data
 def test_items_keep_the_distances_of_the_layout_rules(rendered, rules):
     for layouts in (rendered.layouts, *rendered.layouts_with_item.values()):
         ends, radius, present = layouts.ends, layouts.radius, layouts.present
@@ -55,26 +64,20 @@ def test_items_keep_the_distances_of_the_layout_rules(rendered, rules):
     assert set(rendered.layouts.present.sum(1)) == set(rules.items_per_scene)
 
 
-@needs_data
-@pytest.mark.parametrize("split", JUDGED)
-def test_every_scene_has_a_picture_with_one_more_item_of_each_symbol(split):
-    rendered = read_rendered(FOLDER / split)
-    assert tuple(rendered.with_item) == SYMBOLS
-    for symbol, layouts in rendered.layouts_with_item.items():
-        added = layouts.present & ~rendered.layouts.present
+def test_every_scene_has_a_picture_with_one_more_item_of_each_symbol(judged):
+    assert tuple(judged.with_item) == SYMBOLS
+    for symbol, layouts in judged.layouts_with_item.items():
+        added = layouts.present & ~judged.layouts.present
         assert (added.sum(1) == 1).all()
         assert (layouts.symbol[added] == SYMBOLS.index(symbol)).all()
 
 
-@needs_data
-@pytest.mark.parametrize("split", JUDGED)
-def test_an_added_item_changes_the_picture_inside_its_footprint_and_not_far_away(split):
-    rendered = read_rendered(FOLDER / split)
-    for symbol, images in rendered.with_item.items():
-        layouts = rendered.layouts_with_item[symbol]
-        changed = np.abs(images.astype(int) - rendered.images).max(-1) > VISIBLE
+def test_an_added_item_changes_the_picture_inside_its_footprint_and_not_far_away(judged):
+    for symbol, images in judged.with_item.items():
+        layouts = judged.layouts_with_item[symbol]
+        changed = np.abs(images.astype(int) - judged.images).max(-1) > VISIBLE
         inside, far = [], []
-        for scene, slot in np.argwhere(layouts.present & ~rendered.layouts.present):
+        for scene, slot in np.argwhere(layouts.present & ~judged.layouts.present):
             distance = distance_to_footprint(layouts, scene, slot)
             inside.append(changed[scene][distance < -0.002].mean())
             far.append(changed[scene][distance > 0.4].mean())
@@ -82,7 +85,6 @@ def test_an_added_item_changes_the_picture_inside_its_footprint_and_not_far_away
         assert np.mean(far) < 0.01
 
 
-@needs_data
 def test_items_differ_from_the_empty_table_more_than_the_table_does(rendered):
     changed = np.abs(rendered.images.astype(int) - rendered.empty).max(-1)
     inside, outside = [], []
@@ -94,18 +96,13 @@ def test_items_differ_from_the_empty_table_more_than_the_table_does(rendered):
     assert np.mean(np.array(inside) > 1.5 * np.array(outside)) > 0.95
 
 
-@needs_data
 @pytest.mark.parametrize(
-    ("split", "others"),
-    [
-        ("validation_held_out", ["train"]),
-        ("test_held_out", ["train", "validation_taught", "validation_held_out", "test_taught"]),
-    ],
+    ("split", "others"), [("validation_held_out", ["train"]), ("test_held_out", ["train", *JUDGED[:3]])]
 )
-def test_no_other_split_shows_the_kinds_that_one_of_kinds_held_out_holds(split, others):
+def test_no_other_split_shows_the_kinds_that_one_of_kinds_held_out_holds(folder, split, others):
     """So that no training picture shows those held out, and no earlier picture those of the sealed test."""
     for name, column in (("items.csv", "shape"), ("items.csv", "finish"), ("scenes.csv", "top")):
-        held_out, *shown = (set(pd.read_csv(FOLDER / s / name)[column]) for s in (split, *others))
+        held_out, *shown = (set(pd.read_csv(folder / s / name)[column]) for s in (split, *others))
         assert not held_out & set().union(*shown), column
 
 

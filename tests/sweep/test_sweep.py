@@ -12,6 +12,7 @@ import psutil
 import pytest
 
 from pipeline.artifacts.files import read_json, read_table
+from pipeline.audit.revision import git
 from tests.sweep.running import SMALL, clone_of_working_tree, command, environment, jobs, sweep
 
 pytestmark = pytest.mark.slow
@@ -21,7 +22,6 @@ SWEPT = [*SMALL, "evaluate.bins=5,10", "hydra.launcher.n_jobs=2"]
 @pytest.fixture(scope="module")
 def repository(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A clone of the working tree, with an empty cache."""
-    pytest.importorskip("hydra_plugins.hydra_joblib_launcher")
     return clone_of_working_tree(tmp_path_factory.mktemp("sweeps") / "repository")
 
 
@@ -46,8 +46,7 @@ def test_a_job_keeps_its_parameters_metrics_log_and_commit(folder: Path, reposit
     assert "bins: 5" in (kept / "params.yaml").read_text()
     assert "accuracy" in read_json(kept / "metrics.json")["evaluate"]
     assert "evaluate: ran" in (kept / "log.txt").read_text()
-    head = subprocess.run(["git", "rev-parse", "HEAD"], cwd=repository, capture_output=True, text=True).stdout.strip()
-    assert read_json(kept / "job.json")["commit"] == head
+    assert read_json(kept / "job.json")["commit"] == git(repository, "rev-parse", "HEAD").strip()
     assert set(read_table(kept / "results.parquet").columns) == {"headline", "seed", "value"}
     assert not (folder / "clones").exists()
 
@@ -75,9 +74,7 @@ def test_a_job_in_a_used_clone_runs_what_its_parameters_change_though_outputs_ar
     first, second = (folder / "jobs" / f"evaluate.bins={bins}" for bins in (5, 10))
     other = clone_of_working_tree(repository.parent / "locked")
     shutil.copy(first / "dvc.lock", other)
-    subprocess.run(
-        ["git", "-c", "user.name=t", "-c", "user.email=t@t", "commit", "-qam", "lock"], cwd=other, check=True
-    )
+    git(other, "-c", "user.name=t", "-c", "user.email=t@t", "commit", "-qam", "lock")
     (other / ".dvc" / "config.local").write_text(f"[cache]\n    dir = {repository / '.dvc' / 'cache'}\n")
     ended = sweep(other, "--multirun", *SWEPT[:-1], "hydra/launcher=basic", "--folder", "again")
     assert ended.returncode == 0, ended.stderr[-2000:]
