@@ -12,8 +12,7 @@ from typing import Any
 import yaml
 
 from pipeline.own.csv_files import Faults, normal, read_csv
-from pipeline.own.folder import SCENES, scene_files
-from pipeline.own.pictures import read_picture
+from pipeline.own.pictures import SCENES, read_picture, scene_files
 from pipeline.own.settings import SETTINGS, Settings, read_settings
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.writing import atomic_write

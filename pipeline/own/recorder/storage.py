@@ -13,10 +13,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray as Array
 
-from pipeline.own.csv_files import normal
-from pipeline.own.demonstrations import DEMONSTRATIONS, ENDS_WITHIN_M, MIN_SAMPLES, MIN_SCENES
-from pipeline.own.folder import ITEMS, KINDS, SQUARE_WITHIN
-from pipeline.own.pictures import read_picture
+from pipeline.own.csv_files import DEMONSTRATIONS, ITEMS, normal
+from pipeline.own.demonstrations import ENDS_WITHIN_M, MIN_SAMPLES, MIN_SCENES
+from pipeline.own.pictures import KINDS, is_square, read_picture
 from pipeline.own.recorder import files, geometry
 from pipeline.own.recorder.files import Row, Table
 from pipeline.own.settings import Settings
@@ -231,7 +230,7 @@ class Recordings:
         """Return where the table is in a scene's picture, or None if its corners are not known."""
         width, height = self._size(scene)
         corners = settings.corners_of(scene)
-        if corners is None and settings.rectified and abs(width - height) <= SQUARE_WITHIN * max(width, height):
+        if corners is None and settings.rectified and is_square(width, height):
             corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], float)
         if corners is None:
             return None

@@ -43,7 +43,7 @@ def test_the_report_reads_what_the_recorder_wrote(tmp_path: Path):
     recordings.add_item("a", "bowl", pixels([(0.4, 0.5), (0.47, 0.5)]))
     folder, faults = read_folder(recordings.folder)
     assert faults == [] and folder is not None
-    assert folder.samples.groupby(["scene", "demo"]).ngroups == 8
+    assert len(folder.demos) == 8
     assert folder.items is not None and folder.items["radius_m"].tolist() == pytest.approx([0.07], abs=1e-3)
 
 
