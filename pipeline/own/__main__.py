@@ -13,7 +13,6 @@ from pathlib import Path
 from pipeline.runtime.errors import InputError
 
 REPORT, KEPT = "report", ".models"  # folders that a run makes: the report, and models until it is done
-VERBS = ("run", "check")
 
 
 def main(arguments: list[str]) -> int:
@@ -25,22 +24,19 @@ def main(arguments: list[str]) -> int:
     if {"-h", "--help"} & set(arguments) or not arguments:
         print(__doc__)
         return 0 if arguments else 2
-    verb = arguments.pop(0) if arguments[0] in VERBS and len(arguments) > 1 else "run"
+    verb = arguments.pop(0) if arguments[0] in ("run", "check") and len(arguments) > 1 else "run"
     if len(arguments) != 1:
         print(f"error: got {' '.join(arguments)}: expected one folder; see --help", file=sys.stderr)
         return 2
-    return run(Path(arguments[0]), only_check=verb == "check")
 
-
-def run(path: Path, only_check: bool = False) -> int:
-    """Check a folder and, unless that is all, write its report; return 0, or 1 if it has faults."""
-    from pipeline.own.check import check  # torch and the models take seconds to import: the recorder needs none of it
+    from pipeline.own.folder import read_folder  # torch and the models take seconds to import: the recorder needs none
     from pipeline.own.report import write_report
     from pipeline.own.results import compute
     from pipeline.runtime.parallel import one_thread
 
     one_thread()
-    folder, demos, faults = check(path)
+    path, begin = Path(arguments[0]), time.monotonic()
+    folder, faults = read_folder(path)
     for fault in faults:
         print(f"error: {fault}", file=sys.stderr)
     if folder is None:
@@ -48,16 +44,15 @@ def run(path: Path, only_check: bool = False) -> int:
         return 1
     for note in folder.notes:
         print(f"note: {note}")
-    print(f"{path}: {len(folder.canvases)} scenes, {len(demos)} demonstrations of {', '.join(folder.users)}; no fault")
-    if only_check:
+    counts = f"{len(folder.canvases)} scenes, {len(folder.demos)} demonstrations of {', '.join(folder.users)}"
+    print(f"{path}: {counts}; no fault")
+    if verb == "check":
         return 0
-    begin = time.monotonic()
 
     def progress(step: str) -> None:
         print(f"{time.monotonic() - begin:4.0f} s  {step}", flush=True)
 
-    results = compute(folder, demos, path / KEPT, progress)
-    write_report(results, path / REPORT)
+    write_report(compute(folder, path / KEPT, progress), path / REPORT)
     shutil.rmtree(path / KEPT, ignore_errors=True)
     progress(f"wrote {path / REPORT / 'index.html'}")
     return 0

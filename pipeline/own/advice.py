@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 
+from pipeline.own.data import Scenes
 from pipeline.own.fitting import Fitted
-from pipeline.own.kinds import Scenes
 from pipeline.world.bezier import lattice
 
 SIDE = 14  # points per side of the lattice of paths

@@ -1,33 +1,41 @@
-"""Read csv files that people write: as text, row by row, with sentences that name file and row."""
+"""Read csv files that people write: row by row, with sentences that name file and row."""
 
 import csv
 import unicodedata
-from collections.abc import Callable, Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from numpy import ndarray as Array
 
 from pipeline.runtime.errors import InputError
 
+DEMONSTRATIONS, ITEMS, CUTOUTS = "demonstrations.csv", "items.csv", "kinds.csv"
+COLUMNS = {
+    DEMONSTRATIONS: ["scene", "user", "demo", "t", "x", "y", "valid"],
+    ITEMS: ["scene", "kind", "x", "y", "angle_deg", "radius_m", "half_length_m"],
+    CUTOUTS: ["kind", "file", "width_m"],
+}
+KEY = ["scene", "user", "demo"]  # of a demonstration
+NAMES = {*KEY, "kind", "file"}  # columns that hold names; the others hold numbers, and `valid` a word
 FIRST_ROW = 2  # the number of the first row below the header, as a spreadsheet counts
 
 
 class Faults(list[str]):
     """Sentences that each name a file, what came, what was expected and what to do."""
 
-    def rows(self, file: str, wrong: Array, sentence: Callable[[int], str], numbers: Array | None = None) -> bool:
-        """Add one sentence for the first wrong row and the number of rows like it; return whether there is any.
+    def rows(self, file: str, wrong: pd.DataFrame, sentence: str, **values: object) -> None:
+        """Add a sentence for the first of these wrong rows, and the number of rows like it.
 
-        wrong: bool (row,); sentence: what is wrong with row i; numbers: of the rows in the file, by default from 2.
+        wrong: numbered as in the file, as by `read_csv`; sentence: its fields are columns of `wrong`, or `values`.
         """
-        places = np.flatnonzero(wrong)
-        if len(places):
-            row = places[0] + FIRST_ROW if numbers is None else numbers[places[0]]
-            more = f" ({len(places) - 1} more like it)" if len(places) > 1 else ""
-            self.append(f"{file}, row {row}: {sentence(int(places[0]))}{more}")
-        return bool(len(places))
+        if len(wrong):
+            more = f" ({len(wrong) - 1} more like it)" if len(wrong) > 1 else ""
+            self.append(f"{file}, row {wrong.index[0]}: {sentence.format(**wrong.iloc[0], **values)}{more}")
+
+    def cells(self, file: str, wrong: pd.Series, expected: str) -> None:
+        """Add a sentence for the first of these wrong cells of a column."""
+        self.rows(file, wrong.to_frame("cell"), "{column} is {cell!r}: expected " + expected, column=wrong.name)
 
 
 def normal(name: str) -> str:
@@ -36,7 +44,10 @@ def normal(name: str) -> str:
 
 
 def read_csv(path: Path, columns: Sequence[str]) -> pd.DataFrame:
-    """Return a csv as text, row by row, names normalised; InputError unless it is UTF-8 with these columns."""
+    """Return a csv as text, names normalised, rows numbered as in the file.
+
+    Raise InputError unless it is UTF-8 with these columns.
+    """
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = list(csv.reader(file, strict=True))
@@ -46,58 +57,47 @@ def read_csv(path: Path, columns: Sequence[str]) -> pd.DataFrame:
         raise InputError(f"{path.name} cannot be read as csv ({error}): save it anew") from error
     if not rows or not any(rows[0]):
         raise InputError(f"{path.name} is empty: expected a header line with {', '.join(columns)}")
-    numbered = {number: row for number, row in enumerate(rows[1:]) if any(row)}  # blank rows keep their numbers
+    numbered = {number: row for number, row in enumerate(rows[1:], FIRST_ROW) if any(row)}
     for number, row in numbered.items():
         if len(row) != len(rows[0]):
             raise InputError(
-                f"{path.name}, row {number + FIRST_ROW}: has {len(row)} cells, the header {len(rows[0])}: correct it; "
+                f"{path.name}, row {number}: has {len(row)} cells, the header {len(rows[0])}: correct it; "
                 "texts with commas need quotes"
             )
     header = [normal(column).lower() for column in rows[0]]
-    table = pd.DataFrame(list(numbered.values()), index=list(numbered), columns=header, dtype=str)
-    missing = [column for column in columns if column not in header]
-    if missing:
+    if missing := [column for column in columns if column not in header]:
         semicolons = "; separate columns by commas" if any(";" in column for column in header) else ""
         raise InputError(
             f"{path.name} has the columns {', '.join(header)}: expected also {', '.join(missing)}{semicolons}"
         )
     if twice := [column for column in header if header.count(column) > 1]:
         raise InputError(f"{path.name} has two columns {twice[0]!r}: remove one")
-    return table.map(normal)
+    return pd.DataFrame(list(numbered.values()), index=list(numbered), columns=header, dtype=str).map(normal)
 
 
-def numbers(table: pd.DataFrame, columns: Sequence[str], file: str, faults: Faults) -> pd.DataFrame:
-    """Return these columns as numbers; rows that hold none are NaN and named in `faults`."""
-    made = table[list(columns)].apply(pd.to_numeric, errors="coerce").astype(float)
-    made = made.where(np.isfinite(made))
+def read_checked(path: Path, scenes: Collection[str], faults: Faults) -> pd.DataFrame | None:
+    """Return the COLUMNS of a file of this name, numbers as such, or None if it cannot be read.
+
+    Add a fault for names that cannot be printed, scenes other than `scenes`, and cells that hold no number: they become
+    NaN.
+    """
+    file, columns = path.name, COLUMNS[path.name]
+    try:
+        table = read_csv(path, columns)[columns]
+    except InputError as error:
+        faults.append(str(error))
+        return None
     for column in columns:
-        values = table[column].tolist()
-        faults.rows(
-            file,
-            made[column].isna().to_numpy(),
-            lambda i, column=column, values=values: (
-                f"{column} is {values[i]!r}: expected a number with a decimal point"
-            ),
-            row_numbers(table),
-        )
-    return made
-
-
-def check_names(table: pd.DataFrame, columns: Sequence[str], file: str, faults: Faults) -> None:
-    """Add a fault for names that are empty or hold characters that cannot be printed."""
+        if column in NAMES:
+            printable = table[column].map(lambda name: bool(name) and name.isprintable()).astype(bool)
+            faults.cells(file, table.loc[~printable, column], "a name of letters, digits and signs")
+    if "scene" in columns:
+        unknown = table[~table["scene"].isin(list(scenes))]
+        faults.rows(file, unknown, "scene {scene!r} has no picture in scenes/: add it, or correct the name")
     for column in columns:
-        values = table[column].tolist()
-        wrong = np.array([not value or not value.isprintable() for value in values], bool)
-        faults.rows(
-            file,
-            wrong,
-            lambda i, column=column, values=values: (
-                f"{column} is {values[i]!r}: expected a name of letters, digits and signs"
-            ),
-            row_numbers(table),
-        )
-
-
-def row_numbers(table: pd.DataFrame) -> Array:
-    """Return the number of each row in its file."""
-    return table.index.to_numpy() + FIRST_ROW
+        if column not in NAMES and column != "valid":
+            numbers = pd.to_numeric(table[column], errors="coerce").astype(float)
+            numbers = numbers.where(np.isfinite(numbers))
+            faults.cells(file, table.loc[numbers.isna(), column], "a number with a decimal point")
+            table[column] = numbers
+    return table

@@ -1,14 +1,37 @@
-"""One user's demonstrations as the library takes them."""
+"""Scenes, and one user's demonstrations, as the library takes them."""
 
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
 
+from pipeline.models.base import to_tensor
 from pipeline.own.folder import Folder
-from pipeline.own.frame import without_pattern
+from pipeline.own.frame import outline
+from pipeline.perception.objects import Objects, detect_objects
+
+
+@dataclass(frozen=True)
+class Scenes:
+    """All pictures as the models see them, with the detected objects."""
+
+    names: list[str]
+    images: UInt8[Array, "scene 100 100 3"]
+    objects: Objects
+
+    @classmethod
+    def of(cls, folder: Folder) -> "Scenes":
+        """Return the scenes of a folder."""
+        images = np.stack([folder.image(canvas) for canvas in folder.canvases.values()])
+        return cls(list(folder.canvases), images, detect_objects(to_tensor(images)))
+
+    def outlines(self, scene: int) -> list[Float[Array, "point 2"]]:
+        """Return the outlines [m] of the objects that were detected in a scene."""
+        present = self.objects.present[scene]
+        capsules = zip(self.objects.ends[scene, present], self.objects.radius[scene, present], strict=True)
+        return [outline(ends, radius) for ends, radius in capsules]
 
 
 @dataclass(frozen=True)
@@ -24,31 +47,21 @@ class UserData:
     z_theta: Float[Array, "scene n 2"]  # [m of the model]
     valid: Bool[Array, "scene n"]
     real: Bool[Array, "scene n"]
-    row: Int[Array, "scene n"]  # of the table of demonstrations
+    demo: Array  # names (scene, n)
 
-
-def model_images(folder: Folder) -> dict[str, UInt8[Array, "100 100 3"]]:
-    """Return the image of each scene that the models see."""
-    images = {scene: folder.frame.image(canvas) for scene, canvas in folder.canvases.items()}
-    return dict(zip(images, plain(folder, np.stack(list(images.values()))), strict=True))
-
-
-def plain(folder: Folder, images: UInt8[Array, "scene 100 100 3"]) -> UInt8[Array, "scene 100 100 3"]:
-    """Return images without the table's pattern, where there is a picture of the empty table."""
-    return images if folder.empty is None else without_pattern(images, folder.frame.image(folder.empty))
-
-
-def user_data(user: str, demos: pd.DataFrame, images: dict[str, Array]) -> UserData:
-    """Return one user's demonstrations as arrays, scenes in the order of their names."""
-    rows = {scene: part.index.to_numpy() for scene, part in demos[demos["user"] == user].groupby("scene", sort=True)}
-    n = max(map(len, rows.values()))
-    index = np.stack([np.resize(part, n) for part in rows.values()])
-    return UserData(
-        user,
-        list(rows),
-        np.stack([images[scene] for scene in rows]),
-        demos[["z_x", "z_y"]].to_numpy()[index],
-        demos["valid"].to_numpy(bool)[index],
-        np.arange(n) < np.array([len(part) for part in rows.values()])[:, None],
-        index,
-    )
+    @classmethod
+    def of(cls, user: str, demos: pd.DataFrame, scenes: Scenes) -> "UserData":
+        """Return one user's demonstrations, scenes in the order of their names."""
+        demos = demos[demos["user"] == user].reset_index(drop=True)
+        rows = {str(scene): part.index for scene, part in demos.groupby("scene")}
+        counts = np.array([len(part) for part in rows.values()])
+        index = np.stack([np.resize(part, counts.max()) for part in rows.values()])
+        return cls(
+            user,
+            list(rows),
+            scenes.images[[scenes.names.index(scene) for scene in rows]],
+            demos[["z_x", "z_y"]].to_numpy()[index],
+            demos["valid"].to_numpy(bool)[index],
+            np.arange(counts.max()) < counts[:, None],
+            demos["demo"].to_numpy(object)[index],
+        )

@@ -4,96 +4,99 @@ Names that people chose stand in captions, which every browser can write. In a f
 the letters.
 """
 
-import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
 from matplotlib.patches import Polygon
 from numpy import ndarray as Array
 
 from pipeline.own.fitting import VARIANT
+from pipeline.own.frame import outline
 from pipeline.own.results import Results
 from pipeline.report import style
-from pipeline.report.drawing import draw_path, draw_table, panels
+from pipeline.report.drawing import draw_band, draw_path, draw_table, panels
 from pipeline.world.layout import SIDE
 
-SHEET = 6, 2  # columns and rows of the contact sheet
+FIRST_SCENES, SHEET_COLUMNS = 12, 6  # of the contact sheet
 DRAWN_REPAIRS = 4  # for each user
 PHOTOGRAPH_PX = 240  # side of a photograph on which paths are drawn
-CIRCLE = np.linspace(0, 2 * np.pi, 48)
 
 
 def title(results: Results, user: str) -> str:
     """Return a user's name for a figure, or its number where the font lacks a letter."""
-    with matplotlib.rc_context(style.RC):
-        font = get_font(findfont("DejaVu Sans"))
+    font = get_font(findfont("DejaVu Sans"))
     known = all(font.get_char_index(ord(letter)) for letter in user)
-    return user.replace("\\", "\\\\").replace("$", r"\$") if known else f"user {results.users.index(user) + 1}"
+    return user.replace("\\", "\\\\").replace("$", r"\$") if known else f"user {list(results.fitted).index(user) + 1}"
+
+
+def _panels_by_user(results: Results, height: float) -> tuple[Figure, dict[str, Axes]]:
+    """Return a figure with a panel for each user, under the user's name."""
+    count = len(results.fitted)
+    figure, axes = panels(1, count, 3.6 * count + 0.4, height, sharey=True)
+    by_user = dict(zip(results.fitted, axes[0], strict=True))
+    for user, panel in by_user.items():
+        panel.set_title(title(results, user))
+    return figure, by_user
+
+
+def _draw_outline(panel: Axes, points: Array) -> None:
+    panel.add_patch(Polygon(points, fill=False, edgecolor="white", linewidth=1.2))
 
 
 def sheet(results: Results) -> Figure:
     """Draw the first scenes as the models see them, with the outlines of the detected objects."""
-    columns, rows = SHEET
-    shown = min(columns * rows, len(results.scenes.names))
-    columns = min(columns, shown)
-    figure, axes = panels(-(-shown // columns), columns, 2.1 * columns, 2.35 * -(-shown // columns))
+    shown = min(FIRST_SCENES, len(results.scenes.names))
+    columns, rows = min(SHEET_COLUMNS, shown), -(-shown // SHEET_COLUMNS)
+    figure, axes = panels(rows, columns, 2.1 * columns, 2.35 * rows)
     for number, panel in enumerate(axes.flat):
         if number >= shown:
             panel.set_axis_off()
             continue
         draw_table(panel, results.scenes.images[number])
         panel.set_title(str(number + 1))
-        objects = results.scenes.objects
-        for ends, radius in zip(objects.ends[number], objects.radius[number], strict=True):
-            if radius > 0:
-                panel.add_patch(Polygon(outline(ends, radius), fill=False, edgecolor="white", linewidth=1.2))
+        for points in results.scenes.outlines(number):
+            _draw_outline(panel, points)
     return figure
-
-
-def outline(ends: Array, radius: float | np.floating) -> Array:
-    """Return the outline (point, 2) of a capsule [m]."""
-    along = ends[1] - ends[0]
-    round_ = radius * np.stack([np.cos(CIRCLE), np.sin(CIRCLE)], -1)
-    return np.where((round_ @ along > 0)[:, None], ends[1], ends[0]) + round_
 
 
 def reliability(results: Results) -> Figure:
     """Draw the share of valid demonstrations against P(valid), a panel for each user; areas show the numbers."""
-    figure, axes = panels(1, len(results.users), 3.6 * len(results.users) + 0.4, 3.7, sharey=True)
-    for panel, user in zip(axes[0], results.users, strict=True):
-        rows = results.calibration.query("user == @user and predictor == @VARIANT and count > 0")
+    figure, axes = _panels_by_user(results, 3.7)
+    bins = results.tables["reliability"].query("predictor == @VARIANT and count > 0")
+    for user, panel in axes.items():
+        rows = bins[bins["user"] == user]
         panel.plot([0, 1], [0, 1], color=style.MUTED, linestyle="--", linewidth=1)
         panel.scatter(
             rows["confidence"], rows["frequency"], s=6 * rows["count"], color=style.colour(VARIANT), edgecolor=style.INK
         )
         for row in rows.itertuples():
             panel.annotate(str(row.count), (row.confidence, row.frequency), (9, -11), textcoords="offset points")
-        panel.set(title=title(results, user), xlim=(-0.06, 1.1), ylim=(-0.08, 1.1), xlabel="P(valid) of the model")
+        panel.set(xlim=(-0.06, 1.1), ylim=(-0.08, 1.1), xlabel="P(valid) of the model")
         panel.grid()
-    axes[0, 0].set_ylabel("share valid by the user’s word")
+    next(iter(axes.values())).set_ylabel("share valid by the user’s word")
     return figure
 
 
 def learning(results: Results) -> Figure:
     """Draw accuracy against the number of scenes that models were fitted to, a panel for each user."""
-    figure, axes = panels(1, len(results.users), 3.6 * len(results.users) + 0.4, 3.4, sharey=True)
-    for panel, user in zip(axes[0], results.users, strict=True):
-        rows = results.scores.query("user == @user and predictor == @VARIANT").sort_values("share")
-        training = len(results.fitted[user].data.scenes) * (1 - 1 / len(results.fitted[user].fold_models))
-        x, colour = rows["share"] * training, style.colour(VARIANT)
-        panel.fill_between(x, 100 * rows["ci_low"], 100 * rows["ci_high"], color=colour, alpha=0.15)
-        panel.plot(x, 100 * rows["accuracy"], marker="o", color=colour, linewidth=2)
-        blind = results.scores.query("user == @user and predictor == 'position_only'")["accuracy"].iloc[0]
+    figure, axes = _panels_by_user(results, 3.4)
+    for user, fitted in results.fitted.items():
+        panel, scores = axes[user], results.tables["scores"].query("user == @user")
+        rows = scores.query("predictor == @VARIANT")
+        x = rows["share"] * len(fitted.data.scenes) * (1 - 1 / len(fitted.fold_models))
+        draw_band(panel, x, 100 * rows["accuracy"], 100 * rows["ci_low"], 100 * rows["ci_high"], VARIANT, marker="o")
+        blind = scores.query("predictor == 'position_only'")["accuracy"].iloc[0]
         panel.axhline(100 * blind, color=style.MUTED, linestyle="--", linewidth=1)
-        panel.set(title=title(results, user), xlabel="scenes fitted to", xlim=(0, None))
+        panel.set(xlabel="scenes fitted to", xlim=(0, None))
         panel.grid(axis="y")
-    axes[0, 0].set(ylabel="accuracy, per cent", ylim=(None, 101))
+    next(iter(axes.values())).set(ylabel="accuracy, per cent", ylim=(None, 101))
     return figure
 
 
 def repairs(results: Results) -> Figure:
     """Draw the first repairs of each user: the demonstration's path and the nearest path that the model accepts."""
-    first = results.repairs.dropna().groupby(["user", "scene"]).head(1)  # of each scene
+    first = results.tables["repaired"].dropna().groupby(["user", "scene"]).head(1)  # of each scene
     drawn = {user: first[first["user"] == user].head(DRAWN_REPAIRS) for user in first["user"].unique()}
     width = max(map(len, drawn.values()))
     figure, axes = panels(len(drawn), width, 2.7 * width, 2.95 * len(drawn))
@@ -113,12 +116,6 @@ def additions(results: Results) -> Figure:
     figure, axes = panels(1, len(results.added), 2.4 * len(results.added), 2.6)
     for number, (panel, places) in enumerate(zip(axes[0], results.added.values(), strict=True)):
         draw_table(panel, places.images_with[0])
-        panel.add_patch(
-            Polygon(
-                outline(places.footprint.ends[0, 0], places.footprint.radius[0, 0] + 2 / SIDE),
-                fill=False,
-                edgecolor="white",
-            )
-        )
+        _draw_outline(panel, outline(places.footprint.ends[0, 0], places.footprint.radius[0, 0] + 2 / SIDE))
         panel.set_title(str(number + 1))
     return figure

@@ -39,7 +39,7 @@ class Fitted:
     model: ValidityModel  # of all scenes
     fold: Int[Array, " scene"]
     fold_models: list[ValidityModel]  # each fitted without one fold
-    judged: pd.DataFrame  # predictor, share, scene, row (of the demonstrations), valid, p: on scenes not fitted to
+    judged: pd.DataFrame  # user, predictor, share, scene, demo, valid, p: on scenes not fitted to
 
     def unseeing(self, scene: int) -> ValidityModel:
         """Return the model that was not fitted to a scene."""
@@ -47,30 +47,32 @@ class Fitted:
 
 
 def fit_user(data: UserData, kept: Path, progress: Callable[[str], object]) -> Fitted:
-    """Fit one user's models; `kept` is the folder of models fitted before."""
-    fold = folds(data)
-    parts, models = [], []
+    """Fit one user's models and image-blind baselines; `kept` is the folder of models fitted before."""
+    fold = stream("own", data.user, "folds").permutation(np.arange(len(data.scenes)) % min(FOLDS, len(data.scenes)))
+    shares = [(VARIANT, share) for share in (*SHARES, 1.0)]
+    p = {key: np.empty(data.valid.shape) for key in (*shares, ("nearest_demonstration", 1.0), ("position_only", 1.0))}
+    models = []
     for k in range(fold.max() + 1):
         progress(f"{data.user}: scenes of fold {k + 1} left out")
         test, training = np.flatnonzero(fold == k), np.flatnonzero(fold != k)
         order = stream("own", data.user, "share", k).permutation(training)
-        for share in (*SHARES, 1.0):
-            scenes = np.sort(order[: max(2, round(share * len(order)))])
-            model = fit_on(data, scenes, kept)
-            p = model.probability(data.images[test], data.z_theta[test])
-            parts.append(judged(data, test, p, VARIANT, share))
+        for variant, share in shares:
+            model = fit_on(data, np.sort(order[: max(2, round(share * len(order)))]), kept)
+            p[variant, share][test] = model.probability(data.images[test], data.z_theta[test])
         models.append(model)
-        for name, p in blind(data, training, test).items():
-            parts.append(judged(data, test, p, name, 1.0))
+        real, queries = data.real[training], data.z_theta[test]
+        z, valid = data.z_theta[training][real], data.valid[training][real]
+        each_z, each_valid = (np.broadcast_to(labelled, (len(test), *labelled.shape)) for labelled in (z, valid))
+        p["nearest_demonstration", 1.0][test] = nearest_demonstration(each_z, each_valid, queries)
+        p["position_only", 1.0][test] = position_only(position_prior(z, valid), queries)
     progress(f"{data.user}: all scenes")
-    whole = fit_on(data, np.arange(len(data.scenes)), kept)
-    return Fitted(data, whole, fold, models, pd.concat(parts, ignore_index=True))
-
-
-def folds(data: UserData) -> Int[Array, " scene"]:
-    """Return the fold of each scene: FOLDS groups at random, of nearly the same size."""
-    scenes = len(data.scenes)
-    return stream("own", data.user, "folds").permutation(np.arange(scenes) % min(FOLDS, scenes))
+    whole, real = fit_on(data, np.arange(len(data.scenes)), kept), data.real
+    labels = {"scene": np.repeat(data.scenes, real.sum(1)), "demo": data.demo[real], "valid": data.valid[real]}
+    judged = [
+        pd.DataFrame({"user": data.user, "predictor": predictor, "share": share, **labels, "p": values[real]})
+        for (predictor, share), values in p.items()
+    ]
+    return Fitted(data, whole, fold, models, pd.concat(judged, ignore_index=True))
 
 
 def fit_on(data: UserData, scenes: Int[Array, " scene"], kept: Path) -> ValidityModel:
@@ -89,37 +91,8 @@ def fit_on(data: UserData, scenes: Int[Array, " scene"], kept: Path) -> Validity
         return model
 
 
-def blind(data: UserData, training: Array, test: Array) -> dict[str, Float[Array, "scene n"]]:
-    """Return P(valid) of the test scenes' paths by the image-blind baselines, from the training scenes' labels."""
-    real = data.real[training]
-    z, valid = data.z_theta[training][real], data.valid[training][real]
-    queries = data.z_theta[test]
-    all_z, all_valid = (np.broadcast_to(a, (len(test), *a.shape)) for a in (z, valid))
-    return {
-        "nearest_demonstration": nearest_demonstration(all_z, all_valid, queries),
-        "position_only": position_only(position_prior(z, valid), queries),
-    }
-
-
 def position_prior(z: Float[Array, "demo 2"], valid: Array) -> Float[Array, "side side"]:
     """Return the share of valid demonstrations around each z_theta as [y, x], smoothed by a Gaussian kernel."""
     square = ((lattice(PRIOR_SIDE)[:, None] - z) ** 2).sum(-1)
     weight = np.exp(-square / (2 * PRIOR_WIDTH_M**2)) + 1e-12
     return (weight @ valid / weight.sum(1)).reshape(PRIOR_SIDE, PRIOR_SIDE)
-
-
-def judged(data: UserData, test: Array, p: Array, predictor: str, share: float) -> pd.DataFrame:
-    """Return one row for each real demonstration of the test scenes."""
-    real = data.real[test]
-    scene = np.broadcast_to(np.array(data.scenes)[test][:, None], real.shape)
-    return pd.DataFrame(
-        {
-            "user": data.user,
-            "predictor": predictor,
-            "share": share,
-            "scene": scene[real],
-            "row": data.row[test][real],
-            "valid": data.valid[test][real],
-            "p": p[real].astype(float),
-        }
-    )

@@ -19,6 +19,7 @@ CANVAS_PX = 4 * SIDE  # side of a rectified table: fine enough to place cut-outs
 MAX_FINER = 4  # a photograph is warped at up to this many times CANVAS_PX, then averaged, so that nothing aliases
 SMOOTH_PX = 101  # the median that removes objects from the rim which continues the table beyond its edge
 RIM_PX = CANVAS_PX // 100  # the canvas' outermost hundredth repeats its neighbour: nobody marks corners to the pixel
+CIRCLE = np.linspace(0, 2 * np.pi, 48)  # bearings of an outline's points
 MIN_EMPTY = 8  # smallest grey level of the empty table that divides
 
 
@@ -112,9 +113,15 @@ def rectify(picture: UInt8[Array, "row column 3"], corners: Float[Array, "4 2"] 
     return cv2.copyMakeBorder(inner, RIM_PX, RIM_PX, RIM_PX, RIM_PX, cv2.BORDER_REPLICATE)
 
 
+def outline(ends: Float[Array, "2 2"], radius: float | np.floating) -> Float[Array, "point 2"]:
+    """Return the outline of a capsule: all points within `radius` of a segment."""
+    circle = radius * np.stack([np.cos(CIRCLE), np.sin(CIRCLE)], -1)
+    return np.where((circle @ (ends[1] - ends[0]) > 0)[:, None], ends[1], ends[0]) + circle
+
+
 def without_pattern(
-    images: UInt8[Array, "scene 100 100 3"], empty: UInt8[Array, "100 100 3"]
-) -> UInt8[Array, "scene 100 100 3"]:
+    images: UInt8[Array, "*scene 100 100 3"], empty: UInt8[Array, "100 100 3"]
+) -> UInt8[Array, "*scene 100 100 3"]:
     """Return images divided by that of the empty table, times its mean colour: the table becomes plain."""
     gain = empty.reshape(-1, 3).mean(0) / np.maximum(empty.astype(float), MIN_EMPTY)
     return np.clip(np.rint(images * gain), 0, 255).astype(np.uint8)

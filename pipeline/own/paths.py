@@ -4,6 +4,7 @@ The models take paths of degree 2. A demonstration needs more if cross-validatio
 and a parabola misses the hand by more than a pixel of the model's image.
 """
 
+from itertools import pairwise
 from math import comb
 
 import numpy as np
@@ -12,9 +13,8 @@ from jaxtyping import Float
 from numpy import ndarray as Array
 
 from pipeline.models.base import Z_RANGE_M
-from pipeline.own.csv_files import Faults
-from pipeline.own.demonstrations import DEMONSTRATIONS, KEY
-from pipeline.own.folder import Folder
+from pipeline.own.csv_files import DEMONSTRATIONS, KEY, Faults
+from pipeline.own.frame import Frame
 from pipeline.world.bezier import P_F, P_INIT
 from pipeline.world.bezier_fit import fit
 from pipeline.world.layout import SIDE
@@ -28,35 +28,29 @@ DAMPING = 1e-4  # added to the normal equations' diagonal: what the points leave
 POOR_ABOVE_M = 1 / SIDE  # a pixel of the model's image [m]
 
 
-def fit_demonstrations(folder: Folder, faults: Faults) -> pd.DataFrame:
-    """Return one row for each demonstration, sorted by scene, user and demo.
+def fit_demonstrations(samples: pd.DataFrame, frame: Frame, faults: Faults) -> pd.DataFrame:
+    """Return one row for each demonstration of `demonstrations.read_samples`, sorted by scene, user and demo.
 
     Columns: scene, user, demo, valid, z_x, z_y (control point in the model's metres), residual_m (root mean square
     distance from the path, metres on the table), degree (picked by cross-validation), needs_more, and held_out_2 to
     held_out_5 (residuals [m] on held-out stretches, by degree). Adds a fault for paths out of the models' range.
     """
-    samples = folder.samples
-    start = np.flatnonzero((samples[KEY] != samples[KEY].shift()).any(axis=1).to_numpy())
-    offsets = np.append(start, len(samples))
-    points = folder.frame.to_model(samples[["x", "y"]].to_numpy())
+    offsets = np.append(np.flatnonzero(~samples.duplicated(KEY)), len(samples))
+    points = frame.to_model(samples[["x", "y"]].to_numpy())
     fits = fit(points, offsets, poor_above_m=POOR_ABOVE_M)
-    scale = folder.frame.scale
-    demos = samples.loc[start, [*KEY, "valid", "row"]].reset_index(drop=True)
-    demos[["z_x", "z_y"]] = fits.z_theta
-    demos["residual_m"] = fits.residual_m / scale
-    far = (np.abs(fits.z_theta - np.mean(Z_RANGE_M)) > np.ptp(Z_RANGE_M) / 2).any(axis=1)
-    names = [", ".join(key) for key in demos[KEY].itertuples(index=False)]
+    demos = samples.iloc[offsets[:-1]]
+    far = demos[(np.abs(fits.z_theta - np.mean(Z_RANGE_M)) > np.ptp(Z_RANGE_M) / 2).any(axis=1)]
     faults.rows(
-        DEMONSTRATIONS,
-        np.asarray(far),
-        lambda i: f"demonstration ({names[i]}) swings out farther than the models' paths can: leave it out",
-        demos["row"].to_numpy(),
+        DEMONSTRATIONS, far, "demonstration ({name}) swings out farther than the models' paths can: leave it out"
     )
-    errors = held_out_errors(np.stack([spread(points[a:b]) for a, b in zip(start, offsets[1:], strict=True)]))
+    demos = demos[[*KEY, "valid"]].reset_index(drop=True)
+    demos[["z_x", "z_y"]] = fits.z_theta
+    demos["residual_m"] = fits.residual_m / frame.scale
+    errors = held_out_errors(np.stack([spread(points[a:b]) for a, b in pairwise(offsets)]))
     demos["degree"] = picked_degrees(errors)
     demos["needs_more"] = (demos["degree"] > DEGREES[0]) & fits.poor
     for degree, error in zip(DEGREES, errors, strict=True):
-        demos[f"held_out_{degree}"] = np.sqrt(error.mean(0)) / scale
+        demos[f"held_out_{degree}"] = np.sqrt(error.mean(0)) / frame.scale
     return demos
 
 
@@ -78,49 +72,46 @@ def _error(points: Array, held_out: Array, degree: int) -> Float[Array, " demo"]
 
     Each round linearises the distances at the nearest points (tangent distance minimisation; Blake and Isard, 1998).
     """
-    kept = points[:, ~held_out]
+    kept, tested = points[:, ~held_out], points[:, held_out]
+    polygon = np.zeros((len(points), degree + 1, 2))  # control points
+    polygon[:, 0], polygon[:, -1] = P_INIT, P_F
     u = np.broadcast_to(np.linspace(0.0, 1.0, POINTS)[~held_out], kept.shape[:2])
     inner = _basis(u, degree)[..., 1:-1]
-    rest = kept - _at(u, np.zeros((len(points), degree - 1, 2)))
-    control = np.linalg.solve(inner.mT @ inner + DAMPING * np.eye(degree - 1), inner.mT @ rest)
+    rest = kept - _at(u, polygon)
+    polygon[:, 1:-1] = np.linalg.solve(inner.mT @ inner + DAMPING * np.eye(degree - 1), inner.mT @ rest)
     for _ in range(ROUNDS):
-        u = _nearest(kept, control)
-        along = _speed(u, control)
+        u = _nearest(kept, polygon)
+        along = _speed(u, polygon)
         normal = np.stack([-along[..., 1], along[..., 0]], -1) / np.linalg.norm(along, axis=-1, keepdims=True)
         inner = _basis(u, degree)[..., 1:-1]
         rows = (inner[..., None] * normal[:, :, None]).reshape(*inner.shape[:2], -1)  # (demo, point, coordinate)
-        apart = ((kept - _at(u, control)) * normal).sum(-1, keepdims=True)
+        apart = ((kept - _at(u, polygon)) * normal).sum(-1, keepdims=True)
         matrix = rows.mT @ rows + DAMPING * np.eye(rows.shape[-1])
-        control = control + np.linalg.solve(matrix, rows.mT @ apart).reshape(control.shape)
-    tested = points[:, held_out]
-    return ((tested - _at(_nearest(tested, control), control)) ** 2).sum(-1).mean(-1)
+        polygon[:, 1:-1] += np.linalg.solve(matrix, rows.mT @ apart).reshape(-1, degree - 1, 2)
+    return ((tested - _at(_nearest(tested, polygon), polygon)) ** 2).sum(-1).mean(-1)
 
 
-def _nearest(points: Float[Array, "demo point 2"], control: Float[Array, "demo inner 2"]) -> Float[Array, "demo point"]:
+def _nearest(points: Float[Array, "demo point 2"], polygon: Float[Array, "demo k 2"]) -> Float[Array, "demo point"]:
     """Return the parameter of each point's nearest place on its curve: the best of a grid, then Newton's steps."""
     grid = np.broadcast_to(np.linspace(0.0, 1.0, CURVE_POINTS), (len(points), CURVE_POINTS))
-    curves = _at(grid, control)
+    curves = _at(grid, polygon)
     u = grid[0][((points[:, :, None] - curves[:, None]) ** 2).sum(-1).argmin(-1)]
     for _ in range(2):
-        along = _speed(u, control)
-        step = ((points - _at(u, control)) * along).sum(-1) / np.maximum((along**2).sum(-1), 1e-12)
+        along = _speed(u, polygon)
+        step = ((points - _at(u, polygon)) * along).sum(-1) / np.maximum((along**2).sum(-1), 1e-12)
         u = np.clip(u + np.clip(step, -1 / CURVE_POINTS, 1 / CURVE_POINTS), 0.0, 1.0)
     return u
 
 
-def _at(u: Float[Array, "demo point"], control: Float[Array, "demo inner 2"]) -> Float[Array, "demo point 2"]:
-    """Return points [m] on curves from P_INIT to P_F with these inner control points."""
-    basis = _basis(u, control.shape[1] + 1)
-    return basis[..., :1] * P_INIT + basis[..., 1:-1] @ control + basis[..., -1:] * P_F
+def _at(u: Float[Array, "demo point"], polygon: Float[Array, "demo k 2"]) -> Float[Array, "demo point 2"]:
+    """Return points [m] on curves with these control points."""
+    return _basis(u, polygon.shape[1] - 1) @ polygon
 
 
-def _speed(u: Float[Array, "demo point"], control: Float[Array, "demo inner 2"]) -> Float[Array, "demo point 2"]:
+def _speed(u: Float[Array, "demo point"], polygon: Float[Array, "demo k 2"]) -> Float[Array, "demo point 2"]:
     """Return the curves' derivatives by the parameter."""
-    ends = (np.broadcast_to(end, (len(control), 1, 2)) for end in (P_INIT, P_F))
-    start, goal = ends
-    every = np.concatenate([start, control, goal], axis=1)
-    degree = every.shape[1] - 1
-    return _basis(u, degree - 1) @ (degree * np.diff(every, axis=1)) + 1e-9
+    degree = polygon.shape[1] - 1
+    return _basis(u, degree - 1) @ (degree * np.diff(polygon, axis=1)) + 1e-9
 
 
 def _basis(u: Float[Array, "*u"], degree: int) -> Float[Array, "*u control_point"]:

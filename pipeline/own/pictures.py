@@ -7,19 +7,48 @@ import numpy as np
 from jaxtyping import UInt8
 from numpy import ndarray as Array
 
+from pipeline.own.csv_files import Faults, normal
 from pipeline.runtime.errors import InputError
 from pipeline.world.images import JPEG_SIGNATURE, PNG_SIGNATURE, image_size
 
+SCENES, KINDS = "scenes", "kinds"  # folders with the pictures of tables, and with a folder of cut-outs for each kind
 ENDINGS = (".jpg", ".jpeg", ".png")
 MAX_PIXELS = 50_000_000  # 150 MB decoded; phones take 12 to 48 million
+SQUARE_WITHIN = 0.02  # a picture of just the table is square within this share
 END_OF_JPEG, END_OF_PNG = b"\xff\xd9", b"IEND"
 SCAN = 0xDA  # the JPEG segment after which the pixels follow
+
+
+def scene_files(path: Path, faults: Faults) -> dict[str, Path]:
+    """Return the picture of each scene in a folder by name, in the order of the names."""
+    if not (path / SCENES).is_dir():
+        faults.append(f"{SCENES}/ is missing: expected a folder with a picture of each scene")
+        return {}
+    scenes: dict[str, Path] = {}
+    for file in sorted(path.joinpath(SCENES).iterdir()):
+        if file.suffix.lower() not in ENDINGS or file.name.startswith("."):
+            continue
+        name = normal(file.stem)
+        if not name.isprintable():
+            faults.append(f"{SCENES}/{file.name!r} has characters that cannot be printed: rename it")
+        elif name in scenes:
+            faults.append(f"{SCENES}/{file.name} and {scenes[name].name} are one scene {name!r}: rename one of them")
+        else:
+            scenes[name] = file
+    if not scenes:
+        faults.append(f"{SCENES}/ holds no picture: expected files that end in {', '.join(ENDINGS)}")
+    return scenes
+
+
+def is_square(width: int, height: int) -> bool:
+    """Return whether a picture may show just the table."""
+    return abs(width - height) <= SQUARE_WITHIN * max(width, height)
 
 
 def read_picture(path: Path) -> UInt8[Array, "row column 3"]:
     """Return a photograph as RGB, turned upright as its EXIF data says.
 
-    Raises InputError if it is missing, neither PNG nor JPEG, above MAX_PIXELS, or truncated.
+    Raise InputError if it is missing, neither PNG nor JPEG, above MAX_PIXELS, or truncated.
     """
     return cv2.cvtColor(_decoded(path, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
 
@@ -27,7 +56,7 @@ def read_picture(path: Path) -> UInt8[Array, "row column 3"]:
 def read_cutout(path: Path) -> UInt8[Array, "row column 4"]:
     """Return a cut-out as RGBA with straight alpha.
 
-    Raises InputError as `read_picture`, and if nothing or everything in it is transparent.
+    Raise InputError as `read_picture`, and if nothing or everything in it is transparent.
     """
     pixels = _decoded(path, cv2.IMREAD_UNCHANGED)
     if pixels.ndim != 3 or pixels.shape[2] != 4 or pixels.dtype != np.uint8:

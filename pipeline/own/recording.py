@@ -13,9 +13,9 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from pipeline.own.figures import outline
 from pipeline.own.fitting import Fitted
 from pipeline.own.results import Results
+from pipeline.viewer.blueprint import BACKDROP, beside_text
 from pipeline.viewer.geometry import PITCH, TABLE_PIXELS, on_table
 from pipeline.viewer.scene import (
     INVALID,
@@ -44,18 +44,21 @@ light 1, by the model that was not fitted to this scene; the square is the table
 
 def write_recording(path: Path, results: Results) -> None:
     """Write the recording with its blueprint."""
-    entities = {user: f"user_{number + 1}" for number, user in enumerate(results.users)}
-    tabs = [
-        rrb.Horizontal(
-            _board(entity), rrb.TextDocumentView(origin="about", name="What you see"), column_shares=[3, 1], name=user
+    entities = {user: f"user_{number}" for number, user in enumerate(results.fitted, 1)}
+    bounds = rrb.VisualBounds2D(
+        x_range=(-AROUND, PITCH + TABLE_PIXELS + AROUND), y_range=(-4 * AROUND, TABLE_PIXELS + 2 * AROUND)
+    )
+    boards = {
+        user: rrb.Spatial2DView(
+            origin="/", contents=[f"/{entity}/**"], background=BACKDROP, visual_bounds=bounds, titlebar=False
         )
         for user, entity in entities.items()
-    ]
+    }
+    tabs = rrb.Tabs(*(beside_text(user, board, "own") for user, board in boards.items()), active_tab=0)
     time = rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused", fps=0.5)
     hidden = rrb.BlueprintPanel(state="hidden"), rrb.SelectionPanel(state="hidden")
-    blueprint = rrb.Blueprint(rrb.Tabs(*tabs, active_tab=0), *hidden, time, auto_views=False)
-    with recording_at(path, "own-table", blueprint) as recording:
-        log_static(recording, "about", markdown(ABOUT))
+    with recording_at(path, "own-table", rrb.Blueprint(tabs, *hidden, time, auto_views=False)) as recording:
+        log_static(recording, "text/own", markdown(ABOUT))
         for user, entity in entities.items():
             log_table_edges(recording, entity, [(0, 1)])
             log_static(recording, f"{entity}/map", panel((0, 1), MAP_SIDE))
@@ -64,36 +67,22 @@ def write_recording(path: Path, results: Results) -> None:
                 _log_scene(recording, entity, results, results.fitted[user], step)
 
 
-def _board(entity: str) -> rrb.Spatial2DView:
-    bounds = rrb.VisualBounds2D(
-        x_range=(-AROUND, PITCH + TABLE_PIXELS + AROUND), y_range=(-4 * AROUND, TABLE_PIXELS + 2 * AROUND)
-    )
-    return rrb.Spatial2DView(
-        origin="/", contents=[f"/{entity}/**"], background=(24, 24, 28), visual_bounds=bounds, titlebar=False
-    )
-
-
 def _log_scene(recording: rr.RecordingStream, entity: str, results: Results, fitted: Fitted, scene: int) -> None:
     """Log one scene of one user."""
     name, image = results.scenes.names[scene], results.scenes.images[scene]
-    data, objects = fitted.data, results.scenes.objects
+    data = fitted.data
     index = data.scenes.index(name) if name in data.scenes else None
     log_titles(recording, entity, {(0, 0): name, (0, 1): "P(valid)"})
     recording.log(f"{entity}/table/image", jpeg(image))
-    present = objects.present[scene]
-    outlines = [
-        on_table(outline(*capsule))
-        for capsule in zip(objects.ends[scene, present], objects.radius[scene, present], strict=True)
-    ]
+    outlines = [on_table(points) for points in results.scenes.outlines(scene)]
     recording.log(f"{entity}/table/outlines", rr.LineStrips2D(outlines, colors=ITEM, radii=0.2))
-    z, valid = (np.empty((0, 2)), np.empty(0, bool))
+    z, valid = np.empty((0, 2)), np.empty(0, bool)
     if index is not None:
         z, valid = data.z_theta[index][data.real[index]], data.valid[index][data.real[index]]
     colours = [VALID if word else INVALID for word in valid]
-    recording.log(
-        f"{entity}/table/demonstrations", rr.LineStrips2D(on_table(curve(z, POINTS)), colors=colours, radii=0.35)
-    )
-    rows = results.repairs[(results.repairs["user"] == data.user) & (results.repairs["scene"] == name)].dropna()
+    drawn = rr.LineStrips2D(on_table(curve(z, POINTS)), colors=colours, radii=0.35)
+    recording.log(f"{entity}/table/demonstrations", drawn)
+    rows = results.tables["repaired"].query("user == @data.user and scene == @name").dropna()
     ends = on_table(curve(rows[["end_x", "end_y"]].to_numpy(float), POINTS))
     recording.log(f"{entity}/table/repairs", rr.LineStrips2D(ends, colors=START, radii=0.2))
     model = fitted.model if index is None else fitted.unseeing(index)

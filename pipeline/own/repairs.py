@@ -6,7 +6,7 @@ import pandas as pd
 from pipeline import library
 from pipeline.own.fitting import Fitted
 
-COLUMNS = ["user", "scene", "row", "p_before", "p_after", "moved_m", "z_x", "z_y", "end_x", "end_y"]
+COLUMNS = ["user", "scene", "demo", "p_before", "p_after", "moved_m", "z_x", "z_y", "end_x", "end_y"]
 
 
 def repairs(fitted: Fitted, scale: float) -> pd.DataFrame:
@@ -23,10 +23,10 @@ def repairs(fitted: Fitted, scale: float) -> pd.DataFrame:
         model, image, starts = fitted.unseeing(scene), data.images[[scene]], data.z_theta[[scene]][:, wrong]
         ends = library.repair(model, image, starts)
         p_before, p_after = model.probability(image, starts)[0], model.probability(image, np.nan_to_num(ends))[0]
-        for i, demo in enumerate(wrong):
-            start, end = starts[0, i], ends[0, i]
-            found = bool(np.isfinite(end).all())
-            moved = np.linalg.norm(end - start) / 2 / scale  # the middle of a parabola moves half as far as z_theta
-            p_end = float(p_after[i]) if found else np.nan
-            rows.append((data.user, name, int(data.row[scene, demo]), float(p_before[i]), p_end, moved, *start, *end))
+        moved = (  # the middle moves half as far as z_theta
+            np.linalg.norm(ends - starts, axis=-1)[0] / 2 / scale
+        )  # a parabola's middle moves half as far as z_theta
+        p_after = np.where(np.isfinite(moved), p_after, np.nan)
+        numbers = np.column_stack([p_before, p_after, moved, starts[0], ends[0]])
+        rows += [(data.user, name, demo, *row) for demo, row in zip(data.demo[scene, wrong], numbers, strict=True)]
     return pd.DataFrame(rows, columns=COLUMNS)

@@ -7,102 +7,64 @@ from pathlib import Path
 import pandas as pd
 
 from pipeline.own import advice, detection, kinds, repairs, scoring
-from pipeline.own.data import model_images, user_data
+from pipeline.own.data import Scenes, UserData
 from pipeline.own.fitting import VARIANT, Fitted, fit_user
 from pipeline.own.folder import Folder
+
+HEADLINES = ["accuracy", "ci_low", "ci_high", "balanced", "missed", "calibration_error"]
 
 
 @dataclass(frozen=True)
 class Results:
-    """The results of one folder; tables have a row an observation, and None stands for what the folder cannot tell."""
+    """The results of one folder."""
 
     folder: Folder
-    demos: pd.DataFrame
-    scenes: kinds.Scenes
-    fitted: dict[str, Fitted]
-    added: dict[str, kinds.Added]
-    judged: pd.DataFrame
-    scores: pd.DataFrame
-    calibration: pd.DataFrame
-    enough: pd.DataFrame
-    effects: pd.DataFrame | None
-    envelopes: pd.DataFrame | None
-    repairs: pd.DataFrame
-    advice: pd.DataFrame
-    detected: pd.DataFrame | None
-    unlisted: int | None
-
-    @property
-    def users(self) -> list[str]:
-        """Return the users in the order of their names."""
-        return list(self.fitted)
-
-    @property
-    def tables(self) -> dict[str, pd.DataFrame]:
-        """Return the tables by name, without those that the folder cannot fill."""
-        named = {
-            "demonstrations": self.demos,
-            "predictions": self.judged,
-            "scores": self.scores,
-            "reliability": self.calibration,
-            "learning": self.enough,
-            "interventions": self.effects,
-            "distances": self.envelopes,
-            "repaired": self.repairs,
-            "disagreement": self.advice,
-            "detections": self.detected,
-        }
-        return {name: table for name, table in named.items() if table is not None}
+    scenes: Scenes
+    fitted: dict[str, Fitted]  # by user, in the order of their names
+    added: dict[str, kinds.Added]  # by kind
+    tables: dict[str, pd.DataFrame]  # with a row an observation, without those that the folder cannot fill
+    unlisted: int  # detected objects that are not listed
 
     @property
     def metrics(self) -> dict:
-        """Return the headlines."""
-        users = scoring.metrics(self.scores, VARIANT)
-        for row in self.enough.to_dict("records"):
-            users[row["user"]] |= {"gain_from_half": round(row["gain"], 6)}
-        counted: dict[str, float] = {"scenes": len(self.scenes.names), "demonstrations": len(self.demos)}
-        counted |= {"need_more_control_points": int(self.demos["needs_more"].sum())}
-        if self.detected is not None:
-            counted["recall"] = round(float(self.detected["detected"].mean()), 6)
-        return {"users": users, **counted}
+        """Return the headlines: counts, and scores by user."""
+        scores = self.tables["scores"].query("predictor == @VARIANT and share == 1").set_index("user")[HEADLINES]
+        scores["gain_from_half"] = self.tables["enough"].set_index("user")["gain"]
+        demos = self.tables["demonstrations"]
+        counted: dict[str, float] = {"scenes": len(self.scenes.names), "demonstrations": len(demos)}
+        counted |= {"need_more_control_points": int(demos["needs_more"].sum())}
+        if "detections" in self.tables:
+            counted["recall"] = round(float(self.tables["detections"]["detected"].mean()), 6)
+        return {"users": scores.astype(float).round(6).to_dict("index"), **counted}
 
 
-def compute(folder: Folder, demos: pd.DataFrame, kept: Path, progress: Callable[[str], object]) -> Results:
+def compute(folder: Folder, kept: Path, progress: Callable[[str], object]) -> Results:
     """Fit all users' models and return all results; models fitted before an interruption are read from `kept`."""
-    images = model_images(folder)
-    scenes = kinds.read_scenes(images)
-    fitted = {user: fit_user(user_data(user, demos, images), kept, progress) for user in folder.users}
-    judged = pd.concat([one.judged for one in fitted.values()], ignore_index=True)
-    judged["demo"] = demos["demo"].to_numpy()[judged.pop("row")]
+    scenes, scale = Scenes.of(folder), folder.frame.scale
+    fitted = {u: fit_user(UserData.of(u, folder.demos, scenes), kept, progress) for u in folder.users}
+
+    def by_user(ask: Callable[[Fitted], pd.DataFrame]) -> pd.DataFrame:
+        return pd.concat([ask(one) for one in fitted.values()], ignore_index=True)
+
+    judged = by_user(lambda one: one.judged)
+    tables = {
+        "demonstrations": folder.demos,
+        "predictions": judged,
+        "scores": scoring.scores(judged),
+        "reliability": scoring.calibration(judged),
+        "enough": scoring.enough(judged, VARIANT),
+        "disagreement": by_user(lambda one: advice.disagreement(one, scenes)),
+    }
     progress("interventions")
     placed = {kind: kinds.add_kind(folder, scenes, kind) for kind in sorted(folder.cutouts)}
     added = {kind: places for kind, places in placed.items() if places is not None}
-    effects = pd.concat([kinds.effects(one, added) for one in fitted.values()], ignore_index=True) if added else None
-    envelopes = None
-    if effects is not None:
-        scale = folder.frame.scale
-        of_users = [
-            kinds.envelopes(one, added, scenes, effects[effects["user"] == user], scale) for user, one in fitted.items()
-        ]
-        envelopes = pd.concat(of_users, ignore_index=True)
+    if added:
+        effects = {user: kinds.effects(one, added) for user, one in fitted.items()}
+        tables["interventions"] = pd.concat(effects.values(), ignore_index=True)
+        tables["distances"] = by_user(lambda one: kinds.envelopes(one, added, scenes, effects[one.data.user], scale))
     progress("repairs")
-    repaired = pd.concat([repairs.repairs(one, folder.frame.scale) for one in fitted.values()], ignore_index=True)
-    repaired.insert(2, "demo", demos["demo"].to_numpy()[repaired.pop("row").astype(int)])
-    has_items = folder.items is not None
-    return Results(
-        folder=folder,
-        demos=demos.drop(columns="row"),
-        scenes=scenes,
-        fitted=fitted,
-        added=added,
-        judged=judged,
-        scores=scoring.scores(judged),
-        calibration=scoring.calibration(judged),
-        enough=scoring.enough(judged, VARIANT),
-        effects=effects,
-        envelopes=envelopes,
-        repairs=repaired,
-        advice=pd.concat([advice.disagreement(one, scenes) for one in fitted.values()], ignore_index=True),
-        detected=detection.detected(folder, scenes) if has_items else None,
-        unlisted=detection.unlisted(folder, scenes) if has_items else None,
-    )
+    tables["repaired"] = by_user(lambda one: repairs.repairs(one, scale))
+    unlisted = 0
+    if folder.items is not None:
+        tables["detections"], unlisted = detection.detected(folder.items, folder.frame, scenes)
+    return Results(folder, scenes, fitted, added, tables, unlisted)

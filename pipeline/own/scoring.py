@@ -1,6 +1,5 @@
 """Score predictions of held-out scenes: accuracy, calibration, the learning curve."""
 
-import numpy as np
 import pandas as pd
 from scipy.stats import beta
 
@@ -22,7 +21,8 @@ def scores(judged: pd.DataFrame) -> pd.DataFrame:
     for (user, predictor, share), part in judged.groupby(["user", "predictor", "share"], sort=False):
         p, valid = part["p"].to_numpy(), part["valid"].to_numpy(bool)
         right = (p > DECISION) == valid
-        low, high = _interval(part.assign(right=right))
+        counts = part.assign(right=right).groupby("scene")["right"].agg(["sum", "size"]).to_numpy(float).T
+        interval = ratio(counts[:1, None], counts[1:, None])  # of the share of right answers, over scenes
         rows.append(
             {
                 "user": user,
@@ -31,8 +31,8 @@ def scores(judged: pd.DataFrame) -> pd.DataFrame:
                 "scenes": part["scene"].nunique(),
                 "demonstrations": len(part),
                 "accuracy": accuracy(p, valid),
-                "ci_low": low,
-                "ci_high": high,
+                "ci_low": float(interval.ci_low[0].clip(0, 1)),
+                "ci_high": float(interval.ci_high[0].clip(0, 1)),
                 "balanced": float((right[valid].mean() + right[~valid].mean()) / 2),
                 "missed": float((p > DECISION)[~valid].mean()),
                 "auroc": auroc(p, valid),
@@ -41,13 +41,6 @@ def scores(judged: pd.DataFrame) -> pd.DataFrame:
             }
         )
     return pd.DataFrame(rows)
-
-
-def _interval(part: pd.DataFrame) -> tuple[float, float]:
-    """Return the 95 % interval of the share of right answers over scenes."""
-    sums = part.groupby("scene")["right"].agg(["sum", "size"]).to_numpy(float).T
-    result = ratio(sums[:1, None], sums[1:, None])
-    return float(result.ci_low[0].clip(0, 1)), float(result.ci_high[0].clip(0, 1))
 
 
 def calibration(judged: pd.DataFrame) -> pd.DataFrame:
@@ -81,10 +74,3 @@ def enough(judged: pd.DataFrame, predictor: str) -> pd.DataFrame:
         state = "rising" if low > 0 else "flat" if high < FLAT else "open"
         rows.append({"user": user, "gain": gain, "ci_low": low, "ci_high": high, "state": state})
     return pd.DataFrame(rows)
-
-
-def metrics(table: pd.DataFrame, predictor: str) -> dict[str, dict[str, float]]:
-    """Return the headlines by user: accuracy and its interval, balanced accuracy, calibration error."""
-    names = ["accuracy", "ci_low", "ci_high", "balanced", "missed", "calibration_error"]
-    whole = table[(table["predictor"] == predictor) & (table["share"] == 1)].set_index("user")
-    return {str(user): {name: float(np.round(row[name], 6)) for name in names} for user, row in whole.iterrows()}

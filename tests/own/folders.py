@@ -1,5 +1,6 @@
 """A small folder of a person's own table, for tests to break."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -17,12 +18,10 @@ COLUMNS = ["scene", "user", "demo", "t", "x", "y", "valid"]
 def make_folder(path: Path) -> Path:
     """Four scenes of two discs, two users, four demonstrations a scene: those that pass on the right are invalid."""
     (path / "scenes").mkdir(parents=True)
-    for i, scene in enumerate(SCENES):
-        write_picture(
-            path / "scenes" / f"{scene}.png", draw_table((0.7, 0.3, 0.05, RED), (0.3, 0.7, 0.06, WHITE), seed=i)
-        )
     parts = []
-    for scene in SCENES:
+    for i, scene in enumerate(SCENES):
+        picture = draw_table((0.7, 0.3, 0.05, RED), (0.3, 0.7, 0.06, WHITE), seed=i)
+        write_picture(path / "scenes" / f"{scene}.png", picture)
         for user in USERS:
             for demo, bend in enumerate((0.9, 0.6, 0.4, 0.2)):
                 points = curve(np.array([bend, 1 - bend]), 12)
@@ -33,24 +32,25 @@ def make_folder(path: Path) -> Path:
 
 
 def write_picture(path: Path, pixels: np.ndarray) -> None:
-    path.write_bytes(cv2.imencode(path.suffix, cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR))[1].tobytes())
-
-
-def write_cutout(path: Path, colour: tuple[int, int, int] = (40, 60, 200)) -> None:
-    """An opaque disc on a transparent ground, BGR."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    pixels = np.zeros((64, 64, 4), np.uint8)
-    cv2.circle(pixels, (32, 32), 28, (*colour, 255), -1)
-    path.write_bytes(cv2.imencode(".png", pixels)[1].tobytes())
+    colours = cv2.COLOR_RGBA2BGRA if pixels.shape[2] == 4 else cv2.COLOR_RGB2BGR
+    path.write_bytes(cv2.imencode(path.suffix, cv2.cvtColor(pixels, colours))[1].tobytes())
 
 
-def demonstrations(path: Path) -> pd.DataFrame:
-    """The csv as text."""
-    return pd.read_csv(path / "demonstrations.csv", dtype=str, keep_default_na=False)
+def add_kind(path: Path, rows: str = "cup,blue.png,0.12\n") -> None:
+    """The cut-out of a cup, an opaque blue disc, and kinds.csv with these rows."""
+    disc = np.zeros((64, 64, 4), np.uint8)
+    cv2.circle(disc, (32, 32), 28, (200, 60, 40, 255), -1)
+    write_picture(path / "kinds" / "cup" / "blue.png", disc)
+    (path / "kinds.csv").write_text("kind,file,width_m\n" + rows)
+
+
+def edit(path: Path, change: Callable[[pd.DataFrame], pd.DataFrame]) -> None:
+    """Change demonstrations.csv, whose cells are text."""
+    table = pd.read_csv(path / "demonstrations.csv", dtype=str, keep_default_na=False)
+    change(table).to_csv(path / "demonstrations.csv", index=False)
 
 
 def change(path: Path, row: int, column: str, value: str) -> None:
     """Change one cell of demonstrations.csv; rows count as in a spreadsheet."""
-    table = demonstrations(path)
-    table.loc[row - 2, column] = value
-    table.to_csv(path / "demonstrations.csv", index=False)
+    edit(path, lambda table: table.assign(**{column: table[column].where(table.index != row - 2, value)}))

@@ -1,94 +1,87 @@
 """The parts between a folder and its report: paths, padding, places, scores."""
 
+from copy import deepcopy
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from pipeline.own import kinds, scoring
-from pipeline.own.check import check
-from pipeline.own.data import user_data
+from pipeline.own.data import Scenes, UserData
+from pipeline.own.folder import Folder, read_folder
 from pipeline.own.frame import CANVAS_PX
 from pipeline.own.paths import held_out_errors, picked_degrees, spread
 from pipeline.perception.objects import Objects
 from pipeline.world.bezier import P_F, P_INIT, curve
-from tests.own.folders import make_folder, write_cutout
+from tests.own.folders import add_kind, make_folder
+
+NOTHING = Objects(
+    np.zeros((1, 12, 2, 2), np.float32), np.zeros((1, 12), np.float32), np.zeros((1, 12, 6), np.float32),
+    np.zeros((1, 12), bool), np.zeros(1, np.float32),
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory):
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
     path = make_folder(tmp_path_factory.mktemp("own") / "t")
-    write_cutout(path / "kinds" / "cup" / "blue.png")
-    (path / "kinds.csv").write_text("kind,file,width_m\ncup,blue.png,0.12\n")
-    found, demos, faults = check(path)
-    assert found is not None and not faults
-    return found, demos
-
-
-def hand(points: np.ndarray, noise: float = 0.001) -> np.ndarray:
-    return points + noise * np.random.default_rng(0).standard_normal(points.shape)
+    add_kind(path)
+    folder, faults = read_folder(path)
+    assert folder is not None and not faults
+    return folder
 
 
 def test_cross_validation_picks_one_control_point_for_a_parabola_and_more_for_a_wave():
     parabola = curve(np.array([0.9, 0.3]), 60)
     t = np.linspace(0, 1, 60)[:, None]
     wave = P_INIT + t * (P_F - P_INIT) + 0.15 * np.sin(2 * np.pi * t) * [-0.7, 0.7]
-    errors = held_out_errors(np.stack([spread(hand(parabola)), spread(hand(wave))]))
+    tremor = 0.001 * np.random.default_rng(0).standard_normal((60, 2))
+    errors = held_out_errors(np.stack([spread(parabola + tremor), spread(wave + tremor)]))
     assert picked_degrees(errors)[0] == 2 and picked_degrees(errors)[1] > 2
     assert np.sqrt(errors[0].mean(0))[1] > 0.05, "a parabola misses the wave"
 
 
-def test_the_fitted_control_points_are_those_that_were_drawn(folder):
-    _, demos = folder
+def test_the_fitted_control_points_are_those_that_were_drawn(folder: Folder):
+    demos = folder.demos
     expected = {str(i): bend for i, bend in enumerate((0.9, 0.6, 0.4, 0.2))}
     np.testing.assert_allclose(demos["z_x"], demos["demo"].map(expected), atol=1e-3)
     assert not demos["needs_more"].any() and demos["residual_m"].max() < 1e-3
 
 
-def test_scenes_with_fewer_demonstrations_repeat_them_and_only_real_ones_are_scored(folder):
-    found, demos = folder
-    some = demos.drop(demos.query("scene == 'tea' and user == 'Ana'").index[1:3])
-    data = user_data("Ana", some, {scene: np.zeros((100, 100, 3), np.uint8) for scene in found.canvases})
+def test_scenes_with_fewer_demonstrations_repeat_them_and_only_real_ones_are_scored(folder: Folder):
+    some = folder.demos.drop(folder.demos.query("scene == 'tea' and user == 'Ana'").index[1:3])
+    data = UserData.of("Ana", some, Scenes(list(folder.canvases), np.zeros((4, 100, 100, 3), np.uint8), NOTHING))
     tea = data.scenes.index("tea")
     assert data.real[tea].tolist() == [True, True, False, False] and data.real.sum() == 14
-    assert data.row[tea, 0] == data.row[tea, 2] and np.array_equal(data.z_theta[tea, 1], data.z_theta[tea, 3])
+    assert data.demo[tea].tolist() == ["0", "3", "0", "3"]
+    assert np.array_equal(data.z_theta[tea, 1], data.z_theta[tea, 3])
 
 
-def test_a_pasted_cutout_lies_where_its_footprint_says(folder):
-    found, _ = folder
-    cutout, width = found.cutouts["cup"][0]
+def test_a_pasted_cutout_lies_where_its_footprint_says(folder: Folder):
+    cutout, width = folder.cutouts["cup"][0]
     capsule = kinds.footprint(cutout, width)
     assert capsule.radius == pytest.approx(0.12 * 28.5 / 64, abs=0.002)
     canvas = kinds.paste(np.zeros((CANVAS_PX, CANVAS_PX, 3), np.uint8), cutout, width, np.array([0.3, 0.8]), 0.7)
     rows, columns = np.nonzero(canvas.any(-1))
     place = np.array([columns.mean() + 0.5, CANVAS_PX - rows.mean() - 0.5]) / CANVAS_PX
-    np.testing.assert_allclose(kinds.ends_of(found, capsule, place, 0.7).mean(0), (0.3, 0.8), atol=0.003)
+    np.testing.assert_allclose(kinds.ends_of(folder.frame, capsule, place, 0.7).mean(0), (0.3, 0.8), atol=0.003)
 
 
-def test_places_are_clear_of_objects_and_path_ends_and_a_full_table_has_none(folder):
-    found, _ = folder
-    capsule = kinds.footprint(*found.cutouts["cup"][0])
-    rng, shape = np.random.default_rng(0), (1, 12)
-    objects = Objects(
-        np.zeros((*shape, 2, 2), np.float32), np.zeros(shape, np.float32), np.zeros((*shape, 6), np.float32),
-        np.zeros(shape, bool), np.zeros(1, np.float32),
-    )  # fmt: skip
+def test_places_are_clear_of_objects_and_path_ends_and_a_full_table_has_none(folder: Folder):
+    capsule, rng, objects = kinds.footprint(*folder.cutouts["cup"][0]), np.random.default_rng(0), deepcopy(NOTHING)
     objects.ends[0, 0], objects.radius[0, 0], objects.present[0, 0] = (0.5, 0.5), 0.2, True
-    centres = np.array([kinds.free_place(rng, found, objects, 0, capsule)[0] for _ in range(50)])  # type: ignore[index]
-    assert (np.linalg.norm(centres - 0.5, axis=1) > 0.2 + capsule.radius + 0.014).all()
+    places = [kinds.free_place(rng, folder.frame, objects, 0, capsule) for _ in range(50)]
+    centres = np.array([centre for centre, _ in filter(None, places)])
+    assert len(centres) == 50 and (np.linalg.norm(centres - 0.5, axis=1) > 0.2 + capsule.radius + 0.014).all()
     assert (np.linalg.norm(centres - P_INIT, axis=1) > 0.12 + capsule.radius - 0.002).all()
     objects.radius[0, 0] = 0.7
-    assert kinds.free_place(rng, found, objects, 0, capsule) is None
+    assert kinds.free_place(rng, folder.frame, objects, 0, capsule) is None
 
 
 @pytest.mark.parametrize(("half", "scenes", "state"), [(0.5, 25, "rising"), (1.0, 25, "flat"), (1.0, 6, "open")])
 def test_whether_more_scenes_would_help_follows_from_the_second_half(half: float, scenes: int, state: str):
     """No change in 6 scenes proves nothing."""
-    rng = np.random.default_rng(1)
-    rows = []
-    for share, right in ((1.0, 1.0), (0.5, half)):
-        for scene in range(scenes):
-            for demo in range(8):
-                p = 0.9 if rng.random() < right else 0.1
-                rows.append(("Ana", "clearance", share, f"s{scene}", str(demo), True, p))
-    judged = pd.DataFrame(rows, columns=["user", "predictor", "share", "scene", "demo", "valid", "p"])
+    keys = ["share", "scene", "demo"]
+    judged = pd.MultiIndex.from_product([(1.0, 0.5), range(scenes), range(8)], names=keys).to_frame(index=False)
+    right = np.random.default_rng(1).random(len(judged)) < np.where(judged["share"] == 1, 1.0, half)
+    judged = judged.assign(user="Ana", predictor="clearance", valid=True, p=np.where(right, 0.9, 0.1))
     assert scoring.enough(judged, "clearance")["state"].tolist() == [state]

@@ -14,7 +14,7 @@ import pytest
 from pipeline import library
 from pipeline.config.graph import ROOT
 from pipeline.own.__main__ import main
-from tests.own.folders import USERS, demonstrations, make_folder, write_cutout
+from tests.own.folders import USERS, add_kind, edit, make_folder
 
 EXAMPLE = ROOT / "examples" / "table"
 HOSTILE = {"Ana": '<script>alert("x")</script>', "Jürgen": "=HYPERLINK(1)$_{2}"}
@@ -70,6 +70,7 @@ def test_the_page_shows_the_numbers_of_the_tables(example: Path):
     for section in ("read", "accuracy", "causes", "repairs", "enough", "limits"):
         assert f'id="{section}"' in page
     assert list(table(example, "disagreement").query("not shown")["scene"].unique()) != []
+    assert "Accuracy" in pd.read_csv(example / "tables" / "learning.csv"), "the csv below a table is that table"
     links = set(re.findall(r'(?:src|href|data)="([^"#:]+)"', page))
     assert links and all((example / link).is_file() for link in links)
 
@@ -83,9 +84,7 @@ def test_rerun_verifies_the_recording(example: Path):
 @pytest.mark.slow
 def test_names_are_harmless_and_what_a_folder_cannot_tell_is_left_out_and_said(tmp_path: Path, monkeypatch):
     folder = make_folder(tmp_path / "<b>&table")
-    hands = demonstrations(folder)
-    hands["user"] = hands["user"].map(HOSTILE)
-    hands.to_csv(folder / "demonstrations.csv", index=False)
+    edit(folder, lambda table: table.assign(user=table["user"].map(HOSTILE)))
     fewer_steps(monkeypatch, 20)
     assert main([str(folder)]) == 0
     page = (folder / "report" / "index.html").read_text()
@@ -102,8 +101,7 @@ def test_names_are_harmless_and_what_a_folder_cannot_tell_is_left_out_and_said(t
 @pytest.mark.slow
 def test_an_interrupted_run_leaves_no_report_and_goes_on_with_its_models(tmp_path: Path, monkeypatch):
     folder = make_folder(tmp_path / "t")
-    write_cutout(folder / "kinds" / "cup" / "blue.png")
-    (folder / "kinds.csv").write_text("kind,file,width_m\ncup,blue.png,0.1\n")
+    add_kind(folder)
     fewer_steps(monkeypatch, 20)
     fit, fitted = library.fit, []
 

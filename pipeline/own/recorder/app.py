@@ -1,22 +1,21 @@
 """The recorder's web application: a page, the pictures, and the few requests that change the folder."""
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Any
 
-import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
+from pydantic import TypeAdapter, ValidationError
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
+from starlette.middleware.base import BaseHTTPMiddleware
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Route
 
 import pipeline.report
 from pipeline.legend import INVALID, VALID
-from pipeline.own.recorder.guard import Guard, TooLarge, body_of
 from pipeline.own.recorder.storage import Recordings
 from pipeline.runtime.errors import InputError
 
@@ -25,113 +24,77 @@ STATIC = {name: BESIDE / name for name in ("recorder.css", "recorder.js", "canva
 STATIC["page.css"] = Path(pipeline.report.__path__[0]) / "page.css"  # the report's own style
 MAX_UPLOAD_BYTES = 25_000_000  # of one picture; a phone's has some 5 MB
 MAX_REQUEST_BYTES = 4_000_000  # of a path: half an hour at 60 samples a second
-Point = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2)]
-Sample = Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]
+HEADERS = {  # forbid everything that is not of this server
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-store",
+}
+SENT = TypeAdapter(dict[str, Any])  # the arguments of a method of `Recordings`, which checks them
 
 
-class Sent(BaseModel):
-    """Validate what a page sends."""
-
-    model_config = ConfigDict(extra="forbid", strict=True)
-
-
-class SentPath(Sent):
-    """Hold a drawn path: samples of t [ms], column and row [px]."""
-
-    scene: str
-    user: str
-    valid: bool
-    samples: list[Sample] = Field(min_length=1, max_length=100_000)
-
-
-class SentItem(Sent):
-    """Hold an item: centre and rim, or both ends and a side [px]."""
-
-    scene: str
-    kind: str
-    points: list[Point] = Field(min_length=2, max_length=3)
-
-
-class SentTable(Sent):
-    """Hold the table: corners [px] in one scene or everywhere, or null to leave them; lengths in metres."""
-
-    scene: str
-    everywhere: bool
-    corners: Annotated[list[Point], Field(min_length=4, max_length=4)] | None
-    side_m: FiniteFloat
-    start: Point
-    goal: Point
-
-
-class Removal(Sent):
-    """Name what to remove: a path or an item, by its id."""
-
-    what: Literal["path", "item"]
-    id: str
+class TooLarge(Exception):
+    """More data came than a request may carry."""
 
 
 def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
-    """Return the application that records into a folder and answers under `hosts` only."""
+    """Return the application that records into a folder and answers under `hosts`, such as `127.0.0.1:8000`, only."""
 
-    async def page(_: Request) -> Response:
-        return FileResponse(BESIDE / "page.html")
-
-    async def static(request: Request) -> Response:
+    def static(request: Request) -> Response:
         file = STATIC.get(request.path_params["name"])
         return FileResponse(file) if file else Response(status_code=404)
 
-    async def overview(_: Request) -> Response:
+    def overview(_: Request) -> Response:
         drawn = {"colours": {"valid": VALID, "invalid": INVALID}, "max_upload_bytes": MAX_UPLOAD_BYTES}
-        return JSONResponse(await run_in_threadpool(recordings.overview) | drawn)
+        return JSONResponse(recordings.overview() | drawn)
 
-    async def scene(request: Request) -> Response:
-        return JSONResponse(await run_in_threadpool(recordings.scene, request.path_params["name"]))
+    def posted(name: str, store: Callable[..., Any], status: int) -> Route:
+        async def answer(request: Request) -> Response:
+            values = SENT.validate_json(await body_of(request, MAX_REQUEST_BYTES))
+            return JSONResponse(await run_in_threadpool(partial(store, **values)) or {}, status)
 
-    async def picture(request: Request) -> Response:
-        return FileResponse(await run_in_threadpool(recordings.picture, request.path_params["name"]))
-
-    async def add_path(request: Request) -> Response:
-        sent = SentPath.model_validate_json(await body_of(request, MAX_REQUEST_BYTES))
-        samples = np.array(sent.samples, float)
-        stored = await run_in_threadpool(recordings.add_path, sent.scene, sent.user, sent.valid, samples)
-        return JSONResponse(stored, 201)
-
-    async def add_item(request: Request) -> Response:
-        sent = SentItem.model_validate_json(await body_of(request, MAX_REQUEST_BYTES))
-        await run_in_threadpool(recordings.add_item, sent.scene, sent.kind, np.array(sent.points, float))
-        return JSONResponse({}, 201)
-
-    async def place_table(request: Request) -> Response:
-        sent = SentTable.model_validate_json(await body_of(request, MAX_REQUEST_BYTES))
-        values = sent.model_dump() | {"corners": None if sent.corners is None else np.array(sent.corners, float)}
-        await run_in_threadpool(partial(recordings.place_table, **values))
-        return JSONResponse({})
-
-    async def remove(request: Request) -> Response:
-        sent = Removal.model_validate_json(await body_of(request, MAX_REQUEST_BYTES))
-        action = recordings.remove_path if sent.what == "path" else recordings.remove_item
-        await run_in_threadpool(action, sent.id)
-        return JSONResponse({})
+        return Route(f"/api/{name}", answer, methods=["POST"])
 
     async def add_picture(request: Request) -> Response:
         content = await body_of(request, MAX_UPLOAD_BYTES)
         name = await run_in_threadpool(recordings.import_picture, request.query_params.get("name", ""), content)
         return JSONResponse({"scene": name}, 201)
 
+    async def guard(request: Request, answer: Callable[[Request], Any]) -> Response:
+        """Answer the recorder's own page alone.
+
+        A foreign Host betrays DNS rebinding, a foreign Origin another site's script. Requests that change something
+        must name their origin.
+        """
+        origins = {f"http://{host}" for host in hosts} | ({None} if request.method in ("GET", "HEAD") else set())
+        if request.headers.get("host") not in hosts:
+            response = _refused("refused: the recorder answers only under the address that it printed", 403)
+        elif request.headers.get("origin") not in origins:
+            response = _refused("refused: the request comes from another page than the recorder's", 403)
+        elif request.headers.get("sec-fetch-site", "none") not in ("same-origin", "none"):
+            response = _refused("refused: the request comes from another site", 403)
+        else:
+            response = await answer(request)
+        response.headers.update(HEADERS)
+        return response
+
     return Starlette(
         routes=[
-            Route("/", page),
+            Route("/", lambda _: FileResponse(BESIDE / "page.html")),
             Route("/static/{name}", static),
-            Route("/pictures/{name}", picture),
+            Route("/pictures/{name}", lambda request: FileResponse(recordings.picture(request.path_params["name"]))),
             Route("/api/overview", overview),
-            Route("/api/scenes/{name}", scene),
-            Route("/api/paths", add_path, methods=["POST"]),
-            Route("/api/items", add_item, methods=["POST"]),
-            Route("/api/table", place_table, methods=["POST"]),
-            Route("/api/remove", remove, methods=["POST"]),
+            Route("/api/scenes/{name}", lambda request: JSONResponse(recordings.scene(request.path_params["name"]))),
+            posted("paths", recordings.add_path, 201),
+            posted("items", recordings.add_item, 201),
+            posted("table", recordings.place_table, 200),
+            posted("remove", recordings.remove, 200),
             Route("/api/pictures", add_picture, methods=["POST"]),
         ],
-        middleware=[Middleware(Guard, hosts=hosts)],
+        middleware=[Middleware(BaseHTTPMiddleware, dispatch=guard)],
         exception_handlers={
             InputError: lambda _, error: _refused(str(error), 400),
             TooLarge: lambda _, error: _refused(str(error), 413),
@@ -139,6 +102,16 @@ def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
             OSError: lambda _, error: _refused(f"not stored: {error}", 500),
         },
     )
+
+
+async def body_of(request: Request, limit: int) -> bytes:
+    """Return a request's body; raise TooLarge as soon as it is longer than `limit` bytes."""
+    body = bytearray()
+    async for chunk in request.stream():
+        body += chunk
+        if len(body) > limit:
+            raise TooLarge(f"more than {limit / 1e6:.0f} MB were sent: choose a smaller file")
+    return bytes(body)
 
 
 def _refused(sentence: str, status: int) -> JSONResponse:

@@ -1,89 +1,31 @@
 """The files of a person's folder: read as the report reads them, replaced atomically and durably."""
 
-import csv
 import os
-import re
-import tempfile
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
-import yaml
+import pandas as pd
 
-from pipeline.own.csv_files import Faults, normal, read_csv
-from pipeline.own.folder import SCENES, scene_files
-from pipeline.own.pictures import read_picture
+from pipeline.own.csv_files import COLUMNS, Faults, read_csv
+from pipeline.own.pictures import read_picture, scene_files
 from pipeline.own.settings import SETTINGS, Settings, read_settings
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.writing import atomic_write
-from pipeline.world.images import PNG_SIGNATURE
 
-HEADER = "# Where the table is in the pictures, written by the recorder. docs/own-tables.md says what each line is.\n"
-Row = dict[str, str]
-
-
-@dataclass(frozen=True)
-class Table:
-    """The columns and rows of a csv file, every value as its text."""
-
-    columns: list[str]
-    rows: list[Row]
-
-
-def read_table(path: Path, columns: Sequence[str]) -> Table:
-    """Return a csv file, or an empty table of `columns` if there is none; InputError if it cannot be read."""
-    if not path.exists():
-        return Table(list(columns), [])
-    table = read_csv(path, columns)
-    return Table(list(table.columns), table.to_dict("records"))
-
-
-def write_table(path: Path, table: Table) -> None:
-    """Replace a csv file; rows that lack a column have an empty cell there."""
-
-    def write(temporary: Path) -> None:
-        with temporary.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, table.columns, restval="", lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(table.rows)
-
-    write_durably(path, write)
+State = tuple[int, ...]  # what changes when a file is replaced or edited
 
 
 def list_scenes(folder: Path) -> dict[str, Path]:
     """Return the picture of each scene, in the order of names; InputError for two of one name or a link outwards."""
     faults = Faults()
-    scenes = scene_files(folder, faults) if (folder / SCENES).is_dir() else {}
+    scenes = scene_files(folder, faults)
     if scenes and faults:
         raise InputError(faults[0])
     return {scene: inside(folder, path) for scene, path in scenes.items()}
 
 
-def import_picture(folder: Path, file_name: str, content: bytes) -> str:
-    """Store a JPEG or PNG as a new scene and return its name, made from the file's.
-
-    Raise InputError if the content is no such picture, is too large or damaged, or the name is taken.
-    """
-    scene = re.sub(r"[^\w.-]+", "_", Path(normal(file_name).replace("\\", "/")).stem).strip("._-")[:80]
-    if not scene:
-        raise InputError(f"the file name {file_name!r} has no letter or digit: rename the file")
-    if scene in list_scenes(folder):
-        raise InputError(f"there is a scene {scene} already: rename the file, or remove the earlier picture")
-
-    def write(temporary: Path) -> None:
-        temporary.write_bytes(content)
-        try:
-            read_picture(temporary)
-        except InputError as error:
-            raise InputError(f"{file_name} {error}") from error
-
-    ending = ".png" if content.startswith(PNG_SIGNATURE) else ".jpg"
-    write_durably(inside(folder, folder / SCENES / f"{scene}{ending}"), write)
-    return scene
-
-
-def read_table_place(folder: Path) -> Settings:
+def read_place(folder: Path) -> Settings:
     """Return where the table, start and goal are, from table.yaml; InputError if it makes no sense."""
     inside(folder, folder / SETTINGS)
     faults = Faults()
@@ -93,13 +35,36 @@ def read_table_place(folder: Path) -> Settings:
     return settings
 
 
-def write_table_place(folder: Path, values: dict[str, Any]) -> None:
-    """Replace table.yaml; InputError, and the file stays as it is, if the values make no sense."""
-    text = HEADER + yaml.safe_dump(values, sort_keys=False, allow_unicode=True, default_flow_style=None)
-    with tempfile.TemporaryDirectory() as trial:
-        (Path(trial) / SETTINGS).write_text(text, encoding="utf-8")
-        read_table_place(Path(trial))
-    write_durably(inside(folder, folder / SETTINGS), lambda path: path.write_text(text, encoding="utf-8"))
+def read_table(folder: Path, name: str) -> pd.DataFrame:
+    """Return a csv file as text, empty if there is none; InputError if it cannot be read. Nobody may change it."""
+    path = inside(folder, folder / name)
+    return _read_table(path, _state(path))
+
+
+@lru_cache(maxsize=4)
+def _read_table(path: Path, state: State) -> pd.DataFrame:
+    return read_csv(path, COLUMNS[path.name]) if state else pd.DataFrame(columns=COLUMNS[path.name], dtype=str)
+
+
+def picture_size(path: Path) -> tuple[int, int]:
+    """Return width and height [px] of a picture, upright; InputError if it cannot be read."""
+    return _picture_size(path, _state(path))
+
+
+@lru_cache(maxsize=1000)
+def _picture_size(path: Path, state: State) -> tuple[int, int]:
+    try:
+        height, width = read_picture(path).shape[:2]
+    except InputError as error:
+        raise InputError(f"{path.parent.name}/{path.name} {error}") from error
+    return width, height
+
+
+def _state(path: Path) -> State:
+    if not path.exists():
+        return ()
+    stat = path.stat()
+    return stat.st_ino, stat.st_size, stat.st_mtime_ns
 
 
 def inside(folder: Path, path: Path) -> Path:
@@ -109,12 +74,13 @@ def inside(folder: Path, path: Path) -> Path:
     return path
 
 
-def write_durably(path: Path, write: Callable[[Path], object]) -> None:
+def write_durably(folder: Path, name: str, write: Callable[[Path], object]) -> None:
     """Replace a file atomically, and return only once it would survive a power cut."""
+    path = inside(folder, folder / name)
 
-    def write_and_sync(temporary: Path) -> None:
-        write(temporary)
-        _sync(temporary)
+    def write_and_sync(part: Path) -> None:
+        write(part)
+        _sync(part)
 
     atomic_write(path, write_and_sync)
     _sync(path.parent)

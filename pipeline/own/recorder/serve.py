@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from pipeline.own.csv_files import DEMONSTRATIONS
 from pipeline.runtime.errors import InputError
 
 LOOPBACK = "127.0.0.1"
@@ -17,7 +18,10 @@ LOCK = ".recorder.lock"  # in the folder; held by the recorder's process, holds 
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Serve the recorder's page as the command line says; return 0 after Ctrl-C, or raise InputError."""
+    """Serve the recorder's page as the command line says, and hold the folder's lock meanwhile; return 0 after Ctrl-C.
+
+    Raise InputError if the folder cannot be recorded into, another recorder has it, or a package is missing.
+    """
     parser = argparse.ArgumentParser(
         prog="python -m pipeline.own record",
         description="Open a page in which people draw paths over the pictures of a folder and say which are valid.",
@@ -26,15 +30,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--port", type=int, default=0, help="0, the default, takes any that is free")
     parser.add_argument("--no-browser", action="store_true", help="print the address and open nothing")
     parsed = parser.parse_args(arguments)
-    record(parsed.folder, parsed.port, not parsed.no_browser)
-    return 0
-
-
-def record(folder: Path, port: int = 0, open_browser: bool = True) -> None:
-    """Serve the page on the loopback device until Ctrl-C, and hold the folder's lock meanwhile.
-
-    Raise InputError if the folder cannot be recorded into, another recorder has it, or a package is missing.
-    """
+    folder: Path = parsed.folder
     try:
         import uvicorn
 
@@ -46,21 +42,22 @@ def record(folder: Path, port: int = 0, open_browser: bool = True) -> None:
         raise InputError(f"the recorder needs {error.name}: pip install 'causal-specifications[record]'") from error
     if not folder.is_dir():
         raise InputError(f"there is no folder {folder}: make it, with pictures of the table in {folder}/scenes")
-    with one_recorder(folder) as lock, _listening(port) as listener:
+    with one_recorder(folder) as lock, _listening(parsed.port) as listener:
         recordings = Recordings(folder)
         port = listener.getsockname()[1]
         address = f"http://{LOOPBACK}:{port}/"
-        _write(lock, address)
+        os.ftruncate(lock, 0)
+        os.pwrite(lock, address.encode(), 0)
         print(f"Recording into {folder}: open {address} (Ctrl-C ends)", flush=True)
-        if open_browser:
+        if not parsed.no_browser:
             threading.Timer(0.5, webbrowser.open, [address]).start()
         app = build(recordings, {f"{LOOPBACK}:{port}", f"localhost:{port}"})
         config = uvicorn.Config(app, log_level="warning", access_log=False, lifespan="off", ws="none")
         with suppress(KeyboardInterrupt):
             uvicorn.Server(config).run(sockets=[listener])
-        counts = recordings.overview()["counts"].values()
-        paths = sum(sum(count.values()) for scene in counts for count in scene.values())
+        paths = len(recordings.recorded(DEMONSTRATIONS))
         print(f"{folder} holds {paths} paths. Next: python -m pipeline.own check {folder}")
+    return 0
 
 
 @contextmanager
@@ -87,8 +84,3 @@ def _listening(port: int) -> socket.socket:
         return socket.create_server((LOOPBACK, port))
     except (OSError, OverflowError) as error:
         raise InputError(f"port {port} cannot be used ({error}): choose another, or 0 for any") from error
-
-
-def _write(lock: int, address: str) -> None:
-    os.ftruncate(lock, 0)
-    os.pwrite(lock, address.encode(), 0)
