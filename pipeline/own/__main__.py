@@ -37,8 +37,8 @@ def main(arguments: list[str]) -> int:
     one_thread()
     path, begin = Path(arguments[0]), time.monotonic()
     folder, faults = read_folder(path)
-    for fault in faults:
-        print(f"error: {fault}", file=sys.stderr)
+    for fault in faults:  # names of files may hold terminal codes
+        print("error:", "".join(c if c.isprintable() else repr(c)[1:-1] for c in fault), file=sys.stderr)
     if folder is None:
         print(f"{len(faults)} faults in {path}: correct them and check again", file=sys.stderr)
         return 1

@@ -9,8 +9,11 @@ from numpy import ndarray as Array
 
 from pipeline.models.base import to_tensor
 from pipeline.own.folder import Folder
-from pipeline.own.frame import outline
+from pipeline.own.frame import Frame, outline
 from pipeline.perception.objects import Objects, detect_objects
+from pipeline.world.layout import point_segment_distance
+
+NEAR_M = 0.01  # an item's centre may lie this far outside a detected outline [m of the model]
 
 
 @dataclass(frozen=True)
@@ -26,6 +29,22 @@ class Scenes:
         """Return the scenes of a folder."""
         images = np.stack([folder.image(canvas) for canvas in folder.canvases.values()])
         return cls(list(folder.canvases), images, detect_objects(to_tensor(images)))
+
+    def detected(self, items: pd.DataFrame, frame: Frame) -> tuple[pd.DataFrame, int]:
+        """Return one row for each listed item: scene, kind, and whether a detected object covers its centre.
+
+        The number counts the detected objects that cover no listed item, in the scenes that have listed items.
+        """
+        centres, hits, unlisted = frame.to_model(items[["x", "y"]].to_numpy()), np.zeros(len(items), bool), 0
+        for name, rows in items.groupby("scene").indices.items():
+            scene = self.names.index(str(name))
+            present = self.objects.present[scene]
+            ends = self.objects.ends[scene, present].astype(float)[:, None]
+            away = point_segment_distance(centres[rows], ends[..., 0, :], ends[..., 1, :])  # (object, item)
+            near = away - self.objects.radius[scene, present][:, None] < NEAR_M
+            hits[rows] = near.any(0)
+            unlisted += int((~near.any(1)).sum())
+        return items[["scene", "kind"]].assign(detected=hits), unlisted
 
     def outlines(self, scene: int) -> list[Float[Array, "point 2"]]:
         """Return the outlines [m] of the objects that were detected in a scene."""

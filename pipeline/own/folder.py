@@ -75,8 +75,11 @@ def read_folder(path: Path) -> tuple[Folder | None, Faults]:
             faults.append(f"{link.relative_to(path)} is a link out of the folder: replace it by the file itself")
     if faults:
         return None, faults
-    scenes = scene_files(path, faults)
-    settings = read_settings(path, faults)
+    scenes, settings = scene_files(path, faults), None
+    try:
+        settings = read_settings(path)
+    except InputError as error:
+        faults += str(error).splitlines()
     samples = read_samples(path, scenes, settings, faults) if settings else None
     items = _read_items(path, scenes, faults)
     cutouts = _read_cutouts(path, faults)

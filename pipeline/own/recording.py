@@ -9,7 +9,6 @@ A scene without demonstrations shows the model of all scenes.
 
 from pathlib import Path
 
-import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
@@ -71,20 +70,17 @@ def _log_scene(recording: rr.RecordingStream, entity: str, results: Results, fit
     """Log one scene of one user."""
     name, image = results.scenes.names[scene], results.scenes.images[scene]
     data = fitted.data
-    index = data.scenes.index(name) if name in data.scenes else None
     log_titles(recording, entity, {(0, 0): name, (0, 1): "P(valid)"})
     recording.log(f"{entity}/table/image", jpeg(image))
     outlines = [on_table(points) for points in results.scenes.outlines(scene)]
     recording.log(f"{entity}/table/outlines", rr.LineStrips2D(outlines, colors=ITEM, radii=0.2))
-    z, valid = np.empty((0, 2)), np.empty(0, bool)
-    if index is not None:
-        z, valid = data.z_theta[index][data.real[index]], data.valid[index][data.real[index]]
-    colours = [VALID if word else INVALID for word in valid]
-    drawn = rr.LineStrips2D(on_table(curve(z, POINTS)), colors=colours, radii=0.35)
-    recording.log(f"{entity}/table/demonstrations", drawn)
+    rows = results.tables["demonstrations"].query("user == @data.user and scene == @name")
+    paths = on_table(curve(rows[["z_x", "z_y"]].to_numpy(float), POINTS))
+    colours = [VALID if word else INVALID for word in rows["valid"]]
+    recording.log(f"{entity}/table/demonstrations", rr.LineStrips2D(paths, colors=colours, radii=0.35))
     rows = results.tables["repaired"].query("user == @data.user and scene == @name").dropna()
     ends = on_table(curve(rows[["end_x", "end_y"]].to_numpy(float), POINTS))
     recording.log(f"{entity}/table/repairs", rr.LineStrips2D(ends, colors=START, radii=0.2))
-    model = fitted.model if index is None else fitted.unseeing(index)
+    model = fitted.unseeing(data.scenes.index(name)) if name in data.scenes else fitted.model
     p = model.probability(image[None], lattice(MAP_SIDE)[None])[0].reshape(MAP_SIDE, MAP_SIDE)
     log_map(recording, f"{entity}/map", p_classes(p))

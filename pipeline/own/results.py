@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline.own import advice, detection, kinds, repairs, scoring
+from pipeline.own import kinds, repairs, scoring
 from pipeline.own.data import Scenes, UserData
 from pipeline.own.fitting import VARIANT, Fitted, fit_user
 from pipeline.own.folder import Folder
@@ -53,7 +53,7 @@ def compute(folder: Folder, kept: Path, progress: Callable[[str], object]) -> Re
         "scores": scoring.scores(judged),
         "reliability": scoring.calibration(judged),
         "enough": scoring.enough(judged, VARIANT),
-        "disagreement": by_user(lambda one: advice.disagreement(one, scenes)),
+        "disagreement": by_user(lambda one: scoring.disagreement(one, scenes)),
     }
     progress("interventions")
     placed = {kind: kinds.add_kind(folder, scenes, kind) for kind in sorted(folder.cutouts)}
@@ -66,5 +66,5 @@ def compute(folder: Folder, kept: Path, progress: Callable[[str], object]) -> Re
     tables["repaired"] = by_user(lambda one: repairs.repairs(one, scale))
     unlisted = 0
     if folder.items is not None:
-        tables["detections"], unlisted = detection.detected(folder.items, folder.frame, scenes)
+        tables["detections"], unlisted = scenes.detected(folder.items, folder.frame)
     return Results(folder, scenes, fitted, added, tables, unlisted)

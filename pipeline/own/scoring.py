@@ -1,14 +1,19 @@
-"""Score predictions of held-out scenes: accuracy, calibration, the learning curve."""
+"""Score predictions of held-out scenes: accuracy, calibration, the learning curve, and which scenes to show next."""
 
+import numpy as np
 import pandas as pd
 from scipy.stats import beta
 
+from pipeline.own.data import Scenes
+from pipeline.own.fitting import Fitted
 from pipeline.stats.crossed import estimate, ratio
 from pipeline.stats.scores import DECISION, accuracy, auroc, brier, expected_calibration_error, reliability
+from pipeline.world.bezier import lattice
 
 BINS = 5  # of the calibration; twenty scenes have some 150 demonstrations
 FLAT = 0.05  # gain of accuracy from the second half of the scenes, below which the curve counts as flat; ours
 FEW_CHANGES = 20  # changed decisions below which the interval follows from their number, as in library.effect
+LATTICE_SIDE = 14  # points per side of the lattice of paths on which models are compared
 
 
 def scores(judged: pd.DataFrame) -> pd.DataFrame:
@@ -74,3 +79,18 @@ def enough(judged: pd.DataFrame, predictor: str) -> pd.DataFrame:
         state = "rising" if low > 0 else "flat" if high < FLAT else "open"
         rows.append({"user": user, "gain": gain, "ci_low": low, "ci_high": high, "state": state})
     return pd.DataFrame(rows)
+
+
+def disagreement(fitted: Fitted, scenes: Scenes) -> pd.DataFrame:
+    """Return one row for each picture, most disagreement first.
+
+    disagreement: standard deviation of P(valid) over the models, averaged over a lattice of paths; shown: whether the
+    user has demonstrations there. Scenes without any come first, as only they are new to all models.
+    """
+    paths = np.broadcast_to(lattice(LATTICE_SIDE), (len(scenes.names), LATTICE_SIDE**2, 2))
+    p = np.stack([model.probability(scenes.images, paths) for model in fitted.fold_models])
+    table = pd.DataFrame(
+        {"user": fitted.data.user, "scene": scenes.names, "disagreement": p.std(0).mean(1).astype(float)}
+    )
+    table["shown"] = table["scene"].isin(fitted.data.scenes)
+    return table.sort_values(["shown", "disagreement"], ascending=[True, False], ignore_index=True)

@@ -9,7 +9,8 @@ import yaml
 from numpy import ndarray as Array
 from pydantic import AllowInfNan, Field, Strict, TypeAdapter, ValidationError
 
-from pipeline.own.csv_files import Faults, normal
+from pipeline.own.csv_files import normal
+from pipeline.runtime.errors import InputError
 
 SETTINGS = "table.yaml"
 MIN_APART = 0.2  # smallest distance from start to goal, relative to the table's side
@@ -39,52 +40,52 @@ class Settings:
         return self.corners.get(scene) if isinstance(self.corners, dict) else self.corners
 
 
-def read_settings(path: Path, faults: Faults) -> Settings | None:
-    """Return the settings of table.yaml, or the defaults; None after a fault."""
+def read_settings(path: Path) -> Settings:
+    """Return the settings of table.yaml, or the defaults; raise InputError with a line for each fault."""
     if not (path / SETTINGS).is_file():
         return Settings(rectified=True)
     try:
         content = yaml.safe_load((path / SETTINGS).read_text(encoding="utf-8"))
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        faults.append(f"{SETTINGS} cannot be read: {' '.join(str(error).split())}; correct it")
-        return None
-    return check_settings(content or {}, faults)
+        raise InputError(f"{SETTINGS} cannot be read: {' '.join(str(error).split())}; correct it") from error
+    return check_settings(content or {})
 
 
-def check_settings(content: Any, faults: Faults) -> Settings | None:
-    """Return what table.yaml holds as settings; None after a fault."""
-    known, before = ("side_m", "corners", "rectified", "start", "goal"), len(faults)
+def check_settings(content: Any) -> Settings:
+    """Return what table.yaml holds as settings; raise InputError with a line for each fault."""
+    known = ("side_m", "corners", "rectified", "start", "goal")
     if not isinstance(content, dict) or set(content) - set(known):
         names = ", ".join(map(repr, content)) if isinstance(content, dict) else type(content).__name__
-        faults.append(f"{SETTINGS} holds {names}: expected some of {', '.join(known)}")
-        return None
-    side = content.get("side_m", 1.0)
+        raise InputError(f"{SETTINGS} holds {names}: expected some of {', '.join(known)}")
+    side, faults = content.get("side_m", 1.0), []
     if _parsed(SIDE, side) is None:
-        faults.append(f"{SETTINGS}: side_m is {side!r}: expected metres from {SIDES_M[0]} to {SIDES_M[1]:g}")
-        return None
+        raise InputError(f"{SETTINGS}: side_m is {side!r}: expected metres from {SIDES_M[0]} to {SIDES_M[1]:g}")
     settings = Settings(float(side), rectified=content.get("rectified", False))
     if not isinstance(settings.rectified, bool):
-        faults.append(f"{SETTINGS}: rectified is {settings.rectified!r}: expected true or false")
+        faults.append(f"rectified is {settings.rectified!r}: expected true or false")
     for name, default in ENDS.items():
         value = content.get(name, [side * share for share in default])
         place = _parsed(PLACE, value)
         if place is None or (place < 0).any() or (place > side).any():
-            faults.append(f"{SETTINGS}: {name} is {value!r}: expected [x, y] in metres on the table, 0 to {side:g}")
+            faults.append(f"{name} is {value!r}: expected [x, y] in metres on the table, 0 to {side:g}")
         else:
             setattr(settings, name, place)
-    if len(faults) == before and np.linalg.norm(settings.goal - settings.start) < MIN_APART * side:
-        faults.append(f"{SETTINGS}: start and goal are closer than {MIN_APART * side:g} m: expected two places")
+    if not faults and np.linalg.norm(settings.goal - settings.start) < MIN_APART * side:
+        faults.append(f"start and goal are closer than {MIN_APART * side:g} m: expected two places")
     corners = content.get("corners")
     if isinstance(corners, dict):
         settings.corners = {
-            normal(str(scene)): _quadrilateral(places, f" of {scene}", faults) for scene, places in corners.items()
+            normal(str(scene)): _quadrilateral(places, f"corners of {scene}", faults)
+            for scene, places in corners.items()
         }
     elif corners is not None:
-        settings.corners = _quadrilateral(corners, "", faults)
+        settings.corners = _quadrilateral(corners, "corners", faults)
     if settings.corners is not None and settings.rectified:
-        faults.append(f"{SETTINGS}: corners and rectified: true exclude each other: remove one of them")
+        faults.append("corners and rectified: true exclude each other: remove one of them")
+    if faults:
+        raise InputError("\n".join(f"{SETTINGS}: {fault}" for fault in faults))
     settings.rectified = settings.rectified or "corners" not in content
-    return settings if len(faults) == before else None
+    return settings
 
 
 def _parsed(kind: TypeAdapter, value: Any) -> Array | None:
@@ -95,9 +96,9 @@ def _parsed(kind: TypeAdapter, value: Any) -> Array | None:
         return None
 
 
-def _quadrilateral(value: Any, whose: str, faults: Faults) -> Array:
+def _quadrilateral(value: Any, name: str, faults: list[str]) -> Array:
     """Return four corners; add a fault unless they bound a convex quadrilateral in the right order."""
-    name, corners = f"{SETTINGS}: corners{whose}", _parsed(CORNERS, value)
+    corners = _parsed(CORNERS, value)
     if corners is None:
         faults.append(f"{name} are {value!r}: expected four [column, row] in pixels, {ORDER}")
         return np.zeros((4, 2))

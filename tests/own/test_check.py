@@ -79,6 +79,11 @@ def empty_kind(path: Path) -> None:
     (path / "kinds" / "jug").mkdir()
 
 
+def odd_kind(path: Path) -> None:
+    add_kind(path)
+    write_picture(path / "kinds" / "\x1b[31m" / "red.png", draw_table())
+
+
 FAULTS: dict[str, tuple[Spoil, str]] = {
     "missing scene": (cell(2, "scene", "supper"), "demonstrations.csv, row 2: scene 'supper' has no picture"),
     "no pictures": (lambda p: [f.unlink() for f in (p / "scenes").iterdir()], "scenes/ holds no picture"),
@@ -137,6 +142,7 @@ FAULTS: dict[str, tuple[Spoil, str]] = {
     "cut-out without a row": (kinds(""), "kinds/cup/blue.png has no row in kinds.csv"),
     "row without a cut-out": (kinds("cup,red.png,0.1\n"), "row 2: kinds/cup/red.png is missing"),
     "cut-out elsewhere": (kinds("cup,../cup/blue.png,0.1\n"), "row 2: kinds/cup/../cup/blue.png is"),
+    "terminal codes in a kind": (odd_kind, "kinds/\\x1b[31m/red.png has no row in kinds.csv"),
     "cut-out without width": (kinds("cup,blue.png,-1\n"), "row 2: width_m is -1"),
     "opaque cut-out": (opaque, "row 2: kinds/cup/blue.png has no transparent background"),
     "item without radius": (items("tea,cup,.5,.5,0,0,0"), "row 2: radius_m is 0"),
@@ -153,7 +159,8 @@ def test_a_fault_is_a_sentence_that_names_file_and_row(name: str, folder: Path, 
     assert main([str(folder)]) == 1
     said = capfd.readouterr().err
     assert sentence in said, said
-    assert "Traceback" not in said and sorted(folder.rglob("*")) == before, "nothing is half-written"
+    assert "Traceback" not in said and said.replace("\n", "").isprintable()
+    assert sorted(folder.rglob("*")) == before, "nothing is half-written"
 
 
 def test_a_whole_folder_has_no_fault_and_check_writes_nothing(folder: Path, capfd):

@@ -28,11 +28,7 @@ def list_scenes(folder: Path) -> dict[str, Path]:
 def read_place(folder: Path) -> Settings:
     """Return where the table, start and goal are, from table.yaml; InputError if it makes no sense."""
     inside(folder, folder / SETTINGS)
-    faults = Faults()
-    settings = read_settings(folder, faults)
-    if settings is None:
-        raise InputError(faults[0])
-    return settings
+    return read_settings(folder)
 
 
 def read_table(folder: Path, name: str) -> pd.DataFrame:

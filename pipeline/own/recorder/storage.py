@@ -14,7 +14,7 @@ from jaxtyping import Float
 from numpy import ndarray as Array
 from pydantic import ConfigDict, Field, FiniteFloat, validate_call
 
-from pipeline.own.csv_files import COLUMNS, DEMONSTRATIONS, ITEMS, KEY, Faults, normal
+from pipeline.own.csv_files import COLUMNS, DEMONSTRATIONS, ITEMS, KEY, normal
 from pipeline.own.demonstrations import ENDS_WITHIN_M, MIN_SAMPLES, MIN_SCENES
 from pipeline.own.frame import outline
 from pipeline.own.pictures import KINDS, SCENES, is_square, read_picture
@@ -213,9 +213,7 @@ class Recordings:
             else:
                 values["rectified"] = True
             values |= {"start": start, "goal": goal}
-            faults = Faults()
-            if check_settings(values, faults) is None:
-                raise InputError(faults[0])
+            check_settings(values)
             text = HEADER + yaml.safe_dump(values, sort_keys=False, allow_unicode=True, default_flow_style=None)
             files.write_durably(self.folder, SETTINGS, lambda part: part.write_text(text, encoding="utf-8"))
 
