@@ -86,6 +86,7 @@ class Difference:
 def compare(before: Commit, after: Commit) -> Difference:
     """Return what differs between two commits. Raise InputError if one lacks reports/metrics.json."""
     old, new = before.headlines(), after.headlines()
+    was, now = (flat(yaml.safe_load(commit.file("params.yaml")) or {}) for commit in (before, after))
     claims, numbers = [], []
     for name in sorted({*old, *new}):
         values = old.get(name), new.get(name)
@@ -101,7 +102,7 @@ def compare(before: Commit, after: Commit) -> Difference:
     return Difference(
         claims=claims,
         headlines=sorted(numbers, key=lambda line: line.change is None),  # numbers that only one of them has come last
-        parameters=_parameters(before, after),
+        parameters=[(n, was.get(n), now.get(n)) for n in sorted({*was, *now}) if was.get(n) != now.get(n)],
         packages=[line for line in packages if re.match(r"[+-]\w", line)],
         data=[
             path for path in after.files(".dvc") if DATA.findall(before.file(path)) != DATA.findall(after.file(path))
@@ -119,11 +120,6 @@ def flat(tree: Any, prefix: str = "") -> dict[str, Any]:
         return {prefix: tree}
     parts = [flat(part, f"{prefix}.{key}".lstrip(".")) for key, part in tree.items()]
     return {name: value for part in parts for name, value in part.items()}
-
-
-def _parameters(before: Commit, after: Commit) -> list[tuple[str, Any, Any]]:
-    old, new = (flat(yaml.safe_load(commit.file("params.yaml")) or {}) for commit in (before, after))
-    return [(name, old.get(name), new.get(name)) for name in sorted({*old, *new}) if old.get(name) != new.get(name)]
 
 
 def _processors(before: Commit, after: Commit) -> list[tuple[str, str, str]]:
