@@ -86,6 +86,7 @@ class Difference:
 def compare(before: Commit, after: Commit) -> Difference:
     """Return what differs between two commits. Raise InputError if one lacks reports/metrics.json."""
     old, new = before.headlines(), after.headlines()
+    was, now = _parameters(before), _parameters(after)
     claims, numbers = [], []
     for name in sorted({*old, *new}):
         values = old.get(name), new.get(name)
@@ -101,7 +102,7 @@ def compare(before: Commit, after: Commit) -> Difference:
     return Difference(
         claims=claims,
         headlines=sorted(numbers, key=lambda line: line.change is None),  # numbers that only one of them has come last
-        parameters=_parameters(before, after),
+        parameters=[(n, was.get(n), now.get(n)) for n in sorted({*was, *now}) if was.get(n) != now.get(n)],
         packages=[line for line in packages if re.match(r"[+-]\w", line)],
         data=[
             path for path in after.files(".dvc") if DATA.findall(before.file(path)) != DATA.findall(after.file(path))
@@ -121,11 +122,10 @@ def flat(tree: Any, prefix: str = "") -> dict[str, Any]:
     return {name: value for part in parts for name, value in part.items()}
 
 
-def _parameters(before: Commit, after: Commit) -> list[tuple[str, Any, Any]]:
-    """Return the parameters that differ: name, value before, after; None if a commit lacks it, "null" if empty."""
-    both = (flat(yaml.safe_load(commit.file("params.yaml")) or {}) for commit in (before, after))
-    old, new = ({name: "null" if value is None else value for name, value in values.items()} for values in both)
-    return [(name, old.get(name), new.get(name)) for name in sorted({*old, *new}) if old.get(name) != new.get(name)]
+def _parameters(commit: Commit) -> dict[str, Any]:
+    """Return a commit's parameters by their dotted names; "null" where one is empty, so that None means missing."""
+    parameters = flat(yaml.safe_load(commit.file("params.yaml")) or {})
+    return {name: "null" if value is None else value for name, value in parameters.items()}
 
 
 def _processors(before: Commit, after: Commit) -> list[tuple[str, str, str]]:

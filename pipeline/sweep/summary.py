@@ -126,23 +126,14 @@ def _comparisons(results: pd.DataFrame, families: list[dict[str, Any]]) -> pd.Da
     Columns: setting, variant, against, split and those of `paired`: accuracies at main_n_demos, and, with a split
     "repair, <user>", shares of repairs that end valid against the image-blind detour. Holm corrects over all rows.
     """
+    parts = results["headline"].str.extract(r"^(?P<kind>accuracy|repair)\.(?P<variant>[^.]+)\.(?P<split>.+)$")
+    parts["split"] = parts["split"].where(parts.pop("kind") == "accuracy", "repair, " + parts["split"])
+    scores = results[["setting", "seed", "value"]].join(parts).dropna()
     families = [family for family in families if family["n_demos"] is None]
-    pairs = [
-        (family["variant"], against, split, f"accuracy.{{}}.{split}")
-        for family in families
-        for against, split in product(family["against"], family["splits"])
-    ]
-    detours = results.loc[results["headline"].str.startswith(f"repair.{DETOUR}."), "headline"].unique()
-    pairs += [
-        (variant, DETOUR, f"repair, {user}", f"repair.{{}}.{user}")
-        for variant in dict.fromkeys(family["variant"] for family in families)
-        for user in (name.rpartition(".")[2] for name in detours)
-    ]
-    if not pairs:
-        return pd.DataFrame()
-    before, after = [], []
-    for variant, against, split, headline in pairs:
-        for tables, name in ((before, against), (after, variant)):
-            table = results.loc[results["headline"] == headline.format(name), ["setting", "seed", "value"]]
-            tables.append(table.assign(variant=variant, against=against, split=split))
-    return paired(pd.concat(before), pd.concat(after))
+    pairs = [(f["variant"], against, split) for f in families for against, split in product(f["against"], f["splits"])]
+    variants, repairs = dict.fromkeys(f["variant"] for f in families), scores[scores["variant"] == DETOUR]
+    pairs += [(variant, DETOUR, split) for variant in variants for split in repairs["split"].unique()]
+    compared = pd.DataFrame(pairs, columns=["variant", "against", "split"], dtype=str)
+    after = compared.merge(scores, on=["variant", "split"])
+    before = compared.merge(scores.rename(columns={"variant": "against"}), on=["against", "split"])
+    return paired(before, after[["setting", *compared.columns, "seed", "value"]])

@@ -46,17 +46,11 @@ def verdicts(summary: Summary) -> Table:
 
 def settings(summary: Summary) -> Table:
     """Return the mean and quartiles over seeds of the first changed headlines, a row a setting."""
-    rows = []
-    for setting, part in summary.means.groupby("setting", sort=False):
-        row: dict[str, object] = {"Setting": setting}
-        for headline in summary.headlines[:MAX_SHOWN]:
-            cell = part[part["headline"] == headline]
-            for end, column in (("", "mean"), (", q1", "q1"), (", q3", "q3")):
-                row[title(headline) + end] = float(cell[column].iloc[0]) if len(cell) else None
-        rows.append(row)
-    frame = with_gaps(rows)
-    formats = {c: "pct1" if str(c).lower().startswith(RATES) else "fine" for c in frame.columns[1:]}
-    return Table(frame, formats)
+    wide = summary.means.pivot(index="setting", columns="headline").reindex(summary.means["setting"].unique())
+    ends = {"mean": "", "q1": ", q1", "q3": ", q3"}
+    cells = {title(h) + end: wide[name, h] for h in summary.headlines[:MAX_SHOWN] for name, end in ends.items()}
+    formats = {name: "pct1" if name.lower().startswith(RATES) else "fine" for name in cells}
+    return Table(with_gaps(pd.DataFrame(cells).rename_axis("Setting").reset_index()), formats)
 
 
 def differences(summary: Summary) -> Table:

@@ -20,7 +20,6 @@ def write_summary(folder: Path, record: dict[str, Any], jobs: list[dict[str, Any
     render_page("index", "page.html.j2", "pipeline.sweep.page", summary, made, site)
     write_files(site, folder)
     shutil.copy(FOLDER / "page.css", folder)
-    write_table(folder / "results.parquet", summary.results)
-    write_table(folder / "differences.parquet", summary.differences)
-    write_table(folder / "comparisons.parquet", summary.comparisons)
+    for name in ("results", "differences", "comparisons"):
+        write_table(folder / f"{name}.parquet", getattr(summary, name))
     return folder / "index.html"
