@@ -20,7 +20,7 @@ from pipeline.models.registry import build
 from pipeline.models.vae.beta_vae import BetaVae
 from pipeline.models.vae.losses import Weights
 from pipeline.params import compose
-from pipeline.world.bezier import P_F, P_INIT, random_z_theta
+from pipeline.world.bezier import random_z_theta
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SIDE, SYMBOLS, Items, LayoutRules, Layouts, add_item, random_layouts
 from pipeline.world.render import Palette, render_scenes
@@ -29,7 +29,6 @@ from pipeline.world.rules import valid
 RULES = LayoutRules((2, 3), (0.05, 0.35, 0.40, 0.20), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)  # as in conf/scenes.yaml
 ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.075, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
 SCENES = 3
-TRAINING = 4  # scenes of each seed in `rendered_world`
 
 
 WEIGHTS = {  # of Eq. 1
@@ -56,21 +55,6 @@ def with_value(cfg: DictConfig, row: str) -> DictConfig:
     OmegaConf.set_struct(cfg, False)
     OmegaConf.update(cfg, name, yaml.safe_load(value), merge=False)
     return cfg
-
-
-def least_gaps(layouts: Layouts, scene: int) -> tuple[float, float]:
-    """Least distance from footprint to footprint, and from footprint to the ends of the task [m]."""
-    slots = np.flatnonzero(layouts.present[scene])
-    ends, radius = layouts.ends[scene, slots], layouts.radius[scene, slots]
-    along = np.linspace(0, 1, 60)[:, None]
-    axes = ends[:, None, 0] + along * (ends[:, None, 1] - ends[:, None, 0])  # (slot, point, 2)
-    apart = [
-        np.linalg.norm(axes[i][:, None] - axes[j], axis=-1).min() - radius[i] - radius[j]
-        for i in range(len(slots))
-        for j in range(i)
-    ]
-    away = [np.linalg.norm(axes - p, axis=-1).min(-1) - radius for p in (P_INIT, P_F)]
-    return min(apart, default=np.inf), float(np.min(away))
 
 
 def vae(seed: int = 0, **shape: object) -> BetaVae:
@@ -158,18 +142,6 @@ def appearances(scenes: int) -> pd.DataFrame:
 def rendered(cfg: DictConfig, layouts: Layouts) -> np.ndarray:
     palette = Palette(read_catalogue(Path(cfg.paths.data)))
     return render_scenes(layouts, ["oak"] * len(layouts), range(len(layouts)), palette)
-
-
-def rendered_world(folder: Path, pools: Mapping[str, tuple[int, str]], *overrides: str) -> tuple[DictConfig, SceneSet]:
-    """A smoke run with TRAINING scenes a seed: its configuration and scenes, besides those the `pools`, under `folder`.
-
-    Every user's demonstrations lie there, too.
-    """
-    paths = [f"paths.{name}={folder / name}" for name in ("scenes", "demos", "intervene")]
-    cfg = composed("profile=smoke", f"scenes.per_seed={TRAINING}", *paths, *overrides)
-    scenes = rendered_scenes(cfg, {train_pool(seed): (TRAINING, "train") for seed in cfg.seeds} | dict(pools))
-    labelled_demos(cfg, scenes)
-    return cfg, scenes
 
 
 def symbols_added(cfg: DictConfig, scenes: SceneSet, paths: int) -> None:

@@ -33,7 +33,6 @@ git -C "$root" ls-files -z --cached --others --exclude-standard -- ':!outputs' '
   (cd "$root" && while IFS= read -r -d '' f; do [ ! -e "$f" ] || printf '%s\0' "$f"; done) |
   (cd "$root" && tar --null -T - -cf -) | tar -C "$clone" -xf -
 cd "$clone"
-unset PYTHONDONTWRITEBYTECODE  # or every stage would compile pipeline/ anew
 git init -q
 git config user.name smoke
 git config user.email smoke@localhost

@@ -109,7 +109,7 @@ def test_a_second_run_leaves_the_same_bytes_and_no_old_figure(cfg: DictConfig, o
     assert {path: path.read_bytes() for path in out.rglob("*.*")} == before
 
 
-@pytest.mark.parametrize("file", ["evaluate/accuracy.csv", "intervene/summary.csv"])
+@pytest.mark.parametrize("file", ["evaluate/accuracy.csv", "intervene/summary.csv", "repair/metrics.json"])
 def test_a_missing_input_is_named(cfg: DictConfig, file: str, tmp_path: Path):
     stage, _, name = file.partition("/")
     path = Path(cfg.paths[stage]) / name

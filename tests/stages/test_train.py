@@ -1,4 +1,4 @@
-"""Facts about stages train, irl and clearance: what they write, that it repeats byte for byte, and what they refuse."""
+"""Facts about stage train: what it writes, that it repeats byte for byte, and what it refuses."""
 
 import hashlib
 from pathlib import Path
@@ -17,7 +17,6 @@ from pipeline.models.vae.beta_vae import BetaVae
 from pipeline.params import compose
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.streams import job_seed
-from pipeline.stages import clearance, irl, train
 from pipeline.stages.train import main
 from pipeline.training.runner import _jobs
 from pipeline.training.vae.engines import engine
@@ -25,15 +24,13 @@ from tests.stages.facts import run_as_listed
 
 pytestmark = pytest.mark.slow
 
+USERS = ("careful", "normal", "aggressive")
 SMALL = ["seeds=[0,1]", "n_demos=[1,2]", "main_n_demos=2", "train.steps=4", "train.curve_every=2", "workers=1"]
-SMALL += ["train.engine=simd", "checkpoints=[0,2,50]", "irl.n_augmentations=2", "irl.curve_every=2"]
-SMALL += ["variants.irl_maxent.steps=3", "variants.irl_ranked.steps=3", "clearance.steps=3", "clearance.curve_every=2"]
-STAGES = {"full": train.main, "irl_maxent": irl.main, "irl_ranked": irl.main, "clearance": clearance.main}
+SMALL += ["train.engine=simd", "checkpoints=[0,2,50]"]
 
 
 def config(small_world: Path, out: Path, *overrides: str):
-    paths = [f"paths.scenes={small_world}/scenes", f"paths.demos={small_world}/demos"]
-    paths += [f"paths.{stage}={out}" for stage in ("train", "irl", "clearance")]
+    paths = [f"paths.scenes={small_world}/scenes", f"paths.demos={small_world}/demos", f"paths.train={out}"]
     return compose([*paths, *SMALL, *overrides])
 
 
@@ -45,33 +42,19 @@ def run(small_world, tmp_path_factory) -> Path:
     return out
 
 
-@pytest.fixture(scope="module", params=STAGES)
-def fitted(request, run, small_world, tmp_path_factory) -> tuple[str, Path]:
-    """One run of a variant of each kind; but for full, of one seed."""
-    variant, out = request.param, tmp_path_factory.mktemp("fitted")
-    if variant == "full":
-        return variant, run
-    run_as_listed(STAGES[variant], config(small_world, out, f"variant={variant}", "seeds=[1]"), out / variant)
-    return variant, out
-
-
-def test_a_user_without_invalid_demonstrations_gets_laplaces_constant(fitted):
-    variant, out = fitted
-    predictions = read_table(out / variant / "predictions.parquet").query("user == 'aggressive' and n_demos == 2")
+def test_a_user_without_invalid_demonstrations_gets_laplaces_constant(run):
+    predictions = read_table(run / "full" / "predictions.parquet").query("user == 'aggressive' and n_demos == 2")
     np.testing.assert_allclose(predictions["p"], 7 / 8, rtol=1e-6)  # 3 scenes x 2 demonstrations, all valid
 
 
-def test_saved_weights_give_the_predictions_that_were_written(fitted, small_world):
-    variant, out = fitted
+def test_saved_weights_give_the_predictions_that_were_written(run, small_world):
+    cfg = config(small_world, run)
     scenes, queries = read_scenes(small_world / "scenes"), read_queries(small_world / "demos")
-    predictions, model = (
-        read_table(out / variant / "predictions.parquet"),
-        load_model(config(small_world, out), variant, "careful", 1, 2),
-    )
+    predictions = read_table(run / "full" / "predictions.parquet")
     for split, pool in (("seen_scenes", "train-s1"), ("new_items", "new_items")):
-        p = model.probability(scenes.images[pool], queries[pool].z)
+        p = load_model(cfg, "full", "careful", 1, 2).probability(scenes.images[pool], queries[pool].z)
         rows = predictions.query(f"seed == 1 and user == 'careful' and n_demos == 2 and split == '{split}'")
-        np.testing.assert_allclose(rows["p"].to_numpy().reshape(p.shape), p, rtol=1e-5)
+        np.testing.assert_allclose(rows["p"].to_numpy().reshape(p.shape), p, rtol=1e-6)
         assert np.array_equal(rows["valid"].to_numpy().reshape(p.shape), queries[pool].valid["careful"])
 
 
@@ -89,15 +72,13 @@ def test_weights_on_the_way_are_kept_of_the_models_studied_that_learn(run, small
     assert not torch.equal(later.get_parameter("mean.weight"), kept.get_parameter("mean.weight"))
 
 
-def test_neither_processes_nor_checkpoints_nor_other_seeds_change_a_weight_and_an_earlier_run_s_do_not_stay(
-    run, small_world, tmp_path
-):
-    whole, out = _digests(run / "full"), tmp_path / "full"
-    main(config(small_world, tmp_path, "workers=2"), out)
-    assert _digests(out) == whole
-    main(config(small_world, tmp_path, "checkpoints=[]", "seed=1"), out)
-    assert list((out / "checkpoints").iterdir()) == []
-    alone = _digests(out / "weights")
+def test_neither_processes_nor_checkpoints_nor_other_seeds_change_a_weight(run, small_world, tmp_path):
+    whole = _digests(run)
+    main(config(small_world, tmp_path / "two", "workers=2"), tmp_path / "two" / "full")
+    assert _digests(tmp_path / "two") == whole
+    main(config(small_world, tmp_path, "checkpoints=[]", "seed=1"), tmp_path / "full")
+    assert list((tmp_path / "full" / "checkpoints").iterdir()) == []
+    alone = _digests(tmp_path / "full" / "weights")
     assert len(alone) == 6 and alone.items() <= _digests(run / "full" / "weights").items()
 
 
@@ -137,20 +118,16 @@ def test_auto_is_cuda_where_there_is_a_gpu_and_simd_elsewhere(small_world, tmp_p
 
 
 @pytest.mark.parametrize(
-    ("stage", "overrides", "message"),
+    ("override", "message"),
     [
-        (train, ["variant=irl_ranked"], "not fitted by stage train: expected one of full, ae, classifier"),
-        (irl, ["variant=full"], "not fitted by stage irl: expected one of irl_maxent, irl_ranked"),
-        (clearance, ["variant=full"], "not fitted by stage clearance: expected one of clearance"),
-        (train, ["seeds=[0,7]"], "no scenes train-s7"),
-        (train, ["n_demos=[9]", "main_n_demos=9"], "expected 9 in each scene"),
-        (train, ["train.rate=1e30"], r"full of careful, seed 0, n_demos 2: its loss is no longer finite at step \d+"),
+        ("variant=irl_ranked", "not fitted by stage train: expected one of full, ae, classifier"),
+        ("seeds=[0,7]", "no scenes train-s7"),
     ],
 )
-def test_bad_input_and_a_fit_that_diverges_leave_no_result(small_world, tmp_path, stage, overrides, message):
-    with pytest.raises(InputError, match=message):
-        stage.main(config(small_world, tmp_path, *overrides), tmp_path / "out")
-    assert not (tmp_path / "out").exists()
+def test_bad_input_ends_before_anything_is_written(small_world, tmp_path, override, message):
+    with pytest.raises(ValueError, match=message):
+        main(config(small_world, tmp_path, override), tmp_path / "full")
+    assert not (tmp_path / "full").exists()
 
 
 def test_without_numba_the_simd_engine_is_refused_and_auto_takes_the_reference(small_world, tmp_path, monkeypatch):
@@ -162,6 +139,29 @@ def test_without_numba_the_simd_engine_is_refused_and_auto_takes_the_reference(s
         assert engine("auto").name == "reference"
 
 
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (["n_demos=[9]", "main_n_demos=9"], "expected 9 in each scene"),
+        (["train.rate=1e30"], r"full of careful, seed 0, n_demos 2: its loss is no longer finite at step \d+"),
+    ],
+)
+def test_too_few_demonstrations_or_a_fit_that_diverges_is_no_result(small_world, tmp_path, overrides, message):
+    with pytest.raises(InputError, match=message):
+        main(config(small_world, tmp_path, *overrides), tmp_path / "full")
+    assert not (tmp_path / "full").exists()
+
+
 def _digests(root: Path) -> dict[str, str]:
     files = sorted(path for path in root.rglob("*") if path.is_file())
     return {str(path.relative_to(root)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+def test_models_of_an_earlier_run_into_the_same_folder_do_not_stay(small_world, tmp_path):
+    cfg = config(small_world, tmp_path)
+    main(cfg, tmp_path / "full")
+    before = sorted(path.name for path in (tmp_path / "full" / "weights").iterdir())
+    cfg.n_demos, cfg.main_n_demos = [1], 1
+    main(cfg, tmp_path / "full")
+    after = sorted(path.name for path in (tmp_path / "full" / "weights").iterdir())
+    assert after == [name for name in before if "-n1" in name] and len(after) < len(before)

@@ -9,24 +9,28 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_table, write_arrays
 from pipeline.artifacts.scenes import read_scenes, train_pool, write_scenes
+from pipeline.params import compose
 from pipeline.runtime.errors import InputError
 from studies.acceptance import stage
 from studies.acceptance.stage import main
-from tests.factories import labelled_queries, rendered_world
+from tests.factories import labelled_demos, labelled_queries, rendered_scenes
 
 pytestmark = pytest.mark.slow
-SCENES, PATHS, LEVEL = 5, 12, 0.1
-SMALL = ["train.steps=2", "clearance.steps=2", "train.engine=reference"]
-SMALL += ["studies.acceptance.variants=[full,clearance]", "studies.acceptance.fitted=1"]
+TRAINING, SCENES, PATHS, LEVEL = 4, 5, 12, 0.1
+SMALL = ["profile=smoke", "workers=1", f"scenes.per_seed={TRAINING}", "train.steps=2", "clearance.steps=2"]
+SMALL += ["train.engine=reference", "studies.acceptance.variants=[full,clearance]", "studies.acceptance.fitted=1"]
 SMALL += [f"studies.acceptance.level={LEVEL}"]
 
 
 @pytest.fixture(scope="module")
 def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     """Two seeds' training scenes with demonstrations, and new scenes with paths to be judged."""
-    pools = {"new_scenes": (SCENES, "train"), "new_items": (SCENES, "unseen")}
-    cfg, scenes = rendered_world(tmp_path_factory.mktemp("acceptance"), pools, *SMALL)
-    labelled_queries(cfg, scenes, list(pools), PATHS)
+    root = tmp_path_factory.mktemp("acceptance")
+    cfg = compose([*SMALL, *(f"paths.{name}={root / name}" for name in ("scenes", "demos"))])
+    training = {train_pool(seed): (TRAINING, "train") for seed in cfg.seeds}
+    scenes = rendered_scenes(cfg, training | {"new_scenes": (SCENES, "train"), "new_items": (SCENES, "unseen")})
+    labelled_demos(cfg, scenes)
+    labelled_queries(cfg, scenes, ["new_scenes", "new_items"], PATHS)
     prior = {user: np.full((2, 2), 0.7) for user in cfg.evaluate.users}
     write_arrays(Path(cfg.paths.scenes) / "position_prior.npz", prior)
     return cfg

@@ -8,16 +8,18 @@ import pytest
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_arrays, read_table, write_arrays
+from pipeline.artifacts.scenes import train_pool
+from pipeline.params import compose
 from pipeline.runtime.errors import InputError
 from studies.confounding.stage import main
-from tests.factories import rendered_world, symbols_added
+from tests.factories import labelled_demos, rendered_scenes, symbols_added
 from tests.stages.facts import refuses
 
 pytestmark = pytest.mark.slow
 STUDY = "studies.confounding"
-SCENES, PATHS = 3, 8
+TRAINING, SCENES, PATHS = 4, 3, 8
 SMALL = [
-    "train.steps=2", "clearance.steps=2", f"{STUDY}.examples=2",
+    "profile=smoke", "workers=1", "scenes.per_seed=4", "train.steps=2", "clearance.steps=2", f"{STUDY}.examples=2",
     *(f"~{STUDY}.variants.{variant}" for variant in ("ae", "classifier", "irl_maxent", "irl_ranked")),
 ]  # fmt: skip
 
@@ -25,8 +27,11 @@ SMALL = [
 @pytest.fixture(scope="module")
 def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     """Two seeds' scenes with demonstrations, scenes of unseen items, and each symbol added to those."""
-    folder = tmp_path_factory.mktemp("confounding")
-    cfg, scenes = rendered_world(folder, {"new_items": (SCENES, "unseen")}, *SMALL)
+    root = tmp_path_factory.mktemp("confounding")
+    cfg = compose([*SMALL, *(f"paths.{name}={root / name}" for name in ("scenes", "demos", "intervene"))])
+    training = {train_pool(seed): (TRAINING, "train") for seed in cfg.seeds}
+    scenes = rendered_scenes(cfg, training | {"new_items": (SCENES, "unseen")})
+    labelled_demos(cfg, scenes)
     symbols_added(cfg, scenes, PATHS)
     return cfg
 

@@ -9,21 +9,23 @@ from omegaconf import DictConfig
 from pipeline.artifacts.files import read_arrays, read_table, write_arrays
 from pipeline.artifacts.scenes import read_scenes, train_pool
 from pipeline.config.settings import NEAREST
+from pipeline.params import compose
 from pipeline.world.rules import clearance, slack
 from studies.demonstrations import stage
 from studies.demonstrations.stage import FEW, HELD_OUT, NEW, OWN, show_all
-from tests.factories import rendered_world
+from tests.factories import rendered_scenes
 
 main = stage.main  # of the fixture `out`
-NEW_SCENES = 3
-SMALL = ["train.steps=2", "clearance.steps=2", "studies.demonstrations.candidates=400"]
+TRAINING, NEW_SCENES = 4, 3
+SMALL = ["profile=smoke", "workers=1", "train.steps=2", "clearance.steps=2", "studies.demonstrations.candidates=400"]
 
 
 @pytest.fixture(scope="module")
 def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     """Two seeds' training scenes, and new ones."""
-    folder = tmp_path_factory.mktemp("demonstrations")
-    cfg, _ = rendered_world(folder, {"val_scenes": (NEW_SCENES, "train")}, *SMALL)
+    cfg = compose([*SMALL, f"paths.scenes={tmp_path_factory.mktemp('demonstrations')}"])
+    training = {train_pool(seed): (TRAINING, "train") for seed in cfg.seeds}
+    rendered_scenes(cfg, training | {"val_scenes": (NEW_SCENES, "train")})
     prior = {user: np.full((2, 2), 0.4) for user in cfg.evaluate.users}
     write_arrays(Path(cfg.paths.scenes) / "position_prior.npz", prior)
     return cfg

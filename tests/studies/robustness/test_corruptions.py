@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.world.layout import SIDE, random_layouts
+from pipeline.world.bezier import P_F, P_INIT
+from pipeline.world.layout import SIDE, point_segment_distance, random_layouts, segment_distance
 from studies.robustness.corruptions import ARM_RADIUS_PX, CORRUPTIONS, add_clutter, arm, flip_labels, noise, tint
-from tests.factories import ITEMS, RULES, least_gaps
+from tests.factories import ITEMS, RULES
 
 POOL = np.arange(4)
 STRONG = {"shade": 0.5, "tint": 0.4, "blur": 2.0, "noise": 0.05, "arm": 0.3}
@@ -70,13 +71,16 @@ def test_clutter_adds_items_that_keep_clearances_and_moves_none(seed: int):
     fuller = add_clutter(rng(seed), layouts, 2, ITEMS, POOL, RULES)
     np.testing.assert_array_equal(fuller.present.sum(1), layouts.present.sum(1) + 2)
     for scene in range(len(layouts)):
-        before = np.flatnonzero(layouts.present[scene])
+        slots, before = np.flatnonzero(fuller.present[scene]), np.flatnonzero(layouts.present[scene])
         for f in fields(layouts):
             np.testing.assert_array_equal(
                 getattr(fuller, f.name)[scene, before], getattr(layouts, f.name)[scene, before]
             )
-        apart, away = least_gaps(fuller, scene)
-        assert apart >= RULES.clear_of_items - 1e-9 and away >= RULES.clear_of_ends - 1e-9
+        ends, radius = fuller.ends[scene, slots], fuller.radius[scene, slots]
+        apart = segment_distance(ends[:, None], ends) - radius[:, None] - radius
+        assert apart[~np.eye(len(slots), dtype=bool)].min() >= RULES.clear_of_items - 1e-9
+        for p in (P_INIT, P_F):
+            assert (point_segment_distance(p, ends[:, 0], ends[:, 1]) - radius >= RULES.clear_of_ends - 1e-9).all()
 
 
 def test_less_clutter_and_fewer_flips_are_part_of_more():

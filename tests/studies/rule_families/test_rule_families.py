@@ -10,23 +10,29 @@ from omegaconf import DictConfig
 from pipeline.artifacts.demos import demo_arrays, read_demos
 from pipeline.artifacts.files import read_table
 from pipeline.artifacts.scenes import read_scenes, train_pool
+from pipeline.params import compose
 from studies.rule_families import stage as rule_families
 from studies.rule_families.families import FAMILIES
 from studies.rule_families.stage import main
-from tests.factories import rendered_world, symbols_added
+from tests.factories import labelled_demos, rendered_scenes, symbols_added
 from tests.stages.facts import refuses
 
 pytestmark = pytest.mark.slow
-SCENES, PATHS = 3, 8
-SMALL = ["clearance.steps=2", "variants.irl_ranked.steps=2", "scenes.prior_side=4"]
-SMALL += ["studies.rule_families.variants=[irl_ranked,clearance]"]
+TRAINING, SCENES, PATHS = 4, 3, 8
+SMALL = [
+    "profile=smoke", "workers=1", f"scenes.per_seed={TRAINING}", "clearance.steps=2", "variants.irl_ranked.steps=2",
+    "scenes.prior_side=4",
+]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     """Two seeds' scenes with demonstrations, scenes of unseen items, and each symbol added to those."""
-    folder = tmp_path_factory.mktemp("rule_families")
-    cfg, scenes = rendered_world(folder, {"new_items": (SCENES, "unseen")}, *SMALL)
+    root = tmp_path_factory.mktemp("rule_families")
+    cfg = compose([*SMALL, *(f"paths.{name}={root / name}" for name in ("scenes", "demos", "intervene"))])
+    training = {train_pool(seed): (TRAINING, "train") for seed in cfg.seeds}
+    scenes = rendered_scenes(cfg, training | {"new_items": (SCENES, "unseen")})
+    labelled_demos(cfg, scenes)
     symbols_added(cfg, scenes, PATHS)
     return cfg
 

@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 
+from pipeline.training.irl.augment import ColorJitter
 from pipeline.world.bezier import curve, random_z_theta
 from pipeline.world.layout import SIDE
 from studies.search.augment import SYMMETRIES, turn_images, turn_paths
+
+JITTER = ColorJitter(hue=0.3, gain=0.15, shift=0.01, scene_gain=0.1, other_table=0.67)
 
 
 @pytest.mark.parametrize("symmetry", range(SYMMETRIES))

@@ -1,0 +1,58 @@
+"""Facts about stages irl and clearance: files like stage train's, constant labels, what they refuse."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.artifacts.demos import read_queries
+from pipeline.artifacts.files import read_table
+from pipeline.artifacts.scenes import read_scenes
+from pipeline.artifacts.trained import load_model
+from pipeline.params import compose
+from pipeline.stages import clearance, irl
+from tests.stages.facts import run_as_listed
+
+STAGES = {"irl_maxent": irl.main, "irl_ranked": irl.main, "clearance": clearance.main}  # by variant
+USERS = ("aggressive", "careful", "normal")
+SMALL = ["seeds=[0]", "n_demos=[1,2]", "main_n_demos=2", "irl.n_augmentations=2", "irl.curve_every=2", "workers=1"]
+SMALL += ["variants.irl_maxent.steps=3", "variants.irl_ranked.steps=3", "clearance.steps=3", "clearance.curve_every=2"]
+
+
+def config(small_world: Path, out: Path, *overrides: str):
+    paths = [f"paths.scenes={small_world}/scenes", f"paths.demos={small_world}/demos"]
+    paths += [f"paths.irl={out}", f"paths.clearance={out}"]
+    return compose([*paths, *SMALL, *overrides])
+
+
+@pytest.fixture(scope="module", params=STAGES)
+def run(request, small_world, tmp_path_factory) -> tuple[str, Path]:
+    """One run of each variant."""
+    variant, out = request.param, tmp_path_factory.mktemp("fitted")
+    run_as_listed(STAGES[variant], config(small_world, out, f"variant={variant}"), out / variant)
+    return variant, out
+
+
+def test_a_user_without_invalid_demonstrations_gets_laplaces_constant(run):
+    variant, out = run
+    predictions = read_table(out / variant / "predictions.parquet").query("user == 'aggressive' and n_demos == 2")
+    np.testing.assert_allclose(predictions["p"], 7 / 8, rtol=1e-6)  # 3 scenes x 2 demonstrations, all valid
+
+
+def test_saved_weights_give_the_predictions_that_were_written(run, small_world):
+    variant, out = run
+    model = load_model(config(small_world, out), variant, "careful", 0, 2)
+    p = model.probability(
+        read_scenes(small_world / "scenes").images["new_items"], read_queries(small_world / "demos")["new_items"].z
+    )
+    rows = read_table(out / variant / "predictions.parquet").query(
+        "user == 'careful' and n_demos == 2 and split == 'new_items'"
+    )
+    np.testing.assert_allclose(rows["p"].to_numpy().reshape(p.shape), p, rtol=1e-5)
+
+
+@pytest.mark.parametrize(("stage", "variants"), [("irl", "irl_maxent, irl_ranked"), ("clearance", "clearance")])
+def test_a_variant_of_another_stage_is_refused_before_anything_is_written(small_world, tmp_path, stage, variants):
+    with pytest.raises(ValueError, match=f"not fitted by stage {stage}: expected one of {variants}"):
+        STAGES[variants.split(", ")[0]](config(small_world, tmp_path, "variant=full"), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
