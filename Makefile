@@ -90,7 +90,7 @@ check-dowhy:  ## a small graph's and the stages' own numbers by dowhy.gcm, in an
 	PYTHONPATH=. .venv-dowhy/bin/python tests/dowhy/toy.py
 	PYTHONPATH=. .venv-dowhy/bin/python tests/dowhy/stages.py
 
-smoke: $(READY)  ## the whole graph, studies too, tiny, in a throwaway clone
+smoke: $(READY)  ## the whole graph, studies too (execution after `make studies`), tiny, in a throwaway clone
 	bash tests/smoke.sh
 
 bench: data-here $(CLUSTER)  ## every benchmark, the whole graph among them; writes bench/README.md

@@ -5,6 +5,7 @@ python -m bench.page BENCHMARKS.json REPRO.json
 
 import json
 import math
+import re
 import sys
 from pathlib import Path
 
@@ -102,7 +103,7 @@ def page(results: dict) -> str:
     environment = Environment(
         undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
     )
-    environment.filters["number"] = _number
+    environment.filters |= {"number": _number, "reached": _reached}
     template = environment.from_string((HERE / "page.md.j2").read_text())
     known = "repro" in results["commands"] and "sweep_job_s_ray" in results
     grid = scaling(results) if known else []
@@ -130,6 +131,14 @@ def _stages(minutes: dict[str, float]) -> Figure:
     ax.set_xlabel("minutes, two processes of one thread")
     ax.spines[["top", "right"]].set_visible(False)
     return figure
+
+
+def _reached(value: float, aim: str) -> str:
+    """Return yes or no for an aim that begins with "at least" or "at most", and nothing without an aim."""
+    if not (stated := re.match(r"at (least|most) ([\d.]+)", aim)):
+        return ""
+    bound = float(stated[2])
+    return "yes" if (value >= bound if stated[1] == "least" else value <= bound) else "**no**"
 
 
 def _number(value: float) -> str:

@@ -47,7 +47,7 @@ class Effect(NamedTuple):
     estimate: float  # change in E[V], the mean P(valid) over paths, averaged over scenes and models
     interval: tuple[float, float]  # 95 % confidence interval
     p: float  # two-sided p-value of no effect
-    verdict: str  # "effect", "negligible" or "undecided" (pipeline.stats.crossed.verdict)
+    verdict: str  # "effect", "negligible" or "undecided" (pipeline.stats.tests.verdict)
 
 
 def fit(images: Array, z_theta: Array, valid: Array, variant: str = "clearance", seed: int = 0) -> ValidityModel:
@@ -103,11 +103,13 @@ def repair(model: ValidityModel, images: Array, starts: Array) -> Array:
     images: uint8 (scene, 100, 100, 3). starts: (scene, path, 2) [m].
 
     Takes the paper's gradient steps on the model's log-odds and returns the nearest accepted point on the way, that
-    is, one with P(valid) > .8: the start itself, if it is accepted. It can be far from the start. A clearance model
-    lowers its confidence in a picture unlike its training ones, and so returns NaN there. Raises InputError as `fit`.
+    is, one with P(valid) > .8: the start itself, if it is accepted. It can be far from the start. Starts and steps are
+    clipped to [-.2, 1.2] m. A clearance model lowers its confidence in a picture unlike its training ones, and may
+    return NaN there. Raises InputError as `fit`.
     """
     from pipeline.planning.repair import Ascent
     from pipeline.planning.repair import repair as climb
+    from pipeline.world.bezier import Z_HIGH, Z_LOW
 
     _check_model(model)
     _check_scenes(images, starts, name="starts", at_least=1)
@@ -115,6 +117,7 @@ def repair(model: ValidityModel, images: Array, starts: Array) -> Array:
     distances = np.linalg.norm(steps.z - steps.z[:, :, :1], axis=-1)  # (scene, path, step)
     nearest = np.where(steps.p > ACCEPTED_ABOVE, distances, np.inf).argmin(-1)[..., None]
     ends = np.take_along_axis(steps.z, nearest[..., None], axis=2)[:, :, 0].astype(np.float64)
+    ends = np.where(nearest == 0, np.clip(starts, Z_LOW, Z_HIGH), ends)  # steps are float32
     ends[(steps.p <= ACCEPTED_ABOVE).all(-1)] = np.nan
     return ends
 
@@ -130,9 +133,9 @@ def effect(
     Scenes are the unit of replication. For one model, interval and p are those of a one-sample t-test over scenes,
     corrected for skewness (Hall, 1992), and do not cover other training sets. For a sequence of models with separate
     training sets, models and scenes are crossed random factors (pipeline.stats.crossed). Both need INFORMATIVE_SCENES,
-    or half of the scenes, in which P(valid) of some model changes by more than INFORMATIVE_CHANGE. With fewer, p is 1,
-    and the interval is as wide as the share of such scenes allows (Clopper and Pearson, 1934): an item that changes
-    nothing in 60 scenes is negligible, in 30 undecided. Raises InputError as `fit`.
+    or half of the scenes, in which the mean P(valid) of some model changes by more than INFORMATIVE_CHANGE. With
+    fewer, p is 1, and the interval is as wide as the share of such scenes allows (Clopper and Pearson, 1934): an item
+    that changes nothing in 60 scenes is negligible, in 30 undecided. Raises InputError as `fit`.
     """
     from scipy.stats import beta
 

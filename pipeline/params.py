@@ -47,8 +47,7 @@ def compose(overrides: Sequence[str] = ()) -> DictConfig:
         OmegaConf.resolve(cfg)
     except (HydraException, OmegaConfBaseException, yaml.YAMLError, OSError, ValueError) as error:  # no name of a file
         raise InputError(f"conf/ with overrides {list(overrides)} does not compose: {explained(error)}") from error
-    if all(isinstance(value, DictConfig) for value in (cfg.variants, cfg.users, cfg.evaluate, cfg.record, cfg.report)):
-        drop_absent(cfg)
+    drop_absent(cfg)
     validate(cfg)
     return cfg
 
@@ -61,7 +60,12 @@ def explained(error: Exception) -> str:
 
 
 def drop_absent(cfg: DictConfig) -> None:
-    """Remove absent variants, users and studies from the lists of `cfg`, and questions that lack a second user."""
+    """Remove absent variants, users and studies from the lists of `cfg`, and questions that lack a second user.
+
+    Leave `cfg` as it is where a group that has lists is none: `validate` says so.
+    """
+    if not all(isinstance(x, DictConfig) for x in (cfg.variants, cfg.users, cfg.evaluate, cfg.record, cfg.report)):
+        return
     variants = {path.stem for path in (CONF / "variants").glob("*.yaml")} - set(cfg.variants)
     users = set(OmegaConf.load(CONF / "users.yaml")["users"]) - set(cfg.users)  # pyright: ignore
     with open_dict(cfg):

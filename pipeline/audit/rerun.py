@@ -39,7 +39,8 @@ def run(clone: Path, stages: list[str], profile: str | None = None) -> Hashes:
         raise InputError(f"stage {unknown[0]!r} is unknown: expected some of {', '.join(known)}")
     binaries = Path(sys.executable).parent
     if (clone / PINNED).read_text() != (ROOT / PINNED).read_text():
-        subprocess.run(["make", "venv"], cwd=clone, check=True, stdout=sys.stderr)
+        if subprocess.run(["make", "venv"], cwd=clone, stdout=sys.stderr).returncode:
+            raise InputError("`make venv` failed in a clone of the commit: its output is above")
         binaries = clone / ".venv" / "bin"
     environment = {"PATH": f"{binaries}:{os.environ['PATH']}", "PYTHONPATH": str(clone), "PYTHONHASHSEED": "0"}
     for _, path in outputs(clone):  # those that git keeps

@@ -29,7 +29,7 @@ def explain(error: ValidationError, prefix: str = "") -> str:
     first = error.errors()[0]
     context = first.get("ctx", {})
     keys = [str(key) for key in first["loc"] if not isinstance(key, int)]
-    if keys[:1] in (["variants"], ["questions"]) and len(keys) > 2:
+    if keys[:1] in (["variants"], ["questions"]) and len(keys) > 2 and keys[2] != "[key]":
         del keys[2]  # the kind, which pydantic inserts to distinguish variants or questions
     name = context.get("name", prefix + ".".join(keys))
     what = f"expected {context['expected']}" if "expected" in context else first["msg"][:1].lower() + first["msg"][1:]

@@ -24,7 +24,7 @@ def main(arguments: list[str]) -> int:
     if {"-h", "--help"} & set(arguments) or not arguments:
         print(__doc__)
         return 0 if arguments else 2
-    verb = arguments.pop(0) if arguments[0] in ("run", "check") and len(arguments) > 1 else "run"
+    verb = arguments.pop(0) if arguments[0] == "check" and len(arguments) > 1 else "run"
     if len(arguments) != 1:
         print(f"error: got {' '.join(arguments)}: expected one folder; see --help", file=sys.stderr)
         return 2

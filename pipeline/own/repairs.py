@@ -23,7 +23,7 @@ def repairs(fitted: Fitted, scale: float) -> pd.DataFrame:
         model, image, starts = fitted.unseeing(scene), data.images[[scene]], data.z_theta[[scene]][:, wrong]
         ends = library.repair(model, image, starts)
         p_before, p_after = model.probability(image, starts)[0], model.probability(image, np.nan_to_num(ends))[0]
-        moved = (  # the middle moves half as far as z_theta
+        moved = (
             np.linalg.norm(ends - starts, axis=-1)[0] / 2 / scale
         )  # a parabola's middle moves half as far as z_theta
         p_after = np.where(np.isfinite(moved), p_after, np.nan)

@@ -7,7 +7,6 @@ import numpy as np
 import pandas as pd
 
 from pipeline.artifacts.files import write_json, write_table
-from pipeline.own.fitting import FOLDS
 from pipeline.own.recording import write_recording
 from pipeline.own.results import Results
 from pipeline.report.page import FOLDER as SHARED
@@ -21,7 +20,13 @@ def write_report(results: Results, out_dir: Path) -> None:
         return lookup(results.tables["scores"], "scores", column, user=user, predictor=predictor, share=1.0)
 
     site, shown = Site(), {"home": "", "pages": {"index": "Your table"}, "facts": {"studies": []}}
-    made = environment([Path(__file__).parent], r=results, score=score, folds=FOLDS, **shown)
+    made = environment(
+        [Path(__file__).parent],
+        r=results,
+        score=score,
+        folds=max(len(fitted.fold_models) for fitted in results.fitted.values()),
+        **shown,
+    )
     render_page("index", "page.html.j2", "pipeline.own", results, made, site)
     site.tables.update(results.tables)
     for name, table in site.tables.items():

@@ -1,5 +1,6 @@
 """Turn every figure of the pages into a PDF by headless Chromium: `python -m pipeline.report.pdf` or `make figures`."""
 
+import argparse
 import re
 import shutil
 import subprocess
@@ -29,6 +30,7 @@ def write_pdf(figure: Path, out: Path) -> None:
 
 
 if __name__ == "__main__":
+    argparse.ArgumentParser(prog="python -m pipeline.report.pdf", description=__doc__).parse_args()
     try:
         for figure in sorted(path for folder in FOLDERS for path in Path().glob(f"{folder}/*.svg")):
             write_pdf(figure, OUT / figure.parent.parent / f"{figure.stem}.pdf")

@@ -1,5 +1,6 @@
 """Copy the headlines of reports/metrics.json into the README: `python -m pipeline.report.readme` or `make readme`."""
 
+import argparse
 import re
 import sys
 
@@ -47,6 +48,7 @@ def fill(text: str, table: str) -> str:
 
 
 if __name__ == "__main__":
+    argparse.ArgumentParser(prog="python -m pipeline.report.readme", description=__doc__).parse_args()
     try:
         README.write_text(fill(README.read_text(), headlines(read_json(METRICS), read_table(VERDICTS))))
     except InputError as error:

@@ -6,9 +6,9 @@ from typing import Any
 import pandas as pd
 
 from pipeline.report.claims import claims_table, verdicts
-from pipeline.report.page import FOLDER, FORMATS, Site, Table, checked, environment, render_page
+from pipeline.report.page import FORMATS, Site, Table, checked, environment, render_page
 from pipeline.report.pages.index.widget import widget
-from pipeline.report.results import PAPER_ACCURACY, PAPER_TABLE_1, PAPER_TABLE_2, SOURCES, Results
+from pipeline.report.results import PAPER_ACCURACY, PAPER_TABLE_1, SOURCES, Results
 
 __all__ = ["FORMATS", "PAGES", "Site", "Table", "render"]
 PAGES = {
@@ -34,7 +34,7 @@ def render(results: Results, pages: Collection[str] = tuple(PAGES)) -> Site:
     claims = claims_table(results)
     tables = {"claims": claims} | {name: results.tables[name] for name in SOURCES}
     site = Site(tables=tables, claims=verdicts(claims))
-    made = environment([FOLDER], **_names(results, claims))
+    made = environment([], **_names(results, claims))
     for name in pages:
         template, package = f"pages/{name}/page.html.j2", f"pipeline.report.pages.{name}"
         render_page(name, template, package, results, made, site, prefix=f"{name}-")
@@ -60,7 +60,6 @@ def _names(results: Results, claims: pd.DataFrame) -> dict[str, Any]:
         "measures": lambda name: claims.loc[claims["claim"] == name, "measure"].tolist(),
         "paper_accuracy": PAPER_ACCURACY,
         "paper_repair": PAPER_TABLE_1,
-        "paper_valid": PAPER_TABLE_2,
         "pages": PAGES,
         "widget": lambda: widget(results),
         "brief": False,

@@ -1,5 +1,6 @@
 """Join all pages into one file to mail, without a link out of it: `python -m pipeline.report.site` or `make site`."""
 
+import argparse
 import base64
 import mimetypes
 import os
@@ -69,6 +70,7 @@ def _linked(text: str, file: Path, ids: Mapping[Path, str]) -> str:
 
 
 if __name__ == "__main__":
+    argparse.ArgumentParser(prog="python -m pipeline.report.site", description=__doc__).parse_args()
     try:
         atomic_write(OUT, lambda part: part.write_text(join(REPORTS, STUDIES)))
     except InputError as error:

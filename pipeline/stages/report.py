@@ -60,11 +60,11 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     results = Results(
         variants=list(cfg.variants),
         users={user: dict(margins) for user, margins in cfg.users.items()},
-        judged_users=[user for user in cfg.evaluate.users if user in cfg.users],
+        judged_users=list(cfg.evaluate.users),
         seeds=list(cfg.protocol.seeds),
         n_demos=list(cfg.n_demos),
         main_n_demos=cfg.main_n_demos,
-        shown=[variant for variant in cfg.report.shown if variant in cfg.variants],
+        shown=list(cfg.report.shown),
         tables=tables,
         paths=read_arrays(Path(cfg.paths.repair) / "paths.npz"),
         drawn=_drawn(cfg, scenes),
@@ -92,7 +92,7 @@ def _sources(cfg: DictConfig) -> dict[str, Source]:
     files = {name: [(stage, Path(cfg.paths[stage]) / file)] for name, (stage, file) in TABLES.items()}
     files |= {name: [("docs/decisions", DECISIONS / file)] for name, file in HISTORY.items()}
     files["seeds"] = [("evaluate", Path(cfg.paths.evaluate) / "accuracy.parquet"), *files["repairs"]]
-    shown = [variant for variant in cfg.report.shown if variant in cfg.variants]
+    shown = list(cfg.report.shown)
     judged = [(f"{cfg.variants[v].stage}@{v}", model_dir(cfg, v) / "predictions.parquet") for v in shown]
     files["judged"] = files["slices"] = [("demos", Path(cfg.paths.demos) / "queries.npz"), *judged]
     return {name: Source(tuple(parts)) for name, parts in files.items()}
@@ -122,8 +122,8 @@ def _drawn(cfg: DictConfig, scenes: SceneSet) -> DrawnScenes:
     scenes.check_has(pool, train_pool(seed))
     images, layouts = scenes.images[pool], scenes.layouts[pool]
     mapped = list(range(min(cfg.report.scenes, len(images))))
-    shown = [variant for variant in cfg.report.shown if variant in cfg.variants]
-    side, users = cfg.report.map_side, [user for user in cfg.evaluate.users if user in cfg.users]
+    shown = list(cfg.report.shown)
+    side, users = cfg.report.map_side, list(cfg.evaluate.users)
     maps = {v: {u: _predicted_map(cfg, v, u, images[mapped], side) for u in users} for v in shown}
     patterned = _patterned(cfg, layouts[mapped], scenes.appearances[pool].iloc[mapped])
     added, user = read_interventions(Path(cfg.paths.intervene), layouts), users[0]
@@ -152,7 +152,7 @@ def _judged(cfg: DictConfig, scenes: SceneSet) -> pd.DataFrame:
     queries, demos = read_queries(Path(cfg.paths.demos)), read_demos(Path(cfg.paths.demos))
     key, parts, blind = ["user", "split", "seed", "scene", "query"], [], []
     prior = read_position_prior(Path(cfg.paths.scenes))
-    for user in (user for user in cfg.evaluate.users if user in cfg.users):
+    for user in cfg.evaluate.users:
         for split, shared in cfg.protocol.splits.items():
             for seed in cfg.protocol.seeds:
                 pool = shared or train_pool(seed)
@@ -165,7 +165,7 @@ def _judged(cfg: DictConfig, scenes: SceneSet) -> pd.DataFrame:
                     p = nearest_demonstration(*demo_arrays(demos, seed, user, cfg.main_n_demos), asked.z)
                     blind.append(rows.assign(variant=NEAREST, p=p.ravel()))
     paths = pd.concat(parts, ignore_index=True)
-    for variant in (variant for variant in cfg.report.shown if variant in cfg.variants):
+    for variant in cfg.report.shown:
         p = read_table(model_dir(cfg, variant) / "predictions.parquet", PREDICTION_COLUMNS)
         p = p.loc[p["n_demos"] == cfg.main_n_demos, [*key, "p"]]
         blind.append(paths.merge(p, on=key, validate="one_to_one").assign(variant=variant))

@@ -41,10 +41,7 @@ class Summary:
     @property
     def headlines(self) -> list[str]:
         """Return the headlines that the sweep changes, those on unseen items first."""
-        return sorted(
-            self.differences["headline"].unique(),
-            key=lambda name: (not name.endswith("new_items"), name.startswith("convergence")),
-        )
+        return sorted(self.differences["headline"].unique(), key=lambda name: not name.endswith("new_items"))
 
 
 def read_jobs(folder: Path, record: dict[str, Any]) -> list[dict[str, Any]]:

@@ -8,6 +8,7 @@ in new validation scenes, the mean over careful and normal users. The table alon
 interrupted search goes on as if it had not been.
 """
 
+import argparse
 import sys
 import warnings
 from collections.abc import Mapping, Sequence
@@ -171,8 +172,13 @@ def _results(cfg: DictConfig, row: Mapping[str, Any], predicted: Sequence[Predic
 
 
 if __name__ == "__main__":
+    about, _, more = (__doc__ or "").partition("\n\n")
+    parser = argparse.ArgumentParser(
+        "python -m studies.search.search", None, about, more, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("learners", nargs="*", help="names of variants; none: all")
     try:
-        main(sys.argv[1:])
+        main(parser.parse_args().learners)
     except InputError as error:
         print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
         sys.exit(2)

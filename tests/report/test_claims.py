@@ -77,6 +77,16 @@ def test_irl_holds_if_every_test_is_won_and_fails_if_every_one_is_lost():
     assert judged("comparisons", "significant", {"split": "new_items"}, False)["irl"] == "open"
 
 
+def test_the_page_counts_lost_tests_beside_won_ones():
+    comparisons = factory.tables()["comparisons"]
+    comparisons.loc[comparisons["split"] == "new_items", "significant"] = False
+    page = render(factory.results(comparisons=comparisons), ["claims"]).pages["claims"]
+    against_irl = comparisons[(comparisons["variant"] == "full") & comparisons["against"].str.startswith("irl")]
+    lost = against_irl.query("n_demos == 9 and difference < 0")["significant"]
+    assert 0 < lost.sum() < len(lost)
+    assert f"0 of {len(lost)} tests won, {lost.sum()} lost" in page
+
+
 def test_irl_needs_more_only_if_it_loses_with_one_demonstration():
     assert judged("comparisons", "difference", {"n_demos": 1}, 0.2)["irl_needs_more"] == "holds"
     assert judged("comparisons", "difference", {"n_demos": 9}, 0.2)["irl_needs_more"] == "fails"

@@ -46,7 +46,7 @@ def unsafe(results: Results) -> Table:
     """
     judged, unsafe, refused = results.tables["judged"], "Accepted, but invalid", "Valid, but refused"
     judged, rows = judged[judged["split"] == "new_items"], []
-    for variant in dict.fromkeys([failing(results), *(v for v in results.shown if v in results.variants)]):
+    for variant in dict.fromkeys([failing(results), *results.shown]):
         accepted = judged[(judged["variant"] == variant) & (judged["p"] > 0.5)]
         q1, q3 = (1 - accepted.groupby("seed")["valid"].mean()).quantile([0.25, 0.75])
         rates = {unsafe: results.sliced(variant, "unsafe"), f"{unsafe}, q1": q1, f"{unsafe}, q3": q3}

@@ -1,5 +1,6 @@
 """Users' margins, the paths that suit two of them, and the effects of a change of user."""
 
+import numpy as np
 import pandas as pd
 
 from pipeline.report.page import Table, pick, with_gaps
@@ -64,11 +65,12 @@ def change_of_user(results: Results) -> Table:
     asked = asked[asked["kind"] == "user"]
     share, rows = results.tables["p_valid"].query("added == 'none'").set_index("user")["truth"], []
     for (user, question), part in asked.groupby(["user", "question"], sort=False):
-        part, other = part.set_index("variant"), str(question).removeprefix("another_user_")
+        part = part.set_index("variant")
+        other = next((u for u in share.index if str(question).endswith(f"_{u}")), str(question))
         row = {"From": user, "To": other, "Truth": part["truth"].iloc[0]}
         for variant in (v for v in REACTS if v in part.index):
             row |= {label(variant): part.loc[variant, "effect"]}
             row |= {f"{label(variant)}, {end}": part.loc[variant, end] for end in ENDS}
-        rows.append(row | {"Counting valid paths": share.get(other) - share.get(user)})
+        rows.append(row | {"Counting valid paths": share.get(other, np.nan) - share[user]})
     frame = with_gaps(rows)
     return Table(frame, dict.fromkeys(frame.columns[2:], "effect"))
