@@ -46,7 +46,8 @@ def make_plan(arguments: Sequence[str], targets: Sequence[str]) -> Plan:
         group, _, name = text.partition("=")
         package, extra = EXTRAS.get(name, ("", "")) if group in ("hydra/launcher", "hydra/sweeper") else ("", "")
         if package and importlib.util.find_spec(package) is None:
-            raise InputError(f"{name} is not installed: `pip install '.[{extra}]'`, or choose hydra/launcher=basic")
+            how = f"run `make venv-cluster` and put .venv-cluster/bin on PATH, or `pip install '.[{extra}]'`"
+            raise InputError(f"{name} is not installed: {how}; or choose hydra/launcher=basic")
     try:
         overrides = _seeds_together(arguments)
         parsed = OverridesParser.create().parse_overrides(overrides)
