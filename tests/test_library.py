@@ -52,7 +52,7 @@ def test_the_example_of_the_readme(example, tmp_path):
     assert accepted.mean() > 0.8
     p_ends = model.probability(images, np.nan_to_num(ends))
     assert (p_ends[accepted] > 0.799).all()
-    np.testing.assert_allclose(ends[p > 0.801], z_theta[p > 0.801], atol=1e-6)  # accepted paths stay
+    assert np.array_equal(ends[p > 0.801], z_theta[p > 0.801])  # accepted paths stay
     effect = pipeline.effect(model, images_without, images, z_theta)
     assert effect.interval[0] < effect.estimate < effect.interval[1] < 0 and effect.verdict == "effect"
     assert effect.p < 0.05

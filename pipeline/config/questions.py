@@ -45,7 +45,7 @@ class Swap(_Question):
 
     @model_validator(mode="after")
     def _differs(self) -> "Swap":
-        need(self.to != self.symbol, "to (of a question of kind swap)", self.to, f"another symbol than {self.symbol}")
+        need(self.to != self.symbol, "to", self.to, f"another symbol than {self.symbol}")
         return self
 
 

@@ -31,7 +31,9 @@ def explain(error: ValidationError, prefix: str = "") -> str:
     keys = [str(key) for key in first["loc"] if not isinstance(key, int)]
     if keys[:1] in (["variants"], ["questions"]) and len(keys) > 2 and keys[2] != "[key]":
         del keys[2]  # the kind, which pydantic inserts to distinguish variants or questions
-    name = context.get("name", prefix + ".".join(keys))
+    name = prefix + ".".join(keys)
+    if "name" in context:  # a whole name, or that of a field within
+        name = f"{name}.{context['name']}" if keys and "." not in context["name"] else context["name"]
     what = f"expected {context['expected']}" if "expected" in context else first["msg"][:1].lower() + first["msg"][1:]
     if keys[-1:] == ["[key]"]:
         return f"name {first['input']!r} in {prefix}{'.'.join(keys[:-2])}: {what}"

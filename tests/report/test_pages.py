@@ -62,7 +62,12 @@ class Reader(HTMLParser):
 
 
 @pytest.mark.parametrize(
-    ("variants", "users"), [(("full",), ("careful",)), (("clearance", "irl_ranked"), ("normal", "aggressive"))]
+    ("variants", "users"),
+    [
+        (("full",), ("careful",)),
+        (("clearance", "irl_ranked"), ("normal", "aggressive")),
+        (("ae", "clearance"), ("careful", "normal")),  # not every fit of ae passes the gate
+    ],
 )
 def test_every_page_renders_with_fewer_variants_and_users(variants: tuple[str, ...], users: tuple[str, ...]):
     pages = render(factory.results(variants, users)).pages

@@ -180,6 +180,15 @@ def test_recordings_of_removed_users_are_removed_and_without_margins_every_user_
     assert {path.stem for path in (tmp_path / "record" / "runs").iterdir()} == set(listed)
 
 
+def test_a_symbol_that_no_question_adds_is_left_out(cfg: DictConfig, tmp_path: Path) -> None:
+    effects = read_table(tmp_path / "intervene" / "effects.parquet")
+    write_table(tmp_path / "intervene" / "effects.parquet", effects[effects["question"] != "add_bowl"])
+    main(cfg, tmp_path / "record")
+    path = tmp_path / "record" / "runs" / "full-normal-s0.rrd"
+    pages = [text for (text,) in read(path, "interventions/effects", "TextDocument:text", "intervention")]
+    assert [page.splitlines()[0] for page in pages] == ["## Plate added", "## Cutlery added", "## Glass added"]
+
+
 def test_paths_that_do_not_match_the_repairs_and_a_missing_model_are_refused(cfg: DictConfig, tmp_path: Path) -> None:
     paths = dict(np.load(tmp_path / "repair" / "paths.npz"))
     paths["full-normal-s0"] = paths["full-normal-s0"][:-1]
