@@ -1,4 +1,4 @@
-"""Square roots with the same bits on Intel and AMD processors."""
+"""Square roots with the same bits on every processor."""
 
 from torch import Tensor
 
