@@ -14,7 +14,7 @@ MIN_DEPTH = 1e-9  # relative to the picture's corner; no point of a table is so 
 
 @dataclass(frozen=True)
 class View:
-    """Where the table is in a picture."""
+    """Map pixels of a picture to the table and back [m]: where its corners are, and the homography between the two."""
 
     corners: Float[Array, "4 2"]  # far left, far right, near right, near left, [column, row] in pixels
     matrix: Float[Array, "3 3"]  # from pixels to metres: near left corner to (0, 0), far right to (side, side)
