@@ -48,7 +48,7 @@ def read_rendered(folder: Path) -> Rendered:
     """
     for name in ("scenes.csv", "items.csv"):
         if not (folder / name).is_file():
-            raise InputError(f"{folder / name} is missing: get it with `dvc pull data.dvc`, or run python -m rendered")
+            raise InputError(f"{folder / name} is missing: run `dvc pull rendered/pictures.dvc` or `make render`")
     scenes, items = pd.read_csv(folder / "scenes.csv"), pd.read_csv(folder / "items.csv")
     count = len(scenes)
     symbols = [symbol for symbol in SYMBOLS if (items["added"] & (items["symbol"] == symbol)).any()]

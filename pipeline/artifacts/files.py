@@ -1,6 +1,7 @@
 """Read and write tables, JSON and arrays: atomically, and with the same bytes for the same contents."""
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -14,6 +15,15 @@ from pipeline.runtime.writing import atomic_write
 def _need_file(path: Path) -> None:
     if not path.is_file():
         raise InputError(f"{path} is missing: run `make repro` (or the stage that writes it) first")
+
+
+def data_version(folder: str) -> str:
+    """Return the md5 of the data in `folder`, as DVC's file beside it names it; raise InputError if none does."""
+    path = Path(f"{folder}.dvc")
+    digest = re.search(r"md5: (\w+)", path.read_text()) if path.is_file() else None
+    if digest is None:
+        raise InputError(f"{path} names no md5 of the data: get it with `git checkout {path}`")
+    return digest[1]
 
 
 def write_table(path: Path, table: pd.DataFrame) -> None:

@@ -31,7 +31,7 @@ def posterior(
 def identify(
     p: Float[Array, "user seed scene draw path"], valid: Bool[Array, "user scene draw path"], floor: float
 ) -> tuple[Float[Array, "user path seed scene"], Float[Array, "user path seed scene"]]:
-    """Return the accuracy of the most probable user after 1, 2, ... paths, and the posterior of the true user.
+    """Return the accuracy of the most probable user after 1, 2, ... paths, and that user's posterior.
 
     First axis of the result: the true user. Draws are averaged; tied users share the credit.
     """

@@ -44,7 +44,7 @@ def repair(
     """Take `ascent.steps` steps from each start [m] along Delta = d log-odds(v = 1) / d z_theta; return all points.
 
     The paper's Delta (Section "Problem Formulation") is the gradient of C_s. The gradient of the log-odds has the same
-    direction but does not vanish where p is near 0 or 1. Steps are clipped to the z_theta square.
+    direction but does not vanish where p is near 0 or 1. Starts and steps are clipped to the z_theta square.
     The model perceives each scene once; starts do not affect each other.
     """
     model.eval()

@@ -17,7 +17,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 from omegaconf import DictConfig
 
-from pipeline.artifacts.files import write_json, write_table
+from pipeline.artifacts.files import data_version, write_json, write_table
 from pipeline.report import style
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.writing import atomic_write
@@ -80,7 +80,7 @@ class Site:
     pages: dict[str, str] = field(default_factory=dict)
     figures: dict[str, str] = field(default_factory=dict)
     tables: dict[str, pd.DataFrame] = field(default_factory=dict)
-    claims: dict[str, str] = field(default_factory=dict)  # of the paper: claim -> holds | fails | open | untestable
+    claims: dict[str, str] = field(default_factory=dict)  # of the paper: claim -> its verdict (pipeline.report.claims)
     sources: dict[str, Source] = field(default_factory=dict)  # of each table of results that a page's table reads
     read: dict[str, dict[str, list[str]]] = field(default_factory=dict)  # page -> its table -> tables of results
 
@@ -219,11 +219,8 @@ def provenance(cfg: DictConfig) -> dict[str, Any]:
 
     Raise InputError if no file names the data's version.
     """
-    version = Path(f"{cfg.paths.data}.dvc")
-    digest = re.search(r"md5: (\w+)", version.read_text()) if version.is_file() else None
-    if digest is None:
-        raise InputError(f"{version} names no md5 of the data: get it with `git checkout {version}`")
-    facts: dict[str, Any] = {"data_md5": digest[1], "root_seed": cfg.scenes.root_seed, "profile": cfg.profile}
+    facts: dict[str, Any] = {"data_md5": data_version(cfg.paths.data), "root_seed": cfg.scenes.root_seed}
+    facts |= {"profile": cfg.profile}
     facts |= {"seeds": list(cfg.protocol.seeds), "splits": dict(cfg.protocol.splits)}
     return facts | {"main_n_demos": cfg.main_n_demos}
 

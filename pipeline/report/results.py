@@ -149,7 +149,7 @@ class Results:
         return {"stated": rows["p"].mean(), "valid": rows["valid"].mean(), "count": len(rows)} if len(rows) else None
 
     def asked(self, kind: str, variant: str) -> pd.DataFrame:
-        """Return a variant's rows for one kind of question ("add", "user"), for users with invalid paths."""
+        """Return a variant's rows for one kind of question; of "add", those for users with invalid paths."""
         rows = self.tables["interventions"]
         rows = rows[(rows["variant"] == variant) & (rows["kind"] == kind)]
         return rows[rows["user"].isin(self.judged_users)] if kind == "add" else rows

@@ -1,4 +1,4 @@
-"""Square roots with the same bits on every processor."""
+"""Square roots with the same bits on Intel and AMD processors."""
 
 from torch import Tensor
 

@@ -111,7 +111,7 @@ def _baselines(cfg: DictConfig, truth: pd.DataFrame) -> list[pd.DataFrame]:
 
 
 def _accuracies(predictions: pd.DataFrame, bins: int) -> pd.DataFrame:
-    """Return the scores of every model and split; auroc is NaN if all paths are valid."""
+    """Return the scores of every model and split; auroc is NaN if all labels are equal."""
     rows = []
     for key, group in predictions.groupby(["variant", *MODEL], observed=True, sort=False):
         p, valid = group["p"].to_numpy(), group["valid"].to_numpy()

@@ -44,7 +44,7 @@ def read_study(cfg: DictConfig, name: str) -> Study:
         settings=settings,
         variants=list(cfg.variants),
         users={user: dict(margins) for user, margins in cfg.users.items()},
-        judged_users=[user for user in cfg.evaluate.users if user in cfg.users],
+        judged_users=list(cfg.evaluate.users),
         seeds=list(cfg.protocol.seeds),
         main_n_demos=cfg.main_n_demos,
         facts=provenance(cfg) | {"settings": OmegaConf.to_yaml(cfg.studies[name]), "studies": [name]},

@@ -1,4 +1,4 @@
-"""Scores of predicted validities against the truth: discrimination, sharpness and calibration."""
+"""Scores of predicted validities against the truth: discrimination and calibration."""
 
 import numpy as np
 import pandas as pd

@@ -128,10 +128,10 @@ def _check_inputs(jobs: list[Job]) -> dict[str, Queries]:
 
 
 def _batches(jobs: list[Job], batch_size: int | None, workers: int) -> list[list[Job]]:
-    """Return the batches of jobs, longest batch first; jobs with equal labels come last.
+    """Return the batches of jobs; jobs with equal labels come last.
 
-    Models of a batch have similar numbers of demonstrations. Without `batch_size`, a seed's models share one process
-    and its cache, unless that would leave processes idle.
+    Models of a batch have similar numbers of demonstrations; the longest batch comes first. Without `batch_size`, a
+    seed's models share one process and its cache, unless that would leave processes idle.
     """
     demos = read_labelled(jobs[0].scenes_dir, jobs[0].demos_dir)[1]
     groups: dict[bool, list[Job]] = {False: [], True: []}

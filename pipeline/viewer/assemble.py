@@ -1,6 +1,5 @@
 """Read the outputs of the stages, and assemble the contents of one model's recording."""
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,14 +10,13 @@ from numpy import ndarray as Array
 from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.demos import DEMO_KEY, demo_arrays, read_demos, read_trajectories
-from pipeline.artifacts.files import read_table
+from pipeline.artifacts.files import data_version, read_table
 from pipeline.artifacts.interventions import AddedItems, read_interventions
 from pipeline.artifacts.models import fitted_n_demos, model_dir, weights_path
 from pipeline.artifacts.repairs import check_pool, paths_name, read_repairs
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.artifacts.trained import load_model
 from pipeline.models.base import ValidityModel
-from pipeline.runtime.errors import InputError
 from pipeline.viewer.contents import Demonstrations, Intervention, Learning, Repairs, Run
 from pipeline.world.bezier import lattice
 from pipeline.world.layout import SYMBOLS, Layouts
@@ -61,16 +59,8 @@ def read_sources(cfg: DictConfig) -> Sources:
         read_interventions(Path(cfg.paths.intervene), scenes.layouts[pool]),
         read_table(Path(cfg.paths.intervene) / "effects.parquet", EFFECT_COLUMNS),
         {variant: read_table(model_dir(cfg, variant) / "curves.parquet") for variant in cfg.variants},
-        _data_version(Path(f"{cfg.paths.data}.dvc")),
+        data_version(cfg.paths.data),
     )
-
-
-def _data_version(path: Path) -> str:
-    """Return the md5 of data/ that DVC's file names."""
-    digest = re.search(r"md5: (\w+)", path.read_text()) if path.is_file() else None
-    if digest is None:
-        raise InputError(f"{path} names no md5 of the data: get it with `git checkout {path}`")
-    return digest[1]
 
 
 def assemble(cfg: DictConfig, sources: Sources, variant: str, user: str, seed: int) -> Run:
@@ -174,9 +164,10 @@ def _interventions(
     images = sources.added.images[:, 0]
     interventions = []
     for i, (symbol, predicted) in enumerate(zip(SYMBOLS, _maps(cfg, model, images), strict=True)):
-        effects = rows[rows["question"] == f"add_{symbol}"].set_index("scene")[["effect", "true_effect"]]
-        if effects.empty:
+        question = f"add_{symbol}"
+        if question not in set(table["question"]):
             continue
+        effects = rows[rows["question"] == question].set_index("scene")[["effect", "true_effect"]]
         layout = sources.added.layouts[i][:1]
         interventions.append(
             Intervention(

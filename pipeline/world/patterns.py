@@ -98,12 +98,12 @@ def marble(rng: np.random.Generator, side: int) -> Top:
 
 
 def speckles(rng: np.random.Generator, side: int) -> Field:
-    """Return noise of grains, some 2 to 8 mm wide, with mean 0 and standard deviation 1."""
+    """Return noise of grains, some 5 to 40 mm wide, with mean 0 and standard deviation 1.1."""
     return noise(rng, side, rng.uniform(60, 240), 1) + 0.5 * noise(rng, side, rng.uniform(30, 120))
 
 
 def granite(rng: np.random.Generator, side: int) -> Top:
-    """Draw granite: grains of three or four minerals."""
+    """Draw granite: grains of two to four minerals over a base."""
     base = stone(rng)
     minerals = [near(rng, base, rng.uniform(0.05, 0.4)) for _ in range(rng.integers(2, 5))]
     picture = flat(side, base)

@@ -19,10 +19,10 @@ from pipeline.world.catalogue import Catalogue, read_catalogue
 from pipeline.world.layout import SIDE, Layouts
 from pipeline.world.paint import SIDE_M
 from pipeline.world.source import DRAWN, ImageSource, Light, draw_light
-from pipeline.world.symbols import TABLE, Symbol
+from pipeline.world.symbols import APPEARANCES, Symbol
 
 SAMPLES = 3  # samples per pixel along each axis, averaged
-REACH_M = 0.04  # items and their shadows are drawn up to this far beyond the footprint; the lens blur adds a pixel
+REACH_M = 0.04  # items and their shadows are drawn up to this far beyond the footprint, long shadows further
 PENUMBRA = ((0.35, 0.3), (0.7, 0.4), (1.0, 0.3))  # shift and weight of the shadows that approximate a wide lamp's
 SHADOW_BLUR = np.array([0.25, 0.5, 0.25], np.float32)  # blur kernel of a shadow along each axis
 RIM_SHADOW = 4.0  # factor on a transparent item's alpha, up to 1, for its shadow
@@ -176,7 +176,7 @@ def _stamp(layouts: Layouts, scene: int, slot: int, light: Light, palette: Palet
     item = int(layouts.item[scene, slot])
     if not 0 <= item < len(palette.mipmaps):
         raise InputError(f"item {item} is not in the catalogue of {len(palette.mipmaps)} items: rerun stage scenes")
-    symbol = TABLE[layouts.symbol[scene, slot]]
+    symbol = APPEARANCES[layouts.symbol[scene, slot]]
     centre, angle, scale = layouts.centre[scene, slot], layouts.angle[scene, slot], layouts.scale[scene, slot]
     lean = symbol.height_m * light.parallax  # by perspective: the nearer the camera, the larger and the farther off
     centre, scale = centre + lean * (centre - light.foot), scale * (1 + lean)

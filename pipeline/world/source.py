@@ -1,4 +1,4 @@
-"""What the render seed of a scene decides: light, camera, and what the table top is, in the ranges of conf/source/."""
+"""Draw what the render seed of a scene decides: light, camera and table top, in the ranges of conf/source/."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -29,4 +29,4 @@ def read_symbols(path: Path) -> dict[str, Symbol]:
 
 
 _KINDS = read_symbols(Path(__file__).with_suffix(".yaml"))
-SYMBOLS, TABLE = tuple(_KINDS), tuple(_KINDS.values())  # layouts store a symbol as its position
+SYMBOLS, APPEARANCES = tuple(_KINDS), tuple(_KINDS.values())  # layouts store a symbol as its position

@@ -10,7 +10,7 @@ from numpy import ndarray as Array
 from pipeline.world.catalogue import Catalogue
 from pipeline.world.layout import SIDE, LayoutRules, Layouts, empty, random_layouts
 from pipeline.world.render import SAMPLES, Palette, render_scenes
-from pipeline.world.symbols import TABLE
+from pipeline.world.symbols import APPEARANCES
 
 RULES = LayoutRules(  # as conf/scenes.yaml, but from empty tables to crowded ones, and items may touch
     items_per_scene=(0, 1, 2, 3, 4), glasses_chance=(0.2, 0.3, 0.3, 0.2), centre_low=0.05, centre_high=0.95,
@@ -49,7 +49,7 @@ def draw_instances(
         for slot in np.flatnonzero(layouts.present[scene]):
             covered = _solid(layouts, scene, int(slot), catalogue)
             instances[scene][covered] = slot + 1
-            see_through[scene][covered] = TABLE[layouts.symbol[scene, slot]].transparent
+            see_through[scene][covered] = APPEARANCES[layouts.symbol[scene, slot]].transparent
     return instances, see_through
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.world.layout import SIDE, Layouts, point_segment_distance
-from pipeline.world.symbols import TABLE
+from pipeline.world.symbols import APPEARANCES
 from rendered.read import read_rendered
 from studies.perception.pool import Part, between
 
@@ -31,7 +31,7 @@ def _truth(layouts: Layouts, scene: int) -> np.ndarray:
         half = np.array([np.cos(angle), np.sin(angle)]) * layouts.half_length[scene, slot]
         distance, radius = point_segment_distance(points, centre - half, centre + half), layouts.radius[scene, slot]
         instances[distance < radius] = slot + 1
-        see_through[distance < radius] = TABLE[layouts.symbol[scene, slot]].transparent
+        see_through[distance < radius] = APPEARANCES[layouts.symbol[scene, slot]].transparent
         inner |= distance < max(INNER_SHARE * radius, MIN_INNER_M)
         table &= distance > radius + REACH_M
     return np.stack([instances > 0, between(instances), see_through, inner | table], -1).astype(np.uint8)

@@ -12,7 +12,7 @@ from numpy import ndarray as Array
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import segment_distance
 from pipeline.world.paint import Top
-from pipeline.world.symbols import SYMBOLS, TABLE
+from pipeline.world.symbols import APPEARANCES, SYMBOLS
 from studies.perception import items as draw
 from studies.perception.canvas import CANVAS, CANVAS_M, PX_PER_M, Window
 from studies.perception.items import Drawn, Frame
@@ -161,7 +161,7 @@ def frame_of(centre: Array, angle: float, reach: float, lamp: Lamp) -> tuple[Win
 
 def cut_out(rng: np.random.Generator, palette: Palette, index: int, scale: float, frame: Frame) -> Drawn:
     """Return a cut-out in its frame, with another tint, contrast and sometimes another decoration."""
-    source, symbol = palette.cutouts[index], TABLE[palette.symbol[index]]
+    source, symbol = palette.cutouts[index], APPEARANCES[palette.symbol[index]]
     per_m = np.float32(len(source) / (palette.width_m[index] * scale))
     columns, rows = (frame.x * per_m + len(source) / 2 - 0.5), (frame.y * per_m + len(source) / 2 - 0.5)
     rgba = cv2.remap(source, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)

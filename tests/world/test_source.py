@@ -11,7 +11,7 @@ from pipeline.world.layout import SIDE, SYMBOLS, Layouts, empty
 from pipeline.world.patterns import PATTERNS
 from pipeline.world.render import REACH_M, Palette, render
 from pipeline.world.source import DRAWN, ImageSource, Pattern, draw_light
-from pipeline.world.symbols import TABLE
+from pipeline.world.symbols import APPEARANCES
 from tests.factories import composed
 from tests.world.test_render import centroid, disc_catalogue, with_item
 
@@ -77,7 +77,7 @@ def test_an_effect_alone_changes_the_picture_and_leaves_all_else_that_the_seed_d
 @pytest.mark.parametrize("symbol", SYMBOLS)
 def test_an_added_item_changes_a_wide_picture_only_as_far_as_its_shadow_reaches(symbol: str):
     for seed in range(6):
-        light, height = draw_light(seed, WIDE), TABLE[SYMBOLS.index(symbol)].height_m
+        light, height = draw_light(seed, WIDE), APPEARANCES[SYMBOLS.index(symbol)].height_m
         after = with_item(table(glass=False), 1, CATALOGUE, FIRST[symbol], 0.66, 0.38, 1.1)
         rows, columns = np.nonzero((picture(WIDE, table(glass=False), seed) != picture(WIDE, after, seed)).any(-1))
         assert len(rows) > 20

@@ -35,7 +35,7 @@ FAMILIES = {  # parameters of each rule family in addition to `margin`'s; BIC ch
     "progress": 2,  # ... on how far along the path the object is passed
 }
 GATES = ("side", "progress", "progress")  # the family that uses each relation (`Passing.relations`)
-PATH_SAMPLES = 161  # points along a path: at most 1 cm apart, so that clearances are exact within half a millimetre
+PATH_SAMPLES = 161  # points along a path: at most 2 cm apart, so that clearances above 2 cm are within 0.6 mm
 MARGIN_UNIT_M = 0.03  # unit of the margin parameter [m], so that one learning rate suits all parameters
 MIN_WIDTH_M = 0.003  # smallest transition width [m]: a third of a pixel, the limit of an outline's accuracy
 SHARPENING = 1.25  # factor on the log-odds of the members' mean, since averaged probabilities are underconfident

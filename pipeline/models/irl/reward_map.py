@@ -1,4 +1,4 @@
-"""The IRL baseline (paper, Section "Evaluation"): a reward map r_s(p, I), and a path's soft regret under it.
+"""The IRL baseline (paper, Section "Evaluation"): a reward map r_s(p, I), and a path's advantage under it.
 
 The paper's policy is optimal with respect to sum_i r_s(p_i, I). Here a path's return is the *mean* of r_s over SAMPLES
 points, evenly spaced in the curve parameter. All paths have the same number of points, so the optimum is the same.
@@ -18,14 +18,14 @@ from pipeline.runtime.roots import square_root
 from pipeline.world.bezier import P_F, P_INIT, basis, lattice
 from pipeline.world.layout import SIDE
 
-SAMPLES = 48  # points along a path: at most 2 cm apart, the resolution of the map
+SAMPLES = 48  # points along a path: 2.5 cm apart if it is straight; cells of the map are 4 cm wide
 SYMMETRIES = 8  # rotations by 90 degrees, each with and without reflection
 
 
 class RewardMap(ValidityModel):
-    """A convolutional network from image to reward map; a path is accepted if its soft regret is above a threshold.
+    """A convolutional network from image to reward map; a path is accepted if its advantage is above a threshold.
 
-    The logit is `scale * soft_regret + offset`. Both are buffers, fitted to the labels after training; P > .5 accepts
+    The logit is `scale * advantage + offset`. Both are buffers, fitted to the labels after training; P > .5 accepts
     paths above `-offset / scale`. If `symmetric`, the map is averaged over the image's 8 symmetries.
     """
 
@@ -90,17 +90,17 @@ class RewardMap(ValidityModel):
         returns = reward.flatten(1) @ self.paths.T  # (scene, lattice)
         return returns.logsumexp(-1) - float(np.log(len(self.paths)))
 
-    def soft_regret(
+    def advantage(
         self, reward: Float[Tensor, "scene side side"], z_theta: Float[Tensor, "scene path 2"]
     ) -> Float[Tensor, "scene path"]:
-        """Return the log of how many times likelier each path is under the reward than under uniform choice."""
+        """Return each path's return less the soft optimum: the log of its density relative to a uniform choice."""
         return path_return(reward, z_theta) - self.soft_optimum(reward)[:, None]
 
     def logit(self, percept: Tensor, z_theta: Float[Tensor, "scene path 2"]) -> Float[Tensor, "scene path"]:
         """Return the log-odds of validity of each path; differentiable in `z_theta` [m]."""
         reward = percept[:, :-1].unflatten(1, (self.side, self.side))
-        regret = path_return(reward, z_theta) - percept[:, -1:]
-        return self.scale * regret + self.offset
+        advantage = path_return(reward, z_theta) - percept[:, -1:]
+        return self.scale * advantage + self.offset
 
 
 @lru_cache(maxsize=2048)  # all models use the same images

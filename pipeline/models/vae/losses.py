@@ -13,7 +13,7 @@ from pipeline.models.vae.beta_vae import BetaVae
 
 @dataclass(frozen=True)
 class Weights:
-    """The weights alpha, beta and gamma of Eq. 1; a term with weight 0 is not computed."""
+    """The weights alpha, beta and gamma of Eq. 1; with alpha or beta 0 the term is not computed."""
 
     alpha: float
     beta: float

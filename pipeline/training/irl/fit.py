@@ -1,9 +1,9 @@
-"""Fit a reward map by inverse reinforcement learning, then an acceptance rule on its soft regret.
+"""Fit a reward map by inverse reinforcement learning, then an acceptance rule on its advantage.
 
 `maxent`: maximum-entropy IRL on the valid demonstrations alone, the usual setting without negative examples (Ziebart
 et al., 2008). z_theta is two-dimensional, so the partition function is an exact sum over a lattice.
 `ranked`: every valid demonstration is preferred to every invalid one (Bradley and Terry, 1952), which uses the same
-labels as the specification model. Both map soft regret to P(valid) by a logistic fit on all labels.
+labels as the specification model. Both map advantage to P(valid) by a logistic fit on all labels.
 """
 
 from collections.abc import Mapping
@@ -38,7 +38,7 @@ class IrlSchedule(Schedule):
     scenes_per_step: int  # drawn without replacement; a larger number than there are means all
     n_augmentations: int  # versions of each training scene, including the original; drawn once
     sparsity: float  # weight of the mean absolute reward in the loss: reward only where the data require it
-    rank_across_scenes: bool  # true: rank over all scenes by soft regret; false: within each scene
+    rank_across_scenes: bool  # true: rank over all scenes by advantage; false: within each scene
     color_jitter: ColorJitter
 
     @classmethod
@@ -50,23 +50,23 @@ class IrlSchedule(Schedule):
         return cls(**numbers, **counts, rank_across_scenes=values["rank_across_scenes"], color_jitter=jitter)
 
 
-def maxent(regret: Float[Tensor, "scene path"], valid: Bool[Tensor, "scene path"]) -> Float[Tensor, ""]:
+def maxent(advantage: Float[Tensor, "scene path"], valid: Bool[Tensor, "scene path"]) -> Float[Tensor, ""]:
     """Return the mean of -log p(z_theta | I) over the valid demonstrations [nat], relative to a uniform distribution.
 
-    p is proportional to exp(return), so log p is the soft regret, with the partition function summed over the lattice.
+    p is proportional to exp(return), so log p is the advantage, with the partition function summed over the lattice.
     """
-    return -regret[valid].mean()
+    return -advantage[valid].mean()
 
 
-def ranked(regret: Float[Tensor, "scene path"], valid: Bool[Tensor, "scene path"], across_scenes: bool) -> Tensor:
-    """Return the mean of -log sigmoid(regret of valid - regret of invalid) [nat] over pairs in a scene.
+def ranked(advantage: Float[Tensor, "scene path"], valid: Bool[Tensor, "scene path"], across_scenes: bool) -> Tensor:
+    """Return the mean of -log sigmoid(advantage of valid - advantage of invalid) [nat] over pairs in a scene.
 
     With `across_scenes`, pairs may join demonstrations of different scenes.
     """
     if across_scenes:
-        margin = regret[valid][:, None] - regret[~valid][None, :]
+        margin = advantage[valid][:, None] - advantage[~valid][None, :]
         return F.softplus(-margin).mean()
-    margin = regret[:, :, None] - regret[:, None, :]  # (scene, better, worse)
+    margin = advantage[:, :, None] - advantage[:, None, :]  # (scene, better, worse)
     pairs = valid[:, :, None] & ~valid[:, None, :]
     return F.softplus(-margin[pairs]).mean()
 
@@ -127,8 +127,8 @@ def _descend(model, rng, appearances, z_theta, valid, objective, schedule, check
         contrasts = appearances.flatten(0, 1).index_select(0, appearance * len(z) + scene).permute(0, 3, 1, 2)
         batch = transform(contrasts, symmetry).contiguous(memory_format=torch.channels_last)
         reward = untransform(model.reward(batch), symmetry)
-        regret = model.soft_regret(reward, z[scene])
-        total = _objective(objective, regret, labels[scene], schedule.rank_across_scenes)
+        advantage = model.advantage(reward, z[scene])
+        total = _objective(objective, advantage, labels[scene], schedule.rank_across_scenes)
         return None if total is None else (total + schedule.sparsity * reward.abs().mean(), [total])
 
     def fit_rule() -> None:
@@ -143,40 +143,40 @@ def _descend(model, rng, appearances, z_theta, valid, objective, schedule, check
     return curve.reshape(-1, len(CURVE))  # empty if the demonstrations allow no pair
 
 
-def _objective(objective, regret, valid, across_scenes) -> Tensor | None:
+def _objective(objective, advantage, valid, across_scenes) -> Tensor | None:
     """Return the objective on a batch, or None if the batch holds nothing to learn from."""
     if objective == "maxent":
-        return maxent(regret, valid) if valid.any() else None
+        return maxent(advantage, valid) if valid.any() else None
     pairs = valid.any() and not valid.all() if across_scenes else (valid.any(1) & ~valid.all(1)).any()
-    return ranked(regret, valid, across_scenes) if pairs else None
+    return ranked(advantage, valid, across_scenes) if pairs else None
 
 
 def fit_acceptance_rule(model, appearances, z_theta, valid) -> None:
     """Fit the acceptance rule to the labels; half of the versions suffice (docs/decisions/005-irl.md)."""
-    regrets = _regrets(model, appearances[::2], z_theta)
-    set_acceptance_rule(model, *logistic(regrets, np.broadcast_to(valid, regrets.shape)))
+    advantages = _advantages(model, appearances[::2], z_theta)
+    set_acceptance_rule(model, *logistic(advantages, np.broadcast_to(valid, advantages.shape)))
 
 
 @torch.no_grad()
-def _regrets(model, appearances, z_theta) -> Float[Array, "appearance scene n"]:
-    """Return the trained model's soft regret of the training demonstrations in these versions of their scenes."""
+def _advantages(model, appearances, z_theta) -> Float[Array, "appearance scene n"]:
+    """Return the trained model's advantage of the training demonstrations in these versions of their scenes."""
     z = torch.from_numpy(z_theta.astype(np.float32))
     set_acceptance_rule(model, 1.0, 0.0)
     return torch.stack([model.logit(model.perceive_contrasts(x.permute(0, 3, 1, 2)), z) for x in appearances]).numpy()
 
 
 def set_acceptance_rule(model: RewardMap, scale: float, offset: float) -> None:
-    """Set the acceptance rule: log-odds = scale * soft regret + offset."""
+    """Set the acceptance rule: log-odds = scale * advantage + offset."""
     model.scale.fill_(scale)
     model.offset.fill_(offset)
 
 
-def logistic(regret: Float[Array, "*demo"], valid: Bool[Array, "*demo"]) -> tuple[float, float]:
-    """Return scale (at least 0) and offset of P(valid) = sigmoid(scale * regret + offset) by maximum likelihood.
+def logistic(advantage: Float[Array, "*demo"], valid: Bool[Array, "*demo"]) -> tuple[float, float]:
+    """Return scale (at least 0) and offset of P(valid) = sigmoid(scale * advantage + offset) by maximum likelihood.
 
     The targets are Platt's (1999), slightly inside (0, 1), so that separable labels give a finite scale.
     """
-    x, y = regret.ravel().astype(np.float64), valid.ravel()
+    x, y = advantage.ravel().astype(np.float64), valid.ravel()
     target = np.where(y, (y.sum() + 1) / (y.sum() + 2), 1 / ((~y).sum() + 2))
     mean, spread = x.mean(), max(x.std(), 1e-9)
     design = np.stack([(x - mean) / spread, np.ones_like(x)])  # (2, demo)

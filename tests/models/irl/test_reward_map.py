@@ -52,9 +52,9 @@ def test_probabilities_of_the_lattice_add_up_to_one_and_a_constant_reward_is_not
     model, reward = drawn(), maps()
     z = torch.from_numpy(lattice(12)).expand(2, -1, 2)
     model.paths = path_weights(z[0], 50)  # in float64 from the start
-    p = model.soft_regret(reward, z).exp() / len(z[0])
+    p = model.advantage(reward, z).exp() / len(z[0])
     torch.testing.assert_close(p.sum(-1), torch.ones(2, dtype=torch.float64))
-    torch.testing.assert_close(model.soft_regret(reward + 7.0, paths()), model.soft_regret(reward, paths()))
+    torch.testing.assert_close(model.advantage(reward + 7.0, paths()), model.advantage(reward, paths()))
 
 
 def test_a_reflection_of_the_map_reflects_the_returns():
@@ -79,12 +79,12 @@ def test_an_object_stands_out_from_an_unevenly_lit_table():
     assert (seen[:, 66:75, 36:45] > 3).all() and seen[:, :50].quantile(0.95) < 1.7
 
 
-def test_the_logit_of_the_percept_is_scaled_soft_regret_and_its_gradient_is_right():
+def test_the_logit_of_the_percept_is_scaled_advantage_and_its_gradient_is_right():
     model = drawn()
     model.scale.fill_(2.0)
     model.offset.fill_(0.5)
     percept = model.perceive_contrasts(contrast(*subtract_background(to_tensor(tables()))).double()).detach()
     z = paths().requires_grad_()
     reward = percept[:, :-1].unflatten(1, (50, 50))
-    torch.testing.assert_close(model.logit(percept, z), 2 * model.soft_regret(reward, z) + 0.5)
+    torch.testing.assert_close(model.logit(percept, z), 2 * model.advantage(reward, z) + 0.5)
     assert torch.autograd.gradcheck(lambda p: model.logit(percept, p), (z,), eps=1e-8, atol=1e-4)

@@ -58,16 +58,16 @@ VALID = torch.tensor([[True, False, True], [False, False, True], [True, True, Tr
 
 
 def test_maxent_uses_valid_demonstrations_alone():
-    regret = torch.tensor([[1.0, 5.0, 3.0], [9.0, 9.0, 2.0], [0.0, 0.0, 0.0]])
-    assert maxent(regret, VALID).item() == pytest.approx(-(1 + 3 + 2) / 6)
-    torch.testing.assert_close(maxent(torch.where(VALID, regret, -1e6), VALID), maxent(regret, VALID))
+    advantage = torch.tensor([[1.0, 5.0, 3.0], [9.0, 9.0, 2.0], [0.0, 0.0, 0.0]])
+    assert maxent(advantage, VALID).item() == pytest.approx(-(1 + 3 + 2) / 6)
+    torch.testing.assert_close(maxent(torch.where(VALID, advantage, -1e6), VALID), maxent(advantage, VALID))
 
 
 def test_ranking_within_scenes_does_not_compare_scenes():
-    regret = torch.randn(3, 3, generator=torch.Generator().manual_seed(0))
-    moved = regret + torch.tensor([[5.0], [-3.0], [1.0]])
-    torch.testing.assert_close(ranked(moved, VALID, False), ranked(regret, VALID, False))
-    assert not torch.allclose(ranked(moved, VALID, True), ranked(regret, VALID, True))
+    advantage = torch.randn(3, 3, generator=torch.Generator().manual_seed(0))
+    moved = advantage + torch.tensor([[5.0], [-3.0], [1.0]])
+    torch.testing.assert_close(ranked(moved, VALID, False), ranked(advantage, VALID, False))
+    assert not torch.allclose(ranked(moved, VALID, True), ranked(advantage, VALID, True))
 
 
 @pytest.mark.parametrize("objective", OBJECTIVES)
@@ -90,7 +90,7 @@ def test_a_step_judges_paths_on_their_own_scenes_map_under_one_symmetry(seed):
     paths, labels = torch.tensor(z).float(), torch.tensor(valid)
     with torch.no_grad():
         maps = [untransform(model.reward(transform(seen, g)), g) for g in range(SYMMETRIES)]
-        losses = np.array([float(ranked(model.soft_regret(r, paths), labels, True)) for r in maps])
+        losses = np.array([float(ranked(model.advantage(r, paths), labels, True)) for r in maps])
     curve = fit(model, images, z, valid, "ranked", schedule(steps=1, n_augmentations=1), seed)
     assert np.abs(losses - curve[0, 1]).min() < 1e-5
 
@@ -141,17 +141,17 @@ def test_labels_that_are_all_alike_give_a_constant_by_laplaces_rule(objective):
 
 def test_the_acceptance_rule_is_the_maximum_of_the_likelihood_finite_and_never_turned_round():
     rng = np.random.default_rng(0)
-    regret = rng.normal(0, 2, 400)
-    valid = rng.random(400) < 1 / (1 + np.exp(-(1.5 * regret + 0.7)))
-    scale, offset = logistic(regret, valid)
+    advantage = rng.normal(0, 2, 400)
+    valid = rng.random(400) < 1 / (1 + np.exp(-(1.5 * advantage + 0.7)))
+    scale, offset = logistic(advantage, valid)
     target = np.where(valid, (valid.sum() + 1) / (valid.sum() + 2), 1 / ((~valid).sum() + 2))
-    left = 1 / (1 + np.exp(-(scale * regret + offset))) - target
-    assert abs(left.sum()) < 1e-6 and abs((left * regret).sum()) < 1e-6  # the gradient vanishes
+    left = 1 / (1 + np.exp(-(scale * advantage + offset))) - target
+    assert abs(left.sum()) < 1e-6 and abs((left * advantage).sum()) < 1e-6  # the gradient vanishes
     assert scale == pytest.approx(1.5, abs=0.4) and offset == pytest.approx(0.7, abs=0.4)
-    regret = np.array([-3.0, -2.0, 1.0, 2.0])
-    scale, offset = logistic(regret, regret > 0)
-    assert 0 < scale < 100 and np.array_equal(scale * regret + offset > 0, regret > 0)
-    assert logistic(regret, regret < 0)[0] == 0.0  # worse than nothing: the score's sign is not turned round
+    advantage = np.array([-3.0, -2.0, 1.0, 2.0])
+    scale, offset = logistic(advantage, advantage > 0)
+    assert 0 < scale < 100 and np.array_equal(scale * advantage + offset > 0, advantage > 0)
+    assert logistic(advantage, advantage < 0)[0] == 0.0  # worse than nothing: the score's sign is not turned round
 
 
 def test_augmented_objects_change_their_colour_and_stay_in_place():
