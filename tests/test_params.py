@@ -92,7 +92,7 @@ def test_the_smoke_profile_composes_with_the_wide_source():
         ("variants.irl_ranked.objective=apprenticeship", "irl_ranked.objective", "'maxent' or 'ranked'"),
         ("questions.add_bowl.symbol=spoon", "questions.add_bowl.symbol is 'spoon'", "one of bowl"),
         ("questions.add_bowl.kind=break", "questions.add_bowl", "add"),
-        ("+questions.exchange={kind: swap, symbol: bowl, to: bowl}", "questions.exchange.to is 'bowl'", "another symbol"),
+        ("+questions.swap={kind: swap, symbol: bowl, to: bowl}", "questions.swap.to is 'bowl'", "another symbol"),
         ("+questions.truth={kind: add, symbol: bowl}", "name 'truth' in questions", "none of truth, ideal, z"),
         ("users=null", "users is None", ""),
         ("questions.another_user.to=nobody", "questions.another_user.to is 'nobody'", "one of careful"),
