@@ -15,7 +15,7 @@ from tqdm import tqdm
 from pipeline.artifacts.files import read_json
 from pipeline.params import CONF, explained
 from pipeline.runtime.errors import InputError
-from pipeline.sweep.job import Sweep, is_done, run_job
+from pipeline.sweep.job import Sweep, is_done, reason, run_job
 from pipeline.sweep.plan import Plan
 
 WATCH_S = 0.5  # between two looks at the jobs' files
@@ -43,8 +43,8 @@ def launch(sweep: Sweep, plan: Plan) -> None:
     except HydraException as error:
         raise InputError(explained(error)) from error
     except Exception as error:  # such as a Ray that does not start; jobs' own failures are in their job.json
-        why = f"the launcher failed ({type(error).__name__}: {error}): `--resume {sweep.folder}` runs what is missing"
-        raise InputError(why) from error
+        why = f"{type(error).__name__}: {reason(error, sweep.folder)}"
+        raise InputError(f"the launcher failed ({why}): `--resume {sweep.folder}` runs what is missing") from error
 
 
 @contextmanager

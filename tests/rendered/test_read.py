@@ -112,5 +112,5 @@ def test_a_contact_sheet_holds_the_pictures_in_order():
 
 
 def test_a_missing_split_is_a_sentence(tmp_path):
-    with pytest.raises(InputError, match=r"scenes\.csv is missing: get it with"):
+    with pytest.raises(InputError, match=r"scenes\.csv is missing: run `dvc pull"):
         read_rendered(tmp_path)
