@@ -58,12 +58,6 @@ def to_tensor(images: UInt8[Array, "scene 100 100 3"]) -> Float[Tensor, "scene 3
     return pixels.float().div(255).contiguous(memory_format=torch.channels_last)
 
 
-def to_bytes(images: Float[Tensor, "scene 3 100 100"]) -> list[bytes]:
-    """Return each image's 8-bit pixels in row order, as bytes: the inverse of `to_tensor`."""
-    pixels = images.detach().permute(0, 2, 3, 1).mul(255).round().to(torch.uint8).contiguous().numpy()
-    return [image.tobytes() for image in pixels]
-
-
 class ValidityModel(nn.Module, ABC):
     """One user's specification C_s in two steps: image to percept, then percept and path to log-odds of validity."""
 

@@ -59,8 +59,8 @@ def detect_objects(
         np.zeros((len(images), MAX_OBJECTS), bool),
         np.zeros(len(images), np.float32),
     )
-    tables = [None] * len(images) if empty is None else _to_bytes(empty)
-    for scene, (image, table) in enumerate(zip(_to_bytes(images), tables, strict=True)):
+    tables = [None] * len(images) if empty is None else to_bytes(empty)
+    for scene, (image, table) in enumerate(zip(to_bytes(images), tables, strict=True)):
         found, objects.doubt[scene] = _detect(image, table)
         for i, object_ in enumerate(found):
             objects.ends[scene, i], objects.radius[scene, i] = object_.ends, object_.radius
@@ -74,7 +74,8 @@ class _Object(NamedTuple):
     features: Float[Array, " feature"]
 
 
-def _to_bytes(images: Float[Tensor, "scene 3 100 100"]) -> list[bytes]:
+def to_bytes(images: Float[Tensor, "scene 3 100 100"]) -> list[bytes]:
+    """Return each image's 8-bit pixels in row order, as bytes: the inverse of `pipeline.models.base.to_tensor`."""
     pixels = images.detach().permute(0, 2, 3, 1).mul(255).round().to(torch.uint8).contiguous().numpy()
     return [image.tobytes() for image in pixels]
 

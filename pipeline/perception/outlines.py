@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float32, UInt8
 from numpy import ndarray as Array
+from scipy.ndimage import distance_transform_edt
 
 from pipeline.perception.segmenter import Maps
 
@@ -48,8 +49,8 @@ def _cut(region: FineMask, cores: FineMask) -> list[FineMask]:
     large = [i for i in range(1, count) if stats[i, cv2.CC_STAT_AREA] >= MIN_CORE_PX * SUPERSAMPLING**2]
     if len(large) < 2:
         return [region]
-    elsewhere = [(labels != i).astype(np.uint8) for i in large]
-    nearest = np.argmin([cv2.distanceTransform(m, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) for m in elsewhere], axis=0)
+    # Not OpenCV's distances: how they round can depend on where an array lies in memory
+    nearest = np.argmin([distance_transform_edt(labels != i) for i in large], axis=0)
     return [region & (nearest == i).astype(np.uint8) for i in range(len(large))]
 
 

@@ -11,19 +11,12 @@ import pandas as pd
 from pipeline.report.page import Source, check_finite, checked, lookup
 from pipeline.world.catalogue import Catalogue
 from pipeline.world.layout import Layouts
-from pipeline.world.rules import Margins
+from pipeline.world.rules import PAPER_P_VALID, Margins
 
 PAPER_TABLE_1 = {"careful": 0.75, "normal": 0.95, "aggressive": 1.0}  # success rate of repair by user (paper, Table 1)
 PAPER_SCENES = 20  # test scenes of the paper: the largest number of repairs behind a rate of Table 1
 PAPER_ACCURACY = {1: (0.72, 0.673, 0.775), 9: (0.99, 0.978, 0.998)}  # n_demos -> mean, q1, q3 ("Model Accuracy")
-PAPER_TABLE_2 = pd.DataFrame(
-    [
-        ("careful", 0.43, 0.27, 0.28, 0.31, 0.30),
-        ("normal", 0.62, 0.62, 0.63, 0.62, 0.48),
-        ("aggressive", 1.00, 1.00, 1.00, 1.00, 1.00),
-    ],
-    columns=["user", "none", "bowl", "plate", "cutlery", "glass"],
-).set_index("user")
+PAPER_TABLE_2 = pd.DataFrame.from_dict(PAPER_P_VALID, orient="index")  # by user
 UNSURE = (0.3, 0.8)  # P(valid) of a path about which a model is unsure
 SOURCES = (  # tables of whose numbers the pages' texts are made: written beside the pages
     "accuracy", "calibration", "scores", "comparisons", "repair", "interventions", "p_valid", "convergence", "slices",

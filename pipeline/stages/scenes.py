@@ -15,14 +15,9 @@ from pipeline.world.bezier import lattice, random_z_theta
 from pipeline.world.catalogue import Catalogue, random_scenes, read_catalogue
 from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, add_item, random_layouts
 from pipeline.world.render import Palette, render_scenes
-from pipeline.world.rules import clearance, slack
+from pipeline.world.rules import PAPER_P_VALID, clearance, slack
 from pipeline.world.source import ImageSource
 
-PAPER_P_VALID = {  # Table 2 of the paper, to which the users' margins are calibrated
-    "careful": {"none": 0.43, "bowl": 0.27, "plate": 0.28, "cutlery": 0.31, "glass": 0.30},
-    "normal": {"none": 0.62, "bowl": 0.62, "plate": 0.63, "cutlery": 0.62, "glass": 0.48},
-    "aggressive": {"none": 1.0, "bowl": 1.0, "plate": 1.0, "cutlery": 1.0, "glass": 1.0},
-}
 CHUNK = 10  # scenes per batch of clearances, so that distances stay in the cache
 
 

@@ -14,6 +14,11 @@ from pipeline.world.layout import Layouts, point_segment_distance, segment_dista
 from pipeline.world.symbols import SYMBOLS
 
 Margins = Mapping[str, float | None]  # symbol -> margin [m]; None: the user does not avoid this symbol
+PAPER_P_VALID = {  # Table 2 of the paper, to which the users' margins are calibrated
+    "careful": {"none": 0.43, "bowl": 0.27, "plate": 0.28, "cutlery": 0.31, "glass": 0.30},
+    "normal": {"none": 0.62, "bowl": 0.62, "plate": 0.63, "cutlery": 0.62, "glass": 0.48},
+    "aggressive": {"none": 1.0, "bowl": 1.0, "plate": 1.0, "cutlery": 1.0, "glass": 1.0},
+}
 SAMPLES = 129  # points along a path; with `_smallest_distance`, clearances above 3 cm are exact within 0.4 mm
 
 

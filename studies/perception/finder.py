@@ -16,6 +16,7 @@ import numpy as np
 import torch
 from jaxtyping import Float, Float32, UInt8
 from numpy import ndarray as Array
+from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
 from pipeline.perception.background import subtract_background
@@ -228,12 +229,11 @@ def _finer(values: Float[Array, "row column"]) -> Float[Array, "fine_row fine_co
 
 def _cut_at_necks(mask: FineMask) -> list[FineMask]:
     """Return a mask's parts, cut at necks: each pixel belongs to the nearest part that is wider than a neck."""
-    depth = cv2.distanceTransform(np.pad(mask, 1), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
+    depth = distance_transform_edt(np.pad(mask, 1))[1:-1, 1:-1]
     count, wide = cv2.connectedComponents((depth > NECK_PX / 2 * SUPERSAMPLING).astype(np.uint8), connectivity=4)
     if count < 3:
         return [mask]
-    elsewhere = [(wide != part).astype(np.uint8) for part in range(1, count)]
-    nearest = np.argmin([cv2.distanceTransform(m, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) for m in elsewhere], axis=0)
+    nearest = np.argmin([distance_transform_edt(wide != part) for part in range(1, count)], axis=0)
     return [mask & (nearest == part) for part in range(count - 1)]
 
 

@@ -40,3 +40,17 @@ def test_a_ring_is_a_filled_item_and_a_speck_is_none():
     ring = disc(50, 50, 7) - disc(50, 50, 4)
     assert areas(maps(ring)) == [pytest.approx(np.pi * 49, rel=0.03)]
     assert areas(maps(disc(50, 50, 0.9 * np.sqrt(MIN_ITEM_PX / np.pi)))) == []
+
+
+def test_a_cut_does_not_depend_on_where_arrays_lie_in_memory():
+    rng, held = np.random.default_rng(0), []
+    for _ in range(100):
+        place, angle, radii = rng.uniform(35, 65, 2), rng.uniform(0, 2 * np.pi), rng.uniform(4, 9, 2)
+        along = np.array([np.cos(angle), np.sin(angle)])
+        second, gap = place + (radii.sum() - 0.5) * along, place + radii[0] * along
+        touching = maps(disc(*place, radii[0]), disc(*second, radii[1]), between=disc(*gap, 2.5))
+        results = set()
+        for _ in range(8):
+            held = [*held[-30:], np.empty(rng.integers(1, 200_000), np.uint8)]  # later arrays get other addresses
+            results.add(b"".join(outline.mask.tobytes() for outline in find_outlines(touching)))
+        assert len(results) == 1

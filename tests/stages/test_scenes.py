@@ -9,11 +9,11 @@ from omegaconf import DictConfig
 from pipeline.artifacts.files import read_json, read_table
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.params import compose
-from pipeline.stages.scenes import PAPER_P_VALID, main
+from pipeline.stages.scenes import main
 from pipeline.world.bezier import lattice
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SYMBOLS
-from pipeline.world.rules import clearance, slack
+from pipeline.world.rules import PAPER_P_VALID, clearance, slack
 from tests.stages.facts import refuses
 
 pytestmark = pytest.mark.slow  # the fixture runs the stage

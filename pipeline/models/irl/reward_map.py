@@ -12,8 +12,9 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from pipeline.models.base import ValidityModel, initialise, to_bytes, to_tensor
+from pipeline.models.base import ValidityModel, initialise, to_tensor
 from pipeline.perception.background import subtract_background
+from pipeline.perception.objects import to_bytes
 from pipeline.runtime.roots import square_root
 from pipeline.world.bezier import P_F, P_INIT, basis, lattice
 from pipeline.world.layout import SIDE

@@ -9,6 +9,7 @@ import matplotlib
 import numpy as np
 from matplotlib.colors import to_hex
 from numpy import ndarray as Array
+from scipy.ndimage import distance_transform_edt
 
 from pipeline.report import style
 from pipeline.report.drawing import fewer_levels
@@ -60,8 +61,8 @@ def _first_control_point(truth: Array, maps: Sequence[Array]) -> list[float]:
     """
     z, last, first = lattice(len(truth)), maps[-1] > 0.5, maps[0] > 0.5
     on_table = ((z > 0) & (z < 1)).all(-1).reshape(truth.shape)
-    differ = np.pad(on_table & (last == truth) & (first != truth), 1).astype(np.uint8)
-    depth = cv2.distanceTransform(differ, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
+    differ = np.pad(on_table & (last == truth) & (first != truth), 1)
+    depth = distance_transform_edt(differ)[1:-1, 1:-1]
     return z[int(depth.argmax())].tolist() if depth.any() else ANYWHERE
 
 
