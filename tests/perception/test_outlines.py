@@ -45,10 +45,10 @@ def test_a_ring_is_a_filled_item_and_a_speck_is_none():
 def test_a_cut_does_not_depend_on_where_arrays_lie_in_memory():
     rng, held = np.random.default_rng(0), []
     for _ in range(100):
-        place, angle, radii = rng.uniform(35, 65, 2), rng.uniform(0, 2 * np.pi), rng.uniform(4, 9, 2)
-        along = np.array([np.cos(angle), np.sin(angle)])
-        second, gap = place + (radii.sum() - 0.5) * along, place + radii[0] * along
-        touching = maps(disc(*place, radii[0]), disc(*second, radii[1]), between=disc(*gap, 2.5))
+        (x, y), (r, s), angle = rng.uniform(35, 65, 2), rng.uniform(4, 9, 2), rng.uniform(0, 2 * np.pi)
+        along_x, along_y, apart = np.cos(angle), np.sin(angle), r + s - 0.5
+        second, gap = disc(x + apart * along_x, y + apart * along_y, s), disc(x + r * along_x, y + r * along_y, 2.5)
+        touching = maps(disc(x, y, r), second, between=gap)
         results = set()
         for _ in range(8):
             held = [*held[-30:], np.empty(rng.integers(1, 200_000), np.uint8)]  # later arrays get other addresses
