@@ -7,10 +7,21 @@ import numpy as np
 import pandas as pd
 
 from pipeline.artifacts.files import write_json, write_table
+from pipeline.own.frame import Frame
 from pipeline.own.recording import write_recording
 from pipeline.own.results import Results
 from pipeline.report.page import FOLDER as SHARED
 from pipeline.report.page import Site, environment, lookup, render_page, write_files
+from pipeline.runtime.errors import InputError
+
+METRICS = "metrics.json"
+CONTROL_POINTS = ("z_x", "z_y"), ("end_x", "end_y")  # columns that hold places [m of the model]
+
+
+def check_replaceable(out_dir: Path) -> None:
+    """Raise InputError unless `out_dir` is missing, empty or an earlier report."""
+    if out_dir.exists() and not (out_dir / METRICS).is_file() and (out_dir.is_file() or any(out_dir.iterdir())):
+        raise InputError(f"{out_dir} is not an earlier report, which would be replaced: move it away")
 
 
 def write_report(results: Results, out_dir: Path) -> None:
@@ -28,15 +39,16 @@ def write_report(results: Results, out_dir: Path) -> None:
         **shown,
     )
     render_page("index", "page.html.j2", "pipeline.own", results, made, site)
-    site.tables.update(results.tables)
+    tables = {name: on_the_table(table, results.folder.frame) for name, table in results.tables.items()}
+    site.tables.update(tables)
     for name, table in site.tables.items():
         site.tables[name] = without_formulas(table)
     part, old = (out_dir.with_name(f".{out_dir.name}-{state}") for state in ("part", "old"))
     shutil.rmtree(part, ignore_errors=True)
     write_files(site, part)
-    for name, table in results.tables.items():
+    for name, table in tables.items():
         write_table(part / "tables" / f"{name}.parquet", table)
-    write_json(part / "metrics.json", results.metrics)
+    write_json(part / METRICS, results.metrics)
     write_recording(part / "recording.rrd", results)
     shutil.copy(SHARED / "page.css", part)
     shutil.rmtree(old, ignore_errors=True)
@@ -44,6 +56,13 @@ def write_report(results: Results, out_dir: Path) -> None:
         out_dir.rename(old)
     part.rename(out_dir)
     shutil.rmtree(old, ignore_errors=True)
+
+
+def on_the_table(table: pd.DataFrame, frame: Frame) -> pd.DataFrame:
+    """Return a table whose control points are in metres on the table, not the model's."""
+    held = [[x, y] for x, y in CONTROL_POINTS if x in table]
+    places = {tuple(pair): frame.to_table(table[pair].to_numpy(float)) for pair in held}
+    return table.assign(**{name: points[:, i] for pair, points in places.items() for i, name in enumerate(pair)})
 
 
 def without_formulas(table: pd.DataFrame) -> pd.DataFrame:

@@ -8,12 +8,17 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
+from examples import make_table
 from pipeline import library
 from pipeline.config.graph import ROOT
 from pipeline.own.__main__ import main
+from pipeline.own.frame import Frame
+from pipeline.own.report import on_the_table
+from pipeline.world.bezier import P_F, P_INIT
 from tests.own.folders import USERS, add_kind, edit, make_folder
 
 EXAMPLE = ROOT / "examples" / "table"
@@ -73,6 +78,22 @@ def test_the_page_shows_the_numbers_of_the_tables(example: Path):
     assert "Accuracy" in pd.read_csv(example / "tables" / "learning.csv"), "the csv below a table is that table"
     links = set(re.findall(r'(?:src|href|data)="([^"#:]+)"', page))
     assert links and all((example / link).is_file() for link in links)
+
+
+def test_control_points_are_written_in_metres_on_the_table():
+    frame = Frame.between(0.8, np.array([0.7, 0.1]), np.array([0.1, 0.7]))
+    ends = pd.DataFrame([[*P_INIT, *P_F]], columns=["z_x", "z_y", "end_x", "end_y"])
+    np.testing.assert_allclose(on_the_table(ends, frame), [[0.7, 0.1, 0.1, 0.7]])
+    assert on_the_table(ends[[]], frame).empty
+
+
+@pytest.mark.slow
+def test_the_example_folder_is_what_its_script_writes(tmp_path: Path, monkeypatch):
+    monkeypatch.setattr(make_table, "OUT", tmp_path)
+    make_table.main()
+    listed = subprocess.run(["git", "ls-files", "."], cwd=EXAMPLE, capture_output=True, text=True, check=True)
+    files = [name for name in listed.stdout.splitlines() if not name.startswith("report/")]
+    assert [name for name in files if (tmp_path / name).read_bytes() != (EXAMPLE / name).read_bytes()] == []
 
 
 @pytest.mark.slow
