@@ -132,10 +132,11 @@ def effect(
 
     Scenes are the unit of replication. For one model, interval and p are those of a one-sample t-test over scenes,
     corrected for skewness (Hall, 1992), and do not cover other training sets. For a sequence of models with separate
-    training sets, models and scenes are crossed random factors (pipeline.stats.crossed). Both need INFORMATIVE_SCENES,
-    or half of the scenes, in which the mean P(valid) of some model changes by more than INFORMATIVE_CHANGE. With
-    fewer, p is 1, and the interval is as wide as the share of such scenes allows (Clopper and Pearson, 1934): an item
-    that changes nothing in 60 scenes is negligible, in 30 undecided. Raises InputError as `fit`.
+    training sets, models and scenes are crossed random factors (pipeline.stats.crossed). Either test needs scenes in
+    which the mean P(valid) of some model changes by more than INFORMATIVE_CHANGE: half of the scenes, or at least
+    INFORMATIVE_SCENES. With fewer, p is 1, and the interval is as wide as the share of such scenes allows (Clopper and
+    Pearson, 1934): an item that changes nothing in 60 scenes is negligible, in 30 undecided. Raises InputError as
+    `fit`.
     """
     from scipy.stats import beta
 

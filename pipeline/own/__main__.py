@@ -30,7 +30,7 @@ def main(arguments: list[str]) -> int:
         return 2
 
     from pipeline.own.folder import read_folder  # torch and the models take seconds to import: the recorder needs none
-    from pipeline.own.report import write_report
+    from pipeline.own.report import check_replaceable, write_report
     from pipeline.own.results import compute
     from pipeline.runtime.parallel import one_thread
 
@@ -48,6 +48,7 @@ def main(arguments: list[str]) -> int:
     print(f"{path}: {counts}; no fault")
     if verb == "check":
         return 0
+    check_replaceable(path / REPORT)
 
     def progress(step: str) -> None:
         print(f"{time.monotonic() - begin:4.0f} s  {step}", flush=True)

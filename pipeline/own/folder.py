@@ -49,7 +49,7 @@ class Folder:
             notes.append(f"no cut-outs of {', '.join(missing)}: the report does not ask whether users react to them")
         counts = demos.groupby(["user", "scene"]).size().groupby("user").agg(["min", "max"])
         for user, least, most in counts[counts["max"] > 2 * counts["min"]].itertuples():
-            notes.append(f"user {user} has {least} to {most} demonstrations a scene: each scene counts the same")
+            notes.append(f"user {user} has {least} to {most} demonstrations a scene, and each scene counts the same")
         more = demos[demos["needs_more"]]
         if len(more):
             notes.append(
@@ -95,7 +95,8 @@ def read_folder(path: Path) -> tuple[Folder | None, Faults]:
             faults.append(f"{SETTINGS}: no corners of {scene}: add them, as for the other scenes")
         elif (canvas := _read_canvas(file, f"{SCENES}/{file.name}", corners, faults)) is not None:
             canvases[scene] = canvas
-    empty, bare = next((f for f in (path / f"empty{ending}" for ending in ENDINGS) if f.is_file()), None), None
+    pictures = (f for f in sorted(path.iterdir()) if f.stem == "empty" and f.suffix.lower() in ENDINGS)
+    empty, bare = next(pictures, None), None
     if empty is not None:
         if isinstance(settings.corners, dict):
             faults.append(f"{empty.name} needs a fixed camera, and corners differ by scene: remove one of them")
@@ -153,7 +154,8 @@ def _read_cutouts(path: Path, faults: Faults) -> dict[str, list[tuple[Array, flo
     table = read_checked(path / CUTOUTS, (), faults)
     if table is None:
         return {}
-    files = {(kind, normal(f.name)): f for kind, folder in folders.items() for f in sorted(folder.glob("*.png"))}
+    listed = [(kind, f) for kind, folder in folders.items() for f in sorted(folder.iterdir())]
+    files = {(kind, normal(f.name)): f for kind, f in listed if f.suffix.lower() == ".png"}
     cutouts: dict[str, list[tuple[Array, float]]] = {}
     for row, kind, file, width in table.itertuples(name=None):
         where = f"{CUTOUTS}, row {row}:"

@@ -88,15 +88,18 @@ def _size(cutout: Array, across: float) -> tuple[int, int]:
 def free_place(
     rng: np.random.Generator, frame: Frame, objects: Objects, scene: int, capsule: Capsule
 ) -> tuple[Float[Array, "2"], float] | None:
-    """Return centre [m on the table] and angle [rad] of a place clear of all else; None after TRIES draws."""
+    """Return the picture's centre [m on the table] and angle [rad] where the object is clear of all else.
+
+    None after TRIES draws.
+    """
     present, wide = objects.present[scene], frame.scale * capsule.radius
     others, radii = objects.ends[scene, present].astype(float), objects.radius[scene, present]
     reach = np.linalg.norm(capsule.half) + capsule.radius
     for _ in range(TRIES):
-        centre = frame.to_table(rng.uniform(*CENTRE_M, 2))
-        angle = rng.uniform(-np.pi, np.pi)
+        middle, angle = frame.to_table(rng.uniform(*CENTRE_M, 2)), rng.uniform(-np.pi, np.pi)  # of the object
+        centre = middle - rotation(angle) @ capsule.centre
         ends = ends_of(frame, capsule, centre, angle)
-        on_table = (centre > reach).all() and (centre < frame.side_m - reach).all()
+        on_table = (middle > reach).all() and (middle < frame.side_m - reach).all()
         from_ends = min(point_segment_distance(end, *ends) for end in (P_INIT, P_F)) - wide
         gaps = segment_distance(ends, others) - wide - radii
         if on_table and from_ends >= CLEAR_OF_ENDS_M and (gaps >= CLEAR_OF_ITEMS_M).all():
@@ -106,9 +109,13 @@ def free_place(
 
 def ends_of(frame: Frame, capsule: Capsule, centre: Array, angle: float) -> Float[Array, "2 2"]:
     """Return the ends [m of the model] of a footprint whose picture lies at `centre` [m on the table]."""
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     ends = np.stack([capsule.centre - capsule.half, capsule.centre + capsule.half])
-    return frame.to_model(centre + ends @ turn.T)
+    return frame.to_model(centre + ends @ rotation(angle).T)
+
+
+def rotation(angle: float) -> Float[Array, "2 2"]:
+    """Return the matrix that turns points counter-clockwise by an angle [rad]."""
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
 def paste(canvas: Array, cutout: Array, width: float, centre: Array, angle: float) -> UInt8[Array, "side side 3"]:

@@ -9,6 +9,7 @@ from numpy import ndarray as Array
 
 from pipeline.own.csv_files import Faults, normal
 from pipeline.runtime.errors import InputError
+from pipeline.world.catalogue import MIN_VISIBLE_ALPHA
 from pipeline.world.images import JPEG_SIGNATURE, PNG_SIGNATURE, image_size
 
 SCENES, KINDS = "scenes", "kinds"  # folders with the pictures of tables, and with a folder of cut-outs for each kind
@@ -56,15 +57,16 @@ def read_picture(path: Path) -> UInt8[Array, "row column 3"]:
 def read_cutout(path: Path) -> UInt8[Array, "row column 4"]:
     """Return a cut-out as RGBA with straight alpha.
 
-    Raise InputError as `read_picture`, and if nothing or everything in it is transparent.
+    Raise InputError as `read_picture`, and if nothing in it is visible or everything opaque.
     """
     pixels = _decoded(path, cv2.IMREAD_UNCHANGED)
     if pixels.ndim != 3 or pixels.shape[2] != 4 or pixels.dtype != np.uint8:
         raise InputError("has no transparent background: expected an 8-bit RGBA png; cut the object out")
     alpha = pixels[..., 3]
-    if alpha.max() == 0 or alpha.min() == 255:
-        state = "transparent" if alpha.max() == 0 else "opaque"
-        raise InputError(f"is {state} everywhere: expected an object on a transparent background")
+    if alpha.max() <= MIN_VISIBLE_ALPHA:
+        raise InputError(f"has an alpha of at most {alpha.max()} of 255: expected 255 where the object is")
+    if alpha.min() == 255:
+        raise InputError("is opaque everywhere: expected an object on a transparent background")
     return cv2.cvtColor(pixels, cv2.COLOR_BGRA2RGBA)
 
 

@@ -40,12 +40,22 @@ class Settings:
         return self.corners.get(scene) if isinstance(self.corners, dict) else self.corners
 
 
+class _Loader(yaml.SafeLoader):
+    """Reads keys as text: 01 and 20260105_101112 are names of scenes, no numbers."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode):
+                key.tag = self.DEFAULT_SCALAR_TAG
+        return super().construct_mapping(node, deep)
+
+
 def read_settings(path: Path) -> Settings:
     """Return the settings of table.yaml, or the defaults; raise InputError with a line for each fault."""
     if not (path / SETTINGS).is_file():
         return Settings(rectified=True)
     try:
-        content = yaml.safe_load((path / SETTINGS).read_text(encoding="utf-8"))
+        content = yaml.load((path / SETTINGS).read_text(encoding="utf-8"), _Loader)
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise InputError(f"{SETTINGS} cannot be read: {' '.join(str(error).split())}; correct it") from error
     return check_settings(content or {})
@@ -75,13 +85,12 @@ def check_settings(content: Any) -> Settings:
     corners = content.get("corners")
     if isinstance(corners, dict):
         settings.corners = {
-            normal(str(scene)): _quadrilateral(places, f"corners of {scene}", faults)
-            for scene, places in corners.items()
+            normal(scene): _quadrilateral(places, f"corners of {scene}", faults) for scene, places in corners.items()
         }
     elif corners is not None:
         settings.corners = _quadrilateral(corners, "corners", faults)
     if settings.corners is not None and settings.rectified:
-        faults.append("corners and rectified: true exclude each other: remove one of them")
+        faults.append("both corners and `rectified: true` are given, and they exclude each other: remove one of them")
     if faults:
         raise InputError("\n".join(f"{SETTINGS}: {fault}" for fault in faults))
     settings.rectified = settings.rectified or "corners" not in content

@@ -10,6 +10,7 @@ import pytest
 
 from pipeline.own.__main__ import main
 from pipeline.own.folder import read_folder
+from pipeline.runtime.errors import InputError
 from tests.factories import draw_table
 from tests.own.folders import SCENES, add_kind, change, edit, make_folder, write_picture
 
@@ -72,6 +73,11 @@ def link_out(path: Path) -> None:
 def opaque(path: Path) -> None:
     add_kind(path)
     write_picture(path / "kinds" / "cup" / "blue.png", draw_table())
+
+
+def faint(path: Path) -> None:
+    add_kind(path)
+    write_picture(path / "kinds" / "cup" / "blue.png", np.full((9, 9, 4), (9, 9, 9, 1), np.uint8))
 
 
 def empty_kind(path: Path) -> None:
@@ -144,6 +150,7 @@ FAULTS: dict[str, tuple[Spoil, str]] = {
     "cut-out elsewhere": (kinds("cup,../cup/blue.png,0.1\n"), "row 2: kinds/cup/../cup/blue.png is"),
     "terminal codes in a kind": (odd_kind, "kinds/\\x1b[31m/red.png has no row in kinds.csv"),
     "cut-out without width": (kinds("cup,blue.png,-1\n"), "row 2: width_m is -1"),
+    "faint cut-out": (faint, "row 2: kinds/cup/blue.png has an alpha of at most 1 of 255"),
     "opaque cut-out": (opaque, "row 2: kinds/cup/blue.png has no transparent background"),
     "item without radius": (items("tea,cup,.5,.5,0,0,0"), "row 2: radius_m is 0"),
     "item of no scene": (items("tee,cup,.5,.5,0,.1,0"), "row 2: scene 'tee' has no"),
@@ -193,3 +200,28 @@ def test_decomposed_accents_are_the_same_name(folder: Path):
     file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes())  # a byte order mark, as spreadsheets write
     made, faults = read_folder(folder)
     assert not faults and made is not None and "thé" in made.canvases
+
+
+def test_scenes_may_be_named_by_numbers_and_endings_be_upper_case(folder: Path):
+    (folder / "scenes" / "tea.png").rename(folder / "scenes" / "010.PNG")
+    edit(folder, lambda table: table.replace({"scene": {"tea": "010"}}))
+    write_picture(folder / "empty.png", draw_table())
+    (folder / "empty.png").rename(folder / "empty.PNG")
+    made, faults = read_folder(folder)
+    assert not faults and made is not None and made.empty is not None
+    (folder / "empty.PNG").unlink()
+    corners = "[[5, 5], [95, 5], [95, 95], [5, 95]]"
+    names = ["010", *(scene for scene in SCENES if scene != "tea")]
+    lines = [f"  {name}: {corners}\n" for name in names]
+    (folder / "table.yaml").write_text("".join(["corners:\n", *lines]), encoding="utf-8")
+    made, faults = read_folder(folder)
+    assert not faults and made is not None and set(made.canvases) == set(names)
+
+
+def test_a_folder_report_that_is_no_report_stays(folder: Path, capfd):
+    notes = folder / "report" / "notes.txt"
+    notes.parent.mkdir()
+    notes.write_text("mine")
+    with pytest.raises(InputError, match="is not an earlier report"):
+        main([str(folder)])
+    assert notes.read_text() == "mine" and not (folder / ".models").exists()

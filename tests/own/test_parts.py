@@ -73,6 +73,12 @@ def test_places_are_clear_of_objects_and_path_ends_and_a_full_table_has_none(fol
     centres = np.array([centre for centre, _ in filter(None, places)])
     assert len(centres) == 50 and (np.linalg.norm(centres - 0.5, axis=1) > 0.2 + capsule.radius + 0.014).all()
     assert (np.linalg.norm(centres - P_INIT, axis=1) > 0.12 + capsule.radius - 0.002).all()
+    picture = np.zeros((300, 400, 4), np.uint8)
+    picture[20:60, 300:380] = 255  # far from the picture's middle
+    corner = kinds.footprint(picture, 1.2)
+    for centre, angle in filter(None, [kinds.free_place(rng, folder.frame, objects, 0, corner) for _ in range(50)]):
+        ends = kinds.ends_of(folder.frame, corner, centre, angle)
+        assert ((ends > corner.radius) & (ends < 1 - corner.radius)).all()
     objects.radius[0, 0] = 0.7
     assert kinds.free_place(rng, folder.frame, objects, 0, capsule) is None
 

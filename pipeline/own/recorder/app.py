@@ -98,7 +98,9 @@ def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
         exception_handlers={
             InputError: lambda _, error: _refused(str(error), 400),
             TooLarge: lambda _, error: _refused(str(error), 413),
-            ValidationError: lambda _, error: _refused("the page sent what the recorder does not know: reload it", 400),
+            ValidationError: lambda _, error: _refused(
+                "the recorder does not understand what the page sent: reload the page", 400
+            ),
             OSError: lambda _, error: _refused(f"not stored: {error}", 500),
         },
     )

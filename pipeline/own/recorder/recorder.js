@@ -192,8 +192,9 @@ async function addItem(points) {
   const tool = board.tool;
   const kind = $("kind").value.trim();
   if (!kind) {
-    say("Name the kind of item first, then mark it.", "bad");
+    await null; // the tool speaks first
     tool.cancel();
+    say("Name the kind of item first, then mark it.", "bad");
     $("kind").focus();
     return;
   }
@@ -219,7 +220,13 @@ function startTable() {
 }
 
 function choosePlace() {
-  const place = $("table-form").elements.place.value;
+  const choice = $("table-form").elements.place;
+  if (choice.value !== "corners" && board.tool?.count === 4 && board.tool.points.length) {
+    choice.value = "corners";
+    say("Save the marked corners first, or press Escape on the picture.", "bad");
+    return;
+  }
+  const place = choice.value;
   if (place === "corners") {
     board.tool = new PointTool(4, () => {}, tellCorner);
     tellCorner();
@@ -444,5 +451,5 @@ $("board").addEventListener("keydown", event => { // letters act on the picture 
 document.addEventListener("click", event => { if (event.target.closest('a[href^="#"]:not(.skip)') && !mayLeave()) event.preventDefault(); });
 window.addEventListener("beforeunload", event => { if (waiting()) event.preventDefault(); });
 window.addEventListener("focus", () => { if (overview && !waiting() && !sending) attempt(refresh); }); // another tab may have stored
-window.addEventListener("hashchange", () => attempt(async () => { await refresh(); await go(); }));
+window.addEventListener("hashchange", () => { if (location.hash !== "#main") attempt(async () => { await refresh(); await go(); }); });
 attempt(async () => { await refresh(); await go(); }).then(() => document.body.setAttribute("aria-busy", "false"));
