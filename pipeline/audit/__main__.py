@@ -28,7 +28,7 @@ from pipeline.audit.history import history
 from pipeline.audit.rerun import Output, outputs, run
 from pipeline.audit.revision import checked_out, git, resolve
 from pipeline.audit.show import as_page, in_terminal
-from pipeline.audit.text import of_audit, of_difference, of_history, of_rerun
+from pipeline.audit.text import headlines_ran, of_audit, of_difference, of_history, of_rerun
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.writing import atomic_write
 
@@ -94,7 +94,8 @@ def _rerun(before: str, after: str, stages: list[str], profile: str | None) -> t
     runs, wrong = f"{before} and {after}", _is_worse(difference)
     if before == after:
         runs = f"{before}, run {'twice' if profile else 'again'}"
-        wrong = not all(output.identical for output in ran) if profile else wrong
+        only_bytes = profile or not headlines_ran(ran)
+        wrong = not all(output.identical for output in ran) if only_bytes else wrong
     title = f"{runs} at profile {profile}" if profile else runs
     return {"outputs": ran} | vars(difference), of_rerun(title, ran, difference), wrong
 

@@ -3,7 +3,8 @@
 import html
 import json
 import re
-from collections.abc import Callable
+import subprocess
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,8 +16,6 @@ from pipeline.audit.revision import dvc, git
 from pipeline.report.page import FORMATS
 from pipeline.report.readme import fill, headlines
 from pipeline.runtime.errors import InputError
-
-MISSING = ("deleted", "not in cache")  # what DVC calls data and results that a clone has not pulled
 
 
 @dataclass(frozen=True)
@@ -63,11 +62,12 @@ def read_locks(clone: Path) -> dict[str, dict]:
 def stages(clone: Path, locks: dict[str, dict], status: dict[str, list]) -> Checked:
     """Check that every stage's code, parameters and inputs are those its lock was written for."""
     made = {out["path"]: out.get("md5") for stage in locks.values() for out in stage.get("outs", [])}
-    for tracked in clone.glob("[!.]*.dvc"):
-        made |= {out["path"]: out["md5"] for out in yaml.safe_load(tracked.read_text())["outs"]}
+    for tracked in (Path(name) for name in git(clone, "ls-files", "*.dvc").splitlines()):
+        outs = yaml.safe_load((clone / tracked).read_text())["outs"]
+        made |= {str(tracked.parent / out["path"]): out["md5"] for out in outs}
     names = dvc(clone, "stage", "list", "--all", "--name-only").split()
     never_run = [name for name in names if name not in locks and not name.endswith(".dvc")]
-    faults = _changes(status, "changed deps")
+    faults = _changes(clone, status, "changed deps")
     faults += [Fault(name, "it was never run: it has no lock") for name in never_run]
     for name, stage in locks.items():
         if name not in names:
@@ -83,13 +83,16 @@ def outputs(clone: Path, locks: dict[str, dict], status: dict[str, list]) -> Che
     known = [out["path"] for stage in locks.values() for out in stage.get("outs", [])]
     tracked = git(clone, "ls-files", "reports").split()
     stray = [file for file in tracked if not any(Path(file).is_relative_to(out) for out in known)]
-    faults = _changes(status, "changed outs") + [Fault(file, "no stage writes it") for file in stray]
+    faults = _changes(clone, status, "changed outs") + [Fault(file, "no stage writes it") for file in stray]
     return Checked("outputs", "files under reports/ are what the locks name", len(tracked), faults)
 
 
-def _changes(status: dict[str, list], kind: str) -> list[Fault]:
-    """Return in words what changed of each stage, leaving out files that are merely missing here."""
-    faults = []
+def _changes(clone: Path, status: dict[str, list], kind: str) -> list[Fault]:
+    """Return in words what changed of each stage, leaving out what a clone lacks: data and results that DVC keeps."""
+    changes = [entry.get(kind, {}) for entries in status.values() for entry in entries if isinstance(entry, dict)]
+    command = ["git", "check-ignore", "--", *{name for change in changes for name in change}]
+    ignored = subprocess.run(command, cwd=clone, capture_output=True, text=True)
+    kept_by_dvc, faults = set(ignored.stdout.splitlines()), []
     for stage, entries in status.items():
         changed = {
             name: how for entry in entries if isinstance(entry, dict) for name, how in entry.get(kind, {}).items()
@@ -97,7 +100,7 @@ def _changes(status: dict[str, list], kind: str) -> list[Fault]:
         texts = [
             f"{', '.join(how)} in {name}" if isinstance(how, dict) else f"{name} is {how}"  # {parameter: modified}
             for name, how in changed.items()
-            if how not in MISSING
+            if how != "not in cache" and not (how == "deleted" and name in kept_by_dvc)
         ]
         if kind == "changed deps":
             texts += [entry for entry in entries if isinstance(entry, str)]  # such as "changed command"
@@ -133,10 +136,11 @@ def table_cells(page: Path) -> tuple[int, list[str]]:
             continue
         for values, row in zip(frame.itertuples(index=False), rows, strict=True):
             for column, cell in zip(columns, re.findall(r"(?s)<t[dh]\b.*?</t[dh]>", row), strict=False):
-                count, text = count + 1, _text(cell)
-                if not _shows(text, values[column]):
-                    name = frame.columns[column]
-                    faults.append(f"{link}, {name}: the page says {text!r}, the csv {values[column]!r}")
+                count, text, name = count + 1, _text(cell), frame.columns[column]
+                quartiles = [values[frame.columns.get_loc(q)] for q in (f"{name}, q1", f"{name}, q3") if q in frame]
+                if not _shows(text, values[column], quartiles if all(quartiles) else []):
+                    held = " ".join([values[column], *quartiles])
+                    faults.append(f"{link}, {name}: the page says {text!r}, the csv {held!r}")
     return count, faults
 
 
@@ -163,20 +167,27 @@ def _text(markup: str) -> str:
     return html.unescape(re.sub(r"<[^>]*>", "", markup)).strip()
 
 
-def _shows(text: str, value: str) -> bool:
-    """Return whether a page's text is a csv's value, as it stands or in one of the formats that pages use."""
-    if text == value:
+def _shows(text: str, value: str, quartiles: Sequence[str] = ()) -> bool:
+    """Return whether a page's text is a csv's value, as it stands or in one of the formats that pages use.
+
+    quartiles: the values that follow in brackets, without their unit.
+    """
+    if text == value and not quartiles:
         return True
     try:
-        number = float(value or "nan")
+        numbers = [float(number or "nan") for number in (value, *quartiles)]
     except ValueError:
         return False
-    text = text.split(" (")[0]  # quartiles follow in brackets
-    if number != number:
+    if numbers[0] != numbers[0]:
         return text in ("–", "")
-    formats = [write for name, write in FORMATS.items() if name != "spread"]
-    nearby = (number, number * (1 + 1e-6), number * (1 - 1e-6))  # a csv keeps six digits
-    return any(text == str(write(close)) for write in formats for close in nearby)
+    near = (1, 1 + 1e-6, 1 - 1e-6)  # a csv keeps six digits
+    for write in (write for name, write in FORMATS.items() if name != "spread"):
+        first, *ends = ({str(write(number * factor)) for factor in near} for number in numbers)
+        ends = [{end.partition("\u00a0")[0] for end in shown} for shown in ends]
+        written = first if not ends else {f"{a} ({b} to {c})" for a in first for b in ends[0] for c in ends[1]}
+        if text in written:
+            return True
+    return False
 
 
 def _csv(path: Path) -> pd.DataFrame:
@@ -211,6 +222,9 @@ def readme(clone: Path) -> Checked:
         table = headlines(metrics, pd.read_csv(clone / "reports/tables/causes-verdicts.csv"))
     except (InputError, OSError, KeyError) as error:
         return Checked("README", what, 1, [Fault("reports/", f"its headlines cannot be read: {error}")])
-    same = fill(text, table) == text
-    faults = [] if same else [Fault("README.md", "its table differs: run `make readme`")]
+    faults = (
+        []
+        if fill(text, table) == text != fill(text, "")
+        else [Fault("README.md", "its table of headlines differs or is missing: run `make readme`")]
+    )
     return Checked("README", what, table.count("\n") - 1, faults)

@@ -23,6 +23,7 @@ LOCKS = "requirements.lock"
 DATA = re.compile(r"md5: (\S+)")
 METRICS = "reports/metrics.json"
 CLAIM = "claims."
+CODE = ("*.py", "*.js", "*.j2", "*.css", "*dvc.yaml", "pipeline")  # with the segmenter's weights and the symbols
 SEEDS = "reports/tables/seeds.csv"  # headline, seed, value
 SAME = 0.01  # two commits are the same within one per cent: a tenth of the least difference that pages comment on
 
@@ -139,9 +140,9 @@ def _processors(before: Commit, after: Commit) -> list[tuple[str, str, str]]:
 
 
 def _modules(before: Commit, after: Commit) -> pd.DataFrame:
-    """Return the Python lines that changed, by package, the most changed first."""
-    lines = git(after.repository, "diff", "--numstat", before.revision, after.revision, "--", "*.py").splitlines()
-    rows = [line.split("\t") for line in lines if not line.startswith("-")]
+    """Return the lines of code that changed, by package, the most changed first; a binary file counts as none."""
+    lines = git(after.repository, "diff", "--numstat", before.revision, after.revision, "--", *CODE).splitlines()
+    rows = [line.replace("-\t-\t", "0\t0\t", 1).split("\t") for line in lines]
     table = pd.DataFrame(rows, columns=["added", "removed", "file"]).astype({"added": int, "removed": int})
     table["package"] = [_package(re.sub(r"\{.* => (.*)\}", r"\1", name)) for name in table["file"]]
     counts = {"files": ("file", "size"), "added": ("added", "sum"), "removed": ("removed", "sum")}

@@ -6,7 +6,7 @@ from typing import Any
 import pandas as pd
 
 from pipeline.audit.consistency import Checked, Fault
-from pipeline.audit.difference import Difference
+from pipeline.audit.difference import METRICS, Difference
 from pipeline.audit.history import Entry
 from pipeline.audit.rerun import Output
 
@@ -57,11 +57,16 @@ def of_rerun(title: str, outputs: Sequence[Output], difference: Difference) -> s
     d, word = difference, "changed"
     if not other:
         word = "identical"
-    elif not d.claims and len(d.by_seed) and (d.by_seed["word"] == "same").all():
+    elif headlines_ran(outputs) and not d.claims and len(d.by_seed) and (d.by_seed["word"] == "same").all():
         word = "equal"
     count = f"{len(outputs) - len(other)} of {len(outputs)} outputs have the same bytes."
     sections = {"Other outputs": table(["stage", "output"], other)} | _differences(d)
     return _page(f"{title}: {word}", count, sections)
+
+
+def headlines_ran(outputs: Sequence[Output]) -> bool:
+    """Return whether the stages that ran again wrote the headlines; if not, only bytes can be compared."""
+    return any(output.path == METRICS for output in outputs)
 
 
 def of_difference(before: str, after: str, difference: Difference) -> str:

@@ -1,6 +1,7 @@
 """The audit of one commit: what it finds in this repository, and in a clone that somebody tampered with."""
 
 import json
+import re
 import subprocess
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from pipeline.report.page import FORMATS, Traced
 
 CSV = 'Model,Right,"Right, q1","Right, q3",Known\nclearance,0.9774,0.97,0.98,\n'
 PAGE = """<table><caption>1 <a href="tables/t.csv">csv</a></caption><tr><th>Model</th><th>Right</th><th>Known</th></tr>
-<tr><th>clearance</th><td>{} (97 to 98)</td><td>–</td></tr></table><p>It is right about {} of paths.</p>"""
+<tr><th>clearance</th><td>{} (97.0 to 98.0)</td><td>–</td></tr></table><p>It is right about {} of paths.</p>"""
 
 
 def write(folder: Path, cell: str, sentence: str) -> Path:
@@ -30,6 +31,9 @@ def traced(number: float) -> str:
 def test_a_cell_and_a_sentence_that_were_changed_are_found_and_nothing_else(tmp_path: Path):
     page = write(tmp_path, "97.7\u00a0%", traced(0.9774))
     assert consistency.table_cells(page) == (3, []) and consistency.prose(page) == (1, [])
+    (tmp_path / "page.html").write_text(page.read_text().replace("(97.0 to 98.0)", "(96.0 to 98.0)"))
+    (quartiles,) = consistency.table_cells(page)[1]
+    assert "(96.0 to 98.0)" in quartiles and "0.97 0.98" in quartiles
     page = write(tmp_path, "98.7\u00a0%", traced(0.89))
     (cell,), (sentence,) = consistency.table_cells(page)[1], consistency.prose(page)[1]
     assert "t.csv, Right" in cell and "98.7" in cell and "0.9774" in cell
@@ -37,19 +41,30 @@ def test_a_cell_and_a_sentence_that_were_changed_are_found_and_nothing_else(tmp_
 
 
 @pytest.mark.slow
-def test_a_changed_result_a_stray_file_and_a_changed_parameter_are_found():
+def test_what_was_changed_added_or_removed_is_found():
     with checked_out("HEAD") as clone:
         table = clone / "reports/tables/repair.csv"
         table.write_text(table.read_text().replace("gradient", "descent", 1))
         (clone / "reports/stray.csv").write_text("a\n1\n")
         subprocess.run(["git", "add", "reports/stray.csv"], cwd=clone, check=True)
+        for removed in ("reports/limits.html", "pipeline/stages/evaluate.py"):
+            (clone / removed).unlink()
+        pictures = clone / "rendered/pictures.dvc"
+        pictures.write_text(re.sub(r"md5: \w{8}", "md5: 00000000", pictures.read_text()))
+        page = clone / "README.md"
+        page.write_text(page.read_text().replace("<!-- headlines -->", ""))
         params = clone / "params.yaml"
         params.write_text(params.read_text().replace("rate_hz: 50", "rate_hz: 60"))
         checks = {check.check: check.faults for check in consistency.audit(clone)}
     outputs = {fault.message for fault in checks["outputs"]}
     stale = {fault.place: fault.message for fault in checks["stages"]}
-    assert outputs >= {"reports/tables is modified", "no stage writes it"}
-    assert "demos in params.yaml" in stale["demos"]
+    assert "no stage writes it" in outputs
+    assert {"reports/tables is modified", "reports/limits.html is deleted"} <= {
+        part for message in outputs for part in message.split("; ")
+    }
+    assert "demos in params.yaml" in stale["demos"] and "stages/evaluate.py is deleted" in stale["evaluate"]
+    assert "its lock was made from another rendered/pictures" in {fault.message for fault in checks["stages"]}
+    assert len(checks["README"]) == 1
 
 
 def test_a_page_made_of_another_table_than_the_lock_names_is_found(tmp_path: Path):

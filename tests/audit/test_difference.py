@@ -9,9 +9,10 @@ import pytest
 from scipy.stats import ttest_rel
 
 from pipeline.audit.__main__ import main
-from pipeline.audit.difference import Commit, Difference, Headline, _processors, paired
+from pipeline.audit.difference import METRICS, Commit, Difference, Headline, _processors, paired
+from pipeline.audit.rerun import Output
 from pipeline.audit.revision import git
-from pipeline.audit.text import MAX_LINES, of_difference, table
+from pipeline.audit.text import MAX_LINES, of_difference, of_rerun, table
 from pipeline.launch import PROCESSORS
 
 AUTHOR = ("-c", "user.name=tests", "-c", "user.email=tests@localhost")
@@ -73,3 +74,10 @@ def test_names_that_only_one_commit_has_are_counted_and_not_listed():
 
 def test_long_tables_say_how_much_they_leave_out():
     assert f"... {7} more" in table(["a"], [(i,) for i in range(MAX_LINES + 7)])
+
+
+def test_a_stage_that_ran_again_with_other_bytes_is_not_called_equal_by_headlines_that_did_not_run():
+    same = pd.DataFrame({"headline": ["x"], "word": ["same"], "difference": [0.0], "ci_low": [0.0], "ci_high": [0.0]})
+    difference = Difference([], [], [], [], [], [], pd.DataFrame(), [], same)
+    for path, word in (("outputs/scenes/images.npz", "changed"), (METRICS, "equal")):
+        assert of_rerun("scenes", [Output("scenes", path, False)], difference).startswith(f"# scenes: {word}\n")
