@@ -53,7 +53,7 @@ def compose(overrides: Sequence[str] = ()) -> DictConfig:
 
 
 def explained(error: Exception) -> str:
-    """Return Hydra's message, or the unknown parameter, which that leaves out if it is in an override's dictionary."""
+    """Return Hydra's message, or the unknown parameter: Hydra does not name one inside an override's dictionary."""
     name = getattr(error.__cause__, "full_key", None)
     message = str(error).partition("\nConfig search path:")[0]
     return f"unknown parameter {name!r} (see conf/; + in front of the override adds it)" if name else message

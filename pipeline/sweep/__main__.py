@@ -33,7 +33,7 @@ def main(argv: list[str]) -> int:
     try:
         if argv[:1] == ["summary"]:
             if len(argv) != 2:
-                raise InputError(f"summary of {len(argv) - 1} folders: expected one")
+                raise InputError(f"summary got {len(argv) - 1} folders: expected one, such as multirun/sweep/DATE_TIME")
             return _summarise(Path(argv[1]).resolve())
         return _sweep(_arguments(argv))
     except (InputError, OSError) as error:
@@ -69,24 +69,30 @@ def _sweep(given: argparse.Namespace) -> int:
         raise InputError(f"{folder} holds a sweep already: --resume it, or name another --folder")
     before = _read_record(folder) if given.resume else {}
     targets = given.stages.split(",") if given.stages else before.get("targets", ["evaluate"])
-    overrides = given.overrides or before.get("overrides", [])
-    if not any(text.startswith("hydra/launcher=") for text in overrides):
-        overrides = ["hydra/launcher=joblib", *overrides]
+    runs = [given.overrides] if given.overrides or not before else before["runs"]
+    runs = [
+        run if any(o.startswith("hydra/launcher=") for o in run) else ["hydra/launcher=joblib", *run] for run in runs
+    ]
     objective = given.objective or before.get("objective")
     if unknown := [target for target in targets if stage_entry(target) is None]:
-        raise InputError(f"stage {unknown[0]!r} is unknown: `dvc stage list --all` lists them")
+        raise InputError(f"stage {unknown[0]!r} is unknown: expected stages of dvc.yaml or folders of studies/")
+    if "selection" in targets:
+        raise InputError("stage 'selection' keeps recordings in git, which no sweep does: expected record, or another")
     commit = snapshot(ROOT)
-    plan = make_plan(overrides, targets)
-    if plan.jobs is None and objective is None:
+    plans = [make_plan(run, targets) for run in runs]
+    if any(plan.jobs is None for plan in plans) and objective is None:
         raise InputError("a sweeper that chooses needs --objective, e.g. --objective accuracy.full.new_items")
-    if plan.jobs is None and "protocol=validation" not in plan.fixed:
+    if any(plan.jobs is None and "protocol=validation" not in plan.fixed for plan in plans):
         raise InputError("choices are made on validation data: add protocol=validation")
-    record = {"commit": commit, "code": code_digest(ROOT, commit), "targets": targets, "fixed": plan.fixed}
-    record |= {"overrides": overrides, "objective": objective, "defaults": before.get("defaults", {}) | plan.defaults}
+    record = {"commit": commit, "code": code_digest(ROOT, commit), "targets": targets, "objective": objective}
+    record |= {"fixed": before.get("fixed", plans[0].fixed), "defaults": before.get("defaults", {})}
+    record["runs"] = [*before.get("runs", []), *(run for run in runs if run not in before.get("runs", []))]
+    for plan in plans:
+        record["defaults"] |= plan.defaults
     if before:
-        _check_fits(folder, before, record)
-        record["fixed"] = before["fixed"]
-    planned = {tuple(job): None for job in [*before.get("jobs", []), *(plan.jobs or [])]}
+        _check_fits(folder, before, record | {"runs": runs})
+    every = [job for plan in plans for job in plan.jobs or []]
+    planned = {tuple(job): None for job in [*before.get("jobs", []), *every]}
     cache = Path(dvc(ROOT, "cache", "dir").strip())
     sweep = Sweep(ROOT, folder, cache, commit, tuple(targets), tuple(record["fixed"]), objective, os.getpid())
     folder.mkdir(parents=True, exist_ok=True)
@@ -96,9 +102,10 @@ def _sweep(given: argparse.Namespace) -> int:
             if commit != (head := git(ROOT, "rev-parse", "HEAD").strip()):
                 (folder / "uncommitted.diff").write_text(git(ROOT, "diff", head, commit))
                 print(f"these jobs run uncommitted changes, kept in {folder}/uncommitted.diff", flush=True)
-            count = "jobs that the sweeper chooses" if plan.jobs is None else f"{len(plan.jobs)} jobs"
-            print(f"{count}, up to {', '.join(targets)}, into {folder}", flush=True)
-            launch(sweep, plan)
+            for plan in plans:
+                count = "jobs that the sweeper chooses" if plan.jobs is None else f"{len(plan.jobs)} jobs"
+                print(f"{count}, up to {', '.join(targets)}, into {folder}", flush=True)
+                launch(sweep, plan)
             shutil.rmtree(folder / "clones", ignore_errors=True)
             return _summarise(folder)
     except Timeout:
@@ -125,8 +132,8 @@ def _check_fits(folder: Path, before: dict, record: dict) -> None:
         )
     if before["targets"] != record["targets"]:
         raise InputError(f"{folder} is a sweep up to {', '.join(before['targets'])}: name another folder")
-    given = {text.partition("=")[0] for text in record["overrides"]}
-    if missing := [text for text in before["fixed"] if text.partition("=")[0] not in given]:
+    given = [{text.partition("=")[0] for text in run} for run in record["runs"]]
+    if missing := [o for o in before["fixed"] if not all(o.partition("=")[0] in names for names in given)]:
         raise InputError(f"{folder} is a sweep with {' '.join(missing)}: give that, too, or name another folder")
 
 

@@ -18,12 +18,12 @@ CODE += [f":!studies/*/{name}" for name in ("dvc.lock", "index.html", "provenanc
 EMPTY_TREE = "4b825dc642cb6eb9a060e54bf8d69288fbee4904"  # git's name of a tree without files
 LEFT_OUT = ("store", "examples", "tests", "bench", "drawing")  # folders that no stage reads
 CONFIG = """[core]
-    site_cache_dir = {clone}/.dvc/tmp/site
+    site_cache_dir = "{clone}/.dvc/tmp/site"
 [cache]
-    dir = {cache}
+    dir = "{cache}"
     type = "reflink,hardlink,copy"
 ['remote "store"']
-    url = {root}/store
+    url = "{root}/store"
 """
 
 

@@ -5,6 +5,7 @@ The folder holds `job.json` (overrides, commit, state, stages run or restored, s
 """
 
 import hashlib
+import math
 import os
 import shutil
 import signal
@@ -14,6 +15,8 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+import pandas as pd
 
 from pipeline.artifacts.files import read_json, read_table, write_json, write_table
 from pipeline.params import load
@@ -69,12 +72,13 @@ def run_job(sweep: Sweep, overrides: Sequence[str]) -> float:
                 write_json(folder / "metrics.json", measured)
                 results = headlines(load(clone / "params.yaml"), clone, sweep.targets)
                 write_table(folder / "results.parquet", results)
+            _mean(results, sweep.objective)  # a misspelt objective fails the job
             record |= {"state": "done", "stages": stages}
         except (InputError, OSError) as error:
             record |= {"state": "failed", "error": reason(error, sweep.folder)}
         finally:
             write_json(folder / "job.json", record | {"seconds": round(time.time() - start, 1)})
-    return _objective(sweep, folder)
+    return _mean(read_table(folder / "results.parquet"), sweep.objective) if is_done(folder) else math.nan
 
 
 def reason(error: Exception, folder: Path) -> str:
@@ -123,11 +127,9 @@ def _wait(process: subprocess.Popen, parent: int) -> int:
                 os._exit(1)
 
 
-def _objective(sweep: Sweep, folder: Path) -> float:
-    if sweep.objective is None or not is_done(folder):
-        return float("nan")
-    table = read_table(folder / "results.parquet")
-    values = table.loc[table["headline"] == sweep.objective, "value"]
-    if values.empty:
-        raise InputError(f"objective {sweep.objective!r}: expected one of {', '.join(table['headline'].unique())}")
+def _mean(results: pd.DataFrame, headline: str | None) -> float:
+    """Return the mean over seeds of a headline, NaN for None; raise InputError if there is no such headline."""
+    values = results.loc[results["headline"] == headline, "value"]
+    if headline is not None and values.empty:
+        raise InputError(f"objective {headline!r}: expected one of {', '.join(results['headline'].unique())}")
     return float(values.mean())

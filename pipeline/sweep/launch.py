@@ -1,5 +1,6 @@
 """Hand the jobs of a sweep to Hydra's sweeper and launcher, and show how far they are."""
 
+import math
 import os
 import sys
 import time
@@ -28,14 +29,18 @@ def launch(sweep: Sweep, plan: Plan) -> None:
     """Run the jobs of a plan; raise InputError if Hydra refuses the command line, or its launcher fails."""
 
     def task(_) -> float:
-        return run_job(sweep, [text for text in HydraConfig.get().overrides.task if not text.startswith("hydra")])
+        value = run_job(sweep, [text for text in HydraConfig.get().overrides.task if not text.startswith("hydra")])
+        if plan.jobs is None and math.isnan(value):
+            raise InputError("the job failed")  # a sweeper that is told NaN ends
+        return value
 
     os.environ["HYDRA_FULL_ERROR"] = "1"  # errors are reported by us
     paths = [str(sweep.root), *filter(None, [os.environ.get("PYTHONPATH")])]
     os.environ["PYTHONPATH"] = os.pathsep.join(paths)  # processes that launchers start import the same code
     chosen = ["hydra.sweeper.max_failure_rate=1"] if plan.jobs is None else []  # a failed job takes no other along
     ray = ["hydra.launcher.ray.init.address=local"] if "hydra/launcher=ray" in plan.overrides else []  # one of its own
-    folder = ["hydra.job.name=sweep", f"hydra.sweep.dir={sweep.folder}"]
+    quoted = str(sweep.folder).replace("'", "\\'")
+    folder = ["hydra.job.name=sweep", f"hydra.sweep.dir='{quoted}'"]
     sys.argv[1:] = ["--multirun", *folder, *QUIET, *chosen, *ray, *plan.overrides]
     try:
         with _progress(sweep, plan):
@@ -43,6 +48,8 @@ def launch(sweep: Sweep, plan: Plan) -> None:
     except HydraException as error:
         raise InputError(explained(error)) from error
     except Exception as error:  # such as a Ray that does not start; jobs' own failures are in their job.json
+        if plan.jobs is None and "No trials are completed" in str(error):
+            return  # all jobs failed, and the summary says why
         why = f"{type(error).__name__}: {reason(error, sweep.folder)}"
         raise InputError(f"the launcher failed ({why}): `--resume {sweep.folder}` runs what is missing") from error
 

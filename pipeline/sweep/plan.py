@@ -14,7 +14,7 @@ from hydra.errors import HydraException
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from pipeline.params import CONF, explained, validate
+from pipeline.params import CONF, GRAPH, explained, validate
 from pipeline.params import compose as compose_parameters
 from pipeline.runtime.errors import InputError
 
@@ -53,7 +53,8 @@ def make_plan(arguments: Sequence[str], targets: Sequence[str]) -> Plan:
         parsed = OverridesParser.create().parse_overrides(overrides)
         with initialize_config_dir(str(CONF), version_base="1.3"):
             single = [_text(override) for override in parsed if not override.is_sweep_override()]
-            hydra = compose("config", overrides=single, return_hydra_config=True).hydra
+            whole = compose("config", overrides=single, return_hydra_config=True)
+        hydra = whole.hydra
         params = OmegaConf.to_container(hydra.sweeper.get("params") or OmegaConf.create({}))
         preset = OverridesParser.create().parse_overrides([f"{k}={v}" for k, v in params.items()])  # pyright: ignore
     except (HydraException, OmegaConfBaseException) as error:
@@ -63,12 +64,12 @@ def make_plan(arguments: Sequence[str], targets: Sequence[str]) -> Plan:
     given = {override.get_key_element(): override for override in ours}  # the last of a name counts, as in Hydra
     swept = {key: override for key, override in given.items() if override.is_sweep_override()}
     fixed = [_text(override) for key, override in given.items() if key not in swept]
-    base = compose_parameters(fixed)
-    values = {key: OmegaConf.select(base, key.lstrip("+")) for key in swept}
+    values = {key: OmegaConf.select(whole, key.lstrip("+")) for key in swept}
     defaults = {key: OmegaConf.to_container(v) if OmegaConf.is_config(v) else v for key, v in values.items()}
     if "optuna" in str(hydra.sweeper._target_):
         if twice := [override.input_line for override in ours if given[override.get_key_element()] is not override]:
             raise InputError(f"{twice[0]}: the parameter is given twice; Optuna wants it once")
+        validate(compose_parameters(fixed), [*GRAPH, *targets])
         return Plan(overrides, fixed, defaults)
     for override in swept.values():
         if not override.is_discrete_sweep():
@@ -81,7 +82,7 @@ def make_plan(arguments: Sequence[str], targets: Sequence[str]) -> Plan:
     for key in swept or list(axes)[:1]:  # each value once, with the first value of every other parameter
         others = [axis[0] for name, axis in axes.items() if name != key]
         for value in axes[key]:
-            validate(compose_parameters([*others, value]), targets)
+            validate(compose_parameters([*others, value]), [*GRAPH, *targets])
     return Plan(overrides, fixed, defaults, [list(job) for job in product(*axes.values())])
 
 
@@ -97,7 +98,7 @@ def _seeds_together(overrides: Sequence[str]) -> list[str]:
         if text.startswith("seed="):
             override = OverridesParser.create().parse_override(text)
             if not override.is_sweep_override():
-                raise InputError(f"{text}: a job fits several training sets, which the summary compares: seed=0,1,2")
+                raise InputError(f"{text}: a job fits several training sets: name all of them, as seed=0,1,2")
             name = "validation_seeds" if "protocol=validation" in overrides else "seeds"
             kept[i] = f"{name}=[{','.join(override.sweep_string_iterator())}]"
             print(f"{text}: every job fits all of them ({kept[i]})", flush=True)

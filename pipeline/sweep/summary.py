@@ -8,12 +8,14 @@ from typing import Any
 import pandas as pd
 import yaml
 from hydra.core.override_parser.overrides_parser import OverridesParser
+from omegaconf import OmegaConf
 
 from pipeline.artifacts.files import read_json, read_table
 from pipeline.audit.difference import paired
 from pipeline.sweep.results import DETOUR, LOWER_IS_BETTER
 
 QUARTILES = {"mean": "mean", "q1": lambda x: x.quantile(0.25), "q3": lambda x: x.quantile(0.75)}
+MISSING = object()
 FLIPPED = {"better": "worse", "worse": "better"}
 
 
@@ -49,19 +51,33 @@ def read_jobs(folder: Path, record: dict[str, Any]) -> list[dict[str, Any]]:
     found = {}
     for path in sorted((folder / "jobs").glob("*/job.json")):
         job = read_json(path)
-        found[tuple(job["overrides"])] = job | {"path": path.parent}
-    planned = {tuple(job): {"overrides": job, "state": "missing"} for job in record["jobs"]}
+        found[tuple(sorted(job["overrides"]))] = job | {"path": path.parent}
+    planned = {tuple(sorted(job)): {"overrides": job, "state": "missing"} for job in record["jobs"]}
     jobs = [found.get(key, job) for key, job in (planned | found).items()]
     parser = OverridesParser.create()
     for job in jobs:
         swept = [parser.parse_override(text) for text in job["overrides"] if text not in record["fixed"]]
         job["values"] = {each.get_key_element().lstrip("+"): shown(each.value()) for each in swept}
     keys = list(dict.fromkeys(key for job in jobs for key in job["values"]))
+    for job in jobs:  # a later run may sweep what an earlier one left as it was
+        if job["state"] == "done" and (others := [key for key in keys if key not in job["values"]]):
+            job["values"] |= _values(job["path"] / "params.yaml", others)
     short = {key: key.rpartition(".")[2] for key in keys}
     names = short if len(set(short.values())) == len(keys) else {key: key for key in keys}
     for job in jobs:
         job["name"] = ", ".join(f"{names[key]}={value}" for key, value in job["values"].items()) or "default"
     return jobs
+
+
+def _values(path: Path, names: list[str]) -> dict[str, str]:
+    """Return parameters by their dotted names as a params.yaml has them; leave out what it lacks."""
+    parameters = OmegaConf.load(path)
+    values = {name: OmegaConf.select(parameters, name, default=MISSING) for name in names}
+    return {
+        name: shown(OmegaConf.to_object(value) if OmegaConf.is_config(value) else value)
+        for name, value in values.items()
+        if value is not MISSING
+    }
 
 
 def shown(value: Any) -> str:

@@ -210,5 +210,8 @@ def test_optuna_tries_settings_on_validation_data_alone(repository: Path):
     tried = {name: job["state"] for name, job in jobs(repository / "by_optuna").items()}
     assert tried and tried.items() <= {"clearance.steps=1": "done", "clearance.steps=40": "done"}.items()
     assert (repository / "by_optuna" / "index.html").is_file()
+    misspelt = [*values, *optuna[:-1], "accuracy.nobody.new_items", "--folder", "misspelt"]
+    failed = sweep(repository, "--multirun", *misspelt)
+    assert failed.returncode == 1 and "'accuracy.nobody.new_items': expected one of" in failed.stderr
     refused = sweep(repository, "--multirun", *small, "clearance.steps=choice(1,40)", *optuna, "--folder", "x")
     assert refused.returncode == 2 and "protocol=validation" in refused.stderr

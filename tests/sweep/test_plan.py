@@ -28,6 +28,11 @@ def test_seeds_are_fitted_together_in_each_job(capsys: pytest.CaptureFixture):
     assert "every job fits all of them" in capsys.readouterr().out
 
 
+def test_a_parameter_whose_default_would_not_fit_the_others_can_be_swept():
+    plan = make_plan(["n_demos=[1,3]", "main_n_demos=1,3", "+experiment=paper"], ["evaluate"])
+    assert plan.jobs is not None and len(plan.jobs) == 2 and plan.defaults == {"main_n_demos": 9}
+
+
 @pytest.mark.parametrize(
     ("override", "message"),
     [
@@ -36,6 +41,7 @@ def test_seeds_are_fitted_together_in_each_job(capsys: pytest.CaptureFixture):
         ("train.steps=10,,20", "extraneous input"),
         ("main_n_demos=9,4", "main_n_demos is 4"),
         ("seed=3", "seed=0,1,2"),
+        ("repair.split=new_scenes,new_items", "intervene.split is 'new_items'"),
         ("+experiment=nonsense", "experiment/nonsense"),
     ],
 )

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from pipeline.artifacts.files import read_table, write_json, write_table
+from pipeline.artifacts.files import read_json, read_table, write_json, write_table
 from pipeline.sweep.__main__ import main
 from pipeline.sweep.summary import shown
 
@@ -38,7 +38,7 @@ def folder(tmp_path: Path) -> Path:
     write_json(
         tmp_path / "jobs" / "beta=3" / "job.json", {"overrides": jobs[-1], "state": "failed", "error": "too <wide>"}
     )
-    record = {"commit": "0" * 40, "targets": ["evaluate"], "overrides": ["beta=0,1,2,3"], "fixed": ["profile=paper"]}
+    record = {"commit": "0" * 40, "targets": ["evaluate"], "runs": [["beta=0,1,2,3"]], "fixed": ["profile=paper"]}
     write_json(tmp_path / "sweep.json", record | {"defaults": {"beta": 0}, "jobs": jobs})
     return tmp_path
 
@@ -62,6 +62,19 @@ def test_the_page_names_the_better_setting_and_the_failed_job(folder: Path, caps
     assert '<p class="big">beta=1</p>' in page and "The difference is real." in page
     assert "too &lt;wide&gt;" in page and "clearance.new_items" not in page  # what did not change is left out
     assert "beta=3" in capsys.readouterr().err
+
+
+def test_a_parameter_that_only_a_later_run_sweeps_has_its_value_in_the_earlier_jobs_too(folder: Path):
+    for beta, steps in (("0", 250), ("1", 250), ("2", 500)):
+        file = folder / "jobs" / f"beta={beta}" / "params.yaml"
+        file.write_text(yaml.safe_dump(PARAMETERS | {"train": {"steps": steps}}))
+    record = read_json(folder / "sweep.json")
+    later = folder / "jobs" / "beta=2" / "job.json"
+    write_json(later, read_json(later) | {"overrides": ["profile=paper", "beta=2", "train.steps=500"]})
+    write_json(folder / "sweep.json", record | {"defaults": {"beta": 0, "train.steps": 500}, "jobs": []})
+    assert main(["summary", str(folder)]) == 1
+    settings = set(read_table(folder / "results.parquet")["setting"])
+    assert settings == {"beta=0, steps=250", "beta=1, steps=250", "beta=2, steps=500"}
 
 
 def test_models_are_compared_within_each_setting(folder: Path):

@@ -54,17 +54,20 @@ def test_a_job_keeps_its_parameters_metrics_log_and_commit(folder: Path, reposit
 def test_a_failing_job_takes_no_other_along_and_resuming_runs_it_and_added_values_alone(repository: Path, folder: Path):
     before = {name: job["seconds"] for name, job in jobs(folder).items()}
     missing = "demos.recorded=null,data/mine.csv"
-    other = repository / "failing"
-    ended = sweep(repository, "--multirun", *SMALL, "evaluate.bins=10", missing, "--folder", "failing")
+    other = repository / "größer (2), 'mine'"
+    ended = sweep(repository, "--multirun", *SMALL, "evaluate.bins=10", missing, "--folder", other.name)
     assert ended.returncode == 1 and "mine.csv" in ended.stderr and "failed" in ended.stderr
     (done,) = (name for name, job in jobs(other).items() if job["state"] == "done")
     assert "mine.csv" in (other / "index.html").read_text()
     assert before == {name: job["seconds"] for name, job in jobs(folder).items()}
     stamp = (other / "jobs" / done / "job.json").stat().st_mtime_ns
-    ended = sweep(repository, "--resume", "failing", *SMALL, "evaluate.bins=10,20", missing)
+    ended = sweep(repository, "--resume", other.name, *SMALL, "evaluate.bins=20", missing)
     assert ended.returncode == 1 and "2 of 4 jobs done" in ended.stdout, ended.stderr[-2000:]
     assert sorted(job["state"] for job in jobs(other).values()) == ["done", "done", "failed", "failed"]
     assert (other / "jobs" / done / "job.json").stat().st_mtime_ns == stamp
+    shutil.rmtree(other / "jobs" / done)
+    ended = sweep(repository, "--resume", other.name)
+    assert ended.returncode == 1 and "2 of 4 jobs done" in ended.stdout, "the first run's job, too"
 
 
 def test_a_job_in_a_used_clone_runs_what_its_parameters_change_though_outputs_are_those_of_the_lock(
@@ -87,6 +90,7 @@ def test_a_job_in_a_used_clone_runs_what_its_parameters_change_though_outputs_ar
 WRONG = {
     "holds a sweep already": ["--multirun", *SWEPT, "--folder", "swept"],
     "stage 'evaluates' is unknown": ["--multirun", *SWEPT, "--folder", "x", "--stages", "evaluates"],
+    "stage 'selection' keeps": ["--multirun", *SWEPT, "--folder", "x", "--stages", "selection"],
     "holds no sweep": ["--resume", "nowhere"],
     "'bins': expected an override": ["--multirun", "hydra/sweeper=basic", "evaluate.bins=5", "--folder", "x", "bins"],
     "start with --multirun": ["evaluate.bins=5,10"],
