@@ -24,7 +24,7 @@ from pipeline.runtime.errors import InputError
 from pipeline.runtime.memory import disable_malloc_trim
 from pipeline.runtime.writing import atomic_write
 
-Main = Callable[[DictConfig, Path], float | None]
+Main = Callable[[DictConfig, Path], None]
 PROCESSORS = "processors.json"
 USAGE = """
 python -m {module} [parameter=value ...]            one run by Hydra, into multirun/single/{stage}
@@ -37,8 +37,7 @@ def launch(main: Main, stage: str) -> None:
     """Run a stage from the command line; a user error ends it with a one-line message and exit code 2.
 
     `--params FILE [key=value ...]` reads resolved parameters and writes to the stage's folder in `paths`, for DVC.
-    Otherwise Hydra composes conf/, and the run writes to Hydra's output directory. The return value of `main` goes to
-    Hydra's sweeper, so that an optimising sweeper can use it.
+    Otherwise Hydra composes conf/, and the run writes to Hydra's output directory.
     """
     disable_malloc_trim()
     argv = sys.argv[1:]
@@ -120,17 +119,16 @@ def _from_hydra(main: Main, stage: str, argv: list[str]) -> None:
 
     refused: list[Exception] = []
 
-    def run(cfg: DictConfig) -> float | None:
+    def run(cfg: DictConfig) -> None:
         settings = HydraConfig.get()
         overrides = [override for override in settings.overrides.task if not override.startswith("hydra.")]
         try:
-            return _job(main, stage, cfg, overrides, Path(settings.runtime.output_dir))
+            _job(main, stage, cfg, overrides, Path(settings.runtime.output_dir))
         except (InputError, OSError) as error:
             if settings.mode == RunMode.MULTIRUN:  # Hydra reports only the first failure
                 print(f"error: {settings.job.override_dirname}: {error}", file=sys.stderr)
                 raise
             refused.append(error)  # raised after Hydra's return, as Hydra would print a message of its own
-            return None
 
     # Hydra names its folders after the job; argparse wants all overrides in a row
     overrides = [argument for argument in argv if re.match(r"[~+]|(?!-).*=", argument)]
@@ -148,7 +146,7 @@ def _from_hydra(main: Main, stage: str, argv: list[str]) -> None:
         raise refused[0]
 
 
-def _job(main: Main, stage: str, cfg: DictConfig, overrides: list[str], folder: Path) -> float | None:
+def _job(main: Main, stage: str, cfg: DictConfig, overrides: list[str], folder: Path) -> None:
     """Check one combination of parameters, run it, and log its parameters and duration."""
     try:
         OmegaConf.resolve(cfg)
@@ -158,10 +156,9 @@ def _job(main: Main, stage: str, cfg: DictConfig, overrides: list[str], folder: 
     validate(cfg, [stage])
     refuse_unread(cfg, stage, overrides)
     start = time.perf_counter()
-    value = main(cfg, _folder(cfg, stage, folder))
+    main(cfg, _folder(cfg, stage, folder))
     digest = hashlib.sha256(read_by(cfg, stage).encode()).hexdigest()[:12]
     logging.getLogger(stage).info("done in %.1f s, parameters %s: %s", time.perf_counter() - start, digest, overrides)
-    return value
 
 
 def _note_other_profile(overrides: list[str]) -> None:

@@ -19,11 +19,8 @@ from safetensors.torch import load_file, save_file
 import pipeline
 from pipeline import library, params
 from pipeline.artifacts.files import read_arrays, read_json, read_table, write_arrays, write_table
-from pipeline.audit.__main__ import main as audit
-from pipeline.config.graph import ROOT
 from pipeline.own.__main__ import main as own
 from pipeline.own.folder import read_folder
-from pipeline.report.page import environment
 from pipeline.runtime.errors import InputError
 from tests.own.folders import COLUMNS, change, make_folder
 from tests.own.recorder.factory import Served, recorder, samples
@@ -111,11 +108,6 @@ def test_a_nasty_name_in_a_person_s_folder(whole: Path):
             checked(whole, add)
 
 
-def test_names_with_html_are_escaped_in_every_page():
-    template = environment([ROOT / "pipeline/report"]).from_string("{{ name }}")
-    assert template.render(name="<script>") == "&lt;script&gt;"
-
-
 def test_yaml_that_would_run_code_is_only_text(tmp_path: Path):
     folder = make_folder(tmp_path / "table")
     (folder / "table.yaml").write_text(f"side_m: !!python/object/apply:os.mkdir ['{tmp_path / 'made'}']\n")
@@ -158,12 +150,6 @@ def test_a_damaged_picture_sent_to_the_recorder(served: tuple[Served, Path]):
 
 
 # Command lines
-
-
-@pytest.mark.parametrize("words", [["x" * 300], ["HEAD~99999"], ["a..b", "$HOME"], ["--nothing"], ["HEAD", "--format"]])
-def test_a_nasty_command_line_of_the_audit(words: list[str]):
-    code, said = command(audit, words)
-    assert code == 2 and said
 
 
 def test_a_nasty_override_of_parameters():

@@ -112,22 +112,6 @@ def test_a_sweep_goes_on_after_a_bad_value_names_it_and_fails(run, tmp_path: Pat
     assert "error: train.rate=-1: parameter train.rate is -1" in err
 
 
-def test_a_stage_s_value_is_what_a_sweeper_gets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
-
-    values, sweep = [], BasicSweeper.sweep
-
-    def keep(self, arguments):
-        returned = sweep(self, arguments)
-        values.extend(job.return_value for job in returned[0])
-        return returned
-
-    monkeypatch.setattr(BasicSweeper, "sweep", keep)
-    monkeypatch.setattr(sys, "argv", ["train.py", "--multirun", "train.rate=0.1,0.5", f"hydra.sweep.dir={tmp_path}"])
-    launch(lambda cfg, out_dir: 2 * cfg.train.rate, "train")
-    assert values == [0.2, 1.0]
-
-
 @pytest.mark.parametrize(
     "given",
     ["train scenes.root_seed=1", "train variants.ae.beta=1.0 --multirun", "evaluate seed=0", "irl train.steps=5"],

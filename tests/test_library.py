@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 
 import pipeline
 from pipeline import library
@@ -163,15 +162,8 @@ def test_a_file_that_holds_no_model_is_refused(tmp_path):
     path.write_bytes(b"no weights")
     with pytest.raises(InputError, match="not a model that `save` wrote"):
         pipeline.load(path)
-    model = library.build({"kind": "clearance", "model": {"members": 2}}, 0)
     with pytest.raises(InputError, match="does not carry its settings"):
-        pipeline.save(model, path)
-    model.settings = {"variant": "clearance", "kind": "clearance", "model": {"members": 2}, "seed": 0}
-    with torch.no_grad():
-        model.get_parameter("margin").fill_(float("nan"))
-    pipeline.save(model, path)
-    with pytest.raises(InputError, match="NaN or infinite values in margin"):
-        pipeline.load(path)
+        pipeline.save(library.build({"kind": "clearance", "model": {"members": 2}}, 0), path)
 
 
 def test_parameters_are_read_without_torch():

@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import time
-from itertools import product
 from pathlib import Path
 
 import psutil
@@ -93,13 +92,6 @@ def test_a_study_s_page_refuses_tables_without_numbers(clone: Path, tmp_path: Pa
     for name in studies_of(clone):
         with pytest.raises((InputError, ValueError), match="finite"):
             render(read_study(cfg, name), Path("studies") / name)
-
-
-def test_every_model_of_a_user_with_margins_has_a_recording(clone: Path):
-    params = yaml.safe_load((clone / "params.yaml").read_text())
-    models = product(params["variants"], ("careful", "normal"), params["protocol"]["seeds"])
-    names = {f"{variant}-{user}-s{seed}" for variant, user, seed in models}
-    assert {path.stem for path in (clone / "outputs/record/runs").glob("*.rrd")} == names | {"overview"}
 
 
 def test_metrics_are_a_screenful(clone: Path):

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from omegaconf import DictConfig
 
-from pipeline.artifacts.files import write_arrays, write_table
-from pipeline.artifacts.repairs import READ_COLUMNS, draw_starts, paths_name, read_repairs, rows
+from pipeline.artifacts.repairs import draw_starts, rows
 from pipeline.artifacts.scenes import SceneSet, read_scenes
 from pipeline.runtime.errors import InputError
 from pipeline.world.rules import valid
@@ -46,17 +45,3 @@ def test_only_ends_that_a_model_accepts_are_accepted(cfg: DictConfig, scenes: Sc
     assert table["valid_end"].all() and (table["displacement_m"] == table["oracle_displacement_m"]).all()
     baseline = rows(s, "oracle", "", 0, s.nearest)
     assert baseline[["accepted", "p_start", "p_end"]].isna().all(axis=None)
-
-
-def test_repairs_and_paths_that_do_not_agree_are_refused(cfg: DictConfig, scenes: SceneSet):
-    s = draw_starts(cfg, scenes)[1]["careful"]
-    names = [paths_name(variant, user, 0) for variant in cfg.variants for user in cfg.users]
-    paths = dict.fromkeys(names, np.zeros((0, 3, 2), np.float32)) | {"full-careful-s0": np.zeros((len(s.z), 3, 2))}
-    table = rows(s, "gradient", "full", 0, s.nearest)
-    write_table(Path(cfg.paths.repair) / "repairs.parquet", table)
-    write_arrays(Path(cfg.paths.repair) / "paths.npz", paths)
-    read, _ = read_repairs(cfg)
-    assert list(read.columns) == READ_COLUMNS and len(read) == len(table)
-    write_table(Path(cfg.paths.repair) / "repairs.parquet", table[1:])
-    with pytest.raises(InputError, match=r"repairs of full-careful-s0, .* paths; run the repair stage again"):
-        read_repairs(cfg)

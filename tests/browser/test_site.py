@@ -17,15 +17,11 @@ every_page = pytest.mark.parametrize("name", PAGES)
 
 @every_page
 @pytest.mark.parametrize(("width", "scheme"), [(DESK, "light"), (PHONE, "dark")])
-def test_axe_finds_no_violation(opened: Opened, name: str, width: int, scheme: str):
-    results = Axe().run(opened(name, width, scheme))
+def test_axe_finds_no_violation_and_no_page_scrolls_sideways(opened: Opened, name: str, width: int, scheme: str):
+    page = opened(name, width, scheme)
+    results = Axe().run(page)
     assert results.violations_count == 0, results.generate_report()
-
-
-@every_page
-@pytest.mark.parametrize("width", [PHONE, DESK])
-def test_no_page_scrolls_sideways(opened: Opened, name: str, width: int):
-    assert opened(name, width).evaluate("document.documentElement.scrollWidth") == width
+    assert page.evaluate("document.documentElement.scrollWidth") == width
 
 
 @every_page

@@ -92,13 +92,6 @@ def test_another_mechanism_gives_another_answer(world, noise):
     assert (expected_validities(blind, noise, USERS, [{}]) == 1).all()
 
 
-def test_setting_the_items_to_what_they_are_changes_nothing(scm, world, noise):
-    for model in (scm, world):
-        same = expected_validities(model, noise, USERS, [{}, {"O": noise["O"]}, {"T": noise["T"]}])
-        np.testing.assert_array_equal(same[0], same[1])
-        np.testing.assert_array_equal(same[0], same[2])
-
-
 def test_units_of_several_users_are_each_judged_by_their_own(scm, noise):
     asked = np.array(["careful", "aggressive", "careful", "careful", "aggressive"])
     together = scm.do(S=asked).expectation("V", noise)

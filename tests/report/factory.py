@@ -1,6 +1,7 @@
 """Results as the stages would leave them: the contract's tables with made-up numbers clearly in range."""
 
 from collections.abc import Sequence
+from functools import cache
 from itertools import product
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, random_layouts
 
 DATA = Path("data")
+catalogue_of = cache(read_catalogue)
 VARIANTS = ("full", "ae", "classifier", "irl_maxent", "irl_ranked", "clearance")
 MARGINS = {
     "careful": dict.fromkeys(SYMBOLS, 0.045),
@@ -95,7 +97,7 @@ def results(variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MAR
     """Return results of these variants and users; `changes` replace tables by name."""
     judged = [user for user in ("careful", "normal") if user in users]
     shown = [v for v in ("full", "clearance", "irl_ranked") if v in variants] or [variants[0]]
-    catalogue = read_catalogue(DATA)
+    catalogue = catalogue_of(DATA)
     rng = np.random.default_rng(0)
     layouts = random_layouts(rng, SCENES, catalogue.footprints, catalogue.pool("unseen"), RULES)
     return Results(

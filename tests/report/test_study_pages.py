@@ -7,12 +7,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.artifacts.files import read_json, read_table, write_table
-from pipeline.report.page import Site, Source, write_provenance
+from pipeline.artifacts.files import read_json, write_table
+from pipeline.audit.consistency import table_cells
+from pipeline.report.page import Site, Source, write_files, write_provenance
 from pipeline.report.study import Study
 from pipeline.runtime.errors import InputError
 from pipeline.stages.page import render
-from tests.report.test_pages import Reader, same_row
+from tests.report.test_pages import Reader
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = sorted(path.parent for path in ROOT.glob("studies/*/page.html.j2"))
@@ -27,12 +28,10 @@ def test_a_study_has_a_short_page_whose_links_lead_somewhere(folder: Path):
         target, _, anchor = link.partition("#")
         assert not target or (folder / target).resolve().is_file(), link
         assert target or anchor in page.ids, link
-    assert {path.stem for path in folder.glob("figures/*.svg")} == {
-        Path(link).stem for link in page.links if link.startswith("figures/")
-    }
-    for path in folder.glob("tables/*.csv"):
-        for row in read_table(path).to_dict("records"):
-            assert any(same_row(row, tuple(shown)) for shown in page.rows), (path.name, row)
+    for kind, ending in (("figures", "svg"), ("tables", "csv")):
+        linked = {Path(link).name for link in page.links if link.startswith(f"{kind}/")}
+        assert {path.name for path in folder.glob(f"{kind}/*.{ending}")} == linked
+    assert table_cells(folder / "index.html")[1] == []
 
 
 @pytest.fixture
@@ -74,3 +73,9 @@ def test_a_number_that_is_missing_is_refused(study: Study):
         render(study, study.folder)
     with pytest.raises(InputError, match="no row"):
         study.values("summary.csv", "accuracy", variant="ae")
+
+
+def test_figures_and_tables_of_an_earlier_run_are_removed(tmp_path: Path):
+    for name in ("old", "new"):
+        write_files(Site(figures={name: ""}, tables={name: pd.DataFrame({"a": [1]})}), tmp_path)
+    assert sorted(path.name for path in tmp_path.rglob("*.*")) == ["new.csv", "new.svg"]

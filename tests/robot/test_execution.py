@@ -27,13 +27,6 @@ def test_a_bench_is_turned_into_the_robot_s_frame_and_back(bench: Bench):
     assert ahead[0] > 0 and ahead[2] == pytest.approx(0.855), "the table lies before the robot"
 
 
-def test_the_arm_s_joints_alone_move_and_have_limits(pr2: Arm):
-    assert len(pr2.joints) == 7 and all(name.startswith("r_") for name in pr2.joints)
-    model = pr2.model
-    assert (model.lowerPositionLimit < pr2.posture).all() and (pr2.posture < model.upperPositionLimit).all()
-    assert (model.velocityLimit > 1).all()
-
-
 def test_executed_paths_keep_limits_and_stay_on_the_path(pr2: Arm, bench: Bench, postures: PostureMap):
     motion = execute(pr2, bench, postures, Z_THETA, 64, 0.35, ALLOWED)
     assert set(motion.results["failure"]) == {""}

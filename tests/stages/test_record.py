@@ -7,7 +7,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from omegaconf import DictConfig, OmegaConf
-from rerun.chunk import RrdReader
 
 from pipeline.artifacts.demos import DEMO_COLUMNS, write_demos
 from pipeline.artifacts.files import read_table, write_arrays, write_table
@@ -98,13 +97,6 @@ def write_inputs(tmp_path: Path) -> DictConfig:
     return cfg
 
 
-def _value(path: Path, entity: str, component: str) -> list:
-    chunks = RrdReader(path).stream().filter(content=f"/{entity}").to_chunks()
-    batches = [chunk.to_record_batch() for chunk in chunks]
-    (column,) = [b[component].to_pylist() for b in batches if component in b.schema.names]
-    return column
-
-
 def test_every_model_of_a_user_with_margins_has_a_recording_of_its_own_probabilities(
     recorded: tuple[DictConfig, Path],
 ) -> None:
@@ -123,7 +115,7 @@ def test_every_model_of_a_user_with_margins_has_a_recording_of_its_own_probabili
     entity = f"scene_{scene:03d}"
 
     z = dict(np.load(folder / "repair" / "paths.npz"))["full-careful-s0"].reshape(SCENES, STARTS, STEPS + 1, 2)
-    p = np.array(_value(path, f"p_valid/{entity}", "Scalars:scalars"))  # (step, start)
+    p = np.array(read(path, f"p_valid/{entity}", "Scalars:scalars"))  # (step, start)
     expected = model.probability(image[None], z[scene].reshape(1, -1, 2)).reshape(STARTS, STEPS + 1)
     assert np.allclose(p.T, expected, atol=1e-6)
 

@@ -111,12 +111,6 @@ def test_every_engine_learns_the_same_and_is_named(run, small_world, tmp_path, c
     np.testing.assert_allclose(ours["p"], theirs["p"], atol=1e-3)  # 4 steps; later on rounding is amplified
 
 
-def test_auto_is_cuda_where_there_is_a_gpu_and_simd_elsewhere(small_world, tmp_path, capsys):
-    main(config(small_world, tmp_path, "train.engine=auto", "train.steps=1"), tmp_path / "full")
-    expected = "engine cuda on cuda" if torch.cuda.is_available() else "engine simd on cpu"
-    assert expected in capsys.readouterr().out
-
-
 @pytest.mark.parametrize(
     ("override", "message"),
     [
@@ -155,13 +149,3 @@ def test_too_few_demonstrations_or_a_fit_that_diverges_is_no_result(small_world,
 def _digests(root: Path) -> dict[str, str]:
     files = sorted(path for path in root.rglob("*") if path.is_file())
     return {str(path.relative_to(root)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
-
-
-def test_models_of_an_earlier_run_into_the_same_folder_do_not_stay(small_world, tmp_path):
-    cfg = config(small_world, tmp_path)
-    main(cfg, tmp_path / "full")
-    before = sorted(path.name for path in (tmp_path / "full" / "weights").iterdir())
-    cfg.n_demos, cfg.main_n_demos = [1], 1
-    main(cfg, tmp_path / "full")
-    after = sorted(path.name for path in (tmp_path / "full" / "weights").iterdir())
-    assert after == [name for name in before if "-n1" in name] and len(after) < len(before)

@@ -48,8 +48,6 @@ class Regime:
 
 
 REGIMES = {
-    "seeds rule": Regime(0.1, 0.0, 0.1),
-    "scenes rule": Regime(0.0, 0.3, 0.1),
     "both matter": Regime(0.03, 0.1, 0.1),
     "20 scenes decide": Regime(0.0, 0.06, 0.01, informative=20),
     "50 scenes decide": Regime(0.0, 0.06, 0.01, informative=50),

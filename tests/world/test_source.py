@@ -54,12 +54,6 @@ def test_the_drawn_source_draws_the_light_that_it_drew_before_there_were_others(
     assert light.pattern is None and light.view is None
 
 
-def test_a_seed_gives_the_same_wide_image_again_and_another_seed_another():
-    one, again, other = (picture(WIDE, table(), seed) for seed in (1, 1, 2))
-    np.testing.assert_array_equal(one, again)
-    assert (one != other).mean() > 0.5
-
-
 @pytest.mark.parametrize("effect", EFFECTS)
 def test_an_effect_alone_changes_the_picture_and_leaves_all_else_that_the_seed_decides(effect: str):
     alone = replace(DRAWN, **{effect: getattr(WIDE, effect)})

@@ -5,7 +5,6 @@ import pytest
 import torch
 
 from pipeline.models.base import to_tensor
-from pipeline.models.registry import build
 from tests.factories import vae
 
 
@@ -48,8 +47,3 @@ def test_reconstruction_over_flat_is_1_for_a_scenes_mean_colour(images):
     variance = to_tensor(images[1:2]).var((2, 3)).mean()
     expected = (1 + offset / variance).sqrt().item()  # of another scene
     assert model.reconstruction_over_flat(images[1:2]) == pytest.approx(expected, abs=1e-4)
-
-
-def test_an_unknown_kind_is_refused():
-    with pytest.raises(ValueError, match=r"kind 'tree'.*vae"):
-        build({"kind": "tree"})

@@ -62,17 +62,6 @@ def test_a_weaker_promise_accepts_more_and_the_threshold_ignores_it(cfg: DictCon
         np.testing.assert_allclose(promised[column], summary.set_index(key).loc[promised.index, column], atol=1e-5)
 
 
-def test_models_are_fitted_to_the_scenes_that_do_not_calibrate(cfg: DictConfig):
-    who = [("normal", seed) for seed in cfg.seeds]
-    complete, _ = stage.read_inputs(cfg, who)
-    for user, seed in who:
-        fitted = stage.choose_scenes(cfg, seed)
-        assert len(fitted) == cfg.studies.acceptance.fitted == len(set(fitted))
-        part = stage.part_of(complete[user, seed], fitted)
-        np.testing.assert_array_equal(part.images, complete[user, seed].images[fitted])
-        np.testing.assert_array_equal(part.valid, complete[user, seed].valid[fitted])
-
-
 def test_another_number_of_training_scenes_is_refused(cfg: DictConfig, tmp_path: Path):
     changed, scenes = cfg.copy(), read_scenes(Path(cfg.paths.scenes))
     changed.paths.scenes = str(tmp_path / "scenes")

@@ -10,7 +10,6 @@ from omegaconf import DictConfig, OmegaConf
 
 from pipeline import robot
 from pipeline.artifacts.files import read_arrays, read_table, write_table
-from pipeline.artifacts.scenes import read_scenes
 from pipeline.robot.execution import FAILURES
 from pipeline.robot.export import read_bag
 from pipeline.runtime.errors import InputError
@@ -129,11 +128,3 @@ def test_a_missing_package_is_named_with_what_installs_it(
     monkeypatch.setattr(robot, "PACKAGES", (*robot.PACKAGES, "no_such_package"))
     with pytest.raises(InputError, match=r"the robot needs no_such_package: run `pip install \.\[robot\]`"):
         main(cfg, tmp_path)
-
-
-def test_the_scenes_have_the_items_that_clearances_are_measured_to(cfg: DictConfig, out: Path):
-    executions = read_table(out / "executions.parquet")
-    layouts = read_scenes(Path(cfg.paths.scenes)).layouts["new_items"]
-    straight = executions[(executions["method"] == "straight") & (executions["user"] == "careful")]
-    assert len(straight) == len(layouts)
-    assert (straight["shaker_m"] <= 0.155 + 1.0).all()

@@ -23,7 +23,6 @@ from pipeline.training.loop import Checkpoints
 
 SHAPE = {"channels": 8, "dilated": 2, "gain": 10.0, "dropout": 0.1, "lattice_side": 10}
 SHAPE |= {"symmetric": True, "ceiling": True}
-OBJECTIVES = ("maxent", "ranked")
 JITTER = ColorJitter(hue=0.3, gain=0.15, shift=0.01, scene_gain=0.1, other_table=0.5)
 
 
@@ -70,18 +69,6 @@ def test_ranking_within_scenes_does_not_compare_scenes():
     assert not torch.allclose(ranked(moved, VALID, True), ranked(advantage, VALID, True))
 
 
-@pytest.mark.parametrize("objective", OBJECTIVES)
-def test_the_same_seed_gives_the_same_bits_and_another_does_not(objective):
-    results = []
-    for seed in (1, 1, 2):
-        model = drawn(seed)
-        curve = fit(model, *world(), objective, schedule(), seed)
-        results.append((curve, {k: v.numpy() for k, v in model.state_dict().items()}))
-    (first, weights), (again, same), (other, _) = results
-    assert np.array_equal(first, again) and not np.array_equal(first, other)
-    assert all(np.array_equal(weights[k], same[k]) for k in weights)
-
-
 @pytest.mark.parametrize("seed", range(2))
 def test_a_step_judges_paths_on_their_own_scenes_map_under_one_symmetry(seed):
     images, z, valid = world()
@@ -95,11 +82,10 @@ def test_a_step_judges_paths_on_their_own_scenes_map_under_one_symmetry(seed):
     assert np.abs(losses - curve[0, 1]).min() < 1e-5
 
 
-@pytest.mark.parametrize("objective", OBJECTIVES)
-def test_checkpoints_keep_the_rule_of_their_step_and_change_no_weight(objective):
+def test_checkpoints_keep_the_rule_of_their_step_and_change_no_weight():
     plain, kept, checkpoints = drawn(1), drawn(1), Checkpoints([0, 6])
-    curve = fit(plain, *world(), objective, schedule(), 1)
-    assert np.array_equal(fit(kept, *world(), objective, schedule(), 1, checkpoints), curve)
+    curve = fit(plain, *world(), "ranked", schedule(), 1)
+    assert np.array_equal(fit(kept, *world(), "ranked", schedule(), 1, checkpoints), curve)
     for name, value in plain.state_dict().items():
         assert torch.equal(kept.state_dict()[name], value)
     states = checkpoints.of(kept)
@@ -108,14 +94,14 @@ def test_checkpoints_keep_the_rule_of_their_step_and_change_no_weight(objective)
     assert len(rules | {(float(kept.scale), float(kept.offset))}) == 3
 
 
-def test_a_model_does_not_depend_on_those_fitted_before_it():
+def test_a_model_depends_on_its_seed_and_not_on_those_fitted_before_it():
     results = []
-    for scenes in (5, 5, 4, 5):  # its training scenes' appearances drawn, cached, replaced by others', drawn again
+    for scenes, seed in ((5, 1), (5, 1), (4, 1), (5, 1), (5, 2)):  # appearances drawn, cached, replaced, drawn again
         model = drawn(1)
-        fit(model, *world(scenes), "ranked", schedule(), 1)
+        fit(model, *world(scenes), "ranked", schedule(), seed)
         results.append([value.numpy() for value in model.state_dict().values()])
-    for again in (results[1], results[3]):
-        assert all(np.array_equal(x, y) for x, y in zip(results[0], again, strict=True))
+    same = [all(np.array_equal(x, y) for x, y in zip(results[0], other, strict=True)) for other in results]
+    assert same == [True, True, False, True, False]
 
 
 @pytest.mark.slow
@@ -127,16 +113,6 @@ def test_fitting_ranks_valid_paths_above_invalid_ones(objective, least):
     assert curve[-5:, 1].mean() < curve[:5, 1].mean()
     p = model.probability(images, z)
     assert (p[valid][:, None] > p[~valid]).mean() > least  # area under the ROC curve
-
-
-@pytest.mark.parametrize("objective", OBJECTIVES)
-def test_labels_that_are_all_alike_give_a_constant_by_laplaces_rule(objective):
-    images, z, _ = world()
-    model = drawn(0)
-    before = {name: value.clone() for name, value in model.layers.state_dict().items()}
-    fit(model, images, z, np.ones(z.shape[:2], bool), objective, schedule(), 0)
-    np.testing.assert_allclose(model.probability(images, z), (24 + 1) / (24 + 2), rtol=1e-6)
-    assert all(torch.equal(value, before[name]) for name, value in model.layers.state_dict().items())
 
 
 def test_the_acceptance_rule_is_the_maximum_of_the_likelihood_finite_and_never_turned_round():

@@ -127,11 +127,6 @@ def test_a_model_is_the_same_bits_whatever_the_n_of_the_others(variant, n, other
     assert curves[0].tobytes() == curve.tobytes()
 
 
-@pytest.mark.slow
-def test_another_process_gives_the_same_bits():
-    assert in_another_process() == f"{LANES} {digest(stacked([4, 3])[0][1])}"
-
-
 @pytest.mark.slow  # compiles the kernels
 @pytest.mark.skipif("avx512vl" not in lanes.FEATURES, reason="needs a processor with AVX-512")
 def test_a_model_is_the_same_bits_in_8_lanes_and_in_16(tmp_path):
@@ -158,14 +153,6 @@ def in_another_process(**environment: str) -> str:
     command = [sys.executable, "-c", code]
     there = {"cwd": ROOT, "env": os.environ | environment, "timeout": 600}
     return subprocess.run(command, capture_output=True, text=True, check=True, **there).stdout.strip()
-
-
-def test_demonstrations_that_never_vary_get_the_constant_head_of_the_reference():
-    models = [vae(0), vae(1)]
-    images, z_theta, valid = zip(data(0), data(1), strict=True)
-    curves = fit_stack(models, images, z_theta, [valid[0], np.ones_like(valid[1])], WEIGHTS["full"], SHORT, [0, 1])
-    assert [curve.shape for curve in curves] == [(3, 5), (1, 5)]
-    np.testing.assert_allclose(models[1].probability(images[1], z_theta[1]), 13 / 14, rtol=1e-5)
 
 
 def test_a_stack_holds_as_many_models_as_there_are_lanes():
