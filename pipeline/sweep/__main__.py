@@ -120,7 +120,10 @@ def _sweep(given: argparse.Namespace) -> int:
 def _read_record(folder: Path) -> dict:
     if not (folder / "sweep.json").is_file():
         raise InputError(f"{folder} holds no sweep: expected a folder with a sweep.json")
-    return read_json(folder / "sweep.json")
+    record = read_json(folder / "sweep.json")
+    if "runs" not in record:
+        raise InputError(f"{folder} is a sweep of other code: check out commit {record['commit'][:10]} to go on")
+    return record
 
 
 def _check_fits(folder: Path, before: dict, record: dict) -> None:
