@@ -19,7 +19,19 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from pipeline.config.graph import FITTED, stage_entry
-from pipeline.params import CONF, GRAPH, PARAMS, drop_absent, explained, load, need, read_by, refuse_unread, validate
+from pipeline.params import (
+    CONF,
+    GRAPH,
+    PARAMS,
+    drop_absent,
+    explained,
+    load,
+    need,
+    read_by,
+    refuse_recomposed,
+    refuse_unread,
+    validate,
+)
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.memory import disable_malloc_trim
 from pipeline.runtime.writing import atomic_write
@@ -87,6 +99,7 @@ def _from_params(main: Main, stage: str, argv: list[str]) -> None:
         raise InputError("--params needs a file: --params params.yaml")
     overrides = argv[:index] + argv[index + 2 :]
     cfg = load(Path(argv[index + 1]), overrides, [stage] if overrides else [*GRAPH, stage])
+    refuse_recomposed(cfg)
     refuse_unread(cfg, stage, overrides)
     need(cfg, "seed", cfg.seed is None, "null, since DVC keeps the files of all seeds; for one, leave --params out")
     out_dir = _folder(cfg, stage)

@@ -1,16 +1,20 @@
 """Compose conf/ into params.yaml, check that they agree, and check every parameter.
 
-python -m pipeline.params                  write params.yaml from conf/
-python -m pipeline.params profile=smoke    the same with Hydra overrides
+python -m pipeline.params                  write params.yaml from conf/, with the overrides in conf/composed.yaml
+python -m pipeline.params profile=smoke    the same with these Hydra overrides, which conf/composed.yaml keeps
 python -m pipeline.params '~variants.ae'   a smaller graph: dvc.yaml's lists of variants follow
+python -m pipeline.params profile=paper    back to the paper
 python -m pipeline.params --check          exit 1 if params.yaml or dvc.yaml is not what conf/ composes
+python -m pipeline.params --check --out F  write F, too, if they agree: DVC's stage params
 """
 
+import argparse
 import shlex
 import sys
 from collections.abc import Collection, Sequence
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import yaml
 from omegaconf import DictConfig, OmegaConf, open_dict
@@ -25,6 +29,7 @@ from pipeline.runtime.errors import InputError
 from pipeline.runtime.writing import atomic_write
 
 CONF = ROOT / "conf"
+COMPOSED_WITH = CONF / "composed.yaml"
 PARAMS = Path("params.yaml")
 GRAPH = tuple(NEEDS)  # the paper's stages with requirements across several groups
 # parameter -> the parameters in params.yaml that conf/ composes from it
@@ -48,8 +53,21 @@ def compose(overrides: Sequence[str] = ()) -> DictConfig:
     except (HydraException, OmegaConfBaseException, yaml.YAMLError, OSError, ValueError) as error:  # no name of a file
         raise InputError(f"conf/ with overrides {list(overrides)} does not compose: {explained(error)}") from error
     drop_absent(cfg)
+    with open_dict(cfg):
+        cfg.composed = list(overrides)
     validate(cfg)
     return cfg
+
+
+def composed_with() -> list[str]:
+    """Return the overrides that conf/composed.yaml names. Raises InputError for a file that holds no list of them."""
+    try:
+        overrides = yaml.safe_load(COMPOSED_WITH.read_text(encoding="utf-8"))["composed"]
+        return [str(override) for override in overrides]
+    except (OSError, ValueError, TypeError, KeyError, yaml.YAMLError) as error:
+        raise InputError(
+            f"{COMPOSED_WITH} names no overrides ({error}): expected `composed: []`; restore it with git"
+        ) from error
 
 
 def explained(error: Exception) -> str:
@@ -112,6 +130,32 @@ def load(path: Path, overrides: Sequence[str] = (), stages: Collection[str] = ()
         ) from error
     validate(cfg, stages)
     return cfg
+
+
+def refuse_recomposed(cfg: DictConfig) -> None:
+    """Raise InputError if params.yaml lost every value that the overrides in conf/composed.yaml had given it.
+
+    `dvc exp run -S` composes conf/ anew, without them.
+    """
+    overrides = composed_with()
+    if not overrides or list(cfg.composed) != overrides:
+        return
+    kept, plain = (_leaves(OmegaConf.to_container(compose(chosen))) for chosen in (overrides, []))
+    now = _leaves(OmegaConf.to_container(cfg))
+    given = {key for key in kept.keys() | plain.keys() if key != "composed" and kept.get(key) != plain.get(key)}
+    if given and all(now.get(key) == plain.get(key) for key in given):
+        again = " ".join(f"-S {shlex.quote(override)}" for override in overrides)
+        raise InputError(
+            f"params.yaml was composed without {' '.join(overrides)}, which conf/composed.yaml names: repeat it as in "
+            f"`dvc exp run {again}`, or run `python -m pipeline.params profile=paper` first"
+        )
+
+
+def _leaves(tree: Any, name: str = "") -> dict[str, Any]:
+    """Return dotted name -> value of a nested mapping; lists are values."""
+    if not isinstance(tree, dict):
+        return {name: tree}
+    return {key: value for part, sub in tree.items() for key, value in _leaves(sub, f"{name}.{part}").items()}
 
 
 def validate(cfg: DictConfig, stages: Collection[str] = ()) -> None:
@@ -179,18 +223,25 @@ def main(argv: list[str]) -> int:
     if {"-h", "--help"} & set(argv):
         print(__doc__)
         return 0
-    check, overrides = "--check" in argv, [argument for argument in argv if argument != "--check"]
-    if unknown := [argument for argument in overrides if argument.startswith("-")]:
+    parser = argparse.ArgumentParser(prog="python -m pipeline.params", add_help=False, exit_on_error=False)
+    parser.add_argument("--check", action="store_true")
+    parser.add_argument("--out", type=Path)
+    options, given = parser.parse_known_args(argv)
+    if unknown := [argument for argument in given if argument.startswith("-")]:
         raise InputError(f"unknown option {unknown[0]!r}: expected --check or overrides such as train.steps=100")
+    overrides = given or composed_with()
     cfg = compose(overrides)
     validate(cfg, GRAPH)
     stage_of = {str(name): str(variant.stage) for name, variant in cfg.variants.items()}
     before = listed_variants()
     files = {PARAMS: OmegaConf.to_yaml(cfg)}  # byte for byte as DVC writes it for `dvc exp run -S`
     files |= {path: with_variants(path.read_text(), stage_of, before) for path in graph_files()}
+    if overrides != composed_with():
+        first = COMPOSED_WITH.read_text(encoding="utf-8").splitlines()[0]
+        files[COMPOSED_WITH] = f"{first}\n{yaml.safe_dump({'composed': overrides}, default_flow_style=True)}"
     stale = [path for path, text in files.items() if not path.is_file() or path.read_text() != text]
-    if check and stale:
-        command = shlex.join(["python", "-m", "pipeline.params", *overrides])
+    if options.check and stale:
+        command = shlex.join(["python", "-m", "pipeline.params", *given])
         print(f"error: {stale[0]} is not what conf/ composes: run `{command}`", file=sys.stderr)
         return 1
     for path in stale:
@@ -200,6 +251,8 @@ def main(argv: list[str]) -> int:
             validate(cfg, [study])
         except InputError as error:
             print(f"note: study {study} will not run: {error}", file=sys.stderr)
+    if options.out:
+        atomic_write(options.out, lambda part: part.write_text("params.yaml is what conf/ composes\n"))
     return 0
 
 

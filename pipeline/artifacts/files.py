@@ -9,7 +9,11 @@ import numpy as np
 import pandas as pd
 
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.reading import read_csv
 from pipeline.runtime.writing import atomic_write
+
+# columns of csv files that hold names, some of which people choose
+NAMES = "user", "other", "variant", "learner", "against", "question", "family", "symbol", "split"
 
 
 def _need_file(path: Path) -> None:
@@ -38,7 +42,7 @@ def read_table(path: Path, columns: Sequence[str] | None = None) -> pd.DataFrame
     """Return a table written by `write_table`; InputError if it is missing, unreadable or lacks a column."""
     _need_file(path)
     try:
-        table = pd.read_csv(path) if path.suffix == ".csv" else pd.read_parquet(path)
+        table = read_csv(path, NAMES) if path.suffix == ".csv" else pd.read_parquet(path)
     except Exception as error:
         raise InputError(f"{path} cannot be read ({error}): delete it and run its stage again") from error
     missing = [c for c in columns or () if c not in table.columns]

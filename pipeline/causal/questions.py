@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Bool, Int
 from numpy import ndarray as Array
 
+from pipeline.causal.question_settings import Add, Move, Question, Remove, Swap, TableTop, User
 from pipeline.causal.scm import Values
-from pipeline.config.questions import Add, Move, Question, Remove, Swap, TableTop, User
 from pipeline.runtime.errors import InputError
 from pipeline.world.bezier import P_F, P_INIT
 from pipeline.world.layout import (

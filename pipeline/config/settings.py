@@ -6,15 +6,15 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, model_validator
 
+from pipeline.causal.question_settings import Question
 from pipeline.config.checks import need, need_one, need_some, widest_margin
 from pipeline.config.graph import ROOT
 from pipeline.config.models import Irl, Schedule, Train, Variant
-from pipeline.config.questions import Question
 from pipeline.config.stages import Evaluate, Intervene, Record, Repair, Report
 from pipeline.config.values import MAX_N, Count, Demonstrations, Group, Margins, Name, Seeds, Whole, unique
 from pipeline.config.world import Demos, Scenes
+from pipeline.models.baselines import IMAGE_BLIND_BASELINES, NEAREST
 
-IMAGE_BLIND_BASELINES = NEAREST, POSITION = "nearest_demonstration", "position_only"  # names in result tables
 MAX_TESTS = 25  # with 10 seeds the smallest p is 2/1024: under Holm's correction more tests could never be significant
 
 
@@ -44,6 +44,7 @@ class Settings(Group):
     checkpoints: Annotated[list[Whole], AfterValidator(unique)]
     variant: str
     seed: Whole | None
+    composed: list[str]
     workers: Count
     paths: dict[str, str]
     users: Annotated[dict[Name, Margins], Field(min_length=1)]

@@ -6,6 +6,8 @@ from numpy import ndarray as Array
 
 from pipeline.world.bezier import Z_HIGH, Z_LOW
 
+IMAGE_BLIND_BASELINES = NEAREST, POSITION = "nearest_demonstration", "position_only"  # names in result tables
+
 
 def nearest_demonstration(
     z_demos: Float[Array, "scene demo 2"], valid_demos: Bool[Array, "scene demo"], z_theta: Float[Array, "scene path 2"]

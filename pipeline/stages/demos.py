@@ -16,6 +16,7 @@ from pipeline.artifacts.scenes import read_scenes, train_pool
 from pipeline.launch import launch
 from pipeline.params import need
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.reading import read_csv
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.bezier_fit import fit
@@ -132,7 +133,7 @@ def _read_trajectories(cfg: DictConfig) -> dict[Key, Array]:
 def _read_csv(path: Path, columns: list[str]) -> pd.DataFrame:
     """Return a user's csv; InputError if it is missing, unreadable, empty or lacks a column."""
     try:
-        table = pd.read_csv(path)
+        table = read_csv(path, ["user"])
     except (OSError, ValueError) as error:
         raise InputError(f"{path} cannot be read ({error}): expected a csv; see CONTRIBUTING.md") from error
     if missing := [c for c in columns if c not in table.columns]:

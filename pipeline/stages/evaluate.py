@@ -14,9 +14,9 @@ from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import read_table, write_json, write_table
 from pipeline.artifacts.models import PREDICTION_COLUMNS, fitted_n_demos, model_dir
 from pipeline.artifacts.scenes import read_position_prior, train_pool
-from pipeline.config.settings import NEAREST, POSITION
 from pipeline.launch import launch
 from pipeline.models import baselines
+from pipeline.models.baselines import NEAREST, POSITION
 from pipeline.runtime.errors import InputError
 from pipeline.stats.crossed import estimate, quartiles
 from pipeline.stats.scores import DECISION, accuracy, auroc, brier, expected_calibration_error, reliability

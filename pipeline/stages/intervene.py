@@ -19,9 +19,9 @@ from pipeline.artifacts.scenes import layout_table, read_scenes
 from pipeline.artifacts.trained import check_weights, load_model
 from pipeline.causal.interventions import compare_with_truth
 from pipeline.causal.mechanisms import expected_validities, model_scm, recorded_noise, renderer, true_scm
+from pipeline.causal.question_settings import Question as QuestionSettings
 from pipeline.causal.questions import Scenes, change, draw_additions
 from pipeline.causal.scm import Values
-from pipeline.config.questions import Question as QuestionSettings
 from pipeline.launch import launch
 from pipeline.models.base import SCENES_PER_BATCH
 from pipeline.runtime.errors import InputError

@@ -14,9 +14,8 @@ from pipeline.artifacts.interventions import AddedItems, read_interventions
 from pipeline.artifacts.models import PREDICTION_COLUMNS, model_dir
 from pipeline.artifacts.scenes import SceneSet, read_position_prior, read_scenes, train_pool
 from pipeline.artifacts.trained import load_model
-from pipeline.config.settings import NEAREST, POSITION
 from pipeline.launch import launch
-from pipeline.models.baselines import nearest_demonstration, position_only
+from pipeline.models.baselines import NEAREST, POSITION, nearest_demonstration, position_only
 from pipeline.report.page import FOLDER, Site, Source, provenance, write_files, write_provenance
 from pipeline.report.render import render
 from pipeline.report.results import DrawnScenes, Results

@@ -17,6 +17,7 @@ from jaxtyping import Int, UInt8
 from numpy import ndarray as Array
 
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.reading import read_csv
 from pipeline.world.images import read_image
 from pipeline.world.layout import Items, LayoutRules, Layouts, random_layouts
 from pipeline.world.symbols import SYMBOLS
@@ -125,7 +126,8 @@ def _read_table(path: Path, schema: pa.DataFrameSchema) -> pd.DataFrame:
             f"{path} is missing: get data/ with `dvc pull data.dvc`, or draw it with `python -m drawing`"
         )
     try:
-        table = pd.read_csv(path)
+        text = [name for name, column in schema.columns.items() if not column.coerce]
+        table = read_csv(path, text)
         return cast(pd.DataFrame, schema.validate(table, lazy=True))
     except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
         raise CatalogueError(

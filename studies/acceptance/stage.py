@@ -17,10 +17,9 @@ from omegaconf import DictConfig
 from pipeline.artifacts.demos import Queries, demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import write_table
 from pipeline.artifacts.scenes import read_position_prior, read_scenes, train_pool
-from pipeline.config.settings import POSITION
 from pipeline.launch import launch
 from pipeline.models.base import ValidityModel
-from pipeline.models.baselines import position_only
+from pipeline.models.baselines import POSITION, position_only
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.streams import stream
 from pipeline.stats.conformal import accept, p_values, score, share_by_scene

@@ -20,10 +20,10 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.files import write_table
 from pipeline.artifacts.scenes import read_position_prior
-from pipeline.config.settings import NEAREST, POSITION
 from pipeline.launch import launch
 from pipeline.models import baselines
 from pipeline.models.base import ValidityModel, untrained
+from pipeline.models.baselines import NEAREST, POSITION
 from pipeline.models.vae.beta_vae import BetaVae
 from pipeline.models.vae.losses import Weights, classification
 from pipeline.runtime.parallel import map_jobs

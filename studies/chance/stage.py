@@ -9,8 +9,8 @@ import pandas as pd
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_table, write_table
-from pipeline.config.settings import NEAREST, POSITION
 from pipeline.launch import launch
+from pipeline.models.baselines import NEAREST, POSITION
 
 MODEL, PERFECT = "full", "perfect"
 KEY = ["source", "learner", "setting", "routes", "clear_cm", "scenes", "split"]

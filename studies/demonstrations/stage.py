@@ -18,10 +18,10 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.files import write_arrays, write_table
 from pipeline.artifacts.scenes import SceneSet, read_position_prior, read_scenes, train_pool
-from pipeline.config.settings import NEAREST, POSITION
 from pipeline.launch import launch
 from pipeline.models import baselines
 from pipeline.models.base import ValidityModel
+from pipeline.models.baselines import NEAREST, POSITION
 from pipeline.runtime.streams import stream
 from pipeline.stats.scores import accuracy
 from pipeline.training.refit import TrainingSet, refit

@@ -19,10 +19,10 @@ from pipeline.artifacts.files import read_arrays, write_table
 from pipeline.artifacts.interventions import read_interventions
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.causal.added_items import verdicts
-from pipeline.config.settings import POSITION
 from pipeline.launch import launch
 from pipeline.models import baselines
 from pipeline.models.base import ValidityModel
+from pipeline.models.baselines import POSITION
 from pipeline.models.clearance.clearance import FAMILIES as FAMILIES_OF_MODEL
 from pipeline.models.clearance.clearance import ClearanceModel
 from pipeline.stats.decisions import accuracy_by_seed, accuracy_estimate, accuracy_loss

@@ -15,9 +15,8 @@ from pipeline.artifacts.demos import demo_arrays, read_demos
 from pipeline.artifacts.files import write_table
 from pipeline.artifacts.scenes import read_position_prior, read_scenes, train_pool
 from pipeline.artifacts.trained import check_weights, predict_all
-from pipeline.config.settings import POSITION
 from pipeline.launch import launch
-from pipeline.models.baselines import position_only
+from pipeline.models.baselines import POSITION, position_only
 from pipeline.runtime.streams import stream
 from pipeline.stats.crossed import Estimates, estimate, linearised
 from pipeline.stats.scores import DECISION

@@ -8,8 +8,8 @@ import pytest
 from omegaconf import OmegaConf
 from pydantic import TypeAdapter, ValidationError
 
+from pipeline.causal.question_settings import KINDS, Question
 from pipeline.causal.questions import Scenes, allowed, change, draw_additions
-from pipeline.config.questions import KINDS, Question
 from pipeline.params import CONF
 from pipeline.runtime.errors import InputError
 from pipeline.world.catalogue import read_catalogue

@@ -7,7 +7,7 @@ import pytest
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_table, write_table
-from pipeline.config.settings import NEAREST
+from pipeline.models.baselines import NEAREST
 from pipeline.params import compose
 from pipeline.report.results import PAPER_ACCURACY
 from studies.chance import stage

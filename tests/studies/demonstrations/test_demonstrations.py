@@ -8,7 +8,7 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_arrays, read_table, write_arrays
 from pipeline.artifacts.scenes import read_scenes, train_pool
-from pipeline.config.settings import NEAREST
+from pipeline.models.baselines import NEAREST
 from pipeline.params import compose
 from pipeline.world.rules import clearance, slack
 from studies.demonstrations import stage
