@@ -14,7 +14,11 @@ import yaml
 
 from pipeline.config.graph import ROOT, graph_files, listed_variants, with_variants
 
-DOORS = ("pipeline.config", "pipeline.params", "pipeline.launch")  # check parameters: dependencies of stage params alone
+DOORS = (
+    "pipeline.config",
+    "pipeline.params",
+    "pipeline.launch",
+)  # check parameters: only stage params depends on them
 FRONT_DOOR = "pipeline"  # its __init__ offers the library's functions; no stage calls them
 PAPER = {"full": "train", "ae": "train", "classifier": "train", "irl_maxent": "irl", "irl_ranked": "irl"}
 PAPER |= {"clearance": "clearance"}

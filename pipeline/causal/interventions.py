@@ -7,6 +7,7 @@ The estimand is the average causal effect of the paper's second inequality,
 over the same scenes, paths and seeds on both sides. For the first inequality, do(S := s') replaces do(Z_I).
 """
 
+from collections.abc import Sequence
 from dataclasses import fields
 
 import numpy as np
@@ -58,3 +59,19 @@ def compare_with_truth(
     same_sign = np.sign(table["effect"]) == np.sign(table["truth"])
     table["right"] = (table["verdict"] == table["truth_verdict"]) & (same_sign | (table["verdict"] == "negligible"))
     return table
+
+
+def asked(summary: pd.DataFrame, kind: str, users: Sequence[str]) -> pd.DataFrame:
+    """Return the rows of stage intervene's summary for one kind of question; of "add", those of `users` alone.
+
+    users: those whose results are averaged; to the others every path is valid, and "no effect" is always right.
+    """
+    rows = summary[summary["kind"] == kind]
+    return rows[rows["user"].isin(users)] if kind == "add" else rows
+
+
+def right_verdicts(summary: pd.DataFrame, kind: str, users: Sequence[str]) -> dict[str, int]:
+    """Return variant -> the number of its right verdicts on the questions of `asked`."""
+    rows = asked(summary, kind, users)
+    right = rows["right"].astype(bool).groupby(rows["variant"], sort=False).sum()
+    return {str(variant): int(count) for variant, count in right.items()}

@@ -17,7 +17,8 @@ from pydantic import TypeAdapter
 from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.artifacts.scenes import layout_table, read_scenes
 from pipeline.artifacts.trained import check_weights, load_model
-from pipeline.causal.interventions import compare_with_truth
+from pipeline.causal.bold_table import TRUTH, bold_rows, cells_as_in_the_paper, paper_rows
+from pipeline.causal.interventions import asked, compare_with_truth, right_verdicts
 from pipeline.causal.mechanisms import expected_validities, model_scm, recorded_noise, renderer, true_scm
 from pipeline.causal.question_settings import Question as QuestionSettings
 from pipeline.causal.questions import Scenes, change, draw_additions
@@ -34,7 +35,6 @@ from pipeline.world.render import read_palette
 from pipeline.world.source import ImageSource
 
 SCENES_PER_JOB = 4 * SCENES_PER_BATCH  # whole batches, so that results do not depend on it
-PAPER = "paper"  # the family of the paper's questions (Table 2)
 EFFECTS = ["question", "variant", "user", "seed", "scene", "baseline", "intervened", "effect", "true_effect"]
 SUMMARY = [
     "question", "kind", "symbol", "variant", "user", "baseline", "intervened", "effect", "q1", "q3", "ci_low",
@@ -69,7 +69,7 @@ class Job:
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """Write effects.parquet, summary.csv and metrics.json of all scenes, and images.npz and layouts.parquet.
+    """Write effects.parquet, summary.csv, bold.csv and metrics.json of all scenes, and images.npz and layouts.parquet.
 
     The last two hold the added items in the scenes of the split alone, which stages and studies look at.
     """
@@ -91,13 +91,15 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     summary = pd.concat([_summary(v, questions, users, a, truth) for v, a in by_variant.items()], ignore_index=True)
     write_table(out_dir / "effects.parquet", pd.concat(effects, ignore_index=True)[EFFECTS])
     write_table(out_dir / "summary.csv", summary[SUMMARY])
+    bold = _bold(questions, users, by_variant, truth)
+    write_table(out_dir / "bold.csv", bold)
     first, render = _rows(noise, split), renderer(palette)
     added = {symbol: additions[symbol][0][split] for symbol in SYMBOLS}
     images = np.stack([render(first["I"], layouts, first["T"])[None] for layouts in added.values()])
     write_arrays(out_dir / "images.npz", {"images": images, "z_theta": first["Z_theta"]})
     rows = [layout_table(f"{symbol}-0", layouts) for symbol, layouts in added.items()]
     write_table(out_dir / "layouts.parquet", pd.concat(rows, ignore_index=True))
-    write_json(out_dir / "metrics.json", _metrics(cfg, questions, summary))
+    write_json(out_dir / "metrics.json", _metrics(cfg, summary, bold))
 
 
 def _rows(values: Values, rows: slice) -> Values:
@@ -234,16 +236,31 @@ def _summary(
     return pd.concat(tables, ignore_index=True)
 
 
-def _metrics(cfg: DictConfig, questions: list[Question], summary: pd.DataFrame) -> dict:
-    """Return the right verdicts per variant, of users with a margin on the paper's questions, and the largest error."""
-    paper = [question.name for question in questions if question.family == PAPER]
-    with_margin = [user for user, margins in cfg.users.items() if any(m is not None for m in margins.values())]
-    rows = summary[summary["question"].isin(paper) & summary["user"].isin(with_margin)]
+def _bold(
+    questions: list[Question],
+    users: list[str],
+    by_variant: Mapping[str, Float[Array, "seed change user scene"]],
+    truth: Float[Array, "change user scene"],
+) -> pd.DataFrame:
+    """Return Table 2: the paper's block, the truth's and each variant's (pipeline.causal.bold_table)."""
+    added = [question for question in questions if question.kind == "add"]
+    changes = [(user, question.symbol) for question in added for user in question.users]
+    blocks = [paper_rows(users, [question.symbol for question in added])]
+    for source, answers in {TRUTH: truth[None], **by_variant}.items() if added else ():
+        pairs = [_expectations(question, users, answers) for question in added]
+        blocks.append(bold_rows(source, changes, *(np.concatenate(side) for side in zip(*pairs, strict=True))))
+    return pd.concat(blocks, ignore_index=True)
+
+
+def _metrics(cfg: DictConfig, summary: pd.DataFrame, bold: pd.DataFrame) -> dict:
+    """Return right verdicts, clearance's largest error on the same questions, and cells of Table 2 as in the paper."""
+    rows = asked(summary, "add", cfg.evaluate.users)
     error = (rows["effect"] - rows["truth"]).abs().groupby(rows["variant"]).max()
-    right = rows.groupby("variant")["right"].sum()
+    agree = cells_as_in_the_paper(bold)
     return {
-        "verdicts_right": {v: int(right[v]) for v in cfg.variants if v in right},
+        "verdicts_right": right_verdicts(summary, "add", cfg.evaluate.users),
         "effect_error": {v: float(error[v]) for v in ("clearance",) if v in error},
+        "bold": {v: agree[v] for v in cfg.variants if v in agree},
     }
 
 

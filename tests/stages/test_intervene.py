@@ -136,13 +136,26 @@ def test_another_mechanism_of_one_model_changes_that_models_answers_alone(cfg: D
     np.testing.assert_array_equal(old["true_effect"], new["true_effect"])
 
 
-def test_the_metrics_count_the_papers_questions_of_users_with_a_margin(out: Path):
+def test_the_metrics_count_the_questions_about_added_items_to_users_whose_results_are_averaged(out: Path):
     metrics, summary = read_json(out / "metrics.json"), read_table(out / "summary.csv")
     rows = summary[(summary["kind"] == "add") & (summary["user"] != "aggressive")]
     assert len(rows) == 8 * len(VARIANTS)
     assert metrics["verdicts_right"] == rows.groupby("variant")["right"].sum().to_dict()
     errors = (rows["effect"] - rows["truth"]).abs()[rows["variant"] == "clearance"]
     assert metrics["effect_error"] == {"clearance": pytest.approx(errors.max(), abs=1e-6)}
+
+
+def test_the_bold_table_has_the_summary_s_p_values_the_truth_and_the_paper(out: Path):
+    bold, summary = read_table(out / "bold.csv"), read_table(out / "summary.csv")
+    assert list(bold["source"].unique()) == ["the paper", "truth", *VARIANTS]
+    assert (bold.groupby("source").size() == 15).all()  # three users, no intervention and four symbols
+    cells = bold[bold["source"].isin(VARIANTS) & (bold["change"] != "none")]
+    same = summary[summary["kind"] == "add"].rename(columns={"variant": "source", "symbol": "change"})
+    both = cells.merge(same, on=["source", "user", "change"], suffixes=("", "_of_summary"))
+    assert len(both) == 12 * len(VARIANTS)
+    np.testing.assert_allclose(both["p_holm"], both["p_holm_of_summary"], rtol=1e-5)
+    np.testing.assert_allclose(both["mean"], both["intervened"], rtol=1e-5)
+    assert set(read_json(out / "metrics.json")["bold"]) == set(VARIANTS)
 
 
 @pytest.mark.parametrize("fact", [names_a_missing_model, names_a_model_with_nan])
