@@ -12,7 +12,7 @@ RUN ?=
 WORST ?=
 KILLS ?=
 
-.PHONY: help venv venv-cluster repro studies search demo pull test test-browser test-viewer test-cluster test-faults check-dowhy smoke bench review audit site figures readme lint lock sbom params segmenter data render clean
+.PHONY: help venv venv-cluster repro studies search demo pull test test-browser test-viewer test-cluster test-faults check-dowhy smoke bench review audit site figures tables readme lint lock sbom params segmenter data render clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -111,6 +111,9 @@ site: $(READY)  ## all pages in one file to mail: site.html
 figures: $(READY)  ## every figure of the pages as a PDF, in pdf/
 	python -m pipeline.report.pdf
 
+tables: $(READY)  ## the paper's Table 2 with its bold cells, in LaTeX and Markdown, in tables/
+	python -m pipeline.report.bold
+
 readme: $(READY)  ## put the headlines of reports/metrics.json into the README
 	python -m pipeline.report.readme
 
@@ -147,4 +150,4 @@ render:  ## path-trace rendered/pictures/ anew by Blender, in an environment of 
 	dvc add rendered/pictures && dvc push --remote store rendered/pictures.dvc
 
 clean:  ## remove environments, demo/, other products and DVC's cache, with the results that nobody pushed
-	rm -rf $(VENV) .venv-cluster .venv-dowhy .venv-rendered .venv-sbom sbom.json .benchmarks multirun demo pdf site.html .dvc/cache .dvc/tmp
+	rm -rf $(VENV) .venv-cluster .venv-dowhy .venv-rendered .venv-sbom sbom.json .benchmarks multirun demo pdf tables site.html .dvc/cache .dvc/tmp

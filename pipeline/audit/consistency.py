@@ -13,7 +13,7 @@ import yaml
 
 from pipeline.artifacts.files import read_json
 from pipeline.audit.revision import dvc, git
-from pipeline.report.page import FORMATS
+from pipeline.report.page import FORMATS, HIDDEN
 from pipeline.report.readme import fill, headlines
 from pipeline.runtime.errors import InputError
 
@@ -129,7 +129,7 @@ def table_cells(page: Path) -> tuple[int, list[str]]:
             faults.append(f"{link} is missing")
             continue
         frame = _csv(csv)
-        columns = [i for i, name in enumerate(frame.columns) if not name.endswith((", q1", ", q3"))]
+        columns = [i for i, name in enumerate(frame.columns) if not name.endswith(HIDDEN)]
         rows = re.findall(r"(?s)<tr.*?</tr>", markup)[1:]  # after the header
         if len(rows) != len(frame):
             faults.append(f"{link} has {len(frame)} rows, the page shows {len(rows)}")

@@ -10,7 +10,7 @@ from pipeline.causal.question_settings import Question
 from pipeline.config.checks import need, need_one, need_some, widest_margin
 from pipeline.config.graph import ROOT
 from pipeline.config.models import Irl, Schedule, Train, Variant
-from pipeline.config.stages import Evaluate, Intervene, Record, Repair, Report
+from pipeline.config.stages import Evaluate, Intervene, Readings, Record, Repair, Report
 from pipeline.config.values import MAX_N, Count, Demonstrations, Group, Margins, Name, Seeds, Whole, unique
 from pipeline.config.world import Demos, Scenes
 from pipeline.models.baselines import IMAGE_BLIND_BASELINES, NEAREST
@@ -54,6 +54,7 @@ class Settings(Group):
     irl: Irl
     clearance: Schedule
     evaluate: Evaluate
+    readings: Readings
     repair: Repair
     intervene: Intervene
     record: Record
@@ -108,6 +109,16 @@ def evaluate(s: Settings) -> None:
         need(count <= MAX_TESTS, "evaluate.comparisons", f"{count} tests in family {family}", few)
 
 
+def readings(s: Settings) -> None:
+    """Reject numbers of demonstrations without main_n_demos, and too few candidates."""
+    need_several_seeds(s)
+    least = f"some up to main_n_demos = {s.main_n_demos}"
+    need(min(s.readings.n_demos) <= s.main_n_demos, "readings.n_demos", s.readings.n_demos, least)
+    paths = s.main_n_demos + s.readings.held_out
+    most = f"at least main_n_demos + held_out = {paths}"
+    need(s.readings.candidates >= paths, "readings.candidates", s.readings.candidates, most)
+
+
 def repair(s: Settings) -> None:
     """Reject users whose paths are all valid."""
     need_several_seeds(s)
@@ -137,7 +148,10 @@ def report(s: Settings) -> None:
 
 
 # stage -> its constraints between groups; a study's constraints are in its settings.py
-NEEDS = {"evaluate": evaluate, "repair": repair, "intervene": intervene, "record": record, "report": report}
+NEEDS = {
+    "evaluate": evaluate, "readings": readings, "repair": repair, "intervene": intervene, "record": record,
+    "report": report,
+}  # fmt: skip
 
 
 def is_study(name: str) -> bool:

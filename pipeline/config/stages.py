@@ -2,8 +2,23 @@
 
 from typing import Annotated, Literal
 
-from pipeline.config.values import Count, Demonstrations, Group, Names, Several, Size, Some, Whole, expected
+from pydantic import AfterValidator, Field
 
+from pipeline.config.values import (
+    Count,
+    Demonstrations,
+    Group,
+    Length,
+    Names,
+    Several,
+    Size,
+    Some,
+    Whole,
+    expected,
+    rising,
+)
+
+ControlPoint = Annotated[list[float], Field(min_length=2, max_length=2), expected("two numbers [m]")]
 SharedSplit = Annotated[
     Literal["new_scenes", "new_items"], expected("a split that all seeds share, one of new_scenes, new_items")
 ]
@@ -23,6 +38,16 @@ class Evaluate(Group):
     users: Names
     bins: Count
     comparisons: list[Comparison]
+
+
+class Readings(Group):
+    root_seed: Whole
+    clear_cm: Annotated[list[Whole], AfterValidator(rising), expected("ascending whole numbers from 0 [cm]")]
+    n_demos: Annotated[list[Demonstrations], AfterValidator(rising), Field(min_length=2)]
+    families: Annotated[list[ControlPoint], Field(min_length=1)]
+    family_radius: Length
+    candidates: Count
+    held_out: Count
 
 
 class Repair(Group):

@@ -29,7 +29,8 @@ FOLDER = Path(__file__).parent
 class Table:
     """A table of a page: its numbers as written to csv, and the format of each numeric column.
 
-    Columns "X, q1" and "X, q3" are shown in brackets behind X: the quartiles over training sets.
+    Columns "X, q1" and "X, q3" are shown in brackets behind X: the quartiles over training sets. A true "X, bold" makes
+    the cell bold, and a true "X, beyond" puts a dagger behind it.
     """
 
     frame: pd.DataFrame
@@ -97,10 +98,13 @@ def environment(folders: Sequence[Path], **names: Any) -> Environment:
     made.globals |= (
         FORMATS
         | {"label": style.label, "formats": FORMATS, "headings": headings, "in_brackets": in_brackets}
-        | {"number_alone": number_alone}
+        | {"number_alone": number_alone, "hidden": HIDDEN}
         | names
     )
     return made
+
+
+HIDDEN = tuple(f", {part}" for part in ("q1", "q3", "bold", "beyond"))  # ends of columns about another column
 
 
 def with_gaps(rows: Any) -> pd.DataFrame:
@@ -118,7 +122,10 @@ def pick(table: pd.DataFrame, titles: Mapping[str, str], **words: Callable | Map
 def in_brackets(row: Mapping[str, Any], column: str, write: Callable[[Any], str]) -> str:
     """Return the quartiles of a cell, in brackets and without their unit; nothing where there are none."""
     ends: list[Any] = [row.get(f"{column}, {end}") for end in ("q1", "q3")]
-    return "" if None in ends else " ({} to {})".format(*(write(float(end)).partition("\u00a0")[0] for end in ends))
+    if None in ends:
+        return ""
+    between = "–" if min(map(float, ends)) >= 0 else " to "
+    return f" [{between.join(write(float(end)).partition(chr(0xA0))[0] for end in ends)}]"
 
 
 def number_alone(cell: Any) -> float | None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from pipeline.causal.interventions import asked, right_verdicts
 from pipeline.report.page import Source, check_finite, checked, lookup
 from pipeline.world.catalogue import Catalogue
 from pipeline.world.layout import Layouts
@@ -19,14 +20,15 @@ PAPER_ACCURACY = {1: (0.72, 0.673, 0.775), 9: (0.99, 0.978, 0.998)}  # n_demos -
 PAPER_TABLE_2 = pd.DataFrame.from_dict(PAPER_P_VALID, orient="index")  # by user
 UNSURE = (0.3, 0.8)  # P(valid) of a path about which a model is unsure
 SOURCES = (  # tables of whose numbers the pages' texts are made: written beside the pages
-    "accuracy", "calibration", "scores", "comparisons", "repair", "interventions", "p_valid", "convergence", "slices",
-    "seeds",
+    "accuracy", "calibration", "scores", "comparisons", "repair", "interventions", "bold", "p_valid", "convergence",
+    "slices", "seeds",
 )  # fmt: skip
 FINITE = {  # columns whose values must all be finite, since figures draw them
     "accuracy": ["mean"],
     "comparisons": ["difference", "p_holm"],
     "repair": ["success", "displacement_ratio"],
     "interventions": ["effect", "ci_low", "ci_high", "truth"],
+    "bold": ["mean"],
     "p_valid": ["truth", "paper", "difference"],
     "demos": ["z_x", "z_y"],
     "judged": ["p", "z_x", "z_y"],
@@ -74,9 +76,9 @@ class DrawnScenes:
 class Results:
     """The results of one run.
 
-    tables: accuracy, calibration, scores, comparisons, repair (summary), repairs, interventions (summary), p_valid,
-    recordings, convergence, demos, judged (paths, by `slices.describe`), slices, seeds (headlines by training set),
-    draws, changes, effort; paths: paths.npz of stage repair; facts: settings that pages print.
+    tables: accuracy, calibration, scores, comparisons, repair (summary), repairs, interventions (summary), bold,
+    p_valid, recordings, convergence, demos, judged (paths, by `slices.describe`), slices, seeds (headlines by training
+    set), curve, draws, changes, effort; paths: paths.npz of stage repair; facts: settings that pages print.
     """
 
     variants: list[str]
@@ -143,9 +145,8 @@ class Results:
 
     def asked(self, kind: str, variant: str) -> pd.DataFrame:
         """Return a variant's rows for one kind of question; of "add", those for users with invalid paths."""
-        rows = self.tables["interventions"]
-        rows = rows[(rows["variant"] == variant) & (rows["kind"] == kind)]
-        return rows[rows["user"].isin(self.judged_users)] if kind == "add" else rows
+        rows = asked(self.tables["interventions"], kind, self.judged_users)
+        return rows[rows["variant"] == variant]
 
     def questions(self, kind: str = "add") -> int:
         """Return the number of these questions."""
@@ -153,7 +154,7 @@ class Results:
 
     def verdicts_right(self, variant: str, kind: str = "add") -> int:
         """Return the number of a variant's right verdicts on these questions."""
-        return int(self.asked(kind, variant)["right"].astype(bool).sum())
+        return right_verdicts(self.tables["interventions"], kind, self.judged_users).get(variant, 0)
 
     def image_blind_right(self, kind: str = "add") -> int:
         """Return the number of right verdicts of an image-blind model: items have no effect, users differ."""

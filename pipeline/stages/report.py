@@ -40,6 +40,7 @@ TABLES = {  # name -> stage and file
     "repair": ("repair", "summary.csv"),
     "repairs": ("repair", "repairs.parquet"),
     "interventions": ("intervene", "summary.csv"),
+    "bold": ("intervene", "bold.csv"),
     "p_valid": ("scenes", "p_valid.csv"),
     "recordings": ("record", "recordings.csv"),
     "demos": ("demos", "demos.parquet"),

@@ -5,43 +5,32 @@ valid. The scenes are those of stage scenes; new scenes are the validation pool'
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Bool, Float, UInt8
-from numpy import ndarray as Array
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import write_arrays, write_table
 from pipeline.artifacts.scenes import SceneSet, read_position_prior, read_scenes, train_pool
 from pipeline.launch import launch
-from pipeline.models import baselines
-from pipeline.models.base import ValidityModel
-from pipeline.models.baselines import NEAREST, POSITION
-from pipeline.runtime.streams import stream
-from pipeline.stats.scores import accuracy
-from pipeline.training.refit import TrainingSet, refit
-from pipeline.world.bezier import random_z_theta
-from pipeline.world.clear_cases import Candidates
+from pipeline.models.baselines import NEAREST
+from pipeline.training.judged_sets import (
+    HELD_OUT,
+    NEW,
+    NEW_POOL,
+    ROUTES,
+    JudgedSet,
+    Kinds,
+    judge,
+    judge_blind,
+    row,
+)
+from pipeline.training.refit import refit
 
-ANY, FEW = ROUTES = "any", "few"
-OWN, HELD_OUT, NEW = "demonstrations", "held_out", "new_scenes"
-NEW_POOL = "val_scenes"
 KEY = ["routes", "clear_cm", "split", "variant"]
-Labelled = tuple[Float[Array, "scene path 2"], Bool[Array, "scene path"]]
-
-
-@dataclass(frozen=True)
-class Shown(TrainingSet):
-    """Demonstrations of one kind, and paths of the same kind that judge a model by split."""
-
-    routes: str
-    clear_cm: int
-    judged: dict[str, Labelled]
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
@@ -66,67 +55,17 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     write_arrays(out_dir / "examples.npz", {"names": names, "image": first[0].images[0], **examples})
 
 
-def show_all(cfg: DictConfig, scenes: SceneSet) -> Iterator[Shown]:
-    """Yield the demonstrations of every kind by every user in each seed's scenes.
-
-    Users and distances share their candidates, so that kinds differ by nothing else.
-    """
-    study, n = cfg.studies.demonstrations, cfg.main_n_demos
+def show_all(cfg: DictConfig, scenes: SceneSet) -> Iterator[JudgedSet]:
+    """Yield the demonstrations of every kind by every user in each seed's scenes."""
+    kinds = Kinds(**{name: cfg.readings[name] for name in Kinds.__dataclass_fields__})
     for routes in ROUTES:
-        new = _candidates(cfg, scenes, NEW_POOL, routes)
+        new = kinds.draw(scenes.layouts[NEW_POOL], NEW_POOL, routes)
         for seed in cfg.protocol.seeds:
             pool = train_pool(seed)
-            seen = _candidates(cfg, scenes, pool, routes)
-            for clear_cm, user in product(study.clear_cm, cfg.evaluate.users):
-                z, valid = choose(cfg, pool, seen, user, clear_cm, n + study.held_out)
-                judged = {
-                    OWN: (z[:, :n], valid[:, :n]),
-                    HELD_OUT: (z[:, n:], valid[:, n:]),
-                    NEW: choose(cfg, NEW_POOL, new, user, clear_cm, study.held_out),
-                }
-                yield Shown(user, seed, scenes.images[pool], *judged[OWN], routes, clear_cm, judged)
-
-
-def _candidates(cfg: DictConfig, scenes: SceneSet, pool: str, routes: str) -> Candidates:
-    """Draw random paths of these routes in each scene."""
-    study, layouts = cfg.studies.demonstrations, scenes.layouts[pool]
-    rng = stream(study.root_seed, routes, pool)
-    shape = len(layouts), study.candidates
-    z = random_z_theta(rng, *shape)
-    if routes == FEW:
-        centre = np.array(study.families, float)[rng.integers(len(study.families), size=shape)]
-        bearing, reach = rng.uniform(-np.pi, np.pi, shape), study.family_radius * np.sqrt(rng.random(shape))
-        z = centre + reach[..., None] * np.stack([np.cos(bearing), np.sin(bearing)], -1)
-    return Candidates.of(layouts, z)
-
-
-def choose(cfg: DictConfig, pool: str, candidates: Candidates, user: str, clear_cm: int, count: int) -> Labelled:
-    """Choose `count` candidates in each scene that are clear cases to the user; return them with their labels."""
-    rng = stream(cfg.studies.demonstrations.root_seed, "choose", pool, user, clear_cm)
-    return candidates.choose(rng, cfg.users[user], clear_cm / 100, count)
-
-
-def judge(new_images: UInt8[Array, "scene 100 100 3"], model: ValidityModel, shown: TrainingSet) -> dict[str, float]:
-    """Return the model's accuracy in each split."""
-    assert isinstance(shown, Shown)
-    images = {OWN: shown.images, HELD_OUT: shown.images, NEW: new_images}
-    return {s: accuracy(model.probability(images[s], z).ravel(), v.ravel()) for s, (z, v) in shown.judged.items()}
-
-
-def judge_blind(prior: Float[Array, "side side"], shown: Shown) -> Iterator[dict]:
-    """Yield the accuracy of both image-blind baselines."""
-    for split, (z, valid) in shown.judged.items():
-        p = {POSITION: baselines.position_only_of_half(prior, z)}
-        if split == HELD_OUT:
-            p[NEAREST] = baselines.nearest_demonstration(shown.z_theta, shown.valid, z)
-        for variant, of_variant in p.items():
-            yield row(shown, variant, split, accuracy(of_variant.ravel(), valid.ravel()))
-
-
-def row(shown: Shown, variant: str, split: str, right: float) -> dict:
-    """Return a row of accuracy.parquet; `valid`: share of the judged paths that are valid."""
-    key = {"routes": shown.routes, "clear_cm": shown.clear_cm, "split": split, "variant": variant}
-    return key | {"user": shown.user, "seed": shown.seed, "accuracy": right, "valid": shown.judged[split][1].mean()}
+            drawn = {HELD_OUT: (pool, kinds.draw(scenes.layouts[pool], pool, routes)), NEW: (NEW_POOL, new)}
+            for clear_cm, user in product(cfg.studies.demonstrations.clear_cm, cfg.evaluate.users):
+                kind, margins = (routes, clear_cm), cfg.users[user]
+                yield kinds.judged_set(scenes.images[pool], drawn, kind, (user, margins), seed, cfg.main_n_demos)
 
 
 def summarise(table: pd.DataFrame) -> pd.DataFrame:

@@ -10,14 +10,15 @@ from pipeline.artifacts.files import read_arrays, read_table, write_arrays
 from pipeline.artifacts.scenes import read_scenes, train_pool
 from pipeline.models.baselines import NEAREST
 from pipeline.params import compose
+from pipeline.training.judged_sets import FEW, HELD_OUT, NEW, OWN
 from pipeline.world.rules import clearance, slack
 from studies.demonstrations import stage
-from studies.demonstrations.stage import FEW, HELD_OUT, NEW, OWN, show_all
+from studies.demonstrations.stage import show_all
 from tests.factories import rendered_scenes
 
 main = stage.main  # of the fixture `out`
 TRAINING, NEW_SCENES = 4, 3
-SMALL = ["profile=smoke", "workers=1", "train.steps=2", "clearance.steps=2", "studies.demonstrations.candidates=400"]
+SMALL = ["profile=smoke", "workers=1", "train.steps=2", "clearance.steps=2", "readings.candidates=400"]
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +33,7 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
 
 
 def test_labels_are_true_and_no_judged_path_was_shown(cfg: DictConfig):
-    scenes, families = read_scenes(Path(cfg.paths.scenes)), np.array(cfg.studies.demonstrations.families)
+    scenes, families = read_scenes(Path(cfg.paths.scenes)), np.array(cfg.readings.families)
     shown = list(show_all(cfg, scenes))
     assert len(shown) == 2 * 2 * 2 * 2, "routes, distances, seeds, users"
     for x in shown:
@@ -41,7 +42,7 @@ def test_labels_are_true_and_no_judged_path_was_shown(cfg: DictConfig):
             np.testing.assert_array_equal(slack(layouts, clearance(layouts, z), cfg.users[x.user]) > 0, valid)
             if x.routes == FEW:
                 far = np.linalg.norm(z[:, :, None] - families, axis=-1).min(-1)
-                assert far.max() <= cfg.studies.demonstrations.family_radius + 1e-9
+                assert far.max() <= cfg.readings.family_radius + 1e-9
         demos, held_out = (x.judged[split][0] for split in (OWN, HELD_OUT))
         assert x.z_theta is demos or (x.z_theta == demos).all()
         assert np.linalg.norm(demos[:, :, None] - held_out[:, None], axis=-1).min() > 0

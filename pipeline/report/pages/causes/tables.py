@@ -2,12 +2,18 @@
 
 import pandas as pd
 
+from pipeline.report.bold import bold_table
 from pipeline.report.page import Table, pick
 from pipeline.report.results import Results
 from pipeline.report.style import label
 from pipeline.stats.tests import verdict
 
 SMALLEST = (0.02, 0.03, 0.04, 0.05, 0.06, 0.08)  # smallest effects of interest to compare
+
+
+def bold(results: Results) -> Table:
+    """Return the paper's Table 2 by every source."""
+    return bold_table(results.tables["bold"])
 
 
 def score(results: Results) -> Table:

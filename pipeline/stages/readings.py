@@ -1,0 +1,144 @@
+"""Stage readings: accuracy by number of demonstrations, in ways to understand what the paper's demonstrators showed.
+
+`random_routes` is the main run, read from stage evaluate. In `few_routes_<distance>cm` people show few families of
+routes that keep this distance from the boundary of validity. The paper reports the mean of its three users; to one of
+them every path is valid. New scenes are the validation pool's.
+"""
+
+from collections.abc import Mapping
+from functools import partial
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from jaxtyping import UInt8
+from numpy import ndarray as Array
+from omegaconf import DictConfig
+from scipy.stats import t as student
+
+from pipeline.artifacts.files import read_table, write_json, write_table
+from pipeline.artifacts.scenes import SceneSet, read_position_prior, read_scenes, train_pool
+from pipeline.launch import launch
+from pipeline.models.base import ValidityModel
+from pipeline.models.baselines import NEAREST, POSITION
+from pipeline.training.judged_sets import FEW, HELD_OUT, NEW, NEW_POOL, OWN, JudgedSet, Kinds, judge, judge_blind, row
+from pipeline.training.loop import is_constant
+from pipeline.training.refit import TrainingSet, refit
+from pipeline.training.runner import MIN_OWN_DEMONSTRATIONS
+
+MODEL = "full"  # the paper's model
+RANDOM = "random_routes"
+PAPER, JUDGED = "paper", "judged"  # users: all, as the paper reports; those to whom some paths are invalid
+KEY = ["reading", "split", "variant", "n_demos"]
+GATE = ["reconstruction_over_flat", "own_demonstrations", "passed"]
+FIT = ["routes", "clear_cm", "n_demos", "variant", "user", "seed"]
+COLUMNS = [
+    "reading", "split", "variant", "users", "n_demos", "mean", "q1", "q3", "ci_low", "ci_high", "seeds", "fits",
+    "passed", "passed_mean",
+]  # fmt: skip
+
+
+def main(cfg: DictConfig, out_dir: Path) -> None:
+    """Write accuracy.parquet (a row per fit or baseline, and split), curve.csv, convergence.csv and metrics.json."""
+    scenes = read_scenes(Path(cfg.paths.scenes))
+    scenes.check_has(NEW_POOL, *map(train_pool, cfg.protocol.seeds))
+    evaluated = read_table(Path(cfg.paths.evaluate) / "accuracy.parquet")
+    prior, judged_sets = read_position_prior(Path(cfg.paths.scenes)), draw(cfg, scenes)
+    rows, gates = [], []
+    numbers = [n for n in cfg.readings.n_demos if n <= cfg.main_n_demos]
+    for n in numbers:
+        of_n = sorted((x.first(n) for x in judged_sets), key=lambda x: is_constant(x.valid))  # equal labels fit at once
+        rows += [blind for x in of_n for blind in judge_blind(prior[x.user], x)]
+        if MODEL not in cfg.variants:
+            continue
+        named = cfg.copy()
+        named.main_n_demos = n  # names the random seeds of the fits
+        answers = refit(named, {MODEL: of_n}, partial(judge_and_check, scenes.images[NEW_POOL]), f"readings, n = {n}")
+        for x, (right, gate) in zip(of_n, answers[MODEL], strict=True):
+            rows += [row(x, MODEL, split, share) for split, share in right.items()]
+            gates.append(x.key | {"variant": MODEL} | gate)
+    table, convergence = pd.DataFrame(rows), pd.DataFrame(gates, columns=[*FIT, *GATE])
+    curve = curve_of({PAPER: list(cfg.users), JUDGED: list(cfg.evaluate.users)}, table, convergence, evaluated)
+    write_table(out_dir / "accuracy.parquet", table)
+    write_table(out_dir / "curve.csv", curve)
+    write_table(out_dir / "convergence.csv", convergence)
+    write_json(out_dir / "metrics.json", {"curve": headlines(numbers, curve)})
+
+
+def draw(cfg: DictConfig, scenes: SceneSet) -> list[JudgedSet]:
+    """Return every user's demonstrations in every seed's scenes at every distance."""
+    kinds, judged_sets = kinds_of(cfg), []
+    new = kinds.draw(scenes.layouts[NEW_POOL], NEW_POOL, FEW)
+    for seed in cfg.protocol.seeds:
+        pool = train_pool(seed)
+        drawn = {HELD_OUT: (pool, kinds.draw(scenes.layouts[pool], pool, FEW)), NEW: (NEW_POOL, new)}
+        for clear_cm, user in product(cfg.readings.clear_cm, cfg.users.items()):
+            arguments = scenes.images[pool], drawn, (FEW, clear_cm), user, seed, cfg.main_n_demos
+            judged_sets.append(kinds.judged_set(*arguments))
+    return judged_sets
+
+
+def kinds_of(cfg: DictConfig) -> Kinds:
+    """Return how paths are drawn and chosen."""
+    return Kinds(**{name: cfg.readings[name] for name in Kinds.__dataclass_fields__})
+
+
+def judge_and_check(
+    new_images: UInt8[Array, "scene 100 100 3"], model: ValidityModel, judged_set: TrainingSet
+) -> tuple[dict[str, float], dict[str, float | bool]]:
+    """Return the model's accuracy in each split, and whether its training converged by the gate of stage train."""
+    right = judge(new_images, model, judged_set)
+    trained = not is_constant(judged_set.valid)  # constant labels leave the encoder as it was
+    ratio = model.reconstruction_over_flat(judged_set.images) if trained else np.nan
+    passed = right[OWN] >= MIN_OWN_DEMONSTRATIONS and not ratio >= 1
+    return right, dict(zip(GATE, (ratio, right[OWN], passed), strict=True))
+
+
+def curve_of(
+    users: Mapping[str, list[str]], accuracies: pd.DataFrame, convergence: pd.DataFrame, evaluated: pd.DataFrame
+) -> pd.DataFrame:
+    """Return mean accuracy by reading, split, variant, users and number of demonstrations, with COLUMNS.
+
+    users: PAPER and JUDGED -> names; accuracies, convergence: of few routes; evaluated: accuracy.parquet of stage
+    evaluate. q1, q3: quartiles over seeds; ci_low, ci_high: 95 % interval over seeds, empty for new scenes, which all
+    seeds share. fits, passed: number of fits, and of those that converged; passed_mean: the mean of these.
+    """
+    few = accuracies.merge(convergence[[*FIT, "passed"]], on=FIT, how="left")
+    few = few.assign(reading=[f"few_routes_{clear_cm}cm" for clear_cm in few["clear_cm"]])
+    seen = evaluated.assign(reading=RANDOM, split=evaluated["split"].astype(str).replace("seen_scenes", HELD_OUT))
+    columns = [*KEY, "user", "seed", "accuracy"]
+    table = pd.concat([few[[*columns, "passed"]], seen[columns].astype({"user": str})], ignore_index=True)
+    table = table[table["variant"].isin([MODEL, NEAREST, POSITION]) & table["split"].isin([HELD_OUT, NEW])]
+    parts = [_means(table[table["user"].isin(names)]).assign(users=name) for name, names in users.items()]
+    return pd.concat(parts, ignore_index=True)[COLUMNS]
+
+
+def _means(table: pd.DataFrame) -> pd.DataFrame:
+    """Return statistics over seeds of the mean over users, by KEY."""
+    by_seed = table.groupby([*KEY, "seed"], sort=False)["accuracy"].mean().groupby(KEY, sort=False)
+    means = by_seed.agg(["mean", "std", "size"]).rename(columns={"size": "seeds"})
+    means["q1"], means["q3"] = by_seed.quantile(0.25), by_seed.quantile(0.75)
+    error = means["std"] / np.sqrt(means["seeds"])
+    half = student.ppf(0.975, means["seeds"] - 1) * error.where(means.index.get_level_values("split") == HELD_OUT)
+    means["ci_low"], means["ci_high"] = means["mean"] - half, means["mean"] + half
+    fits = table.dropna(subset="passed")
+    counts = fits.groupby(KEY)["passed"].agg(["size", "sum"])
+    passed = fits[fits["passed"].astype(bool)].groupby([*KEY, "user"])["accuracy"].mean().groupby(KEY).mean()
+    means["fits"], means["passed"] = counts["size"].astype("Int64"), counts["sum"].astype("Int64")
+    means["passed_mean"] = passed
+    return means.reset_index()
+
+
+def headlines(n_demos: list[int], curve: pd.DataFrame) -> dict[str, dict[str, dict[str, float]]]:
+    """Return reading -> variant -> accuracy on held-out paths at both ends of the curve, mean of the paper's users."""
+    ends: dict[str, dict[str, dict[str, float]]] = {}
+    rows = curve[(curve["split"] == HELD_OUT) & (curve["users"] == PAPER) & curve["variant"].isin([MODEL, NEAREST])]
+    for cell in rows[rows["n_demos"].isin([n_demos[0], n_demos[-1]])].itertuples():
+        of_reading = ends.setdefault(str(cell.reading), {})
+        of_reading.setdefault(str(cell.variant), {})[f"n{cell.n_demos}"] = float(cell.mean)
+    return ends
+
+
+if __name__ == "__main__":
+    launch(main, "readings")

@@ -1,0 +1,122 @@
+"""Demonstrations as people may give them, with more paths of the same kind that judge a fitted model.
+
+A kind of paths has routes (any, or few families) and a least distance from the boundary of validity. In each scene half
+of the paths are valid where it allows that.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, UInt8
+from numpy import ndarray as Array
+
+from pipeline.models import baselines
+from pipeline.models.base import ValidityModel
+from pipeline.models.baselines import NEAREST, POSITION
+from pipeline.runtime.streams import stream
+from pipeline.stats.scores import accuracy
+from pipeline.training.refit import TrainingSet
+from pipeline.world.bezier import random_z_theta
+from pipeline.world.clear_cases import Candidates
+from pipeline.world.layout import Layouts
+from pipeline.world.rules import Margins
+
+ANY, FEW = ROUTES = "any", "few"
+OWN, HELD_OUT, NEW = "demonstrations", "held_out", "new_scenes"  # splits: its own, others on its tables, new tables
+NEW_POOL = "val_scenes"
+Labelled = tuple[Float[Array, "scene path 2"], Bool[Array, "scene path"]]
+
+
+@dataclass(frozen=True)
+class JudgedSet(TrainingSet):
+    """Demonstrations of one kind, and labelled paths of the same kind by split."""
+
+    routes: str
+    clear_cm: int
+    judged: dict[str, Labelled]
+
+    @property
+    def key(self) -> dict[str, str | int]:
+        """Return what distinguishes it from others, as columns of a table."""
+        n = self.z_theta.shape[1]
+        return {"routes": self.routes, "clear_cm": self.clear_cm, "n_demos": n, "user": self.user, "seed": self.seed}
+
+    def first(self, n: int) -> "JudgedSet":
+        """Return it with only the first `n` demonstrations of each scene; the other paths stay."""
+        own = self.z_theta[:, :n], self.valid[:, :n]
+        return replace(self, z_theta=own[0], valid=own[1], judged=self.judged | {OWN: own})
+
+
+@dataclass(frozen=True)
+class Kinds:
+    """Draw candidates and choose paths; users and distances share candidates, so that kinds differ by nothing else."""
+
+    root_seed: int
+    families: Sequence[Sequence[float]]  # control points of few families of routes [m]
+    family_radius: float  # [m]
+    candidates: int  # random paths in a scene of which some are chosen
+    held_out: int  # paths of a scene, beside the demonstrations, that judge a model
+
+    def draw(self, layouts: Layouts, pool: str, routes: str) -> Candidates:
+        """Return random paths of these routes in each scene."""
+        rng, shape = stream(self.root_seed, routes, pool), (len(layouts), self.candidates)
+        z = random_z_theta(rng, *shape)
+        if routes == FEW:
+            centre = np.array(self.families, float)[rng.integers(len(self.families), size=shape)]
+            bearing, reach = rng.uniform(-np.pi, np.pi, shape), self.family_radius * np.sqrt(rng.random(shape))
+            z = centre + reach[..., None] * np.stack([np.cos(bearing), np.sin(bearing)], -1)
+        return Candidates.of(layouts, z)
+
+    def choose(self, drawn: Candidates, pool: str, user: str, margins: Margins, clear_cm: int, count: int) -> Labelled:
+        """Return `count` paths in each scene that are clear cases to the user, with their labels."""
+        rng = stream(self.root_seed, "choose", pool, user, clear_cm)
+        return drawn.choose(rng, margins, clear_cm / 100, count)
+
+    def judged_set(
+        self,
+        images: UInt8[Array, "scene 100 100 3"],
+        drawn: Mapping[str, tuple[str, Candidates]],
+        kind: tuple[str, int],
+        user: tuple[str, Margins],
+        seed: int,
+        n: int,
+    ) -> JudgedSet:
+        """Return a user's `n` demonstrations in a seed's scenes, and the paths that judge them.
+
+        drawn: HELD_OUT and NEW -> pool and candidates of these routes; kind: routes and distance [cm].
+        """
+        routes, clear_cm = kind
+        (pool, here), (new_pool, new) = drawn[HELD_OUT], drawn[NEW]
+        z, valid = self.choose(here, pool, *user, clear_cm, n + self.held_out)
+        own = z[:, :n], valid[:, :n]
+        judged = {OWN: own, HELD_OUT: (z[:, n:], valid[:, n:])}
+        judged[NEW] = self.choose(new, new_pool, *user, clear_cm, self.held_out)
+        return JudgedSet(user[0], seed, images, *own, routes, clear_cm, judged)
+
+
+def judge(
+    new_images: UInt8[Array, "scene 100 100 3"], model: ValidityModel, judged_set: TrainingSet
+) -> dict[str, float]:
+    """Return the model's accuracy in each split."""
+    assert isinstance(judged_set, JudgedSet)
+    images = {OWN: judged_set.images, HELD_OUT: judged_set.images, NEW: new_images}
+    return {s: accuracy(model.probability(images[s], z).ravel(), v.ravel()) for s, (z, v) in judged_set.judged.items()}
+
+
+def judge_blind(prior: Float[Array, "side side"], judged_set: JudgedSet) -> Iterator[dict]:
+    """Yield rows with the accuracy of both image-blind baselines."""
+    for split, (z, valid) in judged_set.judged.items():
+        every = bool(judged_set.valid.all())  # to this user all paths are valid
+        position = baselines.position_only if every else baselines.position_only_of_half
+        p = {POSITION: position(prior, z)}
+        if split == HELD_OUT:
+            p[NEAREST] = baselines.nearest_demonstration(judged_set.z_theta, judged_set.valid, z)
+        for variant, of_variant in p.items():
+            yield row(judged_set, variant, split, accuracy(of_variant.ravel(), valid.ravel()))
+
+
+def row(judged_set: JudgedSet, variant: str, split: str, right: float) -> dict:
+    """Return a row of a table of accuracies; `valid`: share of the judged paths that are valid."""
+    result = {"split": split, "variant": variant, "accuracy": right, "valid": judged_set.judged[split][1].mean()}
+    return judged_set.key | result

@@ -1,0 +1,97 @@
+"""The paper's curve in several readings: nested demonstrations, three users, a gate for every fit."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from omegaconf import DictConfig
+
+from pipeline.artifacts.files import read_json, read_table, write_arrays, write_table
+from pipeline.artifacts.scenes import read_scenes, train_pool
+from pipeline.models.baselines import NEAREST, POSITION
+from pipeline.params import compose
+from pipeline.stages.readings import COLUMNS, MODEL, RANDOM, draw, main  # noqa: F401  # main: of the fixture `out`
+from pipeline.training.judged_sets import HELD_OUT, NEW, NEW_POOL, OWN
+from pipeline.world.rules import clearance, slack
+from tests.factories import rendered_scenes
+
+pytestmark = pytest.mark.slow
+
+TRAINING, NEW_SCENES = 4, 3
+SMALL = ["profile=smoke", "workers=1", "train.steps=2", "readings.candidates=400"]
+
+
+@pytest.fixture(scope="module")
+def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
+    """Two seeds' training scenes, new ones, and made-up accuracies of stage evaluate."""
+    folder = tmp_path_factory.mktemp("readings")
+    cfg = compose([*SMALL, f"paths.scenes={folder / 'scenes'}", f"paths.evaluate={folder / 'evaluate'}"])
+    training = {train_pool(seed): (TRAINING, "train") for seed in cfg.seeds}
+    rendered_scenes(cfg, training | {NEW_POOL: (NEW_SCENES, "train")})
+    write_arrays(Path(cfg.paths.scenes) / "position_prior.npz", {user: np.full((2, 2), 0.4) for user in cfg.users})
+    rows = pd.MultiIndex.from_product(
+        [[MODEL, NEAREST, "ae"], ["seen_scenes", "new_items"], cfg.users, cfg.seeds, cfg.n_demos],
+        names=["variant", "split", "user", "seed", "n_demos"],
+    ).to_frame(index=False)
+    accuracy = rows["user"].map({"careful": 0.5, "normal": 0.7, "aggressive": 1.0}) + 0.01 * rows["seed"]
+    write_table(Path(cfg.paths.evaluate) / "accuracy.parquet", rows.assign(accuracy=accuracy))
+    return cfg
+
+
+def test_fewer_demonstrations_are_the_first_of_more_and_the_same_other_paths_judge_them(cfg: DictConfig):
+    for judged_set in draw(cfg, read_scenes(Path(cfg.paths.scenes))):
+        one = judged_set.first(1)
+        np.testing.assert_array_equal(one.z_theta, judged_set.z_theta[:, :1])
+        np.testing.assert_array_equal(one.judged[OWN][1], judged_set.valid[:, :1])
+        for split in (HELD_OUT, NEW):
+            assert one.judged[split] is judged_set.judged[split]
+
+
+def test_paths_keep_their_distance_from_the_boundary_where_the_user_has_one(cfg: DictConfig):
+    layouts = read_scenes(Path(cfg.paths.scenes)).layouts
+    for judged_set in draw(cfg, read_scenes(Path(cfg.paths.scenes))):
+        scenes, (z, valid) = layouts[train_pool(judged_set.seed)], judged_set.judged[HELD_OUT]
+        distance = slack(scenes, clearance(scenes, z), cfg.users[judged_set.user])
+        np.testing.assert_array_equal(distance > 0, valid)
+        if judged_set.user == "aggressive":
+            assert valid.all() and judged_set.valid.all()
+        else:
+            assert np.median(np.abs(distance)) >= judged_set.clear_cm / 100
+
+
+def test_the_curve_has_every_reading_and_its_paper_mean_counts_the_user_to_whom_all_is_valid(
+    cfg: DictConfig, out: Path
+):
+    curve, table = read_table(out / "curve.csv"), read_table(out / "accuracy.parquet")
+    assert list(curve.columns) == COLUMNS
+    readings = [f"few_routes_{clear_cm}cm" for clear_cm in cfg.readings.clear_cm]
+    assert set(curve["reading"]) == {RANDOM, *readings}
+    held_out = curve.query("split == 'held_out'").set_index(["reading", "variant", "users", "n_demos"])["mean"]
+    assert held_out[RANDOM, MODEL, "paper", 9] == pytest.approx((0.5 + 0.7 + 1.0) / 3 + 0.005, abs=1e-6)
+    assert held_out[RANDOM, MODEL, "judged", 9] == pytest.approx(0.605, abs=1e-6)
+    of_kind = table.query("split == 'held_out' and variant == 'full' and clear_cm == 4 and n_demos == 1")
+    assert set(of_kind["user"]) == set(cfg.users)
+    assert held_out[readings[0], MODEL, "paper", 1] == pytest.approx(of_kind["accuracy"].mean(), abs=1e-6)
+    new = curve.query("split == 'new_scenes' and reading != 'random_routes'")
+    assert set(new["variant"]) == {MODEL, POSITION} and new["ci_low"].isna().all()
+
+
+def test_every_fit_is_checked_by_the_gate_and_the_curve_counts_them(cfg: DictConfig, out: Path):
+    gates, curve = read_table(out / "convergence.csv"), read_table(out / "curve.csv")
+    distances, numbers = len(cfg.readings.clear_cm), len(cfg.readings.n_demos)
+    assert len(gates) == distances * numbers * len(cfg.users) * len(cfg.seeds)
+    rows = curve.query(f"variant == '{MODEL}' and reading != '{RANDOM}' and users == 'paper' and split == '{HELD_OUT}'")
+    assert rows["fits"].sum() == len(gates) and rows["passed"].sum() == gates["passed"].sum()
+
+
+def test_metrics_are_both_ends_on_held_out_paths_of_the_paper_s_users(cfg: DictConfig, out: Path):
+    curve = read_table(out / "curve.csv").query("split == 'held_out' and users == 'paper'")
+    means = curve.set_index(["reading", "variant", "n_demos"])["mean"]
+    metrics = read_json(out / "metrics.json")["curve"]
+    assert set(metrics) == set(curve["reading"])
+    for reading, of_reading in metrics.items():
+        assert set(of_reading) == {MODEL, NEAREST}
+        for variant, ends in of_reading.items():
+            assert set(ends) == {"n1", "n9"}
+            assert ends["n9"] == pytest.approx(means[reading, variant, 9], rel=1e-5)
