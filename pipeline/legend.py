@@ -22,6 +22,9 @@ LABELS = {
     "seen_scenes": "training scenes",
     "new_scenes": "new scenes",
     "new_items": "new scenes, unseen items",
+    "few_routes_4cm": "few routes, 4 cm clear",
+    "few_routes_8cm": "few routes, 8 cm clear",
+    "random_routes": "any route",
 }
 
 

@@ -14,7 +14,7 @@ import yaml
 from pipeline.artifacts.files import read_json
 from pipeline.audit.revision import dvc, git
 from pipeline.report.page import FORMATS, HIDDEN
-from pipeline.report.readme import fill, headlines
+from pipeline.report.readme import contents, fill
 from pipeline.runtime.errors import InputError
 
 
@@ -141,6 +141,9 @@ def table_cells(page: Path) -> tuple[int, list[str]]:
                 if not _shows(text, values[column], quartiles if all(quartiles) else []):
                     held = " ".join([values[column], *quartiles])
                     faults.append(f"{link}, {name}: the page says {text!r}, the csv {held!r}")
+                marked = values[frame.columns.get_loc(f"{name}, bold")] if f"{name}, bold" in frame else "False"
+                if ("<b>" in cell) != (marked == "True"):
+                    faults.append(f"{link}, {name}: the page and the csv disagree on whether {text!r} is bold")
     return count, faults
 
 
@@ -163,8 +166,8 @@ def prose(page: Path) -> tuple[int, list[str]]:
 
 
 def _text(markup: str) -> str:
-    """Return the text of an element."""
-    return html.unescape(re.sub(r"<[^>]*>", "", markup)).strip()
+    """Return the text of an element, without the mark of a large effect."""
+    return html.unescape(re.sub(r"<[^>]*>", "", markup)).replace("†", "").strip()
 
 
 def _shows(text: str, value: str, quartiles: Sequence[str] = ()) -> bool:
@@ -184,7 +187,8 @@ def _shows(text: str, value: str, quartiles: Sequence[str] = ()) -> bool:
     for write in (write for name, write in FORMATS.items() if name != "spread"):
         first, *ends = ({str(write(number * factor)) for factor in near} for number in numbers)
         ends = [{end.partition("\u00a0")[0] for end in shown} for shown in ends]
-        written = first if not ends else {f"{a} ({b} to {c})" for a in first for b in ends[0] for c in ends[1]}
+        pairs = [f"{b}{between}{c}" for b in ends[0] for c in ends[1] for between in ("–", " to ")] if ends else []
+        written = first if not ends else {f"{a} [{pair}]" for a in first for pair in pairs}
         if text in written:
             return True
     return False
@@ -213,18 +217,14 @@ def provenance(clone: Path, locks: dict[str, dict]) -> Checked:
 
 
 def readme(clone: Path) -> Checked:
-    """Check that the README's table of headlines is the one that today's results give."""
-    text, what = (clone / "README.md").read_text(), "the README's headlines are those of reports/metrics.json"
-    if not (clone / "reports/tables/causes-verdicts.csv").is_file():  # the first edition, whose README had other tables
+    """Check that the README's tables are those that today's results give."""
+    text, what = (clone / "README.md").read_text(encoding="utf-8"), "the README's tables are those of reports/"
+    if not (clone / "reports/tables/bold.csv").is_file():  # earlier editions, whose README had other tables
         return Checked("README", what, 0, [])
     try:
-        metrics = read_json(clone / "reports/metrics.json")
-        table = headlines(metrics, pd.read_csv(clone / "reports/tables/causes-verdicts.csv"))
+        parts = contents(clone)
     except (InputError, OSError, KeyError) as error:
-        return Checked("README", what, 1, [Fault("reports/", f"its headlines cannot be read: {error}")])
-    faults = (
-        []
-        if fill(text, table) == text != fill(text, "")
-        else [Fault("README.md", "its table of headlines differs or is missing: run `make readme`")]
-    )
-    return Checked("README", what, table.count("\n") - 1, faults)
+        return Checked("README", what, 1, [Fault("reports/", f"the README's tables cannot be read: {error}")])
+    wrong = [name for name, part in parts.items() if not fill(text, {name: part}) == text != fill(text, {name: ""})]
+    faults = [Fault("README.md", f"its table {name!r} differs or is missing: run `make readme`") for name in wrong]
+    return Checked("README", what, sum(part.count("\n") - 1 for part in parts.values()), faults)

@@ -73,5 +73,11 @@ def cells_as_in_the_paper(table: pd.DataFrame) -> dict[str, int]:
     return {str(source): int(count) for source, count in agree.groupby(known["source"], sort=False).sum().items()}
 
 
+def never_bold(table: pd.DataFrame) -> str:
+    """Return how many of the paper's cells a source without a bold cell has as the paper, such as "7 of 12"."""
+    printed = table[(table["source"] == PAPER) & (table["change"] != NONE)]["bold"].astype(bool)
+    return f"{int((~printed).sum())} of {len(printed)}"
+
+
 def _cells(table: pd.DataFrame) -> list[tuple[str, str]]:
     return list(zip(table["user"], table["change"], strict=True))

@@ -45,12 +45,6 @@ def bold_table(table: pd.DataFrame) -> Table:
     return Table(frame, {name: "rate" for name in frame if f"{name}, bold" in frame})
 
 
-def sentence(table: pd.DataFrame) -> str:
-    """Return what a model that never sees the image gets: no cell bold."""
-    cells = table[(table["source"] == PAPER) & (table["change"] != NONE)]
-    return f"{int((~cells['bold'].astype(bool)).sum())} of {len(cells)}"
-
-
 def as_markdown(table: pd.DataFrame, sources: Sequence[str] | None = None) -> str:
     """Return the table in Markdown, of these sources or of all."""
     return "\n".join(_lines(table, sources, lambda text, bold: f"**{text}**" if bold else text, "| {} |", " | ", True))

@@ -3,9 +3,10 @@
 A claim holds if our number reaches the paper's, an image-blind baseline's does not (for repairs: is below ours), and
 another draw of training sets would not undo it. It fails only if our interval lies below the paper's (including the
 paper's sampling error), if our tests find the opposite, or if the paper's model names no more causes than an
-image-blind one, and if some model of ours does reach it. What this world cannot show is untestable, what we did not
-test is not tested, all else is open. Claims about clusters, overlap and samples are judged by study solutions, since
-the paper's pages do not depend on studies.
+image-blind one, and if some model of ours does reach it. Accuracy comes out "in a reading" if the paper's model lies
+within the paper's quartiles at both ends of its curve in one of the declared readings of what was shown. What this
+world cannot show is untestable, what we did not test is not tested, all else is open. Claims about clusters, overlap
+and samples are judged by study solutions, since the paper's pages do not depend on studies.
 """
 
 import pandas as pd
@@ -14,6 +15,7 @@ from statsmodels.stats.proportion import proportion_confint
 from pipeline.report.results import PAPER_ACCURACY, PAPER_SCENES, PAPER_TABLE_1, Results
 
 HOLDS, FAILS, OPEN, UNTESTABLE, NOT_TESTED = "holds", "fails", "open", "untestable", "not tested"
+IN_A_READING = "in a reading"
 SEEN = "seen_scenes"
 PAPER = "full"  # the variant that is the paper's model
 COLUMNS = [
@@ -32,7 +34,7 @@ def claims_table(results: Results) -> pd.DataFrame:
 
 def verdicts(claims: pd.DataFrame) -> dict[str, str]:
     """Return claim -> verdict: the worst verdict of its measures."""
-    worst = {FAILS: 0, OPEN: 1, NOT_TESTED: 2, UNTESTABLE: 3, HOLDS: 4}
+    worst = {FAILS: 0, OPEN: 1, IN_A_READING: 2, NOT_TESTED: 3, UNTESTABLE: 4, HOLDS: 5}
     return {
         str(name): min(part["verdict"], key=worst.__getitem__) for name, part in claims.groupby("claim", sort=False)
     }
@@ -41,7 +43,8 @@ def verdicts(claims: pd.DataFrame) -> dict[str, str]:
 def _accuracy(results: Results) -> list[dict]:
     """Judge whether accuracy on unseen paths of the training scenes reaches the paper's lower quartile.
 
-    It holds if our lower quartile over training sets does, and fails if our upper one does not.
+    It holds if our lower quartile over training sets does in the main run. If not, it comes out in a reading if some
+    declared reading is as in the paper, and else fails if our upper quartile does not reach it.
     """
     n = results.main_n_demos
     if n not in PAPER_ACCURACY:
@@ -52,6 +55,8 @@ def _accuracy(results: Results) -> list[dict]:
     baseline = results.accuracy("nearest_demonstration", SEEN)
     reached = max(results.accuracy(variant, SEEN) for variant in results.variants) >= low
     verdict = _compare(quartile_low >= low, quartile_high < low and reached, baseline >= low)
+    if verdict != HOLDS and results.reading_as_in_the_paper(PAPER) is not None:
+        verdict = IN_A_READING
     numbers = {"paper": mean, "paper_low": low, "paper_high": high, "ours": ours, "baseline": baseline}
     return [
         {"claim": "accuracy", "measure": SEEN, "q1": quartile_low, "q3": quartile_high, "verdict": verdict} | numbers

@@ -1,21 +1,40 @@
-"""Copy the headlines of reports/metrics.json into the README: `python -m pipeline.report.readme` or `make readme`."""
+"""Copy the results into the README: `python -m pipeline.report.readme` or `make readme`."""
 
 import argparse
 import re
 import sys
+from collections.abc import Mapping
+from pathlib import Path
 
 import pandas as pd
 
 from pipeline.artifacts.files import read_json, read_table
+from pipeline.causal.bold_table import PAPER, TRUTH, never_bold
 from pipeline.config.graph import ROOT
+from pipeline.report.bold import as_markdown
 from pipeline.report.page import FORMATS
+from pipeline.report.results import PAPER_ACCURACY
 from pipeline.report.style import COLOURS, label
 from pipeline.runtime.errors import InputError
 
-README, METRICS, VERDICTS = (
-    ROOT / name for name in ("README.md", "reports/metrics.json", "reports/tables/causes-verdicts.csv")
-)
+README = ROOT / "README.md"
 HEAD = "| Model | Accuracy, unseen items | Repairs, careful | Repairs, normal | Causal verdicts right |"
+BOLD_SOURCES = (PAPER, TRUTH, "full", "clearance")
+
+
+def contents(repository: Path) -> dict[str, str]:
+    """Return what stands between each pair of the README's markers, from the reports of a repository.
+
+    Raise InputError for a file that is missing or cannot be read.
+    """
+    reports = repository / "reports"
+    metrics, tables = read_json(reports / "metrics.json"), reports / "tables"
+    bold = read_table(tables / "bold.csv")
+    return {
+        "headlines": headlines(metrics, read_table(tables / "causes-verdicts.csv")),
+        "curve": curve(read_table(tables / "curve.csv")),
+        "bold": f"{as_markdown(bold, BOLD_SOURCES)}\n\nA model that never looks has no bold cell: {never_bold(bold)}.",
+    }
 
 
 def headlines(metrics: dict, verdicts: pd.DataFrame) -> str:
@@ -35,21 +54,48 @@ def headlines(metrics: dict, verdicts: pd.DataFrame) -> str:
     return "\n".join(rows)
 
 
+def curve(table: pd.DataFrame) -> str:
+    """Return accuracy at both ends of the paper's curve as a markdown table, means of the paper's users."""
+    ends = sorted(PAPER_ACCURACY)
+    rows = ["| Demonstrations a table | " + " | ".join(map(str, ends)) + " |", "| --- |" + " --: |" * len(ends)]
+    cells = [_share(PAPER_ACCURACY[n][0]) + _quartiles(*PAPER_ACCURACY[n][1:]) for n in ends]
+    rows.append(f"| {label('paper')} | " + " | ".join(cells) + " |")
+    blind_where_nothing_else_is = (table["variant"] != "position_only") | (table["split"] == "new_scenes")
+    table = table[(table["users"] == "paper") & blind_where_nothing_else_is]
+    for (split, reading, variant), cell in table.groupby(["split", "reading", "variant"], sort=False):
+        by_n = cell.set_index("n_demos")[["mean", "q1", "q3"]]
+        if not set(ends) <= set(by_n.index):
+            continue
+        cells = [_share(by_n["mean"][n]) + _quartiles(by_n["q1"][n], by_n["q3"][n]) for n in ends]
+        where = "" if split == "held_out" else ", new tables"
+        rows.append(f"| {label(str(variant))}, {label(str(reading))}{where} | " + " | ".join(cells) + " |")
+    return "\n".join(rows)
+
+
+def _quartiles(low: float, high: float) -> str:
+    return f" [{FORMATS['spread'](low, high)}]"
+
+
 def _share(value: float | None) -> str:
     """Return a share in per cent, with a decimal where it would else read as all."""
     return FORMATS["pct1" if value is not None and 0.995 <= value < 1 else "pct"](value)
 
 
-def fill(text: str, table: str) -> str:
-    """Return the README's text with the table between its markers."""
-    return re.sub(
-        r"(<!-- headlines -->\n).*?(<!-- /headlines -->)", lambda m: f"{m[1]}\n{table}\n\n{m[2]}", text, flags=re.DOTALL
-    )
+def fill(text: str, parts: Mapping[str, str]) -> str:
+    """Return the README's text with each part between its markers."""
+    for name, part in parts.items():
+        text = re.sub(
+            rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)",
+            lambda m, part=part: f"{m[1]}\n{part}\n\n{m[2]}",
+            text,
+            flags=re.DOTALL,
+        )
+    return text
 
 
 if __name__ == "__main__":
     argparse.ArgumentParser(prog="python -m pipeline.report.readme", description=__doc__).parse_args()
     try:
-        README.write_text(fill(README.read_text(), headlines(read_json(METRICS), read_table(VERDICTS))))
+        README.write_text(fill(README.read_text(encoding="utf-8"), contents(ROOT)), encoding="utf-8")
     except InputError as error:
         sys.exit(f"error: {error}")

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from pipeline.causal.bold_table import never_bold
 from pipeline.causal.interventions import asked, right_verdicts
 from pipeline.report.page import Source, check_finite, checked, lookup
 from pipeline.world.catalogue import Catalogue
@@ -17,11 +18,12 @@ from pipeline.world.rules import PAPER_P_VALID, Margins
 PAPER_TABLE_1 = {"careful": 0.75, "normal": 0.95, "aggressive": 1.0}  # success rate of repair by user (paper, Table 1)
 PAPER_SCENES = 20  # test scenes of the paper: the largest number of repairs behind a rate of Table 1
 PAPER_ACCURACY = {1: (0.72, 0.673, 0.775), 9: (0.99, 0.978, 0.998)}  # n_demos -> mean, q1, q3 ("Model Accuracy")
+RANDOM_ROUTES = "random_routes"  # the reading of the main run (stage readings)
 PAPER_TABLE_2 = pd.DataFrame.from_dict(PAPER_P_VALID, orient="index")  # by user
 UNSURE = (0.3, 0.8)  # P(valid) of a path about which a model is unsure
 SOURCES = (  # tables of whose numbers the pages' texts are made: written beside the pages
-    "accuracy", "calibration", "scores", "comparisons", "repair", "interventions", "bold", "p_valid", "convergence",
-    "slices", "seeds",
+    "accuracy", "calibration", "scores", "comparisons", "repair", "interventions", "bold", "curve", "p_valid",
+    "convergence", "slices", "seeds",
 )  # fmt: skip
 FINITE = {  # columns whose values must all be finite, since figures draw them
     "accuracy": ["mean"],
@@ -29,6 +31,7 @@ FINITE = {  # columns whose values must all be finite, since figures draw them
     "repair": ["success", "displacement_ratio"],
     "interventions": ["effect", "ci_low", "ci_high", "truth"],
     "bold": ["mean"],
+    "curve": ["mean", "q1", "q3"],
     "p_valid": ["truth", "paper", "difference"],
     "demos": ["z_x", "z_y"],
     "judged": ["p", "z_x", "z_y"],
@@ -112,6 +115,34 @@ class Results:
         n = self.main_n_demos if n is None else n
         return self.value("accuracy", column, variant=variant, split=split, n_demos=n)
 
+    def curve(
+        self, reading: str, variant: str, n: int, split: str = "held_out", users: str = "paper", column: str = "mean"
+    ) -> Any:
+        """Return one number of curve.csv: `users` are the paper's three, or "judged"."""
+        return self.value("curve", column, reading=reading, variant=variant, n_demos=n, split=split, users=users)
+
+    @property
+    def readings(self) -> list[str]:
+        """Return the readings of the paper, the main run's random routes last."""
+        names = self.tables["curve"]["reading"].unique().tolist()
+        return sorted(names, key=lambda name: name == RANDOM_ROUTES)
+
+    @property
+    def curve_ends(self) -> tuple[int, int]:
+        """Return the least and the largest number of demonstrations that every reading has."""
+        table = self.tables["curve"]
+        shared = set.intersection(*(set(rows["n_demos"]) for _, rows in table.groupby("reading")))
+        return min(shared), max(shared)
+
+    def reading_as_in_the_paper(self, variant: str) -> str | None:
+        """Return the first reading in which a variant's means lie within the paper's quartiles at both ends, if any."""
+        for reading in self.readings:
+            rows = self.tables["curve"].query("reading == @reading and variant == @variant")
+            rows = rows.query("split == 'held_out' and users == 'paper'").set_index("n_demos")["mean"]
+            if all(n in rows and low <= rows[n] <= high for n, (_, low, high) in PAPER_ACCURACY.items()):
+                return reading
+        return None
+
     def repair(self, method: str, variant: str, user: str, column: str = "success") -> float:
         """Return one number of repair/summary.csv; baselines have the variant \"\"."""
         return self.value("repair", column, method=method, variant=variant, user=user)
@@ -160,6 +191,11 @@ class Results:
         """Return the number of right verdicts of an image-blind model: items have no effect, users differ."""
         answers = self.asked(kind, self.variants[0])["truth_verdict"]
         return int((answers == ("negligible" if kind == "add" else "effect")).sum())
+
+    @property
+    def never_bold(self) -> str:
+        """Return how many cells of Table 2 are as in the paper if none is bold, such as "7 of 12"."""
+        return never_bold(self.tables["bold"])
 
     def patterned_accuracy(self, variant: str) -> float:
         """Return the share of control points that the first seed's models judge rightly, on the patterned top."""

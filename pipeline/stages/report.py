@@ -28,7 +28,7 @@ from pipeline.world.render import read_palette, render_scenes
 from pipeline.world.rules import valid
 from pipeline.world.source import ImageSource
 
-HEADLINES = ("scenes", "evaluate", "repair", "intervene")  # stages whose metrics.json are merged
+HEADLINES = ("scenes", "evaluate", "readings", "repair", "intervene")  # stages whose metrics.json are merged
 DECISIONS = Path(__file__).parents[2] / "docs" / "decisions" / "data"
 HISTORY = {"draws": "test_draws.csv", "changes": "changes_after_tests.csv", "effort": "search_effort.csv"}
 TABLES = {  # name -> stage and file
@@ -37,6 +37,7 @@ TABLES = {  # name -> stage and file
     "scores": ("evaluate", "scores.csv"),
     "comparisons": ("evaluate", "comparisons.csv"),
     "convergence": ("evaluate", "convergence.csv"),
+    "curve": ("readings", "curve.csv"),
     "repair": ("repair", "summary.csv"),
     "repairs": ("repair", "repairs.parquet"),
     "interventions": ("intervene", "summary.csv"),

@@ -1,11 +1,10 @@
 """The README's headline table."""
 
-import json
-
 import pandas as pd
 
-from pipeline.report.readme import METRICS as COMMITTED
-from pipeline.report.readme import README, VERDICTS, headlines
+from pipeline.config.graph import ROOT
+from pipeline.report.readme import README, contents, curve, fill, headlines
+from tests.report import factory
 
 METRICS = {
     "accuracy": {"full": {"new_items": 0.54}, "position_only": {"new_items": 0.59}},
@@ -21,6 +20,12 @@ def test_every_model_and_baseline_has_a_row_with_its_numbers():
     assert rows[-1] == "| Fixed detour (image-blind) | – | 80\u00a0% | 90\u00a0% | – |"
 
 
+def test_the_curve_has_the_paper_each_reading_and_new_tables():
+    rows = curve(factory.tables()["curve"]).splitlines()
+    assert rows[2] == "| The paper | 72\u00a0% [67–78] | 99\u00a0% [98–99.8] |".replace("99.8", "100")
+    assert sum("new tables" in row for row in rows) == 2 * 3 and sum("Nearest" in row for row in rows) == 3
+
+
 def test_the_readme_has_the_numbers_of_the_committed_run():
-    metrics, verdicts = json.loads(COMMITTED.read_text()), pd.read_csv(VERDICTS)
-    assert headlines(metrics, verdicts) in README.read_text()
+    text = README.read_text(encoding="utf-8")
+    assert fill(text, contents(ROOT)) == text

@@ -8,10 +8,39 @@ from matplotlib.figure import Figure
 from numpy import ndarray as Array
 
 from pipeline.report import style
-from pipeline.report.drawing import draw_map, draw_path, draw_table, panels
-from pipeline.report.results import Results
+from pipeline.report.drawing import draw_band, draw_map, draw_path, draw_table, legend_below, panels
+from pipeline.report.results import PAPER_ACCURACY, Results
 
+CURVE_LINES = {"nearest_demonstration": "--", "position_only": ":"}
 LEAST_DIFFERENCE = 0.05  # smallest share of a map's cells in which two users differ
+
+
+def curve(results: Results) -> Figure:
+    """Draw accuracy against demonstrations: each reading on held-out paths, and the first one on new tables."""
+    places = [("held_out", reading) for reading in results.readings] + [("new_scenes", results.readings[0])]
+    figure, axes = panels(1, len(places), 3.3 * len(places), 4.2, sharey=True)
+    for panel, (split, reading) in zip(axes[0], places, strict=True):
+        table = results.tables["curve"]
+        table = table[(table["split"] == split) & (table["reading"] == reading) & (table["users"] == "paper")]
+        for name, rows in table.groupby("variant", sort=False):
+            rows, line = rows.sort_values("n_demos"), CURVE_LINES.get(str(name), "-")
+            low, high = 100 * rows["q1"], 100 * rows["q3"]
+            mark = {"linestyle": line, "marker": style.marker(str(name)), "markersize": 4}
+            draw_band(panel, rows["n_demos"], 100 * rows["mean"], low, high, str(name), **mark)
+        for n, (mean, low, high) in PAPER_ACCURACY.items() if split == "held_out" else ():
+            error = [[100 * (mean - low)], [100 * (high - mean)]]
+            named = {"label": style.label("paper")} if n == 1 else {}
+            panel.errorbar(n, 100 * mean, yerr=error, fmt="*", color=style.INK, markersize=12, capsize=4, **named)
+        where = "Training tables" if split == "held_out" else "New tables"
+        panel.set(
+            title=f"{where}, {style.label(reading)}",
+            xlabel="demonstrations a scene",
+            xticks=sorted({*table["n_demos"]}),
+        )
+        panel.grid(axis="y")
+    axes[0, 0].set(ylabel="paths judged right, per cent", ylim=(None, 102))
+    legend_below(figure, axes[0, 0], 4)
+    return figure
 
 
 def overview(results: Results) -> Figure:
