@@ -105,8 +105,10 @@ def _is_worse(d: Difference) -> bool:
 
 
 def _plain(value: Any) -> Any:
-    """Return a table or a dataclass as lists and dictionaries, for JSON."""
-    return value.to_dict("records") if isinstance(value, pd.DataFrame) else vars(value)
+    """Return a table or a dataclass as lists and dictionaries, for JSON, which has no NaN."""
+    if not isinstance(value, pd.DataFrame):
+        return vars(value)
+    return value.astype(object).where(value.notna(), None).to_dict("records")
 
 
 if __name__ == "__main__":

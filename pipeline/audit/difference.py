@@ -1,7 +1,6 @@
 """Compare two commits: what changed in their inputs, and what that did to headlines and claims."""
 
 import difflib
-import io
 import json
 import re
 from dataclasses import dataclass
@@ -10,21 +9,26 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-import yaml
+from omegaconf import OmegaConf
 from scipy.stats import t
 
 from pipeline.audit.revision import git
+from pipeline.audit.setting import canonical
 from pipeline.config.graph import ROOT
 from pipeline.launch import PROCESSORS
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.reading import parse_csv
 from pipeline.stats.tests import LEVEL, holm
 
+NAMES = ("headline", "run", "sha256")  # columns of the csv that hold names
 LOCKS = "requirements.lock"
 DATA = re.compile(r"md5: (\S+)")
 METRICS = "reports/metrics.json"
 CLAIM = "claims."
 CODE = ("*.py", "*.js", "*.j2", "*.css", "*dvc.yaml", "pipeline")  # with the segmenter's weights and the symbols
 SEEDS = "reports/tables/seeds.csv"  # headline, seed, value
+MIN_PAIRS = 6  # below, a mean difference has no interval: five pairs can at best give p = 1/16
+DECIMALS = 12  # to which differences are rounded
 SAME = 0.01  # two commits are the same within one per cent: a tenth of the least difference that pages comment on
 
 
@@ -49,7 +53,7 @@ class Commit(NamedTuple):
     def table(self, path: str) -> pd.DataFrame | None:
         """Return a csv; None if the commit has no such file."""
         text = self.file(path)
-        return pd.read_csv(io.StringIO(text)) if text else None
+        return parse_csv(text, NAMES) if text else None
 
     def headlines(self) -> dict[str, Any]:
         """Return reports/metrics.json, flat: accuracy.full.new_items -> number; raise InputError if it is missing."""
@@ -123,10 +127,10 @@ def flat(tree: Any, prefix: str = "") -> dict[str, Any]:
     return {name: value for part in parts for name, value in part.items()}
 
 
-def _parameters(commit: Commit) -> dict[str, Any]:
-    """Return a commit's parameters by their dotted names; "null" where one is empty, so that None means missing."""
-    parameters = flat(yaml.safe_load(commit.file("params.yaml")) or {})
-    return {name: "null" if value is None else value for name, value in parameters.items()}
+def _parameters(commit: Commit) -> dict[str, str]:
+    """Return a commit's parameters by their dotted names, equal values as equal texts; `null` is one that is empty."""
+    parameters = OmegaConf.to_container(OmegaConf.create(commit.file("params.yaml") or "{}"))
+    return {name: canonical(value) for name, value in flat(parameters).items()}
 
 
 def _processors(before: Commit, after: Commit) -> list[tuple[str, str, str]]:
@@ -168,25 +172,45 @@ def paired(old: pd.DataFrame, new: pd.DataFrame) -> pd.DataFrame:
 
     Keys are all columns but seed and value; `old` need not have all of them. Other columns: before, after, difference,
     seeds, ci_low, ci_high (95 %, Student's t), p_holm (paired t, Holm's correction over all rows), word. Word: better
-    or worse if p_holm < .05; same if the interval lies within +-SAME; else undecided. Seeds with no value are left out.
+    or worse if p_holm < .05; same if the interval lies within +-SAME, or no seed differs; else undecided. Interval and
+    p are NaN for fewer than MIN_PAIRS pairs, and where all differences are equal: `untested` says which. Differences
+    are rounded to DECIMALS, so that float noise is no variance. Seeds with no value are left out.
     """
     keys = [column for column in new if column not in ("seed", "value")]
     both = new.merge(old, on=[column for column in old if column != "value"], suffixes=("_after", "_before"))
     both = both.dropna(subset=["value_before", "value_after"])
-    groups = both.assign(difference=both["value_after"] - both["value_before"]).groupby(keys, sort=False)
-    table = groups.agg(
+    both["difference"] = (both["value_after"] - both["value_before"]).round(DECIMALS)
+    table = both.groupby(keys, sort=False).agg(
         before=("value_before", "mean"),
         after=("value_after", "mean"),
         difference=("difference", "mean"),
         seeds=("difference", "size"),
         error=("difference", "sem"),
+        lowest=("difference", "min"),
+        highest=("difference", "max"),
     )
-    table = table[table["seeds"] > 1].reset_index()
-    difference, error, freedom = table["difference"], table.pop("error"), table["seeds"] - 1
-    reach = error * t.ppf(0.975, freedom)
-    p = pd.Series(2 * t.sf(difference.abs() / error, freedom)).fillna(1.0)  # 0 / 0 where all seeds are the same
-    p_holm, low, high = holm(p.to_numpy()), difference - reach, difference + reach
+    table = table.reset_index()
+    low, high, seeds, error = (table.pop(name) for name in ("lowest", "highest", "seeds", "error"))
+    equal, tested = (low == 0) & (high == 0), (seeds >= MIN_PAIRS) & (low < high)
+    difference, error, freedom = table["difference"], error.where(tested), (seeds - 1).clip(lower=1)
+    p = np.where(tested, 2 * t.sf(difference.abs() / error, freedom), 1.0)
+    p_holm, reach = pd.Series(holm(p), index=table.index).where(tested), error * t.ppf(0.975, freedom)
+    table = table.assign(seeds=seeds, ci_low=difference - reach, ci_high=difference + reach, p_holm=p_holm)
     clear = p_holm < LEVEL
-    cases = [clear & (difference > 0), clear & (difference < 0), (low > -SAME) & (high < SAME)]
-    word = np.select(cases, ["better", "worse", "same"], "undecided")
-    return table.assign(ci_low=low, ci_high=high, p_holm=p_holm, word=word)
+    within = (table["ci_low"] > -SAME) & (table["ci_high"] < SAME)
+    cases = [clear & (difference > 0), clear & (difference < 0), within | equal]
+    return table.assign(word=np.select(cases, ["better", "worse", "same"], "undecided"))
+
+
+def p_text(p: float) -> str | None:
+    """Return a p-value as pages show it; None for NaN."""
+    return None if np.isnan(p) else "< 0.001" if p < 0.001 else f"{p:.3f}"
+
+
+def untested(row: Any) -> str:
+    """Return why a row of `paired` has neither interval nor p; "" if it has them."""
+    if not np.isnan(row.p_holm):
+        return ""
+    if row.difference == 0 and row.word == "same":
+        return "equal for every seed"
+    return "too few pairs" if row.seeds < MIN_PAIRS else "the same for every seed: no variance"

@@ -6,7 +6,7 @@ from typing import Any
 import pandas as pd
 
 from pipeline.audit.consistency import Checked, Fault
-from pipeline.audit.difference import METRICS, Difference
+from pipeline.audit.difference import METRICS, Difference, p_text, untested
 from pipeline.audit.history import Entry
 from pipeline.audit.rerun import Output
 
@@ -112,11 +112,12 @@ def _paired(by_seed: pd.DataFrame) -> str:
     """Return the table of paired headlines, the worse ones first; those without any change are only counted."""
     if not len(by_seed):
         return ""
-    zero = (by_seed[["difference", "ci_low", "ci_high"]] == 0).all(axis=1)
+    zero = (by_seed["word"] == "same") & (by_seed[["difference", "ci_low", "ci_high"]].fillna(0) == 0).all(axis=1)
     rows = []
     for row in by_seed[~zero].sort_values("word", key=lambda words: words.map(WORDS.index)).itertuples():
-        difference = f"{row.difference:+.3g} ({row.ci_low:.2g} to {row.ci_high:.2g})"
-        rows.append((row.word, f"`{row.headline}`", row.before, row.after, difference, f"{row.p_holm:.2g}", row.seeds))
+        interval = untested(row) or f"{row.ci_low:.2g} to {row.ci_high:.2g}"
+        difference = f"{row.difference:+.3g} ({interval})"
+        rows.append((row.word, f"`{row.headline}`", row.before, row.after, difference, p_text(row.p_holm), row.seeds))
     same = f"{zero.sum()} {'others' if rows else 'headlines'} have the same values for every seed."
     return "\n\n".join(part for part in (table(PAIRED, rows), same if zero.any() else "") if part)
 

@@ -12,19 +12,21 @@ import re
 import shutil
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 from filelock import FileLock, Timeout
 
 from pipeline.artifacts.files import read_json, write_json
 from pipeline.audit.revision import dvc, git
+from pipeline.audit.setting import setting, values
 from pipeline.config.graph import ROOT, stage_entry
 from pipeline.runtime.errors import InputError
 from pipeline.sweep.clone import code_digest, snapshot
 from pipeline.sweep.job import Sweep, reason
 from pipeline.sweep.launch import launch
 from pipeline.sweep.page.write import write_summary
-from pipeline.sweep.plan import make_plan
+from pipeline.sweep.plan import Plan, make_plan
 from pipeline.sweep.summary import read_jobs
 
 
@@ -69,17 +71,19 @@ def _sweep(given: argparse.Namespace) -> int:
         raise InputError(f"{folder} holds a sweep already: --resume it, or name another --folder")
     before = _read_record(folder) if given.resume else {}
     targets = given.stages.split(",") if given.stages else before.get("targets", ["evaluate"])
-    runs = [given.overrides] if given.overrides or not before else before["runs"]
-    runs = [
-        run if any(o.startswith("hydra/launcher=") for o in run) else ["hydra/launcher=joblib", *run] for run in runs
-    ]
     objective = given.objective or before.get("objective")
     if unknown := [target for target in targets if stage_entry(target) is None]:
         raise InputError(f"stage {unknown[0]!r} is unknown: expected stages of dvc.yaml or folders of studies/")
     if "selection" in targets:
         raise InputError("stage 'selection' keeps recordings in git, which no sweep does: expected record, or another")
     commit = snapshot(ROOT)
-    plans = [make_plan(run, targets) for run in runs]
+    runs = [given.overrides]
+    plans = [make_plan(_launched(run), targets) for run in runs]
+    if before and plans[0].jobs is not None and not any(setting(job, before["fixed"]) for job in plans[0].jobs):
+        # nothing but what all jobs share, or how to run them: the folder's own jobs
+        launcher = [text for text in given.overrides if text.startswith("hydra")]
+        runs = before["runs"]
+        plans = [make_plan(_launched(run, launcher), targets) for run in runs]
     if any(plan.jobs is None for plan in plans) and objective is None:
         raise InputError("a sweeper that chooses needs --objective, e.g. --objective accuracy.full.new_items")
     if any(plan.jobs is None and "protocol=validation" not in plan.fixed for plan in plans):
@@ -90,18 +94,19 @@ def _sweep(given: argparse.Namespace) -> int:
     for plan in plans:
         record["defaults"] |= plan.defaults
     if before:
-        _check_fits(folder, before, record | {"runs": runs})
+        _check_fits(folder, before, record, plans)
     every = [job for plan in plans for job in plan.jobs or []]
-    planned = {tuple(job): None for job in [*before.get("jobs", []), *every]}
+    planned = {setting(job): job for job in [*before.get("jobs", []), *every]}
     cache = Path(dvc(ROOT, "cache", "dir").strip())
     sweep = Sweep(ROOT, folder, cache, commit, tuple(targets), tuple(record["fixed"]), objective, os.getpid())
     folder.mkdir(parents=True, exist_ok=True)
     try:
         with FileLock(folder / ".lock", timeout=0):
-            write_json(folder / "sweep.json", record | {"jobs": [*map(list, planned)]})
+            write_json(folder / "sweep.json", record | {"jobs": [*planned.values()]})
             if commit != (head := git(ROOT, "rev-parse", "HEAD").strip()):
                 (folder / "uncommitted.diff").write_text(git(ROOT, "diff", head, commit))
                 print(f"these jobs run uncommitted changes, kept in {folder}/uncommitted.diff", flush=True)
+            shutil.rmtree(folder / "clones", ignore_errors=True)  # a killed sweep's
             for plan in plans:
                 count = "jobs that the sweeper chooses" if plan.jobs is None else f"{len(plan.jobs)} jobs"
                 print(f"{count}, up to {', '.join(targets)}, into {folder}", flush=True)
@@ -126,7 +131,16 @@ def _read_record(folder: Path) -> dict:
     return record
 
 
-def _check_fits(folder: Path, before: dict, record: dict) -> None:
+def _launched(run: list[str], launcher: Sequence[str] = ()) -> list[str]:
+    """Return a run's overrides with another launcher or sweeper, if `launcher` names one; joblib by default."""
+    names = {text.partition("=")[0] for text in launcher}
+    dropped = ("hydra.launcher.",) if "hydra/launcher" in names else ()
+    kept = [text for text in run if text.partition("=")[0] not in names and not text.startswith(dropped)]
+    every = [*launcher, *kept]
+    return every if any(text.startswith("hydra/launcher=") for text in every) else ["hydra/launcher=joblib", *every]
+
+
+def _check_fits(folder: Path, before: dict, record: dict, plans: list[Plan]) -> None:
     """Raise InputError unless jobs of `record` may stand beside those of the sweep that the folder holds."""
     if before["code"] != record["code"]:
         raise InputError(
@@ -135,8 +149,8 @@ def _check_fits(folder: Path, before: dict, record: dict) -> None:
         )
     if before["targets"] != record["targets"]:
         raise InputError(f"{folder} is a sweep up to {', '.join(before['targets'])}: name another folder")
-    given = [{text.partition("=")[0] for text in run} for run in record["runs"]]
-    if missing := [o for o in before["fixed"] if not all(o.partition("=")[0] in names for names in given)]:
+    given = [{*values(plan.fixed), *(key.lstrip("+") for key in plan.defaults)} for plan in plans]
+    if missing := [text for text in before["fixed"] if not all({*values([text])} <= names for names in given)]:
         raise InputError(f"{folder} is a sweep with {' '.join(missing)}: give that, too, or name another folder")
 
 

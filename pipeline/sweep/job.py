@@ -19,6 +19,7 @@ from pathlib import Path
 import pandas as pd
 
 from pipeline.artifacts.files import read_json, read_table, write_json, write_table
+from pipeline.audit.setting import setting
 from pipeline.params import load
 from pipeline.runtime.errors import InputError
 from pipeline.sweep.clone import borrowed_clone
@@ -43,8 +44,8 @@ class Sweep:
     process: int = 0  # the sweep's own, the parent of joblib's processes
 
     def job_folder(self, overrides: Sequence[str]) -> Path:
-        """Return the folder of a job."""
-        name = ",".join(text for text in overrides if text not in self.fixed).replace("/", "_") or "default"
+        """Return the folder of a job, the same for every spelling of its setting."""
+        name = ",".join(setting(overrides, self.fixed)).replace("/", "_") or "default"
         if len(name) > MAX_NAME:
             name = f"{name[:MAX_NAME]}~{hashlib.sha256(name.encode()).hexdigest()[:8]}"
         return self.folder / "jobs" / name

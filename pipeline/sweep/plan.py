@@ -14,6 +14,7 @@ from hydra.errors import HydraException
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from pipeline.audit.setting import setting
 from pipeline.params import CONF, GRAPH, explained, validate
 from pipeline.params import compose as compose_parameters
 from pipeline.runtime.errors import InputError
@@ -75,10 +76,15 @@ def make_plan(arguments: Sequence[str], targets: Sequence[str]) -> Plan:
         if not override.is_discrete_sweep():
             line = override.input_line
             raise InputError(f"{line}: only hydra/sweeper=optuna can choose from an interval; list values")
-    axes = {
-        key: [f"{key}={value}" for value in override.sweep_string_iterator()] if key in swept else [_text(override)]
-        for key, override in given.items()
-    }
+    axes = {key: [] if key in swept else [_text(override)] for key, override in given.items()}
+    for key, override in swept.items():
+        every = [f"{key}={value}" for value in override.sweep_string_iterator()]
+        spelled = [setting([text]) for text in every]
+        axes[key] = [text for i, text in enumerate(every) if spelled.index(spelled[i]) == i]
+        if len(axes[key]) < len(every):
+            once = f"{key}={','.join(text.removeprefix(f'{key}=') for text in axes[key])}"
+            print(f"{override.input_line}: equal values are one setting; this runs {once}", flush=True)
+            overrides = [*overrides, once]
     for key in swept or list(axes)[:1]:  # each value once, with the first value of every other parameter
         others = [axis[0] for name, axis in axes.items() if name != key]
         for value in axes[key]:

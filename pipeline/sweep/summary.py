@@ -7,11 +7,11 @@ from typing import Any
 
 import pandas as pd
 import yaml
-from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 
 from pipeline.artifacts.files import read_json, read_table
 from pipeline.audit.difference import paired
+from pipeline.audit.setting import canonical, setting, values
 from pipeline.sweep.results import DETOUR, LOWER_IS_BETTER
 
 QUARTILES = {"mean": "mean", "q1": lambda x: x.quantile(0.25), "q3": lambda x: x.quantile(0.75)}
@@ -47,21 +47,32 @@ class Summary:
 
 
 def read_jobs(folder: Path, record: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return the records of planned jobs and of those with a folder, with their name, path and swept values."""
+    """Return the records of planned jobs and of those with a folder, one a setting.
+
+    Each has its name, path, swept values as text, and in `at_default` those of them that are the default.
+    """
     found = {}
     for path in sorted((folder / "jobs").glob("*/job.json")):
-        job = read_json(path)
-        found[tuple(sorted(job["overrides"]))] = job | {"path": path.parent}
-    planned = {tuple(sorted(job)): {"overrides": job, "state": "missing"} for job in record["jobs"]}
+        job = read_json(path) | {"path": path.parent}
+        key = setting(job["overrides"], record["fixed"])
+        if job["state"] == "done" or key not in found:
+            found[key] = job
+    planned = {setting(job, record["fixed"]): {"overrides": job, "state": "missing"} for job in record["jobs"]}
     jobs = [found.get(key, job) for key, job in (planned | found).items()]
-    parser = OverridesParser.create()
+    fixed = values(record["fixed"])
     for job in jobs:
-        swept = [parser.parse_override(text) for text in job["overrides"] if text not in record["fixed"]]
-        job["values"] = {each.get_key_element().lstrip("+"): shown(each.value()) for each in swept}
+        given = values(job["overrides"]).items()
+        job["values"] = {k: v for k, v in given if k not in fixed or canonical(v) != canonical(fixed[k])}
     keys = list(dict.fromkeys(key for job in jobs for key in job["values"]))
     for job in jobs:  # a later run may sweep what an earlier one left as it was
         if job["state"] == "done" and (others := [key for key in keys if key not in job["values"]]):
             job["values"] |= _values(job["path"] / "params.yaml", others)
+    texts = {key: _texts([job["values"][key] for job in jobs if key in job["values"]]) for key in keys}
+    defaults = {key.lstrip("+"): canonical(value) for key, value in record.get("defaults", {}).items()}
+    for job in jobs:
+        own = {key: canonical(value) for key, value in job["values"].items()}
+        job["at_default"] = [key for key, text in own.items() if text == defaults.get(key)]
+        job["values"] = {key: texts[key][text] for key, text in own.items()}
     short = {key: key.rpartition(".")[2] for key in keys}
     names = short if len(set(short.values())) == len(keys) else {key: key for key in keys}
     for job in jobs:
@@ -69,30 +80,27 @@ def read_jobs(folder: Path, record: dict[str, Any]) -> list[dict[str, Any]]:
     return jobs
 
 
-def _values(path: Path, names: list[str]) -> dict[str, str]:
+def _values(path: Path, names: list[str]) -> dict[str, Any]:
     """Return parameters by their dotted names as a params.yaml has them; leave out what it lacks."""
     parameters = OmegaConf.load(path)
-    values = {name: OmegaConf.select(parameters, name, default=MISSING) for name in names}
+    found = {name: OmegaConf.select(parameters, name, default=MISSING) for name in names}
     return {
-        name: shown(OmegaConf.to_object(value) if OmegaConf.is_config(value) else value)
-        for name, value in values.items()
+        name: OmegaConf.to_object(value) if OmegaConf.is_config(value) else value
+        for name, value in found.items()
         if value is not MISSING
     }
 
 
+def _texts(swept: list[Any]) -> dict[str, str]:
+    """Return canonical text -> what a page shows: `shown`, unless two values would look the same."""
+    texts = {canonical(value): shown(value) for value in swept}
+    return texts if len(set(texts.values())) == len(texts) else {text: text for text in texts}
+
+
 def shown(value: Any) -> str:
     """Return a parameter's value as text; a mapping whose values are all the same is shown as that value."""
-    if isinstance(value, dict):
-        same = len({shown(part) for part in value.values()}) == 1
-        parts = [f"{key}:{shown(part)}" for key, part in value.items()]
-        return shown(next(iter(value.values()))) if same else f"{{{','.join(parts)}}}"
-    if isinstance(value, list):
-        return f"[{','.join(map(shown, value))}]"
-    if isinstance(value, float) and value.is_integer():
-        return str(int(value))
-    if value is None or isinstance(value, bool):
-        return {None: "null", True: "true", False: "false"}[value]
-    return str(value)
+    same = isinstance(value, dict) and len({canonical(part) for part in value.values()}) == 1
+    return shown(next(iter(value.values()))) if same else canonical(value)
 
 
 def summarise(record: dict[str, Any], jobs: list[dict[str, Any]]) -> Summary:
@@ -100,8 +108,8 @@ def summarise(record: dict[str, Any], jobs: list[dict[str, Any]]) -> Summary:
     done = [job for job in jobs if job["state"] == "done"]
     keys = list(dict.fromkeys(key for job in done for key in job["values"]))
     parameters = [key for key in keys if len({job["values"].get(key) for job in done}) > 1]
-    defaults = {key: shown(value) for key, value in record.get("defaults", {}).items()}
-    at_default = [job for job in done if all(job["values"].get(p) in (None, defaults.get(p)) for p in parameters)]
+    defaults = {key.lstrip("+"): shown(value) for key, value in record.get("defaults", {}).items()}
+    at_default = [job for job in done if all(p in job["at_default"] or p not in job["values"] for p in parameters)]
     reference = (at_default or done)[0]
     parts = []
     for job in done:

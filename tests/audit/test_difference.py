@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 from scipy.stats import ttest_rel
 
-from pipeline.audit.__main__ import main
-from pipeline.audit.difference import METRICS, Commit, Difference, Headline, _processors, paired
+from pipeline.audit.__main__ import _plain, main
+from pipeline.audit.difference import METRICS, Commit, Difference, Headline, _parameters, _processors, paired
 from pipeline.audit.rerun import Output
 from pipeline.audit.revision import git
 from pipeline.audit.text import MAX_LINES, of_difference, of_rerun, table
@@ -81,3 +81,36 @@ def test_a_stage_that_ran_again_with_other_bytes_is_not_called_equal_by_headline
     difference = Difference([], [], [], [], [], [], pd.DataFrame(), [], same)
     for path, word in (("outputs/scenes/images.npz", "changed"), (METRICS, "equal")):
         assert of_rerun("scenes", [Output("scenes", path, False)], difference).startswith(f"# scenes: {word}\n")
+
+
+@pytest.mark.parametrize(
+    "after", [[0.575, 0.675], [0.5, 0.6, 0.7, 0.8, 0.9], [0.575 + 0.1 * seed for seed in range(10)]]
+)
+def test_few_pairs_or_differences_without_variance_have_no_interval_and_no_p(after: list[float]):
+    before = np.array([0.5 + 0.1 * seed for seed in range(len(after))])
+    row = paired(seeds(x=before), seeds(x=np.array(after) + 0.0001)).iloc[0]
+    assert row["word"] == "undecided" and np.isnan(row[["ci_low", "ci_high", "p_holm"]].astype(float)).all()
+
+
+def test_what_is_equal_for_every_seed_is_the_same_however_few_there_are():
+    row = paired(seeds(x=np.array([0.3, 0.2])), seeds(x=np.array([0.1 + 0.2, 0.2]))).iloc[0]
+    assert row["word"] == "same" and row["difference"] == 0 and np.isnan(row["p_holm"])
+
+
+def test_an_audit_says_that_pairs_are_too_few_and_its_json_is_json():
+    by_seed = paired(seeds(x=np.array([0.5, 0.6]), y=np.ones(2)), seeds(x=np.array([0.575, 0.675]), y=np.ones(2)))
+    text = of_difference("before", "after", Difference([], [], [], [], [], [], pd.DataFrame(), [], by_seed))
+    assert "+0.075 (too few pairs)" in text and "1 others have the same values for every seed" in text
+    assert json.loads(json.dumps(_plain(by_seed)))[0]["p_holm"] is None
+
+
+def test_a_parameter_that_is_only_spelled_otherwise_does_not_differ(tmp_path: Path):
+    def parameters(text: str) -> dict[str, str]:
+        (tmp_path / "params.yaml").write_text(text)
+        git(tmp_path, "add", "--all")
+        git(tmp_path, *AUTHOR, "commit", "--quiet", "--message", "parameters")
+        return _parameters(Commit(git(tmp_path, "rev-parse", "HEAD").strip(), tmp_path))
+
+    git(tmp_path, "init", "--quiet")
+    assert parameters("a: {rate: 1e-5, n: [9]}\n") == parameters("a: {n: [9.0], rate: 0.00001}\n")
+    assert parameters("a: 1\n") != parameters("a: true\n")

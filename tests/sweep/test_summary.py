@@ -102,3 +102,57 @@ def test_the_tidy_table_has_a_row_for_each_setting_headline_and_seed(folder: Pat
     results = read_table(folder / "results.parquet")
     assert list(results.columns) == ["setting", "beta", "headline", "seed", "value"]
     assert len(results) == 5 * 3 * len(SEEDS) and not results.duplicated(["setting", "headline", "seed"]).any()
+
+
+def sweep_of(folder: Path, values: dict[str, list[float]], name: str = "accuracy.full.new_items") -> None:
+    """A finished sweep: override -> the headline for each seed."""
+    for override, column in values.items():
+        path = folder / "jobs" / override
+        write_table(
+            path / "results.parquet", pd.DataFrame({"headline": name, "seed": range(len(column)), "value": column})
+        )
+        (path / "params.yaml").write_text(yaml.safe_dump(PARAMETERS))
+        write_json(path / "job.json", {"overrides": [override], "state": "done"})
+    record = {"commit": "0" * 40, "targets": ["evaluate"], "runs": [["x"]], "fixed": [], "defaults": {}}
+    write_json(folder / "sweep.json", record | {"jobs": [[override] for override in values]})
+
+
+@pytest.mark.parametrize(
+    ("after", "says"),
+    [
+        ([0.575, 0.675], "too few pairs"),
+        ([0.6, 0.7, 0.8, 0.9, 1.0], "too few pairs"),
+        ([0.5 + 0.1 * seed + 0.075 for seed in range(8)], "no variance"),
+    ],
+)
+def test_no_interval_no_p_and_no_better_without_six_pairs_that_vary(tmp_path: Path, after: list[float], says: str):
+    sweep_of(tmp_path, {"beta=0": [0.5 + 0.1 * seed for seed in range(len(after))], "beta=1": after})
+    assert main(["summary", str(tmp_path)]) == 0
+    (row,) = read_table(tmp_path / "differences.parquet").itertuples()
+    assert row.word == "undecided" and np.isnan([row.ci_low, row.ci_high, row.p_holm]).all()
+    page = (tmp_path / "index.html").read_text()
+    assert says in page and "The difference is real." not in page and "0.000" not in page
+
+
+def test_a_result_that_is_equal_for_every_seed_is_the_same_and_says_so(tmp_path: Path):
+    values = {"beta=0": [0.3, 0.4], "beta=1": [0.1 + 0.2, 0.4], "beta=2": [0.2, 0.1]}  # 0.1 + 0.2 is not 0.3
+    sweep_of(tmp_path, values)
+    assert main(["summary", str(tmp_path)]) == 0
+    words = read_table(tmp_path / "differences.parquet").set_index("setting")["word"]
+    assert dict(words) == {"beta=1": "same", "beta=2": "undecided"}
+    assert "equal for every seed" in (tmp_path / "index.html").read_text()
+
+
+def test_two_spellings_of_a_setting_count_once_and_its_training_sets_once(tmp_path: Path):
+    sweep_of(tmp_path, {"beta=1": [0.5, 0.6], "beta=100": [0.5, 0.7], "beta=100.0": [0.5, 0.7], "beta=1e2": [0.5, 0.7]})
+    assert main(["summary", str(tmp_path)]) == 0
+    (row,) = read_table(tmp_path / "differences.parquet").itertuples()
+    assert (row.setting, row.seeds) == ("beta=100", 2)
+    assert len(read_table(tmp_path / "results.parquet")) == 4
+
+
+def test_settings_that_look_the_same_in_short_are_shown_whole(tmp_path: Path):
+    sweep_of(tmp_path, {"m={bowl:0.02}": [0.5, 0.6], "m={bowl:0.02,glass:0.02}": [0.5, 0.7]})
+    assert main(["summary", str(tmp_path)]) == 0
+    settings = set(read_table(tmp_path / "results.parquet")["setting"])
+    assert settings == {"m={bowl:0.02}", "m={bowl:0.02,glass:0.02}"}

@@ -2,7 +2,6 @@
 
 import matplotlib.pyplot as plt
 import pandas as pd
-import yaml
 from matplotlib.figure import Figure
 
 from pipeline.legend import label
@@ -83,6 +82,7 @@ def at_reference(summary: Summary, parameter: str) -> pd.DataFrame:
 
 
 def _order(text: str) -> tuple[bool, float, str]:
-    value = yaml.safe_load(text)
-    number = isinstance(value, int | float)
-    return not number, float(value) if number else 0.0, text
+    try:
+        return False, float(text), text
+    except ValueError:
+        return True, 0.0, text
