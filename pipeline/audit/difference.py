@@ -13,8 +13,8 @@ import pandas as pd
 import yaml
 from scipy.stats import t
 
-from pipeline.audit.revision import git
 from pipeline.config.graph import ROOT
+from pipeline.git import git
 from pipeline.launch import PROCESSORS
 from pipeline.runtime.errors import InputError
 from pipeline.stats.tests import LEVEL, holm
