@@ -120,6 +120,7 @@ def test_git_s_own_words_say_why_it_refuses_a_commit(tmp_path: Path, monkeypatch
         resolve("HEAD")
 
 
+@pytest.mark.slow
 def test_a_clone_has_git_s_bytes_where_git_is_told_to_change_line_ends(person: Path, tmp_path: Path):
     git(tmp_path, "clone", "--quiet", "--shared", "--config", "core.autocrlf=true", str(person), "clone")
     listed = [line.split("\t") for line in git(tmp_path / "clone", "ls-files", "--stage").splitlines()]
