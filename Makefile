@@ -6,6 +6,7 @@ PYTHON ?= python3
 VENV := .venv
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 export PYTHONHASHSEED := 0
+unexport $(shell git rev-parse --local-env-vars)  # of the hook or alias that started make: clones are made here
 READY := $(VENV)/.ready
 COMPILE := pip-compile --quiet --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-trusted-host
 RUN ?=
@@ -46,14 +47,21 @@ demo: $(READY)  ## a small run of the paper in demo/, from data to page in a few
 	bash tests/smoke.sh --profile demo demo
 	@echo "page: $(CURDIR)/demo/reports/index.html"
 
-pull: $(READY)  ## what the remote has: data, and results where somebody pushed them
-	dvc pull --allow-missing
+pull: data-here  ## data, and results where somebody pushed them to the remote
+	@said=$$(dvc pull --allow-missing 2> .dvc/tmp/pull) || { cat .dvc/tmp/pull >&2; exit 1; }; \
+	  sed '/^md5: /d; /Missing cache files:/d' .dvc/tmp/pull >&2; lacking=$$(grep -c '^md5: ' .dvc/tmp/pull || true); \
+	  echo "data: here; results: $$(sed -n '$$s/^Everything is up to date.*/nothing new/; $$p' <<< "$$said")"; \
+	  [ $$lacking = 0 ] || echo "nobody pushed $$lacking results that the locks name: \`make repro\` and \`make studies\` compute them"
 
+# from store/, which lies in git, whatever remote results go to
+DATA := --remote store data.dvc rendered/pictures.dvc
 .PHONY: data-here
 data-here: $(READY)
 	@[ -s .dvc/tmp/rwlock ] || rm -f .dvc/tmp/rwlock  # emptied where DVC was killed as it wrote it: DVC would refuse to run
-	@dvc pull --allow-missing --quiet data.dvc rendered/pictures.dvc || dvc pull --allow-missing data.dvc rendered/pictures.dvc || \
-	  { echo "error: data/ or rendered/pictures/ is not what git names: the lines above say why. If a file was edited or is damaged, \`dvc checkout --force\` drops your changes; if the store is, \`git checkout store\` restores it" >&2; exit 1; }
+	@dvc pull --quiet $(DATA) || dvc pull $(DATA) || { echo "error: data/ or rendered/pictures/ is not what git names (see above):" \
+	  "$$(if [ -n "$$(git status --porcelain store)" ]; then echo '`git checkout store` restores the store, from which they come'; \
+	  elif [ -d data ] && [ -d rendered/pictures ]; then echo '`dvc checkout --force data.dvc rendered/pictures.dvc` drops your changes'; \
+	  else echo 'store/ never had them: `dvc push $(DATA)` where they are'; fi)" >&2; exit 1; }
 
 test: data-here  ## ruff, pyright, spelling, the test suite (it includes the smoke run); `pytest -n 2 -m "not slow"` takes some 50 s
 	ruff check . && ruff format --check .

@@ -19,6 +19,8 @@ from pathlib import Path
 
 import psutil
 
+from pipeline.git import environment, git
+
 ROOT = Path(__file__).resolve().parent.parent
 RUNNING = re.compile(r"Running stage '(?:[^':]+:)?([^']+)'")
 GIB = 2**30  # bytes
@@ -35,22 +37,21 @@ COMMANDS = {
 def measure(out: Path, clone: Path, names: Sequence[str]) -> None:
     """Run the commands in the clone and add their results to `out`, each as soon as it has ended."""
     if not clone.exists():
-        subprocess.run(["git", "clone", "--quiet", str(ROOT), str(clone)], check=True)
+        git(ROOT, "clone", "--quiet", str(ROOT), str(clone.resolve()))
     if not (clone / ".venv" / ".ready").exists():
         names = ["environment", *(name for name in names if name != "environment")]
-    commit = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=clone, capture_output=True, text=True)
+    commit = git(clone, "describe", "--always", "--dirty").strip()
     for name in names:
         results = json.loads(out.read_text()) if out.is_file() else {}
-        results[name] = run(clone, COMMANDS[name]) | {"commit": commit.stdout.strip()}
+        results[name] = run(clone, COMMANDS[name]) | {"commit": commit}
         out.write_text(json.dumps(results, indent=2) + "\n")
 
 
 def run(clone: Path, command: str) -> dict:
     """Run a command; return its minutes, those of its stages, and the peak memory of its processes [GiB]."""
     start = time.perf_counter()
-    process = subprocess.Popen(
-        shlex.split(command), cwd=clone, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    )
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+    process = subprocess.Popen(shlex.split(command), cwd=clone, env=environment(), **pipes)
     peak = [0.0]
     threading.Thread(target=_watch, args=(psutil.Process(process.pid), peak), daemon=True).start()
     starts: list[tuple[str, float]] = []

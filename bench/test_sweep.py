@@ -4,7 +4,6 @@ The jobs differ in a parameter that no stage up to the target reads, so that all
 """
 
 import shutil
-import subprocess
 import sys
 import time
 from importlib.util import find_spec
@@ -12,8 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.git import dvc, run
 from pipeline.sweep.plan import EXTRAS
-from tests.sweep.running import SMALL, clone_of_working_tree, environment, sweep
+from tests.sweep.running import SMALL, clone_of_working_tree, sweep
 
 JOBS = 8
 LAUNCHERS = ("basic", "joblib", "ray", "submitit_local")  # the last two need the environment of `make bench`
@@ -26,7 +26,7 @@ def repository(tmp_path_factory: pytest.TempPathFactory) -> Path:
     clone = clone_of_working_tree(tmp_path_factory.mktemp("bench") / "repository")
     ended = sweep(clone, "--multirun", *SMALL, *TARGET, "--folder", "warm")
     assert ended.returncode == 0, ended.stderr
-    subprocess.run([sys.executable, "-m", "dvc", "pull", "--quiet", "data.dvc"], cwd=clone, check=True)
+    dvc(clone, "pull", "--quiet", "--remote", "store", "data.dvc")
     return clone
 
 
@@ -36,8 +36,8 @@ def bare_loop(repository: Path) -> None:
         shutil.rmtree(repository / "outputs", ignore_errors=True)
         compose = ["pipeline.params", *SMALL, f"report.scenes={value + 1}"]
         for arguments in (compose, ["dvc", "repro", "demos"]):
-            place = {"cwd": repository, "env": environment(repository)}
-            subprocess.run([sys.executable, "-m", *arguments], **place, check=True, capture_output=True)
+            there = {"PYTHONPATH": str(repository)}
+            run([sys.executable, "-m", *arguments], repository, there, check=True, capture_output=True)
 
 
 def test_bare_loop(benchmark, repository: Path):

@@ -11,8 +11,11 @@ from hypothesis import settings
 from jaxtyping import install_import_hook
 from omegaconf import DictConfig
 
+from pipeline.git import forget_repository
+
 sys.dont_write_bytecode = False  # the hook would compile what it loads, and torch and scipy with it, in every run
 install_import_hook("pipeline", "beartype.beartype")
+forget_repository()  # that of a hook which runs the tests
 settings.register_profile("repeatable", derandomize=True)
 settings.load_profile("repeatable")
 

@@ -12,7 +12,7 @@ for path in sys.argv[1:]:
         for variant in stage.get("matrix", {}).get("variant", [""]):
             command = stage["cmd"].replace("${item.variant}", variant).split()
             sys.argv = command[command.index("-m") + 1 :]
-            if name != "page":
+            if name not in ("params", "page"):
                 launch(importlib.import_module(sys.argv[0]).main, name)
 """
 

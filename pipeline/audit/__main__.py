@@ -26,9 +26,10 @@ from pipeline.audit.consistency import audit
 from pipeline.audit.difference import Commit, Difference, compare
 from pipeline.audit.history import history
 from pipeline.audit.rerun import Output, outputs, run
-from pipeline.audit.revision import checked_out, git, resolve
+from pipeline.audit.revision import checked_out, resolve
 from pipeline.audit.show import as_page, in_terminal
 from pipeline.audit.text import headlines_ran, of_audit, of_difference, of_history, of_rerun
+from pipeline.git import forget_repository, git
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.writing import atomic_write
 
@@ -112,4 +113,5 @@ def _plain(value: Any) -> Any:
 
 
 if __name__ == "__main__":
+    forget_repository()
     sys.exit(main(sys.argv[1:]))

@@ -3,7 +3,7 @@
 import html
 import json
 import re
-import subprocess
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +12,7 @@ import pandas as pd
 import yaml
 
 from pipeline.artifacts.files import read_json
-from pipeline.audit.revision import dvc, git
+from pipeline.git import dvc, git, run
 from pipeline.report.page import FORMATS, HIDDEN
 from pipeline.report.readme import contents, fill
 from pipeline.runtime.errors import InputError
@@ -30,7 +30,7 @@ class Fault:
 class Checked:
     """The result of one check: how many items it looked at, and the faults among them."""
 
-    check: str  # stages, outputs, tables, prose, provenance or README
+    check: str  # stages, parameters, outputs, tables, prose, provenance or README
     what: str  # what it asks
     items: int
     faults: list[Fault]
@@ -42,6 +42,7 @@ def audit(clone: Path) -> list[Checked]:
     status = {stage: entries for stage, entries in status.items() if ".dvc" not in stage}  # stage -> what changed
     return [
         stages(clone, locks, status),
+        parameters(clone),
         outputs(clone, locks, status),
         _each_page(clone, "tables", "each cell of a page's table is its csv's", table_cells),
         _each_page(clone, "prose", "each traced number in a sentence is its table's", prose),
@@ -78,6 +79,17 @@ def stages(clone: Path, locks: dict[str, dict], status: dict[str, list]) -> Chec
     return Checked("stages", "code, parameters, data and locks agree", len(names), faults)
 
 
+def parameters(clone: Path) -> Checked:
+    """Check that params.yaml and dvc.yaml are what conf/ composes, by the commit's own `pipeline.params`."""
+    known, faults = git(clone, "ls-files", "conf").splitlines(), []
+    command = [sys.executable, "-m", "pipeline.params", "--check"]
+    ended = run(command, clone, {"PYTHONPATH": str(clone)}, capture_output=True)
+    if ended.returncode:
+        said = (ended.stderr.strip().splitlines() or ["`python -m pipeline.params --check` failed"])[-1]
+        faults = [Fault("conf/", said.removeprefix("error: "))]
+    return Checked("parameters", "params.yaml is what conf/ composes", len(known), faults)
+
+
 def outputs(clone: Path, locks: dict[str, dict], status: dict[str, list]) -> Checked:
     """Check that every result in git is the one that its stage's lock names, and that nothing else lies there."""
     known = [out["path"] for stage in locks.values() for out in stage.get("outs", [])]
@@ -91,7 +103,7 @@ def _changes(clone: Path, status: dict[str, list], kind: str) -> list[Fault]:
     """Return in words what changed of each stage, leaving out what a clone lacks: data and results that DVC keeps."""
     changes = [entry.get(kind, {}) for entries in status.values() for entry in entries if isinstance(entry, dict)]
     command = ["git", "check-ignore", "--", *{name for change in changes for name in change}]
-    ignored = subprocess.run(command, cwd=clone, capture_output=True, text=True)
+    ignored = run(command, clone, capture_output=True)
     kept_by_dvc, faults = set(ignored.stdout.splitlines()), []
     for stage, entries in status.items():
         changed = {

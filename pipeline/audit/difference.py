@@ -12,9 +12,9 @@ import pandas as pd
 from omegaconf import OmegaConf
 from scipy.stats import t
 
-from pipeline.audit.revision import git
 from pipeline.audit.setting import canonical
 from pipeline.config.graph import ROOT
+from pipeline.git import git
 from pipeline.launch import PROCESSORS
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.reading import parse_csv

@@ -2,15 +2,15 @@
 
 import os
 import shutil
-import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
 
-from pipeline.audit.revision import git
 from pipeline.config.graph import ROOT
+from pipeline.git import git
+from pipeline.git import run as run_in
 from pipeline.runtime.errors import InputError
 
 PINNED = "requirements.lock"
@@ -39,16 +39,16 @@ def run(clone: Path, stages: list[str], profile: str | None = None) -> Hashes:
         raise InputError(f"stage {unknown[0]!r} is unknown: expected some of {', '.join(known)}")
     binaries = Path(sys.executable).parent
     if (clone / PINNED).read_text() != (ROOT / PINNED).read_text():
-        if subprocess.run(["make", "venv"], cwd=clone, stdout=sys.stderr).returncode:
+        if run_in(["make", "venv"], clone, stdout=sys.stderr).returncode:
             raise InputError("`make venv` failed in a clone of the commit: its output is above")
         binaries = clone / ".venv" / "bin"
-    environment = {"PATH": f"{binaries}:{os.environ['PATH']}", "PYTHONPATH": str(clone), "PYTHONHASHSEED": "0"}
+    changes = {"PATH": f"{binaries}:{os.environ['PATH']}", "PYTHONPATH": str(clone), "PYTHONHASHSEED": "0"}
     for _, path in outputs(clone):  # those that git keeps
         shutil.rmtree(clone / path) if (clone / path).is_dir() else (clone / path).unlink(missing_ok=True)
     compose = [["python", "-m", "pipeline.params", f"profile={profile}"]] if profile else []
-    pull = ["dvc", "pull", "--quiet", "--allow-missing", "data.dvc"]
+    pull = ["dvc", "pull", "--quiet", "--remote", "store", "data.dvc"]
     for command in (*compose, pull, ["dvc", "repro", *stages]):
-        if subprocess.run(command, cwd=clone, env=os.environ | environment, stdout=sys.stderr).returncode:
+        if run_in(command, clone, changes, stdout=sys.stderr).returncode:
             raise InputError(f"`{' '.join(command)}` failed in a clone of the commit: its output is above")
     ran = {key: md5 for key, md5 in outputs(clone).items() if (clone / key[1]).exists()}
     for path in git(clone, "ls-files", "--deleted").splitlines():  # of stages that were not run

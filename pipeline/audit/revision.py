@@ -1,13 +1,12 @@
 """Check out a commit beside the working tree, so that it can be read without touching anything."""
 
-import subprocess
-import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from pipeline.config.graph import ROOT
+from pipeline.git import git, run
 from pipeline.runtime.errors import InputError
 
 
@@ -15,7 +14,7 @@ from pipeline.runtime.errors import InputError
 def checked_out(revision: str) -> Iterator[Path]:
     """Yield a temporary clone of the repository at a commit; it has no data and no results beyond git's.
 
-    Raise InputError if git does not know the commit.
+    Raise InputError if git does not know the commit, or refuses to work here.
     """
     commit = resolve(revision)
     with tempfile.TemporaryDirectory(prefix="audit-") as folder:
@@ -27,7 +26,8 @@ def make_clone(root: Path, commit: str, clone: Path, left_out: Sequence[str] = (
 
     Both share git's objects. Return the folder.
     """
-    git(root, "clone", "--quiet", "--shared", "--no-checkout", str(root), str(clone))
+    as_committed = ["--config", "core.autocrlf=false"]  # locks name bytes
+    git(root, "clone", "--quiet", "--shared", "--no-checkout", *as_committed, str(root), str(clone))
     if left_out:
         git(clone, "sparse-checkout", "set", "--no-cone", "/*", *(f"!/{folder}/" for folder in left_out))
     git(clone, "checkout", "--quiet", "--detach", commit)
@@ -35,28 +35,11 @@ def make_clone(root: Path, commit: str, clone: Path, left_out: Sequence[str] = (
 
 
 def resolve(revision: str) -> str:
-    """Return a commit's full hash; raise InputError if git does not know it."""
+    """Return a commit's full hash; raise InputError if git does not know it or refuses to look."""
     if revision.startswith("-"):
         raise InputError(f"commit {revision!r}: expected a hash, branch or tag")
-    try:
-        return git(ROOT, "rev-parse", "--verify", "--quiet", f"{revision}^{{commit}}").strip()
-    except InputError:
-        raise InputError(f"commit {revision!r} is unknown: `git log --oneline` lists those of this clone") from None
-
-
-def git(folder: Path, *arguments: str, env: Mapping[str, str] | None = None) -> str:
-    """Return what git prints; raise InputError with its message if it fails."""
-    return _run(["git", *arguments], folder, env)
-
-
-def dvc(folder: Path, *arguments: str) -> str:
-    """Return what DVC prints, without analytics; raise InputError with its message if it fails."""
-    return _run([sys.executable, "-m", "dvc", *arguments], folder)
-
-
-def _run(command: list[str], folder: Path, env: Mapping[str, str] | None = None) -> str:
-    ended = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True)
-    if ended.returncode:
-        message = " ".join((ended.stderr or ended.stdout).split())[-400:]
-        raise InputError(f"`{' '.join(command[:3])}` failed: {message}")
-    return ended.stdout
+    found = run(["git", "rev-parse", "--verify", "--quiet", f"{revision}^{{commit}}"], ROOT, capture_output=True)
+    if found.returncode:
+        why = " ".join(found.stderr.split()) or "it is unknown: `git log --oneline` lists those of this clone"
+        raise InputError(f"commit {revision!r}: {why}")
+    return found.stdout.strip()

@@ -18,9 +18,9 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from pipeline.artifacts.files import read_json, write_json
-from pipeline.audit.revision import dvc, git
 from pipeline.audit.setting import setting, values
 from pipeline.config.graph import ROOT, stage_entry
+from pipeline.git import dvc, forget_repository, git
 from pipeline.runtime.errors import InputError
 from pipeline.sweep.clone import code_digest, snapshot
 from pipeline.sweep.job import Sweep, reason
@@ -172,4 +172,5 @@ def _summarise(folder: Path) -> int:
 
 
 if __name__ == "__main__":
+    forget_repository()
     sys.exit(main(sys.argv[1:]))

@@ -1,7 +1,6 @@
 """Light clones of one commit in which jobs run their stages, with the DVC cache of the repository they came from."""
 
 import hashlib
-import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,7 +9,8 @@ from tempfile import TemporaryDirectory
 
 from filelock import FileLock, Timeout
 
-from pipeline.audit.revision import git, make_clone
+from pipeline.audit.revision import make_clone
+from pipeline.git import git
 
 # What a job runs; pages and locks in studies/ are results, not code. A pathspec with a * matches files, not folders.
 CODE = ["conf", "pipeline", "studies", "dvc.yaml", "data.dvc", "rendered"]
@@ -36,7 +36,7 @@ def snapshot(root: Path) -> str:
     if not git(root, "status", "--porcelain", "--untracked-files=all", "--", *CODE):
         return head
     date = git(root, "log", "-1", "--format=%cI").strip()
-    env = os.environ | {f"GIT_{who}_{what}": "sweep" for who in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")}
+    env = {f"GIT_{who}_{what}": "sweep" for who in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")}
     with TemporaryDirectory() as folder:
         env |= {"GIT_INDEX_FILE": f"{folder}/index", "GIT_AUTHOR_DATE": date, "GIT_COMMITTER_DATE": date}
         git(root, "read-tree", "HEAD", env=env)

@@ -20,6 +20,7 @@ import pandas as pd
 
 from pipeline.artifacts.files import read_json, read_table, write_json, write_table
 from pipeline.audit.setting import setting
+from pipeline.git import environment
 from pipeline.params import load
 from pipeline.runtime.errors import InputError
 from pipeline.sweep.clone import borrowed_clone
@@ -97,7 +98,7 @@ def is_done(folder: Path) -> bool:
 def _run_stages(sweep: Sweep, overrides: Sequence[str], clone: Path, folder: Path) -> dict:
     """Run the stages in a process group of their own; raise InputError with the last line of the log if they fail."""
     command = [sys.executable, "-m", "pipeline.sweep.stages", *sweep.targets, "--overrides", "workers=1", *overrides]
-    env = os.environ | {"PYTHONHASHSEED": "0", "TQDM_DISABLE": "1", "PYTHONPATH": str(clone)}
+    env = environment({"PYTHONHASHSEED": "0", "TQDM_DISABLE": "1", "PYTHONPATH": str(clone)})
     env["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{env['PATH']}"  # stages are run as `python -m ...`
     with (folder / "log.txt").open("w") as log:
         process = subprocess.Popen(command, cwd=clone, env=env, stdout=log, stderr=log, start_new_session=True)

@@ -31,7 +31,8 @@ def run_stages(targets: list[str]) -> dict[str, dict]:
         plan = plan_repro(graph, [stage for target in targets for stage in repo.stage.collect(address(target))])
         sources = [stage for stage in plan if stage.is_data_source]
         with FileLock(locks / "data"):
-            repo.pull(targets=[stage.addressing for stage in sources])
+            if sources:  # DVC takes no targets for all
+                repo.pull(targets=[stage.addressing for stage in sources], remote="store")
         pending = [stage for stage in plan if not stage.is_data_source]
         while pending:
             for stage in pending:

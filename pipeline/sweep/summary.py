@@ -53,7 +53,7 @@ def read_jobs(folder: Path, record: dict[str, Any]) -> list[dict[str, Any]]:
     """
     found = {}
     for path in sorted((folder / "jobs").glob("*/job.json")):
-        job = read_json(path) | {"path": path.parent}
+        job: dict[str, Any] = read_json(path) | {"path": path.parent}
         key = setting(job["overrides"], record["fixed"])
         if job["state"] == "done" or key not in found:
             found[key] = job

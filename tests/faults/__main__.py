@@ -25,6 +25,7 @@ import pandas as pd
 import yaml
 
 from pipeline.artifacts.files import write_table
+from pipeline.git import dvc, forget_repository
 from tests.sweep.running import SMALL
 
 ROOT = Path(__file__).parents[2]
@@ -53,7 +54,7 @@ class Broken:
                 path.unlink()
         if cache:
             shutil.copytree(whole / ".dvc/cache", folder / ".dvc/cache")
-        subprocess.run(["dvc", "pull", "--quiet", "data.dvc", "rendered/pictures.dvc"], cwd=folder, check=True)
+        dvc(folder, "pull", "--quiet", "--remote", "store", "data.dvc", "rendered/pictures.dvc")
 
     def run(self, *command: str) -> subprocess.CompletedProcess[str]:
         """Return the ended command with what it said."""
@@ -334,4 +335,5 @@ def _with_rows(table: pd.DataFrame, fault: str, ends: Ends, folders: Sequence[st
 
 
 if __name__ == "__main__":
+    forget_repository()
     sys.exit(main())

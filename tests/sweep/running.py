@@ -1,13 +1,14 @@
 """Run sweeps as a user does, in a clone of the working tree that has a cache of its own."""
 
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
 
 from pipeline.audit.revision import make_clone
 from pipeline.config.graph import ROOT
+from pipeline.git import environment as without_repository
+from pipeline.git import run
 from pipeline.sweep.clone import snapshot
 
 LEFT_OUT = [f"~variants.{name}" for name in ("full", "ae", "classifier", "irl_maxent", "irl_ranked")]
@@ -23,13 +24,11 @@ def command(*arguments: str) -> list[str]:
 
 
 def environment(repository: Path) -> dict[str, str]:
-    return os.environ | {"PYTHONPATH": str(repository)}
+    return without_repository({"PYTHONPATH": str(repository)})
 
 
 def sweep(repository: Path, *arguments: str) -> subprocess.CompletedProcess:
-    return subprocess.run(
-        command(*arguments), cwd=repository, capture_output=True, text=True, env=environment(repository)
-    )
+    return run(command(*arguments), repository, {"PYTHONPATH": str(repository)}, capture_output=True)
 
 
 def jobs(folder: Path) -> dict[str, dict]:

@@ -1,0 +1,58 @@
+"""Start git, DVC, make and Python in a repository's folder, whatever repository the caller's variables name.
+
+Git sets GIT_DIR and others for hooks and `!` aliases. A child that inherits them works on the repository that they
+name, not on its folder's.
+"""
+
+import os
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from pipeline.runtime.errors import InputError
+
+
+@cache
+def _local_variables() -> tuple[str, ...]:
+    """Return the variables by which git names one repository, as git lists them."""
+    listed = subprocess.run(["git", "rev-parse", "--local-env-vars"], capture_output=True, text=True, check=True)
+    return tuple(listed.stdout.split())
+
+
+def forget_repository() -> None:
+    """Remove the variables that name a repository from this process: for commands that git may have started."""
+    for name in _local_variables():
+        os.environ.pop(name, None)
+
+
+def environment(env: Mapping[str, str] | None = None) -> dict[str, str]:
+    """Return this process's variables without those that name a repository, then with those of `env`."""
+    return {name: value for name, value in os.environ.items() if name not in _local_variables()} | dict(env or {})
+
+
+def run(
+    command: Sequence[str], folder: Path, env: Mapping[str, str] | None = None, **options: Any
+) -> subprocess.CompletedProcess[str]:
+    """Return a command that has ended in `folder` with these variables changed; `options`: of subprocess.run."""
+    return subprocess.run(command, cwd=folder, env=environment(env), text=True, **options)
+
+
+def git(folder: Path, *arguments: str, env: Mapping[str, str] | None = None) -> str:
+    """Return what git prints in `folder`; raise InputError with its message if it fails."""
+    return _said(["git", *arguments], folder, env)
+
+
+def dvc(folder: Path, *arguments: str) -> str:
+    """Return what DVC prints in `folder`; raise InputError with its message if it fails."""
+    return _said([sys.executable, "-m", "dvc", *arguments], folder)
+
+
+def _said(command: list[str], folder: Path, env: Mapping[str, str] | None = None) -> str:
+    ended = run(command, folder, env, capture_output=True)
+    if ended.returncode:
+        message = " ".join((ended.stderr or ended.stdout).split())[-400:]
+        raise InputError(f"`{' '.join(command[:3])}` failed: {message}")
+    return ended.stdout
