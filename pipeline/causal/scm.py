@@ -6,8 +6,8 @@ add the contents of the image I explicitly: the items O on the table top T.
 
     O -> I <- T,    I -> Z_I -> V,    Z_theta -> V,    S -> V
 
-- Z_theta has no parent. In demonstrations O and S do cause Z_theta, since a demonstrator sees the table. The paths of
-  our questions are drawn at random, the same for every user and scene.
+- Z_theta has no parent: the simulated demonstrations, too, are of random paths, whatever the table and the user. People
+  would look at the table. The paths of our questions are drawn at random, the same for every user and scene.
 - S has V as its only child. Z_I holds the percepts of all users' models, and C_s reads those of its own.
 - V := 1[N_V < C_s(Z_I, Z_theta)] with N_V uniform. So E[V | Z_I, Z_theta, S = s] is C_s itself (`SCM.expectation`).
 
