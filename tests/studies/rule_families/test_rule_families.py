@@ -52,7 +52,7 @@ def test_posterior_probabilities_of_the_fitted_families_add_up_to_one(cfg: DictC
     posterior = read_table(out / "posterior.csv")
     assert {*FAMILIES, "progress", "constant"} == set(posterior["fitted_family"])
     total = posterior.groupby(["family", "seed", "user"])["probability"].sum()
-    assert len(total) == len(FAMILIES) * len(cfg.evaluate.users) * len(cfg.protocol.seeds)
+    assert len(total) == len(cfg.studies.rule_families.families) * len(cfg.evaluate.users) * len(cfg.protocol.seeds)
     np.testing.assert_allclose(total, 1, atol=1e-4)
 
 
