@@ -84,7 +84,7 @@ def test_a_stage_that_ran_again_with_other_bytes_is_not_called_equal_by_headline
 
 
 @pytest.mark.parametrize(
-    "after", [[0.575, 0.675], [0.5, 0.6, 0.7, 0.8, 0.9], [0.575 + 0.1 * seed for seed in range(10)]]
+    "after", [[0.575, 0.675], [0.5, 0.7, 0.7, 0.8, 0.9], [0.575 + 0.1 * seed for seed in range(10)]]
 )
 def test_few_pairs_or_differences_without_variance_have_no_interval_and_no_p(after: list[float]):
     before = np.array([0.5 + 0.1 * seed for seed in range(len(after))])

@@ -1,13 +1,17 @@
 """What a sweep's command line asks for, and which mistakes are refused before any work is done."""
 
 import importlib.util
+from pathlib import Path
 
 import pytest
 from dvc.repo import Repo
+from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from pipeline.config.graph import ROOT
 from pipeline.params import CONF
 from pipeline.runtime.errors import InputError
+from pipeline.sweep.job import Sweep
 from pipeline.sweep.plan import make_plan
 from pipeline.sweep.stages import address
 
@@ -26,6 +30,21 @@ def test_seeds_are_fitted_together_in_each_job(capsys: pytest.CaptureFixture):
     plan = make_plan(["variants.full.beta=0,0.002", "seed=range(0,3)"], ["evaluate"])
     assert plan.fixed == ["seeds=[0,1,2]"] and plan.jobs is not None and len(plan.jobs) == 2
     assert "every job fits all of them" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("swept", "kept"), [("1,100,100.0,1e2", ["1", "100"]), ("0,0.0,-0.0", ["0"])])
+def test_equal_values_are_one_job_for_hydra_too(swept: str, kept: list[str], capsys: pytest.CaptureFixture):
+    plan = make_plan([f"variants.full.alpha={swept}"], ["evaluate"])
+    assert plan.jobs == [[f"variants.full.alpha={value}"] for value in kept]
+    batches = BasicSweeper.split_arguments(OverridesParser.create().parse_overrides(plan.overrides), None)
+    assert batches == [plan.jobs] and "equal values are one setting" in capsys.readouterr().out
+
+
+def test_a_job_has_one_folder_whatever_its_overrides_are_spelled_like():
+    sweep = Sweep(ROOT, Path("swept"), Path("cache"), "0" * 40, ("evaluate",), ("clearance.rate=1.0",))
+    folder = sweep.job_folder(["clearance.rate=1", "variants.full.alpha=1e2", "evaluate.bins=5"])
+    assert folder == sweep.job_folder(["evaluate.bins=5", "variants.full.alpha=100", "clearance.rate=1.0"])
+    assert folder == Path("swept/jobs/evaluate.bins=5,variants.full.alpha=100")
 
 
 def test_a_parameter_whose_default_would_not_fit_the_others_can_be_swept():

@@ -87,6 +87,21 @@ def test_a_job_in_a_used_clone_runs_what_its_parameters_change_though_outputs_ar
         assert (again / "dvc.lock").read_bytes() == (job / "dvc.lock").read_bytes()
 
 
+def test_after_a_kill_the_folder_is_all_that_resuming_needs(repository: Path, folder: Path):
+    """Also where the command line says in other words what all jobs share: their seeds, how they are launched."""
+    arguments = ["--multirun", *SMALL, "seed=0,1", "evaluate.bins=5,7", "hydra/launcher=basic", "--folder", "killed"]
+    place = {"cwd": repository, "env": environment(repository)}
+    started = subprocess.Popen(command(*arguments), **place, start_new_session=True)
+    while not (repository / "killed" / "jobs").is_dir():
+        assert started.poll() is None
+        time.sleep(0.1)
+    started.kill()
+    started.wait(timeout=60)
+    for more in ([], ["profile=smoke", "hydra/launcher=joblib"]):
+        ended = sweep(repository, "--resume", "killed", *more)
+        assert ended.returncode == 0 and "2 of 2 jobs done" in ended.stdout, ended.stderr[-2000:]
+
+
 WRONG = {
     "holds a sweep already": ["--multirun", *SWEPT, "--folder", "swept"],
     "stage 'evaluates' is unknown": ["--multirun", *SWEPT, "--folder", "x", "--stages", "evaluates"],
