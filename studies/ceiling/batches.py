@@ -10,9 +10,8 @@ import torch
 from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray as Array
 
-from pipeline.models.base import to_tensor
 from pipeline.models.vae.beta_vae import Z_CENTRE, Z_SCALE, BetaVae
-from pipeline.models.vae.losses import Weights, equation_1
+from pipeline.models.vae.losses import Weights
 from pipeline.training.loop import Losses, Schedule, minimise
 from pipeline.training.vae.engines.simd import LANES, Stack
 
@@ -58,37 +57,3 @@ def fit_stack(
     curve = minimise(loss, [parameter.tensor for parameter in stack.parameters()], schedule)
     stack.hand_over(models)
     return curve[..., : len(models)]
-
-
-def fit_one(
-    model: BetaVae,
-    images: UInt8[Array, "scene 100 100 3"],
-    z_theta: Float[Array, "scene n 2"],
-    valid: Bool[Array, "scene n"],
-    weights: Weights,
-    schedule: Schedule,
-    seed: int,
-    batch: int,
-    rng: np.random.Generator,
-    paths: int,
-) -> Float[Array, "point 5"]:
-    """Train a model of any form in place, as `fit_stack` trains several of the paper's; return its learning curve.
-
-    paths: number of each scene's paths in a step; each path comes once before any comes again.
-    """
-    model.standardise(images)
-    columns = batches(np.random.default_rng(seed), valid.shape[1], paths)
-    z, labels = torch.from_numpy(z_theta.astype(np.float32)), torch.from_numpy(valid.astype(np.float32))
-    chosen, generator = batches(rng, len(images), batch), torch.Generator().manual_seed(seed)
-
-    def loss() -> Losses:
-        scenes, of_scene = next(chosen), next(columns)
-        noise = torch.randn(len(scenes), model.latent, generator=generator)
-        rows = np.ix_(scenes, of_scene)
-        terms = equation_1(model, to_tensor(images[scenes]), z[rows], labels[rows], weights, noise)
-        return terms.total, [*terms, terms.total]
-
-    model.train()
-    curve = minimise(loss, model.parameters(), schedule)
-    model.eval()
-    return curve

@@ -9,8 +9,6 @@ from pipeline.report.drawing import panels
 from pipeline.report.study import Study
 from studies.ceiling.tables import name_of
 
-COLOURS = {"perfect": style.INK, "coordinates": "#e69f00", "path_drawn": "#d55e00"}
-MARKERS = {"perfect": "*", "coordinates": "v", "path_drawn": "D"}
 TITLES = {"seen_scenes": "Other paths, training tables", "new_scenes": "New tables"}
 
 
@@ -26,8 +24,8 @@ def by_scenes(study: Study) -> Figure:
                 line = ":" if name == "position_only" else "-."
                 panel.axhline(100 * rows["accuracy"].iloc[0], color=style.MUTED, linestyle=line, label=name_of(name))
                 continue
-            colour = COLOURS.get(name) or style.colour(name)
-            marks: dict[str, Any] = {"marker": MARKERS.get(name) or style.marker(name), "color": colour}
+            colour, marker = (style.INK, "*") if name == "perfect" else (style.colour(name), style.marker(name))
+            marks: dict[str, Any] = {"marker": marker, "color": colour}
             rows = 100 * rows.set_index("scenes")[["accuracy", "q1", "q3"]].sort_index()
             panel.plot(rows.index, rows["accuracy"], label=name_of(name), linewidth=2, markersize=7, **marks)
             panel.fill_between(rows.index, rows["q1"], rows["q3"], color=colour, alpha=0.13, linewidth=0)

@@ -6,7 +6,7 @@ from pydantic import AfterValidator
 
 from pipeline.config.checks import need, need_some
 from pipeline.config.settings import Settings as Parameters
-from pipeline.config.values import Count, Names, Several, StudyGroup, Weight, Whole, expected, rising
+from pipeline.config.values import Count, Several, StudyGroup, Weight, Whole, expected, rising
 
 Numbers = Annotated[list[Count], AfterValidator(rising), expected("ascending whole numbers from 1")]
 
@@ -16,9 +16,7 @@ class Settings(StudyGroup):
     scenes: dict[str, Numbers]
     batch: Count
     growth: Weight
-    drawn_paths: Count
     clear_cm: Annotated[list[Whole], AfterValidator(rising), expected("ascending whole numbers from 0 [cm]")]
-    clear_learners: Names
     candidates: Count
     seeds: dict[str, Several]
     seen_scenes: Count
@@ -29,17 +27,10 @@ class Settings(StudyGroup):
 def agree(study: Settings, parameters: Parameters) -> None:
     """Require known learners, with seeds, and training scenes enough to judge them in."""
     name, variants = "studies.ceiling", parameters.variants
-    known = [*(v for v in variants if variants[v].kind == "vae"), "coordinates", "path_drawn", "perfect"]
+    known = [*(v for v in variants if variants[v].kind == "vae"), "perfect"]
     need_some(f"{name}.scenes", study.scenes, known)
-    need("classifier" in variants, "variants", list(variants), "classifier among them: its weights of Eq. 1 are used")
     need(set(study.scenes) <= set(study.seeds), f"{name}.seeds", study.seeds, "a number for each learner of `scenes`")
-    need_some(f"{name}.clear_learners", study.clear_learners, study.scenes, or_none=True)
-    need(
-        study.clear_cm[0] == 0,
-        f"{name}.clear_cm",
-        study.clear_cm,
-        "0 first: learners not in `clear_learners` have no other",
-    )
+    need(study.clear_cm[0] == 0, f"{name}.clear_cm", study.clear_cm, "0 first: the page shows it")
     paths = parameters.main_n_demos + study.paths
     need(study.candidates >= paths, f"{name}.candidates", study.candidates, f"at least main_n_demos + paths = {paths}")
     fewest = min(numbers[0] for numbers in study.scenes.values())

@@ -1,8 +1,8 @@
-"""Stage ceiling: fit the paper's model to more scenes, and with a better input, and judge it in new scenes.
+"""Stage ceiling: fit the paper's model to more scenes, and its head to the true items, and judge both in new scenes.
 
-Each training set has scenes and paths of its own; fewer scenes are the first ones. Half of the paths are valid. Some
-learners are also fitted to clear cases and judged on them. Every learner has the rate and the width of stage train.
-Those that read images see a batch of scenes a step, and have more steps where there are more scenes.
+Each training set has scenes and paths of its own; fewer scenes are the first ones. Half of the paths are valid. Both
+learners are also fitted to clear cases and judged on them. They have the rate and the width of stage train. The model
+sees a batch of scenes a step, and has more steps where there are more scenes.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -37,11 +37,10 @@ from pipeline.world.clear_cases import Candidates
 from pipeline.world.layout import LayoutRules, random_layouts
 from pipeline.world.render import read_palette, render_scenes
 from pipeline.world.source import ImageSource
-from studies.ceiling.batches import fit_one, fit_stack
-from studies.ceiling.models import Coordinates, PathDrawn, true_code
+from studies.ceiling.batches import fit_stack
+from studies.ceiling.models import true_code
 
 PERFECT = "perfect"
-CHANGED = {"coordinates": Coordinates, "path_drawn": PathDrawn}
 OWN, SEEN, NEW = "demonstrations", "seen_scenes", "new_scenes"
 
 
@@ -111,7 +110,7 @@ def draw_jobs(cfg: DictConfig) -> list[Job]:
             SEEN: Labelled(images[seen], code[seen], z[seen, n:], labels[seen, n:]),
             NEW: Labelled(new_images, _code(cfg, new), new_z[:, n:], new_labels[:, n:]),
         }
-        fitted = [x for x in study.scenes if i < study.seeds[x] and (clear_cm == 0 or x in study.clear_learners)]
+        fitted = [x for x in study.scenes if i < study.seeds[x]]
         for learner, count in ((x, count) for x in fitted for count in study.scenes[x]):
             pictures = images[: 0 if learner == PERFECT else count]
             data = pictures, code[:count], z[:count, :n], labels[:count, :n]
@@ -164,22 +163,14 @@ def fit(cfg: DictConfig, jobs: Sequence[Job]) -> list[dict[str, float]]:
     learner, scenes = jobs[0].learner, len(jobs[0].z_theta)
     if learner == PERFECT:
         return [fit_head(cfg, job) for job in jobs]
-    study, v = cfg.studies.ceiling, cfg.variants.get(learner, cfg.variants.classifier)
+    study, v = cfg.studies.ceiling, cfg.variants[learner]
+    weights = Weights(float(v.alpha), float(v.beta), float(v.gamma))
+    schedule = replace(Schedule.of(cfg.train), steps=steps(cfg, learner, scenes))
     rng = stream(study.root_seed, "batches", scenes)  # the same batches for all learners
-    settings = {
-        "weights": Weights(float(v.alpha), float(v.beta), float(v.gamma)),
-        "schedule": replace(Schedule.of(cfg.train), steps=steps(cfg, learner, scenes)),
-        "batch": study.batch,
-        "rng": rng,
-    }
     seeds = [_seed(cfg, job) for job in jobs]
-    models = [_untrained(CHANGED.get(learner, BetaVae), cfg.train.model, seed) for seed in seeds]
+    models = [_untrained(cfg.train.model, seed) for seed in seeds]
     images, z_theta, valid = ([getattr(job, x) for job in jobs] for x in ("images", "z_theta", "valid"))
-    if learner in CHANGED:
-        paths = study.drawn_paths if learner == "path_drawn" else valid[0].shape[1]
-        curve = fit_one(models[0], images[0], z_theta[0], valid[0], seed=seeds[0], paths=paths, **settings)
-    else:
-        curve = fit_stack(models, images, z_theta, valid, seeds=seeds, **settings)
+    curve = fit_stack(models, images, z_theta, valid, weights, schedule, seeds, study.batch, rng)
     need_finite(curve.reshape(len(curve), -1), f"{learner}, {scenes} scenes")
     return [_judge(model, job) for model, job in zip(models, jobs, strict=True)]
 
@@ -201,7 +192,7 @@ def _accuracies(job: Job, p: Callable[[Labelled], Array]) -> dict[str, float]:
 
 def fit_head(cfg: DictConfig, job: Job) -> dict[str, float]:
     """Fit the paper's classifier to the true codes of its scenes; return its accuracies."""
-    head = _untrained(BetaVae, {**cfg.train.model, "latent": job.code.shape[1]}, _seed(cfg, job))
+    head = _untrained({**cfg.train.model, "latent": job.code.shape[1]}, _seed(cfg, job))
     labels = torch.from_numpy(job.valid)
 
     def logit(code: Array, z_theta: Array) -> torch.Tensor:
@@ -216,8 +207,8 @@ def fit_head(cfg: DictConfig, job: Job) -> dict[str, float]:
         return _accuracies(job, lambda x: logit(x.code, x.z_theta).sigmoid().numpy())
 
 
-def _untrained(kind: type[BetaVae], shape: Mapping[str, Any], seed: int) -> BetaVae:
-    model = untrained(kind, shape, seed)
+def _untrained(shape: Mapping[str, Any], seed: int) -> BetaVae:
+    model = untrained(BetaVae, shape, seed)
     assert isinstance(model, BetaVae)
     return model
 

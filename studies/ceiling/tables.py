@@ -6,18 +6,12 @@ from pipeline.report import style
 from pipeline.report.page import Table
 from pipeline.report.study import Study
 
-NAMES = {
-    "perfect": "Perfect encoder",
-    "coordinates": "Classifier with coordinates",
-    "path_drawn": "Classifier with the path drawn",
-}
-
 SPLITS = {"seen_scenes": "Training tables", "new_scenes": "New tables"}
 
 
 def name_of(learner: str) -> str:
     """Return the displayed name of a learner or baseline."""
-    return NAMES.get(learner) or style.label(learner)
+    return "Perfect encoder" if learner == "perfect" else style.label(learner)
 
 
 def learners(study: Study) -> Table:

@@ -10,7 +10,7 @@ MARGINS = "{" + ", ".join(f"{symbol}: MARGIN" for symbol in SYMBOLS) + "}"
 OUT_OF_RANGE = {  # study: values of its settings, each refused by the setting's name
     "acceptance": "variants=[unknown] | variants=[] | level=1.0 | fitted=20",
     "ceiling": "scenes={unknown: [20]} | scenes={irl_ranked: [20]} | scenes.full=[12, 6] | seeds={full: 2}"
-    " | new_scenes=1 | seen_scenes=7 | batch=0 | growth=-0.5 | drawn_paths=0",
+    " | new_scenes=1 | seen_scenes=7 | batch=0 | growth=-0.5 | clear_cm=[4, 8]",
     "confounding": "worlds.always=1.5 | worlds.control=0.5 | gap_m=[0.001, 0.04] | worlds={} | glasses=3 | near_m=0"
     " | users=[carefull] | variants={fulll: [confounded]} | variants.clearance=[control] | examples=0",
     "counterfactuals": "scenes=1 | move_step=0.0 | example_variant=best",

@@ -4,31 +4,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import write_arrays
 from pipeline.params import compose
-from pipeline.world.bezier import curve, random_z_theta
-from pipeline.world.layout import EMPTY, SIDE, SYMBOLS, random_layouts
+from pipeline.world.layout import EMPTY, SYMBOLS, random_layouts
 from studies.ceiling import stage
-from studies.ceiling.models import draw_paths, true_code
+from studies.ceiling.models import true_code
 from studies.ceiling.stage import NEW, PERFECT, SEEN, draw_jobs
 from tests.factories import ITEMS, RULES
-
-SHAPE = {"latent": 15, "channels": (16, 8, 4), "hidden": 64}
-
-
-def test_a_drawn_path_covers_its_curve_and_nothing_far_from_it():
-    z = torch.from_numpy(random_z_theta(np.random.default_rng(0), 2, 5)).float()
-    drawn = draw_paths(z).numpy()
-    assert drawn.shape == (2, 5, SIDE, SIDE) and set(np.unique(drawn)) == {0, 1}
-    for path, points in zip(drawn.reshape(-1, SIDE, SIDE), curve(z.numpy().reshape(-1, 2), 3000), strict=True):
-        on_table = points[((points >= 0) & (points < 1)).all(-1)]
-        assert path[SIDE - 1 - (SIDE * on_table[:, 1]).astype(int), (SIDE * on_table[:, 0]).astype(int)].all()
-        row, column = np.nonzero(path)
-        centres = np.stack([column + 0.5, SIDE - row - 0.5], -1) / SIDE
-        assert np.linalg.norm(centres[:, None] - points, axis=-1).min(1).max() < 0.03, "three pixels"
 
 
 def test_the_true_code_knows_each_item_and_nothing_of_empty_slots():

@@ -33,7 +33,7 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
         "studies/demonstrations/summary": [{"variant": NEAREST, "routes": "few", "clear_cm": 4, **result}],
         "studies/ceiling/summary": [
             {"learner": x, "scenes": 6, "clear_cm": 0, **result, "split": split}
-            for x, split in (("perfect", "new_scenes"), ("perfect", "demonstrations"), ("path_drawn", "new_scenes"))
+            for x, split in (("perfect", "new_scenes"), ("perfect", "demonstrations"), ("ae", "new_scenes"))
         ],
     }
     for name, rows in tables.items():
