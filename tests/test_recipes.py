@@ -119,9 +119,14 @@ def test_a_variant_a_user_a_symbol_and_a_question_reach_the_pages(repository: Pa
     metrics = json.loads((repository / "reports/metrics.json").read_text())
     assert set(metrics["accuracy"]) >= variants and "tidy" in metrics["repair"]["few"]
     assert (outputs / "record/runs/few-tidy-s0.rrd").is_file()
-    table = read_table(repository / "reports/tables/claims-table-2.csv")
-    assert table.loc[table["Source"] == "Paper", "mug"].isna().all()
-    assert table.loc[table["Source"] != "Paper", "mug"].notna().all()
+    table = read_table(repository / "reports/tables/causes-bold.csv")
+    printed = table["Source"].str.startswith("The paper,")
+    assert table.loc[printed, "Mug"].isna().all() and table.loc[~printed, "Mug"].notna().all()
+    assert set(table.loc[~printed, "User"]) == {"careful", "normal", "aggressive", "tidy"}
+    assert metrics["bold"]["few"] <= 12 and metrics["verdicts_right"] == {
+        variant: int(summary.query("kind == 'add' and variant == @variant and user != 'aggressive'")["right"].sum())
+        for variant in variants
+    }, "README, metrics and pages count the users whose results are averaged"
     pages = {path.stem: path.read_text() for path in (repository / "reports").glob("*.html")}
     assert "mug" in pages["causes"] and "tidy" in pages["repair"] and ">few<" in pages["accuracy"]
 

@@ -14,7 +14,7 @@ from pipeline.report.page import FORMATS, Traced
 
 CSV = 'Model,Right,"Right, q1","Right, q3",Known\nclearance,0.9774,0.97,0.98,\n'
 PAGE = """<table><caption>1 <a href="tables/t.csv">csv</a></caption><tr><th>Model</th><th>Right</th><th>Known</th></tr>
-<tr><th>clearance</th><td>{} (97.0 to 98.0)</td><td>–</td></tr></table><p>It is right about {} of paths.</p>"""
+<tr><th>clearance</th><td>{} [97.0–98.0]</td><td>–</td></tr></table><p>It is right about {} of paths.</p>"""
 
 
 def write(folder: Path, cell: str, sentence: str) -> Path:
@@ -31,13 +31,23 @@ def traced(number: float) -> str:
 def test_a_cell_and_a_sentence_that_were_changed_are_found_and_nothing_else(tmp_path: Path):
     page = write(tmp_path, "97.7\u00a0%", traced(0.9774))
     assert consistency.table_cells(page) == (3, []) and consistency.prose(page) == (1, [])
-    (tmp_path / "page.html").write_text(page.read_text().replace("(97.0 to 98.0)", "(96.0 to 98.0)"))
+    (tmp_path / "page.html").write_text(page.read_text().replace("[97.0–98.0]", "[96.0–98.0]"))
     (quartiles,) = consistency.table_cells(page)[1]
-    assert "(96.0 to 98.0)" in quartiles and "0.97 0.98" in quartiles
+    assert "[96.0–98.0]" in quartiles and "0.97 0.98" in quartiles
     page = write(tmp_path, "98.7\u00a0%", traced(0.89))
     (cell,), (sentence,) = consistency.table_cells(page)[1], consistency.prose(page)[1]
     assert "t.csv, Right" in cell and "98.7" in cell and "0.9774" in cell
     assert "89" in sentence and "0.9774" in sentence
+
+
+def test_a_cell_that_is_bold_in_the_page_or_in_its_csv_alone_is_found(tmp_path: Path):
+    (tmp_path / "tables").mkdir()
+    (tmp_path / "tables/t.csv").write_text('Source,Bowl,"Bowl, q1","Bowl, q3","Bowl, bold"\nfull,0.29,0.28,0.3,True\n')
+    page, cell = tmp_path / "page.html", '<td class="number"><{0}>0.29</{0}>† [0.28–0.30]</td>'
+    head = '<table><caption><a href="tables/t.csv">csv</a></caption><tr><th>Source</th><th>Bowl</th></tr>'
+    for tag, faults in (("b", 0), ("span", 1)):
+        page.write_text(f"{head}<tr><th>full</th>{cell.format(tag)}</tr></table>")
+        assert len(consistency.table_cells(page)[1]) == faults
 
 
 @pytest.mark.slow
