@@ -13,7 +13,7 @@ RUN ?=
 WORST ?=
 KILLS ?=
 
-.PHONY: help venv venv-cluster repro studies search demo pull test test-browser test-viewer test-cluster test-faults check-dowhy smoke bench review audit site figures tables readme lint lock sbom params segmenter data render clean
+.PHONY: help venv venv-cluster repro studies demo pull test test-browser test-viewer test-cluster test-faults check-dowhy smoke bench review audit site figures tables readme lint lock sbom params segmenter data render clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -38,10 +38,6 @@ repro: data-here  ## the paper: data from the store, every stage, the report
 
 studies: data-here $(VENV)/.robot  ## the paper and every study beyond it
 	dvc repro -P
-
-search: data-here  ## settings of every learner on validation scenes, until studies/search/settings.csv is complete; half an hour, can be interrupted
-	dvc repro demos
-	python -m studies.search.search
 
 demo: $(READY)  ## a small run of the paper in demo/, from data to page in a few minutes; prints where the page is
 	bash tests/smoke.sh --profile demo demo

@@ -9,11 +9,10 @@ from pipeline.report.study import Study
 WORLDS = {
     "control": "control (no common cause)",
     "confounded": "plates mostly beside glasses",
-    "always": "plates always beside glasses",
 }
 ITEMS = ["plate", "glass"]  # the two that a common cause puts side by side
 COLUMNS = ["effect", "ci_low", "ci_high"]
-CHANGED = {("confounded", "clearance"), ("always", "clearance")}  # results after the world was changed for the model
+CHANGED = {("confounded", "clearance")}  # results after the world was changed for the model
 
 
 def verdicts(study: Study) -> Table:

@@ -37,7 +37,6 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     settings = [f"{STUDY}.scenes={SCENES}", f"{STUDY}.mislabelled={{clearance: [0.1, 0.2]}}", "clearance.steps=2"]
     cfg = models_in_rendered_scenes(folder, VARIANTS, SCENES, *settings, f"paths.demos={folder / 'demos'}")
     OmegaConf.set_struct(cfg, False)
-    cfg.studies.robustness.mislabelled.pop("full")
     for user, seed in product(cfg.users, cfg.protocol.seeds):
         model = build(cfg.variants.clearance, seed)
         assert isinstance(model, ClearanceModel)

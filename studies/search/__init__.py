@@ -1,1 +1,0 @@
-"""Study: the same search of settings for every learner, on validation scenes."""
