@@ -81,7 +81,7 @@ class Results:
 
     tables: accuracy, calibration, scores, comparisons, repair (summary), repairs, interventions (summary), bold,
     p_valid, recordings, convergence, demos, judged (paths, by `slices.describe`), slices, seeds (headlines by training
-    set), curve, draws, changes, effort; paths: paths.npz of stage repair; facts: settings that pages print.
+    set), curve, draws, changes, effort, sealed; paths: paths.npz of stage repair; facts: settings that pages print.
     """
 
     variants: list[str]

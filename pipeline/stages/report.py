@@ -30,7 +30,10 @@ from pipeline.world.source import ImageSource
 
 HEADLINES = ("scenes", "evaluate", "readings", "repair", "intervene")  # stages whose metrics.json are merged
 DECISIONS = Path(__file__).parents[2] / "docs" / "decisions" / "data"
-HISTORY = {"draws": "test_draws.csv", "changes": "changes_after_tests.csv", "effort": "search_effort.csv"}
+HISTORY = {
+    "draws": "test_draws.csv", "changes": "changes_after_tests.csv", "effort": "search_effort.csv",
+    "sealed": "sealed_run.csv",
+}  # fmt: skip
 TABLES = {  # name -> stage and file
     "accuracy": ("evaluate", "accuracy.csv"),
     "calibration": ("evaluate", "calibration.csv"),

@@ -25,6 +25,14 @@ def changes(results: Results) -> Table:
     return Table(pick(table, titles | {"record": "Record"}, after_draw=str, record="{:03d}".format))
 
 
+def surprises(results: Results) -> Table:
+    """Return what came otherwise than expected in the second edition's sealed run."""
+    table = results.tables["sealed"]
+    titles = {"headline": "Headline", "expected": "Expected", "low": "From", "high": "To", "found": "Came"}
+    shown = pick(table[table["as_expected"] != "yes"], titles | {"explanation": "Explanation, written afterwards"})
+    return Table(shown.astype(object).fillna(""))
+
+
 def effort(results: Results) -> Table:
     """Return how many settings were tried for each learner in the first edition."""
     names = {"learner": "Learner", "settings": "Settings tried", "what_was_varied": "Varied"}
