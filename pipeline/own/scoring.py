@@ -2,7 +2,7 @@
 
 import numpy as np
 import pandas as pd
-from scipy.stats import beta
+from scipy.stats import beta, binomtest
 
 from pipeline.own.data import Scenes
 from pipeline.own.fitting import Fitted
@@ -19,8 +19,9 @@ LATTICE_SIDE = 14  # points per side of the lattice of paths on which models are
 def scores(judged: pd.DataFrame) -> pd.DataFrame:
     """Return one row for each user, predictor and share of the training scenes.
 
-    accuracy has a 95 % interval over scenes (ci_low, ci_high); balanced: the mean of the shares of valid and of invalid
-    paths on the right side; missed: share of invalid paths that are accepted.
+    accuracy has a 95 % interval over scenes (ci_low, ci_high), at least as wide as the exact one over demonstrations:
+    scenes that are all right do not vary, and prove little if they are few; balanced: the mean of the shares of valid
+    and of invalid paths on the right side; missed: share of invalid paths that are accepted.
     """
     rows = []
     for (user, predictor, share), part in judged.groupby(["user", "predictor", "share"], sort=False):
@@ -28,6 +29,7 @@ def scores(judged: pd.DataFrame) -> pd.DataFrame:
         right = (p > DECISION) == valid
         counts = part.assign(right=right).groupby("scene")["right"].agg(["sum", "size"]).to_numpy(float).T
         interval = ratio(counts[:1, None], counts[1:, None])  # of the share of right answers, over scenes
+        exact = binomtest(int(right.sum()), len(part)).proportion_ci()  # Clopper and Pearson, 1934
         rows.append(
             {
                 "user": user,
@@ -36,8 +38,8 @@ def scores(judged: pd.DataFrame) -> pd.DataFrame:
                 "scenes": part["scene"].nunique(),
                 "demonstrations": len(part),
                 "accuracy": accuracy(p, valid),
-                "ci_low": float(interval.ci_low[0].clip(0, 1)),
-                "ci_high": float(interval.ci_high[0].clip(0, 1)),
+                "ci_low": float(min(interval.ci_low[0].clip(0), exact.low)),
+                "ci_high": float(max(interval.ci_high[0].clip(None, 1), exact.high)),
                 "balanced": float((right[valid].mean() + right[~valid].mean()) / 2),
                 "missed": float((p > DECISION)[~valid].mean()),
                 "auroc": auroc(p, valid),

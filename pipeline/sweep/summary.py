@@ -53,10 +53,10 @@ def read_jobs(folder: Path, record: dict[str, Any]) -> list[dict[str, Any]]:
     """
     found = {}
     for path in sorted((folder / "jobs").glob("*/job.json")):
-        job: dict[str, Any] = read_json(path) | {"path": path.parent}
+        job = read_json(path)
         key = setting(job["overrides"], record["fixed"])
         if job["state"] == "done" or key not in found:
-            found[key] = job
+            found[key] = job | {"path": path.parent}
     planned = {setting(job, record["fixed"]): {"overrides": job, "state": "missing"} for job in record["jobs"]}
     jobs = [found.get(key, job) for key, job in (planned | found).items()]
     fixed = values(record["fixed"])
