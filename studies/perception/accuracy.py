@@ -10,6 +10,7 @@ from numpy import ndarray as Array
 from omegaconf import DictConfig
 from torch import Tensor
 
+from making.render.read import Rendered, read_rendered
 from pipeline.artifacts.demos import demo_arrays, read_labelled
 from pipeline.artifacts.scenes import SceneSet, read_position_prior, train_pool
 from pipeline.artifacts.trained import load_model
@@ -23,7 +24,6 @@ from pipeline.training.clearance.fit import fit
 from pipeline.training.loop import Schedule
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.rules import valid
-from rendered.read import Rendered, read_rendered
 from studies.perception import finder
 
 Models = Mapping[tuple[str, int], ValidityModel]  # by user and seed

@@ -14,6 +14,8 @@ from omegaconf import DictConfig
 from torch import Tensor
 from tqdm import tqdm
 
+from making.segmenter.composites import draw_composites, read_palette
+from making.segmenter.tops import FAMILIES
 from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.launch import launch
 from pipeline.models.base import to_tensor
@@ -21,9 +23,7 @@ from pipeline.perception.objects import Objects, detect_objects
 from pipeline.runtime.streams import stream
 from studies.perception import finder
 from studies.perception.accuracy import accuracies, summarised
-from studies.perception.composites import draw_composites, read_palette
 from studies.perception.measure import FOUND_IOU, match
-from studies.perception.tops import FAMILIES
 from studies.perception.transfer import headlines, transfer
 
 DETECTORS: dict[str, Callable[[Tensor, Tensor], Objects]] = {  # of images, and of the empty tables
