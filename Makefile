@@ -140,17 +140,17 @@ params: $(READY)  ## write params.yaml, and dvc.yaml's lists of variants, from c
 
 POOL := outputs/segmenter
 segmenter: data-here  ## train perception anew on composites, 30 minutes on two cores; its weights are in git, so no other target needs it
-	python -m studies.perception.draw --pool $(POOL) --parts 44 & python -m studies.perception.train --pool $(POOL) --steps 11000 && wait
+	python -m making.segmenter.draw --pool $(POOL) --parts 44 & python -m making.segmenter.train --pool $(POOL) --steps 11000 && wait
 
 data: $(READY)  ## draw data/ anew and put it into the store
-	python -m drawing
+	python -m making.data
 	dvc add data && dvc push --remote store data.dvc
 
 render:  ## path-trace rendered/pictures/ anew by Blender, in an environment of its own (Python 3.11), and put it into the store; an hour and a half
 	test -x .venv-rendered/bin/python || python3.11 -m venv .venv-rendered
-	.venv-rendered/bin/python -m pip install --quiet --disable-pip-version-check -r rendered/requirements.txt
+	.venv-rendered/bin/python -m pip install --quiet --disable-pip-version-check -r making/render/requirements.txt
 	set -- train 4 validation_taught 5 validation_held_out 7 test_taught 11 test_held_out 13; while [ $$# -gt 0 ]; do \
-	    PYTHONPATH=. .venv-rendered/bin/python -m rendered --split $$1 --seed $$2 --into rendered/pictures/$$1; shift 2; done
+	    PYTHONPATH=. .venv-rendered/bin/python -m making.render --split $$1 --seed $$2 --into rendered/pictures/$$1; shift 2; done
 	dvc add rendered/pictures && dvc push --remote store rendered/pictures.dvc
 
 clean:  ## remove environments, demo/, other products and DVC's cache, with the results that nobody pushed

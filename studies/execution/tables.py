@@ -6,7 +6,7 @@ from pipeline.report import style
 from pipeline.report.page import Table, with_gaps
 from pipeline.report.study import Study
 
-ARMS = {"pr2": "PR2", "panda": "Panda"}
+ARMS = {"pr2": "PR2"}
 METHODS = {
     "gradient": "repairs, gradient",
     "nearest": "repairs, search",

@@ -1,4 +1,4 @@
-"""Accuracy on the drawn world's validation scenes, and the baselines: the hand-tuned finder, and no image at all."""
+"""Accuracy on the drawn world's validation scenes, and the image-blind baseline everywhere."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,36 +10,24 @@ from numpy import ndarray as Array
 from omegaconf import DictConfig
 from torch import Tensor
 
-from pipeline.artifacts.demos import demo_arrays, read_labelled
-from pipeline.artifacts.scenes import SceneSet, read_position_prior, train_pool
+from making.render.read import Rendered, read_rendered
+from pipeline.artifacts.demos import read_queries
+from pipeline.artifacts.scenes import read_position_prior, read_scenes
 from pipeline.artifacts.trained import load_model
-from pipeline.models.base import ValidityModel, to_tensor, untrained
+from pipeline.models.base import ValidityModel, to_tensor
 from pipeline.models.baselines import position_only
-from pipeline.models.clearance.clearance import ClearanceModel, pack
+from pipeline.models.clearance.clearance import pack
 from pipeline.perception.objects import Objects, detect_objects
-from pipeline.runtime.streams import job_seed, stream
+from pipeline.runtime.streams import stream
 from pipeline.stats.scores import DECISION
-from pipeline.training.clearance.fit import fit
-from pipeline.training.loop import Schedule
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.rules import valid
-from rendered.read import Rendered, read_rendered
-from studies.perception import finder
 
 Models = Mapping[tuple[str, int], ValidityModel]  # by user and seed
 VARIANT = "clearance"
 DRAWN = ("val_scenes", "val_items")  # pools of the drawn world: items known from training, and others
-COMPARED = "validation"  # the finder sees path-traced splits with this prefix only: none that are sealed
 BLIND = "position_only"  # the image-blind baseline, in place of a detector
 ALL = "all"  # stands for every table top, or for the mean over users
-
-
-class FinderModel(ClearanceModel):
-    """A clearance model that sees what the hand-tuned finder detects."""
-
-    def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene object 14"]:
-        """Return the detected objects, packed as by `PerceivedObjects.percept`."""
-        return percept(finder.detect_objects(images))
 
 
 def percept(objects: Objects) -> Float[Tensor, "scene object 14"]:
@@ -58,32 +46,21 @@ def trained(cfg: DictConfig) -> Models:
 def accuracies(cfg: DictConfig) -> pd.DataFrame:
     """Return a row for each source, detector, user, seed and scene (`judged`).
 
-    The segmenter is judged on drawn scenes by stage clearance's models; the finder there and on path-traced splits for
-    validation, by models fitted to what it sees, on the validation seeds; the image-blind baseline everywhere.
+    Stage clearance's models are judged on drawn scenes, and the image-blind baseline everywhere.
     """
-    prior = read_position_prior(Path(cfg.paths.scenes))
-    scenes, demos, queries = read_labelled(cfg.paths.scenes, cfg.paths.demos)
-    by_finder, by_segmenter = _fitted(cfg, scenes, demos), trained(cfg)
+    prior, models = read_position_prior(Path(cfg.paths.scenes)), trained(cfg)
+    scenes, queries = read_scenes(Path(cfg.paths.scenes)), read_queries(Path(cfg.paths.demos))
     parts = []
     for pool in DRAWN:
-        images, asked = to_tensor(scenes.images[pool]), queries[pool]
-        for name, detect, models in (
-            ("finder", finder.detect_objects, by_finder),
-            ("segmenter", detect_objects, by_segmenter),
-        ):
-            part = judged(models, percept(detect(images)), asked.z, asked.valid)
-            parts.append(part.assign(source=pool, top=ALL, detector=name))
+        seen, asked = percept(detect_objects(to_tensor(scenes.images[pool]))), queries[pool]
+        part = judged(models, seen, asked.z, asked.valid)
+        parts.append(part.assign(source=pool, top=ALL, detector="segmenter"))
         parts.append(judged_blind(cfg, prior, asked.z, asked.valid).assign(source=pool, top=ALL, detector=BLIND))
     for split in cfg.studies.perception.rendered:
         tables, z = tables_and_paths(cfg, split)
         true = {user: valid(tables.layouts, z, cfg.users[user]) for user in cfg.evaluate.users}
-        by_detector = {BLIND: judged_blind(cfg, prior, z, true)}
-        if split.startswith(COMPARED):
-            seen = percept(finder.detect_objects(to_tensor(tables.images)))
-            by_detector["finder"] = judged(by_finder, seen, z, true)
-        for name, part in by_detector.items():
-            tops = [tables.tops[scene] for scene in part["scene"]]
-            parts.append(part.assign(source=split, top=tops, detector=name))
+        part = judged_blind(cfg, prior, z, true)
+        parts.append(part.assign(source=split, top=[tables.tops[i] for i in part["scene"]], detector=BLIND))
     return pd.concat(parts, ignore_index=True)
 
 
@@ -140,14 +117,3 @@ def summarised(rows: pd.DataFrame) -> pd.DataFrame:
     quartiles = {name: groups["accuracy"].quantile(q) for name, q in (("q1", 0.25), ("q3", 0.75))}
     means = groups.agg(seeds=("seed", "size"), scenes=("scenes", "first"), accuracy=("accuracy", "mean"))
     return means.assign(**quartiles).reset_index()
-
-
-def _fitted(cfg: DictConfig, scenes: SceneSet, demos: pd.DataFrame) -> Models:
-    """Return a model of each judged user and validation seed, fitted to what the finder sees in the drawn world."""
-    keys = [(user, seed) for user in cfg.evaluate.users for seed in cfg.validation_seeds]
-    seeds = [job_seed(seed, user, cfg.main_n_demos, VARIANT) for user, seed in keys]
-    models = [untrained(FinderModel, cfg.variants[VARIANT].model, seed) for seed in seeds]
-    images = [scenes.images[train_pool(seed)] for _, seed in keys]
-    z, labels = zip(*(demo_arrays(demos, seed, user, cfg.main_n_demos) for user, seed in keys), strict=True)
-    fit(models, images, z, labels, Schedule.of(cfg.clearance), seeds)  # pyright: ignore
-    return dict(zip(keys, models, strict=True))

@@ -1,8 +1,8 @@
 """Stage perception: find the items in composites, on families of table tops that the segmenter was taught and others.
 
-It judges the segmenter, without and with a picture of the empty table, and the hand-tuned finder that it replaced:
-by the items they find, and by the accuracy of clearance models. On path-traced tables it also judges the models'
-verdicts on added items, and the search for the nearest valid path.
+It judges the segmenter, without and with a picture of the empty table, by the items it finds, and by the accuracy of
+clearance models. On path-traced tables it also judges the models' verdicts on added items, and the search for the
+nearest valid path.
 """
 
 from collections.abc import Callable
@@ -14,20 +14,18 @@ from omegaconf import DictConfig
 from torch import Tensor
 from tqdm import tqdm
 
+from making.segmenter.composites import draw_composites, read_palette
+from making.segmenter.tops import FAMILIES
 from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.launch import launch
 from pipeline.models.base import to_tensor
 from pipeline.perception.objects import Objects, detect_objects
 from pipeline.runtime.streams import stream
-from studies.perception import finder
 from studies.perception.accuracy import accuracies, summarised
-from studies.perception.composites import draw_composites, read_palette
 from studies.perception.measure import FOUND_IOU, match
-from studies.perception.tops import FAMILIES
 from studies.perception.transfer import headlines, transfer
 
 DETECTORS: dict[str, Callable[[Tensor, Tensor], Objects]] = {  # of images, and of the empty tables
-    "finder": lambda images, empty: finder.detect_objects(images),
     "segmenter": lambda images, empty: detect_objects(images),
     "segmenter_empty": detect_objects,
 }

@@ -7,7 +7,6 @@ from pipeline.report.page import Table, pick, with_gaps
 from pipeline.report.study import Study
 
 DETECTORS = {
-    "finder": "Hand-tuned finder",
     "segmenter": "Segmenter",
     "segmenter_empty": "Segmenter, empty table",
 }

@@ -18,6 +18,7 @@ from numpy import ndarray as Array
 from omegaconf import DictConfig
 from torch import Tensor
 
+from making.render.read import Rendered
 from pipeline.artifacts.repairs import Starts, rows
 from pipeline.causal.added_items import expected_by_version
 from pipeline.causal.interventions import compare_with_truth
@@ -31,7 +32,6 @@ from pipeline.runtime.streams import stream
 from pipeline.stats.scores import DECISION
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.rules import valid
-from rendered.read import Rendered
 from studies.perception.accuracy import VARIANT, Models, percept, probability, tables_and_paths, trained
 
 EMPTY_KNOWN = {"segmenter": False, "segmenter_empty": True}  # detector -> whether it has the empty table's picture

@@ -9,10 +9,10 @@ from pipeline.robot.arm import Arm
 from pipeline.robot.bench import Bench
 from pipeline.robot.collision import Collisions
 from pipeline.robot.execution import Tolerances, deviation, execute
-from pipeline.robot.inverse import COLLISION, FREE, PostureMap, posture_map
+from pipeline.robot.inverse import COLLISION, PostureMap, posture_map
 from pipeline.robot.motion import minimum_jerk
 from pipeline.world.bezier import P_F, P_INIT, random_z_theta
-from tests.robot.conftest import TALLEST_M, arm
+from tests.robot.conftest import TALLEST_M
 
 ALLOWED = Tolerances(0.002, 0.02)
 Z_THETA = random_z_theta(np.random.default_rng(1), 8)
@@ -73,11 +73,3 @@ def test_items_as_tall_as_the_arm_are_in_its_way(pr2: Arm, bench: Bench):
 def test_a_robot_that_stands_in_the_table_collides(pr2: Arm, bench: Bench):
     assert not Collisions(pr2, bench, 0.0).at(pr2.posture)
     assert Collisions(pr2, replace(bench, base_y=0.2), 0.0).at(pr2.posture)
-
-
-@pytest.mark.slow
-def test_the_second_arm_executes_paths_too():
-    panda, bench = arm("panda"), Bench(0.5, 0.25, -0.2, 90.0, -0.2, 0.155)
-    postures = posture_map(panda, bench, 31, 0.5 * TALLEST_M)
-    assert (postures.status == FREE).all()
-    assert set(execute(panda, bench, postures, Z_THETA, 64, 0.3, ALLOWED).results["failure"]) == {""}

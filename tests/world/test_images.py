@@ -36,7 +36,7 @@ def test_opencv_alone_reads_and_writes_images():
     other = re.compile(
         r"^\s*(import|from) (PIL|imageio|skimage|torchvision|matplotlib\.image)|plt\.im(read|save)", re.M
     )
-    files = [path for folder in ("pipeline", "studies", "drawing") for path in Path(folder).rglob("*.py")]
+    files = [path for folder in ("pipeline", "studies", "making") for path in Path(folder).rglob("*.py")]
     assert len(files) > 100 and [path for path in files if other.search(path.read_text())] == []
 
 

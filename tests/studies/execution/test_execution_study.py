@@ -45,7 +45,6 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     write_table(folder / "repair" / "repairs.parquet", pd.DataFrame(rows).astype({"accepted": "boolean"}))
     cfg.studies.execution.update(SMALL)
     cfg.studies.execution.arms.pr2.update(PLACED)
-    del cfg.studies.execution.arms.panda
     return cfg
 
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from making.segmenter.pool import between
 from pipeline.perception.objects import FEATURES, MAX_OBJECTS, Objects
 from pipeline.world.layout import SIDE
 from studies.perception.measure import match
-from studies.perception.pool import between
 
 
 def picture(*discs: tuple[float, float, float]) -> np.ndarray:

@@ -7,12 +7,12 @@ import pandas as pd
 import pytest
 from omegaconf import DictConfig
 
+from making.render.read import read_rendered
+from making.render.sheets import sheet
 from pipeline.runtime.errors import InputError
 from pipeline.world.images import write_png
 from pipeline.world.rules import valid
 from pipeline.world.symbols import SYMBOLS
-from rendered.read import read_rendered
-from rendered.sheets import sheet
 from studies.perception.accuracy import summarised, tables_and_paths
 from studies.perception.transfer import Transfer, draw_starts, headlines, transfer
 from tests.factories import untrained_models, with_value

@@ -1,1 +1,0 @@
-"""Draw data/: kitchenware seen from above, table tops, and their catalogue (`python -m drawing`)."""

@@ -1,0 +1,151 @@
+"""Make the materials of kitchenware as Blender's shader nodes: glazed ceramic, wood, metal, plastic and glass."""
+
+from typing import Any
+
+import numpy as np
+
+from making.render.nodes import Nodes
+
+
+def colour(hue: float, saturation: float, value: float) -> tuple[float, float, float]:
+    """Return the linear RGB of a hue (0..1), saturation and value as an artist gives them (sRGB)."""
+    k = (np.array([5, 3, 1]) + 6 * hue) % 6
+    rgb = value * (1 - saturation * np.clip(np.minimum(k, 4 - k), 0, 1))
+    red, green, blue = (float(c) for c in rgb**2.2)
+    return red, green, blue
+
+
+def random_colour(rng: np.random.Generator, neutral: float = 0.35) -> tuple[float, float, float]:
+    """Draw a colour: a white, grey or cream with probability `neutral`, any hue otherwise."""
+    if rng.random() < neutral:
+        return colour(rng.uniform(0.05, 0.14), rng.uniform(0.0, 0.18), rng.choice([0.93, 0.85, 0.5, 0.2]))
+    return colour(rng.random(), rng.uniform(0.25, 0.85), rng.uniform(0.3, 0.92))
+
+
+def ceramic(seed: int, decoration: str, name: str) -> Any:
+    """Return a glazed ceramic: plain, with rings, speckles, two glazes that run into each other, sectors,
+    crackles, rings of dots, or a gilded rim.
+    """
+    rng, n = np.random.default_rng(seed), Nodes(name)
+    gauge = n.add("Attribute", attribute_name="gauge", out=2)
+    where = n.add("TexCoord", out=3)
+    base, accent = random_colour(rng, 0.55), random_colour(rng, 0.15)
+    painted: Any = n.mix(n.math("LESS_THAN", gauge, -0.5), base, accent if rng.random() < 0.3 else base)
+    if decoration == "ringed":
+        for _ in range(rng.integers(1, 4)):
+            radius, half = rng.uniform(0.25, 0.97), rng.choice([0.012, 0.03, 0.07])
+            ring = n.math("LESS_THAN", n.math("ABSOLUTE", n.math("SUBTRACT", gauge, radius)), half)
+            painted = n.mix(ring, painted, accent)
+    if decoration == "speckled":
+        specks = n.step(n.cells(where, rng.uniform(90, 260), out=0), 0.30, 0.22)
+        painted = n.mix(n.math("MULTIPLY", specks, 0.8), painted, accent)
+    if decoration == "two glazes":
+        edge = n.math("ADD", gauge, n.math("MULTIPLY", n.noise(where, 40), 0.5))
+        level = rng.uniform(0.6, 1.05)
+        painted = n.mix(n.step(edge, level - 0.06, level + 0.06), painted, accent)
+    if decoration == "sectors":
+        bearing = n.math("ARCTAN2", n.axis(where, 1), n.axis(where, 0))
+        twist = n.math("MULTIPLY", gauge, rng.choice([0.0, 2.0, 4.0]))
+        lobes = n.math("SINE", n.math("ADD", n.math("MULTIPLY", bearing, float(rng.integers(3, 12))), twist))
+        inside = n.math("GREATER_THAN", gauge, rng.uniform(0.0, 0.6))
+        painted = n.mix(n.math("MULTIPLY", n.step(lobes, 0.1, 0.25), inside), painted, accent)
+    if decoration == "crackled":
+        seams = n.cells(where, rng.uniform(50, 110), out=0, feature="DISTANCE_TO_EDGE")
+        painted = n.mix(n.math("MULTIPLY", n.step(seams, 0.06, 0.02), rng.uniform(0.5, 0.9)), painted, accent)
+    if decoration == "dotted":
+        bearing = n.math("ARCTAN2", n.axis(where, 1), n.axis(where, 0))
+        for radius in np.linspace(rng.uniform(0.35, 0.6), 0.88, rng.integers(1, 4)):
+            dots = float(rng.integers(8, 20))
+            arc = n.math("SUBTRACT", n.math("FRACT", n.math("MULTIPLY", bearing, dots / (2 * np.pi))), 0.5)
+            along = n.math("MULTIPLY", arc, 2 * np.pi * radius / dots)
+            away = n.math("ADD", n.math("POWER", along, 2.0), n.math("POWER", n.math("SUBTRACT", gauge, radius), 2.0))
+            painted = n.mix(n.math("LESS_THAN", away, rng.uniform(0.03, 0.07) ** 2), painted, accent)
+    rim = n.math("GREATER_THAN", gauge, rng.uniform(0.86, 0.95)) if decoration == "gilded" else None
+    if rim is not None:
+        painted = n.mix(rim, painted, colour(rng.uniform(0.09, 0.13), 0.5, 0.9))
+    uneven = n.noise(where, 25.0, detail=2.0)
+    painted = n.mix(n.math("MULTIPLY", uneven, rng.uniform(0.0, 0.2)), painted, accent)
+    glossy = rng.random() < 0.75
+    return n.finish(
+        n.principled(
+            painted,
+            Roughness=rng.uniform(0.25, 0.5),
+            Coat_Weight=float(glossy),
+            Coat_Roughness=rng.uniform(0.02, 0.15),
+            Normal=n.bump(n.noise(where, 60.0), 0.0003),
+            **({} if rim is None else {"Metallic": rim}),
+        )
+    )
+
+
+def wood(seed: int, name: str) -> Any:
+    """Return oiled wood with its grain along x."""
+    rng, n = np.random.default_rng(seed), Nodes(name)
+    dark = colour(rng.uniform(0.05, 0.09), rng.uniform(0.4, 0.7), rng.uniform(0.25, 0.5))
+    light = colour(rng.uniform(0.07, 0.1), rng.uniform(0.35, 0.6), rng.uniform(0.5, 0.8))
+    stretched = n.add("Mapping", {"Vector": n.add("TexCoord", out=3), "Scale": (6.0, 90.0, 90.0)})
+    grain = n.step(n.noise(stretched, 1.0, detail=4.0, warp=0.6), 0.3, 0.7)
+    return n.finish(n.principled(n.mix(grain, dark, light), Roughness=rng.uniform(0.4, 0.65)))
+
+
+def metal(seed: int, kind: str, name: str) -> Any:
+    """Return polished steel, black steel, a yellow or red metal (`brass`), or either for crockery (`enamel`)."""
+    rng, n = np.random.default_rng(seed), Nodes(name)
+    tints = {
+        "steel": colour(0.6, 0.02, rng.uniform(0.72, 0.86)),
+        "brass": colour(rng.uniform(0.04, 0.13), rng.uniform(0.3, 0.55), rng.uniform(0.75, 0.92)),
+    }
+    if kind == "black steel":
+        tints["steel"], kind = colour(0.6, 0.05, rng.uniform(0.22, 0.4)), "steel"
+    tint = tints["steel" if kind == "steel" or (kind == "enamel" and rng.random() < 0.6) else "brass"]
+    rough = n.math("ADD", rng.uniform(0.12, 0.34), n.math("MULTIPLY", n.noise(n.add("TexCoord", out=3), 300.0), 0.1))
+    return n.finish(n.principled(tint, Metallic=1.0, Roughness=rough))
+
+
+def plastic(seed: int, name: str) -> Any:
+    """Return coloured plastic."""
+    rng, n = np.random.default_rng(seed), Nodes(name)
+    return n.finish(n.principled(random_colour(rng, 0.25), Roughness=rng.uniform(0.2, 0.5)))
+
+
+def striped(seed: int, name: str) -> Any:
+    """Return plastic with stripes across the length of a handle."""
+    rng, n = np.random.default_rng(seed), Nodes(name)
+    band = n.math("LESS_THAN", n.wave(n.axis(n.add("TexCoord", out=3), 0), rng.uniform(0.008, 0.03)), 0.5)
+    painted = n.mix(band, random_colour(rng, 0.3), random_colour(rng, 0.3))
+    return n.finish(n.principled(painted, Roughness=rng.uniform(0.2, 0.5)))
+
+
+def glass(seed: int, kind: str, name: str) -> Any:
+    """Return refracting glass (index 1.45 to 1.52): clear, tinted, frosted, clear with a coloured rim, smoked, or
+    clear with ribs.
+
+    Rays that light other things pass straight through, dimmed at grazing angles, for a path tracer finds no caustics.
+    """
+    rng, n = np.random.default_rng(seed), Nodes(name)
+    hue = rng.random()
+    tint = {
+        "clear": colour(hue, rng.uniform(0.0, 0.02), rng.uniform(0.97, 1.0)),
+        "pale tint": colour(hue, rng.uniform(0.02, 0.08), rng.uniform(0.96, 1.0)),
+        "deep tint": colour(hue, rng.uniform(0.12, 0.4), rng.uniform(0.85, 0.98)),
+        "frosted": colour(hue, rng.uniform(0.0, 0.06), rng.uniform(0.96, 1.0)),
+        "coloured rim": colour(hue, 0.0, 0.99),
+    }.get(kind)
+    if tint is None:  # light passes four surfaces: smoked glass lets 0.25 to 0.6 of it through
+        smoked = colour(hue, 0.04, rng.uniform(0.86, 0.94))
+        tint = smoked if kind == "smoked" else colour(hue, 0.0, 0.99)
+    rough = rng.uniform(0.15, 0.35) if kind == "frosted" else 0.0
+    body = n.add("BsdfGlass", {"Color": tint, "Roughness": rough, "IOR": rng.uniform(1.45, 1.52)})
+    if kind == "ribbed":
+        where = n.add("TexCoord", out=3)
+        bearing = n.math("ARCTAN2", n.axis(where, 1), n.axis(where, 0))
+        ribs = n.math("SINE", n.math("MULTIPLY", bearing, float(rng.integers(12, 28))))
+        body = n.add("BsdfGlass", {"Color": tint, "IOR": 1.5, "Normal": n.bump(ribs, rng.uniform(0.0004, 0.001))})
+    if kind == "coloured rim":
+        rim = n.math("GREATER_THAN", n.axis(n.add("TexCoord"), 2), 0.96)
+        body = n.add("MixShader", {0: rim, 1: body, 2: n.principled(colour(hue, 0.7, 0.8), Roughness=0.2)})
+    facing = n.add("LayerWeight", {"Blend": 0.5}, out=1)
+    dimmed = n.mix(n.math("POWER", facing, 1.5), tint, (0.35, 0.35, 0.35))
+    through = n.add("BsdfTransparent", {"Color": dimmed})
+    lighting = n.math("MAXIMUM", n.add("LightPath", out=1), n.add("LightPath", out=2))
+    return n.finish(n.add("MixShader", {0: lighting, 1: body, 2: through}))

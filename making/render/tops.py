@@ -1,0 +1,350 @@
+"""Make table tops as Blender's shader nodes.
+
+Families are `taught`, `held_out` or `sealed`: no table of a sealed family was rendered before the sealed test.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from making.render.finishes import colour, random_colour
+from making.render.nodes import Nodes, Socket
+
+Rng = np.random.Generator
+
+
+def table_top(rng: Rng, family: str) -> Any:
+    """Draw the material of a table top of this family."""
+    n = Nodes(f"top {family}")
+    return n.finish(TOPS[family](rng, n))
+
+
+def _two_browns(rng: Rng) -> tuple[tuple, tuple]:
+    """Draw a dark and a light tone of one wood."""
+    hue, saturation, value = rng.uniform(0.04, 0.105), rng.uniform(0.25, 0.65), rng.uniform(0.4, 0.9)
+    return colour(hue, saturation, value * rng.uniform(0.55, 0.85)), colour(hue, saturation * 0.85, value)
+
+
+def _grain(rng: Rng, n: Nodes, where: Socket) -> Socket:
+    """Return the share of light wood: wide figure and fine pores along x."""
+    figure = n.noise(n.add("Mapping", {"Vector": where, "Scale": (0.6, rng.uniform(7, 16), 1.0)}), 1.0, 3.0, 0.5)
+    rings = n.wave(n.math("ADD", n.axis(where, 1), n.math("MULTIPLY", figure, 0.25)), rng.uniform(0.03, 0.09))
+    pores = n.noise(n.add("Mapping", {"Vector": where, "Scale": (6.0, 160.0, 1.0)}), 1.0)
+    strength = rng.uniform(0.2, 0.7)
+    both = n.math("ADD", n.math("MULTIPLY", rings, strength), n.math("MULTIPLY", pores, 1 - strength))
+    return n.step(both, 0.2, 0.75)
+
+
+def _wood(rng: Rng, n: Nodes) -> Socket:
+    dark, light = _two_browns(rng)
+    grain = _grain(rng, n, n.place(rng))
+    return n.principled(
+        n.mix(grain, dark, light), Roughness=rng.uniform(0.3, 0.6), Coat_Weight=float(rng.random() < 0.35),
+        Coat_Roughness=rng.uniform(0.1, 0.3),
+    )  # fmt: skip
+
+
+def _folds(rng: Rng, n: Nodes, turn: float) -> Socket:
+    """Return the height of a cloth: soft wrinkles, and in some the creases in which it was folded."""
+    wrinkles = n.math("MULTIPLY", n.noise(n.place(rng), rng.uniform(2, 6), 2.0, 1.0), rng.uniform(0.0, 1.0))
+    if rng.random() < 0.5:
+        return wrinkles
+    where, period = n.place(rng, turn=turn), rng.uniform(0.22, 0.45)
+    creases = [n.step(n.wave(n.axis(where, i), period), 0.88, 1.0) for i in (0, 1)]
+    return n.math("ADD", wrinkles, n.math("MULTIPLY", n.math("ADD", *creases), rng.uniform(0.05, 0.2)))
+
+
+def _cloth_of(rng: Rng, n: Nodes, painted: Socket, turn: float) -> Socket:
+    """Return a cloth in these colours: threads, wrinkles, no gloss."""
+    where = n.place(rng, turn=turn)
+    threads = [n.wave(n.axis(where, i), 0.0025) for i in (0, 1)]
+    slubs = n.noise(n.place(rng, (1.0, 12.0), turn), 40.0)
+    height = n.math("ADD", _folds(rng, n, turn), n.math("MULTIPLY", n.math("ADD", *threads), 0.01))
+    faded = n.mix(n.math("MULTIPLY", slubs, rng.uniform(0.05, 0.35)), painted, (0.5, 0.48, 0.45))
+    return n.principled(faded, Roughness=0.95, Sheen_Weight=0.2, Normal=n.bump(height, 0.02))
+
+
+def _cloth(rng: Rng, n: Nodes) -> Socket:
+    return _cloth_of(rng, n, random_colour(rng, 0.3), rng.uniform(-np.pi, np.pi))
+
+
+def _stone(rng: Rng, n: Nodes) -> Socket:
+    base, where = random_colour(rng, 0.7), n.place(rng)
+    other = tuple(float(c) for c in np.array(base) * rng.uniform(0.35, 0.75))
+    clouds = n.step(n.noise(where, rng.uniform(3, 12), 5.0, rng.uniform(0, 1.5)), 0.3, 0.7)
+    painted = n.mix(n.math("MULTIPLY", clouds, rng.uniform(0.2, 0.9)), base, other)
+    if rng.random() < 0.6:  # granite: grains of two minerals
+        for mineral in (random_colour(rng, 0.9), random_colour(rng, 0.9)):
+            grains = n.add("SeparateColor", {0: n.cells(n.place(rng), rng.uniform(90, 280))})
+            painted = n.mix(n.step(grains, 0.72, 0.76), painted, mineral)
+    return n.principled(painted, Roughness=rng.uniform(0.12, 0.6))
+
+
+def _stripes(rng: Rng, n: Nodes) -> Socket:
+    turn, period = rng.uniform(-np.pi, np.pi), rng.uniform(0.03, 0.16)
+    across = n.axis(n.place(rng, turn=turn), 1)
+    painted: Socket = random_colour(rng, 0.6)
+    for _ in range(rng.integers(1, 4)):
+        shifted = n.math("ADD", across, rng.uniform(0, period))
+        band = n.math("LESS_THAN", n.wave(shifted, period), rng.uniform(0.1, 0.5))
+        painted = n.mix(band, painted, random_colour(rng, 0.25))
+    return _cloth_of(rng, n, painted, turn)
+
+
+def _checks(rng: Rng, n: Nodes) -> Socket:
+    turn, period = rng.uniform(-np.pi, np.pi), rng.uniform(0.03, 0.14)
+    where, half = n.place(rng, turn=turn), rng.uniform(0.3, 0.7)
+    ground, accent = random_colour(rng, 0.7), random_colour(rng, 0.1)
+    painted: Socket = ground
+    for i in (0, 1):
+        band = n.math("LESS_THAN", n.wave(n.axis(where, i), period), half)
+        painted = n.mix(n.math("MULTIPLY", band, 0.55), painted, accent)
+    return _cloth_of(rng, n, painted, turn)
+
+
+def _marble(rng: Rng, n: Nodes) -> Socket:
+    where = n.place(rng)
+    base = colour(rng.random(), rng.uniform(0.0, 0.25), rng.choice([0.95, 0.88, 0.5, 0.12]))
+    vein = random_colour(rng, 0.8)
+    painted: Socket = base
+    for scale in (rng.uniform(1, 3), rng.uniform(3, 8)):
+        field = n.noise(where, scale, 6.0, rng.uniform(0.2, 1.2))
+        ridge = n.step(n.math("ABSOLUTE", n.math("SUBTRACT", field, 0.5)), rng.uniform(0.02, 0.07), 0.0)
+        painted = n.mix(n.math("MULTIPLY", ridge, rng.uniform(0.3, 0.9)), painted, vein)
+    return n.principled(painted, Roughness=rng.uniform(0.05, 0.25))
+
+
+def _terrazzo(rng: Rng, n: Nodes) -> Socket:
+    painted: Socket = random_colour(rng, 0.7)
+    for scale in (rng.uniform(18, 35), rng.uniform(35, 70), rng.uniform(70, 120)):
+        where = n.place(rng, (1.0, rng.uniform(1.0, 1.6)))
+        chip = n.add("SeparateColor", {0: n.cells(where, scale)})
+        inside = n.math("LESS_THAN", n.cells(where, scale, out=0), rng.uniform(0.3, 0.5))
+        chosen = n.math("MULTIPLY", inside, n.math("GREATER_THAN", chip, rng.uniform(0.3, 0.6)))
+        tone = n.add("SeparateColor", {0: n.cells(where, scale)}, out=1)
+        painted = n.mix(chosen, painted, n.mix(tone, random_colour(rng, 0.5), random_colour(rng, 0.4)))
+    return n.principled(painted, Roughness=rng.uniform(0.1, 0.4))
+
+
+def _tiles(rng: Rng, n: Nodes) -> Socket:
+    side = rng.uniform(0.018, 0.07)
+    where = n.place(rng)
+    across, row = n.axis(where, 0), n.whole(n.axis(where, 1), side)
+    if rng.random() < 0.4:  # every second row is shifted by half a tile
+        across = n.math("ADD", across, n.math("MULTIPLY", n.math("MODULO", row, 2.0), side / 2))
+    tone = n.random(n.vector(n.whole(across, side), row))
+    first, second = random_colour(rng, 0.4), random_colour(rng, 0.4)
+    painted = n.mix(n.math("MULTIPLY", tone, rng.uniform(0.15, 1.0)), first, second)
+    seam = n.math("MAXIMUM", n.wave(across, side), n.wave(n.axis(where, 1), side))
+    grout = n.step(seam, 1 - 0.005 / side, 1 - 0.002 / side)
+    painted = n.mix(grout, painted, colour(0.1, 0.05, rng.uniform(0.3, 0.9)))
+    rough = n.math("ADD", rng.uniform(0.05, 0.3), n.math("MULTIPLY", grout, 0.5))
+    return n.principled(painted, Roughness=rough, Normal=n.bump(grout, -0.001))
+
+
+def _weave(rng: Rng, n: Nodes) -> Socket:
+    where, strip = n.place(rng), rng.uniform(0.008, 0.028)
+    x, y = n.axis(where, 0), n.axis(where, 1)
+    odd = n.math("MODULO", n.math("ABSOLUTE", n.math("ADD", n.whole(x, strip), n.whole(y, strip))), 2.0)
+    arcs = [n.math("SUBTRACT", 1.0, n.math("POWER", n.wave(v, strip), 2.0)) for v in (x, y)]
+    over = n.math("ADD", n.math("MULTIPLY", odd, arcs[0]), n.math("MULTIPLY", n.math("SUBTRACT", 1.0, odd), arcs[1]))
+    warp, weft = random_colour(rng, 0.3), random_colour(rng, 0.3)
+    if rng.random() < 0.6:
+        warp, weft = _two_browns(rng)
+    painted = n.mix(odd, warp, weft)
+    shaded = n.mix(n.step(over, 0.0, 0.4), tuple(0.25 * c for c in warp), painted)
+    return n.principled(shaded, Roughness=rng.uniform(0.5, 0.9), Normal=n.bump(over, 0.3 * strip))
+
+
+def _planks(rng: Rng, n: Nodes) -> Socket:
+    where, width = n.place(rng), rng.uniform(0.06, 0.15)
+    board = n.whole(n.axis(where, 1), width)
+    dark, light = _two_browns(rng)
+    shifted = n.vector(n.math("ADD", n.axis(where, 0), n.math("MULTIPLY", board, 3.7)), n.axis(where, 1), board)
+    grain = _grain(rng, n, shifted)
+    tone = n.random(n.vector(board, 0.0))
+    painted = n.mix(n.math("MULTIPLY", tone, rng.uniform(0.1, 0.6)), n.mix(grain, dark, light), dark)
+    gap = n.step(n.wave(n.axis(where, 1), width), 1 - rng.uniform(0.006, 0.014) / width, 1 - 0.003 / width)
+    painted = n.mix(gap, painted, (0.01, 0.008, 0.006))
+    return n.principled(painted, Roughness=rng.uniform(0.35, 0.7), Normal=n.bump(gap, -0.004))
+
+
+def _lacquer(rng: Rng, n: Nodes) -> Socket:
+    return n.principled(
+        random_colour(rng, 0.3), Roughness=rng.uniform(0.2, 0.4), Coat_Weight=1.0,
+        Coat_Roughness=rng.uniform(0.01, 0.08), Normal=n.bump(n.noise(n.place(rng), 3.0), 0.002),
+    )  # fmt: skip
+
+
+def _block(n: Nodes, where: Socket, width: float, length: int) -> tuple[Socket, Socket, Socket]:
+    """Return for herringbone blocks `length` times as long as wide: place along and across [m], and the block's number.
+
+    Cells of a square lattice in a row of 2 `length` alternate: `length` belong to one lying block, the others to one
+    upright block each.
+    """
+    x, y = (n.math("DIVIDE", n.axis(where, i), width) for i in (0, 1))
+    column, row = (n.math("FLOOR", value) for value in (x, y))
+    turn = n.math("FLOORED_MODULO", n.math("SUBTRACT", column, row), 2.0 * length)
+    is_upright = n.math("GREATER_THAN", turn, length - 0.5)
+    start_x = n.math("SUBTRACT", column, turn)
+    start_y = n.math("SUBTRACT", row, n.math("SUBTRACT", 2.0 * length - 1, turn))
+
+    def either(lying: Socket, upright: Socket) -> Socket:
+        return n.add("Mix", {0: is_upright, 2: lying, 3: upright}, data_type="FLOAT")
+
+    along = either(n.math("SUBTRACT", x, start_x), n.math("SUBTRACT", y, start_y))
+    across = either(n.math("SUBTRACT", y, row), n.math("SUBTRACT", x, column))
+    number = n.random(n.vector(either(start_x, column), either(row, start_y), is_upright))
+    return n.math("MULTIPLY", along, width), n.math("MULTIPLY", across, width), number
+
+
+def _herringbone(rng: Rng, n: Nodes) -> Socket:
+    width, length = rng.uniform(0.028, 0.06), int(rng.integers(3, 6))
+    along, across, number = _block(n, n.place(rng), width, length)
+    dark, light = _two_browns(rng)
+    shifted = n.vector(n.math("ADD", along, n.math("MULTIPLY", number, 9.0)), n.math("ADD", across, number), number)
+    painted = n.mix(_grain(rng, n, shifted), dark, light)
+    painted = n.mix(n.math("MULTIPLY", number, rng.uniform(0.2, 0.7)), painted, dark)
+    edges = n.math("MINIMUM", across, n.math("SUBTRACT", width, across))
+    ends = n.math("MINIMUM", along, n.math("SUBTRACT", length * width, along))
+    seam = n.step(n.math("MINIMUM", edges, ends), rng.uniform(0.0012, 0.002), 0.0004)
+    return n.principled(
+        n.mix(seam, painted, (0.012, 0.008, 0.005)), Roughness=rng.uniform(0.25, 0.6), Normal=n.bump(seam, -0.001),
+        Coat_Weight=float(rng.random() < 0.5), Coat_Roughness=rng.uniform(0.05, 0.3),
+    )  # fmt: skip
+
+
+def _cork(rng: Rng, n: Nodes) -> Socket:
+    hue, value = rng.uniform(0.06, 0.1), rng.uniform(0.5, 0.8)
+    light, dark = colour(hue, rng.uniform(0.35, 0.6), value), colour(hue - 0.01, 0.6, 0.55 * value)
+    where = n.place(rng)
+    crumb = n.add("SeparateColor", {0: n.cells(where, rng.uniform(120, 320))})
+    painted = n.mix(n.math("MULTIPLY", crumb, rng.uniform(0.3, 0.9)), light, dark)
+    flecks = n.step(n.noise(n.place(rng, (1.0, rng.uniform(1.0, 2.5))), rng.uniform(60, 140), 4.0), 0.6, 0.66)
+    painted = n.mix(n.math("MULTIPLY", flecks, rng.uniform(0.5, 0.95)), painted, colour(0.06, 0.6, 0.18))
+    return n.principled(painted, Roughness=rng.uniform(0.7, 0.95), Normal=n.bump(crumb, 0.0004))
+
+
+def _brushed_metal(rng: Rng, n: Nodes) -> Socket:
+    tint = colour(rng.choice([0.6, 0.09]), rng.uniform(0.0, 0.12), rng.uniform(0.6, 0.85))
+    streaks = n.noise(n.place(rng, (rng.uniform(1, 4), rng.uniform(150, 400))), 1.0, 4.0)
+    rough = n.math("ADD", rng.uniform(0.25, 0.4), n.math("MULTIPLY", streaks, 0.2))
+    painted = n.mix(n.math("MULTIPLY", streaks, rng.uniform(0.2, 0.6)), tint, tuple(0.6 * c for c in tint))
+    return n.principled(painted, Metallic=1.0, Roughness=rough, Normal=n.bump(streaks, 0.0002))
+
+
+def _leather(rng: Rng, n: Nodes) -> Socket:
+    where = n.place(rng)
+    base = colour(rng.uniform(0.02, 0.09), rng.uniform(0.3, 0.75), rng.uniform(0.15, 0.65))
+    if rng.random() < 0.4:
+        base = random_colour(rng, 0.3)
+    bent = n.add("Mapping", {"Vector": where, "Scale": (1.0, rng.uniform(1.0, 1.5), 1.0)})
+    grain = n.cells(bent, rng.uniform(120, 300), out=0, feature="DISTANCE_TO_EDGE")
+    crease = n.step(grain, 0.12, 0.0)
+    worn = n.step(n.noise(where, rng.uniform(2, 8), 4.0, 0.8), 0.35, 0.7)
+    painted = n.mix(n.math("MULTIPLY", worn, rng.uniform(0.1, 0.6)), base, tuple(0.5 * c for c in base))
+    painted = n.mix(n.math("MULTIPLY", crease, 0.5), painted, tuple(0.3 * c for c in base))
+    return n.principled(painted, Roughness=rng.uniform(0.35, 0.6), Normal=n.bump(crease, -0.0006))
+
+
+def _bamboo_mat(rng: Rng, n: Nodes) -> Socket:
+    slat, where = rng.uniform(0.004, 0.012), n.place(rng)
+    along, across = n.axis(where, 0), n.axis(where, 1)
+    number = n.whole(across, slat)
+    dark, light = _two_browns(rng)
+    if rng.random() < 0.3:  # dyed
+        light, dark = random_colour(rng, 0.4), random_colour(rng, 0.4)
+    painted = n.mix(n.random(n.vector(number, 0.5)), light, dark)
+    shifted = n.math("ADD", along, n.math("MULTIPLY", n.random(n.vector(number, 1.5)), 5.0))
+    node = n.step(n.wave(shifted, rng.uniform(0.2, 0.4)), 0.985, 1.0)
+    painted = n.mix(n.math("MULTIPLY", node, 0.7), painted, tuple(0.4 * c for c in dark))
+    flank = n.wave(across, slat)  # 0 in the middle of a slat, 1 between two
+    painted = n.mix(n.step(flank, 0.8, 0.97), painted, (0.01, 0.008, 0.006))
+    tie = n.step(n.wave(along, rng.uniform(0.05, 0.16)), 0.955, 0.98)
+    painted = n.mix(tie, painted, random_colour(rng, 0.6))
+    height = n.math("SUBTRACT", 1.0, n.math("POWER", flank, 2.0))
+    return n.principled(painted, Roughness=rng.uniform(0.4, 0.75), Normal=n.bump(height, 0.25 * slat))
+
+
+def _slate(rng: Rng, n: Nodes) -> Socket:
+    where = n.place(rng)
+    base = colour(rng.choice([0.58, 0.4, 0.85, 0.08]), rng.uniform(0.03, 0.25), rng.uniform(0.2, 0.5))
+    layers = float(rng.integers(4, 9))
+    field = n.math("MULTIPLY", n.noise(where, rng.uniform(1.5, 4), 5.0, rng.uniform(0.3, 1.0)), layers)
+    level = n.math("FLOOR", field)
+    step = n.math("ADD", level, n.step(n.math("FRACT", field), 0.85, 1.0))
+    tone = n.random(n.vector(level, rng.uniform(0, 9)))
+    painted = n.mix(n.math("MULTIPLY", tone, rng.uniform(0.2, 0.7)), base, tuple(1.6 * c for c in base))
+    dust = n.step(n.noise(n.place(rng), rng.uniform(10, 40), 5.0), 0.5, 0.8)
+    painted = n.mix(n.math("MULTIPLY", dust, 0.3), painted, colour(0.08, 0.15, 0.6))
+    return n.principled(painted, Roughness=rng.uniform(0.35, 0.7), Normal=n.bump(step, 0.0012))
+
+
+def _pebbles(rng: Rng, n: Nodes) -> Socket:
+    where, scale = n.place(rng, (1.0, rng.uniform(1.0, 1.5))), rng.uniform(25, 70)
+    edge = n.cells(where, scale, out=0, feature="DISTANCE_TO_EDGE")
+    cell = n.cells(where, scale)
+    first, second = (n.add("SeparateColor", {0: cell}, out=i) for i in (0, 1))
+    stones = [random_colour(rng, 0.85) for _ in range(3)]
+    painted = n.mix(n.step(first, 0.3, 0.7), n.mix(second, *stones[:2]), stones[2])
+    mortar = n.step(edge, rng.uniform(0.05, 0.12), 0.02)
+    painted = n.mix(mortar, painted, colour(0.1, 0.08, rng.uniform(0.25, 0.85)))
+    return n.principled(
+        painted, Roughness=n.math("ADD", rng.uniform(0.1, 0.4), n.math("MULTIPLY", mortar, 0.4)),
+        Normal=n.bump(n.step(edge, 0.0, 0.3), 0.12 / scale),
+    )  # fmt: skip
+
+
+def _from_centre(rng: Rng, n: Nodes) -> Socket:
+    """Return the place [m] from the table's centre, turned at random."""
+    centred = n.add("Mapping", {"Vector": n.add("NewGeometry"), "Location": (-0.5, -0.5, 0.0)}, vector_type="POINT")
+    return n.add("Mapping", {"Vector": centred, "Rotation": (0.0, 0.0, rng.uniform(-np.pi, np.pi))})
+
+
+def _resin(rng: Rng, n: Nodes) -> Socket:
+    """Make two slabs of wood with their natural edges, joined by a river of coloured resin."""
+    where, (dark, light) = _from_centre(rng, n), _two_browns(rng)
+    painted = n.mix(_grain(rng, n, where), dark, light)
+    bends = n.math("MULTIPLY", n.noise(n.place(rng), rng.uniform(1.5, 4), 4.0), rng.uniform(0.15, 0.4))
+    straight = n.math("SUBTRACT", n.axis(where, 1), rng.uniform(-0.2, 0.2))
+    middle = n.math("ADD", straight, n.math("SUBTRACT", bends, 0.15))
+    away = n.math("SUBTRACT", n.math("ABSOLUTE", middle), rng.uniform(0.03, 0.12))  # [m] from the river's bank
+    painted = n.mix(n.step(away, 0.02, 0.0), painted, tuple(0.25 * c for c in dark))
+    swirls = n.step(n.noise(n.place(rng), rng.uniform(4, 12), 4.0, 2.0), 0.35, 0.7)
+    resin = n.mix(swirls, random_colour(rng, 0.1), random_colour(rng, 0.2))
+    river = n.step(away, 0.001, -0.001)
+    return n.principled(
+        n.mix(river, painted, resin), Roughness=rng.uniform(0.3, 0.5),
+        Coat_Weight=n.math("MAXIMUM", river, float(rng.random() < 0.5)), Coat_Roughness=rng.uniform(0.02, 0.1),
+    )  # fmt: skip
+
+
+def _bordered(rng: Rng, n: Nodes) -> Socket:
+    """Make a cloth with woven borders along its edges; beyond one edge the wooden table shows."""
+    where, ground = _from_centre(rng, n), random_colour(rng, 0.5)
+    reach = rng.uniform(0.2, 0.45), rng.uniform(0.55, 0.8)  # [m] from the centre to the cloth's edges
+    inside = [n.math("SUBTRACT", r, n.math("ABSOLUTE", n.axis(where, i))) for i, r in enumerate(reach)]
+    depth = n.math("MINIMUM", *inside)  # [m] from the nearest edge
+    painted: Socket = ground
+    for _ in range(rng.integers(1, 4)):
+        away = n.math("ABSOLUTE", n.math("SUBTRACT", depth, rng.uniform(0.02, 0.14)))
+        band = n.math("LESS_THAN", away, rng.uniform(0.003, 0.02))
+        painted = n.mix(band, painted, random_colour(rng, 0.15))
+    cloth = _cloth_of(rng, n, painted, 0.0)
+    return n.add("MixShader", {0: n.math("GREATER_THAN", depth, 0.0), 1: _wood(rng, n), 2: cloth})
+
+
+FAMILIES = {
+    "taught": ("wood", "cloth", "stone"),
+    "held_out": ("stripes", "checks", "marble", "terrazzo", "tiles", "weave", "planks", "lacquer"),
+    "sealed": (
+        "herringbone", "cork", "brushed metal", "leather", "bamboo mat", "slate", "pebbles", "resin", "bordered cloth",
+    ),
+}  # fmt: skip
+TOPS: dict[str, Callable[[Rng, Nodes], Socket]] = {
+    "wood": _wood, "cloth": _cloth, "stone": _stone, "stripes": _stripes, "checks": _checks, "marble": _marble,
+    "terrazzo": _terrazzo, "tiles": _tiles, "weave": _weave, "planks": _planks, "lacquer": _lacquer,
+    "herringbone": _herringbone, "cork": _cork, "brushed metal": _brushed_metal, "leather": _leather,
+    "bamboo mat": _bamboo_mat, "slate": _slate, "pebbles": _pebbles, "resin": _resin, "bordered cloth": _bordered,
+}  # fmt: skip

@@ -1,0 +1,1 @@
+"""Train the segmenter on composites of its own: `make segmenter`."""

@@ -1,0 +1,99 @@
+"""Drawing is repeatable, and data/ is what the script draws."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from making.data.__main__ import write_data
+from making.data.crockery import bowl
+from making.data.designs import Design, designs, surfaces
+from making.data.shading import SIDE
+from making.data.surface import surface
+from pipeline.world.images import read_image
+
+pytestmark = pytest.mark.slow
+
+DATA = Path("data")
+SAMPLE = {(design.symbol, design.split): design for design in designs()}  # all would take longer than 10 s
+GREY, BLACK = (128, 128, 128), (0, 0, 0)
+TOPS = {"grey": ("train", lambda: np.full((SIDE, SIDE, 3), GREY, np.uint8))}
+
+
+def painted(name: str, symbol: str = "bowl", colour: tuple[int, int, int] = GREY) -> Design:
+    """An item of one colour all over."""
+    return Design(name, symbol, "train", 0.05, 0.0, lambda: np.full((SIDE, SIDE, 4), (*colour, 255), np.uint8))
+
+
+def contents(directory: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(directory)): p.read_bytes() for p in directory.rglob("*") if p.is_file()}
+
+
+@pytest.mark.parametrize(
+    ("file", "draw"),
+    [(f"items/{design.name}.png", design.draw) for design in SAMPLE.values()]
+    + [(f"textures/{name}.png", draw) for name, (_, draw) in surfaces().items()],
+)
+def test_data_holds_what_the_script_draws(file, draw):
+    """To one grey level: libm may round otherwise on another machine."""
+    stored = read_image(DATA / file).astype(int)
+    assert np.abs(stored - draw()).max() <= 1
+
+
+def test_data_holds_no_other_file_and_lists_the_designs_in_their_order():
+    images = {f"items/{design.name}.png" for design in designs()} | {f"textures/{name}.png" for name in surfaces()}
+    assert set(contents(DATA)) == {"items.csv", "textures.csv", *images}
+    table = pd.read_csv(DATA / "items.csv")
+    assert [*zip(table["name"], table["split"], strict=True)] == [(design.name, design.split) for design in designs()]
+    np.testing.assert_allclose(table["width_m"], [design.width_m for design in designs()], atol=5e-5)
+    assert pd.read_csv(DATA / "textures.csv")["name"].tolist() == list(surfaces())
+
+
+def test_drawing_anew_removes_old_images_and_those_of_a_killed_run(tmp_path):
+    write_data(tmp_path, [painted("kept"), painted("renamed")], TOPS)
+    (tmp_path / ".part").mkdir()
+    (tmp_path / ".part" / "half.png").touch()
+    (tmp_path / "notes.txt").touch()  # not drawn, so left alone
+    write_data(tmp_path, [painted("kept"), painted("new")], {"other": TOPS["grey"]})
+    assert set(contents(tmp_path)) == {
+        "items.csv", "textures.csv", "items/kept.png", "items/new.png", "textures/other.png", "notes.txt"
+    }  # fmt: skip
+    assert pd.read_csv(tmp_path / "items.csv")["name"].tolist() == ["kept", "new"]
+
+
+def test_a_drawing_that_fails_leaves_the_folder_as_it_was(tmp_path):
+    write_data(tmp_path, [painted("bowl")], TOPS)
+    before = contents(tmp_path)
+
+    def fail() -> np.ndarray:
+        raise RuntimeError("no such colour")
+
+    with pytest.raises(RuntimeError, match="no such colour"):
+        write_data(tmp_path, [painted("bowl", colour=BLACK), painted("new")], {"broken": ("train", fail)})
+    assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize(
+    ("asked", "answer"),
+    [
+        (["--more", "2"], "expected a count from 1 and a folder other than data"),
+        (["--seed", "-1", "--into", "elsewhere"], "expected a whole number from 0"),
+        (["--contact-sheet", "sheet.png", "--into", "nowhere"], "nowhere holds no items.csv"),
+    ],
+)
+def test_wrong_requests_are_refused_and_nothing_is_drawn(asked, answer):
+    before = DATA.joinpath("items.csv").read_bytes()
+    refused = subprocess.run([sys.executable, "-m", "making.data", *asked], capture_output=True, text=True, timeout=120)
+    assert refused.returncode == 2 and answer in refused.stderr
+    assert DATA.joinpath("items.csv").read_bytes() == before and not Path("elsewhere").exists()
+
+
+def test_an_unknown_pattern_or_table_top_is_refused():
+    grey = (0.5, 0.5, 0.5)
+    with pytest.raises(ValueError, match="unknown pattern 'stars'"):
+        bowl(0, grey, grey, grey, "stars", 0.5)
+    with pytest.raises(ValueError, match="unknown table top 'grass'"):
+        surface(0, "grass", grey, grey)
