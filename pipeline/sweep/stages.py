@@ -6,6 +6,7 @@ DVC's run cache restores what another job has computed. Jobs that start together
 the cache guards each stage and content: who comes second waits, or takes another stage meanwhile, and then restores.
 """
 
+import hashlib
 import json
 import os
 import signal
@@ -66,10 +67,13 @@ def address(target: str) -> str:
 def content_key(stage) -> str:
     """Return DVC's key of a stage in its run cache: command, parameters and the content of all that it reads.
 
+    DVC caches no run of a stage whose outputs stay in place, as git keeps them: its key is this clone's own.
     The stage keeps what its lock says of these, or DVC would take it for unchanged whatever its parameters are now.
     """
     from dvc.stage.cache import _get_stage_hash
 
+    if any(out.persist for out in stage.outs):
+        return hashlib.sha256(f"{Path.cwd()}:{stage.addressing}".encode()).hexdigest()
     locked = [dict(vars(dep)) for dep in stage.deps]
     stage.save_deps()
     key = _get_stage_hash(stage)
