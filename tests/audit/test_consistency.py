@@ -65,6 +65,20 @@ def test_what_was_changed_added_or_removed_is_found():
     assert "demos in params.yaml" in stale["demos"] and "stages/evaluate.py is deleted" in stale["evaluate"]
     assert "its lock was made from another rendered/pictures" in {fault.message for fault in checks["stages"]}
     assert len(checks["README"]) == 1
+    assert [fault.place for fault in checks["parameters"]] == ["conf/"]
+
+
+@pytest.mark.slow
+def test_a_number_in_conf_that_params_yaml_does_not_have_is_found():
+    with checked_out("HEAD") as clone:
+        assert consistency.parameters(clone).faults == []
+        numbers = clone / "conf/train.yaml"
+        changed = re.sub(r"(?m)^  steps: \d+", "  steps: 7", numbers.read_text())
+        assert changed != numbers.read_text()
+        numbers.write_text(changed)
+        (fault,) = consistency.parameters(clone).faults
+    assert fault.place == "conf/" and "params.yaml is not what conf/ composes" in fault.message
+    assert "run `python -m pipeline.params`" in fault.message
 
 
 def test_a_page_made_of_another_table_than_the_lock_names_is_found(tmp_path: Path):

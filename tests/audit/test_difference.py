@@ -11,8 +11,8 @@ from scipy.stats import ttest_rel
 from pipeline.audit.__main__ import main
 from pipeline.audit.difference import METRICS, Commit, Difference, Headline, _processors, paired
 from pipeline.audit.rerun import Output
-from pipeline.audit.revision import git
 from pipeline.audit.text import MAX_LINES, of_difference, of_rerun, table
+from pipeline.git import git
 from pipeline.launch import PROCESSORS
 
 AUTHOR = ("-c", "user.name=tests", "-c", "user.email=tests@localhost")
