@@ -12,7 +12,7 @@ import psutil
 import pytest
 
 from pipeline.artifacts.files import read_json, read_table
-from pipeline.audit.revision import git
+from pipeline.git import git
 from tests.sweep.running import SMALL, clone_of_working_tree, command, environment, jobs, sweep
 
 pytestmark = pytest.mark.slow
