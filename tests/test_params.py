@@ -21,6 +21,36 @@ from tests.factories import composed, with_value
 ROOT = CONF.parent
 
 
+@pytest.fixture
+def kept(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """A copy of conf/composed.yaml in place of the repository's."""
+    path = tmp_path / "composed.yaml"
+    path.write_text(params.COMPOSED_WITH.read_text(encoding="utf-8"), encoding="utf-8")
+    monkeypatch.setattr(params, "COMPOSED_WITH", path)
+    return path
+
+
+def test_overrides_are_kept_and_checked_and_the_paper_returns(kept: Path, tmp_path: Path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert params.composed_with() == []
+    assert params.main(["profile=smoke"]) == 0 and params.composed_with() == ["profile=smoke"]
+    assert params.main(["--check"]) == 0
+    assert params.main(["profile=paper"]) == 0 and params.main(["--check"]) == 0
+
+
+def test_parameters_composed_without_the_kept_overrides_are_refused_and_others_are_not(kept: Path):
+    kept.write_text("composed: [profile=smoke]\n", encoding="utf-8")
+    smoke = params.compose(["profile=smoke"])
+    params.refuse_recomposed(smoke)
+    one_changed = params.compose(["profile=smoke", "train.steps=9"])
+    one_changed.composed = ["profile=smoke"]  # as DVC composes `-S profile=smoke -S train.steps=9`
+    params.refuse_recomposed(one_changed)
+    dropped = params.compose(["train.steps=9"])
+    dropped.composed = ["profile=smoke"]  # as DVC composes `-S train.steps=9`
+    with pytest.raises(InputError, match="composed without profile=smoke.*-S profile=smoke"):
+        params.refuse_recomposed(dropped)
+
+
 def test_params_yaml_is_what_conf_and_dvc_compose(tmp_path: Path):
     text = (ROOT / "params.yaml").read_text()
     compose_and_dump(tmp_path / "params.yaml", str(CONF), None, "config", str(ROOT / "plugins"), [])

@@ -32,6 +32,16 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path):
     assert list(tmp_path.iterdir()) == [path]
 
 
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_names_that_pandas_takes_for_missing_numbers_or_truth_values_stay_names(tmp_path: Path, suffix: str):
+    names = ["NA", "null", "nan", "None", "N/A", "inf", "True", "1e5", "010", "a,b", 'say "x"', "Zoë", "مها", "🙂"]
+    table = pd.DataFrame({"user": names, "variant": names, "seed": range(len(names)), "p": [np.nan, *[0.5] * 13]})
+    write_table(tmp_path / f"t.{suffix}", table)
+    back = read_table(tmp_path / f"t.{suffix}")
+    assert back["user"].tolist() == names == back["variant"].tolist()
+    assert back["p"].isna().tolist() == table["p"].isna().tolist() and back["seed"].dtype == int
+
+
 TABLE = pd.DataFrame({"seed": [0, 1], "p": [0.25, 0.5]})
 ARRAYS = {"b": np.arange(6).reshape(2, 3), "a": np.array([0.5], dtype=np.float32)}
 
