@@ -133,7 +133,7 @@ def load(path: Path, overrides: Sequence[str] = (), stages: Collection[str] = ()
 
 
 def refuse_recomposed(cfg: DictConfig) -> None:
-    """Raise InputError if params.yaml lost every value that the overrides in conf/composed.yaml had given it.
+    """Raise InputError if params.yaml has lost all values that the overrides in conf/composed.yaml had given it.
 
     `dvc exp run -S` composes conf/ anew, without them.
     """
@@ -143,7 +143,8 @@ def refuse_recomposed(cfg: DictConfig) -> None:
     kept, plain = (_leaves(OmegaConf.to_container(compose(chosen))) for chosen in (overrides, []))
     now = _leaves(OmegaConf.to_container(cfg))
     given = {key for key in kept.keys() | plain.keys() if key != "composed" and kept.get(key) != plain.get(key)}
-    if given and all(now.get(key) == plain.get(key) for key in given):
+    has_kept, has_plain = (any(now.get(key) == tree.get(key) for key in given) for tree in (kept, plain))
+    if has_plain and not has_kept:
         again = " ".join(f"-S {shlex.quote(override)}" for override in overrides)
         raise InputError(
             f"params.yaml was composed without {' '.join(overrides)}, which conf/composed.yaml names: repeat it as in "

@@ -47,7 +47,7 @@ def test_parameters_composed_without_the_kept_overrides_are_refused_and_others_a
     params.refuse_recomposed(one_changed)
     dropped = params.compose(["train.steps=9"])
     dropped.composed = ["profile=smoke"]  # as DVC composes `-S train.steps=9`
-    with pytest.raises(InputError, match="composed without profile=smoke.*-S profile=smoke"):
+    with pytest.raises(InputError, match=r"composed without profile=smoke.*-S profile=smoke"):
         params.refuse_recomposed(dropped)
 
 
