@@ -142,7 +142,7 @@ def refuse_recomposed(cfg: DictConfig) -> None:
         return
     kept, plain = (_leaves(OmegaConf.to_container(compose(chosen))) for chosen in (overrides, []))
     now = _leaves(OmegaConf.to_container(cfg))
-    given = {key for key in kept.keys() | plain.keys() if key != "composed" and kept.get(key) != plain.get(key)}
+    given = {key for key in kept.keys() | plain.keys() if key != ".composed" and kept.get(key) != plain.get(key)}
     has_kept, has_plain = (any(now.get(key) == tree.get(key) for key in given) for tree in (kept, plain))
     if has_plain and not has_kept:
         again = " ".join(f"-S {shlex.quote(override)}" for override in overrides)
@@ -153,7 +153,7 @@ def refuse_recomposed(cfg: DictConfig) -> None:
 
 
 def _leaves(tree: Any, name: str = "") -> dict[str, Any]:
-    """Return dotted name -> value of a nested mapping; lists are values."""
+    """Return dotted name (.train.steps) -> value of a nested mapping; lists are values."""
     if not isinstance(tree, dict):
         return {name: tree}
     return {key: value for part, sub in tree.items() for key, value in _leaves(sub, f"{name}.{part}").items()}
