@@ -33,7 +33,7 @@ def contents(repository: Path) -> dict[str, str]:
     return {
         "headlines": headlines(metrics, read_table(tables / "causes-verdicts.csv")),
         "curve": curve(read_table(tables / "curve.csv")),
-        "bold": f"{as_markdown(bold, BOLD_SOURCES)}\n\nA model that never looks has no bold cell: {never_bold(bold)}.",
+        "bold": f"{as_markdown(bold, BOLD_SOURCES)}\n\nA model that never sees the image has nothing bold: {never_bold(bold)} as in the paper.",
     }
 
 
