@@ -30,10 +30,11 @@ def contents(repository: Path) -> dict[str, str]:
     reports = repository / "reports"
     metrics, tables = read_json(reports / "metrics.json"), reports / "tables"
     bold = read_table(tables / "bold.csv")
+    blind = f"A model that never sees the image has nothing bold: {never_bold(bold)} as in the paper."
     return {
         "headlines": headlines(metrics, read_table(tables / "causes-verdicts.csv")),
         "curve": curve(read_table(tables / "curve.csv")),
-        "bold": f"{as_markdown(bold, BOLD_SOURCES)}\n\nA model that never sees the image has nothing bold: {never_bold(bold)} as in the paper.",
+        "bold": f"{as_markdown(bold, BOLD_SOURCES)}\n\n{blind}",
     }
 
 
