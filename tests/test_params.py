@@ -87,6 +87,8 @@ def test_the_smoke_profile_composes_with_the_wide_source():
     [
         ("n_demos=[0]", "parameter n_demos is 0", "whole number from 1 to 10"),
         ("n_demos=[1,3]", "parameter main_n_demos is 9", "one of n_demos"),
+        ("readings.families=[[0.5]]", "readings.families", "two numbers [m]"),
+        ("readings.clear_cm=[8,4]", "readings.clear_cm", "ascending whole numbers"),
         ("seeds=[1,1]", "parameter seeds is [1, 1]", "each one once"),
         ("seeds=[0]", "protocol.seeds is [0]", "at least 2 seeds"),
         ("seeds=[100]", "validation_seeds", "none of `seeds`"),

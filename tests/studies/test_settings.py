@@ -14,8 +14,7 @@ OUT_OF_RANGE = {  # study: values of its settings, each refused by the setting's
     "confounding": "worlds.always=1.5 | worlds.control=0.5 | gap_m=[0.001, 0.04] | worlds={} | glasses=3 | near_m=0"
     " | users=[carefull] | variants={fulll: [confounded]} | variants.clearance=[control] | examples=0",
     "counterfactuals": "scenes=1 | move_step=0.0 | example_variant=best",
-    "demonstrations": "seeds={clearance: 2} | seeds={full: 2, unknown: 2} | candidates=10 | clear_cm=[4, 0]"
-    " | clear_cm=[] | families=[] | families=[[0.5]] | family_radius=0",
+    "demonstrations": "seeds={clearance: 2} | seeds={full: 2, unknown: 2} | clear_cm=[4, 0] | clear_cm=[]",
     "envelope": "doses=1 | paths=0.5 | candidates=0 | step=0.0 | planner=unknown",
     "execution": "grip_m=0.0 | lattice=1 | physics_arm=pr3 | physics={walk: [full]} | physics.gradient=[unknown]"
     " | physics_starts=1000 | shown_scene=1000 | shaker.below_m=0.2 | arms.pr2.side_m=[] | arms.pr2.offset_m=[0.1]"
@@ -23,12 +22,10 @@ OUT_OF_RANGE = {  # study: values of its settings, each refused by the setting's
     "identification": "paths=0 | draws=true | level=1.0",
     "perception": "pictures=0 | paths=0 | rendered=[] | headlines.taught_tops=train | headlines={}",
     "refutation": "scenes=3 | scenes=4.5 | far_m=0.04 | dummy_outcome=[unknown] | pieces=[3]",
-    "search": "training_set=0 | settings=0 | members=1 | repeats=1 | ensembles=97 | space={}"
-    " | space.vae.rate={log: [0.0, 1.0]} | space.vae.rate={even: [1.0, 0.5]} | space.vae.rate={}",
     "solutions": "variants=[unknown] | variants=[] | split=seen_scenes | draws=0 | draws=10000 | neighbours=0",
     "robustness": "split=seen_scenes | scenes=1 | scenes=10000 | corruptions.shade=[0.5, 1.5] | corruptions.blur=[2, 1]"
     " | corruptions.noise=[0.0] | clutter=[1.5] | mislabelled={unknown: [0.1]} | mislabelled.clearance=[]",
-    "rule_families": "families={dwell: 0.1} | families={margin: 0.0, taste: 1.0} | families.dwell=-0.1"
+    "rule_families": "families={dwell: 0.1} | families={margin: 0.0, taste: 1.0} | families.proximity=-0.1"
     " | variants=[nobody] | variants=[irl_ranked]",
 }
 WITH_REASON = [  # study, value, what the error says after the setting's name

@@ -10,8 +10,8 @@ from pipeline.world.rules import Margins, valid
 from studies.rule_families.families import FAMILIES, OWN_FAMILY, dwell, margin, proximity, side
 from tests.factories import ITEMS, RULES, composed
 
-CONF = composed("profile=smoke")
-USERS, AMOUNTS = CONF.users, CONF.studies.rule_families.families
+USERS = composed("profile=smoke").users
+AMOUNTS = {"margin": 0.0, "dwell": 0.1, "side": 0.0, "proximity": 0.2}
 ALL: Margins = {symbol: 0.045 for symbol in SYMBOLS}
 STRAIGHT = np.array([[[0.5, 0.5]]])
 Drawn = tuple[Layouts, np.ndarray]
