@@ -28,6 +28,7 @@ QUERIES = 5
 METRICS = {
     "scenes": {"world": {"largest_difference": 0.01}},
     "evaluate": {"accuracy": {"full": {"new_items": 0.54}}},
+    "readings": {"curve": {"random_routes": {"full": {"n1": 0.73}}}},
     "repair": {"repair": {"full": {"careful": 0.65}}},
     "intervene": {"verdicts_right": {"full": 3}},
 }
@@ -42,7 +43,18 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     for variant in set(cfg.variants) - set(VARIANTS):
         del cfg.variants[variant]
     drop_absent(cfg)
-    for stage in ("scenes", "demos", "train", "irl", "clearance", "evaluate", "repair", "intervene", "record"):
+    for stage in (
+        "scenes",
+        "demos",
+        "train",
+        "irl",
+        "clearance",
+        "evaluate",
+        "readings",
+        "repair",
+        "intervene",
+        "record",
+    ):
         cfg.paths[stage] = str(root / stage)
     results = factory.results(VARIANTS)
     write_inputs(root, cfg, results)
@@ -99,8 +111,8 @@ def test_the_site_is_whole_and_metrics_join_every_headline_with_the_claims(out: 
         (out / "page.css").is_file() and list((out / "figures").glob("*.svg")) and list((out / "tables").glob("*.csv"))
     )
     metrics = json.loads((out / "metrics.json").read_text())
-    assert set(metrics) == {"world", "accuracy", "repair", "verdicts_right", "claims"}
-    assert set(metrics["claims"].values()) <= {"holds", "fails", "open", "untestable", "not tested"}
+    assert set(metrics) == {"world", "accuracy", "curve", "repair", "verdicts_right", "claims"}
+    assert set(metrics["claims"].values()) <= {"holds", "in a reading", "fails", "open", "untestable", "not tested"}
     assert "smoke run" in (out / "index.html").read_text()
 
 
