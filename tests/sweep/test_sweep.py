@@ -38,7 +38,7 @@ def test_a_stage_that_jobs_have_in_common_runs_once_though_they_start_together(f
     ran = {name: sorted(s for s, stage in job["stages"].items() if stage["ran"]) for name, job in jobs(folder).items()}
     assert sorted(ran) == ["evaluate.bins=10", "evaluate.bins=5"]
     together = sorted(stage for stages in ran.values() for stage in stages)
-    assert together == ["clearance@clearance", "demos", "evaluate", "evaluate", "scenes"]
+    assert together == ["clearance@clearance", "demos", "evaluate", "evaluate", "params", "params", "scenes"]
 
 
 def test_a_job_keeps_its_parameters_metrics_log_and_commit(folder: Path, repository: Path):
