@@ -4,6 +4,7 @@ import argparse
 import re
 import sys
 from collections.abc import Mapping
+from itertools import product
 from pathlib import Path
 
 import pandas as pd
@@ -13,7 +14,7 @@ from pipeline.causal.bold_table import PAPER, TRUTH, never_bold
 from pipeline.config.graph import ROOT
 from pipeline.report.bold import as_markdown
 from pipeline.report.page import FORMATS
-from pipeline.report.results import PAPER_ACCURACY
+from pipeline.report.results import PAPER_ACCURACY, RANDOM_ROUTES
 from pipeline.report.style import COLOURS, label
 from pipeline.runtime.errors import InputError
 
@@ -61,15 +62,16 @@ def curve(table: pd.DataFrame) -> str:
     rows = ["| Demonstrations a table | " + " | ".join(map(str, ends)) + " |", "| --- |" + " --: |" * len(ends)]
     cells = [_share(PAPER_ACCURACY[n][0]) + _quartiles(*PAPER_ACCURACY[n][1:]) for n in ends]
     rows.append(f"| {label('paper')} | " + " | ".join(cells) + " |")
-    blind_where_nothing_else_is = (table["variant"] != "position_only") | (table["split"] == "new_scenes")
-    table = table[(table["users"] == "paper") & blind_where_nothing_else_is]
-    for (split, reading, variant), cell in table.groupby(["split", "reading", "variant"], sort=False):
-        by_n = cell.set_index("n_demos")[["mean", "q1", "q3"]]
-        if not set(ends) <= set(by_n.index):
-            continue
-        cells = [_share(by_n["mean"][n]) + _quartiles(by_n["q1"][n], by_n["q3"][n]) for n in ends]
-        where = "" if split == "held_out" else ", new tables"
-        rows.append(f"| {label(str(variant))}, {label(str(reading))}{where} | " + " | ".join(cells) + " |")
+    table = table[table["users"] == "paper"].set_index(["split", "reading", "variant", "n_demos"])[["mean", "q1", "q3"]]
+    readings = sorted(dict.fromkeys(table.index.get_level_values("reading")), key=lambda name: name == RANDOM_ROUTES)
+    lines = {"held_out": ("full", "nearest_demonstration"), "new_scenes": ("full", "position_only")}
+    for (split, variants), reading in product(lines.items(), readings):
+        for variant in variants:
+            keys = [(split, reading, variant, n) for n in ends]
+            if all(key in table.index for key in keys):
+                cells = [_share(mean) + _quartiles(q1, q3) for mean, q1, q3 in table.loc[keys].to_numpy()]
+                where = "" if split == "held_out" else "new tables, "
+                rows.append(f"| {label(variant)}, {where}{label(reading)} | " + " | ".join(cells) + " |")
     return "\n".join(rows)
 
 
