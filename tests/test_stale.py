@@ -22,12 +22,12 @@ def clone() -> Iterator[Path]:
 
 
 def first_stale(clone: Path) -> str:
-    """Return what `dvc repro --dry` would run first; it may then end in an error, since no data is here."""
+    """Return what `dvc repro --dry` would run first, or fails to, since no data is here."""
     try:
         said = dvc(clone, "repro", "--dry", "--allow-missing")
     except InputError as error:
         said = str(error)
-    found = re.search(r"Running stage '([^']+)'", said)
+    found = re.search(r"(?:Running stage|failed to reproduce) '([^']+)'", said)
     return found[1] if found else said.strip().splitlines()[-1]
 
 
@@ -37,7 +37,7 @@ def first_stale(clone: Path) -> str:
         ("conf/train.yaml", "  steps: 500", "  steps: 501", "params"),
         ("conf/users.yaml", "0.045", "0.046", "params"),
         ("pipeline/config/values.py", "MAX_N = 10", "MAX_N = 11", "params"),
-        ("pipeline/causal/question_settings.py", "Name | None = None", 'Name | None = "paper"', "params"),
+        ("pipeline/causal/question_settings.py", "Name | None = None", 'Name | None = "paper"', "intervene"),
     ],
 )
 def test_a_change_of_conf_or_of_what_composes_it_is_named(clone: Path, file: str, old: str, new: str, stage: str):
