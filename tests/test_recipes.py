@@ -15,7 +15,8 @@ from tests.reproduce import reproduce
 
 pytestmark = pytest.mark.slow
 TINY = [
-    "profile=smoke", "n_demos=[2]", "main_n_demos=2", "checkpoints=[0]", "scenes.per_seed=6", "scenes.shared=12",
+    "profile=smoke", "n_demos=[2]", "main_n_demos=2", "readings.n_demos=[1,2]", "checkpoints=[0]", "scenes.per_seed=6",
+    "scenes.shared=12",
     "scenes.validation=2", "scenes.calibration=40", "scenes.calibration_paths=20", "scenes.prior_side=6",
     "demos.per_scene=2", "demos.queries_seen=4", "demos.queries_new=4", "train.steps=4", "train.engine=reference",
     "clearance.steps=4", "irl.n_augmentations=1", "repair.starts=1", "repair.steps=4", "repair.lattice_side=12",

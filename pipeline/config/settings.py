@@ -110,10 +110,10 @@ def evaluate(s: Settings) -> None:
 
 
 def readings(s: Settings) -> None:
-    """Reject numbers of demonstrations without main_n_demos, and too few candidates."""
+    """Reject numbers of demonstrations without main_n_demos, at which every reading ends, and too few candidates."""
     need_several_seeds(s)
-    least = f"some up to main_n_demos = {s.main_n_demos}"
-    need(min(s.readings.n_demos) <= s.main_n_demos, "readings.n_demos", s.readings.n_demos, least)
+    least = f"main_n_demos = {s.main_n_demos} among them, at which every reading ends"
+    need(s.main_n_demos in s.readings.n_demos, "readings.n_demos", s.readings.n_demos, least)
     paths = s.main_n_demos + s.readings.held_out
     most = f"at least main_n_demos + held_out = {paths}"
     need(s.readings.candidates >= paths, "readings.candidates", s.readings.candidates, most)
