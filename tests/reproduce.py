@@ -19,6 +19,7 @@ for path in sys.argv[1:]:
 
 def reproduce(repository: Path, files: list[str], *overrides: str) -> None:
     """Compose the parameters with `overrides`, then run every stage of these dvc.yaml in their order."""
-    for command in (["-m", "pipeline.params", *overrides], ["-c", COMMANDS, *files]):
+    check = ["-m", "pipeline.params", "--check", "--out", "outputs/params.txt"]  # stage params
+    for command in (["-m", "pipeline.params", *overrides], check, ["-c", COMMANDS, *files]):
         done = subprocess.run([sys.executable, *command], cwd=repository, capture_output=True, text=True, timeout=1800)
         assert done.returncode == 0, done.stderr[-3000:]
