@@ -24,8 +24,8 @@ from pydantic_core import PydanticCustomError
 
 from pipeline.config.graph import ROOT, graph_files, listed_variants, stage_entry, with_variants
 from pipeline.config.settings import NEEDS, Settings, check_study, is_study
-from pipeline.config.values import explain
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.settings import explain
 from pipeline.runtime.writing import atomic_write
 
 CONF = ROOT / "conf"

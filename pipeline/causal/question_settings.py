@@ -4,8 +4,7 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import AfterValidator, Field, model_validator
 
-from pipeline.config.checks import need
-from pipeline.config.values import Group, Length, Name, expected
+from pipeline.runtime.settings import Group, Length, Name, expected, need
 from pipeline.world.layout import SYMBOLS
 
 

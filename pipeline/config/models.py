@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from pipeline.config.values import Chance, Count, Demonstrations, Group, Several, Size, Spread, Weight, expected
+from pipeline.runtime.settings import Chance, Count, Demonstrations, Group, Several, Size, Spread, Weight, expected
 
 
 class Schedule(Group):
@@ -53,6 +53,7 @@ class Fitted(Group):
     """Check the setting of all variants: numbers of demonstrations to fit at besides main_n_demos; null: all."""
 
     n_demos: Annotated[list[Demonstrations], Field(min_length=1)] | None
+    compared: bool
 
 
 class Vae(Fitted):

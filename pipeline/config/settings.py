@@ -7,13 +7,26 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, Field, model_validator
 
 from pipeline.causal.question_settings import Question
-from pipeline.config.checks import need, need_one, need_some, widest_margin
 from pipeline.config.graph import ROOT
 from pipeline.config.models import Irl, Schedule, Train, Variant
 from pipeline.config.stages import Evaluate, Intervene, Readings, Record, Repair, Report
-from pipeline.config.values import MAX_N, Count, Demonstrations, Group, Margins, Name, Seeds, Whole, unique
 from pipeline.config.world import Demos, Scenes
 from pipeline.models.baselines import IMAGE_BLIND_BASELINES, NEAREST
+from pipeline.runtime.settings import (
+    MAX_N,
+    Count,
+    Demonstrations,
+    Group,
+    Margins,
+    Name,
+    Seeds,
+    Whole,
+    need,
+    need_one,
+    need_some,
+    unique,
+    widest_margin,
+)
 
 MAX_TESTS = 25  # with 10 seeds the smallest p is 2/1024: under Holm's correction more tests could never be significant
 
@@ -156,7 +169,7 @@ NEEDS = {
 
 def is_study(name: str) -> bool:
     """Return whether the study's folder has settings."""
-    return (ROOT / "studies" / name / "settings.py").is_file()
+    return (ROOT / "studies" / name / "stage.py").is_file()
 
 
 def check_study(name: str, settings: Settings, agree: bool) -> None:
@@ -164,7 +177,8 @@ def check_study(name: str, settings: Settings, agree: bool) -> None:
 
     With `agree`, also raise PydanticCustomError if they conflict with other groups.
     """
-    module = import_module(f"studies.{name}.settings")
+    module = import_module(f"studies.{name}.stage")
+    module = module if hasattr(module, "Settings") else import_module(f"studies.{name}.settings")
     study = module.Settings.model_validate(settings.studies.get(name, {}))
     if agree:
         need_several_seeds(settings)

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
-from pipeline.config.values import (
+from pipeline.runtime.settings import (
     Count,
     Demonstrations,
     Group,

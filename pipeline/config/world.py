@@ -2,8 +2,7 @@
 
 from pydantic import model_validator
 
-from pipeline.config.checks import need, need_some
-from pipeline.config.values import (
+from pipeline.runtime.settings import (
     Chance,
     Count,
     Demonstrations,
@@ -19,6 +18,8 @@ from pipeline.config.values import (
     Some,
     Spread,
     Whole,
+    need,
+    need_some,
 )
 from pipeline.world.patterns import PATTERNS
 

@@ -4,9 +4,8 @@ from typing import Annotated
 
 from pydantic import AfterValidator
 
-from pipeline.config.checks import need, need_some
 from pipeline.config.settings import Settings as Parameters
-from pipeline.config.values import Between, Count, Some, StudyGroup, Whole, expected, rising
+from pipeline.runtime.settings import Between, Count, Some, StudyGroup, Whole, expected, need, need_some, rising
 
 
 class Settings(StudyGroup):

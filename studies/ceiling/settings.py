@@ -4,9 +4,8 @@ from typing import Annotated
 
 from pydantic import AfterValidator
 
-from pipeline.config.checks import need, need_some
 from pipeline.config.settings import Settings as Parameters
-from pipeline.config.values import Count, Several, StudyGroup, Weight, Whole, expected, rising
+from pipeline.runtime.settings import Count, Several, StudyGroup, Weight, Whole, expected, need, need_some, rising
 
 Numbers = Annotated[list[Count], AfterValidator(rising), expected("ascending whole numbers from 1")]
 

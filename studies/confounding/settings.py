@@ -1,8 +1,21 @@
 """Parameters of the confounding study (conf/studies/confounding.yaml) and their constraints."""
 
-from pipeline.config.checks import need, need_some
 from pipeline.config.settings import Settings as Parameters
-from pipeline.config.values import Chance, Count, Length, Name, Names, Pair, Several, Share, Some, StudyGroup, Whole
+from pipeline.runtime.settings import (
+    Chance,
+    Count,
+    Length,
+    Name,
+    Names,
+    Pair,
+    Several,
+    Share,
+    Some,
+    StudyGroup,
+    Whole,
+    need,
+    need_some,
+)
 from studies.confounding.world import CONFOUNDED, CONTROL
 
 STUDY = "studies.confounding"

@@ -4,10 +4,9 @@ from typing import Annotated
 
 from pydantic import Field
 
-from pipeline.config.checks import need, need_one, widest_margin
 from pipeline.config.settings import Settings as Parameters
 from pipeline.config.stages import SharedSplit
-from pipeline.config.values import Count, Several, StudyGroup, Whole, expected
+from pipeline.runtime.settings import Count, Several, StudyGroup, Whole, expected, need, need_one, widest_margin
 
 
 class Settings(StudyGroup):

@@ -1,8 +1,7 @@
 """Parameters of the study (conf/studies/envelope.yaml) and their constraints."""
 
-from pipeline.config.checks import need, need_one, widest_margin
 from pipeline.config.settings import Settings as Parameters
-from pipeline.config.values import Count, Length, Several, StudyGroup, Whole
+from pipeline.runtime.settings import Count, Length, Several, StudyGroup, Whole, need, need_one, widest_margin
 
 
 class Settings(StudyGroup):

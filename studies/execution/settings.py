@@ -4,9 +4,20 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from pipeline.config.checks import need, need_one, need_some
 from pipeline.config.settings import Settings as Parameters
-from pipeline.config.values import Count, Group, Length, Several, StudyGroup, Whole, expected, rising
+from pipeline.runtime.settings import (
+    Count,
+    Group,
+    Length,
+    Several,
+    StudyGroup,
+    Whole,
+    expected,
+    need,
+    need_one,
+    need_some,
+    rising,
+)
 from pipeline.world.symbols import SYMBOLS
 
 Numbers = Annotated[list[float], Field(min_length=1)]

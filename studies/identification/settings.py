@@ -4,10 +4,9 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from pipeline.config.checks import need, need_some
 from pipeline.config.settings import Settings as Parameters
 from pipeline.config.stages import SharedSplit
-from pipeline.config.values import Between, Count, Margin, StudyGroup, Whole
+from pipeline.runtime.settings import Between, Count, Margin, StudyGroup, Whole, need, need_some
 from pipeline.world.symbols import SYMBOLS
 
 

@@ -1,8 +1,7 @@
 """Parameters of the study (conf/studies/perception.yaml) and their constraints."""
 
-from pipeline.config.checks import need, need_one
 from pipeline.config.settings import Settings as Parameters
-from pipeline.config.values import Count, Group, Some, StudyGroup, Whole
+from pipeline.runtime.settings import Count, Group, Some, StudyGroup, Whole, need, need_one
 
 
 class Headlines(Group):

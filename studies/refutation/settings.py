@@ -4,9 +4,20 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from pipeline.config.checks import need, need_some, widest_margin
 from pipeline.config.settings import Settings as Parameters
-from pipeline.config.values import Count, Length, Names, Several, StudyGroup, Whole, expected, rising
+from pipeline.runtime.settings import (
+    Count,
+    Length,
+    Names,
+    Several,
+    StudyGroup,
+    Whole,
+    expected,
+    need,
+    need_some,
+    rising,
+    widest_margin,
+)
 from pipeline.world.layout import SIDE
 
 

@@ -4,10 +4,22 @@ from typing import Annotated
 
 from pydantic import AfterValidator
 
-from pipeline.config.checks import need, need_some
 from pipeline.config.settings import Settings as Parameters
 from pipeline.config.stages import SharedSplit
-from pipeline.config.values import Count, Group, Several, Shares, Some, Strengths, StudyGroup, Whole, expected, rising
+from pipeline.runtime.settings import (
+    Count,
+    Group,
+    Several,
+    Shares,
+    Some,
+    Strengths,
+    StudyGroup,
+    Whole,
+    expected,
+    need,
+    need_some,
+    rising,
+)
 
 
 class Corruptions(Group):

@@ -2,9 +2,8 @@
 
 from typing import Literal
 
-from pipeline.config.checks import need, need_some
 from pipeline.config.settings import Settings as Parameters
-from pipeline.config.values import Distance, Several, Some, StudyGroup
+from pipeline.runtime.settings import Distance, Several, Some, StudyGroup, need, need_some
 
 
 class Settings(StudyGroup):

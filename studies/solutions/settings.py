@@ -1,9 +1,8 @@
 """Parameters of the study (conf/studies/solutions.yaml) and their constraints."""
 
-from pipeline.config.checks import need, need_some
 from pipeline.config.settings import Settings as Parameters
 from pipeline.config.stages import SharedSplit
-from pipeline.config.values import Count, Some, StudyGroup, Whole
+from pipeline.runtime.settings import Count, Some, StudyGroup, Whole, need, need_some
 
 
 class Settings(StudyGroup):
