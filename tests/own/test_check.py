@@ -133,7 +133,7 @@ FAULTS: dict[str, tuple[Spoil, str]] = {
         lambda p: edit(p, lambda t: t[t["scene"].isin(SCENES[:3])]),
         "user Ana has 3 scenes: expected at least 4",
     ),
-    "no column": (demos("scene;user;demo;t;x;y;valid\n"), "separate columns by commas"),
+    "no column": (demos("scene,user,demo,t,x,y\n"), "expected also valid"),
     "no csv": (lambda p: (p / "demonstrations.csv").unlink(), "demonstrations.csv is missing: draw paths with"),
     "empty csv": (demos(""), "demonstrations.csv is empty: expected a header line"),
     "no rows": (demos("scene,user,demo,t,x,y,valid\n"), "has no row below its header"),

@@ -210,10 +210,9 @@ async function addItem(points) {
 
 function startTable() {
   const form = $("table-form").elements;
-  const { table } = overview;
-  $("side").value = table.side_m;
-  for (const end of ["start", "goal"]) ["x", "y"].forEach((axis, i) => { $(`${end}-${axis}`).value = table[end][i]; });
-  form.holds.value = table.for_each_scene ? "one" : "all";
+  $("side").value = overview.side_m;
+  for (const end of ["start", "goal"]) ["x", "y"].forEach((axis, i) => { $(`${end}-${axis}`).value = overview[end][i]; });
+  form.holds.value = overview.for_each_scene ? "one" : "all";
   const paths = Object.values(overview.counts).flatMap(Object.values).reduce((sum, count) => sum + count.valid + count.invalid, 0);
   $("kept").textContent = paths ? `${paths} paths are stored in metres of the table as it was. Moving it now does not move them.` : "";
   choosePlace();
