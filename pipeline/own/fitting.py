@@ -97,7 +97,10 @@ def fit_user(data: UserData, kept: Path, progress: Callable[[str], object]) -> F
         z, valid = data.z_theta[training][real], data.valid[training][real]
         each_z, each_valid = (np.broadcast_to(labelled, (len(test), *labelled.shape)) for labelled in (z, valid))
         p["nearest_demonstration", 1.0][test] = nearest_demonstration(each_z, each_valid, queries)
-        p["position_only", 1.0][test] = position_only(position_prior(z, valid), queries)
+        square = ((lattice(PRIOR_SIDE)[:, None] - z) ** 2).sum(-1)
+        weight = np.exp(-square / (2 * PRIOR_WIDTH_M**2)) + 1e-12
+        prior = (weight @ valid / weight.sum(1)).reshape(PRIOR_SIDE, PRIOR_SIDE)  # [y, x], smoothed labels
+        p["position_only", 1.0][test] = position_only(prior, queries)
     progress(f"{data.user}: all scenes")
     whole, real = fit_on(data, np.arange(len(data.scenes)), kept), data.real
     labels = {"scene": np.repeat(data.scenes, real.sum(1)), "demo": data.demo[real], "valid": data.valid[real]}
@@ -122,10 +125,3 @@ def fit_on(data: UserData, scenes: Int[Array, " scene"], kept: Path) -> Validity
             model = library.fit(*arrays, variant=VARIANT, seed=job_seed("own", digest))
         library.save(model, path)
         return model
-
-
-def position_prior(z: Float[Array, "demo 2"], valid: Array) -> Float[Array, "side side"]:
-    """Return the share of valid demonstrations around each z_theta as [y, x], smoothed by a Gaussian kernel."""
-    square = ((lattice(PRIOR_SIDE)[:, None] - z) ** 2).sum(-1)
-    weight = np.exp(-square / (2 * PRIOR_WIDTH_M**2)) + 1e-12
-    return (weight @ valid / weight.sum(1)).reshape(PRIOR_SIDE, PRIOR_SIDE)

@@ -14,6 +14,8 @@ from pipeline.world.bezier import lattice
 BINS = 5  # of the calibration; twenty scenes have some 150 demonstrations
 FLAT = 0.05  # gain of accuracy from the second half of the scenes, below which the curve counts as flat; ours
 FEW_CHANGES = 20  # changed decisions below which the interval follows from their number, as in library.effect
+SCORES = ["user", "predictor", "share", "scenes", "demonstrations", "accuracy", "ci_low", "ci_high", "balanced"]
+SCORES += ["missed", "auroc", "brier", "calibration_error"]
 REPAIRED = ["user", "scene", "demo", "p_before", "p_after", "moved_m", "z_x", "z_y", "end_x", "end_y"]  # columns
 LATTICE_SIDE = 14  # points per side of the lattice of paths on which models are compared
 
@@ -30,24 +32,12 @@ def scores(judged: pd.DataFrame) -> pd.DataFrame:
         right = (p > DECISION) == valid
         counts = part.assign(right=right).groupby("scene")["right"].agg(["sum", "size"]).to_numpy(float).T
         interval = ratio(counts[:1, None], counts[1:, None])  # of the share of right answers, over scenes
-        rows.append(
-            {
-                "user": user,
-                "predictor": predictor,
-                "share": share,
-                "scenes": part["scene"].nunique(),
-                "demonstrations": len(part),
-                "accuracy": accuracy(p, valid),
-                "ci_low": float(interval.ci_low[0].clip(0, 1)),
-                "ci_high": float(interval.ci_high[0].clip(0, 1)),
-                "balanced": float((right[valid].mean() + right[~valid].mean()) / 2),
-                "missed": float((p > DECISION)[~valid].mean()),
-                "auroc": auroc(p, valid),
-                "brier": brier(p, valid),
-                "calibration_error": expected_calibration_error(p, valid, BINS),
-            }
-        )
-    return pd.DataFrame(rows)
+        low, high = (float(end[0].clip(0, 1)) for end in (interval.ci_low, interval.ci_high))
+        sizes, balanced = (part["scene"].nunique(), len(part)), float((right[valid].mean() + right[~valid].mean()) / 2)
+        shares = accuracy(p, valid), low, high, balanced, float((p > DECISION)[~valid].mean())
+        errors = auroc(p, valid), brier(p, valid), expected_calibration_error(p, valid, BINS)
+        rows.append((user, predictor, share, *sizes, *shares, *errors))
+    return pd.DataFrame(rows, columns=SCORES)
 
 
 def calibration(judged: pd.DataFrame) -> pd.DataFrame:

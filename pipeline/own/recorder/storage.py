@@ -161,7 +161,7 @@ class Recordings:
             for path in stored:  # the page sends it again if the first answer got lost
                 if path.assign(demo=demo).to_numpy().tolist() == rows.to_numpy().tolist():
                     return _described(path)
-            self._append(DEMONSTRATIONS, rows)
+            self._write_table(DEMONSTRATIONS, self._table(DEMONSTRATIONS), rows)
             return _described(rows)
 
     @as_sent
@@ -189,7 +189,7 @@ class Recordings:
                 raise InputError("the item's centre is not on the table: mark it again")
             row = [scene, kind, f"{x:.4f}", f"{y:.4f}", f"{angle:.1f}", f"{radius:.4f}", f"{half:.4f}"]
             if row not in self._table(ITEMS)[COLUMNS[ITEMS]].to_numpy().tolist():
-                self._append(ITEMS, pd.DataFrame([row], columns=COLUMNS[ITEMS]))
+                self._write_table(ITEMS, self._table(ITEMS), pd.DataFrame([row], columns=COLUMNS[ITEMS]))
 
     @as_sent
     def remove(self, what: Literal["path", "item"], id: str) -> None:
@@ -287,11 +287,9 @@ class Recordings:
         atomic_write(path, lambda part: (write(part), _sync(part)))
         _sync(path.parent)
 
-    def _write_table(self, name: str, table: pd.DataFrame) -> None:
+    def _write_table(self, name: str, *parts: pd.DataFrame) -> None:
+        table = pd.concat(parts, ignore_index=True).fillna("")
         self._write(name, lambda part: table.to_csv(part, index=False, lineterminator="\n"))
-
-    def _append(self, name: str, rows: pd.DataFrame) -> None:
-        self._write_table(name, pd.concat([self._table(name), rows], ignore_index=True).fillna(""))
 
     def _inside(self, path: Path) -> Path:
         """Return `path`; raise InputError if it leads out of the folder, as a symbolic link can."""
