@@ -16,6 +16,7 @@ import uvicorn
 from pydantic import TypeAdapter, ValidationError
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.middleware.base import BaseHTTPMiddleware
 from starlette.requests import Request
@@ -125,7 +126,7 @@ def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
     async def add_picture(request: Request) -> Response:
         content = await body_of(request, MAX_UPLOAD_BYTES)
         name = await run_in_threadpool(recordings.import_picture, request.query_params.get("name", ""), content)
-        return JSONResponse({"scene": name})
+        return JSONResponse({"scene": name}, 201)
 
     async def guard(request: Request, answer: Callable[[Request], Any]) -> Response:
         """Answer the recorder's own page alone.
@@ -159,6 +160,7 @@ def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
         middleware=[Middleware(BaseHTTPMiddleware, dispatch=guard)],
         exception_handlers={
             InputError: lambda _, error: _refused(str(error), 400),
+            HTTPException: lambda _, error: _refused(error.detail, error.status_code),
             ValidationError: lambda _, error: _refused(unknown, 400),
             OSError: lambda _, error: _refused(f"not stored: {error}", 500),
         },
@@ -166,12 +168,12 @@ def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
 
 
 async def body_of(request: Request, limit: int) -> bytes:
-    """Return a request's body; raise InputError as soon as it is longer than `limit` bytes."""
+    """Return a request's body; raise HTTPException as soon as it is longer than `limit` bytes."""
     body = bytearray()
     async for chunk in request.stream():
         body += chunk
         if len(body) > limit:
-            raise InputError(f"more than {limit / 1e6:.0f} MB were sent: choose a smaller file")
+            raise HTTPException(413, f"more than {limit / 1e6:.0f} MB were sent: choose a smaller file")
     return bytes(body)
 
 
