@@ -5,7 +5,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from making.segmenter.tops import cloth, generic, materials, patterns, prints, stone, wood
+from making.segmenter.tops import materials, prints
 from pipeline.world.paint import Top
 
 Kind = Literal["taught", "held_out"]
@@ -18,12 +18,10 @@ class Family(NamedTuple):
     kind: Kind
 
 
-_KINDS: tuple[Kind, ...] = ("taught", "held_out")
-_MODULES = (wood, stone, cloth, materials, patterns, prints, generic)  # each says which of its families are taught
 FAMILIES: dict[str, Family] = {
     draw.__name__: Family(draw, kind)
-    for module in _MODULES
-    for kind, draws in zip(_KINDS, (module.TAUGHT, module.HELD_OUT), strict=True)
+    for taught, held_out in (*materials.GROUPS, *prints.GROUPS)
+    for kind, draws in (("taught", taught), ("held_out", held_out))
     for draw in draws
 }
 
