@@ -9,6 +9,7 @@ from making.segmenter.tops import materials, prints
 from pipeline.world.paint import Top
 
 Kind = Literal["taught", "held_out"]
+KINDS: tuple[Kind, Kind] = ("taught", "held_out")
 
 
 class Family(NamedTuple):
@@ -20,8 +21,8 @@ class Family(NamedTuple):
 
 FAMILIES: dict[str, Family] = {
     draw.__name__: Family(draw, kind)
-    for taught, held_out in (*materials.GROUPS, *prints.GROUPS)
-    for kind, draws in (("taught", taught), ("held_out", held_out))
+    for group in (*materials.GROUPS, *prints.GROUPS)
+    for kind, draws in zip(KINDS, group, strict=True)
     for draw in draws
 }
 

@@ -143,6 +143,9 @@ def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
         response.headers.update(HEADERS)
         return response
 
+    def refused_by_starlette(_: Request, error: Any) -> Response:
+        return _refused(error.detail, error.status_code)
+
     unknown = "the recorder does not understand what the page sent: reload the page"
     return Starlette(
         routes=[
@@ -160,7 +163,7 @@ def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
         middleware=[Middleware(BaseHTTPMiddleware, dispatch=guard)],
         exception_handlers={
             InputError: lambda _, error: _refused(str(error), 400),
-            HTTPException: lambda _, error: _refused(error.detail, error.status_code),
+            HTTPException: refused_by_starlette,
             ValidationError: lambda _, error: _refused(unknown, 400),
             OSError: lambda _, error: _refused(f"not stored: {error}", 500),
         },
