@@ -28,7 +28,7 @@ else
   clone=$(mktemp -d)
   trap 'rm -rf "$clone"' EXIT
 fi
-git -C "$root" ls-files -z --cached --others --exclude-standard -- ':!outputs' ':!reports' ':!dvc.lock' ':!processors.json' \
+git -C "$root" ls-files -z --cached --others --exclude-standard -- ':!outputs' ':!reports' ':!dvc.lock' \
   ':!studies/*/dvc.lock' ':!studies/*/index.html' ':!studies/*/figures/*' ':!studies/*/tables/*' \
   ':!studies/*/provenance.json' "${left_out[@]}" |
   (cd "$root" && while IFS= read -r -d '' f; do [ ! -e "$f" ] || printf '%s\0' "$f"; done) |

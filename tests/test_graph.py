@@ -11,7 +11,6 @@ from pathlib import Path
 import grimp
 import pytest
 import yaml
-
 from pipeline.config.graph import ROOT, graph_files, listed_variants, with_variants
 
 DOORS = ("pipeline.config", "pipeline.params", "pipeline.launch")  # check parameters: deps of stage params alone

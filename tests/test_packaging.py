@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.config.graph import ROOT
+from pipeline.runtime.places import ROOT
 
 
 @pytest.mark.slow

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from dvc.utils.hydra import compose_and_dump
 from omegaconf import OmegaConf
+from pipeline.config.settings import NEEDS, Settings, is_study
 
 from pipeline import params
-from pipeline.config.settings import NEEDS, Settings, is_study
 from pipeline.models.registry import KINDS
 from pipeline.params import COMPOSED, CONF, GRAPH, compose, load, validate
 from pipeline.runtime.errors import InputError

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from pipeline.artifacts.files import read_table
-from pipeline.config.graph import ROOT
+from pipeline.runtime.places import ROOT
 from pipeline.world.symbols import SYMBOLS
 from tests.reproduce import reproduce
 

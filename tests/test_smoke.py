@@ -15,9 +15,9 @@ import pytest
 import yaml
 
 from pipeline.artifacts.files import read_table, write_table
-from pipeline.config.graph import ROOT
-from pipeline.params import load
+from pipeline.launch import load
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.places import ROOT
 from pipeline.stages.page import read_study, render
 from tests.reproduce import reproduce
 
