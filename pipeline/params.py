@@ -98,7 +98,8 @@ def kept(overrides: Sequence[str], cfg: DictConfig | None = None) -> str:
 
     before = yaml.safe_load(COMPOSED.read_text(encoding="utf-8"))
     known = [p.stem for p in sorted((CONF / "variants").glob("*.yaml")) if "\ncompared:" in p.read_text()]
-    listed = [next(iter(entry)).partition(".")[2] for entry in before["defaults"][:-1] if "variants@" in str(entry)]
+    entries = [next(iter(entry)) for entry in before["defaults"] if entry != "_self_"]
+    listed = [key.partition(".")[2] for key in entries if key.startswith("variants@")]
     variants = [*(v for v in listed if v in known), *(v for v in known if v not in listed)]
     groups: dict[str, str | None] = {"profile": "paper"}
     values = OmegaConf.create()
