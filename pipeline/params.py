@@ -135,6 +135,7 @@ def main(argv: list[str]) -> int:
     given = parser.parse_intermixed_args(argv)
     before = COMPOSED.read_text(encoding="utf-8")
     overrides = given.overrides or list(yaml.safe_load(before)["composed"])
+    overrides = [override for override in overrides if override != "profile=paper"]
     if given.check:
         cfg = _compose([])
         written = {COMPOSED: kept(overrides, cfg), PARAMS: OmegaConf.to_yaml(cfg)}
