@@ -33,7 +33,7 @@ def first_stale(clone: Path) -> str:
 
 @pytest.mark.parametrize(
     ("file", "old", "new"),
-    [("conf/train.yaml", "  steps: 500", "  steps: 501"), ("conf/users.yaml", "0.045", "0.046")],
+    [("conf/train.yaml", "  steps: 500", "  steps: 501"), ("conf/users/careful.yaml", "0.045", "0.046")],
 )
 def test_an_edit_of_conf_is_named_before_anything_else(clone: Path, file: str, old: str, new: str):
     assert first_stale(clone) == UP_TO_DATE
