@@ -7,8 +7,8 @@ import sys
 
 import pytest
 
-from pipeline.config.graph import ROOT
 from pipeline.runtime.instructions import SETTINGS, THREADS
+from pipeline.runtime.places import ROOT
 
 CODE = """import {package}, torch
 from numpy._core._multiarray_umath import __cpu_features__ as features

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.config.graph import ROOT
 from pipeline.runtime.instructions import SETTINGS, THREADS
+from pipeline.runtime.places import ROOT
 
 PROGRAM = Path(__file__).with_name("emulated.py")
 PLACES = f"{ROOT}:{sysconfig.get_path('purelib')}"  # QEMU runs the interpreter itself, which knows no environment
