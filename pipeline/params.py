@@ -33,7 +33,7 @@ COMPOSED_WITH = CONF / "composed.yaml"
 PARAMS = Path("params.yaml")
 GRAPH = tuple(NEEDS)  # the paper's stages with requirements across several groups
 # parameter -> the parameters in params.yaml that conf/ composes from it
-COMPOSED = {"profile": "", "source": "scenes.source", "train.model": "variants"}
+COMPOSED = {"profile": "", "train.model": "variants"}
 COMPOSED |= dict.fromkeys(("protocol", "seeds", "validation_seeds"), "protocol")
 
 

@@ -69,17 +69,12 @@ def test_a_params_yaml_edited_by_hand_is_found(tmp_path: Path, monkeypatch: pyte
 
 @pytest.mark.parametrize(
     "choice",
-    sorted(f"{p.parent.name}={p.stem}" for g in ("profile", "protocol", "source") for p in (CONF / g).glob("*")),
+    sorted(f"{p.parent.name}={p.stem}" for g in ("profile", "protocol") for p in (CONF / g).glob("*")),
 )
-def test_every_profile_protocol_and_source_composes_for_graph_and_studies(choice: str):
+def test_every_profile_and_protocol_composes_for_graph_and_studies(choice: str):
     cfg = compose([choice])
     if "validation" not in choice:
         validate(cfg, [*GRAPH, *(name for name in cfg.studies if is_study(name) and choice != "profile=demo")])
-
-
-def test_the_smoke_profile_composes_with_the_wide_source():
-    cfg = compose(["profile=smoke", "source=wide"])
-    assert cfg.scenes.shared == 12 and cfg.scenes.source == compose(["source=wide"]).scenes.source
 
 
 @pytest.mark.parametrize(
@@ -112,11 +107,10 @@ def test_the_smoke_profile_composes_with_the_wide_source():
         ("scenes.layout.items_per_scene=[2,4]", "items_per_scene", "from 0 to 3, one less than scenes.layout.slots"),
         ("scenes.layout.glasses_chance=[0.5,0.4]", "glasses_chance", "chances from 0 that add up to 1"),
         ("scenes.layout.centre_low=0.9", "scenes.layout.centre_high is 0.88", "a place from centre_low"),
-        ("source=photographed", "does not compose", "source/photographed"),
+        ("profile=photographed", "does not compose", "profile/photographed"),
         ("+scenes.source.fog=1", "unknown parameter 'scenes.source.fog'", ""),
         ("scenes.source.exposure=[1.2,0.8]", "scenes.source.exposure is [1.2, 0.8]", "two numbers from 0, the smaller"),
-        ("scenes.source.refraction=[0,2]", "scenes.source.refraction is [0, 2]", "two numbers from 0 to 1"),
-        ("scenes.source.patterns=[tartan]", "scenes.source.patterns is ['tartan']", "some of stripe, check"),
+        ("scenes.source.vignette=[0,2]", "scenes.source.vignette is [0, 2]", "two numbers from 0 to 1"),
         ("evaluate.comparisons.1.splits=[new_items]", "evaluate.comparisons", "only in seen scenes"),
         ("evaluate.comparisons.4.family=paper", "evaluate.comparisons", "27 tests in family paper"),
         ("repair.split=seen_scenes", "repair.split", "a split that all seeds share, one of new_scenes, new_items"),
@@ -145,7 +139,7 @@ def test_a_wrong_parameter_is_named_with_what_was_expected(override: str, names:
 OUT_OF_RANGE = """
 scenes.root_seed=-1 scenes.root_seed=1.5 scenes.layout.slots=0
 scenes.layout.items_per_scene=[] scenes.layout.clear_of_items=-0.5 scenes.layout.scale_low=0 demos.queries_new=0
-scenes.source.pattern_chance=2 scenes.source.white_balance=-1
+scenes.source.white_balance=-1
 demos.queries_new=True demos.ends_within_m='abc' demos.poor_above_m=-1.0 demos.hand.tremor_m=-1.0 train.steps=0
 variants.full.beta=-1 variants.irl_ranked.steps=0 irl.color_jitter.other_table=2 clearance.steps=0 clearance.rate=0
 evaluate.bins=0 repair.steps=0 repair.starts=0 repair.distance_penalty=0 intervene.paths=0 record.scenes=0

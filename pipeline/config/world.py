@@ -15,13 +15,10 @@ from pipeline.runtime.settings import (
     Several,
     ShareRange,
     Size,
-    Some,
     Spread,
     Whole,
     need,
-    need_some,
 )
-from pipeline.world.patterns import PATTERNS
 
 
 class Layout(Group):
@@ -55,23 +52,6 @@ class Source(Group):
     fall_off: ShareRange
     vignette: ShareRange
     noise: ShareRange
-    shadow_length: Range
-    shadow_softness: Range
-    shadow_depth: Range
-    refraction: ShareRange
-    caustic: Range
-    highlight: ShareRange
-    glare: ShareRange
-    pattern_chance: Chance
-    patterns: Some
-    fold_chance: Chance
-    parallax: ShareRange
-    tilt_px: Range
-
-    @model_validator(mode="after")
-    def _agrees(self) -> "Source":
-        need_some("scenes.source.patterns", self.patterns, PATTERNS)
-        return self
 
 
 class Scenes(Group):

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from pipeline.world.paint import (
+from making.segmenter.paint import (
     Colour,
     Field,
     Top,
@@ -18,7 +18,39 @@ from pipeline.world.paint import (
     ramp,
     step,
 )
-from pipeline.world.patterns import checks, ironed_folds, weave
+
+
+def checks(rng: np.random.Generator, side: int) -> Top:
+    """Draw the checks of gingham: two colours and their mixture where the bands cross."""
+    x, y = grid(side)
+    n = rng.uniform(5, 45)
+    share = ((x * n % 1 < 0.5).astype(np.float32) + (y * n % 1 < 0.5)) / 2
+    base = cloth(rng)
+    return ramp(share, [base, near(rng, base, 0.25) if rng.random() < 0.3 else cloth(rng)])
+
+
+def weave(rng: np.random.Generator, side: int) -> Top:
+    """Draw a coarse weave, as of rush, raffia or burlap."""
+    x, y = grid(side)
+    n, m = rng.uniform(15, 90), rng.uniform(15, 90)
+    over = ((np.floor(x * n) + np.floor(y * m)) % 2).astype(np.float32)
+    bulge = np.where(over > 0, np.sin(np.pi * (y * m % 1)), np.sin(np.pi * (x * n % 1)))
+    warp, weft = cloth(rng), cloth(rng)
+    if rng.random() < 0.6:
+        weft = near(rng, warp, 0.1)
+    picture = ramp(over, [warp, weft]) * (1 - rng.uniform(0.1, 0.5) * (1 - bulge))[..., None]
+    return picture * (1 + 0.08 * noise(rng, side, 60, 2, stretch=3))[..., None]
+
+
+def ironed_folds(rng: np.random.Generator, picture: Top) -> Top:
+    """Return a cloth with the creases of having been folded, lit from one side."""
+    x, y = grid(len(picture))
+    shade = np.ones(x.shape, np.float32)
+    for along in (x, y):
+        for place in ((np.arange(rng.integers(0, 4)) + rng.random()) / 3).tolist():
+            side_of_fold = (along - place) / rng.uniform(0.005, 0.03)
+            shade = shade + rng.uniform(-0.25, 0.25) * side_of_fold * np.exp(-(side_of_fold**2))
+    return picture * shade[..., None]
 
 
 def threads(rng: np.random.Generator, side: int, strength: float) -> Field:

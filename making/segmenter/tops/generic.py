@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from pipeline.world.paint import (
+from making.segmenter.paint import (
     FRACTION_BITS,
     Field,
     Top,
@@ -17,9 +17,9 @@ from pipeline.world.paint import (
     noise,
     points,
     ramp,
+    shades,
     sheet,
 )
-from pipeline.world.patterns import shades
 
 COARSE = 2  # random networks are computed on a grid coarser by this factor
 

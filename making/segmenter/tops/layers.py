@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
+from making.segmenter.paint import FRACTION_BITS, Field, Top, noise, points
 from making.segmenter.tops import FAMILIES
 from making.segmenter.tops.wear import worn
-from pipeline.world.paint import FRACTION_BITS, Field, Top, noise, points
 
 
 def draw_top(rng: np.random.Generator, families: Sequence[str], side: int) -> tuple[str, Top]:

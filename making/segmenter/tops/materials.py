@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from pipeline.world.paint import (
+from making.segmenter.paint import (
     FRACTION_BITS,
     Top,
     blend,

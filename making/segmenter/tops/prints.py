@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from pipeline.world.paint import (
+from making.segmenter.paint import (
     FRACTION_BITS,
     Top,
     blend,
@@ -17,10 +17,10 @@ from pipeline.world.paint import (
     noise,
     points,
     ramp,
+    shades,
     sheet,
     step,
 )
-from pipeline.world.patterns import shades
 
 
 def flowers(rng: np.random.Generator, side: int) -> Top:

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from pipeline.world.paint import (
+from making.segmenter.paint import (
     FRACTION_BITS,
     Colour,
     Field,
@@ -11,6 +11,7 @@ from pipeline.world.paint import (
     blend,
     colour,
     dried,
+    flat,
     ink,
     near,
     noise,
@@ -20,7 +21,33 @@ from pipeline.world.paint import (
     stone,
     wet,
 )
-from pipeline.world.patterns import granite, marble
+
+
+def marble(rng: np.random.Generator, side: int) -> Top:
+    """Draw marble: thin veins where warped noise crosses zero, over clouds."""
+    base, vein = stone(rng), stone(rng)
+    picture = ramp(0.5 + 0.2 * noise(rng, side, rng.uniform(2, 6), 4, 0.6), [near(rng, base, 0.1), base])
+    for _ in range(rng.integers(1, 5)):
+        crossing = np.abs(noise(rng, side, rng.uniform(1.5, 7), 5, rng.uniform(0.4, 0.65), rng.uniform(0.5, 2)))
+        share = np.exp(-crossing / rng.uniform(0.01, 0.15)) * step(noise(rng, side, 3) + 1, 1.5)
+        picture = blend(picture, near(rng, vein, 0.1), share * rng.uniform(0.2, 1))
+    return picture
+
+
+def speckles(rng: np.random.Generator, side: int) -> Field:
+    """Return noise of grains, some 5 to 40 mm wide, with mean 0 and standard deviation 1.1."""
+    return noise(rng, side, rng.uniform(60, 240), 1) + 0.5 * noise(rng, side, rng.uniform(30, 120))
+
+
+def granite(rng: np.random.Generator, side: int) -> Top:
+    """Draw granite: grains of two to four minerals over a base."""
+    base = stone(rng)
+    minerals = [near(rng, base, rng.uniform(0.05, 0.4)) for _ in range(rng.integers(2, 5))]
+    picture = flat(side, base)
+    for mineral in minerals:
+        grains = step(speckles(rng, side) - rng.uniform(0.2, 1.8), 0.3)
+        picture = blend(picture, mineral, grains * rng.uniform(0.3, 1))
+    return picture * (1 + rng.uniform(0, 0.15) * noise(rng, side, 3, 3))[..., None]
 
 
 def concrete(rng: np.random.Generator, side: int) -> Top:

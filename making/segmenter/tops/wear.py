@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from pipeline.world.paint import FRACTION_BITS, Top, colour, noise, points, step
+from making.segmenter.paint import FRACTION_BITS, Top, colour, noise, points, step
 
 
 def worn(rng: np.random.Generator, top: Top) -> Top:

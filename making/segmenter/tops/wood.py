@@ -3,8 +3,11 @@
 import cv2
 import numpy as np
 
-from pipeline.world.paint import (
+from making.segmenter.paint import (
     FRACTION_BITS,
+    Colour,
+    Field,
+    Number,
     Top,
     blend,
     colour,
@@ -19,7 +22,42 @@ from pipeline.world.paint import (
     step,
     wood,
 )
-from pipeline.world.patterns import boards, grain, planks, wood_shades
+
+
+def grain(rng: np.random.Generator, side: int) -> Field:
+    """Return the streaks of straight grain, from 0 to 1: fine fibres over broad bands."""
+    fibres = noise(rng, side, rng.uniform(60, 160), 2, 0.7, stretch=rng.uniform(12, 40))
+    bands = noise(rng, side, rng.uniform(5, 25), 2, 0.6, stretch=rng.uniform(4, 15))
+    return np.clip(0.5 + rng.uniform(0.05, 0.25) * fibres + rng.uniform(0.05, 0.3) * bands, 0, 1)
+
+
+def wood_shades(rng: np.random.Generator) -> list[Colour]:
+    """Draw the dark and the light colour of one wood."""
+    light = wood(rng)
+    return [light * rng.uniform(0.45, 0.9) * np.array([1, 0.96, 0.92], np.float32), light]
+
+
+def boards(rng: np.random.Generator, side: int, rows: float, lengths: tuple[Number, Number]) -> tuple[Field, Field]:
+    """Return a random number from 0 to 1 for each board of a floor, and each pixel's distance from its edge."""
+    x, y = grid(side)
+    row = np.floor(y * rows).astype(int)
+    length = rng.uniform(*lengths, row.max() + 1)[row].astype(np.float32)
+    along = x / length + rng.random(row.max() + 1)[row].astype(np.float32)
+    number = rng.random(4096).astype(np.float32)[(row * 97 + np.floor(along).astype(int) * 31) % 4096]
+    across = np.abs((y * rows) % 1 - 0.5)
+    to_end = (0.5 - np.abs(along % 1 - 0.5)) * length
+    return number, np.minimum((0.5 - across) / rows, to_end)
+
+
+def planks(rng: np.random.Generator, side: int) -> Top:
+    """Draw planks side by side, each with a shade and grain of its own."""
+    number, edge = boards(rng, side, rng.uniform(4, 16), (0.5, 3))
+    field = grain(rng, side)
+    rows = (np.arange(side)[:, None] + (number * side).astype(int)) % side
+    field = np.take_along_axis(field, rows, 0)
+    picture = ramp(field, wood_shades(rng)) * (1 + rng.uniform(0.1, 0.6) * (number - 0.5))[..., None]
+    gap = 1 - step(edge - rng.uniform(0, 0.002), 0.004)
+    return blend(picture, picture * rng.uniform(0.15, 0.8), gap * rng.uniform(0.4, 1))
 
 
 def straight_grain(rng: np.random.Generator, side: int) -> Top:
