@@ -1,9 +1,9 @@
-"""Maps become one mask an item."""
+"""Maps become one mask an item, and raise doubt where they are unsure."""
 
 import numpy as np
 import pytest
 
-from pipeline.perception.outlines import MIN_ITEM_PX, OUTLINE, SUPERSAMPLING, find_outlines
+from pipeline.perception.outlines import MIN_ITEM_PX, OUTLINE, SUPERSAMPLING, doubt, find_outlines
 from pipeline.perception.segmenter import Maps
 from pipeline.world.layout import SIDE
 
@@ -54,3 +54,21 @@ def test_a_cut_does_not_depend_on_where_arrays_lie_in_memory():
             held = [*held[-30:], np.empty(rng.integers(1, 200_000), np.uint8)]  # later arrays get other addresses
             results.add(b"".join(outline.mask.tobytes() for outline in find_outlines(touching)))
         assert len(results) == 1
+
+
+def test_only_unsure_pixels_raise_doubt_and_an_item_that_is_almost_missed_much():
+    sure = (np.hypot(*(np.mgrid[:SIDE, :SIDE] - 50)) < 10).astype(np.float32)
+    assert doubt(sure) == doubt(np.zeros((SIDE, SIDE), np.float32)) == 0
+    assert doubt(np.maximum(sure, 0.3 * np.roll(sure, 30, 1))) > 1
+
+
+def test_unsure_outlines_count_by_their_share_and_not_by_the_number_of_items():
+    def map_of(*corners: tuple[int, int]) -> np.ndarray:
+        item = np.zeros((SIDE, SIDE), np.float32)
+        for row, column in corners:
+            item[row : row + 12, column : column + 12] = 0.5
+            item[row + 1 : row + 11, column + 1 : column + 11] = 1
+        return item
+
+    one, two = doubt(map_of((10, 10))), doubt(map_of((10, 10), (60, 60)))
+    assert one == pytest.approx(two, rel=1e-6) and 0.4 < one < 0.8  # an outline one pixel wide has ln 2 nat a pixel
