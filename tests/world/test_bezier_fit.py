@@ -71,16 +71,6 @@ def test_points_of_a_path_are_fitted_by_that_path(x: float, y: float, count: int
     assert fits.residual_m[0] < 5e-5
 
 
-def test_the_residual_is_the_orthogonal_distance_and_no_larger_than_the_drawn_path_s():
-    points, offsets, z = hands(12)
-    fits = fit(points, offsets, 0.004)
-    for i, ours in enumerate(fits.z_theta):
-        x = points[offsets[i] : offsets[i + 1]]
-        assert fits.residual_m[i] == pytest.approx(rms(x, ours, (P_INIT, P_F)), rel=1e-6)
-        assert fits.residual_m[i] <= rms(x, z[i], (P_INIT, P_F)) * 1.005
-    assert np.median(np.linalg.norm(fits.z_theta - z, axis=1)) < 0.02
-
-
 def test_a_fit_does_not_depend_on_the_trajectories_beside_it():
     points, offsets, _ = hands(60)
     together = fit(points, offsets, 0.004)
