@@ -86,9 +86,9 @@ def test_broken_yaml_is_refused(own_conf: Path):
 
 @pytest.mark.parametrize(
     "choice",
-    sorted(f"{p.parent.name}={p.stem}" for g in ("profile", "protocol", "source") for p in (CONF / g).glob("*")),
+    sorted(f"{p.parent.name}={p.stem}" for g in ("profile", "protocol") for p in (CONF / g).glob("*")),
 )
-def test_every_profile_protocol_and_source_composes_for_graph_and_studies(choice: str):
+def test_every_profile_and_protocol_composes_for_graph_and_studies(choice: str):
     cfg = compose([choice])
     if "validation" not in choice:
         validate(cfg, [*GRAPH, *(cfg.studies if choice != "profile=demo" else ())])
@@ -122,7 +122,6 @@ def test_every_profile_protocol_and_source_composes_for_graph_and_studies(choice
         ("scenes.layout.items_per_scene=[2,4]", "items_per_scene", "from 0 to 3, one less than scenes.layout.slots"),
         ("scenes.layout.glasses_chance=[0.5,0.4]", "glasses_chance", "chances that add up to 1"),
         ("scenes.source.exposure=[1.2,0.8]", "scenes.source.exposure is [1.2, 0.8]", "the smaller number first"),
-        ("scenes.source.patterns=[tartan]", "scenes.source.patterns is ['tartan']", "some of stripe, check"),
         ("evaluate.comparisons.1.splits=[new_items]", "evaluate.comparisons", "only in seen scenes"),
         ("evaluate.comparisons.4.family=paper", "evaluate.comparisons", "27 tests in family paper"),
         ("repair.split=seen_scenes", "repair.split is 'seen_scenes'", "'new_scenes' or 'new_items'"),

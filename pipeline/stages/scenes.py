@@ -21,7 +21,6 @@ from pipeline.runtime.settings import (
     Several,
     ShareRange,
     Size,
-    Some,
     Spread,
     Whole,
     need,
@@ -57,18 +56,6 @@ class Source(Group):
     fall_off: ShareRange
     vignette: ShareRange
     noise: ShareRange
-    shadow_length: Range
-    shadow_softness: Range
-    shadow_depth: Range
-    refraction: ShareRange
-    caustic: Range
-    highlight: ShareRange
-    glare: ShareRange
-    pattern_chance: Chance
-    patterns: Some
-    fold_chance: Chance
-    parallax: ShareRange
-    tilt_px: Range
 
 
 class Settings(Group):
