@@ -5,8 +5,7 @@ All functions take and return arrays. SETTINGS are those of the paper's experime
 
 import json
 import warnings
-from collections.abc import Mapping, Sequence
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,17 +18,20 @@ from pipeline.runtime.errors import InputError
 
 VAE = {"latent": 15, "channels": [16, 8, 4], "hidden": 64}  # train.model in conf/train.yaml
 REWARD_MAP = {"channels": 16, "dilated": 3, "gain": 10.0, "lattice_side": 12, "symmetric": True, "ceiling": True}
-SETTINGS: dict[str, dict[str, Any]] = {  # conf/variants merged with conf/train, conf/irl and conf/clearance
-    "full": {"kind": "vae", "alpha": 100.0, "beta": 0.002, "gamma": 6.0, "model": VAE},
-    "ae": {"kind": "vae", "alpha": 100.0, "beta": 0.0, "gamma": 6.0, "model": VAE},
-    "classifier": {"kind": "vae", "alpha": 0.0, "beta": 0.0, "gamma": 1.0, "model": VAE},
-    "irl_maxent": {"kind": "reward", "objective": "maxent", "steps": 150, "model": {**REWARD_MAP, "dropout": 0.5}},
-    "irl_ranked": {"kind": "reward", "objective": "ranked", "steps": 200, "model": {**REWARD_MAP, "dropout": 0.3}},
-    "clearance": {"kind": "clearance", "model": {"members": 8}},
+IRL = {"stage": "irl", "kind": "reward"}
+SETTINGS: dict[str, dict[str, Any]] = {  # conf/variants
+    "full": {"stage": "train", "kind": "vae", "alpha": 100.0, "beta": 0.002, "gamma": 6.0, "model": VAE},
+    "ae": {"stage": "train", "kind": "vae", "alpha": 100.0, "beta": 0.0, "gamma": 6.0, "model": VAE},
+    "classifier": {"stage": "train", "kind": "vae", "alpha": 0.0, "beta": 0.0, "gamma": 1.0, "model": VAE},
+    "irl_maxent": IRL | {"objective": "maxent", "steps": 150, "model": {**REWARD_MAP, "dropout": 0.5}},
+    "irl_ranked": IRL | {"objective": "ranked", "steps": 200, "model": {**REWARD_MAP, "dropout": 0.3}},
+    "clearance": {"stage": "clearance", "kind": "clearance", "model": {"members": 8}},
 }
-TRAINING: dict[str, dict[str, Any]] = {  # training schedule by kind
-    "vae": {"steps": 500, "rate": 0.01, "weight_decay": 0.01, "adam_beta2": 0.99, "curve_every": 10},
-    "reward": {
+TRAINING: dict[str, dict[str, Any]] = {  # conf/train, conf/irl and conf/clearance
+    "train": {
+        "steps": 500, "rate": 0.01, "weight_decay": 0.01, "adam_beta2": 0.99, "curve_every": 10, "engine": "auto",
+    },
+    "irl": {
         "rate": 0.018, "weight_decay": 0.0001, "scenes_per_step": 20, "n_augmentations": 12, "sparsity": 0.0,
         "rank_across_scenes": True, "curve_every": 10,
         "color_jitter": {"hue": 0.3, "gain": 0.15, "shift": 0.01, "scene_gain": 0.1, "other_table": 0.67},
@@ -62,6 +64,8 @@ def fit(images: Array, z_theta: Array, valid: Array, variant: str = "clearance",
     Raises InputError if an argument has a wrong type, shape or unit, or if there are fewer than 2 scenes. Labels that
     are all equal give a warning: the model then predicts one probability everywhere.
     """
+    from pipeline.training.refit import trainer
+
     if variant not in list(SETTINGS):
         raise InputError(f"variant {variant!r}: expected one of {', '.join(SETTINGS)}")
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
@@ -70,31 +74,10 @@ def fit(images: Array, z_theta: Array, valid: Array, variant: str = "clearance",
     _check_labels(valid, np.shape(z_theta)[:2])
     settings, seed = SETTINGS[variant], int(seed)
     model = build(settings, seed)
-    _fitter(settings)([model], [images], [np.asarray(z_theta, dtype=np.float64)], [valid], seeds=[seed])
+    z = np.asarray(z_theta, dtype=np.float64)
+    trainer(settings, TRAINING).fit([model], [images], [z], [valid], seeds=[seed])
     model.settings = {"variant": variant, "kind": settings["kind"], "model": settings["model"], "seed": seed}
     return model.eval()
-
-
-def _fitter(settings: Mapping[str, Any]):
-    """Return the fit function of a variant: (models, images, z_theta, valid, seeds=) -> learning curves."""
-    from pipeline.training.loop import Schedule, fit_sequentially
-
-    training = TRAINING[settings["kind"]]
-    if settings["kind"] == "vae":
-        from pipeline.models.vae.losses import Weights
-        from pipeline.training.vae.engines.reference import fit as fit_vae
-
-        weights = Weights(*(settings[name] for name in ("alpha", "beta", "gamma")))
-        return partial(fit_sequentially, fit_vae, weights=weights, schedule=Schedule.of(training))
-    if settings["kind"] == "reward":
-        from pipeline.training.irl.fit import IrlSchedule
-        from pipeline.training.irl.fit import fit as fit_irl
-
-        schedule = IrlSchedule.of({**training, "steps": settings["steps"]})
-        return partial(fit_sequentially, fit_irl, objective=settings["objective"], schedule=schedule)
-    from pipeline.training.clearance.fit import fit as fit_clearance
-
-    return partial(fit_clearance, schedule=Schedule.of(training))
 
 
 def repair(model: ValidityModel, images: Array, starts: Array) -> Array:

@@ -1,7 +1,9 @@
 """Fit clearance models: every member maximises its own weighted likelihood; then BIC weights the rule families."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 import torch
@@ -33,10 +35,16 @@ from pipeline.training.loop import (
     stack_models,
     unstack_models,
 )
+from pipeline.training.sets import Trainer
 
 CERTAIN_LOG_ODDS = 1e4  # log-odds of certainty [nat]
 BATCH_SIZE = 10  # models fitted together, so that their intermediate results fit the cache
 CURVE = ("step", "total")  # columns of a learning curve
+
+
+def trainer(variant: Mapping[str, Any], clearance: Mapping[str, Any]) -> Trainer:
+    """Return how the clearance model is fitted with the settings of conf/clearance.yaml; `variant` adds none."""
+    return Trainer(ClearanceModel, partial(fit, schedule=Schedule.of(clearance)), CURVE, BATCH_SIZE)
 
 
 def fit(

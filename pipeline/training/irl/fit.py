@@ -8,7 +8,7 @@ labels as the specification model. Both map advantage to P(valid) by a logistic 
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 from zlib import crc32
 
@@ -25,7 +25,16 @@ from pipeline.models.base import to_tensor
 from pipeline.models.irl.reward_map import SYMMETRIES, RewardMap, contrast, transform, untransform
 from pipeline.perception.background import subtract_background
 from pipeline.training.irl.augment import ColorJitter, augment_appearances, blobs
-from pipeline.training.loop import Checkpoints, Losses, Schedule, is_constant, minimise, rule_of_succession
+from pipeline.training.loop import (
+    Checkpoints,
+    Losses,
+    Schedule,
+    fit_sequentially,
+    is_constant,
+    minimise,
+    rule_of_succession,
+)
+from pipeline.training.sets import Trainer
 from pipeline.world.layout import SIDE
 
 CURVE = ("step", "total")  # columns of a learning curve
@@ -48,6 +57,13 @@ class IrlSchedule(Schedule):
         counts = {name: values[name] for name in ("steps", "curve_every", "scenes_per_step", "n_augmentations")}
         jitter = ColorJitter(**{name: float(value) for name, value in values["color_jitter"].items()})
         return cls(**numbers, **counts, rank_across_scenes=values["rank_across_scenes"], color_jitter=jitter)
+
+
+def trainer(variant: Mapping[str, Any], irl: Mapping[str, Any]) -> Trainer:
+    """Return how a reward map (conf/variants) is fitted with the settings of conf/irl.yaml."""
+    schedule = IrlSchedule.of({**irl, "steps": variant["steps"]})
+    fit_all = partial(fit_sequentially, fit, objective=variant["objective"], schedule=schedule)
+    return Trainer(RewardMap, fit_all, CURVE, batch_size=None)
 
 
 def maxent(advantage: Float[Tensor, "scene path"], valid: Bool[Tensor, "scene path"]) -> Float[Tensor, ""]:

@@ -1,8 +1,11 @@
 """Fit several users' models at once, one per SIMD lane, as a stack of layers (simd_layers).
 
+The loss is Eq. 1 (models/vae/losses.py `equation_1`); its gradient here was derived by hand, and tests hold it against
+that of `equation_1` in double precision.
+
 The models of a stack share the weights of Eq. 1, the number of scenes and the schedule. Each has its own images,
 demonstrations (any number) and seed. A model's result does not depend on the other models, to the last bit. The
-reference engine sums in another order, so its trained weights differ by amplified rounding.
+autograd engine sums in another order, so its trained weights differ by amplified rounding.
 
 Scenes pass forward and backward one at a time, so that their activations stay in the cache.
 """
@@ -19,8 +22,8 @@ from torch import nn
 from pipeline.models.vae.beta_vae import Z_CENTRE, Z_SCALE, BetaVae
 from pipeline.models.vae.losses import Weights
 from pipeline.training.loop import Checkpoints, Losses, Schedule, minimise, pad_demonstrations, row_weights
+from pipeline.training.vae.engines import fit_varied
 from pipeline.training.vae.engines import simd_kernels as lanes
-from pipeline.training.vae.engines.reference import fit_varied
 from pipeline.training.vae.engines.simd_kernels import GATE, LANES, PUT, RELU
 from pipeline.training.vae.engines.simd_layers import (
     Convolution,
@@ -180,7 +183,7 @@ def fit_stack(
 ) -> list[Float[Array, "point 5"]]:
     """Train up to `LANES` models in place, each on its demonstrations [m]; return their learning curves (`CURVE`).
 
-    Treats each model as the reference engine's `fit` does, including models whose labels are all equal.
+    `seeds` draw the latent noise; `checkpoints` keeps intermediate weights. Constant labels: see `fit_varied`.
     """
     if len(models) > LANES:
         raise ValueError(f"{len(models)} models for a stack: it holds {LANES}")
@@ -210,6 +213,4 @@ def _descend(models, images, z_theta, valid, weights, schedule, seeds, checkpoin
     parameters = [parameter.tensor for parameter in stack.parameters()]
     curve = minimise(loss, parameters, schedule, before_step=checkpoints.before_step(models, hand_over))
     hand_over()
-    for model in models:
-        model.eval()
     return list(curve[..., : len(models)].transpose(2, 0, 1))
