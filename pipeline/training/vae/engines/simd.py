@@ -67,11 +67,11 @@ class Stack:
         for lane, of_lane in enumerate(models):
             self.centre[:, lane] = of_lane.centre.flatten()
             self.factor[:, lane] = 1 / of_lane.spread.flatten()
-        self.intensities = allocate(1, SIDE + 2, SIDE + 2, 3)
-        self.images = planes = allocate(1, SIDE + 2, SIDE + 2, 3)
+        self.intensities = allocate(SIDE + 2, SIDE + 2, 3)
+        self.image = planes = allocate(SIDE + 2, SIDE + 2, 3)
         for module in model.features:
             if isinstance(module, nn.Conv2d):
-                back = None if planes is self.images else GATE
+                back = None if planes is self.image else GATE
                 planes = add(self.encoder, Convolution(module, planes, RELU, back), module)
         row = add(self.encoder, Flatten(planes, allocate(1, model.mean.in_features)))
         heads = [model.mean, model.log_variance] if weights.beta else [model.mean]
@@ -142,7 +142,7 @@ class Stack:
     def _scene(self, scene: int, image, z_theta, valid, noise, terms: Float[Array, "3 lane"]) -> None:
         """Add one scene's contribution to the gradient and to the terms, the first term without its weight alpha."""
         latent = self.z_image.shape[1]
-        lanes.unpack(image[None], self.centre, self.factor, self.intensities, self.images)
+        lanes.unpack(image, self.centre, self.factor, self.intensities, self.image)
         forward(self.encoder)
         mean, log_variance = self.code[0, :latent], self.code[0, latent:]
         deviation = np.exp(0.5 * log_variance) if self.beta else np.float32(0)

@@ -74,16 +74,16 @@ class Convolution(Trained):
     def __init__(
         self,
         module: nn.Conv2d | nn.ConvTranspose2d,
-        x: Float[Array, "scene row column channel lane"],
+        x: Float[Array, "row column channel lane"],
         mode: int,
         back: int | None,
     ):
         self.halves = isinstance(module, nn.Conv2d)
-        side = x.shape[1] - 2
+        side = len(x) - 2
         side = (side + 1) // 2 if self.halves else 2 * side - 1 + int(module.output_padding[0])
-        self.x, self.y, self.mode, self.back = x, allocate(len(x), side + 2, side + 2, module.out_channels), mode, back
+        self.x, self.y, self.mode, self.back = x, allocate(side + 2, side + 2, module.out_channels), mode, back
         self.big, self.small = (self.x, self.y) if self.halves else (self.y, self.x)
-        self.weight = Parameter(3, 3, self.big.shape[3], self.small.shape[3])
+        self.weight = Parameter(3, 3, self.big.shape[2], self.small.shape[2])
         self.bias = Parameter(module.out_channels)
 
     def forward(self):
@@ -111,7 +111,7 @@ class Flatten(Layer):
     def __init__(self, x: Array, y: Array):
         self.x, self.y = x, y
         planes, row = (x, y) if x.ndim > y.ndim else (y, x)
-        inside = planes[0, 1:-1, 1:-1].transpose(2, 0, 1, 3)  # (channel, row, column, lane), torch's order
+        inside = planes[1:-1, 1:-1].transpose(2, 0, 1, 3)  # (channel, row, column, lane), torch's order
         views = (inside, row.reshape(inside.shape))
         self.source, self.target = views if planes is x else views[::-1]
 
@@ -145,7 +145,7 @@ class Dense(Trained):
     def finish(self):
         read, slope = (array.reshape(-1, *array.shape[2:]) for array in (self.read, self.slope))
         lanes.dense_weights(read, slope, self.weight.gradient)
-        lanes.total(slope[None, None], self.bias.gradient)
+        lanes.total(slope[None], self.bias.gradient)
 
     def as_torch(self, weight, bias):
         return weight.transpose(1, 0, 2), bias
