@@ -101,7 +101,6 @@ def test_the_smoke_profile_composes_with_the_wide_source():
         ("+train.step=3", "unknown parameter 'train.step'", ""),
         ("train.steps=abc", "train.steps is 'abc'", "whole number"),
         ("train.engine=eager", "train.engine is 'eager'", "'auto', 'simd', 'cuda' or 'reference'"),
-        ("irl.rank_across_scenes=1", "irl.rank_across_scenes is 1", "boolean"),
         ("users.careful.glass=-0.01", "users.careful.glass is -0.01", "margin from 0 to 1 [m]"),
         ("+users.hasty={glass: 0.01}", "users.hasty", "a margin for each of"),
         ("+users.truth={}", "name 'truth' in users", "none of truth, ideal, z"),

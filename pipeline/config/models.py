@@ -43,8 +43,6 @@ class Irl(Group):
     weight_decay: Weight
     scenes_per_step: Count
     n_augmentations: Count
-    sparsity: Weight
-    rank_across_scenes: bool
     curve_every: Count
     color_jitter: Jitter
 

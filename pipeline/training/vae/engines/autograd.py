@@ -5,6 +5,7 @@ batch size change the order of sums, so trained weights differ by amplified roun
 """
 
 from collections.abc import Sequence
+from functools import partial
 
 import torch
 from jaxtyping import Bool, Float, UInt8
@@ -44,9 +45,7 @@ def fit_batch(
     Constant labels: see `fit_varied`.
     """
 
-    def descend(*arguments) -> list[Float[Array, "point 5"]]:
-        return _descend(*arguments, torch.device(device))
-
+    descend = partial(_descend, device=torch.device(device))
     with torch.backends.cudnn.flags(enabled=True, deterministic=True, allow_tf32=False):
         return fit_varied(descend, models, images, z_theta, valid, weights, schedule, seeds, checkpoints)
 

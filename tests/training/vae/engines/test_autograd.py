@@ -42,7 +42,7 @@ def noise_data(seed: int, n: int, scenes: int = 3):
 
 @pytest.mark.parametrize("variant", WEIGHTS)
 def test_the_learning_curve_is_the_golden_one_and_its_terms_add_up_to_its_total(variant):
-    (curve,) = fit_batch([vae(1)], *([x] for x in discs()), WEIGHTS[variant], SHORT, [1])
+    (curve,) = fit_batch([vae(1)], *([x] for x in discs()), weights=WEIGHTS[variant], schedule=SHORT, seeds=[1])
     golden = np.loadtxt(GOLDEN / f"curve_{variant}.csv", delimiter=",", skiprows=1)
     np.testing.assert_allclose(curve, golden, rtol=5e-3, atol=1e-5)
     np.testing.assert_allclose(curve[:, 1:4].sum(1), curve[:, 4], rtol=1e-5)
@@ -72,7 +72,8 @@ def test_models_of_any_n_take_the_steps_of_equation_1_in_double_precision(varian
     ours = [vae(seed).double() for seed in range(len(NS))]
     theirs = copy.deepcopy(ours)
     sets = [noise_data(seed, n) for seed, n in enumerate(NS)]
-    curves = fit_batch(ours, *zip(*sets, strict=True), WEIGHTS[variant], schedule, range(len(NS)))
+    settings = {"weights": WEIGHTS[variant], "schedule": schedule, "seeds": range(len(NS))}
+    curves = fit_batch(ours, *zip(*sets, strict=True), **settings)
     for seed, (model, plain) in enumerate(zip(ours, theirs, strict=True)):
         losses = exact(plain, *sets[seed], WEIGHTS[variant], schedule, seed)
         np.testing.assert_allclose(curves[seed][:, -1], losses, rtol=1e-9)
@@ -87,7 +88,7 @@ def test_the_same_seeds_give_the_same_bits_others_do_not_and_the_global_generato
     data = list(zip(*(noise_data(seed, n) for seed, n in enumerate(NS)), strict=True))
     for models, first in zip(runs, (0, 0, 1), strict=True):
         seeds = range(first, first + len(NS))
-        fit_batch(models, *data, WEIGHTS["full"], SHORT, seeds, device=device)
+        fit_batch(models, *data, weights=WEIGHTS["full"], schedule=SHORT, seeds=seeds, device=device)
     assert torch.equal(before, torch.get_rng_state())
     for model, again, other in zip(*runs, strict=True):
         assert all(torch.equal(value, again.state_dict()[name]) for name, value in model.state_dict().items())
