@@ -71,8 +71,8 @@ def fit(
         else:
             percepts[i] = set_feature_scaling(model, scenes)
     if percepts:
-        varied = ([values[i] for i in percepts] for values in (models, z_theta, valid, seeds))
-        fitted = _ascend(list(percepts.values()), *varied, schedule, checkpoints or Checkpoints())
+        varied = [[values[i] for i in percepts] for values in (models, z_theta, valid, seeds)]
+        fitted = _ascend(schedule, checkpoints or Checkpoints(), list(percepts.values()), *varied)
         curves |= zip(percepts, fitted, strict=True)
     return [curves[i] for i in range(len(models))]
 
@@ -104,7 +104,7 @@ def set_model_evidence(model: ClearanceModel, percept: Tensor, z_theta: Array, l
     model.evidence.copy_(log_likelihood - log_likelihood_at_rate - penalty)
 
 
-def _ascend(percepts, models, z_theta, labels, seeds, schedule, checkpoints) -> list[Float[Array, "point 2"]]:
+def _ascend(schedule, checkpoints, percepts, models, z_theta, labels, seeds) -> list[Float[Array, "point 2"]]:
     """Train all members of all models at once: ten models cost as much as four in sequence."""
     stacked, percept = stack_models(models), torch.stack(percepts)
     paths = torch.tensor(np.stack(pad_demonstrations(z_theta))).float()

@@ -72,8 +72,8 @@ def test_models_of_any_n_take_the_steps_of_equation_1_in_double_precision(varian
     ours = [vae(seed).double() for seed in range(len(NS))]
     theirs = copy.deepcopy(ours)
     sets = [noise_data(seed, n) for seed, n in enumerate(NS)]
-    settings = {"weights": WEIGHTS[variant], "schedule": schedule, "seeds": range(len(NS))}
-    curves = fit_batch(ours, *zip(*sets, strict=True), **settings)
+    images, z_theta, valid = zip(*sets, strict=True)
+    curves = fit_batch(ours, images, z_theta, valid, WEIGHTS[variant], schedule, range(len(NS)))
     for seed, (model, plain) in enumerate(zip(ours, theirs, strict=True)):
         losses = exact(plain, *sets[seed], WEIGHTS[variant], schedule, seed)
         np.testing.assert_allclose(curves[seed][:, -1], losses, rtol=1e-9)
