@@ -12,9 +12,7 @@ from pipeline.perception.background import subtract_background
 from pipeline.training.irl.augment import ColorJitter, augment_appearances, blobs
 from pipeline.training.irl.fit import (
     IrlSchedule,
-    _appearances,
     fit,
-    fit_acceptance_rule,
     logistic,
     maxent,
     ranked,
@@ -143,15 +141,3 @@ def test_augmented_objects_change_their_colour_and_stay_in_place():
     near = np.stack(grown) > 0
     assert (np.abs(augmented.mean(1)[labels > 0]) > 0.05).all()
     assert np.abs(augmented.mean(1)[~near]).max() < 1e-3
-
-
-def test_the_rule_is_fitted_to_every_other_appearance():
-    images, z, valid = world()
-    model, appearances = drawn(dropout=0.0), _appearances(images.tobytes(), 4, JITTER)
-    rules = []
-    for spoilt in (slice(0), slice(1, None, 2), slice(0, None, 2)):
-        changed = appearances.clone()
-        changed[spoilt] = 0
-        fit_acceptance_rule(model, changed, z, valid)
-        rules.append((float(model.scale), float(model.offset)))
-    assert rules[0] == rules[1] != rules[2]
