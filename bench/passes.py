@@ -1,7 +1,7 @@
 """Time and memory of one gradient step over a training set, implemented in three ways.
 
 rows: the usual loop, with a DataLoader of rows (image, trajectory), one encoding per path, and eager torch.
-eager: the reference engine, with each scene encoded once, channels-last memory and fused AdamW.
+eager: the autograd engine, with each scene encoded once, channels-last memory and fused AdamW.
 stacked: the simd engine, with LANES models at once.
 All make the same full-batch step on the same loss, including the optimiser, on one thread (tests/training check this).
 """
@@ -22,10 +22,9 @@ from pipeline.models.vae.beta_vae import BetaVae
 from pipeline.models.vae.losses import Weights, equation_1
 from pipeline.runtime.parallel import one_thread
 from pipeline.training.loop import Schedule
-from pipeline.training.vae.engines.reference import fit
-from pipeline.training.vae.engines.simd import Stack, fit_stack
+from pipeline.training.vae.engines.autograd import fit_batch
+from pipeline.training.vae.engines.simd import Convolution, Stack, allocate, fit_stack
 from pipeline.training.vae.engines.simd_kernels import LANES, _add, outer, zeros
-from pipeline.training.vae.engines.simd_layers import Convolution, allocate
 
 SCENES, N_DEMOS = 20, 9  # training scenes; demonstrations per scene
 STEPS = 40  # steps per call: fixed costs before the first step are spread over them, as in the stages
@@ -73,7 +72,7 @@ def rows(weights: Weights, scenes: int = SCENES, n_demos: int = N_DEMOS) -> Call
 def eager(weights: Weights, scenes: int = SCENES, n_demos: int = N_DEMOS) -> Callable[[], object]:
     """Return a function that makes STEPS steps of one model."""
     model, (images, z_theta, valid) = untrained(), training_set(scenes, n_demos)
-    return lambda: fit(model, images, z_theta, valid, weights, SCHEDULE, seed=0)
+    return lambda: fit_batch([model], [images], [z_theta], [valid], weights, SCHEDULE, seeds=[0])
 
 
 def stacked(
@@ -113,7 +112,7 @@ def operations(weights: Weights) -> int:
     for layer in stack.layers.values():
         size = layer.weight.value[..., 0].size
         if isinstance(layer, Convolution):
-            count += size * (layer.small.shape[1] - 2) ** 2 * (2 if layer.back is None else 3)
+            count += size * (len(layer.small) - 2) ** 2 * (2 if layer.back is None else 3)
         else:
             count += size * len(layer.x) * 3
     return 2 * SCENES * count

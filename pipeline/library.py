@@ -5,33 +5,45 @@ All functions take and return arrays. SETTINGS are those of the paper's experime
 
 import json
 import warnings
-from collections.abc import Mapping, Sequence
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray as Array
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save as to_bytes
+from scipy.stats import beta
 
+from pipeline.artifacts.trained import read_weights
 from pipeline.models.base import ValidityModel, check_images, check_paths
 from pipeline.models.registry import build
+from pipeline.planning.repair import Ascent
+from pipeline.planning.repair import repair as climb
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.writing import atomic_write
+from pipeline.stats.crossed import estimate
+from pipeline.stats.tests import verdict
+from pipeline.training.refit import trainer
+from pipeline.world.bezier import Z_HIGH, Z_LOW
 
 VAE = {"latent": 15, "channels": [16, 8, 4], "hidden": 64}  # train.model in conf/train.yaml
 REWARD_MAP = {"channels": 16, "dilated": 3, "gain": 10.0, "lattice_side": 12, "symmetric": True, "ceiling": True}
-SETTINGS: dict[str, dict[str, Any]] = {  # conf/variants merged with conf/train, conf/irl and conf/clearance
-    "full": {"kind": "vae", "alpha": 100.0, "beta": 0.002, "gamma": 6.0, "model": VAE},
-    "ae": {"kind": "vae", "alpha": 100.0, "beta": 0.0, "gamma": 6.0, "model": VAE},
-    "classifier": {"kind": "vae", "alpha": 0.0, "beta": 0.0, "gamma": 1.0, "model": VAE},
-    "irl_maxent": {"kind": "reward", "objective": "maxent", "steps": 150, "model": {**REWARD_MAP, "dropout": 0.5}},
-    "irl_ranked": {"kind": "reward", "objective": "ranked", "steps": 200, "model": {**REWARD_MAP, "dropout": 0.3}},
-    "clearance": {"kind": "clearance", "model": {"members": 8}},
+IRL = {"stage": "irl", "kind": "reward"}
+SETTINGS: dict[str, dict[str, Any]] = {  # conf/variants
+    "full": {"stage": "train", "kind": "vae", "alpha": 100.0, "beta": 0.002, "gamma": 6.0, "model": VAE},
+    "ae": {"stage": "train", "kind": "vae", "alpha": 100.0, "beta": 0.0, "gamma": 6.0, "model": VAE},
+    "classifier": {"stage": "train", "kind": "vae", "alpha": 0.0, "beta": 0.0, "gamma": 1.0, "model": VAE},
+    "irl_maxent": IRL | {"objective": "maxent", "steps": 150, "model": {**REWARD_MAP, "dropout": 0.5}},
+    "irl_ranked": IRL | {"objective": "ranked", "steps": 200, "model": {**REWARD_MAP, "dropout": 0.3}},
+    "clearance": {"stage": "clearance", "kind": "clearance", "model": {"members": 8}},
 }
-TRAINING: dict[str, dict[str, Any]] = {  # training schedule by kind
-    "vae": {"steps": 500, "rate": 0.01, "weight_decay": 0.01, "adam_beta2": 0.99, "curve_every": 10},
-    "reward": {
-        "rate": 0.018, "weight_decay": 0.0001, "scenes_per_step": 20, "n_augmentations": 12, "sparsity": 0.0,
-        "rank_across_scenes": True, "curve_every": 10,
+TRAINING: dict[str, dict[str, Any]] = {  # conf/train, conf/irl and conf/clearance
+    "train": {
+        "steps": 500, "rate": 0.01, "weight_decay": 0.01, "adam_beta2": 0.99, "curve_every": 10, "engine": "auto",
+    },
+    "irl": {
+        "rate": 0.018, "weight_decay": 0.0001, "scenes_per_step": 20, "n_augmentations": 12, "curve_every": 10,
         "color_jitter": {"hue": 0.3, "gain": 0.15, "shift": 0.01, "scene_gain": 0.1, "other_table": 0.67},
     },
     "clearance": {"steps": 1000, "rate": 0.03, "weight_decay": 0.0, "curve_every": 10},
@@ -70,31 +82,10 @@ def fit(images: Array, z_theta: Array, valid: Array, variant: str = "clearance",
     _check_labels(valid, np.shape(z_theta)[:2])
     settings, seed = SETTINGS[variant], int(seed)
     model = build(settings, seed)
-    _fitter(settings)([model], [images], [np.asarray(z_theta, dtype=np.float64)], [valid], seeds=[seed])
+    z = np.asarray(z_theta, dtype=np.float64)
+    trainer(settings, TRAINING).fit([model], [images], [z], [valid], seeds=[seed])
     model.settings = {"variant": variant, "kind": settings["kind"], "model": settings["model"], "seed": seed}
     return model.eval()
-
-
-def _fitter(settings: Mapping[str, Any]):
-    """Return the fit function of a variant: (models, images, z_theta, valid, seeds=) -> learning curves."""
-    from pipeline.training.loop import Schedule, fit_sequentially
-
-    training = TRAINING[settings["kind"]]
-    if settings["kind"] == "vae":
-        from pipeline.models.vae.losses import Weights
-        from pipeline.training.vae.engines.reference import fit as fit_vae
-
-        weights = Weights(*(settings[name] for name in ("alpha", "beta", "gamma")))
-        return partial(fit_sequentially, fit_vae, weights=weights, schedule=Schedule.of(training))
-    if settings["kind"] == "reward":
-        from pipeline.training.irl.fit import IrlSchedule
-        from pipeline.training.irl.fit import fit as fit_irl
-
-        schedule = IrlSchedule.of({**training, "steps": settings["steps"]})
-        return partial(fit_sequentially, fit_irl, objective=settings["objective"], schedule=schedule)
-    from pipeline.training.clearance.fit import fit as fit_clearance
-
-    return partial(fit_clearance, schedule=Schedule.of(training))
 
 
 def repair(model: ValidityModel, images: Array, starts: Array) -> Array:
@@ -107,10 +98,6 @@ def repair(model: ValidityModel, images: Array, starts: Array) -> Array:
     clipped to [-.2, 1.2] m. A clearance model lowers its confidence in a picture unlike its training ones, and may
     return NaN there. Raises InputError as `fit`.
     """
-    from pipeline.planning.repair import Ascent
-    from pipeline.planning.repair import repair as climb
-    from pipeline.world.bezier import Z_HIGH, Z_LOW
-
     _check_model(model)
     _check_scenes(images, starts, name="starts", at_least=1)
     steps = climb(model, images, np.asarray(starts, dtype=np.float64), Ascent(**REPAIR))
@@ -138,11 +125,6 @@ def effect(
     Pearson, 1934): an item that changes nothing in 60 scenes is negligible, in 30 undecided. Raises InputError as
     `fit`.
     """
-    from scipy.stats import beta
-
-    from pipeline.stats.crossed import estimate
-    from pipeline.stats.tests import verdict
-
     _check_scenes(images, z_theta)
     _check_images(images_with_item, "images_with_item")
     if len(images_with_item) != len(images):
@@ -164,13 +146,8 @@ def effect(
     informative, scenes = int((np.abs(effects) > INFORMATIVE_CHANGE).any(0).sum()), len(images)
     if informative < min(INFORMATIVE_SCENES, scenes / 2):
         share, share90 = beta.ppf((0.975, 0.95), informative + 1, scenes - informative).tolist()  # of changes up to 1
-        p, low, high, low90, high90 = (
-            1.0,
-            min(low, -share),
-            max(high, share),
-            min(low90, -share90),
-            max(high90, share90),
-        )
+        p, low, high = 1.0, min(low, -share), max(high, share)
+        low90, high90 = min(low90, -share90), max(high90, share90)
     return Effect(mean, (low, high), p, verdict(mean, p, low90, high90))
 
 
@@ -179,10 +156,6 @@ def save(model: ValidityModel, path: str | Path) -> None:
 
     Makes missing folders. Raises InputError for a folder, and for a model that `fit` or `load` did not return.
     """
-    from safetensors.torch import save as to_bytes
-
-    from pipeline.runtime.writing import atomic_write
-
     _check_model(model)
     if not model.settings:
         raise InputError("the model does not carry its settings: save a model that `fit` or `load` returned")
@@ -195,10 +168,6 @@ def save(model: ValidityModel, path: str | Path) -> None:
 
 def load(path: str | Path) -> ValidityModel:
     """Return the model written by `save`, in eval mode; raise InputError if it is missing, damaged or not finite."""
-    from safetensors import SafetensorError, safe_open
-
-    from pipeline.artifacts.trained import read_weights
-
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path} is missing: expected a file that `save` wrote")

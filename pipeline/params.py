@@ -110,9 +110,7 @@ def kept(overrides: Sequence[str], cfg: DictConfig | None = None) -> str:
                 raise InputError(f"{override.input_line}: expected one value")
             if override.is_delete():
                 if not (CONF / group).is_dir():
-                    raise InputError(
-                        f"{override.input_line}: only variants, users, questions and studies can be left out"
-                    )
+                    raise InputError(f"{override.input_line}: only variants, users, questions, studies can be left out")
                 groups[f"override /{group}@{key}"] = None
             elif (CONF / key).is_dir():
                 new = override.is_add() or key == "profile"

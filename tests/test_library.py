@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import t as student
+from scipy.stats import ttest_1samp
 
 import pipeline
 from pipeline import library
@@ -71,9 +73,6 @@ def test_no_change_in_60_scenes_is_negligible_and_in_12_undecided(example, repea
 
 
 def test_one_model_is_a_t_test_over_scenes_corrected_for_skewness(example, monkeypatch):
-    from scipy.stats import t as student
-    from scipy.stats import ttest_1samp
-
     images, images_without, z_theta, _ = example
     model = library.build({"kind": "vae", "model": library.VAE}, 0)
     monkeypatch.setattr(library, "INFORMATIVE_CHANGE", 0.0)  # an untrained model hardly changes its answer
@@ -88,13 +87,11 @@ def test_one_model_is_a_t_test_over_scenes_corrected_for_skewness(example, monke
 
 def test_settings_are_those_of_conf():
     cfg = composed()
-    groups = {"vae": cfg.train, "reward": cfg.irl, "clearance": cfg.clearance}
-    for variant, settings in library.SETTINGS.items():
-        conf = {name: value for name, value in cfg.variants[variant].items() if name not in ("stage", "n_demos")}
-        assert settings == conf, variant
-    for kind, training in library.TRAINING.items():
-        assert training == {name: value for name, value in groups[kind].items() if name not in ("engine", "model")}
-    assert library.SETTINGS.keys() == cfg.variants.keys()
+    unread = {"n_demos", "compared"}  # by fits
+    conf = {name: {k: v for k, v in of.items() if k not in unread} for name, of in cfg.variants.items()}
+    assert conf == library.SETTINGS
+    assert cfg.irl == library.TRAINING["irl"] and cfg.clearance == library.TRAINING["clearance"]
+    assert {name: value for name, value in cfg.train.items() if name != "model"} == library.TRAINING["train"]
     assert {name: cfg.repair[name] for name in library.REPAIR} == library.REPAIR
 
 
@@ -102,19 +99,14 @@ def test_settings_are_those_of_conf():
     ("change", "message"),
     [
         (lambda a: a | {"images": a["images"] / 255}, r"images are float64 .* expected uint8 .* scale intensities"),
-        (lambda a: a | {"images": a["images"][:, :50]}, r"shape \(12, 50, 100, 3\): expected uint8"),
         (lambda a: a | {"z_theta": a["z_theta"] * 100}, r"z_theta reaches 1\d\d: expected metres"),
         (lambda a: a | {"z_theta": np.where(a["z_theta"] > 1, np.nan, a["z_theta"])}, "z_theta has NaN"),
-        (lambda a: a | {"z_theta": a["z_theta"][:, 0]}, r"z_theta has shape \(12, 2\): expected \(12, path, 2\)"),
         (lambda a: a | {"z_theta": a["z_theta"][:3]}, r"z_theta has shape \(3, 9, 2\): expected \(12, path, 2\)"),
         (lambda a: a | {"valid": a["valid"].astype(float)}, "valid is float64 .* expected bool"),
-        (lambda a: a | {"valid": a["valid"][:, 1:]}, r"expected bool of shape \(12, 9\)"),
         (lambda a: {name: array[:1] for name, array in a.items()}, "number of scenes is 1: expected at least 2"),
-        (lambda a: a | {"z_theta": a["z_theta"].astype(str)}, "z_theta is <U32: expected a NumPy array of numbers"),
         (lambda a: a | {"z_theta": a["z_theta"][:, :0], "valid": a["valid"][:, :0]}, "z_theta has no paths"),
         (lambda a: a | {"variant": "tree"}, "variant 'tree': expected one of full"),
         (lambda a: a | {"seed": -1}, "seed -1: expected a whole number from 0"),
-        (lambda a: a | {"seed": True}, "seed True: expected a whole number from 0"),
         (lambda a: a | {"images": 0 * a["images"]}, r"images\[0\] is mostly black: expected the image of a table"),
     ],
 )
@@ -124,28 +116,18 @@ def test_what_does_not_fit_is_refused_with_what_was_expected(example, change, me
         pipeline.fit(**change({"images": images, "z_theta": z_theta, "valid": valid}))
 
 
-def test_probability_refuses_pixels_and_takes_reversed_images(example):
+def test_probability_refuses_pixels_and_lists_and_takes_reversed_images(example):
     images, _, z_theta, _ = example
     model = library.build({"kind": "vae", "model": library.VAE}, 0)
-    with pytest.raises(InputError, match=r"z_theta reaches 1\d\d: expected metres"):
-        model.probability(images, 100 * z_theta)
-    with pytest.raises(InputError, match=r"z_theta reaches -1\.\d+: expected metres"):
-        model.probability(images, z_theta - 1.8)
-    reversed_images = images[:, ::-1]
-    assert np.array_equal(
-        model.probability(reversed_images, z_theta), model.probability(reversed_images.copy(), z_theta)
-    )
-
-
-def test_lists_are_refused_with_what_came_and_what_was_expected():
-    with pytest.raises(
-        InputError, match=r"z_theta is list: expected a NumPy array of numbers \[m\] of shape \(2, path"
-    ):
+    for wrong in (100 * z_theta, z_theta - 1.8):
+        with pytest.raises(InputError, match=r"z_theta reaches -?1\d*\.?\d*: expected metres"):
+            model.probability(images, wrong)
+    with pytest.raises(InputError, match=r"z_theta is list: expected a NumPy array of numbers \[m\] of shape"):
         check_paths([[[0.1, 0.2]]] * 2, 2)
-    with pytest.raises(
-        InputError, match=r"images is list: expected a NumPy array, uint8 of shape \(scene, 100, 100, 3"
-    ):
+    with pytest.raises(InputError, match="images is list: expected a NumPy array, uint8 of shape"):
         check_images([[0]])
+    flipped = images[:, ::-1]
+    assert np.array_equal(model.probability(flipped, z_theta), model.probability(flipped.copy(), z_theta))
 
 
 def test_labels_that_are_all_alike_give_one_probability_and_a_warning(example):

@@ -111,7 +111,6 @@ def test_every_profile_and_protocol_composes_for_graph_and_studies(choice: str):
         ("train.step=3", "parameter train.step is 3", "not permitted"),
         ("train.steps=abc", "train.steps is 'abc'", "valid integer"),
         ("train.steps=0", "train.steps is 0", "greater than or equal to 1"),
-        ("irl.rank_across_scenes=1", "irl.rank_across_scenes is 1", "boolean"),
         ("users.careful.glass=-0.01", "users.careful.glass is -0.01", "greater than or equal to 0"),
         ("users.hasty={glass: 0.01}", "users.hasty", "a margin for each of"),
         ("users.truth={}", "users.truth", "none of truth, ideal, z"),

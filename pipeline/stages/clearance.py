@@ -1,17 +1,14 @@
 """Stage clearance: fit the clearance model for every seed, user and number of demonstrations."""
 
-from functools import partial
 from pathlib import Path
 from typing import Literal
 
 from omegaconf import DictConfig
 
 from pipeline.launch import launch
-from pipeline.models.clearance.clearance import ClearanceModel
 from pipeline.runtime.settings import Count, Group, ScheduleSettings, VariantSettings
-from pipeline.training.clearance.fit import BATCH_SIZE, CURVE, fit
-from pipeline.training.loop import Schedule
-from pipeline.training.runner import fit_variant, variant_settings
+from pipeline.stages.fitting import fit_variant
+from pipeline.training.clearance.fit import trainer
 
 
 class Settings(ScheduleSettings):
@@ -32,9 +29,7 @@ class Variant(VariantSettings):
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write weights, checkpoints, predictions and learning curves of `cfg.variant`."""
-    settings = variant_settings(cfg, "clearance")
-    fit_all = partial(fit, schedule=Schedule.of(cfg.clearance))
-    fit_variant(cfg, out_dir, settings, ClearanceModel, fit_all, CURVE, BATCH_SIZE)
+    fit_variant(cfg, out_dir, "clearance", trainer)
 
 
 if __name__ == "__main__":

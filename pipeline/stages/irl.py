@@ -1,6 +1,5 @@
 """Stage irl: fit one form of the IRL baseline for every seed, user and number of demonstrations."""
 
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -8,11 +7,9 @@ from omegaconf import DictConfig
 from pydantic import Field
 
 from pipeline.launch import launch
-from pipeline.models.irl.reward_map import RewardMap
 from pipeline.runtime.settings import Chance, Count, Group, Several, Size, Spread, VariantSettings, Weight
-from pipeline.training.irl.fit import CURVE, IrlSchedule, fit
-from pipeline.training.loop import fit_sequentially
-from pipeline.training.runner import fit_variant, variant_settings
+from pipeline.stages.fitting import fit_variant
+from pipeline.training.irl.fit import trainer
 
 
 class Jitter(Group):
@@ -30,8 +27,6 @@ class Settings(Group):
     weight_decay: Weight
     scenes_per_step: Count
     n_augmentations: Count
-    sparsity: Weight
-    rank_across_scenes: bool
     curve_every: Count
     color_jitter: Jitter
 
@@ -58,10 +53,7 @@ class Variant(VariantSettings):
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write weights, checkpoints, predictions and learning curves of `cfg.variant`."""
-    settings = variant_settings(cfg, "irl")
-    schedule = IrlSchedule.of({**cfg.irl, "steps": settings["steps"]})
-    fit_all = partial(fit_sequentially, fit, objective=settings["objective"], schedule=schedule)
-    fit_variant(cfg, out_dir, settings, RewardMap, fit_all, CURVE, batch_size=None)
+    fit_variant(cfg, out_dir, "irl", trainer)
 
 
 if __name__ == "__main__":

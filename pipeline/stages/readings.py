@@ -39,7 +39,7 @@ from pipeline.runtime.settings import (
 from pipeline.training.judged_sets import FEW, HELD_OUT, NEW, NEW_POOL, OWN, JudgedSet, Kinds, judge, judge_blind, row
 from pipeline.training.loop import is_constant
 from pipeline.training.refit import TrainingSet, refit
-from pipeline.training.runner import MIN_OWN_DEMONSTRATIONS
+from pipeline.training.sets import MIN_OWN_DEMONSTRATIONS
 
 MODEL = "full"  # the paper's model
 RANDOM = "random_routes"

@@ -24,13 +24,11 @@ from pipeline.runtime.settings import (
     Spread,
     Whole,
     need,
-    need_some,
 )
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import lattice, random_z_theta
 from pipeline.world.catalogue import Catalogue, random_scenes, read_catalogue
 from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, add_item, random_layouts
-from pipeline.world.patterns import PATTERNS
 from pipeline.world.render import Palette, render_scenes
 from pipeline.world.rules import PAPER_P_VALID, clearance, slack
 from pipeline.world.source import ImageSource
@@ -80,7 +78,6 @@ class Settings(Group):
         high = layout.centre_high
         need(layout.centre_low <= high, f"{name}.centre_high", high, "a place from centre_low to 1 [m]")
         need(layout.scale_low <= layout.scale_high, f"{name}.scale_high", layout.scale_high, "a size from scale_low")
-        need_some("scenes.source.patterns", self.source.patterns, PATTERNS)
         return self
 
 

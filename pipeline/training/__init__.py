@@ -1,1 +1,1 @@
-"""Fitting models: one training loop, and one runner over seeds, users and numbers of demonstrations."""
+"""Fitting models: one training loop, an engine for each kind, and training sets that stages and studies share."""

@@ -16,7 +16,7 @@ from pipeline.models.base import ValidityModel
 from pipeline.models.baselines import NEAREST, POSITION
 from pipeline.runtime.streams import stream
 from pipeline.stats.scores import accuracy
-from pipeline.training.refit import TrainingSet
+from pipeline.training.sets import TrainingSet
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.clear_cases import Candidates
 from pipeline.world.layout import Layouts

@@ -1,6 +1,7 @@
 """The training loop of all models, with schedule, checkpoints, and stacking of models and demonstrations."""
 
 import copy
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
@@ -34,10 +35,8 @@ class Schedule:
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> "Schedule":
         """Return the schedule in conf/train.yaml or conf/clearance.yaml."""
-        optional = {name: values[name] for name in ("adam_beta2",) if name in values}
-        return cls(
-            values["steps"], float(values["rate"]), float(values["weight_decay"]), values["curve_every"], **optional
-        )
+        names = "steps", "rate", "weight_decay", "curve_every", "adam_beta2"
+        return cls(**{name: values[name] for name in names if name in values})
 
     def optimiser(self, parameters: Iterable[Tensor]) -> tuple[AdamW, OneCycleLR]:
         """Return AdamW for `parameters` and its learning-rate schedule; step both after each gradient."""
@@ -87,30 +86,23 @@ class Checkpoints:
 
     def __init__(self, steps: Iterable[int] = ()):
         self.steps = frozenset(steps)
-        self._states: list[tuple[nn.Module, int, dict[str, Array]]] = []
+        self._states: defaultdict[nn.Module, dict[int, dict[str, Array]]] = defaultdict(dict)
 
-    def before_step(
-        self, models: Sequence[nn.Module], update: Callable[[], object] | None = None
-    ) -> Callable[[int], None]:
+    def before_step(self, models: Sequence[nn.Module], update: Callable[[], object]) -> Callable[[int], None]:
         """Return `minimise`'s callback that keeps the models' weights, after `update` wrote them into the models."""
 
         def keep(step: int) -> None:
             if step in self.steps:
-                if update is not None:
-                    update()
-                self.keep(step, *models)
+                update()
+                for model in models:
+                    state = model.state_dict().items()
+                    self._states[model][step] = {name: value.detach().cpu().numpy().copy() for name, value in state}
 
         return keep
 
-    def keep(self, step: int, *models: nn.Module) -> None:
-        """Keep a copy of the models' parameters and buffers."""
-        for model in models:
-            state = {name: value.detach().cpu().numpy().copy() for name, value in model.state_dict().items()}
-            self._states.append((model, step, state))
-
     def of(self, model: nn.Module) -> dict[int, dict[str, Array]]:
-        """Return the model's weights by name, for each kept step."""
-        return {step: state for owner, step, state in self._states if owner is model}
+        """Return the model's parameters and buffers by name, for each kept step."""
+        return self._states.get(model, {})
 
 
 def stack_models(models: Sequence[Model]) -> Model:

@@ -30,7 +30,7 @@ from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.streams import job_seed, stream
 from pipeline.stats.scores import accuracy
 from pipeline.training.loop import Losses, Schedule, minimise
-from pipeline.training.runner import need_finite
+from pipeline.training.sets import need_finite
 from pipeline.training.vae.engines.simd import LANES
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.clear_cases import Candidates

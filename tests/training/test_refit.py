@@ -1,15 +1,14 @@
-"""Models fitted for their answers alone are the ones their one stage would fit."""
+"""Models fitted for their answers alone are the ones their own stage would fit."""
 
 import numpy as np
 import pytest
 from omegaconf import DictConfig
 
-from pipeline.models.base import untrained
-from pipeline.models.irl.reward_map import RewardMap
+from pipeline.models.registry import build
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.streams import job_seed
-from pipeline.training.irl.fit import IrlSchedule, fit
-from pipeline.training.refit import TrainingSet, refit_and_predict
+from pipeline.training.refit import TrainingSet, refit_and_predict, trainer
+from pipeline.training.vae.engines.simd_kernels import LANES
 from tests.factories import composed
 
 FEW = ["train.steps=2", "clearance.steps=2", "variants.irl_maxent.steps=3", "variants.irl_ranked.steps=3"]
@@ -29,15 +28,20 @@ def training_set(scenes: int, seed: int = 0) -> TrainingSet:
     return TrainingSet("careful", seed, images, rng.uniform(0, 1, (scenes, 3, 2)), valid)
 
 
-@pytest.mark.parametrize("variant", ["irl_maxent", "irl_ranked"])
-def test_irl_is_fitted_as_stage_irl_fits_it(cfg: DictConfig, variant: str):
-    v, one = cfg.variants[variant], training_set(3)
-    seed = job_seed(0, "careful", cfg.main_n_demos, variant)
-    answers = refit_and_predict(cfg, {variant: [one]}, IMAGES, Z, "test")  # from here on by one torch thread
-    model = untrained(RewardMap, v.model, seed)
-    pace = IrlSchedule.of({**cfg.irl, "steps": v.steps})
-    fit(model, one.images, one.z_theta, one.valid, v.objective, pace, seed)  # pyright: ignore
-    np.testing.assert_array_equal(answers[variant][0], model.probability(IMAGES, Z))
+def test_a_model_is_the_one_that_the_variants_trainer_fits_from_the_stages_seed(cfg: DictConfig):
+    variant, one = cfg.variants.irl_ranked, training_set(3)
+    answers = refit_and_predict(cfg, {"irl_ranked": [one]}, IMAGES, Z, "test")  # from here on by one torch thread
+    seed = job_seed(0, "careful", cfg.main_n_demos, "irl_ranked")
+    model = build(variant, seed)
+    trainer(variant, cfg).fit([model], [one.images], [one.z_theta], [one.valid], seeds=[seed])
+    np.testing.assert_array_equal(answers["irl_ranked"][0], model.probability(IMAGES, Z))
+
+
+@pytest.mark.parametrize("engine", ["simd", "reference"])
+def test_the_engine_of_the_settings_fits_the_papers_model(cfg: DictConfig, engine: str):
+    of_engine = cfg.copy()
+    of_engine.train.engine = engine
+    assert trainer(of_engine.variants.full, of_engine).batch_size == {"simd": LANES, "reference": 1}[engine]
 
 
 @pytest.mark.slow
@@ -54,5 +58,5 @@ def test_training_sets_of_several_sizes_are_answered_in_their_order(cfg: DictCon
 def test_a_fit_that_diverges_is_named_and_judged_by_nobody(cfg: DictConfig):
     wild = cfg.copy()
     wild.train.rate, wild.train.steps = 1e30, 50
-    with pytest.raises(InputError, match="full of careful, seed 0: its loss is no longer finite at step"):
+    with pytest.raises(InputError, match="full of careful, seed 0, n_demos 3: its loss is no longer finite at step"):
         refit_and_predict(wild, {"full": [training_set(3)]}, IMAGES, Z, "test")

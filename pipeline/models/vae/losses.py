@@ -1,4 +1,8 @@
-"""The loss of the paper, Eq. 1, term by term; each term states how it is reduced to a scalar."""
+"""The loss of the paper, Eq. 1, term by term; each term states how it is reduced to a scalar.
+
+This is its definition. The autograd engine differentiates it. The simd engine, which fits the models where there is no
+GPU, has the same loss with a gradient derived by hand (training/vae/engines/simd.py `Stack`); tests compare the two.
+"""
 
 from dataclasses import dataclass
 from typing import NamedTuple

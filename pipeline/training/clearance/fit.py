@@ -1,7 +1,8 @@
 """Fit clearance models: every member maximises its own weighted likelihood; then BIC weights the rule families."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any
 
 import numpy as np
 import torch
@@ -33,10 +34,16 @@ from pipeline.training.loop import (
     stack_models,
     unstack_models,
 )
+from pipeline.training.sets import Trainer
 
 CERTAIN_LOG_ODDS = 1e4  # log-odds of certainty [nat]
 BATCH_SIZE = 10  # models fitted together, so that their intermediate results fit the cache
 CURVE = ("step", "total")  # columns of a learning curve
+
+
+def trainer(variant: Mapping[str, Any], clearance: Mapping[str, Any]) -> Trainer:
+    """Return how the clearance model is fitted with the settings of conf/clearance.yaml; `variant` adds none."""
+    return Trainer(ClearanceModel, partial(fit, schedule=Schedule.of(clearance)), CURVE, BATCH_SIZE)
 
 
 def fit(
@@ -54,29 +61,20 @@ def fit(
     If all labels are equal, the model answers Laplace's probability for every path. All models have the same number of
     scenes. `checkpoints` keeps intermediate weights, each with its model evidence.
     """
-    curves, training_sets = [np.array([[0.0, 0.0]])] * len(models), {}
-    for i, (model, scenes, z, labels) in enumerate(zip(models, images, z_theta, valid, strict=True)):
+    curves: dict[int, Array] = {}
+    percepts: dict[int, Tensor] = {}  # of the models whose labels vary
+    for i, (model, scenes, labels) in enumerate(zip(models, images, valid, strict=True)):
         model.rate.fill_(rule_of_succession(labels))
         if is_constant(labels):
             model.evidence.fill_(-CERTAIN_LOG_ODDS)
+            curves[i] = np.array([[0.0, 0.0]])
         else:
-            training_sets[i] = _TrainingSet(model, set_feature_scaling(model, scenes), z, labels, seeds[i])
-    if training_sets:
-        fitted = _ascend(list(training_sets.values()), schedule, checkpoints or Checkpoints())
-        for i, curve in zip(training_sets, fitted, strict=True):
-            curves[i] = curve
-    return curves
-
-
-@dataclass(frozen=True)
-class _TrainingSet:
-    """The data that one model is fitted to."""
-
-    model: ClearanceModel
-    percept: Float[Tensor, "scene object 14"]
-    z_theta: Float[Array, "scene n 2"]
-    valid: Bool[Array, "scene n"]
-    seed: int
+            percepts[i] = set_feature_scaling(model, scenes)
+    if percepts:
+        varied = [[values[i] for i in percepts] for values in (models, z_theta, valid, seeds)]
+        fitted = _ascend(schedule, checkpoints or Checkpoints(), list(percepts.values()), *varied)
+        curves |= zip(percepts, fitted, strict=True)
+    return [curves[i] for i in range(len(models))]
 
 
 def set_feature_scaling(
@@ -94,11 +92,10 @@ def set_feature_scaling(
 
 
 @torch.no_grad()
-def set_model_evidence(training_set: _TrainingSet) -> None:
+def set_model_evidence(model: ClearanceModel, percept: Tensor, z_theta: Array, labels: Array) -> None:
     """Set each family's log-odds against one rate for all paths: its gain in log-likelihood minus its BIC penalty."""
-    model, valid = training_set.model, torch.tensor(training_set.valid).float()
-    passing = passes(training_set.percept, torch.tensor(training_set.z_theta).float())
-    logits = model.logit_by_family(training_set.percept, passing)
+    valid, passing = torch.tensor(labels).float(), passes(percept, torch.tensor(z_theta).float())
+    logits = model.logit_by_family(percept, passing)
     log_likelihood = -F.binary_cross_entropy_with_logits(logits, valid.expand_as(logits), reduction="none").sum((1, 2))
     rate = float(valid.mean())
     log_likelihood_at_rate = -valid.numel() * (entr(rate) + entr(1 - rate))
@@ -107,20 +104,17 @@ def set_model_evidence(training_set: _TrainingSet) -> None:
     model.evidence.copy_(log_likelihood - log_likelihood_at_rate - penalty)
 
 
-def _ascend(
-    training_sets: list[_TrainingSet], schedule: Schedule, checkpoints: Checkpoints
-) -> list[Float[Array, "point 2"]]:
+def _ascend(schedule, checkpoints, percepts, models, z_theta, labels, seeds) -> list[Float[Array, "point 2"]]:
     """Train all members of all models at once: ten models cost as much as four in sequence."""
-    models = [training_set.model for training_set in training_sets]
-    stacked = stack_models(models)
-    percept = torch.stack([training_set.percept for training_set in training_sets])
-    paths = np.stack(pad_demonstrations([training_set.z_theta for training_set in training_sets]))
-    labels = pad_demonstrations([training_set.valid for training_set in training_sets])
-    flat = passes(percept.flatten(0, 1), torch.tensor(paths).float().flatten(0, 1))
+    stacked, percept = stack_models(models), torch.stack(percepts)
+    paths = torch.tensor(np.stack(pad_demonstrations(z_theta))).float()
+    flat = passes(percept.flatten(0, 1), paths.flatten(0, 1))
     passing = Passing(*(x.unflatten(0, percept.shape[:2]) for x in flat))
-    valid = torch.tensor(np.stack(labels))[:, None]
-    scene_weights = torch.stack([bootstrap(t.model, len(t.valid), t.seed) for t in training_sets])
-    rows = torch.from_numpy(row_weights([t.valid.shape[1] for t in training_sets]).T).float()[:, None, None]
+    valid = torch.tensor(np.stack(pad_demonstrations(labels)))[:, None]
+    scene_weights = torch.stack(
+        [bootstrap(model, len(percept[0]), seed) for model, seed in zip(models, seeds, strict=True)]
+    )
+    rows = torch.from_numpy(row_weights([own.shape[1] for own in labels]).T).float()[:, None, None]
     weights = rows * scene_weights  # (model, member, scene, row)
 
     def loss() -> Losses:
@@ -131,8 +125,8 @@ def _ascend(
 
     def hand_over() -> None:
         unstack_models(dict(stacked.named_parameters()), models)
-        for training_set in training_sets:
-            set_model_evidence(training_set)
+        for data in zip(models, percepts, z_theta, labels, strict=True):
+            set_model_evidence(*data)
 
     parameters = [p for p in stacked.parameters() if p.requires_grad]
     curve = minimise(loss, parameters, schedule, before_step=checkpoints.before_step(models, hand_over))

@@ -8,7 +8,7 @@ labels as the specification model. Both map advantage to P(valid) by a logistic 
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 from zlib import crc32
 
@@ -25,7 +25,16 @@ from pipeline.models.base import to_tensor
 from pipeline.models.irl.reward_map import SYMMETRIES, RewardMap, contrast, transform, untransform
 from pipeline.perception.background import subtract_background
 from pipeline.training.irl.augment import ColorJitter, augment_appearances, blobs
-from pipeline.training.loop import Checkpoints, Losses, Schedule, is_constant, minimise, rule_of_succession
+from pipeline.training.loop import (
+    Checkpoints,
+    Losses,
+    Schedule,
+    fit_sequentially,
+    is_constant,
+    minimise,
+    rule_of_succession,
+)
+from pipeline.training.sets import Trainer
 from pipeline.world.layout import SIDE
 
 CURVE = ("step", "total")  # columns of a learning curve
@@ -37,17 +46,19 @@ class IrlSchedule(Schedule):
 
     scenes_per_step: int  # drawn without replacement; a larger number than there are means all
     n_augmentations: int  # versions of each training scene, including the original; drawn once
-    sparsity: float  # weight of the mean absolute reward in the loss: reward only where the data require it
-    rank_across_scenes: bool  # true: rank over all scenes by advantage; false: within each scene
     color_jitter: ColorJitter
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> "IrlSchedule":
         """Return the schedule in conf/irl.yaml with the variant's `steps`."""
-        numbers = {name: float(values[name]) for name in ("rate", "weight_decay", "sparsity")}
-        counts = {name: values[name] for name in ("steps", "curve_every", "scenes_per_step", "n_augmentations")}
-        jitter = ColorJitter(**{name: float(value) for name, value in values["color_jitter"].items()})
-        return cls(**numbers, **counts, rank_across_scenes=values["rank_across_scenes"], color_jitter=jitter)
+        return cls(**{**values, "color_jitter": ColorJitter(**values["color_jitter"])})
+
+
+def trainer(variant: Mapping[str, Any], irl: Mapping[str, Any]) -> Trainer:
+    """Return how a reward map (conf/variants) is fitted with the settings of conf/irl.yaml."""
+    schedule = IrlSchedule.of({**irl, "steps": variant["steps"]})
+    fit_all = partial(fit_sequentially, fit, objective=variant["objective"], schedule=schedule)
+    return Trainer(RewardMap, fit_all, CURVE, batch_size=None)
 
 
 def maxent(advantage: Float[Tensor, "scene path"], valid: Bool[Tensor, "scene path"]) -> Float[Tensor, ""]:
@@ -58,17 +69,9 @@ def maxent(advantage: Float[Tensor, "scene path"], valid: Bool[Tensor, "scene pa
     return -advantage[valid].mean()
 
 
-def ranked(advantage: Float[Tensor, "scene path"], valid: Bool[Tensor, "scene path"], across_scenes: bool) -> Tensor:
-    """Return the mean of -log sigmoid(advantage of valid - advantage of invalid) [nat] over pairs in a scene.
-
-    With `across_scenes`, pairs may join demonstrations of different scenes.
-    """
-    if across_scenes:
-        margin = advantage[valid][:, None] - advantage[~valid][None, :]
-        return F.softplus(-margin).mean()
-    margin = advantage[:, :, None] - advantage[:, None, :]  # (scene, better, worse)
-    pairs = valid[:, :, None] & ~valid[:, None, :]
-    return F.softplus(-margin[pairs]).mean()
+def ranked(advantage: Float[Tensor, "scene path"], valid: Bool[Tensor, "scene path"]) -> Float[Tensor, ""]:
+    """Return the mean of -log sigmoid(advantage of valid - advantage of invalid) [nat] over pairs of all scenes."""
+    return F.softplus(-(advantage[valid][:, None] - advantage[~valid][None, :])).mean()
 
 
 def fit(
@@ -128,8 +131,8 @@ def _descend(model, rng, appearances, z_theta, valid, objective, schedule, check
         batch = transform(contrasts, symmetry).contiguous(memory_format=torch.channels_last)
         reward = untransform(model.reward(batch), symmetry)
         advantage = model.advantage(reward, z[scene])
-        total = _objective(objective, advantage, labels[scene], schedule.rank_across_scenes)
-        return None if total is None else (total + schedule.sparsity * reward.abs().mean(), [total])
+        total = _objective(objective, advantage, labels[scene])
+        return None if total is None else (total, [total])
 
     def fit_rule() -> None:
         fit_acceptance_rule(model.eval(), appearances, z_theta, valid)
@@ -143,12 +146,11 @@ def _descend(model, rng, appearances, z_theta, valid, objective, schedule, check
     return curve.reshape(-1, len(CURVE))  # empty if the demonstrations allow no pair
 
 
-def _objective(objective, advantage, valid, across_scenes) -> Tensor | None:
+def _objective(objective, advantage, valid) -> Tensor | None:
     """Return the objective on a batch, or None if the batch holds nothing to learn from."""
     if objective == "maxent":
         return maxent(advantage, valid) if valid.any() else None
-    pairs = valid.any() and not valid.all() if across_scenes else (valid.any(1) & ~valid.all(1)).any()
-    return ranked(advantage, valid, across_scenes) if pairs else None
+    return ranked(advantage, valid) if valid.any() and not valid.all() else None
 
 
 def fit_acceptance_rule(model, appearances, z_theta, valid) -> None:

@@ -1,12 +1,15 @@
-"""Fit several users' models at once, one per SIMD lane, as a stack of layers (simd_layers).
+"""Fit several users' models at once, one per SIMD lane of the processor (simd_kernels).
 
-The models of a stack share the weights of Eq. 1, the number of scenes and the schedule. Each has its own images,
-demonstrations (any number) and seed. A model's result does not depend on the other models, to the last bit. The
-reference engine sums in another order, so its trained weights differ by amplified rounding.
+The loss is Eq. 1 (models/vae/losses.py `equation_1`); its gradient here was derived by hand, and tests hold it against
+that of `equation_1` in double precision. The models of a stack share the weights of Eq. 1, the number of scenes and the
+schedule. Each has its own images, demonstrations (any number) and seed. A model's result does not depend on the other
+models, to the last bit. The autograd engine sums in another order, so its trained weights differ by amplified rounding.
 
 Scenes pass forward and backward one at a time, so that their activations stay in the cache.
 """
 
+import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -19,21 +22,146 @@ from torch import nn
 from pipeline.models.vae.beta_vae import Z_CENTRE, Z_SCALE, BetaVae
 from pipeline.models.vae.losses import Weights
 from pipeline.training.loop import Checkpoints, Losses, Schedule, minimise, pad_demonstrations, row_weights
+from pipeline.training.vae.engines import fit_varied
 from pipeline.training.vae.engines import simd_kernels as lanes
-from pipeline.training.vae.engines.reference import fit_varied
 from pipeline.training.vae.engines.simd_kernels import GATE, LANES, PUT, RELU
-from pipeline.training.vae.engines.simd_layers import (
-    Convolution,
-    Dense,
-    Flatten,
-    Layer,
-    Parameter,
-    Trained,
-    allocate,
-    backward,
-    forward,
-)
 from pipeline.world.layout import SIDE
+
+
+def allocate(*shape: int) -> Float[Array, "*shape lane"]:
+    """Return zeros aligned to cache lines: a vector that straddles two lines takes twice as long."""
+    size = math.prod(shape) * LANES
+    buffer = np.zeros(size + 16, np.float32)
+    start = -buffer.ctypes.data // 4 % 16
+    return buffer[start : start + size].reshape(*shape, LANES)
+
+
+NO_BIAS = allocate(1)  # zeros
+
+
+class Parameter:
+    """A layer's weights or biases and their gradient (..., lane); `tensor` shares the memory, for optimisers."""
+
+    def __init__(self, *shape: int):
+        self.value, self.gradient = allocate(*shape), allocate(*shape)
+        self.tensor = nn.Parameter(torch.from_numpy(self.value))
+        self.tensor.grad = torch.from_numpy(self.gradient)
+
+
+class Layer(ABC):
+    """A map from array `x` to array `y`, each of one scene and with an axis of LANES last.
+
+    In the backward pass y holds the loss's gradient. The layer adds to its weights' gradient and overwrites x with the
+    input's gradient. Planes have a border of zeros.
+    """
+
+    x: Array
+    y: Array
+
+    @abstractmethod
+    def forward(self) -> None:
+        """Compute y from x."""
+
+    @abstractmethod
+    def backward(self, scene: int) -> None:
+        """Overwrite x with its gradient and accumulate the weights' gradient, given the gradient of y in y."""
+
+
+class Trained(Layer):
+    """A layer with weights; `mode` is the operation of `product` on y, `back` the one on the gradient of x."""
+
+    weight: Parameter
+    bias: Parameter
+
+    def finish(self) -> None:
+        """Add the remaining terms to the gradient of weight and bias, after all scenes."""
+
+    @abstractmethod
+    def as_torch(self, weight: Array, bias: Array) -> tuple[Array, Array]:
+        """Return views of arrays of the parameters' shape in torch's axis order, lanes last."""
+
+
+class Convolution(Trained):
+    """nn.Conv2d that halves the side, or nn.ConvTranspose2d that doubles it; x is rectified, or holds the images."""
+
+    def __init__(
+        self,
+        module: nn.Conv2d | nn.ConvTranspose2d,
+        x: Float[Array, "row column channel lane"],
+        mode: int,
+        back: int | None,
+    ):
+        self.halves = isinstance(module, nn.Conv2d)
+        side = len(x) - 2
+        side = (side + 1) // 2 if self.halves else 2 * side - 1 + int(module.output_padding[0])
+        self.x, self.y, self.mode, self.back = x, allocate(side + 2, side + 2, module.out_channels), mode, back
+        self.big, self.small = (self.x, self.y) if self.halves else (self.y, self.x)
+        self.weight = Parameter(3, 3, self.big.shape[2], self.small.shape[2])
+        self.bias = Parameter(module.out_channels)
+
+    def forward(self):
+        self._convolve(self.halves, self.bias.value, self.mode)
+
+    def backward(self, scene):
+        lanes.correlate(self.big, self.small, self.weight.gradient)
+        lanes.total(self.y, self.bias.gradient)
+        if self.back is not None:
+            self._convolve(not self.halves, NO_BIAS, self.back)
+
+    def _convolve(self, halves: bool, bias: Array, mode: int) -> None:
+        if halves:
+            lanes.gather(self.big, self.weight.value, bias, self.small, mode)
+        else:
+            lanes.scatter(self.small, self.weight.value, bias, self.big, mode)
+
+    def as_torch(self, weight, bias):
+        return weight.transpose(3, 2, 0, 1, 4), bias
+
+
+class Flatten(Layer):
+    """nn.Flatten from planes, without their border, to a row, or nn.Unflatten from a row to planes."""
+
+    def __init__(self, x: Array, y: Array):
+        self.x, self.y = x, y
+        planes, row = (x, y) if x.ndim > y.ndim else (y, x)
+        inside = planes[1:-1, 1:-1].transpose(2, 0, 1, 3)  # (channel, row, column, lane), torch's order
+        views = (inside, row.reshape(inside.shape))
+        self.source, self.target = views if planes is x else views[::-1]
+
+    def forward(self):
+        self.target[:] = self.source
+
+    def backward(self, scene):
+        self.source[:] = self.target
+
+
+class Dense(Trained):
+    """nn.Linear from rows of features to rows of features.
+
+    Its weights exceed the cache, so their gradient is computed once, from values that each scene has stored.
+    """
+
+    def __init__(
+        self, x: Float[Array, "row input lane"], y: Float[Array, "row output lane"], mode: int, back: int, scenes: int
+    ):
+        self.x, self.y, self.mode, self.back = x, y, mode, back
+        self.read, self.slope = (allocate(scenes, *array.shape[:2]) for array in (x, y))
+        self.weight, self.bias = Parameter(x.shape[1], y.shape[1]), Parameter(y.shape[1])
+
+    def forward(self):
+        lanes.dense(self.x, self.weight.value, self.bias.value, self.y, self.mode)
+
+    def backward(self, scene):
+        self.read[scene], self.slope[scene] = self.x, self.y
+        lanes.dense_backward(self.y, self.weight.value, self.x, self.back)
+
+    def finish(self):
+        read, slope = (array.reshape(-1, *array.shape[2:]) for array in (self.read, self.slope))
+        lanes.dense_weights(read, slope, self.weight.gradient)
+        lanes.total(slope[None], self.bias.gradient)
+
+    def as_torch(self, weight, bias):
+        return weight.transpose(1, 0, 2), bias
 
 
 class Stack:
@@ -64,11 +192,11 @@ class Stack:
         for lane, of_lane in enumerate(models):
             self.centre[:, lane] = of_lane.centre.flatten()
             self.factor[:, lane] = 1 / of_lane.spread.flatten()
-        self.intensities = allocate(1, SIDE + 2, SIDE + 2, 3)
-        self.images = planes = allocate(1, SIDE + 2, SIDE + 2, 3)
+        self.intensities = allocate(SIDE + 2, SIDE + 2, 3)
+        self.image = planes = allocate(SIDE + 2, SIDE + 2, 3)
         for module in model.features:
             if isinstance(module, nn.Conv2d):
-                back = None if planes is self.images else GATE
+                back = None if planes is self.image else GATE
                 planes = add(self.encoder, Convolution(module, planes, RELU, back), module)
         row = add(self.encoder, Flatten(planes, allocate(1, model.mean.in_features)))
         heads = [model.mean, model.log_variance] if weights.beta else [model.mean]
@@ -139,24 +267,24 @@ class Stack:
     def _scene(self, scene: int, image, z_theta, valid, noise, terms: Float[Array, "3 lane"]) -> None:
         """Add one scene's contribution to the gradient and to the terms, the first term without its weight alpha."""
         latent = self.z_image.shape[1]
-        lanes.unpack(image[None], self.centre, self.factor, self.intensities, self.images)
-        forward(self.encoder)
+        lanes.unpack(image, self.centre, self.factor, self.intensities, self.image)
+        _forward(self.encoder)
         mean, log_variance = self.code[0, :latent], self.code[0, latent:]
         deviation = np.exp(0.5 * log_variance) if self.beta else np.float32(0)
         self.z_image[0] = mean + noise * deviation
         self.demos[:, :latent], self.demos[:, latent:] = self.z_image, z_theta
 
-        forward(self.classifier)
+        _forward(self.classifier)
         logits = self.logits[:, 0]
         terms[2] -= (self.gamma * log_expit(np.where(valid, logits, -logits))).sum(0)
         logits[:] = self.gamma * (expit(logits) - valid)
-        backward(self.classifier, scene)
+        _backward(self.classifier, scene)
         slope = self.demos[:, :latent].sum(0)  # with respect to z_image
 
         if self.alpha:
-            forward(self.decoder)
+            _forward(self.decoder)
             lanes.squared_error(self.decoded, self.intensities, 2 * self.alpha, terms[:1])
-            backward(self.decoder, scene)
+            _backward(self.decoder, scene)
             slope += self.z_image[0]
 
         if self.beta:
@@ -165,7 +293,19 @@ class Stack:
             log_variance[:] = 0.5 * (slope * noise * deviation + self.beta * (variance - 1))
             slope += self.beta * mean
         mean[:] = slope
-        backward(self.encoder, scene)
+        _backward(self.encoder, scene)
+
+
+def _forward(layers: Sequence[Layer]) -> None:
+    """Pass one scene from the first layer to the last."""
+    for layer in layers:
+        layer.forward()
+
+
+def _backward(layers: Sequence[Layer], scene: int) -> None:
+    """Pass the gradient from the last layer to the first."""
+    for layer in reversed(layers):
+        layer.backward(scene)
 
 
 def fit_stack(
@@ -180,7 +320,7 @@ def fit_stack(
 ) -> list[Float[Array, "point 5"]]:
     """Train up to `LANES` models in place, each on its demonstrations [m]; return their learning curves (`CURVE`).
 
-    Treats each model as the reference engine's `fit` does, including models whose labels are all equal.
+    `seeds` draw the latent noise; `checkpoints` keeps intermediate weights. Constant labels: see `fit_varied`.
     """
     if len(models) > LANES:
         raise ValueError(f"{len(models)} models for a stack: it holds {LANES}")
@@ -210,6 +350,4 @@ def _descend(models, images, z_theta, valid, weights, schedule, seeds, checkpoin
     parameters = [parameter.tensor for parameter in stack.parameters()]
     curve = minimise(loss, parameters, schedule, before_step=checkpoints.before_step(models, hand_over))
     hand_over()
-    for model in models:
-        model.eval()
     return list(curve[..., : len(models)].transpose(2, 0, 1))

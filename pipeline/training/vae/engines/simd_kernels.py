@@ -4,8 +4,7 @@ Every array ends in an axis of `LANES`: entry [..., lane] belongs to model `lane
 model's bits do not depend on its neighbours, its position or the number of lanes. Convolutions and dense layers are
 strided matrix products: sums of outer products on a `Tile` of vectors in registers (`_block`).
 
-This file is longer than 300 lines because Numba invalidates a cached function only when its own file changes: all
-compiled code has to be in one file.
+Numba invalidates a cached function only when its own file changes: all compiled code has to be in this file.
 """
 
 # pyright: reportCallIssue=false
@@ -46,8 +45,8 @@ TALL = 5 if "avx512vl" in FEATURES else 2  # rows of a tile: as many as fit in 3
 
 OFFSETS = types.intp[::1]
 FLAT, MATRIX, ROWS = types.float32[::1], types.float32[:, ::1], types.float32[:, :, ::1]
-PLANES = KERNEL = types.float32[:, :, :, :, ::1]
-PIXELS = types.uint8[:, :, :, :, ::1]
+PLANES, KERNEL = types.float32[:, :, :, ::1], types.float32[:, :, :, :, ::1]
+PIXELS = types.uint8[:, :, :, ::1]
 
 
 def compiled(*arguments, returns=types.void):
@@ -244,21 +243,17 @@ def _block(tile, out, a, b, bias, steps, mode):
 
 
 @inlined
-def _strip(tiles, rows, out, a, b, bias, steps, mode):
-    """Compute all rows of `product` in the columns of the tiles."""
-    tall, four, three, two, one = tiles
-    for row in range(0, rows, TALL):
+def _strip(tall, single, rows, out, a, b, bias, steps, mode):
+    """Compute all rows of `product` in the columns of the tiles, the last ones each by its own."""
+    row = 0
+    while row < rows:
         here, left = (out[0], out[1] + row * out[2], out[2]), (a[0], a[1] + row * a[2], a[2])
         if rows - row >= TALL:
             _block(tall, here, left, b, bias, steps, mode)
-        elif rows - row == 4:
-            _block(four, here, left, b, bias, steps, mode)
-        elif rows - row == 3:
-            _block(three, here, left, b, bias, steps, mode)
-        elif rows - row == 2:
-            _block(two, here, left, b, bias, steps, mode)
+            row += TALL
         else:
-            _block(one, here, left, b, bias, steps, mode)
+            _block(single, here, left, b, bias, steps, mode)
+            row += 1
 
 
 OPERAND = types.Tuple((FLAT, types.intp, types.intp))
@@ -278,16 +273,13 @@ def product(rows, columns, out, a, b, bias, steps, mode):
         right = b[0], b[1] + column * b[2], b[2]
         start = bias[0], bias[1] + column * bias[2], bias[2]
         if columns - column >= 4:
-            by_4 = zeros(TALL, 4), zeros(4, 4), zeros(3, 4), zeros(2, 4), zeros(1, 4)
-            _strip(by_4, rows, here, a, right, start, steps, mode)
+            _strip(zeros(TALL, 4), zeros(1, 4), rows, here, a, right, start, steps, mode)
             column += 4
         elif columns - column == 3:
-            by_3 = zeros(TALL, 3), zeros(4, 3), zeros(3, 3), zeros(2, 3), zeros(1, 3)
-            _strip(by_3, rows, here, a, right, start, steps, mode)
+            _strip(zeros(TALL, 3), zeros(1, 3), rows, here, a, right, start, steps, mode)
             column += 3
         else:
-            by_1 = zeros(TALL, 1), zeros(4, 1), zeros(3, 1), zeros(2, 1), zeros(1, 1)
-            _strip(by_1, rows, here, a, right, start, steps, mode)
+            _strip(zeros(TALL, 1), zeros(1, 1), rows, here, a, right, start, steps, mode)
             column += 1
 
 
@@ -308,19 +300,16 @@ def _sum(counts, a_strides, b_strides):
 def gather(big, weights, bias, small, mode):
     """Compute a stride-2 3x3 convolution from planes `big` to planes `small`, or the gradient of `scatter`.
 
-    Planes: (scene, 1 + row + 1, 1 + column + 1, channel, lane), their border zero. Weights: (3, 3, big channel, small
-    channel, lane). Bias: (small channel, lane), or one vector for all.
+    Planes: (1 + row + 1, 1 + column + 1, channel, lane), their border zero. Weights: (3, 3, big channel, small channel,
+    lane). Bias: (small channel, lane), or one vector for all.
     """
-    scenes, height, width, wide, _ = big.shape
-    narrow = small.shape[3]
-    pitch, small_pitch = width * wide, small.shape[2] * narrow
+    _, width, wide, _ = big.shape
+    height, across, narrow, _ = small.shape
     x, w, c, y = big.reshape(-1), weights.reshape(-1), bias.reshape(-1), small.reshape(-1)
-    steps = _sum((1, 3, 3 * wide), (0, pitch, 1), (0, 3 * wide * narrow, narrow))
-    for scene in range(scenes):
-        for row in range(small.shape[1] - 2):
-            out = (y, (scene * small.shape[1] + row + 1) * small_pitch + narrow, narrow)
-            a = (x, (scene * height + 2 * row) * pitch, 2 * wide)
-            product(small.shape[2] - 2, narrow, out, a, (w, 0, 1), (c, 0, len(bias) > 1), steps, mode)
+    steps = _sum((1, 3, 3 * wide), (0, width * wide, 1), (0, 3 * wide * narrow, narrow))
+    for row in range(height - 2):
+        out, a = (y, ((row + 1) * across + 1) * narrow, narrow), (x, 2 * row * width * wide, 2 * wide)
+        product(across - 2, narrow, out, a, (w, 0, 1), (c, 0, len(bias) > 1), steps, mode)
 
 
 @compiled(PLANES, KERNEL, MATRIX, PLANES, types.intp)
@@ -329,60 +318,52 @@ def scatter(small, weights, bias, big, mode):
 
     An even row of `big` depends on one row of `small`, an odd one on two; columns likewise.
     """
-    scenes, height, width, wide, _ = big.shape
-    narrow = small.shape[3]
-    pitch, small_pitch = width * wide, small.shape[2] * narrow
+    height, width, wide, _ = big.shape
+    _, across, narrow, _ = small.shape
     x, w, c, y = small.reshape(-1), weights.reshape(-1), bias.reshape(-1), big.reshape(-1)
     tap = wide * narrow
-    a_strides, b_strides = (small_pitch, narrow, 1), (-6 * tap, -2 * tap, 1)
+    a_strides, b_strides = (across * narrow, narrow, 1), (-6 * tap, -2 * tap, 1)
     steps = (
         (_sum((1, 1, narrow), a_strides, b_strides), _sum((1, 2, narrow), a_strides, b_strides)),
         (_sum((2, 1, narrow), a_strides, b_strides), _sum((2, 2, narrow), a_strides, b_strides)),
     )  # [odd row][odd column]
-    for scene in range(scenes):
-        for row in range(height - 2):
-            odd = row % 2
-            a = (x, (scene * small.shape[1] + row // 2 + 1) * small_pitch + narrow, narrow)
-            for odd_column in range(2):
-                out = (y, (scene * height + row + 1) * pitch + (1 + odd_column) * wide, 2 * wide)
-                b = (w, (1 + odd) * 3 * tap + (1 + odd_column) * tap, narrow)
-                columns = (width - 1 - odd_column) // 2
-                product(columns, wide, out, a, b, (c, 0, len(bias) > 1), steps[odd][odd_column], mode)
+    for row in range(height - 2):
+        odd = row % 2
+        a = (x, ((row // 2 + 1) * across + 1) * narrow, narrow)
+        for odd_column in range(2):
+            out = (y, ((row + 1) * width + 1 + odd_column) * wide, 2 * wide)
+            b = (w, (1 + odd) * 3 * tap + (1 + odd_column) * tap, narrow)
+            columns = (width - 1 - odd_column) // 2
+            product(columns, wide, out, a, b, (c, 0, len(bias) > 1), steps[odd][odd_column], mode)
 
 
 @compiled(PLANES, PLANES, KERNEL)
 def correlate(big, small, weights):
     """Add to `weights` the weight gradient of `gather` and `scatter`, from values and a gradient."""
-    scenes, height, width, wide, _ = big.shape
-    narrow = small.shape[3]
-    pitch, small_pitch = width * wide, small.shape[2] * narrow
+    _, width, wide, _ = big.shape
+    height, across, narrow, _ = small.shape
     x, y, w = big.reshape(-1), small.reshape(-1), weights.reshape(-1)
-    zero, part = np.zeros(LANES, np.float32), np.empty_like(w)
-    steps = _sum((1, 1, small.shape[2] - 2), (0, 0, 2 * wide), (0, 0, narrow))
-    for scene in range(scenes):
-        part[:] = 0
-        for row in range(small.shape[1] - 2):
-            b = (y, (scene * small.shape[1] + row + 1) * small_pitch + narrow, 1)
-            for tap in range(3):
-                out = (part, tap * 3 * wide * narrow, narrow)
-                a = (x, (scene * height + 2 * row + tap) * pitch, 1)
-                product(3 * wide, narrow, out, a, b, (zero, 0, 0), steps, ADD)
-        w += part
+    zero, part = np.zeros(LANES, np.float32), np.zeros_like(w)
+    steps = _sum((1, 1, across - 2), (0, 0, 2 * wide), (0, 0, narrow))
+    for row in range(height - 2):
+        b = (y, ((row + 1) * across + 1) * narrow, 1)
+        for tap in range(3):
+            out, a = (part, tap * 3 * wide * narrow, narrow), (x, (2 * row + tap) * width * wide, 1)
+            product(3 * wide, narrow, out, a, b, (zero, 0, 0), steps, ADD)
+    w += part
 
 
 @compiled(PLANES, MATRIX)
 def total(values, sums):
-    """Add to `sums` (channel, lane) the values (scene, row, column, channel, lane) of each channel."""
-    scenes, rows, columns, channels, _ = values.shape
+    """Add to `sums` (channel, lane) the values (row, column, channel, lane) of each channel."""
+    rows, columns, channels, _ = values.shape
     x, y = values.reshape(-1), sums.reshape(-1)
-    zero, one, part = np.zeros(LANES, np.float32), np.ones(LANES, np.float32), np.empty_like(y)
+    zero, one, part = np.zeros(LANES, np.float32), np.ones(LANES, np.float32), np.zeros_like(y)
     steps = _sum((1, 1, columns), (0, 0, 0), (0, 0, channels))
-    for scene in range(scenes):
-        part[:] = 0
-        for row in range(rows):
-            b = (x, (scene * rows + row) * columns * channels, 1)
-            product(1, channels, (part, 0, 0), (one, 0, 0), b, (zero, 0, 0), steps, ADD)
-        y += part
+    for row in range(rows):
+        b = (x, row * columns * channels, 1)
+        product(1, channels, (part, 0, 0), (one, 0, 0), b, (zero, 0, 0), steps, ADD)
+    y += part
 
 
 @compiled(ROWS, ROWS, MATRIX, ROWS, types.intp)
@@ -413,38 +394,35 @@ def dense_weights(x, dy, weights):
 
 
 @compiled(PIXELS, MATRIX, MATRIX, PLANES, PLANES)
-def unpack(images, centre, factor, intensities, standardised):
-    """Write 8-bit images (scene, row, column, channel, lane) inside the border of two planes.
+def unpack(image, centre, factor, intensities, standardised):
+    """Write an 8-bit image (row, column, channel, lane) inside the border of two planes.
 
     `intensities` are in [0, 1]; `standardised` are (intensity - centre) * factor, both (channel, lane).
     """
-    scenes, height, width, channels, _ = images.shape
+    height, width, channels, _ = image.shape
     pixel = channels * LANES
     centre, factor = centre.reshape(-1), factor.reshape(-1)
-    for scene in range(scenes):
-        for row in range(height):
-            source = images[scene, row].reshape(-1)
-            target = intensities[scene, row + 1].reshape(-1)[pixel:]
-            inside = standardised[scene, row + 1].reshape(-1)[pixel:]
-            for column in range(width):
-                for i in range(pixel):
-                    intensity = np.float32(source[column * pixel + i]) / np.float32(255)
-                    target[column * pixel + i] = intensity
-                    inside[column * pixel + i] = (intensity - centre[i]) * factor[i]
+    for row in range(height):
+        source = image[row].reshape(-1)
+        target, inside = intensities[row + 1].reshape(-1)[pixel:], standardised[row + 1].reshape(-1)[pixel:]
+        for column in range(width):
+            for i in range(pixel):
+                intensity = np.float32(source[column * pixel + i]) / np.float32(255)
+                target[column * pixel + i] = intensity
+                inside[column * pixel + i] = (intensity - centre[i]) * factor[i]
 
 
 @compiled(PLANES, PLANES, types.float32, MATRIX)
-def squared_error(logits, images, scale, error):
-    """Add to `error` (1, lane) the squared error of sigmoid(logits) as images, both planes.
+def squared_error(logits, image, scale, error):
+    """Add to `error` (1, lane) the squared error of sigmoid(logits) as an image, both planes.
 
     Its gradient, times scale / 2, overwrites the logits.
     """
-    scenes, height, width, channels, _ = logits.shape
-    x, y, sums = logits.reshape(-1), images.reshape(-1), error.reshape(-1)
-    for scene in range(scenes):
-        for row in range(1, height - 1):
-            first = ((scene * height + row) * width + 1) * channels
-            tile = zeros(1, 1)
-            for i in range(first, first + (width - 2) * channels):
-                tile = _squared_error(tile, x, y, i, scale)
-            _add(tile, sums, 0, 0)
+    height, width, channels, _ = logits.shape
+    x, y, sums = logits.reshape(-1), image.reshape(-1), error.reshape(-1)
+    for row in range(1, height - 1):
+        first = (row * width + 1) * channels
+        tile = zeros(1, 1)
+        for i in range(first, first + (width - 2) * channels):
+            tile = _squared_error(tile, x, y, i, scale)
+        _add(tile, sums, 0, 0)

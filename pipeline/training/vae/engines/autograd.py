@@ -1,10 +1,11 @@
-"""Fit several users' models at once on any torch device: the reference engine under torch.func.vmap.
+"""Fit models by torch's gradient of Eq. 1 on any device, all models of a batch at once under torch.func.vmap.
 
-The models share the weights of Eq. 1, the number of scenes and the schedule. As in the reference engine, noise is drawn
-on the CPU. Device and batch size change the order of sums, so trained weights differ by amplified rounding.
+The models share the weights of Eq. 1, the number of scenes and the schedule. Noise is drawn on the CPU. Device and
+batch size change the order of sums, so trained weights differ by amplified rounding.
 """
 
 from collections.abc import Sequence
+from functools import partial
 
 import torch
 from jaxtyping import Bool, Float, UInt8
@@ -24,9 +25,29 @@ from pipeline.training.loop import (
     row_weights,
     unstack_models,
 )
-from pipeline.training.vae.engines.reference import fit_varied
+from pipeline.training.vae.engines import fit_varied
 
-BATCH_SIZE = 128  # models per batch: about 4 GB of activations at the paper's model size
+
+def fit_batch(
+    models: Sequence[BetaVae],
+    images: Sequence[UInt8[Array, "scene 100 100 3"]],
+    z_theta: Sequence[Float[Array, "scene _ 2"]],
+    valid: Sequence[Bool[Array, "scene _"]],
+    weights: Weights,
+    schedule: Schedule,
+    seeds: Sequence[int],
+    checkpoints: Checkpoints | None = None,
+    device: str = "cpu",
+) -> list[Float[Array, "point 5"]]:
+    """Train models in place, each on its demonstrations [m]; return their learning curves (`CURVE`).
+
+    `seeds` draw the latent noise; torch's global generator is unchanged. `checkpoints` keeps intermediate weights.
+    Constant labels: see `fit_varied`.
+    """
+
+    descend = partial(_descend, device=torch.device(device))
+    with torch.backends.cudnn.flags(enabled=True, deterministic=True, allow_tf32=False):
+        return fit_varied(descend, models, images, z_theta, valid, weights, schedule, seeds, checkpoints)
 
 
 class _Loss(nn.Module):
@@ -40,34 +61,13 @@ class _Loss(nn.Module):
         return equation_1(self.model, images, z_theta, valid, self.weights, noise, share)
 
 
-def device() -> torch.device:
-    """Return the first GPU, or the CPU if there is none."""
-    return torch.device("cuda" if torch.cuda.is_available() else "cpu")
-
-
-def fit_batch(
-    models: Sequence[BetaVae],
-    images: Sequence[UInt8[Array, "scene 100 100 3"]],
-    z_theta: Sequence[Float[Array, "scene _ 2"]],
-    valid: Sequence[Bool[Array, "scene _"]],
-    weights: Weights,
-    schedule: Schedule,
-    seeds: Sequence[int],
-    checkpoints: Checkpoints | None = None,
+def _descend(
+    models, images, z_theta, valid, weights, schedule, seeds, checkpoints, device
 ) -> list[Float[Array, "point 5"]]:
-    """Train models in place on `device()`, each on its demonstrations [m]; return their learning curves (`CURVE`).
-
-    Treats each model as the reference engine's `fit` does, including models whose labels are all equal.
-    """
-    with torch.backends.cudnn.flags(enabled=True, deterministic=True, allow_tf32=False):
-        return fit_varied(_descend, models, images, z_theta, valid, weights, schedule, seeds, checkpoints)
-
-
-def _descend(models, images, z_theta, valid, weights, schedule, seeds, checkpoints) -> list[Float[Array, "point 5"]]:
     """Train all models at once."""
 
     def stacked(tensors: Sequence[torch.Tensor]) -> torch.Tensor:
-        return torch.stack(list(tensors)).to(device(), models[0].mean.weight.dtype)  # (model, ...)
+        return torch.stack(list(tensors)).to(device, models[0].mean.weight.dtype)  # (model, ...)
 
     x = stacked([to_tensor(of_model) for of_model in images])
     z, labels = (
@@ -77,8 +77,8 @@ def _descend(models, images, z_theta, valid, weights, schedule, seeds, checkpoin
     generators = [torch.Generator().manual_seed(seed) for seed in seeds]
     loss_of_model = _Loss(models[0], weights)
     drawn, buffers = stack_module_state(list(models))
-    parameters = {name: value.detach().to(device()).requires_grad_() for name, value in drawn.items()}
-    fixed = {name: value.to(device()) for name, value in buffers.items()}
+    parameters = {name: value.detach().to(device).requires_grad_() for name, value in drawn.items()}
+    fixed = {name: value.to(device) for name, value in buffers.items()}
     named = {f"model.{name}": value for name, value in (parameters | fixed).items()}  # with the names inside `_Loss`
     losses = vmap(lambda weights_of_model, *data: functional_call(loss_of_model, weights_of_model, data))
 
@@ -92,6 +92,4 @@ def _descend(models, images, z_theta, valid, weights, schedule, seeds, checkpoin
 
     curve = minimise(loss, parameters.values(), schedule, before_step=checkpoints.before_step(models, hand_over))
     hand_over()
-    for model in models:
-        model.eval()
     return list(curve.transpose(2, 0, 1))

@@ -1,0 +1,152 @@
+"""Facts about stages train, irl and clearance: what they write, that it repeats byte for byte, and what they refuse."""
+
+import hashlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+from pipeline.config.graph import ROOT
+
+from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
+from pipeline.artifacts.files import read_table
+from pipeline.artifacts.models import fitted_n_demos
+from pipeline.artifacts.scenes import read_scenes
+from pipeline.artifacts.trained import load_model
+from pipeline.models.base import untrained
+from pipeline.models.vae.beta_vae import BetaVae
+from pipeline.params import compose
+from pipeline.runtime.errors import InputError
+from pipeline.runtime.streams import job_seed
+from pipeline.stages import clearance, irl, train
+from tests.stages.facts import run_as_listed
+
+pytestmark = pytest.mark.slow
+
+STAGES = {"full": train.main, "irl_maxent": irl.main, "irl_ranked": irl.main, "clearance": clearance.main}  # by variant
+CPUINFO = Path("/proc/cpuinfo")
+WITHOUT = {  # what pipeline.runtime.instructions leaves to the processor: numba's target and glibc's functions
+    "NUMBA_CPU_NAME": "haswell",
+    "NUMBA_CPU_FEATURES": "",
+    "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX512F,-AVX512VL,-AVX512BW,-AVX512DQ,-AVX512CD",
+}
+SMALL = ["seeds=[0,1]", "n_demos=[1,2]", "main_n_demos=2", "train.steps=4", "train.curve_every=2", "workers=1"]
+SMALL += ["train.engine=simd", "checkpoints=[0,2,50]", "irl.n_augmentations=2", "irl.curve_every=2"]
+SMALL += ["variants.irl_maxent.steps=3", "variants.irl_ranked.steps=3", "clearance.steps=3", "clearance.curve_every=2"]
+
+
+def config(small_world: Path, out: Path, *overrides: str):
+    paths = [f"paths.scenes={small_world}/scenes", f"paths.demos={small_world}/demos"]
+    return compose([*paths, *(f"paths.{stage}={out}" for stage in ("train", "irl", "clearance")), *SMALL, *overrides])
+
+
+@pytest.fixture(scope="module")
+def runs(small_world, tmp_path_factory) -> Path:
+    """One run of each variant."""
+    out = tmp_path_factory.mktemp("fitted")
+    for variant, main in STAGES.items():
+        run_as_listed(main, config(small_world, out, f"variant={variant}"), out / variant)
+    return out
+
+
+@pytest.mark.parametrize("variant", STAGES)
+def test_saved_weights_give_the_predictions_that_were_written(runs, small_world, variant):
+    cfg = config(small_world, runs)
+    scenes, queries = read_scenes(small_world / "scenes"), read_queries(small_world / "demos")
+    predictions = read_table(runs / variant / "predictions.parquet")
+    for split, pool in (("seen_scenes", "train-s1"), ("new_items", "new_items")):
+        p = load_model(cfg, variant, "careful", 1, 2).probability(scenes.images[pool], queries[pool].z)
+        rows = predictions.query(f"seed == 1 and user == 'careful' and n_demos == 2 and split == '{split}'")
+        np.testing.assert_allclose(rows["p"].to_numpy().reshape(p.shape), p, rtol=1e-5)
+        assert np.array_equal(rows["valid"].to_numpy().reshape(p.shape), queries[pool].valid["careful"])
+    constant = predictions.query("user == 'aggressive' and n_demos == 2")  # Laplace's: 3 scenes x 2 demonstrations
+    np.testing.assert_allclose(constant["p"], 7 / 8, rtol=1e-6)
+
+
+def test_weights_on_the_way_are_kept_of_the_models_studied_that_learn(runs, small_world):
+    cfg = config(small_world, runs)
+    names = {f"{u}-s{s}-n2-step{step:05d}" for u in ("careful", "normal") for s in (0, 1) for step in (0, 2)}
+    assert {path.stem for path in (runs / "full" / "checkpoints").iterdir()} == names
+    kept = load_model(cfg, "full", "careful", 1, 2, step=0)
+    drawn = untrained(BetaVae, cfg.variants.full.model, job_seed(1, "careful", 2, "full"))
+    assert isinstance(drawn, BetaVae)
+    drawn.standardise(read_scenes(small_world / "scenes").images["train-s1"])
+    for name, value in drawn.state_dict().items():
+        assert torch.equal(kept.state_dict()[name], value)
+    later = load_model(cfg, "full", "careful", 1, 2, step=2)
+    assert not torch.equal(later.get_parameter("mean.weight"), kept.get_parameter("mean.weight"))
+
+
+def test_neither_processes_nor_checkpoints_nor_other_seeds_change_a_weight(runs, small_world, tmp_path):
+    train.main(config(small_world, tmp_path, "workers=2", "variant=full"), tmp_path / "full")
+    assert _digests(tmp_path / "full") == _digests(runs / "full")
+    train.main(config(small_world, tmp_path, "checkpoints=[]", "seed=1", "variant=full"), tmp_path / "full")
+    assert list((tmp_path / "full" / "checkpoints").iterdir()) == []
+    alone = _digests(tmp_path / "full" / "weights")
+    assert len(alone) == 6 and alone.items() <= _digests(runs / "full" / "weights").items()
+
+
+def test_convergence_is_what_the_saved_model_gives_on_its_own_training_set(runs, small_world):
+    table = read_table(runs / "full" / "convergence.csv")
+    assert len(table) == 12 and not table.duplicated(["seed", "user", "n_demos"]).any()
+    images = read_scenes(small_world / "scenes").images["train-s1"]
+    z, valid = demo_arrays(read_demos(small_world / "demos"), 1, "careful", 2)
+    model = load_model(config(small_world, runs), "full", "careful", 1, 2)
+    row = table.query("seed == 1 and user == 'careful' and n_demos == 2").iloc[0]
+    right = (model.probability(images, z) > 0.5) == valid
+    assert row["own_demonstrations"] == pytest.approx(right.mean(), abs=1e-6)
+    assert row["reconstruction_over_flat"] == pytest.approx(model.reconstruction_over_flat(images), rel=1e-5)
+    expected = (table["own_demonstrations"] >= 0.995) & ~(table["reconstruction_over_flat"] >= 1)
+    assert (table["passed"] == expected).all()
+    assert table.loc[table["user"] == "aggressive", "reconstruction_over_flat"].isna().all()  # never trained
+
+
+def test_a_variant_is_fitted_at_its_own_numbers_of_demonstrations(small_world, tmp_path):
+    cfg = config(small_world, tmp_path, "n_demos=[1,2,5]", "variants.full.n_demos=[5,7]")
+    assert fitted_n_demos(cfg, "full") == [2, 5]  # 2: main_n_demos
+
+
+def test_the_reference_engine_learns_the_same_and_is_named(runs, small_world, tmp_path, capsys):
+    train.main(config(small_world, tmp_path, "train.engine=reference", "variant=full"), tmp_path / "full")
+    assert "engine reference" in capsys.readouterr().out
+    ours, theirs = (read_table(root / "full" / "predictions.parquet") for root in (runs, tmp_path))
+    pd.testing.assert_frame_equal(ours.drop(columns="p"), theirs.drop(columns="p"))
+    np.testing.assert_allclose(ours["p"], theirs["p"], atol=1e-3)  # 4 steps; later on rounding is amplified
+
+
+@pytest.mark.parametrize(
+    ("main", "overrides", "message"),
+    [
+        (train.main, ["variant=irl_ranked"], "not fitted by stage train: expected one of full, ae, classifier"),
+        (irl.main, ["variant=full"], "not fitted by stage irl: expected one of irl_maxent, irl_ranked"),
+        (train.main, ["seeds=[0,7]"], "no scenes train-s7"),
+        (train.main, ["n_demos=[9]", "main_n_demos=9"], "expected 9 in each scene"),
+        (train.main, ["train.rate=1e30"], r"full of careful, seed 0, n_demos 2: its loss .* finite at step \d+"),
+    ],
+)
+def test_bad_input_or_a_fit_that_diverges_is_no_result(small_world, tmp_path, main, overrides, message):
+    with pytest.raises(InputError, match=message):
+        main(config(small_world, tmp_path, *overrides), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.skipif(
+    not CPUINFO.is_file() or "avx512f" not in CPUINFO.read_text(), reason="needs a processor with AVX-512"
+)
+def test_predictions_have_the_same_bytes_with_avx512_and_without(small_world: Path, tmp_path: Path):
+    given = [f"paths.scenes={small_world}/scenes", f"paths.demos={small_world}/demos", "variant=clearance"]
+    given += ["seeds=[0]", "n_demos=[1,2]", "main_n_demos=2", "workers=1", "clearance.steps=3"]
+    for name, environment in (("with", {}), ("without", WITHOUT)):
+        command = [sys.executable, "-m", "pipeline.stages.clearance", *given, f"hydra.run.dir={tmp_path / name}"]
+        subprocess.run(command, cwd=ROOT, env=os.environ | environment, check=True, capture_output=True)
+    with_it, without = (_digests(tmp_path / name / "clearance") for name in ("with", "without"))
+    assert len(with_it) >= 5 and with_it == without
+
+
+def _digests(root: Path) -> dict[str, str]:
+    files = sorted(path for path in root.rglob("*") if path.is_file())
+    return {str(path.relative_to(root)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
