@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, model_validator
 
-from pipeline.causal.question_settings import Question
+from pipeline.causal.questions import Question
 from pipeline.config.graph import ROOT
 from pipeline.config.models import Irl, Schedule, Train, Variant
 from pipeline.config.stages import Evaluate, Intervene, Readings, Record, Repair, Report
