@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from pipeline.causal.envelope import dose_grid, envelopes, radius
-from pipeline.stats.clusters import by_item
+from pipeline.stats.crossed import by_item
 
 STEP, DOSES = 0.005, 20
 GRID = dose_grid(STEP, DOSES)
