@@ -17,15 +17,8 @@ from pydantic import TypeAdapter
 from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.artifacts.scenes import layout_table, read_scenes
 from pipeline.artifacts.trained import check_weights, load_model
-from pipeline.causal.interventions import (
-    TRUTH,
-    asked,
-    bold_rows,
-    cells_as_in_the_paper,
-    compare_with_truth,
-    paper_rows,
-    right_verdicts,
-)
+from pipeline.causal import interventions
+from pipeline.causal.interventions import TRUTH
 from pipeline.causal.mechanisms import expected_validities, model_scm, recorded_noise, renderer, true_scm
 from pipeline.causal.questions import Question as QuestionSettings
 from pipeline.causal.questions import Scenes, change, draw_additions
@@ -50,7 +43,7 @@ SUMMARY = [
 
 
 Expected = Float[Array, "seed change every_user every_scene"]  # E[V]; the truth has one seed
-Pair = tuple[Float[Array, "user seed scene"], Float[Array, "user seed scene"]]  # E[V] without and with the change
+Pair = tuple[Float[Array, "_ _ _"], Float[Array, "_ _ _"]]  # (user, seed, scene): E[V] without and with the change
 
 
 @dataclass(frozen=True)
@@ -236,7 +229,7 @@ def _summary(variant: str, questions: list[Question], pairs: Mapping[str, list[P
         answers, truth = (_together(pairs[source][i] for i in members) for source in (variant, TRUTH))
         asked_of = [(questions[i], user) for i in members for user in questions[i].users]
         keys = [(q.name, q.kind, q.symbol, variant, user) for q, user in asked_of]
-        table = compare_with_truth(*answers, *(side[:, 0] for side in truth))
+        table = interventions.compare_with_truth(*answers, *(side[:, 0] for side in truth))
         tables.append(pd.DataFrame(keys, columns=SUMMARY[:5]).join(table))
     return pd.concat(tables, ignore_index=True)
 
@@ -245,19 +238,21 @@ def _bold(questions: list[Question], users: list[str], pairs: Mapping[str, list[
     """Return Table 2: the paper's block, the truth's and each variant's (pipeline.causal.interventions.bold_rows)."""
     added = [i for i, question in enumerate(questions) if question.kind == "add"]
     changes = [(user, questions[i].symbol) for i in added for user in questions[i].users]
-    blocks = [paper_rows(users, [questions[i].symbol for i in added])]
+    blocks = [interventions.paper_rows(users, [questions[i].symbol for i in added])]
     if added:
-        blocks += [bold_rows(source, changes, *_together(of[i] for i in added)) for source, of in pairs.items()]
+        blocks += [
+            interventions.bold_rows(source, changes, *_together(of[i] for i in added)) for source, of in pairs.items()
+        ]
     return pd.concat(blocks, ignore_index=True)
 
 
 def _metrics(cfg: DictConfig, summary: pd.DataFrame, bold: pd.DataFrame) -> dict:
     """Return right verdicts, clearance's largest error on the same questions, and cells of Table 2 as in the paper."""
-    rows = asked(summary, "add", cfg.evaluate.users)
+    rows = interventions.asked(summary, "add", cfg.evaluate.users)
     error = (rows["effect"] - rows["truth"]).abs().groupby(rows["variant"]).max()
-    agree = cells_as_in_the_paper(bold)
+    agree = interventions.cells_as_in_the_paper(bold)
     return {
-        "verdicts_right": right_verdicts(summary, "add", cfg.evaluate.users),
+        "verdicts_right": interventions.right_verdicts(summary, "add", cfg.evaluate.users),
         "effect_error": {v: float(error[v]) for v in ("clearance",) if v in error},
         "bold": {v: agree[v] for v in cfg.variants if v in agree},
     }

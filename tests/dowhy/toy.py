@@ -43,7 +43,8 @@ class Mechanism(FunctionalCausalModel):
 def same(what: str, ours: float, theirs: float, limit: float) -> bool:
     """Print both numbers and return whether they lie within `limit` of each other."""
     agree = bool(abs(ours - theirs) <= limit)
-    print(f"{'same' if agree else 'DIFFERENT':10}{what}: {ours:.4f} by the pipeline, {theirs:.4f} by dowhy ({limit:.4f})")
+    word = "same" if agree else "DIFFERENT"
+    print(f"{word:10}{what}: {ours:.4f} by the pipeline, {theirs:.4f} by dowhy (within {limit:.4f})")
     return agree
 
 
@@ -83,22 +84,23 @@ def main() -> bool:
         "V": rng.random(UNITS),
     }  # fmt: skip
     factual, agree = ours.entail(noise), True
-    shared = {name: noise[name] for name in ("S", "O", "T")} | dict(zip(("Z_theta_x", "Z_theta_y"), noise["Z_theta"].T))
+    x, y = noise["Z_theta"].T
+    shared = {name: noise[name] for name in ("S", "O", "T")} | {"Z_theta_x": x, "Z_theta_y": y}
     units = pd.DataFrame(shared | {name: factual[name] for name in ("I", "Z_I", "V")}).astype(float)
     noises = pd.DataFrame(shared | {name: noise[name] for name in ("I", "Z_I", "V")}).astype(float)
     theirs = graph(units, rng)
     for name, value in FIXED.items():
         acted = ours.do(**{name: value})
         mine, rejected = acted.entail(noise)["V"], ~factual["V"]
-        action = {name: lambda _, v=float(USERS.index(value) if name == "S" else value): v}
+        coded = float(USERS.index(value) if name == "S" else value)  # dowhy's columns are numbers
+        action = {name: lambda _, v=coded: v}
         drawn = gcm.interventional_samples(theirs, action, num_samples_to_draw=UNITS)["V"].mean()
         agree &= same(f"E[V | do({name} := {value})]", mine.mean(), drawn, 4 * (0.5 / UNITS) ** 0.5)
         flipped = gcm.counterfactual_samples(theirs, action, noise_data=noises)["V"].to_numpy()
         agree &= same(f"V under do({name} := {value}), units that agree", np.mean(mine == flipped), 1.0, 0.0)
         chance = chance_of_change(False, ours.expectation("V", noise), acted.expectation("V", noise))[rejected].mean()
         limit = 4 * (0.25 / rejected.sum()) ** 0.5
-        what = f"P(V = 1 under do({name} := {value}) | V = 0)"
-        agree &= same(what, chance, flipped[rejected].mean(), limit)
+        agree &= same(f"P(V = 1 under do({name} := {value}) | V = 0)", chance, flipped[rejected].mean(), limit)
     return agree
 
 
