@@ -37,7 +37,7 @@ def first_stale(clone: Path) -> str:
         ("conf/train.yaml", "  steps: 500", "  steps: 501", "params"),
         ("conf/users.yaml", "0.045", "0.046", "params"),
         ("pipeline/config/values.py", "MAX_N = 10", "MAX_N = 11", "params"),
-        ("pipeline/causal/question_settings.py", "Name | None = None", 'Name | None = "paper"', "intervene"),
+        ("pipeline/causal/questions.py", "Name | None = None", 'Name | None = "paper"', "intervene"),
     ],
 )
 def test_a_change_of_conf_or_of_what_composes_it_is_named(clone: Path, file: str, old: str, new: str, stage: str):

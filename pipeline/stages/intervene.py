@@ -239,10 +239,9 @@ def _bold(questions: list[Question], users: list[str], pairs: Mapping[str, list[
     added = [i for i, question in enumerate(questions) if question.kind == "add"]
     changes = [(user, questions[i].symbol) for i in added for user in questions[i].users]
     blocks = [interventions.paper_rows(users, [questions[i].symbol for i in added])]
-    if added:
-        blocks += [
-            interventions.bold_rows(source, changes, *_together(of[i] for i in added)) for source, of in pairs.items()
-        ]
+    for source in pairs if added else ():
+        sides = _together(pairs[source][i] for i in added)
+        blocks.append(interventions.bold_rows(source, changes, *sides))
     return pd.concat(blocks, ignore_index=True)
 
 
