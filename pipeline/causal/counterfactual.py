@@ -21,7 +21,7 @@ from numpy import ndarray as Array
 from pipeline.causal.scm import chance_of_change
 from pipeline.stats.crossed import ratio
 from pipeline.stats.scores import DECISION
-from pipeline.world.layout import EMPTY, SYMBOLS, Layouts
+from pipeline.world.layout import EMPTY, Layouts
 
 NO_SINGLE_CAUSE = -1  # replaces a slot index
 MIN_PAIRS = 30  # fewest pairs of seed and scene with a counted path for which an interval is given ...
@@ -109,36 +109,21 @@ def attribute(necessity: Float[Array, "*b slot"]) -> Int[Array, "*b"]:
 
 
 def baselines(
-    cause: Int[Array, "scene path"],
-    present: Bool[Array, "scene slot"],
-    symbol: Int[Array, "scene slot"],
-    clearances: Float[Array, "scene path slot"],
+    cause: Int[Array, "scene path"], present: Bool[Array, "scene slot"], clearances: Float[Array, "scene path slot"]
 ) -> dict[str, Float[Array, "scene path"]]:
     """Return the probability that attribution without a model names the true cause; 0 if there is none.
 
-    random_item: any item of the scene. nearest_item: the item with the smallest clearance [m]. base_rate: an item drawn
-    in proportion to how often its symbol is the cause when present (true rates on these paths).
+    random_item: any item of the scene. nearest_item: the item with the smallest clearance [m].
     """
-    hit = cause[..., None] == np.arange(present.shape[1])  # (scene, path, slot)
-    caused = hit.any(-1)  # (scene, path)
-    symbols = np.broadcast_to(np.where(present, symbol, EMPTY)[:, None], hit.shape)
-    hits, chances = (
-        np.bincount(symbols[x & (symbols != EMPTY)], minlength=len(SYMBOLS)) for x in (hit, caused[..., None])
-    )
-    weight = np.where(present, (hits / np.maximum(chances, 1))[symbol], 0.0)
-    share = weight / np.maximum(weight.sum(-1, keepdims=True), np.finfo(float).tiny)  # (scene, slot)
+    caused = cause != NO_SINGLE_CAUSE
     return {
         "random_item": caused / np.maximum(present.sum(-1, keepdims=True), 1),
         "nearest_item": (caused & (cause == clearances.argmin(-1))).astype(float),
-        "base_rate": np.where(hit, share[:, None], 0.0).sum(-1),
     }
 
 
 def score_attributions(
-    model: Removals,
-    truth: Removals,
-    present: Bool[Array, "scene slot"],
-    chances: Mapping[str, Float[Array, "scene path"]],
+    model: Removals, truth: Removals, chances: Mapping[str, Float[Array, "scene path"]]
 ) -> dict[str, float]:
     """Return scores of the models' attributions (seed, scene, path) of truly rejected paths (scene, path).
 
@@ -146,46 +131,28 @@ def score_attributions(
 
     - rejected: number of these paths per seed; recall: their share of all truly invalid paths; single: share with a
       single cause.
-    - right: how often the model names the single cause; sure: with PN above one half; named: how often it names any
-      item.
-    - baseline_*: `right` of each baseline in `chances`; lead: `right` minus baseline_nearest_item.
+    - right: how often the model names the single cause; baseline_*: `right` of each baseline in `chances`.
     - overdetermined_right: without a single cause, how often PN and PS of all items are on the right side of 1/2.
     - empty_rejected: how often the model also rejects the path on the empty table.
-    - pn_error, ps_error: mean absolute errors over items; *_error_constant: those of the best constant answer.
 
-    Intervals (ci_low and ci_high of `right`, lead_ci_*, overdetermined_right_ci_*) are Student's over seeds crossed
-    with scenes (pipeline.stats.crossed.ratio); NaN below MIN_PAIRS or MIN_SCENES.
+    Intervals (ci_low and ci_high of `right`, overdetermined_right_ci_*) are those of `mean_with_interval`.
     """
-    pn, ps, true_pn, true_ps = model.necessity, model.sufficiency, truth.necessity, truth.sufficiency
-    cause, attributed = attribute(true_pn), attribute(pn)
-    invalid = np.broadcast_to(truth.factual == 0, model.factual.shape)
+    cause, invalid = attribute(truth.necessity), np.broadcast_to(truth.factual == 0, model.factual.shape)
     rejected = invalid & (model.factual <= DECISION)
     if not rejected.any():
         return {"rejected": 0.0}
     single, several = rejected & (cause != NO_SINGLE_CAUSE), rejected & (cause == NO_SINGLE_CAUSE)
-    hit = cause[..., None] == np.arange(present.shape[1])
-    right, sure = attributed == cause, np.where(hit, pn, 0.0).sum(-1) > DECISION
-    as_true = (((ps > DECISION) == (true_ps > DECISION)) & (pn <= DECISION)).all(-1)
-    items = rejected[..., None] & present[:, None]
-    pn_known, ps_known = items & np.isfinite(pn), items & np.isfinite(ps)
+    same_side = (model.sufficiency > DECISION) == (truth.sufficiency > DECISION)
+    as_true = (same_side & (model.necessity <= DECISION)).all(-1)
     row = {
         "rejected": rejected.sum() / len(rejected),
         "recall": rejected.sum() / invalid.sum(),
         "single": single.sum() / rejected.sum(),
     }
-    row |= mean_with_interval("right", right, single, "ci_low", "ci_high")
-    row |= {"sure": mean(right & sure, single), "named": mean(attributed != NO_SINGLE_CAUSE, single)}
+    row |= mean_with_interval("right", attribute(model.necessity) == cause, single, prefix="")
     row |= {f"baseline_{name}": mean(chance, single) for name, chance in chances.items()}
-    if "nearest_item" in chances:
-        row |= mean_with_interval("lead", right - chances["nearest_item"], single)
     row |= mean_with_interval("overdetermined_right", as_true, several)
-    row |= {
-        "empty_rejected": mean(model.empty <= DECISION, rejected),
-        "pn_error": mean(np.abs(pn - true_pn), pn_known),
-        "pn_error_constant": _constant_error(np.broadcast_to(true_pn, pn.shape)[pn_known]),
-        "ps_error": mean(np.abs(ps - true_ps), ps_known),
-        "ps_error_constant": _constant_error(np.broadcast_to(true_ps, ps.shape)[ps_known]),
-    }
+    row |= {"empty_rejected": mean(model.empty <= DECISION, rejected)}
     return {name: float(value) for name, value in row.items()}
 
 
@@ -195,13 +162,14 @@ def mean(values: Array, mask: Bool[Array, "*b"]) -> float:
 
 
 def mean_with_interval(
-    name: str, values: Array, mask: Bool[Array, "seed scene *b"], low: str = "", high: str = ""
+    name: str, values: Array, mask: Bool[Array, "seed scene *b"], prefix: str | None = None
 ) -> dict[str, float]:
     """Return `mean` and its 95 % interval over seeds crossed with scenes; shares are clipped to [0, 1].
 
-    The bounds are called `name`_ci_low and `name`_ci_high, or `low` and `high`. They are NaN for too few observations.
+    The bounds are called `prefix`ci_low and `prefix`ci_high; the prefix is `name`_ by default. They are NaN below
+    MIN_PAIRS or MIN_SCENES.
     """
-    low, high = low or f"{name}_ci_low", high or f"{name}_ci_high"
+    low, high = (f"{name}_{end}" if prefix is None else prefix + end for end in ("ci_low", "ci_high"))
     row = {name: mean(values, mask), low: np.nan, high: np.nan}
     axes = tuple(range(2, mask.ndim))
     count = mask.sum(axes)  # (seed, scene)
@@ -210,8 +178,3 @@ def mean_with_interval(
         ends = np.array([e.ci_low[0], e.ci_high[0]])
         row[low], row[high] = ends.clip(0, 1) if values.dtype == bool else ends
     return row
-
-
-def _constant_error(truth: Float[Array, " item"]) -> float:
-    """Return the mean absolute error of the best constant prediction of values that are 0 or 1."""
-    return min(truth.mean(), 1 - truth.mean()) if len(truth) else np.nan

@@ -15,7 +15,7 @@ curve decreases (Chernozhukov, Fernandez-Val and Galichon, 2009), and gives each
 of a flat curve extends to the end of the doses.
 
 The interval covers three sources of chance: training sets, added items (a planner will meet other items of the symbol),
-and the items shared by all training sets (pipeline.stats.clusters). It does not cover any further bias.
+and the items shared by all training sets (pipeline.stats.crossed.inflate_item_variance). It covers no further bias.
 """
 
 from collections.abc import Sequence
@@ -26,8 +26,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray as Array
 from scipy.optimize import isotonic_regression
 
-from pipeline.stats.clusters import by_item, inflate_item_variance
-from pipeline.stats.crossed import Estimates, estimate
+from pipeline.stats.crossed import Estimates, by_item, estimate, inflate_item_variance
 from pipeline.stats.tests import holm, verdict
 
 
@@ -88,20 +87,13 @@ def envelopes(
         judged = verdict(at_contact, p_holm, contact.ci90_low[0], contact.ci90_high[0])
         is_there = judged == "effect" and at_contact > 0
         middle, low, high = radius(values, doses, n) if is_there else (np.nan,) * 3
-        rows.append(
-            {
-                "radius_m": middle,
-                "ci_low": low,
-                "ci_high": high,
-                "true_radius_m": np.nan if margin is None else margin,
-                "response": at_contact,
-                "p_holm": float(p_holm),
-                "verdict": judged,
-                "right": is_there == (margin is not None),
-                "covered": low <= margin <= high if is_there and margin is not None else None,
-            }
-        )
-    return pd.DataFrame(rows).astype({"covered": "boolean"})
+        right, covered = is_there == (margin is not None), None
+        if is_there and margin is not None:
+            covered = low <= margin <= high
+        true = np.nan if margin is None else margin
+        rows.append((middle, low, high, true, at_contact, float(p_holm), judged, right, covered))
+    columns = ["radius_m", "ci_low", "ci_high", "true_radius_m", "response", "p_holm", "verdict", "right", "covered"]
+    return pd.DataFrame(rows, columns=columns).astype({"covered": "boolean"})
 
 
 def response_curve(
@@ -136,7 +128,15 @@ def radius(
     n_training: number of items in the training sets; None: nothing was learned from items.
     """
     halves = _estimate_doses(response - response[..., :1] / 2, n_training)
-    middle, low, high = (_crossing(halves[name], doses) for name in ("effect", "ci_low", "ci_high"))
+    radii = []
+    for values in halves.values():  # effect, ci_low, ci_high
+        falling = isotonic_regression(values, increasing=False).x  # the nearest decreasing curve
+        after = int((falling > 0).sum())  # the first dose with a value of at most zero
+        if after in (0, len(doses)):
+            radii.append(float(doses[min(after, len(doses) - 1)]))
+        else:  # its zero crossing, linear between doses
+            radii.append(float(np.interp(0, -falling[after - 1 : after + 1], doses[after - 1 : after + 1])))
+    middle, low, high = radii
     return middle, low, high
 
 
@@ -157,12 +157,3 @@ def _estimate(response: Float[Array, "question seed item"], n_training: int | No
     if n_training is not None:
         response = np.stack([inflate_item_variance(values, n_training) for values in response])
     return estimate(response)
-
-
-def _crossing(values: Float[Array, " dose"], doses: Float[Array, " dose"]) -> float:
-    """Return the zero crossing of the decreasing curve nearest to the values, linear between doses."""
-    falling = isotonic_regression(values, increasing=False).x
-    after = int((falling > 0).sum())  # the first dose with a value of at most zero
-    if after in (0, len(doses)):
-        return float(doses[min(after, len(doses) - 1)])
-    return float(np.interp(0, -falling[after - 1 : after + 1], doses[after - 1 : after + 1]))

@@ -1,4 +1,4 @@
-"""Estimate effects of interventions from arrays of expected validity, independently of models, images and rules.
+"""Estimate and judge effects of interventions from arrays of expected validity; the paper's Table 2 of them.
 
 The estimand is the average causal effect of the paper's second inequality,
 
@@ -16,22 +16,24 @@ from jaxtyping import Float
 from numpy import ndarray as Array
 
 from pipeline.stats.crossed import Estimates, estimate
-from pipeline.stats.tests import holm, true_verdict, verdict
+from pipeline.stats.tests import LEVEL, SMALLEST_EFFECT, holm, true_verdict, verdict
+from pipeline.world.rules import PAPER_P_VALID
 
 ESTIMATE_COLUMNS = ["effect", "q1", "q3", "ci_low", "ci_high", "ci90_low", "ci90_high", "p_holm", "verdict"]
-
-
-def expected_validity(p: Float[Array, "*b path"]) -> Float[Array, "*b"]:
-    """Return E[V] over paths: V is 1 with probability p, so its expectation is the mean of p (paper, Table 2)."""
-    return np.asarray(np.mean(p, axis=-1, dtype=np.float64))
+NONE = "none"  # Table 2's column without an intervention
+PAPER, TRUTH = "the paper", "truth"  # sources beside the variants, none of which may be called so
+PAPER_BOLD = {  # (user, symbol) of the cells that the paper prints in bold
+    ("careful", "bowl"), ("careful", "plate"), ("careful", "cutlery"), ("careful", "glass"), ("normal", "glass"),
+}  # fmt: skip
+BOLD_COLUMNS = "source", "user", "change", "mean", "q1", "q3", "effect", "ci_low", "ci_high", "p_holm", "bold", "beyond"
 
 
 def estimate_effects(effects: Float[Array, "question seed scene"]) -> pd.DataFrame:
     """Return estimates and verdicts of a family of questions, one row per question, with ESTIMATE_COLUMNS.
 
     effect: mean over seeds and scenes; q1, q3: quartiles of the seeds' means; ci_, ci90_: 95 % and 90 % intervals over
-    seeds crossed with scenes, corrected for skewness; p_holm: corrected over the family; verdict: one of
-    `pipeline.stats.tests.VERDICTS`. ValueError unless the effects are finite and of at least two scenes.
+    seeds crossed with scenes, corrected for skewness; p_holm: corrected over the family; verdict: that of
+    `pipeline.stats.tests.verdict`. ValueError unless the effects are finite and of at least two scenes.
     """
     estimates = estimate(effects, skewed=True)
     table = pd.DataFrame({field.name: getattr(estimates, field.name) for field in fields(Estimates)})
@@ -75,3 +77,61 @@ def right_verdicts(summary: pd.DataFrame, kind: str, users: Sequence[str]) -> di
     rows = asked(summary, kind, users)
     right = rows["right"].astype(bool).groupby(rows["variant"], sort=False).sum()
     return {str(variant): int(count) for variant, count in right.items()}
+
+
+def bold_rows(
+    source: str,
+    changes: Sequence[tuple[str, str]],
+    baseline: Float[Array, "change seed scene"],
+    intervened: Float[Array, "change seed scene"],
+) -> pd.DataFrame:
+    """Return a source's block of Table 2: mean P(valid) without and with an added item, bold where it changes.
+
+    The paper: "The cells in bold indicate significant change with respect to the no intervention column."
+
+    changes: (user, symbol) of each change; baseline, intervened: P(valid) in the same scenes without and with the item.
+    One row per cell, with BOLD_COLUMNS. mean, q1, q3: mean and quartiles of P(valid) over seeds, or over scenes if
+    there is one seed (the truth). bold: the effect is significant at 5 % after Holm's correction over these changes.
+    beyond: its 95 % interval lies beyond +-SMALLEST_EFFECT. Raises ValueError as `estimate_effects`.
+    """
+
+    def levels(p: Float[Array, "change seed scene"]) -> dict[str, Float[Array, " change"]]:
+        values = p.mean(-1) if p.shape[1] > 1 else p[:, 0]
+        q1, q3 = np.quantile(values, (0.25, 0.75), axis=-1)
+        return {"mean": p.mean((1, 2)), "q1": q1, "q3": q3}
+
+    estimates = estimate_effects(intervened - baseline)
+    rows = pd.DataFrame(changes, columns=["user", "change"]).assign(source=source, **levels(intervened))
+    rows = rows.join(estimates[["effect", "ci_low", "ci_high", "p_holm"]])
+    rows["bold"] = rows["p_holm"] < LEVEL
+    rows["beyond"] = (rows["ci_low"] > SMALLEST_EFFECT) | (rows["ci_high"] < -SMALLEST_EFFECT)
+    first = rows.drop_duplicates("user").index  # all changes of a user share their baseline
+    without = pd.DataFrame({"source": source, "user": rows.loc[first, "user"], "change": NONE, "bold": False})
+    without = without.assign(beyond=False, **levels(baseline[first]))
+    blocks = [pd.concat([without[without["user"] == u], rows[rows["user"] == u]]) for u in without["user"]]
+    return pd.concat(blocks, ignore_index=True).reindex(columns=BOLD_COLUMNS)
+
+
+def paper_rows(users: Sequence[str], symbols: Sequence[str]) -> pd.DataFrame:
+    """Return the paper's block as printed, of those users and symbols that it has, with BOLD_COLUMNS."""
+    rows = [
+        {"source": PAPER, "user": user, "change": change, "mean": mean, "bold": (user, change) in PAPER_BOLD}
+        for user, means in PAPER_P_VALID.items()
+        for change, mean in means.items()
+        if user in users and change in (NONE, *symbols)
+    ]
+    return pd.DataFrame(rows, columns=BOLD_COLUMNS).assign(beyond=False)
+
+
+def cells_as_in_the_paper(table: pd.DataFrame) -> dict[str, int]:
+    """Return source -> the number of changes that are bold or plain as in the paper; 12 where all are asked."""
+    cells = zip(table["user"], table["change"], strict=True)
+    known = table[[change != NONE and change in PAPER_P_VALID.get(user, ()) for user, change in cells]]
+    agree = known["bold"].astype(bool) == [c in PAPER_BOLD for c in zip(known["user"], known["change"], strict=True)]
+    return {str(source): int(count) for source, count in agree.groupby(known["source"], sort=False).sum().items()}
+
+
+def never_bold(table: pd.DataFrame) -> str:
+    """Return how many of the paper's cells a source without a bold cell has as the paper, such as "7 of 12"."""
+    printed = table[(table["source"] == PAPER) & (table["change"] != NONE)]["bold"].astype(bool)
+    return f"{int((~printed).sum())} of {len(printed)}"

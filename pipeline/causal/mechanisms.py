@@ -12,7 +12,6 @@ import torch
 from jaxtyping import Float, Int, UInt8
 from numpy import ndarray as Array
 
-from pipeline.causal.interventions import expected_validity
 from pipeline.causal.scm import SCM, Values, specification_scm
 from pipeline.models.base import SCENES_PER_BATCH, ValidityModel, to_tensor
 from pipeline.world.layout import Layouts
@@ -61,7 +60,7 @@ def model_scm(models: Mapping[str, ValidityModel], render: Render = no_image) ->
         logits = [models[user].eval().logit(*batch) for batch in zip(z_image[user], z, strict=True)]
         return torch.sigmoid(torch.cat(logits)).numpy()
 
-    return specification_scm(list(models), render, encode, by_user(probability))
+    return specification_scm(list(models), render, encode, _by_user(probability))
 
 
 def true_scm(users: Mapping[str, Margins]) -> SCM:
@@ -70,18 +69,16 @@ def true_scm(users: Mapping[str, Margins]) -> SCM:
     def probability(user: str, items: Layouts, z_theta: Array) -> Array:
         return valid(items, z_theta, users[user]).astype(np.float64)
 
-    return specification_scm(list(users), lambda _, items, table_top: items, lambda items: items, by_user(probability))
+    return specification_scm(list(users), lambda _, items, table_top: items, lambda items: items, _by_user(probability))
 
 
-def by_user(probability: Callable[[str, Any, Array], Array]) -> Callable[..., Float[Array, "scene path"]]:
+def _by_user(probability: Callable[[str, Any, Array], Array]) -> Callable[..., Float[Array, "scene path"]]:
     """Return C_s as a function of S, given one user's probabilities (scene, path); units may have different users."""
 
     def classify(s: Array, z_image: Any, z_theta: Array) -> Array:
         users = np.unique(s)
-        return np.select(
-            [np.asarray(s == user)[:, None] for user in users],
-            [probability(str(user), z_image, z_theta) for user in users],
-        )
+        asked = [np.asarray(s == user)[:, None] for user in users]
+        return np.select(asked, [probability(str(user), z_image, z_theta) for user in users])
 
     return classify
 
@@ -92,12 +89,12 @@ def expected_validities(
     """Return E[V | do(Z_I := Z_I under do(change)), S = s] of each user in each scene, over the scene's paths.
 
     This is the paper's estimand: `change` sets O, T or I, and {} leaves the scene unchanged. All changes share the
-    noises; N_V is averaged in closed form. S has no parent, and V is its only child. The row
-    of user s' without a change is therefore also E[V | do(S := s'), S = s].
+    noises; N_V is averaged in closed form, so E[V] over paths is the mean of P(valid). S has no parent, and V is its
+    only child. The row of user s' without a change is therefore also E[V | do(S := s'), S = s].
     """
     expected = []
     for change in changes:
         z_image = scm.do(**change).entail(noise, "Z_I")["Z_I"]
         answers = [scm.do(Z_I=z_image, S=user).expectation("V", noise) for user in users]
-        expected.append([expected_validity(p) for p in answers])
+        expected.append([np.mean(p, axis=-1, dtype=np.float64) for p in answers])
     return np.array(expected)

@@ -1,15 +1,17 @@
-"""Translate the questions of conf/questions into interventions on the structural causal model, scene by scene."""
+"""The causal questions of conf/questions/<name>.yaml, one change per file, and the interventions that they ask for."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal, get_args
 
 import numpy as np
 from jaxtyping import Bool, Int
 from numpy import ndarray as Array
+from pydantic import AfterValidator, Field, model_validator
 
-from pipeline.causal.question_settings import Add, Move, Question, Remove, Swap, TableTop, User
 from pipeline.causal.scm import Values
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.settings import Group, Length, Name, expected, need
 from pipeline.world.bezier import P_F, P_INIT
 from pipeline.world.layout import (
     EMPTY,
@@ -18,12 +20,67 @@ from pipeline.world.layout import (
     LayoutRules,
     Layouts,
     add_item,
+    concatenated,
     point_segment_distance,
     segment_distance,
 )
 
 TRIES = 100  # random proposals for a moved or swapped item before its scene is left out
 MIN_SCENES = 2  # fewest scenes from which a question's standard error can be estimated
+
+
+def _known(symbol: str) -> str:
+    if symbol not in SYMBOLS:
+        raise ValueError
+    return symbol
+
+
+Symbol = Annotated[str, AfterValidator(_known), expected(f"one of {', '.join(SYMBOLS)}")]
+
+
+class _Question(Group):
+    family: Name | None = None  # questions of one family share Holm's correction; null: a family of its own
+
+
+class Add(_Question):
+    kind: Literal["add"]
+    symbol: Symbol
+
+
+class Remove(_Question):
+    kind: Literal["remove"]
+    symbol: Symbol
+
+
+class Move(_Question):
+    kind: Literal["move"]
+    symbol: Symbol
+    distance: Length
+
+
+class Swap(_Question):
+    kind: Literal["swap"]
+    symbol: Symbol
+    to: Symbol
+
+    @model_validator(mode="after")
+    def _differs(self) -> "Swap":
+        need(self.to != self.symbol, "to", self.to, f"another symbol than {self.symbol}")
+        return self
+
+
+class TableTop(_Question):
+    kind: Literal["table_top"]
+    texture: str
+
+
+class User(_Question):
+    kind: Literal["user"]
+    to: Name | None
+
+
+Question = Annotated[Add | Remove | Move | Swap | TableTop | User, Field(discriminator="kind")]
+KINDS = tuple(get_args(cls.model_fields["kind"].annotation)[0] for cls in (Add, Remove, Move, Swap, TableTop, User))
 
 
 @dataclass(frozen=True)
@@ -40,50 +97,59 @@ class Scenes:
     textures: list[str]
 
 
-@dataclass(frozen=True)
-class Change:
-    """do(O := ...) or do(T := ...), one entry per placement, in the `scenes` to which the question applies.
-
-    The other scenes stay unchanged. Without placements it is do(S := s'), which the stage evaluates with user s'.
-    """
-
-    placements: list[Values]
-    scenes: Bool[Array, " scene"]
-
-
 def change(
     name: str, question: Question, scenes: Scenes, additions: Mapping[str, list[Layouts]], rng: np.random.Generator
-) -> Change:
-    """Return the interventions of one question.
+) -> tuple[list[Values], Bool[Array, " scene"]]:
+    """Return do(O := ...) or do(T := ...), one entry per placement, and the scenes to which the question applies.
 
+    The other scenes stay unchanged. No entry: the question is do(S := s'), which the stage evaluates with user s'.
     additions: symbol -> the scenes with an added item, one entry per placement. InputError if the question applies to
     fewer than MIN_SCENES scenes, or if the texture is unknown.
     """
-    every = np.ones(len(scenes.layouts), dtype=bool)
+    layouts, every = scenes.layouts, np.ones(len(scenes.layouts), dtype=bool)
     match question:
         case Add():
-            return Change([{"O": layouts} for layouts in additions[question.symbol]], every)
+            return [{"O": added} for added in additions[question.symbol]], every
         case User():
-            return Change([], every)
+            return [], every
         case TableTop():
             if question.texture not in scenes.textures:
                 known = ", ".join(scenes.textures)
                 raise InputError(f"question {name}: unknown texture {question.texture!r}; data/ has {known}")
-            return Change([{"T": np.full(len(every), question.texture)}], every)
-    slot, has_symbol = _pick(rng, scenes.layouts, question.symbol)
+            return [{"T": np.full(len(every), question.texture)}], every
+
+    matches = layouts.symbol == SYMBOLS.index(question.symbol)
+    slot = np.where(matches, rng.random(matches.shape), -1.0).argmax(1)  # of a random item of the symbol
+    possible = matches.any(1)
+
+    def moved(distance: float) -> Layouts:
+        """Move the item by the distance [m] in a random direction."""
+        angle = rng.uniform(-np.pi, np.pi, len(slot))
+        step = distance * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        return _with_item(layouts, slot, centre=layouts.centre[np.arange(len(slot)), slot] + step)
+
+    def swapped(symbol: str) -> Layouts:
+        """Replace the item by a random one of the symbol, at a random angle."""
+        index, items = SYMBOLS.index(symbol), scenes.items
+        item = rng.choice(scenes.pool[items.symbol[scenes.pool] == index], len(slot))
+        scale = rng.uniform(scenes.rules.scale_low, scenes.rules.scale_high, len(slot))
+        angle = rng.uniform(-np.pi, np.pi, len(slot))
+        size = {"half_length": items.half_length[item] * scale, "radius": items.radius[item] * scale}
+        return _with_item(layouts, slot, item=item, symbol=index, scale=scale, angle=angle, **size)
+
     match question:
         case Remove():
-            layouts, possible = _with_slot(scenes.layouts, slot, has_symbol, item=EMPTY, symbol=EMPTY), has_symbol
+            changed = _choose(possible, _with_item(layouts, slot, item=EMPTY, symbol=EMPTY), layouts)
         case Move():
-            layouts, possible = _propose(scenes, slot, has_symbol, lambda: _moved(rng, scenes, slot, question.distance))
+            changed, possible = _propose(scenes, slot, possible, lambda: moved(question.distance))
         case Swap():
-            layouts, possible = _propose(scenes, slot, has_symbol, lambda: _swapped(rng, scenes, slot, question.to))
+            changed, possible = _propose(scenes, slot, possible, lambda: swapped(question.to))
     if possible.sum() < MIN_SCENES:
         raise InputError(
             f"question {name}: {possible.sum()} scenes allow it, expected at least {MIN_SCENES}; "
             f"ask about another symbol than {question.symbol}, a smaller distance or more scenes"
         )
-    return Change([{"O": layouts}], possible)
+    return [{"O": changed}], possible
 
 
 def draw_additions(rng: np.random.Generator, scenes: Scenes, placements: int) -> dict[str, list[Layouts]]:
@@ -111,14 +177,6 @@ def allowed(layouts: Layouts, slot: Int[Array, " scene"], rules: LayoutRules) ->
     )
 
 
-def _pick(
-    rng: np.random.Generator, layouts: Layouts, symbol: str
-) -> tuple[Int[Array, " scene"], Bool[Array, " scene"]]:
-    """Return the slot of a random item of the symbol in each scene, and whether the scene has one."""
-    matches = layouts.symbol == SYMBOLS.index(symbol)
-    return np.where(matches, rng.random(matches.shape), -1.0).argmax(1), matches.any(1)
-
-
 def _propose(
     scenes: Scenes, slot: Int[Array, " scene"], pending: Bool[Array, " scene"], draw: Callable[[], Layouts]
 ) -> tuple[Layouts, Bool[Array, " scene"]]:
@@ -131,37 +189,15 @@ def _propose(
     return layouts, accepted
 
 
-def _moved(rng: np.random.Generator, scenes: Scenes, slot: Int[Array, " scene"], distance: float) -> Layouts:
-    """Return the scenes with the item in `slot` moved by `distance` [m] in a random direction."""
-    angle = rng.uniform(-np.pi, np.pi, len(slot))
-    centre = scenes.layouts.centre[np.arange(len(slot)), slot]
-    step = distance * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    return _with_slot(scenes.layouts, slot, np.ones(len(slot), bool), centre=centre + step)
-
-
-def _swapped(rng: np.random.Generator, scenes: Scenes, slot: Int[Array, " scene"], symbol: str) -> Layouts:
-    """Return the scenes with the item in `slot` replaced by a random item of the symbol at a random angle."""
-    index = SYMBOLS.index(symbol)
-    item = rng.choice(scenes.pool[scenes.items.symbol[scenes.pool] == index], len(slot))
-    scale = rng.uniform(scenes.rules.scale_low, scenes.rules.scale_high, len(slot))
-    return _with_slot(
-        scenes.layouts, slot, np.ones(len(slot), bool), item=item, symbol=index, scale=scale,
-        angle=rng.uniform(-np.pi, np.pi, len(slot)), half_length=scenes.items.half_length[item] * scale,
-        radius=scenes.items.radius[item] * scale,
-    )  # fmt: skip
-
-
-def _with_slot(layouts: Layouts, slot: Int[Array, " scene"], where: Bool[Array, " scene"], **values) -> Layouts:
-    """Return a copy with these values for the item in `slot`, in the scenes of the mask `where`."""
-    copy = Layouts(*(getattr(layouts, f.name).copy() for f in fields(layouts)))
+def _with_item(layouts: Layouts, slot: Int[Array, " scene"], **values: Array | int) -> Layouts:
+    """Return a copy with these values for the item in `slot`."""
+    changed = {name: getattr(layouts, name).copy() for name in values}
     for name, value in values.items():
-        array = getattr(copy, name)
-        array[np.arange(len(slot))[where], slot[where]] = value[where] if isinstance(value, np.ndarray) else value
-    return copy
+        changed[name][np.arange(len(slot)), slot] = value
+    return replace(layouts, **changed)
 
 
 def _choose(where: Bool[Array, " scene"], a: Layouts, b: Layouts) -> Layouts:
     """Return the scenes of `a` where the mask is true, else those of `b`."""
     order = np.arange(len(where))
-    both = Layouts(*(np.concatenate([getattr(a, f.name), getattr(b, f.name)]) for f in fields(a)))
-    return both[np.where(where, order, order + len(where))]
+    return concatenated([a, b])[np.where(where, order, order + len(where))]

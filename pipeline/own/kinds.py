@@ -21,7 +21,7 @@ from pipeline.own.frame import CANVAS_PX, Frame
 from pipeline.perception.capsule import Capsule, fit_capsule
 from pipeline.perception.objects import Objects
 from pipeline.runtime.streams import stream
-from pipeline.stats.clusters import by_item
+from pipeline.stats.crossed import by_item
 from pipeline.stats.tests import LEVEL, SMALLEST_EFFECT, holm
 from pipeline.world.bezier import P_F, P_INIT, random_z_theta
 from pipeline.world.catalogue import MIN_VISIBLE_ALPHA

@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from pipeline.artifacts.files import read_table
-from pipeline.causal.bold_table import NONE, PAPER, TRUTH
+from pipeline.causal.interventions import NONE, PAPER, TRUTH
 from pipeline.report.page import FORMATS, Table, in_brackets, lookup, with_gaps
 from pipeline.report.style import label
 from pipeline.runtime.errors import InputError

@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 from pipeline.artifacts.files import read_json, read_table
-from pipeline.causal.bold_table import PAPER, TRUTH, never_bold
+from pipeline.causal.interventions import PAPER, TRUTH, never_bold
 from pipeline.report.bold import as_markdown
 from pipeline.report.page import FORMATS
 from pipeline.report.results import PAPER_ACCURACY, RANDOM_ROUTES

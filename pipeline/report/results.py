@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.causal.bold_table import never_bold
-from pipeline.causal.interventions import asked, right_verdicts
+from pipeline.causal.interventions import asked, never_bold, right_verdicts
 from pipeline.report.page import Source, check_finite, checked, lookup
 from pipeline.world.catalogue import Catalogue
 from pipeline.world.layout import Layouts

@@ -3,7 +3,7 @@
 Models and world are structural causal models that differ in their mechanisms only (pipeline.causal.mechanisms).
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -18,10 +18,10 @@ from pydantic import Field, TypeAdapter
 from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.artifacts.scenes import layout_table, read_scenes
 from pipeline.artifacts.trained import check_weights, load_model
-from pipeline.causal.bold_table import TRUTH, bold_rows, cells_as_in_the_paper, paper_rows
-from pipeline.causal.interventions import asked, compare_with_truth, right_verdicts
+from pipeline.causal import interventions
+from pipeline.causal.interventions import TRUTH
 from pipeline.causal.mechanisms import expected_validities, model_scm, recorded_noise, renderer, true_scm
-from pipeline.causal.question_settings import Question as QuestionSettings
+from pipeline.causal.questions import Question as QuestionSettings
 from pipeline.causal.questions import Scenes, change, draw_additions
 from pipeline.causal.scm import Values
 from pipeline.launch import launch
@@ -54,6 +54,10 @@ SUMMARY = [
 ]  # fmt: skip
 
 
+Expected = Float[Array, "seed change every_user every_scene"]  # E[V]; the truth has one seed
+Pair = tuple[Float[Array, "_ _ _"], Float[Array, "_ _ _"]]  # (user, seed, scene): E[V] without and with the change
+
+
 @dataclass(frozen=True)
 class Question:
     """One question of some users: the changes it averages over (its placements), or the user who takes over.
@@ -69,6 +73,15 @@ class Question:
     scenes: Bool[Array, " scene"]
     changes: list[int]
     other: str | None = None
+
+    def expectations(self, users: list[str], expected: Expected) -> Pair:
+        """Return E[V | S = s] and E[V | do(...), S = s] of the question's users, in its scenes, placements averaged."""
+        rows, expected = [users.index(user) for user in self.users], expected[..., self.scenes]
+        baseline = expected[:, 0, rows]
+        intervened = expected[:, self.changes].mean(1)[:, rows]
+        if self.other is not None:
+            intervened = np.broadcast_to(expected[:, 0, [users.index(self.other)]], baseline.shape)
+        return baseline.swapaxes(0, 1), intervened.swapaxes(0, 1)
 
 
 @dataclass(frozen=True)
@@ -120,21 +133,22 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     truth = expected_validities(true_scm(cfg.users), noise, users, changes)  # (change, user, scene)
     answers = np.concatenate(map_jobs(_answer, jobs, cfg.workers, "intervene"), axis=-1)
     answers = answers.reshape(len(changes), len(variants), len(seeds), *truth.shape[1:])
-    by_variant = dict(zip(variants, np.moveaxis(answers, 0, 2), strict=True))  # (seed, change, user, scene)
+    expected = {TRUTH: truth[None]} | dict(zip(variants, np.moveaxis(answers, 0, 2), strict=True))
+    pairs = {source: [question.expectations(users, e) for question in questions] for source, e in expected.items()}
 
-    effects = [_effects(v, question, users, seeds, a, truth) for v, a in by_variant.items() for question in questions]
-    summary = pd.concat([_summary(v, questions, users, a, truth) for v, a in by_variant.items()], ignore_index=True)
-    write_table(out_dir / "effects.parquet", pd.concat(effects, ignore_index=True)[EFFECTS])
+    effects = pd.concat([_effects(variant, questions, seeds, pairs) for variant in variants], ignore_index=True)
+    summary = pd.concat([_summary(variant, questions, pairs) for variant in variants], ignore_index=True)
+    bold = _bold(questions, users, pairs)
+    write_table(out_dir / "effects.parquet", effects[EFFECTS])
     write_table(out_dir / "summary.csv", summary[SUMMARY])
-    bold = _bold(questions, users, by_variant, truth)
     write_table(out_dir / "bold.csv", bold)
+    write_json(out_dir / "metrics.json", _metrics(cfg, summary, bold))
     first, render = _rows(noise, split), renderer(palette)
     added = {symbol: additions[symbol][0][split] for symbol in SYMBOLS}
     images = np.stack([render(first["I"], layouts, first["T"])[None] for layouts in added.values()])
     write_arrays(out_dir / "images.npz", {"images": images, "z_theta": first["Z_theta"]})
     rows = [layout_table(f"{symbol}-0", layouts) for symbol, layouts in added.items()]
     write_table(out_dir / "layouts.parquet", pd.concat(rows, ignore_index=True))
-    write_json(out_dir / "metrics.json", _metrics(cfg, summary, bold))
 
 
 def _rows(values: Values, rows: slice) -> Values:
@@ -179,7 +193,7 @@ def _draw_additions(cfg: DictConfig, scenes: Scenes, split: slice) -> dict[str, 
     }
 
 
-def _read_questions(cfg, scenes: Scenes, additions: Mapping) -> tuple[list[Question], list[Values]]:
+def _read_questions(cfg: DictConfig, scenes: Scenes, additions: Mapping) -> tuple[list[Question], list[Values]]:
     """Return every question, one for each user who may take over, and all changes; the first changes nothing.
 
     InputError if a question makes no sense in these scenes, or if a family's questions are asked in different scenes.
@@ -187,17 +201,18 @@ def _read_questions(cfg, scenes: Scenes, additions: Mapping) -> tuple[list[Quest
     questions, changes, users = [], [{}], list(cfg.users)
     for name, settings in cfg.questions.items():
         question = TypeAdapter(QuestionSettings).validate_python(OmegaConf.to_container(settings))
-        effect = change(name, question, scenes, additions, _stream(cfg, name))
-        family, symbol = question.family or name, getattr(question, "symbol", "")
+        placements, where = change(name, question, scenes, additions, _stream(cfg, name))
+        family = question.family or name
         if question.kind == "user":
             for other in users if question.to is None else [question.to]:
                 label = name if question.to else f"{name}_{other}"
                 others = [user for user in users if user != other]
-                questions.append(Question(label, question.kind, symbol, family, others, effect.scenes, [0], other))
+                questions.append(Question(label, "user", "", family, others, where, [0], other))
             continue
-        indices = list(range(len(changes), len(changes) + len(effect.placements)))
-        changes += effect.placements
-        questions.append(Question(name, question.kind, symbol, family, users, effect.scenes, indices))
+        indices = list(range(len(changes), len(changes) + len(placements)))
+        changes += placements
+        symbol = getattr(question, "symbol", "")
+        questions.append(Question(name, question.kind, symbol, family, users, where, indices))
     for question in questions:
         first = next(q for q in questions if q.family == question.family)
         if (question.scenes != first.scenes).any():
@@ -220,80 +235,58 @@ def _answer(job: Job) -> Float[Array, "change model scene"]:
     return expected_validities(scm, job.noise, list(models), job.changes)
 
 
-def _expectations(
-    question: Question, users: list[str], expected: Float[Array, "*seed change every_user every_scene"]
-) -> tuple[Float[Array, "user *seed scene"], Float[Array, "user *seed scene"]]:
-    """Return E[V | S = s] and E[V | do(...), S = s] of the question's users, in its scenes, placements averaged."""
-    rows = [users.index(user) for user in question.users]
-    expected = expected[..., question.scenes]
-    baseline = expected[..., 0, rows, :]
-    intervened = expected[..., question.changes, :, :].mean(-3)[..., rows, :]
-    if question.other is not None:
-        intervened = np.broadcast_to(expected[..., 0, [users.index(question.other)], :], baseline.shape)
-    return np.moveaxis(baseline, -2, 0), np.moveaxis(intervened, -2, 0)
+def _together(pairs: Iterable[Pair]) -> list[Float[Array, "question seed scene"]]:
+    """Return E[V] without and with the change of several questions, each user's one after another."""
+    return [np.concatenate(side) for side in zip(*pairs, strict=True)]
 
 
 def _effects(
-    variant: str,
-    question: Question,
-    users: list[str],
-    seeds: list[int],
-    answers: Float[Array, "seed change user scene"],
-    truth: Float[Array, "change user scene"],
+    variant: str, questions: list[Question], seeds: list[int], pairs: Mapping[str, list[Pair]]
 ) -> pd.DataFrame:
-    """Return a row for each user, seed and scene."""
-    baseline, intervened = _expectations(question, users, answers)
-    true_baseline, true_intervened = _expectations(question, users, truth)
-    keys = [question.users, seeds, np.flatnonzero(question.scenes)]
-    table = pd.MultiIndex.from_product(keys, names=["user", "seed", "scene"]).to_frame(index=False)
-    true_effect = np.broadcast_to((true_intervened - true_baseline)[:, None], baseline.shape)
-    return table.assign(
-        question=question.name, variant=variant, baseline=baseline.ravel(), intervened=intervened.ravel(),
-        effect=(intervened - baseline).ravel(), true_effect=true_effect.ravel(),
-    )  # fmt: skip
+    """Return a row for each question, user, seed and scene."""
+    tables = []
+    for q, (baseline, intervened), (before, after) in zip(questions, pairs[variant], pairs[TRUTH], strict=True):
+        keys = pd.MultiIndex.from_product([q.users, seeds, np.flatnonzero(q.scenes)], names=["user", "seed", "scene"])
+        columns = {
+            "baseline": baseline, "intervened": intervened, "effect": intervened - baseline,
+            "true_effect": np.broadcast_to(after - before, baseline.shape),
+        }  # fmt: skip
+        columns = {name: values.ravel() for name, values in columns.items()}
+        tables.append(keys.to_frame(index=False).assign(question=q.name, variant=variant, **columns))
+    return pd.concat(tables, ignore_index=True)
 
 
-def _summary(
-    variant: str,
-    questions: list[Question],
-    users: list[str],
-    answers: Float[Array, "seed change user scene"],
-    truth: Float[Array, "change user scene"],
-) -> pd.DataFrame:
+def _summary(variant: str, questions: list[Question], pairs: Mapping[str, list[Pair]]) -> pd.DataFrame:
     """Return a row for each question and user, p-values corrected by family."""
     tables = []
     for family in dict.fromkeys(question.family for question in questions):
-        members = [question for question in questions if question.family == family]
-        expectations = [(*_expectations(q, users, answers), *_expectations(q, users, truth)) for q in members]
-        keys = [(q.name, q.kind, q.symbol, variant, user) for q in members for user in q.users]
-        table = compare_with_truth(*(np.concatenate(arrays) for arrays in zip(*expectations, strict=True)))
+        members = [i for i, question in enumerate(questions) if question.family == family]
+        answers, truth = (_together(pairs[source][i] for i in members) for source in (variant, TRUTH))
+        asked_of = [(questions[i], user) for i in members for user in questions[i].users]
+        keys = [(q.name, q.kind, q.symbol, variant, user) for q, user in asked_of]
+        table = interventions.compare_with_truth(*answers, *(side[:, 0] for side in truth))
         tables.append(pd.DataFrame(keys, columns=SUMMARY[:5]).join(table))
     return pd.concat(tables, ignore_index=True)
 
 
-def _bold(
-    questions: list[Question],
-    users: list[str],
-    by_variant: Mapping[str, Float[Array, "seed change user scene"]],
-    truth: Float[Array, "change user scene"],
-) -> pd.DataFrame:
-    """Return Table 2: the paper's block, the truth's and each variant's (pipeline.causal.bold_table)."""
-    added = [question for question in questions if question.kind == "add"]
-    changes = [(user, question.symbol) for question in added for user in question.users]
-    blocks = [paper_rows(users, [question.symbol for question in added])]
-    for source, answers in {TRUTH: truth[None], **by_variant}.items() if added else ():
-        pairs = [_expectations(question, users, answers) for question in added]
-        blocks.append(bold_rows(source, changes, *(np.concatenate(side) for side in zip(*pairs, strict=True))))
+def _bold(questions: list[Question], users: list[str], pairs: Mapping[str, list[Pair]]) -> pd.DataFrame:
+    """Return Table 2: the paper's block, the truth's and each variant's (pipeline.causal.interventions.bold_rows)."""
+    added = [i for i, question in enumerate(questions) if question.kind == "add"]
+    changes = [(user, questions[i].symbol) for i in added for user in questions[i].users]
+    blocks = [interventions.paper_rows(users, [questions[i].symbol for i in added])]
+    for source in pairs if added else ():
+        sides = _together(pairs[source][i] for i in added)
+        blocks.append(interventions.bold_rows(source, changes, *sides))
     return pd.concat(blocks, ignore_index=True)
 
 
 def _metrics(cfg: DictConfig, summary: pd.DataFrame, bold: pd.DataFrame) -> dict:
     """Return right verdicts, clearance's largest error on the same questions, and cells of Table 2 as in the paper."""
-    rows = asked(summary, "add", cfg.evaluate.users)
+    rows = interventions.asked(summary, "add", cfg.evaluate.users)
     error = (rows["effect"] - rows["truth"]).abs().groupby(rows["variant"]).max()
-    agree = cells_as_in_the_paper(bold)
+    agree = interventions.cells_as_in_the_paper(bold)
     return {
-        "verdicts_right": right_verdicts(summary, "add", cfg.evaluate.users),
+        "verdicts_right": interventions.right_verdicts(summary, "add", cfg.evaluate.users),
         "effect_error": {v: float(error[v]) for v in ("clearance",) if v in error},
         "bold": {v: agree[v] for v in cfg.variants if v in agree},
     }

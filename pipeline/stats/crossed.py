@@ -3,12 +3,16 @@
 The unit of replication is the seed (a training set). All seeds share the test scenes, so an effect has two sources of
 chance: training sets and scenes. It is modelled as the mean of a two-way layout with random rows and columns.
 tests/stats/test_calibration.py checks levels and coverage by simulation.
+
+Items are a further source of chance. A model's error on an item, such as an outline detected too wide, recurs in every
+scene with that item. If a result is to hold for other items of the symbol, each item counts once: cluster means are the
+observations (`by_item`; Donner and Klar, 2000).
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray as Array
 from scipy.stats import t as student
 
@@ -46,22 +50,14 @@ def estimate(effects: Float[Array, "question seed scene"], skewed: bool = False)
     third_moment = ((by_scene - mean[:, None]) ** 3).mean(-1) / by_scene.shape[-1] ** 2  # of the mean
     skewness = np.divide(third_moment, error**3, out=np.zeros_like(mean), where=some & skewed)
     t = np.divide(mean, error, out=np.zeros_like(mean), where=some)
-    p = np.where(some, 2 * student.sf(np.abs(_without_skewness(t, skewness)), freedom), mean == 0)
+    t = t + skewness * t**2 / 3 + skewness**2 * t**3 / 27 + skewness / 6
+    p = np.where(some, 2 * student.sf(np.abs(t), freedom), mean == 0)
     quantiles = student.ppf([[0.975], [0.025], [0.95], [0.05]], freedom)
-    low95, high95, low90, high90 = mean - error * _with_skewness(quantiles, skewness)
+    safe = np.where(np.abs(skewness) > 1e-6, skewness, 1.0)  # the same transformation, inverted
+    shifts = np.where(safe == skewness, 3 / safe * (np.cbrt(1 + safe * (quantiles - safe / 6)) - 1), quantiles)
+    low95, high95, low90, high90 = mean - error * shifts
     q1, q3 = np.quantile(effects.mean(2), (0.25, 0.75), axis=1)
     return Estimates(mean, low95, high95, low90, high90, p, q1, q3)
-
-
-def _without_skewness(t: Float[Array, "*b"], skewness: Float[Array, "*#b"]) -> Float[Array, "*b"]:
-    """Return Hall's transformation of a studentised mean, given the mean's skewness."""
-    return t + skewness * t**2 / 3 + skewness**2 * t**3 / 27 + skewness / 6
-
-
-def _with_skewness(q: Float[Array, "*b"], skewness: Float[Array, "*#b"]) -> Float[Array, "*b"]:
-    """Return the studentised mean of which `_without_skewness` is q."""
-    safe = np.where(np.abs(skewness) > 1e-6, skewness, 1.0)
-    return np.where(safe == skewness, 3 / safe * (np.cbrt(1 + safe * (q - safe / 6)) - 1), q)
 
 
 def ratio(
@@ -112,9 +108,8 @@ def crossed_error(
 ) -> tuple[Float[Array, " question"], Float[Array, " question"]]:
     """Return each mean's standard error over random seeds crossed with random scenes, and its degrees of freedom.
 
-    The variance of the mean is (MS_seed + MS_scene - MS_rest) / (seeds * scenes), with negative variance components set
-    to
-    0. Degrees of freedom are Satterthwaite's (1946). Radiology uses the same analysis for readers crossed with patients
+    The variance of the mean is (MS_seed + MS_scene - MS_rest) / (seeds * scenes); negative variance components are 0.
+    Degrees of freedom are Satterthwaite's (1946). Radiology uses the same analysis for readers crossed with patients
     (Hillis, 2014).
     """
     seeds, scenes = effects.shape[-2:]
@@ -141,3 +136,21 @@ def quartiles(values: Float[Array, " seed"]) -> dict[str, float]:
 def _degrees_of_freedom(seeds: int, scenes: int) -> tuple[int, int, int]:
     """Return the degrees of freedom of the three mean squares; 1 for one that is always 0."""
     return max(seeds - 1, 1), scenes - 1, max((seeds - 1) * (scenes - 1), 1)
+
+
+def by_item(values: Float[Array, "seed scene dose"], item: Int[Array, " scene"]) -> Float[Array, "seed item dose"]:
+    """Return the mean over the scenes of each added item, ignoring NaN; NaN if no value remains."""
+    members = np.stack([item == i for i in np.unique(item)])[:, :, None] & ~np.isnan(values[0])  # (item, scene, dose)
+    sums = np.einsum("sxd,ixd->sid", np.nan_to_num(values), members.astype(float))
+    return np.where(members.any(1), sums / np.maximum(members.sum(1), 1), np.nan)
+
+
+def inflate_item_variance(values: Float[Array, "seed item"], n_training: int) -> Float[Array, "seed item"]:
+    """Return the values with deviations between items inflated for the variance of the `n_training` items of all seeds.
+
+    Added and training items are drawn from the items of the symbol. We assume that a model's error on an item depends
+    on its difference from the training items. The variance over items of a mean over n items is then
+    1 / n + 1 / n_training of a single item's. The mean is unchanged.
+    """
+    mean, n = values.mean(0), values.shape[1]
+    return values + (np.sqrt(1 + n / n_training) - 1) * (mean - mean.mean())

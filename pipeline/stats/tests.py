@@ -7,7 +7,6 @@ from scipy.stats import wilcoxon
 
 SMALLEST_EFFECT = 0.05  # smallest effect of interest: a change of P(valid)
 LEVEL = 0.05  # family-wise level of the tests, and of each one-sided equivalence test
-VERDICTS = ("effect", "negligible", "undecided")
 
 
 def paired_wilcoxon(a: Float[Array, " seed"], b: Float[Array, " seed"]) -> float:
@@ -36,7 +35,7 @@ def holm(p: Float[Array, "*family test"]) -> Float[Array, "*family test"]:
 
 
 def verdict(effect: float, p_holm: float, ci90_low: float, ci90_high: float, smallest: float = SMALLEST_EFFECT) -> str:
-    """Return the verdict on an effect, one of VERDICTS.
+    """Return the verdict on an effect.
 
     "effect": significant and larger than `smallest` in size. "negligible": equivalent to zero by two one-sided
     tests, that is, the 90 % interval lies within +-`smallest` (Schuirmann, 1987). "undecided": neither.

@@ -93,7 +93,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     attributions, summary, moves, move_summary = [], [], [], []
     for user in users:
         cause = attribute(truth[user].necessity)
-        chances = baselines(cause, layouts.present, layouts.symbol, clearances)
+        chances = baselines(cause, layouts.present, clearances)
         invalid, single = truth[user].factual == 0, cause != NO_SINGLE_CAUSE
         moved = choose_moves(cfg, noise, cause, cfg.users[user])
         least_moves = find_least_moves(cfg, noise, camera, user, moved, answers[user])
@@ -101,7 +101,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
             names = {"variant": variant, "user": user}
             attributions.append(attribution_rows(cfg, names, answer, truth[user], layouts))
             true_shares = {"true_invalid": invalid.mean(), "true_single": single.sum() / max(invalid.sum(), 1)}
-            summary.append(names | true_shares | score_attributions(answer, truth[user], layouts.present, chances))
+            summary.append(names | true_shares | score_attributions(answer, truth[user], chances))
             moves.append(move_rows(cfg, names, moved, *least_moves[variant]))
             move_summary.append(names | score_moves(*least_moves[variant], moved.true_m))
     write_table(out_dir / "attributions.parquet", pd.concat(attributions, ignore_index=True))

@@ -98,12 +98,3 @@ def test_units_of_several_users_are_each_judged_by_their_own(scm, noise):
     for user in USERS:
         alone = scm.do(S=user).expectation("V", noise)
         np.testing.assert_array_equal(together[asked == user], alone[asked == user])
-
-
-def test_a_removed_item_is_necessary_in_the_world_where_only_it_forbids_the_path(world, noise):
-    recorded = {name: n for name, n in noise.items() if name != "V"}
-    careful = world.do(S="careful")
-    necessity = careful.probability_of_change(recorded, v=False, **without_items(noise))
-    forbidden = careful.expectation("V", recorded) == 0
-    assert (necessity[forbidden] == 1).all()  # nothing is left to forbid it
-    assert np.isnan(necessity[~forbidden]).all()  # V = 0 cannot be

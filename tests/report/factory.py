@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.causal.bold_table import PAPER_BOLD
+from pipeline.causal.interventions import PAPER_BOLD
 from pipeline.report.results import PAPER_ACCURACY, PAPER_TABLE_2, DrawnScenes, Results
 from pipeline.report.slices import DISTANCE_LABELS, NOTHING, slices
 from pipeline.stages.report import DECISIONS, HISTORY

@@ -36,16 +36,6 @@ def test_the_loss_is_the_difference_of_accuracies_even_if_the_truth_changes(labe
     assert 0 < row["loss_ci_low"] < row["loss"] < row["loss_ci_high"]
 
 
-def test_errors_that_share_scenes_widen_the_interval_of_the_unsafe_share(labels: Labels):
-    valid, right = labels
-    rng, widths = np.random.default_rng(3), []
-    for shape in (SHAPE, (1, 1, SHAPE[2], 1)):  # errors anywhere; everything in some scenes and nothing in others
-        row = accuracy_estimate(right | (rng.random(shape) < 0.3), valid)
-        assert row["unsafe_ci_low"] < row["unsafe"] < row["unsafe_ci_high"]
-        widths.append(row["unsafe_ci_high"] - row["unsafe_ci_low"])
-    assert widths[1] > 2 * widths[0]
-
-
 def test_accuracy_by_seed_has_a_row_a_user_and_seed_and_averages_to_the_estimate(labels: Labels):
     valid, _ = labels
     p = np.random.default_rng(4).random(SHAPE)

@@ -12,6 +12,7 @@ from pipeline.artifacts.scenes import read_scenes
 from pipeline.artifacts.trained import load_model
 from pipeline.causal.counterfactual import item_subsets, select_items
 from pipeline.causal.mechanisms import model_scm, renderer
+from pipeline.causal.scm import chance_of_change
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SIDE, SYMBOLS
 from pipeline.world.render import REACH_M, Palette
@@ -72,7 +73,7 @@ def test_attributions_have_a_row_for_every_seed_and_invalid_path_and_the_summary
         assert row.single == pytest.approx(len(single) / len(table), abs=1e-5)
 
 
-def test_necessity_is_the_scms_probability_of_change(cfg: DictConfig):
+def test_necessity_is_the_chance_of_change_by_the_scm(cfg: DictConfig):
     noise = stage.read_noise(cfg)
     subsets = item_subsets(noise["O"].present)
     units = stage.take(noise, subsets.scene)
@@ -81,10 +82,11 @@ def test_necessity_is_the_scms_probability_of_change(cfg: DictConfig):
     kept = select_items(units["O"], subsets.kept)
     images = scm.do(O=kept).entail(units, "I")["I"]
     p = stage.predict_versions(cfg, ["careful"], units, images, "test")["clearance"][0, 0]
-    necessity = subsets.by_question(p).necessity
+    necessity, factual = subsets.by_question(p).necessity, scm.expectation("V", noise)
     for slot in range(noise["O"].present.shape[1]):
         without = select_items(noise["O"], noise["O"].present & (np.arange(noise["O"].present.shape[1]) != slot))
-        np.testing.assert_allclose(necessity[..., slot], scm.probability_of_change(noise, False, O=without), atol=1e-4)
+        expected = chance_of_change(False, factual, scm.do(O=without).expectation("V", noise))
+        np.testing.assert_allclose(necessity[..., slot], expected, atol=1e-4)
 
 
 def test_a_removed_item_leaves_every_pixel_far_from_it(cfg: DictConfig, out: Path, examples: pd.DataFrame):
