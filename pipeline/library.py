@@ -197,7 +197,7 @@ def load(path: str | Path) -> ValidityModel:
     """Return the model written by `save`, in eval mode; raise InputError if it is missing, damaged or not finite."""
     from safetensors import SafetensorError, safe_open
 
-    from pipeline.artifacts.trained import read_weights
+    from pipeline.models.trained import read_weights
 
     path = Path(path)
     if not path.is_file():

@@ -110,7 +110,6 @@ class Demos(Group):
     per_scene: Demonstrations
     queries_seen: Count
     queries_new: Count
-    clear_m: Distance
     recorded: str | None
     ends_within_m: Length
     poor_above_m: Length

@@ -16,7 +16,6 @@ from pydantic import TypeAdapter
 
 from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.artifacts.scenes import layout_table, read_scenes
-from pipeline.artifacts.trained import check_weights, load_model
 from pipeline.causal.bold_table import TRUTH, bold_rows, cells_as_in_the_paper, paper_rows
 from pipeline.causal.interventions import asked, compare_with_truth, right_verdicts
 from pipeline.causal.mechanisms import expected_validities, model_scm, recorded_noise, renderer, true_scm
@@ -25,6 +24,7 @@ from pipeline.causal.questions import Scenes, change, draw_additions
 from pipeline.causal.scm import Values
 from pipeline.launch import launch
 from pipeline.models.base import SCENES_PER_BATCH
+from pipeline.models.trained import check_weights, load_model
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.streams import stream

@@ -9,8 +9,8 @@ from omegaconf import DictConfig
 from tqdm import tqdm
 
 from pipeline.artifacts.files import read_table, write_table
-from pipeline.artifacts.trained import check_weights
 from pipeline.launch import launch
+from pipeline.models.trained import check_weights
 from pipeline.runtime.writing import atomic_write
 from pipeline.viewer.assemble import assemble, read_sources
 from pipeline.viewer.digest import digest

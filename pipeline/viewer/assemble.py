@@ -1,6 +1,7 @@
 """Read the outputs of the stages, and assemble the contents of one model's recording."""
 
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -10,19 +11,19 @@ from numpy import ndarray as Array
 from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.demos import DEMO_KEY, demo_arrays, read_demos, read_trajectories
-from pipeline.artifacts.files import data_version, read_table
-from pipeline.artifacts.interventions import AddedItems, read_interventions
-from pipeline.artifacts.models import fitted_n_demos, model_dir, weights_path
-from pipeline.artifacts.repairs import check_pool, paths_name, read_repairs
-from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
-from pipeline.artifacts.trained import load_model
+from pipeline.artifacts.files import data_version, read_arrays, read_table
+from pipeline.artifacts.models import fitted_n_demos, model_dir, model_name, weights_path
+from pipeline.artifacts.scenes import AddedItems, SceneSet, read_interventions, read_scenes, train_pool
 from pipeline.models.base import ValidityModel
+from pipeline.models.trained import load_model
+from pipeline.runtime.errors import InputError
 from pipeline.viewer.contents import Demonstrations, Intervention, Learning, Repairs, Run
 from pipeline.world.bezier import lattice
 from pipeline.world.layout import SYMBOLS, Layouts
 from pipeline.world.rules import clearance, slack, valid
 
 CURVE_KEY = ["seed", "user", "n_demos", "step"]
+REPAIR_COLUMNS = ["method", "variant", "user", "seed", "scene", "start", "valid_end"]
 EFFECT_COLUMNS = ["question", "variant", "user", "seed", "scene", "effect", "true_effect"]
 
 
@@ -49,18 +50,32 @@ class Sources:
 def read_sources(cfg: DictConfig) -> Sources:
     """Read all artefacts shown in recordings; InputError if any is missing or if they disagree."""
     scenes = read_scenes(Path(cfg.paths.scenes))
-    pool = check_pool(cfg, scenes)
+    pool = cfg.protocol.splits[cfg.repair.split]
+    scenes.check_has(pool, *map(train_pool, cfg.protocol.seeds))
     return Sources(
         scenes,
         pool,
         read_demos(Path(cfg.paths.demos)),
         *read_trajectories(Path(cfg.paths.demos)),
-        *read_repairs(cfg),
+        *_read_repairs(cfg),
         read_interventions(Path(cfg.paths.intervene), scenes.layouts[pool]),
         read_table(Path(cfg.paths.intervene) / "effects.parquet", EFFECT_COLUMNS),
         {variant: read_table(model_dir(cfg, variant) / "curves.parquet") for variant in cfg.variants},
         data_version(cfg.paths.data),
     )
+
+
+def _read_repairs(cfg: DictConfig) -> tuple[pd.DataFrame, dict[str, Float[Array, "start step 2"]]]:
+    """Return the gradient repairs, and each model's paths [m] by name; InputError if they do not agree."""
+    folder = Path(cfg.paths.repair)
+    table = read_table(folder / "repairs.parquet", REPAIR_COLUMNS).query("method == 'gradient'")
+    paths = read_arrays(folder / "paths.npz")
+    counts = table.groupby(["variant", "user", "seed"]).size().to_dict()
+    for key in product(cfg.variants, cfg.users, cfg.protocol.seeds):
+        name, expected, count = model_name(*key), counts.get(key, 0), len(paths.get(model_name(*key), ()))
+        if count != expected:
+            raise InputError(f"{folder}: {expected} repairs of {name}, {count} paths; run the repair stage again")
+    return table, paths
 
 
 def assemble(cfg: DictConfig, sources: Sources, variant: str, user: str, seed: int) -> Run:
@@ -129,7 +144,7 @@ def _repairs(
     """Return the first new scenes with the first repairs in each."""
     table = sources.repairs
     rows = table[(table["variant"] == variant) & (table["user"] == user) & (table["seed"] == seed)]
-    paths = sources.paths[paths_name(variant, user, seed)]
+    paths = sources.paths[model_name(variant, user, seed)]
     images = sources.scenes.images[sources.pool][: cfg.record.scenes]
     repairs = []
     for scene, (image, predicted) in enumerate(zip(images, _maps(cfg, model, images), strict=True)):

@@ -7,8 +7,7 @@ import pandas as pd
 import pytest
 
 from pipeline.artifacts.files import write_arrays, write_table
-from pipeline.artifacts.interventions import read_interventions
-from pipeline.artifacts.scenes import layout_table
+from pipeline.artifacts.scenes import layout_table, read_interventions
 from pipeline.runtime.errors import InputError
 from pipeline.world.layout import SYMBOLS, Layouts, add_item, empty, random_layouts
 from tests.factories import ITEMS, RULES

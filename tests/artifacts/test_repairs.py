@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from omegaconf import DictConfig
-
 from pipeline.artifacts.repairs import draw_starts, rows
+
 from pipeline.artifacts.scenes import SceneSet, read_scenes
 from pipeline.runtime.errors import InputError
 from pipeline.world.rules import valid

@@ -12,8 +12,8 @@ from pipeline.artifacts.demos import DEMO_COLUMNS, write_demos
 from pipeline.artifacts.files import read_table, write_arrays, write_table
 from pipeline.artifacts.models import model_dir, save_weights, weights_path
 from pipeline.artifacts.scenes import SceneSet, layout_table, read_scenes, write_scenes
-from pipeline.artifacts.trained import load_model
 from pipeline.models.registry import build
+from pipeline.models.trained import load_model
 from pipeline.runtime.errors import InputError
 from pipeline.stages.record import main
 from pipeline.viewer.assemble import CURVE_KEY, EFFECT_COLUMNS
