@@ -9,11 +9,10 @@ from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.demos import DEMO_KEY, demo_arrays, read_demos, read_queries, read_trajectories
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool, write_scenes
-from pipeline.runtime.errors import InputError
 from pipeline.stages.demos import main
 from pipeline.world.hand import valid_trajectories
 from pipeline.world.layout import SYMBOLS, Layouts
-from pipeline.world.rules import clearance, slack, valid
+from pipeline.world.rules import valid
 from tests.factories import appearances, composed, with_value
 from tests.stages.facts import refuses
 
@@ -62,10 +61,7 @@ def test_every_seed_user_and_scene_has_its_demonstrations_and_careful_users_acce
     assert 0 < share["careful"] < share["normal"] < share["aggressive"] == 1.0
 
 
-def test_labels_are_of_the_lines_that_hands_drew_and_not_of_the_fitted_paths(
-    cfg: DictConfig, out: Path, tmp_path: Path
-):
-    assert fits_that_agree(cfg, out) > 0.95
+def test_labels_are_of_the_lines_that_hands_drew_and_not_of_the_fitted_paths(cfg: DictConfig, tmp_path: Path):
     shaky = with_value(cfg.copy(), "demos.hand.drift_m=0.008")
     main(shaky, tmp_path)
     assert 0.8 < fits_that_agree(shaky, tmp_path) < 1
@@ -99,28 +95,6 @@ def test_queries_are_labelled_by_the_truth_and_unseen_by_training(cfg: DictConfi
     assert np.linalg.norm(seen[:, None] - paths, axis=-1).min() > 0
 
 
-def test_every_path_keeps_the_distance_that_it_is_to_keep_from_the_boundary(cfg: DictConfig, tmp_path: Path):
-    main(with_value(cfg.copy(), "demos.clear_m=0.03"), tmp_path)
-    scenes, demos, queries = read_scenes(Path(cfg.paths.scenes)), read_demos(tmp_path), read_queries(tmp_path)
-    for pool, q in queries.items():
-        layouts = scenes.layouts[pool]
-        for margins in map(dict, cfg.users.values()):
-            assert (np.abs(slack(layouts, clearance(layouts, q.z), margins)) >= 0.03).all()
-    for (seed, user), _ in demos.groupby(["seed", "user"]):  # pyright: ignore
-        layouts, margins = scenes.layouts[train_pool(seed)], dict(cfg.users[user])
-        z, labels = demo_arrays(demos, seed, user, cfg.demos.per_scene)
-        slacks = slack(layouts, clearance(layouts, z), margins)
-        assert (np.abs(slacks) > 0.02).all()  # a hand strays by some millimetres
-        np.testing.assert_array_equal(labels, slacks > 0)
-
-
-def test_a_distance_that_leaves_too_few_paths_is_refused(cfg: DictConfig, tmp_path: Path):
-    far = "parameter demos.clear_m is 2.0: expected a distance at which each scene has 10 paths: one has 0"
-    with pytest.raises(InputError, match=far):
-        main(with_value(cfg.copy(), "demos.clear_m=2.0"), tmp_path / "bad")
-    assert not (tmp_path / "bad").exists()
-
-
 def test_fewer_seeds_or_demonstrations_leave_the_recordings_as_they_are(cfg: DictConfig, out: Path, tmp_path: Path):
     main(with_value(cfg.copy(), "seeds=[1]"), tmp_path / "fewer")
     kept = read_demos(out)
@@ -145,12 +119,10 @@ def test_real_recordings_take_the_place_of_simulated_ones_and_are_counted(
         ("seed,user,scene,demo,t,x,y,z\n", "holds no sample: expected one a row"),
         ("", "cannot be read .*: expected a csv; see CONTRIBUTING.md"),
         ("seed,user,scene,demo,t,x,y\n0,careful,0,0,0,0,0\n", r"expected also \['z'\]; add them"),
-        (None, "cannot be read .*No such file"),
     ],
 )
-def test_a_file_without_recordings_is_refused(cfg: DictConfig, tmp_path: Path, content: str | None, says: str):
-    if content is not None:
-        (tmp_path / "real.csv").write_text(content)
+def test_a_file_without_recordings_or_outside_the_data_is_refused(cfg: DictConfig, tmp_path: Path, content, says: str):
+    (tmp_path / "real.csv").write_text(content)
     there = with_value(cfg.copy(), f"paths.data={tmp_path}")
     refuses(main, there, "demos.recorded", str(tmp_path / "real.csv"), f"real.csv.* {says}", tmp_path / "bad")
     refuses(main, cfg, "demos.recorded", str(tmp_path / "real.csv"), "expected a csv in data/", tmp_path / "bad")
@@ -160,18 +132,10 @@ def test_a_file_without_recordings_is_refused(cfg: DictConfig, tmp_path: Path, c
     ("changes", "says"),
     [
         ({"y": np.nan}, "trajectory seed 0 user careful scene 0 demo 0: sample 20 has y = nan"),
-        ({"t": 0.0}, "trajectory seed 0 user careful scene 0 demo 0: time goes from"),
         ({"scene": 99}, r"\(0, 'careful', 99(\.0)?, 0\) belongs to no demonstration"),
     ],
 )
-def test_a_bad_recording_ends_the_stage_before_anything_is_written(
-    cfg: DictConfig, out: Path, tmp_path: Path, changes: dict, says: str
-):
+def test_a_bad_recording_ends_the_stage_before_anything_is_written(cfg, out: Path, tmp_path: Path, changes, says: str):
     with pytest.raises(ValueError, match=says):
         main(real_csv(cfg, tmp_path, out, **changes), tmp_path / "bad")
     assert not (tmp_path / "bad").exists()
-
-
-def test_missing_scenes_of_a_seed_are_named(cfg: DictConfig, tmp_path: Path):
-    with pytest.raises(InputError, match="no scenes train-s7"):
-        main(with_value(cfg.copy(), "seeds=[7]"), tmp_path / "bad")
