@@ -31,7 +31,7 @@ class Starts:
         user: str,
         margins: Margins,
         layouts: Layouts,
-        candidates: Float[Array, "scene start 2"],
+        candidates: Float[Array, "scene candidate 2"],
         side: int,
         refinements: int,
     ) -> "Starts":

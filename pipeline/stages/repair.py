@@ -58,7 +58,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 def _repair(
     cfg: DictConfig,
     images: UInt8[Array, "scene 100 100 3"],
-    candidates: Float[Array, "scene start 2"],
+    candidates: Float[Array, "scene candidate 2"],
     job: tuple[str, int, Starts],
 ) -> tuple[pd.DataFrame, pd.DataFrame, Float[Array, "start point 2"]]:
     """Return a model's ends by gradient steps and by search, and its gradient steps [m], the start included."""

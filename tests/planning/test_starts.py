@@ -4,11 +4,11 @@ import numpy as np
 
 from pipeline.planning.starts import Starts, rows
 from pipeline.world.bezier import random_z_theta
-from pipeline.world.layout import random_layouts
+from pipeline.world.layout import SYMBOLS, random_layouts
 from pipeline.world.rules import valid
 from tests.factories import ITEMS, RULES
 
-MARGINS = dict.fromkeys(("bowl", "plate", "cutlery", "glass"), 0.045)
+MARGINS = dict.fromkeys(SYMBOLS, 0.045)
 
 
 def test_starts_are_the_invalid_candidates_and_only_ends_that_a_model_accepts_are_accepted():
