@@ -12,7 +12,7 @@ from pipeline.artifacts.files import read_table, write_table
 from pipeline.launch import launch
 from pipeline.models.trained import check_weights
 from pipeline.runtime.writing import atomic_write
-from pipeline.viewer.assemble import assemble, read_sources
+from pipeline.viewer.contents import assemble, read_sources
 from pipeline.viewer.digest import digest
 from pipeline.viewer.overview import write_overview
 from pipeline.viewer.run import write_run
