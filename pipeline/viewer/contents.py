@@ -183,7 +183,8 @@ def read_sources(cfg: DictConfig) -> Sources:
 def assemble(cfg: DictConfig, sources: Sources, variant: str, user: str, seed: int) -> Run:
     """Return the contents of one model's recording, with predictions for every map cell, step and added item."""
     n, margins, side = cfg.main_n_demos, cfg.users[user], cfg.record.map_side
-    images, layouts = (of[sources.pool][: cfg.record.scenes] for of in (sources.scenes.images, sources.scenes.layouts))
+    images = sources.scenes.images[sources.pool][: cfg.record.scenes]
+    layouts = sources.scenes.layouts[sources.pool][: cfg.record.scenes]
 
     def own(table: pd.DataFrame) -> pd.DataFrame:
         return table[(table["variant"] == variant) & (table["user"] == user) & (table["seed"] == seed)]
@@ -224,9 +225,10 @@ def assemble(cfg: DictConfig, sources: Sources, variant: str, user: str, seed: i
     for i, (symbol, predicted) in enumerate(zip(SYMBOLS, maps(model, added), strict=True)):
         rows = effects[effects["question"] == f"add_{symbol}"].set_index("scene")[["effect", "true_effect"]]
         if len(rows):
-            layout, means = sources.added.layouts[i][:1], (float(rows[name].mean()) for name in rows)
-            shown = (predicted, true_map(layout), *rows.loc[0].tolist(), *means, len(rows))
-            interventions.append(Intervention(symbol, added[i], layout, *shown))
+            layout, (learned, true) = sources.added.layouts[i][:1], rows.loc[0].tolist()
+            means = float(rows["effect"].mean()), float(rows["true_effect"].mean())
+            shown = (symbol, added[i], layout, predicted, true_map(layout))
+            interventions.append(Intervention(*shown, learned, true, *means, len(rows)))
 
     curves = sources.curves[variant]
     of_model = (curves["user"] == user) & (curves["seed"] == seed) & (curves["n_demos"] == n)

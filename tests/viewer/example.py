@@ -64,8 +64,10 @@ def a_run(repairs: int = 3) -> Run:
         more.symbol[0, 2], more.item[0, 2] = SYMBOLS.index(symbol), 2
         more.centre[0, 2], more.radius[0, 2], more.scale[0, 2] = rng.uniform(0.2, 0.8, 2), 0.05, 1.0
         image[40:52, 30:42] = 255
-        effects = rng.uniform(-1, 1, 4).tolist()
-        interventions.append(Intervention(symbol, image, more, a_map(rng), true_map(more), *effects, 100))
+        learned, true, learned_mean, true_mean = rng.uniform(-1, 1, 4)
+        interventions.append(
+            Intervention(symbol, image, more, a_map(rng), true_map(more), learned, true, learned_mean, true_mean, 100)
+        )
     losses = {term: rng.random(100) for term in ("reconstruction", "kl", "classification", "total")}
     by_n, by_step = ({at: a_map(rng) for at in points} for points in ((1, 5, 9), (0, 50, 100, 200, 400, 700, 1000)))
     learning = Learning(np.arange(0, 1000, 10), losses, by_n, by_step)
