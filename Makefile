@@ -135,7 +135,7 @@ sbom: $(READY)  ## software bill of materials of .venv with licences, sbom.json 
 	.venv-sbom/bin/python -m pip install --quiet --disable-pip-version-check cyclonedx-bom==7.5.0
 	.venv-sbom/bin/cyclonedx-py environment --output-reproducible --output-file sbom.json $(VENV)
 
-params: $(READY)  ## write params.yaml, and dvc.yaml's lists of variants, from conf/
+params: $(READY)  ## write params.yaml from conf/
 	python -m pipeline.params
 
 POOL := outputs/segmenter

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from functools import partial
 from itertools import product
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -23,10 +24,30 @@ from pipeline.planning.repair import Ascent, repair
 from pipeline.planning.starts import Starts, rows
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
+from pipeline.runtime.settings import Count, Group, SharedSplit, Size, Whole, need, need_several_seeds, widest_margin
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
 
 SEARCHED = "clearance"  # the variant whose search results are reported as metrics
+
+
+class Settings(Group):
+    split: SharedSplit
+    starts: Count
+    steps: Count
+    optimiser: Literal["gradient", "normalised", "adam"]
+    rate: Size
+    settle: bool
+    distance_penalty: Size
+    lattice_side: Count
+    refinements: Whole
+
+
+def agree(repair: Settings, parameters: Any) -> None:
+    """Reject users whose paths are all valid."""
+    need_several_seeds(parameters)
+    users = parameters.users
+    need(widest_margin(users) is not None, "users", users, "at least one user with a margin, or no path is invalid")
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:

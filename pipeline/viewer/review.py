@@ -19,8 +19,9 @@ from urllib.parse import quote
 import pandas as pd
 
 from pipeline.artifacts.files import read_table
-from pipeline.params import PARAMS, load
+from pipeline.launch import load
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.places import PARAMS
 from pipeline.viewer.digest import digest
 
 OVERVIEW, EXAMPLES = "overview", 5  # EXAMPLES: recordings listed in an error message

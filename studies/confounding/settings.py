@@ -1,6 +1,7 @@
 """Parameters of the confounding study (conf/studies/confounding.yaml) and their constraints."""
 
-from pipeline.config.settings import Settings as Parameters
+from typing import Any
+
 from pipeline.runtime.settings import (
     Chance,
     Count,
@@ -34,7 +35,7 @@ class Settings(StudyGroup):
     examples: Count
 
 
-def agree(study: Settings, parameters: Parameters) -> None:
+def agree(study: Settings, parameters: Any) -> None:
     """Require both worlds, room for their items, and known users and variants."""
     layout, (low, high), worlds = parameters.scenes.layout, study.gap_m, list(study.worlds)
     both = f"{CONFOUNDED} and {CONTROL} among them"

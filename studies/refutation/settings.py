@@ -1,10 +1,9 @@
 """Parameters of the refutation study (conf/studies/refutation.yaml) and their constraints."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field
 
-from pipeline.config.settings import Settings as Parameters
 from pipeline.runtime.settings import (
     Count,
     Length,
@@ -31,7 +30,7 @@ class Settings(StudyGroup):
     halves: Several
 
 
-def agree(study: Settings, parameters: Parameters) -> None:
+def agree(study: Settings, parameters: Any) -> None:
     """Require `far_m` beyond every margin, pieces that tile an image, and one placement per scene."""
     need_some("studies.refutation.dummy_outcome", study.dummy_outcome, parameters.variants, or_none=True)
     tiles = all(SIDE % piece == 0 for piece in study.pieces)

@@ -1,15 +1,14 @@
 """Parameters of the robustness study (conf/studies/robustness.yaml) and their constraints."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import AfterValidator
 
-from pipeline.config.settings import Settings as Parameters
-from pipeline.config.stages import SharedSplit
 from pipeline.runtime.settings import (
     Count,
     Group,
     Several,
+    SharedSplit,
     Shares,
     Some,
     Strengths,
@@ -42,7 +41,7 @@ class Settings(StudyGroup):
     mislabelled: dict[str, Shares]
 
 
-def agree(study: Settings, parameters: Parameters) -> None:
+def agree(study: Settings, parameters: Any) -> None:
     """Require enough scenes in the split, and known variants for refitting."""
     shared = parameters.scenes.shared
     need(study.scenes <= shared, "studies.robustness.scenes", study.scenes, f"at most scenes.shared = {shared}")

@@ -1,6 +1,6 @@
 """Rule families: whether a path is invalid that comes closer to an item than the user's margin.
 
-Every family uses the margins of conf/users.yaml and permits some of the paths that violate them. A path that keeps
+Every family uses the margins of conf/users/ and permits some of the paths that violate them. A path that keeps
 every margin is valid in every family.
 """
 
@@ -65,7 +65,7 @@ def proximity(layouts: Layouts, z_theta: Paths, margins: Margins, within_m: floa
     return ~broken
 
 
-OWN_FAMILY = "margin"  # family of conf/users.yaml, with which the others are compared
+OWN_FAMILY = "margin"  # family of conf/users/, with which the others are compared
 FAMILIES: dict[str, Rule] = {f.__name__: f for f in (margin, dwell, side, proximity)}
 
 

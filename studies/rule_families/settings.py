@@ -1,8 +1,7 @@
 """Parameters of the rule families study (conf/studies/rule_families.yaml) and their constraints."""
 
-from typing import Literal
+from typing import Any, Literal
 
-from pipeline.config.settings import Settings as Parameters
 from pipeline.runtime.settings import Distance, Several, Some, StudyGroup, need, need_some
 
 
@@ -12,7 +11,7 @@ class Settings(StudyGroup):
     variants: Some
 
 
-def agree(study: Settings, parameters: Parameters) -> None:
+def agree(study: Settings, parameters: Any) -> None:
     """Require the users' own family among the families, and known variants, the clearance model among them."""
     families = list(study.families)
     among = "margin among them: the others are compared to it"

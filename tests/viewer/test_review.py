@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.config.graph import ROOT
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.places import ROOT
 from pipeline.viewer.digest import digest
 from pipeline.viewer.review import check, find, folders_of, show, worst
 from pipeline.viewer.run import write_run

@@ -5,8 +5,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from making.segmenter.paint import Top
 from making.segmenter.tops import materials, prints
-from pipeline.world.paint import Top
 
 Kind = Literal["taught", "held_out"]
 KINDS: tuple[Kind, Kind] = ("taught", "held_out")

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
+from making.segmenter.paint import FRACTION_BITS, Colour, Field, Top, colour, noise, points, step
 from making.segmenter.tops import FAMILIES
-from pipeline.world.paint import FRACTION_BITS, Colour, Field, Top, colour, noise, points, step
 
 
 def draw_top(rng: np.random.Generator, families: Sequence[str], side: int) -> tuple[str, Top]:

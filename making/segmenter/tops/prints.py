@@ -3,8 +3,7 @@
 import cv2
 import numpy as np
 
-from making.segmenter.tops.materials import cells
-from pipeline.world.paint import (
+from making.segmenter.paint import (
     FRACTION_BITS,
     Field,
     Top,
@@ -20,11 +19,21 @@ from pipeline.world.paint import (
     noise,
     points,
     ramp,
+    shades,
     sheet,
     step,
     wet,
 )
-from pipeline.world.patterns import shades, stripes
+from making.segmenter.tops.materials import cells
+
+
+def stripes(rng: np.random.Generator, side: int) -> Top:
+    """Draw printed stripes, straight or wavy."""
+    x, y = grid(side)
+    wave = rng.uniform(0, 0.03) * np.sin(x * 2 * np.pi * rng.uniform(0.5, 6)) if rng.random() < 0.5 else 0
+    field = ((y + wave) * rng.uniform(3, 30)) % 1
+    sharp = step(np.abs(field - 0.5) - rng.uniform(0.05, 0.4), 0.06)
+    return ramp(sharp if rng.random() < 0.7 else field, shades(rng, 2, 4))
 
 
 def plain(rng: np.random.Generator, side: int) -> Top:
