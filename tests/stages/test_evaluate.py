@@ -18,7 +18,6 @@ from pipeline.stages.evaluate import main
 from pipeline.stats.scores import accuracy
 from pipeline.world.bezier import random_z_theta
 from tests.factories import composed, random_demos, write_table_of_demos
-from tests.stages.facts import refuses
 
 pytestmark = pytest.mark.slow
 
@@ -153,8 +152,3 @@ def test_missing_and_other_predictions_are_named_and_nothing_is_written(cfg: Dic
         main(cfg, tmp_path / "out")
     write_table(path, kept)
     assert not (tmp_path / "out").exists()
-
-
-def test_an_unknown_variant_cannot_be_compared(cfg: DictConfig, tmp_path: Path):
-    message = "evaluate.comparisons is 'irl': expected one of full"
-    refuses(main, cfg, "evaluate.comparisons.0.against", ["irl"], message, tmp_path / "out")

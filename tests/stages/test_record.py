@@ -49,7 +49,6 @@ def write_inputs(tmp_path: Path) -> DictConfig:
     """Two variants of three users and one seed, untrained, on made-up scenes; aggressive has no repairs."""
     cfg = composed("profile=smoke", "seeds=[0]", "record.map_side=9", "record.training_scenes=3")
     cfg.variants = {variant: cfg.variants[variant] for variant in ("full", "classifier")}
-    cfg.record.first = ["classifier"]
     for stage in ("scenes", "demos", "train", "irl", "clearance", "evaluate", "repair", "intervene"):
         OmegaConf.update(cfg, f"paths.{stage}", str(tmp_path / stage))
     rng, pools = np.random.default_rng(0), ("train-s0", "new_items")
