@@ -1,4 +1,4 @@
-"""Paths and weights of fitted models, and the columns of their predictions (`trained` loads them)."""
+"""Paths and weights of fitted models, and the columns of their predictions (pipeline.models.trained loads them)."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -27,6 +27,11 @@ def fitted_n_demos(cfg: DictConfig, variant: str) -> list[int]:
     """Return those of the experiment's numbers of demonstrations that `variant` is fitted at (conf/variants)."""
     numbers = cfg.variants[variant].n_demos
     return [n for n in cfg.n_demos if numbers is None or n in numbers or n == cfg.main_n_demos]
+
+
+def model_name(variant: str, user: str, seed: int) -> str:
+    """Return the name of a model at main_n_demos: the key of its repairs in paths.npz, and its recording's name."""
+    return f"{variant}-{user}-s{seed}"
 
 
 def weights_path(directory: Path, user: str, seed: int, n_demos: int, step: int | None = None) -> Path:

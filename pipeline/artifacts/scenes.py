@@ -1,14 +1,16 @@
-"""Read and write scenes: images, layouts and appearances by pool, and the position prior."""
+"""Read and write scenes: images, layouts and appearances by pool, the position prior, and scenes with added items."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Int, UInt8
+from numpy import ndarray as Array
 
 from pipeline.artifacts.files import read_arrays, read_table, write_arrays, write_table
 from pipeline.runtime.errors import InputError
-from pipeline.world.layout import EMPTY, Layouts, empty
+from pipeline.world.layout import EMPTY, SYMBOLS, Layouts, empty
 
 LENGTHS = {"angle": "angle_rad", "scale": "scale", "half_length": "half_length_m", "radius": "radius_m"}  # column names
 LAYOUT_COLUMNS = ["pool", "scene", "slot", "item", "symbol", "x_m", "y_m", *LENGTHS.values()]
@@ -98,3 +100,42 @@ def padded_layouts(rows: pd.DataFrame, scenes: int, slots: int) -> Layouts:
     for name, column in LENGTHS.items():
         getattr(layouts, name)[index] = rows[column]
     return layouts
+
+
+@dataclass(frozen=True)
+class AddedItems:
+    """The first placement of each symbol in every scene of a pool, by stage intervene."""
+
+    images: UInt8[Array, "symbol scene 100 100 3"]
+    layouts: list[Layouts]  # by symbol; the added item is in the last occupied slot
+
+    @property
+    def placed(self) -> list[Layouts]:
+        """Return the added items alone, as layouts (scene, 1) by symbol."""
+        return [x[np.arange(len(x))[:, None], x.present.sum(1)[:, None] - 1] for x in self.layouts]
+
+    @property
+    def item(self) -> Int[Array, "symbol scene"]:
+        """Return the added items as rows of items.csv."""
+        return np.stack([x.item[:, 0] for x in self.placed])
+
+
+def read_interventions(directory: Path, scenes: Layouts) -> AddedItems:
+    """Read the outputs of stage intervene, with layouts padded to the slots of `scenes`.
+
+    InputError if images and layouts disagree, or if the items were added to other scenes.
+    """
+    images = read_arrays(directory / "images.npz")["images"][:, 0]
+    rows = read_table(directory / "layouts.parquet", LAYOUT_COLUMNS)
+    slots, present, layouts = scenes.symbol.shape[1], np.nonzero(scenes.present), []
+    for symbol in SYMBOLS:
+        placed = rows[(rows["pool"] == f"{symbol}-0") & (rows["slot"] < slots)]
+        layout = padded_layouts(placed, images.shape[1], slots)
+        one_more = len(layout) == len(scenes) and (layout.present.sum(1) == scenes.present.sum(1) + 1).all()
+        if not (one_more and np.array_equal(layout.centre[present], scenes.centre[present])):
+            raise InputError(
+                f"{directory}: not these scenes with an added {symbol} in each; run the intervene stage again, for the "
+                "same intervene.split"
+            )
+        layouts.append(layout)
+    return AddedItems(images, layouts)

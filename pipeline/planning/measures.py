@@ -15,7 +15,7 @@ COLUMNS = [
 def measures(repairs: pd.DataFrame) -> pd.DataFrame:
     """Return the measures of each method, variant and user, one row each, in the order of their first row.
 
-    repairs: one row per start and seed (pipeline.artifacts.repairs). Columns of the result:
+    repairs: one row per start and seed (`starts.rows`). Columns of the result:
     seeds, starts (per seed);
     success: share of repaired paths that are truly valid, with quartiles over seeds and a 95 % interval over seeds
     crossed with scenes (NaN for a single scene);

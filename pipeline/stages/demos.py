@@ -1,9 +1,9 @@
 """Stage demos: record demonstrations of every user, fit Bezier paths to them, and draw the query paths."""
 
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from itertools import product
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -42,15 +42,6 @@ DRAWS_PER_CLEAR_PATH = 20  # random paths of which one clear of the boundary is 
 Key = tuple[int, str, int, int]  # seed, user, scene, demo
 
 
-@dataclass(frozen=True)
-class Recorded:
-    """Concatenated trajectories in the order of their keys, and each one's offset."""
-
-    keys: pd.DataFrame
-    samples: Array  # (total, 4) t [s], x, y, z [m], rounded to the stored float32
-    offsets: Array  # (trajectory + 1,)
-
-
 class HandSettings(Group):
     rate_hz: Size
     jitter_s: Spread
@@ -86,66 +77,78 @@ def agree(demos: Settings, parameters: Any) -> None:
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write demos.parquet, trajectories.npz and queries.npz."""
-    from_csv = _read_trajectories(cfg)
+    by_people = _read_trajectories(cfg)
     scenes = read_scenes(Path(cfg.paths.scenes))
-    scenes.check_has(*map(train_pool, [*cfg.seeds, *cfg.validation_seeds]))
+    pools = {seed: train_pool(seed) for seed in sorted([*cfg.seeds, *cfg.validation_seeds])}
+    scenes.check_has(*pools.values())
     layouts = scenes.layouts
-    recorded = _record(cfg, layouts, from_csv)
-    fits = fit(recorded.samples[:, 1:3], recorded.offsets, cfg.demos.poor_above_m)
-    demos = recorded.keys.assign(
+    keys = [
+        (seed, user, scene, demo)
+        for seed, pool in pools.items()
+        for user in sorted(cfg.users)
+        for scene in range(len(layouts[pool]))
+        for demo in range(cfg.demos.per_scene)
+    ]
+    shown = {}  # the paths that people mean to show, if these are to stay clear of their own boundary
+    if cfg.demos.clear_m:
+        for (seed, pool), user in product(pools.items(), list(cfg.users)):
+            shown[seed, user] = _clear_paths(cfg, layouts[pool], cfg.demos.per_scene, [user], seed, user)
+    samples, offsets = join(_trajectories(cfg, keys, by_people, shown))
+    fits = fit(samples[:, 1:3], offsets, cfg.demos.poor_above_m)
+    demos = pd.DataFrame(keys, columns=DEMO_KEY).assign(
         z_x=fits.z_theta[:, 0],
         z_y=fits.z_theta[:, 1],
-        valid=_label(cfg, layouts, recorded),
+        valid=False,
         residual_m=fits.residual_m,
         poor_fit=fits.poor,
-        duration_s=recorded.samples[recorded.offsets[1:] - 1, 0] - recorded.samples[recorded.offsets[:-1], 0],
-        samples=np.diff(recorded.offsets),
+        duration_s=samples[offsets[1:] - 1, 0] - samples[offsets[:-1], 0],
+        samples=np.diff(offsets),
     )
-    queries = {pool: _queries(cfg, pool, layouts[pool]) for pool in sorted(layouts)}
-    write_demos(out_dir, demos, recorded.samples, recorded.offsets)
+    for (seed, user), rows in demos.groupby(["seed", "user"]):  # consecutive rows
+        first, end = rows.index[0], rows.index[-1] + 1
+        labels = valid_trajectories(
+            layouts[pools[seed]],
+            samples[offsets[first] : offsets[end]],
+            offsets[first : end + 1] - offsets[first],
+            cfg.users[user],
+        )
+        demos.loc[rows.index, "valid"] = labels.ravel()
+    queries = {}
+    for pool in sorted(layouts):
+        count = cfg.demos.queries_seen if pool in pools.values() else cfg.demos.queries_new
+        if cfg.demos.clear_m:
+            z = _clear_paths(cfg, layouts[pool], count, cfg.users, "queries", pool)
+        else:
+            z = random_z_theta(stream(cfg.demos.root_seed, "demos", "queries", pool), len(layouts[pool]), count)
+        queries[pool] = Queries(z, {user: valid(layouts[pool], z, margins) for user, margins in cfg.users.items()})
+    write_demos(out_dir, demos, samples, offsets)
     write_queries(out_dir, queries)
 
 
-def _record(cfg: DictConfig, layouts: dict[str, Layouts], from_csv: dict[Key, Array]) -> Recorded:
-    """Return the trajectory of each demonstration, simulated or a person's, after checking it.
+def _trajectories(
+    cfg: DictConfig, keys: Collection[Key], by_people: Mapping[Key, Array], shown: Mapping[tuple[int, str], Array]
+) -> list[Array]:
+    """Return each demonstration's trajectory (sample, 4), a person's or simulated along `shown`, after checking it.
 
-    InputError if one of `from_csv` belongs to no demonstration.
+    Times begin at 0; all numbers are rounded to the stored float32. InputError if one of `by_people` has no key.
     """
-    hand = Hand.of(cfg.demos.hand)
-    keys = [
-        (seed, user, scene, demo)
-        for seed in sorted([*cfg.seeds, *cfg.validation_seeds])
-        for user in sorted(cfg.users)
-        for scene in range(len(layouts[train_pool(seed)]))
-        for demo in range(cfg.demos.per_scene)
-    ]
-    known = set(keys)
-    if unknown := next((key for key in from_csv if key not in known), None):
+    if unknown := sorted(set(by_people) - set(keys), key=str):
         raise InputError(
-            f"{cfg.demos.recorded}: trajectory (seed, user, scene, demo) = {unknown} belongs to no demonstration; "
+            f"{cfg.demos.recorded}: trajectory (seed, user, scene, demo) = {unknown[0]} belongs to no demonstration; "
             "expected seeds, users, scenes and demos of conf/; correct or remove it"
         )
-    if from_csv:
-        print(f"{len(from_csv)} of {len(keys)} demonstrations are a person's, from {cfg.demos.recorded}", flush=True)
-    clear = _clear_demonstrations(cfg, layouts) if cfg.demos.clear_m else {}
-    trajectories = []
+    if by_people:
+        print(f"{len(by_people)} of {len(keys)} demonstrations are a person's, from {cfg.demos.recorded}", flush=True)
+    hand, trajectories = Hand.of(cfg.demos.hand), []
     for key in tqdm(keys, desc="demos"):
-        rng = _generator(cfg, "recording", *key)
-        z_theta = clear[key[:2]][key[2:]] if clear else random_z_theta(rng)
-        trajectory = from_csv[key] if key in from_csv else simulate(rng, z_theta, hand)
+        if (trajectory := by_people.get(key)) is None:
+            rng = stream(cfg.demos.root_seed, "demos", "recording", *key)
+            z_theta = shown[key[:2]][key[2:]] if shown else random_z_theta(rng)
+            trajectory = simulate(rng, z_theta, hand)
         check(trajectory, "seed {} user {} scene {} demo {}".format(*key), cfg.demos.ends_within_m)
         since_start = trajectory - [trajectory[0, 0], 0.0, 0.0, 0.0]  # float32 cannot represent absolute clock times
         trajectories.append(since_start.astype(np.float32).astype(float))
-    return Recorded(pd.DataFrame(keys, columns=DEMO_KEY), *join(trajectories))
-
-
-def _clear_demonstrations(cfg: DictConfig, layouts: dict[str, Layouts]) -> dict[tuple[int, str], Array]:
-    """Return the paths (scene, demo, 2) [m] that each seed's users mean to show: clear of their own boundary."""
-    return {
-        (seed, user): _clear_paths(cfg, layouts[train_pool(seed)], cfg.demos.per_scene, [user], seed, user)
-        for seed in (*cfg.seeds, *cfg.validation_seeds)
-        for user in cfg.users
-    }
+    return trajectories
 
 
 def _clear_paths(cfg: DictConfig, layouts: Layouts, count: int, users: Collection[str], *names: str | int) -> Array:
@@ -153,7 +156,7 @@ def _clear_paths(cfg: DictConfig, layouts: Layouts, count: int, users: Collectio
 
     InputError if a scene has too few.
     """
-    rng = _generator(cfg, "clear", *names)
+    rng = stream(cfg.demos.root_seed, "demos", "clear", *names)
     candidates = Candidates.of(layouts, random_z_theta(rng, len(layouts), count * DRAWS_PER_CLEAR_PATH))
     slacks = np.stack([slack(layouts, candidates.clearances, cfg.users[user]) for user in users])
     near = (np.abs(slacks) < cfg.demos.clear_m).any(0)  # (scene, candidate)
@@ -171,50 +174,16 @@ def _read_trajectories(cfg: DictConfig) -> dict[Key, Array]:
     path, columns = Path(cfg.demos.recorded), ["t", "x", "y", "z"]
     known = path.resolve().is_relative_to(Path(cfg.paths.data).resolve())
     need(known, "demos.recorded", cfg.demos.recorded, f"a csv in {cfg.paths.data}/, which DVC keeps track of")
-    table = _read_csv(path, [*DEMO_KEY, *columns])
-    groups = table.groupby(DEMO_KEY, sort=False, dropna=False).indices
-    return {cast(Key, key): table[columns].to_numpy()[rows] for key, rows in groups.items()}
-
-
-def _read_csv(path: Path, columns: list[str]) -> pd.DataFrame:
-    """Return a user's csv; InputError if it is missing, unreadable, empty or lacks a column."""
     try:
         table = read_csv(path, ["user"])
     except (OSError, ValueError) as error:
         raise InputError(f"{path} cannot be read ({error}): expected a csv; see CONTRIBUTING.md") from error
-    if missing := [c for c in columns if c not in table.columns]:
+    if missing := [c for c in (*DEMO_KEY, *columns) if c not in table.columns]:
         raise InputError(f"{path} has columns {list(table.columns)}: expected also {missing}; add them")
     if table.empty:
         raise InputError(f"{path} holds no sample: expected one a row; fill it, or set demos.recorded=null")
-    return table
-
-
-def _label(cfg: DictConfig, layouts: dict[str, Layouts], recorded: Recorded) -> Array:
-    """Return whether each recorded trajectory keeps the user's margins (trajectory,)."""
-    labels = np.zeros(len(recorded.keys), dtype=bool)
-    for key, rows in recorded.keys.groupby(["seed", "user"]).indices.items():  # rows of a set are consecutive
-        seed, user = cast(tuple[int, str], key)
-        first, last = recorded.offsets[rows[0]], recorded.offsets[rows[-1] + 1]
-        offsets = recorded.offsets[rows[0] : rows[-1] + 2] - first
-        samples, scenes = recorded.samples[first:last], layouts[train_pool(seed)]
-        labels[rows] = valid_trajectories(scenes, samples, offsets, cfg.users[user]).ravel()
-    return labels
-
-
-def _queries(cfg: DictConfig, pool: str, layouts: Layouts) -> Queries:
-    """Draw random paths in a pool's scenes, clear of every user's boundary, and label them for every user."""
-    training = [train_pool(seed) for seed in (*cfg.seeds, *cfg.validation_seeds)]
-    count = cfg.demos.queries_seen if pool in training else cfg.demos.queries_new
-    if cfg.demos.clear_m:
-        z = _clear_paths(cfg, layouts, count, cfg.users, "queries", pool)
-    else:
-        z = random_z_theta(_generator(cfg, "queries", pool), len(layouts), count)
-    return Queries(z, {user: valid(layouts, z, cfg.users[user]) for user in cfg.users})
-
-
-def _generator(cfg: DictConfig, *names: str | int) -> np.random.Generator:
-    """Return a random stream that depends only on these names."""
-    return stream(cfg.demos.root_seed, "demos", *names)
+    groups = table.groupby(DEMO_KEY, sort=False, dropna=False).indices
+    return {key: table[columns].to_numpy()[rows] for key, rows in groups.items()}  # pyright: ignore[reportReturnType]
 
 
 if __name__ == "__main__":

@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float
-from numpy import ndarray as Array
 from omegaconf import DictConfig
 from tqdm import tqdm
 
@@ -78,18 +76,20 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     truth = _truth(cfg)
     parts = [_predictions(cfg, variant, truth) for variant in tqdm(list(cfg.variants), desc="predictions")]
     predictions = pd.concat([*parts, *_baselines(cfg, truth)], ignore_index=True)
-    accuracies = _accuracies(predictions, cfg.evaluate.bins)
+    rows = []
+    for key, group in predictions.groupby(["variant", *MODEL], observed=True, sort=False):
+        rows.append(dict(zip(["variant", *MODEL], key, strict=True)) | _scores(group, cfg.evaluate.bins))
+    accuracies = pd.DataFrame(rows)
     judged = predictions[predictions["user"].isin(cfg.evaluate.users)]
     scored = accuracies[accuracies["user"].isin(cfg.evaluate.users)]
     by_seed = scored.groupby(["variant", "split", "n_demos", "seed"], sort=False)["accuracy"].mean().unstack(sort=False)
-    summary = _summary(cfg, by_seed, judged)
+    summary, convergence = _summary(cfg, by_seed, judged), _convergence(cfg)
     calibration, scores = _calibration(judged[judged["n_demos"] == cfg.main_n_demos], cfg.evaluate.bins)
     write_table(out_dir / "accuracy.parquet", accuracies)
     write_table(out_dir / "accuracy.csv", summary)
     write_table(out_dir / "calibration.csv", calibration)
     write_table(out_dir / "scores.csv", scores)
     write_table(out_dir / "comparisons.csv", _comparisons(cfg, by_seed))
-    convergence = _convergence(cfg)
     write_table(out_dir / "convergence.csv", convergence)
     write_json(out_dir / "metrics.json", _metrics(cfg, summary, convergence))
 
@@ -97,73 +97,58 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 def _truth(cfg: DictConfig) -> pd.DataFrame:
     """Return all queries of every model with path [m] and label; InputError if a pool or user has none."""
     queries, parts = read_queries(Path(cfg.paths.demos)), []
-    for user in cfg.users:
-        for n in cfg.n_demos:
-            for seed in cfg.protocol.seeds:
-                for split, shared in cfg.protocol.splits.items():
-                    pool = shared or train_pool(seed)
-                    if pool not in queries or user not in queries[pool].valid:
-                        raise InputError(
-                            f"no queries of pool {pool} for user {user}: run the demos stage with these seeds and users"
-                        )
-                    valid, z = queries[pool].valid[user], queries[pool].z
-                    scene, query = (index.ravel() for index in np.indices(valid.shape))
-                    part = {"scene": scene, "query": query, "valid": valid.ravel()}
-                    part |= {"z_x": z[..., 0].ravel(), "z_y": z[..., 1].ravel()}
-                    parts.append(pd.DataFrame(part).assign(user=user, n_demos=n, seed=seed, split=split))
-    table = pd.concat(parts, ignore_index=True)
-    return table.astype({"user": "category", "split": "category"})
+    splits = cfg.protocol.splits.items()
+    for user, n, seed, (split, shared) in product(cfg.users, cfg.n_demos, cfg.protocol.seeds, splits):
+        pool = shared or train_pool(seed)
+        if pool not in queries or user not in queries[pool].valid:
+            raise InputError(
+                f"no queries of pool {pool} for user {user}: run the demos stage with these seeds and users"
+            )
+        z, valid = queries[pool].z.reshape(-1, 2), queries[pool].valid[user]
+        scene, query = np.indices(valid.shape).reshape(2, -1)
+        part = {"scene": scene, "query": query, "valid": valid.ravel(), "z_x": z[:, 0], "z_y": z[:, 1]}
+        parts.append(pd.DataFrame(part).assign(user=user, n_demos=n, seed=seed, split=split))
+    return pd.concat(parts, ignore_index=True).astype({"user": "category", "split": "category"})
 
 
 def _predictions(cfg: DictConfig, variant: str, truth: pd.DataFrame) -> pd.DataFrame:
     """Return a variant's p of every query; InputError for the first model with missing or different queries."""
     path = model_dir(cfg, variant) / "predictions.parquet"
-    again = f"run stage {cfg.variants[variant].stage} for {variant} again ({path})"
     table = read_table(path, PREDICTION_COLUMNS)
     truth = truth[truth["n_demos"].isin(fitted_n_demos(cfg, variant))]
     for name in ("user", "split"):
         table[name] = pd.Categorical(table[name], truth[name].cat.categories)
     merged = truth.merge(table, on=QUERY, how="left", suffixes=("", "_predicted"))
-    lacking = merged["p"].isna()
-    if len(merged) != len(truth) or lacking.any():
-        counts = table.groupby(MODEL, observed=True).size()
-        for key, count in truth.groupby(MODEL, observed=True, sort=False).size().items():
-            if (predicted := counts.get(key, 0)) != count:
-                name = "user {}, {} demonstrations, seed {}, split {}".format(*key)  # pyright: ignore
-                raise InputError(f"{variant} has {predicted} predictions for {name}: expected {count}; {again}")
-        raise InputError(f"{variant} predicts other paths: expected one p a query; {again}")
-    if not merged["p"].between(0, 1).all() or (merged["valid"] != merged["valid_predicted"]).any():
-        raise InputError(f"{variant} predicts other paths, or no probabilities: expected p in [0, 1]; {again}")
+    wrong = ~merged["p"].between(0, 1) | (merged["valid"] != merged["valid_predicted"]) | merged.duplicated(QUERY)
+    if wrong.any():
+        first = "user {}, {} demonstrations, seed {}, split {}".format(*merged.loc[wrong.idxmax(), MODEL])
+        raise InputError(
+            f"{variant} lacks predictions, or has others, for {first}: expected each query's p in [0, 1] and label; "
+            f"run stage {cfg.variants[variant].stage} for {variant} again ({path})"
+        )
     return merged[[*QUERY, "p", "valid"]].assign(variant=variant, p=merged["p"].astype(float))
 
 
 def _baselines(cfg: DictConfig, truth: pd.DataFrame) -> list[pd.DataFrame]:
-    """Return the image-blind baselines' predictions: position_only, and nearest_demonstration in seen scenes."""
-    prior, demos, parts = read_position_prior(Path(cfg.paths.scenes)), read_demos(Path(cfg.paths.demos)), []
+    """Return the image-blind baselines' predictions: nearest_demonstration in seen scenes, and position_only."""
+    prior, demos = read_position_prior(Path(cfg.paths.scenes)), read_demos(Path(cfg.paths.demos))
+    nearest, position = [], []
     for (user, n, seed, split), rows in truth.groupby(MODEL, observed=True, sort=False):
-        z = rows[["z_x", "z_y"]].to_numpy()
-        parts.append(rows.assign(variant=POSITION, p=baselines.position_only(prior[user], z)))
+        z, rows = rows[["z_x", "z_y"]].to_numpy(), rows[[*QUERY, "valid"]]
+        position.append(rows.assign(variant=POSITION, p=baselines.position_only(prior[user], z)))
         if cfg.protocol.splits[split] is None:
-            shape = (rows["scene"].nunique(), -1, 2)
-            p = baselines.nearest_demonstration(*demo_arrays(demos, seed, user, n), z.reshape(shape))
-            parts.append(rows.assign(variant=NEAREST, p=p.ravel()))
-    columns = [*QUERY, "p", "valid", "variant"]
-    return [table[columns] for table in sorted(parts, key=lambda rows: rows["variant"].iloc[0] != NEAREST)]
+            z = z.reshape(rows["scene"].nunique(), -1, 2)
+            p = baselines.nearest_demonstration(*demo_arrays(demos, seed, user, n), z)
+            nearest.append(rows.assign(variant=NEAREST, p=p.ravel()))
+    return [*nearest, *position]
 
 
-def _accuracies(predictions: pd.DataFrame, bins: int) -> pd.DataFrame:
-    """Return the scores of every model and split; auroc is NaN if all labels are equal."""
-    rows = []
-    for key, group in predictions.groupby(["variant", *MODEL], observed=True, sort=False):
-        p, valid = group["p"].to_numpy(), group["valid"].to_numpy()
-        rows.append((*key, *_scores(p, valid, bins).values(), len(p)))
-    return pd.DataFrame(rows, columns=["variant", *MODEL, "accuracy", "auroc", "brier", "ece", "bias", "count"])
-
-
-def _scores(p: Float[Array, " query"], valid: Array, bins: int) -> dict[str, float]:
+def _scores(rows: pd.DataFrame, bins: int) -> dict[str, float]:
+    """Return the scores of predictions; bias: mean p - share valid; auroc is NaN if all labels are equal."""
+    p, valid = rows["p"].to_numpy(), rows["valid"].to_numpy()
     return {
         "accuracy": accuracy(p, valid), "auroc": auroc(p, valid), "brier": brier(p, valid),
-        "ece": expected_calibration_error(p, valid, bins), "bias": p.mean() - valid.mean(),
+        "ece": expected_calibration_error(p, valid, bins), "bias": p.mean() - valid.mean(), "count": len(p),
     }  # fmt: skip
 
 
@@ -172,14 +157,12 @@ def _summary(cfg: DictConfig, by_seed: pd.DataFrame, judged: pd.DataFrame) -> pd
 
     At main_n_demos, splits shared by all seeds have a 95 % interval over seeds crossed with scenes.
     """
-    shared = [split for split, pool in cfg.protocol.splits.items() if pool is not None]
     right = judged.assign(right=(judged["p"] > DECISION) == judged["valid"])
-    right = right[(right["n_demos"] == cfg.main_n_demos) & right["split"].isin(shared)]
-    rows = []
+    right, rows = right[right["n_demos"] == cfg.main_n_demos], []
     for key, values in by_seed.iterrows():
         row = dict(zip(by_seed.index.names, key, strict=True)) | quartiles(values.to_numpy())
         row |= {"ci_low": np.nan, "ci_high": np.nan, "seeds": len(values)}
-        if row["n_demos"] == cfg.main_n_demos and row["split"] in shared:
+        if row["n_demos"] == cfg.main_n_demos and cfg.protocol.splits[row["split"]] is not None:
             questions = right[(right["variant"] == row["variant"]) & (right["split"] == row["split"])]
             interval = estimate(questions.pivot_table("right", "seed", "scene").to_numpy(dtype=float)[None])
             row |= {"ci_low": interval.ci_low[0], "ci_high": interval.ci_high[0]}
@@ -188,23 +171,23 @@ def _summary(cfg: DictConfig, by_seed: pd.DataFrame, judged: pd.DataFrame) -> pd
 
 
 def _calibration(judged: pd.DataFrame, bins: int) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return reliability bins and scores by variant and split, over users and seeds; bias: mean p - share valid.
+    """Return reliability bins and scores by variant and split, over users and seeds.
 
     Scores have quartiles over seeds, `_q1` and `_q3`.
     """
     tables, rows = [], []
     for (variant, split), group in judged.groupby(["variant", "split"], observed=True, sort=False):
-        p, valid = group["p"].to_numpy(), group["valid"].to_numpy()
-        table = reliability(p, valid, bins).query("count > 0")
+        table = reliability(group["p"].to_numpy(), group["valid"].to_numpy(), bins).query("count > 0")
         tables.append(table.assign(variant=variant, split=split))
-        row = {"variant": variant, "split": split} | _scores(p, valid, bins)
-        seeds = (part[["p", "valid"]].to_numpy(float).T for _, part in group.groupby("seed"))
-        for name, values in pd.DataFrame([_scores(p, valid == 1, bins) for p, valid in seeds]).items():
-            row |= {f"{name}_q1": values.quantile(0.25), f"{name}_q3": values.quantile(0.75)}
+        scores = _scores(group, bins)
+        by_seed = pd.DataFrame([_scores(part, bins) for _, part in group.groupby("seed")])
+        row = {"variant": variant, "split": split}
+        for name in ("ece", "brier", "bias", "auroc"):
+            row |= {name: scores[name]}
+            row |= {f"{name}_q1": by_seed[name].quantile(0.25), f"{name}_q3": by_seed[name].quantile(0.75)}
         rows.append(row)
     columns = ["variant", "split", "low", "high", "count", "confidence", "frequency"]
-    scores = [f"{name}{end}" for name in ("ece", "brier", "bias", "auroc") for end in ("", "_q1", "_q3")]
-    return pd.concat(tables, ignore_index=True)[columns], pd.DataFrame(rows)[["variant", "split", *scores]]
+    return pd.concat(tables, ignore_index=True)[columns], pd.DataFrame(rows)
 
 
 def _comparisons(cfg: DictConfig, by_seed: pd.DataFrame) -> pd.DataFrame:
@@ -215,17 +198,9 @@ def _comparisons(cfg: DictConfig, by_seed: pd.DataFrame) -> pd.DataFrame:
         for against, split in product(group.against, group.splits):
             if {(group.variant, split, n), (against, split, n)} <= set(by_seed.index):
                 a, b = (by_seed.loc[(variant, split, n)].to_numpy() for variant in (group.variant, against))
-                rows.append(
-                    {
-                        "family": group.family, "variant": group.variant, "against": against, "split": split,
-                        "n_demos": n, "mean": a.mean(), "mean_against": b.mean(), "difference": (a - b).mean(),
-                        "q1": np.quantile(a - b, 0.25), "q3": np.quantile(a - b, 0.75), "p": paired_wilcoxon(a, b),
-                        "seeds": len(a),
-                    }
-                )  # fmt: skip
-    if not rows:  # one variant alone
-        return pd.DataFrame(columns=COMPARED)
-    table = pd.DataFrame(rows)
+                row = [group.family, group.variant, against, split, n, a.mean(), b.mean(), (a - b).mean()]
+                rows.append([*row, *np.quantile(a - b, [0.25, 0.75]), paired_wilcoxon(a, b), len(a)])
+    table = pd.DataFrame(rows, columns=[name for name in COMPARED if name not in ("p_holm", "significant")])
     table["p_holm"] = table.groupby("family")["p"].transform(lambda p: holm(p.to_numpy()))
     table["significant"] = table["p_holm"] < LEVEL
     return table[COMPARED]
@@ -246,16 +221,15 @@ def _metrics(cfg: DictConfig, summary: pd.DataFrame, convergence: pd.DataFrame) 
 
     One image-blind baseline stands beside them. With one demonstration: SHOWN alone. The tables have all other numbers.
     """
-    main, one = (summary[summary["n_demos"] == n] for n in (cfg.main_n_demos, 1))
-    main = main[(main["split"] == HEADLINE) | ((main["variant"] == PAPER) & (main["split"] == SEEN))]
-    nested = {v: dict(zip(rows["split"], rows["mean"], strict=True)) for v, rows in main.groupby("variant", sort=False)}
-    one = one[(one["split"] == HEADLINE) & one["variant"].isin(SHOWN)]
+    many, one = {}, {}
+    for row in summary.itertuples():
+        headline = row.split == HEADLINE
+        if row.n_demos == cfg.main_n_demos and (headline or (row.variant, row.split) == (PAPER, SEEN)):
+            many.setdefault(row.variant, {})[row.split] = row.mean
+        if row.n_demos == 1 and headline and row.variant in SHOWN:
+            one[row.variant] = {HEADLINE: row.mean}
     errors = convergence[convergence["variant"] == PAPER].set_index("variant")[CONVERGENCE[:1]]
-    return {
-        "accuracy": nested,
-        "accuracy_one_demo": {row.variant: {HEADLINE: row.mean} for row in one.itertuples()},
-        "convergence": errors.to_dict("index"),
-    }
+    return {"accuracy": many, "accuracy_one_demo": one, "convergence": errors.to_dict("index")}
 
 
 if __name__ == "__main__":

@@ -17,7 +17,6 @@ from pydantic import Field, TypeAdapter
 
 from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.artifacts.scenes import layout_table, read_scenes
-from pipeline.artifacts.trained import check_weights, load_model
 from pipeline.causal import interventions
 from pipeline.causal.interventions import TRUTH
 from pipeline.causal.mechanisms import expected_validities, model_scm, recorded_noise, renderer, true_scm
@@ -26,6 +25,7 @@ from pipeline.causal.questions import Scenes, change, draw_additions
 from pipeline.causal.scm import Values
 from pipeline.launch import launch
 from pipeline.models.base import SCENES_PER_BATCH
+from pipeline.models.trained import check_weights, load_model
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.settings import (

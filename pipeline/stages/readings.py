@@ -79,31 +79,35 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     scenes.check_has(NEW_POOL, *map(train_pool, cfg.protocol.seeds))
     evaluated = read_table(Path(cfg.paths.evaluate) / "accuracy.parquet")
     prior, judged_sets = read_position_prior(Path(cfg.paths.scenes)), draw(cfg, scenes)
+    evaluate = partial(_judge_and_check, scenes.images[NEW_POOL])
     rows, gates = [], []
     numbers = [n for n in cfg.readings.n_demos if n <= cfg.main_n_demos]
     for n in numbers:
         of_n = sorted((x.first(n) for x in judged_sets), key=lambda x: is_constant(x.valid))  # equal labels fit at once
         rows += [blind for x in of_n for blind in judge_blind(prior[x.user], x)]
-        if MODEL not in cfg.variants:
-            continue
-        named = cfg.copy()
-        named.main_n_demos = n  # names the random seeds of the fits
-        answers = refit(named, {MODEL: of_n}, partial(judge_and_check, scenes.images[NEW_POOL]), f"readings, n = {n}")
-        for x, (right, gate) in zip(of_n, answers[MODEL], strict=True):
-            rows += [row(x, MODEL, split, share) for split, share in right.items()]
-            gates.append(x.key | {"variant": MODEL} | gate)
+        if MODEL in cfg.variants:
+            named = cfg.copy()
+            named.main_n_demos = n  # names the random seeds of the fits
+            answers = refit(named, {MODEL: of_n}, evaluate, f"readings, n = {n}")[MODEL]
+            for x, (right, gate) in zip(of_n, answers, strict=True):
+                rows += [row(x, MODEL, split, share) for split, share in right.items()]
+                gates.append(x.key | {"variant": MODEL} | gate)
     table, convergence = pd.DataFrame(rows), pd.DataFrame(gates, columns=[*FIT, *GATE])
-    curve = curve_of({PAPER: list(cfg.users), JUDGED: list(cfg.evaluate.users)}, table, convergence, evaluated)
+    curve = _curve({PAPER: list(cfg.users), JUDGED: list(cfg.evaluate.users)}, table, convergence, evaluated)
+    ends: dict[str, dict[str, dict[str, float]]] = {}  # the headlines: both ends of the curve, as the paper reports it
+    shown = curve[(curve["split"] == HELD_OUT) & (curve["users"] == PAPER) & curve["variant"].isin([MODEL, NEAREST])]
+    for cell in shown[shown["n_demos"].isin([numbers[0], numbers[-1]])].itertuples():
+        ends.setdefault(cell.reading, {}).setdefault(cell.variant, {})[f"n{cell.n_demos}"] = cell.mean
     write_table(out_dir / "accuracy.parquet", table)
     write_table(out_dir / "curve.csv", curve)
     write_table(out_dir / "convergence.csv", convergence)
-    write_json(out_dir / "metrics.json", {"curve": headlines(numbers, curve)})
+    write_json(out_dir / "metrics.json", {"curve": ends})
 
 
 def draw(cfg: DictConfig, scenes: SceneSet) -> list[JudgedSet]:
     """Return every user's demonstrations in every seed's scenes at every distance."""
-    kinds, judged_sets = kinds_of(cfg), []
-    new = kinds.draw(scenes.layouts[NEW_POOL], NEW_POOL, FEW)
+    kinds = Kinds(**{name: cfg.readings[name] for name in Kinds.__dataclass_fields__})
+    new, judged_sets = kinds.draw(scenes.layouts[NEW_POOL], NEW_POOL, FEW), []
     for seed in cfg.protocol.seeds:
         pool = train_pool(seed)
         drawn = {HELD_OUT: (pool, kinds.draw(scenes.layouts[pool], pool, FEW)), NEW: (NEW_POOL, new)}
@@ -113,12 +117,7 @@ def draw(cfg: DictConfig, scenes: SceneSet) -> list[JudgedSet]:
     return judged_sets
 
 
-def kinds_of(cfg: DictConfig) -> Kinds:
-    """Return how paths are drawn and chosen."""
-    return Kinds(**{name: cfg.readings[name] for name in Kinds.__dataclass_fields__})
-
-
-def judge_and_check(
+def _judge_and_check(
     new_images: UInt8[Array, "scene 100 100 3"], model: ValidityModel, judged_set: TrainingSet
 ) -> tuple[dict[str, float], dict[str, float | bool]]:
     """Return the model's accuracy in each split, and whether its training converged by the gate of stage train."""
@@ -129,7 +128,7 @@ def judge_and_check(
     return right, dict(zip(GATE, (ratio, right[OWN], passed), strict=True))
 
 
-def curve_of(
+def _curve(
     users: Mapping[str, list[str]], accuracies: pd.DataFrame, convergence: pd.DataFrame, evaluated: pd.DataFrame
 ) -> pd.DataFrame:
     """Return mean accuracy by reading, split, variant, users and number of demonstrations, with COLUMNS.
@@ -144,34 +143,22 @@ def curve_of(
     columns = [*KEY, "user", "seed", "accuracy"]
     table = pd.concat([few[[*columns, "passed"]], seen[columns].astype({"user": str})], ignore_index=True)
     table = table[table["variant"].isin([MODEL, NEAREST, POSITION]) & table["split"].isin([HELD_OUT, NEW])]
-    parts = [_means(table[table["user"].isin(names)]).assign(users=name) for name, names in users.items()]
+    parts = []
+    for name, members in users.items():
+        rows = table[table["user"].isin(members)]
+        by_seed = rows.groupby([*KEY, "seed"], sort=False)["accuracy"].mean().groupby(KEY, sort=False)
+        means = by_seed.agg(["mean", "std", "size"]).rename(columns={"size": "seeds"}).assign(users=name)
+        means["q1"], means["q3"] = by_seed.quantile(0.25), by_seed.quantile(0.75)
+        error = means["std"] / np.sqrt(means["seeds"])
+        half = student.ppf(0.975, means["seeds"] - 1) * error.where(means.index.get_level_values("split") == HELD_OUT)
+        means["ci_low"], means["ci_high"] = means["mean"] - half, means["mean"] + half
+        fits = rows.dropna(subset="passed")
+        counts = fits.groupby(KEY)["passed"].agg(["size", "sum"]).astype("Int64")
+        means["fits"], means["passed"] = counts["size"], counts["sum"]
+        passed = fits[fits["passed"].astype(bool)].groupby([*KEY, "user"])["accuracy"].mean()
+        means["passed_mean"] = passed.groupby(KEY).mean()
+        parts.append(means.reset_index())
     return pd.concat(parts, ignore_index=True)[COLUMNS]
-
-
-def _means(table: pd.DataFrame) -> pd.DataFrame:
-    """Return statistics over seeds of the mean over users, by KEY."""
-    by_seed = table.groupby([*KEY, "seed"], sort=False)["accuracy"].mean().groupby(KEY, sort=False)
-    means = by_seed.agg(["mean", "std", "size"]).rename(columns={"size": "seeds"})
-    means["q1"], means["q3"] = by_seed.quantile(0.25), by_seed.quantile(0.75)
-    error = means["std"] / np.sqrt(means["seeds"])
-    half = student.ppf(0.975, means["seeds"] - 1) * error.where(means.index.get_level_values("split") == HELD_OUT)
-    means["ci_low"], means["ci_high"] = means["mean"] - half, means["mean"] + half
-    fits = table.dropna(subset="passed")
-    counts = fits.groupby(KEY)["passed"].agg(["size", "sum"])
-    passed = fits[fits["passed"].astype(bool)].groupby([*KEY, "user"])["accuracy"].mean().groupby(KEY).mean()
-    means["fits"], means["passed"] = counts["size"].astype("Int64"), counts["sum"].astype("Int64")
-    means["passed_mean"] = passed
-    return means.reset_index()
-
-
-def headlines(n_demos: list[int], curve: pd.DataFrame) -> dict[str, dict[str, dict[str, float]]]:
-    """Return reading -> variant -> accuracy on held-out paths at both ends of the curve, mean of the paper's users."""
-    ends: dict[str, dict[str, dict[str, float]]] = {}
-    rows = curve[(curve["split"] == HELD_OUT) & (curve["users"] == PAPER) & curve["variant"].isin([MODEL, NEAREST])]
-    for cell in rows[rows["n_demos"].isin([n_demos[0], n_demos[-1]])].itertuples():
-        of_reading = ends.setdefault(str(cell.reading), {})
-        of_reading.setdefault(str(cell.variant), {})[f"n{cell.n_demos}"] = float(cell.mean)
-    return ends
 
 
 if __name__ == "__main__":

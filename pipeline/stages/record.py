@@ -10,11 +10,11 @@ from omegaconf import DictConfig
 from tqdm import tqdm
 
 from pipeline.artifacts.files import read_table, write_table
-from pipeline.artifacts.trained import check_weights
 from pipeline.launch import launch
+from pipeline.models.trained import check_weights
 from pipeline.runtime.settings import Count, Group, Several, need
 from pipeline.runtime.writing import atomic_write
-from pipeline.viewer.assemble import assemble, read_sources
+from pipeline.viewer.contents import assemble, read_sources
 from pipeline.viewer.digest import digest
 from pipeline.viewer.overview import write_overview
 from pipeline.viewer.run import write_run

@@ -10,12 +10,18 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import read_arrays, read_json, read_table, write_json
-from pipeline.artifacts.interventions import AddedItems, read_interventions
 from pipeline.artifacts.models import PREDICTION_COLUMNS, compared, model_dir
-from pipeline.artifacts.scenes import SceneSet, read_position_prior, read_scenes, train_pool
-from pipeline.artifacts.trained import load_model
+from pipeline.artifacts.scenes import (
+    AddedItems,
+    SceneSet,
+    read_interventions,
+    read_position_prior,
+    read_scenes,
+    train_pool,
+)
 from pipeline.launch import launch
 from pipeline.models.baselines import NEAREST, POSITION, nearest_demonstration, position_only
+from pipeline.models.trained import load_model
 from pipeline.report.page import FOLDER, Site, Source, provenance, write_files, write_provenance
 from pipeline.report.render import render
 from pipeline.report.results import DrawnScenes, Results

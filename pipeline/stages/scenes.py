@@ -4,6 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Float, Int
+from numpy import ndarray as Array
 from omegaconf import DictConfig
 from pydantic import model_validator
 from tqdm import tqdm
@@ -27,7 +29,7 @@ from pipeline.runtime.settings import (
 )
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import lattice, random_z_theta
-from pipeline.world.catalogue import Catalogue, random_scenes, read_catalogue
+from pipeline.world.catalogue import random_scenes, read_catalogue
 from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, add_item, random_layouts
 from pipeline.world.render import Palette, render_scenes
 from pipeline.world.rules import PAPER_P_VALID, clearance, slack
@@ -86,32 +88,35 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     catalogue = read_catalogue(Path(cfg.paths.data))
     rules = LayoutRules.of(cfg.scenes.layout)
     palette = Palette(catalogue, ImageSource.of(cfg.scenes.source))
-    images, layouts, appearances = {}, {}, {}
-    for pool, (count, split) in tqdm(_pools(cfg).items(), desc="scenes"):
-        layouts[pool], appearances[pool] = random_scenes(_generator(cfg, pool), count, catalogue, split, rules)
-        textures, render_seeds = (appearances[pool][name].tolist() for name in ("texture", "render_seed"))
-        images[pool] = render_scenes(layouts[pool], textures, render_seeds, palette)
-    calibration = random_layouts(
-        _generator(cfg, "calibration"), cfg.scenes.calibration, catalogue.footprints, catalogue.pool("train"), rules
-    )
-    prior = _position_prior(cfg, calibration)
-    p_valid = _p_valid(cfg, calibration, catalogue, rules)
-    known = p_valid["difference"].dropna().abs()
-    write_scenes(out_dir, SceneSet(images, layouts, appearances))
-    write_arrays(out_dir / "position_prior.npz", prior)
-    write_table(out_dir / "p_valid.csv", p_valid)
-    write_json(out_dir / "metrics.json", {"world": {"largest_difference": known.max() if len(known) else None}})
-
-
-def _pools(cfg: DictConfig) -> dict[str, tuple[int, str]]:
-    """Return each pool's number of scenes and the split of its items."""
-    training = {train_pool(seed): (cfg.scenes.per_seed, "train") for seed in [*cfg.seeds, *cfg.validation_seeds]}
-    return training | {
+    pools = {train_pool(seed): (cfg.scenes.per_seed, "train") for seed in [*cfg.seeds, *cfg.validation_seeds]}
+    pools |= {
         "new_scenes": (cfg.scenes.shared, "train"),
         "new_items": (cfg.scenes.shared, "unseen"),
         "val_scenes": (cfg.scenes.validation, "train"),
         "val_items": (cfg.scenes.validation, "validation"),
     }
+    images, layouts, appearances = {}, {}, {}
+    for pool, (count, split) in tqdm(pools.items(), desc="scenes"):
+        layouts[pool], appearances[pool] = random_scenes(_generator(cfg, pool), count, catalogue, split, rules)
+        textures, render_seeds = (appearances[pool][name].tolist() for name in ("texture", "render_seed"))
+        images[pool] = render_scenes(layouts[pool], textures, render_seeds, palette)
+
+    items, training = catalogue.footprints, catalogue.pool("train")
+    bare = random_layouts(_generator(cfg, "calibration"), cfg.scenes.calibration, items, training, rules)
+    rng = _generator(cfg, "interventions")
+    worlds = {"none": bare}
+    worlds |= {symbol: add_item(rng, bare, i, items, training, rules) for i, symbol in enumerate(SYMBOLS)}
+    z = random_z_theta(rng, len(bare), cfg.scenes.calibration_paths)
+    p_valid = _p_valid(cfg, worlds, z)
+    known = p_valid["difference"].dropna().abs()
+    side = cfg.scenes.prior_side
+    on_lattice = _count_valid(cfg, bare, np.broadcast_to(lattice(side), (len(bare), side**2, 2)), "position prior")
+    prior = {user: (count / len(bare)).reshape(side, side) for user, count in on_lattice.items()}
+
+    write_scenes(out_dir, SceneSet(images, layouts, appearances))
+    write_arrays(out_dir / "position_prior.npz", prior)
+    write_table(out_dir / "p_valid.csv", p_valid)
+    write_json(out_dir / "metrics.json", {"world": {"largest_difference": known.max() if len(known) else None}})
 
 
 def _generator(cfg: DictConfig, name: str) -> np.random.Generator:
@@ -119,44 +124,29 @@ def _generator(cfg: DictConfig, name: str) -> np.random.Generator:
     return stream(cfg.scenes.root_seed, "scenes", name)
 
 
-def _position_prior(cfg: DictConfig, layouts: Layouts) -> dict[str, np.ndarray]:
-    """Return each user's true mean validity over all scenes, in each cell of the z_theta lattice."""
-    side = cfg.scenes.prior_side
-    z = lattice(side)
-    total = {user: np.zeros(len(z)) for user in cfg.users}
-    for chunk in _chunks(layouts, "position prior"):
-        clearances = clearance(chunk, np.broadcast_to(z, (len(chunk), *z.shape)))
-        for user, margins in cfg.users.items():
-            total[user] += (slack(chunk, clearances, margins) > 0).sum(0)
-    return {user: (count / len(layouts)).reshape(side, side) for user, count in total.items()}
-
-
-def _p_valid(cfg: DictConfig, layouts: Layouts, catalogue: Catalogue, rules: LayoutRules) -> pd.DataFrame:
-    """Return the true Table 2: P(valid) of a random path, without and with an added item of each symbol."""
-    rng = _generator(cfg, "interventions")
-    worlds = {"none": layouts} | {
-        symbol: add_item(rng, layouts, i, catalogue.footprints, catalogue.pool("train"), rules)
-        for i, symbol in enumerate(SYMBOLS)
-    }
-    z = random_z_theta(rng, len(layouts), cfg.scenes.calibration_paths)
+def _p_valid(cfg: DictConfig, worlds: dict[str, Layouts], z: Float[Array, "scene path 2"]) -> pd.DataFrame:
+    """Return the true Table 2: P(valid) of the paths [m] to each user, without and with an added item."""
     rows = []
-    for added, batch in worlds.items():
-        counts = dict.fromkeys(cfg.users, 0)
-        for i, chunk in enumerate(_chunks(batch, f"P(valid), {added}")):
-            clearances = clearance(chunk, z[i * CHUNK : (i + 1) * CHUNK])
-            for user, margins in cfg.users.items():
-                counts[user] += int((slack(chunk, clearances, margins) > 0).sum())
-        for user, count in counts.items():
-            truth = round(count / (z.shape[0] * z.shape[1]), 4)
+    for added, layouts in worlds.items():
+        for user, count in _count_valid(cfg, layouts, z, f"P(valid), {added}").items():
+            truth = round(int(count.sum()) / (z.shape[0] * z.shape[1]), 4)
             rows.append((user, added, truth, PAPER_P_VALID.get(user, {}).get(added, np.nan)))
     table = pd.DataFrame(rows, columns=["user", "added", "truth", "paper"])
     table["difference"] = (table["truth"] - table["paper"]).round(4)
     return table.sort_values("user", kind="stable", key=lambda users: users.map(list(cfg.users).index))
 
 
-def _chunks(layouts: Layouts, desc: str) -> list[Layouts]:
-    starts = range(0, len(layouts), CHUNK)
-    return [layouts[i : i + CHUNK] for i in tqdm(starts, desc=desc, leave=False)]
+def _count_valid(
+    cfg: DictConfig, layouts: Layouts, z: Float[Array, "scene path 2"], desc: str
+) -> dict[str, Int[Array, " path"]]:
+    """Return by user, for each column of `z`, the number of scenes in which that path [m] is truly valid."""
+    counts = {user: np.zeros(z.shape[1], dtype=int) for user in cfg.users}
+    for first in tqdm(range(0, len(layouts), CHUNK), desc=desc, leave=False):
+        chunk = slice(first, first + CHUNK)
+        clearances = clearance(layouts[chunk], z[chunk])
+        for user, margins in cfg.users.items():
+            counts[user] += (slack(layouts[chunk], clearances, margins) > 0).sum(0)
+    return counts
 
 
 if __name__ == "__main__":

@@ -1,53 +1,59 @@
-"""Data classes for the contents of a recording: one model with its training data and repairs, as plain arrays."""
+"""The contents of a recording: one model, its training data and the scenes to show, from the stages' outputs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray as Array
+from omegaconf import DictConfig, OmegaConf
 
-from pipeline.world.layout import Layouts
+from pipeline.artifacts.demos import DEMO_KEY, demo_arrays, read_demos, read_trajectories
+from pipeline.artifacts.files import data_version, read_arrays, read_table
+from pipeline.artifacts.models import fitted_n_demos, model_dir, model_name, weights_path
+from pipeline.artifacts.scenes import AddedItems, SceneSet, read_interventions, read_scenes, train_pool
+from pipeline.models.base import ValidityModel
+from pipeline.models.trained import load_model
+from pipeline.runtime.errors import InputError
+from pipeline.world.bezier import lattice
+from pipeline.world.layout import SYMBOLS, Layouts
+from pipeline.world.rules import clearance, slack, valid
 
+REPAIR_COLUMNS = ["method", "variant", "user", "seed", "scene", "start", "valid_end"]
+CURVE_KEY = ["seed", "user", "n_demos", "step"]
+EFFECT_COLUMNS = ["question", "variant", "user", "seed", "scene", "effect", "true_effect"]
 # values of `Repairs.outcomes`: in truth, and to the model
 REJECTED, ACCEPTED, FALSELY_VALID, FALSELY_INVALID = range(4)
 
 
 @dataclass(frozen=True)
 class Demonstrations:
-    """One user's demonstrations in a training scene.
-
-    image: row 0 at the far edge; layout: this scene only; z: the fitted paths [m];
-    samples: each demonstration's trajectory (sample, 4) as t [s], x, y, z [m].
-    """
+    """One user's demonstrations in a training scene, the one scene of `layout`."""
 
     scene: int
     image: UInt8[Array, "100 100 3"]
     layout: Layouts
-    z: Float[Array, "demo 2"]
+    z: Float[Array, "demo 2"]  # the fitted paths [m]
     valid: Bool[Array, " demo"]
-    samples: tuple[Array, ...]
+    samples: tuple[Array, ...]  # each one's trajectory (sample, 4): t [s], x, y, z [m]
 
 
 @dataclass(frozen=True)
 class Repairs:
-    """A new scene with the model's and the true validity, and the model's gradient repairs.
-
-    predicted: P(valid) on `bezier.lattice(side)` as [y, x]; truth: the true validity on the same lattice;
-    start: each repair's number in the scene; z: its path [m] at every step, including the invalid start;
-    p: P(valid) at every step; slack: clearance in excess of the user's margins [m], inf without margins;
-    ends_valid: whether the last step is truly valid.
-    """
+    """A new scene with the model's and the true validity, and the model's gradient repairs."""
 
     scene: int
     image: UInt8[Array, "100 100 3"]
     layout: Layouts
-    predicted: Float[Array, "side side"]
+    predicted: Float[Array, "side side"]  # P(valid) on `bezier.lattice(side)` as [y, x]
     truth: Bool[Array, "side side"]
-    start: tuple[int, ...]
-    z: Float[Array, "repair step 2"]
+    start: tuple[int, ...]  # each repair's number in the scene
+    z: Float[Array, "repair step 2"]  # the path [m] at every step, including the invalid start
     p: Float[Array, "repair step"]
-    slack: Float[Array, "repair step"]
+    slack: Float[Array, "repair step"]  # clearance in excess of the user's margins [m], inf without margins
     ends_valid: Bool[Array, " repair"]
 
     @property
@@ -65,55 +71,43 @@ class Repairs:
 
 @dataclass(frozen=True)
 class Intervention:
-    """do(Z_I := E(I + o)): an item added to the first new scene, and its effects.
-
-    image, layout: the scene with the item in the last occupied slot; predicted, truth: maps as in `Repairs`;
-    learned, true: the effect on E[V] in this scene; learned_mean, true_mean: the means over `scenes` scenes.
-    """
+    """do(Z_I := E(I + o)): an item added to the first new scene, in the last occupied slot of `layout`."""
 
     symbol: str
     image: UInt8[Array, "100 100 3"]
     layout: Layouts
-    predicted: Float[Array, "side side"]
+    predicted: Float[Array, "side side"]  # maps as in `Repairs`
     truth: Bool[Array, "side side"]
-    learned: float
+    learned: float  # the effect on E[V] in this scene
     true: float
-    learned_mean: float
+    learned_mean: float  # over `scenes` scenes
     true_mean: float
     scenes: int
 
 
 @dataclass(frozen=True)
 class Learning:
-    """The model's training: its losses, and maps of the first new scene.
-
-    step, losses: the learning curve by term; by_n: the maps of models fitted to that many demonstrations per scene;
-    by_step: this model's maps after that many training steps, including the last.
-    """
+    """The model's training: its losses, and maps of the first new scene."""
 
     step: Int[Array, " step"]
-    losses: Mapping[str, Float[Array, " step"]]
-    by_n: Mapping[int, Float[Array, "side side"]]
-    by_step: Mapping[int, Float[Array, "side side"]]
+    losses: Mapping[str, Float[Array, " step"]]  # the learning curve by term
+    by_n: Mapping[int, Float[Array, "side side"]]  # of models fitted to that many demonstrations per scene
+    by_step: Mapping[int, Float[Array, "side side"]]  # after that many training steps, including the last
 
 
 @dataclass(frozen=True)
 class Run:
-    """One model, its training data, and the scenes to show.
-
-    margins: the user's margin for each symbol [m]; None: no margin. The recording names its sources: conf/'s profile,
-    data (md5 of data/), root_seed of the scenes, parameters (YAML) of the fit.
-    """
+    """One model, its training data, and the scenes to show."""
 
     variant: str
     user: str
     seed: int
     n_demos: int
-    profile: str
-    data: str
-    root_seed: int
-    parameters: str
-    margins: Mapping[str, float | None]
+    profile: str  # of conf/
+    data: str  # md5 of data/
+    root_seed: int  # of the scenes
+    parameters: str  # what the fit read, as YAML
+    margins: Mapping[str, float | None]  # the user's margin for each symbol [m]; None: no margin
     demonstrations: tuple[Demonstrations, ...]
     repairs: tuple[Repairs, ...]
     interventions: tuple[Intervention, ...]
@@ -121,8 +115,8 @@ class Run:
 
     @property
     def name(self) -> str:
-        """Return `{variant}-{user}-s{seed}`: the recording's file name and id."""
-        return f"{self.variant}-{self.user}-s{self.seed}"
+        """Return the recording's file name and id."""
+        return model_name(self.variant, self.user, self.seed)
 
     @property
     def agreement(self) -> float:
@@ -130,22 +124,127 @@ class Run:
         return float(np.mean([shown.agreement for shown in self.repairs]))
 
     @property
-    def repaired(self) -> int:
-        """Return the number of repairs shown."""
-        return sum(len(shown.start) for shown in self.repairs)
-
-    @property
-    def repaired_validly(self) -> int:
-        """Return the number of repairs whose end is truly valid."""
-        return sum(int(shown.ends_valid.sum()) for shown in self.repairs)
-
-    @property
-    def unsafe(self) -> int:
-        """Return the number of repairs whose end the model accepts although it is invalid."""
-        return sum(int(((shown.p[:, -1] > 0.5) & ~shown.ends_valid).sum()) for shown in self.repairs)
+    def repaired(self) -> tuple[int, int, int]:
+        """Return the number of repairs, of those whose end is valid, and of those accepted although it is invalid."""
+        ends = np.concatenate([shown.ends_valid for shown in self.repairs])
+        accepted = np.concatenate([shown.p[:, -1] > 0.5 for shown in self.repairs])
+        return len(ends), int(ends.sum()), int((accepted & ~ends).sum())
 
 
 def grouped(runs: Sequence[Run], name: str) -> dict[str, list[Run]]:
     """Return the runs of each user, or of each variant, in their original order."""
     names = dict.fromkeys(getattr(run, name) for run in runs)
     return {wanted: [run for run in runs if getattr(run, name) == wanted] for wanted in names}
+
+
+@dataclass(frozen=True)
+class Sources:
+    """Outputs of the stages for all models.
+
+    `samples[offsets[i]:offsets[i + 1]]` is the trajectory of row i of `demos`.
+    """
+
+    scenes: SceneSet
+    pool: str  # pool of the new scenes
+    demos: pd.DataFrame
+    samples: Array
+    offsets: Array
+    repairs: pd.DataFrame  # by gradient
+    paths: dict[str, Float[Array, "start step 2"]]  # their steps [m], by model
+    added: AddedItems
+    effects: pd.DataFrame
+    curves: dict[str, pd.DataFrame]  # by variant
+    data: str  # md5 of data/
+
+
+def read_sources(cfg: DictConfig) -> Sources:
+    """Read all artefacts shown in recordings; InputError if any is missing or if they disagree."""
+    folders = {name: Path(folder) for name, folder in cfg.paths.items() if folder}
+    scenes, pool = read_scenes(folders["scenes"]), cfg.protocol.splits[cfg.repair.split]
+    scenes.check_has(pool, *map(train_pool, cfg.protocol.seeds))
+    repairs = read_table(folders["repair"] / "repairs.parquet", REPAIR_COLUMNS).query("method == 'gradient'")
+    paths = read_arrays(folders["repair"] / "paths.npz")
+    expected = repairs.groupby(["variant", "user", "seed"]).size()
+    for key in product(cfg.variants, cfg.users, cfg.protocol.seeds):
+        name, count, wanted = model_name(*key), len(paths.get(model_name(*key), ())), expected.get(key, 0)
+        if count != wanted:
+            raise InputError(
+                f"{folders['repair']}: {wanted} repairs of {name}, {count} paths; run the repair stage again"
+            )
+    return Sources(
+        scenes, pool, read_demos(folders["demos"]), *read_trajectories(folders["demos"]), repairs, paths,
+        read_interventions(folders["intervene"], scenes.layouts[pool]),
+        read_table(folders["intervene"] / "effects.parquet", EFFECT_COLUMNS),
+        {variant: read_table(model_dir(cfg, variant) / "curves.parquet") for variant in cfg.variants},
+        data_version(cfg.paths.data),
+    )  # fmt: skip
+
+
+def assemble(cfg: DictConfig, sources: Sources, variant: str, user: str, seed: int) -> Run:
+    """Return the contents of one model's recording, with predictions for every map cell, step and added item."""
+    n, margins, side = cfg.main_n_demos, cfg.users[user], cfg.record.map_side
+    images = sources.scenes.images[sources.pool][: cfg.record.scenes]
+    layouts = sources.scenes.layouts[sources.pool][: cfg.record.scenes]
+
+    def own(table: pd.DataFrame) -> pd.DataFrame:
+        return table[(table["variant"] == variant) & (table["user"] == user) & (table["seed"] == seed)]
+
+    def maps(model: ValidityModel, images: Array) -> Float[Array, "scene side side"]:
+        cells = np.broadcast_to(lattice(side), (len(images), side * side, 2))
+        return model.probability(images, cells).reshape(-1, side, side)
+
+    def true_map(layout: Layouts) -> Bool[Array, "side side"]:
+        return valid(layout, lattice(side)[None], margins).reshape(side, side)
+
+    by_n_demos = {k: load_model(cfg, variant, user, seed, k) for k in fitted_n_demos(cfg, variant)}
+    model = by_n_demos[n]
+
+    pool, demonstrations = train_pool(seed), []
+    z, labels = demo_arrays(sources.demos, seed, user, n)
+    number = {key: i for i, key in enumerate(sources.demos[DEMO_KEY].itertuples(index=False, name=None))}
+    for scene in range(min(cfg.record.training_scenes, len(z))):
+        image, layout = sources.scenes.images[pool][scene], sources.scenes.layouts[pool][scene : scene + 1]
+        rows = [number[seed, user, scene, demo] for demo in range(n)]
+        samples = tuple(sources.samples[sources.offsets[i] : sources.offsets[i + 1]] for i in rows)
+        demonstrations.append(Demonstrations(scene, image, layout, z[scene], labels[scene], samples))
+
+    table, paths, repairs = own(sources.repairs), sources.paths[model_name(variant, user, seed)], []
+    for scene, (image, predicted) in enumerate(zip(images, maps(model, images), strict=True)):
+        layout = layouts[scene : scene + 1]
+        chosen = np.flatnonzero(table["scene"].to_numpy() == scene)[: cfg.record.repairs]
+        z, steps, of_chosen = paths[chosen], paths[chosen].reshape(1, -1, 2), table.iloc[chosen]
+        p = model.probability(image[None], steps) if len(z) else np.zeros(0)
+        slacks = slack(layout, clearance(layout, steps.astype(np.float64)), margins)
+        start, ends = tuple(of_chosen["start"].tolist()), of_chosen["valid_end"].to_numpy(dtype=bool)
+        shape = z.shape[:2]
+        shown = (start, z, p.reshape(shape), slacks.reshape(shape), ends)
+        repairs.append(Repairs(scene, image, layout, predicted, true_map(layout), *shown))
+
+    effects, interventions = own(sources.effects), []
+    added = sources.added.images[:, 0]
+    for i, (symbol, predicted) in enumerate(zip(SYMBOLS, maps(model, added), strict=True)):
+        rows = effects[effects["question"] == f"add_{symbol}"].set_index("scene")[["effect", "true_effect"]]
+        if len(rows):
+            layout, (learned, true) = sources.added.layouts[i][:1], rows.loc[0].tolist()
+            means = float(rows["effect"].mean()), float(rows["true_effect"].mean())
+            shown = (symbol, added[i], layout, predicted, true_map(layout))
+            interventions.append(Intervention(*shown, learned, true, *means, len(rows)))
+
+    curves = sources.curves[variant]
+    of_model = (curves["user"] == user) & (curves["seed"] == seed) & (curves["n_demos"] == n)
+    curve = curves[of_model].sort_values("step")
+    losses = {str(term): curve[term].to_numpy() for term in curve.columns if term not in CURVE_KEY}
+    by_n = {k: repairs[0].predicted if m is model else maps(m, images[:1])[0] for k, m in by_n_demos.items()}
+    step, by_step = curve["step"].to_numpy(), {}
+    for checkpoint in sorted(cfg.checkpoints):
+        if weights_path(model_dir(cfg, variant), user, seed, n, checkpoint).is_file():
+            by_step[checkpoint] = maps(load_model(cfg, variant, user, seed, n, checkpoint), images[:1])[0]
+    trained = int(step[-1]) + 1 if len(step) > 1 else 0  # curve points precede their step's update
+    learning = Learning(step, losses, by_n, by_step | {trained: by_n[n]})
+
+    read = ["variants", "users", "protocol", "n_demos", "main_n_demos", str(cfg.variants[variant].stage)]
+    fit = OmegaConf.masked_copy(cfg, read)
+    fit.variants = {variant: {k: value for k, value in fit.variants[variant].items() if k != "compared"}}  # by studies
+    names = variant, user, seed, n, cfg.profile, sources.data, cfg.scenes.root_seed, OmegaConf.to_yaml(fit)
+    shown = tuple(demonstrations), tuple(repairs), tuple(interventions)
+    return Run(*names, dict(margins), *shown, learning)

@@ -16,11 +16,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import rerun as rr
+import rerun.blueprint as rrb
 
 from pipeline.legend import label
-from pipeline.viewer.blueprint import layout_of_overview
+from pipeline.viewer.blueprint import beside_text, board, tabbed
 from pipeline.viewer.contents import Run, grouped
+from pipeline.viewer.run import text
 from pipeline.viewer.scene import (
     OUTCOME,
     log_map,
@@ -30,38 +31,35 @@ from pipeline.viewer.scene import (
     log_titles,
     panel,
     recording_at,
-)
-from pipeline.viewer.texts import text
+)  # fmt: skip
 
 TIMELINE, COLUMNS = "scene", 4  # columns of the board
 
 
 def write_overview(path: Path, runs: Sequence[Run]) -> None:
-    """Write `runs` of the same scenes, one per user and variant, to `path` with a blueprint."""
+    """Write `runs` of the same scenes, one per user and variant, to `path` with a blueprint: a tab per user."""
     users = grouped(runs, "user")
     count = 2 + max(map(len, users.values()))  # table, truth, variants
     places = [divmod(i, COLUMNS) for i in range(count)]
-    layout = layout_of_overview(runs, TIMELINE, (places[-1][0] + 1, min(count, COLUMNS)))
-    with recording_at(path, "overview", layout) as recording:
+    shape = places[-1][0] + 1, min(count, COLUMNS)
+    tabs = [
+        beside_text(f"{user} user", board(shape, f"/{user}/**", "/fixed/table_edges"), "overview") for user in users
+    ]
+    time = rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused", fps=0.5)
+    with recording_at(path, "overview", tabbed("overview", tabs, time)) as recording:
         log_texts(recording, text("about_overview", runs), {"overview": text("overview", runs)})
         log_table_edges(recording, "fixed", places[1:])
-        for of_user in users.values():
+        for user, of_user in users.items():
             agreement = np.mean([[shown.agreement for shown in run.repairs] for run in of_user], axis=0)
-            worst_first = np.argsort(agreement, kind="stable").tolist()
-            for step, scene in enumerate(worst_first):
+            for step, scene in enumerate(np.argsort(agreement, kind="stable").tolist()):  # the worst first
                 recording.set_time(TIMELINE, sequence=step)
-                _log_scene(recording, of_user, scene, places)
-
-
-def _log_scene(
-    recording: rr.RecordingStream, runs: Sequence[Run], scene: int, places: Sequence[tuple[int, int]]
-) -> None:
-    """Log one user's table, the truth and every model's verdicts in one scene."""
-    user, shown = runs[0].user, [run.repairs[scene] for run in runs]
-    titles = [f"New scene {shown[0].scene}", "Truth"]
-    titles += [f"{label(run.variant)}: {of_run.agreement:.0%} right" for run, of_run in zip(runs, shown, strict=True)]
-    log_titles(recording, user, dict(zip(places, titles, strict=True)))
-    log_table(recording, f"{user}/table", shown[0].image, shown[0].layout, runs[0].margins)
-    maps = {"truth": shown[0].truth, **{run.variant: of_run.outcomes for run, of_run in zip(runs, shown, strict=True)}}
-    for place, (name, values) in zip(places[1:], maps.items(), strict=True):
-        log_map(recording, f"{user}/{name}", OUTCOME + values.astype(np.uint8), panel(place, len(values)))
+                shown = {run.variant: run.repairs[scene] for run in of_user}
+                first = next(iter(shown.values()))
+                titles = [f"New scene {first.scene}", "Truth"]
+                titles += [f"{label(variant)}: {of_run.agreement:.0%} right" for variant, of_run in shown.items()]
+                log_titles(recording, user, dict(zip(places, titles, strict=True)))
+                log_table(recording, f"{user}/table", first.image, first.layout, of_user[0].margins)
+                maps = {"truth": first.truth, **{variant: of_run.outcomes for variant, of_run in shown.items()}}
+                for place, (name, values) in zip(places[1:], maps.items(), strict=True):
+                    classes = OUTCOME + values.astype(np.uint8)
+                    log_map(recording, f"{user}/{name}", classes, panel(place, len(values)))

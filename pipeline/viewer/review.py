@@ -9,7 +9,6 @@ python -m pipeline.viewer.review --check           no window: verify the file an
 """
 
 import argparse
-import csv
 import os
 import socket
 import subprocess
@@ -17,78 +16,62 @@ import sys
 from pathlib import Path
 from urllib.parse import quote
 
+import pandas as pd
+
+from pipeline.artifacts.files import read_table
 from pipeline.launch import load
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.places import PARAMS
 from pipeline.viewer.digest import digest
 
 OVERVIEW, EXAMPLES = "overview", 5  # EXAMPLES: recordings listed in an error message
+COLUMNS = ["run", "sha256", "accuracy"]  # of recordings.csv
 
 
-def find(kept: Path, runs: Path, run: str) -> Path:
-    """Return the recording of `run`, or the overview; InputError if there is none.
+def recordings(kept: Path, runs: Path) -> dict[str, Path]:
+    """Return the recordings there are by name.
 
     kept: the recordings in git; runs: those of stage record, which come first.
     """
+    return {path.stem: path for folder in (kept, runs) for path in sorted(folder.glob("*.rrd"))}
+
+
+def find(kept: Path, runs: Path, run: str) -> Path:
+    """Return the recording of `run`, or the overview; InputError if there is none."""
     here = recordings(kept, runs)
-    if not here:
-        raise InputError(f"no recordings in {kept} or {runs}: run `make repro` first")
-    if run not in here and run in {row["run"] for row in _listed(kept)}:
-        raise InputError(f"git does not keep {run}: run `make repro` first, or open one of {', '.join(here)}")
     if run not in here:
+        names = ", ".join(list(here)[:EXAMPLES]) or "none"
         raise InputError(
-            f"no recording {run!r}: expected <variant>-<user>-s<seed>, such as {', '.join(list(here)[:EXAMPLES])}"
+            f"no recording {run!r} here, but {names}: expected <variant>-<user>-s<seed>; git keeps few of them, "
+            "`make repro` writes all"
         )
     return here[run]
 
 
-def recordings(kept: Path, runs: Path) -> dict[str, Path]:
-    """Return the recordings there are by name."""
-    return {path.stem: path for folder in (kept, runs) for path in sorted(folder.glob("*.rrd"))}
-
-
 def worst(kept: Path, runs: Path) -> tuple[str, str]:
     """Return the run with the lowest accuracy of those there are, and a sentence that states this."""
-    rows, here = _listed(kept), recordings(kept, runs).keys() - {OVERVIEW}
-    try:
-        accuracy = {row["run"]: float(row["accuracy"]) for row in rows if row["run"] in here}
-    except (TypeError, ValueError):  # truncated, or not a number
-        accuracy = {}
-    if not accuracy or not all(0 <= share <= 1 for share in accuracy.values()):
+    table = read_table(kept / "recordings.csv", COLUMNS).set_index("run")
+    here = table.index.isin(recordings(kept, runs).keys() - {OVERVIEW})
+    accuracy = pd.to_numeric(table["accuracy"][here], errors="coerce")
+    if accuracy.empty or not accuracy.between(0, 1).all():
         raise InputError(f"{kept / 'recordings.csv'} gives no accuracy from 0 to 1 for every run: run `make repro`")
-    run = min(accuracy, key=accuracy.__getitem__)
+    run = str(accuracy.idxmin())
     return run, f"{run}: accuracy {accuracy[run]:.1%}, the lowest of the {len(accuracy)} recordings here"
 
 
 def check(kept: Path, runs: Path, run: str) -> None:
     """Raise InputError unless Rerun can read the recording and its digest matches recordings.csv."""
     path = find(kept, runs, run)
-    verified = subprocess.run(
-        [sys.executable, "-m", "rerun", "rrd", "verify", str(path)], capture_output=True, text=True
-    )
+    verify = [sys.executable, "-m", "rerun", "rrd", "verify", str(path)]
+    verified = subprocess.run(verify, capture_output=True, text=True)
     if verified.returncode:
         raise InputError(f"{path} is damaged: delete it and run `make repro`\n{verified.stderr.strip()}")
-    expected = {row["run"]: row["sha256"] for row in _listed(kept)}
+    expected = read_table(kept / "recordings.csv", COLUMNS).set_index("run")["sha256"].get(run)
     contents = digest(path)
-    if expected.get(run) != contents:
+    if expected != contents:
         raise InputError(
-            f"{path} has digest {contents}, recordings.csv says {expected.get(run)}: delete it and run `make repro`"
+            f"{path} has digest {contents}, recordings.csv says {expected}: delete it and run `make repro`"
         )
-
-
-def _listed(folder: Path) -> list[dict[str, str]]:
-    """Return the rows of recordings.csv; InputError if it is missing or lacks a column."""
-    listed = folder / "recordings.csv"
-    if not listed.is_file():
-        raise InputError(f"{listed} is missing: run `make repro` first")
-    try:
-        with listed.open(newline="", encoding="utf-8") as file:
-            rows = list(csv.DictReader(file))
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{listed} cannot be read ({error}): run `make repro` first") from error
-    if not rows or not {"run", "sha256", "accuracy"} <= set(rows[0]):
-        raise InputError(f"{listed} does not list runs, their digests and accuracy: run `make repro` first")
-    return rows
 
 
 def folders_of(run: str) -> tuple[Path, Path]:
@@ -107,7 +90,11 @@ def show(path: Path, web: bool = False) -> int:
         )
     command = [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", str(path)]
     if web:
-        ports = [_free_port() for _ in range(2)]
+        with socket.socket() as one, socket.socket() as other:  # two free ports
+            ports = []
+            for free in (one, other):
+                free.bind(("127.0.0.1", 0))
+                ports.append(free.getsockname()[1])
         command += ["--web-viewer" if screen else "--serve-web", "--web-viewer-port", str(ports[0])]
         command += ["--port", str(ports[1])]
         proxy = quote(f"rerun+http://127.0.0.1:{ports[1]}/proxy", safe="")
@@ -116,12 +103,6 @@ def show(path: Path, web: bool = False) -> int:
         return subprocess.run(command).returncode
     except KeyboardInterrupt:
         return 0
-
-
-def _free_port() -> int:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        return free.getsockname()[1]
 
 
 def _main() -> int:

@@ -14,8 +14,7 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.demos import demo_arrays, read_demos
 from pipeline.artifacts.files import read_arrays, write_arrays, write_table
-from pipeline.artifacts.interventions import read_interventions
-from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
+from pipeline.artifacts.scenes import SceneSet, read_interventions, read_scenes, train_pool
 from pipeline.causal.added_items import added_item_effects, verdicts
 from pipeline.causal.interventions import estimate_effects
 from pipeline.launch import launch

@@ -16,7 +16,6 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.files import write_arrays, write_table
 from pipeline.artifacts.scenes import read_scenes
-from pipeline.artifacts.trained import check_weights, load_model
 from pipeline.causal.counterfactual import (
     NO_SINGLE_CAUSE,
     Removals,
@@ -30,6 +29,7 @@ from pipeline.causal.mechanisms import model_scm, recorded_noise, renderer, true
 from pipeline.causal.questions import allowed
 from pipeline.causal.scm import SCM, Values
 from pipeline.launch import launch
+from pipeline.models.trained import check_weights, load_model
 from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.streams import stream
 from pipeline.stats.scores import DECISION

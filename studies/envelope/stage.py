@@ -13,11 +13,10 @@ import yaml
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import write_table
-from pipeline.artifacts.interventions import AddedItems, read_interventions
-from pipeline.artifacts.scenes import read_scenes, train_pool
-from pipeline.artifacts.trained import check_weights, predict_all
+from pipeline.artifacts.scenes import AddedItems, read_interventions, read_scenes, train_pool
 from pipeline.causal.envelope import dose_grid, envelopes, paths_at_doses, response_curve
 from pipeline.launch import launch
+from pipeline.models.trained import check_weights, predict_all
 from pipeline.planning.oracle import nearest_valid
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.streams import stream

@@ -13,11 +13,11 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.files import write_table
 from pipeline.artifacts.scenes import read_position_prior, read_scenes
-from pipeline.artifacts.trained import check_weights, predict_all
 from pipeline.causal.identify import all_distinct, distinct_from, identify, reject_all_users
 from pipeline.launch import launch
 from pipeline.models import baselines
 from pipeline.models.baselines import POSITION
+from pipeline.models.trained import check_weights, predict_all
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.streams import stream
 from pipeline.stats.crossed import estimate

@@ -13,10 +13,10 @@ from torch import Tensor
 from making.render.read import Rendered, read_rendered
 from pipeline.artifacts.demos import read_queries
 from pipeline.artifacts.scenes import read_position_prior, read_scenes
-from pipeline.artifacts.trained import load_model
 from pipeline.models.base import ValidityModel, to_tensor
 from pipeline.models.baselines import position_only
 from pipeline.models.clearance.clearance import pack
+from pipeline.models.trained import load_model
 from pipeline.perception.objects import Objects, detect_objects
 from pipeline.runtime.streams import stream
 from pipeline.stats.scores import DECISION

@@ -19,13 +19,13 @@ from omegaconf import DictConfig
 from torch import Tensor
 
 from making.render.read import Rendered
-from pipeline.artifacts.repairs import Starts, rows
 from pipeline.causal.added_items import expected_by_version
 from pipeline.causal.interventions import compare_with_truth
 from pipeline.models.base import ValidityModel, to_tensor
 from pipeline.perception.objects import detect_objects
 from pipeline.planning.measures import measures
 from pipeline.planning.nearest import LogValid, by_truth, nearest
+from pipeline.planning.starts import Starts, rows
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.streams import stream

@@ -10,13 +10,12 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.demos import demo_arrays, read_demos
 from pipeline.artifacts.files import read_arrays, write_arrays, write_table
-from pipeline.artifacts.interventions import AddedItems, read_interventions
-from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
-from pipeline.artifacts.trained import check_weights, predict_all
+from pipeline.artifacts.scenes import AddedItems, SceneSet, read_interventions, read_scenes, train_pool
 from pipeline.causal import refuters
 from pipeline.causal.added_items import added_item_effects, questions
 from pipeline.causal.interventions import estimate_effects
 from pipeline.launch import launch
+from pipeline.models.trained import check_weights, predict_all
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.streams import stream
 from pipeline.training.refit import TrainingSet, refit_and_predict

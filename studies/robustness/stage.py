@@ -14,10 +14,10 @@ from omegaconf import DictConfig
 from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import write_arrays, write_table
 from pipeline.artifacts.scenes import SceneSet, read_position_prior, read_scenes, train_pool
-from pipeline.artifacts.trained import check_weights, load_model, predict_all
 from pipeline.launch import launch
 from pipeline.models import baselines
 from pipeline.models.baselines import POSITION
+from pipeline.models.trained import check_weights, load_model, predict_all
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.streams import stream
 from pipeline.stats.decisions import accuracy_by_seed, accuracy_estimate, accuracy_loss

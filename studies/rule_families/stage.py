@@ -16,8 +16,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.demos import demo_arrays, read_demos
 from pipeline.artifacts.files import read_arrays, write_table
-from pipeline.artifacts.interventions import read_interventions
-from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
+from pipeline.artifacts.scenes import SceneSet, read_interventions, read_scenes, train_pool
 from pipeline.causal.added_items import verdicts
 from pipeline.launch import launch
 from pipeline.models import baselines

@@ -14,9 +14,9 @@ from scipy.stats import t as student
 from pipeline.artifacts.demos import demo_arrays, read_demos
 from pipeline.artifacts.files import write_table
 from pipeline.artifacts.scenes import read_position_prior, read_scenes, train_pool
-from pipeline.artifacts.trained import check_weights, predict_all
 from pipeline.launch import launch
 from pipeline.models.baselines import POSITION, position_only
+from pipeline.models.trained import check_weights, predict_all
 from pipeline.runtime.streams import stream
 from pipeline.stats.crossed import Estimates, estimate, linearised
 from pipeline.stats.scores import DECISION

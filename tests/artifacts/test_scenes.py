@@ -1,4 +1,4 @@
-"""Scenes come back as they were written; files that disagree are refused."""
+"""Scenes, demonstrations and added items that disagree with one another are refused."""
 
 from pathlib import Path
 
@@ -6,32 +6,72 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool, write_scenes
+from pipeline.artifacts.demos import DEMO_COLUMNS, demo_arrays, read_demos, write_demos
+from pipeline.artifacts.files import write_arrays, write_table
+from pipeline.artifacts.scenes import SceneSet, layout_table, read_interventions, read_scenes, write_scenes
 from pipeline.runtime.errors import InputError
-from pipeline.world.layout import empty
+from pipeline.world.layout import SYMBOLS, Layouts, add_item, empty, random_layouts
+from tests.factories import ITEMS, RULES, appearances
+
+SCENES = 3
+RNG = np.random.default_rng(0)
+BARE = random_layouts(RNG, SCENES, ITEMS, np.arange(4), RULES)
+ADDED = [add_item(RNG, BARE, symbol, ITEMS, np.arange(4), RULES) for symbol in range(4)]
 
 
-def some_scenes() -> SceneSet:
-    rng = np.random.default_rng(0)
-    images, layouts, appearances = {}, {}, {}
-    for pool in (train_pool(0), "new_items"):
-        batch = empty(3, 4)
-        for scene, slot in ((0, 0), (0, 1), (1, 0), (2, 0), (2, 1), (2, 2)):
-            batch.symbol[scene, slot], batch.item[scene, slot] = rng.integers(4), rng.integers(24)
-            batch.centre[scene, slot] = rng.uniform(size=2)
-            for name in ("angle", "scale", "half_length", "radius"):
-                getattr(batch, name)[scene, slot] = rng.uniform()
-        images[pool] = rng.integers(0, 256, (3, 100, 100, 3), dtype=np.uint8)
-        layouts[pool] = batch
-        appearances[pool] = pd.DataFrame({"texture": ["oak"] * 3, "render_seed": [1, 2, 3]})
-    return SceneSet(images, layouts, appearances)
+@pytest.fixture
+def written(tmp_path: Path) -> Path:
+    """What stage intervene writes."""
+    tables = [layout_table(f"{symbol}-0", x) for symbol, x in zip(SYMBOLS, ADDED, strict=True)]
+    write_table(tmp_path / "layouts.parquet", pd.concat(tables, ignore_index=True))
+    images = np.arange(4 * SCENES, dtype=np.uint8).reshape(4, 1, SCENES, 1, 1, 1) * np.ones((100, 100, 3), np.uint8)
+    write_arrays(tmp_path / "images.npz", {"images": images})
+    return tmp_path
 
 
-def test_a_pool_without_images_and_images_of_another_size_are_refused(tmp_path: Path):
-    scenes = some_scenes()
-    one_pool = {"new_items": scenes.images["new_items"]}
-    small = {pool: images[:, :50] for pool, images in scenes.images.items()}
-    for images, message in ((one_pool, "different pools"), (small, r"expected uint8 \(scene, 100, 100, 3\)")):
-        write_scenes(tmp_path, SceneSet(images, scenes.layouts, scenes.appearances))
+def test_scenes_come_back_and_a_pool_without_images_or_with_others_is_refused(tmp_path: Path):
+    pools = ["train-s0", "new_items"]
+    layouts, looks = dict.fromkeys(pools, BARE), dict.fromkeys(pools, appearances(SCENES))
+    images = {pool: RNG.integers(0, 256, (SCENES, 100, 100, 3), dtype=np.uint8) for pool in pools}
+    write_scenes(tmp_path, SceneSet(images, layouts, looks))
+    back = read_scenes(tmp_path)
+    for pool in pools:
+        np.testing.assert_array_equal(back.images[pool], images[pool])
+        np.testing.assert_array_equal(back.layouts[pool].ends[BARE.present], BARE.ends[BARE.present])
+    small = {pool: x[:, :50] for pool, x in images.items()}
+    for other, message in (({"new_items": images["new_items"]}, "different pools"), (small, r"expected uint8 \(scene")):
+        write_scenes(tmp_path, SceneSet(other, layouts, looks))
         with pytest.raises(InputError, match=message):
             read_scenes(tmp_path)
+
+
+def test_layouts_and_images_come_back_and_what_was_added_stands_by_itself(written: Path):
+    added = read_interventions(written, BARE)
+    assert added.images[2, 1, 0, 0, 0] == 2 * SCENES + 1
+    for symbol, (read, alone, wrote) in enumerate(zip(added.layouts, added.placed, ADDED, strict=True)):
+        for name in ("symbol", "ends", "radius"):
+            np.testing.assert_array_equal(getattr(read, name), getattr(wrote, name))
+        assert alone.present.all() and (alone.symbol == symbol).all()
+        at = np.arange(SCENES), wrote.present.sum(1) - 1
+        np.testing.assert_array_equal(added.item[symbol], wrote.item[at])
+        np.testing.assert_array_equal(alone.centre[:, 0], wrote.centre[at])
+
+
+@pytest.mark.parametrize(
+    "scenes", [random_layouts(np.random.default_rng(1), SCENES, ITEMS, np.arange(4), RULES), BARE[:2], empty(SCENES, 2)]
+)
+def test_items_added_to_other_scenes_are_refused(written: Path, scenes: Layouts):
+    with pytest.raises(InputError, match="not these scenes with an added bowl in each"):
+        read_interventions(written, scenes)
+
+
+def test_a_z_theta_that_is_not_finite_and_too_few_demonstrations_are_refused(tmp_path: Path):
+    keys = [(0, user, scene, demo) for user in ("careful", "normal") for scene in range(3) for demo in range(4)]
+    demos = pd.DataFrame(keys, columns=["seed", "user", "scene", "demo"]).reindex(columns=DEMO_COLUMNS, fill_value=0.5)
+    for seed, user, n in ((0, "careful", 5), (1, "careful", 2), (0, "hasty", 2)):
+        with pytest.raises(InputError, match=f"user {user}, seed {seed}: expected {n}"):
+            demo_arrays(demos, seed, user, n)
+    demos.loc[3, "z_x"] = np.nan
+    write_demos(tmp_path, demos, np.zeros((0, 4)), np.zeros(len(demos) + 1, dtype=int))
+    with pytest.raises(InputError, match="not finite"):
+        read_demos(tmp_path)

@@ -21,8 +21,8 @@ START_S, SETTLE_S, PAUSE_S = 60.0, 60.0, 0.3  # limits: start, stable window; sc
 
 
 @contextmanager
-def viewer() -> Iterator[ViewerClient]:
-    """Start a viewer without a window, and close it afterwards."""
+def viewer(path: Path) -> Iterator[ViewerClient]:
+    """Open a recording in a viewer without a window, and close it afterwards."""
     with tempfile.TemporaryDirectory() as home, socket.socket() as free:
         folders = dict.fromkeys(("HOME", "XDG_RUNTIME_DIR", "XDG_CONFIG_HOME", "XDG_DATA_HOME"), home)
         env = os.environ | folders | {"NO_COLOR": "1"}
@@ -38,7 +38,9 @@ def viewer() -> Iterator[ViewerClient]:
                 [*command, *options], env=env, stdout=output, stderr=output, start_new_session=True
             )
         try:
-            yield _connect(process, f"rerun+http://127.0.0.1:{port}/proxy", log)
+            client = _connect(process, f"rerun+http://127.0.0.1:{port}/proxy", log)
+            client.open(str(path))
+            yield client
         finally:
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGTERM)  # the command and the viewer that it starts

@@ -16,8 +16,8 @@ from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import read_table
 from pipeline.artifacts.models import fitted_n_demos
 from pipeline.artifacts.scenes import read_scenes
-from pipeline.artifacts.trained import load_model
 from pipeline.models.base import untrained
+from pipeline.models.trained import load_model
 from pipeline.models.vae.beta_vae import BetaVae
 from pipeline.params import compose
 from pipeline.runtime.errors import InputError

@@ -8,7 +8,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.files import read_arrays, read_json, read_table
 from pipeline.artifacts.scenes import read_scenes
-from pipeline.artifacts.trained import load_model
+from pipeline.models.trained import load_model
 from pipeline.stages.intervene import EFFECTS, SUMMARY, main
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SYMBOLS

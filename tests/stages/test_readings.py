@@ -77,21 +77,15 @@ def test_the_curve_has_every_reading_and_its_paper_mean_counts_the_user_to_whom_
     assert set(new["variant"]) == {MODEL, POSITION} and new["ci_low"].isna().all()
 
 
-def test_every_fit_is_checked_by_the_gate_and_the_curve_counts_them(cfg: DictConfig, out: Path):
+def test_every_fit_is_checked_by_the_gate_and_the_curve_counts_them(out: Path):
     gates, curve = read_table(out / "convergence.csv"), read_table(out / "curve.csv")
-    distances, numbers = len(cfg.readings.clear_cm), len(cfg.readings.n_demos)
-    assert len(gates) == distances * numbers * len(cfg.users) * len(cfg.seeds)
     rows = curve.query(f"variant == '{MODEL}' and reading != '{RANDOM}' and users == 'paper' and split == '{HELD_OUT}'")
-    assert rows["fits"].sum() == len(gates) and rows["passed"].sum() == gates["passed"].sum()
+    assert rows["fits"].sum() == len(gates) > 0 and rows["passed"].sum() == gates["passed"].sum()
 
 
-def test_metrics_are_both_ends_on_held_out_paths_of_the_paper_s_users(cfg: DictConfig, out: Path):
+def test_metrics_are_both_ends_on_held_out_paths_of_the_paper_s_users(out: Path):
     curve = read_table(out / "curve.csv").query("split == 'held_out' and users == 'paper'")
-    means = curve.set_index(["reading", "variant", "n_demos"])["mean"]
     metrics = read_json(out / "metrics.json")["curve"]
     assert set(metrics) == set(curve["reading"])
-    for reading, of_reading in metrics.items():
-        assert set(of_reading) == {MODEL, NEAREST}
-        for variant, ends in of_reading.items():
-            assert set(ends) == {"n1", "n9"}
-            assert ends["n9"] == pytest.approx(means[reading, variant, 9], rel=1e-5)
+    for row in curve[curve["variant"] != POSITION].itertuples():
+        assert metrics[row.reading][row.variant][f"n{row.n_demos}"] == pytest.approx(row.mean, rel=1e-5)

@@ -12,12 +12,11 @@ from pipeline.artifacts.demos import DEMO_COLUMNS, write_demos
 from pipeline.artifacts.files import read_table, write_arrays, write_table
 from pipeline.artifacts.models import model_dir, save_weights, weights_path
 from pipeline.artifacts.scenes import SceneSet, layout_table, read_scenes, write_scenes
-from pipeline.artifacts.trained import load_model
 from pipeline.models.registry import build
+from pipeline.models.trained import load_model
 from pipeline.runtime.errors import InputError
 from pipeline.stages.record import main
-from pipeline.viewer.assemble import CURVE_KEY, EFFECT_COLUMNS
-from pipeline.viewer.contents import ACCEPTED
+from pipeline.viewer.contents import ACCEPTED, CURVE_KEY, EFFECT_COLUMNS
 from pipeline.viewer.scene import OUTCOME, p_classes
 from pipeline.world.bezier import curve, lattice, random_z_theta
 from pipeline.world.layout import SYMBOLS, add_item, random_layouts
@@ -50,7 +49,6 @@ def write_inputs(tmp_path: Path) -> DictConfig:
     """Two variants of three users and one seed, untrained, on made-up scenes; aggressive has no repairs."""
     cfg = composed("profile=smoke", "seeds=[0]", "record.map_side=9", "record.training_scenes=3")
     cfg.variants = {variant: cfg.variants[variant] for variant in ("full", "classifier")}
-    cfg.record.first = ["classifier"]
     for stage in ("scenes", "demos", "train", "irl", "clearance", "evaluate", "repair", "intervene"):
         OmegaConf.update(cfg, f"paths.{stage}", str(tmp_path / stage))
     rng, pools = np.random.default_rng(0), ("train-s0", "new_items")
@@ -163,20 +161,16 @@ def test_maps_during_training_are_of_the_checkpoints_and_end_with_the_final_mode
         assert np.array_equal(shown, p_classes(model.probability(image, lattice(9)[None]).reshape(9, 9)))
 
 
-def test_recordings_of_removed_users_are_removed_and_without_margins_every_user_has_some(cfg, tmp_path) -> None:
+def test_recordings_of_removed_users_and_questions_are_gone_and_without_margins_every_user_has_some(cfg, tmp_path):
+    effects = read_table(tmp_path / "intervene" / "effects.parquet")
+    write_table(tmp_path / "intervene" / "effects.parquet", effects[effects["question"] != "add_bowl"])
     for removed in ([], ["careful", "normal"]):
         cfg.users = {user: margins for user, margins in cfg.users.items() if user not in removed}
         main(cfg, tmp_path / "record")
     listed = read_table(tmp_path / "record" / "recordings.csv")["run"]
     assert set(listed) == {"full-aggressive-s0", "classifier-aggressive-s0", "overview"}
     assert {path.stem for path in (tmp_path / "record" / "runs").iterdir()} == set(listed)
-
-
-def test_a_symbol_that_no_question_adds_is_left_out(cfg: DictConfig, tmp_path: Path) -> None:
-    effects = read_table(tmp_path / "intervene" / "effects.parquet")
-    write_table(tmp_path / "intervene" / "effects.parquet", effects[effects["question"] != "add_bowl"])
-    main(cfg, tmp_path / "record")
-    path = tmp_path / "record" / "runs" / "full-normal-s0.rrd"
+    path = tmp_path / "record" / "runs" / "full-aggressive-s0.rrd"
     pages = [text for (text,) in read(path, "interventions/effects", "TextDocument:text", "intervention")]
     assert [page.splitlines()[0] for page in pages] == ["## Plate added", "## Cutlery added", "## Glass added"]
 

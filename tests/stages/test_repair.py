@@ -10,7 +10,7 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_table
 from pipeline.artifacts.scenes import read_scenes, train_pool
-from pipeline.artifacts.trained import load_model
+from pipeline.models.trained import load_model
 from pipeline.planning.oracle import constant_detour
 from pipeline.stages.repair import main
 from tests.factories import untrained_models

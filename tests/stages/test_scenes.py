@@ -81,14 +81,7 @@ def test_the_true_table_2_is_near_the_paper_s_and_the_committed_one_within_3_poi
 
 @pytest.mark.parametrize(
     ("name", "value", "message"),
-    [
-        (
-            "scenes.layout.clear_of_ends",
-            5.0,
-            r"no room for 2 or 3 items in 1000 tries: lower scenes\.layout\.clear",
-        ),
-        ("paths.data", "nowhere", "missing"),
-    ],
+    [("scenes.layout.clear_of_ends", 5.0, "no room for 2 or 3 items"), ("paths.data", "nowhere", "missing")],
 )
 def test_rules_without_room_and_missing_data_are_named(tmp_path: Path, name: str, value: object, message: str):
     refuses(main, small(), name, value, message, tmp_path / "out")

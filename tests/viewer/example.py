@@ -1,6 +1,7 @@
 """Example runs, as large as the stage makes them, and readers of recordings."""
 
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -33,74 +34,56 @@ def an_image(rng: np.random.Generator) -> np.ndarray:
     return rng.integers(100, 132, (100, 100, 3), dtype=np.uint8)
 
 
+def a_map(rng: np.random.Generator) -> np.ndarray:
+    return rng.random((SIDE, SIDE), dtype=np.float32)
+
+
+def true_map(layout: Layouts) -> np.ndarray:
+    return valid(layout, lattice(SIDE)[None], MARGINS).reshape(SIDE, SIDE)
+
+
 def a_run(repairs: int = 3) -> Run:
     """As large as the stage makes them, with repairs of every end in each scene, and maps no compression helps."""
-    rng = np.random.default_rng(0)
-    layout = a_layout()
-    cells = lattice(SIDE)[None]
-    demonstrations, repaired = [], []
+    rng, layout = np.random.default_rng(0), a_layout()
+    demonstrations, repaired, interventions = [], [], []
     for scene in range(3):
-        z = random_z_theta(rng, 9)
-        time = np.linspace(0, 3, 150)
+        z, time = random_z_theta(rng, 9), np.linspace(0, 3, 150)
         samples = tuple(
             np.column_stack([time, path + rng.normal(0, 0.003, path.shape), 0 * time]).astype(np.float32)
             for path in curve(z, len(time))
         )
-        truth = valid(layout, z[None], MARGINS)[0]
-        demonstrations.append(Demonstrations(scene, an_image(rng), layout, z, truth, samples))
+        labels = valid(layout, z[None], MARGINS)[0]
+        demonstrations.append(Demonstrations(scene, an_image(rng), layout, z, labels, samples))
         steps = random_z_theta(rng, repairs, STEPS + 1).astype(np.float32)
-        repaired.append(
-            Repairs(
-                scene=scene,
-                image=an_image(rng),
-                layout=layout,
-                predicted=rng.random((SIDE, SIDE), dtype=np.float32),
-                truth=valid(layout, cells, MARGINS).reshape(SIDE, SIDE),
-                start=tuple(range(0, 2 * repairs, 2)),
-                z=steps,
-                p=rng.random((repairs, STEPS + 1), dtype=np.float32),
-                slack=slack(layout, clearance(layout, steps.reshape(1, -1, 2)), MARGINS).reshape(repairs, STEPS + 1),
-                ends_valid=valid(layout, steps[None, :, -1].astype(float), MARGINS)[0],
-            )
+        slacks = slack(layout, clearance(layout, steps.reshape(1, -1, 2)), MARGINS).reshape(repairs, STEPS + 1)
+        ends, p = valid(layout, steps[None, :, -1].astype(float), MARGINS)[0], rng.random(slacks.shape, np.float32)
+        shown = tuple(range(0, 2 * repairs, 2)), steps, p, slacks, ends
+        repaired.append(Repairs(scene, an_image(rng), layout, a_map(rng), true_map(layout), *shown))
+    for symbol in SYMBOLS:
+        more, image = a_layout(), repaired[0].image.copy()
+        more.symbol[0, 2], more.item[0, 2] = SYMBOLS.index(symbol), 2
+        more.centre[0, 2], more.radius[0, 2], more.scale[0, 2] = rng.uniform(0.2, 0.8, 2), 0.05, 1.0
+        image[40:52, 30:42] = 255
+        learned, true, learned_mean, true_mean = rng.uniform(-1, 1, 4)
+        interventions.append(
+            Intervention(symbol, image, more, a_map(rng), true_map(more), learned, true, learned_mean, true_mean, 100)
         )
-    interventions = tuple(_an_intervention(rng, symbol, repaired[0].image) for symbol in SYMBOLS)
-    learning = Learning(
-        np.arange(0, 1000, 10),
-        {term: rng.random(100) for term in ("reconstruction", "kl", "classification", "total")},
-        {n: rng.random((SIDE, SIDE), dtype=np.float32) for n in (1, 3, 5, 7, 9)},
-        {step: rng.random((SIDE, SIDE), dtype=np.float32) for step in (0, 50, 100, 200, 400, 700, 1000)},
-    )
+    losses = {term: rng.random(100) for term in ("reconstruction", "kl", "classification", "total")}
+    by_n, by_step = ({at: a_map(rng) for at in points} for points in ((1, 5, 9), (0, 50, 100, 200, 400, 700, 1000)))
+    learning = Learning(np.arange(0, 1000, 10), losses, by_n, by_step)
     names = ("full", "careful", 3, 9, "paper", "0123456789ab", 2040, "train: {rate: 0.003}\n")
-    return Run(*names, MARGINS, tuple(demonstrations[:2]), tuple(repaired), interventions, learning)
-
-
-def _an_intervention(rng: np.random.Generator, symbol: str, before: np.ndarray) -> Intervention:
-    layout, image = a_layout(), before.copy()
-    layout.symbol[0, 2], layout.item[0, 2] = SYMBOLS.index(symbol), 2
-    layout.centre[0, 2], layout.radius[0, 2], layout.scale[0, 2] = rng.uniform(0.2, 0.8, 2), 0.05, 1.0
-    image[40:52, 30:42] = 255
-    truth = valid(layout, lattice(SIDE)[None], MARGINS).reshape(SIDE, SIDE)
-    predicted = rng.random((SIDE, SIDE), dtype=np.float32)
-    learned, true, learned_mean, true_mean = rng.uniform(-1, 1, 4)
-    return Intervention(symbol, image, layout, predicted, truth, learned, true, learned_mean, true_mean, 100)
+    return Run(*names, MARGINS, tuple(demonstrations[:2]), tuple(repaired), tuple(interventions), learning)
 
 
 def some_runs() -> list[Run]:
     """Two variants of two users in the same scenes; the second user cares for no item in them."""
-    rng = np.random.default_rng(1)
+    rng, runs = np.random.default_rng(1), []
     whole, none = a_run(repairs=1), dict.fromkeys(MARGINS) | {"glass": 0.042}
-    runs = []
-    for variant in ("full", "ae"):
-        for user, margins in (("careful", MARGINS), ("normal", none)):
-            repairs = tuple(
-                replace(
-                    shown,
-                    predicted=rng.random((SIDE, SIDE), dtype=np.float32),
-                    truth=shown.truth if user == "careful" else np.ones_like(shown.truth),
-                )
-                for shown in whole.repairs
-            )
-            runs.append(replace(whole, variant=variant, user=user, margins=margins, repairs=repairs))
+    for variant, (user, margins) in product(("full", "ae"), (("careful", MARGINS), ("normal", none))):
+        truths = [shown.truth if user == "careful" else np.ones_like(shown.truth) for shown in whole.repairs]
+        pairs = zip(whole.repairs, truths, strict=True)
+        repairs = tuple(replace(shown, predicted=a_map(rng), truth=truth) for shown, truth in pairs)
+        runs.append(replace(whole, variant=variant, user=user, margins=margins, repairs=repairs))
     return runs
 
 

@@ -8,14 +8,10 @@ from pipeline.world.layout import SYMBOLS, point_segment_distance
 from tests.viewer.example import a_layout
 
 
-def test_a_pixel_centre_lies_where_the_world_says() -> None:
-    row, column = 30, 12
+def test_pixels_and_cells_lie_where_the_world_says() -> None:
+    row, column, side = 30, 12, 7
     point = np.array([(column + 0.5) / 100, 1 - (row + 0.5) / 100])  # of the images, in metres
     assert np.allclose(on_table(point), [column + 0.5, row + 0.5])
-
-
-def test_a_lattice_point_lies_in_the_middle_of_its_pixel_in_the_map() -> None:
-    side = 7
     values = np.arange(side * side).reshape(side, side)
     column, row = np.floor(on_map(lattice(side), side)).astype(int).T
     assert np.array_equal(map_image(values)[row, column], values.ravel())

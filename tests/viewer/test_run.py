@@ -7,16 +7,14 @@ import numpy as np
 import pytest
 
 from pipeline.viewer.contents import ACCEPTED, FALSELY_INVALID, FALSELY_VALID, REJECTED, Run
-from pipeline.viewer.demonstrations import EVERY, POINTS
 from pipeline.viewer.digest import digest
 from pipeline.viewer.geometry import boundary, on_map, on_table
-from pipeline.viewer.run import write_run
+from pipeline.viewer.run import EVERY, POINTS, write_run
 from pipeline.viewer.scene import OUTCOME, TIMELINES, p_classes
 from pipeline.world.bezier import curve
 from tests.viewer.example import MARGINS, SIDE, STEPS, a_run, read, read_maps, read_timed
 
 pytestmark = pytest.mark.slow
-TABS = ("repairs", "interventions", "learning", "training")
 
 
 @pytest.fixture(scope="module")
@@ -66,11 +64,9 @@ def test_every_repair_is_there_at_its_step(run: Run, recording: Path) -> None:
 
 
 def test_the_text_counts_the_ends_that_are_marked_valid_or_not(run: Run, recording: Path) -> None:
-    discs, crosses = 0, 0
-    for shown in run.repairs:
-        scene = f"table/scene_{shown.scene:03d}"
-        discs += sum(map(len, read(recording, f"{scene}/valid", "Points2D:positions")))
-        crosses += sum(map(len, read(recording, f"{scene}/invalid", "LineStrips2D:strips")))
+    entities = [f"table/scene_{shown.scene:03d}" for shown in run.repairs]
+    discs = sum(len(x) for entity in entities for x in read(recording, f"{entity}/valid", "Points2D:positions"))
+    crosses = sum(len(x) for entity in entities for x in read(recording, f"{entity}/invalid", "LineStrips2D:strips"))
     assert discs == sum(shown.ends_valid.sum() for shown in run.repairs) and crosses > 0
     accepted = sum(((shown.p[:, -1] > 0.5) & ~shown.ends_valid).sum() for shown in run.repairs)
     words = text(recording, "text/repairs")
@@ -101,19 +97,14 @@ def test_demonstrations_are_drawn_as_fitted_and_as_recorded(run: Run, recording:
         assert (len(discs), len(crosses)) == (shown.valid.sum(), (~shown.valid).sum())
 
 
-def test_a_tab_s_text_has_at_most_120_words_and_names_model_user_and_seed(recording: Path) -> None:
-    for tab in TABS:
+def test_texts_are_short_and_name_the_model_and_the_recording_carries_its_sources(run: Run, recording: Path) -> None:
+    for tab in ("repairs", "interventions", "learning", "training"):
         words = text(recording, f"text/{tab}")
-        assert len(words.split()) <= 120
-        assert "Paper’s model, careful user, seed 3" in words
-
-
-def test_a_recording_carries_its_parameters_and_its_data_version(run: Run, recording: Path) -> None:
-    words = text(recording, "about")
-    sources = (run.variant, run.user, run.seed, run.n_demos, run.profile, run.data, run.root_seed, run.parameters)
-    for value in (run.name, *sources, "bowl 4.5 cm", f"pipeline.viewer.review {run.name} --check"):
-        assert str(value) in words
-    assert "glass" not in words  # this user has no margin for it
+        assert len(words.split()) <= 120 and "Paper’s model, careful user, seed 3" in words
+    about = text(recording, "about")
+    for value in (run.name, run.n_demos, run.profile, run.data, run.root_seed, run.parameters, "bowl 4.5 cm"):
+        assert str(value) in about
+    assert "glass" not in about  # this user has no margin for it
 
 
 def test_a_user_without_margins_has_no_repairs(tmp_path: Path) -> None:
@@ -127,13 +118,8 @@ def test_a_user_without_margins_has_no_repairs(tmp_path: Path) -> None:
 
 def test_the_digest_changes_with_any_part(run: Run, recording: Path, tmp_path: Path) -> None:
     *others, last = run.repairs
-    parts = {
-        "p": np.nextafter(last.p, np.float32(2)),
-        "truth": ~last.truth,
-        "ends_valid": ~last.ends_valid,
-        "start": (),
-    }
-    changes = [{"repairs": (*others, replace(last, **{name: value}))} for name, value in parts.items()]
+    parts = ({"p": np.nextafter(last.p, np.float32(2))}, {"truth": ~last.truth}, {"ends_valid": ~last.ends_valid})
+    changes = [{"repairs": (*others, replace(last, **part))} for part in parts]
     changes += [{"learning": replace(run.learning, by_step={0: last.predicted})}, {"demonstrations": ()}, {"seed": 4}]
     for changed in changes:
         write_run(tmp_path / "other.rrd", replace(run, **changed))

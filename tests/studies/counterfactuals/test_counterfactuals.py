@@ -9,10 +9,10 @@ from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.files import read_arrays, read_table
 from pipeline.artifacts.scenes import read_scenes
-from pipeline.artifacts.trained import load_model
 from pipeline.causal.counterfactual import item_subsets, select_items
 from pipeline.causal.mechanisms import model_scm, renderer
 from pipeline.causal.scm import chance_of_change
+from pipeline.models.trained import load_model
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SIDE, SYMBOLS
 from pipeline.world.render import REACH_M, Palette

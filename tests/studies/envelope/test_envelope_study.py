@@ -10,8 +10,8 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_table
 from pipeline.artifacts.scenes import train_pool
-from pipeline.artifacts.trained import load_model
 from pipeline.causal.envelope import dose_grid
+from pipeline.models.trained import load_model
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SYMBOLS, LayoutRules, random_layouts
 from pipeline.world.rules import clearance, valid

@@ -8,8 +8,7 @@ import pytest
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_table
-from pipeline.artifacts.interventions import read_interventions
-from pipeline.artifacts.scenes import read_scenes
+from pipeline.artifacts.scenes import read_interventions, read_scenes
 from pipeline.causal.refuters import TUNED_NOTE
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SIDE, point_segment_distance

@@ -1,7 +1,7 @@
 """Load fitted models and predict with all of them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from pathlib import Path
 
@@ -27,8 +27,7 @@ def load_model(
     Raises InputError if the weights are missing, damaged, not finite or of a wrong shape.
     """
     path = weights_path(model_dir(cfg, variant), user, seed, n_demos, step)
-    if not path.is_file():
-        raise InputError(f"{path} is missing: run `make repro` (or the stage that fits {variant}) first")
+    _check_file(cfg, variant, path)
     model = build(cfg.variants[variant])
     read_weights(model, path, variant)
     return model.eval()
@@ -48,19 +47,12 @@ def read_weights(model: ValidityModel, path: Path, variant: str) -> None:
 def check_weights(cfg: DictConfig) -> None:
     """Raise InputError for the first missing model at main_n_demos."""
     for variant, user, seed in product(cfg.variants, cfg.users, cfg.protocol.seeds):
-        path = weights_path(model_dir(cfg, variant), user, seed, cfg.main_n_demos)
-        if not path.is_file():
-            stage = cfg.variants[variant].stage
-            raise InputError(f"{path} is missing: run stage {stage} for variant {variant} first")
+        _check_file(cfg, variant, weights_path(model_dir(cfg, variant), user, seed, cfg.main_n_demos))
 
 
-@dataclass(frozen=True)
-class _Job:
-    cfg: DictConfig
-    variant: str
-    user: str
-    images: Array
-    z_theta: Array
+def _check_file(cfg: DictConfig, variant: str, path: Path) -> None:
+    if not path.is_file():
+        raise InputError(f"{path} is missing: run stage {cfg.variants[variant].stage} for variant {variant} first")
 
 
 def predict_all(
@@ -71,14 +63,12 @@ def predict_all(
     desc: str,
 ) -> dict[str, Float[Array, "user seed image path"]]:
     """Return P(valid) of every path [m] in its image by each variant's models of these users at main_n_demos."""
-    longest_first = list(cfg.variants)[::-1]
-    jobs = [_Job(cfg, variant, user, images, z_theta) for variant in longest_first for user in users]
-    p = map_jobs(_predict, jobs, cfg.workers, desc)
-    by_variant = {v: np.stack(p[i * len(users) : (i + 1) * len(users)]) for i, v in enumerate(longest_first)}
-    return {v: by_variant[v] for v in cfg.variants}
+    longest_first = [(variant, user) for variant in reversed(list(cfg.variants)) for user in users]
+    p = map_jobs(partial(_predict, cfg, images, z_theta), longest_first, cfg.workers, desc)
+    by_model = dict(zip(longest_first, p, strict=True))
+    return {variant: np.stack([by_model[variant, user] for user in users]) for variant in cfg.variants}
 
 
-def _predict(job: _Job) -> Float[Array, "seed image path"]:
-    seeds = job.cfg.protocol.seeds
-    models = (load_model(job.cfg, job.variant, job.user, seed, job.cfg.main_n_demos) for seed in seeds)
-    return np.stack([model.probability(job.images, job.z_theta) for model in models])
+def _predict(cfg: DictConfig, images: Array, z_theta: Array, model: tuple[str, str]) -> Float[Array, "seed image path"]:
+    models = (load_model(cfg, *model, seed, cfg.main_n_demos) for seed in cfg.protocol.seeds)
+    return np.stack([model.probability(images, z_theta) for model in models])
