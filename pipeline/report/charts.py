@@ -15,7 +15,7 @@ from pipeline.report.style import INK, MUTED, RULE, label, looks, of_series, tog
 from pipeline.report.tables import Data, Words, beside, check_finite, chosen, in_words
 
 STYLES = ("-", "--", ":", "-.")
-MAX_TICKS = 10  # the most values of x that each get a tick and a mark
+MAX_TICKS = 20  # the most values of x that each get a tick and a mark
 WRAP = 4  # the most panels in a row
 
 
@@ -87,7 +87,12 @@ def curves(
             middle = unit * rows[of.y].to_numpy(float)
             if of.ends:
                 low_end, high_end = (unit * rows[end].to_numpy(float) for end in of.ends)
-                band = one.fill_between(places, low_end, high_end, color=series.look["color"], alpha=0.13, linewidth=0)
+                if series.look["linestyle"]:
+                    band = one.fill_between(
+                        places, low_end, high_end, color=series.look["color"], alpha=0.13, linewidth=0
+                    )
+                else:
+                    band = one.vlines(places, low_end, high_end, color=series.look["color"])
                 series.marks(band)
             series.marks(one.plot(places, middle, label=series.name, linewidth=2, **series.look)[0])
             if len(places) <= MAX_TICKS:
@@ -105,8 +110,10 @@ def curves(
             one.minorticks_off()
         if text:
             one.set_xticks(range(len(values)), [made.word(x, value) for value in values])
-        elif len(values) <= MAX_TICKS:
-            one.set_xticks([x_unit * v for v in values], [f"{x_unit * v:,g}" for v in values])
+        else:
+            one.xaxis.set_major_formatter(lambda number, _: f"{number:g}")
+            if len(values) <= MAX_TICKS:
+                one.set_xticks([x_unit * value for value in values])
         one.grid(axis="y")
     made.finish(figure, axes, xlabel, ylabel, **others)
     return figure
@@ -134,18 +141,21 @@ def bars(
 ) -> Figure:
     """Return y with the interval from low to high, horizontal, a group for each value of x and a mark for each `hue`.
 
+    If hue is x, each group has its own colour.
     truth: a column whose number is a line across its group. band: the numbers up to this far from 0 are shaded. All
     else is as in `curves`; xlabel is the name of the numbers.
     """
     made = _Chart(data, table, y, low, high, panel, hue, "", where, words or {}, titles or {}, gaps)
     groups = list(dict.fromkeys(made.frame[x]))
     names = [series.id for series in made.series(made.frame)]
-    figure, axes = made.grid(1.4 + len(groups) * max(0.45, 0.17 * len(names)), sharex=made.shared, sharey=True)
+    figure, axes = made.grid(
+        1.4 + len(groups) * max(0.45, 0.17 * len(names) * (hue != x)), sharex=made.shared, sharey=True
+    )
     for one, of in axes:
         if band:
             one.axvspan(-band, band, color=RULE, alpha=0.5, linewidth=0)
         for series in made.series(of.rows):
-            offset = 0.36 * ((2 * names.index(series.id) + 1) / len(names) - 1) if len(names) > 1 else 0.0
+            offset = 0.36 * ((2 * names.index(series.id) + 1) / len(names) - 1) if hue != x else 0.0
             look = series.look | {"linestyle": "", "marker": series.look["marker"] or "X", "markersize": 7}
             at = np.array([groups.index(group) for group in series.rows[x]]) + offset
             middle = unit * series.rows[of.y].to_numpy(float)

@@ -66,6 +66,12 @@ def lookup(frame: pd.DataFrame, table: str, column: str, **where: Any) -> Any:
     return Traced(value, table, column, where) if isinstance(value, float) else value
 
 
+def named(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table in which missing names, such as the variant of a baseline, are empty ones."""
+    names = table.select_dtypes(["object", "string"]).columns
+    return table.assign(**{name: table[name].fillna("") for name in names})
+
+
 def check_finite(frame: pd.DataFrame, table: str, columns: Collection[str]) -> None:
     """Raise InputError for the first of these columns with a number that is missing or not finite."""
     for column in columns:
