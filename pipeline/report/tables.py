@@ -235,7 +235,8 @@ def _across(lines: list[dict[str, Any]], heads: list[str], keys: list[str]) -> p
         row = rows.setdefault(tuple(line[name] for name in keys), {name: line[name] for name in keys})
         row |= {_joined(head, name): line[name] for name in others}
     order = [*keys, *(_joined(head, name) for head in dict.fromkeys(heads) for name in others)]
-    return with_gaps([{name: row.get(name) for name in order} for row in rows.values()])
+    made = with_gaps([{name: row.get(name) for name in order} for row in rows.values()])
+    return made.drop(columns=[name for name in order if name.endswith(HIDDEN) and made[name].isna().all()])
 
 
 def _joined(head: str, title: str) -> str:

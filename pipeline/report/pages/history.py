@@ -14,7 +14,8 @@ def draws(results: Results) -> pd.DataFrame:
     rows = results.table("draws").melt("root_seed", list(VARIANTS), "variant", "accuracy").dropna(subset="accuracy")
     shown = [variant for variant in VARIANTS if variant in results.variants]
     now = {"variant": shown, "accuracy": [results.accuracy(v, "new_items") for v in shown]}
-    return pd.concat([rows, pd.DataFrame(now).assign(root_seed=results.facts["root_seed"])], ignore_index=True)
+    this = results.facts["root_seed"]
+    return pd.concat([rows[rows["root_seed"] != this], pd.DataFrame(now).assign(root_seed=this)], ignore_index=True)
 
 
 def changes(results: Results) -> pd.DataFrame:
