@@ -186,7 +186,7 @@ class Results:
 
     @property
     def largest_difference(self) -> float | None:
-        """Return how far a true share of valid paths is from the paper's Table 2 at most; None if it has none of them."""
+        """Return how far a true share of valid paths is from the paper's Table 2 at most; None if it has none."""
         table = self.table("p_valid")
         known = table[table["user"].isin(PAPER_TABLE_2.index) & table["added"].isin(PAPER_TABLE_2.columns)]
         return None if known.empty else checked(known["difference"].abs().max(skipna=False), "p_valid, difference")
