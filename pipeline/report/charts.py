@@ -254,7 +254,7 @@ class _Chart:
             yield Series("all", "", rows, self.looks[""])
             return
         for values in self.frame[self.columns].drop_duplicates().itertuples(index=False, name=None):
-            own = rows[(rows[self.columns] == values).all(axis=1)]
+            own = rows[(rows[self.columns] == list(values)).all(axis=1)]
             if own.empty:
                 continue
             given = dict(zip(self.columns, values, strict=True))
