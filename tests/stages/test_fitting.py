@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
-from pipeline.config.graph import ROOT
 
 from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import read_table
@@ -21,6 +20,7 @@ from pipeline.models.trained import load_model
 from pipeline.models.vae.beta_vae import BetaVae
 from pipeline.params import compose
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.places import ROOT
 from pipeline.runtime.streams import job_seed
 from pipeline.stages import clearance, irl, train
 from tests.stages.facts import run_as_listed
