@@ -140,7 +140,7 @@ params: $(READY)  ## write params.yaml, and dvc.yaml's lists of variants, from c
 
 POOL := outputs/segmenter
 segmenter: data-here  ## train perception anew on composites, 30 minutes on two cores; its weights are in git, so no other target needs it
-	python -m making.segmenter.draw --pool $(POOL) --parts 44 & python -m making.segmenter.train --pool $(POOL) --steps 11000 && wait
+	python -m making.segmenter.pool --pool $(POOL) --parts 44 & python -m making.segmenter.train --pool $(POOL) --steps 11000 && wait
 
 data: $(READY)  ## draw data/ anew and put it into the store
 	python -m making.data

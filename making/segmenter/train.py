@@ -2,7 +2,7 @@
 
 python -m making.segmenter.train --pool FOLDER --steps 11000
 
-Another process draws the pool meanwhile (making/segmenter/draw.py). The training waits for parts that are not there
+Another process draws the pool meanwhile (making/segmenter/pool.py). The training waits for parts that are not there
 yet, so its result does not depend on their speeds.
 """
 
@@ -21,8 +21,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from making.segmenter.changes import Truth, change
-from making.segmenter.path_traced import read_path_traced
-from making.segmenter.pool import PART, Part, part_file
+from making.segmenter.pool import PART, Part, part_file, read_path_traced
 from pipeline.perception.segmenter import WEIGHTS, Segmenter
 
 SEED = 0
