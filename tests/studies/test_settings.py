@@ -9,16 +9,15 @@ from tests.factories import composed, with_value
 MARGINS = "{" + ", ".join(f"{symbol}: MARGIN" for symbol in SYMBOLS) + "}"
 OUT_OF_RANGE = {  # study: values of its settings, each refused by the setting's name
     "acceptance": "variants=[unknown] | variants=[] | level=1.0 | fitted=20",
-    "ceiling": "scenes={unknown: [20]} | scenes={irl_ranked: [20]} | scenes.full=[12, 6] | seeds={full: 2}"
-    " | new_scenes=1 | seen_scenes=7 | batch=0 | growth=-0.5 | clear_cm=[4, 8]",
     "confounding": "worlds.always=1.5 | worlds.control=0.5 | gap_m=[0.001, 0.04] | worlds={} | glasses=3 | near_m=0"
     " | users=[carefull] | variants={fulll: [confounded]} | variants.clearance=[control] | examples=0",
     "counterfactuals": "scenes=1 | move_step=0.0 | example_variant=best",
-    "demonstrations": "seeds={clearance: 2} | seeds={full: 2, unknown: 2} | clear_cm=[4, 0] | clear_cm=[]",
     "envelope": "doses=1 | paths=0.5 | candidates=0 | step=0.0 | planner=unknown",
     "execution": "grip_m=0.0 | lattice=1 | physics_arm=pr3 | physics={walk: [full]} | physics.gradient=[unknown]"
     " | physics_starts=1000 | shown_scene=1000 | shaker.below_m=0.2 | arms.pr2.side_m=[] | arms.pr2.offset_m=[0.1]"
     " | solids.bowl.height_m=0.0",
+    "fairness": "scenes={full: [20]} | scenes.full=[12, 6] | scenes_seeds=1 | new_scenes=1 | seen_scenes=7"
+    " | candidates=3 | clear_cm=[4, 0] | clear_cm=[]",
     "identification": "paths=0 | draws=true | level=1.0",
     "perception": "pictures=0 | paths=0 | rendered=[] | headlines.taught_tops=train | headlines={}",
     "refutation": "scenes=3 | scenes=4.5 | far_m=0.04 | dummy_outcome=[unknown] | pieces=[3]",
