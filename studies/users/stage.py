@@ -66,6 +66,8 @@ def agree(study: Settings, parameters: Any) -> None:
     """Require several users, a stranger that differs from all of them, and numbers of paths that there are."""
     name, users = "studies.users", parameters.users
     need(len(users) > 1, "users", list(users), "at least two, to tell one from the other")
+    both, variants = {"full", "clearance"}, list(parameters.variants)
+    need(both <= set(variants), "variants", variants, f"full and clearance among them: {name} is about them")
     need_some(f"{name}.stranger", study.stranger, SYMBOLS)
     new = {symbol: study.stranger.get(symbol) for symbol in SYMBOLS} not in users.values()
     need(new, f"{name}.stranger", study.stranger, "margins that no user has, or nobody can tell the stranger")
@@ -160,7 +162,7 @@ def identification_tables(
         correct, confidence = identify(p, labels, floor)  # (user, path, seed, scene)
         named = [*zip(users, correct, confidence, strict=True), (ALL, correct.mean(0), confidence.mean(0))]
         for user, right, sure in named:
-            columns = rate("accuracy", right, everyone) | rate("accuracy", right, distinct, "distinct_")
+            columns = rate("accuracy", right) | rate("accuracy", right, distinct, "distinct_")
             curves.append(by_path(variant, user, columns | {"confidence": sure.mean((1, 2))}))
         rejected = reject_all_users(p, np.concatenate([labels, by_stranger[None]]), floor, study.level)
         known = [*zip(users, rejected[:-1], strict=True), (ALL, rejected[:-1].mean(0))]
@@ -174,16 +176,17 @@ def identification_tables(
 
 
 def rate(
-    name: str, values: Float[Array, "path seed scene"], scenes: Bool[Array, " scene"], prefix: str = ""
+    name: str, values: Float[Array, "path seed scene"], scenes: Bool[Array, " scene"] | None = None, prefix: str = ""
 ) -> dict[str, Float[Array, " path"]]:
-    """Return the mean over seeds and the chosen scenes as column `name`, and its 95 % interval within [0, 1].
+    """Return the mean over seeds and scenes (None: all) as column `name`, and its 95 % interval within [0, 1].
 
     NaN for fewer than two scenes.
     """
     columns = [f"{prefix}{part}" for part in (name, "ci_low", "ci_high")]
-    if scenes.sum() < 2:
+    chosen = values if scenes is None else values[..., scenes]
+    if chosen.shape[-1] < 2:
         return dict.fromkeys(columns, np.full(len(values), np.nan))
-    e = estimate(values[..., scenes])
+    e = estimate(chosen)
     return dict(zip(columns, (e.effect, e.ci_low.clip(0, 1), e.ci_high.clip(0, 1)), strict=True))
 
 

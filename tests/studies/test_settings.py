@@ -18,10 +18,9 @@ OUT_OF_RANGE = {  # study: values of its settings, each refused by the setting's
     " | solids.bowl.height_m=0.0",
     "fairness": "scenes={full: [20]} | scenes.full=[12, 6] | scenes_seeds=1 | new_scenes=1 | seen_scenes=7"
     " | candidates=3 | clear_cm=[4, 0] | clear_cm=[]",
-    "identification": "paths=0 | draws=true | level=1.0",
     "perception": "pictures=0 | paths=0 | rendered=[] | headlines.taught_tops=train | headlines={}",
     "refutation": "scenes=3 | scenes=4.5 | far_m=0.04 | dummy_outcome=[unknown] | pieces=[3]",
-    "solutions": "variants=[unknown] | variants=[] | split=seen_scenes | draws=0 | draws=10000 | neighbours=0",
+    "users": "paths=0 | draws=true | level=1.0 | samples=0 | samples=10000 | neighbours=0",
     "robustness": "split=seen_scenes | scenes=1 | scenes=10000 | corruptions.shade=[0.5, 1.5] | corruptions.blur=[2, 1]"
     " | corruptions.noise=[0.0] | clutter=[1.5] | mislabelled={unknown: [0.1]} | mislabelled.clearance=[]",
     "rule_families": "families={dwell: 0.1} | families={margin: 0.0, taste: 1.0} | families.proximity=-0.1"
@@ -34,10 +33,10 @@ WITH_REASON = [  # study, value, what the error says after the setting's name
     ("counterfactuals", "moved_scenes=7", ".*at most studies.counterfactuals.scenes"),
     ("counterfactuals", "split=seen_scenes", ".*new_scenes, new_items"),
     ("envelope", "clear_of_others=0.04", ".*more than the widest margin in users"),
-    ("identification", "reported=[1, 1000]", ".*whole numbers from 1 to studies.identification.paths"),
-    ("identification", "stranger=" + MARGINS.replace("MARGIN", "null"), ".*margins that no user has"),
-    ("identification", "stranger=" + MARGINS.replace("MARGIN", "-1.0"), ".bowl"),
-    ("identification", "split=seen_scenes", ".*new_scenes, new_items"),
+    ("users", "reported=[1, 1000]", ".*whole numbers from 1 to studies.users.paths"),
+    ("users", "stranger=" + MARGINS.replace("MARGIN", "null"), ".*margins that no user has"),
+    ("users", "stranger=" + MARGINS.replace("MARGIN", "-1.0"), ".bowl"),
+    ("users", "split=seen_scenes", ".*new_scenes, new_items"),
     ("robustness", "corruptions={fog: [0.1]}", ".*fog"),
 ]
 ROWS = [(study, row, "") for study, rows in OUT_OF_RANGE.items() for row in rows.split(" | ")] + WITH_REASON
@@ -52,4 +51,4 @@ def test_settings_out_of_range_are_refused_by_name(study: str, row: str, reason:
 
 def test_a_stranger_with_a_margin_to_an_unknown_symbol_is_refused():
     with pytest.raises(ValueError, match=r"stranger is \['mug'\]: expected some of bowl, plate"):
-        validate(with_value(composed(), "studies.identification.stranger={mug: 0.045}"), ["identification"])
+        validate(with_value(composed(), "studies.users.stranger={mug: 0.045}"), ["users"])
