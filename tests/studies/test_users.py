@@ -59,7 +59,7 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     cfg = models_in_rendered_scenes(folder, VARIANTS, 5, f"paths.demos={folder / 'demos'}")
     cfg.studies.users.update(paths=6, draws=4, reported=[1, 5])
     labelled_demos(cfg, same_scenes_for_training(cfg, "new_items"))
-    prior = {user: np.full((14, 14), p) for user, p in zip(cfg.users, (0.4, 0.7, 1.0), strict=True)}
+    prior = {user: np.full((14, 14), p) for user, p in zip(cfg.users, (0.6, 0.8, 1.0), strict=True)}
     write_arrays(Path(cfg.paths.scenes) / "position_prior.npz", prior)
     return cfg
 
