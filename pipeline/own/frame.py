@@ -82,7 +82,7 @@ class Frame:
         return cv2.resize(canvas, (side_px, side_px), interpolation=cv2.INTER_AREA)
 
 
-def whole(width: float, height: float) -> Float[Array, "4 2"]:
+def whole(width: int, height: int) -> Float[Array, "4 2"]:
     """Return the corners [column, row] of a picture: far left, far right, near right, near left."""
     return np.array([[0, 0], [width, 0], [width, height], [0, height]], float)
 

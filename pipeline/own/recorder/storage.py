@@ -152,7 +152,7 @@ class Recordings:
                     )
             if np.maximum(-metres, metres - settings.side_m).max() > MAX_BEYOND_M * settings.side_m:
                 raise InputError("not stored: the path goes far off the table; draw it again")
-            stored = [rows for rows in self.recorded(DEMONSTRATIONS) if (rows[KEY[:2]] == [scene, user]).all(None)]
+            stored = [rows for rows in self.recorded(DEMONSTRATIONS) if (rows[KEY[:2]] == [scene, user]).all(axis=None)]
             numbers = [int(rows["demo"].iloc[0]) for rows in stored if rows["demo"].iloc[0].isdecimal()]
             demo, word = str(max(numbers, default=0) + 1), "true" if valid else "false"
             samples = np.column_stack([(kept[:, 0] - kept[0, 0]) / 1000, metres]).tolist()
