@@ -92,7 +92,13 @@ def environment(folders: Sequence[Path], **names: Any) -> Environment:
     )
     made.globals |= (
         FORMATS
-        | {"label": style.label, "formats": FORMATS, "headings": headings, "in_brackets": in_brackets}
+        | {
+            "label": style.label,
+            "heading": lambda name: style.label(name).capitalize(),
+            "formats": FORMATS,
+            "headings": headings,
+            "in_brackets": in_brackets,
+        }
         | {"number_alone": number_alone, "hidden": HIDDEN}
         | names
     )

@@ -5,10 +5,13 @@ from typing import Any
 
 import pandas as pd
 
+from pipeline.report.bold import COLUMNS, NAMES
 from pipeline.report.claims import claims_table, verdicts
 from pipeline.report.page import FORMATS, Site, Table, checked, environment, render_page
-from pipeline.report.pages.index.widget import widget
+from pipeline.report.pages import accuracy, card, causes, history, index, limits, method, repair, users
+from pipeline.report.pages import claims as claims_page
 from pipeline.report.results import PAPER_ACCURACY, PAPER_TABLE_1, SOURCES, Results
+from pipeline.report.style import label
 
 __all__ = ["FORMATS", "PAGES", "Site", "Table", "render"]
 PAGES = {
@@ -23,6 +26,18 @@ PAGES = {
     "method": "Method",
     "history": "History",
 }
+FIGURES = {  # what the template of each page draws with
+    "index": index,
+    "claims": claims_page,
+    "accuracy": accuracy,
+    "repair": repair,
+    "causes": causes,
+    "limits": limits,
+    "users": users,
+    "card": card,
+    "method": method,
+    "history": history,
+}
 
 
 def render(results: Results, pages: Collection[str] = tuple(PAGES)) -> Site:
@@ -36,8 +51,7 @@ def render(results: Results, pages: Collection[str] = tuple(PAGES)) -> Site:
     site = Site(tables=tables, claims=verdicts(claims))
     made = environment([], **_names(results, claims))
     for name in pages:
-        template, package = f"pages/{name}/page.html.j2", f"pipeline.report.pages.{name}"
-        render_page(name, template, package, results, made, site, prefix=f"{name}-")
+        render_page(name, f"pages/{name}.html.j2", "", results, made, site, f"{name}-", FIGURES[name])
     return site
 
 
@@ -61,7 +75,8 @@ def _names(results: Results, claims: pd.DataFrame) -> dict[str, Any]:
         "paper_accuracy": PAPER_ACCURACY,
         "paper_repair": PAPER_TABLE_1,
         "pages": PAGES,
-        "widget": lambda: widget(results),
+        "source": lambda name: NAMES.get(name) or label(name),
+        "change": lambda name: COLUMNS.get(name, name.capitalize()),
         "brief": False,
     }
 

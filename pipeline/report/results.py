@@ -11,7 +11,7 @@ import pandas as pd
 from pipeline.causal.bold_table import never_bold
 from pipeline.causal.interventions import asked, right_verdicts
 from pipeline.report.page import Source
-from pipeline.report.tables import check_finite, checked, lookup
+from pipeline.report.tables import check_finite, checked, lookup, named
 from pipeline.world.catalogue import Catalogue
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import PAPER_P_VALID, Margins
@@ -38,6 +38,14 @@ FINITE = {  # columns whose values must all be finite, since figures draw them
     "judged": ["p", "z_x", "z_y"],
     "slices": ["accuracy", "share"],
 }
+
+
+def paper_accuracy(**key: str) -> pd.DataFrame:
+    """Return the paper's accuracy by demonstrations as rows of a table: variant, n_demos, mean, q1, q3, and `key`."""
+    rows = [
+        {"variant": "paper", "n_demos": n, "mean": m, "q1": q1, "q3": q3} for n, (m, q1, q3) in PAPER_ACCURACY.items()
+    ]
+    return pd.DataFrame(rows).assign(**key)
 
 
 class _Noting(dict[str, pd.DataFrame]):
@@ -101,8 +109,9 @@ class Results:
     reads: list[str] = field(default_factory=list)  # tables that were asked for
 
     def __post_init__(self):
-        """Let the tables note in `reads` which of them are asked for."""
-        object.__setattr__(self, "tables", _Noting(self.tables, self.reads))
+        """Let the tables note in `reads` which of them are asked for; names that csv reads as missing are ""."""
+        tables = {name: named(table) for name, table in self.tables.items()}
+        object.__setattr__(self, "tables", _Noting(tables, self.reads))
 
     def table(self, name: str) -> pd.DataFrame:
         """Return a table by its name."""
@@ -227,11 +236,20 @@ class Results:
         table = self.tables["p_valid"]
         return table[table["user"].isin(PAPER_TABLE_2.index) & table["added"].isin(PAPER_TABLE_2.columns)]
 
-    @cached_property
-    def added_symbols(self) -> list[str]:
-        """Return the symbols that a question adds, in the order of the questions."""
-        rows = self.tables["interventions"]
-        return rows.loc[rows["kind"] == "add", "symbol"].unique().tolist()
+    @property
+    def compared(self) -> list[str]:
+        """Return the variants whose calibration is drawn."""
+        return [v for v in self.variants if v in ("full", "irl_ranked", "clearance")] or self.variants
+
+    @property
+    def pictured(self) -> list[str]:
+        """Return the paper's model and the clearance model, as far as they were fitted; else the first variant."""
+        return [v for v in ("full", "clearance") if v in self.variants] or self.variants[:1]
+
+    @property
+    def pair(self) -> tuple[str, str]:
+        """Return the first and the last of the users with invalid paths: one and the same if there is one."""
+        return self.judged_users[0], self.judged_users[-1]
 
     @cached_property
     def repaired_users(self) -> list[str]:

@@ -66,6 +66,12 @@ def lookup(frame: pd.DataFrame, table: str, column: str, **where: Any) -> Any:
     return Traced(value, table, column, where) if isinstance(value, float) else value
 
 
+def named(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table in which missing names, such as the variant of a baseline, are empty ones."""
+    names = table.select_dtypes(["object", "string"]).columns
+    return table.assign(**{name: table[name].fillna("") for name in names})
+
+
 def check_finite(frame: pd.DataFrame, table: str, columns: Collection[str]) -> None:
     """Raise InputError for the first of these columns with a number that is missing or not finite."""
     for column in columns:
@@ -229,7 +235,8 @@ def _across(lines: list[dict[str, Any]], heads: list[str], keys: list[str]) -> p
         row = rows.setdefault(tuple(line[name] for name in keys), {name: line[name] for name in keys})
         row |= {_joined(head, name): line[name] for name in others}
     order = [*keys, *(_joined(head, name) for head in dict.fromkeys(heads) for name in others)]
-    return with_gaps([{name: row.get(name) for name in order} for row in rows.values()])
+    made = with_gaps([{name: row.get(name) for name in order} for row in rows.values()])
+    return made.drop(columns=[name for name in order if name.endswith(HIDDEN) and made[name].isna().all()])
 
 
 def _joined(head: str, title: str) -> str:
