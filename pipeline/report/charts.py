@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from pipeline.report.drawing import panels
 from pipeline.report.style import INK, MUTED, RULE, label, looks, of_series, toggles
-from pipeline.report.tables import Data, Words, beside, check_finite, chosen, in_words
+from pipeline.report.tables import Words, beside, check_finite, chosen, in_words
 
 STYLES = ("-", "--", ":", "-.")
 MAX_TICKS = 20  # the most values of x that each get a tick and a mark
@@ -45,7 +45,7 @@ class Series:
 
 
 def curves(
-    data: Data,
+    data: Any,
     table: str | Callable[[Any], pd.DataFrame],
     x: str,
     y: str | Sequence[str],
@@ -122,7 +122,7 @@ def curves(
 
 
 def bars(
-    data: Data,
+    data: Any,
     table: str | Callable[[Any], pd.DataFrame],
     x: str,
     y: str | Sequence[str],
@@ -189,7 +189,7 @@ class _Chart:
 
     def __init__(
         self,
-        data: Data,
+        data: Any,
         table: str | Callable[[Any], pd.DataFrame],
         y: str | Sequence[str],
         low: str | Sequence[str],

@@ -1,4 +1,4 @@
-"""What the page on limits draws: a patterned table top, and the scenes with most errors."""
+"""What the page on limits and the model card draw: a patterned table top, the scenes with most errors, slices."""
 
 import numpy as np
 import pandas as pd
@@ -10,6 +10,7 @@ from numpy import ndarray as Array
 from pipeline.report import style
 from pipeline.report.drawing import draw_map, draw_path, draw_table, panels
 from pipeline.report.results import Results
+from pipeline.report.slices import DISTANCE_LABELS, NOTHING, SLICES
 
 OURS = "clearance"
 WORST = 5  # scenes shown, those with most errors
@@ -58,7 +59,7 @@ def worst(results: Results) -> Figure:
     """Draw the scenes with most errors: each wrongly judged path of the user with more errors there."""
     scenes = worst_scenes(results)
     figure, axes = panels(1, len(scenes), 2.9 * len(scenes), 3.8)
-    judged = results.tables["judged"]
+    judged = results.table("judged")
     judged = judged[(judged["variant"] == failing(results)) & (judged["split"] == "new_items")]
     for panel, row in zip(axes[0], scenes.to_dict("records"), strict=True):
         mine = judged[(judged["scene"] == row["scene"]) & (judged["user"] == row["user"])]
@@ -84,7 +85,7 @@ def worst_scenes(results: Results) -> pd.DataFrame:
     Columns scene, user, table_top, items, accuracy, unsafe (share of answers: invalid and accepted), errors (share of
     all errors).
     """
-    judged = results.tables["judged"]
+    judged = results.table("judged")
     judged = judged[(judged["variant"] == failing(results)) & (judged["split"] == "new_items")]
     accepted = judged["p"] > 0.5
     judged = judged.assign(right=accepted == judged["valid"], unsafe=accepted & ~judged["valid"])
@@ -108,3 +109,17 @@ def unsafe(results: Results) -> pd.DataFrame:
     paths = judged[judged["variant"] == failing(results)]
     rows.append({"variant": "blind", "unsafe": 1 - paths["valid"].mean(), "refused": 0.0})
     return pd.DataFrame(rows)
+
+
+def slices(results: Results) -> pd.DataFrame:
+    """Return scores of the slices of unseen-item paths in the order of SLICES, distances from near to far.
+
+    blind: accuracy of the guess by position; paths: their number.
+    """
+    table = results.table("slices").query("split == 'new_items' and slice != 'all'")
+    blind = table[table["variant"] == "position_only"].set_index(["slice", "value"])["accuracy"]
+    table = table[table["variant"] == failing(results)].join(blind.rename("blind"), on=["slice", "value"])
+    order = {name: i for i, name in enumerate([*DISTANCE_LABELS, NOTHING])}
+    by = table.assign(a=table["slice"].map(list(SLICES).index), b=table["value"].map(lambda value: order.get(value, 0)))
+    rows = by.sort_values(["a", "b", "value"])
+    return rows.assign(slice=rows["slice"].map(SLICES), paths=rows["count"] / len(results.seeds))

@@ -47,7 +47,7 @@ def demonstrations(results: Results) -> Figure:
     """Draw the first training scenes with each user's demonstrations: valid ones blue, invalid ones orange."""
     users, scenes = results.judged_users, range(len(results.drawn.training))
     figure, axes = panels(len(users), len(scenes), 2.8 * len(scenes), 2.95 * len(users))
-    table = results.tables["demos"]
+    table = results.table("demos")
     table = table[table["seed"] == results.seeds[0]]
     for line, user in zip(axes, users, strict=True):
         for panel, scene in zip(line, scenes, strict=True):

@@ -78,7 +78,7 @@ def draw_repairs(axes: Axes, traces: Mapping[str, Array | None]) -> None:
 
 def first_start(results: Results, user: str, scene: int) -> int | None:
     """Return the number of the user's first invalid path in a scene, regardless of its repair."""
-    rows = results.tables["repairs"]
+    rows = results.table("repairs")
     rows = rows[(rows["user"] == user) & (rows["method"] == "gradient") & (rows["scene"] == scene)]
     return None if rows.empty else int(rows["start"].min())
 
@@ -86,7 +86,7 @@ def first_start(results: Results, user: str, scene: int) -> int | None:
 def trace(results: Results, variant: str, user: str, scene: int, start: int) -> Array:
     """Return the control points (step, 2) [m] of the first seed's gradient repair from one start."""
     seed = results.seeds[0]
-    rows = results.tables["repairs"]
+    rows = results.table("repairs")
     rows = rows[(rows["method"] == "gradient") & (rows["variant"] == variant) & (rows["user"] == user)]
     rows = rows[rows["seed"] == seed]
     at = np.flatnonzero((rows["scene"] == scene) & (rows["start"] == start))
