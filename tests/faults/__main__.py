@@ -30,12 +30,12 @@ from tests.sweep.running import SMALL
 
 ROOT = Path(__file__).parents[2]
 REPRO = ["make", "--assume-old=.venv/.ready", "repro"]
-STUDY = ["dvc", "repro", "studies/dvc.yaml:page@identification"]
+STUDY = ["dvc", "repro", "studies/dvc.yaml:page@users"]
 SWEEP = [sys.executable, "-m", "pipeline.sweep"]
 SWEPT = ["--multirun", "--folder", "swept", *SMALL, "evaluate.bins=5,10", "hydra.launcher.n_jobs=2"]
 STAGES = ("scenes", "demos", "train", "irl", "clearance", "evaluate", "repair", "intervene", "record")
 PAPER = (*(f"outputs/{stage}" for stage in STAGES), "reports")
-RESULTS = ("outputs", "reports", "studies/identification")
+RESULTS = ("outputs", "reports", "studies/users")
 SAME, MESSAGE, WRONG = "correct result", "clear message", "WRONG"
 MEAN_S = float(os.environ.get("MEAN_S", "8"))  # between kills: most stages of the smoke profile last as long
 
@@ -178,11 +178,11 @@ def kill_a_study(fault: Fault) -> Ends:
 
     def make(name: str) -> Broken:
         broken = fault.broken(name, results=True, cache=False)
-        shutil.rmtree(broken.folder / "outputs/studies/identification")
-        (broken.folder / "studies/identification/dvc.lock").unlink()
+        shutil.rmtree(broken.folder / "outputs/studies/users")
+        (broken.folder / "studies/users/dvc.lock").unlink()
         return broken
 
-    return fault.killed(make, lambda _: STUDY, ("outputs/studies/identification", "studies/identification"))
+    return fault.killed(make, lambda _: STUDY, ("outputs/studies/users", "studies/users"))
 
 
 def kill_a_sweep(fault: Fault) -> Ends:

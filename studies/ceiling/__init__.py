@@ -1,1 +1,0 @@
-"""Study: what the paper's model would need to judge new scenes."""

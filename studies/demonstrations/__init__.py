@@ -1,1 +1,0 @@
-"""Study: accuracy of the paper's model on demonstrations as people may show them."""

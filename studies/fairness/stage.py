@@ -1,0 +1,293 @@
+"""Stage fairness: was the paper's model short of tables, of a better encoder, or of kinder demonstrations?
+
+More tables: the model is fitted to more scenes, and its classifier to the true items in place of an encoder. Scenes and
+random paths are this study's own; fewer scenes are the first ones. Kinds of demonstrations: in the scenes of stage
+scenes, paths have any or few routes and keep a distance from the boundary of validity. Half of all paths are valid.
+Steps, rate and width are those of stage train.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import pandas as pd
+import torch
+from jaxtyping import Bool, Float, UInt8
+from numpy import ndarray as Array
+from omegaconf import DictConfig
+from pydantic import AfterValidator
+
+from pipeline.artifacts.files import read_table, write_arrays, write_table
+from pipeline.artifacts.scenes import SceneSet, read_position_prior, read_scenes, train_pool
+from pipeline.launch import launch
+from pipeline.models import baselines
+from pipeline.models.base import ValidityModel, untrained
+from pipeline.models.baselines import NEAREST, POSITION
+from pipeline.models.vae.beta_vae import Z_CENTRE, Z_SCALE, BetaVae
+from pipeline.models.vae.losses import classification
+from pipeline.runtime.parallel import map_jobs
+from pipeline.runtime.settings import Count, Several, StudyGroup, Whole, expected, need, rising
+from pipeline.runtime.streams import job_seed, stream
+from pipeline.stats.scores import accuracy
+from pipeline.training import judged_sets
+from pipeline.training.judged_sets import HELD_OUT, NEW, NEW_POOL, OWN, ROUTES, JudgedSet, Kinds
+from pipeline.training.loop import Losses, Schedule, minimise
+from pipeline.training.refit import TrainingSet, refit
+from pipeline.training.sets import need_finite
+from pipeline.world.bezier import random_z_theta
+from pipeline.world.clear_cases import Candidates
+from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, random_layouts
+from pipeline.world.render import read_palette, render_scenes
+from pipeline.world.source import ImageSource
+
+MODEL, PERFECT = "full", "perfect"  # the paper's model; its classifier on the true items
+SEARCHED = "docs/decisions/data/search_best.csv"  # every learner's best of 100 settings (record 026)
+SEEN = "seen_scenes"  # split: other paths in training scenes
+LENGTH_UNIT_M = 0.1  # unit of an item's size in its true code [m]
+
+Numbers = Annotated[list[Count], AfterValidator(rising), expected("ascending whole numbers from 1")]
+
+
+class Settings(StudyGroup):
+    """Hold the parameters of conf/studies/fairness.yaml."""
+
+    root_seed: Whole
+    scenes: dict[str, Numbers]
+    scenes_seeds: Several
+    candidates: Count
+    seen_scenes: Count
+    new_scenes: Several
+    paths: Count
+    clear_cm: Annotated[list[Whole], AfterValidator(rising), expected("ascending whole numbers from 0 [cm]")]
+    kinds_seeds: Several
+
+
+def agree(study: Settings, parameters: Any) -> None:
+    """Require numbers of scenes for both learners, and scenes and candidates enough to judge them."""
+    name = "studies.fairness"
+    need(set(study.scenes) == {MODEL, PERFECT}, f"{name}.scenes", study.scenes, f"numbers for {MODEL} and {PERFECT}")
+    need(MODEL in parameters.variants, "variants", list(parameters.variants), f"{MODEL} among them: {name} is about it")
+    paths = parameters.main_n_demos + study.paths
+    need(study.candidates >= paths, f"{name}.candidates", study.candidates, f"at least main_n_demos + paths = {paths}")
+    fewest = min(numbers[0] for numbers in study.scenes.values())
+    need(study.seen_scenes <= fewest, f"{name}.seen_scenes", study.seen_scenes, f"at most {fewest}, as in `scenes`")
+
+
+@dataclass(frozen=True)
+class Labelled:
+    """Scenes as a learner takes them (images, or true codes), with one user's labelled paths [m]."""
+
+    scenes: UInt8[Array, "scene 100 100 3"] | Float[Array, "scene number"]
+    z_theta: Float[Array, "scene path 2"]
+    valid: Bool[Array, "scene path"]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A training set of one user for a learner: `judged[OWN]` is what it is fitted to, all splits judge it."""
+
+    learner: str
+    user: str
+    seed: int
+    judged: dict[str, Labelled]
+
+    def accuracies(self, probability: Callable[[Labelled], Array]) -> dict[str, float]:
+        """Return the share of paths judged right in each split."""
+        return {split: accuracy(probability(x).ravel(), x.valid.ravel()) for split, x in self.judged.items()}
+
+    def row(self, learner: str, scenes: int, split: str, right: float) -> dict:
+        """Return a row of scenes.parquet; `valid`: share of the judged paths that are valid."""
+        key = {"learner": learner, "scenes": scenes, "split": split, "user": self.user, "seed": self.seed}
+        return key | {"accuracy": right, "valid": self.judged[split].valid.mean()}
+
+
+@dataclass(frozen=True)
+class CaseSet(TrainingSet):
+    """A case of the paper's model, as `refit` takes it."""
+
+    case: Case
+
+    @classmethod
+    def of(cls, case: Case) -> "CaseSet":
+        """Return the training set of a case."""
+        own = case.judged[OWN]
+        return cls(case.user, case.seed, own.scenes, own.z_theta, own.valid, case)
+
+
+def main(cfg: DictConfig, out_dir: Path) -> None:
+    """Write scenes.csv and kinds.csv with their rows by user and seed, examples.npz, and searched.csv.
+
+    examples.npz: demonstrations of each kind in the first scene; searched.csv: the result of a finished search.
+    """
+    scenes, prior = read_scenes(Path(cfg.paths.scenes)), read_position_prior(Path(cfg.paths.scenes))
+    scenes.check_has(NEW_POOL, *map(train_pool, cfg.protocol.seeds))
+    cases, shown = draw_cases(cfg), list(show_all(cfg, scenes))
+
+    # Fit the paper's model to all of its training sets at once, the largest first: they take longest.
+    of_model = sorted((CaseSet.of(c) for c in cases if c.learner == MODEL), key=lambda x: -len(x.images))
+    few_seeds = list(cfg.protocol.seeds)[: cfg.studies.fairness.kinds_seeds]
+    of_kinds = [x for x in shown if x.seed in few_seeds]
+    evaluate = partial(judge_either, scenes.images[NEW_POOL])
+    answers = refit(cfg, {MODEL: [*of_model, *of_kinds]}, evaluate, "fairness")[MODEL]
+    heads = [c for c in cases if c.learner == PERFECT]
+    head_answers = map_jobs(partial(fit_head, cfg), heads, cfg.workers, "perfect encoder")
+
+    judged = zip([x.case for x in of_model] + heads, answers[: len(of_model)] + head_answers, strict=True)
+    rows = [
+        case.row(case.learner, len(case.judged[OWN].valid), split, right)
+        for case, by_split in judged
+        for split, right in by_split.items()
+    ]
+    table = pd.DataFrame([*rows, *blind_rows(cases, prior)])
+    write_table(out_dir / "scenes.parquet", table)
+    write_table(out_dir / "scenes.csv", summarise(table, ["learner", "scenes", "split"]))
+
+    rows = [blind for x in shown for blind in judged_sets.judge_blind(prior[x.user], x)]
+    judged = zip(of_kinds, answers[len(of_model) :], strict=True)
+    rows += [judged_sets.row(x, MODEL, split, right) for x, by_split in judged for split, right in by_split.items()]
+    table = pd.DataFrame(rows)
+    write_table(out_dir / "kinds.parquet", table)
+    write_table(out_dir / "kinds.csv", summarise(table, ["routes", "clear_cm", "split", "variant"]))
+    first = [x for x in shown if (x.user, x.seed) == (shown[0].user, shown[0].seed)]
+    examples = {"z_theta": np.stack([x.z_theta[0] for x in first]), "valid": np.stack([x.valid[0] for x in first])}
+    names = np.array([f"{x.routes} {x.clear_cm}" for x in first])
+    write_arrays(out_dir / "examples.npz", {"names": names, "image": first[0].images[0], **examples})
+
+    write_table(out_dir / "searched.csv", read_table(Path(SEARCHED)))
+
+
+def judge_either(new_images: UInt8[Array, "scene 100 100 3"], model: ValidityModel, x: TrainingSet) -> dict[str, float]:
+    """Return the model's accuracy in each split of a case or of a kind of demonstrations."""
+    if isinstance(x, CaseSet):
+        return x.case.accuracies(lambda labelled: model.probability(labelled.scenes, labelled.z_theta))
+    return judged_sets.judge(new_images, model, x)
+
+
+# More tables, and a perfect encoder
+
+
+def draw_cases(cfg: DictConfig) -> list[Case]:
+    """Draw the training sets of both learners for every user and seed, each with the same new scenes."""
+    study, n = cfg.studies.fairness, cfg.main_n_demos
+    seeds = list(cfg.protocol.seeds)[: study.scenes_seeds]
+    most, pictures = max(map(max, study.scenes.values())), max(study.scenes[MODEL])
+    orders = [(NEW, study.new_scenes, study.new_scenes), *((f"train-{seed}", most, pictures) for seed in seeds)]
+    (new, new_images), *training = map_jobs(partial(draw_scenes, cfg), orders, cfg.workers, "scenes")
+    slots, cases = max(cfg.scenes.layout.items_per_scene), []
+    for user, (seed, (pool, images)) in product(cfg.evaluate.users, zip(seeds, training, strict=True)):
+        (z, valid), (new_z, new_valid) = (
+            drawn.choose(stream(study.root_seed, "choose", name, user, 0), cfg.users[user], 0.0, n + study.paths)
+            for name, drawn in ((f"train-{seed}", pool), (NEW, new))
+        )
+        codes, seen = [true_code(drawn.layouts, slots) for drawn in (pool, new)], slice(study.seen_scenes)
+        for learner, numbers in study.scenes.items():
+            here, there = (images, new_images) if learner == MODEL else codes
+            judges = {
+                SEEN: Labelled(here[seen], z[seen, n:], valid[seen, n:]),
+                NEW: Labelled(there, new_z[:, n:], new_valid[:, n:]),
+            }
+            for count in numbers:
+                own = Labelled(here[:count], z[:count, :n], valid[:count, :n])
+                cases.append(Case(learner, user, seed, {OWN: own} | judges))
+    return cases
+
+
+def draw_scenes(cfg: DictConfig, order: tuple[str, int, int]) -> tuple[Candidates, UInt8[Array, "picture 100 100 3"]]:
+    """Draw scenes as stage scenes does, with training items, and random paths in each; render the first scenes.
+
+    order: name, number of scenes, number of pictures.
+    """
+    name, count, pictures = order
+    catalogue, palette = read_palette(cfg.paths.data, ImageSource.of(cfg.scenes.source))
+    study, rules = cfg.studies.fairness, LayoutRules.of(cfg.scenes.layout)
+    rng = stream(study.root_seed, "scenes", name)
+    layouts = random_layouts(rng, count, catalogue.footprints, catalogue.pool("train"), rules)
+    textures, seeds = rng.choice(catalogue.texture_names("train"), count), rng.integers(2**31, size=count)
+    first = slice(pictures)
+    images = render_scenes(layouts[first], list(textures[first]), seeds[first].tolist(), palette)
+    return Candidates.of(layouts, random_z_theta(rng, count, study.candidates)), images
+
+
+def true_code(layouts: Layouts, slots: int) -> Float[Array, "scene number"]:
+    """Return what a perfect encoder knows of each scene: position, size, direction and symbol of each item.
+
+    Numbers of an empty slot are 0. A direction is that of a segment without sign, so it is given by twice its angle.
+    """
+    x, y = np.moveaxis((layouts.centre - Z_CENTRE) / Z_SCALE, -1, 0)
+    twice = layouts.half_length / LENGTH_UNIT_M * np.exp(2j * layouts.angle)
+    symbol = layouts.symbol[..., None] == np.arange(len(SYMBOLS))
+    numbers = [x, y, layouts.radius / LENGTH_UNIT_M, twice.real, twice.imag, *np.moveaxis(symbol, -1, 0)]
+    code = np.where(layouts.present[..., None], np.stack(numbers, -1), 0.0)[:, :slots]
+    return code.reshape(len(layouts), -1)
+
+
+def fit_head(cfg: DictConfig, case: Case) -> dict[str, float]:
+    """Fit the paper's classifier to the true codes of its scenes, by full-batch steps; return its accuracies."""
+    own = case.judged[OWN]
+    shape = {**cfg.train.model, "latent": own.scenes.shape[1]}
+    head = untrained(BetaVae, shape, job_seed(case.seed, case.user, cfg.main_n_demos, PERFECT))
+    assert isinstance(head, BetaVae)
+    labels = torch.from_numpy(own.valid)
+
+    def logit(x: Labelled) -> torch.Tensor:
+        return head.logit(torch.from_numpy(x.scenes).float(), torch.from_numpy(x.z_theta).float())
+
+    def loss() -> Losses:
+        value = classification(logit(own), labels)
+        return value, [value]
+
+    need_finite(minimise(loss, head.classifier.parameters(), Schedule.of(cfg.train)), f"{PERFECT}, seed {case.seed}")
+    with torch.no_grad():
+        return case.accuracies(lambda x: logit(x).sigmoid().numpy())
+
+
+def blind_rows(cases: list[Case], prior: dict[str, Float[Array, "side side"]]) -> Iterator[dict]:
+    """Yield the accuracies of both image-blind baselines, for which the number of scenes is 0: any will do."""
+    for case in {(case.user, case.seed): case for case in cases}.values():
+        own, seen = case.judged[OWN], case.judged[SEEN]
+        blind = {(POSITION, s): partial(baselines.position_only_of_half, prior[case.user]) for s in case.judged}
+        few = slice(len(seen.valid))
+        blind[NEAREST, SEEN] = partial(baselines.nearest_demonstration, own.z_theta[few], own.valid[few])
+        for (name, split), probability in blind.items():
+            x = case.judged[split]
+            if split != OWN:
+                yield case.row(name, 0, split, accuracy(probability(x.z_theta).ravel(), x.valid.ravel()))
+
+
+# Kinds of demonstrations
+
+
+def show_all(cfg: DictConfig, scenes: SceneSet) -> Iterator[JudgedSet]:
+    """Yield the demonstrations of every kind by every user in each seed's scenes."""
+    kinds = Kinds(**{name: cfg.readings[name] for name in Kinds.__dataclass_fields__})
+    for routes in ROUTES:
+        new = kinds.draw(scenes.layouts[NEW_POOL], NEW_POOL, routes)
+        for seed in cfg.protocol.seeds:
+            pool = train_pool(seed)
+            drawn = {HELD_OUT: (pool, kinds.draw(scenes.layouts[pool], pool, routes)), NEW: (NEW_POOL, new)}
+            for clear_cm, user in product(cfg.studies.fairness.clear_cm, cfg.evaluate.users):
+                kind, margins = (routes, clear_cm), cfg.users[user]
+                yield kinds.judged_set(scenes.images[pool], drawn, kind, (user, margins), seed, cfg.main_n_demos)
+
+
+def summarise(table: pd.DataFrame, key: list[str]) -> pd.DataFrame:
+    """Return mean accuracy (over users) by `key`, with quartiles over seeds; of variants also the lead over NEAREST."""
+    by_seed = table.groupby([*key, "seed"], sort=False)[["accuracy", "valid"]].mean().reset_index()
+    first, third = partial(pd.Series.quantile, q=0.25), partial(pd.Series.quantile, q=0.75)
+    columns: dict[str, Any] = {"accuracy": ("accuracy", "mean"), "q1": ("accuracy", first), "q3": ("accuracy", third)}
+    if "variant" in key:
+        pairs = [name for name in [*key, "seed"] if name != "variant"]
+        nearest = by_seed[by_seed["variant"] == NEAREST][[*pairs, "accuracy"]]
+        by_seed = by_seed.merge(nearest, on=pairs, how="left", suffixes=("", "_of_nearest"))
+        by_seed["lead"] = by_seed["accuracy"] - by_seed["accuracy_of_nearest"]
+        columns |= {"lead": ("lead", "mean"), "lead_q1": ("lead", first), "lead_q3": ("lead", third)}
+    columns |= {"valid": ("valid", "mean"), "seeds": ("seed", "size")}
+    return by_seed.groupby(key, sort=False).agg(**columns).reset_index()
+
+
+if __name__ == "__main__":
+    launch(main, "fairness")

@@ -1,1 +1,0 @@
-"""Study: whether users’ solutions cluster, overlap and vary."""

@@ -1,0 +1,448 @@
+"""Stage users: whose paths are these, and do users' solutions cluster, overlap and vary in z_theta, as the paper says?
+
+Whose paths: all variants, an image-blind baseline and an ideal observer name the user behind labelled paths in new
+scenes. Clusters: demonstrations alone, no model takes part. Overlap and samples: the same random paths in new scenes
+for the paper's model, the clearance model and image-blind guesses.
+"""
+
+from collections.abc import Mapping
+from itertools import combinations
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Bool, Float, Int, UInt8
+from numpy import ndarray as Array
+from omegaconf import DictConfig
+from pipeline.config.stages import SharedSplit
+from pydantic import Field
+from scipy.spatial.distance import cdist
+from scipy.stats import t as student
+
+from pipeline.artifacts.demos import demo_arrays, read_demos
+from pipeline.artifacts.files import write_table
+from pipeline.artifacts.scenes import read_position_prior, read_scenes, train_pool
+from pipeline.causal.identify import all_distinct, distinct_from, identify, reject_all_users
+from pipeline.launch import launch
+from pipeline.models.baselines import POSITION, position_only
+from pipeline.models.trained import check_weights, predict_all
+from pipeline.runtime.settings import Between, Count, Margin, StudyGroup, Whole, need, need_some
+from pipeline.runtime.streams import stream
+from pipeline.stats.crossed import Estimates, estimate, linearised
+from pipeline.stats.scores import DECISION
+from pipeline.world.bezier import P_F, P_INIT, lattice, random_z_theta
+from pipeline.world.layout import SYMBOLS, Layouts
+from pipeline.world.rules import Margins, valid
+
+ALL, STRANGER = "all", "stranger"  # users in tables: the mean of all, and one without a model
+IDEAL, TRUTH, RANDOM, TYPICAL = "ideal", "truth", "random_path", "training_mean"  # beside variants and POSITION
+CERTAIN_FLOOR = 1e-6  # clipping of probabilities that are known, not learned
+MEASURES = "nearest neighbours", "nearest centroid", "silhouette"  # of clusters by user
+SAME_TABLE = "nearest label"  # the measure of clusters of valid and invalid paths
+HOLDS, FAILS, OPEN = "holds", "fails", "open"
+INTERVAL = ["mean", "ci_low", "ci_high"]
+Sets = Bool[Array, "user seed scene path"]  # paths that a source calls valid; one seed where all seeds agree
+
+
+class Settings(StudyGroup):
+    """Hold the parameters of conf/studies/users.yaml."""
+
+    split: SharedSplit
+    paths: Count
+    draws: Count
+    paths_seed: Whole
+    reported: Annotated[list[Count], Field(min_length=1)]
+    stranger: dict[str, Margin]
+    level: Between
+    root_seed: Whole
+    neighbours: Count
+    permutations: Count
+    candidates: Count
+    samples: Count
+
+
+def agree(study: Settings, parameters: Any) -> None:
+    """Require several users, a stranger that differs from all of them, and numbers of paths that there are."""
+    name, users = "studies.users", parameters.users
+    need(len(users) > 1, "users", list(users), "at least two, to tell one from the other")
+    both, variants = {"full", "clearance"}, list(parameters.variants)
+    need(both <= set(variants), "variants", variants, f"full and clearance among them: {name} is about them")
+    need_some(f"{name}.stranger", study.stranger, SYMBOLS)
+    new = {symbol: study.stranger.get(symbol) for symbol in SYMBOLS} not in users.values()
+    need(new, f"{name}.stranger", study.stranger, "margins that no user has, or nobody can tell the stranger")
+    most = f"whole numbers from 1 to {name}.paths = {study.paths}"
+    need(max(study.reported) <= study.paths, f"{name}.reported", study.reported, most)
+    most = f"at most {name}.candidates = {study.candidates}"
+    need(study.samples <= study.candidates, f"{name}.samples", study.samples, most)
+
+
+def main(cfg: DictConfig, out_dir: Path) -> None:
+    """Write curve.csv, named.csv and open_set.csv of whose paths they are, and the tables of the paper's claims.
+
+    These are clusters.csv, shown.csv (valid paths of the first seed), overlap.csv, overlap_scenes.csv, sampling.csv and
+    verdicts.csv.
+    """
+    check_weights(cfg)
+    study, users, seeds = cfg.studies.users, list(cfg.users), list(cfg.protocol.seeds)
+    scenes, prior = read_scenes(Path(cfg.paths.scenes)), read_position_prior(Path(cfg.paths.scenes))
+    pool, training = cfg.protocol.splits[study.split], [train_pool(seed) for seed in seeds]
+    scenes.check_has(pool, *training)
+    images, layouts = scenes.images[pool], scenes.layouts[pool]
+
+    # Whose paths are they?
+    curve, summary, open_set = identification_tables(cfg, images, layouts, prior)
+    write_table(out_dir / "curve.csv", curve)
+    write_table(out_dir / "named.csv", summary)
+    write_table(out_dir / "open_set.csv", open_set)
+
+    # Clusters: the demonstrations are the truth.
+    cells = lattice(len(prior[users[0]]))
+    before = np.stack([true_sets(cfg, scenes.layouts[name], cells) for name in training], axis=1)  # (user, seed, ...)
+    demos = read_demos(Path(cfg.paths.demos))
+    clusters, shown = cluster_tables(cfg, demos, before, np.stack([prior[user].ravel() for user in users]))
+    write_table(out_dir / "clusters.csv", clusters)
+    write_table(out_dir / "shown.csv", shown)
+
+    # Overlap and samples: by the paper's model, and by the clearance model, which shows what can be reached.
+    fitted = cfg.copy()
+    fitted.variants = {v: s for v, s in cfg.variants.items() if s.compared and s.stage != "irl"}
+    z_theta = random_z_theta(stream(study.root_seed, "candidates"), len(layouts), study.candidates)
+    truth = true_sets(cfg, layouts, z_theta)[:, None]
+    sets = {v: p > DECISION for v, p in predict_all(fitted, users, images, z_theta, "overlap").items()}
+    sets[POSITION] = np.stack([position_only(prior[user], z_theta) for user in users])[:, None] > DECISION
+    overlap, by_scene, gains = overlap_tables(users, sets, truth, before)
+    sets |= {RANDOM: np.ones_like(truth), TRUTH: truth}
+    sampling, sample_gains = sampling_table(cfg, layouts, z_theta, sets, truth)
+    write_table(out_dir / "overlap.csv", overlap)
+    write_table(out_dir / "overlap_scenes.csv", by_scene)
+    write_table(out_dir / "sampling.csv", sampling)
+    write_table(out_dir / "verdicts.csv", verdicts(clusters, gains | sample_gains))
+
+
+def true_sets(
+    cfg: DictConfig, layouts: Layouts, z_theta: Float[Array, "*scene path 2"]
+) -> Bool[Array, "user scene path"]:
+    """Return which paths are truly valid to each user; without a dimension for scenes, the same paths in each."""
+    paths = np.broadcast_to(z_theta, (len(layouts), *z_theta.shape[-2:]))
+    return np.stack([valid(layouts, paths, margins) for margins in cfg.users.values()])
+
+
+# Whose paths are they?
+
+
+def identification_tables(
+    cfg: DictConfig, images: UInt8[Array, "scene 100 100 3"], layouts: Layouts, prior: Mapping[str, Array]
+) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
+    """Return who is named by the number of paths, the same of all users at reported numbers, and who is rejected.
+
+    Every observer sees the same paths. Labels are those of each user, and of a stranger whom no model knows.
+    """
+    study, users = cfg.studies.users, list(cfg.users)
+    z_theta = random_z_theta(stream(study.paths_seed, "identify"), len(layouts), study.draws * study.paths)
+
+    def by_draw(values: Array) -> Array:
+        return values.reshape(*values.shape[:-1], study.draws, study.paths)
+
+    labels = by_draw(true_sets(cfg, layouts, z_theta))  # (user, scene, draw, path)
+    by_stranger = by_draw(valid(layouts, z_theta, {symbol: study.stranger.get(symbol) for symbol in SYMBOLS}))
+
+    # P(valid) of every path by each variant's model of each user: (user, seed, scene, draw, path)
+    observers = {v: by_draw(p) for v, p in predict_all(cfg, users, images, z_theta, "identification").items()}
+    observers[POSITION] = by_draw(np.stack([position_only(prior[user], z_theta) for user in users])[:, None])
+    observers[IDEAL] = labels[:, None].astype(float)
+    n_labels = cfg.scenes.per_seed * cfg.main_n_demos  # number of labels that a model was fitted to
+    learned_floor = 1 / (n_labels + 2)  # Laplace: n labels support no more certainty than (n + 1) / (n + 2)
+
+    distinct, strange = all_distinct(labels), distinct_from(by_stranger, labels)
+    everyone = np.ones_like(distinct)
+    curves, open_set = [], []
+    for variant, p in observers.items():
+        floor = learned_floor if variant in cfg.variants else CERTAIN_FLOOR
+        correct, confidence = identify(p, labels, floor)  # (user, path, seed, scene)
+        named = [*zip(users, correct, confidence, strict=True), (ALL, correct.mean(0), confidence.mean(0))]
+        for user, right, sure in named:
+            columns = rate("accuracy", right) | rate("accuracy", right, distinct, "distinct_")
+            curves.append(by_path(variant, user, columns | {"confidence": sure.mean((1, 2))}))
+        rejected = reject_all_users(p, np.concatenate([labels, by_stranger[None]]), floor, study.level)
+        known = [*zip(users, rejected[:-1], strict=True), (ALL, rejected[:-1].mean(0))]
+        for user, share, some in [*((*x, distinct) for x in known), (STRANGER, rejected[-1], strange)]:
+            columns = rate("rejected", share, everyone) | rate("rejected", share, some, "distinct_")
+            open_set.append(by_path(variant, user, columns))
+    curve = pd.concat(curves, ignore_index=True)
+    summary = curve[(curve["user"] == ALL) & curve["k"].isin(study.reported)].drop(columns="user")
+    counts = {"scenes": len(distinct), "distinct_scenes": int(distinct.sum()), "chance": 1 / len(users)}
+    return curve, summary.assign(**counts), pd.concat(open_set, ignore_index=True)
+
+
+def rate(
+    name: str, values: Float[Array, "path seed scene"], scenes: Bool[Array, " scene"] | None = None, prefix: str = ""
+) -> dict[str, Float[Array, " path"]]:
+    """Return the mean over seeds and scenes (None: all) as column `name`, and its 95 % interval within [0, 1].
+
+    NaN for fewer than two scenes.
+    """
+    columns = [f"{prefix}{part}" for part in (name, "ci_low", "ci_high")]
+    chosen = values if scenes is None else values[..., scenes]
+    if chosen.shape[-1] < 2:
+        return dict.fromkeys(columns, np.full(len(values), np.nan))
+    e = estimate(chosen)
+    return dict(zip(columns, (e.effect, e.ci_low.clip(0, 1), e.ci_high.clip(0, 1)), strict=True))
+
+
+def by_path(variant: str, user: str, columns: Mapping[str, Float[Array, " path"]]) -> pd.DataFrame:
+    """Return a row for each number k of paths."""
+    table = pd.DataFrame(dict(columns))
+    return pd.DataFrame({"variant": variant, "user": user, "k": 1 + np.arange(len(table))}).join(table)
+
+
+# Clusters
+
+
+def cluster_tables(
+    cfg: DictConfig,
+    demos: pd.DataFrame,
+    training: Bool[Array, "user seed scene cell"],
+    prior: Float[Array, "user cell"],
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return a row per measure, with its 95 % interval over seeds and p, and the valid paths of the first seed.
+
+    prior: validity averaged over scenes. The last two rows are a perfect clusterer's: of z_theta alone, and of z_theta
+    with the table known.
+    """
+    study, users, by_seed, shown = cfg.studies.users, list(cfg.users), [], []
+    for seed in cfg.protocol.seeds:
+        rng = stream(study.root_seed, "permutations", seed)
+        own = demos[(demos["seed"] == seed) & demos["user"].isin(users)].sort_values("scene")
+        own = own[own["valid"]]
+        z_theta, scene = own[["z_x", "z_y"]].to_numpy(), own["scene"].to_numpy()
+        number = pd.Categorical(own["user"], users).codes.astype(int)
+        by_user = measures(z_theta, scene, number, study.neighbours, rng, study.permutations)
+        labels = [
+            nearest_label(*demo_arrays(demos, seed, u, cfg.demos.per_scene), rng, study.permutations)
+            for u in cfg.evaluate.users
+        ]
+        by_seed.append(np.column_stack([by_user, np.mean(labels, axis=0)]))
+        shown.append(own[["user", "z_x", "z_y"]])
+    values = np.stack(by_seed)  # (seed, draw, measure)
+    mean = values.mean(0)
+    p = (1 + (mean[1:] >= mean[0]).sum(0)) / (study.permutations + 1)
+    rows = [
+        {"measure": name} | over_seeds(values[:, 0, i]) | {"chance": mean[1:, i].mean(), "p": p[i]}
+        for i, name in enumerate((*MEASURES, SAME_TABLE))
+    ]
+    tables = [best_accuracy(training[:, i].astype(float)) for i in range(len(cfg.protocol.seeds))]
+    perfect = {"position": [best_accuracy(prior)] * len(tables), "table known": tables}
+    chance = {"chance": 1 / len(users)}
+    rows += [{"measure": f"perfect, {name}"} | over_seeds(np.array(x)) | chance for name, x in perfect.items()]
+    return pd.DataFrame(rows), shown[0]
+
+
+def measures(
+    z_theta: Float[Array, "path 2"],
+    scene: Int[Array, " path"],
+    user: Int[Array, " path"],
+    neighbours: int,
+    rng: np.random.Generator,
+    permutations: int,
+) -> Float[Array, "draw measure"]:
+    """Return MEASURES of valid paths, sorted by scene (draw 0), and after permutations of the users within each scene.
+
+    user: a number from 0. Each user weighs the same, whatever its number of paths.
+    """
+    distances = cdist(z_theta, z_theta)
+    near = np.argsort(np.where(scene[:, None] == scene, np.inf, distances), axis=1, kind="stable")[:, :neighbours]
+    orders = [np.arange(len(scene)), *(np.lexsort((rng.random(len(scene)), scene)) for _ in range(permutations))]
+    rows = []
+    for order in orders:
+        drawn = user[order]
+        member = np.eye(user.max() + 1)[drawn]  # (path, user)
+        guesses = (member[near].sum(1) / member.sum(0)).argmax(1), _nearest_centroid(z_theta, scene, member)
+        recalls = [np.mean([(guess[drawn == u] == u).mean() for u in np.unique(drawn)]) for guess in guesses]
+        rows.append((*recalls, _silhouette(distances, drawn)))
+    return np.array(rows)
+
+
+def _nearest_centroid(
+    z_theta: Float[Array, "path 2"], scene: Int[Array, " path"], member: Float[Array, "path user"]
+) -> Int[Array, " path"]:
+    """Return the user with the nearest mean path, over all other scenes."""
+    here = (scene[:, None] == np.arange(scene.max() + 1)).astype(float)  # (path, scene)
+    sums = np.einsum("ps,pu,pc->suc", here, member, z_theta)
+    counts = (here.T @ member)[..., None]
+    centroids = (sums.sum(0) - sums) / np.maximum(counts.sum(0) - counts, 1)  # (scene, user, 2)
+    return np.linalg.norm(z_theta[:, None] - centroids[scene], axis=-1).argmin(1)
+
+
+def _silhouette(distances: Float[Array, "path path"], user: Int[Array, " path"]) -> float:
+    """Return the mean silhouette (Rousseeuw, 1987): above 0, paths are nearer to their own user's than to another's."""
+    member = np.eye(user.max() + 1)[user]
+    count, sums = member.sum(0), distances @ member
+    within = sums[np.arange(len(user)), user] / np.maximum(count[user] - 1, 1)
+    between = np.where(member > 0, np.inf, sums / count).min(1)
+    return float(((between - within) / np.maximum(between, within)).mean())
+
+
+def nearest_label(
+    z_theta: Float[Array, "scene path 2"], valid: Bool[Array, "scene path"], rng: np.random.Generator, permutations: int
+) -> Float[Array, " draw"]:
+    """Return the share of paths with the label of the nearest other one in their scene, then after permutations."""
+    distances = np.linalg.norm(z_theta[:, :, None] - z_theta[:, None], axis=-1)
+    near = (distances + np.diag(np.full(valid.shape[1], np.inf))).argmin(-1)
+    draws = [valid, *(rng.permuted(valid, axis=1) for _ in range(permutations))]
+    return np.array([(np.take_along_axis(labels, near, 1) == labels).mean() for labels in draws])
+
+
+def best_accuracy(share: Float[Array, "user *scene cell"]) -> float:
+    """Return the mean recall of the best guess of the user from a path drawn from its valid set.
+
+    share: validity of each cell to each user, true (0 or 1) or its mean over scenes. Scenes without a valid path to
+    some user are left out.
+    """
+    total = share.sum(-1, keepdims=True)
+    use = (total > 0).all(0)[..., 0]
+    density = (share / np.where(total > 0, total, 1))[:, use] if use.ndim else share / total
+    return float((density.max(0) / len(share)).sum(-1).mean())
+
+
+def over_seeds(values: Float[Array, " seed"]) -> dict[str, float]:
+    """Return the mean and Student's 95 % interval over seeds."""
+    half = student.ppf(0.975, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values))
+    return {"mean": values.mean(), "ci_low": values.mean() - half, "ci_high": values.mean() + half}
+
+
+# Overlap
+
+
+def jaccard(a: Bool[Array, "*set path"], b: Bool[Array, "*set path"]) -> Float[Array, "*set"]:
+    """Return the intersection over the union of two sets of paths; 0 if both are empty."""
+    return (a & b).sum(-1) / np.maximum((a | b).sum(-1), 1)
+
+
+def overlap_tables(
+    users: list[str], sets: Mapping[str, Sets], truth: Sets, training: Bool[Array, "user seed scene cell"]
+) -> tuple[pd.DataFrame, pd.DataFrame, dict[tuple[str, str], Estimates]]:
+    """Return each source's error of the overlap of two users' valid sets, the overlaps by scene, and the gains.
+
+    The blind guess TYPICAL is a seed's mean true overlap in its training scenes. A gain is the decrease of the error by
+    a variant, averaged over pairs of users, against that guess.
+    """
+    rows, scenes, errors = [], [], {}
+    for i, j in combinations(range(len(users)), 2):
+        true = jaccard(truth[i], truth[j])  # (1, scene)
+        typical = jaccard(training[i], training[j]).mean(-1, keepdims=True)  # (seed, 1)
+        overlaps = {source: jaccard(x[i], x[j]) for source, x in sets.items()} | {TYPICAL: typical}
+        for source, overlap in overlaps.items():
+            overlap = np.broadcast_to(overlap, (len(typical), true.shape[1]))
+            error, r = np.abs(overlap - true), np.nan_to_num([correlation(x, true[0]) for x in overlap])
+            errors.setdefault(source, []).append(error)
+            row = {"variant": source, "first": users[i], "second": users[j], "truth": true.mean()}
+            interval = estimate(error[None])
+            row |= {"overlap": overlap.mean(), "error": error.mean(), "ci_low": interval.ci_low[0]}
+            rows.append(row | {"ci_high": interval.ci_high[0], "correlation": r.mean()})
+            part = {"variant": source, "first": users[i], "second": users[j], "scene": range(true.shape[1])}
+            scenes.append(pd.DataFrame(part | {"truth": true[0], "overlap": overlap.mean(0)}))
+    blind = np.mean(errors.pop(TYPICAL), axis=0)
+    gains = {("overlap", v): estimate((blind - np.mean(x, axis=0))[None]) for v, x in errors.items() if v != POSITION}
+    return pd.DataFrame(rows), pd.concat(scenes, ignore_index=True), gains
+
+
+def correlation(a: Float[Array, " scene"], b: Float[Array, " scene"]) -> float:
+    """Return Pearson's correlation; NaN if either is constant, up to rounding."""
+    return float(np.corrcoef(a, b)[0, 1]) if min(np.ptp(a), np.ptp(b)) > 1e-9 else np.nan
+
+
+# Samples
+
+
+def sampling_table(
+    cfg: DictConfig, layouts: Layouts, z_theta: Float[Array, "scene path 2"], sets: Mapping[str, Sets], truth: Sets
+) -> tuple[pd.DataFrame, dict[tuple[str, str], Estimates]]:
+    """Return the share of valid samples and of routes found, by source and user, and the gains.
+
+    A sample is one of the first `samples` candidates that a source accepts. A gain is against the position prior, the
+    mean over users. Users to whom every path is valid are left out: they have one route.
+    """
+    users, draws, seeds = list(cfg.users), cfg.studies.users.samples, len(cfg.protocol.seeds)
+    rows, scores = [], {}
+    for user in cfg.evaluate.users:
+        u = users.index(user)
+        sides = left_of_items(layouts, z_theta, cfg.users[user])
+        all_routes = routes(sides, truth[u, 0])  # (scene,)
+        for source, accepted in sets.items():
+            samples = accepted[u] & (accepted[u].cumsum(-1) <= draws)  # (seed, scene, path)
+            good = samples & truth[u]
+            found = routes(sides, good)  # (seed, scene)
+            counts = {"valid": (good.sum(-1), samples.sum(-1)), "routes": (found, np.tile(all_routes, (len(found), 1)))}
+            row: dict[str, object] = {"variant": source, "user": user}
+            for measure, pair in counts.items():
+                each = linearised(*(np.broadcast_to(x, (1, seeds, len(layouts))).astype(float) for x in pair))
+                scores.setdefault((measure, source), []).append(each)
+                interval = estimate(each)
+                row |= {measure: interval.effect[0], f"{measure}_low": interval.ci_low[0]}
+                row[f"{measure}_high"] = interval.ci_high[0]
+            rows.append(row | {"routes_found": found.mean(), "routes_all": all_routes.mean()})
+    means = {key: np.mean(each, axis=0) for key, each in scores.items()}
+    gains = {(m, v): estimate(x - means[m, POSITION]) for (m, v), x in means.items() if v in cfg.variants}
+    return pd.DataFrame(rows), gains
+
+
+def left_of_items(
+    layouts: Layouts, z_theta: Float[Array, "scene path 2"], margins: Margins
+) -> Bool[Array, "scene path slot"]:
+    """Return whether each path leaves the centre of each item that the user avoids on its left; else False.
+
+    In barycentric coordinates of the triangle P_INIT, z_theta, P_F the path is z**2 = 4 * init * f, so a point lies
+    between it and the straight line if z**2 < 4 * init * f.
+    """
+    chord = P_F - P_INIT
+    across = np.array([-chord[1], chord[0]])  # to the left of the straight line
+    (c_along, c_left), (z_along, z_left) = (
+        ((x - P_INIT) @ chord / (chord @ chord), (x - P_INIT) @ across)
+        for x in (layouts.centre[:, None], z_theta[:, :, None])
+    )
+    z = c_left / np.where(z_left == 0, np.finfo(float).tiny, z_left)  # (scene, path, slot)
+    f = c_along - z * z_along
+    between = (z > 0) & (f > 0) & (1 - z - f > 0) & (z**2 < 4 * f * (1 - z - f))
+    avoided = np.array([margins[symbol] is not None for symbol in SYMBOLS] + [False])[layouts.symbol]
+    return ((c_left > 0) ^ between) & avoided[:, None]
+
+
+def routes(sides: Bool[Array, "scene path slot"], chosen: Bool[Array, "*seed scene path"]) -> Int[Array, "*seed scene"]:
+    """Return the number of distinct routes among the chosen paths: sides on which a path passes the items."""
+    code = (sides * 2 ** np.arange(sides.shape[-1])).sum(-1)  # (scene, path)
+    return np.stack([(chosen & (code == value)).any(-1) for value in np.unique(code)]).sum(0)
+
+
+# Verdicts
+
+
+def verdicts(clusters: pd.DataFrame, gains: Mapping[tuple[str, str], Estimates]) -> pd.DataFrame:
+    """Return a verdict on each measure of the first variant: `ours` with its interval must lie above `bar`."""
+    table = clusters.set_index("measure")
+    near, silhouette, perfect, same = (
+        table.loc[name] for name in (MEASURES[0], MEASURES[2], "perfect, position", SAME_TABLE)
+    )
+    by_user, reachable = "clusters by user", bool(perfect["mean"] > near["chance"])
+    rows = [
+        ("clusters in a table", SAME_TABLE, same["chance"], *same[INTERVAL], True),
+        (by_user, "user named", near["chance"], *near[INTERVAL], reachable),
+        (by_user, "silhouette", 0.0, *silhouette[INTERVAL], False),  # true demonstrations: no model can do better
+    ]
+    for measure in dict.fromkeys(measure for measure, _ in gains):
+        ours, *others = (gain for (name, _), gain in gains.items() if name == measure)
+        claim = "overlap" if measure == "overlap" else "varied samples"
+        interval = ours.effect[0], ours.ci_low[0], ours.ci_high[0]
+        rows.append((claim, f"gain in {measure}", 0.0, *interval, any(x.ci_low[0] > 0 for x in others)))
+    frame = pd.DataFrame(rows, columns=["claim", "measure", "bar", "ours", "ci_low", "ci_high", "reachable"])
+    given = frame[["bar", "ci_low", "ci_high", "reachable"]].to_numpy()
+    return frame.assign(variant=next(iter(gains))[1], verdict=[judge(*row) for row in given])
+
+
+def judge(bar: float, low: float, high: float, reachable: bool) -> str:
+    """Return the verdict: the interval lies above the bar, or below one that can be reached, else it is open."""
+    return HOLDS if low > bar else FAILS if high < bar and reachable else OPEN
+
+
+if __name__ == "__main__":
+    launch(main, "users")

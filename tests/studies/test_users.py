@@ -1,0 +1,108 @@
+"""Who is named, clusters, routes and verdicts on cases whose answer is known; the stage's tables agree."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from omegaconf import DictConfig
+
+from pipeline.artifacts.files import read_table, write_arrays
+from pipeline.world.layout import empty
+from studies.users.stage import best_accuracy, judge, left_of_items, main, measures, routes
+from tests.factories import labelled_demos, models_in_rendered_scenes, same_scenes_for_training
+from tests.stages.facts import names_a_missing_model
+
+VARIANTS = ("full", "clearance")
+
+
+def test_users_far_apart_are_named_and_users_alike_are_not():
+    rng, user = np.random.default_rng(0), np.tile([0, 1, 2], 60)
+    scene = np.repeat(np.arange(18), 10)
+    noise = rng.normal(0, 0.05, (180, 2))
+    apart = measures(noise + user[:, None], scene, user, 5, rng, 19)
+    assert (apart[0, :2] == 1).all() and apart[0, 2] > 0.8
+    assert (apart[1:, 2] < 0).all() and (apart[1:, :2] < 0.6).all()  # shuffled within scenes
+    alike = measures(noise, scene, user, 5, rng, 199)[:, 0]
+    assert alike[0] == pytest.approx(1 / 3, abs=0.12) and alike.mean() == pytest.approx(1 / 3, abs=0.02)
+
+
+def test_a_perfect_clusterer_is_right_where_valid_sets_differ():
+    nested = np.array([[1, 0, 0, 0], [1, 1, 0, 0], [1, 1, 1, 1]], float)  # best: 1 + 1/2 + 2/4, over three users
+    assert best_accuracy(nested) == pytest.approx(2 / 3)
+    assert best_accuracy(np.eye(3)) == 1 and best_accuracy(np.ones((3, 7))) == pytest.approx(1 / 3)
+    with_a_closed_table = np.stack([nested, np.zeros_like(nested)], axis=1)
+    assert best_accuracy(with_a_closed_table) == pytest.approx(2 / 3)
+
+
+def test_a_path_has_an_item_on_the_side_away_from_its_control_point():
+    layouts = empty(1, 2)  # a glass on the straight line between the ends
+    layouts.symbol[0, 0], layouts.item[0, 0], layouts.centre[0, 0] = 3, 0, (0.5, 0.49)
+    z = np.array([[[0.2, 1.0], [1.0, 0.2], [0.5, 0.5], [0.0, 0.02]]])  # above, below, straight, hardly bent
+    margins = dict.fromkeys(("bowl", "plate", "cutlery"), None) | {"glass": 0.04}
+    sides = left_of_items(layouts, z, margins)
+    assert sides[0, :, 0].tolist() == [False, True, False, False] and not sides[..., 1].any()
+    assert not left_of_items(layouts, z, dict.fromkeys(margins)).any()  # nothing to avoid, one route
+    assert [routes(sides, np.full((1, 4), chosen)).tolist() for chosen in (True, False)] == [[2], [0]]
+
+
+def test_a_verdict_needs_the_whole_interval_and_a_failure_a_bar_that_can_be_passed():
+    cases = {(0.1, 0.2, False): "holds", (-0.1, 0.2, True): "open", (-0.2, -0.1, True): "fails"}
+    cases |= {(-0.2, -0.1, False): "open"}
+    assert [judge(0, *case) for case in cases] == list(cases.values())
+
+
+@pytest.fixture(scope="module")
+def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
+    """Five scenes; models that say the same of every user; users whose mean validity by position differs."""
+    folder = tmp_path_factory.mktemp("users")
+    cfg = models_in_rendered_scenes(folder, VARIANTS, 5, f"paths.demos={folder / 'demos'}")
+    cfg.studies.users.update(paths=6, draws=4, reported=[1, 5])
+    labelled_demos(cfg, same_scenes_for_training(cfg, "new_items"))
+    prior = {user: np.full((14, 14), p) for user, p in zip(cfg.users, (0.6, 0.8, 1.0), strict=True)}
+    write_arrays(Path(cfg.paths.scenes) / "position_prior.npz", prior)
+    return cfg
+
+
+def test_models_that_do_not_differ_are_at_chance_and_nobody_beats_the_ideal_observer(out: Path):
+    curve = read_table(out / "curve.csv")
+    models = curve[curve["variant"].isin(VARIANTS)]
+    np.testing.assert_allclose(models[["accuracy", "confidence"]], 1 / 3, atol=1e-5)
+    curve = curve[curve["user"] == "all"]
+    ideal = curve[curve["variant"] == "ideal"].set_index("k")["accuracy"]
+    assert (curve["accuracy"] <= curve["k"].map(ideal) + 1e-5).all() and ideal.is_monotonic_increasing
+    alarms = read_table(out / "open_set.csv").query("variant == 'ideal' and user != 'stranger'")
+    assert (alarms["rejected"] == 0).all()
+
+
+def test_the_stranger_passes_for_the_user_of_its_margins_and_changes_no_answer_for_others(
+    cfg: DictConfig, tmp_path: Path, out: Path
+):
+    same = cfg.copy()
+    same.studies.users.stranger = cfg.users.careful
+    main(same, tmp_path)
+    rejected = read_table(tmp_path / "open_set.csv")
+    by_user = rejected.pivot(index=["variant", "k"], columns="user", values="rejected")
+    assert (by_user["stranger"] == by_user["careful"]).all()
+    before = read_table(out / "open_set.csv").query("user != 'stranger'")
+    pd.testing.assert_frame_equal(rejected.query("user != 'stranger'"), before)
+
+
+def test_samples_of_the_truth_are_valid_and_no_source_finds_more_routes_than_there_are(out: Path):
+    table = read_table(out / "sampling.csv")
+    assert set(table["variant"]) == {*VARIANTS, "position_only", "random_path", "truth"}
+    assert (table[table["variant"] == "truth"]["valid"] == 1).all() and table["valid"].between(0, 1).all()
+    assert (table["routes_found"] <= table["routes_all"]).all()
+
+
+def test_the_true_overlap_is_that_of_all_sources_and_a_constant_has_no_correlation(out: Path):
+    table, scenes = read_table(out / "overlap.csv"), read_table(out / "overlap_scenes.csv")
+    assert (table.groupby(["first", "second"])["truth"].nunique() == 1).all()
+    assert (table[table["variant"] == "training_mean"]["correlation"] == 0).all()
+    key = ["variant", "first", "second"]
+    by_scene, mean = scenes.groupby(key)["overlap"].mean(), table.set_index(key)["overlap"].sort_index()
+    pd.testing.assert_series_equal(by_scene, mean, rtol=1e-4)
+
+
+def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
+    names_a_missing_model(main, cfg, "clearance", tmp_path / "out")
