@@ -1,40 +1,35 @@
-"""One page from its template: numbers by name and format, figures and tables numbered in order of appearance."""
+"""One page from its template: figures and tables numbered in order of appearance, with files of their own."""
 
 import hashlib
 import importlib
-import json
-import math
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import ModuleType
 from typing import Any, Protocol, runtime_checkable
 
 import matplotlib
-import numpy as np
 import pandas as pd
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
+from matplotlib.figure import Figure
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import data_version, write_json, write_table
-from pipeline.report import style
-from pipeline.runtime.errors import InputError
+from pipeline.report import charts, style
+from pipeline.report.tables import FORMATS as FORMATS
+from pipeline.report.tables import HIDDEN as HIDDEN
+from pipeline.report.tables import Table as Table
+from pipeline.report.tables import check_finite as check_finite
+from pipeline.report.tables import checked as checked
+from pipeline.report.tables import in_brackets, number_alone, rows_of
+from pipeline.report.tables import lookup as lookup
+from pipeline.report.tables import pick as pick
+from pipeline.report.tables import with_gaps as with_gaps
 from pipeline.runtime.writing import atomic_write
 
 FOLDER = Path(__file__).parent
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table of a page: its numbers as written to csv, and the format of each numeric column.
-
-    Columns "X, q1" and "X, q3" are shown in brackets behind X: the quartiles over training sets. A true "X, bold" makes
-    the cell bold, and a true "X, beyond" puts a dagger behind it.
-    """
-
-    frame: pd.DataFrame
-    formats: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -104,36 +99,7 @@ def environment(folders: Sequence[Path], **names: Any) -> Environment:
     return made
 
 
-HIDDEN = tuple(f", {part}" for part in ("q1", "q3", "bold", "beyond"))  # ends of columns about another column
-
-
-def with_gaps(rows: Any) -> pd.DataFrame:
-    """Return rows as a frame in which a number that cannot exist is None, which a page shows as a dash."""
-    frame = pd.DataFrame(rows, dtype=object)
-    return frame.where(frame.notna(), None)
-
-
-def pick(table: pd.DataFrame, titles: Mapping[str, str], **words: Callable | Mapping) -> pd.DataFrame:
-    """Return the columns of a table that `titles` names, under their titles; `words` translate a column."""
-    shown = table.assign(**{column: table[column].map(word) for column, word in words.items()})
-    return shown[list(titles)].rename(columns=dict(titles)).reset_index(drop=True)
-
-
-def in_brackets(row: Mapping[str, Any], column: str, write: Callable[[Any], str]) -> str:
-    """Return the quartiles of a cell, in brackets and without their unit; nothing where there are none."""
-    ends: list[Any] = [row.get(f"{column}, {end}") for end in ("q1", "q3")]
-    if None in ends:
-        return ""
-    between = "–" if min(map(float, ends)) >= 0 else " to "
-    return f" [{between.join(write(float(end)).partition(chr(0xA0))[0] for end in ends)}]"
-
-
-def number_alone(cell: Any) -> float | None:
-    """Return a cell's number without its source, which its `title` states."""
-    return None if cell is None else float(cell)
-
-
-def in_words(seeds: Sequence[int]) -> str:
+def seeds_in_words(seeds: Sequence[int]) -> str:
     """Return seeds as text: `seeds 0–9` where they follow one another."""
     first, last = min(seeds), max(seeds)
     whole = len(seeds) > 2 and sorted(seeds) == list(range(first, last + 1))
@@ -146,7 +112,14 @@ def headings(content: str) -> list[tuple[str, str]]:
 
 
 def render_page(
-    name: str, template: str, package: str, data: Any, made: Environment, site: Site, prefix: str = ""
+    name: str,
+    template: str,
+    package: str,
+    data: Any,
+    made: Environment,
+    site: Site,
+    prefix: str = "",
+    figures: ModuleType | None = None,
 ) -> None:
     """Add page `name` with its figures and tables to `site`.
 
@@ -156,35 +129,73 @@ def render_page(
     """
     counts, page = {"figure": 0, "table": 0}, name
 
-    def figure(name: str, alt: str, wide: bool = False, recording: str = "", caller: Callable[[], str] = str) -> Markup:
-        """Draw a figure; `recording`: `overview` or `worst`, the recording in git that shows the same."""
-        draw = getattr(importlib.import_module(f"{package}.figures"), name)
+    def drawn_figure(
+        name: str, drawn: Figure, caption: str, alt: str, wide: bool = False, recording: str = ""
+    ) -> Markup:
+        """Add a figure; `recording`: `overview` or `worst`, the recording in git that shows the same."""
         counts["figure"] += 1
-        with matplotlib.rc_context(style.RC):
-            drawn = draw(data)
         file = prefix + name.replace("_", "-")
         site.figures[file] = style.svg(drawn)
         width, height = (round(96 * inches) for inches in drawn.get_size_inches())
-        text = {"file": file, "alt": alt, "number": counts["figure"], "caption": caller()}
+        text = {"file": file, "alt": alt, "number": counts["figure"], "caption": caption}
         text |= {"width": width, "height": height, "wide": wide, "chart": "<script>" in site.figures[file]}
         text |= {"command": {"overview": "make review", "worst": "make review WORST=1"}.get(recording, "")}
         return Markup(made.get_template("figure.html.j2").render(text))
 
-    def table(name: str, caller: Callable[[], str] = str) -> Markup:
+    def by_name(function: Any, module: str) -> Any:
+        if callable(function):
+            return function
+        return getattr(importlib.import_module(f"{package}.{module}"), function)
+
+    def figure(draw: Any, caller: Callable[[], str] = str, **options: Any) -> Markup:
+        """Draw a figure by a function of the data."""
+        draw = by_name(draw, "figures")
+        with matplotlib.rc_context(style.RC):
+            drawn = draw(data)
+        return drawn_figure(draw.__name__, drawn, caller(), **options)
+
+    def chart(draw: Callable[..., Figure]) -> Callable[..., Markup]:
+        """Return the function of templates that draws a chart of a table of results by its columns."""
+
+        def call(
+            name: str,
+            table: Any,
+            alt: str,
+            wide: bool = False,
+            recording: str = "",
+            caller: Callable[[], str] = str,
+            **options: Any,
+        ) -> Markup:
+            with matplotlib.rc_context(style.RC):
+                drawn = draw(data, table, **options)
+            return drawn_figure(name, drawn, caller(), alt, wide, recording)
+
+        return call
+
+    def table(make: Any, caller: Callable[[], str] = str) -> Markup:
+        """Show a table by a function of the data."""
+        make = by_name(make, "tables")
+        return shown_table(make.__name__, make, caller)
+
+    def rows(name: str, of: Any, caller: Callable[[], str] = str, **options: Any) -> Markup:
+        """Show rows of a table of results: see `rows_of`."""
+        return shown_table(name, lambda data: rows_of(data, of, **options), caller)
+
+    def shown_table(name: str, make: Callable[[Any], Table], caller: Callable[[], str]) -> Markup:
         reads = data.reads if isinstance(data, Traceable) else []
         reads.clear()
-        shown: Table = getattr(importlib.import_module(f"{package}.tables"), name)(data)
+        shown = make(data)
         counts["table"] += 1
         file = prefix + name.replace("_", "-")
         site.tables[file] = shown.frame
-        if isinstance(data, Traceable):
-            site.read.setdefault(page, {})[file] = sorted(set(reads))
-            site.sources.update({table: data.sources[table] for table in reads if table in data.sources})
         text = {"file": file, "table": shown, "rows": _rows(shown.frame)}
         text |= {"number": counts["table"], "caption": caller(), "origins": ()}
         if isinstance(data, Traceable):
-            origins = dict.fromkeys(str(site.sources.get(table, table)) for table in sorted(set(reads)))
-            text |= {"origins": origins, "seeds": in_words(data.seeds)}
+            read = sorted(set(reads))
+            site.read.setdefault(page, {})[file] = read
+            site.sources.update({table: data.sources[table] for table in read if table in data.sources})
+            origins = dict.fromkeys(str(site.sources.get(table, table)) for table in read)
+            text |= {"origins": origins, "seeds": seeds_in_words(data.seeds)}
         return Markup(made.get_template("table.html.j2").render(text))
 
     def table_number() -> str:
@@ -192,8 +203,9 @@ def render_page(
         counts["table"] += 1
         return f"Table {counts['table']}."
 
-    numbered = {"figure": figure, "table": table, "table_number": table_number}
-    site.pages[name] = made.get_template(template).render(page=name, **numbered)
+    numbered = {"figure": figure, "table": table, "rows": rows, "table_number": table_number}
+    numbered |= {"curves": chart(charts.curves), "bars": chart(charts.bars)}
+    site.pages[name] = made.get_template(template).render(page=name, figures=figures, **numbered)
 
 
 def _rows(frame: pd.DataFrame) -> list[dict[str, Any]]:
@@ -230,95 +242,3 @@ def provenance(cfg: DictConfig) -> dict[str, Any]:
     facts |= {"profile": cfg.profile}
     facts |= {"seeds": list(cfg.protocol.seeds), "splits": dict(cfg.protocol.splits)}
     return facts | {"main_n_demos": cfg.main_n_demos}
-
-
-# Numbers
-
-
-class Traced(float):
-    """A number that knows which cell of which table it is; a page shows that on hover, and an audit checks it."""
-
-    source: tuple[str, str, dict[str, Any]]  # table, column, and the values that select the row
-
-    def __new__(cls, number: float, table: str, column: str, where: Mapping[str, Any]):
-        """Return the number with its source."""
-        made = super().__new__(cls, number)
-        made.source = table, column, dict(where)
-        return made
-
-    def mark(self, text: str) -> Markup:
-        """Return its text as HTML that carries the source."""
-        html = '<data value="{}" title="{}" data-source="{}">{}</data>'
-        return Markup(html).format(float(self), self.words, json.dumps(self.source), text)
-
-    @property
-    def words(self) -> str:
-        """Return its source in words: table, column, and what selects the row."""
-        table, column, where = self.source
-        return f"{table}, {column}: {', '.join(f'{name} {value}' for name, value in where.items())}"
-
-
-def lookup(frame: pd.DataFrame, table: str, column: str, **where: Any) -> Any:
-    """Return the value of `column` in the one row of a table that `where` selects.
-
-    Raise InputError if no row or several match, or if the number is missing or not finite.
-    """
-    for name, wanted in where.items():
-        frame = frame[frame[name] == wanted]
-    if len(frame) != 1:
-        raise InputError(f"table {table} has {len(frame)} rows with {where}, expected 1; run its stage again")
-    value = checked(frame[column].iloc[0], f"table {table}, column {column}, {where}")
-    return Traced(value, table, column, where) if isinstance(value, float) else value
-
-
-def check_finite(frame: pd.DataFrame, table: str, columns: Collection[str]) -> None:
-    """Raise InputError for the first of these columns with a number that is missing or not finite."""
-    for column in columns:
-        if not np.isfinite(frame[column].astype(float)).all():
-            raise InputError(f"table {table}, column {column}: expected finite numbers; run its stage again")
-
-
-def checked(number: Any, name: str) -> Any:
-    """Return a value as a Python type; raise InputError if it is missing or not finite."""
-    if number is None or (isinstance(number, float | np.floating) and not math.isfinite(number)):
-        raise InputError(f"{name} is {number}: expected a finite number; run the stage that writes it again")
-    return number.item() if isinstance(number, np.generic) else number
-
-
-# Formats: each raises for a number that is not finite; None marks a value that cannot exist, such as a baseline's
-# seeds.
-
-
-def _number(pattern: str, scale: float = 1.0) -> Callable[[Any], str]:
-    def write(number: Any) -> str:
-        if number is None:
-            return "–"
-        if not math.isfinite(number):
-            raise ValueError(f"{number} in a page: expected a finite number; run the stage that writes it again")
-        text = pattern.format(scale * number).replace("-", "−")
-        text = text.lstrip("+−") if float(pattern.format(scale * number).split("\u00a0")[0]) == 0 else text
-        return number.mark(text) if isinstance(number, Traced) else text
-
-    return write
-
-
-def _spread(low: float, high: float) -> str:
-    """Return a range of rates in per cent."""
-    write = _number("{:.0f}", 100.0)
-    return f"{write(float(low))}–{write(float(high))}"
-
-
-FORMATS: dict[str, Callable] = {
-    "pct": _number("{:.0f}\u00a0%", 100.0),  # prose: whole per cents
-    "pct1": _number("{:.1f}\u00a0%", 100.0),  # tables
-    "points": _number("{:+.0f}", 100.0),
-    "points1": _number("{:+.1f}", 100.0),
-    "effect": _number("{:+.2f}"),
-    "rate": _number("{:.2f}"),
-    "fine": _number("{:.3f}"),
-    "times": _number("{:.1f}"),
-    "digits": _number("{:.3g}"),
-    "cm": _number("{:.1f}\u00a0cm", 100.0),
-    "count": _number("{:.0f}"),
-    "spread": _spread,
-}

@@ -10,7 +10,8 @@ import pandas as pd
 
 from pipeline.causal.bold_table import never_bold
 from pipeline.causal.interventions import asked, right_verdicts
-from pipeline.report.page import Source, check_finite, checked, lookup
+from pipeline.report.page import Source
+from pipeline.report.tables import check_finite, checked, lookup
 from pipeline.world.catalogue import Catalogue
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import PAPER_P_VALID, Margins
@@ -102,6 +103,14 @@ class Results:
     def __post_init__(self):
         """Let the tables note in `reads` which of them are asked for."""
         object.__setattr__(self, "tables", _Noting(self.tables, self.reads))
+
+    def table(self, name: str) -> pd.DataFrame:
+        """Return a table by its name."""
+        return self.tables[name]
+
+    def source(self, name: str) -> str:
+        """Return how a number of a table names it."""
+        return name
 
     def value(self, table: str, column: str, **where: Any) -> Any:
         """Return the value of `column` in the one row of `table` that `where` selects.

@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 
 from pipeline.artifacts.files import read_arrays, read_table
-from pipeline.report.page import Source, check_finite, checked, lookup
+from pipeline.report.page import Source
+from pipeline.report.tables import check_finite, checked, lookup
 from pipeline.runtime.errors import InputError
 from pipeline.world.rules import Margins
 
@@ -48,6 +49,10 @@ class Study:
         frame = frame.assign(**{name: frame[name].fillna("") for name in names})
         check_finite(frame, f"{self.name}/{file}", finite)
         return frame
+
+    def source(self, name: str) -> str:
+        """Return how a number of a table names it."""
+        return f"{self.name}/{name}"
 
     def arrays(self, file: str) -> dict[str, np.ndarray]:
         """Return the arrays of an npz of the study."""

@@ -2,6 +2,7 @@
 
 import io
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +25,11 @@ COLOURS = {  # hues of Okabe and Ito; the paper's model and its ablations share 
     "paper": "#f0e442",
     "clearance_margin": INK,
     "ideal": INK,
+    "truth": INK,
 }
 MARKERS = {"full": "o", "ae": "s", "classifier": "^", "irl_maxent": "v", "irl_ranked": "D", "clearance": "P"}
+LINES = {"position_only": ":", "blind": ":", "ideal": "--"}  # of those that are no models: grey but for `ideal`
+LINES |= dict.fromkeys(("nearest_demonstration", "constant_detour", "random_path"), "--")
 RC: dict[Any, Any] = {
     "svg.hashsalt": "causal-specifications",
     "svg.fonttype": "path",
@@ -49,6 +53,22 @@ def colour(name: str) -> str:
 def marker(name: str) -> str:
     """Return a variant's marker, so that colour is never the only distinction."""
     return MARKERS.get(name, "X")
+
+
+def looks(names: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Return colour, marker and line of each series; names that are no variants take the hues and markers in turn."""
+    known = [name for name in names if name in COLOURS or name in LINES or not name]
+    spare = [name for name in MARKERS if name not in known] * len(names)
+    stands_for = {name: name for name in known}
+    stands_for |= dict(zip((name for name in names if name not in known), spare, strict=False))
+    return {
+        name: {
+            "color": colour(as_if) if name else INK,
+            "marker": MARKERS.get(as_if, "" if name else "o"),
+            "linestyle": LINES.get(as_if, "-"),
+        }
+        for name, as_if in stands_for.items()
+    }
 
 
 def of_series(artist: Artist, name: str, value: str = "") -> None:

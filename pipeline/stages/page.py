@@ -1,6 +1,7 @@
 """Stage page of a study: write its index.html, figures and tables into the study's own folder."""
 
 import argparse
+import importlib
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -66,7 +67,8 @@ def render(study: Study, folder: Path) -> Site:
     }
     names |= {"question": study.settings["question"], "variants": study.variants, "n": study.main_n_demos}
     made, site = environment([folder], pages={"index": "Overview"}, **names), Site()
-    render_page("study", "page.html.j2", f"studies.{study.name}", study, made, site)
+    figures = importlib.import_module(f"studies.{study.name}.figures") if (folder / "figures.py").is_file() else None
+    render_page("study", "page.html.j2", f"studies.{study.name}", study, made, site, figures=figures)
     return replace(site, pages={"index": site.pages["study"]}, read={"index": site.read.get("study", {})})
 
 

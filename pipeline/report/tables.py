@@ -1,0 +1,263 @@
+"""A page's numbers and tables: numbers that know where they come from, formats, and rows of a table of results."""
+
+import json
+import math
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+import pandas as pd
+from markupsafe import Markup
+
+from pipeline.runtime.errors import InputError
+
+SIGNIFICANT = 0.05  # a corrected p below it makes a cell bold
+ENDS = (("q1", "q3"), ("low", "high"))  # parts of a cell that are shown in brackets: quartiles, an interval
+HIDDEN = tuple(f", {part}" for part in ("q1", "q3", "low", "high", "bold", "beyond"))  # of columns about another one
+Words = Callable[[Any], Any] | Mapping[Any, Any]
+
+
+class Data(Protocol):
+    """Results that tables and figures are made from."""
+
+    def table(self, name: str) -> pd.DataFrame:
+        """Return a table of results by its name: the one of the paper's results, or a study's file."""
+        ...
+
+    def source(self, name: str) -> str:
+        """Return how a number of that table names it as its source."""
+        ...
+
+
+class Traced(float):
+    """A number that knows which cell of which table it is; a page shows that on hover, and an audit checks it."""
+
+    source: tuple[str, str, dict[str, Any]]  # table, column, and the values that select the row
+
+    def __new__(cls, number: float, table: str, column: str, where: Mapping[str, Any]):
+        """Return the number with its source."""
+        made = super().__new__(cls, number)
+        made.source = table, column, dict(where)
+        return made
+
+    def mark(self, text: str) -> Markup:
+        """Return its text as HTML that carries the source."""
+        html = '<data value="{}" title="{}" data-source="{}">{}</data>'
+        return Markup(html).format(float(self), self.words, json.dumps(self.source), text)
+
+    @property
+    def words(self) -> str:
+        """Return its source in words: table, column, and what selects the row."""
+        table, column, where = self.source
+        return f"{table}, {column}: {', '.join(f'{name} {value}' for name, value in where.items())}"
+
+
+def lookup(frame: pd.DataFrame, table: str, column: str, **where: Any) -> Any:
+    """Return the value of `column` in the one row of a table that `where` selects.
+
+    Raise InputError if no row or several match, or if the number is missing or not finite.
+    """
+    for name, wanted in where.items():
+        frame = frame[frame[name] == wanted]
+    if len(frame) != 1:
+        raise InputError(f"table {table} has {len(frame)} rows with {where}, expected 1; run its stage again")
+    value = checked(frame[column].iloc[0], f"table {table}, column {column}, {where}")
+    return Traced(value, table, column, where) if isinstance(value, float) else value
+
+
+def check_finite(frame: pd.DataFrame, table: str, columns: Collection[str]) -> None:
+    """Raise InputError for the first of these columns with a number that is missing or not finite."""
+    for column in columns:
+        if not np.isfinite(frame[column].astype(float)).all():
+            raise InputError(f"table {table}, column {column}: expected finite numbers; run its stage again")
+
+
+def checked(number: Any, name: str) -> Any:
+    """Return a value as a Python type; raise InputError if it is missing or not finite."""
+    if number is None or (isinstance(number, float | np.floating) and not math.isfinite(number)):
+        raise InputError(f"{name} is {number}: expected a finite number; run the stage that writes it again")
+    return number.item() if isinstance(number, np.generic) else number
+
+
+# Formats: each raises for a number that is not finite; None marks a value that cannot exist, such as a baseline's
+# seeds.
+
+
+def _number(pattern: str, scale: float = 1.0) -> Callable[[Any], str]:
+    def write(number: Any) -> str:
+        if number is None:
+            return "–"
+        if not math.isfinite(number):
+            raise ValueError(f"{number} in a page: expected a finite number; run the stage that writes it again")
+        text = pattern.format(scale * number).replace("-", "−")
+        text = text.lstrip("+−") if float(pattern.format(scale * number).split("\u00a0")[0]) == 0 else text
+        return number.mark(text) if isinstance(number, Traced) else text
+
+    return write
+
+
+def _spread(low: float, high: float) -> str:
+    """Return a range of rates in per cent."""
+    write = _number("{:.0f}", 100.0)
+    return f"{write(float(low))}–{write(float(high))}"
+
+
+FORMATS: dict[str, Callable] = {
+    "pct": _number("{:.0f}\u00a0%", 100.0),  # prose: whole per cents
+    "pct1": _number("{:.1f}\u00a0%", 100.0),  # tables
+    "points": _number("{:+.0f}", 100.0),
+    "points1": _number("{:+.1f}", 100.0),
+    "effect": _number("{:+.2f}"),
+    "rate": _number("{:.2f}"),
+    "fine": _number("{:.3f}"),
+    "times": _number("{:.1f}"),
+    "digits": _number("{:.3g}"),
+    "cm": _number("{:.1f}\u00a0cm", 100.0),
+    "count": _number("{:.0f}"),
+    "spread": _spread,
+}
+
+
+# Tables
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of a page: its numbers as written to csv, and the format of each numeric column.
+
+    Columns "X, q1" and "X, q3", or "X, low" and "X, high", are shown in brackets behind X: the quartiles over training
+    sets, or an interval. A true "X, bold" makes the cell bold, and a true "X, beyond" puts a dagger behind it.
+    """
+
+    frame: pd.DataFrame
+    formats: dict[str, str] = field(default_factory=dict)
+
+
+def chosen(data: Data, table: str | Callable[[Any], pd.DataFrame], where: Mapping[str, Any] | None) -> pd.DataFrame:
+    """Return the rows of a table of results that `where` selects; a list selects any of its values, in its order.
+
+    table: its name, or a function that makes it from the results. Raise InputError if there is no such row.
+    """
+    frame = table(data) if callable(table) else data.table(table)
+    for column, wanted in reversed(list((where or {}).items())):
+        if isinstance(wanted, str) or not isinstance(wanted, Iterable):
+            frame = frame[frame[column] == wanted]
+        else:
+            place = {value: i for i, value in enumerate(wanted)}
+            frame = frame[frame[column].isin(place)].sort_values(column, key=lambda c: c.map(place), kind="stable")
+    if frame.empty:
+        raise InputError(f"table {table} has no row with {where}; run its stage again")
+    return frame
+
+
+def beside(frame: pd.DataFrame, column: str, part: str, first: bool = True) -> str | None:
+    """Return the column with a part (an interval's end, p) of another: its own, or the table's one if it is `first`."""
+    own = f"{column}_{part}"
+    return own if own in frame else part if first and part in frame else None
+
+
+def rows_of(
+    data: Data,
+    table: str | Callable[[Any], pd.DataFrame],
+    columns: Mapping[str, str],
+    where: Mapping[str, Any] | None = None,
+    formats: Mapping[str, str] | str = "",
+    words: Mapping[str, Words] | None = None,
+    quartiles: bool = False,
+    interval: Sequence[str] = (),
+    bold: str = "",
+    beyond: str = "",
+    across: str = "",
+    gaps: Collection[str] = (),
+) -> Table:
+    """Return rows of a table of results under other titles.
+
+    columns: the columns shown, with their titles, in that order. where: see `chosen`. formats: the format of each
+    column with numbers, by title, or one name for all columns of fractions. words: what stands for a column's values.
+    quartiles, interval: show the columns `X_q1` and `X_q3`, or those of the interval, in brackets behind X; columns
+    without X's name belong to the first column of fractions. So do `bold` (a truth value, or a p that is to be below
+    0.05) and `beyond` (a dagger). across: a column of which each value gets its own columns of the fractions; the other
+    columns come first, and name the rows. gaps: titles of columns whose missing numbers cannot exist and are shown as a
+    dash. Raise InputError for any other number that is missing or not finite.
+    """
+    frame, words = chosen(data, table, where), words or {}
+    source = table.__name__ if callable(table) else data.source(table)
+    fractions = [name for name in columns if pd.api.types.is_float_dtype(frame[name])]
+    if isinstance(formats, str):
+        formats = dict.fromkeys((columns[name] for name in fractions), formats) if formats else {}
+    fractions = [name for name in fractions if columns[name] in formats]
+    for name in fractions:
+        if columns[name] not in gaps:
+            check_finite(frame, source, [name])
+    ends = {"q1": "q1", "q3": "q3"} if quartiles else dict(zip(("low", "high"), interval, strict=False))
+    marks = {part: name for part, name in (ends | {"bold": bold, "beyond": beyond}).items() if name}
+    fixed = {name: value for name, value in (where or {}).items() if isinstance(value, str | int | float)}
+    keys = [name for name in columns if name not in fractions]
+    lines = []
+    for row in frame.to_dict("records"):
+        at = fixed | {name: row[name] for name in [*keys, *([across] if across else [])] if name in frame}
+        line = {}
+        for name, title in columns.items():
+            line[title] = row[name] if name in fractions else in_words(row[name], words.get(name))
+            if name in fractions and pd.notna(row[name]):
+                line[title] = Traced(row[name], source, name, at)
+            for part, mark in marks.items():
+                if name in fractions and (own := beside(frame, name, mark, name == fractions[0])):
+                    is_p = part == "bold" and isinstance(row[own], float)
+                    line[f"{title}, {part}"] = row[own] < SIGNIFICANT if is_p else row[own]
+        lines.append(line)
+    if across:
+        heads = [str(in_words(value, words.get(across))) for value in frame[across]]
+        made = _across(lines, heads, [columns[name] for name in keys])
+        formats = dict(formats) | {_joined(head, title): form for head in heads for title, form in formats.items()}
+        for full in (_joined(head, columns[name]) for head in heads for name in fractions if columns[name] not in gaps):
+            check_finite(made, source, [full])
+        return Table(made, formats)
+    return Table(with_gaps(lines), dict(formats))
+
+
+def in_words(value: Any, words: Words | None) -> Any:
+    """Return what stands for a value: itself, if a mapping has nothing for it."""
+    return value if words is None else words(value) if callable(words) else words.get(value, value)
+
+
+def _across(lines: list[dict[str, Any]], heads: list[str], keys: list[str]) -> pd.DataFrame:
+    """Return one row for the lines with the same keys, in which each head has the lines' other columns."""
+    others, rows = [name for name in lines[0] if name not in keys], dict[Any, dict[str, Any]]()
+    for head, line in zip(heads, lines, strict=True):
+        row = rows.setdefault(tuple(line[name] for name in keys), {name: line[name] for name in keys})
+        row |= {_joined(head, name): line[name] for name in others}
+    order = [*keys, *(_joined(head, name) for head in dict.fromkeys(heads) for name in others)]
+    return with_gaps([{name: row.get(name) for name in order} for row in rows.values()])
+
+
+def _joined(head: str, title: str) -> str:
+    return ", ".join(filter(None, [head, *title.split(", ")]))
+
+
+def with_gaps(rows: Any) -> pd.DataFrame:
+    """Return rows as a frame in which a number that cannot exist is None, which a page shows as a dash."""
+    frame = pd.DataFrame(rows, dtype=object)
+    return frame.where(frame.notna(), None)
+
+
+def pick(table: pd.DataFrame, titles: Mapping[str, str], **words: Callable | Mapping) -> pd.DataFrame:
+    """Return the columns of a table that `titles` names, under their titles; `words` translate a column."""
+    shown = table.assign(**{column: table[column].map(word) for column, word in words.items()})
+    return shown[list(titles)].rename(columns=dict(titles)).reset_index(drop=True)
+
+
+def in_brackets(row: Mapping[str, Any], column: str, write: Callable[[Any], str]) -> str:
+    """Return the quartiles or the interval of a cell, in brackets and without their unit; nothing if it has none."""
+    for low, high in ENDS:
+        ends: list[Any] = [row.get(f"{column}, {end}") for end in (low, high)]
+        if None not in ends:
+            between = "–" if min(map(float, ends)) >= 0 else " to "
+            return f" [{between.join(write(float(end)).partition(chr(0xA0))[0] for end in ends)}]"
+    return ""
+
+
+def number_alone(cell: Any) -> float | None:
+    """Return a cell's number without its source, which its `title` states."""
+    return None if cell is None else float(cell)
