@@ -141,8 +141,8 @@ def test_the_log_names_the_stage_and_its_parameters(run, tmp_path: Path):
 def test_variants_fitted_by_one_stage_lie_side_by_side_and_a_study_beside_the_others(run, tmp_path: Path):
     folders = []
     run(lambda cfg, out_dir: folders.append(out_dir), "train", f"hydra.run.dir={tmp_path}", "variant=ae")
-    run(lambda cfg, out_dir: folders.append(out_dir), "robustness", *PARAMS, f"paths.studies={tmp_path}")
-    assert folders == [tmp_path / "ae", tmp_path / "robustness"]
+    run(lambda cfg, out_dir: folders.append(out_dir), "shift", *PARAMS, f"paths.studies={tmp_path}")
+    assert folders == [tmp_path / "ae", tmp_path / "shift"]
 
 
 def test_one_seed_alone_is_for_sweeps_since_dvc_would_lose_the_others(run, tmp_path: Path):

@@ -23,10 +23,8 @@ OUT_OF_RANGE = {  # study: values of its settings, each refused by the setting's
     "perception": "pictures=0 | paths=0 | rendered=[] | headlines.taught_tops=train | headlines={}",
     "refutation": "scenes=3 | scenes=4.5 | far_m=0.04 | dummy_outcome=[unknown] | pieces=[3]",
     "solutions": "variants=[unknown] | variants=[] | split=seen_scenes | draws=0 | draws=10000 | neighbours=0",
-    "robustness": "split=seen_scenes | scenes=1 | scenes=10000 | corruptions.shade=[0.5, 1.5] | corruptions.blur=[2, 1]"
-    " | corruptions.noise=[0.0] | clutter=[1.5] | mislabelled={unknown: [0.1]} | mislabelled.clearance=[]",
-    "rule_families": "families={dwell: 0.1} | families={margin: 0.0, taste: 1.0} | families.proximity=-0.1"
-    " | variants=[nobody] | variants=[irl_ranked]",
+    "shift": "scenes=1 | scenes=10000 | corruptions.blur=[2, 1] | corruptions={fog: [0.1]} | clutter=[1.5]"
+    " | mislabelled={full: [0.1]} | mislabelled.clearance=[] | neighbour_m=-0.1",
 }
 WITH_REASON = [  # study, value, what the error says after the setting's name
     ("acceptance", "level=0.03", " = 0.03 among them"),
@@ -39,7 +37,6 @@ WITH_REASON = [  # study, value, what the error says after the setting's name
     ("identification", "stranger=" + MARGINS.replace("MARGIN", "null"), ".*margins that no user has"),
     ("identification", "stranger=" + MARGINS.replace("MARGIN", "-1.0"), ".bowl"),
     ("identification", "split=seen_scenes", ".*new_scenes, new_items"),
-    ("robustness", "corruptions={fog: [0.1]}", ".*fog"),
 ]
 ROWS = [(study, row, "") for study, rows in OUT_OF_RANGE.items() for row in rows.split(" | ")] + WITH_REASON
 
