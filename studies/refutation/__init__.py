@@ -1,1 +1,0 @@
-"""Study: attempts to refute the effects of added items."""
