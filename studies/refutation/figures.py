@@ -16,7 +16,5 @@ def placebos(study: Study) -> Figure:
 
 def worlds(study: Study) -> Figure:
     """Draw training scenes of the control and of the confounded world."""
-    return draw_images(
-        {"no common cause": study.arrays("worlds.npz")["control"]}
-        | {"glasses beside plates": study.arrays("worlds.npz")["confounded"]}
-    )
+    images = study.arrays("worlds.npz")
+    return draw_images({"no common cause": images["control"], "glasses beside plates": images["confounded"]})

@@ -11,8 +11,6 @@ OUT_OF_RANGE = {  # study: values of its settings, each refused by the setting's
     "acceptance": "variants=[unknown] | variants=[] | level=1.0 | fitted=20",
     "ceiling": "scenes={unknown: [20]} | scenes={irl_ranked: [20]} | scenes.full=[12, 6] | seeds={full: 2}"
     " | new_scenes=1 | seen_scenes=7 | batch=0 | growth=-0.5 | clear_cm=[4, 8]",
-    "confounding": "worlds.always=1.5 | worlds.control=0.5 | gap_m=[0.001, 0.04] | worlds={} | glasses=3 | near_m=0"
-    " | users=[carefull] | variants={fulll: [confounded]} | variants.clearance=[control] | examples=0",
     "counterfactuals": "scenes=1 | move_step=0.0 | example_variant=best",
     "demonstrations": "seeds={clearance: 2} | seeds={full: 2, unknown: 2} | clear_cm=[4, 0] | clear_cm=[]",
     "envelope": "doses=1 | paths=0.5 | candidates=0 | step=0.0 | planner=unknown",
@@ -21,7 +19,8 @@ OUT_OF_RANGE = {  # study: values of its settings, each refused by the setting's
     " | solids.bowl.height_m=0.0",
     "identification": "paths=0 | draws=true | level=1.0",
     "perception": "pictures=0 | paths=0 | rendered=[] | headlines.taught_tops=train | headlines={}",
-    "refutation": "scenes=3 | scenes=4.5 | far_m=0.04 | dummy_outcome=[unknown] | pieces=[3]",
+    "refutation": "scenes=3 | scenes=4.5 | far_m=0.04 | pieces=[3] | world.p_common_cause=1.5 | world.glasses=3"
+    " | world.gap_m=[0.001, 0.04] | world.near_m=0",
     "solutions": "variants=[unknown] | variants=[] | split=seen_scenes | draws=0 | draws=10000 | neighbours=0",
     "shift": "scenes=1 | scenes=10000 | corruptions.blur=[2, 1] | corruptions={fog: [0.1]} | clutter=[1.5]"
     " | mislabelled={full: [0.1]} | mislabelled.clearance=[] | neighbour_m=-0.1",
