@@ -382,7 +382,7 @@ def move_beside_first(rng: np.random.Generator, scene: Layouts, slot: int, rules
         apart = segment_distance(scene.ends[0, slot], scene.ends[0, :slot])
         return apart - scene.radius[0, slot] - scene.radius[0, :slot]
 
-    gap = rng.uniform(*world.gap_m)
+    gap = rng.uniform(world.gap_m[0], world.gap_m[1])
     towards = scene.centre[0, 0] - scene.centre[0, slot]
     towards /= np.linalg.norm(towards)
     while abs(excess := gaps()[0] - gap) > GAP_TOLERANCE_M:
