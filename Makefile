@@ -135,12 +135,12 @@ sbom: $(READY)  ## software bill of materials of .venv with licences, sbom.json 
 	.venv-sbom/bin/python -m pip install --quiet --disable-pip-version-check cyclonedx-bom==7.5.0
 	.venv-sbom/bin/cyclonedx-py environment --output-reproducible --output-file sbom.json $(VENV)
 
-params: $(READY)  ## write params.yaml, and dvc.yaml's lists of variants, from conf/
+params: $(READY)  ## write params.yaml from conf/
 	python -m pipeline.params
 
 POOL := outputs/segmenter
 segmenter: data-here  ## train perception anew on composites, 30 minutes on two cores; its weights are in git, so no other target needs it
-	python -m making.segmenter.draw --pool $(POOL) --parts 44 & python -m making.segmenter.train --pool $(POOL) --steps 11000 && wait
+	python -m making.segmenter.pool --pool $(POOL) --parts 44 & python -m making.segmenter.train --pool $(POOL) --steps 11000 && wait
 
 data: $(READY)  ## draw data/ anew and put it into the store
 	python -m making.data

@@ -1,8 +1,6 @@
 """Run a stage's `main(cfg, out_dir)` from the command line: for DVC (`--params params.yaml`) or through Hydra."""
 
-import errno
-import hashlib
-import importlib
+import argparse
 import json
 import logging
 import os
@@ -10,39 +8,24 @@ import platform
 import re
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import yaml
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
+from omegaconf.errors import ConfigAttributeError, OmegaConfBaseException
 
-from pipeline.config.graph import FITTED, stage_entry
-from pipeline.params import (
-    CONF,
-    GRAPH,
-    PARAMS,
-    drop_absent,
-    explained,
-    load,
-    need,
-    read_by,
-    refuse_recomposed,
-    refuse_unread,
-    validate,
-)
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.memory import disable_malloc_trim
+from pipeline.runtime.places import CONF, PARAMS, PROCESSORS
+from pipeline.runtime.settings import Shared, checked, need, need_one, need_several_seeds
 from pipeline.runtime.writing import atomic_write
 
 Main = Callable[[DictConfig, Path], None]
-PROCESSORS = "processors.json"
-USAGE = """
-python -m {module} [parameter=value ...]            one run by Hydra, into multirun/single/{stage}
-python -m {module} --multirun parameter=a,b ...     a sweep, into multirun/{stage}; --cfg job shows the parameters
-python -m {module} --params params.yaml             the run that DVC makes, into {out}
-"""
+FITTED = ("train", "irl", "clearance")  # stages that run once per variant, each variant in its own folder
 
 
 def launch(main: Main, stage: str) -> None:
@@ -52,37 +35,68 @@ def launch(main: Main, stage: str) -> None:
     Otherwise Hydra composes conf/, and the run writes to Hydra's output directory.
     """
     disable_malloc_trim()
-    argv = sys.argv[1:]
     try:
-        if {"-h", "--help"} & set(argv):
-            print(usage(stage))
-        elif "--params" in argv:
-            _from_params(main, stage, argv)
+        if "--params" in sys.argv:
+            _from_params(main, stage)
         else:
-            _from_hydra(main, stage, argv)
+            _from_hydra(main, stage)
     except KeyboardInterrupt:
         print("error: interrupted", file=sys.stderr)
         sys.exit(130)
     except (InputError, OSError, yaml.YAMLError) as error:
-        too_long = getattr(error, "errno", None) == errno.ENAMETOOLONG
-        hint = "; name the runs by number: hydra.sweep.subdir='${hydra.job.num}'" if too_long else ""
-        print(f"error: {' '.join(str(error).split())}{hint}", file=sys.stderr)
+        print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
         sys.exit(2)
 
 
-def usage(stage: str) -> str:
-    """Return the help text of a stage: purpose, usage, files read and written, parameters."""
-    module = f"studies.{stage}.stage" if (CONF.parent / "studies" / stage).is_dir() else f"pipeline.stages.{stage}"
-    text = (importlib.import_module(module).__doc__ or "").strip()
-    cfg = load(CONF.parent / PARAMS)
-    entry = stage_entry(stage) or {}
-    lines = [text, USAGE.format(module=module, stage=stage, out=_folder(cfg, stage))]
-    lines += ["Reads:", *(f"  {dep}" for dep in entry.get("deps", []) if not dep.startswith(("pipeline/", "studies/")))]
-    outs = [out for key in ("outs", "metrics") for out in entry.get(key, [])]
-    lines += ["Writes:", *(f"  {out if isinstance(out, str) else next(iter(out))}" for out in outs)]
-    lines += [f"Parameters (conf/ says what each is; these are of profile {cfg.profile}):"]
-    lines += [f"  {line}" for line in read_by(cfg, stage).splitlines()]
-    return "\n".join(lines).replace("${item.variant}", cfg.variant)
+def load(path: Path = PARAMS, overrides: Sequence[str] = ()) -> DictConfig:
+    """Return the parameters of a params.yaml with dotted `overrides` (`variant=ae`).
+
+    Raises InputError for a file that holds none, or an override of a parameter that is not there.
+    """
+    again = "run `python -m pipeline.params` to write it from conf/"
+    try:
+        cfg = OmegaConf.load(path)
+        if not isinstance(cfg, DictConfig) or not cfg:
+            raise InputError(f"{path} is not a mapping: {again}")
+        OmegaConf.set_struct(cfg, True)
+        cfg.merge_with_dotlist(list(overrides))
+        OmegaConf.resolve(cfg)
+    except ConfigAttributeError as error:
+        raise InputError(f"unknown parameter {error.full_key!r} in {list(overrides)} (see conf/)") from error
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, OmegaConfBaseException) as error:
+        raise InputError(f"{path} with {list(overrides)} could not be read ({error}): {again}") from error
+    return cfg
+
+
+def check(cfg: DictConfig, stage: str, module: ModuleType, agree: bool = True) -> None:
+    """Check the parameters that all stages share and those of a stage or study, whose classes are in its `module`.
+
+    Without `agree`, its constraints between groups are left out. Raises InputError for the first wrong parameter.
+    """
+    values: Any = OmegaConf.to_container(cfg, resolve=True)
+    checked(Shared, {name: values[name] for name in Shared.model_fields if name in values})
+    study = stage not in values["paths"]
+    if agree and study:
+        need_several_seeds(cfg)
+    if hasattr(module, "Settings"):
+        group = values["studies"] if study else values
+        settings = checked(module.Settings, group.get(stage), f"studies.{stage}" if study else stage)
+        if agree and hasattr(module, "agree"):
+            module.agree(settings, cfg)
+
+
+def check_variant(cfg: DictConfig, variant: str, module: ModuleType) -> None:
+    """Check the parameters of a variant by the module of the stage that fits it. Raises InputError."""
+    checked(module.Variant, OmegaConf.to_container(cfg.variants[variant]), f"variants.{variant}")
+
+
+def _check_own(cfg: DictConfig, stage: str, main: Main) -> None:
+    """Check what a run of the stage reads."""
+    module = sys.modules[main.__module__]
+    check(cfg, stage, module)
+    if stage in FITTED:
+        need_one("variant", cfg.variant, [name for name, settings in cfg.variants.items() if settings.stage == stage])
+        check_variant(cfg, cfg.variant, module)
 
 
 def _folder(cfg: DictConfig, stage: str, folder: Path | None = None) -> Path:
@@ -92,25 +106,26 @@ def _folder(cfg: DictConfig, stage: str, folder: Path | None = None) -> Path:
     return folder / cfg.variant if stage in FITTED else folder
 
 
-def _from_params(main: Main, stage: str, argv: list[str]) -> None:
-    """Run with the parameters of a file."""
-    index = argv.index("--params")
-    if len(argv) < index + 2:
-        raise InputError("--params needs a file: --params params.yaml")
-    overrides = argv[:index] + argv[index + 2 :]
-    cfg = load(Path(argv[index + 1]), overrides, [stage] if overrides else [*GRAPH, stage])
-    refuse_recomposed(cfg)
-    refuse_unread(cfg, stage, overrides)
-    need(cfg, "seed", cfg.seed is None, "null, since DVC keeps the files of all seeds; for one, leave --params out")
+def _from_params(main: Main, stage: str) -> None:
+    """Run with the parameters of a file, and note the processor if DVC runs this."""
+    parser = argparse.ArgumentParser(prog=f"stage {stage}")
+    parser.add_argument("--params", type=Path, required=True, metavar="FILE")
+    parser.add_argument("overrides", nargs="*", metavar="parameter=value")
+    given = parser.parse_intermixed_args()
+    cfg = load(given.params, given.overrides)
+    _check_own(cfg, stage, main)
+    need(
+        cfg.seed is None, "seed", cfg.seed, "null, since DVC keeps the files of all seeds; for one, leave --params out"
+    )
     out_dir = _folder(cfg, stage)
     out_dir.mkdir(parents=True, exist_ok=True)
     main(cfg, out_dir)
-    if "DVC_STAGE" in os.environ:  # DVC runs this: note the processor beside dvc.lock, by DVC's name such as train@full
-        known, path = {}, Path(PROCESSORS)
+    if "DVC_STAGE" in os.environ:  # DVC's name, such as train@full
+        known = {}
         with suppress(FileNotFoundError, ValueError):  # the first stage, or a merge left its marks in the file
-            known = json.loads(path.read_text())
+            known = json.loads(PROCESSORS.read_text())
         lines = json.dumps(known | {os.environ["DVC_STAGE"]: processor()}, indent=2, sort_keys=True) + "\n"
-        atomic_write(path, lambda part: part.write_text(lines))
+        atomic_write(PROCESSORS, lambda part: part.write_text(lines))
 
 
 def processor(cpuinfo: Path = Path("/proc/cpuinfo")) -> str:
@@ -123,7 +138,7 @@ def processor(cpuinfo: Path = Path("/proc/cpuinfo")) -> str:
     return ", ".join([*parts, *(["AVX-512"] if "avx512f" in fields.get("flags", "") else [])])
 
 
-def _from_hydra(main: Main, stage: str, argv: list[str]) -> None:
+def _from_hydra(main: Main, stage: str) -> None:
     """Compose conf/ and run; a sweep runs every combination, even after failures."""
     import hydra
     from hydra.core.hydra_config import HydraConfig
@@ -134,50 +149,34 @@ def _from_hydra(main: Main, stage: str, argv: list[str]) -> None:
 
     def run(cfg: DictConfig) -> None:
         settings = HydraConfig.get()
-        overrides = [override for override in settings.overrides.task if not override.startswith("hydra.")]
+        start = time.perf_counter()
         try:
-            _job(main, stage, cfg, overrides, Path(settings.runtime.output_dir))
-        except (InputError, OSError) as error:
+            OmegaConf.resolve(cfg)
+            _check_own(cfg, stage, main)
+            main(cfg, _folder(cfg, stage, Path(settings.runtime.output_dir)))
+        except (InputError, OSError, OmegaConfBaseException) as error:
             if settings.mode == RunMode.MULTIRUN:  # Hydra reports only the first failure
                 print(f"error: {settings.job.override_dirname}: {error}", file=sys.stderr)
                 raise
             refused.append(error)  # raised after Hydra's return, as Hydra would print a message of its own
+            return
+        logging.getLogger(stage).info("done in %.1f s: %s", time.perf_counter() - start, settings.overrides.task)
 
     # Hydra names its folders after the job; argparse wants all overrides in a row
-    overrides = [argument for argument in argv if re.match(r"[~+]|(?!-).*=", argument)]
-    flags = [argument for argument in argv if argument not in overrides]
-    if not any(override.startswith("hydra.job.name=") for override in overrides):
-        overrides.insert(0, f"hydra.job.name={stage}")
-    sys.argv[1:] = [*overrides, *flags]
+    overrides = [argument for argument in sys.argv[1:] if re.match(r"[~+]|(?!-).*=", argument)]
+    flags = [argument for argument in sys.argv[1:] if argument not in overrides]
+    sys.argv[1:] = [f"hydra.job.name={stage}", *overrides, *flags]
     os.environ["HYDRA_FULL_ERROR"] = "1"  # errors are reported here, not with Hydra's message and exit code
-    _note_other_profile(overrides)
     try:
         hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run)()
-    except HydraException as error:
+    except (HydraException, OmegaConfBaseException) as error:
         raise InputError(explained(error)) from error
     if refused:
-        raise refused[0]
+        raise InputError(str(refused[0])) from refused[0]
 
 
-def _job(main: Main, stage: str, cfg: DictConfig, overrides: list[str], folder: Path) -> None:
-    """Check one combination of parameters, run it, and log its parameters and duration."""
-    try:
-        OmegaConf.resolve(cfg)
-    except OmegaConfBaseException as error:
-        raise InputError(f"parameters do not resolve ({error}): correct the override") from error
-    drop_absent(cfg)
-    validate(cfg, [stage])
-    refuse_unread(cfg, stage, overrides)
-    start = time.perf_counter()
-    main(cfg, _folder(cfg, stage, folder))
-    digest = hashlib.sha256(read_by(cfg, stage).encode()).hexdigest()[:12]
-    logging.getLogger(stage).info("done in %.1f s, parameters %s: %s", time.perf_counter() - start, digest, overrides)
-
-
-def _note_other_profile(overrides: list[str]) -> None:
-    """Print which profile Hydra composes if params.yaml has another one."""
-    asked = next((o.partition("=")[2] for o in reversed(overrides) if o.startswith("profile=")), "paper")
-    path = CONF.parent / PARAMS
-    found = re.search(r"(?m)^profile: (\S+)", path.read_text()) if path.is_file() else None
-    if found and found[1] != asked:
-        print(f"profile {asked}; params.yaml is {found[1]}", file=sys.stderr, flush=True)
+def explained(error: Exception) -> str:
+    """Return Hydra's message, or the unknown parameter: Hydra does not name one inside an override's dictionary."""
+    name = getattr(error.__cause__, "full_key", None)
+    message = str(error).partition("\nConfig search path:")[0]
+    return f"unknown parameter {name!r} (see conf/; + in front of the override adds it)" if name else message

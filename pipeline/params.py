@@ -1,47 +1,50 @@
-"""Compose conf/ into params.yaml, check that they agree, and check every parameter.
+"""Compose conf/ into params.yaml, and check every parameter.
 
-python -m pipeline.params                  write params.yaml from conf/, with the overrides in conf/composed.yaml
-python -m pipeline.params profile=smoke    the same with these Hydra overrides, which conf/composed.yaml keeps
-python -m pipeline.params '~variants.ae'   a smaller graph: dvc.yaml's lists of variants follow
+python -m pipeline.params                  write params.yaml from conf/, with the overrides kept in conf/composed.yaml
+python -m pipeline.params profile=smoke    the same with these Hydra overrides, kept there from now on
+python -m pipeline.params '~variants.ae'   a smaller graph
 python -m pipeline.params profile=paper    back to the paper
-python -m pipeline.params --check          exit 1 if params.yaml or dvc.yaml is not what conf/ composes
-python -m pipeline.params --check --out F  write F, too, if they agree: DVC's stage params
+python -m pipeline.params --check          exit 1 if params.yaml is not what conf/ composes
+python -m pipeline.params --check --out F  write F, too, if it is: DVC's stage params
+
+conf/composed.yaml is a part of conf/: whatever composes it, `dvc exp run -S` too, gets the kept overrides. It also
+lists what dvc.yaml runs once per name: the variants of each stage that fits, and the pages of studies.
 """
 
 import argparse
 import shlex
 import sys
 from collections.abc import Collection, Sequence
-from itertools import product
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import yaml
 from omegaconf import DictConfig, OmegaConf, open_dict
-from omegaconf.errors import ConfigAttributeError, OmegaConfBaseException
-from pydantic import ValidationError
-from pydantic_core import PydanticCustomError
+from omegaconf.errors import OmegaConfBaseException
 
-from pipeline.config.graph import ROOT, graph_files, listed_variants, stage_entry, with_variants
-from pipeline.config.settings import NEEDS, Settings, check_study, is_study
+from pipeline.launch import FITTED, check, check_variant, explained
 from pipeline.runtime.errors import InputError
-from pipeline.runtime.settings import explain
+from pipeline.runtime.places import CONF, PARAMS, ROOT
+from pipeline.runtime.settings import Shared, need_one
 from pipeline.runtime.writing import atomic_write
 
-CONF = ROOT / "conf"
-COMPOSED_WITH = CONF / "composed.yaml"
-PARAMS = Path("params.yaml")
-GRAPH = tuple(NEEDS)  # the paper's stages with requirements across several groups
-# parameter -> the parameters in params.yaml that conf/ composes from it
-COMPOSED = {"profile": "", "source": "scenes.source", "train.model": "variants"}
-COMPOSED |= dict.fromkeys(("protocol", "seeds", "validation_seeds"), "protocol")
+COMPOSED = CONF / "composed.yaml"
+GRAPH = ("scenes", "demos", *FITTED, "evaluate", "readings", "repair", "intervene", "record", "report")
+HEAD = """# @package _global_
+# Written by `python -m pipeline.params OVERRIDES`: what params.yaml was composed with, and the lists of dvc.yaml.
+"""
 
 
 def compose(overrides: Sequence[str] = ()) -> DictConfig:
-    """Return conf/config.yaml with Hydra `overrides`, resolved and checked.
+    """Return conf/ with Hydra `overrides`, resolved; every value is in its range. Raises InputError."""
+    cfg = _compose(overrides)
+    validate(cfg)
+    return cfg
 
-    Variants and users that an override removes also leave all lists of names. Raises InputError.
-    """
+
+def _compose(overrides: Sequence[str]) -> DictConfig:
+    """Return conf/ with Hydra `overrides`, resolved, with the lists of dvc.yaml."""
     from hydra import compose as hydra_compose
     from hydra import initialize_config_dir
     from hydra.errors import HydraException
@@ -50,210 +53,115 @@ def compose(overrides: Sequence[str] = ()) -> DictConfig:
         with initialize_config_dir(str(CONF), version_base="1.3"):
             cfg = hydra_compose("config", overrides=list(overrides))
         OmegaConf.resolve(cfg)
-    except (HydraException, OmegaConfBaseException, yaml.YAMLError, OSError, ValueError) as error:  # no name of a file
+    except (HydraException, OmegaConfBaseException, yaml.YAMLError, OSError, ValueError) as error:
         raise InputError(f"conf/ with overrides {list(overrides)} does not compose: {explained(error)}") from error
-    drop_absent(cfg)
     with open_dict(cfg):
-        cfg.composed = list(overrides)
-    validate(cfg)
+        # a profile may set parameters of a study whose folder was deleted
+        cfg.studies = {n: s for n, s in cfg.studies.items() if (ROOT / "studies" / str(n) / "stage.py").is_file()}
+        if isinstance(cfg.variants, DictConfig):
+            cfg.graph = {stage: [n for n, v in cfg.variants.items() if v.get("stage") == stage] for stage in FITTED}
+        cfg.graph.pages = list(cfg.studies)
     return cfg
-
-
-def composed_with() -> list[str]:
-    """Return the overrides that conf/composed.yaml names. Raises InputError for a file that holds no list of them."""
-    try:
-        overrides = yaml.safe_load(COMPOSED_WITH.read_text(encoding="utf-8"))["composed"]
-        return [str(override) for override in overrides]
-    except (OSError, ValueError, TypeError, KeyError, yaml.YAMLError) as error:
-        raise InputError(
-            f"{COMPOSED_WITH} names no overrides ({error}): expected `composed: []`; restore it with git"
-        ) from error
-
-
-def explained(error: Exception) -> str:
-    """Return Hydra's message, or the unknown parameter: Hydra does not name one inside an override's dictionary."""
-    name = getattr(error.__cause__, "full_key", None)
-    message = str(error).partition("\nConfig search path:")[0]
-    return f"unknown parameter {name!r} (see conf/; + in front of the override adds it)" if name else message
-
-
-def drop_absent(cfg: DictConfig) -> None:
-    """Remove absent variants, users and studies from the lists of `cfg`, and questions that lack a second user.
-
-    Leave `cfg` as it is where a group that has lists is none: `validate` says so.
-    """
-    if not all(isinstance(x, DictConfig) for x in (cfg.variants, cfg.users, cfg.evaluate, cfg.record, cfg.report)):
-        return
-    variants = {path.stem for path in (CONF / "variants").glob("*.yaml")} - set(cfg.variants)
-    users = set(OmegaConf.load(CONF / "users.yaml")["users"]) - set(cfg.users)  # pyright: ignore
-    with open_dict(cfg):
-        for comparison in list(cfg.evaluate.comparisons):
-            comparison.against = [name for name in comparison.against if name not in variants]
-            if comparison.variant in variants or not comparison.against:
-                cfg.evaluate.comparisons.remove(comparison)
-        cfg.record.first = [name for name in cfg.record.first if name not in variants]
-        cfg.report.shown = [name for name in cfg.report.shown if name not in variants] or list(cfg.variants)[:3]
-        if len(cfg.users) < 2:
-            cfg.questions = {n: q for n, q in cfg.get("questions", {}).items() if q.get("kind") != "user"}
-        cfg.evaluate.users = [name for name in cfg.evaluate.users if name not in users]
-        if cfg.variant in variants:
-            cfg.variant = next(iter(cfg.variants))
-        if "studies" in cfg:
-            cfg.studies = {n: s for n, s in cfg.studies.items() if (ROOT / "studies" / str(n) / "stage.py").is_file()}
-
-
-def load(path: Path, overrides: Sequence[str] = (), stages: Collection[str] = ()) -> DictConfig:
-    """Return the parameters of a params.yaml with dotted `overrides` (`variant=ae`), checked as by `validate`.
-
-    Raises InputError for an invalid file or override.
-    """
-    if not path.is_file():
-        raise InputError(f"{path} is missing: run `python -m pipeline.params` to write it from conf/")
-    try:
-        cfg = OmegaConf.create(path.read_text())
-        if not isinstance(cfg, DictConfig) or not cfg:
-            raise InputError(f"{path} is not a mapping: run `python -m pipeline.params` to write it again")
-        OmegaConf.set_struct(cfg, True)
-        for override, source in product(overrides, COMPOSED):
-            if f"{override.partition('=')[0]}.".startswith(f"{source}."):
-                raise InputError(
-                    f"{override}: params.yaml holds other parameters that were composed of {source}. Run "
-                    f"`python -m pipeline.params {override}`, or the stage without --params"
-                )
-        cfg.merge_with_dotlist(list(overrides))
-        OmegaConf.resolve(cfg)
-    except ConfigAttributeError as error:
-        raise InputError(f"unknown parameter {error.full_key!r} in {list(overrides)} (see conf/)") from error
-    except (UnicodeDecodeError, yaml.YAMLError, OmegaConfBaseException) as error:
-        raise InputError(
-            f"{path} with {list(overrides)} could not be read ({error}): run `python -m pipeline.params`"
-        ) from error
-    validate(cfg, stages)
-    return cfg
-
-
-def refuse_recomposed(cfg: DictConfig) -> None:
-    """Raise InputError if params.yaml has lost all values that the overrides in conf/composed.yaml had given it.
-
-    `dvc exp run -S` composes conf/ anew, without them.
-    """
-    overrides = composed_with()
-    if not overrides or list(cfg.composed) != overrides:
-        return
-    kept, plain = (_leaves(OmegaConf.to_container(compose(chosen))) for chosen in (overrides, []))
-    now = _leaves(OmegaConf.to_container(cfg))
-    given = {key for key in kept.keys() | plain.keys() if key != ".composed" and kept.get(key) != plain.get(key)}
-    has_kept, has_plain = (any(now.get(key) == tree.get(key) for key in given) for tree in (kept, plain))
-    if has_plain and not has_kept:
-        again = " ".join(f"-S {shlex.quote(override)}" for override in overrides)
-        raise InputError(
-            f"params.yaml was composed without {' '.join(overrides)}, which conf/composed.yaml names: repeat it as in "
-            f"`dvc exp run {again}`, or run `python -m pipeline.params profile=paper` first"
-        )
-
-
-def _leaves(tree: Any, name: str = "") -> dict[str, Any]:
-    """Return dotted name (.train.steps) -> value of a nested mapping; lists are values."""
-    if not isinstance(tree, dict):
-        return {name: tree}
-    return {key: value for part, sub in tree.items() for key, value in _leaves(sub, f"{name}.{part}").items()}
 
 
 def validate(cfg: DictConfig, stages: Collection[str] = ()) -> None:
-    """Raise InputError for the first invalid parameter, before any work is done.
+    """Raise InputError for the first wrong parameter.
 
-    `stages`: the stages and studies about to run; their requirements across groups are checked too.
+    `stages`: those and studies about to run, whose constraints between groups are checked, too.
     """
-    prefix = ""
+    unknown = set(cfg) - set(Shared.model_fields) - {*GRAPH, "variants", "questions", "studies"}
+    if unknown:
+        raise InputError(f"unknown parameter {min(map(str, unknown))!r}")
+    for stage in GRAPH:
+        check(cfg, stage, import_module(f"pipeline.stages.{stage}"), agree=stage in stages)
+    for name, settings in cfg.variants.items():
+        need_one(f"variants.{name}.stage", settings.get("stage"), FITTED)
+        check_variant(cfg, str(name), import_module(f"pipeline.stages.{settings.stage}"))
+    for study in map(str, cfg.studies):
+        check(cfg, study, settings_of(study), agree=study in stages)
+
+
+def settings_of(study: str) -> Any:
+    """Return the module with a study's `Settings`."""
+    module = import_module(f"studies.{study}.stage")
+    return module if hasattr(module, "Settings") else import_module(f"studies.{study}.settings")
+
+
+def kept(overrides: Sequence[str], cfg: DictConfig | None = None) -> str:
+    """Return a conf/composed.yaml with these overrides; its lists are those of `cfg`, or as they were.
+
+    Variants are the files of conf/variants that say whether they are `compared`, new ones last. Raises InputError for
+    an override that no file can hold.
+    """
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+    from hydra.errors import HydraException
+
+    before = yaml.safe_load(COMPOSED.read_text(encoding="utf-8"))
+    known = [p.stem for p in sorted((CONF / "variants").glob("*.yaml")) if "\ncompared:" in p.read_text()]
+    entries = [next(iter(entry)) for entry in before["defaults"] if entry != "_self_"]
+    listed = [key.partition(".")[2] for key in entries if key.startswith("variants@")]
+    variants = [*(v for v in listed if v in known), *(v for v in known if v not in listed)]
+    groups: dict[str, str | None] = {"profile": "paper"}
+    values = OmegaConf.create()
     try:
-        settings = Settings.model_validate(OmegaConf.to_container(cfg, resolve=True), context=stages)
-        for name in settings.studies:
-            prefix = f"studies.{name}."
-            if is_study(name):
-                check_study(name, settings, agree=name in stages)
-    except ValidationError as error:
-        raise InputError(f"{explain(error, prefix)}; change it in conf/ or on the command line") from error
-    except PydanticCustomError as error:
-        stated = "parameter {name} is {value!r}: expected ".format(**error.context) if error.context else ""
-        raise InputError(f"{stated}{error.message()}; change it in conf/ or on the command line") from error
-
-
-def need(cfg: DictConfig, name: str, holds: bool, expected: str) -> None:
-    """Raise InputError with the parameter's name, its value and what was expected, unless `holds`."""
-    if not holds:
-        raise InputError(f"parameter {name} is {OmegaConf.select(cfg, name)!r}: expected {expected}")
-
-
-def names_read(cfg: DictConfig, stage: str) -> list[str]:
-    """Return the names of the parameters that a stage reads: those listed in dvc.yaml, and those DVC does not track.
-
-    Empty for a stage that no dvc.yaml contains.
-    """
-    entry = stage_entry(stage)
-    if entry is None:
-        return []
-    names = [*entry.get("params", []), *(("variant", "seed") if "matrix" in entry else ()), "workers", "paths"]
-    return [str(name).replace("${item.variant}", cfg.variant) for name in names]
-
-
-def read_by(cfg: DictConfig, stage: str) -> str:
-    """Return, as YAML, the parameters that a stage reads; all of them for a stage that no dvc.yaml contains."""
-    names = names_read(cfg, stage)
-    return OmegaConf.to_yaml(OmegaConf.create({name: OmegaConf.select(cfg, name) for name in names}) if names else cfg)
-
-
-def refuse_unread(cfg: DictConfig, stage: str, overrides: Sequence[str]) -> None:
-    """Raise InputError for an override that the stage does not read, as it would mislabel an unchanged result.
-
-    `overrides`: as on Hydra's command line. Stages that no dvc.yaml contains accept every override.
-    """
-    read = names_read(cfg, stage)
-    for override in overrides if read else ():
-        name = override.lstrip("+~").partition("=")[0].rpartition("@")[2]
-        targets = [name, *(target for source, target in COMPOSED.items() if f"{name}.".startswith(f"{source}."))]
-        pairs = [(f"{target}.", f"{own}.") for target, own in product(targets, read)]
-        if "" not in targets and not any(a.startswith(b) or b.startswith(a) for a, b in pairs):
-            raise InputError(
-                f"{override}: stage {stage} does not read {name} (it reads {', '.join(read)}). If an earlier stage "
-                f"reads it, run that one again, too: `dvc exp run -S {override} {stage}`"
-            )
+        for override in OverridesParser.create().parse_overrides(list(overrides)):
+            key, group = override.key_or_group, override.key_or_group.partition(".")[0]
+            if override.is_sweep_override():
+                raise InputError(f"{override.input_line}: expected one value")
+            if override.is_delete():
+                if not (CONF / group).is_dir():
+                    raise InputError(
+                        f"{override.input_line}: only variants, users, questions and studies can be left out"
+                    )
+                groups[f"override /{group}@{key}"] = None
+            elif (CONF / key).is_dir():
+                new = override.is_add() or key == "profile"
+                groups[("" if new else "override /") + override.get_key_element().lstrip("+")] = override.value()
+            else:
+                OmegaConf.update(values, key, override.value(), force_add=True)
+    except HydraException as error:
+        raise InputError(explained(error)) from error
+    defaults = [{f"variants@variants.{v}": v} for v in variants] + [{key: value} for key, value in groups.items()]
+    graph = before["graph"] if cfg is None else OmegaConf.to_container(cfg.graph)
+    own: Any = {"defaults": [*defaults, "_self_"], "composed": list(overrides), "graph": graph}
+    return HEAD + yaml.safe_dump(own | OmegaConf.to_container(values), sort_keys=False, width=120)  # pyright: ignore
 
 
 def main(argv: list[str]) -> int:
-    """Write or check params.yaml and dvc.yaml's lists of variants; return the exit code."""
-    if {"-h", "--help"} & set(argv):
-        print(__doc__)
-        return 0
-    parser = argparse.ArgumentParser(prog="python -m pipeline.params", add_help=False, exit_on_error=False)
+    """Write or check params.yaml and conf/composed.yaml; return the exit code."""
+    parser = argparse.ArgumentParser("python -m pipeline.params", description=__doc__, allow_abbrev=False)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("--check", action="store_true")
     parser.add_argument("--out", type=Path)
-    options, given = parser.parse_known_args(argv)
-    if unknown := [argument for argument in given if argument.startswith("-")]:
-        raise InputError(f"unknown option {unknown[0]!r}: expected --check or overrides such as train.steps=100")
-    overrides = given or composed_with()
-    cfg = compose(overrides)
-    validate(cfg, GRAPH)
-    stage_of = {str(name): str(variant.stage) for name, variant in cfg.variants.items()}
-    before = listed_variants()
-    files = {PARAMS: OmegaConf.to_yaml(cfg)}  # byte for byte as DVC writes it for `dvc exp run -S`
-    files |= {path: with_variants(path.read_text(), stage_of, before) for path in graph_files()}
-    if overrides != composed_with():
-        first = COMPOSED_WITH.read_text(encoding="utf-8").splitlines()[0]
-        files[COMPOSED_WITH] = f"{first}\n{yaml.safe_dump({'composed': overrides}, default_flow_style=True)}"
-    stale = [path for path, text in files.items() if not path.is_file() or path.read_text() != text]
-    if options.check and stale:
-        command = shlex.join(["python", "-m", "pipeline.params", *given])
-        print(f"error: {stale[0]} is not what conf/ composes: run `{command}`", file=sys.stderr)
-        return 1
-    for path in stale:
-        atomic_write(path, lambda part, path=path: part.write_text(files[path]))
-    for study in cfg.get("studies", {}):
+    parser.add_argument("overrides", nargs="*", metavar="parameter=value")
+    given = parser.parse_intermixed_args(argv)
+    before = COMPOSED.read_text(encoding="utf-8")
+    overrides = given.overrides or list(yaml.safe_load(before)["composed"])
+    overrides = [override for override in overrides if override != "profile=paper"]
+    if given.check:
+        cfg = _compose([])
+        written = {COMPOSED: kept(overrides, cfg), PARAMS: OmegaConf.to_yaml(cfg)}
+        if stale := [p for p, text in written.items() if not p.is_file() or p.read_text(encoding="utf-8") != text]:
+            command = shlex.join(["python", "-m", "pipeline.params", *given.overrides])
+            print(f"error: {stale[0].name} is not what conf/ composes: run `{command}`", file=sys.stderr)
+            return 1
+        if given.out:
+            atomic_write(given.out, lambda part: part.write_text("params.yaml is what conf/ composes\n"))
+        return 0
+    try:
+        COMPOSED.write_text(kept(overrides), encoding="utf-8")
+        cfg = _compose([])
+        validate(cfg, GRAPH)
+    except BaseException:
+        COMPOSED.write_text(before, encoding="utf-8")
+        raise
+    COMPOSED.write_text(kept(overrides, cfg), encoding="utf-8")
+    atomic_write(PARAMS, lambda part: part.write_text(OmegaConf.to_yaml(cfg), encoding="utf-8"))  # as DVC writes it
+    for study in map(str, cfg.studies):
         try:
-            validate(cfg, [study])
+            check(cfg, study, settings_of(study))
         except InputError as error:
             print(f"note: study {study} will not run: {error}", file=sys.stderr)
-    if options.out:
-        atomic_write(options.out, lambda part: part.write_text("params.yaml is what conf/ composes\n"))
     return 0
 
 

@@ -6,10 +6,11 @@ from pathlib import Path
 
 COMMANDS = """
 import importlib, sys, yaml
+graph = yaml.safe_load(open("params.yaml"))["graph"]
 from pipeline.launch import launch
 for path in sys.argv[1:]:
     for name, stage in yaml.safe_load(open(path))["stages"].items():
-        for variant in stage.get("matrix", {}).get("variant", [""]):
+        for variant in graph[name] if "matrix" in stage else [""]:
             command = stage["cmd"].replace("${item.variant}", variant).split()
             sys.argv = command[command.index("-m") + 1 :]
             if name not in ("params", "page"):

@@ -28,8 +28,8 @@ else
   clone=$(mktemp -d)
   trap 'rm -rf "$clone"' EXIT
 fi
-git -C "$root" ls-files -z --cached --others --exclude-standard -- ':!outputs' ':!reports' ':!dvc.lock' ':!processors.json' \
-  ':!studies/*/dvc.lock' ':!studies/*/index.html' ':!studies/*/figures/*' ':!studies/*/tables/*' \
+git -C "$root" ls-files -z --cached --others --exclude-standard -- ':!outputs' ':!reports' ':!dvc.lock' \
+  ':!studies/dvc.lock' ':!studies/*/dvc.lock' ':!studies/*/index.html' ':!studies/*/figures/*' ':!studies/*/tables/*' \
   ':!studies/*/provenance.json' "${left_out[@]}" |
   (cd "$root" && while IFS= read -r -d '' f; do [ ! -e "$f" ] || printf '%s\0' "$f"; done) |
   (cd "$root" && tar --null -T - -cf -) | tar -C "$clone" -xf -

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from pipeline.audit.revision import resolve
-from pipeline.config.graph import ROOT
 from pipeline.git import dvc, environment, forget_repository, git, run
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.places import ROOT
 from tests.sweep.running import clone_of_working_tree
 
 MINE = ("-c", "user.name=me", "-c", "user.email=me@localhost")

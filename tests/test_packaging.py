@@ -8,13 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.config.graph import ROOT
+from pipeline.runtime.places import ROOT
 
 
 @pytest.mark.slow
 def test_the_wheel_holds_every_module_and_template(tmp_path: Path):
-    for name in ("pipeline", "studies"):
-        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(ROOT / "pipeline", tmp_path / "pipeline", ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, tmp_path)
     build = "import setuptools.build_meta as backend; backend.build_wheel('.')"
@@ -24,9 +23,8 @@ def test_the_wheel_holds_every_module_and_template(tmp_path: Path):
     held = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info" not in name}
     wanted = {
         str(path.relative_to(ROOT))
-        for name in ("pipeline", "studies")
-        for path in (ROOT / name).rglob("*")
+        for path in (ROOT / "pipeline").rglob("*")
         if path.suffix in (".py", ".j2", ".css") and path.parent.name != "__pycache__"
     }
     assert wanted <= held, wanted - held
-    assert {name.partition("/")[0] for name in held} == {"pipeline", "studies"}
+    assert {name.partition("/")[0] for name in held} == {"pipeline"}

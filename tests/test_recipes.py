@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from pipeline.artifacts.files import read_table
-from pipeline.config.graph import ROOT
+from pipeline.runtime.places import ROOT
 from pipeline.world.symbols import SYMBOLS
 from tests.reproduce import reproduce
 
@@ -24,6 +24,7 @@ TINY = [
 ]  # fmt: skip
 IRL = [f"variants.{name}.steps=2" for name in ("irl_maxent", "irl_ranked")]
 MEMBERS = 4  # of the added variant
+ALONE = ["evaluate.users=[careful]", "~questions.another_user"]
 
 
 @pytest.fixture
@@ -39,8 +40,9 @@ def repository(tmp_path: Path) -> Path:
 def paper(repository: Path, *overrides: str) -> None:
     """Run the paper's graph on these parameters, and check that dvc.yaml lists what was read and written."""
     reproduce(repository, ["dvc.yaml"], *TINY, *overrides)
+    graph = yaml.safe_load((repository / "params.yaml").read_text())["graph"]
     for name, stage in yaml.safe_load((repository / "dvc.yaml").read_text())["stages"].items():
-        for variant in stage.get("matrix", {}).get("variant", [""]):
+        for variant in graph[name] if "matrix" in stage else [""]:
             for listed in [*stage["deps"], *stage["outs"], *stage.get("metrics", [])]:
                 path = listed if isinstance(listed, str) else next(iter(listed))
                 assert (repository / path.replace("${item.variant}", variant)).exists(), f"{name}: {path}"
@@ -56,12 +58,12 @@ def insert(path: Path, before: str, *lines: str) -> None:
 def add_a_variant(repository: Path) -> None:
     text = (repository / "conf/variants/clearance.yaml").read_text().replace("members: 8", f"members: {MEMBERS}")
     (repository / "conf/variants/few.yaml").write_text(text)
-    insert(repository / "conf/config.yaml", "  - questions@", "  - variants@variants.few: few")
 
 
 def add_a_user(repository: Path) -> None:
-    path = repository / "conf/users.yaml"
-    path.write_text(path.read_text().rstrip("\n") + "\n  tidy: {bowl: null, plate: 0.05, cutlery: 0.03, glass: null}\n")
+    tidy = "bowl: null\nplate: 0.05\ncutlery: 0.03\nglass: null\n"
+    (repository / "conf/users/tidy.yaml").write_text(tidy)
+    insert(repository / "conf/config.yaml", "  - scenes", "  - users@users.tidy: tidy")
     evaluate = repository / "conf/evaluate.yaml"
     evaluate.write_text(evaluate.read_text().replace("users: [careful, normal]", "users: [careful, normal, tidy]"))
 
@@ -79,10 +81,9 @@ def add_a_symbol(repository: Path) -> None:
     for bowl, mug in zip(items.loc[mugs.index, "file"], mugs["file"], strict=True):
         shutil.copy(repository / "data" / bowl, repository / "data" / mug)
     pd.concat([items, mugs]).to_csv(repository / "data/items.csv", index=False)
-    users = yaml.safe_load((repository / "conf/users.yaml").read_text())
-    for user, margins in users["users"].items():
-        margins["mug"] = 0.045 if user == "careful" else None
-    (repository / "conf/users.yaml").write_text(yaml.safe_dump(users, sort_keys=False))
+    for user in (repository / "conf/users").glob("*.yaml"):
+        margin = 0.045 if user.stem == "careful" else "null"
+        user.write_text(f"{user.read_text()}mug: {margin}\n")
     (repository / "conf/questions/add_mug.yaml").write_text("kind: add\nsymbol: mug\nfamily: paper\n")
     insert(
         repository / "conf/config.yaml", "  - questions@questions.another", "  - questions@questions.add_mug: add_mug"
@@ -134,7 +135,7 @@ def test_a_variant_a_user_a_symbol_and_a_question_reach_the_pages(repository: Pa
 
 def test_one_variant_and_one_user_reach_the_pages(repository: Path):
     others = ("full", "ae", "classifier", "irl_maxent", "irl_ranked")
-    paper(repository, *(f"~variants.{name}" for name in others), "~users.normal", "~users.aggressive")
+    paper(repository, *(f"~variants.{name}" for name in others), "~users.normal", "~users.aggressive", *ALONE)
     summary = read_table(repository / "outputs/intervene/summary.csv")
     assert set(summary["variant"]) == {"clearance"} and set(summary["user"]) == {"careful"}
     assert set(summary["question"]) == {f"add_{symbol}" for symbol in SYMBOLS}

@@ -20,9 +20,7 @@ def bowl(
     bottom = lip - wall
     height = 0.62 * smoothstep(bottom * 0.55, lip, r) - 0.5 * smoothstep(lip, 1.02, r)
     colour = mix(
-        _painted(seed, plain(inner), accent, pattern, r, 0.3, lip - 0.07),
-        rim,
-        smoothstep(lip - 0.07, lip - 0.04, r),
+        _painted(seed, plain(inner), accent, pattern, r, 0.3, lip - 0.07), rim, smoothstep(lip - 0.07, lip - 0.04, r)
     )
     depth = 0.58 + 0.42 * smoothstep(0.1, lip, r)  # less sky light reaches the bottom
     crest = 0.22 * np.exp(-(((r - lip) / 0.03) ** 2))

@@ -18,8 +18,7 @@ from making.data.cutlery import HALF_WIDTH, STEEL, cutlery
 from making.data.glass import glass
 from making.data.outline import ROUND, Outline, cut, eared, oval, polygon, scalloped
 from making.data.surface import surface
-from making.data.unseen import SEED, unseen_items, unseen_tops
-from making.data.variety import Row, varied, varied_tops
+from making.data.unseen import SEED, Row, unseen_items, unseen_tops
 
 
 @dataclass(frozen=True)
@@ -109,13 +108,10 @@ SURFACES = [
 ]  # fmt: skip
 
 
-def designs(more: int = 0, seed: int = 0) -> list[Design]:
-    """Return all items in catalogue order: by symbol, training items first, `more` random validation items last."""
-    rows = varied(more, seed)
-    bowls, plates, pieces, glasses = (
-        _with_unseen(symbol, table) + rows[symbol]
-        for symbol, table in (("bowl", BOWLS), ("plate", PLATES), ("cutlery", PIECES), ("glass", GLASSES))
-    )
+def designs() -> list[Design]:
+    """Return all items in catalogue order: by symbol, training items first, then unseen and validation items."""
+    tables = {"bowl": BOWLS, "plate": PLATES, "cutlery": PIECES, "glass": GLASSES}
+    bowls, plates, pieces, glasses = (_with_unseen(symbol, table) for symbol, table in tables.items())
     return [
         *(_as_outlined("bowl", n, s, r, partial(bowl, i, *look)) for i, (n, s, r, *look) in enumerate(bowls)),
         *(_as_outlined("plate", n, s, r, partial(plate, i, *look)) for i, (n, s, r, *look) in enumerate(plates)),
@@ -142,11 +138,9 @@ def _as_outlined(symbol: str, name: str, split: str, radius: float, draw: partia
     return Design(name, symbol, split, radius, round(radius * outline.stretch, 4), draw)
 
 
-def surfaces(more: int = 0, seed: int = 0) -> dict[str, tuple[str, Callable[[], np.ndarray]]]:
-    """Return all table tops, name -> (split, drawing function); `more` random validation tops last."""
+def surfaces() -> dict[str, tuple[str, Callable[[], np.ndarray]]]:
+    """Return all table tops, name -> (split, drawing function)."""
     tops = {name: (split, partial(surface, i, *look)) for i, (name, split, *look) in enumerate(SURFACES)}
     for i, (name, split, *look) in enumerate(unseen_tops()):
         tops[name] = split, partial(surface, (i, SEED, 3), *look)
-    for i, (name, split, *look) in enumerate(varied_tops(more, seed)):
-        tops[name] = split, partial(surface, (i, seed), *look)
     return tops

@@ -1,14 +1,21 @@
 """Draw the unseen items and table tops of the sealed test at random, so that nobody chooses them.
 
-Ours are the generator's ranges (making.data.variety), the rules below, the names, and that one top is a veined stone.
-Random are all else: colours, patterns, outlines, sizes, and the kinds of the other tops. The first draws that keep the
-rules are taken. None was looked at before, and none was replaced.
+Ours are the ranges and rules below, the names, and that one top is a veined stone. All else is random: colours,
+patterns, outlines, sizes, and the kinds of the other tops. Radii stay within those of the training items, and stretched
+outlines are up to a tenth longer. The first draws that keep the rules are taken. None was looked at before or replaced.
 """
+
+import colorsys
+from collections.abc import Iterator
 
 import numpy as np
 
-from making.data.outline import ROUND, Outline
-from making.data.variety import Row, varied, varied_tops
+from making.data.cutlery import GOLD, PIECES, STEEL
+from making.data.outline import ROUND, Outline, cut, eared, oval, polygon, scalloped, spouted
+from making.data.surface import PATTERNS as SURFACE_PATTERNS
+
+Colour = tuple[float, float, float]
+Row = tuple  # a row of one of the tables in making.data.designs
 
 SEED = 2041  # of every draw
 ITEMS = 6  # of each symbol
@@ -18,6 +25,10 @@ MAX_TINT, MIN_NEUTRAL = 0.06, 0.5  # white and steel, which any item may share: 
 MIN_OUTLINE_GAP = 0.05  # least difference from a circle as a share of the radius; facets of a cut glass differ by 0.03
 TOPS = {"veins": "onyx", "checks": "gingham", "tiles": "tiles", "stripes": "ticking", "cracks": "crackle"}
 # The patterns that resemble no training top, and the names of such tops.
+PATTERNS = ("plain", "band", "rings", "rays", "petals", "dots", "checks", "speckles", "glaze", "spiral")
+METALS = STEEL, GOLD, (0.74, 0.48, 0.36), (0.62, 0.63, 0.66)  # RGB [1 = white]
+SLIM = {"chopsticks": 0.86, "tongs": 0.95}  # fixed slimness of these kinds
+SHARPNESS = {4: 3.3, 6: 16.0, 8: 120.0, 10: 140.0, 12: 160.0}  # sharpness of a polygon by its number of corners
 
 
 def unseen_items(symbol: str, training: list[Row]) -> list[Row]:
@@ -28,14 +39,14 @@ def unseen_items(symbol: str, training: list[Row]) -> list[Row]:
     shared_kind = {value for row in training for value in row if isinstance(value, str)}
     colours = np.array([colour for row in training for colour in _colours(row)])
     rows: list[Row] = []
-    for row in varied(DRAWS, SEED)[symbol]:
-        kinds = {value for value in row[2:] if isinstance(value, str)}
+    for row in varied()[symbol]:
+        kinds = {value for value in row if isinstance(value, str)}
         near = [np.abs(colours - colour).max(1).min() < MIN_COLOUR_GAP for colour in _colours(row)]
         if kinds & shared_kind or any(near) or not _is_unlike_a_circle(row):
             continue
         if symbol == "cutlery":
             shared_kind |= kinds
-        rows.append((f"{symbol}-u{len(rows) + 1}", "unseen", *row[2:]))
+        rows.append((f"{symbol}-u{len(rows) + 1}", "unseen", *row))
         if len(rows) == ITEMS:
             return rows
     raise ValueError(f"{symbol}: {len(rows)} of {DRAWS} draws keep the rules; {ITEMS} are needed")
@@ -61,5 +72,81 @@ def unseen_tops() -> list[Row]:
     """Return three rows of making.data.designs' table of table tops: a veined stone and two more of TOPS."""
     stone, *others = TOPS
     kinds = {stone, *np.random.default_rng([SEED, 2]).choice(others, 2, replace=False).tolist()}
-    drawn = [row for row in varied_tops(9, SEED) if row[2] in kinds]
-    return [(TOPS[kind], "unseen", kind, light, dark) for _, _, kind, light, dark in drawn]
+    return [(TOPS[kind], "unseen", kind, *colours) for kind, *colours in varied_tops() if kind in kinds]
+
+
+def varied() -> dict[str, list[Row]]:
+    """Return DRAWS random items of each symbol: rows of the tables in making.data.designs without name and split."""
+    items = list(_items(np.random.default_rng(SEED), DRAWS))
+    return {symbol: [rows[i] for rows in items] for i, symbol in enumerate(("bowl", "plate", "cutlery", "glass"))}
+
+
+def varied_tops() -> list[Row]:
+    """Return a random table top of each pattern: kind and two colours."""
+    rng, tops = np.random.default_rng([SEED, 1]), []
+    for kind in SURFACE_PATTERNS:
+        hue, saturation, value = rng.uniform(0, 1), rng.uniform(0, 0.5), rng.uniform(0.25, 0.92)
+        light = colorsys.hsv_to_rgb(hue, saturation, value)
+        stain = rng.normal(0, 0.04), rng.uniform(0.8, 1.6), rng.uniform(0.55, 0.8)
+        dark = colorsys.hsv_to_rgb((hue + stain[0]) % 1, min(1, saturation * stain[1]), value * stain[2])
+        tops.append((kind, light, dark))
+    return tops
+
+
+def _items(rng: np.random.Generator, count: int) -> Iterator[tuple[Row, Row, Row, Row]]:
+    def between(low: float, high: float, digits: int = 2) -> float:
+        return round(rng.uniform(low, high), digits)
+
+    def colour(saturation: tuple[float, float] = (0.0, 0.85), value: tuple[float, float] = (0.15, 0.97)) -> Colour:
+        return colorsys.hsv_to_rgb(rng.uniform(0, 1), rng.uniform(*saturation), rng.uniform(*value))
+
+    def one_of(choices):
+        return choices[rng.integers(len(choices))]
+
+    def outline(*kinds: str) -> Outline:
+        kind = one_of(kinds)
+        if kind == "oval":
+            return oval(between(0.25, 0.65))
+        if kind == "polygon":
+            corners = int(rng.choice([4, 5, 6, 7, 8, 10, 12]))
+            corners += corners % 2
+            return polygon(corners, SHARPNESS[corners])
+        if kind == "scalloped":
+            return scalloped(int(rng.choice([4, 6, 8, 10])), between(0.14, 0.22))
+        if kind in ("one ear", "two ears"):
+            return eared(between(0.18, 0.24), 1 if kind == "one ear" else 2, between(0.44, 0.52))
+        if kind == "spouted":
+            return spouted(between(0.12, 0.18))
+        return cut(int(rng.integers(6, 14))) if kind == "cut" else ROUND
+
+    def radius(low: float, high: float, around: Outline) -> float:
+        """Draw a radius, smaller for stretched outlines, so that they are not larger than round ones."""
+        return round(rng.uniform(low, high) * (1 - 0.55 * around.stretch), 4)
+
+    for _ in range(count):
+        around = outline("round", "oval", "polygon", "scalloped", "two ears", "spouted")
+        bowl = (
+            radius(0.0605, 0.074, around),
+            colour(),
+            colour(),
+            colour(),
+            one_of(PATTERNS),
+            between(0.46, 0.62),
+            around,
+        )
+        around = outline("round", "oval", "polygon", "scalloped", "two ears")
+        size = radius(0.068, 0.084, around)
+        plate = size, colour(value=(0.3, 0.97)), colour(), one_of(PATTERNS), between(0.58, 0.68), around
+        kind = one_of(tuple(PIECES))
+        slim = SLIM.get(kind, between(0.40, 0.74))
+        metal = one_of((*METALS, colour()))
+        piece = between(0.162, 0.2, 3), kind, metal, colour() if rng.uniform(0, 1) < 0.5 else None, slim
+        around = outline("round", "oval", "polygon", "one ear", "cut")
+        narrow = rng.uniform(0, 1) < 0.15 and around is ROUND  # a wine glass
+        mouth = between(0.62, 0.8) if narrow else 1.0
+        size, tint = radius(0.041, 0.0495, around), colour((0.02, 0.48), (0.62, 0.98))
+        glass = (
+            size, tint, between(0.14, 0.26), between(0.28, 0.4) if narrow else between(0.54, 0.74),
+            between(0.05, 0.095, 3), around, mouth,
+        )  # fmt: skip
+        yield bowl, plate, piece, glass

@@ -19,7 +19,7 @@ import pandas as pd
 import yaml
 from tqdm import tqdm
 
-from making.render.sheets import sheet
+from making.render.read import sheet
 from pipeline.runtime.streams import stream
 from pipeline.world.layout import EMPTY, Items, LayoutRules, Layouts, add_item, random_layouts
 from pipeline.world.symbols import SYMBOLS

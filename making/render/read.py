@@ -12,13 +12,13 @@ import pandas as pd
 from jaxtyping import UInt8
 from numpy import ndarray as Array
 
-from making.render.sheets import pictures, sheet
 from pipeline.runtime.errors import InputError
 from pipeline.world.images import read_image, write_png
 from pipeline.world.layout import SIDE, Layouts, empty
 from pipeline.world.symbols import SYMBOLS
 
 SLOTS = 4  # of a layout: three items and an added one
+PER_ROW = 10  # pictures in a row of a contact sheet
 
 
 class Rendered(NamedTuple):
@@ -30,6 +30,20 @@ class Rendered(NamedTuple):
     layouts: Layouts  # true footprints
     layouts_with_item: dict[str, Layouts]
     tops: list[str]  # kind of table top
+
+
+def sheet(images: UInt8[Array, "scene 100 100 3"]) -> UInt8[Array, "row column 3"]:
+    """Return a contact sheet of the pictures, PER_ROW in a row, black where there are none."""
+    rows = -(-len(images) // PER_ROW)
+    padded = np.zeros((rows * PER_ROW, SIDE, SIDE, 3), np.uint8)
+    padded[: len(images)] = images
+    return padded.reshape(rows, PER_ROW, SIDE, SIDE, 3).swapaxes(1, 2).reshape(rows * SIDE, PER_ROW * SIDE, 3)
+
+
+def pictures(pixels: UInt8[Array, "row column 3"]) -> UInt8[Array, "place 100 100 3"]:
+    """Return the pictures of a contact sheet, the black ones at its end included."""
+    rows = len(pixels) // SIDE
+    return np.ascontiguousarray(pixels.reshape(rows, SIDE, PER_ROW, SIDE, 3).swapaxes(1, 2)).reshape(-1, SIDE, SIDE, 3)
 
 
 def _pictures(path: Path, scenes: int) -> UInt8[Array, "scene 100 100 3"]:

@@ -15,6 +15,7 @@ from making.segmenter.camera import draw_camera
 from making.segmenter.canvas import CANVAS, PX_PER_M, Window
 from making.segmenter.items import Drawn
 from making.segmenter.light import draw_illumination, draw_lamps, exposed, shadows
+from making.segmenter.paint import SIDE_M, Top
 from making.segmenter.placing import Palette as Palette
 from making.segmenter.placing import draw_items
 from making.segmenter.placing import read_palette as read_palette
@@ -22,7 +23,6 @@ from making.segmenter.tops import FAMILIES as FAMILIES
 from making.segmenter.tops import family_names as family_names
 from making.segmenter.tops.layers import draw_top
 from pipeline.world.layout import SIDE
-from pipeline.world.paint import SIDE_M, Top
 
 TOP = round(SIDE_M * PX_PER_M)  # side of a drawn top [pixels]
 SEE_THROUGH = 0.5  # mean alpha below which an item lets the table show through

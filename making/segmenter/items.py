@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32
 from numpy import ndarray as Array
 
-from pipeline.world.paint import colour, near, noise, ramp
+from making.segmenter.paint import colour, near, noise, ramp
 
 EDGE_M = 0.004  # width over which an outline fades [m], less than a pixel of the camera
 Plane = Float32[Array, "row column"]

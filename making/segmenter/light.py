@@ -8,7 +8,7 @@ from numpy import ndarray as Array
 
 from making.segmenter.canvas import CANVAS, PX_PER_M, Picture, Plane, Window, axes
 from making.segmenter.items import Drawn
-from pipeline.world.paint import Top, noise
+from making.segmenter.paint import Top, noise
 
 MAX_SHADOW_M = 0.08  # longest shadow [m]
 SHADOW_STEPS = (0.15, 0.4, 0.7, 1.0)  # shares of a shadow's length at which an item's outline is laid down

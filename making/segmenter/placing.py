@@ -13,9 +13,9 @@ from making.segmenter import items as draw
 from making.segmenter.canvas import CANVAS, CANVAS_M, PX_PER_M, Window
 from making.segmenter.items import Drawn, Frame
 from making.segmenter.light import Lamp
+from making.segmenter.paint import Top
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import segment_distance
-from pipeline.world.paint import Top
 from pipeline.world.symbols import APPEARANCES, SYMBOLS
 
 MAX_ITEMS = 6

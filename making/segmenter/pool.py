@@ -1,6 +1,11 @@
-"""A pool of composites on disk, in parts that the training maps into memory as they appear."""
+"""The pictures that the segmenter learns from: composites, scenes of the drawn world, and path-traced tables.
 
-from collections.abc import Callable
+python -m making.segmenter.pool --pool FOLDER --parts 44
+
+It draws a pool of the first two on disk, in parts that the training maps into memory as they appear.
+"""
+
+import argparse
 from pathlib import Path
 
 import cv2
@@ -8,22 +13,46 @@ import numpy as np
 from jaxtyping import UInt8
 from numpy import ndarray as Array
 
-from making.segmenter.composites import Composites
-from making.segmenter.drawn import DrawnScenes
+from making.render.read import read_rendered
+from making.segmenter import composites
+from making.segmenter.composites import Composites, draw_composites, family_names
+from pipeline.world import render
+from pipeline.world.catalogue import Catalogue
+from pipeline.world.layout import SIDE, LayoutRules, Layouts, empty, point_segment_distance, random_layouts
+from pipeline.world.symbols import APPEARANCES
 
+SEED = 31
 PART = 500  # pictures in a part: 40 MB
-NEAR_PX = 2  # two items this near to a pixel are too close to tell apart there
-_NEAR = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * NEAR_PX + 1, 2 * NEAR_PX + 1))
+DRAWN_SHARE = 0.35  # share of scenes of the drawn world; the others are composites on tops of the taught families
+NEAR = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (5, 5))  # two items within 2 pixels are too close to tell apart
+
+# The drawn world: training items on training table tops, as the simulator renders them
+RULES = LayoutRules(  # as conf/scenes.yaml, but from empty tables to crowded ones, and items may touch
+    items_per_scene=(0, 1, 2, 3, 4), glasses_chance=(0.2, 0.3, 0.3, 0.2), centre_low=0.05, centre_high=0.95,
+    clear_of_ends=0.0, clear_of_items=0.0, scale_low=0.9, scale_high=1.1,
+)  # fmt: skip
+MIN_COVER = 0.25  # share of a pixel: handles are thinner than pixels
+SOLID_ALPHA = 64  # alpha above which a cut-out counts as solid; what it encloses, such as a clear glass, does too
+
+# Path-traced tables: their truth is footprints, so outlines are left open
+INNER_SHARE, MIN_INNER_M = 0.6, 0.008  # within this share of a footprint's radius, at least this far, an item is sure
+REACH_M = 0.025  # farther than this from every footprint, the table is sure: tall items lean out of their footprints
 
 Part = UInt8[Array, "picture 100 100 10"]  # channels: as named below
 COLOURS, EMPTY = slice(3), slice(3, 6)  # of the picture, and of the empty table's
 ITEM, BETWEEN, SEE_THROUGH = 6, 7, 8  # the truth, see `segmenter.Maps`
 KNOWN = 9  # whether item and between are known there
 
-Pictures = DrawnScenes | Composites
+
+def draw(rng: np.random.Generator, n: int, data: str) -> list[Part]:
+    """Draw `n` pictures of both kinds, with the catalogue in folder `data`."""
+    drawn = round(DRAWN_SHARE * n)
+    scenes = draw_scenes(rng, drawn, *render.read_palette(data))
+    on_tops = draw_composites(rng, n - drawn, family_names("taught"), composites.read_palette(data))
+    return [pack(scenes), pack(on_tops)]
 
 
-def pack(pictures: Pictures) -> Part:
+def pack(pictures: Composites) -> Part:
     """Return pictures as one array, with the truth that the segmenter learns: see `segmenter.MAPS`."""
     truth = [pictures.instances > 0, [between(i) for i in pictures.instances], pictures.see_through > 0]
     truth.append(np.ones_like(truth[0]))
@@ -31,9 +60,9 @@ def pack(pictures: Pictures) -> Part:
 
 
 def between(instances: UInt8[Array, "row column"]) -> UInt8[Array, "row column"]:
-    """Return 1 where two items are within NEAR_PX, which is where one must be cut from the other."""
+    """Return 1 near two items, which is where one must be cut from the other."""
     present = [(instances == i).astype(np.uint8) for i in range(1, instances.max() + 1)]
-    count = sum((cv2.dilate(mask, _NEAR) for mask in present), np.zeros_like(instances))
+    count = sum((cv2.dilate(mask, NEAR) for mask in present), np.zeros_like(instances))
     return (count > 1).astype(np.uint8)
 
 
@@ -42,11 +71,72 @@ def part_file(folder: Path, part: int) -> Path:
     return folder / f"part-{part:04d}.npy"
 
 
-def write_part(folder: Path, part: int, draw: Callable[[np.random.Generator, int], list[Part]], seed: int) -> None:
-    """Draw a part from its own random stream and write it; a part that is there already is kept."""
-    path = part_file(folder, part)
-    if not path.exists():
-        pictures = np.concatenate(draw(np.random.default_rng([seed, part]), PART))
-        partial = path.with_suffix(".partial.npy")
-        np.save(partial, pictures)
-        partial.rename(path)
+def draw_scenes(rng: np.random.Generator, n: int, catalogue: Catalogue, palette: render.Palette) -> Composites:
+    """Draw `n` scenes of the drawn world."""
+    layouts = random_layouts(rng, n, catalogue.footprints, catalogue.pool("train"), RULES)
+    textures, seeds = rng.choice(catalogue.texture_names("train"), n).tolist(), rng.integers(2**31, size=n).tolist()
+    bare = render.render_scenes(empty(n, RULES.slots), textures, seeds, palette)
+    images = render.render_scenes(layouts, textures, seeds, palette)
+    instances, see_through = np.zeros((2, n, SIDE, SIDE), np.uint8)
+    for scene, slot in np.argwhere(layouts.present):
+        covered = _solid(layouts, scene, slot, catalogue)
+        instances[scene][covered] = slot + 1
+        see_through[scene][covered] = APPEARANCES[layouts.symbol[scene, slot]].transparent
+    return Composites(images, instances, bare, np.array(textures), see_through)
+
+
+def _solid(layouts: Layouts, scene: int, slot: int, catalogue: Catalogue) -> Array:
+    """Return the pixels of which an item covers at least MIN_COVER."""
+    item = int(layouts.item[scene, slot])
+    cutout = catalogue.cutouts[item]
+    mask = (cutout[..., 3] > SOLID_ALPHA).astype(np.uint8)
+    outline = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    solid = cv2.drawContours(np.zeros(cutout.shape[:2], np.float32), outline[0], -1, 1, cv2.FILLED)
+    width = catalogue.items["width_m"].iloc[item] * layouts.scale[scene, slot]
+    c, s = np.cos(layouts.angle[scene, slot]), np.sin(layouts.angle[scene, slot])
+    fine = SIDE * render.SAMPLES
+    samples = np.array([[0, 0], [fine, 0], [0, fine]], np.float32)  # column and row of three samples
+    place = np.stack([samples[:, 0] + 0.5, fine - samples[:, 1] - 0.5], -1) / fine - layouts.centre[scene, slot]  # [m]
+    along = place @ [[c, -s], [s, c]] / width * [1, -1]  # from the cut-out's middle, to the right and down
+    pixels = ((along + 0.5) * len(cutout) - 0.5).astype(np.float32)
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    covered = cv2.warpAffine(solid, cv2.getAffineTransform(samples, pixels), (fine, fine), flags=flags)
+    return cv2.resize(covered, (SIDE, SIDE), interpolation=cv2.INTER_AREA) > MIN_COVER
+
+
+def read_path_traced(folder: Path) -> Part:
+    """Return the pictures of a folder of `python -m making.render` as parts of the pool are."""
+    tables = read_rendered(folder)
+    truth = np.stack([_truth(tables.layouts, scene) for scene in range(len(tables.images))])
+    return np.concatenate([tables.images, tables.empty, truth], -1)
+
+
+def _truth(layouts: Layouts, scene: int) -> np.ndarray:
+    """Return item, between, see-through and known of each pixel."""
+    place = (np.arange(SIDE) + 0.5) / SIDE
+    points = np.stack(np.meshgrid(place, 1 - place), -1)
+    instances, see_through = np.zeros((2, SIDE, SIDE), np.uint8)
+    inner, table = np.zeros((SIDE, SIDE), bool), np.ones((SIDE, SIDE), bool)
+    for slot in np.flatnonzero(layouts.present[scene]):
+        angle, centre = layouts.angle[scene, slot], layouts.centre[scene, slot]
+        half = np.array([np.cos(angle), np.sin(angle)]) * layouts.half_length[scene, slot]
+        distance, radius = point_segment_distance(points, centre - half, centre + half), layouts.radius[scene, slot]
+        instances[distance < radius] = slot + 1
+        see_through[distance < radius] = APPEARANCES[layouts.symbol[scene, slot]].transparent
+        inner |= distance < max(INNER_SHARE * radius, MIN_INNER_M)
+        table &= distance > radius + REACH_M
+    return np.stack([instances > 0, between(instances), see_through, inner | table], -1).astype(np.uint8)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--pool", type=Path, required=True)
+    parser.add_argument("--parts", type=int, required=True)
+    asked = parser.parse_args()
+    asked.pool.mkdir(parents=True, exist_ok=True)
+    for part in range(asked.parts):
+        path = part_file(asked.pool, part)
+        if not path.exists():  # a killed run goes on; each part has a random stream of its own
+            partial = path.with_suffix(".partial.npy")
+            np.save(partial, np.concatenate(draw(np.random.default_rng([SEED, part]), PART, "data")))
+            partial.rename(path)

@@ -2,7 +2,7 @@
 
 python -m making.segmenter.train --pool FOLDER --steps 11000
 
-Another process draws the pool meanwhile (making/segmenter/draw.py). The training waits for parts that are not there
+Another process draws the pool meanwhile (making/segmenter/pool.py). The training waits for parts that are not there
 yet, so its result does not depend on their speeds.
 """
 
@@ -17,12 +17,11 @@ import numpy as np
 import torch
 from jaxtyping import Float
 from safetensors.torch import save_file
-from torch import Tensor
+from torch import Tensor, nn
 from torch.nn import functional as F
 
 from making.segmenter.changes import Truth, change
-from making.segmenter.path_traced import read_path_traced
-from making.segmenter.pool import PART, Part, part_file
+from making.segmenter.pool import PART, Part, part_file, read_path_traced
 from pipeline.perception.segmenter import WEIGHTS, Segmenter
 
 SEED = 0
@@ -110,9 +109,26 @@ def train(pool: Path, out: Path, steps: int) -> list[float]:
     raise AssertionError("batches never end")
 
 
+@torch.no_grad()
+def folded(segmenter: Segmenter) -> Segmenter:
+    """Return the same function with each batch normalisation folded into the convolution before it."""
+    plain = Segmenter()
+    state = {name: value for name, value in segmenter.state_dict().items() if name in plain.state_dict()}
+    for name, module in segmenter.named_modules():
+        if isinstance(module, nn.BatchNorm2d):
+            stem, position = name.rsplit(".", 1)
+            convolution = f"{stem}.{int(position) - 1}"
+            gain = module.weight * (module.running_var + module.eps).rsqrt()  # pyright: ignore
+            weight, before = (segmenter.get_parameter(f"{convolution}.{part}") for part in ("weight", "bias"))
+            state[f"{convolution}.weight"] = weight * gain[:, None, None, None]
+            state[f"{convolution}.bias"] = (before - module.running_mean) * gain + module.bias  # pyright: ignore
+    plain.load_state_dict(state)
+    return plain
+
+
 def save(segmenter: Segmenter, path: Path) -> None:
     """Write the weights in half precision, without batch normalisation."""
-    state = segmenter.folded().state_dict()
+    state = folded(segmenter).state_dict()
     partial = path.with_suffix(".partial")
     save_file({name: value.half().contiguous() for name, value in state.items()}, partial)
     partial.rename(path)

@@ -12,6 +12,12 @@ from pipeline.runtime.writing import atomic_write
 PREDICTION_COLUMNS = ["seed", "user", "n_demos", "split", "scene", "query", "p", "valid"]
 
 
+def compared(cfg: DictConfig) -> list[str]:
+    """Return the variants that studies, figures and recordings show beside each other; three if none says so."""
+    names = [str(name) for name, settings in cfg.variants.items() if settings.compared]
+    return names or [str(name) for name in cfg.variants][:3]
+
+
 def model_dir(cfg: DictConfig, variant: str) -> Path:
     """Return the output folder of the stage that fits `variant`."""
     return Path(cfg.paths[cfg.variants[variant].stage]) / variant

@@ -16,6 +16,7 @@ from pipeline.git import dvc, git, run
 from pipeline.report.page import FORMATS, HIDDEN
 from pipeline.report.readme import contents, fill
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.places import PROCESSORS
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ def audit(clone: Path) -> list[Checked]:
 def read_locks(clone: Path) -> dict[str, dict]:
     """Return the lock of every stage, named as DVC does."""
     locks = {}
-    for file in (clone / "dvc.lock", *sorted(clone.glob("studies/*/dvc.lock"))):
+    for file in (clone / "dvc.lock", *clone.glob("studies/dvc.lock"), *sorted(clone.glob("studies/*/dvc.lock"))):
         prefix = "" if file.parent == clone else f"{file.parent.relative_to(clone)}/dvc.yaml:"
         locks |= {f"{prefix}{name}": stage for name, stage in yaml.safe_load(file.read_text())["stages"].items()}
     return locks
@@ -92,7 +93,7 @@ def parameters(clone: Path) -> Checked:
 
 def outputs(clone: Path, locks: dict[str, dict], status: dict[str, list]) -> Checked:
     """Check that every result in git is the one that its stage's lock names, and that nothing else lies there."""
-    known = [out["path"] for stage in locks.values() for out in stage.get("outs", [])]
+    known = [str(PROCESSORS), *(out["path"] for stage in locks.values() for out in stage.get("outs", []))]
     tracked = git(clone, "ls-files", "reports").split()
     stray = [file for file in tracked if not any(Path(file).is_relative_to(out) for out in known)]
     faults = _changes(clone, status, "changed outs") + [Fault(file, "no stage writes it") for file in stray]

@@ -13,10 +13,9 @@ from omegaconf import OmegaConf
 from scipy.stats import t
 
 from pipeline.audit.setting import canonical
-from pipeline.config.graph import ROOT
 from pipeline.git import git
-from pipeline.launch import PROCESSORS
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.places import PROCESSORS, ROOT
 from pipeline.runtime.reading import parse_csv
 from pipeline.stats.tests import LEVEL, holm
 

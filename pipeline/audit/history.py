@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pipeline.audit.consistency import Checked, audit
 from pipeline.audit.difference import CLAIM, METRICS, Commit
 from pipeline.audit.revision import checked_out
-from pipeline.config.graph import ROOT
 from pipeline.git import git
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.places import ROOT
 
 
 @dataclass(frozen=True)

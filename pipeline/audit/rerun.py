@@ -8,10 +8,10 @@ from pathlib import Path
 
 import yaml
 
-from pipeline.config.graph import ROOT
 from pipeline.git import git
 from pipeline.git import run as run_in
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.places import ROOT
 
 PINNED = "requirements.lock"
 RECORDINGS = ("outputs/record/runs", "reports/recordings")  # hold times; recordings.csv has digests of their content

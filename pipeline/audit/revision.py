@@ -5,9 +5,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from pipeline.config.graph import ROOT
 from pipeline.git import git, run
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.places import ROOT
 
 
 @contextmanager

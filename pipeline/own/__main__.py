@@ -18,8 +18,10 @@ REPORT, KEPT = "report", ".models"  # folders that a run makes: the report, and 
 def main(arguments: list[str]) -> int:
     """Run one command; return 0, 1 if the folder has faults, 2 for a wrong command."""
     if arguments[:1] == ["record"]:
-        from pipeline.own.recorder.serve import main as record
-
+        try:
+            from pipeline.own.recorder.serve import main as record
+        except ModuleNotFoundError as error:
+            raise InputError(f"the recorder needs {error.name}: pip install 'causal-specifications[record]'") from error
         return record(arguments[1:])
     if {"-h", "--help"} & set(arguments) or not arguments:
         print(__doc__)
@@ -30,8 +32,7 @@ def main(arguments: list[str]) -> int:
         return 2
 
     from pipeline.own.folder import read_folder  # torch and the models take seconds to import: the recorder needs none
-    from pipeline.own.report import check_replaceable, write_report
-    from pipeline.own.results import compute
+    from pipeline.own.report import check_replaceable, compute, write_report
     from pipeline.runtime.parallel import one_thread
 
     one_thread()
@@ -40,11 +41,14 @@ def main(arguments: list[str]) -> int:
     for fault in faults:  # names of files may hold terminal codes
         print("error:", "".join(c if c.isprintable() else repr(c)[1:-1] for c in fault), file=sys.stderr)
     if folder is None:
-        print(f"{len(faults)} faults in {path}: correct them and check again", file=sys.stderr)
+        them = (
+            f"{len(faults)} faults in {path}: correct them" if len(faults) > 1 else f"one fault in {path}: correct it"
+        )
+        print(f"{them} and check again", file=sys.stderr)
         return 1
     for note in folder.notes:
         print(f"note: {note}")
-    counts = f"{len(folder.canvases)} scenes, {len(folder.demos)} demonstrations of {', '.join(folder.users)}"
+    counts = f"{len(folder.scenes)} scenes, {len(folder.demos)} demonstrations of {', '.join(folder.users)}"
     print(f"{path}: {counts}; no fault")
     if verb == "check":
         return 0

@@ -3,6 +3,7 @@
 import csv
 import unicodedata
 from collections.abc import Collection, Sequence
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ COLUMNS = {
     CUTOUTS: ["kind", "file", "width_m"],
 }
 KEY = ["scene", "user", "demo"]  # of a demonstration
-NAMES = {*KEY, "kind", "file"}  # columns that hold names; the others hold numbers, and `valid` a word
+WORDS = {*KEY, "kind", "file", "valid"}  # columns that hold names, or a word; the others hold numbers
 FIRST_ROW = 2  # the number of the first row below the header, as a spreadsheet counts
 
 
@@ -46,40 +47,45 @@ def normal(name: str) -> str:
 def read_csv(path: Path, columns: Sequence[str]) -> pd.DataFrame:
     """Return a csv as text, names normalised, rows numbered as in the file.
 
-    Raise InputError unless it is UTF-8 with these columns.
+    Semicolons or tabs may separate the columns; numbers may then have decimal commas, which become points. Raise
+    InputError unless it is UTF-8 with these columns.
     """
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.reader(file, strict=True))
+        text = path.read_text(encoding="utf-8-sig")
+        if text.lower().startswith("sep="):  # a line for Excel alone
+            text = text.partition("\n")[2]
+        separator = max(",;\t", key=text.partition("\n")[0].count)
+        header, *rows = list(csv.reader(StringIO(text), delimiter=separator, strict=True)) or [[]]
     except UnicodeDecodeError as error:
         raise InputError(f"{path.name} is not UTF-8: save it as “CSV UTF-8”") from error
     except csv.Error as error:
         raise InputError(f"{path.name} cannot be read as csv ({error}): save it anew") from error
-    if not rows or not any(rows[0]):
+    if not any(header):
         raise InputError(f"{path.name} is empty: expected a header line with {', '.join(columns)}")
-    numbered = {number: row for number, row in enumerate(rows[1:], FIRST_ROW) if any(row)}
+    numbered = {number: row for number, row in enumerate(rows, FIRST_ROW) if any(row)}
     for number, row in numbered.items():
-        if len(row) != len(rows[0]):
+        if len(row) != len(header):
             raise InputError(
-                f"{path.name}, row {number}: has {len(row)} cells, the header {len(rows[0])}: correct it; "
+                f"{path.name}, row {number}: has {len(row)} cells, the header {len(header)}: correct it; "
                 "texts with commas need quotes"
             )
-    header = [normal(column).lower() for column in rows[0]]
+    header = [normal(column).lower() for column in header]
     if missing := [column for column in columns if column not in header]:
-        semicolons = "; separate columns by commas" if any(";" in column for column in header) else ""
-        raise InputError(
-            f"{path.name} has the columns {', '.join(header)}: expected also {', '.join(missing)}{semicolons}"
-        )
+        raise InputError(f"{path.name} has the columns {', '.join(header)}: expected also {', '.join(missing)}")
     if twice := [column for column in header if header.count(column) > 1]:
         raise InputError(f"{path.name} has two columns {twice[0]!r}: remove one")
-    return pd.DataFrame(list(numbered.values()), index=list(numbered), columns=header, dtype=str).map(normal)
+    table = pd.DataFrame(list(numbered.values()), index=list(numbered), columns=header, dtype=str).map(normal)
+    if separator != ",":
+        numbers = [column for column in columns if column not in WORDS]
+        table[numbers] = table[numbers].replace(",", ".", regex=True)
+    return table
 
 
-def read_checked(path: Path, scenes: Collection[str], faults: Faults) -> pd.DataFrame | None:
+def read_checked(path: Path, scenes: Collection[str] | None, faults: Faults) -> pd.DataFrame | None:
     """Return the COLUMNS of a file of this name, numbers as such, or None if it cannot be read.
 
-    Add a fault for names that cannot be printed, scenes other than `scenes`, and cells that hold no number: they become
-    NaN.
+    Add a fault for names that cannot be printed, scenes other than `scenes` if there are any, words other than true and
+    false, and cells that hold no number: they become NaN.
     """
     file, columns = path.name, COLUMNS[path.name]
     try:
@@ -87,17 +93,18 @@ def read_checked(path: Path, scenes: Collection[str], faults: Faults) -> pd.Data
     except InputError as error:
         faults.append(str(error))
         return None
-    for column in columns:
-        if column in NAMES:
-            printable = table[column].map(lambda name: bool(name) and name.isprintable()).astype(bool)
-            faults.cells(file, table.loc[~printable, column], "a name of letters, digits and signs")
-    if "scene" in columns:
+    if scenes is not None:
         unknown = table[~table["scene"].isin(list(scenes))]
         faults.rows(file, unknown, "scene {scene!r} has no picture in scenes/: add it, or correct the name")
     for column in columns:
-        if column not in NAMES and column != "valid":
-            numbers = pd.to_numeric(table[column], errors="coerce").astype(float)
-            numbers = numbers.where(np.isfinite(numbers))
-            faults.cells(file, table.loc[numbers.isna(), column], "a number with a decimal point")
-            table[column] = numbers
+        cells = table[column]
+        if column == "valid":
+            faults.cells(file, cells[~cells.str.lower().isin(["true", "false"])], "true or false")
+        elif column in WORDS:
+            printable = cells.map(lambda name: bool(name) and name.isprintable()).astype(bool)
+            faults.cells(file, cells[~printable], "a name of letters, digits and signs")
+        else:
+            numbers = pd.to_numeric(cells, errors="coerce").astype(float)
+            table[column] = numbers.where(np.isfinite(numbers))
+            faults.cells(file, cells[table[column].isna()], "a number with a decimal point")
     return table

@@ -13,7 +13,7 @@ from numpy import ndarray as Array
 
 from pipeline.own.fitting import VARIANT
 from pipeline.own.frame import outline
-from pipeline.own.results import Results
+from pipeline.own.report import Results
 from pipeline.report import style
 from pipeline.report.drawing import draw_band, draw_path, draw_table, panels
 from pipeline.world.layout import SIDE
@@ -30,57 +30,57 @@ def title(results: Results, user: str) -> str:
     return user.replace("\\", "\\\\").replace("$", r"\$") if known else f"user {list(results.fitted).index(user) + 1}"
 
 
-def _panels_by_user(results: Results, height: float) -> tuple[Figure, dict[str, Axes]]:
+def _panels_by_user(results: Results, height: float, ylabel: str) -> tuple[Figure, dict[str, Axes]]:
     """Return a figure with a panel for each user, under the user's name."""
     count = len(results.fitted)
     figure, axes = panels(1, count, 3.6 * count + 0.4, height, sharey=True)
+    axes[0, 0].set_ylabel(ylabel)
     by_user = dict(zip(results.fitted, axes[0], strict=True))
     for user, panel in by_user.items():
         panel.set_title(title(results, user))
     return figure, by_user
 
 
-def _draw_outline(panel: Axes, points: Array) -> None:
-    panel.add_patch(Polygon(points, fill=False, edgecolor="white", linewidth=1.2))
+def _draw_numbered(panel: Axes, number: int, image: Array, outlines: list[Array]) -> None:
+    """Draw a table with white outlines under its number."""
+    draw_table(panel, image)
+    panel.set_title(str(number))
+    for points in outlines:
+        panel.add_patch(Polygon(points, fill=False, edgecolor="white", linewidth=1.2))
 
 
 def sheet(results: Results) -> Figure:
     """Draw the first scenes as the models see them, with the outlines of the detected objects."""
-    shown = min(FIRST_SCENES, len(results.scenes.names))
+    shown = min(FIRST_SCENES, len(results.folder.scenes))
     columns, rows = min(SHEET_COLUMNS, shown), -(-shown // SHEET_COLUMNS)
     figure, axes = panels(rows, columns, 2.1 * columns, 2.35 * rows)
     for number, panel in enumerate(axes.flat):
-        if number >= shown:
+        if number < shown:
+            _draw_numbered(panel, number + 1, results.folder.images[number], results.folder.outlines(number))
+        else:
             panel.set_axis_off()
-            continue
-        draw_table(panel, results.scenes.images[number])
-        panel.set_title(str(number + 1))
-        for points in results.scenes.outlines(number):
-            _draw_outline(panel, points)
     return figure
 
 
 def reliability(results: Results) -> Figure:
     """Draw the share of valid demonstrations against P(valid), a panel for each user; areas show the numbers."""
-    figure, axes = _panels_by_user(results, 3.7)
+    figure, axes = _panels_by_user(results, 3.7, "share valid by the user’s word")
     bins = results.tables["reliability"].query("predictor == @VARIANT and count > 0")
     for user, panel in axes.items():
         rows = bins[bins["user"] == user]
+        x, y, count = rows["confidence"], rows["frequency"], rows["count"]
         panel.plot([0, 1], [0, 1], color=style.MUTED, linestyle="--", linewidth=1)
-        panel.scatter(
-            rows["confidence"], rows["frequency"], s=6 * rows["count"], color=style.colour(VARIANT), edgecolor=style.INK
-        )
-        for row in rows.itertuples():
-            panel.annotate(str(row.count), (row.confidence, row.frequency), (9, -11), textcoords="offset points")
+        panel.scatter(x, y, s=6 * count, color=style.colour(VARIANT), edgecolor=style.INK)
+        for place in zip(x, y, count, strict=True):
+            panel.annotate(str(place[2]), place[:2], (9, -11), textcoords="offset points")
         panel.set(xlim=(-0.06, 1.1), ylim=(-0.08, 1.1), xlabel="P(valid) of the model")
         panel.grid()
-    next(iter(axes.values())).set_ylabel("share valid by the user’s word")
     return figure
 
 
 def learning(results: Results) -> Figure:
     """Draw accuracy against the number of scenes that models were fitted to, a panel for each user."""
-    figure, axes = _panels_by_user(results, 3.4)
+    figure, axes = _panels_by_user(results, 3.4, "accuracy, per cent")
     for user, fitted in results.fitted.items():
         panel, scores = axes[user], results.tables["scores"].query("user == @user")
         rows = scores.query("predictor == @VARIANT")
@@ -90,7 +90,7 @@ def learning(results: Results) -> Figure:
         panel.axhline(100 * blind, color=style.MUTED, linestyle="--", linewidth=1)
         panel.set(xlabel="scenes fitted to", xlim=(0, None))
         panel.grid(axis="y")
-    next(iter(axes.values())).set(ylabel="accuracy, per cent", ylim=(None, 101))
+    next(iter(axes.values())).set(ylim=(None, 101))
     return figure
 
 
@@ -114,8 +114,7 @@ def repairs(results: Results) -> Figure:
 def additions(results: Results) -> Figure:
     """Draw one place of each kind that was composited."""
     figure, axes = panels(1, len(results.added), 2.4 * len(results.added), 2.6)
-    for number, (panel, places) in enumerate(zip(axes[0], results.added.values(), strict=True)):
-        draw_table(panel, places.images_with[0])
-        _draw_outline(panel, outline(places.footprint.ends[0, 0], places.footprint.radius[0, 0] + 2 / SIDE))
-        panel.set_title(str(number + 1))
+    for number, (panel, places) in enumerate(zip(axes[0], results.added.values(), strict=True), 1):
+        around = outline(places.footprint.ends[0, 0], places.footprint.radius[0, 0] + 2 / SIDE)
+        _draw_numbered(panel, number, places.images_with[0], [around])
     return figure

@@ -13,13 +13,13 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray as Array
 
 from pipeline import library
 from pipeline.models.base import ValidityModel
 from pipeline.models.baselines import nearest_demonstration, position_only
-from pipeline.own.data import UserData
+from pipeline.own.folder import Folder
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.streams import job_seed, stream
 from pipeline.world.bezier import lattice
@@ -29,6 +29,39 @@ FOLDS = 5
 SHARES = (0.25, 0.5, 0.75)  # of a fold's training scenes, for the learning curve; 1 is the cross-validation itself
 PRIOR_SIDE = 28  # points per side of the position-only baseline's lattice, as scenes.prior_side in conf/scenes.yaml
 PRIOR_WIDTH_M = 0.15  # standard deviation of the kernel that smooths labels over z_theta [m]; ours
+
+
+@dataclass(frozen=True)
+class UserData:
+    """A user's scenes with the same number of demonstrations each: where there are fewer, they repeat in turn.
+
+    So each scene counts the same in a fit. `real` marks those that are no repetition: only they are scored.
+    """
+
+    user: str
+    scenes: list[str]
+    images: UInt8[Array, "scene 100 100 3"]
+    z_theta: Float[Array, "scene n 2"]  # [m of the model]
+    valid: Bool[Array, "scene n"]
+    real: Bool[Array, "scene n"]
+    demo: Array  # names (scene, n)
+
+    @classmethod
+    def of(cls, user: str, folder: Folder) -> "UserData":
+        """Return one user's demonstrations, scenes in the order of their names."""
+        demos = folder.demos[folder.demos["user"] == user].reset_index(drop=True)
+        rows = {str(scene): part.index for scene, part in demos.groupby("scene")}
+        counts = np.array([len(part) for part in rows.values()])
+        index = np.stack([np.resize(part, counts.max()) for part in rows.values()])
+        return cls(
+            user,
+            list(rows),
+            folder.images[[folder.scenes.index(scene) for scene in rows]],
+            demos[["z_x", "z_y"]].to_numpy()[index],
+            demos["valid"].to_numpy(bool)[index],
+            np.arange(counts.max()) < counts[:, None],
+            demos["demo"].to_numpy(object)[index],
+        )
 
 
 @dataclass(frozen=True)
@@ -64,7 +97,10 @@ def fit_user(data: UserData, kept: Path, progress: Callable[[str], object]) -> F
         z, valid = data.z_theta[training][real], data.valid[training][real]
         each_z, each_valid = (np.broadcast_to(labelled, (len(test), *labelled.shape)) for labelled in (z, valid))
         p["nearest_demonstration", 1.0][test] = nearest_demonstration(each_z, each_valid, queries)
-        p["position_only", 1.0][test] = position_only(position_prior(z, valid), queries)
+        square = ((lattice(PRIOR_SIDE)[:, None] - z) ** 2).sum(-1)
+        weight = np.exp(-square / (2 * PRIOR_WIDTH_M**2)) + 1e-12
+        prior = (weight @ valid / weight.sum(1)).reshape(PRIOR_SIDE, PRIOR_SIDE)  # [y, x], smoothed labels
+        p["position_only", 1.0][test] = position_only(prior, queries)
     progress(f"{data.user}: all scenes")
     whole, real = fit_on(data, np.arange(len(data.scenes)), kept), data.real
     labels = {"scene": np.repeat(data.scenes, real.sum(1)), "demo": data.demo[real], "valid": data.valid[real]}
@@ -89,10 +125,3 @@ def fit_on(data: UserData, scenes: Int[Array, " scene"], kept: Path) -> Validity
             model = library.fit(*arrays, variant=VARIANT, seed=job_seed("own", digest))
         library.save(model, path)
         return model
-
-
-def position_prior(z: Float[Array, "demo 2"], valid: Array) -> Float[Array, "side side"]:
-    """Return the share of valid demonstrations around each z_theta as [y, x], smoothed by a Gaussian kernel."""
-    square = ((lattice(PRIOR_SIDE)[:, None] - z) ** 2).sum(-1)
-    weight = np.exp(-square / (2 * PRIOR_WIDTH_M**2)) + 1e-12
-    return (weight @ valid / weight.sum(1)).reshape(PRIOR_SIDE, PRIOR_SIDE)

@@ -1,21 +1,25 @@
 """Read and check a person's folder (docs/own-tables.md): every fault becomes a sentence before anything runs."""
 
-from collections.abc import Collection
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from jaxtyping import UInt8
+from jaxtyping import Float, UInt8
 from numpy import ndarray as Array
 
-from pipeline.own.csv_files import CUTOUTS, DEMONSTRATIONS, ITEMS, KEY, Faults, normal, read_checked
-from pipeline.own.demonstrations import read_samples
-from pipeline.own.frame import Frame, rectify, without_pattern
-from pipeline.own.paths import fit_demonstrations
-from pipeline.own.pictures import ENDINGS, KINDS, SCENES, is_square, read_cutout, read_picture, scene_files
+from pipeline.models.base import to_tensor
+from pipeline.own.csv_files import COLUMNS, CUTOUTS, DEMONSTRATIONS, ITEMS, KEY, Faults, normal, read_checked
+from pipeline.own.demonstrations import fit_demonstrations, read_samples
+from pipeline.own.frame import Frame, outline, rectify, without_pattern
+from pipeline.own.pictures import ENDINGS, KINDS, SCENES, is_square, listed, read_cutout, read_picture, scene_files
 from pipeline.own.settings import SETTINGS, SIDES_M, read_settings
+from pipeline.perception.objects import Objects, detect_objects
 from pipeline.runtime.errors import InputError
+from pipeline.world.layout import point_segment_distance
+
+NEAR_M = 0.01  # an item's centre may lie this far outside a detected outline [m of the model]
 
 
 @dataclass(frozen=True)
@@ -25,10 +29,25 @@ class Folder:
     path: Path
     frame: Frame
     canvases: dict[str, UInt8[Array, "side side 3"]]  # rectified tables by scene
-    demos: pd.DataFrame  # a row for each demonstration (`paths.fit_demonstrations`)
+    demos: pd.DataFrame  # a row for each demonstration (`fit_demonstrations`)
     empty: UInt8[Array, "100 100 3"] | None  # the model's image of the empty table
     items: pd.DataFrame | None  # scene, kind, x, y, angle_deg, radius_m, half_length_m
     cutouts: dict[str, list[tuple[UInt8[Array, "row column 4"], float]]]  # by kind, with width [m]
+
+    @property
+    def scenes(self) -> list[str]:
+        """Return the names of the scenes in their order."""
+        return list(self.canvases)
+
+    @cached_property
+    def images(self) -> UInt8[Array, "scene 100 100 3"]:
+        """Return all pictures as the models see them."""
+        return np.stack([self.image(canvas) for canvas in self.canvases.values()])
+
+    @cached_property
+    def objects(self) -> Objects:
+        """Return the objects that are detected in the pictures."""
+        return detect_objects(to_tensor(self.images))
 
     @property
     def users(self) -> list[str]:
@@ -63,6 +82,27 @@ class Folder:
         image = self.frame.image(canvas)
         return image if self.empty is None else without_pattern(image, self.empty)
 
+    def detected(self, items: pd.DataFrame) -> tuple[pd.DataFrame, int]:
+        """Return one row for each listed item: scene, kind, and whether a detected object covers its centre.
+
+        The number counts the detected objects that cover no listed item, in the scenes that have listed items.
+        """
+        centres, hits, unlisted = self.frame.to_model(items[["x", "y"]].to_numpy()), np.zeros(len(items), bool), 0
+        for name, rows in items.groupby("scene").indices.items():
+            scene = self.scenes.index(str(name))
+            present = self.objects.present[scene]
+            ends = self.objects.ends[scene, present].astype(float)[:, None]
+            away = point_segment_distance(centres[rows], ends[..., 0, :], ends[..., 1, :])  # (object, item)
+            near = away - self.objects.radius[scene, present][:, None] < NEAR_M
+            hits[rows] = near.any(0)
+            unlisted += int((~near.any(1)).sum())
+        return items[["scene", "kind"]].assign(detected=hits), unlisted
+
+    def outlines(self, scene: int) -> list[Float[Array, "point 2"]]:
+        """Return the outlines [m of the model] of the objects that were detected in a scene."""
+        present = self.objects.present[scene]
+        return list(map(outline, self.objects.ends[scene, present], self.objects.radius[scene, present]))
+
 
 def read_folder(path: Path) -> tuple[Folder | None, Faults]:
     """Return what the folder holds, or None and a sentence for each fault."""
@@ -75,13 +115,22 @@ def read_folder(path: Path) -> tuple[Folder | None, Faults]:
             faults.append(f"{link.relative_to(path)} is a link out of the folder: replace it by the file itself")
     if faults:
         return None, faults
-    scenes, settings = scene_files(path, faults), None
+    for file in sorted(path.iterdir()):
+        name = file.name.lower().replace(".yml", ".yaml")
+        if name in (SETTINGS, SCENES, KINDS, *COLUMNS) and name != file.name:
+            faults.append(f"{file.name} is not read: rename it to {name}")
+    scenes, settings, samples = scene_files(path, faults), None, None
     try:
         settings = read_settings(path)
+        samples = read_samples(path, scenes, settings, faults)
     except InputError as error:
         faults += str(error).splitlines()
-    samples = read_samples(path, scenes, settings, faults) if settings else None
-    items = _read_items(path, scenes, faults)
+    items = read_checked(path / ITEMS, scenes, faults) if (path / ITEMS).is_file() else None
+    if items is not None:
+        wrong = items[items["radius_m"] <= 0], items[items["half_length_m"] < 0]
+        faults.rows(ITEMS, wrong[0], "radius_m is {radius_m:g}: expected metres above 0")
+        faults.rows(ITEMS, wrong[1], "half_length_m is {half_length_m:g}: expected metres from 0")
+        items = None if items.empty else items.reset_index(drop=True)
     cutouts = _read_cutouts(path, faults)
     if settings is None:
         return None, faults
@@ -95,13 +144,11 @@ def read_folder(path: Path) -> tuple[Folder | None, Faults]:
             faults.append(f"{SETTINGS}: no corners of {scene}: add them, as for the other scenes")
         elif (canvas := _read_canvas(file, f"{SCENES}/{file.name}", corners, faults)) is not None:
             canvases[scene] = canvas
-    pictures = (f for f in sorted(path.iterdir()) if f.stem == "empty" and f.suffix.lower() in ENDINGS)
-    empty, bare = next(pictures, None), None
-    if empty is not None:
-        if isinstance(settings.corners, dict):
-            faults.append(f"{empty.name} needs a fixed camera, and corners differ by scene: remove one of them")
-        else:
-            bare = _read_canvas(empty, empty.name, settings.corners, faults)
+    empty, bare = next((file for file in listed(path, *ENDINGS) if file.stem.lower() == "empty"), None), None
+    if empty is not None and by_scene:
+        faults.append(f"{empty.name} needs a fixed camera, and corners differ by scene: remove one of them")
+    elif empty is not None:
+        bare = _read_canvas(empty, empty.name, settings.corners_of(""), faults)
     if faults or samples is None:
         return None, faults
     frame = Frame.between(settings.side_m, settings.start, settings.goal)
@@ -114,34 +161,22 @@ def read_folder(path: Path) -> tuple[Folder | None, Faults]:
 def _read_canvas(file: Path, name: str, corners: Array | None, faults: Faults) -> Array | None:
     """Return a rectified picture, or None after a fault."""
     try:
-        picture = read_picture(file)
+        picture = read_picture(file, name)
     except (InputError, OSError) as error:
-        faults.append(f"{name} {error}")
+        faults.append(str(error))
         return None
     height, width = picture.shape[:2]
+    size = f"{name} has {width} x {height} pixels"
     if corners is None and not is_square(width, height):
-        faults.append(
-            f"{name} has {width} x {height} pixels: expected a square picture of just the table, or corners in "
-            f"{SETTINGS}"
-        )
+        faults.append(f"{size}: expected a square picture of just the table, or corners in {SETTINGS}")
     elif corners is not None and ((corners < 0) | (corners > [width, height])).any():
-        faults.append(f"{name} has {width} x {height} pixels, and corners in {SETTINGS} lie outside: correct them")
+        faults.append(f"{size}, and corners in {SETTINGS} lie outside: correct them")
     else:
         canvas = rectify(picture, corners)
         if np.median(canvas.reshape(-1, 3), axis=0).any():
             return canvas
         faults.append(f"{name} is black where the table should be: expected a picture of it, or other corners")
     return None
-
-
-def _read_items(path: Path, scenes: Collection[str], faults: Faults) -> pd.DataFrame | None:
-    """Return items.csv; None if there is none, or none in it."""
-    items = read_checked(path / ITEMS, scenes, faults) if (path / ITEMS).is_file() else None
-    if items is None or items.empty:
-        return None
-    faults.rows(ITEMS, items[items["radius_m"] <= 0], "radius_m is {radius_m:g}: expected metres above 0")
-    faults.rows(ITEMS, items[items["half_length_m"] < 0], "half_length_m is {half_length_m:g}: expected metres from 0")
-    return items.reset_index(drop=True)
 
 
 def _read_cutouts(path: Path, faults: Faults) -> dict[str, list[tuple[Array, float]]]:
@@ -151,23 +186,21 @@ def _read_cutouts(path: Path, faults: Faults) -> dict[str, list[tuple[Array, flo
         if folders:
             faults.append(f"{CUTOUTS} is missing: expected the columns kind, file, width_m and a row for each cut-out")
         return {}
-    table = read_checked(path / CUTOUTS, (), faults)
+    table = read_checked(path / CUTOUTS, None, faults)
     if table is None:
         return {}
-    listed = [(kind, f) for kind, folder in folders.items() for f in sorted(folder.iterdir())]
-    files = {(kind, normal(f.name)): f for kind, f in listed if f.suffix.lower() == ".png"}
+    files = {(kind, normal(file.name)): file for kind, folder in folders.items() for file in listed(folder, ".png")}
     cutouts: dict[str, list[tuple[Array, float]]] = {}
     for row, kind, file, width in table.itertuples(name=None):
-        where = f"{CUTOUTS}, row {row}:"
-        if (kind, file) not in files:
-            faults.append(f"{where} {KINDS}/{kind}/{file} is missing: add the cut-out, or remove the row")
-        elif width <= 0 or width > SIDES_M[1]:
-            faults.append(f"{where} width_m is {width:g}: expected the picture's width in metres, above 0")
-        else:
-            try:
-                cutouts.setdefault(kind, []).append((read_cutout(files[kind, file]), width))
-            except (InputError, OSError) as error:
-                faults.append(f"{where} {KINDS}/{kind}/{file} {error}")
+        name = f"{KINDS}/{kind}/{file}"
+        try:
+            if (kind, file) not in files:
+                raise InputError(f"{name} is missing: add the cut-out, or remove the row")
+            if not 0 < width <= SIDES_M[1]:
+                raise InputError(f"width_m is {width:g}: expected the picture's width in metres, above 0")
+            cutouts.setdefault(kind, []).append((read_cutout(files[kind, file], name), width))
+        except (InputError, OSError) as error:
+            faults.append(f"{CUTOUTS}, row {row}: {error}")
     for kind in sorted(folders.keys() - {kind for kind, _ in files}):
         faults.append(f"{KINDS}/{kind} holds no cut-out: add a png with a transparent background, or remove it")
     for kind, file in sorted(files.keys() - set(zip(table["kind"], table["file"], strict=True))):

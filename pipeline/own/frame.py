@@ -25,45 +25,43 @@ MIN_EMPTY = 8  # smallest grey level of the empty table that divides
 
 @dataclass(frozen=True)
 class Frame:
-    """The similarity from metres on the table to the model's metres: model = turn * table + shift, as complex numbers.
-
-    side_m: side of the square table [m].
-    """
+    """The similarity from metres on the table to the model's: model = matrix @ table + shift; side_m: the table's."""
 
     side_m: float
-    turn: complex
-    shift: complex
+    matrix: Float[Array, "2 2"]
+    shift: Float[Array, "2"]
 
     @classmethod
     def between(cls, side_m: float, start: Float[Array, "2"], goal: Float[Array, "2"]) -> "Frame":
         """Return the frame in which start and goal [m on the table], which differ, are P_INIT and P_F."""
         first, last, begin, end = (complex(*map(float, p)) for p in (start, goal, P_INIT, P_F))
         turn = (end - begin) / (last - first)
-        return cls(side_m, turn, begin - turn * first)
+        shift = begin - turn * first
+        matrix = np.array([[turn.real, -turn.imag], [turn.imag, turn.real]])
+        return cls(side_m, matrix, np.array([shift.real, shift.imag]))
 
     @property
     def scale(self) -> float:
         """Return how many of the model's metres one metre on the table is."""
-        return abs(self.turn)
+        return float(np.hypot(*self.matrix[0]))
 
     @property
     def is_whole_table(self) -> bool:
         """Return whether the model sees the whole table unturned, as without a `start` and `goal`."""
-        return abs(self.turn * self.side_m - 1) < 1e-9 and abs(self.shift) < 1e-9
+        return np.allclose(self.matrix * self.side_m, np.eye(2), 0, 1e-9) and np.allclose(self.shift, 0, 0, 1e-9)
 
     @property
     def degrees(self) -> float:
         """Return the counter-clockwise turn [degrees]."""
-        return float(np.degrees(np.angle(self.turn)))
+        return float(np.degrees(np.arctan2(*self.matrix[::-1, 0])))
 
     def to_model(self, points: Float[Array, "*p 2"]) -> Float[Array, "*p 2"]:
         """Return points on the table [m] as the model's [m]."""
-        return np.asarray(points, float) @ self._matrix.T + [self.shift.real, self.shift.imag]
+        return np.asarray(points, float) @ self.matrix.T + self.shift
 
     def to_table(self, points: Float[Array, "*p 2"]) -> Float[Array, "*p 2"]:
         """Return the model's points [m] on the table [m]."""
-        shifted = np.asarray(points, float) - [self.shift.real, self.shift.imag]
-        return shifted @ self._matrix / self.scale**2
+        return (np.asarray(points, float) - self.shift) @ self.matrix / self.scale**2
 
     def image(self, canvas: UInt8[Array, "side side 3"], side_px: int = SIDE) -> UInt8[Array, "px px 3"]:
         """Return the model's image of a rectified table, 100 pixels a side unless it is for people.
@@ -72,27 +70,26 @@ class Frame:
         object either.
         """
         if not self.is_whole_table:
+            corners, size, borders = whole(CANVAS_PX, CANVAS_PX), canvas.shape[:2], cv2.BORDER_REPLICATE
+            model = self.to_model((corners * [1, -1] + [0, CANVAS_PX]) / CANVAS_PX * self.side_m)
+            matrix = _homography(corners, (model * [1, -1] + [0, 1]) * CANVAS_PX)
             inside, beyond = (
-                cv2.warpPerspective(layer, self._pixels(), canvas.shape[:2], borderMode=cv2.BORDER_REPLICATE)
+                cv2.warpPerspective(layer, matrix, size, borderMode=borders)
                 for layer in (canvas, cv2.medianBlur(canvas, SMOOTH_PX))
             )
-            white = np.full(canvas.shape[:2], 255, np.uint8)
-            on_table = cv2.warpPerspective(white, self._pixels(), canvas.shape[:2], flags=cv2.INTER_NEAREST)
+            on_table = cv2.warpPerspective(np.full(size, 255, np.uint8), matrix, size, flags=cv2.INTER_NEAREST)
             canvas = np.where(on_table[..., None] > 0, inside, beyond)
         return cv2.resize(canvas, (side_px, side_px), interpolation=cv2.INTER_AREA)
 
-    @property
-    def _matrix(self) -> Float[Array, "2 2"]:
-        """Return the matrix that multiplies by `turn`."""
-        return np.array([[self.turn.real, -self.turn.imag], [self.turn.imag, self.turn.real]])
 
-    def _pixels(self) -> Float[Array, "3 3"]:
-        """Return the homography from the canvas' pixels to those of the model's canvas."""
-        corners = np.array([[0, 0], [CANVAS_PX, 0], [CANVAS_PX, CANVAS_PX], [0, CANVAS_PX]], float)
-        on_table = np.stack([corners[:, 0], CANVAS_PX - corners[:, 1]], -1) / CANVAS_PX * self.side_m
-        model = self.to_model(on_table)
-        there = np.stack([model[:, 0], 1 - model[:, 1]], -1) * CANVAS_PX
-        return cv2.getPerspectiveTransform((corners - 0.5).astype(np.float32), (there - 0.5).astype(np.float32))
+def whole(width: int, height: int) -> Float[Array, "4 2"]:
+    """Return the corners [column, row] of a picture: far left, far right, near right, near left."""
+    return np.array([[0, 0], [width, 0], [width, height], [0, height]], float)
+
+
+def _homography(corners: Float[Array, "4 2"], others: Float[Array, "4 2"]) -> Float[Array, "3 3"]:
+    """Return the matrix between places in pixels as OpenCV warps: it counts from the first pixel's centre."""
+    return cv2.getPerspectiveTransform((corners - 0.5).astype(np.float32), (others - 0.5).astype(np.float32))
 
 
 def rectify(picture: UInt8[Array, "row column 3"], corners: Float[Array, "4 2"] | None) -> UInt8[Array, "side side 3"]:
@@ -100,13 +97,10 @@ def rectify(picture: UInt8[Array, "row column 3"], corners: Float[Array, "4 2"] 
 
     corners: [column, row] in the picture, far left, far right, near right, near left; None: the whole picture.
     """
-    if corners is None:
-        height, width = picture.shape[:2]
-        corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], float)
+    corners = whole(*picture.shape[1::-1]) if corners is None else corners
     longest = max(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1))
     side = CANVAS_PX * int(np.clip(np.ceil(longest / CANVAS_PX), 1, MAX_FINER))
-    square = np.array([[0, 0], [side, 0], [side, side], [0, side]], np.float32)
-    matrix = cv2.getPerspectiveTransform((corners - 0.5).astype(np.float32), square - 0.5)
+    matrix = _homography(corners, whole(side, side))
     warped = cv2.warpPerspective(picture, matrix, (side, side), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     canvas = cv2.resize(warped, (CANVAS_PX, CANVAS_PX), interpolation=cv2.INTER_AREA)
     inner = np.ascontiguousarray(canvas[RIM_PX:-RIM_PX, RIM_PX:-RIM_PX])

@@ -15,7 +15,6 @@ from numpy import ndarray as Array
 
 from pipeline import library
 from pipeline.causal.envelope import dose_grid, paths_at_doses, radius
-from pipeline.own.data import Scenes
 from pipeline.own.fitting import Fitted
 from pipeline.own.folder import Folder
 from pipeline.own.frame import CANVAS_PX, Frame
@@ -50,25 +49,24 @@ class Added:
     footprint: Layouts  # of the added object, one slot [m of the model]
 
 
-def add_kind(folder: Folder, scenes: Scenes, kind: str) -> Added | None:
+def add_kind(folder: Folder, kind: str) -> Added | None:
     """Return the kind's cut-outs, each at random free places; None if fewer than two scenes have room."""
     rng, side, numbers, images, ends, radii = stream("own", "places", kind), folder.frame.side_m, [], [], [], []
     cutouts = [(cutout, width, footprint(cutout, width)) for cutout, width in folder.cutouts[kind]]
-    for turn in range(-(-PLACES // len(scenes.names))):
-        for scene, name in enumerate(scenes.names):
+    for turn in range(-(-PLACES // len(folder.scenes))):
+        for scene, canvas in enumerate(folder.canvases.values()):
             cutout, width, capsule = cutouts[(turn + scene) % len(cutouts)]
-            place = free_place(rng, folder.frame, scenes.objects, scene, capsule)
+            place = free_place(rng, folder.frame, folder.objects, scene, capsule)
             if place is not None:
                 centre, angle = place
                 numbers.append(scene)
-                canvas = paste(folder.canvases[name], cutout, width / side, centre / side, angle)
-                images.append(folder.image(canvas))
+                images.append(folder.image(paste(canvas, cutout, width / side, centre / side, angle)))
                 ends.append(ends_of(folder.frame, capsule, centre, angle))
                 radii.append(folder.frame.scale * capsule.radius)
     if len(set(numbers)) < 2:
         return None
     added = capsules(np.array(ends)[:, None], np.array(radii)[:, None], np.ones((len(radii), 1), bool))
-    return Added(np.array(numbers), scenes.images[numbers], np.array(images), added)
+    return Added(np.array(numbers), folder.images[numbers], np.array(images), added)
 
 
 def footprint(cutout: UInt8[Array, "row column 4"], width_m: float) -> Capsule:
@@ -88,9 +86,9 @@ def _size(cutout: Array, across: float) -> tuple[int, int]:
 def free_place(
     rng: np.random.Generator, frame: Frame, objects: Objects, scene: int, capsule: Capsule
 ) -> tuple[Float[Array, "2"], float] | None:
-    """Return the picture's centre [m on the table] and angle [rad] where the object is clear of all else.
+    """Return the picture's centre [m on the table] and angle [rad] where the object is clear of all else, if anywhere.
 
-    None after TRIES draws.
+    `world.layout.add_item` knows no table's edge, no other table than the model's and no picture beside its footprint.
     """
     present, wide = objects.present[scene], frame.scale * capsule.radius
     others, radii = objects.ends[scene, present].astype(float), objects.radius[scene, present]
@@ -120,12 +118,10 @@ def rotation(angle: float) -> Float[Array, "2 2"]:
 
 def paste(canvas: Array, cutout: Array, width: float, centre: Array, angle: float) -> UInt8[Array, "side side 3"]:
     """Return a rectified table with a cut-out over it; width and centre relative to the table's side, angle [rad]."""
-    size = _size(cutout, width * CANVAS_PX)
+    size, turned = _size(cutout, width * CANVAS_PX), rotation(-angle)  # rows grow downwards
     small = cutout.astype(np.float32) / 255
     small[..., :3] *= small[..., 3:]
     small = cv2.resize(small, size, interpolation=cv2.INTER_AREA)
-    c, s = np.cos(angle), np.sin(angle)
-    turned = np.array([[c, s], [-s, c]])  # rows grow downwards
     middle = np.array([centre[0], 1 - centre[1]]) * CANVAS_PX - 0.5
     matrix = np.column_stack([turned, middle - turned @ (np.array(size) - 1) / 2])
     layer = cv2.warpAffine(small, matrix, (CANVAS_PX, CANVAS_PX), flags=cv2.INTER_LINEAR)
@@ -174,24 +170,25 @@ def effects(fitted: Fitted, added: Mapping[str, Added]) -> pd.DataFrame:
     return table
 
 
-def envelopes(
-    fitted: Fitted, added: Mapping[str, Added], scenes: Scenes, table: pd.DataFrame, scale: float
-) -> pd.DataFrame:
+def envelopes(fitted: Fitted, added: Mapping[str, Added], folder: Folder, table: pd.DataFrame) -> pd.DataFrame:
     """Return one row for each kind that the user keeps away from: the clearance [m on the table] of half the effect.
 
     table: of `effects`. radius_m, ci_low, ci_high (95 % over scenes, both those asked and those fitted to), scenes. A
     kind without enough paths at its outline is left out.
     """
-    candidates = random_z_theta(stream("own", "candidates"), len(scenes.names), CANDIDATES)
-    others = capsules(scenes.objects.ends, scenes.objects.radius, scenes.objects.present)
-    to_others = np.concatenate([clearance(others[[i]], candidates[[i]]).min(-1) for i in range(len(candidates))])
-    rows = []
-    for kind in table.loc[(table["verdict"] == "effect") & (table["effect"] < 0), "kind"]:
+    user, rows, candidates = (
+        fitted.data.user,
+        [],
+        random_z_theta(stream("own", "candidates"), len(folder.scenes), CANDIDATES),
+    )
+    others = capsules(folder.objects.ends, folder.objects.radius, folder.objects.present)
+    to_others = _clearance(others, candidates).min(-1)
+    for kind in table.query("user == @user and verdict == 'effect' and effect < 0")["kind"]:
         places = added[kind]
         response, doses = responses(fitted, places, candidates[places.scene], to_others[places.scene])
         if len(doses) >= 3:
-            distances = [value / scale for value in radius(response, doses)]
-            rows.append((fitted.data.user, kind, *distances, int((~np.isnan(response[0, :, 0])).sum())))
+            distances = [value / folder.frame.scale for value in radius(response, doses)]
+            rows.append((user, kind, *distances, int((~np.isnan(response[0, :, 0])).sum())))
     return pd.DataFrame(rows, columns=["user", "kind", "radius_m", "ci_low", "ci_high", "scenes"])
 
 
@@ -205,8 +202,7 @@ def responses(
     groups of scenes (Tukey, 1958).
     """
     doses = dose_grid(STEP_M, DOSES)
-    rows = range(len(candidates))
-    to_added = np.concatenate([clearance(places.footprint[[i]], candidates[[i]])[..., 0] for i in rows])
+    to_added = _clearance(places.footprint, candidates)[..., 0]
     chosen = paths_at_doses(to_added, to_others, doses, CLEAR_OF_OTHERS_M, 1)[..., 0]  # (row, dose)
     paths = np.take_along_axis(candidates, np.maximum(chosen, 0)[..., None], axis=1)
     falls = [
@@ -219,3 +215,8 @@ def responses(
     has_dose = (~np.isnan(middle)).sum(0) >= 2
     count = len(doses) if has_dose.all() else int(has_dose.argmin())
     return response[..., :count], doses[:count]
+
+
+def _clearance(layouts: Layouts, paths: Float[Array, "row path 2"]) -> Float[Array, "row path slot"]:
+    """Return the clearance [m] of paths from each capsule, a row at a time to save memory."""
+    return np.concatenate([clearance(layouts[[i]], paths[[i]]) for i in range(len(paths))])

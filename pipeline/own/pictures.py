@@ -20,15 +20,19 @@ END_OF_JPEG, END_OF_PNG = b"\xff\xd9", b"IEND"
 SCAN = 0xDA  # the JPEG segment after which the pixels follow
 
 
+def listed(folder: Path, *endings: str) -> list[Path]:
+    """Return the files in a folder with one of these endings; hidden ones belong to the system, such as `._a.png`."""
+    files = sorted(folder.iterdir())
+    return [file for file in files if file.suffix.lower() in endings and not file.name.startswith(".")]
+
+
 def scene_files(path: Path, faults: Faults) -> dict[str, Path]:
     """Return the picture of each scene in a folder by name, in the order of the names."""
     if not (path / SCENES).is_dir():
         faults.append(f"{SCENES}/ is missing: expected a folder with a picture of each scene")
         return {}
     scenes: dict[str, Path] = {}
-    for file in sorted(path.joinpath(SCENES).iterdir()):
-        if file.suffix.lower() not in ENDINGS or file.name.startswith("."):
-            continue
+    for file in listed(path / SCENES, *ENDINGS):
         name = normal(file.stem)
         if not name.isprintable():
             faults.append(f"{SCENES}/{file.name!r} has characters that cannot be printed: rename it")
@@ -46,44 +50,42 @@ def is_square(width: int, height: int) -> bool:
     return abs(width - height) <= SQUARE_WITHIN * max(width, height)
 
 
-def read_picture(path: Path) -> UInt8[Array, "row column 3"]:
+def read_picture(path: Path, name: str) -> UInt8[Array, "row column 3"]:
     """Return a photograph as RGB, turned upright as its EXIF data says.
 
-    Raise InputError if it is missing, neither PNG nor JPEG, above MAX_PIXELS, or truncated.
+    Raise InputError, which calls it `name`, if it is neither PNG nor JPEG, above MAX_PIXELS, or truncated.
     """
-    return cv2.cvtColor(_decoded(path, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+    return cv2.cvtColor(_decoded(path, name, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
 
 
-def read_cutout(path: Path) -> UInt8[Array, "row column 4"]:
+def read_cutout(path: Path, name: str) -> UInt8[Array, "row column 4"]:
     """Return a cut-out as RGBA with straight alpha.
 
     Raise InputError as `read_picture`, and if nothing in it is visible or everything opaque.
     """
-    pixels = _decoded(path, cv2.IMREAD_UNCHANGED)
+    pixels = _decoded(path, name, cv2.IMREAD_UNCHANGED)
     if pixels.ndim != 3 or pixels.shape[2] != 4 or pixels.dtype != np.uint8:
-        raise InputError("has no transparent background: expected an 8-bit RGBA png; cut the object out")
-    alpha = pixels[..., 3]
-    if alpha.max() <= MIN_VISIBLE_ALPHA:
-        raise InputError(f"has an alpha of at most {alpha.max()} of 255: expected 255 where the object is")
-    if alpha.min() == 255:
-        raise InputError("is opaque everywhere: expected an object on a transparent background")
+        raise InputError(f"{name} has no transparent background: expected an 8-bit RGBA png; cut the object out")
+    if (highest := pixels[..., 3].max()) <= MIN_VISIBLE_ALPHA:
+        raise InputError(f"{name} has an alpha of at most {highest} of 255: expected 255 where the object is")
+    if pixels[..., 3].min() == 255:
+        raise InputError(f"{name} is opaque everywhere: expected an object on a transparent background")
     return cv2.cvtColor(pixels, cv2.COLOR_BGRA2RGBA)
 
 
-def _decoded(path: Path, flag: int) -> Array:
-    """Return the pixels as OpenCV orders them; the errors leave out the file's name."""
+def _decoded(path: Path, name: str, flag: int) -> Array:
+    """Return the pixels as OpenCV orders them."""
     try:
         width, height = image_size(path)
     except InputError as error:
-        raise InputError("cannot be read: expected a whole PNG or JPEG picture; save it again") from error
+        raise InputError(f"{name} cannot be read: expected a whole PNG or JPEG picture; save it again") from error
     if width * height > MAX_PIXELS:
-        raise InputError(
-            f"has {width} x {height} pixels: expected at most {MAX_PIXELS // 1_000_000} megapixels; scale it down"
-        )
+        most = f"{MAX_PIXELS // 1_000_000} megapixels"
+        raise InputError(f"{name} has {width} x {height} pixels: expected at most {most}; scale it down")
     content = path.read_bytes()
     pixels = cv2.imdecode(np.frombuffer(content, np.uint8), flag) if _is_whole(content) else None
     if pixels is None:
-        raise InputError("is truncated or damaged: expected a whole PNG or JPEG picture; copy it again")
+        raise InputError(f"{name} is truncated or damaged: expected a whole PNG or JPEG picture; copy it again")
     return pixels
 
 

@@ -8,32 +8,19 @@ A scene without demonstrations shows the model of all scenes.
 """
 
 from pathlib import Path
+from typing import Any
 
 import rerun as rr
 import rerun.blueprint as rrb
 
 from pipeline.own.fitting import Fitted
-from pipeline.own.results import Results
-from pipeline.viewer.blueprint import BACKDROP, beside_text
+from pipeline.own.report import Results
+from pipeline.viewer import scene as views
+from pipeline.viewer.blueprint import AROUND, BACKDROP, beside_text
 from pipeline.viewer.geometry import PITCH, TABLE_PIXELS, on_table
-from pipeline.viewer.scene import (
-    INVALID,
-    ITEM,
-    START,
-    VALID,
-    jpeg,
-    log_map,
-    log_static,
-    log_table_edges,
-    log_titles,
-    markdown,
-    p_classes,
-    panel,
-    recording_at,
-)
 from pipeline.world.bezier import curve, lattice
 
-TIMELINE, MAP_SIDE, POINTS, AROUND = "scene", 40, 33, 4.0
+TIMELINE, MAP_SIDE, POINTS = "scene", 40, 33
 ABOUT = """Step through the scenes on the time line.
 Left: the picture as the model sees it; white outlines are detected objects. Blue paths are valid by the user’s word,
 vermilion ones invalid; yellow paths are the repairs of these. Right: P(valid) over control points, dark 0 to
@@ -44,43 +31,42 @@ light 1, by the model that was not fitted to this scene; the square is the table
 def write_recording(path: Path, results: Results) -> None:
     """Write the recording with its blueprint."""
     entities = {user: f"user_{number}" for number, user in enumerate(results.fitted, 1)}
-    bounds = rrb.VisualBounds2D(
-        x_range=(-AROUND, PITCH + TABLE_PIXELS + AROUND), y_range=(-4 * AROUND, TABLE_PIXELS + 2 * AROUND)
-    )
-    boards = {
-        user: rrb.Spatial2DView(
-            origin="/", contents=[f"/{entity}/**"], background=BACKDROP, visual_bounds=bounds, titlebar=False
-        )
+    sides = (-AROUND, PITCH + TABLE_PIXELS + AROUND), (-4 * AROUND, TABLE_PIXELS + 2 * AROUND)
+    shown = {"background": BACKDROP, "visual_bounds": rrb.VisualBounds2D(x_range=sides[0], y_range=sides[1])}
+    tabs = [
+        beside_text(user, rrb.Spatial2DView(origin="/", contents=[f"/{entity}/**"], titlebar=False, **shown), "own")
         for user, entity in entities.items()
-    }
-    tabs = rrb.Tabs(*(beside_text(user, board, "own") for user, board in boards.items()), active_tab=0)
+    ]
     time = rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused", fps=0.5)
     hidden = rrb.BlueprintPanel(state="hidden"), rrb.SelectionPanel(state="hidden")
-    with recording_at(path, "own-table", rrb.Blueprint(tabs, *hidden, time, auto_views=False)) as recording:
-        log_static(recording, "text/own", markdown(ABOUT))
+    blueprint = rrb.Blueprint(rrb.Tabs(*tabs, active_tab=0), *hidden, time, auto_views=False)
+    with views.recording_at(path, "own-table", blueprint) as recording:
+        views.log_static(recording, "text/own", views.markdown(ABOUT))
         for user, entity in entities.items():
-            log_table_edges(recording, entity, [(0, 1)])
-            log_static(recording, f"{entity}/map", panel((0, 1), MAP_SIDE))
-            for step in range(len(results.scenes.names)):
+            views.log_table_edges(recording, entity, [(0, 1)])
+            views.log_static(recording, f"{entity}/map", views.panel((0, 1), MAP_SIDE))
+            for step in range(len(results.folder.scenes)):
                 recording.set_time(TIMELINE, sequence=step)
                 _log_scene(recording, entity, results, results.fitted[user], step)
 
 
 def _log_scene(recording: rr.RecordingStream, entity: str, results: Results, fitted: Fitted, scene: int) -> None:
     """Log one scene of one user."""
-    name, image = results.scenes.names[scene], results.scenes.images[scene]
-    data = fitted.data
-    log_titles(recording, entity, {(0, 0): name, (0, 1): "P(valid)"})
-    recording.log(f"{entity}/table/image", jpeg(image))
-    outlines = [on_table(points) for points in results.scenes.outlines(scene)]
-    recording.log(f"{entity}/table/outlines", rr.LineStrips2D(outlines, colors=ITEM, radii=0.2))
-    rows = results.tables["demonstrations"].query("user == @data.user and scene == @name")
-    paths = on_table(curve(rows[["z_x", "z_y"]].to_numpy(float), POINTS))
-    colours = [VALID if word else INVALID for word in rows["valid"]]
-    recording.log(f"{entity}/table/demonstrations", rr.LineStrips2D(paths, colors=colours, radii=0.35))
-    rows = results.tables["repaired"].query("user == @data.user and scene == @name").dropna()
-    ends = on_table(curve(rows[["end_x", "end_y"]].to_numpy(float), POINTS))
-    recording.log(f"{entity}/table/repairs", rr.LineStrips2D(ends, colors=START, radii=0.2))
+    name, image, data = results.folder.scenes[scene], results.folder.images[scene], fitted.data
+
+    def lines(part: str, points: list, colours: Any, width: float) -> None:
+        recording.log(f"{entity}/table/{part}", rr.LineStrips2D(points, colors=colours, radii=width))
+
+    def paths(table: str, ends: list[str]) -> tuple[list, list]:
+        rows = results.tables[table].query("user == @data.user and scene == @name").dropna(subset=ends)
+        return list(on_table(curve(rows[ends].to_numpy(float), POINTS))), list(rows.get("valid", []))
+
+    views.log_titles(recording, entity, {(0, 0): name, (0, 1): "P(valid)"})
+    recording.log(f"{entity}/table/image", views.jpeg(image))
+    lines("outlines", [on_table(points) for points in results.folder.outlines(scene)], views.ITEM, 0.2)
+    points, words = paths("demonstrations", ["z_x", "z_y"])
+    lines("demonstrations", points, [views.VALID if word else views.INVALID for word in words], 0.35)
+    lines("repairs", paths("repaired", ["end_x", "end_y"])[0], views.START, 0.2)
     model = fitted.unseeing(data.scenes.index(name)) if name in data.scenes else fitted.model
     p = model.probability(image[None], lattice(MAP_SIDE)[None])[0].reshape(MAP_SIDE, MAP_SIDE)
-    log_map(recording, f"{entity}/map", p_classes(p))
+    views.log_map(recording, f"{entity}/map", views.p_classes(p))

@@ -1,6 +1,6 @@
 """Read and check table.yaml of a person's folder."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,10 +13,14 @@ from pipeline.own.csv_files import normal
 from pipeline.runtime.errors import InputError
 
 SETTINGS = "table.yaml"
+KNOWN = ("side_m", "corners", "rectified", "start", "goal")
 MIN_APART = 0.2  # smallest distance from start to goal, relative to the table's side
 MIN_TABLE_PX = 50  # shortest side of the table in a picture
+ENDS_WITHIN_M = 0.05  # largest distance of a path's ends from start and goal [m]; a hand that is not in a hurry
+MIN_SAMPLES = 3  # rows of a demonstration
+MIN_SCENES = 4  # scenes of a user: fewer leave nothing to fit on and nothing to judge by
 SIDES_M = (0.1, 10.0)  # side of a table [m]
-ENDS = {"start": (0.08, 0.08), "goal": (0.92, 0.92)}  # the paper's, relative to the table's side
+ENDS = {"start": 0.08, "goal": 0.92}  # x and y, the paper's, relative to the table's side
 ORDER = "far left, far right, near right, near left"
 
 Number = Annotated[float, Strict(), AllowInfNan(False)]
@@ -27,13 +31,13 @@ PLACE, CORNERS = TypeAdapter(Pair), TypeAdapter(tuple[Pair, Pair, Pair, Pair])
 
 @dataclass
 class Settings:
-    """Hold what table.yaml says: side [m], corners (4, 2) of all scenes or by scene [px], start and goal (2,) [m]."""
+    """Hold what table.yaml says."""
 
-    side_m: float = 1.0
-    corners: Array | dict[str, Array] | None = None
-    rectified: bool = False
-    start: Array = field(default_factory=lambda: np.array(ENDS["start"]))
-    goal: Array = field(default_factory=lambda: np.array(ENDS["goal"]))
+    side_m: float
+    corners: Array | dict[str, Array] | None  # (4, 2) [px], of all scenes or by scene
+    rectified: bool  # pictures show just the table
+    start: Array  # (2,) [m]
+    goal: Array
 
     def corners_of(self, scene: str) -> Array | None:
         """Return the corners (4, 2) [column, row] of the table in a scene's picture; None: the whole picture."""
@@ -53,7 +57,7 @@ class _Loader(yaml.SafeLoader):
 def read_settings(path: Path) -> Settings:
     """Return the settings of table.yaml, or the defaults; raise InputError with a line for each fault."""
     if not (path / SETTINGS).is_file():
-        return Settings(rectified=True)
+        return check_settings({})
     try:
         content = yaml.load((path / SETTINGS).read_text(encoding="utf-8"), _Loader)
     except (yaml.YAMLError, UnicodeDecodeError) as error:
@@ -63,38 +67,34 @@ def read_settings(path: Path) -> Settings:
 
 def check_settings(content: Any) -> Settings:
     """Return what table.yaml holds as settings; raise InputError with a line for each fault."""
-    known = ("side_m", "corners", "rectified", "start", "goal")
-    if not isinstance(content, dict) or set(content) - set(known):
+    if not isinstance(content, dict) or set(content) - set(KNOWN):
         names = ", ".join(map(repr, content)) if isinstance(content, dict) else type(content).__name__
-        raise InputError(f"{SETTINGS} holds {names}: expected some of {', '.join(known)}")
+        raise InputError(f"{SETTINGS} holds {names}: expected some of {', '.join(KNOWN)}")
     side, faults = content.get("side_m", 1.0), []
     if _parsed(SIDE, side) is None:
         raise InputError(f"{SETTINGS}: side_m is {side!r}: expected metres from {SIDES_M[0]} to {SIDES_M[1]:g}")
-    settings = Settings(float(side), rectified=content.get("rectified", False))
-    if not isinstance(settings.rectified, bool):
-        faults.append(f"rectified is {settings.rectified!r}: expected true or false")
-    for name, default in ENDS.items():
-        value = content.get(name, [side * share for share in default])
-        place = _parsed(PLACE, value)
+    rectified = content.get("rectified", "corners" not in content)
+    if not isinstance(rectified, bool):
+        faults.append(f"rectified is {rectified!r}: expected true or false")
+    ends = []
+    for name, share in ENDS.items():
+        place = _parsed(PLACE, value := content.get(name, [share * side] * 2))
         if place is None or (place < 0).any() or (place > side).any():
             faults.append(f"{name} is {value!r}: expected [x, y] in metres on the table, 0 to {side:g}")
         else:
-            setattr(settings, name, place)
-    if not faults and np.linalg.norm(settings.goal - settings.start) < MIN_APART * side:
+            ends.append(place)
+    if len(ends) == 2 and np.linalg.norm(ends[1] - ends[0]) < MIN_APART * side:
         faults.append(f"start and goal are closer than {MIN_APART * side:g} m: expected two places")
     corners = content.get("corners")
     if isinstance(corners, dict):
-        settings.corners = {
-            normal(scene): _quadrilateral(places, f"corners of {scene}", faults) for scene, places in corners.items()
-        }
+        corners = {normal(scene): _corners(value, f"corners of {scene}", faults) for scene, value in corners.items()}
     elif corners is not None:
-        settings.corners = _quadrilateral(corners, "corners", faults)
-    if settings.corners is not None and settings.rectified:
+        corners = _corners(corners, "corners", faults)
+    if corners is not None and rectified:
         faults.append("both corners and `rectified: true` are given, and they exclude each other: remove one of them")
     if faults:
         raise InputError("\n".join(f"{SETTINGS}: {fault}" for fault in faults))
-    settings.rectified = settings.rectified or "corners" not in content
-    return settings
+    return Settings(float(side), corners, rectified, *ends)
 
 
 def _parsed(kind: TypeAdapter, value: Any) -> Array | None:
@@ -105,7 +105,7 @@ def _parsed(kind: TypeAdapter, value: Any) -> Array | None:
         return None
 
 
-def _quadrilateral(value: Any, name: str, faults: list[str]) -> Array:
+def _corners(value: Any, name: str, faults: list[str]) -> Array:
     """Return four corners; add a fault unless they bound a convex quadrilateral in the right order."""
     corners = _parsed(CORNERS, value)
     if corners is None:

@@ -2,9 +2,9 @@
 
 import pandas as pd
 
+from pipeline.own.demonstrations import DEGREES
 from pipeline.own.fitting import VARIANT
-from pipeline.own.paths import DEGREES
-from pipeline.own.results import Results
+from pipeline.own.report import Results
 from pipeline.report import style
 from pipeline.report.page import Table, pick, with_gaps
 
@@ -28,25 +28,26 @@ TITLES = {  # of columns whose names do not say enough
 }
 
 
-def _shown(rows: pd.DataFrame, texts: list[str], numbers: dict[str, str]) -> Table:
-    """Return columns of `rows` under their titles: texts, and numbers with their formats."""
-    titles = {column: TITLES.get(column, column.replace("_", " ").capitalize()) for column in [*texts, *numbers]}
-    return Table(with_gaps(pick(rows, titles)), {titles[column]: form for column, form in numbers.items()})
+def _shown(rows: pd.DataFrame, texts: str, **numbers: str) -> Table:
+    """Return columns of `rows` under their titles: texts, then the columns of numbers of each format."""
+    formats = {column: form for form, columns in numbers.items() for column in columns.split()}
+    titles = {
+        column: TITLES.get(column, column.replace("_", " ").capitalize()) for column in [*texts.split(), *formats]
+    }
+    return Table(with_gaps(pick(rows, titles)), {titles[column]: form for column, form in formats.items()})
 
 
 def degrees(results: Results) -> Table:
     """Return the residual on held-out stretches of the demonstrations by degree of the path."""
-    demos = results.tables["demonstrations"]
-    rows = [
-        {
-            "Control points": degree - 1,
-            "Median residual": float(demos[f"held_out_{degree}"].median()),
-            "90th percentile": float(demos[f"held_out_{degree}"].quantile(0.9)),
-            "Picked for": float((demos["degree"] == degree).mean()),
-        }
-        for degree in DEGREES
-    ]
-    return Table(pd.DataFrame(rows), {"Median residual": "cm", "90th percentile": "cm", "Picked for": "pct"})
+    demos = results.folder.demos
+    errors = demos[[f"held_out_{degree}" for degree in DEGREES]]
+    rows = {
+        "control_points": [degree - 1 for degree in DEGREES],
+        "median_residual": errors.median().to_numpy(),
+        "90th_percentile": errors.quantile(0.9).to_numpy(),
+        "picked_for": [(demos["degree"] == degree).mean() for degree in DEGREES],
+    }
+    return _shown(pd.DataFrame(rows), "control_points", cm="median_residual 90th_percentile", pct="picked_for")
 
 
 def recall(results: Results) -> Table:
@@ -54,47 +55,41 @@ def recall(results: Results) -> Table:
     detected = results.tables["detections"]
     rows = detected.groupby("kind")["detected"].agg(items="size", recall="mean").reset_index()
     rows.loc[len(rows)] = ["all", len(detected), detected["detected"].mean()]
-    return _shown(rows, ["kind"], {"items": "count", "recall": "pct"})
+    return _shown(rows, "kind", count="items", pct="recall")
 
 
 def accuracy(results: Results) -> Table:
     """Return the scores of each predictor on scenes that it was not fitted to."""
     rows = results.tables["scores"].query("share == 1")
-    rates = ("accuracy", "ci_low", "ci_high", "balanced", "missed", "calibration_error")
     rows = rows.assign(predictor=rows["predictor"].map(style.label))
-    return _shown(rows, ["user", "predictor"], dict.fromkeys(rates, "pct"))
+    return _shown(rows, "user predictor", pct="accuracy ci_low ci_high balanced missed calibration_error")
 
 
 def effects(results: Results) -> Table:
     """Return what adding each kind does to each user's accepted share of paths, and the verdict."""
-    changes = ("effect", "ci_low", "ci_high", "lowest", "highest")
-    return _shown(results.tables["interventions"], ["user", "kind", "verdict"], dict.fromkeys(changes, "effect"))
+    return _shown(results.tables["interventions"], "user kind verdict", effect="effect ci_low ci_high lowest highest")
 
 
 def envelopes(results: Results) -> Table:
     """Return the distance that each user keeps from each kind."""
-    lengths = ("radius_m", "ci_low", "ci_high")
-    return _shown(results.tables["distances"], ["user", "kind"], dict.fromkeys(lengths, "cm"))
+    return _shown(results.tables["distances"], "user kind", cm="radius_m ci_low ci_high")
 
 
 def repairs(results: Results) -> Table:
     """Return the first repairs of each user's invalid demonstrations."""
     rows = results.tables["repaired"].groupby("user", sort=False).head(FIRST_REPAIRS)
-    return _shown(rows, ["user", "scene", "demo"], {"p_before": "rate", "p_after": "rate", "moved_m": "cm"})
+    return _shown(rows, "user scene demo", rate="p_before p_after", cm="moved_m")
 
 
 def scenes_to_show(results: Results) -> Table:
     """Return the scenes about which each user's models disagree most."""
     rows = results.tables["disagreement"].groupby("user", sort=False).head(FIRST_SCENES)
     rows = rows.assign(shown=rows["shown"].map({True: "yes", False: "no"}))
-    return _shown(rows, ["user", "scene", "shown"], {"disagreement": "fine"})
+    return _shown(rows, "user scene shown", fine="disagreement")
 
 
 def learning(results: Results) -> Table:
     """Return accuracy by share of the training scenes."""
     scores = results.tables["scores"]
-    return _shown(
-        scores[scores["predictor"] == VARIANT],
-        ["user"],
-        dict.fromkeys(("share", "accuracy", "ci_low", "ci_high"), "pct"),
-    )
+    rows = scores[scores["predictor"] == VARIANT]
+    return _shown(rows, "user", pct="share accuracy ci_low ci_high")

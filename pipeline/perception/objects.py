@@ -16,8 +16,7 @@ from numpy import ndarray as Array
 from torch import Tensor
 
 from pipeline.perception.capsule import fit_capsule
-from pipeline.perception.doubt import doubt
-from pipeline.perception.outlines import SUPERSAMPLING, Outline, find_outlines
+from pipeline.perception.outlines import SQUARE, SUPERSAMPLING, Outline, doubt, find_outlines
 from pipeline.perception.segmenter import STRIDE, segment
 from pipeline.world.layout import SIDE
 
@@ -29,7 +28,6 @@ MIN_CONTRAST = 1 / 255  # smallest mean difference from the table's colour [1 = 
 # reach 1.25. The threshold was chosen against the placebo of the refutation study, so that study cannot judge it.
 MAX_TEXTURE_DISORDER = 0.75
 NEIGHBOURS = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]]) / 4  # mean over a pixel's four neighbours
-SQUARE = np.ones((3, 3), np.uint8)
 
 cv2.setNumThreads(1)  # stages run one process per core
 
@@ -42,7 +40,7 @@ class Objects:
     radius: Float32[Array, "scene object"]  # of each capsule [m]
     features: Float32[Array, "scene object feature"]
     present: Bool[Array, "scene object"]
-    doubt: Float32[Array, " scene"]  # how unsure the detector is of each picture (pipeline.perception.doubt)
+    doubt: Float32[Array, " scene"]  # how unsure the detector is of each picture (pipeline.perception.outlines.doubt)
 
 
 def detect_objects(

@@ -1,4 +1,4 @@
-"""Turn the segmenter's maps into one mask an item, on a grid finer than the image."""
+"""Turn the segmenter's maps into one mask an item, on a grid finer than the image, and measure how unsure they are."""
 
 from typing import NamedTuple
 
@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 from numpy import ndarray as Array
 from scipy.ndimage import distance_transform_edt
+from scipy.special import entr
 
 from pipeline.perception.segmenter import Maps
 
@@ -14,6 +15,7 @@ SUPERSAMPLING = 4  # grid points per pixel along each axis
 OUTLINE = 0.35  # probability on an outline: at .5 some handles are missed (validation)
 MIN_ITEM_PX = 12  # smaller regions are no items [pixels of the image]: a teaspoon has 40
 MIN_CORE_PX = 3  # smallest part that is an item of its own where items touch [pixels of the image]
+SQUARE = np.ones((3, 3), np.uint8)  # a pixel and its neighbours
 
 FineMask = UInt8[Array, "fine_row fine_column"]  # values 0 or 1
 
@@ -62,3 +64,14 @@ def _filled(mask: FineMask) -> FineMask:
     """Return a mask with its holes filled."""
     contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     return cv2.drawContours(np.zeros_like(mask), contours, -1, 1, cv2.FILLED)
+
+
+def doubt(item: Float32[Array, "row column"]) -> float:
+    """Return the entropy [nat] of an item map over the length of its outlines [pixels] (docs/decisions/031-doubt.md).
+
+    Every outline has unsure pixels, so a picture of more items may be less sure. Blur and noise widen outlines, and
+    items that are almost missed add unsure pixels without an outline. A table without items counts as MIN_ITEM_PX.
+    """
+    inside = (item > OUTLINE).astype(np.uint8)
+    length = int((cv2.dilate(inside, SQUARE) - inside).sum())
+    return float((entr(item) + entr(1 - item)).sum() / max(length, MIN_ITEM_PX))

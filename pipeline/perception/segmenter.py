@@ -1,6 +1,6 @@
 """The segmenter: a small U-Net (Ronneberger et al., 2015) that marks the items in a table image.
 
-It was trained once, without any user's labels, on composites (studies/perception); its weights are part of the package.
+It was trained once, without any user's labels, on composites (making/segmenter); its weights are part of the package.
 """
 
 from functools import cache
@@ -38,7 +38,7 @@ class Maps(NamedTuple):
 class Segmenter(nn.Module):
     """A U-Net on squares of 2 x 2 pixels: fewer positions make it fast, and no pixel is lost.
 
-    `normalised` adds batch normalisation, for training; `folded` returns the same function without it.
+    `normalised` adds batch normalisation, for training (making/segmenter/train.py).
     """
 
     def __init__(self, normalised: bool = False):
@@ -58,22 +58,6 @@ class Segmenter(nn.Module):
         for lift, layers, fine in reversed(list(zip(self.lift, self.up, skipped, strict=False))):
             x = layers(fine + F.interpolate(lift(x), fine.shape[-2:], mode="bilinear"))
         return F.pixel_shuffle(self.head(x), 2)
-
-    @torch.no_grad()
-    def folded(self) -> "Segmenter":
-        """Return the same function with each batch normalisation folded into the convolution before it."""
-        plain = Segmenter()
-        state = {name: value for name, value in self.state_dict().items() if name in plain.state_dict()}
-        for name, module in self.named_modules():
-            if isinstance(module, nn.BatchNorm2d):
-                stem, position = name.rsplit(".", 1)
-                convolution = f"{stem}.{int(position) - 1}"
-                gain = module.weight * (module.running_var + module.eps).rsqrt()  # pyright: ignore
-                state[f"{convolution}.weight"] = self.get_parameter(f"{convolution}.weight") * gain[:, None, None, None]
-                before = self.get_parameter(f"{convolution}.bias")
-                state[f"{convolution}.bias"] = (before - module.running_mean) * gain + module.bias  # pyright: ignore
-        plain.load_state_dict(state)
-        return plain
 
 
 def _two_layers(inputs: int, outputs: int, normalised: bool) -> nn.Sequential:

@@ -23,28 +23,18 @@ def measures(repairs: pd.DataFrame) -> pd.DataFrame:
     accepted: share of repaired paths with p > .5; unsafe: share of all starts accepted although truly invalid.
     The last two are NaN for baselines, which have no model.
     """
-    groups = repairs.groupby(GROUP, sort=False)
-    rows = [dict(zip(GROUP, group, strict=True)) | _measures(rows) for group, rows in groups]
-    return pd.DataFrame(rows, columns=COLUMNS)
-
-
-def _measures(rows: pd.DataFrame) -> dict[str, int | float]:
-    accepted = rows["accepted"].to_numpy(dtype=float, na_value=np.nan)
-    by_seed = rows.groupby("seed")["valid_end"].agg(["mean", "size"])
-    success = quartiles(by_seed["mean"].to_numpy())
-    ci_low, ci_high = _interval(rows)
-    return {
-        "seeds": len(by_seed),
-        "starts": int(by_seed["size"].iloc[0]),
-        "success": success["mean"],
-        "success_q1": success["q1"],
-        "success_q3": success["q3"],
-        "success_ci_low": ci_low,
-        "success_ci_high": ci_high,
-        "displacement_ratio": float(rows["displacement_m"].sum() / rows["oracle_displacement_m"].sum()),
-        "accepted": float(accepted.mean()),
-        "unsafe": float((accepted * ~rows["valid_end"].to_numpy(dtype=bool)).mean()),
-    }
+    measured = []
+    for group, rows in repairs.groupby(GROUP, sort=False):
+        accepted = rows["accepted"].to_numpy(dtype=float, na_value=np.nan)
+        by_seed = rows.groupby("seed")["valid_end"].agg(["mean", "size"])
+        success = quartiles(by_seed["mean"].to_numpy())
+        ratio_to_nearest = float(rows["displacement_m"].sum() / rows["oracle_displacement_m"].sum())
+        unsafe = float((accepted * ~rows["valid_end"].to_numpy(dtype=bool)).mean())
+        measured.append((
+            *group, len(by_seed), int(by_seed["size"].iloc[0]), success["mean"], success["q1"], success["q3"],
+            *_interval(rows), ratio_to_nearest, float(accepted.mean()), unsafe,
+        ))  # fmt: skip
+    return pd.DataFrame(measured, columns=COLUMNS)
 
 
 def _interval(rows: pd.DataFrame) -> tuple[float, float]:

@@ -11,12 +11,12 @@ import pandas as pd
 
 from pipeline.artifacts.files import read_json, read_table
 from pipeline.causal.bold_table import PAPER, TRUTH, never_bold
-from pipeline.config.graph import ROOT
 from pipeline.report.bold import as_markdown
 from pipeline.report.page import FORMATS
 from pipeline.report.results import PAPER_ACCURACY, RANDOM_ROUTES
 from pipeline.report.style import COLOURS, label
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.places import ROOT
 
 README = ROOT / "README.md"
 HEAD = "| Model | Accuracy, unseen items | Repairs, careful | Repairs, normal | Causal verdicts right |"

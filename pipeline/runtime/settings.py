@@ -1,11 +1,12 @@
-"""Types of single values with their ranges, and the wording of validation errors."""
+"""Types of single values with their ranges, parameters that all stages share, and the errors of wrong values."""
 
 from collections.abc import Callable, Collection, Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, WrapValidator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, WrapValidator, model_validator
 from pydantic_core import PydanticCustomError
 
+from pipeline.runtime.errors import InputError
 from pipeline.world.layout import SYMBOLS
 
 RESERVED = "truth", "ideal", "z"  # names with another meaning in tables and files
@@ -19,115 +20,70 @@ def expected(what: str) -> WrapValidator:
         try:
             return handler(value)
         except ValidationError:
-            raise PydanticCustomError("expected", "{expected}", {"expected": what}) from None
+            raise PydanticCustomError("expected", "expected {expected}", {"expected": what}) from None
 
     return WrapValidator(validate)
-
-
-def explain(error: ValidationError, prefix: str = "") -> str:
-    """Return a sentence about the first invalid parameter: its name, its value and what was expected."""
-    first = error.errors()[0]
-    context = first.get("ctx", {})
-    keys = [str(key) for key in first["loc"] if not isinstance(key, int)]
-    if keys[:1] in (["variants"], ["questions"]) and len(keys) > 2 and keys[2] != "[key]":
-        del keys[2]  # the kind, which pydantic inserts to distinguish variants or questions
-    name = prefix + ".".join(keys)
-    if "name" in context:  # a whole name, or that of a field within
-        name = f"{name}.{context['name']}" if keys and "." not in context["name"] else context["name"]
-    what = f"expected {context['expected']}" if "expected" in context else first["msg"][:1].lower() + first["msg"][1:]
-    if keys[-1:] == ["[key]"]:
-        return f"name {first['input']!r} in {prefix}{'.'.join(keys[:-2])}: {what}"
-    match first["type"]:
-        case "missing":
-            return f"missing parameter {name!r} (see conf/)"
-        case "union_tag_not_found":
-            return f"missing parameter '{name}.kind' (see conf/{keys[0]}/)"
-        case "union_tag_invalid":
-            return f"parameter {name}.kind is {context['tag']!r}: expected one of {context['expected_tags']}"
-        case "extra_forbidden":
-            return f"unknown parameter {name!r}"
-        case "unknown_symbol":
-            return f"unknown parameter '{name}.{context['symbol']}'"
-        case _:
-            return f"parameter {name} is {context.get('value', first['input'])!r}: {what}"
 
 
 def rising(values: list) -> list:
     """Return the values; raise ValueError unless they are strictly increasing and at least one."""
     if not values or values != sorted(set(values)):
-        raise ValueError
+        raise ValueError("expected ascending numbers, at least one")
     return values
 
 
 def ordered(values: list) -> list:
     """Return the values; raise ValueError unless none is below the one before it."""
     if values != sorted(values):
-        raise ValueError
+        raise ValueError("expected the smaller number first")
     return values
 
 
 def unique(values: list) -> list:
     """Return the values; reject repeated ones."""
     if len(set(values)) != len(values):
-        raise PydanticCustomError("expected", "{expected}", {"expected": "each one once"})
+        raise ValueError("expected each one once")
     return values
 
 
 def _not_reserved(name: str) -> str:
     if name in RESERVED:
-        raise ValueError
+        raise ValueError(f"expected a name, none of {', '.join(RESERVED)}")
     return name
 
 
 def _every_symbol(margins: dict) -> dict:
-    if unknown := sorted(set(margins) - set(SYMBOLS)):
-        raise PydanticCustomError("unknown_symbol", "unknown symbol", {"symbol": unknown[0]})
     if set(margins) != set(SYMBOLS):
-        raise PydanticCustomError("expected", "{expected}", {"expected": f"a margin for each of {', '.join(SYMBOLS)}"})
+        raise ValueError(f"expected a margin for each of {', '.join(SYMBOLS)}")
     return margins
 
 
-Whole = Annotated[int, Field(ge=0), expected("a whole number from 0")]
-Count = Annotated[int, Field(ge=1), expected("a whole number from 1")]
-Several = Annotated[int, Field(ge=2), expected("a whole number from 2")]
-Demonstrations = Annotated[int, Field(ge=1, le=MAX_N), expected(f"a whole number from 1 to {MAX_N}")]
-Length = Annotated[float, Field(gt=0), expected("a length above 0 [m]")]
-Distance = Annotated[float, Field(ge=0), expected("a length from 0 [m]")]
-Place = Annotated[float, Field(ge=0, le=1), expected("a place from 0 to 1 [m]")]
-Size = Annotated[float, Field(gt=0), expected("a number above 0")]
-Weight = Annotated[float, Field(ge=0), expected("a weight from 0")]
-Spread = Annotated[float, Field(ge=0), expected("a standard deviation from 0")]
-Chance = Annotated[float, Field(ge=0, le=1), expected("a probability from 0 to 1")]
-Between = Annotated[float, Field(gt=0, lt=1), expected("a number between 0 and 1")]
-Share = Annotated[float, Field(gt=0, le=1), expected("a share above 0, at most 1")]
-Margin = Annotated[float | None, Field(ge=0, lt=1), expected("null (no margin) or a margin from 0 to 1 [m]")]
+Whole = Annotated[int, Field(ge=0)]
+Count = Annotated[int, Field(ge=1)]
+Several = Annotated[int, Field(ge=2)]
+Demonstrations = Annotated[int, Field(ge=1, le=MAX_N)]
+Length = Annotated[float, Field(gt=0)]  # [m]
+Distance = Annotated[float, Field(ge=0)]  # [m]
+Place = Annotated[float, Field(ge=0, le=1)]  # [m]
+Size = Annotated[float, Field(gt=0)]
+Weight = Annotated[float, Field(ge=0)]
+Spread = Annotated[float, Field(ge=0)]  # a standard deviation
+Chance = Annotated[float, Field(ge=0, le=1)]
+Between = Annotated[float, Field(gt=0, lt=1)]
+Share = Annotated[float, Field(gt=0, le=1)]
+Margin = Annotated[float | None, Field(ge=0, lt=1)]  # [m]; null: none
 Margins = Annotated[dict[str, Margin], AfterValidator(_every_symbol)]
-Name = Annotated[
-    str,
-    Field(pattern="^[A-Za-z][A-Za-z0-9_-]*$"),
-    AfterValidator(_not_reserved),
-    expected(f"a name of letters, digits, - and _ that begins with a letter, none of {', '.join(RESERVED)}"),
-]
+Name = Annotated[str, Field(pattern="^[A-Za-z][A-Za-z0-9_-]*$"), AfterValidator(_not_reserved)]
 Names = Annotated[list[str], AfterValidator(unique)]
 Some = Annotated[Names, Field(min_length=1)]
-Range = Annotated[
-    list[Annotated[float, Field(ge=0)]],
-    Field(min_length=2, max_length=2),
-    AfterValidator(ordered),
-    expected("two numbers from 0, the smaller first"),
-]
-ShareRange = Annotated[
-    list[Annotated[float, Field(ge=0, le=1)]],
-    Field(min_length=2, max_length=2),
-    AfterValidator(ordered),
-    expected("two numbers from 0 to 1, the smaller first"),
-]
-Pair = Annotated[list[float], Field(min_length=2, max_length=2), expected("two numbers, the smaller first")]
+Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
+Range = Annotated[list[Distance], Field(min_length=2, max_length=2), AfterValidator(ordered)]
+ShareRange = Annotated[list[Chance], Field(min_length=2, max_length=2), AfterValidator(ordered)]
 Seeds = Annotated[list[Whole], Field(min_length=1), AfterValidator(unique)]
-Strengths = Annotated[
-    list[Annotated[float, Field(gt=0)]], AfterValidator(rising), expected("numbers above 0, the smallest first")
-]
-Shares = Annotated[list[Share], AfterValidator(rising), expected("numbers above 0, at most 1, the smallest first")]
+Wholes = Annotated[list[Whole], AfterValidator(rising)]
+Strengths = Annotated[list[Size], AfterValidator(rising)]
+Shares = Annotated[list[Share], AfterValidator(rising)]
+SharedSplit = Literal["new_scenes", "new_items"]  # splits that all seeds share
 
 
 class Group(BaseModel):
@@ -139,13 +95,101 @@ class Group(BaseModel):
 class StudyGroup(Group):
     """Check the setting of all studies: the question that the page and the list of studies print."""
 
-    question: Annotated[str, Field(pattern=r"\?$"), expected("a question that ends in ?")]
+    question: Annotated[str, Field(pattern=r"\?$")]
+
+
+class ScheduleSettings(Group):
+    """Steps of AdamW with a one-cycle learning rate."""
+
+    steps: Count
+    rate: Size
+    weight_decay: Weight
+    curve_every: Count
+
+
+class VariantSettings(Group):
+    """Check the setting of all variants."""
+
+    n_demos: Annotated[list[Demonstrations], Field(min_length=1)] | None  # besides main_n_demos; null: all
+    compared: bool
+
+
+class Splits(Group):
+    """split -> pool of scenes; null: the training scenes of each seed."""
+
+    seen_scenes: None
+    new_scenes: str
+    new_items: str
+
+
+class Protocol(Group):
+    """Parameters of conf/protocol/*.yaml: the training sets that are fitted, and the pools for evaluation."""
+
+    name: str
+    seeds: Seeds
+    splits: Splits
+
+
+class Graph(Group):
+    """What dvc.yaml runs once per name: variants of each stage that fits, and pages of studies."""
+
+    train: Names
+    irl: Names
+    clearance: Names
+    pages: Names
+
+
+class Shared(Group):
+    """Parameters that belong to no stage alone."""
+
+    seeds: Seeds
+    validation_seeds: Seeds
+    n_demos: Annotated[list[Demonstrations], Field(min_length=1), AfterValidator(unique)]
+    main_n_demos: int
+    checkpoints: Annotated[list[Whole], AfterValidator(unique)]
+    variant: str
+    seed: Whole | None
+    workers: Count
+    paths: dict[str, str]
+    users: Annotated[dict[Name, Margins], Field(min_length=1)]
+    protocol: Protocol
+    profile: str
+    composed: list[str]
+    graph: Graph
+
+    @model_validator(mode="after")
+    def _agrees(self) -> "Shared":
+        shared = sorted(set(self.seeds) & set(self.validation_seeds))
+        need(not shared, "validation_seeds", self.validation_seeds, f"none of `seeds` (shared: {shared})")
+        need(self.main_n_demos in self.n_demos, "main_n_demos", self.main_n_demos, f"one of n_demos = {self.n_demos}")
+        seeds, known = self.protocol.seeds, [*self.seeds, *self.validation_seeds]
+        need(set(seeds) <= set(known), "protocol.seeds", seeds, f"a list of some of {known}")
+        one_of = f"null or one of protocol.seeds, {seeds} under protocol={self.protocol.name}"
+        need(self.seed is None or self.seed in seeds, "seed", self.seed, one_of)
+        return self
+
+
+Checked = TypeVar("Checked", bound=Group)
+
+
+def checked(group: type[Checked], values: Any, name: str = "") -> Checked:
+    """Return the values of parameter `name` as a `group`. Raise InputError that names the first wrong one."""
+    try:
+        return group.model_validate(values)
+    except ValidationError as error:
+        first = error.errors()[0]
+        if isinstance(cause := first.get("ctx", {}).get("error"), InputError):
+            raise cause from error
+        parameter = ".".join(str(part) for part in (name, *first["loc"]) if part != "")
+        value = "" if first["type"] == "missing" else f" is {first['input']!r}"
+        what = first["msg"].removeprefix("Value error, ")
+        raise InputError(f"parameter {parameter}{value}: {what}") from error
 
 
 def need(holds: bool, name: str, value: object, what: str) -> None:
-    """Reject the value of parameter `name` unless `holds`; the error says that `what` was expected."""
+    """Raise InputError for the value of parameter `name` unless `holds`; it says that `what` was expected."""
     if not holds:
-        raise PydanticCustomError("expected", "{expected}", {"name": name, "value": value, "expected": what})
+        raise InputError(f"parameter {name} is {value!r}: expected {what}")
 
 
 def need_some(name: str, values: Collection[str], known: Collection[str], or_none: bool = False) -> None:
@@ -156,6 +200,12 @@ def need_some(name: str, values: Collection[str], known: Collection[str], or_non
 def need_one(name: str, value: str, known: Collection[str]) -> None:
     """Reject `value` unless it is one of the `known` names."""
     need(value in known, name, value, f"one of {', '.join(known)}")
+
+
+def need_several_seeds(parameters: Any) -> None:
+    """Reject a single seed, which gives no interval."""
+    seeds = list(parameters.protocol.seeds)
+    need(len(seeds) > 1, "protocol.seeds", seeds, "at least 2 seeds, or intervals mean nothing")
 
 
 def widest_margin(users: Mapping[str, Mapping[str, float | None]]) -> float | None:

@@ -2,14 +2,32 @@
 
 from functools import partial
 from pathlib import Path
+from typing import Literal
 
 from omegaconf import DictConfig
 
 from pipeline.launch import launch
 from pipeline.models.clearance.clearance import ClearanceModel
+from pipeline.runtime.settings import Count, Group, ScheduleSettings, VariantSettings
 from pipeline.training.clearance.fit import BATCH_SIZE, CURVE, fit
 from pipeline.training.loop import Schedule
 from pipeline.training.runner import fit_variant, variant_settings
+
+
+class Settings(ScheduleSettings):
+    pass
+
+
+class Members(Group):
+    members: Count
+
+
+class Variant(VariantSettings):
+    """A variant of the clearance model."""
+
+    stage: Literal["clearance"]
+    kind: Literal["clearance"]
+    model: Members
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:

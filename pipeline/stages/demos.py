@@ -3,7 +3,7 @@
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
@@ -14,9 +14,21 @@ from tqdm import tqdm
 from pipeline.artifacts.demos import DEMO_KEY, Queries, write_demos, write_queries
 from pipeline.artifacts.scenes import read_scenes, train_pool
 from pipeline.launch import launch
-from pipeline.params import need
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.reading import read_csv
+from pipeline.runtime.settings import (
+    MAX_N,
+    Count,
+    Demonstrations,
+    Distance,
+    Group,
+    Length,
+    Pair,
+    Size,
+    Spread,
+    Whole,
+    need,
+)
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.bezier_fit import fit
@@ -37,6 +49,39 @@ class Recorded:
     keys: pd.DataFrame
     samples: Array  # (total, 4) t [s], x, y, z [m], rounded to the stored float32
     offsets: Array  # (trajectory + 1,)
+
+
+class HandSettings(Group):
+    rate_hz: Size
+    jitter_s: Spread
+    speed_m_s: Size
+    speed_spread: Spread
+    tremor_m: Distance
+    tremor_hz: Pair
+    drift_m: Distance
+    height_m: float
+    height_drift_m: Distance
+
+
+class Settings(Group):
+    root_seed: Whole
+    per_scene: Demonstrations
+    queries_seen: Count
+    queries_new: Count
+    clear_m: Distance
+    recorded: str | None
+    ends_within_m: Length
+    poor_above_m: Length
+    hand: HandSettings
+
+
+def agree(demos: Settings, parameters: Any) -> None:
+    """Require demonstrations enough for each number that is fitted, and a band of tremor."""
+    least = f"a whole number from max(n_demos) = {max(parameters.n_demos)} to {MAX_N}"
+    need(demos.per_scene >= max(parameters.n_demos), "demos.per_scene", demos.per_scene, least)
+    low, high = demos.hand.tremor_hz
+    band = "a band above 0, the lower end first, below half of rate_hz"
+    need(0 < low <= high < demos.hand.rate_hz / 2, "demos.hand.tremor_hz", demos.hand.tremor_hz, band)
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
@@ -113,7 +158,8 @@ def _clear_paths(cfg: DictConfig, layouts: Layouts, count: int, users: Collectio
     slacks = np.stack([slack(layouts, candidates.clearances, cfg.users[user]) for user in users])
     near = (np.abs(slacks) < cfg.demos.clear_m).any(0)  # (scene, candidate)
     few = int((~near).sum(1).min())
-    need(cfg, "demos.clear_m", few >= count, f"a distance at which each scene has {count} paths: one has {few}")
+    at = f"a distance at which each scene has {count} paths: one has {few}"
+    need(few >= count, "demos.clear_m", cfg.demos.clear_m, at)
     first = np.argsort(near, axis=1, kind="stable")[:, :count]  # the clear ones, in the order drawn
     return np.take_along_axis(candidates.z_theta, first[..., None], 1)
 
@@ -124,7 +170,7 @@ def _read_trajectories(cfg: DictConfig) -> dict[Key, Array]:
         return {}
     path, columns = Path(cfg.demos.recorded), ["t", "x", "y", "z"]
     known = path.resolve().is_relative_to(Path(cfg.paths.data).resolve())
-    need(cfg, "demos.recorded", known, f"a csv in {cfg.paths.data}/, which DVC keeps track of")
+    need(known, "demos.recorded", cfg.demos.recorded, f"a csv in {cfg.paths.data}/, which DVC keeps track of")
     table = _read_csv(path, [*DEMO_KEY, *columns])
     groups = table.groupby(DEMO_KEY, sort=False, dropna=False).indices
     return {cast(Key, key): table[columns].to_numpy()[rows] for key, rows in groups.items()}

@@ -1,7 +1,9 @@
 """Stage evaluate: score every variant and the image-blind baselines on all queries, and compare variants."""
 
+from collections import Counter
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,6 +20,7 @@ from pipeline.launch import launch
 from pipeline.models import baselines
 from pipeline.models.baselines import NEAREST, POSITION
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.settings import Count, Demonstrations, Group, Names, Some, need, need_several_seeds, need_some
 from pipeline.stats.crossed import estimate, quartiles
 from pipeline.stats.scores import DECISION, accuracy, auroc, brier, expected_calibration_error, reliability
 from pipeline.stats.tests import LEVEL, holm, paired_wilcoxon
@@ -31,6 +34,43 @@ COMPARED = [
 CONVERGENCE = ["reconstruction_over_flat", "own_demonstrations", "passed"]
 HEADLINE, SEEN = "new_items", "seen_scenes"  # splits of the headlines, which fit a screen together
 PAPER, SHOWN = "full", ("full", "clearance")  # variants with more headlines than others
+MAX_TESTS = 25  # with 10 seeds the smallest p is 2/1024: under Holm's correction more tests could never be significant
+
+
+class Comparison(Group):
+    """A family of paired tests: one variant against others."""
+
+    family: str
+    variant: str
+    against: Some
+    splits: Some
+    n_demos: Demonstrations | None
+
+
+class Settings(Group):
+    users: Names
+    bins: Count
+    comparisons: list[Comparison]
+
+
+def agree(evaluate: Settings, parameters: Any) -> None:
+    """Reject comparisons that cannot be made, and more than MAX_TESTS in a family; absent variants are skipped."""
+    need_several_seeds(parameters)
+    need_some("evaluate.users", evaluate.users, parameters.users)
+    splits, name, counts = dict(parameters.protocol.splits), "evaluate.comparisons", Counter()
+    several = parameters.scenes.validation > 1 or not {"val_scenes", "val_items"} & set(splits.values())
+    at_least = "at least 2, or intervals over scenes mean nothing"
+    need(several, "scenes.validation", parameters.scenes.validation, at_least)
+    for c in evaluate.comparisons:
+        for split in c.splits:
+            judged = split in splits and (NEAREST not in (c.variant, *c.against) or splits[split] is None)
+            where = f"one of {', '.join(splits)}; {NEAREST} has demonstrations only in seen scenes"
+            need(judged, name, f"{c.variant} against {', '.join(c.against)} on {split}", where)
+        fitted = (c.n_demos or parameters.main_n_demos) in parameters.n_demos
+        counts[c.family] += len(c.against) * len(c.splits) * fitted
+    for family, count in counts.items():
+        few = f"at most {MAX_TESTS}, or Holm's correction leaves nothing to be found"
+        need(count <= MAX_TESTS, name, f"{count} tests in family {family}", few)
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:

@@ -6,13 +6,14 @@ Models and world are structural causal models that differ in their mechanisms on
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 from omegaconf import DictConfig, OmegaConf
-from pydantic import TypeAdapter
+from pydantic import Field, TypeAdapter
 
 from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.artifacts.scenes import layout_table, read_scenes
@@ -27,6 +28,17 @@ from pipeline.launch import launch
 from pipeline.models.base import SCENES_PER_BATCH
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
+from pipeline.runtime.settings import (
+    Count,
+    Group,
+    Name,
+    SharedSplit,
+    Whole,
+    checked,
+    need,
+    need_one,
+    need_several_seeds,
+)
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.catalogue import Catalogue, random_scenes
@@ -66,6 +78,29 @@ class Job:
     cfg: DictConfig
     noise: Values
     changes: list[Values]
+
+
+class Settings(Group):
+    split: SharedSplit
+    more_scenes: Whole
+    paths: Count
+    placements: Count
+    root_seed: Whole
+
+
+class Asked(Group):
+    questions: Annotated[dict[Name, QuestionSettings], Field(min_length=1)]
+
+
+def agree(intervene: Settings, parameters: Any) -> None:
+    """Reject wrong questions, and questions about another user if that user is unknown, or if there is only one."""
+    need_several_seeds(parameters)
+    asked = checked(Asked, {"questions": OmegaConf.to_container(parameters.questions)})
+    for name, question in asked.questions.items():
+        if question.kind == "user":
+            need(len(parameters.users) > 1, "users", list(parameters.users), f"at least 2 users for question {name}")
+            if question.to is not None:
+                need_one(f"questions.{name}.to", question.to, parameters.users)
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:

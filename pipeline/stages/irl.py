@@ -2,14 +2,58 @@
 
 from functools import partial
 from pathlib import Path
+from typing import Annotated, Literal
 
 from omegaconf import DictConfig
+from pydantic import Field
 
 from pipeline.launch import launch
 from pipeline.models.irl.reward_map import RewardMap
+from pipeline.runtime.settings import Chance, Count, Group, Several, Size, Spread, VariantSettings, Weight
 from pipeline.training.irl.fit import CURVE, IrlSchedule, fit
 from pipeline.training.loop import fit_sequentially
 from pipeline.training.runner import fit_variant, variant_settings
+
+
+class Jitter(Group):
+    """Augmentation of the reward map's training scenes."""
+
+    hue: Weight
+    gain: Spread
+    shift: Spread
+    scene_gain: Spread
+    other_table: Chance
+
+
+class Settings(Group):
+    rate: Size
+    weight_decay: Weight
+    scenes_per_step: Count
+    n_augmentations: Count
+    sparsity: Weight
+    rank_across_scenes: bool
+    curve_every: Count
+    color_jitter: Jitter
+
+
+class RewardModel(Group):
+    channels: Several
+    dilated: Count
+    gain: Size
+    dropout: Annotated[float, Field(ge=0, lt=1)]
+    lattice_side: Several
+    symmetric: bool
+    ceiling: bool
+
+
+class Variant(VariantSettings):
+    """A variant of the inverse reinforcement learning baseline."""
+
+    stage: Literal["irl"]
+    kind: Literal["reward"]
+    objective: Literal["maxent", "ranked"]
+    steps: Count
+    model: RewardModel
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:

@@ -9,10 +9,11 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
-from pipeline.params import PARAMS, load
+from pipeline.launch import load
 from pipeline.report.page import Site, environment, provenance, render_page, write_files, write_provenance
 from pipeline.report.study import Study
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.places import PARAMS
 
 HOME = "../../reports/"  # the paper's pages, seen from a study's folder
 

@@ -9,12 +9,14 @@ from collections.abc import Mapping
 from functools import partial
 from itertools import product
 from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
 from jaxtyping import UInt8
 from numpy import ndarray as Array
 from omegaconf import DictConfig
+from pydantic import AfterValidator, Field
 from scipy.stats import t as student
 
 from pipeline.artifacts.files import read_table, write_json, write_table
@@ -22,6 +24,18 @@ from pipeline.artifacts.scenes import SceneSet, read_position_prior, read_scenes
 from pipeline.launch import launch
 from pipeline.models.base import ValidityModel
 from pipeline.models.baselines import NEAREST, POSITION
+from pipeline.runtime.settings import (
+    Count,
+    Demonstrations,
+    Group,
+    Length,
+    Pair,
+    Whole,
+    Wholes,
+    need,
+    need_several_seeds,
+    rising,
+)
 from pipeline.training.judged_sets import FEW, HELD_OUT, NEW, NEW_POOL, OWN, JudgedSet, Kinds, judge, judge_blind, row
 from pipeline.training.loop import is_constant
 from pipeline.training.refit import TrainingSet, refit
@@ -37,6 +51,26 @@ COLUMNS = [
     "reading", "split", "variant", "users", "n_demos", "mean", "q1", "q3", "ci_low", "ci_high", "seeds", "fits",
     "passed", "passed_mean",
 ]  # fmt: skip
+
+
+class Settings(Group):
+    root_seed: Whole
+    clear_cm: Wholes
+    n_demos: Annotated[list[Demonstrations], AfterValidator(rising), Field(min_length=2)]
+    families: Annotated[list[Pair], Field(min_length=1)]
+    family_radius: Length
+    candidates: Count
+    held_out: Count
+
+
+def agree(readings: Settings, parameters: Any) -> None:
+    """Reject numbers of demonstrations without main_n_demos, at which every reading ends, and too few candidates."""
+    need_several_seeds(parameters)
+    main_n, n_demos = parameters.main_n_demos, readings.n_demos
+    need(main_n in n_demos, "readings.n_demos", n_demos, f"main_n_demos = {main_n} among them, where readings end")
+    paths = main_n + readings.held_out
+    most = f"at least main_n_demos + held_out = {paths}"
+    need(readings.candidates >= paths, "readings.candidates", readings.candidates, most)
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:

@@ -3,6 +3,7 @@
 import shutil
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 from omegaconf import DictConfig
@@ -11,11 +12,25 @@ from tqdm import tqdm
 from pipeline.artifacts.files import read_table, write_table
 from pipeline.artifacts.trained import check_weights
 from pipeline.launch import launch
+from pipeline.runtime.settings import Count, Group, Several, need
 from pipeline.runtime.writing import atomic_write
 from pipeline.viewer.assemble import assemble, read_sources
 from pipeline.viewer.digest import digest
 from pipeline.viewer.overview import write_overview
 from pipeline.viewer.run import write_run
+
+
+class Settings(Group):
+    scenes: Count
+    repairs: Count
+    training_scenes: Count
+    map_side: Several
+
+
+def agree(record: Settings, parameters: Any) -> None:
+    """Reject different splits, since a recording shows repairs and interventions together."""
+    same = f"repair.split = {parameters.repair.split!r}, since a recording shows both"
+    need(parameters.intervene.split == parameters.repair.split, "intervene.split", parameters.intervene.split, same)
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
@@ -39,7 +54,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         rows.append({"run": run.name, "variant": variant, "sha256": digest(path), "accuracy": right})
         if seed == cfg.protocol.seeds[0]:
             compared.append(run)
-    compared.sort(key=lambda run: (*cfg.record.first, run.variant).index(run.variant))
+    compared.sort(key=lambda run: not cfg.variants[run.variant].compared)
     path = out_dir / "runs" / "overview.rrd"
     atomic_write(path, lambda part: write_overview(part, compared))
     write_table(out_dir / "recordings.csv", pd.DataFrame([*rows, {"run": "overview", "sha256": digest(path)}]))

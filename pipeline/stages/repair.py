@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -17,6 +18,7 @@ from pipeline.planning.nearest import by_model, nearest
 from pipeline.planning.oracle import constant_detour
 from pipeline.planning.repair import Ascent, repair
 from pipeline.runtime.parallel import map_jobs
+from pipeline.runtime.settings import Count, Group, SharedSplit, Size, Whole, need, need_several_seeds, widest_margin
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
 
@@ -33,6 +35,25 @@ class Job:
     images: np.ndarray  # (scene, 100, 100, 3)
     candidates: np.ndarray  # (scene, start, 2) [m], including the valid ones
     starts: Starts
+
+
+class Settings(Group):
+    split: SharedSplit
+    starts: Count
+    steps: Count
+    optimiser: Literal["gradient", "normalised", "adam"]
+    rate: Size
+    settle: bool
+    distance_penalty: Size
+    lattice_side: Count
+    refinements: Whole
+
+
+def agree(repair: Settings, parameters: Any) -> None:
+    """Reject users whose paths are all valid."""
+    need_several_seeds(parameters)
+    users = parameters.users
+    need(widest_margin(users) is not None, "users", users, "at least one user with a margin, or no path is invalid")
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:

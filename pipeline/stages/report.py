@@ -11,7 +11,7 @@ from omegaconf import DictConfig
 from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import read_arrays, read_json, read_table, write_json
 from pipeline.artifacts.interventions import AddedItems, read_interventions
-from pipeline.artifacts.models import PREDICTION_COLUMNS, model_dir
+from pipeline.artifacts.models import PREDICTION_COLUMNS, compared, model_dir
 from pipeline.artifacts.scenes import SceneSet, read_position_prior, read_scenes, train_pool
 from pipeline.artifacts.trained import load_model
 from pipeline.launch import launch
@@ -20,6 +20,7 @@ from pipeline.report.page import FOLDER, Site, Source, provenance, write_files, 
 from pipeline.report.render import render
 from pipeline.report.results import DrawnScenes, Results
 from pipeline.report.slices import describe, slices
+from pipeline.runtime.settings import Count, Group
 from pipeline.runtime.writing import atomic_write
 from pipeline.world.bezier import lattice
 from pipeline.world.catalogue import read_catalogue
@@ -51,6 +52,12 @@ TABLES = {  # name -> stage and file
 }
 
 
+class Settings(Group):
+    scenes: Count
+    map_side: Count
+    patterned_top: str
+
+
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write index.html and its pages, page.css, figures/*.svg, tables/*.csv, provenance.json and metrics.json."""
     scenes = read_scenes(Path(cfg.paths.scenes))
@@ -68,7 +75,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         seeds=list(cfg.protocol.seeds),
         n_demos=list(cfg.n_demos),
         main_n_demos=cfg.main_n_demos,
-        shown=list(cfg.report.shown),
+        shown=compared(cfg),
         tables=tables,
         paths=read_arrays(Path(cfg.paths.repair) / "paths.npz"),
         drawn=_drawn(cfg, scenes),
@@ -96,7 +103,7 @@ def _sources(cfg: DictConfig) -> dict[str, Source]:
     files = {name: [(stage, Path(cfg.paths[stage]) / file)] for name, (stage, file) in TABLES.items()}
     files |= {name: [("docs/decisions", DECISIONS / file)] for name, file in HISTORY.items()}
     files["seeds"] = [("evaluate", Path(cfg.paths.evaluate) / "accuracy.parquet"), *files["repairs"]]
-    shown = list(cfg.report.shown)
+    shown = compared(cfg)
     judged = [(f"{cfg.variants[v].stage}@{v}", model_dir(cfg, v) / "predictions.parquet") for v in shown]
     files["judged"] = files["slices"] = [("demos", Path(cfg.paths.demos) / "queries.npz"), *judged]
     return {name: Source(tuple(parts)) for name, parts in files.items()}
@@ -126,7 +133,7 @@ def _drawn(cfg: DictConfig, scenes: SceneSet) -> DrawnScenes:
     scenes.check_has(pool, train_pool(seed))
     images, layouts = scenes.images[pool], scenes.layouts[pool]
     mapped = list(range(min(cfg.report.scenes, len(images))))
-    shown = list(cfg.report.shown)
+    shown = compared(cfg)
     side, users = cfg.report.map_side, list(cfg.evaluate.users)
     maps = {v: {u: _predicted_map(cfg, v, u, images[mapped], side) for u in users} for v in shown}
     patterned = _patterned(cfg, layouts[mapped], scenes.appearances[pool].iloc[mapped])
@@ -169,7 +176,7 @@ def _judged(cfg: DictConfig, scenes: SceneSet) -> pd.DataFrame:
                     p = nearest_demonstration(*demo_arrays(demos, seed, user, cfg.main_n_demos), asked.z)
                     blind.append(rows.assign(variant=NEAREST, p=p.ravel()))
     paths = pd.concat(parts, ignore_index=True)
-    for variant in cfg.report.shown:
+    for variant in compared(cfg):
         p = read_table(model_dir(cfg, variant) / "predictions.parquet", PREDICTION_COLUMNS)
         p = p.loc[p["n_demos"] == cfg.main_n_demos, [*key, "p"]]
         blind.append(paths.merge(p, on=key, validate="one_to_one").assign(variant=variant))

@@ -5,20 +5,83 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from omegaconf import DictConfig
+from pydantic import model_validator
 from tqdm import tqdm
 
 from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.artifacts.scenes import SceneSet, train_pool, write_scenes
 from pipeline.launch import launch
+from pipeline.runtime.settings import (
+    Chance,
+    Count,
+    Distance,
+    Group,
+    Place,
+    Range,
+    Several,
+    ShareRange,
+    Size,
+    Spread,
+    Whole,
+    need,
+    need_some,
+)
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import lattice, random_z_theta
 from pipeline.world.catalogue import Catalogue, random_scenes, read_catalogue
 from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, add_item, random_layouts
+from pipeline.world.patterns import PATTERNS
 from pipeline.world.render import Palette, render_scenes
 from pipeline.world.rules import PAPER_P_VALID, clearance, slack
 from pipeline.world.source import ImageSource
 
 CHUNK = 10  # scenes per batch of clearances, so that distances stay in the cache
+
+
+class Layout(Group):
+    items_per_scene: list[Whole]
+    glasses_chance: list[Chance]
+    centre_low: Place
+    centre_high: Place
+    clear_of_ends: Distance
+    clear_of_items: Distance
+    scale_low: Size
+    scale_high: Size
+    slots: Count
+
+
+class Source(Group):
+    exposure: Range
+    white_balance: Spread
+    fall_off: ShareRange
+    vignette: ShareRange
+    noise: ShareRange
+
+
+class Settings(Group):
+    root_seed: Whole
+    per_seed: Count
+    shared: Several
+    validation: Count
+    calibration: Count
+    calibration_paths: Count
+    prior_side: Count
+    layout: Layout
+    source: Source
+
+    @model_validator(mode="after")
+    def _agrees(self) -> "Settings":
+        layout, name = self.layout, "scenes.layout"
+        counts, room = layout.items_per_scene, layout.slots - 1
+        fewer = f"whole numbers from 0 to {room}, one less than scenes.layout.slots"
+        need(bool(counts) and max(counts) <= room, f"{name}.items_per_scene", counts, fewer)
+        chances = layout.glasses_chance
+        need(abs(sum(chances) - 1) < 1e-9, f"{name}.glasses_chance", chances, "chances that add up to 1")
+        high = layout.centre_high
+        need(layout.centre_low <= high, f"{name}.centre_high", high, "a place from centre_low to 1 [m]")
+        need(layout.scale_low <= layout.scale_high, f"{name}.scale_high", layout.scale_high, "a size from scale_low")
+        need_some("scenes.source.patterns", self.source.patterns, PATTERNS)
+        return self
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:

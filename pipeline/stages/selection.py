@@ -1,6 +1,6 @@
 """Stage selection: copy the recordings that git keeps, so that a clone has some to open without running anything.
 
-They are the overview, and the run with the lowest accuracy of each variant in `record.first`.
+They are the overview, and the run with the lowest accuracy of each variant that is `compared`.
 """
 
 import shutil
@@ -9,6 +9,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_table
+from pipeline.artifacts.models import compared
 from pipeline.launch import launch
 from pipeline.runtime.writing import atomic_write
 from pipeline.viewer.digest import digest
@@ -19,7 +20,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     listed = Path(cfg.paths.record) / "recordings.csv"
     table = read_table(listed)
     worst = table.set_index("run").groupby("variant")["accuracy"].idxmin()
-    names = [f"{run}.rrd" for run in ("overview", *worst[list(cfg.record.first)])]
+    names = [f"{run}.rrd" for run in ("overview", *worst[compared(cfg)])]
     out_dir.mkdir(parents=True, exist_ok=True)
     for path in out_dir.glob("*.rrd"):
         if path.name not in names:

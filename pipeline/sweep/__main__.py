@@ -19,9 +19,9 @@ from filelock import FileLock, Timeout
 
 from pipeline.artifacts.files import read_json, write_json
 from pipeline.audit.setting import setting, values
-from pipeline.config.graph import ROOT, stage_entry
 from pipeline.git import dvc, forget_repository, git
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.places import ROOT
 from pipeline.sweep.clone import code_digest, snapshot
 from pipeline.sweep.job import Sweep, reason
 from pipeline.sweep.launch import launch
@@ -44,6 +44,11 @@ def main(argv: list[str]) -> int:
     except KeyboardInterrupt:
         print("interrupted before any job started", file=sys.stderr)
         return 130
+
+
+def is_stage(name: str) -> bool:
+    """Return whether there is a stage or a study of that name."""
+    return any((ROOT / path).is_file() for path in (f"pipeline/stages/{name}.py", f"studies/{name}/stage.py"))
 
 
 def _arguments(argv: list[str]) -> argparse.Namespace:
@@ -72,7 +77,7 @@ def _sweep(given: argparse.Namespace) -> int:
     before = _read_record(folder) if given.resume else {}
     targets = given.stages.split(",") if given.stages else before.get("targets", ["evaluate"])
     objective = given.objective or before.get("objective")
-    if unknown := [target for target in targets if stage_entry(target) is None]:
+    if unknown := [target for target in targets if not is_stage(target)]:
         raise InputError(f"stage {unknown[0]!r} is unknown: expected stages of dvc.yaml or folders of studies/")
     if "selection" in targets:
         raise InputError("stage 'selection' keeps recordings in git, which no sweep does: expected record, or another")

@@ -14,7 +14,10 @@ from pipeline.git import git
 
 # What a job runs; pages and locks in studies/ are results, not code. A pathspec with a * matches files, not folders.
 CODE = ["conf", "pipeline", "studies", "dvc.yaml", "data.dvc", "rendered", "making"]
-CODE += [f":!studies/*/{name}" for name in ("dvc.lock", "index.html", "provenance.json", "figures/*", "tables/*")]
+CODE += [
+    ":!studies/dvc.lock",
+    *(f":!studies/*/{name}" for name in ("dvc.lock", "index.html", "provenance.json", "figures/*", "tables/*")),
+]
 EMPTY_TREE = "4b825dc642cb6eb9a060e54bf8d69288fbee4904"  # git's name of a tree without files
 LEFT_OUT = ("store", "examples", "tests", "bench")  # folders that no stage reads
 CONFIG = """[core]

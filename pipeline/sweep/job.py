@@ -21,7 +21,7 @@ import pandas as pd
 from pipeline.artifacts.files import read_json, read_table, write_json, write_table
 from pipeline.audit.setting import setting
 from pipeline.git import environment
-from pipeline.params import load
+from pipeline.launch import load
 from pipeline.runtime.errors import InputError
 from pipeline.sweep.clone import borrowed_clone
 from pipeline.sweep.results import headlines

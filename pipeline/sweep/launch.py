@@ -14,8 +14,9 @@ from hydra.errors import HydraException
 from tqdm import tqdm
 
 from pipeline.artifacts.files import read_json
-from pipeline.params import CONF, explained
+from pipeline.launch import explained
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.places import CONF
 from pipeline.sweep.job import Sweep, is_done, reason, run_job
 from pipeline.sweep.plan import Plan
 

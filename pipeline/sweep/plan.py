@@ -15,9 +15,11 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from pipeline.audit.setting import setting
-from pipeline.params import CONF, GRAPH, explained, validate
+from pipeline.launch import explained
+from pipeline.params import GRAPH, validate
 from pipeline.params import compose as compose_parameters
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.places import CONF
 
 SUBMITIT = "hydra_plugins.hydra_submitit_launcher", "submitit"
 RAY = "hydra_plugins.hydra_ray_launcher", "ray"

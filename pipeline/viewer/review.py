@@ -17,8 +17,9 @@ import sys
 from pathlib import Path
 from urllib.parse import quote
 
-from pipeline.params import PARAMS, load
+from pipeline.launch import load
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.places import PARAMS
 from pipeline.viewer.digest import digest
 
 OVERVIEW, EXAMPLES = "overview", 5  # EXAMPLES: recordings listed in an error message

@@ -22,6 +22,7 @@ from pipeline.world.images import read_image
 from pipeline.world.layout import Items, LayoutRules, Layouts, random_layouts
 from pipeline.world.symbols import SYMBOLS
 
+PULL = "dvc pull -r store data.dvc"  # the command that restores data/
 MIN_ITEMS = {"train": 1, "unseen": 2, "validation": 2}  # items per symbol and split; two where models are evaluated
 SHAPES = ("disc", "capsule")
 MIN_SIDE_PX = 256  # smallest side of a cutout [px]
@@ -122,17 +123,13 @@ def read_catalogue(data_dir: Path) -> Catalogue:
 
 def _read_table(path: Path, schema: pa.DataFrameSchema) -> pd.DataFrame:
     if not path.is_file():
-        raise CatalogueError(
-            f"{path} is missing: get data/ with `dvc pull data.dvc`, or draw it with `python -m drawing`"
-        )
+        raise CatalogueError(f"{path} is missing: get data/ with `{PULL}`, or draw it with `python -m making.data`")
     try:
         text = [name for name, column in schema.columns.items() if not column.coerce]
         table = read_csv(path, text)
         return cast(pd.DataFrame, schema.validate(table, lazy=True))
     except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        raise CatalogueError(
-            f"{path} is not a readable csv file ({error}): restore it with `dvc pull data.dvc`"
-        ) from error
+        raise CatalogueError(f"{path} is not a readable csv file ({error}): restore it with `{PULL}`") from error
     except pandera.errors.SchemaErrors as error:
         raise CatalogueError(f"{path}: {_first_failure(error)}") from error
 
@@ -158,7 +155,7 @@ def _read_image(path: Path) -> UInt8[Array, "row column channel"]:
     try:
         return read_image(path)
     except InputError as error:
-        raise CatalogueError(f"{error} (or get data/ with `dvc pull data.dvc`)") from error
+        raise CatalogueError(f"{error} (or get data/ with `{PULL}`)") from error
 
 
 def _read_cutout(path: Path, row: Any) -> UInt8[Array, "side side 4"]:

@@ -1,39 +1,35 @@
 """Render scenes from above with OpenCV: 100 x 100 RGB images of the 1 m table, row 0 at the far edge.
 
-Light, table top and camera depend only on the scene's render seed (source.py), never on its items. An added item thus
-changes only the pixels of the item, its shadow and its caustic.
+Light and table top depend only on the scene's render seed (source.py), never on its items. An added item thus changes
+only the pixels of the item and its shadow.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Float32, UInt8
+from jaxtyping import Float32, UInt8
 from numpy import ndarray as Array
 
 from pipeline.runtime.errors import InputError
 from pipeline.world.catalogue import Catalogue, read_catalogue
 from pipeline.world.layout import SIDE, Layouts
-from pipeline.world.paint import SIDE_M
 from pipeline.world.source import DRAWN, ImageSource, Light, draw_light
 from pipeline.world.symbols import APPEARANCES, Symbol
 
 SAMPLES = 3  # samples per pixel along each axis, averaged
-REACH_M = 0.04  # items and their shadows are drawn up to this far beyond the footprint, long shadows further
+REACH_M = 0.04  # items and their shadows are drawn up to this far beyond the footprint, tall ones further
 PENUMBRA = ((0.35, 0.3), (0.7, 0.4), (1.0, 0.3))  # shift and weight of the shadows that approximate a wide lamp's
 SHADOW_BLUR = np.array([0.25, 0.5, 0.25], np.float32)  # blur kernel of a shadow along each axis
 RIM_SHADOW = 4.0  # factor on a transparent item's alpha, up to 1, for its shadow
 EDGE_LIGHT = 0.25  # brightness gained by an edge that faces the lamp
-HIGHLIGHT_AT, HIGHLIGHT_RADIUS = 0.6, 0.2  # the lamp's reflection in an item, as shares of the way to its rim
-CAUSTIC_RADIUS = 0.35  # radius of a transparent item's caustic, as a share of the item's
 LENS = np.array([0.06, 0.88, 0.06], np.float32)  # the camera's blur kernel along each axis
 MIN_MIPMAP_PX = 16  # smallest side of a mipmap level
 TEXTURE_PX_PER_M = 150.0  # textures are halved while they keep at least this resolution
 
-_ALL = slice(0, SIDE)  # all rows or columns
 _LINEAR = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP  # matrices map image to source
 
 
@@ -46,10 +42,12 @@ class Palette:
         self.mipmaps = [_mipmap(cutout) for cutout in catalogue.cutouts]  # by item
         self.item_widths = items["width_m"].to_numpy(float)
         self.surface_widths = dict(zip(textures["name"], textures["width_m"], strict=True))
-        self.surfaces = {
-            name: _shrink(surface.astype(np.float32) / 255, self.surface_widths[name])
-            for name, surface in zip(textures["name"], catalogue.surfaces, strict=True)
-        }
+        self.surfaces: dict[str, Array] = {}
+        for name, surface in zip(textures["name"], catalogue.surfaces, strict=True):
+            level = surface.astype(np.float32) / 255
+            while level.shape[1] / 2 / self.surface_widths[name] >= TEXTURE_PX_PER_M:
+                level = _halved(level)
+            self.surfaces[name] = level
 
 
 @lru_cache(maxsize=1)
@@ -74,20 +72,15 @@ def render(layouts: Layouts, scene: int, texture: str, seed: int, palette: Palet
     if texture not in palette.surfaces:
         raise InputError(f"unknown texture {texture!r}: the catalogue has {sorted(palette.surfaces)}")
     light = draw_light(seed, palette.source)
-    if light.pattern is None:
-        image = _table_top(light, palette.surfaces[texture], palette.surface_widths[texture])
-    else:
-        image = _table_top(light, light.pattern.draw(round(SIDE_M * TEXTURE_PX_PER_M)), SIDE_M)
-    if light.glare:
-        image += light.glare * _spot(_ALL, _ALL, light.glare_centre, light.glare_radius)
+    image = _table_top(light, palette.surfaces[texture], palette.surface_widths[texture])
     stamps = [_stamp(layouts, scene, int(slot), light, palette) for slot in np.flatnonzero(layouts.present[scene])]
     for stamp in stamps:
-        stamp.shade(image, light)
+        image[stamp.rows, stamp.columns] *= 1 - stamp.symbol.shadow * _shadow(stamp, light)[..., None]
     for stamp in stamps:
-        stamp.cover(image, light)
+        window = image[stamp.rows, stamp.columns]
+        window *= 1 - stamp.rgba[..., 3:]  # the `over` operator of Porter and Duff (1984)
+        window += stamp.rgba[..., :3]
     image *= _illumination(light)
-    if light.view is not None:
-        image = cv2.warpPerspective(image, light.view, (SIDE, SIDE), flags=_LINEAR, borderMode=cv2.BORDER_REFLECT)
     image = cv2.sepFilter2D(image, -1, LENS, LENS, borderType=cv2.BORDER_REPLICATE)
     return np.rint(np.clip(image + light.noise, 0, 1) * 255).astype(np.uint8)
 
@@ -95,12 +88,6 @@ def render(layouts: Layouts, scene: int, texture: str, seed: int, palette: Palet
 def _pixel_centres(columns: Array, rows: Array) -> tuple[Array, Array]:
     """Return the table coordinates x, y [m] of pixel columns and rows."""
     return (columns + 0.5) / SIDE, 1.0 - (rows + 0.5) / SIDE
-
-
-def _spot(rows: slice, columns: slice, centre: Array, radius: float) -> Float32[Array, "rows columns 1"]:
-    """Return a soft spot of light, 1 at its centre [m], whose standard deviation is `radius` [m]."""
-    x, y = _pixel_centres(np.arange(columns.start, columns.stop)[None, :], np.arange(rows.start, rows.stop)[:, None])
-    return np.exp(-((x - centre[0]) ** 2 + (y - centre[1]) ** 2) / (2 * radius**2))[..., None].astype(np.float32)
 
 
 def _table_top(light: Light, surface: Array, width: float) -> Float32[Array, "side side 3"]:
@@ -122,53 +109,13 @@ def _illumination(light: Light) -> Float32[Array, "side side 3"]:
     return field[..., None].astype(np.float32) * light.gain
 
 
-@dataclass(frozen=True)
-class _Stamp:
+class _Stamp(NamedTuple):
     """One placed item: the image window that it touches, with its premultiplied colour and alpha there."""
 
     rows: slice
     columns: slice
     rgba: Float32[Array, "rows columns 4"]
     symbol: Symbol
-    centre: Float[Array, "2"]  # of the item [m]
-    radius: float  # of a circle around it [m]
-
-    def shade(self, image: Array, light: Light) -> None:
-        """Darken the table by the item's soft shadow; a transparent item's rim casts one too, its body a caustic."""
-        alpha = self.rgba[..., 3]
-        solid = np.minimum(alpha * RIM_SHADOW, 1.0) if self.symbol.transparent else np.ascontiguousarray(alpha)
-        height = self.symbol.height_m * light.shadow_length * SIDE
-        shadow = np.zeros_like(solid)
-        for reach, weight in PENUMBRA:
-            right, down = -light.direction[0] * height * reach, light.direction[1] * height * reach
-            copy = cv2.warpAffine(solid, np.array([[1, 0, right], [0, 1, down]]), solid.shape[::-1])
-            if (sigma := light.shadow_softness * height * reach) > 0:
-                copy = cv2.GaussianBlur(copy, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
-            shadow += weight * copy
-        shadow = cv2.sepFilter2D(shadow, -1, SHADOW_BLUR, SHADOW_BLUR, borderType=cv2.BORDER_CONSTANT)
-        image[self.rows, self.columns] *= 1 - min(self.symbol.shadow * light.shadow_depth, 1) * shadow[..., None]
-        if light.caustic and self.symbol.transparent:
-            middle = self.centre - light.direction * (self.symbol.height_m * light.shadow_length + self.radius / 2)
-            glow = _spot(self.rows, self.columns, middle, self.radius * CAUSTIC_RADIUS)
-            image[self.rows, self.columns] *= 1 + light.caustic * glow
-
-    def cover(self, image: Array, light: Light) -> None:
-        """Composite the item over the table (the `over` operator of Porter and Duff, 1984)."""
-        window = image[self.rows, self.columns]
-        if light.refraction and self.symbol.transparent:
-            window[:] = self.refracted(window, light.refraction)
-        window *= 1 - self.rgba[..., 3:]
-        window += self.rgba[..., :3]
-
-    def refracted(self, window: Array, refraction: float) -> Array:
-        """Return the table seen through a transparent item: magnified in the middle, unchanged at the rim."""
-        column = self.centre[0] * SIDE - 0.5 - self.columns.start
-        row = (1 - self.centre[1]) * SIDE - 0.5 - self.rows.start
-        right, down = np.meshgrid(np.arange(window.shape[1]) - column, np.arange(window.shape[0]) - row)
-        inside = np.clip(1 - (right**2 + down**2) / (self.radius * SIDE) ** 2, 0, None)  # 1 in the middle, 0 at the rim
-        share = 1 - refraction * inside
-        places = np.float32(right * share + column), np.float32(down * share + row)
-        return cv2.remap(window, *places, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # pyright: ignore
 
 
 def _stamp(layouts: Layouts, scene: int, slot: int, light: Light, palette: Palette) -> _Stamp:
@@ -178,13 +125,10 @@ def _stamp(layouts: Layouts, scene: int, slot: int, light: Light, palette: Palet
         raise InputError(f"item {item} is not in the catalogue of {len(palette.mipmaps)} items: rerun stage scenes")
     symbol = APPEARANCES[layouts.symbol[scene, slot]]
     centre, angle, scale = layouts.centre[scene, slot], layouts.angle[scene, slot], layouts.scale[scene, slot]
-    lean = symbol.height_m * light.parallax  # by perspective: the nearer the camera, the larger and the farther off
-    centre, scale = centre + lean * (centre - light.foot), scale * (1 + lean)
     width = palette.item_widths[item] * scale
     c, s = np.cos(angle), np.sin(angle)
     half = np.abs([c, s]) * layouts.half_length[scene, slot] + layouts.radius[scene, slot]  # of the bounding box [m]
-    longest = symbol.height_m * light.shadow_length
-    rows, columns = _window(centre, half + max(REACH_M, longest * (1 + 3 * light.shadow_softness) + REACH_M / 2))
+    rows, columns = _window(centre, half + max(REACH_M, symbol.height_m + REACH_M / 2))
     levels = palette.mipmaps[item]
     cutout = next((level for level in reversed(levels) if len(level) >= width * SIDE * SAMPLES), levels[0])
     # Maps sample (i, j) of the window to column and row of the cutout, counted from the centre of pixel 0.
@@ -196,14 +140,15 @@ def _stamp(layouts: Layouts, scene: int, slot: int, light: Light, palette: Palet
     size = (columns.stop - columns.start, rows.stop - rows.start)
     samples = cv2.warpAffine(cutout, matrix, (size[0] * SAMPLES, size[1] * SAMPLES), flags=_LINEAR)
     rgba = cv2.resize(samples, size, interpolation=cv2.INTER_AREA)  # mean over each pixel's samples
-    rgba = _apply_lighting(rgba, rows, columns, centre, half, symbol, light)
-    if light.highlight:
-        radius = layouts.radius[scene, slot]
-        end = layouts.half_length[scene, slot] * np.sign(c * light.direction[0] + s * light.direction[1])
-        middle = centre + HIGHLIGHT_AT * (end * np.array([c, s]) + radius * light.direction)  # on the side of the lamp
-        spot = light.highlight * _spot(rows, columns, middle, radius * HIGHLIGHT_RADIUS)
-        rgba[..., :3] += spot * np.minimum(rgba[..., 3:] * RIM_SHADOW, 1)
-    return _Stamp(rows, columns, rgba, symbol, centre, half.max())
+    # Light comes from one side: a hollow item is brighter away from the lamp, an edge facing it.
+    x, y = _pixel_centres(np.arange(columns.start, columns.stop)[None, :], np.arange(rows.start, rows.stop)[:, None])
+    towards = ((x - centre[0]) * light.direction[0] + (y - centre[1]) * light.direction[1]) / half.max()
+    alpha = rgba[..., 3]
+    slope_rows, slope_columns = np.gradient(alpha)
+    edge = slope_rows * light.direction[1] - slope_columns * light.direction[0]  # > 0: the edge faces the lamp
+    brightness = 1 - symbol.concavity * np.clip(towards, -1, 1) + EDGE_LIGHT * edge
+    colour = np.clip(rgba[..., :3] * brightness[..., None], 0, alpha[..., None])
+    return _Stamp(rows, columns, np.dstack([colour, alpha]).astype(np.float32), symbol)
 
 
 def _window(centre: Array, half: Array) -> tuple[slice, slice]:
@@ -213,24 +158,16 @@ def _window(centre: Array, half: Array) -> tuple[slice, slice]:
     return (slice(max(row_low, 0), min(row_high + 1, SIDE)), slice(max(column_low, 0), min(column_high + 1, SIDE)))
 
 
-def _apply_lighting(
-    rgba: Float32[Array, "rows columns 4"],
-    rows: slice,
-    columns: slice,
-    centre: Array,
-    half: Array,
-    symbol: Symbol,
-    light: Light,
-) -> Float32[Array, "rows columns 4"]:
-    """Return the cutout lit from one side: a hollow item is brighter away from the lamp, an edge facing it."""
-    x, y = _pixel_centres(np.arange(columns.start, columns.stop)[None, :], np.arange(rows.start, rows.stop)[:, None])
-    towards = ((x - centre[0]) * light.direction[0] + (y - centre[1]) * light.direction[1]) / half.max()
-    alpha = rgba[..., 3]
-    slope_rows, slope_columns = np.gradient(alpha)
-    edge = slope_rows * light.direction[1] - slope_columns * light.direction[0]  # > 0: the edge faces the lamp
-    brightness = 1 - symbol.concavity * np.clip(towards, -1, 1) + EDGE_LIGHT * edge
-    colour = np.clip(rgba[..., :3] * brightness[..., None], 0, alpha[..., None])
-    return np.dstack([colour, alpha]).astype(np.float32)
+def _shadow(stamp: _Stamp, light: Light) -> Float32[Array, "rows columns"]:
+    """Return an item's soft shadow on the table, up to 1; a transparent item's rim casts one too."""
+    alpha = stamp.rgba[..., 3]
+    solid = np.minimum(alpha * RIM_SHADOW, 1.0) if stamp.symbol.transparent else np.ascontiguousarray(alpha)
+    height = stamp.symbol.height_m * SIDE
+    shadow = np.zeros_like(solid)
+    for reach, weight in PENUMBRA:
+        right, down = -light.direction[0] * height * reach, light.direction[1] * height * reach
+        shadow += weight * cv2.warpAffine(solid, np.array([[1, 0, right], [0, 1, down]]), solid.shape[::-1])
+    return cv2.sepFilter2D(shadow, -1, SHADOW_BLUR, SHADOW_BLUR, borderType=cv2.BORDER_CONSTANT)
 
 
 def _mipmap(cutout: UInt8[Array, "side side 4"]) -> list[Array]:
@@ -247,10 +184,3 @@ def _halved(image: Array) -> Array:
     rows, columns = image.shape[0] // 2, image.shape[1] // 2
     even = np.ascontiguousarray(image[: 2 * rows, : 2 * columns])
     return cv2.resize(even, (columns, rows), interpolation=cv2.INTER_AREA)
-
-
-def _shrink(surface: Array, width_m: float) -> Array:
-    """Return the texture, halved while it stays finer than TEXTURE_PX_PER_M."""
-    while surface.shape[1] / 2 / width_m >= TEXTURE_PX_PER_M:
-        surface = _halved(surface)
-    return surface

@@ -1,10 +1,9 @@
 """Parameters of the study (conf/studies/acceptance.yaml) and their constraints."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import AfterValidator
 
-from pipeline.config.settings import Settings as Parameters
 from pipeline.runtime.settings import Between, Count, Some, StudyGroup, Whole, expected, need, need_some, rising
 
 
@@ -16,7 +15,7 @@ class Settings(StudyGroup):
     root_seed: Whole
 
 
-def agree(study: Settings, parameters: Parameters) -> None:
+def agree(study: Settings, parameters: Any) -> None:
     """Require known variants, `level` among `levels`, and scenes left for calibration."""
     name, per_seed = "studies.acceptance", parameters.scenes.per_seed
     need_some(f"{name}.variants", study.variants, parameters.variants)

@@ -1,10 +1,9 @@
 """Parameters of the ceiling study (conf/studies/ceiling.yaml) and their constraints."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import AfterValidator
 
-from pipeline.config.settings import Settings as Parameters
 from pipeline.runtime.settings import Count, Several, StudyGroup, Weight, Whole, expected, need, need_some, rising
 
 Numbers = Annotated[list[Count], AfterValidator(rising), expected("ascending whole numbers from 1")]
@@ -23,7 +22,7 @@ class Settings(StudyGroup):
     paths: Count
 
 
-def agree(study: Settings, parameters: Parameters) -> None:
+def agree(study: Settings, parameters: Any) -> None:
     """Require known learners, with seeds, and training scenes enough to judge them in."""
     name, variants = "studies.ceiling", parameters.variants
     known = [*(v for v in variants if variants[v].kind == "vae"), "perfect"]

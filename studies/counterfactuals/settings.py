@@ -1,12 +1,20 @@
 """Parameters of the study (conf/studies/counterfactuals.yaml) and their constraints."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field
 
-from pipeline.config.settings import Settings as Parameters
-from pipeline.config.stages import SharedSplit
-from pipeline.runtime.settings import Count, Several, StudyGroup, Whole, expected, need, need_one, widest_margin
+from pipeline.runtime.settings import (
+    Count,
+    Several,
+    SharedSplit,
+    StudyGroup,
+    Whole,
+    expected,
+    need,
+    need_one,
+    widest_margin,
+)
 
 
 class Settings(StudyGroup):
@@ -20,7 +28,7 @@ class Settings(StudyGroup):
     root_seed: Whole
 
 
-def agree(study: Settings, parameters: Parameters) -> None:
+def agree(study: Settings, parameters: Any) -> None:
     """Require a user with a margin, a known example variant, and enough scenes."""
     name, shared = "studies.counterfactuals", parameters.scenes.shared
     users = parameters.users

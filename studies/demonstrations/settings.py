@@ -1,10 +1,9 @@
 """Parameters of the demonstrations study (conf/studies/demonstrations.yaml) and their constraints."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import AfterValidator
 
-from pipeline.config.settings import Settings as Parameters
 from pipeline.runtime.settings import Several, StudyGroup, Whole, expected, need, need_some, rising
 
 
@@ -13,7 +12,7 @@ class Settings(StudyGroup):
     seeds: dict[str, Several]
 
 
-def agree(study: Settings, parameters: Parameters) -> None:
+def agree(study: Settings, parameters: Any) -> None:
     """Require known variants, the paper's model among them."""
     name = "studies.demonstrations"
     need_some(f"{name}.seeds", study.seeds, parameters.variants)

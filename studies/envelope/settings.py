@@ -1,6 +1,7 @@
 """Parameters of the study (conf/studies/envelope.yaml) and their constraints."""
 
-from pipeline.config.settings import Settings as Parameters
+from typing import Any
+
 from pipeline.runtime.settings import Count, Length, Several, StudyGroup, Whole, need, need_one, widest_margin
 
 
@@ -15,7 +16,7 @@ class Settings(StudyGroup):
     root_seed: Whole
 
 
-def agree(study: Settings, parameters: Parameters) -> None:
+def agree(study: Settings, parameters: Any) -> None:
     """Require a known planner, and a distance to other items beyond every user's margin."""
     name = "studies.envelope"
     need_one(f"{name}.planner", study.planner, parameters.variants)

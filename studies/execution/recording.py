@@ -24,8 +24,9 @@ from omegaconf import DictConfig
 from scipy.spatial.transform import Rotation
 
 from pipeline.artifacts.files import read_arrays, write_table
-from pipeline.params import PARAMS, load
+from pipeline.launch import load
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.places import PARAMS
 from pipeline.runtime.writing import atomic_write
 from pipeline.viewer.blueprint import beside_text, tabbed
 from pipeline.viewer.digest import digest

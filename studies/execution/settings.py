@@ -1,10 +1,9 @@
 """Parameters of the execution study (conf/studies/execution.yaml) and their constraints."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field
 
-from pipeline.config.settings import Settings as Parameters
 from pipeline.runtime.settings import (
     Count,
     Group,
@@ -76,7 +75,7 @@ class Settings(StudyGroup):
     chunk: Count
 
 
-def agree(study: Settings, parameters: Parameters) -> None:
+def agree(study: Settings, parameters: Any) -> None:
     """Require a solid for every symbol, known variants, starts that exist, and a grip above every item."""
     name = "studies.execution"
     need(

@@ -1,12 +1,10 @@
 """Parameters of the study (conf/studies/identification.yaml) and their constraints."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field
 
-from pipeline.config.settings import Settings as Parameters
-from pipeline.config.stages import SharedSplit
-from pipeline.runtime.settings import Between, Count, Margin, StudyGroup, Whole, need, need_some
+from pipeline.runtime.settings import Between, Count, Margin, SharedSplit, StudyGroup, Whole, need, need_some
 from pipeline.world.symbols import SYMBOLS
 
 
@@ -26,7 +24,7 @@ class Settings(StudyGroup):
     level: Between
 
 
-def agree(study: Settings, parameters: Parameters) -> None:
+def agree(study: Settings, parameters: Any) -> None:
     """Require several users, a stranger that differs from all of them, and reported numbers of paths up to `paths`."""
     name, users = "studies.identification", parameters.users
     need(len(users) > 1, "users", list(users), "at least two, to tell one from the other")

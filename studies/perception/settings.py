@@ -1,6 +1,7 @@
 """Parameters of the study (conf/studies/perception.yaml) and their constraints."""
 
-from pipeline.config.settings import Settings as Parameters
+from typing import Any
+
 from pipeline.runtime.settings import Count, Group, Some, StudyGroup, Whole, need, need_one
 
 
@@ -20,7 +21,7 @@ class Settings(StudyGroup):
     root_seed: Whole
 
 
-def agree(study: Settings, parameters: Parameters) -> None:
+def agree(study: Settings, parameters: Any) -> None:
     """Reject headlines on splits that are not judged, and parameters without the variant that is."""
     for name, split in study.headlines:
         need_one(f"studies.perception.headlines.{name}", split, study.rendered)

@@ -262,12 +262,12 @@ def ask_in_confounded_world(
     world, users, seeds = cfg.studies.refutation.world, list(cfg.evaluate.users), list(cfg.protocol.seeds)
     keys = list(product((CONTROL, CONFOUNDED), seeds))
     drawn = dict(zip(keys, map_jobs(partial(draw_scenes, cfg), keys, cfg.workers, "confounded scenes"), strict=True))
-    training_sets = {ORDINARY: ordinary, CONTROL: [], CONFOUNDED: []}
+    training_sets: dict[str, list[TrainingSet]] = {ORDINARY: ordinary, CONTROL: [], CONFOUNDED: []}
     for name, user, seed in product((CONTROL, CONFOUNDED), users, seeds):
         laid, pictures = drawn[name, seed]
         paths = random_z_theta(stream(world.root_seed, "paths", user, seed), len(laid), cfg.main_n_demos)
         training_sets[name].append(TrainingSet(user, seed, pictures, paths, valid(laid, paths, cfg.users[user])))
-    laid_out = {key: laid for key, (laid, _) in drawn.items()}
+    laid_out: dict[tuple[str, int], Layouts] = {key: laid for key, (laid, _) in drawn.items()}
     laid_out |= {(ORDINARY, seed): scenes.layouts[train_pool(seed)] for seed in seeds}
 
     associations = []
@@ -278,7 +278,7 @@ def ask_in_confounded_world(
         row = association(~np.concatenate([t.valid for t in sets]), np.concatenate(near))
         associations.append({"world": name, "user": user, "symbol": symbol} | row)
 
-    fitted = [name for name, v in cfg.variants.items() if v.compared and v.stage in ("irl", "clearance")]
+    fitted = [str(name) for name, v in cfg.variants.items() if v.compared and v.stage in ("irl", "clearance")]
     both = training_sets[CONTROL] + training_sets[CONFOUNDED]
     truth = np.stack([[valid(x, z_theta, cfg.users[user]) for x in layouts] for user in users])
     effects = []

@@ -1,8 +1,8 @@
 """Parameters of the study (conf/studies/solutions.yaml) and their constraints."""
 
-from pipeline.config.settings import Settings as Parameters
-from pipeline.config.stages import SharedSplit
-from pipeline.runtime.settings import Count, Some, StudyGroup, Whole, need, need_some
+from typing import Any
+
+from pipeline.runtime.settings import Count, SharedSplit, Some, StudyGroup, Whole, need, need_some
 
 
 class Settings(StudyGroup):
@@ -15,7 +15,7 @@ class Settings(StudyGroup):
     draws: Count
 
 
-def agree(study: Settings, parameters: Parameters) -> None:
+def agree(study: Settings, parameters: Any) -> None:
     """Require known variants, several users, and more candidates than draws."""
     name, users = "studies.solutions", parameters.users
     need_some(f"{name}.variants", study.variants, parameters.variants)

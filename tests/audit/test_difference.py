@@ -13,7 +13,7 @@ from pipeline.audit.difference import METRICS, Commit, Difference, Headline, _pa
 from pipeline.audit.rerun import Output
 from pipeline.audit.text import MAX_LINES, of_difference, of_rerun, table
 from pipeline.git import git
-from pipeline.launch import PROCESSORS
+from pipeline.runtime.places import PROCESSORS
 
 AUTHOR = ("-c", "user.name=tests", "-c", "user.email=tests@localhost")
 RNG = np.random.default_rng(3)

@@ -5,7 +5,7 @@ import subprocess
 from pipeline.audit import text
 from pipeline.audit.consistency import Checked, Fault
 from pipeline.audit.history import Entry, with_results
-from pipeline.config.graph import ROOT
+from pipeline.runtime.places import ROOT
 
 
 def test_the_commits_with_results_are_those_that_changed_the_headlines_the_oldest_first():

@@ -10,8 +10,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from pipeline.causal.question_settings import KINDS, Question
 from pipeline.causal.questions import Scenes, allowed, change, draw_additions
-from pipeline.params import CONF
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.places import CONF
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import EMPTY, SYMBOLS, LayoutRules, Layouts, random_layouts
 from tests.factories import composed

@@ -7,7 +7,7 @@ import yaml
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from pipeline.artifacts.files import read_table
-from pipeline.params import CONF
+from pipeline.runtime.places import CONF
 from tests.sweep.running import clone_of_working_tree, jobs, sweep
 
 EXPERIMENTS = sorted(path.stem for path in (CONF / "experiment").glob("*.yaml"))

@@ -30,7 +30,7 @@ from tests.sweep.running import SMALL
 
 ROOT = Path(__file__).parents[2]
 REPRO = ["make", "--assume-old=.venv/.ready", "repro"]
-STUDY = ["dvc", "repro", "studies/identification/dvc.yaml"]
+STUDY = ["dvc", "repro", "studies/dvc.yaml:page@identification"]
 SWEEP = [sys.executable, "-m", "pipeline.sweep"]
 SWEPT = ["--multirun", "--folder", "swept", *SMALL, "evaluate.bins=5,10", "hydra.launcher.n_jobs=2"]
 STAGES = ("scenes", "demos", "train", "irl", "clearance", "evaluate", "repair", "intervene", "record")
@@ -50,7 +50,7 @@ class Broken:
         if results:
             shutil.copytree(whole / "outputs", folder / "outputs", dirs_exist_ok=True)
         else:
-            for path in [folder / "dvc.lock", *folder.glob("studies/*/dvc.lock"), *folder.glob("reports/**/*.*")]:
+            for path in [folder / "dvc.lock", *folder.glob("studies/**/dvc.lock"), *folder.glob("reports/**/*.*")]:
                 path.unlink()
         if cache:
             shutil.copytree(whole / ".dvc/cache", folder / ".dvc/cache")

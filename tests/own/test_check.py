@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from pipeline.own.__main__ import main
@@ -46,8 +47,9 @@ def kinds(rows: str) -> Spoil:
     return lambda path: add_kind(path, rows)
 
 
-def tea(pixels: np.ndarray, name: str = "scenes/tea.png") -> Spoil:
-    return lambda path: write_picture(path / name, pixels)
+def picture(pixels: np.ndarray, name: str = "scenes/tea.png") -> Spoil:
+    """A picture that takes another's place; one in kinds/ lies beside the cut-out of a cup."""
+    return lambda path: (name.startswith("kinds/") and add_kind(path), write_picture(path / name, pixels))
 
 
 def huge(path: Path) -> None:
@@ -70,35 +72,21 @@ def link_out(path: Path) -> None:
     scene.symlink_to(scene.rename(path.with_name("elsewhere.png")))
 
 
-def opaque(path: Path) -> None:
-    add_kind(path)
-    write_picture(path / "kinds" / "cup" / "blue.png", draw_table())
-
-
-def faint(path: Path) -> None:
-    add_kind(path)
-    write_picture(path / "kinds" / "cup" / "blue.png", np.full((9, 9, 4), (9, 9, 9, 1), np.uint8))
-
-
 def empty_kind(path: Path) -> None:
     add_kind(path)
     (path / "kinds" / "jug").mkdir()
 
 
-def odd_kind(path: Path) -> None:
-    add_kind(path)
-    write_picture(path / "kinds" / "\x1b[31m" / "red.png", draw_table())
-
-
+CUP, FAINT = "kinds/cup/blue.png", np.full((9, 9, 4), (9, 9, 9, 1), np.uint8)
 FAULTS: dict[str, tuple[Spoil, str]] = {
     "missing scene": (cell(2, "scene", "supper"), "demonstrations.csv, row 2: scene 'supper' has no picture"),
     "no pictures": (lambda p: [f.unlink() for f in (p / "scenes").iterdir()], "scenes/ holds no picture"),
     "unreadable picture": (text("scenes/tea.png", "no picture"), "scenes/tea.png cannot be read"),
     "truncated picture": (truncated, "scenes/tea.jpg is truncated or damaged"),
     "huge picture": (huge, "scenes/tea.png has 20000 x 20000 pixels: expected at most 50 megapixels"),
-    "one name twice": (tea(draw_table(), "scenes/tea.jpg"), "are one scene 'tea'"),
-    "oblong picture": (tea(draw_table()[:80]), "scenes/tea.png has 100 x 80 pixels: expected a square picture"),
-    "black picture": (tea(0 * draw_table()), "scenes/tea.png is black where the table should be"),
+    "one name twice": (picture(draw_table(), "scenes/tea.jpg"), "are one scene 'tea'"),
+    "oblong picture": (picture(draw_table()[:80]), "scenes/tea.png has 100 x 80 pixels: expected a square picture"),
+    "black picture": (picture(0 * draw_table()), "scenes/tea.png is black where the table should be"),
     "crossing corners": (settings("corners: [[0, 0], [90, 90], [90, 0], [0, 90]]"), "table.yaml: corners cross"),
     "mirrored corners": (settings("corners: [[90, 0], [0, 0], [0, 90], [90, 90]]"), "run counter-clockwise"),
     "three corners": (settings("corners: [[0, 0], [90, 0], [90, 90]]"), "expected four [column, row] in pixels"),
@@ -133,8 +121,10 @@ FAULTS: dict[str, tuple[Spoil, str]] = {
         lambda p: edit(p, lambda t: t[t["scene"].isin(SCENES[:3])]),
         "user Ana has 3 scenes: expected at least 4",
     ),
-    "no column": (demos("scene;user;demo;t;x;y;valid\n"), "separate columns by commas"),
+    "no column": (demos("scene,user,demo,t,x,y\n"), "expected also valid"),
     "no csv": (lambda p: (p / "demonstrations.csv").unlink(), "demonstrations.csv is missing: draw paths with"),
+    "other case": (text("Items.csv", ""), "Items.csv is not read: rename it to items.csv"),
+    "other ending": (text("table.yml", ""), "table.yml is not read: rename it to table.yaml"),
     "empty csv": (demos(""), "demonstrations.csv is empty: expected a header line"),
     "no rows": (demos("scene,user,demo,t,x,y,valid\n"), "has no row below its header"),
     "not UTF-8": (demos("scene,Jürgen"), "is not UTF-8: save it as"),
@@ -148,10 +138,13 @@ FAULTS: dict[str, tuple[Spoil, str]] = {
     "cut-out without a row": (kinds(""), "kinds/cup/blue.png has no row in kinds.csv"),
     "row without a cut-out": (kinds("cup,red.png,0.1\n"), "row 2: kinds/cup/red.png is missing"),
     "cut-out elsewhere": (kinds("cup,../cup/blue.png,0.1\n"), "row 2: kinds/cup/../cup/blue.png is"),
-    "terminal codes in a kind": (odd_kind, "kinds/\\x1b[31m/red.png has no row in kinds.csv"),
+    "terminal codes in a kind": (
+        picture(draw_table(), "kinds/\x1b[31m/red.png"),
+        "kinds/\\x1b[31m/red.png has no row in kinds.csv",
+    ),
     "cut-out without width": (kinds("cup,blue.png,-1\n"), "row 2: width_m is -1"),
-    "faint cut-out": (faint, "row 2: kinds/cup/blue.png has an alpha of at most 1 of 255"),
-    "opaque cut-out": (opaque, "row 2: kinds/cup/blue.png has no transparent background"),
+    "faint cut-out": (picture(FAINT, CUP), "row 2: kinds/cup/blue.png has an alpha of at most 1 of 255"),
+    "opaque cut-out": (picture(draw_table(), CUP), "row 2: kinds/cup/blue.png has no transparent background"),
     "item without radius": (items("tea,cup,.5,.5,0,0,0"), "row 2: radius_m is 0"),
     "item of no scene": (items("tee,cup,.5,.5,0,.1,0"), "row 2: scene 'tee' has no"),
     "not a folder": (lambda p: p.rename(p.with_name("moved")), "is not a folder"),
@@ -177,7 +170,7 @@ def test_a_whole_folder_has_no_fault_and_check_writes_nothing(folder: Path, capf
     assert sorted(folder.rglob("*")) == before
 
 
-def test_all_faults_are_named_at_once_and_alike_rows_only_once(folder: Path):
+def test_all_faults_are_named_at_once_and_alike_rows_only_once(folder: Path, capfd):
     for row in (3, 4, 5):
         change(folder, row, "x", "?")
     change(folder, 9, "valid", "yes")
@@ -185,6 +178,8 @@ def test_all_faults_are_named_at_once_and_alike_rows_only_once(folder: Path):
     _, faults = read_folder(folder)
     rows = ["demonstrations.csv, row 3", "demonstrations.csv, row 9", "items.csv, row 2"]
     assert [fault.split(":")[0] for fault in faults] == rows and "(2 more like it)" in faults[0]
+    assert main([str(folder)]) == 1
+    assert f"3 faults in {folder}: correct them" in capfd.readouterr().err
 
 
 @pytest.mark.parametrize("arguments", [["check"], ["a", "b"], ["check", "a", "b"]])
@@ -193,29 +188,35 @@ def test_a_wrong_command_is_explained(arguments: list[str], capfd):
     assert capfd.readouterr().err.startswith("error: ")
 
 
-def test_decomposed_accents_are_the_same_name(folder: Path):
-    (folder / "scenes" / "tea.png").rename(folder / "scenes" / "thé.png")
-    edit(folder, lambda table: table.replace({"scene": {"tea": "the\u0301"}}))
+@pytest.mark.parametrize(("separator", "first"), [(";", ""), (";", "sep=;\n"), ("\t", "")])
+def test_semicolons_tabs_and_decimal_commas_of_a_spreadsheet_are_read(folder: Path, separator: str, first: str):
     file = folder / "demonstrations.csv"
-    file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes())  # a byte order mark, as spreadsheets write
-    made, faults = read_folder(folder)
-    assert not faults and made is not None and "thé" in made.canvases
+    pointed, _ = read_folder(folder)
+    edit(folder, lambda table: table.replace({column: r"\." for column in "txy"}, ",", regex=True))
+    text = pd.read_csv(file, dtype=str).to_csv(sep=separator, index=False)
+    file.write_text(f"\ufeff{first}{text}", encoding="utf-8")  # a byte order mark, as spreadsheets write
+    read, faults = read_folder(folder)
+    assert not faults and read is not None and pointed is not None
+    pd.testing.assert_frame_equal(read.demos, pointed.demos)
 
 
-def test_scenes_may_be_named_by_numbers_and_endings_be_upper_case(folder: Path):
+def test_names_are_kept_whatever_they_look_like_and_accents_may_be_decomposed(folder: Path):
+    """Numbers with zeros, what pandas takes for missing, other cases, files of the system's own."""
     (folder / "scenes" / "tea.png").rename(folder / "scenes" / "010.PNG")
-    edit(folder, lambda table: table.replace({"scene": {"tea": "010"}}))
+    (folder / "scenes" / "breakfast.png").rename(folder / "scenes" / "thé.png")
+    users = {"Ana": "NA", "Jürgen": "null"}
+    edit(folder, lambda table: table.replace({"scene": {"tea": "010", "breakfast": "the\u0301"}, "user": users}))
+    add_kind(folder)
+    (folder / "kinds" / "cup" / "._blue.png").write_bytes(b"of the system")
     write_picture(folder / "empty.png", draw_table())
-    (folder / "empty.png").rename(folder / "empty.PNG")
+    (folder / "empty.png").rename(folder / "Empty.PNG")
     made, faults = read_folder(folder)
-    assert not faults and made is not None and made.empty is not None
-    (folder / "empty.PNG").unlink()
-    corners = "[[5, 5], [95, 5], [95, 95], [5, 95]]"
-    names = ["010", *(scene for scene in SCENES if scene != "tea")]
-    lines = [f"  {name}: {corners}\n" for name in names]
+    assert not faults and made is not None and made.empty is not None and made.users == ["NA", "null"]
+    (folder / "Empty.PNG").unlink()
+    lines = [f"  {name}: [[5, 5], [95, 5], [95, 95], [5, 95]]\n" for name in made.scenes]
     (folder / "table.yaml").write_text("".join(["corners:\n", *lines]), encoding="utf-8")
-    made, faults = read_folder(folder)
-    assert not faults and made is not None and set(made.canvases) == set(names)
+    again, faults = read_folder(folder)
+    assert not faults and again is not None and again.scenes == ["010", "Mittag", "thé", "夕食"]
 
 
 def test_a_folder_report_that_is_no_report_stays(folder: Path, capfd):

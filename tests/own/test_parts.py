@@ -1,16 +1,17 @@
 """The parts between a folder and its report: paths, padding, places, scores."""
 
 from copy import deepcopy
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from pipeline.own import kinds, scoring
-from pipeline.own.data import Scenes, UserData
+from pipeline.own.demonstrations import held_out_errors, picked_degrees, spread
+from pipeline.own.fitting import UserData
 from pipeline.own.folder import Folder, read_folder
 from pipeline.own.frame import CANVAS_PX
-from pipeline.own.paths import held_out_errors, picked_degrees, spread
 from pipeline.perception.objects import Objects
 from pipeline.world.bezier import P_F, P_INIT, curve
 from tests.own.folders import add_kind, make_folder
@@ -49,7 +50,7 @@ def test_the_fitted_control_points_are_those_that_were_drawn(folder: Folder):
 
 def test_scenes_with_fewer_demonstrations_repeat_them_and_only_real_ones_are_scored(folder: Folder):
     some = folder.demos.drop(folder.demos.query("scene == 'tea' and user == 'Ana'").index[1:3])
-    data = UserData.of("Ana", some, Scenes(list(folder.canvases), np.zeros((4, 100, 100, 3), np.uint8), NOTHING))
+    data = UserData.of("Ana", replace(folder, demos=some))
     tea = data.scenes.index("tea")
     assert data.real[tea].tolist() == [True, True, False, False] and data.real.sum() == 14
     assert data.demo[tea].tolist() == ["0", "3", "0", "3"]

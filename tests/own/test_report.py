@@ -13,10 +13,10 @@ import pandas as pd
 import pytest
 
 from pipeline import library
-from pipeline.config.graph import ROOT
 from pipeline.own.__main__ import main
 from pipeline.own.frame import Frame
 from pipeline.own.report import on_the_table
+from pipeline.runtime.places import ROOT
 from pipeline.world.bezier import P_F, P_INIT
 from tests.own.folders import USERS, add_kind, edit, make_folder
 

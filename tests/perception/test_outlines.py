@@ -1,9 +1,9 @@
-"""Maps become one mask an item."""
+"""Maps become one mask an item, and raise doubt where they are unsure."""
 
 import numpy as np
 import pytest
 
-from pipeline.perception.outlines import MIN_ITEM_PX, OUTLINE, SUPERSAMPLING, find_outlines
+from pipeline.perception.outlines import MIN_ITEM_PX, OUTLINE, SUPERSAMPLING, doubt, find_outlines
 from pipeline.perception.segmenter import Maps
 from pipeline.world.layout import SIDE
 
@@ -42,15 +42,19 @@ def test_a_ring_is_a_filled_item_and_a_speck_is_none():
     assert areas(maps(disc(50, 50, 0.9 * np.sqrt(MIN_ITEM_PX / np.pi)))) == []
 
 
-def test_a_cut_does_not_depend_on_where_arrays_lie_in_memory():
-    rng, held = np.random.default_rng(0), []
-    for _ in range(100):
-        (x, y), (r, s), angle = rng.uniform(35, 65, 2), rng.uniform(4, 9, 2), rng.uniform(0, 2 * np.pi)
-        along_x, along_y, apart = np.cos(angle), np.sin(angle), r + s - 0.5
-        second, gap = disc(x + apart * along_x, y + apart * along_y, s), disc(x + r * along_x, y + r * along_y, 2.5)
-        touching = maps(disc(x, y, r), second, between=gap)
-        results = set()
-        for _ in range(8):
-            held = [*held[-30:], np.empty(rng.integers(1, 200_000), np.uint8)]  # later arrays get other addresses
-            results.add(b"".join(outline.mask.tobytes() for outline in find_outlines(touching)))
-        assert len(results) == 1
+def test_only_unsure_pixels_raise_doubt_and_an_item_that_is_almost_missed_much():
+    sure = (np.hypot(*(np.mgrid[:SIDE, :SIDE] - 50)) < 10).astype(np.float32)
+    assert doubt(sure) == doubt(np.zeros((SIDE, SIDE), np.float32)) == 0
+    assert doubt(np.maximum(sure, 0.3 * np.roll(sure, 30, 1))) > 1
+
+
+def test_unsure_outlines_count_by_their_share_and_not_by_the_number_of_items():
+    def map_of(*corners: tuple[int, int]) -> np.ndarray:
+        item = np.zeros((SIDE, SIDE), np.float32)
+        for row, column in corners:
+            item[row : row + 12, column : column + 12] = 0.5
+            item[row + 1 : row + 11, column + 1 : column + 11] = 1
+        return item
+
+    one, two = doubt(map_of((10, 10))), doubt(map_of((10, 10), (60, 60)))
+    assert one == pytest.approx(two, rel=1e-6) and 0.4 < one < 0.8  # an outline one pixel wide has ln 2 nat a pixel

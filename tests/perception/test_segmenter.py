@@ -7,6 +7,7 @@ import pytest
 import torch
 from safetensors.torch import save_file
 
+from making.segmenter.train import folded
 from pipeline.perception.segmenter import INPUTS, Segmenter, network_input, read_segmenter
 from pipeline.runtime.errors import InputError
 from tests.factories import RED, draw_table
@@ -31,7 +32,7 @@ def test_folding_keeps_the_function():
     trained = Segmenter(normalised=True)
     trained(torch.randn(4, INPUTS, 100, 100))  # moves the running means
     inputs = torch.randn(2, INPUTS, 100, 100)
-    torch.testing.assert_close(trained.eval()(inputs), trained.folded()(inputs), atol=1e-4, rtol=1e-4)
+    torch.testing.assert_close(trained.eval()(inputs), folded(trained)(inputs), atol=1e-4, rtol=1e-4)
 
 
 @pytest.mark.parametrize("content", ["nothing", "no weights", "other weights"])

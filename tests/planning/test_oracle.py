@@ -50,13 +50,6 @@ def test_every_end_is_valid_and_no_point_of_the_lattice_is_nearer(layouts, start
     assert (np.linalg.norm(ends - starts, axis=-1) <= distance.min(-1) + 1e-12).all()
 
 
-def test_a_valid_start_and_a_start_without_a_valid_path_stay_where_they_are(layouts, starts):
-    anywhere = dict.fromkeys(CAREFUL)
-    np.testing.assert_array_equal(nearest_valid(layouts, starts, anywhere, 14, 1), starts)
-    nowhere = dict.fromkeys(CAREFUL, 0.9)
-    np.testing.assert_array_equal(nearest_valid(layouts, starts, nowhere, 14, 1), starts)
-
-
 def test_the_constant_detour_is_valid_in_as_many_scenes_as_any_other_rather_than_roomier(layouts):
     z = constant_detour(layouts, CAREFUL, 28)
     share = valid(layouts, np.broadcast_to(lattice(28), (6, 784, 2)), CAREFUL).mean(0)

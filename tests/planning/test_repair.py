@@ -45,12 +45,6 @@ def test_the_plain_step_is_the_rate_times_the_gradient_of_the_log_odds():
     np.testing.assert_allclose(repairs.z[:, :, 1], expected.clip(-0.2, 1.2), atol=1e-6)
 
 
-def test_starts_do_not_affect_each_other():
-    together = repair(Hill(), IMAGES, STARTS, ascent("adam"))
-    alone = repair(Hill(), IMAGES, STARTS[:, :1], ascent("adam"))
-    np.testing.assert_array_equal(together.z[:, :1], alone.z)
-
-
 def test_adam_takes_the_steps_of_torch_s_adam():
     ours = repair(Hill(), IMAGES, STARTS, ascent("adam", settle=False, steps=20))
     z = torch.from_numpy(STARTS.astype(np.float32))

@@ -2,8 +2,8 @@
 
 import pandas as pd
 
-from pipeline.config.graph import ROOT
 from pipeline.report.readme import README, contents, curve, fill, headlines
+from pipeline.runtime.places import ROOT
 from tests.report import factory
 
 METRICS = {

@@ -5,9 +5,7 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
-from threading import Thread
 
 import pytest
 
@@ -25,27 +23,6 @@ def test_an_error_in_a_job_reaches_the_caller(workers: int):
     with pytest.raises(ValueError, match="job 2 is bad"):
         map_jobs(fail_on_two, range(4), workers, "test")
     assert map_jobs(fail_on_two, [0, 1], workers, "test") == [0, 1]  # and the next call is none the worse
-
-
-def end_at_once(_: int) -> None:
-    os._exit(1)
-
-
-@pytest.mark.slow
-def test_after_a_process_that_ended_the_next_call_is_none_the_worse():
-    with pytest.raises(BrokenProcessPool):
-        map_jobs(end_at_once, range(4), 2, "test")
-    assert map_jobs(fail_on_two, [0, 1], 2, "test") == [0, 1]
-    assert signal.pthread_sigmask(signal.SIG_BLOCK, []) == set()
-
-
-@pytest.mark.slow
-def test_jobs_may_be_handed_out_by_any_thread():
-    found = []
-    thread = Thread(target=lambda: found.extend(map_jobs(fail_on_two, [0, 1], 2, "test")), daemon=True)
-    thread.start()
-    thread.join(timeout=120)
-    assert found == [0, 1]
 
 
 SLEEPERS = """

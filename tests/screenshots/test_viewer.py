@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rerun.experimental import ViewerClient
 
-from pipeline.config.graph import ROOT
+from pipeline.runtime.places import ROOT
 from pipeline.viewer.overview import write_overview
 from pipeline.viewer.run import write_run
 from pipeline.viewer.scene import INVALID, START, TIMELINES, VALID

@@ -2,16 +2,19 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 
 import pytest
 import torch
+import yaml
 from omegaconf import DictConfig, OmegaConf
 from safetensors.torch import load_file
 
 from pipeline.artifacts.models import model_dir, save_weights, weights_path
-from pipeline.params import read_by, validate
+from pipeline.params import validate
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.places import ROOT
 
 Stage = Callable[[DictConfig, Path], None]
 
@@ -62,11 +65,27 @@ def _other_weights(cfg: DictConfig, variant: str) -> Iterator[Path]:
     path.write_bytes(kept)
 
 
+@cache
+def all_stages() -> dict[str, dict]:
+    """DVC's name of each stage, of the paper or a study, without its file -> its entry, resolved by params.yaml."""
+    from dvc.parsing import DataResolver
+    from dvc.repo import Repo
+
+    with Repo(str(ROOT)) as repo:
+        stages = {}
+        for file in (ROOT / "dvc.yaml", *ROOT.glob("studies/dvc.yaml"), *sorted(ROOT.glob("studies/*/dvc.yaml"))):
+            resolver = DataResolver(repo, str(file.parent), yaml.safe_load(file.read_text()))
+            stages |= resolver.resolve()["stages"]
+    return stages
+
+
 def listed(cfg: DictConfig, stage: str) -> DictConfig:
     """The parameters that dvc.yaml lists for the stage, and those DVC does not watch."""
+    stages = all_stages()
+    entry = stages.get(f"{stage}@{cfg.variant}") or stages[stage]
     few = OmegaConf.create()
-    for name, value in OmegaConf.create(read_by(cfg, stage) or "").items():
-        OmegaConf.update(few, str(name).replace("${item.variant}", cfg.variant), value)
+    for name in (*entry.get("params", []), "workers", "paths", "variant", "seed"):
+        OmegaConf.update(few, name, OmegaConf.select(cfg, name))
     OmegaConf.set_struct(few, True)
     return few
 

@@ -12,8 +12,8 @@ from pipeline.artifacts.demos import read_queries
 from pipeline.artifacts.files import read_table
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.artifacts.trained import load_model
-from pipeline.config.graph import ROOT
 from pipeline.params import compose
+from pipeline.runtime.places import ROOT
 from pipeline.stages import clearance, irl
 from tests.stages.facts import run_as_listed
 

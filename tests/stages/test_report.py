@@ -12,7 +12,6 @@ from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.artifacts.models import PREDICTION_COLUMNS, model_dir, save_weights, weights_path
 from pipeline.artifacts.scenes import SceneSet, layout_table, train_pool, write_scenes
 from pipeline.models.registry import build
-from pipeline.params import drop_absent
 from pipeline.report.render import PAGES
 from pipeline.report.results import Results
 from pipeline.runtime.errors import InputError
@@ -42,7 +41,6 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     OmegaConf.set_struct(cfg, False)
     for variant in set(cfg.variants) - set(VARIANTS):
         del cfg.variants[variant]
-    drop_absent(cfg)
     for stage in (
         "scenes",
         "demos",

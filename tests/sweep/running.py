@@ -6,9 +6,9 @@ import sys
 from pathlib import Path
 
 from pipeline.audit.revision import make_clone
-from pipeline.config.graph import ROOT
 from pipeline.git import environment as without_repository
 from pipeline.git import run
+from pipeline.runtime.places import ROOT
 from pipeline.sweep.clone import snapshot
 
 LEFT_OUT = [f"~variants.{name}" for name in ("full", "ae", "classifier", "irl_maxent", "irl_ranked")]

@@ -8,9 +8,8 @@ from dvc.repo import Repo
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
-from pipeline.config.graph import ROOT
-from pipeline.params import CONF
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.places import CONF, ROOT
 from pipeline.sweep.job import Sweep
 from pipeline.sweep.plan import make_plan
 from pipeline.sweep.stages import address

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.config.graph import ROOT
-from pipeline.params import PARAMS, load
+from pipeline.launch import load
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.places import PARAMS, ROOT
 from pipeline.viewer.digest import digest
 from pipeline.viewer.review import check, find, folders_of, show, worst
 from pipeline.viewer.run import write_run

@@ -41,19 +41,6 @@ def test_a_steady_hand_follows_the_arc_with_minimum_jerk():
     assert gaps.max() < 5e-4
 
 
-def test_tremor_lies_in_its_band_and_has_its_size():
-    still = Hand(50.0, 0.0, 0.35, 0.2, 0.0007, (8.0, 12.0), 0.0, 0.1, 0.0)
-    made = trajectories(300, still)
-    heights = np.concatenate([r[:, 3] - 0.1 for r in made])
-    assert heights.std() == pytest.approx(0.0007, rel=0.1)
-    power = np.zeros(26)
-    for r in made:
-        spectrum = np.abs(np.fft.rfft((r[:, 3] - 0.1) * np.hanning(len(r)), 500)) ** 2
-        frequency = np.fft.rfftfreq(500, 1 / 50)
-        power += np.bincount(np.round(frequency).astype(int), spectrum, 26)
-    assert power[7:14].sum() / power.sum() > 0.95
-
-
 @pytest.mark.parametrize("samples", [3, 8, 200])
 def test_a_trajectory_keeps_from_a_glass_what_its_straight_pieces_keep(samples: int):
     """However far apart the samples are, and whatever it is judged beside; a dense line is the reference."""

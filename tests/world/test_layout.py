@@ -55,13 +55,6 @@ def test_scenes_hold_two_or_three_items_of_the_pool_clear_of_one_another_and_of_
         assert apart >= RULES.clear_of_items - 1e-9 and away >= RULES.clear_of_ends - 1e-9
 
 
-def test_the_same_seed_draws_the_same_scenes_and_another_draws_others():
-    first, again, other = drawn(3), drawn(3), drawn(4)
-    for field in fields(first):
-        np.testing.assert_array_equal(getattr(first, field.name), getattr(again, field.name))
-    assert (first.centre != other.centre).any((1, 2)).all()
-
-
 @settings(max_examples=6, deadline=None)
 @given(seeds, st.integers(0, 3))
 def test_an_added_item_has_its_symbol_is_clear_of_the_rest_and_changes_no_other(seed, symbol):

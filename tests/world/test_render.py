@@ -1,4 +1,4 @@
-"""Images show each item where the layout says, and an added item changes nothing away from it."""
+"""Images show each item where the layout says, in the light of the seed; an added item changes nothing away from it."""
 
 from pathlib import Path
 
@@ -8,10 +8,12 @@ import pytest
 
 from pipeline.world.catalogue import Catalogue, read_catalogue
 from pipeline.world.layout import SIDE, SYMBOLS, Layouts, empty
-from pipeline.world.render import Palette, render, render_scenes
-from pipeline.world.source import draw_light
+from pipeline.world.render import REACH_M, Palette, render, render_scenes
+from pipeline.world.source import DRAWN, ImageSource, draw_light
+from tests.factories import composed
 
-DATA = Path("data")
+CATALOGUE = read_catalogue(Path("data"))
+LENS_M = 0.02  # the lens and a pixel that is touched in part spread a change by up to 2 px
 
 
 def disc_catalogue(colour: tuple[int, int, int, int] = (255, 0, 0, 255)) -> Catalogue:
@@ -38,13 +40,13 @@ def with_item(layouts: Layouts, slot: int, catalogue: Catalogue, item: int, x: f
 
 
 def centroid(weight: np.ndarray) -> np.ndarray:
-    """Table coordinates [m] of the middle of `weight`, by the convention of design: row 0 at the far edge."""
+    """Table coordinates [m] of the middle of `weight`; row 0 is the far edge."""
     rows, columns = np.indices(weight.shape)
     x, y = (columns + 0.5) / 100, 1 - (rows + 0.5) / 100
     return np.array([(weight * x).sum(), (weight * y).sum()]) / weight.sum()
 
 
-@pytest.mark.parametrize(("x", "y"), [(0.5, 0.5), (0.2, 0.8), (0.713, 0.234), (0.85, 0.15)])
+@pytest.mark.parametrize(("x", "y"), [(0.5, 0.5), (0.2, 0.8), (0.713, 0.234)])
 def test_an_item_is_where_its_layout_says_and_as_large_and_row_0_is_the_far_edge(x, y):
     catalogue = disc_catalogue()
     layouts = with_item(empty(1, 4), 0, catalogue, 0, x, y)
@@ -52,11 +54,9 @@ def test_an_item_is_where_its_layout_says_and_as_large_and_row_0_is_the_far_edge
     redness = image[..., 0] - image[..., 1]
     np.testing.assert_allclose(centroid(np.clip(redness - 60, 0, None)), [x, y], atol=0.002)
     assert (redness > 100).sum() / SIDE**2 == pytest.approx(np.pi * 0.1**2, rel=0.04)
-    if y == 0.8:
-        assert (redness[:50] > 60).any() and not (redness[50:] > 60).any()
 
 
-@pytest.mark.parametrize("angle", [0.0, 0.6, np.pi / 2, -2.0])
+@pytest.mark.parametrize("angle", [0.0, 0.6, -2.0])
 def test_an_angle_turns_an_item_from_the_x_axis_towards_y(angle):
     catalogue = disc_catalogue()
     layouts = with_item(empty(1, 4), 0, catalogue, 1, 0.5, 0.5, angle)
@@ -64,30 +64,29 @@ def test_an_angle_turns_an_item_from_the_x_axis_towards_y(angle):
     blue = np.clip(image[..., 2] - np.maximum(image[..., 0], image[..., 1]) - 60, 0, None)
     green = np.clip(image[..., 1] - np.maximum(image[..., 0], image[..., 2]) - 60, 0, None)
     along = centroid(blue) - centroid(green)
-    bearing = np.arctan2(along[1], along[0])
-    assert np.cos(bearing - angle) > 0.999
+    assert np.cos(np.arctan2(along[1], along[0]) - angle) > 0.999
 
 
 def test_the_same_seed_gives_the_same_image_whatever_its_batch_and_another_seed_another():
-    catalogue = read_catalogue(DATA)
-    palette = Palette(catalogue)
-    layouts = with_item(empty(2, 4), 0, catalogue, 0, 0.5, 0.5)
-    one, again, other = (render(layouts, 0, "linen", seed, palette) for seed in (1, 1, 2))
-    np.testing.assert_array_equal(one, again)
+    palette = Palette(CATALOGUE)
+    layouts = with_item(empty(2, 4), 0, CATALOGUE, 0, 0.5, 0.5)
+    one, other = (render(layouts, 0, "linen", seed, palette) for seed in (1, 2))
     assert (one != other).mean() > 0.5
-    batch = render_scenes(layouts, ["oak", "walnut"], [3, 4], palette)
+    batch = render_scenes(layouts, ["linen", "walnut"], [1, 4], palette)
+    np.testing.assert_array_equal(batch[0], one)
     np.testing.assert_array_equal(batch[1], render(layouts, 1, "walnut", 4, palette))
 
 
-def test_every_item_stands_out_from_some_table_top_it_is_laid_on():
-    """Each item of the catalogue changes the image by more than the sensor's noise does."""
-    catalogue = read_catalogue(DATA)
-    palette = Palette(catalogue)
-    for item in range(len(catalogue.items)):
-        layouts = with_item(empty(1, 4), 0, catalogue, item, 0.5, 0.5)
-        bare = render(empty(1, 4), 0, "walnut", 5, palette).astype(float)
-        seen = render(layouts, 0, "walnut", 5, palette).astype(float)
-        assert np.abs(seen - bare).max() > 30, catalogue.items["name"][item]
+def test_every_item_stands_out_and_changes_the_image_only_as_far_as_its_shadow_reaches():
+    palette = Palette(CATALOGUE)
+    bare = render(empty(1, 4), 0, "walnut", 5, palette).astype(float)
+    for item in range(len(CATALOGUE.items)):
+        layouts = with_item(empty(1, 4), 0, CATALOGUE, item, 0.5, 0.5)
+        change = np.abs(render(layouts, 0, "walnut", 5, palette) - bare).max(-1)
+        assert change.max() > 30, CATALOGUE.items["name"][item]  # far above the sensor's noise
+        rows, columns = np.nonzero(change)
+        away = np.abs([(columns + 0.5) / SIDE - 0.5, 0.5 - (rows + 0.5) / SIDE]).max()
+        assert away < layouts.radius[0, 0] + layouts.half_length[0, 0] + REACH_M + LENS_M
 
 
 def test_an_unknown_texture_and_an_item_beyond_the_catalogue_are_refused():
@@ -99,22 +98,21 @@ def test_an_unknown_texture_and_an_item_beyond_the_catalogue_are_refused():
             render(layouts, 0, texture, 0, Palette(catalogue))
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 def test_the_table_is_brighter_towards_the_lamp_and_shadows_fall_away_from_it(seed: int):
-    white = disc_catalogue((255, 255, 255, 255))
+    white, lamp = disc_catalogue((255, 255, 255, 255)), draw_light(seed).direction
+    rows, columns = np.indices((SIDE, SIDE))
+    lit = np.stack([(columns + 0.5) / SIDE - 0.5, 0.5 - (rows + 0.5) / SIDE], -1) @ lamp > 0
     bare = render(empty(1, 4), 0, "grey", seed, Palette(white)).astype(float).mean(-1)
-    lit = towards_lamp(seed) > 0
     assert bare[lit].mean() > bare[~lit].mean()
     seen = render(with_item(empty(1, 4), 0, white, 0, 0.5, 0.5), 0, "grey", seed, Palette(white)).mean(-1)
-    assert (centroid(np.clip(bare - seen, 0, None)) - 0.5) @ draw_light(seed).direction < -0.03
+    assert (centroid(np.clip(bare - seen, 0, None)) - 0.5) @ lamp < -0.03
 
 
-def from_middle() -> np.ndarray:
-    """Each pixel's offset [m] from the middle of the table."""
-    rows, columns = np.indices((SIDE, SIDE))
-    return np.stack([(columns + 0.5) / SIDE - 0.5, 0.5 - (rows + 0.5) / SIDE], -1)
-
-
-def towards_lamp(seed: int) -> np.ndarray:
-    """How far [m] each pixel of the table lies from its middle towards the lamp."""
-    return from_middle() @ draw_light(seed).direction
+def test_a_seed_draws_the_light_that_it_always_drew_and_the_library_s_default_is_the_configured_source():
+    light = draw_light(7)
+    np.testing.assert_allclose([*light.offset, light.rotation], [0.89721380, 0.77568569, -1.72657415], atol=1e-7)
+    np.testing.assert_allclose(light.gain, [0.90307903, 0.92742896, 0.95706379], atol=1e-7)
+    np.testing.assert_allclose([light.fall_off, light.vignette], [0.09970694, 0.05743480], atol=1e-7)
+    np.testing.assert_allclose(light.noise[-1, -1], [0.01445460, -0.00689928, 0.02446181], atol=1e-7)
+    assert ImageSource.of(composed().scenes.source) == DRAWN

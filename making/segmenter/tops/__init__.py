@@ -5,10 +5,11 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from making.segmenter.tops import cloth, generic, materials, patterns, prints, stone, wood
-from pipeline.world.paint import Top
+from making.segmenter.paint import Top
+from making.segmenter.tops import materials, prints
 
 Kind = Literal["taught", "held_out"]
+KINDS: tuple[Kind, Kind] = ("taught", "held_out")
 
 
 class Family(NamedTuple):
@@ -18,12 +19,10 @@ class Family(NamedTuple):
     kind: Kind
 
 
-_KINDS: tuple[Kind, ...] = ("taught", "held_out")
-_MODULES = (wood, stone, cloth, materials, patterns, prints, generic)  # each says which of its families are taught
 FAMILIES: dict[str, Family] = {
     draw.__name__: Family(draw, kind)
-    for module in _MODULES
-    for kind, draws in zip(_KINDS, (module.TAUGHT, module.HELD_OUT), strict=True)
+    for group in (*materials.GROUPS, *prints.GROUPS)
+    for kind, draws in zip(KINDS, group, strict=True)
     for draw in draws
 }
 

@@ -1,13 +1,12 @@
-"""A table top: one family's, sometimes with others laid on it or mixed in, sometimes worn."""
+"""A table top: one family's, sometimes with others laid on it or mixed in, and with marks of use: all of them table."""
 
 from collections.abc import Sequence
 
 import cv2
 import numpy as np
 
+from making.segmenter.paint import FRACTION_BITS, Colour, Field, Top, colour, noise, points, step
 from making.segmenter.tops import FAMILIES
-from making.segmenter.tops.wear import worn
-from pipeline.world.paint import FRACTION_BITS, Field, Top, noise, points
 
 
 def draw_top(rng: np.random.Generator, families: Sequence[str], side: int) -> tuple[str, Top]:
@@ -43,3 +42,54 @@ def patch(rng: np.random.Generator, side: int) -> Field:
         box = cv2.boxPoints((centre.tolist(), (2 * half).tolist(), rng.uniform(0, 180)))
         cv2.fillConvexPoly(mask, points(box), 255, cv2.LINE_AA, FRACTION_BITS)
     return mask.astype(np.float32) / 255
+
+
+def worn(rng: np.random.Generator, top: Top) -> Top:
+    """Return a top with some marks of use."""
+    side = len(top)
+    marks = [stains, cup_rings, crumbs, scratches]
+    for k in rng.permutation(len(marks))[: rng.integers(1, 3)]:
+        share, shade = marks[k](rng, side)
+        top = top + (shade - top) * (share * np.float32(rng.uniform(0.1, 0.7)))[..., None]
+    return top
+
+
+def stains(rng: np.random.Generator, side: int) -> tuple[Field, Colour]:
+    """Return the share of each pixel that blots cover, and their colour."""
+    field = noise(rng, side, rng.uniform(2, 8), 3)
+    least = rng.uniform(1, 2.2)
+    edge = np.exp(-(((field - least) / 0.15) ** 2)) if rng.random() < 0.4 else 0
+    return np.clip(0.6 * step(field - least, 0.2) + edge, 0, 1), colour(rng, (0, 0.15), (0, 0.7), (0.05, 0.6))
+
+
+def cup_rings(rng: np.random.Generator, side: int) -> tuple[Field, Colour]:
+    """Return the share of each pixel that rings of wet cups cover, and their colour."""
+    mask = np.zeros((side, side), np.uint8)
+    for _ in range(rng.integers(1, 5)):
+        radius = int(points(side * rng.uniform(0.02, 0.045)))
+        start = rng.uniform(0, 360)
+        arc = points(rng.uniform(0, side, 2)).tolist(), [radius, radius], 0, start, start + rng.uniform(120, 360)
+        cv2.ellipse(mask, *arc, 255, int(rng.integers(1, 3)), cv2.LINE_AA, FRACTION_BITS)
+    faded = mask / np.float32(255) * np.clip(0.6 + 0.4 * noise(rng, side, 20), 0, 1)
+    return faded, colour(rng, (0, 0.12), (0, 0.7), (0.05, 0.95))
+
+
+def crumbs(rng: np.random.Generator, side: int) -> tuple[Field, Colour]:
+    """Return the share of each pixel that crumbs, drops or chips cover, and their colour."""
+    mask = np.zeros((side, side), np.uint8)
+    middle, spread = rng.uniform(0, side, 2), side * rng.uniform(0.05, 0.5)
+    for place in rng.normal(middle, spread, (rng.integers(3, 60), 2)):
+        axes = points(side * rng.uniform(0.0015, 0.008, 2)).tolist()
+        cv2.ellipse(
+            mask, points(place).tolist(), axes, rng.uniform(0, 180), 0, 360, 255, -1, cv2.LINE_AA, FRACTION_BITS
+        )
+    return mask / np.float32(255), colour(rng)
+
+
+def scratches(rng: np.random.Generator, side: int) -> tuple[Field, Colour]:
+    """Return the share of each pixel that scratches or hairs cover, and their colour."""
+    mask = np.zeros((side, side), np.uint8)
+    for _ in range(rng.integers(1, 25)):
+        curve = rng.uniform(0, side, 2) + rng.normal(0, side * rng.uniform(0.005, 0.06), (5, 2)).cumsum(0)
+        cv2.polylines(mask, [points(curve)], False, 255, 1, cv2.LINE_AA, FRACTION_BITS)
+    return mask / np.float32(255), colour(rng)

@@ -60,7 +60,7 @@ class PerceivedObjects(NamedTuple):
     radius: Float[Tensor, "*scene object"]  # of the capsule [m]
     features: Float[Tensor, "*scene object feature"]  # FEATURES, then the logarithm of the gap to a neighbour [m]
     present: Float[Tensor, "*scene object"]  # 1 for an object, 0 for an empty slot
-    doubt: Float[Tensor, "*scene object"]  # about the picture (pipeline.perception.doubt), the same in all slots
+    doubt: Float[Tensor, "*scene object"]  # about the picture (perception.outlines.doubt), the same in all slots
 
     @classmethod
     def of(cls, percept: Float[Tensor, "*scene object 14"]) -> "PerceivedObjects":
@@ -105,7 +105,6 @@ class ClearanceModel(ValidityModel):
     evidence: Tensor
     rate: Tensor
     usual_doubt: Tensor
-    bound, sharpening = FEATURE_BOUND, SHARPENING
 
     def __init__(self, members: int, families: Sequence[str] = tuple(FAMILIES)):
         super().__init__()
@@ -164,10 +163,10 @@ class ClearanceModel(ValidityModel):
     def logit_by_family(
         self, percept: Tensor, passing: Passing, chosen: Sequence[int] | slice = slice(None)
     ) -> Float[Tensor, "family scene path"]:
-        """Return the log-odds of validity under each chosen family: of its members' mean, times `sharpening`."""
+        """Return the log-odds of validity under each chosen family: of its members' mean, times SHARPENING."""
         members = self.margin.shape[-1]
         log_p = self.log_valid(percept, passing, chosen).unflatten(0, (-1, members))
-        return self.sharpening * log_odds(log_p.logsumexp(1) - float(np.log(members)))
+        return SHARPENING * log_odds(log_p.logsumexp(1) - float(np.log(members)))
 
     def log_valid(
         self,
@@ -202,7 +201,7 @@ class ClearanceModel(ValidityModel):
         """Return each member's log-odds that the user keeps away from each object, by its features alone."""
         features = PerceivedObjects.of(percept).features
         features = (features - self.centre[..., None, None, :]) / self.spread[..., None, None, :]
-        bounded = features.clamp(-self.bound, self.bound)
+        bounded = features.clamp(-FEATURE_BOUND, FEATURE_BOUND)
         terms = torch.cat([torch.ones_like(features[..., :1]), bounded, features.tanh().square()], -1)
         weight = (self.weight * self.feature_mask)[..., chosen, :, :].flatten(-3, -2)
         return terms @ weight.mT.unsqueeze(-3)

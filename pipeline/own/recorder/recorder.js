@@ -72,9 +72,7 @@ async function go() {
   const onPicture = step !== "scenes";
   $("board").hidden = !onPicture;
   $("scenes").hidden = onPicture;
-  document.querySelectorAll(".paths-only").forEach(part => { part.hidden = step !== "paths"; });
-  document.querySelectorAll(".items-only").forEach(part => { part.hidden = step !== "items"; });
-  document.querySelectorAll(".table-only").forEach(part => { part.hidden = step !== "table"; });
+  for (const name in STEPS) document.querySelectorAll(`.${name}-only`).forEach(part => { part.hidden = step !== name; });
   document.querySelectorAll(".other-help").forEach(part => { part.hidden = step === "paths"; });
   $("next").firstChild.textContent = step === "paths" ? "Skip" : "Next";
   if (onPicture) await open(overview.scenes.includes(name) ? name : scene?.name ?? firstOpenScene());
@@ -116,18 +114,15 @@ function mayLeave() {
 
 function start() {
   board.tool = null;
-  if (step === "paths") startPaths();
-  if (step === "items") startItems();
   if (step === "table") startTable();
+  else if (!scene.corners) say("The recorder does not know where the table is in this picture. Mark its corners first, under Table.", "bad");
+  else if (step === "items") startItems();
+  else startPaths();
   showButtons();
   board.redraw();
 }
 
 function startPaths() {
-  if (!scene.corners) {
-    say("The recorder does not know where the table is in this picture. Mark its corners first, under Table.", "bad");
-    return;
-  }
   board.tool = new PathTool(() => ({ scene, overview }), say, showButtons);
   say(user ? `Draw a path from Start to Goal for ${user}.` : "Add the name of the person who judges, then draw a path from Start to Goal.");
 }
@@ -172,10 +167,6 @@ function showButtons() {
 }
 
 function startItems() {
-  if (!scene.corners) {
-    say("The recorder does not know where the table is in this picture. Mark its corners first, under Table.", "bad");
-    return;
-  }
   const long = $("item-form").elements.shape.value === "long";
   board.tool = new PointTool(long ? 3 : 2, addItem, tellItem);
   tellItem();
@@ -210,10 +201,9 @@ async function addItem(points) {
 
 function startTable() {
   const form = $("table-form").elements;
-  const { table } = overview;
-  $("side").value = table.side_m;
-  for (const end of ["start", "goal"]) ["x", "y"].forEach((axis, i) => { $(`${end}-${axis}`).value = table[end][i]; });
-  form.holds.value = table.for_each_scene ? "one" : "all";
+  $("side").value = overview.side_m;
+  for (const end of ["start", "goal"]) ["x", "y"].forEach((axis, i) => { $(`${end}-${axis}`).value = overview[end][i]; });
+  form.holds.value = overview.for_each_scene ? "one" : "all";
   const paths = Object.values(overview.counts).flatMap(Object.values).reduce((sum, count) => sum + count.valid + count.invalid, 0);
   $("kept").textContent = paths ? `${paths} paths are stored in metres of the table as it was. Moving it now does not move them.` : "";
   choosePlace();
@@ -277,7 +267,7 @@ async function saveTable() {
 
 function drawScene(context, unit) {
   if (!scene?.corners) return;
-  if (step === "table") drawGrid(context, unit);
+  if (step === "table") for (const line of scene.grid) stroke(context, unit, line, "#ffffff", { width: 0.75, alpha: 0.5 });
   stroke(context, unit, scene.corners, "#ffffff", { closed: true, width: 1.5, alpha: 0.8 });
   if (step === "items") for (const item of scene.items) {
     stroke(context, unit, item.outline, "#7cc4f2", { closed: true, width: 2, fill: "#7cc4f233" });
@@ -293,10 +283,6 @@ function drawScene(context, unit) {
     const high = Math.min(...scene.zones[end].map(([, y]) => y)) - 12 * unit;
     write(context, unit, label, [scene.ends[end][0], low < board.image.naturalHeight - 8 * unit ? low : high]);
   }
-}
-
-function drawGrid(context, unit) {
-  for (const line of scene.grid) stroke(context, unit, line, "#ffffff", { width: 0.75, alpha: 0.5 });
 }
 
 function middle(points) {
@@ -436,7 +422,7 @@ $("user-form").addEventListener("submit", event => {
   $("canvas").focus();
 });
 $("item-form").addEventListener("submit", event => event.preventDefault());
-$("item-form").addEventListener("change", event => { if (event.target.name === "shape") startItems(); });
+$("item-form").addEventListener("change", event => { if (event.target.name === "shape") start(); });
 $("table-form").addEventListener("change", event => { if (event.target.name === "place") choosePlace(); });
 $("table-form").addEventListener("submit", event => { event.preventDefault(); saveTable(); });
 $("board").addEventListener("keydown", event => { // letters act on the picture and its buttons, never in a field

@@ -1,4 +1,4 @@
-"""The command `record`: one recorder a folder, on this machine only, until Ctrl-C."""
+"""The command `record`: a page on this machine only, the pictures, and the few requests that change the folder."""
 
 import argparse
 import fcntl
@@ -6,21 +6,52 @@ import os
 import socket
 import threading
 import webbrowser
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
+from typing import Any
 
+import uvicorn
+from pydantic import TypeAdapter, ValidationError
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.middleware import Middleware
+from starlette.middleware.base import BaseHTTPMiddleware
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.routing import Route
+
+import pipeline.report
+from pipeline.legend import INVALID, VALID
 from pipeline.own.csv_files import DEMONSTRATIONS
+from pipeline.own.recorder.storage import Recordings
 from pipeline.runtime.errors import InputError
 
 LOOPBACK = "127.0.0.1"
 LOCK = ".recorder.lock"  # in the folder; held by the recorder's process, holds its address
+BESIDE = Path(__file__).parent
+STATIC = {name: BESIDE / name for name in ("recorder.css", "recorder.js", "canvas.js", "tools.js", "icon.svg")}
+STATIC["page.css"] = Path(pipeline.report.__path__[0]) / "page.css"  # the report's own style
+MAX_UPLOAD_BYTES = 25_000_000  # of one picture; a phone's has some 5 MB
+MAX_REQUEST_BYTES = 4_000_000  # of a path: half an hour at 60 samples a second
+HEADERS = {  # forbid everything that is not of this server
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-store",
+}
+SENT = TypeAdapter(dict[str, Any])  # the arguments of a method of `Recordings`, which checks them
 
 
 def main(arguments: Sequence[str]) -> int:
     """Serve the recorder's page as the command line says, and hold the folder's lock meanwhile; return 0 after Ctrl-C.
 
-    Raise InputError if the folder cannot be recorded into, another recorder has it, or a package is missing.
+    Raise InputError if the folder cannot be recorded into or another recorder has it.
     """
     parser = argparse.ArgumentParser(
         prog="python -m pipeline.own record",
@@ -31,20 +62,10 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--no-browser", action="store_true", help="print the address and open nothing")
     parsed = parser.parse_args(arguments)
     folder: Path = parsed.folder
-    try:
-        import uvicorn
-
-        from pipeline.own.recorder.app import build
-        from pipeline.own.recorder.storage import Recordings
-    except ModuleNotFoundError as error:
-        if error.name not in ("starlette", "uvicorn"):
-            raise
-        raise InputError(f"the recorder needs {error.name}: pip install 'causal-specifications[record]'") from error
     if not folder.is_dir():
         raise InputError(f"there is no folder {folder}: make it, with pictures of the table in {folder}/scenes")
     with one_recorder(folder) as lock, _listening(parsed.port) as listener:
-        recordings = Recordings(folder)
-        port = listener.getsockname()[1]
+        recordings, port = Recordings(folder), listener.getsockname()[1]
         address = f"http://{LOOPBACK}:{port}/"
         os.ftruncate(lock, 0)
         os.pwrite(lock, address.encode(), 0)
@@ -55,8 +76,8 @@ def main(arguments: Sequence[str]) -> int:
         config = uvicorn.Config(app, log_level="warning", access_log=False, lifespan="off", ws="none")
         with suppress(KeyboardInterrupt):
             uvicorn.Server(config).run(sockets=[listener])
-        paths = len(recordings.recorded(DEMONSTRATIONS))
-        print(f"{folder} holds {paths} paths. Next: python -m pipeline.own check {folder}")
+        count = len(recordings.recorded(DEMONSTRATIONS))
+        print(f"{folder} holds {count} paths. Next: python -m pipeline.own check {folder}")
     return 0
 
 
@@ -68,19 +89,96 @@ def one_recorder(folder: Path) -> Iterator[int]:
     """
     lock = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
     try:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            address = os.read(lock, 100).decode() or "another address"
-            raise InputError(f"a recorder has {folder} open already, at {address}: use it, or end it first") from error
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         yield lock
+    except BlockingIOError as error:
+        address = os.read(lock, 100).decode() or "another address"
+        raise InputError(f"a recorder has {folder} open already, at {address}: use it, or end it first") from error
     finally:
         os.close(lock)
 
 
 def _listening(port: int) -> socket.socket:
-    """Return a socket on the loopback device; raise InputError if the port is taken."""
     try:
         return socket.create_server((LOOPBACK, port))
     except (OSError, OverflowError) as error:
         raise InputError(f"port {port} cannot be used ({error}): choose another, or 0 for any") from error
+
+
+def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
+    """Return the application that records into a folder and answers under `hosts`, such as `127.0.0.1:8000`, only."""
+
+    def static(request: Request) -> Response:
+        file = STATIC.get(request.path_params["name"])
+        return FileResponse(file) if file else Response(status_code=404)
+
+    def overview(_: Request) -> Response:
+        drawn = {"colours": {"valid": VALID, "invalid": INVALID}, "max_upload_bytes": MAX_UPLOAD_BYTES}
+        return JSONResponse(recordings.overview() | drawn)
+
+    def posted(name: str, store: Callable[..., Any]) -> Route:
+        async def answer(request: Request) -> Response:
+            values = SENT.validate_json(await body_of(request, MAX_REQUEST_BYTES))
+            return JSONResponse(await run_in_threadpool(partial(store, **values)) or {})
+
+        return Route(f"/api/{name}", answer, methods=["POST"])
+
+    async def add_picture(request: Request) -> Response:
+        content = await body_of(request, MAX_UPLOAD_BYTES)
+        name = await run_in_threadpool(recordings.import_picture, request.query_params.get("name", ""), content)
+        return JSONResponse({"scene": name}, 201)
+
+    async def guard(request: Request, answer: Callable[[Request], Any]) -> Response:
+        """Answer the recorder's own page alone.
+
+        A foreign Host betrays DNS rebinding, a foreign Origin another site's script. Requests that change something
+        must name their origin.
+        """
+        head, origins = request.headers, {f"http://{host}" for host in hosts}
+        known = head.get("host") in hosts and head.get("sec-fetch-site", "none") in ("same-origin", "none")
+        if known and (head.get("origin") in origins or (request.method == "GET" and "origin" not in head)):
+            response = await answer(request)
+        else:
+            response = _refused("refused: the recorder answers its own page alone, under the address it printed", 403)
+        response.headers.update(HEADERS)
+        return response
+
+    def refused_by_starlette(_: Request, error: Any) -> Response:
+        return _refused(error.detail, error.status_code)
+
+    unknown = "the recorder does not understand what the page sent: reload the page"
+    return Starlette(
+        routes=[
+            Route("/", lambda _: FileResponse(BESIDE / "page.html")),
+            Route("/static/{name}", static),
+            Route("/pictures/{name}", lambda request: FileResponse(recordings.picture(request.path_params["name"]))),
+            Route("/api/overview", overview),
+            Route("/api/scenes/{name}", lambda request: JSONResponse(recordings.scene(request.path_params["name"]))),
+            posted("paths", recordings.add_path),
+            posted("items", recordings.add_item),
+            posted("table", recordings.place_table),
+            posted("remove", recordings.remove),
+            Route("/api/pictures", add_picture, methods=["POST"]),
+        ],
+        middleware=[Middleware(BaseHTTPMiddleware, dispatch=guard)],
+        exception_handlers={
+            InputError: lambda _, error: _refused(str(error), 400),
+            HTTPException: refused_by_starlette,
+            ValidationError: lambda _, error: _refused(unknown, 400),
+            OSError: lambda _, error: _refused(f"not stored: {error}", 500),
+        },
+    )
+
+
+async def body_of(request: Request, limit: int) -> bytes:
+    """Return a request's body; raise HTTPException as soon as it is longer than `limit` bytes."""
+    body = bytearray()
+    async for chunk in request.stream():
+        body += chunk
+        if len(body) > limit:
+            raise HTTPException(413, f"more than {limit / 1e6:.0f} MB were sent: choose a smaller file")
+    return bytes(body)
+
+
+def _refused(sentence: str, status: int) -> JSONResponse:
+    return JSONResponse({"error": sentence}, status)

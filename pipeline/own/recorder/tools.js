@@ -17,7 +17,7 @@ export class PathTool {
   isOff(point, place) { // the distance [m] from start or goal if it is too large, else 0
     const { scene, overview } = this.current();
     const [x, y] = metres(scene.matrix, point);
-    const distance = Math.hypot(x - overview.table[place][0], y - overview.table[place][1]);
+    const distance = Math.hypot(x - overview[place][0], y - overview[place][1]);
     return distance <= overview.ends_within_m ? 0 : distance;
   }
 

@@ -7,8 +7,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from making.render.read import Rendered, read_rendered
-from making.render.sheets import pictures, sheet
+from making.render.read import Rendered, pictures, read_rendered, sheet
 from pipeline.runtime.errors import InputError
 from pipeline.world.bezier import P_F, P_INIT
 from pipeline.world.layout import SIDE, LayoutRules, point_segment_distance, segment_distance

@@ -8,8 +8,7 @@ import torch
 
 from making.segmenter import pool, train
 from making.segmenter.changes import change, paint
-from making.segmenter.draw import draw
-from making.segmenter.path_traced import read_path_traced
+from making.segmenter.pool import draw, read_path_traced
 from pipeline.perception.segmenter import read_segmenter
 
 

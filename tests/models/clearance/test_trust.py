@@ -6,7 +6,7 @@ import torch
 
 import pipeline
 from pipeline.models.base import to_tensor, untrained
-from pipeline.models.clearance.clearance import UNLIMITED, ClearanceModel, PerceivedObjects
+from pipeline.models.clearance.clearance import ClearanceModel, PerceivedObjects
 from pipeline.training.clearance.fit import set_feature_scaling
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.catalogue import random_scenes
@@ -50,13 +50,6 @@ def test_doubt_lowers_confidence_and_flips_no_decision(world, doubt: float):
         doubted = model.logit(fields._replace(doubt=doubt + 0 * fields.doubt).percept(), paths)
     assert torch.equal(doubted > 0, sure > 0)
     assert torch.equal(doubted, sure) if doubt == 0 else (doubted.abs() < sure.abs()).all()
-
-
-def test_a_model_without_pictures_doubts_none(world):
-    _, images, _ = world
-    model = untrained(ClearanceModel, {"members": 4}, 0)
-    assert isinstance(model, ClearanceModel) and float(model.usual_doubt) == np.float32(UNLIMITED)
-    assert (model.trust(model.perceive(to_tensor(blurred(images)))) == 1).all()
 
 
 def test_the_library_repairs_nothing_in_a_picture_that_the_model_doubts(world):

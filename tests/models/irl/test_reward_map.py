@@ -57,13 +57,6 @@ def test_probabilities_of_the_lattice_add_up_to_one_and_a_constant_reward_is_not
     torch.testing.assert_close(model.advantage(reward + 7.0, paths()), model.advantage(reward, paths()))
 
 
-def test_a_reflection_of_the_map_reflects_the_returns():
-    reward, z = maps(), paths()
-    reflected = reward.flip(-1).mT.flip(-1)  # (x, y) -> (y, x): row 0 is the far edge
-    torch.testing.assert_close(path_return(reflected, z), path_return(reward, z.flip(-1)))
-    torch.testing.assert_close(path_return(reward.rot90(2, (-2, -1)), z), path_return(reward, 1 - z))
-
-
 def test_every_symmetry_is_undone_and_a_turned_image_gives_the_turned_map():
     model = drawn()
     seen = contrast(*subtract_background(to_tensor(tables()))).double()

@@ -13,19 +13,6 @@ def images():
     return np.random.default_rng(0).integers(0, 256, (3, 100, 100, 3), dtype=np.uint8)
 
 
-@pytest.fixture
-def z_theta():
-    return np.random.default_rng(1).uniform(-0.2, 1.2, (3, 5, 2))
-
-
-def test_the_paths_of_a_scene_do_not_see_one_another(images, z_theta):
-    model = vae()
-    together = model.probability(images, z_theta)
-    one = model.probability(images[1:2], z_theta[1:2, 3:4])
-    assert together.dtype == np.float32 and together.shape == (3, 5)
-    np.testing.assert_allclose(one[0, 0], together[1, 3], rtol=1e-6)
-
-
 def test_standardised_images_have_mean_0_and_variance_1_and_the_decoder_starts_from_their_mean_colour(images):
     model = vae()
     model.standardise(images // 4)

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray as Array
 
-from pipeline.config.graph import ROOT
+from pipeline.runtime.places import ROOT
 
 WIDTH, HEIGHT = 640, 480
 CORNERS = [[160, 80], [490, 90], [620, 440], [30, 430]]  # [px]: far left, far right, near right, near left

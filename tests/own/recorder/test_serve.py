@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.config.graph import ROOT
 from pipeline.own.__main__ import main
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.places import ROOT
 from tests.own.recorder.factory import Served, command, make_folder, recorder, samples
 
 PATH = {"scene": "first", "user": "Zoë", "valid": True, "samples": samples().tolist()}

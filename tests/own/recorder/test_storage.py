@@ -11,7 +11,6 @@ import pytest
 import yaml
 
 from pipeline.own.folder import read_folder
-from pipeline.own.recorder.files import picture_size
 from pipeline.own.recorder.storage import Recordings
 from pipeline.runtime.errors import InputError
 from tests.own.recorder.factory import (
@@ -142,7 +141,7 @@ def test_a_camera_that_is_turned_upright_by_exif_gives_the_size_as_shown(recordi
     exif = b"Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0"
     turned = jpeg[:2] + b"\xff\xe1" + (len(exif) + 2).to_bytes(2, "big") + exif + jpeg[2:]
     scene = recordings.import_picture("turned.jpeg", turned)
-    assert picture_size(recordings.picture(scene)) == (HEIGHT, WIDTH)
+    assert recordings.picture_size(scene) == (HEIGHT, WIDTH)
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,7 @@ import pandas as pd
 import pytest
 from omegaconf import DictConfig
 
-from making.render.read import read_rendered
-from making.render.sheets import sheet
+from making.render.read import read_rendered, sheet
 from pipeline.runtime.errors import InputError
 from pipeline.world.images import write_png
 from pipeline.world.rules import valid

@@ -57,6 +57,13 @@ def near(rng: np.random.Generator, base: Colour, spread: float) -> Colour:
     return np.clip(base * gain + rng.uniform(-spread, spread) / 3, 0.02, 1).astype(np.float32)
 
 
+def shades(rng: np.random.Generator, least: int = 2, most: int = 5) -> list[Colour]:
+    """Draw some colours: unrelated ones, or shades of one."""
+    base = colour(rng)
+    alike = rng.random() < 0.4
+    return [near(rng, base, 0.2) if alike else colour(rng) for _ in range(rng.integers(least, most + 1))]
+
+
 def noise(
     rng: np.random.Generator, side: int, cells: Number, levels: int = 1, gain: float = 0.5, stretch: Number = 1.0
 ) -> Field:
