@@ -15,6 +15,7 @@ LABELS = {
     "constant_detour": "Fixed detour (image-blind)",
     "random_path": "Random path (image-blind)",
     "paper": "The paper",
+    "truth": "Truth",
     "blind": "Image-blind baseline",
     "clearance_margin": "Clearance, one rule",
     "ideal": "Knows the rules (truth)",

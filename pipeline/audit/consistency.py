@@ -13,8 +13,8 @@ import yaml
 
 from pipeline.artifacts.files import read_json
 from pipeline.git import dvc, git, run
-from pipeline.report.page import FORMATS, HIDDEN
 from pipeline.report.readme import contents, fill
+from pipeline.report.tables import FORMATS, HIDDEN
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.places import PROCESSORS
 
@@ -150,7 +150,7 @@ def table_cells(page: Path) -> tuple[int, list[str]]:
         for values, row in zip(frame.itertuples(index=False), rows, strict=True):
             for column, cell in zip(columns, re.findall(r"(?s)<t[dh]\b.*?</t[dh]>", row), strict=False):
                 count, text, name = count + 1, _text(cell), frame.columns[column]
-                quartiles = [values[frame.columns.get_loc(q)] for q in (f"{name}, q1", f"{name}, q3") if q in frame]
+                quartiles = [values[frame.columns.get_loc(q)] for q in (name + end for end in HIDDEN[:4]) if q in frame]
                 if not _shows(text, values[column], quartiles if all(quartiles) else []):
                     held = " ".join([values[column], *quartiles])
                     faults.append(f"{link}, {name}: the page says {text!r}, the csv {held!r}")

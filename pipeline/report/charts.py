@@ -12,10 +12,11 @@ from matplotlib.figure import Figure
 
 from pipeline.report.drawing import panels
 from pipeline.report.style import INK, MUTED, RULE, label, looks, of_series, toggles
-from pipeline.report.tables import Data, Words, beside, check_finite, chosen, in_words
+from pipeline.report.tables import Words, beside, check_finite, chosen, in_words
 
 STYLES = ("-", "--", ":", "-.")
-MAX_TICKS = 10  # the most values of x that each get a tick and a mark
+MAX_TICKS = 20  # the most values of x that each get a tick and a mark
+SHORT = 4  # digits of a tick
 WRAP = 4  # the most panels in a row
 
 
@@ -44,7 +45,7 @@ class Series:
 
 
 def curves(
-    data: Data,
+    data: Any,
     table: str | Callable[[Any], pd.DataFrame],
     x: str,
     y: str | Sequence[str],
@@ -56,10 +57,10 @@ def curves(
     where: Mapping[str, Any] | None = None,
     words: Mapping[str, Words] | None = None,
     titles: Mapping[str, str] | None = None,
-    unit: float = 1.0,
-    x_unit: float = 1.0,
+    unit: int | float = 1,
+    x_unit: int | float = 1,
     log: bool = False,
-    reference: Mapping[str, float] | None = None,
+    reference: Mapping[str, int | float] | None = None,
     diagonal: str = "",
     gaps: Collection[str] = (),
     xlabel: str = "",
@@ -87,17 +88,23 @@ def curves(
             middle = unit * rows[of.y].to_numpy(float)
             if of.ends:
                 low_end, high_end = (unit * rows[end].to_numpy(float) for end in of.ends)
-                band = one.fill_between(places, low_end, high_end, color=series.look["color"], alpha=0.13, linewidth=0)
+                if series.look["linestyle"]:
+                    band = one.fill_between(
+                        places, low_end, high_end, color=series.look["color"], alpha=0.13, linewidth=0
+                    )
+                else:
+                    band = one.vlines(places, low_end, high_end, color=series.look["color"])
                 series.marks(band)
             series.marks(one.plot(places, middle, label=series.name, linewidth=2, **series.look)[0])
+            size = 11 if series.id == "paper" else 6
             if len(places) <= MAX_TICKS:
                 for place, number, value in zip(places, middle, rows[x], strict=True):
-                    mark = one.plot(place, number, series.look["marker"] or ".", color=series.look["color"])[0]
+                    mark = one.plot(
+                        place, number, series.look["marker"] or ".", color=series.look["color"], markersize=size
+                    )[0]
                     series.marks(mark, f"{made.word(x, value)}: {number:.3g}")
         if diagonal:
-            span = x_unit * of.rows[x].to_numpy(float)
-            ends = (span.min(), span.max())
-            one.plot(ends, ends, color=INK, linewidth=1.2, linestyle=":", label=diagonal)
+            one.axline((0, 0), slope=unit / x_unit, color=INK, linewidth=1.2, linestyle=":", label=diagonal)
         for (name, level), line in zip((reference or {}).items(), STYLES[::-1], strict=False):
             one.axhline(unit * level, color=MUTED, linewidth=1, linestyle=line, label=name)
         if log:
@@ -105,15 +112,17 @@ def curves(
             one.minorticks_off()
         if text:
             one.set_xticks(range(len(values)), [made.word(x, value) for value in values])
-        elif len(values) <= MAX_TICKS:
-            one.set_xticks([x_unit * v for v in values], [f"{x_unit * v:,g}" for v in values])
+        else:
+            one.xaxis.set_major_formatter(lambda number, _: f"{number:g}")
+            if len(values) <= MAX_TICKS and all(len(f"{x_unit * value:g}") <= SHORT for value in values):
+                one.set_xticks([x_unit * value for value in values])
         one.grid(axis="y")
     made.finish(figure, axes, xlabel, ylabel, **others)
     return figure
 
 
 def bars(
-    data: Data,
+    data: Any,
     table: str | Callable[[Any], pd.DataFrame],
     x: str,
     y: str | Sequence[str],
@@ -124,9 +133,9 @@ def bars(
     where: Mapping[str, Any] | None = None,
     words: Mapping[str, Words] | None = None,
     titles: Mapping[str, str] | None = None,
-    unit: float = 1.0,
+    unit: int | float = 1,
     truth: str = "",
-    band: float = 0.0,
+    band: int | float = 0,
     gaps: Collection[str] = (),
     xlabel: str = "",
     ylabel: str = "",
@@ -134,19 +143,26 @@ def bars(
 ) -> Figure:
     """Return y with the interval from low to high, horizontal, a group for each value of x and a mark for each `hue`.
 
+    If hue is x, each group has its own colour.
     truth: a column whose number is a line across its group. band: the numbers up to this far from 0 are shaded. All
     else is as in `curves`; xlabel is the name of the numbers.
     """
     made = _Chart(data, table, y, low, high, panel, hue, "", where, words or {}, titles or {}, gaps)
     groups = list(dict.fromkeys(made.frame[x]))
     names = [series.id for series in made.series(made.frame)]
-    figure, axes = made.grid(1.4 + len(groups) * max(0.45, 0.17 * len(names)), sharex=made.shared, sharey=True)
+    figure, axes = made.grid(
+        1.4 + len(groups) * max(0.45, 0.17 * len(names) * (hue != x)), sharex=made.shared, sharey=True
+    )
     for one, of in axes:
         if band:
             one.axvspan(-band, band, color=RULE, alpha=0.5, linewidth=0)
         for series in made.series(of.rows):
-            offset = 0.36 * ((2 * names.index(series.id) + 1) / len(names) - 1) if len(names) > 1 else 0.0
-            look = series.look | {"linestyle": "", "marker": series.look["marker"] or "X", "markersize": 7}
+            offset = 0.36 * ((2 * names.index(series.id) + 1) / len(names) - 1) if hue != x else 0.0
+            look = series.look | {
+                "linestyle": "",
+                "marker": series.look["marker"] or "X",
+                "markersize": 12 if series.id == "paper" else 7,
+            }
             at = np.array([groups.index(group) for group in series.rows[x]]) + offset
             middle = unit * series.rows[of.y].to_numpy(float)
             ends = [unit * series.rows[end].to_numpy(float) for end in of.ends] if of.ends else []
@@ -164,7 +180,7 @@ def bars(
         one.set_yticks(range(len(groups)), [made.word(x, group) for group in groups])
         one.set_ylim(len(groups) - 0.5, -0.5)
         one.grid(axis="x")
-    made.finish(figure, axes, xlabel, ylabel, **others)
+    made.finish(figure, axes, xlabel, ylabel, legend=hue != x, **others)
     return figure
 
 
@@ -173,7 +189,7 @@ class _Chart:
 
     def __init__(
         self,
-        data: Data,
+        data: Any,
         table: str | Callable[[Any], pd.DataFrame],
         y: str | Sequence[str],
         low: str | Sequence[str],
@@ -238,7 +254,7 @@ class _Chart:
             yield Series("all", "", rows, self.looks[""])
             return
         for values in self.frame[self.columns].drop_duplicates().itertuples(index=False, name=None):
-            own = rows[(rows[self.columns] == values).all(axis=1)]
+            own = rows[(rows[self.columns] == list(values)).all(axis=1)]
             if own.empty:
                 continue
             given = dict(zip(self.columns, values, strict=True))
@@ -247,7 +263,15 @@ class _Chart:
             name = ", ".join(self.word(column, value) for column, value in given.items())
             yield Series(" ".join(map(str, values)), name, own, look | line)
 
-    def finish(self, figure: Figure, drawn: list[tuple[Axes, Panel]], xlabel: str, ylabel: str, **others: Any) -> None:
+    def finish(
+        self,
+        figure: Figure,
+        drawn: list[tuple[Axes, Panel]],
+        xlabel: str,
+        ylabel: str,
+        legend: bool = True,
+        **others: Any,
+    ) -> None:
         """Label the axes, and draw one legend below, whose names show and hide their series."""
         places = [one.get_subplotspec() for one, _ in drawn]
         for (one, _), place in zip(drawn, places, strict=True):
@@ -260,10 +284,10 @@ class _Chart:
         handles = [pair for one, _ in drawn for pair in zip(*one.get_legend_handles_labels(), strict=True)]
         named = {name: handle for handle, name in reversed(handles)}
         named = {name: named[name] for name in dict.fromkeys(name for _, name in handles)}
-        if set(named) - {""}:
-            columns = min(len(named), 2 + across)
-            legend = figure.legend(named.values(), named, loc="outside lower center", ncols=columns, fontsize=10)
+        if set(named) - {""} and legend:
+            columns = -(-len(named) // -(-len(named) // (2 + across)))
+            names = figure.legend(named.values(), named, loc="outside lower center", ncols=columns, fontsize=10)
             ids = {series.name: series.id for series in self.series(self.frame)}
-            for text in legend.get_texts():
+            for text in names.get_texts():
                 if text.get_text() in ids:
                     toggles(text, ids[text.get_text()])

@@ -10,9 +10,10 @@ and samples are judged by study solutions, since the paper's pages do not depend
 """
 
 import pandas as pd
-from statsmodels.stats.proportion import proportion_confint
+from scipy.stats import binomtest
 
 from pipeline.report.results import PAPER_ACCURACY, PAPER_SCENES, PAPER_TABLE_1, Results
+from pipeline.report.style import label
 
 HOLDS, FAILS, OPEN, UNTESTABLE, NOT_TESTED = "holds", "fails", "open", "untestable", "not tested"
 IN_A_READING = "in a reading"
@@ -38,6 +39,22 @@ def verdicts(claims: pd.DataFrame) -> dict[str, str]:
     return {
         str(name): min(part["verdict"], key=worst.__getitem__) for name, part in claims.groupby("claim", sort=False)
     }
+
+
+def rates(results: Results) -> pd.DataFrame:
+    """Return accuracy in the training scenes and success of gradient repair: paper, ours, image-blind."""
+    claims = claims_table(results).dropna(subset=["paper", "q1"])
+    rates = [f"accuracy, {label(m)}" if m == "seen_scenes" else f"repair, {m}" for m in claims["measure"]]
+    columns = {
+        "paper": ["paper", "paper_low", "paper_high"],
+        PAPER: ["ours", "q1", "q3"],
+        "blind": ["baseline", "baseline", "baseline"],
+    }
+    parts = [
+        pd.DataFrame(claims[names].to_numpy(float), columns=["value", "low", "high"]).assign(rate=rates, source=source)
+        for source, names in columns.items()
+    ]
+    return pd.concat(parts, ignore_index=True)
 
 
 def _accuracy(results: Results) -> list[dict]:
@@ -87,7 +104,7 @@ def _tested(results: Results, claim: str, against: list[str], n_demos: list[int]
 
     Holds if every test is won, fails if every one is lost, else open: no significance is no proof of equality.
     """
-    tests = results.tables["comparisons"]
+    tests = results.table("comparisons")
     tests = tests[(tests["variant"] == PAPER) & tests["against"].isin(against) & tests["n_demos"].isin(n_demos)]
     if tests.empty:
         return []
@@ -113,7 +130,7 @@ def _repair(results: Results) -> list[dict]:
         if user not in PAPER_TABLE_1:
             continue
         paper = PAPER_TABLE_1[user]
-        low, high = proportion_confint(round(paper * PAPER_SCENES), PAPER_SCENES, method="wilson")
+        low, high = binomtest(round(paper * PAPER_SCENES), PAPER_SCENES).proportion_ci(method="wilson")
         names = {"ours": "success", "q1": "success_q1", "q3": "success_q3"}
         names |= {"ci_low": "success_ci_low", "ci_high": "success_ci_high"}
         numbers = {name: results.repair("gradient", PAPER, user, column) for name, column in names.items()}

@@ -6,7 +6,6 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import ModuleType
 from typing import Any, Protocol, runtime_checkable
 
 import matplotlib
@@ -92,7 +91,13 @@ def environment(folders: Sequence[Path], **names: Any) -> Environment:
     )
     made.globals |= (
         FORMATS
-        | {"label": style.label, "formats": FORMATS, "headings": headings, "in_brackets": in_brackets}
+        | {
+            "label": style.label,
+            "heading": lambda name: style.label(name).capitalize(),
+            "formats": FORMATS,
+            "headings": headings,
+            "in_brackets": in_brackets,
+        }
         | {"number_alone": number_alone, "hidden": HIDDEN}
         | names
     )
@@ -112,100 +117,108 @@ def headings(content: str) -> list[tuple[str, str]]:
 
 
 def render_page(
-    name: str,
-    template: str,
-    package: str,
-    data: Any,
-    made: Environment,
-    site: Site,
-    prefix: str = "",
-    figures: ModuleType | None = None,
+    name: str, template: str, figures: Any, data: Any, made: Environment, site: Site, prefix: str = ""
 ) -> None:
     """Add page `name` with its figures and tables to `site`.
 
-    package: where the modules `figures` and `tables` lie, whose functions the template names; prefix: begins the names
-    of their files. If `data` is Traceable, each table says what it is made of. Raise InputError or ValueError if the
-    page uses a number that is missing or not finite.
+    figures: the module with the functions that the template names; prefix: begins the names of figures' and tables'
+    files. If `data` is Traceable, each table says what it is made of. Raise InputError or ValueError if the page uses a
+    number that is missing or not finite.
     """
-    counts, page = {"figure": 0, "table": 0}, name
+    page = Page(name, data, made, site, prefix, figures if isinstance(figures, str) else figures.__package__)
+    calls = {"figure": page.figure, "table": page.table, "rows": page.rows, "table_number": page.table_number}
+    calls |= {"curves": page.curves, "bars": page.bars}
+    site.pages[name] = made.get_template(template).render(page=name, figures=figures, **calls)
 
-    def drawn_figure(
-        name: str, drawn: Figure, caption: str, alt: str, wide: bool = False, recording: str = ""
-    ) -> Markup:
-        """Add a figure; `recording`: `overview` or `worst`, the recording in git that shows the same."""
-        counts["figure"] += 1
-        file = prefix + name.replace("_", "-")
-        site.figures[file] = style.svg(drawn)
-        width, height = (round(96 * inches) for inches in drawn.get_size_inches())
-        text = {"file": file, "alt": alt, "number": counts["figure"], "caption": caption}
-        text |= {"width": width, "height": height, "wide": wide, "chart": "<script>" in site.figures[file]}
-        text |= {"command": {"overview": "make review", "worst": "make review WORST=1"}.get(recording, "")}
-        return Markup(made.get_template("figure.html.j2").render(text))
 
-    def by_name(function: Any, module: str) -> Any:
-        if callable(function):
-            return function
-        return getattr(importlib.import_module(f"{package}.{module}"), function)
+@dataclass
+class Page:
+    """What a template can call to number, draw and show its figures and tables."""
 
-    def figure(draw: Any, caller: Callable[[], str] = str, **options: Any) -> Markup:
-        """Draw a figure by a function of the data."""
-        draw = by_name(draw, "figures")
+    name: str
+    data: Any
+    made: Environment
+    site: Site
+    prefix: str
+    package: str = ""
+    figure_count: int = 0
+    table_count: int = 0
+
+    def figure(self, draw: Any, caller: Callable[[], str] = str, **options: Any) -> Markup:
+        """Show the figure that a function draws of the data."""
+        if isinstance(draw, str):
+            draw = getattr(importlib.import_module(f"{self.package}.figures"), draw)
         with matplotlib.rc_context(style.RC):
-            drawn = draw(data)
-        return drawn_figure(draw.__name__, drawn, caller(), **options)
+            drawn = draw(self.data)
+        return self._shown(draw.__name__, drawn, caller(), **options)
 
-    def chart(draw: Callable[..., Figure]) -> Callable[..., Markup]:
-        """Return the function of templates that draws a chart of a table of results by its columns."""
+    def curves(self, name: str, table: Any, caller: Callable[[], str] = str, **options: Any) -> Markup:
+        """Show lines of a table of results: see `charts.curves`."""
+        return self._chart(charts.curves, name, table, caller, **options)
 
-        def call(
-            name: str,
-            table: Any,
-            alt: str,
-            wide: bool = False,
-            recording: str = "",
-            caller: Callable[[], str] = str,
-            **options: Any,
-        ) -> Markup:
-            with matplotlib.rc_context(style.RC):
-                drawn = draw(data, table, **options)
-            return drawn_figure(name, drawn, caller(), alt, wide, recording)
+    def bars(self, name: str, table: Any, caller: Callable[[], str] = str, **options: Any) -> Markup:
+        """Show intervals of a table of results: see `charts.bars`."""
+        return self._chart(charts.bars, name, table, caller, **options)
 
-        return call
+    def table(self, make: Any, caller: Callable[[], str] = str) -> Markup:
+        """Show the table that a function makes of the data."""
+        if isinstance(make, str):
+            make = getattr(importlib.import_module(f"{self.package}.tables"), make)
+        return self._table(make.__name__, lambda: make(self.data), caller)
 
-    def table(make: Any, caller: Callable[[], str] = str) -> Markup:
-        """Show a table by a function of the data."""
-        make = by_name(make, "tables")
-        return shown_table(make.__name__, make, caller)
+    def rows(self, name: str, table: Any, caller: Callable[[], str] = str, **options: Any) -> Markup:
+        """Show rows of a table of results: see `tables.rows_of`."""
+        return self._table(name, lambda: rows_of(self.data, table, **options), caller)
 
-    def rows(name: str, of: Any, caller: Callable[[], str] = str, **options: Any) -> Markup:
-        """Show rows of a table of results: see `rows_of`."""
-        return shown_table(name, lambda data: rows_of(data, of, **options), caller)
-
-    def shown_table(name: str, make: Callable[[Any], Table], caller: Callable[[], str]) -> Markup:
-        reads = data.reads if isinstance(data, Traceable) else []
-        reads.clear()
-        shown = make(data)
-        counts["table"] += 1
-        file = prefix + name.replace("_", "-")
-        site.tables[file] = shown.frame
-        text = {"file": file, "table": shown, "rows": _rows(shown.frame)}
-        text |= {"number": counts["table"], "caption": caller(), "origins": ()}
-        if isinstance(data, Traceable):
-            read = sorted(set(reads))
-            site.read.setdefault(page, {})[file] = read
-            site.sources.update({table: data.sources[table] for table in read if table in data.sources})
-            origins = dict.fromkeys(str(site.sources.get(table, table)) for table in read)
-            text |= {"origins": origins, "seeds": seeds_in_words(data.seeds)}
-        return Markup(made.get_template("table.html.j2").render(text))
-
-    def table_number() -> str:
+    def table_number(self) -> str:
         """Return the number of a table whose markup is in the template."""
-        counts["table"] += 1
-        return f"Table {counts['table']}."
+        self.table_count += 1
+        return f"Table {self.table_count}."
 
-    numbered = {"figure": figure, "table": table, "rows": rows, "table_number": table_number}
-    numbered |= {"curves": chart(charts.curves), "bars": chart(charts.bars)}
-    site.pages[name] = made.get_template(template).render(page=name, figures=figures, **numbered)
+    def _chart(
+        self,
+        draw: Callable[..., Figure],
+        name: str,
+        table: Any,
+        caller: Callable[[], str],
+        alt: str,
+        wide: bool = False,
+        recording: str = "",
+        **options: Any,
+    ) -> Markup:
+        with matplotlib.rc_context(style.RC):
+            drawn = draw(self.data, table, **options)
+        return self._shown(name, drawn, caller(), alt, wide, recording)
+
+    def _shown(
+        self, name: str, drawn: Figure, caption: str, alt: str, wide: bool = False, recording: str = ""
+    ) -> Markup:
+        """Return a figure's markup; `recording`: `overview` or `worst`, the recording in git that shows the same."""
+        self.figure_count += 1
+        file = self.prefix + name.replace("_", "-")
+        self.site.figures[file] = style.svg(drawn)
+        width, height = (round(96 * inches) for inches in drawn.get_size_inches())
+        text = {"file": file, "alt": alt, "number": self.figure_count, "caption": caption}
+        text |= {"width": width, "height": height, "wide": wide, "chart": "<script>" in self.site.figures[file]}
+        text |= {"command": {"overview": "make review", "worst": "make review WORST=1"}.get(recording, "")}
+        return Markup(self.made.get_template("figure.html.j2").render(text))
+
+    def _table(self, name: str, make: Callable[[], Table], caller: Callable[[], str]) -> Markup:
+        traced = isinstance(self.data, Traceable)
+        reads = self.data.reads if traced else []
+        reads.clear()
+        shown = make()
+        self.table_count += 1
+        file, read = self.prefix + name.replace("_", "-"), sorted(set(reads))
+        self.site.tables[file] = shown.frame
+        text = {"file": file, "table": shown, "rows": _rows(shown.frame), "number": self.table_count}
+        text |= {"caption": caller(), "origins": ()}
+        if traced:
+            self.site.read.setdefault(self.name, {})[file] = read
+            self.site.sources.update({table: self.data.sources[table] for table in read if table in self.data.sources})
+            origins = dict.fromkeys(str(self.site.sources.get(table, table)) for table in read)
+            text |= {"origins": origins, "seeds": seeds_in_words(self.data.seeds)}
+        return Markup(self.made.get_template("table.html.j2").render(text))
 
 
 def _rows(frame: pd.DataFrame) -> list[dict[str, Any]]:

@@ -12,9 +12,9 @@ import pandas as pd
 from pipeline.artifacts.files import read_json, read_table
 from pipeline.causal.bold_table import PAPER, TRUTH, never_bold
 from pipeline.report.bold import as_markdown
-from pipeline.report.page import FORMATS
 from pipeline.report.results import PAPER_ACCURACY, RANDOM_ROUTES
 from pipeline.report.style import COLOURS, label
+from pipeline.report.tables import FORMATS
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.places import ROOT
 
@@ -35,7 +35,7 @@ def contents(repository: Path) -> dict[str, str]:
     return {
         "headlines": headlines(metrics, read_table(tables / "causes-verdicts.csv")),
         "curve": curve(read_table(tables / "curve.csv")),
-        "bold": f"{as_markdown(bold, BOLD_SOURCES)}\n\n{blind}",
+        "bold": f"{as_markdown(bold[bold['source'].isin(BOLD_SOURCES)])}\n\n{blind}",
     }
 
 

@@ -5,12 +5,12 @@ from typing import Any
 
 import pandas as pd
 
-from pipeline.report.claims import claims_table, verdicts
-from pipeline.report.page import FORMATS, Site, Table, checked, environment, render_page
-from pipeline.report.pages.index.widget import widget
+from pipeline.report import bold, claims
+from pipeline.report.page import Site, environment, render_page
+from pipeline.report.pages import accuracy, causes, history, index, limits, method, repair, users
 from pipeline.report.results import PAPER_ACCURACY, PAPER_TABLE_1, SOURCES, Results
+from pipeline.report.tables import lookup
 
-__all__ = ["FORMATS", "PAGES", "Site", "Table", "render"]
 PAGES = {
     "index": "Overview",
     "claims": "Claims",
@@ -23,6 +23,9 @@ PAGES = {
     "method": "Method",
     "history": "History",
 }
+FIGURES = dict(
+    zip(PAGES, (index, claims, accuracy, repair, causes, limits, users, limits, method, history), strict=True)
+)
 
 
 def render(results: Results, pages: Collection[str] = tuple(PAGES)) -> Site:
@@ -30,18 +33,16 @@ def render(results: Results, pages: Collection[str] = tuple(PAGES)) -> Site:
 
     Raise InputError if a template uses a number that is missing or not finite.
     """
-    results.check()
-    claims = claims_table(results)
-    tables = {"claims": claims} | {name: results.tables[name] for name in SOURCES}
-    site = Site(tables=tables, claims=verdicts(claims))
-    made = environment([], **_names(results, claims))
+    judged = claims.claims_table(results)
+    tables = {"claims": judged} | {name: results.tables[name] for name in SOURCES}
+    site = Site(tables=tables, claims=claims.verdicts(judged))
+    made = environment([], **_names(results, judged))
     for name in pages:
-        template, package = f"pages/{name}/page.html.j2", f"pipeline.report.pages.{name}"
-        render_page(name, template, package, results, made, site, prefix=f"{name}-")
+        render_page(name, f"pages/{name}.html.j2", FIGURES[name], results, made, site, prefix=f"{name}-")
     return site
 
 
-def _names(results: Results, claims: pd.DataFrame) -> dict[str, Any]:
+def _names(results: Results, judged: pd.DataFrame) -> dict[str, Any]:
     """Return what the paper's templates may name."""
     return {
         "home": "",
@@ -55,17 +56,12 @@ def _names(results: Results, claims: pd.DataFrame) -> dict[str, Any]:
         "judged": results.judged_users,
         "n": results.main_n_demos,
         "facts": results.facts,
-        "claim": lambda name, measure, column: _claim(claims, name, measure, column),
-        "verdict": lambda name: verdicts(claims)[name],
-        "measures": lambda name: claims.loc[claims["claim"] == name, "measure"].tolist(),
+        "claim": lambda name, measure, column: lookup(judged, "claims", column, claim=name, measure=measure),
+        "verdict": lambda name: claims.verdicts(judged)[name],
+        "measures": lambda name: judged.loc[judged["claim"] == name, "measure"].tolist(),
         "paper_accuracy": PAPER_ACCURACY,
         "paper_repair": PAPER_TABLE_1,
         "pages": PAGES,
-        "widget": lambda: widget(results),
+        "bold": bold.SHOWN,
         "brief": False,
     }
-
-
-def _claim(claims: pd.DataFrame, name: str, measure: str, column: str) -> Any:
-    row = claims[(claims["claim"] == name) & (claims["measure"] == measure)]
-    return checked(row[column].iloc[0] if len(row) == 1 else None, f"claim {name}, {measure}, {column}")

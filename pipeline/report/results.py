@@ -11,7 +11,7 @@ import pandas as pd
 from pipeline.causal.bold_table import never_bold
 from pipeline.causal.interventions import asked, right_verdicts
 from pipeline.report.page import Source
-from pipeline.report.tables import check_finite, checked, lookup
+from pipeline.report.tables import checked, lookup, named
 from pipeline.world.catalogue import Catalogue
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import PAPER_P_VALID, Margins
@@ -26,30 +26,14 @@ SOURCES = (  # tables of whose numbers the pages' texts are made: written beside
     "accuracy", "calibration", "scores", "comparisons", "repair", "interventions", "bold", "curve", "p_valid",
     "convergence", "slices", "seeds",
 )  # fmt: skip
-FINITE = {  # columns whose values must all be finite, since figures draw them
-    "accuracy": ["mean"],
-    "comparisons": ["difference", "p_holm"],
-    "repair": ["success", "displacement_ratio"],
-    "interventions": ["effect", "ci_low", "ci_high", "truth"],
-    "bold": ["mean"],
-    "curve": ["mean", "q1", "q3"],
-    "p_valid": ["truth", "paper", "difference"],
-    "demos": ["z_x", "z_y"],
-    "judged": ["p", "z_x", "z_y"],
-    "slices": ["accuracy", "share"],
-}
 
 
-class _Noting(dict[str, pd.DataFrame]):
-    """Tables by name that note which of them are asked for."""
-
-    def __init__(self, tables: Mapping[str, pd.DataFrame], reads: list[str]):
-        super().__init__(tables)
-        self._reads = reads
-
-    def __getitem__(self, name: str) -> pd.DataFrame:
-        self._reads.append(name)
-        return super().__getitem__(name)
+def paper_accuracy(**key: str) -> pd.DataFrame:
+    """Return the paper's accuracy by demonstrations as rows of a table: variant, n_demos, mean, q1, q3, and `key`."""
+    rows = [
+        {"variant": "paper", "n_demos": n, "mean": m, "q1": q1, "q3": q3} for n, (m, q1, q3) in PAPER_ACCURACY.items()
+    ]
+    return pd.DataFrame(rows).assign(**key)
 
 
 @dataclass(frozen=True)
@@ -101,11 +85,12 @@ class Results:
     reads: list[str] = field(default_factory=list)  # tables that were asked for
 
     def __post_init__(self):
-        """Let the tables note in `reads` which of them are asked for."""
-        object.__setattr__(self, "tables", _Noting(self.tables, self.reads))
+        """Make names that csv reads as missing, such as the variant of a baseline, empty ones."""
+        object.__setattr__(self, "tables", {name: named(table) for name, table in self.tables.items()})
 
     def table(self, name: str) -> pd.DataFrame:
-        """Return a table by its name."""
+        """Return a table by its name, and note in `reads` that it was asked for."""
+        self.reads.append(name)
         return self.tables[name]
 
     def source(self, name: str) -> str:
@@ -117,7 +102,7 @@ class Results:
 
         Raise InputError if no row or several match, or if the number is missing or not finite.
         """
-        return lookup(self.tables[table], table, column, **where)
+        return lookup(self.table(table), table, column, **where)
 
     def accuracy(self, variant: str, split: str, column: str = "mean", n: int | None = None) -> float:
         """Return one number of accuracy.csv, at main_n_demos unless `n` is given."""
@@ -133,20 +118,20 @@ class Results:
     @property
     def readings(self) -> list[str]:
         """Return the readings of the paper, the main run's random routes last."""
-        names = self.tables["curve"]["reading"].unique().tolist()
+        names = self.table("curve")["reading"].unique().tolist()
         return sorted(names, key=lambda name: name == RANDOM_ROUTES)
 
     @property
     def curve_ends(self) -> tuple[int, int]:
         """Return the least and the largest number of demonstrations that every reading has."""
-        table = self.tables["curve"]
+        table = self.table("curve")
         shared = set.intersection(*(set(rows["n_demos"]) for _, rows in table.groupby("reading")))
         return min(shared), max(shared)
 
     def reading_as_in_the_paper(self, variant: str) -> str | None:
         """Return the first reading in which a variant's means lie within the paper's quartiles at both ends, if any."""
         for reading in self.readings:
-            rows = self.tables["curve"].query("reading == @reading and variant == @variant")
+            rows = self.table("curve").query("reading == @reading and variant == @variant")
             rows = rows.query("split == 'held_out' and users == 'paper'").set_index("n_demos")["mean"]
             if all(n in rows and low <= rows[n] <= high for n, (_, low, high) in PAPER_ACCURACY.items()):
                 return reading
@@ -156,36 +141,24 @@ class Results:
         """Return one number of repair/summary.csv; baselines have the variant \"\"."""
         return self.value("repair", column, method=method, variant=variant, user=user)
 
-    def sliced(
-        self,
-        variant: str,
-        column: str,
-        slice: str = "all",
-        value: str = "all",
-        split: str = "new_items",
-        **missing: Any,
-    ) -> Any:
-        """Return one number of a slice of the judged paths; `missing`, where it is given, if no path is in it."""
-        where = {"variant": variant, "split": split, "slice": slice, "value": value}
-        table = self.tables["slices"]
-        if "missing" in missing and not (table[list(where)] == pd.Series(where)).all(axis=1).any():
-            return missing["missing"]
-        return self.value("slices", column, **where)
+    def sliced(self, variant: str, column: str) -> Any:
+        """Return one number over all judged paths in new scenes with unseen items."""
+        return self.value("slices", column, variant=variant, split="new_items", slice="all", value="all")
 
     @property
     def paths_judged(self) -> int:
         """Return the number of test paths in new scenes with unseen items."""
-        return len(self.tables["judged"].query("split == 'new_items'").drop_duplicates(["scene", "query"]))
+        return len(self.table("judged").query("split == 'new_items'").drop_duplicates(["scene", "query"]))
 
     def unsure(self, variant: str) -> dict[str, float] | None:
         """Return the mean stated P(valid), the share valid and the number of the unseen-item paths given .3 to .8."""
-        rows = self.tables["judged"]
+        rows = self.table("judged")
         rows = rows[(rows["variant"] == variant) & (rows["split"] == "new_items") & rows["p"].between(*UNSURE)]
         return {"stated": rows["p"].mean(), "valid": rows["valid"].mean(), "count": len(rows)} if len(rows) else None
 
     def asked(self, kind: str, variant: str) -> pd.DataFrame:
         """Return a variant's rows for one kind of question; of "add", those for users with invalid paths."""
-        rows = asked(self.tables["interventions"], kind, self.judged_users)
+        rows = asked(self.table("interventions"), kind, self.judged_users)
         return rows[rows["variant"] == variant]
 
     def questions(self, kind: str = "add") -> int:
@@ -194,7 +167,7 @@ class Results:
 
     def verdicts_right(self, variant: str, kind: str = "add") -> int:
         """Return the number of a variant's right verdicts on these questions."""
-        return right_verdicts(self.tables["interventions"], kind, self.judged_users).get(variant, 0)
+        return right_verdicts(self.table("interventions"), kind, self.judged_users).get(variant, 0)
 
     def image_blind_right(self, kind: str = "add") -> int:
         """Return the number of right verdicts of an image-blind model: items have no effect, users differ."""
@@ -204,7 +177,7 @@ class Results:
     @property
     def never_bold(self) -> str:
         """Return how many cells of Table 2 are as in the paper if none is bold, such as "7 of 12"."""
-        return never_bold(self.tables["bold"])
+        return never_bold(self.table("bold"))
 
     def patterned_accuracy(self, variant: str) -> float:
         """Return the share of control points that the first seed's models judge rightly, on the patterned top."""
@@ -213,34 +186,28 @@ class Results:
 
     @property
     def largest_difference(self) -> float | None:
-        """Return the largest difference between a true share of valid paths and the paper's Table 2.
+        """Return how far a true share of valid paths is from the paper's Table 2 at most; None if it has none."""
+        table = self.table("p_valid")
+        known = table[table["user"].isin(PAPER_TABLE_2.index) & table["added"].isin(PAPER_TABLE_2.columns)]
+        return None if known.empty else checked(known["difference"].abs().max(skipna=False), "p_valid, difference")
 
-        None if that table has none of these users.
-        """
-        known = self._in_the_paper()
-        if known.empty:
-            return None
-        return checked(known["difference"].abs().max(skipna=False), "p_valid, largest difference")
+    @property
+    def compared(self) -> list[str]:
+        """Return the variants whose calibration is drawn."""
+        return [v for v in self.variants if v in ("full", "irl_ranked", "clearance")] or self.variants
 
-    def _in_the_paper(self) -> pd.DataFrame:
-        """Return the rows of p_valid for the paper's users and symbols: it has no numbers for added ones."""
-        table = self.tables["p_valid"]
-        return table[table["user"].isin(PAPER_TABLE_2.index) & table["added"].isin(PAPER_TABLE_2.columns)]
+    @property
+    def pictured(self) -> list[str]:
+        """Return the paper's model and the clearance model, as far as they were fitted; else the first variant."""
+        return [v for v in ("full", "clearance") if v in self.variants] or self.variants[:1]
 
-    @cached_property
-    def added_symbols(self) -> list[str]:
-        """Return the symbols that a question adds, in the order of the questions."""
-        rows = self.tables["interventions"]
-        return rows.loc[rows["kind"] == "add", "symbol"].unique().tolist()
+    @property
+    def pair(self) -> tuple[str, str]:
+        """Return the first and the last of the users with invalid paths: one and the same if there is one."""
+        return self.judged_users[0], self.judged_users[-1]
 
     @cached_property
     def repaired_users(self) -> list[str]:
         """Return the users with an invalid path to repair."""
-        repaired = set(self.tables["repair"]["user"])
+        repaired = set(self.table("repair")["user"])
         return [user for user in self.judged_users if user in repaired]
-
-    def check(self) -> None:
-        """Raise InputError for the first number behind the figures that is missing or not finite."""
-        for name, columns in FINITE.items():
-            frame = self._in_the_paper() if name == "p_valid" else self.tables[name]
-            check_finite(frame, name, columns)

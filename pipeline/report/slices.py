@@ -15,7 +15,7 @@ NOTHING = "nothing to avoid"  # slice of paths in scenes without an item that th
 SLICES = {"user": "user", "nearest": "kind of item nearest", "items": "items on the table", "table_top": "table top",
           "distance": "distance to the boundary"}  # fmt: skip
 
-OVERLAP = ("source", "both", "first", "second", "neither", "overlap_found", "q1", "q3")
+OVERLAP = ("source", "both", "first", "second", "neither", "overlap_found", "overlap_found_q1", "overlap_found_q3")
 
 
 def describe(layouts: Layouts, z_theta: Array, margins: Margins, table_tops: Sequence[str]) -> pd.DataFrame:
@@ -77,7 +77,7 @@ def overlap(judged: pd.DataFrame, users: Sequence[str], split: str) -> pd.DataFr
     """Return which paths are valid to both, to one or to neither of two users: the truth first, then each variant.
 
     Shares of paths; overlap_found: the intersection over union of the paths valid to both with the true ones, with
-    its quartiles q1 and q3 over seeds (NaN for the truth and an image-blind baseline).
+    its quartiles over seeds (NaN for the truth and an image-blind baseline).
     """
     keys, rows = ["variant", "seed", "scene", "query"], []
     part = judged[judged["split"] == split]
@@ -93,6 +93,6 @@ def overlap(judged: pd.DataFrame, users: Sequence[str], split: str) -> pd.DataFr
         row |= {"neither": (~a & ~b).mean(), "overlap_found": hits.sum() / max(union.sum(), 1)}
         by_seed = hits.groupby("seed").sum() / union.groupby("seed").sum().clip(lower=1)
         if name not in ("truth", "position_only"):
-            row |= {"q1": by_seed.quantile(0.25), "q3": by_seed.quantile(0.75)}
+            row |= {f"overlap_found_{end}": by_seed.quantile(q) for end, q in (("q1", 0.25), ("q3", 0.75))}
         rows.append(row)
     return pd.DataFrame(rows).reindex(columns=[*OVERLAP])

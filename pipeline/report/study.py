@@ -10,7 +10,7 @@ import pandas as pd
 
 from pipeline.artifacts.files import read_arrays, read_table
 from pipeline.report.page import Source
-from pipeline.report.tables import check_finite, checked, lookup
+from pipeline.report.tables import check_finite, checked, lookup, named
 from pipeline.runtime.errors import InputError
 from pipeline.world.rules import Margins
 
@@ -44,9 +44,7 @@ class Study:
         Empty names, such as the variant of a baseline, are \"\".
         """
         self.reads.append(file)
-        frame = read_table(self.folder / file)
-        names = frame.select_dtypes(["object", "string"]).columns
-        frame = frame.assign(**{name: frame[name].fillna("") for name in names})
+        frame = named(read_table(self.folder / file))
         check_finite(frame, f"{self.name}/{file}", finite)
         return frame
 

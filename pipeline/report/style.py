@@ -28,8 +28,9 @@ COLOURS = {  # hues of Okabe and Ito; the paper's model and its ablations share 
     "truth": INK,
 }
 MARKERS = {"full": "o", "ae": "s", "classifier": "^", "irl_maxent": "v", "irl_ranked": "D", "clearance": "P"}
+MARKERS |= {"paper": "*"}
 LINES = {"position_only": ":", "blind": ":", "ideal": "--"}  # of those that are no models: grey but for `ideal`
-LINES |= dict.fromkeys(("nearest_demonstration", "constant_detour", "random_path"), "--")
+LINES |= dict.fromkeys(("nearest_demonstration", "constant_detour", "random_path"), "--") | {"paper": ""}
 RC: dict[Any, Any] = {
     "svg.hashsalt": "causal-specifications",
     "svg.fonttype": "path",
@@ -58,12 +59,12 @@ def marker(name: str) -> str:
 def looks(names: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Return colour, marker and line of each series; names that are no variants take the hues and markers in turn."""
     known = [name for name in names if name in COLOURS or name in LINES or not name]
-    spare = [name for name in MARKERS if name not in known] * len(names)
+    spare = [name for name in list(COLOURS)[:6] if name not in known] * len(names)
     stands_for = {name: name for name in known}
     stands_for |= dict(zip((name for name in names if name not in known), spare, strict=False))
     return {
         name: {
-            "color": colour(as_if) if name else INK,
+            "color": colour(as_if) if name not in ("", "paper") else INK,
             "marker": MARKERS.get(as_if, "" if name else "o"),
             "linestyle": LINES.get(as_if, "-"),
         }

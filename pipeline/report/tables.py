@@ -4,7 +4,7 @@ import json
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -16,18 +16,6 @@ SIGNIFICANT = 0.05  # a corrected p below it makes a cell bold
 ENDS = (("q1", "q3"), ("low", "high"))  # parts of a cell that are shown in brackets: quartiles, an interval
 HIDDEN = tuple(f", {part}" for part in ("q1", "q3", "low", "high", "bold", "beyond"))  # of columns about another one
 Words = Callable[[Any], Any] | Mapping[Any, Any]
-
-
-class Data(Protocol):
-    """Results that tables and figures are made from."""
-
-    def table(self, name: str) -> pd.DataFrame:
-        """Return a table of results by its name: the one of the paper's results, or a study's file."""
-        ...
-
-    def source(self, name: str) -> str:
-        """Return how a number of that table names it as its source."""
-        ...
 
 
 class Traced(float):
@@ -64,6 +52,12 @@ def lookup(frame: pd.DataFrame, table: str, column: str, **where: Any) -> Any:
         raise InputError(f"table {table} has {len(frame)} rows with {where}, expected 1; run its stage again")
     value = checked(frame[column].iloc[0], f"table {table}, column {column}, {where}")
     return Traced(value, table, column, where) if isinstance(value, float) else value
+
+
+def named(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table in which missing names, such as the variant of a baseline, are empty ones."""
+    names = table.select_dtypes(["object", "string"]).columns
+    return table.assign(**{name: table[name].fillna("") for name in names})
 
 
 def check_finite(frame: pd.DataFrame, table: str, columns: Collection[str]) -> None:
@@ -134,10 +128,11 @@ class Table:
     formats: dict[str, str] = field(default_factory=dict)
 
 
-def chosen(data: Data, table: str | Callable[[Any], pd.DataFrame], where: Mapping[str, Any] | None) -> pd.DataFrame:
+def chosen(data: Any, table: str | Callable[[Any], pd.DataFrame], where: Mapping[str, Any] | None) -> pd.DataFrame:
     """Return the rows of a table of results that `where` selects; a list selects any of its values, in its order.
 
-    table: its name, or a function that makes it from the results. Raise InputError if there is no such row.
+    data: results with `table(name)`, and `source(name)`, the table's name in a number's source. table: its name, or a
+    function that makes it from the results. Raise InputError if there is no such row.
     """
     frame = table(data) if callable(table) else data.table(table)
     for column, wanted in reversed(list((where or {}).items())):
@@ -158,7 +153,7 @@ def beside(frame: pd.DataFrame, column: str, part: str, first: bool = True) -> s
 
 
 def rows_of(
-    data: Data,
+    data: Any,
     table: str | Callable[[Any], pd.DataFrame],
     columns: Mapping[str, str],
     where: Mapping[str, Any] | None = None,
@@ -190,22 +185,28 @@ def rows_of(
     for name in fractions:
         if columns[name] not in gaps:
             check_finite(frame, source, [name])
-    ends = {"q1": "q1", "q3": "q3"} if quartiles else dict(zip(("low", "high"), interval, strict=False))
-    marks = {part: name for part, name in (ends | {"bold": bold, "beyond": beyond}).items() if name}
+    parts = {"q1": "q1", "q3": "q3"} if quartiles else dict(zip(("low", "high"), interval, strict=False))
+    parts |= {part: name for part, name in (("bold", bold), ("beyond", beyond)) if name}
+    marks = {
+        (name, part): own
+        for part, mark in parts.items()
+        for name in fractions
+        if (own := beside(frame, name, mark, name == fractions[0]))
+    }
+    if absent := parts.keys() - {part for _, part in marks}:
+        raise KeyError(f"table {source} has no column for {sorted(absent)}")
     fixed = {name: value for name, value in (where or {}).items() if isinstance(value, str | int | float)}
     keys = [name for name in columns if name not in fractions]
     lines = []
     for row in frame.to_dict("records"):
-        at = fixed | {name: row[name] for name in [*keys, *([across] if across else [])] if name in frame}
-        line = {}
+        line, at = {}, fixed | {name: row[name] for name in [*keys, across] if name}
         for name, title in columns.items():
-            line[title] = row[name] if name in fractions else in_words(row[name], words.get(name))
+            line[title] = in_words(row[name], words.get(name)) if name in keys else row[name]
             if name in fractions and pd.notna(row[name]):
                 line[title] = Traced(row[name], source, name, at)
-            for part, mark in marks.items():
-                if name in fractions and (own := beside(frame, name, mark, name == fractions[0])):
-                    is_p = part == "bold" and isinstance(row[own], float)
-                    line[f"{title}, {part}"] = row[own] < SIGNIFICANT if is_p else row[own]
+            for part in (part for part in parts if (name, part) in marks):
+                mark = row[marks[name, part]]
+                line[f"{title}, {part}"] = mark < SIGNIFICANT if part == "bold" and isinstance(mark, float) else mark
         lines.append(line)
     if across:
         heads = [str(in_words(value, words.get(across))) for value in frame[across]]
@@ -229,7 +230,8 @@ def _across(lines: list[dict[str, Any]], heads: list[str], keys: list[str]) -> p
         row = rows.setdefault(tuple(line[name] for name in keys), {name: line[name] for name in keys})
         row |= {_joined(head, name): line[name] for name in others}
     order = [*keys, *(_joined(head, name) for head in dict.fromkeys(heads) for name in others)]
-    return with_gaps([{name: row.get(name) for name in order} for row in rows.values()])
+    made = with_gaps([{name: row.get(name) for name in order} for row in rows.values()])
+    return made.drop(columns=[name for name in order if name.endswith(HIDDEN) and made[name].isna().all()])
 
 
 def _joined(head: str, title: str) -> str:

@@ -68,8 +68,9 @@ def render(study: Study, folder: Path) -> Site:
     }
     names |= {"question": study.settings["question"], "variants": study.variants, "n": study.main_n_demos}
     made, site = environment([folder], pages={"index": "Overview"}, **names), Site()
-    figures = importlib.import_module(f"studies.{study.name}.figures") if (folder / "figures.py").is_file() else None
-    render_page("study", "page.html.j2", f"studies.{study.name}", study, made, site, figures=figures)
+    package = f"studies.{study.name}"
+    figures = importlib.import_module(f"{package}.figures") if (folder / "figures.py").is_file() else package
+    render_page("study", "page.html.j2", figures, study, made, site)
     return replace(site, pages={"index": site.pages["study"]}, read={"index": site.read.get("study", {})})
 
 

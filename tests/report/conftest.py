@@ -2,7 +2,8 @@
 
 import pytest
 
-from pipeline.report.render import Site, render
+from pipeline.report.page import Site
+from pipeline.report.render import render
 from tests.report import factory
 
 

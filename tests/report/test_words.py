@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.report.render import PAGES, Site
+from pipeline.report.page import Site
+from pipeline.report.render import PAGES
 
 ROOT = Path(__file__).parents[2]
 TEMPLATES = sorted([*(ROOT / "pipeline/report").rglob("*.j2"), *(ROOT / "studies").glob("*/*.j2")])
