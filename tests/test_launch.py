@@ -112,8 +112,8 @@ def test_what_a_stage_reads_is_taken_whether_by_itself_or_composed(run, override
 def test_variants_fitted_by_one_stage_lie_side_by_side_and_a_study_beside_the_others(run, tmp_path: Path):
     folders = []
     run(lambda cfg, out_dir: folders.append(out_dir), "train", f"hydra.run.dir={tmp_path}", "variant=ae")
-    run(lambda cfg, out_dir: folders.append(out_dir), "robustness", *PARAMS, f"paths.studies={tmp_path}")
-    assert folders == [tmp_path / "ae", tmp_path / "robustness"]
+    run(lambda cfg, out_dir: folders.append(out_dir), "shift", *PARAMS, f"paths.studies={tmp_path}")
+    assert folders == [tmp_path / "ae", tmp_path / "shift"]
 
 
 def test_one_seed_alone_is_for_sweeps_since_dvc_would_lose_the_others(run, tmp_path: Path):

@@ -1,28 +1,67 @@
-"""Stage refutation: ask models questions with a known true answer, and judge the answers as stage intervene does."""
+"""Stage refutation: ask models questions with a known true answer, and fit them where association misleads.
 
+Refuters (pipeline.causal.refuters) change images, labels or scenes so that the true answer is known. In the confounded
+world glasses stand next to plates, so that plates are associated with invalid paths without any effect.
+"""
+
+from dataclasses import replace
+from functools import partial
+from itertools import product
 from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray as Array
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
+from pydantic import AfterValidator, Field
+from scipy.stats import t as student
 
 from pipeline.artifacts.demos import demo_arrays, read_demos
 from pipeline.artifacts.files import read_arrays, write_arrays, write_table
-from pipeline.artifacts.scenes import AddedItems, SceneSet, read_interventions, read_scenes, train_pool
+from pipeline.artifacts.scenes import SceneSet, read_interventions, read_scenes, train_pool
 from pipeline.causal import refuters
-from pipeline.causal.added_items import added_item_effects, questions
+from pipeline.causal.added_items import added_item_effects, questions, verdicts
 from pipeline.causal.interventions import estimate_effects
 from pipeline.launch import launch
 from pipeline.models.trained import check_weights, predict_all
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.parallel import map_jobs
+from pipeline.runtime.settings import (
+    Chance,
+    Count,
+    Group,
+    Length,
+    Pair,
+    Several,
+    Share,
+    StudyGroup,
+    Whole,
+    expected,
+    need,
+    rising,
+    widest_margin,
+)
 from pipeline.runtime.streams import stream
+from pipeline.stats.tests import LEVEL
 from pipeline.training.refit import TrainingSet, refit_and_predict
+from pipeline.world.bezier import P_F, P_INIT, random_z_theta
 from pipeline.world.catalogue import read_catalogue
-from pipeline.world.layout import SYMBOLS
-from pipeline.world.render import Palette, render_scenes
-from pipeline.world.rules import clearance
+from pipeline.world.layout import (
+    SIDE,
+    SYMBOLS,
+    Items,
+    LayoutRules,
+    Layouts,
+    add_item,
+    concatenated,
+    empty,
+    point_segment_distance,
+    segment_distance,
+)
+from pipeline.world.render import Palette, read_palette, render_scenes
+from pipeline.world.rules import clearance, valid
 from pipeline.world.source import ImageSource
 
 Images = UInt8[Array, "version scene 100 100 3"]  # version 0 is the original scene, 1 + k has symbol k added
@@ -30,19 +69,93 @@ Effects = Float[Array, "question seed scene"]
 NEGLIGIBLE = "negligible"  # expected verdict of every refuter except data_subset
 COLUMNS = ["refuter", "setting", "variant", "user", "symbol", "effect", "ci_low", "ci_high", "p_holm", "verdict",
            "expected", "passed", "agreement", "item_effect", "note"]  # fmt: skip
+ORDINARY, CONTROL, CONFOUNDED = (
+    "ordinary",
+    "control",
+    "confounded",
+)  # worlds: that of stage scenes, and without and with
+GLASS, PLATE = SYMBOLS.index("glass"), SYMBOLS.index("plate")  # a common cause of plates and glasses
+OTHERS = [symbol for symbol in range(len(SYMBOLS)) if symbol not in (GLASS, PLATE)]
+GAP_TOLERANCE_M = 1e-6  # accepted error of a gap between plate and glass
+SHOWN = 5  # training scenes of each world whose images are kept
+
+
+class World(Group):
+    """Plates and glasses of the confounded world, and of its control."""
+
+    root_seed: Whole
+    scenes: Several
+    p_common_cause: Chance
+    gap_m: Pair
+    present: Share
+    glasses: Count
+    near_m: Length
+
+
+class Settings(StudyGroup):
+    """conf/studies/refutation.yaml."""
+
+    root_seed: Whole
+    scenes: Annotated[int, Field(ge=4), expected("a whole number from 4: data_subset halves the scenes")]
+    pieces: Annotated[list[Count], AfterValidator(rising), expected("whole numbers above 0, the smallest first")]
+    far_m: Length
+    textures: str
+    halves: Several
+    world: World
+
+
+def agree(study: Settings, parameters: Any) -> None:
+    """Require pieces that tile an image, `far_m` beyond every margin, and room for plates and glasses."""
+    name, layout, world = "studies.refutation", parameters.scenes.layout, study.world
+    tiles = all(SIDE % piece == 0 for piece in study.pieces)
+    need(tiles, f"{name}.pieces", study.pieces, f"numbers that divide {SIDE}, an image's side [px]")
+    widest = widest_margin(parameters.users) or 0.0
+    need(study.far_m > widest, f"{name}.far_m", study.far_m, f"more than the widest margin in users, {widest} m")
+    lengths = f"two lengths from scenes.layout.clear_of_items = {layout.clear_of_items} on, the smaller first [m]"
+    need(layout.clear_of_items <= world.gap_m[0] <= world.gap_m[1], f"{name}.world.gap_m", world.gap_m, lengths)
+    room = layout.slots - max(layout.items_per_scene) + 1
+    few = f"a whole number from 1 to {room} (layout.slots)"
+    need(world.glasses <= room, f"{name}.world.glasses", world.glasses, few)
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """Write effects.parquet, summary.csv, and examples.npz: each placebo patch in the first scene, by symbol."""
+    """Ask fitted models what refuters ask, then models that are fitted in the confounded world."""
     check_weights(cfg)
-    study, users, seeds = cfg.studies.refutation, list(cfg.evaluate.users), list(cfg.protocol.seeds)
-    pool, first = cfg.protocol.splits[cfg.intervene.split], slice(study.scenes)
-    scenes = read_scenes(Path(cfg.paths.scenes))
-    scenes.check_has(pool, *map(train_pool, seeds))
+    scenes, pool = read_scenes(Path(cfg.paths.scenes)), cfg.protocol.splits[cfg.intervene.split]
+    scenes.check_has(pool, *map(train_pool, cfg.protocol.seeds))
     added = read_interventions(Path(cfg.paths.intervene), scenes.layouts[pool])
-    z_theta = read_arrays(Path(cfg.paths.intervene) / "images.npz")["z_theta"][first]
-    images = np.concatenate([scenes.images[pool][None, first], added.images[:, first]])  # (version, scene, ...)
-    far = np.stack([clearance(item[first], z_theta)[..., 0] > study.far_m for item in added.placed])
+    z_theta = read_arrays(Path(cfg.paths.intervene) / "images.npz")["z_theta"]
+    layouts = [scenes.layouts[pool], *added.layouts]  # by version: original, each symbol added
+    images = np.concatenate([scenes.images[pool][None], added.images])  # (version, scene, ...)
+    demos, ordinary = read_demos(Path(cfg.paths.demos)), []
+    for user, seed in product(cfg.evaluate.users, cfg.protocol.seeds):
+        paths, labels = demo_arrays(demos, seed, user, cfg.main_n_demos)
+        ordinary.append(TrainingSet(user, seed, scenes.images[train_pool(seed)], paths, labels))
+
+    first = slice(cfg.studies.refutation.scenes)
+    placed = [x[first] for x in added.placed]
+    ask_refuters(cfg, [x[first] for x in layouts], placed, images[:, first], z_theta[first], ordinary, out_dir)
+    first = slice(cfg.studies.refutation.world.scenes)
+    ask_in_confounded_world(
+        cfg, scenes, [x[first] for x in layouts], images[:, first], z_theta[first], ordinary, out_dir
+    )
+
+
+# Refuters
+
+
+def ask_refuters(
+    cfg: DictConfig,
+    layouts: list[Layouts],
+    placed: list[Layouts],
+    images: Images,
+    z_theta: Float[Array, "scene path 2"],
+    ordinary: list[TrainingSet],
+    out_dir: Path,
+) -> None:
+    """Write summary.csv, passed.parquet, and examples.npz: each placebo patch in the first scene, by symbol."""
+    study, users, seeds = cfg.studies.refutation, list(cfg.evaluate.users), list(cfg.protocol.seeds)
+    far = np.stack([clearance(item, z_theta)[..., 0] > study.far_m for item in placed])  # (symbol, scene, path)
     far_scenes = far.any(-1).all(0)  # (scene,)
     if far_scenes.sum() < 2:
         raise InputError(
@@ -51,41 +164,46 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         )
 
     # Each set of images is predicted once; a refuter compares versions of one or two sets.
-    patches = {piece: placebo_images(cfg, images, piece) for piece in study.pieces}
-    elsewhere = render_elsewhere(cfg, scenes, pool, added)
+    patches = {f"piece={piece}": placebo_images(cfg, images, piece) for piece in study.pieces}
+    elsewhere = {f"texture={name}": x for name, x in render_elsewhere(cfg, layouts).items()}
     image_sets = np.stack([images, *patches.values(), *elsewhere.values()])  # (set, version, scene, ...)
     flat_images = image_sets.reshape(-1, *images.shape[2:])
     repeated = np.tile(z_theta, (len(flat_images) // len(z_theta), 1, 1))
     p_by_variant = predict_all(cfg, users, flat_images, repeated, "refutation")
-    dummy_effects = refit_on_permuted_labels(cfg, scenes, users, images, z_theta)
 
-    summary, rows = [], []
+    permuted = []
+    for t in ordinary:
+        labels = stream(study.root_seed, "permuted", t.user, t.seed).permutation(t.valid.ravel())
+        permuted.append(replace(t, valid=labels.reshape(t.valid.shape)))
+    compared = [name for name, variant in cfg.variants.items() if variant.compared]
+    p_permuted = fit_and_predict(cfg, dict.fromkeys(compared, permuted), images, z_theta, "permuted labels")
+
+    summary = []
     for variant, p in p_by_variant.items():
         p = p.reshape(len(users), len(seeds), *image_sets.shape[:3], -1)  # (user, seed, set, version, scene, path)
         item_effects, *others = (added_item_effects(p[:, :, i]) for i in range(len(image_sets)))
         near_nothing = refuters.mean_over_paths(p[:, :, 0, 1:], far) - refuters.mean_over_paths(p[:, :, 0, :1], far)
         control_effects = np.moveaxis(near_nothing[..., far_scenes], 2, 1).reshape(len(item_effects), len(seeds), -1)
-        placebo_effects, other_effects = others[: len(patches)], others[len(patches) :]
         by_refuter: dict[tuple[str, str], Effects] = {}
-        if variant in dummy_effects:
-            by_refuter[refuters.DUMMY_OUTCOME, "permuted labels"] = dummy_effects[variant]
-        for piece, effects in zip(patches, placebo_effects, strict=True):
-            by_refuter[refuters.PLACEBO_TREATMENT, f"piece={piece}"] = effects
+        if variant in p_permuted:
+            by_refuter[refuters.DUMMY_OUTCOME, "permuted labels"] = added_item_effects(p_permuted[variant][0])
+        by_refuter |= {(refuters.PLACEBO_TREATMENT, x): e for x, e in zip(patches, others, strict=False)}
         by_refuter[refuters.NEGATIVE_CONTROL, f"far_m={study.far_m}"] = control_effects
-        for texture, effects in zip(elsewhere, other_effects, strict=True):
-            by_refuter[refuters.OTHER_ENVIRONMENT, f"texture={texture}"] = effects - item_effects
-        for (refuter, setting), effects in by_refuter.items():
-            judged = estimate_effects(effects).assign(expected=NEGLIGIBLE)
-            summary.append(summary_rows(users, refuter, setting, variant, judged, item_effects))
-            rows.append(effect_rows(users, seeds, refuter, setting, variant, effects))
+        for texture, effects in zip(elsewhere, others[len(patches) :], strict=True):
+            by_refuter[refuters.OTHER_ENVIRONMENT, texture] = effects - item_effects
+        judged = {key: estimate_effects(effects).assign(expected=NEGLIGIBLE) for key, effects in by_refuter.items()}
         halves = refuters.data_subset(stream(study.root_seed, "halves", variant), item_effects, study.halves)
-        summary.append(
-            summary_rows(users, refuters.DATA_SUBSET, f"halves={study.halves}", variant, halves, item_effects)
-        )
-        rows.append(effect_rows(users, seeds, "none", "", variant, item_effects))
-    write_table(out_dir / "effects.parquet", pd.concat(rows, ignore_index=True))
-    write_table(out_dir / "summary.csv", pd.concat(summary, ignore_index=True)[COLUMNS])
-    write_arrays(out_dir / "examples.npz", {f"piece={piece}": x[1:, 0] for piece, x in patches.items()})
+        for (refuter, setting), rows in {**judged, (refuters.DATA_SUBSET, f"halves={study.halves}"): halves}.items():
+            tuned = (refuter, setting) == (refuters.PLACEBO_TREATMENT, f"piece={refuters.TUNED_PIECE_PX}")
+            key = {"refuter": refuter, "setting": setting, "variant": variant}
+            facts = {"passed": rows["verdict"] == rows["expected"], "item_effect": item_effects.mean((1, 2))}
+            facts |= key | {"note": refuters.TUNED_NOTE if tuned else ""}
+            summary.append(pd.concat([questions(users), rows], axis=1).assign(**facts).reindex(columns=COLUMNS))
+    table = pd.concat(summary, ignore_index=True)[COLUMNS]
+    passed = table.groupby(["refuter", "setting", "variant"], sort=False)["passed"].agg(passed="sum", asked="size")
+    write_table(out_dir / "summary.csv", table)
+    write_table(out_dir / "passed.parquet", passed.astype({"passed": float}).reset_index())
+    write_arrays(out_dir / "examples.npz", {setting: x[1:, 0] for setting, x in patches.items()})
 
 
 def placebo_images(cfg: DictConfig, images: Images, piece: int) -> Images:
@@ -95,15 +213,13 @@ def placebo_images(cfg: DictConfig, images: Images, piece: int) -> Images:
     return np.stack([images[0], *patched])
 
 
-def render_elsewhere(cfg: DictConfig, scenes: SceneSet, pool: str, added: AddedItems) -> dict[str, Images]:
+def render_elsewhere(cfg: DictConfig, layouts: list[Layouts]) -> dict[str, Images]:
     """Return texture -> the scenes without and with each added item on that table top, under another light."""
     study, catalogue = cfg.studies.refutation, read_catalogue(Path(cfg.paths.data))
-    textures, first = catalogue.texture_names(study.textures), slice(study.scenes)
+    textures, palette = catalogue.texture_names(study.textures), Palette(catalogue, ImageSource.of(cfg.scenes.source))
     if not textures:
         splits = ", ".join(sorted(set(catalogue.textures["split"])))
         raise InputError(f"studies.refutation.textures is {study.textures!r}: expected one of {splits}")
-    layouts = [x[first] for x in (scenes.layouts[pool], *added.layouts)]
-    palette = Palette(catalogue, ImageSource.of(cfg.scenes.source))
     seeds = stream(study.root_seed, "lights").integers(2**31, size=len(layouts[0])).tolist()
     return {
         texture: np.stack([render_scenes(x, [texture] * len(x), seeds, palette) for x in layouts])
@@ -111,53 +227,169 @@ def render_elsewhere(cfg: DictConfig, scenes: SceneSet, pool: str, added: AddedI
     }
 
 
-def refit_on_permuted_labels(
-    cfg: DictConfig, scenes: SceneSet, users: list[str], images: Images, z_theta: Float[Array, "scene path 2"]
-) -> dict[str, Effects]:
-    """Fit variants to demonstrations with permuted labels; return variant -> effects of the added items."""
-    study, seeds, demos = cfg.studies.refutation, list(cfg.protocol.seeds), read_demos(Path(cfg.paths.demos))
-    training_sets = []
-    for user in users:
-        for seed in seeds:
-            paths, labels = demo_arrays(demos, seed, user, cfg.main_n_demos)
-            permuted = stream(study.root_seed, "permuted", user, seed).permutation(labels.ravel()).reshape(labels.shape)
-            training_sets.append(TrainingSet(user, seed, scenes.images[train_pool(seed)], paths, permuted))
+def fit_and_predict(
+    cfg: DictConfig,
+    training_sets: dict[str, list[TrainingSet]],
+    images: Images,
+    z_theta: Float[Array, "scene path 2"],
+    desc: str,
+) -> dict[str, Float[Array, "world user seed version scene path"]]:
+    """Fit every variant to its training sets, by world, user and seed; return P(valid) of every path."""
     flat_images, repeated = images.reshape(-1, *images.shape[2:]), np.tile(z_theta, (len(images), 1, 1))
-    each = dict.fromkeys(study.dummy_outcome, training_sets)
-    p = refit_and_predict(cfg, each, flat_images, repeated, "permuted labels")
-    shape = len(users), len(seeds), *images.shape[:2], -1
-    return {variant: added_item_effects(x.reshape(shape)) for variant, x in p.items()}
+    p = refit_and_predict(cfg, training_sets, flat_images, repeated, desc)
+    shape = len(cfg.evaluate.users), len(cfg.protocol.seeds), *images.shape[:2], z_theta.shape[1]
+    return {variant: x.reshape(-1, *shape) for variant, x in p.items()}
 
 
-def summary_rows(
-    users: list[str], refuter: str, setting: str, variant: str, judged: pd.DataFrame, item_effects: Effects
-) -> pd.DataFrame:
-    """Return COLUMNS of every question.
+# The confounded world
 
-    passed: the verdict is the expected one, so "undecided" does not pass; item_effect: the effect of the unaltered item
-    in the same scenes.
+
+def ask_in_confounded_world(
+    cfg: DictConfig,
+    scenes: SceneSet,
+    layouts: list[Layouts],
+    images: Images,
+    z_theta: Float[Array, "scene path 2"],
+    ordinary: list[TrainingSet],
+    out_dir: Path,
+) -> None:
+    """Write association.csv, effects.csv, and worlds.npz: images of training scenes of each world.
+
+    Variants of the stages irl and clearance, which see items, are fitted in both worlds; the effects of items added to
+    ordinary scenes are then estimated as in stage intervene.
     """
-    tuned = (refuter, setting) == (refuters.PLACEBO_TREATMENT, f"piece={refuters.TUNED_PIECE_PX}")
-    table = pd.concat([questions(users), judged], axis=1).assign(
-        refuter=refuter,
-        setting=setting,
-        variant=variant,
-        passed=judged["verdict"] == judged["expected"],
-        item_effect=item_effects.mean((1, 2)),
-        note=refuters.TUNED_NOTE if tuned else "",
-    )
-    return table.reindex(columns=COLUMNS)
+    world, users, seeds = cfg.studies.refutation.world, list(cfg.evaluate.users), list(cfg.protocol.seeds)
+    keys = list(product((CONTROL, CONFOUNDED), seeds))
+    drawn = dict(zip(keys, map_jobs(partial(draw_scenes, cfg), keys, cfg.workers, "confounded scenes"), strict=True))
+    training_sets: dict[str, list[TrainingSet]] = {ORDINARY: ordinary, CONTROL: [], CONFOUNDED: []}
+    for name, user, seed in product((CONTROL, CONFOUNDED), users, seeds):
+        laid, pictures = drawn[name, seed]
+        paths = random_z_theta(stream(world.root_seed, "paths", user, seed), len(laid), cfg.main_n_demos)
+        training_sets[name].append(TrainingSet(user, seed, pictures, paths, valid(laid, paths, cfg.users[user])))
+    laid_out: dict[tuple[str, int], Layouts] = {key: laid for key, (laid, _) in drawn.items()}
+    laid_out |= {(ORDINARY, seed): scenes.layouts[train_pool(seed)] for seed in seeds}
+
+    associations = []
+    for name, user, symbol in product(training_sets, users, SYMBOLS):
+        sets = [t for t in training_sets[name] if t.user == user]
+        index = SYMBOLS.index(symbol)
+        near = [passes_near(laid_out[name, t.seed], t.z_theta, index, world.near_m) for t in sets]
+        row = association(~np.concatenate([t.valid for t in sets]), np.concatenate(near))
+        associations.append({"world": name, "user": user, "symbol": symbol} | row)
+
+    fitted = [str(name) for name, v in cfg.variants.items() if v.compared and v.stage in ("irl", "clearance")]
+    both = training_sets[CONTROL] + training_sets[CONFOUNDED]
+    truth = np.stack([[valid(x, z_theta, cfg.users[user]) for x in layouts] for user in users])
+    effects = []
+    for variant, p in fit_and_predict(cfg, dict.fromkeys(fitted, both), images, z_theta, "confounded world").items():
+        control, confounded = (verdicts(users, x, truth) for x in p)
+        shift = estimate_effects(added_item_effects(p[1]) - added_item_effects(p[0]))
+        shift = shift[["effect", "ci_low", "ci_high", "p_holm"]].add_prefix("shift_")
+        confounded = confounded.join(shift.rename(columns={"shift_effect": "shift"}))
+        for name, rows in ((CONTROL, control), (CONFOUNDED, confounded)):
+            effects.append(pd.DataFrame({"world": name, "variant": variant}, index=rows.index).join(rows))
+    write_table(out_dir / "association.csv", pd.DataFrame(associations))
+    write_table(out_dir / "effects.csv", pd.concat(effects, ignore_index=True))
+    write_arrays(out_dir / "worlds.npz", {x: drawn[x, seeds[0]][1][:SHOWN] for x in (CONTROL, CONFOUNDED)})
 
 
-def effect_rows(
-    users: list[str], seeds: list[int], refuter: str, setting: str, variant: str, effects: Effects
-) -> pd.DataFrame:
-    """Return one row per question, seed and scene (numbered among the scenes of the question)."""
-    index = pd.MultiIndex.from_product(
-        [users, SYMBOLS, seeds, range(effects.shape[-1])], names=["user", "symbol", "seed", "scene"]
-    )
-    key = {"refuter": refuter, "setting": setting, "variant": variant}
-    return pd.DataFrame(key, index=index).assign(effect=effects.ravel()).reset_index()[[*key, *index.names, "effect"]]
+def passes_near(
+    layouts: Layouts, z_theta: Float[Array, "scene path 2"], symbol: int, near_m: float
+) -> Bool[Array, "scene path"]:
+    """Return whether each path [m] comes within `near_m` [m] of the footprint of an item of the symbol."""
+    near = clearance(layouts, z_theta) < near_m  # (scene, path, slot)
+    return (near & (layouts.symbol == symbol)[:, None]).any(-1)
+
+
+def association(invalid: Bool[Array, "scene path"], near: Bool[Array, "scene path"]) -> dict[str, float]:
+    """Return `difference`, P(invalid | near) - P(invalid | not near), with its 95 % interval.
+
+    Paths of a scene are dependent, scenes are independent. The standard error is the jackknife's over scenes (Efron and
+    Stein, 1981), and the interval is Student's. All is NaN if, without some scene, all paths or none pass near.
+    """
+    row: dict[str, float] = {"demonstrations": invalid.size, "near": int(near.sum())}
+    row |= dict.fromkeys(("difference", "ci_low", "ci_high", "p_invalid_near", "p_invalid_far"), np.nan)
+    table = np.stack([(x & w).sum(1) for w in (near, ~near) for x in (invalid, np.ones_like(invalid))])
+    without = table.sum(1, keepdims=True) - table  # (count, scene): each scene left out in turn
+    if (without[[1, 3]] == 0).any():
+        return row
+    near_rate, far_rate = (float(table[i].sum() / table[i + 1].sum()) for i in (0, 2))
+    difference, scenes = near_rate - far_rate, len(invalid)
+    jackknife = without[0] / without[1] - without[2] / without[3]
+    error = np.sqrt((scenes - 1) / scenes * ((jackknife - jackknife.mean()) ** 2).sum())
+    half_width = float(student.ppf(1 - LEVEL / 2, scenes - 1) * error)
+    row |= {"difference": difference, "ci_low": difference - half_width, "ci_high": difference + half_width}
+    return row | {"p_invalid_near": near_rate, "p_invalid_far": far_rate}
+
+
+def draw_scenes(cfg: DictConfig, key: tuple[str, int]) -> tuple[Layouts, UInt8[Array, "scene 100 100 3"]]:
+    """Draw a seed's training scenes of a world; textures, lights and cameras do not depend on the world."""
+    (name, seed), count = key, cfg.scenes.per_seed
+    world = World.model_validate(OmegaConf.to_container(cfg.studies.refutation.world))
+    catalogue, palette = read_palette(cfg.paths.data, ImageSource.of(cfg.scenes.source))
+    rng, rules = stream(world.root_seed, "scenes", train_pool(seed)), LayoutRules.of(cfg.scenes.layout)
+    p_common_cause = world.p_common_cause if name == CONFOUNDED else 0.0
+    items = catalogue.footprints, catalogue.pool("train")
+    layouts = concatenated([lay_out(r, *items, rules, world, p_common_cause) for r in rng.spawn(count)])
+    textures, seeds = rng.choice(catalogue.texture_names("train"), count), rng.integers(2**31, size=count)
+    return layouts, render_scenes(layouts, list(textures), seeds.tolist(), palette)
+
+
+def lay_out(
+    rng: np.random.Generator,
+    items: Items,
+    pool: Int[Array, " pool"],
+    rules: LayoutRules,
+    world: World,
+    p_common_cause: float,
+) -> Layouts:
+    """Draw one scene with items of `pool` (catalogue rows): a plate, glasses, and bowls and cutlery.
+
+    With probability `p_common_cause` plate and glasses have a common cause: glasses stand beside the plate, or both are
+    missing. Else they are drawn independently. The frequency of each symbol does not depend on `p_common_cause`. The
+    plate and all glasses together count as one item each of `items_per_scene`. All items are drawn before any is
+    placed, even items that turn out not to be needed.
+    """
+    common_cause = rng.uniform() < p_common_cause
+    plate, independent_glasses = (bool(rng.uniform() < world.present) for _ in range(2))
+    glasses = plate if common_cause else independent_glasses
+    count = max(0, int(rng.choice(rules.items_per_scene)) - plate - glasses)
+    others = rng.choice(OTHERS, count).tolist()
+    laid = [PLATE] * plate + [GLASS] * (world.glasses * glasses)
+    while True:
+        scene = empty(1, rules.slots)
+        for slot, symbol in enumerate(laid):
+            scene = add_item(rng, scene, symbol, items, pool, rules)
+            if common_cause and symbol == GLASS and not move_beside_first(rng, scene, slot, rules, world):
+                break
+        else:
+            break
+    for symbol in others:
+        scene = add_item(rng, scene, symbol, items, pool, rules)
+    return scene
+
+
+def move_beside_first(rng: np.random.Generator, scene: Layouts, slot: int, rules: LayoutRules, world: World) -> bool:
+    """Move the item in `slot` along the line to the item in slot 0 until their gap is a random one.
+
+    A step by the excess of the gap never overshoots. Return False if the item then violates a minimum distance or lies
+    outside the range of centres.
+    """
+
+    def gaps() -> Array:
+        """Return the gap [m] between the footprint of the item in `slot` and that of each item before it."""
+        apart = segment_distance(scene.ends[0, slot], scene.ends[0, :slot])
+        return apart - scene.radius[0, slot] - scene.radius[0, :slot]
+
+    gap = rng.uniform(world.gap_m[0], world.gap_m[1])
+    towards = scene.centre[0, 0] - scene.centre[0, slot]
+    towards /= np.linalg.norm(towards)
+    while abs(excess := gaps()[0] - gap) > GAP_TOLERANCE_M:
+        scene.centre[0, slot] += excess * towards
+    centre, ends = scene.centre[0, slot], scene.ends[0, slot]
+    from_ends = min(point_segment_distance(p, *ends) for p in (P_INIT, P_F)) - scene.radius[0, slot]
+    inside = ((centre >= rules.centre_low) & (centre <= rules.centre_high)).all()
+    return bool(inside and from_ends >= rules.clear_of_ends and (gaps()[1:] >= rules.clear_of_items).all())
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from pipeline.runtime.places import CONF
 from tests.sweep.running import clone_of_working_tree, jobs, sweep
 
 EXPERIMENTS = sorted(path.stem for path in (CONF / "experiment").glob("*.yaml"))
-STAGES = {"paper": "evaluate,repair,intervene", "label_noise": "robustness"}
+STAGES = {"paper": "evaluate,repair,intervene", "label_noise": "shift"}
 SMALL = ["profile=smoke", "~variants.ae", "~variants.irl_maxent", "~variants.irl_ranked", "hydra.launcher.n_jobs=2"]
 
 

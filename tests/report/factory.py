@@ -121,7 +121,7 @@ def results(variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MAR
         catalogue=catalogue,
         facts={
             "data_md5": "9bf8cba6a5daf2c6", "patterned_top": "onyx", "root_seed": 2040, "profile": "paper",
-            "studies": {"robustness": "How much do worse images hurt?"}, "scenes_per_seed": 20,
+            "studies": {"shift": "How much do worse images hurt?"}, "scenes_per_seed": 20,
             "test_scenes": SCENES, "effect_scenes": SCENES, "repair_steps": STEPS, "optimiser": "adam",
             "repair_rate": 0.5, "distance_penalty": 0.3,
             "weights": {"alpha": 10.0, "beta": 0.005, "gamma": 1.0}, "train": TRAIN,

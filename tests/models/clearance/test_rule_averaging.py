@@ -12,10 +12,10 @@ from pipeline.training.loop import Schedule
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import SYMBOLS, Layouts, random_layouts
 from pipeline.world.rules import Margins
-from studies.rule_families.families import FAMILIES as RULES
-from studies.rule_families.families import dwell, proximity, side
 from tests.factories import ITEMS
 from tests.factories import RULES as LAYOUT_RULES
+from tests.rule_families import FAMILIES as RULES
+from tests.rule_families import dwell, proximity, side
 
 SCENES, DEMOS = 20, 9
 ALL: Margins = {symbol: 0.045 for symbol in SYMBOLS}

@@ -11,7 +11,7 @@ from pipeline.training.clearance.fit import set_feature_scaling
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.catalogue import random_scenes
 from pipeline.world.render import read_palette, render_scenes
-from studies.robustness.corruptions import blur
+from studies.shift.stage import blur
 from tests.factories import RULES
 
 TRAINED, ASKED = 20, 6

@@ -1,1 +1,0 @@
-"""Study: association against intervention in a world where glasses stand next to plates."""

@@ -1,1 +1,0 @@
-"""Study: accuracy of models when images, scenes or labels are worse than in training."""

@@ -1,1 +1,0 @@
-"""Study: users whose rules belong to another family than fixed margins."""

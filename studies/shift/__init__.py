@@ -1,0 +1,1 @@
+"""Study: accuracy where images, table tops, items, labels or rules are not those of training."""

@@ -1,0 +1,226 @@
+"""Study refutation: questions with a known answer, and a world in which association says what intervention does not."""
+
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import statsmodels.api as sm
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from omegaconf import DictConfig
+
+from pipeline.artifacts.files import read_table
+from pipeline.artifacts.scenes import read_interventions, read_scenes
+from pipeline.causal.refuters import TUNED_NOTE
+from pipeline.world.bezier import P_F, P_INIT, random_z_theta
+from pipeline.world.catalogue import read_catalogue
+from pipeline.world.layout import (
+    SIDE,
+    SYMBOLS,
+    Items,
+    Layouts,
+    concatenated,
+    point_segment_distance,
+    random_layouts,
+    segment_distance,
+)
+from pipeline.world.render import REACH_M
+from pipeline.world.rules import valid
+from studies.refutation.stage import GLASS, PLATE, World, association, lay_out, main, passes_near, render_elsewhere
+from tests.factories import (
+    ITEMS,
+    RULES,
+    labelled_demos,
+    models_in_rendered_scenes,
+    same_scenes_for_training,
+    symbols_added,
+)
+from tests.stages.facts import names_a_missing_model, refuses
+
+STUDY = "studies.refutation"
+SCENES, PATHS, VARIANTS = 5, 40, ("full", "clearance")
+
+# Per symbol a training item (0-3) and another one (4-7); the plate and the glass of the latter are oval.
+ROUND_AND_OVAL = Items(
+    np.tile(np.arange(4), 2),
+    np.array([0.0, 0.0, 0.08, 0.0, 0.0, 0.038, 0.07, 0.015]),
+    np.array([0.065, 0.075, 0.013, 0.045, 0.06, 0.054, 0.013, 0.0375]),
+)
+ROUND, OVAL = np.arange(4), np.arange(4, 8)
+WORLD = World(
+    root_seed=0, scenes=2, p_common_cause=0.9, gap_m=[0.015, 0.04], present=0.8, glasses=2, near_m=0.045
+)  # fmt: skip
+
+
+def rng(seed: int = 11) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+def drawn(seed: int, scenes: int, pool: np.ndarray = ROUND, p: float = 0.9, world: World = WORLD) -> Layouts:
+    return concatenated([lay_out(each, ROUND_AND_OVAL, pool, RULES, world, p) for each in rng(seed).spawn(scenes)])
+
+
+def gaps(layouts: Layouts, scene: int, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """The gaps [m] between the footprints of the items of two sets of slots."""
+    ends, radius = layouts.ends[scene], layouts.radius[scene]
+    return segment_distance(ends[first][:, None], ends[second]) - radius[first][:, None] - radius[second]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("pool", [ROUND, OVAL])
+@given(seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=10, deadline=None)
+def test_footprints_in_the_confounded_world_keep_the_clearances(pool, seed):
+    layouts = drawn(seed, 4, pool)
+    for scene in range(len(layouts)):
+        slots = np.flatnonzero(layouts.present[scene])
+        apart = gaps(layouts, scene, slots, slots)[~np.eye(len(slots), dtype=bool)]
+        assert apart.size == 0 or apart.min() >= RULES.clear_of_items - 1e-5
+        for p in (P_INIT, P_F):
+            a, b = layouts.ends[scene, slots, 0], layouts.ends[scene, slots, 1]
+            assert (point_segment_distance(p, a, b) - layouts.radius[scene, slots] >= RULES.clear_of_ends).all()
+        centre = layouts.centre[scene, slots]
+        assert ((centre >= RULES.centre_low) & (centre <= RULES.centre_high)).all()
+        assert set(layouts.item[scene, slots]) <= set(pool)
+
+
+@pytest.mark.parametrize("pool", [ROUND, OVAL])
+def test_with_a_common_cause_every_glass_stands_beside_a_plate(pool):
+    layouts, (low, high) = drawn(1, 30, pool, p=1.0), WORLD.gap_m
+    for scene in range(len(layouts)):
+        plates, glasses = (np.flatnonzero(layouts.symbol[scene] == s) for s in (PLATE, GLASS))
+        assert (len(plates), len(glasses)) in ((0, 0), (1, WORLD.glasses))
+        apart = gaps(layouts, scene, plates, glasses)
+        assert ((apart >= low - 1e-5) & (apart <= high + 1e-5)).all()
+
+
+def test_a_stronger_cause_changes_more_scenes_and_leaves_the_others_as_they_are():
+    weak, strong, full = (drawn(4, 40, p=p) for p in (0.5, 0.8, 1.0))
+
+    def same(a: Layouts, b: Layouts) -> np.ndarray:
+        return np.all([(getattr(a, f.name) == getattr(b, f.name)).reshape(40, -1).all(1) for f in fields(a)], 0)
+
+    assert same(weak, full).mean() == pytest.approx(0.5, abs=0.2)
+    assert same(strong, full).mean() == pytest.approx(0.8, abs=0.17)
+    assert same(strong, full)[same(weak, full)].all()
+
+
+def test_a_scene_without_room_for_its_glasses_is_refused():
+    with pytest.raises(ValueError, match="no free slot for a glass"):
+        drawn(6, 20, world=WORLD.model_copy(update={"glasses": 4}))
+
+
+def test_a_path_passes_near_a_symbol_if_a_user_with_that_margin_finds_it_invalid():
+    layouts, z_theta = random_layouts(rng(), 10, ITEMS, ROUND, RULES), random_z_theta(rng(), 10, 30)
+    for i, symbol in enumerate(SYMBOLS):
+        margins = dict.fromkeys(SYMBOLS) | {symbol: 0.045}
+        near = passes_near(layouts, z_theta, i, 0.045)
+        np.testing.assert_array_equal(near, ~valid(layouts, z_theta, margins))
+
+
+def test_the_difference_is_the_one_counted_by_hand_and_undefined_if_all_paths_or_none_pass_near():
+    invalid = np.array([[1, 1, 0, 0], [1, 0, 0, 0]], dtype=bool)
+    near = np.array([[1, 1, 1, 0], [0, 0, 1, 0]], dtype=bool)
+    row = association(invalid, near)
+    assert (row["p_invalid_near"], row["p_invalid_far"], row["difference"]) == (0.5, 0.25, 0.25)
+    assert (row["demonstrations"], row["near"]) == (8, 4)
+    assert all(np.isnan(association(invalid, np.full((2, 4), every))["difference"]) for every in (False, True))
+
+
+def test_the_interval_is_that_of_least_squares_with_errors_clustered_by_scene():
+    scene, path = rng().normal(size=(200, 1)), rng().normal(size=(200, 9))
+    near = rng().normal(size=(200, 9)) + scene > 0.5
+    invalid = path + scene + near > 1
+    row = association(invalid, near)
+    fit = sm.OLS(invalid.ravel().astype(float), sm.add_constant(near.ravel().astype(float))).fit()
+    robust = fit.get_robustcov_results("cluster", groups=np.repeat(np.arange(200), 9))
+    assert row["difference"] == pytest.approx(fit.params[1], abs=1e-6)
+    np.testing.assert_allclose([row["ci_low"], row["ci_high"]], robust.conf_int()[1], atol=0.003)
+
+
+def test_a_common_cause_associates_what_has_no_effect():
+    """Glass g makes a path invalid; plate p only comes with it: adjusted for g, p says nothing."""
+    g, alone, bound, bad = rng().uniform(size=(4, 400, 9)) < np.array([0.4, 0.4, 0.9, 0.8])[:, None, None]
+    p, invalid = np.where(bound, g, alone), g & bad
+    assert association(invalid, p)["ci_low"] > 0.5
+    adjusted = association(invalid[g].reshape(-1, 1), p[g].reshape(-1, 1))
+    assert adjusted["ci_low"] < 0 < adjusted["ci_high"]
+
+
+@pytest.fixture(scope="module")
+def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
+    """Untrained models, and scenes of unseen items which are those of training, too, with each symbol added."""
+    folder = tmp_path_factory.mktemp("refutation")
+    small = [f"{STUDY}.scenes=4", "clearance.steps=5", "train.steps=2", f"scenes.per_seed={SCENES}"]
+    cfg = models_in_rendered_scenes(folder, VARIANTS, SCENES, *small, f"paths.demos={folder / 'demos'}")
+    symbols_added(cfg, read_scenes(Path(cfg.paths.scenes)), PATHS)
+    labelled_demos(cfg, same_scenes_for_training(cfg, "new_items"))
+    return cfg
+
+
+@pytest.fixture
+def summary(out: Path) -> pd.DataFrame:
+    """One row a refuter, setting, variant, user and symbol."""
+    return read_table(out / "summary.csv")
+
+
+@pytest.mark.slow
+def test_a_refuter_passes_if_its_verdict_is_the_expected_one(out: Path, summary: pd.DataFrame):
+    assert (summary["passed"] == (summary["verdict"] == summary["expected"])).all()
+    halves = summary["refuter"] == "data_subset"
+    assert (summary[~halves]["expected"] == "negligible").all()
+    assert summary[halves]["agreement"].between(0, 1).all() and summary[~halves]["agreement"].isna().all()
+    passed = read_table(out / "passed.parquet")
+    assert (passed["passed"].sum(), passed["asked"].sum()) == (summary["passed"].sum(), len(summary))
+
+
+@pytest.mark.slow
+def test_only_the_placebo_that_perception_was_tuned_against_carries_the_note(summary: pd.DataFrame):
+    noted = summary["note"].fillna("") == TUNED_NOTE
+    assert (noted == ((summary["refuter"] == "placebo_treatment") & (summary["setting"] == "piece=1"))).all()
+
+
+@pytest.mark.slow
+def test_another_table_top_has_the_same_light_with_and_without_an_added_item(cfg: DictConfig):
+    scenes, catalogue = read_scenes(Path(cfg.paths.scenes)).layouts["new_items"], read_catalogue(Path(cfg.paths.data))
+    added = read_interventions(Path(cfg.paths.intervene), scenes)
+    elsewhere = render_elsewhere(cfg, [scenes, *added.layouts])
+    assert list(elsewhere) == catalogue.texture_names("unseen")
+    centres = (np.arange(SIDE) + 0.5) / SIDE
+    pixels = np.stack(np.broadcast_arrays(centres[None, :], 1 - centres[:, None]), -1)  # (row, column, 2) [m]
+    for images in elsewhere.values():
+        for after, item in zip(images[1:], added.placed, strict=True):
+            ends = item.ends[:, 0, :, None, None]
+            distance = point_segment_distance(pixels, ends[:, 0], ends[:, 1]) - item.radius[:, :, None]
+            change = np.abs(after.astype(int) - images[0])
+            assert change[distance > REACH_M].max() <= 1 < change.max()  # a shadow's last trace may turn a rounding
+
+
+@pytest.mark.slow
+def test_models_that_see_items_are_fitted_in_both_worlds_and_the_shift_is_the_difference_of_effects(out: Path):
+    effects = read_table(out / "effects.csv").set_index(["world", "user", "symbol"])
+    assert set(effects["variant"]) == {"clearance"}
+    difference = effects.loc["confounded"]["effect"] - effects.loc["control"]["effect"]
+    np.testing.assert_allclose(effects.loc["confounded"]["shift"], difference, atol=2e-5)
+    assert effects.loc["control"]["shift"].isna().all()
+    assert list(read_table(out / "association.csv")["world"].unique()) == ["ordinary", "control", "confounded"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        (f"{STUDY}.far_m", 1.4, f"{STUDY}.far_m"),
+        (f"{STUDY}.textures", "glass", f"{STUDY}.textures"),
+        ("protocol.seeds", [0, 100], "s100"),
+    ],
+)
+def test_settings_that_no_scene_or_table_top_fits_are_refused(cfg: DictConfig, tmp_path: Path, name, value, message):
+    refuses(main, cfg, name, value, message, tmp_path / "out")
+
+
+@pytest.mark.slow
+def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
+    names_a_missing_model(main, cfg, "clearance", tmp_path / "out")
