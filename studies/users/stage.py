@@ -15,7 +15,6 @@ import pandas as pd
 from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray as Array
 from omegaconf import DictConfig
-from pipeline.config.stages import SharedSplit
 from pydantic import Field
 from scipy.spatial.distance import cdist
 from scipy.stats import t as student
@@ -27,7 +26,7 @@ from pipeline.causal.identify import all_distinct, distinct_from, identify, reje
 from pipeline.launch import launch
 from pipeline.models.baselines import POSITION, position_only
 from pipeline.models.trained import check_weights, predict_all
-from pipeline.runtime.settings import Between, Count, Margin, StudyGroup, Whole, need, need_some
+from pipeline.runtime.settings import Between, Count, Margin, SharedSplit, StudyGroup, Whole, need, need_some
 from pipeline.runtime.streams import stream
 from pipeline.stats.crossed import Estimates, estimate, linearised
 from pipeline.stats.scores import DECISION
