@@ -78,7 +78,7 @@ def test_claims_of_solutions_are_not_tested_without_their_study():
     results = factory.results()
     assert "four claims, judged in the" not in render(results, ["claims"]).pages["claims"]
     results.facts["studies"]["solutions"] = "Do users’ solutions cluster?"
-    assert "../studies/solutions/index.html" in render(results, ["claims"]).pages["claims"]
+    assert "../studies/users/index.html" in render(results, ["claims"]).pages["claims"]
 
 
 def test_a_claim_has_one_row_in_the_pages():
