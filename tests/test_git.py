@@ -140,7 +140,7 @@ def test_data_comes_from_git_s_store_whatever_the_default_remote_and_its_lack_is
     git(tmp_path, "clone", "--quiet", "--shared", str(person), str(clone))
     dvc(clone, "remote", "add", "--local", "--default", "lab", str(tmp_path / "empty"))
     (clone / ".venv").symlink_to(Path(sys.prefix))
-    make = ["make", "--assume-old=.venv/.ready"]
+    make = ["make", "--no-print-directory", "--assume-old=.venv/.ready"]
     pulled = run([*make, "pull"], clone, capture_output=True)
     assert pulled.returncode == 0, pulled.stderr
     first, second = pulled.stdout.splitlines()
