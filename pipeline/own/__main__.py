@@ -5,14 +5,13 @@ python -m pipeline.own check FOLDER     only explain what is wrong with it
 python -m pipeline.own record FOLDER    a local page on which people draw paths and judge them
 """
 
-import shutil
 import sys
 import time
 from pathlib import Path
 
 from pipeline.runtime.errors import InputError
 
-REPORT, KEPT = "report", ".models"  # folders that a run makes: the report, and models until it is done
+REPORT = "report"  # the folder that a run makes
 
 
 def main(arguments: list[str]) -> int:
@@ -57,8 +56,7 @@ def main(arguments: list[str]) -> int:
     def progress(step: str) -> None:
         print(f"{time.monotonic() - begin:4.0f} s  {step}", flush=True)
 
-    write_report(compute(folder, path / KEPT, progress), path / REPORT)
-    shutil.rmtree(path / KEPT, ignore_errors=True)
+    write_report(compute(folder, progress), path / REPORT)
     progress(f"wrote {path / REPORT / 'index.html'}")
     return 0
 
@@ -70,5 +68,5 @@ if __name__ == "__main__":
         print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
-        print("interrupted: the next run goes on from here", file=sys.stderr)
+        print("interrupted: nothing was written", file=sys.stderr)
         sys.exit(130)

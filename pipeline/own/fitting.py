@@ -1,7 +1,6 @@
 """Fit one user's models: one on all scenes, one without each fold of scenes, and some on fewer scenes.
 
-Folds are groups of scenes, so that a model never judges a scene it was fitted to. A model that was fitted before an
-interruption is read again: its file is named after a digest of all that decides it.
+Folds are groups of scenes, so that a model never judges a scene it was fitted to.
 """
 
 import hashlib
@@ -9,7 +8,6 @@ import json
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -20,7 +18,6 @@ from pipeline import library
 from pipeline.models.base import ValidityModel
 from pipeline.models.baselines import nearest_demonstration, position_only
 from pipeline.own.folder import Folder
-from pipeline.runtime.errors import InputError
 from pipeline.runtime.streams import job_seed, stream
 from pipeline.world.bezier import lattice
 
@@ -79,8 +76,8 @@ class Fitted:
         return self.fold_models[self.fold[scene]]
 
 
-def fit_user(data: UserData, kept: Path, progress: Callable[[str], object]) -> Fitted:
-    """Fit one user's models and image-blind baselines; `kept` is the folder of models fitted before."""
+def fit_user(data: UserData, progress: Callable[[str], object]) -> Fitted:
+    """Fit one user's models and image-blind baselines."""
     fold = stream("own", data.user, "folds").permutation(np.arange(len(data.scenes)) % min(FOLDS, len(data.scenes)))
     shares = [(VARIANT, share) for share in (*SHARES, 1.0)]
     p = {key: np.empty(data.valid.shape) for key in (*shares, ("nearest_demonstration", 1.0), ("position_only", 1.0))}
@@ -90,7 +87,7 @@ def fit_user(data: UserData, kept: Path, progress: Callable[[str], object]) -> F
         test, training = np.flatnonzero(fold == k), np.flatnonzero(fold != k)
         order = stream("own", data.user, "share", k).permutation(training)
         for variant, share in shares:
-            model = fit_on(data, np.sort(order[: max(2, round(share * len(order)))]), kept)
+            model = fit_on(data, np.sort(order[: max(2, round(share * len(order)))]))
             p[variant, share][test] = model.probability(data.images[test], data.z_theta[test])
         models.append(model)
         real, queries = data.real[training], data.z_theta[test]
@@ -102,7 +99,7 @@ def fit_user(data: UserData, kept: Path, progress: Callable[[str], object]) -> F
         prior = (weight @ valid / weight.sum(1)).reshape(PRIOR_SIDE, PRIOR_SIDE)  # [y, x], smoothed labels
         p["position_only", 1.0][test] = position_only(prior, queries)
     progress(f"{data.user}: all scenes")
-    whole, real = fit_on(data, np.arange(len(data.scenes)), kept), data.real
+    whole, real = fit_on(data, np.arange(len(data.scenes))), data.real
     labels = {"scene": np.repeat(data.scenes, real.sum(1)), "demo": data.demo[real], "valid": data.valid[real]}
     judged = [
         pd.DataFrame({"user": data.user, "predictor": predictor, "share": share, **labels, "p": values[real]})
@@ -111,17 +108,11 @@ def fit_user(data: UserData, kept: Path, progress: Callable[[str], object]) -> F
     return Fitted(data, whole, fold, models, pd.concat(judged, ignore_index=True))
 
 
-def fit_on(data: UserData, scenes: Int[Array, " scene"], kept: Path) -> ValidityModel:
-    """Return the model of some of a user's scenes, read from `kept` if it is there."""
+def fit_on(data: UserData, scenes: Int[Array, " scene"]) -> ValidityModel:
+    """Return the model of some of a user's scenes; its seed follows from all that decides it."""
     arrays = data.images[scenes], data.z_theta[scenes], data.valid[scenes]
     settings = json.dumps([library.SETTINGS[VARIANT], library.TRAINING[library.SETTINGS[VARIANT]["kind"]]])
     digest = hashlib.sha256(settings.encode() + b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)).hexdigest()
-    path = kept / f"{digest[:32]}.safetensors"
-    try:
-        return library.load(path)
-    except InputError:  # not fitted yet, or damaged
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # a few scenes may all be valid: the model then answers one probability
-            model = library.fit(*arrays, variant=VARIANT, seed=job_seed("own", digest))
-        library.save(model, path)
-        return model
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a few scenes may all be valid: the model then answers one probability
+        return library.fit(*arrays, variant=VARIANT, seed=job_seed("own", digest))

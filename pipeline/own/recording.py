@@ -58,7 +58,8 @@ def _log_scene(recording: rr.RecordingStream, entity: str, results: Results, fit
         recording.log(f"{entity}/table/{part}", rr.LineStrips2D(points, colors=colours, radii=width))
 
     def paths(table: str, ends: list[str]) -> tuple[list, list]:
-        rows = results.tables[table].query("user == @data.user and scene == @name").dropna(subset=ends)
+        rows = results.tables[table]
+        rows = rows[(rows["user"] == data.user) & (rows["scene"] == name)].dropna(subset=ends)
         return list(on_table(curve(rows[ends].to_numpy(float), POINTS))), list(rows.get("valid", []))
 
     views.log_titles(recording, entity, {(0, 0): name, (0, 1): "P(valid)"})

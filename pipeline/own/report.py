@@ -45,10 +45,10 @@ class Results:
         return {"users": scores.astype(float).round(6).to_dict("index"), **counted}
 
 
-def compute(folder: Folder, kept: Path, progress: Callable[[str], object]) -> Results:
-    """Fit all users' models and return all results; models fitted before an interruption are read from `kept`."""
+def compute(folder: Folder, progress: Callable[[str], object]) -> Results:
+    """Fit all users' models and return all results."""
     scale = folder.frame.scale
-    fitted = {user: fit_user(UserData.of(user, folder), kept, progress) for user in folder.users}
+    fitted = {user: fit_user(UserData.of(user, folder), progress) for user in folder.users}
 
     def by_user(ask: Callable[[Fitted], pd.DataFrame]) -> pd.DataFrame:
         return pd.concat([ask(one) for one in fitted.values()], ignore_index=True)

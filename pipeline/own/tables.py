@@ -2,7 +2,6 @@
 
 import pandas as pd
 
-from pipeline.own.demonstrations import DEGREES
 from pipeline.own.fitting import VARIANT
 from pipeline.own.report import Results
 from pipeline.report import style
@@ -35,19 +34,6 @@ def _shown(rows: pd.DataFrame, texts: str, **numbers: str) -> Table:
         column: TITLES.get(column, column.replace("_", " ").capitalize()) for column in [*texts.split(), *formats]
     }
     return Table(with_gaps(pick(rows, titles)), {titles[column]: form for column, form in formats.items()})
-
-
-def degrees(results: Results) -> Table:
-    """Return the residual on held-out stretches of the demonstrations by degree of the path."""
-    demos = results.folder.demos
-    errors = demos[[f"held_out_{degree}" for degree in DEGREES]]
-    rows = {
-        "control_points": [degree - 1 for degree in DEGREES],
-        "median_residual": errors.median().to_numpy(),
-        "90th_percentile": errors.quantile(0.9).to_numpy(),
-        "picked_for": [(demos["degree"] == degree).mean() for degree in DEGREES],
-    }
-    return _shown(pd.DataFrame(rows), "control_points", cm="median_residual 90th_percentile", pct="picked_for")
 
 
 def recall(results: Results) -> Table:

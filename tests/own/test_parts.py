@@ -8,12 +8,11 @@ import pandas as pd
 import pytest
 
 from pipeline.own import kinds, scoring
-from pipeline.own.demonstrations import held_out_errors, picked_degrees, spread
 from pipeline.own.fitting import UserData
 from pipeline.own.folder import Folder, read_folder
 from pipeline.own.frame import CANVAS_PX
 from pipeline.perception.objects import Objects
-from pipeline.world.bezier import P_F, P_INIT, curve
+from pipeline.world.bezier import P_INIT
 from tests.own.folders import add_kind, make_folder
 
 NOTHING = Objects(
@@ -29,16 +28,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
     folder, faults = read_folder(path)
     assert folder is not None and not faults
     return folder
-
-
-def test_cross_validation_picks_one_control_point_for_a_parabola_and_more_for_a_wave():
-    parabola = curve(np.array([0.9, 0.3]), 60)
-    t = np.linspace(0, 1, 60)[:, None]
-    wave = P_INIT + t * (P_F - P_INIT) + 0.15 * np.sin(2 * np.pi * t) * [-0.7, 0.7]
-    tremor = 0.001 * np.random.default_rng(0).standard_normal((60, 2))
-    errors = held_out_errors(np.stack([spread(parabola + tremor), spread(wave + tremor)]))
-    assert picked_degrees(errors)[0] == 2 and picked_degrees(errors)[1] > 2
-    assert np.sqrt(errors[0].mean(0))[1] > 0.05, "a parabola misses the wave"
 
 
 def test_the_fitted_control_points_are_those_that_were_drawn(folder: Folder):

@@ -1,7 +1,6 @@
 """A folder gives a report: the numbers are in it, names are harmless, an interrupted run goes on."""
 
 import json
-import pickle
 import re
 import shutil
 import subprocess
@@ -18,7 +17,7 @@ from pipeline.own.frame import Frame
 from pipeline.own.report import on_the_table
 from pipeline.runtime.places import ROOT
 from pipeline.world.bezier import P_F, P_INIT
-from tests.own.folders import USERS, add_kind, edit, make_folder
+from tests.own.folders import USERS, edit, make_folder
 
 EXAMPLE = ROOT / "examples" / "table"
 HOSTILE = {"Ana": '<script>alert("x")</script>', "Jürgen": "=HYPERLINK(1)$_{2}"}
@@ -116,29 +115,3 @@ def test_names_are_harmless_and_what_a_folder_cannot_tell_is_left_out_and_said(t
     assert "'=HYPERLINK" in (folder / "report" / "tables" / "scores.csv").read_text()
     assert "There is no items.csv" in page and "There are no cut-outs in kinds/" in page
     assert not (folder / "report" / "tables" / "interventions.csv").exists()
-    assert not (folder / ".models").exists()
-
-
-@pytest.mark.slow
-def test_an_interrupted_run_leaves_no_report_and_goes_on_with_its_models(tmp_path: Path, monkeypatch):
-    folder = make_folder(tmp_path / "t")
-    add_kind(folder)
-    fewer_steps(monkeypatch, 20)
-    fit, fitted = library.fit, []
-
-    def interrupted(*arguments, **options):
-        if len(fitted) == 6:
-            raise KeyboardInterrupt
-        return noted(*arguments, **options)
-
-    def noted(*arguments, **options):
-        fitted.append(pickle.dumps((arguments, options)))
-        return fit(*arguments, **options)
-
-    monkeypatch.setattr(library, "fit", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        main([str(folder)])
-    assert not (folder / "report").exists() and len(list((folder / ".models").iterdir())) == 6
-    monkeypatch.setattr(library, "fit", noted)
-    assert main([str(folder)]) == 0
-    assert len(fitted) == len(set(fitted)) > 6, "6 models were not fitted twice"
