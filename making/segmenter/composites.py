@@ -20,8 +20,8 @@ from making.segmenter.placing import Palette as Palette
 from making.segmenter.placing import draw_items
 from making.segmenter.placing import read_palette as read_palette
 from making.segmenter.tops import FAMILIES as FAMILIES
+from making.segmenter.tops import draw_top
 from making.segmenter.tops import family_names as family_names
-from making.segmenter.tops.layers import draw_top
 from pipeline.world.layout import SIDE
 
 TOP = round(SIDE_M * PX_PER_M)  # side of a drawn top [pixels]
