@@ -11,8 +11,7 @@ import numpy as np
 from jaxtyping import UInt8
 from numpy import ndarray as Array
 
-from making.segmenter.camera import draw_camera
-from making.segmenter.canvas import CANVAS, PX_PER_M, Window
+from making.segmenter.camera import CANVAS, PX_PER_M, Window, draw_camera
 from making.segmenter.items import Drawn
 from making.segmenter.light import draw_illumination, draw_lamps, exposed, shadows
 from making.segmenter.paint import SIDE_M, Top
