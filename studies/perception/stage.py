@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 import torch
-import torch.nn.functional as F
 from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
 from omegaconf import DictConfig
@@ -30,13 +29,13 @@ from pipeline.causal import added_items
 from pipeline.launch import launch
 from pipeline.models.base import ValidityModel, to_tensor
 from pipeline.models.baselines import position_only
-from pipeline.models.clearance.clearance import pack
+from pipeline.models.clearance.clearance import packed
 from pipeline.models.trained import load_model
 from pipeline.perception.capsule import fit_capsule
 from pipeline.perception.objects import Objects, detect_objects
 from pipeline.perception.outlines import SUPERSAMPLING
 from pipeline.planning.measures import measures
-from pipeline.planning.nearest import LogValid, by_truth, nearest
+from pipeline.planning.nearest import by_percept, by_truth, nearest
 from pipeline.planning.starts import Starts, rows
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
@@ -192,13 +191,6 @@ def recall(items: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
 # Clearance models: what perception changes for them
 
 
-def percept(objects: Objects) -> Float[Tensor, "scene object 14"]:
-    """Return objects packed as a clearance model sees them."""
-    start, end = torch.from_numpy(objects.ends).unbind(-2)
-    radius, features, present = map(torch.from_numpy, (objects.radius, objects.features, objects.present))
-    return pack(start, end, radius, features, present, torch.from_numpy(objects.doubt))
-
-
 def trained(cfg: DictConfig) -> Models:
     """Return stage clearance's models of the judged users and the protocol's seeds."""
     keys = [(user, seed) for user in cfg.evaluate.users for seed in cfg.protocol.seeds]
@@ -212,7 +204,7 @@ def baselines(cfg: DictConfig) -> pd.DataFrame:
     blind = [(user, 0) for user in cfg.evaluate.users]
     parts = []
     for pool in DRAWN:
-        seen, asked = percept(detect_objects(to_tensor(scenes.images[pool]))), queries[pool]
+        seen, asked = packed(detect_objects(to_tensor(scenes.images[pool]))), queries[pool]
         p = [probability(model, seen, asked.z) for model in models.values()]
         parts.append(accuracies(models, p, asked.valid).assign(source=pool, top=ALL, detector="segmenter"))
         p = [position_only(prior[user], asked.z) for user, _ in blind]
@@ -295,7 +287,7 @@ def on_tables(job: Job) -> Transfer:
     starts, models, parts = draw_starts(cfg, job.split, tables), trained(cfg), []
     for detector, detect in DETECTORS.items():
         empty = to_tensor(tables.empty)
-        seen = [percept(detect(to_tensor(x), empty)) for x in (tables.images, *tables.with_item.values())]
+        seen = [packed(detect(to_tensor(x), empty)) for x in (tables.images, *tables.with_item.values())]
         p = np.stack([[probability(model, x, z) for x in seen] for model in models.values()])
         right = accuracies(models, p[:, 0], dict(zip(users, true[:, 0], strict=True)))
         found = Transfer(
@@ -331,17 +323,6 @@ def _search(
         ends, log_p = nearest(by_percept(model, seen), s.scene, s.z, r.distance_penalty, r.lattice_side, r.refinements)
         found.append(rows(s, "nearest", VARIANT, seed, ends, None, np.exp(log_p)))
     return measures(pd.concat(found, ignore_index=True))[SEARCH]
-
-
-def by_percept(model: ValidityModel, seen: Float[Tensor, "scene object column"]) -> LogValid:
-    """Return a model's log P(valid) among the objects seen, for the search."""
-
-    @torch.no_grad()
-    def log_valid(scene: int, z: Array) -> Array:
-        logit = model.logit(seen[scene : scene + 1], torch.as_tensor(z, dtype=torch.float32)[None])
-        return F.logsigmoid(logit)[0].double().numpy()
-
-    return log_valid
 
 
 def headlines(headlines: Mapping[str, str], accuracy: pd.DataFrame, verdicts: pd.DataFrame) -> dict[str, float]:
