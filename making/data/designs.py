@@ -13,10 +13,8 @@ from functools import partial
 
 import numpy as np
 
-from making.data.crockery import bowl, plate
-from making.data.cutlery import HALF_WIDTH, STEEL, cutlery
-from making.data.glass import glass
-from making.data.outline import ROUND, Outline, cut, eared, oval, polygon, scalloped
+from making.data.kitchenware import HALF_WIDTH, STEEL, bowl, cutlery, glass, plate
+from making.data.shading import ROUND, Outline, cut, eared, oval, polygon, scalloped
 from making.data.surface import surface
 from making.data.unseen import SEED, Row, unseen_items, unseen_tops
 

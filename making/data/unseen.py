@@ -10,8 +10,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from making.data.cutlery import GOLD, PIECES, STEEL
-from making.data.outline import ROUND, Outline, cut, eared, oval, polygon, scalloped, spouted
+from making.data.kitchenware import GOLD, PIECES, STEEL
+from making.data.shading import ROUND, Outline, cut, eared, oval, polygon, scalloped, spouted
 from making.data.surface import PATTERNS as SURFACE_PATTERNS
 
 Colour = tuple[float, float, float]

@@ -1,16 +1,32 @@
-"""The camera above the table: perspective, blur, glare, tone, noise and JPEG artefacts."""
+"""The canvas on which a scene is drawn, and the camera above it.
+
+The canvas is finer than the camera's picture, and wider than the table. The camera adds perspective, blur, glare, tone,
+noise and JPEG artefacts.
+"""
 
 from typing import NamedTuple
 
 import cv2
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float32, UInt8
 from numpy import ndarray as Array
 
-from making.segmenter.canvas import CANVAS_M, PX_PER_M, SAMPLES, Plane
 from pipeline.world.layout import SIDE
 
+SAMPLES = 2  # samples per pixel along each axis
+PX_PER_M = SIDE * SAMPLES
+CANVAS_M = 1.08  # side of the drawn table [m]: the camera's perspective stays within it
+CANVAS = round(CANVAS_M * PX_PER_M)  # [pixels]
+Window = tuple[slice, slice]  # rows and columns of the canvas
+Plane = Float32[Array, "side side"]
+Picture = Float32[Array, "side side 3"]
 MIN_COVER = 62  # share [1 / 255] from which a pixel is an item's: a quarter, as handles are thinner than pixels
+
+
+def axes() -> tuple[Array, Array]:
+    """Return x and y from -0.5 to 0.5 along the canvas, as a row and a column."""
+    along = np.linspace(-0.5, 0.5, CANVAS, dtype=np.float32)
+    return along[None, :], along[:, None]
 
 
 class Camera(NamedTuple):

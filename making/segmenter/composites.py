@@ -11,8 +11,7 @@ import numpy as np
 from jaxtyping import UInt8
 from numpy import ndarray as Array
 
-from making.segmenter.camera import draw_camera
-from making.segmenter.canvas import CANVAS, PX_PER_M, Window
+from making.segmenter.camera import CANVAS, PX_PER_M, Window, draw_camera
 from making.segmenter.items import Drawn
 from making.segmenter.light import draw_illumination, draw_lamps, exposed, shadows
 from making.segmenter.paint import SIDE_M, Top
@@ -20,8 +19,8 @@ from making.segmenter.placing import Palette as Palette
 from making.segmenter.placing import draw_items
 from making.segmenter.placing import read_palette as read_palette
 from making.segmenter.tops import FAMILIES as FAMILIES
+from making.segmenter.tops import draw_top
 from making.segmenter.tops import family_names as family_names
-from making.segmenter.tops.layers import draw_top
 from pipeline.world.layout import SIDE
 
 TOP = round(SIDE_M * PX_PER_M)  # side of a drawn top [pixels]

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy import ndarray as Array
 
-from making.segmenter.canvas import CANVAS, PX_PER_M, Picture, Plane, Window, axes
+from making.segmenter.camera import CANVAS, PX_PER_M, Picture, Plane, Window, axes
 from making.segmenter.items import Drawn
 from making.segmenter.paint import Top, noise
 

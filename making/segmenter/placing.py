@@ -10,7 +10,7 @@ from jaxtyping import Float32
 from numpy import ndarray as Array
 
 from making.segmenter import items as draw
-from making.segmenter.canvas import CANVAS, CANVAS_M, PX_PER_M, Window
+from making.segmenter.camera import CANVAS, CANVAS_M, PX_PER_M, Window
 from making.segmenter.items import Drawn, Frame
 from making.segmenter.light import Lamp
 from making.segmenter.paint import Top

@@ -7,6 +7,7 @@ import torch
 import torch.nn.functional as F
 from jaxtyping import Float, Int, UInt8
 from numpy import ndarray as Array
+from torch import Tensor
 
 from pipeline.models.base import ValidityModel, to_tensor
 from pipeline.world.bezier import Z_HIGH, Z_LOW, lattice
@@ -86,7 +87,11 @@ def by_model(model: ValidityModel, images: UInt8[Array, "scene 100 100 3"]) -> L
     """Return a model's log P(valid) in these scenes; the model perceives each scene once."""
     model.eval()
     with torch.no_grad():
-        percept = model.perceive(to_tensor(images))
+        return by_percept(model, model.perceive(to_tensor(images)))
+
+
+def by_percept(model: ValidityModel, percept: Tensor) -> LogValid:
+    """Return a model's log P(valid) in scenes that it, or another detector, has perceived."""
 
     def log_valid(scene: int, z: Array) -> Array:
         with torch.no_grad():

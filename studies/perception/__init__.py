@@ -1,1 +1,1 @@
-"""Study: a segmenter learned without any label of a user, from composites of items on procedural tables."""
+"""Study: a segmenter learned without any label of a user, from composites of items on procedural table tops."""

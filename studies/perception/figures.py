@@ -1,6 +1,7 @@
-"""Composites with the objects that the segmenter finds."""
+"""Composites with the objects that the segmenter finds, and the worst effect of an added item."""
 
 import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure
 
 from pipeline.report.drawing import draw_table, panels
@@ -25,3 +26,11 @@ def strip(study: Study) -> Figure:
             away = point_segment_distance(GRID, *ends[i])
             panel.contour(GRID[..., 0], GRID[..., 1], away, [radii[i]], colors="white", linewidths=1.4)
     return figure
+
+
+def furthest(study: Study) -> pd.DataFrame:
+    """Return for each split and detector the effect furthest from the truth, and how many verdicts are `right`."""
+    parts = study.table("verdicts.csv").groupby(["source", "detector"], sort=False)
+    worst = [part.loc[[(part["effect"] - part["truth"]).abs().idxmax()]] for _, part in parts]
+    right = [f"{part['right'].sum()} of {len(part)}" for _, part in parts]
+    return pd.concat(worst).assign(right=right)

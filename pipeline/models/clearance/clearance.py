@@ -22,7 +22,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from pipeline.models.base import ValidityModel
-from pipeline.perception.objects import FEATURES, detect_objects
+from pipeline.perception.objects import FEATURES, Objects, detect_objects
 from pipeline.runtime.roots import square_root
 from pipeline.world.bezier import P_F, P_INIT, basis
 from pipeline.world.layout import segment_distance
@@ -132,10 +132,7 @@ class ClearanceModel(ValidityModel):
 
     def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene object 14"]:
         """Return the detected objects, packed as by `PerceivedObjects.percept`."""
-        objects = detect_objects(images)
-        start, end = torch.from_numpy(objects.ends).unbind(-2)
-        radius, features, present = map(torch.from_numpy, (objects.radius, objects.features, objects.present))
-        return pack(start, end, radius, features, present, torch.from_numpy(objects.doubt))
+        return packed(detect_objects(images))
 
     def logit(
         self, percept: Float[Tensor, "scene object 14"], z_theta: Float[Tensor, "scene path 2"]
@@ -211,6 +208,13 @@ def log_odds(log_p: Tensor) -> Tensor:
     """Return the log-odds of a probability given as its logarithm; probabilities are capped at 1 - 1e-6."""
     log_p = log_p.clamp(max=-1e-6)
     return log_p - torch.log(-torch.expm1(log_p))
+
+
+def packed(objects: Objects) -> Float[Tensor, "scene object 14"]:
+    """Return detected objects as a percept."""
+    start, end = torch.from_numpy(objects.ends).unbind(-2)
+    radius, features, present = map(torch.from_numpy, (objects.radius, objects.features, objects.present))
+    return pack(start, end, radius, features, present, torch.from_numpy(objects.doubt))
 
 
 def pack(

@@ -7,23 +7,20 @@ import pandas as pd
 import pytest
 
 from making.data.__main__ import write_data
-from making.data.crockery import bowl
 from making.data.designs import Design, designs, surfaces
 from making.data.shading import SIDE
-from making.data.surface import surface
 from pipeline.world.images import read_image
 
 pytestmark = pytest.mark.slow
 
 DATA = Path("data")
 SAMPLE = {(design.symbol, design.split): design for design in designs()}  # all would take longer than 10 s
-GREY, BLACK = (128, 128, 128), (0, 0, 0)
-TOPS = {"grey": ("train", lambda: np.full((SIDE, SIDE, 3), GREY, np.uint8))}
+TOPS = {"grey": ("train", lambda: np.full((SIDE, SIDE, 3), 128, np.uint8))}
 
 
-def painted(name: str, symbol: str = "bowl", colour: tuple[int, int, int] = GREY) -> Design:
-    """An item of one colour all over."""
-    return Design(name, symbol, "train", 0.05, 0.0, lambda: np.full((SIDE, SIDE, 4), (*colour, 255), np.uint8))
+def painted(name: str) -> Design:
+    """A grey item."""
+    return Design(name, "bowl", "train", 0.05, 0.0, lambda: np.full((SIDE, SIDE, 4), 128, np.uint8))
 
 
 def contents(directory: Path) -> dict[str, bytes]:
@@ -47,34 +44,16 @@ def test_data_holds_no_other_file_and_lists_the_designs_in_their_order():
     table = pd.read_csv(DATA / "items.csv")
     assert [*zip(table["name"], table["split"], strict=True)] == [(design.name, design.split) for design in designs()]
     np.testing.assert_allclose(table["width_m"], [design.width_m for design in designs()], atol=5e-5)
-    assert pd.read_csv(DATA / "textures.csv")["name"].tolist() == list(surfaces())
 
 
-def test_drawing_anew_removes_old_images(tmp_path):
-    write_data(tmp_path, [painted("kept"), painted("renamed")], TOPS)
-    (tmp_path / "notes.txt").touch()  # not drawn, so left alone
-    write_data(tmp_path, [painted("kept"), painted("new")], {"other": TOPS["grey"]})
-    assert set(contents(tmp_path)) == {
-        "items.csv", "textures.csv", "items/kept.png", "items/new.png", "textures/other.png", "notes.txt"
-    }  # fmt: skip
-    assert pd.read_csv(tmp_path / "items.csv")["name"].tolist() == ["kept", "new"]
-
-
-def test_a_drawing_that_fails_leaves_the_folder_as_it_was(tmp_path):
-    write_data(tmp_path, [painted("bowl")], TOPS)
-    before = contents(tmp_path)
-
+def test_drawing_anew_removes_old_images_and_a_drawing_that_fails_removes_none(tmp_path):
     def fail() -> np.ndarray:
         raise RuntimeError("no such colour")
 
+    write_data(tmp_path, [painted("old")], TOPS)
+    write_data(tmp_path, [painted("new")], TOPS)
+    before = contents(tmp_path)
+    assert set(before) == {"items.csv", "textures.csv", "items/new.png", "textures/grey.png"}
     with pytest.raises(RuntimeError, match="no such colour"):
-        write_data(tmp_path, [painted("bowl", colour=BLACK), painted("new")], {"broken": ("train", fail)})
+        write_data(tmp_path, [painted("newer")], {"broken": ("train", fail)})
     assert contents(tmp_path) == before
-
-
-def test_an_unknown_pattern_or_table_top_is_refused():
-    grey = (0.5, 0.5, 0.5)
-    with pytest.raises(ValueError, match="unknown pattern 'stars'"):
-        bowl(0, grey, grey, grey, "stars", 0.5)
-    with pytest.raises(ValueError, match="unknown table top 'grass'"):
-        surface(0, "grass", grey, grey)

@@ -8,7 +8,7 @@ import torch
 
 from making.segmenter import pool, train
 from making.segmenter.changes import change, paint
-from making.segmenter.pool import draw, read_path_traced
+from making.segmenter.pool import draw
 from pipeline.perception.segmenter import read_segmenter
 
 
@@ -19,11 +19,6 @@ def few(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for part in range(2):
         np.save(pool.part_file(folder, part), np.concatenate(draw(np.random.default_rng(part), 20, "data")))
     return folder
-
-
-def test_a_part_depends_on_its_number_alone(few: Path):
-    again = np.concatenate(draw(np.random.default_rng(1), 20, "data"))
-    np.testing.assert_array_equal(np.load(pool.part_file(few, 1)), again)
 
 
 def test_items_stay_where_their_truth_is(few: Path):
@@ -45,13 +40,6 @@ def test_patterns_are_painted_on_items_alone(few: Path):
     assert changed.any()
     assert (pictures[changed][:, pool.ITEM] == 1).all()
     np.testing.assert_array_equal(painted[..., 3:], pictures[..., 3:])
-
-
-def test_path_traced_items_differ_from_the_empty_table_more_than_the_table_does():
-    pictures = read_path_traced(train.PATH_TRACED)
-    change_ = np.abs(pictures[..., pool.COLOURS].astype(float) - pictures[..., pool.EMPTY]).mean(-1)
-    item, known = pictures[..., pool.ITEM] == 1, pictures[..., pool.KNOWN] == 1
-    assert change_[item & known].mean() > 3 * change_[~item & known].mean()
 
 
 def test_a_short_training_lowers_the_loss(few: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

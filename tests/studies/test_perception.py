@@ -1,4 +1,4 @@
-"""Clearance models are judged on any path-traced split, with the truth of the true footprints."""
+"""Objects are compared with the truth item by item; clearance models are judged on any path-traced split."""
 
 from pathlib import Path
 
@@ -8,16 +8,62 @@ import pytest
 from omegaconf import DictConfig
 
 from making.render.read import read_rendered, sheet
+from making.segmenter.pool import between
+from pipeline.perception.objects import FEATURES, MAX_OBJECTS, Objects
 from pipeline.runtime.errors import InputError
 from pipeline.world.images import write_png
+from pipeline.world.layout import SIDE
 from pipeline.world.rules import valid
 from pipeline.world.symbols import SYMBOLS
-from studies.perception.accuracy import summarised, tables_and_paths
-from studies.perception.transfer import Transfer, draw_starts, headlines, transfer
+from studies.perception.stage import Job, Transfer, found_items, headlines, mean_accuracy, on_tables, tables_and_paths
 from tests.factories import untrained_models, with_value
 
 PICTURES, SCENES, SPLIT, SEEDS = Path("rendered/pictures"), 3, "any_name", [0, 1]
-pytestmark = pytest.mark.skipif(not PICTURES.is_dir(), reason=f"{PICTURES} is absent: dvc pull rendered/pictures.dvc")
+pictures = pytest.mark.skipif(not PICTURES.is_dir(), reason=f"{PICTURES} is absent: dvc pull rendered/pictures.dvc")
+
+
+def picture(*discs: tuple[float, float, float]) -> np.ndarray:
+    """Instances of discs (x, y, radius) [m]."""
+    y, x = np.mgrid[:SIDE, :SIDE] + 0.5
+    instances = np.zeros((SIDE, SIDE), np.uint8)
+    for i, (at_x, at_y, radius) in enumerate(discs, 1):
+        instances[np.hypot(x - SIDE * at_x, SIDE * (1 - at_y) - y) < SIDE * radius] = i
+    return instances
+
+
+def objects(*discs: tuple[float, float, float]) -> Objects:
+    """Detected discs (x, y, radius) [m]."""
+    none = np.zeros((1, MAX_OBJECTS), np.float32)
+    found = Objects(
+        np.zeros((1, MAX_OBJECTS, 2, 2), np.float32),
+        none,
+        np.zeros((1, MAX_OBJECTS, len(FEATURES)), np.float32),
+        none > 0,
+        np.zeros(1, np.float32),
+    )
+    for i, (x, y, radius) in enumerate(discs):
+        found.ends[0, i], found.radius[0, i], found.present[0, i] = (x, y), radius, True
+    return found
+
+
+PLATE, GLASS = (0.3, 0.4, 0.08), (0.7, 0.6, 0.04)
+
+
+def test_the_true_discs_match_whatever_their_order():
+    found = found_items(objects(GLASS, PLATE), picture(PLATE, GLASS)[None])
+    assert found["item"].tolist() == [1, 2] and found["iou"].tolist() == pytest.approx([1, 1], abs=0.1)
+
+
+def test_a_missed_item_has_no_overlap_and_an_object_elsewhere_is_made_up():
+    found = found_items(objects(PLATE, (0.1, 0.9, 0.05)), picture(PLATE, GLASS)[None])
+    assert found["item"].tolist() == [1, 2, -1] and found["iou"].tolist() == pytest.approx([1, 0, 0], abs=0.1)
+    assert found_items(objects(PLATE), picture()[None])["item"].tolist() == [-1]
+
+
+def test_only_pixels_near_two_items_are_between_them():
+    assert between(picture(PLATE, GLASS)).sum() == 0
+    close = between(picture(PLATE, (PLATE[0] + 0.08 + 0.04 + 0.01, 0.4, 0.04)))
+    assert 5 < close.sum() < 60
 
 
 @pytest.fixture(scope="module")
@@ -38,16 +84,18 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
 
 @pytest.fixture(scope="module")
 def results(cfg: DictConfig) -> Transfer:
-    return transfer(with_value(cfg, f"studies.perception.rendered=[{SPLIT}]"))
+    return on_tables(Job(cfg, SPLIT))
 
 
+@pictures
 def test_every_user_seed_and_scene_is_judged_with_and_without_the_empty_table(cfg: DictConfig, results: Transfer):
-    keys = ["source", "detector", "user", "seed", "scene"]
-    assert not results.accuracy.duplicated(keys).any()
+    assert not results.accuracy.duplicated(["source", "detector", "user", "seed", "scene"]).any()
     assert len(results.accuracy) == 2 * len(cfg.evaluate.users) * len(SEEDS) * SCENES
-    assert set(results.accuracy["source"]) == {SPLIT}
+    assert len(results.search) == 2 * len(cfg.evaluate.users)
+    assert (results.search["success"] + results.search["unsafe"] <= 1).all()
 
 
+@pictures
 def test_a_question_s_truth_is_the_change_in_the_share_of_valid_paths(cfg: DictConfig, results: Transfer):
     tables, z = tables_and_paths(cfg, SPLIT)
     asked = results.verdicts[results.verdicts["detector"] == "segmenter"].set_index(["user", "symbol"])
@@ -57,25 +105,10 @@ def test_a_question_s_truth_is_the_change_in_the_share_of_valid_paths(cfg: DictC
         assert truth == pytest.approx(shares[1] - shares[0])
 
 
-def test_starts_are_invalid_and_their_nearest_paths_are_valid(cfg: DictConfig):
-    for starts in draw_starts(cfg, SPLIT, read_rendered(Path(cfg.studies.perception.folder) / SPLIT)).values():
-        layouts = starts.layouts[starts.scene]
-        assert not valid(layouts, starts.z[:, None], starts.margins).any()
-        moved = (starts.nearest != starts.z).any(-1)  # a start stays where no lattice point is valid
-        assert moved.any() and valid(layouts[moved], starts.nearest[moved, None], starts.margins).all()
-
-
-def test_a_path_found_is_at_most_one_of_valid_and_unsafe(results: Transfer):
-    assert set(zip(results.search["user"], results.search["detector"], strict=True)) == {
-        (user, detector) for user in ("careful", "normal") for detector in ("segmenter", "segmenter_empty")
-    }
-    assert (results.search["success"] + results.search["unsafe"] <= 1).all()
-
-
+@pictures
 def test_a_split_without_added_items_is_refused(cfg: DictConfig):
-    other = with_value(cfg.copy(), f"studies.perception.folder={PICTURES}")
     with pytest.raises(InputError, match=r"train has no pictures with an added item: leave this split out"):
-        transfer(with_value(other, "studies.perception.rendered=[train]"))
+        on_tables(Job(with_value(cfg.copy(), f"studies.perception.folder={PICTURES}"), "train"))
 
 
 def test_means_are_over_scenes_and_users_and_quartiles_over_seeds():
@@ -88,7 +121,7 @@ def test_means_are_over_scenes_and_users_and_quartiles_over_seeds():
             for user, accuracy in (("careful", 0.3 * i + shift), ("normal", 0.1 + shift))
         ]
     )
-    table = summarised(rows).set_index(["top", "user"])
+    table = mean_accuracy(rows).set_index(["top", "user"])
     assert table.loc[("all", "careful"), "accuracy"] == pytest.approx(0.4)
     assert table.loc[("wood", "careful"), ["scenes", "seeds", "accuracy"]].tolist() == pytest.approx([2, 3, 0.25])
     assert table.loc[("all", "all"), ["q1", "accuracy", "q3"]].tolist() == pytest.approx([0.25, 0.3, 0.35])

@@ -1,12 +1,31 @@
 """A table top: one family's, sometimes with others laid on it or mixed in, and with marks of use: all of them table."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Literal, NamedTuple
 
 import cv2
 import numpy as np
 
+from making.segmenter.families import HELD_OUT, TAUGHT
 from making.segmenter.paint import FRACTION_BITS, Colour, Field, Top, colour, noise, points, step
-from making.segmenter.tops import FAMILIES
+
+Kind = Literal["taught", "held_out"]
+
+
+class Family(NamedTuple):
+    """A kind of table top."""
+
+    draw: Callable[[np.random.Generator, int], Top]  # draws a top of so many pixels a side
+    kind: Kind
+
+
+FAMILIES: dict[str, Family] = {draw.__name__: Family(draw, "taught") for draw in TAUGHT}
+FAMILIES |= {draw.__name__: Family(draw, "held_out") for draw in HELD_OUT}
+
+
+def family_names(kind: Kind) -> list[str]:
+    """Return the names of the families of one kind."""
+    return [name for name, family in FAMILIES.items() if family.kind == kind]
 
 
 def draw_top(rng: np.random.Generator, families: Sequence[str], side: int) -> tuple[str, Top]:
