@@ -7,9 +7,8 @@ python -m pipeline.audit REV --rerun [STAGE ...]
                                              run these stages (default: all of the paper) again in a clean clone, with
                                              the commit's own packages, and compare every output
   --profile PROFILE                          of the rerun, such as smoke: run twice and compare; two commits: run both
-python -m pipeline.audit [REV] --history     every commit up to this one that changed the results; some 20 s each
-  --format terminal | markdown | json | html   terminal by default
-  --out FILE                                   write there instead
+  --format markdown | json                   markdown by default
+  --out FILE                                 write there instead
 
 Exit status: 0 if everything agrees, or no verdict changed and no headline is worse; 1 if not; 2 for a mistake in use.
 """
@@ -24,11 +23,9 @@ import pandas as pd
 
 from pipeline.audit.consistency import audit
 from pipeline.audit.difference import Commit, Difference, compare
-from pipeline.audit.history import history
 from pipeline.audit.rerun import Output, outputs, run
 from pipeline.audit.revision import checked_out, resolve
-from pipeline.audit.show import as_page, in_terminal
-from pipeline.audit.text import headlines_ran, of_audit, of_difference, of_history, of_rerun
+from pipeline.audit.text import headlines_ran, of_audit, of_difference, of_rerun
 from pipeline.git import forget_repository, git
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.writing import atomic_write
@@ -39,11 +36,10 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m pipeline.audit", description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("revision", nargs="*", default=["HEAD"], help="one commit to audit, or two to compare")
-    parser.add_argument("--format", choices=["terminal", "markdown", "json", "html"], default="terminal")
+    parser.add_argument("--format", choices=["markdown", "json"], default="markdown")
     parser.add_argument("--out", type=Path, help="file to write")
     parser.add_argument("--rerun", nargs="*", metavar="STAGE", help="run these stages again, by default all")
     parser.add_argument("--profile", help="of the rerun, such as smoke: run twice, or two commits, and compare")
-    parser.add_argument("--history", action="store_true", help="audit every commit with results up to this one")
     given = parser.parse_args(arguments)
     first, last = given.revision[0], given.revision[-1]
     try:
@@ -54,26 +50,19 @@ def main(arguments: list[str]) -> int:
         for revision in given.revision:
             resolve(revision)  # refuse an unknown one before any work
         content: Any
-        if given.history:
-            content = history(first)
-            markdown, checks = of_history(first, content), [check for entry in content for check in entry.checks]
-            wrong = any(check.faults for check in checks)
-        elif given.rerun is not None:
-            content, markdown, wrong = _rerun(first, last, given.rerun, given.profile)
+        if given.rerun is not None:
+            content, text, wrong = _rerun(first, last, given.rerun, given.profile)
         elif len(given.revision) == 2:
             content = compare(Commit(first), Commit(last))
-            markdown, wrong = of_difference(first, last, content), _is_worse(content)
+            text, wrong = of_difference(first, last, content), _is_worse(content)
         else:
             with checked_out(first) as clone:
                 content = audit(clone)
-            markdown, wrong = of_audit(first, content), any(check.faults for check in content)
-        text = as_page(markdown) if given.format == "html" else markdown
+            text, wrong = of_audit(first, content), any(check.faults for check in content)
         if given.format == "json":
             text = json.dumps(content, indent=2, default=_plain) + "\n"
         if given.out:
             atomic_write(given.out, lambda part: part.write_text(text))
-        elif given.format == "terminal":
-            in_terminal(markdown)
         else:
             print(text, end="")
     except (InputError, OSError) as error:

@@ -16,7 +16,7 @@ from pipeline.git import dvc, git, run
 from pipeline.report.readme import contents, fill
 from pipeline.report.tables import FORMATS, HIDDEN
 from pipeline.runtime.errors import InputError
-from pipeline.runtime.places import PROCESSORS
+from pipeline.runtime.places import PROCESSORS, ROOT
 
 
 @dataclass(frozen=True)
@@ -35,6 +35,7 @@ class Checked:
     what: str  # what it asks
     items: int
     faults: list[Fault]
+    unchecked: int = 0  # items that this clone cannot look at
 
 
 def audit(clone: Path) -> list[Checked]:
@@ -213,20 +214,35 @@ def _csv(path: Path) -> pd.DataFrame:
 
 
 def provenance(clone: Path, locks: dict[str, dict]) -> Checked:
-    """Check that the files which a page's tables were made of are those that the locks name."""
-    made = {}
-    for name, stage in locks.items():
-        made |= {(name.rpartition(":")[2], Path(out["path"]).name): out.get("md5") for out in stage.get("outs", [])}
-    count, faults = 0, []
+    """Check that the files which a page's tables were made of are those that the locks name.
+
+    Of an output that is a folder, a lock names only the list of its files, which lies in DVC's cache; where the cache
+    lacks it, the folder's files are unchecked.
+    """
+    made, unlisted = {}, set()
+    cache = Path(dvc(ROOT, "cache", "dir").strip())
+    for name, lock in locks.items():
+        stage = name.rpartition(":")[2]
+        for out in lock.get("outs", []):
+            md5 = out.get("md5") or ""
+            listed = cache / "files" / "md5" / md5[:2] / md5[2:]
+            if not md5.endswith(".dir"):
+                made[stage, Path(out["path"]).name] = md5
+            elif listed.is_file():
+                made |= {(stage, Path(file["relpath"]).name): file["md5"] for file in json.loads(listed.read_text())}
+            else:
+                unlisted.add(stage)
+    count, unchecked, faults = 0, 0, []
     for path in [*clone.glob("reports/provenance.json"), *sorted(clone.glob("studies/*/provenance.json"))]:
         sources = {(x["stage"], x["file"]): x["md5"] for file in read_json(path)["sources"].values() for x in file}
         known = {key: md5 for key, md5 in sources.items() if key in made}  # others are files in git
         count += len(known)
+        unchecked += sum(stage in unlisted for stage, _ in sources.keys() - known.keys())
         for (stage, file), md5 in known.items():
             if made[stage, file] != md5:
                 text = f"it was made of another {file} of stage {stage} than the lock names"
                 faults.append(Fault(str(path.relative_to(clone)), text))
-    return Checked("provenance", "tables were made of the files that the locks name", count, faults)
+    return Checked("provenance", "tables were made of the files that the locks name", count, faults, unchecked)
 
 
 def readme(clone: Path) -> Checked:

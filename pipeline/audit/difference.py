@@ -134,7 +134,7 @@ def _parameters(commit: Commit) -> dict[str, str]:
 
 def _processors(before: Commit, after: Commit) -> list[tuple[str, str, str]]:
     """Return the stages that ran on another processor, by the processors; none if one commit does not say."""
-    old, new = (json.loads(commit.file(PROCESSORS) or "{}") for commit in (before, after))
+    old, new = (json.loads(commit.file(str(PROCESSORS)) or "{}") for commit in (before, after))
     moved: dict[tuple[str, str], list[str]] = {}
     for stage in sorted(old.keys() & new.keys()):
         if old[stage] != new[stage]:

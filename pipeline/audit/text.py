@@ -1,4 +1,4 @@
-"""Write an audit as Markdown: for the terminal, a pull request or a file."""
+"""Write an audit as Markdown."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -7,7 +7,6 @@ import pandas as pd
 
 from pipeline.audit.consistency import Checked, Fault
 from pipeline.audit.difference import METRICS, Difference, p_text, untested
-from pipeline.audit.history import Entry
 from pipeline.audit.rerun import Output
 
 WORDS = ("worse", "better", "undecided", "same")  # in the order of a report
@@ -20,9 +19,9 @@ def of_audit(revision: str, checks: Sequence[Checked]) -> str:
     """Return the result of all checks of a commit."""
     faults = sum(len(check.faults) for check in checks)
     verdict = "everything agrees" if not faults else f"{faults} fault{'s' * (faults != 1)}"
-    rows = [(check.what, check.items, len(check.faults)) for check in checks]
+    rows = [(check.what, check.items, len(check.faults), check.unchecked) for check in checks]
     wrong = {f"{check.what}: not so": _faults(check.faults) for check in checks}
-    return _page(f"Audit of {revision}: {verdict}", table(["check", "items", "faults"], rows), wrong)
+    return _page(f"Audit of {revision}: {verdict}", table(["check", "items", "faults", "unchecked"], rows), wrong)
 
 
 def _faults(faults: Sequence[Fault]) -> str:
@@ -32,23 +31,6 @@ def _faults(faults: Sequence[Fault]) -> str:
         places.setdefault(fault.message, []).append(f"`{fault.place.replace('/dvc.yaml', '')}`")
     counts = {message: f" ({len(names)})" if len(names) > 1 else "" for message, names in places.items()}
     return items(f"{message}{counts[message]}: {', '.join(names)}" for message, names in places.items())
-
-
-def of_history(revision: str, entries: Sequence[Entry]) -> str:
-    """Return a row a commit with results: its faults by check, and the claims whose verdict changed.
-
-    A check that had nothing to look at is not counted.
-    """
-    rows = []
-    for entry in entries:
-        faults = [f"{check.check} {len(check.faults)}" for check in entry.checks if check.faults]
-        asked, of = sum(check.items > 0 for check in entry.checks), len(entry.checks)
-        clean = "none" if asked == of else f"none in {asked} of {of} checks"
-        found = ", ".join(faults) or (clean if asked else "cannot be audited")
-        changed = "; ".join(f"{claim}: {before} to {after}" for claim, before, after in entry.claims)
-        rows.append((entry.date, f"`{entry.commit}`", entry.subject, found, changed or "–"))
-    head = ["date", "commit", "it says", "faults", "verdicts that changed"]
-    return _page(f"Commits with results up to {revision}", table(head, rows, len(rows)))
 
 
 def of_rerun(title: str, outputs: Sequence[Output], difference: Difference) -> str:
@@ -128,13 +110,13 @@ def _page(title: str, lead: str, sections: Mapping[str, str] | None = None) -> s
     return "\n\n".join([f"# {title}", lead, *parts]) + "\n"
 
 
-def table(head: Sequence[str], rows: Iterable[Sequence[Any]], most: int = MAX_LINES) -> str:
-    """Return a Markdown table of at most `most` rows; "" if there are no rows."""
+def table(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """Return a Markdown table of at most MAX_LINES rows; "" if there are no rows."""
     lines = ["| " + " | ".join(_cell(value) for value in row) + " |" for row in rows]
     if not lines:
         return ""
-    more = [f"| ... {len(lines) - most} more" + " |" * len(head)] if len(lines) > most else []
-    return "\n".join(["| " + " | ".join(head) + " |", "| --- " * len(head) + "|", *lines[:most], *more])
+    more = [f"| ... {len(lines) - MAX_LINES} more" + " |" * len(head)] if len(lines) > MAX_LINES else []
+    return "\n".join(["| " + " | ".join(head) + " |", "| --- " * len(head) + "|", *lines[:MAX_LINES], *more])
 
 
 def items(lines: Iterable[str]) -> str:

@@ -10,7 +10,7 @@ import pytest
 from pipeline.audit import consistency
 from pipeline.audit.__main__ import main
 from pipeline.audit.revision import checked_out
-from pipeline.report.page import FORMATS, Traced
+from pipeline.report.tables import FORMATS, Traced
 
 CSV = 'Model,Right,"Right, q1","Right, q3",Known\nclearance,0.9774,0.97,0.98,\n'
 PAGE = """<table><caption>1 <a href="tables/t.csv">csv</a></caption><tr><th>Model</th><th>Right</th><th>Known</th></tr>
@@ -101,6 +101,23 @@ def test_a_page_made_of_another_table_than_the_lock_names_is_found(tmp_path: Pat
         (tmp_path / "reports/provenance.json").write_text(json.dumps({"sources": source}))
         checked = consistency.provenance(tmp_path, consistency.read_locks(tmp_path))
         assert (checked.items, len(checked.faults)) == (1, faults)
+
+
+def test_a_file_of_a_folder_is_compared_by_the_list_in_the_cache_and_unchecked_without_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(consistency, "dvc", lambda *_: f"{tmp_path / 'cache'}\n")
+    (tmp_path / "studies/envelope").mkdir(parents=True)
+    source = {"files": [{"stage": "envelope", "file": "curve.csv", "md5": "aa"}]}
+    (tmp_path / "studies/envelope/provenance.json").write_text(json.dumps({"sources": source}))
+    locks = {"studies/envelope/dvc.yaml:envelope": {"outs": [{"path": "outputs/studies/envelope", "md5": "12.dir"}]}}
+    checked = consistency.provenance(tmp_path, locks)
+    assert (checked.items, checked.faults, checked.unchecked) == (0, [], 1)
+    (tmp_path / "cache/files/md5/12").mkdir(parents=True)
+    for md5, faults in (("aa", 0), ("bb", 1)):
+        (tmp_path / "cache/files/md5/12/.dir").write_text(json.dumps([{"relpath": "curve.csv", "md5": md5}]))
+        checked = consistency.provenance(tmp_path, locks)
+        assert (checked.items, len(checked.faults), checked.unchecked) == (1, faults, 0)
 
 
 def test_an_unknown_commit_is_refused(capsys: pytest.CaptureFixture[str]):

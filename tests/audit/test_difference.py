@@ -59,6 +59,7 @@ def test_stages_that_ran_on_another_processor_are_named(tmp_path: Path):
         return Commit(git(tmp_path, "rev-parse", "HEAD").strip(), tmp_path)
 
     git(tmp_path, "init", "--quiet")
+    (tmp_path / PROCESSORS).parent.mkdir()
     before = commit(scenes="Xeon", train="Xeon", irl="EPYC")
     after = commit(scenes="EPYC", train="EPYC", irl="EPYC", repair="EPYC")
     assert _processors(before, after) == [("Xeon", "EPYC", "scenes, train")]
