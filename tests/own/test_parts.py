@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.own import kinds, scoring
+from pipeline.own import fitting, kinds
 from pipeline.own.fitting import UserData
 from pipeline.own.folder import Folder, read_folder
 from pipeline.own.frame import CANVAS_PX
@@ -80,7 +80,7 @@ def test_whether_more_scenes_would_help_follows_from_the_second_half(half: float
     judged = pd.MultiIndex.from_product([(1.0, 0.5), range(scenes), range(8)], names=keys).to_frame(index=False)
     right = np.random.default_rng(1).random(len(judged)) < np.where(judged["share"] == 1, 1.0, half)
     judged = judged.assign(user="Ana", predictor="clearance", valid=True, p=np.where(right, 0.9, 0.1))
-    assert scoring.enough(judged, "clearance")["state"].tolist() == [state]
+    assert fitting.enough(judged, "clearance")["state"].tolist() == [state]
 
 
 def test_an_accuracy_without_any_mistake_has_the_exact_interval_of_its_number():
@@ -88,5 +88,5 @@ def test_an_accuracy_without_any_mistake_has_the_exact_interval_of_its_number():
         ("ann", "clearance", 1.0, f"s{scene}", valid, float(valid)) for scene in range(4) for valid in (True, False)
     ]
     judged = pd.DataFrame(rows, columns=["user", "predictor", "share", "scene", "valid", "p"])
-    (row,) = scoring.scores(judged).itertuples()
+    (row,) = fitting.scores(judged).itertuples()
     assert (row.accuracy, row.ci_high) == (1, 1) and row.ci_low == pytest.approx(0.025 ** (1 / 8))
