@@ -65,11 +65,6 @@ class Folder:
             notes.append(f"no {KINDS}/ with cut-outs: the report cannot ask what users react to")
         if self.items is None:
             notes.append(f"no {ITEMS}: the report cannot count detected items")
-        elif missing := sorted(set(self.items["kind"]) - self.cutouts.keys()):
-            notes.append(f"no cut-outs of {', '.join(missing)}: the report does not ask whether users react to them")
-        counts = demos.groupby(["user", "scene"]).size().groupby("user").agg(["min", "max"])
-        for user, least, most in counts[counts["max"] > 2 * counts["min"]].itertuples():
-            notes.append(f"user {user} has {least} to {most} demonstrations a scene, and each scene counts the same")
         more = demos[demos["needs_more"]]
         if len(more):
             notes.append(
