@@ -16,7 +16,6 @@ import uvicorn
 from pydantic import TypeAdapter, ValidationError
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
-from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.middleware.base import BaseHTTPMiddleware
 from starlette.requests import Request
@@ -146,7 +145,6 @@ def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
         middleware=[Middleware(BaseHTTPMiddleware, dispatch=guard)],
         exception_handlers={
             InputError: lambda _, error: _refused(str(error), 400),
-            HTTPException: lambda _, error: _refused(error.detail, error.status_code),
             ValidationError: lambda _, error: _refused(unknown, 400),
             OSError: lambda _, error: _refused(f"not stored: {error}", 500),
         },
