@@ -52,8 +52,7 @@ def main(arguments: Sequence[str]) -> int:
     Raise InputError if the folder cannot be recorded into or another recorder has it.
     """
     parser = argparse.ArgumentParser(
-        prog="python -m pipeline.own record",
-        description="Open a page in which people draw paths over the pictures of a folder and say which are valid.",
+        "python -m pipeline.own record", description="Open a page to draw and judge paths."
     )
     parser.add_argument("folder", type=Path, help="has pictures in FOLDER/scenes; recordings are written beside them")
     parser.add_argument("--port", type=int, default=0, help="0, the default, takes any that is free")
