@@ -25,7 +25,7 @@ from making.segmenter.composites import FAMILIES, draw_composites, read_palette
 from pipeline.artifacts.demos import read_queries
 from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.artifacts.scenes import read_position_prior, read_scenes
-from pipeline.causal import added_items
+from pipeline.causal import interventions
 from pipeline.launch import launch
 from pipeline.models.base import ValidityModel, to_tensor
 from pipeline.models.baselines import position_only
@@ -261,7 +261,7 @@ class Transfer(NamedTuple):
     """Results on path-traced splits, each with columns `source` (the split) and `detector`."""
 
     accuracy: pd.DataFrame  # a row for each user, seed and scene: the share of paths judged right
-    verdicts: pd.DataFrame  # a row for each user and added symbol: `added_items.verdicts`
+    verdicts: pd.DataFrame  # a row for each user and added symbol: `interventions.verdicts`
     search: pd.DataFrame  # a row for each user: SEARCH, as `pipeline.planning.measures` has it
 
 
@@ -292,7 +292,7 @@ def on_tables(job: Job) -> Transfer:
         right = accuracies(models, p[:, 0], dict(zip(users, true[:, 0], strict=True)))
         found = Transfer(
             right.assign(top=[tables.tops[i] for i in right["scene"]]),
-            added_items.verdicts(users, p.reshape(len(users), -1, *p.shape[1:]), true),
+            interventions.verdicts(users, p.reshape(len(users), -1, *p.shape[1:]), true),
             _search(cfg, models, seen[0], starts),
         )
         parts.append([table.assign(source=job.split, detector=detector) for table in found])

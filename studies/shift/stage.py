@@ -21,7 +21,7 @@ from pydantic import AfterValidator
 from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import read_arrays, write_arrays, write_table
 from pipeline.artifacts.scenes import SceneSet, read_interventions, read_position_prior, read_scenes, train_pool
-from pipeline.causal.added_items import verdicts
+from pipeline.causal.interventions import verdicts
 from pipeline.launch import launch
 from pipeline.models import baselines
 from pipeline.models.base import ValidityModel
