@@ -32,11 +32,9 @@ from pipeline.models.baselines import position_only
 from pipeline.models.clearance.clearance import packed
 from pipeline.models.trained import load_model
 from pipeline.perception.capsule import fit_capsule
-from pipeline.perception.objects import Objects, detect_objects
-from pipeline.perception.outlines import SUPERSAMPLING
-from pipeline.planning.measures import measures
+from pipeline.perception.objects import SUPERSAMPLING, Objects, detect_objects
 from pipeline.planning.nearest import by_percept, by_truth, nearest
-from pipeline.planning.starts import Starts, rows
+from pipeline.planning.results import Starts, measures, rows
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.settings import Count, Group, Some, StudyGroup, Whole, need, need_one
@@ -262,7 +260,7 @@ class Transfer(NamedTuple):
 
     accuracy: pd.DataFrame  # a row for each user, seed and scene: the share of paths judged right
     verdicts: pd.DataFrame  # a row for each user and added symbol: `interventions.verdicts`
-    search: pd.DataFrame  # a row for each user: SEARCH, as `pipeline.planning.measures` has it
+    search: pd.DataFrame  # a row for each user: SEARCH, as `pipeline.planning.results` has it
 
 
 @dataclass(frozen=True)

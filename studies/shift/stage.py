@@ -43,8 +43,7 @@ from pipeline.runtime.settings import (
     rising,
 )
 from pipeline.runtime.streams import stream
-from pipeline.stats.decisions import accuracy_by_seed, accuracy_estimate, accuracy_loss
-from pipeline.stats.scores import DECISION
+from pipeline.stats.scores import DECISION, accuracy_by_seed, accuracy_estimate, accuracy_loss
 from pipeline.training.refit import TrainingSet, refit, refit_and_predict
 from pipeline.world.bezier import curve, lattice
 from pipeline.world.catalogue import read_catalogue
