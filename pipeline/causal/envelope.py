@@ -104,12 +104,10 @@ def response_curve(
 
     Columns: clearance_m, response, ci_low, ci_high, true_response, scenes (number of scenes with the dose).
     """
-    estimates = pd.DataFrame(_estimate_doses(by_item(response, item), n_training)).rename(
-        columns={"effect": "response"}
-    )
-    estimates.insert(0, "clearance_m", doses)
+    estimates = _estimate_doses(by_item(response, item), n_training)
+    table = pd.DataFrame({"clearance_m": doses, "response": estimates.pop("effect"), **estimates})
     true = np.nanmean(by_item(true_response[None], item)[0], axis=0)
-    return estimates.assign(true_response=true, scenes=(~np.isnan(true_response)).sum(0))
+    return table.assign(true_response=true, scenes=(~np.isnan(true_response)).sum(0))
 
 
 def radius(
