@@ -45,9 +45,8 @@ def repair(
     direction but does not vanish where p is near 0 or 1. Starts and steps are clipped to the z_theta square.
     The model perceives each scene once; starts do not affect each other.
     """
-    model.eval()
     with torch.no_grad():
-        percept = model.perceive(to_tensor(images))
+        percept = model.eval().perceive(to_tensor(images))
     z = torch.as_tensor(np.asarray(starts, dtype=np.float32)).clamp(Z_LOW, Z_HIGH)
     mean, squares = torch.zeros_like(z), torch.zeros_like(z)
     path, log_odds = [z], []

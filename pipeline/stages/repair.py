@@ -17,11 +17,9 @@ from pipeline.artifacts.models import model_name
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.launch import launch
 from pipeline.models.trained import check_weights, load_model
-from pipeline.planning.measures import measures
-from pipeline.planning.nearest import by_model, nearest
-from pipeline.planning.oracle import constant_detour
+from pipeline.planning.nearest import by_model, constant_detour, nearest
 from pipeline.planning.repair import Ascent, repair
-from pipeline.planning.starts import Starts, rows
+from pipeline.planning.results import Starts, measures, rows
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.settings import Count, Group, SharedSplit, Size, Whole, need, need_several_seeds, widest_margin

@@ -28,7 +28,7 @@ from pipeline.launch import load
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.places import PARAMS
 from pipeline.runtime.writing import atomic_write
-from pipeline.viewer.blueprint import beside_text, tabbed
+from pipeline.viewer import scene
 from pipeline.viewer.digest import digest
 from pipeline.viewer.geometry import footprints, kept_clear
 from pipeline.viewer.scene import INVALID, KEPT_CLEAR, START, VALID, log_static, log_texts, recording_at
@@ -119,7 +119,7 @@ def blueprint() -> rrb.Blueprint:
     ]
     shown = rrb.Vertical(rrb.Horizontal(*views), rrb.Horizontal(*series), row_shares=[5, 2])
     time = rrb.TimePanel(state="collapsed", timeline=TIMELINE, loop_mode="all")
-    return tabbed(NAME, [beside_text("Before and after the repair", shown, NAME)], time)
+    return scene.tabbed(NAME, [scene.beside_text("Before and after the repair", shown, NAME)], time)
 
 
 def log_what_stays(recording: rr.RecordingStream, arrays: Arrays, margins: Mapping[str, float | None]) -> None:
