@@ -34,8 +34,8 @@ SETTINGS: dict[str, dict[str, Any]] = {  # conf/variants
     "full": {"stage": "train", "kind": "vae", "alpha": 100.0, "beta": 0.002, "gamma": 6.0, "model": VAE},
     "ae": {"stage": "train", "kind": "vae", "alpha": 100.0, "beta": 0.0, "gamma": 6.0, "model": VAE},
     "classifier": {"stage": "train", "kind": "vae", "alpha": 0.0, "beta": 0.0, "gamma": 1.0, "model": VAE},
-    "irl_maxent": IRL | {"objective": "maxent", "steps": 150, "model": {**REWARD_MAP, "dropout": 0.5}},
-    "irl_ranked": IRL | {"objective": "ranked", "steps": 200, "model": {**REWARD_MAP, "dropout": 0.3}},
+    "irl_maxent": IRL | {"objective": "maxent", "model": {**REWARD_MAP, "dropout": 0.5}},
+    "irl_ranked": IRL | {"objective": "ranked", "model": {**REWARD_MAP, "dropout": 0.3}},
     "clearance": {"stage": "clearance", "kind": "clearance", "model": {"members": 8}},
 }
 TRAINING: dict[str, dict[str, Any]] = {  # conf/train, conf/irl and conf/clearance
@@ -43,6 +43,7 @@ TRAINING: dict[str, dict[str, Any]] = {  # conf/train, conf/irl and conf/clearan
         "steps": 500, "rate": 0.01, "weight_decay": 0.01, "adam_beta2": 0.99, "curve_every": 10, "engine": "auto",
     },
     "irl": {
+        "steps": {"maxent": 150, "ranked": 200},
         "rate": 0.018, "weight_decay": 0.0001, "scenes_per_step": 20, "n_augmentations": 12, "curve_every": 10,
         "color_jitter": {"hue": 0.3, "gain": 0.15, "shift": 0.01, "scene_gain": 0.1, "other_table": 0.67},
     },

@@ -22,7 +22,15 @@ class Jitter(Group):
     other_table: Chance
 
 
+class Steps(Group):
+    """Steps of AdamW by objective."""
+
+    maxent: Count
+    ranked: Count
+
+
 class Settings(Group):
+    steps: Steps
     rate: Size
     weight_decay: Weight
     scenes_per_step: Count
@@ -45,7 +53,6 @@ class Variant(VariantSettings):
     stage: Literal["irl"]
     kind: Literal["reward"]
     objective: Literal["maxent", "ranked"]
-    steps: Count
     model: RewardModel
 
 
