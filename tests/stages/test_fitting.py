@@ -121,8 +121,6 @@ def test_the_reference_engine_learns_the_same_and_is_named(runs, small_world, tm
 @pytest.mark.parametrize(
     ("main", "overrides", "message"),
     [
-        (train.main, ["variant=irl_ranked"], "not fitted by stage train: expected one of full, ae, classifier"),
-        (irl.main, ["variant=full"], "not fitted by stage irl: expected one of irl_maxent, irl_ranked"),
         (train.main, ["seeds=[0,7]"], "no scenes train-s7"),
         (train.main, ["n_demos=[9]", "main_n_demos=9"], "expected 9 in each scene"),
         (train.main, ["train.rate=1e30"], r"full of careful, seed 0, n_demos 2: its loss .* finite at step \d+"),
