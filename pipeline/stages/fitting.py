@@ -127,9 +127,10 @@ def _write(cfg: DictConfig, out_dir: Path, fitted: dict[Key, Fitted], columns: l
     for key, one in fitted.items():
         named = dict(zip(KEY, key, strict=True))
         queries = _queries(cfg, *key[:2])
-        predictions += [
-            _rows(p, queries[split][2]).assign(split=split, **named) for split, p in one.predictions.items()
-        ]
+        for split, p in one.predictions.items():
+            scene, query = np.indices(p.shape).reshape(2, -1)
+            rows = {"scene": scene, "query": query, "p": p.ravel(), "valid": queries[split][2].ravel()}
+            predictions.append(pd.DataFrame(rows).assign(split=split, **named))
         curves.append(pd.DataFrame(one.curve, columns=columns).astype({"step": int}).assign(**named))
         gates.append(named | one.convergence)
     for folder in ("weights", "checkpoints"):  # remove the models of an earlier run
@@ -145,9 +146,3 @@ def _write(cfg: DictConfig, out_dir: Path, fitted: dict[Key, Fitted], columns: l
     write_table(out_dir / "curves.parquet", curve)
     means = curve.groupby(["user", "n_demos", "step"], as_index=False)[columns[1:]].mean()
     write_table(out_dir / "curves.csv", means)
-
-
-def _rows(p: Float[Array, "scene query"], valid: Array) -> pd.DataFrame:
-    """Return one row per query, with its prediction and true label."""
-    scene, query = np.indices(p.shape)
-    return pd.DataFrame({"scene": scene.ravel(), "query": query.ravel(), "p": p.ravel(), "valid": valid.ravel()})
