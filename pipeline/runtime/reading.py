@@ -13,7 +13,11 @@ def read_csv(path: Path, text: Collection[str]) -> pd.DataFrame:
     pandas alone would read a user called NA as missing, one called inf as a number and one called True as a truth
     value. Raises OSError, or ValueError for bytes that are no UTF-8 or no csv.
     """
-    content = path.read_text(encoding="utf-8")
+    return parse_csv(path.read_text(encoding="utf-8"), text)
+
+
+def parse_csv(content: str, text: Collection[str]) -> pd.DataFrame:
+    """Return the table of a csv's `content`, as `read_csv` does."""
     table = pd.read_csv(StringIO(content))
     strings = {"dtype": str, "keep_default_na": False, "na_values": [""]}
     columns = pd.read_csv(StringIO(content), usecols=lambda name: name in text, **strings)
