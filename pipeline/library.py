@@ -80,7 +80,12 @@ def fit(images: Array, z_theta: Array, valid: Array, variant: str = "clearance",
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
         raise InputError(f"seed {seed!r}: expected a whole number from 0")
     _check_scenes(images, z_theta)
-    _check_labels(valid, np.shape(z_theta)[:2])
+    dtype, shape = str(getattr(valid, "dtype", type(valid).__name__)), np.shape(z_theta)[:2]
+    if dtype != "bool" or valid.shape != shape:
+        raise InputError(f"valid is {dtype} of shape {np.shape(valid)}: expected bool of shape {shape}, one a path")
+    if valid.all() or not valid.any():
+        kind = "valid" if valid.all() else "invalid"
+        warnings.warn(f"all paths are {kind}: the model answers one probability everywhere", stacklevel=2)
     settings, seed = SETTINGS[variant], int(seed)
     model = build(settings, seed)
     z = np.asarray(z_theta, dtype=np.float64)
@@ -207,13 +212,3 @@ def _check_scenes(images: Any, z_theta: Any, name: str = "z_theta", at_least: in
     check_paths(z_theta, len(images), name)
     if not np.shape(z_theta)[1]:
         raise InputError(f"{name} has no paths: expected at least one a scene")
-
-
-def _check_labels(valid: Any, shape: tuple[int, ...]) -> None:
-    """Raise InputError unless the labels are bool, one per path; warn if they are all equal."""
-    dtype = str(valid.dtype) if isinstance(valid, np.ndarray) else type(valid).__name__
-    if dtype != "bool" or valid.shape != shape:
-        raise InputError(f"valid is {dtype} of shape {np.shape(valid)}: expected bool of shape {shape}, one a path")
-    if valid.all() or not valid.any():
-        kind = "valid" if valid.all() else "invalid"
-        warnings.warn(f"all paths are {kind}: the model answers one probability everywhere", stacklevel=3)

@@ -15,19 +15,7 @@ from pipeline.artifacts.scenes import read_scenes, train_pool
 from pipeline.launch import launch
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.reading import read_csv
-from pipeline.runtime.settings import (
-    MAX_N,
-    Count,
-    Demonstrations,
-    Distance,
-    Group,
-    Length,
-    Pair,
-    Size,
-    Spread,
-    Whole,
-    need,
-)
+from pipeline.runtime.settings import Count, Demonstrations, Distance, Group, Length, Pair, Size, Spread, Whole, need
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.bezier_fit import fit
@@ -62,8 +50,8 @@ class Settings(Group):
 
 def agree(demos: Settings, parameters: Any) -> None:
     """Require demonstrations enough for each number that is fitted, and a band of tremor."""
-    least = f"a whole number from max(n_demos) = {max(parameters.n_demos)} to {MAX_N}"
-    need(demos.per_scene >= max(parameters.n_demos), "demos.per_scene", demos.per_scene, least)
+    most = max(parameters.n_demos)
+    need(demos.per_scene >= most, "demos.per_scene", demos.per_scene, f"at least max(n_demos) = {most}")
     low, high = demos.hand.tremor_hz
     band = "a band above 0, the lower end first, below half of rate_hz"
     need(0 < low <= high < demos.hand.rate_hz / 2, "demos.hand.tremor_hz", demos.hand.tremor_hz, band)

@@ -58,7 +58,7 @@ class Variant(VariantSettings):
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write weights, checkpoints, predictions and learning curves of `cfg.variant`."""
-    fit_variant(cfg, out_dir, "irl", trainer)
+    fit_variant(cfg, out_dir, trainer)
 
 
 if __name__ == "__main__":

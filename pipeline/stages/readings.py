@@ -23,18 +23,7 @@ from pipeline.artifacts.scenes import read_position_prior, read_scenes, train_po
 from pipeline.launch import launch
 from pipeline.models.base import ValidityModel
 from pipeline.models.baselines import NEAREST, POSITION
-from pipeline.runtime.settings import (
-    Count,
-    Demonstrations,
-    Group,
-    Length,
-    Pair,
-    Whole,
-    Wholes,
-    need,
-    need_several_seeds,
-    rising,
-)
+from pipeline.runtime.settings import Count, Demonstrations, Group, Length, Pair, Whole, Wholes, need, rising
 from pipeline.training.judged_sets import FEW, HELD_OUT, NEW, NEW_POOL, OWN, Kinds, judge, judge_blind, row
 from pipeline.training.loop import is_constant
 from pipeline.training.refit import TrainingSet, refit
@@ -64,7 +53,6 @@ class Settings(Group):
 
 def agree(readings: Settings, parameters: Any) -> None:
     """Reject numbers of demonstrations without main_n_demos, at which every reading ends, and too few candidates."""
-    need_several_seeds(parameters)
     main_n, n_demos = parameters.main_n_demos, readings.n_demos
     need(main_n in n_demos, "readings.n_demos", n_demos, f"main_n_demos = {main_n} among them, where readings end")
     paths = main_n + readings.held_out

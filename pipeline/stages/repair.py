@@ -22,7 +22,7 @@ from pipeline.planning.repair import Ascent, repair
 from pipeline.planning.results import Starts, measures, rows
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
-from pipeline.runtime.settings import Count, Group, SharedSplit, Size, Whole, need, need_several_seeds, widest_margin
+from pipeline.runtime.settings import Count, Group, SharedSplit, Size, Whole, need, widest_margin
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
 
@@ -42,7 +42,6 @@ class Settings(Group):
 
 def agree(repair: Settings, parameters: Any) -> None:
     """Reject users whose paths are all valid."""
-    need_several_seeds(parameters)
     users = parameters.users
     need(widest_margin(users) is not None, "users", users, "at least one user with a margin, or no path is invalid")
 

@@ -14,7 +14,6 @@ from pipeline.world.hand import valid_trajectories
 from pipeline.world.layout import SYMBOLS, Layouts
 from pipeline.world.rules import valid
 from tests.factories import appearances, composed, with_value
-from tests.stages.facts import refuses
 
 pytestmark = pytest.mark.slow  # every test runs the stage
 SCENES = {"train-s0": 3, "train-s1": 3, "train-s100": 3, "new_scenes": 4, "new_items": 4}
@@ -95,13 +94,6 @@ def test_queries_are_labelled_by_the_truth_and_unseen_by_training(cfg: DictConfi
     assert np.linalg.norm(seen[:, None] - paths, axis=-1).min() > 0
 
 
-def test_fewer_seeds_or_demonstrations_leave_the_recordings_as_they_are(cfg: DictConfig, out: Path, tmp_path: Path):
-    main(with_value(cfg.copy(), "seeds=[1]"), tmp_path / "fewer")
-    kept = read_demos(out)
-    kept = kept[kept["seed"].isin([1, 100])].reset_index(drop=True)
-    pd.testing.assert_frame_equal(read_demos(tmp_path / "fewer"), kept, check_exact=True)
-
-
 def test_real_recordings_take_the_place_of_simulated_ones_and_are_counted(
     cfg: DictConfig, out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
@@ -111,21 +103,6 @@ def test_real_recordings_take_the_place_of_simulated_ones_and_are_counted(
     assert moved.sum() == 1 and after.loc[moved, DEMO_KEY].iloc[0].tolist() == [0, "careful", 0, 0]
     pd.testing.assert_series_equal(after["duration_s"], before["duration_s"], atol=1e-5)
     assert f"1 of {len(before)} demonstrations are a person's, from {tmp_path / 'real.csv'}" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(
-    ("content", "says"),
-    [
-        ("seed,user,scene,demo,t,x,y,z\n", "holds no sample: expected one a row"),
-        ("", "cannot be read .*: expected a csv; see CONTRIBUTING.md"),
-        ("seed,user,scene,demo,t,x,y\n0,careful,0,0,0,0,0\n", r"expected also \['z'\]; add them"),
-    ],
-)
-def test_a_file_without_recordings_or_outside_the_data_is_refused(cfg: DictConfig, tmp_path: Path, content, says: str):
-    (tmp_path / "real.csv").write_text(content)
-    there = with_value(cfg.copy(), f"paths.data={tmp_path}")
-    refuses(main, there, "demos.recorded", str(tmp_path / "real.csv"), f"real.csv.* {says}", tmp_path / "bad")
-    refuses(main, cfg, "demos.recorded", str(tmp_path / "real.csv"), "expected a csv in data/", tmp_path / "bad")
 
 
 @pytest.mark.parametrize(

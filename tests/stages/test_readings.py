@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from omegaconf import DictConfig
 
-from pipeline.artifacts.files import read_json, read_table, write_arrays, write_table
+from pipeline.artifacts.files import read_table, write_arrays, write_table
 from pipeline.artifacts.scenes import read_scenes, train_pool
 from pipeline.models.baselines import NEAREST, POSITION
 from pipeline.params import compose
@@ -88,11 +88,3 @@ def test_every_fit_is_checked_by_the_gate_and_the_curve_counts_them(out: Path):
     gates, curve = read_table(out / "convergence.csv"), read_table(out / "curve.csv")
     rows = curve.query(f"variant == '{MODEL}' and reading != '{RANDOM}' and users == 'paper' and split == '{HELD_OUT}'")
     assert rows["fits"].sum() == len(gates) > 0 and rows["passed"].sum() == gates["passed"].sum()
-
-
-def test_metrics_are_both_ends_on_held_out_paths_of_the_paper_s_users(out: Path):
-    curve = read_table(out / "curve.csv").query("split == 'held_out' and users == 'paper'")
-    metrics = read_json(out / "metrics.json")["curve"]
-    assert set(metrics) == set(curve["reading"])
-    for row in curve[curve["variant"] != POSITION].itertuples():
-        assert metrics[row.reading][row.variant][f"n{row.n_demos}"] == pytest.approx(row.mean, rel=1e-5)
