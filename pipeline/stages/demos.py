@@ -32,10 +32,9 @@ from pipeline.runtime.settings import (
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.bezier_fit import fit
-from pipeline.world.clear_cases import Candidates
 from pipeline.world.hand import Hand, check, join, simulate, valid_trajectories
 from pipeline.world.layout import Layouts
-from pipeline.world.rules import slack, valid
+from pipeline.world.rules import Candidates, slack, valid
 
 DRAWS_PER_CLEAR_PATH = 20  # random paths of which one clear of the boundary is kept
 

@@ -118,20 +118,15 @@ def check(trajectory: Array, name: str, ends_within_m: float) -> None:
     late = np.flatnonzero(np.diff(trajectory[:, 0]) <= 0)
     if len(late):
         t0, t1 = trajectory[late[0] : late[0] + 2, 0]
-        need(
-            False,
-            f"time goes from {t0:g} to {t1:g} s at sample {late[0] + 1}",
-            "increasing times, and one trajectory for each (seed, user, scene, demo)",
-        )
+        times = "increasing times, and one trajectory for each (seed, user, scene, demo)"
+        need(False, f"time goes from {t0:g} to {t1:g} s at sample {late[0] + 1}", times)
     lasts = float(trajectory[-1, 0] - trajectory[0, 0])
     seconds = f"{MIN_DURATION_S:g} to {MAX_DURATION_S:g} s; times are in seconds"
     need(MIN_DURATION_S <= lasts <= MAX_DURATION_S, f"takes {lasts:g} s", seconds)
     for which, point, end in (("starts", trajectory[0, 1:3], P_INIT), ("ends", trajectory[-1, 1:3], P_F)):
         away = float(np.linalg.norm(point - end))
-        place = f"within {ends_within_m:g} m of ({end[0]:g}, {end[1]:g}) m"
-        need(
-            away <= ends_within_m, f"{which} {away:.3g} m away from the task's end", f"{place}; positions are in metres"
-        )
+        place = f"within {ends_within_m:g} m of ({end[0]:g}, {end[1]:g}) m; positions are in metres"
+        need(away <= ends_within_m, f"{which} {away:.3g} m away from the task's end", place)
     beyond = np.maximum(-trajectory[:, 1:3], trajectory[:, 1:3] - 1).max(1)
     worst = int(beyond.argmax())
     place = f"all of it at most {MAX_BEYOND_M:g} m beyond the table, 0 to 1 m in x and y; positions are in metres"

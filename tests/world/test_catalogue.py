@@ -59,13 +59,10 @@ def test_the_table_shows_through_glasses_alone(catalogue):
     ("column", "value", "message"),
     [
         ("symbol", "saucepan", "saucepan"),
-        ("split", "test", "test"),
         ("width_m", -0.12, "-0.12"),
-        ("radius_m", -0.06, "-0.06"),
         ("radius_m", 0.2, "footprint"),
         ("half_length_m", 0.01, "disc"),
         ("name", "plate-white", "plate-white"),
-        ("width_m", "wide", "width_m"),
         ("licence", None, "licence"),
     ],
 )
@@ -77,20 +74,8 @@ def test_a_wrong_value_is_named_with_its_file(data, column, value, message):
     assert "\n" not in str(error.value)
 
 
-def test_a_wrong_value_is_named_with_its_line_and_a_missing_column_by_name(data):
-    table = pd.read_csv(data / "items.csv")
-    table.drop(columns="source").to_csv(data / "items.csv", index=False)
-    with pytest.raises(CatalogueError, match="source"):
-        read_catalogue(data)
-    table.to_csv(data / "items.csv", index=False)
-    spoil(data, "width_m", -0.1, row=3)
-    with pytest.raises(CatalogueError, match="line 5, width_m"):
-        read_catalogue(data)
-
-
 @pytest.mark.parametrize(
-    ("scaled", "factor", "direction"),
-    [("width_m", 7.0, "long"), ("width_m", 1.2, "long"), ("radius_m", 0.7, "long"), ("radius_m", 0.7, "broad")],
+    ("scaled", "factor", "direction"), [("width_m", 1.2, "long"), ("radius_m", 0.7, "long"), ("radius_m", 0.7, "broad")]
 )
 def test_a_cutout_that_does_not_fill_its_footprint_is_refused(data, scaled, factor, direction):
     """Row 0 is a disc, and `broad` tests a capsule of its length."""
@@ -103,7 +88,7 @@ def test_a_cutout_that_does_not_fill_its_footprint_is_refused(data, scaled, fact
         read_catalogue(data)
 
 
-@pytest.mark.parametrize(("split", "kept"), [("train", 0), ("unseen", 0), ("unseen", 1), ("validation", 1)])
+@pytest.mark.parametrize(("split", "kept"), [("train", 0), ("unseen", 1), ("validation", 1)])
 def test_a_symbol_with_too_few_items_in_a_split_is_refused(data, split, kept):
     """What is judged has two at least: intervals count items."""
     table = pd.read_csv(data / "items.csv")
@@ -111,13 +96,6 @@ def test_a_symbol_with_too_few_items_in_a_split_is_refused(data, split, kept):
     table.drop(index=glasses[kept:]).to_csv(data / "items.csv", index=False)
     message = rf"too few {split} items \({kept} of glass\): expected at least {MIN_ITEMS[split]} of each symbol"
     with pytest.raises(CatalogueError, match=message):
-        read_catalogue(data)
-
-
-@pytest.mark.parametrize("content", [b"", b"\xff\xfe\x00junk", b'a,b\n"1,2\n3,4,5\n'])
-def test_a_catalogue_that_is_no_csv_is_refused(data, content):
-    (data / "items.csv").write_bytes(content)
-    with pytest.raises(CatalogueError, match=r"items\.csv"):
         read_catalogue(data)
 
 
@@ -143,9 +121,7 @@ def opaque(path: Path) -> None:
     ("damage", "message"),
     [
         (Path.unlink, "missing"),
-        (lambda path: write_png(path, cv2.resize(read_image(path), (128, 128))), "128 x 128"),
         (lambda path: write_png(path, cv2.resize(read_image(path), (300, 256))), "300 x 256"),
-        (lambda path: write_png(path, read_image(path)[..., :3]), "alpha"),
         (opaque, "alpha"),
     ],
 )
