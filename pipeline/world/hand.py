@@ -58,8 +58,8 @@ def simulate(rng: np.random.Generator, z_theta: Float[Array, "2"], hand: Hand) -
     tau = t / t[-1]
     s = passed[-1] * tau**3 * (10 - 15 * tau + 6 * tau**2)
     xy = np.stack([np.interp(s, passed, path[:, i]) for i in (0, 1)], axis=-1)
-    xy += _drift(rng, tau, hand.drift_m) + _tremor(rng, t, 2, hand)
-    height = hand.height_m + _height_drift(rng, tau, hand.height_drift_m) + _tremor(rng, t, 1, hand)
+    xy += _drift(rng, tau, hand.drift_m, 2, tied=True) + _tremor(rng, t, 2, hand)
+    height = hand.height_m + _drift(rng, tau, hand.height_drift_m, 1, tied=False) + _tremor(rng, t, 1, hand)
     return np.concatenate([t[:, None], xy, height], axis=1)
 
 
@@ -81,17 +81,13 @@ def _tremor(rng: np.random.Generator, t: Float[Array, " sample"], axes: int, han
     return hand.tremor_m * (weight * waves).sum(1)
 
 
-def _drift(rng: np.random.Generator, tau: Float[Array, " sample"], size_m: float) -> Float[Array, "sample 2"]:
-    """Draw a slow deviation [m] from the intended path, zero at both ends: three half-waves with amplitudes ~ 1/k."""
+def _drift(
+    rng: np.random.Generator, tau: Float[Array, " sample"], size_m: float, axes: int, tied: bool
+) -> Float[Array, "sample axis"]:
+    """Draw a slow deviation [m]: three half-waves with amplitudes ~ 1/k, zero at both ends if `tied`."""
     k = np.arange(1, 4)
-    weight = size_m * rng.standard_normal((3, 2)) / k[:, None]
-    return np.sin(np.pi * k * tau[:, None]) @ weight
-
-
-def _height_drift(rng: np.random.Generator, tau: Float[Array, " sample"], size_m: float) -> Float[Array, "sample 1"]:
-    """Draw a slow variation of the height [m], which does not vanish at the ends and is independent of the path."""
-    k = np.arange(1, 4)
-    weight, phase = size_m * rng.standard_normal((3, 1)) / k[:, None], rng.uniform(0, 2 * np.pi, 3)
+    weight = size_m * rng.standard_normal((3, axes)) / k[:, None]
+    phase = 0.0 if tied else rng.uniform(0, 2 * np.pi, 3)
     return np.sin(np.pi * k * tau[:, None] + phase) @ weight
 
 

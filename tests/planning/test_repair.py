@@ -39,12 +39,6 @@ def test_a_model_that_ignores_the_path_moves_no_start(optimiser: str):
     assert (flat.z == flat.z[:, :, :1]).all()
 
 
-def test_the_plain_step_is_the_rate_times_the_gradient_of_the_log_odds():
-    repairs = repair(Hill(), IMAGES, STARTS, ascent("gradient", settle=False, steps=1))
-    expected = STARTS - 0.02 * 32 * (STARTS - [0.3, 0.8])
-    np.testing.assert_allclose(repairs.z[:, :, 1], expected.clip(-0.2, 1.2), atol=1e-6)
-
-
 def test_adam_takes_the_steps_of_torch_s_adam():
     ours = repair(Hill(), IMAGES, STARTS, ascent("adam", settle=False, steps=20))
     z = torch.from_numpy(STARTS.astype(np.float32))

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from pipeline.runtime.errors import InputError
-from pipeline.world.catalogue import MIN_ITEMS, CatalogueError, read_catalogue
+from pipeline.world.catalogue import MIN_ITEMS, read_catalogue
 from pipeline.world.images import read_image, write_png
 from pipeline.world.symbols import read_symbols
 
@@ -68,7 +68,7 @@ def test_the_table_shows_through_glasses_alone(catalogue):
 )
 def test_a_wrong_value_is_named_with_its_file(data, column, value, message):
     spoil(data, column, value)
-    with pytest.raises(CatalogueError, match=r"items\.csv") as error:
+    with pytest.raises(InputError, match=r"items\.csv") as error:
         read_catalogue(data)
     assert message in str(error.value)
     assert "\n" not in str(error.value)
@@ -84,7 +84,7 @@ def test_a_cutout_that_does_not_fill_its_footprint_is_refused(data, scaled, fact
         table.loc[0, "shape"], table.loc[0, "half_length_m"] = "capsule", table.loc[0, "radius_m"] * (1 - factor)
     table.loc[0, scaled] *= factor
     table.to_csv(data / "items.csv", index=False)
-    with pytest.raises(CatalogueError, match=f"bowl-white.png shows an item .* {direction}, .* footprint"):
+    with pytest.raises(InputError, match=f"bowl-white.png shows an item .* {direction}, .* footprint"):
         read_catalogue(data)
 
 
@@ -95,15 +95,15 @@ def test_a_symbol_with_too_few_items_in_a_split_is_refused(data, split, kept):
     glasses = table.index[(table["symbol"] == "glass") & (table["split"] == split)]
     table.drop(index=glasses[kept:]).to_csv(data / "items.csv", index=False)
     message = rf"too few {split} items \({kept} of glass\): expected at least {MIN_ITEMS[split]} of each symbol"
-    with pytest.raises(CatalogueError, match=message):
+    with pytest.raises(InputError, match=message):
         read_catalogue(data)
 
 
 def test_missing_data_says_where_to_get_it_and_a_truncated_table_top_is_named(data, tmp_path):
-    with pytest.raises(CatalogueError, match="dvc pull"):
+    with pytest.raises(InputError, match="dvc pull"):
         read_catalogue(tmp_path)
     truncate(data / "textures" / "oak.png")
-    with pytest.raises(CatalogueError, match=r"oak\.png"):
+    with pytest.raises(InputError, match=r"oak\.png"):
         read_catalogue(data)
 
 
@@ -128,7 +128,7 @@ def opaque(path: Path) -> None:
 def test_a_spoilt_cutout_is_named(data, damage, message):
     path = data / "items" / "bowl-sage.png"
     damage(path)
-    with pytest.raises(CatalogueError, match=r"bowl-sage\.png") as error:
+    with pytest.raises(InputError, match=r"bowl-sage\.png") as error:
         read_catalogue(data)
     assert message in str(error.value)
 
