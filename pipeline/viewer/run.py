@@ -161,8 +161,8 @@ def _log_marks(
         discs = rr.Points2D(centres[valid], colors=views.VALID, radii=MARK_RADIUS, draw_order=TOP)
         recording.log(f"{entity}/valid", discs, **when)
     if not valid.all():
-        cross = MARK_RADIUS * np.array([[-1, -1], [1, 1], [0, 0], [-1, 1], [1, -1]])
-        lines, labels = centres[~valid][:, None] + cross, [word] * int((~valid).sum()) if word else None
+        cross: Array = MARK_RADIUS * np.array([[-1, -1], [1, 1], [0, 0], [-1, 1], [1, -1]])
+        lines, labels = [*(centres[~valid][:, None] + cross)], [word] * int((~valid).sum()) if word else None
         strips = rr.LineStrips2D(lines, colors=views.INVALID, radii=0.3 * MARK_RADIUS, draw_order=TOP, labels=labels)
         recording.log(f"{entity}/invalid", strips, **when)
 
