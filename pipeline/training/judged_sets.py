@@ -20,9 +20,8 @@ from pipeline.runtime.streams import stream
 from pipeline.stats.scores import accuracy
 from pipeline.training.sets import TrainingSet
 from pipeline.world.bezier import random_z_theta
-from pipeline.world.clear_cases import Candidates
 from pipeline.world.layout import Layouts
-from pipeline.world.rules import Margins
+from pipeline.world.rules import Candidates, Margins
 
 ANY, FEW = ROUTES = "any", "few"
 OWN, HELD_OUT, NEW = "demonstrations", "held_out", "new_scenes"  # splits: its own, others on its tables, new tables

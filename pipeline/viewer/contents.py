@@ -137,10 +137,7 @@ def grouped(runs: Sequence[Run], name: str) -> dict[str, list[Run]]:
 
 @dataclass(frozen=True)
 class Sources:
-    """Outputs of the stages for all models.
-
-    `samples[offsets[i]:offsets[i + 1]]` is the trajectory of row i of `demos`.
-    """
+    """Outputs of the stages for all models; `samples[offsets[i]:offsets[i + 1]]` belong to row i of `demos`."""
 
     scenes: SceneSet
     pool: str  # pool of the new scenes
@@ -178,7 +175,7 @@ def assemble(cfg: DictConfig, sources: Sources, variant: str, user: str, seed: i
     layouts = sources.scenes.layouts[sources.pool][: cfg.record.scenes]
 
     def own(table: pd.DataFrame) -> pd.DataFrame:
-        return table[(table["variant"] == variant) & (table["user"] == user) & (table["seed"] == seed)]
+        return table.query("variant == @variant and user == @user and seed == @seed")
 
     def maps(model: ValidityModel, images: Array) -> Float[Array, "scene side side"]:
         cells = np.broadcast_to(lattice(side), (len(images), side * side, 2))
@@ -220,9 +217,7 @@ def assemble(cfg: DictConfig, sources: Sources, variant: str, user: str, seed: i
             shown = (symbol, added[i], layout, predicted, true_map(layout))
             interventions.append(Intervention(*shown, learned, true, *means, len(rows)))
 
-    curves = sources.curves[variant]
-    of_model = (curves["user"] == user) & (curves["seed"] == seed) & (curves["n_demos"] == n)
-    curve = curves[of_model].sort_values("step")
+    curve = sources.curves[variant].query("user == @user and seed == @seed and n_demos == @n").sort_values("step")
     losses = {str(term): curve[term].to_numpy() for term in curve.columns if term not in CURVE_KEY}
     by_n = {k: repairs[0].predicted if m is model else maps(m, images[:1])[0] for k, m in by_n_demos.items()}
     step, by_step = curve["step"].to_numpy(), {}

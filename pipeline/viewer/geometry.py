@@ -69,8 +69,3 @@ def boundary(truth: Bool[Array, "side side"]) -> Float[Array, "edge 2 2"]:
     row, column = np.nonzero(image[1:] != image[:-1])
     level = np.stack([np.stack([column, row + 1], -1), np.stack([column + 1, row + 1], -1)], axis=1)
     return np.concatenate([upright, level]).astype(float)
-
-
-def crosses(centres: Float[Array, "mark 2"], arm: float) -> Float[Array, "mark 5 2"]:
-    """Return an x-shaped line around each centre; `arm`: extent along each axis."""
-    return centres[:, None] + arm * np.array([[-1, -1], [1, 1], [0, 0], [-1, 1], [1, -1]])

@@ -39,7 +39,7 @@ from numpy import ndarray as Array
 from pipeline.legend import label
 from pipeline.viewer import scene as views
 from pipeline.viewer.contents import Repairs, Run, grouped
-from pipeline.viewer.geometry import TABLE_PIXELS, boundary, crosses, footprints, on_map, on_table
+from pipeline.viewer.geometry import TABLE_PIXELS, boundary, footprints, on_map, on_table
 from pipeline.world.bezier import curve
 
 # The time lines of a run's recording, each with the time at which it shows the entities of the other time lines.
@@ -161,7 +161,8 @@ def _log_marks(
         discs = rr.Points2D(centres[valid], colors=views.VALID, radii=MARK_RADIUS, draw_order=TOP)
         recording.log(f"{entity}/valid", discs, **when)
     if not valid.all():
-        lines, labels = crosses(centres[~valid], MARK_RADIUS), [word] * int((~valid).sum()) if word else None
+        cross: Array = MARK_RADIUS * np.array([[-1, -1], [1, 1], [0, 0], [-1, 1], [1, -1]])
+        lines, labels = [*(centres[~valid][:, None] + cross)], [word] * int((~valid).sum()) if word else None
         strips = rr.LineStrips2D(lines, colors=views.INVALID, radii=0.3 * MARK_RADIUS, draw_order=TOP, labels=labels)
         recording.log(f"{entity}/invalid", strips, **when)
 
@@ -178,22 +179,17 @@ def _log_interventions(recording: rr.RecordingStream, run: Run) -> None:
         _, outline = footprints(done.layout)[-1]
         recording.log(f"{entity}/table/image", views.jpeg(done.image))
         recording.log(f"{entity}/table/added", rr.LineStrips2D([on_table(outline)], colors=views.START, radii=0.5))
-        maps = {
-            "predicted": views.p_classes(done.predicted),
-            "truth": views.p_classes(done.truth),
-            "learned_effect": views.effect_classes(done.predicted - before.predicted),
-            "true_effect": views.effect_classes(done.truth - before.truth.astype(np.float64)),
-        }
-        for name, values in maps.items():
-            views.log_map(recording, f"{entity}/{name}", values, views.panel(EFFECT_MAPS[name], len(values)))
+        effects = done.predicted - before.predicted, done.truth - before.truth.astype(np.float64)
+        maps = [*map(views.p_classes, (done.predicted, done.truth)), *map(views.effect_classes, effects)]
+        for (name, place), values in zip(EFFECT_MAPS.items(), maps, strict=True):
+            views.log_map(recording, f"{entity}/{name}", values, views.panel(place, len(values)))
         recording.log(f"{entity}/effects", views.markdown(text("effects", run, step)))
         recording.reset_time()
 
 
 def _log_learning(recording: rr.RecordingStream, run: Run) -> None:
     """Log the map of the first new scene by number of demonstrations and by training step, and every loss."""
-    learning = run.learning
-    others = {timeline: first for timeline, first in TIMELINES.items() if timeline != STEPS}
+    learning, others = run.learning, {name: first for name, first in TIMELINES.items() if name != STEPS}
     maps = [({**others, DEMONSTRATIONS: n}, predicted) for n, predicted in learning.by_n.items()]
     maps += [({STEPS: step}, predicted) for step, predicted in learning.by_step.items()]
     for times, predicted in maps:
