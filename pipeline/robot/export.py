@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray as Array
-from rosbags.rosbag2 import Reader, StoragePlugin, Writer  # pyright: ignore[reportMissingImports]
+from rosbags.rosbag2 import StoragePlugin, Writer  # pyright: ignore[reportMissingImports]
 from rosbags.typesys import Stores, get_typestore  # pyright: ignore[reportMissingImports]
 
 KIND = "trajectory_msgs/msg/JointTrajectory"
@@ -47,24 +47,6 @@ def write_bag(folder: Path, trajectories: Mapping[str, Mapping[str, Any]], frame
             message = types[KIND](header=header, joint_names=list(one["joint_names"]), points=points)
             connection = bag.add_connection(f"/{name}", KIND, typestore=TYPES)
             bag.write(connection, second * SECOND, TYPES.serialize_cdr(message, KIND))
-
-
-def read_bag(folder: Path) -> dict[str, dict[str, Any]]:
-    """Return the trajectories of a bag by name, as `trajectory` gives them."""
-    read = {}
-    with Reader(folder) as bag:
-        for connection, _, raw in bag.messages():
-            message: Any = TYPES.deserialize_cdr(raw, KIND)
-            points = [
-                {
-                    "time_from_start": point.time_from_start.sec + point.time_from_start.nanosec / SECOND,
-                    "positions": point.positions.tolist(),
-                    "velocities": point.velocities.tolist(),
-                }
-                for point in message.points
-            ]
-            read[connection.topic.removeprefix("/")] = {"joint_names": list(message.joint_names), "points": points}
-    return read
 
 
 def _duration(seconds: float) -> Any:

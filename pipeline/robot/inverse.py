@@ -15,9 +15,7 @@ from pink.limits import ConfigurationLimit  # pyright: ignore[reportMissingImpor
 from pink.tasks import FrameTask, PostureTask  # pyright: ignore[reportMissingImports]
 from scipy.ndimage import map_coordinates, spline_filter
 
-from pipeline.robot.arm import GRIP, Arm
-from pipeline.robot.bench import Bench
-from pipeline.robot.collision import Collisions
+from pipeline.robot.arm import GRIP, Arm, Bench, Collisions
 
 FREE, REACH, LIMIT, COLLISION, OFF = range(5)  # status of a point: the arm gets there, or why not; OFF: off the table
 REACHED_M, REACHED_RAD = 1e-3, 0.01  # a point counts as reached within this distance and tilt
