@@ -13,16 +13,17 @@ from pipeline.robot.inverse import FREE, PostureMap, polished
 from pipeline.world.bezier import P_F, P_INIT, basis, curve
 
 ARC_POINTS = 257  # points by which a path's length is measured
-FAILURES = ("", "out of reach", "joint limit", "collision", "off the table", "joint speed", "tracking")  # "": executed
+FAILURES = ("", "out of reach", "collision", "off the table", "joint speed", "tracking")  # "": executed
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Executed paths: joint positions [rad], grip [m] in the table's frame, z above its top, and heading [rad]."""
+    """Executed paths, in the table's frame, z above its top."""
 
-    q: Float[Array, "path instant joint"]
-    grip: Float[Array, "path instant 3"]
-    heading: Float[Array, "path instant"]
+    q: Float[Array, "path instant joint"]  # joint positions [rad]
+    chain: Float[Array, "path instant place 3"]  # places [m] of the joints, and then of the grip
+    grip: Float[Array, "path instant 3"]  # [m]
+    heading: Float[Array, "path instant"]  # of the grip [rad]
     results: pd.DataFrame  # a row a path: duration_s, error_mean_m, error_max_m, speed_share, failure
 
 
@@ -64,20 +65,23 @@ def execute(
     """
 
     def off() -> Bool[Array, " path"]:
+        error = np.linalg.norm(places[..., -1, :] - targets, axis=-1)
+        tilt = np.arccos(np.clip(rotation[..., 2, 2], -1.0, 1.0))
         return (error.max(1) > error_m) | (tilt.max(1) > tilt_rad)
 
     points = minimum_jerk(z_theta, instants)
     q = np.clip(postures.postures(points), arm.model.lowerPositionLimit, arm.model.upperPositionLimit)
     targets, status = bench.to_base(points), postures.worst(points)
-    place, rotation, error, tilt = deviation(arm, q, targets)
+    places, rotation = forward(arm, q)
     again = np.flatnonzero(off() & (status == FREE))
     if len(again):
         q[again] = polished(arm, q[again], targets[again])
-        place[again], rotation[again], error[again], tilt[again] = deviation(arm, q[again], targets[again])
+        places[again], rotation[again] = forward(arm, q[again])
+    error = np.linalg.norm(places[..., -1, :] - targets, axis=-1)
     duration = lengths(z_theta) * bench.side_m / speed_m_s
     speed = np.abs(np.diff(q, axis=1)) * (instants - 1) / duration[:, None, None]
     share = (speed / arm.model.velocityLimit).max((1, 2))
-    named = np.select([status > 0, share > 1, off()], [status, 5, 6], 0)
+    named = np.select([status > 0, share > 1, off()], [status, 4, 5], 0)
     results = pd.DataFrame(
         {
             "duration_s": duration,
@@ -88,28 +92,19 @@ def execute(
         }
     )
     ahead = bench.base.rotation @ rotation[..., :, 0, None]
-    return Motion(q, bench.to_table(place), np.arctan2(ahead[..., 1, 0], ahead[..., 0, 0]), results)
+    chain = bench.to_table(places)
+    return Motion(q, chain, chain[..., -1, :], np.arctan2(ahead[..., 1, 0], ahead[..., 0, 0]), results)
 
 
-def deviation(
-    arm: Arm, q: Float[Array, "path instant joint"], targets: Float[Array, "path instant 3"]
-) -> tuple[Array, Array, Float[Array, "path instant"], Float[Array, "path instant"]]:
-    """Return the grip's place [m] and rotation, its distance from the targets [m], and its tilt [rad]."""
-    model, data, frame = arm.model, arm.model.createData(), arm.model.getFrameId(GRIP)
-    place, rotation = np.empty((*q.shape[:-1], 3)), np.empty((*q.shape[:-1], 3, 3))
+def forward(
+    arm: Arm, q: Float[Array, "*instant joint"]
+) -> tuple[Float[Array, "*instant place 3"], Float[Array, "*instant 3 3"]]:
+    """Return the places [m] of the joints, and then of the grip, and the grip's rotation, in the base's frame."""
+    model, data, grip = arm.model, arm.model.createData(), arm.model.getFrameId(GRIP)
+    places, rotation = np.empty((*q.shape[:-1], model.njoints, 3)), np.empty((*q.shape[:-1], 3, 3))
     for at in np.ndindex(q.shape[:-1]):
         pin.forwardKinematics(model, data, q[at])
-        pose = pin.updateFramePlacement(model, data, frame)
-        place[at], rotation[at] = pose.translation, pose.rotation
-    error = np.linalg.norm(place - targets, axis=-1)
-    return place, rotation, error, np.arccos(np.clip(rotation[..., 2, 2], -1.0, 1.0))
-
-
-def chain(arm: Arm, bench: Bench, q: Float[Array, "*instant joint"]) -> Float[Array, "*instant place 3"]:
-    """Return the places [m] of the joints, and then of the grip, in the table's frame."""
-    model, data, places = arm.model, arm.model.createData(), np.empty((*q.shape[:-1], arm.model.njoints, 3))
-    for at in np.ndindex(q.shape[:-1]):
-        pin.framesForwardKinematics(model, data, q[at])
-        poses = [*(data.oMi[joint] for joint in range(1, model.njoints)), data.oMf[model.getFrameId(GRIP)]]
-        places[at] = [pose.translation for pose in poses]
-    return bench.to_table(places)
+        pose = pin.updateFramePlacement(model, data, grip)
+        places[at] = [*(data.oMi[joint].translation for joint in range(1, model.njoints)), pose.translation]
+        rotation[at] = pose.rotation
+    return places, rotation

@@ -18,7 +18,7 @@ from omegaconf import DictConfig
 from pydantic import AfterValidator, Field
 
 from pipeline.artifacts.demos import read_demos
-from pipeline.artifacts.files import read_table, write_arrays, write_json, write_table
+from pipeline.artifacts.files import read_table, write_arrays, write_table
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.launch import launch
 from pipeline.robot import need_packages
@@ -48,19 +48,12 @@ Numbers = Annotated[list[float], Field(min_length=1)]
 Job = tuple[Float[Array, "path 2"], Layouts]  # paths, each with its scene
 
 
-class Carried(Group):
-    """Hold the shaker's size."""
+class Shaker(Group):
+    """Hold the size of what the gripper holds."""
 
     radius_m: Length
     below_m: Length
     above_m: Length
-
-
-class Solid(Group):
-    """Hold an item's height and mass at full size."""
-
-    height_m: Length
-    mass_kg: Length
 
 
 class Settings(StudyGroup):
@@ -73,8 +66,9 @@ class Settings(StudyGroup):
     base_x: Numbers
     base_y_m: Numbers
     grip_m: Length
-    shaker: Carried
-    solids: dict[str, Solid]
+    shaker: Shaker
+    item_heights_m: dict[str, Length]
+    item_masses_kg: dict[str, Length]
     coarse: Several
     lattice: Several
     instants: Several
@@ -89,9 +83,10 @@ class Settings(StudyGroup):
 
 
 def agree(study: Settings, parameters: Any) -> None:
-    """Require a solid for every symbol, known variants, starts that exist, and a shaker above the table."""
+    """Require sizes for every symbol, known variants, starts that exist, and a shaker above the table."""
     name, starts, scenes = "studies.execution", parameters.repair.starts, parameters.scenes.shared
-    need(set(study.solids) == set(SYMBOLS), f"{name}.solids", sorted(study.solids), f"one of each of {SYMBOLS}")
+    for part, sizes in (("item_heights_m", study.item_heights_m), ("item_masses_kg", study.item_masses_kg)):
+        need(set(sizes) == set(SYMBOLS), f"{name}.{part}", sorted(sizes), f"one of each of {', '.join(SYMBOLS)}")
     need_some(f"{name}.physics", study.physics, REPAIRS)
     for method, variants in study.physics.items():
         need_some(f"{name}.physics.{method}", variants, parameters.variants)
@@ -133,14 +128,9 @@ def arm_of(study: Any) -> "Arm":
     return load_arm(tuple(study.posture.items()), tuple(study.still.items()))
 
 
-def of_symbols(study: Any, name: str) -> dict[str, float]:
-    """Return height_m or mass_kg of the items of each symbol at full size."""
-    return {str(symbol): solid[name] for symbol, solid in study.solids.items()}
-
-
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """Write placement.csv, executions.parquet, summary.csv, physics.parquet, touched.csv, shown.npz, trajectories.json
-    and the ROS 2 bag `bag`. Raise InputError if a package of the extra `robot` is missing.
+    """Write placement.csv, executions.parquet, summary.csv, physics.parquet, touched.csv, shown.npz and the ROS 2
+    bag `bag`. Raise InputError if a package of the extra `robot` is missing.
     """
     need_packages()
     from pipeline.robot.execution import lengths
@@ -177,7 +167,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     method, variants = list(study.physics.items())[-1]
     mine = (paths["method"] == method) & (paths["variant"] == variants[0]) & (paths["user"] == next(iter(cfg.users)))
     repaired = paths[mine & (paths["seed"] == first)]
-    export(work, repaired.head(study.exported), out_dir)
+    export(work, repaired.head(study.exported), out_dir / "bag")
     write_arrays(out_dir / "shown.npz", shown(work, repaired, paths, scenes.images[pool]))
 
 
@@ -215,7 +205,7 @@ def mapped(study: Any, bench: "Bench", side: int) -> "PostureMap":
     """Return a map of postures of `side` points a side, above the tallest item."""
     from pipeline.robot.inverse import posture_map
 
-    return posture_map(arm_of(study), bench, side, bench.side_m * max(of_symbols(study, "height_m").values()))
+    return posture_map(arm_of(study), bench, side, bench.side_m * max(study.item_heights_m.values()))
 
 
 def judge(study: Any, points: Float[Array, "path instant 2"], bench: "Bench") -> dict[str, Any]:
@@ -224,7 +214,7 @@ def judge(study: Any, points: Float[Array, "path instant 2"], bench: "Bench") ->
 
     worst = mapped(study, bench, study.coarse).worst(points)
     row = {"side_m": bench.side_m, "base_x_m": bench.base_x, "base_y_m": bench.base_y}
-    return row | {FAILURES[status] or "executed": float((worst == status).mean()) for status in range(4)}
+    return row | {FAILURES[status] or "executed": float((worst == status).mean()) for status in range(3)}
 
 
 def all_paths(cfg: DictConfig, scenes: SceneSet, demos: pd.DataFrame) -> pd.DataFrame:
@@ -261,11 +251,8 @@ def carry_out(work: Work, job: Job) -> pd.DataFrame:
     from pipeline.robot.carried import clearances
 
     z_theta, layouts = job
-    motion, heights = work.run(z_theta), of_symbols(work.study, "height_m")
-    shaker, gripper = (
-        clearances(part, motion.grip, motion.heading, layouts, work.bench.side_m, heights).min(1)
-        for part in work.parts()
-    )
+    motion, sizes = work.run(z_theta), (work.bench.side_m, work.study.item_heights_m)
+    shaker, gripper = (clearances(part, motion.grip, motion.heading, layouts, *sizes).min(1) for part in work.parts())
     return motion.results.assign(shaker_m=shaker, gripper_m=gripper)
 
 
@@ -320,11 +307,10 @@ def push(work: Work, job: Job) -> pd.DataFrame:
     from pipeline.robot.carried import simulate
 
     z_theta, layouts = job
-    solids = [of_symbols(work.study, name) for name in ("height_m", "mass_kg")]
     motion, parts, rows = work.run(z_theta), work.parts(), []
+    sizes = work.bench.side_m, work.study.item_heights_m, work.study.item_masses_kg
     for i, duration in enumerate(motion.results["duration_s"]):
-        moved = motion.grip[i], motion.heading[i], duration
-        met, tilted = simulate(layouts, i, work.bench.side_m, *solids, parts, *moved)
+        met, tilted = simulate(layouts, i, *sizes, parts, motion.grip[i], motion.heading[i], duration)
         rows.append({"touched": met.sum(), "fallen": (tilted > work.study.fallen_rad).sum()})
     return pd.DataFrame(rows)
 
@@ -342,18 +328,15 @@ def touched(physics: pd.DataFrame) -> pd.DataFrame:
     return groups.agg(**columns).reset_index()
 
 
-def export(work: Work, paths: pd.DataFrame, out_dir: Path) -> None:
-    """Write the paths' executions to trajectories.json and to the ROS 2 bag `bag`."""
-    from pipeline.robot.export import trajectory, write_bag
+def export(work: Work, paths: pd.DataFrame, folder: Path) -> None:
+    """Write the paths' executions to a ROS 2 bag."""
+    from pipeline.robot.export import write_bag
 
-    motion, model = work.run(paths[["z_x", "z_y"]].to_numpy()), arm_of(work.study).model
-    moves = {
-        f"scene{row.scene}_start{row.start}": trajectory(list(model.names[1:]), q, duration)
-        for row, q, duration in zip(paths.itertuples(), motion.q, motion.results["duration_s"], strict=True)
-    }
-    write_json(out_dir / "trajectories.json", moves)
-    shutil.rmtree(out_dir / "bag", ignore_errors=True)
-    write_bag(out_dir / "bag", moves, model.frames[1].name)
+    motion = work.run(paths[["z_x", "z_y"]].to_numpy())
+    names = [f"scene{scene}_start{start}" for scene, start in zip(paths["scene"], paths["start"], strict=True)]
+    moves = zip(motion.q, motion.results["duration_s"], strict=True)
+    shutil.rmtree(folder, ignore_errors=True)
+    write_bag(folder, arm_of(work.study), dict(zip(names, moves, strict=True)))
 
 
 def shown(work: Work, repaired: pd.DataFrame, paths: pd.DataFrame, images: Array) -> dict[str, np.ndarray]:
@@ -361,15 +344,12 @@ def shown(work: Work, repaired: pd.DataFrame, paths: pd.DataFrame, images: Array
 
     chain (path, instant, joint, 3): places of joints and grip [m] in the table's frame, z above its top.
     """
-    from pipeline.robot.execution import chain
-
     after = repaired[repaired["scene"] >= work.study.shown_scene].iloc[0]
     drawn = paths[(paths["method"] == UNREPAIRED) & (paths["user"] == after["user"])]
     before = drawn[(drawn["scene"] == after["scene"]) & (drawn["start"] == after["start"])].iloc[0]
     z_theta = np.array([[row["z_x"], row["z_y"]] for row in (before, after)], float)
-    places = chain(arm_of(work.study), work.bench, work.run(z_theta).q)
-    side_m = np.array(work.bench.side_m)
-    return {"image": images[int(after["scene"])], "side_m": side_m, "z_theta": z_theta, "chain": places}
+    picture = {"image": images[int(after["scene"])], "side_m": np.array(work.bench.side_m)}
+    return picture | {"z_theta": z_theta, "chain": work.run(z_theta).chain}
 
 
 if __name__ == "__main__":

@@ -1,6 +1,5 @@
 """The study executes every path once, counts failures by name, and says in a sentence what it cannot do."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -71,10 +70,8 @@ def test_a_user_s_valid_paths_are_simulated_as_they_are(cfg: DictConfig, out: Pa
 
 
 def test_the_export_and_the_picture_have_the_whole_arm(out: Path):
-    moves, shown = json.loads((out / "trajectories.json").read_text()), read_arrays(out / "shown.npz")
-    assert len(moves) == 2 and {len(move["points"]) for move in moves.values()} == {SMALL["instants"]}
-    joints = {len(move["joint_names"]) for move in moves.values()}
-    assert joints == {7} and shown["chain"].shape == (2, SMALL["instants"], 8, 3)
+    shown = read_arrays(out / "shown.npz")
+    assert shown["chain"].shape == (2, SMALL["instants"], 8, 3) and (out / "bag/bag.mcap").is_file()
     ends = shown["side_m"] * np.array([P_INIT, P_F])
     np.testing.assert_allclose(shown["chain"][:, [0, -1], -1, :2], [ends, ends], atol=0.01)
 
