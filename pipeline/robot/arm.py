@@ -4,6 +4,7 @@ import tempfile
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
+from itertools import combinations
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -97,27 +98,20 @@ class Collisions:
         self.arm, shapes = arm, arm.shapes.copy()
         box = coal.Box(bench.side_m, bench.side_m, THICK_M + obstacle_m)
         middle = np.array([bench.side_m / 2, bench.side_m / 2, bench.height_m + (obstacle_m - THICK_M) / 2])
-        table = shapes.addGeometryObject(
-            pin.GeometryObject("table", 0, bench.base.inverse() * pin.SE3(np.eye(3), middle), box)
-        )
-        joints = np.array([shape.parentJoint for shape in shapes.geometryObjects])
-        for first in range(len(joints)):
-            for second in range(first + 1, len(joints)):
-                if abs(joints[first] - joints[second]) > 1 and second != table:
-                    shapes.addCollisionPair(pin.CollisionPair(first, second))
-        self.shapes, self.data = shapes, arm.model.createData()
-        for pair in self._touching(arm.posture):
-            shapes.removeCollisionPair(pair)
+        pose = bench.base.inverse() * pin.SE3(np.eye(3), middle)
+        table = shapes.addGeometryObject(pin.GeometryObject("table", 0, pose, box))
+        joints = [shape.parentJoint for shape in shapes.geometryObjects]
+        for first, second in combinations(range(table), 2):
+            if abs(joints[first] - joints[second]) > 1:
+                shapes.addCollisionPair(pin.CollisionPair(first, second))
+        self.shapes, self.data, geometry = shapes, arm.model.createData(), pin.GeometryData(shapes)
+        pin.computeCollisions(arm.model, self.data, shapes, geometry, arm.posture, False)
+        for pair, result in zip(list(shapes.collisionPairs), geometry.collisionResults, strict=True):
+            if result.isCollision():
+                shapes.removeCollisionPair(pair)
         for shape in range(table):  # the robot's body, too: it must not stand in the table
             shapes.addCollisionPair(pin.CollisionPair(shape, table))
         self.geometry = pin.GeometryData(shapes)
-
-    def _touching(self, q: Float[Array, " joint"]) -> list[pin.CollisionPair]:
-        """Return the pairs that touch in a posture."""
-        geometry = pin.GeometryData(self.shapes)
-        pin.computeCollisions(self.arm.model, self.data, self.shapes, geometry, q, False)
-        pairs = list(self.shapes.collisionPairs)
-        return [pair for pair, result in zip(pairs, geometry.collisionResults, strict=True) if result.isCollision()]
 
     def at(self, q: Float[Array, " joint"]) -> bool:
         """Return whether any pair touches at joint positions [rad]."""

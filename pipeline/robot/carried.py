@@ -12,7 +12,7 @@ import coal  # pyright: ignore[reportMissingImports]
 import mujoco  # pyright: ignore[reportMissingImports]
 import numpy as np
 import pinocchio as pin  # pyright: ignore[reportMissingImports]
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 
 from pipeline.robot.arm import GRIP, Arm
@@ -96,8 +96,21 @@ def simulate(
     The parts cannot be pushed back. Items stand free and scale with the table: heights [m] by side_m, masses [kg] by
     side_m³. Return which were touched, and how far each is tilted [rad] at the end.
     """
-    slots = np.flatnonzero(layouts.present[scene])
-    model = mujoco.MjModel.from_xml_string(_scene_xml(layouts, scene, slots, side_m, heights, masses, parts))
+    slots, items = np.flatnonzero(layouts.present[scene]), ""
+    for slot in slots:
+        symbol = SYMBOLS[layouts.symbol[scene, slot]]
+        half = max(side_m * heights[symbol] / 2, MIN_HALF_M)
+        x, y = side_m * layouts.centre[scene, slot]
+        radius, length = (side_m * float(values[scene, slot]) for values in (layouts.radius, layouts.half_length))
+        geoms = _prism(-length, length, radius, -half, half, f'mass="{side_m**3 * masses[symbol]:.6g}"')
+        where = f'pos="{x:.6f} {y:.6f} {half:.6f}" euler="0 0 {layouts.angle[scene, slot]:.6f}"'
+        items += f'<body name="item{slot}" {where}><freejoint/>{geoms}</body>'
+    shapes = "".join(_prism(part.back_m, part.front_m, part.radius_m, -part.bottom_m, part.top_m) for part in parts)
+    model = mujoco.MjModel.from_xml_string(
+        f'<mujoco model="table"><compiler angle="radian"/><option timestep="{STEP_S}"/><worldbody>'
+        f'<geom type="plane" size="1 1 0.1"/>{items}<body name="carried" mocap="true" pos="0 0 1">{shapes}'
+        "</body></worldbody></mujoco>"
+    )
     data = mujoco.MjData(model)
     bodies = np.array([model.body(f"item{slot}").id for slot in slots], int)
     slot_of = np.full(model.nbody, -1)
@@ -120,41 +133,14 @@ def simulate(
     return touched, tilted
 
 
-def _scene_xml(
-    layouts: Layouts,
-    scene: int,
-    slots: Int[Array, " item"],
-    side_m: float,
-    heights: Mapping[str, float],
-    masses: Mapping[str, float],
-    parts: Sequence[Part],
-) -> str:
-    """Return the MuJoCo model of a scene: the table as a plane, free items, and the carried parts."""
-
-    def prism(back: float, front: float, radius: float, bottom: float, top: float, mass: str) -> str:
-        """Return an upright prism over a capsule along x: a cylinder at each end and a box between them."""
-        half, middle = (top - bottom) / 2, (top + bottom) / 2
-        solid = "".join(
-            f'<geom type="cylinder" size="{radius:.6f} {half:.6f}" pos="{x:.6f} 0 {middle:.6f}" {mass}/>'
-            for x in sorted({back, front})
-        )
-        if back == front:
-            return solid
-        size, centre = f"{(front - back) / 2:.6f} {radius:.6f} {half:.6f}", f"{(front + back) / 2:.6f} 0 {middle:.6f}"
-        return solid + f'<geom type="box" size="{size}" pos="{centre}" {mass}/>'
-
-    bodies = []
-    for slot in slots:
-        symbol = SYMBOLS[layouts.symbol[scene, slot]]
-        half = max(side_m * heights[symbol] / 2, MIN_HALF_M)
-        x, y = side_m * layouts.centre[scene, slot]
-        radius, length = (side_m * float(values[scene, slot]) for values in (layouts.radius, layouts.half_length))
-        geoms = prism(-length, length, radius, -half, half, f'mass="{side_m**3 * masses[symbol]:.6g}"')
-        where = f'pos="{x:.6f} {y:.6f} {half:.6f}" euler="0 0 {layouts.angle[scene, slot]:.6f}"'
-        bodies.append(f'<body name="item{slot}" {where}><freejoint/>{geoms}</body>')
-    shapes = "".join(prism(p.back_m, p.front_m, p.radius_m, -p.bottom_m, p.top_m, "") for p in parts)
-    return (
-        f'<mujoco model="table"><compiler angle="radian"/><option timestep="{STEP_S}"/><worldbody>'
-        f'<geom type="plane" size="1 1 0.1"/>{"".join(bodies)}<body name="carried" mocap="true" pos="0 0 1">{shapes}'
-        "</body></worldbody></mujoco>"
+def _prism(back: float, front: float, radius: float, bottom: float, top: float, mass: str = "") -> str:
+    """Return an upright prism over a capsule along x: a cylinder at each end and a box between them."""
+    half, middle = (top - bottom) / 2, (top + bottom) / 2
+    solid = "".join(
+        f'<geom type="cylinder" size="{radius:.6f} {half:.6f}" pos="{x:.6f} 0 {middle:.6f}" {mass}/>'
+        for x in sorted({back, front})
     )
+    if back == front:
+        return solid
+    size, centre = f"{(front - back) / 2:.6f} {radius:.6f} {half:.6f}", f"{(front + back) / 2:.6f} 0 {middle:.6f}"
+    return solid + f'<geom type="box" size="{size}" pos="{centre}" {mass}/>'

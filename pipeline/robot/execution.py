@@ -37,11 +37,10 @@ def minimum_jerk(z_theta: Float[Array, "path 2"], instants: int) -> Float[Array,
 
     After Flash and Hogan (1985), as the recordings are timed.
     """
-    tau = np.linspace(0.0, 1.0, instants)
+    tau, at = np.linspace(0.0, 1.0, instants), np.linspace(0.0, 1.0, ARC_POINTS)
     share = tau**3 * (10 - 15 * tau + 6 * tau**2)
     steps = np.linalg.norm(np.diff(curve(z_theta, ARC_POINTS), axis=1), axis=-1)
     passed = np.concatenate([np.zeros((len(steps), 1)), steps.cumsum(1)], 1)
-    at = np.linspace(0.0, 1.0, ARC_POINTS)
     t = np.stack([np.interp(share, one / one[-1], at) for one in passed])
     b = basis(t)  # (path, instant, 3)
     return b[..., :1] * P_INIT + b[..., 1:2] * z_theta[:, None] + b[..., 2:] * P_F

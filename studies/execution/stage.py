@@ -21,7 +21,6 @@ from pipeline.artifacts.demos import read_demos
 from pipeline.artifacts.files import read_table, write_arrays, write_table
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.launch import launch
-from pipeline.robot import need_packages
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.settings import Count, Group, Length, Several, StudyGroup, Whole, need, need_some, rising
@@ -132,8 +131,10 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write placement.csv, executions.parquet, summary.csv, physics.parquet, touched.csv, shown.npz and the ROS 2
     bag `bag`. Raise InputError if a package of the extra `robot` is missing.
     """
-    need_packages()
-    from pipeline.robot.execution import lengths
+    try:
+        from pipeline.robot.execution import lengths
+    except ModuleNotFoundError as error:
+        raise InputError(f"the robot needs {error.name}: run `pip install .[robot]`") from error
 
     study, pool, first = cfg.studies.execution, cfg.protocol.splits[cfg.repair.split], cfg.protocol.seeds[0]
     scenes, demos = read_scenes(Path(cfg.paths.scenes)), read_demos(Path(cfg.paths.demos))
@@ -155,12 +156,10 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     write_table(out_dir / "summary.csv", summary(executions))
 
     chosen = simulated_paths(cfg, paths)
-    jobs = [
-        (part[["z_x", "z_y"]].to_numpy(), scenes.layouts[pool][part["scene"].to_numpy()])
-        for _, part in chosen.groupby(chosen.index // PUSHED)
-    ]
+    parts = [part for _, part in chosen.groupby(chosen.index // PUSHED)]
+    jobs = [(part[["z_x", "z_y"]].to_numpy(), scenes.layouts[pool][part["scene"].to_numpy()]) for part in parts]
     outcomes = pd.concat(map_jobs(partial(push, work), jobs, cfg.workers, "physics"), ignore_index=True)
-    physics = pd.concat([chosen.reset_index(drop=True), outcomes], axis=1)
+    physics = pd.concat([chosen, outcomes], axis=1)
     write_table(out_dir / "physics.parquet", physics)
     write_table(out_dir / "touched.csv", touched(physics))
 
@@ -184,19 +183,16 @@ def place(study: Any, z_theta: Float[Array, "path 2"], workers: int) -> "tuple[B
     points, tried, benches = minimum_jerk(z_theta, study.instants), [], []
     points = points[(np.abs(points - 0.5) <= 0.5).all((1, 2))]
     for side_m in sorted(study.side_m, reverse=True):
-        here = [
-            Bench(side_m, x * side_m, y, study.height_m, study.grip_m) for x, y in product(study.base_x, study.base_y_m)
-        ]
+        bases = product(study.base_x, study.base_y_m)
+        here = [Bench(side_m, x * side_m, y, study.height_m, study.grip_m) for x, y in bases]
         rows = map_jobs(partial(judge, study, points), here, workers, f"a table of {side_m:g} m")
         tried, benches = tried + rows, benches + here
         if any(row["executed"] == 1 for row in rows):
             break
     best = int(np.argmax([row["executed"] for row in tried]))
     if tried[best]["executed"] == 0:
-        raise InputError(
-            "the arm executes no demonstration on any table of studies.execution.side_m: "
-            "move its base (base_x, base_y_m) or list a smaller table"
-        )
+        where = "on any table of studies.execution.side_m: move its base (base_x, base_y_m) or list a smaller table"
+        raise InputError(f"the arm executes no demonstration {where}")
     bench = benches[best]
     return bench, mapped(study, bench, study.lattice), pd.DataFrame(tried).assign(chosen=np.arange(len(tried)) == best)
 
@@ -276,10 +272,8 @@ def summary(executions: pd.DataFrame) -> pd.DataFrame:
         if len(accepted):
             row |= {name or "executed": float((accepted["failure"] == name).mean()) for name in FAILURES}
             row |= {"main_failure": max(FAILURES[1:], key=row.__getitem__) if row["executed"] < 1 else "–"}
-            row |= {"error_mean_mm": 1e3 * accepted["error_mean_m"].mean()}
-            row |= {"error_max_mm": 1e3 * accepted["error_max_m"].max(), "duration_s": accepted["duration_s"].mean()}
-            row |= {"speed_share": accepted["speed_share"].max(), "clearance_mm": 1e3 * meets.quantile(CLOSE)}
-            row |= {"touching": float((meets < 0).mean())}
+            row |= {"error_mean_mm": 1e3 * accepted["error_mean_m"].mean(), "duration_s": accepted["duration_s"].mean()}
+            row |= {"clearance_mm": 1e3 * meets.quantile(CLOSE), "touching": float((meets < 0).mean())}
         rows.append(row)
     return pd.DataFrame(rows)
 
@@ -290,15 +284,13 @@ def simulated_paths(cfg: DictConfig, paths: pd.DataFrame) -> pd.DataFrame:
     A path that is valid to the user is carried out as it is; a repaired one otherwise. Method "unrepaired": all as
     they are.
     """
-    study = cfg.studies.execution
-    few = paths[(paths["start"] < study.physics_starts) & (paths["seed"] == cfg.protocol.seeds[0])]
+    few = paths[(paths["start"] < cfg.studies.execution.physics_starts) & (paths["seed"] == cfg.protocol.seeds[0])]
     as_drawn = few[few["method"] == UNREPAIRED]
     parts = [as_drawn]
-    for method, variants in study.physics.items():
-        for variant in variants:
-            repaired = few[(few["method"] == method) & (few["variant"] == variant)]
-            kept = as_drawn[as_drawn["valid"] & as_drawn["user"].isin(repaired["user"].unique())]
-            parts.append(pd.concat([kept.assign(method=method, variant=variant), repaired]))
+    for method, variant in ((m, v) for m, variants in cfg.studies.execution.physics.items() for v in variants):
+        repaired = few[(few["method"] == method) & (few["variant"] == variant)]
+        kept = as_drawn[as_drawn["valid"] & as_drawn["user"].isin(repaired["user"].unique())]
+        parts += [kept.assign(method=method, variant=variant), repaired]
     return pd.concat(parts, ignore_index=True).sort_values([*GROUP, "scene", "start"], ignore_index=True)
 
 

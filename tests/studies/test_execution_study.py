@@ -1,5 +1,6 @@
 """The study executes every path once, counts failures by name, and says in a sentence what it cannot do."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,6 @@ import pandas as pd
 import pytest
 from omegaconf import DictConfig
 
-from pipeline import robot
 from pipeline.artifacts.files import read_arrays, read_table, write_table
 from pipeline.runtime.errors import InputError
 from pipeline.world.bezier import P_F, P_INIT
@@ -86,6 +86,8 @@ def test_a_table_where_the_arm_cannot_go_is_refused(cfg: DictConfig, tmp_path: P
 def test_a_missing_package_is_named_with_what_installs_it(
     cfg: DictConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(robot, "PACKAGES", (*robot.PACKAGES, "no_such_package"))
-    with pytest.raises(InputError, match=r"the robot needs no_such_package: run `pip install \.\[robot\]`"):
+    monkeypatch.setitem(sys.modules, "pinocchio", None)
+    monkeypatch.delitem(sys.modules, "pipeline.robot.execution")
+    monkeypatch.delitem(sys.modules, "pipeline.robot.arm")
+    with pytest.raises(InputError, match=r"the robot needs pinocchio: run `pip install \.\[robot\]`"):
         main(cfg, tmp_path)
