@@ -16,8 +16,7 @@ from pipeline.runtime.settings import Count, Group, Several, need
 from pipeline.runtime.writing import atomic_write
 from pipeline.viewer.contents import assemble, read_sources
 from pipeline.viewer.digest import digest
-from pipeline.viewer.overview import write_overview
-from pipeline.viewer.run import write_run
+from pipeline.viewer.run import write_overview, write_run
 
 
 class Settings(Group):

@@ -17,11 +17,9 @@ from pipeline.artifacts.models import model_name
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.launch import launch
 from pipeline.models.trained import check_weights, load_model
-from pipeline.planning.measures import measures
-from pipeline.planning.nearest import by_model, nearest
-from pipeline.planning.oracle import constant_detour
+from pipeline.planning.nearest import by_model, constant_detour, nearest
 from pipeline.planning.repair import Ascent, repair
-from pipeline.planning.starts import Starts, rows
+from pipeline.planning.results import Starts, measures, rows
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.settings import Count, Group, SharedSplit, Size, Whole, need, need_several_seeds, widest_margin
@@ -35,9 +33,8 @@ class Settings(Group):
     split: SharedSplit
     starts: Count
     steps: Count
-    optimiser: Literal["gradient", "normalised", "adam"]
+    optimiser: Literal["gradient", "adam"]
     rate: Size
-    settle: bool
     distance_penalty: Size
     lattice_side: Count
     refinements: Whole
@@ -87,7 +84,7 @@ def _repair(
     if len(s.z) == 0:
         return pd.DataFrame(), pd.DataFrame(), np.zeros((0, r.steps + 1, 2), np.float32)
     model = load_model(cfg, variant, s.user, seed, cfg.main_n_demos)
-    ascent = Ascent(r.steps, r.optimiser, float(r.rate), bool(r.settle))
+    ascent = Ascent(r.steps, r.optimiser, float(r.rate))
     repairs = repair(model, images, candidates, ascent)  # all candidates, so that batches have one shape
     z, p = repairs.z[s.scene, s.start], repairs.p[s.scene, s.start]
     log_valid = by_model(model, images)

@@ -41,15 +41,11 @@ def map_image(values: Array) -> Array:
 
 def footprints(layout: Layouts) -> list[tuple[str, Float[Array, "point 2"]]]:
     """Return the symbol and the closed outline [m] of every item of the one scene in `layout`."""
-    return _outlines(layout, {symbol: 0.0 for symbol in SYMBOLS})
+    return kept_clear(layout, dict.fromkeys(SYMBOLS, 0.0))
 
 
 def kept_clear(layout: Layouts, margins: Mapping[str, float | None]) -> list[tuple[str, Float[Array, "point 2"]]]:
     """Return the same outlines enlarged by the user's margin, for items with a margin."""
-    return _outlines(layout, margins)
-
-
-def _outlines(layout: Layouts, margins: Mapping[str, float | None]) -> list[tuple[str, Array]]:
     half_turn = np.linspace(0.5 * np.pi, 1.5 * np.pi, ARC_POINTS)
     outlines = []
     for slot in np.flatnonzero(layout.present[0]):

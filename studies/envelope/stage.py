@@ -17,7 +17,7 @@ from pipeline.artifacts.scenes import AddedItems, read_interventions, read_scene
 from pipeline.causal.envelope import dose_grid, envelopes, paths_at_doses, response_curve
 from pipeline.launch import launch
 from pipeline.models.trained import check_weights, predict_all
-from pipeline.planning.oracle import nearest_valid
+from pipeline.planning.nearest import nearest_valid
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.streams import stream
 from pipeline.runtime.writing import atomic_write

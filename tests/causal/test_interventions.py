@@ -4,16 +4,18 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.causal.added_items import added_item_effects, expected_by_version, questions
 from pipeline.causal.interventions import (
     NONE,
     PAPER,
     PAPER_BOLD,
+    added_item_effects,
     asked,
     bold_rows,
     cells_as_in_the_paper,
     compare_with_truth,
+    expected_by_version,
     paper_rows,
+    questions,
     right_verdicts,
 )
 from pipeline.world.layout import SYMBOLS

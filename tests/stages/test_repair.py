@@ -11,7 +11,7 @@ from omegaconf import DictConfig
 from pipeline.artifacts.files import read_table
 from pipeline.artifacts.scenes import read_scenes, train_pool
 from pipeline.models.trained import load_model
-from pipeline.planning.oracle import constant_detour
+from pipeline.planning.nearest import constant_detour
 from pipeline.stages.repair import main
 from tests.factories import untrained_models
 from tests.stages.facts import names_a_missing_model, names_a_model_with_nan, refuses

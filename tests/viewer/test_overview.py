@@ -10,7 +10,7 @@ from rerun.chunk import RrdReader
 
 from pipeline.legend import label
 from pipeline.viewer.contents import ACCEPTED, FALSELY_VALID, Run
-from pipeline.viewer.overview import write_overview
+from pipeline.viewer.run import write_overview
 from pipeline.viewer.scene import OUTCOME
 from tests.viewer.example import read, read_maps, some_runs
 

@@ -1,0 +1,1 @@
+"""Study: whether a robot's arm can carry out the repaired paths."""
