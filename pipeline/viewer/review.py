@@ -2,7 +2,6 @@
 
 python -m pipeline.viewer.review                   all variants and the truth
 python -m pipeline.viewer.review full-careful-s0   one run
-python -m pipeline.viewer.review execution         a study's
 python -m pipeline.viewer.review --worst           the run with the lowest accuracy
 python -m pipeline.viewer.review --web             in a browser, served to this machine only
 python -m pipeline.viewer.review --check           no window: verify the file and compare its digest
@@ -68,12 +67,6 @@ def check(kept: Path, runs: Path, run: str) -> None:
         raise InputError(f"{says}: delete it and run `make repro`")
 
 
-def folders_of(run: str) -> tuple[Path, Path]:
-    """Return where git keeps a run's recording, and where its stage writes it; a study's bears the study's name."""
-    of_study, paths = Path("studies", run, "recording"), load(PARAMS).paths
-    return (of_study, of_study) if of_study.is_dir() else (Path(paths.selection), Path(paths.record) / "runs")
-
-
 def show(path: Path, web: bool = False) -> int:
     """Open Rerun's viewer on the recording, for this machine only, until it is closed; return its exit code."""
     screen = sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
@@ -105,12 +98,13 @@ def _main() -> int:
         "python -m pipeline.viewer.review", None, about, examples, formatter_class=argparse.RawTextHelpFormatter
     )
     which = parser.add_mutually_exclusive_group()
-    which.add_argument("run", nargs="?", default=OVERVIEW, help="<variant>-<user>-s<seed>, or a study's name")
+    which.add_argument("run", nargs="?", default=OVERVIEW, help=f"<variant>-<user>-s<seed> (default: {OVERVIEW})")
     which.add_argument("--worst", action="store_true", help="the run with the lowest accuracy")
     parser.add_argument("--web", action="store_true", help="serve Rerun's web viewer to this machine")
     parser.add_argument("--check", action="store_true", help="verify the file and compare its digest; no window")
     args = parser.parse_args()
-    run, folders = args.run, folders_of(args.run)
+    run, paths = args.run, load(PARAMS).paths
+    folders = Path(paths.selection), Path(paths.record) / "runs"
     if args.worst:
         run, reason = worst(*folders)
         print(reason, flush=True)
