@@ -22,7 +22,7 @@ from pipeline.report.tables import HIDDEN as HIDDEN
 from pipeline.report.tables import Table as Table
 from pipeline.report.tables import check_finite as check_finite
 from pipeline.report.tables import checked as checked
-from pipeline.report.tables import in_brackets, number_alone, rows_of
+from pipeline.report.tables import in_brackets, rows_of
 from pipeline.report.tables import lookup as lookup
 from pipeline.report.tables import pick as pick
 from pipeline.report.tables import with_gaps as with_gaps
@@ -98,7 +98,7 @@ def environment(folders: Sequence[Path], **names: Any) -> Environment:
             "headings": headings,
             "in_brackets": in_brackets,
         }
-        | {"number_alone": number_alone, "hidden": HIDDEN}
+        | {"hidden": HIDDEN}
         | names
     )
     return made
