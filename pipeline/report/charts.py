@@ -34,6 +34,7 @@ def curves(
     x: str,
     y: Names,
     unit: float = 1,
+    x_unit: float = 1,
     log: bool = False,
     reference: Mapping[str, float] | None = None,
     diagonal: str = "",
@@ -41,7 +42,8 @@ def curves(
 ) -> Figure:
     """Return lines of y over x, with a band from low to high, a line for each value of `hue`.
 
-    log: a logarithmic x. reference: horizontal lines, by name. diagonal: the name of a line on which y is x.
+    x_unit: what x is multiplied by. log: a logarithmic x. reference: horizontal lines, by name. diagonal: the name of a
+    line on which y is x.
     """
     chart = _Chart(data, table, y, **options)
     text = not pd.api.types.is_numeric_dtype(chart.frame[x])
@@ -49,7 +51,7 @@ def curves(
         values = list(dict.fromkeys(rows[x]))
         for name, shown, own, look in chart.series(rows):
             own = own if text else own.sort_values(x, kind="stable")
-            places = np.array([values.index(v) for v in own[x]]) if text else own[x].to_numpy(float)
+            places = np.array([values.index(v) for v in own[x]]) if text else x_unit * own[x].to_numpy(float)
             middle = unit * own[column].to_numpy(float)
             if ends:
                 low, high = (unit * own[end].to_numpy(float) for end in ends)
@@ -62,7 +64,7 @@ def curves(
                 dot = axes.plot(place, number, look["marker"] or ".", **mark)[0]
                 of_series(dot, name, f"{shown}, {chart.word(x, value)}: {number:.3g}")
         if diagonal:
-            axes.axline((0, 0), slope=unit, color=INK, linewidth=1.2, linestyle=":", label=diagonal)
+            axes.axline((0, 0), slope=unit / x_unit, color=INK, linewidth=1.2, linestyle=":", label=diagonal)
         for (shown, level), line in zip((reference or {}).items(), STYLES, strict=False):
             axes.axhline(unit * level, color=MUTED, linewidth=1, linestyle=line, label=shown)
         if log:
@@ -72,8 +74,8 @@ def curves(
             axes.set_xticks(range(len(values)), [chart.word(x, value) for value in values])
         else:
             axes.xaxis.set_major_formatter(lambda number, _: f"{number:g}")
-            if len(values) <= MAX_TICKS and all(len(f"{value:g}") <= SHORT for value in values):
-                axes.set_xticks(values)
+            if len(values) <= MAX_TICKS and all(len(f"{x_unit * value:g}") <= SHORT for value in values):
+                axes.set_xticks([x_unit * value for value in values])
         axes.grid(axis="y")
     return chart.finished()
 
