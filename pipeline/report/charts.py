@@ -26,6 +26,7 @@ SHORT = 4  # digits of a tick
 WRAP = 4  # the most panels in a row
 Table = str | Callable[[Any], pd.DataFrame]
 Names = str | Sequence[str]
+Number = int | float
 
 
 def curves(
@@ -33,10 +34,10 @@ def curves(
     table: Table,
     x: str,
     y: Names,
-    unit: float = 1,
-    x_unit: float = 1,
+    unit: Number = 1,
+    x_unit: Number = 1,
     log: bool = False,
-    reference: Mapping[str, float] | None = None,
+    reference: Mapping[str, Number] | None = None,
     diagonal: str = "",
     **options: Any,
 ) -> Figure:
@@ -81,7 +82,7 @@ def curves(
 
 
 def bars(
-    data: Any, table: Table, x: str, y: Names, unit: float = 1, truth: str = "", band: float = 0, **options: Any
+    data: Any, table: Table, x: str, y: Names, unit: Number = 1, truth: str = "", band: float = 0, **options: Any
 ) -> Figure:
     """Return y with the interval from low to high, horizontal, a group for each value of x and a mark for each `hue`.
 
