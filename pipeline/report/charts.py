@@ -82,7 +82,7 @@ def curves(
 
 
 def bars(
-    data: Any, table: Table, x: str, y: Names, unit: Number = 1, truth: str = "", band: float = 0, **options: Any
+    data: Any, table: Table, x: str, y: Names, unit: Number = 1, truth: str = "", band: Number = 0, **options: Any
 ) -> Figure:
     """Return y with the interval from low to high, horizontal, a group for each value of x and a mark for each `hue`.
 
