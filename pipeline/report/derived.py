@@ -1,11 +1,13 @@
 """Tables that the paper's pages show and no stage writes: paths by slices, and rows put beside others."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy import ndarray as Array
 
+from pipeline.causal.interventions import NONE, PAPER, TRUTH
 from pipeline.report.results import PAPER_TABLE_1, PAPER_TABLE_2, Results, paper_accuracy
 from pipeline.report.style import label
 from pipeline.stats.tests import verdict
@@ -21,6 +23,18 @@ MIN_PATHS = 20  # fewest paths in a bin of stated probabilities that is drawn
 SMALLEST = (0.02, 0.03, 0.04, 0.05, 0.06, 0.08)  # smallest effects of interest to compare
 REACTS = ("full", "clearance")  # models whose reactions to users are shown
 OPENED = ("clearance", "irl_ranked", "irl_maxent", "full")  # models of which earlier draws of test scenes are known
+TABLE_2: dict[str, Any] = {  # how `rows_of` shows bold.csv, the paper's Table 2: a row for each source and user
+    "columns": {"source": "Source", "user": "User", "mean": ""},
+    "across": "change",
+    "words": {
+        "source": lambda name: {PAPER: "The paper, as printed", TRUTH: "Truth in our world"}.get(name) or label(name),
+        "change": lambda name: "No intervention" if name == NONE else name.capitalize(),
+    },
+    "formats": {"": "rate"},
+    "quartiles": True,
+    "bold": "bold",
+    "beyond": "beyond",
+}
 WORST = 5  # scenes shown, those with most errors
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import pandas as pd
 
-from pipeline.report import bold, claims, derived, figures
+from pipeline.report import claims, derived, figures
 from pipeline.report.page import Site, environment, render_page
 from pipeline.report.results import PAPER_ACCURACY, PAPER_TABLE_1, SOURCES, Results
 from pipeline.report.tables import lookup
@@ -60,6 +60,5 @@ def _names(results: Results, judged: pd.DataFrame) -> dict[str, Any]:
         "pages": PAGES,
         "derived": derived,
         "rates": claims.rates,
-        "bold": bold.SHOWN,
         "brief": False,
     }
