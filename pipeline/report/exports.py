@@ -132,8 +132,10 @@ def as_latex(table: pd.DataFrame) -> str:
     head, *lines = (rf"{' & '.join(line)} \\" for line in (names, *rows))
     begin = rf"\begin{{tabular}}{{@{{}}ll{'c' * (len(names) - 2)}@{{}}}}"
     body = "\n".join([begin, r"\toprule", head, r"\midrule", *lines, r"\bottomrule", r"\end{tabular}"])
-    body = body.replace("–", "--").replace("−", "$-$") + f"\n% {NOTES.replace('<', '$<$').replace('±', r'$\pm$')}\n"
-    return re.sub(r"(?<!\n)%", r"\\%", body).replace("β", r"$\beta$").replace("†", r"\dag{}")
+    body = body.replace("–", "--") + "\n% " + NOTES.replace("<", "$<$") + "\n"
+    for sign, command in (("β", r"$\beta$"), ("−", "$-$"), ("±", r"$\pm$"), ("†", r"\dag{}")):
+        body = body.replace(sign, command)
+    return re.sub(r"(?<!\n)%", r"\\%", body)
 
 
 def write_pdf(figure: Path, out: Path) -> None:
