@@ -110,16 +110,16 @@ audit: $(READY)  ## do code, locks, pages and tables of the last commit agree? d
 	python -m pipeline.audit
 
 site: $(READY)  ## all pages in one file to mail: site.html
-	python -m pipeline.report.site
+	python -m pipeline.report.exports site
 
 figures: $(READY)  ## every figure of the pages as a PDF, in pdf/
-	python -m pipeline.report.pdf
+	python -m pipeline.report.exports figures
 
 tables: $(READY)  ## the paper's Table 2 with its bold cells, in LaTeX and Markdown, in tables/
-	python -m pipeline.report.bold
+	python -m pipeline.report.exports tables
 
 readme: $(READY)  ## put the headlines of reports/metrics.json into the README
-	python -m pipeline.report.readme
+	python -m pipeline.report.exports readme
 
 lint: $(READY)  ## format and lint in place
 	ruff format . && ruff check --fix . && pyright

@@ -15,10 +15,11 @@ from pipeline.artifacts.scenes import SceneSet, read_interventions, read_positio
 from pipeline.launch import launch
 from pipeline.models.baselines import NEAREST, POSITION, nearest_demonstration, position_only
 from pipeline.models.trained import load_model
-from pipeline.report.page import FOLDER, Site, Source, provenance, write_files, write_provenance
+from pipeline.report.derived import by_slice, describe
+from pipeline.report.page import FOLDER, Site, provenance, write_files, write_provenance
 from pipeline.report.render import render
 from pipeline.report.results import DrawnScenes, Results
-from pipeline.report.slices import describe, slices
+from pipeline.report.study import Source
 from pipeline.runtime.settings import Count, Group
 from pipeline.runtime.writing import atomic_write
 from pipeline.world.bezier import lattice
@@ -65,7 +66,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         tables[name] = tables[name].assign(**{column: tables[name][column].fillna("")})  # csv reads "" as missing
     tables["seeds"] = _by_seed(cfg, tables["repairs"])
     tables["judged"] = _judged(cfg, scenes)
-    tables["slices"] = slices(tables["judged"])
+    tables["slices"] = by_slice(tables["judged"])
     tables |= {name: read_table(DECISIONS / file) for name, file in HISTORY.items()}
     results = Results(
         variants=list(cfg.variants),
