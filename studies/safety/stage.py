@@ -19,7 +19,6 @@ import yaml
 from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray as Array
 from omegaconf import DictConfig
-from pipeline.planning.nearest import nearest_valid
 
 from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import write_table
@@ -29,6 +28,7 @@ from pipeline.launch import launch
 from pipeline.models.base import ValidityModel
 from pipeline.models.baselines import POSITION, position_only
 from pipeline.models.trained import check_weights, predict_all
+from pipeline.planning.nearest import nearest_valid
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.settings import (
     Between,
