@@ -40,7 +40,7 @@ studies: data-here $(VENV)/.robot  ## the paper and every study beyond it
 	dvc repro -P
 
 demo: $(READY)  ## a small run of the paper in demo/, from data to page in a few minutes; prints where the page is
-	bash tests/smoke.sh --profile demo demo
+	bash tests/smoke/run.sh --profile demo demo
 	@echo "page: $(CURDIR)/demo/reports/index.html"
 
 pull: data-here  ## data, and results where somebody pushed them to the remote
@@ -59,7 +59,7 @@ data-here: $(READY)
 	  elif [ -d data ] && [ -d rendered/pictures ]; then echo '`dvc checkout --force data.dvc rendered/pictures.dvc` drops your changes'; \
 	  else echo 'store/ never had them: `dvc push $(DATA)` where they are'; fi)" >&2; exit 1; }
 
-test: data-here  ## ruff, pyright, spelling, the test suite (it includes the smoke run); `pytest -n 2 -m "not slow"` takes some 50 s
+test: data-here  ## ruff, pyright, spelling, the test suite; `pytest -n 2 -m "not slow"` takes some 50 s
 	ruff check . && ruff format --check .
 	pyright
 	codespell README.md CONTRIBUTING.md CHANGELOG.md docs conf pipeline studies reports
@@ -94,8 +94,8 @@ check-dowhy:  ## a small graph's and the stages' own numbers by dowhy.gcm, in an
 	PYTHONPATH=. .venv-dowhy/bin/python tests/dowhy/toy.py
 	PYTHONPATH=. .venv-dowhy/bin/python tests/dowhy/stages.py
 
-smoke: $(READY)  ## the whole graph, studies too (execution after `make studies`), tiny, in a throwaway clone
-	bash tests/smoke.sh
+smoke: $(READY)  ## the whole graph, studies too (execution after `make studies`), tiny, in a throwaway clone, and what is promised of it
+	python -m pytest -n 2 --dist loadfile tests/smoke
 
 bench: data-here $(CLUSTER)  ## every benchmark, the whole graph among them; writes bench/README.md
 	mkdir -p .benchmarks

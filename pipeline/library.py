@@ -28,7 +28,7 @@ from pipeline.training.refit import trainer
 from pipeline.world.bezier import Z_HIGH, Z_LOW
 
 VAE = {"latent": 15, "channels": [16, 8, 4], "hidden": 64}  # train.model in conf/train.yaml
-REWARD_MAP = {"channels": 16, "dilated": 3, "gain": 10.0, "lattice_side": 12, "symmetric": True, "ceiling": True}
+REWARD_MAP = {"channels": 16, "dilated": 3, "gain": 10.0, "lattice_side": 12}
 IRL = {"stage": "irl", "kind": "reward"}
 SETTINGS: dict[str, dict[str, Any]] = {  # conf/variants
     "full": {"stage": "train", "kind": "vae", "alpha": 100.0, "beta": 0.002, "gamma": 6.0, "model": VAE},
@@ -48,7 +48,7 @@ TRAINING: dict[str, dict[str, Any]] = {  # conf/train, conf/irl and conf/clearan
     },
     "clearance": {"steps": 1000, "rate": 0.03, "weight_decay": 0.0, "curve_every": 10},
 }  # fmt: skip
-REPAIR: dict[str, Any] = {"steps": 30, "optimiser": "adam", "rate": 0.5, "settle": True}  # conf/repair.yaml
+REPAIR: dict[str, Any] = {"steps": 30, "optimiser": "adam", "rate": 0.5}  # conf/repair.yaml
 INFORMATIVE_SCENES, INFORMATIVE_CHANGE = 20, 0.01  # see `effect`
 ACCEPTED_ABOVE = 0.8  # P(valid) above which `repair` accepts a path: odds of 4 to 1
 

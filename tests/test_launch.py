@@ -61,7 +61,7 @@ def test_an_argument_that_is_none_ends_with_a_message(run, argument: str):
 
 def test_a_smoke_run_replaces_no_folder_of_another_kind(tmp_path: Path):
     (tmp_path / "mine").touch()
-    done = subprocess.run(["bash", "tests/smoke.sh", tmp_path], cwd=ROOT, capture_output=True, text=True)
+    done = subprocess.run(["bash", "tests/smoke/run.sh", tmp_path], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 2 and "holds something else than an earlier run" in done.stderr
     assert (tmp_path / "mine").exists()
 

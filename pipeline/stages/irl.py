@@ -37,8 +37,6 @@ class RewardModel(Group):
     gain: Size
     dropout: Annotated[float, Field(ge=0, lt=1)]
     lattice_side: Several
-    symmetric: bool
-    ceiling: bool
 
 
 class Variant(VariantSettings):

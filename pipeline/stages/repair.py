@@ -33,9 +33,8 @@ class Settings(Group):
     split: SharedSplit
     starts: Count
     steps: Count
-    optimiser: Literal["gradient", "normalised", "adam"]
+    optimiser: Literal["gradient", "adam"]
     rate: Size
-    settle: bool
     distance_penalty: Size
     lattice_side: Count
     refinements: Whole
@@ -85,7 +84,7 @@ def _repair(
     if len(s.z) == 0:
         return pd.DataFrame(), pd.DataFrame(), np.zeros((0, r.steps + 1, 2), np.float32)
     model = load_model(cfg, variant, s.user, seed, cfg.main_n_demos)
-    ascent = Ascent(r.steps, r.optimiser, float(r.rate), bool(r.settle))
+    ascent = Ascent(r.steps, r.optimiser, float(r.rate))
     repairs = repair(model, images, candidates, ascent)  # all candidates, so that batches have one shape
     z, p = repairs.z[s.scene, s.start], repairs.p[s.scene, s.start]
     log_valid = by_model(model, images)

@@ -9,11 +9,10 @@ from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.demos import DEMO_KEY, demo_arrays, read_demos, read_queries, read_trajectories
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool, write_scenes
-from pipeline.runtime.errors import InputError
 from pipeline.stages.demos import main
 from pipeline.world.hand import valid_trajectories
 from pipeline.world.layout import SYMBOLS, Layouts
-from pipeline.world.rules import clearance, slack, valid
+from pipeline.world.rules import valid
 from tests.factories import appearances, composed, with_value
 from tests.stages.facts import refuses
 
@@ -94,28 +93,6 @@ def test_queries_are_labelled_by_the_truth_and_unseen_by_training(cfg: DictConfi
     seen = read_demos(out)[["z_x", "z_y"]].to_numpy()
     paths = queries["train-s0"].z.reshape(-1, 2)
     assert np.linalg.norm(seen[:, None] - paths, axis=-1).min() > 0
-
-
-def test_every_path_keeps_the_distance_that_it_is_to_keep_from_the_boundary(cfg: DictConfig, tmp_path: Path):
-    main(with_value(cfg.copy(), "demos.clear_m=0.03"), tmp_path)
-    scenes, demos, queries = read_scenes(Path(cfg.paths.scenes)), read_demos(tmp_path), read_queries(tmp_path)
-    for pool, q in queries.items():
-        layouts = scenes.layouts[pool]
-        for margins in map(dict, cfg.users.values()):
-            assert (np.abs(slack(layouts, clearance(layouts, q.z), margins)) >= 0.03).all()
-    for (seed, user), _ in demos.groupby(["seed", "user"]):  # pyright: ignore
-        layouts, margins = scenes.layouts[train_pool(seed)], dict(cfg.users[user])
-        z, labels = demo_arrays(demos, seed, user, cfg.demos.per_scene)
-        slacks = slack(layouts, clearance(layouts, z), margins)
-        assert (np.abs(slacks) > 0.02).all()  # a hand strays by some millimetres
-        np.testing.assert_array_equal(labels, slacks > 0)
-
-
-def test_a_distance_that_leaves_too_few_paths_is_refused(cfg: DictConfig, tmp_path: Path):
-    far = "parameter demos.clear_m is 2.0: expected a distance at which each scene has 10 paths: one has 0"
-    with pytest.raises(InputError, match=far):
-        main(with_value(cfg.copy(), "demos.clear_m=2.0"), tmp_path / "bad")
-    assert not (tmp_path / "bad").exists()
 
 
 def test_fewer_seeds_or_demonstrations_leave_the_recordings_as_they_are(cfg: DictConfig, out: Path, tmp_path: Path):

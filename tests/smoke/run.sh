@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
 # The graph at a small profile in a clone of the working tree; nothing here is touched.
-#   tests/smoke.sh                        profile smoke with the studies, in a folder that is removed afterwards
-#   tests/smoke.sh DIR                    the same in DIR, kept
-#   tests/smoke.sh --profile demo DIR     the paper alone at profile demo
+#   tests/smoke/run.sh                        profile smoke with the studies, in a folder that is removed afterwards
+#   tests/smoke/run.sh DIR                    the same in DIR, kept
+#   tests/smoke/run.sh --profile demo DIR     the paper alone at profile demo
 set -euo pipefail
 unset $(git rev-parse --local-env-vars)  # of the hook or alias that started this: git and DVC would work on its repository
-root=$(cd "$(dirname "$0")/.." && pwd)
+root=$(cd "$(dirname "$0")/../.." && pwd)
 profile=smoke pipelines=-P left_out=()
 if [ "${1:-}" = --profile ] && [ $# -eq 3 ]; then
   profile=$2 pipelines= left_out=(':!studies')

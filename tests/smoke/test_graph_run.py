@@ -19,9 +19,8 @@ from pipeline.launch import load
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.places import ROOT
 from pipeline.stages.page import read_study, render
-from tests.reproduce import reproduce
+from tests.smoke.reproduce import reproduce
 
-pytestmark = pytest.mark.slow
 UP_TO_DATE = "Data and pipelines are up to date"
 MAX_NUMBERS = 60  # of `dvc metrics show`: what fits on a screen
 
@@ -54,7 +53,7 @@ def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
     locks = [ROOT / "dvc.lock", ROOT / "studies/dvc.lock", *sorted(ROOT.glob("studies/*/dvc.lock"))]
     before = [path.read_bytes() if path.is_file() else None for path in locks]
     directory = tmp_path_factory.mktemp("smoke")
-    assert "smoke run complete" in run(ROOT, "bash", "tests/smoke.sh", str(directory))
+    assert "smoke run complete" in run(ROOT, "bash", "tests/smoke/run.sh", str(directory))
     assert [path.read_bytes() if path.is_file() else None for path in locks] == before
     return directory
 
@@ -70,26 +69,19 @@ def test_a_second_repro_runs_no_stage_and_every_output_is_listed(clone: Path):
                 assert written <= listed, f"{name} writes {written - listed}, which no dvc.yaml lists"
 
 
-def studies_of(clone: Path) -> list[str]:
-    """The studies that ran: all of them, or all but `execution` where the extra `robot` is missing."""
-    return sorted(path.parent.name for path in clone.glob("studies/*/page.html.j2"))
-
-
-def test_the_overview_links_to_every_study_s_page(clone: Path):
+def test_each_study_has_a_page_that_the_overview_links_to_and_that_refuses_tables_without_numbers(
+    clone: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     overview = (clone / "reports/index.html").read_text()
-    for name in studies_of(clone):
-        assert f"../studies/{name}/index.html" in overview
-        assert "smoke run" in (clone / "studies" / name / "index.html").read_text()
-
-
-def test_a_study_s_page_refuses_tables_without_numbers(clone: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(clone)
     shutil.copytree("outputs/studies", tmp_path / "studies")
     for path in (path for path in (tmp_path / "studies").rglob("*") if path.suffix in (".csv", ".parquet")):
         table = read_table(path)
         write_table(path, table.assign(**dict.fromkeys(table.select_dtypes("float").columns, float("nan"))))
     cfg = load(Path("params.yaml"), [f"paths.studies={tmp_path / 'studies'}"])
-    for name in studies_of(clone):
+    for name in sorted(path.parent.name for path in clone.glob("studies/*/page.html.j2")):  # those that ran
+        assert f"../studies/{name}/index.html" in overview
+        assert "smoke run" in (clone / "studies" / name / "index.html").read_text()
         with pytest.raises((InputError, ValueError), match="finite"):
             render(read_study(cfg, name), Path("studies") / name)
 
@@ -105,7 +97,7 @@ def test_two_workers_in_a_folder_of_another_name_write_the_same_bytes(clone: Pat
     """Recordings hold the time at which they were written: their digests, in recordings.csv, are compared."""
     other = tmp_path / "a folder of another name"
     shutil.copytree(clone, other, ignore=shutil.ignore_patterns(".git", ".dvc", "outputs", "reports"))
-    reproduce(other, ["dvc.yaml", "studies/acceptance/dvc.yaml"], "profile=smoke", "workers=2")
+    reproduce(other, ["dvc.yaml"], "profile=smoke", "workers=2")
     for folder in ("outputs", "reports"):
         first, second = without_recordings(clone / folder), without_recordings(other / folder)
         assert second and {name: first.get(name) for name in second} == second

@@ -10,10 +10,8 @@ import yaml
 
 from pipeline.artifacts.files import read_table
 from pipeline.runtime.places import ROOT
-from pipeline.world.symbols import SYMBOLS
-from tests.reproduce import reproduce
+from tests.smoke.reproduce import reproduce
 
-pytestmark = pytest.mark.slow
 TINY = [
     "profile=smoke", "n_demos=[2]", "main_n_demos=2", "readings.n_demos=[1,2]", "checkpoints=[0]", "scenes.per_seed=6",
     "scenes.shared=12",
@@ -24,7 +22,6 @@ TINY = [
 ]  # fmt: skip
 IRL = [f"variants.{name}.steps=2" for name in ("irl_maxent", "irl_ranked")]
 MEMBERS = 4  # of the added variant
-ALONE = ["evaluate.users=[careful]", "~questions.another_user"]
 
 
 @pytest.fixture
@@ -131,14 +128,3 @@ def test_a_variant_a_user_a_symbol_and_a_question_reach_the_pages(repository: Pa
     }, "README, metrics and pages count the users whose results are averaged"
     pages = {path.stem: path.read_text() for path in (repository / "reports").glob("*.html")}
     assert "mug" in pages["causes"] and "tidy" in pages["repair"] and ">few<" in pages["accuracy"]
-
-
-def test_one_variant_and_one_user_reach_the_pages(repository: Path):
-    others = ("full", "ae", "classifier", "irl_maxent", "irl_ranked")
-    paper(repository, *(f"~variants.{name}" for name in others), "~users.normal", "~users.aggressive", *ALONE)
-    summary = read_table(repository / "outputs/intervene/summary.csv")
-    assert set(summary["variant"]) == {"clearance"} and set(summary["user"]) == {"careful"}
-    assert set(summary["question"]) == {f"add_{symbol}" for symbol in SYMBOLS}
-    runs = {path.stem for path in (repository / "outputs/record/runs").glob("*.rrd")}
-    assert runs == {"overview", "clearance-careful-s0", "clearance-careful-s1"}
-    assert "normal user" not in (repository / "reports/repair.html").read_text()
