@@ -1,8 +1,8 @@
 """Invalid paths among the accepted ones, by rule, split and user."""
 
 from pipeline.report import style
-from pipeline.report.page import Table, pick
 from pipeline.report.study import Study
+from pipeline.report.tables import Table, pick
 
 RULES = {"conformal": "conformal selection +", "threshold": "P(valid) > 1/2"}
 

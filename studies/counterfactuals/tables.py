@@ -1,8 +1,8 @@
 """The item that each model names, and how far it would have to move."""
 
 from pipeline.report import style
-from pipeline.report.page import Table, pick, with_gaps
 from pipeline.report.study import Study
+from pipeline.report.tables import Table, pick, with_gaps
 
 
 def attributions(study: Study) -> Table:

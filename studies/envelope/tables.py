@@ -3,8 +3,8 @@
 import pandas as pd
 
 from pipeline.report import style
-from pipeline.report.page import Table
 from pipeline.report.study import Study
+from pipeline.report.tables import Table
 
 
 def envelopes(study: Study) -> Table:

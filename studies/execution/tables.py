@@ -3,8 +3,8 @@
 import pandas as pd
 
 from pipeline.report import style
-from pipeline.report.page import Table, with_gaps
 from pipeline.report.study import Study
+from pipeline.report.tables import Table, with_gaps
 
 ARMS = {"pr2": "PR2"}
 METHODS = {
