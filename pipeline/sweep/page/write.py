@@ -18,3 +18,10 @@ def write_summary(folder: Path, record: dict[str, Any], jobs: list[dict[str, Any
     names = {"home": "", "pages": {"index": "Sweep"}, "facts": {"studies": []}}
     names |= {"p_text": p_text, "few": MIN_PAIRS}
     names |= {"s": summary, "tables": tables, "best": tables.best, "title": tables.title}
+    made = environment([Path(__file__).parent], **names)
+    render_page("index", "page.html.j2", figures, summary, made, site)
+    write_files(site, folder)
+    shutil.copy(FOLDER / "page.css", folder)
+    for name in ("results", "differences", "comparisons"):
+        write_table(folder / f"{name}.parquet", getattr(summary, name))
+    return folder / "index.html"
