@@ -1,6 +1,5 @@
 """One page from its template: figures and tables numbered in order of appearance, with files of their own."""
 
-import importlib
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,12 +17,7 @@ from omegaconf import DictConfig
 from pipeline.artifacts.files import data_version, write_json, write_table
 from pipeline.report import charts, style
 from pipeline.report.study import Data, Source
-from pipeline.report.tables import FORMATS as FORMATS
-from pipeline.report.tables import HIDDEN, in_brackets, number_alone, rows_of
-from pipeline.report.tables import Table as Table
-from pipeline.report.tables import lookup as lookup
-from pipeline.report.tables import pick as pick
-from pipeline.report.tables import with_gaps as with_gaps
+from pipeline.report.tables import FORMATS, HIDDEN, Table, in_brackets, rows_of
 from pipeline.runtime.writing import atomic_write
 
 FOLDER = Path(__file__).parent
@@ -51,8 +45,7 @@ def environment(folders: Sequence[Path], **names: Any) -> Environment:
         lstrip_blocks=True,
     )
     made.globals |= FORMATS | {"formats": FORMATS, "label": style.label, "in_brackets": in_brackets, "hidden": HIDDEN}
-    made.globals |= {"number_alone": number_alone, "headings": headings}
-    made.globals |= {"heading": lambda name: style.label(name).capitalize()} | names
+    made.globals |= {"headings": headings, "heading": lambda name: style.label(name).capitalize()} | names
     return made
 
 
@@ -77,7 +70,7 @@ def render_page(
     files. If the results are `Data`, each table says what it is made of. Raise InputError or ValueError if the page
     uses a number that is missing or not finite.
     """
-    page = Page(name, data, made, site, prefix, figures if isinstance(figures, str) else "")
+    page = Page(name, data, made, site, prefix)
     calls = {call: getattr(page, call) for call in ("figure", "curves", "bars", "table", "rows", "table_number")}
     site.pages[name] = made.get_template(template).render(page=name, figures=figures, **calls)
 
@@ -91,14 +84,11 @@ class Page:
     made: Environment
     site: Site
     prefix: str
-    package: str = ""
     figure_count: int = 0
     table_count: int = 0
 
-    def figure(self, draw: Any, caller: Callable[[], str] = str, **options: Any) -> Markup:
+    def figure(self, draw: Callable[[Any], Figure], caller: Callable[[], str] = str, **options: Any) -> Markup:
         """Show the figure that a function draws of the data."""
-        if isinstance(draw, str):
-            draw = getattr(importlib.import_module(f"{self.package}.figures"), draw)
         return self._figure(draw.__name__, partial(draw, self.data), caller, **options)
 
     def curves(self, name: str, table: Any, caller: Callable[[], str] = str, **options: Any) -> Markup:
@@ -109,10 +99,8 @@ class Page:
         """Show intervals of a table of results: see `charts.bars`."""
         return self._figure(name, partial(charts.bars, self.data, table), caller, **options)
 
-    def table(self, make: Any, caller: Callable[[], str] = str) -> Markup:
+    def table(self, make: Callable[[Any], Table], caller: Callable[[], str] = str) -> Markup:
         """Show the table that a function makes of the data."""
-        if isinstance(make, str):
-            make = getattr(importlib.import_module(f"{self.package}.tables"), make)
         return self._table(make.__name__, partial(make, self.data), caller)
 
     def rows(self, name: str, table: Any, caller: Callable[[], str] = str, **options: Any) -> Markup:
