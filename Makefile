@@ -103,23 +103,23 @@ bench: data-here $(CLUSTER)  ## every benchmark, the whole graph among them; wri
 	python -m bench.repro .benchmarks/repro.json
 	python -m bench.page .benchmarks/latest.json .benchmarks/repro.json
 
-review: $(READY)  ## open the overview of the recordings, or one of them: RUN=<variant>-<user>-s<seed> or a study's name, or WORST=1, not both; WEB=1: in a browser
+review: $(READY)  ## open the overview of the recordings, or one of them: RUN=<variant>-<user>-s<seed> or WORST=1; WEB=1: in a browser
 	python -m pipeline.viewer.review $(RUN) $(if $(WORST),--worst) $(if $(WEB),--web)
 
 audit: $(READY)  ## do code, locks, pages and tables of the last commit agree? docs/audit.md compares two commits
 	python -m pipeline.audit
 
 site: $(READY)  ## all pages in one file to mail: site.html
-	python -m pipeline.report.site
+	python -m pipeline.report.exports site
 
 figures: $(READY)  ## every figure of the pages as a PDF, in pdf/
-	python -m pipeline.report.pdf
+	python -m pipeline.report.exports figures
 
 tables: $(READY)  ## the paper's Table 2 with its bold cells, in LaTeX and Markdown, in tables/
-	python -m pipeline.report.bold
+	python -m pipeline.report.exports tables
 
 readme: $(READY)  ## put the headlines of reports/metrics.json into the README
-	python -m pipeline.report.readme
+	python -m pipeline.report.exports readme
 
 lint: $(READY)  ## format and lint in place
 	ruff format . && ruff check --fix . && pyright

@@ -1,12 +1,11 @@
 """One page from its template: figures and tables numbered in order of appearance, with files of their own."""
 
-import hashlib
 import importlib
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import matplotlib
 import pandas as pd
@@ -17,55 +16,16 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.files import data_version, write_json, write_table
 from pipeline.report import charts, style
+from pipeline.report.study import Data, Source
 from pipeline.report.tables import FORMATS as FORMATS
-from pipeline.report.tables import HIDDEN as HIDDEN
+from pipeline.report.tables import HIDDEN, in_brackets, number_alone, rows_of
 from pipeline.report.tables import Table as Table
-from pipeline.report.tables import check_finite as check_finite
-from pipeline.report.tables import checked as checked
-from pipeline.report.tables import in_brackets, number_alone, rows_of
 from pipeline.report.tables import lookup as lookup
 from pipeline.report.tables import pick as pick
 from pipeline.report.tables import with_gaps as with_gaps
 from pipeline.runtime.writing import atomic_write
 
 FOLDER = Path(__file__).parent
-
-
-@dataclass(frozen=True)
-class Source:
-    """The files, by stage and name, that a table of results was read or computed from."""
-
-    files: tuple[tuple[str, Path], ...]  # stage, and the file in its folder
-
-    def __str__(self) -> str:
-        """Return the files' names by stage."""
-        return ", ".join(f"{file.name} of {stage}" for stage, file in self.files)
-
-    def digests(self) -> list[dict[str, str]]:
-        """Return stage, name and md5 of each file; a stage's lock names the same md5."""
-        parts = [{"stage": stage, "file": file.name} for stage, file in self.files]
-        sums = [hashlib.md5(file.read_bytes()).hexdigest() for _, file in self.files]
-        return [part | {"md5": md5} for part, md5 in zip(parts, sums, strict=True)]
-
-
-@runtime_checkable
-class Traceable(Protocol):
-    """Results whose tables can say what they are made of."""
-
-    @property
-    def reads(self) -> list[str]:
-        """Return the names of the tables that were asked for."""
-        ...
-
-    @property
-    def sources(self) -> Mapping[str, Source]:
-        """Return what is behind each table."""
-        ...
-
-    @property
-    def seeds(self) -> list[int]:
-        """Return the training sets that the results are over."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -89,18 +49,9 @@ def environment(folders: Sequence[Path], **names: Any) -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.globals |= (
-        FORMATS
-        | {
-            "label": style.label,
-            "heading": lambda name: style.label(name).capitalize(),
-            "formats": FORMATS,
-            "headings": headings,
-            "in_brackets": in_brackets,
-        }
-        | {"number_alone": number_alone, "hidden": HIDDEN}
-        | names
-    )
+    made.globals |= FORMATS | {"formats": FORMATS, "label": style.label, "in_brackets": in_brackets, "hidden": HIDDEN}
+    made.globals |= {"number_alone": number_alone, "headings": headings}
+    made.globals |= {"heading": lambda name: style.label(name).capitalize()} | names
     return made
 
 
@@ -122,8 +73,8 @@ def render_page(
     """Add page `name` with its figures and tables to `site`.
 
     figures: the module with the functions that the template names; prefix: begins the names of figures' and tables'
-    files. If `data` is Traceable, each table says what it is made of. Raise InputError or ValueError if the page uses a
-    number that is missing or not finite.
+    files. If the results are `Data`, each table says what it is made of. Raise InputError or ValueError if the page
+    uses a number that is missing or not finite.
     """
     page = Page(name, data, made, site, prefix, figures if isinstance(figures, str) else figures.__package__)
     calls = {"figure": page.figure, "table": page.table, "rows": page.rows, "table_number": page.table_number}
@@ -204,26 +155,21 @@ class Page:
         return Markup(self.made.get_template("figure.html.j2").render(text))
 
     def _table(self, name: str, make: Callable[[], Table], caller: Callable[[], str]) -> Markup:
-        traced = isinstance(self.data, Traceable)
-        reads = self.data.reads if traced else []
+        reads = self.data.reads if isinstance(self.data, Data) else []
         reads.clear()
         shown = make()
         self.table_count += 1
         file, read = self.prefix + name.replace("_", "-"), sorted(set(reads))
         self.site.tables[file] = shown.frame
-        text = {"file": file, "table": shown, "rows": _rows(shown.frame), "number": self.table_count}
-        text |= {"caption": caller(), "origins": ()}
-        if traced:
+        rows = [dict(zip(shown.frame, row, strict=True)) for row in shown.frame.astype(object).to_numpy()]  # Traced
+        text = {"file": file, "table": shown, "rows": rows, "number": self.table_count, "caption": caller()}
+        text["origins"] = ()
+        if isinstance(self.data, Data):
             self.site.read.setdefault(self.name, {})[file] = read
             self.site.sources.update({table: self.data.sources[table] for table in read if table in self.data.sources})
-            origins = dict.fromkeys(str(self.site.sources.get(table, table)) for table in read)
-            text |= {"origins": origins, "seeds": seeds_in_words(self.data.seeds)}
+            text["origins"] = dict.fromkeys(str(self.site.sources.get(table, table)) for table in read)
+            text["seeds"] = seeds_in_words(self.data.seeds)
         return Markup(self.made.get_template("table.html.j2").render(text))
-
-
-def _rows(frame: pd.DataFrame) -> list[dict[str, Any]]:
-    """Return the rows of a table; unlike `to_dict`, leave its Traced numbers as they are."""
-    return [dict(zip(frame.columns, row, strict=True)) for row in frame.astype(object).to_numpy()]
 
 
 def write_files(site: Site, out_dir: Path) -> None:

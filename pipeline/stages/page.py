@@ -58,13 +58,8 @@ def render(study: Study, folder: Path) -> Site:
 
     Raise InputError or ValueError if it uses a number that is missing or not finite.
     """
-    names = {
-        "home": HOME,
-        "r": study,
-        "facts": study.facts,
-        "settings": study.settings,
-        "value": study.value,
-        "values": study.values,
+    names = {"home": HOME, "r": study} | {
+        name: getattr(study, name) for name in ("facts", "settings", "value", "values")
     }
     names |= {"question": study.settings["question"], "variants": study.variants, "n": study.main_n_demos}
     made, site = environment([folder], pages={"index": "Overview"}, **names), Site()

@@ -75,19 +75,6 @@ def test_an_item_too_near_is_sufficient_and_the_only_one_is_necessary(
     assert single.any() and (~single & invalid).any()
 
 
-@pytest.mark.parametrize(
-    ("necessity", "slot"),
-    [
-        ([0.1, 0.3, 0.0], 1),
-        ([0.0, 0.0, 0.0], NO_SINGLE_CAUSE),
-        ([0.3, 0.3, 0.1], NO_SINGLE_CAUSE),
-        ([np.nan] * 3, NO_SINGLE_CAUSE),
-    ],
-)
-def test_a_path_is_attributed_to_the_largest_necessity_unless_items_share_it(necessity: list, slot: int):
-    assert attribute(np.array(necessity)) == slot
-
-
 @pytest.mark.parametrize("margins", [CAREFUL, NORMAL])
 def test_models_that_know_the_truth_are_never_wrong(
     layouts: Layouts, z_theta: np.ndarray, subsets: Subsets, margins: dict

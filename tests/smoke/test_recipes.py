@@ -17,10 +17,10 @@ TINY = [
     "scenes.shared=12",
     "scenes.validation=2", "scenes.calibration=40", "scenes.calibration_paths=20", "scenes.prior_side=6",
     "demos.per_scene=2", "demos.queries_seen=4", "demos.queries_new=4", "train.steps=4", "train.engine=reference",
-    "clearance.steps=4", "irl.n_augmentations=1", "repair.starts=1", "repair.steps=4", "repair.lattice_side=12",
+    "clearance.steps=4", "irl.n_augmentations=1", "irl.steps.ranked=2",
+    "repair.starts=1", "repair.steps=4", "repair.lattice_side=12",
     "intervene.paths=4", "record.map_side=6", "record.scenes=1", "record.training_scenes=1", "report.map_side=8",
 ]  # fmt: skip
-IRL = [f"variants.{name}.steps=2" for name in ("irl_maxent", "irl_ranked")]
 MEMBERS = 4  # of the added variant
 
 
@@ -103,7 +103,7 @@ def test_a_variant_a_user_a_symbol_and_a_question_reach_the_pages(repository: Pa
     add_a_user(repository)
     add_a_symbol(repository)
     ask_a_question(repository)
-    paper(repository, *IRL, "~variants.ae", "~variants.classifier", "~variants.irl_maxent")
+    paper(repository, "~variants.ae", "~variants.classifier", "~variants.irl_maxent")
 
     outputs, variants = repository / "outputs", {"full", "irl_ranked", "clearance", "few"}
     p_valid = read_table(outputs / "scenes/p_valid.csv").pivot(index="added", columns="user", values="truth")

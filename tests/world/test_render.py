@@ -89,15 +89,6 @@ def test_every_item_stands_out_and_changes_the_image_only_as_far_as_its_shadow_r
         assert away < layouts.radius[0, 0] + layouts.half_length[0, 0] + REACH_M + LENS_M
 
 
-def test_an_unknown_texture_and_an_item_beyond_the_catalogue_are_refused():
-    catalogue = disc_catalogue()
-    layouts = with_item(empty(1, 4), 0, catalogue, 0, 0.5, 0.5)
-    layouts.item[0, 0] = 9
-    for texture, message in (("grass", "unknown texture 'grass'"), ("grey", "item 9 is not in the catalogue")):
-        with pytest.raises(ValueError, match=message):
-            render(layouts, 0, texture, 0, Palette(catalogue))
-
-
 @pytest.mark.parametrize("seed", range(4))
 def test_the_table_is_brighter_towards_the_lamp_and_shadows_fall_away_from_it(seed: int):
     white, lamp = disc_catalogue((255, 255, 255, 255)), draw_light(seed).direction
