@@ -40,7 +40,7 @@ studies: data-here $(VENV)/.robot  ## the paper and every study beyond it
 	dvc repro -P
 
 demo: $(READY)  ## a small run of the paper in demo/, from data to page in a few minutes; prints where the page is
-	bash tests/smoke.sh --profile demo demo
+	bash tests/smoke/run.sh --profile demo demo
 	@echo "page: $(CURDIR)/demo/reports/index.html"
 
 pull: data-here  ## data, and results where somebody pushed them to the remote
@@ -59,7 +59,7 @@ data-here: $(READY)
 	  elif [ -d data ] && [ -d rendered/pictures ]; then echo '`dvc checkout --force data.dvc rendered/pictures.dvc` drops your changes'; \
 	  else echo 'store/ never had them: `dvc push $(DATA)` where they are'; fi)" >&2; exit 1; }
 
-test: data-here  ## ruff, pyright, spelling, the test suite (it includes the smoke run); `pytest -n 2 -m "not slow"` takes some 50 s
+test: data-here  ## ruff, pyright, spelling, the test suite; `pytest -n 2 -m "not slow"` takes some 50 s
 	ruff check . && ruff format --check .
 	pyright
 	codespell README.md CONTRIBUTING.md CHANGELOG.md docs conf pipeline studies reports
@@ -94,8 +94,8 @@ check-dowhy:  ## a small graph's and the stages' own numbers by dowhy.gcm, in an
 	PYTHONPATH=. .venv-dowhy/bin/python tests/dowhy/toy.py
 	PYTHONPATH=. .venv-dowhy/bin/python tests/dowhy/stages.py
 
-smoke: $(READY)  ## the whole graph, studies too (execution after `make studies`), tiny, in a throwaway clone
-	bash tests/smoke.sh
+smoke: $(READY)  ## the whole graph, studies too (execution after `make studies`), tiny, in a throwaway clone, and what is promised of it
+	python -m pytest -n 2 --dist loadfile tests/smoke
 
 bench: data-here $(CLUSTER)  ## every benchmark, the whole graph among them; writes bench/README.md
 	mkdir -p .benchmarks
@@ -103,23 +103,23 @@ bench: data-here $(CLUSTER)  ## every benchmark, the whole graph among them; wri
 	python -m bench.repro .benchmarks/repro.json
 	python -m bench.page .benchmarks/latest.json .benchmarks/repro.json
 
-review: $(READY)  ## open the overview of the recordings, or one of them: RUN=<variant>-<user>-s<seed> or a study's name, or WORST=1, not both; WEB=1: in a browser
+review: $(READY)  ## open the overview of the recordings, or one of them: RUN=<variant>-<user>-s<seed> or WORST=1; WEB=1: in a browser
 	python -m pipeline.viewer.review $(RUN) $(if $(WORST),--worst) $(if $(WEB),--web)
 
 audit: $(READY)  ## do code, locks, pages and tables of the last commit agree? docs/audit.md compares two commits
 	python -m pipeline.audit
 
 site: $(READY)  ## all pages in one file to mail: site.html
-	python -m pipeline.report.site
+	python -m pipeline.report.exports site
 
 figures: $(READY)  ## every figure of the pages as a PDF, in pdf/
-	python -m pipeline.report.pdf
+	python -m pipeline.report.exports figures
 
 tables: $(READY)  ## the paper's Table 2 with its bold cells, in LaTeX and Markdown, in tables/
-	python -m pipeline.report.bold
+	python -m pipeline.report.exports tables
 
 readme: $(READY)  ## put the headlines of reports/metrics.json into the README
-	python -m pipeline.report.readme
+	python -m pipeline.report.exports readme
 
 lint: $(READY)  ## format and lint in place
 	ruff format . && ruff check --fix . && pyright

@@ -19,13 +19,14 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, OmegaConfBaseException
 
 from pipeline.runtime.errors import InputError
-from pipeline.runtime.memory import disable_malloc_trim
+from pipeline.runtime.instructions import disable_malloc_trim
 from pipeline.runtime.places import CONF, PARAMS, PROCESSORS
-from pipeline.runtime.settings import Shared, checked, need, need_one, need_several_seeds
+from pipeline.runtime.settings import Shared, checked, need, need_one
 from pipeline.runtime.writing import atomic_write
 
 Main = Callable[[DictConfig, Path], None]
 FITTED = ("train", "irl", "clearance")  # stages that run once per variant, each variant in its own folder
+COMPARING = ("evaluate", "readings", "repair", "intervene")  # stages that, like studies, give intervals over seeds
 
 
 def launch(main: Main, stage: str) -> None:
@@ -76,8 +77,9 @@ def check(cfg: DictConfig, stage: str, module: ModuleType, agree: bool = True) -
     values: Any = OmegaConf.to_container(cfg, resolve=True)
     checked(Shared, {name: values[name] for name in Shared.model_fields if name in values})
     study = stage not in values["paths"]
-    if agree and study:
-        need_several_seeds(cfg)
+    if agree and (study or stage in COMPARING):
+        seeds = list(cfg.protocol.seeds)
+        need(len(seeds) > 1, "protocol.seeds", seeds, "at least 2 seeds, or intervals mean nothing")
     if hasattr(module, "Settings"):
         group = values["studies"] if study else values
         settings = checked(module.Settings, group.get(stage), f"studies.{stage}" if study else stage)
@@ -90,20 +92,17 @@ def check_variant(cfg: DictConfig, variant: str, module: ModuleType) -> None:
     checked(module.Variant, OmegaConf.to_container(cfg.variants[variant]), f"variants.{variant}")
 
 
-def _check_own(cfg: DictConfig, stage: str, main: Main) -> None:
-    """Check what a run of the stage reads."""
+def _begin(cfg: DictConfig, stage: str, main: Main, folder: Path | None = None) -> Path:
+    """Check what a run of the stage reads; return its output folder, by default DVC's. Each variant has its own."""
     module = sys.modules[main.__module__]
     check(cfg, stage, module)
-    if stage in FITTED:
-        need_one("variant", cfg.variant, [name for name, settings in cfg.variants.items() if settings.stage == stage])
-        check_variant(cfg, cfg.variant, module)
-
-
-def _folder(cfg: DictConfig, stage: str, folder: Path | None = None) -> Path:
-    """Return the output folder of a run, by default DVC's: variants fitted by one stage have sibling folders."""
     if folder is None:
         folder = Path(cfg.paths[stage]) if stage in cfg.paths else Path(cfg.paths.studies) / stage
-    return folder / cfg.variant if stage in FITTED else folder
+    if stage not in FITTED:
+        return folder
+    need_one("variant", cfg.variant, [name for name, settings in cfg.variants.items() if settings.stage == stage])
+    check_variant(cfg, cfg.variant, module)
+    return folder / cfg.variant
 
 
 def _from_params(main: Main, stage: str) -> None:
@@ -113,11 +112,9 @@ def _from_params(main: Main, stage: str) -> None:
     parser.add_argument("overrides", nargs="*", metavar="parameter=value")
     given = parser.parse_intermixed_args()
     cfg = load(given.params, given.overrides)
-    _check_own(cfg, stage, main)
-    need(
-        cfg.seed is None, "seed", cfg.seed, "null, since DVC keeps the files of all seeds; for one, leave --params out"
-    )
-    out_dir = _folder(cfg, stage)
+    out_dir = _begin(cfg, stage, main)
+    all_seeds = "null, since DVC keeps the files of all seeds; for one, leave --params out"
+    need(cfg.seed is None, "seed", cfg.seed, all_seeds)
     out_dir.mkdir(parents=True, exist_ok=True)
     main(cfg, out_dir)
     if "DVC_STAGE" in os.environ:  # DVC's name, such as train@full
@@ -152,8 +149,7 @@ def _from_hydra(main: Main, stage: str) -> None:
         start = time.perf_counter()
         try:
             OmegaConf.resolve(cfg)
-            _check_own(cfg, stage, main)
-            main(cfg, _folder(cfg, stage, Path(settings.runtime.output_dir)))
+            main(cfg, _begin(cfg, stage, main, Path(settings.runtime.output_dir)))
         except (InputError, OSError, OmegaConfBaseException) as error:
             if settings.mode == RunMode.MULTIRUN:  # Hydra reports only the first failure
                 print(f"error: {settings.job.override_dirname}: {error}", file=sys.stderr)

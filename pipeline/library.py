@@ -28,14 +28,14 @@ from pipeline.training.refit import trainer
 from pipeline.world.bezier import Z_HIGH, Z_LOW
 
 VAE = {"latent": 15, "channels": [16, 8, 4], "hidden": 64}  # train.model in conf/train.yaml
-REWARD_MAP = {"channels": 16, "dilated": 3, "gain": 10.0, "lattice_side": 12, "symmetric": True, "ceiling": True}
+REWARD_MAP = {"channels": 16, "dilated": 3, "gain": 10.0, "lattice_side": 12}
 IRL = {"stage": "irl", "kind": "reward"}
 SETTINGS: dict[str, dict[str, Any]] = {  # conf/variants
     "full": {"stage": "train", "kind": "vae", "alpha": 100.0, "beta": 0.002, "gamma": 6.0, "model": VAE},
     "ae": {"stage": "train", "kind": "vae", "alpha": 100.0, "beta": 0.0, "gamma": 6.0, "model": VAE},
     "classifier": {"stage": "train", "kind": "vae", "alpha": 0.0, "beta": 0.0, "gamma": 1.0, "model": VAE},
-    "irl_maxent": IRL | {"objective": "maxent", "steps": 150, "model": {**REWARD_MAP, "dropout": 0.5}},
-    "irl_ranked": IRL | {"objective": "ranked", "steps": 200, "model": {**REWARD_MAP, "dropout": 0.3}},
+    "irl_maxent": IRL | {"objective": "maxent", "model": {**REWARD_MAP, "dropout": 0.5}},
+    "irl_ranked": IRL | {"objective": "ranked", "model": {**REWARD_MAP, "dropout": 0.3}},
     "clearance": {"stage": "clearance", "kind": "clearance", "model": {"members": 8}},
 }
 TRAINING: dict[str, dict[str, Any]] = {  # conf/train, conf/irl and conf/clearance
@@ -43,12 +43,13 @@ TRAINING: dict[str, dict[str, Any]] = {  # conf/train, conf/irl and conf/clearan
         "steps": 500, "rate": 0.01, "weight_decay": 0.01, "adam_beta2": 0.99, "curve_every": 10, "engine": "auto",
     },
     "irl": {
+        "steps": {"maxent": 150, "ranked": 200},
         "rate": 0.018, "weight_decay": 0.0001, "scenes_per_step": 20, "n_augmentations": 12, "curve_every": 10,
         "color_jitter": {"hue": 0.3, "gain": 0.15, "shift": 0.01, "scene_gain": 0.1, "other_table": 0.67},
     },
     "clearance": {"steps": 1000, "rate": 0.03, "weight_decay": 0.0, "curve_every": 10},
 }  # fmt: skip
-REPAIR: dict[str, Any] = {"steps": 30, "optimiser": "adam", "rate": 0.5, "settle": True}  # conf/repair.yaml
+REPAIR: dict[str, Any] = {"steps": 30, "optimiser": "adam", "rate": 0.5}  # conf/repair.yaml
 INFORMATIVE_SCENES, INFORMATIVE_CHANGE = 20, 0.01  # see `effect`
 ACCEPTED_ABOVE = 0.8  # P(valid) above which `repair` accepts a path: odds of 4 to 1
 
@@ -79,7 +80,12 @@ def fit(images: Array, z_theta: Array, valid: Array, variant: str = "clearance",
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
         raise InputError(f"seed {seed!r}: expected a whole number from 0")
     _check_scenes(images, z_theta)
-    _check_labels(valid, np.shape(z_theta)[:2])
+    dtype, shape = str(getattr(valid, "dtype", type(valid).__name__)), np.shape(z_theta)[:2]
+    if dtype != "bool" or valid.shape != shape:
+        raise InputError(f"valid is {dtype} of shape {np.shape(valid)}: expected bool of shape {shape}, one a path")
+    if valid.all() or not valid.any():
+        kind = "valid" if valid.all() else "invalid"
+        warnings.warn(f"all paths are {kind}: the model answers one probability everywhere", stacklevel=2)
     settings, seed = SETTINGS[variant], int(seed)
     model = build(settings, seed)
     z = np.asarray(z_theta, dtype=np.float64)
@@ -206,13 +212,3 @@ def _check_scenes(images: Any, z_theta: Any, name: str = "z_theta", at_least: in
     check_paths(z_theta, len(images), name)
     if not np.shape(z_theta)[1]:
         raise InputError(f"{name} has no paths: expected at least one a scene")
-
-
-def _check_labels(valid: Any, shape: tuple[int, ...]) -> None:
-    """Raise InputError unless the labels are bool, one per path; warn if they are all equal."""
-    dtype = str(valid.dtype) if isinstance(valid, np.ndarray) else type(valid).__name__
-    if dtype != "bool" or valid.shape != shape:
-        raise InputError(f"valid is {dtype} of shape {np.shape(valid)}: expected bool of shape {shape}, one a path")
-    if valid.all() or not valid.any():
-        kind = "valid" if valid.all() else "invalid"
-        warnings.warn(f"all paths are {kind}: the model answers one probability everywhere", stacklevel=3)

@@ -20,11 +20,6 @@ settings.register_profile("repeatable", derandomize=True)
 settings.load_profile("repeatable")
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the smoke run first: it takes longest, and the other worker does the rest meanwhile (`make test`)."""
-    items.sort(key=lambda item: item.path.name != "test_smoke.py")
-
-
 @pytest.fixture(autouse=True, scope="session")
 def one_thread() -> None:
     """As in every stage's process; two threads that wait for each other on a busy machine take minutes for seconds."""

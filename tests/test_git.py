@@ -75,7 +75,7 @@ def test_hooks_and_aliases_leave_the_person_s_repository_as_it_is(place, start, 
     stub.chmod(0o755)
     script = tmp_path / "script"
     lines = [f"{sys.executable} {command.format(tmp_path)} 2>&1" for command, _ in commands]
-    script.write_text("\n".join([*lines, f"PATH={stub.parent}:$PATH bash tests/smoke.sh {tmp_path}/smoke"]))
+    script.write_text("\n".join([*lines, f"PATH={stub.parent}:$PATH bash tests/smoke/run.sh {tmp_path}/smoke"]))
     before = state(person), state(tree)
     said = start(tree, script)
     assert (state(person), state(tree)) == before

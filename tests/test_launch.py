@@ -53,19 +53,6 @@ def test_hydra_s_flags_may_stand_before_or_behind_overrides(run, arguments: list
     assert code == 0 and ("variant: ae" in out or "Defaults List" in out)
 
 
-@pytest.mark.parametrize("argument", ["=", "nonsense", "--config-name=nope"])
-def test_an_argument_that_is_none_ends_with_a_message(run, argument: str):
-    code, _, err = run(lambda cfg, out_dir: pytest.fail("begun"), "scenes", argument)
-    assert code == 2 and "error: " in err
-
-
-def test_a_smoke_run_replaces_no_folder_of_another_kind(tmp_path: Path):
-    (tmp_path / "mine").touch()
-    done = subprocess.run(["bash", "tests/smoke.sh", tmp_path], cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 2 and "holds something else than an earlier run" in done.stderr
-    assert (tmp_path / "mine").exists()
-
-
 def by(hydra: bool, folder: Path) -> list[str]:
     return [f"hydra.run.dir={folder}"] if hydra else [*PARAMS, f"paths.scenes={folder}"]
 
@@ -86,27 +73,12 @@ def test_a_person_s_error_is_one_line_and_exit_code_2_and_a_defect_keeps_its_tra
         run(raising(ValueError), "scenes", *by(hydra, tmp_path))
 
 
-@pytest.mark.parametrize("hydra", [False, True])
-def test_a_folder_that_cannot_be_written_is_named(run, hydra: bool, tmp_path: Path):
-    taken = tmp_path / "taken"
-    taken.write_text("")
-    code, _, err = run(nothing, "scenes", *by(hydra, taken))
-    assert code == 2 and os.fspath(taken) in err.splitlines()[-1]
-
-
 def test_a_sweep_goes_on_after_a_bad_value_names_it_and_fails(run, tmp_path: Path):
     rates = []
     sweep = ["--multirun", "train.rate=-1,0.5", f"hydra.sweep.dir={tmp_path}"]
     code, _, err = run(lambda cfg, out_dir: rates.append(cfg.train.rate), "train", *sweep)
     assert code == 2 and rates == [0.5]
     assert "error: train.rate=-1: parameter train.rate is -1" in err
-
-
-@pytest.mark.parametrize("override", ["seeds=[0]", "protocol=validation", "train.model.latent=3", "seed=1"])
-def test_what_a_stage_reads_is_taken_whether_by_itself_or_composed(run, override: str, tmp_path: Path):
-    done = []
-    code, _, err = run(lambda cfg, out_dir: done.append(1), "train", f"hydra.run.dir={tmp_path}", override)
-    assert code == 0 and done == [1], err
 
 
 def test_variants_fitted_by_one_stage_lie_side_by_side_and_a_study_beside_the_others(run, tmp_path: Path):
@@ -130,13 +102,6 @@ def test_only_runs_of_dvc_note_their_processor_beside_those_of_others(run, tmp_p
         assert run(nothing, "train", *PARAMS, f"paths.train={tmp_path}")[0] == 0
         assert (tmp_path / PROCESSORS).is_file() is (name is not None)
     assert json.loads((tmp_path / PROCESSORS).read_text()) == {"train@ae": processor(), "train@full": processor()}
-
-
-def test_a_processor_has_a_name_and_its_widest_vectors(tmp_path: Path):
-    cpuinfo = tmp_path / "cpuinfo"
-    cpuinfo.write_text("cpu family\t: 6\nmodel\t\t: 143\nmodel name\t: Xeon\nflags\t\t: avx2 avx512f\n")
-    assert processor(cpuinfo) == "Xeon, family 6, model 143, AVX-512"
-    assert processor(tmp_path / "of no Linux")
 
 
 def test_ctrl_c_ends_a_stage_and_its_workers_at_once(tmp_path: Path):

@@ -46,11 +46,13 @@ def test_params_yaml_is_what_conf_and_dvc_compose(tmp_path: Path):
 
 
 def test_overrides_are_kept_for_all_that_composes_conf_until_others_are_given(own_conf: Path):
-    given = ["profile=smoke", "~variants.ae", "train.steps=9"]
+    given = ["profile=smoke", "~variants.ae", "~variants.irl_maxent", "train.steps=9"]
     assert params.main(given) == 0 == params.main(["--check"])
     by_dvc, text = composed_by_dvc(own_conf, "evaluate.bins=5"), Path("params.yaml").read_text()
     assert by_dvc == yaml.safe_load(text.replace("bins: 10", "bins: 5"))
-    assert (by_dvc["profile"], by_dvc["train"]["steps"]) == ("smoke", 9) and "ae" not in by_dvc["variants"]
+    assert (by_dvc["profile"], by_dvc["train"]["steps"]) == ("smoke", 9) and not {"ae", "irl_maxent"} & set(
+        by_dvc["variants"]
+    )
     assert by_dvc["graph"]["train"] == ["full", "classifier"]
     assert params.main([]) == 0 and Path("params.yaml").read_text() == text
     assert params.main(["profile=paper"]) == 0
@@ -78,12 +80,6 @@ def test_an_edit_of_conf_or_of_params_yaml_is_found(own_conf: Path, capsys: pyte
     assert params.main(["--check", "--out", "out.txt"]) == 1 and not Path("out.txt").exists()
 
 
-def test_broken_yaml_is_refused(own_conf: Path):
-    (own_conf / "train.yaml").write_text("train: [1\n")
-    with pytest.raises(InputError, match="does not compose"):
-        params.main([])
-
-
 @pytest.mark.parametrize(
     "choice",
     sorted(f"{p.parent.name}={p.stem}" for g in ("profile", "protocol") for p in (CONF / g).glob("*")),
@@ -99,34 +95,23 @@ def test_every_profile_and_protocol_composes_for_graph_and_studies(choice: str):
     [
         ("n_demos=[0]", "parameter n_demos.0 is 0", "greater than or equal to 1"),
         ("n_demos=[1,3]", "parameter main_n_demos is 9", "one of n_demos"),
-        ("readings.families=[[0.5]]", "readings.families.0", "at least 2 items"),
-        ("readings.clear_cm=[8,4]", "readings.clear_cm", "ascending numbers"),
         ("seeds=[1,1]", "parameter seeds is [1, 1]", "each one once"),
         ("protocol.seeds=[0]", "protocol.seeds is [0]", "at least 2 seeds"),
         ("seeds=[100]", "validation_seeds", "none of `seeds`"),
         ("seed=55", "parameter seed is 55", "null or one of protocol.seeds"),
         ("variants.full.kind=reward", "variants.full.kind is 'reward'", "'vae'"),
         ("variants.full.stage=repair", "variants.full.stage is 'repair'", "one of train, irl, clearance"),
-        ("variants.full.alpha=null", "variants.full.alpha is None", "number"),
         ("train.step=3", "parameter train.step is 3", "not permitted"),
         ("train.steps=abc", "train.steps is 'abc'", "valid integer"),
-        ("train.steps=0", "train.steps is 0", "greater than or equal to 1"),
-        ("users.careful.glass=-0.01", "users.careful.glass is -0.01", "greater than or equal to 0"),
         ("users.hasty={glass: 0.01}", "users.hasty", "a margin for each of"),
         ("users.truth={}", "users.truth", "none of truth, ideal, z"),
-        ("users=null", "users is None", "dictionary"),
         ("demos.hand.tremor_hz=[8.0,60.0]", "demos.hand.tremor_hz is [8.0, 60.0]", "band above 0"),
         ("evaluate.users=[someone]", "evaluate.users is ['someone']", "some of careful, normal, aggressive"),
         ("intervene.split=new_scenes", "intervene.split is 'new_scenes'", "repair.split = 'new_items'"),
         ("scenes.layout.items_per_scene=[2,4]", "items_per_scene", "from 0 to 3, one less than scenes.layout.slots"),
-        ("scenes.layout.glasses_chance=[0.5,0.4]", "glasses_chance", "chances that add up to 1"),
         ("scenes.source.exposure=[1.2,0.8]", "scenes.source.exposure is [1.2, 0.8]", "the smaller number first"),
-        ("evaluate.comparisons.1.splits=[new_items]", "evaluate.comparisons", "only in seen scenes"),
         ("evaluate.comparisons.4.family=paper", "evaluate.comparisons", "27 tests in family paper"),
-        ("repair.split=seen_scenes", "repair.split is 'seen_scenes'", "'new_scenes' or 'new_items'"),
-        ("questions.add_bowl.symbol=spoon", "questions.add_bowl", "spoon"),
         ("questions.another_user.to=nobody", "questions.another_user.to is 'nobody'", "one of careful"),
-        ("readings.n_demos=[1,3]", "readings.n_demos is [1, 3]", "main_n_demos = 9 among them"),
         ("no_such_key=1", "unknown parameter 'no_such_key'", ""),
         *((f"studies.{p.stem}.no_such=1", f"studies.{p.stem}.no_such is 1", "") for p in CONF.glob("studies/*.yaml")),
     ],
@@ -135,13 +120,6 @@ def test_a_wrong_parameter_is_named_with_what_was_expected(override: str, names:
     with pytest.raises(InputError) as refused:
         validate(with_value(composed(), override), GRAPH)
     assert names in str(refused.value) and expected in str(refused.value)
-
-
-def test_an_interval_over_validation_scenes_needs_two_of_them():
-    one_scene = "scenes.validation=1"
-    validate(with_value(composed(), one_scene), ["evaluate"])
-    with pytest.raises(InputError, match=r"scenes\.validation is 1: expected at least 2"):
-        validate(with_value(composed("protocol=validation"), one_scene), ["evaluate"])
 
 
 def test_kinds_and_groups_in_the_parameters_are_those_of_the_library():

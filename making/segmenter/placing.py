@@ -40,7 +40,7 @@ class Palette(NamedTuple):
 
 @lru_cache(maxsize=1)
 def read_palette(data: str) -> Palette:
-    """Read the training items of the catalogue in a folder; raise CatalogueError if it is unusable."""
+    """Read the training items of the catalogue in a folder; raise InputError if it is unusable."""
     catalogue = read_catalogue(Path(data))
     rows = catalogue.pool("train")
     table = catalogue.items.iloc[rows]

@@ -75,6 +75,13 @@ def write_queries(out_dir: Path, queries: dict[str, Queries]) -> None:
     write_arrays(out_dir / "queries.npz", arrays)
 
 
+def asked(queries: dict[str, Queries], pool: str, user: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return a pool's test paths (scene, query, 2) [m] and a user's labels of them; InputError if there are none."""
+    if pool not in queries or user not in queries[pool].valid:
+        raise InputError(f"no queries of {user} in {pool}: run `dvc repro demos`")
+    return queries[pool].z, queries[pool].valid[user]
+
+
 def read_queries(directory: Path) -> dict[str, Queries]:
     """Return the queries by pool."""
     arrays = read_arrays(directory / "queries.npz")

@@ -13,7 +13,7 @@ import yaml
 
 from pipeline.artifacts.files import read_json
 from pipeline.git import dvc, git, run
-from pipeline.report.readme import contents, fill
+from pipeline.report.exports import contents, fill
 from pipeline.report.tables import FORMATS, HIDDEN
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.places import PROCESSORS, ROOT

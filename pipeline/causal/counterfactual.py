@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Shaped
 from numpy import ndarray as Array
 
 from pipeline.causal.scm import chance_of_change
@@ -71,14 +71,15 @@ class Subsets:
     def by_question(self, values: Float[Array, "*b version path"]) -> Removals:
         """Return the values of all versions, arranged by question."""
         arranged = np.moveaxis(np.asarray(values, dtype=np.float64)[..., self.index, :], -2, -1)  # question last
-        slots = self.kept.shape[1]
-        return Removals(arranged[..., 0], arranged[..., 1], arranged[..., 2 : 2 + slots], arranged[..., 2 + slots :])
+        return Removals(**self._parts(arranged))
 
     def select_scenes(self, values: Array, scenes: list[int]) -> dict[str, Array]:
         """Return the values for each question of these scenes, given one value (such as an image) per version."""
-        index, slots = self.index[scenes], self.kept.shape[1]
-        parts = index[:, 0], index[:, 1], index[:, 2 : 2 + slots], index[:, 2 + slots :]
-        return {name: values[part] for name, part in zip(("factual", "empty", "without", "alone"), parts, strict=True)}
+        return {name: values[part] for name, part in self._parts(self.index[scenes]).items()}
+
+    def _parts(self, x: Shaped[Array, "*b question"]) -> dict[str, Array]:
+        first = 2 + self.kept.shape[1]
+        return {"factual": x[..., 0], "empty": x[..., 1], "without": x[..., 2:first], "alone": x[..., first:]}
 
 
 def item_subsets(present: Bool[Array, "scene slot"]) -> Subsets:
@@ -144,16 +145,17 @@ def score_attributions(
     single, several = rejected & (cause != NO_SINGLE_CAUSE), rejected & (cause == NO_SINGLE_CAUSE)
     same_side = (model.sufficiency > DECISION) == (truth.sufficiency > DECISION)
     as_true = (same_side & (model.necessity <= DECISION)).all(-1)
-    row = {
-        "rejected": rejected.sum() / len(rejected),
-        "recall": rejected.sum() / invalid.sum(),
-        "single": single.sum() / rejected.sum(),
-    }
-    row |= mean_with_interval("right", attribute(model.necessity) == cause, single, prefix="")
-    row |= {f"baseline_{name}": mean(chance, single) for name, chance in chances.items()}
-    row |= mean_with_interval("overdetermined_right", as_true, several)
-    row |= {"empty_rejected": mean(model.empty <= DECISION, rejected)}
-    return {name: float(value) for name, value in row.items()}
+    return (
+        {
+            "rejected": float(rejected.sum() / len(rejected)),
+            "recall": float(rejected.sum() / invalid.sum()),
+            "single": float(single.sum() / rejected.sum()),
+        }
+        | mean_with_interval("right", attribute(model.necessity) == cause, single, prefix="")
+        | {f"baseline_{name}": mean(chance, single) for name, chance in chances.items()}
+        | mean_with_interval("overdetermined_right", as_true, several)
+        | {"empty_rejected": mean(model.empty <= DECISION, rejected)}
+    )
 
 
 def mean(values: Array, mask: Bool[Array, "*b"]) -> float:
@@ -166,15 +168,14 @@ def mean_with_interval(
 ) -> dict[str, float]:
     """Return `mean` and its 95 % interval over seeds crossed with scenes; shares are clipped to [0, 1].
 
-    The bounds are called `prefix`ci_low and `prefix`ci_high; the prefix is `name`_ by default. They are NaN below
-    MIN_PAIRS or MIN_SCENES.
+    The bounds, `prefix`ci_low and `prefix`ci_high (default: `name`_), are NaN below MIN_PAIRS or MIN_SCENES.
     """
-    low, high = (f"{name}_{end}" if prefix is None else prefix + end for end in ("ci_low", "ci_high"))
-    row = {name: mean(values, mask), low: np.nan, high: np.nan}
-    axes = tuple(range(2, mask.ndim))
+    axes, ends = tuple(range(2, mask.ndim)), np.full(2, np.nan)
     count = mask.sum(axes)  # (seed, scene)
     if (count > 0).sum() >= MIN_PAIRS and (count > 0).any(0).sum() >= MIN_SCENES:
         e = ratio(np.where(mask, values, 0.0).sum(axes)[None], count[None].astype(float))
         ends = np.array([e.ci_low[0], e.ci_high[0]])
-        row[low], row[high] = ends.clip(0, 1) if values.dtype == bool else ends
-    return row
+        ends = ends.clip(0, 1) if values.dtype == bool else ends
+    low, high = ends.tolist()
+    prefix = f"{name}_" if prefix is None else prefix
+    return {name: mean(values, mask), f"{prefix}ci_low": low, f"{prefix}ci_high": high}

@@ -76,10 +76,9 @@ def envelopes(
     unless both exist).
     """
     by_question = [by_item(values, items) for values, items in zip(response, item, strict=True)]
-    contacts = []
-    for values, count in zip(by_question, n_training, strict=True):
-        touched = ~np.isnan(values[..., 0]).any(0)  # items with at least one path in contact
-        contacts.append(_estimate(values[None, :, touched, 0], count))
+    touched = [~np.isnan(values[..., 0]).any(0) for values in by_question]  # items with at least one path in contact
+    asked = zip(by_question, touched, n_training, strict=True)
+    contacts = [_estimate(values[None, :, some, 0], n) for values, some, n in asked]
     adjusted = holm(np.array([contact.p[0] for contact in contacts]))
     rows = []
     for values, n, contact, p_holm, margin in zip(by_question, n_training, contacts, adjusted, margins, strict=True):
@@ -87,10 +86,8 @@ def envelopes(
         judged = verdict(at_contact, p_holm, contact.ci90_low[0], contact.ci90_high[0])
         is_there = judged == "effect" and at_contact > 0
         middle, low, high = radius(values, doses, n) if is_there else (np.nan,) * 3
-        right, covered = is_there == (margin is not None), None
-        if is_there and margin is not None:
-            covered = low <= margin <= high
-        true = np.nan if margin is None else margin
+        covered = low <= margin <= high if is_there and margin is not None else None
+        true, right = np.nan if margin is None else margin, is_there == (margin is not None)
         rows.append((middle, low, high, true, at_contact, float(p_holm), judged, right, covered))
     columns = ["radius_m", "ci_low", "ci_high", "true_radius_m", "response", "p_holm", "verdict", "right", "covered"]
     return pd.DataFrame(rows, columns=columns).astype({"covered": "boolean"})
@@ -108,16 +105,9 @@ def response_curve(
     Columns: clearance_m, response, ci_low, ci_high, true_response, scenes (number of scenes with the dose).
     """
     estimates = _estimate_doses(by_item(response, item), n_training)
-    return pd.DataFrame(
-        {
-            "clearance_m": doses,
-            "response": estimates["effect"],
-            "ci_low": estimates["ci_low"],
-            "ci_high": estimates["ci_high"],
-            "true_response": np.nanmean(by_item(true_response[None], item)[0], axis=0),
-            "scenes": (~np.isnan(true_response)).sum(0),
-        }
-    )
+    table = pd.DataFrame({"clearance_m": doses, "response": estimates.pop("effect"), **estimates})
+    true = np.nanmean(by_item(true_response[None], item)[0], axis=0)
+    return table.assign(true_response=true, scenes=(~np.isnan(true_response)).sum(0))
 
 
 def radius(
@@ -128,16 +118,16 @@ def radius(
     n_training: number of items in the training sets; None: nothing was learned from items.
     """
     halves = _estimate_doses(response - response[..., :1] / 2, n_training)
-    radii = []
-    for values in halves.values():  # effect, ci_low, ci_high
+
+    def zero_crossing(values: Float[Array, " dose"]) -> float:
         falling = isotonic_regression(values, increasing=False).x  # the nearest decreasing curve
         after = int((falling > 0).sum())  # the first dose with a value of at most zero
         if after in (0, len(doses)):
-            radii.append(float(doses[min(after, len(doses) - 1)]))
-        else:  # its zero crossing, linear between doses
-            radii.append(float(np.interp(0, -falling[after - 1 : after + 1], doses[after - 1 : after + 1])))
-    middle, low, high = radii
-    return middle, low, high
+            return float(doses[min(after, len(doses) - 1)])
+        around = slice(after - 1, after + 1)
+        return float(np.interp(0, -falling[around], doses[around]))  # linear between doses
+
+    return zero_crossing(halves["effect"]), zero_crossing(halves["ci_low"]), zero_crossing(halves["ci_high"])
 
 
 def _estimate_doses(response: Float[Array, "seed item dose"], n_training: int | None) -> dict[str, Array]:

@@ -22,7 +22,7 @@ def posterior(
     p: Float[Array, "user *b path"], valid: Bool[Array, "*#b path"], floor: float
 ) -> Float[Array, "user *b path"]:
     """Return P(u | v_1..v_k) for k = 1, 2, ... along the last axis; p is clipped to [floor, 1 - floor]."""
-    p = _bounded(p, floor)
+    p = np.clip(np.asarray(p, dtype=np.float64), floor, 1 - floor)
     log_likelihood = np.log(np.where(valid, p, 1 - p)).cumsum(-1)
     likelihood = np.exp(log_likelihood - log_likelihood.max(0))
     return likelihood / likelihood.sum(0)
@@ -35,14 +35,10 @@ def identify(
 
     First axis of the result: the true user. Draws are averaged; tied users share the credit.
     """
-    correct, confidence = [], []
-    for user, labels in enumerate(valid):
-        belief = posterior(p, labels, floor)
-        highest = belief.max(0)
-        best = belief == highest
-        correct.append(best[user] / best.sum(0))  # (seed, scene, draw, path)
-        confidence.append(highest)
-    return _by_path(np.stack(correct)), _by_path(np.stack(confidence))
+    belief = np.stack([posterior(p, labels, floor) for labels in valid])  # (true user, user, seed, scene, draw, path)
+    best = belief == belief.max(1, keepdims=True)
+    correct = np.stack([of_user[user] / of_user.sum(0) for user, of_user in enumerate(best)])
+    return _by_path(correct), _by_path(belief.max(1))
 
 
 def reject_all_users(
@@ -52,11 +48,8 @@ def reject_all_users(
 
     If p is correct for the demonstrator, this happens with probability at most `level`, for each k.
     """
-    rejected = np.ones((len(valid), *p.shape[1:]), dtype=bool)
-    for of_user in p:
-        for seed, of_seed in enumerate(of_user):
-            rejected[:, seed] &= reject(of_seed, valid, floor, level)
-    return _by_path(rejected)
+    rejected = [np.all([reject(x, valid, floor, level) for x in of_seed], axis=0) for of_seed in p.swapaxes(0, 1)]
+    return _by_path(np.stack(rejected, axis=1))
 
 
 def reject(
@@ -68,7 +61,7 @@ def reject(
     likelihood ratio of the user against a fair coin (Neyman and Pearson). The test is one-sided: labels that fit better
     than p predicts are evidence against p, not against the user.
     """
-    p = _bounded(p, floor)
+    p = np.clip(np.asarray(p, dtype=np.float64), floor, 1 - floor)
     rare = np.minimum(p, 1 - p)
     weight = np.floor(np.log((1 - rare) / rare) / STEP_NATS).astype(int)
     surprise = np.where((p >= 0.5) != valid, weight, 0).cumsum(-1)
@@ -109,10 +102,6 @@ def distinct_from(
     """Return whether labels differ from each other user's so often that one draw shows it with probability DISTINCT."""
     differ = (valid != others).mean((-2, -1))  # (user, scene)
     return (1 - (1 - differ) ** valid.shape[-1] >= DISTINCT).all(0)
-
-
-def _bounded(p: Float[Array, "*b"], floor: float) -> Float[Array, "*b"]:
-    return np.clip(np.asarray(p, dtype=np.float64), floor, 1 - floor)
 
 
 def _by_path(values: Array) -> Float[Array, "who path seed scene"]:

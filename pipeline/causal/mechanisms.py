@@ -24,11 +24,7 @@ Render = Callable[[Int[Array, " scene"], Layouts, Array], Image]  # arguments: r
 
 def renderer(palette: Palette) -> Render:
     """Return the mechanism of I: the image of items and table top, with light and noise from the render seed."""
-
-    def render(render_seeds: Int[Array, " scene"], items: Layouts, table_tops: Array) -> Image:
-        return render_scenes(items, table_tops.tolist(), render_seeds.tolist(), palette)
-
-    return render
+    return lambda seeds, items, table_tops: render_scenes(items, table_tops.tolist(), seeds.tolist(), palette)
 
 
 def recorded_noise(layouts: Layouts, appearance: pd.DataFrame, z_theta: Array) -> Values:
@@ -38,15 +34,10 @@ def recorded_noise(layouts: Layouts, appearance: pd.DataFrame, z_theta: Array) -
     return {"S": zero, "O": layouts, "T": top, "I": render_seed, "Z_theta": z_theta, "Z_I": zero.astype(float)}
 
 
-def no_image(*_: object) -> Any:
-    """Raise AssertionError: the mechanism of I where every question sets the image."""
-    raise AssertionError("every question sets the image")
-
-
-def model_scm(models: Mapping[str, ValidityModel], render: Render = no_image) -> SCM:
+def model_scm(models: Mapping[str, ValidityModel], render: Render | Any = None) -> SCM:
     """Return the structural causal model with these users' fitted models as the mechanisms of Z_I and V.
 
-    Z_I holds each user's percepts, in batches of SCENES_PER_BATCH scenes.
+    Z_I holds each user's percepts, in batches of SCENES_PER_BATCH scenes. render: None where each question sets I.
     """
 
     @torch.no_grad()

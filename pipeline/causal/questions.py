@@ -1,13 +1,13 @@
 """The causal questions of conf/questions/<name>.yaml, one change per file, and the interventions that they ask for."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal, get_args
 
 import numpy as np
 from jaxtyping import Bool, Int
 from numpy import ndarray as Array
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from pipeline.causal.scm import Values
 from pipeline.runtime.errors import InputError
@@ -29,13 +29,7 @@ TRIES = 100  # random proposals for a moved or swapped item before its scene is 
 MIN_SCENES = 2  # fewest scenes from which a question's standard error can be estimated
 
 
-def _known(symbol: str) -> str:
-    if symbol not in SYMBOLS:
-        raise ValueError
-    return symbol
-
-
-Symbol = Annotated[str, AfterValidator(_known), expected(f"one of {', '.join(SYMBOLS)}")]
+Symbol = Annotated[str, Field(pattern=f"^({'|'.join(SYMBOLS)})$"), expected(f"one of {', '.join(SYMBOLS)}")]
 
 
 class _Question(Group):
@@ -106,50 +100,48 @@ def change(
     additions: symbol -> the scenes with an added item, one entry per placement. InputError if the question applies to
     fewer than MIN_SCENES scenes, or if the texture is unknown.
     """
-    layouts, every = scenes.layouts, np.ones(len(scenes.layouts), dtype=bool)
+    layouts, count, items, rules = scenes.layouts, len(scenes.layouts), scenes.items, scenes.rules
     match question:
         case Add():
-            return [{"O": added} for added in additions[question.symbol]], every
+            return [{"O": added} for added in additions[question.symbol]], np.ones(count, dtype=bool)
         case User():
-            return [], every
+            return [], np.ones(count, dtype=bool)
         case TableTop():
             if question.texture not in scenes.textures:
                 known = ", ".join(scenes.textures)
                 raise InputError(f"question {name}: unknown texture {question.texture!r}; data/ has {known}")
-            return [{"T": np.full(len(every), question.texture)}], every
+            return [{"T": np.full(count, question.texture)}], np.ones(count, dtype=bool)
 
     matches = layouts.symbol == SYMBOLS.index(question.symbol)
     slot = np.where(matches, rng.random(matches.shape), -1.0).argmax(1)  # of a random item of the symbol
-    possible = matches.any(1)
-
-    def moved(distance: float) -> Layouts:
-        """Move the item by the distance [m] in a random direction."""
-        angle = rng.uniform(-np.pi, np.pi, len(slot))
-        step = distance * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-        return _with_item(layouts, slot, centre=layouts.centre[np.arange(len(slot)), slot] + step)
-
-    def swapped(symbol: str) -> Layouts:
-        """Replace the item by a random one of the symbol, at a random angle."""
-        index, items = SYMBOLS.index(symbol), scenes.items
-        item = rng.choice(scenes.pool[items.symbol[scenes.pool] == index], len(slot))
-        scale = rng.uniform(scenes.rules.scale_low, scenes.rules.scale_high, len(slot))
-        angle = rng.uniform(-np.pi, np.pi, len(slot))
-        size = {"half_length": items.half_length[item] * scale, "radius": items.radius[item] * scale}
-        return _with_item(layouts, slot, item=item, symbol=index, scale=scale, angle=angle, **size)
-
-    match question:
-        case Remove():
-            changed = _choose(possible, _with_item(layouts, slot, item=EMPTY, symbol=EMPTY), layouts)
-        case Move():
-            changed, possible = _propose(scenes, slot, possible, lambda: moved(question.distance))
-        case Swap():
-            changed, possible = _propose(scenes, slot, possible, lambda: swapped(question.to))
-    if possible.sum() < MIN_SCENES:
+    accepted, changed = np.zeros(count, dtype=bool), layouts
+    for _ in range(TRIES):
+        values: dict[str, Array | int]
+        match question:
+            case Remove():
+                values = {"item": EMPTY, "symbol": EMPTY}
+            case Move():  # by the distance [m] in a random direction
+                angle = rng.uniform(-np.pi, np.pi, count)
+                step = question.distance * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+                values = {"centre": layouts.centre[np.arange(count), slot] + step}
+            case Swap():  # for a random item of the other symbol, at a random angle
+                index = SYMBOLS.index(question.to)
+                item = rng.choice(scenes.pool[items.symbol[scenes.pool] == index], count)
+                scale = rng.uniform(rules.scale_low, rules.scale_high, count)
+                values = {"item": item, "symbol": index, "scale": scale, "angle": rng.uniform(-np.pi, np.pi, count)}
+                values |= {"half_length": items.half_length[item] * scale, "radius": items.radius[item] * scale}
+        proposal = replace(layouts, **{field: getattr(layouts, field).copy() for field in values})
+        for field, value in values.items():
+            getattr(proposal, field)[np.arange(count), slot] = value
+        fits = matches.any(1) & ~accepted & (isinstance(question, Remove) | allowed(proposal, slot, rules))
+        changed = concatenated([proposal, changed])[np.where(fits, 0, count) + np.arange(count)]
+        accepted |= fits
+    if accepted.sum() < MIN_SCENES:
         raise InputError(
-            f"question {name}: {possible.sum()} scenes allow it, expected at least {MIN_SCENES}; "
+            f"question {name}: {accepted.sum()} scenes allow it, expected at least {MIN_SCENES}; "
             f"ask about another symbol than {question.symbol}, a smaller distance or more scenes"
         )
-    return [{"O": changed}], possible
+    return [{"O": changed}], accepted
 
 
 def draw_additions(rng: np.random.Generator, scenes: Scenes, placements: int) -> dict[str, list[Layouts]]:
@@ -175,29 +167,3 @@ def allowed(layouts: Layouts, slot: Int[Array, " scene"], rules: LayoutRules) ->
         & (np.where(others, gaps, np.inf).min(-1) >= rules.clear_of_items)
         & (np.min(from_ends, axis=0) >= rules.clear_of_ends)
     )
-
-
-def _propose(
-    scenes: Scenes, slot: Int[Array, " scene"], pending: Bool[Array, " scene"], draw: Callable[[], Layouts]
-) -> tuple[Layouts, Bool[Array, " scene"]]:
-    """Return each scene's first proposal that keeps the rules, and whether one was found within TRIES."""
-    accepted, layouts = np.zeros_like(pending), scenes.layouts
-    for _ in range(TRIES):
-        proposal = draw()
-        fits = pending & ~accepted & allowed(proposal, slot, scenes.rules)
-        layouts, accepted = _choose(fits, proposal, layouts), accepted | fits
-    return layouts, accepted
-
-
-def _with_item(layouts: Layouts, slot: Int[Array, " scene"], **values: Array | int) -> Layouts:
-    """Return a copy with these values for the item in `slot`."""
-    changed = {name: getattr(layouts, name).copy() for name in values}
-    for name, value in values.items():
-        changed[name][np.arange(len(slot)), slot] = value
-    return replace(layouts, **changed)
-
-
-def _choose(where: Bool[Array, " scene"], a: Layouts, b: Layouts) -> Layouts:
-    """Return the scenes of `a` where the mask is true, else those of `b`."""
-    order = np.arange(len(where))
-    return concatenated([a, b])[np.where(where, order, order + len(where))]

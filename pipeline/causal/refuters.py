@@ -61,11 +61,8 @@ def data_subset(rng: np.random.Generator, effects: Float[Array, "question seed s
 
     effect, ci_low, ci_high: mean and 2.5th and 97.5th percentile of the halves' effects; verdict: the most frequent
     one; expected: the verdict of all scenes; agreement: share of the halves with that verdict. No hypothesis is tested.
-    ValueError for fewer than four scenes or two splits.
     """
     scenes = effects.shape[-1]
-    if scenes < 4 or splits < 2:
-        raise ValueError(f"{scenes} scenes in {splits} splits: expected at least 4 scenes and 2 splits")
     halves = [estimate_effects(effects[..., rng.permutation(scenes)[: scenes // 2]]) for _ in range(splits)]
     means = np.array([half["effect"] for half in halves])  # (split, question)
     verdicts = np.array([half["verdict"] for half in halves])

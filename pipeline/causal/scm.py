@@ -18,7 +18,6 @@ averaged, in closed form: over all of its values by `SCM.expectation`, over thos
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
 import numpy as np
@@ -43,67 +42,42 @@ class Node:
 
 @dataclass(frozen=True)
 class SCM:
-    """Structural assignments over an acyclic graph; ValueError for a cycle or an unknown parent."""
+    """Structural assignments over an acyclic graph."""
 
     nodes: Mapping[str, Node]
 
-    def __post_init__(self) -> None:
-        for name, node in self.nodes.items():
-            unknown = set(node.parents) - set(self.nodes)
-            if unknown:
-                raise ValueError(f"parents {sorted(unknown)} of {name} are no nodes: add them or drop the arrows")
-        _ = self.order
-
-    @property
-    def order(self) -> tuple[str, ...]:
-        """Return the nodes in topological order."""
-        graph = {name: sorted(node.parents) for name, node in sorted(self.nodes.items())}
-        try:
-            return tuple(TopologicalSorter(graph).static_order())
-        except CycleError as error:
-            cycle = " -> ".join(reversed(error.args[1]))
-            raise ValueError(f"the graph has the cycle {cycle}: a causal model is evaluated in order") from error
-
     def entail(self, noise: Values, *only: str) -> Values:
         """Return every node's value given the noises; with `only`, the values of those nodes and their ancestors."""
-        wanted = set(only or self.nodes)
-        for name in reversed(self.order):
-            wanted |= set(self.nodes[name].parents) if name in wanted else set()
         values: Values = {}
-        for name in self.order:
-            if name in wanted:
+
+        def assign(name: str) -> Any:
+            if name not in values:
                 node = self.nodes[name]
-                values[name] = node.mechanism(noise[name], *(values[p] for p in node.parents))
+                values[name] = node.mechanism(noise[name], *map(assign, node.parents))
+            return values[name]
+
+        for name in only or self.nodes:
+            assign(name)
         return values
 
     def expectation(self, name: str, noise: Values) -> Any:
-        """Return E[X | N of all other nodes] of a node in every unit: the closed-form mean over its own noise.
-
-        ValueError if the node has no `expectation`.
-        """
+        """Return E[X | N of all other nodes] of a node in every unit: the closed-form mean over its own noise."""
         node = self.nodes[name]
-        if node.expectation is None:
-            raise ValueError(f"{name} has no expectation in closed form: give its node one, or average `entail`")
-        values = self.entail(noise, *node.parents) if node.parents else {}
+        assert node.expectation, f"{name} has no expectation in closed form: average `entail`"
+        values = self.entail(noise, *node.parents)
         return node.expectation(*(values[p] for p in node.parents))
 
     def do(self, **values: Any) -> "SCM":
         """Return the model under do(X := value): each named node is set, and the arrows from its parents are removed.
 
-        A number or string applies to every unit; any other value holds one entry per unit on its first axis. ValueError
-        for an unknown node.
+        A number or string applies to every unit; any other value holds one entry per unit on its first axis.
         """
-        unknown = set(values) - set(self.nodes)
-        if unknown:
-            raise ValueError(f"do() on {sorted(unknown)}: expected nodes among {', '.join(sorted(self.nodes))}")
-        cut = {name: Node(parents=(), mechanism=_constant(value)) for name, value in values.items()}
-        return SCM({**self.nodes, **cut})
 
+        def constant(value: Any) -> Node:
+            one = isinstance(value, str | int | float | np.generic)
+            return Node((), lambda noise: np.full(len(noise), value) if one else value)
 
-def _constant(value: Any) -> Callable[[Any], Any]:
-    if isinstance(value, str | int | float | np.generic):
-        return lambda noise: np.full(len(noise), value)
-    return lambda noise: value
+        return SCM({**self.nodes, **{name: constant(value) for name, value in values.items()}})
 
 
 def chance_of_change(v: bool, before: Float[Array, "*#b"], after: Float[Array, "*#b"]) -> Float[Array, "*b_all"]:
@@ -132,18 +106,9 @@ def specification_scm(
     `classify(s, z_image, z_theta)` gives the probability C_s that each path [m] is valid. The noise of S is an index
     into `users`; those of O, T and Z_theta are their values.
     """
-
-    def itself(noise: Any) -> Any:
-        return noise
-
-    return SCM(
-        {
-            "S": Node(PARENTS["S"], lambda n: np.asarray(users)[n]),
-            "O": Node(PARENTS["O"], itself),
-            "T": Node(PARENTS["T"], itself),
-            "Z_theta": Node(PARENTS["Z_theta"], itself),
-            "I": Node(PARENTS["I"], render),
-            "Z_I": Node(PARENTS["Z_I"], lambda _, image: encode(image)),
-            "V": Node(PARENTS["V"], lambda n, *parents: n < classify(*parents), expectation=classify),
-        }
-    )
+    nodes = {name: Node(PARENTS[name], lambda noise: noise) for name in ("O", "T", "Z_theta")}
+    nodes["S"] = Node(PARENTS["S"], lambda noise: np.asarray(users)[noise])
+    nodes["I"] = Node(PARENTS["I"], render)
+    nodes["Z_I"] = Node(PARENTS["Z_I"], lambda _, image: encode(image))
+    nodes["V"] = Node(PARENTS["V"], lambda noise, *parents: noise < classify(*parents), expectation=classify)
+    return SCM(nodes)

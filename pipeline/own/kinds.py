@@ -34,7 +34,7 @@ TRIES = 200  # draws of a free place before a scene counts as full
 CENTRE_M = 0.12, 0.88  # objects' centres in each coordinate [m of the model], as scenes.layout in conf/scenes.yaml
 CLEAR_OF_ENDS_M, CLEAR_OF_ITEMS_M = 0.12, 0.015  # least distances from path ends and other objects, as there
 STEP_M, DOSES = 0.01, 13  # of clearance from the object, for the envelope [m of the model]
-CLEAR_OF_OTHERS_M = 0.06  # clearance of these paths from all other objects, as conf/studies/envelope.yaml
+CLEAR_OF_OTHERS_M = 0.06  # clearance of these paths from all other objects, as conf/studies/safety.yaml
 PER_METRE = 1000  # points per metre at which a cut-out's outline is measured
 CANDIDATES = 768  # random paths a scene among which those at each clearance are chosen
 

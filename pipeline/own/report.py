@@ -12,7 +12,8 @@ from pipeline.own.frame import Frame
 from pipeline.own.recording import write_recording
 from pipeline.own.results import Results
 from pipeline.report.page import FOLDER as SHARED
-from pipeline.report.page import Site, environment, lookup, render_page, write_files
+from pipeline.report.page import Site, environment, render_page, write_files
+from pipeline.report.tables import lookup
 from pipeline.runtime.errors import InputError
 
 METRICS = "metrics.json"

@@ -1,4 +1,4 @@
-"""Find the nearest path that is valid according to a model or to the true rule; the search is the same."""
+"""Find the nearest path that is valid according to a model or to the true rule (the oracle); the search is the same."""
 
 from collections.abc import Callable
 
@@ -12,10 +12,11 @@ from torch import Tensor
 from pipeline.models.base import ValidityModel, to_tensor
 from pipeline.world.bezier import Z_HIGH, Z_LOW, lattice
 from pipeline.world.layout import Layouts
-from pipeline.world.rules import Margins, valid
+from pipeline.world.rules import Margins, clearance, slack, valid
 
 REFINED_STEPS = 1.5  # half-width of a finer lattice around the best z, in steps of the coarser one
 REFINEMENT = 4  # factor by which each refinement divides the step
+SLACK_CAP_M = 0.1  # slack counts up to this value when ties of the constant detour are broken
 
 LogValid = Callable[[int, Float[Array, "path 2"]], Float[Array, " path"]]
 """log P(valid) of paths [m] in the scene of that number."""
@@ -44,58 +45,41 @@ def nearest(
     around = np.stack(np.meshgrid(offsets, offsets), axis=-1).reshape(-1, 2)
     for scene in np.unique(scenes).tolist():
         z0 = ends[scenes == scene]
-        best, log_p = z0, log_valid(scene, z0)
-        candidates = np.broadcast_to(coarse, (len(z0), *coarse.shape))  # (start, candidate, 2)
-        log_p_candidates = np.broadcast_to(log_valid(scene, coarse), candidates.shape[:2])
-        best, log_p = _best(z0, best, log_p, candidates, log_p_candidates, distance_penalty)
-        for level in range(refinements):
-            candidates = best[:, None] + around * (Z_HIGH - Z_LOW) / side / REFINEMENT**level
-            inside = ((candidates >= Z_LOW) & (candidates <= Z_HIGH)).all(-1)
-            score = log_p - distance_penalty * _distance(best, z0)
-            cost = distance_penalty * _distance(candidates, z0[:, None])
-            possible = inside & (-cost > score[:, None])  # log P(valid) <= 0: no other candidate can improve
-            log_p_candidates = np.full(candidates.shape[:2], -np.inf)
-            if possible.any():
-                log_p_candidates[possible] = log_valid(scene, candidates[possible])
-            best, log_p = _best(z0, best, log_p, candidates, log_p_candidates, distance_penalty)
+        best, log_p, each = z0, log_valid(scene, z0), np.arange(len(z0))
+        for level in range(-1, refinements):
+            score = log_p - distance_penalty * np.linalg.norm(best - z0, axis=-1)
+            if level < 0:
+                candidates = np.broadcast_to(coarse, (len(z0), *coarse.shape))  # (start, candidate, 2)
+                log_p_candidates = np.broadcast_to(log_valid(scene, coarse), candidates.shape[:2])
+                cost = distance_penalty * np.linalg.norm(candidates - z0[:, None], axis=-1)
+            else:
+                candidates = best[:, None] + around * (Z_HIGH - Z_LOW) / side / REFINEMENT**level
+                inside = ((candidates >= Z_LOW) & (candidates <= Z_HIGH)).all(-1)
+                cost = distance_penalty * np.linalg.norm(candidates - z0[:, None], axis=-1)
+                possible = inside & (-cost > score[:, None])  # log P(valid) <= 0: no other candidate can improve
+                log_p_candidates = np.full(candidates.shape[:2], -np.inf)
+                if possible.any():
+                    log_p_candidates[possible] = log_valid(scene, candidates[possible])
+            chosen = (log_p_candidates - cost).argmax(1)
+            better = log_p_candidates[each, chosen] - cost[each, chosen] > score
+            best = np.where(better[:, None], candidates[each, chosen], best)
+            log_p = np.where(better, log_p_candidates[each, chosen], log_p)
         ends[scenes == scene], log_p_ends[scenes == scene] = best, log_p
     return ends, log_p_ends
 
 
-def _best(
-    z0: Float[Array, "start 2"],
-    best: Float[Array, "start 2"],
-    log_p: Float[Array, " start"],
-    candidates: Float[Array, "start candidate 2"],
-    log_p_candidates: Float[Array, "start candidate"],
-    distance_penalty: float,
-) -> tuple[Float[Array, "start 2"], Float[Array, " start"]]:
-    """Return for each start the z_theta [m] of higher score, its present best or a candidate, and its log P(valid)."""
-    each = np.arange(len(z0))
-    scores = log_p_candidates - distance_penalty * _distance(candidates, z0[:, None])
-    chosen = scores.argmax(1)
-    better = scores[each, chosen] > log_p - distance_penalty * _distance(best, z0)
-    best = np.where(better[:, None], candidates[each, chosen], best)
-    return best, np.where(better, log_p_candidates[each, chosen], log_p)
-
-
-def _distance(a: Array, b: Array) -> Array:
-    return np.linalg.norm(a - b, axis=-1)
-
-
+@torch.no_grad()
 def by_model(model: ValidityModel, images: UInt8[Array, "scene 100 100 3"]) -> LogValid:
     """Return a model's log P(valid) in these scenes; the model perceives each scene once."""
-    model.eval()
-    with torch.no_grad():
-        return by_percept(model, model.perceive(to_tensor(images)))
+    return by_percept(model, model.eval().perceive(to_tensor(images)))
 
 
 def by_percept(model: ValidityModel, percept: Tensor) -> LogValid:
     """Return a model's log P(valid) in scenes that it, or another detector, has perceived."""
 
+    @torch.no_grad()
     def log_valid(scene: int, z: Array) -> Array:
-        with torch.no_grad():
-            logit = model.logit(percept[scene : scene + 1], torch.as_tensor(z, dtype=torch.float32)[None])
+        logit = model.logit(percept[scene : scene + 1], torch.as_tensor(z, dtype=torch.float32)[None])
         return F.logsigmoid(logit)[0].double().numpy()
 
     return log_valid
@@ -103,8 +87,29 @@ def by_percept(model: ValidityModel, percept: Tensor) -> LogValid:
 
 def by_truth(layouts: Layouts, margins: Margins) -> LogValid:
     """Return a user's true rule in these scenes as log P(valid): 0 for valid paths, -inf for invalid ones."""
+    return lambda scene, z: np.where(valid(layouts[scene : scene + 1], z[None], margins)[0], 0.0, -np.inf)
 
-    def log_valid(scene: int, z: Array) -> Array:
-        return np.where(valid(layouts[scene : scene + 1], z[None], margins)[0], 0.0, -np.inf)
 
-    return log_valid
+def nearest_valid(
+    layouts: Layouts, z_theta: Float[Array, "scene start 2"], margins: Margins, side: int, refinements: int
+) -> Float[Array, "scene start 2"]:
+    """Return the truly valid z_theta nearest to each start [m], at the resolution of `nearest`.
+
+    A start stays if it is valid, or if no lattice point is.
+    """
+    scenes = np.repeat(np.arange(len(layouts)), z_theta.shape[1])
+    starts = np.asarray(z_theta, dtype=np.float64).reshape(-1, 2)
+    ends, _ = nearest(by_truth(layouts, margins), scenes, starts, 1.0, side, refinements)
+    return ends.reshape(z_theta.shape)
+
+
+def constant_detour(layouts: Layouts, margins: Margins, side: int) -> Float[Array, "2"]:
+    """Return the z_theta [m] of a lattice that is truly valid in most scenes.
+
+    Ties go to the largest mean slack, clipped to +-SLACK_CAP_M.
+    """
+    z = lattice(side)
+    by_scene = [layouts[i : i + 1] for i in range(len(layouts))]  # one at a time bounds the memory
+    slacks = np.stack([slack(scene, clearance(scene, z[None]), margins)[0] for scene in by_scene])
+    mean_slack = slacks.clip(-SLACK_CAP_M, SLACK_CAP_M).mean(0)
+    return z[np.lexsort((mean_slack, (slacks > 0).mean(0)))[-1]]

@@ -19,15 +19,13 @@ DECAY, SQUARES_DECAY, EPSILON = 0.9, 0.999, 1e-8  # beta_1, beta_2 and epsilon o
 class Ascent:
     """Settings of gradient ascent (conf/repair.yaml).
 
-    optimiser: `gradient` steps by rate * Delta, as in the paper (rate in m^2 per unit of log-odds); `normalised` steps
-    by rate [m] in the direction of Delta; `adam` takes Adam's steps of about rate [m] per coordinate.
-    settle: decrease the rate linearly to zero over the steps.
+    optimiser: `gradient` steps by rate * Delta, as in the paper (rate in m^2 per unit of log-odds); `adam` takes
+    Adam's steps of about rate [m] per coordinate. The rate decreases linearly to zero over the steps.
     """
 
     steps: int
     optimiser: str
     rate: float
-    settle: bool
 
 
 @dataclass(frozen=True)
@@ -47,23 +45,19 @@ def repair(
     direction but does not vanish where p is near 0 or 1. Starts and steps are clipped to the z_theta square.
     The model perceives each scene once; starts do not affect each other.
     """
-    model.eval()
     with torch.no_grad():
-        percept = model.perceive(to_tensor(images))
+        percept = model.eval().perceive(to_tensor(images))
     z = torch.as_tensor(np.asarray(starts, dtype=np.float32)).clamp(Z_LOW, Z_HIGH)
     mean, squares = torch.zeros_like(z), torch.zeros_like(z)
     path, log_odds = [z], []
     for step in range(ascent.steps):
         value, delta = _log_odds_and_delta(model, percept, z)
-        if ascent.optimiser == "normalised":
-            delta = delta / delta.norm(dim=-1, keepdim=True).clamp(min=torch.finfo(delta.dtype).tiny)
-        elif ascent.optimiser == "adam":
+        if ascent.optimiser == "adam":
             mean = DECAY * mean + (1 - DECAY) * delta
             squares = SQUARES_DECAY * squares + (1 - SQUARES_DECAY) * delta.square()
             spread = square_root(squares / (1 - SQUARES_DECAY ** (step + 1)))
             delta = mean / (1 - DECAY ** (step + 1)) / (spread + EPSILON)
-        share = 1 - step / ascent.steps if ascent.settle else 1.0
-        z = (z + ascent.rate * share * delta).clamp(Z_LOW, Z_HIGH)
+        z = (z + ascent.rate * (1 - step / ascent.steps) * delta).clamp(Z_LOW, Z_HIGH)
         path.append(z)
         log_odds.append(value)
     with torch.no_grad():

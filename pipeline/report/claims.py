@@ -6,7 +6,7 @@ paper's sampling error), if our tests find the opposite, or if the paper's model
 image-blind one, and if some model of ours does reach it. Accuracy comes out "in a reading" if the paper's model lies
 within the paper's quartiles at both ends of its curve in one of the declared readings of what was shown. What this
 world cannot show is untestable, what we did not test is not tested, all else is open. Claims about clusters, overlap
-and samples are judged by study solutions, since the paper's pages do not depend on studies.
+and samples are judged by study users, since the paper's pages do not depend on studies.
 """
 
 import pandas as pd
@@ -17,6 +17,7 @@ from pipeline.report.style import label
 
 HOLDS, FAILS, OPEN, UNTESTABLE, NOT_TESTED = "holds", "fails", "open", "untestable", "not tested"
 IN_A_READING = "in a reading"
+WORST_FIRST = (FAILS, OPEN, IN_A_READING, NOT_TESTED, UNTESTABLE, HOLDS)
 SEEN = "seen_scenes"
 PAPER = "full"  # the variant that is the paper's model
 COLUMNS = [
@@ -27,32 +28,26 @@ COLUMNS = [
 
 def claims_table(results: Results) -> pd.DataFrame:
     """Return one row per claim and measure with the columns COLUMNS; rates in 0..1, counts for verdicts and tests."""
-    rules = (_accuracy, _autoencoder, _irl, _repair, _causes, _users_differ) if PAPER in results.variants else ()
-    rows = [row for rule in rules for row in rule(results)]
+    rows = []
+    if PAPER in results.variants:
+        rows += [*_accuracy(results), *_autoencoder_and_irl(results), *_repair(results), *_verdicts_right(results)]
     rows.append({"claim": "robot", "measure": "no robot", "verdict": UNTESTABLE})
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
 def verdicts(claims: pd.DataFrame) -> dict[str, str]:
     """Return claim -> verdict: the worst verdict of its measures."""
-    worst = {FAILS: 0, OPEN: 1, IN_A_READING: 2, NOT_TESTED: 3, UNTESTABLE: 4, HOLDS: 5}
-    return {
-        str(name): min(part["verdict"], key=worst.__getitem__) for name, part in claims.groupby("claim", sort=False)
-    }
+    return {str(name): min(of, key=WORST_FIRST.index) for name, of in claims.groupby("claim", sort=False)["verdict"]}
 
 
 def rates(results: Results) -> pd.DataFrame:
     """Return accuracy in the training scenes and success of gradient repair: paper, ours, image-blind."""
     claims = claims_table(results).dropna(subset=["paper", "q1"])
-    rates = [f"accuracy, {label(m)}" if m == "seen_scenes" else f"repair, {m}" for m in claims["measure"]]
-    columns = {
-        "paper": ["paper", "paper_low", "paper_high"],
-        PAPER: ["ours", "q1", "q3"],
-        "blind": ["baseline", "baseline", "baseline"],
-    }
+    names = [f"accuracy, {label(m)}" if m == SEEN else f"repair, {m}" for m in claims["measure"]]
+    columns = {"paper": ["paper", "paper_low", "paper_high"], PAPER: ["ours", "q1", "q3"], "blind": ["baseline"] * 3}
     parts = [
-        pd.DataFrame(claims[names].to_numpy(float), columns=["value", "low", "high"]).assign(rate=rates, source=source)
-        for source, names in columns.items()
+        pd.DataFrame(claims[numbers].to_numpy(float), columns=["value", "low", "high"]).assign(rate=names, source=of)
+        for of, numbers in columns.items()
     ]
     return pd.concat(parts, ignore_index=True)
 
@@ -67,56 +62,41 @@ def _accuracy(results: Results) -> list[dict]:
     if n not in PAPER_ACCURACY:
         return []
     mean, low, high = PAPER_ACCURACY[n]
-    ours = results.accuracy(PAPER, SEEN)
-    quartile_low, quartile_high = results.accuracy(PAPER, SEEN, "q1"), results.accuracy(PAPER, SEEN, "q3")
+    ours, q1, q3 = (results.accuracy(PAPER, SEEN, column) for column in ("mean", "q1", "q3"))
     baseline = results.accuracy("nearest_demonstration", SEEN)
     reached = max(results.accuracy(variant, SEEN) for variant in results.variants) >= low
-    verdict = _compare(quartile_low >= low, quartile_high < low and reached, baseline >= low)
+    verdict = _compare(q1 >= low, q3 < low and reached, baseline >= low)
     if verdict != HOLDS and results.reading_as_in_the_paper(PAPER) is not None:
         verdict = IN_A_READING
-    numbers = {"paper": mean, "paper_low": low, "paper_high": high, "ours": ours, "baseline": baseline}
-    return [
-        {"claim": "accuracy", "measure": SEEN, "q1": quartile_low, "q3": quartile_high, "verdict": verdict} | numbers
-    ]
+    row = {"claim": "accuracy", "measure": SEEN, "paper": mean, "paper_low": low, "paper_high": high}
+    return [row | {"ours": ours, "q1": q1, "q3": q3, "baseline": baseline, "verdict": verdict}]
 
 
-def _autoencoder(results: Results) -> list[dict]:
-    """Judge whether the full model beats the classifier in every test; not tested unless all fits passed the gate.
+def _autoencoder_and_irl(results: Results) -> list[dict]:
+    """Judge whether the full model beats the classifier, and both of our forms of IRL, also with one demonstration.
 
-    The gate: it reconstructs its training images better than a flat colour, and judges its demonstrations rightly.
+    That one is the claim that IRL needs much more information. The autoencoder is not tested unless all fits passed the
+    gate: each reconstructs its training images better than a flat colour, and judges its demonstrations rightly. A
+    claim holds if every test is won, fails if every one is lost, else is open: no significance is no proof of equality.
     """
+    irl, main = ["irl_maxent", "irl_ranked"], results.main_n_demos
     trained = results.value("convergence", "passed", variant=PAPER) == 1
-    return _tested(results, "autoencoder", ["classifier"], results.n_demos, trained)
-
-
-def _irl(results: Results) -> list[dict]:
-    """Judge whether the full model beats both of our forms of IRL in every test, and does so with one demonstration.
-
-    The second is the claim that IRL needs much more information.
-    """
-    forms = ["irl_maxent", "irl_ranked"]
-    rows = _tested(results, "irl", forms, [results.main_n_demos])
-    return rows + (_tested(results, "irl_needs_more", forms, [1]) if results.main_n_demos > 1 else [])
-
-
-def _tested(results: Results, claim: str, against: list[str], n_demos: list[int], trained: bool = True) -> list[dict]:
-    """Return the tests won and lost, of those asked, and the range of the differences in accuracy.
-
-    Holds if every test is won, fails if every one is lost, else open: no significance is no proof of equality.
-    """
-    tests = results.table("comparisons")
-    tests = tests[(tests["variant"] == PAPER) & tests["against"].isin(against) & tests["n_demos"].isin(n_demos)]
-    if tests.empty:
-        return []
-    difference = tests["difference"]
-    won, lost = ((tests["significant"].astype(bool) & (sign * difference > 0)).sum() for sign in (1, -1))
-    verdict = HOLDS if won == len(tests) else FAILS if lost == len(tests) else OPEN
-    row = {"claim": claim, "verdict": verdict if trained else NOT_TESTED}
-    return [
-        row | {"measure": "tests won", "paper": len(tests), "ours": int(won)},
-        row | {"measure": "tests lost", "paper": 0, "ours": int(lost)},
-        row | {"measure": "difference", "ours": difference.mean(), "q1": difference.min(), "q3": difference.max()},
-    ]
+    claims = [("autoencoder", ["classifier"], results.n_demos), ("irl", irl, [main])]
+    claims += [("irl_needs_more", irl, [1])] * (main > 1)
+    rows, tests = [], results.table("comparisons").query("variant == @PAPER")
+    for claim, against, n_demos in claims:
+        asked = tests[tests["against"].isin(against) & tests["n_demos"].isin(n_demos)]
+        if asked.empty:
+            continue
+        difference = asked["difference"]
+        won, lost = (int((asked["significant"].astype(bool) & (sign * difference > 0)).sum()) for sign in (1, -1))
+        verdict = HOLDS if won == len(asked) else FAILS if lost == len(asked) else OPEN
+        row = {"claim": claim, "verdict": NOT_TESTED if claim == "autoencoder" and not trained else verdict}
+        rows.append(row | {"measure": "tests won", "paper": len(asked), "ours": won})
+        rows.append(row | {"measure": "tests lost", "paper": 0, "ours": lost})
+        spread = {"ours": difference.mean(), "q1": difference.min(), "q3": difference.max()}
+        rows.append(row | {"measure": "difference"} | spread)
+    return rows
 
 
 def _repair(results: Results) -> list[dict]:
@@ -131,43 +111,33 @@ def _repair(results: Results) -> list[dict]:
             continue
         paper = PAPER_TABLE_1[user]
         low, high = binomtest(round(paper * PAPER_SCENES), PAPER_SCENES).proportion_ci(method="wilson")
-        names = {"ours": "success", "q1": "success_q1", "q3": "success_q3"}
-        names |= {"ci_low": "success_ci_low", "ci_high": "success_ci_high"}
-        numbers = {name: results.repair("gradient", PAPER, user, column) for name, column in names.items()}
+        names = {"ours": "", "q1": "_q1", "q3": "_q3", "ci_low": "_ci_low", "ci_high": "_ci_high"}
+        ours = {name: results.repair("gradient", PAPER, user, f"success{end}") for name, end in names.items()}
         baseline = results.repair("constant_detour", "", user)
-        met = numbers["ours"] >= paper and numbers["ci_low"] >= low
+        met = ours["ours"] >= paper and ours["ci_low"] >= low
         reached = max(results.repair("gradient", variant, user) for variant in results.variants) >= low
-        verdict = _compare(met, numbers["ci_high"] < low and reached, baseline >= numbers["ours"])
-        beside = {"paper": paper, "paper_low": low, "paper_high": high, "baseline": baseline, "verdict": verdict}
-        rows.append({"claim": "repair", "measure": user} | numbers | beside)
+        verdict = _compare(met, ours["ci_high"] < low and reached, baseline >= ours["ours"])
+        row = {"claim": "repair", "measure": user, "paper": paper, "paper_low": low, "paper_high": high}
+        rows.append(row | ours | {"baseline": baseline, "verdict": verdict})
     return rows
 
 
-def _causes(results: Results) -> list[dict]:
-    """Judge whether every verdict on an added item is right; it fails if an image-blind model is as good as ours."""
-    right, asked = results.verdicts_right(PAPER), results.questions()
-    if asked == 0:
-        return []
-    blind, best = results.image_blind_right(), max(map(results.verdicts_right, results.variants))
-    verdict = _compare(right == asked, right <= blind < best, blind == asked)
-    return [_counted("causes", right, asked, blind, verdict)]
+def _verdicts_right(results: Results) -> list[dict]:
+    """Judge whether every verdict on an added item, and on a change of user, is right.
 
-
-def _users_differ(results: Results) -> list[dict]:
-    """Judge whether every verdict on a change of user is right; it fails if none is.
-
-    Shares of valid paths show this without images.
+    The first fails if an image-blind model is as good as ours and some model is better, the second if no verdict is
+    right: shares of valid paths show it without images.
     """
-    asked = results.questions("user")
-    if asked == 0:
-        return []
-    right, blind = results.verdicts_right(PAPER, "user"), results.image_blind_right("user")
-    return [_counted("users_differ", right, asked, blind, _compare(right == asked, right == 0, blind == asked))]
-
-
-def _counted(claim: str, right: int, asked: int, blind: int, verdict: str) -> dict:
-    numbers = {"paper": asked, "ours": right, "baseline": blind, "verdict": verdict}
-    return {"claim": claim, "measure": "verdicts right"} | numbers
+    rows = []
+    for claim, kind in (("causes", "add"), ("users_differ", "user")):
+        asked = results.questions(kind)
+        if asked:
+            right, blind = results.verdicts_right(PAPER, kind), results.image_blind_right(kind)
+            best = max(results.verdicts_right(variant, kind) for variant in results.variants)
+            missed = right <= blind < best if kind == "add" else right == 0
+            row = {"claim": claim, "measure": "verdicts right", "paper": asked, "ours": right, "baseline": blind}
+            rows.append(row | {"verdict": _compare(right == asked, missed, blind == asked)})
+    return rows
 
 
 def _compare(met: bool, missed: bool, baseline_meets: bool) -> str:

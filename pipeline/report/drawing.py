@@ -1,4 +1,4 @@
-"""Drawings shared by pages: a table with paths, a map of P(valid) over control points, bars and intervals."""
+"""Drawings shared by pages: a table with paths, and a map of P(valid) over control points."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -30,7 +30,7 @@ def draw_table(
 ) -> None:
     """Draw a table from above, with dashed lines at the user's margins around its items."""
     axes.imshow(fewer_levels(image), extent=(0, 1, 0, 1), interpolation="none")
-    _bare(axes)
+    _hide_axes(axes)
     if layouts is None or margins is None:
         return
     for slot in np.flatnonzero(layouts.present[scene]):
@@ -60,47 +60,24 @@ def draw_map(axes: Axes, p: Array, trace: Array | None = None) -> None:
     axes.imshow(
         p, interpolation="none", origin="lower", extent=(Z_LOW, Z_HIGH, Z_LOW, Z_HIGH), cmap=style.MAP, vmin=0, vmax=1
     )
-    axes.plot([0, 1, 1, 0, 0], [0, 0, 1, 1, 0], color="#8f8f8f", linewidth=0.8, linestyle=(0, (3, 2)))
+    outline_table(axes, "#8f8f8f")
     if trace is not None:
         axes.plot(*trace.T, color="#111417", linewidth=3.2)
         axes.plot(*trace.T, color="white", linewidth=1.6)
         for place, mark, size in ((trace[0], "o", 8), (trace[-1], "*", 13)):
             axes.plot(*place, mark, color="white", markersize=size, markeredgecolor="#111417")
-    _bare(axes)
     axes.set(xlim=(Z_LOW, Z_HIGH), ylim=(Z_LOW, Z_HIGH))
 
 
-def draw_intervals(
-    axes: Axes, groups: Sequence[str], series: Mapping[str, Sequence[tuple[float, float, float]]], unit: float = 100.0
-) -> None:
-    """Draw (mean, low, high) of each series in each group as horizontal intervals, the first group at the top."""
-    for i, (name, rows) in enumerate(series.items()):
-        offset = 0.28 * (2 * i / max(len(series) - 1, 1) - 1)
-        y = np.arange(len(groups)) + offset
-        mean, low, high = unit * np.array(rows, float).T
-        rim = style.INK if name == "paper" else style.colour(name)
-        axes.hlines(y, low, high, color=rim, linewidth=2)
-        marks: dict[str, Any] = {"marker": style.marker(name), "color": style.colour(name), "markeredgecolor": rim}
-        axes.plot(mean, y, linestyle="", markersize=7, label=style.label(name), **marks)
-    axes.set_yticks(range(len(groups)), list(groups))
-    axes.set_ylim(len(groups) - 0.5, -0.5)
-    axes.grid(axis="x")
+def outline_table(axes: Axes, colour: str) -> None:
+    """Draw the table's edge as a broken line, and no axes."""
+    axes.plot([0, 1, 1, 0, 0], [0, 0, 1, 1, 0], color=colour, linewidth=0.8, linestyle=(0, (3, 2)))
+    _hide_axes(axes)
 
 
-def draw_series(axes: Axes, x: Any, y: Any, name: str, places: Sequence[str], line: str, mark: str = ".") -> float:
-    """Draw a series with a mark at each value, named under the pointer by its place; return the last value."""
-    style.of_series(axes.plot(x, y, line, color=style.colour(name), linewidth=2)[0], name)
-    for one, value, place in zip(x, y, places, strict=True):
-        artist = axes.plot(one, value, mark, color=style.colour(name), markersize=6)[0]
-        style.of_series(artist, name, f"{style.label(name)}, {place}: {value:.1f} %")
-    return float(np.asarray(y)[-1])
-
-
-def draw_band(axes: Axes, x: Any, middle: Any, low: Any, high: Any, name: str, **line: Any) -> None:
-    """Draw a series with its interval as a band."""
-    colour = style.colour(name)
-    axes.plot(x, middle, **({"color": colour, "linewidth": 2, "label": style.label(name)} | line))
-    axes.fill_between(x, low, high, color=colour, alpha=0.13)
+def _hide_axes(axes: Axes) -> None:
+    axes.set(xticks=[], yticks=[])
+    axes.spines[:].set_visible(False)
 
 
 def draw_images(rows: Mapping[str, Any], titles: Sequence[str] = ()) -> Figure:
@@ -116,26 +93,6 @@ def draw_images(rows: Mapping[str, Any], titles: Sequence[str] = ()) -> Figure:
     return figure
 
 
-def legend_below(figure: Figure, axes: Axes, columns: int) -> None:
-    """Draw the legend of one panel below all of them."""
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=columns, fontsize=10)
-
-
-def label_ends(axes: Axes, x: int, ends: Mapping[str, float], gap: float = 0.055) -> None:
-    """Write the names of series beside their last points (x, y), at least `gap` of the axis apart, as toggles."""
-    low, high = axes.get_ylim()
-    y, places = -np.inf, {}
-    for name in sorted(ends, key=ends.__getitem__):
-        y = places[name] = max(ends[name], y + gap * (high - low))
-    over = max(0.0, y - high)
-    for name, place in places.items():
-        text = axes.annotate(style.label(name), (x, place - over), (24, 0), textcoords="offset points", va="center")
-        mark = axes.annotate("●", (x, place - over), (16, 0), textcoords="offset points", va="center", ha="center")
-        mark.set(color=style.colour(name), fontsize=8)
-        style.of_series(mark, name)
-        style.toggles(text, name)
-
-
 def _capsule(ends: Array, radius: float) -> Array:
     """Return the outline (point, 2) of the capsule of `radius` around a segment (2, 2)."""
     bearing = np.arctan2(*(ends[1] - ends[0])[::-1])
@@ -143,9 +100,3 @@ def _capsule(ends: Array, radius: float) -> Array:
     angle = np.concatenate([bearing + half, bearing + np.pi + half])
     centre = np.repeat(ends[::-1], 24, axis=0)
     return centre + radius * np.stack([np.cos(angle), np.sin(angle)], -1)
-
-
-def _bare(axes: Axes) -> None:
-    axes.set(xticks=[], yticks=[])
-    for spine in axes.spines.values():
-        spine.set_visible(False)

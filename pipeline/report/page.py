@@ -1,12 +1,11 @@
 """One page from its template: figures and tables numbered in order of appearance, with files of their own."""
 
-import hashlib
-import importlib
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import matplotlib
 import pandas as pd
@@ -17,55 +16,11 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.files import data_version, write_json, write_table
 from pipeline.report import charts, style
-from pipeline.report.tables import FORMATS as FORMATS
-from pipeline.report.tables import HIDDEN as HIDDEN
-from pipeline.report.tables import Table as Table
-from pipeline.report.tables import check_finite as check_finite
-from pipeline.report.tables import checked as checked
-from pipeline.report.tables import in_brackets, number_alone, rows_of
-from pipeline.report.tables import lookup as lookup
-from pipeline.report.tables import pick as pick
-from pipeline.report.tables import with_gaps as with_gaps
+from pipeline.report.study import Data, Source
+from pipeline.report.tables import FORMATS, HIDDEN, Table, in_brackets, rows_of
 from pipeline.runtime.writing import atomic_write
 
 FOLDER = Path(__file__).parent
-
-
-@dataclass(frozen=True)
-class Source:
-    """The files, by stage and name, that a table of results was read or computed from."""
-
-    files: tuple[tuple[str, Path], ...]  # stage, and the file in its folder
-
-    def __str__(self) -> str:
-        """Return the files' names by stage."""
-        return ", ".join(f"{file.name} of {stage}" for stage, file in self.files)
-
-    def digests(self) -> list[dict[str, str]]:
-        """Return stage, name and md5 of each file; a stage's lock names the same md5."""
-        parts = [{"stage": stage, "file": file.name} for stage, file in self.files]
-        sums = [hashlib.md5(file.read_bytes()).hexdigest() for _, file in self.files]
-        return [part | {"md5": md5} for part, md5 in zip(parts, sums, strict=True)]
-
-
-@runtime_checkable
-class Traceable(Protocol):
-    """Results whose tables can say what they are made of."""
-
-    @property
-    def reads(self) -> list[str]:
-        """Return the names of the tables that were asked for."""
-        ...
-
-    @property
-    def sources(self) -> Mapping[str, Source]:
-        """Return what is behind each table."""
-        ...
-
-    @property
-    def seeds(self) -> list[int]:
-        """Return the training sets that the results are over."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -89,18 +44,8 @@ def environment(folders: Sequence[Path], **names: Any) -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.globals |= (
-        FORMATS
-        | {
-            "label": style.label,
-            "heading": lambda name: style.label(name).capitalize(),
-            "formats": FORMATS,
-            "headings": headings,
-            "in_brackets": in_brackets,
-        }
-        | {"number_alone": number_alone, "hidden": HIDDEN}
-        | names
-    )
+    made.globals |= FORMATS | {"formats": FORMATS, "label": style.label, "in_brackets": in_brackets, "hidden": HIDDEN}
+    made.globals |= {"headings": headings, "heading": lambda name: style.label(name).capitalize()} | names
     return made
 
 
@@ -122,12 +67,11 @@ def render_page(
     """Add page `name` with its figures and tables to `site`.
 
     figures: the module with the functions that the template names; prefix: begins the names of figures' and tables'
-    files. If `data` is Traceable, each table says what it is made of. Raise InputError or ValueError if the page uses a
-    number that is missing or not finite.
+    files. If the results are `Data`, each table says what it is made of. Raise InputError or ValueError if the page
+    uses a number that is missing or not finite.
     """
-    page = Page(name, data, made, site, prefix, figures if isinstance(figures, str) else figures.__package__)
-    calls = {"figure": page.figure, "table": page.table, "rows": page.rows, "table_number": page.table_number}
-    calls |= {"curves": page.curves, "bars": page.bars}
+    page = Page(name, data, made, site, prefix)
+    calls = {call: getattr(page, call) for call in ("figure", "curves", "bars", "table", "rows", "table_number")}
     site.pages[name] = made.get_template(template).render(page=name, figures=figures, **calls)
 
 
@@ -140,90 +84,74 @@ class Page:
     made: Environment
     site: Site
     prefix: str
-    package: str = ""
     figure_count: int = 0
     table_count: int = 0
 
-    def figure(self, draw: Any, caller: Callable[[], str] = str, **options: Any) -> Markup:
+    def figure(self, draw: Callable[[Any], Figure], caller: Callable[[], str] = str, **options: Any) -> Markup:
         """Show the figure that a function draws of the data."""
-        if isinstance(draw, str):
-            draw = getattr(importlib.import_module(f"{self.package}.figures"), draw)
-        with matplotlib.rc_context(style.RC):
-            drawn = draw(self.data)
-        return self._shown(draw.__name__, drawn, caller(), **options)
+        return self._figure(draw.__name__, partial(draw, self.data), caller, **options)
 
     def curves(self, name: str, table: Any, caller: Callable[[], str] = str, **options: Any) -> Markup:
         """Show lines of a table of results: see `charts.curves`."""
-        return self._chart(charts.curves, name, table, caller, **options)
+        return self._figure(name, partial(charts.curves, self.data, table), caller, **options)
 
     def bars(self, name: str, table: Any, caller: Callable[[], str] = str, **options: Any) -> Markup:
         """Show intervals of a table of results: see `charts.bars`."""
-        return self._chart(charts.bars, name, table, caller, **options)
+        return self._figure(name, partial(charts.bars, self.data, table), caller, **options)
 
-    def table(self, make: Any, caller: Callable[[], str] = str) -> Markup:
+    def table(self, make: Callable[[Any], Table], caller: Callable[[], str] = str) -> Markup:
         """Show the table that a function makes of the data."""
-        if isinstance(make, str):
-            make = getattr(importlib.import_module(f"{self.package}.tables"), make)
-        return self._table(make.__name__, lambda: make(self.data), caller)
+        return self._table(make.__name__, partial(make, self.data), caller)
 
     def rows(self, name: str, table: Any, caller: Callable[[], str] = str, **options: Any) -> Markup:
         """Show rows of a table of results: see `tables.rows_of`."""
-        return self._table(name, lambda: rows_of(self.data, table, **options), caller)
+        return self._table(name, partial(rows_of, self.data, table, **options), caller)
 
     def table_number(self) -> str:
         """Return the number of a table whose markup is in the template."""
         self.table_count += 1
         return f"Table {self.table_count}."
 
-    def _chart(
+    def _figure(
         self,
-        draw: Callable[..., Figure],
         name: str,
-        table: Any,
+        draw: Callable[..., Figure],
         caller: Callable[[], str],
         alt: str,
         wide: bool = False,
         recording: str = "",
         **options: Any,
     ) -> Markup:
-        with matplotlib.rc_context(style.RC):
-            drawn = draw(self.data, table, **options)
-        return self._shown(name, drawn, caller(), alt, wide, recording)
-
-    def _shown(
-        self, name: str, drawn: Figure, caption: str, alt: str, wide: bool = False, recording: str = ""
-    ) -> Markup:
         """Return a figure's markup; `recording`: `overview` or `worst`, the recording in git that shows the same."""
+        with matplotlib.rc_context(style.RC):
+            drawn = draw(**options)
         self.figure_count += 1
         file = self.prefix + name.replace("_", "-")
         self.site.figures[file] = style.svg(drawn)
         width, height = (round(96 * inches) for inches in drawn.get_size_inches())
-        text = {"file": file, "alt": alt, "number": self.figure_count, "caption": caption}
+        text = {"file": file, "alt": alt, "number": self.figure_count, "caption": caller()}
         text |= {"width": width, "height": height, "wide": wide, "chart": "<script>" in self.site.figures[file]}
         text |= {"command": {"overview": "make review", "worst": "make review WORST=1"}.get(recording, "")}
         return Markup(self.made.get_template("figure.html.j2").render(text))
 
     def _table(self, name: str, make: Callable[[], Table], caller: Callable[[], str]) -> Markup:
-        traced = isinstance(self.data, Traceable)
-        reads = self.data.reads if traced else []
-        reads.clear()
+        traced = isinstance(self.data, Data)
+        if traced:
+            self.data.reads.clear()
         shown = make()
         self.table_count += 1
-        file, read = self.prefix + name.replace("_", "-"), sorted(set(reads))
+        file = self.prefix + name.replace("_", "-")
         self.site.tables[file] = shown.frame
-        text = {"file": file, "table": shown, "rows": _rows(shown.frame), "number": self.table_count}
-        text |= {"caption": caller(), "origins": ()}
+        rows = [dict(zip(shown.frame, row, strict=True)) for row in shown.frame.astype(object).to_numpy()]  # Traced
+        text = {"file": file, "table": shown, "rows": rows, "number": self.table_count, "caption": caller()}
+        text["origins"] = ()
         if traced:
+            read, sources = sorted(set(self.data.reads)), self.data.sources
             self.site.read.setdefault(self.name, {})[file] = read
-            self.site.sources.update({table: self.data.sources[table] for table in read if table in self.data.sources})
-            origins = dict.fromkeys(str(self.site.sources.get(table, table)) for table in read)
-            text |= {"origins": origins, "seeds": seeds_in_words(self.data.seeds)}
+            self.site.sources.update({table: sources[table] for table in read if table in sources})
+            text["origins"] = dict.fromkeys(str(sources.get(table, table)) for table in read)
+            text["seeds"] = seeds_in_words(self.data.seeds)
         return Markup(self.made.get_template("table.html.j2").render(text))
-
-
-def _rows(frame: pd.DataFrame) -> list[dict[str, Any]]:
-    """Return the rows of a table; unlike `to_dict`, leave its Traced numbers as they are."""
-    return [dict(zip(frame.columns, row, strict=True)) for row in frame.astype(object).to_numpy()]
 
 
 def write_files(site: Site, out_dir: Path) -> None:

@@ -5,9 +5,8 @@ from typing import Any
 
 import pandas as pd
 
-from pipeline.report import bold, claims
+from pipeline.report import claims, derived, figures
 from pipeline.report.page import Site, environment, render_page
-from pipeline.report.pages import accuracy, causes, history, index, limits, method, repair, users
 from pipeline.report.results import PAPER_ACCURACY, PAPER_TABLE_1, SOURCES, Results
 from pipeline.report.tables import lookup
 
@@ -23,9 +22,6 @@ PAGES = {
     "method": "Method",
     "history": "History",
 }
-FIGURES = dict(
-    zip(PAGES, (index, claims, accuracy, repair, causes, limits, users, limits, method, history), strict=True)
-)
 
 
 def render(results: Results, pages: Collection[str] = tuple(PAGES)) -> Site:
@@ -38,7 +34,7 @@ def render(results: Results, pages: Collection[str] = tuple(PAGES)) -> Site:
     site = Site(tables=tables, claims=claims.verdicts(judged))
     made = environment([], **_names(results, judged))
     for name in pages:
-        render_page(name, f"pages/{name}.html.j2", FIGURES[name], results, made, site, prefix=f"{name}-")
+        render_page(name, f"pages/{name}.html.j2", figures, results, made, site, prefix=f"{name}-")
     return site
 
 
@@ -62,6 +58,7 @@ def _names(results: Results, judged: pd.DataFrame) -> dict[str, Any]:
         "paper_accuracy": PAPER_ACCURACY,
         "paper_repair": PAPER_TABLE_1,
         "pages": PAGES,
-        "bold": bold.SHOWN,
+        "derived": derived,
+        "rates": claims.rates,
         "brief": False,
     }

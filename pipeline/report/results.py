@@ -1,7 +1,7 @@
 """The data of all pages: the stages' tables by name, and the arrays behind the figures."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -9,11 +9,11 @@ import numpy as np
 import pandas as pd
 
 from pipeline.causal.interventions import asked, never_bold, right_verdicts
-from pipeline.report.page import Source
-from pipeline.report.tables import checked, lookup, named
+from pipeline.report.study import Data
+from pipeline.report.tables import checked, named
 from pipeline.world.catalogue import Catalogue
 from pipeline.world.layout import Layouts
-from pipeline.world.rules import PAPER_P_VALID, Margins
+from pipeline.world.rules import PAPER_P_VALID
 
 PAPER_TABLE_1 = {"careful": 0.75, "normal": 0.95, "aggressive": 1.0}  # success rate of repair by user (paper, Table 1)
 PAPER_SCENES = 20  # test scenes of the paper: the largest number of repairs behind a rate of Table 1
@@ -59,29 +59,21 @@ class DrawnScenes:
     training: np.ndarray
 
 
-@dataclass(frozen=True)
-class Results:
+@dataclass(frozen=True, kw_only=True)
+class Results(Data):
     """The results of one run.
 
     tables: accuracy, calibration, scores, comparisons, repair (summary), repairs, interventions (summary), bold,
-    p_valid, recordings, convergence, demos, judged (paths, by `slices.describe`), slices, seeds (headlines by training
+    p_valid, recordings, convergence, demos, judged (paths, by `derived.describe`), slices, seeds (headlines by training
     set), curve, draws, changes, effort, sealed; paths: paths.npz of stage repair; facts: settings that pages print.
     """
 
-    variants: list[str]
-    users: dict[str, Margins]
-    judged_users: list[str]  # users that means are taken over: to all others every path is valid
-    seeds: list[int]
     n_demos: list[int]
-    main_n_demos: int
     shown: list[str]  # variants whose maps and repairs are drawn
     tables: Mapping[str, pd.DataFrame]
     paths: Mapping[str, np.ndarray]
     drawn: DrawnScenes
     catalogue: Catalogue
-    facts: dict[str, Any] = field(default_factory=dict)
-    sources: Mapping[str, Source] = field(default_factory=dict)  # of each table
-    reads: list[str] = field(default_factory=list)  # tables that were asked for
 
     def __post_init__(self):
         """Make names that csv reads as missing, such as the variant of a baseline, empty ones."""
@@ -91,17 +83,6 @@ class Results:
         """Return a table by its name, and note in `reads` that it was asked for."""
         self.reads.append(name)
         return self.tables[name]
-
-    def source(self, name: str) -> str:
-        """Return how a number of a table names it."""
-        return name
-
-    def value(self, table: str, column: str, **where: Any) -> Any:
-        """Return the value of `column` in the one row of `table` that `where` selects.
-
-        Raise InputError if no row or several match, or if the number is missing or not finite.
-        """
-        return lookup(self.table(table), table, column, **where)
 
     def accuracy(self, variant: str, split: str, column: str = "mean", n: int | None = None) -> float:
         """Return one number of accuracy.csv, at main_n_demos unless `n` is given."""

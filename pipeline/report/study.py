@@ -1,5 +1,6 @@
-"""The data of a study's page: its tables and arrays by file name, its settings, and what it shares with the paper."""
+"""What a page draws from: tables by name, whose numbers know their cell and whose files are known."""
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,15 +10,60 @@ import numpy as np
 import pandas as pd
 
 from pipeline.artifacts.files import read_arrays, read_table
-from pipeline.report.page import Source
-from pipeline.report.tables import check_finite, checked, lookup, named
-from pipeline.runtime.errors import InputError
+from pipeline.report.tables import check_finite, checked, chosen, lookup, named
 from pipeline.world.rules import Margins
 
 
 @dataclass(frozen=True)
-class Study:
-    """The results of one study, read from `folder` when a page asks for them.
+class Source:
+    """The files, by stage and name, that a table of results was read or computed from."""
+
+    files: tuple[tuple[str, Path], ...]  # stage, and the file in its folder
+
+    def __str__(self) -> str:
+        """Return the files' names by stage."""
+        return ", ".join(f"{file.name} of {stage}" for stage, file in self.files)
+
+    def digests(self) -> list[dict[str, str]]:
+        """Return stage, name and md5 of each file; a stage's lock names the same md5."""
+        return [
+            {"stage": stage, "file": file.name, "md5": hashlib.md5(file.read_bytes()).hexdigest()}
+            for stage, file in self.files
+        ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Data:
+    """Results by the names of their tables, and the settings that all pages print."""
+
+    variants: list[str]
+    users: dict[str, Margins]
+    judged_users: list[str]  # users that means are taken over: to all others every path is valid
+    seeds: list[int]
+    main_n_demos: int
+    facts: dict[str, Any] = field(default_factory=dict)
+    sources: dict[str, Source] = field(default_factory=dict)  # of each table
+    reads: list[str] = field(default_factory=list)  # tables that were asked for
+
+    def table(self, name: str) -> pd.DataFrame:
+        """Return a table by its name, and note in `reads` that it was asked for."""
+        raise NotImplementedError
+
+    def source(self, name: str) -> str:
+        """Return how a number of a table names it."""
+        return name
+
+    def value(self, table: str, column: str, **where: Any) -> Any:
+        """Return the value of `column` in the one row of `table` that `where` selects.
+
+        Raise InputError if no row or several match, or if the number is missing or not finite.
+        """
+        return lookup(self.table(table), self.source(table), column, **where)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study(Data):
+    """The results of one study, read from `folder` when a page asks for them; its tables' names are files.
 
     settings: its parameters, conf/studies/<name>.yaml; facts: what the footer states.
     """
@@ -25,27 +71,16 @@ class Study:
     name: str
     folder: Path
     settings: Mapping[str, Any]
-    variants: list[str]
-    users: dict[str, Margins]
-    judged_users: list[str]  # users that means are taken over: to all others every path is valid
-    seeds: list[int]
-    main_n_demos: int
-    facts: dict[str, Any] = field(default_factory=dict)
-    reads: list[str] = field(default_factory=list)  # files that were asked for
 
-    @property
-    def sources(self) -> dict[str, Source]:
-        """Return the file behind each table that was read."""
-        return {file: Source(((self.name, self.folder / file),)) for file in self.reads}
-
-    def table(self, file: str, finite: tuple[str, ...] = ()) -> pd.DataFrame:
+    def table(self, name: str, finite: tuple[str, ...] = ()) -> pd.DataFrame:
         """Return a table of the study; raise InputError if a number of the columns `finite` is not finite.
 
         Empty names, such as the variant of a baseline, are \"\".
         """
-        self.reads.append(file)
-        frame = named(read_table(self.folder / file))
-        check_finite(frame, f"{self.name}/{file}", finite)
+        self.reads.append(name)
+        self.sources[name] = Source(((self.name, self.folder / name),))
+        frame = named(read_table(self.folder / name))
+        check_finite(frame, self.source(name), finite)
         return frame
 
     def source(self, name: str) -> str:
@@ -56,26 +91,11 @@ class Study:
         """Return the arrays of an npz of the study."""
         return read_arrays(self.folder / file)
 
-    def value(self, file: str, column: str, **where: Any) -> Any:
-        """Return the value of `column` in the one row of a table that `where` selects.
-
-        Raise InputError if no row or several match, or if the number is missing or not finite.
-        """
-        return lookup(self.table(file), f"{self.name}/{file}", column, **where)
-
     def rows(self, file: str, **where: Any) -> pd.DataFrame:
-        """Return the rows of a table that `where` selects; a list selects any of its values."""
-        frame = self.table(file)
-        for name, wanted in where.items():
-            frame = frame[frame[name].isin(wanted if isinstance(wanted, list | tuple) else [wanted])]
-        return frame
+        """Return the rows of a table that `where` selects; a list selects any of its values. InputError if none."""
+        return chosen(self, file, where)
 
     def values(self, file: str, column: str, **where: Any) -> list:
-        """Return the values of `column` in the rows that `where` selects.
-
-        Raise InputError if there is none, or for a number that is missing or not finite.
-        """
-        rows = self.rows(file, **where)
-        if rows.empty:
-            raise InputError(f"table {self.name}/{file} has no row with {where}; run its stage again")
-        return [checked(number, f"table {self.name}/{file}, column {column}, {where}") for number in rows[column]]
+        """Return the values of `column` in these rows; raise InputError for a number that is missing or not finite."""
+        name = f"table {self.source(file)}, column {column}, {where}"
+        return [checked(number, name) for number in self.rows(file, **where)[column]]

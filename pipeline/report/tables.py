@@ -74,11 +74,9 @@ def checked(number: Any, name: str) -> Any:
     return number.item() if isinstance(number, np.generic) else number
 
 
-# Formats: each raises for a number that is not finite; None marks a value that cannot exist, such as a baseline's
-# seeds.
-
-
 def _number(pattern: str, scale: float = 1.0) -> Callable[[Any], str]:
+    """Return a format that raises for a number that is not finite; None marks a value that cannot exist."""
+
     def write(number: Any) -> str:
         if number is None:
             return "–"
@@ -89,12 +87,6 @@ def _number(pattern: str, scale: float = 1.0) -> Callable[[Any], str]:
         return number.mark(text) if isinstance(number, Traced) else text
 
     return write
-
-
-def _spread(low: float, high: float) -> str:
-    """Return a range of rates in per cent."""
-    write = _number("{:.0f}", 100.0)
-    return f"{write(float(low))}–{write(float(high))}"
 
 
 FORMATS: dict[str, Callable] = {
@@ -109,11 +101,8 @@ FORMATS: dict[str, Callable] = {
     "digits": _number("{:.3g}"),
     "cm": _number("{:.1f}\u00a0cm", 100.0),
     "count": _number("{:.0f}"),
-    "spread": _spread,
+    "spread": lambda low, high: "–".join(_number("{:.0f}", 100.0)(float(end)) for end in (low, high)),  # of rates
 }
-
-
-# Tables
 
 
 @dataclass(frozen=True)
@@ -182,40 +171,43 @@ def rows_of(
     if isinstance(formats, str):
         formats = dict.fromkeys((columns[name] for name in fractions), formats) if formats else {}
     fractions = [name for name in fractions if columns[name] in formats]
-    for name in fractions:
-        if columns[name] not in gaps:
-            check_finite(frame, source, [name])
+    keys = [name for name in columns if name not in fractions]
+    sure = [name for name in fractions if columns[name] not in gaps]
+    check_finite(frame, source, sure)
     parts = {"q1": "q1", "q3": "q3"} if quartiles else dict(zip(("low", "high"), interval, strict=False))
     parts |= {part: name for part, name in (("bold", bold), ("beyond", beyond)) if name}
     marks = {
-        (name, part): own
-        for part, mark in parts.items()
-        for name in fractions
-        if (own := beside(frame, name, mark, name == fractions[0]))
+        name: {part: beside(frame, name, parts[part], name == fractions[0]) for part in parts} for name in fractions
     }
-    if absent := parts.keys() - {part for _, part in marks}:
+    marks = {name: {part: own for part, own in of.items() if own} for name, of in marks.items()}
+    if absent := parts.keys() - {part for of in marks.values() for part in of}:
         raise KeyError(f"table {source} has no column for {sorted(absent)}")
     fixed = {name: value for name, value in (where or {}).items() if isinstance(value, str | int | float)}
-    keys = [name for name in columns if name not in fractions]
-    lines = []
-    for row in frame.to_dict("records"):
-        line, at = {}, fixed | {name: row[name] for name in [*keys, across] if name}
-        for name, title in columns.items():
-            line[title] = in_words(row[name], words.get(name)) if name in keys else row[name]
-            if name in fractions and pd.notna(row[name]):
-                line[title] = Traced(row[name], source, name, at)
-            for part in (part for part in parts if (name, part) in marks):
-                mark = row[marks[name, part]]
-                line[f"{title}, {part}"] = mark < SIGNIFICANT if part == "bold" and isinstance(mark, float) else mark
-        lines.append(line)
+    heads, lines = dict[str, None](), dict[Any, dict[str, Any]]()
+    for i, row in enumerate(frame.to_dict("records")):
+        head = str(in_words(row[across], words.get(across))) if across else ""
+        heads[head] = None
+        texts = {columns[name]: in_words(row[name], words.get(name)) for name in keys}
+        line = lines.setdefault(tuple(texts.values()) if across else i, texts)
+        at = fixed | {name: row[name] for name in [*keys, across] if name}
+        for name in fractions:
+            title = _joined(head, columns[name])
+            line[title] = Traced(row[name], source, name, at) if pd.notna(row[name]) else None
+            for part, own in marks[name].items():
+                line[f"{title}, {part}"] = (
+                    row[own] < SIGNIFICANT if (part, type(row[own])) == ("bold", float) else row[own]
+                )
+    order = [columns[name] for name in keys] if across else []
+    for head in heads:
+        for name in fractions if across else columns:
+            title = _joined(head, columns[name])
+            order += [title, *(f"{title}, {part}" for part in marks.get(name, ()))]
+    made = with_gaps([{name: line.get(name) for name in order} for line in lines.values()])
     if across:
-        heads = [str(in_words(value, words.get(across))) for value in frame[across]]
-        made = _across(lines, heads, [columns[name] for name in keys])
         formats = dict(formats) | {_joined(head, title): form for head in heads for title, form in formats.items()}
-        for full in (_joined(head, columns[name]) for head in heads for name in fractions if columns[name] not in gaps):
-            check_finite(made, source, [full])
-        return Table(made, formats)
-    return Table(with_gaps(lines), dict(formats))
+        check_finite(made, source, [_joined(head, columns[name]) for head in heads for name in sure])
+        made = made.drop(columns=[name for name in order if name.endswith(HIDDEN) and made[name].isna().all()])
+    return Table(made, dict(formats))
 
 
 def in_words(value: Any, words: Words | None) -> Any:
@@ -223,19 +215,8 @@ def in_words(value: Any, words: Words | None) -> Any:
     return value if words is None else words(value) if callable(words) else words.get(value, value)
 
 
-def _across(lines: list[dict[str, Any]], heads: list[str], keys: list[str]) -> pd.DataFrame:
-    """Return one row for the lines with the same keys, in which each head has the lines' other columns."""
-    others, rows = [name for name in lines[0] if name not in keys], dict[Any, dict[str, Any]]()
-    for head, line in zip(heads, lines, strict=True):
-        row = rows.setdefault(tuple(line[name] for name in keys), {name: line[name] for name in keys})
-        row |= {_joined(head, name): line[name] for name in others}
-    order = [*keys, *(_joined(head, name) for head in dict.fromkeys(heads) for name in others)]
-    made = with_gaps([{name: row.get(name) for name in order} for row in rows.values()])
-    return made.drop(columns=[name for name in order if name.endswith(HIDDEN) and made[name].isna().all()])
-
-
 def _joined(head: str, title: str) -> str:
-    return ", ".join(filter(None, [head, *title.split(", ")]))
+    return ", ".join(filter(None, [head, title]))
 
 
 def with_gaps(rows: Any) -> pd.DataFrame:
@@ -258,8 +239,3 @@ def in_brackets(row: Mapping[str, Any], column: str, write: Callable[[Any], str]
             between = "–" if min(map(float, ends)) >= 0 else " to "
             return f" [{between.join(write(float(end)).partition(chr(0xA0))[0] for end in ends)}]"
     return ""
-
-
-def number_alone(cell: Any) -> float | None:
-    """Return a cell's number without its source, which its `title` states."""
-    return None if cell is None else float(cell)

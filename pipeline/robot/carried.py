@@ -1,21 +1,26 @@
-"""Clearance of the gripper and of what it carries from the items on the table, in three dimensions.
+"""The gripper and what it carries among the items on the table: clearances in three dimensions, and physics in MuJoCo.
 
 Items stand on the table as upright prisms over their footprints. A carried part is an upright prism over a capsule
 that reaches from its lower edge upwards, so distances between the two are exact.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
 import coal  # pyright: ignore[reportMissingImports]
+import mujoco  # pyright: ignore[reportMissingImports]
 import numpy as np
 import pinocchio as pin  # pyright: ignore[reportMissingImports]
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 
 from pipeline.robot.arm import GRIP, Arm
-from pipeline.world.layout import EMPTY, SYMBOLS, Layouts, segment_distance
+from pipeline.world.layout import SYMBOLS, Layouts, segment_distance
+
+STEP_S = 0.002  # of the simulation
+SETTLE_S = 0.5  # time after the movement in which items may still fall
+MIN_HALF_M = 0.001  # least half-size of a solid
 
 
 @dataclass(frozen=True)
@@ -47,12 +52,6 @@ def gripper_of(arm: Arm) -> Part:
     return Part(float(min(x0 + radius, 0)), float(max(x1 - radius, 0)), radius, float(-z0), float(z1))
 
 
-def item_heights(layouts: Layouts, heights: Mapping[str, float]) -> Float[Array, "scene slot"]:
-    """Return the height [m] of each item by its symbol; 0 in empty slots."""
-    by_symbol = np.array([heights[symbol] for symbol in SYMBOLS] + [0.0])
-    return np.where(layouts.symbol == EMPTY, 0.0, by_symbol[layouts.symbol])
-
-
 def clearances(
     part: Part,
     grip: Float[Array, "path instant 3"],
@@ -64,12 +63,12 @@ def clearances(
     """Return the least distance [m] of a part from each item along each path: negative where they overlap.
 
     grip [m], heading [rad]: in the table's frame, z above its top; layouts: the scene of each path, whose lengths, as
-    `heights` [m], are multiplied by `side_m`. inf in empty slots.
+    `heights` [m] by symbol, are multiplied by `side_m`. inf in empty slots.
     """
     along = np.stack([np.cos(heading), np.sin(heading)], -1)
     ends = np.stack([grip[..., :2] + part.back_m * along, grip[..., :2] + part.front_m * along], -2)
     lower = grip[..., 2] - part.bottom_m
-    tall = side_m * item_heights(layouts, heights)
+    tall = side_m * np.array([*(heights[symbol] for symbol in SYMBOLS), 0.0])[layouts.symbol]  # EMPTY: the last
     least = np.full(layouts.symbol.shape, np.inf)
     for slot in range(layouts.symbol.shape[1]):
         footprint = side_m * layouts.ends[:, slot][:, None]
@@ -79,3 +78,69 @@ def clearances(
         distance = np.where((apart < 0) & (above < 0), np.maximum(apart, above), both)
         least[:, slot] = np.where(layouts.present[:, slot], distance.min(-1), np.inf)
     return least
+
+
+def simulate(
+    layouts: Layouts,
+    scene: int,
+    side_m: float,
+    heights: Mapping[str, float],
+    masses: Mapping[str, float],
+    parts: Sequence[Part],
+    grip: Float[Array, "instant 3"],
+    heading: Float[Array, " instant"],
+    duration_s: float,
+) -> tuple[Bool[Array, " slot"], Float[Array, " slot"]]:
+    """Move the parts along the grip [m] (table's frame) and heading [rad] in `duration_s`, and push what they meet.
+
+    The parts cannot be pushed back. Items stand free and scale with the table: heights [m] by side_m, masses [kg] by
+    side_m³. Return which were touched, and how far each is tilted [rad] at the end.
+    """
+    slots, items = np.flatnonzero(layouts.present[scene]), ""
+    for slot in slots:
+        symbol = SYMBOLS[layouts.symbol[scene, slot]]
+        half = max(side_m * heights[symbol] / 2, MIN_HALF_M)
+        x, y = side_m * layouts.centre[scene, slot]
+        radius, length = (side_m * float(values[scene, slot]) for values in (layouts.radius, layouts.half_length))
+        geoms = _prism(-length, length, radius, -half, half, f'mass="{side_m**3 * masses[symbol]:.6g}"')
+        where = f'pos="{x:.6f} {y:.6f} {half:.6f}" euler="0 0 {layouts.angle[scene, slot]:.6f}"'
+        items += f'<body name="item{slot}" {where}><freejoint/>{geoms}</body>'
+    shapes = "".join(_prism(part.back_m, part.front_m, part.radius_m, -part.bottom_m, part.top_m) for part in parts)
+    model = mujoco.MjModel.from_xml_string(
+        f'<mujoco model="table"><compiler angle="radian"/><option timestep="{STEP_S}"/><worldbody>'
+        f'<geom type="plane" size="1 1 0.1"/>{items}<body name="carried" mocap="true" pos="0 0 1">{shapes}'
+        "</body></worldbody></mujoco>"
+    )
+    data = mujoco.MjData(model)
+    bodies = np.array([model.body(f"item{slot}").id for slot in slots], int)
+    slot_of = np.full(model.nbody, -1)
+    slot_of[bodies] = slots
+    carried = model.geom_bodyid == model.body("carried").id
+    touched, tilted = np.zeros(layouts.symbol.shape[1], bool), np.zeros(layouts.symbol.shape[1])
+    steps = round(duration_s / STEP_S)
+    at = np.linspace(0, len(grip) - 1, steps + 1)
+    path = np.stack([np.interp(at, np.arange(len(grip)), one) for one in grip.T], -1)
+    half = np.interp(at, np.arange(len(grip)), np.unwrap(heading)) / 2
+    turn = np.stack([np.cos(half), 0 * half, 0 * half, np.sin(half)], -1)
+    for step in range(steps + round(SETTLE_S / STEP_S)):
+        data.mocap_pos[0], data.mocap_quat[0] = path[min(step, steps)], turn[min(step, steps)]
+        mujoco.mj_step(model, data)
+        if data.ncon:
+            pairs = data.contact.geom
+            met = pairs[carried[pairs].any(1)]
+            touched[slot_of[model.geom_bodyid[met[~carried[met]]]]] = True
+    tilted[slots] = np.arccos(np.clip(data.xmat[bodies, 8], -1, 1))
+    return touched, tilted
+
+
+def _prism(back: float, front: float, radius: float, bottom: float, top: float, mass: str = "") -> str:
+    """Return an upright prism over a capsule along x: a cylinder at each end and a box between them."""
+    half, middle = (top - bottom) / 2, (top + bottom) / 2
+    solid = "".join(
+        f'<geom type="cylinder" size="{radius:.6f} {half:.6f}" pos="{x:.6f} 0 {middle:.6f}" {mass}/>'
+        for x in sorted({back, front})
+    )
+    if back == front:
+        return solid
+    size, centre = f"{(front - back) / 2:.6f} {radius:.6f} {half:.6f}", f"{(front + back) / 2:.6f} 0 {middle:.6f}"
+    return solid + f'<geom type="box" size="{size}" pos="{centre}" {mass}/>'

@@ -1,4 +1,4 @@
-"""Carry out paths joint by joint: joint positions at each instant, tracking error, and why a path fails."""
+"""Carry out paths joint by joint: timing, joint positions at each instant, tracking error, and why a path fails."""
 
 from dataclasses import dataclass
 
@@ -8,30 +8,42 @@ import pinocchio as pin  # pyright: ignore[reportMissingImports]
 from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 
-from pipeline.robot.arm import GRIP, Arm
-from pipeline.robot.bench import Bench
+from pipeline.robot.arm import GRIP, Arm, Bench
 from pipeline.robot.inverse import FREE, PostureMap, polished
-from pipeline.robot.motion import lengths, minimum_jerk
+from pipeline.world.bezier import P_F, P_INIT, basis, curve
 
-FAILURES = ("", "out of reach", "joint limit", "collision", "off the table", "joint speed", "tracking")  # "": executed
-
-
-@dataclass(frozen=True)
-class Tolerances:
-    """Hold how far an executed path may deviate."""
-
-    error_m: float  # largest distance of the grip from the path
-    tilt_rad: float  # largest tilt of what it carries
+ARC_POINTS = 257  # points by which a path's length is measured
+FAILURES = ("", "out of reach", "collision", "off the table", "joint speed", "tracking")  # "": executed
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Executed paths: joint positions [rad], grip [m] in the table's frame, z above its top, and heading [rad]."""
+    """Executed paths, in the table's frame, z above its top."""
 
-    q: Float[Array, "path instant joint"]
-    grip: Float[Array, "path instant 3"]
-    heading: Float[Array, "path instant"]
+    q: Float[Array, "path instant joint"]  # joint positions [rad]
+    chain: Float[Array, "path instant place 3"]  # places [m] of the joints, and then of the grip
+    grip: Float[Array, "path instant 3"]  # [m]
+    heading: Float[Array, "path instant"]  # of the grip [rad]
     results: pd.DataFrame  # a row a path: duration_s, error_mean_m, error_max_m, speed_share, failure
+
+
+def lengths(z_theta: Float[Array, "path 2"]) -> Float[Array, " path"]:
+    """Return the length of each Bezier path [table sides]."""
+    return np.linalg.norm(np.diff(curve(z_theta, ARC_POINTS), axis=1), axis=-1).sum(-1)
+
+
+def minimum_jerk(z_theta: Float[Array, "path 2"], instants: int) -> Float[Array, "path instant 2"]:
+    """Return the points [table sides] of each path at evenly spaced instants of a movement with minimum jerk.
+
+    After Flash and Hogan (1985), as the recordings are timed.
+    """
+    tau, at = np.linspace(0.0, 1.0, instants), np.linspace(0.0, 1.0, ARC_POINTS)
+    share = tau**3 * (10 - 15 * tau + 6 * tau**2)
+    steps = np.linalg.norm(np.diff(curve(z_theta, ARC_POINTS), axis=1), axis=-1)
+    passed = np.concatenate([np.zeros((len(steps), 1)), steps.cumsum(1)], 1)
+    t = np.stack([np.interp(share, one / one[-1], at) for one in passed])
+    b = basis(t)  # (path, instant, 3)
+    return b[..., :1] * P_INIT + b[..., 1:2] * z_theta[:, None] + b[..., 2:] * P_F
 
 
 def execute(
@@ -41,26 +53,34 @@ def execute(
     z_theta: Float[Array, "path 2"],
     instants: int,
     speed_m_s: float,
-    allowed: Tolerances,
+    error_m: float,
+    tilt_rad: float,
 ) -> Motion:
-    """Carry out each Bezier path at a mean speed [m/s] of the grip.
+    """Carry out each Bezier path at a mean speed [m/s] of the grip, at most `error_m` off it and tilted by `tilt_rad`.
 
     Joint positions come from the map, within the joints' stops. Where they deviate too far from a path that the map
     reaches, they are polished by inverse kinematics at each instant. The grip's place follows from them by forward
     kinematics. speed_share: largest joint speed as a share of the joint's limit.
     """
+
+    def off() -> Bool[Array, " path"]:
+        error = np.linalg.norm(places[..., -1, :] - targets, axis=-1)
+        tilt = np.arccos(np.clip(rotation[..., 2, 2], -1.0, 1.0))
+        return (error.max(1) > error_m) | (tilt.max(1) > tilt_rad)
+
     points = minimum_jerk(z_theta, instants)
     q = np.clip(postures.postures(points), arm.model.lowerPositionLimit, arm.model.upperPositionLimit)
     targets, status = bench.to_base(points), postures.worst(points)
-    place, rotation, error, tilt = deviation(arm, q, targets)
-    again = np.flatnonzero(_off(error, tilt, allowed) & (status == FREE))
+    places, rotation = forward(arm, q)
+    again = np.flatnonzero(off() & (status == FREE))
     if len(again):
         q[again] = polished(arm, q[again], targets[again])
-        place[again], rotation[again], error[again], tilt[again] = deviation(arm, q[again], targets[again])
+        places[again], rotation[again] = forward(arm, q[again])
+    error = np.linalg.norm(places[..., -1, :] - targets, axis=-1)
     duration = lengths(z_theta) * bench.side_m / speed_m_s
     speed = np.abs(np.diff(q, axis=1)) * (instants - 1) / duration[:, None, None]
     share = (speed / arm.model.velocityLimit).max((1, 2))
-    named = np.select([status > 0, share > 1, _off(error, tilt, allowed)], [status, 5, 6], 0)
+    named = np.select([status > 0, share > 1, off()], [status, 4, 5], 0)
     results = pd.DataFrame(
         {
             "duration_s": duration,
@@ -71,33 +91,19 @@ def execute(
         }
     )
     ahead = bench.base.rotation @ rotation[..., :, 0, None]
-    return Motion(q, bench.to_table(place), np.arctan2(ahead[..., 1, 0], ahead[..., 0, 0]), results)
-
-
-def _off(
-    error: Float[Array, "path instant"], tilt: Float[Array, "path instant"], allowed: Tolerances
-) -> Bool[Array, " path"]:
-    return (error.max(1) > allowed.error_m) | (tilt.max(1) > allowed.tilt_rad)
-
-
-def deviation(
-    arm: Arm, q: Float[Array, "path instant joint"], targets: Float[Array, "path instant 3"]
-) -> tuple[Array, Array, Float[Array, "path instant"], Float[Array, "path instant"]]:
-    """Return the grip's place [m], its rotation, its distance from the targets [m], and its tilt [rad]."""
-    place, rotation = forward(arm, q)
-    error = np.linalg.norm(place - targets, axis=-1)
-    return place, rotation, error, np.arccos(np.clip(rotation[..., 2, 2], -1.0, 1.0))
+    chain = bench.to_table(places)
+    return Motion(q, chain, chain[..., -1, :], np.arctan2(ahead[..., 1, 0], ahead[..., 0, 0]), results)
 
 
 def forward(
     arm: Arm, q: Float[Array, "*instant joint"]
-) -> tuple[Float[Array, "*instant 3"], Float[Array, "*instant 3 3"]]:
-    """Return the grip's place [m] and rotation in the base's frame at joint positions [rad]."""
-    model, data, frame = arm.model, arm.model.createData(), arm.model.getFrameId(GRIP)
-    flat = q.reshape(-1, q.shape[-1])
-    place, rotation = np.empty((len(flat), 3)), np.empty((len(flat), 3, 3))
-    for i, one in enumerate(flat):
-        pin.forwardKinematics(model, data, one)
-        pose = pin.updateFramePlacement(model, data, frame)
-        place[i], rotation[i] = pose.translation, pose.rotation
-    return place.reshape(*q.shape[:-1], 3), rotation.reshape(*q.shape[:-1], 3, 3)
+) -> tuple[Float[Array, "*instant place 3"], Float[Array, "*instant 3 3"]]:
+    """Return the places [m] of the joints, and then of the grip, and the grip's rotation, in the base's frame."""
+    model, data, grip = arm.model, arm.model.createData(), arm.model.getFrameId(GRIP)
+    places, rotation = np.empty((*q.shape[:-1], model.njoints, 3)), np.empty((*q.shape[:-1], 3, 3))
+    for at in np.ndindex(q.shape[:-1]):
+        pin.forwardKinematics(model, data, q[at])
+        pose = pin.updateFramePlacement(model, data, grip)
+        places[at] = [*(data.oMi[joint].translation for joint in range(1, model.njoints)), pose.translation]
+        rotation[at] = pose.rotation
+    return places, rotation

@@ -1,73 +1,45 @@
-"""Write executed paths as joint trajectories: json, and trajectory_msgs/JointTrajectory in a ROS 2 bag."""
+"""Write executed paths as joint trajectories in a ROS 2 bag."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray as Array
-from rosbags.rosbag2 import Reader, StoragePlugin, Writer  # pyright: ignore[reportMissingImports]
+from rosbags.rosbag2 import StoragePlugin, Writer  # pyright: ignore[reportMissingImports]
 from rosbags.typesys import Stores, get_typestore  # pyright: ignore[reportMissingImports]
+
+from pipeline.robot.arm import Arm
 
 KIND = "trajectory_msgs/msg/JointTrajectory"
 TYPES = get_typestore(Stores.ROS2_HUMBLE)
 SECOND = 1_000_000_000  # nanoseconds
 
 
-def trajectory(joints: Sequence[str], q: Float[Array, "instant joint"], duration_s: float) -> dict[str, Any]:
-    """Return a movement as in JointTrajectory: names, and positions [rad] and speeds [rad/s] at times [s]."""
-    t = np.linspace(0.0, duration_s, len(q))
-    speeds = np.gradient(q, t, axis=0)
-    speeds[[0, -1]] = 0.0  # the arm rests before and after
-    points = [
-        {"time_from_start": float(at), "positions": one.tolist(), "velocities": speed.tolist()}
-        for at, one, speed in zip(t, q, speeds, strict=True)
-    ]
-    return {"joint_names": list(joints), "points": points}
+def write_bag(folder: Path, arm: Arm, moves: Mapping[str, tuple[Float[Array, "instant joint"], float]]) -> None:
+    """Write each movement, joint positions [rad] and duration [s], as one message on a topic of its name.
 
-
-def write_bag(folder: Path, trajectories: Mapping[str, Mapping[str, Any]], frame: str) -> None:
-    """Write each trajectory as one message on a topic of its name; one second lies between messages."""
-    types = TYPES.types
+    One second lies between messages.
+    """
+    types: Any = TYPES.types
     with Writer(folder, version=8, storage_plugin=StoragePlugin.MCAP) as bag:
-        for second, (name, one) in enumerate(trajectories.items()):
-            stamp = types["builtin_interfaces/msg/Time"](sec=second, nanosec=0)
-            points: Any = [
+        for second, (name, (q, duration_s)) in enumerate(moves.items()):
+            t = np.linspace(0.0, duration_s, len(q))
+            speeds = np.gradient(q, t, axis=0)
+            speeds[[0, -1]] = 0.0  # the arm rests before and after
+            points = [
                 types["trajectory_msgs/msg/JointTrajectoryPoint"](
-                    positions=np.array(point["positions"]),
-                    velocities=np.array(point["velocities"]),
+                    positions=positions,
+                    velocities=velocities,
                     accelerations=np.zeros(0),
                     effort=np.zeros(0),
-                    time_from_start=_duration(point["time_from_start"]),
+                    time_from_start=types["builtin_interfaces/msg/Duration"](*divmod(round(at * SECOND), SECOND)),
                 )
-                for point in one["points"]
+                for at, positions, velocities in zip(t, q, speeds, strict=True)
             ]
-            header = types["std_msgs/msg/Header"](stamp=stamp, frame_id=frame)
-            message = types[KIND](header=header, joint_names=list(one["joint_names"]), points=points)
+            stamp = types["builtin_interfaces/msg/Time"](sec=second, nanosec=0)
+            header = types["std_msgs/msg/Header"](stamp=stamp, frame_id=arm.model.frames[1].name)
+            message = types[KIND](header=header, joint_names=list(arm.model.names[1:]), points=points)
             connection = bag.add_connection(f"/{name}", KIND, typestore=TYPES)
             bag.write(connection, second * SECOND, TYPES.serialize_cdr(message, KIND))
-
-
-def read_bag(folder: Path) -> dict[str, dict[str, Any]]:
-    """Return the trajectories of a bag by name, as `trajectory` gives them."""
-    read = {}
-    with Reader(folder) as bag:
-        for connection, _, raw in bag.messages():
-            message: Any = TYPES.deserialize_cdr(raw, KIND)
-            points = [
-                {
-                    "time_from_start": point.time_from_start.sec + point.time_from_start.nanosec / SECOND,
-                    "positions": point.positions.tolist(),
-                    "velocities": point.velocities.tolist(),
-                }
-                for point in message.points
-            ]
-            read[connection.topic.removeprefix("/")] = {"joint_names": list(message.joint_names), "points": points}
-    return read
-
-
-def _duration(seconds: float) -> Any:
-    """Return a ROS duration."""
-    whole, rest = divmod(round(seconds * SECOND), SECOND)
-    return TYPES.types["builtin_interfaces/msg/Duration"](sec=whole, nanosec=rest)

@@ -15,15 +15,12 @@ from pink.limits import ConfigurationLimit  # pyright: ignore[reportMissingImpor
 from pink.tasks import FrameTask, PostureTask  # pyright: ignore[reportMissingImports]
 from scipy.ndimage import map_coordinates, spline_filter
 
-from pipeline.robot.arm import GRIP, Arm
-from pipeline.robot.bench import Bench
-from pipeline.robot.collision import Collisions
+from pipeline.robot.arm import GRIP, Arm, Bench, Collisions
 
-FREE, REACH, LIMIT, COLLISION, OFF = range(5)  # status of a point: the arm gets there, or why not; OFF: off the table
+FREE, REACH, COLLISION, OFF = range(4)  # status of a point: the arm gets there, or why not; OFF: off the table
 REACHED_M, REACHED_RAD = 1e-3, 0.01  # a point counts as reached within this distance and tilt
 TILT_COST = 0.3  # [m/rad] of tilt against distance
 POSTURE_COST = 3e-3  # [m/rad] of leaving the preferred posture: too small to move the grip by a millimetre
-ENDLESS = 1e3  # [rad] where stops are ignored
 SOLVED = 1e-4  # a step is the last if no joint moves further [rad]
 FIRST, STEPS = 200, 12  # most steps for the first point, from the preferred posture, and from a neighbour
 POLISHING = 3  # most steps from an interpolated posture
@@ -64,7 +61,7 @@ def posture_map(arm: Arm, bench: Bench, side: int, obstacle_m: float) -> Posture
     targets = bench.to_base(points)
     away = np.linalg.norm(points - 0.5, axis=-1)
     collisions = Collisions(arm, bench, obstacle_m)
-    limited, free = (Solver(arm, with_stops) for with_stops in (True, False))
+    solver = Solver(arm)
     q = np.full((side, side, arm.model.nq), np.nan)
     status = np.full((side, side), -1)
     for row, column in zip(*np.unravel_index(np.argsort(away, axis=None, kind="stable"), away.shape), strict=True):
@@ -75,11 +72,8 @@ def posture_map(arm: Arm, bench: Bench, side: int, obstacle_m: float) -> Posture
             order = np.lexsort((away[near][known], status[near][known] != FREE))
             start = q[near][known][order[0]]
         steps = STEPS if known.any() else FIRST
-        q[row, column], reached = limited.solve(start, targets[row, column], steps)
-        if reached:
-            status[row, column] = COLLISION if collisions.at(q[row, column]) else FREE
-        else:
-            status[row, column] = LIMIT if free.solve(q[row, column], targets[row, column], steps)[1] else REACH
+        q[row, column], reached = solver.solve(start, targets[row, column], steps)
+        status[row, column] = REACH if not reached else COLLISION if collisions.at(q[row, column]) else FREE
     return PostureMap(q, status, np.stack([spline_filter(q[..., i], 3, mode="nearest") for i in range(q.shape[-1])]))
 
 
@@ -87,23 +81,20 @@ def polished(
     arm: Arm, q: Float[Array, "path instant joint"], targets: Float[Array, "path instant 3"]
 ) -> Float[Array, "path instant joint"]:
     """Return interpolated joint positions [rad] after a few more steps of inverse kinematics to the targets [m]."""
-    solver = Solver(arm, stops=True)
+    solver = Solver(arm)
     pairs = zip(q.reshape(-1, q.shape[-1]), targets.reshape(-1, 3), strict=True)
     return np.stack([solver.solve(start, target, POLISHING)[0] for start, target in pairs]).reshape(q.shape)
 
 
 class Solver:
-    """Pink's steps to an upright grip at a point, with or without the joints' stops."""
+    """Pink's steps to an upright grip at a point, within the joints' stops."""
 
-    def __init__(self, arm: Arm, stops: bool):
-        model = arm.model.copy()
-        if not stops:
-            model.lowerPositionLimit, model.upperPositionLimit = np.full((2, model.nq), [[-ENDLESS], [ENDLESS]])
-        self.configuration = pink.Configuration(model, model.createData(), arm.posture)
+    def __init__(self, arm: Arm):
+        self.configuration = pink.Configuration(arm.model, arm.model.createData(), arm.posture)
         self.grip = FrameTask(GRIP, 1.0, [TILT_COST, TILT_COST, 0.0])
         self.posture = PostureTask(POSTURE_COST)
         self.posture.set_target(arm.posture)
-        self.limits = [ConfigurationLimit(model, config_limit_gain=0.9)]
+        self.limits = [ConfigurationLimit(arm.model, config_limit_gain=0.9)]
 
     def solve(
         self, start: Float[Array, " joint"], target: Float[Array, "3"], steps: int

@@ -15,7 +15,7 @@ from joblib.externals.loky.backend import resource_tracker
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
-from pipeline.runtime.memory import disable_malloc_trim
+from pipeline.runtime.instructions import disable_malloc_trim
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")

@@ -64,7 +64,6 @@ Several = Annotated[int, Field(ge=2)]
 Demonstrations = Annotated[int, Field(ge=1, le=MAX_N)]
 Length = Annotated[float, Field(gt=0)]  # [m]
 Distance = Annotated[float, Field(ge=0)]  # [m]
-Place = Annotated[float, Field(ge=0, le=1)]  # [m]
 Size = Annotated[float, Field(gt=0)]
 Weight = Annotated[float, Field(ge=0)]
 Spread = Annotated[float, Field(ge=0)]  # a standard deviation
@@ -192,20 +191,14 @@ def need(holds: bool, name: str, value: object, what: str) -> None:
         raise InputError(f"parameter {name} is {value!r}: expected {what}")
 
 
-def need_some(name: str, values: Collection[str], known: Collection[str], or_none: bool = False) -> None:
-    """Reject `values` unless they are among the `known` names and, without `or_none`, at least one."""
-    need((or_none or len(values) > 0) and set(values) <= set(known), name, list(values), f"some of {', '.join(known)}")
+def need_some(name: str, values: Collection[str], known: Collection[str]) -> None:
+    """Reject `values` unless they are among the `known` names, and at least one."""
+    need(len(values) > 0 and set(values) <= set(known), name, list(values), f"some of {', '.join(known)}")
 
 
 def need_one(name: str, value: str, known: Collection[str]) -> None:
     """Reject `value` unless it is one of the `known` names."""
     need(value in known, name, value, f"one of {', '.join(known)}")
-
-
-def need_several_seeds(parameters: Any) -> None:
-    """Reject a single seed, which gives no interval."""
-    seeds = list(parameters.protocol.seeds)
-    need(len(seeds) > 1, "protocol.seeds", seeds, "at least 2 seeds, or intervals mean nothing")
 
 
 def widest_margin(users: Mapping[str, Mapping[str, float | None]]) -> float | None:

@@ -10,9 +10,7 @@ from pipeline.runtime.settings import Count, Group, ScheduleSettings, VariantSet
 from pipeline.stages.fitting import fit_variant
 from pipeline.training.clearance.fit import trainer
 
-
-class Settings(ScheduleSettings):
-    pass
+Settings = ScheduleSettings
 
 
 class Members(Group):
@@ -29,7 +27,7 @@ class Variant(VariantSettings):
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write weights, checkpoints, predictions and learning curves of `cfg.variant`."""
-    fit_variant(cfg, out_dir, "clearance", trainer)
+    fit_variant(cfg, out_dir, trainer)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,6 @@
 """Stage demos: record demonstrations of every user, fit Bezier paths to them, and draw the query paths."""
 
 from collections.abc import Collection, Mapping
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -16,28 +15,12 @@ from pipeline.artifacts.scenes import read_scenes, train_pool
 from pipeline.launch import launch
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.reading import read_csv
-from pipeline.runtime.settings import (
-    MAX_N,
-    Count,
-    Demonstrations,
-    Distance,
-    Group,
-    Length,
-    Pair,
-    Size,
-    Spread,
-    Whole,
-    need,
-)
+from pipeline.runtime.settings import Count, Demonstrations, Distance, Group, Length, Pair, Size, Spread, Whole, need
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.bezier_fit import fit
-from pipeline.world.clear_cases import Candidates
 from pipeline.world.hand import Hand, check, join, simulate, valid_trajectories
-from pipeline.world.layout import Layouts
-from pipeline.world.rules import slack, valid
-
-DRAWS_PER_CLEAR_PATH = 20  # random paths of which one clear of the boundary is kept
+from pipeline.world.rules import valid
 
 Key = tuple[int, str, int, int]  # seed, user, scene, demo
 
@@ -59,7 +42,6 @@ class Settings(Group):
     per_scene: Demonstrations
     queries_seen: Count
     queries_new: Count
-    clear_m: Distance
     recorded: str | None
     ends_within_m: Length
     poor_above_m: Length
@@ -68,8 +50,8 @@ class Settings(Group):
 
 def agree(demos: Settings, parameters: Any) -> None:
     """Require demonstrations enough for each number that is fitted, and a band of tremor."""
-    least = f"a whole number from max(n_demos) = {max(parameters.n_demos)} to {MAX_N}"
-    need(demos.per_scene >= max(parameters.n_demos), "demos.per_scene", demos.per_scene, least)
+    most = max(parameters.n_demos)
+    need(demos.per_scene >= most, "demos.per_scene", demos.per_scene, f"at least max(n_demos) = {most}")
     low, high = demos.hand.tremor_hz
     band = "a band above 0, the lower end first, below half of rate_hz"
     need(0 < low <= high < demos.hand.rate_hz / 2, "demos.hand.tremor_hz", demos.hand.tremor_hz, band)
@@ -89,11 +71,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         for scene in range(len(layouts[pool]))
         for demo in range(cfg.demos.per_scene)
     ]
-    shown = {}  # the paths that people mean to show, if these are to stay clear of their own boundary
-    if cfg.demos.clear_m:
-        for (seed, pool), user in product(pools.items(), list(cfg.users)):
-            shown[seed, user] = _clear_paths(cfg, layouts[pool], cfg.demos.per_scene, [user], seed, user)
-    samples, offsets = join(_trajectories(cfg, keys, by_people, shown))
+    samples, offsets = join(_trajectories(cfg, keys, by_people))
     fits = fit(samples[:, 1:3], offsets, cfg.demos.poor_above_m)
     demos = pd.DataFrame(keys, columns=DEMO_KEY).assign(
         z_x=fits.z_theta[:, 0],
@@ -116,19 +94,14 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     queries = {}
     for pool in sorted(layouts):
         count = cfg.demos.queries_seen if pool in pools.values() else cfg.demos.queries_new
-        if cfg.demos.clear_m:
-            z = _clear_paths(cfg, layouts[pool], count, cfg.users, "queries", pool)
-        else:
-            z = random_z_theta(stream(cfg.demos.root_seed, "demos", "queries", pool), len(layouts[pool]), count)
+        z = random_z_theta(stream(cfg.demos.root_seed, "demos", "queries", pool), len(layouts[pool]), count)
         queries[pool] = Queries(z, {user: valid(layouts[pool], z, margins) for user, margins in cfg.users.items()})
     write_demos(out_dir, demos, samples, offsets)
     write_queries(out_dir, queries)
 
 
-def _trajectories(
-    cfg: DictConfig, keys: Collection[Key], by_people: Mapping[Key, Array], shown: Mapping[tuple[int, str], Array]
-) -> list[Array]:
-    """Return each demonstration's trajectory (sample, 4), a person's or simulated along `shown`, after checking it.
+def _trajectories(cfg: DictConfig, keys: Collection[Key], by_people: Mapping[Key, Array]) -> list[Array]:
+    """Return each demonstration's trajectory (sample, 4), a person's or simulated, after checking it.
 
     Times begin at 0; all numbers are rounded to the stored float32. InputError if one of `by_people` has no key.
     """
@@ -143,28 +116,11 @@ def _trajectories(
     for key in tqdm(keys, desc="demos"):
         if (trajectory := by_people.get(key)) is None:
             rng = stream(cfg.demos.root_seed, "demos", "recording", *key)
-            z_theta = shown[key[:2]][key[2:]] if shown else random_z_theta(rng)
-            trajectory = simulate(rng, z_theta, hand)
+            trajectory = simulate(rng, random_z_theta(rng), hand)
         check(trajectory, "seed {} user {} scene {} demo {}".format(*key), cfg.demos.ends_within_m)
         since_start = trajectory - [trajectory[0, 0], 0.0, 0.0, 0.0]  # float32 cannot represent absolute clock times
         trajectories.append(since_start.astype(np.float32).astype(float))
     return trajectories
-
-
-def _clear_paths(cfg: DictConfig, layouts: Layouts, count: int, users: Collection[str], *names: str | int) -> Array:
-    """Draw random paths (scene, count, 2) [m] at least `demos.clear_m` from these users' boundaries of validity.
-
-    InputError if a scene has too few.
-    """
-    rng = stream(cfg.demos.root_seed, "demos", "clear", *names)
-    candidates = Candidates.of(layouts, random_z_theta(rng, len(layouts), count * DRAWS_PER_CLEAR_PATH))
-    slacks = np.stack([slack(layouts, candidates.clearances, cfg.users[user]) for user in users])
-    near = (np.abs(slacks) < cfg.demos.clear_m).any(0)  # (scene, candidate)
-    few = int((~near).sum(1).min())
-    at = f"a distance at which each scene has {count} paths: one has {few}"
-    need(few >= count, "demos.clear_m", cfg.demos.clear_m, at)
-    first = np.argsort(near, axis=1, kind="stable")[:, :count]  # the clear ones, in the order drawn
-    return np.take_along_axis(candidates.z_theta, first[..., None], 1)
 
 
 def _read_trajectories(cfg: DictConfig) -> dict[Key, Array]:

@@ -10,7 +10,7 @@ import pandas as pd
 from omegaconf import DictConfig
 from tqdm import tqdm
 
-from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
+from pipeline.artifacts.demos import asked, demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import read_table, write_json, write_table
 from pipeline.artifacts.models import PREDICTION_COLUMNS, fitted_n_demos, model_dir
 from pipeline.artifacts.scenes import read_position_prior, train_pool
@@ -18,7 +18,7 @@ from pipeline.launch import launch
 from pipeline.models import baselines
 from pipeline.models.baselines import NEAREST, POSITION
 from pipeline.runtime.errors import InputError
-from pipeline.runtime.settings import Count, Demonstrations, Group, Names, Some, need, need_several_seeds, need_some
+from pipeline.runtime.settings import Count, Demonstrations, Group, Names, Some, need, need_some
 from pipeline.stats.crossed import estimate, quartiles
 from pipeline.stats.scores import DECISION, accuracy, auroc, brier, expected_calibration_error, reliability
 from pipeline.stats.tests import LEVEL, holm, paired_wilcoxon
@@ -53,7 +53,6 @@ class Settings(Group):
 
 def agree(evaluate: Settings, parameters: Any) -> None:
     """Reject comparisons that cannot be made, and more than MAX_TESTS in a family; absent variants are skipped."""
-    need_several_seeds(parameters)
     need_some("evaluate.users", evaluate.users, parameters.users)
     splits, name, counts = dict(parameters.protocol.splits), "evaluate.comparisons", Counter()
     several = parameters.scenes.validation > 1 or not {"val_scenes", "val_items"} & set(splits.values())
@@ -99,14 +98,10 @@ def _truth(cfg: DictConfig) -> pd.DataFrame:
     queries, parts = read_queries(Path(cfg.paths.demos)), []
     splits = cfg.protocol.splits.items()
     for user, n, seed, (split, shared) in product(cfg.users, cfg.n_demos, cfg.protocol.seeds, splits):
-        pool = shared or train_pool(seed)
-        if pool not in queries or user not in queries[pool].valid:
-            raise InputError(
-                f"no queries of pool {pool} for user {user}: run the demos stage with these seeds and users"
-            )
-        z, valid = queries[pool].z.reshape(-1, 2), queries[pool].valid[user]
+        z, valid = asked(queries, shared or train_pool(seed), user)
         scene, query = np.indices(valid.shape).reshape(2, -1)
-        part = {"scene": scene, "query": query, "valid": valid.ravel(), "z_x": z[:, 0], "z_y": z[:, 1]}
+        x, y = z.reshape(-1, 2).T
+        part = {"scene": scene, "query": query, "valid": valid.ravel(), "z_x": x, "z_y": y}
         parts.append(pd.DataFrame(part).assign(user=user, n_demos=n, seed=seed, split=split))
     return pd.concat(parts, ignore_index=True).astype({"user": "category", "split": "category"})
 

@@ -19,7 +19,7 @@ from jaxtyping import Float, UInt8
 from numpy import ndarray as Array
 from omegaconf import DictConfig
 
-from pipeline.artifacts.demos import demo_arrays, read_labelled
+from pipeline.artifacts.demos import asked, demo_arrays, read_labelled
 from pipeline.artifacts.files import write_table
 from pipeline.artifacts.models import PREDICTION_COLUMNS, fitted_n_demos, save_weights, weights_path
 from pipeline.artifacts.scenes import train_pool
@@ -44,18 +44,15 @@ class Fitted:
 
 
 def fit_variant(
-    cfg: DictConfig, out_dir: Path, stage: str, trainer_of: Callable[[Mapping[str, Any], Mapping[str, Any]], Trainer]
+    cfg: DictConfig, out_dir: Path, trainer_of: Callable[[Mapping[str, Any], Mapping[str, Any]], Trainer]
 ) -> None:
     """Fit `cfg.variant` for every seed, user and number of demonstrations; write all files under `out_dir` at the end.
 
-    trainer_of: settings of variant and stage -> how it is fitted. Raises InputError if the variant belongs to another
-    stage, or for missing scenes, demonstrations or queries, before any is fitted.
+    trainer_of: settings of variant and stage -> how it is fitted. Raises InputError for missing scenes, demonstrations
+    or queries, before any is fitted.
     """
     variant = cfg.variants[cfg.variant]
-    if variant.stage != stage:
-        expected = [name for name, v in cfg.variants.items() if v.stage == stage]
-        raise InputError(f"variant {cfg.variant} is not fitted by stage {stage}: expected one of {', '.join(expected)}")
-    trainer = trainer_of(variant, cfg[stage])
+    trainer = trainer_of(variant, cfg[variant.stage])
     seeds = list(cfg.protocol.seeds) if cfg.seed is None else [cfg.seed]
     keys = [(seed, user, n) for seed in seeds for user in cfg.users for n in fitted_n_demos(cfg, cfg.variant)]
     batches = _batches(cfg, keys, trainer.batch_size)
@@ -104,10 +101,7 @@ def _queries(
     scenes, _, queries = read_labelled(cfg.paths.scenes, cfg.paths.demos)
     pools = {split: pool or train_pool(seed) for split, pool in cfg.protocol.splits.items()}
     scenes.check_has(*pools.values())
-    for pool in pools.values():
-        if pool not in queries or user not in queries[pool].valid:
-            raise InputError(f"no queries of {user} in {pool}: run `dvc repro demos`")
-    return {split: (scenes.images[pool], queries[pool].z, queries[pool].valid[user]) for split, pool in pools.items()}
+    return {split: (scenes.images[pool], *asked(queries, pool, user)) for split, pool in pools.items()}
 
 
 def _fit(cfg: DictConfig, trainer: Trainer, batch: list[Key]) -> list[Fitted]:
@@ -119,8 +113,8 @@ def _fit(cfg: DictConfig, trainer: Trainer, batch: list[Key]) -> list[Fitted]:
     models, curves = trainer.fit_new(name, variant.model, training_sets, seeds, checkpoints)
     has_decoder, results = "alpha" in variant and variant.alpha > 0, []
     for i, (model, curve) in enumerate(zip(models, curves, strict=True)):
-        asked = _queries(cfg, *batch[i][:2])
-        p = {split: model.probability(images, z) for split, (images, z, _) in asked.items()}
+        queries = _queries(cfg, *batch[i][:2])
+        p = {split: model.probability(images, z) for split, (images, z, _) in queries.items()}
         weights = {None: {name: value.numpy() for name, value in model.state_dict().items()}}
         kept = checkpoints.of(model) if studied[i] else {}
         results.append(Fitted(weights | kept, curve, p, convergence(model, training_sets[i], has_decoder)))
@@ -132,8 +126,11 @@ def _write(cfg: DictConfig, out_dir: Path, fitted: dict[Key, Fitted], columns: l
     predictions, curves, gates = [], [], []
     for key, one in fitted.items():
         named = dict(zip(KEY, key, strict=True))
-        asked = _queries(cfg, *key[:2])
-        predictions += [_rows(p, asked[split][2]).assign(split=split, **named) for split, p in one.predictions.items()]
+        queries = _queries(cfg, *key[:2])
+        for split, p in one.predictions.items():
+            scene, query = np.indices(p.shape).reshape(2, -1)
+            rows = {"scene": scene, "query": query, "p": p.ravel(), "valid": queries[split][2].ravel()}
+            predictions.append(pd.DataFrame(rows).assign(split=split, **named))
         curves.append(pd.DataFrame(one.curve, columns=columns).astype({"step": int}).assign(**named))
         gates.append(named | one.convergence)
     for folder in ("weights", "checkpoints"):  # remove the models of an earlier run
@@ -149,9 +146,3 @@ def _write(cfg: DictConfig, out_dir: Path, fitted: dict[Key, Fitted], columns: l
     write_table(out_dir / "curves.parquet", curve)
     means = curve.groupby(["user", "n_demos", "step"], as_index=False)[columns[1:]].mean()
     write_table(out_dir / "curves.csv", means)
-
-
-def _rows(p: Float[Array, "scene query"], valid: Array) -> pd.DataFrame:
-    """Return one row per query, with its prediction and true label."""
-    scene, query = np.indices(p.shape)
-    return pd.DataFrame({"scene": scene.ravel(), "query": query.ravel(), "p": p.ravel(), "valid": valid.ravel()})

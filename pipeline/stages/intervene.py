@@ -5,6 +5,7 @@ Models and world are structural causal models that differ in their mechanisms on
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -28,17 +29,7 @@ from pipeline.models.base import SCENES_PER_BATCH
 from pipeline.models.trained import check_weights, load_model
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
-from pipeline.runtime.settings import (
-    Count,
-    Group,
-    Name,
-    SharedSplit,
-    Whole,
-    checked,
-    need,
-    need_one,
-    need_several_seeds,
-)
+from pipeline.runtime.settings import Count, Group, Name, SharedSplit, Whole, checked, need, need_one
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.catalogue import Catalogue, random_scenes
@@ -84,15 +75,6 @@ class Question:
         return baseline.swapaxes(0, 1), intervened.swapaxes(0, 1)
 
 
-@dataclass(frozen=True)
-class Job:
-    """Some of the scenes: their noises on record, and what each change sets in them."""
-
-    cfg: DictConfig
-    noise: Values
-    changes: list[Values]
-
-
 class Settings(Group):
     split: SharedSplit
     more_scenes: Whole
@@ -107,7 +89,6 @@ class Asked(Group):
 
 def agree(intervene: Settings, parameters: Any) -> None:
     """Reject wrong questions, and questions about another user if that user is unknown, or if there is only one."""
-    need_several_seeds(parameters)
     asked = checked(Asked, {"questions": OmegaConf.to_container(parameters.questions)})
     for name, question in asked.questions.items():
         if question.kind == "user":
@@ -129,9 +110,9 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     questions, changes = _read_questions(cfg, scenes, additions)
 
     chunks = [slice(i, i + SCENES_PER_JOB) for i in range(0, len(scenes.layouts), SCENES_PER_JOB)]
-    jobs = [Job(cfg, _rows(noise, chunk), [_rows(change, chunk) for change in changes]) for chunk in chunks]
+    jobs = [(_rows(noise, chunk), [_rows(change, chunk) for change in changes]) for chunk in chunks]
     truth = expected_validities(true_scm(cfg.users), noise, users, changes)  # (change, user, scene)
-    answers = np.concatenate(map_jobs(_answer, jobs, cfg.workers, "intervene"), axis=-1)
+    answers = np.concatenate(map_jobs(partial(_answer, cfg), jobs, cfg.workers, "intervene"), axis=-1)
     answers = answers.reshape(len(changes), len(variants), len(seeds), *truth.shape[1:])
     expected = {TRUTH: truth[None]} | dict(zip(variants, np.moveaxis(answers, 0, 2), strict=True))
     pairs = {source: [question.expectations(users, e) for question in questions] for source, e in expected.items()}
@@ -223,16 +204,16 @@ def _read_questions(cfg: DictConfig, scenes: Scenes, additions: Mapping) -> tupl
     return questions, changes
 
 
-def _answer(job: Job) -> Float[Array, "change model scene"]:
-    """Return the expected validities of every variant, seed and user, in this order.
+def _answer(cfg: DictConfig, job: tuple[Values, list[Values]]) -> Float[Array, "change model scene"]:
+    """Return the expected validities of every variant, seed and user, in this order, in some of the scenes.
 
     One causal model holds them all, so that each image is rendered, and its objects detected, once.
     """
-    cfg = job.cfg
+    noise, changes = job  # on record, and what each change sets
     keys = [(variant, seed, user) for variant in cfg.variants for seed in cfg.protocol.seeds for user in cfg.users]
     models = {"/".join(map(str, key)): load_model(cfg, key[0], key[2], key[1], cfg.main_n_demos) for key in keys}
     scm = model_scm(models, renderer(read_palette(cfg.paths.data, ImageSource.of(cfg.scenes.source))[1]))
-    return expected_validities(scm, job.noise, list(models), job.changes)
+    return expected_validities(scm, noise, list(models), changes)
 
 
 def _together(pairs: Iterable[Pair]) -> list[Float[Array, "question seed scene"]]:

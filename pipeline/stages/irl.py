@@ -22,7 +22,15 @@ class Jitter(Group):
     other_table: Chance
 
 
+class Steps(Group):
+    """Steps of AdamW by objective."""
+
+    maxent: Count
+    ranked: Count
+
+
 class Settings(Group):
+    steps: Steps
     rate: Size
     weight_decay: Weight
     scenes_per_step: Count
@@ -37,8 +45,6 @@ class RewardModel(Group):
     gain: Size
     dropout: Annotated[float, Field(ge=0, lt=1)]
     lattice_side: Several
-    symmetric: bool
-    ceiling: bool
 
 
 class Variant(VariantSettings):
@@ -47,13 +53,12 @@ class Variant(VariantSettings):
     stage: Literal["irl"]
     kind: Literal["reward"]
     objective: Literal["maxent", "ranked"]
-    steps: Count
     model: RewardModel
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write weights, checkpoints, predictions and learning curves of `cfg.variant`."""
-    fit_variant(cfg, out_dir, "irl", trainer)
+    fit_variant(cfg, out_dir, trainer)
 
 
 if __name__ == "__main__":

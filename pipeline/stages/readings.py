@@ -7,7 +7,6 @@ them every path is valid. New scenes are the validation pool's.
 
 from collections.abc import Mapping
 from functools import partial
-from itertools import product
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,23 +19,12 @@ from pydantic import AfterValidator, Field
 from scipy.stats import t as student
 
 from pipeline.artifacts.files import read_table, write_json, write_table
-from pipeline.artifacts.scenes import SceneSet, read_position_prior, read_scenes, train_pool
+from pipeline.artifacts.scenes import read_position_prior, read_scenes, train_pool
 from pipeline.launch import launch
 from pipeline.models.base import ValidityModel
 from pipeline.models.baselines import NEAREST, POSITION
-from pipeline.runtime.settings import (
-    Count,
-    Demonstrations,
-    Group,
-    Length,
-    Pair,
-    Whole,
-    Wholes,
-    need,
-    need_several_seeds,
-    rising,
-)
-from pipeline.training.judged_sets import FEW, HELD_OUT, NEW, NEW_POOL, OWN, JudgedSet, Kinds, judge, judge_blind, row
+from pipeline.runtime.settings import Count, Demonstrations, Group, Length, Pair, Whole, Wholes, need, rising
+from pipeline.training.judged_sets import FEW, HELD_OUT, NEW, NEW_POOL, OWN, Kinds, judge, judge_blind, row
 from pipeline.training.loop import is_constant
 from pipeline.training.refit import TrainingSet, refit
 from pipeline.training.sets import MIN_OWN_DEMONSTRATIONS
@@ -65,7 +53,6 @@ class Settings(Group):
 
 def agree(readings: Settings, parameters: Any) -> None:
     """Reject numbers of demonstrations without main_n_demos, at which every reading ends, and too few candidates."""
-    need_several_seeds(parameters)
     main_n, n_demos = parameters.main_n_demos, readings.n_demos
     need(main_n in n_demos, "readings.n_demos", n_demos, f"main_n_demos = {main_n} among them, where readings end")
     paths = main_n + readings.held_out
@@ -76,9 +63,12 @@ def agree(readings: Settings, parameters: Any) -> None:
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write accuracy.parquet (a row per fit or baseline, and split), curve.csv, convergence.csv and metrics.json."""
     scenes = read_scenes(Path(cfg.paths.scenes))
-    scenes.check_has(NEW_POOL, *map(train_pool, cfg.protocol.seeds))
+    pools = {seed: train_pool(seed) for seed in cfg.protocol.seeds}
+    scenes.check_has(NEW_POOL, *pools.values())
     evaluated = read_table(Path(cfg.paths.evaluate) / "accuracy.parquet")
-    prior, judged_sets = read_position_prior(Path(cfg.paths.scenes)), draw(cfg, scenes)
+    prior, kinds = read_position_prior(Path(cfg.paths.scenes)), Kinds.of(cfg.readings)
+    distances, n = cfg.readings.clear_cm, cfg.main_n_demos
+    judged_sets = list(kinds.judged_sets(scenes.images, scenes.layouts, pools, [FEW], distances, cfg.users, n))
     evaluate = partial(_judge_and_check, scenes.images[NEW_POOL])
     rows, gates = [], []
     numbers = [n for n in cfg.readings.n_demos if n <= cfg.main_n_demos]
@@ -102,19 +92,6 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     write_table(out_dir / "curve.csv", curve)
     write_table(out_dir / "convergence.csv", convergence)
     write_json(out_dir / "metrics.json", {"curve": ends})
-
-
-def draw(cfg: DictConfig, scenes: SceneSet) -> list[JudgedSet]:
-    """Return every user's demonstrations in every seed's scenes at every distance."""
-    kinds = Kinds(**{name: cfg.readings[name] for name in Kinds.__dataclass_fields__})
-    new, judged_sets = kinds.draw(scenes.layouts[NEW_POOL], NEW_POOL, FEW), []
-    for seed in cfg.protocol.seeds:
-        pool = train_pool(seed)
-        drawn = {HELD_OUT: (pool, kinds.draw(scenes.layouts[pool], pool, FEW)), NEW: (NEW_POOL, new)}
-        for clear_cm, user in product(cfg.readings.clear_cm, cfg.users.items()):
-            arguments = scenes.images[pool], drawn, (FEW, clear_cm), user, seed, cfg.main_n_demos
-            judged_sets.append(kinds.judged_set(*arguments))
-    return judged_sets
 
 
 def _judge_and_check(

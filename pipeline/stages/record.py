@@ -16,8 +16,7 @@ from pipeline.runtime.settings import Count, Group, Several, need
 from pipeline.runtime.writing import atomic_write
 from pipeline.viewer.contents import assemble, read_sources
 from pipeline.viewer.digest import digest
-from pipeline.viewer.overview import write_overview
-from pipeline.viewer.run import write_run
+from pipeline.viewer.run import write_overview, write_run
 
 
 class Settings(Group):
@@ -41,7 +40,9 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     """
     check_weights(cfg)
     sources = read_sources(cfg)
-    accuracy = _accuracy(cfg)
+    table = read_table(Path(cfg.paths.evaluate) / "accuracy.parquet")
+    table = table[(table["split"] == cfg.repair.split) & (table["n_demos"] == cfg.main_n_demos)]
+    accuracy = table.set_index(["variant", "user", "seed"])["accuracy"]
     caring = [user for user, margins in cfg.users.items() if any(margin is not None for margin in margins.values())]
     rows, compared = [], []
     shutil.rmtree(out_dir / "runs", ignore_errors=True)  # remove recordings of earlier models
@@ -58,13 +59,6 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     path = out_dir / "runs" / "overview.rrd"
     atomic_write(path, lambda part: write_overview(part, compared))
     write_table(out_dir / "recordings.csv", pd.DataFrame([*rows, {"run": "overview", "sha256": digest(path)}]))
-
-
-def _accuracy(cfg: DictConfig) -> pd.Series:
-    """Return each model's accuracy in the split that recordings show, by variant, user and seed."""
-    table = read_table(Path(cfg.paths.evaluate) / "accuracy.parquet")
-    rows = table[(table["split"] == cfg.repair.split) & (table["n_demos"] == cfg.main_n_demos)]
-    return rows.set_index(["variant", "user", "seed"])["accuracy"]
 
 
 if __name__ == "__main__":

@@ -17,14 +17,12 @@ from pipeline.artifacts.models import model_name
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool
 from pipeline.launch import launch
 from pipeline.models.trained import check_weights, load_model
-from pipeline.planning.measures import measures
-from pipeline.planning.nearest import by_model, nearest
-from pipeline.planning.oracle import constant_detour
+from pipeline.planning.nearest import by_model, constant_detour, nearest
 from pipeline.planning.repair import Ascent, repair
-from pipeline.planning.starts import Starts, rows
+from pipeline.planning.results import Starts, measures, rows
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
-from pipeline.runtime.settings import Count, Group, SharedSplit, Size, Whole, need, need_several_seeds, widest_margin
+from pipeline.runtime.settings import Count, Group, SharedSplit, Size, Whole, need, widest_margin
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
 
@@ -35,9 +33,8 @@ class Settings(Group):
     split: SharedSplit
     starts: Count
     steps: Count
-    optimiser: Literal["gradient", "normalised", "adam"]
+    optimiser: Literal["gradient", "adam"]
     rate: Size
-    settle: bool
     distance_penalty: Size
     lattice_side: Count
     refinements: Whole
@@ -45,7 +42,6 @@ class Settings(Group):
 
 def agree(repair: Settings, parameters: Any) -> None:
     """Reject users whose paths are all valid."""
-    need_several_seeds(parameters)
     users = parameters.users
     need(widest_margin(users) is not None, "users", users, "at least one user with a margin, or no path is invalid")
 
@@ -87,7 +83,7 @@ def _repair(
     if len(s.z) == 0:
         return pd.DataFrame(), pd.DataFrame(), np.zeros((0, r.steps + 1, 2), np.float32)
     model = load_model(cfg, variant, s.user, seed, cfg.main_n_demos)
-    ascent = Ascent(r.steps, r.optimiser, float(r.rate), bool(r.settle))
+    ascent = Ascent(r.steps, r.optimiser, float(r.rate))
     repairs = repair(model, images, candidates, ascent)  # all candidates, so that batches have one shape
     z, p = repairs.z[s.scene, s.start], repairs.p[s.scene, s.start]
     log_valid = by_model(model, images)

@@ -11,21 +11,15 @@ from omegaconf import DictConfig
 from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import read_arrays, read_json, read_table, write_json
 from pipeline.artifacts.models import PREDICTION_COLUMNS, compared, model_dir
-from pipeline.artifacts.scenes import (
-    AddedItems,
-    SceneSet,
-    read_interventions,
-    read_position_prior,
-    read_scenes,
-    train_pool,
-)
+from pipeline.artifacts.scenes import SceneSet, read_interventions, read_position_prior, read_scenes, train_pool
 from pipeline.launch import launch
 from pipeline.models.baselines import NEAREST, POSITION, nearest_demonstration, position_only
 from pipeline.models.trained import load_model
-from pipeline.report.page import FOLDER, Site, Source, provenance, write_files, write_provenance
+from pipeline.report.derived import by_slice, describe
+from pipeline.report.page import FOLDER, Site, provenance, write_files, write_provenance
 from pipeline.report.render import render
 from pipeline.report.results import DrawnScenes, Results
-from pipeline.report.slices import describe, slices
+from pipeline.report.study import Source
 from pipeline.runtime.settings import Count, Group
 from pipeline.runtime.writing import atomic_write
 from pipeline.world.bezier import lattice
@@ -72,7 +66,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         tables[name] = tables[name].assign(**{column: tables[name][column].fillna("")})  # csv reads "" as missing
     tables["seeds"] = _by_seed(cfg, tables["repairs"])
     tables["judged"] = _judged(cfg, scenes)
-    tables["slices"] = slices(tables["judged"])
+    tables["slices"] = by_slice(tables["judged"])
     tables |= {name: read_table(DECISIONS / file) for name, file in HISTORY.items()}
     results = Results(
         variants=list(cfg.variants),
@@ -142,10 +136,13 @@ def _drawn(cfg: DictConfig, scenes: SceneSet) -> DrawnScenes:
     shown = compared(cfg)
     side, users = cfg.report.map_side, list(cfg.evaluate.users)
     maps = {v: {u: _predicted_map(cfg, v, u, images[mapped], side) for u in users} for v in shown}
-    patterned = _patterned(cfg, layouts[mapped], scenes.appearances[pool].iloc[mapped])
+    palette = read_palette(cfg.paths.data, ImageSource.of(cfg.scenes.source))[1]
+    render_seeds = scenes.appearances[pool]["render_seed"].iloc[mapped].tolist()
+    patterned = render_scenes(layouts[mapped], [cfg.report.patterned_top] * len(mapped), render_seeds, palette)
     added, user = read_interventions(Path(cfg.paths.intervene), layouts), users[0]
     added_images = np.concatenate([images[:1], added.images[:, 0]])
     added_maps = {v: _predicted_map(cfg, v, user, added_images, side) for v in shown if v in ("full", "clearance")}
+    true_added = [_true_map(cfg, user, one[:1], side) for one in (layouts, *added.layouts)]
     return DrawnScenes(
         images=images,
         layouts=layouts,
@@ -156,7 +153,7 @@ def _drawn(cfg: DictConfig, scenes: SceneSet) -> DrawnScenes:
         patterned_maps={v: {u: _predicted_map(cfg, v, u, patterned, side) for u in users} for v in shown},
         added_user=user,
         added_images=added_images,
-        added_maps={"truth": _true_added(cfg, user, layouts, added, side)} | added_maps,
+        added_maps={"truth": np.concatenate(true_added)} | added_maps,
         training=scenes.images[train_pool(seed)][: cfg.report.scenes],
     )
 
@@ -189,12 +186,6 @@ def _judged(cfg: DictConfig, scenes: SceneSet) -> pd.DataFrame:
     return pd.concat(blind, ignore_index=True)
 
 
-def _patterned(cfg: DictConfig, layouts: Layouts, appearance: pd.DataFrame) -> np.ndarray:
-    """Return the scenes rendered on the table top `report.patterned_top`, uint8 (scene, 100, 100, 3)."""
-    tops, seeds = [cfg.report.patterned_top] * len(layouts), appearance["render_seed"].tolist()
-    return render_scenes(layouts, tops, seeds, read_palette(cfg.paths.data, ImageSource.of(cfg.scenes.source))[1])
-
-
 def _predicted_map(cfg: DictConfig, variant: str, user: str, images: np.ndarray, side: int) -> np.ndarray:
     """Return P(valid) (scene, side, side) by the first seed's model at main_n_demos."""
     model = load_model(cfg, variant, user, cfg.protocol.seeds[0], cfg.main_n_demos)
@@ -206,12 +197,6 @@ def _true_map(cfg: DictConfig, user: str, layouts: Layouts, side: int) -> np.nda
     """Return the true validity on the same cells, bool (scene, side, side)."""
     cells = np.broadcast_to(lattice(side), (len(layouts), side**2, 2))
     return valid(layouts, cells, cfg.users[user]).reshape(-1, side, side)
-
-
-def _true_added(cfg: DictConfig, user: str, layouts: Layouts, added: AddedItems, side: int) -> np.ndarray:
-    """Return the true validity in the first scene without and with each added item, bool (1 + symbol, side, side)."""
-    first = [_true_map(cfg, user, one[:1], side) for one in (layouts, *added.layouts)]
-    return np.concatenate(first)
 
 
 def _facts(cfg: DictConfig, scenes: SceneSet) -> dict:

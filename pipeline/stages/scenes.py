@@ -18,7 +18,6 @@ from pipeline.runtime.settings import (
     Count,
     Distance,
     Group,
-    Place,
     Range,
     Several,
     ShareRange,
@@ -41,8 +40,8 @@ CHUNK = 10  # scenes per batch of clearances, so that distances stay in the cach
 class Layout(Group):
     items_per_scene: list[Whole]
     glasses_chance: list[Chance]
-    centre_low: Place
-    centre_high: Place
+    centre_low: Chance  # [m], as is centre_high
+    centre_high: Chance
     clear_of_ends: Distance
     clear_of_items: Distance
     scale_low: Size

@@ -38,7 +38,7 @@ class Variant(VariantSettings):
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write weights, checkpoints, predictions and learning curves of `cfg.variant`."""
     print(f"engine {engine(cfg.train.engine).name}", flush=True)
-    fit_variant(cfg, out_dir, "train", trainer)
+    fit_variant(cfg, out_dir, trainer)
 
 
 if __name__ == "__main__":

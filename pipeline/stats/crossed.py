@@ -38,11 +38,9 @@ def estimate(effects: Float[Array, "question seed scene"], skewed: bool = False)
     sample with too few of them has a mean and an error that are both too small. The correction needs scenes enough to
     estimate a third moment. ValueError unless the effects are finite and of at least two scenes.
     """
-    if effects.ndim != 3 or 0 in effects.shape or effects.shape[-1] < 2 or not np.isfinite(effects).all():
-        raise ValueError(
-            f"effects of shape {effects.shape}, {np.isnan(effects).sum()} of them NaN: expected finite numbers "
-            "(question, seed, scene) of at least two scenes; check the models' predictions"
-        )
+    if effects.shape[-1] < 2 or not np.isfinite(effects).all():
+        nan = np.isnan(effects).sum()
+        raise ValueError(f"effects of {effects.shape[-1]} scenes, {nan} of them NaN: expected two scenes, no NaN")
     effects = np.asarray(effects, dtype=np.float64)
     mean, by_scene = effects.mean((1, 2)), effects.mean(1)
     error, freedom = crossed_error(effects)
@@ -73,14 +71,8 @@ def ratio(
 def linearised(
     numerators: Float[Array, "question seed scene"], denominators: Float[Array, "question seed scene"]
 ) -> Float[Array, "question seed scene"]:
-    """Return values with the ratio of sums as mean and nearly the ratio's standard error (Cochran, 1977, Chapter 6).
-
-    ValueError for a question whose denominators sum to zero.
-    """
-    total = denominators.sum((1, 2), keepdims=True)
-    if not (total > 0).all():
-        raise ValueError(f"{(total <= 0).sum()} of {len(total)} denominators sum to 0: leave these questions out")
-    rate = numerators.sum((1, 2), keepdims=True) / total
+    """Return values with the ratio of sums as mean and nearly the ratio's standard error (Cochran, 1977, Chapter 6)."""
+    rate = numerators.sum((1, 2), keepdims=True) / denominators.sum((1, 2), keepdims=True)
     return rate + (numerators - rate * denominators) / denominators.mean((1, 2), keepdims=True)
 
 

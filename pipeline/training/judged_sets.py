@@ -6,6 +6,8 @@ of the paths are valid where it allows that.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
@@ -18,9 +20,8 @@ from pipeline.runtime.streams import stream
 from pipeline.stats.scores import accuracy
 from pipeline.training.sets import TrainingSet
 from pipeline.world.bezier import random_z_theta
-from pipeline.world.clear_cases import Candidates
 from pipeline.world.layout import Layouts
-from pipeline.world.rules import Margins
+from pipeline.world.rules import Candidates, Margins
 
 ANY, FEW = ROUTES = "any", "few"
 OWN, HELD_OUT, NEW = "demonstrations", "held_out", "new_scenes"  # splits: its own, others on its tables, new tables
@@ -58,6 +59,11 @@ class Kinds:
     candidates: int  # random paths in a scene of which some are chosen
     held_out: int  # paths of a scene, beside the demonstrations, that judge a model
 
+    @classmethod
+    def of(cls, readings: Mapping[str, Any]) -> "Kinds":
+        """Return the kinds of conf/readings.yaml."""
+        return cls(**{name: readings[name] for name in cls.__dataclass_fields__})
+
     def draw(self, layouts: Layouts, pool: str, routes: str) -> Candidates:
         """Return random paths of these routes in each scene."""
         rng, shape = stream(self.root_seed, routes, pool), (len(layouts), self.candidates)
@@ -73,26 +79,30 @@ class Kinds:
         rng = stream(self.root_seed, "choose", pool, user, clear_cm)
         return drawn.choose(rng, margins, clear_cm / 100, count)
 
-    def judged_set(
+    def judged_sets(
         self,
-        images: UInt8[Array, "scene 100 100 3"],
-        drawn: Mapping[str, tuple[str, Candidates]],
-        kind: tuple[str, int],
-        user: tuple[str, Margins],
-        seed: int,
+        images: Mapping[str, UInt8[Array, "scene 100 100 3"]],
+        layouts: Mapping[str, Layouts],
+        pools: Mapping[int, str],
+        routes: Sequence[str],
+        distances: Sequence[int],
+        users: Mapping[str, Margins],
         n: int,
-    ) -> JudgedSet:
-        """Return a user's `n` demonstrations in a seed's scenes, and the paths that judge them.
+    ) -> Iterator[JudgedSet]:
+        """Yield the users' `n` demonstrations of every kind in each seed's scenes, with the paths that judge them.
 
-        drawn: HELD_OUT and NEW -> pool and candidates of these routes; kind: routes and distance [cm].
+        pools: seed -> its training scenes; distances [cm] from the boundary of validity.
         """
-        routes, clear_cm = kind
-        (pool, here), (new_pool, new) = drawn[HELD_OUT], drawn[NEW]
-        z, valid = self.choose(here, pool, *user, clear_cm, n + self.held_out)
-        own = z[:, :n], valid[:, :n]
-        judged = {OWN: own, HELD_OUT: (z[:, n:], valid[:, n:])}
-        judged[NEW] = self.choose(new, new_pool, *user, clear_cm, self.held_out)
-        return JudgedSet(user[0], seed, images, *own, routes, clear_cm, judged)
+        for name in routes:
+            new = self.draw(layouts[NEW_POOL], NEW_POOL, name)
+            for seed, pool in pools.items():
+                here = self.draw(layouts[pool], pool, name)
+                for clear_cm, user in product(distances, users.items()):
+                    z, valid = self.choose(here, pool, *user, clear_cm, n + self.held_out)
+                    own = z[:, :n], valid[:, :n]
+                    judged = {OWN: own, HELD_OUT: (z[:, n:], valid[:, n:])}
+                    judged[NEW] = self.choose(new, NEW_POOL, *user, clear_cm, self.held_out)
+                    yield JudgedSet(user[0], seed, images[pool], *own, name, clear_cm, judged)
 
 
 def judge(

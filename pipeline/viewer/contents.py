@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,6 @@ from pipeline.artifacts.models import fitted_n_demos, model_dir, model_name, wei
 from pipeline.artifacts.scenes import AddedItems, SceneSet, read_interventions, read_scenes, train_pool
 from pipeline.models.base import ValidityModel
 from pipeline.models.trained import load_model
-from pipeline.runtime.errors import InputError
 from pipeline.world.bezier import lattice
 from pipeline.world.layout import SYMBOLS, Layouts
 from pipeline.world.rules import clearance, slack, valid
@@ -139,10 +137,7 @@ def grouped(runs: Sequence[Run], name: str) -> dict[str, list[Run]]:
 
 @dataclass(frozen=True)
 class Sources:
-    """Outputs of the stages for all models.
-
-    `samples[offsets[i]:offsets[i + 1]]` is the trajectory of row i of `demos`.
-    """
+    """Outputs of the stages for all models; `samples[offsets[i]:offsets[i + 1]]` belong to row i of `demos`."""
 
     scenes: SceneSet
     pool: str  # pool of the new scenes
@@ -158,21 +153,14 @@ class Sources:
 
 
 def read_sources(cfg: DictConfig) -> Sources:
-    """Read all artefacts shown in recordings; InputError if any is missing or if they disagree."""
+    """Read all artefacts shown in recordings; InputError if any is missing."""
     folders = {name: Path(folder) for name, folder in cfg.paths.items() if folder}
     scenes, pool = read_scenes(folders["scenes"]), cfg.protocol.splits[cfg.repair.split]
     scenes.check_has(pool, *map(train_pool, cfg.protocol.seeds))
     repairs = read_table(folders["repair"] / "repairs.parquet", REPAIR_COLUMNS).query("method == 'gradient'")
-    paths = read_arrays(folders["repair"] / "paths.npz")
-    expected = repairs.groupby(["variant", "user", "seed"]).size()
-    for key in product(cfg.variants, cfg.users, cfg.protocol.seeds):
-        name, count, wanted = model_name(*key), len(paths.get(model_name(*key), ())), expected.get(key, 0)
-        if count != wanted:
-            raise InputError(
-                f"{folders['repair']}: {wanted} repairs of {name}, {count} paths; run the repair stage again"
-            )
     return Sources(
-        scenes, pool, read_demos(folders["demos"]), *read_trajectories(folders["demos"]), repairs, paths,
+        scenes, pool, read_demos(folders["demos"]), *read_trajectories(folders["demos"]), repairs,
+        read_arrays(folders["repair"] / "paths.npz"),
         read_interventions(folders["intervene"], scenes.layouts[pool]),
         read_table(folders["intervene"] / "effects.parquet", EFFECT_COLUMNS),
         {variant: read_table(model_dir(cfg, variant) / "curves.parquet") for variant in cfg.variants},
@@ -216,8 +204,7 @@ def assemble(cfg: DictConfig, sources: Sources, variant: str, user: str, seed: i
         p = model.probability(image[None], steps) if len(z) else np.zeros(0)
         slacks = slack(layout, clearance(layout, steps.astype(np.float64)), margins)
         start, ends = tuple(of_chosen["start"].tolist()), of_chosen["valid_end"].to_numpy(dtype=bool)
-        shape = z.shape[:2]
-        shown = (start, z, p.reshape(shape), slacks.reshape(shape), ends)
+        shown = start, z, p.reshape(z.shape[:2]), slacks.reshape(z.shape[:2]), ends
         repairs.append(Repairs(scene, image, layout, predicted, true_map(layout), *shown))
 
     effects, interventions = own(sources.effects), []
@@ -230,9 +217,7 @@ def assemble(cfg: DictConfig, sources: Sources, variant: str, user: str, seed: i
             shown = (symbol, added[i], layout, predicted, true_map(layout))
             interventions.append(Intervention(*shown, learned, true, *means, len(rows)))
 
-    curves = sources.curves[variant]
-    of_model = (curves["user"] == user) & (curves["seed"] == seed) & (curves["n_demos"] == n)
-    curve = curves[of_model].sort_values("step")
+    curve = sources.curves[variant].query("user == @user and seed == @seed and n_demos == @n").sort_values("step")
     losses = {str(term): curve[term].to_numpy() for term in curve.columns if term not in CURVE_KEY}
     by_n = {k: repairs[0].predicted if m is model else maps(m, images[:1])[0] for k, m in by_n_demos.items()}
     step, by_step = curve["step"].to_numpy(), {}

@@ -41,15 +41,11 @@ def map_image(values: Array) -> Array:
 
 def footprints(layout: Layouts) -> list[tuple[str, Float[Array, "point 2"]]]:
     """Return the symbol and the closed outline [m] of every item of the one scene in `layout`."""
-    return _outlines(layout, {symbol: 0.0 for symbol in SYMBOLS})
+    return kept_clear(layout, dict.fromkeys(SYMBOLS, 0.0))
 
 
 def kept_clear(layout: Layouts, margins: Mapping[str, float | None]) -> list[tuple[str, Float[Array, "point 2"]]]:
     """Return the same outlines enlarged by the user's margin, for items with a margin."""
-    return _outlines(layout, margins)
-
-
-def _outlines(layout: Layouts, margins: Mapping[str, float | None]) -> list[tuple[str, Array]]:
     half_turn = np.linspace(0.5 * np.pi, 1.5 * np.pi, ARC_POINTS)
     outlines = []
     for slot in np.flatnonzero(layout.present[0]):
@@ -73,8 +69,3 @@ def boundary(truth: Bool[Array, "side side"]) -> Float[Array, "edge 2 2"]:
     row, column = np.nonzero(image[1:] != image[:-1])
     level = np.stack([np.stack([column, row + 1], -1), np.stack([column + 1, row + 1], -1)], axis=1)
     return np.concatenate([upright, level]).astype(float)
-
-
-def crosses(centres: Float[Array, "mark 2"], arm: float) -> Float[Array, "mark 5 2"]:
-    """Return an x-shaped line around each centre; `arm`: extent along each axis."""
-    return centres[:, None] + arm * np.array([[-1, -1], [1, 1], [0, 0], [-1, 1], [1, -1]])

@@ -2,7 +2,6 @@
 
 python -m pipeline.viewer.review                   all variants and the truth
 python -m pipeline.viewer.review full-careful-s0   one run
-python -m pipeline.viewer.review execution         a study's
 python -m pipeline.viewer.review --worst           the run with the lowest accuracy
 python -m pipeline.viewer.review --web             in a browser, served to this machine only
 python -m pipeline.viewer.review --check           no window: verify the file and compare its digest
@@ -29,10 +28,7 @@ COLUMNS = ["run", "sha256", "accuracy"]  # of recordings.csv
 
 
 def recordings(kept: Path, runs: Path) -> dict[str, Path]:
-    """Return the recordings there are by name.
-
-    kept: the recordings in git; runs: those of stage record, which come first.
-    """
+    """Return the recordings there are by name: those kept in git, or better those of stage record (`runs`)."""
     return {path.stem: path for folder in (kept, runs) for path in sorted(folder.glob("*.rrd"))}
 
 
@@ -41,10 +37,8 @@ def find(kept: Path, runs: Path, run: str) -> Path:
     here = recordings(kept, runs)
     if run not in here:
         names = ", ".join(list(here)[:EXAMPLES]) or "none"
-        raise InputError(
-            f"no recording {run!r} here, but {names}: expected <variant>-<user>-s<seed>; git keeps few of them, "
-            "`make repro` writes all"
-        )
+        known = f"no recording {run!r} here, but {names}: expected <variant>-<user>-s<seed>"
+        raise InputError(f"{known}; git keeps few of them, `make repro` writes all")
     return here[run]
 
 
@@ -69,15 +63,8 @@ def check(kept: Path, runs: Path, run: str) -> None:
     expected = read_table(kept / "recordings.csv", COLUMNS).set_index("run")["sha256"].get(run)
     contents = digest(path)
     if expected != contents:
-        raise InputError(
-            f"{path} has digest {contents}, recordings.csv says {expected}: delete it and run `make repro`"
-        )
-
-
-def folders_of(run: str) -> tuple[Path, Path]:
-    """Return where git keeps a run's recording, and where its stage writes it; a study's bears the study's name."""
-    of_study, paths = Path("studies", run, "recording"), load(PARAMS).paths
-    return (of_study, of_study) if of_study.is_dir() else (Path(paths.selection), Path(paths.record) / "runs")
+        says = f"{path} has digest {contents}, recordings.csv says {expected}"
+        raise InputError(f"{says}: delete it and run `make repro`")
 
 
 def show(path: Path, web: bool = False) -> int:
@@ -111,13 +98,13 @@ def _main() -> int:
         "python -m pipeline.viewer.review", None, about, examples, formatter_class=argparse.RawTextHelpFormatter
     )
     which = parser.add_mutually_exclusive_group()
-    names = f"<variant>-<user>-s<seed>, or a study's name (default: {OVERVIEW})"
-    which.add_argument("run", nargs="?", default=OVERVIEW, help=names)
+    which.add_argument("run", nargs="?", default=OVERVIEW, help=f"<variant>-<user>-s<seed> (default: {OVERVIEW})")
     which.add_argument("--worst", action="store_true", help="the run with the lowest accuracy")
     parser.add_argument("--web", action="store_true", help="serve Rerun's web viewer to this machine")
     parser.add_argument("--check", action="store_true", help="verify the file and compare its digest; no window")
     args = parser.parse_args()
-    run, folders = args.run, folders_of(args.run)
+    run, paths = args.run, load(PARAMS).paths
+    folders = Path(paths.selection), Path(paths.record) / "runs"
     if args.worst:
         run, reason = worst(*folders)
         print(reason, flush=True)

@@ -1,6 +1,6 @@
-"""Write one model's recording as a Rerun file.
+"""Write recordings as Rerun files: one model's, and the overview of all variants and the truth in the same new scenes.
 
-Entities (coordinates: see `geometry`; {table}: image, outlines and names, see `scene.log_table`):
+Entities of a run (coordinates: see `geometry`; {table}: image, outlines and names, see `scene.log_table`):
 
     about, text/{repairs,interventions,learning,training}    sources of the recording; explanation of each tab
     fixed/{titles,table_edges}                               titles and edges of a new scene's panels
@@ -15,9 +15,17 @@ Entities (coordinates: see `geometry`; {table}: image, outlines and names, see `
     training/scene_000/{table}, {paths,valid,invalid}        a training scene with the user's demonstrations
 
 Time lines: repair_step (gradient steps), intervention (added items), demonstrations and train_step (learning).
+
+Entities of the overview:
+
+    about, text/overview, fixed/table_edges                  as in a run
+    USER/{table,titles}                                      a scene with items never seen in training; panels' titles
+    USER/truth/map, USER/VARIANT/map                         which z_theta are valid; the model's verdicts against it
+
+Its time line `scene` has one step per scene, the one with most wrong verdicts first.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,36 +37,17 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from numpy import ndarray as Array
 
 from pipeline.legend import label
-from pipeline.viewer.blueprint import beside_text, board, tabbed
+from pipeline.viewer import scene as views
 from pipeline.viewer.contents import Repairs, Run, grouped
-from pipeline.viewer.geometry import TABLE_PIXELS, boundary, crosses, footprints, on_map, on_table
-from pipeline.viewer.scene import (
-    BOUNDARY,
-    INVALID,
-    MAPS,
-    OUTCOME,
-    START,
-    TIMELINES,
-    TITLES,
-    VALID,
-    effect_classes,
-    jpeg,
-    log_map,
-    log_static,
-    log_table,
-    log_table_edges,
-    log_texts,
-    log_titles,
-    markdown,
-    p_classes,
-    panel,
-    recording_at,
-    scene_name,
-    set_time,
-)  # fmt: skip
+from pipeline.viewer.geometry import TABLE_PIXELS, boundary, footprints, on_map, on_table
 from pipeline.world.bezier import curve
 
-REPAIR, INTERVENTION, DEMONSTRATIONS, STEPS = TIMELINES  # the time lines
+# The time lines of a run's recording, each with the time at which it shows the entities of the other time lines.
+TIMELINES = {"repair_step": 0, "intervention": 0, "demonstrations": 1, "train_step": 0}
+REPAIR, INTERVENTION, DEMONSTRATIONS, STEPS = TIMELINES
+MAPS = {"predicted": (0, 1), "outcomes": (0, 2)}  # panels (row, column) of a new scene's maps, right of its table
+TITLES = {(0, 0): "Table", (0, 1): "Model's P(valid)", (0, 2): "Model against truth"}
+SCENE, COLUMNS = "scene", 4  # the overview's time line, and the columns of its board
 FIXED = "/fixed/titles", "/fixed/table_edges"
 POINTS = 13  # points drawn along a Bezier path
 EVERY = 5  # of a recorded trajectory's samples, each fifth is drawn
@@ -80,13 +69,13 @@ _TEMPLATES.globals |= {"label": label, "grouped": grouped}
 
 def write_run(path: Path, run: Run) -> None:
     """Write `run`, which has at least one new scene, to `path` with its blueprint."""
-    with recording_at(path, run.name, _layout(run)) as recording:
+    with views.recording_at(path, run.name, _layout(run)) as recording:
         tabs = ("repairs", "interventions", "learning", "training")
-        log_texts(recording, text("about_run", run), {tab: text(tab, run) for tab in tabs})
-        log_titles(recording, "fixed", TITLES)
-        log_table_edges(recording, "fixed", MAPS.values())
+        views.log_texts(recording, text("about_run", run), {tab: text(tab, run) for tab in tabs})
+        views.log_titles(recording, "fixed", TITLES)
+        views.log_table_edges(recording, "fixed", MAPS.values())
         for name, place in MAPS.items():
-            log_static(recording, name, panel(place, len(run.repairs[0].truth)))
+            views.log_static(recording, name, views.panel(place, len(run.repairs[0].truth)))
         for shown in run.repairs:
             _log_repairs(recording, shown, run.margins)
         _log_interventions(recording, run)
@@ -103,119 +92,116 @@ def _layout(run: Run) -> rrb.Blueprint:
     """Return a tab per new scene, first those with repairs and with most errors, and one for each other topic."""
     tabs: list[rrb.Container] = []
     for shown in sorted(run.repairs, key=lambda shown: (not shown.start, shown.agreement)):
-        scene = scene_name(shown.scene)
-        views: list[rrb.Container | rrb.View] = [
-            board((1, 3), *(f"/{part}/{scene}/**" for part in ("table", "predicted", "outcomes")), *FIXED)
-        ]
+        scene = f"scene_{shown.scene:03d}"
+        contents = (f"/{part}/{scene}/**" for part in ("table", "predicted", "outcomes"))
+        parts: list[rrb.Container | rrb.View] = [views.board((1, 3), *contents, *FIXED)]
         if shown.start:
             accepted = rrb.TimeSeriesView(origin=f"p_valid/{scene}", name="Model's P(valid): accepted above 0.5")
-            slack = rrb.TimeSeriesView(
-                origin=f"slack/{scene}", name="True distance beyond the margin [cm]: valid above 0"
-            )
-            views.append(rrb.Horizontal(accepted, slack))
+            beyond = "True distance beyond the margin [cm]: valid above 0"
+            parts.append(rrb.Horizontal(accepted, rrb.TimeSeriesView(origin=f"slack/{scene}", name=beyond)))
         name = f"New scene {shown.scene}: {1 - shown.agreement:.0%} wrong"
-        tabs.append(beside_text(name, rrb.Vertical(*views, row_shares=[4, 3][: len(views)]), "repairs"))
-    table = [f"/table/{scene_name(run.repairs[0].scene)}/{part}" for part in ("image", "outlines", "names")]
+        tabs.append(views.beside_text(name, rrb.Vertical(*parts, row_shares=[4, 3][: len(parts)]), "repairs"))
+    table = [f"/table/scene_{run.repairs[0].scene:03d}/{part}" for part in ("image", "outlines", "names")]
     effects = rrb.TextDocumentView(origin="interventions/effects", name="Effects")
-    tabs.append(beside_text("Interventions", board((2, 3), *table, "/interventions/**"), "interventions", effects))
-    maps = board((1, 3), *table, "/predicted/learning/**", "/outcomes/learning/**", *FIXED)
+    added = views.board((2, 3), *table, "/interventions/**")
+    tabs.append(views.beside_text("Interventions", added, "interventions", effects))
+    maps = views.board((1, 3), *table, "/predicted/learning/**", "/outcomes/learning/**", *FIXED)
     losses = rrb.TimeSeriesView(origin="losses", name="Losses, on train_step")
-    tabs.append(beside_text("Learning", rrb.Vertical(maps, losses, row_shares=[4, 3]), "learning"))
+    tabs.append(views.beside_text("Learning", rrb.Vertical(maps, losses, row_shares=[4, 3]), "learning"))
     if run.demonstrations:
-        scenes = board((1, len(run.demonstrations)), "/training/**")
-        tabs.append(beside_text("Training scenes", scenes, "training"))
-    return tabbed(run.name, tabs, rrb.TimePanel(state="collapsed", timeline=REPAIR, fps=6.0, loop_mode="all"))
+        scenes = views.board((1, len(run.demonstrations)), "/training/**")
+        tabs.append(views.beside_text("Training scenes", scenes, "training"))
+    return views.tabbed(run.name, tabs, rrb.TimePanel(state="collapsed", timeline=REPAIR, fps=6.0, loop_mode="all"))
 
 
 def _log_repairs(recording: rr.RecordingStream, shown: Repairs, margins: Mapping[str, float | None]) -> None:
     """Log a new scene with its maps and all repairs, on the time line repair_step; the invalid starts stay visible."""
-    scene, side, count = scene_name(shown.scene), len(shown.truth), len(shown.start)
+    scene, side, count = f"scene_{shown.scene:03d}", len(shown.truth), len(shown.start)
     colours = [COLOURS[i % len(COLOURS)] for i in range(count)]
-    log_table(recording, f"table/{scene}", shown.image, shown.layout, margins)
-    log_map(recording, f"predicted/{scene}", p_classes(shown.predicted))
+    views.log_table(recording, f"table/{scene}", shown.image, shown.layout, margins)
+    views.log_map(recording, f"predicted/{scene}", views.p_classes(shown.predicted))
     edges, trails = boundary(shown.truth), on_map(shown.z, side)  # trails: (repair, step, 2)
-    of_lines = [*len(edges) * [BOUNDARY], *colours]
-    log_static(recording, f"predicted/{scene}/lines", rr.LineStrips2D([*edges, *trails], colors=of_lines, radii=0.15))
-    log_map(recording, f"outcomes/{scene}", OUTCOME + shown.outcomes)
+    lines = rr.LineStrips2D([*edges, *trails], colors=[*len(edges) * [views.BOUNDARY], *colours], radii=0.15)
+    views.log_static(recording, f"predicted/{scene}/lines", lines)
+    views.log_map(recording, f"outcomes/{scene}", views.OUTCOME + shown.outcomes)
     if not count:
         return
 
     paths = on_table(curve(shown.z, POINTS)).swapaxes(0, 1)  # (step, repair, POINTS, 2)
     names = [str(start) for start in shown.start]
-    log_static(recording, f"table/{scene}/starts", rr.LineStrips2D(paths[0], colors=START, radii=0.2))
+    views.log_static(recording, f"table/{scene}/starts", rr.LineStrips2D(paths[0], colors=views.START, radii=0.2))
     for step, (lines, z_theta) in enumerate(zip(paths, trails.swapaxes(0, 1), strict=True)):
         recording.set_time(REPAIR, sequence=step)
         strips = rr.LineStrips2D(lines, colors=colours, radii=0.5, draw_order=ABOVE)
-        recording.log(f"table/{scene}/paths", strips)
         points = rr.Points2D(z_theta, colors=colours, labels=names, radii=0.7)
+        recording.log(f"table/{scene}/paths", strips)
         recording.log(f"predicted/{scene}/z_theta", points)
-    for valid, end in ((True, "valid"), (False, "invalid")):  # at the last step
-        if (chosen := shown.ends_valid == valid).any():
-            centres = paths[-1, chosen, POINTS // 2]
-            recording.log(f"table/{scene}/{end}", _mark(centres, valid, None if valid else "still invalid"))
+    _log_marks(recording, f"table/{scene}", paths[-1, :, POINTS // 2], shown.ends_valid, "still invalid")  # at the end
     recording.reset_time()
     for entity, values in ((f"p_valid/{scene}", shown.p), (f"slack/{scene}", 100 * shown.slack)):
-        named = [f"start {name}" for name in names]
-        log_static(recording, entity, rr.SeriesLines(names=named, colors=colours, widths=2))
-        _send_series(recording, entity, REPAIR, np.arange(values.shape[1]), values.T)
+        series = {f"start {name}": row for name, row in zip(names, values, strict=True)}
+        _log_series(recording, entity, REPAIR, np.arange(values.shape[1]), series, colors=colours, widths=2)
 
 
-def _send_series(recording: rr.RecordingStream, entity: str, timeline: str, steps: Array, values: Array) -> None:
-    """Log `values` (step, series) at all `steps` of a time line at once."""
-    scalars = rr.Scalars.columns(scalars=values.astype(np.float64).ravel())
-    columns = scalars.partition([values.shape[1]] * len(values))
+def _log_series(
+    recording: rr.RecordingStream, entity: str, timeline: str, steps: Array, series: Mapping[str, Array], **style: Any
+) -> None:
+    """Log the values of each named series at all `steps` of a time line at once."""
+    views.log_static(recording, entity, rr.SeriesLines(names=list(series), **style))
+    values = np.stack(list(series.values()), axis=-1).astype(np.float64)
+    columns = rr.Scalars.columns(scalars=values.ravel()).partition([len(series)] * len(values))
     recording.send_columns(entity, [rr.TimeColumn(timeline, sequence=steps)], columns)
 
 
-def _mark(centres: Array, valid: bool, label: str | None = None) -> rr.AsComponents:
-    """Return a disc for each valid path and a cross for each invalid one, with a label."""
-    labels = None if label is None else [label] * len(centres)
-    if valid:
-        return rr.Points2D(centres, colors=VALID, radii=MARK_RADIUS, draw_order=TOP, labels=labels)
-    lines = crosses(centres, MARK_RADIUS)
-    return rr.LineStrips2D(lines, colors=INVALID, radii=0.3 * MARK_RADIUS, draw_order=TOP, labels=labels)
+def _log_marks(
+    recording: rr.RecordingStream, entity: str, centres: Array, valid: Array, word: str | None = None, **when: bool
+) -> None:
+    """Log a disc for each valid path, and a cross, with a word beside it, for each invalid one."""
+    if valid.any():
+        discs = rr.Points2D(centres[valid], colors=views.VALID, radii=MARK_RADIUS, draw_order=TOP)
+        recording.log(f"{entity}/valid", discs, **when)
+    if not valid.all():
+        cross: Array = MARK_RADIUS * np.array([[-1, -1], [1, 1], [0, 0], [-1, 1], [1, -1]])
+        lines, labels = [*(centres[~valid][:, None] + cross)], [word] * int((~valid).sum()) if word else None
+        strips = rr.LineStrips2D(lines, colors=views.INVALID, radii=0.3 * MARK_RADIUS, draw_order=TOP, labels=labels)
+        recording.log(f"{entity}/invalid", strips, **when)
 
 
 def _log_interventions(recording: rr.RecordingStream, run: Run) -> None:
     """Log the effect of each added item on table, maps and E[V] in the first new scene: a step each."""
     before, entity = run.repairs[0], "interventions"
-    log_static(recording, f"{entity}/table", panel((1, 0), TABLE_PIXELS))
-    log_titles(recording, entity, EFFECTS)
-    log_table_edges(recording, entity, EFFECT_MAPS.values())
+    views.log_static(recording, f"{entity}/table", views.panel((1, 0), TABLE_PIXELS))
+    views.log_titles(recording, entity, EFFECTS)
+    views.log_table_edges(recording, entity, EFFECT_MAPS.values())
     for step, done in enumerate(run.interventions):
-        set_time(recording, INTERVENTION, step)
+        for timeline, first in TIMELINES.items():  # other time lines show the last step
+            recording.set_time(timeline, sequence=step if timeline == INTERVENTION else first)
         _, outline = footprints(done.layout)[-1]
-        recording.log(f"{entity}/table/image", jpeg(done.image))
-        recording.log(f"{entity}/table/added", rr.LineStrips2D([on_table(outline)], colors=START, radii=0.5))
-        maps = {
-            "predicted": p_classes(done.predicted),
-            "truth": p_classes(done.truth),
-            "learned_effect": effect_classes(done.predicted - before.predicted),
-            "true_effect": effect_classes(done.truth - before.truth.astype(np.float64)),
-        }
-        for name, values in maps.items():
-            log_map(recording, f"{entity}/{name}", values, panel(EFFECT_MAPS[name], len(values)))
-        recording.log(f"{entity}/effects", markdown(text("effects", run, step)))
+        recording.log(f"{entity}/table/image", views.jpeg(done.image))
+        recording.log(f"{entity}/table/added", rr.LineStrips2D([on_table(outline)], colors=views.START, radii=0.5))
+        effects = done.predicted - before.predicted, done.truth - before.truth.astype(np.float64)
+        maps = [*map(views.p_classes, (done.predicted, done.truth)), *map(views.effect_classes, effects)]
+        for (name, place), values in zip(EFFECT_MAPS.items(), maps, strict=True):
+            views.log_map(recording, f"{entity}/{name}", values, views.panel(place, len(values)))
+        recording.log(f"{entity}/effects", views.markdown(text("effects", run, step)))
         recording.reset_time()
 
 
 def _log_learning(recording: rr.RecordingStream, run: Run) -> None:
     """Log the map of the first new scene by number of demonstrations and by training step, and every loss."""
-    learning = run.learning
-    others = {timeline: first for timeline, first in TIMELINES.items() if timeline != STEPS}
+    learning, others = run.learning, {name: first for name, first in TIMELINES.items() if name != STEPS}
     maps = [({**others, DEMONSTRATIONS: n}, predicted) for n, predicted in learning.by_n.items()]
     maps += [({STEPS: step}, predicted) for step, predicted in learning.by_step.items()]
     for times, predicted in maps:
         recording.reset_time()
         for timeline, time in times.items():
             recording.set_time(timeline, sequence=time)
-        log_map(recording, "predicted/learning", p_classes(predicted))
-        log_map(recording, "outcomes/learning", OUTCOME + replace(run.repairs[0], predicted=predicted).outcomes)
+        views.log_map(recording, "predicted/learning", views.p_classes(predicted))
+        outcomes = replace(run.repairs[0], predicted=predicted).outcomes
+        views.log_map(recording, "outcomes/learning", views.OUTCOME + outcomes)
     recording.reset_time()
-    terms = list(learning.losses)
-    colours = [TERMS[i % len(TERMS)] for i in range(len(terms))]
-    log_static(recording, "losses", rr.SeriesLines(names=terms, colors=colours, widths=1.5))
-    _send_series(recording, "losses", STEPS, learning.step, np.stack(list(learning.losses.values()), axis=-1))
+    colours = [TERMS[i % len(TERMS)] for i in range(len(learning.losses))]
+    _log_series(recording, "losses", STEPS, learning.step, learning.losses, colors=colours, widths=1.5)
 
 
 def _log_demonstrations(recording: rr.RecordingStream, run: Run) -> None:
@@ -224,16 +210,45 @@ def _log_demonstrations(recording: rr.RecordingStream, run: Run) -> None:
     Valid paths are thick with a disc, invalid ones thin with a cross.
     """
     titles = {(0, i): f"Training scene {shown.scene}" for i, shown in enumerate(run.demonstrations)}
-    log_titles(recording, "training", titles)
+    views.log_titles(recording, "training", titles)
     for column, shown in enumerate(run.demonstrations):
-        entity = f"training/{scene_name(shown.scene)}"
-        log_static(recording, entity, panel((0, column), TABLE_PIXELS))
-        log_table(recording, entity, shown.image, shown.layout, run.margins)
+        entity = f"training/scene_{shown.scene:03d}"
+        views.log_static(recording, entity, views.panel((0, column), TABLE_PIXELS))
+        views.log_table(recording, entity, shown.image, shown.layout, run.margins)
         fitted = on_table(curve(shown.z, POINTS))
         recorded = [on_table(samples[::EVERY, 1:3]) for samples in shown.samples]
-        colours = [*(VALID if valid else INVALID for valid in shown.valid), *len(recorded) * [RECORDED]]
+        colours = [*(views.VALID if valid else views.INVALID for valid in shown.valid), *len(recorded) * [RECORDED]]
         radii = [*np.where(shown.valid, 0.5, 0.25).tolist(), *len(recorded) * [0.08]]
-        log_static(recording, f"{entity}/paths", rr.LineStrips2D([*fitted, *recorded], colors=colours, radii=radii))
-        for valid, name in ((True, "valid"), (False, "invalid")):
-            if (chosen := shown.valid == valid).any():
-                log_static(recording, f"{entity}/{name}", _mark(fitted[chosen, POINTS // 2], valid))
+        lines = rr.LineStrips2D([*fitted, *recorded], colors=colours, radii=radii)
+        views.log_static(recording, f"{entity}/paths", lines)
+        _log_marks(recording, entity, fitted[:, POINTS // 2], shown.valid, static=True)
+
+
+def write_overview(path: Path, runs: Sequence[Run]) -> None:
+    """Write `runs` of the same scenes, one per user and variant, to `path` with a blueprint: a tab per user."""
+    users = grouped(runs, "user")
+    count = 2 + max(map(len, users.values()))  # table, truth, variants
+    places = [divmod(i, COLUMNS) for i in range(count)]
+    shape = places[-1][0] + 1, min(count, COLUMNS)
+    tabs = [
+        views.beside_text(f"{user} user", views.board(shape, f"/{user}/**", "/fixed/table_edges"), "overview")
+        for user in users
+    ]
+    time = rrb.TimePanel(state="collapsed", timeline=SCENE, play_state="paused", fps=0.5)
+    with views.recording_at(path, "overview", views.tabbed("overview", tabs, time)) as recording:
+        views.log_texts(recording, text("about_overview", runs), {"overview": text("overview", runs)})
+        views.log_table_edges(recording, "fixed", places[1:])
+        for user, of_user in users.items():
+            agreement = np.mean([[shown.agreement for shown in run.repairs] for run in of_user], axis=0)
+            for step, scene in enumerate(np.argsort(agreement, kind="stable").tolist()):  # the worst first
+                recording.set_time(SCENE, sequence=step)
+                shown = {run.variant: run.repairs[scene] for run in of_user}
+                first = next(iter(shown.values()))
+                titles = [f"New scene {first.scene}", "Truth"]
+                titles += [f"{label(variant)}: {of_run.agreement:.0%} right" for variant, of_run in shown.items()]
+                views.log_titles(recording, user, dict(zip(places, titles, strict=True)))
+                views.log_table(recording, f"{user}/table", first.image, first.layout, of_user[0].margins)
+                maps = {"truth": first.truth, **{variant: of_run.outcomes for variant, of_run in shown.items()}}
+                for place, (name, values) in zip(places[1:], maps.items(), strict=True):
+                    classes = views.OUTCOME + values.astype(np.uint8)
+                    views.log_map(recording, f"{user}/{name}", classes, views.panel(place, len(values)))

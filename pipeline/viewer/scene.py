@@ -1,10 +1,11 @@
-"""Shared parts of recordings: the file, a scene on the table, a map over z_theta, panels with titles.
+"""Shared parts of recordings: the file and its tabs, a scene on the table, a map over z_theta, panels with titles.
 
 Entities are logged at the current time, or for all times if none is set. Tables and maps are arranged on boards: one
 view with panels of the table's size in rows and columns. A map is an image of classes, in the pages' colours.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+import uuid
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from jaxtyping import Float, UInt8
 from numpy import ndarray as Array
 
 from pipeline import legend
-from pipeline.viewer.geometry import TABLE_PIXELS, corner, footprints, kept_clear, map_image, on_map, on_table
+from pipeline.viewer.geometry import PITCH, TABLE_PIXELS, corner, footprints, kept_clear, map_image, on_map, on_table
 from pipeline.world.bezier import P_F, P_INIT
 from pipeline.world.layout import Layouts
 
@@ -27,31 +28,49 @@ JPEG_QUALITY = 90
 VALID, INVALID, START = (tuple(bytes.fromhex(x[1:])) for x in (legend.VALID, legend.INVALID, legend.START))  # RGB
 ITEM, KEPT_CLEAR = (255, 255, 255), (255, 255, 255, 110)  # RGB, RGBA; titles are white, too
 BOUNDARY, TABLE_EDGE = (213, 0, 120), (143, 143, 143)  # RGB
+BACKDROP = (24, 24, 28)  # dark, so that image edges and white titles are visible in a light theme
 LIGHT, DARK = (222, 222, 222), (62, 62, 68)  # valid and invalid where model and truth agree; no effect is dark, too
 
 # First class of P(valid) in hundredths, of `Repairs.outcomes`, and of effects from -1 to 1 in fiftieths.
 P_VALID, OUTCOME, EFFECT = 0, 101, 105
-OUTCOMES = (
-    ("invalid", DARK),
-    ("valid", LIGHT),
-    ("invalid, called valid", INVALID),
-    ("valid, called invalid", VALID),
-)
-
-# The time lines of a run's recording, each with the time at which it shows the entities of the other time lines.
-TIMELINES = {"repair_step": 0, "intervention": 0, "demonstrations": 1, "train_step": 0}
+OUTCOMES = ("invalid", DARK), ("valid", LIGHT), ("invalid, called valid", INVALID), ("valid, called invalid", VALID)
 
 Panel = tuple[int, int]  # row and column on a board
+AROUND = 4.0  # border around a board, and four times as much above it for titles [pixels of the table]
 TITLE = np.array([TABLE_PIXELS / 2, -7.0])  # offset of a title from its panel's corner
-MAPS = {"predicted": (0, 1), "outcomes": (0, 2)}  # panels (row, column) of a new scene's maps, right of its table
-TITLES = {(0, 0): "Table", (0, 1): "Model's P(valid)", (0, 2): "Model against truth"}
+
+
+def tabbed(name: str, tabs: Sequence[rrb.Container], time: rrb.TimePanel) -> rrb.Blueprint:
+    """Return the blueprint of the recording `name`: its tabs, and one with the parameters."""
+    about = rrb.TextDocumentView(origin="about", name="Parameters and data")
+    root = rrb.Tabs(*tabs, about, active_tab=0)
+    parts: list[rrb.Container | rrb.View] = [root]
+    for number, part in enumerate(parts):  # grows as it goes; ids are fixed, so that `digest` is the same each time
+        part.id = uuid.uuid5(uuid.NAMESPACE_OID, f"{APPLICATION}/{name}/{number}")
+        parts += part.contents if isinstance(part, rrb.Container) else []
+    hidden = rrb.BlueprintPanel(state="hidden"), rrb.SelectionPanel(state="hidden")
+    return rrb.Blueprint(root, *hidden, time, auto_views=False)
+
+
+def beside_text(name: str, shown: rrb.Container | rrb.View, text: str, *more: rrb.View) -> rrb.Container:
+    """Return a tab with its contents, and next to them its text and `more` views."""
+    what = rrb.TextDocumentView(origin=f"text/{text}", name="What you see")
+    return rrb.Horizontal(shown, rrb.Vertical(what, *more) if more else what, column_shares=[3, 1], name=name)
+
+
+def board(shape: tuple[int, int], *contents: str) -> rrb.Spatial2DView:
+    """Return a view of panels in `shape` (rows, columns) with titles."""
+    height, width = (PITCH * count - (PITCH - TABLE_PIXELS) for count in shape)
+    bounds = rrb.VisualBounds2D(x_range=(-AROUND, width + AROUND), y_range=(-4 * AROUND, height + 2 * AROUND))
+    return rrb.Spatial2DView(
+        origin="/", contents=list(contents), background=BACKDROP, visual_bounds=bounds, titlebar=False
+    )
 
 
 def classes() -> list[tuple[int, str, tuple[int, ...]]]:
     """Return number, label and colour of every class in a map."""
     p = matplotlib.colormaps[legend.MAP](np.linspace(0, 1, 101), bytes=True)[:, :3].tolist()
-    labelled = [(f"{i / 100:.2f}", tuple(colour)) for i, colour in enumerate(p)]
-    labelled += OUTCOMES
+    labelled = [(f"{i / 100:.2f}", tuple(colour)) for i, colour in enumerate(p)] + list(OUTCOMES)
     ends = list(zip(INVALID, DARK, VALID, strict=True))  # from becoming invalid to becoming valid
     for i in range(101):
         labelled.append((f"{i / 50 - 1:+.2f}", tuple(round(np.interp(i, [0, 50, 100], channel)) for channel in ends)))
@@ -89,13 +108,6 @@ def markdown(text: str) -> rr.TextDocument:
     return rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
 
 
-def set_time(recording: rr.RecordingStream, timeline: str, step: int) -> None:
-    """Log from now on at a step of one time line; other time lines show the last step."""
-    for other, first in TIMELINES.items():
-        recording.set_time(other, sequence=first)
-    recording.set_time(timeline, sequence=step)
-
-
 def panel(place: Panel, side: int) -> rr.Transform3D:
     """Return the transform that puts an entity of `side` units per side at its panel on a board."""
     x, y = corner(*place)
@@ -131,13 +143,8 @@ def log_table(
     recording.log(f"{entity}/outlines", rr.LineStrips2D(outlines, colors=colours, radii=radii))
     below = [[outline[:, 0].mean(), outline[:, 1].max()] for _, outline in items]
     marks = [*on_table(np.stack([P_INIT, P_F])).tolist(), *below]
-    names = rr.Points2D(
-        marks,
-        labels=["start", "goal", *(symbol for symbol, _ in items)],
-        colors=ITEM,
-        radii=[1.2, 1.2, *len(items) * [0.0]],
-    )
-    recording.log(f"{entity}/names", names)
+    labels, sizes = ["start", "goal", *(symbol for symbol, _ in items)], [1.2, 1.2, *len(items) * [0.0]]
+    recording.log(f"{entity}/names", rr.Points2D(marks, labels=labels, colors=ITEM, radii=sizes))
 
 
 def jpeg(image: UInt8[Array, "100 100 3"]) -> rr.EncodedImage:
@@ -164,8 +171,3 @@ def log_map(
 ) -> None:
     """Log a map [y, x] of classes."""
     recording.log(f"{entity}/map", rr.SegmentationImage(map_image(values), opacity=1.0), *place)
-
-
-def scene_name(scene: int) -> str:
-    """Return the name of a scene's entities."""
-    return f"scene_{scene:03d}"

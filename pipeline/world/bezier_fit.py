@@ -64,13 +64,8 @@ def fit(
     ends = [np.broadcast_to(p, (len(lengths), 2)).astype(float) for p in (p_init, p_f)]
     z, residual = np.empty((len(lengths), 2)), np.empty(len(lengths))
     widths = -(-lengths // PAD_SAMPLES) * PAD_SAMPLES
-    batches = [(width, np.nonzero(widths == width)[0]) for width in np.unique(widths)]
-    chunks = [
-        (width, all_rows[i : i + BATCH_ROWS])
-        for width, all_rows in batches
-        for i in range(0, len(all_rows), BATCH_ROWS)
-    ]
-    for width, rows in chunks:
+    alike = [(width, np.nonzero(widths == width)[0]) for width in np.unique(widths)]
+    for width, rows in [(w, x[i : i + BATCH_ROWS]) for w, x in alike for i in range(0, len(x), BATCH_ROWS)]:
         sample = np.arange(width)
         index = offsets[rows, None] + np.minimum(sample, lengths[rows, None] - 1)  # (row, sample)
         weight = (sample < lengths[rows, None]).astype(float)

@@ -61,10 +61,6 @@ ITEMS = pa.DataFrameSchema(
 TEXTURES = pa.DataFrameSchema(NAMED, strict=True)
 
 
-class CatalogueError(InputError):
-    """Error for unusable data/; the message says what is wrong and how to correct it."""
-
-
 @dataclass(frozen=True)
 class Catalogue:
     """All items and table textures: the rows of both tables, and their images in the same order."""
@@ -101,7 +97,7 @@ def random_scenes(
 def read_catalogue(data_dir: Path) -> Catalogue:
     """Read and check data/: items.csv, textures.csv and every image that they name.
 
-    Raises CatalogueError
+    Raises InputError
     - if an image is missing, truncated, of the wrong size or without alpha;
     - for an unknown symbol, a duplicate name or a length out of range;
     - if a cutout does not fill its footprint, or a symbol has fewer items than MIN_ITEMS.
@@ -111,27 +107,26 @@ def read_catalogue(data_dir: Path) -> Catalogue:
     for split, least in MIN_ITEMS.items():
         counts = items.loc[items["split"] == split, "symbol"].value_counts().reindex(SYMBOLS, fill_value=0)
         if short := [f"{count} of {symbol}" for symbol, count in counts.items() if count < least]:
-            raise CatalogueError(
+            raise InputError(
                 f"items.csv has too few {split} items ({', '.join(short)}): expected at least {least} of each symbol"
             )
     if not (textures["split"] == "train").any():
-        raise CatalogueError("textures.csv has no train texture: add at least one")
+        raise InputError("textures.csv has no train texture: add at least one")
     cutouts = [_read_cutout(data_dir / row.file, row) for row in items.itertuples()]
-    surfaces = [_read_image(data_dir / file)[..., :3] for file in textures["file"]]
+    surfaces = [read_image(data_dir / file)[..., :3] for file in textures["file"]]
     return Catalogue(items, cutouts, textures, surfaces)
 
 
 def _read_table(path: Path, schema: pa.DataFrameSchema) -> pd.DataFrame:
     if not path.is_file():
-        raise CatalogueError(f"{path} is missing: get data/ with `{PULL}`, or draw it with `python -m making.data`")
+        raise InputError(f"{path} is missing: get data/ with `{PULL}`, or draw it with `python -m making.data`")
+    text = [name for name, column in schema.columns.items() if not column.coerce]
     try:
-        text = [name for name, column in schema.columns.items() if not column.coerce]
-        table = read_csv(path, text)
-        return cast(pd.DataFrame, schema.validate(table, lazy=True))
+        return cast(pd.DataFrame, schema.validate(read_csv(path, text), lazy=True))
     except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        raise CatalogueError(f"{path} is not a readable csv file ({error}): restore it with `{PULL}`") from error
+        raise InputError(f"{path} is not a readable csv file ({error}): restore it with `{PULL}`") from error
     except pandera.errors.SchemaErrors as error:
-        raise CatalogueError(f"{path}: {_first_failure(error)}") from error
+        raise InputError(f"{path}: {_first_failure(error)}") from error
 
 
 def _first_failure(errors: pandera.errors.SchemaErrors) -> str:
@@ -145,38 +140,30 @@ def _first_failure(errors: pandera.errors.SchemaErrors) -> str:
         return f"column {case['failure_case']!r} is unknown: remove it{more}"
     line = "" if pd.isna(case["index"]) else f"line {int(case['index']) + 2}, "
     column = case["column"] if case["schema_context"] == "Column" else "row"
-    expected = {"field_uniqueness": "a name no other line has", "not_nullable": "a value"}.get(
-        case["check"], case["check"]
-    )
+    words = {"field_uniqueness": "a name no other line has", "not_nullable": "a value"}
+    expected = words.get(case["check"], case["check"])
     return f"{line}{column}: got {case['failure_case']!r}, expected {expected}; correct this line{more}"
 
 
-def _read_image(path: Path) -> UInt8[Array, "row column channel"]:
-    try:
-        return read_image(path)
-    except InputError as error:
-        raise CatalogueError(f"{error} (or get data/ with `{PULL}`)") from error
-
-
 def _read_cutout(path: Path, row: Any) -> UInt8[Array, "side side 4"]:
-    """Return an item's RGBA cutout; raise CatalogueError unless it is square, has alpha and fills the footprint."""
-    rgba = _read_image(path)
+    """Return an item's RGBA cutout; raise InputError unless it is square, has alpha and fills the footprint."""
+    rgba = read_image(path)
     height, width, channels = rgba.shape
     if channels != 4:
-        raise CatalogueError(f"{path} has no alpha channel: cut the item out and save it as RGBA")
+        raise InputError(f"{path} has no alpha channel: cut the item out and save it as RGBA")
     if width != height or width < MIN_SIDE_PX:
-        raise CatalogueError(
+        raise InputError(
             f"{path} is {width} x {height} pixels: a cutout is square, at least {MIN_SIDE_PX} pixels a side"
         )
     alpha = rgba[..., 3]
     if alpha.min() == 255 or alpha.max() == 0:
-        raise CatalogueError(f"{path} has the same alpha everywhere: the table around the item must be transparent")
+        raise InputError(f"{path} has the same alpha everywhere: the table around the item must be transparent")
     _, _, length_px, breadth_px = cv2.boundingRect((alpha > MIN_VISIBLE_ALPHA).astype(np.uint8))
     footprint_m = {"long": 2 * (row.half_length_m + row.radius_m), "broad": 2 * row.radius_m}
     for pixels, (direction, expected_m) in zip((length_px, breadth_px), footprint_m.items(), strict=True):
         visible_m = pixels * row.width_m / width
         if not MIN_EXTENT <= visible_m / expected_m <= MAX_EXTENT:
-            raise CatalogueError(
+            raise InputError(
                 f"{path} shows an item {visible_m:.3g} m {direction}, but items.csv gives {row.name} a footprint "
                 f"{expected_m:.3g} m {direction}: expected {MIN_EXTENT:g} to {MAX_EXTENT:g} times that; "
                 "correct width_m, radius_m or half_length_m, or crop the cutout to the item"

@@ -58,8 +58,8 @@ def simulate(rng: np.random.Generator, z_theta: Float[Array, "2"], hand: Hand) -
     tau = t / t[-1]
     s = passed[-1] * tau**3 * (10 - 15 * tau + 6 * tau**2)
     xy = np.stack([np.interp(s, passed, path[:, i]) for i in (0, 1)], axis=-1)
-    xy += _drift(rng, tau, hand.drift_m) + _tremor(rng, t, 2, hand)
-    height = hand.height_m + _height_drift(rng, tau, hand.height_drift_m) + _tremor(rng, t, 1, hand)
+    xy += _drift(rng, tau, hand.drift_m, 2, tied=True) + _tremor(rng, t, 2, hand)
+    height = hand.height_m + _drift(rng, tau, hand.height_drift_m, 1, tied=False) + _tremor(rng, t, 1, hand)
     return np.concatenate([t[:, None], xy, height], axis=1)
 
 
@@ -81,17 +81,13 @@ def _tremor(rng: np.random.Generator, t: Float[Array, " sample"], axes: int, han
     return hand.tremor_m * (weight * waves).sum(1)
 
 
-def _drift(rng: np.random.Generator, tau: Float[Array, " sample"], size_m: float) -> Float[Array, "sample 2"]:
-    """Draw a slow deviation [m] from the intended path, zero at both ends: three half-waves with amplitudes ~ 1/k."""
+def _drift(
+    rng: np.random.Generator, tau: Float[Array, " sample"], size_m: float, axes: int, tied: bool
+) -> Float[Array, "sample axis"]:
+    """Draw a slow deviation [m]: three half-waves with amplitudes ~ 1/k, zero at both ends if `tied`."""
     k = np.arange(1, 4)
-    weight = size_m * rng.standard_normal((3, 2)) / k[:, None]
-    return np.sin(np.pi * k * tau[:, None]) @ weight
-
-
-def _height_drift(rng: np.random.Generator, tau: Float[Array, " sample"], size_m: float) -> Float[Array, "sample 1"]:
-    """Draw a slow variation of the height [m], which does not vanish at the ends and is independent of the path."""
-    k = np.arange(1, 4)
-    weight, phase = size_m * rng.standard_normal((3, 1)) / k[:, None], rng.uniform(0, 2 * np.pi, 3)
+    weight = size_m * rng.standard_normal((3, axes)) / k[:, None]
+    phase = 0.0 if tied else rng.uniform(0, 2 * np.pi, 3)
     return np.sin(np.pi * k * tau[:, None] + phase) @ weight
 
 
@@ -118,20 +114,15 @@ def check(trajectory: Array, name: str, ends_within_m: float) -> None:
     late = np.flatnonzero(np.diff(trajectory[:, 0]) <= 0)
     if len(late):
         t0, t1 = trajectory[late[0] : late[0] + 2, 0]
-        need(
-            False,
-            f"time goes from {t0:g} to {t1:g} s at sample {late[0] + 1}",
-            "increasing times, and one trajectory for each (seed, user, scene, demo)",
-        )
+        times = "increasing times, and one trajectory for each (seed, user, scene, demo)"
+        need(False, f"time goes from {t0:g} to {t1:g} s at sample {late[0] + 1}", times)
     lasts = float(trajectory[-1, 0] - trajectory[0, 0])
     seconds = f"{MIN_DURATION_S:g} to {MAX_DURATION_S:g} s; times are in seconds"
     need(MIN_DURATION_S <= lasts <= MAX_DURATION_S, f"takes {lasts:g} s", seconds)
     for which, point, end in (("starts", trajectory[0, 1:3], P_INIT), ("ends", trajectory[-1, 1:3], P_F)):
         away = float(np.linalg.norm(point - end))
-        place = f"within {ends_within_m:g} m of ({end[0]:g}, {end[1]:g}) m"
-        need(
-            away <= ends_within_m, f"{which} {away:.3g} m away from the task's end", f"{place}; positions are in metres"
-        )
+        place = f"within {ends_within_m:g} m of ({end[0]:g}, {end[1]:g}) m; positions are in metres"
+        need(away <= ends_within_m, f"{which} {away:.3g} m away from the task's end", place)
     beyond = np.maximum(-trajectory[:, 1:3], trajectory[:, 1:3] - 1).max(1)
     worst = int(beyond.argmax())
     place = f"all of it at most {MAX_BEYOND_M:g} m beyond the table, 0 to 1 m in x and y; positions are in metres"

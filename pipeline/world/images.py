@@ -58,7 +58,5 @@ def read_image(path: Path) -> UInt8[Array, "row column channel"]:
 def write_png(path: Path, pixels: UInt8[Array, "row column channel"]) -> None:
     """Write an RGB or RGBA image as a PNG file at the highest compression."""
     colours = cv2.cvtColor(pixels, cv2.COLOR_RGBA2BGRA if pixels.shape[-1] == 4 else cv2.COLOR_RGB2BGR)
-    ok, encoded = cv2.imencode(".png", colours, [cv2.IMWRITE_PNG_COMPRESSION, 9])
-    if not ok:
-        raise ValueError(f"OpenCV cannot encode an image of shape {pixels.shape} as PNG")
+    _, encoded = cv2.imencode(".png", colours, [cv2.IMWRITE_PNG_COMPRESSION, 9])
     path.write_bytes(encoded.tobytes())

@@ -70,24 +70,15 @@ def point_segment_distance(
 def segment_distance(a: Float[Array, "*#s 2 2"], b: Float[Array, "*#s 2 2"]) -> Float[Array, "*s_all"]:
     """Return the distance [m] between segments given by their end points (broadcasting); 0 where they cross."""
     a, b = np.broadcast_arrays(a, b)
-    ends = [
-        point_segment_distance(a[..., 0, :], b[..., 0, :], b[..., 1, :]),
-        point_segment_distance(a[..., 1, :], b[..., 0, :], b[..., 1, :]),
-        point_segment_distance(b[..., 0, :], a[..., 0, :], a[..., 1, :]),
-        point_segment_distance(b[..., 1, :], a[..., 0, :], a[..., 1, :]),
-    ]
-    return np.where(_cross(a, b), 0.0, np.min(ends, axis=0))
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """Return whether two segments properly cross."""
+    a0, a1, b0, b1 = a[..., 0, :], a[..., 1, :], b[..., 0, :], b[..., 1, :]
+    from_ends = [point_segment_distance(*x) for x in ((a0, b0, b1), (a1, b0, b1), (b0, a0, a1), (b1, a0, a1))]
 
     def side(p: Array, q: Array, r: Array) -> Array:
         u, v = q - p, r - p
         return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
 
-    a0, a1, b0, b1 = a[..., 0, :], a[..., 1, :], b[..., 0, :], b[..., 1, :]
-    return np.asarray((side(a0, a1, b0) * side(a0, a1, b1) < 0) & (side(b0, b1, a0) * side(b0, b1, a1) < 0))
+    cross = (side(a0, a1, b0) * side(a0, a1, b1) < 0) & (side(b0, b1, a0) * side(b0, b1, a1) < 0)
+    return np.where(cross, 0.0, np.min(from_ends, axis=0))
 
 
 @dataclass(frozen=True)
@@ -172,7 +163,7 @@ def add_item(
 
     Raises InputError if a scene has no free slot, or no free position in MAX_TRIES draws.
     """
-    added = Layouts(*(getattr(layouts, f.name).copy() for f in fields(layouts)))
+    added = concatenated([layouts])
     for scene in range(len(layouts)):
         free = np.flatnonzero(~layouts.present[scene])
         if len(free) == 0:

@@ -1,12 +1,13 @@
-"""Decide which paths are valid to a user: the ground truth of the simulated world.
+"""Decide which paths are valid to a user, the ground truth of the simulated world, and choose clear cases among them.
 
 A user keeps a margin [m] from the footprint of every item whose symbol it avoids (paper, Section "Dataset").
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
 
 from pipeline.world.bezier import curve
@@ -24,28 +25,27 @@ SAMPLES = 129  # points along a path; with `_smallest_distance`, clearances abov
 
 def point_clearance(layouts: Layouts, points: Float[Array, "scene path point 2"]) -> Float[Array, "scene path slot"]:
     """Return the clearance [m] of smooth paths (evenly timed points) from each footprint; inf in empty slots."""
-    ends = layouts.ends
-    distances = np.full((*points.shape[:2], layouts.symbol.shape[1]), np.inf)
-    for slot in range(layouts.symbol.shape[1]):
-        a, b = ends[:, slot, 0, :][:, None, None], ends[:, slot, 1, :][:, None, None]
-        distance = _smallest_distance(point_segment_distance(points, a, b)) - layouts.radius[:, slot, None]
-        distances[:, :, slot] = np.where(layouts.present[:, slot, None], distance, np.inf)
-    return distances
+
+    def away(ends: Float[Array, "scene 1 1 2 2"]) -> Float[Array, "scene path"]:
+        return _smallest_distance(point_segment_distance(points, ends[..., 0, :], ends[..., 1, :]))
+
+    return _clearances(layouts, away)
 
 
 def line_clearance(layouts: Layouts, lines: Float[Array, "scene path point 2"]) -> Float[Array, "scene path slot"]:
-    """Return the clearance [m] of polylines, with points at any spacing, from each footprint.
-
-    Empty slots are inf.
-    """
+    """Return the clearance [m] of polylines, with points at any spacing, from each footprint; inf in empty slots."""
     pieces = np.stack([lines[:, :, :-1], lines[:, :, 1:]], axis=-2)  # (scene, path, piece, end, 2)
-    distances = np.full((*lines.shape[:2], layouts.symbol.shape[1]), np.inf)
-    for slot in range(layouts.symbol.shape[1]):
-        distance = (
-            segment_distance(pieces, layouts.ends[:, slot][:, None, None]).min(-1) - layouts.radius[:, slot, None]
-        )
-        distances[:, :, slot] = np.where(layouts.present[:, slot, None], distance, np.inf)
-    return distances
+    return _clearances(layouts, lambda ends: segment_distance(pieces, ends).min(-1))
+
+
+def _clearances(layouts: Layouts, away: Callable[[Array], Array]) -> Float[Array, "scene path slot"]:
+    """Return the clearance from each footprint, given the distance (scene, path) from its segment (scene, 1, 1, 2, 2).
+
+    One slot at a time, to save memory.
+    """
+    slots = [away(ends[:, None, None]) for ends in np.moveaxis(layouts.ends, 1, 0)]
+    distances = np.stack(slots, axis=-1) - layouts.radius[:, None]
+    return np.where(layouts.present[:, None], distances, np.inf)
 
 
 def _smallest_distance(distance: Float[Array, "*path point"]) -> Float[Array, "*path"]:
@@ -81,3 +81,41 @@ def slack(
 def valid(layouts: Layouts, z_theta: Float[Array, "scene path 2"], margins: Margins) -> Bool[Array, "scene path"]:
     """Return whether each path is valid to the user: v in the paper."""
     return slack(layouts, clearance(layouts, z_theta), margins) > 0
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Paths [m] in each scene of which clear cases are chosen, with their clearances [m] (`clearance`)."""
+
+    layouts: Layouts
+    z_theta: Float[Array, "scene candidate 2"]
+    clearances: Float[Array, "scene candidate slot"]
+
+    @classmethod
+    def of(cls, layouts: Layouts, z_theta: Float[Array, "scene candidate 2"]) -> "Candidates":
+        """Measure the clearances of all paths, scene by scene to save memory."""
+        rows = [clearance(layouts[[i]], z_theta[[i]]) for i in range(len(layouts))]
+        return cls(layouts, z_theta, np.concatenate(rows))
+
+    def choose(
+        self, rng: np.random.Generator, margins: Margins, clear_m: float, count: int
+    ) -> tuple[Float[Array, "scene path 2"], Bool[Array, "scene path"]]:
+        """Choose `count` clear cases to the user in each scene (`clear_cases`); return them with their labels."""
+        slacks = slack(self.layouts, self.clearances, margins)
+        rows = np.stack([clear_cases(rng, of_scene, clear_m, count) for of_scene in slacks])
+        return np.take_along_axis(self.z_theta, rows[..., None], 1), np.take_along_axis(slacks, rows, 1) > 0
+
+
+def clear_cases(
+    rng: np.random.Generator, slacks: Float[Array, " path"], clear_m: float, count: int
+) -> Int[Array, " count"]:
+    """Return the indices of different paths at least `clear_m` [m] from the boundary, each valid with probability 1/2.
+
+    Where a scene has too few of one label, the other fills in; where it has too few of both, the clearest others.
+    """
+    valid, invalid = np.flatnonzero(slacks > clear_m), np.flatnonzero(slacks <= -clear_m)
+    n_valid = np.clip(rng.binomial(count, 0.5), count - len(invalid), len(valid))
+    chosen = np.concatenate([valid[:n_valid], invalid[: count - n_valid]])
+    clearest = np.argsort(-np.abs(slacks), kind="stable")
+    rest = clearest[~np.isin(clearest, chosen)][: count - len(chosen)]
+    return rng.permutation(np.concatenate([chosen, rest]))

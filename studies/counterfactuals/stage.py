@@ -5,72 +5,63 @@ their mechanisms (pipeline.causal.mechanisms). Each question is do(O := o) in a 
 render seed are recorded.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import product
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray as Array
 from omegaconf import DictConfig
+from pydantic import Field
 
 from pipeline.artifacts.files import write_arrays, write_table
 from pipeline.artifacts.scenes import read_scenes
-from pipeline.causal.counterfactual import (
-    NO_SINGLE_CAUSE,
-    Removals,
-    attribute,
-    baselines,
-    item_subsets,
-    score_attributions,
-    select_items,
-)
+from pipeline.causal import counterfactual
+from pipeline.causal.counterfactual import NO_SINGLE_CAUSE, Removals, attribute, mean_with_interval
 from pipeline.causal.mechanisms import model_scm, recorded_noise, renderer, true_scm
 from pipeline.causal.questions import allowed
 from pipeline.causal.scm import SCM, Values
 from pipeline.launch import launch
-from pipeline.models.trained import check_weights, load_model
-from pipeline.runtime.parallel import map_jobs
+from pipeline.models.trained import check_weights, predict_all
+from pipeline.runtime.settings import Count, Several, SharedSplit, StudyGroup, Whole, need, need_one, widest_margin
 from pipeline.runtime.streams import stream
 from pipeline.stats.scores import DECISION
-from pipeline.world.bezier import random_z_theta
+from pipeline.world.bezier import curve, random_z_theta
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts
 from pipeline.world.render import Palette
-from pipeline.world.rules import Margins, clearance, slack
+from pipeline.world.rules import SAMPLES, Margins, clearance, slack
 from pipeline.world.source import ImageSource
-from studies.counterfactuals.examples import choose, example_rows
-from studies.counterfactuals.moves import crossing, outward_normal, score_moves, translate_item
 
 FINE_STEPS = 10  # subdivisions of a step between two images, for the true smallest move
 
 
-@dataclass(frozen=True)
-class Moves:
-    """One user's causes, each moved away from one path; distance 0 is the original position."""
+class Settings(StudyGroup):
+    """conf/studies/counterfactuals.yaml."""
 
-    scene: np.ndarray  # (case,), as path and slot
-    path: np.ndarray
-    slot: np.ndarray
-    distance: np.ndarray  # (step,) [m]
-    layouts: Layouts  # (case * step)
-    true_m: np.ndarray  # (case,) the smallest move that makes the path valid
+    split: SharedSplit
+    scenes: Several
+    paths: Count
+    moved_scenes: Several
+    move_step: Annotated[float, Field(gt=0, le=0.1)]
+    move_steps: Count
+    example_variant: str
+    root_seed: Whole
 
 
-@dataclass(frozen=True)
-class Job:
-    """The models of one variant and seed, and the units of the question, whose images are set."""
-
-    cfg: DictConfig
-    variant: str
-    seed: int
-    users: Sequence[str]
-    noise: Values
-    images: np.ndarray
+def agree(study: Settings, parameters: Any) -> None:
+    """Require a user with a margin, a known example variant, and enough scenes."""
+    name, shared, users = "studies.counterfactuals", parameters.scenes.shared, parameters.users
+    need(widest_margin(users) is not None, "users", users, "at least one user with a margin, or no path is invalid")
+    need(study.scenes <= shared, f"{name}.scenes", study.scenes, f"at most scenes.shared = {shared}")
+    need(study.moved_scenes <= study.scenes, f"{name}.moved_scenes", study.moved_scenes, f"at most {name}.scenes")
+    need_one(f"{name}.example_variant", study.example_variant, parameters.variants)
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """Write attributions.parquet, summary.csv, moves.parquet, moves.csv, examples.csv and examples.npz."""
+    """Write summary.csv, moves.csv, examples.csv and examples.npz."""
     check_weights(cfg)
     users = [user for user, margins in cfg.users.items() if any(m is not None for m in margins.values())]
     noise = read_noise(cfg)
@@ -79,45 +70,37 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     world, camera = true_scm(cfg.users), model_scm({}, renderer(palette))
 
     # Each scene unchanged, empty, without each item and with each item alone: do(O := subset of its items).
-    subsets = item_subsets(layouts.present)
+    subsets = counterfactual.item_subsets(layouts.present)
     units = take(noise, subsets.scene)
-    kept = select_items(units["O"], subsets.kept)
+    kept = counterfactual.select_items(units["O"], subsets.kept)
     images = camera.do(O=kept).entail(units, "I")["I"]
-    predictions = predict_versions(cfg, users, units, images, "counterfactuals")
+    predictions = predict_all(cfg, users, images, units["Z_theta"], "counterfactuals")
     truth, answers = {}, {}
     for i, user in enumerate(users):
         truth[user] = subsets.by_question(world.do(O=kept, S=user).expectation("V", units))
         answers[user] = {variant: subsets.by_question(p[i]) for variant, p in predictions.items()}
 
-    clearances = clearance(layouts, z_theta)
-    attributions, summary, moves, move_summary = [], [], [], []
+    clearances, summary, moves = clearance(layouts, z_theta), [], []
     for user in users:
-        cause = attribute(truth[user].necessity)
-        chances = baselines(cause, layouts.present, clearances)
-        invalid, single = truth[user].factual == 0, cause != NO_SINGLE_CAUSE
-        moved = choose_moves(cfg, noise, cause, cfg.users[user])
-        least_moves = find_least_moves(cfg, noise, camera, user, moved, answers[user])
+        cause, invalid = attribute(truth[user].necessity), truth[user].factual == 0
+        chances = counterfactual.baselines(cause, layouts.present, clearances)
+        single = (cause != NO_SINGLE_CAUSE).sum() / max(invalid.sum(), 1)
         for variant, answer in answers[user].items():
-            names = {"variant": variant, "user": user}
-            attributions.append(attribution_rows(cfg, names, answer, truth[user], layouts))
-            true_shares = {"true_invalid": invalid.mean(), "true_single": single.sum() / max(invalid.sum(), 1)}
-            summary.append(names | true_shares | score_attributions(answer, truth[user], chances))
-            moves.append(move_rows(cfg, names, moved, *least_moves[variant]))
-            move_summary.append(names | score_moves(*least_moves[variant], moved.true_m))
-    write_table(out_dir / "attributions.parquet", pd.concat(attributions, ignore_index=True))
+            names = {"variant": variant, "user": user, "true_invalid": invalid.mean(), "true_single": single}
+            summary.append(names | counterfactual.score_attributions(answer, truth[user], chances))
+        moves += move_rows(cfg, noise, camera, user, cause, answers[user])
     write_table(out_dir / "summary.csv", pd.DataFrame(summary))
-    write_table(out_dir / "moves.parquet", pd.concat(moves, ignore_index=True))
-    write_table(out_dir / "moves.csv", pd.DataFrame(move_summary))
+    write_table(out_dir / "moves.csv", pd.DataFrame(moves))
 
-    example_variant = cfg.studies.counterfactuals.example_variant
-    first_seed = {user: {variant: a.of_seed(0) for variant, a in answers[user].items()} for user in users}
-    chosen = choose(truth, {user: first_seed[user][example_variant] for user in users})
-    examples = [
-        example_rows(kind, place, layouts, z_theta, user, {"truth": truth[user]} | first_seed[user])
+    wrong = cfg.studies.counterfactuals.example_variant
+    chosen = choose(truth, {user: of_user[wrong].of_seed(0) for user, of_user in answers.items()})
+    rows = [
+        pd.DataFrame({"example": kind, "user": user, "variant": variant} | example_of(a, place, layouts, z_theta))
         for kind, place in chosen.items()
         for user in users
+        for variant, a in {"truth": truth[user], **{v: a.of_seed(0) for v, a in answers[user].items()}}.items()
     ]
-    write_table(out_dir / "examples.csv", pd.concat(examples) if examples else pd.DataFrame({"example": []}))
+    write_table(out_dir / "examples.csv", pd.concat(rows) if rows else pd.DataFrame({"example": []}))
     write_arrays(out_dir / "examples.npz", subsets.select_scenes(images, [scene for scene, _ in chosen.values()]))
 
 
@@ -131,120 +114,146 @@ def read_noise(cfg: DictConfig) -> Values:
     return recorded_noise(layouts, appearance, random_z_theta(rng, len(layouts), study.paths))
 
 
-def take(noise: Values, scene: np.ndarray) -> Values:
+def take(noise: Values, scene: Int[Array, " unit"]) -> Values:
     """Return the units of these scenes."""
     return {name: values[scene] for name, values in noise.items()}
 
 
-def predict_versions(
-    cfg: DictConfig, users: Sequence[str], noise: Values, images: np.ndarray, desc: str
-) -> dict[str, np.ndarray]:
-    """Return by variant E[V | do(I := images), S = s] of every path: (user, seed, unit, path)."""
-    variants, seeds = list(cfg.variants), list(cfg.protocol.seeds)
-    seen = {name: noise[name] for name in ("S", "I", "Z_I", "Z_theta")}
-    jobs = [Job(cfg, variant, seed, users, seen, images) for variant, seed in product(variants, seeds)]
-    answers = np.array(map_jobs(answer, jobs, cfg.workers, desc))  # (variant * seed, user, unit, path)
-    answers = answers.reshape(len(variants), len(seeds), *answers.shape[1:]).swapaxes(1, 2)
-    return dict(zip(variants, answers, strict=True))
+def move_rows(
+    cfg: DictConfig, noise: Values, camera: SCM, user: str, cause: Array, answers: Mapping[str, Removals]
+) -> list[dict[str, Any]]:
+    """Return by variant how well it finds the smallest move of a single cause that makes the path valid."""
+    study = cfg.studies.counterfactuals
+    distance = study.move_step * np.arange(study.move_steps + 1)
+    scene, path, moved, true_m = choose_moves(cfg, noise, cause, distance, cfg.users[user])
+    index = np.arange(len(moved))
+    index = index[index % len(distance) > 0]  # all but the original scenes
+    case, p_moved = index // len(distance), {}
+    if len(scene) > 0:
+        images = camera.do(O=moved[index]).entail(take(noise, scene[case]), "I")["I"]
+        z_theta = noise["Z_theta"][scene[case], path[case]][:, None]
+        p_moved = predict_all(cfg, [user], images, z_theta, f"moves, {user}")
+    rows = []
+    for variant, by_question in answers.items():
+        p = by_question.factual[:, scene, path, None]  # (seed, case, step)
+        if len(scene) > 0:
+            p = np.concatenate([p, p_moved[variant][0, ..., 0].reshape(*p.shape[:2], -1)], axis=-1)
+        scores = score_moves(crossing(distance[: p.shape[-1]], p, DECISION), p[..., 0] <= DECISION, true_m)
+        rows.append({"variant": variant, "user": user} | scores)
+    return rows
 
 
-def answer(job: Job) -> np.ndarray:
-    """Return E[V] by the models of one variant and seed: (user, unit, path)."""
-    cfg = job.cfg
-    models = {user: load_model(cfg, job.variant, user, job.seed, cfg.main_n_demos) for user in job.users}
-    acted = model_scm(models).do(I=job.images)
-    return np.array([acted.do(S=user).expectation("V", job.noise) for user in job.users])
-
-
-def attribution_rows(
-    cfg: DictConfig, names: dict[str, str], answer: Removals, truth: Removals, layouts: Layouts
-) -> pd.DataFrame:
-    """Return one row per seed and truly invalid path: attributed item and true cause; slot -1 means none."""
-    scene, path = np.nonzero(truth.factual == 0)
-    seeds = len(cfg.protocol.seeds)
-    cause = attribute(truth.necessity)[scene, path]
-    attributed = attribute(answer.necessity)[:, scene, path]  # (seed, row)
-    symbols = np.append(np.array(SYMBOLS, dtype=object), "")  # of no item: ""
-    columns = {
-        "seed": np.repeat(np.array(cfg.protocol.seeds), len(scene)),
-        "scene": np.tile(scene, seeds),
-        "path": np.tile(path, seeds),
-        "p": answer.factual[:, scene, path].ravel(),
-        "rejected": answer.factual[:, scene, path].ravel() <= DECISION,
-        "attributed": attributed.ravel(),
-        "attributed_symbol": symbols[np.where(attributed < 0, len(SYMBOLS), layouts.symbol[scene, attributed])].ravel(),
-        "cause": np.tile(cause, seeds),
-        "cause_symbol": np.tile(symbols[np.where(cause < 0, len(SYMBOLS), layouts.symbol[scene, cause])], seeds),
-    }
-    return pd.DataFrame(names | columns)
-
-
-def choose_moves(cfg: DictConfig, noise: Values, cause: np.ndarray, margins: Margins) -> Moves:
+def choose_moves(
+    cfg: DictConfig, noise: Values, cause: Int[Array, "scene path"], distance: Float[Array, " step"], margins: Margins
+) -> tuple[Int[Array, " case"], Int[Array, " case"], Layouts, Float[Array, " case"]]:
     """Choose, in each of the first scenes, the first invalid path that becomes valid by moving its single cause.
 
     The item moves away from the path along its normal. It must have an allowed position at every step, and the path
-    must become valid before the end of the move.
+    must become valid before the end of the move. Return scene, path, moved layouts (case * step) and the smallest move.
     """
     study = cfg.studies.counterfactuals
     scene, path = np.nonzero(cause != NO_SINGLE_CAUSE)
-    slot = cause[scene, path]
+    slot, layouts, z_theta = cause[scene, path], noise["O"][scene], noise["Z_theta"][scene, path]
+    direction = outward_normal(layouts, slot, z_theta)
 
-    def move(case: np.ndarray, distance: np.ndarray) -> tuple[Layouts, np.ndarray]:
+    def move(case: Array, distance: Array) -> tuple[Layouts, Array]:
         """Return the moved layouts, and the slack [m] (case, step) of each case's path in them."""
-        layouts, z = noise["O"][scene[case]], noise["Z_theta"][scene[case], path[case]]
-        moved = translate_item(layouts, slot[case], outward_normal(layouts, slot[case], z), distance)
-        room = slack(moved, clearance(moved, np.repeat(z, len(distance), axis=0)[:, None]), margins)
+        moved = translate_item(layouts[case], slot[case], direction[case], distance)
+        room = slack(moved, clearance(moved, np.repeat(z_theta[case], len(distance), axis=0)[:, None]), margins)
         return moved, room.reshape(len(case), len(distance))
 
-    distance = study.move_step * np.arange(study.move_steps + 1)
     moved, room = move(np.arange(len(scene)), distance)
     free = allowed(moved, np.repeat(slot, len(distance)), LayoutRules.of(cfg.scenes.layout)).reshape(room.shape)
     possible = np.flatnonzero(free.all(1) & (room > 0).any(1))
     case = possible[np.unique(scene[possible], return_index=True)[1]][: study.moved_scenes]
     fine = study.move_step / FINE_STEPS * np.arange(FINE_STEPS * study.move_steps + 1)
-    true_m = crossing(fine, move(case, fine)[1], 0.0)
-    return Moves(scene[case], path[case], slot[case], distance, move(case, distance)[0], true_m)
+    return scene[case], path[case], move(case, distance)[0], crossing(fine, move(case, fine)[1], 0.0)
 
 
-def find_least_moves(
-    cfg: DictConfig, noise: Values, camera: SCM, user: str, moves: Moves, answers: dict[str, Removals]
-) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Return by variant (seed, case): the smallest move [m] that the model accepts, and whether it rejects at 0."""
-    if len(moves.scene) == 0:
-        none = np.empty((len(cfg.protocol.seeds), 0))
-        return dict.fromkeys(answers, (none, none.astype(bool)))
-    index = np.arange(len(moves.layouts))
-    index = index[index % len(moves.distance) > 0]  # all but the original scenes
-    case = index // len(moves.distance)
-    units = take(noise, moves.scene[case])
-    units["Z_theta"] = noise["Z_theta"][moves.scene[case], moves.path[case]][:, None]
-    images = camera.do(O=moves.layouts[index]).entail(units, "I")["I"]
-    least_moves = {}
-    for variant, p in predict_versions(cfg, [user], units, images, f"moves, {user}").items():
-        before = answers[variant].factual[:, moves.scene, moves.path, None]
-        after = p[0, ..., 0].reshape(*before.shape[:2], -1)  # (seed, case, step)
-        p_valid = np.concatenate([before, after], axis=-1)
-        least_moves[variant] = crossing(moves.distance, p_valid, DECISION), p_valid[..., 0] <= DECISION
-    return least_moves
+def outward_normal(layouts: Layouts, slot: Array, z_theta: Float[Array, "case 2"]) -> Float[Array, "case 2"]:
+    """Return the unit normal of each path at its point nearest to the item in `slot`, on the item's side."""
+    points, case = curve(z_theta, SAMPLES), np.arange(len(slot))
+    offset = layouts.centre[case, slot][:, None] - points  # (case, sample, 2)
+    nearest = case, np.linalg.norm(offset, axis=-1).argmin(-1)
+    tangent = np.gradient(points, axis=1)[nearest]
+    normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=-1) / np.linalg.norm(tangent, axis=-1, keepdims=True)
+    return np.where((normal * offset[nearest]).sum(-1, keepdims=True) < 0, -normal, normal)
 
 
-def move_rows(
-    cfg: DictConfig, names: dict[str, str], moves: Moves, model_m: np.ndarray, rejected: np.ndarray
-) -> pd.DataFrame:
-    """Return one row per seed and case; lengths in metres, model_m NaN if no move is accepted."""
-    seed, case = (i.ravel() for i in np.indices(model_m.shape))
-    first_step = moves.layouts.symbol[:: len(moves.distance)]
-    columns = {
-        "seed": np.array(cfg.protocol.seeds)[seed],
-        "scene": moves.scene[case],
-        "path": moves.path[case],
-        "slot": moves.slot[case],
-        "symbol": np.array(SYMBOLS)[first_step[case, moves.slot[case]]],
-        "true_m": moves.true_m[case],
-        "rejected": rejected.ravel(),
-        "model_m": model_m.ravel(),
-    }
-    return pd.DataFrame(names | columns)
+def translate_item(layouts: Layouts, slot: Array, direction: Float[Array, "case 2"], distance: Array) -> Layouts:
+    """Return each scene with the item in `slot` moved by each distance [m]: (case * step), steps varying fastest."""
+    case = np.repeat(np.arange(len(layouts)), len(distance))
+    moved = layouts[case]
+    moved.centre[np.arange(len(case)), slot[case]] += direction[case] * np.tile(distance, len(layouts))[:, None]
+    return moved
+
+
+def crossing(distance: Float[Array, " step"], value: Float[Array, "*b step"], threshold: float) -> Float[Array, "*b"]:
+    """Return the first distance at which `value` exceeds the threshold, linear between steps; NaN if none does."""
+    above = value > threshold
+    after = above.argmax(-1)[..., None]
+    before = np.maximum(after - 1, 0)
+    low, high = (np.take_along_axis(value, i, -1)[..., 0] for i in (before, after))
+    share = (threshold - low) / np.where(high > low, high - low, 1.0)
+    start, end = distance[before[..., 0]], distance[after[..., 0]]
+    return np.where(above.any(-1), start + np.clip(share, 0.0, 1.0) * (end - start), np.nan)
+
+
+def score_moves(
+    model_m: Float[Array, "seed case"], rejected: Bool[Array, "seed case"], true_m: Float[Array, " case"]
+) -> dict[str, float]:
+    """Return scores of the models' smallest moves [m] (NaN: none found) against the true ones.
+
+    All but cases and true_m refer to the cases that a model rejects before the move. found: share for which some move
+    makes the path valid to the model. For these: error_m, mean absolute error; constant_error_m, that of the median.
+    """
+    row = {"cases": float(len(true_m)), "rejected": rejected.mean() if rejected.size else np.nan}
+    if len(true_m) > 1:
+        row["true_m"] = true_m.mean()
+    if len(true_m) > 1 and rejected.any():
+        found = rejected & np.isfinite(model_m)
+        row |= mean_with_interval("found", np.isfinite(model_m), rejected)
+        row |= mean_with_interval("error_m", np.abs(model_m - true_m), found)
+        row |= {"constant_error_m": counterfactual.mean(np.abs(true_m - np.median(true_m)), found)}
+    return row
+
+
+# Examples, by rules fixed before the results were seen
+
+
+def choose(truth: Mapping[str, Removals], model: Mapping[str, Removals]) -> dict[str, tuple[int, int]]:
+    """Return scene and path of each kind of example, given removals by user; kinds without a match are left out.
+
+    - disagree: the first two users both reject the path, but because of different items.
+    - one_accepts: the first user rejects it because of a single item, the second accepts it.
+    - model_wrong: the model rejects an invalid path but attributes it to another item than the cause.
+
+    Each example is the first path of the first scene that no other example uses.
+    """
+    rejected = np.stack([t.factual == 0 for t in truth.values()])  # (user, scene, path)
+    cause = np.stack([attribute(t.necessity) for t in truth.values()])
+    wrong = np.stack([m.factual <= DECISION for m in model.values()])
+    wrong &= np.stack([attribute(m.necessity) for m in model.values()]) != cause
+    caused, fitting = cause != NO_SINGLE_CAUSE, {}
+    if len(truth) > 1:
+        fitting["disagree"] = rejected[0] & rejected[1] & (cause[0] != cause[1])
+        fitting["one_accepts"] = rejected[0] & caused[0] & ~rejected[1]
+    fitting["model_wrong"] = (wrong & caused).any(0)
+    chosen: dict[str, tuple[int, int]] = {}
+    for kind, paths in fitting.items():
+        scene, path = np.nonzero(paths)
+        free = np.flatnonzero(~np.isin(scene, [taken for taken, _ in chosen.values()]))
+        if len(free):
+            chosen[kind] = int(scene[free[0]]), int(path[free[0]])
+    return chosen
+
+
+def example_of(answer: Removals, place: tuple[int, int], layouts: Layouts, z_theta: Array) -> dict[str, Any]:
+    """Return the path and each item of the scene [m], with P(valid) as it is and without the item."""
+    slots, (z_x, z_y) = np.flatnonzero(layouts.present[place[0]]), z_theta[place]
+    x, y = layouts.centre[place[0], slots].T
+    item = {"slot": slots, "symbol": np.array(SYMBOLS)[layouts.symbol[place[0], slots]], "x_m": x, "y_m": y}
+    return {"z_x": z_x, "z_y": z_y} | item | {"p": answer.factual[place], "p_without": answer.without[place][slots]}
 
 
 if __name__ == "__main__":

@@ -1,1 +1,0 @@
-"""Study: whether a robot's arm can carry out the repaired paths."""

@@ -22,7 +22,7 @@ from omegaconf import DictConfig
 from pydantic import AfterValidator
 
 from pipeline.artifacts.files import read_table, write_arrays, write_table
-from pipeline.artifacts.scenes import SceneSet, read_position_prior, read_scenes, train_pool
+from pipeline.artifacts.scenes import read_position_prior, read_scenes, train_pool
 from pipeline.launch import launch
 from pipeline.models import baselines
 from pipeline.models.base import ValidityModel, untrained
@@ -34,14 +34,14 @@ from pipeline.runtime.settings import Count, Several, StudyGroup, Whole, expecte
 from pipeline.runtime.streams import job_seed, stream
 from pipeline.stats.scores import accuracy
 from pipeline.training import judged_sets
-from pipeline.training.judged_sets import HELD_OUT, NEW, NEW_POOL, OWN, ROUTES, JudgedSet, Kinds
+from pipeline.training.judged_sets import NEW, NEW_POOL, OWN, ROUTES, Kinds
 from pipeline.training.loop import Losses, Schedule, minimise
 from pipeline.training.refit import TrainingSet, refit
 from pipeline.training.sets import need_finite
 from pipeline.world.bezier import random_z_theta
-from pipeline.world.clear_cases import Candidates
 from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, random_layouts
 from pipeline.world.render import read_palette, render_scenes
+from pipeline.world.rules import Candidates
 from pipeline.world.source import ImageSource
 
 MODEL, PERFECT = "full", "perfect"  # the paper's model; its classifier on the true items
@@ -124,8 +124,10 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     examples.npz: demonstrations of each kind in the first scene; searched.csv: the result of a finished search.
     """
     scenes, prior = read_scenes(Path(cfg.paths.scenes)), read_position_prior(Path(cfg.paths.scenes))
-    scenes.check_has(NEW_POOL, *map(train_pool, cfg.protocol.seeds))
-    cases, shown = draw_cases(cfg), list(show_all(cfg, scenes))
+    pools, users = {s: train_pool(s) for s in cfg.protocol.seeds}, {u: cfg.users[u] for u in cfg.evaluate.users}
+    scenes.check_has(NEW_POOL, *pools.values())
+    cases, kinds = draw_cases(cfg), (ROUTES, cfg.studies.fairness.clear_cm, users, cfg.main_n_demos)
+    shown = list(Kinds.of(cfg.readings).judged_sets(scenes.images, scenes.layouts, pools, *kinds))
 
     # Fit the paper's model to all of its training sets at once, the largest first: they take longest.
     of_model = sorted((CaseSet.of(c) for c in cases if c.learner == MODEL), key=lambda x: -len(x.images))
@@ -256,22 +258,6 @@ def blind_rows(cases: list[Case], prior: dict[str, Float[Array, "side side"]]) -
             x = case.judged[split]
             if split != OWN:
                 yield case.row(name, 0, split, accuracy(probability(x.z_theta).ravel(), x.valid.ravel()))
-
-
-# Kinds of demonstrations
-
-
-def show_all(cfg: DictConfig, scenes: SceneSet) -> Iterator[JudgedSet]:
-    """Yield the demonstrations of every kind by every user in each seed's scenes."""
-    kinds = Kinds(**{name: cfg.readings[name] for name in Kinds.__dataclass_fields__})
-    for routes in ROUTES:
-        new = kinds.draw(scenes.layouts[NEW_POOL], NEW_POOL, routes)
-        for seed in cfg.protocol.seeds:
-            pool = train_pool(seed)
-            drawn = {HELD_OUT: (pool, kinds.draw(scenes.layouts[pool], pool, routes)), NEW: (NEW_POOL, new)}
-            for clear_cm, user in product(cfg.studies.fairness.clear_cm, cfg.evaluate.users):
-                kind, margins = (routes, clear_cm), cfg.users[user]
-                yield kinds.judged_set(scenes.images[pool], drawn, kind, (user, margins), seed, cfg.main_n_demos)
 
 
 def summarise(table: pd.DataFrame, key: list[str]) -> pd.DataFrame:

@@ -25,18 +25,16 @@ from making.segmenter.composites import FAMILIES, draw_composites, read_palette
 from pipeline.artifacts.demos import read_queries
 from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.artifacts.scenes import read_position_prior, read_scenes
-from pipeline.causal import added_items
+from pipeline.causal import interventions
 from pipeline.launch import launch
 from pipeline.models.base import ValidityModel, to_tensor
 from pipeline.models.baselines import position_only
 from pipeline.models.clearance.clearance import packed
 from pipeline.models.trained import load_model
 from pipeline.perception.capsule import fit_capsule
-from pipeline.perception.objects import Objects, detect_objects
-from pipeline.perception.outlines import SUPERSAMPLING
-from pipeline.planning.measures import measures
+from pipeline.perception.objects import SUPERSAMPLING, Objects, detect_objects
 from pipeline.planning.nearest import by_percept, by_truth, nearest
-from pipeline.planning.starts import Starts, rows
+from pipeline.planning.results import Starts, measures, rows
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.settings import Count, Group, Some, StudyGroup, Whole, need, need_one
@@ -261,8 +259,8 @@ class Transfer(NamedTuple):
     """Results on path-traced splits, each with columns `source` (the split) and `detector`."""
 
     accuracy: pd.DataFrame  # a row for each user, seed and scene: the share of paths judged right
-    verdicts: pd.DataFrame  # a row for each user and added symbol: `added_items.verdicts`
-    search: pd.DataFrame  # a row for each user: SEARCH, as `pipeline.planning.measures` has it
+    verdicts: pd.DataFrame  # a row for each user and added symbol: `interventions.verdicts`
+    search: pd.DataFrame  # a row for each user: SEARCH, as `pipeline.planning.results` has it
 
 
 @dataclass(frozen=True)
@@ -292,7 +290,7 @@ def on_tables(job: Job) -> Transfer:
         right = accuracies(models, p[:, 0], dict(zip(users, true[:, 0], strict=True)))
         found = Transfer(
             right.assign(top=[tables.tops[i] for i in right["scene"]]),
-            added_items.verdicts(users, p.reshape(len(users), -1, *p.shape[1:]), true),
+            interventions.verdicts(users, p.reshape(len(users), -1, *p.shape[1:]), true),
             _search(cfg, models, seen[0], starts),
         )
         parts.append([table.assign(source=job.split, detector=detector) for table in found])

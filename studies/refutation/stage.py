@@ -22,8 +22,7 @@ from pipeline.artifacts.demos import demo_arrays, read_demos
 from pipeline.artifacts.files import read_arrays, write_arrays, write_table
 from pipeline.artifacts.scenes import SceneSet, read_interventions, read_scenes, train_pool
 from pipeline.causal import refuters
-from pipeline.causal.added_items import added_item_effects, questions, verdicts
-from pipeline.causal.interventions import estimate_effects
+from pipeline.causal.interventions import added_item_effects, estimate_effects, questions, verdicts
 from pipeline.launch import launch
 from pipeline.models.trained import check_weights, predict_all
 from pipeline.runtime.errors import InputError

@@ -21,7 +21,7 @@ from pydantic import AfterValidator
 from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import read_arrays, write_arrays, write_table
 from pipeline.artifacts.scenes import SceneSet, read_interventions, read_position_prior, read_scenes, train_pool
-from pipeline.causal.added_items import verdicts
+from pipeline.causal.interventions import verdicts
 from pipeline.launch import launch
 from pipeline.models import baselines
 from pipeline.models.base import ValidityModel
@@ -43,8 +43,7 @@ from pipeline.runtime.settings import (
     rising,
 )
 from pipeline.runtime.streams import stream
-from pipeline.stats.decisions import accuracy_by_seed, accuracy_estimate, accuracy_loss
-from pipeline.stats.scores import DECISION
+from pipeline.stats.scores import DECISION, accuracy_by_seed, accuracy_estimate, accuracy_loss
 from pipeline.training.refit import TrainingSet, refit, refit_and_predict
 from pipeline.world.bezier import curve, lattice
 from pipeline.world.catalogue import read_catalogue

@@ -12,7 +12,6 @@ from pipeline.artifacts.files import (
     read_json,
     read_table,
     write_arrays,
-    write_json,
     write_table,
 )
 from pipeline.runtime.errors import InputError
@@ -68,12 +67,3 @@ def test_a_missing_or_truncated_file_says_what_to_do(tmp_path: Path, name: str, 
     (tmp_path / name).write_bytes(b"PK\x03\x04 half")
     with pytest.raises(InputError, match="again"):
         read(tmp_path / name)
-
-
-def test_a_missing_column_and_a_json_number_that_is_none_are_refused(tmp_path: Path):
-    write_table(tmp_path / "t.parquet", TABLE)
-    with pytest.raises(InputError, match="expected also \\['user'\\]"):
-        read_table(tmp_path / "t.parquet", ["seed", "user"])
-    with pytest.raises(ValueError):
-        write_json(tmp_path / "x.json", {"accuracy": float("nan")})
-    assert not (tmp_path / "x.json").exists()

@@ -107,10 +107,10 @@ def test_a_file_of_a_folder_is_compared_by_the_list_in_the_cache_and_unchecked_w
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr(consistency, "dvc", lambda *_: f"{tmp_path / 'cache'}\n")
-    (tmp_path / "studies/envelope").mkdir(parents=True)
-    source = {"files": [{"stage": "envelope", "file": "curve.csv", "md5": "aa"}]}
-    (tmp_path / "studies/envelope/provenance.json").write_text(json.dumps({"sources": source}))
-    locks = {"studies/envelope/dvc.yaml:envelope": {"outs": [{"path": "outputs/studies/envelope", "md5": "12.dir"}]}}
+    (tmp_path / "studies/safety").mkdir(parents=True)
+    source = {"files": [{"stage": "safety", "file": "curve.csv", "md5": "aa"}]}
+    (tmp_path / "studies/safety/provenance.json").write_text(json.dumps({"sources": source}))
+    locks = {"studies/safety/dvc.yaml:safety": {"outs": [{"path": "outputs/studies/safety", "md5": "12.dir"}]}}
     checked = consistency.provenance(tmp_path, locks)
     assert (checked.items, checked.faults, checked.unchecked) == (0, [], 1)
     (tmp_path / "cache/files/md5/12").mkdir(parents=True)

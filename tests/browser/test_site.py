@@ -6,8 +6,8 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser
 
+from pipeline.report.exports import join
 from pipeline.report.render import PAGES
-from pipeline.report.site import join
 from tests.browser.conftest import Opened
 from tests.report import factory
 

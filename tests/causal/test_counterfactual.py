@@ -48,18 +48,6 @@ def of_seeds(answer: Removals, seeds: int) -> Removals:
     return Removals(*(np.repeat(part[None], seeds, axis=0) for part in parts))
 
 
-def test_every_version_of_a_scene_is_asked_about_once(layouts: Layouts, subsets: Subsets):
-    items = layouts.present.sum(1)
-    assert len(subsets.scene) == (2**items).sum()  # with two or three items, the questions are all subsets
-    rows = np.concatenate([subsets.scene[:, None], subsets.kept], axis=1)
-    assert len(np.unique(rows, axis=0)) == len(rows)
-    versions = subsets.select_scenes(subsets.kept, list(range(SCENES)))
-    np.testing.assert_array_equal(versions["factual"], layouts.present)
-    assert not versions["empty"].any()
-    np.testing.assert_array_equal(versions["without"].sum(-1), items[:, None] - layouts.present)
-    np.testing.assert_array_equal(versions["alone"].sum(-1), layouts.present)
-
-
 @pytest.mark.parametrize("margins", [CAREFUL, NORMAL])
 def test_an_item_too_near_is_sufficient_and_the_only_one_is_necessary(
     layouts: Layouts, z_theta: np.ndarray, subsets: Subsets, margins: dict
@@ -73,19 +61,6 @@ def test_an_item_too_near_is_sufficient_and_the_only_one_is_necessary(
     np.testing.assert_array_equal(truth.necessity[invalid], (near & single[..., None])[invalid].astype(float))
     np.testing.assert_array_equal(attribute(truth.necessity), np.where(single, near.argmax(-1), NO_SINGLE_CAUSE))
     assert single.any() and (~single & invalid).any()
-
-
-@pytest.mark.parametrize(
-    ("necessity", "slot"),
-    [
-        ([0.1, 0.3, 0.0], 1),
-        ([0.0, 0.0, 0.0], NO_SINGLE_CAUSE),
-        ([0.3, 0.3, 0.1], NO_SINGLE_CAUSE),
-        ([np.nan] * 3, NO_SINGLE_CAUSE),
-    ],
-)
-def test_a_path_is_attributed_to_the_largest_necessity_unless_items_share_it(necessity: list, slot: int):
-    assert attribute(np.array(necessity)) == slot
 
 
 @pytest.mark.parametrize("margins", [CAREFUL, NORMAL])

@@ -56,12 +56,6 @@ def test_a_step_of_any_height_is_located_within_a_tenth_of_the_dose_step(margin:
     assert low == pytest.approx(middle) and high == pytest.approx(middle)
 
 
-def test_a_faint_tail_hardly_moves_the_radius_and_a_curve_that_never_falls_has_the_largest_dose():
-    tailed = np.maximum(steps(MARGIN), 0.2)  # the mean tolerance would be a centimetre more
-    assert radius(tailed, GRID)[0] == pytest.approx(MARGIN, abs=STEP / 5)
-    assert radius(np.ones((2, 3, DOSES)), GRID) == (GRID[-1],) * 3
-
-
 @pytest.mark.slow
 def test_intervals_over_items_cover_differing_items_and_those_over_scenes_do_not():
     """Six items in sixty scenes; each is seen too wide or too narrow in all of its scenes."""

@@ -3,7 +3,6 @@
 from itertools import product
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -12,7 +11,6 @@ from pipeline.causal.identify import (
     all_distinct,
     critical_surprise,
     distinct_from,
-    identify,
     posterior,
     reject,
     reject_all_users,
@@ -38,18 +36,6 @@ def test_the_posterior_is_bayes_rule(seed: int):
 
 
 @settings(deadline=None)
-@given(st.integers(0, 999))
-def test_the_ideal_observer_is_right_as_often_as_labels_allow(seed: int):
-    valid = drawn(seed, paths=3)[1]
-    right, _ = identify(valid[:, None].astype(float), valid, TINY)
-    for k in (1, 2, 3):
-        answers = [
-            len({tuple(valid[u, scene, draw, :k]) for u in range(3)}) for scene, draw in np.ndindex(valid.shape[1:3])
-        ]
-        np.testing.assert_allclose(right[:, k - 1].mean(), np.mean(answers) / 3)
-
-
-@settings(deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 12), st.floats(0.01, 1.0)), min_size=1, max_size=6), st.floats(0.01, 0.5))
 def test_the_critical_surprise_agrees_with_enumeration(labels: list, level: float):
     weight = np.array([w for w, _ in labels])
@@ -63,14 +49,12 @@ def test_the_critical_surprise_agrees_with_enumeration(labels: list, level: floa
         assert chance[surprise >= critical[k - 1] - 1].sum() > level - 1e-9
 
 
-@pytest.mark.parametrize("spread", [0.3, 1.0, 4.0])
-def test_a_calibrated_model_raises_false_alarms_at_most_at_the_level(spread: float):
+def test_a_calibrated_model_raises_false_alarms_at_most_at_the_level():
     rng = np.random.default_rng(7)
-    p = 1 / (1 + np.exp(-rng.normal(0, spread, (20_000, 12))))
+    p = 1 / (1 + np.exp(-rng.normal(0, 1.0, (20_000, 12))))
     alarms = reject(p, (rng.random(p.shape) < p)[None], TINY, 0.05)[0].mean(0)
     assert (alarms < 0.05 + 3 * np.sqrt(0.05 * 0.95 / len(p))).all()
-    if spread == 1.0:
-        assert alarms[-1] > 0.04  # and little is given away where labels differ in weight
+    assert alarms[-1] > 0.04  # and little is given away where labels differ in weight
 
 
 def test_the_ideal_observer_rejects_a_stranger_once_it_contradicts_every_user():

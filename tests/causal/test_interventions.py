@@ -4,16 +4,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.causal.added_items import added_item_effects, expected_by_version, questions
 from pipeline.causal.interventions import (
     NONE,
-    PAPER,
     PAPER_BOLD,
+    added_item_effects,
     asked,
     bold_rows,
     cells_as_in_the_paper,
     compare_with_truth,
-    paper_rows,
+    expected_by_version,
+    questions,
     right_verdicts,
 )
 from pipeline.world.layout import SYMBOLS
@@ -40,14 +40,6 @@ def test_a_question_compares_the_scene_as_it_is_with_its_symbol_s_version():
         np.testing.assert_allclose(before[i], row[:, 0].mean(-1))
         np.testing.assert_allclose(after[i], row[:, 1 + SYMBOLS.index(symbol)].mean(-1))
     np.testing.assert_allclose(added_item_effects(p), after - before)
-
-
-def test_a_row_holds_the_paired_difference_beside_the_true_one():
-    row = family([-0.13], [-0.15]).iloc[0]
-    assert row["effect"] == pytest.approx(-0.13, abs=0.001)
-    assert row["ci_low"] < row["effect"] < row["ci_high"] < 0
-    assert row["truth"] == pytest.approx(-0.15) and row["intervened"] == pytest.approx(0.37, abs=0.001)
-    assert (row["verdict"], row["truth_verdict"], row["right"]) == ("effect", "effect", True)
 
 
 def test_holm_corrects_for_the_whole_family():
@@ -102,24 +94,8 @@ def test_scenes_shuffled_between_the_arms_unbold_every_cell():
     assert cells_as_in_the_paper(rows) == {"learner": 7}  # as for a model that never looks
 
 
-def test_quartiles_are_over_training_sets_and_over_scenes_for_the_truth():
-    baseline, intervened = as_in_the_paper(np.random.default_rng(2))
-    by_seed = intervened[CHANGES.index(("normal", "glass"))].mean(-1)
-    for seeds, cell, values in ((SEEDS, ("normal", "glass"), by_seed), (1, ("careful", NONE), baseline[0, 0])):
-        rows = bold_rows("learner", CHANGES, baseline[:, :seeds], intervened[:, :seeds]).set_index(["user", "change"])
-        expected = [values.mean(), *np.quantile(values, (0.25, 0.75))]
-        np.testing.assert_allclose(rows.loc[cell, ["mean", "q1", "q3"]].astype(float), expected)
-
-
 def test_a_mark_needs_the_interval_beyond_the_smallest_effect_and_not_a_small_p_alone():
     baseline = np.full((1, SEEDS, SCENES), 0.5) + np.random.default_rng(3).normal(0, 1e-3, (1, SEEDS, SCENES))
     for effect, beyond in ((-0.02, False), (-0.08, True)):
         rows = bold_rows("learner", [("careful", "bowl")], baseline, baseline[:, ::-1] + effect)
         assert rows["bold"].iloc[1] and rows["beyond"].iloc[1] == beyond
-
-
-def test_the_paper_s_block_has_its_five_bold_cells_and_only_users_and_symbols_of_this_run():
-    rows = paper_rows(["careful", "normal", "aggressive", "tidy"], ["bowl", "plate", "cutlery", "glass", "vase"])
-    assert len(rows) == 15 and rows["bold"].sum() == 5 and cells_as_in_the_paper(rows) == {PAPER: 12}
-    few = paper_rows(["normal"], ["glass"])
-    assert few["change"].tolist() == [NONE, "glass"] and few["mean"].tolist() == [0.62, 0.48]

@@ -83,15 +83,6 @@ def test_the_world_answers_by_its_rules(cfg, world, noise):
     assert (empty == 1).all() and (as_it_is[0] < 1).any() and (as_it_is[1] == 1).all()
 
 
-def test_another_mechanism_gives_another_answer(world, noise):
-    before = expected_validities(world, noise, USERS, [{}])
-    contrary = SCM({**world.nodes, "V": replace(world.nodes["V"], expectation=lambda *p: 1 - classify(*p))})
-    classify = world.nodes["V"].expectation
-    np.testing.assert_allclose(expected_validities(contrary, noise, USERS, [{}]), 1 - before)
-    blind = SCM({**world.nodes, "I": replace(world.nodes["I"], mechanism=lambda *_: without_items(noise)["O"])})
-    assert (expected_validities(blind, noise, USERS, [{}]) == 1).all()
-
-
 def test_units_of_several_users_are_each_judged_by_their_own(scm, noise):
     asked = np.array(["careful", "aggressive", "careful", "careful", "aggressive"])
     together = scm.do(S=asked).expectation("V", noise)

@@ -1,28 +1,13 @@
 """Refuters change what they say they change, and find no effect where there is none."""
 
 import numpy as np
-import pytest
 
 from pipeline.causal.interventions import estimate_effects
 from pipeline.causal.refuters import data_subset, placebo_patch
 from pipeline.stats.tests import SMALLEST_EFFECT
 
 
-def test_a_placebo_keeps_the_item_s_pixels_in_its_place_and_changes_no_other_pixel():
-    rng = np.random.default_rng(0)
-    before = rng.integers(0, 256, (3, 100, 100, 3), dtype=np.uint8)
-    after = before.copy()
-    after[:, 20:40, 30:50] = rng.integers(0, 256, (3, 20, 20, 3), dtype=np.uint8)
-    for old, new, patched in zip(before, after, placebo_patch(rng, before, after), strict=True):
-        changed = (old != new).any(-1)
-        np.testing.assert_array_equal(patched[~changed], old[~changed])
-        assert sorted(map(tuple, patched[changed])) == sorted(map(tuple, new[changed]))
-        assert (patched[changed] != new[changed]).any(-1).mean() > 0.9
-    np.testing.assert_array_equal(placebo_patch(rng, before, before), before)
-
-
-def test_a_placebo_of_squares_keeps_each_of_them_whole():
-    """Squares that the item fills are moved as a whole; every pixel of the item remains."""
+def test_a_placebo_keeps_the_item_s_pixels_in_its_place_and_squares_that_the_item_fills_whole():
     rng = np.random.default_rng(1)
     before = np.zeros((1, 100, 100, 3), np.uint8)
     after = before.copy()
@@ -37,11 +22,6 @@ def test_a_placebo_of_squares_keeps_each_of_them_whole():
 
     assert squares(patched) == squares(after[0])
     assert (patched[22:40, 30:50] != after[0, 22:40, 30:50]).any(-1).mean() > 0.9
-
-
-def test_too_few_scenes_to_halve_are_refused():
-    with pytest.raises(ValueError, match="3 scenes in 10 splits: expected at least 4"):
-        data_subset(np.random.default_rng(0), np.zeros((1, 2, 3)), 10)
 
 
 def test_clear_effects_keep_their_verdict_in_every_half_and_borderline_ones_do_not():

@@ -3,7 +3,7 @@
 python -m tests.faults [--kills N] [--seed S] [--only WORD] [--whole DIR] [--out FILE]
 
 A fault must end in a clear message or in the bytes of an unbroken run. Exit status 1 if one does not. --whole names a
-finished `tests/smoke.sh DIR` to compare with, and saves making one. --out keeps a table: what runs replaces its rows
+finished `tests/smoke/run.sh DIR` to compare with and saves making one. --out keeps a table: what runs replaces its rows
 there, so that a long count can be made in parts.
 """
 
@@ -310,7 +310,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as temporary:
         whole = (given.whole or Path(temporary) / "whole").absolute()
         if not given.whole:
-            subprocess.run(["bash", "tests/smoke.sh", str(whole)], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+            subprocess.run(["bash", "tests/smoke/run.sh", str(whole)], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
         for fault in (fault for fault in FAULTS if given.only in fault.__name__):
             folder = Path(temporary) / fault.__name__
             ends = fault(Fault(whole, folder, np.random.default_rng(given.seed), given.kills))

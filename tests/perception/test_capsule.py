@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.perception.capsule import fit_capsule
-from pipeline.perception.outlines import SUPERSAMPLING
+from pipeline.perception.objects import SUPERSAMPLING
 from pipeline.world.layout import SIDE
 
 

@@ -20,13 +20,6 @@ def test_brightness_and_contrast_change_nothing():
     torch.testing.assert_close(before, after, atol=1e-4, rtol=0)
 
 
-def test_only_a_known_empty_table_raises_the_flag():
-    image = draw_table((0.5, 0.5, 0.08, RED))[None].astype(np.float32) / 255
-    without, same = network_input(image, None), network_input(image, image)
-    assert (without[:, 3:] == 0).all()
-    assert (same[:, 3:6] == 0).all() and (same[:, 6] == 1).all()
-
-
 def test_folding_keeps_the_function():
     torch.manual_seed(0)
     trained = Segmenter(normalised=True)

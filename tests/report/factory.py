@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 
 from pipeline.causal.interventions import PAPER_BOLD
+from pipeline.report.derived import DISTANCE_LABELS, NOTHING, by_slice
 from pipeline.report.results import PAPER_ACCURACY, PAPER_TABLE_2, DrawnScenes, Results
-from pipeline.report.slices import DISTANCE_LABELS, NOTHING, slices
 from pipeline.stages.report import DECISIONS, HISTORY
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, random_layouts
@@ -94,7 +94,7 @@ def tables(variants: Sequence[str] = VARIANTS, users: Sequence[str] = tuple(MARG
             columns=["variant", "reconstruction_over_flat", "own_demonstrations", "passed"],
         ),
         "judged": judged_paths,
-        "slices": slices(judged_paths),
+        "slices": by_slice(judged_paths),
     } | {
         name: pd.read_csv(DECISIONS / file) for name, file in HISTORY.items()
     }  # fmt: skip

@@ -77,7 +77,7 @@ def test_the_autoencoder_claim_is_not_tested_until_it_autoencodes():
 def test_claims_of_solutions_are_not_tested_without_their_study():
     results = factory.results()
     assert "four claims, judged in the" not in render(results, ["claims"]).pages["claims"]
-    results.facts["studies"]["solutions"] = "Do users’ solutions cluster?"
+    results.facts["studies"]["users"] = "Do users’ solutions cluster?"
     assert "../studies/users/index.html" in render(results, ["claims"]).pages["claims"]
 
 

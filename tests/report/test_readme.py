@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from pipeline.report.readme import README, contents, curve, fill, headlines
+from pipeline.report.exports import README, contents, curve, fill, headlines
 from pipeline.runtime.places import ROOT
 from tests.report import factory
 

@@ -9,8 +9,8 @@ import pytest
 
 from pipeline.artifacts.files import read_json, write_table
 from pipeline.audit.consistency import table_cells
-from pipeline.report.page import Site, Source, write_files, write_provenance
-from pipeline.report.study import Study
+from pipeline.report.page import Site, write_files, write_provenance
+from pipeline.report.study import Source, Study
 from pipeline.runtime.errors import InputError
 from pipeline.stages.page import render
 from tests.report.test_pages import Reader
@@ -42,7 +42,8 @@ def study(tmp_path: Path) -> Study:
     (tmp_path / "page.html.j2").write_text(template + "{% endblock %}")
     facts = {"data_md5": "0123456789", "profile": "smoke", "root_seed": 1, "settings": "seeds: 2", "studies": ["q"]}
     settings = {"question": "Does it hold?"}
-    return Study("q", tmp_path, settings, ["full"], {"careful": {}}, ["careful"], [0], 9, facts)
+    shared = {"variants": ["full"], "users": {"careful": {}}, "judged_users": ["careful"], "seeds": [0]}
+    return Study(name="q", folder=tmp_path, settings=settings, main_n_demos=9, facts=facts, **shared)
 
 
 def test_a_study_s_page_prints_its_question_its_numbers_and_how_it_was_made(study: Study):

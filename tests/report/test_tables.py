@@ -63,7 +63,7 @@ def test_a_number_may_be_missing_only_where_that_is_declared():
 
 @pytest.mark.parametrize("draw", [curves, bars])
 def test_a_chart_has_a_panel_for_each_value_and_a_name_for_each_series(draw: Any):
-    figure = draw(data(), "t", "level", "share", "q1", "q3", panel="split", hue="variant")
+    figure = draw(data(), "t", "level", "share", low="q1", high="q3", panel="split", hue="variant")
     assert [axes.get_title() for axes in figure.axes] == ["new", "old"]
     [legend] = figure.legends
     assert [text.get_text() for text in legend.get_texts()] == ["Paper’s model", "Clearance model"]

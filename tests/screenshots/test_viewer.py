@@ -8,9 +8,8 @@ import pytest
 from rerun.experimental import ViewerClient
 
 from pipeline.runtime.places import ROOT
-from pipeline.viewer.overview import write_overview
-from pipeline.viewer.run import write_run
-from pipeline.viewer.scene import INVALID, START, TIMELINES, VALID
+from pipeline.viewer.run import TIMELINES, write_overview, write_run
+from pipeline.viewer.scene import INVALID, START, VALID
 from tests.screenshots.window import select, settled, viewer
 from tests.viewer.example import STEPS, a_run, some_runs
 

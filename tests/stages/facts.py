@@ -20,7 +20,7 @@ Stage = Callable[[DictConfig, Path], None]
 
 
 def stage_name(main: Stage) -> str:
-    """Return its name in dvc.yaml: "repair" of pipeline.stages.repair, "envelope" of studies.envelope.stage."""
+    """Return its name in dvc.yaml: "repair" of pipeline.stages.repair, "safety" of studies.safety.stage."""
     package, _, module = main.__module__.rpartition(".")
     return package.rpartition(".")[2] if module == "stage" else module
 

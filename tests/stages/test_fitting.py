@@ -7,13 +7,11 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 import torch
 
 from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import read_table
-from pipeline.artifacts.models import fitted_n_demos
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.models.base import untrained
 from pipeline.models.trained import load_model
@@ -105,24 +103,9 @@ def test_convergence_is_what_the_saved_model_gives_on_its_own_training_set(runs,
     assert table.loc[table["user"] == "aggressive", "reconstruction_over_flat"].isna().all()  # never trained
 
 
-def test_a_variant_is_fitted_at_its_own_numbers_of_demonstrations(small_world, tmp_path):
-    cfg = config(small_world, tmp_path, "n_demos=[1,2,5]", "variants.full.n_demos=[5,7]")
-    assert fitted_n_demos(cfg, "full") == [2, 5]  # 2: main_n_demos
-
-
-def test_the_reference_engine_learns_the_same_and_is_named(runs, small_world, tmp_path, capsys):
-    train.main(config(small_world, tmp_path, "train.engine=reference", "variant=full"), tmp_path / "full")
-    assert "engine reference" in capsys.readouterr().out
-    ours, theirs = (read_table(root / "full" / "predictions.parquet") for root in (runs, tmp_path))
-    pd.testing.assert_frame_equal(ours.drop(columns="p"), theirs.drop(columns="p"))
-    np.testing.assert_allclose(ours["p"], theirs["p"], atol=1e-3)  # 4 steps; later on rounding is amplified
-
-
 @pytest.mark.parametrize(
     ("main", "overrides", "message"),
     [
-        (train.main, ["variant=irl_ranked"], "not fitted by stage train: expected one of full, ae, classifier"),
-        (irl.main, ["variant=full"], "not fitted by stage irl: expected one of irl_maxent, irl_ranked"),
         (train.main, ["seeds=[0,7]"], "no scenes train-s7"),
         (train.main, ["n_demos=[9]", "main_n_demos=9"], "expected 9 in each scene"),
         (train.main, ["train.rate=1e30"], r"full of careful, seed 0, n_demos 2: its loss .* finite at step \d+"),

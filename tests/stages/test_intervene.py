@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from omegaconf import DictConfig, OmegaConf
 
-from pipeline.artifacts.files import read_arrays, read_json, read_table
+from pipeline.artifacts.files import read_arrays, read_table
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.models.trained import load_model
 from pipeline.stages.intervene import EFFECTS, SUMMARY, main
@@ -103,36 +103,6 @@ def test_the_world_answers_by_its_rules_and_another_user_and_back_again_is_no_ch
     for effect in ("effect", "true_effect"):
         np.testing.assert_array_equal(there[effect].to_numpy(), -back[effect].to_numpy())
     assert (there["true_effect"] > 0).any()
-
-
-def test_more_scenes_add_rows_and_change_no_other(cfg: DictConfig, tmp_path: Path):
-    alone = asked_alone(cfg, "add_glass")
-    for more in (0, MORE):
-        alone.intervene.more_scenes = more
-        main(alone, tmp_path / str(more))
-    few, many = (read_table(tmp_path / str(more) / "effects.parquet") for more in (0, MORE))
-    assert set(many["scene"]) == set(range(SCENES + MORE))
-    shared = many[many["scene"] < SCENES].reset_index(drop=True)
-    np.testing.assert_allclose(shared["effect"], few["effect"], atol=1e-6)
-    np.testing.assert_array_equal(shared["true_effect"], few["true_effect"])
-    for name in ("images.npz", "layouts.parquet"):
-        assert (tmp_path / "0" / name).read_bytes() == (tmp_path / str(MORE) / name).read_bytes()
-
-
-def test_table_2_and_the_metrics_are_those_of_the_summary(out: Path):
-    bold, summary = read_table(out / "bold.csv"), read_table(out / "summary.csv")
-    metrics, added = read_json(out / "metrics.json"), summary[summary["kind"] == "add"]
-    assert list(bold["source"].unique()) == ["the paper", "truth", *VARIANTS] and set(metrics["bold"]) == set(VARIANTS)
-    assert (bold.groupby("source").size() == 15).all()  # three users, no intervention and four symbols
-    cells = bold[bold["source"].isin(VARIANTS) & (bold["change"] != "none")]
-    same = added.rename(columns={"variant": "source", "symbol": "change"})
-    both = cells.merge(same, on=["source", "user", "change"], suffixes=("", "_of_summary"))
-    assert len(both) == 12 * len(VARIANTS)
-    np.testing.assert_allclose(both[["p_holm", "mean"]], both[["p_holm_of_summary", "intervened"]], rtol=1e-5)
-    rows = added[added["user"] != "aggressive"]  # of users whose results are averaged
-    assert metrics["verdicts_right"] == rows.groupby("variant")["right"].sum().to_dict()
-    errors = (rows["effect"] - rows["truth"]).abs()[rows["variant"] == "clearance"]
-    assert metrics["effect_error"] == {"clearance": pytest.approx(errors.max(), abs=1e-6)}
 
 
 @pytest.mark.parametrize("fact", [names_a_missing_model, names_a_model_with_nan])

@@ -10,11 +10,10 @@ from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.demos import DEMO_COLUMNS, write_demos
 from pipeline.artifacts.files import read_table, write_arrays, write_table
-from pipeline.artifacts.models import model_dir, save_weights, weights_path
+from pipeline.artifacts.models import model_dir
 from pipeline.artifacts.scenes import SceneSet, layout_table, read_scenes, write_scenes
 from pipeline.models.registry import build
 from pipeline.models.trained import load_model
-from pipeline.runtime.errors import InputError
 from pipeline.stages.record import main
 from pipeline.viewer.contents import ACCEPTED, CURVE_KEY, EFFECT_COLUMNS
 from pipeline.viewer.scene import OUTCOME, p_classes
@@ -23,7 +22,7 @@ from pipeline.world.layout import SYMBOLS, add_item, random_layouts
 from pipeline.world.rules import valid
 from tests.factories import ITEMS, RULES, appearances, composed, random_demos, save_model
 from tests.stages.facts import run_as_listed
-from tests.viewer.example import read, read_maps, read_timed
+from tests.viewer.example import read, read_maps
 
 pytestmark = pytest.mark.slow
 
@@ -146,21 +145,6 @@ def test_interventions_are_the_models_maps_and_the_stages_effects(recorded: tupl
     assert f"| **glass** | {mean['effect']:+.3f} | {mean['true_effect']:+.3f} |" in page
 
 
-def test_maps_during_training_are_of_the_checkpoints_and_end_with_the_final_model(
-    cfg: DictConfig, tmp_path: Path
-) -> None:
-    early, cfg.checkpoints = build(cfg.variants.full, 99), [0, 5]
-    save_weights(weights_path(model_dir(cfg, "full"), "careful", 0, cfg.main_n_demos, 5), early.state_dict())
-    main(cfg, tmp_path / "record")
-    image = read_scenes(tmp_path / "scenes").images["new_items"][:1]
-    last = load_model(cfg, "full", "careful", 0, cfg.main_n_demos)
-    path = tmp_path / "record/runs/full-careful-s0.rrd"
-    rows = read_timed(path, "predicted/learning/map", "SegmentationImage:buffer", "train_step")
-    assert [step for step, _ in rows] == [5, 11]  # the curve's last point lies before the update of step 10
-    for model, shown in zip((early, last), read_maps(path, "predicted/learning", 9, "train_step"), strict=True):
-        assert np.array_equal(shown, p_classes(model.probability(image, lattice(9)[None]).reshape(9, 9)))
-
-
 def test_recordings_of_removed_users_and_questions_are_gone_and_without_margins_every_user_has_some(cfg, tmp_path):
     effects = read_table(tmp_path / "intervene" / "effects.parquet")
     write_table(tmp_path / "intervene" / "effects.parquet", effects[effects["question"] != "add_bowl"])
@@ -173,15 +157,3 @@ def test_recordings_of_removed_users_and_questions_are_gone_and_without_margins_
     path = tmp_path / "record" / "runs" / "full-aggressive-s0.rrd"
     pages = [text for (text,) in read(path, "interventions/effects", "TextDocument:text", "intervention")]
     assert [page.splitlines()[0] for page in pages] == ["## Plate added", "## Cutlery added", "## Glass added"]
-
-
-def test_paths_that_do_not_match_the_repairs_and_a_missing_model_are_refused(cfg: DictConfig, tmp_path: Path) -> None:
-    paths = dict(np.load(tmp_path / "repair" / "paths.npz"))
-    paths["full-normal-s0"] = paths["full-normal-s0"][:-1]
-    write_arrays(tmp_path / "repair" / "paths.npz", paths)
-    with pytest.raises(InputError, match="8 repairs of full-normal-s0, 7 paths"):
-        main(cfg, tmp_path / "record")
-    weights_path(model_dir(cfg, "classifier"), "normal", 0, cfg.main_n_demos).unlink()
-    with pytest.raises(InputError, match="run stage train for variant classifier"):
-        main(cfg, tmp_path / "record")
-    assert not (tmp_path / "record").exists()

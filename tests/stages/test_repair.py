@@ -9,12 +9,11 @@ import pytest
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_table
-from pipeline.artifacts.scenes import read_scenes, train_pool
+from pipeline.artifacts.scenes import read_scenes
 from pipeline.models.trained import load_model
-from pipeline.planning.oracle import constant_detour
 from pipeline.stages.repair import main
 from tests.factories import untrained_models
-from tests.stages.facts import names_a_missing_model, names_a_model_with_nan, refuses
+from tests.stages.facts import names_a_missing_model, names_a_model_with_nan
 
 BY_MODEL, BASELINES = ["gradient", "nearest"], ["random_path", "constant_detour", "oracle"]
 
@@ -48,13 +47,6 @@ def test_probabilities_are_the_models(cfg: DictConfig, table: pd.DataFrame):
         np.testing.assert_allclose(rows[p], expected, atol=1e-5)
 
 
-def test_the_constant_detour_is_chosen_in_the_seeds_own_training_scenes(cfg: DictConfig, table: pd.DataFrame):
-    layouts = read_scenes(Path(cfg.paths.scenes)).layouts
-    for (seed, user), rows in table.query("method == 'constant_detour'").groupby(["seed", "user"]):
-        detour = constant_detour(layouts[train_pool(seed)], cfg.users[user], cfg.repair.lattice_side)
-        assert (rows[["z_x", "z_y"]] == detour).all(axis=None)
-
-
 def test_the_oracle_always_succeeds_and_no_success_with_room_is_shorter(table: pd.DataFrame):
     assert table[table["method"] == "oracle"]["valid_end"].all()
     off = 1.4 / 14 / 2**0.5  # [m]: no z is further from the oracle's first lattice; its path moves half as far at most
@@ -82,7 +74,3 @@ def test_the_summary_and_the_metrics_are_of_the_table_s_users_with_an_invalid_pa
 @pytest.mark.parametrize("fact", [names_a_missing_model, names_a_model_with_nan])
 def test_a_missing_model_or_one_with_nan_is_named_and_nothing_written(cfg: DictConfig, tmp_path: Path, fact):
     fact(main, cfg, "full", tmp_path / "out")
-
-
-def test_a_split_without_scenes_is_named(cfg: DictConfig, tmp_path: Path):
-    refuses(main, cfg, "repair.split", "new_scenes", "no scenes new_scenes", tmp_path / "out")

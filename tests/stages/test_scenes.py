@@ -85,11 +85,3 @@ def test_the_true_table_2_is_near_the_paper_s_and_the_committed_one_within_3_poi
 )
 def test_rules_without_room_and_missing_data_are_named(tmp_path: Path, name: str, value: object, message: str):
     refuses(main, small(), name, value, message, tmp_path / "out")
-
-
-def test_users_that_the_paper_does_not_have_get_a_world_too(tmp_path: Path):
-    cfg = small(calibration=20, shared=2, validation=1, per_seed=1)
-    cfg.users = {"hasty": cfg.users.normal}
-    main(cfg, tmp_path)
-    assert read_json(tmp_path / "metrics.json") == {"world": {"largest_difference": None}}
-    assert read_table(tmp_path / "p_valid.csv")["truth"].between(0, 1, inclusive="neither").all()

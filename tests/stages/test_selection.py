@@ -9,8 +9,7 @@ from omegaconf import DictConfig
 from pipeline.artifacts.files import write_table
 from pipeline.stages.selection import main
 from pipeline.viewer.digest import digest
-from pipeline.viewer.overview import write_overview
-from pipeline.viewer.run import write_run
+from pipeline.viewer.run import write_overview, write_run
 from tests.factories import composed
 from tests.stages.facts import run_as_listed
 from tests.viewer.example import a_run, some_runs

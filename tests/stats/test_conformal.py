@@ -71,12 +71,3 @@ def test_what_the_model_calls_invalid_is_accepted_only_with_all_the_rest(seed: i
 def test_p_values_count_invalid_demonstrations_that_score_as_high():
     held_out, valid = np.array([0.9, 0.5, 0.5, 0.1]), np.array([True, False, True, False])
     assert p_values(held_out, valid, np.array([0.6, 0.5, 0.05])).tolist() == [1 / 5, 2 / 5, 3 / 5]
-
-
-def test_too_few_demonstrations_accept_no_path():
-    """Even if every invalid demonstration scores below every path: N >= 1 / (level * share) - 1."""
-    level, paths = 0.02, 100
-    scores = np.where(np.arange(paths) < 0.4 * paths, 1.0, -2.0)
-    for demonstrations, count in ((124, 40), (123, 0)):
-        p = p_values(np.full(demonstrations, -1.0), np.zeros(demonstrations, dtype=bool), scores)
-        assert accept(p, level).sum() == count

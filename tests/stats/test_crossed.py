@@ -55,13 +55,9 @@ def test_the_error_behind_every_interval_is_that_of_the_mean_squares(constant: t
     assert freedom[0] == pytest.approx(total**2 / sum(square**2 / f for square, f in terms))
 
 
-def test_effects_with_nan_fewer_than_two_scenes_and_a_ratio_over_zero_are_refused():
-    with pytest.raises(ValueError, match="at least two scenes"):
-        estimate(np.zeros((3, 4, 1)))
+def test_effects_with_nan_are_refused():
     with pytest.raises(ValueError, match="1 of them NaN"):
         estimate(np.array([[[0.1, np.nan]]]))
-    with pytest.raises(ValueError, match="1 of 2 denominators sum to 0"):
-        ratio(np.zeros((2, 3, 4)), np.stack([np.ones((3, 4)), np.zeros((3, 4))]))
 
 
 REGIMES = [(0.03, 0.0), (0.0, 0.1), (0.03, 0.1), (0.01, 0.1)]  # standard deviations of seeds and of scenes
@@ -71,14 +67,6 @@ REGIMES = [(0.03, 0.0), (0.0, 0.1), (0.03, 0.1), (0.01, 0.1)]  # standard deviat
 @pytest.mark.parametrize("skewed", [False, True])
 def test_95_percent_intervals_cover_the_effect(by_seed: float, by_scene: float, skewed: bool):
     assert 0.93 <= covers(estimate(crossed(1200, by_seed, by_scene) + 0.1, skewed), 0.1) <= 0.97
-
-
-def test_p_is_005_where_the_interval_ends_at_zero():
-    effects = np.exp(crossed(6, 0.03, 1.0))  # scenes are skewed
-    for skewed in (False, True):
-        e = estimate(effects, skewed)
-        for end in (e.ci_low, e.ci_high):
-            np.testing.assert_allclose(estimate(effects - end[:, None, None], skewed).p, 0.05, rtol=1e-6)
 
 
 def test_the_correction_for_skewness_widens_the_side_of_the_long_tail_and_knows_no_other_side():

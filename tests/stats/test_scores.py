@@ -5,7 +5,15 @@ import pytest
 from sklearn.calibration import calibration_curve
 from sklearn.metrics import accuracy_score, brier_score_loss, roc_auc_score
 
-from pipeline.stats.scores import accuracy, auroc, brier, expected_calibration_error, reliability
+from pipeline.stats.scores import (
+    accuracy,
+    accuracy_estimate,
+    accuracy_loss,
+    auroc,
+    brier,
+    expected_calibration_error,
+    reliability,
+)
 
 
 def drawn(seed: int, paths: int) -> tuple[np.ndarray, np.ndarray]:
@@ -34,7 +42,27 @@ def test_the_error_of_a_calibrated_generator_tends_to_zero():
     assert many < 0.005 < few
 
 
-def test_one_kind_of_label_has_no_auroc_and_no_p_lies_outside_0_and_1():
-    assert np.isnan(auroc(np.array([0.2, 0.8]), np.array([True, True])))
-    with pytest.raises(ValueError, match="expected all of them in"):
-        reliability(np.array([0.2, 1.2]), np.array([True, True]), 10)
+SHAPE = (2, 4, 6, 10)  # user, seed, scene, path
+Labels = tuple[np.ndarray, np.ndarray]  # valid (user, scene, path), and the same for each seed
+
+
+@pytest.fixture
+def labels() -> Labels:
+    valid = np.random.default_rng(0).random((SHAPE[0], *SHAPE[2:])) < 0.4
+    return valid, np.broadcast_to(valid[:, None], SHAPE)
+
+
+def test_right_decisions_are_accurate_and_safe_and_their_opposite_is_neither(labels: Labels):
+    valid, right = labels
+    best, worst = accuracy_estimate(right, valid), accuracy_estimate(~right, valid)
+    assert (best["accuracy"], best["ci_low"], best["ci_high"], best["unsafe"]) == (1, 1, 1, 0)
+    assert (worst["accuracy"], worst["unsafe"]) == (0, 1)
+
+
+def test_the_loss_is_the_difference_of_accuracies_even_if_the_truth_changes(labels: Labels):
+    valid, right = labels
+    rng = np.random.default_rng(2)
+    fuller, decisions = valid & (rng.random(valid.shape) < 0.5), right ^ (rng.random(SHAPE) < 0.2)
+    row = accuracy_loss(decisions, fuller, right, valid)
+    assert row["loss"] == pytest.approx(1 - accuracy_estimate(decisions, fuller)["accuracy"])
+    assert 0 < row["loss_ci_low"] < row["loss"] < row["loss_ci_high"]

@@ -10,10 +10,10 @@ from pipeline.artifacts.files import read_arrays, read_table, write_arrays
 from pipeline.artifacts.scenes import read_scenes, train_pool
 from pipeline.models.baselines import NEAREST
 from pipeline.params import compose
-from pipeline.training.judged_sets import FEW, HELD_OUT, NEW, OWN
+from pipeline.training.judged_sets import FEW, HELD_OUT, NEW, OWN, ROUTES, Kinds
 from pipeline.world.layout import EMPTY, SYMBOLS, random_layouts
 from pipeline.world.rules import clearance, slack
-from studies.fairness.stage import MODEL, PERFECT, SEEN, draw_cases, main, show_all, true_code
+from studies.fairness.stage import MODEL, PERFECT, SEEN, draw_cases, main, true_code
 from tests.factories import ITEMS, RULES, rendered_scenes
 
 assert main  # of the fixture `out`
@@ -60,7 +60,9 @@ def test_fewer_scenes_are_the_first_ones_and_judges_are_the_same_for_all(cfg: Di
 
 def test_labels_are_true_and_no_judged_path_was_shown(cfg: DictConfig):
     scenes, families = read_scenes(Path(cfg.paths.scenes)), np.array(cfg.readings.families)
-    shown = list(show_all(cfg, scenes))
+    pools, users = {s: train_pool(s) for s in cfg.seeds}, {u: cfg.users[u] for u in cfg.evaluate.users}
+    kinds = ROUTES, cfg.studies.fairness.clear_cm, users, cfg.main_n_demos
+    shown = list(Kinds.of(cfg.readings).judged_sets(scenes.images, scenes.layouts, pools, *kinds))
     assert len(shown) == 2 * 2 * 2 * 2, "routes, distances, seeds, users"
     for x in shown:
         for split, (z, valid) in x.judged.items():

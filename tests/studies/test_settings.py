@@ -9,14 +9,14 @@ from tests.factories import composed, with_value
 
 MARGINS = "{" + ", ".join(f"{symbol}: null" for symbol in SYMBOLS) + "}"
 WRONG = {  # study: values of its settings, each refused by the setting's name
-    "acceptance": "variants=[] | level=1.0 | level=0.03 | fitted=20 | levels=[0.2, 0.1]",
     "counterfactuals": "scenes=1000 | moved_scenes=7 | split=seen_scenes | example_variant=best",
-    "envelope": "doses=1 | planner=unknown | clear_of_others=0.04",
     "execution": "grip_m=0.0 | physics={walk: [full]} | shown_scene=1000 | shaker.below_m=0.2",
     "fairness": "scenes={full: [20]} | scenes.full=[12, 6] | scenes_seeds=1 | seen_scenes=7 | clear_cm=[4, 0]",
     "users": "draws=0 | level=1.0 | samples=0 | neighbours=0 | reported=[1, 1000] | stranger=" + MARGINS,
     "perception": "pictures=0 | rendered=[] | headlines.taught_tops=train",
     "refutation": "scenes=3 | far_m=0.04 | pieces=[3] | world.gap_m=[0.001, 0.04] | world.glasses=3",
+    "safety": "envelope.doses=1 | envelope.planner=unknown | envelope.clear_of_others=0.04 | acceptance.variants=[] | "
+    "acceptance.level=1.0 | acceptance.fitted=20 | acceptance.levels=[0.2, 0.1] | acceptance.levels=[0.1]",
     "shift": "scenes=10000 | corruptions.blur=[2, 1] | corruptions={fog: [0.1]} | mislabelled={full: [0.1]}",
 }
 ROWS = [(study, row) for study, rows in WRONG.items() for row in rows.split(" | ")]

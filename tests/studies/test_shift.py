@@ -16,7 +16,7 @@ from pipeline.artifacts.files import read_table, write_arrays
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.models.clearance.clearance import ClearanceModel
 from pipeline.models.registry import build
-from pipeline.world.bezier import P_F, P_INIT, random_z_theta
+from pipeline.world.bezier import P_F, P_INIT
 from pipeline.world.layout import (
     SIDE,
     SYMBOLS,
@@ -26,19 +26,14 @@ from pipeline.world.layout import (
     random_layouts,
     segment_distance,
 )
-from pipeline.world.rules import Margins, valid
+from pipeline.world.rules import Margins
 from studies.shift.stage import (
-    ARM_RADIUS_PX,
     CORRUPTIONS,
     OWN_RULE,
     PROXIMITY,
     add_clutter,
-    arm,
-    flip_labels,
     main,
-    noise,
     proximity,
-    tint,
 )
 from tests.factories import (
     ITEMS,
@@ -78,29 +73,6 @@ def test_a_corruption_of_hardly_any_strength_changes_nothing_and_a_strong_one_al
     assert all((after != old).any() for after, old in zip(corrupted, before, strict=True))
 
 
-@pytest.mark.parametrize("name", ["shade", "noise", "arm"])
-def test_a_stronger_corruption_deepens_a_weaker_one(name: str):
-    weak, strong = (np.abs(CORRUPTIONS[name](rng(), grey(128, 3), s * STRONG[name]) - 128.0) for s in (0.5, 1.0))
-    touched = weak > 0
-    assert touched.any() and (strong[touched] >= weak[touched] - 1).all() and strong.sum() > weak.sum()
-
-
-def test_tint_and_noise_take_what_their_strength_says():
-    assert tint(rng(), grey(200), 0.4)[0, 50, 50].tolist() == [200, 160, 120]
-    error = noise(rng(), grey(128, 4), 0.05) / 255 - 128 / 255
-    assert error.std() == pytest.approx(0.05, rel=0.02) and abs(error.mean()) < 0.001
-
-
-@given(seed=seeds)
-@settings(max_examples=20, deadline=None)
-def test_an_arm_crosses_one_edge_and_has_the_given_reach_and_thickness(seed: int):
-    over = (arm(rng(seed), grey(0), 0.3)[0] > 0).all(-1)
-    touched = [edge for edge in range(4) if np.rot90(over, -edge)[0].any()]
-    assert len(touched) == 1, "it crosses one edge"
-    upright = np.rot90(over, -touched[0])
-    assert abs(upright.any(1).sum() - 0.3 * SIDE) <= 1 and abs(upright[0].sum() - 2 * ARM_RADIUS_PX) <= 1
-
-
 @given(seed=seeds)
 @settings(max_examples=10, deadline=None)
 def test_clutter_adds_items_that_keep_clearances_and_moves_none(seed: int):
@@ -121,16 +93,6 @@ def test_clutter_adds_items_that_keep_clearances_and_moves_none(seed: int):
         add_clutter(rng(), layouts, 1, ITEMS, POOL, replace(RULES, clear_of_items=0.9))
 
 
-def test_less_clutter_and_fewer_flips_are_part_of_more():
-    layouts, labels = random_layouts(rng(), 4, ITEMS, POOL, RULES), rng().random((20, 9)) < 0.4
-    some, more = (add_clutter(rng(), layouts, count, ITEMS, POOL, RULES) for count in (1, 3))
-    first = np.nonzero(some.present)
-    np.testing.assert_array_equal(more.centre[first], some.centre[first])
-    np.testing.assert_array_equal(more.item[first], some.item[first])
-    few, many = (flip_labels(rng(3), labels, share) != labels for share in (0.05, 0.2))
-    assert (few.sum(), many.sum()) == (9, 36) and (many | ~few).all()
-
-
 def glasses(*centres: tuple[float, float]) -> Layouts:
     """One scene with a glass of 3 cm radius at each of these places [m]."""
     layouts = empty(1, len(centres) + 1)
@@ -146,14 +108,6 @@ def test_proximity_counts_a_glass_with_a_neighbour_even_if_that_is_far_from_the_
     assert not proximity(glasses((0.5, 0.5), (0.6, 0.3)), straight, ALL, 0.2)[0, 0]
     assert proximity(glasses((0.5, 0.5), (0.8, 0.3)), straight, ALL, 0.2)[0, 0]
     assert proximity(glasses((0.5, 0.5), (0.6, 0.3)), straight, dict.fromkeys(SYMBOLS), 0.2)[0, 0]
-
-
-def test_proximity_forgives_and_forbids_no_path_that_keeps_every_margin():
-    layouts, z_theta = random_layouts(rng(), 40, ITEMS, POOL, RULES), random_z_theta(rng(), 40, 60)
-    kept, accepted = valid(layouts, z_theta, ALL), proximity(layouts, z_theta, ALL, 0.2)
-    assert accepted[kept].all() and (accepted & ~kept).any() and not accepted.all()
-    assert proximity(layouts, z_theta, ALL, -10.0).all()
-    assert (proximity(layouts, z_theta, ALL, 10.0) == kept).mean() > 0.998  # but for paths that graze a margin
 
 
 @pytest.fixture(scope="module")
@@ -183,16 +137,6 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
 def disturbed(out: Path) -> pd.DataFrame:
     """One row a corruption, strength and variant."""
     return read_table(out / "disturbances.csv").astype({"strength": str})
-
-
-@pytest.mark.slow
-def test_the_accuracy_is_the_mean_over_users_and_seeds_and_the_loss_is_the_rest(out: Path, disturbed: pd.DataFrame):
-    keys = ["corruption", "strength", "variant"]
-    means = read_table(out / "accuracy.parquet").groupby(keys)["accuracy"].mean()
-    table = disturbed.set_index(keys)
-    np.testing.assert_allclose(table["accuracy"], means.loc[table.index], atol=2e-6)
-    before = disturbed.query("corruption == 'none'").set_index("variant")["accuracy"].loc[disturbed["variant"]]
-    np.testing.assert_allclose(disturbed["loss"], before.to_numpy() - disturbed["accuracy"], atol=2e-6)
 
 
 @pytest.mark.slow

@@ -11,7 +11,6 @@ from pipeline.artifacts.files import read_table, write_arrays
 from pipeline.world.layout import empty
 from studies.users.stage import best_accuracy, judge, left_of_items, main, measures, routes
 from tests.factories import labelled_demos, models_in_rendered_scenes, same_scenes_for_training
-from tests.stages.facts import names_a_missing_model
 
 VARIANTS = ("full", "clearance")
 
@@ -93,16 +92,3 @@ def test_samples_of_the_truth_are_valid_and_no_source_finds_more_routes_than_the
     assert set(table["variant"]) == {*VARIANTS, "position_only", "random_path", "truth"}
     assert (table[table["variant"] == "truth"]["valid"] == 1).all() and table["valid"].between(0, 1).all()
     assert (table["routes_found"] <= table["routes_all"]).all()
-
-
-def test_the_true_overlap_is_that_of_all_sources_and_a_constant_has_no_correlation(out: Path):
-    table, scenes = read_table(out / "overlap.csv"), read_table(out / "overlap_scenes.csv")
-    assert (table.groupby(["first", "second"])["truth"].nunique() == 1).all()
-    assert (table[table["variant"] == "training_mean"]["correlation"] == 0).all()
-    key = ["variant", "first", "second"]
-    by_scene, mean = scenes.groupby(key)["overlap"].mean(), table.set_index(key)["overlap"].sort_index()
-    pd.testing.assert_series_equal(by_scene, mean, rtol=1e-4)
-
-
-def test_a_missing_model_is_named_before_any_work(cfg: DictConfig, tmp_path: Path):
-    names_a_missing_model(main, cfg, "clearance", tmp_path / "out")

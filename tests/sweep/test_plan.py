@@ -81,13 +81,6 @@ def test_every_experiment_composes_and_all_its_values_are_valid(experiment: str)
     assert plan.jobs is not None and len(plan.jobs) > 1 and None not in plan.defaults.values()
 
 
-def test_an_experiment_has_fewer_values_if_the_command_line_names_them():
-    fewer = ["demos.clear_m=0", "scenes.per_seed=6", "scenes.layout.items_per_scene=[1]"]
-    plan = make_plan(["profile=smoke", "+experiment=worlds", *fewer], ["evaluate"])
-    assert plan.jobs is not None and len(plan.jobs) == 2  # margins are still swept
-    assert all("scenes.per_seed=6" in [*job, *plan.fixed] for job in plan.jobs)
-
-
 def test_dvc_finds_every_study_by_the_name_that_stages_takes():
     with Repo(str(ROOT)) as repo:
         for study in ROOT.glob("studies/*/dvc.yaml"):

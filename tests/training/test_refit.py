@@ -11,7 +11,7 @@ from pipeline.training.refit import TrainingSet, refit_and_predict, trainer
 from pipeline.training.vae.engines.simd_kernels import LANES
 from tests.factories import composed
 
-FEW = ["train.steps=2", "clearance.steps=2", "variants.irl_maxent.steps=3", "variants.irl_ranked.steps=3"]
+FEW = ["train.steps=2", "clearance.steps=2", "irl.steps.maxent=3", "irl.steps.ranked=3"]
 RNG = np.random.default_rng(0)
 IMAGES, Z = RNG.integers(0, 255, (2, 100, 100, 3), dtype=np.uint8), RNG.uniform(0, 1, (2, 5, 2))
 

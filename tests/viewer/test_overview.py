@@ -1,16 +1,13 @@
 """What the overview holds, read back with Rerun's own reader: every variant beside the truth, the worst scene first."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from rerun.chunk import RrdReader
 
 from pipeline.legend import label
 from pipeline.viewer.contents import ACCEPTED, FALSELY_VALID, Run
-from pipeline.viewer.overview import write_overview
+from pipeline.viewer.run import write_overview
 from pipeline.viewer.scene import OUTCOME
 from tests.viewer.example import read, read_maps, some_runs
 
@@ -52,10 +49,3 @@ def test_the_text_gives_every_variant_s_agreement_by_user(runs: list[Run], recor
         assert f"| {name} | {careful.agreement:.0%} | {normal.agreement:.0%} |" in text
     ((about,),) = read(recording, "about", "TextDocument:text")
     assert "**normal user** keeps clear of glass" in about
-
-
-def test_rerun_verifies_the_file_with_its_blueprint(recording: Path) -> None:
-    command = [sys.executable, "-m", "rerun", "rrd", "verify", str(recording)]
-    assert subprocess.run(command, capture_output=True).returncode == 0
-    reader = RrdReader(recording)
-    assert [entry.recording_id for entry in reader.recordings()] == ["overview"] and len(reader.blueprints()) == 1

@@ -5,9 +5,8 @@ from pathlib import Path
 import pytest
 
 from pipeline.runtime.errors import InputError
-from pipeline.runtime.places import ROOT
 from pipeline.viewer.digest import digest
-from pipeline.viewer.review import check, find, folders_of, show, worst
+from pipeline.viewer.review import check, find, show, worst
 from pipeline.viewer.run import write_run
 from tests.viewer.example import a_run
 
@@ -61,13 +60,3 @@ def test_without_a_display_the_error_says_so(kept: Path, monkeypatch: pytest.Mon
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     with pytest.raises(InputError, match="no display"):
         show(kept / "full-careful-s3.rrd")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("folder", sorted(ROOT.glob("studies/*/recording")), ids=lambda folder: folder.parent.name)
-def test_a_study_s_recording_is_called_as_the_study_and_small(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(ROOT)
-    folders = folders_of(folder.parent.name)
-    assert folders[0].resolve() == folder and folders_of("overview") != folders
-    check(*folders, folder.parent.name)
-    assert find(*folders, folder.parent.name).stat().st_size <= 2_000_000

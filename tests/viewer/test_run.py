@@ -9,10 +9,10 @@ import pytest
 from pipeline.viewer.contents import ACCEPTED, FALSELY_INVALID, FALSELY_VALID, REJECTED, Run
 from pipeline.viewer.digest import digest
 from pipeline.viewer.geometry import boundary, on_map, on_table
-from pipeline.viewer.run import EVERY, POINTS, write_run
-from pipeline.viewer.scene import OUTCOME, TIMELINES, p_classes
+from pipeline.viewer.run import EVERY, POINTS, TIMELINES, write_run
+from pipeline.viewer.scene import OUTCOME, p_classes
 from pipeline.world.bezier import curve
-from tests.viewer.example import MARGINS, SIDE, STEPS, a_run, read, read_maps, read_timed
+from tests.viewer.example import SIDE, STEPS, a_run, read, read_maps, read_timed
 
 pytestmark = pytest.mark.slow
 
@@ -105,15 +105,6 @@ def test_texts_are_short_and_name_the_model_and_the_recording_carries_its_source
     for value in (run.name, run.n_demos, run.profile, run.data, run.root_seed, run.parameters, "bowl 4.5 cm"):
         assert str(value) in about
     assert "glass" not in about  # this user has no margin for it
-
-
-def test_a_user_without_margins_has_no_repairs(tmp_path: Path) -> None:
-    whole = a_run(repairs=0)
-    repairs = tuple(replace(r, truth=np.ones_like(r.truth)) for r in whole.repairs)
-    path = tmp_path / "aggressive.rrd"
-    write_run(path, replace(whole, user="aggressive", margins=dict.fromkeys(MARGINS), repairs=repairs))
-    assert "nothing to repair" in text(path, "text/repairs") and "keeps clear of nothing" in text(path, "about")
-    assert not read(path, "table/scene_000/paths", "LineStrips2D:strips")
 
 
 def test_the_digest_changes_with_any_part(run: Run, recording: Path, tmp_path: Path) -> None:

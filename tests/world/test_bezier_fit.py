@@ -89,12 +89,6 @@ def test_a_trajectory_that_is_no_quadratic_path_is_kept_and_flagged():
     assert np.isfinite(fits.z_theta).all()
 
 
-def test_no_trajectories_give_no_fits_and_two_points_are_refused():
-    assert len(fit(np.empty((0, 2)), np.array([0]), 0.004).z_theta) == 0
-    with pytest.raises(ValueError, match="trajectory 1 has 2 points: expected at least 3"):
-        fit(np.zeros((7, 2)), np.array([0, 5, 7]), 0.004)
-
-
 @pytest.mark.parametrize("name", ["Line", "JShape", "Sshape"])
 def test_lasa_scipy_cannot_improve_on_the_fit(lasa, name: str):
     movements = lasa[name][:2]

@@ -70,15 +70,6 @@ def test_an_added_item_has_its_symbol_is_clear_of_the_rest_and_changes_no_other(
         assert apart >= RULES.clear_of_items - 1e-9 and away >= RULES.clear_of_ends - 1e-9
 
 
-def test_a_full_scene_takes_no_more_and_a_pool_without_a_symbol_is_refused():
-    crowded = add_item(np.random.default_rng(0), drawn(2), 0, ITEMS, POOL, RULES)
-    with pytest.raises(ValueError, match=r"no free (slot|place) for a bowl"):
-        for _ in range(3):
-            crowded = add_item(np.random.default_rng(0), crowded, 0, ITEMS, POOL, RULES)
-    with pytest.raises(ValueError, match="no glass among the items"):
-        add_item(np.random.default_rng(0), drawn(2), 3, ITEMS, np.arange(3), RULES)
-
-
 @settings(max_examples=20, deadline=None)
 @given(seeds)
 def test_segment_distance_agrees_with_dense_points(seed):

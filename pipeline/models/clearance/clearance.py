@@ -60,7 +60,7 @@ class PerceivedObjects(NamedTuple):
     radius: Float[Tensor, "*scene object"]  # of the capsule [m]
     features: Float[Tensor, "*scene object feature"]  # FEATURES, then the logarithm of the gap to a neighbour [m]
     present: Float[Tensor, "*scene object"]  # 1 for an object, 0 for an empty slot
-    doubt: Float[Tensor, "*scene object"]  # about the picture (perception.outlines.doubt), the same in all slots
+    doubt: Float[Tensor, "*scene object"]  # about the picture (perception.objects.doubt), the same in all slots
 
     @classmethod
     def of(cls, percept: Float[Tensor, "*scene object 14"]) -> "PerceivedObjects":

@@ -27,29 +27,20 @@ class RewardMap(ValidityModel):
     """A convolutional network from image to reward map; a path is accepted if its advantage is above a threshold.
 
     The logit is `scale * advantage + offset`. Both are buffers, fitted to the labels after training; P > .5 accepts
-    paths above `-offset / scale`. If `symmetric`, the map is averaged over the image's 8 symmetries.
+    paths above `-offset / scale`. The map is averaged over the image's 8 symmetries.
     """
 
     scale: Tensor
     offset: Tensor
     paths: Tensor
 
-    def __init__(
-        self,
-        channels: int,
-        dilated: int,
-        gain: float,
-        dropout: float,
-        lattice_side: int,
-        symmetric: bool,
-        ceiling: bool,
-    ) -> None:
+    def __init__(self, channels: int, dilated: int, gain: float, dropout: float, lattice_side: int) -> None:
         """Build the network: 25 x 25 layers of `channels` channels, one plain and `dilated` dilated ones.
 
-        `gain` multiplies the map. `ceiling` limits rewards to at most 0.
+        `gain` multiplies the map, whose rewards are at most 0.
         """
         super().__init__()
-        self.gain, self.symmetries, self.ceiling = gain, SYMMETRIES if symmetric else 1, ceiling
+        self.gain = gain
         layers = [
             nn.Conv2d(4, channels // 2, 3, stride=2, padding=1),  # (scene, channels / 2, 50, 50)
             nn.ReLU(),
@@ -69,18 +60,17 @@ class RewardMap(ValidityModel):
 
     def reward(self, contrasts: Float[Tensor, "scene 4 100 100"]) -> Float[Tensor, "scene side side"]:
         """Return r_s at each cell of the map, row 0 at the far edge, from the images' contrast with the table."""
-        raw = self.layers(contrasts).squeeze(1)
-        return self.gain * (-F.softplus(raw) if self.ceiling else raw)
+        return self.gain * -F.softplus(self.layers(contrasts).squeeze(1))
 
     def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene cell"]:
         """Return the cells of the reward map and, last, the soft optimum of each scene; zeros if `scale` is 0."""
         if not self.scale:
             return images.new_zeros(len(images), self.side**2 + 1)
-        return self._perceive(_turned_contrasts(tuple(to_bytes(images)), self.symmetries))
+        return self._perceive(_turned_contrasts(tuple(to_bytes(images))))
 
     def perceive_contrasts(self, contrasts: Float[Tensor, "scene 4 100 100"]) -> Float[Tensor, "scene cell"]:
         """Return the same as `perceive`, from the images' contrast with the table."""
-        return self._perceive(_turned(contrasts, self.symmetries))
+        return self._perceive(_turned(contrasts))
 
     def _perceive(self, turned: list[Float[Tensor, "scene 4 100 100"]]) -> Float[Tensor, "scene cell"]:
         reward = torch.stack([untransform(self.reward(x), g) for g, x in enumerate(turned)]).mean(0)
@@ -112,14 +102,14 @@ def _contrast(image: bytes) -> Float[Tensor, "1 4 100 100"]:
 
 
 @lru_cache(maxsize=4)  # batches; a sixth of the time
-def _turned_contrasts(images: tuple[bytes, ...], symmetries: int) -> list[Float[Tensor, "scene 4 100 100"]]:
+def _turned_contrasts(images: tuple[bytes, ...]) -> list[Float[Tensor, "scene 4 100 100"]]:
     """Return the contrasts of 8-bit images under each symmetry."""
-    return _turned(torch.cat([_contrast(image) for image in images]), symmetries)
+    return _turned(torch.cat([_contrast(image) for image in images]))
 
 
-def _turned(contrasts: Float[Tensor, "scene 4 100 100"], symmetries: int) -> list[Float[Tensor, "scene 4 100 100"]]:
+def _turned(contrasts: Float[Tensor, "scene 4 100 100"]) -> list[Float[Tensor, "scene 4 100 100"]]:
     """Return the contrasts under each symmetry, channels last: a third faster here."""
-    turned = (transform(contrasts, g) for g in range(symmetries))
+    turned = (transform(contrasts, g) for g in range(SYMMETRIES))
     return [x.contiguous(memory_format=torch.channels_last) for x in turned]
 
 

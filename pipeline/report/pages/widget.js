@@ -1,5 +1,5 @@
 "use strict";
-// Move a path's control point over a table; see what is true and what the models state. Data: widget.py. Lengths in m.
+// Move a path's control point over a table; see what is true and what the models state. Data: figures.widget. Lengths in m.
 (async () => {
   const widget = document.querySelector(".widget");
   const data = JSON.parse(widget.querySelector("script").textContent);

@@ -3,8 +3,8 @@
 import pandas as pd
 
 from pipeline.audit.difference import p_text, untested
-from pipeline.report.page import FORMATS, Table, pick, with_gaps
 from pipeline.report.style import label
+from pipeline.report.tables import FORMATS, Table, pick, with_gaps
 from pipeline.sweep.results import LOWER_IS_BETTER
 from pipeline.sweep.summary import Summary
 

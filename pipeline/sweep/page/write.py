@@ -7,7 +7,7 @@ from typing import Any
 from pipeline.artifacts.files import write_table
 from pipeline.audit.difference import MIN_PAIRS, p_text
 from pipeline.report.page import FOLDER, Site, environment, render_page, write_files
-from pipeline.sweep.page.tables import best, title
+from pipeline.sweep.page import figures, tables
 from pipeline.sweep.summary import summarise
 
 
@@ -17,9 +17,9 @@ def write_summary(folder: Path, record: dict[str, Any], jobs: list[dict[str, Any
     site = Site()
     names = {"home": "", "pages": {"index": "Sweep"}, "facts": {"studies": []}}
     names |= {"p_text": p_text, "few": MIN_PAIRS}
-    names |= {"s": summary, "best": best, "title": title, "origins": ()}  # its tables are made of no other tables
+    names |= {"s": summary, "tables": tables, "best": tables.best, "title": tables.title}
     made = environment([Path(__file__).parent], **names)
-    render_page("index", "page.html.j2", "pipeline.sweep.page", summary, made, site)
+    render_page("index", "page.html.j2", figures, summary, made, site)
     write_files(site, folder)
     shutil.copy(FOLDER / "page.css", folder)
     for name in ("results", "differences", "comparisons"):

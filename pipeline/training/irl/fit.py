@@ -50,13 +50,13 @@ class IrlSchedule(Schedule):
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> "IrlSchedule":
-        """Return the schedule in conf/irl.yaml with the variant's `steps`."""
+        """Return the schedule in conf/irl.yaml with the steps of one objective."""
         return cls(**{**values, "color_jitter": ColorJitter(**values["color_jitter"])})
 
 
 def trainer(variant: Mapping[str, Any], irl: Mapping[str, Any]) -> Trainer:
     """Return how a reward map (conf/variants) is fitted with the settings of conf/irl.yaml."""
-    schedule = IrlSchedule.of({**irl, "steps": variant["steps"]})
+    schedule = IrlSchedule.of({**irl, "steps": irl["steps"][variant["objective"]]})
     fit_all = partial(fit_sequentially, fit, objective=variant["objective"], schedule=schedule)
     return Trainer(RewardMap, fit_all, CURVE, batch_size=None)
 

@@ -11,7 +11,6 @@ from pipeline.perception.background import subtract_background
 from pipeline.world.bezier import curve, lattice
 
 SHAPE = {"channels": 8, "dilated": 2, "gain": 10.0, "dropout": 0.0, "lattice_side": 12}
-SHAPE |= {"symmetric": True, "ceiling": True}
 
 
 def drawn(seed: int = 0, **changes) -> RewardMap:

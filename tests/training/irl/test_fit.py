@@ -20,7 +20,6 @@ from pipeline.training.irl.fit import (
 from pipeline.training.loop import Checkpoints
 
 SHAPE = {"channels": 8, "dilated": 2, "gain": 10.0, "dropout": 0.1, "lattice_side": 10}
-SHAPE |= {"symmetric": True, "ceiling": True}
 JITTER = ColorJitter(hue=0.3, gain=0.15, shift=0.01, scene_gain=0.1, other_table=0.5)
 
 

@@ -1,0 +1,280 @@
+"""Tables that the paper's pages show and no stage writes: paths by slices, and rows put beside others."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy import ndarray as Array
+
+from pipeline.causal.interventions import NONE, PAPER, TRUTH
+from pipeline.report.results import PAPER_TABLE_1, PAPER_TABLE_2, Results, paper_accuracy
+from pipeline.report.style import label
+from pipeline.stats.tests import verdict
+from pipeline.world.layout import SYMBOLS, Layouts
+from pipeline.world.rules import Margins, clearance, slack
+
+DISTANCES = (0.0, 0.01, 0.02, 0.04, 0.08, np.inf)  # edges of the slices by distance to the boundary [m]
+DISTANCE_LABELS = ["0 to 1 cm", "1 to 2 cm", "2 to 4 cm", "4 to 8 cm", "over 8 cm"]
+NOTHING = "nothing to avoid"  # slice of paths in scenes without an item that the user avoids
+SLICES = {"user": "user", "nearest": "kind of item nearest", "items": "items on the table", "table_top": "table top",
+          "distance": "distance to the boundary"}  # fmt: skip
+MIN_PATHS = 20  # fewest paths in a bin of stated probabilities that is drawn
+SMALLEST = (0.02, 0.03, 0.04, 0.05, 0.06, 0.08)  # smallest effects of interest to compare
+REACTS = ("full", "clearance")  # models whose reactions to users are shown
+OPENED = ("clearance", "irl_ranked", "irl_maxent", "full")  # models of which earlier draws of test scenes are known
+TABLE_2: dict[str, Any] = {  # how `rows_of` shows bold.csv, the paper's Table 2: a row for each source and user
+    "columns": {"source": "Source", "user": "User", "mean": ""},
+    "across": "change",
+    "words": {
+        "source": lambda name: {PAPER: "The paper, as printed", TRUTH: "Truth in our world"}.get(name) or label(name),
+        "change": lambda name: "No intervention" if name == NONE else name.capitalize(),
+    },
+    "formats": {"": "rate"},
+    "quartiles": True,
+    "bold": "bold",
+    "beyond": "beyond",
+}
+WORST = 5  # scenes shown, those with most errors
+
+
+def describe(layouts: Layouts, z_theta: Array, margins: Margins, table_tops: Sequence[str]) -> pd.DataFrame:
+    """Return a row per path of z_theta (scene, path, 2) [m], in order: scene, query, z_x, z_y, and what it is like.
+
+    distance: slice of |slack|; nearest: the avoided kind of item with the least slack; items: their number in the
+    scene; table_top.
+    """
+    clearances = clearance(layouts, z_theta)
+    alone = [{name: margins[name] if name == symbol else None for name in SYMBOLS} for symbol in SYMBOLS]
+    slacks = np.stack([slack(layouts, clearances, one) for one in alone])  # (symbol, scene, path)
+    least, nearest = slacks.min(0), np.array(SYMBOLS, dtype=object)[slacks.argmin(0)]
+    bins = np.digitize(np.abs(least), DISTANCES[1:-1])
+    scene, query = np.indices(least.shape)
+    columns = {
+        "scene": scene,
+        "query": query,
+        "z_x": z_theta[..., 0],
+        "z_y": z_theta[..., 1],
+        "distance": np.where(np.isinf(least), NOTHING, np.array(DISTANCE_LABELS)[bins]),
+        "nearest": np.where(np.isinf(least), NOTHING, nearest),
+        "items": layouts.present.sum(1)[scene],
+        "table_top": np.asarray(table_tops)[scene],
+    }
+    return pd.DataFrame({name: values.ravel() for name, values in columns.items()})
+
+
+def by_slice(judged: pd.DataFrame) -> pd.DataFrame:
+    """Return scores by variant, split and slice (`all` first), a row for each value that has paths.
+
+    accuracy, with its quartiles q1 and q3 over seeds; unsafe: share of accepted paths that are invalid; refused: share
+    of valid paths rejected; both NaN if there are none, and 0 for `all`; share: of all paths.
+    """
+    table = judged.assign(
+        right=(judged["p"] > 0.5) == judged["valid"],
+        unsafe=np.where(judged["p"] > 0.5, ~judged["valid"], np.nan),
+        refused=np.where(judged["valid"], judged["p"] <= 0.5, np.nan),
+        all="all",
+    )
+    parts = []
+    for name in ("all", *SLICES):
+        keys = ["variant", "split", name]
+        groups = table.groupby(keys, observed=True)
+        part = groups[["right", "unsafe", "refused"]].mean().assign(count=groups.size())
+        by_seed = table.groupby([*keys, "seed"], observed=True)["right"].mean().groupby(keys, observed=True)
+        part = part.assign(q1=by_seed.quantile(0.25), q3=by_seed.quantile(0.75)).reset_index()
+        parts.append(part.rename(columns={name: "value", "right": "accuracy"}).assign(slice=name))
+    rows = pd.concat(parts, ignore_index=True)
+    rows["value"] = rows["value"].astype(str)
+    whole, errors = rows["slice"] == "all", ["unsafe", "refused"]
+    rows.loc[whole, errors] = rows.loc[whole, errors].fillna(0.0)  # who accepts nothing accepts nothing invalid
+    total = rows[whole].set_index(["variant", "split"])["count"]
+    rows["share"] = rows["count"] / total.loc[list(zip(rows["variant"], rows["split"], strict=True))].to_numpy()
+    return rows[["variant", "split", "slice", "value", "accuracy", "q1", "q3", "unsafe", "refused", "share", "count"]]
+
+
+def failing(results: Results) -> str:
+    """Return the variant whose failures are shown: the clearance model, or the first one shown."""
+    return "clearance" if "clearance" in results.shown else results.shown[0]
+
+
+def slices(results: Results) -> pd.DataFrame:
+    """Return scores of the slices of unseen-item paths in the order of SLICES, distances from near to far.
+
+    blind: accuracy of the guess by position; paths: their number.
+    """
+    table = results.table("slices").query("split == 'new_items' and slice != 'all'")
+    blind = table[table["variant"] == "position_only"].set_index(["slice", "value"])["accuracy"]
+    table = table[table["variant"] == failing(results)].join(blind.rename("blind"), on=["slice", "value"])
+    order = {name: i for i, name in enumerate([*DISTANCE_LABELS, NOTHING])}
+    by = table.assign(a=table["slice"].map(list(SLICES).index), b=table["value"].map(lambda value: order.get(value, 0)))
+    rows = by.sort_values(["a", "b", "value"])
+    return rows.assign(slice=rows["slice"].map(SLICES), paths=rows["count"] / len(results.seeds))
+
+
+def worst_scenes(results: Results) -> pd.DataFrame:
+    """Return the scenes and users with the lowest accuracy on unseen items, one user a scene.
+
+    Columns scene, user, table_top, items, accuracy, unsafe (share of answers: invalid and accepted), errors (share of
+    all errors).
+    """
+    judged = results.table("judged")
+    judged = judged[(judged["variant"] == failing(results)) & (judged["split"] == "new_items")]
+    accepted = judged["p"] > 0.5
+    judged = judged.assign(right=accepted == judged["valid"], unsafe=accepted & ~judged["valid"])
+    groups = judged.groupby(["scene", "user", "table_top", "items"], observed=True)
+    rows = groups[["right", "unsafe"]].mean().reset_index().rename(columns={"right": "accuracy"})
+    rows["errors"] = groups["right"].agg(lambda right: (~right).sum()).to_numpy() / max((~judged["right"]).sum(), 1)
+    return rows.sort_values("accuracy", kind="stable").drop_duplicates("scene").head(WORST)
+
+
+def unsafe(results: Results) -> pd.DataFrame:
+    """Return how often accepted paths are invalid and valid ones refused, in new scenes with unseen items.
+
+    With quartiles over training sets of the first kind; the last row accepts every path.
+    """
+    judged, rows = results.table("judged").query("split == 'new_items'"), []
+    for variant in dict.fromkeys([failing(results), *results.shown]):
+        accepted = judged[(judged["variant"] == variant) & (judged["p"] > 0.5)]
+        q1, q3 = (1 - accepted.groupby("seed")["valid"].mean()).quantile([0.25, 0.75])
+        rates = {column: results.sliced(variant, column) for column in ("unsafe", "refused")}
+        rows.append({"variant": variant, "q1": q1, "q3": q3} | rates)
+    paths = judged[judged["variant"] == failing(results)]
+    rows.append({"variant": "blind", "unsafe": 1 - paths["valid"].mean(), "refused": 0.0})
+    return pd.DataFrame(rows)
+
+
+def overlap(results: Results) -> pd.DataFrame:
+    """Return which unseen-item paths are valid to both, to one or to neither of two users: by the truth, by variants.
+
+    Shares of paths; overlap_found: the intersection over union of the paths valid to both with the true ones, with
+    its quartiles over seeds (NaN for the truth and an image-blind baseline).
+    """
+    keys, rows, judged = ["variant", "seed", "scene", "query"], [], results.table("judged")
+    part = judged[judged["split"] == "new_items"]
+    both = [part[part["user"] == user].set_index(keys)[["p", "valid"]] for user in results.pair]
+    joined = both[0].add_suffix("_a").join(both[1].add_suffix("_b"))
+    variants = joined.index.unique("variant").tolist()
+    for name in ("truth", *variants):
+        mine = joined.xs(variants[0] if name == "truth" else name)
+        true_a, true_b = mine["valid_a"].astype(bool), mine["valid_b"].astype(bool)
+        a, b = (true_a, true_b) if name == "truth" else (mine["p_a"] > 0.5, mine["p_b"] > 0.5)
+        hits, union = a & b & true_a & true_b, (a & b) | (true_a & true_b)
+        row = {"source": name, "both": (a & b).mean(), "first": (a & ~b).mean(), "second": (~a & b).mean()}
+        row |= {"neither": (~a & ~b).mean(), "overlap_found": hits.sum() / max(union.sum(), 1)}
+        by_seed = hits.groupby("seed").sum() / union.groupby("seed").sum().clip(lower=1)
+        q1, q3 = by_seed.quantile([0.25, 0.75]) if name not in ("truth", "position_only") else (np.nan, np.nan)
+        rows.append(row | {"overlap_found_q1": q1, "overlap_found_q3": q3})
+    return pd.DataFrame(rows)
+
+
+def paper_curve(results: Results) -> pd.DataFrame:
+    """Return accuracy by demonstrations: each reading on held-out paths beside the paper's, the first on new tables."""
+    table, first = results.table("curve").query("users == 'paper'"), results.readings[0]
+    parts = []
+    for reading in results.readings:
+        held_out = table[(table["split"] == "held_out") & (table["reading"] == reading)]
+        rows = pd.concat([held_out, paper_accuracy()], ignore_index=True)
+        parts.append(rows.assign(place=f"Training tables, {label(reading)}"))
+    new = table[(table["split"] == "new_scenes") & (table["reading"] == first)]
+    return pd.concat([*parts, new.assign(place=f"New tables, {label(first)}")], ignore_index=True)
+
+
+def by_demonstrations(results: Results) -> pd.DataFrame:
+    """Return accuracy by the number of demonstrations, the paper's where it most likely applies."""
+    return pd.concat([results.table("accuracy"), paper_accuracy(split="seen_scenes")], ignore_index=True)
+
+
+def by_distance(results: Results) -> pd.DataFrame:
+    """Return accuracy in the training scenes by distance to the boundary, with the share of paths in its name."""
+    table = results.table("slices").query(
+        "split == 'seen_scenes' and slice == 'distance' and variant != 'position_only'"
+    )
+    share = table.groupby("value")["share"].first()
+    names = {value: f"{value}\n{100 * share[value]:.0f} % of paths" for value in DISTANCE_LABELS if value in share}
+    return pd.concat([table[table["value"] == value].assign(distance=name) for value, name in names.items()])
+
+
+def calibration(results: Results) -> pd.DataFrame:
+    """Return the bins of stated probabilities that have enough paths."""
+    return results.table("calibration").query("count >= @MIN_PATHS")
+
+
+def by_model(results: Results) -> pd.DataFrame:
+    """Return the results of repairs by method, model and user; a baseline is its own model."""
+    table = results.table("repair")
+    return table.assign(variant=table["variant"].where(table["variant"] != "", table["method"]))
+
+
+def success(results: Results) -> pd.DataFrame:
+    """Return success of gradient repair by model and user, of one detour for all, and the paper's rate."""
+    table = by_model(results)
+    rows, users = table[(table["method"] == "gradient") | (table["variant"] == "constant_detour")], set(table["user"])
+    paper = [{"variant": "paper", "user": user, "success": p} for user, p in PAPER_TABLE_1.items() if user in users]
+    return pd.concat([rows, pd.DataFrame(paper * ("full" in results.variants))], ignore_index=True)
+
+
+def score(results: Results) -> pd.DataFrame:
+    """Return each model's number of right verdicts on added items and on changes of user, and those of no image."""
+    rows = [(v, results.verdicts_right(v), results.verdicts_right(v, "user")) for v in results.variants]
+    rows.append(("A model that never sees the image", results.image_blind_right(), results.image_blind_right("user")))
+    rows.append(("Questions", results.questions(), results.questions("user")))
+    return pd.DataFrame(rows, columns=["variant", "added", "user"])
+
+
+def sensitivity(results: Results) -> pd.DataFrame:
+    """Return each model's number of right verdicts on added items for several smallest effects of interest.
+
+    The truth stays as it is judged at the limit fixed in advance.
+    """
+    rows = []
+    for variant in results.variants:
+        asked = results.asked("add", variant)
+        numbers = list(asked[["effect", "p_holm", "ci90_low", "ci90_high"]].itertuples(index=False))
+        given = {s: [verdict(*x, smallest=s) for x in numbers] for s in SMALLEST}
+        right = {f"{s:.2f}": sum(asked["truth_verdict"] == said) for s, said in given.items()}
+        rows.append({"variant": variant} | right)
+    return pd.DataFrame(rows)
+
+
+def margins(results: Results) -> pd.DataFrame:
+    """Return each user's margins, and the share of random paths valid to them: here and in the paper."""
+    rows = pd.DataFrame([{"user": user} | {s: rules[s] for s in SYMBOLS} for user, rules in results.users.items()])
+    valid = [float(results.value("p_valid", "truth", user=user, added="none")) for user in results.users]
+    paper = PAPER_TABLE_2["none"].reindex(rows["user"]).to_numpy()
+    return rows.astype(dict.fromkeys(SYMBOLS, float)).assign(valid=valid, paper=paper)
+
+
+def reactions(results: Results) -> pd.DataFrame:
+    """Return what each user reacts to: the effect of each added item by the truth, by models, and without an image."""
+    truth, answers = _answers(results, "add")
+    return pd.concat([truth, answers, truth.assign(variant="blind", effect=0.0)], ignore_index=True)
+
+
+def change_of_user(results: Results) -> pd.DataFrame:
+    """Return the effect of do(S := other) for each user and other: the truth, the shown models', and by counting.
+
+    Counting: the difference between the two users' shares of valid random paths, which needs no image.
+    """
+    truth, answers = _answers(results, "user")
+    share = results.table("p_valid").query("added == 'none'").set_index("user")["truth"]
+    others = truth["question"].str.removeprefix("another_user_")
+    counted = share[others].to_numpy() - share[truth["user"]].to_numpy()
+    rows = pd.concat([truth, answers, truth.assign(variant="Counting valid paths", effect=counted)], ignore_index=True)
+    return rows.assign(other=rows["question"].str.removeprefix("another_user_"))
+
+
+def _answers(results: Results, kind: str) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return the true effects of the questions of a kind, as answers without quartiles, and the models' answers."""
+    asked = results.table("interventions").query("kind == @kind")
+    truth = asked[asked["variant"] == results.variants[0]]
+    truth = truth.assign(variant="truth", effect=truth["truth"], q1=np.nan, q3=np.nan)
+    return truth, asked[asked["variant"].isin(REACTS)]
+
+
+def draws(results: Results) -> pd.DataFrame:
+    """Return accuracy with unseen items by draw of test scenes, this run's last."""
+    rows = results.table("draws").melt("root_seed", list(OPENED), "variant", "accuracy").dropna(subset="accuracy")
+    shown = [variant for variant in OPENED if variant in results.variants]
+    now = {"variant": shown, "accuracy": [results.accuracy(v, "new_items") for v in shown]}
+    this = results.facts["root_seed"]
+    return pd.concat([rows[rows["root_seed"] != this], pd.DataFrame(now).assign(root_seed=this)], ignore_index=True)

@@ -1,0 +1,227 @@
+"""The pages' contents in other forms: `python -m pipeline.report.exports readme`, `tables`, `figures` or `site`."""
+
+import argparse
+import base64
+import mimetypes
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from itertools import product
+from pathlib import Path
+
+import pandas as pd
+
+from pipeline.artifacts.files import read_json, read_table
+from pipeline.causal.interventions import PAPER, TRUTH, never_bold
+from pipeline.report.derived import TABLE_2
+from pipeline.report.results import PAPER_ACCURACY, RANDOM_ROUTES
+from pipeline.report.style import COLOURS, label
+from pipeline.report.tables import FORMATS, HIDDEN, in_brackets, rows_of
+from pipeline.runtime.errors import InputError
+from pipeline.runtime.places import ROOT
+from pipeline.runtime.writing import atomic_write
+
+REPORTS, STUDIES = Path("reports"), Path("studies")
+README = ROOT / "README.md"
+HEAD = ["Model", "Accuracy, unseen items", "Repairs, careful", "Repairs, normal", "Causal verdicts right"]
+NOTES = (
+    "Mean P(valid) of a random path, without and with an added item; in brackets quartiles over training sets, for the "
+    "truth over scenes. Bold: a significant change against no intervention (Holm over the block's own changes, "
+    "p < 0.05). †: the 95 % interval of the change also lies beyond ±0.05."
+)
+CHROMIUM = ["--headless", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer"]
+SHEET = """<style>@page {{ size: {0}pt {1}pt; margin: 0 }} body {{ margin: 0 }}</style>
+<img src="{2}" style="display: block; height: 99.9vh">"""
+
+
+def contents(repository: Path) -> dict[str, str]:
+    """Return what stands between each pair of the README's markers, from the reports of a repository.
+
+    Raise InputError for a file that is missing or cannot be read.
+    """
+    tables = repository / REPORTS / "tables"
+    bold, metrics = read_table(tables / "bold.csv"), read_json(repository / REPORTS / "metrics.json")
+    blind = f"A model that never sees the image has nothing bold: {never_bold(bold)} as in the paper."
+    return {
+        "headlines": headlines(metrics, read_table(tables / "causes-verdicts.csv")),
+        "curve": curve(read_table(tables / "curve.csv")),
+        "bold": f"{as_markdown(bold[bold['source'].isin((PAPER, TRUTH, 'full', 'clearance'))])}\n\n{blind}",
+    }
+
+
+def headlines(metrics: dict, verdicts: pd.DataFrame) -> str:
+    """Return the headlines as a markdown table: one row per variant or baseline, a dash for missing numbers.
+
+    `verdicts`: the report's table with a row per model and question.
+    """
+    questions, rows = verdicts["Model"].value_counts().max(), []
+    order = [*COLOURS, *metrics["verdicts_right"]]  # the paper's model first, added variants last
+    for name in [*sorted(metrics["verdicts_right"], key=order.index), "position_only", "constant_detour"]:
+        repairs = [metrics["repair"].get(name, {}).get(user) for user in ("careful", "normal")]
+        shares = [_share(value) for value in (metrics["accuracy"].get(name, {}).get("new_items"), *repairs)]
+        right = metrics["verdicts_right"].get(name)
+        rows.append([label(name), *shares, "–" if right is None else f"{right} of {questions}"])
+    return _markdown(HEAD, rows)
+
+
+def curve(table: pd.DataFrame) -> str:
+    """Return accuracy at both ends of the paper's curve as a markdown table, means of the paper's users."""
+    ends = sorted(PAPER_ACCURACY)
+    rows = [[label("paper"), *(_spread(*PAPER_ACCURACY[n]) for n in ends)]]
+    table = table[table["users"] == "paper"].set_index(["split", "reading", "variant", "n_demos"])[["mean", "q1", "q3"]]
+    readings = sorted(dict.fromkeys(table.index.get_level_values("reading")), key=lambda name: name == RANDOM_ROUTES)
+    lines = {"held_out": ("full", "nearest_demonstration"), "new_scenes": ("full", "position_only")}
+    for (split, variants), reading in product(lines.items(), readings):
+        for variant in variants:
+            keys = [(split, reading, variant, n) for n in ends]
+            if all(key in table.index for key in keys):
+                where = "" if split == "held_out" else "new tables, "
+                cells = [_spread(*numbers) for numbers in table.loc[keys].to_numpy()]
+                rows.append([f"{label(variant)}, {where}{label(reading)}", *cells])
+    return _markdown(["Demonstrations a table", *map(str, ends)], rows)
+
+
+def _share(value: float | None) -> str:
+    """Return a share in per cent, with a decimal where it would else read as all."""
+    return FORMATS["pct1" if value is not None and 0.995 <= value < 1 else "pct"](value)
+
+
+def _spread(mean: float, low: float, high: float) -> str:
+    return f"{_share(mean)} [{FORMATS['spread'](low, high)}]"
+
+
+def _markdown(head: list[str], rows: list[list[str]], texts: int = 1) -> str:
+    """Return a table in Markdown; the first columns are texts."""
+    rule = ["---"] * texts + ["--:"] * (len(head) - texts)
+    return "\n".join(f"| {' | '.join(line)} |" for line in (head, rule, *rows))
+
+
+def fill(text: str, parts: Mapping[str, str]) -> str:
+    """Return the README's text with each part between its markers."""
+    for name, part in parts.items():
+        between = re.compile(rf"(?<=<!-- {name} -->\n).*?(?=<!-- /{name} -->)", re.DOTALL)
+        text = between.sub(lambda _, part=part: f"\n{part}\n\n", text)
+    return text
+
+
+def _table_2(table: pd.DataFrame, bold: str) -> tuple[list[str], list[list[str]]]:
+    """Return bold.csv's titles and rows as text; `bold` is the pattern of a bold number."""
+    frame, write = rows_of(None, lambda _: table, **TABLE_2).frame, FORMATS["rate"]
+    names, lines = [str(name) for name in frame if not str(name).endswith(HIDDEN)], []
+    for row in frame.to_dict("records"):
+        line = [row["Source"], row["User"]]
+        for name in names[2:]:
+            text = (bold if row[f"{name}, bold"] else "{}").format(write(float(row[name])))
+            line.append(text + "†" * bool(row[f"{name}, beyond"]) + in_brackets(row, name, write))
+        lines.append(line)
+    return names, lines
+
+
+def as_markdown(table: pd.DataFrame) -> str:
+    """Return the paper's Table 2 with its bold cells in Markdown."""
+    return _markdown(*_table_2(table, "**{}**"), texts=2)
+
+
+def as_latex(table: pd.DataFrame) -> str:
+    """Return the paper's Table 2 with its bold cells in LaTeX, for the package booktabs."""
+    names, rows = _table_2(table, r"\textbf{{{}}}")
+    head, *lines = (rf"{' & '.join(line)} \\" for line in (names, *rows))
+    begin = rf"\begin{{tabular}}{{@{{}}ll{'c' * (len(names) - 2)}@{{}}}}"
+    body = "\n".join([begin, r"\toprule", head, r"\midrule", *lines, r"\bottomrule", r"\end{tabular}"])
+    body = body.replace("–", "--") + "\n% " + NOTES.replace("<", "$<$") + "\n"
+    for sign, command in (("β", r"$\beta$"), ("−", "$-$"), ("±", r"$\pm$"), ("†", r"\dag{}")):
+        body = body.replace(sign, command)
+    return re.sub(r"(?<!\n)%", r"\\%", body)
+
+
+def write_pdf(figure: Path, out: Path) -> None:
+    """Write one SVG figure as a PDF page of its size by headless Chromium; raise InputError if that is missing."""
+    browser = shutil.which("chromium")
+    if browser is None:
+        raise InputError("chromium is missing: apt-get install chromium")
+    [size] = re.findall(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', figure.read_text())
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as folder:
+        page = Path(folder) / "page.html"
+        page.write_text(SHEET.format(*size, figure.resolve().as_uri()))
+        subprocess.run([browser, *CHROMIUM, f"--print-to-pdf={out}", page.as_uri()], check=True, capture_output=True)
+
+
+def join(reports: Path, studies: Path) -> str:
+    """Return the pages of both folders as one page to mail: figures, tables and styles inside, no link out of it.
+
+    Raise InputError if there is no page, or if a page names a file that does not exist.
+    """
+    files = [*sorted(reports.glob("*.html"), key=lambda path: path.stem != "index"), *sorted(studies.glob("*/*.html"))]
+    if not files or files[0].stem != "index":
+        raise InputError(f"{reports / 'index.html'} is missing: run `make repro` first")
+    ids = {file: file.stem if file.parent == reports else f"study-{file.parent.name}" for file in files}
+    head, body = re.split(r"<body>", files[0].read_text())
+    style = f"<style>\n{(reports / 'page.css').read_text()}</style>"
+    nav = "".join(re.findall(r'<nav class="pages".*?</nav>', body, re.DOTALL)).replace(' aria-current="page"', "")
+    skip = '<a class="skip" href="#main">Skip to the content</a>'
+    return (
+        re.sub(r'<link rel="stylesheet"[^>]*>', lambda _: style, head)
+        + f"<body>\n{skip}\n{_linked(nav, files[0], ids)}\n"
+        + f'<main id="main" tabindex="-1">\n{"".join(_article(file, ids) for file in files)}</main>\n</body>\n</html>\n'
+    )
+
+
+def _article(file: Path, ids: Mapping[Path, str]) -> str:
+    """Return a page as an article of the joined one: without its navigation, with ids of its own."""
+    own, body = ids[file], re.split(r"</?body>", file.read_text())[1]
+    body = re.sub(r'<a class="skip".*?</a>|<nav class="pages".*?</nav>', "", body, flags=re.DOTALL)
+    body = body.replace('<main id="main" tabindex="-1"', "<div").replace("</main>", "</div>")
+    body = body.replace(' loading="lazy"', "").replace('"On this page"', f'"On the page {own}"')
+    body = re.sub(r'\b(id|aria-labelledby|aria-describedby)="([^"]+)"', rf'\1="{own}-\2"', body)
+    return f'<article id="{own}">\n{_linked(body, file, ids)}</article>\n'
+
+
+def _linked(text: str, file: Path, ids: Mapping[Path, str]) -> str:
+    """Return a page's text with its links turned into links within the joined page, or into the files' contents."""
+
+    def inside(link: re.Match) -> str:
+        attribute, target, anchor = link[1], link[2], (link[3] or "").replace("#", "-")
+        path = Path(os.path.normpath(file.parent / target)) if target else file
+        if target.startswith("data:"):
+            return link[0]
+        if path in ids:
+            return f'{attribute}="#{ids[path]}{anchor}"'
+        if not path.is_file():
+            raise InputError(f"{file} names {target}, which is missing: run its stage again")
+        kind = mimetypes.guess_type(path.name)[0] or "text/plain"
+        download = f' download="{path.name}"' if attribute == "href" else ""
+        return f'{attribute}="data:{kind};base64,{base64.b64encode(path.read_bytes()).decode()}"{download}'
+
+    return re.sub(r'\b(href|src|data)="([^"#]*)(#[^"]*)?"', lambda m: inside(m) if m[2] or m[3] else m[0], text)
+
+
+def main(form: str) -> None:
+    """Write README.md, tables/bold.tex and .md, pdf/ or site.html from reports/ and studies/."""
+    texts = {}
+    if form == "readme":
+        texts[README] = fill(README.read_text(encoding="utf-8"), contents(ROOT))
+    if form == "tables":
+        bold = read_table(REPORTS / "tables" / "bold.csv")
+        texts = {Path("tables/bold.tex"): as_latex(bold), Path("tables/bold.md"): f"{as_markdown(bold)}\n\n{NOTES}\n"}
+    if form == "figures":
+        for figure in sorted([*REPORTS.glob("figures/*.svg"), *STUDIES.glob("*/figures/*.svg")]):
+            write_pdf(figure, "pdf" / figure.parent.parent / f"{figure.stem}.pdf")
+    if form == "site":
+        texts[Path("site.html")] = join(REPORTS, STUDIES)
+    for path, text in texts.items():
+        atomic_write(path, lambda part, text=text: part.write_text(text, encoding="utf-8"))
+        print(path)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(prog="python -m pipeline.report.exports", description=__doc__)
+    parser.add_argument("form", choices=["readme", "tables", "figures", "site"])
+    try:
+        main(parser.parse_args().form)
+    except InputError as error:
+        sys.exit(f"error: {error}")

@@ -1,0 +1,308 @@
+"""The drawings of the paper's pages; whatever is a chart of a table stands in the templates."""
+
+import base64
+from collections.abc import Mapping
+from typing import Any
+
+import cv2
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap, to_hex
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Patch
+from numpy import ndarray as Array
+from scipy.ndimage import distance_transform_edt
+
+from pipeline.report import style
+from pipeline.report.derived import failing, worst_scenes
+from pipeline.report.drawing import draw_map, draw_path, draw_table, fewer_levels, outline_table, panels
+from pipeline.report.results import Results
+from pipeline.world.bezier import P_F, P_INIT, Z_HIGH, Z_LOW, curve, lattice
+from pipeline.world.layout import SYMBOLS
+from pipeline.world.rules import valid
+
+ANYWHERE = [0.43, 0.91]  # a control point on the table [m]
+LEAST_DIFFERENCE = 0.05  # smallest share of a map's cells in which two users differ
+KINDS = ListedColormap(["#3b4252", "#d55e00", "#56b4e9", "#f0e442"])  # valid to neither, first only, second only, both
+SHARE = 0.3  # least share of the fitted models that are wrong about a drawn path
+WRONG = {False: "#d55e00", True: "#f0e442"}  # by whether the path is valid: accepted though invalid, or refused
+SPLITS = {"train": style.TRAIN, "unseen": style.UNSEEN}
+TILE_PX = 56  # side of an item's image in the catalogue figure
+
+
+def overview(results: Results) -> Figure:
+    """Draw one row per user: the image with repairs, true map, each model's map, and the last one on a patterned top.
+
+    The scene is the first one in which the users' true maps differ. Titles give the share of a map that is right.
+    """
+    drawn, users, shown = results.drawn, results.repaired_users, _pictured(results)
+    differ = np.mean(drawn.truth[users[0]] != drawn.truth[users[-1]], axis=(1, 2)) > LEAST_DIFFERENCE
+    place = int(differ.argmax())
+    scene = drawn.mapped[place]
+    figure, axes = panels(len(users), 4 + len(shown), 2.15 * (4 + len(shown)), 2.5 * len(users))
+    for line, user in zip(axes, users, strict=True):
+        traces, truth = _traces(results, user, scene, shown), drawn.truth[user][place]
+        draw_table(line[0], drawn.images[scene], drawn.layouts, scene, results.users[user])
+        _draw_repairs(line[0], traces)
+        draw_map(line[1], truth)
+        line[0].set(title="Bad path, repairs", ylabel=f"{user} user")
+        line[1].set_title("Truth")
+        maps = [(line[2 + i], v, drawn.maps[v], traces.get(v)) for i, v in enumerate(shown)]
+        for panel, variant, by_user, steps in [*maps, (line[-1], shown[-1], drawn.patterned_maps[shown[-1]], None)]:
+            draw_map(panel, by_user[user][place], steps)
+            panel.set_title(f"{style.label(variant)}: {np.mean((by_user[user][place] > 0.5) == truth):.0%}")
+        draw_table(line[-2], drawn.patterned[place])
+        line[-2].set_title(f"The same on {results.facts['patterned_top']}")
+    return figure
+
+
+def widget(results: Results) -> dict[str, Any]:
+    """Return the widget's data, ready for JSON.
+
+    `maps` is one grey image, P(valid) from 0 to 255: below one another for each table, user and source in turn, each
+    (side, side) with row 0 at `low`. `images` are each scene on its own table top, then on the patterned one.
+    """
+    drawn, users, models = results.drawn, results.judged_users, _pictured(results)
+    images = [*drawn.images[drawn.mapped], *drawn.patterned]
+    tops = [(maps, place) for maps in (drawn.maps, drawn.patterned_maps) for place in range(len(drawn.mapped))]
+    maps = [m for by, i in tops for u in users for m in (drawn.truth[u][i], *(by[v][u][i] for v in models))]
+    stacked = np.rint(255 * np.concatenate(maps).astype(float)).astype(np.uint8)
+    return {
+        "start": P_INIT.tolist(),
+        "end": P_F.tolist(),
+        "low": Z_LOW,
+        "high": Z_HIGH,
+        "side": stacked.shape[1],
+        "users": users,
+        "first": _first_control_point(drawn.truth[users[0]][0], *(drawn.maps[v][users[0]][0] for v in models)),
+        "sources": ["Truth", *map(style.label, models)],
+        "scenes": drawn.mapped,
+        "images": [_png(fewer_levels(image)[..., ::-1]) for image in images],
+        "maps": _png(stacked),
+        "palette": [to_hex(colour) for colour in matplotlib.colormaps[style.MAP](np.linspace(0, 1, 9))],
+    }
+
+
+def _pictured(results: Results) -> list[str]:
+    """Return the paper's model and the clearance model, if they are shown; else the first variant shown."""
+    return [v for v in ("full", "clearance") if v in results.shown] or results.shown[:1]
+
+
+def _first_control_point(truth: Array, *maps: Array) -> list[float]:
+    """Return a control point [m] on the table where models differ: the last one is right, the first one wrong.
+
+    It lies deepest inside such a region; without one it is `ANYWHERE`.
+    """
+    z, last, first = lattice(len(truth)), maps[-1] > 0.5, maps[0] > 0.5
+    on_table = ((z > 0) & (z < 1)).all(-1).reshape(truth.shape)
+    depth = distance_transform_edt(np.pad(on_table & (last == truth) & (first != truth), 1))[1:-1, 1:-1]
+    return z[int(depth.argmax())].tolist() if depth.any() else ANYWHERE
+
+
+def _png(pixels: Array) -> str:
+    """Return grey or BGR pixels as the data URI of a PNG."""
+    _, encoded = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    return "data:image/png;base64," + base64.b64encode(encoded.tobytes()).decode()
+
+
+def drawn(results: Results) -> Figure:
+    """Draw the first repair in each mapped scene, one row per user: the start, and each shown model's end.
+
+    An end that is truly invalid has a cross.
+    """
+    users, scenes, layouts = results.repaired_users, results.drawn.mapped, results.drawn.layouts
+    cross: dict[str, Any] = {
+        "marker": "X",
+        "color": "white",
+        "markersize": 11,
+        "markeredgecolor": "black",
+        "linestyle": "",
+    }
+    figure, axes = panels(len(users), len(scenes), 3.9 * len(scenes), 4.0 * len(users))
+    for line, user in zip(axes, users, strict=True):
+        for panel, scene in zip(line, scenes, strict=True):
+            draw_table(panel, results.drawn.images[scene], layouts, scene, results.users[user])
+            panel.set_title(f"{user} user, scene {scene}")
+            traces = _traces(results, user, scene, results.shown)
+            if not traces:
+                panel.set_xlabel("no invalid path")
+            _draw_repairs(panel, traces)
+            for steps in traces.values():
+                if not valid(layouts[[scene]], steps[None, -1:], results.users[user])[0, 0]:
+                    panel.plot(*curve(steps[-1], 81)[40], **cross)  # in the middle of the path
+    handles = [Line2D([], [], color=style.START, linewidth=3, linestyle="--", label="start")]
+    handles += [Line2D([], [], color=style.colour(v), linewidth=3, label=style.label(v)) for v in results.shown]
+    handles.append(Line2D([], [], label="ends invalid", **cross))
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+    return figure
+
+
+def _traces(results: Results, user: str, scene: int, variants: list[str]) -> dict[str, Array]:
+    """Return by variant the control points (step, 2) [m] of the first seed's repair of the user's first invalid path.
+
+    Nothing if no path is invalid there. Which path is first does not depend on its repair.
+    """
+    rows, seed, made = results.table("repairs").query("method == 'gradient' and user == @user"), results.seeds[0], {}
+    starts = rows.loc[rows["scene"] == scene, "start"]
+    for variant in variants if len(starts) else ():
+        own = rows[(rows["variant"] == variant) & (rows["seed"] == seed)]
+        at = np.flatnonzero((own["scene"] == scene) & (own["start"] == starts.min()))
+        made[variant] = results.paths[f"{variant}-{user}-s{seed}"][int(at[0])]
+    return made
+
+
+def _draw_repairs(axes: Axes, traces: Mapping[str, Array]) -> None:
+    """Draw the starts of repairs (yellow, dashed) and each variant's end."""
+    for variant, points in traces.items():
+        draw_path(axes, points[-1], style.colour(variant))
+    for points in list(traces.values())[:1]:
+        draw_path(axes, points[0], style.START, linestyle=(0, (3, 1.5)))
+
+
+def one_scene(results: Results) -> Figure:
+    """Draw one scene without and with each added item: the image, the truth, and the shown models' maps."""
+    drawn, shown = results.drawn, list(results.drawn.added_maps)
+    columns = ["as it is", *(f"added {symbol}" for symbol in SYMBOLS)]
+    figure, axes = panels(1 + len(shown), len(columns), 2.4 * len(columns), 2.5 * (1 + len(shown)))
+    for i, title in enumerate(columns):
+        draw_table(axes[0, i], drawn.added_images[i])
+        axes[0, i].set_title(title)
+        for j, name in enumerate(shown, 1):
+            draw_map(axes[j, i], drawn.added_maps[name][i])
+    for j, name in enumerate(shown, 1):
+        axes[j, 0].set_ylabel(style.label(name), color=style.INK)
+    return figure
+
+
+def patterned(results: Results) -> Figure:
+    """Draw a scene as it is and on the patterned top, with the truth and the model's maps, a row per user.
+
+    The scene is the one in which the model has least of the map right on that top, over users.
+    """
+    drawn, variant = results.drawn, failing(results)
+    right = [((drawn.patterned_maps[variant][u] > 0.5) == drawn.truth[u]).mean((1, 2)) for u in drawn.truth]
+    place = int(np.mean(right, axis=0).argmin())
+    scene, users, top = drawn.mapped[place], list(drawn.truth), results.facts["patterned_top"]
+    figure, axes = panels(len(users), 5, 13.0, 2.75 * len(users) + 0.2)
+    for line, user in zip(axes, users, strict=True):
+        truth = drawn.truth[user][place]
+        draw_table(line[0], drawn.images[scene], drawn.layouts, scene, results.users[user])
+        draw_map(line[1], truth)
+        draw_table(line[3], drawn.patterned[place], drawn.layouts, scene, results.users[user])
+        for panel, maps in ((line[2], drawn.maps), (line[4], drawn.patterned_maps)):
+            p = maps[variant][user][place]
+            draw_map(panel, p)
+            panel.set_xlabel(f"{100 * np.mean((p > 0.5) == truth):.0f} % of the map right", color=style.INK)
+        line[0].set_ylabel(f"{user} user", color=style.INK)
+    titles = ["Its own table top", "Truth", style.label(variant), f"The same on {top}", style.label(variant)]
+    for panel, title in zip(axes[0], titles, strict=True):
+        panel.set_title(title)
+    return figure
+
+
+def worst(results: Results) -> Figure:
+    """Draw the scenes with most errors: each wrongly judged path of the user with more errors there."""
+    scenes, drawn = worst_scenes(results), results.drawn
+    figure, axes = panels(1, len(scenes), 2.9 * len(scenes), 3.8)
+    judged = results.table("judged")
+    judged = judged[(judged["variant"] == failing(results)) & (judged["split"] == "new_items")]
+    for panel, (scene, user, top) in zip(axes[0], scenes[["scene", "user", "table_top"]].to_numpy(), strict=True):
+        mine = judged[(judged["scene"] == scene) & (judged["user"] == user)]
+        draw_table(panel, drawn.images[scene], drawn.layouts, scene, results.users[user])
+        wrong = mine[(mine["p"] > 0.5) != mine["valid"]]
+        counts = wrong.groupby(["query", "z_x", "z_y", "valid"]).size().reset_index(name="models")
+        for path in counts[counts["models"] >= SHARE * mine["seed"].nunique()].itertuples():
+            draw_path(panel, np.array([path.z_x, path.z_y]), WRONG[bool(path.valid)], 2.2)
+        panel.set(title=f"scene {scene}, {top}", xlabel=f"{user} user")
+    names = {False: "accepted, but invalid", True: "rejected, but valid"}
+    handles = [Line2D([], [], color=colour, linewidth=3, label=names[kind]) for kind, colour in WRONG.items()]
+    figure.legend(handles=handles, loc="outside lower center", ncols=2)
+    return figure
+
+
+def who_accepts(results: Results) -> Figure:
+    """Draw, for the mapped scenes, which control points are valid to both, one or none of two users."""
+    drawn, (first, second) = results.drawn, results.pair
+    columns = ["truth", *(v for v in results.shown if v in ("full", "clearance"))]
+    figure, axes = panels(len(drawn.mapped), 1 + len(columns), 2.9 * (1 + len(columns)), 2.85 * len(drawn.mapped) + 0.5)
+    for place, (line, scene) in enumerate(zip(axes, drawn.mapped, strict=True)):
+        draw_table(line[0], drawn.images[scene], drawn.layouts, scene, results.users[first])
+        for panel, name in zip(line[1:], columns, strict=True):
+            maps = drawn.truth if name == "truth" else drawn.maps[name]
+            kind = np.asarray(maps[first][place] > 0.5, int) + 2 * np.asarray(maps[second][place] > 0.5, int)
+            extent = (Z_LOW, Z_HIGH, Z_LOW, Z_HIGH)
+            panel.imshow(kind, cmap=KINDS, vmin=0, vmax=3, origin="lower", extent=extent, interpolation="none")
+            outline_table(panel, "white")
+        line[0].set_ylabel(f"scene {scene}", color=style.INK)
+    for panel, title in zip(axes[0], [f"Table, {first} user’s margins", *map(style.label, columns)], strict=True):
+        panel.set_title(title)
+    names = ["neither", f"{first} only", f"{second} only", "both"]
+    handles = [Patch(facecolor=KINDS(i), edgecolor=style.MUTED, label=f"valid for {n}") for i, n in enumerate(names)]
+    figure.legend(handles=handles, loc="outside lower center", ncols=4)
+    return figure
+
+
+def items(results: Results) -> Figure:
+    """Draw the catalogue: one row per symbol, training items framed green, unseen ones red."""
+    table = results.catalogue.items
+    by_symbol = [
+        [(s, i) for s in SPLITS for i in np.flatnonzero((table["symbol"] == o) & (table["split"] == s))]
+        for o in SYMBOLS
+    ]
+    columns = max(map(len, by_symbol))
+    figure, axes = panels(len(SYMBOLS), columns, 0.78 * columns + 0.9, 0.85 * len(SYMBOLS))
+    for line, symbol, row in zip(axes, SYMBOLS, by_symbol, strict=True):
+        line[0].set_ylabel(symbol, rotation=0, ha="right", va="center")
+        for panel in line:
+            panel.set(xticks=[], yticks=[])
+            panel.spines[:].set_visible(False)
+        for panel, (split, item) in zip(line, row, strict=False):
+            cutout = results.catalogue.cutouts[item]  # (side, side, 4)
+            small = cv2.resize(cutout, (TILE_PX, TILE_PX), interpolation=cv2.INTER_AREA).astype(float)
+            alpha = small[..., 3:] / 255
+            tile = (small[..., :3] * alpha + 225 * (1 - alpha)).round().astype(np.uint8)  # on light grey
+            panel.imshow(tile, interpolation="none")
+            panel.spines[:].set(visible=True, color=SPLITS[split], linewidth=2.2)
+    return figure
+
+
+def demonstrations(results: Results) -> Figure:
+    """Draw the first training scenes with each user's demonstrations: valid ones blue, invalid ones orange."""
+    users, scenes = results.judged_users, range(len(results.drawn.training))
+    figure, axes = panels(len(users), len(scenes), 2.8 * len(scenes), 2.95 * len(users))
+    table = results.table("demos")
+    table = table[table["seed"] == results.seeds[0]]
+    for line, user in zip(axes, users, strict=True):
+        for panel, scene in zip(line, scenes, strict=True):
+            draw_table(panel, results.drawn.training[scene])
+            rows = table[(table["user"] == user) & (table["scene"] == scene)]
+            for x, y, is_valid in rows[["z_x", "z_y", "valid"]].itertuples(index=False):
+                draw_path(panel, np.array([x, y]), style.VALID if is_valid else style.INVALID, 1.6)
+            panel.set_title(f"{user}, scene {scene}")
+    return figure
+
+
+def graph(_: Results) -> Figure:
+    """Draw the paper's structural causal model: items cause the image; image, path and user cause validity."""
+    figure, axes = panels(1, 1, 7.2, 3.2)
+    panel = axes[0, 0]
+    places = {name: (0.2, 2.6 - 2.4 * i / max(len(SYMBOLS) - 1, 1)) for i, name in enumerate(SYMBOLS)}
+    places |= {"$Z_I$": (2.2, 1.4), "$Z_\\theta$": (2.9, 2.6), "$S$": (2.9, 0.2), "$V$": (4.4, 1.4)}
+    words = {"$Z_I$": "scene", "$Z_\\theta$": "path", "$S$": "user", "$V$": "valid"}
+    arrow: dict[str, Any] = {"arrowstyle": "-|>", "color": style.MUTED, "shrinkB": 72 * 0.32, "linewidth": 1.2}
+    middle: dict[str, Any] = {"ha": "center", "va": "center"}
+    for name, place in places.items():
+        if name in SYMBOLS:
+            panel.annotate("", places["$Z_I$"], place, arrowprops=arrow | {"shrinkA": 72 * 0.42})
+            panel.text(*place, name, fontsize=11, bbox={"boxstyle": "round", "fc": "none", "ec": style.MUTED}, **middle)
+            continue
+        if name != "$V$":
+            panel.annotate("", places["$V$"], place, arrowprops=arrow | {"shrinkA": 72 * 0.32})
+        panel.add_patch(Circle(place, 0.3, fill=False, edgecolor=style.INK, linewidth=1.4))
+        panel.text(*place, name, fontsize=13, **middle)
+        panel.text(place[0] + 0.4, place[1] + 0.02, words[name], ha="left", va="bottom", fontsize=10, color=style.MUTED)
+    panel.set(xlim=(-0.5, 5.3), ylim=(-0.3, 3.1), aspect="equal")
+    panel.axis("off")
+    return figure

@@ -1,0 +1,367 @@
+"""Stage safety: the distance each user keeps from each symbol, and a bound on the invalid paths that are accepted.
+
+Envelopes (pipeline.causal.envelope): every variant's distances beside the true margins, from the same paths in scenes
+without and with an added item. Acceptance: conformal selection fits each model to part of its seed's training scenes
+and calibrates it in the others; the fixed threshold, P(valid) > 1/2, uses a model fitted to all of them. All query
+paths of a split are the candidates of one selection; a model that accepts none has an invalid share of 0.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import yaml
+from jaxtyping import Bool, Float, Int, UInt8
+from numpy import ndarray as Array
+from omegaconf import DictConfig
+
+from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
+from pipeline.artifacts.files import write_table
+from pipeline.artifacts.scenes import AddedItems, read_interventions, read_position_prior, read_scenes, train_pool
+from pipeline.causal.envelope import dose_grid, envelopes, paths_at_doses, response_curve
+from pipeline.launch import launch
+from pipeline.models.base import ValidityModel
+from pipeline.models.baselines import POSITION, position_only
+from pipeline.models.trained import check_weights, predict_all
+from pipeline.planning.nearest import nearest_valid
+from pipeline.runtime.errors import InputError
+from pipeline.runtime.settings import (
+    Between,
+    Count,
+    Group,
+    Length,
+    Several,
+    Shares,
+    Some,
+    StudyGroup,
+    Whole,
+    need,
+    need_one,
+    need_some,
+    widest_margin,
+)
+from pipeline.runtime.streams import stream
+from pipeline.runtime.writing import atomic_write
+from pipeline.stats.conformal import accept, p_values, score, share_by_scene
+from pipeline.stats.crossed import estimate
+from pipeline.stats.scores import DECISION
+from pipeline.training.refit import TrainingSet, refit
+from pipeline.world.bezier import random_z_theta
+from pipeline.world.layout import SYMBOLS, Layouts
+from pipeline.world.rules import clearance, slack, valid
+
+TRUTH, ALL = "truth", "all"  # beside variants and users in tables
+CONFORMAL, THRESHOLD = "conformal", "threshold"  # how paths are accepted
+TOLERANCE = 1e-12  # numerical tolerance when a share is compared with the level
+MAX_ROOM_M = 1.0  # upper limit on room, which is infinite for users without a margin
+HEADER = """\
+# Safety envelopes that model `{variant}` learned from labelled demonstrations: user -> symbol. Lengths in metres.
+# keep_clear_m: distance that a path of this user should keep from the item's outline (the interval's upper end).
+#   null means that no effect was found, or (verdict undecided) that it is not known: do not take it as leave to touch.
+# radius_m, ci_low_m, ci_high_m: clearance at which half of the item's effect is gone, and its 95 % interval.
+# response: how much touching the item takes from the chance that a path clear of all others is valid.
+# Paths that keep these distances and no more are not always valid (planning.csv), so add a margin:
+"""
+
+
+class Envelope(Group):
+    """Doses, paths at each of them, and the variant whose distances are tested and written."""
+
+    planner: str
+    step: Length
+    doses: Several
+    clear_of_others: Length
+    paths: Count
+    candidates: Count
+    starts: Count
+    root_seed: Whole
+
+
+class Acceptance(Group):
+    """Promised shares of invalid paths, and the variants that are refitted."""
+
+    variants: Some
+    level: Between
+    levels: Shares
+    fitted: Count
+    root_seed: Whole
+
+
+class Settings(StudyGroup):
+    """conf/studies/safety.yaml."""
+
+    envelope: Envelope
+    acceptance: Acceptance
+
+
+def agree(study: Settings, parameters: Any) -> None:
+    """Require known variants, paths beyond every margin, `level` among `levels`, and scenes left for calibration."""
+    envelope, promise, name = study.envelope, study.acceptance, "studies.safety"
+    need_one(f"{name}.envelope.planner", envelope.planner, parameters.variants)
+    need_some(f"{name}.acceptance.variants", promise.variants, parameters.variants)
+    widest, per_seed = widest_margin(parameters.users) or 0.0, parameters.scenes.per_seed
+    above = f"more than the widest margin in users, {widest} m"
+    need(envelope.clear_of_others > widest, f"{name}.envelope.clear_of_others", envelope.clear_of_others, above)
+    among = f"{name}.acceptance.level = {promise.level} among them"
+    need(promise.level in promise.levels, f"{name}.acceptance.levels", promise.levels, among)
+    most = f"a whole number from 1 to scenes.per_seed - 1 = {per_seed - 1}"
+    need(promise.fitted < per_seed, f"{name}.acceptance.fitted", promise.fitted, most)
+
+
+def main(cfg: DictConfig, out_dir: Path) -> None:
+    """Write the distances that models learned, then how many invalid paths are accepted."""
+    check_weights(cfg)
+    write_envelopes(cfg, out_dir)
+    write_acceptance(cfg, out_dir)
+
+
+# Envelopes
+
+
+@dataclass(frozen=True)
+class Scenes:
+    """The scenes without and with each added symbol, and random paths in them."""
+
+    images: UInt8[Array, "scene 100 100 3"]
+    layouts: Layouts
+    added: AddedItems
+    z_theta: Float[Array, "scene candidate 2"]  # [m]
+    n_training: list[int]  # number of items of each symbol in the training scenes of all seeds
+
+
+Chosen = Int[Array, "symbol scene dose path"]  # candidates; -1: none
+
+
+def write_envelopes(cfg: DictConfig, out_dir: Path) -> None:
+    """Write envelope.csv, response.parquet, planning.csv and specification.yaml."""
+    study, users, scenes = cfg.studies.safety.envelope, list(cfg.users), read_envelope_scenes(cfg)
+    doses = dose_grid(study.step, study.doses)
+    by_variant = responses(cfg, scenes, choose_paths(cfg, scenes, doses))
+
+    questions = list(product(users, SYMBOLS))
+    names = pd.DataFrame([("", *question) for question in questions], columns=["variant", "user", "symbol"])
+    margins = [cfg.users[user][symbol] for user, symbol in questions]
+    item = np.tile(scenes.added.item, (len(users), 1))  # (question, scene)
+    truth = by_variant[TRUTH].reshape(len(questions), *by_variant[TRUTH].shape[3:])
+    tables, curves = [], []
+    for variant, response in by_variant.items():
+        values = response.reshape(len(questions), *response.shape[2:])
+        n_training = [None] * len(questions) if variant == TRUTH else scenes.n_training * len(users)
+        table = envelopes(values, item, n_training, margins, doses)
+        tables.append(pd.concat([names.assign(variant=variant), table], axis=1))
+        for q, (user, symbol) in enumerate(questions):
+            curve = response_curve(values[q], truth[q], item[q], n_training[q], doses)
+            curves.append(pd.DataFrame({"variant": variant, "user": user, "symbol": symbol} | dict(curve.items())))
+    found = pd.concat(tables, ignore_index=True)
+    write_table(out_dir / "envelope.csv", found)
+    write_table(out_dir / "response.parquet", pd.concat(curves, ignore_index=True))
+
+    learned = found[found["variant"] == study.planner]
+    planning = check_plans(cfg, scenes, learned)
+    write_table(out_dir / "planning.csv", planning)
+    write_specification(out_dir / "specification.yaml", study.planner, learned, planning)
+
+
+def read_envelope_scenes(cfg: DictConfig) -> Scenes:
+    """Read the scenes without and with added items, and draw the candidate paths."""
+    study, pool = cfg.studies.safety.envelope, cfg.protocol.splits[cfg.intervene.split]
+    scenes = read_scenes(Path(cfg.paths.scenes))
+    scenes.check_has(pool, *map(train_pool, cfg.protocol.seeds))
+    images, layouts = scenes.images[pool], scenes.layouts[pool]
+    added = read_interventions(Path(cfg.paths.intervene), layouts)
+    z_theta = random_z_theta(stream(study.root_seed, "envelope"), len(layouts), study.candidates)
+    training = [scenes.layouts[train_pool(seed)] for seed in cfg.protocol.seeds]
+    shown = [set(np.concatenate([x.item[x.symbol == s] for x in training])) for s in range(len(SYMBOLS))]
+    return Scenes(images, layouts, added, z_theta, [max(1, len(items)) for items in shown])
+
+
+def choose_paths(cfg: DictConfig, scenes: Scenes, doses: Float[Array, " dose"]) -> Chosen:
+    """Return the candidates at each dose; InputError if a dose occurs with fewer than two items of a symbol."""
+    study = cfg.studies.safety.envelope
+    to_others = scene_clearance(scenes.layouts, scenes.z_theta).min(-1)
+    to_added = [scene_clearance(item, scenes.z_theta)[..., 0] for item in scenes.added.placed]
+    chosen = np.stack([paths_at_doses(c, to_others, doses, study.clear_of_others, study.paths) for c in to_added])
+    for symbol, item, has_dose in zip(SYMBOLS, scenes.added.item, chosen[..., 0] >= 0, strict=True):
+        items = np.array([len(np.unique(item[scene])) for scene in has_dose.T])  # number of items by dose
+        if items.min() < 2:
+            raise InputError(
+                f"{items.min()} items have {study.paths} paths {doses[items.argmin()]:.4f} m from an added {symbol} "
+                "and in contact, in some scene: expected at least 2; raise studies.safety.envelope.candidates, lower "
+                "its doses, paths or clear_of_others, or intervene on more scenes"
+            )
+    return chosen
+
+
+def scene_clearance(layouts: Layouts, z_theta: Float[Array, "scene path 2"]) -> Float[Array, "scene path slot"]:
+    """Return the clearances [m], one scene at a time to limit memory."""
+    return np.concatenate([clearance(layouts[[i]], z_theta[[i]]) for i in range(len(layouts))])
+
+
+def responses(cfg: DictConfig, scenes: Scenes, chosen: Chosen) -> dict[str, Array]:
+    """Return each variant's loss of P(valid), (user, symbol, seed, scene, dose), and the truth's as of one seed.
+
+    Paths are the same without and with the item. Each original scene is perceived once, with those of all symbols.
+    """
+    users = list(cfg.users)
+    flat = chosen.reshape(*chosen.shape[:2], -1)
+    z_theta = np.take_along_axis(scenes.z_theta[None], flat[..., None], axis=2)  # (symbol, scene, dose * path, 2)
+
+    def mean_loss(before: Array, after: Array) -> Array:
+        """Return the mean over the paths at each dose, (..., symbol, scene, dose)."""
+        loss = (before - after).reshape(*before.shape[:-1], *chosen.shape[2:]).mean(-1, dtype=np.float64)
+        return np.where(chosen[..., 0] >= 0, loss, np.nan)
+
+    has_dose = np.nonzero(chosen[:, :, 0, 0] >= 0)  # symbols and scenes with a path in contact, hence with any
+    before = predict_all(cfg, users, scenes.images, np.concatenate(z_theta, axis=1), "envelope: as it is")
+    after = predict_all(cfg, users, scenes.added.images[has_dose], z_theta[has_dose], "envelope: added item")
+    by_variant = {}
+    for variant in cfg.variants:
+        p = before[variant].reshape(*before[variant].shape[:3], len(SYMBOLS), -1)  # (user, seed, scene, symbol, path)
+        p_before = np.moveaxis(p, 3, 2)
+        p_after = np.full_like(p_before, np.nan)
+        p_after[:, :, *has_dose] = after[variant]
+        by_variant[variant] = np.moveaxis(mean_loss(p_before, p_after), 2, 1)
+
+    margins, added = cfg.users.values(), list(zip(scenes.added.layouts, z_theta, strict=True))
+    without = np.array([[valid(scenes.layouts, z, m) for z in z_theta] for m in margins], float)
+    with_item = np.array([[valid(layouts, z, m) for layouts, z in added] for m in margins], float)
+    return by_variant | {TRUTH: mean_loss(without, with_item)[:, :, None]}
+
+
+def check_plans(cfg: DictConfig, scenes: Scenes, learned: pd.DataFrame) -> pd.DataFrame:
+    """Return how valid paths are after moving just far enough to keep the learned distances, one row per user.
+
+    plans: number of paths that had to move and could; valid: share that is truly valid; shortfall_m: 99th percentile of
+    the distance [m] that they miss. Only users with an envelope.
+    """
+    starts, rows = scenes.z_theta[:, : cfg.studies.safety.envelope.starts], []
+    for user, table in learned.groupby("user", sort=False):
+        keep_clear = {s: None if np.isnan(x) else x for s, x in zip(table["symbol"], table["ci_high"], strict=True)}
+        if all(distance is None for distance in keep_clear.values()):
+            continue
+        plans = nearest_valid(scenes.layouts, starts, keep_clear, cfg.repair.lattice_side, cfg.repair.refinements)
+        moved = ~valid(scenes.layouts, starts, keep_clear) & valid(scenes.layouts, plans, keep_clear)
+        room = slack(scenes.layouts, scene_clearance(scenes.layouts, plans), cfg.users[user])[moved]
+        share, short = ((room > 0).mean(), -np.quantile(room.clip(max=MAX_ROOM_M), 0.01)) if len(room) else (np.nan, 0)
+        rows.append((cfg.studies.safety.envelope.planner, user, len(room), share, max(0.0, short)))
+    return pd.DataFrame(rows, columns=["variant", "user", "plans", "valid", "shortfall_m"])
+
+
+def write_specification(path: Path, variant: str, learned: pd.DataFrame, planning: pd.DataFrame) -> None:
+    """Write the planner's envelopes as YAML, with a header on their accuracy."""
+    content: dict[str, dict] = {}
+    for row in learned.itertuples():
+        radius, low, high = (None if np.isnan(m) else round(m, 4) for m in (row.radius_m, row.ci_low, row.ci_high))
+        lengths = {"keep_clear_m": high, "radius_m": radius, "ci_low_m": low, "ci_high_m": high}
+        judged = {"response": round(row.response, 4), "verdict": row.verdict}
+        content.setdefault(row.user, {})[row.symbol] = lengths | judged
+    lines = [
+        f"#   - {row.user}: {100 * row.valid:.1f} % of {row.plans} such paths are valid, and 99 % lack at most "
+        f"{row.shortfall_m:.4f} m.\n"
+        for row in planning.itertuples()
+    ]
+    text = HEADER.format(variant=variant) + "".join(lines) + yaml.safe_dump(content, sort_keys=True)
+    atomic_write(path, lambda part: part.write_text(text))
+
+
+# Acceptance
+
+
+def write_acceptance(cfg: DictConfig, out_dir: Path) -> None:
+    """Write levels.csv, outcomes at each promised share, and acceptance.csv, those at the promise by user."""
+    study, users, seeds = cfg.studies.safety.acceptance, list(cfg.evaluate.users), list(cfg.protocol.seeds)
+    scenes, demos = read_scenes(Path(cfg.paths.scenes)), read_demos(Path(cfg.paths.demos))
+    splits = {split: pool for split, pool in cfg.protocol.splits.items() if pool}
+    scenes.check_has(*map(train_pool, seeds), *splits.values())
+    complete = [
+        TrainingSet(u, s, scenes.images[train_pool(s)], *demo_arrays(demos, s, u, cfg.main_n_demos))
+        for u, s in product(users, seeds)
+    ]
+    queries = {split: read_queries(Path(cfg.paths.demos))[pool] for split, pool in splits.items()}
+    images = np.concatenate([scenes.images[pool] for pool in splits.values()])
+    z_theta = np.concatenate([q.z for q in queries.values()])
+
+    # Two models per user and seed: one of some scenes, for conformal selection, and one of all, for the threshold.
+    draws = [stream(study.root_seed, "scenes", x.seed).permutation(len(x.images)) for x in complete]  # same for users
+    fitted = [np.sort(drawn[: study.fitted]) for drawn in draws]
+    some = [
+        replace(x, images=x.images[part], z_theta=x.z_theta[part], valid=x.valid[part])
+        for x, part in zip(complete, fitted, strict=True)
+    ]
+    predict = partial(predict_demos_and_paths, {(x.user, x.seed): x for x in complete}, images, z_theta)
+    answers = refit(cfg, dict.fromkeys(study.variants, some + complete), predict, "accept")
+    prior = read_position_prior(Path(cfg.paths.scenes))
+    blind = [(position_only(prior[x.user], x.z_theta), position_only(prior[x.user], z_theta)) for x in complete]
+    answers[POSITION] = 2 * blind  # fitted to no demonstrations
+
+    summary, curve = [], []
+    for variant, predictions in answers.items():
+        of_some, of_all = predictions[: len(complete)], predictions[len(complete) :]
+        end = 0
+        for split, q in queries.items():
+            paths = slice(end, end := end + len(q.z))
+            conformal = []  # calibrated in the training scenes that were not fitted
+            for x, part, (p_demos, p_paths) in zip(complete, fitted, of_some, strict=True):
+                held_out = np.setdiff1d(np.arange(len(p_demos)), part)
+                labels, candidates = x.valid[held_out].ravel(), score(p_paths[paths].ravel())
+                p = p_values(score(p_demos[held_out].ravel()), labels, candidates)
+                conformal.append([accept(p, level) for level in study.levels])
+            threshold = [[p_paths[paths] > DECISION] * len(study.levels) for _, p_paths in of_all]
+            truth = np.stack([q.valid[user] for user in users])
+            for rule, accepted in ((CONFORMAL, conformal), (THRESHOLD, threshold)):
+                choices = np.reshape(accepted, (len(users), len(seeds), len(study.levels), *q.z.shape[:2]))
+                columns, rows = outcomes(choices, truth, study, users)
+                names = {"variant": variant, "split": split, "rule": rule}
+                curve.append(pd.DataFrame(names | columns))
+                summary += [names | row for row in rows]
+    write_table(out_dir / "levels.csv", pd.concat(curve, ignore_index=True))
+    write_table(out_dir / "acceptance.csv", pd.DataFrame(summary))
+
+
+def predict_demos_and_paths(
+    complete: Mapping[tuple[str, int], TrainingSet],
+    images: UInt8[Array, "scene 100 100 3"],
+    z_theta: Float[Array, "scene path 2"],
+    model: ValidityModel,
+    training_set: TrainingSet,
+) -> tuple[Float[Array, "training demo"], Float[Array, "scene path"]]:
+    """Return P(valid) of all demonstrations of the model's user and seed, and of the query paths."""
+    demos = complete[training_set.user, training_set.seed]
+    return model.probability(demos.images, demos.z_theta), model.probability(images, z_theta)
+
+
+def outcomes(
+    accepted: Bool[Array, "user seed level scene path"], valid: Bool[Array, "user scene path"], study: Any, users: list
+) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Return columns by promised level, and rows at the promise for all users together and each of them.
+
+    invalid: share of invalid paths among the accepted ones, with its 95 % interval over seeds and scenes; power: share
+    of valid paths that are accepted; abstained: share or number of models that accept none; above: number of models
+    whose share of invalid paths exceeds the level. Shares are values by scene whose mean is the share of all scenes.
+    """
+    truth = np.broadcast_to(valid[:, None, None], accepted.shape)
+    count, correct = accepted.sum(-1), (accepted & truth).sum(-1)  # (user, seed, level, scene)
+    shares = {"invalid": share_by_scene(count - correct, count), "power": share_by_scene(correct, truth.sum(-1))}
+    silent = count.sum(-1) == 0
+    columns: dict[str, Any] = {"level": list(study.levels)}
+    for name, prefix in (("invalid", ""), ("power", "power_")):
+        e = estimate(np.moveaxis(shares[name].mean(0), 1, 0))  # (level, seed, scene)
+        columns |= {name: e.effect, f"{prefix}ci_low": e.ci_low.clip(0, 1), f"{prefix}ci_high": e.ci_high.clip(0, 1)}
+    columns["abstained"] = silent.mean((0, 1))
+    rows, promised = [], list(study.levels).index(study.level)
+    for user, chosen in [(ALL, slice(None)), *((user, slice(i, i + 1)) for i, user in enumerate(users))]:
+        invalid, power = (share[chosen, :, promised] for share in shares.values())
+        e, by_model = estimate(invalid.mean(0)[None]), invalid.mean(-1)
+        row = {"user": user, "invalid": e.effect[0], "ci_low": max(e.ci_low[0], 0.0), "ci_high": min(e.ci_high[0], 1.0)}
+        row |= {"power": power.mean(), "above": int((by_model > study.level + TOLERANCE).sum())}
+        rows.append(row | {"abstained": int(silent[chosen, :, promised].sum()), "models": by_model.size})
+    return columns, rows
+
+
+if __name__ == "__main__":
+    launch(main, "safety")

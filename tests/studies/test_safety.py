@@ -1,0 +1,134 @@
+"""Envelopes are asked at known clearances and recover true margins; a promise costs accepted paths."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from omegaconf import DictConfig, OmegaConf
+
+from pipeline.artifacts.files import read_table, write_arrays
+from pipeline.artifacts.scenes import train_pool
+from pipeline.causal.envelope import dose_grid
+from pipeline.models.trained import load_model
+from pipeline.world.catalogue import read_catalogue
+from pipeline.world.layout import SYMBOLS, LayoutRules, random_layouts
+from pipeline.world.rules import clearance
+from studies.safety import stage
+from studies.safety.stage import main
+from tests.factories import labelled_demos, labelled_queries, models_in_rendered_scenes, symbols_added, write_rendered
+from tests.stages.facts import refuses
+
+pytestmark = pytest.mark.slow
+
+SCENES, TRAINING, LEVEL = 10, 4, 0.1
+VARIANTS = ("full", "clearance")
+SMALL = ["train.steps=2", "clearance.steps=2", "train.engine=reference", f"scenes.per_seed={TRAINING}"]
+SMALL += [f"studies.safety.acceptance.{name}" for name in ("variants=[full,clearance]", "fitted=1", f"level={LEVEL}")]
+
+
+@pytest.fixture(scope="module")
+def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
+    """Ten sparse scenes, as they are and with an added item, demonstrations, queries, and untrained models."""
+    root = tmp_path_factory.mktemp("safety")
+    cfg = models_in_rendered_scenes(root, VARIANTS, SCENES, *SMALL)
+    OmegaConf.update(cfg, "paths.demos", str(root / "demos"))
+    catalogue = read_catalogue(Path(cfg.paths.data))
+
+    def draw(seed: int, count: int, items: int, split: str):
+        rules = LayoutRules((items,), (0.5, 0.5), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)
+        return random_layouts(np.random.default_rng(seed), count, catalogue.footprints, catalogue.pool(split), rules)
+
+    layouts = {"new_items": draw(0, SCENES, 1, "unseen"), "new_scenes": draw(9, 5, 3, "train")}
+    layouts |= {train_pool(seed): draw(1 + seed, TRAINING, 3, "train") for seed in cfg.protocol.seeds}
+    scenes = write_rendered(cfg, layouts)
+    symbols_added(cfg, scenes, 2)
+    labelled_demos(cfg, scenes)
+    labelled_queries(cfg, scenes, ["new_scenes", "new_items"], 12)
+    prior = {user: np.full((2, 2), 0.7) for user in cfg.evaluate.users}
+    write_arrays(Path(cfg.paths.scenes) / "position_prior.npz", prior)
+    return cfg
+
+
+@pytest.fixture(scope="module")
+def chosen(cfg: DictConfig) -> tuple[stage.Scenes, np.ndarray, np.ndarray]:
+    """The scenes, the doses [m] and the chosen candidates (symbol, scene, dose, path)."""
+    study, scenes = cfg.studies.safety.envelope, stage.read_envelope_scenes(cfg)
+    doses = dose_grid(study.step, study.doses)
+    return scenes, doses, stage.choose_paths(cfg, scenes, doses)
+
+
+def test_the_method_recovers_the_true_margins_from_the_true_answers(cfg: DictConfig, out: Path):
+    for row in read_table(out / "envelope.csv").query("variant == 'truth'").itertuples():
+        margin = cfg.users[row.user][row.symbol]
+        assert row.right
+        assert np.isnan(row.radius_m) == (margin is None)
+        if margin is not None:
+            assert row.true_radius_m == margin and row.response == 1
+            assert abs(row.radius_m - margin) < cfg.studies.safety.envelope.step / 2
+
+
+def test_chosen_paths_have_the_dose_and_are_clear_of_other_items(cfg: DictConfig, chosen: tuple):
+    scenes, doses, paths = chosen
+    study = cfg.studies.safety.envelope
+    for symbol, layouts in enumerate(scenes.added.layouts):
+        z = np.take_along_axis(scenes.z_theta, paths[symbol].reshape(SCENES, -1)[..., None], axis=1)
+        distance = clearance(layouts, z).reshape(*paths.shape[1:], -1)
+        last = layouts.present.sum(1) - 1
+        has_dose = paths[symbol] >= 0
+        to_added = distance[np.arange(SCENES), ..., last]
+        to_others = np.where(np.arange(distance.shape[-1]) == last[:, None, None, None], np.inf, distance).min(-1)
+        assert (np.abs(to_added - doses[:, None])[has_dose] <= study.step / 2 + 1e-12).all()
+        assert (to_others[has_dose] >= study.clear_of_others).all()
+
+
+def test_a_curve_is_the_models_own_loss_of_validity(cfg: DictConfig, out: Path, chosen: tuple):
+    scenes, _, paths = chosen
+    symbol = SYMBOLS.index("plate")
+    z = np.take_along_axis(scenes.z_theta, paths[symbol].reshape(SCENES, -1)[..., None], axis=1)
+    models = [load_model(cfg, "clearance", "normal", seed, cfg.main_n_demos) for seed in cfg.protocol.seeds]
+    before = np.mean([m.probability(scenes.images, z) for m in models], axis=0)
+    after = np.mean([m.probability(scenes.added.images[symbol], z) for m in models], axis=0)
+    loss = np.where(paths[symbol, ..., 0] >= 0, before - after, np.nan)  # (scene, dose)
+    expected = pd.DataFrame(loss).groupby(scenes.added.item[symbol]).mean().mean()  # scenes of an item, then items
+    curve = read_table(out / "response.parquet").query("variant == 'clearance' and user == 'normal'")
+    np.testing.assert_allclose(curve.query("symbol == 'plate'")["response"], expected, atol=1e-6)
+
+
+def test_plans_that_keep_the_true_margins_are_all_valid(cfg: DictConfig, chosen: tuple):
+    margins = {user: m for user, m in cfg.users.items() if any(m[s] is not None for s in SYMBOLS)}
+    rows = [(user, s, np.nan if m[s] is None else m[s]) for user, m in margins.items() for s in SYMBOLS]
+    plans = stage.check_plans(cfg, chosen[0], pd.DataFrame(rows, columns=["user", "symbol", "ci_high"]))
+    assert list(plans["user"]) == list(margins) and (plans["plans"] > 0).all()
+    assert (plans["valid"] == 1).all() and (plans["shortfall_m"] == 0).all()
+
+
+def test_the_specification_says_what_the_table_says(out: Path):
+    content = yaml.safe_load((out / "specification.yaml").read_text())
+    for row in read_table(out / "envelope.csv").query("variant == 'clearance'").itertuples():
+        values = content[row.user][row.symbol]
+        assert values["verdict"] == row.verdict and values["keep_clear_m"] == values["ci_high_m"]
+        assert values["radius_m"] == (None if np.isnan(row.radius_m) else pytest.approx(row.radius_m, abs=1e-4))
+
+
+def test_doses_that_too_few_candidates_reach_are_refused(cfg: DictConfig, tmp_path: Path):
+    refuses(main, cfg, "studies.safety.envelope.doses", 200, "raise studies.safety.envelope.candidates", tmp_path / "x")
+
+
+def test_27_demonstrations_are_too_few_to_promise_two_per_cent_and_who_accepts_nothing_errs_in_nothing(out: Path):
+    strict = read_table(out / "levels.csv").query("rule == 'conformal' and level <= 0.02")
+    assert len(strict) == 3 * 2 * 2 and (strict["abstained"] == 1).all()
+    assert (strict[["invalid", "power"]] == 0).all(axis=None)
+
+
+def test_a_weaker_promise_accepts_more_and_the_threshold_ignores_it(cfg: DictConfig, out: Path):
+    curve, summary = read_table(out / "levels.csv"), read_table(out / "acceptance.csv").query("user == 'all'")
+    key = ["variant", "split", "rule"]
+    for (_, _, rule), rows in curve.groupby(key):
+        assert list(rows["level"]) == list(cfg.studies.safety.acceptance.levels)
+        assert rows["power"].is_monotonic_increasing
+        assert rule == stage.CONFORMAL or rows["power"].nunique() == 1
+    promised = curve[curve["level"] == LEVEL].set_index(key)
+    for column in ("invalid", "power"):
+        np.testing.assert_allclose(promised[column], summary.set_index(key).loc[promised.index, column], atol=1e-5)
