@@ -126,7 +126,7 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Served, P
 def test_what_no_page_sends_to_the_recorder(served: tuple[Served, Path]):
     server, folder = served
     before, path = tree(folder), {"scene": "first", "user": "Zoë", "valid": True, "samples": samples().tolist()}
-    spoilt = [path | {name: value} for name in path for value in VALUES[:-2]]
+    spoilt = [path | {name: value} for name in ("scene", "samples") for value in VALUES[:-2]]
     for body in (*map(json.dumps, [*spoilt, *VALUES]), "\0", "[", '{"scene": 1e400}'):
         for door in ("paths", "remove", "table"):
             status, answer = server.ask("POST", f"/api/{door}", body.encode())
