@@ -29,10 +29,8 @@ SOURCES = (  # tables of whose numbers the pages' texts are made: written beside
 
 def paper_accuracy(**key: str) -> pd.DataFrame:
     """Return the paper's accuracy by demonstrations as rows of a table: variant, n_demos, mean, q1, q3, and `key`."""
-    rows = [
-        {"variant": "paper", "n_demos": n, "mean": m, "q1": q1, "q3": q3} for n, (m, q1, q3) in PAPER_ACCURACY.items()
-    ]
-    return pd.DataFrame(rows).assign(**key)
+    rows = pd.DataFrame.from_dict(PAPER_ACCURACY, orient="index", columns=["mean", "q1", "q3"])
+    return rows.rename_axis("n_demos").reset_index().assign(variant="paper", **key)
 
 
 @dataclass(frozen=True)
@@ -172,14 +170,9 @@ class Results(Data):
         return None if known.empty else checked(known["difference"].abs().max(skipna=False), "p_valid, difference")
 
     @property
-    def compared(self) -> list[str]:
-        """Return the variants whose calibration is drawn."""
-        return [v for v in self.variants if v in ("full", "irl_ranked", "clearance")] or self.variants
-
-    @property
     def pictured(self) -> list[str]:
-        """Return the paper's model and the clearance model, as far as they were fitted; else the first variant."""
-        return [v for v in ("full", "clearance") if v in self.variants] or self.variants[:1]
+        """Return the paper's model and the clearance model, if they are shown; else the first variant shown."""
+        return [v for v in ("full", "clearance") if v in self.shown] or self.shown[:1]
 
     @property
     def pair(self) -> tuple[str, str]:
