@@ -219,7 +219,7 @@ def worst(results: Results) -> Figure:
 
 def who_accepts(results: Results) -> Figure:
     """Draw, for the mapped scenes, which control points are valid to both, one or none of two users."""
-    drawn, (first, second) = results.drawn, results.pair
+    drawn, (first, *_, second) = results.drawn, results.judged_users
     columns = ["truth", *(v for v in results.shown if v in ("full", "clearance"))]
     figure, axes = panels(len(drawn.mapped), 1 + len(columns), 2.9 * (1 + len(columns)), 2.85 * len(drawn.mapped) + 0.5)
     for place, (line, scene) in enumerate(zip(axes, drawn.mapped, strict=True)):

@@ -23,12 +23,7 @@ def render(results: Results, pages: Collection[str] = tuple(PAGES)) -> Site:
     names: dict[str, Any] = {"home": "", "pages": PAGES, "brief": False, "r": results, "n": results.main_n_demos}
     names |= {name: getattr(results, name) for name in ("value", "accuracy", "repair", "sliced", "variants", "facts")}
     names |= {"users": list(results.users), "judged": results.judged_users, "verdict": site.claims.__getitem__}
-    names |= {
-        "paper_accuracy": PAPER_ACCURACY,
-        "paper_repair": PAPER_TABLE_1,
-        "derived": derived,
-        "rates": claims.rates,
-    }
+    names |= {"paper_accuracy": PAPER_ACCURACY, "paper_repair": PAPER_TABLE_1, "derived": derived}
     made = environment([], **names)
     made.globals["claim"] = lambda of, name, column: lookup(judged, "claims", column, claim=of, measure=name)
     made.globals["measures"] = lambda of: judged.loc[judged["claim"] == of, "measure"].tolist()
