@@ -163,7 +163,7 @@ def rows_of(
     without X's name belong to the first column of fractions. So do `bold` (a truth value, or a p that is to be below
     0.05) and `beyond` (a dagger). across: a column of which each value gets its own columns of the fractions; the other
     columns come first, and name the rows; a row without some value has a dash there. gaps: titles of columns whose
-    missing numbers cannot exist and are shown as a dash. Raise InputError for any other number that is missing or not finite.
+    missing numbers cannot exist and are shown as a dash. Raise InputError for any other that is missing or not finite.
     """
     frame, words = chosen(data, table, where), words or {}
     source = table.__name__ if callable(table) else data.source(table)
