@@ -73,8 +73,7 @@ def footprint(cutout: UInt8[Array, "row column 4"], width_m: float) -> Capsule:
     """Return the capsule of a cut-out's visible part, its centre relative to the picture's [m], y upwards."""
     small = scaled(cutout[..., 3], width_m * PER_METRE)
     rows, columns = np.nonzero(small > MIN_VISIBLE_ALPHA)
-    size = small.shape[::-1]
-    points = np.stack([columns - (size[0] - 1) / 2, (size[1] - 1) / 2 - rows], -1) / PER_METRE
+    points = np.stack([columns - (small.shape[1] - 1) / 2, (small.shape[0] - 1) / 2 - rows], -1) / PER_METRE
     return fit_capsule(points, PER_METRE)
 
 
