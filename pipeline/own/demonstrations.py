@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 
 from pipeline.own.files import DEMONSTRATIONS, KEY, SETTINGS, Faults, Settings, read_checked
-from pipeline.world.hand import MAX_BEYOND_M
 
 ENDS_WITHIN_M = 0.05  # largest distance of a path's ends from start and goal [m]; a hand that is not in a hurry
+MAX_BEYOND_M = 0.5  # largest distance of the hand beyond the table's edge, on a table of 1 m
 MIN_SAMPLES = 3  # rows of a demonstration
 MIN_SCENES = 4  # scenes of a user: fewer leave nothing to fit on and nothing to judge by
 
