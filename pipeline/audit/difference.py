@@ -12,13 +12,13 @@ import pandas as pd
 from omegaconf import OmegaConf
 from scipy.stats import t
 
-from pipeline.audit.setting import canonical
 from pipeline.git import git
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.places import PROCESSORS, ROOT
 from pipeline.runtime.reading import parse_csv
 from pipeline.stats.tests import LEVEL, holm
 
+BARE = re.compile(r"(?!(?:null|true|false|nan|inf)$)[^\W\d][\w./-]*", re.IGNORECASE)  # text that reads as nothing else
 NAMES = ("headline", "run", "sha256")  # columns of the csv that hold names
 LOCKS = "requirements.lock"
 DATA = re.compile(r"md5: (\S+)")
@@ -124,6 +124,23 @@ def flat(tree: Any, prefix: str = "") -> dict[str, Any]:
         return {prefix: tree}
     parts = [flat(part, f"{prefix}.{key}".lstrip(".")) for key, part in tree.items()]
     return {name: value for part in parts for name, value in part.items()}
+
+
+def canonical(value: Any) -> str:
+    """Return a parameter's value as text; two values have the same text if and only if they are equal.
+
+    100, 100.0 and 1e2 are equal, so are [9] and [9.0]; true, 1 and the text "1" are three values.
+    """
+    if isinstance(value, dict):
+        return f"{{{','.join(sorted(f'{canonical(str(key))}:{canonical(part)}' for key, part in value.items()))}}}"
+    if isinstance(value, list):
+        return f"[{','.join(map(canonical, value))}]"
+    if value is None or isinstance(value, bool):
+        return {None: "null", True: "true", False: "false"}[value]
+    if isinstance(value, int | float):
+        return str(int(value)) if isinstance(value, int) or value.is_integer() else repr(value)
+    text = str(getattr(value, "text", value))  # of Hydra's QuotedString
+    return text if BARE.fullmatch(text) else json.dumps(text, ensure_ascii=False)
 
 
 def _parameters(commit: Commit) -> dict[str, str]:
