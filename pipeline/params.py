@@ -60,7 +60,7 @@ def _compose(overrides: Sequence[str]) -> DictConfig:
         cfg.studies = {n: s for n, s in cfg.studies.items() if (ROOT / "studies" / str(n) / "stage.py").is_file()}
         if isinstance(cfg.variants, DictConfig):
             cfg.graph = {stage: [n for n, v in cfg.variants.items() if v.get("stage") == stage] for stage in FITTED}
-        cfg.graph.pages = list(cfg.studies)
+        cfg.graph["pages"] = list(cfg.studies)
     return cfg
 
 
@@ -114,7 +114,7 @@ def kept(overrides: Sequence[str], cfg: DictConfig | None = None) -> str:
                 groups[f"override /{group}@{key}"] = None
             elif (CONF / key).is_dir():
                 new = override.is_add() or key == "profile"
-                groups[("" if new else "override /") + override.get_key_element().lstrip("+")] = override.value()
+                groups[("" if new else "override /") + override.get_key_element().lstrip("+")] = override.value()  # pyright: ignore[reportArgumentType]
             else:
                 OmegaConf.update(values, key, override.value(), force_add=True)
     except HydraException as error:

@@ -7,19 +7,7 @@ from jaxtyping import UInt8
 from numpy import ndarray as Array
 from scipy.ndimage import distance_transform_edt
 
-from making.data.shading import (
-    FINE,
-    ROUND,
-    Outline,
-    finish,
-    grid,
-    inside,
-    mix,
-    noise,
-    plain,
-    sky_light,
-    smoothstep,
-)
+from making.data.shading import FINE, ROUND, Outline, finish, grid, inside, mix, noise, plain, sky_light, smoothstep
 
 Colour = tuple[float, float, float]
 HALF_WIDTH = 0.013  # half-width of every piece at its widest [m]

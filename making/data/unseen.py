@@ -12,7 +12,6 @@ import numpy as np
 
 from making.data.kitchenware import GOLD, PIECES, STEEL
 from making.data.shading import ROUND, Outline, cut, eared, oval, polygon, scalloped, spouted
-from making.data.surface import PATTERNS as SURFACE_PATTERNS
 
 Colour = tuple[float, float, float]
 Row = tuple  # a row of one of the tables in making.data.designs
@@ -25,6 +24,7 @@ MAX_TINT, MIN_NEUTRAL = 0.06, 0.5  # white and steel, which any item may share: 
 MIN_OUTLINE_GAP = 0.05  # least difference from a circle as a share of the radius; facets of a cut glass differ by 0.03
 TOPS = {"veins": "onyx", "checks": "gingham", "tiles": "tiles", "stripes": "ticking", "cracks": "crackle"}
 # The patterns that resemble no training top, and the names of such tops.
+TOP_PATTERNS = ("veins", "checks", "tiles", "stripes", "blotches", "chips", "cracks", "knots", "boards")  # of the draws
 PATTERNS = ("plain", "band", "rings", "rays", "petals", "dots", "checks", "speckles", "glaze", "spiral")
 METALS = STEEL, GOLD, (0.74, 0.48, 0.36), (0.62, 0.63, 0.66)  # RGB [1 = white]
 SLIM = {"chopsticks": 0.86, "tongs": 0.95}  # fixed slimness of these kinds
@@ -84,7 +84,7 @@ def varied() -> dict[str, list[Row]]:
 def varied_tops() -> list[Row]:
     """Return a random table top of each pattern: kind and two colours."""
     rng, tops = np.random.default_rng([SEED, 1]), []
-    for kind in SURFACE_PATTERNS:
+    for kind in TOP_PATTERNS:
         hue, saturation, value = rng.uniform(0, 1), rng.uniform(0, 0.5), rng.uniform(0.25, 0.92)
         light = colorsys.hsv_to_rgb(hue, saturation, value)
         stain = rng.normal(0, 0.04), rng.uniform(0.8, 1.6), rng.uniform(0.55, 0.8)

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from making.render.finishes import colour, random_colour
-from making.render.nodes import Nodes, Socket
+from making.render.finishes import Nodes, Socket, colour, random_colour
 
 Rng = np.random.Generator
 

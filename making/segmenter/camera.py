@@ -1,4 +1,4 @@
-"""The canvas on which a scene is drawn, and the camera above it.
+"""The canvas on which a scene is drawn, the light on it with the shadows of items, and the camera above it.
 
 The canvas is finer than the camera's picture, and wider than the table. The camera adds perspective, blur, glare, tone,
 noise and JPEG artefacts.
@@ -11,6 +11,8 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 from numpy import ndarray as Array
 
+from making.segmenter.items import Drawn
+from making.segmenter.paint import Top, noise
 from pipeline.world.layout import SIDE
 
 SAMPLES = 2  # samples per pixel along each axis
@@ -20,6 +22,8 @@ CANVAS = round(CANVAS_M * PX_PER_M)  # [pixels]
 Window = tuple[slice, slice]  # rows and columns of the canvas
 Plane = Float32[Array, "side side"]
 Picture = Float32[Array, "side side 3"]
+MAX_SHADOW_M = 0.08  # longest shadow [m]
+SHADOW_STEPS = (0.15, 0.4, 0.7, 1.0)  # shares of a shadow's length at which an item's outline is laid down
 MIN_COVER = 62  # share [1 / 255] from which a pixel is an item's: a quarter, as handles are thinner than pixels
 
 
@@ -105,3 +109,130 @@ def draw_camera(rng: np.random.Generator) -> Camera:
         int(rng.integers(50, 96)) if rng.random() < 0.3 else None,
         glare,
     )
+
+
+class Lamp(NamedTuple):
+    """A lamp: its direction on the picture (columns, rows), shadow length over height, and share of the light."""
+
+    direction: Array
+    slant: float
+    share: float
+    softness_m: float
+
+
+def draw_lamps(rng: np.random.Generator) -> list[Lamp]:
+    """Draw one to three lamps that share the direct light; the rest is ambient."""
+    count = int(rng.choice([1, 2, 3], p=[0.65, 0.25, 0.1]))
+    direct = rng.uniform(0.2, 0.9)
+    shares = rng.dirichlet(np.full(count, 2.0)) * direct
+    lamps = []
+    for share in shares:
+        bearing = rng.uniform(0, 2 * np.pi)
+        direction = np.array([np.cos(bearing), np.sin(bearing)])
+        slant = float(np.exp(rng.uniform(-1.2, 1.1))) if rng.random() < 0.5 else rng.uniform(1, 4)
+        lamps.append(Lamp(direction, slant, float(share), rng.uniform(0.002, 0.03)))
+    return lamps
+
+
+def draw_illumination(rng: np.random.Generator, lamps: list[Lamp]) -> Picture:
+    """Return the light on the bare table: exposure, white balance, fall-off, pools of light, glare and soft shade."""
+    x, y = axes()
+    field = 1 + rng.uniform(0, 0.5) ** 1.5 * (x * lamps[0].direction[0] + y * lamps[0].direction[1])
+    centre = rng.uniform(-0.5, 0.5, 2)
+    field = field * (1 - rng.uniform(0, 0.35) ** 1.5 * ((x - 0.3 * centre[0]) ** 2 + (y - 0.3 * centre[1]) ** 2) * 2)
+    if rng.random() < 0.25:
+        width = rng.uniform(0.15, 0.6)
+        field = field * (1 + rng.uniform(0, 0.5) * np.exp(-((x - centre[0]) ** 2 + (y - centre[1]) ** 2) / width**2))
+    if rng.random() < 0.2:
+        shade = noise(rng, CANVAS, rng.uniform(2, 6), 2)
+        field = field * (
+            1 - rng.uniform(0.05, 0.4) * np.clip((shade - rng.uniform(-0.5, 1)) / rng.uniform(0.1, 1), 0, 1)
+        )
+    if rng.random() < 0.2:
+        field = field * (1 - rng.uniform(0.1, 0.6) * outside_shadow(rng))
+    return field[..., None].astype(np.float32) * rng.normal(1, 0.06, 3).astype(np.float32)
+
+
+def outside_shadow(rng: np.random.Generator) -> Plane:
+    """Return the shadow of what stands or hangs outside the picture: window bars, edges, blots."""
+    mask = np.zeros((CANVAS, CANVAS), np.uint8)
+    turn, kind = rng.uniform(0, 180), rng.integers(3)
+    for _ in range(rng.integers(1, 5)):
+        centre = rng.uniform(0, CANVAS, 2)
+        if kind < 2:
+            size = [2.0 * CANVAS, rng.uniform(0.02, 0.08 if kind else 0.5) * CANVAS]
+            turn += 90.0 * rng.integers(2)
+        else:
+            size, turn = rng.uniform(0.06, 0.4, 2) * CANVAS, rng.uniform(0, 180)
+        if kind < 2:
+            cv2.fillConvexPoly(mask, np.int32(cv2.boxPoints((centre.tolist(), list(size), turn))), 255)  # pyright: ignore
+        else:
+            cv2.ellipse(mask, (centre.tolist(), list(size), turn), 255, -1)  # pyright: ignore
+    return cv2.GaussianBlur(mask, (0, 0), np.exp(rng.uniform(0, 2.3))).astype(np.float32) / 255
+
+
+def exposed(rng: np.random.Generator, table: Top, illumination: Picture) -> float:
+    """Return the gain of a camera that brings the table part of the way to a medium brightness."""
+    brightness = float((table[::8, ::8] * illumination[::8, ::8]).mean())
+    return (rng.uniform(0.25, 0.7) / max(brightness, 0.03)) ** rng.uniform(0.2, 1) * np.exp(rng.normal(0, 0.1))
+
+
+def shadows(windows: list[Window], drawn: list[Drawn], lamps: list[Lamp], rng: np.random.Generator) -> Picture:
+    """Return the share of the light that reaches the table: shadows of each lamp, contact shade and caustics."""
+    light = np.ones((CANVAS, CANVAS, 3), np.float32)
+    if not drawn:
+        return light
+    tint = 1 - rng.uniform(0, 0.12, 3).astype(np.float32) * np.array([1, 0.8, 0.4], np.float32)
+    contact = np.zeros((CANVAS, CANVAS), np.uint8)
+    for window, item in zip(windows, drawn, strict=True):
+        contact[window] = np.maximum(contact[window], (item.blocks * 255).astype(np.uint8))
+    for lamp in lamps:
+        shade = np.zeros((CANVAS, CANVAS), np.uint8)
+        for step in SHADOW_STEPS:
+            layer = np.zeros((CANVAS, CANVAS), np.uint8)
+            for window, item in zip(windows, drawn, strict=True):
+                shift = -lamp.direction * min(item.height_m * lamp.slant, MAX_SHADOW_M) * step * PX_PER_M
+                paste(layer, window, (item.blocks * 255).astype(np.uint8), shift)
+            sigma = 0.6 + lamp.softness_m * PX_PER_M * step
+            shade = np.maximum(shade, cv2.GaussianBlur(layer, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE))
+        light -= (shade.astype(np.float32) * np.float32(lamp.share / 255))[..., None] * tint
+    around = cv2.GaussianBlur(contact, (0, 0), rng.uniform(1.5, 6)).astype(np.float32) / 255
+    light *= (1 - rng.uniform(0, 0.4) * around)[..., None]
+    for window, item in zip(windows, drawn, strict=True):
+        if item.bend_m is not None and rng.random() < 0.6:
+            caustic(light, window, item, lamps[0], rng)
+    return np.clip(light, 0.05, 2)
+
+
+def paste(layer: Array, window: Window, mask: Array, shift: Array) -> None:
+    """Set the maximum of a layer and a mask that is moved by whole pixels."""
+    right, down = np.rint(shift).astype(int)
+    rows, columns = window
+    top, left = rows.start + down, columns.start + right
+    bottom, end = top + mask.shape[0], left + mask.shape[1]
+    inner = slice(max(top, 0), min(bottom, CANVAS)), slice(max(left, 0), min(end, CANVAS))
+    if inner[0].start >= inner[0].stop or inner[1].start >= inner[1].stop:
+        return
+    part = mask[inner[0].start - top : inner[0].stop - top, inner[1].start - left : inner[1].stop - left]
+    np.maximum(layer[inner], part, out=layer[inner])
+
+
+def caustic(light: Array, window: Window, item: Drawn, lamp: Lamp, rng: np.random.Generator) -> None:
+    """Brighten the middle of a clear item's shadow."""
+    rows, columns = window
+    size = (columns.stop - columns.start) / 2
+    centre = np.array([columns.start + columns.stop, rows.start + rows.stop]) / 2
+    centre = centre - lamp.direction * (
+        min(item.height_m * lamp.slant, MAX_SHADOW_M) * rng.uniform(0.3, 1) * PX_PER_M + size * 0.2
+    )
+    reach = int(size) + 1
+    low = np.clip(np.floor(centre - reach), 0, CANVAS).astype(int)
+    high = np.clip(np.ceil(centre + reach), 0, CANVAS).astype(int)
+    if (low >= high).any():
+        return
+    x = (np.arange(low[0], high[0], dtype=np.float32) - np.float32(centre[0])) / np.float32(size)
+    y = ((np.arange(low[1], high[1], dtype=np.float32) - np.float32(centre[1])) / np.float32(size))[:, None]
+    along = x * lamp.direction[0] + y * lamp.direction[1]
+    across = y * lamp.direction[0] - x * lamp.direction[1]
+    glow = np.exp(-((along / rng.uniform(0.15, 0.5)) ** 2) - (across / rng.uniform(0.1, 0.4)) ** 2)
+    light[low[1] : high[1], low[0] : high[0]] += (glow * rng.uniform(0.1, 0.7) * lamp.share)[..., None]

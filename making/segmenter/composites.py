@@ -11,9 +11,17 @@ import numpy as np
 from jaxtyping import UInt8
 from numpy import ndarray as Array
 
-from making.segmenter.camera import CANVAS, PX_PER_M, Window, draw_camera
+from making.segmenter.camera import (
+    CANVAS,
+    PX_PER_M,
+    Window,
+    draw_camera,
+    draw_illumination,
+    draw_lamps,
+    exposed,
+    shadows,
+)
 from making.segmenter.items import Drawn
-from making.segmenter.light import draw_illumination, draw_lamps, exposed, shadows
 from making.segmenter.paint import SIDE_M, Top
 from making.segmenter.placing import Palette as Palette
 from making.segmenter.placing import draw_items

@@ -10,9 +10,8 @@ from jaxtyping import Float32
 from numpy import ndarray as Array
 
 from making.segmenter import items as draw
-from making.segmenter.camera import CANVAS, CANVAS_M, PX_PER_M, Window
+from making.segmenter.camera import CANVAS, CANVAS_M, PX_PER_M, Lamp, Window
 from making.segmenter.items import Drawn, Frame
-from making.segmenter.light import Lamp
 from making.segmenter.paint import Top
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import segment_distance

@@ -31,7 +31,8 @@ def main(arguments: list[str]) -> int:
         return 2
 
     from pipeline.own.folder import read_folder  # torch and the models take seconds to import: the recorder needs none
-    from pipeline.own.report import check_replaceable, compute, write_report
+    from pipeline.own.report import check_replaceable, write_report
+    from pipeline.own.results import compute
     from pipeline.runtime.parallel import one_thread
 
     one_thread()
@@ -40,10 +41,8 @@ def main(arguments: list[str]) -> int:
     for fault in faults:  # names of files may hold terminal codes
         print("error:", "".join(c if c.isprintable() else repr(c)[1:-1] for c in fault), file=sys.stderr)
     if folder is None:
-        them = (
-            f"{len(faults)} faults in {path}: correct them" if len(faults) > 1 else f"one fault in {path}: correct it"
-        )
-        print(f"{them} and check again", file=sys.stderr)
+        count = "one fault" if len(faults) == 1 else f"{len(faults)} faults"
+        print(f"{count} in {path}: correct and check again", file=sys.stderr)
         return 1
     for note in folder.notes:
         print(f"note: {note}")

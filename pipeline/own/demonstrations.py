@@ -1,7 +1,4 @@
-"""Read and check demonstrations.csv, and fit a path of the models' to each demonstration.
-
-The models take parabolas. A demonstration needs more if the parabola misses the hand by a pixel of the model's image.
-"""
+"""Read and check demonstrations.csv; the recorder checks what a person draws by the same rules."""
 
 from collections.abc import Collection
 from pathlib import Path
@@ -9,15 +6,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.models.base import Z_RANGE_M
-from pipeline.own.csv_files import DEMONSTRATIONS, KEY, Faults, read_checked
-from pipeline.own.frame import Frame
-from pipeline.own.settings import ENDS_WITHIN_M, MIN_SAMPLES, MIN_SCENES, SETTINGS, Settings
-from pipeline.world.bezier_fit import fit
+from pipeline.own.files import DEMONSTRATIONS, KEY, SETTINGS, Faults, Settings, read_checked
 from pipeline.world.hand import MAX_BEYOND_M
-from pipeline.world.layout import SIDE
 
-POOR_ABOVE_M = 1 / SIDE  # a pixel of the model's image [m]
+ENDS_WITHIN_M = 0.05  # largest distance of a path's ends from start and goal [m]; a hand that is not in a hurry
+MIN_SAMPLES = 3  # rows of a demonstration
+MIN_SCENES = 4  # scenes of a user: fewer leave nothing to fit on and nothing to judge by
 
 
 def read_samples(path: Path, scenes: Collection[str], settings: Settings, faults: Faults) -> pd.DataFrame | None:
@@ -37,80 +31,39 @@ def read_samples(path: Path, scenes: Collection[str], settings: Settings, faults
         return None
     valid, name = samples["valid"].str.lower() == "true", samples["scene"].str.cat(samples[KEY[1:]], sep=", ")
     samples = samples.assign(valid=valid, name=name).sort_values(KEY, kind="stable")
-    _check_demonstrations(samples, settings, faults)
-    _check_users(samples.drop_duplicates(KEY), faults)
+    check_paths(samples, settings, faults)
+    for user, rows in samples.drop_duplicates(KEY).groupby("user"):
+        where, count = f"{file}, row {rows.index.min()}:", rows["scene"].nunique()
+        if count < MIN_SCENES:
+            few = f"has {count} scenes: expected at least {MIN_SCENES}"
+            faults.append(f"{where} user {user} {few}; add demonstrations, or leave the user out")
+        if rows["valid"].nunique() == 1:
+            alike = f"all {len(rows)} demonstrations of user {user} are {'' if rows['valid'].iloc[0] else 'in'}valid"
+            faults.append(f"{where} {alike}: expected both; add the other kind, or leave the user out")
     return samples if len(faults) == before else None
 
 
-def _check_demonstrations(samples: pd.DataFrame, settings: Settings, faults: Faults) -> None:
-    """Add faults of whole demonstrations: labels, times, length, ends."""
+def check_paths(samples: pd.DataFrame, settings: Settings, faults: Faults) -> None:
+    """Add faults of whole demonstrations: labels, times, length, ends; samples: as `read_samples` returns them."""
 
     def check(rows: pd.DataFrame, wrong: pd.Series, sentence: str) -> None:
         faults.rows(DEMONSTRATIONS, rows[wrong], sentence)
 
-    groups = samples.groupby(KEY, sort=False)
+    groups, side = samples.groupby(KEY, sort=False), settings.side_m
     samples = samples.assign(earlier=groups["t"].shift())
-    first, last, side = groups.head(1), groups.tail(1), settings.side_m
-    check(
-        samples,
-        samples["valid"] != groups["valid"].transform("first"),
-        "valid changes within demonstration ({name}): expected one word for all of it",
-    )
-    check(
-        samples,
-        samples["t"] < samples["earlier"],
-        "t goes back from {earlier:g} to {t:g} s in demonstration ({name}): expected times that increase, and a name "
-        "of its own for each demonstration",
-    )
-    counted = first.assign(rows=groups.size().to_numpy())
+    changes, back = samples["valid"] != groups["valid"].transform("first"), samples["t"] < samples["earlier"]
+    check(samples, changes, "valid changes within demonstration ({name}): expected one word for all of it")
+    increasing = "expected times that increase, and a name of its own for each demonstration"
+    check(samples, back, f"t goes back from {{earlier:g}} to {{t:g}} s in demonstration ({{name}}): {increasing}")
+    counted = groups.head(1).assign(rows=groups.size().to_numpy())
     short = counted["rows"] < MIN_SAMPLES
     check(counted, short, f"demonstration ({{name}}) has {{rows}} rows: expected at least {MIN_SAMPLES}")
-    for verb, end, rows in (("starts", "start", first), ("ends", "goal", last)):
+    for verb, end, rows in (("starts", "start", groups.head(1)), ("ends", "goal", groups.tail(1))):
         x, y = getattr(settings, end)
         rows = rows.assign(away=np.hypot(rows["x"] - x, rows["y"] - y))
-        check(
-            rows,
-            rows["away"] > ENDS_WITHIN_M,
-            f"demonstration ({{name}}) {verb} at ({{x:.3g}}, {{y:.3g}}) m, {{away:.2g}} m from the {end} ({x:g}, {y:g})"
-            f": expected at most {ENDS_WITHIN_M:g} m; positions are in metres, and {SETTINGS} sets the {end}",
-        )
-    far = ((samples[["x", "y"]] - side / 2).abs() > (0.5 + MAX_BEYOND_M) * side).any(axis=1)
-    check(samples, far, f"the path is at ({{x:g}}, {{y:g}}) m, far off the table: expected metres from 0 to {side:g}")
-
-
-def _check_users(demos: pd.DataFrame, faults: Faults) -> None:
-    """Add a fault for each user with too few scenes or with labels of one kind."""
-    for user, rows in demos.groupby("user"):
-        where, scenes = f"{DEMONSTRATIONS}, row {rows.index.min()}:", rows["scene"].nunique()
-        if scenes < MIN_SCENES:
-            faults.append(
-                f"{where} user {user} has {scenes} scenes: expected at least {MIN_SCENES}; add demonstrations, or "
-                "leave the user out"
-            )
-        if rows["valid"].nunique() == 1:
-            word = "valid" if rows["valid"].iloc[0] else "invalid"
-            faults.append(
-                f"{where} all {len(rows)} demonstrations of user {user} are {word}: expected both valid and invalid "
-                "ones; add the other kind, or leave the user out"
-            )
-
-
-def fit_demonstrations(samples: pd.DataFrame, frame: Frame, faults: Faults) -> pd.DataFrame:
-    """Return one row for each demonstration of `demonstrations.read_samples`, sorted by scene, user and demo.
-
-    Columns: scene, user, demo, valid, z_x, z_y (control point in the model's metres), residual_m (root mean square
-    distance from the path, metres on the table) and needs_more. Adds a fault for paths out of the models' range.
-    """
-    offsets = np.append(np.flatnonzero(~samples.duplicated(KEY)), len(samples))
-    points = frame.to_model(samples[["x", "y"]].to_numpy())
-    fits = fit(points, offsets, poor_above_m=POOR_ABOVE_M)
-    demos = samples.iloc[offsets[:-1]]
-    far = demos[(np.abs(fits.z_theta - np.mean(Z_RANGE_M)) > np.ptp(Z_RANGE_M) / 2).any(axis=1)]
-    faults.rows(
-        DEMONSTRATIONS, far, "demonstration ({name}) swings out farther than the models' paths can: leave it out"
-    )
-    demos = demos[[*KEY, "valid"]].reset_index(drop=True)
-    demos[["z_x", "z_y"]] = fits.z_theta
-    demos["residual_m"] = fits.residual_m / frame.scale
-    demos["needs_more"] = fits.poor
-    return demos
+        place = f"{verb} at ({{x:.3g}}, {{y:.3g}}) m, {{away:.2g}} m from the {end} ({x:g}, {y:g})"
+        unit = f"positions are in metres, and {SETTINGS} sets the {end}"
+        far = f"demonstration ({{name}}) {place}: expected at most {ENDS_WITHIN_M:g} m; {unit}"
+        check(rows, rows["away"] > ENDS_WITHIN_M, far)
+    off = ((samples[["x", "y"]] - side / 2).abs() > (0.5 + MAX_BEYOND_M) * side).any(axis=1)
+    check(samples, off, f"the path is at ({{x:g}}, {{y:g}}) m, far off the table: expected metres from 0 to {side:g}")

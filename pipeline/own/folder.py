@@ -9,16 +9,17 @@ import pandas as pd
 from jaxtyping import Float, UInt8
 from numpy import ndarray as Array
 
-from pipeline.models.base import to_tensor
-from pipeline.own.csv_files import COLUMNS, CUTOUTS, DEMONSTRATIONS, ITEMS, KEY, Faults, normal, read_checked
-from pipeline.own.demonstrations import fit_demonstrations, read_samples
+from pipeline.models.base import Z_RANGE_M, to_tensor
+from pipeline.own import files
+from pipeline.own.demonstrations import read_samples
+from pipeline.own.files import CUTOUTS, DEMONSTRATIONS, ENDINGS, ITEMS, KEY, KINDS, SCENES, SETTINGS, Faults, normal
 from pipeline.own.frame import Frame, outline, rectify, without_pattern
-from pipeline.own.pictures import ENDINGS, KINDS, SCENES, is_square, listed, read_cutout, read_picture, scene_files
-from pipeline.own.settings import SETTINGS, SIDES_M, read_settings
 from pipeline.perception.objects import Objects, detect_objects
 from pipeline.runtime.errors import InputError
-from pipeline.world.layout import point_segment_distance
+from pipeline.world.bezier_fit import fit
+from pipeline.world.layout import SIDE, point_segment_distance
 
+POOR_ABOVE_M = 1 / SIDE  # a pixel of the model's image [m]: a parabola that misses the hand by more is a poor fit
 NEAR_M = 0.01  # an item's centre may lie this far outside a detected outline [m of the model]
 
 
@@ -64,11 +65,6 @@ class Folder:
             notes.append(f"no {KINDS}/ with cut-outs: the report cannot ask what users react to")
         if self.items is None:
             notes.append(f"no {ITEMS}: the report cannot count detected items")
-        elif missing := sorted(set(self.items["kind"]) - self.cutouts.keys()):
-            notes.append(f"no cut-outs of {', '.join(missing)}: the report does not ask whether users react to them")
-        counts = demos.groupby(["user", "scene"]).size().groupby("user").agg(["min", "max"])
-        for user, least, most in counts[counts["max"] > 2 * counts["min"]].itertuples():
-            notes.append(f"user {user} has {least} to {most} demonstrations a scene, and each scene counts the same")
         more = demos[demos["needs_more"]]
         if len(more):
             notes.append(
@@ -117,19 +113,19 @@ def read_folder(path: Path) -> tuple[Folder | None, Faults]:
         return None, faults
     for file in sorted(path.iterdir()):
         name = file.name.lower().replace(".yml", ".yaml")
-        if name in (SETTINGS, SCENES, KINDS, *COLUMNS) and name != file.name:
+        if name in (SETTINGS, SCENES, KINDS, *files.COLUMNS) and name != file.name:
             faults.append(f"{file.name} is not read: rename it to {name}")
-    scenes, settings, samples = scene_files(path, faults), None, None
+    scenes, settings, samples = files.scene_files(path, faults), None, None
     try:
-        settings = read_settings(path)
+        settings = files.read_settings(path)
         samples = read_samples(path, scenes, settings, faults)
     except InputError as error:
         faults += str(error).splitlines()
-    items = read_checked(path / ITEMS, scenes, faults) if (path / ITEMS).is_file() else None
+    items = files.read_checked(path / ITEMS, scenes, faults) if (path / ITEMS).is_file() else None
     if items is not None:
-        wrong = items[items["radius_m"] <= 0], items[items["half_length_m"] < 0]
-        faults.rows(ITEMS, wrong[0], "radius_m is {radius_m:g}: expected metres above 0")
-        faults.rows(ITEMS, wrong[1], "half_length_m is {half_length_m:g}: expected metres from 0")
+        faults.rows(ITEMS, items[items["radius_m"] <= 0], "radius_m is {radius_m:g}: expected metres above 0")
+        short = items[items["half_length_m"] < 0]
+        faults.rows(ITEMS, short, "half_length_m is {half_length_m:g}: expected metres from 0")
         items = None if items.empty else items.reset_index(drop=True)
     cutouts = _read_cutouts(path, faults)
     if settings is None:
@@ -144,7 +140,7 @@ def read_folder(path: Path) -> tuple[Folder | None, Faults]:
             faults.append(f"{SETTINGS}: no corners of {scene}: add them, as for the other scenes")
         elif (canvas := _read_canvas(file, f"{SCENES}/{file.name}", corners, faults)) is not None:
             canvases[scene] = canvas
-    empty, bare = next((file for file in listed(path, *ENDINGS) if file.stem.lower() == "empty"), None), None
+    empty, bare = next((file for file in files.listed(path, *ENDINGS) if file.stem.lower() == "empty"), None), None
     if empty is not None and by_scene:
         faults.append(f"{empty.name} needs a fixed camera, and corners differ by scene: remove one of them")
     elif empty is not None:
@@ -158,16 +154,33 @@ def read_folder(path: Path) -> tuple[Folder | None, Faults]:
     return Folder(path, frame, canvases, demos, None if bare is None else frame.image(bare), items, cutouts), faults
 
 
+def fit_demonstrations(samples: pd.DataFrame, frame: Frame, faults: Faults) -> pd.DataFrame:
+    """Return one row for each demonstration of `read_samples`, sorted by scene, user and demo.
+
+    Columns: scene, user, demo, valid, z_x, z_y (control point of the parabola [m of the model]), residual_m (root mean
+    square distance from the path, metres on the table) and needs_more. Adds a fault for paths out of the models' range.
+    """
+    offsets = np.append(np.flatnonzero(~samples.duplicated(KEY)), len(samples))
+    fits = fit(frame.to_model(samples[["x", "y"]].to_numpy()), offsets, poor_above_m=POOR_ABOVE_M)
+    demos = samples.iloc[offsets[:-1]]
+    far = demos[(np.abs(fits.z_theta - np.mean(Z_RANGE_M)) > np.ptp(Z_RANGE_M) / 2).any(axis=1)]
+    beyond = "demonstration ({name}) swings out farther than the models' paths can: leave it out"
+    faults.rows(DEMONSTRATIONS, far, beyond)
+    demos = demos[[*KEY, "valid"]].reset_index(drop=True)
+    demos[["z_x", "z_y"]] = fits.z_theta
+    return demos.assign(residual_m=fits.residual_m / frame.scale, needs_more=fits.poor)
+
+
 def _read_canvas(file: Path, name: str, corners: Array | None, faults: Faults) -> Array | None:
     """Return a rectified picture, or None after a fault."""
     try:
-        picture = read_picture(file, name)
+        picture = files.read_picture(file, name)
     except (InputError, OSError) as error:
         faults.append(str(error))
         return None
     height, width = picture.shape[:2]
     size = f"{name} has {width} x {height} pixels"
-    if corners is None and not is_square(width, height):
+    if corners is None and not files.is_square(width, height):
         faults.append(f"{size}: expected a square picture of just the table, or corners in {SETTINGS}")
     elif corners is not None and ((corners < 0) | (corners > [width, height])).any():
         faults.append(f"{size}, and corners in {SETTINGS} lie outside: correct them")
@@ -186,23 +199,23 @@ def _read_cutouts(path: Path, faults: Faults) -> dict[str, list[tuple[Array, flo
         if folders:
             faults.append(f"{CUTOUTS} is missing: expected the columns kind, file, width_m and a row for each cut-out")
         return {}
-    table = read_checked(path / CUTOUTS, None, faults)
+    table = files.read_checked(path / CUTOUTS, None, faults)
     if table is None:
         return {}
-    files = {(kind, normal(file.name)): file for kind, folder in folders.items() for file in listed(folder, ".png")}
+    pictures = {(kind, normal(file.name)): file for kind in folders for file in files.listed(folders[kind], ".png")}
     cutouts: dict[str, list[tuple[Array, float]]] = {}
     for row, kind, file, width in table.itertuples(name=None):
         name = f"{KINDS}/{kind}/{file}"
         try:
-            if (kind, file) not in files:
+            if (kind, file) not in pictures:
                 raise InputError(f"{name} is missing: add the cut-out, or remove the row")
-            if not 0 < width <= SIDES_M[1]:
+            if not 0 < width <= files.SIDES_M[1]:
                 raise InputError(f"width_m is {width:g}: expected the picture's width in metres, above 0")
-            cutouts.setdefault(kind, []).append((read_cutout(files[kind, file], name), width))
+            cutouts.setdefault(kind, []).append((files.read_cutout(pictures[kind, file], name), width))
         except (InputError, OSError) as error:
             faults.append(f"{CUTOUTS}, row {row}: {error}")
-    for kind in sorted(folders.keys() - {kind for kind, _ in files}):
+    for kind in sorted(folders.keys() - {kind for kind, _ in pictures}):
         faults.append(f"{KINDS}/{kind} holds no cut-out: add a png with a transparent background, or remove it")
-    for kind, file in sorted(files.keys() - set(zip(table["kind"], table["file"], strict=True))):
+    for kind, file in sorted(pictures.keys() - set(zip(table["kind"], table["file"], strict=True))):
         faults.append(f"{KINDS}/{kind}/{file} has no row in {CUTOUTS}: add one with its width_m")
     return cutouts

@@ -157,10 +157,11 @@ def effects(fitted: Fitted, added: Mapping[str, Added]) -> pd.DataFrame:
             (model.probability(places.images_with, z).astype(float) - model.probability(places.images, z)).mean()
             for model in fitted.fold_models
         ]
-        ends = *change.interval, min(others), max(others)
-        rows.append((fitted.data.user, kind, len(z), change.estimate, *ends, change.verdict, change.p))
-    columns = ["user", "kind", "places", "effect", "ci_low", "ci_high", "lowest", "highest", "verdict", "p_holm"]
-    table = pd.DataFrame(rows, columns=columns)
+        row = {"user": fitted.data.user, "kind": kind, "places": len(z), "effect": change.estimate}
+        row |= dict(zip(("ci_low", "ci_high"), change.interval, strict=True))
+        row |= {"lowest": min(others), "highest": max(others), "verdict": change.verdict, "p_holm": change.p}
+        rows.append(row)
+    table = pd.DataFrame(rows)
     table["p_holm"] = holm(table["p_holm"].to_numpy())
     agree = np.where(table["effect"] < 0, table["highest"] < -SMALLEST_EFFECT, table["lowest"] > SMALLEST_EFFECT)
     none = (table["lowest"] > -SMALLEST_EFFECT) & (table["highest"] < SMALLEST_EFFECT)
@@ -174,47 +175,32 @@ def envelopes(fitted: Fitted, added: Mapping[str, Added], folder: Folder, table:
     """Return one row for each kind that the user keeps away from: the clearance [m on the table] of half the effect.
 
     table: of `effects`. radius_m, ci_low, ci_high (95 % over scenes, both those asked and those fitted to), scenes. A
-    kind without enough paths at its outline is left out.
+    kind without enough paths at its outline is left out. Each fold model lacks one of K groups of scenes. Deviations
+    between models are multiplied by K - 1, so that their standard error is the jackknife's over groups of scenes
+    (Tukey, 1958).
     """
-    user, rows, candidates = (
-        fitted.data.user,
-        [],
-        random_z_theta(stream("own", "candidates"), len(folder.scenes), CANDIDATES),
-    )
+    rows, candidates = [], random_z_theta(stream("own", "candidates"), len(folder.scenes), CANDIDATES)
     others = capsules(folder.objects.ends, folder.objects.radius, folder.objects.present)
-    to_others = _clearance(others, candidates).min(-1)
-    for kind in table.query("user == @user and verdict == 'effect' and effect < 0")["kind"]:
+    to_others, doses = _clearance(others, candidates).min(-1), dose_grid(STEP_M, DOSES)
+    avoided = (table["user"] == fitted.data.user) & (table["verdict"] == "effect") & (table["effect"] < 0)
+    for kind in table.loc[avoided, "kind"]:
         places = added[kind]
-        response, doses = responses(fitted, places, candidates[places.scene], to_others[places.scene])
-        if len(doses) >= 3:
-            distances = [value / folder.frame.scale for value in radius(response, doses)]
-            rows.append((user, kind, *distances, int((~np.isnan(response[0, :, 0])).sum())))
+        to_added = _clearance(places.footprint, candidates[places.scene])[..., 0]
+        chosen = paths_at_doses(to_added, to_others[places.scene], doses, CLEAR_OF_OTHERS_M, 1)[..., 0]  # (row, dose)
+        paths = np.take_along_axis(candidates[places.scene], np.maximum(chosen, 0)[..., None], axis=1)
+        falls = [
+            model.probability(places.images, paths) - model.probability(places.images_with, paths).astype(float)
+            for model in fitted.fold_models
+        ]
+        response = by_item(np.where(chosen >= 0, np.stack(falls), np.nan), places.scene)  # (model, scene, dose)
+        middle = response.mean(0)
+        response = middle + (len(response) - 1) * (response - middle)
+        has_dose = (~np.isnan(middle)).sum(0) >= 2
+        count = len(doses) if has_dose.all() else int(has_dose.argmin())
+        if count >= 3:
+            distances = [value / folder.frame.scale for value in radius(response[..., :count], doses[:count])]
+            rows.append((fitted.data.user, kind, *distances, int((~np.isnan(response[0, :, 0])).sum())))
     return pd.DataFrame(rows, columns=["user", "kind", "radius_m", "ci_low", "ci_high", "scenes"])
-
-
-def responses(
-    fitted: Fitted, places: Added, candidates: Float[Array, "row path 2"], to_others: Float[Array, "row path"]
-) -> tuple[Float[Array, "model asked dose"], Float[Array, " dose"]]:
-    """Return the fall of P(valid) by fold model, scene with a place and clearance from the object, and the clearances.
-
-    candidates: paths at each place; to_others: their clearance from all other objects. Each model lacks one of K groups
-    of scenes. Deviations between models are multiplied by K - 1, so that their standard error is the jackknife's over
-    groups of scenes (Tukey, 1958).
-    """
-    doses = dose_grid(STEP_M, DOSES)
-    to_added = _clearance(places.footprint, candidates)[..., 0]
-    chosen = paths_at_doses(to_added, to_others, doses, CLEAR_OF_OTHERS_M, 1)[..., 0]  # (row, dose)
-    paths = np.take_along_axis(candidates, np.maximum(chosen, 0)[..., None], axis=1)
-    falls = [
-        model.probability(places.images, paths) - model.probability(places.images_with, paths).astype(float)
-        for model in fitted.fold_models
-    ]
-    response = by_item(np.where(chosen >= 0, np.stack(falls), np.nan), places.scene)
-    middle = response.mean(0)
-    response = middle + (len(response) - 1) * (response - middle)
-    has_dose = (~np.isnan(middle)).sum(0) >= 2
-    count = len(doses) if has_dose.all() else int(has_dose.argmin())
-    return response[..., :count], doses[:count]
 
 
 def _clearance(layouts: Layouts, paths: Float[Array, "row path 2"]) -> Float[Array, "row path slot"]:

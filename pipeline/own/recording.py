@@ -14,7 +14,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from pipeline.own.fitting import Fitted
-from pipeline.own.report import Results
+from pipeline.own.results import Results
 from pipeline.viewer import scene as views
 from pipeline.viewer.geometry import PITCH, TABLE_PIXELS, on_table
 from pipeline.viewer.scene import AROUND, BACKDROP, beside_text

@@ -1,4 +1,4 @@
-"""Drawings shared by pages: a table with paths, a map of P(valid) over control points, a line with its interval."""
+"""Drawings shared by pages: a table with paths, and a map of P(valid) over control points."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -80,13 +80,6 @@ def _hide_axes(axes: Axes) -> None:
     axes.spines[:].set_visible(False)
 
 
-def draw_band(axes: Axes, x: Any, middle: Any, low: Any, high: Any, name: str, **line: Any) -> None:
-    """Draw a series with its interval as a band."""
-    colour = style.colour(name)
-    axes.plot(x, middle, **({"color": colour, "linewidth": 2, "label": style.label(name)} | line))
-    axes.fill_between(x, low, high, color=colour, alpha=0.13)
-
-
 def draw_images(rows: Mapping[str, Any], titles: Sequence[str] = ()) -> Figure:
     """Return a figure of images uint8 (image, 100, 100, 3) in named rows, with titles over the columns."""
     width = min(map(len, rows.values()))
@@ -98,11 +91,6 @@ def draw_images(rows: Mapping[str, Any], titles: Sequence[str] = ()) -> Figure:
     for panel, title in zip(axes[0], titles, strict=False):
         panel.set_title(title)
     return figure
-
-
-def legend_below(figure: Figure, axes: Axes, columns: int) -> None:
-    """Draw the legend of one panel below all of them."""
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=columns, fontsize=10)
 
 
 def _capsule(ends: Array, radius: float) -> Array:

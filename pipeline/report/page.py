@@ -1,9 +1,9 @@
 """One page from its template: figures and tables numbered in order of appearance, with files of their own."""
 
-import importlib
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +17,7 @@ from omegaconf import DictConfig
 from pipeline.artifacts.files import data_version, write_json, write_table
 from pipeline.report import charts, style
 from pipeline.report.study import Data, Source
-from pipeline.report.tables import FORMATS as FORMATS
-from pipeline.report.tables import HIDDEN, in_brackets, number_alone, rows_of
-from pipeline.report.tables import Table as Table
-from pipeline.report.tables import lookup as lookup
-from pipeline.report.tables import pick as pick
-from pipeline.report.tables import with_gaps as with_gaps
+from pipeline.report.tables import FORMATS, HIDDEN, Table, in_brackets, rows_of
 from pipeline.runtime.writing import atomic_write
 
 FOLDER = Path(__file__).parent
@@ -50,8 +45,7 @@ def environment(folders: Sequence[Path], **names: Any) -> Environment:
         lstrip_blocks=True,
     )
     made.globals |= FORMATS | {"formats": FORMATS, "label": style.label, "in_brackets": in_brackets, "hidden": HIDDEN}
-    made.globals |= {"number_alone": number_alone, "headings": headings}
-    made.globals |= {"heading": lambda name: style.label(name).capitalize()} | names
+    made.globals |= {"headings": headings, "heading": lambda name: style.label(name).capitalize()} | names
     return made
 
 
@@ -76,9 +70,8 @@ def render_page(
     files. If the results are `Data`, each table says what it is made of. Raise InputError or ValueError if the page
     uses a number that is missing or not finite.
     """
-    page = Page(name, data, made, site, prefix, figures if isinstance(figures, str) else figures.__package__)
-    calls = {"figure": page.figure, "table": page.table, "rows": page.rows, "table_number": page.table_number}
-    calls |= {"curves": page.curves, "bars": page.bars}
+    page = Page(name, data, made, site, prefix)
+    calls = {call: getattr(page, call) for call in ("figure", "curves", "bars", "table", "rows", "table_number")}
     site.pages[name] = made.get_template(template).render(page=name, figures=figures, **calls)
 
 
@@ -91,83 +84,72 @@ class Page:
     made: Environment
     site: Site
     prefix: str
-    package: str = ""
     figure_count: int = 0
     table_count: int = 0
 
-    def figure(self, draw: Any, caller: Callable[[], str] = str, **options: Any) -> Markup:
+    def figure(self, draw: Callable[[Any], Figure], caller: Callable[[], str] = str, **options: Any) -> Markup:
         """Show the figure that a function draws of the data."""
-        if isinstance(draw, str):
-            draw = getattr(importlib.import_module(f"{self.package}.figures"), draw)
-        with matplotlib.rc_context(style.RC):
-            drawn = draw(self.data)
-        return self._shown(draw.__name__, drawn, caller(), **options)
+        return self._figure(draw.__name__, partial(draw, self.data), caller, **options)
 
     def curves(self, name: str, table: Any, caller: Callable[[], str] = str, **options: Any) -> Markup:
         """Show lines of a table of results: see `charts.curves`."""
-        return self._chart(charts.curves, name, table, caller, **options)
+        return self._figure(name, partial(charts.curves, self.data, table), caller, **options)
 
     def bars(self, name: str, table: Any, caller: Callable[[], str] = str, **options: Any) -> Markup:
         """Show intervals of a table of results: see `charts.bars`."""
-        return self._chart(charts.bars, name, table, caller, **options)
+        return self._figure(name, partial(charts.bars, self.data, table), caller, **options)
 
-    def table(self, make: Any, caller: Callable[[], str] = str) -> Markup:
+    def table(self, make: Callable[[Any], Table], caller: Callable[[], str] = str) -> Markup:
         """Show the table that a function makes of the data."""
-        if isinstance(make, str):
-            make = getattr(importlib.import_module(f"{self.package}.tables"), make)
-        return self._table(make.__name__, lambda: make(self.data), caller)
+        return self._table(make.__name__, partial(make, self.data), caller)
 
     def rows(self, name: str, table: Any, caller: Callable[[], str] = str, **options: Any) -> Markup:
         """Show rows of a table of results: see `tables.rows_of`."""
-        return self._table(name, lambda: rows_of(self.data, table, **options), caller)
+        return self._table(name, partial(rows_of, self.data, table, **options), caller)
 
     def table_number(self) -> str:
         """Return the number of a table whose markup is in the template."""
         self.table_count += 1
         return f"Table {self.table_count}."
 
-    def _chart(
+    def _figure(
         self,
-        draw: Callable[..., Figure],
         name: str,
-        table: Any,
+        draw: Callable[..., Figure],
         caller: Callable[[], str],
         alt: str,
         wide: bool = False,
         recording: str = "",
         **options: Any,
     ) -> Markup:
-        with matplotlib.rc_context(style.RC):
-            drawn = draw(self.data, table, **options)
-        return self._shown(name, drawn, caller(), alt, wide, recording)
-
-    def _shown(
-        self, name: str, drawn: Figure, caption: str, alt: str, wide: bool = False, recording: str = ""
-    ) -> Markup:
         """Return a figure's markup; `recording`: `overview` or `worst`, the recording in git that shows the same."""
+        with matplotlib.rc_context(style.RC):
+            drawn = draw(**options)
         self.figure_count += 1
         file = self.prefix + name.replace("_", "-")
         self.site.figures[file] = style.svg(drawn)
         width, height = (round(96 * inches) for inches in drawn.get_size_inches())
-        text = {"file": file, "alt": alt, "number": self.figure_count, "caption": caption}
+        text = {"file": file, "alt": alt, "number": self.figure_count, "caption": caller()}
         text |= {"width": width, "height": height, "wide": wide, "chart": "<script>" in self.site.figures[file]}
         text |= {"command": {"overview": "make review", "worst": "make review WORST=1"}.get(recording, "")}
         return Markup(self.made.get_template("figure.html.j2").render(text))
 
     def _table(self, name: str, make: Callable[[], Table], caller: Callable[[], str]) -> Markup:
-        reads = self.data.reads if isinstance(self.data, Data) else []
-        reads.clear()
+        traced = isinstance(self.data, Data)
+        if traced:
+            self.data.reads.clear()
         shown = make()
         self.table_count += 1
-        file, read = self.prefix + name.replace("_", "-"), sorted(set(reads))
+        file = self.prefix + name.replace("_", "-")
         self.site.tables[file] = shown.frame
         rows = [dict(zip(shown.frame, row, strict=True)) for row in shown.frame.astype(object).to_numpy()]  # Traced
         text = {"file": file, "table": shown, "rows": rows, "number": self.table_count, "caption": caller()}
         text["origins"] = ()
-        if isinstance(self.data, Data):
+        if traced:
+            read, sources = sorted(set(self.data.reads)), self.data.sources
             self.site.read.setdefault(self.name, {})[file] = read
-            self.site.sources.update({table: self.data.sources[table] for table in read if table in self.data.sources})
-            text["origins"] = dict.fromkeys(str(self.site.sources.get(table, table)) for table in read)
+            self.site.sources.update({table: sources[table] for table in read if table in sources})
+            text["origins"] = dict.fromkeys(str(sources.get(table, table)) for table in read)
             text["seeds"] = seeds_in_words(self.data.seeds)
         return Markup(self.made.get_template("table.html.j2").render(text))
 

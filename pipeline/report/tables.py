@@ -239,8 +239,3 @@ def in_brackets(row: Mapping[str, Any], column: str, write: Callable[[Any], str]
             between = "–" if min(map(float, ends)) >= 0 else " to "
             return f" [{between.join(write(float(end)).partition(chr(0xA0))[0] for end in ends)}]"
     return ""
-
-
-def number_alone(cell: Any) -> float | None:
-    """Return a cell's number without its source, which its `title` states."""
-    return None if cell is None else float(cell)

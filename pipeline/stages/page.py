@@ -63,9 +63,12 @@ def render(study: Study, folder: Path) -> Site:
     }
     names |= {"question": study.settings["question"], "variants": study.variants, "n": study.main_n_demos}
     made, site = environment([folder], pages={"index": "Overview"}, **names), Site()
-    package = f"studies.{study.name}"
-    figures = importlib.import_module(f"{package}.figures") if (folder / "figures.py").is_file() else package
-    render_page("study", "page.html.j2", figures, study, made, site)
+    parts = {
+        name: f"studies.{study.name}.{name}" for name in ("figures", "tables") if (folder / f"{name}.py").is_file()
+    }
+    modules = {name: importlib.import_module(module) for name, module in parts.items()}
+    made.globals["tables"] = modules.get("tables")
+    render_page("study", "page.html.j2", modules.get("figures"), study, made, site)
     return replace(site, pages={"index": site.pages["study"]}, read={"index": site.read.get("study", {})})
 
 

@@ -117,8 +117,8 @@ def along(parameter: str) -> Callable[[Summary], pd.DataFrame]:
         reference = results[results["setting"] == summary.reference].iloc[0]
         held = results[(results[others] == reference[others]).all(axis=1)]
         table = held if held[parameter].nunique() > 1 else results
-        parts = table["headline"].str.split(".")
-        table = table.assign(result=[title([p[0], *p[2:]]) for p in parts], variant=[p[1] for p in parts])
+        parts = [[*name.split("."), ""] for name in table["headline"]]
+        table = table.assign(result=[title([p[0], *p[2:-1]]) for p in parts], variant=[p[1] for p in parts])
         table = table[table["result"].isin(table["result"].unique()[:MAX_PANELS])]
         numbers = pd.to_numeric(table[parameter], errors="coerce")
         table = table.assign(at=table[parameter] if numbers.isna().any() else numbers)
@@ -133,7 +133,7 @@ def write_summary(folder: Path, record: dict[str, Any], jobs: list[dict[str, Any
     summary, site = summarise(record, jobs), Site()
     names = {"home": "", "pages": {"index": "Sweep"}, "facts": {"studies": []}, "few": MIN_PAIRS, "s": summary}
     made = environment([Path(__file__).parent], differences=differences, along=along, **names)
-    render_page("index", "page.html.j2", "pipeline.sweep", summary, made, site)
+    render_page("index", "page.html.j2", None, summary, made, site)
     write_files(site, folder)
     shutil.copy(FOLDER / "page.css", folder)
     for name in ("results", "differences"):

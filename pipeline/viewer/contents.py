@@ -175,7 +175,7 @@ def assemble(cfg: DictConfig, sources: Sources, variant: str, user: str, seed: i
     layouts = sources.scenes.layouts[sources.pool][: cfg.record.scenes]
 
     def own(table: pd.DataFrame) -> pd.DataFrame:
-        return table.query("variant == @variant and user == @user and seed == @seed")
+        return table[(table["variant"] == variant) & (table["user"] == user) & (table["seed"] == seed)]
 
     def maps(model: ValidityModel, images: Array) -> Float[Array, "scene side side"]:
         cells = np.broadcast_to(lattice(side), (len(images), side * side, 2))

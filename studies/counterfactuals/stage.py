@@ -36,7 +36,6 @@ from pipeline.world.rules import SAMPLES, Margins, clearance, slack
 from pipeline.world.source import ImageSource
 
 FINE_STEPS = 10  # subdivisions of a step between two images, for the true smallest move
-MIN_CASES = 2  # fewest cases per user for which moves are reported
 
 
 class Settings(StudyGroup):
@@ -57,8 +56,7 @@ def agree(study: Settings, parameters: Any) -> None:
     name, shared, users = "studies.counterfactuals", parameters.scenes.shared, parameters.users
     need(widest_margin(users) is not None, "users", users, "at least one user with a margin, or no path is invalid")
     need(study.scenes <= shared, f"{name}.scenes", study.scenes, f"at most scenes.shared = {shared}")
-    at_most = f"at most {name}.scenes = {study.scenes}"
-    need(study.moved_scenes <= study.scenes, f"{name}.moved_scenes", study.moved_scenes, at_most)
+    need(study.moved_scenes <= study.scenes, f"{name}.moved_scenes", study.moved_scenes, f"at most {name}.scenes")
     need_one(f"{name}.example_variant", study.example_variant, parameters.variants)
 
 
@@ -119,9 +117,6 @@ def read_noise(cfg: DictConfig) -> Values:
 def take(noise: Values, scene: Int[Array, " unit"]) -> Values:
     """Return the units of these scenes."""
     return {name: values[scene] for name, values in noise.items()}
-
-
-# Moves
 
 
 def move_rows(
@@ -213,9 +208,9 @@ def score_moves(
     makes the path valid to the model. For these: error_m, mean absolute error; constant_error_m, that of the median.
     """
     row = {"cases": float(len(true_m)), "rejected": rejected.mean() if rejected.size else np.nan}
-    if len(true_m) >= MIN_CASES:
+    if len(true_m) > 1:
         row["true_m"] = true_m.mean()
-    if len(true_m) >= MIN_CASES and rejected.any():
+    if len(true_m) > 1 and rejected.any():
         found = rejected & np.isfinite(model_m)
         row |= mean_with_interval("found", np.isfinite(model_m), rejected)
         row |= mean_with_interval("error_m", np.abs(model_m - true_m), found)

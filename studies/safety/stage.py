@@ -28,7 +28,7 @@ from pipeline.launch import launch
 from pipeline.models.base import ValidityModel
 from pipeline.models.baselines import POSITION, position_only
 from pipeline.models.trained import check_weights, predict_all
-from pipeline.planning.oracle import nearest_valid
+from pipeline.planning.nearest import nearest_valid
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.settings import (
     Between,

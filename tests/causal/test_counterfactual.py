@@ -48,18 +48,6 @@ def of_seeds(answer: Removals, seeds: int) -> Removals:
     return Removals(*(np.repeat(part[None], seeds, axis=0) for part in parts))
 
 
-def test_every_version_of_a_scene_is_asked_about_once(layouts: Layouts, subsets: Subsets):
-    items = layouts.present.sum(1)
-    assert len(subsets.scene) == (2**items).sum()  # with two or three items, the questions are all subsets
-    rows = np.concatenate([subsets.scene[:, None], subsets.kept], axis=1)
-    assert len(np.unique(rows, axis=0)) == len(rows)
-    versions = subsets.select_scenes(subsets.kept, list(range(SCENES)))
-    np.testing.assert_array_equal(versions["factual"], layouts.present)
-    assert not versions["empty"].any()
-    np.testing.assert_array_equal(versions["without"].sum(-1), items[:, None] - layouts.present)
-    np.testing.assert_array_equal(versions["alone"].sum(-1), layouts.present)
-
-
 @pytest.mark.parametrize("margins", [CAREFUL, NORMAL])
 def test_an_item_too_near_is_sufficient_and_the_only_one_is_necessary(
     layouts: Layouts, z_theta: np.ndarray, subsets: Subsets, margins: dict

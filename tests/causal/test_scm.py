@@ -72,11 +72,6 @@ def test_sampled_interventions_average_to_the_estimand(scm: SCM):
     assert set_to.expectation("V", noise).mean() == pytest.approx(0.4, abs=0.003)  # without the noise of V
 
 
-def test_only_the_ancestors_of_the_nodes_asked_for_are_evaluated(scm: SCM):
-    noise = {"Z_I": np.zeros(5), "I": np.zeros(5), "O": np.ones(5, int), "T": np.zeros(5)}
-    assert set(scm.entail(noise, "Z_I")) == {"O", "T", "I", "Z_I"}  # neither S nor V, whose noises are unknown
-
-
 @pytest.mark.parametrize("v", [False, True])
 def test_the_chance_of_change_is_what_brute_force_finds(scm: SCM, v: bool):
     """Keep the draws of N_V under which each unit shows v (abduction), act, and see what V becomes (prediction)."""

@@ -27,7 +27,7 @@ MEMBERS = 4  # of the added variant
 @pytest.fixture
 def repository(tmp_path: Path) -> Path:
     """A copy of what the paper's graph needs."""
-    for name in ("pipeline", "studies", "conf", "data", "docs"):
+    for name in ("pipeline", "studies", "making", "conf", "data", "docs"):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("dvc.yaml", "data.dvc", "params.yaml"):
         shutil.copy(ROOT / name, tmp_path)

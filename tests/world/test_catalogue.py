@@ -99,18 +99,6 @@ def test_a_symbol_with_too_few_items_in_a_split_is_refused(data, split, kept):
         read_catalogue(data)
 
 
-def test_missing_data_says_where_to_get_it_and_a_truncated_table_top_is_named(data, tmp_path):
-    with pytest.raises(InputError, match="dvc pull"):
-        read_catalogue(tmp_path)
-    truncate(data / "textures" / "oak.png")
-    with pytest.raises(InputError, match=r"oak\.png"):
-        read_catalogue(data)
-
-
-def truncate(path: Path) -> None:
-    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-
-
 def opaque(path: Path) -> None:
     rgba = read_image(path)
     rgba[..., 3] = 255

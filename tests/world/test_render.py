@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.world.catalogue import Catalogue, read_catalogue
 from pipeline.world.layout import SIDE, SYMBOLS, Layouts, empty
-from pipeline.world.render import REACH_M, Palette, render, render_scenes
+from pipeline.world.render import REACH_M, Palette, render
 from pipeline.world.source import DRAWN, ImageSource, draw_light
 from tests.factories import composed
 
@@ -65,16 +65,6 @@ def test_an_angle_turns_an_item_from_the_x_axis_towards_y(angle):
     green = np.clip(image[..., 1] - np.maximum(image[..., 0], image[..., 2]) - 60, 0, None)
     along = centroid(blue) - centroid(green)
     assert np.cos(np.arctan2(along[1], along[0]) - angle) > 0.999
-
-
-def test_the_same_seed_gives_the_same_image_whatever_its_batch_and_another_seed_another():
-    palette = Palette(CATALOGUE)
-    layouts = with_item(empty(2, 4), 0, CATALOGUE, 0, 0.5, 0.5)
-    one, other = (render(layouts, 0, "linen", seed, palette) for seed in (1, 2))
-    assert (one != other).mean() > 0.5
-    batch = render_scenes(layouts, ["linen", "walnut"], [1, 4], palette)
-    np.testing.assert_array_equal(batch[0], one)
-    np.testing.assert_array_equal(batch[1], render(layouts, 1, "walnut", 4, palette))
 
 
 def test_every_item_stands_out_and_changes_the_image_only_as_far_as_its_shadow_reaches():

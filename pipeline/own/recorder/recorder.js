@@ -3,7 +3,7 @@ import { Board, dot, stroke, write } from "/static/canvas.js";
 import { PathTool, PointTool, metres } from "/static/tools.js";
 
 const $ = id => document.getElementById(id);
-const STEPS = { scenes: "Scenes", table: "Place the table", items: "Outline items", paths: "Record paths" };
+const STEPS = { table: "Place the table", paths: "Record paths" };
 const CORNERS = ["far left", "far right", "near right", "near left"];
 export const board = new Board($("picture"), $("canvas"));
 let overview = null; // what is recorded, from the server
@@ -16,7 +16,7 @@ let opened = 0; // counts the scenes that were asked for
 // ---- talk to the server
 
 async function ask(path, body) {
-  const options = body === undefined ? {} : { method: "POST", body: body instanceof Blob ? body : JSON.stringify(body) };
+  const options = body === undefined ? {} : { method: "POST", body: JSON.stringify(body) };
   let answer;
   try {
     answer = await fetch(path, options);
@@ -30,16 +30,16 @@ async function ask(path, body) {
 
 const sentence = text => text.charAt(0).toUpperCase() + text.slice(1) + (text.endsWith(".") ? "" : ".");
 
-function say(text, kind = "", target = $("message")) {
-  target.textContent = text;
-  target.className = `message ${kind}`;
+function say(text, kind = "") {
+  $("message").textContent = text;
+  $("message").className = `message ${kind}`;
 }
 
-async function attempt(action, target) { // an action whose error is shown
+async function attempt(action) { // an action whose error is shown
   try {
     await action();
   } catch (error) {
-    say(error.message, "bad", target);
+    say(error.message, "bad");
   }
 }
 
@@ -51,8 +51,6 @@ async function refresh() {
   if (scene && overview.scenes.includes(scene.name)) scene = await ask(sceneUrl("/api/scenes/", scene.name));
   showCounts();
   showUsers();
-  showItems();
-  showThumbnails();
   board.redraw();
 }
 
@@ -62,20 +60,17 @@ const sceneUrl = (prefix, name) => prefix + encodeURIComponent(name);
 
 async function go() {
   const [asked, name] = location.hash.slice(1).split("/").map(decodeURIComponent);
-  step = overview.scenes.length ? (asked in STEPS ? asked : "paths") : "scenes";
+  step = asked in STEPS ? asked : "paths";
   document.querySelectorAll(".pages a").forEach(link => {
     if (link.hash === `#${step}`) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   });
   document.querySelector("h1").textContent = STEPS[step];
   document.title = `${STEPS[step]} – Causal specifications`;
-  const onPicture = step !== "scenes";
-  $("board").hidden = !onPicture;
-  $("scenes").hidden = onPicture;
   for (const name in STEPS) document.querySelectorAll(`.${name}-only`).forEach(part => { part.hidden = step !== name; });
-  document.querySelectorAll(".other-help").forEach(part => { part.hidden = step === "paths"; });
+  $("board").hidden = false;
   $("next").firstChild.textContent = step === "paths" ? "Skip" : "Next";
-  if (onPicture) await open(overview.scenes.includes(name) ? name : scene?.name ?? firstOpenScene());
+  await open(overview.scenes.includes(name) ? name : scene?.name ?? firstOpenScene());
 }
 
 function firstOpenScene() { // the first without a path of this person, so that one goes on where one stopped
@@ -96,7 +91,6 @@ async function open(name) {
   if (request !== opened) return;
   start();
   showCounts();
-  showItems();
 }
 
 function turn(by) {
@@ -116,7 +110,6 @@ function start() {
   board.tool = null;
   if (step === "table") startTable();
   else if (!scene.corners) say("The recorder does not know where the table is in this picture. Mark its corners first, under Table.", "bad");
-  else if (step === "items") startItems();
   else startPaths();
   showButtons();
   board.redraw();
@@ -151,7 +144,7 @@ async function undo() {
   const last = ownPaths().at(-1);
   if (!last || sending) return;
   await attempt(async () => {
-    await ask("/api/remove", { what: "path", id: last.id });
+    await ask("/api/remove", { id: last.id });
     say(`Removed path ${last.demo} of ${user}.`);
   });
   await attempt(refresh);
@@ -164,39 +157,6 @@ function showButtons() {
   const drawn = waiting() && !sending;
   for (const id of ["valid", "invalid", "discard"]) $(id).disabled = !drawn;
   $("undo").disabled = sending || !ownPaths().length;
-}
-
-function startItems() {
-  const long = $("item-form").elements.shape.value === "long";
-  board.tool = new PointTool(long ? 3 : 2, addItem, tellItem);
-  tellItem();
-}
-
-function tellItem() {
-  const long = board.tool.count === 3;
-  const next = long ? ["one end", "the other end", "a place on its side"] : ["its centre", "a place on its rim"];
-  const index = board.tool.points.length;
-  if (index < next.length) say(`${long ? "Long" : "Round"} item: mark ${next[index]}.`);
-}
-
-async function addItem(points) {
-  const tool = board.tool;
-  const kind = $("kind").value.trim();
-  if (!kind) {
-    await null; // the tool speaks first
-    tool.cancel();
-    say("Name the kind of item first, then mark it.", "bad");
-    $("kind").focus();
-    return;
-  }
-  await attempt(async () => {
-    await ask("/api/items", { scene: scene.name, kind, points });
-    tool.points = [];
-    await refresh();
-    say(`Stored: ${kind}. Mark the next.`, "good");
-  });
-  tool.points = [];
-  board.redraw();
 }
 
 function startTable() {
@@ -269,13 +229,8 @@ function drawScene(context, unit) {
   if (!scene?.corners) return;
   if (step === "table") for (const line of scene.grid) stroke(context, unit, line, "#ffffff", { width: 0.75, alpha: 0.5 });
   stroke(context, unit, scene.corners, "#ffffff", { closed: true, width: 1.5, alpha: 0.8 });
-  if (step === "items") for (const item of scene.items) {
-    stroke(context, unit, item.outline, "#7cc4f2", { closed: true, width: 2, fill: "#7cc4f233" });
-    write(context, unit, item.kind, middle(item.outline));
-  }
   if (step === "paths" && $("earlier").checked) for (const path of ownPaths())
     stroke(context, unit, path.points, overview.colours[path.valid ? "valid" : "invalid"], { dashed: !path.valid, alpha: 0.75, width: 2.5 });
-  if (step === "items") return;
   for (const [end, label] of [["start", "Start"], ["goal", "Goal"]]) {
     stroke(context, unit, scene.zones[end], "#ffffff", { closed: true, width: 2, fill: "#ffffff40" });
     dot(context, unit, scene.ends[end], "#ffffff", 3);
@@ -283,11 +238,6 @@ function drawScene(context, unit) {
     const high = Math.min(...scene.zones[end].map(([, y]) => y)) - 12 * unit;
     write(context, unit, label, [scene.ends[end][0], low < board.image.naturalHeight - 8 * unit ? low : high]);
   }
-}
-
-function middle(points) {
-  const mean = axis => points.reduce((sum, point) => sum + point[axis], 0) / points.length;
-  return [mean(0), mean(1)];
 }
 
 // ---- lists
@@ -330,21 +280,18 @@ function showCounts() {
   const head = element("tr", null);
   head.append(element("th", "Scene", { scope: "col" }));
   for (const name of users) head.append(element("th", name, { scope: "col" }));
-  head.append(element("th", "Items", { scope: "col", class: "number" }));
   const rows = overview.scenes.map(name => {
     const row = element("tr", null);
     const title = element("th", null, { scope: "row" });
-    const link = element("a", name, { href: `#${step === "scenes" ? "paths" : step}/${encodeURIComponent(name)}` });
+    const link = element("a", name, { href: `#${step}/${encodeURIComponent(name)}` });
     if (name === scene?.name) link.setAttribute("aria-current", "true");
     title.append(link);
     row.append(title, ...users.map(person => element("td", number(overview.counts[name]?.[person]))));
-    row.append(element("td", String(overview.items[name]), { class: "number" }));
     return row;
   });
   const table = document.querySelector("#recorded table");
   table.tHead.replaceChildren(head);
   table.tBodies[0].replaceChildren(...rows);
-  $("recorded").hidden = !overview.scenes.length;
   $("missing").replaceChildren(...users.map(missing).filter(Boolean).map(text => element("li", text)));
   $("where").textContent = `Everything is stored in the folder ${overview.folder} on this machine, as soon as you judge it.`;
 }
@@ -359,48 +306,6 @@ function missing(person) { // what a report about this person needs, still
   return needs.length ? `A report about ${person} still needs ${needs.join(" and ")}.` : "";
 }
 
-function showItems() {
-  $("kinds").replaceChildren(...overview.kinds.map(kind => element("option", null, { value: kind })));
-  $("item-list").replaceChildren(...(scene?.items ?? []).map(item => {
-    const line = element("li", null);
-    const button = element("button", "Remove", { type: "button", "aria-label": `Remove ${item.kind}` });
-    button.addEventListener("click", async () => {
-      await attempt(() => ask("/api/remove", { what: "item", id: item.id }));
-      await attempt(refresh);
-      $("kind").focus();
-    });
-    line.append(element("span", item.kind), button);
-    return line;
-  }));
-}
-
-function showThumbnails() {
-  $("thumbnails").replaceChildren(...overview.scenes.map(name => {
-    const line = element("li", null);
-    const link = element("a", null, { href: `#paths/${encodeURIComponent(name)}` });
-    link.append(element("img", null, { src: sceneUrl("/pictures/", name), alt: "", loading: "lazy" }), element("span", name));
-    const paths = Object.values(overview.counts[name] ?? {}).reduce((sum, count) => sum + count.valid + count.invalid, 0);
-    line.append(link, element("small", `${paths} ${paths === 1 ? "path" : "paths"}`));
-    return line;
-  }));
-}
-
-async function importPictures() {
-  const target = $("import-message");
-  const names = [];
-  await attempt(async () => {
-    if (!overview) await refresh(); // somebody was faster than the server
-    for (const file of $("file").files) {
-      if (file.size > overview.max_upload_bytes) throw new Error(`${file.name} has more than ${overview.max_upload_bytes / 1e6} MB: scale it down.`);
-      say(`Importing ${file.name} …`, "", target);
-      names.push((await ask(`/api/pictures?name=${encodeURIComponent(file.name)}`, file)).scene);
-    }
-    say(`Imported ${names.join(", ")}.`, "good", target);
-  }, target);
-  $("file").value = "";
-  await attempt(refresh, target);
-}
-
 // ---- wiring
 
 board.layers = [drawScene];
@@ -411,7 +316,6 @@ $("invalid").addEventListener("click", () => judge(false));
 $("discard").addEventListener("click", () => board.stop());
 $("undo").addEventListener("click", undo);
 $("earlier").addEventListener("change", () => board.redraw());
-$("file").addEventListener("change", importPictures);
 $("user-form").addEventListener("submit", event => {
   event.preventDefault();
   const name = $("user-name").value.normalize("NFC").trim().split(/\s+/).join(" ");
@@ -421,8 +325,6 @@ $("user-form").addEventListener("submit", event => {
   choose(name);
   $("canvas").focus();
 });
-$("item-form").addEventListener("submit", event => event.preventDefault());
-$("item-form").addEventListener("change", event => { if (event.target.name === "shape") start(); });
 $("table-form").addEventListener("change", event => { if (event.target.name === "place") choosePlace(); });
 $("table-form").addEventListener("submit", event => { event.preventDefault(); saveTable(); });
 $("board").addEventListener("keydown", event => { // letters act on the picture and its buttons, never in a field

@@ -25,7 +25,6 @@ from starlette.routing import Route
 
 import pipeline.report
 from pipeline.legend import INVALID, VALID
-from pipeline.own.csv_files import DEMONSTRATIONS
 from pipeline.own.recorder.storage import Recordings
 from pipeline.runtime.errors import InputError
 
@@ -34,7 +33,6 @@ LOCK = ".recorder.lock"  # in the folder; held by the recorder's process, holds 
 BESIDE = Path(__file__).parent
 STATIC = {name: BESIDE / name for name in ("recorder.css", "recorder.js", "canvas.js", "tools.js", "icon.svg")}
 STATIC["page.css"] = Path(pipeline.report.__path__[0]) / "page.css"  # the report's own style
-MAX_UPLOAD_BYTES = 25_000_000  # of one picture; a phone's has some 5 MB
 MAX_REQUEST_BYTES = 4_000_000  # of a path: half an hour at 60 samples a second
 HEADERS = {  # forbid everything that is not of this server
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
@@ -64,7 +62,11 @@ def main(arguments: Sequence[str]) -> int:
     folder: Path = parsed.folder
     if not folder.is_dir():
         raise InputError(f"there is no folder {folder}: make it, with pictures of the table in {folder}/scenes")
-    with one_recorder(folder) as lock, _listening(parsed.port) as listener:
+    try:
+        listener = socket.create_server((LOOPBACK, parsed.port))
+    except (OSError, OverflowError) as error:
+        raise InputError(f"port {parsed.port} cannot be used ({error}): choose another, or 0 for any") from error
+    with listener, one_recorder(folder) as lock:
         recordings, port = Recordings(folder), listener.getsockname()[1]
         address = f"http://{LOOPBACK}:{port}/"
         os.ftruncate(lock, 0)
@@ -76,7 +78,7 @@ def main(arguments: Sequence[str]) -> int:
         config = uvicorn.Config(app, log_level="warning", access_log=False, lifespan="off", ws="none")
         with suppress(KeyboardInterrupt):
             uvicorn.Server(config).run(sockets=[listener])
-        count = len(recordings.recorded(DEMONSTRATIONS))
+        count = len(recordings.recorded())
         print(f"{folder} holds {count} paths. Next: python -m pipeline.own check {folder}")
     return 0
 
@@ -98,13 +100,6 @@ def one_recorder(folder: Path) -> Iterator[int]:
         os.close(lock)
 
 
-def _listening(port: int) -> socket.socket:
-    try:
-        return socket.create_server((LOOPBACK, port))
-    except (OSError, OverflowError) as error:
-        raise InputError(f"port {port} cannot be used ({error}): choose another, or 0 for any") from error
-
-
 def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
     """Return the application that records into a folder and answers under `hosts`, such as `127.0.0.1:8000`, only."""
 
@@ -113,20 +108,14 @@ def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
         return FileResponse(file) if file else Response(status_code=404)
 
     def overview(_: Request) -> Response:
-        drawn = {"colours": {"valid": VALID, "invalid": INVALID}, "max_upload_bytes": MAX_UPLOAD_BYTES}
-        return JSONResponse(recordings.overview() | drawn)
+        return JSONResponse(recordings.overview() | {"colours": {"valid": VALID, "invalid": INVALID}})
 
     def posted(name: str, store: Callable[..., Any]) -> Route:
         async def answer(request: Request) -> Response:
-            values = SENT.validate_json(await body_of(request, MAX_REQUEST_BYTES))
+            values = SENT.validate_json(await body_of(request))
             return JSONResponse(await run_in_threadpool(partial(store, **values)) or {})
 
         return Route(f"/api/{name}", answer, methods=["POST"])
-
-    async def add_picture(request: Request) -> Response:
-        content = await body_of(request, MAX_UPLOAD_BYTES)
-        name = await run_in_threadpool(recordings.import_picture, request.query_params.get("name", ""), content)
-        return JSONResponse({"scene": name}, 201)
 
     async def guard(request: Request, answer: Callable[[Request], Any]) -> Response:
         """Answer the recorder's own page alone.
@@ -143,9 +132,6 @@ def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
         response.headers.update(HEADERS)
         return response
 
-    def refused_by_starlette(_: Request, error: Any) -> Response:
-        return _refused(error.detail, error.status_code)
-
     unknown = "the recorder does not understand what the page sent: reload the page"
     return Starlette(
         routes=[
@@ -155,28 +141,26 @@ def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
             Route("/api/overview", overview),
             Route("/api/scenes/{name}", lambda request: JSONResponse(recordings.scene(request.path_params["name"]))),
             posted("paths", recordings.add_path),
-            posted("items", recordings.add_item),
             posted("table", recordings.place_table),
             posted("remove", recordings.remove),
-            Route("/api/pictures", add_picture, methods=["POST"]),
         ],
         middleware=[Middleware(BaseHTTPMiddleware, dispatch=guard)],
         exception_handlers={
             InputError: lambda _, error: _refused(str(error), 400),
-            HTTPException: refused_by_starlette,
+            HTTPException: lambda _, error: _refused(error.detail, error.status_code),
             ValidationError: lambda _, error: _refused(unknown, 400),
             OSError: lambda _, error: _refused(f"not stored: {error}", 500),
         },
     )
 
 
-async def body_of(request: Request, limit: int) -> bytes:
-    """Return a request's body; raise HTTPException as soon as it is longer than `limit` bytes."""
+async def body_of(request: Request) -> bytes:
+    """Return a request's body; raise HTTPException as soon as it is longer than MAX_REQUEST_BYTES."""
     body = bytearray()
     async for chunk in request.stream():
         body += chunk
-        if len(body) > limit:
-            raise HTTPException(413, f"more than {limit / 1e6:.0f} MB were sent: choose a smaller file")
+        if len(body) > MAX_REQUEST_BYTES:
+            raise HTTPException(413, f"more than {MAX_REQUEST_BYTES / 1e6:.0f} MB were sent: draw a shorter path")
     return bytes(body)
 
 

@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from making.segmenter import pool, train
-from making.segmenter.changes import change, paint
 from making.segmenter.pool import draw
+from making.segmenter.train import change, paint
 from pipeline.perception.segmenter import read_segmenter
 
 

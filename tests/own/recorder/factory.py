@@ -46,13 +46,12 @@ def picture(seed: int = 0) -> Array:
     return image
 
 
-def make_folder(parent: Path, scenes: tuple[str, ...] = ("first", "second"), table: bool = True) -> Path:
+def make_folder(parent: Path, scenes: tuple[str, ...] = ("first", "second")) -> Path:
     folder = parent / "kitchen"
     (folder / "scenes").mkdir(parents=True)
     for seed, scene in enumerate(scenes):
         cv2.imwrite(str(folder / "scenes" / f"{scene}.png"), picture(seed))
-    if table:
-        (folder / "table.yaml").write_text(f"corners: {CORNERS}\n")
+    (folder / "table.yaml").write_text(f"corners: {CORNERS}\n")
     return folder
 
 

@@ -1,0 +1,302 @@
+"""Read the files that people write: csv row by row, pictures safely, table.yaml; sentences name what is wrong."""
+
+import csv
+import unicodedata
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from io import StringIO
+from pathlib import Path
+from typing import Annotated, Any
+
+import cv2
+import numpy as np
+import pandas as pd
+import yaml
+from jaxtyping import UInt8
+from numpy import ndarray as Array
+from pydantic import AllowInfNan, Field, Strict, TypeAdapter, ValidationError
+
+from pipeline.runtime.errors import InputError
+from pipeline.world.catalogue import MIN_VISIBLE_ALPHA
+from pipeline.world.images import JPEG_SIGNATURE, PNG_SIGNATURE, image_size
+
+DEMONSTRATIONS, ITEMS, CUTOUTS, SETTINGS = "demonstrations.csv", "items.csv", "kinds.csv", "table.yaml"
+SCENES, KINDS = "scenes", "kinds"  # folders with the pictures of tables, and with a folder of cut-outs for each kind
+COLUMNS = {
+    DEMONSTRATIONS: ["scene", "user", "demo", "t", "x", "y", "valid"],
+    ITEMS: ["scene", "kind", "x", "y", "angle_deg", "radius_m", "half_length_m"],
+    CUTOUTS: ["kind", "file", "width_m"],
+}
+KEY = ["scene", "user", "demo"]  # of a demonstration
+WORDS = {*KEY, "kind", "file", "valid"}  # columns that hold names, or a word; the others hold numbers
+FIRST_ROW = 2  # the number of the first row below the header, as a spreadsheet counts
+
+ENDINGS = (".jpg", ".jpeg", ".png")
+MAX_PIXELS = 50_000_000  # 150 MB decoded; phones take 12 to 48 million
+SQUARE_WITHIN = 0.02  # a picture of just the table is square within this share
+END_OF_JPEG, END_OF_PNG = b"\xff\xd9", b"IEND"
+SCAN = 0xDA  # the JPEG segment after which the pixels follow
+
+KNOWN = ("side_m", "corners", "rectified", "start", "goal")
+MIN_APART = 0.2  # smallest distance from start to goal, relative to the table's side
+MIN_TABLE_PX = 50  # shortest side of the table in a picture
+SIDES_M = (0.1, 10.0)  # side of a table [m]
+ENDS = {"start": 0.08, "goal": 0.92}  # x and y, the paper's, relative to the table's side
+ORDER = "far left, far right, near right, near left"
+Number = Annotated[float, Strict(), AllowInfNan(False)]
+Pair = tuple[Number, Number]
+METRES = TypeAdapter(Annotated[Number, Field(ge=SIDES_M[0], le=SIDES_M[1])])
+PLACE, CORNERS = TypeAdapter(Pair), TypeAdapter(tuple[Pair, Pair, Pair, Pair])
+
+
+class Faults(list[str]):
+    """Sentences that each name a file, what came, what was expected and what to do."""
+
+    def rows(self, file: str, wrong: pd.DataFrame, sentence: str) -> None:
+        """Add a sentence for the first of these wrong rows, and the number of rows like it.
+
+        wrong: numbered as in the file, as by `read_csv`; sentence: its fields are columns of `wrong`.
+        """
+        if len(wrong):
+            more = f" ({len(wrong) - 1} more like it)" if len(wrong) > 1 else ""
+            self.append(f"{file}, row {wrong.index[0]}: {sentence.format(**wrong.iloc[0])}{more}")
+
+
+def normal(name: str) -> str:
+    """Return a name without spaces around it and with composed accents, as other computers may decompose them."""
+    return unicodedata.normalize("NFC", name.strip())
+
+
+def read_csv(path: Path, columns: Sequence[str]) -> pd.DataFrame:
+    """Return a csv as text, names normalised, rows numbered as in the file.
+
+    Semicolons or tabs may separate the columns; numbers may then have decimal commas, which become points. Raise
+    InputError unless it is UTF-8 with these columns.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+        if text.lower().startswith("sep="):  # a line for Excel alone
+            text = text.partition("\n")[2]
+        separator = max(",;\t", key=text.partition("\n")[0].count)
+        header, *rows = list(csv.reader(StringIO(text), delimiter=separator, strict=True)) or [[]]
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path.name} is not UTF-8: save it as “CSV UTF-8”") from error
+    except csv.Error as error:
+        raise InputError(f"{path.name} cannot be read as csv ({error}): save it anew") from error
+    header = [normal(column).lower() for column in header]
+    if not any(header):
+        raise InputError(f"{path.name} is empty: expected a header line with {', '.join(columns)}")
+    if missing := [column for column in columns if column not in header]:
+        raise InputError(f"{path.name} has the columns {', '.join(header)}: expected also {', '.join(missing)}")
+    if twice := [column for column in header if header.count(column) > 1]:
+        raise InputError(f"{path.name} has two columns {twice[0]!r}: remove one")
+    numbered = {number: row for number, row in enumerate(rows, FIRST_ROW) if any(row)}
+    for number, row in numbered.items():
+        if len(row) != len(header):
+            counted = f"has {len(row)} cells, the header {len(header)}"
+            raise InputError(f"{path.name}, row {number}: {counted}: correct it; texts with commas need quotes")
+    table = pd.DataFrame(list(numbered.values()), index=list(numbered), columns=header, dtype=str).map(normal)
+    if separator != ",":
+        numbers = [column for column in columns if column not in WORDS]
+        table[numbers] = table[numbers].replace(",", ".", regex=True)
+    return table
+
+
+def read_checked(path: Path, scenes: Collection[str] | None, faults: Faults) -> pd.DataFrame | None:
+    """Return the COLUMNS of a file of this name, numbers as such, or None if it cannot be read.
+
+    Add a fault for names that cannot be printed, scenes other than `scenes` if there are any, words other than true and
+    false, and cells that hold no number: they become NaN.
+    """
+    file, columns = path.name, COLUMNS[path.name]
+    try:
+        text = read_csv(path, columns)[columns]
+    except InputError as error:
+        faults.append(str(error))
+        return None
+    if scenes is not None:
+        unknown = text[~text["scene"].isin(list(scenes))]
+        faults.rows(file, unknown, "scene {scene!r} has no picture in scenes/: add it, or correct the name")
+    table = text.copy()
+    for column, cells in text.items():
+        if column == "valid":
+            right, expected = cells.str.lower().isin(["true", "false"]), "true or false"
+        elif column in WORDS:
+            printable = cells.map(lambda name: bool(name) and name.isprintable())
+            right, expected = printable.astype(bool), "a name of letters, digits and signs"
+        else:
+            numbers = pd.to_numeric(cells, errors="coerce").astype(float)
+            right, expected = np.isfinite(numbers), "a number with a decimal point"
+            table[column] = numbers.where(right)
+        faults.rows(file, text[~right], f"{column} is {{{column}!r}}: expected {expected}")
+    return table
+
+
+def listed(folder: Path, *endings: str) -> list[Path]:
+    """Return the files in a folder with one of these endings; hidden ones belong to the system, such as `._a.png`."""
+    files = sorted(folder.iterdir())
+    return [file for file in files if file.suffix.lower() in endings and not file.name.startswith(".")]
+
+
+def scene_files(path: Path, faults: Faults) -> dict[str, Path]:
+    """Return the picture of each scene in a folder by name, in the order of the names."""
+    if not (path / SCENES).is_dir():
+        faults.append(f"{SCENES}/ is missing: expected a folder with a picture of each scene")
+        return {}
+    scenes: dict[str, Path] = {}
+    for file in listed(path / SCENES, *ENDINGS):
+        name = normal(file.stem)
+        if not name.isprintable():
+            faults.append(f"{SCENES}/{file.name!r} has characters that cannot be printed: rename it")
+        elif name in scenes:
+            faults.append(f"{SCENES}/{file.name} and {scenes[name].name} are one scene {name!r}: rename one of them")
+        else:
+            scenes[name] = file
+    if not scenes:
+        faults.append(f"{SCENES}/ holds no picture: expected files that end in {', '.join(ENDINGS)}")
+    return scenes
+
+
+def is_square(width: int, height: int) -> bool:
+    """Return whether a picture may show just the table."""
+    return abs(width - height) <= SQUARE_WITHIN * max(width, height)
+
+
+def read_picture(path: Path, name: str) -> UInt8[Array, "row column 3"]:
+    """Return a photograph as RGB, turned upright as its EXIF data says.
+
+    Raise InputError, which calls it `name`, if it is neither PNG nor JPEG, above MAX_PIXELS, or truncated.
+    """
+    return cv2.cvtColor(_decoded(path, name, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+
+
+def read_cutout(path: Path, name: str) -> UInt8[Array, "row column 4"]:
+    """Return a cut-out as RGBA with straight alpha.
+
+    Raise InputError as `read_picture`, and if nothing in it is visible or everything opaque.
+    """
+    pixels = _decoded(path, name, cv2.IMREAD_UNCHANGED)
+    if pixels.ndim != 3 or pixels.shape[2] != 4 or pixels.dtype != np.uint8:
+        raise InputError(f"{name} has no transparent background: expected an 8-bit RGBA png; cut the object out")
+    if (highest := pixels[..., 3].max()) <= MIN_VISIBLE_ALPHA:
+        raise InputError(f"{name} has an alpha of at most {highest} of 255: expected 255 where the object is")
+    if pixels[..., 3].min() == 255:
+        raise InputError(f"{name} is opaque everywhere: expected an object on a transparent background")
+    return cv2.cvtColor(pixels, cv2.COLOR_BGRA2RGBA)
+
+
+def _decoded(path: Path, name: str, flag: int) -> Array:
+    """Return the pixels as OpenCV orders them; their number is checked before they are decoded."""
+    try:
+        width, height = image_size(path)
+    except InputError as error:
+        raise InputError(f"{name} cannot be read: expected a whole PNG or JPEG picture; save it again") from error
+    if width * height > MAX_PIXELS:
+        most = f"{MAX_PIXELS // 1_000_000} megapixels"
+        raise InputError(f"{name} has {width} x {height} pixels: expected at most {most}; scale it down")
+    content = path.read_bytes()
+    pixels = cv2.imdecode(np.frombuffer(content, np.uint8), flag) if _is_whole(content) else None
+    if pixels is None:
+        raise InputError(f"{name} is truncated or damaged: expected a whole PNG or JPEG picture; copy it again")
+    return pixels
+
+
+def _is_whole(content: bytes) -> bool:
+    """Return whether a file reaches the end of its picture: OpenCV fills what is missing with grey."""
+    if content.startswith(PNG_SIGNATURE):
+        return END_OF_PNG in content
+    place = len(JPEG_SIGNATURE)
+    while place + 4 <= len(content) and content[place + 1] != SCAN:
+        place += 2 + int.from_bytes(content[place + 2 : place + 4], "big")
+    return content.find(END_OF_JPEG, place) > 0  # an embedded preview, which has an end of its own, comes before
+
+
+@dataclass
+class Settings:
+    """Hold what table.yaml says."""
+
+    side_m: float
+    corners: Array | dict[str, Array] | None  # (4, 2) [px], of all scenes or by scene
+    rectified: bool  # pictures show just the table
+    start: Array  # (2,) [m]
+    goal: Array
+
+    def corners_of(self, scene: str) -> Array | None:
+        """Return the corners (4, 2) [column, row] of the table in a scene's picture; None: the whole picture."""
+        return self.corners.get(scene) if isinstance(self.corners, dict) else self.corners
+
+
+class _Loader(yaml.SafeLoader):
+    """Reads keys as text: 01 and 20260105_101112 are names of scenes, no numbers."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode):
+                key.tag = self.DEFAULT_SCALAR_TAG
+        return super().construct_mapping(node, deep)
+
+
+def read_settings(path: Path) -> Settings:
+    """Return the settings of table.yaml, or the defaults; raise InputError with a line for each fault."""
+    if not (path / SETTINGS).is_file():
+        return check_settings({})
+    try:
+        content = yaml.load((path / SETTINGS).read_text(encoding="utf-8"), _Loader)
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise InputError(f"{SETTINGS} cannot be read: {' '.join(str(error).split())}; correct it") from error
+    return check_settings(content or {})
+
+
+def check_settings(content: Any) -> Settings:
+    """Return what table.yaml holds as settings; raise InputError with a line for each fault."""
+    if not isinstance(content, dict) or set(content) - set(KNOWN):
+        names = ", ".join(map(repr, content)) if isinstance(content, dict) else type(content).__name__
+        raise InputError(f"{SETTINGS} holds {names}: expected some of {', '.join(KNOWN)}")
+    side, faults, ends = content.get("side_m", 1.0), list[str](), list[Array]()
+    if _parsed(METRES, side) is None:
+        raise InputError(f"{SETTINGS}: side_m is {side!r}: expected metres from {SIDES_M[0]} to {SIDES_M[1]:g}")
+    rectified, corners = content.get("rectified", "corners" not in content), content.get("corners")
+    if not isinstance(rectified, bool):
+        faults.append(f"rectified is {rectified!r}: expected true or false")
+    for name, share in ENDS.items():
+        place = _parsed(PLACE, value := content.get(name, [share * side] * 2))
+        if place is None or (place < 0).any() or (place > side).any():
+            faults.append(f"{name} is {value!r}: expected [x, y] in metres on the table, 0 to {side:g}")
+        else:
+            ends.append(place)
+    if len(ends) == 2 and np.linalg.norm(ends[1] - ends[0]) < MIN_APART * side:
+        faults.append(f"start and goal are closer than {MIN_APART * side:g} m: expected two places")
+    if isinstance(corners, dict):
+        corners = {normal(scene): _corners(value, f"corners of {scene}", faults) for scene, value in corners.items()}
+    elif corners is not None:
+        corners = _corners(corners, "corners", faults)
+    if corners is not None and rectified:
+        faults.append("both corners and `rectified: true` are given, and they exclude each other: remove one of them")
+    if faults:
+        raise InputError("\n".join(f"{SETTINGS}: {fault}" for fault in faults))
+    return Settings(float(side), corners, rectified, *ends)
+
+
+def _parsed(kind: TypeAdapter, value: Any) -> Array | None:
+    """Return the finite numbers in lists that table.yaml holds, or None if they are of another kind."""
+    try:
+        return np.array(kind.validate_python(value), float)
+    except ValidationError:
+        return None
+
+
+def _corners(value: Any, name: str, faults: list[str]) -> Array:
+    """Return four corners; add a fault unless they bound a convex quadrilateral in the right order."""
+    corners = _parsed(CORNERS, value)
+    if corners is None:
+        faults.append(f"{name} are {value!r}: expected four [column, row] in pixels, {ORDER}")
+        return np.zeros((4, 2))
+    sides = np.roll(corners, -1, axis=0) - corners
+    turns = sides[:, 0] * np.roll(sides[:, 1], -1) - sides[:, 1] * np.roll(sides[:, 0], -1)
+    if (turns < 0).all():
+        faults.append(f"{name} run counter-clockwise: expected {ORDER}")
+    elif not (turns > 0).all():
+        faults.append(f"{name} cross or lie on a line: expected a convex quadrilateral, {ORDER}")
+    elif np.linalg.norm(sides, axis=1).min() < MIN_TABLE_PX:
+        faults.append(f"{name} are less than {MIN_TABLE_PX} pixels apart: expected a larger table in the picture")
+    return corners

@@ -1,0 +1,81 @@
+"""Compute all results of a folder: the tables that its report shows and holds."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import pandas as pd
+from matplotlib.font_manager import findfont, get_font
+
+from pipeline.own import fitting, kinds
+from pipeline.own.fitting import VARIANT, Fitted, UserData, fit_user
+from pipeline.own.folder import Folder
+
+HEADLINES = ["accuracy", "ci_low", "ci_high", "balanced", "missed", "calibration_error"]
+
+
+@dataclass(frozen=True)
+class Results:
+    """What the page shows and the tables hold."""
+
+    folder: Folder
+    fitted: dict[str, Fitted]  # by user, in the order of their names
+    added: dict[str, kinds.Added]  # by kind
+    tables: dict[str, pd.DataFrame]  # with a row an observation, without those that the folder cannot fill
+    unlisted: int  # detected objects that are not listed
+
+    def table(self, name: str) -> pd.DataFrame:
+        """Return a table by its name, which is also how a number of it names its source."""
+        return self.tables[name]
+
+    def source(self, name: str) -> str:
+        """Return how a number of a table names it."""
+        return name
+
+    def title(self, user: str) -> str:
+        """Return a user's name for a figure, or the user's number where the font lacks a letter."""
+        font = get_font(findfont("DejaVu Sans"))
+        known = all(font.get_char_index(ord(letter)) for letter in user)
+        return user.replace("\\", "\\\\").replace("$", r"\$") if known else f"user {list(self.fitted).index(user) + 1}"
+
+    @property
+    def metrics(self) -> dict:
+        """Return the headlines: counts, and scores by user."""
+        scores = self.tables["scores"].query("predictor == @VARIANT and share == 1").set_index("user")[HEADLINES]
+        scores["gain_from_half"] = self.tables["enough"].set_index("user")["gain"]
+        demos = self.tables["demonstrations"]
+        counted: dict[str, float] = {"scenes": len(self.folder.scenes), "demonstrations": len(demos)}
+        counted |= {"need_more_control_points": int(demos["needs_more"].sum())}
+        if "detections" in self.tables:
+            counted["recall"] = round(float(self.tables["detections"]["detected"].mean()), 6)
+        return {"users": scores.astype(float).round(6).to_dict("index"), **counted}
+
+
+def compute(folder: Folder, progress: Callable[[str], object]) -> Results:
+    """Fit all users' models and return all results."""
+    scale = folder.frame.scale
+    fitted = {user: fit_user(UserData.of(user, folder), progress) for user in folder.users}
+
+    def by_user(ask: Callable[[Fitted], pd.DataFrame]) -> pd.DataFrame:
+        return pd.concat([ask(one) for one in fitted.values()], ignore_index=True)
+
+    judged = by_user(lambda one: one.judged)
+    tables = {
+        "demonstrations": folder.demos,
+        "predictions": judged,
+        "scores": fitting.scores(judged),
+        "reliability": fitting.calibration(judged),
+        "enough": fitting.enough(judged, VARIANT),
+        "disagreement": by_user(lambda one: fitting.disagreement(one, folder)),
+    }
+    progress("interventions")
+    placed = {kind: kinds.add_kind(folder, kind) for kind in sorted(folder.cutouts)}
+    added = {kind: places for kind, places in placed.items() if places is not None}
+    if added:
+        tables["interventions"] = by_user(lambda one: kinds.effects(one, added))
+        tables["distances"] = by_user(lambda one: kinds.envelopes(one, added, folder, tables["interventions"]))
+    progress("repairs")
+    tables["repaired"] = by_user(lambda one: fitting.repairs(one, scale))
+    unlisted = 0
+    if folder.items is not None:
+        tables["detections"], unlisted = folder.detected(folder.items)
+    return Results(folder, fitted, added, tables, unlisted)
