@@ -133,27 +133,25 @@ def _run_stages(sweep: Sweep, overrides: Sequence[str], clone: Path, folder: Pat
 
     If this process is a child of the sweep's, as joblib's are, and that was killed, it ends, and the stages with it.
     """
-    command = [sys.executable, "-m", "pipeline.sweep.stages", *sweep.record["targets"]]
     env = {"PYTHONHASHSEED": "0", "PYTHONUNBUFFERED": "1", "TQDM_DISABLE": "1", "PYTHONPATH": str(clone)}
     env["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"  # stages are run as `python -m ...`
-    options: dict[str, Any] = {"cwd": clone, "env": environment(env), "start_new_session": True}
+    command = ["-m", "pipeline.sweep.stages", *sweep.record["targets"], "--overrides", "workers=1", *overrides]
+    place: dict[str, Any] = {"cwd": clone, "env": environment(env), "start_new_session": True}
     is_child = os.getppid() == sweep.process
     with (folder / "log.txt").open("w") as log:
-        started = [*command, "--overrides", "workers=1", *overrides]
-        process = subprocess.Popen(started, stdout=log, stderr=log, **options)
+        process = subprocess.Popen([sys.executable, *command], stdout=log, stderr=log, **place)
         try:
             while process.poll() is None:
                 time.sleep(WATCH_S)
                 if is_child and os.getppid() != sweep.process:
                     os._exit(1)
-        finally:
-            if process.poll() is None:
-                os.killpg(process.pid, signal.SIGKILL)
-                process.wait()
+        except KeyboardInterrupt:
+            os.killpg(process.pid, signal.SIGKILL)
+            raise
     if process.returncode:
-        lines = [line.strip() for line in (folder / "log.txt").read_text(errors="replace").splitlines() if line.strip()]
+        lines = ["no output", *(folder / "log.txt").read_text(errors="replace").strip().splitlines()]
         stated = [line for line in lines if line.startswith("error: ")]
-        raise InputError((stated or lines or ["no output"])[-1].removeprefix("error: "))
+        raise InputError((stated or lines)[-1].removeprefix("error: "))
 
 
 def _mean(results: pd.DataFrame, headline: str | None) -> float:

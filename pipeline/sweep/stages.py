@@ -50,7 +50,10 @@ def run_stages(targets: list[str]) -> int:
 
 
 def _graph(targets: Iterable[str]) -> tuple[dict[str, set[str]], dict[str, Path]]:
-    """Return what each stage needs, and its lock: the same in all jobs that run it with the same parameters."""
+    """Return what each stage needs, and its lock, the same in all jobs with the same parameters up to this stage.
+
+    A stage without parameters, of which DVC caches no run, has its own lock in each clone.
+    """
     with Repo() as repo:
         folder, graph = Path(repo.cache.local.path).parents[1] / "sweep-locks", repo.index.graph
         folder.mkdir(parents=True, exist_ok=True)
@@ -59,11 +62,11 @@ def _graph(targets: Iterable[str]) -> tuple[dict[str, set[str]], dict[str, Path]
             wanted += [needed for needed in graph.successors(stage) if needed not in wanted]
         needs = {stage.addressing: {needed.addressing for needed in graph.successors(stage)} for stage in wanted}
         read = {stage.addressing: str([dep.read_params() for dep in stage.params]) for stage in wanted}
-    locks, shared = {}, {stage for stage in needs if read[stage] != "[]" or stage.endswith(".dvc")}
+    locks, upstream = {}, {}
     for stage in TopologicalSorter(needs).static_order():
-        place = "" if stage in shared else str(Path.cwd())  # DVC caches no run of a stage without parameters
-        identity = [stage, read[stage], place, *sorted(str(locks[needed]) for needed in needs[stage] & shared)]
-        locks[stage] = folder / hashlib.sha256(str(identity).encode()).hexdigest()
+        upstream[stage] = {(stage, read[stage])}.union(*(upstream[needed] for needed in needs[stage]))
+        place = Path.cwd() if read[stage] == "[]" and not stage.endswith(".dvc") else ""
+        locks[stage] = folder / hashlib.sha256(f"{sorted(upstream[stage])} {place}".encode()).hexdigest()
     return needs, locks
 
 
@@ -76,17 +79,13 @@ def address(target: str) -> str:
 def end_with_parent() -> None:
     """End this process and the stage that it runs when its parent ends, even if that was killed."""
     parent = os.getppid()
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(0.5)
-        os.killpg(0, signal.SIGKILL)
-
-    Thread(target=watch, daemon=True).start()
+    while os.getppid() == parent:
+        time.sleep(0.5)
+    os.killpg(0, signal.SIGKILL)
 
 
 if __name__ == "__main__":
-    end_with_parent()
+    Thread(target=end_with_parent, daemon=True).start()
     split = sys.argv.index("--overrides")
     try:
         compose(sys.argv[split + 1 :])
