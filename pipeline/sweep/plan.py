@@ -1,11 +1,14 @@
 """The jobs that a sweep's command line asks for: whether they can run at all, and their start by Hydra's launcher."""
 
+import json
 import math
 import os
+import re
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
@@ -15,7 +18,6 @@ from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from pipeline.audit.difference import canonical
 from pipeline.launch import explained
 from pipeline.params import GRAPH, validate
 from pipeline.params import compose as compose_parameters
@@ -23,6 +25,7 @@ from pipeline.runtime.errors import InputError
 from pipeline.runtime.places import CONF
 from pipeline.sweep.job import Sweep, run_job
 
+BARE = re.compile(r"(?!(?:null|true|false|nan|inf)$)[^\W\d][\w./-]*", re.IGNORECASE)  # text that reads as nothing else
 # Hydra writes no files and no lines of its own: jobs do
 QUIET = [
     "hydra.sweep.subdir=.",
@@ -84,6 +87,23 @@ def make_plan(arguments: Sequence[str], targets: Sequence[str]) -> Plan:
         for value in axes[key]:
             validate(compose_parameters([*others, value]), [*GRAPH, *targets])
     return Plan(launched, fixed, defaults, [list(job) for job in product(*axes.values())])
+
+
+def canonical(value: Any) -> str:
+    """Return a parameter's value as text; two values have the same text if and only if they are equal.
+
+    100, 100.0 and 1e2 are equal, so are [9] and [9.0]; true, 1 and the text "1" are three values.
+    """
+    if isinstance(value, dict):
+        return f"{{{','.join(sorted(f'{canonical(str(key))}:{canonical(part)}' for key, part in value.items()))}}}"
+    if isinstance(value, list):
+        return f"[{','.join(map(canonical, value))}]"
+    if value is None or isinstance(value, bool):
+        return {None: "null", True: "true", False: "false"}[value]
+    if isinstance(value, int | float):
+        return str(int(value)) if isinstance(value, int) or value.is_integer() else repr(value)
+    text = str(getattr(value, "text", value))  # of Hydra's QuotedString
+    return text if BARE.fullmatch(text) else json.dumps(text, ensure_ascii=False)
 
 
 def value_of(cfg: DictConfig, name: str) -> str:

@@ -8,8 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.audit.consistency import table_cells
-from pipeline.report.page import Site, write_files
+from pipeline.report.page import Site
 from pipeline.report.render import PAGES, render
 from pipeline.report.results import SOURCES
 from pipeline.runtime.errors import InputError
@@ -111,13 +110,6 @@ def test_every_link_leads_somewhere_in_the_site_and_none_out_of_it(site: Site, p
         assert target in files | {"page.css", "metrics.json"} or name in site.pages, link
         assert not anchor or anchor in ids[name], link
     assert len(set(ids[page])) == len(ids[page])
-
-
-def test_the_numbers_of_every_table_are_those_of_its_csv(site: Site, tmp_path: Path):
-    write_files(site, tmp_path)
-    compared = [table_cells(tmp_path / f"{name}.html") for name in site.pages]
-    assert [fault for _, faults in compared for fault in faults] == []
-    assert sum(count for count, _ in compared) > 100
 
 
 def test_every_table_says_what_it_is_from_and_a_cell_drawn_from_one_row_says_which(site: Site):
