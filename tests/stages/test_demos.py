@@ -52,14 +52,6 @@ def real_csv(cfg: DictConfig, folder: Path, out: Path, clock_s: float = 0.0, **c
     return with_value(with_value(cfg.copy(), f"paths.data={folder}"), f"demos.recorded={folder / 'real.csv'}")
 
 
-def test_every_seed_user_and_scene_has_its_demonstrations_and_careful_users_accept_least(out: Path):
-    assert {path.name for path in out.iterdir()} == {"demos.parquet", "trajectories.npz", "queries.npz"}
-    demos = read_demos(out)
-    assert len(demos) == 3 * 3 * 3 * 10 and not demos.duplicated(DEMO_KEY).any()
-    share = demos.groupby("user")["valid"].mean()
-    assert 0 < share["careful"] < share["normal"] < share["aggressive"] == 1.0
-
-
 def test_labels_are_of_the_lines_that_hands_drew_and_not_of_the_fitted_paths(cfg: DictConfig, tmp_path: Path):
     shaky = with_value(cfg.copy(), "demos.hand.drift_m=0.008")
     main(shaky, tmp_path)

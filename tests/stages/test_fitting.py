@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
+from pipeline.artifacts.demos import read_queries
 from pipeline.artifacts.files import read_table
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.models.base import untrained
@@ -25,7 +25,7 @@ from tests.stages.facts import run_as_listed
 
 pytestmark = pytest.mark.slow
 
-STAGES = {"full": train.main, "irl_maxent": irl.main, "irl_ranked": irl.main, "clearance": clearance.main}  # by variant
+STAGES = {"full": train.main, "irl_ranked": irl.main, "clearance": clearance.main}  # by variant
 CPUINFO = Path("/proc/cpuinfo")
 WITHOUT = {  # what pipeline.runtime.instructions leaves to the processor: numba's target and glibc's functions
     "NUMBA_CPU_NAME": "haswell",
@@ -34,7 +34,7 @@ WITHOUT = {  # what pipeline.runtime.instructions leaves to the processor: numba
 }
 SMALL = ["seeds=[0,1]", "n_demos=[1,2]", "main_n_demos=2", "train.steps=4", "train.curve_every=2", "workers=1"]
 SMALL += ["train.engine=simd", "checkpoints=[0,2,50]", "irl.n_augmentations=2", "irl.curve_every=2"]
-SMALL += ["variants.irl_maxent.steps=3", "variants.irl_ranked.steps=3", "clearance.steps=3", "clearance.curve_every=2"]
+SMALL += ["variants.irl_ranked.steps=3", "clearance.steps=3", "clearance.curve_every=2"]
 
 
 def config(small_world: Path, out: Path, *overrides: str):
@@ -80,40 +80,16 @@ def test_weights_on_the_way_are_kept_of_the_models_studied_that_learn(runs, smal
 
 
 def test_neither_processes_nor_checkpoints_nor_other_seeds_change_a_weight(runs, small_world, tmp_path):
-    train.main(config(small_world, tmp_path, "workers=2", "variant=full"), tmp_path / "full")
-    assert _digests(tmp_path / "full") == _digests(runs / "full")
-    train.main(config(small_world, tmp_path, "checkpoints=[]", "seed=1", "variant=full"), tmp_path / "full")
+    given = "workers=2", "checkpoints=[]", "seed=1", "variant=full"
+    train.main(config(small_world, tmp_path, *given), tmp_path / "full")
     assert list((tmp_path / "full" / "checkpoints").iterdir()) == []
     alone = _digests(tmp_path / "full" / "weights")
     assert len(alone) == 6 and alone.items() <= _digests(runs / "full" / "weights").items()
 
 
-def test_convergence_is_what_the_saved_model_gives_on_its_own_training_set(runs, small_world):
-    table = read_table(runs / "full" / "convergence.csv")
-    assert len(table) == 12 and not table.duplicated(["seed", "user", "n_demos"]).any()
-    images = read_scenes(small_world / "scenes").images["train-s1"]
-    z, valid = demo_arrays(read_demos(small_world / "demos"), 1, "careful", 2)
-    model = load_model(config(small_world, runs), "full", "careful", 1, 2)
-    row = table.query("seed == 1 and user == 'careful' and n_demos == 2").iloc[0]
-    right = (model.probability(images, z) > 0.5) == valid
-    assert row["own_demonstrations"] == pytest.approx(right.mean(), abs=1e-6)
-    assert row["reconstruction_over_flat"] == pytest.approx(model.reconstruction_over_flat(images), rel=1e-5)
-    expected = (table["own_demonstrations"] >= 0.995) & ~(table["reconstruction_over_flat"] >= 1)
-    assert (table["passed"] == expected).all()
-    assert table.loc[table["user"] == "aggressive", "reconstruction_over_flat"].isna().all()  # never trained
-
-
-@pytest.mark.parametrize(
-    ("main", "overrides", "message"),
-    [
-        (train.main, ["seeds=[0,7]"], "no scenes train-s7"),
-        (train.main, ["n_demos=[9]", "main_n_demos=9"], "expected 9 in each scene"),
-        (train.main, ["train.rate=1e30"], r"full of careful, seed 0, n_demos 2: its loss .* finite at step \d+"),
-    ],
-)
-def test_bad_input_or_a_fit_that_diverges_is_no_result(small_world, tmp_path, main, overrides, message):
-    with pytest.raises(InputError, match=message):
-        main(config(small_world, tmp_path, *overrides), tmp_path / "out")
+def test_a_fit_that_diverges_is_no_result(small_world, tmp_path):
+    with pytest.raises(InputError, match=r"full of careful, seed 0, n_demos 2: its loss .* finite at step \d+"):
+        train.main(config(small_world, tmp_path, "train.rate=1e30"), tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 

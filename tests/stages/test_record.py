@@ -38,12 +38,6 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[DictConfig, Path
     return cfg, folder
 
 
-@pytest.fixture
-def cfg(tmp_path: Path) -> DictConfig:
-    """Inputs that a test may damage."""
-    return write_inputs(tmp_path)
-
-
 def write_inputs(tmp_path: Path) -> DictConfig:
     """Two variants of three users and one seed, untrained, on made-up scenes; aggressive has no repairs."""
     cfg = composed("profile=smoke", "seeds=[0]", "record.map_side=9", "record.training_scenes=3")
@@ -143,17 +137,3 @@ def test_interventions_are_the_models_maps_and_the_stages_effects(recorded: tupl
     assert "Question `add_glass`, normal user" in page
     assert f"model {here['effect']:+.2f}, truth {here['true_effect']:+.2f}." in page
     assert f"| **glass** | {mean['effect']:+.3f} | {mean['true_effect']:+.3f} |" in page
-
-
-def test_recordings_of_removed_users_and_questions_are_gone_and_without_margins_every_user_has_some(cfg, tmp_path):
-    effects = read_table(tmp_path / "intervene" / "effects.parquet")
-    write_table(tmp_path / "intervene" / "effects.parquet", effects[effects["question"] != "add_bowl"])
-    for removed in ([], ["careful", "normal"]):
-        cfg.users = {user: margins for user, margins in cfg.users.items() if user not in removed}
-        main(cfg, tmp_path / "record")
-    listed = read_table(tmp_path / "record" / "recordings.csv")["run"]
-    assert set(listed) == {"full-aggressive-s0", "classifier-aggressive-s0", "overview"}
-    assert {path.stem for path in (tmp_path / "record" / "runs").iterdir()} == set(listed)
-    path = tmp_path / "record" / "runs" / "full-aggressive-s0.rrd"
-    pages = [text for (text,) in read(path, "interventions/effects", "TextDocument:text", "intervention")]
-    assert [page.splitlines()[0] for page in pages] == ["## Plate added", "## Cutlery added", "## Glass added"]

@@ -32,17 +32,15 @@ def cfg(tmp_path: Path) -> DictConfig:
     return cfg
 
 
-def test_the_overview_and_the_worst_run_of_compared_variants_are_kept(cfg: DictConfig, tmp_path: Path) -> None:
+def test_overview_and_worst_run_are_kept_and_replaced_if_their_contents_change(
+    cfg: DictConfig, tmp_path: Path
+) -> None:
     (tmp_path / "kept").mkdir()
     (tmp_path / "kept" / "full-careful-s9.rrd").touch()  # the worst one of an earlier run
     kept = run_as_listed(main, cfg, tmp_path / "kept")
     assert sorted(path.name for path in kept.iterdir()) == ["full-normal-s1.rrd", "overview.rrd", "recordings.csv"]
     assert (kept / "recordings.csv").read_bytes() == (tmp_path / "recordings.csv").read_bytes()
-
-
-def test_only_changed_contents_replace_a_file(cfg: DictConfig, tmp_path: Path) -> None:
     kept, new = tmp_path / "kept" / "full-normal-s1.rrd", tmp_path / "runs" / "full-normal-s1.rrd"
-    main(cfg, tmp_path / "kept")
     before = kept.read_bytes()
     write_run(new, a_run(repairs=1))
     assert new.read_bytes() != before and digest(new) == digest(kept)

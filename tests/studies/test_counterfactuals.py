@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_arrays, read_table
 from pipeline.artifacts.scenes import read_scenes
@@ -17,9 +17,8 @@ from pipeline.world.layout import SIDE, SYMBOLS, empty
 from pipeline.world.render import REACH_M, Palette
 from pipeline.world.rules import clearance, slack
 from studies.counterfactuals import stage
-from studies.counterfactuals.stage import crossing, main, outward_normal, score_moves, translate_item
+from studies.counterfactuals.stage import crossing, outward_normal, score_moves, translate_item
 from tests.factories import models_in_rendered_scenes
-from tests.stages.facts import names_a_missing_model, refuses
 
 SCENES, PATHS = 6, 24
 VARIANTS = ("full", "clearance")
@@ -66,21 +65,6 @@ def test_a_removed_item_leaves_every_pixel_far_from_it(cfg: DictConfig, out: Pat
             for one, other in (("without", "factual"), ("alone", "empty")):
                 changed = (arrays[one][i, item.slot] != arrays[other][i]).any(-1)
                 assert changed.any() and not changed[far].any()
-
-
-@pytest.mark.slow
-def test_scenes_without_room_to_move_an_item_leave_no_moves(cfg: DictConfig, tmp_path: Path):
-    far = cfg.copy()
-    far.studies.counterfactuals.update(move_step=0.1, move_steps=12)
-    main(far, tmp_path)
-    assert (read_table(tmp_path / "moves.csv")["cases"] == 0).all()
-
-
-@pytest.mark.slow
-def test_a_missing_model_and_users_without_margins_are_named_before_any_work(cfg: DictConfig, tmp_path: Path):
-    names_a_missing_model(main, cfg, "clearance", tmp_path / "out")
-    nobody = {user: dict.fromkeys(SYMBOLS) for user in cfg.users}
-    refuses(main, cfg, "users", OmegaConf.create(nobody), "margin", tmp_path / "out")
 
 
 def test_a_glass_moves_off_a_straight_path_by_what_the_margin_lacks():

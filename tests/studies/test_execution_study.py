@@ -1,6 +1,5 @@
 """The study executes every path once, counts failures by name, and says in a sentence what it cannot do."""
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -57,18 +56,6 @@ def test_every_path_is_executed_once_and_failures_have_a_name(cfg: DictConfig, o
     assert repairs["executed"] == 1
 
 
-def test_a_user_s_valid_paths_are_simulated_as_they_are(cfg: DictConfig, out: Path):
-    physics = read_table(out / "physics.parquet")
-    as_drawn = physics[physics["method"] == "unrepaired"]
-    assert len(as_drawn) == SCENES * len(cfg.users) and (physics["start"] == 0).all()
-    repaired = physics[(physics["method"] == "nearest") & (physics["user"] == "careful")]
-    drawn = as_drawn[as_drawn["user"] == "careful"].set_index("scene")
-    for row in repaired.itertuples():
-        assert row.z_x == (drawn["z_x"][row.scene] if drawn["valid"][row.scene] and row.z_x != 0.9 else 0.9)
-    met = physics["touched"] > 0
-    assert met.any() and (physics["fallen"][~met] == 0).all()
-
-
 def test_the_export_and_the_picture_have_the_whole_arm(out: Path):
     shown = read_arrays(out / "shown.npz")
     assert shown["chain"].shape == (2, SMALL["instants"], 8, 3) and (out / "bag/bag.mcap").is_file()
@@ -81,13 +68,3 @@ def test_a_table_where_the_arm_cannot_go_is_refused(cfg: DictConfig, tmp_path: P
     far.studies.execution.base_y_m = [-3.0]
     with pytest.raises(InputError, match=r"executes no demonstration on any table .*: move its base"):
         main(far, tmp_path)
-
-
-def test_a_missing_package_is_named_with_what_installs_it(
-    cfg: DictConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    monkeypatch.setitem(sys.modules, "pinocchio", None)
-    monkeypatch.delitem(sys.modules, "pipeline.robot.execution")
-    monkeypatch.delitem(sys.modules, "pipeline.robot.arm")
-    with pytest.raises(InputError, match=r"the robot needs pinocchio: run `pip install \.\[robot\]`"):
-        main(cfg, tmp_path)

@@ -32,7 +32,6 @@ from studies.shift.stage import (
     OWN_RULE,
     PROXIMITY,
     add_clutter,
-    main,
     proximity,
 )
 from tests.factories import (
@@ -46,7 +45,6 @@ from tests.factories import (
     symbols_added,
     with_evidence,
 )
-from tests.stages.facts import names_a_missing_model, refuses
 
 POOL = np.arange(4)
 STRONG = {"shade": 0.5, "tint": 0.4, "blur": 2.0, "noise": 0.05, "arm": 0.3}
@@ -164,10 +162,3 @@ def test_the_users_own_rule_loses_nothing_and_the_other_one_forgives_paths(cfg: 
     total = read_table(out / "posterior.csv").groupby(["family", "variant", "seed", "user"])["probability"].sum()
     assert len(total) == 2 * len(cfg.evaluate.users) * len(cfg.protocol.seeds)
     np.testing.assert_allclose(total, 1, atol=1e-4)
-
-
-@pytest.mark.slow
-def test_a_missing_model_and_wrong_table_tops_and_seeds_are_named_before_any_work(cfg: DictConfig, tmp_path: Path):
-    names_a_missing_model(main, cfg, "clearance", tmp_path / "out")
-    refuses(main, cfg, "studies.shift.textures", ["oak"], "studies.shift.textures", tmp_path / "out")
-    refuses(main, cfg, "protocol.seeds", [0, 100], "seed100|s100", tmp_path / "out")
