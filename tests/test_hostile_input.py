@@ -13,7 +13,6 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from safetensors.torch import load_file, save_file
 
 import pipeline
 from pipeline import library, params
@@ -96,17 +95,6 @@ def test_nasty_settings_of_a_person_s_folder(whole: Path):
         checked(whole, lambda folder, text=text: (folder / "table.yaml").write_text(text))
 
 
-def test_a_nasty_name_in_a_person_s_folder(whole: Path):
-    for name in ("\x1b[31mred", "<script>", "ﬀ\u202e", " "):
-        for file in (f"scenes/{name}.png", f"kinds/{name}/cup.png", f"kinds/cup/{name}"):
-
-            def add(folder: Path, file: str = file) -> None:
-                (folder / file).parent.mkdir(parents=True, exist_ok=True)
-                shutil.copy(folder / "scenes/tea.png", folder / file)
-
-            checked(whole, add)
-
-
 def test_yaml_that_would_run_code_is_only_text(tmp_path: Path):
     folder = make_folder(tmp_path / "table")
     (folder / "table.yaml").write_text(f"side_m: !!python/object/apply:os.mkdir ['{tmp_path / 'made'}']\n")
@@ -139,11 +127,9 @@ def test_what_no_page_sends_to_the_recorder(served: tuple[Served, Path]):
 
 
 def test_a_nasty_override_of_parameters():
-    keys, marks = cycle(["n_demos", "seeds", "users.careful", "train.steps", "variants", "paths.data"]), cycle("+~ ")
-    for i, text in enumerate(NASTY):
-        for override in (f"{next(keys)}={text}", f"{next(marks).strip()}{text}=1")[i % 2 :: 2]:
-            code, said = command(params.main, ["--check", override])
-            assert code in (0, 1, 2) and (code == 0 or said.startswith(("error: ", "note: "))), (override, said)
+    for override in ("n_demos=" + NASTY[5], "seeds=${", "~\x1b[31mred", "+<script>=1", "train.steps=nan"):
+        code, said = command(params.main, ["--check", override])
+        assert code == 2 and said.startswith("error: "), (override, said)
 
 
 # Files of results and models
@@ -176,14 +162,6 @@ def test_a_damaged_result_or_model_is_named(kept: Path, name: str):
             READERS[name](path)  # a flipped bit may be a valid number
         except InputError as error:
             assert str(path) in str(error)
-
-
-def test_a_model_with_nasty_settings(kept: Path):
-    path, weights = kept / "nasty.safetensors", load_file(kept / "model.safetensors")
-    for content in (*VALUES, *({"kind": value, "model": value} for value in VALUES)):
-        save_file(weights, path, {"settings": json.dumps(content)})
-        with pytest.raises(InputError):
-            pipeline.load(path)
 
 
 def test_a_pickle_is_no_model_and_no_result_and_is_not_run(tmp_path: Path):

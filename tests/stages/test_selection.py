@@ -32,9 +32,7 @@ def cfg(tmp_path: Path) -> DictConfig:
     return cfg
 
 
-def test_overview_and_worst_run_are_kept_and_replaced_if_their_contents_change(
-    cfg: DictConfig, tmp_path: Path
-) -> None:
+def test_overview_and_worst_run_are_kept_and_replaced_if_their_contents_change(cfg: DictConfig, tmp_path: Path) -> None:
     (tmp_path / "kept").mkdir()
     (tmp_path / "kept" / "full-careful-s9.rrd").touch()  # the worst one of an earlier run
     kept = run_as_listed(main, cfg, tmp_path / "kept")

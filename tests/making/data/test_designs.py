@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from making.data.__main__ import write_data
@@ -36,14 +35,6 @@ def test_data_holds_what_the_script_draws(file, draw):
     """To one grey level: libm may round otherwise on another machine."""
     stored = read_image(DATA / file).astype(int)
     assert np.abs(stored - draw()).max() <= 1
-
-
-def test_data_holds_no_other_file_and_lists_the_designs_in_their_order():
-    images = {f"items/{design.name}.png" for design in designs()} | {f"textures/{name}.png" for name in surfaces()}
-    assert set(contents(DATA)) == {"items.csv", "textures.csv", *images}
-    table = pd.read_csv(DATA / "items.csv")
-    assert [*zip(table["name"], table["split"], strict=True)] == [(design.name, design.split) for design in designs()]
-    np.testing.assert_allclose(table["width_m"], [design.width_m for design in designs()], atol=5e-5)
 
 
 def test_drawing_anew_removes_old_images_and_a_drawing_that_fails_removes_none(tmp_path):

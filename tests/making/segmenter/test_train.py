@@ -8,7 +8,7 @@ import torch
 
 from making.segmenter import pool, train
 from making.segmenter.pool import draw
-from making.segmenter.train import change, paint
+from making.segmenter.train import paint
 from pipeline.perception.segmenter import read_segmenter
 
 
@@ -19,15 +19,6 @@ def few(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for part in range(2):
         np.save(pool.part_file(folder, part), np.concatenate(draw(np.random.default_rng(part), 20, "data")))
     return folder
-
-
-def test_items_stay_where_their_truth_is(few: Path):
-    """The difference from the empty table is larger on items than elsewhere."""
-    pictures = np.load(pool.part_file(few, 0))
-    inputs, truth = change(np.random.default_rng(0), pictures[pictures[..., 6].any((1, 2))])
-    known = inputs[:, 6, 0, 0] == 1
-    difference, item = inputs[known, 3:6].abs().mean(1), truth[known, 0] == 1
-    assert difference[item].mean() > 3 * difference[~item].mean()
 
 
 def test_patterns_are_painted_on_items_alone(few: Path):
