@@ -1,10 +1,9 @@
 """Bad input of every kind at every door: each reader and command line answers with a sentence, and writes nothing."""
 
 import io
-import json
 import pickle
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from itertools import cycle
 from pathlib import Path
@@ -12,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-import yaml
 
 import pipeline
 from pipeline import library, params
@@ -21,8 +19,6 @@ from pipeline.own.__main__ import main as own
 from pipeline.own.folder import read_folder
 from pipeline.runtime.errors import InputError
 from tests.own.folders import COLUMNS, change, make_folder
-from tests.own.recorder.factory import Served, recorder, samples
-from tests.own.recorder.factory import make_folder as make_kitchen
 
 pytestmark = pytest.mark.slow
 NASTY = [
@@ -88,39 +84,10 @@ def test_a_nasty_cell_of_a_person_s_demonstrations(whole: Path):
         checked(whole, lambda folder, row=row, column=column, cell=cell: change(folder, row, column, cell))
 
 
-def test_nasty_settings_of_a_person_s_folder(whole: Path):
-    keys = cycle(["corners", "side_m", "start", "goal", "empty", "\x1b"])
-    texts = [yaml.safe_dump(content) for content in (*VALUES, *({next(keys): value} for value in VALUES))]
-    for text in (*texts[::2], *NASTY[1::2]):
-        checked(whole, lambda folder, text=text: (folder / "table.yaml").write_text(text))
-
-
 def test_yaml_that_would_run_code_is_only_text(tmp_path: Path):
     folder = make_folder(tmp_path / "table")
     (folder / "table.yaml").write_text(f"side_m: !!python/object/apply:os.mkdir ['{tmp_path / 'made'}']\n")
     assert read_folder(folder)[1] and not (tmp_path / "made").exists()
-
-
-# The recorder
-
-
-@pytest.fixture(scope="module")
-def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Served, Path]]:
-    folder = make_kitchen(tmp_path_factory.mktemp("recorder"))
-    with recorder(folder) as opened:
-        yield opened, folder
-
-
-def test_what_no_page_sends_to_the_recorder(served: tuple[Served, Path]):
-    server, folder = served
-    before, path = tree(folder), {"scene": "first", "user": "Zoë", "valid": True, "samples": samples().tolist()}
-    spoilt = [path | {name: value} for name in path for value in VALUES[:-2]]
-    for body in (*map(json.dumps, [*spoilt, *VALUES]), "\0", "[", '{"scene": 1e400}'):
-        for door in ("paths", "remove", "table"):
-            status, answer = server.ask("POST", f"/api/{door}", body.encode())
-            assert status == 400 and len(answer["error"]) > 20, (door, status, body)
-    assert server.ask("POST", "/api/paths", b" " * 4_000_001)[0] == 413
-    assert tree(folder) == before
 
 
 # Command lines

@@ -1,6 +1,5 @@
 """A stage from the command line: where it writes, what it refuses, and that what goes wrong is one line."""
 
-import json
 import os
 import signal
 import subprocess
@@ -14,9 +13,9 @@ import psutil
 import pytest
 from omegaconf import DictConfig
 
-from pipeline.launch import launch, processor
+from pipeline.launch import launch
 from pipeline.runtime.errors import InputError
-from pipeline.runtime.places import PROCESSORS, ROOT
+from pipeline.runtime.places import ROOT
 
 pytestmark = pytest.mark.slow
 
@@ -69,24 +68,6 @@ def test_a_sweep_goes_on_after_a_bad_value_names_it_and_fails(run, tmp_path: Pat
     code, _, err = run(lambda cfg, out_dir: rates.append(cfg.train.rate), "train", *sweep)
     assert code == 2 and rates == [0.5]
     assert "error: train.rate=-1: parameter train.rate is -1" in err
-
-
-def test_variants_fitted_by_one_stage_lie_side_by_side_and_a_study_beside_the_others(run, tmp_path: Path):
-    folders = []
-    run(lambda cfg, out_dir: folders.append(out_dir), "train", *PARAMS, f"paths.train={tmp_path}", "variant=ae")
-    run(lambda cfg, out_dir: folders.append(out_dir), "shift", *PARAMS, f"paths.studies={tmp_path}")
-    assert folders == [tmp_path / "ae", tmp_path / "shift"]
-
-
-def test_only_runs_of_dvc_note_their_processor_beside_those_of_others(run, tmp_path: Path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "reports").mkdir()
-    for name in (None, "train@full", "train@ae", "train@full"):
-        if name:
-            monkeypatch.setenv("DVC_STAGE", name)
-        assert run(nothing, "train", *PARAMS, f"paths.train={tmp_path}")[0] == 0
-        assert (tmp_path / PROCESSORS).is_file() is (name is not None)
-    assert json.loads((tmp_path / PROCESSORS).read_text()) == {"train@ae": processor(), "train@full": processor()}
 
 
 def test_ctrl_c_ends_a_stage_and_its_workers_at_once(tmp_path: Path):

@@ -101,22 +101,6 @@ def test_what_does_not_fit_is_refused_with_what_was_expected(example, change, me
         pipeline.fit(**change({"images": images, "z_theta": z_theta, "valid": valid}))
 
 
-def test_labels_that_are_all_alike_give_one_probability_and_a_warning(example):
-    images, _, z_theta, valid = example
-    with pytest.warns(UserWarning, match="all paths are valid"):
-        model = pipeline.fit(images, z_theta, np.ones_like(valid))
-    assert np.ptp(model.probability(images, z_theta)) < 1e-6
-
-
-def test_a_file_that_holds_no_model_is_refused(tmp_path):
-    path = tmp_path / "model.safetensors"
-    with pytest.raises(InputError, match="is missing"):
-        pipeline.load(path)
-    path.write_bytes(b"no weights")
-    with pytest.raises(InputError, match="not a model that `save` wrote"):
-        pipeline.load(path)
-
-
 def test_parameters_are_read_without_torch():
     code = "import sys, pipeline; assert 'torch' not in sys.modules and not hasattr(pipeline, 'nothing')"
     subprocess.run([sys.executable, "-c", code], cwd=Path(__file__).parents[1], check=True, timeout=60)

@@ -15,7 +15,6 @@ from pipeline.models.registry import KINDS
 from pipeline.params import GRAPH, compose, validate
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.places import CONF, ROOT
-from pipeline.world.layout import SYMBOLS
 from tests.factories import composed, with_value
 
 
@@ -115,14 +114,6 @@ def test_kinds_and_groups_in_the_parameters_are_those_of_the_library():
     assert all(hasattr(module, "Settings") for module in modules.values())
     kinds = {get_args(modules[stage].Variant.model_fields["kind"].annotation)[0] for stage in FITTED}
     assert kinds == set(KINDS)
-
-
-def test_a_stage_is_not_refused_for_what_another_needs():
-    cfg = load(ROOT / "params.yaml")
-    cfg.users, cfg.evaluate.users = {"aggressive": dict.fromkeys(SYMBOLS)}, ["aggressive"]
-    validate(cfg, ["train"])
-    with pytest.raises(InputError, match="expected at least one user with a margin"):
-        validate(cfg, ["repair"])
 
 
 @pytest.mark.parametrize("text", [None, "- 1\n", "seeds: [1"])

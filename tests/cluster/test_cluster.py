@@ -103,12 +103,6 @@ def test_a_ray_cluster_that_loses_a_node_does_every_job_with_the_serial_run_s_by
     assert agree(folder, serial, SERIAL)
 
 
-def test_submitit_gives_the_serial_run_s_bytes(repository: Path, serial: Path):
-    ended = sweep(repository, *swept(SERIAL, "hydra/launcher=submitit_local"), "--folder", "by_submitit")
-    assert ended.returncode == 0, ended.stderr[-3000:]
-    assert agree(repository / "by_submitit", serial, SERIAL)
-
-
 def test_slurm_s_job_file_asks_for_what_conf_says(repository: Path, tmp_path: Path):
     """A `sbatch` that only keeps its job file: no Slurm here."""
     fake = tmp_path / "sbatch"

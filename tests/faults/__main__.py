@@ -16,21 +16,15 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import yaml
 
 from pipeline.git import dvc, forget_repository
-from tests.sweep.running import SMALL
 
 ROOT = Path(__file__).parents[2]
 REPRO = ["make", "--assume-old=.venv/.ready", "repro"]
-STUDY = ["dvc", "repro", "studies/dvc.yaml:page@users"]
-SWEEP = [sys.executable, "-m", "pipeline.sweep"]
-SWEPT = ["--multirun", "--folder", "swept", *SMALL, "evaluate.bins=5,10", "hydra.launcher.n_jobs=2"]
 STAGES = ("scenes", "demos", "train", "irl", "clearance", "evaluate", "repair", "intervene", "record")
 PAPER = (*(f"outputs/{stage}" for stage in STAGES), "reports")
 RESULTS = ("outputs", "reports", "studies/users")
@@ -91,9 +85,8 @@ def _differing(first: Path, second: Path) -> list[str]:
 
 
 def _varies(path: Path) -> bool:
-    """Whether a file holds hashes of recordings, whose digests are compared, or a sweep's durations."""
-    dated = (path.parent / "sweep.json").is_file() and path.suffix != ".parquet"
-    return dated or path.name in ("job.json", "log.txt") or path.suffix in (".rrd", ".lock", ".pyc")
+    """Whether a file holds hashes of recordings, whose digests are compared."""
+    return path.suffix in (".rrd", ".lock", ".pyc")
 
 
 class Fault(NamedTuple):
@@ -107,35 +100,6 @@ class Fault(NamedTuple):
     def broken(self, name: str = "clone", *, results: bool, cache: bool) -> Broken:
         """Return a new clone of the whole run."""
         return Broken(self.whole, self.folder / name, results=results, cache=cache)
-
-    def killed(self, make: Callable[[str], Broken], command: Callable[[Path], list[str]], folders: tuple) -> "Ends":
-        """Kill a command with all its children, resume it until it ends, and begin anew, until `kills` are done.
-
-        Each kill ends as the run that it hit.
-        """
-        ends: Ends = []
-        for clone in itertools.count():
-            broken, killed = make(str(clone)), 0
-            while len(ends) + killed < self.kills and _is_killed(broken, command(broken.folder), self.rng):
-                killed += 1
-            if killed:
-                ends += [broken.judge(broken.run(*command(broken.folder)), folders)] * killed
-            shutil.rmtree(broken.folder)
-            if len(ends) >= self.kills:
-                break
-        return ends
-
-    def damaged(self, find: Callable[[Path], list[Path]], remove: str = "") -> "Ends":
-        """Damage a file of a clone that has results and cache, once cut and once flipped, and run it again."""
-        ends = []
-        for how in ("cut", "flip"):
-            broken = self.broken(how, results=True, cache=True)
-            candidates = sorted(path for path in find(broken.folder) if path.stat().st_size > 100)
-            _damage(candidates[int(self.rng.integers(len(candidates)))], self.rng, how)
-            if remove:
-                shutil.rmtree(broken.folder / remove)
-            ends.append(broken.judge(broken.run(*REPRO), PAPER))
-        return ends
 
 
 Ends = list[tuple[str, str]]  # how a fault ended, for each time that it was injected
@@ -167,39 +131,15 @@ def _damage(path: Path, rng: np.random.Generator, how: str) -> None:
 
 
 def kill_the_paper(fault: Fault) -> Ends:
-    """kill -9 of `make repro`, resumed"""
-    return fault.killed(lambda name: fault.broken(name, results=False, cache=False), lambda _: REPRO, PAPER)
-
-
-def kill_a_study(fault: Fault) -> Ends:
-    """kill -9 of a study, resumed"""
-
-    def make(name: str) -> Broken:
-        broken = fault.broken(name, results=True, cache=False)
-        shutil.rmtree(broken.folder / "outputs/studies/users")
-        (broken.folder / "studies/users/dvc.lock").unlink()
-        return broken
-
-    return fault.killed(make, lambda _: STUDY, ("outputs/studies/users", "studies/users"))
-
-
-def kill_a_sweep(fault: Fault) -> Ends:
-    """kill -9 of a sweep, resumed"""
-    reference = fault.broken("reference", results=False, cache=False)
-    reference.run(*SWEEP, *SWEPT).check_returncode()
-
-    def command(clone: Path) -> list[str]:
-        return [*SWEEP, *(["--resume", "swept"] if (clone / "swept/sweep.json").is_file() else SWEPT)]
-
-    against = fault._replace(whole=reference.folder)
-    return against.killed(lambda name: against.broken(name, results=False, cache=False), command, ("swept",))
-
-
-def damaged_cache(fault: Fault) -> Ends:
-    """damaged file in DVC's cache, its result restored"""
-    outs = yaml.safe_load((fault.whole / "dvc.lock").read_text())["stages"]["evaluate"]["outs"]
-    paths = [f".dvc/cache/files/md5/{out['md5'][:2]}/{out['md5'][2:]}" for out in outs if "md5" in out]
-    return fault.damaged(lambda clone: [p for path in paths for p in clone.glob(path)], remove="outputs/evaluate")
+    """kill -9 of `make repro` and all its children, resumed"""
+    ends: Ends = []
+    while len(ends) < fault.kills:  # a run is killed and resumed until it ends; each kill ends as that run
+        broken, killed = fault.broken(str(len(ends)), results=False, cache=False), 0
+        while len(ends) + killed < fault.kills and _is_killed(broken, REPRO, fault.rng):
+            killed += 1
+        ends += [broken.judge(broken.run(*REPRO), PAPER)] * killed
+        shutil.rmtree(broken.folder)
+    return ends
 
 
 def damaged_store(fault: Fault) -> Ends:
@@ -217,11 +157,6 @@ def damaged_store(fault: Fault) -> Ends:
     return ends
 
 
-def damaged_weights(fault: Fault) -> Ends:
-    """damaged weights"""
-    return fault.damaged(lambda clone: list(clone.glob("outputs/*/*/weights/*.safetensors")))
-
-
 def two_at_once(fault: Fault) -> Ends:
     """two `make repro` at once"""
     broken = fault.broken(results=False, cache=False)
@@ -232,15 +167,6 @@ def two_at_once(fault: Fault) -> Ends:
     text, _ = first.communicate()
     ended = subprocess.CompletedProcess(REPRO, first.returncode, text, "")
     return [broken.judge(ended, PAPER), broken.judge(second, PAPER)]
-
-
-def read_only_reports(fault: Fault) -> Ends:
-    """reports/ read-only, then writable again"""
-    broken = fault.broken(results=True, cache=True)
-    (broken.folder / "reports/accuracy.html").write_text("edited")
-    mount = "mount --bind reports reports && mount -o remount,bind,ro reports && exec " + " ".join(REPRO)
-    refused = broken.run("unshare", "--mount", "bash", "-c", mount)
-    return [said(refused) if refused.returncode else (WRONG, "wrote"), broken.judge(broken.run(*REPRO))]
 
 
 def no_network(fault: Fault) -> Ends:
@@ -266,8 +192,8 @@ def full_disk(fault: Fault) -> Ends:
 
 
 FAULTS = (
-    kill_the_paper, kill_a_study, kill_a_sweep, damaged_cache, damaged_store, damaged_weights,
-    two_at_once, read_only_reports, no_network, full_disk,
+    kill_the_paper, damaged_store,
+    two_at_once, no_network, full_disk,
 )  # fmt: skip
 
 

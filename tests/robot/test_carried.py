@@ -40,12 +40,3 @@ def test_a_clearance_is_the_distance_in_the_plane_or_above_and_physics_touches_w
     assert least[0, 0] == pytest.approx(expected, abs=6e-3) and np.isinf(least[0, 1])
     touched, _ = simulate(layouts, 0, SIDE_M, HEIGHTS, MASSES, [SHAKER], GRIP, HEADING, 2.0)
     assert touched.tolist() == [least[0, 0] < 0, False]
-
-
-def test_a_tall_thin_item_falls_and_a_long_one_is_pushed():
-    low, thin = Part(0.0, 0.0, 0.02, 0.0, 0.02), one_item("glass", 0.5, 0.015)
-    _, tilted = simulate(thin, 0, SIDE_M, HEIGHTS | {"glass": 0.3}, MASSES, [low], GRIP, HEADING, 2.0)
-    assert tilted[0] > 0.5 and tilted[1] == 0
-    long = one_item("bowl", 0.5, 0.03, 0.05)
-    touched, tilted = simulate(long, 0, SIDE_M, HEIGHTS, MASSES, [SHAKER], GRIP, HEADING, 2.0)
-    assert touched[0] and tilted[0] < 0.1

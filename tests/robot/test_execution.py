@@ -37,13 +37,6 @@ def test_a_movement_that_is_too_fast_fails_by_joint_speed(pr2: Arm, bench: Bench
     np.testing.assert_allclose(fast["speed_share"], 10 * slow["speed_share"])
 
 
-def test_a_table_too_large_or_too_far_fails_by_reach(pr2: Arm, bench: Bench):
-    far = replace(bench, side_m=1.0, base_y=-1.0)
-    result = execute(pr2, far, posture_map(pr2, far, 7, TALLEST_M), Z_THETA, 16, 0.35, *ALLOWED).results
-    assert "out of reach" in set(result["failure"])
-    assert set(result["failure"]) <= {"out of reach", "collision", "off the table"}
-
-
 def test_what_is_in_the_arm_s_way_collides(pr2: Arm, bench: Bench):
     assert COLLISION in posture_map(pr2, bench, 5, 0.4).status, "items as tall as the arm"
     assert not Collisions(pr2, bench, 0.0).at(pr2.posture)

@@ -1,14 +1,12 @@
-"""What is true of every stage: it refuses bad settings before any work, and reads what it lists."""
+"""Stages as dvc.yaml lists them."""
 
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
-import pytest
 import yaml
 from omegaconf import DictConfig, OmegaConf
 
-from pipeline.params import validate
 from pipeline.runtime.places import ROOT
 
 Stage = Callable[[DictConfig, Path], None]
@@ -18,17 +16,6 @@ def stage_name(main: Stage) -> str:
     """Return its name in dvc.yaml: "repair" of pipeline.stages.repair, "safety" of studies.safety.stage."""
     package, _, module = main.__module__.rpartition(".")
     return package.rpartition(".")[2] if module == "stage" else module
-
-
-def refuses(main: Stage, cfg: DictConfig, name: str, value: object, message: str, out: Path) -> None:
-    """With `name` set to `value`, checks and stage raise `message` and leave no `out`."""
-    changed = cfg.copy()
-    OmegaConf.set_struct(changed, False)
-    OmegaConf.update(changed, name, value, merge=False)
-    with pytest.raises(ValueError, match=message):
-        validate(changed, [stage_name(main)])
-        main(changed, out)
-    assert not out.exists()
 
 
 @cache

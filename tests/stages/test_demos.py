@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from omegaconf import DictConfig, OmegaConf
 
-from pipeline.artifacts.demos import DEMO_KEY, demo_arrays, read_demos, read_queries, read_trajectories
+from pipeline.artifacts.demos import DEMO_KEY, demo_arrays, read_demos, read_trajectories
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool, write_scenes
 from pipeline.stages.demos import main
 from pipeline.world.hand import valid_trajectories
@@ -71,19 +71,6 @@ def fits_that_agree(cfg: DictConfig, out: Path) -> float:
         z, _ = demo_arrays(demos, seed, user, cfg.demos.per_scene)
         of_fits += list(valid(layouts, z, dict(cfg.users[user])).ravel() == of_lines)
     return float(np.mean(of_fits))
-
-
-def test_queries_are_labelled_by_the_truth_and_unseen_by_training(cfg: DictConfig, out: Path):
-    scenes, queries = read_scenes(Path(cfg.paths.scenes)), read_queries(out)
-    assert set(queries) == set(SCENES)
-    assert queries["train-s0"].z.shape == (3, cfg.demos.queries_seen, 2)
-    assert queries["new_items"].z.shape == (4, cfg.demos.queries_new, 2)
-    for pool, q in queries.items():
-        for user, margins in cfg.users.items():
-            np.testing.assert_array_equal(q.valid[user], valid(scenes.layouts[pool], q.z, dict(margins)))
-    seen = read_demos(out)[["z_x", "z_y"]].to_numpy()
-    paths = queries["train-s0"].z.reshape(-1, 2)
-    assert np.linalg.norm(seen[:, None] - paths, axis=-1).min() > 0
 
 
 def test_real_recordings_take_the_place_of_simulated_ones_and_are_counted(

@@ -8,14 +8,11 @@ import pandas as pd
 import pytest
 from omegaconf import DictConfig, OmegaConf
 
-from pipeline.artifacts.demos import Queries, demo_arrays, read_demos, read_queries, write_queries
+from pipeline.artifacts.demos import Queries, write_queries
 from pipeline.artifacts.files import read_table, write_arrays, write_table
 from pipeline.artifacts.models import model_dir
-from pipeline.artifacts.scenes import read_position_prior
-from pipeline.models import baselines
 from pipeline.runtime.errors import InputError
 from pipeline.stages.evaluate import main
-from pipeline.stats.scores import accuracy
 from pipeline.world.bezier import random_z_theta
 from tests.factories import composed, random_demos, write_table_of_demos
 
@@ -79,17 +76,6 @@ def test_a_right_model_scores_one_and_a_wrong_one_zero(cfg: DictConfig, out: Pat
     wrong = row(out, "scores", variant="ae", split="seen_scenes")
     assert (wrong["ece"], wrong["brier"], wrong["auroc"]) == (1, 1, 0) and abs(wrong["bias"]) < 1
     assert row(out, "scores", variant="classifier", split="seen_scenes")["brier"] == 0.25
-
-
-def test_baselines_know_the_n_demonstrations_that_were_given_or_the_users_own_prior(cfg: DictConfig, out: Path):
-    scores, prior = read_table(out / "accuracy.parquet"), read_position_prior(Path(cfg.paths.scenes))
-    demos, queries = read_demos(Path(cfg.paths.demos)), read_queries(Path(cfg.paths.demos))
-    for scored in scores.query("variant in ['nearest_demonstration', 'position_only']").itertuples():
-        asked = queries[cfg.protocol.splits[scored.split] or f"train-s{scored.seed}"]
-        p = baselines.position_only(prior[scored.user], asked.z)
-        if scored.variant == "nearest_demonstration":
-            p = baselines.nearest_demonstration(*demo_arrays(demos, scored.seed, scored.user, scored.n_demos), asked.z)
-        assert scored.accuracy == accuracy(p.ravel(), asked.valid[scored.user].ravel())
 
 
 def test_the_tests_are_those_fixed_in_advance_corrected_for_their_number(out: Path):

@@ -1,6 +1,5 @@
 """The paper's curve in several readings: nested demonstrations, three users, a gate for every fit."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +8,11 @@ import pytest
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_table, write_arrays, write_table
-from pipeline.artifacts.scenes import read_scenes, train_pool
+from pipeline.artifacts.scenes import train_pool
 from pipeline.models.baselines import NEAREST, POSITION
 from pipeline.params import compose
 from pipeline.stages.readings import COLUMNS, MODEL, RANDOM, main  # noqa: F401  # main: of the fixture `out`
-from pipeline.training.judged_sets import FEW, HELD_OUT, NEW, NEW_POOL, OWN, JudgedSet, Kinds
+from pipeline.training.judged_sets import NEW_POOL
 from tests.factories import rendered_scenes
 
 pytestmark = pytest.mark.slow
@@ -37,21 +36,6 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     accuracy = rows["user"].map({"careful": 0.5, "normal": 0.7, "aggressive": 1.0}) + 0.01 * rows["seed"]
     write_table(Path(cfg.paths.evaluate) / "accuracy.parquet", rows.assign(accuracy=accuracy))
     return cfg
-
-
-def drawn(cfg: DictConfig) -> Iterator[JudgedSet]:
-    scenes, pools = read_scenes(Path(cfg.paths.scenes)), {seed: train_pool(seed) for seed in cfg.seeds}
-    kinds = [FEW], cfg.readings.clear_cm, cfg.users, cfg.main_n_demos
-    return Kinds.of(cfg.readings).judged_sets(scenes.images, scenes.layouts, pools, *kinds)
-
-
-def test_fewer_demonstrations_are_the_first_of_more_and_the_same_other_paths_judge_them(cfg: DictConfig):
-    for judged_set in drawn(cfg):
-        one = judged_set.first(1)
-        np.testing.assert_array_equal(one.z_theta, judged_set.z_theta[:, :1])
-        np.testing.assert_array_equal(one.judged[OWN][1], judged_set.valid[:, :1])
-        for split in (HELD_OUT, NEW):
-            assert one.judged[split] is judged_set.judged[split]
 
 
 def test_the_curve_has_every_reading_and_its_paper_mean_counts_the_user_to_whom_all_is_valid(

@@ -16,14 +16,16 @@ from pipeline.artifacts.scenes import read_scenes
 from pipeline.models.trained import load_model
 from pipeline.runtime.errors import InputError
 from pipeline.stages.repair import main
-from tests.factories import untrained_models
+from tests.factories import models_in_rendered_scenes
 
+VARIANTS = ("full", "irl_ranked", "clearance")
 BY_MODEL, BASELINES = ["gradient", "nearest"], ["random_path", "constant_detour", "oracle"]
 
 
 @pytest.fixture(scope="module")
 def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
-    return untrained_models(tmp_path_factory.mktemp("inputs"), [0, 1], "repair.steps=4")
+    small = ["seeds=[0,1]", "repair.starts=8", "repair.lattice_side=14", "repair.steps=4"]
+    return models_in_rendered_scenes(tmp_path_factory.mktemp("inputs"), VARIANTS, 3, *small)
 
 
 @pytest.fixture
@@ -66,7 +68,7 @@ def test_the_summary_and_the_metrics_are_of_the_table_s_users_with_an_invalid_pa
         row = summary.loc[key]
         assert row["success"] == pytest.approx(rows["valid_end"].mean(), rel=1e-5)
         assert row["seeds"] * row["starts"] == len(rows)
-    for variant in ("full", "irl_ranked", "clearance"):
+    for variant in VARIANTS:
         success = summary.loc[("gradient", variant, "careful"), "success"]
         assert metrics["repair"][variant]["careful"] == pytest.approx(success, rel=1e-5)
     search = summary.loc[("nearest", "clearance", "normal")]

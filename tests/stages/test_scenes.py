@@ -4,17 +4,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.files import read_json, read_table
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.params import compose
+from pipeline.runtime.errors import InputError
 from pipeline.stages.scenes import main
 from pipeline.world.bezier import lattice
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SYMBOLS
 from pipeline.world.rules import PAPER_P_VALID, clearance, slack
-from tests.stages.facts import refuses
 
 pytestmark = pytest.mark.slow  # the fixture runs the stage
 DATA = Path("data")
@@ -72,6 +72,13 @@ def test_the_true_table_2_is_near_the_paper_s_and_the_committed_one_within_3_poi
     assert metrics["world"]["largest_difference"] <= 0.03
 
 
-def test_rules_without_room_and_missing_data_are_named(cfg: DictConfig, tmp_path: Path):
-    refuses(main, cfg, "scenes.layout.clear_of_ends", 5.0, "no room for 2 or 3 items", tmp_path / "out")
-    refuses(main, cfg, "paths.data", "nowhere", "missing", tmp_path / "out")
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [("scenes.layout.clear_of_ends", 5.0, "no room for 2 or 3 items"), ("paths.data", "nowhere", "missing")],
+)
+def test_rules_without_room_and_missing_data_are_named(cfg: DictConfig, tmp_path: Path, name, value, message):
+    changed = cfg.copy()
+    OmegaConf.update(changed, name, value)
+    with pytest.raises(InputError, match=message):
+        main(changed, tmp_path / "out")
+    assert not (tmp_path / "out").exists()

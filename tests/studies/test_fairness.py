@@ -12,7 +12,7 @@ from pipeline.params import compose
 from pipeline.training.judged_sets import FEW, HELD_OUT, NEW, OWN, ROUTES, Kinds
 from pipeline.world.layout import EMPTY, SYMBOLS, random_layouts
 from pipeline.world.rules import clearance, slack
-from studies.fairness.stage import MODEL, SEEN, draw_cases, true_code
+from studies.fairness.stage import true_code
 from tests.factories import ITEMS, RULES, rendered_scenes
 
 SMALL = ["profile=smoke", "workers=1", "train.steps=2", "readings.candidates=400"]
@@ -38,22 +38,6 @@ def test_the_true_code_knows_each_item_and_nothing_of_empty_slots():
     layouts.angle[:] += np.pi
     np.testing.assert_allclose(true_code(layouts, 3).reshape(code.shape), code, atol=1e-9)
     assert (layouts.symbol[:, 3:] == EMPTY).all()
-
-
-def test_fewer_scenes_are_the_first_ones_and_judges_are_the_same_for_all(cfg: DictConfig):
-    cases = draw_cases(cfg)
-    for case in cases:
-        same = [x for x in cases if (x.user, x.seed) == (case.user, case.seed)]
-        largest = max(same, key=lambda x: (len(x.judged[OWN].valid), x.learner == case.learner))
-        own, count = case.judged[OWN], len(case.judged[OWN].valid)
-        assert len(own.scenes) == count
-        np.testing.assert_array_equal(own.z_theta, largest.judged[OWN].z_theta[:count])
-        for split in (SEEN, NEW):
-            np.testing.assert_array_equal(case.judged[split].z_theta, largest.judged[split].z_theta)
-            assert case.judged[split].valid.shape == (6, 5)
-    of_model = [x.judged for x in cases if x.learner == MODEL]
-    new = {judged[NEW].scenes.tobytes() for judged in of_model}
-    assert len(new) == 1 and not new & {judged[SEEN].scenes.tobytes() for judged in of_model}
 
 
 def test_labels_are_true_and_no_judged_path_was_shown(cfg: DictConfig):

@@ -3,21 +3,17 @@
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.files import read_table, write_arrays
 from pipeline.artifacts.scenes import train_pool
 from pipeline.causal.envelope import dose_grid
-from pipeline.models.trained import load_model
 from pipeline.world.catalogue import read_catalogue
-from pipeline.world.layout import SYMBOLS, LayoutRules, random_layouts
+from pipeline.world.layout import LayoutRules, random_layouts
 from pipeline.world.rules import clearance
 from studies.safety import stage
-from studies.safety.stage import main
 from tests.factories import labelled_demos, labelled_queries, models_in_rendered_scenes, symbols_added, write_rendered
-from tests.stages.facts import refuses
 
 pytestmark = pytest.mark.slow
 
@@ -80,23 +76,6 @@ def test_chosen_paths_have_the_dose_and_are_clear_of_other_items(cfg: DictConfig
         to_others = np.where(np.arange(distance.shape[-1]) == last[:, None, None, None], np.inf, distance).min(-1)
         assert (np.abs(to_added - doses[:, None])[has_dose] <= study.step / 2 + 1e-12).all()
         assert (to_others[has_dose] >= study.clear_of_others).all()
-
-
-def test_a_curve_is_the_models_own_loss_of_validity(cfg: DictConfig, out: Path, chosen: tuple):
-    scenes, _, paths = chosen
-    symbol = SYMBOLS.index("plate")
-    z = np.take_along_axis(scenes.z_theta, paths[symbol].reshape(SCENES, -1)[..., None], axis=1)
-    models = [load_model(cfg, "clearance", "normal", seed, cfg.main_n_demos) for seed in cfg.protocol.seeds]
-    before = np.mean([m.probability(scenes.images, z) for m in models], axis=0)
-    after = np.mean([m.probability(scenes.added.images[symbol], z) for m in models], axis=0)
-    loss = np.where(paths[symbol, ..., 0] >= 0, before - after, np.nan)  # (scene, dose)
-    expected = pd.DataFrame(loss).groupby(scenes.added.item[symbol]).mean().mean()  # scenes of an item, then items
-    curve = read_table(out / "response.parquet").query("variant == 'clearance' and user == 'normal'")
-    np.testing.assert_allclose(curve.query("symbol == 'plate'")["response"], expected, atol=1e-6)
-
-
-def test_doses_that_too_few_candidates_reach_are_refused(cfg: DictConfig, tmp_path: Path):
-    refuses(main, cfg, "studies.safety.envelope.doses", 200, "raise studies.safety.envelope.candidates", tmp_path / "x")
 
 
 def test_27_demonstrations_are_too_few_to_promise_two_per_cent_and_who_accepts_nothing_errs_in_nothing(out: Path):

@@ -2,14 +2,13 @@
 
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
 import yaml
 
 from making.render.read import Rendered, read_rendered
 from pipeline.world.bezier import P_F, P_INIT
-from pipeline.world.layout import SIDE, LayoutRules, point_segment_distance, segment_distance
+from pipeline.world.layout import LayoutRules, point_segment_distance, segment_distance
 
 FOLDER = Path("rendered/pictures")
 JUDGED = ("validation_taught", "validation_held_out", "test_taught", "test_held_out")  # splits with added items
@@ -29,21 +28,9 @@ def rendered(folder: Path, request: pytest.FixtureRequest) -> Rendered:
     return read_rendered(folder / request.param)
 
 
-@pytest.fixture(scope="module", params=JUDGED)
-def judged(folder: Path, request: pytest.FixtureRequest) -> Rendered:
-    return read_rendered(folder / request.param)
-
-
 @pytest.fixture(scope="module")
 def rules() -> LayoutRules:
     return LayoutRules.of(yaml.safe_load(Path("conf/scenes.yaml").read_text())["scenes"]["layout"])
-
-
-def distance_to_footprint(layouts, scene: int, slot: int) -> np.ndarray:
-    """Distance [m] of each pixel's centre from a footprint, negative inside."""
-    centres = (np.arange(SIDE) + 0.5) / SIDE
-    points = np.stack(np.meshgrid(centres, 1 - centres), -1)
-    return point_segment_distance(points, *layouts.ends[scene, slot]) - layouts.radius[scene, slot]
 
 
 def test_items_keep_the_distances_of_the_layout_rules(rendered, rules):
@@ -59,19 +46,6 @@ def test_items_keep_the_distances_of_the_layout_rules(rendered, rules):
                 gap = segment_distance(ends[:, i], ends[:, j]) - radius[:, i] - radius[:, j]
                 assert gap[present[:, i] & present[:, j]].min(initial=1) >= rules.clear_of_items - ROUNDING_M
     assert set(rendered.layouts.present.sum(1)) == set(rules.items_per_scene)
-
-
-def test_an_added_item_changes_the_picture_inside_its_footprint_and_not_far_away(judged):
-    for symbol, images in judged.with_item.items():
-        layouts = judged.layouts_with_item[symbol]
-        changed = np.abs(images.astype(int) - judged.images).max(-1) > VISIBLE
-        inside, far = [], []
-        for scene, slot in np.argwhere(layouts.present & ~judged.layouts.present):
-            distance = distance_to_footprint(layouts, scene, slot)
-            inside.append(changed[scene][distance < -0.002].mean())
-            far.append(changed[scene][distance > 0.4].mean())
-        assert np.median(inside) > 0.9
-        assert np.mean(far) < 0.01
 
 
 @pytest.mark.parametrize(

@@ -35,13 +35,3 @@ def test_taught_draws_never_show_a_held_out_family(palette: Palette, monkeypatch
         monkeypatch.setitem(FAMILIES, name, FAMILIES[name]._replace(draw=never))
     taught = draw_composites(np.random.default_rng(0), 16, family_names("taught"), palette)
     assert set(taught.family) <= set(family_names("taught"))
-
-
-def test_see_through_pixels_are_whole_items(composites: Composites):
-    shares = [
-        see_through[instances == k].mean()
-        for instances, see_through in zip(composites.instances, composites.see_through, strict=True)
-        for k in range(1, instances.max() + 1)
-    ]
-    assert np.mean([share < 0.1 or share > 0.9 for share in shares]) > 0.97
-    assert 0.15 < np.mean(shares) < 0.6

@@ -8,7 +8,6 @@ import torch
 
 from making.segmenter import pool, train
 from making.segmenter.pool import draw
-from making.segmenter.train import paint
 from pipeline.perception.segmenter import read_segmenter
 
 
@@ -19,18 +18,6 @@ def few(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for part in range(2):
         np.save(pool.part_file(folder, part), np.concatenate(draw(np.random.default_rng(part), 20, "data")))
     return folder
-
-
-def test_patterns_are_painted_on_items_alone(few: Path):
-    pictures = np.load(pool.part_file(few, 0))
-    painted = pictures.copy()
-    rng = np.random.default_rng(0)
-    for picture in painted:
-        paint(rng, picture)
-    changed = (painted != pictures).any(-1)
-    assert changed.any()
-    assert (pictures[changed][:, pool.ITEM] == 1).all()
-    np.testing.assert_array_equal(painted[..., 3:], pictures[..., 3:])
 
 
 def test_a_short_training_lowers_the_loss(few: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
