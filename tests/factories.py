@@ -28,8 +28,6 @@ from pipeline.world.rules import valid
 
 RULES = LayoutRules((2, 3), (0.05, 0.35, 0.40, 0.20), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)  # as in conf/scenes.yaml
 ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.075, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
-SCENES = 3
-
 
 WEIGHTS = {  # of Eq. 1
     "full": Weights(alpha=10.0, beta=0.005, gamma=1.0),

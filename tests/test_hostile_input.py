@@ -26,7 +26,6 @@ NASTY = [
     *("<script>alert(1)</script>", "{{ 7 * 7 }}", "!!python/object/apply:os.system ['true']", "&a [*a]"),
     *("${oc.env:HOME}", "${", "ﬀ\u202e"),
 ]
-VALUES = [None, True, -1, float("nan"), "a", [], [[1, 2], [3]], {"a": {"": None}}, *NASTY[6:9]]  # of YAML and JSON
 
 
 def damaged(content: bytes) -> list[bytes]:
@@ -51,9 +50,6 @@ def command(main: Callable[[list[str]], int | None], arguments: list[str]) -> tu
         except InputError as error:  # printed by the module's last lines
             code, _ = 2, said.write(f"error: {error}")
     return code or 0, said.getvalue()
-
-
-# A person's own folder
 
 
 @pytest.fixture(scope="module")
@@ -90,16 +86,10 @@ def test_yaml_that_would_run_code_is_only_text(tmp_path: Path):
     assert read_folder(folder)[1] and not (tmp_path / "made").exists()
 
 
-# Command lines
-
-
 def test_a_nasty_override_of_parameters():
     for override in ("n_demos=" + NASTY[5], "seeds=${", "~\x1b[31mred", "+<script>=1", "train.steps=nan"):
         code, said = command(params.main, ["--check", override])
         assert code == 2 and said.startswith("error: "), (override, said)
-
-
-# Files of results and models
 
 
 @pytest.fixture(scope="module")

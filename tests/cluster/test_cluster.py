@@ -73,13 +73,6 @@ def end(process: psutil.Process) -> None:
             continue
 
 
-def agree(folder: Path, serial: Path, values: list[int]) -> bool:
-    """Whether these jobs of a sweep have the bytes of the serial run."""
-    return all(
-        results(folder, f"evaluate.bins={value}") == results(serial, f"evaluate.bins={value}") for value in values
-    )
-
-
 def swept(values: list[int], *launcher: str) -> list[str]:
     return ["--multirun", *SMALL, f"evaluate.bins={','.join(map(str, values))}", *launcher]
 
@@ -100,7 +93,8 @@ def test_a_ray_cluster_that_loses_a_node_does_every_job_with_the_serial_run_s_by
     assert running.wait(timeout=3600) == 0, Path(log.name).read_text()[-3000:]
     done = jobs(folder)
     assert len(done) == JOBS and {job["state"] for job in done.values()} == {"done"}
-    assert agree(folder, serial, SERIAL)
+    for job in (f"evaluate.bins={value}" for value in SERIAL):
+        assert results(folder, job) == results(serial, job)
 
 
 def test_slurm_s_job_file_asks_for_what_conf_says(repository: Path, tmp_path: Path):

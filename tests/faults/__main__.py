@@ -27,43 +27,45 @@ ROOT = Path(__file__).parents[2]
 REPRO = ["make", "--assume-old=.venv/.ready", "repro"]
 STAGES = ("scenes", "demos", "train", "irl", "clearance", "evaluate", "repair", "intervene", "record")
 PAPER = (*(f"outputs/{stage}" for stage in STAGES), "reports")
-RESULTS = ("outputs", "reports", "studies/users")
+VARY = (".rrd", ".lock", ".pyc")  # or hold hashes of recordings, whose digests are compared
 SAME, MESSAGE, WRONG = "correct result", "clear message", "WRONG"
 MEAN_S = float(os.environ.get("MEAN_S", "8"))  # between kills: most stages of the smoke profile last as long
 
 
 class Broken:
-    """A clone of the finished run `whole` for one fault; `run` runs a command in it."""
+    """A clone of the finished run `whole` for one fault, as if no stage had run; `run` runs a command in it."""
 
-    def __init__(self, whole: Path, folder: Path, *, results: bool, cache: bool):
-        """Clone; with its results, or else as if no stage had run; with DVC's cache or without."""
+    def __init__(self, whole: Path, folder: Path):
+        """Clone, without results and without DVC's cache."""
         self.whole, self.folder = whole, folder
         subprocess.run(["git", "clone", "--quiet", str(whole), str(folder)], check=True)
-        if results:
-            shutil.copytree(whole / "outputs", folder / "outputs", dirs_exist_ok=True)
-        else:
-            for path in [folder / "dvc.lock", *folder.glob("studies/**/dvc.lock"), *folder.glob("reports/**/*.*")]:
-                path.unlink()
-        if cache:
-            shutil.copytree(whole / ".dvc/cache", folder / ".dvc/cache")
+        for path in [folder / "dvc.lock", *folder.glob("studies/**/dvc.lock"), *folder.glob("reports/**/*.*")]:
+            path.unlink()
         dvc(folder, "pull", "--quiet", "--remote", "store", "data.dvc", "rendered/pictures.dvc")
+        self.place = {"cwd": folder, "env": os.environ | {"PYTHONPATH": str(folder)}}  # Python finds the clone's code
 
     def run(self, *command: str) -> subprocess.CompletedProcess[str]:
         """Return the ended command with what it said."""
-        place = {"cwd": self.folder, "env": self.environment}
-        return subprocess.run(command, **place, capture_output=True, text=True, timeout=3600)
+        return subprocess.run(command, **self.place, capture_output=True, text=True, timeout=3600)
 
-    @property
-    def environment(self) -> dict[str, str]:
-        """The caller's, in which Python finds the clone's own code."""
-        return os.environ | {"PYTHONPATH": str(self.folder)}
-
-    def judge(self, done: subprocess.CompletedProcess[str], folders: tuple[str, ...] = RESULTS) -> tuple[str, str]:
+    def judge(self, done: subprocess.CompletedProcess[str]) -> tuple[str, str]:
         """Return how the fault ended, and the sentence or what is wrong: files that differ from the whole run's."""
         if done.returncode:
             return said(done)
-        different = [name for folder in folders for name in _differing(self.whole / folder, self.folder / folder)]
+        different = [name for folder in PAPER for name in _differing(self.whole / folder, self.folder / folder)]
         return (WRONG, f"differs: {', '.join(different[:5])}") if different else (SAME, "")
+
+    def is_killed(self, rng: np.random.Generator) -> bool:
+        """Start the run and kill it after a random time; return False if it came to its end before."""
+        silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "start_new_session": True}
+        process = subprocess.Popen(REPRO, **self.place, **silent)
+        try:
+            process.wait(rng.exponential(MEAN_S) + 0.5)
+            return False
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+            return True
 
 
 def said(done: subprocess.CompletedProcess[str]) -> tuple[str, str]:
@@ -77,16 +79,11 @@ def said(done: subprocess.CompletedProcess[str]) -> tuple[str, str]:
 
 def _differing(first: Path, second: Path) -> list[str]:
     def contents(folder: Path) -> dict[str, bytes]:
-        files = [path for path in folder.rglob("*") if path.is_file() and not _varies(path)]
+        files = [path for path in folder.rglob("*") if path.is_file() and path.suffix not in VARY]
         return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
     before, after = contents(first), contents(second)
     return sorted(name for name in before.keys() | after.keys() if before.get(name) != after.get(name))
-
-
-def _varies(path: Path) -> bool:
-    """Whether a file holds hashes of recordings, whose digests are compared."""
-    return path.suffix in (".rrd", ".lock", ".pyc")
 
 
 class Fault(NamedTuple):
@@ -97,25 +94,12 @@ class Fault(NamedTuple):
     rng: np.random.Generator
     kills: int
 
-    def broken(self, name: str = "clone", *, results: bool, cache: bool) -> Broken:
+    def broken(self, name: str = "clone") -> Broken:
         """Return a new clone of the whole run."""
-        return Broken(self.whole, self.folder / name, results=results, cache=cache)
+        return Broken(self.whole, self.folder / name)
 
 
 Ends = list[tuple[str, str]]  # how a fault ended, for each time that it was injected
-
-
-def _is_killed(broken: Broken, command: list[str], rng: np.random.Generator) -> bool:
-    """Start a command and kill it after a random time; return False if it came to its end before."""
-    place = {"cwd": broken.folder, "env": broken.environment, "start_new_session": True}
-    process = subprocess.Popen(command, **place, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    try:
-        process.wait(rng.exponential(MEAN_S) + 0.5)
-        return False
-    except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-        return True
 
 
 def _damage(path: Path, rng: np.random.Generator, how: str) -> None:
@@ -134,10 +118,10 @@ def kill_the_paper(fault: Fault) -> Ends:
     """kill -9 of `make repro` and all its children, resumed"""
     ends: Ends = []
     while len(ends) < fault.kills:  # a run is killed and resumed until it ends; each kill ends as that run
-        broken, killed = fault.broken(str(len(ends)), results=False, cache=False), 0
-        while len(ends) + killed < fault.kills and _is_killed(broken, REPRO, fault.rng):
+        broken, killed = fault.broken(str(len(ends))), 0
+        while len(ends) + killed < fault.kills and broken.is_killed(fault.rng):
             killed += 1
-        ends += [broken.judge(broken.run(*REPRO), PAPER)] * killed
+        ends += [broken.judge(broken.run(*REPRO))] * killed
         shutil.rmtree(broken.folder)
     return ends
 
@@ -146,33 +130,33 @@ def damaged_store(fault: Fault) -> Ends:
     """damaged file in the store of data, pulled"""
     ends = []
     for how, suffix in itertools.product(("cut", "flip"), (".csv", ".png")):
-        broken = fault.broken(how + suffix, results=False, cache=False)
+        broken = fault.broken(how + suffix)
         names = sorted(broken.folder.glob(f"data/**/*{suffix}"))
         content = names[int(fault.rng.integers(len(names)))].read_bytes()
         for folder in ("data", ".dvc/cache", ".dvc/tmp"):
             shutil.rmtree(broken.folder / folder, ignore_errors=True)
         (stored,) = [p for p in broken.folder.glob("store/files/md5/*/*") if p.read_bytes() == content]
         _damage(stored, fault.rng, how)
-        ends.append(broken.judge(broken.run(*REPRO), PAPER))
+        ends.append(broken.judge(broken.run(*REPRO)))
     return ends
 
 
 def two_at_once(fault: Fault) -> Ends:
     """two `make repro` at once"""
-    broken = fault.broken(results=False, cache=False)
+    broken = fault.broken()
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
     first = subprocess.Popen(REPRO, cwd=broken.folder, **pipes, start_new_session=True)
     time.sleep(float(fault.rng.uniform(4, 12)))
     second = broken.run(*REPRO)
     text, _ = first.communicate()
     ended = subprocess.CompletedProcess(REPRO, first.returncode, text, "")
-    return [broken.judge(ended, PAPER), broken.judge(second, PAPER)]
+    return [broken.judge(ended), broken.judge(second)]
 
 
 def no_network(fault: Fault) -> Ends:
     """no network"""
-    broken = fault.broken(results=False, cache=False)
-    return [broken.judge(broken.run("unshare", "--net", *REPRO), PAPER)]
+    broken = fault.broken()
+    return [broken.judge(broken.run("unshare", "--net", *REPRO))]
 
 
 def full_disk(fault: Fault) -> Ends:
@@ -180,21 +164,18 @@ def full_disk(fault: Fault) -> Ends:
     fault.folder.mkdir()
     subprocess.run(["mount", "-t", "tmpfs", "-o", "size=400m", "tmpfs", fault.folder], check=True)
     try:
-        broken = fault.broken(results=False, cache=False)
+        broken = fault.broken()
         free, filler = shutil.disk_usage(fault.folder).free, fault.folder / "filler"
         filler.write_bytes(bytes(free - int(fault.rng.integers(1_000_000, 4_000_000))))
         refused = broken.run(*REPRO)
         filler.unlink()
         first = said(refused) if refused.returncode else (WRONG, "it fitted")
-        return [first, broken.judge(broken.run(*REPRO), PAPER)]
+        return [first, broken.judge(broken.run(*REPRO))]
     finally:
         subprocess.run(["umount", "--lazy", fault.folder], check=True)
 
 
-FAULTS = (
-    kill_the_paper, damaged_store,
-    two_at_once, no_network, full_disk,
-)  # fmt: skip
+FAULTS = (kill_the_paper, damaged_store, two_at_once, no_network, full_disk)
 
 
 def main() -> int:
