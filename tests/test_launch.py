@@ -1,4 +1,4 @@
-"""A stage from the command line: where it writes, what it refuses, and that what goes wrong is one line."""
+"""A stage from the command line: what goes wrong is one line, and Ctrl-C ends all of it."""
 
 import os
 import signal
@@ -40,10 +40,6 @@ def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> 
         return code, printed.out, printed.err
 
     return run
-
-
-def nothing(cfg: DictConfig, out_dir: Path) -> None:
-    """Do nothing."""
 
 
 def raising(error: type[Exception]) -> Callable:

@@ -13,7 +13,7 @@ from pipeline.viewer.scene import INVALID, VALID
 from tests.screenshots.window import select, settled, viewer
 from tests.viewer.example import STEPS, a_run, some_runs
 
-REPAIRS, INTERVENTIONS = 0, 3  # tabs of a run
+REPAIRS = 0  # tab of a run
 MIN_SPREAD, MIN_COLOURS = 20.0, 500  # of a screenshot with contents; a blank one has 0 and 1
 
 

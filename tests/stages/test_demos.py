@@ -1,4 +1,4 @@
-"""Stage demos: complete, labelled by the recorded lines, the same bytes twice; bad recordings are refused."""
+"""Stage demos: labelled by the recorded lines; a person's recordings take part, and bad recordings are refused."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The paper's curve in several readings: nested demonstrations, three users, a gate for every fit."""
+"""The paper's curve in several readings: its mean is over the users it says."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Stage scenes: every pool of its size and items, the same bytes twice, and a world like the paper's."""
+"""Stage scenes: every pool of its size and items, the same bytes beside others, and a world like the paper's."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Study shift: disturbances do what their strength says, and models are judged under them and under another rule."""
+"""Study shift: disturbances do what their strength says, and another rule is what it says."""
 
 from dataclasses import fields, replace
 

@@ -1,4 +1,4 @@
-"""Training pictures are changed together with their truth, and a short training learns."""
+"""A short training learns."""
 
 from pathlib import Path
 
@@ -11,19 +11,12 @@ from making.segmenter.pool import draw
 from pipeline.perception.segmenter import read_segmenter
 
 
-@pytest.fixture(scope="module")
-def few(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A pool of two small parts."""
-    folder = tmp_path_factory.mktemp("pool")
+def test_a_short_training_lowers_the_loss(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     for part in range(2):
-        np.save(pool.part_file(folder, part), np.concatenate(draw(np.random.default_rng(part), 20, "data")))
-    return folder
-
-
-def test_a_short_training_lowers_the_loss(few: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+        np.save(pool.part_file(tmp_path, part), np.concatenate(draw(np.random.default_rng(part), 20, "data")))
     monkeypatch.setattr(train, "PART", 20)
     monkeypatch.setattr(train, "FIRST_PARTS", 2)
     monkeypatch.setattr(train, "WARM_UP", 2)
-    losses = train.train(few, tmp_path / "weights.safetensors", steps=12)
+    losses = train.train(tmp_path, tmp_path / "weights.safetensors", steps=12)
     assert losses[-1] < 0.9 * losses[0]
     assert torch.isfinite(read_segmenter(tmp_path / "weights.safetensors").head.weight).all()
