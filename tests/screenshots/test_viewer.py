@@ -1,13 +1,11 @@
 """Rerun's own viewer, without a screen, shows the recordings: nothing blank, no error, each recording its own."""
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
 from rerun.experimental import ViewerClient
 
-from pipeline.runtime.places import ROOT
 from pipeline.viewer.run import TIMELINES, write_overview, write_run
 from pipeline.viewer.scene import INVALID, VALID
 from tests.screenshots.window import select, settled, viewer
@@ -55,10 +53,3 @@ def test_a_run_shows_its_scenes_its_repairs_move_and_the_overview_differs(client
     compared = screenshot(overview)
     assert share(compared, VALID) > 0.01 and share(compared, INVALID) > 0.01
     assert (last != compared).any(-1).mean() > 0.05
-
-
-@pytest.mark.parametrize("path", sorted(ROOT.glob("studies/*/recording/*.rrd")), ids=lambda path: path.stem)
-def test_a_study_s_recording_shows_something(path: Path) -> None:
-    with viewer(path) as client:
-        client.set_time("time", duration=1.5, play_state="paused")
-        screenshot(client)

@@ -1,4 +1,4 @@
-"""Facts about stages train, irl and clearance: what they write does not depend on processes, other seeds or the processor."""
+"""What stages train, irl and clearance write does not depend on processes, other seeds or the processor."""
 
 import hashlib
 import os

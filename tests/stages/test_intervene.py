@@ -9,6 +9,7 @@ from omegaconf import DictConfig
 from pipeline.artifacts.files import read_arrays, read_table
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.models.trained import load_model
+from pipeline.stages.intervene import main  # noqa: F401  # of the fixture `out`
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SYMBOLS
 from pipeline.world.render import Palette, render_scenes
@@ -16,15 +17,14 @@ from tests.factories import models_in_rendered_scenes
 
 pytestmark = pytest.mark.slow
 
-SCENES, PATHS = 4, 6
-VARIANTS = ("full",)
+SCENES = 4
 
 
 @pytest.fixture(scope="module")
 def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
-    settings = [f"intervene.paths={PATHS}", "intervene.placements=1", "intervene.more_scenes=2"]
+    settings = ["intervene.paths=6", "intervene.placements=1", "intervene.more_scenes=2"]
     settings += [f"+questions@questions.{name}={name}" for name in ("table_top_onyx", "remove_glass")]
-    return models_in_rendered_scenes(tmp_path_factory.mktemp("intervene"), VARIANTS, SCENES, *settings)
+    return models_in_rendered_scenes(tmp_path_factory.mktemp("intervene"), ["full"], SCENES, *settings)
 
 
 def test_a_models_answer_is_its_mean_probability_before_and_after(cfg: DictConfig, out: Path):
