@@ -44,9 +44,8 @@ def test_overrides_are_kept_for_all_that_composes_conf_until_others_are_given(ow
     assert params.main(given) == 0 == params.main(["--check"])
     by_dvc, text = composed_by_dvc(own_conf, "evaluate.bins=5"), Path("params.yaml").read_text()
     assert by_dvc == yaml.safe_load(text.replace("bins: 10", "bins: 5"))
-    assert (by_dvc["profile"], by_dvc["train"]["steps"]) == ("smoke", 9) and not {"ae", "irl_maxent"} & set(
-        by_dvc["variants"]
-    )
+    assert (by_dvc["profile"], by_dvc["train"]["steps"]) == ("smoke", 9)
+    assert not {"ae", "irl_maxent"} & by_dvc["variants"].keys()
     assert by_dvc["graph"]["train"] == ["full", "classifier"]
     assert params.main([]) == 0 and Path("params.yaml").read_text() == text
     assert params.main(["profile=paper"]) == 0

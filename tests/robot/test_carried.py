@@ -25,9 +25,7 @@ HEADING = np.zeros(50)
         ("glass", 0.5, -0.6 * 0.05 - 0.02),  # through a tall one: negative
     ],
 )
-def test_a_clearance_is_the_distance_in_the_plane_or_above_and_physics_touches_what_has_none(
-    symbol: str, y: float, expected: float
-):
+def test_a_clearance_is_a_distance_aside_or_above_and_physics_touches_what_has_none(symbol, y: float, expected: float):
     layouts = empty(1, 2)
     layouts.symbol[0, 0], layouts.centre[0, 0], layouts.radius[0, 0] = SYMBOLS.index(symbol), (0.5, y), 0.05
     least = clearances(SHAKER, GRIP[None], HEADING[None], layouts, SIDE_M, HEIGHTS)

@@ -73,9 +73,7 @@ def fits_that_agree(cfg: DictConfig, out: Path) -> float:
     return float(np.mean(of_fits))
 
 
-def test_real_recordings_take_the_place_of_simulated_ones_and_are_counted(
-    cfg: DictConfig, out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-):
+def test_real_recordings_take_the_place_of_simulated_ones_and_are_counted(cfg, out: Path, tmp_path: Path, capsys):
     main(real_csv(cfg, tmp_path, out, clock_s=1.7e9), tmp_path / "real")  # since 1970
     before, after = read_demos(out), read_demos(tmp_path / "real")
     moved = np.linalg.norm(after[["z_x", "z_y"]].to_numpy() - before[["z_x", "z_y"]].to_numpy(), axis=1) > 1e-3
