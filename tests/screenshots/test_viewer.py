@@ -7,7 +7,6 @@ import pytest
 from rerun.experimental import ViewerClient
 
 from pipeline.viewer.run import TIMELINES, write_overview, write_run
-from pipeline.viewer.scene import INVALID, VALID
 from tests.screenshots.window import select, settled, viewer
 from tests.viewer.example import STEPS, a_run, some_runs
 
@@ -35,11 +34,6 @@ def screenshot(client: ViewerClient) -> np.ndarray:
     return image
 
 
-def share(image: np.ndarray, colour: tuple[int, ...]) -> float:
-    """Return the share of an image that is nearly of this colour."""
-    return float((np.abs(image.astype(int) - colour).max(-1) < 12).mean())
-
-
 def test_a_run_shows_its_scenes_its_repairs_move_and_the_overview_differs(clients) -> None:
     run, overview = clients
     (recording,) = run.get_state().recordings
@@ -51,5 +45,4 @@ def test_a_run_shows_its_scenes_its_repairs_move_and_the_overview_differs(client
     assert (first != last).any(-1).mean() > 0.001
     select(overview, 0, "scene", 1)
     compared = screenshot(overview)
-    assert share(compared, VALID) > 0.01 and share(compared, INVALID) > 0.01
     assert (last != compared).any(-1).mean() > 0.05
