@@ -87,7 +87,5 @@ def test_a_deleted_study_is_gone_without_a_trace_and_a_variant_is_one_file(tmp_p
     assert done.returncode == 0, done.stderr
     params = yaml.safe_load((tmp_path / "params.yaml").read_text())
     assert study not in params["studies"] and study not in params["graph"]["pages"]
-    assert (
-        params["graph"]["train"] == ["full", "ae", "classifier", "narrow"]
-        and params["variants"]["narrow"]["alpha"] == 10
-    )
+    assert params["graph"]["train"] == ["full", "ae", "classifier", "narrow"]
+    assert params["variants"]["narrow"]["alpha"] == 10

@@ -1,4 +1,4 @@
-"""A stage from the command line: where it writes, what it refuses, and that what goes wrong is one line."""
+"""A stage from the command line: what goes wrong is one line, and Ctrl-C ends all of it."""
 
 import os
 import signal
@@ -42,18 +42,13 @@ def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> 
     return run
 
 
-def nothing(cfg: DictConfig, out_dir: Path) -> None:
-    """Do nothing."""
-
-
-def raising(error: type[Exception]) -> Callable:
-    def main(cfg: DictConfig, out_dir: Path) -> None:
-        raise error("no room")
-
-    return main
-
-
 def test_a_person_s_error_is_one_line_and_exit_code_2_and_a_defect_keeps_its_traceback(run, tmp_path: Path):
+    def raising(error: type[Exception]) -> Callable:
+        def main(cfg: DictConfig, out_dir: Path) -> None:
+            raise error("no room")
+
+        return main
+
     by_dvc, by_hydra = [*PARAMS, f"paths.scenes={tmp_path}"], [f"hydra.run.dir={tmp_path}"]
     for error, arguments in ((InputError, by_hydra), (PermissionError, by_dvc)):
         code, _, err = run(raising(error), "scenes", *arguments)

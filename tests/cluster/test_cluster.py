@@ -77,9 +77,7 @@ def swept(values: list[int], *launcher: str) -> list[str]:
     return ["--multirun", *SMALL, f"evaluate.bins={','.join(map(str, values))}", *launcher]
 
 
-def test_a_ray_cluster_that_loses_a_node_does_every_job_with_the_serial_run_s_bytes(
-    repository: Path, serial: Path, cluster: tuple[str, psutil.Process]
-):
+def test_a_ray_cluster_that_loses_a_node_does_every_job_with_the_serial_run_s_bytes(repository, serial, cluster):
     address, node = cluster
     launcher = ["hydra/launcher=ray_cluster", f"hydra.launcher.ray.init.address={address}"]
     arguments = command(*swept(list(range(5, 5 + JOBS)), *launcher), "--folder", "on_ray")

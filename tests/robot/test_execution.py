@@ -14,12 +14,12 @@ from pipeline.robot.inverse import COLLISION, PostureMap, posture_map
 from pipeline.world.bezier import P_F, P_INIT, curve, random_z_theta
 from tests.robot.conftest import TALLEST_M
 
-ERROR_M, TILT_RAD = ALLOWED = 0.002, 0.02
+ERROR_M, TILT_RAD = 0.002, 0.02
 Z_THETA = random_z_theta(np.random.default_rng(1), 8)
 
 
 def test_executed_paths_keep_limits_and_stay_on_the_path(pr2: Arm, bench: Bench, postures: PostureMap):
-    motion = execute(pr2, bench, postures, Z_THETA, 64, 0.35, *ALLOWED)
+    motion = execute(pr2, bench, postures, Z_THETA, 64, 0.35, ERROR_M, TILT_RAD)
     assert set(motion.results["failure"]) == {""}
     assert motion.results["error_mean_m"].mean() < 1e-3 and motion.results["error_max_m"].max() < ERROR_M
     assert (motion.q >= pr2.model.lowerPositionLimit).all() and (motion.q <= pr2.model.upperPositionLimit).all()
@@ -31,9 +31,9 @@ def test_executed_paths_keep_limits_and_stay_on_the_path(pr2: Arm, bench: Bench,
 
 
 def test_a_movement_that_is_too_fast_fails_by_joint_speed(pr2: Arm, bench: Bench, postures: PostureMap):
-    fast = execute(pr2, bench, postures, Z_THETA, 64, 3.5, *ALLOWED).results
+    fast = execute(pr2, bench, postures, Z_THETA, 64, 3.5, ERROR_M, TILT_RAD).results
     assert set(fast["failure"]) == {"joint speed"}
-    slow = execute(pr2, bench, postures, Z_THETA, 64, 0.35, *ALLOWED).results
+    slow = execute(pr2, bench, postures, Z_THETA, 64, 0.35, ERROR_M, TILT_RAD).results
     np.testing.assert_allclose(fast["speed_share"], 10 * slow["speed_share"])
 
 

@@ -1,4 +1,4 @@
-"""Facts about stages train, irl and clearance: what they write, that it repeats byte for byte, and what they refuse."""
+"""What stages train, irl and clearance write does not depend on processes, other seeds or the processor."""
 
 import hashlib
 import os
@@ -33,7 +33,7 @@ WITHOUT = {  # what pipeline.runtime.instructions leaves to the processor: numba
 }
 SMALL = ["seeds=[0,1]", "n_demos=[1,2]", "main_n_demos=2", "train.steps=4", "train.curve_every=2", "workers=1"]
 SMALL += ["train.engine=simd", "checkpoints=[0,2,50]", "irl.n_augmentations=2", "irl.curve_every=2"]
-SMALL += ["variants.irl_ranked.steps=3", "clearance.steps=3", "clearance.curve_every=2"]
+SMALL += ["irl.steps.ranked=3", "clearance.steps=3", "clearance.curve_every=2"]
 POOLS = {"train-s0": 3, "train-s1": 3, "new_scenes": 2, "new_items": 2}
 
 

@@ -12,11 +12,11 @@ from safetensors.torch import load_file
 
 from pipeline.artifacts.files import read_table
 from pipeline.artifacts.models import model_dir, save_weights, weights_path
-from pipeline.artifacts.scenes import read_scenes
+from pipeline.artifacts.scenes import read_scenes, train_pool
 from pipeline.models.trained import load_model
 from pipeline.runtime.errors import InputError
 from pipeline.stages.repair import main
-from tests.factories import models_in_rendered_scenes
+from tests.factories import models_in_rendered_scenes, rendered_scenes
 
 VARIANTS = ("full", "irl_ranked", "clearance")
 BY_MODEL, BASELINES = ["gradient", "nearest"], ["random_path", "constant_detour", "oracle"]
@@ -25,7 +25,9 @@ BY_MODEL, BASELINES = ["gradient", "nearest"], ["random_path", "constant_detour"
 @pytest.fixture(scope="module")
 def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     small = ["seeds=[0,1]", "repair.starts=8", "repair.lattice_side=14", "repair.steps=4"]
-    return models_in_rendered_scenes(tmp_path_factory.mktemp("inputs"), VARIANTS, 3, *small)
+    cfg = models_in_rendered_scenes(tmp_path_factory.mktemp("inputs"), VARIANTS, 3, *small)
+    rendered_scenes(cfg, {"new_items": (3, "unseen")} | {train_pool(seed): (3, "train") for seed in cfg.seeds})
+    return cfg
 
 
 @pytest.fixture

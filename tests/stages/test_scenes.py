@@ -1,10 +1,10 @@
-"""Stage scenes: every pool of its size and items, the same bytes twice, and a world like the paper's."""
+"""Stage scenes: every pool of its size and items, the same bytes beside others, and a world like the paper's."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_json, read_table
 from pipeline.artifacts.scenes import read_scenes
@@ -23,7 +23,7 @@ SPLIT = {"new_items": "unseen", "val_items": "validation"}  # of the items in a 
 
 @pytest.fixture(scope="module")
 def cfg() -> DictConfig:
-    sizes = {"per_seed": 4, "shared": 6, "validation": 3, "calibration": 300, "calibration_paths": 40}
+    sizes = {"per_seed": 2, "shared": 3, "validation": 2, "calibration": 300, "calibration_paths": 40}
     overrides = [f"scenes.{name}={value}" for name, value in sizes.items()]
     return compose(["seeds=[0,1]", "validation_seeds=[100]", "scenes.prior_side=8", *overrides])
 
@@ -31,8 +31,8 @@ def cfg() -> DictConfig:
 def test_every_pool_has_its_own_scenes_of_its_split_s_items_on_training_table_tops(out):
     scenes, catalogue = read_scenes(out), read_catalogue(DATA)
     sizes = {pool: len(images) for pool, images in scenes.images.items()}
-    training = {f"train-s{seed}": 4 for seed in (0, 1, 100)}
-    assert sizes == training | {"new_scenes": 6, "new_items": 6, "val_scenes": 3, "val_items": 3}
+    training = {f"train-s{seed}": 2 for seed in (0, 1, 100)}
+    assert sizes == training | {"new_scenes": 3, "new_items": 3, "val_scenes": 2, "val_items": 2}
     for pool, layouts in scenes.layouts.items():
         allowed = catalogue.pool(SPLIT.get(pool, "train"))
         assert np.isin(layouts.item[layouts.present], allowed).all(), pool
@@ -72,13 +72,10 @@ def test_the_true_table_2_is_near_the_paper_s_and_the_committed_one_within_3_poi
     assert metrics["world"]["largest_difference"] <= 0.03
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "message"),
-    [("scenes.layout.clear_of_ends", 5.0, "no room for 2 or 3 items"), ("paths.data", "nowhere", "missing")],
-)
-def test_rules_without_room_and_missing_data_are_named(cfg: DictConfig, tmp_path: Path, name, value, message):
+def test_rules_without_room_are_named(cfg: DictConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("pipeline.world.layout.MAX_TRIES", 20)
     changed = cfg.copy()
-    OmegaConf.update(changed, name, value)
-    with pytest.raises(InputError, match=message):
+    changed.scenes.layout.clear_of_ends = 5.0
+    with pytest.raises(InputError, match="no room for 2 or 3 items"):
         main(changed, tmp_path / "out")
     assert not (tmp_path / "out").exists()

@@ -1,4 +1,4 @@
-"""The study removes the item it says and nothing else, and moves an item exactly as far as the path asks."""
+"""The study moves an item exactly as far as the path asks, and scores the moves that a model asks for."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Learners read what they are said to read, and are judged by paths and scenes that they were not shown."""
+"""A learner reads the true code, and is judged by paths that it was not shown."""
 
 from pathlib import Path
 

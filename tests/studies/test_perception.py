@@ -1,4 +1,4 @@
-"""Objects are compared with the truth item by item; clearance models are judged on any path-traced split."""
+"""Objects are compared with the truth item by item, and accuracies are averaged as they say."""
 
 import numpy as np
 import pandas as pd

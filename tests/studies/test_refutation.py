@@ -7,20 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.world.bezier import P_F, P_INIT
-from pipeline.world.layout import (
-    Items,
-    Layouts,
-    concatenated,
-    point_segment_distance,
-    segment_distance,
-)
+from pipeline.world.layout import Items, Layouts, concatenated, point_segment_distance, segment_distance
 from studies.refutation.stage import GLASS, PLATE, World, association, lay_out
-from tests.factories import (
-    RULES,
-)
-
-STUDY = "studies.refutation"
-SCENES, PATHS = 3, 2
+from tests.factories import RULES
 
 # Per symbol a training item (0-3) and another one (4-7); the plate and the glass of the latter are oval.
 ROUND_AND_OVAL = Items(
@@ -51,7 +40,7 @@ def gaps(layouts: Layouts, scene: int, first: np.ndarray, second: np.ndarray) ->
 @pytest.mark.slow
 @pytest.mark.parametrize("pool", [ROUND, OVAL])
 @given(seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=4, deadline=None)
 def test_footprints_in_the_confounded_world_keep_the_clearances(pool, seed):
     layouts = drawn(seed, 4, pool)
     for scene in range(len(layouts)):

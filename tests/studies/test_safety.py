@@ -13,6 +13,7 @@ from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import LayoutRules, random_layouts
 from pipeline.world.rules import clearance
 from studies.safety import stage
+from studies.safety.stage import main  # noqa: F401  # of the fixture `out`
 from tests.factories import labelled_demos, labelled_queries, models_in_rendered_scenes, symbols_added, write_rendered
 
 pytestmark = pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Who is named, clusters, routes and verdicts on cases whose answer is known; the stage's tables agree."""
+"""Who is named, clusters, routes and verdicts on cases whose answer is known."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Drawing is repeatable, and data/ is what the script draws."""
+"""data/ is what the script draws."""
 
 from pathlib import Path
 

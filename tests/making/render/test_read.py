@@ -1,4 +1,4 @@
-"""The rendered pictures in data/ obey the layout rules, and show their items where the footprints say."""
+"""The rendered pictures in data/ obey the layout rules, and held-out kinds are shown nowhere else."""
 
 from pathlib import Path
 
@@ -16,7 +16,6 @@ from pipeline.world.symbols import SYMBOLS
 FOLDER = Path("rendered/pictures")
 JUDGED = ("validation_taught", "validation_held_out", "test_taught", "test_held_out")  # splits with added items
 ROUNDING_M = 3e-5  # lengths in items.csv have five decimals
-VISIBLE = 6  # smallest change of a channel that camera noise seldom makes, out of 255
 
 
 @pytest.fixture(scope="module")
