@@ -16,7 +16,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import pandas as pd
@@ -30,7 +29,6 @@ from pipeline.sweep.results import headlines
 
 WATCH_S = 0.5  # between two looks at the parent process
 MAX_NAME = 120  # characters of a folder's name; longer ones end in a digest
-CODE = ("conf", "pipeline", "studies", "dvc.yaml", "data.dvc", "rendered", "making")  # what a job runs
 LEFT_OUT = ("store", "examples", "tests", "bench")  # folders that no stage reads
 CONFIG = """[core]
     site_cache_dir = "{clone}/.dvc/tmp/site"
@@ -99,21 +97,9 @@ def is_done(folder: Path) -> bool:
 
 
 def snapshot(root: Path) -> str:
-    """Return the commit to run: HEAD, or one above it with the uncommitted changes and new files of CODE.
-
-    The made commit is on no branch and touches neither index nor working tree. The same changes give the same commit.
-    """
-    head = git(root, "rev-parse", "HEAD").strip()
-    if not git(root, "status", "--porcelain", "--untracked-files=all", "--", *CODE):
-        return head
-    date = git(root, "log", "-1", "--format=%cI").strip()
-    env = {f"GIT_{who}_{what}": "sweep" for who in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")}
-    with TemporaryDirectory() as folder:
-        env |= {"GIT_INDEX_FILE": f"{folder}/index", "GIT_AUTHOR_DATE": date, "GIT_COMMITTER_DATE": date}
-        git(root, "read-tree", "HEAD", env=env)
-        git(root, "add", "--all", "--", *CODE, env=env)
-        tree = git(root, "write-tree", env=env).strip()
-        return git(root, "commit-tree", tree, "-p", head, "-m", "Uncommitted changes of a sweep", env=env).strip()
+    """Return the commit to run: HEAD, or one on no branch with the uncommitted changes of files that git knows."""
+    author = ("-c", "user.name=sweep", "-c", "user.email=sweep@localhost")
+    return git(root, *author, "stash", "create").strip() or git(root, "rev-parse", "HEAD").strip()
 
 
 def _prepare(sweep: Sweep, clone: Path) -> None:

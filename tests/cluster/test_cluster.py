@@ -14,8 +14,6 @@ from pathlib import Path
 import psutil
 import pytest
 
-from pipeline.runtime.errors import InputError
-from pipeline.sweep.plan import make_plan
 from tests.sweep.running import SMALL, clone_of_working_tree, command, environment, jobs, results, sweep
 
 JOBS = 20
@@ -162,13 +160,6 @@ def test_ray_on_this_machine_gives_the_serial_run_s_bytes_also_after_a_cluster_w
         ended = subprocess.run(arguments, cwd=repository, env=env, capture_output=True, text=True)
     assert ended.returncode == 0, ended.stderr[-3000:]
     assert agree(repository / "by_ray", serial, SERIAL)
-
-
-def test_a_cluster_that_does_not_answer_is_refused():
-    address = f"127.0.0.1:{free_port()}"
-    launcher = ["hydra/launcher=ray_cluster", f"hydra.launcher.ray.init.address={address}"]
-    with pytest.raises(InputError, match=f"{address} does not answer"):
-        make_plan([*launcher, "train.steps=1,2"], ["train"])
 
 
 def test_submitit_gives_the_serial_run_s_bytes(repository: Path, serial: Path):

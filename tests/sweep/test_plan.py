@@ -20,7 +20,6 @@ EXPERIMENTS = sorted(path.stem for path in (CONF / "experiment").glob("*.yaml"))
     ("arguments", "fixed", "jobs"),
     [
         (["profile=smoke", "train.steps=5,6"], ["profile=smoke"], [["train.steps=5"], ["train.steps=6"]]),
-        (["seed=range(0,3)", "train.steps=5"], ["seeds=[0,1,2]", "train.steps=5"], [[]]),
         (["variants.full.alpha=1,100,100.0,1e2"], [], [["variants.full.alpha=1"], ["variants.full.alpha=100"]]),
         (["evaluate.bins=5,6", "evaluate.bins=7,8"], [], [["evaluate.bins=7"], ["evaluate.bins=8"]]),
     ],
@@ -51,7 +50,6 @@ def test_a_job_s_folder_is_named_by_what_it_does_not_share():
         ("train.steps=10,-1", "train.steps is -1"),
         ("train.steps=10,,20", "extraneous input"),
         ("main_n_demos=9,4", "main_n_demos is 4"),
-        ("seed=3", "seed=0,1,2"),
         ("repair.split=new_scenes,new_items", "intervene.split is 'new_items'"),
         ("+experiment=nonsense", "experiment/nonsense"),
         ("hydra/launcher=nowhere", "make venv-cluster"),
