@@ -8,7 +8,6 @@ import hashlib
 import math
 import os
 import shutil
-import signal
 import socket
 import subprocess
 import sys
@@ -66,9 +65,11 @@ def run_job(sweep: Sweep, overrides: Sequence[str]) -> float:
     folder, objective, targets = sweep.job_folder(overrides), sweep.record["objective"], sweep.record["targets"]
     if not is_done(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        record: dict[str, Any] = {"overrides": list(overrides), "commit": sweep.record["commit"]}
-        start, record["state"] = time.time(), "interrupted"  # unless it ends
-        write_json(folder / "job.json", record | {"state": "running"})
+        start, record = (
+            time.time(),
+            {"overrides": list(overrides), "commit": sweep.record["commit"], "state": "running"},
+        )
+        write_json(folder / "job.json", record)
         clone = sweep.folder / "clones" / f"{socket.gethostname()}-{os.getpid()}"
         try:
             _prepare(sweep, clone)
@@ -82,12 +83,10 @@ def run_job(sweep: Sweep, overrides: Sequence[str]) -> float:
             _mean(results, objective)  # a misspelt objective fails the job
             record["state"] = "done"
         except (InputError, OSError) as error:
+            shutil.rmtree(clone, ignore_errors=True)
             record |= {"state": "failed", "error": " ".join(str(error).split())}
-        finally:
-            write_json(folder / "job.json", record | {"seconds": round(time.time() - start, 1)})
-            if record["state"] != "done":
-                shutil.rmtree(clone, ignore_errors=True)
-            print(f"{record['state']} in {time.time() - start:.0f} s: {folder.name}", flush=True)
+        write_json(folder / "job.json", record | {"seconds": round(time.time() - start, 1)})
+        print(f"{record['state']} in {time.time() - start:.0f} s: {folder.name}", flush=True)
     return _mean(read_table(folder / "results.parquet"), objective) if is_done(folder) else math.nan
 
 
@@ -117,7 +116,7 @@ def _prepare(sweep: Sweep, clone: Path) -> None:
 def _run_stages(sweep: Sweep, overrides: Sequence[str], clone: Path, folder: Path) -> None:
     """Run the stages in a process group of their own; raise InputError with the last line of the log if they fail.
 
-    If this process is a child of the sweep's, as joblib's are, and that was killed, it ends, and the stages with it.
+    They end with this process; and this one, if it is a child of the sweep's, as joblib's are, ends with the sweep's.
     """
     env = {"PYTHONHASHSEED": "0", "PYTHONUNBUFFERED": "1", "TQDM_DISABLE": "1", "PYTHONPATH": str(clone)}
     env["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"  # stages are run as `python -m ...`
@@ -126,14 +125,10 @@ def _run_stages(sweep: Sweep, overrides: Sequence[str], clone: Path, folder: Pat
     is_child = os.getppid() == sweep.process
     with (folder / "log.txt").open("w") as log:
         process = subprocess.Popen([sys.executable, *command], stdout=log, stderr=log, **place)
-        try:
-            while process.poll() is None:
-                time.sleep(WATCH_S)
-                if is_child and os.getppid() != sweep.process:
-                    os._exit(1)
-        except KeyboardInterrupt:
-            os.killpg(process.pid, signal.SIGKILL)
-            raise
+        while process.poll() is None:
+            time.sleep(WATCH_S)
+            if is_child and os.getppid() != sweep.process:
+                os._exit(1)
     if process.returncode:
         lines = ["no output", *(folder / "log.txt").read_text(errors="replace").strip().splitlines()]
         stated = [line for line in lines if line.startswith("error: ")]

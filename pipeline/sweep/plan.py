@@ -27,27 +27,19 @@ from pipeline.sweep.job import Sweep, run_job
 
 BARE = re.compile(r"(?!(?:null|true|false|nan|inf)$)[^\W\d][\w./-]*", re.IGNORECASE)  # text that reads as nothing else
 # Hydra writes no files and no lines of its own: jobs do
-QUIET = [
-    "hydra.sweep.subdir=.",
-    "hydra.output_subdir=null",
-    "hydra/job_logging=disabled",
-    "hydra/hydra_logging=disabled",
-]
+QUIET = ["hydra.sweep.subdir=.", "hydra.output_subdir=null"]
+QUIET += [f"hydra/{kind}_logging=disabled" for kind in ("job", "hydra")]
 EXTRAS = "launchers other than basic and joblib, and Optuna, need `make venv-cluster` and .venv-cluster/bin on PATH"
 
 
 @dataclass
 class Plan:
-    """The jobs of a sweep.
+    """The jobs of a sweep."""
 
-    overrides: of Hydra's command line; fixed: overrides of every job; defaults: swept parameter -> its default as text;
-    jobs: the overrides of each job, None if Optuna chooses them.
-    """
-
-    overrides: list[str]
-    fixed: list[str]
-    defaults: dict[str, str]
-    jobs: list[list[str]] | None = None
+    overrides: list[str]  # of Hydra's command line
+    fixed: list[str]  # overrides of every job
+    defaults: dict[str, str]  # swept parameter -> its default as text
+    jobs: list[list[str]] | None = None  # the overrides of each; None if Optuna chooses them
 
 
 def make_plan(arguments: Sequence[str], targets: Sequence[str]) -> Plan:
@@ -56,8 +48,7 @@ def make_plan(arguments: Sequence[str], targets: Sequence[str]) -> Plan:
     if not any(text.startswith("hydra/launcher=") for text in arguments):
         arguments = ["hydra/launcher=joblib", *arguments]
     try:
-        parsed = parse(list(arguments))
-        last = {override.get_key_element(): override for override in parsed}  # of a name, as in Hydra
+        last = {override.get_key_element(): override for override in parse(list(arguments))}  # of a name, as in Hydra
         single = [_text(override) for override in last.values() if not override.is_sweep_override()]
         with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
             whole = hydra.compose("config", overrides=single, return_hydra_config=True)
@@ -78,8 +69,7 @@ def make_plan(arguments: Sequence[str], targets: Sequence[str]) -> Plan:
     axes = {text: [text] for text in fixed}
     for key, override in swept.items():
         if not override.is_discrete_sweep():
-            line = override.input_line
-            raise InputError(f"{line}: only hydra/sweeper=optuna can choose from an interval; list values")
+            raise InputError(f"{override.input_line}: only hydra/sweeper=optuna can choose from an interval")
         axes[key] = list(dict.fromkeys(f"{key}={canonical(value)}" for value in override.sweep_iterator()))
         launched.append(f"{key}={','.join(text.partition('=')[2] for text in axes[key])}")
     for key in swept or list(axes)[:1]:  # each value once, with the first value of every other parameter
