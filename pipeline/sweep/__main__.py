@@ -14,6 +14,7 @@ import sys
 import time
 from pathlib import Path
 
+import yaml
 from filelock import FileLock, Timeout
 
 from pipeline.artifacts.files import read_json, write_json
@@ -60,7 +61,7 @@ def _sweep(argv: list[str]) -> int:
         runs = [overrides]
         record = {"commit": snapshot(ROOT), "targets": (given.stages or "evaluate").split(",")}
         record |= {"objective": given.objective, "defaults": {}, "runs": [], "jobs": []}
-    known = {path.stem for path in ROOT.glob("pipeline/stages/*.py")} | {path.name for path in ROOT.glob("studies/*")}
+    known = {*yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"], *(p.name for p in ROOT.glob("studies/*"))}
     if unknown := [target for target in record["targets"] if target not in known]:
         raise InputError(f"stage {unknown[0]!r} is unknown: expected stages of dvc.yaml or folders of studies/")
     plans = [make_plan(run, record["targets"]) for run in runs]

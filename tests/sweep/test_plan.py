@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import pytest
-from dvc.repo import Repo
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
@@ -11,7 +10,6 @@ from pipeline.runtime.errors import InputError
 from pipeline.runtime.places import CONF, ROOT
 from pipeline.sweep.job import Sweep
 from pipeline.sweep.plan import make_plan
-from pipeline.sweep.stages import address
 
 EXPERIMENTS = sorted(path.stem for path in (CONF / "experiment").glob("*.yaml"))
 
@@ -65,10 +63,3 @@ def test_what_cannot_run_is_refused_with_a_sentence(override: str, message: str)
 def test_every_experiment_composes_and_all_its_values_are_valid(experiment: str):
     plan = make_plan([f"+experiment={experiment}"], ["evaluate"])
     assert plan.jobs is not None and len(plan.jobs) > 1 and "null" not in plan.defaults.values()
-
-
-def test_dvc_finds_every_study_by_the_name_that_stages_takes():
-    with Repo(str(ROOT)) as repo:
-        for study in ROOT.glob("studies/*/dvc.yaml"):
-            (stage,) = repo.stage.collect(address(study.parent.name))
-            assert stage.name == study.parent.name
