@@ -53,7 +53,9 @@ def _sweep(argv: list[str]) -> int:
         raise InputError("expected --multirun, options and overrides, or --resume FOLDER and overrides; see --help")
     if given.resume:
         folder, record = given.resume.resolve(), read_json(given.resume / "sweep.json")
-        runs = [[*(text for text in run if text not in overrides), *overrides] for run in record["runs"]]
+        relaunched = any(text.startswith("hydra/launcher=") for text in overrides)
+        left_out = (*overrides, *(("hydra/launcher=", "hydra.launcher.") if relaunched else ()))
+        runs = [[*(text for text in run if not text.startswith(left_out)), *overrides] for run in record["runs"]]
     else:
         folder = (given.folder or Path(time.strftime("multirun/sweep/%Y-%m-%d_%H-%M-%S"))).resolve()
         if (folder / "sweep.json").is_file():
