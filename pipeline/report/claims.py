@@ -13,7 +13,6 @@ import pandas as pd
 from scipy.stats import binomtest
 
 from pipeline.report.results import PAPER_ACCURACY, PAPER_SCENES, PAPER_TABLE_1, Results
-from pipeline.report.style import label
 
 HOLDS, FAILS, OPEN, UNTESTABLE, NOT_TESTED = "holds", "fails", "open", "untestable", "not tested"
 IN_A_READING = "in a reading"
@@ -38,18 +37,6 @@ def claims_table(results: Results) -> pd.DataFrame:
 def verdicts(claims: pd.DataFrame) -> dict[str, str]:
     """Return claim -> verdict: the worst verdict of its measures."""
     return {str(name): min(of, key=WORST_FIRST.index) for name, of in claims.groupby("claim", sort=False)["verdict"]}
-
-
-def rates(results: Results) -> pd.DataFrame:
-    """Return accuracy in the training scenes and success of gradient repair: paper, ours, image-blind."""
-    claims = claims_table(results).dropna(subset=["paper", "q1"])
-    names = [f"accuracy, {label(m)}" if m == SEEN else f"repair, {m}" for m in claims["measure"]]
-    columns = {"paper": ["paper", "paper_low", "paper_high"], PAPER: ["ours", "q1", "q3"], "blind": ["baseline"] * 3}
-    parts = [
-        pd.DataFrame(claims[numbers].to_numpy(float), columns=["value", "low", "high"]).assign(rate=names, source=of)
-        for of, numbers in columns.items()
-    ]
-    return pd.concat(parts, ignore_index=True)
 
 
 def _accuracy(results: Results) -> list[dict]:

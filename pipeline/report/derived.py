@@ -17,23 +17,16 @@ from pipeline.world.rules import Margins, clearance, slack
 DISTANCES = (0.0, 0.01, 0.02, 0.04, 0.08, np.inf)  # edges of the slices by distance to the boundary [m]
 DISTANCE_LABELS = ["0 to 1 cm", "1 to 2 cm", "2 to 4 cm", "4 to 8 cm", "over 8 cm"]
 NOTHING = "nothing to avoid"  # slice of paths in scenes without an item that the user avoids
-SLICES = {"user": "user", "nearest": "kind of item nearest", "items": "items on the table", "table_top": "table top",
-          "distance": "distance to the boundary"}  # fmt: skip
+SLICES = {"user": "user", "nearest": "kind of item nearest", "items": "items on the table", "table_top": "table top"}
+SLICES |= {"distance": "distance to the boundary"}
 MIN_PATHS = 20  # fewest paths in a bin of stated probabilities that is drawn
 SMALLEST = (0.02, 0.03, 0.04, 0.05, 0.06, 0.08)  # smallest effects of interest to compare
 REACTS = ("full", "clearance")  # models whose reactions to users are shown
-OPENED = ("clearance", "irl_ranked", "irl_maxent", "full")  # models of which earlier draws of test scenes are known
-TABLE_2: dict[str, Any] = {  # how `rows_of` shows bold.csv, the paper's Table 2: a row for each source and user
-    "columns": {"source": "Source", "user": "User", "mean": ""},
-    "across": "change",
-    "words": {
-        "source": lambda name: {PAPER: "The paper, as printed", TRUTH: "Truth in our world"}.get(name) or label(name),
-        "change": lambda name: "No intervention" if name == NONE else name.capitalize(),
-    },
-    "formats": {"": "rate"},
-    "quartiles": True,
-    "bold": "bold",
-    "beyond": "beyond",
+TABLE_2: dict[str, Any] = {"columns": {"source": "Source", "user": "User", "mean": ""}, "across": "change"}
+TABLE_2 |= {"formats": {"": "rate"}, "quartiles": True, "bold": "bold", "beyond": "beyond"}  # how bold.csv is shown
+TABLE_2["words"] = {
+    "source": lambda name: {PAPER: "The paper, as printed", TRUTH: "Truth in our world"}.get(name) or label(name),
+    "change": lambda name: "No intervention" if name == NONE else name.capitalize(),
 }
 WORST = 5  # scenes shown, those with most errors
 
@@ -150,8 +143,9 @@ def overlap(results: Results) -> pd.DataFrame:
     its quartiles over seeds (NaN for the truth and an image-blind baseline).
     """
     keys, rows, judged = ["variant", "seed", "scene", "query"], [], results.table("judged")
+    users = results.judged_users[0], results.judged_users[-1]
     part = judged[judged["split"] == "new_items"]
-    both = [part[part["user"] == user].set_index(keys)[["p", "valid"]] for user in results.pair]
+    both = [part[part["user"] == user].set_index(keys)[["p", "valid"]] for user in users]
     joined = both[0].add_suffix("_a").join(both[1].add_suffix("_b"))
     variants = joined.index.unique("variant").tolist()
     for name in ("truth", *variants):
@@ -269,12 +263,3 @@ def _answers(results: Results, kind: str) -> tuple[pd.DataFrame, pd.DataFrame]:
     truth = asked[asked["variant"] == results.variants[0]]
     truth = truth.assign(variant="truth", effect=truth["truth"], q1=np.nan, q3=np.nan)
     return truth, asked[asked["variant"].isin(REACTS)]
-
-
-def draws(results: Results) -> pd.DataFrame:
-    """Return accuracy with unseen items by draw of test scenes, this run's last."""
-    rows = results.table("draws").melt("root_seed", list(OPENED), "variant", "accuracy").dropna(subset="accuracy")
-    shown = [variant for variant in OPENED if variant in results.variants]
-    now = {"variant": shown, "accuracy": [results.accuracy(v, "new_items") for v in shown]}
-    this = results.facts["root_seed"]
-    return pd.concat([rows[rows["root_seed"] != this], pd.DataFrame(now).assign(root_seed=this)], ignore_index=True)

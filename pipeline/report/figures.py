@@ -37,7 +37,7 @@ def overview(results: Results) -> Figure:
 
     The scene is the first one in which the users' true maps differ. Titles give the share of a map that is right.
     """
-    drawn, users, shown = results.drawn, results.repaired_users, _pictured(results)
+    drawn, users, shown = results.drawn, results.repaired_users, results.pictured
     differ = np.mean(drawn.truth[users[0]] != drawn.truth[users[-1]], axis=(1, 2)) > LEAST_DIFFERENCE
     place = int(differ.argmax())
     scene = drawn.mapped[place]
@@ -64,7 +64,7 @@ def widget(results: Results) -> dict[str, Any]:
     `maps` is one grey image, P(valid) from 0 to 255: below one another for each table, user and source in turn, each
     (side, side) with row 0 at `low`. `images` are each scene on its own table top, then on the patterned one.
     """
-    drawn, users, models = results.drawn, results.judged_users, _pictured(results)
+    drawn, users, models = results.drawn, results.judged_users, results.pictured
     images = [*drawn.images[drawn.mapped], *drawn.patterned]
     tops = [(maps, place) for maps in (drawn.maps, drawn.patterned_maps) for place in range(len(drawn.mapped))]
     maps = [m for by, i in tops for u in users for m in (drawn.truth[u][i], *(by[v][u][i] for v in models))]
@@ -83,11 +83,6 @@ def widget(results: Results) -> dict[str, Any]:
         "maps": _png(stacked),
         "palette": [to_hex(colour) for colour in matplotlib.colormaps[style.MAP](np.linspace(0, 1, 9))],
     }
-
-
-def _pictured(results: Results) -> list[str]:
-    """Return the paper's model and the clearance model, if they are shown; else the first variant shown."""
-    return [v for v in ("full", "clearance") if v in results.shown] or results.shown[:1]
 
 
 def _first_control_point(truth: Array, *maps: Array) -> list[float]:
@@ -224,7 +219,7 @@ def worst(results: Results) -> Figure:
 
 def who_accepts(results: Results) -> Figure:
     """Draw, for the mapped scenes, which control points are valid to both, one or none of two users."""
-    drawn, (first, second) = results.drawn, results.pair
+    drawn, (first, *_, second) = results.drawn, results.judged_users
     columns = ["truth", *(v for v in results.shown if v in ("full", "clearance"))]
     figure, axes = panels(len(drawn.mapped), 1 + len(columns), 2.9 * (1 + len(columns)), 2.85 * len(drawn.mapped) + 0.5)
     for place, (line, scene) in enumerate(zip(axes, drawn.mapped, strict=True)):

@@ -113,14 +113,7 @@ class Page:
         return f"Table {self.table_count}."
 
     def _figure(
-        self,
-        name: str,
-        draw: Callable[..., Figure],
-        caller: Callable[[], str],
-        alt: str,
-        wide: bool = False,
-        recording: str = "",
-        **options: Any,
+        self, name: str, draw: Callable, caller: Callable, alt: str, wide=False, recording="", **options
     ) -> Markup:
         """Return a figure's markup; `recording`: `overview` or `worst`, the recording in git that shows the same."""
         with matplotlib.rc_context(style.RC):
@@ -139,6 +132,7 @@ class Page:
         if traced:
             self.data.reads.clear()
         shown = make()
+        read = sorted(set(self.data.reads)) if traced else []
         self.table_count += 1
         file = self.prefix + name.replace("_", "-")
         self.site.tables[file] = shown.frame
@@ -146,7 +140,7 @@ class Page:
         text = {"file": file, "table": shown, "rows": rows, "number": self.table_count, "caption": caller()}
         text["origins"] = ()
         if traced:
-            read, sources = sorted(set(self.data.reads)), self.data.sources
+            sources = self.data.sources
             self.site.read.setdefault(self.name, {})[file] = read
             self.site.sources.update({table: sources[table] for table in read if table in sources})
             text["origins"] = dict.fromkeys(str(sources.get(table, table)) for table in read)

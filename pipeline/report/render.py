@@ -3,25 +3,13 @@
 from collections.abc import Collection
 from typing import Any
 
-import pandas as pd
-
 from pipeline.report import claims, derived, figures
 from pipeline.report.page import Site, environment, render_page
 from pipeline.report.results import PAPER_ACCURACY, PAPER_TABLE_1, SOURCES, Results
 from pipeline.report.tables import lookup
 
-PAGES = {
-    "index": "Overview",
-    "claims": "Claims",
-    "accuracy": "Accuracy",
-    "repair": "Repair",
-    "causes": "Causes",
-    "limits": "Limits",
-    "users": "Users",
-    "card": "Model card",
-    "method": "Method",
-    "history": "History",
-}
+PAGES = {"index": "Overview", "claims": "Claims", "accuracy": "Accuracy", "repair": "Repair", "causes": "Causes"}
+PAGES |= {"limits": "Limits", "users": "Users", "card": "Model card", "method": "Method", "history": "History"}
 
 
 def render(results: Results, pages: Collection[str] = tuple(PAGES)) -> Site:
@@ -32,33 +20,15 @@ def render(results: Results, pages: Collection[str] = tuple(PAGES)) -> Site:
     judged = claims.claims_table(results)
     tables = {"claims": judged} | {name: results.tables[name] for name in SOURCES}
     site = Site(tables=tables, claims=claims.verdicts(judged))
-    made = environment([], **_names(results, judged))
+    names: dict[str, Any] = {"home": "", "pages": PAGES, "brief": False, "r": results, "n": results.main_n_demos}
+    names |= {name: getattr(results, name) for name in ("value", "accuracy", "repair", "sliced", "variants", "facts")}
+    names |= {"users": list(results.users), "judged": results.judged_users, "verdict": site.claims.__getitem__}
+    names |= {"paper_accuracy": PAPER_ACCURACY, "paper_repair": PAPER_TABLE_1, "derived": derived}
+    made = environment([], **names)
+    made.globals["claim"] = lambda of, name, column: lookup(judged, "claims", column, claim=of, measure=name)
+    made.globals["measures"] = lambda of: judged.loc[judged["claim"] == of, "measure"].tolist()
+    macros: Any = made.get_template("study_link.html.j2").make_module(names)
+    made.globals["study"] = macros.study
     for name in pages:
         render_page(name, f"pages/{name}.html.j2", figures, results, made, site, prefix=f"{name}-")
     return site
-
-
-def _names(results: Results, judged: pd.DataFrame) -> dict[str, Any]:
-    """Return what the paper's templates may name."""
-    return {
-        "home": "",
-        "r": results,
-        "value": results.value,
-        "accuracy": results.accuracy,
-        "repair": results.repair,
-        "sliced": results.sliced,
-        "variants": results.variants,
-        "users": list(results.users),
-        "judged": results.judged_users,
-        "n": results.main_n_demos,
-        "facts": results.facts,
-        "claim": lambda name, measure, column: lookup(judged, "claims", column, claim=name, measure=measure),
-        "verdict": lambda name: claims.verdicts(judged)[name],
-        "measures": lambda name: judged.loc[judged["claim"] == name, "measure"].tolist(),
-        "paper_accuracy": PAPER_ACCURACY,
-        "paper_repair": PAPER_TABLE_1,
-        "pages": PAGES,
-        "derived": derived,
-        "rates": claims.rates,
-        "brief": False,
-    }

@@ -10,7 +10,7 @@ import pandas as pd
 
 from pipeline.causal.interventions import asked, never_bold, right_verdicts
 from pipeline.report.study import Data
-from pipeline.report.tables import checked, named
+from pipeline.report.tables import named
 from pipeline.world.catalogue import Catalogue
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import PAPER_P_VALID
@@ -29,10 +29,8 @@ SOURCES = (  # tables of whose numbers the pages' texts are made: written beside
 
 def paper_accuracy(**key: str) -> pd.DataFrame:
     """Return the paper's accuracy by demonstrations as rows of a table: variant, n_demos, mean, q1, q3, and `key`."""
-    rows = [
-        {"variant": "paper", "n_demos": n, "mean": m, "q1": q1, "q3": q3} for n, (m, q1, q3) in PAPER_ACCURACY.items()
-    ]
-    return pd.DataFrame(rows).assign(**key)
+    rows = pd.DataFrame.from_dict(PAPER_ACCURACY, orient="index", columns=["mean", "q1", "q3"])
+    return rows.rename_axis("n_demos").reset_index().assign(variant="paper", **key)
 
 
 @dataclass(frozen=True)
@@ -70,7 +68,6 @@ class Results(Data):
 
     n_demos: list[int]
     shown: list[str]  # variants whose maps and repairs are drawn
-    tables: Mapping[str, pd.DataFrame]
     paths: Mapping[str, np.ndarray]
     drawn: DrawnScenes
     catalogue: Catalogue
@@ -79,15 +76,9 @@ class Results(Data):
         """Make names that csv reads as missing, such as the variant of a baseline, empty ones."""
         object.__setattr__(self, "tables", {name: named(table) for name, table in self.tables.items()})
 
-    def table(self, name: str) -> pd.DataFrame:
-        """Return a table by its name, and note in `reads` that it was asked for."""
-        self.reads.append(name)
-        return self.tables[name]
-
     def accuracy(self, variant: str, split: str, column: str = "mean", n: int | None = None) -> float:
         """Return one number of accuracy.csv, at main_n_demos unless `n` is given."""
-        n = self.main_n_demos if n is None else n
-        return self.value("accuracy", column, variant=variant, split=split, n_demos=n)
+        return self.value("accuracy", column, variant=variant, split=split, n_demos=n or self.main_n_demos)
 
     def curve(
         self, reading: str, variant: str, n: int, split: str = "held_out", users: str = "paper", column: str = "mean"
@@ -124,11 +115,6 @@ class Results(Data):
     def sliced(self, variant: str, column: str) -> Any:
         """Return one number over all judged paths in new scenes with unseen items."""
         return self.value("slices", column, variant=variant, split="new_items", slice="all", value="all")
-
-    @property
-    def paths_judged(self) -> int:
-        """Return the number of test paths in new scenes with unseen items."""
-        return len(self.table("judged").query("split == 'new_items'").drop_duplicates(["scene", "query"]))
 
     def unsure(self, variant: str) -> dict[str, float] | None:
         """Return the mean stated P(valid), the share valid and the number of the unseen-item paths given .3 to .8."""
@@ -167,24 +153,13 @@ class Results(Data):
     @property
     def largest_difference(self) -> float | None:
         """Return how far a true share of valid paths is from the paper's Table 2 at most; None if it has none."""
-        table = self.table("p_valid")
-        known = table[table["user"].isin(PAPER_TABLE_2.index) & table["added"].isin(PAPER_TABLE_2.columns)]
-        return None if known.empty else checked(known["difference"].abs().max(skipna=False), "p_valid, difference")
-
-    @property
-    def compared(self) -> list[str]:
-        """Return the variants whose calibration is drawn."""
-        return [v for v in self.variants if v in ("full", "irl_ranked", "clearance")] or self.variants
+        difference = self.table("p_valid")["difference"].abs().max()
+        return None if np.isnan(difference) else float(difference)
 
     @property
     def pictured(self) -> list[str]:
-        """Return the paper's model and the clearance model, as far as they were fitted; else the first variant."""
-        return [v for v in ("full", "clearance") if v in self.variants] or self.variants[:1]
-
-    @property
-    def pair(self) -> tuple[str, str]:
-        """Return the first and the last of the users with invalid paths: one and the same if there is one."""
-        return self.judged_users[0], self.judged_users[-1]
+        """Return the paper's model and the clearance model, if they are shown; else the first variant shown."""
+        return [v for v in ("full", "clearance") if v in self.shown] or self.shown[:1]
 
     @cached_property
     def repaired_users(self) -> list[str]:

@@ -26,10 +26,8 @@ class Source:
 
     def digests(self) -> list[dict[str, str]]:
         """Return stage, name and md5 of each file; a stage's lock names the same md5."""
-        return [
-            {"stage": stage, "file": file.name, "md5": hashlib.md5(file.read_bytes()).hexdigest()}
-            for stage, file in self.files
-        ]
+        md5 = [hashlib.md5(file.read_bytes()).hexdigest() for _, file in self.files]
+        return [{"stage": of, "file": file.name, "md5": md5} for (of, file), md5 in zip(self.files, md5, strict=True)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,11 +41,13 @@ class Data:
     main_n_demos: int
     facts: dict[str, Any] = field(default_factory=dict)
     sources: dict[str, Source] = field(default_factory=dict)  # of each table
+    tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)
     reads: list[str] = field(default_factory=list)  # tables that were asked for
 
     def table(self, name: str) -> pd.DataFrame:
         """Return a table by its name, and note in `reads` that it was asked for."""
-        raise NotImplementedError
+        self.reads.append(name)
+        return self.tables[name]
 
     def source(self, name: str) -> str:
         """Return how a number of a table names it."""

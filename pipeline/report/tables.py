@@ -162,8 +162,8 @@ def rows_of(
     quartiles, interval: show the columns `X_q1` and `X_q3`, or those of the interval, in brackets behind X; columns
     without X's name belong to the first column of fractions. So do `bold` (a truth value, or a p that is to be below
     0.05) and `beyond` (a dagger). across: a column of which each value gets its own columns of the fractions; the other
-    columns come first, and name the rows. gaps: titles of columns whose missing numbers cannot exist and are shown as a
-    dash. Raise InputError for any other number that is missing or not finite.
+    columns come first, and name the rows; a row without some value has a dash there. gaps: titles of columns whose
+    missing numbers cannot exist and are shown as a dash. Raise InputError for any other that is missing or not finite.
     """
     frame, words = chosen(data, table, where), words or {}
     source = table.__name__ if callable(table) else data.source(table)
@@ -172,8 +172,7 @@ def rows_of(
         formats = dict.fromkeys((columns[name] for name in fractions), formats) if formats else {}
     fractions = [name for name in fractions if columns[name] in formats]
     keys = [name for name in columns if name not in fractions]
-    sure = [name for name in fractions if columns[name] not in gaps]
-    check_finite(frame, source, sure)
+    check_finite(frame, source, [name for name in fractions if columns[name] not in gaps])
     parts = {"q1": "q1", "q3": "q3"} if quartiles else dict(zip(("low", "high"), interval, strict=False))
     parts |= {part: name for part, name in (("bold", bold), ("beyond", beyond)) if name}
     marks = {
@@ -205,7 +204,6 @@ def rows_of(
     made = with_gaps([{name: line.get(name) for name in order} for line in lines.values()])
     if across:
         formats = dict(formats) | {_joined(head, title): form for head in heads for title, form in formats.items()}
-        check_finite(made, source, [_joined(head, columns[name]) for head in heads for name in sure])
         made = made.drop(columns=[name for name in order if name.endswith(HIDDEN) and made[name].isna().all()])
     return Table(made, dict(formats))
 

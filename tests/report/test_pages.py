@@ -1,22 +1,25 @@
-"""Pages from the factory's tables: complete, consistent, within their limits."""
+"""Pages from the factory's tables, and those of studies: complete, consistent, within their limits."""
 
+import hashlib
 import re
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.report.page import Site
+from pipeline.artifacts.files import read_json, write_table
+from pipeline.report.page import Site, write_files, write_provenance
 from pipeline.report.render import PAGES, render
 from pipeline.report.results import SOURCES
+from pipeline.report.study import Source, Study
 from pipeline.runtime.errors import InputError
+from pipeline.runtime.places import ROOT
+from pipeline.stages import page as study_page
 from tests.report import factory
 
-pytestmark = pytest.mark.slow
-
-TABLES = Path(__file__).parents[2] / "reports/tables"
 WORDS = dict.fromkeys(PAGES, 800) | {"index": 480}  # of prose; tables apart
 FEW = ("full", "classifier", "clearance")
 LARGEST_SITE = 2 * 2**20  # bytes
@@ -53,15 +56,13 @@ class Reader(HTMLParser):
             self._within_word = not data[-1].isspace()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("variants", "users"),
-    [
-        (("full",), ("careful",)),
-        (("clearance", "irl_ranked"), ("normal", "aggressive")),
-        (("ae", "clearance"), ("careful", "normal")),  # not every fit of ae passes the gate
-    ],
+    [(("full",), ("careful",)), (("clearance", "irl_ranked"), ("normal", "aggressive")), (("ae", "clearance"), None)],
 )
-def test_every_page_renders_with_fewer_variants_and_users(variants: tuple[str, ...], users: tuple[str, ...]):
+def test_every_page_renders_with_fewer_variants_and_users(variants: tuple[str, ...], users: tuple[str, ...] | None):
+    users = users or ("careful", "normal")
     pages = render(factory.results(variants, users)).pages
     assert list(pages) == list(PAGES)
     name = {"full": '<h2 class="plain">The paper’s model', "clearance": '<h2 class="plain">The clearance model'}
@@ -69,50 +70,49 @@ def test_every_page_renders_with_fewer_variants_and_users(variants: tuple[str, .
     assert all(user not in pages["repair"] for user in {"careful", "normal"} - set(users))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("page", "table", "column"),
-    [("accuracy", "scores", "ece"), ("causes", "interventions", "ci_low"), ("index", "curve", "mean")],
+    ("page", "table", "wrong", "fault"),
+    [
+        ("accuracy", "scores", "ece", "finite"),
+        ("causes", "interventions", "ci_low", "finite"),
+        ("index", "curve", "mean", "finite"),
+        ("index", "accuracy", "variant == 'full' and split == 'new_items'", "table accuracy has 0 rows"),
+        ("repair", "repair", "method == 'constant_detour'", "table repair has 0 rows"),
+        ("limits", "slices", "variant == 'clearance' and slice == 'all'", "table slices has 0 rows"),
+    ],
 )
-def test_a_number_of_a_table_or_figure_is_refused_if_it_is_not_finite(page: str, table: str, column: str):
-    frame = factory.tables(FEW)[table].assign(**{column: np.nan})
-    with pytest.raises(InputError, match="finite"):
+def test_a_number_that_is_not_finite_and_a_missing_row_are_refused_and_named(page, table, wrong, fault):
+    frame = factory.tables(FEW)[table]
+    frame = frame.assign(**{wrong: np.nan}) if wrong in frame else frame.drop(frame.query(wrong).index)
+    with pytest.raises(InputError, match=fault):
         render(factory.results(FEW, **{table: frame}), [page])
 
 
-@pytest.mark.parametrize(
-    ("page", "table", "rows"),
-    [
-        ("index", "accuracy", "variant == 'full' and split == 'new_items'"),
-        ("repair", "repair", "method == 'constant_detour'"),
-        ("limits", "slices", "variant == 'clearance' and slice == 'all'"),
-    ],
-)
-def test_a_missing_row_is_refused_and_named(page: str, table: str, rows: str):
-    frame = factory.tables(FEW)[table]
-    with pytest.raises(InputError, match=f"table {table} has 0 rows"):
-        render(factory.results(FEW, **{table: frame.drop(frame.query(rows).index)}), [page])
-
-
+@pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES)
-def test_pages_stay_short(site: Site, page: str):
-    prose = re.sub(r"<table\b.*?</table>", "", site.pages[page], flags=re.DOTALL)
-    assert len(Reader(prose).words) <= WORDS[page]
-
-
-@pytest.mark.parametrize("page", PAGES)
-def test_every_link_leads_somewhere_in_the_site_and_none_out_of_it(site: Site, page: str):
+def test_a_page_is_short_numbers_its_figures_and_tables_and_links_within_the_site(site: Site, page: str):
+    html = site.pages[page]
+    assert len(Reader(re.sub(r"<table\b.*?</table>", "", html, flags=re.DOTALL)).words) <= WORDS[page]
+    for kind in ("Figure", "Table"):
+        numbers = [int(n) for n in re.findall(rf"<b>{kind} (\d+)\.</b>", html)]
+        assert numbers == list(range(1, len(numbers) + 1))
+    figures = re.findall(r'<(?:img(?! class="printed")|object)[^>]*(?:alt|aria-label)="([^"]*)"', html)
+    assert all(figures) and len(figures) == html.count("<figure")
     ids = {name: Reader(text).ids for name, text in site.pages.items()}
     files = {f"figures/{name}.svg" for name in site.figures} | {f"tables/{name}.csv" for name in site.tables}
-    files |= {f"../studies/{name}/index.html" for name in factory.results(FEW).facts["studies"]}
-    for link in Reader(site.pages[page]).links:
+    files |= {f"../studies/{name}/index.html" for name in factory.FACTS["studies"]} | {"page.css", "metrics.json"}
+    for link in Reader(html).links:
         target, _, anchor = link.partition("#")
         name = (target or f"{page}.html").removesuffix(".html")
-        assert target in files | {"page.css", "metrics.json"} or name in site.pages, link
+        assert target in files or name in site.pages, link
         assert not anchor or anchor in ids[name], link
     assert len(set(ids[page])) == len(ids[page])
 
 
-def test_every_table_says_what_it_is_from_and_a_cell_drawn_from_one_row_says_which(site: Site):
+@pytest.mark.slow
+def test_the_site_is_small_and_every_table_says_what_it_is_from(site: Site):
+    assert sum(len(text.encode()) for text in [*site.pages.values(), *site.figures.values()]) < LARGEST_SITE
     for name, page in site.pages.items():
         tables = re.findall(r'aria-label="Table \d+"( title="From [^"]+; seeds 0, 1")?>', page)
         assert all(tables) and len(tables) == len(site.read.get(name, ())), name
@@ -120,19 +120,60 @@ def test_every_table_says_what_it_is_from_and_a_cell_drawn_from_one_row_says_whi
     assert f'title="{cell}">0.970 [0.100–0.100]' in site.pages["accuracy"]
 
 
+@pytest.mark.slow
 def test_every_page_renders_from_the_committed_tables():
-    tables = {name: pd.read_csv(TABLES / f"{name}.csv") for name in SOURCES}
-    site = render(factory.results(**tables))
+    site = render(factory.results(**{name: pd.read_csv(ROOT / f"reports/tables/{name}.csv") for name in SOURCES}))
     for page in site.pages.values():
         assert not re.search(r"\b(nan|inf|None|NaN)\b", " ".join(Reader(page).words))
 
 
-def test_the_site_is_small(site: Site):
-    assert sum(len(text.encode()) for text in [*site.pages.values(), *site.figures.values()]) < LARGEST_SITE
+@pytest.mark.parametrize("folder", [path.parent for path in ROOT.glob("studies/*/index.html")], ids=lambda f: f.name)
+def test_a_study_has_a_short_page_whose_links_lead_somewhere(folder: Path):
+    page = Reader((folder / "index.html").read_text())
+    assert len(page.words) <= 1200
+    for link in page.links:
+        target, _, anchor = link.partition("#")
+        assert not target or (folder / target).resolve().is_file(), link
+        assert target or anchor in page.ids, link
+    for kind, ending in (("figures", "svg"), ("tables", "csv")):
+        linked = {Path(link).name for link in page.links if link.startswith(f"{kind}/")}
+        assert {path.name for path in folder.glob(f"{kind}/*.{ending}")} == linked
 
 
-def test_figures_and_tables_are_numbered_in_order(site: Site):
-    for page in site.pages.values():
-        for kind in ("Figure", "Table"):
-            numbers = [int(n) for n in re.findall(rf"<b>{kind} (\d+)\.</b>", page)]
-            assert numbers == list(range(1, len(numbers) + 1))
+@pytest.fixture
+def study(tmp_path: Path) -> Study:
+    """A study whose page prints one number, and its table."""
+    write_table(tmp_path / "summary.csv", pd.DataFrame({"variant": ["full", ""], "accuracy": [0.5, 0.6]}))
+    template = '{% extends "study.html.j2" %}{% block study %}{{ pct(value("summary.csv", "accuracy", variant="")) }}'
+    (tmp_path / "page.html.j2").write_text(template + "{% endblock %}")
+    facts = {"data_md5": "0123456789", "profile": "smoke", "root_seed": 1, "settings": "seeds: 2", "studies": ["q"]}
+    settings = {"question": "Does it hold?"}
+    shared: dict[str, Any] = {"variants": ["full"], "users": {"careful": {}}, "judged_users": ["careful"], "seeds": [0]}
+    return Study(name="q", folder=tmp_path, settings=settings, main_n_demos=9, facts=facts, **shared)
+
+
+def test_a_study_s_page_prints_its_question_its_numbers_and_how_it_was_made(study: Study):
+    page = study_page.render(study, study.folder).pages["index"]
+    for text in ("<h1>Does it hold?</h1>", "60\u00a0%", "smoke run", "01234567", "seeds: 2", "../../reports/page.css"):
+        assert text in page
+
+
+@pytest.mark.parametrize(("rows", "fault"), [([0.5, np.nan], "finite"), ([0.5, np.inf], "finite"), ([0.5], "0 rows")])
+def test_a_number_of_a_study_that_is_missing_or_not_finite_is_refused(study: Study, rows: list[float], fault: str):
+    table = pd.DataFrame({"variant": ["full", ""][: len(rows)], "accuracy": rows})
+    write_table(study.folder / "summary.csv", table)
+    with pytest.raises(InputError, match=fault):
+        study_page.render(study, study.folder)
+    with pytest.raises(InputError, match="no row"):
+        study.values("summary.csv", "accuracy", variant="ae")
+
+
+def test_provenance_names_the_file_behind_each_table_and_old_figures_and_tables_go(study: Study, tmp_path: Path):
+    site = Site(sources={"summary.csv": Source((("q", study.folder / "summary.csv"),))}, read={"index": {"t": []}})
+    write_provenance(site, study.folder, {"seeds": [0]})
+    md5 = hashlib.md5((study.folder / "summary.csv").read_bytes()).hexdigest()
+    sources = {"summary.csv": [{"stage": "q", "file": "summary.csv", "md5": md5}]}
+    assert read_json(study.folder / "provenance.json") == {"sources": sources, "pages": site.read, "seeds": [0]}
+    for name in ("old", "new"):
+        write_files(Site(figures={name: ""}, tables={name: pd.DataFrame({"a": [1]})}), tmp_path / "out")
+    assert sorted(path.name for path in (tmp_path / "out").rglob("*.*")) == ["new.csv", "new.svg"]

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.robot.arm import Arm
-from pipeline.robot.carried import Part, clearances, gripper_of, simulate
+from pipeline.robot.carried import Part, clearances, simulate
 from pipeline.world.layout import SYMBOLS, Layouts, empty
 
 SIDE_M, GRIP_M = 0.6, 0.155
@@ -41,18 +40,3 @@ def test_a_clearance_is_the_distance_in_the_plane_or_above_and_physics_touches_w
     assert least[0, 0] == pytest.approx(expected, abs=6e-3) and np.isinf(least[0, 1])
     touched, _ = simulate(layouts, 0, SIDE_M, HEIGHTS, MASSES, [SHAKER], GRIP, HEADING, 2.0)
     assert touched.tolist() == [least[0, 0] < 0, False]
-
-
-def test_the_gripper_passes_over_every_item_and_surrounds_the_grip(pr2: Arm):
-    gripper = gripper_of(pr2)
-    assert gripper.back_m < 0 and 0.02 < gripper.radius_m < 0.1
-    assert GRIP_M - gripper.bottom_m > SIDE_M * max(HEIGHTS.values())
-
-
-def test_a_tall_thin_item_falls_and_a_long_one_is_pushed():
-    low, thin = Part(0.0, 0.0, 0.02, 0.0, 0.02), one_item("glass", 0.5, 0.015)
-    _, tilted = simulate(thin, 0, SIDE_M, HEIGHTS | {"glass": 0.3}, MASSES, [low], GRIP, HEADING, 2.0)
-    assert tilted[0] > 0.5 and tilted[1] == 0
-    long = one_item("bowl", 0.5, 0.03, 0.05)
-    touched, tilted = simulate(long, 0, SIDE_M, HEIGHTS, MASSES, [SHAKER], GRIP, HEADING, 2.0)
-    assert touched[0] and tilted[0] < 0.1

@@ -9,7 +9,7 @@ from rerun.experimental import ViewerClient
 
 from pipeline.runtime.places import ROOT
 from pipeline.viewer.run import TIMELINES, write_overview, write_run
-from pipeline.viewer.scene import INVALID, START, VALID
+from pipeline.viewer.scene import INVALID, VALID
 from tests.screenshots.window import select, settled, viewer
 from tests.viewer.example import STEPS, a_run, some_runs
 
@@ -55,13 +55,6 @@ def test_a_run_shows_its_scenes_its_repairs_move_and_the_overview_differs(client
     compared = screenshot(overview)
     assert share(compared, VALID) > 0.01 and share(compared, INVALID) > 0.01
     assert (last != compared).any(-1).mean() > 0.05
-
-
-def test_interventions_show_effects_in_both_colours_and_the_added_item(clients) -> None:
-    select(clients[0], INTERVENTIONS, "intervention", 1)
-    image = screenshot(clients[0])
-    assert share(image, START) > 1e-5
-    assert share(image, VALID) > 1e-4 and share(image, INVALID) > 1e-4
 
 
 @pytest.mark.parametrize("path", sorted(ROOT.glob("studies/*/recording/*.rrd")), ids=lambda path: path.stem)

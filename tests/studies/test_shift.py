@@ -1,21 +1,12 @@
 """Study shift: disturbances do what their strength says, and models are judged under them and under another rule."""
 
 from dataclasses import fields, replace
-from itertools import product
-from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
-import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from omegaconf import DictConfig, OmegaConf
 
-from pipeline.artifacts.files import read_table, write_arrays
-from pipeline.artifacts.scenes import read_scenes
-from pipeline.models.clearance.clearance import ClearanceModel
-from pipeline.models.registry import build
 from pipeline.world.bezier import P_F, P_INIT
 from pipeline.world.layout import (
     SIDE,
@@ -29,24 +20,13 @@ from pipeline.world.layout import (
 from pipeline.world.rules import Margins
 from studies.shift.stage import (
     CORRUPTIONS,
-    OWN_RULE,
-    PROXIMITY,
     add_clutter,
-    main,
     proximity,
 )
 from tests.factories import (
     ITEMS,
     RULES,
-    labelled_demos,
-    labelled_queries,
-    models_in_rendered_scenes,
-    same_scenes_for_training,
-    save_model,
-    symbols_added,
-    with_evidence,
 )
-from tests.stages.facts import names_a_missing_model, refuses
 
 POOL = np.arange(4)
 STRONG = {"shade": 0.5, "tint": 0.4, "blur": 2.0, "noise": 0.05, "arm": 0.3}
@@ -108,66 +88,3 @@ def test_proximity_counts_a_glass_with_a_neighbour_even_if_that_is_far_from_the_
     assert not proximity(glasses((0.5, 0.5), (0.6, 0.3)), straight, ALL, 0.2)[0, 0]
     assert proximity(glasses((0.5, 0.5), (0.8, 0.3)), straight, ALL, 0.2)[0, 0]
     assert proximity(glasses((0.5, 0.5), (0.6, 0.3)), straight, dict.fromkeys(SYMBOLS), 0.2)[0, 0]
-
-
-@pytest.fixture(scope="module")
-def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
-    """Untrained VAEs, and clearance models that find no item relevant: they accept every path."""
-    folder = tmp_path_factory.mktemp("shift")
-    small = [f"studies.shift.scenes={SCENES}", "clearance.steps=2", "scenes.prior_side=4"]
-    cfg = models_in_rendered_scenes(folder, VARIANTS, SCENES, *small, f"paths.demos={folder / 'demos'}")
-    OmegaConf.set_struct(cfg, False)
-    for user, seed in product(cfg.users, cfg.protocol.seeds):
-        model = build(cfg.variants.clearance, seed)
-        assert isinstance(model, ClearanceModel)
-        with torch.no_grad():
-            model.weight.zero_()
-            model.weight[..., 0] = -1e4
-        save_model(cfg, "clearance", with_evidence(model), user, seed)
-    scenes = same_scenes_for_training(cfg, "new_items")
-    labelled_demos(cfg, scenes)
-    labelled_queries(cfg, scenes, ["new_items"], PATHS)
-    symbols_added(cfg, read_scenes(Path(cfg.paths.scenes)), PATHS)
-    even = {user: rng().random((5, 5)) for user in cfg.users}
-    write_arrays(Path(cfg.paths.scenes) / "position_prior.npz", even)
-    return cfg
-
-
-@pytest.fixture
-def disturbed(out: Path) -> pd.DataFrame:
-    """One row a corruption, strength and variant."""
-    return read_table(out / "disturbances.csv").astype({"strength": str})
-
-
-@pytest.mark.slow
-def test_a_model_that_ignores_the_image_loses_no_accuracy_to_corruptions(disturbed: pd.DataFrame):
-    """Neither the prior of positions nor a clearance model without relevant items looks."""
-    images_only = disturbed[
-        ~disturbed["corruption"].isin(["clutter", "mislabelled"]) & (disturbed["variant"] != "full")
-    ]
-    assert len(images_only) > 10
-    assert (images_only[["loss", "loss_ci_low", "loss_ci_high"]] == 0).all(axis=None)
-
-
-@pytest.mark.slow
-def test_a_model_that_accepts_every_path_is_unsafe_and_loses_accuracy_to_clutter(disturbed: pd.DataFrame):
-    accepting = disturbed.query("variant == 'clearance' and corruption in ['none', 'clutter']")
-    assert (accepting["unsafe"] == 1).all()
-    assert accepting["accuracy"].is_monotonic_decreasing and accepting["loss"].iloc[-1] > 0
-
-
-@pytest.mark.slow
-def test_the_users_own_rule_loses_nothing_and_the_other_one_forgives_paths(cfg: DictConfig, out: Path):
-    rules = read_table(out / "rules.csv").set_index(["family", "variant"])
-    assert (rules.loc[OWN_RULE][["loss", "loss_ci_low", "loss_ci_high"]] == 0).all(axis=None)
-    assert rules.loc[PROXIMITY]["valid"].iloc[0] > rules.loc[OWN_RULE]["valid"].iloc[0]
-    total = read_table(out / "posterior.csv").groupby(["family", "variant", "seed", "user"])["probability"].sum()
-    assert len(total) == 2 * len(cfg.evaluate.users) * len(cfg.protocol.seeds)
-    np.testing.assert_allclose(total, 1, atol=1e-4)
-
-
-@pytest.mark.slow
-def test_a_missing_model_and_wrong_table_tops_and_seeds_are_named_before_any_work(cfg: DictConfig, tmp_path: Path):
-    names_a_missing_model(main, cfg, "clearance", tmp_path / "out")
-    refuses(main, cfg, "studies.shift.textures", ["oak"], "studies.shift.textures", tmp_path / "out")
-    refuses(main, cfg, "protocol.seeds", [0, 100], "seed100|s100", tmp_path / "out")

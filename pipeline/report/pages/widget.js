@@ -5,6 +5,8 @@
   const data = JSON.parse(widget.querySelector("script").textContent);
   const { start, end, low, high, side, users, sources } = data;
   const step = (high - low) / side;
+  const index = coordinate => Math.min(side - 1, Math.max(0, Math.floor((coordinate - low) / step)));
+  const snapped = coordinate => low + (index(coordinate) + 0.5) * step;
   const svg = widget.querySelector("svg");
   const handle = svg.querySelector(".handle");
   const rows = [...widget.querySelectorAll("tbody tr")];
@@ -22,14 +24,6 @@
     return canvas.getImageData(0, 0, image.width, image.height).data.filter((_, i) => i % 4 === 0);
   }
 
-  function index(coordinate) {
-    return Math.min(side - 1, Math.max(0, Math.floor((coordinate - low) / step)));
-  }
-
-  function snapped(coordinate) {
-    return low + (index(coordinate) + 0.5) * step;
-  }
-
   function colour(value) {
     const place = Math.min(value * (palette.length - 1), palette.length - 1.001);
     const [one, other] = [palette[Math.floor(place)], palette[Math.floor(place) + 1]];
@@ -42,15 +36,10 @@
   }
 
   function drawMap(canvas, values) {
-    const context = canvas.getContext("2d");
-    const pixels = context.createImageData(side, side);
-    for (let y = 0; y < side; y++) {
-      for (let x = 0; x < side; x++) {
-        const rgb = colour(values[(side - 1 - y) * side + x] / 255);
-        pixels.data.set([...rgb, 255], 4 * (y * side + x));
-      }
-    }
-    context.putImageData(pixels, 0, 0);
+    const pixels = new ImageData(side, side);
+    const place = i => 4 * ((side - 1 - Math.floor(i / side)) * side + (i % side)); // rows from the bottom to the top
+    values.forEach((value, i) => pixels.data.set([...colour(value / 255), 255], place(i)));
+    canvas.getContext("2d").putImageData(pixels, 0, 0);
   }
 
   function chooseTable(number) {

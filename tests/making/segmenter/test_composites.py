@@ -50,13 +50,3 @@ def test_every_family_draws_a_finite_top_of_any_size():
             assert top.shape == (side, side, 3), name
             assert top.dtype == np.float32, name
             assert np.isfinite(top).all(), name
-
-
-def test_see_through_pixels_are_whole_items(composites: Composites):
-    shares = [
-        see_through[instances == k].mean()
-        for instances, see_through in zip(composites.instances, composites.see_through, strict=True)
-        for k in range(1, instances.max() + 1)
-    ]
-    assert np.mean([share < 0.1 or share > 0.9 for share in shares]) > 0.97
-    assert 0.15 < np.mean(shares) < 0.6

@@ -8,7 +8,7 @@ import torch
 
 from making.segmenter import pool, train
 from making.segmenter.pool import draw
-from making.segmenter.train import change, paint
+from making.segmenter.train import change
 from pipeline.perception.segmenter import read_segmenter
 
 
@@ -28,18 +28,6 @@ def test_items_stay_where_their_truth_is(few: Path):
     known = inputs[:, 6, 0, 0] == 1
     difference, item = inputs[known, 3:6].abs().mean(1), truth[known, 0] == 1
     assert difference[item].mean() > 3 * difference[~item].mean()
-
-
-def test_patterns_are_painted_on_items_alone(few: Path):
-    pictures = np.load(pool.part_file(few, 0))
-    painted = pictures.copy()
-    rng = np.random.default_rng(0)
-    for picture in painted:
-        paint(rng, picture)
-    changed = (painted != pictures).any(-1)
-    assert changed.any()
-    assert (pictures[changed][:, pool.ITEM] == 1).all()
-    np.testing.assert_array_equal(painted[..., 3:], pictures[..., 3:])
 
 
 def test_a_short_training_lowers_the_loss(few: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
