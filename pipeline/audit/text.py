@@ -12,7 +12,7 @@ from pipeline.audit.rerun import Output
 WORDS = ("worse", "better", "undecided", "same")  # in the order of a report
 PAIRED = ("word", "headline", "before", "after", "difference (95 % interval)", "p (Holm)", "seeds")
 MAX_CELL = 80  # characters
-MAX_LINES = 30  # of a list; the JSON has all
+MAX_LINES = 30  # of a list
 
 
 def of_audit(revision: str, checks: Sequence[Checked]) -> str:

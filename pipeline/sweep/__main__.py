@@ -14,6 +14,7 @@ import sys
 import time
 from pathlib import Path
 
+import yaml
 from filelock import FileLock, Timeout
 
 from pipeline.artifacts.files import read_json, write_json
@@ -28,11 +29,7 @@ from pipeline.sweep.summary import read_jobs, write_summary
 def main(argv: list[str]) -> int:
     """Run or summarise a sweep; return 0, 1 if a job failed, 2 for a mistake in use, 130 after Ctrl-C."""
     try:
-        if argv[:1] == ["summary"]:
-            if len(argv) != 2:
-                raise InputError(f"summary got {len(argv) - 1} folders: expected one, such as multirun/sweep/DATE_TIME")
-            return _summarise(Path(argv[1]).resolve())
-        return _sweep(argv)
+        return _summarise(Path(argv[1]).resolve()) if argv[:1] == ["summary"] and argv[1:] else _sweep(argv)
     except (InputError, OSError) as error:
         print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
@@ -48,34 +45,32 @@ def _sweep(argv: list[str]) -> int:
     parser.add_argument("--folder", type=Path, help="of the sweep; by default multirun/sweep/DATE_TIME")
     parser.add_argument("--resume", type=Path, metavar="FOLDER", help="run what a sweep lacks")
     parser.add_argument("--stages", metavar="A,B", help="run the graph up to these stages or studies (evaluate)")
-    parser.add_argument(
-        "--objective", metavar="HEADLINE", help="what hydra/sweeper=optuna sees, e.g. accuracy.full.new_items"
-    )
+    parser.add_argument("--objective", metavar="HEADLINE", help="that Optuna sees, e.g. accuracy.full.new_items")
     given, overrides = parser.parse_known_args(argv)
     if wrong := [text for text in overrides if not re.match(r"[~+]|(?!-).*=", text)]:
         raise InputError(f"{wrong[0]!r}: expected an override such as train.steps=100,200, or an option of --help")
     if given.multirun == bool(given.resume) or (given.resume and (given.folder or given.stages or given.objective)):
         raise InputError("expected --multirun, options and overrides, or --resume FOLDER and overrides; see --help")
     if given.resume:
-        folder, record = given.resume.resolve(), _read_record(given.resume)
-        runs = [[*(text for text in run if text not in overrides), *overrides] for run in record["runs"]]
+        folder, record = given.resume.resolve(), read_json(given.resume / "sweep.json")
+        relaunched = any(text.startswith("hydra/launcher=") for text in overrides)
+        left_out = (*overrides, *(("hydra/launcher=", "hydra.launcher.") if relaunched else ()))
+        runs = [[*(text for text in run if not text.startswith(left_out)), *overrides] for run in record["runs"]]
     else:
-        folder = (given.folder or Path("multirun/sweep") / time.strftime("%Y-%m-%d_%H-%M-%S")).resolve()
+        folder = (given.folder or Path(time.strftime("multirun/sweep/%Y-%m-%d_%H-%M-%S"))).resolve()
         if (folder / "sweep.json").is_file():
             raise InputError(f"{folder} holds a sweep already: --resume it, or name another --folder")
         runs = [overrides]
         record = {"commit": snapshot(ROOT), "targets": (given.stages or "evaluate").split(",")}
         record |= {"objective": given.objective, "defaults": {}, "runs": [], "jobs": []}
-    places = ("pipeline/stages/{}.py", "studies/{}/stage.py")
-    if unknown := [t for t in record["targets"] if not any((ROOT / place.format(t)).is_file() for place in places)]:
+    known = {*yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"], *(p.name for p in ROOT.glob("studies/*"))}
+    if unknown := [target for target in record["targets"] if target not in known]:
         raise InputError(f"stage {unknown[0]!r} is unknown: expected stages of dvc.yaml or folders of studies/")
     plans = [make_plan(run, record["targets"]) for run in runs]
     record.setdefault("fixed", plans[0].fixed)
-    if any(plan.jobs is None and "protocol=validation" not in plan.fixed for plan in plans):
-        raise InputError("choices are made on validation data: add protocol=validation")
-    if record["objective"] is None and any(plan.jobs is None for plan in plans):
-        raise InputError("a sweeper that chooses needs --objective, e.g. --objective accuracy.full.new_items")
     for run, plan in zip(runs, plans, strict=True):
+        if plan.jobs is None and (record["objective"] is None or "protocol=validation" not in plan.fixed):
+            raise InputError("Optuna chooses on validation data: add protocol=validation and an --objective")
         record["defaults"] |= plan.defaults
         record["jobs"] += [job for job in plan.jobs or [] if job not in record["jobs"]]
         record["runs"] += [] if run in record["runs"] else [run]
@@ -94,19 +89,13 @@ def _sweep(argv: list[str]) -> int:
                 launch(sweep, plan)
             shutil.rmtree(folder / "clones", ignore_errors=True)
             return _summarise(folder)
-    except Timeout:
-        raise InputError(f"another sweep is writing into {folder}: wait for it, or name another --folder") from None
-
-
-def _read_record(folder: Path) -> dict:
-    if not (folder / "sweep.json").is_file():
-        raise InputError(f"{folder} holds no sweep: expected a folder with a sweep.json")
-    return read_json(folder / "sweep.json")
+    except Timeout as error:
+        raise InputError(f"another sweep is writing into {folder}: wait for it, or name another --folder") from error
 
 
 def _summarise(folder: Path) -> int:
     """Write the summary, print where it is and which jobs failed or are missing; return the exit status."""
-    record = _read_record(folder)
+    record = read_json(folder / "sweep.json")
     jobs = read_jobs(Sweep(ROOT, folder, ROOT, record))
     broken = [job for job in jobs if job["state"] != "done"]
     for job in broken:

@@ -8,7 +8,6 @@ import hashlib
 import math
 import os
 import shutil
-import signal
 import socket
 import subprocess
 import sys
@@ -16,7 +15,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import pandas as pd
@@ -30,7 +28,6 @@ from pipeline.sweep.results import headlines
 
 WATCH_S = 0.5  # between two looks at the parent process
 MAX_NAME = 120  # characters of a folder's name; longer ones end in a digest
-CODE = ("conf", "pipeline", "studies", "dvc.yaml", "data.dvc", "rendered", "making")  # what a job runs
 LEFT_OUT = ("store", "examples", "tests", "bench")  # folders that no stage reads
 CONFIG = """[core]
     site_cache_dir = "{clone}/.dvc/tmp/site"
@@ -68,9 +65,11 @@ def run_job(sweep: Sweep, overrides: Sequence[str]) -> float:
     folder, objective, targets = sweep.job_folder(overrides), sweep.record["objective"], sweep.record["targets"]
     if not is_done(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        record: dict[str, Any] = {"overrides": list(overrides), "commit": sweep.record["commit"]}
-        start, record["state"] = time.time(), "interrupted"  # unless it ends
-        write_json(folder / "job.json", record | {"state": "running"})
+        start, record = (
+            time.time(),
+            {"overrides": list(overrides), "commit": sweep.record["commit"], "state": "running"},
+        )
+        write_json(folder / "job.json", record)
         clone = sweep.folder / "clones" / f"{socket.gethostname()}-{os.getpid()}"
         try:
             _prepare(sweep, clone)
@@ -84,12 +83,10 @@ def run_job(sweep: Sweep, overrides: Sequence[str]) -> float:
             _mean(results, objective)  # a misspelt objective fails the job
             record["state"] = "done"
         except (InputError, OSError) as error:
+            shutil.rmtree(clone, ignore_errors=True)
             record |= {"state": "failed", "error": " ".join(str(error).split())}
-        finally:
-            write_json(folder / "job.json", record | {"seconds": round(time.time() - start, 1)})
-            if record["state"] != "done":
-                shutil.rmtree(clone, ignore_errors=True)
-            print(f"{record['state']} in {time.time() - start:.0f} s: {folder.name}", flush=True)
+        write_json(folder / "job.json", record | {"seconds": round(time.time() - start, 1)})
+        print(f"{record['state']} in {time.time() - start:.0f} s: {folder.name}", flush=True)
     return _mean(read_table(folder / "results.parquet"), objective) if is_done(folder) else math.nan
 
 
@@ -99,21 +96,9 @@ def is_done(folder: Path) -> bool:
 
 
 def snapshot(root: Path) -> str:
-    """Return the commit to run: HEAD, or one above it with the uncommitted changes and new files of CODE.
-
-    The made commit is on no branch and touches neither index nor working tree. The same changes give the same commit.
-    """
-    head = git(root, "rev-parse", "HEAD").strip()
-    if not git(root, "status", "--porcelain", "--untracked-files=all", "--", *CODE):
-        return head
-    date = git(root, "log", "-1", "--format=%cI").strip()
-    env = {f"GIT_{who}_{what}": "sweep" for who in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")}
-    with TemporaryDirectory() as folder:
-        env |= {"GIT_INDEX_FILE": f"{folder}/index", "GIT_AUTHOR_DATE": date, "GIT_COMMITTER_DATE": date}
-        git(root, "read-tree", "HEAD", env=env)
-        git(root, "add", "--all", "--", *CODE, env=env)
-        tree = git(root, "write-tree", env=env).strip()
-        return git(root, "commit-tree", tree, "-p", head, "-m", "Uncommitted changes of a sweep", env=env).strip()
+    """Return the commit to run: HEAD, or one on no branch with the uncommitted changes of files that git knows."""
+    author = ("-c", "user.name=sweep", "-c", "user.email=sweep@localhost")
+    return git(root, *author, "stash", "create").strip() or git(root, "rev-parse", "HEAD").strip()
 
 
 def _prepare(sweep: Sweep, clone: Path) -> None:
@@ -131,7 +116,7 @@ def _prepare(sweep: Sweep, clone: Path) -> None:
 def _run_stages(sweep: Sweep, overrides: Sequence[str], clone: Path, folder: Path) -> None:
     """Run the stages in a process group of their own; raise InputError with the last line of the log if they fail.
 
-    If this process is a child of the sweep's, as joblib's are, and that was killed, it ends, and the stages with it.
+    They end with this process; and this one, if it is a child of the sweep's, as joblib's are, ends with the sweep's.
     """
     env = {"PYTHONHASHSEED": "0", "PYTHONUNBUFFERED": "1", "TQDM_DISABLE": "1", "PYTHONPATH": str(clone)}
     env["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"  # stages are run as `python -m ...`
@@ -140,14 +125,10 @@ def _run_stages(sweep: Sweep, overrides: Sequence[str], clone: Path, folder: Pat
     is_child = os.getppid() == sweep.process
     with (folder / "log.txt").open("w") as log:
         process = subprocess.Popen([sys.executable, *command], stdout=log, stderr=log, **place)
-        try:
-            while process.poll() is None:
-                time.sleep(WATCH_S)
-                if is_child and os.getppid() != sweep.process:
-                    os._exit(1)
-        except KeyboardInterrupt:
-            os.killpg(process.pid, signal.SIGKILL)
-            raise
+        while process.poll() is None:
+            time.sleep(WATCH_S)
+            if is_child and os.getppid() != sweep.process:
+                os._exit(1)
     if process.returncode:
         lines = ["no output", *(folder / "log.txt").read_text(errors="replace").strip().splitlines()]
         stated = [line for line in lines if line.startswith("error: ")]

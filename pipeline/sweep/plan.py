@@ -27,27 +27,19 @@ from pipeline.sweep.job import Sweep, run_job
 
 BARE = re.compile(r"(?!(?:null|true|false|nan|inf)$)[^\W\d][\w./-]*", re.IGNORECASE)  # text that reads as nothing else
 # Hydra writes no files and no lines of its own: jobs do
-QUIET = [
-    "hydra.sweep.subdir=.",
-    "hydra.output_subdir=null",
-    "hydra/job_logging=disabled",
-    "hydra/hydra_logging=disabled",
-]
+QUIET = ["hydra.sweep.subdir=.", "hydra.output_subdir=null"]
+QUIET += [f"hydra/{kind}_logging=disabled" for kind in ("job", "hydra")]
 EXTRAS = "launchers other than basic and joblib, and Optuna, need `make venv-cluster` and .venv-cluster/bin on PATH"
 
 
 @dataclass
 class Plan:
-    """The jobs of a sweep.
+    """The jobs of a sweep."""
 
-    overrides: of Hydra's command line; fixed: overrides of every job; defaults: swept parameter -> its default as text;
-    jobs: the overrides of each job, None if Optuna chooses them.
-    """
-
-    overrides: list[str]
-    fixed: list[str]
-    defaults: dict[str, str]
-    jobs: list[list[str]] | None = None
+    overrides: list[str]  # of Hydra's command line
+    fixed: list[str]  # overrides of every job
+    defaults: dict[str, str]  # swept parameter -> its default as text
+    jobs: list[list[str]] | None = None  # the overrides of each; None if Optuna chooses them
 
 
 def make_plan(arguments: Sequence[str], targets: Sequence[str]) -> Plan:
@@ -56,8 +48,7 @@ def make_plan(arguments: Sequence[str], targets: Sequence[str]) -> Plan:
     if not any(text.startswith("hydra/launcher=") for text in arguments):
         arguments = ["hydra/launcher=joblib", *arguments]
     try:
-        parsed = parse([_seeds_together(text, "protocol=validation" in arguments) for text in arguments])
-        last = {override.get_key_element(): override for override in parsed}  # of a name, as in Hydra
+        last = {override.get_key_element(): override for override in parse(list(arguments))}  # of a name, as in Hydra
         single = [_text(override) for override in last.values() if not override.is_sweep_override()]
         with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
             whole = hydra.compose("config", overrides=single, return_hydra_config=True)
@@ -78,8 +69,7 @@ def make_plan(arguments: Sequence[str], targets: Sequence[str]) -> Plan:
     axes = {text: [text] for text in fixed}
     for key, override in swept.items():
         if not override.is_discrete_sweep():
-            line = override.input_line
-            raise InputError(f"{line}: only hydra/sweeper=optuna can choose from an interval; list values")
+            raise InputError(f"{override.input_line}: only hydra/sweeper=optuna can choose from an interval")
         axes[key] = list(dict.fromkeys(f"{key}={canonical(value)}" for value in override.sweep_iterator()))
         launched.append(f"{key}={','.join(text.partition('=')[2] for text in axes[key])}")
     for key in swept or list(axes)[:1]:  # each value once, with the first value of every other parameter
@@ -90,20 +80,15 @@ def make_plan(arguments: Sequence[str], targets: Sequence[str]) -> Plan:
 
 
 def canonical(value: Any) -> str:
-    """Return a parameter's value as text; two values have the same text if and only if they are equal.
-
-    100, 100.0 and 1e2 are equal, so are [9] and [9.0]; true, 1 and the text "1" are three values.
-    """
+    """Return a parameter's value as Hydra reads it; 100, 100.0 and 1e2 have the same text, but not true, 1 and "1"."""
+    value = getattr(value, "text", value)  # of Hydra's QuotedString
     if isinstance(value, dict):
-        return f"{{{','.join(sorted(f'{canonical(str(key))}:{canonical(part)}' for key, part in value.items()))}}}"
+        return f"{{{','.join(f'{key}:{canonical(part)}' for key, part in sorted(value.items()))}}}"
     if isinstance(value, list):
         return f"[{','.join(map(canonical, value))}]"
-    if value is None or isinstance(value, bool):
-        return {None: "null", True: "true", False: "false"}[value]
-    if isinstance(value, int | float):
-        return str(int(value)) if isinstance(value, int) or value.is_integer() else repr(value)
-    text = str(getattr(value, "text", value))  # of Hydra's QuotedString
-    return text if BARE.fullmatch(text) else json.dumps(text, ensure_ascii=False)
+    if isinstance(value, float) and value.is_integer():
+        return str(int(value))
+    return value if isinstance(value, str) and BARE.fullmatch(value) else json.dumps(value, ensure_ascii=False)
 
 
 def value_of(cfg: DictConfig, name: str) -> str:
@@ -115,16 +100,6 @@ def value_of(cfg: DictConfig, name: str) -> str:
 def _text(override: Override) -> str:
     """Return an override as Hydra hands it to a job."""
     return f"{override.get_key_element()}={override.get_value_element_as_str()}"
-
-
-def _seeds_together(text: str, validation: bool) -> str:
-    """Return an override, a sweep over `seed` as one list of seeds, since every job fits all of its seeds."""
-    if not text.startswith("seed="):
-        return text
-    override = OverridesParser.create().parse_override(text)
-    if not override.is_sweep_override():
-        raise InputError(f"{text}: a job fits several training sets: name all of them, as seed=0,1,2")
-    return f"{'validation_seeds' if validation else 'seeds'}=[{','.join(override.sweep_string_iterator())}]"
 
 
 def launch(sweep: Sweep, plan: Plan) -> None:

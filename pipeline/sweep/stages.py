@@ -57,7 +57,8 @@ def _graph(targets: Iterable[str]) -> tuple[dict[str, set[str]], dict[str, Path]
     with Repo() as repo:
         folder, graph = Path(repo.cache.local.path).parents[1] / "sweep-locks", repo.index.graph
         folder.mkdir(parents=True, exist_ok=True)
-        wanted = [stage for target in targets for stage in repo.stage.collect(address(target))]
+        own = {path.parent.name: f"{path}:{path.parent.name}" for path in Path("studies").glob("*/dvc.yaml")}
+        wanted = [stage for target in targets for stage in repo.stage.collect(own.get(target, target))]
         for stage in wanted:  # in DVC's graph a stage points to what it needs
             wanted += [needed for needed in graph.successors(stage) if needed not in wanted]
         needs = {stage.addressing: {needed.addressing for needed in graph.successors(stage)} for stage in wanted}
@@ -68,12 +69,6 @@ def _graph(targets: Iterable[str]) -> tuple[dict[str, set[str]], dict[str, Path]
         place = Path.cwd() if read[stage] == "[]" and not stage.endswith(".dvc") else ""
         locks[stage] = folder / hashlib.sha256(f"{sorted(upstream[stage])} {place}".encode()).hexdigest()
     return needs, locks
-
-
-def address(target: str) -> str:
-    """Return what DVC calls a stage: a study's is in a file of its own."""
-    path = f"studies/{target}/dvc.yaml"
-    return f"{path}:{target}" if Path(path).is_file() else target
 
 
 def end_with_parent() -> None:

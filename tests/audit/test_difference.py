@@ -9,9 +9,9 @@ import pytest
 from scipy.stats import ttest_rel
 
 from pipeline.audit.__main__ import main
-from pipeline.audit.difference import METRICS, Commit, Difference, _parameters, _processors, paired
+from pipeline.audit.difference import METRICS, Commit, Difference, _processors, paired
 from pipeline.audit.rerun import Output
-from pipeline.audit.text import MAX_LINES, of_difference, of_rerun, table
+from pipeline.audit.text import of_difference, of_rerun
 from pipeline.git import git
 from pipeline.runtime.places import PROCESSORS
 
@@ -73,10 +73,6 @@ def test_names_that_only_one_commit_has_are_counted_and_not_listed():
     assert "gone" not in text and "| `emptied` | 3 | null |" in text
 
 
-def test_long_tables_say_how_much_they_leave_out():
-    assert f"... {7} more" in table(["a"], [(i,) for i in range(MAX_LINES + 7)])
-
-
 def test_a_stage_that_ran_again_with_other_bytes_is_not_called_equal_by_headlines_that_did_not_run():
     same = pd.DataFrame({"headline": ["x"], "word": ["same"], "difference": [0.0], "ci_low": [0.0], "ci_high": [0.0]})
     difference = Difference([], [], [], [], [], [], same)
@@ -89,15 +85,3 @@ def test_an_audit_says_that_pairs_are_too_few():
     text = of_difference("before", "after", Difference([], [], [], [], [], [], by_seed))
     assert "+0.075 (too few pairs)" in text and "1 others have the same values for every seed" in text
     assert by_seed["p_holm"].isna().all()
-
-
-def test_a_parameter_that_is_only_spelled_otherwise_does_not_differ(tmp_path: Path):
-    def parameters(text: str) -> dict[str, object]:
-        (tmp_path / "params.yaml").write_text(text)
-        git(tmp_path, "add", "--all")
-        git(tmp_path, *AUTHOR, "commit", "--quiet", "--message", "parameters")
-        return _parameters(Commit(git(tmp_path, "rev-parse", "HEAD").strip(), tmp_path))
-
-    git(tmp_path, "init", "--quiet")
-    assert parameters("a: {rate: 1e-5, n: [9]}\n") == parameters("a: {n: [9.0], rate: 0.00001}\n")
-    assert parameters("a: 1\n") != parameters("a: 2\n")

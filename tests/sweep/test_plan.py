@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import pytest
-from dvc.repo import Repo
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
@@ -11,7 +10,6 @@ from pipeline.runtime.errors import InputError
 from pipeline.runtime.places import CONF, ROOT
 from pipeline.sweep.job import Sweep
 from pipeline.sweep.plan import make_plan
-from pipeline.sweep.stages import address
 
 EXPERIMENTS = sorted(path.stem for path in (CONF / "experiment").glob("*.yaml"))
 
@@ -20,7 +18,6 @@ EXPERIMENTS = sorted(path.stem for path in (CONF / "experiment").glob("*.yaml"))
     ("arguments", "fixed", "jobs"),
     [
         (["profile=smoke", "train.steps=5,6"], ["profile=smoke"], [["train.steps=5"], ["train.steps=6"]]),
-        (["seed=range(0,3)", "train.steps=5"], ["seeds=[0,1,2]", "train.steps=5"], [[]]),
         (["variants.full.alpha=1,100,100.0,1e2"], [], [["variants.full.alpha=1"], ["variants.full.alpha=100"]]),
         (["evaluate.bins=5,6", "evaluate.bins=7,8"], [], [["evaluate.bins=7"], ["evaluate.bins=8"]]),
     ],
@@ -51,7 +48,6 @@ def test_a_job_s_folder_is_named_by_what_it_does_not_share():
         ("train.steps=10,-1", "train.steps is -1"),
         ("train.steps=10,,20", "extraneous input"),
         ("main_n_demos=9,4", "main_n_demos is 4"),
-        ("seed=3", "seed=0,1,2"),
         ("repair.split=new_scenes,new_items", "intervene.split is 'new_items'"),
         ("+experiment=nonsense", "experiment/nonsense"),
         ("hydra/launcher=nowhere", "make venv-cluster"),
@@ -67,10 +63,3 @@ def test_what_cannot_run_is_refused_with_a_sentence(override: str, message: str)
 def test_every_experiment_composes_and_all_its_values_are_valid(experiment: str):
     plan = make_plan([f"+experiment={experiment}"], ["evaluate"])
     assert plan.jobs is not None and len(plan.jobs) > 1 and "null" not in plan.defaults.values()
-
-
-def test_dvc_finds_every_study_by_the_name_that_stages_takes():
-    with Repo(str(ROOT)) as repo:
-        for study in ROOT.glob("studies/*/dvc.yaml"):
-            (stage,) = repo.stage.collect(address(study.parent.name))
-            assert stage.name == study.parent.name
