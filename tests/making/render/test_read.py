@@ -66,7 +66,9 @@ def test_an_added_item_changes_the_picture_inside_its_footprint_and_not_far_away
     assert tuple(judged.with_item) == SYMBOLS
     for symbol, images in judged.with_item.items():
         layouts = judged.layouts_with_item[symbol]
-        changed = np.abs(images.astype(int) - judged.images).max(-1) > VISIBLE
+        changed = (
+            np.abs(images.astype(int) - judged.images).max(-1) > 6
+        )  # camera noise seldom changes a channel by more, of 255
         added = layouts.present & ~judged.layouts.present
         assert (added.sum(1) == 1).all() and (layouts.symbol[added] == SYMBOLS.index(symbol)).all()
         inside, far = [], []
