@@ -11,6 +11,7 @@ from making.segmenter.pool import draw
 from pipeline.perception.segmenter import read_segmenter
 
 
+@pytest.mark.slow
 def test_a_short_training_lowers_the_loss(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     for part in range(2):
         np.save(pool.part_file(tmp_path, part), np.concatenate(draw(np.random.default_rng(part), 20, "data")))
