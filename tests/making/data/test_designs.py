@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from making.data.designs import designs, surfaces
@@ -23,3 +24,12 @@ def test_data_holds_what_the_script_draws(file, draw):
     """To one grey level: libm may round otherwise on another machine."""
     stored = read_image(DATA / file).astype(int)
     assert np.abs(stored - draw()).max() <= 1
+
+
+def test_data_holds_no_other_file_and_lists_the_designs_in_their_order():
+    images = {f"items/{design.name}.png" for design in designs()} | {f"textures/{name}.png" for name in surfaces()}
+    files = {str(path.relative_to(DATA)) for path in DATA.rglob("*") if path.is_file()}
+    assert files == {"items.csv", "textures.csv", *images}
+    table = pd.read_csv(DATA / "items.csv")
+    assert [*zip(table["name"], table["split"], strict=True)] == [(design.name, design.split) for design in designs()]
+    np.testing.assert_allclose(table["width_m"], [design.width_m for design in designs()], atol=5e-5)
