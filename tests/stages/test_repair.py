@@ -18,6 +18,7 @@ from pipeline.runtime.errors import InputError
 from pipeline.stages.repair import main
 from tests.factories import models_in_rendered_scenes, rendered_scenes
 
+pytestmark = pytest.mark.slow
 VARIANTS = ("full", "irl_ranked", "clearance")
 BY_MODEL, BASELINES = ["gradient", "nearest"], ["random_path", "constant_detour", "oracle"]
 

@@ -23,7 +23,7 @@ SPLIT = {"new_items": "unseen", "val_items": "validation"}  # of the items in a 
 
 @pytest.fixture(scope="module")
 def cfg() -> DictConfig:
-    sizes = {"per_seed": 2, "shared": 3, "validation": 2, "calibration": 300, "calibration_paths": 40}
+    sizes = {"per_seed": 2, "shared": 3, "validation": 2, "calibration": 150, "calibration_paths": 40}
     overrides = [f"scenes.{name}={value}" for name, value in sizes.items()]
     return compose(["seeds=[0,1]", "validation_seeds=[100]", "scenes.prior_side=8", *overrides])
 
@@ -60,13 +60,13 @@ def test_one_more_training_set_changes_no_other_pool(cfg, out, tmp_path):
 
 
 def test_the_true_table_2_is_near_the_paper_s_and_the_committed_one_within_3_points(out):
-    """300 layouts leave a standard error of .012; the stage's own 2,000 are held to .03 below."""
+    """150 layouts leave a standard error of .017; the stage's own 2,000 are held to .03 below."""
     table = read_table(out / "p_valid.csv")
     assert list(table) == ["user", "added", "truth", "paper", "difference"]
     truth = table.pivot(index="user", columns="added", values="truth")
     assert set(truth.columns) == {"none", *SYMBOLS} and set(truth.index) == set(PAPER_P_VALID)
     for user, row in PAPER_P_VALID.items():
-        assert truth.loc[user].to_dict() == pytest.approx(row, abs=0.06), user
+        assert truth.loc[user].to_dict() == pytest.approx(row, abs=0.08), user
     assert (truth.loc["normal", ["bowl", "plate", "cutlery"]] == truth.loc["normal", "none"]).all()
     metrics = read_json(Path("outputs/scenes/metrics.json"))  # committed with the code
     assert metrics["world"]["largest_difference"] <= 0.03
