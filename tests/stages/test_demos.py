@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from omegaconf import DictConfig, OmegaConf
 
-from pipeline.artifacts.demos import DEMO_KEY, demo_arrays, read_demos, read_queries, read_trajectories
+from pipeline.artifacts.demos import demo_arrays, read_demos, read_trajectories
 from pipeline.artifacts.scenes import SceneSet, read_scenes, train_pool, write_scenes
 from pipeline.stages.demos import main
 from pipeline.world.hand import valid_trajectories
@@ -36,14 +36,6 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     return cfg
 
 
-def test_every_seed_user_and_scene_has_its_demonstrations_and_careful_users_accept_least(out: Path):
-    assert {path.name for path in out.iterdir()} == {"demos.parquet", "trajectories.npz", "queries.npz"}
-    demos = read_demos(out)
-    assert len(demos) == 3 * 3 * 3 * 10 and not demos.duplicated(DEMO_KEY).any()
-    share = demos.groupby("user")["valid"].mean()
-    assert 0 < share["careful"] < share["normal"] < share["aggressive"] == 1.0
-
-
 def test_labels_are_of_the_lines_that_hands_drew_and_not_of_the_fitted_paths(cfg: DictConfig, tmp_path: Path):
     shaky = with_value(cfg.copy(), "demos.hand.drift_m=0.008")
     main(shaky, tmp_path)
@@ -63,16 +55,3 @@ def fits_that_agree(cfg: DictConfig, out: Path) -> float:
         z, _ = demo_arrays(demos, seed, user, cfg.demos.per_scene)
         of_fits += list(valid(layouts, z, dict(cfg.users[user])).ravel() == of_lines)
     return float(np.mean(of_fits))
-
-
-def test_queries_are_labelled_by_the_truth_and_unseen_by_training(cfg: DictConfig, out: Path):
-    scenes, queries = read_scenes(Path(cfg.paths.scenes)), read_queries(out)
-    assert set(queries) == set(SCENES)
-    assert queries["train-s0"].z.shape == (3, cfg.demos.queries_seen, 2)
-    assert queries["new_items"].z.shape == (4, cfg.demos.queries_new, 2)
-    for pool, q in queries.items():
-        for user, margins in cfg.users.items():
-            np.testing.assert_array_equal(q.valid[user], valid(scenes.layouts[pool], q.z, dict(margins)))
-    seen = read_demos(out)[["z_x", "z_y"]].to_numpy()
-    paths = queries["train-s0"].z.reshape(-1, 2)
-    assert np.linalg.norm(seen[:, None] - paths, axis=-1).min() > 0
