@@ -1,9 +1,10 @@
 """Break runs of the smoke profile on purpose and count how they end: `make test-faults`; Linux, as root.
 
-python -m tests.faults [--kills N] [--seed S] [--only WORD] [--whole DIR]
+python -m tests.faults [--kills N] [--seed S] [--only WORD] [--whole DIR] [--out FILE]
 
 A fault must end in a clear message or in the bytes of an unbroken run. Exit status 1 if one does not. --whole names a
-finished `tests/smoke/run.sh DIR` to compare with and saves making one.
+finished `tests/smoke/run.sh DIR` to compare with and saves making one. --out keeps a table: what runs replaces its rows
+there, so that a long count can be made in parts.
 """
 
 import argparse
@@ -15,57 +16,62 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections import Counter
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
+import yaml
 
+from pipeline.artifacts.files import write_table
 from pipeline.git import dvc, forget_repository
+from tests.sweep.running import SMALL
 
 ROOT = Path(__file__).parents[2]
 REPRO = ["make", "--assume-old=.venv/.ready", "repro"]
+STUDY = ["dvc", "repro", "studies/dvc.yaml:page@users"]
+SWEEP = [sys.executable, "-m", "pipeline.sweep"]
+SWEPT = ["--multirun", "--folder", "swept", *SMALL, "evaluate.bins=5,10", "hydra.launcher.n_jobs=2"]
 STAGES = ("scenes", "demos", "train", "irl", "clearance", "evaluate", "repair", "intervene", "record")
 PAPER = (*(f"outputs/{stage}" for stage in STAGES), "reports")
-VARY = (".rrd", ".lock", ".pyc")  # or hold hashes of recordings, whose digests are compared
+RESULTS = ("outputs", "reports", "studies/users")
 SAME, MESSAGE, WRONG = "correct result", "clear message", "WRONG"
 MEAN_S = float(os.environ.get("MEAN_S", "8"))  # between kills: most stages of the smoke profile last as long
 
 
 class Broken:
-    """A clone of the finished run `whole` for one fault, as if no stage had run; `run` runs a command in it."""
+    """A clone of the finished run `whole` for one fault; `run` runs a command in it."""
 
-    def __init__(self, whole: Path, folder: Path):
-        """Clone, without results and without DVC's cache."""
+    def __init__(self, whole: Path, folder: Path, *, results: bool, cache: bool):
+        """Clone; with its results, or else as if no stage had run; with DVC's cache or without."""
         self.whole, self.folder = whole, folder
         subprocess.run(["git", "clone", "--quiet", str(whole), str(folder)], check=True)
-        for path in [folder / "dvc.lock", *folder.glob("studies/**/dvc.lock"), *folder.glob("reports/**/*.*")]:
-            path.unlink()
+        if results:
+            shutil.copytree(whole / "outputs", folder / "outputs", dirs_exist_ok=True)
+        else:
+            for path in [folder / "dvc.lock", *folder.glob("studies/**/dvc.lock"), *folder.glob("reports/**/*.*")]:
+                path.unlink()
+        if cache:
+            shutil.copytree(whole / ".dvc/cache", folder / ".dvc/cache")
         dvc(folder, "pull", "--quiet", "--remote", "store", "data.dvc", "rendered/pictures.dvc")
-        self.place = {"cwd": folder, "env": os.environ | {"PYTHONPATH": str(folder)}}  # Python finds the clone's code
 
     def run(self, *command: str) -> subprocess.CompletedProcess[str]:
         """Return the ended command with what it said."""
-        return subprocess.run(command, **self.place, capture_output=True, text=True, timeout=3600)
+        place = {"cwd": self.folder, "env": self.environment}
+        return subprocess.run(command, **place, capture_output=True, text=True, timeout=3600)
 
-    def judge(self, done: subprocess.CompletedProcess[str]) -> tuple[str, str]:
+    @property
+    def environment(self) -> dict[str, str]:
+        """The caller's, in which Python finds the clone's own code."""
+        return os.environ | {"PYTHONPATH": str(self.folder)}
+
+    def judge(self, done: subprocess.CompletedProcess[str], folders: tuple[str, ...] = RESULTS) -> tuple[str, str]:
         """Return how the fault ended, and the sentence or what is wrong: files that differ from the whole run's."""
         if done.returncode:
             return said(done)
-        different = [name for folder in PAPER for name in _differing(self.whole / folder, self.folder / folder)]
+        different = [name for folder in folders for name in _differing(self.whole / folder, self.folder / folder)]
         return (WRONG, f"differs: {', '.join(different[:5])}") if different else (SAME, "")
-
-    def is_killed(self, rng: np.random.Generator) -> bool:
-        """Start the run and kill it after a random time; return False if it came to its end before."""
-        silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "start_new_session": True}
-        process = subprocess.Popen(REPRO, **self.place, **silent)
-        try:
-            process.wait(rng.exponential(MEAN_S) + 0.5)
-            return False
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
-            return True
 
 
 def said(done: subprocess.CompletedProcess[str]) -> tuple[str, str]:
@@ -79,11 +85,17 @@ def said(done: subprocess.CompletedProcess[str]) -> tuple[str, str]:
 
 def _differing(first: Path, second: Path) -> list[str]:
     def contents(folder: Path) -> dict[str, bytes]:
-        files = [path for path in folder.rglob("*") if path.is_file() and path.suffix not in VARY]
+        files = [path for path in folder.rglob("*") if path.is_file() and not _varies(path)]
         return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
     before, after = contents(first), contents(second)
     return sorted(name for name in before.keys() | after.keys() if before.get(name) != after.get(name))
+
+
+def _varies(path: Path) -> bool:
+    """Whether a file holds hashes of recordings, whose digests are compared, or a sweep's durations."""
+    dated = (path.parent / "sweep.json").is_file() and path.suffix != ".parquet"
+    return dated or path.name in ("job.json", "log.txt") or path.suffix in (".rrd", ".lock", ".pyc")
 
 
 class Fault(NamedTuple):
@@ -94,12 +106,54 @@ class Fault(NamedTuple):
     rng: np.random.Generator
     kills: int
 
-    def broken(self, name: str = "clone") -> Broken:
+    def broken(self, name: str = "clone", *, results: bool, cache: bool) -> Broken:
         """Return a new clone of the whole run."""
-        return Broken(self.whole, self.folder / name)
+        return Broken(self.whole, self.folder / name, results=results, cache=cache)
+
+    def killed(self, make: Callable[[str], Broken], command: Callable[[Path], list[str]], folders: tuple) -> "Ends":
+        """Kill a command with all its children, resume it until it ends, and begin anew, until `kills` are done.
+
+        Each kill ends as the run that it hit.
+        """
+        ends: Ends = []
+        for clone in itertools.count():
+            broken, killed = make(str(clone)), 0
+            while len(ends) + killed < self.kills and _is_killed(broken, command(broken.folder), self.rng):
+                killed += 1
+            if killed:
+                ends += [broken.judge(broken.run(*command(broken.folder)), folders)] * killed
+            shutil.rmtree(broken.folder)
+            if len(ends) >= self.kills:
+                break
+        return ends
+
+    def damaged(self, find: Callable[[Path], list[Path]], remove: str = "") -> "Ends":
+        """Damage a file of a clone that has results and cache, once cut and once flipped, and run it again."""
+        ends = []
+        for how in ("cut", "flip"):
+            broken = self.broken(how, results=True, cache=True)
+            candidates = sorted(path for path in find(broken.folder) if path.stat().st_size > 100)
+            _damage(candidates[int(self.rng.integers(len(candidates)))], self.rng, how)
+            if remove:
+                shutil.rmtree(broken.folder / remove)
+            ends.append(broken.judge(broken.run(*REPRO), PAPER))
+        return ends
 
 
 Ends = list[tuple[str, str]]  # how a fault ended, for each time that it was injected
+
+
+def _is_killed(broken: Broken, command: list[str], rng: np.random.Generator) -> bool:
+    """Start a command and kill it after a random time; return False if it came to its end before."""
+    place = {"cwd": broken.folder, "env": broken.environment, "start_new_session": True}
+    process = subprocess.Popen(command, **place, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        process.wait(rng.exponential(MEAN_S) + 0.5)
+        return False
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        return True
 
 
 def _damage(path: Path, rng: np.random.Generator, how: str) -> None:
@@ -115,48 +169,102 @@ def _damage(path: Path, rng: np.random.Generator, how: str) -> None:
 
 
 def kill_the_paper(fault: Fault) -> Ends:
-    """kill -9 of `make repro` and all its children, resumed"""
-    ends: Ends = []
-    while len(ends) < fault.kills:  # a run is killed and resumed until it ends; each kill ends as that run
-        broken, killed = fault.broken(str(len(ends))), 0
-        while len(ends) + killed < fault.kills and broken.is_killed(fault.rng):
-            killed += 1
-        ends += [broken.judge(broken.run(*REPRO))] * killed
-        shutil.rmtree(broken.folder)
-    return ends
+    """kill -9 of `make repro`, resumed"""
+    return fault.killed(lambda name: fault.broken(name, results=False, cache=False), lambda _: REPRO, PAPER)
+
+
+def kill_a_study(fault: Fault) -> Ends:
+    """kill -9 of a study, resumed"""
+
+    def make(name: str) -> Broken:
+        broken = fault.broken(name, results=True, cache=False)
+        shutil.rmtree(broken.folder / "outputs/studies/users")
+        (broken.folder / "studies/users/dvc.lock").unlink()
+        return broken
+
+    return fault.killed(make, lambda _: STUDY, ("outputs/studies/users", "studies/users"))
+
+
+def kill_a_sweep(fault: Fault) -> Ends:
+    """kill -9 of a sweep, resumed"""
+    reference = fault.broken("reference", results=False, cache=False)
+    reference.run(*SWEEP, *SWEPT).check_returncode()
+
+    def command(clone: Path) -> list[str]:
+        return [*SWEEP, *(["--resume", "swept"] if (clone / "swept/sweep.json").is_file() else SWEPT)]
+
+    against = fault._replace(whole=reference.folder)
+    return against.killed(lambda name: against.broken(name, results=False, cache=False), command, ("swept",))
+
+
+def damaged_cache(fault: Fault) -> Ends:
+    """damaged file in DVC's cache, its result restored"""
+    outs = yaml.safe_load((fault.whole / "dvc.lock").read_text())["stages"]["evaluate"]["outs"]
+    paths = [f".dvc/cache/files/md5/{out['md5'][:2]}/{out['md5'][2:]}" for out in outs if "md5" in out]
+    return fault.damaged(lambda clone: [p for path in paths for p in clone.glob(path)], remove="outputs/evaluate")
 
 
 def damaged_store(fault: Fault) -> Ends:
     """damaged file in the store of data, pulled"""
     ends = []
     for how, suffix in itertools.product(("cut", "flip"), (".csv", ".png")):
-        broken = fault.broken(how + suffix)
+        broken = fault.broken(how + suffix, results=False, cache=False)
         names = sorted(broken.folder.glob(f"data/**/*{suffix}"))
         content = names[int(fault.rng.integers(len(names)))].read_bytes()
         for folder in ("data", ".dvc/cache", ".dvc/tmp"):
             shutil.rmtree(broken.folder / folder, ignore_errors=True)
         (stored,) = [p for p in broken.folder.glob("store/files/md5/*/*") if p.read_bytes() == content]
         _damage(stored, fault.rng, how)
-        ends.append(broken.judge(broken.run(*REPRO)))
+        ends.append(broken.judge(broken.run(*REPRO), PAPER))
     return ends
+
+
+def damaged_weights(fault: Fault) -> Ends:
+    """damaged weights"""
+    return fault.damaged(lambda clone: list(clone.glob("outputs/*/*/weights/*.safetensors")))
+
+
+def damaged_data(fault: Fault) -> Ends:
+    """damaged file in data/"""
+    return fault.damaged(lambda clone: [p for p in clone.glob("data/items/*") if p.is_file()])
 
 
 def two_at_once(fault: Fault) -> Ends:
     """two `make repro` at once"""
-    broken = fault.broken()
+    broken = fault.broken(results=False, cache=False)
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
     first = subprocess.Popen(REPRO, cwd=broken.folder, **pipes, start_new_session=True)
     time.sleep(float(fault.rng.uniform(4, 12)))
     second = broken.run(*REPRO)
     text, _ = first.communicate()
     ended = subprocess.CompletedProcess(REPRO, first.returncode, text, "")
-    return [broken.judge(ended), broken.judge(second)]
+    return [broken.judge(ended, PAPER), broken.judge(second, PAPER)]
+
+
+def read_only_reports(fault: Fault) -> Ends:
+    """reports/ read-only, then writable again"""
+    broken = fault.broken(results=True, cache=True)
+    (broken.folder / "reports/accuracy.html").write_text("edited")
+    mount = "mount --bind reports reports && mount -o remount,bind,ro reports && exec " + " ".join(REPRO)
+    refused = broken.run("unshare", "--mount", "bash", "-c", mount)
+    return [said(refused) if refused.returncode else (WRONG, "wrote"), broken.judge(broken.run(*REPRO))]
+
+
+def clock_set_back(fault: Fault) -> Ends:
+    """clock set back by three days in the middle"""
+    if not shutil.which("faketime"):
+        return [("not tested", "faketime is not installed: apt-get install faketime")]
+    broken = fault.broken(results=True, cache=True)
+    for folder in ("outputs/evaluate", "outputs/repair", ".dvc/cache/runs"):
+        shutil.rmtree(broken.folder / folder, ignore_errors=True)
+    (broken.folder / "reports/index.html").unlink()
+    return [broken.judge(broken.run("faketime", "-f", "-3d", *REPRO), PAPER)]
 
 
 def no_network(fault: Fault) -> Ends:
     """no network"""
-    broken = fault.broken()
-    return [broken.judge(broken.run("unshare", "--net", *REPRO))]
+    broken = fault.broken(results=False, cache=False)
+    return [broken.judge(broken.run("unshare", "--net", *REPRO), PAPER)]
 
 
 def full_disk(fault: Fault) -> Ends:
@@ -164,30 +272,41 @@ def full_disk(fault: Fault) -> Ends:
     fault.folder.mkdir()
     subprocess.run(["mount", "-t", "tmpfs", "-o", "size=400m", "tmpfs", fault.folder], check=True)
     try:
-        broken = fault.broken()
+        broken = fault.broken(results=False, cache=False)
         free, filler = shutil.disk_usage(fault.folder).free, fault.folder / "filler"
         filler.write_bytes(bytes(free - int(fault.rng.integers(1_000_000, 4_000_000))))
         refused = broken.run(*REPRO)
         filler.unlink()
         first = said(refused) if refused.returncode else (WRONG, "it fitted")
-        return [first, broken.judge(broken.run(*REPRO))]
+        return [first, broken.judge(broken.run(*REPRO), PAPER)]
     finally:
         subprocess.run(["umount", "--lazy", fault.folder], check=True)
 
 
-FAULTS = (kill_the_paper, damaged_store, two_at_once, no_network, full_disk)
+def workers_and_folder(fault: Fault) -> Ends:
+    """two workers, everything with all studies, in a folder of another name"""
+    broken = fault.broken("a folder of another name", results=False, cache=False)
+    broken.run(sys.executable, "-m", "pipeline.params", "profile=smoke", "workers=2")
+    return [broken.judge(broken.run("dvc", "repro", "-P"), ("outputs", "reports", "studies"))]
+
+
+FAULTS = (
+    kill_the_paper, kill_a_study, kill_a_sweep, damaged_cache, damaged_store, damaged_weights, damaged_data,
+    two_at_once, read_only_reports, clock_set_back, no_network, full_disk, workers_and_folder,
+)  # fmt: skip
 
 
 def main() -> int:
-    """Inject every fault and print how each ended."""
+    """Inject every fault, print how each ended, and write the table."""
     parser = argparse.ArgumentParser(prog="python -m tests.faults", description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("--kills", type=int, default=5, help="times that a run is killed")
     parser.add_argument("--seed", type=int, default=0, help="of the moments and places")
     parser.add_argument("--only", default="", help="faults whose name holds this word")
     parser.add_argument("--whole", type=Path, help="a finished smoke run")
+    parser.add_argument("--out", type=Path, help="csv to write")
     given = parser.parse_args()
-    wrong = False
+    table = pd.read_csv(given.out, keep_default_na=False) if given.out and given.out.is_file() else pd.DataFrame()
     with tempfile.TemporaryDirectory() as temporary:
         whole = (given.whole or Path(temporary) / "whole").absolute()
         if not given.whole:
@@ -196,10 +315,23 @@ def main() -> int:
             folder = Path(temporary) / fault.__name__
             ends = fault(Fault(whole, folder, np.random.default_rng(given.seed), given.kills))
             shutil.rmtree(folder, ignore_errors=True)
-            for (end, message), times in Counter(ends).items():
-                print(f"{fault.__doc__} | {times} | {end} | {message.replace(str(folder), '')}", flush=True)
-            wrong |= any(end == WRONG for end, _ in ends)
-    return int(wrong)
+            table = _with_rows(table, str(fault.__doc__), ends, (str(folder), temporary))
+            print(table[table["fault"] == fault.__doc__].to_string(index=False, header=False), flush=True)
+            if given.out:
+                write_table(given.out, table)
+    return int((table["end"] == WRONG).any())
+
+
+def _with_rows(table: pd.DataFrame, fault: str, ends: Ends, folders: Sequence[str]) -> pd.DataFrame:
+    """Return a table (fault, times, end, message) in the order of FAULTS with a fault's rows replaced by new ones."""
+    rows = pd.DataFrame(ends, columns=["end", "message"]).assign(fault=fault)
+    for name in folders:
+        rows["message"] = rows["message"].str.replace(name, "", regex=False)
+    counts = rows.value_counts(["fault", "end", "message"], sort=False).reset_index(name="times")
+    others = table[table["fault"] != fault] if len(table) else table
+    order = [str(fault.__doc__) for fault in FAULTS]
+    both = pd.concat([others, counts[["fault", "times", "end", "message"]]])
+    return both.sort_values("fault", key=lambda names: names.map(order.index), kind="stable").reset_index(drop=True)
 
 
 if __name__ == "__main__":
