@@ -10,6 +10,7 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import read_arrays, read_json, read_table, write_json
+from pipeline.artifacts.headlines import headlines
 from pipeline.artifacts.models import PREDICTION_COLUMNS, compared, model_dir
 from pipeline.artifacts.scenes import SceneSet, read_interventions, read_position_prior, read_scenes, train_pool
 from pipeline.launch import launch
@@ -64,7 +65,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     tables = {name: read_table(Path(cfg.paths[stage]) / file) for name, (stage, file) in TABLES.items()}
     for name, column in (("repair", "variant"), ("repairs", "variant"), ("interventions", "symbol")):
         tables[name] = tables[name].assign(**{column: tables[name][column].fillna("")})  # csv reads "" as missing
-    tables["seeds"] = _by_seed(cfg, tables["repairs"])
+    tables["seeds"] = headlines(cfg, Path(), ("evaluate", "repair"))
     tables["judged"] = _judged(cfg, scenes)
     tables["slices"] = by_slice(tables["judged"])
     tables |= {name: read_table(DECISIONS / file) for name, file in HISTORY.items()}
@@ -107,24 +108,6 @@ def _sources(cfg: DictConfig) -> dict[str, Source]:
     judged = [(f"{cfg.variants[v].stage}@{v}", model_dir(cfg, v) / "predictions.parquet") for v in shown]
     files["judged"] = files["slices"] = [("demos", Path(cfg.paths.demos) / "queries.npz"), *judged]
     return {name: Source(tuple(parts)) for name, parts in files.items()}
-
-
-def _by_seed(cfg: DictConfig, repairs: pd.DataFrame) -> pd.DataFrame:
-    """Return the headlines on accuracy and repair of each training set (headline, seed, value), for paired tests."""
-    users = list(cfg.evaluate.users)
-    scores = read_table(Path(cfg.paths.evaluate) / "accuracy.parquet").query("user in @users")
-    gradient = repairs[(repairs["method"] == "gradient") & repairs["user"].isin(users)]
-    parts = {
-        "accuracy": (scores[scores["n_demos"] == cfg.main_n_demos], ["variant", "split"], "accuracy"),
-        "accuracy_one_demo": (scores.query("n_demos == 1 and split == 'new_items'"), ["variant", "split"], "accuracy"),
-        "repair": (gradient, ["variant", "user"], "valid_end"),
-    }
-    rows = []
-    for name, (table, columns, value) in parts.items():
-        for key, mean in table.groupby([*columns, "seed"], sort=False, observed=True)[value].mean().items():
-            *names, seed = key  # pyright: ignore[reportGeneralTypeIssues]
-            rows.append({"headline": ".".join([name, *map(str, names)]), "seed": seed, "value": float(mean)})
-    return pd.DataFrame(rows)
 
 
 def _drawn(cfg: DictConfig, scenes: SceneSet) -> DrawnScenes:

@@ -20,11 +20,11 @@ from typing import Any
 import pandas as pd
 
 from pipeline.artifacts.files import read_json, read_table, write_json, write_table
+from pipeline.artifacts.headlines import headlines
 from pipeline.audit.revision import make_clone
 from pipeline.git import environment, git
 from pipeline.launch import load
 from pipeline.runtime.errors import InputError
-from pipeline.sweep.results import headlines
 
 WATCH_S = 0.5  # between two looks at the parent process
 MAX_NAME = 120  # characters of a folder's name; longer ones end in a digest

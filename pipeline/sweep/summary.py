@@ -16,9 +16,9 @@ from pipeline.report.page import FOLDER, Site, environment, render_page, write_f
 from pipeline.report.style import label
 from pipeline.sweep.job import Sweep
 from pipeline.sweep.plan import value_of
-from pipeline.sweep.results import LOWER_IS_BETTER
 
 KINDS = {"accuracy_one_demo": "accuracy with one demonstration", "effect_error": "largest effect error"}
+LOWER_IS_BETTER = "effect_error.", "unsafe"  # how such headlines begin
 MAX_PANELS = 4  # results beside one another
 
 

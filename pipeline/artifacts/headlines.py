@@ -1,4 +1,4 @@
-"""The headlines of one job, a row a training set, read from what its target stages wrote."""
+"""The headlines, a row a training set, read from what stages and studies wrote."""
 
 from collections.abc import Collection
 from pathlib import Path
@@ -7,8 +7,6 @@ import pandas as pd
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_table
-
-LOWER_IS_BETTER = ("effect_error.", "unsafe")
 
 
 def headlines(cfg: DictConfig, folder: Path, targets: Collection[str]) -> pd.DataFrame:
