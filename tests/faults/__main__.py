@@ -219,16 +219,6 @@ def damaged_store(fault: Fault) -> Ends:
     return ends
 
 
-def damaged_weights(fault: Fault) -> Ends:
-    """damaged weights"""
-    return fault.damaged(lambda clone: list(clone.glob("outputs/*/*/weights/*.safetensors")))
-
-
-def damaged_data(fault: Fault) -> Ends:
-    """damaged file in data/"""
-    return fault.damaged(lambda clone: [p for p in clone.glob("data/items/*") if p.is_file()])
-
-
 def two_at_once(fault: Fault) -> Ends:
     """two `make repro` at once"""
     broken = fault.broken(results=False, cache=False)
@@ -239,26 +229,6 @@ def two_at_once(fault: Fault) -> Ends:
     text, _ = first.communicate()
     ended = subprocess.CompletedProcess(REPRO, first.returncode, text, "")
     return [broken.judge(ended, PAPER), broken.judge(second, PAPER)]
-
-
-def read_only_reports(fault: Fault) -> Ends:
-    """reports/ read-only, then writable again"""
-    broken = fault.broken(results=True, cache=True)
-    (broken.folder / "reports/accuracy.html").write_text("edited")
-    mount = "mount --bind reports reports && mount -o remount,bind,ro reports && exec " + " ".join(REPRO)
-    refused = broken.run("unshare", "--mount", "bash", "-c", mount)
-    return [said(refused) if refused.returncode else (WRONG, "wrote"), broken.judge(broken.run(*REPRO))]
-
-
-def clock_set_back(fault: Fault) -> Ends:
-    """clock set back by three days in the middle"""
-    if not shutil.which("faketime"):
-        return [("not tested", "faketime is not installed: apt-get install faketime")]
-    broken = fault.broken(results=True, cache=True)
-    for folder in ("outputs/evaluate", "outputs/repair", ".dvc/cache/runs"):
-        shutil.rmtree(broken.folder / folder, ignore_errors=True)
-    (broken.folder / "reports/index.html").unlink()
-    return [broken.judge(broken.run("faketime", "-f", "-3d", *REPRO), PAPER)]
 
 
 def no_network(fault: Fault) -> Ends:
@@ -283,16 +253,8 @@ def full_disk(fault: Fault) -> Ends:
         subprocess.run(["umount", "--lazy", fault.folder], check=True)
 
 
-def workers_and_folder(fault: Fault) -> Ends:
-    """two workers, everything with all studies, in a folder of another name"""
-    broken = fault.broken("a folder of another name", results=False, cache=False)
-    broken.run(sys.executable, "-m", "pipeline.params", "profile=smoke", "workers=2")
-    return [broken.judge(broken.run("dvc", "repro", "-P"), ("outputs", "reports", "studies"))]
-
-
 FAULTS = (
-    kill_the_paper, kill_a_study, kill_a_sweep, damaged_cache, damaged_store, damaged_weights, damaged_data,
-    two_at_once, read_only_reports, clock_set_back, no_network, full_disk, workers_and_folder,
+    kill_the_paper, kill_a_study, kill_a_sweep, damaged_cache, damaged_store, two_at_once, no_network, full_disk,
 )  # fmt: skip
 
 
