@@ -17,7 +17,7 @@ from omegaconf import DictConfig
 from pipeline.artifacts.files import data_version, write_json, write_table
 from pipeline.report import charts, style
 from pipeline.report.study import Data, Source
-from pipeline.report.tables import FORMATS, HIDDEN, Table, in_brackets, rows_of
+from pipeline.report.tables import FORMATS, HIDDEN, in_brackets, rows_of
 from pipeline.runtime.writing import atomic_write
 
 FOLDER = Path(__file__).parent
@@ -71,7 +71,7 @@ def render_page(
     uses a number that is missing or not finite.
     """
     page = Page(name, data, made, site, prefix)
-    calls = {call: getattr(page, call) for call in ("figure", "curves", "bars", "table", "rows", "table_number")}
+    calls = {call: getattr(page, call) for call in ("figure", "curves", "bars", "rows", "table_number")}
     site.pages[name] = made.get_template(template).render(page=name, figures=figures, **calls)
 
 
@@ -99,14 +99,6 @@ class Page:
         """Show intervals of a table of results: see `charts.bars`."""
         return self._figure(name, partial(charts.bars, self.data, table), caller, **options)
 
-    def table(self, make: Callable[[Any], Table], caller: Callable[[], str] = str) -> Markup:
-        """Show the table that a function makes of the data."""
-        return self._table(make.__name__, partial(make, self.data), caller)
-
-    def rows(self, name: str, table: Any, caller: Callable[[], str] = str, **options: Any) -> Markup:
-        """Show rows of a table of results: see `tables.rows_of`."""
-        return self._table(name, partial(rows_of, self.data, table, **options), caller)
-
     def table_number(self) -> str:
         """Return the number of a table whose markup is in the template."""
         self.table_count += 1
@@ -127,11 +119,12 @@ class Page:
         text |= {"command": {"overview": "make review", "worst": "make review WORST=1"}.get(recording, "")}
         return Markup(self.made.get_template("figure.html.j2").render(text))
 
-    def _table(self, name: str, make: Callable[[], Table], caller: Callable[[], str]) -> Markup:
+    def rows(self, name: str, table: Any, caller: Callable[[], str] = str, **options: Any) -> Markup:
+        """Show rows of a table of results: see `tables.rows_of`."""
         traced = isinstance(self.data, Data)
         if traced:
             self.data.reads.clear()
-        shown = make()
+        shown = rows_of(self.data, table, **options)
         read = sorted(set(self.data.reads)) if traced else []
         self.table_count += 1
         file = self.prefix + name.replace("_", "-")

@@ -201,7 +201,8 @@ def rows_of(
         for name in fractions if across else columns:
             title = _joined(head, columns[name])
             order += [title, *(f"{title}, {part}" for part in marks.get(name, ()))]
-    made = with_gaps([{name: line.get(name) for name in order} for line in lines.values()])
+    made = pd.DataFrame([{name: line.get(name) for name in order} for line in lines.values()], dtype=object)
+    made = made.where(made.notna(), None)  # which a page shows as a dash
     if across:
         formats = dict(formats) | {_joined(head, title): form for head in heads for title, form in formats.items()}
         made = made.drop(columns=[name for name in order if name.endswith(HIDDEN) and made[name].isna().all()])
@@ -215,18 +216,6 @@ def in_words(value: Any, words: Words | None) -> Any:
 
 def _joined(head: str, title: str) -> str:
     return ", ".join(filter(None, [head, title]))
-
-
-def with_gaps(rows: Any) -> pd.DataFrame:
-    """Return rows as a frame in which a number that cannot exist is None, which a page shows as a dash."""
-    frame = pd.DataFrame(rows, dtype=object)
-    return frame.where(frame.notna(), None)
-
-
-def pick(table: pd.DataFrame, titles: Mapping[str, str], **words: Callable | Mapping) -> pd.DataFrame:
-    """Return the columns of a table that `titles` names, under their titles; `words` translate a column."""
-    shown = table.assign(**{column: table[column].map(word) for column, word in words.items()})
-    return shown[list(titles)].rename(columns=dict(titles)).reset_index(drop=True)
 
 
 def in_brackets(row: Mapping[str, Any], column: str, write: Callable[[Any], str]) -> str:
