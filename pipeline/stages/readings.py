@@ -25,9 +25,8 @@ from pipeline.models.base import ValidityModel
 from pipeline.models.baselines import NEAREST, POSITION
 from pipeline.runtime.settings import Count, Demonstrations, Group, Length, Pair, Whole, Wholes, need, rising
 from pipeline.training.judged_sets import FEW, HELD_OUT, NEW, NEW_POOL, OWN, Kinds, judge, judge_blind, row
-from pipeline.training.loop import is_constant
+from pipeline.training.loop import MIN_OWN_DEMONSTRATIONS, is_constant
 from pipeline.training.refit import TrainingSet, refit
-from pipeline.training.sets import MIN_OWN_DEMONSTRATIONS
 
 MODEL = "full"  # the paper's model
 RANDOM = "random_routes"

@@ -18,7 +18,7 @@ from pipeline.models.base import ValidityModel
 from pipeline.models.baselines import NEAREST, POSITION
 from pipeline.runtime.streams import stream
 from pipeline.stats.scores import accuracy
-from pipeline.training.sets import TrainingSet
+from pipeline.training.loop import TrainingSet
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import Candidates, Margins

@@ -35,9 +35,8 @@ from pipeline.runtime.streams import job_seed, stream
 from pipeline.stats.scores import accuracy
 from pipeline.training import judged_sets
 from pipeline.training.judged_sets import NEW, NEW_POOL, OWN, ROUTES, Kinds
-from pipeline.training.loop import Losses, Schedule, minimise
+from pipeline.training.loop import Losses, Schedule, minimise, need_finite
 from pipeline.training.refit import TrainingSet, refit
-from pipeline.training.sets import need_finite
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, random_layouts
 from pipeline.world.render import read_palette, render_scenes

@@ -1,13 +1,13 @@
 """Fit clearance models: every member maximises its own weighted likelihood; then BIC weights the rule families."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
 import numpy as np
 import torch
 import torch.nn.functional as F
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Float, UInt8
 from numpy import ndarray as Array
 from scipy.special import entr
 from torch import Tensor
@@ -23,10 +23,10 @@ from pipeline.models.clearance.clearance import (
     passes,
 )
 from pipeline.training.loop import (
-    Checkpoints,
     Losses,
     Schedule,
-    is_constant,
+    Trainer,
+    fit_varied,
     minimise,
     pad_demonstrations,
     row_weights,
@@ -34,7 +34,6 @@ from pipeline.training.loop import (
     stack_models,
     unstack_models,
 )
-from pipeline.training.sets import Trainer
 
 CERTAIN_LOG_ODDS = 1e4  # log-odds of certainty [nat]
 BATCH_SIZE = 10  # models fitted together, so that their intermediate results fit the cache
@@ -46,35 +45,19 @@ def trainer(variant: Mapping[str, Any], clearance: Mapping[str, Any]) -> Trainer
     return Trainer(ClearanceModel, partial(fit, schedule=Schedule.of(clearance)), CURVE, BATCH_SIZE)
 
 
-def fit(
-    models: Sequence[ClearanceModel],
-    images: Sequence[UInt8[Array, "scene 100 100 3"]],
-    z_theta: Sequence[Float[Array, "scene _ 2"]],
-    valid: Sequence[Bool[Array, "scene _"]],
-    schedule: Schedule,
-    seeds: Sequence[int],
-    checkpoints: Checkpoints | None = None,
-) -> list[Float[Array, "point 2"]]:
-    """Train models of one shape in place on their demonstrations [m]; return their learning curves (`CURVE`).
+def fit(models, images, z_theta, valid, schedule, seeds, checkpoints=None) -> list[Float[Array, "point 2"]]:
+    """Train models of one shape and equally many scenes in place; return their learning curves (`CURVE`).
 
-    Each member weights the scenes at random (Bayesian bootstrap; Rubin, 1981) and maximises the weighted likelihood.
-    If all labels are equal, the model answers Laplace's probability for every path. All models have the same number of
-    scenes. `checkpoints` keeps intermediate weights, each with its model evidence.
+    Arguments as in `fit_varied`. Each member weights the scenes at random (Bayesian bootstrap; Rubin, 1981) and
+    maximises the weighted likelihood. Every checkpoint has its own model evidence.
     """
-    curves: dict[int, Array] = {}
-    percepts: dict[int, Tensor] = {}  # of the models whose labels vary
-    for i, (model, scenes, labels) in enumerate(zip(models, images, valid, strict=True)):
-        model.rate.fill_(rule_of_succession(labels))
-        if is_constant(labels):
-            model.evidence.fill_(-CERTAIN_LOG_ODDS)
-            curves[i] = np.array([[0.0, 0.0]])
-        else:
-            percepts[i] = set_feature_scaling(model, scenes)
-    if percepts:
-        varied = [[values[i] for i in percepts] for values in (models, z_theta, valid, seeds)]
-        fitted = _ascend(schedule, checkpoints or Checkpoints(), list(percepts.values()), *varied)
-        curves |= zip(percepts, fitted, strict=True)
-    return [curves[i] for i in range(len(models))]
+
+    def set_constant(model: ClearanceModel, rate: float) -> tuple[float]:
+        model.rate.fill_(rate)
+        model.evidence.fill_(-CERTAIN_LOG_ODDS)
+        return (0.0,)
+
+    return fit_varied(partial(_ascend, schedule), set_constant, models, images, z_theta, valid, seeds, checkpoints)
 
 
 def set_feature_scaling(
@@ -104,18 +87,19 @@ def set_model_evidence(model: ClearanceModel, percept: Tensor, z_theta: Array, l
     model.evidence.copy_(log_likelihood - log_likelihood_at_rate - penalty)
 
 
-def _ascend(schedule, checkpoints, percepts, models, z_theta, labels, seeds) -> list[Float[Array, "point 2"]]:
+def _ascend(schedule, models, images, z_theta, labels, seeds, checkpoints) -> list[Float[Array, "point 2"]]:
     """Train all members of all models at once: ten models cost as much as four in sequence."""
-    stacked, percept = stack_models(models), torch.stack(percepts)
+    for model, own in zip(models, labels, strict=True):
+        model.rate.fill_(rule_of_succession(own))
+    percepts = [set_feature_scaling(model, scenes) for model, scenes in zip(models, images, strict=True)]
+    stacked, percept = stack_models(models), torch.stack(percepts)  # (model, scene, object, 14)
     paths = torch.tensor(np.stack(pad_demonstrations(z_theta))).float()
     flat = passes(percept.flatten(0, 1), paths.flatten(0, 1))
     passing = Passing(*(x.unflatten(0, percept.shape[:2]) for x in flat))
     valid = torch.tensor(np.stack(pad_demonstrations(labels)))[:, None]
-    scene_weights = torch.stack(
-        [bootstrap(model, len(percept[0]), seed) for model, seed in zip(models, seeds, strict=True)]
-    )
     rows = torch.from_numpy(row_weights([own.shape[1] for own in labels]).T).float()[:, None, None]
-    weights = rows * scene_weights  # (model, member, scene, row)
+    scene_weights = [bootstrap(model, percept.shape[1], seed) for model, seed in zip(models, seeds, strict=True)]
+    weights = rows * torch.stack(scene_weights)  # (model, member, scene, row)
 
     def loss() -> Losses:
         log_valid = stacked.log_valid(percept, passing).clamp(max=-1e-6)
@@ -129,7 +113,7 @@ def _ascend(schedule, checkpoints, percepts, models, z_theta, labels, seeds) -> 
             set_model_evidence(*data)
 
     parameters = [p for p in stacked.parameters() if p.requires_grad]
-    curve = minimise(loss, parameters, schedule, before_step=checkpoints.before_step(models, hand_over))
+    curve = minimise(loss, parameters, schedule, partial(checkpoints.keep, models, hand_over))
     hand_over()
     return list(curve.transpose(2, 0, 1))
 

@@ -10,13 +10,7 @@ from pipeline.models.irl.reward_map import SYMMETRIES, RewardMap, contrast, tran
 from pipeline.models.registry import build
 from pipeline.perception.background import subtract_background
 from pipeline.training.irl.augment import ColorJitter, augment_appearances, blobs
-from pipeline.training.irl.fit import (
-    IrlSchedule,
-    fit,
-    logistic,
-    maxent,
-    ranked,
-)
+from pipeline.training.irl.fit import IrlSchedule, fit, logistic, maxent, ranked
 from pipeline.training.loop import Checkpoints
 
 SHAPE = {"channels": 8, "dilated": 2, "gain": 10.0, "dropout": 0.1, "lattice_side": 10}
@@ -35,6 +29,12 @@ def drawn(seed: int = 0, **changes) -> RewardMap:
     model = build({"kind": "reward", "model": SHAPE | changes}, seed)
     assert isinstance(model, RewardMap)
     return model
+
+
+def fit_one(model: RewardMap, images, z, valid, objective: str, settings: IrlSchedule, seed: int, checkpoints=None):
+    """Its learning curve."""
+    (curve,) = fit([model], [images], [z], [valid], objective, settings, [seed], checkpoints)
+    return curve
 
 
 def world(scenes: int = 4, n: int = 6):
@@ -74,14 +74,14 @@ def test_a_step_judges_paths_on_their_own_scenes_map_under_one_symmetry(seed):
     with torch.no_grad():
         maps = [untransform(model.reward(transform(seen, g)), g) for g in range(SYMMETRIES)]
         losses = np.array([float(ranked(model.advantage(r, paths), labels)) for r in maps])
-    curve = fit(model, images, z, valid, "ranked", schedule(steps=1, n_augmentations=1), seed)
+    curve = fit_one(model, images, z, valid, "ranked", schedule(steps=1, n_augmentations=1), seed)
     assert np.abs(losses - curve[0, 1]).min() < 1e-5
 
 
 def test_checkpoints_keep_the_rule_of_their_step_and_change_no_weight():
     plain, kept, checkpoints = drawn(1), drawn(1), Checkpoints([0, 6])
-    curve = fit(plain, *world(), "ranked", schedule(), 1)
-    assert np.array_equal(fit(kept, *world(), "ranked", schedule(), 1, checkpoints), curve)
+    curve = fit_one(plain, *world(), "ranked", schedule(), 1)
+    assert np.array_equal(fit_one(kept, *world(), "ranked", schedule(), 1, checkpoints), curve)
     for name, value in plain.state_dict().items():
         assert torch.equal(kept.state_dict()[name], value)
     states = checkpoints.of(kept)
@@ -94,7 +94,7 @@ def test_a_model_depends_on_its_seed_and_not_on_those_fitted_before_it():
     results = []
     for scenes, seed in ((5, 1), (5, 1), (4, 1), (5, 1), (5, 2)):  # appearances drawn, cached, replaced, drawn again
         model = drawn(1)
-        fit(model, *world(scenes), "ranked", schedule(), seed)
+        fit_one(model, *world(scenes), "ranked", schedule(), seed)
         results.append([value.numpy() for value in model.state_dict().values()])
     same = [all(np.array_equal(x, y) for x, y in zip(results[0], other, strict=True)) for other in results]
     assert same == [True, True, False, True, False]
@@ -105,7 +105,7 @@ def test_a_model_depends_on_its_seed_and_not_on_those_fitted_before_it():
 def test_fitting_ranks_valid_paths_above_invalid_ones(objective, least):
     images, z, valid = world(12, 9)
     model = drawn(0)
-    curve = fit(model, images, z, valid, objective, schedule(steps=30), 0)
+    curve = fit_one(model, images, z, valid, objective, schedule(steps=30), 0)
     assert curve[-5:, 1].mean() < curve[:5, 1].mean()
     p = model.probability(images, z)
     assert (p[valid][:, None] > p[~valid]).mean() > least  # area under the ROC curve

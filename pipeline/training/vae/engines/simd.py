@@ -1,16 +1,15 @@
 """Fit several users' models at once, one per SIMD lane of the processor (simd_kernels).
 
 The loss is Eq. 1 (models/vae/losses.py `equation_1`); its gradient here was derived by hand, and tests hold it against
-that of `equation_1` in double precision. The models of a stack share the weights of Eq. 1, the number of scenes and the
-schedule. Each has its own images, demonstrations (any number) and seed. A model's result does not depend on the other
-models, to the last bit. The autograd engine sums in another order, so its trained weights differ by amplified rounding.
+that of `equation_1` in double precision. Each model has its own images, demonstrations (any number) and seed, and its
+result does not depend on the other models, to the last bit.
 
 Scenes pass forward and backward one at a time, so that their activations stay in the cache.
 """
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 import numpy as np
 import torch
@@ -21,8 +20,8 @@ from torch import nn
 
 from pipeline.models.vae.beta_vae import Z_CENTRE, Z_SCALE, BetaVae
 from pipeline.models.vae.losses import Weights
-from pipeline.training.loop import Checkpoints, Losses, Schedule, minimise, pad_demonstrations, row_weights
-from pipeline.training.vae.engines import fit_varied
+from pipeline.training.loop import Losses, minimise, pad_demonstrations, row_weights
+from pipeline.training.vae.engines import fit_models
 from pipeline.training.vae.engines import simd_kernels as lanes
 from pipeline.training.vae.engines.simd_kernels import GATE, LANES, PUT, RELU
 from pipeline.world.layout import SIDE
@@ -48,41 +47,34 @@ class Parameter:
         self.tensor.grad = torch.from_numpy(self.gradient)
 
 
-class Layer(ABC):
-    """A map from array `x` to array `y`, each of one scene and with an axis of LANES last.
+class Flatten:
+    """nn.Flatten from planes, without their border of zeros, to a row, or nn.Unflatten from a row to planes.
 
-    In the backward pass y holds the loss's gradient. The layer adds to its weights' gradient and overwrites x with the
-    input's gradient. Planes have a border of zeros.
+    As every layer, it maps array x to array y, each of one scene and with an axis of LANES last. In the backward pass y
+    holds the loss's gradient, and x is overwritten with the input's gradient.
     """
 
-    x: Array
-    y: Array
+    def __init__(self, x: Array, y: Array):
+        self.y = y
+        planes, row = (x, y) if x.ndim > y.ndim else (y, x)
+        inside = planes[1:-1, 1:-1].transpose(2, 0, 1, 3)  # (channel, row, column, lane), torch's order
+        views = (inside, row.reshape(inside.shape))
+        self.source, self.target = views if planes is x else views[::-1]
 
-    @abstractmethod
     def forward(self) -> None:
-        """Compute y from x."""
+        self.target[:] = self.source
 
-    @abstractmethod
     def backward(self, scene: int) -> None:
-        """Overwrite x with its gradient and accumulate the weights' gradient, given the gradient of y in y."""
+        self.source[:] = self.target
 
 
-class Trained(Layer):
-    """A layer with weights; `mode` is the operation of `product` on y, `back` the one on the gradient of x."""
+class Convolution:
+    """nn.Conv2d that halves the side, or nn.ConvTranspose2d that doubles it; x is rectified, or holds the images.
 
-    weight: Parameter
-    bias: Parameter
+    `mode` is the operation of `product` on y, `back` the one on the gradient of x (None: not needed).
+    """
 
-    def finish(self) -> None:
-        """Add the remaining terms to the gradient of weight and bias, after all scenes."""
-
-    @abstractmethod
-    def as_torch(self, weight: Array, bias: Array) -> tuple[Array, Array]:
-        """Return views of arrays of the parameters' shape in torch's axis order, lanes last."""
-
-
-class Convolution(Trained):
-    """nn.Conv2d that halves the side, or nn.ConvTranspose2d that doubles it; x is rectified, or holds the images."""
+    axes = 3, 2, 0, 1, 4  # of the weights in torch's order, lanes last
 
     def __init__(
         self,
@@ -91,77 +83,51 @@ class Convolution(Trained):
         mode: int,
         back: int | None,
     ):
-        self.halves = isinstance(module, nn.Conv2d)
-        side = len(x) - 2
-        side = (side + 1) // 2 if self.halves else 2 * side - 1 + int(module.output_padding[0])
+        halves, side = isinstance(module, nn.Conv2d), len(x) - 2
+        side = (side + 1) // 2 if halves else 2 * side - 1 + int(module.output_padding[0])
         self.x, self.y, self.mode, self.back = x, allocate(side + 2, side + 2, module.out_channels), mode, back
-        self.big, self.small = (self.x, self.y) if self.halves else (self.y, self.x)
+        self.big, self.small = (self.x, self.y) if halves else (self.y, self.x)
+        self.there, self.return_ = (lanes.gather, lanes.scatter) if halves else (lanes.scatter, lanes.gather)
         self.weight = Parameter(3, 3, self.big.shape[2], self.small.shape[2])
         self.bias = Parameter(module.out_channels)
 
-    def forward(self):
-        self._convolve(self.halves, self.bias.value, self.mode)
+    def forward(self) -> None:
+        self.there(self.x, self.weight.value, self.bias.value, self.y, self.mode)
 
-    def backward(self, scene):
+    def backward(self, scene: int) -> None:
         lanes.correlate(self.big, self.small, self.weight.gradient)
         lanes.total(self.y, self.bias.gradient)
         if self.back is not None:
-            self._convolve(not self.halves, NO_BIAS, self.back)
-
-    def _convolve(self, halves: bool, bias: Array, mode: int) -> None:
-        if halves:
-            lanes.gather(self.big, self.weight.value, bias, self.small, mode)
-        else:
-            lanes.scatter(self.small, self.weight.value, bias, self.big, mode)
-
-    def as_torch(self, weight, bias):
-        return weight.transpose(3, 2, 0, 1, 4), bias
+            self.return_(self.y, self.weight.value, NO_BIAS, self.x, self.back)
 
 
-class Flatten(Layer):
-    """nn.Flatten from planes, without their border, to a row, or nn.Unflatten from a row to planes."""
+class Dense:
+    """nn.Linear from rows of features to rows of features; `mode` and `back` as in `Convolution`.
 
-    def __init__(self, x: Array, y: Array):
-        self.x, self.y = x, y
-        planes, row = (x, y) if x.ndim > y.ndim else (y, x)
-        inside = planes[1:-1, 1:-1].transpose(2, 0, 1, 3)  # (channel, row, column, lane), torch's order
-        views = (inside, row.reshape(inside.shape))
-        self.source, self.target = views if planes is x else views[::-1]
-
-    def forward(self):
-        self.target[:] = self.source
-
-    def backward(self, scene):
-        self.source[:] = self.target
-
-
-class Dense(Trained):
-    """nn.Linear from rows of features to rows of features.
-
-    Its weights exceed the cache, so their gradient is computed once, from values that each scene has stored.
+    Its weights exceed the cache, so their gradient is computed once (`finish`), from values that each scene has stored.
     """
 
-    def __init__(
-        self, x: Float[Array, "row input lane"], y: Float[Array, "row output lane"], mode: int, back: int, scenes: int
-    ):
-        self.x, self.y, self.mode, self.back = x, y, mode, back
-        self.read, self.slope = (allocate(scenes, *array.shape[:2]) for array in (x, y))
-        self.weight, self.bias = Parameter(x.shape[1], y.shape[1]), Parameter(y.shape[1])
+    axes = 1, 0, 2
 
-    def forward(self):
+    def __init__(self, x: Float[Array, "row input lane"], outputs: int, mode: int, back: int, scenes: int):
+        self.x, self.y, self.mode, self.back = x, allocate(len(x), outputs), mode, back
+        self.read, self.slope = (allocate(scenes, *array.shape[:2]) for array in (x, self.y))
+        self.weight, self.bias = Parameter(x.shape[1], outputs), Parameter(outputs)
+
+    def forward(self) -> None:
         lanes.dense(self.x, self.weight.value, self.bias.value, self.y, self.mode)
 
-    def backward(self, scene):
+    def backward(self, scene: int) -> None:
         self.read[scene], self.slope[scene] = self.x, self.y
         lanes.dense_backward(self.y, self.weight.value, self.x, self.back)
 
-    def finish(self):
+    def finish(self) -> None:
         read, slope = (array.reshape(-1, *array.shape[2:]) for array in (self.read, self.slope))
         lanes.dense_weights(read, slope, self.weight.gradient)
         lanes.total(slope[None], self.bias.gradient)
 
-    def as_torch(self, weight, bias):
-        return weight.transpose(1, 0, 2), bias
+
+Layer = Convolution | Dense | Flatten
 
 
 class Stack:
@@ -175,17 +141,16 @@ class Stack:
         self.alpha, self.beta = weights.alpha / (scenes * SIDE * SIDE * 3), weights.beta / scenes
         self.gamma = (weights.gamma / scenes * row_weights(n)).astype(np.float32)  # (row, lane)
         names = {module: name for name, module in model.named_modules()}
-        self.layers: dict[tuple[str, ...], Trained] = {}  # by the modules that own the weights
+        self.layers: dict[tuple[str, ...], Convolution | Dense] = {}  # by the modules that own the weights
 
         def add(chain: list[Layer], layer: Layer, *modules: nn.Module) -> Array:
-            if isinstance(layer, Trained):
+            if not isinstance(layer, Flatten):
                 self.layers[tuple(names[module] for module in modules)] = layer
             chain.append(layer)
             return layer.y
 
         def dense(chain: list[Layer], x: Array, mode: int, back: int, *modules: nn.Linear) -> Array:
-            y = allocate(len(x), sum(module.out_features for module in modules))
-            return add(chain, Dense(x, y, mode, back, scenes), *modules)
+            return add(chain, Dense(x, sum(module.out_features for module in modules), mode, back, scenes), *modules)
 
         self.encoder: list[Layer] = []
         self.centre, self.factor = allocate(3), allocate(3)  # standardise the encoder's input
@@ -229,10 +194,11 @@ class Stack:
     def tensors(self, kind: str) -> Iterator[tuple[str, Float[Array, "*shape lane"]]]:
         """Yield each trained tensor's name and its `kind` (an attribute of Parameter), a view in torch's axis order."""
         for names, layer in self.layers.items():
-            weight, bias = layer.as_torch(getattr(layer.weight, kind), getattr(layer.bias, kind))
-            for name, w, b in zip(names, np.split(weight, len(names)), np.split(bias, len(names)), strict=True):
-                yield f"{name}.weight", w
-                yield f"{name}.bias", b
+            weights = np.split(getattr(layer.weight, kind).transpose(layer.axes), len(names))
+            biases = np.split(getattr(layer.bias, kind), len(names))
+            for name, weight, bias in zip(names, weights, biases, strict=True):
+                yield f"{name}.weight", weight
+                yield f"{name}.bias", bias
 
     @torch.no_grad()
     def hand_over(self, models: Sequence[BetaVae]) -> None:
@@ -260,31 +226,40 @@ class Stack:
         for scene, of_scene in enumerate(zip(images, z_theta, valid, noise, strict=True)):
             self._scene(scene, *of_scene, terms)
         for layer in self.layers.values():
-            layer.finish()
+            if isinstance(layer, Dense):
+                layer.finish()
         terms[0] *= self.alpha
         return terms
 
     def _scene(self, scene: int, image, z_theta, valid, noise, terms: Float[Array, "3 lane"]) -> None:
         """Add one scene's contribution to the gradient and to the terms, the first term without its weight alpha."""
+
+        def back(layers: list[Layer]) -> None:
+            for layer in reversed(layers):
+                layer.backward(scene)
+
         latent = self.z_image.shape[1]
         lanes.unpack(image, self.centre, self.factor, self.intensities, self.image)
-        _forward(self.encoder)
+        for layer in self.encoder:
+            layer.forward()
         mean, log_variance = self.code[0, :latent], self.code[0, latent:]
         deviation = np.exp(0.5 * log_variance) if self.beta else np.float32(0)
         self.z_image[0] = mean + noise * deviation
         self.demos[:, :latent], self.demos[:, latent:] = self.z_image, z_theta
 
-        _forward(self.classifier)
+        for layer in self.classifier:
+            layer.forward()
         logits = self.logits[:, 0]
         terms[2] -= (self.gamma * log_expit(np.where(valid, logits, -logits))).sum(0)
         logits[:] = self.gamma * (expit(logits) - valid)
-        _backward(self.classifier, scene)
+        back(self.classifier)
         slope = self.demos[:, :latent].sum(0)  # with respect to z_image
 
         if self.alpha:
-            _forward(self.decoder)
+            for layer in self.decoder:
+                layer.forward()
             lanes.squared_error(self.decoded, self.intensities, 2 * self.alpha, terms[:1])
-            _backward(self.decoder, scene)
+            back(self.decoder)
             slope += self.z_image[0]
 
         if self.beta:
@@ -293,50 +268,24 @@ class Stack:
             log_variance[:] = 0.5 * (slope * noise * deviation + self.beta * (variance - 1))
             slope += self.beta * mean
         mean[:] = slope
-        _backward(self.encoder, scene)
+        back(self.encoder)
 
 
-def _forward(layers: Sequence[Layer]) -> None:
-    """Pass one scene from the first layer to the last."""
-    for layer in layers:
-        layer.forward()
+def fit_stack(*data, **settings) -> list[Float[Array, "point 5"]]:
+    """Train up to `LANES` models as `fit_models`, by the gradient of `Stack`."""
+    return fit_models(_descend, *data, **settings)
 
 
-def _backward(layers: Sequence[Layer], scene: int) -> None:
-    """Pass the gradient from the last layer to the first."""
-    for layer in reversed(layers):
-        layer.backward(scene)
-
-
-def fit_stack(
-    models: Sequence[BetaVae],
-    images: Sequence[UInt8[Array, "scene 100 100 3"]],
-    z_theta: Sequence[Float[Array, "scene _ 2"]],
-    valid: Sequence[Bool[Array, "scene _"]],
-    weights: Weights,
-    schedule: Schedule,
-    seeds: Sequence[int],
-    checkpoints: Checkpoints | None = None,
-) -> list[Float[Array, "point 5"]]:
-    """Train up to `LANES` models in place, each on its demonstrations [m]; return their learning curves (`CURVE`).
-
-    `seeds` draw the latent noise; `checkpoints` keeps intermediate weights. Constant labels: see `fit_varied`.
-    """
+def _descend(weights, schedule, models, images, z_theta, valid, seeds, checkpoints) -> list[Float[Array, "point 5"]]:
     if len(models) > LANES:
         raise ValueError(f"{len(models)} models for a stack: it holds {LANES}")
-    return fit_varied(_descend, models, images, z_theta, valid, weights, schedule, seeds, checkpoints)
-
-
-def _descend(models, images, z_theta, valid, weights, schedule, seeds, checkpoints) -> list[Float[Array, "point 5"]]:
-    """Train the models of one stack."""
     lane_models = [*range(len(models)), *[0] * (LANES - len(models))]  # unused lanes repeat the first model
-    n_demos = [valid[i].shape[1] for i in lane_models]
     pixels = np.stack([images[i] for i in lane_models], -1)
     paths, labels = (
         np.stack([demos[i] for i in lane_models], -1) for demos in map(pad_demonstrations, (z_theta, valid))
     )
     paths = (paths.astype(np.float32) - Z_CENTRE) / Z_SCALE
-    stack = Stack([models[i] for i in lane_models], weights, n_demos, len(pixels))
+    stack = Stack([models[i] for i in lane_models], weights, [valid[i].shape[1] for i in lane_models], len(pixels))
     generators = [torch.Generator().manual_seed(seed) for seed in seeds]
 
     def loss() -> Losses:
@@ -344,10 +293,8 @@ def _descend(models, images, z_theta, valid, weights, schedule, seeds, checkpoin
         terms = stack.gradient(pixels, paths, labels, np.stack([noise[i] for i in lane_models], -1))
         return None, list(torch.from_numpy(np.vstack([terms, terms.sum(0)])))
 
-    def hand_over() -> None:
-        stack.hand_over(models)
-
+    hand_over = partial(stack.hand_over, models)
     parameters = [parameter.tensor for parameter in stack.parameters()]
-    curve = minimise(loss, parameters, schedule, before_step=checkpoints.before_step(models, hand_over))
+    curve = minimise(loss, parameters, schedule, partial(checkpoints.keep, models, hand_over))
     hand_over()
     return list(curve[..., : len(models)].transpose(2, 0, 1))
