@@ -24,7 +24,7 @@ from pipeline.launch import launch
 from pipeline.models.base import ValidityModel
 from pipeline.models.baselines import NEAREST, POSITION
 from pipeline.runtime.settings import Count, Demonstrations, Group, Length, Pair, Whole, Wholes, need, rising
-from pipeline.training.judged_sets import FEW, HELD_OUT, NEW, NEW_POOL, OWN, Kinds, judge, judge_blind, row
+from pipeline.training.judged_sets import FEW, HELD_OUT, NEW, NEW_POOL, OWN, draw_judged_sets, judge, judge_blind, row
 from pipeline.training.loop import MIN_OWN_DEMONSTRATIONS, is_constant
 from pipeline.training.refit import TrainingSet, refit
 
@@ -62,12 +62,10 @@ def agree(readings: Settings, parameters: Any) -> None:
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write accuracy.parquet (a row per fit or baseline, and split), curve.csv, convergence.csv and metrics.json."""
     scenes = read_scenes(Path(cfg.paths.scenes))
-    pools = {seed: train_pool(seed) for seed in cfg.protocol.seeds}
-    scenes.check_has(NEW_POOL, *pools.values())
+    scenes.check_has(NEW_POOL, *(train_pool(seed) for seed in cfg.protocol.seeds))
     evaluated = read_table(Path(cfg.paths.evaluate) / "accuracy.parquet")
-    prior, kinds = read_position_prior(Path(cfg.paths.scenes)), Kinds.of(cfg.readings)
-    distances, n = cfg.readings.clear_cm, cfg.main_n_demos
-    judged_sets = list(kinds.judged_sets(scenes.images, scenes.layouts, pools, [FEW], distances, cfg.users, n))
+    prior = read_position_prior(Path(cfg.paths.scenes))
+    judged_sets = list(draw_judged_sets(cfg, scenes, [FEW], cfg.readings.clear_cm, cfg.users))
     evaluate = partial(_judge_and_check, scenes.images[NEW_POOL])
     rows, gates = [], []
     numbers = [n for n in cfg.readings.n_demos if n <= cfg.main_n_demos]

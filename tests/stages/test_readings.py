@@ -13,7 +13,7 @@ from pipeline.artifacts.scenes import read_scenes, train_pool
 from pipeline.models.baselines import NEAREST, POSITION
 from pipeline.params import compose
 from pipeline.stages.readings import COLUMNS, MODEL, RANDOM, main  # noqa: F401  # main: of the fixture `out`
-from pipeline.training.judged_sets import FEW, HELD_OUT, NEW, NEW_POOL, OWN, JudgedSet, Kinds
+from pipeline.training.judged_sets import FEW, HELD_OUT, NEW, NEW_POOL, OWN, JudgedSet, draw_judged_sets
 from pipeline.world.rules import clearance, slack
 from tests.factories import rendered_scenes
 
@@ -41,9 +41,7 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
 
 
 def drawn(cfg: DictConfig) -> Iterator[JudgedSet]:
-    scenes, pools = read_scenes(Path(cfg.paths.scenes)), {seed: train_pool(seed) for seed in cfg.seeds}
-    kinds = [FEW], cfg.readings.clear_cm, cfg.users, cfg.main_n_demos
-    return Kinds.of(cfg.readings).judged_sets(scenes.images, scenes.layouts, pools, *kinds)
+    return draw_judged_sets(cfg, read_scenes(Path(cfg.paths.scenes)), [FEW], cfg.readings.clear_cm, cfg.users)
 
 
 def test_fewer_demonstrations_are_the_first_of_more_and_the_same_other_paths_judge_them(cfg: DictConfig):

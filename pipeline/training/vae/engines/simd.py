@@ -115,11 +115,11 @@ class Dense:
         self.weight, self.bias = Parameter(x.shape[1], outputs), Parameter(outputs)
 
     def forward(self) -> None:
-        lanes.dense(self.x, self.weight.value, self.bias.value, self.y, self.mode)
+        lanes.dense(self.x, self.weight.value, False, self.bias.value, self.y, self.mode)
 
     def backward(self, scene: int) -> None:
         self.read[scene], self.slope[scene] = self.x, self.y
-        lanes.dense_backward(self.y, self.weight.value, self.x, self.back)
+        lanes.dense(self.y, self.weight.value, True, NO_BIAS, self.x, self.back)
 
     def finish(self) -> None:
         read, slope = (array.reshape(-1, *array.shape[2:]) for array in (self.read, self.slope))
@@ -239,7 +239,9 @@ class Stack:
                 layer.backward(scene)
 
         latent = self.z_image.shape[1]
-        lanes.unpack(image, self.centre, self.factor, self.intensities, self.image)
+        intensities, standardised = self.intensities[1:-1, 1:-1], self.image[1:-1, 1:-1]
+        np.divide(image, np.float32(255), out=intensities)
+        np.multiply(np.subtract(intensities, self.centre, out=standardised), self.factor, out=standardised)
         for layer in self.encoder:
             layer.forward()
         mean, log_variance = self.code[0, :latent], self.code[0, latent:]
