@@ -17,7 +17,7 @@ from numba import njit
 from torch.utils.data import DataLoader, TensorDataset
 
 from pipeline.models.base import to_tensor
-from pipeline.models.registry import build
+from pipeline.models.trained import build
 from pipeline.models.vae.beta_vae import BetaVae
 from pipeline.models.vae.losses import Weights, equation_1
 from pipeline.runtime.parallel import one_thread

@@ -12,7 +12,7 @@ from omegaconf import OmegaConf
 
 from pipeline import params
 from pipeline.launch import FITTED, load
-from pipeline.models.registry import KINDS
+from pipeline.models.trained import KINDS
 from pipeline.params import GRAPH, compose, validate
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.places import CONF, ROOT

@@ -12,8 +12,7 @@ from pipeline.artifacts.demos import DEMO_COLUMNS, write_demos
 from pipeline.artifacts.files import read_table, write_arrays, write_table
 from pipeline.artifacts.models import model_dir
 from pipeline.artifacts.scenes import SceneSet, layout_table, read_scenes, write_scenes
-from pipeline.models.registry import build
-from pipeline.models.trained import load_model
+from pipeline.models.trained import build, load_model
 from pipeline.stages.record import main
 from pipeline.viewer.contents import ACCEPTED, CURVE_KEY, EFFECT_COLUMNS
 from pipeline.viewer.scene import OUTCOME, p_classes

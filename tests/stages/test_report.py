@@ -11,7 +11,7 @@ from omegaconf import DictConfig, OmegaConf
 from pipeline.artifacts.files import write_arrays, write_json, write_table
 from pipeline.artifacts.models import PREDICTION_COLUMNS, model_dir, save_weights, weights_path
 from pipeline.artifacts.scenes import SceneSet, layout_table, train_pool, write_scenes
-from pipeline.models.registry import build
+from pipeline.models.trained import build
 from pipeline.report.render import PAGES
 from pipeline.report.results import Results
 from pipeline.runtime.errors import InputError

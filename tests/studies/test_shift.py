@@ -15,7 +15,7 @@ from omegaconf import DictConfig, OmegaConf
 from pipeline.artifacts.files import read_table, write_arrays
 from pipeline.artifacts.scenes import read_scenes
 from pipeline.models.clearance.clearance import ClearanceModel
-from pipeline.models.registry import build
+from pipeline.models.trained import build
 from pipeline.world.bezier import P_F, P_INIT
 from pipeline.world.layout import (
     SIDE,

@@ -22,7 +22,7 @@ from scipy.special import expit
 from torch import Tensor
 
 from pipeline.models.base import to_tensor
-from pipeline.models.irl.reward_map import SYMMETRIES, RewardMap, contrast, transform, untransform
+from pipeline.models.irl.reward_map import SYMMETRIES, RewardMap, contrast, transform, turned, untransform
 from pipeline.perception.background import subtract_background
 from pipeline.training.irl.augment import ColorJitter, augment_appearances, blobs
 from pipeline.training.loop import Losses, Schedule, Trainer, fit_varied, minimise
@@ -128,7 +128,7 @@ def _appearances(
 def fit_acceptance_rule(model: RewardMap, appearances: Tensor, z: Tensor, valid: Bool[Array, "scene n"]) -> None:
     """Fit the acceptance rule to the labels; half of the versions suffice (docs/decisions/005-irl.md)."""
     set_acceptance_rule(model, 1.0, 0.0)  # log-odds that are the advantage
-    seen = (model.perceive_contrasts(of_version.permute(0, 3, 1, 2)) for of_version in appearances[::2])
+    seen = (model.perceive_turned(turned(of_version.permute(0, 3, 1, 2))) for of_version in appearances[::2])
     advantages = torch.stack([model.logit(percept, z) for percept in seen]).numpy()
     set_acceptance_rule(model, *logistic(advantages, np.broadcast_to(valid, advantages.shape)))
 

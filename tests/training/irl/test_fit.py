@@ -7,7 +7,7 @@ import torch
 
 from pipeline.models.base import to_tensor
 from pipeline.models.irl.reward_map import SYMMETRIES, RewardMap, contrast, transform, untransform
-from pipeline.models.registry import build
+from pipeline.models.trained import build
 from pipeline.perception.background import subtract_background
 from pipeline.training.irl.augment import ColorJitter, augment_appearances, blobs
 from pipeline.training.irl.fit import IrlSchedule, fit, logistic, maxent, ranked
