@@ -74,9 +74,9 @@ def fit(models, images, z_theta, valid, objective, schedule, seeds, checkpoints=
     return fit_varied(descend, set_constant, models, images, z_theta, valid, seeds, checkpoints)
 
 
-def _descend(objective, schedule, *data) -> list[Float[Array, "point 2"]]:
-    *each, checkpoints = data
-    return [_fit(objective, schedule, *own, checkpoints) for own in zip(*each, strict=True)]
+def _descend(objective, schedule, models, images, z_theta, valid, seeds, checkpoints) -> list[Float[Array, "point 2"]]:
+    each = zip(models, images, z_theta, valid, seeds, strict=True)
+    return [_fit(objective, schedule, *own, checkpoints) for own in each]
 
 
 def _fit(objective, schedule, model, images, z_theta, valid, seed, checkpoints) -> Float[Array, "point 2"]:

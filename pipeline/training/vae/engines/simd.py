@@ -153,10 +153,8 @@ class Stack:
             return add(chain, Dense(x, sum(module.out_features for module in modules), mode, back, scenes), *modules)
 
         self.encoder: list[Layer] = []
-        self.centre, self.factor = allocate(3), allocate(3)  # standardise the encoder's input
-        for lane, of_lane in enumerate(models):
-            self.centre[:, lane] = of_lane.centre.flatten()
-            self.factor[:, lane] = 1 / of_lane.spread.flatten()
+        self.centre = np.stack([own.centre.flatten().numpy() for own in models], -1)  # standardise the encoder's input
+        self.factor = np.stack([1 / own.spread.flatten().numpy() for own in models], -1)
         self.intensities = allocate(SIDE + 2, SIDE + 2, 3)
         self.image = planes = allocate(SIDE + 2, SIDE + 2, 3)
         for module in model.features:
