@@ -22,33 +22,22 @@ from pipeline.models.clearance.clearance import (
     PerceivedObjects,
     passes,
 )
-from pipeline.training.loop import (
-    Losses,
-    Schedule,
-    Trainer,
-    fit_varied,
-    minimise,
-    pad_demonstrations,
-    row_weights,
-    rule_of_succession,
-    stack_models,
-    unstack_models,
-)
+from pipeline.training import loop
 
 CERTAIN_LOG_ODDS = 1e4  # log-odds of certainty [nat]
 BATCH_SIZE = 10  # models fitted together, so that their intermediate results fit the cache
 CURVE = ("step", "total")  # columns of a learning curve
 
 
-def trainer(variant: Mapping[str, Any], clearance: Mapping[str, Any]) -> Trainer:
+def trainer(variant: Mapping[str, Any], clearance: Mapping[str, Any]) -> loop.Trainer:
     """Return how the clearance model is fitted with the settings of conf/clearance.yaml; `variant` adds none."""
-    return Trainer(ClearanceModel, partial(fit, schedule=Schedule.of(clearance)), CURVE, BATCH_SIZE)
+    return loop.Trainer(ClearanceModel, partial(fit, schedule=loop.Schedule.of(clearance)), CURVE, BATCH_SIZE)
 
 
 def fit(models, images, z_theta, valid, schedule, seeds, checkpoints=None) -> list[Float[Array, "point 2"]]:
     """Train models of one shape and equally many scenes in place; return their learning curves (`CURVE`).
 
-    Arguments as in `fit_varied`. Each member weights the scenes at random (Bayesian bootstrap; Rubin, 1981) and
+    Arguments as in `loop.fit_varied`. Each member weights the scenes at random (Bayesian bootstrap; Rubin, 1981) and
     maximises the weighted likelihood. Every checkpoint has its own model evidence.
     """
 
@@ -57,7 +46,7 @@ def fit(models, images, z_theta, valid, schedule, seeds, checkpoints=None) -> li
         model.evidence.fill_(-CERTAIN_LOG_ODDS)
         return (0.0,)
 
-    return fit_varied(partial(_ascend, schedule), set_constant, models, images, z_theta, valid, seeds, checkpoints)
+    return loop.fit_varied(partial(_ascend, schedule), set_constant, models, images, z_theta, valid, seeds, checkpoints)
 
 
 def set_feature_scaling(
@@ -90,30 +79,30 @@ def set_model_evidence(model: ClearanceModel, percept: Tensor, z_theta: Array, l
 def _ascend(schedule, models, images, z_theta, labels, seeds, checkpoints) -> list[Float[Array, "point 2"]]:
     """Train all members of all models at once: ten models cost as much as four in sequence."""
     for model, own in zip(models, labels, strict=True):
-        model.rate.fill_(rule_of_succession(own))
+        model.rate.fill_(loop.rule_of_succession(own))
     percepts = [set_feature_scaling(model, scenes) for model, scenes in zip(models, images, strict=True)]
-    stacked, percept = stack_models(models), torch.stack(percepts)  # (model, scene, object, 14)
-    paths = torch.tensor(np.stack(pad_demonstrations(z_theta))).float()
+    stacked, percept = loop.stack_models(models), torch.stack(percepts)  # (model, scene, object, 14)
+    paths = torch.tensor(np.stack(loop.pad_demonstrations(z_theta))).float()
     flat = passes(percept.flatten(0, 1), paths.flatten(0, 1))
     passing = Passing(*(x.unflatten(0, percept.shape[:2]) for x in flat))
-    valid = torch.tensor(np.stack(pad_demonstrations(labels)))[:, None]
-    rows = torch.from_numpy(row_weights([own.shape[1] for own in labels]).T).float()[:, None, None]
+    valid = torch.tensor(np.stack(loop.pad_demonstrations(labels)))[:, None]
+    rows = torch.from_numpy(loop.row_weights([own.shape[1] for own in labels]).T).float()[:, None, None]
     scene_weights = [bootstrap(model, percept.shape[1], seed) for model, seed in zip(models, seeds, strict=True)]
     weights = rows * torch.stack(scene_weights)  # (model, member, scene, row)
 
-    def loss() -> Losses:
+    def loss() -> loop.Losses:
         log_valid = stacked.log_valid(percept, passing).clamp(max=-1e-6)
         negative_log_likelihood = -torch.where(valid, log_valid, torch.log(-torch.expm1(log_valid)))
         by_member = (weights * negative_log_likelihood).sum(-1).mean(-1)  # (model, member)
         return by_member.sum(), [by_member.mean(-1)]
 
     def hand_over() -> None:
-        unstack_models(dict(stacked.named_parameters()), models)
+        loop.unstack_models(dict(stacked.named_parameters()), models)
         for data in zip(models, percepts, z_theta, labels, strict=True):
             set_model_evidence(*data)
 
     parameters = [p for p in stacked.parameters() if p.requires_grad]
-    curve = minimise(loss, parameters, schedule, partial(checkpoints.keep, models, hand_over))
+    curve = loop.minimise(loss, parameters, schedule, partial(checkpoints.keep, models, hand_over))
     hand_over()
     return list(curve.transpose(2, 0, 1))
 

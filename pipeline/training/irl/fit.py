@@ -70,16 +70,14 @@ def fit(models, images, z_theta, valid, objective, schedule, seeds, checkpoints=
         set_acceptance_rule(model, 0.0, float(np.log(p / (1 - p))))
         return (0.0,)
 
-    descend = partial(_descend, {"maxent": maxent, "ranked": ranked}[objective], schedule)
+    def descend(*data) -> list[Float[Array, "point 2"]]:
+        return [_fit(form, schedule, data[-1], *own) for own in zip(*data[:-1], strict=True)]
+
+    form = {"maxent": maxent, "ranked": ranked}[objective]
     return fit_varied(descend, set_constant, models, images, z_theta, valid, seeds, checkpoints)
 
 
-def _descend(objective, schedule, models, images, z_theta, valid, seeds, checkpoints) -> list[Float[Array, "point 2"]]:
-    each = zip(models, images, z_theta, valid, seeds, strict=True)
-    return [_fit(objective, schedule, *own, checkpoints) for own in each]
-
-
-def _fit(objective, schedule, model, images, z_theta, valid, seed, checkpoints) -> Float[Array, "point 2"]:
+def _fit(objective, schedule, checkpoints, model, images, z_theta, valid, seed) -> Float[Array, "point 2"]:
     """Train a map: each step uses some scenes, each in one version, all under one random symmetry."""
     appearances = _appearances(images.tobytes(), schedule.n_augmentations, schedule.color_jitter)
     rng, z, labels = np.random.default_rng(seed), torch.from_numpy(z_theta.astype(np.float32)), torch.tensor(valid)

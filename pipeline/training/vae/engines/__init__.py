@@ -7,13 +7,13 @@ scenes and the schedule. Engines, devices and batch sizes sum in other orders; t
 (docs/decisions/004-engines.md).
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Float
 from numpy import ndarray as Array
 from torch import nn
 from torch.func import functional_call, stack_module_state, vmap
@@ -22,19 +22,8 @@ from pipeline.models.base import to_tensor
 from pipeline.models.vae.beta_vae import BetaVae
 from pipeline.models.vae.losses import Terms, Weights, equation_1
 from pipeline.runtime.errors import InputError
-from pipeline.training.loop import (
-    Checkpoints,
-    Losses,
-    Schedule,
-    Trainer,
-    fit_varied,
-    minimise,
-    pad_demonstrations,
-    row_weights,
-    unstack_models,
-)
+from pipeline.training import loop
 
-NAMES = ("auto", "simd", "cuda", "reference")
 CURVE = ("step", "reconstruction", "kl", "classification", "total")  # columns of a learning curve
 MODELS_ON_GPU = 128  # models per batch: about 4 GB of activations at the paper's model size
 
@@ -52,41 +41,35 @@ def engine(name: str) -> Engine:
 
     Raises InputError for an unknown name, and for cuda without a GPU.
     """
-    if name not in NAMES:
-        raise InputError(f"engine {name!r}: expected one of {', '.join(NAMES)} (train.engine)")
     gpu = torch.cuda.is_available()
-    if name == "cuda" and not gpu:
-        raise InputError("train.engine=cuda needs a GPU: choose train.engine=auto")
     if name == "simd" or (name == "auto" and not gpu):
         from pipeline.training.vae.engines.simd import LANES, fit_stack  # compiles on first import
 
         return Engine("simd", fit_stack, LANES)
     if name == "reference":
-        return Engine("reference", fit_batch, 1)
+        return Engine(name, fit_batch, 1)
+    if name not in ("auto", "cuda"):
+        raise InputError(f"engine {name!r}: expected one of auto, simd, cuda, reference (train.engine)")
+    if not gpu:
+        raise InputError("train.engine=cuda needs a GPU: choose train.engine=auto")
     return Engine("cuda", partial(fit_batch, device="cuda"), MODELS_ON_GPU)
 
 
-def trainer(variant: Mapping[str, Any], train: Mapping[str, Any]) -> Trainer:
+def trainer(variant: Mapping[str, Any], train: Mapping[str, Any]) -> loop.Trainer:
     """Return how a variant of the paper's model (conf/variants) is fitted with the settings of conf/train.yaml."""
     weights = Weights(*(float(variant[name]) for name in ("alpha", "beta", "gamma")))
-    chosen = engine(train["engine"])
-    return Trainer(BetaVae, partial(chosen.fit, weights=weights, schedule=Schedule.of(train)), CURVE, chosen.batch_size)
+    _, fit, batch_size = engine(train["engine"])
+    fit = partial(fit, weights=weights, schedule=loop.Schedule.of(train))
+    return loop.Trainer(BetaVae, fit, CURVE, batch_size)
 
 
 def fit_models(
-    descend: Callable[..., list[Array]],
-    models: Sequence[BetaVae],
-    images: Sequence[UInt8[Array, "scene 100 100 3"]],
-    z_theta: Sequence[Float[Array, "scene _ 2"]],
-    valid: Sequence[Bool[Array, "scene _"]],
-    weights: Weights,
-    schedule: Schedule,
-    seeds: Sequence[int],
-    checkpoints: Checkpoints | None = None,
+    descend, models, images, z_theta, valid, weights, schedule, seeds, checkpoints=None
 ) -> list[Float[Array, "point 5"]]:
     """Standardise models and train them in place by `descend`; return their learning curves (`CURVE`).
 
-    `seeds` draw the latent noise on the processor; torch's global generator is unchanged. See `fit_varied`.
+    Arguments as in `loop.fit_varied`. `seeds` draw the latent noise on the processor; torch's global generator is
+    unchanged.
     """
 
     def set_constant(model: BetaVae, probability: float) -> tuple[float, float, float, float]:
@@ -97,10 +80,7 @@ def fit_models(
     for model, scenes in zip(models, images, strict=True):
         model.standardise(scenes)
     descend = partial(descend, weights, schedule)
-    curves = fit_varied(descend, set_constant, models, images, z_theta, valid, seeds, checkpoints)
-    for model in models:
-        model.eval()
-    return curves
+    return loop.fit_varied(descend, set_constant, models, images, z_theta, valid, seeds, checkpoints)
 
 
 def fit_batch(*data, device: str = "cpu", **settings) -> list[Float[Array, "point 5"]]:
@@ -125,12 +105,12 @@ def _descend(
 ) -> list[Float[Array, "point 5"]]:
     """Train all models at once."""
 
-    def stacked(tensors: Sequence[torch.Tensor]) -> torch.Tensor:
+    def stacked(tensors: Iterable[torch.Tensor]) -> torch.Tensor:
         return torch.stack(list(tensors)).to(device, models[0].mean.weight.dtype)  # (model, ...)
 
     x = stacked([to_tensor(of_model) for of_model in images])
-    z, labels = (stacked([torch.from_numpy(own) for own in pad_demonstrations(demos)]) for demos in (z_theta, valid))
-    share = stacked(torch.from_numpy(row_weights([of_model.shape[1] for of_model in valid])).unbind(1))
+    z, labels = (stacked(map(torch.from_numpy, loop.pad_demonstrations(demos))) for demos in (z_theta, valid))
+    share = stacked(torch.from_numpy(loop.row_weights([of_model.shape[1] for of_model in valid])).unbind(1))
     generators = [torch.Generator().manual_seed(seed) for seed in seeds]
     drawn, buffers = stack_module_state(list(models))
     parameters = {name: value.detach().to(device).requires_grad_() for name, value in drawn.items()}
@@ -138,12 +118,12 @@ def _descend(
     named = {f"model.{name}": value for name, value in (parameters | fixed).items()}  # with the names inside `_Loss`
     losses = vmap(partial(functional_call, _Loss(models[0], weights)))
 
-    def loss() -> Losses:
+    def loss() -> loop.Losses:
         noise = stacked([torch.randn(x.shape[1], models[0].latent, generator=generator) for generator in generators])
         terms = losses(named, (x, z, labels, noise, share))  # (model,) each
         return terms.total.sum(), [*terms, terms.total]
 
-    hand_over = partial(unstack_models, parameters, models)
-    curve = minimise(loss, parameters.values(), schedule, partial(checkpoints.keep, models, hand_over))
+    hand_over = partial(loop.unstack_models, parameters, models)
+    curve = loop.minimise(loss, parameters.values(), schedule, partial(checkpoints.keep, models, hand_over))
     hand_over()
     return list(curve.transpose(2, 0, 1))
