@@ -24,8 +24,8 @@ from pipeline.launch import launch
 from pipeline.models.base import ValidityModel
 from pipeline.models.baselines import NEAREST, POSITION
 from pipeline.runtime.settings import Count, Demonstrations, Group, Length, Pair, Whole, Wholes, need, rising
-from pipeline.training.judged_sets import FEW, HELD_OUT, NEW, NEW_POOL, OWN, draw_judged_sets, judge, judge_blind, row
-from pipeline.training.loop import MIN_OWN_DEMONSTRATIONS, is_constant
+from pipeline.training.judged_sets import FEW, HELD_OUT, NEW, NEW_POOL, draw_judged_sets, judge, judge_blind, row
+from pipeline.training.loop import convergence, is_constant
 from pipeline.training.refit import TrainingSet, refit
 
 MODEL = "full"  # the paper's model
@@ -95,11 +95,7 @@ def _judge_and_check(
     new_images: UInt8[Array, "scene 100 100 3"], model: ValidityModel, judged_set: TrainingSet
 ) -> tuple[dict[str, float], dict[str, float | bool]]:
     """Return the model's accuracy in each split, and whether its training converged by the gate of stage train."""
-    right = judge(new_images, model, judged_set)
-    trained = not is_constant(judged_set.valid)  # constant labels leave the encoder as it was
-    ratio = model.reconstruction_over_flat(judged_set.images) if trained else np.nan
-    passed = right[OWN] >= MIN_OWN_DEMONSTRATIONS and not ratio >= 1
-    return right, dict(zip(GATE, (ratio, right[OWN], passed), strict=True))
+    return judge(new_images, model, judged_set), convergence(model, judged_set)
 
 
 def _curve(

@@ -87,8 +87,10 @@ def _ascend(schedule, models, images, z_theta, labels, seeds, checkpoints) -> li
     passing = Passing(*(x.unflatten(0, percept.shape[:2]) for x in flat))
     valid = torch.tensor(np.stack(loop.pad_demonstrations(labels)))[:, None]
     rows = torch.from_numpy(loop.row_weights([own.shape[1] for own in labels]).T).float()[:, None, None]
-    scene_weights = [bootstrap(model, percept.shape[1], seed) for model, seed in zip(models, seeds, strict=True)]
-    weights = rows * torch.stack(scene_weights)  # (model, member, scene, row)
+    families, members = models[0].margin.shape  # the members' random weights of the scenes are the same in all families
+    draws, empty = [torch.Generator().manual_seed(seed) for seed in seeds], torch.empty(members, percept.shape[1], 1)
+    of_scenes = torch.stack([empty.clone().exponential_(generator=draw) for draw in draws])
+    weights = rows * of_scenes.repeat(1, families, 1, 1)  # (model, member, scene, row)
 
     def loss() -> loop.Losses:
         log_valid = stacked.log_valid(percept, passing).clamp(max=-1e-6)
@@ -105,10 +107,3 @@ def _ascend(schedule, models, images, z_theta, labels, seeds, checkpoints) -> li
     curve = loop.minimise(loss, parameters, schedule, partial(checkpoints.keep, models, hand_over))
     hand_over()
     return list(curve.transpose(2, 0, 1))
-
-
-def bootstrap(model: ClearanceModel, scenes: int, seed: int) -> Float[Tensor, "member scene 1"]:
-    """Draw each member's random weights of the scenes, the same for all families (Rubin, 1981)."""
-    families, members = model.margin.shape
-    weights = torch.empty(members, scenes, 1).exponential_(generator=torch.Generator().manual_seed(seed))
-    return weights.repeat(families, 1, 1)

@@ -1,13 +1,12 @@
 """Two engines that fit the paper's model by the same loss, Eq. 1 (models/vae/losses.py), behind one interface.
 
 autograd (here): torch computes the gradient, of one model after the other on the processor ("reference") or of many at
-once under torch.func.vmap on a GPU ("cuda"). simd: the gradient derived by hand, of one model per vector lane of the
-processor (Numba); tests hold it against autograd. The models of a batch share the weights of Eq. 1, the number of
-scenes and the schedule. Engines, devices and batch sizes sum in other orders; training amplifies the rounding
-(docs/decisions/004-engines.md).
+once on a GPU ("cuda"). simd: the gradient derived by hand, of one model per vector lane of the processor (Numba); tests
+hold it against autograd. The models of a batch share the weights of Eq. 1, the number of scenes and the schedule.
+Results differ by rounding, which training amplifies (docs/decisions/004-engines.md).
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any, NamedTuple
 

@@ -1,10 +1,8 @@
 """Fit several users' models at once, one per SIMD lane of the processor (simd_kernels).
 
 The loss is Eq. 1 (models/vae/losses.py `equation_1`); its gradient here was derived by hand, and tests hold it against
-that of `equation_1` in double precision. Each model has its own images, demonstrations (any number) and seed, and its
-result does not depend on the other models, to the last bit.
-
-Scenes pass forward and backward one at a time, so that their activations stay in the cache.
+that of `equation_1` in double precision. Each model has its own images, demonstrations (any number) and seed; its
+result does not depend on the other models, to the last bit. Scenes pass one at a time, so that they stay in the cache.
 """
 
 import math
@@ -50,8 +48,7 @@ class Parameter:
 class Flatten:
     """nn.Flatten from planes, without their border of zeros, to a row, or nn.Unflatten from a row to planes.
 
-    As every layer, it maps array x to array y, each of one scene and with an axis of LANES last. In the backward pass y
-    holds the loss's gradient, and x is overwritten with the input's gradient.
+    A layer maps x to y, each of one scene, lanes last. `backward` overwrites x with its gradient, given that of y in y.
     """
 
     def __init__(self, x: Array, y: Array):
@@ -185,6 +182,7 @@ class Stack:
             rows = dense(self.classifier, rows, mode, back, module)
         self.logits = rows
 
+        self.parameters = [own for layer in self.layers.values() for own in (layer.weight, layer.bias)]
         for name, tensor in self.tensors("value"):
             for lane, model in enumerate(models):
                 tensor[..., lane] = model.get_parameter(name).detach().reshape(tensor.shape[:-1])
@@ -206,10 +204,6 @@ class Stack:
                 parameter = model.get_parameter(name)
                 parameter.copy_(torch.from_numpy(tensor[..., lane]).reshape(parameter.shape))
 
-    def parameters(self) -> list[Parameter]:
-        """Return the parameters of all layers."""
-        return [parameter for layer in self.layers.values() for parameter in (layer.weight, layer.bias)]
-
     def gradient(
         self,
         images: UInt8[Array, "scene 100 100 3 lane"],
@@ -218,57 +212,52 @@ class Stack:
         noise: Float[Array, "scene latent lane"],
     ) -> Float[Array, "3 lane"]:
         """Return the weighted terms of Eq. 1; leave their gradient in the parameters."""
-        for parameter in self.parameters():
+
+        def forward(layers: list[Layer]) -> None:
+            for layer in layers:
+                layer.forward()
+
+        def backward(layers: list[Layer], scene: int) -> None:
+            for layer in reversed(layers):
+                layer.backward(scene)
+
+        for parameter in self.parameters:
             parameter.gradient.fill(0)
-        terms = allocate(3)
-        for scene, of_scene in enumerate(zip(images, z_theta, valid, noise, strict=True)):
-            self._scene(scene, *of_scene, terms)
+        terms, latent = allocate(3), self.z_image.shape[1]
+        intensities, standardised = self.intensities[1:-1, 1:-1], self.image[1:-1, 1:-1]
+        mean, log_variance, logits = self.code[0, :latent], self.code[0, latent:], self.logits[:, 0]
+        for scene, (image, paths, labels, draw) in enumerate(zip(images, z_theta, valid, noise, strict=True)):
+            np.divide(image, np.float32(255), out=intensities)
+            np.multiply(np.subtract(intensities, self.centre, out=standardised), self.factor, out=standardised)
+            forward(self.encoder)
+            deviation = np.exp(0.5 * log_variance) if self.beta else np.float32(0)
+            self.z_image[0] = mean + draw * deviation
+            self.demos[:, :latent], self.demos[:, latent:] = self.z_image, paths
+
+            forward(self.classifier)
+            terms[2] -= (self.gamma * log_expit(np.where(labels, logits, -logits))).sum(0)
+            logits[:] = self.gamma * (expit(logits) - labels)
+            backward(self.classifier, scene)
+            slope = self.demos[:, :latent].sum(0)  # with respect to z_image
+
+            if self.alpha:
+                forward(self.decoder)
+                lanes.squared_error(self.decoded, self.intensities, 2 * self.alpha, terms[:1])
+                backward(self.decoder, scene)
+                slope += self.z_image[0]
+
+            if self.beta:
+                variance = deviation**2
+                terms[1] += 0.5 * self.beta * (mean**2 + variance - log_variance - 1).sum(0)
+                log_variance[:] = 0.5 * (slope * draw * deviation + self.beta * (variance - 1))
+                slope += self.beta * mean
+            mean[:] = slope
+            backward(self.encoder, scene)
         for layer in self.layers.values():
             if isinstance(layer, Dense):
                 layer.finish()
         terms[0] *= self.alpha
         return terms
-
-    def _scene(self, scene: int, image, z_theta, valid, noise, terms: Float[Array, "3 lane"]) -> None:
-        """Add one scene's contribution to the gradient and to the terms, the first term without its weight alpha."""
-
-        def back(layers: list[Layer]) -> None:
-            for layer in reversed(layers):
-                layer.backward(scene)
-
-        latent = self.z_image.shape[1]
-        intensities, standardised = self.intensities[1:-1, 1:-1], self.image[1:-1, 1:-1]
-        np.divide(image, np.float32(255), out=intensities)
-        np.multiply(np.subtract(intensities, self.centre, out=standardised), self.factor, out=standardised)
-        for layer in self.encoder:
-            layer.forward()
-        mean, log_variance = self.code[0, :latent], self.code[0, latent:]
-        deviation = np.exp(0.5 * log_variance) if self.beta else np.float32(0)
-        self.z_image[0] = mean + noise * deviation
-        self.demos[:, :latent], self.demos[:, latent:] = self.z_image, z_theta
-
-        for layer in self.classifier:
-            layer.forward()
-        logits = self.logits[:, 0]
-        terms[2] -= (self.gamma * log_expit(np.where(valid, logits, -logits))).sum(0)
-        logits[:] = self.gamma * (expit(logits) - valid)
-        back(self.classifier)
-        slope = self.demos[:, :latent].sum(0)  # with respect to z_image
-
-        if self.alpha:
-            for layer in self.decoder:
-                layer.forward()
-            lanes.squared_error(self.decoded, self.intensities, 2 * self.alpha, terms[:1])
-            back(self.decoder)
-            slope += self.z_image[0]
-
-        if self.beta:
-            variance = deviation**2
-            terms[1] += 0.5 * self.beta * (mean**2 + variance - log_variance - 1).sum(0)
-            log_variance[:] = 0.5 * (slope * noise * deviation + self.beta * (variance - 1))
-            slope += self.beta * mean
-        mean[:] = slope
-        back(self.encoder)
 
 
 def fit_stack(*data, **settings) -> list[Float[Array, "point 5"]]:
@@ -294,7 +283,7 @@ def _descend(weights, schedule, models, images, z_theta, valid, seeds, checkpoin
         return None, list(torch.from_numpy(np.vstack([terms, terms.sum(0)])))
 
     hand_over = partial(stack.hand_over, models)
-    parameters = [parameter.tensor for parameter in stack.parameters()]
+    parameters = [parameter.tensor for parameter in stack.parameters]
     curve = minimise(loss, parameters, schedule, partial(checkpoints.keep, models, hand_over))
     hand_over()
     return list(curve[..., : len(models)].transpose(2, 0, 1))
