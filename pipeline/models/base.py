@@ -3,7 +3,6 @@
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Container, Mapping
-from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -108,15 +107,8 @@ def initialise(network: nn.Module, no_rectifier_after: Container[nn.Module]) -> 
 def untrained(kind: type[ValidityModel], shape: Mapping[str, Any], seed: int) -> ValidityModel:
     """Return a model of class `kind` with keyword arguments `shape`, in eval mode; `seed` alone decides its weights.
 
-    Leaves torch's global generator unchanged. Raises InputError for missing or unknown keyword arguments.
+    Leaves torch's global generator unchanged.
     """
-    parameters = signature(kind).parameters.values()
-    required = {p.name for p in parameters if p.default is p.empty}
-    if wrong := sorted({*shape} - {p.name for p in parameters} | required - {*shape}):
-        raise InputError(
-            f"{kind.__name__} got {', '.join(shape) or 'nothing'} (`model:` in conf/variants), wrong or missing: "
-            f"{', '.join(wrong)}; it takes {', '.join(map(str, parameters))}"
-        )
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         return kind(**shape).eval()

@@ -17,7 +17,6 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 from jaxtyping import Bool, Float
-from numpy import ndarray as Array
 from torch import Tensor, nn
 
 from pipeline.models.base import ValidityModel
@@ -49,6 +48,7 @@ LATERAL_SCALE_M = 0.02  # lateral distance [m] at which an object counts as full
 GATE_UNIT = 3.0  # unit of the gates of `side` and `progress`, so that one learning rate suits all parameters
 USUAL_OVER_LARGEST = 1.25  # usual doubt over the largest of the training pictures: a new picture may exceed it a little
 UNLIMITED = 1e6  # above any doubt: that of a model that saw no pictures
+Chosen = Sequence[int] | slice  # of a model's families
 
 
 class PerceivedObjects(NamedTuple):
@@ -156,7 +156,7 @@ class ClearanceModel(ValidityModel):
         return F.pad(self.evidence.masked_fill(self.evidence < least, -np.inf), (0, 1)).softmax(0)
 
     def logit_by_family(
-        self, percept: Tensor, passing: Passing, chosen: Sequence[int] | slice = slice(None)
+        self, percept: Tensor, passing: Passing, chosen: Chosen = slice(None)
     ) -> Float[Tensor, "family scene path"]:
         """Return the log-odds of validity under each chosen family: of its members' mean, times SHARPENING."""
         members = self.margin.shape[-1]
@@ -164,10 +164,7 @@ class ClearanceModel(ValidityModel):
         return SHARPENING * log_odds(log_p.logsumexp(1) - float(np.log(members)))
 
     def log_valid(
-        self,
-        percept: Float[Tensor, "*model scene object 14"],
-        passing: Passing,
-        chosen: Sequence[int] | slice = slice(None),
+        self, percept: Float[Tensor, "*model scene object 14"], passing: Passing, chosen: Chosen = slice(None)
     ) -> Float[Tensor, "*model member scene path"]:
         """Return log p_valid by the chosen families' members, given how paths pass the objects in the first slots."""
 
@@ -191,7 +188,7 @@ class ClearanceModel(ValidityModel):
         return (torch.log1p(-threat) + F.logsigmoid(of_members(self.logit_nothing_missed)[..., 0, :])).movedim(-1, -3)
 
     def logit_relevance(
-        self, percept: Float[Tensor, "*model scene object 14"], chosen: Sequence[int] | slice = slice(None)
+        self, percept: Float[Tensor, "*model scene object 14"], chosen: Chosen = slice(None)
     ) -> Float[Tensor, "*model scene object member"]:
         """Return each member's log-odds that the user keeps away from each object, by its features alone."""
         features = PerceivedObjects.of(percept).features
@@ -208,14 +205,8 @@ def log_odds(log_p: Tensor) -> Tensor:
     return log_p - torch.log(-torch.expm1(log_p))
 
 
-def pack(
-    ends: Float[Array, "scene object 2 2"],
-    radius: Float[Array, "scene object"],
-    features: Float[Array, "scene object feature"],
-    present: Bool[Array, "scene object"],
-    doubt: Float[Array, " scene"],
-) -> Float[Tensor, "scene object 14"]:
-    """Return detected objects (`Objects`) as a percept, with the gap [m] to each one's neighbour as last feature."""
+def pack(ends, radius, features, present, doubt) -> Float[Tensor, "scene object 14"]:
+    """Return the fields of `Objects` as a percept, with the gap [m] to each object's neighbour as last feature."""
     apart = segment_distance(ends[:, :, None].astype(float), ends[:, None].astype(float))
     size, seen = torch.from_numpy(radius), torch.from_numpy(present)
     gap = torch.from_numpy(apart).to(size) - size[:, :, None] - size[:, None, :]
@@ -256,18 +247,12 @@ def passes(
         distances.append(nearest)
         samples.append(sample[..., 0])
     clearance = square_root(torch.stack(distances, 2).clamp(min=1e-12)) - objects.radius[:, None, :, None]
-    t = torch.stack(samples, 2).to(z_theta) / (PATH_SAMPLES - 1)
-    progress = 2 * t - 1
-    return Passing(clearance, torch.stack([_side(objects, z_theta, t), progress, progress.square() - 1 / 3], -1))
-
-
-def _side(
-    objects: PerceivedObjects, z_theta: Float[Tensor, "scene path 2"], t: Float[Tensor, "scene path near"]
-) -> Float[Tensor, "scene path near"]:
-    """Return on which side each path passes each object at parameter `t`: 1 right, -1 left, between them in line."""
-    z, t, middle = z_theta[:, :, None], t[..., None], ((objects.start + objects.end) / 2)[:, None]
+    t = torch.stack(samples, 2).to(z_theta)[..., None] / (PATH_SAMPLES - 1)  # where it passes: (scene, path, near, 1)
+    z, middle = z_theta[:, :, None], ((objects.start + objects.end) / 2)[:, None]
     start, goal = (torch.from_numpy(p).to(z_theta) for p in (P_INIT, P_F))
     point = (1 - t).square() * start + 2 * t * (1 - t) * z + t.square() * goal  # (scene, path, near, 2)
     heading, towards = (1 - t) * (z - start) + t * (goal - z), middle - point
     lateral = heading[..., 1] * towards[..., 0] - heading[..., 0] * towards[..., 1]
-    return (lateral / square_root(heading.square().sum(-1) + 1e-12) / LATERAL_SCALE_M).tanh()
+    side = (lateral / square_root(heading.square().sum(-1) + 1e-12) / LATERAL_SCALE_M).tanh()
+    progress = 2 * t[..., 0] - 1
+    return Passing(clearance, torch.stack([side, progress, progress.square() - 1 / 3], -1))

@@ -38,12 +38,8 @@ class RewardMap(ValidityModel):
         """Build 25 x 25 layers of `channels` channels, one plain, `dilated` dilated ones; `gain` multiplies the map."""
         super().__init__()
         self.gain = gain
-        layers = [
-            nn.Conv2d(4, channels // 2, 3, stride=2, padding=1),  # (scene, channels / 2, 50, 50)
-            nn.ReLU(),
-            nn.Conv2d(channels // 2, channels, 3, stride=2, padding=1),  # (scene, channels, 25, 25)
-            nn.ReLU(),
-        ]
+        layers = [nn.Conv2d(4, channels // 2, 3, stride=2, padding=1), nn.ReLU()]  # (scene, channels / 2, 50, 50)
+        layers += [nn.Conv2d(channels // 2, channels, 3, stride=2, padding=1), nn.ReLU()]  # (scene, channels, 25, 25)
         for _ in range(dilated):
             layers += [nn.Conv2d(channels, channels, 3, padding=2, dilation=2), nn.ReLU()]
         layers.insert(-2, nn.Dropout2d(dropout))

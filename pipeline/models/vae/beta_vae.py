@@ -81,10 +81,7 @@ class BetaVae(ValidityModel):
 
     @torch.no_grad()
     def standardise(self, images: UInt8[Array, "scene 100 100 3"]) -> None:
-        """Set each channel's centre and spread to the training images' mean and standard deviation.
-
-        The decoder's output bias becomes the mean colour.
-        """
+        """Set each channel's centre and spread to those of the training images, the output bias to the mean colour."""
         pixels = to_tensor(images).transpose(0, 1).flatten(1).double()  # (channel, pixel)
         self.centre.copy_(pixels.mean(1)[:, None, None])
         self.spread.copy_(pixels.std(1).clamp(min=MIN_SPREAD)[:, None, None])
