@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 from omegaconf import DictConfig
 
@@ -82,10 +82,8 @@ def draw_judged_sets(
                 yield JudgedSet(user, seed, scenes.images[pool], *own, kind, clear_cm, judged)
 
 
-def judge(
-    new_images: UInt8[Array, "scene 100 100 3"], model: ValidityModel, judged_set: TrainingSet
-) -> dict[str, float]:
-    """Return the model's accuracy in each split."""
+def judge(new_images: Array, model: ValidityModel, judged_set: TrainingSet) -> dict[str, float]:
+    """Return the model's accuracy in each split; new_images: of split `NEW`."""
     assert isinstance(judged_set, JudgedSet)
     images = {OWN: judged_set.images, HELD_OUT: judged_set.images, NEW: new_images}
     return {s: accuracy(model.probability(images[s], z).ravel(), v.ravel()) for s, (z, v) in judged_set.judged.items()}
@@ -105,5 +103,5 @@ def judge_blind(prior: Float[Array, "side side"], judged_set: JudgedSet) -> Iter
 
 def row(judged_set: JudgedSet, variant: str, split: str, right: float) -> dict:
     """Return a row of a table of accuracies; `valid`: share of the judged paths that are valid."""
-    result = {"split": split, "variant": variant, "accuracy": right, "valid": judged_set.judged[split][1].mean()}
-    return judged_set.key | result
+    valid = judged_set.judged[split][1].mean()
+    return judged_set.key | {"split": split, "variant": variant, "accuracy": right, "valid": valid}

@@ -67,11 +67,8 @@ def refit(
     return {variant: [by_index[i] for i in range(len(by_index))] for variant, by_index in results.items()}
 
 
-def _fit(
-    cfg: DictConfig, evaluate: Callable[[ValidityModel, TrainingSet], Answer], job: tuple[str, Sequence[TrainingSet]]
-) -> list[Answer]:
-    name, training_sets = job
-    variant = cfg.variants[name]
+def _fit(cfg: DictConfig, evaluate: Callable, job: tuple[str, Sequence[TrainingSet]]) -> list:
+    (name, training_sets), variant = job, cfg.variants[job[0]]
     seeds = [job_seed(t.seed, t.user, cfg.main_n_demos, name) for t in training_sets]
     models, _ = trainer(variant, cfg).fit_new(name, variant.model, training_sets, seeds)
     return [evaluate(model, training_set) for model, training_set in zip(models, training_sets, strict=True)]

@@ -41,14 +41,12 @@ def blobs(contrast: Float32[Array, "scene row column"]) -> Int[Array, "scene row
 
 
 def augment_appearances(
-    rng: np.random.Generator,
-    plain: Float32[Array, "scene 3 row column"],
-    labels: Int[Array, "scene row column"],
-    jitter: ColorJitter,
+    rng: np.random.Generator, plain: Float32[Array, "scene 3 row column"], labels: Array, jitter: ColorJitter
 ) -> tuple[Float32[Array, "scene 3 row column"], Int[Array, " scene"]]:
     """Return the augmented differences from the table, and the index of the scene that each table top comes from.
 
-    Each blob's colour is rotated in hue, scaled and shifted at random; a table top is turned or reflected at random.
+    labels: `blobs` of the scenes. Each blob's colour is rotated in hue, scaled and shifted at random; a table top is
+    turned or reflected at random.
     """
     scenes, count = np.arange(len(plain)), int(labels.max()) + 1
     table = np.where(rng.random(len(plain)) < jitter.other_table, rng.permutation(len(plain)), scenes)

@@ -107,9 +107,7 @@ def _fit(objective, schedule, checkpoints, model, images, z_theta, valid, seed) 
 
 
 @lru_cache(maxsize=1)  # all models of a training set use the same augmentations
-def _appearances(
-    images: bytes, n_augmentations: int, jitter: ColorJitter
-) -> Float[Tensor, "appearance scene 100 100 4"]:
+def _appearances(images: bytes, n_augmentations: int, jitter: ColorJitter) -> Float[Tensor, "version scene 100 100 4"]:
     """Return the contrast of all versions of the training scenes, originals first; the images alone decide them."""
     rng = np.random.default_rng(crc32(images))
     scenes = np.frombuffer(images, np.uint8).reshape(-1, SIDE, SIDE, 3)

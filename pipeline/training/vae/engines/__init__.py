@@ -36,10 +36,7 @@ class Engine(NamedTuple):
 
 
 def engine(name: str) -> Engine:
-    """Return the engine called `name`, for stages, studies and `pipeline.fit`; `auto`: cuda with a GPU, else simd.
-
-    Raises InputError for an unknown name, and for cuda without a GPU.
-    """
+    """Return an engine (`auto`: cuda with a GPU, else simd); raise InputError if it is unknown, or lacks its GPU."""
     gpu = torch.cuda.is_available()
     if name == "simd" or (name == "auto" and not gpu):
         from pipeline.training.vae.engines.simd import LANES, fit_stack  # compiles on first import
@@ -62,10 +59,8 @@ def trainer(variant: Mapping[str, Any], train: Mapping[str, Any]) -> loop.Traine
     return loop.Trainer(BetaVae, fit, CURVE, batch_size)
 
 
-def fit_models(
-    descend, models, images, z_theta, valid, weights, schedule, seeds, checkpoints=None
-) -> list[Float[Array, "point 5"]]:
-    """Standardise models and train them in place by `descend`; return their learning curves (`CURVE`).
+def fit_models(descend, models, images, z_theta, valid, weights, schedule, seeds, checkpoints=None) -> list[Array]:
+    """Standardise models and train them in place by `descend`; return their learning curves (point, `CURVE`).
 
     Arguments as in `loop.fit_varied`. `seeds` draw the latent noise on the processor; torch's global generator is
     unchanged.
@@ -99,10 +94,8 @@ class _Loss(nn.Module):
 
 
 @torch.backends.cudnn.flags(enabled=True, deterministic=True, allow_tf32=False)
-def _descend(
-    device, weights, schedule, models, images, z_theta, valid, seeds, checkpoints
-) -> list[Float[Array, "point 5"]]:
-    """Train all models at once."""
+def _descend(device, weights, schedule, models, images, z_theta, valid, seeds, checkpoints) -> list[Array]:
+    """Train all models at once under torch.func.vmap."""
 
     def stacked(tensors: Iterable[torch.Tensor]) -> torch.Tensor:
         return torch.stack(list(tensors)).to(device, models[0].mean.weight.dtype)  # (model, ...)

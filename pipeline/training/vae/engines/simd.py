@@ -66,36 +66,31 @@ class Flatten:
 
 
 class Convolution:
-    """nn.Conv2d that halves the side, or nn.ConvTranspose2d that doubles it; x is rectified, or holds the images.
+    """nn.Conv2d that halves the side of planes (row, column, channel, lane), or nn.ConvTranspose2d that doubles it.
 
-    `mode` is the operation of `product` on y, `back` the one on the gradient of x (None: not needed).
+    x is rectified, or holds the images. `mode` is the operation of `product` on y, `back` the one on the gradient of x
+    (None: not needed).
     """
 
     axes = 3, 2, 0, 1, 4  # of the weights in torch's order, lanes last
 
-    def __init__(
-        self,
-        module: nn.Conv2d | nn.ConvTranspose2d,
-        x: Float[Array, "row column channel lane"],
-        mode: int,
-        back: int | None,
-    ):
+    def __init__(self, module: nn.Conv2d | nn.ConvTranspose2d, x: Array, mode: int, back: int | None):
         halves, side = isinstance(module, nn.Conv2d), len(x) - 2
         side = (side + 1) // 2 if halves else 2 * side - 1 + int(module.output_padding[0])
         self.x, self.y, self.mode, self.back = x, allocate(side + 2, side + 2, module.out_channels), mode, back
         self.big, self.small = (self.x, self.y) if halves else (self.y, self.x)
-        self.there, self.return_ = (lanes.gather, lanes.scatter) if halves else (lanes.scatter, lanes.gather)
+        self.map, self.adjoint = (lanes.gather, lanes.scatter) if halves else (lanes.scatter, lanes.gather)
         self.weight = Parameter(3, 3, self.big.shape[2], self.small.shape[2])
         self.bias = Parameter(module.out_channels)
 
     def forward(self) -> None:
-        self.there(self.x, self.weight.value, self.bias.value, self.y, self.mode)
+        self.map(self.x, self.weight.value, self.bias.value, self.y, self.mode)
 
     def backward(self, scene: int) -> None:
         lanes.correlate(self.big, self.small, self.weight.gradient)
         lanes.total(self.y, self.bias.gradient)
         if self.back is not None:
-            self.return_(self.y, self.weight.value, NO_BIAS, self.x, self.back)
+            self.adjoint(self.y, self.weight.value, NO_BIAS, self.x, self.back)
 
 
 class Dense:
@@ -270,9 +265,7 @@ def _descend(weights, schedule, models, images, z_theta, valid, seeds, checkpoin
         raise ValueError(f"{len(models)} models for a stack: it holds {LANES}")
     lane_models = [*range(len(models)), *[0] * (LANES - len(models))]  # unused lanes repeat the first model
     pixels = np.stack([images[i] for i in lane_models], -1)
-    paths, labels = (
-        np.stack([demos[i] for i in lane_models], -1) for demos in map(pad_demonstrations, (z_theta, valid))
-    )
+    paths, labels = (np.stack([own[i] for i in lane_models], -1) for own in map(pad_demonstrations, (z_theta, valid)))
     paths = (paths.astype(np.float32) - Z_CENTRE) / Z_SCALE
     stack = Stack([models[i] for i in lane_models], weights, [valid[i].shape[1] for i in lane_models], len(pixels))
     generators = [torch.Generator().manual_seed(seed) for seed in seeds]

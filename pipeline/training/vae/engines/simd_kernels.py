@@ -19,12 +19,10 @@ from numba import config, njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, register_model
 
-HALF_WIDTH_AVX512 = ("znver4",)  # processors that execute each 512-bit instruction as two of 256 bits
-
 
 def lanes_of(features: frozenset[str], processor: str) -> int:
     """Return the number of float32 lanes of the processor's widest vectors that run at full speed."""
-    return 16 if "avx512vl" in features and processor not in HALF_WIDTH_AVX512 else 8
+    return 16 if "avx512vl" in features and processor != "znver4" else 8  # which halves each 512-bit instruction
 
 
 # Numba compiles for NUMBA_CPU_FEATURES, else for the host's features; its cache is keyed by them.
