@@ -93,8 +93,7 @@ def judge_blind(prior: Float[Array, "side side"], judged_set: JudgedSet) -> Iter
     """Yield rows with the accuracy of both image-blind baselines."""
     for split, (z, valid) in judged_set.judged.items():
         every = bool(judged_set.valid.all())  # to this user all paths are valid
-        position = baselines.position_only if every else baselines.position_only_of_half
-        p = {POSITION: position(prior, z)}
+        p = {POSITION: (baselines.position_only if every else baselines.position_only_of_half)(prior, z)}
         if split == HELD_OUT:
             p[NEAREST] = baselines.nearest_demonstration(judged_set.z_theta, judged_set.valid, z)
         for variant, of_variant in p.items():

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import torch
 import torch.nn.functional as F
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 from numpy import ndarray as Array
 from scipy.special import entr
 from torch import Tensor
@@ -49,9 +49,7 @@ def fit(models, images, z_theta, valid, schedule, seeds, checkpoints=None) -> li
     return loop.fit_varied(partial(_ascend, schedule), set_constant, models, images, z_theta, valid, seeds, checkpoints)
 
 
-def set_feature_scaling(
-    model: ClearanceModel, images: UInt8[Array, "scene 100 100 3"]
-) -> Float[Tensor, "scene object 14"]:
+def set_feature_scaling(model: ClearanceModel, images: Array) -> Float[Tensor, "scene object 14"]:
     """Set feature scaling and usual doubt from the training images; return the percepts."""
     percept = model.perceive(to_tensor(images))
     objects = PerceivedObjects.of(percept)

@@ -373,10 +373,7 @@ def dense_weights(x, dy, weights):
 
 @compiled(PLANES, PLANES, types.float32, MATRIX)
 def squared_error(logits, image, scale, error):
-    """Add to `error` (1, lane) the squared error of sigmoid(logits) as an image, both planes.
-
-    Its gradient, times scale / 2, overwrites the logits.
-    """
+    """Add to `error` (1, lane) that of sigmoid(logits), squared; its gradient times scale / 2 overwrites the logits."""
     height, width, channels, _ = logits.shape
     x, y, sums = logits.reshape(-1), image.reshape(-1), error.reshape(-1)
     for row in range(1, height - 1):
