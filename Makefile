@@ -85,7 +85,7 @@ $(CLUSTER): tests/cluster/requirements.txt $(READY)
 
 venv-cluster: $(CLUSTER)  ## create .venv-cluster above .venv: sweeps on Ray, by submitit on Slurm, and by Optuna
 
-test-cluster: data-here $(CLUSTER)  ## sweeps on Ray (two nodes, one is killed), by submitit, Slurm and Optuna, in an environment above .venv
+test-cluster: data-here $(CLUSTER)  ## sweeps on Ray (two nodes, one is killed) and by Optuna, Slurm's job file, in an environment above .venv
 	PATH="$(CURDIR)/.venv-cluster/bin:$$PATH" .venv-cluster/bin/python -m pytest tests/cluster
 
 check-dowhy:  ## a small graph's and the stages' own numbers by dowhy.gcm, in an environment of its own

@@ -155,6 +155,8 @@ def main(argv: list[str]) -> int:
         raise
     COMPOSED.write_text(kept(overrides, cfg), encoding="utf-8")
     atomic_write(PARAMS, lambda part: part.write_text(OmegaConf.to_yaml(cfg), encoding="utf-8"))  # as DVC writes it
+    for stage in FITTED:  # stages that compare variants read these, also where a graph has none of one kind
+        Path(cfg.paths[stage]).mkdir(parents=True, exist_ok=True)
     for study in map(str, cfg.studies):
         try:
             check(cfg, study, settings_of(study))

@@ -13,7 +13,7 @@ from omegaconf import DictConfig, OmegaConf
 from pipeline.artifacts.demos import DEMO_COLUMNS, DEMO_KEY, Queries, write_demos, write_queries
 from pipeline.artifacts.files import write_arrays, write_table
 from pipeline.artifacts.models import model_dir, save_weights, weights_path
-from pipeline.artifacts.scenes import SceneSet, layout_table, read_scenes, train_pool, write_scenes
+from pipeline.artifacts.scenes import SceneSet, layout_table, train_pool, write_scenes
 from pipeline.models.base import ValidityModel
 from pipeline.models.clearance.clearance import ClearanceModel
 from pipeline.models.trained import build
@@ -28,8 +28,6 @@ from pipeline.world.rules import valid
 
 RULES = LayoutRules((2, 3), (0.05, 0.35, 0.40, 0.20), 0.12, 0.88, 0.12, 0.015, 0.97, 1.03)  # as in conf/scenes.yaml
 ITEMS = Items(np.arange(4), np.array([0.0, 0.0, 0.075, 0.0]), np.array([0.065, 0.075, 0.013, 0.045]))
-SCENES = 3
-
 
 WEIGHTS = {  # of Eq. 1
     "full": Weights(alpha=10.0, beta=0.005, gamma=1.0),
@@ -76,32 +74,6 @@ def draw_table(*discs, seed=0, grain=0.02) -> np.ndarray:
 
 def to_pixels(image: np.ndarray) -> np.ndarray:
     return (255 * image.clip(0, 1)).round().astype(np.uint8)
-
-
-def untrained_models(folder: Path, seeds: list[int], *overrides: str) -> DictConfig:
-    """The configuration of three variants whose scenes and models, of every user and seed, lie under `folder`."""
-    few = ["workers=1", "repair.starts=8", "repair.lattice_side=14"]  # starts: some invalid to each user, however drawn
-    cfg = composed("profile=smoke", f"seeds={seeds}", *few, *overrides)
-    OmegaConf.set_struct(cfg, False)
-    for name in ("ae", "classifier", "irl_maxent"):
-        del cfg.variants[name]
-    for stage in ("scenes", "train", "irl", "clearance"):
-        OmegaConf.update(cfg, f"paths.{stage}", str(folder / stage))
-    rng = np.random.default_rng(0)
-    pools = [*map(train_pool, seeds), "new_items"]
-    appearance = appearances(SCENES)
-    scenes = SceneSet(
-        {pool: rng.integers(0, 256, (SCENES, 100, 100, 3), dtype=np.uint8) for pool in pools},
-        {pool: random_layouts(rng, SCENES, ITEMS, np.arange(4), RULES) for pool in pools},
-        dict.fromkeys(pools, appearance),
-    )
-    write_scenes(folder / "scenes", scenes)
-    for variant in cfg.variants:
-        for user in cfg.users:
-            for seed in seeds:
-                model = with_evidence(build(cfg.variants[variant]))
-                save_model(cfg, variant, model, user, seed)
-    return cfg
 
 
 def save_model(cfg: DictConfig, variant: str, model: ValidityModel, user: str, seed: int, n: int | None = None) -> None:
@@ -154,15 +126,6 @@ def symbols_added(cfg: DictConfig, scenes: SceneSet, paths: int) -> None:
     write_table(Path(cfg.paths.intervene) / "layouts.parquet", pd.concat(tables))
     arrays = {"images": images, "z_theta": random_z_theta(rng, len(new), paths)}
     write_arrays(Path(cfg.paths.intervene) / "images.npz", arrays)
-
-
-def same_scenes_for_training(cfg: DictConfig, pool: str) -> SceneSet:
-    """Write a pool's scenes as every seed's training scenes, too."""
-    scenes = read_scenes(Path(cfg.paths.scenes))
-    for part in (scenes.images, scenes.layouts, scenes.appearances):
-        part |= {train_pool(seed): part[pool] for seed in cfg.seeds}
-    write_scenes(Path(cfg.paths.scenes), scenes)
-    return scenes
 
 
 def labelled_demos(cfg: DictConfig, scenes: SceneSet) -> None:

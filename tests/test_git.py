@@ -8,10 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.audit.revision import resolve
-from pipeline.git import dvc, environment, forget_repository, git, run
-from pipeline.runtime.errors import InputError
-from pipeline.runtime.places import ROOT
+from pipeline.git import environment, forget_repository, git, run
 from tests.sweep.running import clone_of_working_tree
 
 MINE = ("-c", "user.name=me", "-c", "user.email=me@localhost")
@@ -59,65 +56,41 @@ def state(root: Path) -> list[str]:
     return [config.read_text(), *(git(root, *question) for question in asked)]
 
 
-AUDIT = ("-m pipeline.audit HEAD --rerun nothing", "stage 'nothing' is unknown")  # known once the clone is there
-SWEEP = ("-m pipeline.sweep -m profile=smoke hydra/launcher=basic --stages params --folder {0}/swept", "1 of 1 jobs")
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("place", "start", "commands"), [(worktree, by_hook, [AUDIT, SWEEP]), (submodule, by_alias, [AUDIT])]
+    ("place", "start", "command", "ends"),
+    [
+        (worktree, by_hook, f"{sys.executable} -m pipeline.audit HEAD --rerun nothing", "'nothing' is unknown"),
+        (submodule, by_alias, "bash tests/smoke/run.sh {0}/smoke", "stopped: {0}/smoke"),
+    ],
 )
-def test_hooks_and_aliases_leave_the_person_s_repository_as_it_is(place, start, commands, person: Path, tmp_path: Path):
+def test_hooks_and_aliases_leave_the_person_s_repository_as_it_is(place, start, command, ends, person, tmp_path: Path):
+    """The audit knows that there is no such stage once its clone is there; the smoke run stops at its first dvc."""
     tree = place(person, tmp_path)
-    stub = tmp_path / "bin/dvc"  # the smoke run ends once it has made its repository
+    stub = tmp_path / "bin/dvc"
     stub.parent.mkdir()
     stub.write_text("#!/bin/sh\necho stopped: $PWD >&2\nexit 1\n")
     stub.chmod(0o755)
     script = tmp_path / "script"
-    lines = [f"{sys.executable} {command.format(tmp_path)} 2>&1" for command, _ in commands]
-    script.write_text("\n".join([*lines, f"PATH={stub.parent}:$PATH bash tests/smoke/run.sh {tmp_path}/smoke"]))
+    script.write_text(f"PATH={stub.parent}:$PATH {command.format(tmp_path)} 2>&1")
     before = state(person), state(tree)
     said = start(tree, script)
     assert (state(person), state(tree)) == before
-    assert all(end in said for end in [*(end for _, end in commands), f"stopped: {tmp_path}/smoke"]), said
-    assert git(tmp_path / "smoke", "log", "--format=%s") == "smoke\n"
+    assert ends.format(tmp_path) in said, said
 
 
-def test_children_work_on_their_folder_whatever_repository_variables_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_children_work_on_their_folder_whatever_repository_variables_name(tmp_path: Path, monkeypatch):
     for name in ("mine", "theirs"):
         git(tmp_path, "init", "--quiet", "--initial-branch", name, name)
     for name, value in {"GIT_DIR": ".git", "GIT_WORK_TREE": ".", "GIT_INDEX_FILE": ".git/index"}.items():
         monkeypatch.setenv(name, str(tmp_path / "theirs" / value))
     monkeypatch.setenv("GIT_AUTHOR_NAME", "me")
     assert git(tmp_path / "mine", "symbolic-ref", "--short", "HEAD") == "mine\n"
-    assert {name for name in environment({"GIT_PREFIX": "x"}) if name.startswith("GIT_")} >= {
-        "GIT_AUTHOR_NAME",
-        "GIT_PREFIX",
-    }
+    assert environment({"GIT_PREFIX": "x"}).keys() >= {"GIT_AUTHOR_NAME", "GIT_PREFIX"}
     assert not {"GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE"} & environment().keys()
     forget_repository()
     said = subprocess.run(["git", "symbolic-ref", "HEAD"], cwd=tmp_path / "mine", capture_output=True, text=True)
     assert said.stdout == "refs/heads/mine\n"
-
-
-def test_make_hands_on_no_variable_that_names_a_repository(tmp_path: Path):
-    (tmp_path / "more.mk").write_text(f"include {ROOT}/Makefile\nshow:\n\t@env | grep -c ^GIT_DIR= || true\n")
-    there = {"GIT_DIR": str(tmp_path), "MAKEFLAGS": ""}
-    assert run(["make", "-s", "-f", "more.mk", "show"], tmp_path, there, capture_output=True).stdout == "0\n"
-
-
-def test_git_s_own_words_say_why_it_refuses_a_commit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("pipeline.audit.revision.ROOT", tmp_path)
-    with pytest.raises(InputError, match="not a git repository"):
-        resolve("HEAD")
-    git(tmp_path, "init", "--quiet")
-    with pytest.raises(InputError, match="unknown: `git log"):
-        resolve("HEAD")
-    monkeypatch.setenv("GIT_TEST_ASSUME_DIFFERENT_OWNER", "1")
-    with pytest.raises(InputError, match="dubious ownership"):
-        resolve("HEAD")
 
 
 @pytest.mark.slow
@@ -129,26 +102,6 @@ def test_a_clone_has_git_s_bytes_where_git_is_told_to_change_line_ends(person: P
         content = (tmp_path / "clone" / name).read_bytes()
         blob = hashlib.sha1(b"blob %d\0" % len(content) + content).hexdigest()
         changed += [name] if blob != entry.split()[1] else []
-    assert len(listed) > 1000 and not changed
+    assert len(listed) > 500 and not changed
     git(tmp_path / "clone", "add", "--renormalize", ".")
     assert git(tmp_path / "clone", "status", "--porcelain") == ""
-
-
-@pytest.mark.slow
-def test_data_comes_from_git_s_store_whatever_the_default_remote_and_its_lack_is_an_error(person: Path, tmp_path: Path):
-    clone = tmp_path / "clone"
-    git(tmp_path, "clone", "--quiet", "--shared", str(person), str(clone))
-    dvc(clone, "remote", "add", "--local", "--default", "lab", str(tmp_path / "empty"))
-    (clone / ".venv").symlink_to(Path(sys.prefix))
-    make = ["make", "--no-print-directory", "--assume-old=.venv/.ready"]
-    pulled = run([*make, "pull"], clone, capture_output=True)
-    assert pulled.returncode == 0, pulled.stderr
-    first, second = pulled.stdout.splitlines()
-    assert first == "data: here; results: nothing new" and second.startswith("nobody pushed ")
-    assert (clone / "data/items.csv").is_file() and (clone / "rendered/pictures").is_dir()
-    for folder in ("data", "store/files", ".dvc/cache"):
-        run(["rm", "-r", folder], clone, check=True)
-    refused = run([*make, "data-here"], clone, capture_output=True)
-    assert refused.returncode and "`git checkout store` restores" in refused.stderr
-    git(clone, "checkout", "store")
-    assert run([*make, "data-here"], clone).returncode == 0 and (clone / "data/items.csv").is_file()

@@ -1,10 +1,9 @@
 """Bad input of every kind at every door: each reader and command line answers with a sentence, and writes nothing."""
 
 import io
-import json
 import pickle
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from itertools import cycle
 from pathlib import Path
@@ -12,8 +11,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-import yaml
-from safetensors.torch import load_file, save_file
 
 import pipeline
 from pipeline import library, params
@@ -22,8 +19,6 @@ from pipeline.own.__main__ import main as own
 from pipeline.own.folder import read_folder
 from pipeline.runtime.errors import InputError
 from tests.own.folders import COLUMNS, change, make_folder
-from tests.own.recorder.factory import Served, recorder, samples
-from tests.own.recorder.factory import make_folder as make_kitchen
 
 pytestmark = pytest.mark.slow
 NASTY = [
@@ -31,7 +26,6 @@ NASTY = [
     *("<script>alert(1)</script>", "{{ 7 * 7 }}", "!!python/object/apply:os.system ['true']", "&a [*a]"),
     *("${oc.env:HOME}", "${", "ﬀ\u202e"),
 ]
-VALUES = [None, True, -1, float("nan"), "a", [], [[1, 2], [3]], {"a": {"": None}}, *NASTY[6:9]]  # of YAML and JSON
 
 
 def damaged(content: bytes) -> list[bytes]:
@@ -56,9 +50,6 @@ def command(main: Callable[[list[str]], int | None], arguments: list[str]) -> tu
         except InputError as error:  # printed by the module's last lines
             code, _ = 2, said.write(f"error: {error}")
     return code or 0, said.getvalue()
-
-
-# A person's own folder
 
 
 @pytest.fixture(scope="module")
@@ -89,64 +80,16 @@ def test_a_nasty_cell_of_a_person_s_demonstrations(whole: Path):
         checked(whole, lambda folder, row=row, column=column, cell=cell: change(folder, row, column, cell))
 
 
-def test_nasty_settings_of_a_person_s_folder(whole: Path):
-    keys = cycle(["corners", "side_m", "start", "goal", "empty", "\x1b"])
-    texts = [yaml.safe_dump(content) for content in (*VALUES, *({next(keys): value} for value in VALUES))]
-    for text in (*texts[::2], *NASTY[1::2]):
-        checked(whole, lambda folder, text=text: (folder / "table.yaml").write_text(text))
-
-
-def test_a_nasty_name_in_a_person_s_folder(whole: Path):
-    for name in ("\x1b[31mred", "<script>", "ﬀ\u202e", " "):
-        for file in (f"scenes/{name}.png", f"kinds/{name}/cup.png", f"kinds/cup/{name}"):
-
-            def add(folder: Path, file: str = file) -> None:
-                (folder / file).parent.mkdir(parents=True, exist_ok=True)
-                shutil.copy(folder / "scenes/tea.png", folder / file)
-
-            checked(whole, add)
-
-
 def test_yaml_that_would_run_code_is_only_text(tmp_path: Path):
     folder = make_folder(tmp_path / "table")
     (folder / "table.yaml").write_text(f"side_m: !!python/object/apply:os.mkdir ['{tmp_path / 'made'}']\n")
     assert read_folder(folder)[1] and not (tmp_path / "made").exists()
 
 
-# The recorder
-
-
-@pytest.fixture(scope="module")
-def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Served, Path]]:
-    folder = make_kitchen(tmp_path_factory.mktemp("recorder"))
-    with recorder(folder) as opened:
-        yield opened, folder
-
-
-def test_what_no_page_sends_to_the_recorder(served: tuple[Served, Path]):
-    server, folder = served
-    before, path = tree(folder), {"scene": "first", "user": "Zoë", "valid": True, "samples": samples().tolist()}
-    spoilt = [path | {name: value} for name in path for value in VALUES[:-2]]
-    for body in (*map(json.dumps, [*spoilt, *VALUES]), "\0", "[", '{"scene": 1e400}'):
-        for door in ("paths", "remove", "table"):
-            status, answer = server.ask("POST", f"/api/{door}", body.encode())
-            assert status == 400 and len(answer["error"]) > 20, (door, status, body)
-    assert server.ask("POST", "/api/paths", b" " * 4_000_001)[0] == 413
-    assert tree(folder) == before
-
-
-# Command lines
-
-
 def test_a_nasty_override_of_parameters():
-    keys, marks = cycle(["n_demos", "seeds", "users.careful", "train.steps", "variants", "paths.data"]), cycle("+~ ")
-    for i, text in enumerate(NASTY):
-        for override in (f"{next(keys)}={text}", f"{next(marks).strip()}{text}=1")[i % 2 :: 2]:
-            code, said = command(params.main, ["--check", override])
-            assert code in (0, 1, 2) and (code == 0 or said.startswith(("error: ", "note: "))), (override, said)
-
-
-# Files of results and models
+    for override in ("n_demos=" + NASTY[5], "seeds=${", "~\x1b[31mred", "+<script>=1", "train.steps=nan"):
+        code, said = command(params.main, ["--check", override])
+        assert code in (1, 2) and said.startswith(("error: ", "note: ")), (override, said)
 
 
 @pytest.fixture(scope="module")
@@ -176,14 +119,6 @@ def test_a_damaged_result_or_model_is_named(kept: Path, name: str):
             READERS[name](path)  # a flipped bit may be a valid number
         except InputError as error:
             assert str(path) in str(error)
-
-
-def test_a_model_with_nasty_settings(kept: Path):
-    path, weights = kept / "nasty.safetensors", load_file(kept / "model.safetensors")
-    for content in (*VALUES, *({"kind": value, "model": value} for value in VALUES)):
-        save_file(weights, path, {"settings": json.dumps(content)})
-        with pytest.raises(InputError):
-            pipeline.load(path)
 
 
 def test_a_pickle_is_no_model_and_no_result_and_is_not_run(tmp_path: Path):

@@ -1,6 +1,5 @@
-"""A stage from the command line: where it writes, what it refuses, and that what goes wrong is one line."""
+"""A stage from the command line: what goes wrong is one line, and Ctrl-C ends all of it."""
 
-import json
 import os
 import signal
 import subprocess
@@ -14,9 +13,9 @@ import psutil
 import pytest
 from omegaconf import DictConfig
 
-from pipeline.launch import launch, processor
+from pipeline.launch import launch
 from pipeline.runtime.errors import InputError
-from pipeline.runtime.places import PROCESSORS, ROOT
+from pipeline.runtime.places import ROOT
 
 pytestmark = pytest.mark.slow
 
@@ -43,34 +42,19 @@ def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> 
     return run
 
 
-def nothing(cfg: DictConfig, out_dir: Path) -> None:
-    """Do nothing."""
+def test_a_person_s_error_is_one_line_and_exit_code_2_and_a_defect_keeps_its_traceback(run, tmp_path: Path):
+    def raising(error: type[Exception]) -> Callable:
+        def main(cfg: DictConfig, out_dir: Path) -> None:
+            raise error("no room")
 
+        return main
 
-@pytest.mark.parametrize("arguments", [["--cfg", "job", "variant=ae"], ["variant=ae", "--info", "defaults"]])
-def test_hydra_s_flags_may_stand_before_or_behind_overrides(run, arguments: list[str]):
-    code, out, _ = run(lambda cfg, out_dir: pytest.fail("only shown"), "train", *arguments)
-    assert code == 0 and ("variant: ae" in out or "Defaults List" in out)
-
-
-def by(hydra: bool, folder: Path) -> list[str]:
-    return [f"hydra.run.dir={folder}"] if hydra else [*PARAMS, f"paths.scenes={folder}"]
-
-
-def raising(error: type[Exception]) -> Callable:
-    def main(cfg: DictConfig, out_dir: Path) -> None:
-        raise error("no room")
-
-    return main
-
-
-@pytest.mark.parametrize("hydra", [False, True])
-def test_a_person_s_error_is_one_line_and_exit_code_2_and_a_defect_keeps_its_traceback(run, hydra, tmp_path: Path):
-    for error in (InputError, PermissionError):
-        code, _, err = run(raising(error), "scenes", *by(hydra, tmp_path))
+    by_dvc, by_hydra = [*PARAMS, f"paths.scenes={tmp_path}"], [f"hydra.run.dir={tmp_path}"]
+    for error, arguments in ((InputError, by_hydra), (PermissionError, by_dvc)):
+        code, _, err = run(raising(error), "scenes", *arguments)
         assert code == 2 and err.splitlines()[-1] == "error: no room"
     with pytest.raises(ValueError, match="no room"):
-        run(raising(ValueError), "scenes", *by(hydra, tmp_path))
+        run(raising(ValueError), "scenes", *by_dvc)
 
 
 def test_a_sweep_goes_on_after_a_bad_value_names_it_and_fails(run, tmp_path: Path):
@@ -79,29 +63,6 @@ def test_a_sweep_goes_on_after_a_bad_value_names_it_and_fails(run, tmp_path: Pat
     code, _, err = run(lambda cfg, out_dir: rates.append(cfg.train.rate), "train", *sweep)
     assert code == 2 and rates == [0.5]
     assert "error: train.rate=-1: parameter train.rate is -1" in err
-
-
-def test_variants_fitted_by_one_stage_lie_side_by_side_and_a_study_beside_the_others(run, tmp_path: Path):
-    folders = []
-    run(lambda cfg, out_dir: folders.append(out_dir), "train", f"hydra.run.dir={tmp_path}", "variant=ae")
-    run(lambda cfg, out_dir: folders.append(out_dir), "shift", *PARAMS, f"paths.studies={tmp_path}")
-    assert folders == [tmp_path / "ae", tmp_path / "shift"]
-
-
-def test_one_seed_alone_is_for_sweeps_since_dvc_would_lose_the_others(run, tmp_path: Path):
-    code, _, err = run(nothing, "train", *PARAMS, "seed=0", f"paths.train={tmp_path}")
-    assert code == 2 and "parameter seed is 0: expected null" in err and not list(tmp_path.iterdir())
-
-
-def test_only_runs_of_dvc_note_their_processor_beside_those_of_others(run, tmp_path: Path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "reports").mkdir()
-    for name in (None, "train@full", "train@ae", "train@full"):
-        if name:
-            monkeypatch.setenv("DVC_STAGE", name)
-        assert run(nothing, "train", *PARAMS, f"paths.train={tmp_path}")[0] == 0
-        assert (tmp_path / PROCESSORS).is_file() is (name is not None)
-    assert json.loads((tmp_path / PROCESSORS).read_text()) == {"train@ae": processor(), "train@full": processor()}
 
 
 def test_ctrl_c_ends_a_stage_and_its_workers_at_once(tmp_path: Path):

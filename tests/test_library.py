@@ -11,7 +11,6 @@ from scipy.stats import ttest_1samp
 
 import pipeline
 from pipeline import library
-from pipeline.models.base import check_images, check_paths
 from pipeline.runtime.errors import InputError
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import Layouts
@@ -43,7 +42,8 @@ def example():
 
 
 @pytest.mark.slow
-def test_the_example_of_the_readme(example, tmp_path):
+def test_the_example_of_the_readme(example, tmp_path, monkeypatch):
+    monkeypatch.setitem(library.TRAINING["clearance"], "steps", 250)
     images, images_without, z_theta, valid = example
     model = pipeline.fit(images, z_theta, valid, variant="clearance", seed=0)
     p = model.probability(images, z_theta)
@@ -60,16 +60,6 @@ def test_the_example_of_the_readme(example, tmp_path):
     pipeline.save(model, tmp_path / "model.safetensors")
     again = pipeline.load(tmp_path / "model.safetensors")
     assert np.array_equal(again.probability(images, z_theta), p)
-
-
-@pytest.mark.parametrize(("repeats", "verdict", "half"), [(1, "undecided", 0.265), (5, "negligible", 0.0596)])
-def test_no_change_in_60_scenes_is_negligible_and_in_12_undecided(example, repeats, verdict, half):
-    """The interval is Clopper and Pearson's of 0 in so many."""
-    images, z_theta = (np.concatenate([x] * repeats) for x in (example[0], example[2]))
-    models = [library.build({"kind": "vae", "model": library.VAE}, seed) for seed in (0, 1)]
-    nothing = pipeline.effect(models, images, images, z_theta)
-    assert (nothing.estimate, nothing.p, nothing.verdict) == (0, 1, verdict)
-    np.testing.assert_allclose(nothing.interval, (-half, half), atol=1e-3)
 
 
 def test_one_model_is_a_t_test_over_scenes_corrected_for_skewness(example, monkeypatch):
@@ -100,13 +90,8 @@ def test_settings_are_those_of_conf():
     [
         (lambda a: a | {"images": a["images"] / 255}, r"images are float64 .* expected uint8 .* scale intensities"),
         (lambda a: a | {"z_theta": a["z_theta"] * 100}, r"z_theta reaches 1\d\d: expected metres"),
-        (lambda a: a | {"z_theta": np.where(a["z_theta"] > 1, np.nan, a["z_theta"])}, "z_theta has NaN"),
         (lambda a: a | {"z_theta": a["z_theta"][:3]}, r"z_theta has shape \(3, 9, 2\): expected \(12, path, 2\)"),
-        (lambda a: a | {"valid": a["valid"].astype(float)}, "valid is float64 .* expected bool"),
         (lambda a: {name: array[:1] for name, array in a.items()}, "number of scenes is 1: expected at least 2"),
-        (lambda a: a | {"z_theta": a["z_theta"][:, :0], "valid": a["valid"][:, :0]}, "z_theta has no paths"),
-        (lambda a: a | {"variant": "tree"}, "variant 'tree': expected one of full"),
-        (lambda a: a | {"seed": -1}, "seed -1: expected a whole number from 0"),
         (lambda a: a | {"images": 0 * a["images"]}, r"images\[0\] is mostly black: expected the image of a table"),
     ],
 )
@@ -114,38 +99,6 @@ def test_what_does_not_fit_is_refused_with_what_was_expected(example, change, me
     images, _, z_theta, valid = example
     with pytest.raises(InputError, match=message):
         pipeline.fit(**change({"images": images, "z_theta": z_theta, "valid": valid}))
-
-
-def test_probability_refuses_pixels_and_lists_and_takes_reversed_images(example):
-    images, _, z_theta, _ = example
-    model = library.build({"kind": "vae", "model": library.VAE}, 0)
-    for wrong in (100 * z_theta, z_theta - 1.8):
-        with pytest.raises(InputError, match=r"z_theta reaches -?1\d*\.?\d*: expected metres"):
-            model.probability(images, wrong)
-    with pytest.raises(InputError, match=r"z_theta is list: expected a NumPy array of numbers \[m\] of shape"):
-        check_paths([[[0.1, 0.2]]] * 2, 2)
-    with pytest.raises(InputError, match="images is list: expected a NumPy array, uint8 of shape"):
-        check_images([[0]])
-    flipped = images[:, ::-1]
-    assert np.array_equal(model.probability(flipped, z_theta), model.probability(flipped.copy(), z_theta))
-
-
-def test_labels_that_are_all_alike_give_one_probability_and_a_warning(example):
-    images, _, z_theta, valid = example
-    with pytest.warns(UserWarning, match="all paths are valid"):
-        model = pipeline.fit(images, z_theta, np.ones_like(valid))
-    assert np.ptp(model.probability(images, z_theta)) < 1e-6
-
-
-def test_a_file_that_holds_no_model_is_refused(tmp_path):
-    path = tmp_path / "model.safetensors"
-    with pytest.raises(InputError, match="is missing"):
-        pipeline.load(path)
-    path.write_bytes(b"no weights")
-    with pytest.raises(InputError, match="not a model that `save` wrote"):
-        pipeline.load(path)
-    with pytest.raises(InputError, match="does not carry its settings"):
-        pipeline.save(library.build({"kind": "clearance", "model": {"members": 2}}, 0), path)
 
 
 def test_parameters_are_read_without_torch():

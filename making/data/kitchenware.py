@@ -23,9 +23,8 @@ def bowl(
     lip = 0.90  # radius of the rim's crest
     bottom = lip - wall
     height = 0.62 * smoothstep(bottom * 0.55, lip, r) - 0.5 * smoothstep(lip, 1.02, r)
-    colour = mix(
-        _painted(seed, plain(inner), accent, pattern, r, 0.3, lip - 0.07), rim, smoothstep(lip - 0.07, lip - 0.04, r)
-    )
+    painted = _painted(seed, plain(inner), accent, pattern, r, 0.3, lip - 0.07)
+    colour = mix(painted, rim, smoothstep(lip - 0.07, lip - 0.04, r))
     depth = 0.58 + 0.42 * smoothstep(0.1, lip, r)  # less sky light reaches the bottom
     crest = 0.22 * np.exp(-(((r - lip) / 0.03) ** 2))
     colour = colour * (sky_light(height) * depth + crest)[..., None]
@@ -59,6 +58,7 @@ def _painted(seed: int, colour: Array, accent: Colour, pattern: str, r: Array, l
     x, y = grid()
     bearing = np.arctan2(y, x)
     band = smoothstep(low - 0.01, low + 0.01, r) * (1 - smoothstep(high - 0.01, high + 0.01, r))
+    squares = np.sin(bearing * 14) * np.sin((r - low) * 2 * np.pi / 0.2)
     middle, arc = (low + high) / 2, (bearing / (2 * np.pi) * 20) % 1 - 0.5
     petal = np.abs(np.sin(bearing * 4)) * (high - low) * 0.9 - np.abs(r - middle) * 1.6
     shares = {
@@ -68,9 +68,7 @@ def _painted(seed: int, colour: Array, accent: Colour, pattern: str, r: Array, l
         "rays": lambda: band * (0.5 + 0.5 * np.tanh(np.sin(bearing * 18) / 0.3)),
         "petals": lambda: band * smoothstep(-0.012, 0.012, petal),
         "dots": lambda: 1 - smoothstep(0.035, 0.05, np.hypot(arc * 2 * np.pi * middle / 20, r - middle)),
-        "checks": lambda: (
-            band * (0.5 + 0.5 * np.tanh(np.sin(bearing * 14) * np.sin((r - low) * 2 * np.pi / 0.2) / 0.15))
-        ),
+        "checks": lambda: band * (0.5 + 0.5 * np.tanh(squares / 0.15)),
         "speckles": lambda: smoothstep(1.9, 2.2, noise(rng, 0.006, 0.006)),
         "glaze": lambda: np.clip(0.5 + 0.35 * noise(rng, 0.05, 0.05) + 0.8 * (r - 0.6), 0, 1),
         "spiral": lambda: band * (0.5 + 0.5 * np.tanh(np.sin(bearing * 3 + r * 22) / 0.3)),

@@ -125,15 +125,8 @@ def _items(rng: np.random.Generator, count: int) -> Iterator[tuple[Row, Row, Row
 
     for _ in range(count):
         around = outline("round", "oval", "polygon", "scalloped", "two ears", "spouted")
-        bowl = (
-            radius(0.0605, 0.074, around),
-            colour(),
-            colour(),
-            colour(),
-            one_of(PATTERNS),
-            between(0.46, 0.62),
-            around,
-        )
+        size = radius(0.0605, 0.074, around)
+        bowl = size, colour(), colour(), colour(), one_of(PATTERNS), between(0.46, 0.62), around
         around = outline("round", "oval", "polygon", "scalloped", "two ears")
         size = radius(0.068, 0.084, around)
         plate = size, colour(value=(0.3, 0.97)), colour(), one_of(PATTERNS), between(0.58, 0.68), around
@@ -145,8 +138,6 @@ def _items(rng: np.random.Generator, count: int) -> Iterator[tuple[Row, Row, Row
         narrow = rng.uniform(0, 1) < 0.15 and around is ROUND  # a wine glass
         mouth = between(0.62, 0.8) if narrow else 1.0
         size, tint = radius(0.041, 0.0495, around), colour((0.02, 0.48), (0.62, 0.98))
-        glass = (
-            size, tint, between(0.14, 0.26), between(0.28, 0.4) if narrow else between(0.54, 0.74),
-            between(0.05, 0.095, 3), around, mouth,
-        )  # fmt: skip
+        body, foot = between(0.14, 0.26), between(0.28, 0.4) if narrow else between(0.54, 0.74)
+        glass = size, tint, body, foot, between(0.05, 0.095, 3), around, mouth
         yield bowl, plate, piece, glass

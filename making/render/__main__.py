@@ -45,11 +45,8 @@ def main(split: str, seed: int, scenes: int, into: Path) -> None:
     kinds, _, with_interventions = SPLITS[split]
     rules = LayoutRules.of(yaml.safe_load(Path("conf/scenes.yaml").read_text())["scenes"]["layout"])
     designs = [design(stream(seed, split, "design", s, i), s, kinds) for s in SYMBOLS for i in range(DESIGNS)]
-    items = Items(
-        np.array([SYMBOLS.index(d.symbol) for d in designs]),
-        np.array([d.half_length for d in designs]),
-        np.array([d.radius for d in designs]),
-    )
+    columns = [(SYMBOLS.index(d.symbol), d.half_length, d.radius) for d in designs]
+    items = Items(*map(np.array, zip(*columns, strict=True)))
     pool = np.arange(len(designs))
     parts = into / f".part-{split}-{seed}"
     parts.mkdir(parents=True, exist_ok=True)

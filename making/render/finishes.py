@@ -163,16 +163,9 @@ def ceramic(seed: int, decoration: str, name: str) -> Any:
     uneven = n.noise(where, 25.0, detail=2.0)
     painted = n.mix(n.math("MULTIPLY", uneven, rng.uniform(0.0, 0.2)), painted, accent)
     glossy = rng.random() < 0.75
-    return n.finish(
-        n.principled(
-            painted,
-            Roughness=rng.uniform(0.25, 0.5),
-            Coat_Weight=float(glossy),
-            Coat_Roughness=rng.uniform(0.02, 0.15),
-            Normal=n.bump(n.noise(where, 60.0), 0.0003),
-            **({} if rim is None else {"Metallic": rim}),
-        )
-    )
+    inputs: dict[str, Any] = {"Roughness": rng.uniform(0.25, 0.5), "Coat_Weight": float(glossy)}
+    inputs |= {"Coat_Roughness": rng.uniform(0.02, 0.15), "Normal": n.bump(n.noise(where, 60.0), 0.0003)}
+    return n.finish(n.principled(painted, **inputs, **({} if rim is None else {"Metallic": rim})))
 
 
 def wood(seed: int, name: str) -> Any:
@@ -188,13 +181,11 @@ def wood(seed: int, name: str) -> Any:
 def metal(seed: int, kind: str, name: str) -> Any:
     """Return polished steel, black steel, a yellow or red metal (`brass`), or either for crockery (`enamel`)."""
     rng, n = np.random.default_rng(seed), Nodes(name)
-    tints = {
-        "steel": colour(0.6, 0.02, rng.uniform(0.72, 0.86)),
-        "brass": colour(rng.uniform(0.04, 0.13), rng.uniform(0.3, 0.55), rng.uniform(0.75, 0.92)),
-    }
+    steel = colour(0.6, 0.02, rng.uniform(0.72, 0.86))
+    brass = colour(rng.uniform(0.04, 0.13), rng.uniform(0.3, 0.55), rng.uniform(0.75, 0.92))
     if kind == "black steel":
-        tints["steel"], kind = colour(0.6, 0.05, rng.uniform(0.22, 0.4)), "steel"
-    tint = tints["steel" if kind == "steel" or (kind == "enamel" and rng.random() < 0.6) else "brass"]
+        steel, kind = colour(0.6, 0.05, rng.uniform(0.22, 0.4)), "steel"
+    tint = steel if kind == "steel" or (kind == "enamel" and rng.random() < 0.6) else brass
     rough = n.math("ADD", rng.uniform(0.12, 0.34), n.math("MULTIPLY", n.noise(n.add("TexCoord", out=3), 300.0), 0.1))
     return n.finish(n.principled(tint, Metallic=1.0, Roughness=rough))
 

@@ -38,46 +38,27 @@ class Design(NamedTuple):
     parts: list[Part]
 
 
-SHAPES: dict[str, dict[str, tuple[str, ...]]] = {
-    "bowl": {
-        "taught": ("hemisphere", "footed", "straight"),
-        "held_out": ("oval", "lipped", "stepped"),
-        "sealed": ("flared", "incurved", "boat"),
-    },
-    "plate": {
-        "taught": ("rimmed", "coupe"),
-        "held_out": ("platter", "tray", "saucer"),
-        "sealed": ("pasta plate", "cake stand"),
-    },
-    "cutlery": {
-        "taught": ("fork", "knife", "spoon"),
-        "held_out": ("spatula", "chopsticks", "dessert fork"),
-        "sealed": ("ladle", "tongs", "cake server"),
-    },
-    "glass": {
-        "taught": ("tumbler", "tapered", "stemless"),
-        "held_out": ("oval tumbler", "goblet", "heavy"),
-        "sealed": ("waisted", "coupe glass"),
-    },
+KINDS = ("taught", "held_out", "sealed")  # a column each of the tables of shapes and finishes
+SHAPES = {
+    "bowl": (("hemisphere", "footed", "straight"), ("oval", "lipped", "stepped"), ("flared", "incurved", "boat")),
+    "plate": (("rimmed", "coupe"), ("platter", "tray", "saucer"), ("pasta plate", "cake stand")),
+    "cutlery": (
+        ("fork", "knife", "spoon"),
+        ("spatula", "chopsticks", "dessert fork"),
+        ("ladle", "tongs", "cake server"),
+    ),
+    "glass": (("tumbler", "tapered", "stemless"), ("oval tumbler", "goblet", "heavy"), ("waisted", "coupe glass")),
 }
-CROCKERY = {
-    "taught": ("glazed", "ringed", "speckled"),
-    "held_out": ("sectors", "wood", "metal", "two glazes"),
-    "sealed": ("crackled", "dotted", "gilded"),
-}
-FINISHES: dict[str, dict[str, tuple[str, ...]]] = {
+CROCKERY = (
+    ("glazed", "ringed", "speckled"),
+    ("sectors", "wood", "metal", "two glazes"),
+    ("crackled", "dotted", "gilded"),
+)
+FINISHES = {
     "bowl": CROCKERY,
     "plate": CROCKERY,
-    "cutlery": {
-        "taught": ("steel", "plastic handle"),
-        "held_out": ("brass", "wood", "plastic"),
-        "sealed": ("black steel", "striped handle"),
-    },
-    "glass": {
-        "taught": ("clear", "pale tint"),
-        "held_out": ("deep tint", "frosted", "coloured rim"),
-        "sealed": ("smoked", "ribbed"),
-    },
+    "cutlery": (("steel", "plastic handle"), ("brass", "wood", "plastic"), ("black steel", "striped handle")),
+    "glass": (("clear", "pale tint"), ("deep tint", "frosted", "coloured rim"), ("smoked", "ribbed")),
 }
 
 
@@ -87,7 +68,7 @@ def design(rng: Rng, symbol: str, kinds: str) -> Design:
     Its outline from above is its footprint within MAX_GAP_M. A draw that misses it, as chopsticks may, is drawn again.
     """
     for _ in range(MAX_TRIES):
-        shape, finish = str(rng.choice(SHAPES[symbol][kinds])), str(rng.choice(FINISHES[symbol][kinds]))
+        shape, finish = (str(rng.choice(table[symbol][KINDS.index(kinds)])) for table in (SHAPES, FINISHES))
         made = {"bowl": _bowl, "plate": _plate, "cutlery": _cutlery, "glass": _glass}[symbol](rng, shape, finish)
         meshes = [part.mesh for part in made.parts]
         gap = outline_gap(meshes, made.radius, made.half_length, filled=symbol != "cutlery")
@@ -213,10 +194,8 @@ def _glass(rng: Rng, shape: str, finish: str) -> Design:
         start = 0.0
         outer = [(foot, 0.0), (foot * 1.01, 0.003), ((foot + radius) / 2, high / 2), (radius, high)]
     mesh = turned(_wall(outer, wall, base, start), radius, half_length)
-    return Design(
-        "glass", shape, finish, radius, half_length,
-        [Part(mesh, partial(finishes.glass, int(rng.integers(2**31)), finish))],
-    )  # fmt: skip
+    paint = partial(finishes.glass, int(rng.integers(2**31)), finish)
+    return Design("glass", shape, finish, radius, half_length, [Part(mesh, paint)])
 
 
 def _cutlery(rng: Rng, shape: str, finish: str) -> Design:
@@ -267,21 +246,19 @@ def _piece(rng: Rng, shape: str, radius: float, reach: float) -> list[tuple[Mesh
     butt, slim = radius * rng.uniform(0.6, 0.95), radius * rng.uniform(0.22, 0.4)
     if shape in ("knife", "spatula"):
         slim = butt * rng.uniform(0.6, 0.95)
-    handle = _rod(
-        x, 0 * x, np.interp(x, [-reach, -0.75 * reach, 0, neck], [0.75 * butt, butt, slim * 1.2, slim]),
-        np.full_like(x, rng.uniform(0.0012, 0.003)), 0.001, arch=rng.uniform(0.002, 0.007),
-    )  # fmt: skip
+    width = np.interp(x, [-reach, -0.75 * reach, 0, neck], [0.75 * butt, butt, slim * 1.2, slim])
+    handle = _rod(x, 0 * x, width, np.full_like(x, rng.uniform(0.0012, 0.003)), 0.001, arch=rng.uniform(0.002, 0.007))
     x = np.linspace(neck - 0.004, reach, 36)
     share = (x - x[0]) / np.ptp(x)
     thin = np.full_like(x, rng.uniform(0.0007, 0.0011))
-    if shape == "knife":
-        width = radius * np.interp(share, [0, 0.1, 0.6, 0.85, 1], [slim / radius, 0.9, 1, 0.8, 0.25])
-        return [(handle, False), (_rod(x, 0 * x, width, thin, 0.001), True)]
-    if shape == "spatula":
-        width = radius * np.interp(share, [0, 0.25, 0.9, 1], [slim / radius, 0.8, 1, 0.9])
-        return [(handle, False), (_rod(x, 0 * x, width, thin, 0.001), True)]
-    if shape == "cake server":
-        width = radius * np.interp(share, [0, 0.08, 0.15, 1], [slim / radius, 0.5, 1, 0.15])
+    blades = {  # place along the head, and half-width there [radius]; it begins as wide as the handle
+        "knife": ([0, 0.1, 0.6, 0.85, 1], [0.9, 1, 0.8, 0.25]),
+        "spatula": ([0, 0.25, 0.9, 1], [0.8, 1, 0.9]),
+        "cake server": ([0, 0.08, 0.15, 1], [0.5, 1, 0.15]),
+    }
+    if shape in blades:
+        places, widths = blades[shape]
+        width = radius * np.interp(share, places, [slim / radius, *widths])
         return [(handle, False), (_rod(x, 0 * x, width, thin, 0.001), True)]
     if shape == "ladle":
         round_ = np.sqrt(np.clip(1 - ((x - (reach - radius)) / radius) ** 2, 0, 1))

@@ -40,9 +40,8 @@ def turned(profile: Float[Array, "point 2"], radius: float, half_length: float =
     phi = 2 * np.pi * (np.arange(AROUND) + 0.5) / AROUND
     along = np.sign(np.cos(phi)) * half_length
     distance, height = profile[:, :1], profile[:, 1:]
-    vertices = np.stack(
-        [distance * np.cos(phi) + along, distance * np.sin(phi), np.broadcast_to(height, (len(profile), AROUND))], -1
-    )
+    z = np.broadcast_to(height, (len(profile), AROUND))
+    vertices = np.stack([distance * np.cos(phi) + along, distance * np.sin(phi), z], -1)
     rings = np.arange(len(profile) * AROUND).reshape(len(profile), AROUND)
     outside = np.arange(len(profile)) < profile[:, 0].argmax()
     gauge = np.where(outside, -1.0, profile[:, 0] / radius)

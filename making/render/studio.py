@@ -107,9 +107,8 @@ def _surround(rng: np.random.Generator, share: float) -> None:
 def _lamp(rng: np.random.Generator, lamps: str, elevation: float, irradiance: float) -> None:
     """Add a lamp at this elevation [rad] that gives the table's centre this irradiance."""
     bearing = rng.uniform(-np.pi, np.pi)
-    towards = np.array(
-        [np.cos(bearing) * np.cos(elevation), np.sin(bearing) * np.cos(elevation), np.sin(elevation)]
-    )  # from the table's centre
+    x, y = np.cos(bearing) * np.cos(elevation), np.sin(bearing) * np.cos(elevation)
+    towards = np.array([x, y, np.sin(elevation)])  # from the table's centre
     is_sun = lamps in ("sun", "low sun")
     light = bpy.data.lights.new("lamp", "SUN" if is_sun else "AREA")
     warmth = rng.uniform(-0.12, 0.16)

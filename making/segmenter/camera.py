@@ -49,9 +49,8 @@ class Camera(NamedTuple):
         """Return the picture of a canvas."""
         side = SIDE * SAMPLES
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        seen = cv2.warpPerspective(
-            canvas.astype(np.float32), self.view, (side, side), flags=flags, borderMode=cv2.BORDER_REFLECT
-        )
+        canvas = canvas.astype(np.float32)
+        seen = cv2.warpPerspective(canvas, self.view, (side, side), flags=flags, borderMode=cv2.BORDER_REFLECT)
         if self.blur > 0.3:
             seen = cv2.GaussianBlur(seen, (0, 0), self.blur)
         picture = cv2.resize(seen, (SIDE, SIDE), interpolation=cv2.INTER_AREA)
@@ -76,9 +75,8 @@ class Camera(NamedTuple):
         result, best = np.zeros((SIDE, SIDE), np.uint8), np.full((SIDE, SIDE), MIN_COVER, np.uint8)
         number = 0
         for k in range(1, count + 1):
-            share = cv2.resize(
-                np.where(seen == k, np.uint8(255), np.uint8(0)), (SIDE, SIDE), interpolation=cv2.INTER_AREA
-            )
+            mask = np.where(seen == k, np.uint8(255), np.uint8(0))
+            share = cv2.resize(mask, (SIDE, SIDE), interpolation=cv2.INTER_AREA)
             if (larger := share > best).any():
                 number += 1
                 result[larger], best[larger] = number, share[larger]
@@ -145,9 +143,8 @@ def draw_illumination(rng: np.random.Generator, lamps: list[Lamp]) -> Picture:
         field = field * (1 + rng.uniform(0, 0.5) * np.exp(-((x - centre[0]) ** 2 + (y - centre[1]) ** 2) / width**2))
     if rng.random() < 0.2:
         shade = noise(rng, CANVAS, rng.uniform(2, 6), 2)
-        field = field * (
-            1 - rng.uniform(0.05, 0.4) * np.clip((shade - rng.uniform(-0.5, 1)) / rng.uniform(0.1, 1), 0, 1)
-        )
+        depth = rng.uniform(0.05, 0.4)
+        field = field * (1 - depth * np.clip((shade - rng.uniform(-0.5, 1)) / rng.uniform(0.1, 1), 0, 1))
     if rng.random() < 0.2:
         field = field * (1 - rng.uniform(0.1, 0.6) * outside_shadow(rng))
     return field[..., None].astype(np.float32) * rng.normal(1, 0.06, 3).astype(np.float32)
@@ -222,9 +219,8 @@ def caustic(light: Array, window: Window, item: Drawn, lamp: Lamp, rng: np.rando
     rows, columns = window
     size = (columns.stop - columns.start) / 2
     centre = np.array([columns.start + columns.stop, rows.start + rows.stop]) / 2
-    centre = centre - lamp.direction * (
-        min(item.height_m * lamp.slant, MAX_SHADOW_M) * rng.uniform(0.3, 1) * PX_PER_M + size * 0.2
-    )
+    length = min(item.height_m * lamp.slant, MAX_SHADOW_M) * rng.uniform(0.3, 1) * PX_PER_M
+    centre = centre - lamp.direction * (length + size * 0.2)
     reach = int(size) + 1
     low = np.clip(np.floor(centre - reach), 0, CANVAS).astype(int)
     high = np.clip(np.ceil(centre + reach), 0, CANVAS).astype(int)

@@ -4,36 +4,49 @@ Pictures are those of pipeline/world/render.py: 100 x 100 pixels of a 1 m table,
 """
 
 from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
 from typing import NamedTuple
 
 import cv2
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float32, UInt8
 from numpy import ndarray as Array
 
-from making.segmenter.camera import (
-    CANVAS,
-    PX_PER_M,
-    Window,
-    draw_camera,
-    draw_illumination,
-    draw_lamps,
-    exposed,
-    shadows,
-)
-from making.segmenter.items import Drawn
+from making.segmenter import camera
+from making.segmenter import items as draw
+from making.segmenter.camera import CANVAS, CANVAS_M, PX_PER_M, Lamp, Window
+from making.segmenter.items import Drawn, Frame
 from making.segmenter.paint import SIDE_M, Top
-from making.segmenter.placing import Palette as Palette
-from making.segmenter.placing import draw_items
-from making.segmenter.placing import read_palette as read_palette
 from making.segmenter.tops import FAMILIES as FAMILIES
 from making.segmenter.tops import draw_top
 from making.segmenter.tops import family_names as family_names
-from pipeline.world.layout import SIDE
+from pipeline.world.catalogue import read_catalogue
+from pipeline.world.layout import SIDE, segment_distance
+from pipeline.world.symbols import APPEARANCES, SYMBOLS
 
 TOP = round(SIDE_M * PX_PER_M)  # side of a drawn top [pixels]
 SEE_THROUGH = 0.5  # mean alpha below which an item lets the table show through
 TOP_USES = 2  # scenes that share a drawn top, each with a turn, tint and light of its own
+MAX_ITEMS = 6
+COUNTS = (0.06, 0.14, 0.24, 0.24, 0.16, 0.1, 0.06)  # chances of 0 .. MAX_ITEMS items
+CUTOUT_CHANCE = 0.3  # share of items that are cut-outs of the catalogue; the others are procedural
+KINDS = ("crockery", "glass", "cutlery", "mug", "box")
+SHARES = (0.34, 0.32, 0.22, 0.06, 0.06)  # of the procedural kinds
+MIN_GAP_M = 0.012  # smallest distance between footprints, a pixel; TIGHT_CHANCE of the scenes aim at it
+TIGHT_CHANCE = 0.2
+RESURFACED_CHANCE = 0.16  # share of opaque items made translucent, or of the table's colour or material
+PLACES = 96  # random places among which a free one is sought
+
+
+class Palette(NamedTuple):
+    """The catalogue's training cut-outs: float32, premultiplied by alpha, at the scale of the drawn table."""
+
+    cutouts: list[Float32[Array, "row column 4"]]
+    width_m: Array
+    half_length_m: Array
+    radius_m: Array
+    symbol: Array
 
 
 class Composites(NamedTuple):
@@ -67,21 +80,21 @@ def draw_composites(rng: np.random.Generator, n: int, families: Sequence[str], p
 def draw_scene(rng: np.random.Generator, top: Top, palette: Palette) -> tuple[Array, Array, Array, Array]:
     """Draw one scene on a top; return its picture, instances, picture without items and see-through pixels."""
     table = turned(rng, top)
-    lamps = draw_lamps(rng)
-    illumination = draw_illumination(rng, lamps)
-    illumination *= np.float32(exposed(rng, table, illumination))
+    lamps = camera.draw_lamps(rng)
+    illumination = camera.draw_illumination(rng, lamps)
+    illumination *= np.float32(camera.exposed(rng, table, illumination))
     windows, drawn = draw_items(rng, palette, lamps, table)
-    light = shadows(windows, drawn, lamps, rng)
+    light = camera.shadows(windows, drawn, lamps, rng)
     scene = table * light
     labels, clear = np.zeros((2, CANVAS, CANVAS), np.uint8)
     for k, (window, item) in enumerate(zip(windows, drawn, strict=True), 1):
         cover(scene, window, item)
         labels[window][item.silhouette] = k
         clear[window][item.silhouette] = item.alpha[item.silhouette].sum() < SEE_THROUGH * item.silhouette.sum()
-    camera = draw_camera(rng)
-    image, empty = (camera.take(rng, lit * illumination) for lit in (scene, table))
-    instances = camera.label(labels, len(drawn))
-    return image, instances, empty, camera.label(clear, 1) * (instances > 0)
+    lens = camera.draw_camera(rng)
+    image, empty = (lens.take(rng, lit * illumination) for lit in (scene, table))
+    instances = lens.label(labels, len(drawn))
+    return image, instances, empty, lens.label(clear, 1) * (instances > 0)
 
 
 def turned(rng: np.random.Generator, top: Top) -> Top:
@@ -111,8 +124,155 @@ def cover(scene: Array, window: Window, item: Drawn) -> None:
         rows, columns = window
         x = np.arange(columns.start, columns.stop, dtype=np.float32)[None, :] + (item.bend_m[..., 0] * PX_PER_M)
         y = np.arange(rows.start, rows.stop, dtype=np.float32)[:, None] + (item.bend_m[..., 1] * PX_PER_M)
-        seen = cv2.remap(
-            scene, x.astype(np.float32), y.astype(np.float32), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT
-        )
+        places = x.astype(np.float32), y.astype(np.float32)
+        seen = cv2.remap(scene, *places, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT)
         part = np.where(item.silhouette[..., None], seen, part)
     scene[window] = part + (item.rgb - part) * item.alpha[..., None]
+
+
+@lru_cache(maxsize=1)
+def read_palette(data: str) -> Palette:
+    """Read the training items of the catalogue in a folder; raise InputError if it is unusable."""
+    catalogue = read_catalogue(Path(data))
+    rows = catalogue.pool("train")
+    table = catalogue.items.iloc[rows]
+    cutouts = []
+    for row, width in zip(rows, table["width_m"], strict=True):
+        rgba = catalogue.cutouts[row].astype(np.float32) / 255
+        rgba[..., :3] *= rgba[..., 3:]
+        side = round(1.5 * width * PX_PER_M)
+        cutouts.append(cv2.resize(rgba, (side, side), interpolation=cv2.INTER_AREA))
+    width, half_length, radius = (table[c].to_numpy(float) for c in ("width_m", "half_length_m", "radius_m"))
+    return Palette(cutouts, width, half_length, radius, np.array([SYMBOLS.index(s) for s in table["symbol"]]))
+
+
+def draw_items(
+    rng: np.random.Generator, palette: Palette, lamps: list[Lamp], table: Top
+) -> tuple[list[Window], list[Drawn]]:
+    """Draw the items and the windows of the canvas that they fill; some are made of what tops are made of."""
+    count = int(rng.choice(MAX_ITEMS + 1, p=COUNTS))
+    tight, tall = rng.random() < TIGHT_CHANCE, rng.random() < 0.5
+    segments, radii = np.empty((0, 2, 2)), np.empty(0)
+    windows, drawn = [], []
+    for _ in range(count):
+        kind = "cutout" if rng.random() < CUTOUT_CHANCE else rng.choice(KINDS, p=SHARES)
+        scale = rng.uniform(0.7, 1.4) if rng.random() < 0.5 else rng.uniform(0.9, 1.1)
+        index = int(rng.integers(len(palette.cutouts)))
+        half, radius = size_of(rng, kind, scale, palette, index)
+        place = place_item(rng, half - radius, radius, segments, radii, tight)
+        if place is None:
+            continue
+        centre, angle, segment = place
+        segments, radii = np.concatenate([segments, segment[None]]), np.append(radii, radius)
+        lean = np.zeros(2) if not tall else (centre - CANVAS_M / 2) * 0.06
+        reach = half + 0.01 + np.abs(lean).max()
+        window, frame = frame_of(centre, angle, reach, lamps[0])
+        to_item = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        if kind == "cutout":
+            item = cut_out(rng, palette, index, scale, frame)
+        elif kind == "glass":
+            item = draw.clear_glass(rng, frame, radius, to_item @ lean)
+        elif kind in ("cutlery", "box"):
+            item = (draw.cutlery if kind == "cutlery" else draw.box)(rng, frame, half, radius)
+        else:
+            item = (draw.mug if kind == "mug" else draw.crockery)(rng, frame, radius)
+        if item.bend_m is not None:
+            item = item._replace(bend_m=item.bend_m @ to_item)
+        elif rng.random() < RESURFACED_CHANCE:
+            item = resurfaced(rng, item, table)
+        windows.append(window)
+        drawn.append(item)
+    return windows, drawn
+
+
+def resurfaced(rng: np.random.Generator, item: Drawn, table: Top) -> Drawn:
+    """Return an item that is hard to see: translucent, of the table's colour, or of a material of tables."""
+    kind = rng.random()
+    if kind < 0.3:
+        share = np.float32(rng.uniform(0.3, 0.85))
+        return item._replace(alpha=item.alpha * share, blocks=item.blocks * share)
+    if kind < 0.65:
+        shade = item.rgb[item.silhouette].mean(0) if item.silhouette.any() else np.ones(3)
+        likeness = table[::16, ::16].mean((0, 1)) * rng.normal(1, 0.1) / np.maximum(shade, 0.05)
+        return item._replace(rgb=(item.rgb * np.minimum(likeness, 4)).astype(np.float32))
+    rows, columns = item.alpha.shape
+    side = int(rng.uniform(60, len(table)))
+    left, up = rng.integers(0, len(table) - side + 1, 2)
+    swatch = cv2.resize(table[up : up + side, left : left + side], (columns, rows), interpolation=cv2.INTER_AREA)
+    swatch = swatch[..., rng.permutation(3)] if rng.random() < 0.6 else swatch
+    mean = float(item.rgb[item.silhouette].mean()) if item.silhouette.any() else 1.0
+    light = item.rgb.mean(2, keepdims=True) / max(mean, 0.05)
+    return item._replace(rgb=(swatch * light * np.float32(rng.uniform(0.6, 1.4))).astype(np.float32))
+
+
+def size_of(rng: np.random.Generator, kind: str, scale: float, palette: Palette, index: int) -> tuple[float, float]:
+    """Return an item's half-length, ends included, and the radius of its footprint [m]."""
+    if kind == "cutout":
+        radius = palette.radius_m[index] * scale
+        return float(palette.half_length_m[index] * scale + radius), float(radius)
+    if kind == "cutlery":
+        return rng.uniform(0.08, 0.1) * scale, 0.013 * rng.uniform(0.7, 1.4)
+    if kind == "box":
+        half = rng.uniform(0.05, 0.09) * scale
+        return half, half * rng.uniform(0.4, 1)
+    low, high = {"glass": (0.038, 0.05), "mug": (0.045, 0.065), "crockery": (0.055, 0.085)}[kind]
+    radius = rng.uniform(low, high) * scale
+    return radius, radius
+
+
+def place_item(
+    rng: np.random.Generator, half: float, radius: float, segments: Array, radii: Array, tight: bool
+) -> tuple[Array, float, Array] | None:
+    """Return a free place: centre [m] on the canvas, angle and segment; None if there is none."""
+    low = -0.02 if rng.random() < 0.15 else 0.1
+    centres = rng.uniform(low, CANVAS_M - low, (PLACES, 2))
+    angles = rng.uniform(-np.pi, np.pi, PLACES)
+    arms = np.stack([np.cos(angles), np.sin(angles)], -1) * half
+    places = np.stack([centres - arms, centres + arms], 1)
+    if not len(radii):
+        return centres[0], float(angles[0]), places[0]
+    gaps = (segment_distance(places[:, None], segments[None]) - radii).min(1) - radius
+    free = np.flatnonzero(gaps > (MIN_GAP_M if tight else rng.choice([0.015, 0.03])))
+    if not len(free):
+        return None
+    pick = free[np.argmin(gaps[free])] if tight else free[0]
+    return centres[pick], float(angles[pick]), places[pick]
+
+
+def frame_of(centre: Array, angle: float, reach: float, lamp: Lamp) -> tuple[Window, Frame]:
+    """Return the canvas window around an item and its pixels in the item's own coordinates."""
+    first = np.clip(np.floor((centre - reach) * PX_PER_M), 0, CANVAS - 2).astype(int)
+    last = np.clip(np.ceil((centre + reach) * PX_PER_M), first + 2, CANVAS).astype(int)
+    x = (np.arange(first[0], last[0], dtype=np.float32) + 0.5) / PX_PER_M - np.float32(centre[0])
+    y = ((np.arange(first[1], last[1], dtype=np.float32) + 0.5) / PX_PER_M - np.float32(centre[1]))[:, None]
+    c, s = np.float32(np.cos(angle)), np.float32(np.sin(angle))
+    towards = np.array([[c, s], [-s, c]]) @ lamp.direction
+    return (slice(first[1], last[1]), slice(first[0], last[0])), Frame(c * x + s * y, c * y - s * x, towards)
+
+
+def cut_out(rng: np.random.Generator, palette: Palette, index: int, scale: float, frame: Frame) -> Drawn:
+    """Return a cut-out in its frame, with another tint, contrast and sometimes another decoration."""
+    source, symbol = palette.cutouts[index], APPEARANCES[palette.symbol[index]]
+    per_m = np.float32(len(source) / (palette.width_m[index] * scale))
+    columns, rows = (frame.x * per_m + len(source) / 2 - 0.5), (frame.y * per_m + len(source) / 2 - 0.5)
+    rgba = cv2.remap(source, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+    alpha = rgba[..., 3]
+    rgb = rgba[..., :3] / np.maximum(alpha, 1e-3)[..., None]
+    if rng.random() < 0.5:
+        rgb = rgb[..., rng.permutation(3)]
+    rgb = rgb ** np.float32(np.exp(rng.normal(0, 0.35))) * rng.normal(1, 0.15, 3).astype(np.float32)
+    if rng.random() < 0.25 and not symbol.transparent:
+        half = max(palette.width_m[index] * scale / 2, 0.02)
+        rgb = rgb * (draw.decorated(rng, frame.x, frame.y, half) + 0.15)
+    towards = (frame.x * frame.lamp[0] + frame.y * frame.lamp[1]) / (palette.width_m[index] * scale / 2)
+    rgb = rgb * (1 - rng.uniform(0, 2) * symbol.concavity * np.clip(towards, -1, 1))[..., None]
+    height = symbol.height_m * rng.uniform(0.5, 5)
+    if not symbol.transparent:
+        return Drawn(rgb.astype(np.float32), alpha, alpha > 0.5, height, alpha)
+    outline, _ = cv2.findContours((alpha > 0.05).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    filled = cv2.drawContours(np.zeros(alpha.shape, np.uint8), outline, -1, 1, cv2.FILLED).astype(bool)
+    blocks = np.minimum(alpha * rng.uniform(1, 4), 1)
+    alpha = alpha * np.float32(rng.uniform(0.4, 1))
+    pull = np.float32(rng.uniform(-0.6, 0.3)) * filled
+    bend = np.stack([frame.x * pull, frame.y * pull], -1)
+    return Drawn(rgb.astype(np.float32), alpha, filled, height * 2, blocks, bend)

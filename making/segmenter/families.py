@@ -126,12 +126,8 @@ def bamboo(rng: np.random.Generator, side: int) -> Top:
     node = np.abs((x * rng.uniform(2, 6) + shift) % 1 - 0.5)
     light = colour(rng, (0.1, 0.14), (0.25, 0.55), (0.6, 0.95))
     picture = ramp(np.clip(shift * 0.5 + 0.5 * grain(rng, side), 0, 1), [light * 0.8, light])
-    return (
-        picture
-        * (1 - 0.3 * np.exp(-((node / 0.012) ** 2)) - 0.2 * step(np.abs((y * strips) % 1 - 0.5) - 0.42, 0.05))[
-            ..., None
-        ]
-    )
+    seam = step(np.abs((y * strips) % 1 - 0.5) - 0.42, 0.05)
+    return picture * (1 - 0.3 * np.exp(-((node / 0.012) ** 2)) - 0.2 * seam)[..., None]
 
 
 def herringbone(rng: np.random.Generator, side: int) -> Top:
@@ -170,15 +166,13 @@ def agate(rng: np.random.Generator, side: int) -> Top:
     return ramp(bands, shades) * (1 + 0.05 * noise(rng, side, 20, 3))[..., None]
 
 
-def cells(rng: np.random.Generator, side: int, count: int, jitter: float = 1.0) -> tuple[Field, Field, Field]:
+def cells(rng: np.random.Generator, side: int, count: int) -> tuple[Field, Field, Field]:
     """Return Voronoi cells: a random number for each cell, the distance to its point and the distance from its edge.
 
-    Distances are shares of the side. The points lie on a grid, shifted by up to `jitter` of half its step.
+    Distances are shares of the side. The points lie on a grid, shifted by up to half its step.
     """
     n = max(int(np.sqrt(count)), 2)
-    places = (
-        np.stack(np.meshgrid(np.arange(n) + 0.5, np.arange(n) + 0.5), -1) + rng.uniform(-0.5, 0.5, (n, n, 2)) * jitter
-    )
+    places = np.stack(np.meshgrid(np.arange(n) + 0.5, np.arange(n) + 0.5), -1) + rng.uniform(-0.5, 0.5, (n, n, 2))
     column, row = np.clip(places * side / n, 0, side - 1).astype(int).reshape(-1, 2).T
     free = np.ones((side, side), np.uint8)
     free[row, column] = 0
@@ -198,9 +192,8 @@ def terrazzo(rng: np.random.Generator, side: int) -> Top:
     chips = [colour(rng, saturation=(0, 0.6)) for _ in range(rng.integers(2, 6))]
     length = rng.uniform(0.006, 0.03)
     for _ in range(int(min(0.35 / length**2, 900))):
-        corners = rng.uniform(0, side, 2) + rng.normal(
-            0, length * side * rng.uniform(0.3, 0.8), (rng.integers(4, 7), 2)
-        )
+        centre, spread = rng.uniform(0, side, 2), length * side * rng.uniform(0.3, 0.8)
+        corners = centre + rng.normal(0, spread, (rng.integers(4, 7), 2))
         shade = ink(chips[rng.integers(len(chips))])
         cv2.fillConvexPoly(picture, cv2.convexHull(points(corners)), shade, cv2.LINE_AA, FRACTION_BITS)
     return dried(picture)
@@ -212,9 +205,8 @@ def cracked(rng: np.random.Generator, side: int) -> Top:
     base = colour(rng)
     picture = base * (1 + rng.uniform(0, 0.4) * (number - 0.5) + 0.06 * noise(rng, side, 20, 3))[..., None]
     seam = 1 - step(edge - rng.uniform(0, 0.003), rng.uniform(0.003, 0.012))
-    return blend(
-        picture, picture * 0.4 if rng.random() < 0.7 else np.float32(1) - 0.3 * picture, seam * rng.uniform(0.3, 1)
-    )
+    shade = picture * 0.4 if rng.random() < 0.7 else np.float32(1) - 0.3 * picture
+    return blend(picture, shade, seam * rng.uniform(0.3, 1))
 
 
 def pebbles(rng: np.random.Generator, side: int) -> Top:
@@ -257,9 +249,8 @@ def crumpled(rng: np.random.Generator, side: int) -> Top:
     height = np.zeros((side, side), np.float32)
     for _ in range(rng.integers(3, 7)):
         height += np.abs(noise(rng, side, rng.uniform(2, 8), 2, 0.4))
-    light = cv2.Sobel(height, -1, 1, 0, scale=side / 900) + rng.uniform(-1, 1) * cv2.Sobel(
-        height, -1, 0, 1, scale=side / 900
-    )
+    right, down = (cv2.Sobel(height, -1, *along, scale=side / 900) for along in ((1, 0), (0, 1)))
+    light = right + rng.uniform(-1, 1) * down
     return cloth(rng) * np.clip(1 + rng.uniform(0.02, 0.12) * light, 0.3, 1.6)[..., None]
 
 
@@ -308,9 +299,8 @@ def damask(rng: np.random.Generator, side: int) -> Top:
     field = np.tile(motif, (n + 2, n + 2))[:side, :side]
     field = cv2.resize(field, (side, side))
     base = cloth(rng)
-    return finished(
-        rng, ramp(step(field - rng.uniform(-0.3, 0.5), 0.15), [base, near(rng, base, rng.uniform(0.03, 0.2))])
-    )
+    share = step(field - rng.uniform(-0.3, 0.5), 0.15)
+    return finished(rng, ramp(share, [base, near(rng, base, rng.uniform(0.03, 0.2))]))
 
 
 def knit(rng: np.random.Generator, side: int) -> Top:
@@ -337,9 +327,8 @@ def lace(rng: np.random.Generator, side: int) -> Top:
     net = np.maximum(np.sin(x * 2 * np.pi * n * 5), np.sin(y * 2 * np.pi * n * 5))
     thread = np.where(radius < 0.42, rosette, net)
     under = flat(side, colour(rng)) * (1 + 0.05 * noise(rng, side, 20, 3, stretch=8))[..., None]
-    return blend(
-        under, colour(rng, saturation=(0, 0.2), value=(0.7, 1)), step(thread + rng.uniform(-0.2, 0.4), 0.4) * 0.9
-    )
+    over = colour(rng, saturation=(0, 0.2), value=(0.7, 1))
+    return blend(under, over, step(thread + rng.uniform(-0.2, 0.4), 0.4) * 0.9)
 
 
 def basket(rng: np.random.Generator, side: int) -> Top:
@@ -423,9 +412,8 @@ def quilt(rng: np.random.Generator, side: int) -> Top:
     n = rng.uniform(4, 18)
     u, v = ((x + y) * n, (x - y) * n) if rng.random() < 0.6 else (x * n, y * n)
     height = np.abs(np.sin(np.pi * u) * np.sin(np.pi * v)) ** rng.uniform(0.3, 0.8)
-    light = cv2.Sobel(height.astype(np.float32), -1, 1, 0) * rng.uniform(-0.5, 0.5) + cv2.Sobel(
-        height.astype(np.float32), -1, 0, 1
-    ) * rng.uniform(-0.5, 0.5)
+    right, down = (cv2.Sobel(height.astype(np.float32), -1, *along) for along in ((1, 0), (0, 1)))
+    light = right * rng.uniform(-0.5, 0.5) + down * rng.uniform(-0.5, 0.5)
     return cloth(rng) * np.clip(0.8 + 0.2 * height + light, 0.2, 1.6)[..., None]
 
 
@@ -443,9 +431,8 @@ def gradient(rng: np.random.Generator, side: int) -> Top:
 
 def clouds(rng: np.random.Generator, side: int) -> Top:
     """Draw noise of several octaves in a few colours."""
-    field = noise(
-        rng, side, np.exp(rng.uniform(0.5, 4)), int(rng.integers(1, 6)), rng.uniform(0.4, 0.9), rng.uniform(0.5, 4)
-    )
+    cells, levels = np.exp(rng.uniform(0.5, 4)), int(rng.integers(1, 6))
+    field = noise(rng, side, cells, levels, rng.uniform(0.4, 0.9), rng.uniform(0.5, 4))
     return ramp(0.5 + rng.uniform(0.1, 0.4) * field, shades(rng))
 
 
@@ -601,11 +588,9 @@ def labyrinth(rng: np.random.Generator, side: int) -> Top:
     """Draw the spots and worms of noise of one wavelength, as on shells and leather."""
     wave = np.exp(rng.uniform(0.7, 2.2))
     field = rng.standard_normal((side, side), np.float32)
-    field = cv2.GaussianBlur(field, (0, 0), wave, borderType=cv2.BORDER_REFLECT) - cv2.GaussianBlur(
-        field, (0, 0), wave * 1.6, borderType=cv2.BORDER_REFLECT
-    )
-    field /= field.std()
-    return ramp(step(field - rng.uniform(-0.8, 0.8), rng.uniform(0.1, 1)), shades(rng, 2, 3))
+    fine, broad = (cv2.GaussianBlur(field, (0, 0), w, borderType=cv2.BORDER_REFLECT) for w in (wave, wave * 1.6))
+    field = fine - broad
+    return ramp(step(field / field.std() - rng.uniform(-0.8, 0.8), rng.uniform(0.1, 1)), shades(rng, 2, 3))
 
 
 def leather(rng: np.random.Generator, side: int) -> Top:

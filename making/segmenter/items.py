@@ -82,10 +82,8 @@ def lit(
     length = np.sqrt(slope_x**2 + slope_y**2 + 1)
     towards = (1.2 - slope_x * lamp[0] - slope_y * lamp[1]) / length / 1.56
     halfway = np.clip((2.4 - slope_x * lamp[0] - slope_y * lamp[1]) / length / 2.6, 0, 1)
-    return (
-        (ambient + (1 - ambient) * np.clip(towards, 0, 1) / 0.77).astype(np.float32),
-        (gloss * halfway**sharpness).astype(np.float32),
-    )
+    diffuse = ambient + (1 - ambient) * np.clip(towards, 0, 1) / 0.77
+    return diffuse.astype(np.float32), (gloss * halfway**sharpness).astype(np.float32)
 
 
 def crockery(rng: np.random.Generator, frame: Frame, radius: float) -> Drawn:
@@ -112,14 +110,8 @@ def crockery(rng: np.random.Generator, frame: Frame, radius: float) -> Drawn:
     at = np.sort(np.clip(np.array([0, *(np.array(knots[0])[1:-1] + shift), 1]), 0, 1))
     steep = np.interp(r, at, np.array(knots[1]) * rng.uniform(0.4, 1.3)).astype(np.float32)
     scale = np.maximum(np.hypot(frame.x, frame.y), 1e-4)
-    diffuse, shine = lit(
-        steep * frame.x / scale,
-        steep * frame.y / scale,
-        frame.lamp,
-        rng.uniform(0.3, 0.8),
-        rng.uniform(0, 0.9) ** 2,
-        rng.uniform(8, 80),
-    )
+    surface = rng.uniform(0.3, 0.8), rng.uniform(0, 0.9) ** 2, rng.uniform(8, 80)
+    diffuse, shine = lit(steep * frame.x / scale, steep * frame.y / scale, frame.lamp, *surface)
     rgb = decorated(rng, frame.x, y, radius)
     if kind in ("bowl", "pot"):
         depth = rng.uniform(0.1, 0.5) if kind == "bowl" else rng.uniform(0.3, 0.8)
@@ -128,24 +120,17 @@ def crockery(rng: np.random.Generator, frame: Frame, radius: float) -> Drawn:
         diffuse = diffuse * (1 - depth * hollow * (0.35 + 0.65 * near_lamp))
         if rng.random() < 0.25:
             level = np.clip((rng.uniform(0.55, 0.88) - r) / 0.03, 0, 1)[..., None]
-            food = (
-                colour(rng, (0, 0.2), (0.1, 0.9), (0.1, 0.9))
-                * (1 + 0.15 * rng.random() * np.sin(x * 300) * np.sin(y * 280))[..., None]
-            )
+            food = colour(rng, (0, 0.2), (0.1, 0.9), (0.1, 0.9))
+            food = food * (1 + 0.15 * rng.random() * np.sin(x * 300) * np.sin(y * 280))[..., None]
             rgb, diffuse = rgb + (food - rgb) * level, diffuse + (1 - diffuse) * level[..., 0] * 0.7
     if rng.random() < 0.4:
         rim = np.exp(-(((r - 0.955) / 0.03) ** 2))[..., None]
         rgb = rgb + (colour(rng) - rgb) * rim * rng.uniform(0.3, 1)
     rgb = rgb * diffuse[..., None] + shine[..., None]
     alpha = inside((r - 1) * radius)
-    height = {
-        "plate": (0.008, 0.03),
-        "bowl": (0.02, 0.07),
-        "lid": (0.005, 0.03),
-        "lump": (0.02, 0.08),
-        "pot": (0.04, 0.1),
-    }[kind]
-    return Drawn(rgb.astype(np.float32), alpha, alpha > 0.5, rng.uniform(*height), alpha)
+    heights = {"plate": (0.008, 0.03), "bowl": (0.02, 0.07), "lid": (0.005, 0.03), "lump": (0.02, 0.08)}
+    height = rng.uniform(*heights.get(kind, (0.04, 0.1)))
+    return Drawn(rgb.astype(np.float32), alpha, alpha > 0.5, height, alpha)
 
 
 def mug(rng: np.random.Generator, frame: Frame, radius: float) -> Drawn:
@@ -192,11 +177,8 @@ def clear_glass(rng: np.random.Generator, frame: Frame, radius: float, lean: Arr
     wall, along = to_segment(x, y, (0, 0), (float(lean[0]), float(lean[1])))
     body = wall - (foot + (rim_r - foot) * along)
     cover = inside(np.minimum(np.minimum(body, r_top - rim_r), r_foot - foot).astype(np.float32))
-    tint = (
-        colour(rng, saturation=(0.1, 0.8), value=(0.5, 1))
-        if rng.random() < 0.3
-        else colour(rng, (0.3, 0.65), (0, 0.1), (0.6, 1))
-    )
+    stained = rng.random() < 0.3
+    tint = colour(rng, (0, 1), (0.1, 0.8), (0.5, 1)) if stained else colour(rng, (0.3, 0.65), (0, 0.1), (0.6, 1))
     rgb = np.zeros((*x.shape, 3), np.float32)
     alpha = np.full(x.shape, rng.uniform(0, 0.08) if rng.random() < 0.7 else rng.uniform(0.1, 0.45), np.float32)
     rgb += tint * alpha[..., None]
@@ -229,9 +211,8 @@ def clear_glass(rng: np.random.Generator, frame: Frame, radius: float, lean: Arr
         if rng.random() < 0.6:
             turn = np.arctan2(lamp[1], lamp[0]) + np.pi * rng.integers(2) + rng.normal(0, 0.2)
         off = np.abs((np.arctan2(top_y, top_x) - turn + np.pi) % (2 * np.pi) - np.pi)
-        glint = np.exp(
-            -((off / width) ** 2) - (((r_top / rim_r - rng.uniform(0.5, 0.97)) / rng.uniform(0.02, 0.08)) ** 2)
-        )
+        away = (r_top / rim_r - rng.uniform(0.5, 0.97)) / rng.uniform(0.02, 0.08)
+        glint = np.exp(-((off / width) ** 2) - (away**2))
         over(np.ones(3, np.float32), (glint * rng.uniform(0.2, 1) * faint).astype(np.float32))
     share = (alpha * cover).astype(np.float32)
     straight = rgb / np.maximum(alpha, 1e-3)[..., None]
@@ -239,14 +220,8 @@ def clear_glass(rng: np.random.Generator, frame: Frame, radius: float, lean: Arr
     pull = (np.clip(r_foot / radius, 0, 1) ** power * swap).astype(np.float32)
     bend = np.stack([x * pull, y * pull], -1) * cover[..., None]
     hollow = np.clip(rng.uniform(0.15, 0.6) + 0.8 * np.clip(inner, 0, 1) ** 4, 0, 1) * rng.uniform(0.1, 0.9)
-    return Drawn(
-        straight.astype(np.float32),
-        share,
-        cover > 0.5,
-        rng.uniform(0.04, 0.13),
-        (cover * hollow).astype(np.float32),
-        bend,
-    )
+    height, blocks = rng.uniform(0.04, 0.13), (cover * hollow).astype(np.float32)
+    return Drawn(straight.astype(np.float32), share, cover > 0.5, height, blocks, bend)
 
 
 def metal(rng: np.random.Generator, across: Plane, along: Plane, turned: float) -> Float32[Array, "row column 3"]:
@@ -255,17 +230,10 @@ def metal(rng: np.random.Generator, across: Plane, along: Plane, turned: float) 
     if kind < 0.6:
         base = colour(rng, (0.05, 0.65), (0, 0.12) if rng.random() < 0.8 else (0.2, 0.6), (0.35, 0.95))
         strip = np.clip(across * turned, -1, 1)
-        sky = (
-            0.75
-            + rng.uniform(-0.5, 0.5) * strip
-            + rng.uniform(0, 0.35) * np.sin(strip * rng.uniform(2, 6) + along * rng.uniform(0, 9))
-        )
-        return (
-            base
-            * np.clip(sky + rng.uniform(0, 0.6) * np.exp(-(((strip - rng.uniform(-0.6, 0.6)) / 0.25) ** 2)), 0.1, 1.6)[
-                ..., None
-            ]
-        )
+        slope, waves = rng.uniform(-0.5, 0.5), rng.uniform(0, 0.35)
+        sky = 0.75 + slope * strip + waves * np.sin(strip * rng.uniform(2, 6) + along * rng.uniform(0, 9))
+        glint = rng.uniform(0, 0.6) * np.exp(-(((strip - rng.uniform(-0.6, 0.6)) / 0.25) ** 2))
+        return base * np.clip(sky + glint, 0.1, 1.6)[..., None]
     base = colour(rng, (0.04, 0.11), (0.25, 0.7), (0.25, 0.85)) if kind < 0.8 else colour(rng, saturation=(0, 0.9))
     return base * (1 - rng.uniform(0, 0.4) * across**2 + rng.uniform(-0.2, 0.2) * across * turned)[..., None]
 
@@ -299,14 +267,11 @@ def cutlery(rng: np.random.Generator, frame: Frame, half: float, breadth: float)
         parts.append(np.maximum(blade - edge * curve, -y - edge * rng.uniform(0.2, 1)))
     elif kind == "sticks":
         splay = rng.uniform(0, breadth * 0.6)
-        parts = [
-            to_segment(x, y, (-half, s * (breadth - thin)), (half, s * splay))[0] - thin * 0.7 for s in (-1.0, 1.0)
-        ]
+        ends = [((-half, s * (breadth - thin)), (half, s * splay)) for s in (-1.0, 1.0)]
+        parts = [to_segment(x, y, *both)[0] - thin * 0.7 for both in ends]
     elif kind == "tongs":
-        parts = [
-            to_segment(x, y, (-half + thin, 0), (half - thin, s * (breadth - thin)))[0] - thin * 0.8
-            for s in (-1.0, 1.0)
-        ]
+        tips = [(half - thin, s * (breadth - thin)) for s in (-1.0, 1.0)]
+        parts = [to_segment(x, y, (-half + thin, 0), tip)[0] - thin * 0.8 for tip in tips]
     else:
         parts = [to_segment(x, y, (-half + thin, 0), (half - thin, 0))[0] - thin]
     turned = 1 if frame.lamp[1] > 0 else -1
@@ -320,10 +285,8 @@ def cutlery(rng: np.random.Generator, frame: Frame, half: float, breadth: float)
         u, v = (x - half + length) / length, y / breadth
         hollow = np.clip(1 - u**2 - v**2, 0, 1)
         shade = 1 - rng.uniform(0, 0.7) * hollow * (0.5 + 0.5 * (u * frame.lamp[0] + v * frame.lamp[1]))
-        rgb = (
-            rgb * shade[..., None]
-            + (np.exp(-(((u - 0.3) ** 2 + (v + 0.3) ** 2) / 0.05)) * hollow * rng.uniform(0, 0.6))[..., None]
-        )
+        glint = np.exp(-(((u - 0.3) ** 2 + (v + 0.3) ** 2) / 0.05)) * hollow * rng.uniform(0, 0.6)
+        rgb = rgb * shade[..., None] + glint[..., None]
     alpha = inside(np.minimum.reduce(parts).astype(np.float32))
     return Drawn(rgb.astype(np.float32), alpha, alpha > 0.5, rng.uniform(0.002, 0.02), alpha)
 

@@ -136,6 +136,5 @@ def bend(picture: Float[Array, "side side ..."], right: Field, down: Field) -> F
     """Return a picture whose pixels are fetched from `right` and `down` [share of its side]; it is mirrored outside."""
     side = len(picture)
     columns, rows = np.meshgrid(np.arange(side, dtype=np.float32), np.arange(side, dtype=np.float32))
-    return cv2.remap(
-        picture, columns + right * side, rows + down * side, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT
-    )
+    columns, rows = columns + right * side, rows + down * side
+    return cv2.remap(picture, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT)

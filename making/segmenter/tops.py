@@ -35,9 +35,8 @@ def draw_top(rng: np.random.Generator, families: Sequence[str], side: int) -> tu
     while rng.random() < 0.22:
         other = FAMILIES[str(rng.choice(families))].draw(rng, side).astype(np.float32)
         if rng.random() < 0.4:
-            top = top * (
-                1 + (other.mean(2, keepdims=True) / max(float(other.mean()), 0.05) - 1) * rng.uniform(0.1, 0.6)
-            )
+            relief = other.mean(2, keepdims=True) / max(float(other.mean()), 0.05) - 1
+            top = top * (1 + relief * rng.uniform(0.1, 0.6))
         else:
             top += (other - top) * patch(rng, side)[..., None]
     if rng.random() < 0.3:
@@ -99,9 +98,8 @@ def crumbs(rng: np.random.Generator, side: int) -> tuple[Field, Colour]:
     middle, spread = rng.uniform(0, side, 2), side * rng.uniform(0.05, 0.5)
     for place in rng.normal(middle, spread, (rng.integers(3, 60), 2)):
         axes = points(side * rng.uniform(0.0015, 0.008, 2)).tolist()
-        cv2.ellipse(
-            mask, points(place).tolist(), axes, rng.uniform(0, 180), 0, 360, 255, -1, cv2.LINE_AA, FRACTION_BITS
-        )
+        crumb = points(place).tolist(), axes, rng.uniform(0, 180), 0, 360
+        cv2.ellipse(mask, *crumb, 255, -1, cv2.LINE_AA, FRACTION_BITS)
     return mask / np.float32(255), colour(rng)
 
 

@@ -2,24 +2,19 @@
 
 python -m pipeline.audit                     the last commit: do code, parameters, data, locks, pages and README agree?
 python -m pipeline.audit REV                 the same of another commit
-python -m pipeline.audit BEFORE AFTER        what differs: claims, headlines, parameters, data, packages, code
+python -m pipeline.audit BEFORE AFTER        what differs: claims, headlines, parameters, data, packages
 python -m pipeline.audit REV --rerun [STAGE ...]
                                              run these stages (default: all of the paper) again in a clean clone, with
                                              the commit's own packages, and compare every output
   --profile PROFILE                          of the rerun, such as smoke: run twice and compare; two commits: run both
-  --format markdown | json                   markdown by default
-  --out FILE                                 write there instead
+  --out FILE                                 write the Markdown there instead
 
 Exit status: 0 if everything agrees, or no verdict changed and no headline is worse; 1 if not; 2 for a mistake in use.
 """
 
 import argparse
-import json
 import sys
 from pathlib import Path
-from typing import Any
-
-import pandas as pd
 
 from pipeline.audit.consistency import audit
 from pipeline.audit.difference import Commit, Difference, compare
@@ -36,7 +31,6 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m pipeline.audit", description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("revision", nargs="*", default=["HEAD"], help="one commit to audit, or two to compare")
-    parser.add_argument("--format", choices=["markdown", "json"], default="markdown")
     parser.add_argument("--out", type=Path, help="file to write")
     parser.add_argument("--rerun", nargs="*", metavar="STAGE", help="run these stages again, by default all")
     parser.add_argument("--profile", help="of the rerun, such as smoke: run twice, or two commits, and compare")
@@ -49,18 +43,15 @@ def main(arguments: list[str]) -> int:
             raise InputError(f"--profile {given.profile} wants --rerun: results in git are those of profile paper")
         for revision in given.revision:
             resolve(revision)  # refuse an unknown one before any work
-        content: Any
         if given.rerun is not None:
-            content, text, wrong = _rerun(first, last, given.rerun, given.profile)
+            text, wrong = _rerun(first, last, given.rerun, given.profile)
         elif len(given.revision) == 2:
-            content = compare(Commit(first), Commit(last))
-            text, wrong = of_difference(first, last, content), _is_worse(content)
+            difference = compare(Commit(first), Commit(last))
+            text, wrong = of_difference(first, last, difference), _is_worse(difference)
         else:
             with checked_out(first) as clone:
-                content = audit(clone)
-            text, wrong = of_audit(first, content), any(check.faults for check in content)
-        if given.format == "json":
-            text = json.dumps(content, indent=2, default=_plain) + "\n"
+                checks = audit(clone)
+            text, wrong = of_audit(first, checks), any(check.faults for check in checks)
         if given.out:
             atomic_write(given.out, lambda part: part.write_text(text))
         else:
@@ -71,10 +62,10 @@ def main(arguments: list[str]) -> int:
     return int(wrong)
 
 
-def _rerun(before: str, after: str, stages: list[str], profile: str | None) -> tuple[dict[str, Any], str, bool]:
+def _rerun(before: str, after: str, stages: list[str], profile: str | None) -> tuple[str, bool]:
     """Run a commit's stages again and compare with its results; with a profile, run both commits and compare these.
 
-    Return the answer for JSON, the same as Markdown, and whether something is wrong or worse.
+    Return the answer as Markdown, and whether something is wrong or worse.
     """
     with checked_out(before) as first, checked_out(after) as second:
         known = run(first, stages, profile) if profile else outputs(first)
@@ -87,18 +78,11 @@ def _rerun(before: str, after: str, stages: list[str], profile: str | None) -> t
         only_bytes = profile or not headlines_ran(ran)
         wrong = not all(output.identical for output in ran) if only_bytes else wrong
     title = f"{runs} at profile {profile}" if profile else runs
-    return {"outputs": ran} | vars(difference), of_rerun(title, ran, difference), wrong
+    return of_rerun(title, ran, difference), wrong
 
 
 def _is_worse(d: Difference) -> bool:
     return bool(d.claims) or (len(d.by_seed) > 0 and bool((d.by_seed["word"] == "worse").any()))
-
-
-def _plain(value: Any) -> Any:
-    """Return a table or a dataclass as lists and dictionaries, for JSON, which has no NaN."""
-    if not isinstance(value, pd.DataFrame):
-        return vars(value)
-    return value.astype(object).where(value.notna(), None).to_dict("records")
 
 
 if __name__ == "__main__":

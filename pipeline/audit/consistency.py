@@ -1,20 +1,15 @@
-"""Check one commit without its data: do code, parameters, data and locks agree, and do pages say what tables hold."""
+"""Check one commit without its data: do code, parameters, data, locks, pages and README agree."""
 
-import html
 import json
-import re
 import sys
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import pandas as pd
 import yaml
 
 from pipeline.artifacts.files import read_json
 from pipeline.git import dvc, git, run
 from pipeline.report.exports import contents, fill
-from pipeline.report.tables import FORMATS, HIDDEN
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.places import PROCESSORS, ROOT
 
@@ -31,7 +26,7 @@ class Fault:
 class Checked:
     """The result of one check: how many items it looked at, and the faults among them."""
 
-    check: str  # stages, parameters, outputs, tables, prose, provenance or README
+    check: str  # stages, parameters, outputs, provenance or README
     what: str  # what it asks
     items: int
     faults: list[Fault]
@@ -46,8 +41,6 @@ def audit(clone: Path) -> list[Checked]:
         stages(clone, locks, status),
         parameters(clone),
         outputs(clone, locks, status),
-        _each_page(clone, "tables", "each cell of a page's table is its csv's", table_cells),
-        _each_page(clone, "prose", "each traced number in a sentence is its table's", prose),
         provenance(clone, locks),
         readme(clone),
     ]
@@ -123,96 +116,6 @@ def _changes(clone: Path, status: dict[str, list], kind: str) -> list[Fault]:
     return faults
 
 
-def _each_page(clone: Path, check: str, what: str, compare: Callable[[Path], tuple[int, list[str]]]) -> Checked:
-    pages = [page for folder in ("reports", "studies/*") for page in sorted(clone.glob(f"{folder}/*.html"))]
-    compared = [(str(page.relative_to(clone)), *compare(page)) for page in pages]
-    faults = [Fault(place, message) for place, _, messages in compared for message in messages]
-    return Checked(check, what, sum(count for _, count, _ in compared), faults)
-
-
-def table_cells(page: Path) -> tuple[int, list[str]]:
-    """Compare the tables of a page with the csv that each links to; return the number of cells and the faults."""
-    count, faults = 0, []
-    for markup in re.findall(r"(?s)<table.*?</table>", page.read_text()):
-        links = re.findall(r'href="([^"]+\.csv)"', markup)
-        if not links:
-            continue
-        link = links[-1]  # a caption may name others first
-        csv = page.parent / link
-        if not csv.is_file():
-            faults.append(f"{link} is missing")
-            continue
-        frame = _csv(csv)
-        columns = [i for i, name in enumerate(frame.columns) if not name.endswith(HIDDEN)]
-        rows = re.findall(r"(?s)<tr.*?</tr>", markup)[1:]  # after the header
-        if len(rows) != len(frame):
-            faults.append(f"{link} has {len(frame)} rows, the page shows {len(rows)}")
-            continue
-        for values, row in zip(frame.itertuples(index=False), rows, strict=True):
-            for column, cell in zip(columns, re.findall(r"(?s)<t[dh]\b.*?</t[dh]>", row), strict=False):
-                count, text, name = count + 1, _text(cell), frame.columns[column]
-                quartiles = [values[frame.columns.get_loc(q)] for q in (name + end for end in HIDDEN[:4]) if q in frame]
-                if not _shows(text, values[column], quartiles if all(quartiles) else []):
-                    held = " ".join([values[column], *quartiles])
-                    faults.append(f"{link}, {name}: the page says {text!r}, the csv {held!r}")
-                marked = values[frame.columns.get_loc(f"{name}, bold")] if f"{name}, bold" in frame else "False"
-                if ("<b>" in cell) != (marked == "True"):
-                    faults.append(f"{link}, {name}: the page and the csv disagree on whether {text!r} is bold")
-    return count, faults
-
-
-def prose(page: Path) -> tuple[int, list[str]]:
-    """Compare the numbers in sentences that name a committed table as their source with that table."""
-    count, faults = 0, []
-    for source, number in re.findall(r'(?s)<data [^>]*data-source="([^"]+)"[^>]*>(.*?)</data>', page.read_text()):
-        table, column, where = json.loads(html.unescape(source))
-        csv, text = page.parent / "tables" / f"{table}.csv", _text(number)
-        if not csv.is_file():
-            continue  # a table that git does not keep: only a rerun can tell
-        count += 1
-        frame = _csv(csv)
-        for name, wanted in where.items():
-            frame = frame[frame[name] == str(wanted)]
-        if len(frame) != 1 or not _shows(text, frame[column].iloc[0]):
-            values = frame[column].tolist()
-            faults.append(f"{table}.csv, {column}, {where}: the page says {text!r}, the csv {values}")
-    return count, faults
-
-
-def _text(markup: str) -> str:
-    """Return the text of an element, without the mark of a large effect."""
-    return html.unescape(re.sub(r"<[^>]*>", "", markup)).replace("†", "").strip()
-
-
-def _shows(text: str, value: str, quartiles: Sequence[str] = ()) -> bool:
-    """Return whether a page's text is a csv's value, as it stands or in one of the formats that pages use.
-
-    quartiles: the values that follow in brackets, without their unit.
-    """
-    if text == value and not quartiles:
-        return True
-    try:
-        numbers = [float(number or "nan") for number in (value, *quartiles)]
-    except ValueError:
-        return False
-    if numbers[0] != numbers[0]:
-        return text in ("–", "")
-    near = (1, 1 + 1e-6, 1 - 1e-6)  # a csv keeps six digits
-    for write in (write for name, write in FORMATS.items() if name != "spread"):
-        first, *ends = ({str(write(number * factor)) for factor in near} for number in numbers)
-        ends = [{end.partition("\u00a0")[0] for end in shown} for shown in ends]
-        pairs = [f"{b}{between}{c}" for b in ends[0] for c in ends[1] for between in ("–", " to ")] if ends else []
-        written = first if not ends else {f"{a} [{pair}]" for a in first for pair in pairs}
-        if text in written:
-            return True
-    return False
-
-
-def _csv(path: Path) -> pd.DataFrame:
-    """Return a table with its cells as text."""
-    return pd.read_csv(path, dtype=str, keep_default_na=False)
-
-
 def provenance(clone: Path, locks: dict[str, dict]) -> Checked:
     """Check that the files which a page's tables were made of are those that the locks name.
 
@@ -248,8 +151,6 @@ def provenance(clone: Path, locks: dict[str, dict]) -> Checked:
 def readme(clone: Path) -> Checked:
     """Check that the README's tables are those that today's results give."""
     text, what = (clone / "README.md").read_text(encoding="utf-8"), "the README's tables are those of reports/"
-    if not (clone / "reports/tables/bold.csv").is_file():  # earlier editions, whose README had other tables
-        return Checked("README", what, 0, [])
     try:
         parts = contents(clone)
     except (InputError, OSError, KeyError) as error:

@@ -12,19 +12,16 @@ import pandas as pd
 from omegaconf import OmegaConf
 from scipy.stats import t
 
-from pipeline.audit.setting import canonical
 from pipeline.git import git
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.places import PROCESSORS, ROOT
 from pipeline.runtime.reading import parse_csv
 from pipeline.stats.tests import LEVEL, holm
 
-NAMES = ("headline", "run", "sha256")  # columns of the csv that hold names
 LOCKS = "requirements.lock"
 DATA = re.compile(r"md5: (\S+)")
 METRICS = "reports/metrics.json"
 CLAIM = "claims."
-CODE = ("*.py", "*.js", "*.j2", "*.css", "*dvc.yaml", "pipeline")  # with the segmenter's weights and the symbols
 SEEDS = "reports/tables/seeds.csv"  # headline, seed, value
 MIN_PAIRS = 6  # below, a mean difference has no interval: five pairs can at best give p = 1/16
 DECIMALS = 12  # to which differences are rounded
@@ -52,7 +49,7 @@ class Commit(NamedTuple):
     def table(self, path: str) -> pd.DataFrame | None:
         """Return a csv; None if the commit has no such file."""
         text = self.file(path)
-        return parse_csv(text, NAMES) if text else None
+        return parse_csv(text, ("headline",)) if text else None
 
     def headlines(self) -> dict[str, Any]:
         """Return reports/metrics.json, flat: accuracy.full.new_items -> number; raise InputError if it is missing."""
@@ -63,27 +60,15 @@ class Commit(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Headline:
-    """One number of reports/metrics.json in both commits; None where it is missing."""
-
-    name: str
-    before: float | None
-    after: float | None
-    change: float | None
-
-
-@dataclass(frozen=True)
 class Difference:
     """All that differs between two commits."""
 
     claims: list[tuple[str, str, str]]  # claim, verdict before, verdict after
-    headlines: list[Headline]  # those that changed
+    headlines: list[tuple[str, float | None, float | None, float | None]]  # that changed: name, before, after, change
     parameters: list[tuple[str, Any, Any]]  # name, before, after
     packages: list[str]  # lines of requirements.lock, - before and + after
     data: list[str]  # .dvc files whose data changed
     processors: list[tuple[str, str, str]]  # before, after, the stages that ran on another one
-    modules: pd.DataFrame  # package, files, lines added, lines removed
-    recordings: list[str]  # recordings of the later commit whose content changed
     by_seed: pd.DataFrame  # of `paired`; empty if one of the commits has no results by seed
 
 
@@ -91,7 +76,7 @@ def compare(before: Commit, after: Commit) -> Difference:
     """Return what differs between two commits. Raise InputError if one lacks reports/metrics.json."""
     old, new = before.headlines(), after.headlines()
     was, now = _parameters(before), _parameters(after)
-    claims, numbers = [], []
+    claims, numbers = [], list[tuple]()
     for name in sorted({*old, *new}):
         values = old.get(name), new.get(name)
         if name.startswith(CLAIM) and values[0] != values[1]:
@@ -99,21 +84,19 @@ def compare(before: Commit, after: Commit) -> Difference:
         elif not name.startswith(CLAIM):
             x, y = (float(value) if isinstance(value, int | float) else None for value in values)
             if x != y:
-                numbers.append(Headline(name, x, y, None if x is None or y is None else y - x))
+                numbers.append((name, x, y, None if x is None or y is None else y - x))
     pinned, pinned_now = (commit.file(LOCKS).splitlines() for commit in (before, after))
     packages = difflib.unified_diff(pinned, pinned_now, lineterm="", n=0)
     seeds = before.table(SEEDS), after.table(SEEDS)
     return Difference(
         claims=claims,
-        headlines=sorted(numbers, key=lambda line: line.change is None),  # numbers that only one of them has come last
+        headlines=sorted(numbers, key=lambda line: line[3] is None),  # numbers that only one of them has come last
         parameters=[(n, was.get(n), now.get(n)) for n in sorted({*was, *now}) if was.get(n) != now.get(n)],
         packages=[line for line in packages if re.match(r"[+-]\w", line)],
         data=[
             path for path in after.files(".dvc") if DATA.findall(before.file(path)) != DATA.findall(after.file(path))
         ],
         processors=_processors(before, after),
-        modules=_modules(before, after),
-        recordings=_recordings(before, after),
         by_seed=pd.DataFrame() if seeds[0] is None or seeds[1] is None else paired(*seeds),
     )
 
@@ -126,10 +109,10 @@ def flat(tree: Any, prefix: str = "") -> dict[str, Any]:
     return {name: value for part in parts for name, value in part.items()}
 
 
-def _parameters(commit: Commit) -> dict[str, str]:
-    """Return a commit's parameters by their dotted names, equal values as equal texts; `null` is one that is empty."""
-    parameters = OmegaConf.to_container(OmegaConf.create(commit.file("params.yaml") or "{}"))
-    return {name: canonical(value) for name, value in flat(parameters).items()}
+def _parameters(commit: Commit) -> dict[str, Any]:
+    """Return a commit's parameters by their dotted names; the text `null` is one that is empty."""
+    parameters = flat(OmegaConf.to_container(OmegaConf.create(commit.file("params.yaml") or "{}")))
+    return {name: "null" if value is None else value for name, value in parameters.items()}
 
 
 def _processors(before: Commit, after: Commit) -> list[tuple[str, str, str]]:
@@ -140,30 +123,6 @@ def _processors(before: Commit, after: Commit) -> list[tuple[str, str, str]]:
         if old[stage] != new[stage]:
             moved.setdefault((old[stage], new[stage]), []).append(stage)
     return [(*pair, ", ".join(stages)) for pair, stages in moved.items()]
-
-
-def _modules(before: Commit, after: Commit) -> pd.DataFrame:
-    """Return the lines of code that changed, by package, the most changed first; a binary file counts as none."""
-    lines = git(after.repository, "diff", "--numstat", before.revision, after.revision, "--", *CODE).splitlines()
-    rows = [line.replace("-\t-\t", "0\t0\t", 1).split("\t") for line in lines]
-    table = pd.DataFrame(rows, columns=["added", "removed", "file"]).astype({"added": int, "removed": int})
-    table["package"] = [_package(re.sub(r"\{.* => (.*)\}", r"\1", name)) for name in table["file"]]
-    counts = {"files": ("file", "size"), "added": ("added", "sum"), "removed": ("removed", "sum")}
-    packages = table.groupby("package", as_index=False).agg(**counts)  # pyright: ignore[reportArgumentType]
-    return packages.sort_values("added", ascending=False, kind="stable")
-
-
-def _package(path: str) -> str:
-    """Return the folder that a file's changes are counted in: one of pipeline/ and studies/, else the outermost."""
-    depth = 2 if path.startswith(("pipeline/", "studies/")) else 1
-    return "/".join(path.split("/")[:depth])
-
-
-def _recordings(before: Commit, after: Commit) -> list[str]:
-    tables = (commit.table("reports/recordings/recordings.csv") for commit in (before, after))
-    old, new = ({} if table is None else dict(zip(table["run"], table["sha256"], strict=True)) for table in tables)
-    kept = [Path(path).stem for path in after.files(".rrd")]
-    return [name for name in kept if name in new and old.get(name) != new[name]]
 
 
 def paired(old: pd.DataFrame, new: pd.DataFrame) -> pd.DataFrame:

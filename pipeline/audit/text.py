@@ -12,7 +12,7 @@ from pipeline.audit.rerun import Output
 WORDS = ("worse", "better", "undecided", "same")  # in the order of a report
 PAIRED = ("word", "headline", "before", "after", "difference (95 % interval)", "p (Holm)", "seeds")
 MAX_CELL = 80  # characters
-MAX_LINES = 30  # of a list; the JSON has all
+MAX_LINES = 30  # of a list
 
 
 def of_audit(revision: str, checks: Sequence[Checked]) -> str:
@@ -66,8 +66,7 @@ def of_difference(before: str, after: str, difference: Difference) -> str:
 def _differences(d: Difference) -> dict[str, str]:
     """Return the sections of a difference by title; "" where nothing differs."""
     known = set(d.by_seed["headline"]) if len(d.by_seed) else set()
-    headlines = [(line.name, line.before, line.after, line.change) for line in d.headlines if line.name not in known]
-    modules = [(f"`{name}`", *counts) for name, *counts in d.modules.itertuples(index=False)]
+    headlines = [line for line in d.headlines if line[0] not in known]
     return {
         "Claims whose verdict changed": table(["claim", "before", "after"], d.claims),
         "Headlines, paired by seed": _paired(d.by_seed),
@@ -76,8 +75,6 @@ def _differences(d: Difference) -> dict[str, str]:
         "Data": items(f"`{path}`" for path in d.data),
         "Packages": items(f"`{line}`" for line in d.packages),
         "Processors": table(["before", "after", "stages"], d.processors),
-        "Code": table(["package", "files", "lines added", "lines removed"], modules),
-        "Recordings to open": items(f"`make review RUN={name}`" for name in d.recordings),
     }
 
 

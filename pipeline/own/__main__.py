@@ -11,8 +11,6 @@ from pathlib import Path
 
 from pipeline.runtime.errors import InputError
 
-REPORT = "report"  # the folder that a run makes
-
 
 def main(arguments: list[str]) -> int:
     """Run one command; return 0, 1 if the folder has faults, 2 for a wrong command."""
@@ -50,13 +48,13 @@ def main(arguments: list[str]) -> int:
     print(f"{path}: {counts}; no fault")
     if verb == "check":
         return 0
-    check_replaceable(path / REPORT)
+    check_replaceable(out := path / "report")
 
     def progress(step: str) -> None:
         print(f"{time.monotonic() - begin:4.0f} s  {step}", flush=True)
 
-    write_report(compute(folder, progress), path / REPORT)
-    progress(f"wrote {path / REPORT / 'index.html'}")
+    write_report(compute(folder, progress), out)
+    progress(f"wrote {out / 'index.html'}")
     return 0
 
 

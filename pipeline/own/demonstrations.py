@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 
 from pipeline.own.files import DEMONSTRATIONS, KEY, SETTINGS, Faults, Settings, read_checked
-from pipeline.world.hand import MAX_BEYOND_M
 
 ENDS_WITHIN_M = 0.05  # largest distance of a path's ends from start and goal [m]; a hand that is not in a hurry
+MAX_BEYOND_M = 0.5  # largest distance of the hand beyond the table's edge, on a table of 1 m
 MIN_SAMPLES = 3  # rows of a demonstration
 MIN_SCENES = 4  # scenes of a user: fewer leave nothing to fit on and nothing to judge by
 
@@ -46,24 +46,23 @@ def read_samples(path: Path, scenes: Collection[str], settings: Settings, faults
 def check_paths(samples: pd.DataFrame, settings: Settings, faults: Faults) -> None:
     """Add faults of whole demonstrations: labels, times, length, ends; samples: as `read_samples` returns them."""
 
-    def check(rows: pd.DataFrame, wrong: pd.Series, sentence: str) -> None:
-        faults.rows(DEMONSTRATIONS, rows[wrong], sentence)
-
-    groups, side = samples.groupby(KEY, sort=False), settings.side_m
+    file, groups, side = DEMONSTRATIONS, samples.groupby(KEY, sort=False), settings.side_m
     samples = samples.assign(earlier=groups["t"].shift())
     changes, back = samples["valid"] != groups["valid"].transform("first"), samples["t"] < samples["earlier"]
-    check(samples, changes, "valid changes within demonstration ({name}): expected one word for all of it")
+    faults.rows(file, samples[changes], "valid changes within demonstration ({name}): expected one word for all of it")
     increasing = "expected times that increase, and a name of its own for each demonstration"
-    check(samples, back, f"t goes back from {{earlier:g}} to {{t:g}} s in demonstration ({{name}}): {increasing}")
+    goes = "t goes back from {earlier:g} to {t:g} s in demonstration ({name})"
+    faults.rows(file, samples[back], f"{goes}: {increasing}")
     counted = groups.head(1).assign(rows=groups.size().to_numpy())
-    short = counted["rows"] < MIN_SAMPLES
-    check(counted, short, f"demonstration ({{name}}) has {{rows}} rows: expected at least {MIN_SAMPLES}")
+    short = f"demonstration ({{name}}) has {{rows}} rows: expected at least {MIN_SAMPLES}"
+    faults.rows(file, counted[counted["rows"] < MIN_SAMPLES], short)
     for verb, end, rows in (("starts", "start", groups.head(1)), ("ends", "goal", groups.tail(1))):
         x, y = getattr(settings, end)
         rows = rows.assign(away=np.hypot(rows["x"] - x, rows["y"] - y))
         place = f"{verb} at ({{x:.3g}}, {{y:.3g}}) m, {{away:.2g}} m from the {end} ({x:g}, {y:g})"
         unit = f"positions are in metres, and {SETTINGS} sets the {end}"
         far = f"demonstration ({{name}}) {place}: expected at most {ENDS_WITHIN_M:g} m; {unit}"
-        check(rows, rows["away"] > ENDS_WITHIN_M, far)
+        faults.rows(file, rows[rows["away"] > ENDS_WITHIN_M], far)
     off = ((samples[["x", "y"]] - side / 2).abs() > (0.5 + MAX_BEYOND_M) * side).any(axis=1)
-    check(samples, off, f"the path is at ({{x:g}}, {{y:g}}) m, far off the table: expected metres from 0 to {side:g}")
+    far = f"the path is at ({{x:g}}, {{y:g}}) m, far off the table: expected metres from 0 to {side:g}"
+    faults.rows(file, samples[off], far)

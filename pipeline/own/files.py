@@ -29,7 +29,6 @@ COLUMNS = {
 }
 KEY = ["scene", "user", "demo"]  # of a demonstration
 WORDS = {*KEY, "kind", "file", "valid"}  # columns that hold names, or a word; the others hold numbers
-FIRST_ROW = 2  # the number of the first row below the header, as a spreadsheet counts
 
 ENDINGS = (".jpg", ".jpeg", ".png")
 MAX_PIXELS = 50_000_000  # 150 MB decoded; phones take 12 to 48 million
@@ -90,7 +89,7 @@ def read_csv(path: Path, columns: Sequence[str]) -> pd.DataFrame:
         raise InputError(f"{path.name} has the columns {', '.join(header)}: expected also {', '.join(missing)}")
     if twice := [column for column in header if header.count(column) > 1]:
         raise InputError(f"{path.name} has two columns {twice[0]!r}: remove one")
-    numbered = {number: row for number, row in enumerate(rows, FIRST_ROW) if any(row)}
+    numbered = {number: row for number, row in enumerate(rows, 2) if any(row)}  # as a spreadsheet counts
     for number, row in numbered.items():
         if len(row) != len(header):
             counted = f"has {len(row)} cells, the header {len(header)}"

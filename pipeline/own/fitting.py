@@ -26,13 +26,12 @@ from pipeline.world.bezier import lattice
 
 VARIANT = "clearance"
 FOLDS = 5
-SHARES = (0.25, 0.5, 0.75)  # of a fold's training scenes, for the learning curve; 1 is the cross-validation itself
+SHARES = (0.25, 0.5, 0.75, 1.0)  # of a fold's training scenes: the learning curve, and the cross-validation itself
 PRIOR_SIDE = 28  # points per side of the position-only baseline's lattice, as scenes.prior_side in conf/scenes.yaml
 PRIOR_WIDTH_M = 0.15  # standard deviation of the kernel that smooths labels over z_theta [m]; ours
 BINS = 5  # of the calibration; twenty scenes have some 150 demonstrations
 FLAT = 0.05  # gain of accuracy from the second half of the scenes, below which the curve counts as flat; ours
 FEW_CHANGES = 20  # changed decisions below which the interval follows from their number, as in library.effect
-REPAIRED = ["user", "scene", "demo", "p_before", "p_after", "moved_m", "z_x", "z_y", "end_x", "end_y"]  # columns
 LATTICE_SIDE = 14  # points per side of the lattice of paths on which models are compared
 
 
@@ -87,16 +86,15 @@ class Fitted:
 def fit_user(data: UserData, progress: Callable[[str], object]) -> Fitted:
     """Fit one user's models and image-blind baselines."""
     fold = stream("own", data.user, "folds").permutation(np.arange(len(data.scenes)) % min(FOLDS, len(data.scenes)))
-    shares = [(VARIANT, share) for share in (*SHARES, 1.0)]
-    p = {key: np.empty(data.valid.shape) for key in (*shares, ("nearest_demonstration", 1.0), ("position_only", 1.0))}
-    models = []
+    predictors = [*((VARIANT, share) for share in SHARES), ("nearest_demonstration", 1.0), ("position_only", 1.0)]
+    p, models = {key: np.empty(data.valid.shape) for key in predictors}, []
     for k in range(fold.max() + 1):
         progress(f"{data.user}: scenes of fold {k + 1} left out")
         test, training = np.flatnonzero(fold == k), np.flatnonzero(fold != k)
         order = stream("own", data.user, "share", k).permutation(training)
-        for variant, share in shares:
+        for share in SHARES:
             model = fit_on(data, np.sort(order[: max(2, round(share * len(order)))]))
-            p[variant, share][test] = model.probability(data.images[test], data.z_theta[test])
+            p[VARIANT, share][test] = model.probability(data.images[test], data.z_theta[test])
         models.append(model)
         real, queries = data.real[training], data.z_theta[test]
         z, valid = data.z_theta[training][real], data.valid[training][real]
@@ -221,4 +219,5 @@ def repairs(fitted: Fitted, scale: float) -> pd.DataFrame:
         p_after = np.where(np.isfinite(moved), p_after, np.nan)
         numbers = np.column_stack([p_before, p_after, moved, starts[0], ends[0]])
         rows += [(data.user, name, demo, *row) for demo, row in zip(data.demo[scene, wrong], numbers, strict=True)]
-    return pd.DataFrame(rows, columns=REPAIRED)
+    columns = ["user", "scene", "demo", "p_before", "p_after", "moved_m", "z_x", "z_y", "end_x", "end_y"]
+    return pd.DataFrame(rows, columns=columns)

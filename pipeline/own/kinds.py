@@ -71,16 +71,17 @@ def add_kind(folder: Folder, kind: str) -> Added | None:
 
 def footprint(cutout: UInt8[Array, "row column 4"], width_m: float) -> Capsule:
     """Return the capsule of a cut-out's visible part, its centre relative to the picture's [m], y upwards."""
-    size = _size(cutout, width_m * PER_METRE)
-    rows, columns = np.nonzero(cv2.resize(cutout[..., 3], size, interpolation=cv2.INTER_AREA) > MIN_VISIBLE_ALPHA)
-    points = np.stack([columns - (size[0] - 1) / 2, (size[1] - 1) / 2 - rows], -1) / PER_METRE
+    small = scaled(cutout[..., 3], width_m * PER_METRE)
+    rows, columns = np.nonzero(small > MIN_VISIBLE_ALPHA)
+    points = np.stack([columns - (small.shape[1] - 1) / 2, (small.shape[0] - 1) / 2 - rows], -1) / PER_METRE
     return fit_capsule(points, PER_METRE)
 
 
-def _size(cutout: Array, across: float) -> tuple[int, int]:
-    """Return columns and rows of a cut-out that is so many pixels wide."""
+def scaled(picture: Array, across: float) -> Array:
+    """Return a picture that is so many pixels wide."""
     columns = max(1, round(across))
-    return columns, max(1, round(columns * cutout.shape[0] / cutout.shape[1]))
+    rows = max(1, round(columns * picture.shape[0] / picture.shape[1]))
+    return cv2.resize(picture, (columns, rows), interpolation=cv2.INTER_AREA)
 
 
 def free_place(
@@ -118,12 +119,11 @@ def rotation(angle: float) -> Float[Array, "2 2"]:
 
 def paste(canvas: Array, cutout: Array, width: float, centre: Array, angle: float) -> UInt8[Array, "side side 3"]:
     """Return a rectified table with a cut-out over it; width and centre relative to the table's side, angle [rad]."""
-    size, turned = _size(cutout, width * CANVAS_PX), rotation(-angle)  # rows grow downwards
-    small = cutout.astype(np.float32) / 255
-    small[..., :3] *= small[..., 3:]
-    small = cv2.resize(small, size, interpolation=cv2.INTER_AREA)
+    layer, turned = cutout.astype(np.float32) / 255, rotation(-angle)  # rows grow downwards
+    layer[..., :3] *= layer[..., 3:]
+    small = scaled(layer, width * CANVAS_PX)
     middle = np.array([centre[0], 1 - centre[1]]) * CANVAS_PX - 0.5
-    matrix = np.column_stack([turned, middle - turned @ (np.array(size) - 1) / 2])
+    matrix = np.column_stack([turned, middle - turned @ (np.array(small.shape[1::-1]) - 1) / 2])
     layer = cv2.warpAffine(small, matrix, (CANVAS_PX, CANVAS_PX), flags=cv2.INTER_LINEAR)
     covered = canvas * (1 - layer[..., 3:]) + 255 * layer[..., :3]
     return np.clip(np.rint(covered), 0, 255).astype(np.uint8)

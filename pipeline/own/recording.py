@@ -3,8 +3,6 @@
 user_1/table/{image,outlines,demonstrations,repairs}   the picture as the model sees it, detected objects, paths
 user_1/map/map                                         P(valid) over control points, by a model new to the scene
 user_1/titles                                          titles with the scene's name
-
-A scene without demonstrations shows the model of all scenes.
 """
 
 from pathlib import Path

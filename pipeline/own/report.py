@@ -65,9 +65,4 @@ def on_the_table(table: pd.DataFrame, frame: Frame) -> pd.DataFrame:
 
 def without_formulas(table: pd.DataFrame) -> pd.DataFrame:
     """Return a table for csv whose texts no spreadsheet takes for a formula: ' stands before = + - @ tab and return."""
-
-    def safe(value: object) -> object:
-        return f"'{value}" if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r")) else value
-
-    texts = table.select_dtypes(exclude=["number", "bool"]).columns
-    return table.assign(**{str(column): table[column].map(safe) for column in texts}).replace({np.nan: None})
+    return table.replace(r"^(?=[=+\-@\t\r])", "'", regex=True).replace({np.nan: None})

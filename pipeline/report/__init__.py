@@ -1,1 +1,1 @@
-"""The report: one folder per page under pages/, with text in its template and numbers from tables by name."""
+"""The report: a template per page under pages/; its numbers, tables and charts come from tables by name."""

@@ -17,22 +17,16 @@ from pipeline.world.rules import Margins, clearance, slack
 DISTANCES = (0.0, 0.01, 0.02, 0.04, 0.08, np.inf)  # edges of the slices by distance to the boundary [m]
 DISTANCE_LABELS = ["0 to 1 cm", "1 to 2 cm", "2 to 4 cm", "4 to 8 cm", "over 8 cm"]
 NOTHING = "nothing to avoid"  # slice of paths in scenes without an item that the user avoids
-SLICES = {"user": "user", "nearest": "kind of item nearest", "items": "items on the table", "table_top": "table top",
-          "distance": "distance to the boundary"}  # fmt: skip
+SLICES = {"user": "user", "nearest": "kind of item nearest", "items": "items on the table", "table_top": "table top"}
+SLICES |= {"distance": "distance to the boundary"}
 MIN_PATHS = 20  # fewest paths in a bin of stated probabilities that is drawn
 SMALLEST = (0.02, 0.03, 0.04, 0.05, 0.06, 0.08)  # smallest effects of interest to compare
 REACTS = ("full", "clearance")  # models whose reactions to users are shown
-TABLE_2: dict[str, Any] = {  # how `rows_of` shows bold.csv, the paper's Table 2: a row for each source and user
-    "columns": {"source": "Source", "user": "User", "mean": ""},
-    "across": "change",
-    "words": {
-        "source": lambda name: {PAPER: "The paper, as printed", TRUTH: "Truth in our world"}.get(name) or label(name),
-        "change": lambda name: "No intervention" if name == NONE else name.capitalize(),
-    },
-    "formats": {"": "rate"},
-    "quartiles": True,
-    "bold": "bold",
-    "beyond": "beyond",
+TABLE_2: dict[str, Any] = {"columns": {"source": "Source", "user": "User", "mean": ""}, "across": "change"}
+TABLE_2 |= {"formats": {"": "rate"}, "quartiles": True, "bold": "bold", "beyond": "beyond"}  # how bold.csv is shown
+TABLE_2["words"] = {
+    "source": lambda name: {PAPER: "The paper, as printed", TRUTH: "Truth in our world"}.get(name) or label(name),
+    "change": lambda name: "No intervention" if name == NONE else name.capitalize(),
 }
 WORST = 5  # scenes shown, those with most errors
 

@@ -115,7 +115,9 @@ def _table_2(table: pd.DataFrame, bold: str) -> tuple[list[str], list[list[str]]
     for row in frame.to_dict("records"):
         line = [row["Source"], row["User"]]
         for name in names[2:]:
-            text = (bold if row[f"{name}, bold"] else "{}").format(write(float(row[name])))
+            text = (bold if row[f"{name}, bold"] else "{}").format(
+                write(None if row[name] is None else float(row[name]))
+            )
             line.append(text + "†" * bool(row[f"{name}, beyond"]) + in_brackets(row, name, write))
         lines.append(line)
     return names, lines

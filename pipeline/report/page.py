@@ -113,14 +113,7 @@ class Page:
         return f"Table {self.table_count}."
 
     def _figure(
-        self,
-        name: str,
-        draw: Callable[..., Figure],
-        caller: Callable[[], str],
-        alt: str,
-        wide: bool = False,
-        recording: str = "",
-        **options: Any,
+        self, name: str, draw: Callable, caller: Callable, alt: str, wide=False, recording="", **options
     ) -> Markup:
         """Return a figure's markup; `recording`: `overview` or `worst`, the recording in git that shows the same."""
         with matplotlib.rc_context(style.RC):

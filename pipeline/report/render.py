@@ -27,7 +27,8 @@ def render(results: Results, pages: Collection[str] = tuple(PAGES)) -> Site:
     made = environment([], **names)
     made.globals["claim"] = lambda of, name, column: lookup(judged, "claims", column, claim=of, measure=name)
     made.globals["measures"] = lambda of: judged.loc[judged["claim"] == of, "measure"].tolist()
-    made.globals["study"] = made.get_template("study_link.html.j2").make_module(names).study
+    macros: Any = made.get_template("study_link.html.j2").make_module(names)
+    made.globals["study"] = macros.study
     for name in pages:
         render_page(name, f"pages/{name}.html.j2", figures, results, made, site, prefix=f"{name}-")
     return site

@@ -87,26 +87,22 @@ def svg(figure: Figure) -> str:
 
     Charts with series carry the script chart.js.
     """
+
+    def rounded(number: re.Match) -> str:
+        return f"{float(number[0]):.2f}".rstrip("0").rstrip(".")  # a hundredth of a point
+
     buffer = io.StringIO()
     with matplotlib.rc_context(RC):
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     text = re.sub(r"<metadata>.*?</metadata>", "", buffer.getvalue(), flags=re.DOTALL)
     text = re.sub(r"image-rendering:[^;\"]*;?", "", text)  # browsers then interpolate enlarged images
-    text = re.sub(r'( d="|\b[xy]="|translate\()([^")]*)', lambda part: part[1] + _rounded(part[2]), text)
+    text = re.sub(r'( d="|\b[xy]="|translate\()[^")]*', lambda part: re.sub(r"-?\d+\.\d+", rounded, part[0]), text)
     for hexadecimal, name in ((INK, "ink"), (MUTED, "muted"), (RULE, "rule")):
         text = text.replace(hexadecimal, f"var(--{name})")
-    text, count = re.subn(r'<g id="(series|toggle):([^|"]+)\|([^"]*)">', _part, text)
+    text, count = re.subn(
+        r'<g id="(series|toggle):([^|"]+)\|([^"]*)">', r'<g class="\1" data-series="\2"><title>\3</title>', text
+    )
+    text = text.replace("<title></title>", "")
     css = f"\n<style>\n{THEME}{CHART * (count > 0)}</style>"
     text = re.sub(r"(<svg[^>]*>)", lambda tag: tag[1] + css, text, count=1)
     return text.replace("</svg>", f"<script><![CDATA[\n{SCRIPT}]]></script>\n</svg>") if count else text
-
-
-def _part(group: re.Match) -> str:
-    """Return the opening tag of a marked group, with its value as title."""
-    title = f"<title>{group[3]}</title>" if group[3] else ""
-    return f'<g class="{group[1]}" data-series="{group[2]}">{title}'
-
-
-def _rounded(places: str) -> str:
-    """Return coordinates rounded to a hundredth of a point."""
-    return re.sub(r"-?\d+\.\d+", lambda number: f"{float(number[0]):.2f}".rstrip("0").rstrip("."), places)

@@ -19,7 +19,7 @@ Words = Callable[[Any], Any] | Mapping[Any, Any]
 
 
 class Traced(float):
-    """A number that knows which cell of which table it is; a page shows that on hover, and an audit checks it."""
+    """A number that knows which cell of which table it is; a page shows that on hover."""
 
     source: tuple[str, str, dict[str, Any]]  # table, column, and the values that select the row
 

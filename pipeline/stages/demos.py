@@ -1,6 +1,6 @@
 """Stage demos: record demonstrations of every user, fit Bezier paths to them, and draw the query paths."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +13,11 @@ from tqdm import tqdm
 from pipeline.artifacts.demos import DEMO_KEY, Queries, write_demos, write_queries
 from pipeline.artifacts.scenes import read_scenes, train_pool
 from pipeline.launch import launch
-from pipeline.runtime.errors import InputError
-from pipeline.runtime.reading import read_csv
 from pipeline.runtime.settings import Count, Demonstrations, Distance, Group, Length, Pair, Size, Spread, Whole, need
 from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.bezier_fit import fit
-from pipeline.world.hand import Hand, check, join, simulate, valid_trajectories
+from pipeline.world.hand import Hand, join, simulate, valid_trajectories
 from pipeline.world.rules import valid
 
 Key = tuple[int, str, int, int]  # seed, user, scene, demo
@@ -42,8 +40,6 @@ class Settings(Group):
     per_scene: Demonstrations
     queries_seen: Count
     queries_new: Count
-    recorded: str | None
-    ends_within_m: Length
     poor_above_m: Length
     hand: HandSettings
 
@@ -59,7 +55,6 @@ def agree(demos: Settings, parameters: Any) -> None:
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write demos.parquet, trajectories.npz and queries.npz."""
-    by_people = _read_trajectories(cfg)
     scenes = read_scenes(Path(cfg.paths.scenes))
     pools = {seed: train_pool(seed) for seed in sorted([*cfg.seeds, *cfg.validation_seeds])}
     scenes.check_has(*pools.values())
@@ -71,7 +66,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         for scene in range(len(layouts[pool]))
         for demo in range(cfg.demos.per_scene)
     ]
-    samples, offsets = join(_trajectories(cfg, keys, by_people))
+    samples, offsets = join(_trajectories(cfg, keys))
     fits = fit(samples[:, 1:3], offsets, cfg.demos.poor_above_m)
     demos = pd.DataFrame(keys, columns=DEMO_KEY).assign(
         z_x=fits.z_theta[:, 0],
@@ -100,46 +95,13 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     write_queries(out_dir, queries)
 
 
-def _trajectories(cfg: DictConfig, keys: Collection[Key], by_people: Mapping[Key, Array]) -> list[Array]:
-    """Return each demonstration's trajectory (sample, 4), a person's or simulated, after checking it.
-
-    Times begin at 0; all numbers are rounded to the stored float32. InputError if one of `by_people` has no key.
-    """
-    if unknown := sorted(set(by_people) - set(keys), key=str):
-        raise InputError(
-            f"{cfg.demos.recorded}: trajectory (seed, user, scene, demo) = {unknown[0]} belongs to no demonstration; "
-            "expected seeds, users, scenes and demos of conf/; correct or remove it"
-        )
-    if by_people:
-        print(f"{len(by_people)} of {len(keys)} demonstrations are a person's, from {cfg.demos.recorded}", flush=True)
+def _trajectories(cfg: DictConfig, keys: Iterable[Key]) -> list[Array]:
+    """Return each demonstration's trajectory (sample, 4), simulated; all numbers are rounded to the stored float32."""
     hand, trajectories = Hand.of(cfg.demos.hand), []
     for key in tqdm(keys, desc="demos"):
-        if (trajectory := by_people.get(key)) is None:
-            rng = stream(cfg.demos.root_seed, "demos", "recording", *key)
-            trajectory = simulate(rng, random_z_theta(rng), hand)
-        check(trajectory, "seed {} user {} scene {} demo {}".format(*key), cfg.demos.ends_within_m)
-        since_start = trajectory - [trajectory[0, 0], 0.0, 0.0, 0.0]  # float32 cannot represent absolute clock times
-        trajectories.append(since_start.astype(np.float32).astype(float))
+        rng = stream(cfg.demos.root_seed, "demos", "recording", *key)
+        trajectories.append(simulate(rng, random_z_theta(rng), hand).astype(np.float32).astype(float))
     return trajectories
-
-
-def _read_trajectories(cfg: DictConfig) -> dict[Key, Array]:
-    """Return the trajectories of the csv `demos.recorded` by key, unchecked; none without a csv."""
-    if cfg.demos.recorded is None:
-        return {}
-    path, columns = Path(cfg.demos.recorded), ["t", "x", "y", "z"]
-    known = path.resolve().is_relative_to(Path(cfg.paths.data).resolve())
-    need(known, "demos.recorded", cfg.demos.recorded, f"a csv in {cfg.paths.data}/, which DVC keeps track of")
-    try:
-        table = read_csv(path, ["user"])
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path} cannot be read ({error}): expected a csv; see CONTRIBUTING.md") from error
-    if missing := [c for c in (*DEMO_KEY, *columns) if c not in table.columns]:
-        raise InputError(f"{path} has columns {list(table.columns)}: expected also {missing}; add them")
-    if table.empty:
-        raise InputError(f"{path} holds no sample: expected one a row; fill it, or set demos.recorded=null")
-    groups = table.groupby(DEMO_KEY, sort=False, dropna=False).indices
-    return {key: table[columns].to_numpy()[rows] for key, rows in groups.items()}  # pyright: ignore[reportReturnType]
 
 
 if __name__ == "__main__":

@@ -1,34 +1,42 @@
-"""One job of a sweep: run the stages in a clone, and keep what tells its result in a folder named by its overrides.
+"""One job of a sweep: run the stages in a clone of the commit, and keep what tells its result in a folder.
 
-The folder holds `job.json` (overrides, commit, state, stages run or restored, seconds), `params.yaml`, `dvc.lock`,
-`metrics.json`, `results.parquet` (headline, seed, value) and `log.txt`.
+The folder holds `job.json` (overrides, commit, state, seconds), `params.yaml`, `dvc.lock`, `metrics.json`,
+`results.parquet` (headline, seed, value) and `log.txt`.
 """
 
 import hashlib
 import math
 import os
 import shutil
-import signal
+import socket
 import subprocess
 import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
 from pipeline.artifacts.files import read_json, read_table, write_json, write_table
-from pipeline.audit.setting import setting
-from pipeline.git import environment
+from pipeline.audit.revision import make_clone
+from pipeline.git import environment, git
 from pipeline.launch import load
 from pipeline.runtime.errors import InputError
-from pipeline.sweep.clone import borrowed_clone
 from pipeline.sweep.results import headlines
 
 WATCH_S = 0.5  # between two looks at the parent process
 MAX_NAME = 120  # characters of a folder's name; longer ones end in a digest
-FULL = ("No space left on device", "Out of diskspace")  # what the system and git say of a full disk
+LEFT_OUT = ("store", "examples", "tests", "bench")  # folders that no stage reads
+CONFIG = """[core]
+    site_cache_dir = "{clone}/.dvc/tmp/site"
+[cache]
+    dir = "{cache}"
+    type = "reflink,hardlink,copy"
+['remote "store"']
+    url = "{root}/store"
+"""
 
 
 @dataclass(frozen=True)
@@ -38,15 +46,12 @@ class Sweep:
     root: Path  # the repository
     folder: Path  # of the sweep
     cache: Path  # DVC's
-    commit: str
-    targets: tuple[str, ...]  # stages that jobs run up to
-    fixed: tuple[str, ...] = ()  # overrides of every job, which its folder's name leaves out
-    objective: str | None = None  # the headline whose mean a job returns to Hydra's sweeper
+    record: dict[str, Any]  # sweep.json: commit, targets, objective, fixed, ...
     process: int = 0  # the sweep's own, the parent of joblib's processes
 
     def job_folder(self, overrides: Sequence[str]) -> Path:
-        """Return the folder of a job, the same for every spelling of its setting."""
-        name = ",".join(setting(overrides, self.fixed)).replace("/", "_") or "default"
+        """Return the folder of a job, named by its overrides, but for those that all jobs share."""
+        name = ",".join(sorted({*overrides} - {*self.record["fixed"]})).replace("/", "_") or "default"
         if len(name) > MAX_NAME:
             name = f"{name[:MAX_NAME]}~{hashlib.sha256(name.encode()).hexdigest()[:8]}"
         return self.folder / "jobs" / name
@@ -57,37 +62,32 @@ def run_job(sweep: Sweep, overrides: Sequence[str]) -> float:
 
     A failure is written into its `job.json` and raises nothing, so that it takes no other job along.
     """
-    folder = sweep.job_folder(overrides)
+    folder, objective, targets = sweep.job_folder(overrides), sweep.record["objective"], sweep.record["targets"]
     if not is_done(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        record = {"overrides": list(overrides), "commit": sweep.commit, "targets": list(sweep.targets)}
-        start = time.time()
-        write_json(folder / "job.json", record | {"state": "running"})
-        record["state"] = "interrupted"  # unless it ends
+        start, record = (
+            time.time(),
+            {"overrides": list(overrides), "commit": sweep.record["commit"], "state": "running"},
+        )
+        write_json(folder / "job.json", record)
+        clone = sweep.folder / "clones" / f"{socket.gethostname()}-{os.getpid()}"
         try:
-            with borrowed_clone(sweep.root, sweep.commit, sweep.cache, sweep.folder / "clones") as clone:
-                stages = _run_stages(sweep, overrides, clone, folder)
-                for name in ("params.yaml", "dvc.lock"):
-                    shutil.copy(clone / name, folder)
-                metrics = {name: clone / "outputs" / name / "metrics.json" for name in sweep.targets}
-                measured = {name: read_json(path) for name, path in metrics.items() if path.is_file()}
-                write_json(folder / "metrics.json", measured)
-                results = headlines(load(clone / "params.yaml"), clone, sweep.targets)
-                write_table(folder / "results.parquet", results)
-            _mean(results, sweep.objective)  # a misspelt objective fails the job
-            record |= {"state": "done", "stages": stages}
+            _prepare(sweep, clone)
+            _run_stages(sweep, overrides, clone, folder)
+            for name in ("params.yaml", "dvc.lock"):
+                shutil.copy(clone / name, folder)
+            metrics = {name: clone / "outputs" / name / "metrics.json" for name in targets}
+            write_json(folder / "metrics.json", {n: read_json(path) for n, path in metrics.items() if path.is_file()})
+            results = headlines(load(clone / "params.yaml"), clone, targets)
+            write_table(folder / "results.parquet", results)
+            _mean(results, objective)  # a misspelt objective fails the job
+            record["state"] = "done"
         except (InputError, OSError) as error:
-            record |= {"state": "failed", "error": reason(error, sweep.folder)}
-        finally:
-            write_json(folder / "job.json", record | {"seconds": round(time.time() - start, 1)})
-    return _mean(read_table(folder / "results.parquet"), sweep.objective) if is_done(folder) else math.nan
-
-
-def reason(error: Exception, folder: Path) -> str:
-    """Return why a job failed, in one line; `folder` is the sweep's."""
-    text = " ".join(str(error).split())
-    full = any(words in text for words in FULL)
-    return f"the disk of {folder} is full: make room, then --resume it ({text})" if full else text
+            shutil.rmtree(clone, ignore_errors=True)
+            record |= {"state": "failed", "error": " ".join(str(error).split())}
+        write_json(folder / "job.json", record | {"seconds": round(time.time() - start, 1)})
+        print(f"{record['state']} in {time.time() - start:.0f} s: {folder.name}", flush=True)
+    return _mean(read_table(folder / "results.parquet"), objective) if is_done(folder) else math.nan
 
 
 def is_done(folder: Path) -> bool:
@@ -95,38 +95,44 @@ def is_done(folder: Path) -> bool:
     return (folder / "job.json").is_file() and read_json(folder / "job.json")["state"] == "done"
 
 
-def _run_stages(sweep: Sweep, overrides: Sequence[str], clone: Path, folder: Path) -> dict:
-    """Run the stages in a process group of their own; raise InputError with the last line of the log if they fail."""
-    command = [sys.executable, "-m", "pipeline.sweep.stages", *sweep.targets, "--overrides", "workers=1", *overrides]
-    env = environment({"PYTHONHASHSEED": "0", "TQDM_DISABLE": "1", "PYTHONPATH": str(clone)})
-    env["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{env['PATH']}"  # stages are run as `python -m ...`
-    with (folder / "log.txt").open("w") as log:
-        process = subprocess.Popen(command, cwd=clone, env=env, stdout=log, stderr=log, start_new_session=True)
-        try:
-            status = _wait(process, sweep.process)
-        finally:
-            if process.poll() is None:
-                os.killpg(process.pid, signal.SIGKILL)
-                process.wait()
-    if status:
-        lines = [line.strip() for line in (folder / "log.txt").read_text(errors="replace").splitlines() if line.strip()]
-        stated = [line for line in lines if line.startswith("error: ")]
-        raise InputError((stated or lines or ["no output"])[-1].removeprefix("error: "))
-    return read_json(clone / "stages.json")
+def snapshot(root: Path) -> str:
+    """Return the commit to run: HEAD, or one on no branch with the uncommitted changes of files that git knows."""
+    author = ("-c", "user.name=sweep", "-c", "user.email=sweep@localhost")
+    return git(root, *author, "stash", "create").strip() or git(root, "rev-parse", "HEAD").strip()
 
 
-def _wait(process: subprocess.Popen, parent: int) -> int:
-    """Return the exit status of `process`; end this process if it was a child of `parent` and that was killed.
+def _prepare(sweep: Sweep, clone: Path) -> None:
+    """Make this process's clone of the sweep's commit, or clean the one that its job before left.
 
-    joblib's processes would otherwise go on. The stages end with this process.
+    It is used again because the fast kernels are compiled, and data is hashed, once in each.
     """
-    child = os.getppid() == parent
-    while True:
-        try:
-            return process.wait(WATCH_S)
-        except subprocess.TimeoutExpired:
-            if child and os.getppid() != parent:
+    if not (clone / ".dvc" / "config.local").is_file():
+        clone.parent.mkdir(parents=True, exist_ok=True)
+        make_clone(sweep.root, sweep.record["commit"], clone, LEFT_OUT)
+        (clone / ".dvc" / "config.local").write_text(CONFIG.format(clone=clone, cache=sweep.cache, root=sweep.root))
+    git(clone, "reset", "--quiet", "--hard")  # parameters, graph and locks of the job before
+
+
+def _run_stages(sweep: Sweep, overrides: Sequence[str], clone: Path, folder: Path) -> None:
+    """Run the stages in a process group of their own; raise InputError with the last line of the log if they fail.
+
+    They end with this process; and this one, if it is a child of the sweep's, as joblib's are, ends with the sweep's.
+    """
+    env = {"PYTHONHASHSEED": "0", "PYTHONUNBUFFERED": "1", "TQDM_DISABLE": "1", "PYTHONPATH": str(clone)}
+    env["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"  # stages are run as `python -m ...`
+    command = ["-m", "pipeline.sweep.stages", *sweep.record["targets"], "--overrides", "workers=1", *overrides]
+    place: dict[str, Any] = {"cwd": clone, "env": environment(env), "start_new_session": True}
+    is_child = os.getppid() == sweep.process
+    with (folder / "log.txt").open("w") as log:
+        process = subprocess.Popen([sys.executable, *command], stdout=log, stderr=log, **place)
+        while process.poll() is None:
+            time.sleep(WATCH_S)
+            if is_child and os.getppid() != sweep.process:
                 os._exit(1)
+    if process.returncode:
+        lines = ["no output", *(folder / "log.txt").read_text(errors="replace").strip().splitlines()]
+        stated = [line for line in lines if line.startswith("error: ")]
+        raise InputError((stated or lines)[-1].removeprefix("error: "))
 
 
 def _mean(results: pd.DataFrame, headline: str | None) -> float:

@@ -1,97 +1,100 @@
-"""Read the command line of a sweep: its jobs, and whether they can run at all."""
+"""The jobs that a sweep's command line asks for: whether they can run at all, and their start by Hydra's launcher."""
 
-import importlib.util
-import socket
+import json
+import math
+import os
+import re
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
-from hydra import compose, initialize_config_dir
+import hydra
+from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
 from hydra.errors import HydraException
-from omegaconf import OmegaConf
+from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from pipeline.audit.setting import setting
 from pipeline.launch import explained
 from pipeline.params import GRAPH, validate
 from pipeline.params import compose as compose_parameters
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.places import CONF
+from pipeline.sweep.job import Sweep, run_job
 
-SUBMITIT = "hydra_plugins.hydra_submitit_launcher", "submitit"
-RAY = "hydra_plugins.hydra_ray_launcher", "ray"
-# launcher or sweeper -> the package that it needs, and the extra of pyproject.toml that brings it
-EXTRAS = {"submitit_local": SUBMITIT, "submitit_slurm": SUBMITIT, "slurm": SUBMITIT, "ray": RAY, "ray_cluster": RAY}
-EXTRAS |= {"optuna": ("hydra_plugins.hydra_optuna_sweeper", "optuna")}
-CONNECT_S = 5.0  # how long a cluster may take to answer
+BARE = re.compile(r"(?!(?:null|true|false|nan|inf)$)[^\W\d][\w./-]*", re.IGNORECASE)  # text that reads as nothing else
+# Hydra writes no files and no lines of its own: jobs do
+QUIET = ["hydra.sweep.subdir=.", "hydra.output_subdir=null"]
+QUIET += [f"hydra/{kind}_logging=disabled" for kind in ("job", "hydra")]
+EXTRAS = "launchers other than basic and joblib, and Optuna, need `make venv-cluster` and .venv-cluster/bin on PATH"
 
 
 @dataclass
 class Plan:
-    """The jobs of a sweep.
+    """The jobs of a sweep."""
 
-    overrides: of Hydra's command line; fixed: overrides of every job; defaults: swept parameter -> its default; jobs:
-    the overrides of each job, None if Optuna chooses them.
-    """
-
-    overrides: list[str]
-    fixed: list[str]
-    defaults: dict[str, Any]
-    jobs: list[list[str]] | None = None
+    overrides: list[str]  # of Hydra's command line
+    fixed: list[str]  # overrides of every job
+    defaults: dict[str, str]  # swept parameter -> its default as text
+    jobs: list[list[str]] | None = None  # the overrides of each; None if Optuna chooses them
 
 
 def make_plan(arguments: Sequence[str], targets: Sequence[str]) -> Plan:
     """Return the plan of Hydra's overrides; raise InputError for one that cannot be run, before any work is done."""
-    for text in arguments:
-        group, _, name = text.partition("=")
-        package, extra = EXTRAS.get(name, ("", "")) if group in ("hydra/launcher", "hydra/sweeper") else ("", "")
-        if package and importlib.util.find_spec(package) is None:
-            how = f"run `make venv-cluster` and put .venv-cluster/bin on PATH, or `pip install '.[{extra}]'`"
-            raise InputError(f"{name} is not installed: {how}; or choose hydra/launcher=basic")
+    parse = OverridesParser.create().parse_overrides
+    if not any(text.startswith("hydra/launcher=") for text in arguments):
+        arguments = ["hydra/launcher=joblib", *arguments]
     try:
-        overrides = _seeds_together(arguments)
-        parsed = OverridesParser.create().parse_overrides(overrides)
-        with initialize_config_dir(str(CONF), version_base="1.3"):
-            single = [_text(override) for override in parsed if not override.is_sweep_override()]
-            whole = compose("config", overrides=single, return_hydra_config=True)
-        hydra = whole.hydra
-        params = OmegaConf.to_container(hydra.sweeper.get("params") or OmegaConf.create({}))
-        preset = OverridesParser.create().parse_overrides([f"{k}={v}" for k, v in params.items()])  # pyright: ignore
+        last = {override.get_key_element(): override for override in parse(list(arguments))}  # of a name, as in Hydra
+        single = [_text(override) for override in last.values() if not override.is_sweep_override()]
+        with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
+            whole = hydra.compose("config", overrides=single, return_hydra_config=True)
+        params = whole.hydra.sweeper.get("params") or {}  # of an experiment
+        preset = parse([f"{name}={value}" for name, value in params.items()])
     except (HydraException, OmegaConfBaseException) as error:
-        raise InputError(explained(error)) from error
-    _need_cluster(hydra.launcher)
-    ours = [override for override in [*preset, *parsed] if not (override.key_or_group or "").startswith("hydra")]
-    given = {override.get_key_element(): override for override in ours}  # the last of a name counts, as in Hydra
-    swept = {key: override for key, override in given.items() if override.is_sweep_override()}
-    fixed = [_text(override) for key, override in given.items() if key not in swept]
-    values = {key: OmegaConf.select(whole, key.lstrip("+")) for key in swept}
-    defaults = {key: OmegaConf.to_container(v) if OmegaConf.is_config(v) else v for key, v in values.items()}
-    if "optuna" in str(hydra.sweeper._target_):
-        if twice := [override.input_line for override in ours if given[override.get_key_element()] is not override]:
-            raise InputError(f"{twice[0]}: the parameter is given twice; Optuna wants it once")
+        hint = f"; {EXTRAS}" if "hydra/" in str(error) else ""
+        raise InputError(explained(error) + hint) from error
+    last = {override.get_key_element(): override for override in preset} | last
+    ours = {key: override for key, override in last.items() if not key.startswith("hydra")}
+    swept = {key: override for key, override in ours.items() if override.is_sweep_override()}
+    fixed = [_text(override) for key, override in ours.items() if key not in swept]
+    launched = [_text(override) for key, override in last.items() if key not in ours] + fixed
+    defaults = {key.lstrip("+"): value_of(whole, key.lstrip("+")) for key in swept}
+    if "optuna" in str(whole.hydra.sweeper._target_):
         validate(compose_parameters(fixed), [*GRAPH, *targets])
-        return Plan(overrides, fixed, defaults)
-    for override in swept.values():
-        if not override.is_discrete_sweep():
-            line = override.input_line
-            raise InputError(f"{line}: only hydra/sweeper=optuna can choose from an interval; list values")
-    axes = {key: [] if key in swept else [_text(override)] for key, override in given.items()}
+        return Plan([*launched, *(str(override.input_line) for override in swept.values())], fixed, defaults)
+    axes = {text: [text] for text in fixed}
     for key, override in swept.items():
-        every = [f"{key}={value}" for value in override.sweep_string_iterator()]
-        spelled = [setting([text]) for text in every]
-        axes[key] = [text for i, text in enumerate(every) if spelled.index(spelled[i]) == i]
-        if len(axes[key]) < len(every):
-            once = f"{key}={','.join(text.removeprefix(f'{key}=') for text in axes[key])}"
-            print(f"{override.input_line}: equal values are one setting; this runs {once}", flush=True)
-            overrides = [*overrides, once]
+        if not override.is_discrete_sweep():
+            raise InputError(f"{override.input_line}: only hydra/sweeper=optuna can choose from an interval")
+        axes[key] = list(dict.fromkeys(f"{key}={canonical(value)}" for value in override.sweep_iterator()))
+        launched.append(f"{key}={','.join(text.partition('=')[2] for text in axes[key])}")
     for key in swept or list(axes)[:1]:  # each value once, with the first value of every other parameter
         others = [axis[0] for name, axis in axes.items() if name != key]
         for value in axes[key]:
             validate(compose_parameters([*others, value]), [*GRAPH, *targets])
-    return Plan(overrides, fixed, defaults, [list(job) for job in product(*axes.values())])
+    return Plan(launched, fixed, defaults, [list(job) for job in product(*axes.values())])
+
+
+def canonical(value: Any) -> str:
+    """Return a parameter's value as Hydra reads it; 100, 100.0 and 1e2 have the same text, but not true, 1 and "1"."""
+    value = getattr(value, "text", value)  # of Hydra's QuotedString
+    if isinstance(value, dict):
+        return f"{{{','.join(f'{key}:{canonical(part)}' for key, part in sorted(value.items()))}}}"
+    if isinstance(value, list):
+        return f"[{','.join(map(canonical, value))}]"
+    if isinstance(value, float) and value.is_integer():
+        return str(int(value))
+    return value if isinstance(value, str) and BARE.fullmatch(value) else json.dumps(value, ensure_ascii=False)
+
+
+def value_of(cfg: DictConfig, name: str) -> str:
+    """Return a parameter's value as text, the same for all spellings of it; `null` for one that is not there."""
+    value = OmegaConf.select(cfg, name)
+    return canonical(OmegaConf.to_container(value) if OmegaConf.is_config(value) else value)
 
 
 def _text(override: Override) -> str:
@@ -99,30 +102,29 @@ def _text(override: Override) -> str:
     return f"{override.get_key_element()}={override.get_value_element_as_str()}"
 
 
-def _seeds_together(overrides: Sequence[str]) -> list[str]:
-    """Return overrides with a sweep over `seed` as one list of seeds, since every job fits all of its seeds."""
-    kept = list(overrides)
-    for i, text in enumerate(overrides):
-        if text.startswith("seed="):
-            override = OverridesParser.create().parse_override(text)
-            if not override.is_sweep_override():
-                raise InputError(f"{text}: a job fits several training sets: name all of them, as seed=0,1,2")
-            name = "validation_seeds" if "protocol=validation" in overrides else "seeds"
-            kept[i] = f"{name}=[{','.join(override.sweep_string_iterator())}]"
-            print(f"{text}: every job fits all of them ({kept[i]})", flush=True)
-    return kept
+def launch(sweep: Sweep, plan: Plan) -> None:
+    """Run the jobs of a plan; raise InputError if Hydra refuses the command line, or its launcher fails."""
 
+    def task(_) -> float:
+        value = run_job(sweep, [text for text in HydraConfig.get().overrides.task if not text.startswith("hydra")])
+        if plan.jobs is None and math.isnan(value):
+            raise InputError("the job failed")  # a sweeper that is told NaN ends
+        return value
 
-def _need_cluster(launcher) -> None:
-    """Raise InputError if the launcher's Ray cluster does not answer."""
-    address = OmegaConf.select(launcher, "ray.init.address")
-    if address in (None, "auto", "local"):
-        return
-    host, _, port = str(address).removeprefix("ray://").rpartition(":")
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # errors are reported by us
+    paths = [str(sweep.root), *filter(None, [os.environ.get("PYTHONPATH")])]
+    os.environ["PYTHONPATH"] = os.pathsep.join(paths)  # processes that launchers start import the same code
+    chosen = ["hydra.sweeper.max_failure_rate=1"] if plan.jobs is None else []  # a failed job takes no other along
+    ray = ["hydra.launcher.ray.init.address=local"] if "hydra/launcher=ray" in plan.overrides else []  # one of its own
+    quoted = str(sweep.folder).replace("'", "\\'")
+    folder = ["hydra.job.name=sweep", f"hydra.sweep.dir='{quoted}'"]
+    sys.argv[1:] = ["--multirun", *folder, *QUIET, *chosen, *ray, *plan.overrides]
     try:
-        socket.create_connection((host, int(port)), timeout=CONNECT_S).close()
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"the Ray cluster at {address} does not answer ({error}): start it with `ray start --head --port={port}`, "
-            "or correct hydra.launcher.ray.init.address"
-        ) from error
+        hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(task)()
+    except HydraException as error:
+        raise InputError(explained(error)) from error
+    except Exception as error:  # such as a Ray that does not start; jobs' own failures are in their job.json
+        if plan.jobs is None and "No trials are completed" in str(error):
+            return  # all jobs failed, and the summary says why
+        why = f"{type(error).__name__}: {error}"
+        raise InputError(f"the launcher failed ({why}): `--resume {sweep.folder}` runs what is missing") from error

@@ -1,6 +1,6 @@
 """The headlines of one job, a row a training set, read from what its target stages wrote."""
 
-from collections.abc import Sequence
+from collections.abc import Collection
 from pathlib import Path
 
 import pandas as pd
@@ -8,72 +8,49 @@ from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_table
 
-COLUMNS = ["headline", "seed", "value"]
-DETOUR = "constant_detour"  # image-blind repair
 LOWER_IS_BETTER = ("effect_error.", "unsafe")
 
 
-def headlines(cfg: DictConfig, folder: Path, targets: Sequence[str]) -> pd.DataFrame:
+def headlines(cfg: DictConfig, folder: Path, targets: Collection[str]) -> pd.DataFrame:
     """Return (headline, seed, value) of the stages evaluate, repair and intervene, and of studies.
 
     Means are over the users of `evaluate.users`. A study gives the floating-point columns of each of its tables that
     has a row a seed. Stages without results by seed give none.
     """
-    readers = {"evaluate": _accuracy, "repair": _repair, "intervene": _effect_error}
-    parts = [pd.DataFrame(columns=COLUMNS)]
-    for target in targets:
-        if target in readers:
-            parts.append(readers[target](cfg, folder))
-        elif (folder / cfg.paths.studies / target).is_dir():
-            parts += _study(cfg, folder / cfg.paths.studies / target)
-    table = pd.concat([part for part in parts if len(part)] or parts, ignore_index=True)
+
+    def judged(path: Path) -> pd.DataFrame:
+        table = read_table(folder / path)
+        return table[table["user"].isin(list(cfg.evaluate.users))] if "user" in table else table
+
+    parts: list[tuple[str, pd.DataFrame, list[str], str]] = []  # headline, table, columns that name rows, its numbers
+    if "evaluate" in targets:
+        scores = judged(Path(cfg.paths.evaluate) / "accuracy.parquet")
+        parts.append(("accuracy", scores[scores["n_demos"] == cfg.main_n_demos], ["variant", "split"], "accuracy"))
+        if cfg.main_n_demos != 1:
+            one = scores.query("n_demos == 1 and split == 'new_items'")
+            parts.append(("accuracy_one_demo", one, ["variant", "split"], "accuracy"))
+    if "repair" in targets:
+        rows = judged(Path(cfg.paths.repair) / "repairs.parquet").query("method == 'gradient'")
+        parts.append(("repair", rows, ["variant", "user"], "valid_end"))
+    if "intervene" in targets:  # each seed's largest error of an estimated effect, over questions and users
+        groups = judged(Path(cfg.paths.intervene) / "effects.parquet").groupby(
+            ["variant", "question", "user", "seed"], sort=False, observed=True
+        )
+        means = groups[["effect", "true_effect"]].mean().reset_index()
+        means["error"] = (means["effect"] - means["true_effect"]).abs()
+        worst = means.groupby(["variant", "seed"], sort=False, observed=True)["error"].max().reset_index()
+        parts.append(("effect_error", worst, ["variant"], "error"))
+    for study in targets:
+        written = folder / cfg.paths.studies / study
+        for table in map(judged, sorted([*written.glob("*.parquet"), *written.glob("*.csv")])):
+            if "seed" in table and len(table):
+                values = [c for c in table.select_dtypes("float").columns if c != "seed" and table[c].notna().any()]
+                keys = [c for c in table.columns if c not in (*values, "seed", "user") and table[c].nunique() > 1]
+                parts += [(value, table, keys, value) for value in values]
+    made = [pd.DataFrame({"headline": [], "seed": [], "value": []})]
+    for name, table, keys, value in parts:
+        means = table.groupby([*keys, "seed"], sort=False, observed=True)[value].mean().reset_index()
+        names = [".".join([name, *map(str, key)]) for key in means[keys].to_numpy()]
+        made.append(pd.DataFrame({"headline": names, "seed": means["seed"], "value": means[value]}))
+    table = pd.concat([part for part in made if len(part)] or made, ignore_index=True)
     return table.astype({"headline": str, "seed": int, "value": float})
-
-
-def _mean(table: pd.DataFrame, name: str, keys: list[str], value: str) -> pd.DataFrame:
-    """Return the mean of a column for each seed and combination of `keys`, named name.key.key."""
-    means = table.groupby([*keys, "seed"], sort=False, observed=True)[value].mean().reset_index()
-    names = means[keys].astype(str).agg(".".join, axis=1) if keys else ""
-    return pd.DataFrame({"headline": f"{name}." + names, "seed": means["seed"], "value": means[value]})
-
-
-def _accuracy(cfg: DictConfig, folder: Path) -> pd.DataFrame:
-    scores = read_table(folder / cfg.paths.evaluate / "accuracy.parquet")
-    scores = scores[scores["user"].isin(list(cfg.evaluate.users))]
-    main = scores[scores["n_demos"] == cfg.main_n_demos]
-    parts = [_mean(main, "accuracy", ["variant", "split"], "accuracy")]
-    one = scores.query("n_demos == 1 and split == 'new_items'")
-    if len(one) and cfg.main_n_demos != 1:
-        parts.append(_mean(one, "accuracy_one_demo", ["variant", "split"], "accuracy"))
-    return pd.concat(parts)
-
-
-def _repair(cfg: DictConfig, folder: Path) -> pd.DataFrame:
-    rows = read_table(folder / cfg.paths.repair / "repairs.parquet")
-    rows = rows[rows["method"].isin(["gradient", DETOUR]) & rows["user"].isin(list(cfg.evaluate.users))]
-    rows = rows.assign(variant=rows["variant"].astype(object).where(rows["method"] == "gradient", DETOUR))
-    return _mean(rows, "repair", ["variant", "user"], "valid_end")
-
-
-def _effect_error(cfg: DictConfig, folder: Path) -> pd.DataFrame:
-    """Return each seed's largest error of an estimated effect, over questions and users."""
-    rows = read_table(folder / cfg.paths.intervene / "effects.parquet")
-    rows = rows[rows["user"].isin(list(cfg.evaluate.users))]
-    keys = ["variant", "question", "user", "seed"]
-    effects = rows.groupby(keys, sort=False, observed=True)[["effect", "true_effect"]].mean()
-    errors = (effects["effect"] - effects["true_effect"]).abs().rename("error").reset_index()
-    worst = errors.groupby(["variant", "seed"], sort=False, observed=True)["error"].max().reset_index()
-    return _mean(worst, "effect_error", ["variant"], "error")
-
-
-def _study(cfg: DictConfig, folder: Path) -> list[pd.DataFrame]:
-    parts = []
-    for path in sorted([*folder.glob("*.parquet"), *folder.glob("*.csv")]):
-        table = read_table(path)
-        if "seed" in table and len(table):
-            if "user" in table:
-                table = table[table["user"].isin(list(cfg.evaluate.users))]
-            values = [c for c in table.select_dtypes("float").columns if c != "seed" and table[c].notna().any()]
-            keys = [c for c in table.columns if c not in (*values, "seed", "user") and table[c].nunique() > 1]
-            parts += [_mean(table, value, keys, value) for value in values]
-    return parts

@@ -1,4 +1,4 @@
-"""Simulate hand trajectories across the table, and check recorded ones.
+"""Simulate hand trajectories across the table, and judge them.
 
 A trajectory is an array (sample, 4) of t [s], x, y, z [m]. The height z carries no information, since all
 demonstrations are made in a plane above the table (paper, Section "Dataset").
@@ -12,15 +12,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
 
-from pipeline.runtime.errors import InputError
-from pipeline.world.bezier import P_F, P_INIT, curve
+from pipeline.world.bezier import curve
 from pipeline.world.layout import Layouts
 from pipeline.world.rules import Margins, line_clearance, slack
 
 ARC_POINTS = 513  # points on the intended path for measuring its arc length
-
-MIN_DURATION_S, MAX_DURATION_S = 0.2, 60.0  # allowed duration of one movement across the table
-MAX_BEYOND_M = 0.5  # largest distance of the hand beyond the table's edge
 
 
 @dataclass(frozen=True)
@@ -89,45 +85,6 @@ def _drift(
     weight = size_m * rng.standard_normal((3, axes)) / k[:, None]
     phase = 0.0 if tied else rng.uniform(0, 2 * np.pi, 3)
     return np.sin(np.pi * k * tau[:, None] + phase) @ weight
-
-
-def check(trajectory: Array, name: str, ends_within_m: float) -> None:
-    """Raise InputError, which names the trajectory, unless the fit can use it.
-
-    A trajectory needs at least 3 samples of finite numbers t [s], x, y, z [m], shape (sample, 4). Time increases and
-    spans MIN_DURATION_S to MAX_DURATION_S. The first and last point lie within `ends_within_m` [m] of p_init and p_f,
-    because the fitted path starts and ends there. Every point lies within MAX_BEYOND_M of the table.
-    """
-
-    def need(holds: bool, got: str, expected: str) -> None:
-        if not holds:
-            raise InputError(f"trajectory {name}: {got}; expected {expected}; correct it or leave it out")
-
-    shape, kind = np.shape(trajectory), np.asarray(trajectory).dtype.kind
-    need(kind in "fiu", f"holds values of type {np.asarray(trajectory).dtype}", "numbers")
-    need(len(shape) == 2 and shape[1] == 4, f"has shape {shape}", "(samples, 4): t [s], x, y, z [m]")
-    need(shape[0] >= 3, f"has {shape[0]} samples", "at least 3")
-    odd = np.argwhere(~np.isfinite(trajectory))
-    if len(odd):
-        row, column = odd[0]
-        need(False, f"sample {row} has {'txyz'[column]} = {trajectory[row, column]}", "finite numbers")
-    late = np.flatnonzero(np.diff(trajectory[:, 0]) <= 0)
-    if len(late):
-        t0, t1 = trajectory[late[0] : late[0] + 2, 0]
-        times = "increasing times, and one trajectory for each (seed, user, scene, demo)"
-        need(False, f"time goes from {t0:g} to {t1:g} s at sample {late[0] + 1}", times)
-    lasts = float(trajectory[-1, 0] - trajectory[0, 0])
-    seconds = f"{MIN_DURATION_S:g} to {MAX_DURATION_S:g} s; times are in seconds"
-    need(MIN_DURATION_S <= lasts <= MAX_DURATION_S, f"takes {lasts:g} s", seconds)
-    for which, point, end in (("starts", trajectory[0, 1:3], P_INIT), ("ends", trajectory[-1, 1:3], P_F)):
-        away = float(np.linalg.norm(point - end))
-        place = f"within {ends_within_m:g} m of ({end[0]:g}, {end[1]:g}) m; positions are in metres"
-        need(away <= ends_within_m, f"{which} {away:.3g} m away from the task's end", place)
-    beyond = np.maximum(-trajectory[:, 1:3], trajectory[:, 1:3] - 1).max(1)
-    worst = int(beyond.argmax())
-    place = f"all of it at most {MAX_BEYOND_M:g} m beyond the table, 0 to 1 m in x and y; positions are in metres"
-    x, y = trajectory[worst, 1:3]
-    need(bool(beyond[worst] <= MAX_BEYOND_M), f"is at ({x:g}, {y:g}) m at sample {worst}", place)
 
 
 def join(trajectories: Sequence[Float[Array, "_ 4"]]) -> tuple[Float[Array, "total 4"], Int[Array, " bound"]]:

@@ -6,11 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.artifacts.demos import DEMO_COLUMNS, demo_arrays, read_demos, write_demos
 from pipeline.artifacts.files import write_arrays, write_table
 from pipeline.artifacts.scenes import SceneSet, layout_table, read_interventions, read_scenes, write_scenes
 from pipeline.runtime.errors import InputError
-from pipeline.world.layout import SYMBOLS, Layouts, add_item, empty, random_layouts
+from pipeline.world.layout import SYMBOLS, add_item, random_layouts
 from tests.factories import ITEMS, RULES, appearances
 
 SCENES = 3
@@ -55,23 +54,3 @@ def test_layouts_and_images_come_back_and_what_was_added_stands_by_itself(writte
         at = np.arange(SCENES), wrote.present.sum(1) - 1
         np.testing.assert_array_equal(added.item[symbol], wrote.item[at])
         np.testing.assert_array_equal(alone.centre[:, 0], wrote.centre[at])
-
-
-@pytest.mark.parametrize(
-    "scenes", [random_layouts(np.random.default_rng(1), SCENES, ITEMS, np.arange(4), RULES), BARE[:2], empty(SCENES, 2)]
-)
-def test_items_added_to_other_scenes_are_refused(written: Path, scenes: Layouts):
-    with pytest.raises(InputError, match="not these scenes with an added bowl in each"):
-        read_interventions(written, scenes)
-
-
-def test_a_z_theta_that_is_not_finite_and_too_few_demonstrations_are_refused(tmp_path: Path):
-    keys = [(0, user, scene, demo) for user in ("careful", "normal") for scene in range(3) for demo in range(4)]
-    demos = pd.DataFrame(keys, columns=["seed", "user", "scene", "demo"]).reindex(columns=DEMO_COLUMNS, fill_value=0.5)
-    for seed, user, n in ((0, "careful", 5), (1, "careful", 2), (0, "hasty", 2)):
-        with pytest.raises(InputError, match=f"user {user}, seed {seed}: expected {n}"):
-            demo_arrays(demos, seed, user, n)
-    demos.loc[3, "z_x"] = np.nan
-    write_demos(tmp_path, demos, np.zeros((0, 4)), np.zeros(len(demos) + 1, dtype=int))
-    with pytest.raises(InputError, match="not finite"):
-        read_demos(tmp_path)

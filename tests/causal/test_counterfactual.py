@@ -74,21 +74,3 @@ def test_models_that_know_the_truth_are_never_wrong(
         assert row[name] == 1, name
     assert row["rejected"] == (truth.factual == 0).sum() and row["empty_rejected"] == 0
     assert 1 / 3 <= row["baseline_random_item"] < row["baseline_nearest_item"] <= 1
-
-
-def test_scores_agree_with_a_count_by_hand():
-    """One path in each of two scenes of two items: the first item is the cause in the first, both in the second."""
-    one, none = np.ones((2, 1)), np.zeros((2, 1))
-    truth = Removals(none, one, np.array([[[1.0, 0.0]], [[0.0, 0.0]]]), np.array([[[0.0, 1.0]], [[0.0, 0.0]]]))
-    model = Removals(
-        0.2 + none[None],
-        0.9 + none[None],
-        np.array([[[[0.6, 0.3]], [[0.4, 0.2]]]]),
-        np.array([[[[0.3, 0.6]], [[0.18, 0.18]]]]),
-    )
-    np.testing.assert_allclose(model.necessity[0, :, 0], [[0.5, 0.125], [0.25, 0]])
-    np.testing.assert_allclose(model.sufficiency[0, :, 0], [[2 / 3, 1 / 3], [0.8, 0.8]])
-    row = score_attributions(model, truth, {})
-    assert (row["rejected"], row["single"], row["recall"]) == (2, 0.5, 1)
-    assert (row["right"], row["overdetermined_right"], row["empty_rejected"]) == (1, 1, 0)
-    assert np.isnan(row["ci_low"]), "two pairs of seed and scene are too few for an interval"

@@ -1,13 +1,12 @@
 """A radius is the clearance at which half of the effect is gone; its interval covers it as often as promised."""
 
 import numpy as np
-import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from pipeline.causal.envelope import dose_grid, envelopes, radius
+from pipeline.causal.envelope import dose_grid, radius
 from pipeline.stats.crossed import by_item
 
 STEP, DOSES = 0.005, 20
@@ -69,26 +68,3 @@ def test_intervals_over_items_cover_differing_items_and_those_over_scenes_do_not
             over_scenes.append(covers_margin(response))
     assert 0.92 <= np.mean(over_items) <= 0.985  # 0.95, and nearly three of its own errors either way
     assert np.mean(over_scenes) < 0.8
-
-
-def test_scenes_without_a_dose_and_items_without_a_path_in_contact_do_not_count():
-    response = responses(rng(3), 0.002, 0.01)
-    spoilt = np.concatenate([response, np.full((10, 5, DOSES), np.nan)], axis=1)
-    assert radius(spoilt, GRID) == radius(response, GRID)
-    item = np.tile(np.arange(30) % 6, (1, 1))
-    response = rng(5).normal(0, 0.01, (1, 10, 30, DOSES)) + 0.9 * steps(MARGIN)[0, 0]
-    rest, spoilt = item[0] != 2, response.copy()
-    spoilt[:, :, ~rest] = np.nan
-    expected = envelopes(response[:, :, rest], item[:, rest], [6], [MARGIN], GRID)
-    pd.testing.assert_frame_equal(envelopes(spoilt, item, [6], [MARGIN], GRID), expected)
-
-
-def test_an_envelope_needs_a_positive_effect_at_contact():
-    noise = rng(4).normal(0, 0.01, (4, 10, 30, DOSES))
-    heights = np.array([0.9, 0.02, -0.9, 0.9])[:, None, None, None]
-    item, margins = np.tile(np.arange(30) % 6, (4, 1)), [MARGIN, None, MARGIN, None]
-    table = envelopes(noise + heights * steps(MARGIN)[0, 0], item, [6] * 4, margins, GRID)
-    assert list(table["verdict"]) == ["effect", "negligible", "effect", "effect"]
-    assert list(table["radius_m"].notna()) == [True, False, False, True]
-    assert list(table["right"]) == [True, True, False, False]
-    assert table["covered"][0] and table["covered"][1:].isna().all()

@@ -81,11 +81,3 @@ def test_the_world_answers_by_its_rules(cfg, world, noise):
     for user, answers in zip(USERS, as_it_is, strict=True):
         np.testing.assert_array_equal(answers, valid(noise["O"], noise["Z_theta"], cfg.users[user]).mean(-1))
     assert (empty == 1).all() and (as_it_is[0] < 1).any() and (as_it_is[1] == 1).all()
-
-
-def test_units_of_several_users_are_each_judged_by_their_own(scm, noise):
-    asked = np.array(["careful", "aggressive", "careful", "careful", "aggressive"])
-    together = scm.do(S=asked).expectation("V", noise)
-    for user in USERS:
-        alone = scm.do(S=user).expectation("V", noise)
-        np.testing.assert_array_equal(together[asked == user], alone[asked == user])

@@ -50,14 +50,6 @@ def test_every_file_of_conf_questions_is_a_question_that_can_be_asked(scenes: Sc
     assert {OmegaConf.load(path).kind for path in FILES} == set(KINDS)
 
 
-def test_an_item_is_removed_where_there_is_one(scenes: Scenes):
-    layouts, asked = ask(scenes, kind="remove", symbol="glass")
-    glasses = (scenes.layouts.symbol == GLASS).sum(1)
-    np.testing.assert_array_equal(asked, glasses > 0)
-    np.testing.assert_array_equal((layouts.symbol == GLASS).sum(1), np.maximum(glasses - 1, 0))
-    assert differing(scenes.layouts, layouts).sum() == asked.sum()
-
-
 def test_one_item_is_moved_by_the_distance_and_no_other_item(scenes: Scenes):
     layouts, asked = ask(scenes, kind="move", symbol="glass", distance=0.07)
     scene, slot = np.nonzero(differing(scenes.layouts, layouts))

@@ -33,13 +33,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
     return folder
 
 
-def test_the_fitted_control_points_are_those_that_were_drawn(folder: Folder):
-    demos = folder.demos
-    expected = {str(i): bend for i, bend in enumerate((0.9, 0.6, 0.4, 0.2))}
-    np.testing.assert_allclose(demos["z_x"], demos["demo"].map(expected), atol=1e-3)
-    assert not demos["needs_more"].any() and demos["residual_m"].max() < 1e-3
-
-
 def test_scenes_with_fewer_demonstrations_repeat_them_and_only_real_ones_are_scored(folder: Folder):
     some = folder.demos.drop(folder.demos.query("scene == 'tea' and user == 'Ana'").index[1:3])
     data = UserData.of("Ana", replace(folder, demos=some))
@@ -128,15 +121,6 @@ def test_any_start_and_goal_become_the_models(side: float, start: tuple, goal: t
     np.testing.assert_allclose(frame.to_table(frame.to_model(points)), points)
     distances = [np.linalg.norm(np.diff(p, axis=0), axis=1) for p in (points, frame.to_model(points))]
     np.testing.assert_allclose(distances[1], frame.scale * distances[0])
-
-
-def test_beyond_the_tables_edge_the_rim_goes_on_without_its_objects():
-    frame = Frame.between(
-        1.0, np.array([0.1, 0.05]), np.array([0.9, 0.05])
-    )  # half of the model's view lies off the table
-    image = frame.image(rectify(draw_table((0.5, 0.05, 0.04, RED)), None)).astype(int)
-    red = (image[..., 0] - image[..., 1] > 60).mean()
-    assert red == pytest.approx(np.pi * 0.04**2 * frame.scale**2, rel=0.3)
 
 
 def test_the_pattern_of_the_empty_table_is_divided_out():

@@ -8,7 +8,6 @@ from pipeline.models.base import to_tensor
 from pipeline.perception.objects import (
     FEATURES,
     MAX_OBJECTS,
-    MIN_ITEM_PX,
     OUTLINE,
     SUPERSAMPLING,
     Objects,
@@ -100,22 +99,11 @@ def areas(found: Maps) -> list[float]:
     return [outline.mask.sum() / SUPERSAMPLING**2 for outline in find_outlines(found)]
 
 
-@pytest.mark.parametrize("radius", [3.0, 4.3, 8.7])
-def test_a_disc_keeps_its_area_to_a_fraction_of_a_pixel(radius: float):
-    assert areas(maps(disc(40.3, 60.8, radius))) == [pytest.approx(np.pi * radius**2, rel=0.03)]
-
-
 def test_discs_that_touch_are_cut_where_the_segmenter_says():
     left, right = disc(40, 50, 6), disc(51, 50, 5)
     gap = disc(46, 50, 2.5)
     assert len(areas(maps(left, right))) == 1
     assert areas(maps(left, right, between=gap)) == [pytest.approx(np.pi * r**2, rel=0.1) for r in (6, 5)]
-
-
-def test_a_ring_is_a_filled_item_and_a_speck_is_none():
-    ring = disc(50, 50, 7) - disc(50, 50, 4)
-    assert areas(maps(ring)) == [pytest.approx(np.pi * 49, rel=0.03)]
-    assert areas(maps(disc(50, 50, 0.9 * np.sqrt(MIN_ITEM_PX / np.pi)))) == []
 
 
 def test_unsure_outlines_raise_doubt_by_their_share_and_not_by_the_number_of_items():

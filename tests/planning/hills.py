@@ -18,17 +18,3 @@ class Hill(ValidityModel):
 
     def logit(self, percept: Tensor, z_theta: Tensor) -> Tensor:
         return 4 - 16 * ((z_theta - self.peak) ** 2).sum(-1)
-
-
-class Flat(Hill):
-    """Log-odds that do not depend on the path."""
-
-    def logit(self, percept: Tensor, z_theta: Tensor) -> Tensor:
-        return torch.full(z_theta.shape[:-1], -1.0)
-
-
-class Slope(Hill):
-    """Log-odds that grow with x for ever."""
-
-    def logit(self, percept: Tensor, z_theta: Tensor) -> Tensor:
-        return z_theta[..., 0] * 10

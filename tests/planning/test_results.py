@@ -3,7 +3,6 @@
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.stats import t as student
 
 from pipeline.planning.results import Starts, measures, rows
 from pipeline.world.bezier import random_z_theta
@@ -40,21 +39,6 @@ def measured(valid: np.ndarray, accepted: np.ndarray | bool | None = True, **col
     }  # fmt: skip
     (row,) = measures(pd.DataFrame(table | columns)).iloc  # type: ignore[arg-type]
     return row
-
-
-def test_displacements_are_compared_over_all_starts_together():
-    row = measured(np.array([[True]]), displacement_m=[1.0, 3.0], oracle_displacement_m=[1.0, 1.5])
-    assert row["displacement_ratio"] == pytest.approx(1.6)  # the mean of 1 and 2 would be 1.5
-
-
-def test_a_rate_that_differs_by_scene_alone_has_the_interval_of_the_scenes():
-    """Seeds that agree add nothing: the interval is Student's over scenes."""
-    valid = np.broadcast_to([True, True, True, False, True, False], (4, 6))
-    row, shares = measured(valid), valid[0].astype(float)
-    half = student.ppf(0.975, 5) * shares.std(ddof=1) / np.sqrt(6)
-    expected = [shares.mean() - half, min(shares.mean() + half, 1.0)]
-    assert [row["success_ci_low"], row["success_ci_high"]] == pytest.approx(expected)
-    assert row["success"] == row["success_q1"] == row["success_q3"] == pytest.approx(4 / 6)
 
 
 def test_unsafe_repairs_are_accepted_though_invalid_and_baselines_do_not_accept():

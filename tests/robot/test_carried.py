@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from pipeline.robot.arm import Arm
-from pipeline.robot.carried import Part, clearances, gripper_of, simulate
-from pipeline.world.layout import SYMBOLS, Layouts, empty
+from pipeline.robot.carried import Part, clearances, simulate
+from pipeline.world.layout import SYMBOLS, empty
 
 SIDE_M, GRIP_M = 0.6, 0.155
 HEIGHTS = {"bowl": 0.06, "plate": 0.02, "cutlery": 0.01, "glass": 0.12}
@@ -14,13 +13,6 @@ SHAKER = Part(0.0, 0.0, 0.02, 0.14, 0.02)  # its lower edge is 1.5 cm above the 
 X = np.linspace(0.1, 0.9, 50) * SIDE_M
 GRIP = np.stack([X, np.full(50, SIDE_M / 2), np.full(50, GRIP_M)], -1)  # straight across the middle of the table
 HEADING = np.zeros(50)
-
-
-def one_item(symbol: str, y: float, radius: float = 0.05, half_length: float = 0.0) -> Layouts:
-    layouts = empty(1, 2)
-    layouts.symbol[0, 0], layouts.centre[0, 0], layouts.radius[0, 0] = SYMBOLS.index(symbol), (0.5, y), radius
-    layouts.half_length[0, 0] = half_length
-    return layouts
 
 
 @pytest.mark.parametrize(
@@ -33,26 +25,10 @@ def one_item(symbol: str, y: float, radius: float = 0.05, half_length: float = 0
         ("glass", 0.5, -0.6 * 0.05 - 0.02),  # through a tall one: negative
     ],
 )
-def test_a_clearance_is_the_distance_in_the_plane_or_above_and_physics_touches_what_has_none(
-    symbol: str, y: float, expected: float
-):
-    layouts = one_item(symbol, y)
+def test_a_clearance_is_a_distance_aside_or_above_and_physics_touches_what_has_none(symbol, y: float, expected: float):
+    layouts = empty(1, 2)
+    layouts.symbol[0, 0], layouts.centre[0, 0], layouts.radius[0, 0] = SYMBOLS.index(symbol), (0.5, y), 0.05
     least = clearances(SHAKER, GRIP[None], HEADING[None], layouts, SIDE_M, HEIGHTS)
     assert least[0, 0] == pytest.approx(expected, abs=6e-3) and np.isinf(least[0, 1])
     touched, _ = simulate(layouts, 0, SIDE_M, HEIGHTS, MASSES, [SHAKER], GRIP, HEADING, 2.0)
     assert touched.tolist() == [least[0, 0] < 0, False]
-
-
-def test_the_gripper_passes_over_every_item_and_surrounds_the_grip(pr2: Arm):
-    gripper = gripper_of(pr2)
-    assert gripper.back_m < 0 and 0.02 < gripper.radius_m < 0.1
-    assert GRIP_M - gripper.bottom_m > SIDE_M * max(HEIGHTS.values())
-
-
-def test_a_tall_thin_item_falls_and_a_long_one_is_pushed():
-    low, thin = Part(0.0, 0.0, 0.02, 0.0, 0.02), one_item("glass", 0.5, 0.015)
-    _, tilted = simulate(thin, 0, SIDE_M, HEIGHTS | {"glass": 0.3}, MASSES, [low], GRIP, HEADING, 2.0)
-    assert tilted[0] > 0.5 and tilted[1] == 0
-    long = one_item("bowl", 0.5, 0.03, 0.05)
-    touched, tilted = simulate(long, 0, SIDE_M, HEIGHTS, MASSES, [SHAKER], GRIP, HEADING, 2.0)
-    assert touched[0] and tilted[0] < 0.1

@@ -70,11 +70,11 @@ def select(client: ViewerClient, tab: int, timeline: str, step: int) -> None:
     client.set_time(timeline, sequence=step, play_state="paused")
 
 
-def settled(client: ViewerClient, view: str | None = None) -> UInt8[Array, "y x 3"]:
-    """Return the window, or one view (by id), as RGB once it is stable; TimeoutError if it never is."""
+def settled(client: ViewerClient) -> UInt8[Array, "y x 3"]:
+    """Return the window as RGB once it is stable; TimeoutError if it never is."""
     before, end = None, time.monotonic() + SETTLE_S
     while time.monotonic() < end:
-        png = np.frombuffer(client.take_screenshot(view), np.uint8)
+        png = np.frombuffer(client.take_screenshot(), np.uint8)
         now = np.asarray(cv2.imdecode(png, cv2.IMREAD_COLOR_RGB))
         if before is not None and np.array_equal(now, before):
             return now

@@ -8,20 +8,17 @@ import pandas as pd
 import pytest
 from omegaconf import DictConfig, OmegaConf
 
-from pipeline.artifacts.demos import Queries, demo_arrays, read_demos, read_queries, write_queries
-from pipeline.artifacts.files import read_json, read_table, write_arrays, write_table
+from pipeline.artifacts.demos import Queries, write_queries
+from pipeline.artifacts.files import read_table, write_arrays, write_table
 from pipeline.artifacts.models import model_dir
-from pipeline.artifacts.scenes import read_position_prior
-from pipeline.models import baselines
 from pipeline.runtime.errors import InputError
 from pipeline.stages.evaluate import main
-from pipeline.stats.scores import accuracy
 from pipeline.world.bezier import random_z_theta
 from tests.factories import composed, random_demos, write_table_of_demos
 
 pytestmark = pytest.mark.slow
 
-SCENES, QUERIES = 3, 8
+SCENES, QUERIES = 3, 4
 
 
 @pytest.fixture(scope="module")
@@ -79,25 +76,9 @@ def test_a_right_model_scores_one_and_a_wrong_one_zero(cfg: DictConfig, out: Pat
     wrong = row(out, "scores", variant="ae", split="seen_scenes")
     assert (wrong["ece"], wrong["brier"], wrong["auroc"]) == (1, 1, 0) and abs(wrong["bias"]) < 1
     assert row(out, "scores", variant="classifier", split="seen_scenes")["brier"] == 0.25
-    metrics = read_json(out / "metrics.json")
-    assert metrics["accuracy"]["full"] == {"seen_scenes": 1, "new_items": 1}
-    assert set(metrics["accuracy"]) == {*cfg.variants, "position_only"}
-    assert all(set(of) == {"new_items"} for name, of in metrics["accuracy"].items() if name != "full")
-    assert set(metrics["accuracy_one_demo"]) == {"full", "clearance"} & set(cfg.variants)
 
 
-def test_baselines_know_the_n_demonstrations_that_were_given_or_the_users_own_prior(cfg: DictConfig, out: Path):
-    scores, prior = read_table(out / "accuracy.parquet"), read_position_prior(Path(cfg.paths.scenes))
-    demos, queries = read_demos(Path(cfg.paths.demos)), read_queries(Path(cfg.paths.demos))
-    for scored in scores.query("variant in ['nearest_demonstration', 'position_only']").itertuples():
-        asked = queries[cfg.protocol.splits[scored.split] or f"train-s{scored.seed}"]
-        p = baselines.position_only(prior[scored.user], asked.z)
-        if scored.variant == "nearest_demonstration":
-            p = baselines.nearest_demonstration(*demo_arrays(demos, scored.seed, scored.user, scored.n_demos), asked.z)
-        assert scored.accuracy == accuracy(p.ravel(), asked.valid[scored.user].ravel())
-
-
-def test_the_tests_are_those_fixed_in_advance_corrected_family_by_family(cfg: DictConfig, out: Path, tmp_path: Path):
+def test_the_tests_are_those_fixed_in_advance_corrected_for_their_number(out: Path):
     table = read_table(out / "comparisons.csv")
     assert dict(table.groupby("family").size()) == {"paper": 18, "few": 6, "clearance": 9}
     assert not table.duplicated(["variant", "against", "split", "n_demos"]).any()
@@ -105,36 +86,12 @@ def test_the_tests_are_those_fixed_in_advance_corrected_family_by_family(cfg: Di
     assert not table["significant"].any()  # two seeds cannot show anything
     compared = table.query("against == 'ae' and split == 'new_items'").iloc[0]
     assert compared["difference"] == 1 and compared["p"] == 0.5
-    paper = cfg.copy()
-    paper.evaluate.comparisons = [group for group in cfg.evaluate.comparisons if group.family == "paper"]
-    main(paper, tmp_path)
-    alone = read_table(tmp_path / "comparisons.csv")
-    pd.testing.assert_frame_equal(table.query("family == 'paper'").reset_index(drop=True), alone, check_dtype=False)
 
 
-def test_a_variant_fitted_at_fewer_numbers_of_demonstrations_is_judged_and_compared_at_these(cfg: DictConfig, tmp_path):
-    fewer = cfg.copy()
-    fewer.variants.ae.n_demos = [9]
-    main(fewer, tmp_path / "fewer")
-    accuracy, comparisons = (read_table(tmp_path / "fewer" / f"{name}.csv") for name in ("accuracy", "comparisons"))
-    assert set(accuracy.query("variant == 'ae'")["n_demos"]) == {9}
-    assert set(comparisons.query("against == 'ae'")["n_demos"]) == {9}
-    assert set(comparisons.query("against == 'classifier'")["n_demos"]) == {1, 9}
-
-
-@pytest.mark.parametrize(
-    "damage",
-    [
-        lambda table: table[(table["scene"] != 2) | (table["query"] != 7)],
-        lambda table: table.assign(valid=~table["valid"]),
-        lambda table: table.assign(p=table["p"] + 1),
-    ],
-)
-def test_missing_and_other_predictions_are_named_and_nothing_is_written(cfg: DictConfig, tmp_path: Path, damage):
+def test_other_predictions_are_named_and_nothing_is_written(cfg: DictConfig, tmp_path: Path):
     path = model_dir(cfg, "classifier") / "predictions.parquet"
-    kept = read_table(path)
-    write_table(path, damage(kept))
+    table = read_table(path)
+    write_table(path, table.assign(valid=~table["valid"]))
     with pytest.raises(InputError, match="classifier lacks predictions, or has others, for user careful, 1 demonstr"):
         main(cfg, tmp_path / "out")
-    write_table(path, kept)
     assert not (tmp_path / "out").exists()

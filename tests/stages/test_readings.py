@@ -1,6 +1,5 @@
-"""The paper's curve in several readings: nested demonstrations, three users, a gate for every fit."""
+"""The paper's curve in several readings: its mean is over the users it says."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -9,12 +8,11 @@ import pytest
 from omegaconf import DictConfig
 
 from pipeline.artifacts.files import read_table, write_arrays, write_table
-from pipeline.artifacts.scenes import read_scenes, train_pool
+from pipeline.artifacts.scenes import train_pool
 from pipeline.models.baselines import NEAREST, POSITION
 from pipeline.params import compose
 from pipeline.stages.readings import COLUMNS, MODEL, RANDOM, main  # noqa: F401  # main: of the fixture `out`
-from pipeline.training.judged_sets import FEW, HELD_OUT, NEW, NEW_POOL, OWN, JudgedSet, draw_judged_sets
-from pipeline.world.rules import clearance, slack
+from pipeline.training.judged_sets import NEW_POOL
 from tests.factories import rendered_scenes
 
 pytestmark = pytest.mark.slow
@@ -40,34 +38,7 @@ def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
     return cfg
 
 
-def drawn(cfg: DictConfig) -> Iterator[JudgedSet]:
-    return draw_judged_sets(cfg, read_scenes(Path(cfg.paths.scenes)), [FEW], cfg.readings.clear_cm, cfg.users)
-
-
-def test_fewer_demonstrations_are_the_first_of_more_and_the_same_other_paths_judge_them(cfg: DictConfig):
-    for judged_set in drawn(cfg):
-        one = judged_set.first(1)
-        np.testing.assert_array_equal(one.z_theta, judged_set.z_theta[:, :1])
-        np.testing.assert_array_equal(one.judged[OWN][1], judged_set.valid[:, :1])
-        for split in (HELD_OUT, NEW):
-            assert one.judged[split] is judged_set.judged[split]
-
-
-def test_paths_keep_their_distance_from_the_boundary_where_the_user_has_one(cfg: DictConfig):
-    layouts = read_scenes(Path(cfg.paths.scenes)).layouts
-    for judged_set in drawn(cfg):
-        scenes, (z, valid) = layouts[train_pool(judged_set.seed)], judged_set.judged[HELD_OUT]
-        distance = slack(scenes, clearance(scenes, z), cfg.users[judged_set.user])
-        np.testing.assert_array_equal(distance > 0, valid)
-        if judged_set.user == "aggressive":
-            assert valid.all() and judged_set.valid.all()
-        else:
-            assert np.median(np.abs(distance)) >= judged_set.clear_cm / 100
-
-
-def test_the_curve_has_every_reading_and_its_paper_mean_counts_the_user_to_whom_all_is_valid(
-    cfg: DictConfig, out: Path
-):
+def test_the_paper_s_mean_counts_the_user_to_whom_all_is_valid(cfg: DictConfig, out: Path):
     curve, table = read_table(out / "curve.csv"), read_table(out / "accuracy.parquet")
     assert list(curve.columns) == COLUMNS
     readings = [f"few_routes_{clear_cm}cm" for clear_cm in cfg.readings.clear_cm]
@@ -80,9 +51,3 @@ def test_the_curve_has_every_reading_and_its_paper_mean_counts_the_user_to_whom_
     assert held_out[readings[0], MODEL, "paper", 1] == pytest.approx(of_kind["accuracy"].mean(), abs=1e-6)
     new = curve.query("split == 'new_scenes' and reading != 'random_routes'")
     assert set(new["variant"]) == {MODEL, POSITION} and new["ci_low"].isna().all()
-
-
-def test_every_fit_is_checked_by_the_gate_and_the_curve_counts_them(out: Path):
-    gates, curve = read_table(out / "convergence.csv"), read_table(out / "curve.csv")
-    rows = curve.query(f"variant == '{MODEL}' and reading != '{RANDOM}' and users == 'paper' and split == '{HELD_OUT}'")
-    assert rows["fits"].sum() == len(gates) > 0 and rows["passed"].sum() == gates["passed"].sum()

@@ -6,21 +6,29 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 from omegaconf import DictConfig
+from safetensors.torch import load_file
 
 from pipeline.artifacts.files import read_table
-from pipeline.artifacts.scenes import read_scenes
+from pipeline.artifacts.models import model_dir, save_weights, weights_path
+from pipeline.artifacts.scenes import read_scenes, train_pool
 from pipeline.models.trained import load_model
+from pipeline.runtime.errors import InputError
 from pipeline.stages.repair import main
-from tests.factories import untrained_models
-from tests.stages.facts import names_a_missing_model, names_a_model_with_nan
+from tests.factories import models_in_rendered_scenes, rendered_scenes
 
+pytestmark = pytest.mark.slow
+VARIANTS = ("full", "irl_ranked", "clearance")
 BY_MODEL, BASELINES = ["gradient", "nearest"], ["random_path", "constant_detour", "oracle"]
 
 
 @pytest.fixture(scope="module")
 def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
-    return untrained_models(tmp_path_factory.mktemp("inputs"), [0, 1], "repair.steps=4")
+    small = ["seeds=[0,1]", "repair.starts=8", "repair.lattice_side=14", "repair.steps=4"]
+    cfg = models_in_rendered_scenes(tmp_path_factory.mktemp("inputs"), VARIANTS, 3, *small)
+    rendered_scenes(cfg, {"new_items": (3, "unseen")} | {train_pool(seed): (3, "train") for seed in cfg.seeds})
+    return cfg
 
 
 @pytest.fixture
@@ -63,7 +71,7 @@ def test_the_summary_and_the_metrics_are_of_the_table_s_users_with_an_invalid_pa
         row = summary.loc[key]
         assert row["success"] == pytest.approx(rows["valid_end"].mean(), rel=1e-5)
         assert row["seeds"] * row["starts"] == len(rows)
-    for variant in ("full", "irl_ranked", "clearance"):
+    for variant in VARIANTS:
         success = summary.loc[("gradient", variant, "careful"), "success"]
         assert metrics["repair"][variant]["careful"] == pytest.approx(success, rel=1e-5)
     search = summary.loc[("nearest", "clearance", "normal")]
@@ -71,6 +79,14 @@ def test_the_summary_and_the_metrics_are_of_the_table_s_users_with_an_invalid_pa
         assert value == pytest.approx(search[name], rel=1e-5)
 
 
-@pytest.mark.parametrize("fact", [names_a_missing_model, names_a_model_with_nan])
-def test_a_missing_model_or_one_with_nan_is_named_and_nothing_written(cfg: DictConfig, tmp_path: Path, fact):
-    fact(main, cfg, "full", tmp_path / "out")
+def test_a_model_with_nan_and_a_missing_one_are_named_and_nothing_written(cfg: DictConfig, tmp_path: Path):
+    path = weights_path(model_dir(cfg, "full"), "careful", cfg.protocol.seeds[-1], cfg.main_n_demos)
+    weights = load_file(path)
+    name = next(name for name, value in weights.items() if value.is_floating_point())
+    save_weights(path, weights | {name: torch.full_like(weights[name], torch.nan)})
+    with pytest.raises(InputError, match=rf"{path.name} has NaN or infinite values in {name}: delete it and fit"):
+        main(cfg, tmp_path / "out")
+    path.unlink()
+    with pytest.raises(InputError, match=f"{path.name} is missing: run stage"):
+        main(cfg, tmp_path / "out")
+    assert not (tmp_path / "out").exists()

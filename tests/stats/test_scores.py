@@ -7,11 +7,8 @@ from sklearn.metrics import accuracy_score, brier_score_loss, roc_auc_score
 
 from pipeline.stats.scores import (
     accuracy,
-    accuracy_estimate,
-    accuracy_loss,
     auroc,
     brier,
-    expected_calibration_error,
     reliability,
 )
 
@@ -37,11 +34,6 @@ def test_scores_and_reliability_agree_with_scikit_learn():
     assert ((r.low <= r.confidence) & (r.confidence <= r.high)).all()
 
 
-def test_the_error_of_a_calibrated_generator_tends_to_zero():
-    few, many = (expected_calibration_error(*drawn(2, paths), 10) for paths in (100, 1_000_000))
-    assert many < 0.005 < few
-
-
 SHAPE = (2, 4, 6, 10)  # user, seed, scene, path
 Labels = tuple[np.ndarray, np.ndarray]  # valid (user, scene, path), and the same for each seed
 
@@ -50,19 +42,3 @@ Labels = tuple[np.ndarray, np.ndarray]  # valid (user, scene, path), and the sam
 def labels() -> Labels:
     valid = np.random.default_rng(0).random((SHAPE[0], *SHAPE[2:])) < 0.4
     return valid, np.broadcast_to(valid[:, None], SHAPE)
-
-
-def test_right_decisions_are_accurate_and_safe_and_their_opposite_is_neither(labels: Labels):
-    valid, right = labels
-    best, worst = accuracy_estimate(right, valid), accuracy_estimate(~right, valid)
-    assert (best["accuracy"], best["ci_low"], best["ci_high"], best["unsafe"]) == (1, 1, 1, 0)
-    assert (worst["accuracy"], worst["unsafe"]) == (0, 1)
-
-
-def test_the_loss_is_the_difference_of_accuracies_even_if_the_truth_changes(labels: Labels):
-    valid, right = labels
-    rng = np.random.default_rng(2)
-    fuller, decisions = valid & (rng.random(valid.shape) < 0.5), right ^ (rng.random(SHAPE) < 0.2)
-    row = accuracy_loss(decisions, fuller, right, valid)
-    assert row["loss"] == pytest.approx(1 - accuracy_estimate(decisions, fuller)["accuracy"])
-    assert 0 < row["loss_ci_low"] < row["loss"] < row["loss_ci_high"]

@@ -1,86 +1,11 @@
-"""The study removes the item it says and nothing else, and moves an item exactly as far as the path asks."""
-
-from pathlib import Path
+"""The study moves an item exactly as far as the path asks, and scores the moves that a model asks for."""
 
 import numpy as np
 import pytest
-from omegaconf import DictConfig, OmegaConf
 
-from pipeline.artifacts.files import read_arrays, read_table
-from pipeline.artifacts.scenes import read_scenes
-from pipeline.causal.counterfactual import item_subsets, select_items
-from pipeline.causal.mechanisms import model_scm, renderer
-from pipeline.causal.scm import chance_of_change
-from pipeline.models.trained import load_model, predict_all
-from pipeline.world.catalogue import read_catalogue
-from pipeline.world.layout import SIDE, SYMBOLS, empty
-from pipeline.world.render import REACH_M, Palette
+from pipeline.world.layout import SYMBOLS, empty
 from pipeline.world.rules import clearance, slack
-from studies.counterfactuals import stage
-from studies.counterfactuals.stage import crossing, main, outward_normal, score_moves, translate_item
-from tests.factories import models_in_rendered_scenes
-from tests.stages.facts import names_a_missing_model, refuses
-
-SCENES, PATHS = 6, 24
-VARIANTS = ("full", "clearance")
-ROOM_M = 0.03  # around an item's shadow
-
-
-@pytest.fixture(scope="module")
-def cfg(tmp_path_factory: pytest.TempPathFactory) -> DictConfig:
-    """Six scenes of unseen items, and untrained models of two variants and two seeds."""
-    sizes = {"scenes": SCENES, "paths": PATHS, "moved_scenes": 3, "move_step": 0.02, "move_steps": 6, "root_seed": 5}
-    overrides = [f"studies.counterfactuals.{name}={value}" for name, value in sizes.items()]
-    return models_in_rendered_scenes(tmp_path_factory.mktemp("counterfactuals"), VARIANTS, SCENES, *overrides)
-
-
-@pytest.mark.slow
-def test_necessity_is_the_chance_of_change_by_the_scm(cfg: DictConfig):
-    noise = stage.read_noise(cfg)
-    present, subsets = noise["O"].present, item_subsets(noise["O"].present)
-    units = stage.take(noise, subsets.scene)
-    models = {"careful": load_model(cfg, "clearance", "careful", 0, cfg.main_n_demos)}
-    scm = model_scm(models, renderer(Palette(read_catalogue(Path(cfg.paths.data))))).do(S="careful")
-    images = scm.do(O=select_items(units["O"], subsets.kept)).entail(units, "I")["I"]
-    p = predict_all(cfg, ["careful"], images, units["Z_theta"], "test")["clearance"][0, 0]
-    necessity, factual = subsets.by_question(p).necessity, scm.expectation("V", noise)
-    for slot in range(present.shape[1]):
-        without = select_items(noise["O"], present & (np.arange(present.shape[1]) != slot))
-        expected = chance_of_change(False, factual, scm.do(O=without).expectation("V", noise))
-        np.testing.assert_allclose(necessity[..., slot], expected, atol=1e-4)
-
-
-@pytest.mark.slow
-def test_a_removed_item_leaves_every_pixel_far_from_it(cfg: DictConfig, out: Path):
-    examples, arrays = read_table(out / "examples.csv"), read_arrays(out / "examples.npz")
-    scenes = read_scenes(Path(cfg.paths.scenes))
-    layouts, images = scenes.layouts["new_items"], scenes.images["new_items"]
-    x, y = np.meshgrid((np.arange(SIDE) + 0.5) / SIDE, 1 - (np.arange(SIDE) + 0.5) / SIDE)
-    kinds = examples["example"].unique()
-    assert len(kinds) > 1
-    for i, kind in enumerate(kinds):
-        scene = next(s for s in range(SCENES) if (images[s] == arrays["factual"][i]).all())
-        for item in examples[examples["example"] == kind].drop_duplicates("slot").itertuples():
-            reach = layouts.half_length[scene, item.slot] + layouts.radius[scene, item.slot] + REACH_M + ROOM_M
-            far = np.hypot(x - item.x_m, y - item.y_m) > reach
-            for one, other in (("without", "factual"), ("alone", "empty")):
-                changed = (arrays[one][i, item.slot] != arrays[other][i]).any(-1)
-                assert changed.any() and not changed[far].any()
-
-
-@pytest.mark.slow
-def test_scenes_without_room_to_move_an_item_leave_no_moves(cfg: DictConfig, tmp_path: Path):
-    far = cfg.copy()
-    far.studies.counterfactuals.update(move_step=0.1, move_steps=12)
-    main(far, tmp_path)
-    assert (read_table(tmp_path / "moves.csv")["cases"] == 0).all()
-
-
-@pytest.mark.slow
-def test_a_missing_model_and_users_without_margins_are_named_before_any_work(cfg: DictConfig, tmp_path: Path):
-    names_a_missing_model(main, cfg, "clearance", tmp_path / "out")
-    nobody = {user: dict.fromkeys(SYMBOLS) for user in cfg.users}
-    refuses(main, cfg, "users", OmegaConf.create(nobody), "margin", tmp_path / "out")
+from studies.counterfactuals.stage import crossing, outward_normal, score_moves, translate_item
 
 
 def test_a_glass_moves_off_a_straight_path_by_what_the_margin_lacks():

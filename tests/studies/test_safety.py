@@ -3,22 +3,18 @@
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
-import yaml
 from omegaconf import DictConfig, OmegaConf
 
 from pipeline.artifacts.files import read_table, write_arrays
 from pipeline.artifacts.scenes import train_pool
 from pipeline.causal.envelope import dose_grid
-from pipeline.models.trained import load_model
 from pipeline.world.catalogue import read_catalogue
-from pipeline.world.layout import SYMBOLS, LayoutRules, random_layouts
+from pipeline.world.layout import LayoutRules, random_layouts
 from pipeline.world.rules import clearance
 from studies.safety import stage
-from studies.safety.stage import main
+from studies.safety.stage import main  # noqa: F401  # of the fixture `out`
 from tests.factories import labelled_demos, labelled_queries, models_in_rendered_scenes, symbols_added, write_rendered
-from tests.stages.facts import refuses
 
 pytestmark = pytest.mark.slow
 
@@ -83,52 +79,7 @@ def test_chosen_paths_have_the_dose_and_are_clear_of_other_items(cfg: DictConfig
         assert (to_others[has_dose] >= study.clear_of_others).all()
 
 
-def test_a_curve_is_the_models_own_loss_of_validity(cfg: DictConfig, out: Path, chosen: tuple):
-    scenes, _, paths = chosen
-    symbol = SYMBOLS.index("plate")
-    z = np.take_along_axis(scenes.z_theta, paths[symbol].reshape(SCENES, -1)[..., None], axis=1)
-    models = [load_model(cfg, "clearance", "normal", seed, cfg.main_n_demos) for seed in cfg.protocol.seeds]
-    before = np.mean([m.probability(scenes.images, z) for m in models], axis=0)
-    after = np.mean([m.probability(scenes.added.images[symbol], z) for m in models], axis=0)
-    loss = np.where(paths[symbol, ..., 0] >= 0, before - after, np.nan)  # (scene, dose)
-    expected = pd.DataFrame(loss).groupby(scenes.added.item[symbol]).mean().mean()  # scenes of an item, then items
-    curve = read_table(out / "response.parquet").query("variant == 'clearance' and user == 'normal'")
-    np.testing.assert_allclose(curve.query("symbol == 'plate'")["response"], expected, atol=1e-6)
-
-
-def test_plans_that_keep_the_true_margins_are_all_valid(cfg: DictConfig, chosen: tuple):
-    margins = {user: m for user, m in cfg.users.items() if any(m[s] is not None for s in SYMBOLS)}
-    rows = [(user, s, np.nan if m[s] is None else m[s]) for user, m in margins.items() for s in SYMBOLS]
-    plans = stage.check_plans(cfg, chosen[0], pd.DataFrame(rows, columns=["user", "symbol", "ci_high"]))
-    assert list(plans["user"]) == list(margins) and (plans["plans"] > 0).all()
-    assert (plans["valid"] == 1).all() and (plans["shortfall_m"] == 0).all()
-
-
-def test_the_specification_says_what_the_table_says(out: Path):
-    content = yaml.safe_load((out / "specification.yaml").read_text())
-    for row in read_table(out / "envelope.csv").query("variant == 'clearance'").itertuples():
-        values = content[row.user][row.symbol]
-        assert values["verdict"] == row.verdict and values["keep_clear_m"] == values["ci_high_m"]
-        assert values["radius_m"] == (None if np.isnan(row.radius_m) else pytest.approx(row.radius_m, abs=1e-4))
-
-
-def test_doses_that_too_few_candidates_reach_are_refused(cfg: DictConfig, tmp_path: Path):
-    refuses(main, cfg, "studies.safety.envelope.doses", 200, "raise studies.safety.envelope.candidates", tmp_path / "x")
-
-
 def test_27_demonstrations_are_too_few_to_promise_two_per_cent_and_who_accepts_nothing_errs_in_nothing(out: Path):
     strict = read_table(out / "levels.csv").query("rule == 'conformal' and level <= 0.02")
     assert len(strict) == 3 * 2 * 2 and (strict["abstained"] == 1).all()
     assert (strict[["invalid", "power"]] == 0).all(axis=None)
-
-
-def test_a_weaker_promise_accepts_more_and_the_threshold_ignores_it(cfg: DictConfig, out: Path):
-    curve, summary = read_table(out / "levels.csv"), read_table(out / "acceptance.csv").query("user == 'all'")
-    key = ["variant", "split", "rule"]
-    for (_, _, rule), rows in curve.groupby(key):
-        assert list(rows["level"]) == list(cfg.studies.safety.acceptance.levels)
-        assert rows["power"].is_monotonic_increasing
-        assert rule == stage.CONFORMAL or rows["power"].nunique() == 1
-    promised = curve[curve["level"] == LEVEL].set_index(key)
-    for column in ("invalid", "power"):
-        np.testing.assert_allclose(promised[column], summary.set_index(key).loc[promised.index, column], atol=1e-5)

@@ -26,8 +26,3 @@ ROWS = [(study, row) for study, rows in WRONG.items() for row in rows.split(" | 
 def test_a_setting_that_makes_no_sense_is_refused_by_name(study: str, row: str):
     with pytest.raises(InputError, match=f"studies.{study}.{row.partition('=')[0]}"):
         validate(with_value(composed("profile=smoke"), f"studies.{study}.{row}"), [study])
-
-
-def test_a_stranger_with_a_margin_to_an_unknown_symbol_is_refused():
-    with pytest.raises(InputError, match=r"stranger is \['mug'\]: expected some of bowl, plate"):
-        validate(with_value(composed(), "studies.users.stranger={mug: 0.045}"), ["users"])

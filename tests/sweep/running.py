@@ -9,7 +9,7 @@ from pipeline.audit.revision import make_clone
 from pipeline.git import environment as without_repository
 from pipeline.git import run
 from pipeline.runtime.places import ROOT
-from pipeline.sweep.clone import snapshot
+from pipeline.sweep.job import snapshot
 
 LEFT_OUT = [f"~variants.{name}" for name in ("full", "ae", "classifier", "irl_maxent", "irl_ranked")]
 SMALL = ["profile=smoke", *LEFT_OUT, "clearance.steps=4", "n_demos=[9]"]  # the quickest graph up to evaluate

@@ -8,7 +8,6 @@ from pipeline.models.trained import build
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.streams import job_seed
 from pipeline.training.refit import TrainingSet, refit_and_predict, trainer
-from pipeline.training.vae.engines.simd_kernels import LANES
 from tests.factories import composed
 
 FEW = ["train.steps=2", "clearance.steps=2", "irl.steps.maxent=3", "irl.steps.ranked=3"]
@@ -35,13 +34,6 @@ def test_a_model_is_the_one_that_the_variants_trainer_fits_from_the_stages_seed(
     model = build(variant, seed)
     trainer(variant, cfg).fit([model], [one.images], [one.z_theta], [one.valid], seeds=[seed])
     np.testing.assert_array_equal(answers["irl_ranked"][0], model.probability(IMAGES, Z))
-
-
-@pytest.mark.parametrize("engine", ["simd", "reference"])
-def test_the_engine_of_the_settings_fits_the_papers_model(cfg: DictConfig, engine: str):
-    of_engine = cfg.copy()
-    of_engine.train.engine = engine
-    assert trainer(of_engine.variants.full, of_engine).batch_size == {"simd": LANES, "reference": 1}[engine]
 
 
 @pytest.mark.slow

@@ -40,12 +40,3 @@ def test_maps_and_titles_are_every_variant_s_verdicts_beside_the_truth(runs: lis
         for titles, shown in zip(read(recording, f"{run.user}/titles", "Points2D:labels"), scenes, strict=True):
             assert titles[:2] == [f"New scene {shown.scene}", "Truth"]
             assert f"{label(run.variant)}: {shown.agreement:.0%} right" in titles
-
-
-def test_the_text_gives_every_variant_s_agreement_by_user(runs: list[Run], recording: Path) -> None:
-    ((text,),) = read(recording, "text/overview", "TextDocument:text")
-    assert len(text.split()) <= 120
-    for name, (careful, normal) in (("Paper’s model", runs[:2]), ("Without the prior (β = 0)", runs[2:])):
-        assert f"| {name} | {careful.agreement:.0%} | {normal.agreement:.0%} |" in text
-    ((about,),) = read(recording, "about", "TextDocument:text")
-    assert "**normal user** keeps clear of glass" in about

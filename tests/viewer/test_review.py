@@ -6,7 +6,7 @@ import pytest
 
 from pipeline.runtime.errors import InputError
 from pipeline.viewer.digest import digest
-from pipeline.viewer.review import check, find, show, worst
+from pipeline.viewer.review import check, find, worst
 from pipeline.viewer.run import write_run
 from tests.viewer.example import a_run
 
@@ -52,11 +52,3 @@ def test_damaged_files_and_other_contents_than_those_listed_are_refused(kept: Pa
     (tmp_path / "full-careful-s3.rrd").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(InputError, match="is damaged"):
         check(kept, tmp_path, "full-careful-s3")
-
-
-def test_without_a_display_the_error_says_so(kept: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sys.platform", "linux")
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    with pytest.raises(InputError, match="no display"):
-        show(kept / "full-careful-s3.rrd")

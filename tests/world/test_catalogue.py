@@ -9,9 +9,8 @@ import pandas as pd
 import pytest
 
 from pipeline.runtime.errors import InputError
-from pipeline.world.catalogue import MIN_ITEMS, read_catalogue
+from pipeline.world.catalogue import read_catalogue
 from pipeline.world.images import read_image, write_png
-from pipeline.world.symbols import read_symbols
 
 DATA = Path("data")
 
@@ -88,41 +87,7 @@ def test_a_cutout_that_does_not_fill_its_footprint_is_refused(data, scaled, fact
         read_catalogue(data)
 
 
-@pytest.mark.parametrize(("split", "kept"), [("train", 0), ("unseen", 1), ("validation", 1)])
-def test_a_symbol_with_too_few_items_in_a_split_is_refused(data, split, kept):
-    """What is judged has two at least: intervals count items."""
-    table = pd.read_csv(data / "items.csv")
-    glasses = table.index[(table["symbol"] == "glass") & (table["split"] == split)]
-    table.drop(index=glasses[kept:]).to_csv(data / "items.csv", index=False)
-    message = rf"too few {split} items \({kept} of glass\): expected at least {MIN_ITEMS[split]} of each symbol"
-    with pytest.raises(InputError, match=message):
-        read_catalogue(data)
-
-
 def opaque(path: Path) -> None:
     rgba = read_image(path)
     rgba[..., 3] = 255
     write_png(path, rgba)
-
-
-@pytest.mark.parametrize(
-    ("damage", "message"),
-    [
-        (Path.unlink, "missing"),
-        (lambda path: write_png(path, cv2.resize(read_image(path), (300, 256))), "300 x 256"),
-        (opaque, "alpha"),
-    ],
-)
-def test_a_spoilt_cutout_is_named(data, damage, message):
-    path = data / "items" / "bowl-sage.png"
-    damage(path)
-    with pytest.raises(InputError, match=r"bowl-sage\.png") as error:
-        read_catalogue(data)
-    assert message in str(error.value)
-
-
-@pytest.mark.parametrize("kind", ["mug: {height: 0.02}", "mug: {height_m: 2}", "mug: {transparent: rim}", "[mug]", "{"])
-def test_a_kind_of_item_with_a_wrong_value_is_refused(kind: str, tmp_path: Path):
-    (tmp_path / "symbols.yaml").write_text(kind)
-    with pytest.raises(InputError, match=r"symbols\.yaml: .*(height|transparent|dictionary|parsing)"):
-        read_symbols(tmp_path / "symbols.yaml")

@@ -5,13 +5,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from pipeline.world.bezier import curve, random_z_theta
-from pipeline.world.hand import Hand, check, join, simulate, valid_trajectories
+from pipeline.world.bezier import P_F, P_INIT, curve, random_z_theta
+from pipeline.world.hand import Hand, join, simulate, valid_trajectories
 from pipeline.world.layout import SYMBOLS, Layouts
 
 HAND = Hand(50.0, 0.002, 0.35, 0.2, 0.0007, (8.0, 12.0), 0.002, 0.1, 0.01)
 STEADY = Hand(50.0, 0.0, 0.35, 0.0, 0.0, (8.0, 12.0), 0.0, 0.1, 0.0)
-WITHIN = 0.03  # [m]
 
 
 def trajectories(count: int, hand: Hand = HAND) -> list[np.ndarray]:
@@ -19,10 +18,10 @@ def trajectories(count: int, hand: Hand = HAND) -> list[np.ndarray]:
     return [simulate(rng, z, hand) for z in random_z_theta(rng, count)]
 
 
-def test_simulated_trajectories_pass_the_check_vary_in_length_and_are_sampled_at_about_50_hz():
+def test_simulated_trajectories_keep_to_the_ends_vary_in_length_and_are_sampled_at_about_50_hz():
     made = trajectories(200)
-    for i, trajectory in enumerate(made):
-        check(trajectory, str(i), WITHIN)
+    assert all((np.diff(r[:, 0]) > 0).all() for r in made)
+    assert all(np.abs(r[[0, -1], 1:3] - [P_INIT, P_F]).max() < 0.01 for r in made)
     assert len({len(r) for r in made}) > 50
     steps = np.concatenate([np.diff(r[:, 0]) for r in made])
     assert abs(steps.mean() - 0.02) < 2e-4

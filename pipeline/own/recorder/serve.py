@@ -16,7 +16,6 @@ import uvicorn
 from pydantic import TypeAdapter, ValidationError
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
-from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.middleware.base import BaseHTTPMiddleware
 from starlette.requests import Request
@@ -31,8 +30,8 @@ from pipeline.runtime.errors import InputError
 LOOPBACK = "127.0.0.1"
 LOCK = ".recorder.lock"  # in the folder; held by the recorder's process, holds its address
 BESIDE = Path(__file__).parent
-STATIC = {name: BESIDE / name for name in ("recorder.css", "recorder.js", "canvas.js", "tools.js", "icon.svg")}
-STATIC["page.css"] = Path(pipeline.report.__path__[0]) / "page.css"  # the report's own style
+STATIC = [BESIDE / name for name in ("recorder.css", "recorder.js", "canvas.js", "tools.js", "icon.svg")]
+STATIC.append(Path(pipeline.report.__path__[0]) / "page.css")  # the report's own style
 MAX_REQUEST_BYTES = 4_000_000  # of a path: half an hour at 60 samples a second
 HEADERS = {  # forbid everything that is not of this server
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
@@ -43,6 +42,7 @@ HEADERS = {  # forbid everything that is not of this server
     "Referrer-Policy": "no-referrer",
     "Cache-Control": "no-store",
 }
+COLOURS = {"valid": VALID, "invalid": INVALID}
 SENT = TypeAdapter(dict[str, Any])  # the arguments of a method of `Recordings`, which checks them
 
 
@@ -52,8 +52,7 @@ def main(arguments: Sequence[str]) -> int:
     Raise InputError if the folder cannot be recorded into or another recorder has it.
     """
     parser = argparse.ArgumentParser(
-        prog="python -m pipeline.own record",
-        description="Open a page in which people draw paths over the pictures of a folder and say which are valid.",
+        "python -m pipeline.own record", description="Open a page to draw and judge paths."
     )
     parser.add_argument("folder", type=Path, help="has pictures in FOLDER/scenes; recordings are written beside them")
     parser.add_argument("--port", type=int, default=0, help="0, the default, takes any that is free")
@@ -103,16 +102,14 @@ def one_recorder(folder: Path) -> Iterator[int]:
 def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
     """Return the application that records into a folder and answers under `hosts`, such as `127.0.0.1:8000`, only."""
 
-    def static(request: Request) -> Response:
-        file = STATIC.get(request.path_params["name"])
-        return FileResponse(file) if file else Response(status_code=404)
-
-    def overview(_: Request) -> Response:
-        return JSONResponse(recordings.overview() | {"colours": {"valid": VALID, "invalid": INVALID}})
-
     def posted(name: str, store: Callable[..., Any]) -> Route:
         async def answer(request: Request) -> Response:
-            values = SENT.validate_json(await body_of(request))
+            body = bytearray()
+            async for chunk in request.stream():
+                body += chunk
+                if len(body) > MAX_REQUEST_BYTES:
+                    return _refused(f"more than {MAX_REQUEST_BYTES / 1e6:.0f} MB were sent: draw a shorter path", 413)
+            values = SENT.validate_json(bytes(body))
             return JSONResponse(await run_in_threadpool(partial(store, **values)) or {})
 
         return Route(f"/api/{name}", answer, methods=["POST"])
@@ -136,9 +133,9 @@ def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
     return Starlette(
         routes=[
             Route("/", lambda _: FileResponse(BESIDE / "page.html")),
-            Route("/static/{name}", static),
+            *(Route(f"/static/{file.name}", lambda _, file=file: FileResponse(file)) for file in STATIC),
             Route("/pictures/{name}", lambda request: FileResponse(recordings.picture(request.path_params["name"]))),
-            Route("/api/overview", overview),
+            Route("/api/overview", lambda _: JSONResponse(recordings.overview() | {"colours": COLOURS})),
             Route("/api/scenes/{name}", lambda request: JSONResponse(recordings.scene(request.path_params["name"]))),
             posted("paths", recordings.add_path),
             posted("table", recordings.place_table),
@@ -147,21 +144,10 @@ def build(recordings: Recordings, hosts: Collection[str]) -> Starlette:
         middleware=[Middleware(BaseHTTPMiddleware, dispatch=guard)],
         exception_handlers={
             InputError: lambda _, error: _refused(str(error), 400),
-            HTTPException: lambda _, error: _refused(error.detail, error.status_code),
             ValidationError: lambda _, error: _refused(unknown, 400),
             OSError: lambda _, error: _refused(f"not stored: {error}", 500),
         },
     )
-
-
-async def body_of(request: Request) -> bytes:
-    """Return a request's body; raise HTTPException as soon as it is longer than MAX_REQUEST_BYTES."""
-    body = bytearray()
-    async for chunk in request.stream():
-        body += chunk
-        if len(body) > MAX_REQUEST_BYTES:
-            raise HTTPException(413, f"more than {MAX_REQUEST_BYTES / 1e6:.0f} MB were sent: draw a shorter path")
-    return bytes(body)
 
 
 def _refused(sentence: str, status: int) -> JSONResponse:

@@ -1,4 +1,4 @@
-"""Drawing is repeatable, and data/ is what the script draws."""
+"""data/ is what the script draws."""
 
 from pathlib import Path
 
@@ -6,25 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from making.data.__main__ import write_data
-from making.data.designs import Design, designs, surfaces
-from making.data.shading import SIDE
+from making.data.designs import designs, surfaces
 from pipeline.world.images import read_image
 
 pytestmark = pytest.mark.slow
 
 DATA = Path("data")
 SAMPLE = {(design.symbol, design.split): design for design in designs()}  # all would take longer than 10 s
-TOPS = {"grey": ("train", lambda: np.full((SIDE, SIDE, 3), 128, np.uint8))}
-
-
-def painted(name: str) -> Design:
-    """A grey item."""
-    return Design(name, "bowl", "train", 0.05, 0.0, lambda: np.full((SIDE, SIDE, 4), 128, np.uint8))
-
-
-def contents(directory: Path) -> dict[str, bytes]:
-    return {str(p.relative_to(directory)): p.read_bytes() for p in directory.rglob("*") if p.is_file()}
 
 
 @pytest.mark.parametrize(
@@ -40,20 +28,8 @@ def test_data_holds_what_the_script_draws(file, draw):
 
 def test_data_holds_no_other_file_and_lists_the_designs_in_their_order():
     images = {f"items/{design.name}.png" for design in designs()} | {f"textures/{name}.png" for name in surfaces()}
-    assert set(contents(DATA)) == {"items.csv", "textures.csv", *images}
+    files = {str(path.relative_to(DATA)) for path in DATA.rglob("*") if path.is_file()}
+    assert files == {"items.csv", "textures.csv", *images}
     table = pd.read_csv(DATA / "items.csv")
     assert [*zip(table["name"], table["split"], strict=True)] == [(design.name, design.split) for design in designs()]
     np.testing.assert_allclose(table["width_m"], [design.width_m for design in designs()], atol=5e-5)
-
-
-def test_drawing_anew_removes_old_images_and_a_drawing_that_fails_removes_none(tmp_path):
-    def fail() -> np.ndarray:
-        raise RuntimeError("no such colour")
-
-    write_data(tmp_path, [painted("old")], TOPS)
-    write_data(tmp_path, [painted("new")], TOPS)
-    before = contents(tmp_path)
-    assert set(before) == {"items.csv", "textures.csv", "items/new.png", "textures/grey.png"}
-    with pytest.raises(RuntimeError, match="no such colour"):
-        write_data(tmp_path, [painted("newer")], {"broken": ("train", fail)})
-    assert contents(tmp_path) == before

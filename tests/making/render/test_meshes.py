@@ -15,14 +15,6 @@ def test_a_turned_profile_fills_its_footprint(half_length):
     assert outline_gap([mesh], 0.0714, half_length, filled=True) == pytest.approx(0.0014, abs=1e-4)
 
 
-def test_faces_of_a_turned_solid_point_outwards():
-    mesh = turned(PROFILE, 0.06)
-    a, b, _, d = (mesh.vertices[mesh.faces[:, i]] for i in range(4))
-    normals, middle = np.cross(b - a, d - a), mesh.vertices[mesh.faces].mean(1)
-    outer = (np.hypot(*middle[:, :2].T) > 0.04) & (normals[:, 2] < 0)  # the outer wall leans outwards
-    assert (np.einsum("fi,fi->f", normals[outer][:, :2], middle[outer][:, :2]) > 0).all()
-
-
 def test_a_rod_moved_into_its_capsule_touches_ends_and_sides():
     x = np.linspace(-0.1, 0.1, 41)
     mesh = swept(np.stack([x, 0 * x, 0 * x], -1), np.full_like(x, 0.012), np.full_like(x, 0.001))

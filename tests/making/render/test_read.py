@@ -1,22 +1,19 @@
-"""The rendered pictures in data/ obey the layout rules, and show their items where the footprints say."""
+"""The rendered pictures in data/ obey the layout rules, and held-out kinds are shown nowhere else."""
 
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
 import yaml
 
-from making.render.read import Rendered, pictures, read_rendered, sheet
+from making.render.read import Rendered, read_rendered
 from pipeline.runtime.errors import InputError
 from pipeline.world.bezier import P_F, P_INIT
-from pipeline.world.layout import SIDE, LayoutRules, point_segment_distance, segment_distance
-from pipeline.world.symbols import SYMBOLS
+from pipeline.world.layout import LayoutRules, point_segment_distance, segment_distance
 
 FOLDER = Path("rendered/pictures")
 JUDGED = ("validation_taught", "validation_held_out", "test_taught", "test_held_out")  # splits with added items
 ROUNDING_M = 3e-5  # lengths in items.csv have five decimals
-VISIBLE = 6  # smallest change of a channel that camera noise seldom makes, out of 255
 
 
 @pytest.fixture(scope="module")
@@ -31,21 +28,9 @@ def rendered(folder: Path, request: pytest.FixtureRequest) -> Rendered:
     return read_rendered(folder / request.param)
 
 
-@pytest.fixture(scope="module", params=JUDGED)
-def judged(folder: Path, request: pytest.FixtureRequest) -> Rendered:
-    return read_rendered(folder / request.param)
-
-
 @pytest.fixture(scope="module")
 def rules() -> LayoutRules:
     return LayoutRules.of(yaml.safe_load(Path("conf/scenes.yaml").read_text())["scenes"]["layout"])
-
-
-def distance_to_footprint(layouts, scene: int, slot: int) -> np.ndarray:
-    """Distance [m] of each pixel's centre from a footprint, negative inside."""
-    centres = (np.arange(SIDE) + 0.5) / SIDE
-    points = np.stack(np.meshgrid(centres, 1 - centres), -1)
-    return point_segment_distance(points, *layouts.ends[scene, slot]) - layouts.radius[scene, slot]
 
 
 def test_items_keep_the_distances_of_the_layout_rules(rendered, rules):
@@ -63,27 +48,6 @@ def test_items_keep_the_distances_of_the_layout_rules(rendered, rules):
     assert set(rendered.layouts.present.sum(1)) == set(rules.items_per_scene)
 
 
-def test_every_scene_has_a_picture_with_one_more_item_of_each_symbol(judged):
-    assert tuple(judged.with_item) == SYMBOLS
-    for symbol, layouts in judged.layouts_with_item.items():
-        added = layouts.present & ~judged.layouts.present
-        assert (added.sum(1) == 1).all()
-        assert (layouts.symbol[added] == SYMBOLS.index(symbol)).all()
-
-
-def test_an_added_item_changes_the_picture_inside_its_footprint_and_not_far_away(judged):
-    for symbol, images in judged.with_item.items():
-        layouts = judged.layouts_with_item[symbol]
-        changed = np.abs(images.astype(int) - judged.images).max(-1) > VISIBLE
-        inside, far = [], []
-        for scene, slot in np.argwhere(layouts.present & ~judged.layouts.present):
-            distance = distance_to_footprint(layouts, scene, slot)
-            inside.append(changed[scene][distance < -0.002].mean())
-            far.append(changed[scene][distance > 0.4].mean())
-        assert np.median(inside) > 0.9
-        assert np.mean(far) < 0.01
-
-
 @pytest.mark.parametrize(
     ("split", "others"), [("validation_held_out", ["train"]), ("test_held_out", ["train", *JUDGED[:3]])]
 )
@@ -92,11 +56,6 @@ def test_no_other_split_shows_the_kinds_that_one_of_kinds_held_out_holds(folder,
     for name, column in (("items.csv", "shape"), ("items.csv", "finish"), ("scenes.csv", "top")):
         held_out, *shown = (set(pd.read_csv(folder / s / name)[column]) for s in (split, *others))
         assert not held_out & set().union(*shown), column
-
-
-def test_a_contact_sheet_holds_the_pictures_in_order():
-    images = np.random.default_rng(0).integers(0, 256, (13, SIDE, SIDE, 3), dtype=np.uint8)
-    np.testing.assert_array_equal(pictures(sheet(images))[:13], images)
 
 
 def test_a_missing_split_is_a_sentence(tmp_path):

@@ -1,4 +1,4 @@
-"""Training pictures are changed together with their truth, and a short training learns."""
+"""A short training learns."""
 
 from pathlib import Path
 
@@ -8,44 +8,16 @@ import torch
 
 from making.segmenter import pool, train
 from making.segmenter.pool import draw
-from making.segmenter.train import change, paint
 from pipeline.perception.segmenter import read_segmenter
 
 
-@pytest.fixture(scope="module")
-def few(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A pool of two small parts."""
-    folder = tmp_path_factory.mktemp("pool")
+@pytest.mark.slow
+def test_a_short_training_lowers_the_loss(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     for part in range(2):
-        np.save(pool.part_file(folder, part), np.concatenate(draw(np.random.default_rng(part), 20, "data")))
-    return folder
-
-
-def test_items_stay_where_their_truth_is(few: Path):
-    """The difference from the empty table is larger on items than elsewhere."""
-    pictures = np.load(pool.part_file(few, 0))
-    inputs, truth = change(np.random.default_rng(0), pictures[pictures[..., 6].any((1, 2))])
-    known = inputs[:, 6, 0, 0] == 1
-    difference, item = inputs[known, 3:6].abs().mean(1), truth[known, 0] == 1
-    assert difference[item].mean() > 3 * difference[~item].mean()
-
-
-def test_patterns_are_painted_on_items_alone(few: Path):
-    pictures = np.load(pool.part_file(few, 0))
-    painted = pictures.copy()
-    rng = np.random.default_rng(0)
-    for picture in painted:
-        paint(rng, picture)
-    changed = (painted != pictures).any(-1)
-    assert changed.any()
-    assert (pictures[changed][:, pool.ITEM] == 1).all()
-    np.testing.assert_array_equal(painted[..., 3:], pictures[..., 3:])
-
-
-def test_a_short_training_lowers_the_loss(few: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+        np.save(pool.part_file(tmp_path, part), np.concatenate(draw(np.random.default_rng(part), 20, "data")))
     monkeypatch.setattr(train, "PART", 20)
     monkeypatch.setattr(train, "FIRST_PARTS", 2)
     monkeypatch.setattr(train, "WARM_UP", 2)
-    losses = train.train(few, tmp_path / "weights.safetensors", steps=12)
+    losses = train.train(tmp_path, tmp_path / "weights.safetensors", steps=12)
     assert losses[-1] < 0.9 * losses[0]
     assert torch.isfinite(read_segmenter(tmp_path / "weights.safetensors").head.weight).all()

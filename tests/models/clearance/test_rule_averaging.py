@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from pipeline.models.base import untrained
-from pipeline.models.clearance.clearance import DWELL_SHARES, FAMILIES, ClearanceModel, PerceivedObjects, pack, passes
+from pipeline.models.clearance.clearance import DWELL_SHARES, ClearanceModel, PerceivedObjects, pack, passes
 from pipeline.perception.objects import FEATURES
 from pipeline.training.clearance.fit import fit
 from pipeline.training.loop import Schedule
@@ -92,17 +92,3 @@ def test_relations_to_objects_are_those_of_the_rules(world):
     for rule, offends in broken.items():
         agree = rule(layouts, z, ALL, AMOUNTS[rule.__name__]) == ~offends.any(-1)
         assert agree[alone].mean() > (0.93 if rule is dwell else 0.985), rule  # 12 of 129 points, or 4 of 41
-
-
-def test_families_outside_occams_window_change_nothing(world):
-    layouts, z = world
-    whole, alone = ClearanceModel(2), ClearanceModel(2, ["margin"])
-    with torch.no_grad():
-        for name, value in whole.state_dict().items():
-            first = value if name in ("centre", "spread", "rate", "usual_doubt") else value[:1]
-            alone.state_dict()[name].copy_(first)
-        whole.gates.normal_()  # without effect on family `margin`
-        whole.evidence.copy_(torch.tensor([20.0] + [14.0] * (len(FAMILIES) - 1)))
-        alone.evidence.fill_(20.0)
-        p, expected = (m.logit(seen(layouts), torch.tensor(z).float()) for m in (whole, alone))
-    torch.testing.assert_close(p, expected, atol=1e-5, rtol=1e-5)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import torch
 
-import pipeline
 from pipeline.models.base import to_tensor, untrained
 from pipeline.models.clearance.clearance import ClearanceModel, PerceivedObjects
 from pipeline.training.clearance.fit import set_feature_scaling
@@ -50,10 +49,3 @@ def test_doubt_lowers_confidence_and_flips_no_decision(world, doubt: float):
         doubted = model.logit(fields._replace(doubt=doubt + 0 * fields.doubt).percept(), paths)
     assert torch.equal(doubted > 0, sure > 0)
     assert torch.equal(doubted, sure) if doubt == 0 else (doubted.abs() < sure.abs()).all()
-
-
-def test_the_library_repairs_nothing_in_a_picture_that_the_model_doubts(world):
-    model, images, z = world
-    assert np.isfinite(pipeline.repair(model, images, z)).mean() > 0.5
-    doubted = (model.trust(model.perceive(to_tensor(blurred(images)))) < 0.25).numpy()
-    assert doubted.any() and np.isnan(pipeline.repair(model, blurred(images)[doubted], z[doubted])).all()

@@ -48,12 +48,3 @@ def test_other_pages_can_neither_write_nor_read(served: Served, folder: Path):
 def test_no_address_leads_out_of_the_pictures(served: Served):
     for path in ("/pictures/..%2f..%2ftable.yaml", "/pictures/%2e%2e", "/static/..%2fapp.py", "/../app.py"):
         assert served.ask("GET", path)[0] in (400, 404)
-
-
-def test_a_folder_whose_tables_break_while_it_is_open_says_so(tmp_path: Path):
-    folder = make_folder(tmp_path)
-    with recorder(folder) as served:
-        (folder / "demonstrations.csv").write_text("scene;user\n")
-        status, answer = served.ask("POST", "/api/paths", PATH)
-    assert status == 400 and "demonstrations.csv" in answer["error"]
-    assert (folder / "demonstrations.csv").read_text() == "scene;user\n"

@@ -125,12 +125,6 @@ def test_a_model_is_the_same_bits_in_8_lanes_and_in_16(tmp_path):
     assert in_another_process(**other, NUMBA_CACHE_DIR=str(tmp_path)) == f"{24 - LANES} {digest(stacked([3])[0][0])}"
 
 
-def test_vectors_are_as_wide_as_the_processor_computes_at_full_speed():
-    assert lanes.lanes_of(frozenset({"avx2"}), "skylake") == 8
-    assert lanes.lanes_of(frozenset({"avx2", "avx512vl"}), "sapphirerapids") == 16
-    assert lanes.lanes_of(frozenset({"avx2", "avx512vl"}), "znver4") == 8
-
-
 def in_another_process(**environment: str) -> str:
     """Return the number of lanes and the digest of model 3, trained alone by a new process in that environment."""
     code = (
@@ -140,11 +134,6 @@ def in_another_process(**environment: str) -> str:
     command = [sys.executable, "-c", code]
     there = {"cwd": ROOT, "env": os.environ | environment, "timeout": 600}
     return subprocess.run(command, capture_output=True, text=True, check=True, **there).stdout.strip()
-
-
-def test_a_stack_holds_as_many_models_as_there_are_lanes():
-    with pytest.raises(ValueError, match=f"{LANES + 1} models for a stack: it holds {LANES}"):
-        stacked(range(LANES + 1), n=[4] * (LANES + 1))
 
 
 def digest(model: BetaVae) -> str:
