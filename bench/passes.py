@@ -17,12 +17,12 @@ from numba import njit
 from torch.utils.data import DataLoader, TensorDataset
 
 from pipeline.models.base import to_tensor
-from pipeline.models.registry import build
+from pipeline.models.trained import build
 from pipeline.models.vae.beta_vae import BetaVae
 from pipeline.models.vae.losses import Weights, equation_1
 from pipeline.runtime.parallel import one_thread
 from pipeline.training.loop import Schedule
-from pipeline.training.vae.engines.autograd import fit_batch
+from pipeline.training.vae.engines import fit_batch
 from pipeline.training.vae.engines.simd import Convolution, Stack, allocate, fit_stack
 from pipeline.training.vae.engines.simd_kernels import LANES, _add, outer, zeros
 

@@ -16,8 +16,7 @@ from safetensors.torch import save as to_bytes
 from scipy.stats import beta
 
 from pipeline.models.base import ValidityModel, check_images, check_paths
-from pipeline.models.registry import build
-from pipeline.models.trained import read_weights
+from pipeline.models.trained import build, read_weights
 from pipeline.planning.repair import Ascent
 from pipeline.planning.repair import repair as climb
 from pipeline.runtime.errors import InputError

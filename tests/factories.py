@@ -16,7 +16,7 @@ from pipeline.artifacts.models import model_dir, save_weights, weights_path
 from pipeline.artifacts.scenes import SceneSet, layout_table, train_pool, write_scenes
 from pipeline.models.base import ValidityModel
 from pipeline.models.clearance.clearance import ClearanceModel
-from pipeline.models.registry import build
+from pipeline.models.trained import build
 from pipeline.models.vae.beta_vae import BetaVae
 from pipeline.models.vae.losses import Weights
 from pipeline.params import compose

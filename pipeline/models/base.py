@@ -3,7 +3,6 @@
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Container, Mapping
-from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -22,16 +21,12 @@ SCENES_PER_BATCH = 32  # keeps activations in the cache; changes results at most
 
 def check_images(images: Any, name: str = "images") -> None:
     """Raise InputError, which calls the argument `name`, unless images are uint8 (scene, 100, 100, 3)."""
+    expected = f"uint8 of shape (scene, {SIDE}, {SIDE}, 3)"
     if not isinstance(images, np.ndarray):
-        raise InputError(
-            f"{name} is {type(images).__name__}: expected a NumPy array, uint8 of shape (scene, {SIDE}, {SIDE}, 3)"
-        )
+        raise InputError(f"{name} is {type(images).__name__}: expected a NumPy array, {expected}")
     if images.ndim != 4 or not len(images) or images.shape[1:] != (SIDE, SIDE, 3) or images.dtype != np.uint8:
         hint = "" if images.dtype == np.uint8 else "; scale intensities in [0, 1] by 255 and convert them"
-        raise InputError(
-            f"{name} are {images.dtype} of shape {images.shape}: "
-            f"expected uint8 of shape (scene, {SIDE}, {SIDE}, 3){hint}"
-        )
+        raise InputError(f"{name} are {images.dtype} of shape {images.shape}: expected {expected}{hint}")
 
 
 def check_paths(z_theta: Any, scenes: int, name: str = "z_theta") -> None:
@@ -71,12 +66,6 @@ class ValidityModel(nn.Module, ABC):
     def logit(self, percept: Tensor, z_theta: Float[Tensor, "scene path 2"]) -> Float[Tensor, "scene path"]:
         """Return the log-odds that each path [m] is valid; differentiable in `z_theta`."""
 
-    def forward(
-        self, images: Float[Tensor, "scene 3 100 100"], z_theta: Float[Tensor, "scene path 2"]
-    ) -> Float[Tensor, "scene path"]:
-        """Return the log-odds of validity of each path [m] in its image."""
-        return self.logit(self.perceive(images), z_theta)
-
     @torch.no_grad()
     def probability(
         self, images: UInt8[Array, "scene 100 100 3"], z_theta: Float[Array, "scene path 2"]
@@ -89,17 +78,11 @@ class ValidityModel(nn.Module, ABC):
         check_paths(z_theta, len(images))
         self.eval()
         z = torch.as_tensor(np.asarray(z_theta, dtype=np.float32))
-        parts = [
-            torch.sigmoid(self(to_tensor(images[i : i + SCENES_PER_BATCH]), z[i : i + SCENES_PER_BATCH]))
-            for i in range(0, len(images), SCENES_PER_BATCH)
-        ]
-        return torch.cat(parts).numpy()
+        some = [slice(i, i + SCENES_PER_BATCH) for i in range(0, len(images), SCENES_PER_BATCH)]
+        return torch.cat([self.logit(self.perceive(to_tensor(images[s])), z[s]).sigmoid() for s in some]).numpy()
 
     def reconstruction_over_flat(self, images: UInt8[Array, "scene 100 100 3"]) -> float:
-        """Return the root mean square error of reconstructed images over that of a flat colour per scene.
-
-        NaN for a model without a decoder.
-        """
+        """Return the root mean square error of decoded images over that of flat ones; NaN where there is no decoder."""
         return math.nan
 
 
@@ -108,9 +91,8 @@ def initialise(network: nn.Module, no_rectifier_after: Container[nn.Module]) -> 
     """Draw weights from torch's global generator so that every layer preserves the mean square; set biases to 0.
 
     Source: He et al. (2015), "Delving deep into rectifiers". A rectifier halves the mean square, so the weights'
-    variance is doubled, except in the layers of `no_rectifier_after`. Torch's default weights shrink the signal with
-    every layer; training then takes twice as many steps before the loss depends on the image
-    (docs/decisions/003-training-budget.md).
+    variance is doubled, except in the layers of `no_rectifier_after`. With torch's default weights training takes twice
+    as many steps before the loss depends on the image (docs/decisions/003-training-budget.md).
     """
     for layer in network.modules():
         if isinstance(layer, nn.Linear | nn.Conv2d | nn.ConvTranspose2d):
@@ -125,15 +107,8 @@ def initialise(network: nn.Module, no_rectifier_after: Container[nn.Module]) -> 
 def untrained(kind: type[ValidityModel], shape: Mapping[str, Any], seed: int) -> ValidityModel:
     """Return a model of class `kind` with keyword arguments `shape`, in eval mode; `seed` alone decides its weights.
 
-    Leaves torch's global generator unchanged. Raises InputError for missing or unknown keyword arguments.
+    Leaves torch's global generator unchanged.
     """
-    parameters = signature(kind).parameters.values()
-    required = {p.name for p in parameters if p.default is p.empty}
-    if wrong := sorted({*shape} - {p.name for p in parameters} | required - {*shape}):
-        raise InputError(
-            f"{kind.__name__} got {', '.join(shape) or 'nothing'} (`model:` in conf/variants), wrong or missing: "
-            f"{', '.join(wrong)}; it takes {', '.join(map(str, parameters))}"
-        )
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         return kind(**shape).eval()

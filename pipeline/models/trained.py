@@ -1,9 +1,10 @@
-"""Load fitted models and predict with all of them."""
+"""Build models from a variant's settings (conf/variants), load fitted ones and predict with all of them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -13,10 +14,21 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file
 
 from pipeline.artifacts.models import model_dir, weights_path
-from pipeline.models.base import ValidityModel
-from pipeline.models.registry import build
+from pipeline.models.base import ValidityModel, untrained
+from pipeline.models.clearance.clearance import ClearanceModel
+from pipeline.models.irl.reward_map import RewardMap
+from pipeline.models.vae.beta_vae import BetaVae
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
+
+KINDS: dict[str, type[ValidityModel]] = {"vae": BetaVae, "reward": RewardMap, "clearance": ClearanceModel}
+
+
+def build(variant: Mapping[str, Any], seed: int = 0) -> ValidityModel:
+    """Return the untrained model of `variant.kind` and shape `variant.model`; raise InputError for other kinds."""
+    if variant["kind"] not in KINDS:
+        raise InputError(f"kind {variant['kind']!r} of variant: expected one of {', '.join(KINDS)}; see conf/variants")
+    return untrained(KINDS[variant["kind"]], variant["model"], seed)
 
 
 def load_model(

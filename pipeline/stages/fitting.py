@@ -26,8 +26,7 @@ from pipeline.artifacts.scenes import train_pool
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.streams import job_seed
-from pipeline.training.loop import Checkpoints, is_constant
-from pipeline.training.sets import Trainer, TrainingSet, convergence
+from pipeline.training.loop import Checkpoints, Trainer, TrainingSet, convergence, is_constant
 
 KEY = ["seed", "user", "n_demos"]
 Key = tuple[int, str, int]

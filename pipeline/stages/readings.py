@@ -24,10 +24,9 @@ from pipeline.launch import launch
 from pipeline.models.base import ValidityModel
 from pipeline.models.baselines import NEAREST, POSITION
 from pipeline.runtime.settings import Count, Demonstrations, Group, Length, Pair, Whole, Wholes, need, rising
-from pipeline.training.judged_sets import FEW, HELD_OUT, NEW, NEW_POOL, OWN, Kinds, judge, judge_blind, row
-from pipeline.training.loop import is_constant
+from pipeline.training.judged_sets import FEW, HELD_OUT, NEW, NEW_POOL, draw_judged_sets, judge, judge_blind, row
+from pipeline.training.loop import convergence, is_constant
 from pipeline.training.refit import TrainingSet, refit
-from pipeline.training.sets import MIN_OWN_DEMONSTRATIONS
 
 MODEL = "full"  # the paper's model
 RANDOM = "random_routes"
@@ -63,12 +62,10 @@ def agree(readings: Settings, parameters: Any) -> None:
 def main(cfg: DictConfig, out_dir: Path) -> None:
     """Write accuracy.parquet (a row per fit or baseline, and split), curve.csv, convergence.csv and metrics.json."""
     scenes = read_scenes(Path(cfg.paths.scenes))
-    pools = {seed: train_pool(seed) for seed in cfg.protocol.seeds}
-    scenes.check_has(NEW_POOL, *pools.values())
+    scenes.check_has(NEW_POOL, *(train_pool(seed) for seed in cfg.protocol.seeds))
     evaluated = read_table(Path(cfg.paths.evaluate) / "accuracy.parquet")
-    prior, kinds = read_position_prior(Path(cfg.paths.scenes)), Kinds.of(cfg.readings)
-    distances, n = cfg.readings.clear_cm, cfg.main_n_demos
-    judged_sets = list(kinds.judged_sets(scenes.images, scenes.layouts, pools, [FEW], distances, cfg.users, n))
+    prior = read_position_prior(Path(cfg.paths.scenes))
+    judged_sets = list(draw_judged_sets(cfg, scenes, [FEW], cfg.readings.clear_cm, cfg.users))
     evaluate = partial(_judge_and_check, scenes.images[NEW_POOL])
     rows, gates = [], []
     numbers = [n for n in cfg.readings.n_demos if n <= cfg.main_n_demos]
@@ -98,11 +95,7 @@ def _judge_and_check(
     new_images: UInt8[Array, "scene 100 100 3"], model: ValidityModel, judged_set: TrainingSet
 ) -> tuple[dict[str, float], dict[str, float | bool]]:
     """Return the model's accuracy in each split, and whether its training converged by the gate of stage train."""
-    right = judge(new_images, model, judged_set)
-    trained = not is_constant(judged_set.valid)  # constant labels leave the encoder as it was
-    ratio = model.reconstruction_over_flat(judged_set.images) if trained else np.nan
-    passed = right[OWN] >= MIN_OWN_DEMONSTRATIONS and not ratio >= 1
-    return right, dict(zip(GATE, (ratio, right[OWN], passed), strict=True))
+    return judge(new_images, model, judged_set), convergence(model, judged_set)
 
 
 def _curve(

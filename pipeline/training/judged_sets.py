@@ -7,20 +7,20 @@ of the paths are valid where it allows that.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float
 from numpy import ndarray as Array
+from omegaconf import DictConfig
 
+from pipeline.artifacts.scenes import SceneSet, train_pool
 from pipeline.models import baselines
 from pipeline.models.base import ValidityModel
 from pipeline.models.baselines import NEAREST, POSITION
 from pipeline.runtime.streams import stream
 from pipeline.stats.scores import accuracy
-from pipeline.training.sets import TrainingSet
+from pipeline.training.loop import TrainingSet
 from pipeline.world.bezier import random_z_theta
-from pipeline.world.layout import Layouts
 from pipeline.world.rules import Candidates, Margins
 
 ANY, FEW = ROUTES = "any", "few"
@@ -49,66 +49,41 @@ class JudgedSet(TrainingSet):
         return replace(self, z_theta=own[0], valid=own[1], judged=self.judged | {OWN: own})
 
 
-@dataclass(frozen=True)
-class Kinds:
-    """Draw candidates and choose paths; users and distances share candidates, so that kinds differ by nothing else."""
+def draw_judged_sets(
+    cfg: DictConfig, scenes: SceneSet, routes: Sequence[str], distances: Sequence[int], users: Mapping[str, Margins]
+) -> Iterator[JudgedSet]:
+    """Yield the users' main_n_demos demonstrations of every kind in each seed's scenes, with the paths that judge them.
 
-    root_seed: int
-    families: Sequence[Sequence[float]]  # control points of few families of routes [m]
-    family_radius: float  # [m]
-    candidates: int  # random paths in a scene of which some are chosen
-    held_out: int  # paths of a scene, beside the demonstrations, that judge a model
+    distances: [cm] from the boundary of validity. Users and distances share candidates (conf/readings.yaml), so that
+    kinds differ by nothing else.
+    """
+    readings, n = cfg.readings, cfg.main_n_demos
 
-    @classmethod
-    def of(cls, readings: Mapping[str, Any]) -> "Kinds":
-        """Return the kinds of conf/readings.yaml."""
-        return cls(**{name: readings[name] for name in cls.__dataclass_fields__})
-
-    def draw(self, layouts: Layouts, pool: str, routes: str) -> Candidates:
-        """Return random paths of these routes in each scene."""
-        rng, shape = stream(self.root_seed, routes, pool), (len(layouts), self.candidates)
+    def candidates(pool: str, kind: str) -> Candidates:
+        layouts = scenes.layouts[pool]
+        rng, shape = stream(readings.root_seed, kind, pool), (len(layouts), readings.candidates)
         z = random_z_theta(rng, *shape)
-        if routes == FEW:
-            centre = np.array(self.families, float)[rng.integers(len(self.families), size=shape)]
-            bearing, reach = rng.uniform(-np.pi, np.pi, shape), self.family_radius * np.sqrt(rng.random(shape))
+        if kind == FEW:
+            centre = np.array(readings.families, float)[rng.integers(len(readings.families), size=shape)]
+            bearing, reach = rng.uniform(-np.pi, np.pi, shape), readings.family_radius * np.sqrt(rng.random(shape))
             z = centre + reach[..., None] * np.stack([np.cos(bearing), np.sin(bearing)], -1)
         return Candidates.of(layouts, z)
 
-    def choose(self, drawn: Candidates, pool: str, user: str, margins: Margins, clear_cm: int, count: int) -> Labelled:
-        """Return `count` paths in each scene that are clear cases to the user, with their labels."""
-        rng = stream(self.root_seed, "choose", pool, user, clear_cm)
-        return drawn.choose(rng, margins, clear_cm / 100, count)
-
-    def judged_sets(
-        self,
-        images: Mapping[str, UInt8[Array, "scene 100 100 3"]],
-        layouts: Mapping[str, Layouts],
-        pools: Mapping[int, str],
-        routes: Sequence[str],
-        distances: Sequence[int],
-        users: Mapping[str, Margins],
-        n: int,
-    ) -> Iterator[JudgedSet]:
-        """Yield the users' `n` demonstrations of every kind in each seed's scenes, with the paths that judge them.
-
-        pools: seed -> its training scenes; distances [cm] from the boundary of validity.
-        """
-        for name in routes:
-            new = self.draw(layouts[NEW_POOL], NEW_POOL, name)
-            for seed, pool in pools.items():
-                here = self.draw(layouts[pool], pool, name)
-                for clear_cm, user in product(distances, users.items()):
-                    z, valid = self.choose(here, pool, *user, clear_cm, n + self.held_out)
-                    own = z[:, :n], valid[:, :n]
-                    judged = {OWN: own, HELD_OUT: (z[:, n:], valid[:, n:])}
-                    judged[NEW] = self.choose(new, NEW_POOL, *user, clear_cm, self.held_out)
-                    yield JudgedSet(user[0], seed, images[pool], *own, name, clear_cm, judged)
+    for kind in routes:
+        new = candidates(NEW_POOL, kind)
+        for seed in cfg.protocol.seeds:
+            pool = train_pool(seed)
+            here = candidates(pool, kind)
+            for clear_cm, (user, margins) in product(distances, users.items()):
+                draws = [stream(readings.root_seed, "choose", of, user, clear_cm) for of in (pool, NEW_POOL)]
+                z, valid = here.choose(draws[0], margins, clear_cm / 100, n + readings.held_out)
+                own, of_new = (z[:, :n], valid[:, :n]), new.choose(draws[1], margins, clear_cm / 100, readings.held_out)
+                judged = {OWN: own, HELD_OUT: (z[:, n:], valid[:, n:]), NEW: of_new}
+                yield JudgedSet(user, seed, scenes.images[pool], *own, kind, clear_cm, judged)
 
 
-def judge(
-    new_images: UInt8[Array, "scene 100 100 3"], model: ValidityModel, judged_set: TrainingSet
-) -> dict[str, float]:
-    """Return the model's accuracy in each split."""
+def judge(new_images: Array, model: ValidityModel, judged_set: TrainingSet) -> dict[str, float]:
+    """Return the model's accuracy in each split; new_images: of split `NEW`."""
     assert isinstance(judged_set, JudgedSet)
     images = {OWN: judged_set.images, HELD_OUT: judged_set.images, NEW: new_images}
     return {s: accuracy(model.probability(images[s], z).ravel(), v.ravel()) for s, (z, v) in judged_set.judged.items()}
@@ -118,8 +93,7 @@ def judge_blind(prior: Float[Array, "side side"], judged_set: JudgedSet) -> Iter
     """Yield rows with the accuracy of both image-blind baselines."""
     for split, (z, valid) in judged_set.judged.items():
         every = bool(judged_set.valid.all())  # to this user all paths are valid
-        position = baselines.position_only if every else baselines.position_only_of_half
-        p = {POSITION: position(prior, z)}
+        p = {POSITION: (baselines.position_only if every else baselines.position_only_of_half)(prior, z)}
         if split == HELD_OUT:
             p[NEAREST] = baselines.nearest_demonstration(judged_set.z_theta, judged_set.valid, z)
         for variant, of_variant in p.items():
@@ -128,5 +102,5 @@ def judge_blind(prior: Float[Array, "side side"], judged_set: JudgedSet) -> Iter
 
 def row(judged_set: JudgedSet, variant: str, split: str, right: float) -> dict:
     """Return a row of a table of accuracies; `valid`: share of the judged paths that are valid."""
-    result = {"split": split, "variant": variant, "accuracy": right, "valid": judged_set.judged[split][1].mean()}
-    return judged_set.key | result
+    valid = judged_set.judged[split][1].mean()
+    return judged_set.key | {"split": split, "variant": variant, "accuracy": right, "valid": valid}

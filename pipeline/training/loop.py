@@ -1,22 +1,24 @@
-"""The training loop of all models, with schedule, checkpoints, and stacking of models and demonstrations."""
+"""Fitting models: training sets, one training loop with schedule and checkpoints, and how each variant is fitted."""
 
 import copy
-from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from dataclasses import dataclass, field, fields
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
 from torch import Tensor, nn
 from torch.func import stack_module_state
 from torch.optim import AdamW
 from torch.optim.lr_scheduler import OneCycleLR
 
-Model = TypeVar("Model", bound=nn.Module)
+from pipeline.models.base import ValidityModel, untrained
+from pipeline.runtime.errors import InputError
 
+MIN_OWN_DEMONSTRATIONS = 0.995  # share judged right that a converged model reaches
+Model = TypeVar("Model", bound=nn.Module)
 # The result of a loss function: the scalar to minimise (None: the gradients are already in the parameters), and
 # the loss terms before this step, one curve column each: scalars, or one value per model.
 Losses = tuple[Tensor | None, Sequence[Tensor]]
@@ -35,8 +37,7 @@ class Schedule:
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> "Schedule":
         """Return the schedule in conf/train.yaml or conf/clearance.yaml."""
-        names = "steps", "rate", "weight_decay", "curve_every", "adam_beta2"
-        return cls(**{name: values[name] for name in names if name in values})
+        return cls(**{own.name: values[own.name] for own in fields(cls) if own.name in values})
 
     def optimiser(self, parameters: Iterable[Tensor]) -> tuple[AdamW, OneCycleLR]:
         """Return AdamW for `parameters` and its learning-rate schedule; step both after each gradient."""
@@ -45,12 +46,31 @@ class Schedule:
         return optimiser, OneCycleLR(optimiser, self.rate, total_steps=self.steps)
 
 
+class Checkpoints:
+    """Copies of models' weights before selected steps of their training."""
+
+    def __init__(self, steps: Iterable[int] = ()):
+        self.steps = frozenset(steps)
+        self._states: dict[nn.Module, dict[int, dict[str, Array]]] = {}
+
+    def keep(self, models: Sequence[nn.Module], update: Callable[[], object], step: int) -> None:
+        """Copy the models' weights before a selected step, after `update` wrote them into the models."""
+        if step in self.steps:
+            update()
+            for model in models:
+                state = {name: value.detach().cpu().numpy().copy() for name, value in model.state_dict().items()}
+                self._states.setdefault(model, {})[step] = state
+
+    def of(self, model: nn.Module) -> dict[int, dict[str, Array]]:
+        """Return the model's parameters and buffers by name, for each kept step."""
+        return self._states.get(model, {})
+
+
 def minimise(
     loss: Callable[[], Losses | None],
     parameters: Iterable[Tensor],
     schedule: Schedule,
-    *,
-    before_step: Callable[[int], None] | None = None,
+    before_step: Callable[[int], object] = lambda step: None,
 ) -> Float[Array, "point column *model"]:
     """Minimise `loss` over `parameters` in `schedule.steps` steps; return the learning curve.
 
@@ -58,51 +78,20 @@ def minimise(
     returns None, the step changes no parameter and adds no point. `before_step` is called with each step's number.
     """
     optimiser, learning_rate = schedule.optimiser(parameters)
-    points: list[tuple[int, list[Tensor]]] = []
+    points: list[Array] = []
     for step in range(schedule.steps):
-        if before_step is not None:
-            before_step(step)
-        losses = loss()
-        if losses is not None:
+        before_step(step)
+        if (losses := loss()) is not None:
             objective, columns = losses
             if objective is not None:
                 optimiser.zero_grad()
                 objective.backward()
             optimiser.step()
             if step % schedule.curve_every == 0 or step == schedule.steps - 1:
-                points.append((step, [column.detach().clone() for column in columns]))
+                values = torch.stack([column.detach() for column in columns]).cpu().numpy().astype(np.float64)
+                points.append(np.concatenate([np.full_like(values[:1], step), values]))
         learning_rate.step()
-    return np.array([_point(step, columns) for step, columns in points])
-
-
-def _point(step: int, columns: Sequence[Tensor]) -> Array:
-    """Return one curve point (column, *model)."""
-    losses = torch.stack(list(columns)).cpu().numpy().astype(np.float64)
-    return np.concatenate([np.full_like(losses[:1], step), losses])
-
-
-class Checkpoints:
-    """Copies of models' weights before selected steps of their training."""
-
-    def __init__(self, steps: Iterable[int] = ()):
-        self.steps = frozenset(steps)
-        self._states: defaultdict[nn.Module, dict[int, dict[str, Array]]] = defaultdict(dict)
-
-    def before_step(self, models: Sequence[nn.Module], update: Callable[[], object]) -> Callable[[int], None]:
-        """Return `minimise`'s callback that keeps the models' weights, after `update` wrote them into the models."""
-
-        def keep(step: int) -> None:
-            if step in self.steps:
-                update()
-                for model in models:
-                    state = model.state_dict().items()
-                    self._states[model][step] = {name: value.detach().cpu().numpy().copy() for name, value in state}
-
-        return keep
-
-    def of(self, model: nn.Module) -> dict[int, dict[str, Array]]:
-        """Return the model's parameters and buffers by name, for each kept step."""
-        return self._states.get(model, {})
+    return np.array(points)
 
 
 def stack_models(models: Sequence[Model]) -> Model:
@@ -124,10 +113,15 @@ def unstack_models(parameters: Mapping[str, Tensor], models: Sequence[nn.Module]
             model.get_parameter(name).copy_(value)
 
 
-def fit_sequentially(fit: Callable[..., Array], models, images, z_theta, valid, seeds, **settings) -> list[Array]:
-    """Fit several models in sequence by `fit`(model, images, z_theta, valid, seed=, **settings)."""
-    jobs = zip(models, images, z_theta, valid, seeds, strict=True)
-    return [fit(*arguments, seed=seed, **settings) for *arguments, seed in jobs]
+def pad_demonstrations(demonstrations: Sequence[Array]) -> list[Array]:
+    """Return several models' demonstrations (scene, n, ...) padded to equal n by repeating each scene's first one."""
+    rows = max(array.shape[1] for array in demonstrations)
+    return [np.concatenate([d, d[:, :1].repeat(rows - d.shape[1], 1)], 1) for d in demonstrations]
+
+
+def row_weights(n_demos: Sequence[int]) -> Float[Array, "row model"]:
+    """Return the weight of each padded row in its scene's mean: 1 / n for real rows, 0 for padding."""
+    return np.where(np.arange(max(n_demos))[:, None] < n_demos, 1 / np.array(n_demos), 0)
 
 
 def is_constant(valid: Bool[Array, "*demo"]) -> bool:
@@ -140,12 +134,85 @@ def rule_of_succession(valid: Bool[Array, "*demo"]) -> float:
     return (int(valid.sum()) + 1) / (valid.size + 2)
 
 
-def pad_demonstrations(demonstrations: Sequence[Array]) -> list[Array]:
-    """Return several models' demonstrations (scene, n, ...) padded to equal n by repeating each scene's first one."""
-    rows = max(array.shape[1] for array in demonstrations)
-    return [np.concatenate([d, d[:, :1].repeat(rows - d.shape[1], 1)], 1) for d in demonstrations]
+def fit_varied(
+    descend: Callable[..., list[Array]],
+    set_constant: Callable[[Any, float], Sequence[float]],
+    models: Sequence[ValidityModel],
+    images: Sequence[UInt8[Array, "scene 100 100 3"]],
+    z_theta: Sequence[Float[Array, "scene _ 2"]],
+    valid: Sequence[Bool[Array, "scene _"]],
+    seeds: Sequence[int],
+    checkpoints: Checkpoints | None = None,
+) -> list[Float[Array, "point column"]]:
+    """Train models in place, each on its demonstrations [m], by one call of `descend`; return their learning curves.
+
+    A model with equal labels stays untrained: `set_constant`(model, P) makes it answer Laplace's P(valid) for every
+    path, and returns the losses in its curve's only point. `checkpoints` keeps the others' weights on the way.
+    """
+    curves: dict[int, Array] = {}
+    for i, (model, labels) in enumerate(zip(models, valid, strict=True)):
+        if is_constant(labels):
+            curves[i] = np.array([[0.0, *set_constant(model, rule_of_succession(labels))]])
+    if varied := [i for i in range(len(models)) if i not in curves]:
+        data = ([values[i] for i in varied] for values in (models, images, z_theta, valid, seeds))
+        curves |= zip(varied, descend(*data, checkpoints or Checkpoints()), strict=True)
+    return [curves[i] for i in range(len(models))]
 
 
-def row_weights(n_demos: Sequence[int]) -> Float[Array, "row model"]:
-    """Return the weight of each padded row in its scene's mean: 1 / n for real rows, 0 for padding."""
-    return np.where(np.arange(max(n_demos))[:, None] < n_demos, 1 / np.array(n_demos), 0)
+@dataclass(frozen=True)
+class TrainingSet:
+    """One user's demonstrations in one seed's scenes: the data that one model is fitted to."""
+
+    user: str
+    seed: int
+    images: UInt8[Array, "scene 100 100 3"]
+    z_theta: Float[Array, "scene n 2"]  # [m]
+    valid: Bool[Array, "scene n"]
+
+
+class Trainer(NamedTuple):
+    """How the models of one variant are fitted."""
+
+    kind: type[ValidityModel]
+    fit: Callable[..., list[Array]]  # (models, images, z_theta, valid, seeds=, checkpoints=) -> curves; must pickle
+    columns: tuple[str, ...]  # of a learning curve, the first one `step`
+    batch_size: int | None  # models per call of `fit`; None: any number, in sequence
+
+    def fit_new(
+        self,
+        variant: str,
+        shape: Mapping[str, Any],
+        training_sets: Sequence[TrainingSet],
+        seeds: Sequence[int],
+        checkpoints: Checkpoints | None = None,
+    ) -> tuple[list[ValidityModel], list[Float[Array, "point column"]]]:
+        """Fit a new model of this `shape` to each training set; return the models and their learning curves.
+
+        Raises InputError, naming the model, if a loss diverges. `seeds` decide initial weights and training.
+        """
+        models = [untrained(self.kind, shape, seed) for seed in seeds]
+        data = ([getattr(t, name) for t in training_sets] for name in ("images", "z_theta", "valid"))
+        curves = self.fit(models, *data, seeds=seeds, checkpoints=checkpoints)
+        for t, curve in zip(training_sets, curves, strict=True):
+            need_finite(curve, f"{variant} of {t.user}, seed {t.seed}, n_demos {t.valid.shape[1]}")
+        return models, curves
+
+
+def need_finite(curve: Float[Array, "point column"], model: str) -> None:
+    """Raise InputError, naming the `model`, if its learning curve diverged; column 0: step."""
+    if not np.isfinite(curve).all():
+        step = int(curve[~np.isfinite(curve).all(1)][0, 0])
+        raise InputError(f"{model}: its loss is no longer finite at step {step}; lower the learning rate of its stage")
+
+
+def convergence(model: ValidityModel, training_set: TrainingSet, has_decoder: bool = True) -> dict[str, Any]:
+    """Return whether the model reconstructs its training images and judges its own demonstrations right.
+
+    `passed` if reconstruction_over_flat is below 1 and own_demonstrations at least MIN_OWN_DEMONSTRATIONS. The encoder
+    of constant labels is never trained: no ratio.
+    """
+    trained = has_decoder and not is_constant(training_set.valid)
+    ratio = model.reconstruction_over_flat(training_set.images) if trained else np.nan
+    share = float(((model.probability(training_set.images, training_set.z_theta) > 0.5) == training_set.valid).mean())
+    passed = share >= MIN_OWN_DEMONSTRATIONS and not ratio >= 1
+    return {"reconstruction_over_flat": ratio, "own_demonstrations": share, "passed": passed}

@@ -14,7 +14,7 @@ from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.streams import job_seed
 from pipeline.training.clearance import fit as clearance
 from pipeline.training.irl import fit as irl
-from pipeline.training.sets import Trainer, TrainingSet
+from pipeline.training.loop import Trainer, TrainingSet
 from pipeline.training.vae import engines
 
 Answer = TypeVar("Answer")
@@ -56,10 +56,9 @@ def refit(
     batches: list[tuple[str, list[int]]] = []
     for variant, sets in training_sets.items():
         size = trainer(cfg.variants[variant], cfg).batch_size or len(cfg.protocol.seeds)
-        by_scenes: dict[int, list[int]] = {}
-        for i, training_set in enumerate(sets):
-            by_scenes.setdefault(len(training_set.images), []).append(i)
-        batches += [(variant, group[i : i + size]) for group in by_scenes.values() for i in range(0, len(group), size)]
+        for scenes in dict.fromkeys(len(one.images) for one in sets):
+            group = [i for i, one in enumerate(sets) if len(one.images) == scenes]
+            batches += [(variant, group[i : i + size]) for i in range(0, len(group), size)]
     jobs = [(variant, [training_sets[variant][i] for i in indices]) for variant, indices in batches]
     results: dict[str, dict[int, Answer]] = {variant: {} for variant in training_sets}
     fitted = map_jobs(partial(_fit, cfg, evaluate), jobs, cfg.workers, desc)
@@ -68,12 +67,8 @@ def refit(
     return {variant: [by_index[i] for i in range(len(by_index))] for variant, by_index in results.items()}
 
 
-def _fit(
-    cfg: DictConfig, evaluate: Callable[[ValidityModel, TrainingSet], Answer], job: tuple[str, Sequence[TrainingSet]]
-) -> list[Answer]:
-    """Fit one batch of models of a variant and evaluate them."""
-    name, training_sets = job
-    variant = cfg.variants[name]
+def _fit(cfg: DictConfig, evaluate: Callable, job: tuple[str, Sequence[TrainingSet]]) -> list:
+    (name, training_sets), variant = job, cfg.variants[job[0]]
     seeds = [job_seed(t.seed, t.user, cfg.main_n_demos, name) for t in training_sets]
     models, _ = trainer(variant, cfg).fit_new(name, variant.model, training_sets, seeds)
     return [evaluate(model, training_set) for model, training_set in zip(models, training_sets, strict=True)]

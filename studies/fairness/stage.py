@@ -34,10 +34,9 @@ from pipeline.runtime.settings import Count, Several, StudyGroup, Whole, expecte
 from pipeline.runtime.streams import job_seed, stream
 from pipeline.stats.scores import accuracy
 from pipeline.training import judged_sets
-from pipeline.training.judged_sets import NEW, NEW_POOL, OWN, ROUTES, Kinds
-from pipeline.training.loop import Losses, Schedule, minimise
+from pipeline.training.judged_sets import NEW, NEW_POOL, OWN, ROUTES, draw_judged_sets
+from pipeline.training.loop import Losses, Schedule, minimise, need_finite
 from pipeline.training.refit import TrainingSet, refit
-from pipeline.training.sets import need_finite
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, random_layouts
 from pipeline.world.render import read_palette, render_scenes
@@ -124,10 +123,9 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     examples.npz: demonstrations of each kind in the first scene; searched.csv: the result of a finished search.
     """
     scenes, prior = read_scenes(Path(cfg.paths.scenes)), read_position_prior(Path(cfg.paths.scenes))
-    pools, users = {s: train_pool(s) for s in cfg.protocol.seeds}, {u: cfg.users[u] for u in cfg.evaluate.users}
-    scenes.check_has(NEW_POOL, *pools.values())
-    cases, kinds = draw_cases(cfg), (ROUTES, cfg.studies.fairness.clear_cm, users, cfg.main_n_demos)
-    shown = list(Kinds.of(cfg.readings).judged_sets(scenes.images, scenes.layouts, pools, *kinds))
+    scenes.check_has(NEW_POOL, *(train_pool(seed) for seed in cfg.protocol.seeds))
+    cases, users = draw_cases(cfg), {user: cfg.users[user] for user in cfg.evaluate.users}
+    shown = list(draw_judged_sets(cfg, scenes, ROUTES, cfg.studies.fairness.clear_cm, users))
 
     # Fit the paper's model to all of its training sets at once, the largest first: they take longest.
     of_model = sorted((CaseSet.of(c) for c in cases if c.learner == MODEL), key=lambda x: -len(x.images))

@@ -29,7 +29,7 @@ from pipeline.causal import interventions
 from pipeline.launch import launch
 from pipeline.models.base import ValidityModel, to_tensor
 from pipeline.models.baselines import position_only
-from pipeline.models.clearance.clearance import packed
+from pipeline.models.clearance.clearance import pack
 from pipeline.models.trained import load_model
 from pipeline.perception.capsule import fit_capsule
 from pipeline.perception.objects import SUPERSAMPLING, Objects, detect_objects
@@ -202,7 +202,7 @@ def baselines(cfg: DictConfig) -> pd.DataFrame:
     blind = [(user, 0) for user in cfg.evaluate.users]
     parts = []
     for pool in DRAWN:
-        seen, asked = packed(detect_objects(to_tensor(scenes.images[pool]))), queries[pool]
+        seen, asked = pack(**vars(detect_objects(to_tensor(scenes.images[pool])))), queries[pool]
         p = [probability(model, seen, asked.z) for model in models.values()]
         parts.append(accuracies(models, p, asked.valid).assign(source=pool, top=ALL, detector="segmenter"))
         p = [position_only(prior[user], asked.z) for user, _ in blind]
@@ -285,7 +285,7 @@ def on_tables(job: Job) -> Transfer:
     starts, models, parts = draw_starts(cfg, job.split, tables), trained(cfg), []
     for detector, detect in DETECTORS.items():
         empty = to_tensor(tables.empty)
-        seen = [packed(detect(to_tensor(x), empty)) for x in (tables.images, *tables.with_item.values())]
+        seen = [pack(**vars(detect(to_tensor(x), empty))) for x in (tables.images, *tables.with_item.values())]
         p = np.stack([[probability(model, x, z) for x in seen] for model in models.values()])
         right = accuracies(models, p[:, 0], dict(zip(users, true[:, 0], strict=True)))
         found = Transfer(

@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.causal.mechanisms import expected_validities, model_scm, renderer, true_scm
 from pipeline.causal.scm import SCM, Values
-from pipeline.models.registry import build
+from pipeline.models.trained import build
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import EMPTY, LayoutRules, random_layouts

@@ -9,7 +9,7 @@ from omegaconf import DictConfig
 from pipeline.artifacts.files import write_arrays
 from pipeline.artifacts.scenes import read_scenes, train_pool
 from pipeline.params import compose
-from pipeline.training.judged_sets import FEW, HELD_OUT, NEW, OWN, ROUTES, Kinds
+from pipeline.training.judged_sets import FEW, HELD_OUT, NEW, OWN, ROUTES, draw_judged_sets
 from pipeline.world.layout import EMPTY, SYMBOLS, random_layouts
 from pipeline.world.rules import clearance, slack
 from studies.fairness.stage import true_code
@@ -42,9 +42,8 @@ def test_the_true_code_knows_each_item_and_nothing_of_empty_slots():
 
 def test_labels_are_true_and_no_judged_path_was_shown(cfg: DictConfig):
     scenes, families = read_scenes(Path(cfg.paths.scenes)), np.array(cfg.readings.families)
-    pools, users = {s: train_pool(s) for s in cfg.seeds}, {u: cfg.users[u] for u in cfg.evaluate.users}
-    kinds = ROUTES, cfg.studies.fairness.clear_cm, users, cfg.main_n_demos
-    shown = list(Kinds.of(cfg.readings).judged_sets(scenes.images, scenes.layouts, pools, *kinds))
+    users = {user: cfg.users[user] for user in cfg.evaluate.users}
+    shown = list(draw_judged_sets(cfg, scenes, ROUTES, cfg.studies.fairness.clear_cm, users))
     assert len(shown) == 2 * 2 * 2 * 2, "routes, distances, seeds, users"
     for x in shown:
         for split, (z, valid) in x.judged.items():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from omegaconf import DictConfig
 
-from pipeline.models.registry import build
+from pipeline.models.trained import build
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.streams import job_seed
 from pipeline.training.refit import TrainingSet, refit_and_predict, trainer

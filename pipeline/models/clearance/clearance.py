@@ -2,14 +2,12 @@
 
 Objects are detected in the image (pipeline.perception.objects), without any label of the user. Each has a relevance:
 the probability that this user keeps away from objects of its appearance. Each path has a clearance [m] from each
-object. A path is invalid if it comes too close to a relevant object, or to one that the detector missed.
+object. A path is invalid if it comes too close to a relevant object, or to one that the detector missed. What "too
+close" and "relevant" mean depends on the user's rule family (FAMILIES). Every family is an ensemble; the model averages
+over families and a constant P(valid), weighted by BIC (Bayesian model averaging; Hoeting et al., 1999).
 
-What "too close" and "relevant" mean depends on the user's rule family (FAMILIES). Every family is an ensemble; the
-model averages over families and a constant P(valid), weighted by BIC (Bayesian model averaging; Hoeting et al., 1999).
-Without evidence that any object is relevant, all paths have the same P(valid).
-
-Rotating or reflecting scene and path together changes neither clearance nor relevance. So the model has the task's
-symmetries exactly, except that family `side` tells left from right and family `progress` start from goal.
+The model has the task's symmetries exactly, since rotating or reflecting scene and path together changes neither
+clearance nor relevance, except that family `side` tells left from right and family `progress` start from goal.
 """
 
 from collections.abc import Sequence
@@ -22,7 +20,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from pipeline.models.base import ValidityModel
-from pipeline.perception.objects import FEATURES, Objects, detect_objects
+from pipeline.perception.objects import FEATURES, detect_objects
 from pipeline.runtime.roots import square_root
 from pipeline.world.bezier import P_F, P_INIT, basis
 from pipeline.world.layout import segment_distance
@@ -50,6 +48,7 @@ LATERAL_SCALE_M = 0.02  # lateral distance [m] at which an object counts as full
 GATE_UNIT = 3.0  # unit of the gates of `side` and `progress`, so that one learning rate suits all parameters
 USUAL_OVER_LARGEST = 1.25  # usual doubt over the largest of the training pictures: a new picture may exceed it a little
 UNLIMITED = 1e6  # above any doubt: that of a model that saw no pictures
+Chosen = Sequence[int] | slice  # of a model's families
 
 
 class PerceivedObjects(NamedTuple):
@@ -85,18 +84,17 @@ class ClearanceModel(ValidityModel):
     """An ensemble per rule family with p_valid = p_nothing_missed * (1 - max(relevance * closeness)) in each member.
 
     `relevance` is a logistic function of an object's features and their squares, and of the family's relation between
-    object and path. Features are bounded so that it does not extrapolate to objects unlike the training ones. Each
-    member uses FEATURES_PER_MEMBER random features (random subspaces; Ho, 1998), because several feature sets explain
-    the training objects equally well. `closeness` falls from 1 to 0 around the member's margin, as Student's t
-    distribution with 2 degrees of freedom. Its heavy tails allow for outlines that are far off. `p_nothing_missed` is
-    the probability that no undetected object blocks the path.
+    object and path. Features are bounded, against extrapolation to objects unlike the training ones. Each member uses
+    FEATURES_PER_MEMBER random ones (random subspaces; Ho, 1998), because several sets explain the training objects
+    equally well. `closeness` falls from 1 to 0 around the member's margin, as Student's t distribution with 2 degrees
+    of freedom, whose heavy tails allow for outlines that are far off. `p_nothing_missed` is the probability that no
+    undetected object blocks the path.
 
     A family's weight is its posterior probability against a constant `rate`, by BIC (Schwarz, 1978) on FAMILIES and
     EVIDENCE_PENALTY_NATS: averaged members fit the labels less closely than the best one. Only families in Occam's
     window have weight (Madigan and Raftery, 1994): nearly as probable as the best, and at least as `margin`, the first,
-    which the others extend. Without labels, P(valid) is the constant.
-
-    In a picture whose doubt exceeds `usual_doubt` the log-odds shrink (`trust`), so that decisions at 1/2 stay.
+    which the others extend. In a picture whose doubt exceeds `usual_doubt` the log-odds shrink (`trust`), so that
+    decisions at 1/2 stay.
     """
 
     feature_mask: Tensor
@@ -131,8 +129,8 @@ class ClearanceModel(ValidityModel):
         return torch.tensor([family == name for family in self.families])
 
     def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene object 14"]:
-        """Return the detected objects, packed as by `PerceivedObjects.percept`."""
-        return packed(detect_objects(images))
+        """Return the detected objects (`PerceivedObjects`)."""
+        return pack(**vars(detect_objects(images)))
 
     def logit(
         self, percept: Float[Tensor, "scene object 14"], z_theta: Float[Tensor, "scene path 2"]
@@ -158,7 +156,7 @@ class ClearanceModel(ValidityModel):
         return F.pad(self.evidence.masked_fill(self.evidence < least, -np.inf), (0, 1)).softmax(0)
 
     def logit_by_family(
-        self, percept: Tensor, passing: Passing, chosen: Sequence[int] | slice = slice(None)
+        self, percept: Tensor, passing: Passing, chosen: Chosen = slice(None)
     ) -> Float[Tensor, "family scene path"]:
         """Return the log-odds of validity under each chosen family: of its members' mean, times SHARPENING."""
         members = self.margin.shape[-1]
@@ -166,10 +164,7 @@ class ClearanceModel(ValidityModel):
         return SHARPENING * log_odds(log_p.logsumexp(1) - float(np.log(members)))
 
     def log_valid(
-        self,
-        percept: Float[Tensor, "*model scene object 14"],
-        passing: Passing,
-        chosen: Sequence[int] | slice = slice(None),
+        self, percept: Float[Tensor, "*model scene object 14"], passing: Passing, chosen: Chosen = slice(None)
     ) -> Float[Tensor, "*model member scene path"]:
         """Return log p_valid by the chosen families' members, given how paths pass the objects in the first slots."""
 
@@ -193,7 +188,7 @@ class ClearanceModel(ValidityModel):
         return (torch.log1p(-threat) + F.logsigmoid(of_members(self.logit_nothing_missed)[..., 0, :])).movedim(-1, -3)
 
     def logit_relevance(
-        self, percept: Float[Tensor, "*model scene object 14"], chosen: Sequence[int] | slice = slice(None)
+        self, percept: Float[Tensor, "*model scene object 14"], chosen: Chosen = slice(None)
     ) -> Float[Tensor, "*model scene object member"]:
         """Return each member's log-odds that the user keeps away from each object, by its features alone."""
         features = PerceivedObjects.of(percept).features
@@ -210,28 +205,17 @@ def log_odds(log_p: Tensor) -> Tensor:
     return log_p - torch.log(-torch.expm1(log_p))
 
 
-def packed(objects: Objects) -> Float[Tensor, "scene object 14"]:
-    """Return detected objects as a percept."""
-    start, end = torch.from_numpy(objects.ends).unbind(-2)
-    radius, features, present = map(torch.from_numpy, (objects.radius, objects.features, objects.present))
-    return pack(start, end, radius, features, present, torch.from_numpy(objects.doubt))
-
-
-def pack(
-    start: Tensor, end: Tensor, radius: Tensor, features: Tensor, present: Tensor, doubt: Float[Tensor, " scene"]
-) -> Tensor:
-    """Return the percept of objects (`PerceivedObjects`) with the gap [m] to each one's neighbour as last feature.
-
-    doubt: about each picture; it rides along as the last column.
-    """
-    segments = torch.stack([start, end], -2).double().numpy()
-    apart = torch.from_numpy(segment_distance(segments[:, :, None], segments[:, None])).to(radius)
-    gap = apart - radius[:, :, None] - radius[:, None, :]
-    other = present[:, :, None] & present[:, None] & ~torch.eye(present.shape[1], dtype=torch.bool)
+def pack(ends, radius, features, present, doubt) -> Float[Tensor, "scene object 14"]:
+    """Return the fields of `Objects` as a percept, with the gap [m] to each object's neighbour as last feature."""
+    apart = segment_distance(ends[:, :, None].astype(float), ends[:, None].astype(float))
+    size, seen = torch.from_numpy(radius), torch.from_numpy(present)
+    gap = torch.from_numpy(apart).to(size) - size[:, :, None] - size[:, None, :]
+    other = seen[:, :, None] & seen[:, None] & ~torch.eye(seen.shape[1], dtype=torch.bool)
     log_gap = torch.where(other, gap, GAP_RANGE_M[1]).amin(-1).clamp(*GAP_RANGE_M).log()
-    features = torch.cat([features, log_gap[..., None]], -1)
-    doubts = doubt[:, None].expand(present.shape).to(radius)
-    return PerceivedObjects(start, end, radius, features, present.float(), doubts).percept()
+    start, end = torch.from_numpy(ends).unbind(-2)
+    doubts = torch.from_numpy(doubt)[:, None].expand(seen.shape).to(size)
+    all_features = torch.cat([torch.from_numpy(features), log_gap[..., None]], -1)
+    return PerceivedObjects(start, end, size, all_features, seen.float(), doubts).percept()
 
 
 def passes(
@@ -263,18 +247,12 @@ def passes(
         distances.append(nearest)
         samples.append(sample[..., 0])
     clearance = square_root(torch.stack(distances, 2).clamp(min=1e-12)) - objects.radius[:, None, :, None]
-    t = torch.stack(samples, 2).to(z_theta) / (PATH_SAMPLES - 1)
-    progress = 2 * t - 1
-    return Passing(clearance, torch.stack([_side(objects, z_theta, t), progress, progress.square() - 1 / 3], -1))
-
-
-def _side(
-    objects: PerceivedObjects, z_theta: Float[Tensor, "scene path 2"], t: Float[Tensor, "scene path near"]
-) -> Float[Tensor, "scene path near"]:
-    """Return on which side each path passes each object at parameter `t`: 1 right, -1 left, between them in line."""
-    z, t, middle = z_theta[:, :, None], t[..., None], ((objects.start + objects.end) / 2)[:, None]
+    t = torch.stack(samples, 2).to(z_theta)[..., None] / (PATH_SAMPLES - 1)  # where it passes: (scene, path, near, 1)
+    z, middle = z_theta[:, :, None], ((objects.start + objects.end) / 2)[:, None]
     start, goal = (torch.from_numpy(p).to(z_theta) for p in (P_INIT, P_F))
     point = (1 - t).square() * start + 2 * t * (1 - t) * z + t.square() * goal  # (scene, path, near, 2)
     heading, towards = (1 - t) * (z - start) + t * (goal - z), middle - point
     lateral = heading[..., 1] * towards[..., 0] - heading[..., 0] * towards[..., 1]
-    return (lateral / square_root(heading.square().sum(-1) + 1e-12) / LATERAL_SCALE_M).tanh()
+    side = (lateral / square_root(heading.square().sum(-1) + 1e-12) / LATERAL_SCALE_M).tanh()
+    progress = 2 * t[..., 0] - 1
+    return Passing(clearance, torch.stack([side, progress, progress.square() - 1 / 3], -1))

@@ -35,18 +35,11 @@ class RewardMap(ValidityModel):
     paths: Tensor
 
     def __init__(self, channels: int, dilated: int, gain: float, dropout: float, lattice_side: int) -> None:
-        """Build the network: 25 x 25 layers of `channels` channels, one plain and `dilated` dilated ones.
-
-        `gain` multiplies the map, whose rewards are at most 0.
-        """
+        """Build 25 x 25 layers of `channels` channels, one plain, `dilated` dilated ones; `gain` multiplies the map."""
         super().__init__()
         self.gain = gain
-        layers = [
-            nn.Conv2d(4, channels // 2, 3, stride=2, padding=1),  # (scene, channels / 2, 50, 50)
-            nn.ReLU(),
-            nn.Conv2d(channels // 2, channels, 3, stride=2, padding=1),  # (scene, channels, 25, 25)
-            nn.ReLU(),
-        ]
+        layers = [nn.Conv2d(4, channels // 2, 3, stride=2, padding=1), nn.ReLU()]  # (scene, channels / 2, 50, 50)
+        layers += [nn.Conv2d(channels // 2, channels, 3, stride=2, padding=1), nn.ReLU()]  # (scene, channels, 25, 25)
         for _ in range(dilated):
             layers += [nn.Conv2d(channels, channels, 3, padding=2, dilation=2), nn.ReLU()]
         layers.insert(-2, nn.Dropout2d(dropout))
@@ -60,26 +53,22 @@ class RewardMap(ValidityModel):
 
     def reward(self, contrasts: Float[Tensor, "scene 4 100 100"]) -> Float[Tensor, "scene side side"]:
         """Return r_s at each cell of the map, row 0 at the far edge, from the images' contrast with the table."""
-        return self.gain * -F.softplus(self.layers(contrasts).squeeze(1))
+        return self.gain * -F.softplus(self.layers(contrasts).squeeze(1))  # at most 0
 
     def perceive(self, images: Float[Tensor, "scene 3 100 100"]) -> Float[Tensor, "scene cell"]:
         """Return the cells of the reward map and, last, the soft optimum of each scene; zeros if `scale` is 0."""
         if not self.scale:
             return images.new_zeros(len(images), self.side**2 + 1)
-        return self._perceive(_turned_contrasts(tuple(to_bytes(images))))
+        return self.perceive_turned(_turned_contrasts(tuple(to_bytes(images))))
 
-    def perceive_contrasts(self, contrasts: Float[Tensor, "scene 4 100 100"]) -> Float[Tensor, "scene cell"]:
-        """Return the same as `perceive`, from the images' contrast with the table."""
-        return self._perceive(_turned(contrasts))
-
-    def _perceive(self, turned: list[Float[Tensor, "scene 4 100 100"]]) -> Float[Tensor, "scene cell"]:
-        reward = torch.stack([untransform(self.reward(x), g) for g, x in enumerate(turned)]).mean(0)
+    def perceive_turned(self, contrasts: list[Float[Tensor, "scene 4 100 100"]]) -> Float[Tensor, "scene cell"]:
+        """Return the same as `perceive`, from the images' contrast with the table under each symmetry (`turned`)."""
+        reward = torch.stack([untransform(self.reward(x), g) for g, x in enumerate(contrasts)]).mean(0)
         return torch.cat([reward.flatten(1), self.soft_optimum(reward)[:, None]], dim=-1)
 
     def soft_optimum(self, reward: Float[Tensor, "scene side side"]) -> Float[Tensor, " scene"]:
         """Return log(mean exp(return)) over the lattice of z_theta: the log partition function up to a constant."""
-        returns = reward.flatten(1) @ self.paths.T  # (scene, lattice)
-        return returns.logsumexp(-1) - float(np.log(len(self.paths)))
+        return (reward.flatten(1) @ self.paths.T).logsumexp(-1) - float(np.log(len(self.paths)))
 
     def advantage(
         self, reward: Float[Tensor, "scene side side"], z_theta: Float[Tensor, "scene path 2"]
@@ -90,8 +79,7 @@ class RewardMap(ValidityModel):
     def logit(self, percept: Tensor, z_theta: Float[Tensor, "scene path 2"]) -> Float[Tensor, "scene path"]:
         """Return the log-odds of validity of each path; differentiable in `z_theta` [m]."""
         reward = percept[:, :-1].unflatten(1, (self.side, self.side))
-        advantage = path_return(reward, z_theta) - percept[:, -1:]
-        return self.scale * advantage + self.offset
+        return self.scale * (path_return(reward, z_theta) - percept[:, -1:]) + self.offset
 
 
 @lru_cache(maxsize=2048)  # all models use the same images
@@ -104,13 +92,12 @@ def _contrast(image: bytes) -> Float[Tensor, "1 4 100 100"]:
 @lru_cache(maxsize=4)  # batches; a sixth of the time
 def _turned_contrasts(images: tuple[bytes, ...]) -> list[Float[Tensor, "scene 4 100 100"]]:
     """Return the contrasts of 8-bit images under each symmetry."""
-    return _turned(torch.cat([_contrast(image) for image in images]))
+    return turned(torch.cat([_contrast(image) for image in images]))
 
 
-def _turned(contrasts: Float[Tensor, "scene 4 100 100"]) -> list[Float[Tensor, "scene 4 100 100"]]:
+def turned(contrasts: Float[Tensor, "scene 4 100 100"]) -> list[Float[Tensor, "scene 4 100 100"]]:
     """Return the contrasts under each symmetry, channels last: a third faster here."""
-    turned = (transform(contrasts, g) for g in range(SYMMETRIES))
-    return [x.contiguous(memory_format=torch.channels_last) for x in turned]
+    return [transform(contrasts, g).contiguous(memory_format=torch.channels_last) for g in range(SYMMETRIES)]
 
 
 def contrast(
@@ -163,15 +150,11 @@ def path_weights(z_theta: Float[Tensor, "path 2"], side: int) -> Float[Tensor, "
 
 def transform(images: Float[Tensor, "*batch row column"], symmetry: int) -> Float[Tensor, "*batch row column"]:
     """Apply symmetry 0..7 of the square: bits 2 and 4 reflect rows and columns, then bit 1 transposes."""
-    images = _reflected(images, symmetry)
+    axes = [axis for axis, bit in ((-2, 2), (-1, 4)) if symmetry & bit]
+    images = images.flip(axes) if axes else images  # copies, and keeps the memory order
     return images.mT if symmetry & 1 else images
 
 
 def untransform(images: Float[Tensor, "*batch row column"], symmetry: int) -> Float[Tensor, "*batch row column"]:
     """Apply the inverse of `transform`."""
-    return _reflected(images.mT if symmetry & 1 else images, symmetry)
-
-
-def _reflected(images, symmetry):
-    axes = [axis for axis, bit in ((-2, 2), (-1, 4)) if symmetry & bit]
-    return images.flip(axes) if axes else images  # copies, and keeps the memory order
+    return transform(images.mT if symmetry & 1 else images, symmetry & 6)

@@ -31,28 +31,24 @@ class BetaVae(ValidityModel):
 
     def __init__(self, latent: int = 15, channels: Sequence[int] = (16, 8, 4), hidden: int = 64):
         super().__init__()
-        self.latent = latent
-        widths = [3, *channels]
-        sides = [SIDE]
-        for _ in channels:
+        self.latent, widths, sides = latent, [3, *channels], [SIDE]
+        encode: list[nn.Module] = []
+        for before, after in pairwise(widths):
+            encode += [nn.Conv2d(before, after, 3, stride=2, padding=1), nn.ReLU()]
             sides.append((sides[-1] + 1) // 2)  # image sides: 100, 50, 25, 13
         flat = widths[-1] * sides[-1] ** 2
-        self.features = nn.Sequential(*_convolutions(widths), nn.Flatten())
+        self.features = nn.Sequential(*encode, nn.Flatten())
         self.mean = nn.Linear(flat, latent)
         self.log_variance = nn.Linear(flat, latent)
-        self.decode = nn.Sequential(
-            nn.Linear(latent, flat), nn.ReLU(), nn.Unflatten(1, (widths[-1], sides[-1], sides[-1])),
-            *_transposed_convolutions(widths[::-1], sides[::-1]),
-        )  # fmt: skip
+        decode = [nn.Linear(latent, flat), nn.ReLU(), nn.Unflatten(1, (widths[-1], sides[-1], sides[-1]))]
+        for (before, after), (small, big) in zip(pairwise(widths[::-1]), pairwise(sides[::-1]), strict=True):
+            odd = big - (2 * small - 1)  # pixel lost by rounding up when halving: 0 or 1
+            decode += [nn.ConvTranspose2d(before, after, 3, stride=2, padding=1, output_padding=odd), nn.ReLU()]
+        self.decode = nn.Sequential(*decode[:-1], nn.Sigmoid())  # the output is in [0, 1]
         self.classifier = nn.Sequential(
-            nn.Linear(latent + 2, hidden),
-            nn.ReLU(),
-            nn.Linear(hidden, hidden),
-            nn.ReLU(),
-            nn.Linear(hidden, 1),
+            nn.Linear(latent + 2, hidden), nn.ReLU(), nn.Linear(hidden, hidden), nn.ReLU(), nn.Linear(hidden, 1)
         )
-        last = (self.mean, self.log_variance, self.decode[-2], self.classifier[-1])
-        initialise(self, no_rectifier_after=last)
+        initialise(self, no_rectifier_after=(self.mean, self.log_variance, self.decode[-2], self.classifier[-1]))
         self._smooth_decoder()
         self.register_buffer("centre", torch.zeros(3, 1, 1))
         self.register_buffer("spread", torch.ones(3, 1, 1))
@@ -74,9 +70,8 @@ class BetaVae(ValidityModel):
         kernels draw a checkerboard instead. The first layer's weights are nearly the same for all cells of a channel.
         """
         transposed = [layer for layer in self.decode if isinstance(layer, nn.ConvTranspose2d)]
-        cells = (
-            self.decode[0].get_parameter("weight").unflatten(0, (transposed[0].in_channels, -1))
-        )  # (channel, cell, latent)
+        first = self.decode[0].get_parameter("weight")
+        cells = first.unflatten(0, (transposed[0].in_channels, -1))  # (channel, cell, latent)
         cells.copy_(math.sqrt(1 - CELL_SHARE**2) * cells[:, :1] + CELL_SHARE * cells)
         for layer in transposed:
             centre = layer.weight[..., 1:2, 1:2]
@@ -86,10 +81,7 @@ class BetaVae(ValidityModel):
 
     @torch.no_grad()
     def standardise(self, images: UInt8[Array, "scene 100 100 3"]) -> None:
-        """Set each channel's centre and spread to the training images' mean and standard deviation.
-
-        The decoder's output bias becomes the mean colour.
-        """
+        """Set each channel's centre and spread to those of the training images, the output bias to the mean colour."""
         pixels = to_tensor(images).transpose(0, 1).flatten(1).double()  # (channel, pixel)
         self.centre.copy_(pixels.mean(1)[:, None, None])
         self.spread.copy_(pixels.std(1).clamp(min=MIN_SPREAD)[:, None, None])
@@ -112,24 +104,5 @@ class BetaVae(ValidityModel):
     @torch.no_grad()
     def set_constant_head(self, probability: float) -> None:
         """Make the classifier answer `probability` for all inputs: last layer's weight 0, bias the log-odds."""
-        head = self.classifier[-1]
-        assert isinstance(head, nn.Linear)
-        head.weight.zero_()
-        head.bias.fill_(math.log(probability) - math.log1p(-probability))
-
-
-def _convolutions(widths: Sequence[int]) -> list[nn.Module]:
-    """Return 3x3 convolutions that each halve the side, each followed by a rectifier."""
-    layers: list[nn.Module] = []
-    for before, after in pairwise(widths):
-        layers += [nn.Conv2d(before, after, 3, stride=2, padding=1), nn.ReLU()]
-    return layers
-
-
-def _transposed_convolutions(widths: Sequence[int], sides: Sequence[int]) -> list[nn.Module]:
-    """Return the decoder: transposed convolutions through the same sides in reverse; the output is in [0, 1]."""
-    layers: list[nn.Module] = []
-    for i, (before, after) in enumerate(pairwise(widths)):
-        odd = sides[i + 1] - (2 * sides[i] - 1)  # pixel lost by rounding up when halving: 0 or 1
-        layers += [nn.ConvTranspose2d(before, after, 3, stride=2, padding=1, output_padding=odd), nn.ReLU()]
-    return [*layers[:-1], nn.Sigmoid()]
+        self.classifier[-1].get_parameter("weight").zero_()
+        self.classifier[-1].get_parameter("bias").fill_(math.log(probability) - math.log1p(-probability))

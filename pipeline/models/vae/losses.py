@@ -1,7 +1,7 @@
 """The loss of the paper, Eq. 1, term by term; each term states how it is reduced to a scalar.
 
-This is its definition. The autograd engine differentiates it. The simd engine, which fits the models where there is no
-GPU, has the same loss with a gradient derived by hand (training/vae/engines/simd.py `Stack`); tests compare the two.
+This is its definition, which the autograd engine differentiates. Tests hold the gradient that was derived by hand for
+the simd engine (training/vae/engines/simd.py `Stack`) against it.
 """
 
 from dataclasses import dataclass
@@ -77,8 +77,7 @@ def equation_1(
     """
     features = model.encode(images)
     z_image = mean = model.mean(features)  # (scene, latent)
-    zero = mean.new_zeros(())
-    divergence = error = zero
+    divergence = error = mean.new_zeros(())
     if weights.beta:
         log_variance = model.log_variance(features)
         z_image = mean + noise * torch.exp(0.5 * log_variance)

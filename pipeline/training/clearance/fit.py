@@ -1,13 +1,13 @@
 """Fit clearance models: every member maximises its own weighted likelihood; then BIC weights the rule families."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
 import numpy as np
 import torch
 import torch.nn.functional as F
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Float
 from numpy import ndarray as Array
 from scipy.special import entr
 from torch import Tensor
@@ -22,64 +22,34 @@ from pipeline.models.clearance.clearance import (
     PerceivedObjects,
     passes,
 )
-from pipeline.training.loop import (
-    Checkpoints,
-    Losses,
-    Schedule,
-    is_constant,
-    minimise,
-    pad_demonstrations,
-    row_weights,
-    rule_of_succession,
-    stack_models,
-    unstack_models,
-)
-from pipeline.training.sets import Trainer
+from pipeline.training import loop
 
 CERTAIN_LOG_ODDS = 1e4  # log-odds of certainty [nat]
 BATCH_SIZE = 10  # models fitted together, so that their intermediate results fit the cache
 CURVE = ("step", "total")  # columns of a learning curve
 
 
-def trainer(variant: Mapping[str, Any], clearance: Mapping[str, Any]) -> Trainer:
+def trainer(variant: Mapping[str, Any], clearance: Mapping[str, Any]) -> loop.Trainer:
     """Return how the clearance model is fitted with the settings of conf/clearance.yaml; `variant` adds none."""
-    return Trainer(ClearanceModel, partial(fit, schedule=Schedule.of(clearance)), CURVE, BATCH_SIZE)
+    return loop.Trainer(ClearanceModel, partial(fit, schedule=loop.Schedule.of(clearance)), CURVE, BATCH_SIZE)
 
 
-def fit(
-    models: Sequence[ClearanceModel],
-    images: Sequence[UInt8[Array, "scene 100 100 3"]],
-    z_theta: Sequence[Float[Array, "scene _ 2"]],
-    valid: Sequence[Bool[Array, "scene _"]],
-    schedule: Schedule,
-    seeds: Sequence[int],
-    checkpoints: Checkpoints | None = None,
-) -> list[Float[Array, "point 2"]]:
-    """Train models of one shape in place on their demonstrations [m]; return their learning curves (`CURVE`).
+def fit(models, images, z_theta, valid, schedule, seeds, checkpoints=None) -> list[Float[Array, "point 2"]]:
+    """Train models of one shape and equally many scenes in place; return their learning curves (`CURVE`).
 
-    Each member weights the scenes at random (Bayesian bootstrap; Rubin, 1981) and maximises the weighted likelihood.
-    If all labels are equal, the model answers Laplace's probability for every path. All models have the same number of
-    scenes. `checkpoints` keeps intermediate weights, each with its model evidence.
+    Arguments as in `loop.fit_varied`. Each member weights the scenes at random (Bayesian bootstrap; Rubin, 1981) and
+    maximises the weighted likelihood. Every checkpoint has its own model evidence.
     """
-    curves: dict[int, Array] = {}
-    percepts: dict[int, Tensor] = {}  # of the models whose labels vary
-    for i, (model, scenes, labels) in enumerate(zip(models, images, valid, strict=True)):
-        model.rate.fill_(rule_of_succession(labels))
-        if is_constant(labels):
-            model.evidence.fill_(-CERTAIN_LOG_ODDS)
-            curves[i] = np.array([[0.0, 0.0]])
-        else:
-            percepts[i] = set_feature_scaling(model, scenes)
-    if percepts:
-        varied = [[values[i] for i in percepts] for values in (models, z_theta, valid, seeds)]
-        fitted = _ascend(schedule, checkpoints or Checkpoints(), list(percepts.values()), *varied)
-        curves |= zip(percepts, fitted, strict=True)
-    return [curves[i] for i in range(len(models))]
+
+    def set_constant(model: ClearanceModel, rate: float) -> tuple[float]:
+        model.rate.fill_(rate)
+        model.evidence.fill_(-CERTAIN_LOG_ODDS)
+        return (0.0,)
+
+    return loop.fit_varied(partial(_ascend, schedule), set_constant, models, images, z_theta, valid, seeds, checkpoints)
 
 
-def set_feature_scaling(
-    model: ClearanceModel, images: UInt8[Array, "scene 100 100 3"]
-) -> Float[Tensor, "scene object 14"]:
+def set_feature_scaling(model: ClearanceModel, images: Array) -> Float[Tensor, "scene object 14"]:
     """Set feature scaling and usual doubt from the training images; return the percepts."""
     percept = model.perceive(to_tensor(images))
     objects = PerceivedObjects.of(percept)
@@ -104,38 +74,34 @@ def set_model_evidence(model: ClearanceModel, percept: Tensor, z_theta: Array, l
     model.evidence.copy_(log_likelihood - log_likelihood_at_rate - penalty)
 
 
-def _ascend(schedule, checkpoints, percepts, models, z_theta, labels, seeds) -> list[Float[Array, "point 2"]]:
+def _ascend(schedule, models, images, z_theta, labels, seeds, checkpoints) -> list[Float[Array, "point 2"]]:
     """Train all members of all models at once: ten models cost as much as four in sequence."""
-    stacked, percept = stack_models(models), torch.stack(percepts)
-    paths = torch.tensor(np.stack(pad_demonstrations(z_theta))).float()
+    for model, own in zip(models, labels, strict=True):
+        model.rate.fill_(loop.rule_of_succession(own))
+    percepts = [set_feature_scaling(model, scenes) for model, scenes in zip(models, images, strict=True)]
+    stacked, percept = loop.stack_models(models), torch.stack(percepts)  # (model, scene, object, 14)
+    paths = torch.tensor(np.stack(loop.pad_demonstrations(z_theta))).float()
     flat = passes(percept.flatten(0, 1), paths.flatten(0, 1))
     passing = Passing(*(x.unflatten(0, percept.shape[:2]) for x in flat))
-    valid = torch.tensor(np.stack(pad_demonstrations(labels)))[:, None]
-    scene_weights = torch.stack(
-        [bootstrap(model, len(percept[0]), seed) for model, seed in zip(models, seeds, strict=True)]
-    )
-    rows = torch.from_numpy(row_weights([own.shape[1] for own in labels]).T).float()[:, None, None]
-    weights = rows * scene_weights  # (model, member, scene, row)
+    valid = torch.tensor(np.stack(loop.pad_demonstrations(labels)))[:, None]
+    rows = torch.from_numpy(loop.row_weights([own.shape[1] for own in labels]).T).float()[:, None, None]
+    families, members = models[0].margin.shape  # the members' random weights of the scenes are the same in all families
+    draws, empty = [torch.Generator().manual_seed(seed) for seed in seeds], torch.empty(members, percept.shape[1], 1)
+    of_scenes = torch.stack([empty.clone().exponential_(generator=draw) for draw in draws])
+    weights = rows * of_scenes.repeat(1, families, 1, 1)  # (model, member, scene, row)
 
-    def loss() -> Losses:
+    def loss() -> loop.Losses:
         log_valid = stacked.log_valid(percept, passing).clamp(max=-1e-6)
         negative_log_likelihood = -torch.where(valid, log_valid, torch.log(-torch.expm1(log_valid)))
         by_member = (weights * negative_log_likelihood).sum(-1).mean(-1)  # (model, member)
         return by_member.sum(), [by_member.mean(-1)]
 
     def hand_over() -> None:
-        unstack_models(dict(stacked.named_parameters()), models)
+        loop.unstack_models(dict(stacked.named_parameters()), models)
         for data in zip(models, percepts, z_theta, labels, strict=True):
             set_model_evidence(*data)
 
     parameters = [p for p in stacked.parameters() if p.requires_grad]
-    curve = minimise(loss, parameters, schedule, before_step=checkpoints.before_step(models, hand_over))
+    curve = loop.minimise(loss, parameters, schedule, partial(checkpoints.keep, models, hand_over))
     hand_over()
     return list(curve.transpose(2, 0, 1))
-
-
-def bootstrap(model: ClearanceModel, scenes: int, seed: int) -> Float[Tensor, "member scene 1"]:
-    """Draw each member's random weights of the scenes, the same for all families (Rubin, 1981)."""
-    families, members = model.margin.shape
-    weights = torch.empty(members, scenes, 1).exponential_(generator=torch.Generator().manual_seed(seed))
-    return weights.repeat(families, 1, 1)

@@ -41,53 +41,36 @@ def blobs(contrast: Float32[Array, "scene row column"]) -> Int[Array, "scene row
 
 
 def augment_appearances(
-    rng: np.random.Generator,
-    plain: Float32[Array, "scene 3 row column"],
-    labels: Int[Array, "scene row column"],
-    jitter: ColorJitter,
+    rng: np.random.Generator, plain: Float32[Array, "scene 3 row column"], labels: Array, jitter: ColorJitter
 ) -> tuple[Float32[Array, "scene 3 row column"], Int[Array, " scene"]]:
-    """Return the augmented differences from the table, and the index of the scene that each table top comes from."""
-    scenes = np.arange(len(plain))
+    """Return the augmented differences from the table, and the index of the scene that each table top comes from.
+
+    labels: `blobs` of the scenes. Each blob's colour is rotated in hue, scaled and shifted at random; a table top is
+    turned or reflected at random.
+    """
+    scenes, count = np.arange(len(plain)), int(labels.max()) + 1
     table = np.where(rng.random(len(plain)) < jitter.other_table, rng.permutation(len(plain)), scenes)
-    recoloured = recolour(rng, plain, labels, jitter)
-    blob = ndimage.binary_dilation(labels > 0, np.ones((1, 3, 3))).astype(np.float32)
-    blob = ndimage.gaussian_filter(blob, (0, SOFTENING_PX, SOFTENING_PX))[:, None]  # (scene, 1, row, column)
-    table_tops = _random_symmetry(rng, plain * (1 - blob))[table]
-    moved = blob * recoloured + (1 - blob) * table_tops
-    return np.where((table == scenes)[:, None, None, None], recoloured, moved).astype(np.float32), table
 
-
-def recolour(
-    rng: np.random.Generator,
-    plain: Float32[Array, "scene 3 row column"],
-    labels: Int[Array, "scene row column"],
-    jitter: ColorJitter,
-) -> Float32[Array, "scene 3 row column"]:
-    """Return the differences from the table with each blob's colour rotated in hue, scaled and shifted at random."""
-    scenes, count = len(plain), int(labels.max()) + 1
-    hue = rng.uniform(-jitter.hue, jitter.hue, (scenes, count))
-    gain = np.exp(rng.normal(0, jitter.gain, (scenes, count)))
-    change = _hue_rotation(hue) * gain[..., None, None] - np.eye(3)  # (scene, blob, 3, 3)
-    shift = rng.normal(0, jitter.shift, (scenes, count, 3))
+    hue = rng.uniform(-jitter.hue, jitter.hue, (len(plain), count))
+    gain = np.exp(rng.normal(0, jitter.gain, (len(plain), count)))
+    c, s = np.cos(hue)[..., None, None], np.sin(hue)[..., None, None]
+    cross = np.array([[0, -1, 1], [1, 0, -1], [-1, 1, 0]]) / np.sqrt(3)
+    rotation = c * np.eye(3) + (1 - c) / 3 + s * cross  # about the grey axis (Rodrigues' formula)
+    change = rotation * gain[..., None, None] - np.eye(3)  # (scene, blob, 3, 3)
+    shift = rng.normal(0, jitter.shift, (len(plain), count, 3))
     recoloured = np.empty_like(plain)
-    for scene in range(scenes):
+    for scene in scenes:
         added = np.zeros_like(plain[scene])
         for blob in range(1, count):
             mask = labels[scene] == blob
             added[:, mask] = change[scene, blob] @ plain[scene][:, mask] + shift[scene, blob][:, None]
         recoloured[scene] = plain[scene] + ndimage.gaussian_filter(added, (0, SOFTENING_PX, SOFTENING_PX))
-    scene_gain = np.exp(rng.normal(0, jitter.scene_gain, (scenes, 1, 1, 1)))
-    return (scene_gain * recoloured).astype(np.float32)
+    scene_gain = np.exp(rng.normal(0, jitter.scene_gain, (len(plain), 1, 1, 1)))
+    recoloured = (scene_gain * recoloured).astype(np.float32)
 
-
-def _random_symmetry(rng: np.random.Generator, images: Array) -> Array:
-    """Return the images (scene, channel, row, column) under one random symmetry of the square."""
-    images = np.rot90(images, int(rng.integers(4)), (2, 3))
-    return np.swapaxes(images, 2, 3) if rng.integers(2) else images
-
-
-def _hue_rotation(angle: Array) -> Array:
-    """Return the rotation (..., 3, 3) of RGB by `angle` [rad] about the grey axis (Rodrigues' formula)."""
-    c, s = np.cos(angle)[..., None, None], np.sin(angle)[..., None, None]
-    cross = np.array([[0, -1, 1], [1, 0, -1], [-1, 1, 0]]) / np.sqrt(3)
-    return c * np.eye(3) + (1 - c) / 3 + s * cross
+    inside = ndimage.binary_dilation(labels > 0, np.ones((1, 3, 3))).astype(np.float32)
+    inside = ndimage.gaussian_filter(inside, (0, SOFTENING_PX, SOFTENING_PX))[:, None]  # (scene, 1, row, column)
+    table_tops = np.rot90(plain * (1 - inside), int(rng.integers(4)), (2, 3))
+    table_tops = (np.swapaxes(table_tops, 2, 3) if rng.integers(2) else table_tops)[table]
+    moved = inside * recoloured + (1 - inside) * table_tops
+    return np.where((table == scenes)[:, None, None, None], recoloured, moved).astype(np.float32), table

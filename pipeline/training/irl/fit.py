@@ -15,26 +15,17 @@ from zlib import crc32
 import numpy as np
 import torch
 import torch.nn.functional as F
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float
 from numpy import ndarray as Array
 from scipy.optimize import root
 from scipy.special import expit
 from torch import Tensor
 
 from pipeline.models.base import to_tensor
-from pipeline.models.irl.reward_map import SYMMETRIES, RewardMap, contrast, transform, untransform
+from pipeline.models.irl.reward_map import SYMMETRIES, RewardMap, contrast, transform, turned, untransform
 from pipeline.perception.background import subtract_background
 from pipeline.training.irl.augment import ColorJitter, augment_appearances, blobs
-from pipeline.training.loop import (
-    Checkpoints,
-    Losses,
-    Schedule,
-    fit_sequentially,
-    is_constant,
-    minimise,
-    rule_of_succession,
-)
-from pipeline.training.sets import Trainer
+from pipeline.training.loop import Losses, Schedule, Trainer, fit_varied, minimise
 from pipeline.world.layout import SIDE
 
 CURVE = ("step", "total")  # columns of a learning curve
@@ -48,17 +39,12 @@ class IrlSchedule(Schedule):
     n_augmentations: int  # versions of each training scene, including the original; drawn once
     color_jitter: ColorJitter
 
-    @classmethod
-    def of(cls, values: Mapping[str, Any]) -> "IrlSchedule":
-        """Return the schedule in conf/irl.yaml with the steps of one objective."""
-        return cls(**{**values, "color_jitter": ColorJitter(**values["color_jitter"])})
-
 
 def trainer(variant: Mapping[str, Any], irl: Mapping[str, Any]) -> Trainer:
     """Return how a reward map (conf/variants) is fitted with the settings of conf/irl.yaml."""
-    schedule = IrlSchedule.of({**irl, "steps": irl["steps"][variant["objective"]]})
-    fit_all = partial(fit_sequentially, fit, objective=variant["objective"], schedule=schedule)
-    return Trainer(RewardMap, fit_all, CURVE, batch_size=None)
+    objective, jitter = variant["objective"], ColorJitter(**irl["color_jitter"])
+    schedule = IrlSchedule(**{**irl, "steps": irl["steps"][objective], "color_jitter": jitter})
+    return Trainer(RewardMap, partial(fit, objective=objective, schedule=schedule), CURVE, batch_size=None)
 
 
 def maxent(advantage: Float[Tensor, "scene path"], valid: Bool[Tensor, "scene path"]) -> Float[Tensor, ""]:
@@ -74,38 +60,54 @@ def ranked(advantage: Float[Tensor, "scene path"], valid: Bool[Tensor, "scene pa
     return F.softplus(-(advantage[valid][:, None] - advantage[~valid][None, :])).mean()
 
 
-def fit(
-    model: RewardMap,
-    images: UInt8[Array, "scene 100 100 3"],
-    z_theta: Float[Array, "scene n 2"],
-    valid: Bool[Array, "scene n"],
-    objective: str,
-    schedule: IrlSchedule,
-    seed: int,
-    checkpoints: Checkpoints | None = None,
-) -> Float[Array, "point 2"]:
-    """Train `model` in place on n demonstrations [m] per scene; return the learning curve (`CURVE`).
+def fit(models, images, z_theta, valid, objective, schedule, seeds, checkpoints=None) -> list[Float[Array, "point 2"]]:
+    """Train reward maps in place, one after the other; return their learning curves (`CURVE`).
 
-    If all labels are equal, there is nothing to rank and no threshold to fit. The model then stays untrained and
-    answers Laplace's probability (valid + 1) / (all + 2) for every image and path. `checkpoints` keeps intermediate
-    weights, each with its own acceptance rule.
+    Arguments as in `fit_varied`; `objective`: maxent or ranked. Every checkpoint has its own acceptance rule.
     """
-    if is_constant(valid):
-        p = rule_of_succession(valid)
-        set_acceptance_rule(model, 0.0, float(np.log(p / (1 - p))))
-        return np.array([[0.0, 0.0]])
-    appearances = _appearances(images.tobytes(), schedule.n_augmentations, schedule.color_jitter)
 
-    rng, checkpoints = np.random.default_rng(seed), checkpoints or Checkpoints()
-    curve = _descend(model, rng, appearances, z_theta, valid, objective, schedule, checkpoints)
-    fit_acceptance_rule(model, appearances, z_theta, valid)
-    return curve
+    def set_constant(model: RewardMap, p: float) -> tuple[float]:
+        set_acceptance_rule(model, 0.0, float(np.log(p / (1 - p))))
+        return (0.0,)
+
+    def descend(*data) -> list[Float[Array, "point 2"]]:
+        return [_fit(form, schedule, data[-1], *own) for own in zip(*data[:-1], strict=True)]
+
+    form = {"maxent": maxent, "ranked": ranked}[objective]
+    return fit_varied(descend, set_constant, models, images, z_theta, valid, seeds, checkpoints)
+
+
+def _fit(objective, schedule, checkpoints, model, images, z_theta, valid, seed) -> Float[Array, "point 2"]:
+    """Train a map: each step uses some scenes, each in one version, all under one random symmetry."""
+    appearances = _appearances(images.tobytes(), schedule.n_augmentations, schedule.color_jitter)
+    rng, z, labels = np.random.default_rng(seed), torch.from_numpy(z_theta.astype(np.float32)), torch.tensor(valid)
+
+    def loss() -> Losses | None:
+        scene = torch.from_numpy(rng.permutation(len(z))[: schedule.scenes_per_step])
+        appearance = torch.from_numpy(rng.integers(len(appearances), size=len(scene)))
+        symmetry = int(rng.integers(SYMMETRIES))
+        contrasts = appearances.flatten(0, 1).index_select(0, appearance * len(z) + scene).permute(0, 3, 1, 2)
+        batch = transform(contrasts, symmetry).contiguous(memory_format=torch.channels_last)
+        advantage, own = model.advantage(untransform(model.reward(batch), symmetry), z[scene]), labels[scene]
+        if not own.any() or (objective is ranked and own.all()):
+            return None  # nothing to learn from
+        total = objective(advantage, own)
+        return total, [total]
+
+    def fit_rule() -> None:
+        fit_acceptance_rule(model.eval(), appearances, z, valid)
+        model.train()
+
+    model.train()
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(int(rng.integers(2**62)))  # dropout uses torch's global generator
+        curve = minimise(loss, model.parameters(), schedule, partial(checkpoints.keep, [model], fit_rule))
+    fit_acceptance_rule(model.eval(), appearances, z, valid)
+    return curve.reshape(-1, len(CURVE))  # empty if the demonstrations allow no pair
 
 
 @lru_cache(maxsize=1)  # all models of a training set use the same augmentations
-def _appearances(
-    images: bytes, n_augmentations: int, jitter: ColorJitter
-) -> Float[Tensor, "appearance scene 100 100 4"]:
+def _appearances(images: bytes, n_augmentations: int, jitter: ColorJitter) -> Float[Tensor, "version scene 100 100 4"]:
     """Return the contrast of all versions of the training scenes, originals first; the images alone decide them."""
     rng = np.random.default_rng(crc32(images))
     scenes = np.frombuffer(images, np.uint8).reshape(-1, SIDE, SIDE, 3)
@@ -118,53 +120,13 @@ def _appearances(
     return torch.stack(appearances).permute(0, 1, 3, 4, 2).contiguous()  # channels last: fast to index
 
 
-def _descend(model, rng, appearances, z_theta, valid, objective, schedule, checkpoints) -> Float[Array, "point 2"]:
-    """Train the map: each step uses some scenes, each in one version, all under one random symmetry."""
-    z = torch.from_numpy(z_theta.astype(np.float32))
-    labels = torch.tensor(valid)
-
-    def loss() -> Losses | None:
-        scene = torch.from_numpy(rng.permutation(len(z))[: schedule.scenes_per_step])
-        appearance = torch.from_numpy(rng.integers(len(appearances), size=len(scene)))
-        symmetry = int(rng.integers(SYMMETRIES))
-        contrasts = appearances.flatten(0, 1).index_select(0, appearance * len(z) + scene).permute(0, 3, 1, 2)
-        batch = transform(contrasts, symmetry).contiguous(memory_format=torch.channels_last)
-        reward = untransform(model.reward(batch), symmetry)
-        advantage = model.advantage(reward, z[scene])
-        total = _objective(objective, advantage, labels[scene])
-        return None if total is None else (total, [total])
-
-    def fit_rule() -> None:
-        fit_acceptance_rule(model.eval(), appearances, z_theta, valid)
-        model.train()
-
-    model.train()
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(int(rng.integers(2**62)))  # dropout uses torch's global generator
-        curve = minimise(loss, model.parameters(), schedule, before_step=checkpoints.before_step([model], fit_rule))
-    model.eval()
-    return curve.reshape(-1, len(CURVE))  # empty if the demonstrations allow no pair
-
-
-def _objective(objective, advantage, valid) -> Tensor | None:
-    """Return the objective on a batch, or None if the batch holds nothing to learn from."""
-    if objective == "maxent":
-        return maxent(advantage, valid) if valid.any() else None
-    return ranked(advantage, valid) if valid.any() and not valid.all() else None
-
-
-def fit_acceptance_rule(model, appearances, z_theta, valid) -> None:
-    """Fit the acceptance rule to the labels; half of the versions suffice (docs/decisions/005-irl.md)."""
-    advantages = _advantages(model, appearances[::2], z_theta)
-    set_acceptance_rule(model, *logistic(advantages, np.broadcast_to(valid, advantages.shape)))
-
-
 @torch.no_grad()
-def _advantages(model, appearances, z_theta) -> Float[Array, "appearance scene n"]:
-    """Return the trained model's advantage of the training demonstrations in these versions of their scenes."""
-    z = torch.from_numpy(z_theta.astype(np.float32))
-    set_acceptance_rule(model, 1.0, 0.0)
-    return torch.stack([model.logit(model.perceive_contrasts(x.permute(0, 3, 1, 2)), z) for x in appearances]).numpy()
+def fit_acceptance_rule(model: RewardMap, appearances: Tensor, z: Tensor, valid: Bool[Array, "scene n"]) -> None:
+    """Fit the acceptance rule to the labels; half of the versions suffice (docs/decisions/005-irl.md)."""
+    set_acceptance_rule(model, 1.0, 0.0)  # log-odds that are the advantage
+    seen = (model.perceive_turned(turned(of_version.permute(0, 3, 1, 2))) for of_version in appearances[::2])
+    advantages = torch.stack([model.logit(percept, z) for percept in seen]).numpy()
+    set_acceptance_rule(model, *logistic(advantages, np.broadcast_to(valid, advantages.shape)))
 
 
 def set_acceptance_rule(model: RewardMap, scale: float, offset: float) -> None:

@@ -35,9 +35,8 @@ def fit_one(m: ClearanceModel, images, z, valid, seed=0, checkpoints=None) -> np
 
 def percept(layouts: Layouts) -> torch.Tensor:
     """Layouts as the model perceives them, without features."""
-    ends, radius, present = (torch.tensor(x) for x in (layouts.ends, layouts.radius, layouts.present))
-    features, doubt = torch.zeros(*present.shape, len(FEATURES)), torch.zeros(len(present))
-    return pack(ends[..., 0, :], ends[..., 1, :], radius, features, present, doubt)
+    features, doubt = np.zeros((*layouts.present.shape, len(FEATURES))), np.zeros(len(layouts.present))
+    return pack(layouts.ends, layouts.radius, features, layouts.present, doubt)
 
 
 def some_layouts(rng, scenes=20, slots=3) -> Layouts:

@@ -24,10 +24,9 @@ AMOUNTS = {"margin": 0.0, "dwell": 0.1, "side": 0.0, "proximity": 0.2}
 
 def seen(layouts: Layouts) -> torch.Tensor:
     """Return the percept that holds every footprint exactly, and the same features for all objects."""
-    ends, radius = (torch.tensor(x, dtype=torch.float32) for x in (layouts.ends, layouts.radius))
-    present = torch.tensor(layouts.present)
-    features, doubt = torch.zeros(*present.shape, len(FEATURES)), torch.zeros(len(present))
-    return pack(ends[..., 0, :], ends[..., 1, :], radius, features, present, doubt)
+    ends, radius = layouts.ends.astype(np.float32), layouts.radius.astype(np.float32)
+    features, doubt = (np.zeros(shape, np.float32) for shape in ((*radius.shape, len(FEATURES)), len(radius)))
+    return pack(ends, radius, features, layouts.present, doubt)
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,8 @@ import torch
 
 from pipeline.models.base import to_tensor
 from pipeline.models.irl import reward_map
-from pipeline.models.irl.reward_map import SYMMETRIES, RewardMap, contrast, path_return, path_weights, transform
-from pipeline.models.registry import build
+from pipeline.models.irl.reward_map import SYMMETRIES, RewardMap, contrast, path_return, path_weights, transform, turned
+from pipeline.models.trained import build
 from pipeline.perception.background import subtract_background
 from pipeline.world.bezier import curve, lattice
 
@@ -59,18 +59,18 @@ def test_probabilities_of_the_lattice_add_up_to_one_and_a_constant_reward_is_not
 def test_every_symmetry_is_undone_and_a_turned_image_gives_the_turned_map():
     model = drawn()
     seen = contrast(*subtract_background(to_tensor(tables()))).double()
-    cells = model.perceive_contrasts(seen)[:, :-1].unflatten(1, (50, 50))
+    cells = model.perceive_turned(turned(seen))[:, :-1].unflatten(1, (50, 50))
     for symmetry in range(SYMMETRIES):
         torch.testing.assert_close(reward_map.untransform(transform(maps(), symmetry), symmetry), maps())
-        turned = model.perceive_contrasts(transform(seen, symmetry))[:, :-1].unflatten(1, (50, 50))
-        torch.testing.assert_close(reward_map.untransform(turned, symmetry), cells)
+        other = model.perceive_turned(turned(transform(seen, symmetry)))[:, :-1].unflatten(1, (50, 50))
+        torch.testing.assert_close(reward_map.untransform(other, symmetry), cells)
 
 
 def test_the_logit_of_the_percept_is_scaled_advantage_and_its_gradient_is_right():
     model = drawn()
     model.scale.fill_(2.0)
     model.offset.fill_(0.5)
-    percept = model.perceive_contrasts(contrast(*subtract_background(to_tensor(tables()))).double()).detach()
+    percept = model.perceive_turned(turned(contrast(*subtract_background(to_tensor(tables()))).double())).detach()
     z = paths().requires_grad_()
     reward = percept[:, :-1].unflatten(1, (50, 50))
     torch.testing.assert_close(model.logit(percept, z), 2 * model.advantage(reward, z) + 0.5)

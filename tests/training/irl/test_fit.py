@@ -5,15 +5,9 @@ import pytest
 import torch
 
 from pipeline.models.irl.reward_map import RewardMap
-from pipeline.models.registry import build
+from pipeline.models.trained import build
 from pipeline.training.irl.augment import ColorJitter
-from pipeline.training.irl.fit import (
-    IrlSchedule,
-    fit,
-    logistic,
-    maxent,
-    ranked,
-)
+from pipeline.training.irl.fit import IrlSchedule, fit, logistic, maxent, ranked
 
 SHAPE = {"channels": 8, "dilated": 2, "gain": 10.0, "dropout": 0.1, "lattice_side": 10}
 JITTER = ColorJitter(hue=0.3, gain=0.15, shift=0.01, scene_gain=0.1, other_table=0.5)
@@ -31,6 +25,12 @@ def drawn(seed: int = 0, **changes) -> RewardMap:
     model = build({"kind": "reward", "model": SHAPE | changes}, seed)
     assert isinstance(model, RewardMap)
     return model
+
+
+def fit_one(model: RewardMap, images, z, valid, objective: str, settings: IrlSchedule, seed: int):
+    """Its learning curve."""
+    (curve,) = fit([model], [images], [z], [valid], objective, settings, [seed])
+    return curve
 
 
 def world(scenes: int = 4, n: int = 6):
@@ -65,7 +65,7 @@ def test_a_model_depends_on_its_seed_and_not_on_those_fitted_before_it():
     results = []
     for scenes, seed in ((5, 1), (5, 1), (4, 1), (5, 1), (5, 2)):  # appearances drawn, cached, replaced, drawn again
         model = drawn(1)
-        fit(model, *world(scenes), "ranked", schedule(), seed)
+        fit_one(model, *world(scenes), "ranked", schedule(), seed)
         results.append([value.numpy() for value in model.state_dict().values()])
     same = [all(np.array_equal(x, y) for x, y in zip(results[0], other, strict=True)) for other in results]
     assert same == [True, True, False, True, False]
@@ -76,7 +76,7 @@ def test_a_model_depends_on_its_seed_and_not_on_those_fitted_before_it():
 def test_fitting_ranks_valid_paths_above_invalid_ones(objective, least):
     images, z, valid = world(12, 9)
     model = drawn(0)
-    curve = fit(model, images, z, valid, objective, schedule(steps=30), 0)
+    curve = fit_one(model, images, z, valid, objective, schedule(steps=30), 0)
     assert curve[-5:, 1].mean() < curve[:5, 1].mean()
     p = model.probability(images, z)
     assert (p[valid][:, None] > p[~valid]).mean() > least  # area under the ROC curve

@@ -1,24 +1,28 @@
 """Two engines that fit the paper's model by the same loss, Eq. 1 (models/vae/losses.py), behind one interface.
 
-autograd: torch computes the gradient, of one model after the other on the processor ("reference") or of many at once on
-a GPU ("cuda"). simd: the gradient derived by hand, of one model per vector lane of the processor (Numba); tests hold it
-against autograd. Results differ by rounding, which training amplifies (docs/decisions/004-engines.md).
+autograd (here): torch computes the gradient, of one model after the other on the processor ("reference") or of many at
+once on a GPU ("cuda"). simd: the gradient derived by hand, of one model per vector lane of the processor (Numba); tests
+hold it against autograd. The models of a batch share the weights of Eq. 1, the number of scenes and the schedule.
+Results differ by rounding, which training amplifies (docs/decisions/004-engines.md).
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 import torch
+from jaxtyping import Float
+from numpy import ndarray as Array
+from torch import nn
+from torch.func import functional_call, stack_module_state, vmap
 
+from pipeline.models.base import to_tensor
 from pipeline.models.vae.beta_vae import BetaVae
-from pipeline.models.vae.losses import Weights
+from pipeline.models.vae.losses import Terms, Weights, equation_1
 from pipeline.runtime.errors import InputError
-from pipeline.training.loop import Checkpoints, Schedule, is_constant, rule_of_succession
-from pipeline.training.sets import Fit, Trainer
+from pipeline.training import loop
 
-NAMES = ("auto", "simd", "cuda", "reference")
 CURVE = ("step", "reconstruction", "kl", "classification", "total")  # columns of a learning curve
 MODELS_ON_GPU = 128  # models per batch: about 4 GB of activations at the paper's model size
 
@@ -27,57 +31,91 @@ class Engine(NamedTuple):
     """An engine with `fit`(models, images, z_theta, valid, weights=, schedule=, seeds=, checkpoints=) -> curves."""
 
     name: str
-    fit: Fit
+    fit: Callable[..., list[Array]]
     batch_size: int  # models per call of `fit`
 
 
 def engine(name: str) -> Engine:
-    """Return the engine called `name`, for stages, studies and `pipeline.fit`; `auto`: cuda with a GPU, else simd.
-
-    Raises InputError for an unknown name, and for cuda without a GPU.
-    """
-    if name not in NAMES:
-        raise InputError(f"engine {name!r}: expected one of {', '.join(NAMES)} (train.engine)")
+    """Return an engine (`auto`: cuda with a GPU, else simd); raise InputError if it is unknown, or lacks its GPU."""
     gpu = torch.cuda.is_available()
-    if name == "cuda" and not gpu:
-        raise InputError("train.engine=cuda needs a GPU: choose train.engine=auto")
     if name == "simd" or (name == "auto" and not gpu):
         from pipeline.training.vae.engines.simd import LANES, fit_stack  # compiles on first import
 
         return Engine("simd", fit_stack, LANES)
-    from pipeline.training.vae.engines.autograd import fit_batch
-
     if name == "reference":
-        return Engine("reference", partial(fit_batch, device="cpu"), 1)
+        return Engine(name, fit_batch, 1)
+    if name not in ("auto", "cuda"):
+        raise InputError(f"engine {name!r}: expected one of auto, simd, cuda, reference (train.engine)")
+    if not gpu:
+        raise InputError("train.engine=cuda needs a GPU: choose train.engine=auto")
     return Engine("cuda", partial(fit_batch, device="cuda"), MODELS_ON_GPU)
 
 
-def trainer(variant: Mapping[str, Any], train: Mapping[str, Any]) -> Trainer:
+def trainer(variant: Mapping[str, Any], train: Mapping[str, Any]) -> loop.Trainer:
     """Return how a variant of the paper's model (conf/variants) is fitted with the settings of conf/train.yaml."""
     weights = Weights(*(float(variant[name]) for name in ("alpha", "beta", "gamma")))
-    chosen = engine(train["engine"])
-    return Trainer(BetaVae, partial(chosen.fit, weights=weights, schedule=Schedule.of(train)), CURVE, chosen.batch_size)
+    _, fit, batch_size = engine(train["engine"])
+    fit = partial(fit, weights=weights, schedule=loop.Schedule.of(train))
+    return loop.Trainer(BetaVae, fit, CURVE, batch_size)
 
 
-def fit_varied(
-    descend: Callable[..., list[np.ndarray]], models, images, z_theta, valid, weights, schedule, seeds, checkpoints
-) -> list[np.ndarray]:
-    """Standardise each model, fit those with varying labels by one call of `descend`; return all curves in order.
+def fit_models(descend, models, images, z_theta, valid, weights, schedule, seeds, checkpoints=None) -> list[Array]:
+    """Standardise models and train them in place by `descend`; return their learning curves (point, `CURVE`).
 
-    If all labels are equal, the encoder stays untrained and the classifier answers Laplace's probability everywhere.
+    Arguments as in `loop.fit_varied`. `seeds` draw the latent noise on the processor; torch's global generator is
+    unchanged.
     """
-    curves: dict[int, np.ndarray] = {}
-    for i, (model, scenes, labels) in enumerate(zip(models, images, valid, strict=True)):
+
+    def set_constant(model: BetaVae, probability: float) -> tuple[float, float, float, float]:
+        model.set_constant_head(probability)
+        loss = weights.gamma * -np.log(max(probability, 1 - probability))
+        return 0.0, 0.0, loss, loss
+
+    for model, scenes in zip(models, images, strict=True):
         model.standardise(scenes)
-        if is_constant(labels):
-            probability = rule_of_succession(labels)
-            model.set_constant_head(probability)
-            loss = weights.gamma * -np.log(max(probability, 1 - probability))
-            curves[i] = np.array([[0, 0, 0, loss, loss]])
-    if varied := [i for i in range(len(models)) if i not in curves]:
-        data = ([values[i] for i in varied] for values in (models, images, z_theta, valid))
-        own_seeds = [seeds[i] for i in varied]
-        curves |= zip(varied, descend(*data, weights, schedule, own_seeds, checkpoints or Checkpoints()), strict=True)
-    for model in models:
-        model.eval()
-    return [curves[i] for i in range(len(models))]
+    descend = partial(descend, weights, schedule)
+    return loop.fit_varied(descend, set_constant, models, images, z_theta, valid, seeds, checkpoints)
+
+
+def fit_batch(*data, device: str = "cpu", **settings) -> list[Float[Array, "point 5"]]:
+    """Train models as `fit_models` by torch's gradient of Eq. 1."""
+    return fit_models(partial(_descend, torch.device(device)), *data, **settings)
+
+
+class _Loss(nn.Module):
+    """Eq. 1 as the output of a module, since `functional_call` needs a module."""
+
+    def __init__(self, model: BetaVae, weights: Weights):
+        super().__init__()
+        self.model, self.weights = model, weights
+
+    def forward(self, images, z_theta, valid, noise, share) -> Terms:
+        return equation_1(self.model, images, z_theta, valid, self.weights, noise, share)
+
+
+@torch.backends.cudnn.flags(enabled=True, deterministic=True, allow_tf32=False)
+def _descend(device, weights, schedule, models, images, z_theta, valid, seeds, checkpoints) -> list[Array]:
+    """Train all models at once under torch.func.vmap."""
+
+    def stacked(tensors: Iterable[torch.Tensor]) -> torch.Tensor:
+        return torch.stack(list(tensors)).to(device, models[0].mean.weight.dtype)  # (model, ...)
+
+    x = stacked([to_tensor(of_model) for of_model in images])
+    z, labels = (stacked(map(torch.from_numpy, loop.pad_demonstrations(demos))) for demos in (z_theta, valid))
+    share = stacked(torch.from_numpy(loop.row_weights([of_model.shape[1] for of_model in valid])).unbind(1))
+    generators = [torch.Generator().manual_seed(seed) for seed in seeds]
+    drawn, buffers = stack_module_state(list(models))
+    parameters = {name: value.detach().to(device).requires_grad_() for name, value in drawn.items()}
+    fixed = {name: value.to(device) for name, value in buffers.items()}
+    named = {f"model.{name}": value for name, value in (parameters | fixed).items()}  # with the names inside `_Loss`
+    losses = vmap(partial(functional_call, _Loss(models[0], weights)))
+
+    def loss() -> loop.Losses:
+        noise = stacked([torch.randn(x.shape[1], models[0].latent, generator=generator) for generator in generators])
+        terms = losses(named, (x, z, labels, noise, share))  # (model,) each
+        return terms.total.sum(), [*terms, terms.total]
+
+    hand_over = partial(loop.unstack_models, parameters, models)
+    curve = loop.minimise(loss, parameters.values(), schedule, partial(checkpoints.keep, models, hand_over))
+    hand_over()
+    return list(curve.transpose(2, 0, 1))

@@ -1,16 +1,13 @@
 """Fit several users' models at once, one per SIMD lane of the processor (simd_kernels).
 
 The loss is Eq. 1 (models/vae/losses.py `equation_1`); its gradient here was derived by hand, and tests hold it against
-that of `equation_1` in double precision. The models of a stack share the weights of Eq. 1, the number of scenes and the
-schedule. Each has its own images, demonstrations (any number) and seed. A model's result does not depend on the other
-models, to the last bit. The autograd engine sums in another order, so its trained weights differ by amplified rounding.
-
-Scenes pass forward and backward one at a time, so that their activations stay in the cache.
+that of `equation_1` in double precision. Each model has its own images, demonstrations (any number) and seed; its
+result does not depend on the other models, to the last bit. Scenes pass one at a time, so that they stay in the cache.
 """
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 import numpy as np
 import torch
@@ -21,8 +18,8 @@ from torch import nn
 
 from pipeline.models.vae.beta_vae import Z_CENTRE, Z_SCALE, BetaVae
 from pipeline.models.vae.losses import Weights
-from pipeline.training.loop import Checkpoints, Losses, Schedule, minimise, pad_demonstrations, row_weights
-from pipeline.training.vae.engines import fit_varied
+from pipeline.training.loop import Losses, minimise, pad_demonstrations, row_weights
+from pipeline.training.vae.engines import fit_models
 from pipeline.training.vae.engines import simd_kernels as lanes
 from pipeline.training.vae.engines.simd_kernels import GATE, LANES, PUT, RELU
 from pipeline.world.layout import SIDE
@@ -48,120 +45,81 @@ class Parameter:
         self.tensor.grad = torch.from_numpy(self.gradient)
 
 
-class Layer(ABC):
-    """A map from array `x` to array `y`, each of one scene and with an axis of LANES last.
+class Flatten:
+    """nn.Flatten from planes, without their border of zeros, to a row, or nn.Unflatten from a row to planes.
 
-    In the backward pass y holds the loss's gradient. The layer adds to its weights' gradient and overwrites x with the
-    input's gradient. Planes have a border of zeros.
+    A layer maps x to y, each of one scene, lanes last. `backward` overwrites x with its gradient, given that of y in y.
     """
 
-    x: Array
-    y: Array
-
-    @abstractmethod
-    def forward(self) -> None:
-        """Compute y from x."""
-
-    @abstractmethod
-    def backward(self, scene: int) -> None:
-        """Overwrite x with its gradient and accumulate the weights' gradient, given the gradient of y in y."""
-
-
-class Trained(Layer):
-    """A layer with weights; `mode` is the operation of `product` on y, `back` the one on the gradient of x."""
-
-    weight: Parameter
-    bias: Parameter
-
-    def finish(self) -> None:
-        """Add the remaining terms to the gradient of weight and bias, after all scenes."""
-
-    @abstractmethod
-    def as_torch(self, weight: Array, bias: Array) -> tuple[Array, Array]:
-        """Return views of arrays of the parameters' shape in torch's axis order, lanes last."""
-
-
-class Convolution(Trained):
-    """nn.Conv2d that halves the side, or nn.ConvTranspose2d that doubles it; x is rectified, or holds the images."""
-
-    def __init__(
-        self,
-        module: nn.Conv2d | nn.ConvTranspose2d,
-        x: Float[Array, "row column channel lane"],
-        mode: int,
-        back: int | None,
-    ):
-        self.halves = isinstance(module, nn.Conv2d)
-        side = len(x) - 2
-        side = (side + 1) // 2 if self.halves else 2 * side - 1 + int(module.output_padding[0])
-        self.x, self.y, self.mode, self.back = x, allocate(side + 2, side + 2, module.out_channels), mode, back
-        self.big, self.small = (self.x, self.y) if self.halves else (self.y, self.x)
-        self.weight = Parameter(3, 3, self.big.shape[2], self.small.shape[2])
-        self.bias = Parameter(module.out_channels)
-
-    def forward(self):
-        self._convolve(self.halves, self.bias.value, self.mode)
-
-    def backward(self, scene):
-        lanes.correlate(self.big, self.small, self.weight.gradient)
-        lanes.total(self.y, self.bias.gradient)
-        if self.back is not None:
-            self._convolve(not self.halves, NO_BIAS, self.back)
-
-    def _convolve(self, halves: bool, bias: Array, mode: int) -> None:
-        if halves:
-            lanes.gather(self.big, self.weight.value, bias, self.small, mode)
-        else:
-            lanes.scatter(self.small, self.weight.value, bias, self.big, mode)
-
-    def as_torch(self, weight, bias):
-        return weight.transpose(3, 2, 0, 1, 4), bias
-
-
-class Flatten(Layer):
-    """nn.Flatten from planes, without their border, to a row, or nn.Unflatten from a row to planes."""
-
     def __init__(self, x: Array, y: Array):
-        self.x, self.y = x, y
+        self.y = y
         planes, row = (x, y) if x.ndim > y.ndim else (y, x)
         inside = planes[1:-1, 1:-1].transpose(2, 0, 1, 3)  # (channel, row, column, lane), torch's order
         views = (inside, row.reshape(inside.shape))
         self.source, self.target = views if planes is x else views[::-1]
 
-    def forward(self):
+    def forward(self) -> None:
         self.target[:] = self.source
 
-    def backward(self, scene):
+    def backward(self, scene: int) -> None:
         self.source[:] = self.target
 
 
-class Dense(Trained):
-    """nn.Linear from rows of features to rows of features.
+class Convolution:
+    """nn.Conv2d that halves the side of planes (row, column, channel, lane), or nn.ConvTranspose2d that doubles it.
 
-    Its weights exceed the cache, so their gradient is computed once, from values that each scene has stored.
+    x is rectified, or holds the images. `mode` is the operation of `product` on y, `back` the one on the gradient of x
+    (None: not needed).
     """
 
-    def __init__(
-        self, x: Float[Array, "row input lane"], y: Float[Array, "row output lane"], mode: int, back: int, scenes: int
-    ):
-        self.x, self.y, self.mode, self.back = x, y, mode, back
-        self.read, self.slope = (allocate(scenes, *array.shape[:2]) for array in (x, y))
-        self.weight, self.bias = Parameter(x.shape[1], y.shape[1]), Parameter(y.shape[1])
+    axes = 3, 2, 0, 1, 4  # of the weights in torch's order, lanes last
 
-    def forward(self):
-        lanes.dense(self.x, self.weight.value, self.bias.value, self.y, self.mode)
+    def __init__(self, module: nn.Conv2d | nn.ConvTranspose2d, x: Array, mode: int, back: int | None):
+        halves, side = isinstance(module, nn.Conv2d), len(x) - 2
+        side = (side + 1) // 2 if halves else 2 * side - 1 + int(module.output_padding[0])
+        self.x, self.y, self.mode, self.back = x, allocate(side + 2, side + 2, module.out_channels), mode, back
+        self.big, self.small = (self.x, self.y) if halves else (self.y, self.x)
+        self.map, self.adjoint = (lanes.gather, lanes.scatter) if halves else (lanes.scatter, lanes.gather)
+        self.weight = Parameter(3, 3, self.big.shape[2], self.small.shape[2])
+        self.bias = Parameter(module.out_channels)
 
-    def backward(self, scene):
+    def forward(self) -> None:
+        self.map(self.x, self.weight.value, self.bias.value, self.y, self.mode)
+
+    def backward(self, scene: int) -> None:
+        lanes.correlate(self.big, self.small, self.weight.gradient)
+        lanes.total(self.y, self.bias.gradient)
+        if self.back is not None:
+            self.adjoint(self.y, self.weight.value, NO_BIAS, self.x, self.back)
+
+
+class Dense:
+    """nn.Linear from rows of features to rows of features; `mode` and `back` as in `Convolution`.
+
+    Its weights exceed the cache, so their gradient is computed once (`finish`), from values that each scene has stored.
+    """
+
+    axes = 1, 0, 2
+
+    def __init__(self, x: Float[Array, "row input lane"], outputs: int, mode: int, back: int, scenes: int):
+        self.x, self.y, self.mode, self.back = x, allocate(len(x), outputs), mode, back
+        self.read, self.slope = (allocate(scenes, *array.shape[:2]) for array in (x, self.y))
+        self.weight, self.bias = Parameter(x.shape[1], outputs), Parameter(outputs)
+
+    def forward(self) -> None:
+        lanes.dense(self.x, self.weight.value, False, self.bias.value, self.y, self.mode)
+
+    def backward(self, scene: int) -> None:
         self.read[scene], self.slope[scene] = self.x, self.y
-        lanes.dense_backward(self.y, self.weight.value, self.x, self.back)
+        lanes.dense(self.y, self.weight.value, True, NO_BIAS, self.x, self.back)
 
-    def finish(self):
+    def finish(self) -> None:
         read, slope = (array.reshape(-1, *array.shape[2:]) for array in (self.read, self.slope))
         lanes.dense_weights(read, slope, self.weight.gradient)
         lanes.total(slope[None], self.bias.gradient)
 
-    def as_torch(self, weight, bias):
-        return weight.transpose(1, 0, 2), bias
+
+Layer = Convolution | Dense | Flatten
 
 
 class Stack:
@@ -175,23 +133,20 @@ class Stack:
         self.alpha, self.beta = weights.alpha / (scenes * SIDE * SIDE * 3), weights.beta / scenes
         self.gamma = (weights.gamma / scenes * row_weights(n)).astype(np.float32)  # (row, lane)
         names = {module: name for name, module in model.named_modules()}
-        self.layers: dict[tuple[str, ...], Trained] = {}  # by the modules that own the weights
+        self.layers: dict[tuple[str, ...], Convolution | Dense] = {}  # by the modules that own the weights
 
         def add(chain: list[Layer], layer: Layer, *modules: nn.Module) -> Array:
-            if isinstance(layer, Trained):
+            if not isinstance(layer, Flatten):
                 self.layers[tuple(names[module] for module in modules)] = layer
             chain.append(layer)
             return layer.y
 
         def dense(chain: list[Layer], x: Array, mode: int, back: int, *modules: nn.Linear) -> Array:
-            y = allocate(len(x), sum(module.out_features for module in modules))
-            return add(chain, Dense(x, y, mode, back, scenes), *modules)
+            return add(chain, Dense(x, sum(module.out_features for module in modules), mode, back, scenes), *modules)
 
         self.encoder: list[Layer] = []
-        self.centre, self.factor = allocate(3), allocate(3)  # standardise the encoder's input
-        for lane, of_lane in enumerate(models):
-            self.centre[:, lane] = of_lane.centre.flatten()
-            self.factor[:, lane] = 1 / of_lane.spread.flatten()
+        self.centre = np.stack([own.centre.flatten().numpy() for own in models], -1)  # standardise the encoder's input
+        self.factor = np.stack([1 / own.spread.flatten().numpy() for own in models], -1)
         self.intensities = allocate(SIDE + 2, SIDE + 2, 3)
         self.image = planes = allocate(SIDE + 2, SIDE + 2, 3)
         for module in model.features:
@@ -222,6 +177,7 @@ class Stack:
             rows = dense(self.classifier, rows, mode, back, module)
         self.logits = rows
 
+        self.parameters = [own for layer in self.layers.values() for own in (layer.weight, layer.bias)]
         for name, tensor in self.tensors("value"):
             for lane, model in enumerate(models):
                 tensor[..., lane] = model.get_parameter(name).detach().reshape(tensor.shape[:-1])
@@ -229,10 +185,11 @@ class Stack:
     def tensors(self, kind: str) -> Iterator[tuple[str, Float[Array, "*shape lane"]]]:
         """Yield each trained tensor's name and its `kind` (an attribute of Parameter), a view in torch's axis order."""
         for names, layer in self.layers.items():
-            weight, bias = layer.as_torch(getattr(layer.weight, kind), getattr(layer.bias, kind))
-            for name, w, b in zip(names, np.split(weight, len(names)), np.split(bias, len(names)), strict=True):
-                yield f"{name}.weight", w
-                yield f"{name}.bias", b
+            weights = np.split(getattr(layer.weight, kind).transpose(layer.axes), len(names))
+            biases = np.split(getattr(layer.bias, kind), len(names))
+            for name, weight, bias in zip(names, weights, biases, strict=True):
+                yield f"{name}.weight", weight
+                yield f"{name}.bias", bias
 
     @torch.no_grad()
     def hand_over(self, models: Sequence[BetaVae]) -> None:
@@ -242,10 +199,6 @@ class Stack:
                 parameter = model.get_parameter(name)
                 parameter.copy_(torch.from_numpy(tensor[..., lane]).reshape(parameter.shape))
 
-    def parameters(self) -> list[Parameter]:
-        """Return the parameters of all layers."""
-        return [parameter for layer in self.layers.values() for parameter in (layer.weight, layer.bias)]
-
     def gradient(
         self,
         images: UInt8[Array, "scene 100 100 3 lane"],
@@ -254,89 +207,67 @@ class Stack:
         noise: Float[Array, "scene latent lane"],
     ) -> Float[Array, "3 lane"]:
         """Return the weighted terms of Eq. 1; leave their gradient in the parameters."""
-        for parameter in self.parameters():
+
+        def forward(layers: list[Layer]) -> None:
+            for layer in layers:
+                layer.forward()
+
+        def backward(layers: list[Layer], scene: int) -> None:
+            for layer in reversed(layers):
+                layer.backward(scene)
+
+        for parameter in self.parameters:
             parameter.gradient.fill(0)
-        terms = allocate(3)
-        for scene, of_scene in enumerate(zip(images, z_theta, valid, noise, strict=True)):
-            self._scene(scene, *of_scene, terms)
+        terms, latent = allocate(3), self.z_image.shape[1]
+        intensities, standardised = self.intensities[1:-1, 1:-1], self.image[1:-1, 1:-1]
+        mean, log_variance, logits = self.code[0, :latent], self.code[0, latent:], self.logits[:, 0]
+        for scene, (image, paths, labels, draw) in enumerate(zip(images, z_theta, valid, noise, strict=True)):
+            np.divide(image, np.float32(255), out=intensities)
+            np.multiply(np.subtract(intensities, self.centre, out=standardised), self.factor, out=standardised)
+            forward(self.encoder)
+            deviation = np.exp(0.5 * log_variance) if self.beta else np.float32(0)
+            self.z_image[0] = mean + draw * deviation
+            self.demos[:, :latent], self.demos[:, latent:] = self.z_image, paths
+
+            forward(self.classifier)
+            terms[2] -= (self.gamma * log_expit(np.where(labels, logits, -logits))).sum(0)
+            logits[:] = self.gamma * (expit(logits) - labels)
+            backward(self.classifier, scene)
+            slope = self.demos[:, :latent].sum(0)  # with respect to z_image
+
+            if self.alpha:
+                forward(self.decoder)
+                lanes.squared_error(self.decoded, self.intensities, 2 * self.alpha, terms[:1])
+                backward(self.decoder, scene)
+                slope += self.z_image[0]
+
+            if self.beta:
+                variance = deviation**2
+                terms[1] += 0.5 * self.beta * (mean**2 + variance - log_variance - 1).sum(0)
+                log_variance[:] = 0.5 * (slope * draw * deviation + self.beta * (variance - 1))
+                slope += self.beta * mean
+            mean[:] = slope
+            backward(self.encoder, scene)
         for layer in self.layers.values():
-            layer.finish()
+            if isinstance(layer, Dense):
+                layer.finish()
         terms[0] *= self.alpha
         return terms
 
-    def _scene(self, scene: int, image, z_theta, valid, noise, terms: Float[Array, "3 lane"]) -> None:
-        """Add one scene's contribution to the gradient and to the terms, the first term without its weight alpha."""
-        latent = self.z_image.shape[1]
-        lanes.unpack(image, self.centre, self.factor, self.intensities, self.image)
-        _forward(self.encoder)
-        mean, log_variance = self.code[0, :latent], self.code[0, latent:]
-        deviation = np.exp(0.5 * log_variance) if self.beta else np.float32(0)
-        self.z_image[0] = mean + noise * deviation
-        self.demos[:, :latent], self.demos[:, latent:] = self.z_image, z_theta
 
-        _forward(self.classifier)
-        logits = self.logits[:, 0]
-        terms[2] -= (self.gamma * log_expit(np.where(valid, logits, -logits))).sum(0)
-        logits[:] = self.gamma * (expit(logits) - valid)
-        _backward(self.classifier, scene)
-        slope = self.demos[:, :latent].sum(0)  # with respect to z_image
-
-        if self.alpha:
-            _forward(self.decoder)
-            lanes.squared_error(self.decoded, self.intensities, 2 * self.alpha, terms[:1])
-            _backward(self.decoder, scene)
-            slope += self.z_image[0]
-
-        if self.beta:
-            variance = deviation**2
-            terms[1] += 0.5 * self.beta * (mean**2 + variance - log_variance - 1).sum(0)
-            log_variance[:] = 0.5 * (slope * noise * deviation + self.beta * (variance - 1))
-            slope += self.beta * mean
-        mean[:] = slope
-        _backward(self.encoder, scene)
+def fit_stack(*data, **settings) -> list[Float[Array, "point 5"]]:
+    """Train up to `LANES` models as `fit_models`, by the gradient of `Stack`."""
+    return fit_models(_descend, *data, **settings)
 
 
-def _forward(layers: Sequence[Layer]) -> None:
-    """Pass one scene from the first layer to the last."""
-    for layer in layers:
-        layer.forward()
-
-
-def _backward(layers: Sequence[Layer], scene: int) -> None:
-    """Pass the gradient from the last layer to the first."""
-    for layer in reversed(layers):
-        layer.backward(scene)
-
-
-def fit_stack(
-    models: Sequence[BetaVae],
-    images: Sequence[UInt8[Array, "scene 100 100 3"]],
-    z_theta: Sequence[Float[Array, "scene _ 2"]],
-    valid: Sequence[Bool[Array, "scene _"]],
-    weights: Weights,
-    schedule: Schedule,
-    seeds: Sequence[int],
-    checkpoints: Checkpoints | None = None,
-) -> list[Float[Array, "point 5"]]:
-    """Train up to `LANES` models in place, each on its demonstrations [m]; return their learning curves (`CURVE`).
-
-    `seeds` draw the latent noise; `checkpoints` keeps intermediate weights. Constant labels: see `fit_varied`.
-    """
+def _descend(weights, schedule, models, images, z_theta, valid, seeds, checkpoints) -> list[Float[Array, "point 5"]]:
     if len(models) > LANES:
         raise ValueError(f"{len(models)} models for a stack: it holds {LANES}")
-    return fit_varied(_descend, models, images, z_theta, valid, weights, schedule, seeds, checkpoints)
-
-
-def _descend(models, images, z_theta, valid, weights, schedule, seeds, checkpoints) -> list[Float[Array, "point 5"]]:
-    """Train the models of one stack."""
     lane_models = [*range(len(models)), *[0] * (LANES - len(models))]  # unused lanes repeat the first model
-    n_demos = [valid[i].shape[1] for i in lane_models]
     pixels = np.stack([images[i] for i in lane_models], -1)
-    paths, labels = (
-        np.stack([demos[i] for i in lane_models], -1) for demos in map(pad_demonstrations, (z_theta, valid))
-    )
+    paths, labels = (np.stack([own[i] for i in lane_models], -1) for own in map(pad_demonstrations, (z_theta, valid)))
     paths = (paths.astype(np.float32) - Z_CENTRE) / Z_SCALE
-    stack = Stack([models[i] for i in lane_models], weights, n_demos, len(pixels))
+    stack = Stack([models[i] for i in lane_models], weights, [valid[i].shape[1] for i in lane_models], len(pixels))
     generators = [torch.Generator().manual_seed(seed) for seed in seeds]
 
     def loss() -> Losses:
@@ -344,10 +275,8 @@ def _descend(models, images, z_theta, valid, weights, schedule, seeds, checkpoin
         terms = stack.gradient(pixels, paths, labels, np.stack([noise[i] for i in lane_models], -1))
         return None, list(torch.from_numpy(np.vstack([terms, terms.sum(0)])))
 
-    def hand_over() -> None:
-        stack.hand_over(models)
-
-    parameters = [parameter.tensor for parameter in stack.parameters()]
-    curve = minimise(loss, parameters, schedule, before_step=checkpoints.before_step(models, hand_over))
+    hand_over = partial(stack.hand_over, models)
+    parameters = [parameter.tensor for parameter in stack.parameters]
+    curve = minimise(loss, parameters, schedule, partial(checkpoints.keep, models, hand_over))
     hand_over()
     return list(curve[..., : len(models)].transpose(2, 0, 1))

@@ -7,8 +7,8 @@ strided matrix products: sums of outer products on a `Tile` of vectors in regist
 Numba invalidates a cached function only when its own file changes: all compiled code has to be in this file.
 """
 
-# pyright: reportCallIssue=false
-# An intrinsic's first argument is Numba's own.
+# pyright: reportCallIssue=false, reportAttributeAccessIssue=false
+# An intrinsic's first argument is Numba's own; so are the names in its configuration.
 
 import inspect
 
@@ -19,24 +19,16 @@ from numba import config, njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, register_model
 
-HALF_WIDTH_AVX512 = ("znver4",)  # processors that execute each 512-bit instruction as two of 256 bits
-
-
-def processor_features() -> frozenset[str]:
-    """Return the features Numba compiles for: NUMBA_CPU_FEATURES, else the host's. Numba's cache is keyed by them."""
-    flags = config.CPU_FEATURES  # pyright: ignore[reportAttributeAccessIssue]
-    if flags is None:
-        return frozenset(name for name, has in get_host_cpu_features().items() if has)
-    return frozenset(flag[1:] for flag in flags.split(",") if flag.startswith("+"))
-
 
 def lanes_of(features: frozenset[str], processor: str) -> int:
     """Return the number of float32 lanes of the processor's widest vectors that run at full speed."""
-    return 16 if "avx512vl" in features and processor not in HALF_WIDTH_AVX512 else 8
+    return 16 if "avx512vl" in features and processor != "znver4" else 8  # which halves each 512-bit instruction
 
 
-FEATURES = processor_features()
-LANES = lanes_of(FEATURES, config.CPU_NAME or get_host_cpu_name())  # pyright: ignore[reportAttributeAccessIssue]
+# Numba compiles for NUMBA_CPU_FEATURES, else for the host's features; its cache is keyed by them.
+FLAGS = get_host_cpu_features().flatten() if config.CPU_FEATURES is None else config.CPU_FEATURES
+FEATURES = frozenset(flag[1:] for flag in FLAGS.split(",") if flag.startswith("+"))
+LANES = lanes_of(FEATURES, config.CPU_NAME or get_host_cpu_name())
 VECTOR = ir.VectorType(ir.FloatType(), LANES)
 BYTES = ir.IntType(8).as_pointer()
 INTEGERS = ir.VectorType(ir.IntType(32), LANES)
@@ -46,7 +38,6 @@ TALL = 5 if "avx512vl" in FEATURES else 2  # rows of a tile: as many as fit in 3
 OFFSETS = types.intp[::1]
 FLAT, MATRIX, ROWS = types.float32[::1], types.float32[:, ::1], types.float32[:, :, ::1]
 PLANES, KERNEL = types.float32[:, :, :, ::1], types.float32[:, :, :, :, ::1]
-PIXELS = types.uint8[:, :, :, ::1]
 
 
 def compiled(*arguments, returns=types.void):
@@ -82,19 +73,18 @@ def _pointer(context, builder, kind, array, index):
     return builder.gep(builder.bitcast(data, VECTOR.as_pointer()), [index])
 
 
-def _pointers(context, builder, kind, array, index, stride, count):
-    """Return the addresses of vectors index, index + stride, ...; multiples of the stride stay in registers."""
-    first = builder.bitcast(_pointer(context, builder, kind, array, index), BYTES)
-    stride = builder.mul(stride, ir.Constant(stride.type, 4 * LANES))
-    for i in range(count):
-        place = builder.gep(first, [builder.mul(stride, ir.Constant(stride.type, i))]) if i else first
-        yield builder.bitcast(place, VECTOR.as_pointer())
-
-
 def _load(builder, pointer):
     vector = builder.load(pointer)
     vector.align = 4
     return vector
+
+
+def _vectors(context, builder, kind, array, index, stride, count):
+    """Return the vectors index, index + stride, ... of an array; multiples of the stride stay in registers."""
+    first = builder.bitcast(_pointer(context, builder, kind, array, index), BYTES)
+    stride = builder.mul(stride, ir.Constant(stride.type, 4 * LANES))
+    places = [builder.gep(first, [builder.mul(stride, ir.Constant(stride.type, i))]) for i in range(count)]
+    return [_load(builder, builder.bitcast(place, VECTOR.as_pointer())) for place in places]
 
 
 def _call(builder, name, *arguments):
@@ -106,9 +96,8 @@ def _call(builder, name, *arguments):
 def _each(builder, tile, function):
     """Return the tile with entries function(row, column) -> vector."""
     value = ir.Constant(ir.ArrayType(VECTOR, tile.rows * tile.columns), ir.Undefined)
-    for row in range(tile.rows):
-        for column in range(tile.columns):
-            value = builder.insert_value(value, function(row, column), row * tile.columns + column)
+    for i in range(tile.rows * tile.columns):
+        value = builder.insert_value(value, function(*divmod(i, tile.columns)), i)
     return value
 
 
@@ -124,11 +113,7 @@ def repeat(typingctx, tile, array, index, step):
     """Return the tile whose rows all equal array[index + step * column]."""
 
     def generate(context, builder, sig, args):
-        _, data, first, stride = args
-        row = []
-        for _ in range(tile.columns):
-            row.append(_load(builder, _pointer(context, builder, array, data, first)))
-            first = builder.add(first, stride)
+        row = _vectors(context, builder, array, *args[1:], tile.columns)
         return _each(builder, tile, lambda r, c: row[c])
 
     return tile(tile, array, types.intp, types.intp), generate
@@ -139,14 +124,13 @@ def outer(typingctx, tile, left, i, i_step, right, j, j_step):
     """Return tile[row, column] + left[i + i_step * row] * right[j + j_step * column], rounded once."""
 
     def generate(context, builder, sig, args):
-        def vectors(kind, data, first, stride, count):
-            return [_load(builder, p) for p in _pointers(context, builder, kind, data, first, stride, count)]
+        a = _vectors(context, builder, left, *args[1:4], tile.rows)
+        b = _vectors(context, builder, right, *args[4:7], tile.columns)
 
-        a, b = vectors(left, *args[1:4], tile.rows), vectors(right, *args[4:7], tile.columns)
-        return _each(
-            builder, tile,
-            lambda r, c: _call(builder, "fma", a[r], b[c], builder.extract_value(args[0], r * tile.columns + c)),
-        )  # fmt: skip
+        def entry(r, c):
+            return _call(builder, "fma", a[r], b[c], builder.extract_value(args[0], r * tile.columns + c))
+
+        return _each(builder, tile, entry)
 
     return tile(tile, left, types.intp, types.intp, right, types.intp, types.intp), generate
 
@@ -158,13 +142,13 @@ def _writer(combine):
     def write(typingctx, tile, array, index, row_step):
         def generate(context, builder, sig, args):
             value, data, place, stride = args
-            for row in range(tile.rows):
-                for column in range(tile.columns):
-                    at = builder.add(place, ir.Constant(place.type, column))
-                    pointer = _pointer(context, builder, array, data, at)
-                    new = builder.extract_value(value, row * tile.columns + column)
-                    builder.store(combine(builder, new, _load(builder, pointer)), pointer).align = 4
-                place = builder.add(place, stride)
+            for i in range(tile.rows * tile.columns):
+                at = builder.add(place, ir.Constant(place.type, i % tile.columns))
+                pointer = _pointer(context, builder, array, data, at)
+                new = builder.extract_value(value, i)
+                builder.store(combine(builder, new, _load(builder, pointer)), pointer).align = 4
+                if (i + 1) % tile.columns == 0:
+                    place = builder.add(place, stride)
             return context.get_dummy_value()
 
         return types.void(tile, array, types.intp, types.intp), generate
@@ -263,8 +247,7 @@ OPERAND = types.Tuple((FLAT, types.intp, types.intp))
 def product(rows, columns, out, a, b, bias, steps, mode):
     """Compute out[row, column] = bias[column] + sum over k of a[row, k] * b[k, column], modified by `mode`.
 
-    Operands: (flat array, first vector, stride [vectors]). The stride separates rows of out and a, columns of b and
-    bias.
+    Operands: (flat array, first vector, stride [vectors] of the rows of out and a, of the columns of b and bias).
     `steps`: offsets [vectors] of each k in a and b; a negative offset in a ends the list.
     """
     column = 0
@@ -339,7 +322,7 @@ def scatter(small, weights, bias, big, mode):
 
 @compiled(PLANES, PLANES, KERNEL)
 def correlate(big, small, weights):
-    """Add to `weights` the weight gradient of `gather` and `scatter`, from values and a gradient."""
+    """Add to `weights` their gradient in `gather` and `scatter`, from values and a gradient."""
     _, width, wide, _ = big.shape
     height, across, narrow, _ = small.shape
     x, y, w = big.reshape(-1), small.reshape(-1), weights.reshape(-1)
@@ -366,22 +349,17 @@ def total(values, sums):
     y += part
 
 
-@compiled(ROWS, ROWS, MATRIX, ROWS, types.intp)
-def dense(x, weights, bias, y, mode):
-    """Compute y (row, output, lane) = bias + x (row, input, lane) weights (input, output, lane)."""
-    rows, outputs, _ = y.shape
-    out, a, b = (y.reshape(-1), 0, outputs), (x.reshape(-1), 0, x.shape[1]), (weights.reshape(-1), 0, 1)
-    steps = _sum((1, 1, x.shape[1]), (0, 0, 1), (0, 0, outputs))
-    product(rows, outputs, out, a, b, (bias.reshape(-1), 0, 1), steps, mode)
+@compiled(ROWS, ROWS, types.boolean, MATRIX, ROWS, types.intp)
+def dense(x, weights, transposed, bias, y, mode):
+    """Compute y (row, output, lane) = bias + x (row, input, lane) weights (input, output, lane).
 
-
-@compiled(ROWS, ROWS, ROWS, types.intp)
-def dense_backward(dy, weights, x, mode):
-    """Overwrite x with the gradient of `dense` with respect to x."""
-    rows, inputs, _ = x.shape
-    out, a, b = (x.reshape(-1), 0, inputs), (dy.reshape(-1), 0, dy.shape[1]), (weights.reshape(-1), 0, dy.shape[1])
-    steps = _sum((1, 1, dy.shape[1]), (0, 0, 1), (0, 0, 1))
-    product(rows, inputs, out, a, b, (np.zeros(LANES, np.float32), 0, 0), steps, mode)
+    `transposed`: weights are (output, input, lane), so that y is the gradient with respect to another layer's x.
+    """
+    inputs, (rows, outputs, _) = x.shape[1], y.shape
+    step, stride = (1, inputs) if transposed else (outputs, 1)
+    out, a, b = (y.reshape(-1), 0, outputs), (x.reshape(-1), 0, inputs), (weights.reshape(-1), 0, stride)
+    steps = _sum((1, 1, inputs), (0, 0, 1), (0, 0, step))
+    product(rows, outputs, out, a, b, (bias.reshape(-1), 0, len(bias) > 1), steps, mode)
 
 
 @compiled(ROWS, ROWS, ROWS)
@@ -393,31 +371,9 @@ def dense_weights(x, dy, weights):
     product(inputs, outputs, out, a, b, (np.zeros(LANES, np.float32), 0, 0), steps, ADD)
 
 
-@compiled(PIXELS, MATRIX, MATRIX, PLANES, PLANES)
-def unpack(image, centre, factor, intensities, standardised):
-    """Write an 8-bit image (row, column, channel, lane) inside the border of two planes.
-
-    `intensities` are in [0, 1]; `standardised` are (intensity - centre) * factor, both (channel, lane).
-    """
-    height, width, channels, _ = image.shape
-    pixel = channels * LANES
-    centre, factor = centre.reshape(-1), factor.reshape(-1)
-    for row in range(height):
-        source = image[row].reshape(-1)
-        target, inside = intensities[row + 1].reshape(-1)[pixel:], standardised[row + 1].reshape(-1)[pixel:]
-        for column in range(width):
-            for i in range(pixel):
-                intensity = np.float32(source[column * pixel + i]) / np.float32(255)
-                target[column * pixel + i] = intensity
-                inside[column * pixel + i] = (intensity - centre[i]) * factor[i]
-
-
 @compiled(PLANES, PLANES, types.float32, MATRIX)
 def squared_error(logits, image, scale, error):
-    """Add to `error` (1, lane) the squared error of sigmoid(logits) as an image, both planes.
-
-    Its gradient, times scale / 2, overwrites the logits.
-    """
+    """Add to `error` (1, lane) that of sigmoid(logits), squared; its gradient times scale / 2 overwrites the logits."""
     height, width, channels, _ = logits.shape
     x, y, sums = logits.reshape(-1), image.reshape(-1), error.reshape(-1)
     for row in range(1, height - 1):

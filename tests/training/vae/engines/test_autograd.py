@@ -10,8 +10,7 @@ import torch
 from pipeline.models.base import to_tensor
 from pipeline.models.vae.losses import equation_1
 from pipeline.training.loop import Checkpoints, Schedule
-from pipeline.training.vae.engines import engine
-from pipeline.training.vae.engines.autograd import fit_batch
+from pipeline.training.vae.engines import engine, fit_batch
 from tests.factories import WEIGHTS, vae
 
 GOLDEN = Path(__file__).parents[3] / "golden"

@@ -16,8 +16,8 @@ from llvmlite.binding import get_host_cpu_features
 from pipeline.models.vae.beta_vae import Z_CENTRE, Z_SCALE, BetaVae
 from pipeline.models.vae.losses import equation_1
 from pipeline.training.loop import Checkpoints, Schedule, pad_demonstrations
+from pipeline.training.vae.engines import fit_batch
 from pipeline.training.vae.engines import simd_kernels as lanes
-from pipeline.training.vae.engines.autograd import fit_batch
 from pipeline.training.vae.engines.simd import Stack, fit_stack
 from pipeline.training.vae.engines.simd_kernels import LANES
 from tests.factories import WEIGHTS, vae
