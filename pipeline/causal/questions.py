@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from pipeline.causal.scm import Values
 from pipeline.runtime.errors import InputError
-from pipeline.runtime.settings import Group, Length, Name, expected, need
+from pipeline.runtime.settings import Group, Length, Name, need
 from pipeline.world.bezier import P_F, P_INIT
 from pipeline.world.layout import (
     EMPTY,
@@ -28,8 +28,7 @@ from pipeline.world.layout import (
 TRIES = 100  # random proposals for a moved or swapped item before its scene is left out
 MIN_SCENES = 2  # fewest scenes from which a question's standard error can be estimated
 
-
-Symbol = Annotated[str, Field(pattern=f"^({'|'.join(SYMBOLS)})$"), expected(f"one of {', '.join(SYMBOLS)}")]
+Symbol = Annotated[str, Field(pattern=f"^({'|'.join(SYMBOLS)})$")]
 
 
 class _Question(Group):

@@ -227,19 +227,15 @@ def all_paths(cfg: DictConfig, scenes: SceneSet, demos: pd.DataFrame) -> pd.Data
     given = demos.assign(method=DEMONSTRATIONS, variant="", accepted=True, start=demos["demo"])
     parts = [repairs[repairs["method"].isin(REPAIRS) | oracle], given.assign(pool=[*map(train_pool, demos["seed"])])]
     layouts = scenes.layouts[pool]
+    drawn = random_z_theta(stream(cfg.scenes.root_seed, "repair", "starts"), len(layouts), cfg.repair.starts)
     middle = np.broadcast_to((P_INIT + P_F) / 2, (len(layouts), 1, 2))
-    for method, z in ((UNREPAIRED, random_starts(cfg, len(layouts))), (STRAIGHT, middle)):
+    for method, z in ((UNREPAIRED, drawn), (STRAIGHT, middle)):
         scene, start = (index.ravel() for index in np.indices(z.shape[:2]))
         for user, margins in cfg.users.items():
             row = {"method": method, "variant": "", "user": user, "seed": first, "pool": pool, "accepted": True}
             part = pd.DataFrame({"scene": scene, "start": start, "valid": valid(layouts, z, margins).ravel()})
             parts.append(part.assign(**row, z_x=z[..., 0].ravel(), z_y=z[..., 1].ravel()))
     return pd.concat([part[COLUMNS] for part in parts], ignore_index=True)
-
-
-def random_starts(cfg: DictConfig, scenes: int) -> Float[Array, "scene start 2"]:
-    """Return the random paths [m] of stage repair, those that need no repair included."""
-    return random_z_theta(stream(cfg.scenes.root_seed, "repair", "starts"), scenes, cfg.repair.starts)
 
 
 def carry_out(work: Work, job: Job) -> pd.DataFrame:

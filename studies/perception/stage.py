@@ -6,7 +6,7 @@ added items, and the search for the nearest valid path. The truth is that of the
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -89,18 +89,16 @@ def agree(study: Settings, parameters: Any) -> None:
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """Write items.parquet (a row an item and detector), families.csv, summary.csv and examples.npz of composites.
+    """Write families.csv, summary.csv and examples.npz of composites.
 
     Of clearance models, write accuracy.csv, verdicts.csv, search.csv and metrics.json.
     """
     study = cfg.studies.perception
     items, examples = on_composites(cfg)
-    write_table(out_dir / "items.parquet", items)
     write_table(out_dir / "families.csv", recall(items, ["kind", "family", "detector"]))
     write_table(out_dir / "summary.csv", recall(items, ["kind", "detector"]))
     write_arrays(out_dir / "examples.npz", examples)
-    jobs = [Job(cfg, split) for split in study.rendered]
-    parts = map_jobs(on_tables, jobs, cfg.workers, "path-traced splits")
+    parts = map_jobs(partial(on_tables, cfg), list(study.rendered), cfg.workers, "path-traced splits")
     transfer = Transfer(*(pd.concat(tables, ignore_index=True) for tables in zip(*parts, strict=True)))
     accuracy = mean_accuracy(pd.concat([baselines(cfg), transfer.accuracy], ignore_index=True))
     write_table(out_dir / "accuracy.csv", accuracy)
@@ -263,26 +261,17 @@ class Transfer(NamedTuple):
     search: pd.DataFrame  # a row for each user: SEARCH, as `pipeline.planning.results` has it
 
 
-@dataclass(frozen=True)
-class Job:
-    """A path-traced split."""
-
-    cfg: DictConfig
-    split: str
-
-
-def on_tables(job: Job) -> Transfer:
+def on_tables(cfg: DictConfig, split: str) -> Transfer:
     """Return the results on one split. Raise InputError if it has no pictures with an added item."""
-    cfg, users = job.cfg, list(job.cfg.evaluate.users)
-    tables, z = tables_and_paths(cfg, job.split)
+    users, (tables, z) = list(cfg.evaluate.users), tables_and_paths(cfg, split)
     if not tables.with_item:
         raise InputError(
-            f"{cfg.studies.perception.folder}/{job.split} has no pictures with an added item: leave this split out of "
+            f"{cfg.studies.perception.folder}/{split} has no pictures with an added item: leave this split out of "
             "studies.perception.rendered"
         )
     layouts = [tables.layouts, *tables.layouts_with_item.values()]
     true = np.stack([[valid(x, z, cfg.users[user]) for x in layouts] for user in users])
-    starts, models, parts = draw_starts(cfg, job.split, tables), trained(cfg), []
+    starts, models, parts = draw_starts(cfg, split, tables), trained(cfg), []
     for detector, detect in DETECTORS.items():
         empty = to_tensor(tables.empty)
         seen = [packed(detect(to_tensor(x), empty)) for x in (tables.images, *tables.with_item.values())]
@@ -293,7 +282,7 @@ def on_tables(job: Job) -> Transfer:
             interventions.verdicts(users, p.reshape(len(users), -1, *p.shape[1:]), true),
             _search(cfg, models, seen[0], starts),
         )
-        parts.append([table.assign(source=job.split, detector=detector) for table in found])
+        parts.append([table.assign(source=split, detector=detector) for table in found])
     return Transfer(*(pd.concat(each, ignore_index=True) for each in zip(*parts, strict=True)))
 
 

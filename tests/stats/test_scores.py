@@ -8,7 +8,6 @@ from sklearn.metrics import accuracy_score, brier_score_loss, roc_auc_score
 from pipeline.stats.scores import (
     accuracy,
     accuracy_estimate,
-    accuracy_loss,
     auroc,
     brier,
     expected_calibration_error,
@@ -57,12 +56,3 @@ def test_right_decisions_are_accurate_and_safe_and_their_opposite_is_neither(lab
     best, worst = accuracy_estimate(right, valid), accuracy_estimate(~right, valid)
     assert (best["accuracy"], best["ci_low"], best["ci_high"], best["unsafe"]) == (1, 1, 1, 0)
     assert (worst["accuracy"], worst["unsafe"]) == (0, 1)
-
-
-def test_the_loss_is_the_difference_of_accuracies_even_if_the_truth_changes(labels: Labels):
-    valid, right = labels
-    rng = np.random.default_rng(2)
-    fuller, decisions = valid & (rng.random(valid.shape) < 0.5), right ^ (rng.random(SHAPE) < 0.2)
-    row = accuracy_loss(decisions, fuller, right, valid)
-    assert row["loss"] == pytest.approx(1 - accuracy_estimate(decisions, fuller)["accuracy"])
-    assert 0 < row["loss_ci_low"] < row["loss"] < row["loss_ci_high"]
