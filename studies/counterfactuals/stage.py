@@ -31,9 +31,8 @@ from pipeline.stats.scores import DECISION
 from pipeline.world.bezier import curve, random_z_theta
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts
-from pipeline.world.render import Palette
+from pipeline.world.render import ImageSource, Palette
 from pipeline.world.rules import SAMPLES, Margins, clearance, slack
-from pipeline.world.source import ImageSource
 
 FINE_STEPS = 10  # subdivisions of a step between two images, for the true smallest move
 

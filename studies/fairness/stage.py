@@ -39,9 +39,8 @@ from pipeline.training.refit import TrainingSet, refit
 from pipeline.training.sets import need_finite
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, random_layouts
-from pipeline.world.render import read_palette, render_scenes
+from pipeline.world.render import ImageSource, read_palette, render_scenes
 from pipeline.world.rules import Candidates
-from pipeline.world.source import ImageSource
 
 MODEL, PERFECT = "full", "perfect"  # the paper's model; its classifier on the true items
 SEARCHED = "docs/decisions/data/search_best.csv"  # every learner's best of 100 settings (record 026)

@@ -31,9 +31,8 @@ from pipeline.models.base import ValidityModel, to_tensor
 from pipeline.models.baselines import position_only
 from pipeline.models.clearance.clearance import packed
 from pipeline.models.trained import load_model
-from pipeline.perception.capsule import fit_capsule
-from pipeline.perception.objects import SUPERSAMPLING, Objects, detect_objects
-from pipeline.planning.nearest import by_percept, by_truth, nearest
+from pipeline.perception.objects import SUPERSAMPLING, Objects, detect_objects, fit_capsule
+from pipeline.planning.nearest import by_percept, nearest
 from pipeline.planning.results import Starts, measures, rows
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
@@ -289,15 +288,10 @@ def on_tables(cfg: DictConfig, split: str) -> Transfer:
 def draw_starts(cfg: DictConfig, split: str, tables: Rendered) -> dict[str, Starts]:
     """Return each user's invalid paths among `repair.starts` random ones a scene, with the nearest valid ones."""
     rng = stream(cfg.studies.perception.root_seed, "starts", split)
-    drawn, starts = random_z_theta(rng, len(tables.images), cfg.repair.starts), {}
-    for user in cfg.evaluate.users:
-        margins = cfg.users[user]
-        scene, start = np.nonzero(~valid(tables.layouts, drawn, margins))
-        z = drawn[scene, start]
-        truth = by_truth(tables.layouts, margins)
-        ends, _ = nearest(truth, scene, z, 1.0, cfg.repair.lattice_side, cfg.repair.refinements)
-        starts[user] = Starts(user, margins, tables.layouts, scene, start, z, ends)
-    return starts
+    drawn, r = random_z_theta(rng, len(tables.images), cfg.repair.starts), cfg.repair
+    return {
+        u: Starts.of(u, cfg.users[u], tables.layouts, drawn, r.lattice_side, r.refinements) for u in cfg.evaluate.users
+    }
 
 
 def _search(

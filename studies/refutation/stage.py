@@ -58,9 +58,8 @@ from pipeline.world.layout import (
     point_segment_distance,
     segment_distance,
 )
-from pipeline.world.render import Palette, read_palette, render_scenes
+from pipeline.world.render import ImageSource, Palette, read_palette, render_scenes
 from pipeline.world.rules import clearance, valid
-from pipeline.world.source import ImageSource
 
 Images = UInt8[Array, "version scene 100 100 3"]  # version 0 is the original scene, 1 + k has symbol k added
 Effects = Float[Array, "question seed scene"]

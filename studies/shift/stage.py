@@ -46,9 +46,8 @@ from pipeline.world.layout import (
     point_segment_distance,
     segment_distance,
 )
-from pipeline.world.render import Palette, render_scenes
+from pipeline.world.render import ImageSource, Palette, render_scenes
 from pipeline.world.rules import SAMPLES, Margins, valid
-from pipeline.world.source import ImageSource
 
 OWN_RULE, PROXIMITY = "margin", "proximity"  # rules: that of conf/users.yaml, and only items with a neighbour count
 ARM_RADIUS_PX = 4  # an arm is 8 cm wide; a pixel is 1 cm

@@ -11,7 +11,7 @@ import pytest
 from pipeline.runtime.errors import InputError
 from pipeline.world.catalogue import MIN_ITEMS, read_catalogue
 from pipeline.world.images import read_image, write_png
-from pipeline.world.symbols import read_symbols
+from pipeline.world.layout import read_symbols
 
 DATA = Path("data")
 

@@ -8,8 +8,7 @@ import pytest
 
 from pipeline.world.catalogue import Catalogue, read_catalogue
 from pipeline.world.layout import SIDE, SYMBOLS, Layouts, empty
-from pipeline.world.render import REACH_M, Palette, render
-from pipeline.world.source import DRAWN, ImageSource, draw_light
+from pipeline.world.render import DRAWN, REACH_M, ImageSource, Palette, draw_light, render
 from tests.factories import composed
 
 CATALOGUE = read_catalogue(Path("data"))

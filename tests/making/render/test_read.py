@@ -10,8 +10,7 @@ import yaml
 from making.render.read import Rendered, pictures, read_rendered, sheet
 from pipeline.runtime.errors import InputError
 from pipeline.world.bezier import P_F, P_INIT
-from pipeline.world.layout import SIDE, LayoutRules, point_segment_distance, segment_distance
-from pipeline.world.symbols import SYMBOLS
+from pipeline.world.layout import SIDE, SYMBOLS, LayoutRules, point_segment_distance, segment_distance
 
 FOLDER = Path("rendered/pictures")
 JUDGED = ("validation_taught", "validation_held_out", "test_taught", "test_held_out")  # splits with added items
