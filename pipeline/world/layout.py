@@ -234,3 +234,18 @@ def _place(
             getattr(layouts, f.name)[scene, slot] = value
         return True
     return False
+
+
+def allowed(layouts: Layouts, slot: Int[Array, " scene"], rules: LayoutRules) -> Bool[Array, " scene"]:
+    """Return whether the item in `slot` keeps the rules for drawing scenes: in range, clear of items and path ends."""
+    index = np.arange(len(slot)), slot
+    segment, radius, centre = layouts.ends[index], layouts.radius[index], layouts.centre[index]
+    others = layouts.present.copy()
+    others[index] = False
+    gaps = segment_distance(segment[:, None], layouts.ends) - layouts.radius - radius[:, None]
+    from_ends = [point_segment_distance(p, segment[:, 0], segment[:, 1]) - radius for p in (P_INIT, P_F)]
+    return (
+        ((centre >= rules.centre_low) & (centre <= rules.centre_high)).all(-1)
+        & (np.where(others, gaps, np.inf).min(-1) >= rules.clear_of_items)
+        & (np.min(from_ends, axis=0) >= rules.clear_of_ends)
+    )

@@ -44,7 +44,7 @@ from pipeline.runtime.settings import (
 from pipeline.runtime.streams import stream
 from pipeline.stats.tests import LEVEL
 from pipeline.training.refit import TrainingSet, refit_and_predict
-from pipeline.world.bezier import P_F, P_INIT, random_z_theta
+from pipeline.world.bezier import random_z_theta
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import (
     SIDE,
@@ -53,9 +53,9 @@ from pipeline.world.layout import (
     LayoutRules,
     Layouts,
     add_item,
+    allowed,
     concatenated,
     empty,
-    point_segment_distance,
     segment_distance,
 )
 from pipeline.world.render import ImageSource, Palette, read_palette, render_scenes
@@ -356,20 +356,15 @@ def move_beside_first(rng: np.random.Generator, scene: Layouts, slot: int, rules
     outside the range of centres.
     """
 
-    def gaps() -> Array:
-        """Return the gap [m] between the footprint of the item in `slot` and that of each item before it."""
-        apart = segment_distance(scene.ends[0, slot], scene.ends[0, :slot])
-        return apart - scene.radius[0, slot] - scene.radius[0, :slot]
+    def gap_between() -> float:
+        return float(segment_distance(*scene.ends[0, [slot, 0]]) - scene.radius[0, slot] - scene.radius[0, 0])
 
     gap = rng.uniform(world.gap_m[0], world.gap_m[1])
     towards = scene.centre[0, 0] - scene.centre[0, slot]
     towards /= np.linalg.norm(towards)
-    while abs(excess := gaps()[0] - gap) > GAP_TOLERANCE_M:
+    while abs(excess := gap_between() - gap) > GAP_TOLERANCE_M:
         scene.centre[0, slot] += excess * towards
-    centre, ends = scene.centre[0, slot], scene.ends[0, slot]
-    from_ends = min(point_segment_distance(p, *ends) for p in (P_INIT, P_F)) - scene.radius[0, slot]
-    inside = ((centre >= rules.centre_low) & (centre <= rules.centre_high)).all()
-    return bool(inside and from_ends >= rules.clear_of_ends and (gaps()[1:] >= rules.clear_of_items).all())
+    return bool(allowed(scene, np.array([slot]), rules)[0])
 
 
 if __name__ == "__main__":

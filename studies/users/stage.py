@@ -22,7 +22,7 @@ from scipy.stats import t as student
 from pipeline.artifacts.demos import demo_arrays, read_demos
 from pipeline.artifacts.files import write_table
 from pipeline.artifacts.scenes import read_position_prior, read_scenes, train_pool
-from pipeline.causal.identify import all_distinct, distinct_from, identify, reject_all_users
+from pipeline.causal.identify import all_distinct, identify, reject_all_users
 from pipeline.launch import launch
 from pipeline.models.baselines import POSITION, position_only
 from pipeline.models.trained import check_weights, predict_all
@@ -153,23 +153,16 @@ def identification_tables(
     n_labels = cfg.scenes.per_seed * cfg.main_n_demos  # number of labels that a model was fitted to
     learned_floor = 1 / (n_labels + 2)  # Laplace: n labels support no more certainty than (n + 1) / (n + 2)
 
-    distinct, strange = all_distinct(labels), distinct_from(by_stranger, labels)
-    everyone = np.ones_like(distinct)
-    curves, open_set = [], []
+    distinct, curves, open_set = all_distinct(labels), [], []
     for variant, p in observers.items():
         floor = learned_floor if variant in cfg.variants else CERTAIN_FLOOR
-        correct, confidence = identify(p, labels, floor)  # (user, path, seed, scene)
-        named = [*zip(users, correct, confidence, strict=True), (ALL, correct.mean(0), confidence.mean(0))]
-        for user, right, sure in named:
-            columns = rate("accuracy", right) | rate("accuracy", right, distinct, "distinct_")
-            curves.append(by_path(variant, user, columns | {"confidence": sure.mean((1, 2))}))
+        right = identify(p, labels, floor).mean(0)  # over users: (path, seed, scene)
+        curves.append(by_path(variant, ALL, rate("accuracy", right) | rate("accuracy", right, distinct, "distinct_")))
         rejected = reject_all_users(p, np.concatenate([labels, by_stranger[None]]), floor, study.level)
-        known = [*zip(users, rejected[:-1], strict=True), (ALL, rejected[:-1].mean(0))]
-        for user, share, some in [*((*x, distinct) for x in known), (STRANGER, rejected[-1], strange)]:
-            columns = rate("rejected", share, everyone) | rate("rejected", share, some, "distinct_")
-            open_set.append(by_path(variant, user, columns))
+        for user, share in ((ALL, rejected[:-1].mean(0)), (STRANGER, rejected[-1])):
+            open_set.append(by_path(variant, user, rate("rejected", share)))
     curve = pd.concat(curves, ignore_index=True)
-    summary = curve[(curve["user"] == ALL) & curve["k"].isin(study.reported)].drop(columns="user")
+    summary = curve[curve["k"].isin(study.reported)].drop(columns="user")
     counts = {"scenes": len(distinct), "distinct_scenes": int(distinct.sum()), "chance": 1 / len(users)}
     return curve, summary.assign(**counts), pd.concat(open_set, ignore_index=True)
 
