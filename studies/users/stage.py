@@ -154,13 +154,14 @@ def identification_tables(
     learned_floor = 1 / (n_labels + 2)  # Laplace: n labels support no more certainty than (n + 1) / (n + 2)
 
     distinct, curves, open_set = all_distinct(labels), [], []
+    everyone = np.ones_like(distinct)
     for variant, p in observers.items():
         floor = learned_floor if variant in cfg.variants else CERTAIN_FLOOR
         right = identify(p, labels, floor).mean(0)  # over users: (path, seed, scene)
         curves.append(by_path(variant, ALL, rate("accuracy", right) | rate("accuracy", right, distinct, "distinct_")))
         rejected = reject_all_users(p, np.concatenate([labels, by_stranger[None]]), floor, study.level)
         for user, share in ((ALL, rejected[:-1].mean(0)), (STRANGER, rejected[-1])):
-            open_set.append(by_path(variant, user, rate("rejected", share)))
+            open_set.append(by_path(variant, user, rate("rejected", share, everyone)))
     curve = pd.concat(curves, ignore_index=True)
     summary = curve[curve["k"].isin(study.reported)].drop(columns="user")
     counts = {"scenes": len(distinct), "distinct_scenes": int(distinct.sum()), "chance": 1 / len(users)}
