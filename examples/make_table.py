@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from pipeline.world import render, source
+from pipeline.world import render
 from pipeline.world.bezier import P_F, P_INIT, Z_HIGH, Z_LOW, random_z_theta
 from pipeline.world.bezier_fit import fit
 from pipeline.world.catalogue import read_catalogue
@@ -62,7 +62,7 @@ def main() -> None:
 
 def write_photograph(path: Path, layouts: Layouts, scene: int, palette: render.Palette, rng: np.random.Generator):
     """Draw a scene finer than the simulator's 100 pixels, and photograph it obliquely on a dark floor."""
-    with patch.object(render, "SIDE", DRAWN_PX), patch.object(source, "SIDE", DRAWN_PX):
+    with patch.object(render, "SIDE", DRAWN_PX):
         table = render.render(layouts, scene, TABLE_TOP, LIGHT, palette)
     square = np.array([[0, 0], [DRAWN_PX, 0], [DRAWN_PX, DRAWN_PX], [0, DRAWN_PX]], np.float32)
     matrix = cv2.getPerspectiveTransform(square - 0.5, np.array(CORNERS, np.float32) - 0.5)

@@ -21,8 +21,7 @@ from tqdm import tqdm
 
 from making.render.read import sheet
 from pipeline.runtime.streams import stream
-from pipeline.world.layout import EMPTY, Items, LayoutRules, Layouts, add_item, random_layouts
-from pipeline.world.symbols import SYMBOLS
+from pipeline.world.layout import EMPTY, SYMBOLS, Items, LayoutRules, Layouts, add_item, random_layouts
 
 DESIGNS = 40  # random designs of each symbol in a split
 SPLITS = {  # name: kinds of table top, shape and finish; scenes; whether with interventions

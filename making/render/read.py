@@ -14,8 +14,7 @@ from numpy import ndarray as Array
 
 from pipeline.runtime.errors import InputError
 from pipeline.world.images import read_image, write_png
-from pipeline.world.layout import SIDE, Layouts, empty
-from pipeline.world.symbols import SYMBOLS
+from pipeline.world.layout import SIDE, SYMBOLS, Layouts, empty
 
 SLOTS = 4  # of a layout: three items and an added one
 PER_ROW = 10  # pictures in a row of a contact sheet

@@ -22,8 +22,7 @@ from making.segmenter.tops import FAMILIES as FAMILIES
 from making.segmenter.tops import draw_top
 from making.segmenter.tops import family_names as family_names
 from pipeline.world.catalogue import read_catalogue
-from pipeline.world.layout import SIDE, segment_distance
-from pipeline.world.symbols import APPEARANCES, SYMBOLS
+from pipeline.world.layout import APPEARANCES, SIDE, SYMBOLS, segment_distance
 
 TOP = round(SIDE_M * PX_PER_M)  # side of a drawn top [pixels]
 SEE_THROUGH = 0.5  # mean alpha below which an item lets the table show through

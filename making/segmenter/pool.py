@@ -18,8 +18,7 @@ from making.segmenter import composites
 from making.segmenter.composites import Composites, draw_composites, family_names
 from pipeline.world import render
 from pipeline.world.catalogue import Catalogue
-from pipeline.world.layout import SIDE, LayoutRules, Layouts, empty, point_segment_distance, random_layouts
-from pipeline.world.symbols import APPEARANCES
+from pipeline.world.layout import APPEARANCES, SIDE, LayoutRules, Layouts, empty, point_segment_distance, random_layouts
 
 SEED = 31
 PART = 500  # pictures in a part: 40 MB

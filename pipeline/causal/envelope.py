@@ -95,19 +95,13 @@ def envelopes(
 
 def response_curve(
     response: Float[Array, "seed scene dose"],
-    true_response: Float[Array, "scene dose"],
     item: Int[Array, " scene"],
     n_training: int | None,
     doses: Float[Array, " dose"],
 ) -> pd.DataFrame:
-    """Return one question's mean response by dose with its 95 % interval, and the true response.
-
-    Columns: clearance_m, response, ci_low, ci_high, true_response, scenes (number of scenes with the dose).
-    """
+    """Return one question's mean response by dose with its 95 % interval: clearance_m, response, ci_low, ci_high."""
     estimates = _estimate_doses(by_item(response, item), n_training)
-    table = pd.DataFrame({"clearance_m": doses, "response": estimates.pop("effect"), **estimates})
-    true = np.nanmean(by_item(true_response[None], item)[0], axis=0)
-    return table.assign(true_response=true, scenes=(~np.isnan(true_response)).sum(0))
+    return pd.DataFrame({"clearance_m": doses, "response": estimates.pop("effect"), **estimates})
 
 
 def radius(

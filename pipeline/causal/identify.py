@@ -30,15 +30,14 @@ def posterior(
 
 def identify(
     p: Float[Array, "user seed scene draw path"], valid: Bool[Array, "user scene draw path"], floor: float
-) -> tuple[Float[Array, "user path seed scene"], Float[Array, "user path seed scene"]]:
-    """Return the accuracy of the most probable user after 1, 2, ... paths, and that user's posterior.
+) -> Float[Array, "user path seed scene"]:
+    """Return the accuracy of the most probable user after 1, 2, ... paths.
 
     First axis of the result: the true user. Draws are averaged; tied users share the credit.
     """
     belief = np.stack([posterior(p, labels, floor) for labels in valid])  # (true user, user, seed, scene, draw, path)
     best = belief == belief.max(1, keepdims=True)
-    correct = np.stack([of_user[user] / of_user.sum(0) for user, of_user in enumerate(best)])
-    return _by_path(correct), _by_path(belief.max(1))
+    return _by_path(np.stack([of_user[user] / of_user.sum(0) for user, of_user in enumerate(best)]))
 
 
 def reject_all_users(

@@ -11,25 +11,13 @@ from pydantic import Field, model_validator
 
 from pipeline.causal.scm import Values
 from pipeline.runtime.errors import InputError
-from pipeline.runtime.settings import Group, Length, Name, expected, need
-from pipeline.world.bezier import P_F, P_INIT
-from pipeline.world.layout import (
-    EMPTY,
-    SYMBOLS,
-    Items,
-    LayoutRules,
-    Layouts,
-    add_item,
-    concatenated,
-    point_segment_distance,
-    segment_distance,
-)
+from pipeline.runtime.settings import Group, Length, Name, need
+from pipeline.world.layout import EMPTY, SYMBOLS, Items, LayoutRules, Layouts, add_item, allowed, concatenated
 
 TRIES = 100  # random proposals for a moved or swapped item before its scene is left out
 MIN_SCENES = 2  # fewest scenes from which a question's standard error can be estimated
 
-
-Symbol = Annotated[str, Field(pattern=f"^({'|'.join(SYMBOLS)})$"), expected(f"one of {', '.join(SYMBOLS)}")]
+Symbol = Annotated[str, Field(pattern=f"^({'|'.join(SYMBOLS)})$")]
 
 
 class _Question(Group):
@@ -152,18 +140,3 @@ def draw_additions(rng: np.random.Generator, scenes: Scenes, placements: int) ->
         ]
         for index, symbol in enumerate(SYMBOLS)
     }
-
-
-def allowed(layouts: Layouts, slot: Int[Array, " scene"], rules: LayoutRules) -> Bool[Array, " scene"]:
-    """Return whether the item in `slot` keeps the rules for drawing scenes: in range, clear of items and path ends."""
-    index = np.arange(len(slot)), slot
-    segment, radius, centre = layouts.ends[index], layouts.radius[index], layouts.centre[index]
-    others = layouts.present.copy()
-    others[index] = False
-    gaps = segment_distance(segment[:, None], layouts.ends) - layouts.radius - radius[:, None]
-    from_ends = [point_segment_distance(p, segment[:, 0], segment[:, 1]) - radius for p in (P_INIT, P_F)]
-    return (
-        ((centre >= rules.centre_low) & (centre <= rules.centre_high)).all(-1)
-        & (np.where(others, gaps, np.inf).min(-1) >= rules.clear_of_items)
-        & (np.min(from_ends, axis=0) >= rules.clear_of_ends)
-    )

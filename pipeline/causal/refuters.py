@@ -18,8 +18,6 @@ from pipeline.causal.interventions import estimate_effects
 
 DUMMY_OUTCOME, PLACEBO_TREATMENT = "dummy_outcome", "placebo_treatment"
 NEGATIVE_CONTROL, OTHER_ENVIRONMENT, DATA_SUBSET = "negative_control", "other_environment", "data_subset"
-TUNED_PIECE_PX = 1  # piece size of placebo_treatment against which MAX_TEXTURE_DISORDER was tuned
-TUNED_NOTE = "perception's disorder filter was chosen against this test"
 
 
 def placebo_patch(

@@ -18,8 +18,7 @@ from pipeline.causal.envelope import dose_grid, paths_at_doses, radius
 from pipeline.own.fitting import Fitted
 from pipeline.own.folder import Folder
 from pipeline.own.frame import CANVAS_PX, Frame
-from pipeline.perception.capsule import Capsule, fit_capsule
-from pipeline.perception.objects import Objects
+from pipeline.perception.objects import Capsule, Objects, fit_capsule
 from pipeline.runtime.streams import stream
 from pipeline.stats.crossed import by_item
 from pipeline.stats.tests import LEVEL, SMALLEST_EFFECT, holm

@@ -14,8 +14,7 @@ import rerun.blueprint as rrb
 from pipeline.own.fitting import Fitted
 from pipeline.own.results import Results
 from pipeline.viewer import scene as views
-from pipeline.viewer.geometry import PITCH, TABLE_PIXELS, on_table
-from pipeline.viewer.scene import AROUND, BACKDROP, beside_text
+from pipeline.viewer.scene import AROUND, BACKDROP, PITCH, TABLE_PIXELS, beside_text, on_table
 from pipeline.world.bezier import curve, lattice
 
 TIMELINE, MAP_SIDE, POINTS = "scene", 40, 33

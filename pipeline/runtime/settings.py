@@ -1,28 +1,15 @@
 """Types of single values with their ranges, parameters that all stages share, and the errors of wrong values."""
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, WrapValidator, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from pipeline.runtime.errors import InputError
 from pipeline.world.layout import SYMBOLS
 
 RESERVED = "truth", "ideal", "z"  # names with another meaning in tables and files
 MAX_N = 10  # largest number of demonstrations per scene (paper: 10)
-
-
-def expected(what: str) -> WrapValidator:
-    """Return a validator that answers any wrong value with "expected <what>"."""
-
-    def validate(value: Any, handler: Callable[[Any], Any]) -> Any:
-        try:
-            return handler(value)
-        except ValidationError:
-            raise PydanticCustomError("expected", "expected {expected}", {"expected": what}) from None
-
-    return WrapValidator(validate)
 
 
 def rising(values: list) -> list:
@@ -80,6 +67,7 @@ Range = Annotated[list[Distance], Field(min_length=2, max_length=2), AfterValida
 ShareRange = Annotated[list[Chance], Field(min_length=2, max_length=2), AfterValidator(ordered)]
 Seeds = Annotated[list[Whole], Field(min_length=1), AfterValidator(unique)]
 Wholes = Annotated[list[Whole], AfterValidator(rising)]
+Counts = Annotated[list[Count], AfterValidator(rising)]
 Strengths = Annotated[list[Size], AfterValidator(rising)]
 Shares = Annotated[list[Share], AfterValidator(rising)]
 SharedSplit = Literal["new_scenes", "new_items"]  # splits that all seeds share

@@ -34,8 +34,7 @@ from pipeline.runtime.streams import stream
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.catalogue import Catalogue, random_scenes
 from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, concatenated
-from pipeline.world.render import read_palette
-from pipeline.world.source import ImageSource
+from pipeline.world.render import ImageSource, read_palette
 
 SCENES_PER_JOB = 4 * SCENES_PER_BATCH  # whole batches, so that results do not depend on it
 EFFECTS = ["question", "variant", "user", "seed", "scene", "baseline", "intervened", "effect", "true_effect"]

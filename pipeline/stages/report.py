@@ -26,9 +26,8 @@ from pipeline.runtime.writing import atomic_write
 from pipeline.world.bezier import lattice
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import Layouts
-from pipeline.world.render import read_palette, render_scenes
+from pipeline.world.render import ImageSource, read_palette, render_scenes
 from pipeline.world.rules import valid
-from pipeline.world.source import ImageSource
 
 HEADLINES = ("scenes", "evaluate", "readings", "repair", "intervene")  # stages whose metrics.json are merged
 DECISIONS = Path(__file__).parents[2] / "docs" / "decisions" / "data"

@@ -30,9 +30,8 @@ from pipeline.runtime.streams import stream
 from pipeline.world.bezier import lattice, random_z_theta
 from pipeline.world.catalogue import random_scenes, read_catalogue
 from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, add_item, random_layouts
-from pipeline.world.render import Palette, render_scenes
+from pipeline.world.render import ImageSource, Palette, render_scenes
 from pipeline.world.rules import PAPER_P_VALID, clearance, slack
-from pipeline.world.source import ImageSource
 
 CHUNK = 10  # scenes per batch of clearances, so that distances stay in the cache
 

@@ -1,6 +1,6 @@
 """Write recordings as Rerun files: one model's, and the overview of all variants and the truth in the same new scenes.
 
-Entities of a run (coordinates: see `geometry`; {table}: image, outlines and names, see `scene.log_table`):
+Entities of a run (coordinates: see `scene`; {table}: image, outlines and names, see `scene.log_table`):
 
     about, text/{repairs,interventions,learning,training}    sources of the recording; explanation of each tab
     fixed/{titles,table_edges}                               titles and edges of a new scene's panels
@@ -39,7 +39,7 @@ from numpy import ndarray as Array
 from pipeline.legend import label
 from pipeline.viewer import scene as views
 from pipeline.viewer.contents import Repairs, Run, grouped
-from pipeline.viewer.geometry import TABLE_PIXELS, boundary, footprints, on_map, on_table
+from pipeline.viewer.scene import TABLE_PIXELS, boundary, footprints, on_map, on_table
 from pipeline.world.bezier import curve
 
 # The time lines of a run's recording, each with the time at which it shows the entities of the other time lines.

@@ -19,8 +19,7 @@ from numpy import ndarray as Array
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.reading import read_csv
 from pipeline.world.images import read_image
-from pipeline.world.layout import Items, LayoutRules, Layouts, random_layouts
-from pipeline.world.symbols import SYMBOLS
+from pipeline.world.layout import SYMBOLS, Items, LayoutRules, Layouts, random_layouts
 
 PULL = "dvc pull -r store data.dvc"  # the command that restores data/
 MIN_ITEMS = {"train": 1, "unseen": 2, "validation": 2}  # items per symbol and split; two where models are evaluated

@@ -50,22 +50,16 @@ def simulate(rng: np.random.Generator, z_theta: Float[Array, "2"], hand: Hand) -
     path = curve(z_theta, ARC_POINTS)
     passed = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
     duration = passed[-1] / (hand.speed_m_s * np.exp(hand.speed_spread * rng.standard_normal()))
-    t = _instants(rng, duration, hand)
+    count = max(3, round(duration * hand.rate_hz) + 1)
+    t, step = np.linspace(0.0, duration, count, retstep=True)
+    jitter = hand.jitter_s * rng.standard_normal(count - 2)
+    t[1:-1] += np.clip(jitter, -0.45 * step, 0.45 * step)  # by less than half a period, so that times increase
     tau = t / t[-1]
     s = passed[-1] * tau**3 * (10 - 15 * tau + 6 * tau**2)
     xy = np.stack([np.interp(s, passed, path[:, i]) for i in (0, 1)], axis=-1)
     xy += _drift(rng, tau, hand.drift_m, 2, tied=True) + _tremor(rng, t, 2, hand)
     height = hand.height_m + _drift(rng, tau, hand.height_drift_m, 1, tied=False) + _tremor(rng, t, 1, hand)
     return np.concatenate([t[:, None], xy, height], axis=1)
-
-
-def _instants(rng: np.random.Generator, duration: float, hand: Hand) -> Float[Array, " sample"]:
-    """Draw sampling times from 0 to `duration` [s], jittered by less than half a period so that they increase."""
-    count = max(3, round(duration * hand.rate_hz) + 1)
-    t, step = np.linspace(0.0, duration, count, retstep=True)
-    jitter = hand.jitter_s * rng.standard_normal(count - 2)
-    t[1:-1] += np.clip(jitter, -0.45 * step, 0.45 * step)
-    return t
 
 
 def _tremor(rng: np.random.Generator, t: Float[Array, " sample"], axes: int, hand: Hand) -> Float[Array, "sample axis"]:

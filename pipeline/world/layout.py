@@ -1,4 +1,4 @@
-"""Place items on the 1 m table at random, as capsule footprints.
+"""Place items on the 1 m table at random, as capsule footprints; the kinds of item are those of symbols.yaml.
 
 A capsule holds all points within `radius` of a segment of half-length `half_length`. A round item has half-length 0;
 cutlery is a long, thin capsule.
@@ -6,19 +6,45 @@ cutlery is a long, thin capsule.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
+import yaml
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
+from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 
 from pipeline.runtime.errors import InputError
 from pipeline.world.bezier import P_F, P_INIT
-from pipeline.world.symbols import SYMBOLS as SYMBOLS  # re-exported: most users of layouts need it too
 
 SIDE = 100  # pixels per side of a table image, and so per metre
 EMPTY = -1  # symbol index of an empty slot
 MAX_TRIES = 1000  # random draws of a scene, or of an added item's position, before giving up
+
+
+_Share = Annotated[float, Field(ge=0, le=1)]
+
+
+class Symbol(BaseModel, extra="forbid", strict=True, frozen=True):
+    """The appearance of one kind of item; the defaults suit an opaque, flat object."""
+
+    concavity: _Share = 0.0  # gain in brightness of a hollow item on the side away from the lamp
+    shadow: _Share = 0.34  # share of the lamp's light that its shadow blocks
+    height_m: _Share = 0.009  # height that shifts its shadow away from the lamp [m]
+    transparent: bool = False  # the table shows through, but the rim casts the shadow of a solid item
+
+
+def read_symbols(path: Path) -> dict[str, Symbol]:
+    """Return the kinds of item in a symbols.yaml; raise InputError for an unknown key or a value out of range."""
+    try:
+        return TypeAdapter(dict[str, Symbol]).validate_python(yaml.safe_load(path.read_text()))
+    except (yaml.YAMLError, ValidationError) as error:
+        raise InputError(f"{path}: {' '.join(str(error).split())}") from error
+
+
+_KINDS = read_symbols(Path(__file__).with_name("symbols.yaml"))
+SYMBOLS, APPEARANCES = tuple(_KINDS), tuple(_KINDS.values())  # layouts store a symbol as its position
 
 
 @dataclass(frozen=True)
@@ -208,3 +234,18 @@ def _place(
             getattr(layouts, f.name)[scene, slot] = value
         return True
     return False
+
+
+def allowed(layouts: Layouts, slot: Int[Array, " scene"], rules: LayoutRules) -> Bool[Array, " scene"]:
+    """Return whether the item in `slot` keeps the rules for drawing scenes: in range, clear of items and path ends."""
+    index = np.arange(len(slot)), slot
+    segment, radius, centre = layouts.ends[index], layouts.radius[index], layouts.centre[index]
+    others = layouts.present.copy()
+    others[index] = False
+    gaps = segment_distance(segment[:, None], layouts.ends) - layouts.radius - radius[:, None]
+    from_ends = [point_segment_distance(p, segment[:, 0], segment[:, 1]) - radius for p in (P_INIT, P_F)]
+    return (
+        ((centre >= rules.centre_low) & (centre <= rules.centre_high)).all(-1)
+        & (np.where(others, gaps, np.inf).min(-1) >= rules.clear_of_items)
+        & (np.min(from_ends, axis=0) >= rules.clear_of_ends)
+    )

@@ -1,24 +1,23 @@
 """Render scenes from above with OpenCV: 100 x 100 RGB images of the 1 m table, row 0 at the far edge.
 
-Light and table top depend only on the scene's render seed (source.py), never on its items. An added item thus changes
-only the pixels of the item and its shadow.
+Light and table top depend only on the scene's render seed, never on its items. An added item thus changes only the
+pixels of the item and its shadow.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
-from jaxtyping import Float32, UInt8
+from jaxtyping import Float, Float32, UInt8
 from numpy import ndarray as Array
 
 from pipeline.runtime.errors import InputError
 from pipeline.world.catalogue import Catalogue, read_catalogue
-from pipeline.world.layout import SIDE, Layouts
-from pipeline.world.source import DRAWN, ImageSource, Light, draw_light
-from pipeline.world.symbols import APPEARANCES, Symbol
+from pipeline.world.layout import APPEARANCES, SIDE, Layouts, Symbol
 
 SAMPLES = 3  # samples per pixel along each axis, averaged
 REACH_M = 0.04  # items and their shadows are drawn up to this far beyond the footprint, tall ones further
@@ -33,13 +32,69 @@ TEXTURE_PX_PER_M = 150.0  # textures are halved while they keep at least this re
 _LINEAR = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP  # matrices map image to source
 
 
+Range = tuple[float, float]  # the least and the greatest value; the render seed draws one, uniformly
+
+
+@dataclass(frozen=True)
+class ImageSource:
+    """Ranges that the render seed draws from; the defaults are those of conf/scenes.yaml."""
+
+    exposure: Range = (0.86, 1.08)
+    white_balance: float = 0.025
+    fall_off: Range = (0.02, 0.12)
+    vignette: Range = (0.02, 0.10)
+    noise: Range = (0.006, 0.016)
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> "ImageSource":
+        """Return the source in `scenes.source` of the parameters."""
+        plain: dict[str, Any] = {
+            name: tuple(map(float, v)) if isinstance(v, Sequence) else float(v) for name, v in values.items()
+        }
+        return cls(**plain)
+
+
+DRAWN = ImageSource()
+
+
+@dataclass(frozen=True)
+class Light:
+    """Everything that the render seed decides about a scene: the table top's offset, the light and the noise."""
+
+    offset: Float[Array, "2"]  # of the texture [texture widths]
+    rotation: float  # rotation of the texture [rad]
+    direction: Float[Array, "2"]  # unit vector on the table towards the lamp
+    gain: Float32[Array, "3"]  # brightness and tint per channel
+    fall_off: float  # share of brightness lost from the lit edge of the table to the opposite one
+    vignette: float  # share of brightness lost in the corners
+    noise: Float32[Array, "side side 3"]  # sensor noise [1 = white]
+
+
+def draw_light(seed: int, source: ImageSource = DRAWN) -> Light:
+    """Draw the light and the table top's offset of the scene with render seed `seed`."""
+    rng = np.random.default_rng(seed)
+    bearing = rng.uniform(-np.pi, np.pi)
+    offset, rotation = rng.uniform(0.0, 1.0, 2), rng.uniform(-np.pi, np.pi)
+    gain = rng.uniform(*source.exposure) * rng.normal(1.0, source.white_balance, 3)
+    fall_off, vignette = rng.uniform(*source.fall_off), rng.uniform(*source.vignette)
+    noise = rng.standard_normal((SIDE, SIDE, 3), np.float32) * np.float32(rng.uniform(*source.noise))
+    direction = np.array([np.cos(bearing), np.sin(bearing)])
+    return Light(offset, rotation, direction, gain.astype(np.float32), fall_off, vignette, noise)
+
+
 class Palette:
     """Images prepared for rendering, premultiplied mipmaps of the cutouts and table tops at scale, and the source."""
 
     def __init__(self, catalogue: Catalogue, source: ImageSource = DRAWN) -> None:
         self.source = source
         items, textures = catalogue.items, catalogue.textures
-        self.mipmaps = [_mipmap(cutout) for cutout in catalogue.cutouts]  # by item
+        self.mipmaps: list[list[Array]] = []  # by item: float32, premultiplied by alpha, each half of the one before
+        for cutout in catalogue.cutouts:
+            levels = [cutout.astype(np.float32) / 255]
+            levels[0][..., :3] *= levels[0][..., 3:]
+            while len(levels[-1]) >= MIN_MIPMAP_PX:
+                levels.append(_halved(levels[-1]))
+            self.mipmaps.append(levels)
         self.item_widths = items["width_m"].to_numpy(float)
         self.surface_widths = dict(zip(textures["name"], textures["width_m"], strict=True))
         self.surfaces: dict[str, Array] = {}
@@ -168,16 +223,6 @@ def _shadow(stamp: _Stamp, light: Light) -> Float32[Array, "rows columns"]:
         right, down = -light.direction[0] * height * reach, light.direction[1] * height * reach
         shadow += weight * cv2.warpAffine(solid, np.array([[1, 0, right], [0, 1, down]]), solid.shape[::-1])
     return cv2.sepFilter2D(shadow, -1, SHADOW_BLUR, SHADOW_BLUR, borderType=cv2.BORDER_CONSTANT)
-
-
-def _mipmap(cutout: UInt8[Array, "side side 4"]) -> list[Array]:
-    """Return a cutout's mipmap: float32, premultiplied by alpha, each level at half the previous resolution."""
-    level = cutout.astype(np.float32) / 255
-    level[..., :3] *= level[..., 3:]
-    levels = [level]
-    while len(levels[-1]) >= MIN_MIPMAP_PX:
-        levels.append(_halved(levels[-1]))
-    return levels
 
 
 def _halved(image: Array) -> Array:

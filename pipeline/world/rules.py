@@ -11,8 +11,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray as Array
 
 from pipeline.world.bezier import curve
-from pipeline.world.layout import Layouts, point_segment_distance, segment_distance
-from pipeline.world.symbols import SYMBOLS
+from pipeline.world.layout import SYMBOLS, Layouts, point_segment_distance, segment_distance
 
 Margins = Mapping[str, float | None]  # symbol -> margin [m]; None: the user does not avoid this symbol
 PAPER_P_VALID = {  # Table 2 of the paper, to which the users' margins are calibrated

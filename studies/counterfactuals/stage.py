@@ -21,7 +21,6 @@ from pipeline.artifacts.scenes import read_scenes
 from pipeline.causal import counterfactual
 from pipeline.causal.counterfactual import NO_SINGLE_CAUSE, Removals, attribute, mean_with_interval
 from pipeline.causal.mechanisms import model_scm, recorded_noise, renderer, true_scm
-from pipeline.causal.questions import allowed
 from pipeline.causal.scm import SCM, Values
 from pipeline.launch import launch
 from pipeline.models.trained import check_weights, predict_all
@@ -30,10 +29,9 @@ from pipeline.runtime.streams import stream
 from pipeline.stats.scores import DECISION
 from pipeline.world.bezier import curve, random_z_theta
 from pipeline.world.catalogue import read_catalogue
-from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts
-from pipeline.world.render import Palette
+from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, allowed
+from pipeline.world.render import ImageSource, Palette
 from pipeline.world.rules import SAMPLES, Margins, clearance, slack
-from pipeline.world.source import ImageSource
 
 FINE_STEPS = 10  # subdivisions of a step between two images, for the true smallest move
 
@@ -82,11 +80,10 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
 
     clearances, summary, moves = clearance(layouts, z_theta), [], []
     for user in users:
-        cause, invalid = attribute(truth[user].necessity), truth[user].factual == 0
+        cause = attribute(truth[user].necessity)
         chances = counterfactual.baselines(cause, layouts.present, clearances)
-        single = (cause != NO_SINGLE_CAUSE).sum() / max(invalid.sum(), 1)
         for variant, answer in answers[user].items():
-            names = {"variant": variant, "user": user, "true_invalid": invalid.mean(), "true_single": single}
+            names = {"variant": variant, "user": user}
             summary.append(names | counterfactual.score_attributions(answer, truth[user], chances))
         moves += move_rows(cfg, noise, camera, user, cause, answers[user])
     write_table(out_dir / "summary.csv", pd.DataFrame(summary))

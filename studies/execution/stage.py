@@ -132,7 +132,7 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     bag `bag`. Raise InputError if a package of the extra `robot` is missing.
     """
     try:
-        from pipeline.robot.execution import lengths
+        from pipeline.robot.execution import lengths, write_bag
     except ModuleNotFoundError as error:
         raise InputError(f"the robot needs {error.name}: run `pip install .[robot]`") from error
 
@@ -166,7 +166,12 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     method, variants = list(study.physics.items())[-1]
     mine = (paths["method"] == method) & (paths["variant"] == variants[0]) & (paths["user"] == next(iter(cfg.users)))
     repaired = paths[mine & (paths["seed"] == first)]
-    export(work, repaired.head(study.exported), out_dir / "bag")
+    exported = repaired.head(study.exported)
+    names = [f"scene{scene}_start{start}" for scene, start in zip(exported["scene"], exported["start"], strict=True)]
+    motion = work.run(exported[["z_x", "z_y"]].to_numpy())
+    moves = zip(motion.q, motion.results["duration_s"], strict=True)
+    shutil.rmtree(out_dir / "bag", ignore_errors=True)
+    write_bag(out_dir / "bag", arm_of(study), dict(zip(names, moves, strict=True)))
     write_arrays(out_dir / "shown.npz", shown(work, repaired, paths, scenes.images[pool]))
 
 
@@ -227,19 +232,15 @@ def all_paths(cfg: DictConfig, scenes: SceneSet, demos: pd.DataFrame) -> pd.Data
     given = demos.assign(method=DEMONSTRATIONS, variant="", accepted=True, start=demos["demo"])
     parts = [repairs[repairs["method"].isin(REPAIRS) | oracle], given.assign(pool=[*map(train_pool, demos["seed"])])]
     layouts = scenes.layouts[pool]
+    drawn = random_z_theta(stream(cfg.scenes.root_seed, "repair", "starts"), len(layouts), cfg.repair.starts)
     middle = np.broadcast_to((P_INIT + P_F) / 2, (len(layouts), 1, 2))
-    for method, z in ((UNREPAIRED, random_starts(cfg, len(layouts))), (STRAIGHT, middle)):
+    for method, z in ((UNREPAIRED, drawn), (STRAIGHT, middle)):
         scene, start = (index.ravel() for index in np.indices(z.shape[:2]))
         for user, margins in cfg.users.items():
             row = {"method": method, "variant": "", "user": user, "seed": first, "pool": pool, "accepted": True}
             part = pd.DataFrame({"scene": scene, "start": start, "valid": valid(layouts, z, margins).ravel()})
             parts.append(part.assign(**row, z_x=z[..., 0].ravel(), z_y=z[..., 1].ravel()))
     return pd.concat([part[COLUMNS] for part in parts], ignore_index=True)
-
-
-def random_starts(cfg: DictConfig, scenes: int) -> Float[Array, "scene start 2"]:
-    """Return the random paths [m] of stage repair, those that need no repair included."""
-    return random_z_theta(stream(cfg.scenes.root_seed, "repair", "starts"), scenes, cfg.repair.starts)
 
 
 def carry_out(work: Work, job: Job) -> pd.DataFrame:
@@ -318,17 +319,6 @@ def touched(physics: pd.DataFrame) -> pd.DataFrame:
     columns |= {f"{name}_share": (name, "mean") for name in ("touched", "fallen")}
     columns |= {"valid": ("valid", "mean"), "touched_valid": ("touched_valid", "sum")}
     return groups.agg(**columns).reset_index()
-
-
-def export(work: Work, paths: pd.DataFrame, folder: Path) -> None:
-    """Write the paths' executions to a ROS 2 bag."""
-    from pipeline.robot.export import write_bag
-
-    motion = work.run(paths[["z_x", "z_y"]].to_numpy())
-    names = [f"scene{scene}_start{start}" for scene, start in zip(paths["scene"], paths["start"], strict=True)]
-    moves = zip(motion.q, motion.results["duration_s"], strict=True)
-    shutil.rmtree(folder, ignore_errors=True)
-    write_bag(folder, arm_of(work.study), dict(zip(names, moves, strict=True)))
 
 
 def shown(work: Work, repaired: pd.DataFrame, paths: pd.DataFrame, images: Array) -> dict[str, np.ndarray]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -19,7 +19,6 @@ import torch
 from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray as Array
 from omegaconf import DictConfig
-from pydantic import AfterValidator
 
 from pipeline.artifacts.files import read_table, write_arrays, write_table
 from pipeline.artifacts.scenes import read_position_prior, read_scenes, train_pool
@@ -30,7 +29,7 @@ from pipeline.models.baselines import NEAREST, POSITION
 from pipeline.models.vae.beta_vae import Z_CENTRE, Z_SCALE, BetaVae
 from pipeline.models.vae.losses import classification
 from pipeline.runtime.parallel import map_jobs
-from pipeline.runtime.settings import Count, Several, StudyGroup, Whole, expected, need, rising
+from pipeline.runtime.settings import Count, Counts, Several, StudyGroup, Whole, Wholes, need
 from pipeline.runtime.streams import job_seed, stream
 from pipeline.stats.scores import accuracy
 from pipeline.training import judged_sets
@@ -39,29 +38,26 @@ from pipeline.training.loop import Losses, Schedule, minimise, need_finite
 from pipeline.training.refit import TrainingSet, refit
 from pipeline.world.bezier import random_z_theta
 from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, random_layouts
-from pipeline.world.render import read_palette, render_scenes
+from pipeline.world.render import ImageSource, read_palette, render_scenes
 from pipeline.world.rules import Candidates
-from pipeline.world.source import ImageSource
 
 MODEL, PERFECT = "full", "perfect"  # the paper's model; its classifier on the true items
 SEARCHED = "docs/decisions/data/search_best.csv"  # every learner's best of 100 settings (record 026)
 SEEN = "seen_scenes"  # split: other paths in training scenes
 LENGTH_UNIT_M = 0.1  # unit of an item's size in its true code [m]
 
-Numbers = Annotated[list[Count], AfterValidator(rising), expected("ascending whole numbers from 1")]
-
 
 class Settings(StudyGroup):
     """Hold the parameters of conf/studies/fairness.yaml."""
 
     root_seed: Whole
-    scenes: dict[str, Numbers]
+    scenes: dict[str, Counts]
     scenes_seeds: Several
     candidates: Count
     seen_scenes: Count
     new_scenes: Several
     paths: Count
-    clear_cm: Annotated[list[Whole], AfterValidator(rising), expected("ascending whole numbers from 0 [cm]")]
+    clear_cm: Wholes
     kinds_seeds: Several
 
 
@@ -99,7 +95,7 @@ class Case:
         return {split: accuracy(probability(x).ravel(), x.valid.ravel()) for split, x in self.judged.items()}
 
     def row(self, learner: str, scenes: int, split: str, right: float) -> dict:
-        """Return a row of scenes.parquet; `valid`: share of the judged paths that are valid."""
+        """Return a row of results; `valid`: share of the judged paths that are valid."""
         key = {"learner": learner, "scenes": scenes, "split": split, "user": self.user, "seed": self.seed}
         return key | {"accuracy": right, "valid": self.judged[split].valid.mean()}
 
@@ -110,15 +106,9 @@ class CaseSet(TrainingSet):
 
     case: Case
 
-    @classmethod
-    def of(cls, case: Case) -> "CaseSet":
-        """Return the training set of a case."""
-        own = case.judged[OWN]
-        return cls(case.user, case.seed, own.scenes, own.z_theta, own.valid, case)
-
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """Write scenes.csv and kinds.csv with their rows by user and seed, examples.npz, and searched.csv.
+    """Write scenes.csv, kinds.csv, examples.npz and searched.csv.
 
     examples.npz: demonstrations of each kind in the first scene; searched.csv: the result of a finished search.
     """
@@ -128,7 +118,9 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
     shown = list(draw_judged_sets(cfg, scenes, ROUTES, cfg.studies.fairness.clear_cm, users))
 
     # Fit the paper's model to all of its training sets at once, the largest first: they take longest.
-    of_model = sorted((CaseSet.of(c) for c in cases if c.learner == MODEL), key=lambda x: -len(x.images))
+    fitted = [(c, c.judged[OWN]) for c in cases if c.learner == MODEL]
+    of_model = [CaseSet(c.user, c.seed, own.scenes, own.z_theta, own.valid, c) for c, own in fitted]
+    of_model.sort(key=lambda x: -len(x.images))
     few_seeds = list(cfg.protocol.seeds)[: cfg.studies.fairness.kinds_seeds]
     of_kinds = [x for x in shown if x.seed in few_seeds]
     evaluate = partial(judge_either, scenes.images[NEW_POOL])
@@ -143,15 +135,12 @@ def main(cfg: DictConfig, out_dir: Path) -> None:
         for split, right in by_split.items()
     ]
     table = pd.DataFrame([*rows, *blind_rows(cases, prior)])
-    write_table(out_dir / "scenes.parquet", table)
     write_table(out_dir / "scenes.csv", summarise(table, ["learner", "scenes", "split"]))
 
     rows = [blind for x in shown for blind in judged_sets.judge_blind(prior[x.user], x)]
     judged = zip(of_kinds, answers[len(of_model) :], strict=True)
     rows += [judged_sets.row(x, MODEL, split, right) for x, by_split in judged for split, right in by_split.items()]
-    table = pd.DataFrame(rows)
-    write_table(out_dir / "kinds.parquet", table)
-    write_table(out_dir / "kinds.csv", summarise(table, ["routes", "clear_cm", "split", "variant"]))
+    write_table(out_dir / "kinds.csv", summarise(pd.DataFrame(rows), ["routes", "clear_cm", "split", "variant"]))
     first = [x for x in shown if (x.user, x.seed) == (shown[0].user, shown[0].seed)]
     examples = {"z_theta": np.stack([x.z_theta[0] for x in first]), "valid": np.stack([x.valid[0] for x in first])}
     names = np.array([f"{x.routes} {x.clear_cm}" for x in first])

@@ -6,7 +6,7 @@ added items, and the search for the nearest valid path. The truth is that of the
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -31,9 +31,8 @@ from pipeline.models.base import ValidityModel, to_tensor
 from pipeline.models.baselines import position_only
 from pipeline.models.clearance.clearance import pack
 from pipeline.models.trained import load_model
-from pipeline.perception.capsule import fit_capsule
-from pipeline.perception.objects import SUPERSAMPLING, Objects, detect_objects
-from pipeline.planning.nearest import by_percept, by_truth, nearest
+from pipeline.perception.objects import SUPERSAMPLING, Objects, detect_objects, fit_capsule
+from pipeline.planning.nearest import by_percept, nearest
 from pipeline.planning.results import Starts, measures, rows
 from pipeline.runtime.errors import InputError
 from pipeline.runtime.parallel import map_jobs
@@ -89,18 +88,16 @@ def agree(study: Settings, parameters: Any) -> None:
 
 
 def main(cfg: DictConfig, out_dir: Path) -> None:
-    """Write items.parquet (a row an item and detector), families.csv, summary.csv and examples.npz of composites.
+    """Write families.csv, summary.csv and examples.npz of composites.
 
     Of clearance models, write accuracy.csv, verdicts.csv, search.csv and metrics.json.
     """
     study = cfg.studies.perception
     items, examples = on_composites(cfg)
-    write_table(out_dir / "items.parquet", items)
     write_table(out_dir / "families.csv", recall(items, ["kind", "family", "detector"]))
     write_table(out_dir / "summary.csv", recall(items, ["kind", "detector"]))
     write_arrays(out_dir / "examples.npz", examples)
-    jobs = [Job(cfg, split) for split in study.rendered]
-    parts = map_jobs(on_tables, jobs, cfg.workers, "path-traced splits")
+    parts = map_jobs(partial(on_tables, cfg), list(study.rendered), cfg.workers, "path-traced splits")
     transfer = Transfer(*(pd.concat(tables, ignore_index=True) for tables in zip(*parts, strict=True)))
     accuracy = mean_accuracy(pd.concat([baselines(cfg), transfer.accuracy], ignore_index=True))
     write_table(out_dir / "accuracy.csv", accuracy)
@@ -263,26 +260,17 @@ class Transfer(NamedTuple):
     search: pd.DataFrame  # a row for each user: SEARCH, as `pipeline.planning.results` has it
 
 
-@dataclass(frozen=True)
-class Job:
-    """A path-traced split."""
-
-    cfg: DictConfig
-    split: str
-
-
-def on_tables(job: Job) -> Transfer:
+def on_tables(cfg: DictConfig, split: str) -> Transfer:
     """Return the results on one split. Raise InputError if it has no pictures with an added item."""
-    cfg, users = job.cfg, list(job.cfg.evaluate.users)
-    tables, z = tables_and_paths(cfg, job.split)
+    users, (tables, z) = list(cfg.evaluate.users), tables_and_paths(cfg, split)
     if not tables.with_item:
         raise InputError(
-            f"{cfg.studies.perception.folder}/{job.split} has no pictures with an added item: leave this split out of "
+            f"{cfg.studies.perception.folder}/{split} has no pictures with an added item: leave this split out of "
             "studies.perception.rendered"
         )
     layouts = [tables.layouts, *tables.layouts_with_item.values()]
     true = np.stack([[valid(x, z, cfg.users[user]) for x in layouts] for user in users])
-    starts, models, parts = draw_starts(cfg, job.split, tables), trained(cfg), []
+    starts, models, parts = draw_starts(cfg, split, tables), trained(cfg), []
     for detector, detect in DETECTORS.items():
         empty = to_tensor(tables.empty)
         seen = [pack(**vars(detect(to_tensor(x), empty))) for x in (tables.images, *tables.with_item.values())]
@@ -293,22 +281,17 @@ def on_tables(job: Job) -> Transfer:
             interventions.verdicts(users, p.reshape(len(users), -1, *p.shape[1:]), true),
             _search(cfg, models, seen[0], starts),
         )
-        parts.append([table.assign(source=job.split, detector=detector) for table in found])
+        parts.append([table.assign(source=split, detector=detector) for table in found])
     return Transfer(*(pd.concat(each, ignore_index=True) for each in zip(*parts, strict=True)))
 
 
 def draw_starts(cfg: DictConfig, split: str, tables: Rendered) -> dict[str, Starts]:
     """Return each user's invalid paths among `repair.starts` random ones a scene, with the nearest valid ones."""
     rng = stream(cfg.studies.perception.root_seed, "starts", split)
-    drawn, starts = random_z_theta(rng, len(tables.images), cfg.repair.starts), {}
-    for user in cfg.evaluate.users:
-        margins = cfg.users[user]
-        scene, start = np.nonzero(~valid(tables.layouts, drawn, margins))
-        z = drawn[scene, start]
-        truth = by_truth(tables.layouts, margins)
-        ends, _ = nearest(truth, scene, z, 1.0, cfg.repair.lattice_side, cfg.repair.refinements)
-        starts[user] = Starts(user, margins, tables.layouts, scene, start, z, ends)
-    return starts
+    drawn, r = random_z_theta(rng, len(tables.images), cfg.repair.starts), cfg.repair
+    return {
+        u: Starts.of(u, cfg.users[u], tables.layouts, drawn, r.lattice_side, r.refinements) for u in cfg.evaluate.users
+    }
 
 
 def _search(

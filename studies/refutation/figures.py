@@ -4,7 +4,7 @@ from matplotlib.figure import Figure
 
 from pipeline.report.drawing import draw_images
 from pipeline.report.study import Study
-from pipeline.world.symbols import SYMBOLS
+from pipeline.world.layout import SYMBOLS
 
 
 def placebos(study: Study) -> Figure:

@@ -15,7 +15,7 @@ import pandas as pd
 from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray as Array
 from omegaconf import DictConfig, OmegaConf
-from pydantic import AfterValidator, Field
+from pydantic import Field
 from scipy.stats import t as student
 
 from pipeline.artifacts.demos import demo_arrays, read_demos
@@ -30,6 +30,7 @@ from pipeline.runtime.parallel import map_jobs
 from pipeline.runtime.settings import (
     Chance,
     Count,
+    Counts,
     Group,
     Length,
     Pair,
@@ -37,15 +38,13 @@ from pipeline.runtime.settings import (
     Share,
     StudyGroup,
     Whole,
-    expected,
     need,
-    rising,
     widest_margin,
 )
 from pipeline.runtime.streams import stream
 from pipeline.stats.tests import LEVEL
 from pipeline.training.refit import TrainingSet, refit_and_predict
-from pipeline.world.bezier import P_F, P_INIT, random_z_theta
+from pipeline.world.bezier import random_z_theta
 from pipeline.world.catalogue import read_catalogue
 from pipeline.world.layout import (
     SIDE,
@@ -54,25 +53,20 @@ from pipeline.world.layout import (
     LayoutRules,
     Layouts,
     add_item,
+    allowed,
     concatenated,
     empty,
-    point_segment_distance,
     segment_distance,
 )
-from pipeline.world.render import Palette, read_palette, render_scenes
+from pipeline.world.render import ImageSource, Palette, read_palette, render_scenes
 from pipeline.world.rules import clearance, valid
-from pipeline.world.source import ImageSource
 
 Images = UInt8[Array, "version scene 100 100 3"]  # version 0 is the original scene, 1 + k has symbol k added
 Effects = Float[Array, "question seed scene"]
 NEGLIGIBLE = "negligible"  # expected verdict of every refuter except data_subset
 COLUMNS = ["refuter", "setting", "variant", "user", "symbol", "effect", "ci_low", "ci_high", "p_holm", "verdict",
-           "expected", "passed", "agreement", "item_effect", "note"]  # fmt: skip
-ORDINARY, CONTROL, CONFOUNDED = (
-    "ordinary",
-    "control",
-    "confounded",
-)  # worlds: that of stage scenes, and without and with
+           "expected", "passed", "agreement"]  # fmt: skip
+ORDINARY, CONTROL, CONFOUNDED = "ordinary", "control", "confounded"  # worlds: of stage scenes; without, with
 GLASS, PLATE = SYMBOLS.index("glass"), SYMBOLS.index("plate")  # a common cause of plates and glasses
 OTHERS = [symbol for symbol in range(len(SYMBOLS)) if symbol not in (GLASS, PLATE)]
 GAP_TOLERANCE_M = 1e-6  # accepted error of a gap between plate and glass
@@ -95,8 +89,8 @@ class Settings(StudyGroup):
     """conf/studies/refutation.yaml."""
 
     root_seed: Whole
-    scenes: Annotated[int, Field(ge=4), expected("a whole number from 4: data_subset halves the scenes")]
-    pieces: Annotated[list[Count], AfterValidator(rising), expected("whole numbers above 0, the smallest first")]
+    scenes: Annotated[int, Field(ge=4)]  # data_subset halves them
+    pieces: Counts
     far_m: Length
     textures: str
     halves: Several
@@ -163,7 +157,11 @@ def ask_refuters(
         )
 
     # Each set of images is predicted once; a refuter compares versions of one or two sets.
-    patches = {f"piece={piece}": placebo_images(cfg, images, piece) for piece in study.pieces}
+    patches = {}
+    for piece in study.pieces:
+        rng = stream(study.root_seed, "placebo", piece)
+        patched = [refuters.placebo_patch(rng, images[0], with_item, piece) for with_item in images[1:]]
+        patches[f"piece={piece}"] = np.stack([images[0], *patched])
     elsewhere = {f"texture={name}": x for name, x in render_elsewhere(cfg, layouts).items()}
     image_sets = np.stack([images, *patches.values(), *elsewhere.values()])  # (set, version, scene, ...)
     flat_images = image_sets.reshape(-1, *images.shape[2:])
@@ -193,23 +191,14 @@ def ask_refuters(
         judged = {key: estimate_effects(effects).assign(expected=NEGLIGIBLE) for key, effects in by_refuter.items()}
         halves = refuters.data_subset(stream(study.root_seed, "halves", variant), item_effects, study.halves)
         for (refuter, setting), rows in {**judged, (refuters.DATA_SUBSET, f"halves={study.halves}"): halves}.items():
-            tuned = (refuter, setting) == (refuters.PLACEBO_TREATMENT, f"piece={refuters.TUNED_PIECE_PX}")
-            key = {"refuter": refuter, "setting": setting, "variant": variant}
-            facts = {"passed": rows["verdict"] == rows["expected"], "item_effect": item_effects.mean((1, 2))}
-            facts |= key | {"note": refuters.TUNED_NOTE if tuned else ""}
-            summary.append(pd.concat([questions(users), rows], axis=1).assign(**facts).reindex(columns=COLUMNS))
-    table = pd.concat(summary, ignore_index=True)[COLUMNS]
+            facts = {"refuter": refuter, "setting": setting, "variant": variant}
+            rows = rows.assign(**facts, passed=rows["verdict"] == rows["expected"])
+            summary.append(pd.concat([questions(users), rows], axis=1).reindex(columns=COLUMNS))
+    table = pd.concat(summary, ignore_index=True)
     passed = table.groupby(["refuter", "setting", "variant"], sort=False)["passed"].agg(passed="sum", asked="size")
     write_table(out_dir / "summary.csv", table)
     write_table(out_dir / "passed.parquet", passed.astype({"passed": float}).reset_index())
     write_arrays(out_dir / "examples.npz", {setting: x[1:, 0] for setting, x in patches.items()})
-
-
-def placebo_images(cfg: DictConfig, images: Images, piece: int) -> Images:
-    """Return the images with each added item replaced by a patch of its shuffled pixels."""
-    rng = stream(cfg.studies.refutation.root_seed, "placebo", piece)
-    patched = [refuters.placebo_patch(rng, images[0], with_item, piece) for with_item in images[1:]]
-    return np.stack([images[0], *patched])
 
 
 def render_elsewhere(cfg: DictConfig, layouts: list[Layouts]) -> dict[str, Images]:
@@ -271,8 +260,11 @@ def ask_in_confounded_world(
     associations = []
     for name, user, symbol in product(training_sets, users, SYMBOLS):
         sets = [t for t in training_sets[name] if t.user == user]
-        index = SYMBOLS.index(symbol)
-        near = [passes_near(laid_out[name, t.seed], t.z_theta, index, world.near_m) for t in sets]
+        near = []
+        for t in sets:
+            laid = laid_out[name, t.seed]
+            passing = clearance(laid, t.z_theta) < world.near_m  # (scene, path, slot)
+            near.append((passing & (laid.symbol == SYMBOLS.index(symbol))[:, None]).any(-1))
         row = association(~np.concatenate([t.valid for t in sets]), np.concatenate(near))
         associations.append({"world": name, "user": user, "symbol": symbol} | row)
 
@@ -292,33 +284,22 @@ def ask_in_confounded_world(
     write_arrays(out_dir / "worlds.npz", {x: drawn[x, seeds[0]][1][:SHOWN] for x in (CONTROL, CONFOUNDED)})
 
 
-def passes_near(
-    layouts: Layouts, z_theta: Float[Array, "scene path 2"], symbol: int, near_m: float
-) -> Bool[Array, "scene path"]:
-    """Return whether each path [m] comes within `near_m` [m] of the footprint of an item of the symbol."""
-    near = clearance(layouts, z_theta) < near_m  # (scene, path, slot)
-    return (near & (layouts.symbol == symbol)[:, None]).any(-1)
-
-
 def association(invalid: Bool[Array, "scene path"], near: Bool[Array, "scene path"]) -> dict[str, float]:
     """Return `difference`, P(invalid | near) - P(invalid | not near), with its 95 % interval.
 
     Paths of a scene are dependent, scenes are independent. The standard error is the jackknife's over scenes (Efron and
     Stein, 1981), and the interval is Student's. All is NaN if, without some scene, all paths or none pass near.
     """
-    row: dict[str, float] = {"demonstrations": invalid.size, "near": int(near.sum())}
-    row |= dict.fromkeys(("difference", "ci_low", "ci_high", "p_invalid_near", "p_invalid_far"), np.nan)
     table = np.stack([(x & w).sum(1) for w in (near, ~near) for x in (invalid, np.ones_like(invalid))])
     without = table.sum(1, keepdims=True) - table  # (count, scene): each scene left out in turn
     if (without[[1, 3]] == 0).any():
-        return row
+        return dict.fromkeys(("difference", "ci_low", "ci_high"), np.nan)
     near_rate, far_rate = (float(table[i].sum() / table[i + 1].sum()) for i in (0, 2))
     difference, scenes = near_rate - far_rate, len(invalid)
     jackknife = without[0] / without[1] - without[2] / without[3]
     error = np.sqrt((scenes - 1) / scenes * ((jackknife - jackknife.mean()) ** 2).sum())
     half_width = float(student.ppf(1 - LEVEL / 2, scenes - 1) * error)
-    row |= {"difference": difference, "ci_low": difference - half_width, "ci_high": difference + half_width}
-    return row | {"p_invalid_near": near_rate, "p_invalid_far": far_rate}
+    return {"difference": difference, "ci_low": difference - half_width, "ci_high": difference + half_width}
 
 
 def draw_scenes(cfg: DictConfig, key: tuple[str, int]) -> tuple[Layouts, UInt8[Array, "scene 100 100 3"]]:
@@ -375,20 +356,15 @@ def move_beside_first(rng: np.random.Generator, scene: Layouts, slot: int, rules
     outside the range of centres.
     """
 
-    def gaps() -> Array:
-        """Return the gap [m] between the footprint of the item in `slot` and that of each item before it."""
-        apart = segment_distance(scene.ends[0, slot], scene.ends[0, :slot])
-        return apart - scene.radius[0, slot] - scene.radius[0, :slot]
+    def gap_between() -> float:
+        return float(segment_distance(*scene.ends[0, [slot, 0]]) - scene.radius[0, slot] - scene.radius[0, 0])
 
     gap = rng.uniform(world.gap_m[0], world.gap_m[1])
     towards = scene.centre[0, 0] - scene.centre[0, slot]
     towards /= np.linalg.norm(towards)
-    while abs(excess := gaps()[0] - gap) > GAP_TOLERANCE_M:
+    while abs(excess := gap_between() - gap) > GAP_TOLERANCE_M:
         scene.centre[0, slot] += excess * towards
-    centre, ends = scene.centre[0, slot], scene.ends[0, slot]
-    from_ends = min(point_segment_distance(p, *ends) for p in (P_INIT, P_F)) - scene.radius[0, slot]
-    inside = ((centre >= rules.centre_low) & (centre <= rules.centre_high)).all()
-    return bool(inside and from_ends >= rules.clear_of_ends and (gaps()[1:] >= rules.clear_of_items).all())
+    return bool(allowed(scene, np.array([slot]), rules)[0])
 
 
 if __name__ == "__main__":

@@ -147,7 +147,6 @@ def write_envelopes(cfg: DictConfig, out_dir: Path) -> None:
     names = pd.DataFrame([("", *question) for question in questions], columns=["variant", "user", "symbol"])
     margins = [cfg.users[user][symbol] for user, symbol in questions]
     item = np.tile(scenes.added.item, (len(users), 1))  # (question, scene)
-    truth = by_variant[TRUTH].reshape(len(questions), *by_variant[TRUTH].shape[3:])
     tables, curves = [], []
     for variant, response in by_variant.items():
         values = response.reshape(len(questions), *response.shape[2:])
@@ -155,8 +154,8 @@ def write_envelopes(cfg: DictConfig, out_dir: Path) -> None:
         table = envelopes(values, item, n_training, margins, doses)
         tables.append(pd.concat([names.assign(variant=variant), table], axis=1))
         for q, (user, symbol) in enumerate(questions):
-            curve = response_curve(values[q], truth[q], item[q], n_training[q], doses)
-            curves.append(pd.DataFrame({"variant": variant, "user": user, "symbol": symbol} | dict(curve.items())))
+            curve = response_curve(values[q], item[q], n_training[q], doses)
+            curves.append(curve.assign(variant=variant, user=user, symbol=symbol))
     found = pd.concat(tables, ignore_index=True)
     write_table(out_dir / "envelope.csv", found)
     write_table(out_dir / "response.parquet", pd.concat(curves, ignore_index=True))
@@ -348,11 +347,9 @@ def outcomes(
     count, correct = accepted.sum(-1), (accepted & truth).sum(-1)  # (user, seed, level, scene)
     shares = {"invalid": share_by_scene(count - correct, count), "power": share_by_scene(correct, truth.sum(-1))}
     silent = count.sum(-1) == 0
-    columns: dict[str, Any] = {"level": list(study.levels)}
-    for name, prefix in (("invalid", ""), ("power", "power_")):
-        e = estimate(np.moveaxis(shares[name].mean(0), 1, 0))  # (level, seed, scene)
-        columns |= {name: e.effect, f"{prefix}ci_low": e.ci_low.clip(0, 1), f"{prefix}ci_high": e.ci_high.clip(0, 1)}
-    columns["abstained"] = silent.mean((0, 1))
+    e = estimate(np.moveaxis(shares["invalid"].mean(0), 1, 0))  # (level, seed, scene)
+    columns = {"level": list(study.levels), "invalid": e.effect, "ci_low": e.ci_low.clip(0, 1)}
+    columns |= {"ci_high": e.ci_high.clip(0, 1), "abstained": silent.mean((0, 1))}
     rows, promised = [], list(study.levels).index(study.level)
     for user, chosen in [(ALL, slice(None)), *((user, slice(i, i + 1)) for i, user in enumerate(users))]:
         invalid, power = (share[chosen, :, promised] for share in shares.values())

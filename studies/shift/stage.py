@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import cv2
 import numpy as np
@@ -16,7 +16,6 @@ import pandas as pd
 from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray as Array
 from omegaconf import DictConfig, OmegaConf
-from pydantic import AfterValidator
 
 from pipeline.artifacts.demos import demo_arrays, read_demos, read_queries
 from pipeline.artifacts.files import read_arrays, write_arrays, write_table
@@ -29,21 +28,9 @@ from pipeline.models.baselines import POSITION
 from pipeline.models.clearance.clearance import FAMILIES, ClearanceModel
 from pipeline.models.trained import check_weights, predict_all
 from pipeline.runtime.errors import InputError
-from pipeline.runtime.settings import (
-    Count,
-    Distance,
-    Several,
-    Shares,
-    Some,
-    Strengths,
-    StudyGroup,
-    Whole,
-    expected,
-    need,
-    rising,
-)
+from pipeline.runtime.settings import Counts, Distance, Several, Shares, Some, Strengths, StudyGroup, Whole, need
 from pipeline.runtime.streams import stream
-from pipeline.stats.scores import DECISION, accuracy_by_seed, accuracy_estimate, accuracy_loss
+from pipeline.stats.scores import DECISION, accuracy_estimate
 from pipeline.training.refit import TrainingSet, refit, refit_and_predict
 from pipeline.world.bezier import curve, lattice
 from pipeline.world.catalogue import read_catalogue
@@ -59,9 +46,8 @@ from pipeline.world.layout import (
     point_segment_distance,
     segment_distance,
 )
-from pipeline.world.render import Palette, render_scenes
+from pipeline.world.render import ImageSource, Palette, render_scenes
 from pipeline.world.rules import SAMPLES, Margins, valid
-from pipeline.world.source import ImageSource
 
 OWN_RULE, PROXIMITY = "margin", "proximity"  # rules: that of conf/users.yaml, and only items with a neighbour count
 ARM_RADIUS_PX = 4  # an arm is 8 cm wide; a pixel is 1 cm
@@ -79,7 +65,7 @@ class Settings(StudyGroup):
     scenes: Several
     corruptions: dict[Literal["shade", "tint", "blur", "noise", "arm"], Strengths]
     textures: Some
-    clutter: Annotated[list[Count], AfterValidator(rising), expected("whole numbers above 0, the smallest first")]
+    clutter: Counts
     mislabelled: dict[Literal["train", "irl", "clearance"], Shares]
     rule_scenes: Several
     neighbour_m: Distance
@@ -112,28 +98,21 @@ class Condition:
     strength: float | int | str  # the name for a texture; conf/ states the units of the others
     images: Images
     valid: Bool[Array, "user scene path"]
-    layouts: Layouts
 
 
 def judge_disturbances(cfg: DictConfig, scenes: SceneSet, pool: str, out_dir: Path) -> None:
-    """Write accuracy.parquet, disturbances.csv, and examples.npz: the first scene under each disturbance."""
-    users, seeds = list(cfg.evaluate.users), list(cfg.protocol.seeds)
+    """Write disturbances.csv, and examples.npz: the first scene under each disturbance."""
     conditions, z_theta = draw_conditions(cfg, scenes, pool)
     judged = [
         *zip(conditions, predict_in_conditions(cfg, conditions, z_theta), strict=True),
         *predict_after_label_noise(cfg, scenes, conditions[0], z_theta),
     ]
-    undisturbed, before = judged[0]
-    accuracies, summary = [], []
-    for condition, predictions in judged:
-        for variant, p in predictions.items():
-            key = {"corruption": condition.corruption, "strength": str(condition.strength), "variant": variant}
-            rows = accuracy_by_seed(p, condition.valid, users, seeds)
-            accuracies.append(pd.DataFrame(key, index=rows.index).join(rows))
-            accepted, accepted_before = p > DECISION, before[variant] > DECISION
-            loss = accuracy_loss(accepted, condition.valid, accepted_before, undisturbed.valid)
-            summary.append(key | accuracy_estimate(accepted, condition.valid) | loss)
-    write_table(out_dir / "accuracy.parquet", pd.concat(accuracies, ignore_index=True))
+    summary = [
+        {"corruption": x.corruption, "strength": str(x.strength), "variant": variant}
+        | accuracy_estimate(p > DECISION, x.valid)
+        for x, predictions in judged
+        for variant, p in predictions.items()
+    ]
     write_table(out_dir / "disturbances.csv", pd.DataFrame(summary))
     write_arrays(out_dir / "examples.npz", {f"{x.corruption} {x.strength}": x.images[0] for x in conditions})
 
@@ -159,20 +138,20 @@ def draw_conditions(cfg: DictConfig, scenes: SceneSet, pool: str) -> tuple[list[
     z_theta, truth = queries.z[first], np.stack([queries.valid[user][first] for user in users])
     render = partial(render_scenes, palette=Palette(catalogue, ImageSource.of(cfg.scenes.source)))
 
-    conditions = [Condition("none", 0, images, truth, layouts)]
+    conditions = [Condition("none", 0, images, truth)]
     for name, strengths in study.corruptions.items():
         for strength in strengths:
             corrupted = CORRUPTIONS[name](stream(study.root_seed, name), images, float(strength))
-            conditions.append(Condition(name, strength, corrupted, truth, layouts))
+            conditions.append(Condition(name, strength, corrupted, truth))
     for texture in study.textures:
         on_texture = render(layouts, [texture] * len(layouts), render_seeds)
-        conditions.append(Condition("texture", texture, on_texture, truth, layouts))
+        conditions.append(Condition("texture", texture, on_texture, truth))
     rules = LayoutRules.of(cfg.scenes.layout)
     items = catalogue.pool(str(catalogue.items["split"].iloc[layouts.item[layouts.present][0]]))
     for count in study.clutter:
         fuller = add_clutter(stream(study.root_seed, "clutter"), layouts, count, catalogue.footprints, items, rules)
         truth_there = np.stack([valid(fuller, z_theta, cfg.users[user]) for user in users])
-        conditions.append(Condition("clutter", count, render(fuller, textures, render_seeds), truth_there, fuller))
+        conditions.append(Condition("clutter", count, render(fuller, textures, render_seeds), truth_there))
     return conditions, z_theta
 
 
@@ -249,7 +228,6 @@ def judge_rules(cfg: DictConfig, scenes: SceneSet, pool: str, out_dir: Path) -> 
     averaged = [name for name, variant in cfg.variants.items() if variant.stage == "clearance"]
     fitted = fit_to_rules(cfg, averaged, scenes, images, z_theta)
     summary, judged, posteriors = [], [], []
-    before: dict[str, tuple[Array, Array]] = {}  # variant -> accepted and valid under the users' own rule
     for rule in (OWN_RULE, PROXIMITY):
         labels = np.stack([[is_valid(cfg, rule, x, z_theta, user) for x in layouts] for user in users])
         shape = len(users), len(seeds), *images.shape[:2], -1  # (user, seed, version, scene, path)
@@ -259,11 +237,9 @@ def judge_rules(cfg: DictConfig, scenes: SceneSet, pool: str, out_dir: Path) -> 
         in_scenes[POSITION] = np.repeat(blind[:, None], len(seeds), axis=1)
         for variant, p_in_scenes in in_scenes.items():
             key, accepted = {"family": rule, "variant": variant}, p_in_scenes > DECISION
-            before.setdefault(variant, (accepted, labels[:, 0]))
-            loss = accuracy_loss(accepted, labels[:, 0], *before[variant])
             training = np.mean([m.training_accuracy for m in fitted[rule, variant]]) if variant in p else np.nan
             facts = {"training_accuracy": training, "valid": labels[:, 0].mean()}
-            summary.append(key | accuracy_estimate(accepted, labels[:, 0]) | loss | facts)
+            summary.append(key | accuracy_estimate(accepted, labels[:, 0]) | facts)
             if variant in p:
                 rows = verdicts(users, p[variant], labels)
                 judged.append(pd.DataFrame(key, index=rows.index).join(rows))

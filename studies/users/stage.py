@@ -22,7 +22,7 @@ from scipy.stats import t as student
 from pipeline.artifacts.demos import demo_arrays, read_demos
 from pipeline.artifacts.files import write_table
 from pipeline.artifacts.scenes import read_position_prior, read_scenes, train_pool
-from pipeline.causal.identify import all_distinct, distinct_from, identify, reject_all_users
+from pipeline.causal.identify import all_distinct, identify, reject_all_users
 from pipeline.launch import launch
 from pipeline.models.baselines import POSITION, position_only
 from pipeline.models.trained import check_weights, predict_all
@@ -153,23 +153,17 @@ def identification_tables(
     n_labels = cfg.scenes.per_seed * cfg.main_n_demos  # number of labels that a model was fitted to
     learned_floor = 1 / (n_labels + 2)  # Laplace: n labels support no more certainty than (n + 1) / (n + 2)
 
-    distinct, strange = all_distinct(labels), distinct_from(by_stranger, labels)
+    distinct, curves, open_set = all_distinct(labels), [], []
     everyone = np.ones_like(distinct)
-    curves, open_set = [], []
     for variant, p in observers.items():
         floor = learned_floor if variant in cfg.variants else CERTAIN_FLOOR
-        correct, confidence = identify(p, labels, floor)  # (user, path, seed, scene)
-        named = [*zip(users, correct, confidence, strict=True), (ALL, correct.mean(0), confidence.mean(0))]
-        for user, right, sure in named:
-            columns = rate("accuracy", right) | rate("accuracy", right, distinct, "distinct_")
-            curves.append(by_path(variant, user, columns | {"confidence": sure.mean((1, 2))}))
+        right = identify(p, labels, floor).mean(0)  # over users: (path, seed, scene)
+        curves.append(by_path(variant, ALL, rate("accuracy", right) | rate("accuracy", right, distinct, "distinct_")))
         rejected = reject_all_users(p, np.concatenate([labels, by_stranger[None]]), floor, study.level)
-        known = [*zip(users, rejected[:-1], strict=True), (ALL, rejected[:-1].mean(0))]
-        for user, share, some in [*((*x, distinct) for x in known), (STRANGER, rejected[-1], strange)]:
-            columns = rate("rejected", share, everyone) | rate("rejected", share, some, "distinct_")
-            open_set.append(by_path(variant, user, columns))
+        for user, share in ((ALL, rejected[:-1].mean(0)), (STRANGER, rejected[-1])):
+            open_set.append(by_path(variant, user, rate("rejected", share, everyone)))
     curve = pd.concat(curves, ignore_index=True)
-    summary = curve[(curve["user"] == ALL) & curve["k"].isin(study.reported)].drop(columns="user")
+    summary = curve[curve["k"].isin(study.reported)].drop(columns="user")
     counts = {"scenes": len(distinct), "distinct_scenes": int(distinct.sum()), "chance": 1 / len(users)}
     return curve, summary.assign(**counts), pd.concat(open_set, ignore_index=True)
 
@@ -247,39 +241,25 @@ def measures(
 ) -> Float[Array, "draw measure"]:
     """Return MEASURES of valid paths, sorted by scene (draw 0), and after permutations of the users within each scene.
 
-    user: a number from 0. Each user weighs the same, whatever its number of paths.
+    user: a number from 0. Each user weighs the same, whatever its number of paths. Silhouette after Rousseeuw (1987).
     """
-    distances = cdist(z_theta, z_theta)
+    distances, here = cdist(z_theta, z_theta), (scene[:, None] == np.arange(scene.max() + 1)).astype(float)
     near = np.argsort(np.where(scene[:, None] == scene, np.inf, distances), axis=1, kind="stable")[:, :neighbours]
     orders = [np.arange(len(scene)), *(np.lexsort((rng.random(len(scene)), scene)) for _ in range(permutations))]
     rows = []
     for order in orders:
         drawn = user[order]
         member = np.eye(user.max() + 1)[drawn]  # (path, user)
-        guesses = (member[near].sum(1) / member.sum(0)).argmax(1), _nearest_centroid(z_theta, scene, member)
+        sums, counts = np.einsum("ps,pu,pc->suc", here, member, z_theta), (here.T @ member)[..., None]
+        centroids = (sums.sum(0) - sums) / np.maximum(counts.sum(0) - counts, 1)  # (scene, user, 2), of other scenes
+        nearest = np.linalg.norm(z_theta[:, None] - centroids[scene], axis=-1).argmin(1)
+        guesses = (member[near].sum(1) / member.sum(0)).argmax(1), nearest
         recalls = [np.mean([(guess[drawn == u] == u).mean() for u in np.unique(drawn)]) for guess in guesses]
-        rows.append((*recalls, _silhouette(distances, drawn)))
+        count, away = member.sum(0), distances @ member
+        within = away[np.arange(len(drawn)), drawn] / np.maximum(count[drawn] - 1, 1)
+        between = np.where(member > 0, np.inf, away / count).min(1)
+        rows.append((*recalls, float(((between - within) / np.maximum(between, within)).mean())))
     return np.array(rows)
-
-
-def _nearest_centroid(
-    z_theta: Float[Array, "path 2"], scene: Int[Array, " path"], member: Float[Array, "path user"]
-) -> Int[Array, " path"]:
-    """Return the user with the nearest mean path, over all other scenes."""
-    here = (scene[:, None] == np.arange(scene.max() + 1)).astype(float)  # (path, scene)
-    sums = np.einsum("ps,pu,pc->suc", here, member, z_theta)
-    counts = (here.T @ member)[..., None]
-    centroids = (sums.sum(0) - sums) / np.maximum(counts.sum(0) - counts, 1)  # (scene, user, 2)
-    return np.linalg.norm(z_theta[:, None] - centroids[scene], axis=-1).argmin(1)
-
-
-def _silhouette(distances: Float[Array, "path path"], user: Int[Array, " path"]) -> float:
-    """Return the mean silhouette (Rousseeuw, 1987): above 0, paths are nearer to their own user's than to another's."""
-    member = np.eye(user.max() + 1)[user]
-    count, sums = member.sum(0), distances @ member
-    within = sums[np.arange(len(user)), user] / np.maximum(count[user] - 1, 1)
-    between = np.where(member > 0, np.inf, sums / count).min(1)
-    return float(((between - within) / np.maximum(between, within)).mean())
 
 
 def nearest_label(
@@ -333,22 +313,18 @@ def overlap_tables(
         overlaps = {source: jaccard(x[i], x[j]) for source, x in sets.items()} | {TYPICAL: typical}
         for source, overlap in overlaps.items():
             overlap = np.broadcast_to(overlap, (len(typical), true.shape[1]))
-            error, r = np.abs(overlap - true), np.nan_to_num([correlation(x, true[0]) for x in overlap])
+            error, vary = np.abs(overlap - true), [min(np.ptp(x), np.ptp(true[0])) > 1e-9 for x in overlap]
+            r = [np.corrcoef(x, true[0])[0, 1] if varies else 0.0 for x, varies in zip(overlap, vary, strict=True)]
             errors.setdefault(source, []).append(error)
             row = {"variant": source, "first": users[i], "second": users[j], "truth": true.mean()}
             interval = estimate(error[None])
             row |= {"overlap": overlap.mean(), "error": error.mean(), "ci_low": interval.ci_low[0]}
-            rows.append(row | {"ci_high": interval.ci_high[0], "correlation": r.mean()})
+            rows.append(row | {"ci_high": interval.ci_high[0], "correlation": np.mean(r)})
             part = {"variant": source, "first": users[i], "second": users[j], "scene": range(true.shape[1])}
             scenes.append(pd.DataFrame(part | {"truth": true[0], "overlap": overlap.mean(0)}))
     blind = np.mean(errors.pop(TYPICAL), axis=0)
     gains = {("overlap", v): estimate((blind - np.mean(x, axis=0))[None]) for v, x in errors.items() if v != POSITION}
     return pd.DataFrame(rows), pd.concat(scenes, ignore_index=True), gains
-
-
-def correlation(a: Float[Array, " scene"], b: Float[Array, " scene"]) -> float:
-    """Return Pearson's correlation; NaN if either is constant, up to rounding."""
-    return float(np.corrcoef(a, b)[0, 1]) if min(np.ptp(a), np.ptp(b)) > 1e-9 else np.nan
 
 
 # Samples

@@ -7,10 +7,10 @@ import pytest
 from omegaconf import OmegaConf
 from pydantic import TypeAdapter
 
-from pipeline.causal.questions import KINDS, Question, Scenes, allowed, change, draw_additions
+from pipeline.causal.questions import KINDS, Question, Scenes, change, draw_additions
 from pipeline.runtime.places import CONF
 from pipeline.world.catalogue import read_catalogue
-from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, random_layouts
+from pipeline.world.layout import SYMBOLS, LayoutRules, Layouts, allowed, random_layouts
 from tests.factories import composed
 
 GLASS, BOWL = SYMBOLS.index("glass"), SYMBOLS.index("bowl")

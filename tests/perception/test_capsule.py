@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.perception.capsule import fit_capsule
-from pipeline.perception.objects import SUPERSAMPLING
+from pipeline.perception.objects import SUPERSAMPLING, fit_capsule
 from pipeline.world.layout import SIDE
 
 

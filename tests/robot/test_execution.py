@@ -8,8 +8,7 @@ import numpy as np
 from rosbags.rosbag2 import Reader  # pyright: ignore[reportMissingImports]
 
 from pipeline.robot.arm import Arm, Bench, Collisions
-from pipeline.robot.execution import execute, lengths, minimum_jerk
-from pipeline.robot.export import KIND, TYPES, write_bag
+from pipeline.robot.execution import KIND, TYPES, execute, lengths, minimum_jerk, write_bag
 from pipeline.robot.inverse import COLLISION, PostureMap, posture_map
 from pipeline.world.bezier import P_F, P_INIT, curve, random_z_theta
 from tests.robot.conftest import TALLEST_M

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pipeline.viewer.geometry import boundary, footprints, map_image, on_map, on_table
+from pipeline.viewer.scene import boundary, footprints, map_image, on_map, on_table
 from pipeline.world.bezier import lattice
 from pipeline.world.layout import SYMBOLS, point_segment_distance
 from tests.viewer.example import a_layout

@@ -8,9 +8,8 @@ import pytest
 
 from pipeline.viewer.contents import ACCEPTED, FALSELY_INVALID, FALSELY_VALID, REJECTED, Run
 from pipeline.viewer.digest import digest
-from pipeline.viewer.geometry import boundary, on_map, on_table
 from pipeline.viewer.run import EVERY, POINTS, write_run
-from pipeline.viewer.scene import OUTCOME, p_classes
+from pipeline.viewer.scene import OUTCOME, boundary, on_map, on_table, p_classes
 from pipeline.world.bezier import curve
 from tests.viewer.example import SIDE, STEPS, a_run, read, read_maps
 

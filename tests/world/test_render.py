@@ -8,8 +8,7 @@ import pytest
 
 from pipeline.world.catalogue import Catalogue, read_catalogue
 from pipeline.world.layout import SIDE, SYMBOLS, Layouts, empty
-from pipeline.world.render import REACH_M, Palette, render
-from pipeline.world.source import draw_light
+from pipeline.world.render import REACH_M, Palette, draw_light, render
 
 CATALOGUE = read_catalogue(Path("data"))
 LENS_M = 0.02  # the lens and a pixel that is touched in part spread a change by up to 2 px
