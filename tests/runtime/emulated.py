@@ -24,7 +24,7 @@ def main() -> None:
     table[20:40, 30:50], table[60:90, 70:75] = (220, 215, 210), (90, 95, 100)
     image = to_tensor(np.clip(table, 0, 255).astype(np.uint8)[None])
     z_theta = torch.from_numpy(rng.uniform(0, 1, (1, 40, 2)).astype(np.float32))
-    clearance, reward_map = ClearanceModel(8), RewardMap(16, 2, 1.0, 0.0, 10, True, True)
+    clearance, reward_map = ClearanceModel(8), RewardMap(16, 2, 1.0, 0.0, 10)
     reward_map.scale.fill_(1)
     for model in (clearance, reward_map):
         optimiser = AdamW(model.parameters(), lr=0.01, fused=True)
