@@ -167,7 +167,10 @@ def rows_of(
     """
     frame, words = chosen(data, table, where), words or {}
     source = table.__name__ if callable(table) else data.source(table)
-    fractions = [name for name in columns if pd.api.types.is_float_dtype(frame[name])]
+    shares = () if isinstance(formats, str) else [title for title, form in formats.items() if form.startswith("pct")]
+    fractions = [  # csv files hold 1.0 as 1
+        name for name in columns if pd.api.types.is_float_dtype(frame[name]) or columns[name] in shares
+    ]
     if isinstance(formats, str):
         formats = dict.fromkeys((columns[name] for name in fractions), formats) if formats else {}
     fractions = [name for name in fractions if columns[name] in formats]

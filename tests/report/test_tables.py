@@ -41,6 +41,11 @@ def test_rows_are_chosen_ordered_named_and_know_their_cell():
     assert in_brackets(table.frame.to_dict("records")[0], "Share", FORMATS["pct"]) == " [60–80]"
 
 
+def test_a_share_that_a_csv_holds_as_a_whole_number_is_shown_as_a_share():
+    made = rows_of(data(TABLE.assign(share=1)), "t", COLUMNS, formats={"Share": "pct"})
+    assert all(isinstance(cell, Traced) for cell in made.frame["Share"]) and made.formats == {"Share": "pct"}
+
+
 def test_each_value_of_across_gets_its_columns():
     table = rows_of(data(), "t", COLUMNS, formats="pct", interval=("q1", "q3"), across="split")
     columns = [f"{split}, Share{part}" for split in ("new", "old") for part in ("", ", low", ", high")]
